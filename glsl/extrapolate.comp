@@ -13,6 +13,7 @@
 #include "shared.glsl"
 #include "grid.glsl"
 #include "reflectance.glsl"
+#include "largest.glsl"
 layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer ActiveVoxels { uint active_voxels[]; };
@@ -28,8 +29,6 @@ layout(std430, set = 0, binding = 10) writeonly buffer SamplePoints { vec4 sampl
 
 #include "slots.glsl"
 #include "faults.glsl"
-
-shared float peaks[WORKGROUP];
 
 vec3 extrapolated(uint slot) {
     vec3 v = raw[slot].xyz;
@@ -81,12 +80,7 @@ void main() {
         magnitude = length(y);
         watch(finite(y.x + y.y + y.z + energy), FAULT_SAMPLE);
     }
-    peaks[lane] = magnitude;
-    barrier();
-    for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
-        if (lane < stride) peaks[lane] = max(peaks[lane], peaks[lane + stride]);
-        barrier();
-    }
-    // For the fixed-point scale. Nonnegative floats have the order of their bits.
-    if (lane == 0u) atomicMax(counts[COUNT_PEAK_ALBEDO], floatBitsToUint(peaks[0]));
+    // For the fixed-point scale.
+    uint peak = largest_of_group(vec2(magnitude, 0.0)).x;
+    if (lane == 0u) atomicMax(counts[COUNT_PEAK_ALBEDO], peak);
 }

@@ -1,11 +1,13 @@
 // One axis of the separable Gaussian over the volume. One invocation owns one voxel and reads its 2 RADIUS + 1
 // neighbours along AXIS, zero beyond the grid. The first pass reads active voxels from the solver's state, the last one
-// keeps the maximum, so smoothing costs three passes and no copies. Like the published code, it smooths the raw albedo
+// keeps the maximum, so smoothing costs three passes and no copies. The first along x also resets what the later ones and
+// levels.comp add up: the maximum begins with word push.first of the counts, or with zero if that is 0. Like the published code, it smooths the raw albedo
 // before ELU: empty voxels around a surface are far below zero there, and take the haze beside it along.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
+#include "largest.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint AXIS = 0u;
 layout(constant_id = 11) const uint FIRST = 1u; // source: 0 a volume, 1 raw albedo, 2 length of vectors
@@ -17,10 +19,9 @@ layout(std430, set = 0, binding = 4) readonly buffer Source { float source[]; };
 layout(std430, set = 0, binding = 5) writeonly buffer Target { float smoothed[]; };
 layout(std430, set = 0, binding = 7) readonly buffer Ranks { uint ranks[]; };
 layout(std430, set = 0, binding = 6) buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 8) writeonly buffer Levels { uint levels[]; };
 
 #include "slots.glsl"
-
-shared float peaks[WORKGROUP];
 
 float value_at(uvec3 c) {
     uint index = voxel_index(c);
@@ -32,6 +33,13 @@ float value_at(uvec3 c) {
 
 void main() {
     uint index = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (AXIS == 0u) {
+        if (index < LEVELS) levels[index] = 0u;
+        if (index == 0u) {
+            counts[COUNT_PEAK_SMOOTH] = push.first == 0u ? 0u : counts[push.first];
+            counts[COUNT_LEAST_SMOOTH] = 0u;
+        }
+    }
     float sum = 0.0;
     if (index < brick_count() * 512u) {
         uvec3 c = voxel_at(index);
@@ -48,12 +56,6 @@ void main() {
         smoothed[index] = sum;
     }
     if (LAST == 0u) return;
-    uint lane = gl_LocalInvocationID.x;
-    peaks[lane] = max(sum, 0.0);
-    barrier();
-    for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
-        if (lane < stride) peaks[lane] = max(peaks[lane], peaks[lane + stride]);
-        barrier();
-    }
-    if (lane == 0u) atomicMax(counts[COUNT_PEAK_SMOOTH], floatBitsToUint(peaks[0]));
+    uint peak = largest_of_group(vec2(max(sum, 0.0), 0.0)).x;
+    if (gl_LocalInvocationID.x == 0u) atomicMax(counts[COUNT_PEAK_SMOOTH], peak);
 }

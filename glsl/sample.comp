@@ -11,6 +11,7 @@ layout(constant_id = 10) const uint CONTINUOUS = 1u;
 #include "sampling.glsl"
 #include "surface.glsl"
 #include "reflectance.glsl"
+#include "largest.glsl"
 layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer ActiveVoxels { uint active_voxels[]; };
@@ -27,8 +28,6 @@ layout(std430, set = 0, binding = 10) readonly buffer RimRanks { uint rim_ranks[
 #include "faults.glsl"
 #include "slots.glsl"
 #include "touched.glsl"
-
-shared float peaks[WORKGROUP];
 
 // Raw variables of a voxel, zero where there was no room for its state.
 vec4 raw_at(uvec3 c) {
@@ -68,15 +67,11 @@ void main() {
         magnitude = abs(albedo);
         watch(finite(v.x + v.y + v.z + v.w), FAULT_SAMPLE);
     }
-    peaks[lane] = magnitude;
     float sum = sum_over_group(vec4(magnitude)).x;
-    for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
-        if (lane < stride) peaks[lane] = max(peaks[lane], peaks[lane + stride]);
-        barrier();
-    }
+    // For the fixed-point scale.
+    uint peak = largest_of_group(vec2(magnitude, 0.0)).x;
     if (lane == 0u) {
         l1_partials[group] = sum;
-        // Nonnegative floats have the order of their bits.
-        atomicMax(counts[COUNT_PEAK_ALBEDO], floatBitsToUint(peaks[0]));
+        atomicMax(counts[COUNT_PEAK_ALBEDO], peak);
     }
 }

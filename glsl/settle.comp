@@ -1,8 +1,8 @@
 // Moves the state of the vector solver after a change of the domain: voxels that stay active take their vectors and
 // bounds from the old slots to the new ones, all others start at zero. The momentum is then at rest (v before = v).
 // DOUBLED: the old domain has larger voxels, and vectors are interpolated (doubled.glsl), zero where
-// nothing was active. One invocation owns one voxel that is active now. Writes `before` and `gradient`, which are
-// copied back later, because other invocations still read the old slots.
+// nothing was active. One invocation owns one voxel that is active now. Writes `before` and `gradient`, which
+// points.comp copies back, because other invocations still read the old slots.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -11,6 +11,7 @@
 #include "grid.glsl"
 #include "reflectance.glsl"
 #include "sums.glsl"
+#include "largest.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint POINTS = 4u; // of a pixel: 4 or 1
 layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
@@ -29,6 +30,7 @@ void main() {
     if (group_index() * WORKGROUP >= push.last) return;
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     float energy = 0.0;
+    vec2 pull = vec2(0.0); // magnitudes of the gradient by depth and by albedo
     if (pixel < push.last) {
         vec2 height = heights[pixel];
         vec2 slope = slopes[pixel];
@@ -73,10 +75,12 @@ void main() {
             energy += sparse * faint * log(lit);
         }
         height_gradient[pixel] = vec4(tilts, deeper, brighter);
-        // Nonnegative floats have the order of their bits.
-        atomicMax(surface_weights[SURFACE_LARGEST], floatBitsToUint(abs(deeper)));
-        atomicMax(surface_weights[SURFACE_LARGEST + 1u], floatBitsToUint(abs(brighter)));
+        pull = abs(vec2(deeper, brighter));
     }
     vec4 all = sum_over_group(vec4(energy, 0.0, 0.0, 0.0));
-    if (gl_LocalInvocationID.x == 0u) l1_partials[group_index()] = all.x;
+    uvec2 most = largest_of_group(pull);
+    if (gl_LocalInvocationID.x != 0u) return;
+    l1_partials[group_index()] = all.x;
+    atomicMax(surface_weights[SURFACE_LARGEST], most.x);
+    atomicMax(surface_weights[SURFACE_LARGEST + 1u], most.y);
 }

@@ -5,6 +5,7 @@
 #include "shared.glsl"
 #include "grid.glsl"
 #include "reflectance.glsl"
+#include "largest.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint POINTS = 4u; // of a pixel: 4 or 1
 layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
@@ -19,9 +20,8 @@ layout(std430, set = 0, binding = 8) buffer Counts { uint counts[]; };
 #include "heights.glsl"
 #include "faults.glsl"
 
-void main() {
-    uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
-    if (pixel >= push.last) return;
+// Writes the samples of a pixel. Returns their albedo.
+float write_points(uint pixel) {
     vec2 height = heights[pixel];
     vec2 slope = vec2(0.0);
     for (uint k = 0u; k < 8u; ++k) {
@@ -42,6 +42,13 @@ void main() {
         if (NORMALS) sample_normals[slot] = vec4(facing(slope), 0.0);
     }
     watch(finite(slope.x + slope.y + albedo), FAULT_SAMPLE);
-    // For the fixed-point scale. Nonnegative floats have the order of their bits.
-    atomicMax(counts[COUNT_PEAK_ALBEDO], floatBitsToUint(albedo));
+    return albedo;
+}
+
+void main() {
+    uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    float albedo = pixel < push.last ? write_points(pixel) : 0.0;
+    // For the fixed-point scale.
+    uint peak = largest_of_group(vec2(albedo, 0.0)).x;
+    if (gl_LocalInvocationID.x == 0u) atomicMax(counts[COUNT_PEAK_ALBEDO], peak);
 }

@@ -1,6 +1,6 @@
-// The gradient of a pixel's depth and albedo: its own (surface_combine.comp), plus the gradients of all slopes that use
-// its depth, through the same coefficients. It is divided by the sum of the weights with which surface_step.comp
-// spreads it over the pixels around. One invocation owns one pixel.
+// The gradient of a pixel's depth and albedo (pull.glsl), divided by the sum of the weights with which surface_step.comp
+// spreads it over the pixels around. Where nothing is spread any more, that does without this pass. One invocation owns one
+// pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -14,6 +14,7 @@ layout(std430, set = 0, binding = 5) readonly buffer SurfaceWeights { float surf
 layout(std430, set = 0, binding = 6) writeonly buffer HeightPull { vec2 height_pull[]; };
 
 #include "heights.glsl"
+#include "pull.glsl"
 
 float weights_around(uint pixel, float sigma) {
     int reach = reach_of(sigma);
@@ -33,13 +34,6 @@ float weights_around(uint pixel, float sigma) {
 void main() {
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (pixel >= push.last) return;
-    vec4 own = height_gradient[pixel];
-    vec2 g = own.zw;
-    for (uint k = 0u; k < 8u; ++k) {
-        uint other = neighbour(pixel, k);
-        if (other == NOWHERE) continue;
-        g.x += dot(stencils[8u * other + 7u - k], height_gradient[other].xy) - dot(stencils[8u * pixel + k], own.xy);
-    }
     float sigma = spread_at(surface_weights[SURFACE_SPREAD], push.step, surface_weights[SURFACE_ITERATIONS]);
-    height_pull[pixel] = sigma > 0.0 ? g / weights_around(pixel, sigma) : g;
+    if (sigma > 0.0) height_pull[pixel] = pulled(pixel) / weights_around(pixel, sigma);
 }

@@ -1,10 +1,13 @@
 // One step of Adam (Kingma & Ba 2015) for a pixel's depth and albedo; its rate falls to zero as half a cosine. The
 // gradient is the sum of the gradients around it, spread (surface_pull.comp) by a Gaussian that narrows to the pixel
-// itself and stops at edges: shapes come before details. One invocation owns one pixel.
+// itself and stops at edges: shapes come before details. From then on it is the pixel's own (pull.glsl). One invocation owns one pixel.
+// The workgroup that is done last closes the iteration (finish.glsl). What it sums is of earlier dispatches; the faults are
+// of all workgroups. The scene is that of the pairs that were compared.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
+#include "sums.glsl"
 layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
 layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
@@ -13,9 +16,16 @@ layout(std430, set = 0, binding = 4) readonly buffer HeightPull { vec2 height_pu
 layout(std430, set = 0, binding = 5) readonly buffer SurfaceWeights { float surface_weights[]; };
 layout(std430, set = 0, binding = 6) buffer HeightMoments { vec4 height_moments[]; }; // xy first, zw second
 layout(std430, set = 0, binding = 7) buffer Counts { uint counts[]; };
+layout(std430, set = 0, binding = 8) readonly buffer Stencils { vec2 stencils[]; };
+layout(std430, set = 0, binding = 9) readonly buffer HeightGradient { vec4 height_gradient[]; };
+layout(std430, set = 0, binding = 10) readonly buffer LossPartials { vec2 loss_partials[]; };
+layout(std430, set = 0, binding = 11) readonly buffer L1Partials { float l1_partials[]; };
+layout(std430, set = 0, binding = 12) writeonly buffer Trace { uint trace[]; };
 
 #include "heights.glsl"
+#include "pull.glsl"
 #include "faults.glsl"
+#include "finish.glsl"
 
 const float BETA_1 = 0.9; // both as in solve/surface/schedule.rs
 const float BETA_2 = 0.99;
@@ -38,12 +48,10 @@ vec2 from_around(uint pixel, float sigma) {
     return sum;
 }
 
-void main() {
-    uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
-    if (pixel >= push.last) return;
+void make_step(uint pixel) {
     float iterations = surface_weights[SURFACE_ITERATIONS];
     float sigma = spread_at(surface_weights[SURFACE_SPREAD], push.step, iterations);
-    vec2 g = sigma > 0.0 ? from_around(pixel, sigma) : height_pull[pixel];
+    vec2 g = sigma > 0.0 ? from_around(pixel, sigma) : pulled(pixel);
     vec4 moments = height_moments[pixel];
     vec2 first = mix(g, moments.xy, BETA_1);
     vec2 second = mix(g * g, moments.zw, BETA_2);
@@ -56,4 +64,25 @@ void main() {
     vec2 limits = depth_limits();
     watch(finite(height.x + height.y), FAULT_UPDATE);
     heights[pixel] = vec2(clamp(height.x, limits.x, limits.y), max(height.y, 0.0));
+}
+
+shared bool is_last;
+
+void main() {
+    // Groups that only fill the last row of a dispatch (GROUPS_X) have no pixels. All lanes leave together.
+    if (group_index() * WORKGROUP >= push.last) return;
+    uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    if (pixel < push.last) make_step(pixel);
+    memoryBarrierBuffer();
+    barrier();
+    if (gl_LocalInvocationID.x == 0u) {
+        is_last = atomicAdd(counts[COUNT_ARRIVED], 1u) + 1u == (push.last + WORKGROUP - 1u) / WORKGROUP;
+    }
+    barrier();
+    if (!is_last) return;
+    memoryBarrierBuffer();
+    vec4 sum = sum_of_partials();
+    if (gl_LocalInvocationID.x != 0u) return;
+    write_row(sum);
+    counts[COUNT_ARRIVED] = 0u;
 }

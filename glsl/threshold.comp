@@ -3,7 +3,8 @@
 // inactive before: smoothing lets the domain grow back a little, as in the paper. push.flags holds the share's bits.
 // Where no smoothed albedo is above zero there is no maximum to take a share of: the paper's solver, which smooths raw
 // albedo, then keeps the domain as it is if that has at most push.first voxels. Other callers pass 0.
-// One invocation owns one word of the mask, 32 voxels.
+// With push.last, keeps the old mask and its ranks, by which state is moved. Counts the voxels of each brick, as
+// compact_count.comp does for other masks. One invocation owns one word of the mask, 32 voxels.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -11,17 +12,16 @@
 layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) readonly buffer Source { float source[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Counts { uint counts[]; };
-layout(std430, set = 0, binding = 3) writeonly buffer Mask { uint mask[]; };
+layout(std430, set = 0, binding = 3) buffer Mask { uint mask[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Reachable { uint reachable[]; }; // by brick
-layout(std430, set = 0, binding = 5) readonly buffer MaskBefore { uint mask_before[]; };
+layout(std430, set = 0, binding = 5) writeonly buffer MaskBefore { uint mask_before[]; };
+layout(std430, set = 0, binding = 6) readonly buffer Ranks { uint ranks[]; };
+layout(std430, set = 0, binding = 7) writeonly buffer RanksBefore { uint ranks_before[]; };
+layout(std430, set = 0, binding = 8) writeonly buffer BrickOffsets { uint brick_offsets[]; };
 
-void main() {
-    uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
-    if (at >= brick_count() * 16u) return;
-    if (push.first != 0u && counts[COUNT_PEAK_SMOOTH] == 0u && counts[COUNT_ACTIVE] <= push.first) {
-        mask[at] = mask_before[at];
-        return;
-    }
+shared uint voxels[WORKGROUP]; // of each word
+
+uint kept(uint at) {
     float above = uintBitsToFloat(push.flags) * uintBitsToFloat(counts[COUNT_PEAK_SMOOTH]);
     float least = uintBitsToFloat(counts[COUNT_LEAST_SMOOTH]);
     uint word = 0u;
@@ -30,5 +30,27 @@ void main() {
         uvec3 c = voxel_at(index);
         if (in_grid(c) && c.z >= scene.near_z && source[index] > above && source[index] >= least) word |= 1u << i;
     }
-    mask[at] = word;
+    return word;
+}
+
+void main() {
+    uint lane = gl_LocalInvocationID.x;
+    uint at = group_index() * WORKGROUP + lane;
+    bool owned = at < brick_count() * 16u;
+    uint word = 0u;
+    if (owned) {
+        if (push.last != 0u) {
+            mask_before[at] = mask[at];
+            ranks_before[at] = ranks[at];
+        }
+        bool stays = push.first != 0u && counts[COUNT_PEAK_SMOOTH] == 0u && counts[COUNT_ACTIVE] <= push.first;
+        word = stays ? mask[at] : kept(at);
+        mask[at] = word;
+    }
+    voxels[lane] = bitCount(word);
+    barrier();
+    if (!owned || lane % 16u != 0u) return;
+    uint sum = 0u;
+    for (uint i = 0u; i < 16u; ++i) sum += voxels[lane + i];
+    brick_offsets[at >> 4] = sum;
 }

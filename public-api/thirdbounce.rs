@@ -1363,6 +1363,7 @@ pub mod solve {
             pub lateral: usize,
             pub pairs: usize,
             pub in_parts: usize,
+            pub barriers: usize,
             pub steps: Vec<Step>,
         }
         #[derive(Debug, Clone, PartialEq, Eq)]
@@ -1996,7 +1997,8 @@ pub mod solve {
                 [i,
                 at,
                 skipped,
-                ]: [usize; 3],
+                all,
+                ]: [usize; 4],
                 through: Option<u32>,
             ) {}
             pub fn divide(s: &mut Schedule, plan: &Plan) {}
@@ -2114,10 +2116,12 @@ pub mod solve {
             pub struct Left {
                 pub pairs: Vec<[f64; 2]>,
                 pub wide: Vec<[f64; 2]>,
+                pub noise: f64,
             }
             impl Left {
                 pub fn in_wide_bins(&self) -> Left {}
                 pub fn share(&self) -> f64 {}
+                pub fn noise_share(&self) -> f64 {}
                 pub fn is_less(&self, other: &Left) -> bool {}
             }
         }
@@ -2164,6 +2168,14 @@ pub mod solve {
                 done: usize,
             ) {}
         }
+        mod spread {
+            impl Rows<'_> {
+                pub fn best(
+                    &self,
+                    pulses: &[PulseTaps],
+                ) -> Option<(usize, Vec<[f64; 2]>)> {}
+            }
+        }
         mod trial {
             pub const PAIRS: usize = 256;
             #[private_fields]
@@ -2171,12 +2183,13 @@ pub mod solve {
             #[derive(Debug, Clone)]
             pub struct Own {
                 pub maps: Maps,
+                pub behind: Maps,
                 pub left: Left,
             }
             #[derive(Debug, Clone)]
             pub enum Start {
                 Own,
-                Of(Box<Maps>),
+                Of(Box<Own>),
             }
             impl Trial {
                 pub fn new(
@@ -2200,6 +2213,7 @@ pub mod solve {
                     pulse: Option<&Pulse>,
                     watch: &mut Watch<'_>,
                 ) -> Result<Option<Left>> {}
+                pub fn spread(&self, pulses: &[Pulse]) -> Result<Option<(usize, Left)>> {}
                 pub fn fit_volume(
                     &mut self,
                     pulse: Option<&Pulse>,
@@ -4201,6 +4215,12 @@ pub mod volume {
 pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {}
 // crates/gpu/src/lib.rs
 
+mod access {
+    pub fn barriers(
+        commands: &[Command],
+        bound: impl Fn(Kernel) -> &'static [Binding],
+    ) -> usize {}
+}
 mod budget {
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
     #[private_fields]
@@ -4508,6 +4528,7 @@ mod faults {
     pub struct Faults {
         pub fail: Option<(Point, u64)>,
         pub hang: Option<u64>,
+        pub told: Option<u64>,
         pub poison: Option<u32>,
         pub shuffle: Option<u64>,
         pub guard: bool,
@@ -4717,7 +4738,7 @@ mod schedule {
     #[derive(Debug, Clone, PartialEq, Eq)]
     pub enum Size {
         Groups([u32; 3]),
-        Indirect(Buffer, u64),
+        Indirect(Buffer, u64, Option<[u32; 3]>),
     }
     #[derive(Debug, Clone, Copy, PartialEq, Eq)]
     pub struct Binds(Few<(Buffer, Buffer), MOST_BINDS>);
@@ -4781,6 +4802,7 @@ mod schedule {
     }
     impl Command {
         pub fn bind(&mut self, block: Buffer, buffer: Buffer) -> &mut Command {}
+        pub fn at_most(&mut self, groups: [u32; 3]) -> &mut Command {}
         pub fn with(&mut self, values: impl bytemuck::NoUninit) -> &mut Command {}
         pub fn work(&self) -> u64 {}
         pub fn name(&self) -> &'static str {}
@@ -4828,6 +4850,7 @@ mod state {
         ) -> Result<()> {}
     }
 }
+pub use access::barriers;
 pub use budget::{Memory, check};
 pub use device::{
     Abilities, Accumulations, Gpu, GpuOptions, Limits, MOST_STORAGE, Opened,

@@ -6,7 +6,7 @@
 //! where they are large enough, a reduction uses them for its volumes ([`Plan::volumes`]).
 
 use super::Pass;
-use super::over_pairs::{groups, size_passes};
+use super::over_pairs::groups;
 use super::passes::*;
 use super::plan::COLUMNS_HOST;
 use super::{Level, Plan};
@@ -19,25 +19,36 @@ const TURNS_OF_RIM: u64 = 6 * 6 * 4 + 32 * 27;
 
 /// Makes list, slots, counts and dispatch arguments from the mask.
 pub fn compact(s: &mut Schedule, plan: &Plan, level: &Level) {
-    let scene = level.scene;
+    count(s, level);
+    list(s, plan, level);
+}
+
+/// Counts the voxels of each brick of the mask, which [`keep`] has done for its own.
+pub(super) fn count(s: &mut Schedule, level: &Level) {
+    let words = level.grid.storage() / 32;
+    s.dispatch(&COMPACT_COUNT, groups(level.grid.storage() / BRICK_VOXELS, WORKGROUP), words as u64)
+        .bind(buffer::SCENE, level.scene);
+}
+
+/// Makes list, slots, counts and dispatch arguments from the mask and the counts of its bricks.
+pub(super) fn list(s: &mut Schedule, plan: &Plan, level: &Level) {
+    let (scene, rendered) = (level.scene, level.rendered.scene);
     let words = level.grid.storage() / 32;
     let bricks = level.grid.storage() / BRICK_VOXELS;
     let voxels = level.grid.storage() as u64;
-    s.dispatch(&COMPACT_COUNT, groups(bricks, WORKGROUP), words as u64).bind(buffer::SCENE, scene);
-    s.dispatch(&COMPACT_SCAN_ACTIVE, [1, 1, 1], 2 * bricks as u64).bind(buffer::SCENE, scene);
+    s.dispatch(&COMPACT_SCAN_ACTIVE, [1, 1, 1], 2 * bricks as u64).bind(buffer::SCENE, rendered);
     s.dispatch(&COMPACT_SCATTER_ACTIVE, groups(words, WORKGROUP), voxels).bind(buffer::SCENE, scene);
     if plan.has_rim {
         s.dispatch(&RIM, groups(words, WORKGROUP), TURNS_OF_RIM * words as u64).bind(buffer::SCENE, scene);
         s.dispatch(&COMPACT_COUNT, groups(bricks, WORKGROUP), words as u64)
             .bind(buffer::SCENE, scene)
             .bind(buffer::MASK, buffer::RIM_MASK);
-        s.dispatch(&COMPACT_SCAN_RIM, [1, 1, 1], 2 * bricks as u64).bind(buffer::SCENE, scene);
+        s.dispatch(&COMPACT_SCAN_RIM, [1, 1, 1], 2 * bricks as u64).bind(buffer::SCENE, rendered);
         s.dispatch(&COMPACT_SCATTER_RIM, groups(words, WORKGROUP), voxels)
             .bind(buffer::SCENE, scene)
             .bind(buffer::MASK, buffer::RIM_MASK)
             .bind(buffer::RANKS, buffer::RIM_RANKS);
     }
-    size_passes(s, &level.rendered);
 }
 
 /// What a reduction does where no smoothed value is above zero.
@@ -61,8 +72,8 @@ pub(super) fn prune(
     dark: Dark,
 ) {
     smooth(s, plan, level, first, None);
-    remember(s, plan, level);
-    keep(s, plan, level, keep_above, room, dark);
+    keep(s, plan, level, keep_above, room, Some(dark));
+    remember_rim(s, plan, level);
 }
 
 /// Copies the masks, and the ranks that give their slots.
@@ -70,7 +81,12 @@ pub(super) fn remember(s: &mut Schedule, plan: &Plan, level: &Level) {
     let bytes = level.grid.storage() as u64 / 8;
     s.copy(buffer::MASK, buffer::MASK_BEFORE, bytes);
     s.copy(buffer::RANKS, buffer::RANKS_BEFORE, bytes);
+    remember_rim(s, plan, level);
+}
+
+fn remember_rim(s: &mut Schedule, plan: &Plan, level: &Level) {
     if plan.has_rim {
+        let bytes = level.grid.storage() as u64 / 8;
         s.copy(buffer::RIM_MASK, buffer::RIM_BEFORE, bytes);
         s.copy(buffer::RIM_RANKS, buffer::RIM_RANKS_BEFORE, bytes);
     }
@@ -81,11 +97,6 @@ pub(super) fn remember(s: &mut Schedule, plan: &Plan, level: &Level) {
 pub(super) fn smooth(s: &mut Schedule, plan: &Plan, level: &Level, first: &Pass, least: Option<u32>) {
     let scene = level.scene;
     let [a, b] = plan.volumes;
-    match least {
-        Some(word) => s.copy_word(buffer::COUNTS, word, COUNT_PEAK_SMOOTH),
-        None => s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, 0),
-    }
-    s.set(buffer::COUNTS, COUNT_LEAST_SMOOTH, 0);
     let voxels = level.grid.storage();
     // Each voxel and its neighbours on both sides.
     let turns = (voxels * (2 * plan.taps.len()).saturating_sub(1)) as u64;
@@ -93,17 +104,25 @@ pub(super) fn smooth(s: &mut Schedule, plan: &Plan, level: &Level, first: &Pass,
         s.dispatch(pass, groups(voxels, WORKGROUP), turns)
             .bind(buffer::SCENE, scene)
             .bind(buffer::SOURCE, source)
-            .bind(buffer::TARGET, target);
+            .bind(buffer::TARGET, target)
+            .with(Push { first: least.unwrap_or(0), ..Default::default() });
     }
 }
 
-/// Makes the mask of voxels whose smoothed value is above a share of the maximum. If there may be more than `room`,
-/// only the brightest stay. What `dark` lets stay is the mask that [`remember`] copied.
-pub(super) fn keep(s: &mut Schedule, plan: &Plan, level: &Level, above: f64, room: usize, dark: Dark) {
+/// Makes the mask of voxels whose smoothed value is above a share of the maximum, and counts those of its bricks. If there
+/// may be more than `room`, only the brightest stay. With `reduces` it keeps the old mask with its slots, as [`remember`]
+/// does.
+pub(super) fn keep(
+    s: &mut Schedule,
+    plan: &Plan,
+    level: &Level,
+    above: f64,
+    room: usize,
+    reduces: Option<Dark>,
+) {
     let [smooth, _] = plan.volumes;
     let voxels = level.grid.storage();
     if voxels > room {
-        s.fill(buffer::LEVELS, u64::from(LEVELS) * 4, 0);
         s.dispatch(&LEVELS_OF, groups(voxels, LEVELS), voxels as u64)
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::SOURCE, smooth)
@@ -119,7 +138,8 @@ pub(super) fn keep(s: &mut Schedule, plan: &Plan, level: &Level, above: f64, roo
         .bind(buffer::SOURCE, smooth)
         .bind(buffer::REACHABLE, level.reachable)
         .with(Push {
-            first: if dark == Dark::Stays { room as u32 } else { 0 },
+            first: if reduces == Some(Dark::Stays) { room as u32 } else { 0 },
+            last: u32::from(reduces.is_some()),
             flags: (above as f32).to_bits(),
             ..Default::default()
         });

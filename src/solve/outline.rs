@@ -9,7 +9,7 @@ use std::ops::Range;
 use super::drive::Steps;
 use super::{Level, Plan};
 use crate::Result;
-use crate::gpu::{Buffer, BufferPlan, Command, KernelCode, Schedule, Size, View};
+use crate::gpu::{Buffer, BufferPlan, Command, KernelCode, Schedule, Size, View, barriers};
 use crate::transport::kernels::buffer;
 
 /// A schedule of a solve, and when it runs.
@@ -25,6 +25,8 @@ pub struct Part {
     pub pairs: usize,
     /// In how many parts they are taken: 1 if all are on the device at once.
     pub in_parts: usize,
+    /// Barriers between its commands.
+    pub barriers: usize,
     /// Its commands in order.
     pub steps: Vec<Step>,
 }
@@ -63,6 +65,7 @@ pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations:
         lateral: level.grid.n[0],
         pairs: level.pairs,
         in_parts: plan.parts(level).count(),
+        barriers: barriers_of(plan, schedule),
         steps: folded(steps_of(plan, schedule)),
     };
     let mut level = 0;
@@ -110,6 +113,7 @@ pub(super) fn of_start(what: &'static str, plan: &Plan, level: &Level, schedule:
         lateral: level.grid.n[0],
         pairs: level.pairs,
         in_parts: plan.parts(level).count(),
+        barriers: barriers_of(plan, schedule),
         steps,
     }]
 }
@@ -145,6 +149,11 @@ fn steps_of(plan: &Plan, schedule: &Schedule) -> Vec<Step> {
         }
     }
     all
+}
+
+fn barriers_of(plan: &Plan, schedule: &Schedule) -> usize {
+    let pass = |kernel| plan.passes.iter().find(|p| p.kernel == kernel);
+    barriers(&schedule.commands, |kernel| pass(kernel).map_or(&[], |p| (p.code)(plan).bindings))
 }
 
 /// The most steps of a part of the pairs.
@@ -206,7 +215,7 @@ fn step(plan: &Plan, command: &Command) -> Option<Step> {
             let size = match size {
                 Size::Groups([x, 1, 1]) => format!("{x} groups"),
                 Size::Groups([x, y, z]) => format!("{x} x {y} x {z} groups"),
-                Size::Indirect(from, offset) => {
+                Size::Indirect(from, offset, _) => {
                     reads.push(*from);
                     format!("{from} {}", offset / 12)
                 }
@@ -266,11 +275,11 @@ impl fmt::Display for When {
 /// One line for each command.
 impl fmt::Display for Part {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Part { of, when, lateral, pairs, in_parts, steps } = self;
+        let Part { of, when, lateral, pairs, in_parts, barriers, steps } = self;
         let parts = if *in_parts > 1 { format!(" in {in_parts} parts") } else { String::new() };
         writeln!(
             f,
-            "{of}, {when} ({lateral} x {lateral}, {pairs} pairs{parts}): {} commands",
+            "{of}, {when} ({lateral} x {lateral}, {pairs} pairs{parts}): {} commands, {barriers} barriers",
             steps.iter().map(|s| s.sizes.len()).sum::<usize>()
         )?;
         let names = |all: &[Buffer]| all.iter().map(|b| b.to_string()).collect::<Vec<_>>().join(" ");

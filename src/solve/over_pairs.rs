@@ -4,7 +4,7 @@ use super::Pass;
 use super::passes::{ARGUMENTS, PULSE, PULSE_BACK, RESIDUAL_ROWS, SPOT, SPOT_BACK, SPOT_MORE, SUM_BINS};
 use super::plan::{BETWEEN, PairPart, Pairs, SEEN, Spots};
 use super::{Level, Plan};
-use crate::gpu::{Buffer, Schedule};
+use crate::gpu::{Buffer, Command, Schedule};
 use crate::transport::kernels::*;
 use crate::transport::{Geometry, SpotTaps, cells};
 
@@ -59,9 +59,13 @@ pub(super) fn forward(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairP
     let flags = if plan.forward_direct(level) { FORWARD_DIRECT } else { 0 };
     let chunks = plan.set_chunks(part.rendered.count);
     let of_set = (u64::from(chunks) * u64::from(plan.tuning.chunk)).min(plan.voxels_at(level) as u64);
+    let rendered = &part.rendered;
+    let tiles = plan.tuning.tiles(plan.geometry, [rendered.count, rendered.scanned, rendered.others]);
+    let most = plan.tuning.most_chunks(plan.voxels_at(level), tiles).min(chunks.into());
     for set in 0..plan.sets_of(level, part.rendered.count) {
         let turns = of_set * part.rendered.count as u64;
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_FORWARD + set), turns)
+            .at_most([tiles as u32, most as u32, 1])
             .bind(buffer::SCENE, part.rendered.scene)
             .bind(buffer::WALL, part.rendered.wall)
             .with(Push { first: set * chunks, flags, ..Default::default() });
@@ -219,11 +223,44 @@ pub(super) fn gather(
     for chunk in pair_chunks(plan, part, &part.rendered, voxels) {
         let turns = work_of(&chunk, voxels);
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD), turns)
+            .at_most(gathering(plan, voxels))
             .bind(buffer::SCENE, part.rendered.scene)
             .bind(buffer::WALL, part.rendered.wall)
             .bind(buffer::RESIDUAL, from)
             .with(Push { flags: chunk.flags | flags, ..chunk });
     }
+}
+
+/// Workgroups of a gather for `voxels` voxels at most.
+pub(super) fn gathering(plan: &Plan, voxels: usize) -> [u32; 3] {
+    groups(plan.tuning.most_groups(voxels), 1)
+}
+
+/// Runs `pass` with an invocation for each active voxel of `level`, of so many `turns` at most.
+pub(super) fn over_active<'s>(
+    s: &'s mut Schedule,
+    plan: &Plan,
+    level: &Level,
+    pass: &Pass,
+    turns: usize,
+) -> &'s mut Command {
+    over(s, pass, ARGUMENTS_SAMPLE, [plan.voxels_at(level), turns]).bind(buffer::SCENE, level.scene)
+}
+
+/// Runs `pass` with an invocation for each touched voxel of `level`, of so many `turns` at most.
+pub(super) fn over_touched<'s>(
+    s: &'s mut Schedule,
+    plan: &Plan,
+    level: &Level,
+    pass: &Pass,
+    turns: usize,
+) -> &'s mut Command {
+    over(s, pass, ARGUMENTS_UPDATE, [plan.touched_capacity, turns]).bind(buffer::SCENE, level.scene)
+}
+
+fn over<'s>(s: &'s mut Schedule, pass: &Pass, triple: u32, [most, turns]: [usize; 2]) -> &'s mut Command {
+    s.indirect(pass, buffer::ARGUMENTS, arguments(triple), (turns * most) as u64)
+        .at_most(groups(most, WORKGROUP))
 }
 
 /// Workgroups of a pulse or spot kernel that writes so many histograms.

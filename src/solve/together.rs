@@ -4,7 +4,7 @@
 //! gather with the same sums, by the same pass without pairs. So all of them go on with the same voxels to the bit, and
 //! nothing else need be exchanged. On one device all of this is empty.
 
-use super::over_pairs::{arguments, scene_of_sums, turns_of_finish};
+use super::over_pairs::{arguments, gathering, scene_of_sums, turns_of_finish};
 use super::plan::PairPart;
 use super::{Level, Pass, Plan};
 use crate::gpu::{Buffer, Command, Schedule, Summed};
@@ -36,7 +36,9 @@ pub(super) fn finish_flags(plan: &Plan) -> u32 {
 /// Ends the gather of `level` by `pass` from the buffer `from`, after its sums were added up.
 pub(super) fn end(s: &mut Schedule, plan: &Plan, level: &Level, pass: &Pass, from: Buffer) {
     if let Some(part) = last_of_shared(plan, level) {
-        s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD), plan.voxels_at(level) as u64)
+        let voxels = plan.voxels_at(level);
+        s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD), voxels as u64)
+            .at_most(gathering(plan, voxels))
             .bind(buffer::SCENE, part.rendered.scene)
             .bind(buffer::WALL, part.rendered.wall)
             .bind(buffer::RESIDUAL, from)

@@ -54,8 +54,9 @@ const FAR: f64 = 3.0;
 /// surface, whatever light does with the angle. So it refutes nothing.
 const HIDES: f64 = 0.125;
 
-/// A model that leaves so many times as much as the best one with sharp paths is not tried with a pulse.
-const HOPELESS: f64 = 2.0;
+/// A model that leaves so many times as much as the best one, each with the pulse that its surface with sharp paths asks for, is
+/// not tried with a pulse.
+const HOPELESS: f64 = 1.3;
 
 /// Whether the width of the instrument's pulse is found first.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -201,6 +202,8 @@ struct Tried {
     pulse: Shape,
     begun: Begun,
     left: Option<Left>,
+    /// The pulse that its light asks for, and what it leaves with it: of a surface with sharp paths, if a pulse is looked for.
+    spread: Option<(Shape, Left)>,
 }
 
 /// What a trial begins with. The first model's are one and the same.
@@ -243,12 +246,13 @@ fn search(
     };
     let mut pulse = None;
     if finds_pulse {
-        let mut best = trials.best_pulse(reflectance)?;
+        let guess = trials.asked_for(reflectance);
+        let mut best = trials.best_pulse(reflectance, guess)?;
         if best != Shape::SHARP {
             let again = choose(trials, best)?;
             if again != reflectance {
                 reflectance = again;
-                best = trials.best_pulse(reflectance)?;
+                best = trials.best_pulse(reflectance, best)?;
             }
         }
         pulse = Some(best);
@@ -258,7 +262,8 @@ fn search(
     if refuted.is_some() {
         reflectance = WITHOUT_NORMALS;
         if finds_pulse {
-            pulse = Some(trials.best_pulse(reflectance)?);
+            let guess = pulse.filter(|p| *p != Shape::SHARP).unwrap_or(trials.asked_for(reflectance));
+            pulse = Some(trials.best_pulse(reflectance, guess)?);
         }
     }
     Ok(Answer { reflectance, pulse, refuted })
@@ -273,6 +278,8 @@ struct Trials<'t> {
     narrowest: f64,
     /// The pulse of the capture, if it has one.
     known: Option<Pulse>,
+    /// Whether a pulse is looked for.
+    find_pulse: FindPulse,
     /// Width of the wall, metres.
     wall: f64,
     hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
@@ -312,6 +319,7 @@ impl<'t> Trials<'t> {
             bin_width: thin.bin_width,
             narrowest: pulse::NARROWEST * of_solve / thin.bin_width,
             known: capture.pulse.clone(),
+            find_pulse: ask.find_pulse(capture),
             wall: (x1 - x0).max(y1 - y0),
             hear,
             tried: vec![],
@@ -339,11 +347,39 @@ impl<'t> Trials<'t> {
             return Ok(same.left.clone());
         }
         let shared = self.models[0].1.own().filter(|_| *first != reflectance && begun == Begun::Alike);
-        let start = shared.map_or(Start::Own, |own| Start::Of(Box::new(own.maps.clone())));
+        let start = shared.map_or(Start::Own, |own| Start::Of(Box::new(own.clone())));
         let left =
             self.with_trial(reflectance, pulse, |trial, pulse, watch| trial.fit(start, pulse, watch))?;
-        self.tried.push(Tried { reflectance, pulse, begun, left: left.clone() });
+        let asks = self.find_pulse != FindPulse::Never && pulse == Shape::SHARP;
+        let spread = if asks { self.spread(reflectance)? } else { None };
+        self.tried.push(Tried { reflectance, pulse, begun, left: left.clone(), spread });
         Ok(left)
+    }
+
+    /// The pulse that the last surface of a model asks for, which had sharp paths, and what it leaves with it.
+    fn spread(&self, reflectance: Reflectance) -> Result<Option<(Shape, Left)>> {
+        let shapes = Shape::all(self.bin_width);
+        let pulses = shapes.iter().filter_map(|shape| shape.centred().transpose());
+        let (_, trial) = self.models.iter().find(|m| m.0 == reflectance).expect("a trial for every model");
+        let best = trial.spread(&pulses.collect::<Result<Vec<_>>>()?)?;
+        Ok(best.map(|(at, left)| (shapes[at], left)))
+    }
+
+    /// What a model's surface leaves with the pulse that it asks for, if it had sharp paths, a pulse is looked for in any case, and
+    /// it leaves less with one.
+    fn with_spread(&self, reflectance: Reflectance, pulse: Shape) -> Option<Left> {
+        let of = (reflectance, Shape::SHARP, Begun::Alike);
+        let same = self.tried.iter().find(|t| (t.reflectance, t.pulse, t.begun) == of)?;
+        let asked = self.find_pulse == FindPulse::Always && pulse == Shape::SHARP;
+        let (spread, own) = (&same.spread.as_ref().filter(|_| asked)?.1, same.left.as_ref()?);
+        (spread.share() < own.share()).then(|| spread.clone())
+    }
+
+    /// The pulse that a model's surface with sharp paths asks for. Its tail is not to be trusted: the surface stands for it.
+    fn asked_for(&self, reflectance: Reflectance) -> Shape {
+        let of_model = self.tried.iter().filter(|t| t.reflectance == reflectance);
+        let asked = of_model.filter_map(|t| Some(t.spread.as_ref()?.0.length())).next();
+        Shape::of(asked.unwrap_or(pulse::FIRST * self.bin_width), 0.0)
     }
 
     /// Whether the normals of this model's surface fail to explain how light depends on the angle: a volume, whose
@@ -357,17 +393,22 @@ impl<'t> Trials<'t> {
         }
         let Some(surface) = self.left(reflectance, pulse, Begun::Alike)? else { return Ok(None) };
         let surface = surface.in_wide_bins();
-        if self.models[0].1.own().is_some_and(|own| own.left.share() > FAR * surface.share()) {
+        // Photon noise stays, so a volume comes near by what it leaves beyond noise.
+        let comes_near = |volume: &Left, most: f64| {
+            let refutes = REFUTES * surface.share() - volume.noise_share();
+            volume.share() - volume.noise_share() <= most / REFUTES * refutes
+        };
+        if self.models[0].1.own().is_some_and(|own| !comes_near(&own.left, FAR)) {
             return Ok(None);
         }
-        let (mut most, mut better) = (VOLUMES.iter().map(|of| of.1 * surface.share()), None);
+        let (mut most, mut better) = (VOLUMES.iter().map(|of| of.1), None);
         let mut compare = |volume: Option<Left>| {
             let (Some(volume), Some(most)) = (volume, most.next()) else { return false };
             if volume.share() <= REFUTES * surface.share() && volume.is_less(&surface) {
                 better = Some(volume);
                 return false;
             }
-            volume.share() <= most
+            comes_near(&volume, most)
         };
         let iterations = VOLUMES.map(|(iterations, _)| iterations);
         self.with_trial(reflectance, pulse, |trial, pulse, watch| {
@@ -407,47 +448,53 @@ impl<'t> Trials<'t> {
         Ok(sharp.zip(wide).is_some_and(|(sharp, wide)| wide.is_less(&sharp)))
     }
 
-    /// The pulse with this model: the best Gaussian, then the best tail of a pulse that is as long.
-    fn best_pulse(&mut self, reflectance: Reflectance) -> Result<Shape> {
-        let bin_width = self.bin_width;
+    /// The pulse with this model: its length, from a guess on, then the share of its tail.
+    fn best_pulse(&mut self, reflectance: Reflectance, guess: Shape) -> Result<Shape> {
+        let sharp = self.left(reflectance, Shape::SHARP, Begun::OnItsOwn)?;
+        let sharp =
+            sharp.ok_or_else(|| Error::input("a trial found no surface", "give the instrument's pulse"))?;
         let of = |trials: &mut Self, pulse: Shape, least: &mut Option<Left>| {
             let left = trials.left(reflectance, pulse, Begun::OnItsOwn)?;
             *least = left.iter().chain(&*least).min_by(|a, b| a.share().total_cmp(&b.share())).cloned();
             Ok(left.map(|left| left.share()))
         };
-        let (mut gaussian, mut tailed) = (None, None);
-        let bins = pulse::best_width(self.narrowest, &mut |bins| {
-            of(self, Shape { fwhm: bins * bin_width, tail: 0.0 }, &mut gaussian)
+        let (bin_width, narrowest, share) = (self.bin_width, self.narrowest, guess.share());
+        let (mut first, mut second) = (None, None);
+        let best = pulse::best_length(guess.length() / bin_width, narrowest, sharp.share(), &mut |bins| {
+            of(self, Shape::of(bins * bin_width, share), &mut first)
         })?;
-        let is_worth = |better: &Option<Left>, than: &Option<Left>| {
-            better.as_ref().zip(than.as_ref()).is_some_and(|(better, than)| better.is_less(than))
-        };
-        let sharp = self.left(reflectance, Shape::SHARP, Begun::OnItsOwn)?;
-        if bins == 0.0 || !is_worth(&gaussian, &sharp) {
-            return Ok(Shape::SHARP);
-        }
+        let Some([bins, left]) = best else { return Ok(Shape::SHARP) };
         let length = bins * bin_width;
-        let without = gaussian.as_ref().map_or(f64::INFINITY, Left::share);
-        let share = pulse::best_tail(without, &mut |share| of(self, Shape::of(length, share), &mut tailed))?;
-        Ok(Shape::of(length, if is_worth(&tailed, &gaussian) { share } else { 0.0 }))
+        let best =
+            pulse::best_tail(share, left, &mut |share| of(self, Shape::of(length, share), &mut second))?;
+        let is_worth = |better: &Option<Left>, than: &Left| {
+            let enough = |better: &Left| better.share() < (1.0 - pulse::WORTH) * than.share();
+            better.as_ref().is_some_and(|better| enough(better) && better.is_less(than))
+        };
+        // A tail that was found before, with another model, needs no reason.
+        let stays = share > 0.0 || first.as_ref().is_none_or(|first| is_worth(&second, first));
+        let (share, left) = if stays { (best, [first, second]) } else { (0.0, [first, None]) };
+        let least = left.into_iter().flatten().min_by(|a, b| a.share().total_cmp(&b.share()));
+        Ok(if is_worth(&least, &sharp) { Shape::of(length, share) } else { Shape::SHARP })
     }
 
-    /// What each model's surface left with sharp paths, of those that found one.
-    fn sharp(&self) -> impl Iterator<Item = (Reflectance, f64)> {
-        let alike = self.tried.iter().filter(|t| t.pulse == Shape::SHARP && t.begun == Begun::Alike);
-        alike.filter_map(|t| Some((t.reflectance, t.left.as_ref()?.share())))
+    /// What each model's surface with sharp paths leaves with the pulse that it asks for, of those that found one.
+    fn asking(&self) -> impl Iterator<Item = (Reflectance, f64)> {
+        let alike = self.tried.iter().filter(|t| t.begun == Begun::Alike);
+        alike.filter_map(|t| Some((t.reflectance, t.spread.as_ref()?.1.share())))
     }
 
     /// The model that is right, with this pulse.
     fn best_model(&mut self, pulse: Shape) -> Result<Reflectance> {
         let mut all: Vec<Reflectance> = self.models.iter().map(|m| m.0).collect();
         if pulse != Shape::SHARP {
-            let most = HOPELESS * self.sharp().map(|of| of.1).fold(f64::INFINITY, f64::min);
-            all.retain(|model| !self.sharp().any(|(of, left)| of == *model && left > most));
+            let most = HOPELESS * self.asking().map(|of| of.1).fold(f64::INFINITY, f64::min);
+            all.retain(|model| !self.asking().any(|(of, left)| of == *model && left > most));
         }
         let mut left = vec![];
         for reflectance in all {
-            left.push((reflectance, self.left(reflectance, pulse, Begun::Alike)?));
+            let own = self.left(reflectance, pulse, Begun::Alike)?;
+            left.push((reflectance, self.with_spread(reflectance, pulse).or(own)));
         }
         model::choose(&left)
             .ok_or_else(|| Error::input("no trial found a surface", "name the model and the pulse if known"))

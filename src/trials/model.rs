@@ -117,7 +117,7 @@ mod tests {
     /// Pairs that leave `mean` on average, which differ by `noise`, of squares of 100.
     fn left(mean: f64, noise: f64) -> Option<Left> {
         let of = |i: usize| [mean + noise * if i.is_multiple_of(2) { 1.0 } else { -1.0 }, 100.0];
-        Some(Left { pairs: (0..64).map(of).collect(), wide: vec![] })
+        Some(Left { pairs: (0..64).map(of).collect(), wide: vec![], noise: 0.0 })
     }
 
     #[test]

@@ -27,17 +27,25 @@ pub struct FoundPulse {
 }
 
 /// A pulse is taken only if it lowers what is left by more than this share.
-const WORTH: f64 = 0.003;
+pub(super) const WORTH: f64 = 0.003;
 
-/// Widths in bins of the trials: the first and the widest.
+/// Lengths in bins of the trials: one that shows whether there is a pulse, and the longest.
 pub(super) const FIRST: f64 = 2.0;
 const WIDEST: f64 = 32.0;
+
+/// Factor between lengths that are tried.
+const STEP: f64 = 1.35;
 
 /// The narrowest pulse that is worth its kernels, in bins of the solve.
 pub(super) const NARROWEST: f64 = 1.0;
 
-/// Shares of a pulse's length that a tail takes in the first trial and in the next, if that one is better.
-const TAILS: [f64; 2] = [0.3, 0.6];
+/// Shares of a pulse's length that a tail takes: from one trial to the next, and at most.
+const TAIL_STEP: f64 = 0.25;
+const LONGEST_TAIL: f64 = 0.8;
+
+/// Pulses by which the light of a surface with sharp paths is spread: lengths to an octave, and shares of the tail.
+const TO_AN_OCTAVE: f64 = 4.0;
+const TAILS: [f64; 5] = [0.0, 0.2, 0.4, 0.6, 0.8];
 
 /// A pulse of a trial: a Gaussian, convolved with an exponential.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,6 +64,18 @@ impl Shape {
     pub fn of(length: f64, share: f64) -> Shape {
         let [fwhm, tail] = [1.0 - share, share].map(|part| three_digits(part * length));
         Shape { fwhm, tail }
+    }
+
+    /// Pulses of many lengths and tails, in bins of this width.
+    pub fn all(bin_width: f64) -> Vec<Shape> {
+        let octaves = WIDEST.log2() * TO_AN_OCTAVE;
+        let lengths = (0..=octaves as usize).map(|i| bin_width * (i as f64 / TO_AN_OCTAVE).exp2());
+        lengths.flat_map(|length| TAILS.map(|share| Shape::of(length, share))).collect()
+    }
+
+    /// The share of its length in its tail.
+    pub fn share(&self) -> f64 {
+        self.tail / self.length()
     }
 
     /// Width and tail together, metres.
@@ -137,79 +157,80 @@ pub(super) fn three_digits(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
-/// The width in bins with the least `misfit`. Doubles the width while that helps, then fits a parabola. 0 if no width
-/// is enough better than sharp paths, if the best is below `narrowest`, or if the misfit falls up to the widest.
-pub(super) fn best_width(narrowest: f64, misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> Result<f64> {
-    let unknown = || Error::input("a trial found no surface", "give the instrument's pulse");
-    let mut at = |width: f64| misfit(width)?.ok_or_else(unknown);
-    let sharp = at(0.0)?;
-    let mut known = vec![[0.0, sharp], [FIRST, at(FIRST)?]];
-    if known[1][1] >= sharp {
-        known.insert(1, [FIRST / 2.0, at(FIRST / 2.0)?]);
-    } else {
-        while let [.., [_, before], [width, last]] = known[..]
-            && last < before
-            && width < WIDEST
-        {
-            known.push([2.0 * width, at(2.0 * width)?]);
+/// The length in bins with the least `misfit` and what that is, from a guess on: of a pulse whose tail has a known share. Lengths
+/// go up while that helps, else down, and a parabola ends it. `None` if no length is better than sharp paths, which leave `sharp`,
+/// if the best is below `narrowest`, or if the misfit falls up to the longest.
+pub(super) fn best_length(
+    guess: f64,
+    narrowest: f64,
+    sharp: f64,
+    misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>,
+) -> Result<Option<[f64; 2]>> {
+    // A pulse without a surface is no better one.
+    let mut at = |length: f64| Ok::<_, Error>([length, misfit(length)?.unwrap_or(f64::INFINITY)]);
+    let mut known = vec![at(guess.clamp(narrowest, WIDEST))?];
+    if known[0][1] >= sharp {
+        known = vec![at((0.5 * known[0][0]).max(narrowest))?];
+        if known[0][1] >= sharp {
+            return Ok(None);
         }
     }
-    // One side of the minimum may be much steeper than the other, so both sides are tried. What is less on the first
-    // side has both its neighbours already.
-    let least = least_of(&known);
-    if least > 0 {
-        let [middle, before] = [known[least], known[least - 1]];
-        let mut sides = vec![before];
-        sides.extend(known.get(least + 1));
-        sides.sort_by(|a, b| a[1].total_cmp(&b[1]));
-        for side in sides {
-            let width = 0.5 * (middle[0] + side[0]);
-            let left = at(width)?;
-            known.push([width, left]);
-            if left < middle[1] {
+    for factor in [STEP, 1.0 / STEP] {
+        let mut end = known[0];
+        while (narrowest..=WIDEST).contains(&(factor * end[0])) {
+            let next = at(factor * end[0])?;
+            known.push(next);
+            if next[1] >= end[1] {
                 break;
             }
+            end = next;
         }
+        // The first one and the last one are the neighbours of what is between them.
+        if known.len() > 2 {
+            break;
+        }
+    }
+    known.sort_by(|a, b| a[0].total_cmp(&b[0]));
+    let least = least_of(&known);
+    let Some(found) = vertex(&known) else {
+        return Ok((least == 0 && known[0][0] > narrowest).then_some(known[0]));
+    };
+    Ok(Some(found))
+}
+
+/// The share of a pulse's length in its tail with the least `misfit`, from one on that leaves `left`.
+pub(super) fn best_tail(
+    share: f64,
+    left: f64,
+    misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>,
+) -> Result<f64> {
+    let mut at = |share: f64| Ok::<_, Error>([share, misfit(share)?.unwrap_or(f64::INFINITY)]);
+    let mut known = vec![[share, left]];
+    while let [.., [longest, _]] = known[..]
+        && longest < LONGEST_TAIL
+        && least_of(&known) + 1 == known.len()
+    {
+        known.push(at((longest + TAIL_STEP).min(LONGEST_TAIL))?);
+    }
+    if least_of(&known) == 0 {
+        let [at_least, shorter] = if share > 0.0 { [0.0, share - TAIL_STEP] } else { [0.5 * TAIL_STEP; 2] };
+        known.push(at(shorter.max(at_least))?);
         known.sort_by(|a, b| a[0].total_cmp(&b[0]));
     }
-    let least = known[least_of(&known)][1];
-    // The vertex of the parabola is more accurate than the best trial.
-    let width = vertex(&known).filter(|w| *w >= narrowest && least < (1.0 - WORTH) * sharp);
-    Ok(width.unwrap_or(0.0))
+    Ok(vertex(&known).map_or(known[least_of(&known)][0], |found| found[0]))
 }
 
-/// The share of a pulse's length in its tail with the least `misfit`. 0 if no tail is enough better than none, which leaves
-/// `without`.
-pub(super) fn best_tail(without: f64, misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>) -> Result<f64> {
-    // A pulse without a surface is no better one.
-    let mut at = |share: f64| Ok::<_, Error>([share, misfit(share)?.unwrap_or(f64::INFINITY)]);
-    let mut known = vec![[0.0, without], at(TAILS[0])?];
-    if known[1][1] < without {
-        known.push(at(TAILS[1])?);
-        let [_, [middle, _], [last, left]] = known[..] else { unreachable!("three were tried") };
-        if left < known[1][1] {
-            known.push(at(0.5 * (last + 1.0))?);
-        }
-        if least_of(&known) == 2 {
-            known.insert(2, at(0.5 * (middle + last))?);
-        }
-    } else {
-        known.insert(1, at(0.5 * TAILS[0])?);
-    }
-    let [share, left] = known[least_of(&known)];
-    if left >= (1.0 - WORTH) * without {
-        return Ok(0.0);
-    }
-    Ok(vertex(&known).unwrap_or(share))
-}
-
-/// The vertex of the parabola through the least of `known` and its two neighbours. `known` is in order of width.
-fn vertex(known: &[[f64; 2]]) -> Option<f64> {
+/// The vertex of the parabola through the least of `known` and its two neighbours, and its value. `known` is in order.
+fn vertex(known: &[[f64; 2]]) -> Option<[f64; 2]> {
     let least = least_of(known);
     let [[a, fa], [b, fb], [c, fc]] = known.get(least.checked_sub(1)?..least + 2)?.try_into().ok()?;
     let (left, right) = ((b - a) * (fb - fc), (b - c) * (fb - fa));
     let at = b - 0.5 * ((b - a) * left - (b - c) * right) / (left - right);
-    at.is_finite().then_some(at.clamp(a, c))
+    let at = at.is_finite().then(|| at.clamp(a, c))?;
+    // Newton's form of the parabola.
+    let (first, second) = ((fb - fa) / (b - a), (fc - fb) / (c - b));
+    let value = fa + (at - a) * (first + (at - b) * (second - first) / (c - a));
+    Some([at, value])
 }
 
 fn least_of(known: &[[f64; 2]]) -> usize {
@@ -220,50 +241,82 @@ fn least_of(known: &[[f64; 2]]) -> usize {
 mod tests {
     use super::*;
 
-    fn found(left: impl Fn(f64) -> f64) -> (f64, usize) {
+    /// The length with the least `left` from a guess on, where sharp paths leave what a length of 0 does, and how many were tried.
+    fn found(guess: f64, left: impl Fn(f64) -> f64) -> (Option<f64>, usize) {
         let mut calls = 0;
-        let width = best_width(0.5, &mut |w| {
+        let length = best_length(guess, 0.5, left(0.0), &mut |length| {
             calls += 1;
-            Ok(Some(left(w)))
+            Ok(Some(left(length)))
         });
-        (width.unwrap(), calls)
+        (length.unwrap().map(|found| found[0]), calls)
     }
 
     #[test]
     fn the_least_misfit_is_found_in_a_few_trials() {
-        for true_width in [0.7, 1.0, 1.3, 2.0, 3.4, 5.0, 9.0, 20.0] {
-            let (width, calls) = found(|w| 1.0 + ((w - true_width) / (3.0 + true_width)).powi(2));
-            assert!((width / true_width - 1.0).abs() < 0.03 && calls <= 8, "{true_width}: {width}, {calls}");
-        }
-        // Twice as steep above the true width.
-        for true_width in [1.0, 2.0, 3.4, 5.0, 9.0, 20.0] {
-            let steep = |w: f64| if w < true_width { 1.0 } else { 4.0 };
-            let (width, _) = found(|w| 1.0 + steep(w) * ((w - true_width) / (3.0 + true_width)).powi(2));
-            assert!((width / true_width - 1.0).abs() < 0.2, "{true_width}: {width}");
+        for truth in [1.0, 1.3, 2.0, 3.4, 5.0, 9.0, 20.0] {
+            for guess in [0.7, 0.8, 1.0, 1.2] {
+                let left = |w: f64| 1.0 + ((w - truth) / (3.0 + truth)).powi(2);
+                let (length, calls) = found(guess * truth, left);
+                let length = length.unwrap();
+                assert!((length / truth - 1.0).abs() < 0.03 && calls <= 4, "{truth}: {length}, {calls}");
+            }
+            // Twice as steep above the true length.
+            let steep = |w: f64| if w < truth { 1.0 } else { 4.0 };
+            let (length, _) = found(0.8 * truth, |w| 1.0 + steep(w) * ((w - truth) / (3.0 + truth)).powi(2));
+            let length = length.unwrap();
+            assert!((length / truth - 1.0).abs() < 0.2, "{truth}: {length}");
+            // A guess that is far off takes longer.
+            for guess in [0.25, 3.0] {
+                let (length, calls) = found((guess * truth).max(0.5), |w| 1.0 + (w - truth).powi(2));
+                let length = length.unwrap();
+                assert!((length / truth - 1.0).abs() < 0.03 && calls <= 8, "{truth}: {length}, {calls}");
+            }
         }
     }
 
     #[test]
-    fn a_tail_is_found_only_where_it_is_worth_it() {
-        let found = |left: &dyn Fn(f64) -> f64| {
+    fn the_value_of_the_least_is_that_of_its_parabola() {
+        let [length, left] =
+            best_length(3.0, 0.5, 10.0, &mut |w| Ok(Some(2.0 + 0.3 * (w - 4.0).powi(2)))).unwrap().unwrap();
+        assert!((length - 4.0).abs() < 1e-9 && (left - 2.0).abs() < 1e-9);
+        assert_eq!(vertex(&[[0.0, 2.0], [1.0, 3.0], [2.0, 5.0]]), None, "the least has one neighbour");
+        assert_eq!(vertex(&[[0.0, 2.0], [1.0, 1.0], [2.0, f64::INFINITY]]), None, "no surface");
+    }
+
+    #[test]
+    fn the_share_of_a_tail_is_found_in_a_few_trials() {
+        let found = |from: f64, left: &dyn Fn(f64) -> f64| {
             let mut calls = 0;
-            let share = best_tail(left(0.0), &mut |share| {
+            let share = best_tail(from, left(from), &mut |share| {
                 calls += 1;
                 Ok(Some(left(share)))
             });
             (share.unwrap(), calls)
         };
         for share in [0.15, 0.2, 0.3, 0.45, 0.6] {
-            let (tail, calls) = found(&|s| 1.0 + 10.0 * (s - share) * (s - share));
-            assert!((tail - share).abs() < 1e-9 && calls <= 4, "{share}: {tail}, {calls}");
+            for from in [0.0, share - 0.1, share + 0.1] {
+                let (tail, calls) = found(from, &|s| 1.0 + 10.0 * (s - share) * (s - share));
+                assert!((tail - share).abs() < 1e-9 && calls <= 3, "{share}: {tail}, {calls}");
+            }
         }
-        assert_eq!(found(&|s| 1.0 - s), (0.8, 3), "the longest tail");
-        assert_eq!(found(&|s| 1.0 + (s - 0.78) * (s - 0.78)), (0.8, 3), "nothing longer is tried");
-        assert_eq!(found(&|s| 1.0 + s), (0.0, 2), "none");
-        assert_eq!(found(&|s| 1.0 - 0.002 * s), (0.0, 3), "too little is gained");
-        let without_surface = |s: f64| if s > 0.0 { None } else { Some(1.0) };
-        assert_eq!(best_tail(1.0, &mut |s| Ok(without_surface(s))).unwrap(), 0.0);
+        assert_eq!(found(0.0, &|s| 1.0 - s), (0.8, 4));
+        assert_eq!(found(0.6, &|s| 1.0 - s), (0.8, 1), "the longest tail");
+        assert_eq!(found(0.0, &|s| 1.0 + s), (0.0, 2), "none");
+        assert_eq!(best_tail(0.0, 1.0, &mut |_| Ok(None)).unwrap(), 0.0, "no surface");
         assert_eq!(Shape::of(0.04, 0.25), Shape { fwhm: 0.03, tail: 0.01 });
+    }
+
+    #[test]
+    fn light_is_spread_by_pulses_of_all_lengths_and_tails() {
+        let all = Shape::all(0.01);
+        let reaches = |of: fn(&Shape) -> f64| {
+            let of = || all.iter().map(of);
+            [of().fold(f64::INFINITY, f64::min), of().fold(0.0, f64::max)]
+        };
+        assert_eq!(reaches(Shape::length), [0.01, 0.32]);
+        let [least, most] = reaches(Shape::share);
+        assert!(least == 0.0 && (most - 0.8).abs() < 1e-3);
+        assert!(all.iter().all(|shape| shape.centred().unwrap().unwrap().taps(0.01).is_ok()));
     }
 
     #[test]
@@ -281,32 +334,34 @@ mod tests {
     }
 
     #[test]
-    fn a_half_that_is_less_needs_no_other_half() {
-        let tried = |least: f64| {
-            let mut widths = vec![];
-            best_width(0.5, &mut |w| {
-                widths.push(w);
-                Ok(Some(1.0 + (w - least) * (w - least)))
+    fn lengths_go_up_first() {
+        let tried = |guess: f64, least: f64| {
+            let mut lengths = vec![];
+            best_length(guess, 0.5, 1e3, &mut |w| {
+                lengths.push((100.0 * w).round() / 100.0);
+                Ok(Some((w - least) * (w - least)))
             })
             .unwrap();
-            widths
+            lengths
         };
-        assert_eq!(tried(3.1), [0.0, 2.0, 4.0, 8.0, 3.0], "2 leaves less than 8, and 3 less than 4");
-        assert_eq!(tried(3.9), [0.0, 2.0, 4.0, 8.0, 3.0, 6.0], "3 leaves more than 4");
-        assert_eq!(tried(4.6), [0.0, 2.0, 4.0, 8.0, 3.0, 6.0]);
+        assert_eq!(tried(2.0, 2.6), [2.0, 2.7, 3.65], "what is between has both its neighbours");
+        assert_eq!(tried(2.0, 2.1), [2.0, 2.7, 1.48]);
+        assert_eq!(tried(2.0, 1.5), [2.0, 2.7, 1.48, 1.1]);
     }
 
     #[test]
     fn what_is_as_good_as_sharp_is_sharp() {
-        assert_eq!(found(|w| 1.0 + w).0, 0.0);
-        assert_eq!(found(|_| 1.0).0, 0.0);
-        // The gain is too small.
-        assert_eq!(found(|w| 1.0 + 1e-4 * (w - 3.0) * (w - 3.0)).0, 0.0);
-        assert!(best_width(0.5, &mut |_| Ok(None)).is_err());
+        assert_eq!(found(4.0, |w| 1.0 + w), (None, 2));
+        assert_eq!(found(2.0, |_| 1.0), (None, 2));
+        assert_eq!(found(0.1, |w| 1.0 + w), (None, 2), "a guess is no shorter than what can be told");
+        assert_eq!(best_length(4.0, 0.5, 1.0, &mut |_| Ok(None)).unwrap(), None);
         // A pulse is there, but the solve's bins are too wide to show it.
-        let narrow =
-            |narrowest| best_width(narrowest, &mut |w| Ok(Some(1.0 + (w - 0.7) * (w - 0.7)))).unwrap();
-        assert!(narrow(1.0) == 0.0 && (narrow(0.5) - 0.7).abs() < 1e-9);
+        let narrow = |narrowest| {
+            let left = |w: f64| 1.0 + (w - 0.7) * (w - 0.7);
+            let found = best_length(1.6, narrowest, left(0.0), &mut |w| Ok(Some(left(w))));
+            found.unwrap().map(|found| found[0])
+        };
+        assert!(narrow(1.0).is_none() && (narrow(0.4).unwrap() - 0.7).abs() < 1e-9);
     }
 
     #[test]
@@ -316,7 +371,7 @@ mod tests {
 
     #[test]
     fn what_has_no_least_misfit_is_no_pulse() {
-        let (width, calls) = found(|w| 1.0 - 0.01 * w);
-        assert!(width == 0.0 && calls <= 8, "{width} {calls}");
+        let (length, calls) = found(8.0, |w| 1.0 - 0.01 * w);
+        assert!(length.is_none() && calls <= 8, "{length:?} {calls}");
     }
 }

@@ -7,6 +7,7 @@ use fixtures::device::*;
 use glam::{DVec2, DVec3, dvec2, dvec3};
 use thirdbounce::capture::{PulseTaps, Way};
 use thirdbounce::gpu::{Gpu, Schedule};
+use thirdbounce::solve::passes::RESIDUAL;
 use thirdbounce::solve::surface::{self, Placed, blur};
 use thirdbounce::solve::{Accumulation, COLUMNS_HOST};
 use thirdbounce::transport::kernels::*;
@@ -380,18 +381,29 @@ fn check_iterations(
             &job.plan,
             job.plan.finest(),
             field.len(),
-            [i, i, 0],
+            [i, i, 0, 12],
             through(i).map(|t| t as u32),
         );
     }
+    // A comparison without a step is closed by a pass of its own.
+    let last = *job.plan.finest();
+    surface::render(&mut s, &job.plan, &last, field.len(), &RESIDUAL, None);
+    s.dispatch(&surface::passes::SURFACE_FINISH, [1, 1, 1], 1)
+        .bind(buffer::SCENE, last.scene)
+        .with(Push { iteration: ROWS as u32, ..Default::default() });
     job.perform(&s);
     let mut moments = vec![[Height::default(); 2]; field.len()];
-    let mut want = vec![];
+    let mut want: Vec<[f64; 3]> = vec![];
     let first = field.heights.clone();
     let depths: Vec<f64> = first.iter().map(|h| h.depth).collect();
-    for i in 0..ROWS {
+    for i in 0..=ROWS {
         let (slopes, samples) = field.points(&twin, &bonds);
         let (residual, [data, plain]) = twin::residual_weighted(&twin, &twin::forward(&twin, &samples), true);
+        if i == ROWS {
+            // The prior is that of the last step.
+            want.push([data, plain, want[ROWS - 1][2]]);
+            break;
+        }
         let residual =
             through(i).map_or(residual.clone(), |from| blurred(&residual, &blurs[from..], model.bins));
         let pulls = twin::surface_gather(&twin, &samples, &residual);
@@ -404,7 +416,7 @@ fn check_iterations(
         let pull = twin::surface_pull(&twin, &field.columns, &depths, &gradient, &weights, number);
         twin::surface_step(&twin, &pull, &weights, number, &mut field.heights, &mut moments);
     }
-    let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..ROWS);
+    let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..=ROWS);
     let what = format!("{geometry:?} {reflectance:?}");
     let loss = |w: &[f64; 3]| w[0] + w[2];
     assert!(loss(&want[ROWS - 1]) < 0.9 * loss(&want[0]), "{what}: {want:?}");

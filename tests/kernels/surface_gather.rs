@@ -86,7 +86,7 @@ fn check_gather_seen(
     let mut job = job_tuned(gpu, &case.model, &case.grid, &options, |t| t.texels &= texels);
     case.write(&mut job);
     let s = Schedule::of(|s| {
-        surface::iteration(s, &job.plan, job.plan.finest(), case.samples.len() / 4, [0, 0, 0], None)
+        surface::iteration(s, &job.plan, job.plan.finest(), case.samples.len() / 4, [0, 0, 0, 1], None)
     });
     assert_eq!(s.commands.iter().filter(|c| c.name() == "surface_gather").count(), dispatches);
     vectors::run(&mut job, s, &["surface_gather"]);

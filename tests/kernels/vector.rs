@@ -37,15 +37,16 @@ fn check_extrapolate(reflectance: Reflectance) {
     let bounds: Vec<[f64; 2]> = (0..grid.storage()).map(|_| pair()).collect();
     let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
     write_domain(&mut job, &domain);
-    write_vectors(&mut job, buffer::RAW, &active, &v);
-    write_vectors(&mut job, buffer::BEFORE, &active, &before);
-    write_bounds(&mut job, &active, &bounds);
     for (beta, smooth) in [(0.0, 0.8f32), (0.75, 0.8), (0.75, 0.0), (0.75, f32::INFINITY)] {
-        write_momentum(&mut job, Momentum { beta, share: 0.75, ..REST });
         set_counts(&mut job, active.len(), 0.0);
         let count = active.len() as u32;
         write(&mut job, buffer::COUNTS, &[count, count, 0, smooth.to_bits(), 0, 0]);
         run_start(&mut job, &["points"]);
+        // The start has set these, too.
+        write_vectors(&mut job, buffer::RAW, &active, &v);
+        write_vectors(&mut job, buffer::BEFORE, &active, &before);
+        write_bounds(&mut job, &active, &bounds);
+        write_momentum(&mut job, Momentum { beta, share: 0.75, ..REST });
         run_iteration(&mut job, 0, &["extrapolate"]);
         let want = twin::extrapolate(&twin, &active, &v, &before, beta);
         let rough = twin::roughness(&twin, &active, &want, &bounds, 0.75, f64::from(smooth));

@@ -163,7 +163,7 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     runs.run(&mut job, s);
     for i in 0..2 {
         let s = Schedule::of(|s| {
-            surface::iteration(s, &job.plan, job.plan.finest(), field.len(), [i, i, 0], None)
+            surface::iteration(s, &job.plan, job.plan.finest(), field.len(), [i, i, 0, 12], None)
         });
         runs.run(&mut job, s);
     }

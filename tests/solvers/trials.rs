@@ -3,7 +3,8 @@
 use std::ops::ControlFlow;
 
 use fixtures::device::*;
-use thirdbounce::solve::vector::{Left, Start, Trial};
+use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
+use thirdbounce::solve::vector::{Left, Own, Start, Trial};
 use thirdbounce::solve::{Accumulation, Progress, VectorOptions};
 use thirdbounce::transport::{Grid, Volume};
 
@@ -11,6 +12,10 @@ use super::session::{frames, scan};
 
 /// Trials of one frame, with the same bits in every run.
 fn trial() -> Trial {
+    trial_on(&gpu())
+}
+
+fn trial_on(gpu: &Gpu) -> Trial {
     let mut capture = scan(12, 0.02);
     capture.histograms = frames(&capture)[0].clone();
     let volume = Volume { min: glam::dvec3(-0.5, -0.5, 0.3), max: glam::dvec3(0.5, 0.5, 1.0) };
@@ -24,7 +29,7 @@ fn trial() -> Trial {
         o.accumulation = Accumulation::Repeatable;
         o.stop = false;
     });
-    Trial::new(&gpu(), &capture, Grid::new(volume, 24, 0.02).unwrap(), options, None)
+    Trial::new(gpu, &capture, Grid::new(volume, 24, 0.02).unwrap(), options, None)
 }
 
 /// What a volume leaves after each of these numbers of iterations, up to the `last`th one.
@@ -65,4 +70,25 @@ fn a_surface_does_not_depend_on_the_judgement_of_the_volume_before_it() {
         own.left.pairs.len() == first.pairs.len() && own.left.share() > first.share(),
         "{own:?} {first:?}"
     );
+}
+
+#[test]
+fn a_surface_from_a_volume_that_was_kept_has_its_second_layer_and_no_other() {
+    let mut hear = |_: &Progress| ControlFlow::Continue(());
+    let mut first = trial();
+    first.fit(Start::Own, None, &mut unwatched(&mut hear)).unwrap().expect("a surface");
+    let kept = first.own().expect("a volume of its own").clone();
+    let mut two = kept.clone();
+    two.behind = kept.maps.clone();
+    two.behind.depth.iter_mut().for_each(|depth| *depth += 0.2);
+    let mut on = |poison: f32, own: &Own| {
+        let faults = Faults { poison: Some(poison.to_bits()), ..Faults::default() };
+        let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a device");
+        let start = Start::Of(Box::new(own.clone()));
+        trial_on(&gpu).fit(start, None, &mut unwatched(&mut hear)).unwrap().expect("a surface")
+    };
+    // What an earlier solve left in the memory may look like a volume.
+    let one = on(0.0, &kept);
+    assert_eq!(on(1.0, &kept), one);
+    assert!(on(1.0, &two) != one, "all of it is twice there");
 }

@@ -141,6 +141,8 @@ pub struct Opened {
     pub(super) blocks: Option<Arc<dyn BlockSource>>,
     /// Imports memory of other programs, where the device does.
     pub(super) external_memory: Option<khr::external_memory_fd::Device>,
+    /// Asks the driver about a loss, where it tells.
+    pub(super) device_fault: Option<ext::device_fault::Device>,
     pub(super) family: u32,
     pub(super) physical: vk::PhysicalDevice,
     pub(super) has_budget: bool,
@@ -291,6 +293,8 @@ impl Gpu {
         let external_memory = offered
             .has_external_memory
             .then(|| khr::external_memory_fd::Device::new(&instance.raw, &device.raw));
+        let device_fault =
+            offered.has_device_fault.then(|| ext::device_fault::Device::new(&instance.raw, &device.raw));
         let work = options.work.unwrap_or_else(|| dispatch_of(info.kind));
         let reported = Reported::by(&instance, physical);
         Gpu(Arc::new(Opened {
@@ -308,6 +312,7 @@ impl Gpu {
             lock,
             blocks,
             external_memory,
+            device_fault,
             family,
             physical,
             has_budget: offered.has_budget,
@@ -383,7 +388,7 @@ impl Gpu {
         match result {
             vk::Result::ERROR_DEVICE_LOST => self.device.note_down(|| {
                 Error::device(
-                    format!("{name} was lost while {doing}"),
+                    format!("{name} was lost while {doing}{}", self.told()),
                     advice!["its driver was reset, often by a time limit for displays; what is open on it, sessions too, must be opened anew: try " {Remedy::SMALLER_JOB} ", or another " Device],
                 )
             }),

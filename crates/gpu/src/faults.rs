@@ -37,6 +37,8 @@ pub struct Faults {
     pub fail: Option<(Point, u64)>,
     /// Wait number N (from 0) since the device was opened runs out of time at once: the device hangs.
     pub hang: Option<u64>,
+    /// After a loss, the driver tells of an invalid read at this address.
+    pub told: Option<u64>,
     /// Fill fresh buffers with this word.
     pub poison: Option<u32>,
     /// Run the workgroups of every dispatch in another order, drawn from this seed, and wait between dispatches: slow.

@@ -6,6 +6,7 @@
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
 
+mod access;
 mod budget;
 pub mod caller;
 mod device;
@@ -32,9 +33,11 @@ mod rounding;
 mod schedule;
 pub mod spirv;
 mod state;
+mod told;
 
 use thirdbounce_base::{Error, Result, advice};
 
+pub use access::barriers;
 pub use budget::{Memory, check};
 pub use device::{Abilities, Accumulations, Gpu, GpuOptions, Limits, MOST_STORAGE, Opened};
 pub use exchange::{Counted, EXCHANGED, Exchange, Exchanged, Summed, is_left, room_for};

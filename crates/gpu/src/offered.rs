@@ -29,6 +29,8 @@ pub(super) struct Offered {
     pub rounding: bool,
     /// Memory of other programs and interfaces by a file descriptor.
     pub has_external_memory: bool,
+    /// The driver tells of a fault after a loss.
+    pub has_device_fault: bool,
 }
 
 impl Offered {
@@ -55,6 +57,7 @@ impl Offered {
         let offers = |name| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let mut atomic_float = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default();
         let mut statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
+        let mut device_fault = vk::PhysicalDeviceFaultFeaturesEXT::default();
         let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
         let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12);
         // A struct may be asked about only where its extension is there; else it stays zero.
@@ -63,6 +66,9 @@ impl Offered {
         }
         if offers(khr::pipeline_executable_properties::NAME) {
             features = features.push_next(&mut statistics);
+        }
+        if offers(ext::device_fault::NAME) {
+            features = features.push_next(&mut device_fault);
         }
         // SAFETY: the chained structs outlive the call.
         unsafe { instance.raw.get_physical_device_features2(physical, &mut features) };
@@ -89,6 +95,7 @@ impl Offered {
             rounding: controls.shader_rounding_mode_rte_float32 == vk::TRUE
                 && controls.rounding_mode_independence != vk::ShaderFloatControlsIndependence::NONE,
             has_external_memory: offers(khr::external_memory_fd::NAME),
+            has_device_fault: device_fault.device_fault == vk::TRUE,
         })
     }
 
@@ -100,6 +107,7 @@ impl Offered {
             (self.has_statistics, khr::pipeline_executable_properties::NAME),
             (self.is_subset, khr::portability_subset::NAME),
             (self.has_external_memory, khr::external_memory_fd::NAME),
+            (self.has_device_fault, ext::device_fault::NAME),
         ];
         all.into_iter().filter(|(offered, _)| *offered).map(|(_, name)| name).collect()
     }
@@ -121,6 +129,7 @@ impl Offered {
         // Other atomics on floats are another feature, which a device may lack.
         let mut use_float =
             vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
+        let mut use_device_fault = vk::PhysicalDeviceFaultFeaturesEXT::default().device_fault(true);
         let mut use_v12 = vk::PhysicalDeviceVulkan12Features::default()
             .timeline_semaphore(true)
             .shader_buffer_int64_atomics(self.int64);
@@ -139,6 +148,9 @@ impl Offered {
         }
         if self.has_statistics {
             create = create.push_next(&mut use_statistics);
+        }
+        if self.has_device_fault {
+            create = create.push_next(&mut use_device_fault);
         }
         // SAFETY: the physical device is the instance's; the chained structs outlive the call.
         unsafe { instance.raw.create_device(physical, &create, None) }.map_err(|e| {

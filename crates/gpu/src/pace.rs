@@ -14,8 +14,8 @@ use super::{Command, DeviceKind, Gpu, Size};
 /// Seconds of work in a submission.
 const SUBMISSION: f64 = 0.1;
 
-/// A dispatch cannot be divided once it is submitted, and an indirect one not at all, so each takes no more than this share of a second at the kind's rate: it
-/// ends in time on a device that is ten times slower, too. The rate of integrated ones is already that of the slowest, so
+/// A dispatch cannot be divided once it is submitted, so each takes no more than this share of a second at the kind's rate:
+/// it ends in time on a device that is ten times slower, too. The rate of integrated ones is already that of the slowest, so
 /// theirs is longer: four times as many dispatches would cost all of them.
 const DISPATCH: f64 = 0.04;
 const DISPATCH_OF_INTEGRATED: f64 = 0.16;
@@ -53,29 +53,34 @@ pub(super) fn dispatch_of(kind: DeviceKind) -> u64 {
     }
 }
 
-/// These commands with every direct dispatch of more than `most` turns in parts that have no more, if its workgroups can be
-/// so few. Together the parts run the same workgroups.
+/// These commands with every dispatch of more than `most` turns in parts that have no more, if its workgroups can be so few.
+/// Together the parts run the same workgroups; of an indirect dispatch, all that its bounds allow.
 pub(super) fn divided(commands: &[Command], most: u64) -> Cow<'_, [Command]> {
-    let is_long =
-        |c: &Command| c.work() > most && matches!(c, Command::Dispatch { size: Size::Groups(_), .. });
-    if !commands.iter().any(is_long) {
+    let long = |c: &Command| match c {
+        Command::Dispatch {
+            size: Size::Groups(groups) | Size::Indirect(_, _, Some(groups)), work, ..
+        } => (*work > most).then_some((*groups, *work)),
+        _ => None,
+    };
+    if !commands.iter().any(|c| long(c).is_some()) {
         return Cow::Borrowed(commands);
     }
     let mut all = Vec::with_capacity(2 * commands.len());
     for command in commands {
-        match command {
-            Command::Dispatch { size: Size::Groups(groups), work, .. } if *work > most => {
-                for [from, count] in boxes(*groups, *work, most) {
-                    let mut part = command.clone();
-                    if let Command::Dispatch { size, first, work: of_part, .. } = &mut part {
-                        *size = Size::Groups(count);
-                        *first = from;
-                        *of_part = share([count, *groups], *work);
-                    }
-                    all.push(part);
-                }
+        let Some((groups, work)) = long(command) else {
+            all.push(command.clone());
+            continue;
+        };
+        // The first workgroups run last: lavapipe (Mesa 22.3) adds the first workgroup of a dispatch to those of an
+        // indirect one after it.
+        for [from, count] in boxes(groups, work, most).into_iter().rev() {
+            let mut part = command.clone();
+            if let Command::Dispatch { size, first, work: of_part, .. } = &mut part {
+                *size = Size::Groups(count);
+                *first = from;
+                *of_part = share([count, groups], work);
             }
-            other => all.push(other.clone()),
+            all.push(part);
         }
     }
     Cow::Owned(all)
@@ -237,11 +242,17 @@ mod tests {
                 assert!(seen.is_empty() || sum >= work, "{groups:?} {work}: {sum}");
             }
         }
-        // Nothing is copied where nothing is long, and indirect dispatches stay whole.
+        // Nothing is copied where nothing is long, and indirect dispatches without bounds stay whole.
         assert!(matches!(divided(&of([1000, 1, 1], 100), 100), Cow::Borrowed(_)));
-        let mut s = Schedule::default();
-        s.indirect(Kernel::named("k"), crate::Buffer::named("b"), 0, 1000);
-        assert!(matches!(divided(&s.commands, 100), Cow::Borrowed(_)));
+        let indirect = |most: Option<[u32; 3]>| {
+            let mut s = Schedule::default();
+            let command = s.indirect(Kernel::named("k"), crate::Buffer::named("b"), 0, 1000);
+            most.map(|groups| command.at_most(groups));
+            s.commands
+        };
+        assert!(matches!(divided(&indirect(None), 100), Cow::Borrowed(_)));
+        assert!(matches!(divided(&indirect(Some([40, 1, 1])), 1000), Cow::Borrowed(_)), "none is long");
+        assert_eq!(*divided(&indirect(Some([40, 1, 1])), 100), *divided(&of([40, 1, 1], 1000), 100));
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 use ash::vk;
 
+use super::access::{Accesses, sizes_of};
 use super::execute::{Executor, Flight};
 use super::pipeline::Pipeline;
 use super::recording::Mark;
@@ -76,11 +77,12 @@ impl Executor {
                 device.cmd_reset_query_pool(c, queries, 0, stamps(commands, gpu.recorder.is_some()));
             }
             // Makes visible what earlier submissions wrote.
-            barrier(device, c);
+            barrier(device, c, Seen::BY_SIZES);
             // When this stamp is taken, everything that the next command may have to wait for is done.
             let mut last = stamp();
-            let Scratch { mut now, mut pending, stamps } = std::mem::take(&mut self.scratch);
+            let Scratch { mut now, mut pending, mut sizes, stamps } = std::mem::take(&mut self.scratch);
             pending.clear();
+            sizes_of(commands, &mut sizes);
             let mut labels = 0;
             for step in steps(commands, open) {
                 match step {
@@ -100,10 +102,11 @@ impl Executor {
                         gpu.close_label(c);
                     }
                     Step::Run(command) => {
-                        self.accesses(command, &mut now);
+                        now.take(command, |kernel| self.pipeline(kernel).bindings);
                         self.share(flight, &now.reads, &now.writes);
                         if pending.conflicts(&now) {
-                            barrier(device, c);
+                            let by_sizes = pending.write_any(&sizes);
+                            barrier(device, c, if by_sizes { Seen::BY_SIZES } else { Seen::BY_KERNELS });
                             pending.clear();
                             if gpu.recorder.is_some() {
                                 last = stamp();
@@ -121,34 +124,14 @@ impl Executor {
                 }
             }
             debug_assert_eq!(labels, 0, "as many labels are closed as were opened");
-            self.scratch = Scratch { now, pending, stamps };
-            // Makes results visible to the host.
-            barrier(device, c);
+            self.scratch = Scratch { now, pending, sizes, stamps };
+            let [_, writes] = &flight.shared;
+            if !writes.is_empty() {
+                barrier(device, c, Seen::BY_HOST);
+            }
             stamp();
             flight.stamps = taken;
             device.end_command_buffer(c).map_err(failed)
-        }
-    }
-
-    /// Puts the buffers that a command reads and writes into `into`.
-    fn accesses(&self, command: &Command, into: &mut Accesses) {
-        into.clear();
-        match command {
-            Command::Dispatch { size, bind, kernel, .. } => {
-                let bindings = self.pipeline(*kernel).bindings;
-                let named = |b: &super::Binding| bind.buffer_of(b.block);
-                into.reads.extend(bindings.iter().filter(|b| b.reads).map(named));
-                if let Size::Indirect(buffer, _) = size {
-                    into.reads.push(*buffer);
-                }
-                into.writes.extend(bindings.iter().filter(|b| b.writes).map(named));
-            }
-            Command::Copy { from, to, .. } => {
-                into.reads.push(*from);
-                into.writes.push(*to);
-            }
-            Command::Fill { buffer, .. } => into.writes.push(*buffer),
-            Command::Exchange(_) | Command::Stage(_) => {}
         }
     }
 
@@ -212,7 +195,7 @@ impl Executor {
                                 }
                             }
                         }
-                        Size::Indirect(buffer, offset) => {
+                        Size::Indirect(buffer, offset, _) => {
                             let b = self.arena.get(*buffer);
                             assert!(offset + 12 <= b.bytes, "`{kernel}`: arguments beyond `{buffer}`");
                             device.cmd_dispatch_indirect(c, b.handle, *offset);
@@ -248,74 +231,55 @@ pub(super) struct Scratch {
     now: Accesses,
     /// Those since the last barrier.
     pending: Accesses,
+    /// Those that sizes of dispatches are read from.
+    sizes: Vec<Buffer>,
     /// Time stamps that were read last.
     pub stamps: Vec<u64>,
 }
 
-/// Buffers that are read and written.
-#[derive(Default)]
-struct Accesses {
-    reads: Vec<Buffer>,
-    writes: Vec<Buffer>,
+/// What a barrier makes visible to. The host and the reader of dispatch sizes are outside the compute units: some GPUs
+/// write caches back or stop their front end for them.
+struct Seen(vk::PipelineStageFlags, vk::AccessFlags);
+
+const UNITS: vk::PipelineStageFlags = vk::PipelineStageFlags::from_raw(
+    vk::PipelineStageFlags::COMPUTE_SHADER.as_raw() | vk::PipelineStageFlags::TRANSFER.as_raw(),
+);
+
+impl Seen {
+    /// Kernels, copies and fills.
+    const BY_KERNELS: Seen = Seen(
+        UNITS,
+        vk::AccessFlags::from_raw(
+            vk::AccessFlags::SHADER_READ.as_raw()
+                | vk::AccessFlags::SHADER_WRITE.as_raw()
+                | vk::AccessFlags::UNIFORM_READ.as_raw()
+                | vk::AccessFlags::TRANSFER_READ.as_raw()
+                | vk::AccessFlags::TRANSFER_WRITE.as_raw(),
+        ),
+    );
+    /// These, and whatever reads the sizes of dispatches.
+    const BY_SIZES: Seen = Seen(
+        vk::PipelineStageFlags::from_raw(UNITS.as_raw() | vk::PipelineStageFlags::DRAW_INDIRECT.as_raw()),
+        vk::AccessFlags::from_raw(
+            Seen::BY_KERNELS.1.as_raw() | vk::AccessFlags::INDIRECT_COMMAND_READ.as_raw(),
+        ),
+    );
+    /// The host.
+    const BY_HOST: Seen = Seen(vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_READ);
 }
 
-impl Accesses {
-    /// Whether a barrier must stand between these and the `next` ones.
-    fn conflicts(&self, next: &Accesses) -> bool {
-        next.reads.iter().any(|r| self.writes.contains(r))
-            || next.writes.iter().any(|w| self.writes.contains(w) || self.reads.contains(w))
-    }
-
-    fn add(&mut self, more: &Accesses) {
-        self.reads.extend_from_slice(&more.reads);
-        self.writes.extend_from_slice(&more.writes);
-    }
-
-    fn clear(&mut self) {
-        self.reads.clear();
-        self.writes.clear();
-    }
-}
-
-/// Waits for everything before and makes it visible to everything after, indirect arguments and the host included.
-unsafe fn barrier(device: &ash::Device, c: vk::CommandBuffer) {
-    let before = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
-    let after = before | vk::PipelineStageFlags::DRAW_INDIRECT | vk::PipelineStageFlags::HOST;
+/// Waits for everything before, and makes it visible to `seen` after it.
+unsafe fn barrier(device: &ash::Device, c: vk::CommandBuffer, Seen(after, read): Seen) {
     let memory = [vk::MemoryBarrier::default()
         .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)
-        .dst_access_mask(
-            vk::AccessFlags::SHADER_READ
-                | vk::AccessFlags::SHADER_WRITE
-                | vk::AccessFlags::UNIFORM_READ
-                | vk::AccessFlags::TRANSFER_READ
-                | vk::AccessFlags::TRANSFER_WRITE
-                | vk::AccessFlags::INDIRECT_COMMAND_READ
-                | vk::AccessFlags::HOST_READ,
-        )];
+        .dst_access_mask(read)];
     // SAFETY: the caller is recording into `c`.
-    unsafe { device.cmd_pipeline_barrier(c, before, after, vk::DependencyFlags::empty(), &memory, &[], &[]) };
+    unsafe { device.cmd_pipeline_barrier(c, UNITS, after, vk::DependencyFlags::empty(), &memory, &[], &[]) };
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_barrier_stands_where_there_is_a_hazard_and_only_there() {
-        let mut p = Accesses::default();
-        let of =
-            |reads: &[Buffer], writes: &[Buffer]| Accesses { reads: reads.into(), writes: writes.into() };
-        let [a, b, c, d] = ["a", "b", "c", "d"].map(Buffer::named);
-        assert!(!p.conflicts(&of(&[a], &[b])));
-        p.add(&of(&[a], &[b]));
-        assert!(!p.conflicts(&of(&[a, c], &[d])), "read after read, and other buffers");
-        assert!(p.conflicts(&of(&[b], &[])), "read after write");
-        assert!(p.conflicts(&of(&[], &[a])), "write after read");
-        assert!(p.conflicts(&of(&[], &[b])), "write after write");
-        assert!(!p.conflicts(&of(&[b.at(0)], &[a.at(0)])), "one of several is another buffer");
-        p.clear();
-        assert!(!p.conflicts(&of(&[b], &[a, b])));
-    }
 
     #[test]
     fn every_command_has_a_label_inside_its_stage_and_all_are_closed() {

@@ -13,8 +13,9 @@ pub(super) const PUSH_WORDS: usize = 7;
 pub enum Size {
     /// Counts along x, y and z.
     Groups([u32; 3]),
-    /// Read from a buffer by the device: (buffer, byte offset of three counts).
-    Indirect(Buffer, u64),
+    /// Read from a buffer by the device: (buffer, byte offset of three counts, counts that they never exceed if they are
+    /// known).
+    Indirect(Buffer, u64, Option<[u32; 3]>),
 }
 
 /// Most blocks that a dispatch binds to other buffers.
@@ -154,8 +155,8 @@ impl Schedule {
         self.sized(kernel.into(), Size::Groups(groups), turns)
     }
 
-    /// Adds a dispatch whose three counts the device reads from `buffer`, at byte `offset`. It is not divided: whoever adds a
-    /// long one divides the work. `turns` as for [`Schedule::dispatch`].
+    /// Adds a dispatch whose three counts the device reads from `buffer`, at byte `offset`. It is divided only if it has
+    /// bounds ([`Command::at_most`]). `turns` as for [`Schedule::dispatch`].
     pub fn indirect(
         &mut self,
         kernel: impl Into<Kernel>,
@@ -163,7 +164,7 @@ impl Schedule {
         offset: u64,
         turns: u64,
     ) -> &mut Command {
-        self.sized(kernel.into(), Size::Indirect(buffer, offset), turns)
+        self.sized(kernel.into(), Size::Indirect(buffer, offset, None), turns)
     }
 
     fn sized(&mut self, kernel: Kernel, size: Size, work: u64) -> &mut Command {
@@ -227,6 +228,15 @@ impl Command {
         self
     }
 
+    /// The counts that the device reads are never above these, and workgroups beyond its counts do nothing. So the executor
+    /// can divide the dispatch if it is long. For indirect dispatches.
+    pub fn at_most(&mut self, groups: [u32; 3]) -> &mut Command {
+        if let Command::Dispatch { size: Size::Indirect(_, _, most), .. } = self {
+            *most = Some(groups);
+        }
+        self
+    }
+
     /// Sets the push constants, zero after those given. For dispatches.
     ///
     /// # Panics
@@ -266,7 +276,7 @@ impl fmt::Display for Schedule {
                     write!(f, "{kernel}")?;
                     match size {
                         Size::Groups([x, y, z]) => write!(f, " {x}x{y}x{z}")?,
-                        Size::Indirect(buffer, offset) => write!(f, " by {buffer}+{offset}")?,
+                        Size::Indirect(buffer, offset, _) => write!(f, " by {buffer}+{offset}")?,
                     }
                     for (block, buffer) in &*bind.0 {
                         write!(f, " {block}={buffer}")?;

@@ -144,7 +144,7 @@ impl Executor {
         for command in &schedule.commands {
             let mut command = command.clone();
             if let Command::Dispatch { size, .. } = &mut command
-                && let Size::Indirect(buffer, offset) = *size
+                && let Size::Indirect(buffer, offset, _) = *size
             {
                 part.commands.push(Command::Copy {
                     from: buffer,

@@ -6,7 +6,7 @@ use crate::gpu::{Buffer, Schedule};
 use crate::solve::adam::unbiased;
 use crate::solve::domain::{self, Dark};
 use crate::solve::over_pairs::{
-    arguments, compare, forward, gather, groups, over_parts, scene_of_sums, turns_of_finish,
+    compare, forward, gather, groups, over_active, over_parts, over_touched, scene_of_sums, turns_of_finish,
 };
 use crate::solve::passes::*;
 use crate::solve::plan::pass::Pass;
@@ -17,10 +17,7 @@ use crate::transport::kernels::*;
 /// `step` of the optimiser since its restart (from 1).
 pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32, step: u32) {
     let push = Push { iteration, step, ..Default::default() };
-    let [voxels, touched] = [plan.voxels_at(level), plan.touched_capacity].map(|v| v as u64);
-    s.indirect(&SAMPLE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE), 8 * voxels)
-        .bind(buffer::SCENE, level.scene)
-        .with(push);
+    over_active(s, plan, level, &SAMPLE, 8).with(push);
     over_parts(s, plan, level, |s, part| {
         forward(s, plan, level, part, &FORWARD);
         compare(s, plan, level, part, &RESIDUAL, push, None);
@@ -34,9 +31,7 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32, s
         gather(s, plan, level, part, &BACKWARD, 0, plan.residual());
     });
     // A touched voxel adds up what 27 samples may leave to it.
-    s.indirect(&UPDATE, buffer::ARGUMENTS, arguments(ARGUMENTS_UPDATE), 27 * touched)
-        .bind(buffer::SCENE, level.scene)
-        .with(unbiased(push, plan.betas, step));
+    over_touched(s, plan, level, &UPDATE, 27).with(unbiased(push, plan.betas, step));
     s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, level))
         .with(push);
@@ -56,19 +51,15 @@ pub fn initialise(s: &mut Schedule, plan: &Plan, level: &Level) {
         .bind(buffer::SCENE, level.scene)
         .bind(buffer::REACHABLE, level.reachable);
     domain::compact(s, plan, level);
-    s.indirect(&INITIALISE_RAW, buffer::ARGUMENTS, TOUCHED, plan.touched_capacity as u64)
-        .bind(buffer::SCENE, level.scene);
+    over_touched(s, plan, level, &INITIALISE_RAW, 1);
     restart(s, plan);
 }
-
-/// Arguments of a kernel with an invocation for every touched voxel.
-const TOUCHED: u64 = 12 * ARGUMENTS_UPDATE as u64;
 
 /// Domain reduction: smooth the active raw albedo, keep what is above the threshold (paper, section 3.3).
 /// Before ELU, all of it may be below zero: then the domain stays as it is.
 pub fn reduce(s: &mut Schedule, plan: &Plan, level: &Level, keep_above: f64) {
     domain::prune(s, plan, level, &GAUSSIAN_X, keep_above, plan.capacity, Dark::Stays);
-    domain::compact(s, plan, level);
+    domain::list(s, plan, level);
     for state in [buffer::RAW, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND] {
         carry(s, plan, level, &CARRY, state);
     }
@@ -78,10 +69,7 @@ pub fn reduce(s: &mut Schedule, plan: &Plan, level: &Level, keep_above: f64) {
 fn carry(s: &mut Schedule, plan: &Plan, level: &Level, how: &Pass, state: Buffer) {
     let [target, _] = plan.volumes;
     // Doubling interpolates between eight.
-    s.indirect(how, buffer::ARGUMENTS, TOUCHED, 8 * plan.touched_capacity as u64)
-        .bind(buffer::SCENE, level.scene)
-        .bind(buffer::SOURCE, state)
-        .bind(buffer::TARGET, target);
+    over_touched(s, plan, level, how, 8).bind(buffer::SOURCE, state).bind(buffer::TARGET, target);
     s.copy(target, state, plan.touched_capacity as u64 * 16);
 }
 

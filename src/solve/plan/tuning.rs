@@ -257,15 +257,23 @@ impl Tuning {
     }
 
     /// Workgroups of a gather at most, for up to `samples` samples.
-    pub(super) fn most_groups(&self, samples: usize) -> usize {
+    pub(in crate::solve) fn most_groups(&self, samples: usize) -> usize {
         // Where not all lanes share a sample, those of the samples are fewer than twice as many as fill the device.
         let whole = samples.div_ceil(self.voxels as usize);
         let lanes = (self.voxels * self.slices) as usize;
         whole.min(samples.div_ceil(lanes).max((2 * self.fill as usize).div_ceil(lanes) + 1))
     }
 
+    /// Chunks of voxels of a forward pass at most, for up to `voxels` voxels and so many `tiles`, as `chunks.glsl` divides
+    /// them.
+    pub(in crate::solve) fn most_chunks(&self, voxels: usize, tiles: u64) -> u64 {
+        // Where chunks are smaller, they are fewer than twice as many as fill the device.
+        let wanted = u64::from(self.forward_fill).div_ceil(tiles.max(1) * u64::from(self.lanes));
+        (voxels as u64).div_ceil(u64::from(self.chunk)).max(2 * wanted + 1)
+    }
+
     /// Tiles of pairs, along x, of a dispatch that renders so many pairs of so many scanned and other points.
-    pub(super) fn tiles(&self, geometry: Geometry, [pairs, scanned, others]: [usize; 3]) -> u64 {
+    pub(in crate::solve) fn tiles(&self, geometry: Geometry, [pairs, scanned, others]: [usize; 3]) -> u64 {
         let tiles = match geometry {
             Geometry::Product => {
                 scanned.div_ceil(self.lanes as usize) * others.div_ceil(self.others_forward as usize)

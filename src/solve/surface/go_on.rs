@@ -20,6 +20,8 @@ pub enum Beginning<'m> {
     Volume,
     /// That volume, and the surface of the frame before.
     Frame(GoOn<'m>),
+    /// The maps of a volume that is not on the device: its first surfaces are those of the solve, these are the second ones.
+    Kept(&'m Maps),
     /// Maps of another method, on the surface's own pixels.
     Maps,
 }

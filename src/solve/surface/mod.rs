@@ -82,18 +82,19 @@ pub(super) fn refine(
     beginning: Beginning<'_>,
 ) -> Result<Refined> {
     let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
-    let (on, with_volume) = match beginning {
-        Beginning::Volume => (None, true),
-        Beginning::Frame(on) => (Some(on), true),
-        Beginning::Maps => (None, false),
-    };
     let (volume, iterations) = (driven.level, options.iterations);
+    let level = job.plan.pixel_level.expect("a surface is part of the plan");
+    let (on, second) = match beginning {
+        Beginning::Volume => (None, Some(behind(job, &volume)?)),
+        Beginning::Frame(on) => (Some(on), Some(behind(job, &volume)?)),
+        Beginning::Kept(behind) => (None, Some(behind.clone())),
+        Beginning::Maps => (None, None),
+    };
     let skipped = if on.is_some() { iterations } else { 0 };
     let options = &SurfaceOptions { iterations: iterations + skipped, ..options.clone() };
-    let level = job.plan.pixel_level.expect("a surface is part of the plan");
-    let mut layers = match with_volume {
-        true => begun(job, &driven, level.grid.n[0] / volume.grid.n[0])?,
-        false => vec![driven.maps.clone()],
+    let mut layers = match second {
+        Some(second) => begun(job, &driven, second, level.grid.n[0] / volume.grid.n[0]),
+        None => vec![driven.maps.clone()],
     };
     if let (Some(on), [only]) = (&on, &mut layers[..]) {
         on.begin(only, volume.grid.pitch.z);
@@ -154,12 +155,16 @@ pub(super) fn refine(
     Ok(Refined { driven, left, pixels: pixels.len() })
 }
 
+/// The maps of the second surfaces in the columns of the volume that is on the device.
+pub(super) fn behind(job: &mut OnDevice, level: &Level) -> Result<Maps> {
+    job.executor.run_once(|s| extract_behind(s, level))?;
+    Ok(read_maps(&job.executor, &level.grid, job.plan.reflectance.has_normals()))
+}
+
 /// The maps that the surface begins with, one for each layer, with each pixel of the volume's divided into `factor` ×
 /// `factor`. A second layer is there only if the volume shows it.
-fn begun(job: &mut OnDevice, driven: &Driven, factor: usize) -> Result<Vec<Maps>> {
+fn begun(job: &OnDevice, driven: &Driven, second: Maps, factor: usize) -> Vec<Maps> {
     let level = driven.level;
-    job.executor.run_once(|s| extract_behind(s, &level))?;
-    let second = read_maps(&job.executor, &level.grid, job.plan.reflectance.has_normals());
     let least = least(&job.plan, &level.grid);
     let layers = layers::split(&driven.maps, &second, least);
     let layers = layers.map_or_else(|| vec![driven.maps.clone()], Vec::from);
@@ -169,7 +174,7 @@ fn begun(job: &mut OnDevice, driven: &Driven, factor: usize) -> Result<Vec<Maps>
     };
     let pixel = level.grid.pitch.x / factor as f64;
     layers.iter_mut().for_each(|maps| stairs::level(maps, level.grid.pitch.z, pixel));
-    Ok(layers)
+    layers
 }
 
 /// Pixels of the smallest region with two surfaces that counts.
@@ -203,7 +208,14 @@ fn steps(
         start: Box::new(|_, _| ()),
         iteration: Box::new(move |s, plan, level, i| {
             let blur = taps.and_then(|room| blur::number(i - begin, iterations).map(|k| (k + 1) * room));
-            iteration(s, plan, level, count, [i, i - begin, skipped], blur.map(|word| word as u32));
+            iteration(
+                s,
+                plan,
+                level,
+                count,
+                [i, i - begin, skipped, skipped + iterations],
+                blur.map(|word| word as u32),
+            );
         }),
         due: Box::new(move |s, _, _, done| {
             if (done - begin).is_multiple_of(RENEW) {

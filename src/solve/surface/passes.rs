@@ -10,6 +10,10 @@ use crate::transport::kernels::*;
 /// The surface's own model of reflectance. All other constants are the volume's.
 const REFLECTS: (Constant, Value) = (constant::REFLECTANCE, Value::Of(|p| p.reflectance.number()));
 
+/// Samples of one partial sum of [`SURFACE_COMBINE`].
+const SUMMED: (Constant, Value) =
+    (constant::SUMMED, Value::Of(|p| p.constant(constant::POINTS).unwrap_or(1) * WORKGROUP));
+
 /// The pass that renders the surface: the volume's, if both reflect alike.
 pub(super) fn forward_of(plan: &Plan) -> &'static Pass {
     if plan.reflectance == plan.volume_reflectance { &FORWARD } else { &SURFACE_FORWARD }
@@ -76,18 +80,19 @@ passes! {
         ..Pass::of("surface_pull", |_| &kernel::SURFACE_PULL)
     };
 
-    /// Updates depths and albedos by Adam.
+    /// Updates depths and albedos by Adam, and closes the iteration.
     SURFACE_STEP = Pass {
+        constants: &[SUMMED],
         faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", mend: &advice!["use a smaller " Peak] }],
         twin: twin!(surface_step),
         ..Pass::of("surface_step", |_| &kernel::SURFACE_STEP)
     };
 
-    /// Closes an iteration.
+    /// Closes a comparison without a step.
     SURFACE_FINISH = Pass {
         constants: &[
             (constant::ACCELERATED, Value::Is(0)),
-            (constant::SUMMED, Value::Of(|p| p.constant(constant::POINTS).unwrap_or(1) * WORKGROUP)),
+            SUMMED,
         ],
         twin: twin!(finish),
         ..Pass::of("surface_finish", |_| &kernel::FINISH)

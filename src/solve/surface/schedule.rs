@@ -16,6 +16,9 @@ use crate::transport::kernels::*;
 /// Turns of a kernel for a pixel: its eight neighbours and its four points.
 const NEAR: u64 = 8 + 4;
 
+/// Share of the iterations after which a pixel uses its own gradient only, as in `heights.glsl`.
+const NARROWED: f64 = 0.6;
+
 /// Decays of Adam's moments, as in `surface_step.comp`.
 const BETAS: [f64; 2] = [0.9, 0.99];
 
@@ -27,6 +30,7 @@ fn push(count: usize) -> Push {
 pub fn start(s: &mut Schedule, level: &Level, count: usize, points: usize) {
     s.fill(buffer::HEIGHT_MOMENTS, count as u64 * 16, 0);
     s.set(buffer::COUNTS, COUNT_ACTIVE, (points * count) as u32);
+    s.set(buffer::COUNTS, COUNT_ARRIVED, 0);
     size_passes(s, &level.rendered);
     bonds(s, level, count, 0);
 }
@@ -73,15 +77,16 @@ fn rendered(
     compare(s, plan, level, part, residual, Push::default(), through);
 }
 
-/// Iteration `i` of the whole solve (from 0), `at` of this surface, as if `skipped` had been before it: points, forward, weighted residual, gather,
-/// combine, pull, step, finish, for the next batch of pairs if there are batches. Residuals go back through the taps that begin at word `through` of `pulse_taps`, or
+/// Iteration `i` of the whole solve (from 0), `at` of this surface, as if `skipped` had been before it, of `all` with these:
+/// points, forward, weighted residual, gather, combine, pull while gradients are spread, step, for the next batch of
+/// pairs if there are batches. Residuals go back through the taps that begin at word `through` of `pulse_taps`, or
 /// through the pulse's own if there is one.
 pub fn iteration(
     s: &mut Schedule,
     plan: &Plan,
     level: &Level,
     count: usize,
-    [i, at, skipped]: [usize; 3],
+    [i, at, skipped, all]: [usize; 4],
     through: Option<u32>,
 ) {
     let scene = level.scene;
@@ -99,18 +104,16 @@ pub fn iteration(
         gather(s, plan, seen, part, &SURFACE_GATHER, 0, from);
     });
     together::add_up_losses(s, plan, seen, &SURFACE_FINISH, &[plan.gradients()]);
-    let (all, pixels, [around, _]) = (groups(count, WORKGROUP), count as u64, weights::around(level));
-    s.dispatch(&SURFACE_COMBINE, all, NEAR * pixels).bind(buffer::SCENE, scene).with(push);
-    s.dispatch(&SURFACE_PULL, all, around * pixels).bind(buffer::SCENE, scene).with(push);
-    s.dispatch(&SURFACE_STEP, all, around * pixels).bind(buffer::SCENE, scene).with(unbiased(
-        push,
-        BETAS,
-        at as u32 + 1,
-    ));
+    let (own, pixels, [around, _]) = (groups(count, WORKGROUP), count as u64, weights::around(level));
+    s.dispatch(&SURFACE_COMBINE, own, NEAR * pixels).bind(buffer::SCENE, scene).with(push);
+    if ((at + skipped) as f64) < NARROWED * all as f64 {
+        s.dispatch(&SURFACE_PULL, own, around * pixels).bind(buffer::SCENE, scene).with(push);
+    }
+    // The step closes the iteration.
     let push = Push { flags: together::finish_flags(plan), ..push };
-    s.dispatch(&SURFACE_FINISH, [1, 1, 1], turns_of_finish(plan))
+    s.dispatch(&SURFACE_STEP, own, around * pixels + turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, seen))
-        .with(push);
+        .with(unbiased(push, BETAS, at as u32 + 1));
 }
 
 /// Divides the measured histograms among the batches of pairs, and sizes the passes over one of them.

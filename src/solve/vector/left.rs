@@ -1,5 +1,7 @@
 //! What a fit leaves of pairs that it has not seen.
 
+use super::spread::Rows;
+use crate::capture::PulseTaps;
 use crate::solve::estimate::weighted_sum;
 use crate::transport::{Grid, HighPass, Model};
 
@@ -56,20 +58,36 @@ impl Unseen {
         rows
     }
 
-    /// Squares of each pair, also with every `sum` of its bins as one. Filtered ones have the weights of the objective: by
-    /// these the filter is symmetric.
+    /// The rows as they are judged: filtered ones have the weights of the objective, as by these the filter is symmetric.
+    fn judged(&self, rows: &[f64]) -> Vec<f64> {
+        if self.high_pass.is_some() { self.weighted(rows) } else { rows.to_vec() }
+    }
+
+    /// Of pulses for what was rendered with sharp paths, the one that leaves the least ([`Rows::best`]), and what it leaves.
+    pub fn spread(&self, pulses: &[PulseTaps]) -> Option<(usize, Left)> {
+        let rendered: Vec<f64> = self.rows[0].iter().zip(&self.rows[1]).map(|(d, m)| m + d).collect();
+        let [rendered, measured] = [&rendered, &self.rows[1]].map(|rows| self.judged(rows));
+        let rows = Rows { rendered: &rendered, measured: &measured, bins: self.roots.len().max(1) };
+        let (at, pairs) = rows.best(pulses)?;
+        Some((at, Left { pairs, wide: vec![], noise: self.noise_left() }))
+    }
+
+    /// Squared differences of all pairs that photon noise alone makes, as they are judged. 0 if it is not known.
+    fn noise_left(&self) -> f64 {
+        let (cells, bins) = (self.rows[0].len() as f64, self.roots.len());
+        self.high_pass.map_or(0.0, |f| self.noise * cells * f.of_noise(bins, self.bin_width))
+    }
+
+    /// Squares of each pair, also with every `sum` of its bins as one.
     pub fn left(&self, sum: usize) -> Left {
         let bins = self.roots.len().max(1);
-        let rows = self.rows.each_ref().map(|rows| match self.high_pass {
-            Some(_) => self.weighted(rows),
-            None => rows.clone(),
-        });
+        let rows = self.rows.each_ref().map(|rows| self.judged(rows));
         let squares = |sum: usize| {
             let of =
                 |row: &[f64]| row.chunks_exact(sum).map(|bins| bins.iter().sum::<f64>().powi(2)).sum::<f64>();
             rows[0].chunks(bins).zip(rows[1].chunks(bins)).map(|(d, m)| [of(d), of(m)]).collect()
         };
-        Left { pairs: squares(1), wide: squares(sum) }
+        Left { pairs: squares(1), wide: squares(sum), noise: self.noise_left() }
     }
 
     /// [`HighPass::bands`] of the weighted differences, over photon noise.
@@ -87,18 +105,28 @@ pub struct Left {
     pub pairs: Vec<[f64; 2]>,
     /// The same in the wider bins of a volume.
     pub wide: Vec<[f64; 2]>,
+    /// Squared differences of all pairs that photon noise alone makes: no fit leaves less. 0 if it is not known.
+    pub noise: f64,
 }
 
 impl Left {
     /// The same in the wider bins of a volume.
     pub fn in_wide_bins(&self) -> Left {
-        Left { pairs: self.wide.clone(), wide: self.wide.clone() }
+        Left { pairs: self.wide.clone(), wide: self.wide.clone(), noise: 0.0 }
     }
 
     /// The share of the squares that is left.
     pub fn share(&self) -> f64 {
-        let sum = |k: usize| self.pairs.iter().map(|p| p[k]).sum::<f64>();
-        sum(0) / sum(1)
+        self.pairs.iter().map(|p| p[0]).sum::<f64>() / self.squares()
+    }
+
+    /// The share of the squares that is photon noise.
+    pub fn noise_share(&self) -> f64 {
+        self.noise / self.squares()
+    }
+
+    fn squares(&self) -> f64 {
+        self.pairs.iter().map(|p| p[1]).sum()
     }
 
     /// Whether this is less than what another trial leaves of the same pairs, beyond chance: the mean difference over
@@ -118,12 +146,12 @@ mod tests {
 
     /// What is left of each pair, of squares of 100.
     fn left(pairs: impl IntoIterator<Item = f64>) -> Left {
-        Left { pairs: pairs.into_iter().map(|p| [p, 100.0]).collect(), wide: vec![] }
+        Left { pairs: pairs.into_iter().map(|p| [p, 100.0]).collect(), wide: vec![], noise: 0.0 }
     }
 
     #[test]
     fn the_share_is_that_of_all_squares() {
-        let of = Left { pairs: vec![[1.0, 10.0], [3.0, 90.0]], wide: vec![] };
+        let of = Left { pairs: vec![[1.0, 10.0], [3.0, 90.0]], wide: vec![], noise: 0.0 };
         assert_eq!(of.share(), 0.04);
     }
 

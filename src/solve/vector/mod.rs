@@ -37,6 +37,7 @@ mod options;
 pub mod passes;
 mod prepared;
 mod schedule;
+mod spread;
 mod trial;
 
 pub use devices::reconstruct_on;

@@ -6,7 +6,7 @@ use super::passes::*;
 use crate::gpu::{Command, Schedule};
 use crate::solve::domain::{self, Dark};
 use crate::solve::over_pairs::{
-    arguments, compare, forward, gather, groups, instrument_back, light, over_parts, pair_chunks,
+    compare, forward, gather, groups, instrument_back, light, over_active, over_parts, pair_chunks,
     scene_of_sums, turns_of_finish, work_of,
 };
 use crate::solve::passes::{FINISH, FORWARD, RESIDUAL_BOUND, objective};
@@ -78,7 +78,7 @@ pub fn start(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOptio
     s.set(buffer::MOMENTUM, MOMENTUM_SHARE, (options.step_share as f32).to_bits());
     project(s, plan, level);
     s.copy_word(buffer::COUNTS, COUNT_PEAK_SMOOTH, COUNT_PEAK_PROJECTED);
-    domain::keep(s, plan, level, options.domain.start_above, plan.capacity, Dark::Goes);
+    domain::keep(s, plan, level, options.domain.start_above, plan.capacity, None);
     // The maximum of a back-projection says nothing about albedo: no roughness until there is one.
     s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
     settle(s, plan, level, &SETTLE);
@@ -88,10 +88,7 @@ pub fn start(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOptio
 /// Samples the active voxels, at the point that the momentum extrapolates to.
 pub(super) fn extrapolate(s: &mut Schedule, plan: &Plan, level: &Level, push: Push) {
     // A voxel looks at its six neighbours.
-    let turns = 6 * plan.voxels_at(level) as u64;
-    s.indirect(&EXTRAPOLATE, buffer::ARGUMENTS, arguments(ARGUMENTS_SAMPLE), turns)
-        .bind(buffer::SCENE, level.scene)
-        .with(push);
+    over_active(s, plan, level, &EXTRAPOLATE, 6).with(push);
 }
 
 /// One iteration: extrapolate (and roughness), forward, weighted residual, step, finish.
@@ -134,6 +131,7 @@ pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut u
         let room = plan.capacity / (wide * wide * deep);
         domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, room, Dark::Goes);
         domain::double_mask(s, here, fine);
+        domain::count(s, fine);
         settle(s, plan, fine, &SETTLE_DOUBLED);
         bounds(s, plan, fine, expected(&EXPECT_DOUBLED));
         *level += 1;
@@ -151,31 +149,21 @@ pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut u
     }
 }
 
-/// Follows a new mask: lists, vectors and bounds in their new slots, points, momentum at rest. The pass `how` moves
-/// them.
+/// Follows a new mask whose bricks are counted: lists, vectors and bounds in their new slots, points, momentum at rest. The
+/// pass `how` moves them.
 pub(super) fn settle(s: &mut Schedule, plan: &Plan, level: &Level, how: &Pass) {
-    domain::compact(s, plan, level);
-    let (sample, voxels) = (arguments(ARGUMENTS_SAMPLE), plan.voxels_at(level) as u64);
+    domain::list(s, plan, level);
     // Doubling interpolates between eight.
-    s.indirect(how, buffer::ARGUMENTS, sample, 8 * voxels).bind(buffer::SCENE, level.scene);
-    let slots = plan.capacity as u64;
-    s.copy(buffer::BEFORE, buffer::RAW, slots * 16);
-    s.copy(buffer::GRADIENT, buffer::BOUNDS, slots * 8);
-    for (index, value) in [(MOMENTUM_T, 1.0f32), (MOMENTUM_BETA, 0.0), (MOMENTUM_OBJECTIVE, f32::INFINITY)] {
-        s.set(buffer::MOMENTUM, index, value.to_bits());
-    }
-    s.indirect(&POINTS, buffer::ARGUMENTS, sample, voxels).bind(buffer::SCENE, level.scene);
+    over_active(s, plan, level, how, 8);
+    over_active(s, plan, level, &POINTS, 1).with(Push { flags: 1, ..Default::default() });
 }
 
 /// D and lambda of the active voxels. `expected` is the pass that estimates brightness, and the power of it that
 /// weights D; without it all voxels weigh alike. Voxels that become active later have no bound and stay zero until the
 /// next call, so the bounds of the others still hold.
 pub(super) fn bounds(s: &mut Schedule, plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) {
-    let scene = level.scene;
-    let (sample, voxels) = (arguments(ARGUMENTS_SAMPLE), plan.voxels_at(level) as u64);
     if let Some((pass, power)) = expected {
-        s.indirect(pass, buffer::ARGUMENTS, sample, 8 * voxels)
-            .bind(buffer::SCENE, scene)
+        over_active(s, plan, level, pass, 8)
             .bind(buffer::SOURCE, plan.volumes[0])
             .with(Push { flags: (power as f32).to_bits(), ..Default::default() });
     }
@@ -200,6 +188,6 @@ pub(super) fn bounds(s: &mut Schedule, plan: &Plan, level: &Level, expected: Opt
         together::end(s, plan, level, pass, plan.residual());
     }
     if expected.is_some() {
-        s.indirect(&POINTS, buffer::ARGUMENTS, sample, voxels).bind(buffer::SCENE, scene);
+        over_active(s, plan, level, &POINTS, 1);
     }
 }

@@ -32,6 +32,8 @@ pub struct Trial {
     memory: Option<u64>,
     /// A volume of its own, once there is one. It was fitted with the first pulse that was tried.
     own: Option<Own>,
+    /// What the last surface rendered for the pairs that judge it.
+    last: Option<Unseen>,
 }
 
 /// The volume that surfaces begin with.
@@ -39,6 +41,8 @@ pub struct Trial {
 pub struct Own {
     /// Its maps.
     pub maps: Maps,
+    /// The second surfaces in its columns.
+    pub behind: Maps,
     /// What it leaves of the pairs that it has not seen.
     pub left: Left,
 }
@@ -49,7 +53,7 @@ pub enum Start {
     /// A volume of its own. Surfaces of all pulses begin with it.
     Own,
     /// The volume of another trial, with one cosine, as the volume before a Lambertian surface has.
-    Of(Box<Maps>),
+    Of(Box<Own>),
 }
 
 impl Trial {
@@ -63,7 +67,7 @@ impl Trial {
         memory: Option<u64>,
     ) -> Trial {
         let sides = Sides::of(capture, &grid, &options);
-        Trial { gpu: gpu.clone(), sides, grid, options, memory, own: None }
+        Trial { gpu: gpu.clone(), sides, grid, options, memory, own: None, last: None }
     }
 
     /// Gives the fits, and what judges them, a high-pass of this length (metres of path) and floor.
@@ -89,8 +93,9 @@ impl Trial {
         let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
         make_ready(&mut job)?;
         let driven = solve_volume(&self.gpu, &mut job, &options, watch, None, None)?;
+        let behind = surface::behind(&mut job, &driven.level)?;
         let unseen = self.sides.judge_volume(&mut job, &plan_of_held, &driven.level)?;
-        self.own = Some(Own { maps: driven.maps, left: unseen.left(1) });
+        self.own = Some(Own { maps: driven.maps, behind, left: unseen.left(1) });
         Ok(unseen.bands(length))
     }
 
@@ -120,37 +125,53 @@ impl Trial {
             }
         });
         let begun = match start {
-            Start::Own => self.own.as_ref().map(|own| own.maps.clone()),
-            Start::Of(maps) => Some(*maps),
+            Start::Own => self.own.clone(),
+            Start::Of(own) => Some(*own),
         };
         let judges_volume = begun.is_none();
         let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, judges_volume)?;
         let last = plan_of_held.pixel_level.expect("a trial has a surface");
         let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan.clone(), self.memory)?;
-        let driven = match begun {
-            Some(maps) => {
+        let (driven, behind) = match begun {
+            Some(Own { maps, behind, .. }) => {
                 job.executor.run_once(|s| surface::cleared(s, &job.plan))?;
                 let level = job.plan.levels.iter().rfind(|l| l.grid.n[0] == maps.nx);
-                Driven::begun(maps, *level.unwrap_or(job.plan.finest()))
+                (Driven::begun(maps, *level.unwrap_or(job.plan.finest())), behind)
             }
             None => {
                 make_ready(&mut job)?;
                 let driven = solve_volume(&self.gpu, &mut job, &options, watch, None, None)?;
+                let behind = surface::behind(&mut job, &driven.level)?;
                 let left = self.sides.judge_volume(&mut job, &plan_of_held, &driven.level)?.left(1);
                 job.put(self.sides.seen.clone(), plan)?;
-                self.own = Some(Own { maps: driven.maps.clone(), left });
-                driven
+                self.own = Some(Own { maps: driven.maps.clone(), behind: behind.clone(), left });
+                (driven, behind)
             }
         };
-        let refined =
-            surface::refine(&self.gpu, &mut job, &options.surface, watch, driven, Beginning::Volume)?;
+        let kept = Beginning::Kept(&behind);
+        let refined = surface::refine(&self.gpu, &mut job, &options.surface, watch, driven, kept)?;
+        self.last = None;
         if refined.pixels == 0 {
             return Ok(None);
         }
         let s = Schedule::of(|s| surface::render(s, &plan_of_held, &last, refined.pixels, &RESIDUAL, None));
         // In the bins of a volume too ([`Trial::fit_volume`]).
         let sum = if self.options.general { 1 } else { sum_of(&self.sides.held, &self.grid) };
-        Ok(Some(self.sides.judge(&mut job, plan_of_held, &last, s)?.left(sum)))
+        let unseen = self.sides.judge(&mut job, plan_of_held, &last, s)?;
+        let left = unseen.left(sum);
+        self.last = Some(unseen);
+        Ok(Some(left))
+    }
+
+    /// Of `pulses` for the light of the last surface, which had sharp paths, the one that leaves the least: its place, and what
+    /// it leaves if light may also move along time and change its strength. `None` if no surface was found, or it is dark.
+    ///
+    /// # Errors
+    /// A pulse without taps.
+    pub fn spread(&self, pulses: &[Pulse]) -> Result<Option<(usize, Left)>> {
+        let taps = pulses.iter().map(|p| p.taps(self.sides.held.bin_width));
+        let taps = taps.collect::<Result<Vec<_>>>()?;
+        Ok(self.last.as_ref().and_then(|unseen| unseen.spread(&taps)))
     }
 
     /// Fits a volume and no surface, with paths spread by `pulse`. After each number of `iterations`, which rise, `go_on` hears

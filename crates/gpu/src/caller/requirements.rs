@@ -77,6 +77,7 @@ impl Features {
             has_statistics: false,
             is_subset: self.portability_subset,
             has_external_memory: self.external_memory_fd,
+            has_device_fault: false,
             ..offered
         })
     }

@@ -50,7 +50,7 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))?;
     let mut s = zeroed(&job, &[buffer::COUNTS, buffer::HISTOGRAMS]);
     surface::start(&mut s, &level, pixels.len(), points);
-    surface::iteration(&mut s, &job.plan, &level, pixels.len(), [0, 0, 0], None);
+    surface::iteration(&mut s, &job.plan, &level, pixels.len(), [0, 0, 0, 1], None);
     job.executor.run(&s)?;
 
     let mut all = vec![];

@@ -122,12 +122,13 @@ pub fn grow(
     domain::remember(s, plan, level);
     let parts: usize = plan.levels.iter().map(|l| l.parts[0] * l.parts[0] * l.parts[1]).product();
     let first = &plan.levels[0];
-    domain::keep(s, plan, first, above, (plan.capacity / parts).max(1), Dark::Goes);
+    domain::keep(s, plan, first, above, (plan.capacity / parts).max(1), None);
     for two in plan.levels.windows(2).filter(|two| two[0].grid != two[1].grid) {
         domain::double_mask(s, &two[0], &two[1]);
     }
     let words = level.grid.storage() / 32;
     s.dispatch(&JOIN, groups(words, WORKGROUP), words as u64).bind(buffer::SCENE, level.scene);
+    domain::count(s, level);
     settle(s, plan, level, &SETTLE);
     // The bounds and the roughness go by the albedo again, not by the back-projection.
     domain::smooth(s, plan, level, &GAUSSIAN_X, None);

@@ -1,0 +1,146 @@
+//! What a driver tells of a lost device (VK_EXT_device_fault), for the error of the loss.
+
+use std::ffi::{CStr, c_char};
+
+use ash::{ext, vk};
+
+use super::Gpu;
+
+/// Addresses, and codes of the vendor, that an error names at most.
+const NAMED: usize = 4;
+
+/// A fault as the driver tells it.
+#[derive(Debug, Default)]
+struct Told {
+    description: String,
+    addresses: Vec<vk::DeviceFaultAddressInfoEXT>,
+    vendor: Vec<vk::DeviceFaultVendorInfoEXT>,
+}
+
+impl Gpu {
+    /// The end of the error of a loss: what the driver tells of it. Empty where it tells nothing.
+    pub(super) fn told(&self) -> String {
+        let injected = self.struck.as_ref().and_then(|s| s.faults.told).map(|address| Told {
+            addresses: vec![vk::DeviceFaultAddressInfoEXT {
+                address_type: vk::DeviceFaultAddressTypeEXT::READ_INVALID,
+                reported_address: address,
+                address_precision: 1,
+            }],
+            ..Told::default()
+        });
+        let told = injected.or_else(|| self.device_fault.as_ref().and_then(asked)).unwrap_or_default();
+        told.text()
+    }
+}
+
+/// Asks the driver; `None` if it does not answer.
+fn asked(of: &ext::device_fault::Device) -> Option<Told> {
+    let ask = of.fp().get_device_fault_info_ext;
+    let mut counts = vk::DeviceFaultCountsEXT::default();
+    // SAFETY: the device is lost, which is when this may be called. Without a second struct only counts are written.
+    unsafe { ask(of.device(), &mut counts, std::ptr::null_mut()) }.result().ok()?;
+    let mut told = Told {
+        addresses: vec![Default::default(); counts.address_info_count as usize],
+        vendor: vec![Default::default(); counts.vendor_info_count as usize],
+        ..Told::default()
+    };
+    // The binary for the vendor's own tools is of no use in an error.
+    counts.vendor_binary_size = 0;
+    let mut info = vk::DeviceFaultInfoEXT {
+        p_address_infos: told.addresses.as_mut_ptr(),
+        p_vendor_infos: told.vendor.as_mut_ptr(),
+        ..Default::default()
+    };
+    // SAFETY: both lists have as many members as `counts` says, and outlive the call. If there are more faults by now, the
+    // driver writes as many as there is room for and says VK_INCOMPLETE.
+    let answer = unsafe { ask(of.device(), &mut counts, &mut info) };
+    if !matches!(answer, vk::Result::SUCCESS | vk::Result::INCOMPLETE) {
+        return None;
+    }
+    told.description = text_of(&info.description);
+    told.addresses.truncate(counts.address_info_count as usize);
+    told.vendor.truncate(counts.vendor_info_count as usize);
+    Some(told)
+}
+
+/// A driver's text, up to its first zero.
+fn text_of(chars: &[c_char]) -> String {
+    let bytes: &[u8] = bytemuck::cast_slice(chars);
+    let text = CStr::from_bytes_until_nul(bytes).map_or(bytes, CStr::to_bytes);
+    String::from_utf8_lossy(text).trim().into()
+}
+
+impl Told {
+    fn text(&self) -> String {
+        let of_driver = Some(self.description.clone()).filter(|text| !text.is_empty());
+        let addresses = self.addresses.iter().filter_map(place).take(NAMED);
+        let codes = self.vendor.iter().take(NAMED).map(|v| {
+            format!("{} {:#x} {:#x}", text_of(&v.description), v.vendor_fault_code, v.vendor_fault_data)
+        });
+        let all: Vec<_> = of_driver.into_iter().chain(addresses).chain(codes).collect();
+        if all.is_empty() { String::new() } else { format!("; its driver tells: {}", all.join(", ")) }
+    }
+}
+
+/// The address of a fault, as exactly as it is known.
+fn place(info: &vk::DeviceFaultAddressInfoEXT) -> Option<String> {
+    use vk::DeviceFaultAddressTypeEXT as Type;
+    let what = match info.address_type {
+        Type::READ_INVALID => "invalid read at",
+        Type::WRITE_INVALID => "invalid write at",
+        Type::EXECUTE_INVALID => "execution of invalid memory at",
+        Type::INSTRUCTION_POINTER_INVALID => "invalid instruction at",
+        Type::INSTRUCTION_POINTER_FAULT | Type::INSTRUCTION_POINTER_UNKNOWN => "fault of the instruction at",
+        _ => return None,
+    };
+    let at = info.reported_address;
+    // A power of two, if the driver keeps to the specification.
+    let last_bits = info.address_precision.max(1).wrapping_sub(1);
+    Some(match last_bits {
+        0 => format!("{what} {at:#x}"),
+        _ => format!("{what} {:#x} to {:#x}", at & !last_bits, at | last_bits),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn chars(text: &str) -> [c_char; vk::MAX_DESCRIPTION_SIZE] {
+        let mut all = [0; vk::MAX_DESCRIPTION_SIZE];
+        all.iter_mut().zip(text.bytes()).for_each(|(c, b)| *c = b as c_char);
+        all
+    }
+
+    #[test]
+    fn an_error_names_what_the_driver_tells_and_only_that() {
+        assert_eq!(Told::default().text(), "");
+        let at = |address_type, reported_address, address_precision| vk::DeviceFaultAddressInfoEXT {
+            address_type,
+            reported_address,
+            address_precision,
+        };
+        let none = Told { addresses: vec![at(vk::DeviceFaultAddressTypeEXT::NONE, 7, 1)], ..Told::default() };
+        assert_eq!(none.text(), "");
+        let told = Told {
+            description: text_of(&chars(" MMU fault ")),
+            addresses: vec![
+                at(vk::DeviceFaultAddressTypeEXT::WRITE_INVALID, 0x12_3456, 0x1000),
+                at(vk::DeviceFaultAddressTypeEXT::INSTRUCTION_POINTER_FAULT, 0x20, 0),
+            ],
+            vendor: vec![vk::DeviceFaultVendorInfoEXT {
+                description: chars("engine"),
+                vendor_fault_code: 13,
+                vendor_fault_data: 255,
+            }],
+        };
+        assert_eq!(
+            told.text(),
+            "; its driver tells: MMU fault, invalid write at 0x123000 to 0x123fff, fault of the instruction at 0x20, engine 0xd 0xff"
+        );
+        let many = vec![at(vk::DeviceFaultAddressTypeEXT::READ_INVALID, 1, 1); 9];
+        assert_eq!(Told { addresses: many, ..Told::default() }.text().matches("invalid read").count(), NAMED);
+        // A text without an end is taken whole.
+        assert_eq!(text_of(&[b'x' as c_char; 4]), "xxxx");
+    }
+}
