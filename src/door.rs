@@ -10,9 +10,11 @@ use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::session::{Session, SessionOptions};
 use crate::solve::option::Value;
-use crate::solve::{Discretisation, Progress, Ready, TracePoint, VolumeMap, Watch, conclude};
+use crate::solve::{
+    Bins, Discretisation, Progress, Ready, SolverOptions, TracePoint, VolumeMap, Watch, conclude,
+};
 use crate::transport::Volume;
-use crate::trials::{self, Ask, Choice, Resolved};
+use crate::trials::{self, Ask, Choice, Found, Resolved};
 use crate::{Error, Result};
 
 type Hear = Arc<Mutex<dyn FnMut(&Progress) -> ControlFlow<()> + Send>>;
@@ -49,6 +51,7 @@ impl Options {
     /// underscores.
     #[must_use]
     pub fn set(mut self, name: &'static str, value: impl Into<Value>) -> Options {
+        self.choice.options.retain(|(known, _)| *known != name);
         self.choice.options.push((name, value.into()));
         self
     }
@@ -94,18 +97,23 @@ impl Options {
     /// # Errors
     /// Options, scan, memory or device do not allow the solve.
     pub fn session(&self, gpu: &Gpu, frame: &Capture, options: SessionOptions) -> Result<Session> {
-        let tuned = self.resolved(frame)?.tune(gpu, frame, self.memory, &mut |p| self.tell(p))?;
-        let (summed, sum) = self.how.summed(&tuned.solver, Cow::Borrowed(&tuned.scan))?;
-        let grid = self.how.grid(&tuned.solver, &summed)?;
+        frame.check_scan()?;
+        if !frame.histograms.is_empty() {
+            frame.check_counts(&frame.histograms)?;
+        }
+        Maps::check_mask_fraction(options.mask_fraction)?;
+        let memory = options.memory.or(self.memory);
+        let how = Discretisation { bins: options.sum.map_or(self.how.bins, Bins::Sum), ..self.how };
+        let (_, solver, scan) = self.settled(gpu, frame, how, memory)?;
+        let Ready { grid, sum, .. } = how.ready(&solver, Cow::Borrowed(&scan))?;
         let options = SessionOptions {
-            sum: options.sum.or(Some(sum)),
-            memory: options.memory.or(self.memory),
+            sum: Some(sum),
+            memory,
             mask_fraction: options.mask_fraction.or(self.mask_fraction),
             with_volume: options.with_volume || self.with_volume,
             ..options
         };
-        let grid = (options.sum == Some(sum)).then_some(grid);
-        Session::new(gpu, &tuned.scan, grid, &tuned.solver, options)
+        Session::new(gpu, &scan, Some(grid), &solver, options)
     }
 
     fn tell(&self, progress: &Progress) -> ControlFlow<()> {
@@ -113,15 +121,51 @@ impl Options {
         hear.lock().unwrap_or_else(PoisonError::into_inner)(progress)
     }
 
+    /// What quick solves find, the solver that follows, and the capture with the pulse.
+    fn settled<'c>(
+        &self,
+        gpu: &Gpu,
+        capture: &'c Capture,
+        how: Discretisation,
+        memory: Option<u64>,
+    ) -> Result<(Found, SolverOptions, Cow<'c, Capture>)> {
+        let resolved = self.resolved(capture)?;
+        // What does not fit is told before any trial.
+        how.grid(&resolved.solver, capture)?;
+        let ask = Ask {
+            solver: &resolved.solver,
+            models: &resolved.models,
+            find_pulse: resolved.find_pulse(),
+            discretisation: how,
+            memory,
+        };
+        let found = match capture.histograms.iter().any(|v| *v > 0.0) {
+            true => trials::find(&ask, capture, gpu, &mut |progress| self.tell(progress))?,
+            false => Found::default(),
+        };
+        let (solver, capture) = found.settle(&resolved.solver, &resolved.models, capture)?;
+        Ok((found, solver, capture))
+    }
+
     fn resolved(&self, capture: &Capture) -> Result<Resolved> {
         self.choice.check()?;
+        Maps::check_mask_fraction(self.mask_fraction)?;
         if let Some(name) = self.choice.foreign() {
             return Err(Error::options(
                 format!("{} has no option {name}", self.choice.solver_name()),
                 "take it from `thirdbounce help reconstruct`, with underscores",
             ));
         }
-        Ok(self.choice.resolve(capture))
+        let resolved = self.choice.resolve(capture);
+        // An option that does not take a value does not give it back.
+        let refuses = |(name, value): &&(&str, Value)| resolved.solver.get(name).is_some_and(|v| v != *value);
+        if let Some((name, value)) = self.choice.options.iter().find(refuses) {
+            return Err(Error::options(
+                format!("the option {name} cannot be {value:?}"),
+                "give a whole number, a number with a point, a bool or a word, as `thirdbounce help reconstruct` lists it",
+            ));
+        }
+        Ok(resolved)
     }
 }
 
@@ -157,25 +201,15 @@ pub struct Solved {
 /// `Kind::Options` and `Kind::Input`: options that make no sense or do not fit the capture. `Kind::Memory`: more than there
 /// is. `Kind::Device`: the device fails. `Kind::Cancelled`: [`Options::watch`] said so.
 pub fn reconstruct(gpu: &Gpu, capture: &Capture, options: &Options) -> Result<Solved> {
-    let resolved = options.resolved(capture)?;
-    Maps::check_mask_fraction(options.mask_fraction)?;
+    capture.check()?;
     let (how, memory) = (options.how, options.memory);
-    // What does not fit is told before any trial.
-    how.grid(&resolved.solver, capture)?;
-    let ask = Ask {
-        solver: &resolved.solver,
-        models: &resolved.models,
-        find_pulse: resolved.find_pulse(),
-        discretisation: how,
-        memory,
-    };
-    let mut hear = |progress: &Progress| options.tell(progress);
-    let found = trials::find(&ask, capture, gpu, &mut hear)?;
-    let (solver, capture) = found.settle(&resolved.solver, &resolved.models, capture)?;
+    let (found, solver, capture) = options.settled(gpu, capture, how, memory)?;
     let Ready { capture, grid, .. } = how.ready(&solver, capture)?;
+    let mut hear = |progress: &Progress| options.tell(progress);
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
     let mut result = solver.solve(gpu, &capture, grid, memory, options.with_volume, &mut watch)?;
     conclude(&capture, options.mask_fraction.or(solver.usual_mask()), &mut result, &mut []);
+    result.trace.iter_mut().for_each(|point| point.seconds += found.seconds);
     let (notes, seconds) = (found.notes(), found.seconds + result.solve_seconds);
     Ok(Solved { maps: result.maps, volume: result.volume, notes, trace: result.trace, seconds })
 }

@@ -86,4 +86,4 @@ pub use thirdbounce_gpu::caller::{
 #[doc(inline)]
 pub use thirdbounce_gpu::{DeviceInfo, DeviceKind, Gpu, GpuOptions, Place, devices};
 #[doc(inline)]
-pub use thirdbounce_maps::maps::{Layer, Maps, Truth};
+pub use thirdbounce_maps::maps::{Layer, Maps};

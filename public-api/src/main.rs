@@ -10,7 +10,10 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::{env, fs};
 
-use syn::{Attribute, Fields, File, ImplItem, Item, ItemImpl, ItemMod, TraitItem, Type, UseTree, Visibility};
+use syn::{
+    Attribute, Fields, FieldsNamed, FieldsUnnamed, File, ImplItem, Item, ItemImpl, ItemMod, TraitItem, Type,
+    UseTree, Visibility,
+};
 
 /// An item that is no module, and the path of its module.
 type Placed = (Vec<String>, Item);
@@ -30,13 +33,19 @@ fn main() {
             leaves(&u.tree, &mut vec![], &mut passed_on);
         }
     }
-    let mut listing = vec![];
+    let mut listing: Vec<&Item> = vec![];
     for path in passed_on {
         let is_other = crates.contains_key(&path[0]);
         let (of, path) =
             if is_other { (&crates[&path[0]], &path[1..]) } else { (&crates["crate"], &path[..]) };
-        listing.extend(found(of, path));
+        for item in found(of, path) {
+            // A module may have brought it already.
+            if !listing.iter().any(|known| std::ptr::eq(*known, item)) {
+                listing.push(item);
+            }
+        }
     }
+    let mut listing: Vec<Item> = listing.into_iter().cloned().collect();
     keep(&mut listing);
     print!("{}", prettyplease::unparse(&File { shebang: None, attrs: vec![], items: listing }));
 }
@@ -86,9 +95,9 @@ fn leaves(tree: &UseTree, before: &mut Vec<String>, into: &mut Vec<Vec<String>>)
 }
 
 /// What a path names: a module's items, or an item with its implementations.
-fn found(of: &[Placed], path: &[String]) -> Vec<Item> {
+fn found<'a>(of: &'a [Placed], path: &[String]) -> Vec<&'a Item> {
     let (name, module) = path.split_last().expect("a path");
-    let whole: Vec<_> = of.iter().filter(|(m, _)| m == path).map(|(_, item)| item.clone()).collect();
+    let whole: Vec<_> = of.iter().filter(|(m, _)| m == path).map(|(_, item)| item).collect();
     if !whole.is_empty() {
         return whole;
     }
@@ -100,7 +109,7 @@ fn found(of: &[Placed], path: &[String]) -> Vec<Item> {
     let near = |m: &[String]| all.len() == 1 || m.starts_with(place);
     let implementations =
         of.iter().filter(|(m, item)| near(m) && implements(item).is_some_and(|i| i == *name));
-    [item.clone()].into_iter().chain(implementations.map(|(_, item)| item.clone())).collect()
+    [item].into_iter().chain(implementations.map(|(_, item)| item)).collect()
 }
 
 /// The name that an item defines.
@@ -175,12 +184,15 @@ fn keep(items: &mut Vec<Item>) {
         }
         Item::Struct(s) => {
             let whole = s.fields.len();
-            if let Fields::Named(fields) = &mut s.fields {
-                let shown = |f: &syn::Field| public(&f.vis) && !hidden(&f.attrs);
-                fields.named = std::mem::take(&mut fields.named).into_iter().filter(shown).collect();
-            }
+            let (Fields::Named(FieldsNamed { named: fields, .. })
+            | Fields::Unnamed(FieldsUnnamed { unnamed: fields, .. })) = &mut s.fields
+            else {
+                return false;
+            };
+            let shown = |f: &syn::Field| public(&f.vis) && !hidden(&f.attrs);
+            *fields = std::mem::take(fields).into_iter().filter(shown).collect();
             let shown = shows(&mut s.attrs, &s.vis);
-            // The first private field breaks code that builds the struct from its fields.
+            // Code that builds the struct needs more than the fields that show.
             if s.fields.len() < whole {
                 s.attrs.push(syn::parse_quote!(#[private_fields]));
             }

@@ -120,6 +120,7 @@ impl Summary {
     }
 }
 
+#[doc(hidden)]
 impl Capture {
     /// The summary of the capture.
     pub fn summary(&self) -> Summary {
