@@ -343,6 +343,9 @@ impl Capture {
     pub fn has_whole_counts(&self) -> bool {}
 }
 impl Capture {
+    pub fn summary(&self) -> Summary {}
+}
+impl Capture {
     pub fn new(
         scan: [usize; 2],
         laser: Vec<DVec3>,
@@ -353,6 +356,15 @@ impl Capture {
     ) -> Capture {}
     pub fn with(mut self, change: impl FnOnce(&mut Capture)) -> Capture {}
 }
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum PairKind {
+    Confocal,
+    OneLaser,
+    OneSensor,
+    Exhaustive { lasers: usize, sensors: usize },
+    Irregular,
+}
+impl std::fmt::Display for PairKind {}
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Pulse {
@@ -388,6 +400,41 @@ impl Reflectance {
     pub fn name(self) -> &'static str {}
     pub fn has_normals(self) -> bool {}
 }
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[non_exhaustive]
+pub struct Summary {
+    pub name: String,
+    pub scan: [usize; 2],
+    pub pairs: usize,
+    pub bins: usize,
+    pub bin_width_m: f64,
+    pub bin_width_ps: f64,
+    pub pulse_fwhm_m: Option<f64>,
+    pub spots_m: [Option<f64>; 2],
+    pub t_start_m: f64,
+    pub t_end_m: f64,
+    pub pair_kind: PairKind,
+    pub dropped_pairs: usize,
+    pub resolution: [usize; 2],
+    pub confocal: bool,
+    pub planar: bool,
+    pub wall_extent_m: [f64; 4],
+    pub wall_depth_m: [f64; 2],
+    pub signal_bins: Option<[usize; 2]>,
+    pub peak: f64,
+    pub peak_bin: usize,
+    pub peak_pair: usize,
+    pub total: f64,
+    pub pairs_with_signal: usize,
+    pub integer_counts: bool,
+    pub laser_normals: bool,
+    pub sensor_normals: bool,
+    pub normals_estimated: bool,
+}
+impl Summary {
+    pub fn of(capture: &Capture) -> Summary {}
+}
+impl std::fmt::Display for Summary {}
 #[derive(Debug, Clone, Copy)]
 pub struct Block {
     pub memory: vk::DeviceMemory,

@@ -78,7 +78,7 @@ pub use thirdbounce_base::advice::{self, Advice};
 #[doc(inline)]
 pub use thirdbounce_base::{Error, Kind, Result};
 #[doc(inline)]
-pub use thirdbounce_capture::{Capture, Pulse, Reflectance};
+pub use thirdbounce_capture::{Capture, PairKind, Pulse, Reflectance, Summary};
 #[doc(inline)]
 pub use thirdbounce_gpu::caller::{
     Block, BlockSource, Features, Imported, Lent, Moment, QueueLock, Requirements, Vulkan, requirements,

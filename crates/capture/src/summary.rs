@@ -120,7 +120,6 @@ impl Summary {
     }
 }
 
-#[doc(hidden)]
 impl Capture {
     /// The summary of the capture.
     pub fn summary(&self) -> Summary {
