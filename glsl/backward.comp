@@ -4,6 +4,9 @@
 // fill the device, several lanes share one (slices.glsl).
 // Writes dLoss / d(raw variables at the sample point): the chain rule through ELU, tanh and normalize ends here,
 // update.comp applies the adjoint of the interpolation.
+// Where pairs come in parts, the walk goes on from the sums before it: a lane that owns its voxel alone adds in the same
+// order as over all pairs at once, so parts end with the bits of the whole. Adam makes whole steps of a rounding error
+// where a gradient is near zero. Lambertian sums are finished at the end of every walk, so they are added.
 // EXACT = 0 leaves the falloff out of the gradient, as the paper does: the exact gradient of the objective
 // weighted by the falloff.
 #version 460
@@ -30,9 +33,15 @@ void main() {
     bool owned = slot < counts[COUNT_ACTIVE];
     vec4 s = owned ? sample_points[slot] : vec4(0.0);
     vec4 n = owned && NORMALS ? sample_normals[slot] : vec4(0.0, 0.0, -1.0, 1.0);
+    bool more = (push.flags & BACKWARD_CONTINUE) != 0u && owned && seat.slice == 0u;
+    vec4 before = more ? gradient[slot] : vec4(0.0);
+    if (REFLECTANCE != LAMBERTIAN) {
+        if (NORMALS) aside = before.yzw;
+        else along = before.x;
+    }
     vec4 sum = together(seat, owned ? gather_slope(s.xyz, n.xyz, seat.slice, seat.slices) : vec4(0.0));
     if (seat.slice != 0u || !owned) return;
-    if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += gradient[slot];
+    if (REFLECTANCE == LAMBERTIAN) sum += before;
     if ((push.flags & BACKWARD_FINISH) != 0u) {
         float albedo = s.w;
         vec4 g = vec4(sum.x + scene.l1_scale * sign(albedo), sum.yzw * albedo);

@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use thirdbounce::maps::{Maps, percentile};
+use thirdbounce::job::benchmark::{CLOSED_FORMS, Consensus};
+use thirdbounce::maps::Maps;
 
 use super::sheet::Sheet;
 use super::{Arguments, Run, read_run};
@@ -22,17 +23,6 @@ const ALL: [(&str, &str, &[&str], bool); 8] = [
 /// Simulated by others, without truth.
 const OTHERS: [(&str, &str, &[&str], bool); 1] =
     [("U, one sensor point", "sim_U_nonconfocal_64.npz", &[], true)];
-
-const CLOSED_FORMS: [&str; 4] = ["lct", "fk", "phasor", "fbp"];
-
-/// Light farther than this from the consensus is beside it, in 64ths of the picture.
-const NEAR: f64 = 3.0;
-
-/// What several maps show alike, over the extent and by the pixels of the first.
-struct Consensus {
-    /// The first map, with the consensus as mask.
-    maps: Maps,
-}
 
 pub fn all(arguments: &Arguments, data: &Path, sheet: &mut Sheet) {
     println!(
@@ -101,86 +91,4 @@ fn closed_forms(arguments: &Arguments, name: &str, capture: &Path, options: &[&s
         let again = || arguments.run(capture, &folder, &[options, &["--solver", method]].concat());
         read_run(&folder).or_else(again)
     })
-}
-
-impl Consensus {
-    /// The mean of the albedo maps, each over its 99.5th percentile, above Otsu's threshold. `None` without maps.
-    fn of(all: &[&Maps]) -> Option<Consensus> {
-        let mut maps = Maps::clone(all.first()?);
-        let white = |m: &Maps| percentile(&m.albedo, 99.5).unwrap_or(0.0).max(f32::MIN_POSITIVE);
-        let whites: Vec<f32> = all.iter().map(|m| white(m)).collect();
-        maps.albedo = centres(&maps)
-            .map(|[x, y]| {
-                let at = |m: &Maps| m.pixel_at(x, y).map_or(0.0, |p| m.albedo[p]);
-                let each = all.iter().zip(&whites).map(|(m, white)| (at(m) / white).clamp(0.0, 1.0));
-                each.sum::<f32>() / all.len() as f32
-            })
-            .collect();
-        let threshold = otsu(&maps.albedo);
-        maps.mask = maps.albedo.iter().map(|a| *a > threshold).collect();
-        Some(Consensus { maps })
-    }
-
-    /// Intersection over union of a mask with the consensus, which is dark beyond its extent.
-    fn agreement(&self, other: &Maps) -> f64 {
-        let (mut both, mut either) = (0.0, 0.0);
-        for (pixel, [x, y]) in centres(&self.maps).enumerate() {
-            let (here, there) = (self.maps.mask[pixel], other.pixel_at(x, y).is_some_and(|p| other.mask[p]));
-            both += f64::from(u8::from(here && there));
-            either += f64::from(u8::from(here || there));
-        }
-        let beyond =
-            |(pixel, [x, y]): (usize, [f64; 2])| other.mask[pixel] && self.maps.pixel_at(x, y).is_none();
-        let outside = centres(other).enumerate().filter(|at| beyond(*at)).count();
-        both / (either + outside as f64 * area(other) / area(&self.maps)).max(1.0)
-    }
-
-    /// Share of a mask's albedo that is not near the consensus; 1 without any.
-    fn beside(&self, other: &Maps) -> f64 {
-        let [x0, x1, ..] = self.maps.extent;
-        let near = NEAR * (x1 - x0) / 64.0;
-        let bright: Vec<[f64; 2]> =
-            centres(&self.maps).zip(&self.maps.mask).filter(|(_, mask)| **mask).map(|(at, _)| at).collect();
-        let (mut all, mut beside) = (0.0, 0.0);
-        for (pixel, [x, y]) in centres(other).enumerate().filter(|(pixel, _)| other.mask[*pixel]) {
-            let light = f64::from(other.albedo[pixel]);
-            all += light;
-            if !bright.iter().any(|[u, v]| (u - x).hypot(v - y) <= near) {
-                beside += light;
-            }
-        }
-        if all > 0.0 { beside / all } else { 1.0 }
-    }
-}
-
-/// Centres of all pixels, in the order of maps.
-fn centres(maps: &Maps) -> impl Iterator<Item = [f64; 2]> + '_ {
-    (0..maps.nx * maps.ny).map(|i| maps.centre(i / maps.ny, i % maps.ny))
-}
-
-/// Area of a pixel.
-fn area(maps: &Maps) -> f64 {
-    let [x0, x1, y0, y1] = maps.extent;
-    (x1 - x0) * (y1 - y0) / (maps.nx * maps.ny) as f64
-}
-
-/// The threshold between two classes of values from 0 to 1 that are farthest apart (Otsu 1979).
-fn otsu(values: &[f32]) -> f32 {
-    const STEPS: usize = 256;
-    let step = |i: usize| (i as f64 + 0.5) / STEPS as f64;
-    let mut counts = [0.0; STEPS];
-    values.iter().for_each(|v| counts[((v * STEPS as f32) as usize).min(STEPS - 1)] += 1.0);
-    let total: f64 = counts.iter().sum();
-    let sum: f64 = counts.iter().enumerate().map(|(i, c)| c * step(i)).sum();
-    let (mut below, mut sum_below, mut best) = (0.0, 0.0, (0.0, 0));
-    for (i, count) in counts.iter().enumerate() {
-        below += count;
-        sum_below += count * step(i);
-        let above = total - below;
-        let apart = below * above * (sum_below / below - (sum - sum_below) / above).powi(2);
-        if apart > best.0 {
-            best = (apart, i + 1);
-        }
-    }
-    best.1 as f32 / STEPS as f32
 }

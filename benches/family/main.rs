@@ -1,5 +1,5 @@
 //! What a user gets who gives a file and nothing else, over scenes that nobody chose: the random family of
-//! `tests/fixtures/src/family.rs`, meshes of natural shapes, and real captures against the closed-form methods. Prints rows,
+//! `src/job/benchmark/family/mod.rs`, meshes of natural shapes, and real captures against the closed-form methods. Prints rows,
 //! means and the worst tenth.
 //!
 //!     cargo bench --bench family -- [family|meshes|captures|all] [--seeds A..B] [--program PATH] [--keep DIR]

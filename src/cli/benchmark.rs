@@ -1,4 +1,4 @@
-//! `thirdbounce benchmark DIR`.
+//! `thirdbounce benchmark [DIR]`.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,8 @@ use std::process::ExitCode;
 
 use thirdbounce::Result;
 use thirdbounce::export::benchmark::Case;
-use thirdbounce::job::benchmark::{Caller, Scene, Source, benchmark, found_in};
+use thirdbounce::files::atomic;
+use thirdbounce::job::benchmark::{Caller, Scene, Source, benchmark, family, found_in};
 use thirdbounce::job::{self, Benchmark, Comparison, Input, Loaded, Turn};
 use thirdbounce::solve::Progress;
 
@@ -20,13 +21,20 @@ const STOPPED: u8 = 130;
 #[derive(clap::Args)]
 #[command(after_help = METHODS)]
 pub struct Args {
-    /// Folder of scenes: captures with a truth beside them (the truth of NAME.npz is NAME_truth.npz, truth_NAME.npz or
-    /// truth/NAME.npz), and NAME.scene with the arguments of simulate, whose captures are made
-    folder: PathBuf,
-    /// Folder for the page, a folder for each case, and the captures that are made [default: benchmark in DIR]
+    /// Folder of scenes: captures (the truth of NAME.npz is NAME_truth.npz, truth_NAME.npz or truth/NAME.npz; without one,
+    /// methods are judged by what closed-form methods agree on), and NAME.scene with the arguments of simulate, or with
+    /// family and the seed of a random scene, whose captures are made
+    folder: Option<PathBuf>,
+    /// Scenes of the program's own, beside those of the folder: random ones, and two with 8 × 8 to 64 × 64 points [default:
+    /// without a folder]
+    #[arg(long)]
+    own: bool,
+    /// Folder for the page, a folder for each case, and the captures that are made [default: benchmark, in DIR if there is
+    /// one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// A method (see below). May be repeated, or separate several with ; [default: all]
+    /// A method (see below). May be repeated, or separate several with ; [default: all, with
+    /// 300 iterations of paper if there are scenes of the program's own]
     #[arg(long, visible_alias = "methods", value_name = "METHOD", value_delimiter = ';')]
     method: Vec<String>,
     /// Draw photon counts from every scene that has exact values, with a mean of P in the strongest bin; one case for
@@ -40,31 +48,83 @@ pub struct Args {
     how: HowArgs,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode> {
-    let how = &args.how;
-    let specs = how.specs(&args.method, &["all"])?;
-    how.check()?;
-    Comparison::check_repeats(args.repeats)?;
-    let found = found_in(&args.folder)?;
-    let without = found.without_truth.iter().map(|file| format!("{} has no truth beside it", file.display()));
-    how.say(&without.collect::<Vec<_>>());
+/// The scenes of the program's own: names, and what stands in their files. Two scanned at more and more points, then others,
+/// then seeds of the random family that nothing was tuned to, without walls behind their things.
+fn own() -> Vec<(String, String)> {
+    let scanned = |n: usize| {
+        ["figure", "torus"].map(|of| {
+            (format!("{of}-{n:02}x{n:02}"), format!("{of} --scan {n} --bin-width 1cm --model lambertian\n"))
+        })
+    };
+    let mut all: Vec<_> = [8, 16, 32, 64].into_iter().flat_map(scanned).collect();
+    all.sort();
+    let others = [
+        ("letters-SU", "letters-SU --model lambertian"),
+        ("spheres", "spheres --model lambertian"),
+        ("figure-10-photons", "figure --model lambertian --photons 10 --dark 0.05"),
+    ];
+    all.extend(others.map(|(name, text)| (name.into(), format!("{text}\n"))));
+    let seeds = (40..).filter(|seed| family::Case::of(*seed).back.is_none()).take(4);
+    all.extend(seeds.map(|seed| (format!("family-{seed}"), format!("family {seed}\n"))));
+    all
+}
+
+/// Writes the files of the program's own scenes, but for those that are there already.
+fn write_own(folder: &Path) -> Result<()> {
+    for (name, text) in own() {
+        let file = folder.join(format!("{name}.scene"));
+        if !std::fs::read_to_string(&file).is_ok_and(|there| there == text) {
+            atomic::write(&file, text.as_bytes())?;
+        }
+    }
+    Ok(())
+}
+
+/// What a file of a scene asks for.
+fn source_of(file: PathBuf) -> Result<Source> {
+    let text = std::fs::read_to_string(&file).unwrap_or_default();
+    let words: Vec<&str> = text.split_whitespace().collect();
+    if let ["family", seed] = words[..]
+        && let Ok(seed) = seed.parse()
+    {
+        return Ok(Source::Family { file, seed });
+    }
+    let what = Box::new(super::simulate::scene_of(&file)?);
+    Ok(Source::Simulation { file, what })
+}
+
+/// The scenes of a folder.
+fn scenes_of(folder: &Path) -> Result<Vec<Scene>> {
+    let found = found_in(folder)?;
     let there = found
         .captures
         .into_iter()
         .map(|(name, file, truth)| Ok(Scene { name, source: Source::Capture { file, truth } }));
-    let made = found.scenes.into_iter().map(|(name, file)| {
-        let what = Box::new(super::simulate::scene_of(&file)?);
-        Ok(Scene { name, source: Source::Simulation { file, what } })
+    let made = found.scenes.into_iter().map(|(name, file)| Ok(Scene { name, source: source_of(file)? }));
+    there.chain(made).collect()
+}
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let how = &args.how;
+    let owns = args.own || args.folder.is_none();
+    // A thousand iterations of every scene would take hours.
+    let usual: &[&str] = if owns { &["all", "paper:iterations=300,name=paper"] } else { &["all"] };
+    let specs = how.specs(&args.method, usual)?;
+    how.check()?;
+    Comparison::check_repeats(args.repeats)?;
+    let mut scenes = args.folder.as_deref().map(scenes_of).transpose()?.unwrap_or_default();
+    let out = args.out.clone().unwrap_or_else(|| {
+        args.folder.as_deref().map_or_else(|| "benchmark".into(), |folder| folder.join("benchmark"))
     });
+    if owns {
+        let folder = out.join("scenes");
+        write_own(&folder)?;
+        scenes.extend(scenes_of(&folder)?);
+    }
     let mut options = how.told(&specs)?;
     options.push(format!("repeats {}", args.repeats));
-    let what = Benchmark {
-        scenes: there.chain(made).collect::<Result<_>>()?,
-        photons: args.photons.clone(),
-        seed: how.solver.choice().seed(),
-        out: args.out.clone().unwrap_or_else(|| args.folder.join("benchmark")),
-        options,
-    };
+    let what =
+        Benchmark { scenes, photons: args.photons.clone(), seed: how.solver.choice().seed(), out, options };
     interrupt::take_care();
     let mut running = Running { args, specs, turns: Turns::new(how.quiet) };
     let done = benchmark(&what, &mut running);

@@ -24,7 +24,8 @@ Methods:
   trace-every and no-preview of reconstruct. name=... sets the name in plots and folders. Options that a method does
   not set are taken from the options given here. The other methods are compared with the first. The curve of vector
   begins with the preview that reconstruct shows first, unless no-preview says otherwise.
-  all stands for every method of this version; those whose assumptions the capture breaks are left out.
+  all stands for every method of this version that does not stand beside it; those whose assumptions the capture breaks
+  are left out.
     --method paper --method paper:learning-rate=0.3,name=slow --method paper:sampling=fixed,no-reduce
     --method 'paper;paper:iterations=300,double-every=50'";
 
@@ -137,12 +138,15 @@ impl HowArgs {
         }
         let base = self.solver.choice();
         let mut specs = vec![];
-        for text in if named.is_empty() { usual.to_vec() } else { named } {
+        let asked_for = if named.is_empty() { usual.to_vec() } else { named };
+        for &text in &asked_for {
             if text != "all" {
                 specs.push(methods::parse(text, &base)?);
                 continue;
             }
-            for name in every() {
+            // What stands beside all by itself is not run twice.
+            let alone = |name: &&str| !asked_for.iter().any(|text| text.split(':').next() == Some(*name));
+            for name in every().filter(alone) {
                 specs.push(methods::Spec { is_optional: true, ..methods::parse(name, &base)? });
             }
         }

@@ -153,8 +153,8 @@ impl Found {
 /// Finds what is asked for, by quick solves of parts of `capture`, which has counts.
 ///
 /// # Errors
-/// The device fails, or `hear` cancels a trial ([`Kind::Cancelled`]). If a trial fails otherwise, the usual model and
-/// sharp paths stay, and the solve itself reports what is wrong.
+/// The device fails or has too little memory, or `hear` cancels a trial ([`Kind::Cancelled`]). If a trial fails otherwise, the
+/// usual model and sharp paths stay, and the solve itself reports what is wrong.
 pub fn find(
     ask: &Ask<'_>,
     capture: &Capture,
@@ -183,6 +183,8 @@ pub fn find(
     let (answer, failed) = match searched {
         Ok(answer) => (answer, None),
         Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
+        // The device refuses what is less than the solve needs. A budget may allow the solve in parts.
+        Err(e) if e.kind == Kind::Memory && ask.memory.is_none() => return Err(e),
         Err(e) => {
             let pulse = (find_pulse == FindPulse::Always).then_some(Shape::SHARP);
             (Answer { reflectance: usual, pulse, refuted: None }, Some(e.what))

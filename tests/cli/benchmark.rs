@@ -64,22 +64,29 @@ fn a_killed_benchmark_ends_with_one_page_of_all_cases() {
     assert_eq!(done.status.code(), Some(0), "{}", stderr(&done));
     let after = times(&out);
     let names: Vec<&str> = after.keys().map(String::as_str).collect();
-    assert_eq!(names, ["ball", "ball-photons-100", "square", "square-photons-100"]);
+    // Nobody draws photons from what has no truth.
+    assert_eq!(names, ["alone", "ball", "ball-photons-100", "square", "square-photons-100"]);
     assert!(before.iter().all(|(name, time)| after[name] == *time), "{before:?} {after:?}");
-    assert!(stderr(&done).contains("ball is done already"), "{}", stderr(&done));
-    assert!(stderr(&done).contains("alone.npz has no truth"), "{}", stderr(&done));
+    assert!(stderr(&done).contains("alone is done already"), "{}", stderr(&done));
     assert!(stdout(&done).contains("| case | lct | bp |"), "{}", stdout(&done));
 
     let [markdown, html] = page(&out);
     for name in names {
-        let title = name.replace("-photons-100", ", 100 photons");
+        let title = name.replace("-photons-100", ", 100 photons").replace("alone", "alone (agreement)");
         assert!(markdown.contains(&format!("\n## {title}\n")), "{markdown}");
         assert!(html.contains(&format!("<h2>{title}</h2>")));
     }
-    assert_eq!(html.matches("data:image/png;base64,").count(), 4);
+    assert_eq!(html.matches("data:image/png;base64,").count(), 5);
+    let parts = [
+        "Agreement: the capture",
+        "Where the first method is not the best",
+        "What others print",
+        "the measure of Shim",
+    ];
+    assert!(parts.iter().all(|part| markdown.contains(part) && html.contains(part)), "{markdown}");
     let rows: Value = serde_json::from_slice(&std::fs::read(out.join("benchmark.json")).unwrap()).unwrap();
     let rows = rows.as_array().unwrap();
-    assert_eq!(rows.len(), 8);
+    assert_eq!(rows.len(), 10);
     for row in rows {
         assert!(row["best_iou"].as_f64().unwrap() > 0.2 && row["seconds"].as_f64().unwrap() > 0.0, "{row}");
     }
@@ -114,7 +121,7 @@ fn a_case_that_fails_stops_no_other() {
         "{said}"
     );
     let all: Vec<String> = times(&folder.path().join("results")).into_keys().collect();
-    assert_eq!(all, ["counts", "square", "square-photons-10"]);
+    assert_eq!(all, ["alone", "counts", "square", "square-photons-10"]);
     let [markdown, _] = page(&folder.path().join("results"));
     assert!(markdown.contains("## Left out") && markdown.contains("bad failed:"), "{markdown}");
 }
@@ -137,4 +144,23 @@ fn what_is_no_benchmark_is_refused() {
     std::fs::write(&scene, "plane --colour red").unwrap();
     refused(&[], "--colour");
     assert!(!folder.path().join("benchmark").exists());
+}
+
+/// Fifteen scenes of the program's own and one of a folder: by the fastest methods, as all take most of an hour.
+#[test]
+#[ignore = "long: make soak"]
+fn scenes_of_its_own_need_no_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("page").display().to_string();
+    let fast = ["--methods", "lct;bp", "--lateral", "32", "--trace-every", "0", "--out", &out];
+    succeed(&[&["benchmark"], &fast[..]].concat());
+    let page = page(folder.path().join("page").as_path())[0].clone();
+    let cases = ["figure-08x08", "torus-64x64", "letters-SU", "figure-10-photons", "family-40"];
+    assert!(cases.iter().all(|case| page.contains(&format!("\n## {case}\n"))), "{page}");
+    let scene = folder.path().join("mine.scene");
+    std::fs::write(&scene, "family 3").unwrap();
+    let at = folder.path().display().to_string();
+    succeed(&[&["benchmark", &at, "--own"], &fast[..]].concat());
+    let text = std::fs::read_to_string(folder.path().join("page/benchmark.md")).unwrap();
+    assert!(text.contains("\n## mine\n") && text.contains("\n## torus-64x64\n"), "{text}");
 }

@@ -146,7 +146,13 @@ fn parts_end_as_the_whole_for_every_kind_of_pairs() {
         }
         let options = paper(NoiseTerm::Bin);
         let of = |gpu| solve(gpu, &options, &capture, None).expect("it solves");
-        assert_same(&format!("paper, {name}"), &of(&whole), &of(&small_for_paper));
+        let [all, parts] = [of(&whole), of(&small_for_paper)];
+        assert_same(&format!("paper, {name}"), &all, &parts);
+        // A lane of a CPU owns its voxel alone, and walks on from part to part. It takes several rows of other points at once.
+        if whole.abilities().kind == DeviceKind::Cpu && !name.starts_with("exhaustive") {
+            let bits = |r: &Reconstruction| r.maps.albedo.iter().map(|a| a.to_bits()).collect::<Vec<_>>();
+            assert_eq!(bits(&all), bits(&parts), "paper, {name}");
+        }
     }
 }
 

@@ -16,6 +16,7 @@ use super::page::escaped;
 use crate::advice::Advice;
 use crate::error::{Error, Result};
 use crate::files::atomic;
+use crate::measure::PaperMeasure;
 
 /// Everything that was run.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,6 +42,8 @@ pub struct Case {
     pub was_there: bool,
     /// It went wrong.
     pub failed: bool,
+    /// It has no truth: figures say how far a method agrees with what the closed-form methods show together.
+    pub agreed: bool,
     /// Why there is no comparison.
     pub why: Option<String>,
     /// What to do about it.
@@ -60,6 +63,7 @@ impl Case {
             folder: folder.into(),
             was_there: false,
             failed,
+            agreed: false,
             why: Some(why.what.clone()),
             remedy: Some(why.mend.clone()),
             seconds: 0.0,
@@ -70,6 +74,7 @@ impl Case {
     fn title(&self) -> String {
         match self.photons {
             Some(p) => format!("{}, {p} photons", self.scene),
+            None if self.agreed => format!("{} (agreement)", self.scene),
             None => self.scene.clone(),
         }
     }
@@ -91,6 +96,8 @@ struct Row<'p> {
     best_iou: Option<f64>,
     depth_mae: Option<f64>,
     normal_error_deg: Option<f64>,
+    agreed: bool,
+    paper: PaperMeasure,
 }
 
 /// A figure of the tables.
@@ -101,7 +108,7 @@ struct Figured {
     value: fn(&MethodReport) -> Option<f64>,
 }
 
-const FIGURES: [Figured; 5] = [
+const FIGURES: [Figured; 7] = [
     Figured {
         title: "Best IoU over shares of the brightest albedo",
         digits: 3,
@@ -122,7 +129,66 @@ const FIGURES: [Figured; 5] = [
         value: |m| m.metrics.at_best?.normal_error_deg,
     },
     Figured { title: "Solve time (s)", digits: 2, more_is_better: false, value: |m| Some(m.seconds) },
+    Figured {
+        title: "Depth MAE by the measure of Shim et al. (m)",
+        digits: 4,
+        more_is_better: false,
+        value: |m| m.metrics.paper.depth_mae,
+    },
+    Figured {
+        title: "Normals MAE by the measure of Shim et al.",
+        digits: 4,
+        more_is_better: false,
+        value: |m| m.metrics.paper.normal_mae,
+    },
 ];
+
+/// What others print of their methods: method, scene and figure, time, hardware, what it assumes or needs.
+const PRINTED: [[&str; 5]; 8] = [
+    [
+        "Shim et al., ECCV 2024 (`paper` here)",
+        "bunny, 32 × 32 points: depth MAE, RMSE .0477, .1523 m; normals .1147, .2394",
+        "54 s",
+        "RTX 3090",
+        "one cosine, no occlusion; options for each kind of capture",
+    ],
+    [
+        "f-k, in the same table",
+        "the same bunny: depth .0719, .1871 m",
+        "–",
+        "–",
+        "regular confocal scan of a plane",
+    ],
+    [
+        "LCT, in the same table",
+        "the same bunny: depth .1977, .2875 m",
+        "–",
+        "–",
+        "regular confocal scan of a plane",
+    ],
+    [
+        "D-LCT, in the same table",
+        "the same bunny: depth .3189, .4220 m; normals .3796",
+        "–",
+        "–",
+        "regular confocal scan of a plane",
+    ],
+    [
+        "TransiT, ICCV 2025 (arXiv 2503.11328)",
+        "videos of 64 × 64 pixels from 16 × 16 points, 0.4 ms each",
+        "10 frames per second",
+        "not read",
+        "training on rendered scenes like those it sees",
+    ],
+    ["3D-GTR *", "bunny, 8 × 8 points: depth 2.3 cm", "not read", "not read", "not read"],
+    ["CC-SOCR *", "–", "836 s and more", "not read", "not read"],
+    ["NeTF *", "–", "a day", "not read", "training for every scene"],
+];
+
+/// What the table of others' figures is.
+const OF_PRINTED: &str = "Figures of other papers on their own captures and hardware, not measured here: they say what others claim, not \
+                          who wins on one scene. Those of Shim et al. are by their measure, to be held against the tables of that \
+                          name. *: the figure was passed on to this project; its paper was not read.";
 
 /// A table as text.
 struct Table {
@@ -169,8 +235,8 @@ impl Page {
     fn table(&self, figure: &Figured) -> Table {
         let names = self.methods();
         let row = |case: &Case| {
-            let values: Vec<Option<f64>> =
-                names.iter().map(|name| case.of(name).and_then(figure.value)).collect();
+            let value = |name: &&str| case.of(name).and_then(figure.value).filter(|v| v.is_finite());
+            let values: Vec<Option<f64>> = names.iter().map(value).collect();
             let text = |v: &Option<f64>| v.map_or("–".into(), |v| format!("{v:.*}", figure.digits));
             let better = |a: f64, b: f64| if figure.more_is_better { a.max(b) } else { a.min(b) };
             let best = text(&values.iter().copied().flatten().reduce(better));
@@ -183,6 +249,38 @@ impl Page {
         Table {
             head: std::iter::once("case").chain(names.iter().copied()).map(|n| n.replace('|', "/")).collect(),
             rows: self.cases.iter().filter(|c| c.comparison.is_some()).map(row).collect(),
+        }
+    }
+
+    /// Where the first method is not the best: a sentence for each figure.
+    fn lost(&self) -> Vec<String> {
+        let names = self.methods();
+        let Some(first) = names.first() else { return vec![] };
+        let of = |figure: &Figured| -> Option<String> {
+            let text = |v: f64| format!("{v:.*}", figure.digits);
+            let (mut all, mut lost) = (0, vec![]);
+            for case in &self.cases {
+                let value = |name: &str| case.of(name).and_then(figure.value).filter(|v| v.is_finite());
+                let Some(own) = value(first) else { continue };
+                let better = |a: f64, b: f64| if figure.more_is_better { a > b } else { a < b };
+                let valued = names.iter().filter_map(|name| Some((*name, value(name)?)));
+                let best = valued.reduce(|a, b| if better(b.1, a.1) { b } else { a });
+                all += 1;
+                if let Some((name, best)) = best.filter(|best| text(best.1) != text(own)) {
+                    lost.push(format!("{} ({name} {}, {first} {})", case.title(), text(best), text(own)));
+                }
+            }
+            let cases = if lost.is_empty() { "none".into() } else { lost.join("; ") };
+            (all > 0).then(|| format!("{}, {} of {all} cases: {cases}.", figure.title, lost.len()))
+        };
+        FIGURES.iter().filter_map(of).collect()
+    }
+
+    /// The figures of other papers.
+    fn printed() -> Table {
+        Table {
+            head: ["method", "printed", "time", "hardware", "assumes or needs"].map(String::from).into(),
+            rows: PRINTED.iter().map(|row| row.map(String::from).into()).collect(),
         }
     }
 
@@ -201,6 +299,13 @@ impl Page {
         let places: Vec<String> = places.iter().map(|(name, place)| format!("{name}: {place}")).collect();
         if !places.is_empty() {
             notes.push(format!("What each runs on: {}.", places.join("; ")));
+        }
+        if self.cases.iter().any(|case| case.agreed) {
+            notes.push(
+                "Agreement: the capture has no truth. Its IoU is that with the mean of lct, fk, phasor and fbp above Otsu's \
+                 threshold, its depth error the distance to their median: both favour these four."
+                    .into(),
+            );
         }
         if compared().any(|c| c.oracle) {
             notes.push("The truth chose every mask (oracle): no user has it.".into());
@@ -252,6 +357,8 @@ impl Page {
         for figure in &FIGURES {
             out += &format!("\n## {}\n\n{}", figure.title, self.table(figure).markdown());
         }
+        out += &format!("\n## Where the first method is not the best\n\n{}\n", self.lost().join("\n\n"));
+        out += &format!("\n## What others print\n\n{OF_PRINTED}\n\n{}", Page::printed().markdown());
         for plot in self.with_photons() {
             out += &format!("\n## {}\n\n![{}]({})\n", plot.title(), plot.title(), plot.file());
         }
@@ -284,6 +391,9 @@ impl Page {
         for figure in &FIGURES {
             out += &format!("<h2>{}</h2>\n{}", escaped(figure.title), self.table(figure).html());
         }
+        let lost: String = self.lost().iter().map(|text| format!("<p>{}</p>\n", escaped(text))).collect();
+        out += &format!("<h2>Where the first method is not the best</h2>\n{lost}");
+        out += &format!("<h2>What others print</h2>\n<p>{OF_PRINTED}</p>\n{}", Page::printed().html());
         for plot in self.with_photons() {
             out += &format!("<h2>{}</h2>\n{}\n", escaped(&plot.title()), figure::svg(&plot)?);
         }
@@ -320,6 +430,8 @@ impl Page {
                     best_iou: m.metrics.best_iou,
                     depth_mae: m.metrics.at_best.and_then(|b| b.depth_mae),
                     normal_error_deg: m.metrics.at_best.and_then(|b| b.normal_error_deg),
+                    agreed: case.agreed,
+                    paper: m.metrics.paper,
                 });
             }
         }

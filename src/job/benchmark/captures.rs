@@ -5,8 +5,10 @@ use std::path::{Path, PathBuf};
 
 use super::super::batch::record::Record;
 use super::super::{Input, Simulation, load, simulated};
-use super::{Benchmark, Scene, Source};
+use super::agreement::agreed;
+use super::{Benchmark, Scene, Source, family};
 use crate::capture;
+use crate::export::npz::write_truth;
 use crate::files::staging::Staging;
 use crate::simulate::{DEFAULT_RESOLUTION, Dark, photon_noise};
 use crate::{Error, Result};
@@ -25,8 +27,7 @@ pub enum Ready {
     None(String),
 }
 
-/// Captures with a truth beside them, files that describe scenes, and captures without truth, in a folder: each sorted by
-/// name. The truth of `NAME.npz` is `NAME_truth.npz`, `truth_NAME.npz` or `truth/NAME.npz`. A scene is `NAME.scene`.
+/// Captures and files that describe scenes, in a folder: each sorted by name. The truth of `NAME.npz` is `NAME_truth.npz`, `truth_NAME.npz` or `truth/NAME.npz`. A scene is `NAME.scene`.
 ///
 /// # Errors
 /// A folder that cannot be read.
@@ -52,10 +53,8 @@ pub fn found_in(folder: &Path) -> Result<Found> {
         } else if CAPTURES.contains(&ending.as_str()) && !is_truth {
             let truths =
                 [format!("{name}_truth.npz"), format!("truth_{name}.npz"), format!("truth/{name}.npz")];
-            match truths.iter().map(|truth| folder.join(truth)).find(|truth| truth.is_file()) {
-                Some(truth) => found.captures.push((name, path, truth)),
-                None => found.without_truth.push(path),
-            }
+            let truth = truths.iter().map(|truth| folder.join(truth)).find(|truth| truth.is_file());
+            found.captures.push((name, path, truth));
         }
     }
     Ok(found)
@@ -64,12 +63,10 @@ pub fn found_in(folder: &Path) -> Result<Found> {
 /// What a folder holds for a benchmark.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Found {
-    /// Name, capture and truth.
-    pub captures: Vec<(String, PathBuf, PathBuf)>,
+    /// Name, capture, and truth if there is one.
+    pub captures: Vec<(String, PathBuf, Option<PathBuf>)>,
     /// Name and file of a scene to simulate.
     pub scenes: Vec<(String, PathBuf)>,
-    /// Captures that nothing can be measured on.
-    pub without_truth: Vec<PathBuf>,
 }
 
 fn stem(path: &Path) -> String {
@@ -83,8 +80,20 @@ fn stem(path: &Path) -> String {
 pub fn ready(what: &Benchmark, scene: &Scene, photons: Option<f64>) -> Result<Ready> {
     let folder = what.out.join(MADE);
     let (exact, truth) = match &scene.source {
-        Source::Capture { file, truth } => (file.clone(), truth.clone()),
-        Source::Simulation { file, what } => rendered(&folder, &scene.name, file, what)?,
+        Source::Capture { file, truth: Some(truth) } => (file.clone(), truth.clone()),
+        Source::Capture { file, truth: None } => {
+            (file.clone(), in_place_of_truth(&folder, &scene.name, file)?)
+        }
+        Source::Simulation { file, what } => rendered(&folder, &scene.name, file, |capture, truth| {
+            let truth = Some((truth.into(), DEFAULT_RESOLUTION));
+            simulated::simulate(&Simulation { out: capture.into(), truth, ..(**what).clone() }, &mut || {})
+                .map(|_| ())
+        })?,
+        Source::Family { file, seed } => rendered(&folder, &scene.name, file, |capture, truth| {
+            let case = family::Case::of(*seed);
+            write_truth(truth, &case.truth()?)?;
+            capture::write(&case.capture()?, capture).map(|_| ())
+        })?,
     };
     let Some(photons) = photons else { return Ok(Ready::Files { capture: exact, truth }) };
     let name = format!("{}-photons-{photons}", scene.name);
@@ -104,22 +113,32 @@ pub fn ready(what: &Benchmark, scene: &Scene, photons: Option<f64>) -> Result<Re
     Ok(Ready::Files { capture, truth })
 }
 
-/// Simulates a scene once: its capture and its truth.
-fn rendered(folder: &Path, name: &str, file: &Path, what: &Simulation) -> Result<(PathBuf, PathBuf)> {
+/// Simulates the scene of a file once: its capture and its truth, to the places that `make` is given.
+fn rendered(
+    folder: &Path,
+    name: &str,
+    file: &Path,
+    make: impl FnOnce(&Path, &Path) -> Result<()>,
+) -> Result<(PathBuf, PathBuf)> {
     let [capture, truth] = ["", "_truth"].map(|part| folder.join(format!("{name}{part}.npz")));
     let record = Record::of(file, &[]);
     if record.is_done(&folder.join(name), &format!("../{name}.npz")) && truth.is_file() {
         return Ok((capture, truth));
     }
-    keep(folder, name, &record, &[&truth, &capture], |staged| {
-        let what = Simulation {
-            out: staged[1].clone(),
-            truth: Some((staged[0].clone(), DEFAULT_RESOLUTION)),
-            ..what.clone()
-        };
-        simulated::simulate(&what, &mut || {}).map(|_| ())
-    })?;
+    keep(folder, name, &record, &[&truth, &capture], |staged| make(&staged[1], &staged[0]))?;
     Ok((capture, truth))
+}
+
+/// What closed-form methods agree on, once.
+fn in_place_of_truth(folder: &Path, name: &str, file: &Path) -> Result<PathBuf> {
+    let name = format!("{name}_agreed");
+    let truth = folder.join(format!("{name}.npz"));
+    let record = Record::of(file, &[]);
+    if !record.is_done(&folder.join(&name), &format!("../{name}.npz")) {
+        let truth_of = |staged: &[PathBuf]| write_truth(&staged[0], &agreed(file)?);
+        keep(folder, &name, &record, &[&truth], truth_of)?;
+    }
+    Ok(truth)
 }
 
 /// Makes files beside their places and moves them there, and last the record in the folder `name`.

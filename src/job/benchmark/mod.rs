@@ -1,7 +1,9 @@
 //! Every method over every scene and photon count of a folder: a comparison for each, and one page of all. What is done
 //! already is skipped.
 
+mod agreement;
 mod captures;
+pub mod family;
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -14,6 +16,7 @@ use crate::export::comparison;
 use crate::files::staging;
 use crate::solve::Progress;
 use crate::{Error, Kind, Result};
+pub use agreement::{CLOSED_FORMS, Consensus};
 pub use captures::found_in;
 
 /// A file of the result that says that a comparison is whole.
@@ -44,15 +47,29 @@ pub struct Scene {
     pub source: Source,
 }
 
+impl Scene {
+    /// Whether there is no truth: closed-form methods stand in for it.
+    fn is_agreed(&self) -> bool {
+        matches!(self.source, Source::Capture { truth: None, .. })
+    }
+}
+
 /// Where a capture is from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Source {
-    /// A capture that is there, with the file of its truth.
+    /// A capture that is there.
     Capture {
         /// The capture's file.
         file: PathBuf,
-        /// The truth's file.
-        truth: PathBuf,
+        /// The truth's file. Without one, methods are judged by what closed-form methods agree on.
+        truth: Option<PathBuf>,
+    },
+    /// A scene of the random family.
+    Family {
+        /// The file that names it.
+        file: PathBuf,
+        /// Its seed.
+        seed: u64,
     },
     /// A scene to simulate.
     Simulation {
@@ -112,6 +129,8 @@ pub fn benchmark(what: &Benchmark, caller: &mut dyn Caller) -> Result<Benched> {
     let photons: Vec<Option<f64>> =
         std::iter::once(None).chain(what.photons.iter().copied().map(Some)).collect();
     let all = what.scenes.iter().flat_map(|scene| photons.iter().map(move |p| Wanted { scene, photons: *p }));
+    // Photons drawn from what is measured would be judged by what was measured.
+    let all = all.filter(|wanted| wanted.photons.is_none() || !wanted.scene.is_agreed());
     let mut page = Page { version: env!("CARGO_PKG_VERSION").into(), seconds: 0.0, cases: vec![] };
     let mut files = vec![];
     for wanted in all {
@@ -189,6 +208,7 @@ impl Benchmark {
             folder: name,
             was_there,
             failed: false,
+            agreed: wanted.scene.is_agreed(),
             why: None,
             remedy: None,
             seconds: start.elapsed().as_secs_f64(),

@@ -7,14 +7,25 @@ use crate::solve::{Plan, TracePoint};
 /// A surface has about this many active voxels behind each other in the volume before it.
 const THICKNESS: f64 = 8.0;
 
-/// The power of the lateral resolution that active voxels of a volume grow with. It is less than 2, as the domain also
-/// shrinks in the meantime.
-const GROWTH: f64 = 1.3;
+/// The power of the lateral resolution that active voxels of a volume grow with, from the end of a level to the end of the next.
+/// It is less than 2, as the domain also shrinks in the meantime.
+const GROWTH: f64 = 0.5;
+
+/// The share of a level's first active voxels that is left at its end, and the share of its iterations in which the rest falls
+/// to 1/e: the domain shrinks most at once (benches/NOTES.md).
+const KEPT: f64 = 0.45;
+const FALLS: f64 = 0.13;
+
+/// The share of a level's first active voxels that is left after this share of its iterations.
+fn kept(share: f64) -> f64 {
+    KEPT + (1.0 - KEPT) * (-share / FALLS).exp()
+}
 
 /// What is ahead of a running solve.
 pub(super) struct Ahead {
-    /// Lateral voxels and pairs of every iteration of this run.
-    iterations: Vec<[usize; 2]>,
+    /// Lateral voxels and pairs of every iteration of this run, and the share of its level's active voxels that is left then, over
+    /// that at the level's end.
+    iterations: Vec<(usize, usize, f64)>,
     /// The first of them.
     first: usize,
     /// See [`Steps::after`].
@@ -40,24 +51,34 @@ impl Ahead {
                 unused.clear();
             }
             let here = &steps.levels[level];
-            iterations.push([here.grid.n[0], here.pairs]);
+            iterations.push((here.grid.n[0], here.pairs, 1.0));
+        }
+        let levels = iterations.chunk_by_mut(|a, b| a.0 == b.0).filter(|_| steps.shrinks);
+        for level in levels {
+            let all = level.len() as f64;
+            level.iter_mut().enumerate().for_each(|(i, of)| of.2 = kept(i as f64 / all) / KEPT);
         }
         Ahead { iterations, first, after: steps.after.clone(), first_point: None }
     }
 
     /// Seconds that the rest takes, as `point` is reached after `work` active voxels times pairs. `None` while nothing
-    /// is known. The rate is that of this run so far. Active voxels are taken to grow with the resolution, and the
-    /// surface after a volume to be a sheet of them.
+    /// is known. The rate is that of this run so far. Active voxels are taken to become fewer within a level and to grow with the
+    /// resolution, and the surface after a volume to be a sheet of them.
     pub fn seconds(&mut self, point: &TracePoint, work: u64) -> Option<f64> {
         let [seconds_before, work_before] = *self.first_point.get_or_insert([point.seconds, work as f64]);
         let (seconds, work) = (point.seconds - seconds_before, work as f64 - work_before);
         if seconds <= 0.0 || work <= 0.0 {
             return None;
         }
-        let grown =
-            |lateral: f64, power: f64| point.active as f64 * (lateral / point.lateral as f64).powf(power);
-        let rest = self.iterations.iter().skip(point.iteration.saturating_sub(self.first));
-        let volume: f64 = rest.map(|[lateral, pairs]| grown(*lateral as f64, GROWTH) * *pairs as f64).sum();
+        let done = point.iteration.saturating_sub(self.first);
+        let now = self.iterations.get(done.saturating_sub(1)).map_or(1.0, |of| of.2);
+        // Active voxels at the end of a level.
+        let grown = |lateral: f64, power: f64| {
+            point.active as f64 / now * (lateral / point.lateral as f64).powf(power)
+        };
+        let rest = self.iterations.iter().skip(done);
+        let volume: f64 =
+            rest.map(|(lateral, pairs, kept)| grown(*lateral as f64, GROWTH) * kept * *pairs as f64).sum();
         let surface: f64 =
             self.after.iter().map(|[lateral, pairs]| grown(*lateral, 2.0) / THICKNESS * pairs).sum();
         Some((volume + surface) * seconds / work)

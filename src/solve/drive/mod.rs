@@ -63,6 +63,8 @@ pub(super) struct Steps<'s> {
     /// Stop at the finest level, with all pairs, once the data term of the objective is not above this: the rest is
     /// noise. Computed when it is needed first, while the device works.
     pub stop_below: Option<fn(&OnDevice) -> f64>,
+    /// Whether active voxels become fewer from iteration to iteration.
+    pub shrinks: bool,
     /// Stop at the last level at this time. Blocks are short then.
     pub until: Option<Instant>,
 }

@@ -158,6 +158,7 @@ fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
         of: options.iterations,
         after: vec![],
         stop_below: None,
+        shrinks: true,
         until: None,
     }
 }

@@ -77,7 +77,7 @@ passes! {
         ..Pass::of("carry_doubled", |_| &kernel::CARRY)
     };
 
-    /// Smooths the raw albedo along x.
+    /// Smooths the albedo along x: raw, or after ELU with a noise term.
     GAUSSIAN_X = Pass {
         constants: &[(constant::AXIS, Value::Is(0)), (constant::FIRST, Value::Is(1)), (constant::LAST, Value::Is(0))],
         twin: twin!(gaussian),

@@ -55,8 +55,8 @@ pub fn initialise(s: &mut Schedule, plan: &Plan, level: &Level) {
     restart(s, plan);
 }
 
-/// Domain reduction: smooth the active raw albedo, keep what is above the threshold (paper, section 3.3).
-/// Before ELU, all of it may be below zero: then the domain stays as it is.
+/// Domain reduction: smooth the active albedo, keep what is above the threshold (paper, section 3.3).
+/// Raw albedo may all be below zero: then the domain stays as it is.
 pub fn reduce(s: &mut Schedule, plan: &Plan, level: &Level, keep_above: f64) {
     domain::prune(s, plan, level, &GAUSSIAN_X, keep_above, plan.capacity, Dark::Stays);
     domain::list(s, plan, level);

@@ -228,6 +228,7 @@ fn steps(
         of: begin + iterations,
         after: vec![],
         stop_below: None,
+        shrinks: false,
         until: None,
     }
 }

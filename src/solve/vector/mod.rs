@@ -124,6 +124,7 @@ fn steps<'o>(plan: &Plan, options: &'o VectorOptions) -> Steps<'o> {
         of: options.iterations + options.surface.iterations,
         after: surface::ahead(plan, options.surface.iterations),
         stop_below: None,
+        shrinks: true,
         until: None,
     }
 }

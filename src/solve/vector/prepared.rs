@@ -296,6 +296,7 @@ impl PreparedVector {
             of: 1 + volume_iterations + surface_iterations,
             after: vec![],
             stop_below: stop_below(options),
+            shrinks: true,
             until: until(VOLUME),
         };
         let mut driven = drive(&gpu, job, 1 + volume_iterations, steps, watch, None, Some(driven))?;

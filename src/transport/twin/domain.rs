@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-use super::render::toward_wall;
+use super::render::{elu, toward_wall};
 use super::{Raw, Twin, random3};
 use crate::transport::kernels::{LEVEL_SHIFT, LEVELS};
 use crate::transport::{BRICK_VOXELS, Grid, Model};
@@ -30,9 +30,15 @@ pub fn taps(sigma: f64, truncate: f64) -> Vec<f64> {
     half.into_iter().map(|w| w / sum).collect()
 }
 
-/// The separable Gaussian of the active voxels' raw albedo, zero outside the grid.
+/// The separable Gaussian of the active voxels' albedo, zero outside the grid: raw, or after ELU with a noise term.
 pub fn gaussian(twin: &Twin, raw: &[Raw], active: &[bool], taps: &[f64]) -> Vec<f64> {
-    smooth(twin.grid, raw.iter().zip(active).map(|(r, a)| if *a { r[0] } else { 0.0 }).collect(), taps)
+    let has_noise = twin.model.noise.iter().sum::<f64>() > 0.0;
+    let albedo = |a: f64| if has_noise { elu(a) } else { a };
+    smooth(
+        twin.grid,
+        raw.iter().zip(active).map(|(r, a)| if *a { albedo(r[0]) } else { 0.0 }).collect(),
+        taps,
+    )
 }
 
 /// The separable Gaussian of a volume, zero outside the grid.

@@ -67,7 +67,7 @@ fn corners(twin: &Twin, g: DVec3) -> Vec<(usize, f64)> {
     all
 }
 
-fn elu(a: f64) -> f64 {
+pub(super) fn elu(a: f64) -> f64 {
     if a > 0.0 { a } else { a.exp() - 1.0 }
 }
 
