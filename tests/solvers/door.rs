@@ -108,7 +108,7 @@ fn the_door_refuses_what_makes_no_sense() {
         (small().volume(flat), &["0.001"]),
     ];
     for (options, words) in refused {
-        assert_error(reconstruct(&gpu, &capture, &options), Kind::Options, words);
+        assert_error(reconstruct(&gpu, &capture, &options).map(drop), Kind::Options, words);
         let session = options.session(&gpu, &capture, SessionOptions::default());
         assert_error(session.map(drop), Kind::Options, words);
     }
@@ -116,8 +116,8 @@ fn the_door_refuses_what_makes_no_sense() {
     assert_error(small().session(&gpu, &capture, bad).map(drop), Kind::Options, &["-1"]);
     // The last value of an option counts.
     let options = small().set("lateral", "wide").set("lateral", 16).watch(|_| ControlFlow::Break(()));
-    assert_error(reconstruct(&gpu, &capture, &options), Kind::Cancelled, &[]);
+    assert_error(reconstruct(&gpu, &capture, &options).map(drop), Kind::Cancelled, &[]);
     let cut = changed(&capture, |c| c.histograms.truncate(9));
-    assert_error(reconstruct(&gpu, &cut, &small()), Kind::Input, &["counts"]);
+    assert_error(reconstruct(&gpu, &cut, &small()).map(drop), Kind::Input, &["counts"]);
     assert_error(small().session(&gpu, &cut, SessionOptions::default()).map(drop), Kind::Input, &["counts"]);
 }
