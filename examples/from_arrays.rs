@@ -2,14 +2,8 @@
 //!
 //!     cargo run --release --example from_arrays
 
-use std::ops::ControlFlow;
-
 use glam::{DVec3, dvec3};
-use thirdbounce::Result;
-use thirdbounce::capture::Capture;
-use thirdbounce::gpu::{Gpu, GpuOptions};
-use thirdbounce::solve::{VectorOptions, Watch, default_volume, vector};
-use thirdbounce::transport::Grid;
+use thirdbounce::{Capture, Gpu, GpuOptions, Options, Result, reconstruct};
 
 const SIDE: usize = 16;
 const BINS: usize = 200;
@@ -29,12 +23,8 @@ fn main() -> Result<()> {
     }
     let capture = Capture::new([SIDE, SIDE], wall.clone(), wall, BINS, BIN_WIDTH, histograms);
 
-    let options = VectorOptions::default().with(|o| o.lateral = 32);
-    let grid = Grid::new(default_volume(&capture, options.domain.min_depth)?, options.lateral, BIN_WIDTH)?;
     let gpu = Gpu::open(&GpuOptions::default())?;
-    let mut hear = |_: &_| ControlFlow::Continue(());
-    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    let maps = vector::reconstruct(&gpu, &capture, grid, &options, None, false, &mut watch)?.maps;
+    let maps = reconstruct(&gpu, &capture, &Options::default().set("lateral", 32))?.maps;
 
     let brightest = (0..maps.albedo.len()).max_by(|a, b| maps.albedo[*a].total_cmp(&maps.albedo[*b]));
     let pixel = brightest.expect("maps have pixels");

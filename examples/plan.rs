@@ -1,4 +1,5 @@
-//! Tells what a solve would take before anything is allocated: levels, buffers, what is left out, and one iteration.
+//! Prints what a solve would take before anything is allocated: levels, buffers, what is left out, and one iteration. It uses
+//! modules inside the engine, which may change in any release.
 //!
 //!     cargo run --release --example plan -- capture.npz
 

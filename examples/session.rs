@@ -5,11 +5,7 @@
 use std::time::Instant;
 
 use glam::{DVec3, dvec3};
-use thirdbounce::Result;
-use thirdbounce::capture::Capture;
-use thirdbounce::gpu::{Gpu, GpuOptions};
-use thirdbounce::session::{Session, SessionOptions};
-use thirdbounce::solve::VectorOptions;
+use thirdbounce::{Capture, Gpu, GpuOptions, Options, Result, SessionOptions};
 
 const SIDE: usize = 16;
 const BINS: usize = 200;
@@ -24,8 +20,8 @@ fn main() -> Result<()> {
     let scan = Capture::new([SIDE, SIDE], wall.clone(), wall.clone(), BINS, BIN_WIDTH, vec![]);
 
     let gpu = Gpu::open(&GpuOptions::default())?;
-    let solver = VectorOptions::default().with(|o| (o.lateral, o.iterations) = (32, 20)).into();
-    let mut session = Session::new(&gpu, &scan, None, &solver, SessionOptions::default())?;
+    let options = Options::default().set("lateral", 32).set("iterations", 20);
+    let mut session = options.session(&gpu, &scan, SessionOptions::default())?;
     for frame in 0..3 {
         let hidden = dvec3(0.15 * frame as f64 - 0.15, 0.1, 0.6);
         let begun = Instant::now();

@@ -241,6 +241,24 @@ fn options_of_the_guide_exist() {
     }
 }
 
+/// The documentation of the crate has the first program, which the compiler checks. Pages have it word for word.
+#[test]
+fn pages_show_the_program_that_is_compiled() {
+    let root = root();
+    let documentation: String = read(&root.join("src/lib.rs")).lines().fold(String::new(), |text, line| {
+        let line = line.strip_prefix("//!").unwrap_or_default();
+        text + line.strip_prefix(' ').unwrap_or(line) + "\n"
+    });
+    let program = documentation.split("```no_run\n").nth(1).and_then(|rest| rest.split("```").next());
+    let program = program.filter(|p| p.contains("fn main")).expect("the first program");
+    for page in ["README.md", "docs/guide/embedding.md"] {
+        assert!(
+            read(&root.join(page)).contains(&format!("```rust\n{program}```")),
+            "{page} has another program"
+        );
+    }
+}
+
 /// A path in a recipe, if this word is one. Capitals stand for names of the reader's own: the folder around them must exist.
 fn path_of(word: &str) -> Option<PathBuf> {
     let is_path = word.contains('/') && word.chars().all(|c| c.is_ascii_alphanumeric() || "/._-".contains(c));

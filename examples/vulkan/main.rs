@@ -11,11 +11,9 @@ use std::time::Instant;
 use ash::vk;
 use glam::{DVec3, dvec3};
 use program::{Program, VERSION};
-use thirdbounce::capture::Capture;
-use thirdbounce::gpu::Gpu;
-use thirdbounce::gpu::caller::{Lent, Moment, Vulkan};
-use thirdbounce::session::{LentFrame, Session, SessionOptions};
-use thirdbounce::solve::{Format, LentCounts, VectorOptions};
+use thirdbounce::{
+    Capture, Format, Gpu, Lent, LentCounts, LentFrame, Moment, Options, SessionOptions, Vulkan,
+};
 
 /// Points of the scan, and pixels of the maps, along x and along y.
 const SIDE: usize = 16;
@@ -40,9 +38,8 @@ fn main() -> Result<(), Box<dyn Error>> {
             blocks: None,
             pipeline_cache: vk::PipelineCache::null(),
         })?;
-        let solver = VectorOptions::default().with(|o| o.lateral = PIXELS).into();
         let lent = SessionOptions { lent: true, ..SessionOptions::default() };
-        let mut session = Session::new(&gpu, &scan(), None, &solver, lent)?;
+        let mut session = Options::default().set("lateral", PIXELS).session(&gpu, &scan(), lent)?;
 
         let counts = program.buffer((SIDE * SIDE * BINS * 4) as u64, false)?;
         let maps = program.buffer(session.lent_maps_bytes(), false)?;

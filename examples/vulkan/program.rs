@@ -2,7 +2,7 @@
 //! device to have.
 
 use ash::vk;
-use thirdbounce::gpu::caller::{Requirements, requirements};
+use thirdbounce::{Requirements, requirements};
 
 pub const VERSION: u32 = vk::API_VERSION_1_2;
 

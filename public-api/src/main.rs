@@ -1,33 +1,139 @@
 //! Prints the library's public interface as Rust code without bodies. If the listing changes, the interface changes.
 //!
-//! The listing is made from the source, so it is the same with every compiler and needs no build. In a private module,
-//! an item counts if some `pub use` names it. Not included: code that `build.rs` writes, and names that a macro makes.
+//!     public-api SRC/LIB.RS [CRATE/SRC/LIB.RS...]
+//!
+//! It lists what the first crate passes on with `pub use`, wherever it or one of the other crates defines it, but for what is
+//! `#[doc(hidden)]`. The listing is made from the source, so it is the same with every compiler and needs no build. Not
+//! included: code that `build.rs` writes, and names that a macro makes.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::path::Path;
 use std::{env, fs};
 
-use syn::visit::Visit;
-use syn::{Attribute, Fields, File, ImplItem, Item, ItemImpl, ItemMod, TraitItem, Type, UseTree, Visibility};
+use syn::{
+    Attribute, Fields, FieldsNamed, FieldsUnnamed, File, ImplItem, Item, ItemImpl, ItemMod, TraitItem, Type,
+    UseTree, Visibility,
+};
+
+/// An item that is no module, and the path of its module.
+type Placed = (Vec<String>, Item);
 
 fn main() {
-    for root in env::args().skip(1) {
-        println!("// {root}\n");
-        list(Path::new(&root));
+    let roots: Vec<String> = env::args().skip(1).collect();
+    let (first, others) = roots.split_first().expect("usage: public-api SRC/LIB.RS [CRATE/SRC/LIB.RS...]");
+    let mut crates: BTreeMap<String, Vec<Placed>> =
+        others.iter().map(|root| (name(root), items(root))).collect();
+    crates.insert("crate".into(), items(first));
+    let mut passed_on = vec![];
+    for (_, item) in crates["crate"].iter().filter(|(module, _)| module.is_empty()) {
+        if let Item::Use(u) = item
+            && public(&u.vis)
+            && !hidden(&u.attrs)
+        {
+            leaves(&u.tree, &mut vec![], &mut passed_on);
+        }
+    }
+    let mut listing: Vec<&Item> = vec![];
+    for path in passed_on {
+        let is_other = crates.contains_key(&path[0]);
+        let (of, path) =
+            if is_other { (&crates[&path[0]], &path[1..]) } else { (&crates["crate"], &path[..]) };
+        for item in found(of, path) {
+            // A module may have brought it already.
+            if !listing.iter().any(|known| std::ptr::eq(*known, item)) {
+                listing.push(item);
+            }
+        }
+    }
+    let mut listing: Vec<Item> = listing.into_iter().cloned().collect();
+    keep(&mut listing);
+    print!("{}", prettyplease::unparse(&File { shebang: None, attrs: vec![], items: listing }));
+}
+
+/// The name of a crate in paths: `crates/gpu/src/lib.rs` is `thirdbounce_gpu`.
+fn name(root: &str) -> String {
+    let folder = Path::new(root).ancestors().nth(2).and_then(Path::file_name).expect("CRATE/SRC/LIB.RS");
+    format!("thirdbounce_{}", folder.to_string_lossy())
+}
+
+/// All items of a crate.
+fn items(root: &str) -> Vec<Placed> {
+    let root = Path::new(root);
+    let mut file = parse(root);
+    load(&mut file.items, root.parent().expect("a folder"));
+    let mut all = vec![];
+    flatten(file.items, &[], &mut all);
+    all
+}
+
+fn flatten(items: Vec<Item>, module: &[String], into: &mut Vec<Placed>) {
+    for item in items {
+        match item {
+            Item::Mod(m) if tests(&m.attrs) => {}
+            Item::Mod(m) => {
+                let inner = [module, &[m.ident.to_string()]].concat();
+                flatten(m.content.map_or(vec![], |c| c.1), &inner, into);
+            }
+            item => into.push((module.to_vec(), item)),
+        }
     }
 }
 
-fn list(root: &Path) {
-    let mut file = parse(root);
-    load(&mut file.items, root.parent().expect("a folder"));
-    let mut named = Named::default();
-    named.visit_file(&file);
-    let mut types = BTreeSet::new();
-    keep(&mut file.items, true, &named.0);
-    types_of(&file.items, &mut types);
-    keep_impls(&mut file.items, &types);
-    file.attrs.clear();
-    print!("{}", prettyplease::unparse(&file));
+/// The paths that a `use` names.
+fn leaves(tree: &UseTree, before: &mut Vec<String>, into: &mut Vec<Vec<String>>) {
+    match tree {
+        UseTree::Path(path) => {
+            before.push(path.ident.to_string());
+            leaves(&path.tree, before, into);
+            before.pop();
+        }
+        UseTree::Group(group) => group.items.iter().for_each(|t| leaves(t, before, into)),
+        UseTree::Name(name) if name.ident == "self" => into.push(before.clone()),
+        UseTree::Name(name) => into.push([&before[..], &[name.ident.to_string()]].concat()),
+        UseTree::Rename(_) | UseTree::Glob(_) => panic!("the door passes names on one by one, as they are"),
+    }
+}
+
+/// What a path names: a module's items, or an item with its implementations.
+fn found<'a>(of: &'a [Placed], path: &[String]) -> Vec<&'a Item> {
+    let (name, module) = path.split_last().expect("a path");
+    let whole: Vec<_> = of.iter().filter(|(m, _)| m == path).map(|(_, item)| item).collect();
+    if !whole.is_empty() {
+        return whole;
+    }
+    let defined = |(_, item): &&Placed| ident(item).is_some_and(|i| i == name);
+    let all: Vec<_> = of.iter().filter(defined).collect();
+    let below: Vec<_> = all.iter().filter(|(m, _)| m.starts_with(module)).collect();
+    let [(place, item)] = below[..] else { panic!("{} items are called {}", below.len(), path.join("::")) };
+    // Where others have the name, too, implementations stand beside it.
+    let near = |m: &[String]| all.len() == 1 || m.starts_with(place);
+    let implementations =
+        of.iter().filter(|(m, item)| near(m) && implements(item).is_some_and(|i| i == *name));
+    [item].into_iter().chain(implementations.map(|(_, item)| item)).collect()
+}
+
+/// The name that an item defines.
+fn ident(item: &Item) -> Option<&syn::Ident> {
+    match item {
+        Item::Fn(f) => Some(&f.sig.ident),
+        Item::Struct(s) => Some(&s.ident),
+        Item::Enum(e) => Some(&e.ident),
+        Item::Trait(t) => Some(&t.ident),
+        Item::Type(t) => Some(&t.ident),
+        Item::Const(c) => Some(&c.ident),
+        _ => None,
+    }
+}
+
+/// The type that an item implements something for.
+fn implements(item: &Item) -> Option<String> {
+    match item {
+        Item::Impl(ItemImpl { self_ty, .. }) => match &**self_ty {
+            Type::Path(path) => path.path.segments.last().map(|s| s.ident.to_string()),
+            _ => None,
+        },
+        _ => None,
+    }
 }
 
 fn parse(file: &Path) -> File {
@@ -59,103 +165,68 @@ fn tests(attrs: &[Attribute]) -> bool {
     attrs.iter().any(|a| a.path().is_ident("cfg") && a.parse_args::<syn::Ident>().is_ok_and(|i| i == "test"))
 }
 
-/// The names that `pub use` exports.
-#[derive(Default)]
-struct Named(BTreeSet<String>);
-
-impl<'ast> Visit<'ast> for Named {
-    fn visit_item_use(&mut self, item: &'ast syn::ItemUse) {
-        if public(&item.vis) {
-            self.tree(&item.tree);
-        }
-    }
-}
-
-impl Named {
-    fn tree(&mut self, tree: &UseTree) {
-        match tree {
-            UseTree::Path(path) => self.tree(&path.tree),
-            UseTree::Group(group) => group.items.iter().for_each(|t| self.tree(t)),
-            UseTree::Name(name) => drop(self.0.insert(name.ident.to_string())),
-            UseTree::Rename(name) => drop(self.0.insert(name.ident.to_string())),
-            UseTree::Glob(_) => {}
-        }
-    }
+fn hidden(attrs: &[Attribute]) -> bool {
+    attrs
+        .iter()
+        .any(|a| a.path().is_ident("doc") && a.parse_args::<syn::Ident>().is_ok_and(|i| i == "hidden"))
 }
 
 fn public(vis: &Visibility) -> bool {
     matches!(vis, Visibility::Public(_))
 }
 
-/// Keeps public items. In a private module (`open` is false), keeps those among `named`.
-fn keep(items: &mut Vec<Item>, open: bool, named: &BTreeSet<String>) {
-    let counts =
-        |vis: &Visibility, name: &syn::Ident| public(vis) && (open || named.contains(&name.to_string()));
+/// Keeps public items, without bodies.
+fn keep(items: &mut Vec<Item>) {
     items.retain_mut(|item| match item {
-        Item::Mod(m) => {
-            let open = open && public(&m.vis);
-            bare(&mut m.attrs);
-            match &mut m.content {
-                Some((_, items)) if !tests(&m.attrs) => {
-                    keep(items, open, named);
-                    !items.is_empty()
-                }
-                _ => false,
-            }
-        }
         Item::Fn(f) => {
-            bare(&mut f.attrs);
             f.block.stmts.clear();
-            counts(&f.vis, &f.sig.ident)
+            shows(&mut f.attrs, &f.vis)
         }
         Item::Struct(s) => {
-            bare(&mut s.attrs);
             let whole = s.fields.len();
-            if let Fields::Named(fields) = &mut s.fields {
-                fields.named =
-                    std::mem::take(&mut fields.named).into_iter().filter(|f| public(&f.vis)).collect();
-            }
-            // The first private field breaks code that builds the struct from its fields.
+            let (Fields::Named(FieldsNamed { named: fields, .. })
+            | Fields::Unnamed(FieldsUnnamed { unnamed: fields, .. })) = &mut s.fields
+            else {
+                return false;
+            };
+            let shown = |f: &syn::Field| public(&f.vis) && !hidden(&f.attrs);
+            *fields = std::mem::take(fields).into_iter().filter(shown).collect();
+            let shown = shows(&mut s.attrs, &s.vis);
+            // Code that builds the struct needs more than the fields that show.
             if s.fields.len() < whole {
                 s.attrs.push(syn::parse_quote!(#[private_fields]));
             }
             s.fields.iter_mut().for_each(|f| bare(&mut f.attrs));
-            counts(&s.vis, &s.ident)
+            shown
         }
         Item::Enum(e) => {
-            bare(&mut e.attrs);
             for variant in &mut e.variants {
                 bare(&mut variant.attrs);
                 variant.fields.iter_mut().for_each(|f| bare(&mut f.attrs));
             }
-            counts(&e.vis, &e.ident)
+            shows(&mut e.attrs, &e.vis)
         }
         Item::Trait(t) => {
-            bare(&mut t.attrs);
             for item in &mut t.items {
                 if let TraitItem::Fn(f) = item {
                     bare(&mut f.attrs);
                     f.default.iter_mut().for_each(|block| block.stmts.clear());
                 }
             }
-            counts(&t.vis, &t.ident)
+            shows(&mut t.attrs, &t.vis)
         }
-        Item::Const(c) => {
-            bare(&mut c.attrs);
-            counts(&c.vis, &c.ident)
-        }
-        Item::Static(s) => {
-            bare(&mut s.attrs);
-            counts(&s.vis, &s.ident)
-        }
-        Item::Type(t) => {
-            bare(&mut t.attrs);
-            counts(&t.vis, &t.ident)
-        }
-        Item::Use(u) => open && public(&u.vis),
+        Item::Const(c) => shows(&mut c.attrs, &c.vis),
+        Item::Type(t) => shows(&mut t.attrs, &t.vis),
         Item::Impl(i) => keep_public(i),
         _ => false,
     });
+}
+
+/// Whether an item shows. Its attributes become those of the interface.
+fn shows(attrs: &mut Vec<Attribute>, vis: &Visibility) -> bool {
+    let shown = public(vis) && !hidden(attrs);
+    bare(attrs);
+    shown
 }
 
 /// Keeps the attributes that belong to the interface.
@@ -166,50 +237,18 @@ fn bare(attrs: &mut Vec<Attribute>) {
 /// Keeps the public items of an implementation; if it implements a trait, its types and macros. Returns whether to keep
 /// the implementation.
 fn keep_public(block: &mut ItemImpl) -> bool {
+    let shown = !hidden(&block.attrs);
     bare(&mut block.attrs);
     let of_trait = block.trait_.is_some();
     block.items.retain_mut(|item| match item {
         ImplItem::Fn(f) => {
-            bare(&mut f.attrs);
             f.block.stmts.clear();
-            !of_trait && public(&f.vis)
+            shows(&mut f.attrs, &f.vis) && !of_trait
         }
-        ImplItem::Const(c) => {
-            bare(&mut c.attrs);
-            !of_trait && public(&c.vis)
-        }
+        ImplItem::Const(c) => shows(&mut c.attrs, &c.vis) && !of_trait,
         ImplItem::Type(_) => true,
         ImplItem::Macro(_) => true,
         _ => false,
     });
-    of_trait || !block.items.is_empty()
-}
-
-/// The names of all types that were kept.
-fn types_of(items: &[Item], into: &mut BTreeSet<String>) {
-    for item in items {
-        match item {
-            Item::Mod(ItemMod { content: Some((_, items)), .. }) => types_of(items, into),
-            Item::Struct(s) => drop(into.insert(s.ident.to_string())),
-            Item::Enum(e) => drop(into.insert(e.ident.to_string())),
-            _ => {}
-        }
-    }
-}
-
-/// Keeps the implementations of `types`. Then removes empty modules.
-fn keep_impls(items: &mut Vec<Item>, types: &BTreeSet<String>) {
-    items.retain_mut(|item| match item {
-        Item::Impl(i) => match &*i.self_ty {
-            Type::Path(path) => {
-                path.path.segments.last().is_some_and(|s| types.contains(&s.ident.to_string()))
-            }
-            _ => false,
-        },
-        Item::Mod(ItemMod { content: Some((_, items)), .. }) => {
-            keep_impls(items, types);
-            !items.is_empty()
-        }
-        _ => true,
-    });
+    shown && (of_trait || !block.items.is_empty())
 }

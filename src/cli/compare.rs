@@ -7,6 +7,7 @@ use thirdbounce::export::comparison::LeftOut;
 use thirdbounce::job::{
     self, Comparison, FindPulse, Foreign, ForeignResult, Loaded, Method, Request, SolverOptions, Turn,
 };
+use thirdbounce::maps::Maps;
 use thirdbounce::measure::PaperMeasure;
 use thirdbounce::solve::Progress;
 use thirdbounce::{Error, Result};
@@ -115,7 +116,7 @@ pub fn run(args: &Args) -> Result<()> {
 impl HowArgs {
     /// Refuses what no capture makes good.
     pub fn check(&self) -> Result<()> {
-        Request::check_mask_fraction(self.mask_fraction)?;
+        Maps::check_mask_fraction(self.mask_fraction)?;
         self.device.memory()?;
         self.grid.volume_only()?;
         self.grid.bins().map(|_| ())

@@ -26,10 +26,10 @@ pub struct Demo {
 }
 
 /// Simulates a scene, reconstructs it into `out` and writes `capture.npz`, `truth.npz` and `overview.png`
-/// beside the results. `say` is called with a line before each step, `hear` as in [`run`].
+/// beside the results. `say` is called with a line before each step, `hear` as in [`run()`].
 ///
 /// # Errors
-/// A place that cannot be written, no device, or the errors of [`run`].
+/// A place that cannot be written, no device, or the errors of [`run()`].
 pub fn demo(
     out: &Path,
     device: Option<String>,

@@ -68,7 +68,7 @@ pub struct Planned {
     pub total_bytes: u64,
 }
 
-/// Finds out what [`super::run`] would do. Without a device it plans for a usual GPU and says so.
+/// Finds out what [`super::run()`] would do. Without a device it plans for a usual GPU and says so.
 ///
 /// # Errors
 /// Options out of range, or a device that was named and is not there. A capture that the solver cannot take is not an
@@ -143,7 +143,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     })
 }
 
-/// The schedules that [`super::run`] would submit, in order.
+/// The schedules that [`super::run()`] would submit, in order.
 ///
 /// # Errors
 /// Options out of range, no device, or a capture that the solver cannot take.

@@ -1,7 +1,7 @@
 //! Where the time of a solve goes: every kernel compared with the device's limits, the device's idle time, and the
 //! host's work.
 //!
-//! [`profile`] solves as [`super::run`] does, with a time stamp after every command. Nothing else is different, so the
+//! [`profile`] solves as [`super::run()`] does, with a time stamp after every command. Nothing else is different, so the
 //! device's work is the same. [`limits::measure`] measures the device's limits. [`check::check`] compares the device's
 //! results with the float64 twins.
 
@@ -106,7 +106,7 @@ pub struct Totals {
 /// before each step. `hear` is called with the solver's progress and may cancel.
 ///
 /// # Errors
-/// Those of [`super::run`], and a device without time stamps.
+/// Those of [`super::run()`], and a device without time stamps.
 pub fn profile(
     what: &ProfileRequest,
     loaded: &Loaded,

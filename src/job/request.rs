@@ -178,27 +178,10 @@ impl Request {
         }
     }
 
-    /// Checks a mask fraction, if there is one.
-    ///
-    /// # Errors
-    /// `Kind::Options`.
-    pub fn check_mask_fraction(fraction: Option<f64>) -> Result<()> {
-        match fraction.filter(|f| !(0.0..1.0).contains(f)) {
-            None => Ok(()),
-            Some(fraction) => Err(Error::options(
-                format!("the mask fraction is {fraction}"),
-                format!(
-                    "give a share of the brightest albedo from 0 to below 1, usually {}",
-                    Maps::MASK_FRACTION
-                ),
-            )),
-        }
-    }
-
     /// Checks everything but places that can be checked before the work begins. Returns the truth, if its file is given.
     pub(super) fn check(&self) -> Result<Option<Truth>> {
         self.solver.check()?;
-        Request::check_mask_fraction(self.mask_fraction)?;
+        Maps::check_mask_fraction(self.mask_fraction)?;
         let iterations = self.solver.all_iterations();
         if let Some(beyond) = self.snapshots.iter().find(|i| !(1..=iterations).contains(*i)) {
             return Err(Error::options(

@@ -109,6 +109,7 @@ impl Session {
     ///
     /// # Errors
     /// Options, scan, memory or device do not allow the solve.
+    #[doc(hidden)]
     pub fn new(
         gpu: &Gpu,
         scan: &Capture,
@@ -159,6 +160,7 @@ impl Session {
     }
 
     /// Levels, passes and buffers.
+    #[doc(hidden)]
     pub fn plan(&self) -> &Plan {
         &self.plan
     }

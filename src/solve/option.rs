@@ -126,6 +126,30 @@ pub enum Value {
     Unset,
 }
 
+impl From<usize> for Value {
+    fn from(count: usize) -> Value {
+        Value::Count(count)
+    }
+}
+
+impl From<f64> for Value {
+    fn from(number: f64) -> Value {
+        Value::Number(number)
+    }
+}
+
+impl From<bool> for Value {
+    fn from(on: bool) -> Value {
+        Value::Flag(on)
+    }
+}
+
+impl From<&str> for Value {
+    fn from(word: &str) -> Value {
+        Value::Word(word.into())
+    }
+}
+
 /// A set of options, by their keys.
 pub trait Options {
     /// The declarations.

@@ -47,36 +47,50 @@ pub struct Reconstruction {
     /// One point for each iteration.
     pub trace: Vec<TracePoint>,
     /// The data loss of an empty volume: the mean over the bins of the squared measurement, as the solver takes it.
+    #[doc(hidden)]
     pub empty_loss: f64,
     /// The plan that was run.
+    #[doc(hidden)]
     pub plan: Arc<Plan>,
     /// Pair evaluations, forward and backward together counted once.
+    #[doc(hidden)]
     pub pairs: u64,
     /// Solve time without measuring, seconds.
     pub solve_seconds: f64,
     /// Bytes of all buffers.
+    #[doc(hidden)]
     pub device_bytes: u64,
     /// The domain was larger than the room at some time: its dimmest voxels were left out.
+    #[doc(hidden)]
     pub full: bool,
     /// Lateral voxels of the level that the volume reached.
+    #[doc(hidden)]
     pub lateral: usize,
     /// Iterations of the volume that were done; later ones in the trace are the surface's.
+    #[doc(hidden)]
     pub volume_iterations: usize,
     /// The surface explained the data far worse than the volume: the maps are the volume's.
+    #[doc(hidden)]
     pub surface_left: bool,
     /// The method told the mask of its maps: a share of the brightest albedo that it found.
+    #[doc(hidden)]
     pub has_mask: bool,
     /// It began with the solution of the frame before ([`super::vector::Follow`]).
     pub is_warm: bool,
     /// Places of the scan's lattice without a pair, which a Fourier method filled from the pairs around them.
+    #[doc(hidden)]
     pub filled: usize,
     /// How sharp a closed-form method made its image, where its options left that open.
+    #[doc(hidden)]
     pub sharpness: Option<Sharpness>,
     /// The share of noise in the energy of the counts, if these were on the device only.
+    #[doc(hidden)]
     pub noise: Option<f64>,
     /// What the first device exchanged with the others that shared the pairs; nothing on one device.
+    #[doc(hidden)]
     pub exchanged: Exchanged,
     /// Per kernel, if the device was opened with timings.
+    #[doc(hidden)]
     pub kernels: Vec<(&'static str, KernelTime)>,
 }
 

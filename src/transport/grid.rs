@@ -38,6 +38,7 @@ impl Grid {
     ///
     /// # Errors
     /// An empty or non-finite volume, no lateral voxels, a pitch that is not positive, more than 2^30 voxels.
+    #[doc(hidden)]
     pub fn new(volume: Volume, lateral: usize, depth_pitch: f64) -> Result<Grid> {
         let size = volume.max - volume.min;
         if !(size.is_finite() && size.min_element() > 0.0 && volume.min.is_finite()) {
@@ -68,12 +69,14 @@ impl Grid {
     }
 
     /// The same box at `1 / factor` of the lateral resolution; `factor` divides it.
+    #[doc(hidden)]
     pub fn coarser(&self, factor: usize) -> Grid {
         self.larger(factor, 1)
     }
 
     /// The same box with voxels that are `wide` times as wide and `deep` times as deep; `wide` divides the lateral
     /// resolution. The last voxels may reach beyond the box.
+    #[doc(hidden)]
     pub fn larger(&self, wide: usize, deep: usize) -> Grid {
         let n = [self.n[0] / wide, self.n[1] / wide, self.n[2].div_ceil(deep)];
         let pitch = self.pitch * dvec3(wide as f64, wide as f64, deep as f64);
@@ -82,6 +85,7 @@ impl Grid {
     }
 
     /// Bricks along x, y, z.
+    #[doc(hidden)]
     pub fn bricks(&self) -> [usize; 3] {
         self.n.map(|n| n.div_ceil(8))
     }
@@ -92,6 +96,7 @@ impl Grid {
     }
 
     /// Number of voxels of the storage, including those of bricks beyond the grid.
+    #[doc(hidden)]
     pub fn storage(&self) -> usize {
         self.bricks().iter().product::<usize>() * BRICK_VOXELS
     }

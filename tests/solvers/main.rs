@@ -3,6 +3,7 @@
 mod closed_form;
 mod confidence;
 mod devices;
+mod door;
 mod layers;
 mod leave_out;
 mod lent;

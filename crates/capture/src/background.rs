@@ -51,6 +51,7 @@ impl Background {
     }
 }
 
+#[doc(hidden)]
 impl Capture {
     /// The background: the lowest mean, over all pairs, of any sixteenth of the bins behind the strongest one; 0 if there are
     /// fewer bins behind it, about 0 if it was taken off before.

@@ -48,6 +48,7 @@ impl Capture {
     }
 
     /// As [`Capture::check_counts`], and copies the counts behind those of `to`, all or a part of them if they are wrong.
+    #[doc(hidden)]
     pub fn copy_checked(&self, histograms: &[f32], to: &mut Vec<f32>) -> Result<()> {
         if !(self.is_whole(histograms) && is_small(histograms)) {
             self.check_counts(histograms)?;
@@ -65,6 +66,7 @@ impl Capture {
     ///
     /// # Errors
     /// As [`Capture::check`].
+    #[doc(hidden)]
     pub fn check_finite(&self, histograms: &[f32]) -> Result<()> {
         match self.check_counts(histograms) {
             // Only the signal is missing.
@@ -135,6 +137,7 @@ impl Capture {
     ///
     /// # Errors
     /// `Kind::Input`.
+    #[doc(hidden)]
     pub fn check_aperture(&self) -> Result<()> {
         let is_one = |points: &[DVec3]| points.iter().all(|p| *p == points[0]);
         if self.pair_count() == 1 || !(is_one(&self.laser) && is_one(&self.sensor)) {

@@ -113,6 +113,7 @@ impl Capture {
     ///
     /// # Errors
     /// `Kind::Input` if no pair is left.
+    #[doc(hidden)]
     pub fn without_missing(self) -> Result<(Capture, usize, Vec<String>)> {
         // If the lengths do not agree, the check reports it.
         let pairs = self.laser.len();
@@ -138,6 +139,7 @@ impl Capture {
     }
 
     /// The given pairs in the given order, as a scan of that shape.
+    #[doc(hidden)]
     pub fn keep(&self, kept: &[usize], scan: [usize; 2]) -> Capture {
         let pick = |points: &[DVec3]| kept.iter().map(|&p| points[p]).collect::<Vec<_>>();
         Capture {

@@ -6,6 +6,7 @@ use super::Capture;
 const LEAST: usize = 32;
 const TIMES: usize = 4;
 
+#[doc(hidden)]
 impl Capture {
     /// What to tell about counts that are cut off: many bins hold the largest one, and few hold one less. `None` if none are,
     /// or if the values are no whole counts.

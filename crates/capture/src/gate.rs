@@ -72,6 +72,7 @@ impl std::fmt::Display for Gate {
     }
 }
 
+#[doc(hidden)]
 impl Capture {
     /// The capture cropped to the bins that the gate touches; a bin partly inside is kept. `t_start` moves with them.
     ///

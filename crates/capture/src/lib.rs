@@ -145,6 +145,7 @@ impl Capture {
     }
 
     /// The capture without its counts: points, bins and all the rest. Enough to choose pairs and to plan a solve.
+    #[doc(hidden)]
     pub fn outline(&self) -> Capture {
         self.with_bins(self.bins, self.bin_width, self.t_start, vec![])
     }

@@ -27,6 +27,7 @@ pub fn quiet_bins(mean: &[f64]) -> Option<(Range<usize>, f64)> {
     Some((first..first + window, lowest.1))
 }
 
+#[doc(hidden)]
 impl Capture {
     /// The negative counts; `None` if no count is negative.
     ///

@@ -14,6 +14,7 @@ const COLLINEAR: f64 = 1e-6;
 /// Points whose least principal variance is above this share of the second have no plane.
 const THICK: f64 = 0.1;
 
+#[doc(hidden)]
 impl Capture {
     /// The capture with wall normals on both sides, if the wall needs them. A capture with a planar wall, or with known
     /// normals, does not change. Otherwise an unknown normal is that of a known one at the same point. If there is

@@ -61,6 +61,7 @@ pub struct Product {
     pub laser_scanned: bool,
 }
 
+#[doc(hidden)]
 impl Capture {
     /// How laser and sensor points are combined. Points closer than a thousandth of the spacing count as one. A single
     /// pair is confocal or has one laser point.

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use super::Capture;
 use crate::error::{Error, Result};
 
+#[doc(hidden)]
 impl Capture {
     /// Turns counts of first photons into those of all photons, if the number of laser pulses is known
     /// ([`Capture::cycles`]), and tells so in a sentence. The histograms must begin with the first bin that the detector

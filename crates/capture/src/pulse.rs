@@ -152,6 +152,7 @@ impl Pulse {
     }
 
     /// Mean and standard deviation, metres.
+    #[doc(hidden)]
     pub fn moments(&self) -> [f64; 2] {
         let sum: f64 = self.samples.iter().sum();
         let at = |i: usize| self.start + (i as f64 + 0.5) * self.width;
@@ -165,6 +166,7 @@ impl Pulse {
     ///
     /// # Errors
     /// `Kind::Input` if the pulse reaches more than 4096 bins from its path.
+    #[doc(hidden)]
     pub fn taps(&self, bin_width: f64) -> Result<PulseTaps> {
         self.over(bin_width, BIN + LINEAR)
     }
@@ -173,6 +175,7 @@ impl Pulse {
     ///
     /// # Errors
     /// As [`Pulse::taps`].
+    #[doc(hidden)]
     pub fn taps_of_bins(&self, bin_width: f64) -> Result<PulseTaps> {
         self.over(bin_width, BIN)
     }

@@ -37,6 +37,7 @@ impl Reflectance {
     }
 
     /// The number that kernels use (`glsl/include/reflectance.glsl`).
+    #[doc(hidden)]
     pub fn number(self) -> u32 {
         self as u32
     }

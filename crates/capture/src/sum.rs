@@ -5,6 +5,7 @@ use glam::DVec3;
 use super::{Capture, PairKind};
 use crate::error::{Error, Result};
 
+#[doc(hidden)]
 impl Capture {
     /// Sums every `n` neighbouring bins into one, from bin 0 on. Bins missing at the end count as zero, so every count
     /// is kept.

@@ -96,6 +96,7 @@ impl Turn {
     }
 }
 
+#[doc(hidden)]
 impl Capture {
     /// Mirrors and rotates the capture: laser points, sensor points and normals are mirrored at x = 0 and y = 0, then
     /// rotated about the z axis. Pairs in columns and rows are put in the new order, ix along +x and iy along +y. Lists

@@ -123,6 +123,7 @@ impl Memory {
     }
 }
 
+#[doc(hidden)]
 impl Gpu {
     /// The types of memory that the host sees without flushing it, as bits.
     pub(super) fn coherent_types(&self) -> u32 {

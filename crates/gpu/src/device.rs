@@ -32,24 +32,31 @@ pub struct GpuOptions {
     pub validation: bool,
     /// Turn on the validation layer with checks of every access inside kernels (GPU-assisted validation) instead of
     /// synchronisation checks. Slow. Needs kernels that were compiled without optimisation (`build.rs`).
+    #[doc(hidden)]
     pub instrumented: bool,
     /// Have the device check the bounds of buffers where it can (`robustBufferAccess`). Costs time.
+    #[doc(hidden)]
     pub robust: bool,
     /// Time every command by itself and record the timeline of host and device: [`Gpu::take_recording`].
     pub timings: bool,
     /// Ask the driver for statistics of the kernels that it compiles: [`Gpu::compile`].
+    #[doc(hidden)]
     pub statistics: bool,
     /// Ask it for their listings, too. Some drivers then compile every kernel anew, whatever a cache holds.
+    #[doc(hidden)]
     pub listings: bool,
     /// Turns of kernels' main loops in a dispatch and in a submission at most, for a device whose driver has a shorter
     /// time limit than others; otherwise by its kind, and submissions by how fast it is.
+    #[doc(hidden)]
     pub work: Option<u64>,
     /// Bytes of a buffer at most that kernels bind, to plan as for a device that binds less than this one; otherwise what it
     /// offers.
+    #[doc(hidden)]
     pub binding: Option<u64>,
     /// Keep compiled kernels in this folder, in a file for each device and driver, and begin with those of earlier runs.
     pub pipeline_cache: Option<PathBuf>,
     /// Faults to produce, for tests.
+    #[doc(hidden)]
     pub faults: Faults,
 }
 
@@ -332,6 +339,7 @@ impl Gpu {
     }
 
     /// What a plan must know of this device.
+    #[doc(hidden)]
     pub fn abilities(&self) -> Abilities {
         Abilities { kind: self.info.kind, accumulations: self.accumulations, limits: self.limits }
     }

@@ -31,6 +31,7 @@ pub struct Executable {
     pub listings: Vec<(String, String)>,
 }
 
+#[doc(hidden)]
 impl Gpu {
     /// Compiles `kernel` from `code` with these specialization constants, and drops it again. Needs no buffers.
     ///

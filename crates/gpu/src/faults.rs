@@ -94,6 +94,7 @@ impl Struck {
     }
 }
 
+#[doc(hidden)]
 impl Gpu {
     /// Called before every call that may fail: fails if the device was lost or hangs, or if the call is to fail.
     pub(super) fn strike(&self, point: Point) -> Result<(), vk::Result> {

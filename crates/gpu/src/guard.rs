@@ -41,6 +41,7 @@ pub struct Guarded {
     pub overruns: Vec<Overrun>,
 }
 
+#[doc(hidden)]
 impl Gpu {
     pub(super) fn guards(&self) -> bool {
         self.struck.as_ref().is_some_and(|s| s.faults.guard)

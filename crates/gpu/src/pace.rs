@@ -110,6 +110,7 @@ fn boxes([x, y, z]: [u32; 3], work: u64, most: u64) -> Vec<[[u32; 3]; 2]> {
     cuts(y, rows).flat_map(of_rows).collect()
 }
 
+#[doc(hidden)]
 impl Gpu {
     /// Turns of kernels' main loops a second that a device of this kind may be expected to reach.
     pub fn expected_rate(&self) -> f64 {

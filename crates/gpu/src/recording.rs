@@ -80,6 +80,7 @@ pub struct OpenSpan<'g> {
     from: f64,
 }
 
+#[doc(hidden)]
 impl Gpu {
     /// Begins a span of the host's time. Costs nothing without `timings`.
     pub fn span(&self, what: &'static str) -> OpenSpan<'_> {

@@ -10,6 +10,7 @@ const EXECUTION_MODE: u32 = 16;
 const CAN_ROUND_TO_NEAREST: u32 = 4467;
 const ROUND_TO_NEAREST: u32 = 4462;
 
+#[doc(hidden)]
 impl Gpu {
     /// Whether the driver promises that kernels round to nearest.
     pub fn promises_rounding(&self) -> bool {

@@ -6,7 +6,7 @@
 //! points or one. Its normal is that of the plane through its neighbours: shading and shape are one.
 //!
 //! The objective is the vector solver's, with a Gaussian prior instead of its other terms: neighbours lie in each
-//! other's planes and have similar albedos, weighted by the noise of the histograms ([`weights`]). Adam minimises it;
+//! other's planes and have similar albedos, weighted by the noise of the histograms ([`weights()`]). Adam minimises it;
 //! its gradients are averaged over their surroundings at first. Its iterations take a quarter of the pairs in turns: Adam
 //! averages their gradients, and the result is that of all pairs in each (study in benches/studies/pairs.md). The pixels
 //! are the bright ones of the maps ([`Pixels`]); depths stay within the grid. Where the volume shows two surfaces behind

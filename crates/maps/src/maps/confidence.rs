@@ -58,6 +58,7 @@ pub struct Conditions {
     pub two_cosines: bool,
 }
 
+#[doc(hidden)]
 impl Maps {
     /// Sets the confidence of all layers: for each pixel with a depth, the depth error in metres that two of three such
     /// pixels do not exceed. NaN for pixels without a depth. Errors of pixels beside the mask are a guess.

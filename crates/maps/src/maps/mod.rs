@@ -110,6 +110,7 @@ impl Maps {
 
     /// True for pixels that count as surface: albedo above `fraction` of [`Maps::white`] and above zero. NaN never
     /// counts.
+    #[doc(hidden)]
     pub fn mask_of(albedo: &[f32], fraction: f64) -> Vec<bool> {
         let threshold = (fraction * f64::from(Maps::white(albedo))) as f32;
         albedo.iter().map(|&a| a > threshold && a > 0.0).collect()
@@ -117,10 +118,29 @@ impl Maps {
 
     /// The albedo that counts as white: the 99.9th percentile. If that is zero (less than a thousandth of the pixels is
     /// lit), the maximum; 0 if no pixel is lit.
+    #[doc(hidden)]
     pub fn white(albedo: &[f32]) -> f32 {
         match percentile(albedo, 99.9) {
             Some(white) if white > 0.0 => white,
             _ => albedo.iter().copied().filter(|a| a.is_finite()).fold(0.0, f32::max),
+        }
+    }
+
+    /// Checks a mask fraction, if there is one.
+    ///
+    /// # Errors
+    /// `Kind::Options`.
+    #[doc(hidden)]
+    pub fn check_mask_fraction(fraction: Option<f64>) -> Result<()> {
+        match fraction.filter(|f| !(0.0..1.0).contains(f)) {
+            None => Ok(()),
+            Some(fraction) => Err(Error::options(
+                format!("the mask fraction is {fraction}"),
+                format!(
+                    "give a share of the brightest albedo from 0 to below 1, usually {}",
+                    Maps::MASK_FRACTION
+                ),
+            )),
         }
     }
 
@@ -181,6 +201,7 @@ impl Maps {
     /// centres of pixels. Depth and normal are means of the four pixels around, weighted by interpolated albedo. Only
     /// pixels within 2.5 pixels of the heaviest pixel's depth count, so that no point lies between an edge and the
     /// surface behind it. What lies behind the first surfaces and the confidence are left out.
+    #[doc(hidden)]
     pub fn finer(&self, factor: usize) -> Maps {
         if factor <= 1 {
             return self.clone();

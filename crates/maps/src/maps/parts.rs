@@ -9,6 +9,7 @@ use super::{Maps, percentile};
 /// A part goes if its expected depth error is above this share of its width.
 const OF_WIDTH: f64 = 0.25;
 
+#[doc(hidden)]
 impl Maps {
     /// Takes out of the mask of each layer what hangs together, but whose depths are known worse than to a quarter of its own
     /// width: the root of its area. The largest part always stays. Follows [`Maps::set_confidence`]; tells whether anything
