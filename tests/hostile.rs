@@ -60,9 +60,9 @@ fn hostile_files_are_refused_in_little_memory() {
 fn readers_take_memory_by_asking_for_it() {
     const CALLS: [&str; 7] =
         ["vec![0", "vec![DVec3", "Vec::with_capacity(", ".try_reserve", "repeat_n(", "fs::read(", "; pairs]"];
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates");
     let mut found = vec![];
-    for folder in ["capture/formats", "files", "tags"] {
+    for folder in ["capture/src/formats", "base/src/files", "tags/src"] {
         for entry in std::fs::read_dir(root.join(folder)).unwrap() {
             let path = entry.unwrap().path();
             let text = std::fs::read_to_string(&path).unwrap_or_default();
