@@ -14,7 +14,7 @@ use crate::solve::{
     Bins, Discretisation, Progress, Ready, SolverOptions, TracePoint, VolumeMap, Watch, conclude,
 };
 use crate::transport::Volume;
-use crate::trials::{self, Ask, Choice, Found, Resolved};
+use crate::trials::{Choice, Found, Resolved};
 use crate::{Error, Result};
 
 type Hear = Arc<Mutex<dyn FnMut(&Progress) -> ControlFlow<()> + Send>>;
@@ -132,19 +132,7 @@ impl Options {
         let resolved = self.resolved(capture)?;
         // What does not fit is told before any trial.
         how.grid(&resolved.solver, capture)?;
-        let ask = Ask {
-            solver: &resolved.solver,
-            models: &resolved.models,
-            find_pulse: resolved.find_pulse(),
-            discretisation: how,
-            memory,
-        };
-        let found = match capture.histograms.iter().any(|v| *v > 0.0) {
-            true => trials::find(&ask, capture, gpu, &mut |progress| self.tell(progress))?,
-            false => Found::default(),
-        };
-        let (solver, capture) = found.settle(&resolved.solver, &resolved.models, capture)?;
-        Ok((found, solver, capture))
+        resolved.settled(gpu, capture, (how, memory), &mut |progress| self.tell(progress))
     }
 
     fn resolved(&self, capture: &Capture) -> Result<Resolved> {

@@ -1,5 +1,6 @@
 //! A solver and its options as somebody chooses them: what is not chosen follows from the capture.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use super::model::possible_models;
@@ -137,11 +138,35 @@ impl Resolved {
         }
     }
 
-    /// What a session of such frames solves with: quick solves of one `frame` find model and pulse, as they do in a run of the
-    /// command. Without light in `frame` both stay as they are. `hear` may cancel.
+    /// What quick solves of a part of `capture` find, the solver that follows, and the capture with the pulse: what a run of the
+    /// command solves with. Without light in it model and pulse stay as they are. `hear` may cancel.
     ///
     /// # Errors
     /// The device fails, or `hear` cancels.
+    pub fn settled<'c>(
+        &self,
+        gpu: &Gpu,
+        capture: &'c Capture,
+        (discretisation, memory): (Discretisation, Option<u64>),
+        hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<(Found, SolverOptions, Cow<'c, Capture>)> {
+        let ask = Ask {
+            solver: &self.solver,
+            models: &self.models,
+            find_pulse: self.find_pulse(),
+            discretisation,
+            memory,
+        };
+        let has_light = capture.histograms.iter().any(|v| *v > 0.0);
+        let found = if has_light { super::find(&ask, capture, gpu, hear)? } else { Found::default() };
+        let (solver, capture) = found.settle(&self.solver, &self.models, capture)?;
+        Ok((found, solver, capture))
+    }
+
+    /// [`Resolved::settled`] for a session of such frames, with the usual box and bins.
+    ///
+    /// # Errors
+    /// Those of [`Resolved::settled`].
     pub fn tune(
         &self,
         gpu: &Gpu,
@@ -149,16 +174,7 @@ impl Resolved {
         memory: Option<u64>,
         hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Tuned> {
-        let ask = Ask {
-            solver: &self.solver,
-            models: &self.models,
-            find_pulse: self.find_pulse(),
-            discretisation: Discretisation::default(),
-            memory,
-        };
-        let has_light = frame.histograms.iter().any(|v| *v > 0.0);
-        let found = if has_light { super::find(&ask, frame, gpu, hear)? } else { Found::default() };
-        let (solver, scan) = found.settle(&self.solver, &self.models, frame)?;
+        let (found, solver, scan) = self.settled(gpu, frame, (Discretisation::default(), memory), hear)?;
         Ok(Tuned { solver, scan: scan.into_owned(), found })
     }
 }

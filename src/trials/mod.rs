@@ -176,7 +176,7 @@ pub fn find(
         if finds_high_pass {
             high_pass = Some(trials.find_high_pass(capture)?);
         }
-        let found = search(&mut trials, usual, finds_model, find_pulse);
+        let found = search(&mut trials, usual, finds_model);
         tried = std::mem::take(&mut trials.tried);
         found
     });
@@ -230,18 +230,13 @@ struct Answer {
 /// First the models are compared with sharp paths. Then the best of them finds the pulse, and all are compared again with
 /// this pulse. If another is better then, it finds the pulse anew. At last the normals of its surface are put to the
 /// test.
-fn search(
-    trials: &mut Trials<'_>,
-    usual: Reflectance,
-    finds_model: bool,
-    find_pulse: FindPulse,
-) -> Result<Answer> {
+fn search(trials: &mut Trials<'_>, usual: Reflectance, finds_model: bool) -> Result<Answer> {
     let choose = |trials: &mut Trials<'_>, pulse: Shape| match finds_model {
         true => trials.best_model(pulse),
         false => Ok(usual),
     };
     let mut reflectance = choose(trials, Shape::SHARP)?;
-    let finds_pulse = match find_pulse {
+    let finds_pulse = match trials.find_pulse {
         FindPulse::Never => false,
         FindPulse::IfItShows => trials.shows_pulse(reflectance)?,
         FindPulse::Always => true,

@@ -1,7 +1,7 @@
 //! The pulse that light with sharp paths asks for: rendered rows are spread by pulses, and compared with measured ones. Sums of
 //! products of the rows, one moved against the other, tell what every pulse leaves, so no row is spread but for the best one.
 
-use crate::capture::PulseTaps;
+use crate::capture::{PulseTaps, Way};
 
 /// Bins by which light may move, each way: a surface that was fitted with a wrong pulse lies before or behind its place.
 const MOVES: i64 = 6;
@@ -42,14 +42,12 @@ impl Rows<'_> {
 
 impl Suited<'_> {
     fn spread(&self, row: &[f64]) -> Vec<f64> {
-        let mut all = vec![0.0; row.len()];
-        for (tap, weight) in self.taps.weights.iter().enumerate() {
-            let by = tap as i64 - self.taps.before as i64 + self.moved;
-            let (to, from) = (by.max(0) as usize, (-by).max(0) as usize);
-            let moved = all.iter_mut().skip(to).zip(row.iter().skip(from));
-            moved.for_each(|(sum, value)| *sum += self.factor * weight * value);
-        }
-        all
+        let PulseTaps { before, weights } = self.taps;
+        let first = self.moved - *before as i64;
+        let later = vec![0.0; first.max(0) as usize];
+        let moved =
+            PulseTaps { before: (-first).max(0) as usize, weights: [&later[..], &weights[..]].concat() };
+        moved.through(row, Way::Spread).into_iter().map(|v| self.factor * v).collect()
     }
 }
 
