@@ -205,12 +205,14 @@ fn groups_beyond_the_work_write_nothing() {
 /// workgroups of a dispatch to begin at the first, or to be all that there are.
 #[test]
 fn passes_in_parts_leave_the_same() {
+    let alone = alone();
     for solve in [paper_solve, vector_solve, surface_solve, lent_counts] {
         let [(whole, few), (parts, many)] = [u64::MAX, 60].map(|work| {
-            let gpu = gpu_of(Some(work));
+            let gpu = gpu_of(work, &alone);
             let mut runs = Runs { wide: false, seen: BTreeSet::new() };
             let left = solve(&gpu, &mut runs);
             assert_valid(&gpu);
+            assert_eq!(gpu.take_guarded().overruns, []);
             (left, gpu.take_recording().device.len())
         });
         assert!(whole == parts, "a dispatch in parts leaves something else");

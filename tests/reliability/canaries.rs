@@ -78,6 +78,7 @@ fn others() -> Vec<(&'static str, SolverOptions, Capture)> {
 /// Two threads solve on one device: each gives the bits that it gives alone, and the validation layer, which watches
 /// threads, too, has nothing to say.
 fn at_once(share: Share) -> Row {
+    let _alone = fixtures::device::alone();
     let mut row = Row::new("two solves at once on one device: the bits of one after the other");
     for (i, (kind, capture)) in kinds().into_iter().enumerate() {
         if !share.takes(i, 0) && i > 0 {

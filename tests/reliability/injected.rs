@@ -22,6 +22,7 @@ fn failing(point: Point, number: u64) -> Faults {
 }
 
 pub fn rows(share: Share) -> Vec<Row> {
+    let _alone = fixtures::device::alone();
     let mut rows = vec![];
     let capture = loaded().capture;
     for (s, (name, solver)) in solvers(Accumulation::Repeatable).into_iter().enumerate() {

@@ -17,6 +17,7 @@ fn silent(messages: Vec<String>) -> Held {
 }
 
 pub fn rows(share: Share) -> Vec<Row> {
+    let _alone = fixtures::device::alone();
     let mut solves = Row::new("both solvers, every kind of pairs, every accumulation path");
     let mut i = 0;
     for (kind, capture) in kinds() {
