@@ -62,9 +62,11 @@ def test_a_camera_thread_feeds_parts_of_a_scan(capture):
         session(capture, feed="some", **QUICK)
 
 
-def test_a_session_of_a_capture_finds_the_model(capture):
-    with tb.Session(capture, **QUICK) as found, tb.Session(capture, model="cosine", **QUICK) as named:
-        assert found.solve(capture.H).albedo.tobytes() == named.solve(capture.H).albedo.tobytes()
+@pytest.mark.parametrize("model", [None, "cosine", "lambertian"])
+def test_a_session_of_a_capture_finds_what_a_reconstruction_finds(capture, model):
+    with tb.Session(capture, model=model, **QUICK) as frames:
+        maps = tb.reconstruct(capture, model=model, **QUICK)
+        assert frames.solve(capture.H).albedo.tobytes() == maps.albedo.tobytes()
 
 
 def test_a_time_limit_stops_a_frame(capture):
