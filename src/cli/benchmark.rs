@@ -12,7 +12,7 @@ use thirdbounce::job::{self, Benchmark, Comparison, Input, Loaded, Turn};
 use thirdbounce::solve::Progress;
 
 use super::compare::{HowArgs, METHODS, Turns};
-use super::progress::{say, say_error};
+use super::terminal::{say, say_error};
 use super::{advice, interrupt, methods, print};
 
 /// Exit code after Ctrl-C, as for the other verbs.

@@ -6,7 +6,7 @@ use thirdbounce::capture::calibrate::time_zero;
 use thirdbounce::{Result, capture, export, job};
 
 use super::input::{UnsaidArgs, gate};
-use super::progress::say;
+use super::terminal::say;
 use super::{interrupt, print};
 
 #[derive(clap::Args)]

@@ -14,8 +14,9 @@ use thirdbounce::{Error, Result};
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
 use super::methods;
-use super::progress::{Meter, say};
+use super::progress::Meter;
 use super::solver::SolverArgs;
+use super::terminal::say;
 use super::{interrupt, print, units};
 
 pub const METHODS: &str = "\

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use thirdbounce::{Result, capture, job};
 
 use super::input::UnsaidArgs;
-use super::progress::say;
+use super::terminal::say;
 use super::{interrupt, print};
 
 #[derive(clap::Args)]

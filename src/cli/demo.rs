@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use thirdbounce::{Result, job};
 
-use super::progress::{Meter, say};
+use super::progress::Meter;
+use super::terminal::say;
 use super::{interrupt, print, tables};
 
 #[derive(clap::Args)]

@@ -7,8 +7,8 @@ use thirdbounce::job::{self, Inspection};
 use thirdbounce::{Result, export};
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
-use super::progress::say;
 use super::solver::SolverArgs;
+use super::terminal::say;
 use super::{advice, interrupt, json, print, tables};
 
 #[derive(clap::Args)]

@@ -14,8 +14,8 @@ use thirdbounce::solve::vector::Follow;
 use thirdbounce::{Error, Result, capture, export, job};
 
 use super::histogram::FromTags;
-use super::progress::{say, say_error};
 use super::solver::SolverArgs;
+use super::terminal::{say, say_error};
 use super::units::{length, milliseconds, path};
 use super::{advice, input, interrupt, print};
 

@@ -24,6 +24,7 @@ mod schedule;
 mod simulate;
 mod solver;
 mod tables;
+mod terminal;
 mod units;
 mod view;
 
@@ -104,8 +105,8 @@ pub fn main() -> ExitCode {
         }
         let message = thirdbounce::panic_message(panic.payload()).unwrap_or("no message");
         let place = panic.location().map_or(String::new(), |l| format!(" at {}:{}", l.file(), l.line()));
-        progress::say(&format!("error: internal error: {message}{place}"));
-        progress::say(&format!(
+        terminal::say(&format!("error: internal error: {message}{place}"));
+        terminal::say(&format!(
             "  this is a bug in thirdbounce {}: please report it with the command you ran",
             env!("CARGO_PKG_VERSION")
         ));
@@ -113,11 +114,11 @@ pub fn main() -> ExitCode {
     match std::panic::catch_unwind(run) {
         Ok(Ok(code)) => code,
         Ok(Err(e)) if e.kind == Kind::Cancelled => {
-            progress::say(&format!("{}, no result was written", e.what));
+            terminal::say(&format!("{}, no result was written", e.what));
             ExitCode::from(130)
         }
         Ok(Err(e)) => {
-            progress::say_error("", &e.what, &advice::text(&e.mend));
+            terminal::say_error("", &e.what, &advice::text(&e.mend));
             ExitCode::from(1)
         }
         Err(_) => ExitCode::from(101),
@@ -129,7 +130,7 @@ fn run() -> Result<ExitCode> {
         Ok(cli) => cli,
         // It shows values as they were given.
         Err(e) if e.use_stderr() => {
-            e.to_string().trim_end().lines().for_each(progress::say);
+            e.to_string().trim_end().lines().for_each(terminal::say);
             return Ok(ExitCode::from(2));
         }
         // Prints help or version, and ends with 0.
@@ -174,7 +175,7 @@ pub fn command() -> clap::Command {
 /// Prints lines to stdout, names in them harmless. A closed stdout (`| head`) is not an error: the work itself is done.
 fn print(text: &str) {
     use std::io::Write;
-    let _ = writeln!(std::io::stdout().lock(), "{}", progress::harmless(text.trim_end(), true));
+    let _ = writeln!(std::io::stdout().lock(), "{}", terminal::harmless(text.trim_end(), true));
 }
 
 /// The value as indented JSON.

@@ -7,8 +7,9 @@ use thirdbounce::{Result, tags};
 
 use super::histogram::FromTags;
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, check, load_file, load_with};
-use super::progress::{Meter, say};
+use super::progress::Meter;
 use super::solver::SolverArgs;
+use super::terminal::say;
 use super::{interrupt, print, tables, units};
 
 #[derive(clap::Args)]

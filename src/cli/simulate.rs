@@ -11,7 +11,7 @@ use thirdbounce::{Error, Result};
 
 use super::input::{pulse, spots};
 use super::options::word;
-use super::progress::say;
+use super::terminal::say;
 use super::units::{length, number, path};
 use super::{interrupt, print, tables};
 

@@ -13,7 +13,7 @@ use thirdbounce::job::{self, Batch, Loaded, Request};
 use thirdbounce::solve::Progress;
 use thirdbounce::{Result, gpu};
 
-use super::progress::{say, say_error};
+use super::terminal::{say, say_error};
 use super::{advice, interrupt, print};
 pub use args::Args;
 
