@@ -5,6 +5,7 @@ mod blocks;
 mod bonn;
 pub mod ccsocr;
 mod convolutional;
+pub mod counts;
 mod dirac;
 mod exhaustive;
 mod frame;

@@ -7,27 +7,11 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::blocks;
+use super::counts::Counts;
 use super::hdf5::Hdf5;
 use super::matlab5::Matlab5;
 use super::scatter::{Scattered, Wanted};
 use crate::error::{Error, Result};
-use crate::seen;
-
-/// An array of counts.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Counts {
-    /// Lengths of its axes, the slowest first.
-    pub shape: Vec<usize>,
-    /// In C order.
-    pub values: Vec<f32>,
-}
-
-impl Counts {
-    /// Whether the values are photon counts: whole and not negative, however they are stored.
-    pub fn whole(&self) -> bool {
-        seen::whole(&self.values)
-    }
-}
 
 /// The arrays of a file.
 pub enum Variables {

@@ -15,8 +15,9 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::counts::Counts;
 use super::given::{Bounce, Given};
-use super::variables::{Counts, Variables};
+use super::variables::Variables;
 use super::{frame, legs, unit};
 use crate::Capture;
 use crate::error::{Error, Result};
