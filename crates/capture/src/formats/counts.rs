@@ -50,3 +50,8 @@ pub(super) fn read(npz: &mut Npz, name: &str, wanted: &str) -> Result<Vec<f32>> 
     let array = npz.whole(name)?.ok_or_else(|| npz.missing(name, wanted))?;
     Ok(array.to_f32())
 }
+
+/// The largest value, which decides the integer type to store; `None` unless all values are whole and not negative.
+pub(super) fn largest_count(values: &[f32]) -> Option<f32> {
+    values.iter().try_fold(0.0f32, |largest, &v| (v >= 0.0 && v.fract() == 0.0).then(|| largest.max(v)))
+}

@@ -21,8 +21,10 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::counts::{self, largest_count};
 use super::given::Given;
-use super::{compact, counts, exhaustive, largest_count, per_pair, triples, unit, zones};
+use super::points::{compact, per_pair, triples, unit};
+use super::{exhaustive, zones};
 use crate::error::{Error, Result};
 use crate::files::archive::{Npz, npz_bytes};
 use crate::files::array::{Array, transpose};

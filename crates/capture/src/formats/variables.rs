@@ -7,6 +7,7 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::blocks;
+use super::contents::{self, Contents};
 use super::counts::Counts;
 use super::hdf5::Hdf5;
 use super::matlab5::Matlab5;
@@ -27,9 +28,9 @@ impl Variables {
     /// # Errors
     /// `Kind::Input` for a damaged file or one of another kind.
     pub fn open(path: &Path) -> Result<Variables> {
-        match super::contents(path)? {
-            super::Contents::Hdf5 => Hdf5::open(path).map(Variables::Hdf5),
-            super::Contents::Matlab5 => Matlab5::open(path).map(Variables::Matlab5),
+        match contents::of(path)? {
+            Contents::Hdf5 => Hdf5::open(path).map(Variables::Hdf5),
+            Contents::Matlab5 => Matlab5::open(path).map(Variables::Matlab5),
             _ => Err(Error::input("is not an HDF5 or MATLAB file", "give the .mat or .hdf5 file")),
         }
     }

@@ -11,7 +11,8 @@
 use glam::DVec3;
 
 use super::given::Given;
-use super::{counts, frame, triples};
+use super::points::triples;
+use super::{counts, frame};
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
 use crate::{Capture, seen};
