@@ -16,8 +16,8 @@ use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
 use super::methods;
 use super::progress::Meter;
 use super::solver::SolverArgs;
-use super::terminal::say;
-use super::{interrupt, print, units};
+use super::terminal::{print, say};
+use super::{interrupt, units};
 
 pub const METHODS: &str = "\
 Methods:

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use thirdbounce::{Result, job};
 
 use super::progress::Meter;
-use super::terminal::say;
-use super::{interrupt, print, tables};
+use super::terminal::{print, say};
+use super::{interrupt, tables};
 
 #[derive(clap::Args)]
 pub struct Args {

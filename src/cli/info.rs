@@ -8,8 +8,8 @@ use thirdbounce::{Result, export};
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
 use super::solver::SolverArgs;
-use super::terminal::say;
-use super::{advice, interrupt, json, print, tables};
+use super::terminal::{json, print, say};
+use super::{advice, interrupt, tables};
 
 #[derive(clap::Args)]
 pub struct Args {

@@ -31,7 +31,7 @@ mod view;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use thirdbounce::{Error, Kind, Result};
+use thirdbounce::{Kind, Result};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -170,18 +170,6 @@ pub fn command() -> clap::Command {
             if takes { arg.allow_negative_numbers(true) } else { arg }
         })
     })
-}
-
-/// Prints lines to stdout, names in them harmless. A closed stdout (`| head`) is not an error: the work itself is done.
-fn print(text: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stdout().lock(), "{}", terminal::harmless(text.trim_end(), true));
-}
-
-/// The value as indented JSON.
-fn json(value: &impl serde::Serialize) -> Result<String> {
-    serde_json::to_string_pretty(value)
-        .map_err(|e| Error::output(format!("cannot be written as JSON: {e}"), "please report this as a bug"))
 }
 
 #[cfg(test)]

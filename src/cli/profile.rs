@@ -15,8 +15,8 @@ use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load, request};
 use super::progress::Meter;
 use super::solver::SolverArgs;
 use super::tables::{bytes, number, seconds};
-use super::terminal::say;
-use super::{compiled, interrupt, print};
+use super::terminal::{print, say};
+use super::{compiled, interrupt};
 
 #[derive(clap::Args)]
 pub struct Args {

@@ -9,8 +9,8 @@ use super::histogram::FromTags;
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, check, load_file, load_with};
 use super::progress::Meter;
 use super::solver::SolverArgs;
-use super::terminal::say;
-use super::{interrupt, print, tables, units};
+use super::terminal::{print, say};
+use super::{interrupt, tables, units};
 
 #[derive(clap::Args)]
 pub struct Args {

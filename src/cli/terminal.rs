@@ -1,6 +1,8 @@
-//! Lines on stderr, and text that does nothing to a terminal.
+//! What is written to stdout and stderr: it does nothing to a terminal.
 
 use std::io::Write;
+
+use thirdbounce::{Error, Result};
 
 /// More digits in a row are counted, not shown.
 const MOST_DIGITS: usize = 40;
@@ -14,6 +16,17 @@ pub fn say(line: &str) {
 pub fn say_error(place: &str, what: &str, mend: &str) {
     say(&format!("error: {place}{what}"));
     say(&format!("  {mend}"));
+}
+
+/// Prints lines to stdout, names in them harmless. A closed stdout (`| head`) is not an error: the work itself is done.
+pub fn print(text: &str) {
+    let _ = writeln!(std::io::stdout().lock(), "{}", harmless(text.trim_end(), true));
+}
+
+/// The value as indented JSON.
+pub fn json(value: &impl serde::Serialize) -> Result<String> {
+    serde_json::to_string_pretty(value)
+        .map_err(|e| Error::output(format!("cannot be written as JSON: {e}"), "please report this as a bug"))
 }
 
 /// The text without what moves a terminal's cursor, sets its colours or turns the direction of writing: any name may hold such
