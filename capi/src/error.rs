@@ -135,8 +135,9 @@ pub unsafe extern "C" fn tb_last_problem(problem: *mut TbProblem) -> TbStatus {
     }
 }
 
-pub fn options_error(what: impl Into<String>, mend: &'static str) -> Error {
-    Error::options(what, mend)
+/// The error of a handle that is NULL.
+pub fn no_handle(what: &str) -> Error {
+    Error::options(format!("`{what}` is NULL"), "give the handle that was made")
 }
 
 /// Runs the body of a call. Keeps its error for the thread, and stops panics.

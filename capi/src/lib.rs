@@ -6,19 +6,21 @@
 //! `unsafe` is here because C gives pointers; each block states what the header asks of the caller.
 
 mod error;
-mod feed;
+mod frames;
 mod log;
 mod scan;
 mod session;
+mod settings;
 mod sized;
 mod text;
 mod vulkan;
 
 pub use error::{TB_PROBLEM_SETTINGS, TbProblem, TbStatus};
-pub use feed::{TbFeed, TbLatency};
+pub use frames::TbLatency;
 pub use log::{TbLevel, TbLog};
 pub use scan::TbScan;
-pub use session::{TbFrame, TbHear, TbProgress, TbSession, TbSettings};
+pub use session::{TbFrame, TbSession};
+pub use settings::{TbFeed, TbHear, TbProgress, TbSettings};
 pub use vulkan::{
     TB_EXTENSIONS, TB_FEATURE_DEBUG_UTILS, TB_FEATURE_EXTERNAL_MEMORY_FD, TB_FEATURE_FLOAT_ATOMICS,
     TB_FEATURE_INT64_ATOMICS, TB_FEATURE_MEMORY_BUDGET, TB_FEATURE_PORTABILITY_SUBSET,
@@ -28,8 +30,9 @@ pub use vulkan::{
 
 use std::ffi::{CStr, CString, c_char};
 
+use engine::Error;
 use engine::gpu::{Gpu, GpuOptions};
-use error::{guarded, options_error};
+use error::guarded;
 
 /// Version of this interface. Structs may grow within a version: they begin with their size.
 pub const TB_API_VERSION: u32 = 1;
@@ -54,7 +57,7 @@ fn check_version(api_version: u32) -> engine::Result<()> {
     if api_version == TB_API_VERSION {
         return Ok(());
     }
-    Err(options_error(
+    Err(Error::options(
         format!(
             "the program was compiled for version {api_version} of the interface, this library has {TB_API_VERSION}"
         ),

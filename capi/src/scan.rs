@@ -2,11 +2,10 @@
 
 use std::mem::offset_of;
 
-use engine::Result;
 use engine::capture::{Capture, Pulse};
+use engine::{Error, Result};
 use glam::DVec3;
 
-use crate::error::options_error;
 use crate::sized::Versioned;
 
 /// Pairs of wall points and their histograms' bins. Zero everything, then set `size`; zero is the default of every field
@@ -58,7 +57,7 @@ impl TbScan {
     pub unsafe fn capture(&self) -> Result<Capture> {
         let pairs = self.points_x.checked_mul(self.points_y).filter(|n| *n > 0 && *n < 1 << 31);
         let Some(pairs) = pairs.filter(|_| !self.laser.is_null()) else {
-            return Err(options_error(
+            return Err(Error::options(
                 format!("a scan of {} x {} points, or without laser points", self.points_x, self.points_y),
                 "give `points_x`, `points_y` and `laser`",
             ));
@@ -78,7 +77,7 @@ impl TbScan {
             // SAFETY: as above.
             (false, Some(count)) => unsafe { std::slice::from_raw_parts(self.counts, count) }.to_vec(),
             (false, None) => {
-                return Err(options_error(
+                return Err(Error::options(
                     format!("counts of {pairs} pairs of {} bins do not fit any memory", self.bins),
                     "set `bins` to the bins of a histogram",
                 ));

@@ -1,82 +1,19 @@
 //! Sessions: frames of counts in, maps out.
 
-use std::ffi::{c_char, c_void};
 use std::mem::offset_of;
 use std::ops::ControlFlow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use engine::session::{Canceller, Frame, FrameId, Hear, Session, SessionOptions, Submitter};
-use engine::solve::option::{Suit, Value};
-use engine::solve::vector::Follow;
-use engine::solve::{Progress, SolverOptions};
-use engine::trials::Choice;
-use engine::{Error, Result};
+use engine::Error;
+use engine::session::{Canceller, Frame, FrameId, Session, SessionOptions, Submitter};
+use engine::solve::Progress;
 
-use crate::error::{TbStatus, guarded, options_error};
+use crate::error::{TbStatus, guarded, no_handle};
 use crate::scan::TbScan;
+use crate::settings::TbSettings;
 use crate::sized::{self, Versioned};
-use crate::{TbDevice, feed, log, text};
-
-/// What a progress function is told.
-#[derive(Clone, Copy)]
-#[repr(C)]
-pub struct TbProgress {
-    /// sizeof(tb_progress) of the library.
-    pub size: usize,
-    /// The frame; 0 while `tb_session_new` looks for the model and the pulse.
-    pub frame: u64,
-    /// Iterations done, and iterations of the whole frame.
-    pub iteration: usize,
-    pub iterations: usize,
-    /// The loss.
-    pub loss: f64,
-    /// Seconds since the frame began.
-    pub seconds: f64,
-}
-
-/// Hears of the progress. Returns 0 to go on; anything else stops the frame.
-pub type TbHear = Option<unsafe extern "C" fn(user: *mut c_void, progress: *const TbProgress) -> i32>;
-
-/// How a session solves. Zero everything, then set `size`; zero is the default of every field.
-#[derive(Clone, Copy)]
-#[repr(C)]
-pub struct TbSettings {
-    /// sizeof(tb_settings).
-    pub size: usize,
-    /// "vector", "paper", "surface", or a closed-form method such as "lct" or "fbp"; NULL: the default solver.
-    pub solver: *const c_char,
-    /// Lateral pixels of the maps; 0: the solver's default.
-    pub lateral: usize,
-    /// Further options of the solver as "name=value name=value", by their names on the command line, "model=lambertian" among
-    /// them; NULL: none.
-    pub options: *const c_char,
-    /// Most device memory to use, bytes; 0: what is free.
-    pub memory: u64,
-    /// A frame that takes longer is stopped, seconds; 0: none is.
-    pub time_limit: f64,
-    /// Hears of the progress. Called by the session's own thread, and by `tb_session_new` while it looks for model and pulse; it must not call functions of this session but
-    /// `tb_session_cancel`.
-    pub hear: TbHear,
-    /// Given to `hear`.
-    pub user: *mut c_void,
-    /// 1: a frame begins with the solution of the frame before, and takes a fifth of the iterations. For "vector".
-    pub follow: u32,
-    /// 1: frames may lie in buffers of the program's (`tb_session_submit_lent`). For "vector", and for photon counts.
-    pub lent: u32,
-    /// Time for a frame, seconds: as many iterations as fit, and always a whole picture; 0: no limit. It needs `follow`.
-    pub budget: f64,
-    /// How many neighbouring bins are one for the solver; 0: as many as the maps' pixels do not tell apart.
-    pub sum: usize,
-    /// What becomes of frames that are submitted while one is solved: a `tb_feed`.
-    pub feed: u32,
-    /// Not used: 0.
-    pub reserved: u32,
-    /// Most frames that wait with TB_EVERY; 0: 16.
-    pub waiting: usize,
-    /// What a sum is multiplied by before the next frame, from 0 to 1, with TB_SUM.
-    pub decay: f64,
-}
+use crate::{TbDevice, log};
 
 /// A solved frame. All arrays belong to the session. They stay valid until the next `tb_session_wait` that returns a frame,
 /// and until the session is freed. Pixel [ix * ny + iy] of each is at ix along +x and iy along +y.
@@ -122,13 +59,7 @@ pub struct TbFrame {
     pub reserved: u32,
 }
 
-// SAFETY: both are `repr(C)` and begin with their size; zero is valid for all fields.
-unsafe impl Versioned for TbSettings {
-    const NAME: &'static str = "tb_settings";
-    const FIRST: usize = offset_of!(TbSettings, user) + size_of::<*mut c_void>();
-}
-
-// SAFETY: as above.
+// SAFETY: it is `repr(C)` and begins with its size; zero is valid for all fields.
 unsafe impl Versioned for TbFrame {
     const NAME: &'static str = "tb_frame";
     const FIRST: usize = offset_of!(TbFrame, seconds) + size_of::<f64>();
@@ -214,7 +145,7 @@ pub unsafe extern "C" fn tb_session_submit(
         // SAFETY: the caller gives a living session, or NULL.
         let session = unsafe { session.as_ref() }.ok_or_else(|| no_handle("session"))?;
         if counts.is_null() {
-            return Err(options_error("`counts` is NULL", "give the frame's counts"));
+            return Err(Error::options("`counts` is NULL", "give the frame's counts"));
         }
         // SAFETY: so many numbers are there, as the caller states.
         let id = session.submitter.submit(unsafe { std::slice::from_raw_parts(counts, count) })?;
@@ -283,118 +214,6 @@ pub unsafe extern "C" fn tb_session_free(session: *mut TbSession) {
         }
         Ok(())
     });
-}
-
-pub fn no_handle(what: &str) -> Error {
-    options_error(format!("`{what}` is NULL"), "give the handle that was made")
-}
-
-/// A pointer of the program's, for the session's thread.
-struct User(*mut c_void);
-
-// SAFETY: it is only handed to `hear`, which the header asks to be callable from the session's thread.
-unsafe impl Send for User {}
-
-impl User {
-    fn pointer(&self) -> *mut c_void {
-        self.0
-    }
-}
-
-impl TbSettings {
-    /// # Safety
-    /// The strings are NULL or end with a zero.
-    unsafe fn choice(&self) -> Result<Choice> {
-        // SAFETY: as the caller states.
-        let [name, options] =
-            unsafe { [text::of(self.solver, "solver")?, text::of(self.options, "options")?] };
-        let mut choice = Choice { solver: name.map(String::from), ..Choice::default() };
-        choice.check()?;
-        if self.lateral > 0 {
-            choice.options.push(("lateral", Value::Count(self.lateral)));
-        }
-        for option in options.unwrap_or_default().split_whitespace() {
-            set(&mut choice, option)?;
-        }
-        choice.check().map(|()| choice)
-    }
-
-    /// # Safety
-    /// `hear` may be called with `user` by another thread.
-    unsafe fn session_options(&self) -> Result<SessionOptions> {
-        let limit = Duration::try_from_secs_f64(self.time_limit).map_err(|_| {
-            options_error(format!("the time limit is {} s", self.time_limit), "give seconds, or 0 for none")
-        })?;
-        let budget =
-            Duration::try_from_secs_f64(self.budget).ok().filter(|b| b.is_zero() || self.follow != 0);
-        let Some(budget) = budget else {
-            let what = format!("the budget is {} s, and `follow` is {}", self.budget, self.follow);
-            return Err(options_error(what, "give seconds with `follow` 1, or 0 for none"));
-        };
-        let budget = (!budget.is_zero()).then_some(budget);
-        let user = User(self.user);
-        let hear = self.hear.map(|hear| -> Hear {
-            Box::new(move |id: FrameId, progress: &Progress| {
-                let told = TbProgress::of(id, progress);
-                // SAFETY: as the caller states.
-                match unsafe { hear(user.pointer(), &told) } {
-                    0 => ControlFlow::Continue(()),
-                    _ => ControlFlow::Break(()),
-                }
-            })
-        });
-        Ok(SessionOptions {
-            memory: (self.memory > 0).then_some(self.memory),
-            time_limit: (limit > Duration::ZERO).then_some(limit),
-            hear,
-            follow: (self.follow != 0).then(|| Follow { budget, ..Follow::default() }),
-            lent: self.lent != 0,
-            sum: (self.sum > 0).then_some(self.sum),
-            feed: feed::of(self)?,
-            ..SessionOptions::default()
-        })
-    }
-}
-
-/// Adds an option that is given as "name=value".
-fn set(choice: &mut Choice, option: &str) -> Result<()> {
-    let wrong = |what: &str| {
-        let mend = "see `thirdbounce help reconstruct` for names and values";
-        Err(options_error(format!("the option \"{option}\" {what}"), mend))
-    };
-    let Some((name, text)) = option.split_once('=') else { return wrong("is not name=value") };
-    if name == "model" {
-        choice.model = Some(text.into());
-        return Ok(());
-    }
-    let key = name.replace('-', "_");
-    let mut solver = SolverOptions::suited_to(choice.solver_name(), &Suit::USUAL).expect("it was checked");
-    let rows = solver.solver().rows();
-    let Some(row) = rows.iter().find(|row| row.key == key) else { return wrong("is none of this solver's") };
-    let values = [
-        text.parse().ok().map(Value::Count),
-        text.parse().ok().map(Value::Number),
-        text.parse().ok().map(Value::Flag),
-        Some(Value::Word(text.into())),
-    ];
-    let Some(value) = solver.set_first(row.key, values.into_iter().flatten()) else {
-        return wrong("has a value that it does not take");
-    };
-    choice.options.push((row.key, value));
-    Ok(())
-}
-
-impl TbProgress {
-    fn of(id: FrameId, progress: &Progress) -> TbProgress {
-        TbProgress {
-            size: size_of::<TbProgress>(),
-            frame: id.0,
-            iteration: progress.point.iteration,
-            iterations: progress.iterations,
-            loss: progress.point.loss,
-            seconds: progress.point.seconds,
-        }
-    }
 }
 
 impl TbFrame {

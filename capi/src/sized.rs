@@ -3,9 +3,7 @@
 
 use std::mem::MaybeUninit;
 
-use engine::Result;
-
-use crate::error::options_error;
+use engine::{Error, Result};
 
 /// A struct of C that begins with its size in bytes. Fields are only ever added at its end.
 ///
@@ -56,7 +54,7 @@ pub unsafe fn write<T: Versioned>(to: *mut T, value: &T) -> Result<()> {
 /// As [`write`].
 pub unsafe fn size_of_target<T: Versioned>(to: *const T) -> Result<usize> {
     if to.is_null() {
-        return Err(options_error(format!("{} is NULL", T::NAME), "give a pointer to a struct"));
+        return Err(Error::options(format!("{} is NULL", T::NAME), "give a pointer to a struct"));
     }
     // SAFETY: it begins with its size, as the trait states.
     let size = unsafe { to.cast::<usize>().read_unaligned() };
@@ -68,7 +66,7 @@ fn check(size: usize, name: &str, least: usize) -> Result<()> {
     if size >= least {
         return Ok(());
     }
-    Err(options_error(
+    Err(Error::options(
         format!("the size of {name} is {size}, at least {least} are needed"),
         "set `size` to sizeof the struct",
     ))
@@ -91,7 +89,7 @@ pub unsafe fn give<T>(to: *mut T, value: T) {
 /// `to` is NULL or may be written.
 pub unsafe fn give_handle<T>(to: *mut *mut T, value: T, what: &str) -> Result<()> {
     if to.is_null() {
-        return Err(options_error(format!("`{what}` is NULL"), "give a pointer to write to"));
+        return Err(Error::options(format!("`{what}` is NULL"), "give a pointer to write to"));
     }
     // SAFETY: as the caller states.
     unsafe { to.write(Box::into_raw(Box::new(value))) };

@@ -2,9 +2,7 @@
 
 use std::ffi::{CStr, c_char};
 
-use engine::Result;
-
-use crate::error::options_error;
+use engine::{Error, Result};
 
 /// The string at `text`; `None` for NULL.
 ///
@@ -16,5 +14,5 @@ pub unsafe fn of<'a>(text: *const c_char, what: &str) -> Result<Option<&'a str>>
     }
     // SAFETY: as the caller states.
     let text = unsafe { CStr::from_ptr(text) };
-    text.to_str().map(Some).map_err(|_| options_error(format!("`{what}` is not UTF-8"), "give UTF-8 text"))
+    text.to_str().map(Some).map_err(|_| Error::options(format!("`{what}` is not UTF-8"), "give UTF-8 text"))
 }

@@ -5,14 +5,13 @@ use std::mem::offset_of;
 use std::sync::Arc;
 
 use ash::vk::{self, Handle};
-use engine::Result;
 use engine::gpu::Gpu;
 use engine::gpu::caller::{Features, Imported, Lent, Moment, QueueLock, Vulkan, requirements};
 use engine::session::LentFrame;
 use engine::solve::{Format, LentCounts};
+use engine::{Error, Result};
 
-use crate::error::{TbStatus, guarded, options_error};
-use crate::session::no_handle;
+use crate::error::{TbStatus, guarded, no_handle};
 use crate::sized::{self, Versioned};
 use crate::{TbDevice, TbSession};
 
@@ -219,7 +218,7 @@ pub unsafe extern "C" fn tb_device_of_vulkan(
         let vulkan = unsafe { sized::read(vulkan)? };
         let (load, instance) = vulkan.loader()?;
         if vulkan.device.is_null() || vulkan.queue.is_null() || vulkan.physical_device.is_null() {
-            return Err(options_error(
+            return Err(Error::options(
                 "a handle of `tb_vulkan` is NULL",
                 "give physical device, device and queue",
             ));
@@ -328,7 +327,7 @@ unsafe fn import(
 ) -> TbStatus {
     guarded(|| {
         if buffer.is_null() {
-            return Err(options_error("`buffer` is NULL", "give a pointer to write to"));
+            return Err(Error::options("`buffer` is NULL", "give a pointer to write to"));
         }
         // SAFETY: the caller gives an open device, or NULL.
         let device = unsafe { device.as_ref() }.ok_or_else(|| no_handle("device"))?;
@@ -381,7 +380,7 @@ fn features_of(all: u32) -> Features {
 impl TbVulkan {
     fn loader(&self) -> Result<(vk::PFN_vkGetInstanceProcAddr, vk::Instance)> {
         let Some(load) = self.get_instance_proc_addr.filter(|_| !self.instance.is_null()) else {
-            return Err(options_error(
+            return Err(Error::options(
                 "`tb_vulkan` has no instance, or no vkGetInstanceProcAddr",
                 "give both: vkGetInstanceProcAddr as a function of the loader",
             ));
@@ -396,7 +395,7 @@ impl TbVulkan {
         match (self.lock, self.unlock) {
             (None, None) => Ok(None),
             (Some(lock), Some(unlock)) => Ok(Some(Arc::new(Lock { lock, unlock, user: self.user }))),
-            _ => Err(options_error("`tb_vulkan` has one of `lock` and `unlock`", "give both, or none")),
+            _ => Err(Error::options("`tb_vulkan` has one of `lock` and `unlock`", "give both, or none")),
         }
     }
 }
@@ -455,7 +454,7 @@ impl TbLentFrame {
             1 => Format::U32,
             2 => Format::U16,
             other => {
-                return Err(options_error(
+                return Err(Error::options(
                     format!("{other} is no tb_format"),
                     "give TB_F32, TB_U32 or TB_U16",
                 ));
@@ -468,7 +467,7 @@ impl TbLentFrame {
                 None => self.counts.lent()?,
             };
             let counts = counts.ok_or_else(|| {
-                options_error("`tb_lent_frame` has no counts", "give `counts`, or `imported` memory")
+                Error::options("`tb_lent_frame` has no counts", "give `counts`, or `imported` memory")
             })?;
             let (after, taken) = (self.after.moment(), self.taken.moment());
             Ok(LentFrame {

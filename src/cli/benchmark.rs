@@ -12,8 +12,8 @@ use thirdbounce::job::{self, Benchmark, Comparison, Input, Loaded, Turn};
 use thirdbounce::solve::Progress;
 
 use super::compare::{HowArgs, METHODS, Turns};
-use super::progress::{say, say_error};
-use super::{advice, interrupt, methods, print};
+use super::terminal::{print, say, say_error};
+use super::{advice, interrupt, methods};
 
 /// Exit code after Ctrl-C, as for the other verbs.
 const STOPPED: u8 = 130;

@@ -6,8 +6,8 @@ use thirdbounce::capture::calibrate::time_zero;
 use thirdbounce::{Result, capture, export, job};
 
 use super::input::{UnsaidArgs, gate};
-use super::progress::say;
-use super::{interrupt, print};
+use super::interrupt;
+use super::terminal::{print, say};
 
 #[derive(clap::Args)]
 pub struct Args {

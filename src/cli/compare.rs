@@ -14,9 +14,10 @@ use thirdbounce::{Error, Result};
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs};
 use super::methods;
-use super::progress::{Meter, say};
+use super::progress::Meter;
 use super::solver::SolverArgs;
-use super::{interrupt, print, units};
+use super::terminal::{print, say};
+use super::{interrupt, units};
 
 pub const METHODS: &str = "\
 Methods:

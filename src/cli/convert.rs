@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use thirdbounce::{Result, capture, job};
 
 use super::input::UnsaidArgs;
-use super::progress::say;
-use super::{interrupt, print};
+use super::interrupt;
+use super::terminal::{print, say};
 
 #[derive(clap::Args)]
 pub struct Args {

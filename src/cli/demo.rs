@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use thirdbounce::{Result, job};
 
-use super::progress::{Meter, say};
-use super::{interrupt, print, tables};
+use super::progress::Meter;
+use super::terminal::{print, say};
+use super::{interrupt, tables};
 
 #[derive(clap::Args)]
 pub struct Args {

@@ -2,7 +2,8 @@
 
 use thirdbounce::{Error, Result, gpu};
 
-use super::{json, print, tables};
+use super::tables;
+use super::terminal::{json, print};
 
 #[derive(clap::Args)]
 pub struct Args {

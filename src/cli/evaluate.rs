@@ -4,7 +4,8 @@ use std::path::PathBuf;
 
 use thirdbounce::{Result, job};
 
-use super::{json, print, tables, units};
+use super::terminal::{json, print};
+use super::{tables, units};
 
 #[derive(clap::Args)]
 pub struct Args {

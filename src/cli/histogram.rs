@@ -8,9 +8,9 @@ use thirdbounce::job::{self, Histogramming};
 use thirdbounce::tags::{Asked, Division, Galvo, Histograms, Inputs, PileUp, Scan, Zero, starts};
 use thirdbounce::{Error, Result};
 
-use super::progress::say;
+use super::terminal::{print, say};
 use super::units::{length, path, time};
-use super::{interrupt, print, tables};
+use super::{interrupt, tables};
 
 const EXAMPLES: &str = "\
 Examples:

@@ -7,9 +7,9 @@ use thirdbounce::job::{self, Inspection};
 use thirdbounce::{Result, export};
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
-use super::progress::say;
 use super::solver::SolverArgs;
-use super::{advice, interrupt, json, print, tables};
+use super::terminal::{json, print, say};
+use super::{advice, interrupt, tables};
 
 #[derive(clap::Args)]
 pub struct Args {

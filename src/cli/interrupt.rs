@@ -7,6 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use thirdbounce::{Error, Result};
 
+use super::terminal::say;
+
 static CARE: AtomicBool = AtomicBool::new(false);
 static ASKED: AtomicBool = AtomicBool::new(false);
 
@@ -16,7 +18,7 @@ pub fn listen() -> Result<()> {
         if ASKED.swap(true, Ordering::Relaxed) || !CARE.load(Ordering::Relaxed) {
             std::process::exit(130);
         }
-        super::progress::say("stopping (Ctrl-C again stops at once)");
+        say("stopping (Ctrl-C again stops at once)");
     })
     .map_err(|e| Error::device(format!("Ctrl-C cannot be handled: {e}"), "run it in another terminal"))
 }

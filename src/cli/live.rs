@@ -14,10 +14,10 @@ use thirdbounce::solve::vector::Follow;
 use thirdbounce::{Error, Result, capture, export, job};
 
 use super::histogram::FromTags;
-use super::progress::{say, say_error};
 use super::solver::SolverArgs;
+use super::terminal::{print, say, say_error};
 use super::units::{length, milliseconds, path};
-use super::{advice, input, interrupt, print};
+use super::{advice, input, interrupt};
 
 #[derive(clap::Args)]
 pub struct Args {

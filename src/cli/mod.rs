@@ -24,13 +24,14 @@ mod schedule;
 mod simulate;
 mod solver;
 mod tables;
+mod terminal;
 mod units;
 mod view;
 
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use thirdbounce::{Error, Kind, Result};
+use thirdbounce::{Kind, Result};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -104,8 +105,8 @@ pub fn main() -> ExitCode {
         }
         let message = thirdbounce::panic_message(panic.payload()).unwrap_or("no message");
         let place = panic.location().map_or(String::new(), |l| format!(" at {}:{}", l.file(), l.line()));
-        progress::say(&format!("error: internal error: {message}{place}"));
-        progress::say(&format!(
+        terminal::say(&format!("error: internal error: {message}{place}"));
+        terminal::say(&format!(
             "  this is a bug in thirdbounce {}: please report it with the command you ran",
             env!("CARGO_PKG_VERSION")
         ));
@@ -113,11 +114,11 @@ pub fn main() -> ExitCode {
     match std::panic::catch_unwind(run) {
         Ok(Ok(code)) => code,
         Ok(Err(e)) if e.kind == Kind::Cancelled => {
-            progress::say(&format!("{}, no result was written", e.what));
+            terminal::say(&format!("{}, no result was written", e.what));
             ExitCode::from(130)
         }
         Ok(Err(e)) => {
-            progress::say_error("", &e.what, &advice::text(&e.mend));
+            terminal::say_error("", &e.what, &advice::text(&e.mend));
             ExitCode::from(1)
         }
         Err(_) => ExitCode::from(101),
@@ -129,7 +130,7 @@ fn run() -> Result<ExitCode> {
         Ok(cli) => cli,
         // It shows values as they were given.
         Err(e) if e.use_stderr() => {
-            e.to_string().trim_end().lines().for_each(progress::say);
+            e.to_string().trim_end().lines().for_each(terminal::say);
             return Ok(ExitCode::from(2));
         }
         // Prints help or version, and ends with 0.
@@ -169,18 +170,6 @@ pub fn command() -> clap::Command {
             if takes { arg.allow_negative_numbers(true) } else { arg }
         })
     })
-}
-
-/// Prints lines to stdout, names in them harmless. A closed stdout (`| head`) is not an error: the work itself is done.
-fn print(text: &str) {
-    use std::io::Write;
-    let _ = writeln!(std::io::stdout().lock(), "{}", progress::harmless(text.trim_end(), true));
-}
-
-/// The value as indented JSON.
-fn json(value: &impl serde::Serialize) -> Result<String> {
-    serde_json::to_string_pretty(value)
-        .map_err(|e| Error::output(format!("cannot be written as JSON: {e}"), "please report this as a bug"))
 }
 
 #[cfg(test)]

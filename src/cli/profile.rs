@@ -12,10 +12,11 @@ use thirdbounce::job::{Loaded, Request, write_json};
 use thirdbounce::{Error, Kind, Result};
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load, request};
-use super::progress::{Meter, say};
+use super::progress::Meter;
 use super::solver::SolverArgs;
 use super::tables::{bytes, number, seconds};
-use super::{compiled, interrupt, print};
+use super::terminal::{print, say};
+use super::{compiled, interrupt};
 
 #[derive(clap::Args)]
 pub struct Args {

@@ -7,9 +7,10 @@ use thirdbounce::{Result, tags};
 
 use super::histogram::FromTags;
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, check, load_file, load_with};
-use super::progress::{Meter, say};
+use super::progress::Meter;
 use super::solver::SolverArgs;
-use super::{interrupt, print, tables, units};
+use super::terminal::{print, say};
+use super::{interrupt, tables, units};
 
 #[derive(clap::Args)]
 pub struct Args {

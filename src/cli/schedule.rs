@@ -3,8 +3,8 @@
 use thirdbounce::{Result, job};
 
 use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
-use super::print;
 use super::solver::SolverArgs;
+use super::terminal::print;
 
 #[derive(clap::Args)]
 pub struct Args {

@@ -11,9 +11,9 @@ use thirdbounce::{Error, Result};
 
 use super::input::{pulse, spots};
 use super::options::word;
-use super::progress::say;
+use super::terminal::{print, say};
 use super::units::{length, number, path};
-use super::{interrupt, print, tables};
+use super::{interrupt, tables};
 
 #[derive(clap::Args)]
 #[command(after_help = scenes())]

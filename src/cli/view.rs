@@ -2,9 +2,8 @@
 
 use std::path::PathBuf;
 
+use super::terminal::print;
 use thirdbounce::{Error, Result};
-
-use super::print;
 
 #[derive(clap::Args)]
 pub struct Args {

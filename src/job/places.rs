@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::files::atomic::{cannot, is_stream};
-use crate::files::staging;
+use crate::files::hidden;
 use crate::{Error, Result};
 
 /// The picture that a run shows, in the folder of its results.
@@ -104,5 +104,5 @@ pub fn check_folder(folder: &Path) -> Result<()> {
             "choose another folder for the results",
         ));
     }
-    staging::probe(at).map_err(|e| cannot(folder, &e))
+    hidden::probe(at).map_err(|e| cannot(folder, &e))
 }

@@ -1,6 +1,8 @@
 //! What commands read and write, and where barriers must stand between them.
 
-use super::{Binding, Buffer, Command, Kernel, Size};
+use super::code::Binding;
+use super::names::{Buffer, Kernel};
+use super::schedule::{Command, Size};
 
 /// Buffers that commands read and write.
 #[derive(Debug, Default)]

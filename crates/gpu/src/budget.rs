@@ -3,7 +3,7 @@
 use ash::vk;
 
 use super::instance::Instance;
-use super::{BufferPlan, Gpu, Place};
+use super::place::{BufferPlan, Place};
 use crate::advice::{Advice, Remedy, advice};
 use crate::{Error, Result};
 
@@ -69,7 +69,7 @@ pub(super) struct Kinds {
     /// The host sees the device's kind, too.
     device_is_mapped: bool,
     /// The heaps that they are parts of.
-    heaps: [usize; 2],
+    pub heaps: [usize; 2],
 }
 
 impl Kinds {
@@ -111,8 +111,8 @@ pub struct Memory {
     /// Both are the same bytes: a discrete card has heaps of its own, others share the host's.
     pub shared: bool,
     /// Bytes of one allocation at most.
-    allocation: u64,
-    kinds: Kinds,
+    pub(super) allocation: u64,
+    pub(super) kinds: Kinds,
 }
 
 impl Memory {
@@ -120,40 +120,6 @@ impl Memory {
     pub fn of_card(storage_range: u64, free: [u64; 2]) -> Memory {
         let kinds = Kinds { one: false, device_is_mapped: false, heaps: [0, 1] };
         Memory { storage_range, free, shared: false, allocation: u64::MAX, kinds }
-    }
-}
-
-#[doc(hidden)]
-impl Gpu {
-    /// The types of memory that the host sees without flushing it, as bits.
-    pub(super) fn coherent_types(&self) -> u32 {
-        // SAFETY: the physical device is the instance's.
-        let memory = unsafe { self.instance.raw.get_physical_device_memory_properties(self.physical) };
-        coherent(memory.memory_types_as_slice())
-    }
-
-    /// What is free for this process at the moment, as the driver reports.
-    pub fn memory(&self) -> Memory {
-        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
-        let mut memory = vk::PhysicalDeviceMemoryProperties2::default();
-        if self.has_budget {
-            memory = memory.push_next(&mut budget);
-        }
-        // SAFETY: the extension is enabled on this device if its struct is asked for.
-        unsafe { self.instance.raw.get_physical_device_memory_properties2(self.physical, &mut memory) };
-        let heaps = memory.memory_properties.memory_heaps;
-        let free = |heap: usize| match self.has_budget {
-            true => budget.heap_budget[heap].saturating_sub(budget.heap_usage[heap]),
-            false => heaps[heap].size,
-        };
-        let [device, host] = self.kinds.heaps;
-        Memory {
-            storage_range: self.limits.storage_range,
-            free: [free(device), free(host)],
-            shared: device == host,
-            allocation: self.allocation,
-            kinds: self.kinds,
-        }
     }
 }
 

@@ -1,113 +1,26 @@
-//! Choosing and opening a device.
+//! An opened device.
 
 use std::ops::Deref;
-use std::path::PathBuf;
-use std::sync::atomic::AtomicU64;
+use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 use ash::{ext, khr, vk};
 
 use super::budget::Kinds;
-use super::caller::{BlockSource, QueueLock};
-use super::faults::{Faults, Struck};
-use super::instance::{DeviceInfo, DeviceKind, Instance};
+use super::faults::{Faults, Point, Struck};
+use super::instance::{DeviceInfo, Instance};
 use super::kept::Cache;
+use super::limits::{Abilities, Accumulations, Limits, Reported};
 use super::offered::Offered;
-use super::owned::{OwnedDevice, Queue};
-use super::pace::dispatch_of;
-use super::recording::Recorder;
+use super::options::{GpuOptions, choose, compute_family};
+use super::owned::{OwnedDevice, Queue, QueueLock};
+use super::pace::{dispatch_of, rate_of};
+use super::place::BlockSource;
+use super::recording::{OpenSpan, Recorder, Recording};
+use super::told;
 use crate::advice::{Remedy, advice};
 use crate::{Error, Result};
-
-/// The most storage buffers that a kernel binds. Vulkan promises 4; nearly all GPUs have 16 or more.
-pub const MOST_STORAGE: u32 = 12;
-
-/// How to open a device.
-#[derive(Debug, Clone, Default)]
-pub struct GpuOptions {
-    /// Index in [`super::devices`], part of a name in any case, or a UUID; otherwise the best kind there is.
-    pub device: Option<String>,
-    /// Turn on the Khronos validation layer with synchronisation checks.
-    pub validation: bool,
-    /// Turn on the validation layer with checks of every access inside kernels (GPU-assisted validation) instead of
-    /// synchronisation checks. Slow. Needs kernels that were compiled without optimisation (`build.rs`).
-    #[doc(hidden)]
-    pub instrumented: bool,
-    /// Have the device check the bounds of buffers where it can (`robustBufferAccess`). Costs time.
-    #[doc(hidden)]
-    pub robust: bool,
-    /// Time every command by itself and record the timeline of host and device: [`Gpu::take_recording`].
-    pub timings: bool,
-    /// Ask the driver for statistics of the kernels that it compiles: [`Gpu::compile`].
-    #[doc(hidden)]
-    pub statistics: bool,
-    /// Ask it for their listings, too. Some drivers then compile every kernel anew, whatever a cache holds.
-    #[doc(hidden)]
-    pub listings: bool,
-    /// Turns of kernels' main loops in a dispatch and in a submission at most, for a device whose driver has a shorter
-    /// time limit than others; otherwise by its kind, and submissions by how fast it is.
-    #[doc(hidden)]
-    pub work: Option<u64>,
-    /// Bytes of a buffer at most that kernels bind, to plan as for a device that binds less than this one; otherwise what it
-    /// offers.
-    #[doc(hidden)]
-    pub binding: Option<u64>,
-    /// Keep compiled kernels in this folder, in a file for each device and driver, and begin with those of earlier runs.
-    pub pipeline_cache: Option<PathBuf>,
-    /// Faults to produce, for tests.
-    #[doc(hidden)]
-    pub faults: Faults,
-}
-
-/// Optional ways to add to memory that a device offers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Accumulations {
-    /// fp32 atomic add on buffers.
-    pub float: bool,
-    /// 64-bit integer atomic add on buffers.
-    pub int64: bool,
-}
-
-/// Limits that plans are made against.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Limits {
-    /// Largest binding of one buffer in bytes, which is no larger than one allocation.
-    pub storage_range: u64,
-    /// Largest binding of one buffer as texels, in texels.
-    pub texels: u64,
-    /// Invocations in a workgroup at most, however they are shared among x and y.
-    pub workgroup_invocations: u32,
-    /// Shared memory of a workgroup, bytes.
-    pub shared_memory: u32,
-    /// Workgroups in a dispatch at most, along x, y and z.
-    pub groups: [u32; 3],
-    /// Invocations in a subgroup.
-    pub subgroup: u32,
-    /// Turns of a kernel's main loop in a dispatch at most, over all invocations, so that it ends well before a driver
-    /// takes the device for hung.
-    pub work: u64,
-}
-
-impl Limits {
-    fn binding_at_most(self, bytes: Option<u64>) -> Limits {
-        Limits {
-            storage_range: bytes.map_or(self.storage_range, |most| most.min(self.storage_range)),
-            ..self
-        }
-    }
-}
-
-/// What a plan must know of a device.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Abilities {
-    /// What kind of device it is.
-    pub kind: DeviceKind,
-    /// How it adds to memory.
-    pub accumulations: Accumulations,
-    /// Its limits.
-    pub limits: Limits,
-}
 
 /// A handle of an opened device with one compute queue. Clones are cheap, and any thread may use them. Executors and
 /// arenas hold one. The device closes when the last handle is gone.
@@ -181,60 +94,6 @@ pub(super) struct Parts {
     pub cache: Cache,
     pub lock: Option<Arc<dyn QueueLock>>,
     pub blocks: Option<Arc<dyn BlockSource>>,
-}
-
-/// What a driver reports of a device's limits.
-pub(super) struct Reported {
-    pub limits: vk::PhysicalDeviceLimits,
-    /// Invocations in a subgroup.
-    pub subgroup: u32,
-    /// Bytes of one allocation at most.
-    pub allocation: u64,
-}
-
-impl Reported {
-    pub fn by(instance: &Instance, physical: vk::PhysicalDevice) -> Reported {
-        let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
-        let mut memory = vk::PhysicalDeviceMaintenance3Properties::default();
-        let mut properties =
-            vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup).push_next(&mut memory);
-        // SAFETY: the physical device is the instance's; the chained structs, of Vulkan 1.1, outlive the call.
-        unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties) };
-        let limits = properties.properties.limits;
-        Reported { limits, subgroup: subgroup.subgroup_size, allocation: memory.max_memory_allocation_size }
-    }
-
-    /// Checks what no plan can do without, for the device of this name.
-    ///
-    /// # Errors
-    /// Kernels bind more than it takes.
-    pub fn check(&self, name: &str) -> Result<()> {
-        let l = &self.limits;
-        let of_set = l.max_descriptor_set_storage_buffers;
-        let most = l.max_per_stage_descriptor_storage_buffers.min(of_set);
-        if most >= MOST_STORAGE {
-            return Ok(());
-        }
-        Err(Error::device(
-            format!("{name} binds at most {most} storage buffers to a kernel, {MOST_STORAGE} are needed"),
-            advice!["choose another device with " Device " (" [Devices] " lists them)"],
-        ))
-    }
-
-    /// The limits of plans, for dispatches of so many turns.
-    fn of_plans(&self, work: u64) -> Limits {
-        let l = &self.limits;
-        let [x, y, _] = l.max_compute_work_group_size;
-        Limits {
-            storage_range: u64::from(l.max_storage_buffer_range).min(self.allocation),
-            texels: u64::from(l.max_texel_buffer_elements),
-            workgroup_invocations: l.max_compute_work_group_invocations.min(x).min(y),
-            shared_memory: l.max_compute_shared_memory_size,
-            groups: l.max_compute_work_group_count,
-            subgroup: self.subgroup,
-            work,
-        }
-    }
 }
 
 impl Gpu {
@@ -396,7 +255,10 @@ impl Gpu {
         match result {
             vk::Result::ERROR_DEVICE_LOST => self.device.note_down(|| {
                 Error::device(
-                    format!("{name} was lost while {doing}{}", self.told()),
+                    format!(
+                        "{name} was lost while {doing}{}",
+                        told::text(self.faults().told, self.device_fault.as_ref())
+                    ),
                     advice!["its driver was reset, often by a time limit for displays; what is open on it, sessions too, must be opened anew: try " {Remedy::SMALLER_JOB} ", or another " Device],
                 )
             }),
@@ -412,130 +274,67 @@ impl Gpu {
     }
 }
 
-/// Whether a device has this UUID, with or without hyphens, or a name with this in it.
-fn is_called(device: &DeviceInfo, text: &str) -> bool {
-    let text = text.to_lowercase();
-    device.uuid == text.replace('-', "") || device.name.to_lowercase().contains(&text)
-}
+#[doc(hidden)]
+impl Gpu {
+    /// Begins a span of the host's time. Costs nothing without `timings`.
+    pub fn span(&self, what: &'static str) -> OpenSpan<'_> {
+        OpenSpan::begin(self.recorder.as_ref(), what)
+    }
 
-fn choose(
-    all: &[(vk::PhysicalDevice, DeviceInfo)],
-    wanted: Option<&str>,
-) -> Result<(vk::PhysicalDevice, DeviceInfo)> {
-    let list = || all.iter().map(|(_, d)| format!("{}: {}", d.index, d.name)).collect::<Vec<_>>().join(", ");
-    let found = match wanted {
-        _ if all.is_empty() => {
-            return Err(Error::device(
-                "no Vulkan device on this machine",
-                "install a driver: on Debian `apt-get install mesa-vulkan-drivers` (lavapipe runs on any CPU), or the vendor's driver",
-            ));
+    /// Takes what was recorded since the device was opened or since the last call; empty without `timings`. Kernels
+    /// stay in the recording.
+    pub fn take_recording(&self) -> Recording {
+        self.recorder.as_ref().map(Recorder::take).unwrap_or_default()
+    }
+
+    /// Whether the device's queue has time stamps.
+    pub fn has_clock(&self) -> bool {
+        self.tick > 0.0
+    }
+
+    /// Seconds since the device was opened; 0 without `timings`.
+    pub fn now(&self) -> f64 {
+        self.recorder.as_ref().map_or(0.0, Recorder::now)
+    }
+
+    /// Turns of kernels' main loops a second that a device of this kind may be expected to reach.
+    pub fn expected_rate(&self) -> f64 {
+        rate_of(self.info.kind)
+    }
+
+    /// Whether the driver promises that kernels round to nearest.
+    pub fn promises_rounding(&self) -> bool {
+        self.has_rounding
+    }
+
+    /// Called before every call that may fail: fails if the device was lost or hangs, or if the call is to fail.
+    pub(super) fn strike(&self, point: Point) -> std::result::Result<(), vk::Result> {
+        if self.device.is_down() {
+            return Err(vk::Result::ERROR_DEVICE_LOST);
         }
-        // The first of several minima is taken: the loader's order decides among devices of a kind.
-        None => all.iter().min_by_key(|(_, d)| d.kind),
-        Some(text) => match text.parse::<usize>() {
-            Ok(index) => all.get(index),
-            Err(_) => all.iter().find(|(_, d)| is_called(d, text)),
-        },
-    };
-    found.cloned().ok_or_else(|| {
-        Error::options(
-            format!("no device is called {:?}", wanted.unwrap_or_default()),
-            advice!["give " Device " an index, part of a name or a UUID out of: " (list())],
-        )
-    })
-}
-
-/// A queue family that computes, one without graphics preferred, and whether it has timestamps.
-pub(super) fn compute_family(
-    instance: &Instance,
-    physical: vk::PhysicalDevice,
-    info: &DeviceInfo,
-) -> Result<(u32, bool)> {
-    // SAFETY: the handle comes from this instance.
-    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
-    (0u32..)
-        .zip(&families)
-        .filter(|(_, f)| f.queue_flags.contains(vk::QueueFlags::COMPUTE) && f.queue_count > 0)
-        .min_by_key(|(_, f)| f.queue_flags.contains(vk::QueueFlags::GRAPHICS))
-        .map(|(i, f)| (i, f.timestamp_valid_bits > 0))
-        .ok_or_else(|| {
-            Error::device(
-                format!("{} has no compute queue", info.name),
-                advice!["choose another device with " Device],
-            )
-        })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::advice::Setting;
-
-    /// A device with no more than Vulkan promises, but so many storage buffers.
-    fn least(storage: u32) -> Reported {
-        let limits = vk::PhysicalDeviceLimits {
-            max_storage_buffer_range: 1 << 27,
-            max_texel_buffer_elements: 1 << 16,
-            max_compute_work_group_invocations: 128,
-            max_compute_work_group_size: [128, 128, 64],
-            max_compute_shared_memory_size: 16_384,
-            max_compute_work_group_count: [65_535; 3],
-            max_per_stage_descriptor_storage_buffers: storage,
-            max_descriptor_set_storage_buffers: 24,
-            ..Default::default()
-        };
-        Reported { limits, subgroup: 32, allocation: 1 << 30 }
+        self.struck.as_ref().map_or(Ok(()), |s| s.strike(point))
     }
 
-    #[test]
-    fn a_device_that_binds_too_little_is_refused() {
-        least(MOST_STORAGE).check("a card").expect("just enough");
-        let error = least(8).check("a card").expect_err("too few");
-        assert!(
-            error.what.contains("a card binds at most 8") && error.mend.names(Setting::Device),
-            "{error}"
-        );
-        let mut reported = least(64);
-        reported.limits.max_descriptor_set_storage_buffers = 11;
-        assert!(reported.check("a card").is_err());
+    /// Faults to produce; none on a device that was opened without.
+    pub(super) fn faults(&self) -> Faults {
+        self.struck.as_ref().map_or_else(Faults::default, |s| s.faults)
     }
 
-    #[test]
-    fn limits_are_the_least_of_those_that_hold() {
-        let mut reported = least(16);
-        let limits = |r: &Reported| r.of_plans(7);
-        assert_eq!((limits(&reported).storage_range, limits(&reported).work), (1 << 27, 7));
-        // A binding of 4 GiB is no use where an allocation has 1 GiB at most.
-        reported.limits.max_storage_buffer_range = u32::MAX;
-        assert_eq!(limits(&reported).storage_range, 1 << 30);
-        assert_eq!(limits(&reported).binding_at_most(Some(1 << 40)).storage_range, 1 << 30);
-        // Workgroups that gather are as high as lanes share a voxel.
-        for size in [[128, 1024, 64], [1024, 128, 64], [1024, 1024, 64]] {
-            reported.limits.max_compute_work_group_size = size;
-            assert_eq!(limits(&reported).workgroup_invocations, 128, "{size:?}");
-        }
+    /// How many calls of a kind there were; 0 on a device that was opened with no [`super::Faults`].
+    pub fn reached(&self, point: Point) -> u64 {
+        self.struck.as_ref().map_or(0, |s| s.reached(point))
     }
 
-    #[test]
-    fn the_fastest_kind_of_device_is_taken() {
-        use DeviceKind::{Cpu, Discrete, Integrated, Other, Virtual};
-        let info = |index, kind| DeviceInfo {
-            index,
-            name: format!("{kind}"),
-            kind,
-            driver: String::new(),
-            api: String::new(),
-            uuid: String::new(),
-            memory: 0,
-        };
-        let taken = |kinds: &[DeviceKind]| {
-            let all: Vec<_> =
-                kinds.iter().enumerate().map(|(i, k)| (vk::PhysicalDevice::null(), info(i, *k))).collect();
-            choose(&all, None).expect("a device").1.index
-        };
-        assert_eq!(taken(&[Other, Cpu, Integrated, Virtual, Discrete, Discrete]), 4);
-        assert_eq!(taken(&[Other, Cpu, Integrated, Virtual]), 3, "a part of a card is faster than a chip");
-        assert_eq!(taken(&[Other, Cpu, Integrated]), 2);
-        assert_eq!(taken(&[Other, Cpu]), 1);
+    /// Bytes of device memory that buffers hold at the moment.
+    pub fn allocated(&self) -> u64 {
+        self.allocated.load(Relaxed)
+    }
+
+    /// Gives this handle back. If it is the last one, the device closes. Returns all messages of the validation layer,
+    /// those about objects left behind included; empty without validation.
+    pub fn close(self) -> Vec<String> {
+        let messages = self.instance.messages.clone();
+        drop(self);
+        messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 }

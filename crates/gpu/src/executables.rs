@@ -4,8 +4,10 @@ use std::ffi::CStr;
 
 use ash::{khr, vk};
 
+use super::code::KernelCode;
+use super::device::Gpu;
+use super::names::{Constant, Kernel};
 use super::pipeline::Pipeline;
-use super::{Constant, Gpu, Kernel, KernelCode};
 use crate::Result;
 
 /// A kernel as the driver compiled it.

@@ -3,13 +3,12 @@
 //!
 //! A device that was opened without faults (the default) pays one comparison where a fault could be.
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Mutex, PoisonError};
 
 use ash::vk;
 
-use super::Gpu;
-use super::guard::Guarded;
+use super::names::Buffer;
 
 /// A call that may fail.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -33,7 +32,7 @@ impl Point {
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Faults {
     /// Fail call number N (from 0) of a kind since the device was opened. A number that is never reached only counts
-    /// the calls ([`Gpu::reached`]).
+    /// the calls ([`super::Gpu::reached`]).
     pub fail: Option<(Point, u64)>,
     /// Wait number N (from 0) since the device was opened runs out of time at once: the device hangs.
     pub hang: Option<u64>,
@@ -44,7 +43,7 @@ pub struct Faults {
     /// Run the workgroups of every dispatch in another order, drawn from this seed, and wait between dispatches: slow.
     pub shuffle: Option<u64>,
     /// Put a canary behind every buffer, bound with it, and check all of them when an executor is dropped:
-    /// [`Gpu::take_guarded`]. Takes twice the memory, outside the budget.
+    /// [`super::Gpu::take_guarded`]. Takes twice the memory, outside the budget.
     pub guard: bool,
 }
 
@@ -52,6 +51,26 @@ impl Faults {
     pub(super) fn any(&self) -> bool {
         *self != Faults::default()
     }
+}
+
+/// A buffer that was written past its end.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Overrun {
+    /// The buffer.
+    pub buffer: Buffer,
+    /// Its size in the plan, bytes.
+    pub bytes: u64,
+    /// Byte offset of the first overwritten word, from the beginning of the buffer.
+    pub at: u64,
+}
+
+/// Result of the checks of canaries, over all executors that were dropped.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct Guarded {
+    /// Number of buffers whose canaries were checked.
+    pub buffers: usize,
+    /// Those that were written past their end.
+    pub overruns: Vec<Overrun>,
 }
 
 /// The faults of a device, and what they have done so far.
@@ -72,7 +91,13 @@ impl Struck {
         }
     }
 
-    fn strike(&self, point: Point) -> Result<(), vk::Result> {
+    /// How many calls of a kind there were.
+    pub fn reached(&self, point: Point) -> u64 {
+        self.reached[point as usize].load(Relaxed)
+    }
+
+    /// Called before every call that may fail.
+    pub fn strike(&self, point: Point) -> Result<(), vk::Result> {
         if self.lost.load(Relaxed) {
             return Err(vk::Result::ERROR_DEVICE_LOST);
         }
@@ -94,56 +119,6 @@ impl Struck {
     }
 }
 
-#[doc(hidden)]
-impl Gpu {
-    /// Called before every call that may fail: fails if the device was lost or hangs, or if the call is to fail.
-    pub(super) fn strike(&self, point: Point) -> Result<(), vk::Result> {
-        if self.device.is_down() {
-            return Err(vk::Result::ERROR_DEVICE_LOST);
-        }
-        self.struck.as_ref().map_or(Ok(()), |s| s.strike(point))
-    }
-
-    /// The word that fresh buffers are filled with, if any.
-    pub(super) fn poison(&self) -> Option<u32> {
-        self.struck.as_ref().and_then(|s| s.faults.poison)
-    }
-
-    /// Seed of the order of workgroups, if they run in another order.
-    pub(super) fn shuffle(&self) -> Option<u64> {
-        self.struck.as_ref().and_then(|s| s.faults.shuffle)
-    }
-
-    /// How many calls of a kind there were; 0 on a device that was opened without [`Faults`].
-    pub fn reached(&self, point: Point) -> u64 {
-        self.struck.as_ref().map_or(0, |s| s.reached[point as usize].load(Relaxed))
-    }
-
-    /// Bytes of device memory that buffers hold at the moment.
-    pub fn allocated(&self) -> u64 {
-        self.allocated.load(Relaxed)
-    }
-
-    /// Gives this handle back. If it is the last one, the device closes. Returns all messages of the validation layer,
-    /// those about objects left behind included; empty without validation.
-    pub fn close(self) -> Vec<String> {
-        let messages = self.instance.messages.clone();
-        drop(self);
-        messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
-    }
-}
-
-/// A permutation of 0..n, the same for the same seed (Fisher-Yates over a multiplicative generator).
-pub(super) fn shuffled(n: u32, seed: u64) -> Vec<u32> {
-    let mut all: Vec<u32> = (0..n).collect();
-    let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
-    for i in (1..all.len()).rev() {
-        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        all.swap(i, (state >> 33) as usize % (i + 1));
-    }
-    all
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -153,18 +128,10 @@ mod tests {
         let struck = Struck::new(Faults { fail: Some((Point::Allocation, 1)), ..Faults::default() });
         let all: Vec<bool> = (0..4).map(|_| struck.strike(Point::Allocation).is_ok()).collect();
         assert_eq!(all, [true, false, true, true]);
-        assert_eq!(struck.reached[Point::Allocation as usize].load(Relaxed), 4);
+        assert_eq!(struck.reached(Point::Allocation), 4);
         let struck = Struck::new(Faults { fail: Some((Point::Wait, 0)), ..Faults::default() });
         assert!(struck.strike(Point::Submission).is_ok());
         assert_eq!(struck.strike(Point::Wait), Err(vk::Result::ERROR_DEVICE_LOST));
         assert_eq!(struck.strike(Point::Allocation), Err(vk::Result::ERROR_DEVICE_LOST));
-    }
-
-    #[test]
-    fn an_order_is_a_permutation_and_another_one() {
-        let order = shuffled(100, 3);
-        let mut sorted = order.clone();
-        sorted.sort_unstable();
-        assert!(sorted.iter().copied().eq(0..100) && order != sorted && order != shuffled(100, 4));
     }
 }

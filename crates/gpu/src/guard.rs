@@ -5,48 +5,18 @@ use std::sync::PoisonError;
 
 use ash::vk;
 
-use super::execute::Executor;
-use super::memory::Made;
-use super::{Buffer, Gpu, Place};
+use super::device::Gpu;
+use super::executor::Executor;
+use super::faults::{Guarded, Overrun};
+use super::memory::{CANARY_BACK, Made};
+use super::names::Buffer;
+use super::place::Place;
 use crate::Result;
-
-/// The buffer that canaries on the device are read through.
-pub(super) const CANARY_BACK: Buffer = Buffer::named("canary_back");
-
-/// Its size, bytes. Canaries are read in parts of this size.
-pub(super) const CANARY_PART: u64 = 1 << 20;
-
-/// The smallest canary, bytes.
-pub(super) const LEAST_CANARY: u64 = 64 << 10;
 
 const WORD: u32 = 0xca9a_41e5;
 
-/// A buffer that was written past its end.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct Overrun {
-    /// The buffer.
-    pub buffer: Buffer,
-    /// Its size in the plan, bytes.
-    pub bytes: u64,
-    /// Byte offset of the first overwritten word, from the beginning of the buffer.
-    pub at: u64,
-}
-
-/// Result of the checks of canaries, over all executors that were dropped.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Guarded {
-    /// Number of buffers whose canaries were checked.
-    pub buffers: usize,
-    /// Those that were written past their end.
-    pub overruns: Vec<Overrun>,
-}
-
 #[doc(hidden)]
 impl Gpu {
-    pub(super) fn guards(&self) -> bool {
-        self.struck.as_ref().is_some_and(|s| s.faults.guard)
-    }
-
     /// Takes the results since the device was opened or since the last call; empty without [`super::Faults::guard`].
     pub fn take_guarded(&self) -> Guarded {
         let Some(struck) = &self.struck else { return Guarded::default() };
@@ -57,7 +27,7 @@ impl Gpu {
 impl Executor {
     /// Writes every canary.
     pub(super) fn set_canaries(&mut self) -> Result<()> {
-        if !self.gpu.guards() {
+        if !self.gpu.faults().guard {
             return Ok(());
         }
         self.fill_all(WORD, |b| [b.bytes, b.canary])?;

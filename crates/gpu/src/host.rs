@@ -5,8 +5,10 @@
 
 use std::ops::{Bound, RangeBounds};
 
-use super::execute::{Executor, Flight};
-use super::{Buffer, Place, Ticket};
+use super::executor::Executor;
+use super::flight::{Flight, Ticket};
+use super::names::Buffer;
+use super::place::Place;
 
 impl Executor {
     /// Reads `items` of an upload or readback buffer, counted in whole `T`s.

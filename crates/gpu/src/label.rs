@@ -5,7 +5,7 @@ use std::fmt::{self, Write};
 
 use ash::vk;
 
-use super::Gpu;
+use super::device::Gpu;
 
 impl Gpu {
     /// Opens a label around what is recorded into `commands` from here on: RenderDoc and Nsight show it.

@@ -2,10 +2,11 @@
 
 use rayon::prelude::*;
 
-use super::execute::Executor;
+use super::code::KernelCode;
+use super::executor::Executor;
+use super::names::{Constant, Kernel};
 use super::pipeline::Pipeline;
 use super::recording::KernelMade;
-use super::{Constant, Kernel, KernelCode};
 use crate::Result;
 
 /// A kernel to make.

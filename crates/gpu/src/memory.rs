@@ -1,4 +1,4 @@
-//! Device memory. All buffers are declared before anything is allocated, then made at once.
+//! Device memory: what is free, and the buffers of a job. All are declared before anything is allocated, then made at once.
 
 use std::collections::BTreeMap;
 use std::ptr::NonNull;
@@ -10,49 +10,27 @@ use gpu_allocator::vulkan::{
 };
 use gpu_allocator::{AllocationSizes, MemoryLocation};
 
-use super::budget::{Layout, Whose, check, over, size};
-use super::caller::Block;
-use super::guard::{CANARY_BACK, CANARY_PART, LEAST_CANARY};
-use super::state::SIZE_BACK;
-use super::{Buffer, Gpu, Point};
+use super::budget::{Layout, Memory, Whose, check, coherent, over, size};
+use super::device::Gpu;
+use super::faults::Point;
+use super::names::Buffer;
+use super::place::{Block, BufferPlan, Place};
 use crate::advice::{Remedy, advice};
 use crate::{Error, Result};
 
-/// Where a buffer lives.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Place {
-    /// On the device; the host reaches it by copies only.
-    Device,
-    /// Written by the host, read by the device.
-    Upload,
-    /// Written by the device, read by the host.
-    Readback,
-    /// On the host, for the device to copy from and to while it computes: what does not fit on the device. A budget does
-    /// not count it.
-    Store,
-}
+/// The buffer that a shuffled indirect dispatch reads its size through.
+pub(super) const SIZE_BACK: Buffer = Buffer::named("size_back");
 
-/// A buffer to allocate.
-#[derive(Debug, Clone, PartialEq, Eq)]
-pub struct BufferPlan {
-    /// Its name.
-    pub buffer: Buffer,
-    /// Its size, bytes.
-    pub bytes: u64,
-    /// Where it lives.
-    pub place: Place,
-}
+/// The buffer that canaries on the device are read through.
+pub(super) const CANARY_BACK: Buffer = Buffer::named("canary_back");
 
-impl BufferPlan {
-    /// The smallest size of a buffer, bytes: Vulkan has no empty buffers.
-    pub const LEAST: u64 = 16;
+/// Its size, bytes. Canaries are read in parts of this size.
+pub(super) const CANARY_PART: u64 = 1 << 20;
 
-    /// A buffer of `bytes` bytes, but at least [`BufferPlan::LEAST`], rounded up to the whole words that copies need.
-    pub fn new(buffer: Buffer, bytes: u64, place: Place) -> BufferPlan {
-        BufferPlan { buffer, bytes: bytes.max(Self::LEAST).next_multiple_of(4), place }
-    }
-}
+/// The smallest canary, bytes.
+const LEAST_CANARY: u64 = 64 << 10;
 
+/// A buffer that is allocated.
 #[derive(Clone, Copy)]
 pub(super) struct Made {
     pub handle: vk::Buffer,
@@ -140,15 +118,15 @@ impl Arena {
         for b in plan {
             arena.add(b)?;
         }
-        if gpu.shuffle().is_some() {
+        if gpu.faults().shuffle.is_some() {
             arena.add(&BufferPlan::new(SIZE_BACK, 12, Place::Readback))?;
         }
-        if gpu.guards() {
+        if gpu.faults().guard {
             let stated = arena.bytes;
             arena.add(&BufferPlan::new(CANARY_BACK, CANARY_PART, Place::Readback))?;
             arena.bytes = stated;
         }
-        match budget.filter(|b| !gpu.guards() && arena.taken() > *b) {
+        match budget.filter(|b| !gpu.faults().guard && arena.taken() > *b) {
             None => Ok(arena),
             Some(budget) => Err(over(plan.iter(), arena.taken(), budget, Whose::Users)),
         }
@@ -161,7 +139,7 @@ impl Arena {
             | vk::BufferUsageFlags::INDIRECT_BUFFER
             | vk::BufferUsageFlags::TRANSFER_SRC
             | vk::BufferUsageFlags::TRANSFER_DST;
-        let canary = if self.gpu.guards() { canary_of(plan.bytes) } else { 0 };
+        let canary = if self.gpu.faults().guard { canary_of(plan.bytes) } else { 0 };
         let info = vk::BufferCreateInfo::default().size(plan.bytes + canary).usage(usage);
         let gpu = self.gpu.clone();
         let device = gpu.raw();
@@ -321,6 +299,40 @@ impl Drop for Arena {
     }
 }
 
+#[doc(hidden)]
+impl Gpu {
+    /// The types of memory that the host sees without flushing it, as bits.
+    pub(super) fn coherent_types(&self) -> u32 {
+        // SAFETY: the physical device is the instance's.
+        let memory = unsafe { self.instance.raw.get_physical_device_memory_properties(self.physical) };
+        coherent(memory.memory_types_as_slice())
+    }
+
+    /// What is free for this process at the moment, as the driver reports.
+    pub fn memory(&self) -> Memory {
+        let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
+        let mut memory = vk::PhysicalDeviceMemoryProperties2::default();
+        if self.has_budget {
+            memory = memory.push_next(&mut budget);
+        }
+        // SAFETY: the extension is enabled on this device if its struct is asked for.
+        unsafe { self.instance.raw.get_physical_device_memory_properties2(self.physical, &mut memory) };
+        let heaps = memory.memory_properties.memory_heaps;
+        let free = |heap: usize| match self.has_budget {
+            true => budget.heap_budget[heap].saturating_sub(budget.heap_usage[heap]),
+            false => heaps[heap].size,
+        };
+        let [device, host] = self.kinds.heaps;
+        Memory {
+            storage_range: self.limits.storage_range,
+            free: [free(device), free(host)],
+            shared: device == host,
+            allocation: self.allocation,
+            kinds: self.kinds,
+        }
+    }
+}
+
 /// Bytes of the canary behind a buffer of `bytes` bytes: as many, but at least [`LEAST_CANARY`].
 fn canary_of(bytes: u64) -> u64 {
     bytes.max(LEAST_CANARY)
@@ -328,6 +340,6 @@ fn canary_of(bytes: u64) -> u64 {
 
 /// The buffers to allocate for a plan: with a canary behind each if the device guards them.
 fn guarded(gpu: &Gpu, plan: &[BufferPlan]) -> Vec<BufferPlan> {
-    let canary = |b: &BufferPlan| if gpu.guards() { canary_of(b.bytes) } else { 0 };
+    let canary = |b: &BufferPlan| if gpu.faults().guard { canary_of(b.bytes) } else { 0 };
     plan.iter().map(|b| BufferPlan { bytes: b.bytes + canary(b), ..b.clone() }).collect()
 }

@@ -4,9 +4,9 @@ use std::ffi::CStr;
 
 use ash::{ext, khr, vk};
 
-use super::GpuOptions;
-use super::device::Reported;
 use super::instance::{DeviceInfo, Instance};
+use super::limits::Reported;
+use super::options::GpuOptions;
 use crate::advice::advice;
 use crate::{Error, Result};
 

@@ -6,7 +6,6 @@ use std::sync::{Arc, MutexGuard, OnceLock};
 
 use ash::vk;
 
-use super::caller::QueueLock;
 use super::instance::Instance;
 use crate::Error;
 
@@ -65,6 +64,16 @@ impl Drop for OwnedDevice {
         // only compiles, calls through a null pointer there.
         unsafe { self.raw.destroy_device(None) };
     }
+}
+
+/// A caller's lock of its queue. Vulkan lets one thread at a time use a queue: the library takes this lock around every
+/// submission, and holds it for no longer.
+pub trait QueueLock: Send + Sync {
+    /// Waits until no other thread uses the queue.
+    fn lock(&self);
+
+    /// Lets others use it. Called by the thread that called [`QueueLock::lock`].
+    fn unlock(&self);
 }
 
 /// The queue, while this thread alone may use it.

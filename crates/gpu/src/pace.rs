@@ -9,7 +9,8 @@ use std::iter;
 use std::ops::Range;
 use std::time::Duration;
 
-use super::{Command, DeviceKind, Gpu, Size};
+use super::instance::DeviceKind;
+use super::schedule::{Command, Size};
 
 /// Seconds of work in a submission.
 const SUBMISSION: f64 = 0.1;
@@ -108,14 +109,6 @@ fn boxes([x, y, z]: [u32; 3], work: u64, most: u64) -> Vec<[[u32; 3]; 2]> {
     let of_rows =
         |[at_y, of_y]: [u32; 2]| cuts(x, columns).map(move |[at_x, of_x]| [[at_x, at_y, 0], [of_x, of_y, z]]);
     cuts(y, rows).flat_map(of_rows).collect()
-}
-
-#[doc(hidden)]
-impl Gpu {
-    /// Turns of kernels' main loops a second that a device of this kind may be expected to reach.
-    pub fn expected_rate(&self) -> f64 {
-        rate_of(self.info.kind)
-    }
 }
 
 /// The pace of a device: how fast it was so far.

@@ -4,11 +4,14 @@ use std::collections::HashMap;
 
 use ash::vk;
 
-use super::device::MOST_STORAGE;
-use super::memory::Made;
+use super::code::{Binding, KernelCode, View};
+use super::device::Gpu;
+use super::faults::Point;
+use super::limits::MOST_STORAGE;
+use super::memory::{Arena, Made};
+use super::names::{Buffer, Constant};
 use super::rounding::to_nearest;
-use super::schedule::PUSH_WORDS;
-use super::{Arena, Binding, Binds, Buffer, Constant, Gpu, KernelCode, Point, View};
+use super::schedule::{Binds, PUSH_WORDS};
 use crate::{Error, Result};
 
 pub(super) struct Pipeline {
@@ -111,7 +114,7 @@ impl Pipeline {
                     flags |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
                 }
                 // Long dispatches are divided where they are limited.
-                if gpu.shuffle().is_some() || gpu.limits.work < u64::MAX {
+                if gpu.faults().shuffle.is_some() || gpu.limits.work < u64::MAX {
                     flags |= vk::PipelineCreateFlags::DISPATCH_BASE;
                 }
                 let info =

@@ -1,13 +1,14 @@
-//! Writes a schedule into a command buffer: barriers where hazards are, labels, time stamps.
+//! Writes a schedule into a command buffer and submits it: barriers where hazards are, labels, time stamps.
 
 use ash::vk;
 
-use super::access::{Accesses, sizes_of};
-use super::execute::{Executor, Flight};
+use super::access::sizes_of;
+use super::executor::{Executor, Scratch, stamps};
+use super::flight::{Flight, Mark, Ticket};
+use super::names::Kernel;
 use super::pipeline::Pipeline;
-use super::recording::Mark;
-use super::state::pieces;
-use super::{Binds, Buffer, Command, Kernel, Schedule, Size, Stage};
+use super::schedule::{Binds, Command, Schedule, Size, Stage};
+use super::shuffle::pieces;
 use crate::Result;
 
 /// A step of the recording of a schedule: a command, or a label that is opened or closed.
@@ -38,19 +39,40 @@ fn steps<'s>(commands: &'s [Command], open: Option<&'s Stage>) -> impl Iterator<
     open.map(Step::Enter).into_iter().chain(all).chain(last.then_some(Step::Close))
 }
 
-/// The most time stamps that a submission of `commands` takes.
-pub(super) fn stamps(commands: &[Command], timings: bool) -> u32 {
-    if timings { 2 * commands.len() as u32 + 2 } else { 2 }
-}
-
 impl Executor {
+    /// Submits a part of a schedule. `open`: the stage that goes on from the part before.
+    pub(super) fn submit_part(&mut self, part: &[Command], open: Option<&Stage>) -> Result<Ticket> {
+        let commands = self.command_buffer()?;
+        let (queries, room) = match self.query_pool(part) {
+            Ok(queries) => queries,
+            Err(e) => {
+                self.spare.push(commands);
+                return Err(e);
+            }
+        };
+        let mut flight = self.flight(commands);
+        (flight.queries, flight.room) = (queries, room);
+        flight.goes_on = open.is_some();
+        let mut names = part.iter().filter(|c| !matches!(c, Command::Stage(_))).map(Command::name);
+        let first = names.next().unwrap_or_default();
+        flight.ends = [first, names.next_back().unwrap_or(first)];
+        flight.work = part.iter().map(Command::work).fold(0, u64::saturating_add);
+        let gpu = self.gpu.clone();
+        let recorded = {
+            let _span = gpu.span("record");
+            self.record(part, open, &mut flight)
+        };
+        match recorded {
+            Ok(()) => self.launch(flight),
+            Err(e) => {
+                self.land(flight);
+                Err(e)
+            }
+        }
+    }
+
     /// Records `commands`. `open`: the stage that goes on from an earlier submission.
-    pub(super) fn record(
-        &mut self,
-        commands: &[Command],
-        open: Option<&Stage>,
-        flight: &mut Flight,
-    ) -> Result<()> {
+    fn record(&mut self, commands: &[Command], open: Option<&Stage>, flight: &mut Flight) -> Result<()> {
         let gpu = self.gpu.clone();
         let device = gpu.raw();
         let c = flight.commands;
@@ -187,7 +209,7 @@ impl Executor {
                                 let [x, y, z] = [0, 1, 2].map(|i| first[i] + at[i]);
                                 device.cmd_dispatch_base(c, x, y, z, n[0], n[1], n[2]);
                             };
-                            match self.gpu.shuffle() {
+                            match self.gpu.faults().shuffle {
                                 None if *first == [0; 3] => device.cmd_dispatch(c, g[0], g[1], g[2]),
                                 None => from_base([0; 3], *g),
                                 Some(seed) => {
@@ -222,19 +244,6 @@ impl Executor {
         }
         Ok(())
     }
-}
-
-/// What recording works with; kept from one submission to the next, so that nothing is allocated.
-#[derive(Default)]
-pub(super) struct Scratch {
-    /// Those of the command that is recorded.
-    now: Accesses,
-    /// Those since the last barrier.
-    pending: Accesses,
-    /// Those that sizes of dispatches are read from.
-    sizes: Vec<Buffer>,
-    /// Time stamps that were read last.
-    pub stamps: Vec<u64>,
 }
 
 /// What a barrier makes visible to. The host and the reader of dispatch sizes are outside the compute units: some GPUs
@@ -280,6 +289,7 @@ unsafe fn barrier(device: &ash::Device, c: vk::CommandBuffer, Seen(after, read):
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::Buffer;
 
     #[test]
     fn every_command_has_a_label_inside_its_stage_and_all_are_closed() {

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::time::Instant;
 
-use super::execute::Flight;
-use super::{Gpu, KernelCode, Stage};
+use super::code::KernelCode;
+use super::flight::Flight;
+use super::schedule::Stage;
 
 /// A span of the host's work. Seconds since the device was opened.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -80,28 +81,10 @@ pub struct OpenSpan<'g> {
     from: f64,
 }
 
-#[doc(hidden)]
-impl Gpu {
-    /// Begins a span of the host's time. Costs nothing without `timings`.
-    pub fn span(&self, what: &'static str) -> OpenSpan<'_> {
-        let recorder = self.recorder.as_ref();
+impl OpenSpan<'_> {
+    /// Begins a span of the host's time, if there is a recorder.
+    pub(super) fn begin<'g>(recorder: Option<&'g Recorder>, what: &'static str) -> OpenSpan<'g> {
         OpenSpan { recorder, what, from: recorder.map_or(0.0, Recorder::now) }
-    }
-
-    /// Takes what was recorded since the device was opened or since the last call; empty without `timings`. Kernels
-    /// stay in the recording.
-    pub fn take_recording(&self) -> Recording {
-        self.recorder.as_ref().map(Recorder::take).unwrap_or_default()
-    }
-
-    /// Whether the device's queue has time stamps.
-    pub fn has_clock(&self) -> bool {
-        self.tick > 0.0
-    }
-
-    /// Seconds since the device was opened; 0 without `timings`.
-    pub fn now(&self) -> f64 {
-        self.recorder.as_ref().map_or(0.0, Recorder::now)
     }
 }
 
@@ -113,20 +96,13 @@ impl Drop for OpenSpan<'_> {
     }
 }
 
-/// A command's place in a submission: its stage and its time stamps.
-pub(super) struct Mark {
-    pub kernel: &'static str,
-    pub stage: Option<usize>,
-    pub from: u32,
-    pub to: u32,
-}
-
 impl Recorder {
     pub fn new() -> Recorder {
         Recorder { start: Instant::now(), held: Mutex::default() }
     }
 
-    fn now(&self) -> f64 {
+    /// Seconds since the device was opened.
+    pub fn now(&self) -> f64 {
         self.start.elapsed().as_secs_f64()
     }
 
@@ -163,7 +139,8 @@ impl Recorder {
         });
     }
 
-    fn take(&self) -> Recording {
+    /// Takes what was recorded; kernels stay.
+    pub fn take(&self) -> Recording {
         self.with(|held| {
             let kernels = held.recording.kernels.clone();
             let mut taken =
@@ -182,6 +159,7 @@ impl Recorder {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::flight::Mark;
 
     #[test]
     fn device_times_lie_on_the_hosts_clock_by_the_submission_that_was_seen_soonest() {

@@ -1,22 +1,12 @@
 //! Declares in a kernel's module that fp32 operations round to nearest. Vulkan leaves the mode to the driver unless a
 //! module says so, and a module may say so only where the driver offers it.
 
-use super::Gpu;
-
 const CAPABILITY: u32 = 17;
 const ENTRY_POINT: u32 = 15;
 const EXECUTION_MODE: u32 = 16;
 /// Number of the capability, and of the mode, in SPIR-V 1.4 and later.
 const CAN_ROUND_TO_NEAREST: u32 = 4467;
 const ROUND_TO_NEAREST: u32 = 4462;
-
-#[doc(hidden)]
-impl Gpu {
-    /// Whether the driver promises that kernels round to nearest.
-    pub fn promises_rounding(&self) -> bool {
-        self.has_rounding
-    }
-}
 
 /// The module `words` with the declaration. It must have one entry point.
 pub fn to_nearest(words: &[u32]) -> Vec<u32> {

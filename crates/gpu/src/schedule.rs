@@ -3,7 +3,7 @@
 use std::fmt;
 
 use super::few::Few;
-use super::{Buffer, Kernel, Summed};
+use super::names::{Buffer, Kernel};
 
 /// Words of push constants, the same for every kernel.
 pub(super) const PUSH_WORDS: usize = 7;
@@ -38,6 +38,35 @@ impl Binds {
     /// The buffer that `block` is bound to.
     pub fn buffer_of(&self, block: Buffer) -> Buffer {
         self.0.iter().find(|(b, _)| *b == block).map_or(block, |(_, buffer)| *buffer)
+    }
+}
+
+/// Floats at the beginning of a buffer that are added up over all devices.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Summed {
+    /// The buffer.
+    pub buffer: Buffer,
+    /// Bytes at most.
+    pub bytes: u64,
+    /// Exchange only the items that a word on the device counts; `None`: all bytes.
+    pub counted: Option<Counted>,
+}
+
+/// Items that are counted on the device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Counted {
+    /// Buffer with the count.
+    pub buffer: Buffer,
+    /// The 32-bit word of it that holds the count.
+    pub word: u32,
+    /// Bytes of an item.
+    pub bytes: u64,
+}
+
+impl Summed {
+    /// Bytes that are exchanged if so many items are counted.
+    pub(super) fn size(&self, count: u32) -> u64 {
+        self.counted.map_or(self.bytes, |of| (u64::from(count) * of.bytes).min(self.bytes))
     }
 }
 

@@ -1,20 +1,13 @@
-//! Work on whole buffers outside schedules: saves and restores their content, fills fresh memory with poison, and runs
-//! schedules with workgroups in another order.
+//! Work on whole buffers outside schedules: saves and restores their content, and fills fresh memory with poison.
 
 use ash::vk;
 
-use super::caller::Moment;
-use super::execute::{Executor, Ticket};
-use super::faults::shuffled;
+use super::executor::Executor;
+use super::flight::{Moment, Ticket};
 use super::memory::Made;
-use super::{Buffer, Command, Place, Schedule, Size};
+use super::names::Buffer;
+use super::place::Place;
 use crate::Result;
-
-/// The buffer that a shuffled indirect dispatch reads its size through.
-pub(super) const SIZE_BACK: Buffer = Buffer::named("size_back");
-
-/// The most parts along one axis that a shuffled dispatch is cut into.
-const PARTS: u32 = 8;
 
 impl Executor {
     /// Runs what `write` records, and waits. It uses the buffers `reads` and `writes`.
@@ -118,7 +111,7 @@ impl Executor {
 
     /// Fills every buffer with the poison word of the tests, so that reads of unwritten memory show.
     pub(super) fn poison(&mut self) -> Result<()> {
-        let Some(word) = self.gpu.poison() else { return Ok(()) };
+        let Some(word) = self.gpu.faults().poison else { return Ok(()) };
         self.fill_all(word, |b| [0, b.bytes])
     }
 
@@ -136,47 +129,6 @@ impl Executor {
             }
         })
     }
-
-    /// Submits a schedule whose dispatches run in pieces and in another order. Reads the sizes of indirect dispatches
-    /// back first: only direct ones can begin at any workgroup.
-    pub(super) fn submit_shuffled(&mut self, schedule: &Schedule) -> Result<Ticket> {
-        let mut part = Schedule::default();
-        for command in &schedule.commands {
-            let mut command = command.clone();
-            if let Command::Dispatch { size, .. } = &mut command
-                && let Size::Indirect(buffer, offset, _) = *size
-            {
-                part.commands.push(Command::Copy {
-                    from: buffer,
-                    from_offset: offset,
-                    to: SIZE_BACK,
-                    to_offset: 0,
-                    bytes: 12,
-                });
-                let ticket = self.submit_as_it_is(&std::mem::take(&mut part).commands)?;
-                self.wait(ticket)?;
-                *size = Size::Groups(self.read::<[u32; 3]>(SIZE_BACK, ..1)[0]);
-            }
-            part.commands.push(command);
-        }
-        self.submit_as_it_is(&part.commands)
-    }
-}
-
-/// The workgroups of a dispatch as boxes (first, counts), in an order drawn from `seed`.
-pub(super) fn pieces(groups: [u32; 3], seed: u64) -> Vec<[[u32; 3]; 2]> {
-    let cuts = groups.map(|n| n.min(PARTS));
-    let at = |axis: usize, i: u32| (u64::from(groups[axis]) * u64::from(i) / u64::from(cuts[axis])) as u32;
-    let total = cuts.iter().product();
-    let order = shuffled(total, seed ^ u64::from(total));
-    order
-        .into_iter()
-        .map(|k| {
-            let i = [k % cuts[0], k / cuts[0] % cuts[1], k / (cuts[0] * cuts[1])];
-            let from = [0, 1, 2].map(|axis| at(axis, i[axis]));
-            [from, [0, 1, 2].map(|axis| at(axis, i[axis] + 1) - from[axis])]
-        })
-        .collect()
 }
 
 #[cfg(test)]
@@ -206,23 +158,5 @@ mod tests {
         assert_eq!(executor.download(STATE, DOWN).unwrap(), content);
         drop(executor);
         assert_eq!(gpu.allocated(), 0);
-    }
-
-    #[test]
-    fn pieces_cover_every_workgroup_once() {
-        for groups in [[1, 1, 1], [13, 3, 1], [0, 1, 1], [100, 9, 2]] {
-            let mut seen = vec![0; groups.iter().product::<u32>() as usize];
-            for [from, n] in pieces(groups, 5) {
-                for z in from[2]..from[2] + n[2] {
-                    for y in from[1]..from[1] + n[1] {
-                        for x in from[0]..from[0] + n[0] {
-                            seen[((z * groups[1] + y) * groups[0] + x) as usize] += 1;
-                        }
-                    }
-                }
-            }
-            assert!(seen.iter().all(|n| *n == 1), "{groups:?}");
-        }
-        assert_ne!(pieces([13, 3, 1], 5), pieces([13, 3, 1], 6));
     }
 }

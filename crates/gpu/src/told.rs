@@ -4,8 +4,6 @@ use std::ffi::{CStr, c_char};
 
 use ash::{ext, vk};
 
-use super::Gpu;
-
 /// Addresses, and codes of the vendor, that an error names at most.
 const NAMED: usize = 4;
 
@@ -17,20 +15,18 @@ struct Told {
     vendor: Vec<vk::DeviceFaultVendorInfoEXT>,
 }
 
-impl Gpu {
-    /// The end of the error of a loss: what the driver tells of it. Empty where it tells nothing.
-    pub(super) fn told(&self) -> String {
-        let injected = self.struck.as_ref().and_then(|s| s.faults.told).map(|address| Told {
-            addresses: vec![vk::DeviceFaultAddressInfoEXT {
-                address_type: vk::DeviceFaultAddressTypeEXT::READ_INVALID,
-                reported_address: address,
-                address_precision: 1,
-            }],
-            ..Told::default()
-        });
-        let told = injected.or_else(|| self.device_fault.as_ref().and_then(asked)).unwrap_or_default();
-        told.text()
-    }
+/// The end of the error of a loss: what the driver tells of it. Empty where it tells nothing. `injected`: the address of a
+/// fault to produce, for tests.
+pub(super) fn text(injected: Option<u64>, device: Option<&ext::device_fault::Device>) -> String {
+    let injected = injected.map(|address| Told {
+        addresses: vec![vk::DeviceFaultAddressInfoEXT {
+            address_type: vk::DeviceFaultAddressTypeEXT::READ_INVALID,
+            reported_address: address,
+            address_precision: 1,
+        }],
+        ..Told::default()
+    });
+    injected.or_else(|| device.and_then(asked)).unwrap_or_default().text()
 }
 
 /// Asks the driver; `None` if it does not answer.

@@ -13,8 +13,8 @@ use thirdbounce::job::{self, Batch, Loaded, Request};
 use thirdbounce::solve::Progress;
 use thirdbounce::{Result, gpu};
 
-use super::progress::{say, say_error};
-use super::{advice, interrupt, print};
+use super::terminal::{print, say, say_error};
+use super::{advice, interrupt};
 pub use args::Args;
 
 /// The word that stands for a capture's name in paths.

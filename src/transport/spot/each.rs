@@ -4,9 +4,8 @@ use std::f64::consts::TAU;
 
 use glam::{DVec2, DVec3, dvec2};
 
-use super::relay::Relay;
-use super::side::sides;
-use super::{Spot, SpotTaps};
+use super::SpotTaps;
+use super::side::{Relay, sides};
 use crate::transport::Wall;
 
 /// Seven points for every point, with the moments of a Gaussian up to the fifth: in the middle and on a hexagon.
@@ -24,10 +23,10 @@ pub(super) fn around_each(points: &[DVec3], sigma: f64) -> (Vec<DVec2>, Vec<Spot
 
 /// For every pair of two points four or eight pairs with the moments of the Gaussians up to the third: the corners of a
 /// cross over both points' offsets, turned otherwise for every pair.
-pub(super) fn around_pairs(wall: &Wall, spot: Spot) -> (Wall, Vec<SpotTaps>) {
+pub(super) fn around_pairs(wall: &Wall, sigma: [f64; 2]) -> (Wall, Vec<SpotTaps>) {
     let (scanned, others) = sides(wall);
     let relays = [Relay::of(&scanned), Relay::of(&others)];
-    let both = spot.sigma.iter().all(|s| *s > 0.0);
+    let both = sigma.iter().all(|s| *s > 0.0);
     let each = if both { 8 } else { 4 };
     let mut points = [vec![], vec![]];
     let mut normals = [vec![], vec![]];
@@ -35,7 +34,7 @@ pub(super) fn around_pairs(wall: &Wall, spot: Spot) -> (Wall, Vec<SpotTaps>) {
         for k in 0..each {
             let offset = if both { of_cross(pair, k) } else { of_square(pair, k) };
             for (side, own) in [&scanned, &others].into_iter().enumerate() {
-                let at = own.points[pair].truncate() + spot.sigma[side] * offset[side];
+                let at = own.points[pair].truncate() + sigma[side] * offset[side];
                 let (point, normal) = relays[side].at(at);
                 points[side].push(point);
                 normals[side].push(normal);

@@ -14,8 +14,8 @@ use glam::DVec3;
 use super::{Geometry, Wall};
 use crate::capture::Capture;
 
+mod cover;
 mod each;
-mod relay;
 mod side;
 mod taps;
 
@@ -24,9 +24,6 @@ pub use taps::SpotTaps;
 
 /// Full width at half maximum of a Gaussian over its standard deviation.
 const WIDTH: f64 = 2.354_820_045_030_949_3;
-
-/// A spot is cut off at this many standard deviations along x and y.
-const REACH: f64 = 3.0;
 
 /// A spot whose standard deviation is below this many bins is a point.
 const LEAST: f64 = 0.1;
@@ -101,7 +98,7 @@ impl Rendered {
                 let points = side.points.iter().enumerate().map(|(i, p)| *p - behind(i)).collect();
                 (Wall { normals: side.normals, ..Wall::confocal(points) }, side.stages)
             }
-            Geometry::TwoPoints => each::around_pairs(wall, spot),
+            Geometry::TwoPoints => each::around_pairs(wall, spot.sigma),
             Geometry::Product => {
                 let [a, b] = [(scanned, spot.sigma[0]), (others, spot.sigma[1])]
                     .map(|(side, sigma)| side.covered(sigma, spot.coarsest));

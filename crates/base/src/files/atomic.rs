@@ -5,7 +5,7 @@ use std::fs;
 use std::io::{ErrorKind, Write};
 use std::path::{Path, PathBuf};
 
-use super::staging::{Hidden, is_hidden};
+use super::hidden::{Hidden, is_hidden};
 use crate::error::{Error, Result};
 
 /// Writes `bytes` to `path`: first to a file in a hidden folder beside it, which is then renamed to `path`. Missing

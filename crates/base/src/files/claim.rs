@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::{Duration, SystemTime};
 
 use super::atomic::cannot;
-use super::staging::host;
+use super::hidden::host;
 use crate::error::Result;
 
 const PREFIX: &str = ".thirdbounce.";

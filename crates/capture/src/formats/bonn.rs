@@ -36,17 +36,12 @@ const GRID: u32 = 10;
 /// The laser's spot is on the wall if it is this near to it, as a share of the wall's width.
 const NEAR: f64 = 0.05;
 
-/// Whether a file begins as a transient image of any version.
-pub(super) fn is_one(head: &[u8]) -> bool {
-    matches!(head, [b'T', b'I', b'0', b'0'..=b'9', ..])
-}
-
 /// Reads a capture without checking its values; see [`super::read`].
 ///
 /// # Errors
 /// `Kind::Input` for another version or mode, or blocks that do not fit the file. `Kind::Options` for a bin width.
 pub(super) fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
-    super::no_width(given, "a transient image")?;
+    given.no_bin_width("a transient image")?;
     let unreadable = |e: std::io::Error| Error::input(format!("cannot be read: {e}"), "check the disk");
     let file = File::open(path).map_err(unreadable)?;
     let length = file.metadata().map_err(unreadable)?.len();

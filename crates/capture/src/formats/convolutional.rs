@@ -91,7 +91,7 @@ pub(super) fn read<'f>(file: &'f Variables, notes: &mut Vec<String>) -> Result<U
     // Pair d1 * n2 + d2 is stored at d2 * n1 + d1.
     let from: Vec<usize> = (0..n1 * n2).map(|pair| pair % n2 * n1 + pair / n2).collect();
     let unread = Unread { from, ..Unread::in_order(outline, file, COUNTS) };
-    Ok(if confocal { frame::unread_in_order(unread) } else { unread })
+    Ok(if confocal { unread.in_our_order() } else { unread })
 }
 
 /// The bin width and where the first bin begins, metres of path.

@@ -3,13 +3,8 @@
 
 use glam::{DMat3, DVec3};
 
-use super::unread::Unread;
-use super::variables::Variables;
 use crate::Capture;
 use crate::choose::Order;
-use crate::error::{Error, Result};
-use crate::host;
-
 /// Distances from (0, 0, 1), and from z = 0 in metres, below this are taken as rounding.
 const STRAIGHT: f64 = 1e-3;
 
@@ -42,7 +37,7 @@ pub struct Axes {
 
 impl Axes {
     /// The scan shape (X, Y) of `n1` by `n2` stored points.
-    fn scan(self, [n1, n2]: [usize; 2]) -> [usize; 2] {
+    pub fn scan(self, [n1, n2]: [usize; 2]) -> [usize; 2] {
         if self.d1_along_x() { [n1, n2] } else { [n2, n1] }
     }
 
@@ -61,34 +56,6 @@ impl Axes {
     }
 }
 
-/// A confocal scan of a flat wall whose counts are (d1, d2, t) in MATLAB, which is [T, d2, d1] in C order.
-///
-/// # Errors
-/// `Kind::Input` if the array is missing or does not have three axes.
-pub fn scanned<'f>(
-    file: &'f Variables,
-    name: &str,
-    axes: Axes,
-    wall: f64,
-    bin_width: f64,
-) -> Result<Unread<'f>> {
-    let shape = file.counts_shape(name)?;
-    let [bins, n2, n1] = shape[..] else {
-        return Err(Error::input(
-            format!("{name} has {} axes, not three (two of the scan, and the bins)", shape.len()),
-            format!("store {name} in MATLAB as an array with two scan axes, then the bins"),
-        ));
-    };
-    // The points of both sides, and their order.
-    host::ask("the wall points", host::bytes(n1 * n2, 2 * size_of::<DVec3>() + 4 * size_of::<usize>()))?;
-    let mut from = host::filled("the wall points", n1 * n2, 0)?;
-    axes.pairs([n1, n2]).into_iter().enumerate().for_each(|(place, pair)| from[pair] = place);
-    let scan = axes.scan([n1, n2]);
-    let points = lattice(scan, wall);
-    let outline = Capture::new(scan, points.clone(), points, bins, bin_width, vec![]);
-    Ok(Unread { from, ..Unread::in_order(outline, file, name) })
-}
-
 /// The points of an array that is (n, 3) in MATLAB, which is [3, n] in C order; `None` if its shape is another.
 pub(super) fn points(shape: &[usize], v: &[f64]) -> Option<Vec<DVec3>> {
     let &[3, n] = shape else { return None };
@@ -100,18 +67,6 @@ pub fn in_order(capture: Capture) -> Capture {
     match order_of(&capture) {
         Some(Order { pairs, scan }) => capture.keep(&pairs, scan),
         None => capture,
-    }
-}
-
-/// Puts the pairs of a lattice scan, whose counts are not read yet, in our order.
-pub fn unread_in_order(unread: Unread) -> Unread {
-    match order_of(&unread.outline) {
-        Some(Order { pairs, scan }) => Unread {
-            from: pairs.iter().map(|pair| unread.from[*pair]).collect(),
-            outline: unread.outline.keep(&pairs, scan),
-            ..unread
-        },
-        None => unread,
     }
 }
 

@@ -13,10 +13,10 @@
 
 use glam::DVec3;
 
+use super::counts::Counts;
 use super::frame;
 use super::given::Given;
 use super::set::Set;
-use super::variables::Counts;
 use crate::Capture;
 use crate::error::{Error, Result};
 use crate::host;

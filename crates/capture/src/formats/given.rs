@@ -116,6 +116,20 @@ impl Given {
             )),
         }
     }
+
+    /// Refuses a bin width where the format holds its own.
+    ///
+    /// # Errors
+    /// `Kind::Options` if the user gave one.
+    pub(super) fn no_bin_width(&self, format: &str) -> Result<()> {
+        match self.bin_width {
+            None => Ok(()),
+            Some(_) => Err(Error::options(
+                format!("a bin width was given, but {format} holds its own bin width"),
+                "leave the bin width out",
+            )),
+        }
+    }
 }
 
 fn bad_length(option: &str, value: f64) -> Error {

@@ -9,8 +9,8 @@ use std::path::{Path, PathBuf};
 
 use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error, LinkClass};
 
+use super::counts::Counts;
 use super::glance;
-use super::variables::Counts;
 use crate::error::{Error, Result};
 use crate::host;
 

@@ -8,7 +8,7 @@
 //! Axes: d1 runs to the left and d2 up. Their `draw3D.m` shows depth, d1 and d2 as x, y and z of a right-handed plot; seen from
 //! the wall, its y points to the left.
 
-use super::frame::{self, Axes, Run};
+use super::frame::{Axes, Run};
 use super::given::Given;
 use super::unread::Unread;
 use super::variables::Variables;
@@ -41,12 +41,12 @@ pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<Strin
     ));
     let bin_width = match positive("timeRes", "seconds")? {
         Some(seconds) => {
-            super::no_width(given, "a 1.43 km capture with timeRes")?;
+            given.no_bin_width("a 1.43 km capture with timeRes")?;
             seconds * 1e12 * METRES_PER_PICOSECOND
         }
         None => given.bin_width("a 1.43 km capture without timeRes", None, notes)?,
     };
-    let mut scanned = frame::scanned(file, "sig_in", AXES, 2.0 * half, bin_width)?;
+    let mut scanned = Unread::scanned(file, "sig_in", AXES, 2.0 * half, bin_width)?;
     if let Some(stored) = positive("pulsewidth", "picoseconds")? {
         let (picoseconds, why) = match stored < SECONDS_BELOW {
             true => (1e12 * stored, "seconds, as the notes of its publication say"),

@@ -7,7 +7,7 @@
 //! Axes: d1 runs to the left and d2 down. The front view of their `cnlos_reconstruction.m` has d2 as rows from the top
 //! and d1 as columns from the right. This way the letters S and U and the word EXIT are readable.
 
-use super::frame::{self, Axes, Run};
+use super::frame::{Axes, Run};
 use super::given::Given;
 use super::unread::Unread;
 use super::variables::Variables;
@@ -33,5 +33,5 @@ pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<Strin
         2.0 * half
     ));
     let bin_width = given.bin_width("an LCT capture", Some(PICOSECONDS), notes)?;
-    frame::scanned(file, "rect_data", AXES, 2.0 * half, bin_width)
+    Unread::scanned(file, "rect_data", AXES, 2.0 * half, bin_width)
 }

@@ -49,7 +49,7 @@ pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<Strin
     let mut sensor = points("sensor")?.unwrap_or_else(|| laser.clone());
     let bin_width = match file.number("bin_width")? {
         Some(width) => {
-            super::no_width(given, "a surface-optimisation capture with bin_width")?;
+            given.no_bin_width("a surface-optimisation capture with bin_width")?;
             width
         }
         None => given.bin_width("a surface-optimisation capture", Some(PICOSECONDS), notes)?,
@@ -65,5 +65,5 @@ pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<Strin
     }
     let scan = frame::rows(&laser).unwrap_or([laser.len(), 1]);
     let outline = Capture::new(scan, laser, sensor, counts[0], bin_width, vec![]);
-    Ok(frame::unread_in_order(Unread::in_order(outline, file, array)))
+    Ok(Unread::in_order(outline, file, array).in_our_order())
 }

@@ -4,7 +4,7 @@
 //! Axes: the file does not say; [`crate::Turn`] mirrors and rotates the scan. Rows from the top and columns
 //! from the left are as in the f-k migration of the ABP publication (Zhang and others) for its `tof_data`.
 
-use super::frame::{self, Axes, Run};
+use super::frame::{Axes, Run};
 use super::given::Given;
 use super::unread::Unread;
 use super::variables::Variables;
@@ -42,5 +42,5 @@ pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<Strin
         "{name} is read as {} bins of {} columns and {} rows from the top: confocal, t = 0 at the wall",
         shape[0], shape[1], shape[2]
     ));
-    frame::scanned(file, name, AXES, wall, bin_width)
+    Unread::scanned(file, name, AXES, wall, bin_width)
 }

@@ -10,10 +10,10 @@ use std::path::Path;
 
 use flate2::read::ZlibDecoder;
 
+use super::counts::Counts;
 use super::glance::{self, Glance};
-use super::numbers::Numbers;
+use super::numbers::{Numbers, damaged};
 use super::scatter::{Scattered, Wanted};
-use super::variables::Counts;
 use crate::error::{Error, Result};
 use crate::host;
 
@@ -63,13 +63,6 @@ struct Element {
     kind: u32,
     content: Range<usize>,
     next: usize,
-}
-
-pub(super) fn damaged(what: impl std::fmt::Display) -> Error {
-    Error::input(
-        format!("the MATLAB file cannot be read: {what}"),
-        "the file is damaged or cut short: copy or download it again",
-    )
 }
 
 impl Matlab5 {

@@ -4,7 +4,9 @@
 mod blocks;
 mod bonn;
 pub mod ccsocr;
+mod contents;
 mod convolutional;
+pub mod counts;
 mod dirac;
 mod exhaustive;
 mod frame;
@@ -21,7 +23,9 @@ pub mod matlab5;
 pub mod netf;
 pub mod npz;
 mod numbers;
+mod opened;
 pub mod phasor;
+mod points;
 mod pulse;
 mod scatter;
 pub mod set;
@@ -33,47 +37,18 @@ pub mod ytal;
 pub mod znlos;
 mod zones;
 
+pub use contents::HDF5;
 pub use given::{Bounce, Given};
+pub use opened::{Opened, Prepare, keep_prepared, measured};
 
+use contents::Contents;
 use unread::Unread;
 use variables::Variables;
 
-use std::fs::File;
-use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-use glam::DVec3;
-
-use super::{Capture, Keep, Turn};
+use super::{Capture, Keep};
 use crate::error::{Error, Result};
-use crate::host;
-
-/// The first bytes of an HDF5 file.
-pub const HDF5: &[u8] = b"\x89HDF\r\n\x1a\n";
-
-/// The kind of a file, by its first bytes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Contents {
-    Zip,
-    Hdf5,
-    Matlab5,
-    Npy,
-    Transient,
-    Folder,
-    Unknown,
-}
-
-/// A capture as it was read.
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-pub struct Opened {
-    /// The capture.
-    pub capture: Capture,
-    /// Pairs of the file that were left out because they were not measured.
-    pub dropped: usize,
-    /// Sentences that say what was assumed and what was left out, and why.
-    pub notes: Vec<String>,
-}
 
 /// Reads a capture in any known format, leaves out pairs that were not measured (see
 /// [`Capture::without_missing`]) and checks the rest. The name is the file's stem.
@@ -112,10 +87,6 @@ pub fn read_kept(path: &Path, given: &Given, keep: &Keep) -> Result<Opened> {
     read_prepared(path, given, keep, &mut |_, _| Ok(()))
 }
 
-/// Changes the points of all measured pairs, before some are chosen; notes say what was done. The capture may be
-/// without its counts.
-pub type Prepare<'p> = dyn FnMut(&mut Capture, &mut Vec<String>) -> Result<()> + 'p;
-
 /// Reads a part of a capture as [`read_kept`] does, and calls `prepare` before pairs are chosen.
 ///
 /// # Errors
@@ -125,7 +96,7 @@ pub fn read_prepared(path: &Path, given: &Given, keep: &Keep, prepare: &mut Prep
     let mut notes = Vec::new();
     let name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let mut set;
-    let found = match contents(path).map_err(place)? {
+    let found = match contents::of(path).map_err(place)? {
         Contents::Zip => npz::read(path, given, &mut notes).map(Found::Whole),
         Contents::Hdf5 | Contents::Matlab5 | Contents::Folder => {
             set = set::Set::open(path).map_err(place)?;
@@ -146,31 +117,6 @@ pub fn read_prepared(path: &Path, given: &Given, keep: &Keep, prepare: &mut Prep
     };
     let whole = measured(capture, &mut notes).map_err(place)?;
     keep_prepared(whole, given.turn, keep, prepare, notes)
-}
-
-/// Leaves out pairs that were not measured, checks the rest, and rotates a wall that clearly does not face +z. Also returns
-/// how many were left out.
-pub fn measured(capture: Capture, notes: &mut Vec<String>) -> Result<(Capture, usize)> {
-    let (capture, dropped, missing) = capture.without_missing()?;
-    notes.extend(missing);
-    capture.check()?;
-    Ok((frame::roughly_facing_z(capture, notes), dropped))
-}
-
-/// Turns a whole capture, calls `prepare`, and keeps a part of it.
-pub fn keep_prepared(
-    (capture, dropped): (Capture, usize),
-    turn: Turn,
-    keep: &Keep,
-    prepare: &mut Prepare,
-    mut notes: Vec<String>,
-) -> Result<Opened> {
-    notes.extend(turn.note());
-    let mut capture = capture.turned(turn);
-    prepare(&mut capture, &mut notes)?;
-    let capture = keep.apply(capture, &mut notes)?;
-    notes.extend(capture.negative_note());
-    Ok(Opened { capture, dropped, notes })
 }
 
 /// A capture as a reader of its format finds it.
@@ -224,7 +170,7 @@ fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -
         None => set.first().ok_or_else(|| unknown("the folder is empty"))?,
     };
     if positions {
-        no_width(given, "a file with Z-NLOS names")?;
+        given.no_bin_width("a file with Z-NLOS names")?;
         let axes = file.shape("data")?.ok_or_else(|| file.missing("data"))?.len();
         return if axes == 3 {
             no_bounce("a NeTF capture")?;
@@ -237,29 +183,18 @@ fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -
     read_single(file, given, notes)
 }
 
-/// Refuses a bin width where the format holds its own.
-fn no_width(given: &Given, what: &str) -> Result<()> {
-    match given.bin_width {
-        None => Ok(()),
-        Some(_) => Err(Error::options(
-            format!("a bin width was given, but {what} holds its own bin width"),
-            "leave the bin width out",
-        )),
-    }
-}
-
 /// Finds the format of a capture that is one file, by the names of its arrays, and reads it.
 fn read_single<'s>(file: &'s Variables, given: &Given, notes: &mut Vec<String>) -> Result<Found<'s>> {
     if file.have(&["H"]) || file.have(&["laser_grid_xyz"]) {
-        no_width(given, "a y-tal capture")?;
+        given.no_bin_width("a y-tal capture")?;
         return ytal::read(file).map(Found::Whole);
     }
     if file.have(&["data_t"]) {
-        no_width(given, "an NLOS-Dirac capture")?;
+        given.no_bin_width("an NLOS-Dirac capture")?;
         return dirac::read(file, notes).map(Found::Unread);
     }
     if convolutional::is_one(file) {
-        no_width(given, "a file with NLOSDATA")?;
+        given.no_bin_width("a file with NLOSDATA")?;
         return convolutional::read(file, notes).map(Found::Unread);
     }
     if file.have(&["sig_in"]) {
@@ -269,14 +204,14 @@ fn read_single<'s>(file: &'s Variables, given: &Given, notes: &mut Vec<String>) 
         return lit::read(file, given, notes).map(Found::Unread);
     }
     if file.have(&["dataset/data"]) {
-        no_width(given, "a phasor-field capture")?;
+        given.no_bin_width("a phasor-field capture")?;
         return phasor::read_2019(file, notes).map(Found::Whole);
     }
     if file.have(&["rect_data", "width"]) {
         return lct::read(file, given, notes).map(Found::Unread);
     }
     if file.have(&["rect_data", "ts"]) {
-        no_width(given, "a phasor-field capture")?;
+        given.no_bin_width("a phasor-field capture")?;
         return phasor::read_2020(file, notes).map(Found::Unread);
     }
     matlab::read(file, given, notes).map(Found::Unread)
@@ -336,120 +271,4 @@ fn unknown(what: &str) -> Error {
         "give a capture as npz (H, sensor_xyz, laser_xyz, delta_t), y-tal or Z-NLOS HDF5, a transient image TI04, or one of the \
          known MATLAB files",
     )
-}
-
-fn contents(path: &Path) -> Result<Contents> {
-    let unreadable = |e: std::io::Error| {
-        let mend = match e.kind() {
-            std::io::ErrorKind::NotFound => "check the path: there is no such file",
-            std::io::ErrorKind::PermissionDenied => "make the file readable for you",
-            _ => "check the path and the disk",
-        };
-        Error::input(format!("cannot be read: {e}"), mend)
-    };
-    let meta = std::fs::metadata(path).map_err(unreadable)?;
-    if meta.is_dir() {
-        return Ok(Contents::Folder);
-    }
-    if !meta.is_file() {
-        return Err(Error::input("is not a regular file", "copy the capture to a file first"));
-    }
-    if meta.len() == 0 {
-        return Err(Error::input("is empty", "copy or write the file again"));
-    }
-    let mut file = File::open(path).map_err(unreadable)?;
-    let mut head = [0u8; 128];
-    let mut length = 0;
-    while length < head.len() {
-        match file.read(&mut head[length..]).map_err(unreadable)? {
-            0 => break,
-            n => length += n,
-        }
-    }
-    let head = &head[..length];
-    if head.starts_with(b"PK\x03\x04") || head.starts_with(b"PK\x05\x06") {
-        return Ok(Contents::Zip);
-    }
-    if head.starts_with(b"\x93NUMPY") {
-        return Ok(Contents::Npy);
-    }
-    if bonn::is_one(head) {
-        return Ok(Contents::Transient);
-    }
-    // HDF5 may begin after a user block of 512, 1024, 2048 ... bytes (MATLAB v7.3: 512).
-    let mut at = 0u64;
-    while at + 8 <= meta.len() && at <= 1 << 20 {
-        let mut start = Vec::new();
-        file.seek(SeekFrom::Start(at)).map_err(unreadable)?;
-        (&mut file).take(64).read_to_end(&mut start).map_err(unreadable)?;
-        if start.starts_with(HDF5) {
-            return match hdf5_end(&start) {
-                Some(end) if end > meta.len() => Err(Error::input(
-                    format!("the HDF5 file is cut short: {} of {end} bytes", meta.len()),
-                    "the file is damaged: copy or download it again",
-                )),
-                _ => Ok(Contents::Hdf5),
-            };
-        }
-        at = if at == 0 { 512 } else { at * 2 };
-    }
-    let version_5 = matches!(head.get(124..128), Some(b"\x00\x01IM" | b"\x01\x00MI"));
-    Ok(if version_5 || head.starts_with(b"MATLAB 5.0") { Contents::Matlab5 } else { Contents::Unknown })
-}
-
-/// The length of an HDF5 file according to its superblock, which the HDF5 reader does not check; `None` if unknown.
-fn hdf5_end(superblock: &[u8]) -> Option<u64> {
-    let at = match (superblock.get(8)?, superblock.get(13)?, superblock.get(9)?) {
-        (0, 8, _) => 40,
-        (1, 8, _) => 44,
-        (2 | 3, _, 8) => 28,
-        _ => return None,
-    };
-    Some(u64::from_le_bytes(superblock.get(at..at + 8)?.try_into().ok()?))
-}
-
-/// One vector per pair. `given` holds one for each, or a single one for all.
-fn per_pair(what: &str, given: Vec<DVec3>, pairs: usize) -> Result<Vec<DVec3>> {
-    match given.len() {
-        n if n == pairs => Ok(given),
-        1 => host::filled(what, pairs, given[0]),
-        n => Err(Error::input(
-            format!("{what} holds {n} points for {pairs} scan positions"),
-            "give one point per scan position, in the order of H, or a single one",
-        )),
-    }
-}
-
-/// Vectors from consecutive triples; the last dimension must be 3.
-fn triples(what: &str, shape: &[usize], values: &[f64]) -> Result<Vec<DVec3>> {
-    if shape.last() != Some(&3) {
-        return Err(Error::input(
-            format!("{what} has shape {shape:?}, not x, y, z along its last axis"),
-            format!("store {what} as [X, Y, 3], or as [1, 3] for a single point"),
-        ));
-    }
-    Ok(values.chunks_exact(3).map(|v| DVec3::new(v[0], v[1], v[2])).collect())
-}
-
-/// Brings a normal that was rounded to float32 back to unit length. A wrong normal is left for the check; a unit normal
-/// does not change by a bit.
-fn unit(n: DVec3) -> DVec3 {
-    let off = (n.length() - 1.0).abs();
-    if (1e-12..1e-4).contains(&off) { n.normalize() } else { n }
-}
-
-/// The largest value, which decides the integer type to store; `None` unless all values are whole and not negative.
-fn largest_count(values: &[f32]) -> Option<f32> {
-    values.iter().try_fold(0.0f32, |largest, &v| (v >= 0.0 && v.fract() == 0.0).then(|| largest.max(v)))
-}
-
-/// Shape and flat values of the points: a single point, of shape `single`, if all are equal, else all of them.
-fn compact(points: &[DVec3], scan: [usize; 2], single: &[usize]) -> (Vec<usize>, Vec<f64>) {
-    let all_equal = points.windows(2).all(|w| w[0] == w[1]);
-    let (shape, points) = if all_equal && points.len() > 1 {
-        (single.to_vec(), &points[..1])
-    } else {
-        (vec![scan[0], scan[1], 3], points)
-    };
-    (shape, points.iter().flat_map(|p| p.to_array()).collect())
 }

@@ -10,8 +10,9 @@
 
 use glam::DVec3;
 
+use super::points::per_pair;
 use super::variables::Variables;
-use super::{frame, per_pair, znlos};
+use super::{frame, znlos};
 use crate::Capture;
 use crate::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};

@@ -21,9 +21,10 @@ use std::path::Path;
 
 use glam::DVec3;
 
+use super::counts::{self, largest_count};
 use super::given::Given;
-use super::glance::{self, Glance};
-use super::{compact, exhaustive, largest_count, per_pair, triples, unit, zones};
+use super::points::{compact, per_pair, triples, unit};
+use super::{exhaustive, zones};
 use crate::error::{Error, Result};
 use crate::files::archive::{Npz, npz_bytes};
 use crate::files::array::{Array, transpose};
@@ -42,7 +43,7 @@ pub fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Result<Captu
     if zones::is_one(&npz) {
         return zones::read(&mut npz, given, notes);
     }
-    let shape = counts_shape(&mut npz, "H", WANTED)?;
+    let shape = counts::shape(&mut npz, "H", WANTED)?;
     let laser = Points::read(&mut npz, "laser_xyz", "laser_normal")?;
     let sensor = Points::read(&mut npz, "sensor_xyz", "sensor_normal")?;
     let bins = shape.first().copied().unwrap_or(0);
@@ -77,7 +78,7 @@ pub fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Result<Captu
     let laser_spot = spot(&mut npz, ["laser_spot", "laser_fov"], &laser.0, notes)?;
     let sensor_spot = spot(&mut npz, ["sensor_spot", "sensor_fov"], &sensor.0, notes)?;
     let pulse = Pulse::read_from(&mut npz)?;
-    let histograms = transpose(&counts(&mut npz, "H", WANTED)?, bins, pairs)?;
+    let histograms = transpose(&counts::read(&mut npz, "H", WANTED)?, bins, pairs)?;
     Ok(Capture {
         laser_normal: laser.1,
         sensor_normal: sensor.1,
@@ -90,36 +91,6 @@ pub fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Result<Captu
         direct: npz.scalar("direct")?,
         ..Capture::new(scan, laser.0, sensor.0, bins, bin_width, histograms)
     })
-}
-
-/// The shape of an array of counts, which are not read.
-pub(super) fn counts_shape(npz: &mut Npz, name: &str, wanted: &str) -> Result<Vec<usize>> {
-    let (head, _) = npz.stream(name)?.ok_or_else(|| npz.missing(name, wanted))?;
-    if head.shape.contains(&0) {
-        return Err(Error::input(
-            format!("{name} has shape {:?}: it holds no bin, or no pair", head.shape),
-            "write the capture again: it has to hold at least one bin of one pair",
-        ));
-    }
-    Ok(head.shape)
-}
-
-/// An array of counts. What unpacks to far more than the file is looked at first.
-pub(super) fn counts(npz: &mut Npz, name: &str, wanted: &str) -> Result<Vec<f32>> {
-    if npz.sizes(name).is_some_and(|[size, packed]| glance::is_wanted(size, packed))
-        && let Some((head, mut elements)) = npz.stream(name)?
-    {
-        let mut glance = Glance::default();
-        let mut left = head.shape.iter().fold(1usize, |n, d| n.saturating_mul(*d));
-        while left > 0 {
-            let part = left.min(glance::AT_ONCE);
-            glance.take(&head.part(&mut elements, part).map_err(|e| e.at(format!("array {name}")))?.to_f32());
-            left -= part;
-        }
-        glance.finish(name)?;
-    }
-    let array = npz.whole(name)?.ok_or_else(|| npz.missing(name, wanted))?;
-    Ok(array.to_f32())
 }
 
 /// The spot of one side: as the file stores it, or that of a field of view.

@@ -2,8 +2,7 @@
 
 use std::io::Read;
 
-use super::matlab5::damaged;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::host;
 
 /// Numbers that are decoded at a time.
@@ -16,6 +15,14 @@ pub(super) struct Numbers<'f> {
     kind: u32,
     big_endian: bool,
     left: usize,
+}
+
+/// The error of a damaged file.
+pub(super) fn damaged(what: impl std::fmt::Display) -> Error {
+    Error::input(
+        format!("the MATLAB file cannot be read: {what}"),
+        "the file is damaged or cut short: copy or download it again",
+    )
 }
 
 impl<'f> Numbers<'f> {

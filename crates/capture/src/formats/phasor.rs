@@ -15,9 +15,10 @@
 use glam::DVec3;
 
 use super::frame::{Axes, Run};
+use super::points::{per_pair, unit};
 use super::unread::Unread;
 use super::variables::Variables;
-use super::{frame, legs, per_pair, unit};
+use super::{frame, legs};
 use crate::Capture;
 use crate::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
@@ -146,7 +147,7 @@ pub(super) fn read_2020<'f>(file: &'f Variables, notes: &mut Vec<String>) -> Res
     notes.push(format!("the only sensor point is ({at1}, {at2}) of the scan, counted from 1"));
     let wall = spacing * (n1.max(n2).max(2) - 1) as f64;
     let bin_width = seconds * 1e12 * METRES_PER_PICOSECOND;
-    let mut scanned = frame::scanned(file, "rect_data", AXES, wall, bin_width)?;
+    let mut scanned = Unread::scanned(file, "rect_data", AXES, wall, bin_width)?;
     scanned.outline.sensor = host::filled("the wall points", n1 * n2, scanned.outline.sensor[spad])?;
     Ok(scanned)
 }

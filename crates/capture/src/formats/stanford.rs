@@ -73,7 +73,7 @@ pub(super) fn read<'s>(set: &'s mut Set, given: &Given, notes: &mut Vec<String>)
             WALL
         }
     };
-    shifted(frame::scanned(file, "meas", AXES, wall, bin_width)?, &tof)
+    shifted(Unread::scanned(file, "meas", AXES, wall, bin_width)?, &tof)
 }
 
 /// Shifts every histogram to the left by its time of flight in picoseconds, in whole bins. `tof` is in the order of the

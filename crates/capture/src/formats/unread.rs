@@ -2,12 +2,15 @@
 
 use std::ops::Range;
 
+use glam::DVec3;
+
+use super::frame::{self, Axes};
+use super::opened::{Opened, Prepare};
 use super::scatter::{Scattered, Shifts, Wanted};
 use super::variables::Variables;
-use super::{Opened, Prepare};
-use crate::choose::{Measured, retain_rows};
+use crate::choose::{Measured, Order, retain_rows};
 use crate::error::{Error, Result};
-use crate::{Capture, Keep, Turn};
+use crate::{Capture, Keep, Turn, host};
 
 /// A capture whose counts are not read yet.
 pub(super) struct Unread<'f> {
@@ -36,6 +39,46 @@ impl<'f> Unread<'f> {
     pub(super) fn in_order(outline: Capture, file: &'f Variables, array: &str) -> Unread<'f> {
         let from = (0..outline.pair_count()).collect();
         Unread { bins: outline.bins, outline, file, array: array.into(), from, shifts: None }
+    }
+
+    /// A confocal scan of a flat wall whose counts are (d1, d2, t) in MATLAB, which is [T, d2, d1] in C order.
+    ///
+    /// # Errors
+    /// `Kind::Input` if the array is missing or does not have three axes.
+    pub(super) fn scanned(
+        file: &'f Variables,
+        name: &str,
+        axes: Axes,
+        wall: f64,
+        bin_width: f64,
+    ) -> Result<Unread<'f>> {
+        let shape = file.counts_shape(name)?;
+        let [bins, n2, n1] = shape[..] else {
+            return Err(Error::input(
+                format!("{name} has {} axes, not three (two of the scan, and the bins)", shape.len()),
+                format!("store {name} in MATLAB as an array with two scan axes, then the bins"),
+            ));
+        };
+        // The points of both sides, and their order.
+        host::ask("the wall points", host::bytes(n1 * n2, 2 * size_of::<DVec3>() + 4 * size_of::<usize>()))?;
+        let mut from = host::filled("the wall points", n1 * n2, 0)?;
+        axes.pairs([n1, n2]).into_iter().enumerate().for_each(|(place, pair)| from[pair] = place);
+        let scan = axes.scan([n1, n2]);
+        let points = frame::lattice(scan, wall);
+        let outline = Capture::new(scan, points.clone(), points, bins, bin_width, vec![]);
+        Ok(Unread { from, ..Unread::in_order(outline, file, name) })
+    }
+
+    /// Puts the pairs of a lattice scan in our order: ix along +x, iy along +y.
+    pub(super) fn in_our_order(self) -> Unread<'f> {
+        match frame::order_of(&self.outline) {
+            Some(Order { pairs, scan }) => Unread {
+                from: pairs.iter().map(|pair| self.from[*pair]).collect(),
+                outline: self.outline.keep(&pairs, scan),
+                ..self
+            },
+            None => self,
+        }
     }
 
     /// Reads the counts that are kept. The result is that of reading all counts, leaving out pairs that were not

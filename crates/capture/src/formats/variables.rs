@@ -7,27 +7,12 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::blocks;
+use super::contents::{self, Contents};
+use super::counts::Counts;
 use super::hdf5::Hdf5;
 use super::matlab5::Matlab5;
 use super::scatter::{Scattered, Wanted};
 use crate::error::{Error, Result};
-use crate::seen;
-
-/// An array of counts.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Counts {
-    /// Lengths of its axes, the slowest first.
-    pub shape: Vec<usize>,
-    /// In C order.
-    pub values: Vec<f32>,
-}
-
-impl Counts {
-    /// Whether the values are photon counts: whole and not negative, however they are stored.
-    pub fn whole(&self) -> bool {
-        seen::whole(&self.values)
-    }
-}
 
 /// The arrays of a file.
 pub enum Variables {
@@ -43,9 +28,9 @@ impl Variables {
     /// # Errors
     /// `Kind::Input` for a damaged file or one of another kind.
     pub fn open(path: &Path) -> Result<Variables> {
-        match super::contents(path)? {
-            super::Contents::Hdf5 => Hdf5::open(path).map(Variables::Hdf5),
-            super::Contents::Matlab5 => Matlab5::open(path).map(Variables::Matlab5),
+        match contents::of(path)? {
+            Contents::Hdf5 => Hdf5::open(path).map(Variables::Hdf5),
+            Contents::Matlab5 => Matlab5::open(path).map(Variables::Matlab5),
             _ => Err(Error::input("is not an HDF5 or MATLAB file", "give the .mat or .hdf5 file")),
         }
     }

@@ -21,8 +21,10 @@ use glam::DVec3;
 use rust_hdf5::types::HBool;
 use rust_hdf5::{H5File, Hdf5Error};
 
+use super::counts::largest_count;
+use super::points::{compact, per_pair, triples, unit};
 use super::variables::Variables;
-use super::{compact, exhaustive, largest_count, legs, per_pair, triples, unit};
+use super::{exhaustive, legs};
 use crate::Capture;
 use crate::error::{Error, Result};
 use crate::files::array::transpose;

@@ -15,9 +15,11 @@ use std::ops::Range;
 
 use glam::DVec3;
 
+use super::counts::Counts;
 use super::given::{Bounce, Given};
-use super::variables::{Counts, Variables};
-use super::{frame, legs, unit};
+use super::points::unit;
+use super::variables::Variables;
+use super::{frame, legs};
 use crate::Capture;
 use crate::error::{Error, Result};
 use crate::host;

@@ -11,7 +11,8 @@
 use glam::DVec3;
 
 use super::given::Given;
-use super::{frame, npz, triples};
+use super::points::triples;
+use super::{counts, frame};
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
 use crate::{Capture, seen};
@@ -35,7 +36,7 @@ pub(super) fn is_one(npz: &Npz) -> bool {
 /// `Kind::Input` for arrays that do not agree.
 pub(super) fn read(npz: &mut Npz, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
     const WANTED: &str = "hists (zones, t) and pt_cloud (zones, 3)";
-    let (hists, cloud) = (npz::counts_shape(npz, "hists", WANTED)?, npz.require("pt_cloud", WANTED)?);
+    let (hists, cloud) = (counts::shape(npz, "hists", WANTED)?, npz.require("pt_cloud", WANTED)?);
     let points = triples("pt_cloud", &cloud.shape, &cloud.to_f64())?;
     let (zones, bins) = match hists[..] {
         [zones, bins] => (zones, bins),
@@ -56,7 +57,7 @@ pub(super) fn read(npz: &mut Npz, given: &Given, notes: &mut Vec<String>) -> Res
             "zones are as wide as they are apart on the wall: laser and sensor have spots of {spot:.3} m"
         ));
     }
-    let histograms = npz::counts(npz, "hists", WANTED)?;
+    let histograms = counts::read(npz, "hists", WANTED)?;
     let capture = Capture {
         integer_counts: seen::whole(&histograms),
         laser_spot: spot,

@@ -6,29 +6,11 @@ use std::time::Duration;
 
 use ash::vk;
 
-use crate::{Buffer, Executor, Gpu, Ticket};
+use crate::device::Gpu;
+use crate::executor::Executor;
+use crate::flight::{Moment, Ticket};
+use crate::names::Buffer;
 use crate::{Error, Result};
-
-/// A value of a timeline semaphore on the device: something is done when the semaphore has this value or a larger one.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Moment {
-    pub(crate) semaphore: vk::Semaphore,
-    pub(crate) value: u64,
-}
-
-impl Moment {
-    /// No moment at all.
-    pub(crate) const NONE: Moment = Moment { semaphore: vk::Semaphore::null(), value: 0 };
-
-    /// The moment when `semaphore` reaches `value`.
-    ///
-    /// # Safety
-    /// It is a timeline semaphore of the device on which the moment is used, and lives until the frames that name it are
-    /// over. A value to wait for is signalled sometime; a value to signal is larger than those before.
-    pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> Moment {
-        Moment { semaphore, value }
-    }
-}
 
 /// A part of a buffer that a caller lends.
 #[derive(Clone)]

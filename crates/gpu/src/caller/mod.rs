@@ -11,58 +11,20 @@ use std::sync::Arc;
 
 use ash::vk;
 
-use super::device::Parts;
+use super::device::{Gpu, Parts};
 use super::instance::Instance;
 use super::kept::Cache;
 use super::offered::Offered;
+use super::options::GpuOptions;
 use super::owned::OwnedDevice;
-use super::{Gpu, GpuOptions, Place};
 use crate::advice::advice;
 use crate::{Error, Result};
 
-pub use buffer::{Imported, Lent, Moment};
+pub use super::flight::Moment;
+pub use super::owned::QueueLock;
+pub use super::place::{Block, BlockSource};
+pub use buffer::{Imported, Lent};
 pub use requirements::{Features, Requirements, requirements};
-
-/// A caller's lock of its queue. Vulkan lets one thread at a time use a queue: the library takes this lock around every
-/// submission, and holds it for no longer.
-pub trait QueueLock: Send + Sync {
-    /// Waits until no other thread uses the queue.
-    fn lock(&self);
-
-    /// Lets others use it. Called by the thread that called [`QueueLock::lock`].
-    fn unlock(&self);
-}
-
-/// Memory for a buffer.
-#[derive(Debug, Clone, Copy)]
-pub struct Block {
-    /// The memory object.
-    pub memory: vk::DeviceMemory,
-    /// Where the buffer begins in it, bytes: a multiple of the alignment that was asked for.
-    pub offset: u64,
-    /// Where that byte is mapped; null for [`Place::Device`]. Mapped memory must be coherent.
-    pub mapped: *mut std::ffi::c_void,
-}
-
-// SAFETY: handles and an address, which the library uses from one thread at a time.
-unsafe impl Send for Block {}
-// SAFETY: as above; a shared block is only read.
-unsafe impl Sync for Block {}
-
-/// Where the library's buffers get their memory from, in place of its own allocator.
-///
-/// # Safety
-/// A block that `allocate` returns belongs to the device, is as large and aligned as was asked for, of one of the memory
-/// types that were allowed, mapped and coherent unless it is for [`Place::Device`], and nobody else uses it before `free`
-/// gets it back.
-pub unsafe trait BlockSource: Send + Sync {
-    /// Gives a block for a buffer; `None` if there is no memory. The types of memory that the requirements allow are coherent
-    /// unless the buffer is for [`Place::Device`].
-    fn allocate(&self, requirements: &vk::MemoryRequirements, place: Place) -> Option<Block>;
-
-    /// Takes a block back. No work on the device uses it any more.
-    fn free(&self, block: Block);
-}
 
 /// Handles of a caller's Vulkan.
 #[derive(Clone)]

@@ -4,10 +4,9 @@ use std::ffi::CStr;
 
 use ash::vk;
 
-use crate::GpuOptions;
-use crate::device::compute_family;
 use crate::instance::{Instance, version_text};
 use crate::offered::Offered;
+use crate::options::{GpuOptions, compute_family};
 use crate::{Error, Result};
 
 /// The least version of Vulkan: of the instance, and of the device.

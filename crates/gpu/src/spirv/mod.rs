@@ -13,7 +13,7 @@ mod module;
 
 pub use class::Counts;
 
-use super::KernelCode;
+use super::code::KernelCode;
 
 /// Counts of one turn of the main loop (loops inside it count once), and of one turn of the loop around it without the
 /// main loop. `None` if there is no loop, or if one calls functions that the compiler did not expand. `constants` are

@@ -1,48 +1,13 @@
-//! Frames that come while one is solved, parts of a scan, and how long frames take.
+//! Frames with a part of a scan, and how long frames take.
 
 use std::mem::offset_of;
 
-use engine::Result;
-use engine::session::{Feed, Latency};
+use engine::Error;
+use engine::session::Latency;
 
-use crate::error::{TbStatus, guarded, options_error};
-use crate::session::{TbSession, TbSettings, no_handle};
+use crate::error::{TbStatus, guarded, no_handle};
+use crate::session::TbSession;
 use crate::sized::{self, Versioned};
-
-/// What becomes of a frame that is submitted while another one is being solved.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[repr(C)]
-pub enum TbFeed {
-    /// It is refused: TB_OPTIONS.
-    TbOne = 0,
-    /// It waits, in the place of the one that waited.
-    TbNewest = 1,
-    /// It waits behind all others, up to `waiting` of tb_settings. Each is solved, once the result before it was taken.
-    TbEvery = 2,
-    /// It is added to a running sum, which was multiplied by `decay` of tb_settings before, and is solved as soon as that is
-    /// possible.
-    TbSum = 3,
-}
-
-/// Frames that wait if nobody says how many may.
-const WAITING: usize = 16;
-
-/// The feed that settings ask for.
-pub fn of(settings: &TbSettings) -> Result<Feed> {
-    const ONE: u32 = TbFeed::TbOne as u32;
-    const NEWEST: u32 = TbFeed::TbNewest as u32;
-    const EVERY: u32 = TbFeed::TbEvery as u32;
-    const SUM: u32 = TbFeed::TbSum as u32;
-    match settings.feed {
-        ONE => Ok(Feed::One),
-        NEWEST => Ok(Feed::Newest),
-        EVERY => Ok(Feed::Every { most: if settings.waiting > 0 { settings.waiting } else { WAITING } }),
-        SUM => Ok(Feed::Sum { decay: settings.decay }),
-        other => {
-            Err(options_error(format!("`feed` is {other}"), "give TB_ONE, TB_NEWEST, TB_EVERY or TB_SUM"))
-        }
-    }
-}
 
 /// Times of the last frames, up to 256, from submission to result, seconds: what waits is included.
 #[derive(Clone, Copy)]
@@ -103,7 +68,7 @@ pub unsafe extern "C" fn tb_session_submit_part(
         // SAFETY: the caller gives a living session, or NULL.
         let session = unsafe { session.as_ref() }.ok_or_else(|| no_handle("session"))?;
         if counts.is_null() || measured.is_null() {
-            return Err(options_error("`counts` or `measured` is NULL", "give both"));
+            return Err(Error::options("`counts` or `measured` is NULL", "give both"));
         }
         // SAFETY: so many numbers and bytes are there, as the caller states.
         let (counts, measured) = unsafe {

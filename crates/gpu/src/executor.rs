@@ -1,0 +1,358 @@
+//! An executor's submissions: command buffers, waiting, times.
+
+use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
+use std::time::Duration;
+
+use ash::vk;
+
+use super::access::Accesses;
+use super::device::Gpu;
+use super::exchange::{Exchange, Exchanged};
+use super::faults::Point;
+use super::flight::{Flight, Moment, Ticket};
+use super::memory::Arena;
+use super::names::{Buffer, Kernel};
+use super::pace::Pace;
+use super::pipeline::{DescriptorSets, Pipeline};
+use super::schedule::{Command, Schedule};
+use crate::Result;
+
+/// Calls and device seconds of one kernel.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct KernelTime {
+    /// Dispatches.
+    pub calls: u64,
+    /// Device time of all of them, seconds.
+    pub seconds: f64,
+}
+
+/// What recording works with; kept from one submission to the next, so that nothing is allocated.
+#[derive(Default)]
+pub(super) struct Scratch {
+    /// Those of the command that is recorded.
+    pub now: Accesses,
+    /// Those since the last barrier.
+    pub pending: Accesses,
+    /// Those that sizes of dispatches are read from.
+    pub sizes: Vec<Buffer>,
+    /// Time stamps that were read last.
+    pub stamps: Vec<u64>,
+}
+
+/// Runs schedules over the buffers of an arena, in order of submission.
+pub struct Executor {
+    pub(super) gpu: Gpu,
+    pub(super) arena: Arena,
+    pub(super) pipelines: HashMap<Kernel, Pipeline>,
+    pub(super) sets: DescriptorSets,
+    pool: vk::CommandPool,
+    timeline: vk::Semaphore,
+    pub(super) submitted: u64,
+    pub(super) flights: VecDeque<Flight>,
+    pub(super) spare: Vec<vk::CommandBuffer>,
+    /// Pools of time stamps that no submission uses, with their sizes.
+    spare_queries: Vec<(vk::QueryPool, u32)>,
+    /// Empty sets for [`Flight::shared`].
+    spare_shared: Vec<[HashSet<Buffer>; 2]>,
+    /// See [`Executor::spare_schedule`].
+    spare_schedule: Schedule,
+    /// Whether canaries were written.
+    pub(super) guarded: bool,
+    times: BTreeMap<&'static str, KernelTime>,
+    gpu_seconds: f64,
+    pub(super) pace: Pace,
+    pub(super) scratch: Scratch,
+    /// If several devices share the work.
+    pub(super) exchange: Option<Exchange>,
+    pub(super) exchanged: Exchanged,
+    /// Bytes of a buffer that were exchanged the last time.
+    pub(super) sizes_before: HashMap<Buffer, u64>,
+}
+
+impl Executor {
+    /// An executor for the buffers of `arena` as they are, without kernels yet.
+    ///
+    /// # Errors
+    /// The device cannot make a queue's objects.
+    pub(super) fn with(gpu: &Gpu, arena: Arena) -> Result<Executor> {
+        let device = gpu.raw();
+        let flags = vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER;
+        let info = vk::CommandPoolCreateInfo::default().queue_family_index(gpu.family).flags(flags);
+        let failed = |e| gpu.failed("starting", e);
+        // SAFETY: the device is alive; what is made here is destroyed in drop.
+        let strike = || gpu.strike(Point::Object);
+        let pool =
+            strike().and_then(|()| unsafe { device.create_command_pool(&info, None) }).map_err(failed)?;
+        let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
+        let timeline = strike().and_then(|()| unsafe { device.create_semaphore(&info, None) });
+        let timeline =
+            timeline.inspect_err(|_| unsafe { device.destroy_command_pool(pool, None) }).map_err(failed)?;
+        gpu.name(pool, "command pool");
+        gpu.name(timeline, "timeline");
+        Ok(Executor {
+            gpu: gpu.clone(),
+            arena,
+            pipelines: HashMap::new(),
+            sets: DescriptorSets::new(),
+            pool,
+            timeline,
+            submitted: 0,
+            flights: VecDeque::new(),
+            spare: vec![],
+            spare_queries: vec![],
+            spare_shared: vec![],
+            spare_schedule: Schedule::default(),
+            guarded: false,
+            times: BTreeMap::new(),
+            gpu_seconds: 0.0,
+            pace: Pace::new(gpu.info.kind, gpu.work),
+            scratch: Scratch::default(),
+            exchange: None,
+            exchanged: Exchanged::default(),
+            sizes_before: HashMap::new(),
+        })
+    }
+
+    /// The buffers it works on.
+    pub fn arena(&self) -> &Arena {
+        &self.arena
+    }
+
+    /// A submission that is not launched yet.
+    pub(super) fn flight(&mut self, commands: vk::CommandBuffer) -> Flight {
+        let ticket = Ticket(self.submitted + 1);
+        let shared = self.spare_shared.pop().unwrap_or_default();
+        Flight { ticket, commands, shared, ..Flight::default() }
+    }
+
+    /// Submits what is recorded.
+    pub(super) fn launch(&mut self, flight: Flight) -> Result<Ticket> {
+        let gpu = self.gpu.clone();
+        let _span = gpu.span("submit");
+        let [after, before] = flight.between;
+        // Without a moment, the second of both is not used.
+        let null = Moment::NONE;
+        let (after, before, waits, signals) = (
+            after.unwrap_or(null),
+            before.unwrap_or(null),
+            usize::from(after.is_some()),
+            1 + usize::from(before.is_some()),
+        );
+        let values = [flight.ticket.0, before.value];
+        let semaphores = [self.timeline, before.semaphore];
+        let (wait_values, wait_semaphores) = ([after.value], [after.semaphore]);
+        let stages = [vk::PipelineStageFlags::ALL_COMMANDS];
+        let buffers = [flight.commands];
+        let mut timeline = vk::TimelineSemaphoreSubmitInfo::default()
+            .wait_semaphore_values(&wait_values[..waits])
+            .signal_semaphore_values(&values[..signals]);
+        let info = [vk::SubmitInfo::default()
+            .command_buffers(&buffers)
+            .wait_semaphores(&wait_semaphores[..waits])
+            .wait_dst_stage_mask(&stages[..waits])
+            .signal_semaphores(&semaphores[..signals])
+            .push_next(&mut timeline)];
+        let submitted = gpu.strike(Point::Submission).and_then(|()| {
+            let queue = gpu.queue();
+            // SAFETY: the command buffer is recorded and not in flight; no other thread uses the queue meanwhile.
+            unsafe { gpu.raw().queue_submit(*queue, &info, vk::Fence::null()) }
+        });
+        if let Err(e) = submitted {
+            let doing = format!("submitting {}", flight.names());
+            self.land(flight);
+            return Err(gpu.failed(&doing, e));
+        }
+        self.submitted = flight.ticket.0;
+        let ticket = flight.ticket;
+        self.flights.push_back(flight);
+        Ok(ticket)
+    }
+
+    /// Takes back the objects of a flight that is over or never began.
+    pub(super) fn land(&mut self, mut flight: Flight) {
+        // Drivers give back here what the commands took. At the next recording it would delay work that is waited for. A
+        // failure is ignored: beginning to record resets once more.
+        // SAFETY: the commands are not in flight.
+        let _ = unsafe {
+            self.gpu.raw().reset_command_buffer(flight.commands, vk::CommandBufferResetFlags::empty())
+        };
+        self.spare.push(flight.commands);
+        flight.shared.iter_mut().for_each(HashSet::clear);
+        self.spare_shared.push(flight.shared);
+        if flight.queries != vk::QueryPool::null() {
+            self.spare_queries.push((flight.queries, flight.room));
+        }
+    }
+
+    /// Waits until `ticket` and all submissions before it are done.
+    ///
+    /// # Errors
+    /// The device fails, or takes far longer than the work in flight can take: it hangs.
+    pub fn wait(&mut self, ticket: Ticket) -> Result<()> {
+        let gpu = self.gpu.clone();
+        let _span = gpu.span("wait");
+        let semaphores = [self.timeline];
+        let values = [ticket.0];
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        let due = self.flights.iter().take_while(|f| f.ticket <= ticket);
+        let work = due.map(|f| f.work).fold(0, u64::saturating_add);
+        let patience = self.pace.patience(work);
+        gpu.strike(Point::Wait)
+            // SAFETY: the semaphore is alive.
+            .and_then(|()| unsafe { gpu.raw().wait_semaphores(&info, nanoseconds(patience)) })
+            .map_err(|e| {
+                let doing = format!("computing {}", self.unfinished());
+                if e == vk::Result::TIMEOUT { gpu.hangs(patience, &doing) } else { gpu.failed(&doing, e) }
+            })?;
+        // Some drivers wait only here, for the time stamps.
+        while self.flights.front().is_some_and(|f| f.ticket <= ticket) {
+            let flight = self.flights.pop_front().expect("just seen");
+            let read = self.read_times(&flight);
+            self.land(flight);
+            read?;
+        }
+        Ok(())
+    }
+
+    /// The commands of the submission that the device was at: the first that it has not finished.
+    fn unfinished(&self) -> String {
+        // SAFETY: the semaphore is alive. A lost device may not tell, or tell that all is done.
+        let done = unsafe { self.gpu.raw().get_semaphore_counter_value(self.timeline) }.unwrap_or(0);
+        let at = self.flights.iter().find(|f| f.ticket.0 > done).or(self.flights.back());
+        at.map_or_else(|| "nothing".into(), Flight::names)
+    }
+
+    /// Waits until everything that was submitted is done.
+    ///
+    /// # Errors
+    /// As [`Executor::wait`].
+    pub fn settle(&mut self) -> Result<()> {
+        self.wait(Ticket(self.submitted))
+    }
+
+    /// An empty schedule with the memory of the one that was kept.
+    pub fn spare_schedule(&mut self) -> Schedule {
+        std::mem::take(&mut self.spare_schedule)
+    }
+
+    /// Keeps the memory of a schedule for the next one.
+    pub fn keep_schedule(&mut self, mut schedule: Schedule) {
+        schedule.clear();
+        self.spare_schedule = schedule;
+    }
+
+    /// Device seconds of all finished submissions; 0 where the queue has no timestamps.
+    pub fn gpu_seconds(&self) -> f64 {
+        self.gpu_seconds
+    }
+
+    /// Times by kernel of finished submissions; empty unless the device was opened with `timings`.
+    pub fn times(&self) -> &BTreeMap<&'static str, KernelTime> {
+        &self.times
+    }
+
+    /// Takes the times by kernel: later ones count from zero.
+    pub fn take_times(&mut self) -> BTreeMap<&'static str, KernelTime> {
+        std::mem::take(&mut self.times)
+    }
+
+    pub(super) fn command_buffer(&mut self) -> Result<vk::CommandBuffer> {
+        if let Some(c) = self.spare.pop() {
+            return Ok(c);
+        }
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(self.pool).command_buffer_count(1);
+        // SAFETY: the pool is alive.
+        let made = self
+            .gpu
+            .strike(Point::Object)
+            .and_then(|()| unsafe { self.gpu.raw().allocate_command_buffers(&info) });
+        let made = made.map_err(|e| self.gpu.failed("making a command buffer", e))?[0];
+        self.gpu.name(made, "commands");
+        Ok(made)
+    }
+
+    /// A pool with room for the time stamps of `commands`, and its size: one that is spare, or a new one.
+    pub(super) fn query_pool(&mut self, commands: &[Command]) -> Result<(vk::QueryPool, u32)> {
+        if self.gpu.tick == 0.0 {
+            return Ok((vk::QueryPool::null(), 0));
+        }
+        let count = stamps(commands, self.gpu.recorder.is_some());
+        if let Some(spare) = self.spare_queries.iter().position(|(_, room)| *room >= count) {
+            return Ok(self.spare_queries.swap_remove(spare));
+        }
+        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(count);
+        // SAFETY: the device is alive; destroyed with the executor.
+        let made = self
+            .gpu
+            .strike(Point::Object)
+            .and_then(|()| unsafe { self.gpu.raw().create_query_pool(&info, None) })
+            .map_err(|e| self.gpu.failed("making timestamps", e))?;
+        self.gpu.name(made, "time stamps");
+        Ok((made, count))
+    }
+
+    fn read_times(&mut self, flight: &Flight) -> Result<()> {
+        if flight.queries == vk::QueryPool::null() {
+            return Ok(());
+        }
+        let mut stamps = std::mem::take(&mut self.scratch.stamps);
+        stamps.clear();
+        stamps.resize(flight.stamps as usize, 0);
+        let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+        // SAFETY: the submission is over and wrote so many stamps.
+        unsafe { self.gpu.raw().get_query_pool_results(flight.queries, 0, &mut stamps, flags) }
+            .map_err(|e| self.gpu.failed("reading timestamps", e))?;
+        let seconds = |a: u64, b: u64| b.saturating_sub(a) as f64 * self.gpu.tick * 1e-9;
+        let whole = seconds(stamps[0], stamps[stamps.len() - 1]);
+        self.gpu_seconds += whole;
+        self.pace.learn(flight.work, whole);
+        for m in &flight.marks {
+            let t = self.times.entry(m.kernel).or_default();
+            t.calls += 1;
+            t.seconds += seconds(stamps[m.from as usize], stamps[m.to as usize]);
+        }
+        if let Some(recorder) = &self.gpu.recorder {
+            recorder.ran(flight, &stamps, self.gpu.tick * 1e-9);
+        }
+        self.scratch.stamps = stamps;
+        Ok(())
+    }
+
+    /// Waits for what was submitted, and destroys everything that this made.
+    pub(super) fn destroy(&mut self) {
+        let device = self.gpu.raw();
+        let (semaphores, values) = ([self.timeline], [self.submitted]);
+        let all = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        let patience = self.pace.patience(self.flights.iter().map(|f| f.work).fold(0, u64::saturating_add));
+        // SAFETY: the semaphore is alive.
+        let waited = unsafe { device.wait_semaphores(&all, nanoseconds(patience)) };
+        if self.gpu.has_hung() || waited == Err(vk::Result::TIMEOUT) {
+            let _ = self.gpu.hangs(patience, &format!("computing {}", self.unfinished()));
+            return;
+        }
+        // SAFETY: nothing of this executor is in flight after the wait (a lost device counts as idle), whatever others do
+        // on the queue; all was made by this.
+        unsafe {
+            let flown = self.flights.drain(..).map(|f| f.queries);
+            for queries in flown.chain(self.spare_queries.drain(..).map(|(queries, _)| queries)) {
+                device.destroy_query_pool(queries, None);
+            }
+            for p in self.pipelines.values() {
+                p.destroy(&self.gpu);
+            }
+            self.sets.destroy(&self.gpu);
+            device.destroy_semaphore(self.timeline, None);
+            device.destroy_command_pool(self.pool, None);
+        }
+    }
+}
+
+/// The most time stamps that a submission of `commands` takes.
+pub(super) fn stamps(commands: &[Command], timings: bool) -> u32 {
+    if timings { 2 * commands.len() as u32 + 2 } else { 2 }
+}
+
+fn nanoseconds(time: Duration) -> u64 {
+    u64::try_from(time.as_nanos()).unwrap_or(u64::MAX)
+}

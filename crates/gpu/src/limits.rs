@@ -1,0 +1,164 @@
+//! What a device can do: the limits that plans are made against, and what no plan can do without.
+
+use ash::vk;
+
+use super::instance::{DeviceKind, Instance};
+use crate::advice::advice;
+use crate::{Error, Result};
+
+/// The most storage buffers that a kernel binds. Vulkan promises 4; nearly all GPUs have 16 or more.
+pub const MOST_STORAGE: u32 = 12;
+
+/// Optional ways to add to memory that a device offers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Accumulations {
+    /// fp32 atomic add on buffers.
+    pub float: bool,
+    /// 64-bit integer atomic add on buffers.
+    pub int64: bool,
+}
+
+/// Limits that plans are made against.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Limits {
+    /// Largest binding of one buffer in bytes, which is no larger than one allocation.
+    pub storage_range: u64,
+    /// Largest binding of one buffer as texels, in texels.
+    pub texels: u64,
+    /// Invocations in a workgroup at most, however they are shared among x and y.
+    pub workgroup_invocations: u32,
+    /// Shared memory of a workgroup, bytes.
+    pub shared_memory: u32,
+    /// Workgroups in a dispatch at most, along x, y and z.
+    pub groups: [u32; 3],
+    /// Invocations in a subgroup.
+    pub subgroup: u32,
+    /// Turns of a kernel's main loop in a dispatch at most, over all invocations, so that it ends well before a driver
+    /// takes the device for hung.
+    pub work: u64,
+}
+
+impl Limits {
+    pub(super) fn binding_at_most(self, bytes: Option<u64>) -> Limits {
+        Limits {
+            storage_range: bytes.map_or(self.storage_range, |most| most.min(self.storage_range)),
+            ..self
+        }
+    }
+}
+
+/// What a plan must know of a device.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Abilities {
+    /// What kind of device it is.
+    pub kind: DeviceKind,
+    /// How it adds to memory.
+    pub accumulations: Accumulations,
+    /// Its limits.
+    pub limits: Limits,
+}
+
+/// What a driver reports of a device's limits.
+pub(super) struct Reported {
+    pub limits: vk::PhysicalDeviceLimits,
+    /// Invocations in a subgroup.
+    pub subgroup: u32,
+    /// Bytes of one allocation at most.
+    pub allocation: u64,
+}
+
+impl Reported {
+    pub fn by(instance: &Instance, physical: vk::PhysicalDevice) -> Reported {
+        let mut subgroup = vk::PhysicalDeviceSubgroupProperties::default();
+        let mut memory = vk::PhysicalDeviceMaintenance3Properties::default();
+        let mut properties =
+            vk::PhysicalDeviceProperties2::default().push_next(&mut subgroup).push_next(&mut memory);
+        // SAFETY: the physical device is the instance's; the chained structs, of Vulkan 1.1, outlive the call.
+        unsafe { instance.raw.get_physical_device_properties2(physical, &mut properties) };
+        let limits = properties.properties.limits;
+        Reported { limits, subgroup: subgroup.subgroup_size, allocation: memory.max_memory_allocation_size }
+    }
+
+    /// Checks what no plan can do without, for the device of this name.
+    ///
+    /// # Errors
+    /// Kernels bind more than it takes.
+    pub fn check(&self, name: &str) -> Result<()> {
+        let l = &self.limits;
+        let of_set = l.max_descriptor_set_storage_buffers;
+        let most = l.max_per_stage_descriptor_storage_buffers.min(of_set);
+        if most >= MOST_STORAGE {
+            return Ok(());
+        }
+        Err(Error::device(
+            format!("{name} binds at most {most} storage buffers to a kernel, {MOST_STORAGE} are needed"),
+            advice!["choose another device with " Device " (" [Devices] " lists them)"],
+        ))
+    }
+
+    /// The limits of plans, for dispatches of so many turns.
+    pub fn of_plans(&self, work: u64) -> Limits {
+        let l = &self.limits;
+        let [x, y, _] = l.max_compute_work_group_size;
+        Limits {
+            storage_range: u64::from(l.max_storage_buffer_range).min(self.allocation),
+            texels: u64::from(l.max_texel_buffer_elements),
+            workgroup_invocations: l.max_compute_work_group_invocations.min(x).min(y),
+            shared_memory: l.max_compute_shared_memory_size,
+            groups: l.max_compute_work_group_count,
+            subgroup: self.subgroup,
+            work,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::advice::Setting;
+
+    /// A device with no more than Vulkan promises, but so many storage buffers.
+    fn least(storage: u32) -> Reported {
+        let limits = vk::PhysicalDeviceLimits {
+            max_storage_buffer_range: 1 << 27,
+            max_texel_buffer_elements: 1 << 16,
+            max_compute_work_group_invocations: 128,
+            max_compute_work_group_size: [128, 128, 64],
+            max_compute_shared_memory_size: 16_384,
+            max_compute_work_group_count: [65_535; 3],
+            max_per_stage_descriptor_storage_buffers: storage,
+            max_descriptor_set_storage_buffers: 24,
+            ..Default::default()
+        };
+        Reported { limits, subgroup: 32, allocation: 1 << 30 }
+    }
+
+    #[test]
+    fn a_device_that_binds_too_little_is_refused() {
+        least(MOST_STORAGE).check("a card").expect("just enough");
+        let error = least(8).check("a card").expect_err("too few");
+        assert!(
+            error.what.contains("a card binds at most 8") && error.mend.names(Setting::Device),
+            "{error}"
+        );
+        let mut reported = least(64);
+        reported.limits.max_descriptor_set_storage_buffers = 11;
+        assert!(reported.check("a card").is_err());
+    }
+
+    #[test]
+    fn limits_are_the_least_of_those_that_hold() {
+        let mut reported = least(16);
+        let limits = |r: &Reported| r.of_plans(7);
+        assert_eq!((limits(&reported).storage_range, limits(&reported).work), (1 << 27, 7));
+        // A binding of 4 GiB is no use where an allocation has 1 GiB at most.
+        reported.limits.max_storage_buffer_range = u32::MAX;
+        assert_eq!(limits(&reported).storage_range, 1 << 30);
+        assert_eq!(limits(&reported).binding_at_most(Some(1 << 40)).storage_range, 1 << 30);
+        // Workgroups that gather are as high as lanes share a voxel.
+        for size in [[128, 1024, 64], [1024, 128, 64], [1024, 1024, 64]] {
+            reported.limits.max_compute_work_group_size = size;
+            assert_eq!(limits(&reported).workgroup_invocations, 128, "{size:?}");
+        }
+    }
+}

@@ -1,0 +1,131 @@
+//! Which device is opened, and how.
+
+use std::path::PathBuf;
+
+use ash::vk;
+
+use super::faults::Faults;
+use super::instance::{DeviceInfo, Instance};
+use crate::advice::advice;
+use crate::{Error, Result};
+
+/// How to open a device.
+#[derive(Debug, Clone, Default)]
+pub struct GpuOptions {
+    /// Index in [`super::devices`], part of a name in any case, or a UUID; otherwise the best kind there is.
+    pub device: Option<String>,
+    /// Turn on the Khronos validation layer with synchronisation checks.
+    pub validation: bool,
+    /// Turn on the validation layer with checks of every access inside kernels (GPU-assisted validation) instead of
+    /// synchronisation checks. Slow. Needs kernels that were compiled without optimisation (`build.rs`).
+    #[doc(hidden)]
+    pub instrumented: bool,
+    /// Have the device check the bounds of buffers where it can (`robustBufferAccess`). Costs time.
+    #[doc(hidden)]
+    pub robust: bool,
+    /// Time every command by itself and record the timeline of host and device: [`super::Gpu::take_recording`].
+    pub timings: bool,
+    /// Ask the driver for statistics of the kernels that it compiles: [`super::Gpu::compile`].
+    #[doc(hidden)]
+    pub statistics: bool,
+    /// Ask it for their listings, too. Some drivers then compile every kernel anew, whatever a cache holds.
+    #[doc(hidden)]
+    pub listings: bool,
+    /// Turns of kernels' main loops in a dispatch and in a submission at most, for a device whose driver has a shorter
+    /// time limit than others; otherwise by its kind, and submissions by how fast it is.
+    #[doc(hidden)]
+    pub work: Option<u64>,
+    /// Bytes of a buffer at most that kernels bind, to plan as for a device that binds less than this one; otherwise what it
+    /// offers.
+    #[doc(hidden)]
+    pub binding: Option<u64>,
+    /// Keep compiled kernels in this folder, in a file for each device and driver, and begin with those of earlier runs.
+    pub pipeline_cache: Option<PathBuf>,
+    /// Faults to produce, for tests.
+    #[doc(hidden)]
+    pub faults: Faults,
+}
+
+/// Whether a device has this UUID, with or without hyphens, or a name with this in it.
+fn is_called(device: &DeviceInfo, text: &str) -> bool {
+    let text = text.to_lowercase();
+    device.uuid == text.replace('-', "") || device.name.to_lowercase().contains(&text)
+}
+
+/// The device that is `wanted`, or one of the fastest kind.
+pub(super) fn choose(
+    all: &[(vk::PhysicalDevice, DeviceInfo)],
+    wanted: Option<&str>,
+) -> Result<(vk::PhysicalDevice, DeviceInfo)> {
+    let list = || all.iter().map(|(_, d)| format!("{}: {}", d.index, d.name)).collect::<Vec<_>>().join(", ");
+    let found = match wanted {
+        _ if all.is_empty() => {
+            return Err(Error::device(
+                "no Vulkan device on this machine",
+                "install a driver: on Debian `apt-get install mesa-vulkan-drivers` (lavapipe runs on any CPU), or the vendor's driver",
+            ));
+        }
+        // The first of several minima is taken: the loader's order decides among devices of a kind.
+        None => all.iter().min_by_key(|(_, d)| d.kind),
+        Some(text) => match text.parse::<usize>() {
+            Ok(index) => all.get(index),
+            Err(_) => all.iter().find(|(_, d)| is_called(d, text)),
+        },
+    };
+    found.cloned().ok_or_else(|| {
+        Error::options(
+            format!("no device is called {:?}", wanted.unwrap_or_default()),
+            advice!["give " Device " an index, part of a name or a UUID out of: " (list())],
+        )
+    })
+}
+
+/// A queue family that computes, one without graphics preferred, and whether it has timestamps.
+pub(super) fn compute_family(
+    instance: &Instance,
+    physical: vk::PhysicalDevice,
+    info: &DeviceInfo,
+) -> Result<(u32, bool)> {
+    // SAFETY: the handle comes from this instance.
+    let families = unsafe { instance.raw.get_physical_device_queue_family_properties(physical) };
+    (0u32..)
+        .zip(&families)
+        .filter(|(_, f)| f.queue_flags.contains(vk::QueueFlags::COMPUTE) && f.queue_count > 0)
+        .min_by_key(|(_, f)| f.queue_flags.contains(vk::QueueFlags::GRAPHICS))
+        .map(|(i, f)| (i, f.timestamp_valid_bits > 0))
+        .ok_or_else(|| {
+            Error::device(
+                format!("{} has no compute queue", info.name),
+                advice!["choose another device with " Device],
+            )
+        })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::DeviceKind;
+
+    #[test]
+    fn the_fastest_kind_of_device_is_taken() {
+        use DeviceKind::{Cpu, Discrete, Integrated, Other, Virtual};
+        let info = |index, kind| DeviceInfo {
+            index,
+            name: format!("{kind}"),
+            kind,
+            driver: String::new(),
+            api: String::new(),
+            uuid: String::new(),
+            memory: 0,
+        };
+        let taken = |kinds: &[DeviceKind]| {
+            let all: Vec<_> =
+                kinds.iter().enumerate().map(|(i, k)| (vk::PhysicalDevice::null(), info(i, *k))).collect();
+            choose(&all, None).expect("a device").1.index
+        };
+        assert_eq!(taken(&[Other, Cpu, Integrated, Virtual, Discrete, Discrete]), 4);
+        assert_eq!(taken(&[Other, Cpu, Integrated, Virtual]), 3, "a part of a card is faster than a chip");
+        assert_eq!(taken(&[Other, Cpu, Integrated]), 2);
+        assert_eq!(taken(&[Other, Cpu]), 1);
+    }
+}
