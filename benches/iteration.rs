@@ -75,8 +75,8 @@ fn report(solver: &str, mut job: OnDevice, mut start: Schedule, one: &dyn Fn(&mu
     }
     println!(
         "{solver}, {} pairs x {} bins, nothing active: {:.0} us an iteration",
-        job.plan.pairs,
-        job.plan.bins,
+        job.plan.scene.pairs,
+        job.plan.scene.bins,
         1e6 * median(runs) / f64::from(COUNT)
     );
     for (name, time) in job.executor.times() {

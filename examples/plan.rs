@@ -27,7 +27,7 @@ fn main() -> Result<()> {
         let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
         println!(
             "{name}: {} levels, {} buffers of {} MB",
-            plan.levels.len(),
+            plan.levels.volume.len(),
             plan.buffers.len(),
             bytes / 1_000_000
         );

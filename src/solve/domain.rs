@@ -38,7 +38,7 @@ pub(super) fn list(s: &mut Schedule, plan: &Plan, level: &Level) {
     let voxels = level.grid.storage() as u64;
     s.dispatch(&COMPACT_SCAN_ACTIVE, [1, 1, 1], 2 * bricks as u64).bind(buffer::SCENE, rendered);
     s.dispatch(&COMPACT_SCATTER_ACTIVE, groups(words, WORKGROUP), voxels).bind(buffer::SCENE, scene);
-    if plan.has_rim {
+    if plan.demand.has_rim {
         s.dispatch(&RIM, groups(words, WORKGROUP), TURNS_OF_RIM * words as u64).bind(buffer::SCENE, scene);
         s.dispatch(&COMPACT_COUNT, groups(bricks, WORKGROUP), words as u64)
             .bind(buffer::SCENE, scene)
@@ -85,7 +85,7 @@ pub(super) fn remember(s: &mut Schedule, plan: &Plan, level: &Level) {
 }
 
 fn remember_rim(s: &mut Schedule, plan: &Plan, level: &Level) {
-    if plan.has_rim {
+    if plan.demand.has_rim {
         let bytes = level.grid.storage() as u64 / 8;
         s.copy(buffer::RIM_MASK, buffer::RIM_BEFORE, bytes);
         s.copy(buffer::RIM_RANKS, buffer::RIM_RANKS_BEFORE, bytes);
@@ -96,10 +96,10 @@ fn remember_rim(s: &mut Schedule, plan: &Plan, level: &Level) {
 /// the word `least` of them.
 pub(super) fn smooth(s: &mut Schedule, plan: &Plan, level: &Level, first: &Pass, least: Option<u32>) {
     let scene = level.scene;
-    let [a, b] = plan.volumes;
+    let [a, b] = plan.domain.volumes;
     let voxels = level.grid.storage();
     // Each voxel and its neighbours on both sides.
-    let turns = (voxels * (2 * plan.taps.len()).saturating_sub(1)) as u64;
+    let turns = (voxels * (2 * plan.domain.taps.len()).saturating_sub(1)) as u64;
     for (pass, [source, target]) in [(first, [b, a]), (&GAUSSIAN_Y, [a, b]), (&GAUSSIAN_Z, [b, a])] {
         s.dispatch(pass, groups(voxels, WORKGROUP), turns)
             .bind(buffer::SCENE, scene)
@@ -120,7 +120,7 @@ pub(super) fn keep(
     room: usize,
     reduces: Option<Dark>,
 ) {
-    let [smooth, _] = plan.volumes;
+    let [smooth, _] = plan.domain.volumes;
     let voxels = level.grid.storage();
     if voxels > room {
         s.dispatch(&LEVELS_OF, groups(voxels, LEVELS), voxels as u64)

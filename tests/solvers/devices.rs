@@ -73,7 +73,7 @@ fn two_devices_end_as_one() {
     // A quarter of the pairs, a quarter of these at first, and odd numbers of both.
     let spread = render(&Scene { bin_width: 0.03, ..scene(62) });
     let shared = assert_as_one("levels with some of the pairs", &gpus, &auto(), &spread);
-    assert_eq!((shared.plan.levels[0].pairs, shared.plan.pairs), (241, 961));
+    assert_eq!((shared.plan.levels.volume[0].pairs, shared.plan.scene.pairs), (241, 961));
 }
 
 #[test]
@@ -109,15 +109,15 @@ fn every_pair_is_on_one_device() {
         let plan: Plan = plan.expect("a plan");
         let of = |number| plan.clone().shared(Share { number, of: 3 }, &options).expect("a share");
         let shares = [0, 1, 2].map(of);
-        for (i, level) in plan.levels.iter().enumerate() {
-            let own = shares.each_ref().map(|share| share.measured(&share.levels[i]).count);
+        for (i, level) in plan.levels.volume.iter().enumerate() {
+            let own = shares.each_ref().map(|share| share.measured(&share.levels.volume[i]).count);
             assert_eq!(own.iter().sum::<usize>(), level.pairs);
-            assert!(own.iter().max() <= Some(&(level.pairs / 3 + plan.scanned)), "{own:?}");
-            assert!(shares.iter().all(|share| share.levels[i] == *level), "the same voxels");
+            assert!(own.iter().max() <= Some(&(level.pairs / 3 + plan.scene.scanned)), "{own:?}");
+            assert!(shares.iter().all(|share| share.levels.volume[i] == *level), "the same voxels");
         }
         assert!(
             shares[0].bytes_of(thirdbounce::transport::kernels::buffer::RESIDUAL)
-                < plan.pairs as u64 * plan.bins as u64 * 2
+                < plan.scene.pairs as u64 * plan.scene.bins as u64 * 2
         );
     }
 }

@@ -105,7 +105,7 @@ fn the_order_of_events_is_the_papers() {
     let o = small(1000);
     let model = paper::model(&capture, &grid(&capture, &o), &o);
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
-    let laterals: Vec<usize> = plan.levels.iter().map(|l| l.grid.n[0]).collect();
+    let laterals: Vec<usize> = plan.levels.volume.iter().map(|l| l.grid.n[0]).collect();
     assert_eq!(laterals, [8, 16, 32], "from the scan's resolution, doubling");
     let mut level = 0;
     for done in 1..1000 {
@@ -134,7 +134,7 @@ fn the_order_of_events_is_the_papers() {
         o.domain.reduce = false;
     });
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
-    assert_eq!(plan.levels.len(), 1);
+    assert_eq!(plan.levels.volume.len(), 1);
     assert!(Schedule::of(|s| paper::due(s, &plan, &o, &mut 0, 50)).commands.is_empty());
 }
 
@@ -290,7 +290,7 @@ fn what_cannot_run_is_refused_in_words() {
     assert!(error.what.contains("pairs"), "{error}");
     few.limits.groups = [8, 3, 1];
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap();
-    assert!(3 * plan.tuning.chunk as usize >= plan.finest().grid.storage());
+    assert!(3 * plan.division.tuning.chunk as usize >= plan.finest().grid.storage());
     let error = refused(&capture, &small(40).with(|o| o.learning_rate = 1e30), None);
     assert!(error.what.contains("loss"), "{error}");
     assert_valid(&gpu);

@@ -201,7 +201,7 @@ fn a_solve_in_parts_goes_on_from_a_checkpoint_with_the_same_bits() {
         let gpu = open(Some(binding));
         let capture = confocal();
         let (unbroken, states) = solve_keeping(&gpu, &options, &capture, 3, None).expect("it solves");
-        assert!(unbroken.plan.cut.is_some() && states.len() > 1);
+        assert!(unbroken.plan.division.cut.is_some() && states.len() > 1);
         for state in states {
             let at = state.iteration;
             let (resumed, _) = solve_keeping(&gpu, &options, &capture, 0, Some(state)).expect("it resumes");
@@ -276,7 +276,7 @@ fn parts_of_huge_captures_cover_all_pairs_within_every_limit() {
         let plan = Plan::new(&model, grid, [scan; 2], &options, &device, false).expect("a plan");
         // Kernels index each part, even where no budget asks for parts.
         let most = |plan: &Plan| {
-            let all = plan.levels.iter().chain(&plan.pixel_level);
+            let all = plan.levels.all();
             all.flat_map(|l| plan.parts(l).map(|p| p.own.count * l.bins)).max()
         };
         assert!(most(&plan).is_some_and(|values| values <= 1 << 30));
@@ -284,10 +284,12 @@ fn parts_of_huge_captures_cover_all_pairs_within_every_limit() {
         let plan = plan.within(&options, &memory, Some(budget)).expect("it fits in parts");
         check(&plan.buffers, &memory, Some(budget)).expect("it fits");
         assert!(plan.stored_bytes() as usize >= model.pairs() * model.bins * 4);
-        let last = plan.pixel_level.as_ref().expect("a surface");
+        let last = plan.levels.pixels.as_ref().expect("a surface");
         let parts: Vec<_> = plan.parts(last).collect();
         let is_large = |l: &Level| l.pairs > parts[0].own.count;
-        assert!(parts.len() > 1 && plan.levels.iter().all(|l| (plan.parts(l).count() > 1) == is_large(l)));
+        assert!(
+            parts.len() > 1 && plan.levels.volume.iter().all(|l| (plan.parts(l).count() > 1) == is_large(l))
+        );
         let mut next = 0;
         for part in &parts {
             assert_eq!((part.first, part.of), (next, parts.len()));

@@ -134,9 +134,9 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
         device: device_of(&gpu),
         tells: gpu.tells_of_kernels(),
         solver: solver.name().into(),
-        pairs: plan.pairs,
+        pairs: plan.scene.pairs,
         voxels: plan.finest().grid.n,
-        accumulation: plan.accumulation,
+        accumulation: plan.division.accumulation,
         kernels,
         validation: gpu.close(),
     })

@@ -71,8 +71,8 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
     let mut run = |sizes: Sizes, tried: &mut Vec<Tried>| -> Result<Option<Tried>> {
         let request = Request { solver: request.solver.with_sizes(sizes), ..request.clone() };
         match request.solver.plan(&capture, grid, &gpu.abilities(), false) {
-            Ok(plan) if seen.contains(&plan.tuning) => return Ok(None),
-            Ok(plan) => seen.push(plan.tuning),
+            Ok(plan) if seen.contains(&plan.division.tuning) => return Ok(None),
+            Ok(plan) => seen.push(plan.division.tuning),
             Err(e) if e.kind == Kind::Options && !tried.is_empty() => return Ok(None),
             Err(e) => return Err(e),
         }

@@ -146,8 +146,8 @@ impl Prepared for PreparedPaper {
 /// The steps that the driver runs.
 fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
     Steps {
-        levels: plan.levels.clone(),
-        start: Box::new(|s, plan| initialise(s, plan, &plan.levels[0])),
+        levels: plan.levels.volume.clone(),
+        start: Box::new(|s, plan| initialise(s, plan, &plan.levels.volume[0])),
         iteration: Box::new(|s, plan, level, i| {
             iteration(s, plan, level, i as u32, (i % options.restart_every) as u32 + 1)
         }),

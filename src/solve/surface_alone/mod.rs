@@ -56,7 +56,7 @@ impl Needs for SurfaceAloneOptions {
     }
 
     /// No domain changes.
-    fn volumes(&self, _plan: &Plan) -> [Buffer; 2] {
+    fn volumes(&self, _levels: &[Level], _capacities: [usize; 2]) -> [Buffer; 2] {
         [buffer::GRADIENT, buffer::SAMPLE_POINTS]
     }
 
@@ -154,7 +154,7 @@ impl Alone {
         let mut own = if self.kept.is_none() { self.first_method()? } else { None };
         match self.kept.as_mut().or(own.as_mut()) {
             Some(method) => begin::of_method(&mut **method, capture, self.options.surface.iterations, watch),
-            None => Ok(begin::plane(capture, &self.planned.plan().maps, self.options.background)),
+            None => Ok(begin::plane(capture, &self.planned.plan().levels.maps, self.options.background)),
         }
     }
 }

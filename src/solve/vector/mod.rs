@@ -101,7 +101,7 @@ fn stop_below(options: &VectorOptions) -> Option<fn(&OnDevice) -> f64> {
 
 /// Uploads what every solve of a volume begins with.
 fn make_ready(job: &mut OnDevice) -> Result<()> {
-    let first = job.plan.levels[0];
+    let first = job.plan.levels.volume[0];
     upload_hat(job, &first)
 }
 
@@ -114,8 +114,8 @@ fn upload_hat(job: &mut OnDevice, level: &Level) -> Result<()> {
 /// The steps that the driver runs, up to the last iteration.
 fn steps<'o>(plan: &Plan, options: &'o VectorOptions) -> Steps<'o> {
     Steps {
-        levels: plan.levels.clone(),
-        start: Box::new(|s, plan| start(s, plan, &plan.levels[0], options)),
+        levels: plan.levels.volume.clone(),
+        start: Box::new(|s, plan| start(s, plan, &plan.levels.volume[0], options)),
         iteration: Box::new(|s, plan, level, i| iteration(s, plan, level, i as u32)),
         due: Box::new(|s, plan, level, done| due(s, plan, options, level, done)),
         extract: Box::new(domain::extract),

@@ -84,7 +84,7 @@ pub(super) fn prepare_member(
         None => plan,
     };
     let plan = plan.within(&needs, &gpu.memory(), memory)?;
-    if (how.is_some() || frames.lent.is_some()) && plan.cut.is_some() {
+    if (how.is_some() || frames.lent.is_some()) && plan.division.cut.is_some() {
         return Err(Error::memory(
             "frames that follow each other, or lie in a caller's buffer, need all pairs on the device at once: they fit only in parts",
             advice!["allow more with " Memory ", use " {Remedy::SMALLER_JOB} ", or leave both out"],
@@ -139,7 +139,7 @@ impl Prepared for PreparedVector {
         if following.is_some() {
             follow::each(plan, options, model, &mut reserve)?;
         }
-        if plan.lent.is_some() {
+        if plan.demand.lent.is_some() {
             intake::each(plan, rows, &mut reserve)?;
         }
         Ok(())
@@ -197,7 +197,7 @@ impl Counts<'_> {
 /// Uploads what every solve begins with, and which rows are the model's.
 fn make_all_ready(job: &mut OnDevice, rows: &Rows) -> Result<()> {
     make_ready(job)?;
-    if job.plan.lent.is_some() { intake::upload_rows(job, rows) } else { Ok(()) }
+    if job.plan.demand.lent.is_some() { intake::upload_rows(job, rows) } else { Ok(()) }
 }
 
 impl PreparedVector {
@@ -222,7 +222,7 @@ impl PreparedVector {
         let keeper = Keeper::new(keep, job, options)?;
         let budget = following.as_ref().and_then(|f| f.how.budget);
         let share = following.as_ref().map_or(1.0, |f| f.pace.share(budget));
-        let shortened = shortened(options, share, job.plan.levels.len());
+        let shortened = shortened(options, share, job.plan.levels.volume.len());
         let options = shortened.as_ref().unwrap_or(options);
         let until = |share: f64| budget.map(|b| begun + b.mul_f64(share));
         let mut driven = solve_volume(&gpu, job, options, watch, keeper, until(VOLUME))?;

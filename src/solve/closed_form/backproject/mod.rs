@@ -287,7 +287,7 @@ macro_rules! projection {
                     "volume",
                     plan,
                     plan.finest(),
-                    &Schedule::of(|s| gather_filtered(s, plan, plan.finest(), plan.bins, true)),
+                    &Schedule::of(|s| gather_filtered(s, plan, plan.finest(), plan.scene.bins, true)),
                 )
             }
 

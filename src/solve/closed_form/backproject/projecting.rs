@@ -59,7 +59,7 @@ impl Needs for Passes {
     }
 
     fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
-        vec![(buffer::HAT_TAPS, plan.bins as u64 * 4 + 4)]
+        vec![(buffer::HAT_TAPS, plan.scene.bins as u64 * 4 + 4)]
     }
 
     fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
@@ -173,7 +173,7 @@ impl Projector {
             upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(filter))?;
             job.executor.run_once(|s| {
                 gather_filtered(s, &job.plan, &level, filter.len(), true);
-                s.copy(job.plan.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
+                s.copy(job.plan.domain.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
             })?;
             let stored: Vec<f32> = job.executor.read(RAW_HOST, ..grid.storage());
             let voxel = |i: usize| stored[grid.index([i / (ny * nz), i / nz % ny, i % nz])];
@@ -184,7 +184,7 @@ impl Projector {
 
     /// What the method makes of the counts that the device has, at the voxels of the grid that comes with it.
     fn image<M: Projection>(&mut self, options: &M, bin_width: f64, step: f64) -> Result<(Grid, Vec<f32>)> {
-        let (grid, bins) = (self.0.plan().finest().grid, self.0.plan().bins);
+        let (grid, bins) = (self.0.plan().finest().grid, self.0.plan().scene.bins);
         let projected = self.projections(&options.filters(bins, bin_width, step))?;
         Ok((grid, options.join(projected, &grid, step)))
     }
@@ -345,7 +345,7 @@ impl<M: Projection> Prepared for Projecting<M> {
         {
             let job = projector.made()?;
             job.executor.reserve(&Schedule::of(|s| {
-                gather_filtered(s, &job.plan, job.plan.finest(), job.plan.bins, true)
+                gather_filtered(s, &job.plan, job.plan.finest(), job.plan.scene.bins, true)
             }))?;
         }
         Ok(())
