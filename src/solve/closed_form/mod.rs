@@ -45,10 +45,9 @@ pub use dlct::DlctOptions;
 pub use fk::FkOptions;
 pub use image::Volume;
 pub use lct::LctOptions;
-pub use options::ImageOptions;
+pub use options::{Between, ImageOptions};
 pub use phasor::PhasorOptions;
 pub use scan::RegularScan;
-pub use upsample::Between;
 
 /// A method that runs on the host.
 pub trait HostMethod: Options + Clone + Send + Sync + 'static {

@@ -27,8 +27,7 @@ use crate::transport::{Grid, Rows};
 mod begin;
 mod options;
 
-pub use begin::Begin;
-pub use options::SurfaceAloneOptions;
+pub use options::{Begin, SurfaceAloneOptions};
 
 impl Needs for SurfaceAloneOptions {
     fn demand(&self) -> Demand {

@@ -8,7 +8,7 @@ use std::any::Any;
 use std::ops::ControlFlow;
 use std::thread;
 
-use super::prepared::prepare_member;
+use super::prepared::{Member, prepare_member};
 use super::{Frames, VectorOptions, reconstruct};
 use crate::advice::{Advice, advice};
 use crate::capture::Capture;
@@ -18,13 +18,6 @@ use crate::solve::plan::Share;
 use crate::solve::{Prepared, Reconstruction};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result, panic_message};
-
-/// What makes a solve one of several that share the pairs.
-pub(super) struct Member {
-    pub share: Share,
-    /// Until its executor has joined.
-    pub exchange: Option<Exchange>,
-}
 
 /// Runs the solver on `gpus`, which share the pairs: devices of one kind and driver, or one device several times. Takes
 /// the other arguments of [`reconstruct`]; `memory` is a budget for each. The result is that of one device to rounding, and

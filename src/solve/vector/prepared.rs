@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::devices::Member;
 use super::follow::{self, Follow, Pace, rate};
 use super::frames::{ForFrames, Frames};
 use super::{
@@ -12,13 +11,14 @@ use super::{
 use crate::advice::{Remedy, advice};
 use crate::capture::Capture;
 use crate::gpu::caller::{Lent, Moment};
-use crate::gpu::{Gpu, Schedule};
+use crate::gpu::{Exchange, Gpu, Schedule};
 use crate::maps::Maps;
 use crate::solve::checkpoint::Keeper;
 use crate::solve::drive::{Driven, Steps, Watch, drive};
 use crate::solve::estimate::energy;
 use crate::solve::intake::{self, LentCounts};
 use crate::solve::on_device::trace_rows;
+use crate::solve::plan::Share;
 use crate::solve::prepared::Planned;
 use crate::solve::result::finish;
 use crate::solve::surface::{self, Beginning, GoOn};
@@ -28,6 +28,13 @@ use crate::solve::{
 use crate::transport::kernels::*;
 use crate::transport::{Grid, Rows};
 use crate::{Error, Result};
+
+/// What makes a solve one of several that share the pairs.
+pub(super) struct Member {
+    pub share: Share,
+    /// Until its executor has joined.
+    pub exchange: Option<Exchange>,
+}
 
 /// Prepares the solver for captures of one scan. Takes the arguments of [`super::reconstruct`]; the capture's counts may
 /// be left out.
