@@ -211,15 +211,10 @@ pub(super) fn download(job: &mut OnDevice) -> Result<BTreeMap<String, Vec<u8>>> 
 pub(super) fn restore(job: &mut OnDevice, state: &Checkpoint) -> Result<()> {
     let (buffers, levels) = (&state.buffers, job.plan.levels.volume.len());
     let sound = |[from, to, level]: &[usize; 3]| from < to && *to <= state.iteration && *level < levels;
-    if state.iteration >= job.plan.demand.iterations[0]
-        || state.level >= levels
-        || !state.pending.iter().all(sound)
-    {
+    let most = job.plan.demand.iterations[0];
+    if state.iteration >= most || state.level >= levels || !state.pending.iter().all(sound) {
         return Err(Error::input(
-            format!(
-                "the checkpoint is of iteration {} of {}",
-                state.iteration, job.plan.demand.iterations[0]
-            ),
+            format!("the checkpoint is of iteration {} of {most}", state.iteration),
             advice!["it is damaged: start without " Resume],
         ));
     }

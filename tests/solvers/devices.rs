@@ -11,7 +11,8 @@ use thirdbounce::gpu::{EXCHANGED, Faults, Gpu, GpuOptions, Point};
 use thirdbounce::job::{Request, SolverOptions};
 use thirdbounce::simulate::Scene;
 use thirdbounce::solve::{
-    Accumulation, Beside, Keep, NoiseTerm, Plan, Progress, Reconstruction, Share, VectorOptions, Watch,
+    Accumulation, Beside, Keep, NoiseTerm, Plan, Problem, Progress, Reconstruction, Share, VectorOptions,
+    Watch,
 };
 use thirdbounce::{Error, Kind, Result};
 
@@ -37,7 +38,7 @@ fn solve_hearing(
 ) -> Result<Reconstruction> {
     let grid = Request::new(solver.clone(), "").grid(capture)?;
     let mut watch = Watch { hear, maps_every: Some(5), maps_at: &[] };
-    solver.solve_on(gpus, capture, grid, None, true, &mut watch)
+    solver.solve_on(gpus, &Problem::new(capture, grid).and_volume(), &mut watch)
 }
 
 fn solve(gpus: &[Gpu], solver: &SolverOptions, capture: &Capture) -> Result<Reconstruction> {
@@ -105,7 +106,7 @@ fn every_pair_is_on_one_device() {
     for capture in [confocal(), exhaustive(12, 3)] {
         let grid = Request::new(options.clone(), "").grid(&capture).expect("a grid");
         let gpu = open(None);
-        let plan = SolverOptions::from(options.clone()).plan(&capture, grid, &gpu.abilities(), false);
+        let plan = SolverOptions::from(options.clone()).plan(&Problem::new(&capture, grid), &gpu.abilities());
         let plan: Plan = plan.expect("a plan");
         let of = |number| plan.clone().shared(Share { number, of: 3 }, &options).expect("a share");
         let shares = [0, 1, 2].map(of);
@@ -180,6 +181,6 @@ fn what_cannot_be_shared_is_refused() {
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
     let keep = Keep { every: 2, save: &mut |_| Ok(()), from: None };
     let beside = Beside { watch: &mut watch, keep: Some(keep), lent: None };
-    let error = auto().solve_on(&gpus, &capture, grid, None, false, beside).expect_err("it is refused");
+    let error = auto().solve_on(&gpus, &Problem::new(&capture, grid), beside).expect_err("it is refused");
     assert!(error.kind == Kind::Options && error.what.contains("saved or resumed"), "{error}");
 }

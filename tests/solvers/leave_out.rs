@@ -8,7 +8,8 @@ use glam::{DVec3, dvec3};
 use thirdbounce::capture::{Capture, Gate};
 use thirdbounce::gpu::Gpu;
 use thirdbounce::solve::{
-    Accumulation, PaperOptions, Plan, Preset, Reconstruction, VectorOptions, default_volume, paper, vector,
+    Accumulation, PaperOptions, Plan, Preset, Problem, Reconstruction, VectorOptions, default_volume, paper,
+    vector,
 };
 use thirdbounce::transport::{Geometry, Grid, Reflectance, Sampling};
 
@@ -62,7 +63,13 @@ fn solve_vector(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general:
         o.accumulation = Accumulation::Repeatable;
     });
     let mut hear = |_: &_| ControlFlow::Continue(());
-    vector::reconstruct(gpu, capture, grid_of(capture), &o, None, true, &mut unwatched(&mut hear)).unwrap()
+    vector::reconstruct(
+        gpu,
+        &Problem::new(capture, grid_of(capture)).and_volume(),
+        &o,
+        &mut unwatched(&mut hear),
+    )
+    .unwrap()
 }
 
 fn solve_paper(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: bool) -> Reconstruction {
@@ -80,7 +87,13 @@ fn solve_paper(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: 
         o.accumulation = Accumulation::Repeatable;
     });
     let mut hear = |_: &_| ControlFlow::Continue(());
-    paper::reconstruct(gpu, capture, grid_of(capture), &o, None, true, &mut unwatched(&mut hear)).unwrap()
+    paper::reconstruct(
+        gpu,
+        &Problem::new(capture, grid_of(capture)).and_volume(),
+        &o,
+        &mut unwatched(&mut hear),
+    )
+    .unwrap()
 }
 
 /// Both solves agree: in the data term at every point, and in the volume where both have one.
@@ -154,7 +167,13 @@ fn unreached_bins_and_bricks_change_nothing() {
     };
     let mut hear = |_: &_| ControlFlow::Continue(());
     let [short, general] = [false, true].map(|general| {
-        paper::reconstruct(&gpu, &gated, deep, &o(general), None, true, &mut unwatched(&mut hear)).unwrap()
+        paper::reconstruct(
+            &gpu,
+            &Problem::new(&gated, deep).and_volume(),
+            &o(general),
+            &mut unwatched(&mut hear),
+        )
+        .unwrap()
     });
     let dark = short.plan.levels.reachable[0].iter().filter(|r| !**r).count();
     assert!(dark > 0 && general.plan.levels.reachable[0].iter().all(|r| *r));

@@ -11,7 +11,7 @@ use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::paper::{self, reconstruct};
 use thirdbounce::solve::{
-    Accumulation, Decay, NoiseTerm, PaperOptions, Plan, Preset, Reconstruction, default_volume,
+    Accumulation, Decay, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, default_volume,
 };
 use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::{Binning, Gradient, Grid, Sampling};
@@ -88,11 +88,8 @@ fn grid(capture: &thirdbounce::capture::Capture, o: &PaperOptions) -> Grid {
 fn run(gpu: &Gpu, capture: &thirdbounce::capture::Capture, o: &PaperOptions) -> Reconstruction {
     reconstruct(
         gpu,
-        capture,
-        grid(capture, o),
+        &Problem::new(capture, grid(capture, o)).and_volume(),
         o,
-        None,
-        true,
         &mut unwatched(&mut |_| ControlFlow::Continue(())),
     )
     .unwrap()
@@ -255,7 +252,8 @@ fn a_caller_can_break_off() {
         heard += 1;
         ControlFlow::Break(())
     };
-    let result = reconstruct(&gpu, &capture, grid(&capture, &o), &o, None, false, &mut unwatched(&mut hear));
+    let result =
+        reconstruct(&gpu, &Problem::new(&capture, grid(&capture, &o)), &o, &mut unwatched(&mut hear));
     assert_eq!(result.unwrap_err().kind, Kind::Cancelled);
     assert_eq!(heard, 1);
     assert_valid(&gpu);
@@ -268,8 +266,13 @@ fn what_cannot_run_is_refused_in_words() {
     let o = small(10);
     let refused = |capture: &thirdbounce::capture::Capture, o: &PaperOptions, memory| {
         let g = grid(capture, o);
-        reconstruct(&gpu, capture, g, o, memory, false, &mut unwatched(&mut |_| ControlFlow::Continue(())))
-            .unwrap_err()
+        reconstruct(
+            &gpu,
+            &Problem { capture, grid: g, memory, with_volume: false },
+            o,
+            &mut unwatched(&mut |_| ControlFlow::Continue(())),
+        )
+        .unwrap_err()
     };
     let error = refused(&capture, &o, Some(1 << 16));
     assert!(error.kind == Kind::Memory && error.mend.names(Setting::Memory), "{error}");

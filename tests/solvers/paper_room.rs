@@ -8,8 +8,8 @@ use fixtures::device::*;
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, NoiseTerm, OnDevice, PaperOptions, Plan, Preset, Reconstruction, compact, default_volume,
-    paper,
+    Accumulation, NoiseTerm, OnDevice, PaperOptions, Plan, Preset, Problem, Reconstruction, compact,
+    default_volume, paper,
 };
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Twin};
@@ -21,7 +21,7 @@ fn solve(gpu: &Gpu, o: &PaperOptions) -> Reconstruction {
     let volume = default_volume(&capture, o.domain.min_depth).unwrap();
     let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
     let mut hear = |_: &_| ControlFlow::Continue(());
-    paper::reconstruct(gpu, &capture, grid, o, None, true, &mut unwatched(&mut hear)).unwrap()
+    paper::reconstruct(gpu, &Problem::new(&capture, grid).and_volume(), o, &mut unwatched(&mut hear)).unwrap()
 }
 
 fn options_of(sampling: Sampling) -> PaperOptions {

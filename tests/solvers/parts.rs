@@ -12,7 +12,8 @@ use thirdbounce::gpu::{Abilities, Accumulations, Arena, DeviceKind, Gpu, GpuOpti
 use thirdbounce::job::{Request, SolverOptions};
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate};
 use thirdbounce::solve::{
-    Accumulation, Level, NoiseTerm, PaperOptions, Plan, Preset, Reconstruction, VectorOptions, vector,
+    Accumulation, Level, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, VectorOptions,
+    vector,
 };
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Kind, Result};
@@ -97,7 +98,7 @@ fn solve(
 ) -> Result<Reconstruction> {
     let mut hear = |_: &_| ControlFlow::Continue(());
     let grid = Request::new(solver.clone(), "").grid(capture)?;
-    solver.solve(gpu, capture, grid, memory, true, &mut unwatched(&mut hear))
+    solver.solve(gpu, &Problem { capture, grid, memory, with_volume: true }, &mut unwatched(&mut hear))
 }
 
 /// Holds a solve in parts against the whole one.
@@ -188,9 +189,16 @@ fn a_budget_holds_what_is_on_the_device() {
     assert!(arena.stored() >= parts.plan.stored_bytes());
     // A plan that fits is the one that is made without a budget.
     let grid = Request::new(options.clone(), "").grid(&capture).expect("a grid");
-    let plan = |memory| options.plan_within(&capture, grid, &gpu, memory, true).expect("a plan");
+    let plan = |memory| {
+        options
+            .plan_within(&gpu, &Problem { capture: &capture, grid, memory, with_volume: true })
+            .expect("a plan")
+    };
     assert_eq!(plan(None), plan(Some(8 << 20)));
-    assert_eq!(plan(None), options.plan(&capture, grid, &gpu.abilities(), true).expect("a plan"));
+    assert_eq!(
+        plan(None),
+        options.plan(&Problem::new(&capture, grid).and_volume(), &gpu.abilities()).expect("a plan")
+    );
 }
 
 #[test]
@@ -225,7 +233,7 @@ fn what_cannot_be_divided_says_so() {
     let SolverOptions::Vector(of_vector) = &options else { unreachable!("it is the vector solver") };
     let grid = Request::new(options.clone(), "").grid(&capture).expect("a grid");
     let how = vector::Frames { follow: Some(vector::Follow::default()), ..Default::default() };
-    let error = vector::prepare_for_frames(&gpu, &capture, grid, of_vector, None, false, how);
+    let error = vector::prepare_for_frames(&gpu, &Problem::new(&capture, grid), of_vector, how);
     let error = error.err().expect("frames need all pairs");
     assert!(error.kind == Kind::Memory && error.what.contains("follow each other"), "{error}");
     // Not even one pair at a time.

@@ -15,7 +15,7 @@ use thirdbounce::job::{Bins, Input, Request};
 use thirdbounce::session::{Session, SessionOptions, default_grid};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, PaperOptions, Preset, Progress, Reconstruction, SolverOptions, VectorOptions,
+    Accumulation, PaperOptions, Preset, Problem, Progress, Reconstruction, SolverOptions, VectorOptions,
 };
 use thirdbounce::transport::Reflectance;
 
@@ -107,7 +107,7 @@ fn alone(gpu: &Gpu, scan: &Capture, solver: &SolverOptions, counts: &[f32]) -> V
     let capture = changed(scan, |c| c.histograms = counts.to_vec());
     let capture = capture.binned(solver.usual_sum(scan, None)).unwrap();
     let mut hear = |_: &Progress| ControlFlow::Continue(());
-    bits(&solver.solve(gpu, &capture, grid, None, true, &mut unwatched(&mut hear)).unwrap())
+    bits(&solver.solve(gpu, &Problem::new(&capture, grid).and_volume(), &mut unwatched(&mut hear)).unwrap())
 }
 
 #[test]

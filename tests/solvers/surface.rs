@@ -10,7 +10,9 @@ use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::simulate::{Object, RenderOptions, Scene, WallShape, rectangle, simulate, truth};
 use thirdbounce::solve::surface::{self, Pixels, SUPPORT};
-use thirdbounce::solve::{Accumulation, Plan, Reconstruction, VectorOptions, Watch, default_volume, vector};
+use thirdbounce::solve::{
+    Accumulation, Plan, Problem, Reconstruction, VectorOptions, Watch, default_volume, vector,
+};
 use thirdbounce::transport::{Grid, Reflectance, Volume};
 
 fn maps(albedo: Vec<f32>, depth: Vec<f32>) -> Maps {
@@ -136,7 +138,7 @@ fn solve_in(
     watch: &mut Watch<'_>,
 ) -> Reconstruction {
     let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
-    vector::reconstruct(gpu, capture, grid, o, None, true, watch).unwrap()
+    vector::reconstruct(gpu, &Problem::new(capture, grid).and_volume(), o, watch).unwrap()
 }
 
 fn run(gpu: &Gpu, capture: &Capture, o: &VectorOptions) -> Reconstruction {

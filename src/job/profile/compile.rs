@@ -106,7 +106,7 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
     })?;
     let Ready { capture, grid, .. } = planned::to_plan(request, capture)?;
     let solver = sizes::with_kept(request, &gpu, &capture);
-    let plan = solver.plan(&capture, grid, &gpu.abilities(), request.volume_file.is_some())?;
+    let plan = solver.plan(&request.problem(&capture, grid), &gpu.abilities())?;
     let mut kernels = vec![];
     for pass in &plan.passes {
         let values = pass.values(&plan);

@@ -108,12 +108,10 @@ macro_rules! host_method {
 
             fn plan(
                 &self,
-                capture: &$crate::capture::Capture,
-                grid: $crate::transport::Grid,
+                problem: &$crate::solve::Problem<'_>,
                 abilities: &$crate::gpu::Abilities,
-                with_volume: bool,
             ) -> $crate::Result<$crate::solve::Plan> {
-                $crate::solve::closed_form::on_host::plan(self, capture, grid, abilities, with_volume)
+                $crate::solve::closed_form::on_host::plan(self, problem, abilities)
             }
 
             fn outline(&self, _plan: &$crate::solve::Plan) -> Vec<$crate::solve::Part> {
@@ -123,12 +121,9 @@ macro_rules! host_method {
             fn prepare(
                 &self,
                 gpu: &$crate::gpu::Gpu,
-                capture: &$crate::capture::Capture,
-                grid: $crate::transport::Grid,
-                memory: Option<u64>,
-                with_volume: bool,
+                problem: &$crate::solve::Problem<'_>,
             ) -> $crate::Result<Box<dyn $crate::solve::Prepared>> {
-                $crate::solve::closed_form::on_host::prepare(self, gpu, capture, grid, memory, with_volume)
+                $crate::solve::closed_form::on_host::prepare(self, gpu, problem)
             }
         }
     };

@@ -19,6 +19,7 @@ use super::on_device::{OnDevice, upload};
 use super::outline::{self, Part};
 use super::plan::{first_of, pairs_for};
 use super::prepared::Prepared;
+use super::problem::Problem;
 use super::result::Reconstruction;
 use super::{Level, Plan, domain, surface};
 use crate::Result;
@@ -69,16 +70,13 @@ pub const HAT_SIGMA: f64 = 1.5;
 /// As [`super::paper::reconstruct`].
 pub fn reconstruct<'b, 'w: 'b>(
     gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
+    problem: &Problem<'_>,
     options: &VectorOptions,
-    memory: Option<u64>,
-    with_volume: bool,
     beside: impl Into<Beside<'b, 'w>>,
 ) -> Result<Reconstruction> {
     options.check()?;
-    capture.check()?;
-    prepare(gpu, capture, grid, options, memory, with_volume)?.solve(capture, beside.into())
+    problem.capture.check()?;
+    prepare(gpu, problem, options)?.solve(problem.capture, beside.into())
 }
 
 /// Solves the volume of a job that [`make_ready`] has made ready.

@@ -23,10 +23,10 @@ use crate::solve::prepared::Planned;
 use crate::solve::result::finish;
 use crate::solve::surface::{self, Beginning, GoOn};
 use crate::solve::{
-    Beside, Keep, OnDevice, Plan, Prepared, Reconstruction, TracePoint, domain, outline, passes,
+    Beside, Keep, OnDevice, Plan, Prepared, Problem, Reconstruction, TracePoint, domain, outline, passes,
 };
+use crate::transport::Rows;
 use crate::transport::kernels::*;
-use crate::transport::{Grid, Rows};
 use crate::{Error, Result};
 
 /// What makes a solve one of several that share the pairs.
@@ -41,15 +41,8 @@ pub(super) struct Member {
 ///
 /// # Errors
 /// Options, scan or device do not allow the solve.
-pub fn prepare(
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    options: &VectorOptions,
-    memory: Option<u64>,
-    with_volume: bool,
-) -> Result<impl Prepared + use<>> {
-    prepare_for_frames(gpu, capture, grid, options, memory, with_volume, Frames::default())
+pub fn prepare(gpu: &Gpu, problem: &Problem<'_>, options: &VectorOptions) -> Result<impl Prepared + use<>> {
+    prepare_for_frames(gpu, problem, options, Frames::default())
 }
 
 /// As [`prepare`], for frames of a session.
@@ -58,29 +51,23 @@ pub fn prepare(
 /// As [`prepare`].
 pub fn prepare_for_frames(
     gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
+    problem: &Problem<'_>,
     options: &VectorOptions,
-    memory: Option<u64>,
-    with_volume: bool,
     frames: Frames,
 ) -> Result<impl Prepared + use<>> {
-    prepare_member(gpu, capture, grid, options, memory, with_volume, frames, None)
+    prepare_member(gpu, problem, options, frames, None)
 }
 
 /// As [`prepare_for_frames`]; for one of several devices that share the pairs, if it is a `member` of them.
-#[expect(clippy::too_many_arguments, reason = "those of `prepare_for_frames`, and one")]
 pub(super) fn prepare_member(
     gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
+    problem: &Problem<'_>,
     options: &VectorOptions,
-    memory: Option<u64>,
-    with_volume: bool,
     frames: Frames,
     member: Option<Member>,
 ) -> Result<impl Prepared + use<>> {
     options.check()?;
+    let Problem { capture, grid, memory, with_volume } = *problem;
     let how = frames.follow;
     how.map(|how| how.check(options)).transpose()?;
     let (outline, rows) = outline_of(capture, &grid, options);

@@ -113,14 +113,14 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32) {
 /// The schedule that is due after `done` iterations: the next level, on a finer grid or with more pairs, or a
 /// reduction.
 pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize) {
-    let here = &plan.levels.volume[*level];
-    let next = plan.levels.volume.get(*level + 1);
+    let (levels, capacity) = (&plan.levels.volume, plan.domain.capacity);
+    let (here, next) = (&levels[*level], levels.get(*level + 1));
     let doubles =
         next.filter(|l| l.grid != here.grid && done.is_multiple_of(options.domain.coarse_iterations));
     // The first growth begins the last `growth_iterations`, every further one the last third of what is left.
-    let grown = plan.levels.volume[..=*level].iter().rev().take_while(|l| l.grid == here.grid).count() as u32;
+    let grown = levels[..=*level].iter().rev().take_while(|l| l.grid == here.grid).count() as u32;
     let left = options.growth_iterations / 3usize.pow(grown - 1);
-    let growths = plan.levels.volume.len() - 1 - *level;
+    let growths = levels.len() - 1 - *level;
     let grows_from = options.iterations.saturating_sub(left.max(growths));
     let power = options.bound_power_in(plan);
     let expected = |pass: &'static Pass| (power > 0.0).then_some((pass, power));
@@ -128,7 +128,7 @@ pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut u
     if let Some(fine) = doubles {
         // A voxel becomes several: there must be room for them.
         let [wide, deep] = fine.parts;
-        let room = plan.domain.capacity / (wide * wide * deep);
+        let room = capacity / (wide * wide * deep);
         domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, room, Dark::Goes);
         domain::double_mask(s, here, fine);
         domain::count(s, fine);
@@ -136,28 +136,12 @@ pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut u
         bounds(s, plan, fine, expected(&EXPECT_DOUBLED));
         *level += 1;
     } else if let Some(wide) = widens {
-        domain::prune(
-            s,
-            plan,
-            here,
-            &GAUSSIAN_X,
-            options.domain.keep_above,
-            plan.domain.capacity,
-            Dark::Goes,
-        );
+        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, capacity, Dark::Goes);
         settle(s, plan, wide, &SETTLE);
         bounds(s, plan, wide, expected(&EXPECT));
         *level += 1;
     } else if done.is_multiple_of(options.domain.reduce_every) {
-        domain::prune(
-            s,
-            plan,
-            here,
-            &GAUSSIAN_X,
-            options.domain.keep_above,
-            plan.domain.capacity,
-            Dark::Goes,
-        );
+        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, capacity, Dark::Goes);
         settle(s, plan, here, &SETTLE);
         if done.is_multiple_of(options.bound_every) {
             bounds(s, plan, here, expected(&EXPECT));

@@ -20,7 +20,9 @@ use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
 use crate::solve::prepared::Planned;
 use crate::solve::vector::gather_filtered;
 use crate::solve::vector::passes::{BACKPROJECT, FILTER};
-use crate::solve::{Beside, OnDevice, Pass, Plan, Prepared, Reconstruction, SMOOTH, Sharpness, upload};
+use crate::solve::{
+    Beside, OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, SMOOTH, Sharpness, upload,
+};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
 use crate::{Error, Result};
@@ -279,14 +281,8 @@ impl Projecting<BpOptions> {
 ///
 /// # Errors
 /// Options out of range, or a scan that cannot be made finer.
-pub fn projecting(
-    options: &BpOptions,
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    memory: Option<u64>,
-) -> Result<Projecting<BpOptions>> {
-    prepared(options, BpOptions::NAME, gpu, capture, grid, memory, false)
+pub fn projecting(options: &BpOptions, gpu: &Gpu, problem: &Problem<'_>) -> Result<Projecting<BpOptions>> {
+    prepared(options, BpOptions::NAME, gpu, problem)
 }
 
 /// A projection that is prepared for a scan.
@@ -294,11 +290,9 @@ pub(super) fn prepared<M: Projection>(
     options: &M,
     name: &str,
     gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    memory: Option<u64>,
-    with_volume: bool,
+    problem: &Problem<'_>,
 ) -> Result<Projecting<M>> {
+    let Problem { capture, grid, memory, with_volume } = *problem;
     let scan = to_refine(capture, options.image(), name)?;
     let fine = pairs_on(scan.as_ref(), capture, options.image());
     let (model, rows) = outline_of(&fine, &grid, options.image());
