@@ -3,7 +3,7 @@
 //! State lies by slot: active voxels first, in storage order. For the random sampling of the paper the rim follows:
 //! the neighbours of active voxels that are not active. When the domain changes, the old masks and their slots stay
 //! beside the new ones until state has been moved. `gradient` and `sample_points` hold nothing between iterations:
-//! where they are large enough, a reduction uses them for its volumes ([`Plan::volumes`]).
+//! where they are large enough, a reduction uses them for its volumes ([`Plan::domain`]).
 
 use super::Pass;
 use super::over_pairs::groups;
@@ -92,8 +92,8 @@ fn remember_rim(s: &mut Schedule, plan: &Plan, level: &Level) {
     }
 }
 
-/// Smooths what the pass `first` reads into the first of [`Plan::volumes`], and writes its maximum to `counts`: at least
-/// the word `least` of them.
+/// Smooths what the pass `first` reads into the first volume of [`Plan::domain`], and writes its maximum to `counts`: at
+/// least the word `least` of them.
 pub(super) fn smooth(s: &mut Schedule, plan: &Plan, level: &Level, first: &Pass, least: Option<u32>) {
     let scene = level.scene;
     let [a, b] = plan.domain.volumes;

@@ -187,7 +187,7 @@ pub(super) fn each(plan: &Plan, rows: &Rows, reserve: &mut dyn FnMut(&Schedule) 
     }))
 }
 
-/// The measurement in the bins of all levels: the model's own first, then that of [`Plan::summed`].
+/// The measurement in the bins of all levels: the model's own first, then those that are summed ([`Plan::levels`]).
 fn measured(plan: &Plan) -> impl Iterator<Item = Buffer> {
     std::iter::once(buffer::MEASURED).chain(plan.levels.summed().map(|level| level.measured))
 }

@@ -231,7 +231,7 @@ impl Plan {
         cells(self.own(self.scene.pairs).div_ceil(parts), bins)
     }
 
-    /// The buffers once more, after a change of [`Plan::cut`]. They read no texels where these are too many.
+    /// The buffers once more, after a change of [`Plan::division`]. They read no texels where these are too many.
     pub(super) fn list_again(&mut self, needs: &dyn Needs) {
         self.division.tuning.texels = self.largest_view() <= self.division.texels;
         self.buffers = self.list_buffers(needs.buffers(self), self.with_volume);

@@ -16,14 +16,14 @@ use crate::solve::{Level, Plan, together};
 use crate::transport::cells;
 use crate::transport::kernels::*;
 
-/// Back-projects the filtered measurement, and smooths it into the first of [`Plan::volumes`].
+/// Back-projects the filtered measurement, and smooths it into the first volume of [`Plan::domain`].
 pub fn project(s: &mut Schedule, plan: &Plan, level: &Level) {
     gather_filtered(s, plan, level, taps_of_hat(level), false);
     domain::smooth(s, plan, level, &GAUSSIAN_X_VOLUME, None);
 }
 
-/// Back-projects the filtered measurement into the second of [`Plan::volumes`]. The filter has so many `taps`, its two sides
-/// counted once. Sums below zero stay if `signed`, else they become zero.
+/// Back-projects the filtered measurement into the second volume of [`Plan::domain`]. The filter has so many `taps`, its two
+/// sides counted once. Sums below zero stay if `signed`, else they become zero.
 pub(in crate::solve) fn gather_filtered(
     s: &mut Schedule,
     plan: &Plan,
@@ -55,7 +55,7 @@ fn bind_of_backproject(plan: &Plan, part: &PairPart, command: &mut Command) {
         .bind(buffer::TARGET, plan.domain.volumes[1]);
 }
 
-/// Back-projects the residuals of a part of the pairs into the second of [`Plan::volumes`]. `signed`: see
+/// Back-projects the residuals of a part of the pairs into the second volume of [`Plan::domain`]. `signed`: see
 /// [`gather_filtered`].
 pub(super) fn backproject(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, signed: bool) {
     let voxels = level.grid.storage();

@@ -137,8 +137,8 @@ pub fn grow(
     bounds(s, plan, level, (power > 0.0).then_some((&EXPECT, power)));
 }
 
-/// Back-projects what `level` leaves of the measurement into the first grid, smoothed, into the first of
-/// [`Plan::volumes`]. Its maximum is at least that of the measurement's back-projection.
+/// Back-projects what `level` leaves of the measurement into the first grid, smoothed, into the first
+/// volume of [`Plan::domain`]. Its maximum is at least that of the measurement's back-projection.
 fn project_left(s: &mut Schedule, plan: &Plan, level: &Level, scene: &SceneData) {
     let first = &plan.levels.volume[0];
     // The filter writes what it reads: it reads a copy. With spots, sums of rendered pairs are fewer than cells.
