@@ -191,7 +191,7 @@ fn of_bench() -> [f64; 2] {
             .run(&Schedule::of(|s| paper::iteration(s, &job.plan, &level, i, 1)))
             .expect("an iteration runs");
     }
-    let pairs = (job.plan.pairs * level.grid.voxels()) as f64 * f64::from(ITERATIONS);
+    let pairs = (job.plan.scene.pairs * level.grid.voxels()) as f64 * f64::from(ITERATIONS);
     ["forward", "backward"].map(|kernel| pairs / spent(&job, kernel))
 }
 

@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::job::{Request, SolverOptions};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{Reconstruction, VectorOptions, Watch};
+use thirdbounce::solve::{Problem, Reconstruction, VectorOptions, Watch};
 
 const TURNS: usize = 2;
 
@@ -34,7 +34,7 @@ fn main() {
     let solve = |gpus: &[Gpu]| {
         let mut hear = |_: &_| ControlFlow::Continue(());
         let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-        solver.solve_on(gpus, &capture, grid, None, false, &mut watch).expect("it solves")
+        solver.solve_on(gpus, &Problem::new(&capture, grid), &mut watch).expect("it solves")
     };
     let first = &devices[0][0].info;
     println!("{} ({}): {} pairs of {} bins", first.name, first.driver, capture.pair_count(), capture.bins);

@@ -11,8 +11,8 @@ use std::time::Instant;
 use scene::{capture, gpu, median};
 use thirdbounce::gpu::{DeviceKind, Gpu, Schedule};
 use thirdbounce::solve::{
-    Accumulation, OnDevice, PaperOptions, Plan, Preset, VectorOptions, Watch, compact, default_volume, paper,
-    vector,
+    Accumulation, OnDevice, PaperOptions, Plan, Preset, Problem, VectorOptions, Watch, compact,
+    default_volume, paper, vector,
 };
 use thirdbounce::transport::Grid;
 use thirdbounce::transport::kernels::buffer;
@@ -75,8 +75,8 @@ fn report(solver: &str, mut job: OnDevice, mut start: Schedule, one: &dyn Fn(&mu
     }
     println!(
         "{solver}, {} pairs x {} bins, nothing active: {:.0} us an iteration",
-        job.plan.pairs,
-        job.plan.bins,
+        job.plan.scene.pairs,
+        job.plan.scene.bins,
         1e6 * median(runs) / f64::from(COUNT)
     );
     for (name, time) in job.executor.times() {
@@ -139,7 +139,8 @@ fn solve(gpu: &Gpu, capture: &thirdbounce::capture::Capture, grid: Grid, options
     let mut hear = |_: &_| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
     let before = processor_seconds();
-    let done = vector::reconstruct(gpu, capture, grid, options, None, false, &mut watch).expect("it solves");
+    let done =
+        vector::reconstruct(gpu, &Problem::new(capture, grid), options, &mut watch).expect("it solves");
     match (before, processor_seconds()) {
         (Some(before), Some(after)) if gpu.info.kind == DeviceKind::Cpu => after - before,
         _ => done.trace.last().map_or(0.0, |p| p.gpu_seconds),

@@ -34,7 +34,7 @@ fn kernels(c: &mut Criterion) {
         let level = *job.plan.finest();
         let start = Schedule::of(|s| paper::initialise(s, &job.plan, &level));
         job.executor.run(&start).expect("the start runs");
-        let pairs = (job.plan.pairs * level.grid.voxels()) as u64;
+        let pairs = (job.plan.scene.pairs * level.grid.voxels()) as u64;
         let kernels: &[&str] = if window == 0 { &["forward", "backward"] } else { &["forward"] };
         for kernel in kernels {
             let mut group = c.benchmark_group(*kernel);

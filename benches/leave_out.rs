@@ -69,7 +69,8 @@ fn main() {
         vector(&confocal, Lambertian, false),
         vector(&tilted(&confocal), Lambertian, false),
     );
-    let asking = vector_side(&gpu, &confocal, grid, VectorOptions::default(), |plan| plan.touching = true);
+    let asking =
+        vector_side(&gpu, &confocal, grid, VectorOptions::default(), |plan| plan.levels.touching = true);
     compare("voxels on wall points", "confocal, 256 pairs", vector(&confocal, Cosine, false), asking);
     compare(
         "surfaces' normals (another model)",

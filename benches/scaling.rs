@@ -62,7 +62,7 @@ fn measure(gpu: &thirdbounce::gpu::Gpu, side: usize, active: usize) -> Option<(f
     let mut warm = Schedule::of(|s| paper::initialise(s, &job.plan, &level));
     paper::iteration(&mut warm, &job.plan, &level, 0, 1);
     job.executor.run(&warm).expect("the warm-up runs");
-    let pairs = (job.plan.pairs * level.grid.voxels()) as f64;
+    let pairs = (job.plan.scene.pairs * level.grid.voxels()) as f64;
     let mut cost = [vec![], vec![]];
     for i in 1..=3 {
         let kernels = ["forward", "backward"];

@@ -10,7 +10,9 @@ use std::time::Duration;
 
 use criterion::{Criterion, criterion_group, criterion_main};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{PaperOptions, Preset, VectorOptions, Watch, default_volume, paper, vector};
+use thirdbounce::solve::{
+    PaperOptions, Preset, Problem, VectorOptions, Watch, default_volume, paper, vector,
+};
 use thirdbounce::transport::Grid;
 
 fn solves(c: &mut Criterion) {
@@ -33,7 +35,7 @@ fn solves(c: &mut Criterion) {
         });
         b.iter(|| {
             let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-            vector::reconstruct(&gpu, &capture, grid, &o, None, false, &mut watch).expect("it solves")
+            vector::reconstruct(&gpu, &Problem::new(&capture, grid), &o, &mut watch).expect("it solves")
         });
     });
     group.bench_function("paper, 20 iterations", |b| {
@@ -47,7 +49,7 @@ fn solves(c: &mut Criterion) {
         });
         b.iter(|| {
             let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-            paper::reconstruct(&gpu, &capture, grid, &o, None, false, &mut watch).expect("it solves")
+            paper::reconstruct(&gpu, &Problem::new(&capture, grid), &o, &mut watch).expect("it solves")
         });
     });
     group.finish();

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use thirdbounce::gpu::{Gpu, GpuOptions};
-use thirdbounce::solve::{SolverOptions, Suit, When};
+use thirdbounce::solve::{Problem, SolverOptions, Suit, When};
 use thirdbounce::transport::Grid;
 use thirdbounce::{Result, capture};
 
@@ -23,16 +23,16 @@ fn main() -> Result<()> {
             SolverOptions::suited_to(name, &suit).expect("a solver of this version").with_lateral(64);
         let volume = solver.default_volume(&capture)?;
         let grid = Grid::new(volume, solver.common().lateral, capture.bin_width)?;
-        let plan = solver.plan(&capture, grid, &gpu.abilities(), false)?;
+        let plan = solver.plan(&Problem::new(&capture, grid), &gpu.abilities())?;
         let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
         println!(
             "{name}: {} levels, {} buffers of {} MB",
-            plan.levels.len(),
+            plan.levels.volume.len(),
             plan.buffers.len(),
             bytes / 1_000_000
         );
         plan.left_out.iter().for_each(|line| println!("  leaves out {line}"));
-        let parts = solver.solver().outline(&plan);
+        let parts = solver.outline(&plan);
         if let Some(one) = parts.iter().find(|p| matches!(p.when, When::Iterations(..))) {
             println!("{one}");
         }

@@ -11,7 +11,7 @@ use crate::maps::Maps;
 use crate::session::{Session, SessionOptions};
 use crate::solve::option::Value;
 use crate::solve::{
-    Bins, Discretisation, Progress, Ready, SolverOptions, TracePoint, VolumeMap, Watch, conclude,
+    Bins, Discretisation, Problem, Progress, Ready, SolverOptions, TracePoint, VolumeMap, Watch, conclude,
 };
 use crate::transport::Volume;
 use crate::trials::{Choice, Found, Resolved};
@@ -195,7 +195,8 @@ pub fn reconstruct(gpu: &Gpu, capture: &Capture, options: &Options) -> Result<So
     let Ready { capture, grid, .. } = how.ready(&solver, capture)?;
     let mut hear = |progress: &Progress| options.tell(progress);
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    let mut result = solver.solve(gpu, &capture, grid, memory, options.with_volume, &mut watch)?;
+    let problem = Problem { capture: &capture, grid, memory, with_volume: options.with_volume };
+    let mut result = solver.solve(gpu, &problem, &mut watch)?;
     conclude(&capture, options.mask_fraction.or(solver.usual_mask()), &mut result, &mut []);
     result.trace.iter_mut().for_each(|point| point.seconds += found.seconds);
     let (notes, seconds) = (found.notes(), found.seconds + result.solve_seconds);

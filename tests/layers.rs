@@ -192,10 +192,6 @@ fn unsafe_code_stays_in_its_place() {
     assert!(all.iter().flatten().any(unsafe_code), "it is seen where it is");
 }
 
-/// Folders whose files use each other. One that is in layers by now is to be taken off this list.
-const AS_ONE: [&str; 4] =
-    ["src/solve/closed_form", "src/solve/plan", "src/solve/surface_alone", "src/solve/vector"];
-
 #[test]
 fn no_module_uses_one_that_uses_it() {
     let mut circular = BTreeMap::new();
@@ -212,10 +208,6 @@ fn no_module_uses_one_that_uses_it() {
             }
         }
     }
-    let known: BTreeSet<String> = AS_ONE.iter().map(|f| f.to_string()).collect();
-    let solved: Vec<_> = known.iter().filter(|f| !circular.contains_key(*f)).collect();
-    assert!(solved.is_empty(), "in layers by now: {solved:?}");
-    circular.retain(|folder, _| !known.contains(folder));
     assert!(circular.is_empty(), "modules that use each other: {circular:#?}");
 }
 

@@ -39,7 +39,7 @@ fn both(gpu: &Gpu, case: &Case) -> [Passes; 2] {
     for a in accumulations(gpu) {
         now = worse(now, passes(gpu, case, a));
         let mut job = case.job(gpu, a);
-        if job.plan.fine || job.plan.runs {
+        if job.plan.scene.fine || job.plan.division.runs {
             plain_kernels(&mut job);
             before = worse(before, passes_of(&mut job, case));
         }
@@ -174,7 +174,7 @@ pub fn cost(gpu: &Gpu) -> String {
         let samples = case.samples(&case.at);
         let mut jobs = [false, true].map(|plain| {
             let mut job = case.job(gpu, Accumulation::Auto);
-            assert!(job.plan.fine || job.plan.runs);
+            assert!(job.plan.scene.fine || job.plan.division.runs);
             if plain {
                 plain_kernels(&mut job);
             }

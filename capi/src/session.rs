@@ -119,7 +119,7 @@ pub unsafe extern "C" fn tb_session_new(
         tuned.found.notes().iter().for_each(|note| log::note(note));
         let made = Session::new(&device.gpu, &tuned.scan, None, &tuned.solver, options)?;
         let megabytes = made.plan().buffers.iter().map(|b| b.bytes).sum::<u64>() / 1_000_000;
-        log::note(&format!("a session of {} pairs, {megabytes} MB of buffers", made.plan().pairs));
+        log::note(&format!("a session of {} pairs, {megabytes} MB of buffers", made.plan().scene.pairs));
         let (submitter, canceller) = (made.submitter(), made.canceller());
         let made = TbSession { session: Mutex::new(made), submitter, canceller };
         // SAFETY: the caller gives a pointer to write to.

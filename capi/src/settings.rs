@@ -197,7 +197,7 @@ fn set(choice: &mut Choice, option: &str) -> Result<()> {
     }
     let key = name.replace('-', "_");
     let mut solver = SolverOptions::suited_to(choice.solver_name(), &Suit::USUAL).expect("it was checked");
-    let rows = solver.solver().rows();
+    let rows = solver.rows();
     let Some(row) = rows.iter().find(|row| row.key == key) else { return wrong("is none of this solver's") };
     let values = [
         text.parse().ok().map(Value::Count),

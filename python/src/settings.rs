@@ -157,12 +157,14 @@ impl PulseGiven {
 
 /// An option by its key, if the solver has it and takes the value.
 fn option(solver: &str, key: &str, given: &Given) -> Result<(&'static str, Value)> {
-    let mut options = SolverOptions::suited_to(solver, &Suit::USUAL)
-        .ok_or_else(|| Error::options(format!("there is no solver {solver:?}"), "use vector or paper"))?;
+    let mut options = SolverOptions::suited_to(solver, &Suit::USUAL).ok_or_else(|| {
+        let all = format!("use {}", SolverOptions::NAMES.join(" or "));
+        Error::options(format!("there is no solver {solver:?}"), all)
+    })?;
     if key == "deterministic" && matches!(given, Given::Flag(true)) {
         return Ok(("accumulation", Value::Word("repeatable".into())));
     }
-    let rows = options.solver().rows();
+    let rows = options.rows();
     let Some(row) = rows.iter().find(|row| row.key == key) else {
         return Err(Error::options(
             format!("{key} is no option of the {solver} solver"),
@@ -193,7 +195,7 @@ fn flag_of(range: Range, word: &str) -> Value {
 #[pyfunction]
 pub fn options(solver: &str) -> Vec<(&'static str, String)> {
     let usual = SolverOptions::suited_to(solver, &Suit::USUAL);
-    let rows = usual.map_or(vec![], |options| options.solver().rows());
+    let rows = usual.map_or(vec![], |options| options.rows());
     let texts = SolverOptions::all_rows();
     let text = |key: &str| texts.iter().find(|(row, _)| row.key == key).map(|(_, text)| text.clone());
     rows.into_iter().map(|row| (row.key, text(row.key).unwrap_or_default())).collect()

@@ -58,7 +58,6 @@ pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Settin
 }
 
 fn fits_on(request: &Request, capture: &Capture, gpu: &Gpu) -> bool {
-    let with_volume = request.volume_file.is_some();
     let Ok(Ready { capture, grid, .. }) = planned::at_most(request, capture) else { return false };
-    request.solver.plan_within(&capture, grid, gpu, request.memory, with_volume).is_ok()
+    request.solver.plan_within(gpu, &request.problem(&capture, grid)).is_ok()
 }

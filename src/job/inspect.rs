@@ -101,7 +101,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
                 .into(),
         );
     }
-    let mut plan = match request.solver.plan(&planned, grid, &abilities, request.volume_file.is_some()) {
+    let mut plan = match request.solver.plan(&request.problem(&planned, grid), &abilities) {
         Ok(plan) => Some(plan),
         Err(Error { kind: Kind::Input, what, .. }) => {
             problems.push(what.into());
@@ -128,12 +128,12 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         volume: box_of(&grid),
         device: device.map(|gpu| gpu.info.clone()),
         plan: plan.map(|plan| Planned {
-            levels: plan.levels.iter().map(|l| l.grid.n[0]).collect(),
-            level_pairs: plan.levels.iter().map(|l| l.pairs).collect(),
+            levels: plan.levels.volume.iter().map(|l| l.grid.n[0]).collect(),
+            level_pairs: plan.levels.volume.iter().map(|l| l.pairs).collect(),
             parts: plan.part_counts(),
             stored_bytes: plan.stored_bytes(),
-            surface: plan.pixel_level.map(|l| l.grid.n[0]),
-            accumulation: plan.accumulation,
+            surface: plan.levels.pixels.map(|l| l.grid.n[0]),
+            accumulation: plan.division.accumulation,
             left_out: plan.left_out.clone(),
             variants: plan.variants(),
             buffers: plan.bytes(),
@@ -151,10 +151,9 @@ pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {
     request.solver.check()?;
     let gpu = request.open()?;
     let Ready { capture: planned, grid, .. } = planned::to_plan(request, &loaded.capture)?;
-    let with_volume = request.volume_file.is_some();
-    let plan = request.solver.plan_within(&planned, grid, &gpu, request.memory, with_volume);
+    let plan = request.solver.plan_within(&gpu, &request.problem(&planned, grid));
     let plan = plan.map_err(|e| advice::advise(e, request, loaded, &gpu))?;
-    Ok(request.solver.solver().outline(&plan))
+    Ok(request.solver.outline(&plan))
 }
 
 /// An error with its advice.

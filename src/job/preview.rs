@@ -15,7 +15,7 @@ use crate::files::atomic::create_dir;
 use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::solve::closed_form::{FbpOptions, LctOptions};
-use crate::solve::{Doing, Progress, Ready, Solver, SolverOptions, Suit, TracePoint, Watch};
+use crate::solve::{Doing, Problem, Progress, Ready, Solver, SolverOptions, Suit, TracePoint, Watch};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
@@ -126,8 +126,8 @@ fn closed_form(request: &Request, solver: SolverOptions, capture: &Capture, gpu:
     let (small, capture, grid) = small(request, solver, capture)?;
     let mut hear = |_: &Progress| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    let done = small.solver.solve(gpu, &capture, grid, request.memory, false, &mut watch)?;
-    Ok(done.maps)
+    let problem = Problem { with_volume: false, ..request.problem(&capture, grid) };
+    Ok(small.solver.solve(gpu, &problem, &mut watch)?.maps)
 }
 
 /// The request with another solver and voxels that are cubes, the capture in the bins for them, and their grid.

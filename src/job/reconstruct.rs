@@ -13,7 +13,7 @@ use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
-use crate::solve::{Beside, Checkpoint, Keep, Progress, Ready, Reconstruction, Watch, conclude};
+use crate::solve::{Beside, Checkpoint, Keep, Problem, Progress, Ready, Reconstruction, Watch, conclude};
 use crate::transport::Grid;
 use crate::trials::{self, Found};
 use crate::{Error, Kind, Result};
@@ -112,10 +112,9 @@ pub fn solve(
     };
     let maps_at = [&request.snapshots[..], &previews].concat();
     let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &maps_at };
-    let with_volume = request.volume_file.is_some();
     let beside = Beside { watch: &mut watch, keep: Some(keep), lent: None };
     let solver = sizes::with_kept(request, gpu, capture);
-    let done = solver.solve_on(gpus, capture, grid, request.memory, with_volume, beside);
+    let done = solver.solve_on(gpus, &request.problem(capture, grid), beside);
     let mut result = match failed {
         Some(e) => return Err(e),
         None => done
@@ -160,7 +159,8 @@ pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Result<()> {
     let mut stop = |_: &Progress| ControlFlow::Break(());
     let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
     let solver = sizes::with_kept(request, gpu, &capture);
-    match solver.solve(gpu, &capture, grid, request.memory, false, &mut watch) {
+    let problem = Problem { with_volume: false, ..request.problem(&capture, grid) };
+    match solver.solve(gpu, &problem, &mut watch) {
         Err(e) if e.kind != Kind::Cancelled => Err(advice::advise(e, request, loaded, gpu)),
         _ => Ok(()),
     }

@@ -50,7 +50,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
     let (result, grid) = (&done.result, &done.grid);
     let mut all = json!({
         "solver": done.solver.name(),
-        "model": result.plan.reflectance,
+        "model": result.plan.scene.reflectance,
         "preset": request.preset,
         "capture": loaded.input.path.to_string_lossy(),
         "wall": loaded.input.wall,
@@ -73,12 +73,12 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "bins": request.bins,
         "bins_summed": done.sum,
         "bins_summed_for_volume": done.sum * result.plan.finest().sum,
-        "levels": result.plan.levels.iter().map(level_json).collect::<Vec<_>>(),
+        "levels": result.plan.levels.volume.iter().map(level_json).collect::<Vec<_>>(),
         "grid": grid.n,
         "grid_reached": [result.maps.nx, result.maps.ny, grid.n[2]],
         "volume_reached": [result.lateral, result.lateral, grid.n[2]],
         "volume_iterations": result.volume_iterations,
-        "points_per_pixel": result.plan.pixel_level.is_some().then(|| surface::points_of(&result.plan)),
+        "points_per_pixel": result.plan.levels.pixels.is_some().then(|| surface::points_of(&result.plan)),
         "voxel": grid.pitch.to_array(),
         "depth_pitch": grid.pitch.z,
         "box": box_of(grid),
@@ -88,7 +88,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "mask_fraction": request.mask_fraction,
         "trace_every": request.trace_step(),
         "snapshots": request.snapshots,
-        "accumulation_used": result.plan.accumulation,
+        "accumulation_used": result.plan.division.accumulation,
         "notes": loaded.notes,
     });
     if let (Value::Object(all), Ok(Value::Object(options))) = (&mut all, serde_json::to_value(&done.solver)) {

@@ -8,7 +8,7 @@ use crate::capture::Capture;
 use crate::export;
 use crate::gpu::{Faults, Gpu, GpuOptions};
 use crate::maps::{Maps, Truth};
-use crate::solve::{Discretisation, Preset, Ready, pixel_of};
+use crate::solve::{Discretisation, Preset, Problem, Ready, pixel_of};
 use crate::transport::{Grid, Volume};
 use crate::trials::{Ask, Found};
 use crate::{Error, Result};
@@ -72,6 +72,11 @@ pub struct Request {
 impl Request {
     /// Default number of iterations between two checkpoints.
     pub const CHECKPOINT_EVERY: usize = 50;
+
+    /// The solve of a capture on a grid that is asked for.
+    pub(super) fn problem<'c>(&self, capture: &'c Capture, grid: Grid) -> Problem<'c> {
+        Problem { capture, grid, memory: self.memory, with_volume: self.volume_file.is_some() }
+    }
 
     /// A request with the given options and the defaults for the rest.
     pub fn new(solver: impl Into<SolverOptions>, out: impl Into<PathBuf>) -> Request {

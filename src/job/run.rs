@@ -99,7 +99,7 @@ fn solve_checked(
     };
     let done = reconstruct::solve(request, loaded, gpus, truth.as_ref(), preview.as_ref(), hear)?;
     let mut notes: Vec<String> = done.found.notes();
-    notes.extend(request::summed_note(done.sum, done.result.plan.bin_width));
+    notes.extend(request::summed_note(done.sum, done.result.plan.scene.bin_width));
     notes.extend(notes_on(request, &done.result));
     notes.extend(shared_note(gpus.len(), &done.result));
     let mut report = report::report_of(request, loaded, gpu, &done);

@@ -27,7 +27,7 @@ const OF_PIXEL: usize = 7;
 impl Session {
     /// Bytes of the maps of a frame in a lent buffer: see [`LentFrame::maps`].
     pub fn lent_maps_bytes(&self) -> u64 {
-        let [nx, ny, _] = self.plan().maps.n;
+        let [nx, ny, _] = self.plan().levels.maps.n;
         (nx * ny * OF_PIXEL * 4) as u64
     }
 }
@@ -37,7 +37,7 @@ impl LentFrame {
     /// The session or the buffers do not allow it.
     pub(super) fn check(&self, session: &Session) -> Result<()> {
         let refused = |what: String, mend: &str| Err(Error::options(what, mend.to_string()));
-        let Some(rows) = session.plan().lent else {
+        let Some(rows) = session.plan().demand.lent else {
             return refused(
                 "this session takes counts from the host only".into(),
                 "make it with `lent` in its options",
@@ -50,7 +50,7 @@ impl LentFrame {
             );
         }
         let plan = session.plan();
-        let pairs = plan.pairs_of_capture();
+        let pairs = plan.scene.pairs_of_capture();
         let wanted = self.counts.format.bytes_of(pairs * rows.counts);
         if self.counts.counts.bytes() != wanted {
             return refused(

@@ -19,7 +19,7 @@ use std::time::{Duration, Instant};
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::solve::vector::{self, Follow, Frames};
-use crate::solve::{Bins, Discretisation, LentRows, check_lent_scan};
+use crate::solve::{Bins, Discretisation, LentRows, Problem, check_lent_scan};
 use crate::solve::{Plan, Prepared, Progress, Reconstruction, SolverOptions};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
@@ -297,16 +297,15 @@ fn prepared(
     options: &SessionOptions,
     lent: Option<LentRows>,
 ) -> Result<Box<dyn Prepared>> {
-    let (memory, with_volume) = (options.memory, options.with_volume);
+    let SessionOptions { memory, with_volume, .. } = *options;
+    let problem = Problem { capture: scan, grid, memory, with_volume };
     let frames = Frames { follow: options.follow, lent };
     if let Some(rows) = lent {
         check_lent_scan(scan.integer_counts, rows)?;
     }
     match solver {
-        _ if frames == Frames::default() => solver.prepare(gpu, scan, grid, memory, with_volume),
-        SolverOptions::Vector(o) => {
-            Ok(Box::new(vector::prepare_for_frames(gpu, scan, grid, o, memory, with_volume, frames)?))
-        }
+        _ if frames == Frames::default() => solver.prepare(gpu, &problem),
+        SolverOptions::Vector(o) => Ok(Box::new(vector::prepare_for_frames(gpu, &problem, o, frames)?)),
         _ => Err(Error::options(
             format!(
                 "frames of the solver {} neither follow each other nor lie in lent buffers",

@@ -131,7 +131,7 @@ impl Identity {
         }
         let scene = |l: &super::Level| hash_of_scene(job, l);
         let grid = |l: &super::Level| format!("{:?} {:016x}", l.grid.n, scene(l));
-        let plan = job.plan.levels.iter().map(grid).chain(job.plan.variants()).collect();
+        let plan = job.plan.levels.volume.iter().map(grid).chain(job.plan.variants()).collect();
         let version = env!("CARGO_PKG_VERSION").into();
         let living = job.plan.buffers.iter().filter(|b| lives(&job.plan, b));
         let buffers = living.map(|b| (b.buffer.to_string(), b.bytes)).collect();
@@ -186,7 +186,7 @@ fn fnv(start: u64, bytes: &[u8]) -> u64 {
 
 /// Whether a buffer's content lives from one iteration to the next.
 fn lives(plan: &Plan, b: &BufferPlan) -> bool {
-    let constant = CONSTANT.contains(&b.buffer) || plan.levels.iter().any(|l| l.measured == b.buffer);
+    let constant = CONSTANT.contains(&b.buffer) || plan.levels.volume.iter().any(|l| l.measured == b.buffer);
     b.buffer == TRACE || b.place == Place::Device && !constant || plan.changes_on_host(b.buffer)
 }
 
@@ -209,12 +209,12 @@ pub(super) fn download(job: &mut OnDevice) -> Result<BTreeMap<String, Vec<u8>>> 
 /// # Errors
 /// The device fails, or the state does not fit the plan.
 pub(super) fn restore(job: &mut OnDevice, state: &Checkpoint) -> Result<()> {
-    let (buffers, levels) = (&state.buffers, job.plan.levels.len());
+    let (buffers, levels) = (&state.buffers, job.plan.levels.volume.len());
     let sound = |[from, to, level]: &[usize; 3]| from < to && *to <= state.iteration && *level < levels;
-    if state.iteration >= job.plan.iterations[0] || state.level >= levels || !state.pending.iter().all(sound)
-    {
+    let most = job.plan.demand.iterations[0];
+    if state.iteration >= most || state.level >= levels || !state.pending.iter().all(sound) {
         return Err(Error::input(
-            format!("the checkpoint is of iteration {} of {}", state.iteration, job.plan.iterations[0]),
+            format!("the checkpoint is of iteration {} of {most}", state.iteration),
             advice!["it is damaged: start without " Resume],
         ));
     }

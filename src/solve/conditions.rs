@@ -31,14 +31,14 @@ pub fn conclude(
         width: capture.bin_width.hypot(pulse).hypot(spots[0]).hypot(spots[1]),
         aperture: aperture(capture),
         voxel: [0.0; 2],
-        two_cosines: result.plan.reflectance == Reflectance::Lambertian,
+        two_cosines: result.plan.scene.reflectance == Reflectance::Lambertian,
     };
     let last = result.trace.last().map_or(0, |p| p.iteration);
     let after = |maps: &Maps, iteration: usize| {
         let is_volume = result.surface_left || iteration <= result.volume_iterations;
         // Maps of the surface's resolution may show the volume's voxels.
         let lateral = maps.nx.min(result.lateral);
-        let level = result.plan.levels.iter().find(|l| l.grid.n[0] == lateral);
+        let level = result.plan.levels.volume.iter().find(|l| l.grid.n[0] == lateral);
         let pitch = level.unwrap_or(result.plan.finest()).grid.pitch;
         Conditions { voxel: if is_volume { [pitch.x, pitch.z] } else { [0.0; 2] }, ..all }
     };

@@ -3,7 +3,7 @@
 //! State lies by slot: active voxels first, in storage order. For the random sampling of the paper the rim follows:
 //! the neighbours of active voxels that are not active. When the domain changes, the old masks and their slots stay
 //! beside the new ones until state has been moved. `gradient` and `sample_points` hold nothing between iterations:
-//! where they are large enough, a reduction uses them for its volumes ([`Plan::volumes`]).
+//! where they are large enough, a reduction uses them for its volumes ([`Plan::domain`]).
 
 use super::Pass;
 use super::over_pairs::groups;
@@ -38,7 +38,7 @@ pub(super) fn list(s: &mut Schedule, plan: &Plan, level: &Level) {
     let voxels = level.grid.storage() as u64;
     s.dispatch(&COMPACT_SCAN_ACTIVE, [1, 1, 1], 2 * bricks as u64).bind(buffer::SCENE, rendered);
     s.dispatch(&COMPACT_SCATTER_ACTIVE, groups(words, WORKGROUP), voxels).bind(buffer::SCENE, scene);
-    if plan.has_rim {
+    if plan.demand.has_rim {
         s.dispatch(&RIM, groups(words, WORKGROUP), TURNS_OF_RIM * words as u64).bind(buffer::SCENE, scene);
         s.dispatch(&COMPACT_COUNT, groups(bricks, WORKGROUP), words as u64)
             .bind(buffer::SCENE, scene)
@@ -85,21 +85,21 @@ pub(super) fn remember(s: &mut Schedule, plan: &Plan, level: &Level) {
 }
 
 fn remember_rim(s: &mut Schedule, plan: &Plan, level: &Level) {
-    if plan.has_rim {
+    if plan.demand.has_rim {
         let bytes = level.grid.storage() as u64 / 8;
         s.copy(buffer::RIM_MASK, buffer::RIM_BEFORE, bytes);
         s.copy(buffer::RIM_RANKS, buffer::RIM_RANKS_BEFORE, bytes);
     }
 }
 
-/// Smooths what the pass `first` reads into the first of [`Plan::volumes`], and writes its maximum to `counts`: at least
-/// the word `least` of them.
+/// Smooths what the pass `first` reads into the first volume of [`Plan::domain`], and writes its maximum to `counts`: at
+/// least the word `least` of them.
 pub(super) fn smooth(s: &mut Schedule, plan: &Plan, level: &Level, first: &Pass, least: Option<u32>) {
     let scene = level.scene;
-    let [a, b] = plan.volumes;
+    let [a, b] = plan.domain.volumes;
     let voxels = level.grid.storage();
     // Each voxel and its neighbours on both sides.
-    let turns = (voxels * (2 * plan.taps.len()).saturating_sub(1)) as u64;
+    let turns = (voxels * (2 * plan.domain.taps.len()).saturating_sub(1)) as u64;
     for (pass, [source, target]) in [(first, [b, a]), (&GAUSSIAN_Y, [a, b]), (&GAUSSIAN_Z, [b, a])] {
         s.dispatch(pass, groups(voxels, WORKGROUP), turns)
             .bind(buffer::SCENE, scene)
@@ -120,7 +120,7 @@ pub(super) fn keep(
     room: usize,
     reduces: Option<Dark>,
 ) {
-    let [smooth, _] = plan.volumes;
+    let [smooth, _] = plan.domain.volumes;
     let voxels = level.grid.storage();
     if voxels > room {
         s.dispatch(&LEVELS_OF, groups(voxels, LEVELS), voxels as u64)

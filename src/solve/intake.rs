@@ -89,8 +89,8 @@ pub(super) struct Tally {
 
 /// The numbers of pairs that sums are needed over: those of all levels, ascending, all pairs last.
 fn ends(plan: &Plan) -> Vec<usize> {
-    let levels = plan.levels.iter().chain(&plan.pixel_level);
-    let mut ends: Vec<usize> = levels.map(|level| level.pairs).chain([plan.pairs]).collect();
+    let levels = plan.levels.all();
+    let mut ends: Vec<usize> = levels.map(|level| level.pairs).chain([plan.scene.pairs]).collect();
     ends.sort_unstable();
     ends.dedup();
     ends
@@ -159,13 +159,13 @@ pub fn intake(
 ) {
     s.set(buffer::ROWS, 0, (factor as f32).to_bits());
     s.set(buffer::ROWS, 1, (below as f32).to_bits());
-    let counts = plan.pairs * plan.bins;
+    let counts = plan.scene.pairs * plan.scene.bins;
     s.dispatch(&INTAKE, groups(counts, WORKGROUP), counts as u64)
         .bind(buffer::SOURCE, buffer::HISTOGRAMS)
         .with(Push {
             first: rows.bins().start as u32,
-            step: plan.bins as u32,
-            iteration: plan.pairs as u32,
+            step: plan.scene.bins as u32,
+            iteration: plan.scene.pairs as u32,
             flags: lent.word(format),
             ..Default::default()
         });
@@ -178,16 +178,18 @@ pub fn intake(
 pub(super) fn each(plan: &Plan, rows: &Rows, reserve: &mut dyn FnMut(&Schedule) -> Result<()>) -> Result<()> {
     for source in std::iter::once(buffer::HISTOGRAMS).chain(measured(plan)) {
         let of_source = |s: &mut Schedule| {
-            tally_of(s, source, LentRows::of_bins(plan.bins), Format::F32, &ends(plan));
+            tally_of(s, source, LentRows::of_bins(plan.scene.bins), Format::F32, &ends(plan));
         };
         reserve(&Schedule::of(of_source))?;
     }
-    reserve(&Schedule::of(|s| intake(s, plan, rows, LentRows::of_bins(plan.bins), Format::F32, [1.0, 0.0])))
+    reserve(&Schedule::of(|s| {
+        intake(s, plan, rows, LentRows::of_bins(plan.scene.bins), Format::F32, [1.0, 0.0])
+    }))
 }
 
-/// The measurement in the bins of all levels: the model's own first, then that of [`Plan::summed`].
+/// The measurement in the bins of all levels: the model's own first, then those that are summed ([`Plan::levels`]).
 fn measured(plan: &Plan) -> impl Iterator<Item = Buffer> {
-    std::iter::once(buffer::MEASURED).chain(plan.summed().map(|level| level.measured))
+    std::iter::once(buffer::MEASURED).chain(plan.levels.summed().map(|level| level.measured))
 }
 
 /// Uploads which of a caller's rows are the model's.
@@ -212,8 +214,8 @@ pub(super) fn take(
     [background, keep]: [bool; 2],
     scale: Option<f64>,
 ) -> Result<f64> {
-    let pairs = job.plan.pairs_of_capture();
-    let lent = job.plan.lent.expect("the session was made for lent counts");
+    let pairs = job.plan.scene.pairs_of_capture();
+    let lent = job.plan.demand.lent.expect("the session was made for lent counts");
     let taken = frame.taken.filter(|_| !keep);
     job.executor.take_lent(&frame.counts, buffer::HISTOGRAMS, [frame.after, taken])?;
     if !keep {
@@ -246,7 +248,7 @@ pub(super) fn take(
 /// Leaves the measurement in the bins of all levels, by `intake` at first, and their scenes.
 fn upload_measurement(job: &mut OnDevice, intake: impl FnOnce(&mut Schedule)) -> Result<()> {
     let OnDevice { plan, model, summed, executor, .. } = job;
-    for (wide, level) in summed.iter_mut().zip(plan.summed()) {
+    for (wide, level) in summed.iter_mut().zip(plan.levels.summed()) {
         wide.take_sums(model, level.sum);
     }
     let mut all = Uploads::begin(executor)?;

@@ -25,6 +25,7 @@ mod over_pairs;
 pub mod paper;
 mod plan;
 mod prepared;
+mod problem;
 mod result;
 mod rounding;
 mod solver;
@@ -56,6 +57,7 @@ pub use plan::{
     Share, Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
 };
 pub use prepared::Prepared;
+pub use problem::Problem;
 pub use result::{ImageNoise, Reconstruction, Sharpness};
 pub use solver::{Common, RunsOn, Solver};
 pub use solvers::{SolverOptions, check_solver, pixel_of, reflectance};

@@ -39,7 +39,7 @@ impl OnDevice {
         let mut executor = Executor::new(gpu, arena)?;
         let kernels: Vec<_> = plan.passes.iter().map(|pass| pass.wanted(&plan)).collect();
         executor.add_kernels(&kernels)?;
-        let summed = plan.summed().map(|level| model.summed(level.sum)).collect();
+        let summed = plan.levels.summed().map(|level| model.summed(level.sum)).collect();
         let mut made = OnDevice { plan, model, summed, executor, lists: Lists::default() };
         made.upload()?;
         Ok(made)
@@ -50,7 +50,7 @@ impl OnDevice {
     /// # Errors
     /// The device fails.
     pub fn put(&mut self, model: Model, plan: Arc<Plan>) -> Result<()> {
-        self.summed = plan.summed().map(|level| model.summed(level.sum)).collect();
+        self.summed = plan.levels.summed().map(|level| model.summed(level.sum)).collect();
         (self.plan, self.model) = (plan, model);
         self.upload()
     }
@@ -73,7 +73,7 @@ impl OnDevice {
     /// The device fails.
     pub(super) fn upload_counts(&mut self) -> Result<()> {
         let OnDevice { plan, model, summed, executor, .. } = self;
-        for (wide, level) in summed.iter_mut().zip(plan.summed()) {
+        for (wide, level) in summed.iter_mut().zip(plan.levels.summed()) {
             wide.take_sums(model, level.sum);
         }
         let mut counts = Uploads::begin(executor)?;
@@ -86,7 +86,7 @@ impl OnDevice {
         let OnDevice { plan, model, summed, executor, .. } = self;
         let mut all = Uploads::begin(executor)?;
         let whole = |l: &&Level| l.wall == buffer::WALL && !plan.is_cut(l);
-        if plan.levels.iter().chain(plan.pixels_only()).any(|l| whole(&l)) {
+        if plan.levels.all().any(|l| whole(&l)) {
             all.add(buffer::WALL, bytemuck::cast_slice(&plan.own_wall(&model.wall).words()))?;
         }
         for (level, part) in plan.cut_levels().flat_map(|l| plan.parts(l).map(move |p| (l, p))) {
@@ -96,26 +96,26 @@ impl OnDevice {
         for batch in plan.batches_held() {
             all.add(batch.wall, bytemuck::cast_slice(&plan.wall_of(batch, &model.wall).words()))?;
         }
-        let mut taps = vec![(plan.taps.len() - 1) as f32];
-        taps.extend(plan.taps.iter().map(|w| *w as f32));
+        let mut taps = vec![(plan.domain.taps.len() - 1) as f32];
+        taps.extend(plan.domain.taps.iter().map(|w| *w as f32));
         all.add(buffer::TAPS, bytemuck::cast_slice(&taps))?;
         if let Some(pulse) = &model.pulse {
             all.add(buffer::PULSE_TAPS, bytemuck::cast_slice(&pulse.words()))?;
         }
         for (level, pulse) in
-            plan.summed().zip(summed.iter()).filter_map(|(l, m)| Some((l, m.pulse.as_ref()?)))
+            plan.levels.summed().zip(summed.iter()).filter_map(|(l, m)| Some((l, m.pulse.as_ref()?)))
         {
             all.add(level.taps, bytemuck::cast_slice(&pulse.words()))?;
         }
-        for level in plan.levels.iter().chain(plan.pixels_only()) {
+        for level in plan.levels.all() {
             if let Some(spots) = plan.spots_of(level) {
                 all.add(level.rendered.wall, bytemuck::cast_slice(&spots.rendered.wall.words()))?;
             }
         }
-        for spots in &plan.spots {
+        for spots in &plan.levels.spots {
             all.add(spots.taps, bytemuck::cast_slice(&spots.words()))?;
         }
-        for (level, reachable) in plan.levels.iter().zip(&plan.reachable) {
+        for (level, reachable) in plan.levels.volume.iter().zip(&plan.levels.reachable) {
             let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();
             all.add(level.reachable, bytemuck::cast_slice(&bricks))?;
             if level.wall != buffer::WALL && !plan.is_cut(level) {
@@ -208,7 +208,7 @@ impl<'e> Uploads<'e> {
     /// Adds the scenes, the measured values and their sums.
     fn add_counts(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
         self.add_scenes(plan, model, summed)?;
-        if plan.cut.is_some() {
+        if plan.division.cut.is_some() {
             return self.add_parts(plan, model, summed);
         }
         self.add(buffer::MEASURED, bytemuck::cast_slice(&plan.own_rows(&model.measured, model.bins)))?;
@@ -218,7 +218,7 @@ impl<'e> Uploads<'e> {
 
     /// Adds the scenes, which hold the variance of the measured values.
     pub fn add_scenes(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
-        for level in plan.levels.iter().chain(plan.pixels_only()).chain(plan.batches_held()) {
+        for level in plan.levels.all().chain(plan.batches_held()) {
             let own = in_bins_of(level, model, summed);
             let scene = own.scene_of(&level.grid, level.pairs);
             let scene = plan.scene_of(level, &plan.measured(level), scene);
@@ -236,7 +236,7 @@ impl<'e> Uploads<'e> {
     /// summed, and the scenes of parts. Stores the measured values of parts.
     fn add_parts(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
         let mut added = vec![];
-        for level in plan.levels.iter().chain(plan.pixels_only()).filter(|l| !plan.is_cut(l)) {
+        for level in plan.levels.all().filter(|l| !plan.is_cut(l)) {
             if !added.contains(&level.measured) {
                 // The most pairs of any whole level with these bins; others have the first of them.
                 let room = plan.bytes_of(level.measured) as usize / 4;

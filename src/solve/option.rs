@@ -501,7 +501,7 @@ mod tests {
         for name in SolverOptions::NAMES {
             let mut options = SolverOptions::suited_to(name, &Suit::USUAL).unwrap();
             let report = serde_json::to_value(&options).unwrap();
-            for row in options.solver().rows() {
+            for row in options.rows() {
                 let before = options.get(row.key).unwrap();
                 let other = match (&before, row.range) {
                     (Value::Flag(on), _) => Value::Flag(!on),

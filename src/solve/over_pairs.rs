@@ -58,10 +58,12 @@ pub(super) fn scene_of_sums(plan: &Plan, level: &Level) -> Buffer {
 pub(super) fn forward(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, pass: &Pass) {
     let flags = if plan.forward_direct(level) { FORWARD_DIRECT } else { 0 };
     let chunks = plan.set_chunks(part.rendered.count);
-    let of_set = (u64::from(chunks) * u64::from(plan.tuning.chunk)).min(plan.voxels_at(level) as u64);
+    let of_set =
+        (u64::from(chunks) * u64::from(plan.division.tuning.chunk)).min(plan.voxels_at(level) as u64);
     let rendered = &part.rendered;
-    let tiles = plan.tuning.tiles(plan.geometry, [rendered.count, rendered.scanned, rendered.others]);
-    let most = plan.tuning.most_chunks(plan.voxels_at(level), tiles).min(chunks.into());
+    let tiles =
+        plan.division.tuning.tiles(plan.scene.geometry, [rendered.count, rendered.scanned, rendered.others]);
+    let most = plan.division.tuning.most_chunks(plan.voxels_at(level), tiles).min(chunks.into());
     for set in 0..plan.sets_of(level, part.rendered.count) {
         let turns = of_set * part.rendered.count as u64;
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_FORWARD + set), turns)
@@ -92,8 +94,8 @@ pub(super) fn compare(
         s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
         sharp = Some(SEEN);
     }
-    if plan.pulse > 0 {
-        let turns = turns_of_pulse(part.own.count, level.bins, plan.pulse);
+    if plan.scene.pulse > 0 {
+        let turns = turns_of_pulse(part.own.count, level.bins, plan.scene.pulse);
         let spread = s.dispatch(&PULSE, runs(part.own.count, level.bins), turns);
         spread.bind(buffer::SCENE, part.own.scene).bind(buffer::PULSE_TAPS, level.taps);
         if let Some(sharp) = sharp {
@@ -115,7 +117,7 @@ pub(super) fn compare(
     if part.noise != buffer::NOISE_STATE && plan.has_noise() {
         compared.bind(buffer::NOISE_STATE, part.noise);
     }
-    if plan.pulse == 0 && plan.has_spots() {
+    if plan.scene.pulse == 0 && plan.has_spots() {
         compared.bind(buffer::SPREAD, SEEN);
     }
     instrument_back(s, plan, level, part, [&PULSE_BACK, &SPOT_BACK], through);
@@ -133,8 +135,8 @@ pub(super) fn instrument_back(
     through: Option<u32>,
 ) {
     let mut from = buffer::RESIDUAL;
-    if plan.pulse > 0 || through.is_some() {
-        let taps = if through.is_some() { plan.tap_room } else { plan.pulse };
+    if plan.scene.pulse > 0 || through.is_some() {
+        let taps = if through.is_some() { plan.tap_room() } else { plan.scene.pulse };
         let turns = turns_of_pulse(part.own.count, level.bins, taps);
         s.dispatch(pulse, runs(part.own.count, level.bins), turns)
             .bind(buffer::SCENE, part.own.scene)
@@ -191,18 +193,18 @@ fn spot(
 /// Sums the measurement's bins for the levels of the volume, if these have wider ones. It is due once, after the upload.
 /// Where pairs are cut into parts, the host sums them, and this is empty.
 pub fn sum_bins(s: &mut Schedule, plan: &Plan) {
-    if plan.cut.is_some() {
+    if plan.division.cut.is_some() {
         return;
     }
-    let pairs = plan.own(plan.pairs);
-    for level in plan.summed() {
-        s.dispatch(&SUM_BINS, groups(pairs * level.bins, WORKGROUP), (pairs * plan.bins) as u64)
+    let pairs = plan.own(plan.scene.pairs);
+    for level in plan.levels.summed() {
+        s.dispatch(&SUM_BINS, groups(pairs * level.bins, WORKGROUP), (pairs * plan.scene.bins) as u64)
             .bind(buffer::SCENE, level.scene)
             .bind(buffer::SOURCE, buffer::MEASURED)
             .bind(buffer::TARGET, level.measured)
             .with(Push {
                 first: level.sum as u32,
-                last: plan.bins as u32,
+                last: plan.scene.bins as u32,
                 step: pairs as u32,
                 ..Default::default()
             });
@@ -233,7 +235,7 @@ pub(super) fn gather(
 
 /// Workgroups of a gather for `voxels` voxels at most.
 pub(super) fn gathering(plan: &Plan, voxels: usize) -> [u32; 3] {
-    groups(plan.tuning.most_groups(voxels), 1)
+    groups(plan.division.tuning.most_groups(voxels), 1)
 }
 
 /// Runs `pass` with an invocation for each active voxel of `level`, of so many `turns` at most.
@@ -255,7 +257,7 @@ pub(super) fn over_touched<'s>(
     pass: &Pass,
     turns: usize,
 ) -> &'s mut Command {
-    over(s, pass, ARGUMENTS_UPDATE, [plan.touched_capacity, turns]).bind(buffer::SCENE, level.scene)
+    over(s, pass, ARGUMENTS_UPDATE, [plan.domain.touched_capacity, turns]).bind(buffer::SCENE, level.scene)
 }
 
 fn over<'s>(s: &'s mut Schedule, pass: &Pass, triple: u32, [most, turns]: [usize; 2]) -> &'s mut Command {
@@ -315,10 +317,10 @@ pub(super) fn pair_chunks(
     voxels: usize,
 ) -> impl Iterator<Item = Push> + use<> {
     let (pairs, most) = (all.count as u32, plan.gathered_pairs(voxels));
-    let several = plan.geometry == Geometry::Product && all.others > 1;
+    let several = plan.scene.geometry == Geometry::Product && all.others > 1;
     let row = if several { all.scanned as u32 } else { pairs };
     let whole = row * (most / row).max(1);
-    let (goes_on, is_last) = (!part.is_first(), part.is_last() && plan.share.is_none());
+    let (goes_on, is_last) = (!part.is_first(), part.is_last() && plan.division.share.is_none());
     let mut first = 0;
     std::iter::from_fn(move || {
         if first == pairs {

@@ -1,11 +1,11 @@
 //! What every method can do that turns a capture into maps.
 
 use super::option::Options;
-use super::{Accumulation, Needs, Part, Plan, Prepared, Sizes};
+use super::{Accumulation, Needs, Part, Plan, Prepared, Problem, Sizes};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
-use crate::transport::{Grid, Reflectance};
+use crate::transport::Reflectance;
 
 /// A method, as its options.
 pub trait Solver: Options {
@@ -32,11 +32,11 @@ pub trait Solver: Options {
         None
     }
 
-    /// The plan for a capture, whose counts do not matter.
+    /// The plan for a problem. Its budget does not matter.
     ///
     /// # Errors
     /// The method does not take the capture (`Kind::Input`), or the grid exceeds the limits of the device.
-    fn plan(&self, capture: &Capture, grid: Grid, abilities: &Abilities, with_volume: bool) -> Result<Plan>;
+    fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan>;
 
     /// What it asks of a plan, if its pairs can be divided into parts.
     fn needs(&self) -> Option<&dyn Needs> {
@@ -50,14 +50,7 @@ pub trait Solver: Options {
     ///
     /// # Errors
     /// See [`super::paper::prepare`].
-    fn prepare(
-        &self,
-        gpu: &Gpu,
-        capture: &Capture,
-        grid: Grid,
-        memory: Option<u64>,
-        with_volume: bool,
-    ) -> Result<Box<dyn Prepared>>;
+    fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>>;
 }
 
 /// What the options of all methods have.

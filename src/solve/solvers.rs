@@ -1,21 +1,23 @@
 //! The solvers of this version, and what all of them can do.
 
+use std::ops::{Deref, DerefMut};
+
 use serde::Serialize;
 
 use super::closed_form::{
     BpOptions, ConvolutionOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions,
     PhasorOptions,
 };
-use super::option::{Options, Row, Suit, Value, default_text};
+use super::option::{Row, Suit, Value, default_text};
 use super::{
-    Beside, Common, Needs, PaperOptions, Part, Plan, Prepared, Reconstruction, RunsOn, Sizes, Solver,
-    SurfaceAloneOptions, VectorOptions, default_volume, surface,
+    Beside, Common, Needs, PaperOptions, Part, Plan, Prepared, Problem, Reconstruction, RunsOn, Sizes,
+    Solver, SurfaceAloneOptions, VectorOptions, default_volume, surface,
 };
 use crate::advice::advice;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu, check};
 use crate::maps::Maps;
-use crate::transport::{Grid, Reflectance, Volume};
+use crate::transport::{Reflectance, Volume};
 use crate::{Error, Result};
 
 /// Declares the methods: one line for each.
@@ -63,14 +65,9 @@ macro_rules! solvers {
                 Some(self)
             }
 
-            fn plan(
-                &self,
-                capture: &Capture,
-                grid: Grid,
-                abilities: &Abilities,
-                with_volume: bool,
-            ) -> Result<Plan> {
+            fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
                 // The counts are as large as all the rest, and a plan is the same without them.
+                let Problem { capture, grid, with_volume, .. } = *problem;
                 let model = super::$module::model(&capture.outline(), &grid, self);
                 Plan::new(&model, grid, capture.resolution(), self, abilities, with_volume)
             }
@@ -79,16 +76,8 @@ macro_rules! solvers {
                 super::$module::outline(plan, self)
             }
 
-            fn prepare(
-                &self,
-                gpu: &Gpu,
-                capture: &Capture,
-                grid: Grid,
-                memory: Option<u64>,
-                with_volume: bool,
-            ) -> Result<Box<dyn Prepared>> {
-                let made = super::$module::prepare(gpu, capture, grid, self, memory, with_volume)?;
-                Ok(Box::new(made))
+            fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
+                Ok(Box::new(super::$module::prepare(gpu, problem, self)?))
             }
         })*
     };
@@ -128,15 +117,21 @@ macro_rules! solvers {
                     $(SolverOptions::$variant(_) => $options::NAME,)*
                 }
             }
+        }
 
-            /// The solver.
-            pub fn solver(&self) -> &dyn Solver {
+        /// What every method can do.
+        impl Deref for SolverOptions {
+            type Target = dyn Solver;
+
+            fn deref(&self) -> &Self::Target {
                 match self {
                     $(SolverOptions::$variant(o) => o,)*
                 }
             }
+        }
 
-            fn options(&mut self) -> &mut dyn Options {
+        impl DerefMut for SolverOptions {
+            fn deref_mut(&mut self) -> &mut Self::Target {
                 match self {
                     $(SolverOptions::$variant(o) => o,)*
                 }
@@ -168,37 +163,6 @@ solvers! {
 impl SolverOptions {
     /// The solver that wins the comparison of error against run time (docs/error-vs-time.md).
     pub const DEFAULT: &str = VectorOptions::NAME;
-
-    /// What every solver's options have.
-    pub fn common(&self) -> Common {
-        self.solver().common()
-    }
-
-    /// Checks the options.
-    ///
-    /// # Errors
-    /// The first option that makes no sense, by its name on the command line.
-    pub fn check(&self) -> Result<()> {
-        self.solver().check()
-    }
-
-    /// Checks that a capture breaks no assumption of the method. Its counts do not matter.
-    ///
-    /// # Errors
-    /// `Kind::Input`: the assumption that it breaks, and what to choose instead.
-    pub fn takes(&self, capture: &Capture) -> Result<()> {
-        self.solver().takes(capture)
-    }
-
-    /// The value of an option.
-    pub fn get(&self, key: &str) -> Option<Value> {
-        self.solver().get(key)
-    }
-
-    /// Sets an option. Tells whether the solver has it.
-    pub fn set(&mut self, key: &str, value: &Value) -> bool {
-        self.options().set(key, value)
-    }
 
     /// Sets an option to the first of `values` that it takes, and returns that one; `None` if it takes none of them.
     pub fn set_first(&mut self, key: &str, values: impl IntoIterator<Item = Value>) -> Option<Value> {
@@ -267,7 +231,7 @@ impl SolverOptions {
             Some(pixels) => {
                 let pixel = pixel_of(capture, volume, self.common().lateral);
                 let usual = capture.bin_width.max(OF_WIDTH * pixels as f64 * pixel);
-                let detail = self.solver().detail().zip(capture.spacing()).map(|(share, step)| share * step);
+                let detail = self.detail().zip(capture.spacing()).map(|(share, step)| share * step);
                 detail.map_or(usual, |detail| detail.clamp(0.5 * usual, usual))
             }
             None => capture.bin_width,
@@ -304,44 +268,23 @@ impl SolverOptions {
         matches!(self, SolverOptions::Paper(_)).then_some(Maps::MASK_FRACTION)
     }
 
-    /// The plan of a solve.
-    ///
-    /// # Errors
-    /// The solver does not take the capture, or the grid exceeds the limits of the device.
-    pub fn plan(
-        &self,
-        capture: &Capture,
-        grid: Grid,
-        abilities: &Abilities,
-        with_volume: bool,
-    ) -> Result<Plan> {
-        self.solver().plan(capture, grid, abilities, with_volume)
-    }
-
     /// A plan as it fits on a device: as it is, or in parts of pairs. `memory` is a budget in bytes.
     ///
     /// # Errors
     /// It does not fit.
     pub fn fit(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
-        match self.solver().needs() {
+        match self.needs() {
             Some(needs) => plan.within(needs, &gpu.memory(), memory),
             None => check(&plan.buffers, &gpu.memory(), memory).map(|()| plan),
         }
     }
 
-    /// The plan of a solve on a device as it is, in parts of pairs where all do not fit. `memory` is a budget in bytes.
+    /// The plan of a solve on a device as it is, in parts of pairs where all do not fit.
     ///
     /// # Errors
-    /// As [`SolverOptions::plan`], and it does not fit.
-    pub fn plan_within(
-        &self,
-        capture: &Capture,
-        grid: Grid,
-        gpu: &Gpu,
-        memory: Option<u64>,
-        with_volume: bool,
-    ) -> Result<Plan> {
-        self.fit(self.plan(capture, grid, &gpu.abilities(), with_volume)?, gpu, memory)
+    /// As [`Solver::plan`], and it does not fit.
+    pub fn plan_within(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Plan> {
+        self.fit(self.plan(problem, &gpu.abilities())?, gpu, problem.memory)
     }
 
     /// Runs the solver.
@@ -351,15 +294,12 @@ impl SolverOptions {
     pub fn solve<'b, 'w: 'b>(
         &self,
         gpu: &Gpu,
-        capture: &Capture,
-        grid: Grid,
-        memory: Option<u64>,
-        with_volume: bool,
+        problem: &Problem<'_>,
         beside: impl Into<Beside<'b, 'w>>,
     ) -> Result<Reconstruction> {
         self.check()?;
-        capture.check()?;
-        self.prepare(gpu, capture, grid, memory, with_volume)?.solve(capture, beside.into())
+        problem.capture.check()?;
+        self.prepare(gpu, problem)?.solve(problem.capture, beside.into())
     }
 
     /// Runs the solver on several devices that share the pairs, or on one.
@@ -369,17 +309,12 @@ impl SolverOptions {
     pub fn solve_on<'b, 'w: 'b>(
         &self,
         gpus: &[Gpu],
-        capture: &Capture,
-        grid: Grid,
-        memory: Option<u64>,
-        with_volume: bool,
+        problem: &Problem<'_>,
         beside: impl Into<Beside<'b, 'w>>,
     ) -> Result<Reconstruction> {
         match (self, gpus) {
-            (_, [gpu]) => self.solve(gpu, capture, grid, memory, with_volume, beside),
-            (SolverOptions::Vector(o), _) => {
-                super::vector::reconstruct_on(gpus, capture, grid, o, memory, with_volume, beside)
-            }
+            (_, [gpu]) => self.solve(gpu, problem, beside),
+            (SolverOptions::Vector(o), _) => super::vector::reconstruct_on(gpus, problem, o, beside),
             _ => Err(Error::options(
                 format!("{} devices are to share a solve, and {} runs on one", gpus.len(), self.name()),
                 advice!["name one " Device ", or use the vector solver"],
@@ -387,26 +322,11 @@ impl SolverOptions {
         }
     }
 
-    /// Prepares the solver for captures of one scan.
-    ///
-    /// # Errors
-    /// See [`super::paper::prepare`].
-    pub fn prepare(
-        &self,
-        gpu: &Gpu,
-        capture: &Capture,
-        grid: Grid,
-        memory: Option<u64>,
-        with_volume: bool,
-    ) -> Result<Box<dyn Prepared>> {
-        self.solver().prepare(gpu, capture, grid, memory, with_volume)
-    }
-
     /// The options of all solvers, each once, with its text and what it is by default.
     pub fn all_rows() -> Vec<(&'static Row, String)> {
         let usual = Self::NAMES.iter().filter_map(|name| Self::suited_to(name, &Suit::USUAL));
         let mut rows: Vec<&'static Row> = vec![];
-        for row in usual.flat_map(|options| options.solver().rows()) {
+        for row in usual.flat_map(|options| options.rows()) {
             if rows.iter().all(|r| r.key != row.key) {
                 rows.push(row);
             }

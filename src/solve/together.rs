@@ -12,7 +12,7 @@ use crate::transport::kernels::*;
 
 /// Adds `sums` up over all devices.
 pub(super) fn add_up(s: &mut Schedule, plan: &Plan, sums: &[Summed]) {
-    if plan.share.is_some() {
+    if plan.division.share.is_some() {
         s.exchange(sums);
     }
 }
@@ -20,7 +20,7 @@ pub(super) fn add_up(s: &mut Schedule, plan: &Plan, sums: &[Summed]) {
 /// Adds up over all devices the losses that a comparison left, and `sums`. `finish` is the pass that reads the losses; its
 /// flags are [`finish_flags`] then.
 pub(super) fn add_up_losses(s: &mut Schedule, plan: &Plan, level: &Level, finish: &Pass, sums: &[Summed]) {
-    if plan.share.is_some() {
+    if plan.division.share.is_some() {
         s.dispatch(finish, [1, 1, 1], turns_of_finish(plan))
             .bind(buffer::SCENE, scene_of_sums(plan, level))
             .with(Push { flags: FINISH_ADD, ..Default::default() });
@@ -30,7 +30,7 @@ pub(super) fn add_up_losses(s: &mut Schedule, plan: &Plan, level: &Level, finish
 
 /// Flags of the pass that closes an iteration.
 pub(super) fn finish_flags(plan: &Plan) -> u32 {
-    if plan.share.is_some() { FINISH_ADDED } else { 0 }
+    if plan.division.share.is_some() { FINISH_ADDED } else { 0 }
 }
 
 /// Ends the gather of `level` by `pass` from the buffer `from`, after its sums were added up.
@@ -61,7 +61,7 @@ pub(super) fn end_of_all(
 }
 
 fn last_of_shared(plan: &Plan, level: &Level) -> Option<PairPart> {
-    plan.share.and_then(|_| plan.parts(level).last())
+    plan.division.share.and_then(|_| plan.parts(level).last())
 }
 
 /// A dispatch that takes the sums of those before and ends the gather: from behind the last pair on there are none.

@@ -12,7 +12,7 @@ use thirdbounce::capture::Capture;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::paper::reconstruct;
-use thirdbounce::solve::{PaperOptions, Preset, Progress, Reconstruction, Watch, default_volume};
+use thirdbounce::solve::{PaperOptions, Preset, Problem, Progress, Reconstruction, Watch, default_volume};
 use thirdbounce::transport::Grid;
 
 fn thirdbounce(arguments: &[&str]) -> Output {
@@ -286,7 +286,7 @@ fn sleepy(
     };
     let mut watch = Watch { hear: &mut hear, maps_every, maps_at: &[] };
     let start = Instant::now();
-    let done = reconstruct(gpu, capture, grid, &o, None, false, &mut watch).unwrap();
+    let done = reconstruct(gpu, &Problem::new(capture, grid), &o, &mut watch).unwrap();
     (done, asleep, start.elapsed().as_secs_f64())
 }
 

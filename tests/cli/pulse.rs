@@ -15,7 +15,7 @@ use thirdbounce::files::array::Array;
 use thirdbounce::job::{FindPulse, Input, Request, load, run};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Doing, VectorOptions, Watch, default_volume, vector};
+use thirdbounce::solve::{Doing, Problem, VectorOptions, Watch, default_volume, vector};
 use thirdbounce::transport::{Grid, Volume};
 
 const FWHM: f64 = 0.04;
@@ -72,7 +72,7 @@ fn a_known_pulse_makes_depths_and_normals_better() {
                 .unwrap();
         let mut hear = |_: &thirdbounce::solve::Progress| ControlFlow::Continue(());
         let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-        let done = vector::reconstruct(&gpu, capture, grid, &options, None, false, &mut watch).unwrap();
+        let done = vector::reconstruct(&gpu, &Problem::new(capture, grid), &options, &mut watch).unwrap();
         let best = metrics(&done.maps, &truth, 0.3).unwrap().at_best.unwrap();
         let spread = done.plan.bytes()["spread"];
         (best.depth_mae.unwrap(), best.normal_error_deg.unwrap(), done.trace.last().unwrap().loss, spread)

@@ -9,7 +9,7 @@ use thirdbounce::capture::{Capture, read, write};
 use thirdbounce::job::{Input, load};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Progress, VectorOptions, Watch, default_volume, vector};
+use thirdbounce::solve::{Problem, Progress, VectorOptions, Watch, default_volume, vector};
 use thirdbounce::transport::Grid;
 
 /// Two steps of a scan of 16 x 16 points.
@@ -66,7 +66,7 @@ fn a_known_spot_makes_depths_and_normals_better() {
         let grid = Grid::new(default_volume(capture, 0.2).unwrap(), 64, capture.bin_width).unwrap();
         let mut hear = |_: &Progress| ControlFlow::Continue(());
         let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-        let done = vector::reconstruct(&gpu, capture, grid, &options, None, false, &mut watch).unwrap();
+        let done = vector::reconstruct(&gpu, &Problem::new(capture, grid), &options, &mut watch).unwrap();
         let best = metrics(&done.maps, &truth, 0.3).unwrap().at_best.unwrap();
         (best.depth_mae.unwrap(), best.normal_error_deg.unwrap(), done.plan)
     };

@@ -10,7 +10,7 @@ use thirdbounce::export::mesh;
 use thirdbounce::job::SolverOptions;
 use thirdbounce::maps::{Layer, Maps};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{VectorOptions, Watch, default_volume};
+use thirdbounce::solve::{Problem, VectorOptions, Watch, default_volume};
 use thirdbounce::transport::Grid;
 
 struct Mesh {
@@ -201,7 +201,7 @@ fn a_reconstructed_figure_is_met_to_less_than_a_voxel() {
     let mut go = |_: &_| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut go, maps_every: None, maps_at: &[] };
     let solver = SolverOptions::from(options);
-    let mut maps = solver.solve(&device::gpu(), &capture, grid, None, false, &mut watch).unwrap().maps;
+    let mut maps = solver.solve(&device::gpu(), &Problem::new(&capture, grid), &mut watch).unwrap().maps;
     maps.set_mask(0.3);
     let mesh = mesh(&maps);
 

@@ -33,16 +33,16 @@ fn assert_lists(job: &mut OnDevice, grid: &Grid, domain: &[bool], continuous: bo
         let g = n.div_ceil(size as usize) as u32;
         [g.min(GROUPS_X), g.div_ceil(GROUPS_X), 1]
     };
-    let t = job.plan.tuning;
+    let t = job.plan.division.tuning;
     assert_eq!(arguments[ARGUMENTS_SAMPLE as usize], groups(active.len(), WORKGROUP));
     assert_eq!(
         arguments[ARGUMENTS_BACKWARD as usize],
         groups(active.len(), t.samples_of_group(active.len()))
     );
     assert_eq!(arguments[ARGUMENTS_UPDATE as usize], groups(touched.len(), WORKGROUP));
-    let tiles = job.plan.pairs.div_ceil(t.lanes as usize) as u32;
+    let tiles = job.plan.scene.pairs.div_ceil(t.lanes as usize) as u32;
     for set in 0..sets as usize {
-        let want = if job.plan.accumulation == Accumulation::Owned {
+        let want = if job.plan.division.accumulation == Accumulation::Owned {
             if set * (t.chunk as usize) < active.len() { [tiles, 1, 1] } else { [0, 0, 1] }
         } else {
             let chunks = active.len().div_ceil(t.chunk as usize) as u32;
@@ -153,7 +153,7 @@ pub fn reduction_smooths_and_keeps_what_is_above_the_threshold() {
         let split = schedule.commands.iter().position(|c| c.name() == "threshold").unwrap();
         let after = Schedule { commands: schedule.commands.split_off(split) };
         job.perform(&schedule);
-        let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.taps);
+        let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.domain.taps);
         let got: Vec<f32> = read(&mut job, buffer::GRADIENT, grid.storage());
         assert!(error(got.iter().map(|v| f64::from(*v)), smooth.iter().copied()) < 2e-6);
         job.perform(&after);
@@ -186,13 +186,13 @@ fn a_volume_without_light_keeps_its_domain_if_there_is_room_for_it() {
         |i: usize| [if i.is_multiple_of(9) { 0.5 } else { -0.5 - (i % 7) as f64 / 8.0 }, 0.25, 0.0, -0.5];
     let raw: Vec<_> = (0..grid.storage()).map(dark).collect();
     let state = [raw.clone(), moments(&raw, 2.0), moments(&raw, 3.0)];
-    let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.taps);
+    let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.domain.taps);
     assert!(smooth.iter().all(|v| *v <= 0.0), "no smoothed value is above zero");
     for room in [count, count - 1] {
         let touched = hold(&mut job, &grid, &domain, &state);
-        let capacity = std::mem::replace(&mut Arc::make_mut(&mut job.plan).capacity, room);
+        let capacity = std::mem::replace(&mut Arc::make_mut(&mut job.plan).domain.capacity, room);
         let schedule = Schedule::of(|s| reduce(s, &job.plan, job.plan.finest(), job.model.keep_above));
-        Arc::make_mut(&mut job.plan).capacity = capacity;
+        Arc::make_mut(&mut job.plan).domain.capacity = capacity;
         job.perform(&schedule);
         let kept = twin::threshold_raw(&twin, &smooth, &domain, room);
         assert_eq!(kept.iter().filter(|k| **k).count(), if room < count { 0 } else { count });
@@ -223,13 +223,14 @@ pub fn doubling_interpolates_the_volume_and_splits_every_voxel() {
     let mut o = options(&model, &fine);
     o.domain.coarse_to_fine = true;
     let mut job = job(&gpu, &model, &fine, &o);
-    assert_eq!(job.plan.levels.len(), 2);
-    assert_eq!(job.plan.levels[0].grid, coarse);
+    assert_eq!(job.plan.levels.volume.len(), 2);
+    assert_eq!(job.plan.levels.volume[0].grid, coarse);
     let (raw, domain) = state(&model, &coarse, 0.3, 5);
     // Slots of the coarse level.
     let coarse_touched = write_touched(&mut job, &coarse, &domain);
     write_state(&mut job, buffer::RAW, &coarse_touched, &raw);
-    let schedule = Schedule::of(|s| double(s, &job.plan, &job.plan.levels[0], &job.plan.levels[1]));
+    let schedule =
+        Schedule::of(|s| double(s, &job.plan, &job.plan.levels.volume[0], &job.plan.levels.volume[1]));
     job.perform(&schedule);
     let split = twin::double_domain(&coarse, &fine, &domain);
     assert_eq!(split.iter().filter(|a| **a).count(), 4 * domain.iter().filter(|a| **a).count());

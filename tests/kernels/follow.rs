@@ -14,7 +14,7 @@ pub fn what_is_left_is_summed_and_filtered() {
     let twin = Twin { model: &model, grid: &grid };
     let mut job = job(&gpu, &model, &grid, &vector_options(&grid));
     job.executor.add_kernels(&[FILTER_LEFT.wanted(&job.plan)]).unwrap();
-    let (level, source) = (*job.plan.finest(), job.plan.volumes[0]);
+    let (level, source) = (*job.plan.finest(), job.plan.domain.volumes[0]);
     let mut random = Random::new(11);
     // One of these bins here, and so many there, which end in the middle of one here, too.
     for (from, to, bins, sigma) in

@@ -364,7 +364,7 @@ fn check_iterations(
     assert!(weights.bend > 0.0 && weights.jump > 0.0 && weights.iterations == 12.0);
     assert!(weights.sparse > 0.0 && weights.faint == f64::from(6.0f32));
     write(&mut job, buffer::SURFACE_WEIGHTS, &words);
-    let room = job.plan.tap_room;
+    let room = job.plan.tap_room();
     let blurs = blur::words(model.pulse.as_ref(), 1.5, room);
     write(&mut job, buffer::PULSE_TAPS, &blurs);
     let through = |i: usize| blur::number(i, 12).map(|k| (k + 1) * room);

@@ -116,7 +116,7 @@ fn gather_of_long_paths() {
     {
         let model = variant(&scene(5, 4096, 9), geometry, Reflectance::Cosine, false, 23 + i as u64);
         let case = GatherCase::new(model, oblong(), 24);
-        assert!(check_gather(&gpu, &case, 1, 3e-5).plan.fine);
+        assert!(check_gather(&gpu, &case, 1, 3e-5).plan.scene.fine);
     }
     assert_valid(&gpu);
 }

@@ -45,14 +45,14 @@ fn solved(capture: &Capture, options: VectorOptions) -> Solved {
         let at = |i: usize| grid.position(DVec3::from_array(grid.voxel(i).map(|c| c as f64)));
         Some((*level, (0..grid.storage()).filter(active).map(at).collect()))
     };
-    let levels = plan.levels.iter().enumerate().filter_map(last).collect();
+    let levels = plan.levels.volume.iter().enumerate().filter_map(last).collect();
     Solved { levels, plan, model, maps: done.maps }
 }
 
 impl Solved {
     /// The level of the surface, and its points as `surface_points.comp` writes them for these columns of the maps.
     fn surface(&self, columns: &[u32]) -> (Level, Vec<DVec3>) {
-        let level = self.plan.pixel_level.expect("a surface");
+        let level = self.plan.levels.pixels.expect("a surface");
         let points = |c: &u32| {
             let c = *c as usize;
             let [x, y] = self.maps.centre(c / self.maps.ny, c % self.maps.ny);

@@ -252,7 +252,7 @@ fn a_gpus_distances_are_polished_where_its_root_is_too_rough() {
         for (kind, asks) in [(DeviceKind::Discrete, polished), (DeviceKind::Cpu, false)] {
             let device = Abilities { kind, ..gpu.abilities() };
             let plan = Plan::new(&model, grid, [5, 5], &vector_options(&grid), &device, false).unwrap();
-            assert_eq!((plan.polished, plan.fine), (asks, fine), "{bins} bins, {kind}");
+            assert_eq!((plan.scene.polished, plan.scene.fine), (asks, fine), "{bins} bins, {kind}");
             assert_eq!(plan.constant(constant::POLISHED), Some(u32::from(asks)));
         }
     }
@@ -307,7 +307,7 @@ fn check_gathers(gpu: &Gpu, case: &StepCase, dispatches: usize, texels: bool) {
 fn check_gathers_of(mut job: OnDevice, case: &StepCase, dispatches: usize) {
     let twin = case.twin();
     case.write(&mut job);
-    let voxels = job.plan.tuning.samples_of_group(case.active.len()) as usize;
+    let voxels = job.plan.division.tuning.samples_of_group(case.active.len()) as usize;
     let s = Schedule::of(|s| vector::iteration(s, &job.plan, job.plan.finest(), 0));
     assert_eq!(s.commands.iter().filter(|c| c.name() == "step").count(), dispatches);
     run(&mut job, s, &["step"]);
@@ -321,7 +321,7 @@ fn check_gathers_of(mut job: OnDevice, case: &StepCase, dispatches: usize) {
     );
     run_start(&mut job, &["backproject"]);
     let want = twin::backproject(&twin, &case.residual);
-    let projected = job.plan.volumes[1];
+    let projected = job.plan.domain.volumes[1];
     assert!(error(read_floats(&mut job, projected, case.grid.storage()), want) < 3e-5);
 }
 
@@ -378,7 +378,7 @@ pub fn bins_are_summed_for_the_volume() {
     let options = vector_options(&grid).with(|o| o.all_bins = false);
     let mut job = job(&gpu, &model, &grid, &options);
     let level = *job.plan.finest();
-    assert_eq!([level.sum, job.plan.bins, level.bins], [3, 203, 67]);
+    assert_eq!([level.sum, job.plan.scene.bins, level.bins], [3, 203, 67]);
     let want = twin::sum_bins(&model.measured, model.bins, 3);
     assert_eq!(want.len(), 16 * 67);
     assert!(error(read_floats(&mut job, level.measured, want.len()), want) < 1e-6);
@@ -426,7 +426,7 @@ pub fn variance_filter_and_backproject() {
         let filtered: Vec<f64> = want.iter().map(|w| f64::from(*w as f32)).collect();
         let want = twin::backproject(&twin, &filtered);
         assert!(want.iter().filter(|v| **v > 0.0).count() > 100, "some is there, some is below zero");
-        let projected = job.plan.volumes[1];
+        let projected = job.plan.domain.volumes[1];
         assert!(error(read_floats(&mut job, projected, grid.storage()), want) < 3e-5);
     }
     assert_valid(&gpu);

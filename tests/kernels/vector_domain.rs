@@ -50,7 +50,7 @@ pub fn reduction_smooths_the_lengths_and_settles() {
     let mut level = 0;
     let s = Schedule::of(|s| vector::due(s, &job.plan, &o, &mut level, o.domain.reduce_every));
     job.perform(&s);
-    let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
+    let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.domain.taps);
     assert!(error(read_floats(&mut job, SMOOTH, grid.storage()), smooth.iter().copied()) < 2e-6);
     let kept = twin::threshold(&twin, &smooth);
     let share = kept.iter().filter(|k| **k).count() as f64 / grid.voxels() as f64;
@@ -97,20 +97,20 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
     let v = within(vectors(grid.storage(), 24), &domain);
     let o = vector_options(&grid).with(|o| o.domain.keep_above = 0.05);
     let mut job = job(&gpu, &model, &grid, &o);
-    let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
+    let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.domain.taps);
     let twin = Twin { model: &model, grid: &grid };
     let all = twin::threshold(&twin, &smooth);
     let count = |mask: &[bool]| mask.iter().filter(|m| **m).count();
     let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
     for room in [count(&all) + 1, count(&all) / 2, 40, 1] {
         // The voxels that are active already must fit.
-        Arc::make_mut(&mut job.plan).capacity = count(&domain).max(room);
+        Arc::make_mut(&mut job.plan).domain.capacity = count(&domain).max(room);
         job.upload().unwrap();
         let active = write_domain(&mut job, &domain);
         write_vectors(&mut job, buffer::RAW, &active, &v);
         set_counts(&mut job, active.len(), 0.0);
         write_momentum(&mut job, REST);
-        Arc::make_mut(&mut job.plan).capacity = room;
+        Arc::make_mut(&mut job.plan).domain.capacity = room;
         let s = Schedule::of(|s| vector::due(s, &job.plan, &o, &mut 0, o.domain.reduce_every));
         let split = s.commands.iter().position(|c| c.name() == "threshold").unwrap() + 1;
         let [before, after] =
@@ -226,7 +226,7 @@ pub fn bounds_weigh_voxels_by_how_bright_they_are() {
         let s =
             Schedule::of(|s| vector::due(s, &job.plan, &o, &mut 0, o.bound_every * o.domain.reduce_every));
         job.perform(&s);
-        let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.taps);
+        let smooth = twin::smooth(&grid, twin::lengths(&v, &domain), &job.plan.domain.taps);
         let mask = read_mask(&mut job, buffer::MASK, grid.storage());
         let twin = Twin { model: &model, grid: &grid };
         check_bounds_of(&mut job, &twin, &mask, &expected(&smooth, power));
@@ -266,7 +266,7 @@ fn check_doubling(fine: &Grid, all_bins: bool, from: usize, parts: [usize; 2]) {
         o.all_bins = all_bins;
     });
     let mut job = job(&gpu, &model, fine, &o);
-    let [before, after] = [job.plan.levels[from], job.plan.levels[from + 1]];
+    let [before, after] = [job.plan.levels.volume[from], job.plan.levels.volume[from + 1]];
     assert_eq!(after.parts, parts);
     let (coarse, fine) = (before.grid, after.grid);
     let model = if after.sum > 1 { model.summed(after.sum) } else { model };
@@ -280,7 +280,7 @@ fn check_doubling(fine: &Grid, all_bins: bool, from: usize, parts: [usize; 2]) {
 
     // Voxels that the reduction leaves out still count in the interpolation of their neighbours.
     let kept_model = Model { keep_above: 0.5, ..model.clone() };
-    let smooth = twin::smooth(&coarse, twin::lengths(&v, &domain), &job.plan.taps);
+    let smooth = twin::smooth(&coarse, twin::lengths(&v, &domain), &job.plan.domain.taps);
     let kept = twin::threshold(&Twin { model: &kept_model, grid: &coarse }, &smooth);
     let split = twin::double_domain(&coarse, &fine, &kept);
     assert_eq!(read_mask(&mut job, buffer::MASK, fine.storage()), split);
@@ -318,7 +318,7 @@ pub fn start_leaves_a_domain_with_its_bounds_and_nothing_in_it() {
     job.perform(&s);
     let half: Vec<f64> = hat[1..].iter().map(|w| f64::from(*w)).collect();
     let projected = twin::backproject(&twin, &twin::filter(&twin, &half, false));
-    let smooth = twin::smooth(&grid, projected, &job.plan.taps);
+    let smooth = twin::smooth(&grid, projected, &job.plan.domain.taps);
     assert!(error(read_floats(&mut job, SMOOTH, grid.storage()), smooth.iter().copied()) < 3e-5);
     let mask = read_mask(&mut job, buffer::MASK, grid.storage());
     let want = twin::threshold(&twin, &smooth);
@@ -435,8 +435,8 @@ fn the_papers_scene_takes_150_megabytes() {
         let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
         assert!(bytes < most, "{bytes}");
         let storage = plan.finest().grid.storage();
-        assert_eq!([plan.finest().grid.n[0], plan.maps.n[0]], [128 / pixels_per_voxel, 128]);
-        assert!(plan.capacity * 16 >= storage && plan.capacity < storage);
+        assert_eq!([plan.finest().grid.n[0], plan.levels.maps.n[0]], [128 / pixels_per_voxel, 128]);
+        assert!(plan.domain.capacity * 16 >= storage && plan.domain.capacity < storage);
         assert!(plan.left_out.iter().any(|l| l.contains("inactive voxels")), "{:?}", plan.left_out);
         let larger = plan.left_out.iter().any(|l| l.contains("2 of them wide"));
         assert_eq!(larger, pixels_per_voxel == 2, "{:?}", plan.left_out);

@@ -165,7 +165,7 @@ fn columns_fit_into_the_shared_memory_that_every_device_has() {
     let tuning = |model: &Model, sizes: &str, card: &Abilities| {
         let sizes = if sizes.is_empty() { Sizes::default() } else { sizes.parse().expect("sizes") };
         let o = vector_options(&grid).with(|o| (o.accumulation, o.sizes) = (Accumulation::Cas, sizes));
-        Plan::new(model, grid, [5, 5], &o, card, false).map(|plan| plan.tuning)
+        Plan::new(model, grid, [5, 5], &o, card, false).map(|plan| plan.division.tuning)
     };
     let window = |model, sizes| tuning(model, sizes, &card).expect("it fits").window;
     assert_eq!([window(&base, ""), window(&base, "lanes=128")], [64, 32]);

@@ -84,10 +84,11 @@ fn paper_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     });
     let mut job = job(gpu, &model, &grid, &o);
     let mut level = 0;
-    let start = Schedule::of(|s| paper::initialise(s, &job.plan, &job.plan.levels[0]));
+    let start = Schedule::of(|s| paper::initialise(s, &job.plan, &job.plan.levels.volume[0]));
     runs.run(&mut job, start);
     for i in 0..3 {
-        let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, &job.plan.levels[level], i, i + 1));
+        let mut s =
+            Schedule::of(|s| paper::iteration(s, &job.plan, &job.plan.levels.volume[level], i, i + 1));
         paper::due(&mut s, &job.plan, &o, &mut level, i as usize + 1);
         runs.run(&mut job, s);
     }
@@ -113,15 +114,15 @@ fn vector_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
         o.domain.room = Some(0.4);
     });
     let mut job = job(gpu, &model, &grid, &o);
-    let hat = vector::hat(2.0, job.plan.levels[0].bins);
+    let hat = vector::hat(2.0, job.plan.levels.volume[0].bins);
     write(&mut job, buffer::HAT_TAPS, &hat);
     let sums = Schedule::of(|s| sum_bins(s, &job.plan));
     runs.run(&mut job, sums);
     let mut level = 0;
-    let start = Schedule::of(|s| vector::start(s, &job.plan, &job.plan.levels[0], &o));
+    let start = Schedule::of(|s| vector::start(s, &job.plan, &job.plan.levels.volume[0], &o));
     runs.run(&mut job, start);
     for i in 0..3 {
-        let mut s = Schedule::of(|s| vector::iteration(s, &job.plan, &job.plan.levels[level], i));
+        let mut s = Schedule::of(|s| vector::iteration(s, &job.plan, &job.plan.levels.volume[level], i));
         vector::due(&mut s, &job.plan, &o, &mut level, i as usize + 1);
         runs.run(&mut job, s);
     }
@@ -133,7 +134,7 @@ fn vector_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     let mut s = Schedule::default();
     s.dispatch(&FILTER_LEFT, [(job.plan.cells_at(&finest) as u32).div_ceil(WORKGROUP), 1, 1], 10_000)
         .bind(buffer::SCENE, finest.scene)
-        .bind(buffer::SOURCE, job.plan.volumes[0])
+        .bind(buffer::SOURCE, job.plan.domain.volumes[0])
         .with(Push { first: 1, step: 1, last, flags: 1f32.to_bits(), ..Push::default() });
     s.dispatch(&JOIN, [(finest.grid.storage() as u32 / 32).div_ceil(WORKGROUP), 1, 1], 10_000)
         .bind(buffer::SCENE, finest.scene);

@@ -9,7 +9,7 @@ use thirdbounce::gpu::{
 };
 use thirdbounce::job::{self, Request};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{Accumulation, Plan};
+use thirdbounce::solve::{Accumulation, Plan, Problem};
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Error, Kind};
 
@@ -36,7 +36,7 @@ fn honoured() -> Row {
             let request = Request::new(options, "");
             let case = || -> Held {
                 let grid = request.grid(&loaded.capture).map_err(|e| e.to_string())?;
-                let plan = request.solver.plan(&loaded.capture, grid, &gpu.abilities(), false);
+                let plan = request.solver.plan(&Problem::new(&loaded.capture, grid), &gpu.abilities());
                 let plan = plan.map_err(|e| e.to_string())?;
                 match thirdbounce::gpu::Arena::new(&gpu, &plan.buffers, Some(mebibytes << 20)) {
                     Ok(arena) => {

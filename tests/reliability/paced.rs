@@ -86,7 +86,7 @@ fn a_dense_start_of_a_large_scan_is_many_dispatches() {
         let options = small_vector(Accumulation::Auto);
         let plan = Plan::new(&model, grid(), [256, 256], &options, &card(), false).expect("a plan");
         for s in [
-            Schedule::of(|s| vector::start(s, &plan, &plan.levels[0], &options)),
+            Schedule::of(|s| vector::start(s, &plan, &plan.levels.volume[0], &options)),
             Schedule::of(|s| vector::iteration(s, &plan, plan.finest(), 0)),
         ] {
             let long = s.commands.iter().filter(|c| c.work() > MOST);

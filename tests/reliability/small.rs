@@ -10,7 +10,7 @@ use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
 use thirdbounce::job::{self, Input, Loaded, Request, SolverOptions};
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
 use thirdbounce::solve::{
-    Accumulation, NoiseTerm, PaperOptions, Preset, Progress, Reconstruction, VectorOptions, Watch,
+    Accumulation, NoiseTerm, PaperOptions, Preset, Problem, Progress, Reconstruction, VectorOptions, Watch,
 };
 use thirdbounce::transport::Reflectance;
 use thirdbounce::{Result, export};
@@ -120,7 +120,7 @@ pub fn solve(
     };
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
     let grid = Request::new(solver.clone(), "").grid(capture)?;
-    solver.solve(gpu, capture, grid, None, true, &mut watch)
+    solver.solve(gpu, &Problem::new(capture, grid).and_volume(), &mut watch)
 }
 
 /// Every bit of a result except times.

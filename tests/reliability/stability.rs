@@ -54,7 +54,7 @@ fn exact_places_and_runs_of_every_kind_of_pair() {
             let crowded = cases::of_pairs(&cases::crowded(32, 64), geometry, reflectance, curved);
             for case in [narrow, crowded] {
                 let job = case.job(&gpu, Accumulation::Owned);
-                assert!(job.plan.fine || job.plan.runs, "{}", case.name);
+                assert!(job.plan.scene.fine || job.plan.division.runs, "{}", case.name);
                 hold(&gpu, &case, &[Accumulation::Owned, Accumulation::Float]);
             }
         }
@@ -68,7 +68,7 @@ fn ordinary_scenes_pay_nothing() {
     let gpu = gpu();
     let wants = |case: Case| {
         let job = case.job(&gpu, Accumulation::Owned);
-        (job.plan.fine, job.plan.runs)
+        (job.plan.scene.fine, job.plan.division.runs)
     };
     assert_eq!(wants(cases::plain()), (false, false));
     assert_eq!(wants(cases::narrow(1e4)), (true, false));

@@ -12,7 +12,8 @@ use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, PaperOptions, Preset, Reconstruction, VectorOptions, compact, default_volume, paper, vector,
+    Accumulation, PaperOptions, Preset, Problem, Reconstruction, VectorOptions, compact, default_volume,
+    paper, vector,
 };
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Grid, Reflectance};
@@ -103,7 +104,12 @@ fn by_paper(
     grid: Grid,
     o: &PaperOptions,
 ) -> thirdbounce::Result<Reconstruction> {
-    paper::reconstruct(gpu, capture, grid, o, None, true, &mut unwatched(&mut |_| ControlFlow::Continue(())))
+    paper::reconstruct(
+        gpu,
+        &Problem::new(capture, grid).and_volume(),
+        o,
+        &mut unwatched(&mut |_| ControlFlow::Continue(())),
+    )
 }
 
 fn by_vector(
@@ -112,7 +118,12 @@ fn by_vector(
     grid: Grid,
     o: &VectorOptions,
 ) -> thirdbounce::Result<Reconstruction> {
-    vector::reconstruct(gpu, capture, grid, o, None, true, &mut unwatched(&mut |_| ControlFlow::Continue(())))
+    vector::reconstruct(
+        gpu,
+        &Problem::new(capture, grid).and_volume(),
+        o,
+        &mut unwatched(&mut |_| ControlFlow::Continue(())),
+    )
 }
 
 fn paper_options() -> PaperOptions {

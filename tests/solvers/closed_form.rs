@@ -11,7 +11,7 @@ use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{Dark, photon_noise};
 use thirdbounce::solve::option::Value;
-use thirdbounce::solve::{Preset, Reconstruction, Sharpness, SolverOptions, Suit, Watch};
+use thirdbounce::solve::{Preset, Problem, Reconstruction, Sharpness, SolverOptions, Suit, Watch};
 use thirdbounce::transport::{Grid, Volume};
 
 /// Points of the scan along x and y, and the wall's side.
@@ -68,7 +68,7 @@ fn solved(gpu: &Gpu, name: &str, capture: &Capture, volume: Volume, lateral: usi
 fn solved_with(gpu: &Gpu, options: &SolverOptions, capture: &Capture, grid: Grid) -> Reconstruction {
     let mut hear = |_: &_| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    options.solve(gpu, capture, grid, None, false, &mut watch).unwrap()
+    options.solve(gpu, &Problem::new(capture, grid), &mut watch).unwrap()
 }
 
 /// Where the light of the maps is: the centroid of what is above half of the brightest pixel.
@@ -213,10 +213,13 @@ fn the_columns_that_tell_noise_count_as_memory() {
         Grid::new(Volume { min: dvec3(-0.4, -0.4, 0.3), max: dvec3(0.6, 0.6, 1.0) }, 48, BIN).unwrap(),
     );
     let mut options = options("fbp", 48, &capture);
-    let plan = options.solver().plan(&capture, grid, &gpu.abilities(), false).unwrap();
+    let plan = options.plan(&Problem::new(&capture, grid), &gpu.abilities()).unwrap();
     let memory: u64 = plan.bytes().values().sum();
-    let prepare =
-        |options: &SolverOptions| options.prepare(&gpu, &capture, grid, Some(memory), false).map(|_| ());
+    let prepare = |options: &SolverOptions| {
+        options
+            .prepare(&gpu, &Problem { capture: &capture, grid, memory: Some(memory), with_volume: false })
+            .map(|_| ())
+    };
     let refused = prepare(&options).unwrap_err();
     assert_eq!(refused.kind, Kind::Memory);
     assert!(refused.what.contains(&format!("there are {} MiB", memory >> 20)), "{refused}");
@@ -231,7 +234,7 @@ fn scans_that_break_an_assumption_are_refused() {
     let target = [dvec3(0.0, 0.1, 0.6)];
     let refusal = |name: &str, capture: &Capture| {
         let grid = Grid::new(options(name, 16, capture).default_volume(capture).unwrap(), 16, 0.02).unwrap();
-        let error = options(name, 16, capture).prepare(&gpu, capture, grid, None, false).err();
+        let error = options(name, 16, capture).prepare(&gpu, &Problem::new(capture, grid)).err();
         error.map(|e| {
             assert_eq!(e.kind, Kind::Input, "{e}");
             assert!(e.mend.to_string().contains("fbp"), "{e}");

@@ -11,7 +11,8 @@ use thirdbounce::gpu::{EXCHANGED, Faults, Gpu, GpuOptions, Point};
 use thirdbounce::job::{Request, SolverOptions};
 use thirdbounce::simulate::Scene;
 use thirdbounce::solve::{
-    Accumulation, Beside, Keep, NoiseTerm, Plan, Progress, Reconstruction, Share, VectorOptions, Watch,
+    Accumulation, Beside, Keep, NoiseTerm, Plan, Problem, Progress, Reconstruction, Share, VectorOptions,
+    Watch,
 };
 use thirdbounce::{Error, Kind, Result};
 
@@ -37,7 +38,7 @@ fn solve_hearing(
 ) -> Result<Reconstruction> {
     let grid = Request::new(solver.clone(), "").grid(capture)?;
     let mut watch = Watch { hear, maps_every: Some(5), maps_at: &[] };
-    solver.solve_on(gpus, capture, grid, None, true, &mut watch)
+    solver.solve_on(gpus, &Problem::new(capture, grid).and_volume(), &mut watch)
 }
 
 fn solve(gpus: &[Gpu], solver: &SolverOptions, capture: &Capture) -> Result<Reconstruction> {
@@ -73,7 +74,7 @@ fn two_devices_end_as_one() {
     // A quarter of the pairs, a quarter of these at first, and odd numbers of both.
     let spread = render(&Scene { bin_width: 0.03, ..scene(62) });
     let shared = assert_as_one("levels with some of the pairs", &gpus, &auto(), &spread);
-    assert_eq!((shared.plan.levels[0].pairs, shared.plan.pairs), (241, 961));
+    assert_eq!((shared.plan.levels.volume[0].pairs, shared.plan.scene.pairs), (241, 961));
 }
 
 #[test]
@@ -105,19 +106,19 @@ fn every_pair_is_on_one_device() {
     for capture in [confocal(), exhaustive(12, 3)] {
         let grid = Request::new(options.clone(), "").grid(&capture).expect("a grid");
         let gpu = open(None);
-        let plan = SolverOptions::from(options.clone()).plan(&capture, grid, &gpu.abilities(), false);
+        let plan = SolverOptions::from(options.clone()).plan(&Problem::new(&capture, grid), &gpu.abilities());
         let plan: Plan = plan.expect("a plan");
         let of = |number| plan.clone().shared(Share { number, of: 3 }, &options).expect("a share");
         let shares = [0, 1, 2].map(of);
-        for (i, level) in plan.levels.iter().enumerate() {
-            let own = shares.each_ref().map(|share| share.measured(&share.levels[i]).count);
+        for (i, level) in plan.levels.volume.iter().enumerate() {
+            let own = shares.each_ref().map(|share| share.measured(&share.levels.volume[i]).count);
             assert_eq!(own.iter().sum::<usize>(), level.pairs);
-            assert!(own.iter().max() <= Some(&(level.pairs / 3 + plan.scanned)), "{own:?}");
-            assert!(shares.iter().all(|share| share.levels[i] == *level), "the same voxels");
+            assert!(own.iter().max() <= Some(&(level.pairs / 3 + plan.scene.scanned)), "{own:?}");
+            assert!(shares.iter().all(|share| share.levels.volume[i] == *level), "the same voxels");
         }
         assert!(
             shares[0].bytes_of(thirdbounce::transport::kernels::buffer::RESIDUAL)
-                < plan.pairs as u64 * plan.bins as u64 * 2
+                < plan.scene.pairs as u64 * plan.scene.bins as u64 * 2
         );
     }
 }
@@ -180,6 +181,6 @@ fn what_cannot_be_shared_is_refused() {
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
     let keep = Keep { every: 2, save: &mut |_| Ok(()), from: None };
     let beside = Beside { watch: &mut watch, keep: Some(keep), lent: None };
-    let error = auto().solve_on(&gpus, &capture, grid, None, false, beside).expect_err("it is refused");
+    let error = auto().solve_on(&gpus, &Problem::new(&capture, grid), beside).expect_err("it is refused");
     assert!(error.kind == Kind::Options && error.what.contains("saved or resumed"), "{error}");
 }

@@ -8,7 +8,7 @@ use thirdbounce::maps::{Layer, Maps};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::surface::layers::{merge, split};
-use thirdbounce::solve::{Accumulation, Reconstruction, VectorOptions, default_volume, vector};
+use thirdbounce::solve::{Accumulation, Problem, Reconstruction, VectorOptions, default_volume, vector};
 use thirdbounce::transport::Grid;
 
 const SIDE: usize = 12;
@@ -114,11 +114,8 @@ fn run(gpu: &Gpu, scene: Scene, surface_iterations: usize) -> Reconstruction {
     let grid = Grid::new(default_volume(&capture, 0.2).unwrap(), o.lateral, capture.bin_width).unwrap();
     vector::reconstruct(
         gpu,
-        &capture,
-        grid,
+        &Problem::new(&capture, grid).and_volume(),
         &o,
-        None,
-        true,
         &mut unwatched(&mut |_| ControlFlow::Continue(())),
     )
     .unwrap()

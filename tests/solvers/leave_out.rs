@@ -8,7 +8,8 @@ use glam::{DVec3, dvec3};
 use thirdbounce::capture::{Capture, Gate};
 use thirdbounce::gpu::Gpu;
 use thirdbounce::solve::{
-    Accumulation, PaperOptions, Plan, Preset, Reconstruction, VectorOptions, default_volume, paper, vector,
+    Accumulation, PaperOptions, Plan, Preset, Problem, Reconstruction, VectorOptions, default_volume, paper,
+    vector,
 };
 use thirdbounce::transport::{Geometry, Grid, Reflectance, Sampling};
 
@@ -62,7 +63,13 @@ fn solve_vector(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general:
         o.accumulation = Accumulation::Repeatable;
     });
     let mut hear = |_: &_| ControlFlow::Continue(());
-    vector::reconstruct(gpu, capture, grid_of(capture), &o, None, true, &mut unwatched(&mut hear)).unwrap()
+    vector::reconstruct(
+        gpu,
+        &Problem::new(capture, grid_of(capture)).and_volume(),
+        &o,
+        &mut unwatched(&mut hear),
+    )
+    .unwrap()
 }
 
 fn solve_paper(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: bool) -> Reconstruction {
@@ -80,7 +87,13 @@ fn solve_paper(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: 
         o.accumulation = Accumulation::Repeatable;
     });
     let mut hear = |_: &_| ControlFlow::Continue(());
-    paper::reconstruct(gpu, capture, grid_of(capture), &o, None, true, &mut unwatched(&mut hear)).unwrap()
+    paper::reconstruct(
+        gpu,
+        &Problem::new(capture, grid_of(capture)).and_volume(),
+        &o,
+        &mut unwatched(&mut hear),
+    )
+    .unwrap()
 }
 
 /// Both solves agree: in the data term at every point, and in the volume where both have one.
@@ -122,10 +135,10 @@ fn every_variant_agrees_with_the_general_one() {
         let capture = capture(geometry, curved);
         let what = format!("{geometry:?} {reflectance:?} curved {curved}");
         let short = solve_vector(&gpu, &capture, reflectance, false);
-        assert_eq!(short.plan.geometry, geometry, "{what}");
-        assert_eq!(short.plan.curved, curved && reflectance == Reflectance::Lambertian, "{what}");
+        assert_eq!(short.plan.scene.geometry, geometry, "{what}");
+        assert_eq!(short.plan.scene.curved, curved && reflectance == Reflectance::Lambertian, "{what}");
         let general = solve_vector(&gpu, &capture, reflectance, true);
-        assert_eq!((general.plan.geometry, general.plan.curved), (Geometry::TwoPoints, true));
+        assert_eq!((general.plan.scene.geometry, general.plan.scene.curved), (Geometry::TwoPoints, true));
         assert_same(&format!("vector, {what}"), &short, &general);
         let [short, general] = [false, true].map(|g| solve_paper(&gpu, &capture, reflectance, g));
         assert_same(&format!("paper, {what}"), &short, &general);
@@ -154,11 +167,17 @@ fn unreached_bins_and_bricks_change_nothing() {
     };
     let mut hear = |_: &_| ControlFlow::Continue(());
     let [short, general] = [false, true].map(|general| {
-        paper::reconstruct(&gpu, &gated, deep, &o(general), None, true, &mut unwatched(&mut hear)).unwrap()
+        paper::reconstruct(
+            &gpu,
+            &Problem::new(&gated, deep).and_volume(),
+            &o(general),
+            &mut unwatched(&mut hear),
+        )
+        .unwrap()
     });
-    let dark = short.plan.reachable[0].iter().filter(|r| !**r).count();
-    assert!(dark > 0 && general.plan.reachable[0].iter().all(|r| *r));
-    assert!(short.plan.bins < general.plan.bins, "bins before 0.6 m cannot be reached");
+    let dark = short.plan.levels.reachable[0].iter().filter(|r| !**r).count();
+    assert!(dark > 0 && general.plan.levels.reachable[0].iter().all(|r| *r));
+    assert!(short.plan.scene.bins < general.plan.scene.bins, "bins before 0.6 m cannot be reached");
     assert!(short.trace[0].active < general.trace[0].active);
     assert_same("gate", &short, &general);
 }
@@ -184,12 +203,12 @@ fn the_plan_says_what_it_leaves_out_and_leaves_it_unallocated() {
         says(&cosine, "second distance") && says(&cosine, "wall's normals") && says(&cosine, "gated bins")
     );
     assert!(!says(&cosine, "surfaces' normals"));
-    assert!(says(&cosine, "voxels on wall points") && !cosine.touching);
+    assert!(says(&cosine, "voxels on wall points") && !cosine.levels.touching);
     let general = plan(Geometry::Confocal, Reflectance::Cosine, true);
     assert!(
         !says(&general, "distance") && !says(&general, "wall's normals") && !says(&general, "gated bins")
     );
-    assert!(!says(&general, "voxels on wall points") && general.touching, "the general one asks");
+    assert!(!says(&general, "voxels on wall points") && general.levels.touching, "the general one asks");
     let isotropic = plan(Geometry::Product, Reflectance::Isotropic, false);
     assert!(says(&isotropic, "surfaces' normals") && says(&isotropic, "every scanned point"));
     let bytes = |p: &Plan, name: &str| p.bytes()[name];

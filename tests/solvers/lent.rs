@@ -97,8 +97,8 @@ fn lent_counts_give_the_maps_of_counts_on_the_host() {
         let gpu = caller.gpu();
         let options = SessionOptions { sum: asked, ..lending() };
         let mut session = Session::new(&gpu, &scan, None, &vector(|_| ()), options).unwrap();
-        assert_eq!(session.plan().lent.unwrap().sum, sum);
-        summed += session.plan().summed().count();
+        assert_eq!(session.plan().demand.lent.unwrap().sum, sum);
+        summed += session.plan().levels.summed().count();
         for (counts, format) in
             frames.iter().zip([Format::F32, Format::U16]).chain([(&frames[0], Format::U32)])
         {

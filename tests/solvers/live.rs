@@ -211,7 +211,7 @@ fn frames_that_come_too_fast_are_dropped_queued_or_summed() {
         drop(go_on);
         let mut solved = vec![];
         while let Ok(frame) = session.wait() {
-            solved.push((frame.id.0, frame.result.plan.pairs));
+            solved.push((frame.id.0, frame.result.plan.scene.pairs));
         }
         (submitted, solved.into_iter().map(|s| s.0).collect::<Vec<_>>(), session.latency())
     };
@@ -274,7 +274,7 @@ fn what_cannot_follow_is_refused() {
     let (capture, _) = seen(&letter(0.0));
     let make = |solver: SolverOptions, follow: Follow, feed: Feed| {
         let options = SessionOptions { follow: Some(follow), feed, ..SessionOptions::default() };
-        Session::new(&gpu, &capture, None, &solver, options).map(|s| s.plan().pairs)
+        Session::new(&gpu, &capture, None, &solver, options).map(|s| s.plan().scene.pairs)
     };
     let paper = PaperOptions::preset(Preset::Synthetic).into();
     assert_error(make(paper, Follow::default(), Feed::One), Kind::Options, &["paper", "follow"]);

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use fixtures::device::*;
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{VectorOptions, default_volume, vector};
+use thirdbounce::solve::{Problem, VectorOptions, default_volume, vector};
 use thirdbounce::transport::Grid;
 
 /// Bins that one voxel is deep.
@@ -28,11 +28,14 @@ fn a_volume_of_summed_bins_begins_as_good_a_surface() {
     let mut hear = |_: &_| ControlFlow::Continue(());
     let [summed, all] = [false, true].map(|all_bins| {
         let o = options.clone().with(|o| o.all_bins = all_bins);
-        vector::reconstruct(&gpu, &capture, grid, &o, None, false, &mut unwatched(&mut hear)).unwrap()
+        vector::reconstruct(&gpu, &Problem::new(&capture, grid), &o, &mut unwatched(&mut hear)).unwrap()
     });
     assert_eq!([&summed.plan, &all.plan].map(|p| p.finest().sum), [SUM, 1]);
-    assert_eq!(summed.plan.finest().bins, summed.plan.bins / SUM);
-    assert!(summed.plan.pixel_level.iter().all(|l| l.bins == summed.plan.bins), "the surface has all bins");
+    assert_eq!(summed.plan.finest().bins, summed.plan.scene.bins / SUM);
+    assert!(
+        summed.plan.levels.pixels.iter().all(|l| l.bins == summed.plan.scene.bins),
+        "the surface has all bins"
+    );
     assert!(summed.plan.left_out.iter().any(|l| l.contains("bins finer than the volume's voxels")));
     assert!(!summed.surface_left && !all.surface_left);
     let [summed, all] = [summed, all].map(|r| metrics(&r.maps, &truth, 0.3).unwrap());

@@ -6,7 +6,8 @@ use fixtures::device::unwatched;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    PaperOptions, Part, Plan, Preset, Reconstruction, VectorOptions, When, default_volume, paper, vector,
+    PaperOptions, Part, Plan, Preset, Problem, Reconstruction, VectorOptions, When, default_volume, paper,
+    vector,
 };
 use thirdbounce::transport::Grid;
 
@@ -85,7 +86,8 @@ fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Ve
     });
     let grid = Grid::new(default_volume(&capture, o.domain.min_depth).unwrap(), o.lateral, 0.02).unwrap();
     gpu.take_recording();
-    let done = paper::reconstruct(&gpu, &capture, grid, &o, None, false, &mut unwatched(&mut hear)).unwrap();
+    let done =
+        paper::reconstruct(&gpu, &Problem::new(&capture, grid), &o, &mut unwatched(&mut hear)).unwrap();
     let parts = paper::outline(&done.plan, &o);
     assert!(parts.iter().any(|p| matches!(&p.when, When::After(times) if times.len() > 1)));
     check(done, parts);
@@ -98,12 +100,14 @@ fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Ve
         o.surface.iterations = 0;
         o.stop = false;
     });
-    let done = vector::reconstruct(&gpu, &capture, grid, &o, None, false, &mut unwatched(&mut hear)).unwrap();
+    let done =
+        vector::reconstruct(&gpu, &Problem::new(&capture, grid), &o, &mut unwatched(&mut hear)).unwrap();
     let parts = vector::outline(&done.plan, &o);
     check(done, parts);
 
     let o = o.with(|o| o.surface.iterations = 12);
-    let done = vector::reconstruct(&gpu, &capture, grid, &o, None, false, &mut unwatched(&mut hear)).unwrap();
+    let done =
+        vector::reconstruct(&gpu, &Problem::new(&capture, grid), &o, &mut unwatched(&mut hear)).unwrap();
     let parts = vector::outline(&done.plan, &o);
     assert_known(&done.plan, &parts);
     let [told, ran] = [told(&parts), ran(&gpu)];

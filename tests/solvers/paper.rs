@@ -11,7 +11,7 @@ use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::paper::{self, reconstruct};
 use thirdbounce::solve::{
-    Accumulation, Decay, NoiseTerm, PaperOptions, Plan, Preset, Reconstruction, default_volume,
+    Accumulation, Decay, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, default_volume,
 };
 use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::{Binning, Gradient, Grid, Sampling};
@@ -88,11 +88,8 @@ fn grid(capture: &thirdbounce::capture::Capture, o: &PaperOptions) -> Grid {
 fn run(gpu: &Gpu, capture: &thirdbounce::capture::Capture, o: &PaperOptions) -> Reconstruction {
     reconstruct(
         gpu,
-        capture,
-        grid(capture, o),
+        &Problem::new(capture, grid(capture, o)).and_volume(),
         o,
-        None,
-        true,
         &mut unwatched(&mut |_| ControlFlow::Continue(())),
     )
     .unwrap()
@@ -105,7 +102,7 @@ fn the_order_of_events_is_the_papers() {
     let o = small(1000);
     let model = paper::model(&capture, &grid(&capture, &o), &o);
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
-    let laterals: Vec<usize> = plan.levels.iter().map(|l| l.grid.n[0]).collect();
+    let laterals: Vec<usize> = plan.levels.volume.iter().map(|l| l.grid.n[0]).collect();
     assert_eq!(laterals, [8, 16, 32], "from the scan's resolution, doubling");
     let mut level = 0;
     for done in 1..1000 {
@@ -134,7 +131,7 @@ fn the_order_of_events_is_the_papers() {
         o.domain.reduce = false;
     });
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
-    assert_eq!(plan.levels.len(), 1);
+    assert_eq!(plan.levels.volume.len(), 1);
     assert!(Schedule::of(|s| paper::due(s, &plan, &o, &mut 0, 50)).commands.is_empty());
 }
 
@@ -255,7 +252,8 @@ fn a_caller_can_break_off() {
         heard += 1;
         ControlFlow::Break(())
     };
-    let result = reconstruct(&gpu, &capture, grid(&capture, &o), &o, None, false, &mut unwatched(&mut hear));
+    let result =
+        reconstruct(&gpu, &Problem::new(&capture, grid(&capture, &o)), &o, &mut unwatched(&mut hear));
     assert_eq!(result.unwrap_err().kind, Kind::Cancelled);
     assert_eq!(heard, 1);
     assert_valid(&gpu);
@@ -268,8 +266,13 @@ fn what_cannot_run_is_refused_in_words() {
     let o = small(10);
     let refused = |capture: &thirdbounce::capture::Capture, o: &PaperOptions, memory| {
         let g = grid(capture, o);
-        reconstruct(&gpu, capture, g, o, memory, false, &mut unwatched(&mut |_| ControlFlow::Continue(())))
-            .unwrap_err()
+        reconstruct(
+            &gpu,
+            &Problem { capture, grid: g, memory, with_volume: false },
+            o,
+            &mut unwatched(&mut |_| ControlFlow::Continue(())),
+        )
+        .unwrap_err()
     };
     let error = refused(&capture, &o, Some(1 << 16));
     assert!(error.kind == Kind::Memory && error.mend.names(Setting::Memory), "{error}");
@@ -290,7 +293,7 @@ fn what_cannot_run_is_refused_in_words() {
     assert!(error.what.contains("pairs"), "{error}");
     few.limits.groups = [8, 3, 1];
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap();
-    assert!(3 * plan.tuning.chunk as usize >= plan.finest().grid.storage());
+    assert!(3 * plan.division.tuning.chunk as usize >= plan.finest().grid.storage());
     let error = refused(&capture, &small(40).with(|o| o.learning_rate = 1e30), None);
     assert!(error.what.contains("loss"), "{error}");
     assert_valid(&gpu);

@@ -8,8 +8,8 @@ use fixtures::device::*;
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, NoiseTerm, OnDevice, PaperOptions, Plan, Preset, Reconstruction, compact, default_volume,
-    paper,
+    Accumulation, NoiseTerm, OnDevice, PaperOptions, Plan, Preset, Problem, Reconstruction, compact,
+    default_volume, paper,
 };
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Twin};
@@ -21,7 +21,7 @@ fn solve(gpu: &Gpu, o: &PaperOptions) -> Reconstruction {
     let volume = default_volume(&capture, o.domain.min_depth).unwrap();
     let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
     let mut hear = |_: &_| ControlFlow::Continue(());
-    paper::reconstruct(gpu, &capture, grid, o, None, true, &mut unwatched(&mut hear)).unwrap()
+    paper::reconstruct(gpu, &Problem::new(&capture, grid).and_volume(), o, &mut unwatched(&mut hear)).unwrap()
 }
 
 fn options_of(sampling: Sampling) -> PaperOptions {
@@ -46,8 +46,8 @@ fn room_that_is_enough_changes_nothing() {
         let all = solve(&gpu, &options_of(sampling));
         let part = solve(&gpu, &options_of(sampling).with(|o| o.domain.room = Some(0.4)));
         let storage = all.plan.finest().grid.storage();
-        assert_eq!([all.plan.capacity, all.plan.touched_capacity], [storage; 2]);
-        assert!(part.plan.touched_capacity < storage && part.device_bytes < all.device_bytes);
+        assert_eq!([all.plan.domain.capacity, all.plan.domain.touched_capacity], [storage; 2]);
+        assert!(part.plan.domain.touched_capacity < storage && part.device_bytes < all.device_bytes);
         assert!(!all.full && !part.full);
         let told = |r: &Reconstruction| -> Vec<_> {
             let point = |p: &thirdbounce::solve::TracePoint| (p.iteration, p.active, p.loss.to_bits());
@@ -70,7 +70,9 @@ fn a_solve_beyond_its_room_stays_within_it() {
     let small = solve(&gpu, &o);
     let most =
         |r: &Reconstruction| r.trace.iter().filter(|p| p.lateral == 32).map(|p| p.active).max().unwrap();
-    assert!(small.full && most(&small) <= small.plan.capacity && most(&all) > small.plan.capacity);
+    assert!(
+        small.full && most(&small) <= small.plan.domain.capacity && most(&all) > small.plan.domain.capacity
+    );
     let brightest = |r: &Reconstruction| {
         let albedo = &r.maps.albedo;
         (0..albedo.len()).max_by(|a, b| albedo[*a].total_cmp(&albedo[*b])).unwrap()
@@ -96,9 +98,9 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
     let gpu = gpu();
     let (model, fine) = (model(3, 40, 1), grid());
     let (mut job, o) = crowded(&gpu, &model, &fine);
-    let coarse = job.plan.levels[0].grid;
-    let room = job.plan.capacity;
-    assert!(room >= coarse.storage() && job.plan.touched_capacity < fine.storage());
+    let coarse = job.plan.levels.volume[0].grid;
+    let room = job.plan.domain.capacity;
+    assert!(room >= coarse.storage() && job.plan.domain.touched_capacity < fine.storage());
     let twin = Twin { model: &model, grid: &coarse };
     let (raw, domain) = state(&model, &coarse, 0.9, 5);
     let touched = write_touched(&mut job, &coarse, &domain);
@@ -108,7 +110,7 @@ fn doubling_keeps_the_brightest_that_there_is_room_for() {
     assert_eq!(level, 1);
     job.perform(&s);
 
-    let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.taps);
+    let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.domain.taps);
     let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
     let levels: Vec<u32> = read(&mut job, buffer::LEVELS, LEVELS as usize);
     let moved: u32 = levels.iter().zip(twin::levels(&twin, &smooth)).map(|(a, b)| a.abs_diff(b)).sum();
@@ -150,9 +152,9 @@ fn a_rim_beyond_its_room_reads_as_nothing() {
     let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
     write(&mut job, buffer::COUNTS, &[0u32; COUNTS as usize]);
     write_domain(&mut job, &domain);
-    Arc::make_mut(&mut job.plan).touched_capacity = (active.len() + all.len()) / 2;
+    Arc::make_mut(&mut job.plan).domain.touched_capacity = (active.len() + all.len()) / 2;
     job.upload().unwrap();
-    let listed = &all[..job.plan.touched_capacity];
+    let listed = &all[..job.plan.domain.touched_capacity];
     let s = Schedule::of(|s| compact(s, &job.plan, job.plan.finest()));
     job.perform(&s);
     let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
@@ -187,14 +189,18 @@ fn the_papers_scene_takes_less_than_150_megabytes() {
         let plan = Plan::new(&model, grid, [32, 32], &o, &gpu.abilities(), true).unwrap();
         let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
         assert!(bytes < 150_000_000, "{preset:?}: {bytes}");
-        let [first, last] = [plan.levels[0].grid.storage(), plan.finest().grid.storage()];
-        assert!(plan.levels.len() == 3 && plan.capacity >= first && plan.capacity * 11 > last);
-        assert!(plan.touched_capacity > plan.capacity && plan.touched_capacity < last);
+        let [first, last] = [plan.levels.volume[0].grid.storage(), plan.finest().grid.storage()];
+        assert!(
+            plan.levels.volume.len() == 3
+                && plan.domain.capacity >= first
+                && plan.domain.capacity * 11 > last
+        );
+        assert!(plan.domain.touched_capacity > plan.domain.capacity && plan.domain.touched_capacity < last);
         assert!(plan.left_out.iter().any(|l| l.contains("inactive voxels")), "{:?}", plan.left_out);
         // Without a reduction before the doubling there is room for everything.
         for whole in [o.clone().with(|o| o.domain.reduce = false), o.with(|o| o.domain.reduce_every = 30)] {
             let plan = Plan::new(&model, grid, [32, 32], &whole, &gpu.abilities(), false).unwrap();
-            assert_eq!([plan.capacity, plan.touched_capacity], [last; 2]);
+            assert_eq!([plan.domain.capacity, plan.domain.touched_capacity], [last; 2]);
         }
     }
 }

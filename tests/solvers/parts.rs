@@ -12,7 +12,8 @@ use thirdbounce::gpu::{Abilities, Accumulations, Arena, DeviceKind, Gpu, GpuOpti
 use thirdbounce::job::{Request, SolverOptions};
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate};
 use thirdbounce::solve::{
-    Accumulation, Level, NoiseTerm, PaperOptions, Plan, Preset, Reconstruction, VectorOptions, vector,
+    Accumulation, Level, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, VectorOptions,
+    vector,
 };
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Kind, Result};
@@ -97,7 +98,7 @@ fn solve(
 ) -> Result<Reconstruction> {
     let mut hear = |_: &_| ControlFlow::Continue(());
     let grid = Request::new(solver.clone(), "").grid(capture)?;
-    solver.solve(gpu, capture, grid, memory, true, &mut unwatched(&mut hear))
+    solver.solve(gpu, &Problem { capture, grid, memory, with_volume: true }, &mut unwatched(&mut hear))
 }
 
 /// Holds a solve in parts against the whole one.
@@ -188,9 +189,16 @@ fn a_budget_holds_what_is_on_the_device() {
     assert!(arena.stored() >= parts.plan.stored_bytes());
     // A plan that fits is the one that is made without a budget.
     let grid = Request::new(options.clone(), "").grid(&capture).expect("a grid");
-    let plan = |memory| options.plan_within(&capture, grid, &gpu, memory, true).expect("a plan");
+    let plan = |memory| {
+        options
+            .plan_within(&gpu, &Problem { capture: &capture, grid, memory, with_volume: true })
+            .expect("a plan")
+    };
     assert_eq!(plan(None), plan(Some(8 << 20)));
-    assert_eq!(plan(None), options.plan(&capture, grid, &gpu.abilities(), true).expect("a plan"));
+    assert_eq!(
+        plan(None),
+        options.plan(&Problem::new(&capture, grid).and_volume(), &gpu.abilities()).expect("a plan")
+    );
 }
 
 #[test]
@@ -201,7 +209,7 @@ fn a_solve_in_parts_goes_on_from_a_checkpoint_with_the_same_bits() {
         let gpu = open(Some(binding));
         let capture = confocal();
         let (unbroken, states) = solve_keeping(&gpu, &options, &capture, 3, None).expect("it solves");
-        assert!(unbroken.plan.cut.is_some() && states.len() > 1);
+        assert!(unbroken.plan.division.cut.is_some() && states.len() > 1);
         for state in states {
             let at = state.iteration;
             let (resumed, _) = solve_keeping(&gpu, &options, &capture, 0, Some(state)).expect("it resumes");
@@ -225,7 +233,7 @@ fn what_cannot_be_divided_says_so() {
     let SolverOptions::Vector(of_vector) = &options else { unreachable!("it is the vector solver") };
     let grid = Request::new(options.clone(), "").grid(&capture).expect("a grid");
     let how = vector::Frames { follow: Some(vector::Follow::default()), ..Default::default() };
-    let error = vector::prepare_for_frames(&gpu, &capture, grid, of_vector, None, false, how);
+    let error = vector::prepare_for_frames(&gpu, &Problem::new(&capture, grid), of_vector, how);
     let error = error.err().expect("frames need all pairs");
     assert!(error.kind == Kind::Memory && error.what.contains("follow each other"), "{error}");
     // Not even one pair at a time.
@@ -276,7 +284,7 @@ fn parts_of_huge_captures_cover_all_pairs_within_every_limit() {
         let plan = Plan::new(&model, grid, [scan; 2], &options, &device, false).expect("a plan");
         // Kernels index each part, even where no budget asks for parts.
         let most = |plan: &Plan| {
-            let all = plan.levels.iter().chain(&plan.pixel_level);
+            let all = plan.levels.all();
             all.flat_map(|l| plan.parts(l).map(|p| p.own.count * l.bins)).max()
         };
         assert!(most(&plan).is_some_and(|values| values <= 1 << 30));
@@ -284,10 +292,12 @@ fn parts_of_huge_captures_cover_all_pairs_within_every_limit() {
         let plan = plan.within(&options, &memory, Some(budget)).expect("it fits in parts");
         check(&plan.buffers, &memory, Some(budget)).expect("it fits");
         assert!(plan.stored_bytes() as usize >= model.pairs() * model.bins * 4);
-        let last = plan.pixel_level.as_ref().expect("a surface");
+        let last = plan.levels.pixels.as_ref().expect("a surface");
         let parts: Vec<_> = plan.parts(last).collect();
         let is_large = |l: &Level| l.pairs > parts[0].own.count;
-        assert!(parts.len() > 1 && plan.levels.iter().all(|l| (plan.parts(l).count() > 1) == is_large(l)));
+        assert!(
+            parts.len() > 1 && plan.levels.volume.iter().all(|l| (plan.parts(l).count() > 1) == is_large(l))
+        );
         let mut next = 0;
         for part in &parts {
             assert_eq!((part.first, part.of), (next, parts.len()));

@@ -8,7 +8,7 @@ use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{Object, RenderOptions, Scene, rectangle, simulate};
-use thirdbounce::solve::{PaperOptions, Preset, default_volume, paper};
+use thirdbounce::solve::{PaperOptions, Preset, Problem, default_volume, paper};
 use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::twin::{Sample, Twin};
 use thirdbounce::transport::{Binning, Grid, Model, Sampling};
@@ -158,11 +158,8 @@ fn solve(gpu: &Gpu, capture: &Capture, lateral: usize, iterations: usize) -> Map
         Grid::new(default_volume(capture, o.domain.min_depth).unwrap(), lateral, capture.bin_width).unwrap();
     paper::reconstruct(
         gpu,
-        capture,
-        grid,
+        &Problem::new(capture, grid),
         &o,
-        None,
-        false,
         &mut unwatched(&mut |_| ControlFlow::Continue(())),
     )
     .unwrap()

@@ -160,7 +160,7 @@ fn a_voxel_on_a_wall_point_gives_nothing_to_its_pair() {
         assert!(model.touches(&grid));
         let twin = Twin { model: &model, grid: &grid };
         let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
-        assert!(job.plan.touching);
+        assert!(job.plan.levels.touching);
         let sample = |point: DVec3| Sample { point, albedo: 1.0, normal: dvec3(0.0, 0.0, -1.0), length: 1.0 };
         let nearest = model.nearest(&grid);
         let samples =

@@ -11,7 +11,7 @@ use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::option::Value;
-use thirdbounce::solve::{SolverOptions, Suit, SurfaceAloneOptions, Watch};
+use thirdbounce::solve::{Problem, SolverOptions, Suit, SurfaceAloneOptions, Watch};
 use thirdbounce::transport::Grid;
 
 const LATERAL: usize = 24;
@@ -27,7 +27,7 @@ fn solved(gpu: &Gpu, solver: &str, capture: &Capture) -> Maps {
     let grid = Grid::new(volume, LATERAL, capture.bin_width).unwrap();
     let mut hear = |_: &_| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    options.solve(gpu, capture, grid, None, false, &mut watch).unwrap().maps
+    options.solve(gpu, &Problem::new(capture, grid), &mut watch).unwrap().maps
 }
 
 /// The truth of the scene in another unit.

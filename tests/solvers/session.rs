@@ -15,7 +15,7 @@ use thirdbounce::job::{Bins, Input, Request};
 use thirdbounce::session::{Session, SessionOptions, default_grid};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, PaperOptions, Preset, Progress, Reconstruction, SolverOptions, VectorOptions,
+    Accumulation, PaperOptions, Preset, Problem, Progress, Reconstruction, SolverOptions, VectorOptions,
 };
 use thirdbounce::transport::Reflectance;
 
@@ -107,7 +107,7 @@ fn alone(gpu: &Gpu, scan: &Capture, solver: &SolverOptions, counts: &[f32]) -> V
     let capture = changed(scan, |c| c.histograms = counts.to_vec());
     let capture = capture.binned(solver.usual_sum(scan, None)).unwrap();
     let mut hear = |_: &Progress| ControlFlow::Continue(());
-    bits(&solver.solve(gpu, &capture, grid, None, true, &mut unwatched(&mut hear)).unwrap())
+    bits(&solver.solve(gpu, &Problem::new(&capture, grid).and_volume(), &mut unwatched(&mut hear)).unwrap())
 }
 
 #[test]
@@ -120,12 +120,12 @@ fn narrow_bins_are_summed_as_the_command_sums_them() {
     assert_eq!(sum, 3, "a pixel is 62.5 mm wide");
     let summed = changed(&scan, |c| c.histograms = counts.clone()).binned(sum).unwrap();
     let mut session = session(&gpu, &scan, &solver);
-    assert_eq!(session.plan().all_bins, summed.bins);
+    assert_eq!(session.plan().scene.all_bins, summed.bins);
     let want = alone(&gpu, &summed, &solver, &summed.histograms);
     assert_eq!(solved(&mut session, &counts), want);
     assert_eq!(solved(&mut session, &counts), want);
     let own = SessionOptions { sum: Some(1), ..SessionOptions::default() };
-    assert_eq!(Session::new(&gpu, &scan, None, &solver, own).unwrap().plan().all_bins, scan.bins);
+    assert_eq!(Session::new(&gpu, &scan, None, &solver, own).unwrap().plan().scene.all_bins, scan.bins);
 }
 
 /// Solvers and scans that take different ways through the engine.
@@ -231,7 +231,7 @@ fn frames_of_wide_spots_leave_nothing_behind() {
     let [a, b] = frames(&scan);
     let [of_a, of_b] = [&a, &b].map(|counts| solved(&mut session(&gpu, &scan, &solver), counts));
     let mut session = session(&gpu, &scan, &solver);
-    assert!(!session.plan().spots.is_empty());
+    assert!(!session.plan().levels.spots.is_empty());
     for (counts, want) in [(&a, &of_a), (&b, &of_b), (&a, &of_a)] {
         assert!(solved(&mut session, counts) == *want);
     }
@@ -421,13 +421,13 @@ fn a_session_refuses_what_a_solve_refuses() {
     let gpu = gpu();
     let scan = scan(4, 0.1);
     let make = |scan: &Capture, solver: &SolverOptions| {
-        Session::new(&gpu, scan, None, solver, SessionOptions::default()).map(|s| s.plan().pairs)
+        Session::new(&gpu, scan, None, solver, SessionOptions::default()).map(|s| s.plan().scene.pairs)
     };
     assert_error(make(&changed(&scan, |c| c.bins = 0), &vector(|_| ())), Kind::Input, &["no bin"]);
     assert_error(make(&changed(&scan, |c| c.histograms = vec![1.0]), &paper()), Kind::Input, &["1 counts"]);
     assert_error(make(&scan, &vector(|o| o.iterations = 0)), Kind::Options, &["iterations"]);
     let few = SessionOptions { memory: Some(1000), ..SessionOptions::default() };
-    let refused = Session::new(&gpu, &scan, None, &vector(|_| ()), few).map(|s| s.plan().pairs);
+    let refused = Session::new(&gpu, &scan, None, &vector(|_| ()), few).map(|s| s.plan().scene.pairs);
     assert_error(refused, Kind::Memory, &["budget"]);
     assert_eq!(gpu.allocated(), 0);
 }

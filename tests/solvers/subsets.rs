@@ -50,9 +50,9 @@ fn both(
     model.use_first(model.enough(o.pairs * times));
     let plan = Plan::new(&model, grid_of(lateral), [scan; 2], &o, &gpu.abilities(), false).expect("a plan");
     let of = |l: &Level| [l.grid.n[0], l.pairs];
-    let surface = plan.pixel_level.as_ref().expect("a surface");
+    let surface = plan.levels.pixels.as_ref().expect("a surface");
     assert_eq!([plan.finest().wall, surface.wall], [buffer::WALL; 2]);
-    (plan.levels.iter().map(of).collect(), of(surface))
+    (plan.levels.volume.iter().map(of).collect(), of(surface))
 }
 
 fn levels(gpu: &Gpu, model: &Model, scan: usize, lateral: usize) -> Vec<[usize; 2]> {
@@ -161,7 +161,7 @@ fn begun(job: &mut OnDevice, model: &Model, grid: &Grid) -> (Vec<[f32; 2]>, Vec<
     zero_histograms(job);
     write_momentum(job, REST);
     write(job, buffer::COUNTS, &[count as u32, count as u32, 0, f32::INFINITY.to_bits(), 0, 0]);
-    let level = job.plan.levels[0];
+    let level = job.plan.levels.volume[0];
     let mut s = Schedule::default();
     s.dispatch(&passes::ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, level.scene);
     job.perform(&s);
@@ -206,7 +206,7 @@ fn a_level_of_some_pairs_is_the_scene_of_these_alone() {
             o.reflectance = reflectance;
         });
         let mut whole = job(&gpu, &model, &grid, &o);
-        let pairs = whole.plan.levels[0].pairs;
+        let pairs = whole.plan.levels.volume[0].pairs;
         assert_eq!(pairs, if geometry == Geometry::Product { 1024 } else { 256 }, "{geometry:?}");
         let part = Model {
             elements: model.elements_of(pairs),
@@ -216,7 +216,7 @@ fn a_level_of_some_pairs_is_the_scene_of_these_alone() {
             ..model.clone()
         };
         let mut alone = job(&gpu, &part, &grid, &o);
-        assert_eq!(alone.plan.levels.len(), 1);
+        assert_eq!(alone.plan.levels.volume.len(), 1);
         assert!(begun(&mut whole, &model, &grid) == begun(&mut alone, &part, &grid), "{geometry:?}");
     }
     assert_valid(&gpu);

@@ -10,7 +10,9 @@ use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::simulate::{Object, RenderOptions, Scene, WallShape, rectangle, simulate, truth};
 use thirdbounce::solve::surface::{self, Pixels, SUPPORT};
-use thirdbounce::solve::{Accumulation, Plan, Reconstruction, VectorOptions, Watch, default_volume, vector};
+use thirdbounce::solve::{
+    Accumulation, Plan, Problem, Reconstruction, VectorOptions, Watch, default_volume, vector,
+};
 use thirdbounce::transport::{Grid, Reflectance, Volume};
 
 fn maps(albedo: Vec<f32>, depth: Vec<f32>) -> Maps {
@@ -136,7 +138,7 @@ fn solve_in(
     watch: &mut Watch<'_>,
 ) -> Reconstruction {
     let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
-    vector::reconstruct(gpu, capture, grid, o, None, true, watch).unwrap()
+    vector::reconstruct(gpu, &Problem::new(capture, grid).and_volume(), o, watch).unwrap()
 }
 
 fn run(gpu: &Gpu, capture: &Capture, o: &VectorOptions) -> Reconstruction {
@@ -249,7 +251,7 @@ fn a_lambertian_surface_begins_with_a_volume_of_one_cosine() {
         assert!(!own_pass(&plan), "one pass renders both");
         let (alone, _, plan) = solved(Reflectance::Lambertian, true, 0);
         assert_eq!(alone, same);
-        assert_eq!(plan.volume_reflectance, Reflectance::Lambertian);
+        assert_eq!(plan.scene.volume_reflectance, Reflectance::Lambertian);
     }
     assert_valid(&gpu);
 }
@@ -379,11 +381,11 @@ fn a_large_scans_surface_takes_all_pairs_in_turns() {
     assert!(of(6, 16).all(|p| p == 256) && of(6, 16).count() > 0, "{pairs:?}: the surface has batches");
     // The batches are all pairs that are used, each once.
     let plan = &done.plan;
-    assert_eq!(plan.batches.iter().map(|b| b.pairs).collect::<Vec<_>>(), [256; 4]);
-    let model = vector::model(&capture, &plan.maps, &o);
-    let mut job = job(&gpu, &model, &plan.maps, &o);
+    assert_eq!(plan.levels.batches.iter().map(|b| b.pairs).collect::<Vec<_>>(), [256; 4]);
+    let model = vector::model(&capture, &plan.levels.maps, &o);
+    let mut job = job(&gpu, &model, &plan.levels.maps, &o);
     job.perform(&Schedule::of(|s| surface::divide(s, plan)));
-    for (i, batch) in plan.batches.iter().enumerate() {
+    for (i, batch) in plan.levels.batches.iter().enumerate() {
         let row = i * 256 * batch.bins;
         let measured: Vec<f32> = read(&mut job, batch.measured, 256 * batch.bins);
         assert_eq!(measured, model.measured[row..row + measured.len()], "batch {i}");

@@ -11,7 +11,7 @@ use thirdbounce::maps::Truth;
 use thirdbounce::measure::{Metrics, metrics};
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::option::Value;
-use thirdbounce::solve::{Reconstruction, SolverOptions, Suit, Watch, default_volume};
+use thirdbounce::solve::{Problem, Reconstruction, SolverOptions, Suit, Watch, default_volume};
 use thirdbounce::transport::Grid;
 
 const LATERAL: usize = 32;
@@ -45,7 +45,7 @@ fn grid(capture: &Capture) -> Grid {
 fn solve(gpu: &Gpu, capture: &Capture, options: &SolverOptions) -> Reconstruction {
     let mut hear = |_: &_| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    options.solve(gpu, capture, grid(capture), None, true, &mut watch).unwrap()
+    options.solve(gpu, &Problem::new(capture, grid(capture)).and_volume(), &mut watch).unwrap()
 }
 
 /// Figures against the truth.
@@ -84,7 +84,7 @@ fn it_begins_with_what_the_capture_allows() {
     let gpu = gpu();
     let spot = Layout::OneLaser { point: glam::dvec2(0.1, -0.1) };
     let capture = rendered(&Scene { scan: 12, layout: spot, ..scene() });
-    let error = options(&capture, "surface", "lct").prepare(&gpu, &capture, grid(&capture), None, false);
+    let error = options(&capture, "surface", "lct").prepare(&gpu, &Problem::new(&capture, grid(&capture)));
     let error = error.err().expect("a scan that is not confocal");
     assert_eq!(error.kind, Kind::Input);
     assert!(error.what.contains("confocal") && error.mend.to_string().contains("auto"), "{error}");
@@ -109,7 +109,7 @@ fn frames_and_captures_without_light_leave_nothing_behind() {
     dark.histograms.fill(0.0);
     for begin in ["lct", "plane"] {
         let options = options(capture, "surface", begin);
-        let mut prepared = options.prepare(&gpu, capture, grid(capture), None, false).unwrap();
+        let mut prepared = options.prepare(&gpu, &Problem::new(capture, grid(capture))).unwrap();
         prepared.allocate().unwrap();
         let mut hear = |_: &_| ControlFlow::Continue(());
         let mut solve = |capture: &Capture| {
@@ -126,7 +126,7 @@ fn frames_and_captures_without_light_leave_nothing_behind() {
     let mut stop = |_: &_| ControlFlow::Break(());
     let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[] };
     let options = options(capture, "surface", "auto");
-    let error = options.solve(&gpu, capture, grid(capture), None, false, &mut watch).unwrap_err();
+    let error = options.solve(&gpu, &Problem::new(capture, grid(capture)), &mut watch).unwrap_err();
     assert_eq!(error.kind, Kind::Cancelled);
     assert_valid(&gpu);
 }

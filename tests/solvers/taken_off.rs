@@ -14,7 +14,9 @@ use thirdbounce::maps::Truth;
 use thirdbounce::measure::{Metrics, metrics};
 use thirdbounce::simulate::{Dark, RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::option::Value;
-use thirdbounce::solve::{Preset, Reconstruction, SolverOptions, Suit, Watch, background, variances};
+use thirdbounce::solve::{
+    Preset, Problem, Reconstruction, SolverOptions, Suit, Watch, background, variances,
+};
 use thirdbounce::transport::Grid;
 
 const LATERAL: usize = 32;
@@ -61,7 +63,7 @@ fn reconstructed(gpu: &Gpu, options: &SolverOptions, capture: &Capture) -> Recon
     let grid = Grid::new(options.default_volume(capture).unwrap(), LATERAL, capture.bin_width).unwrap();
     let mut hear = |_: &_| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    options.solve(gpu, capture, grid, None, false, &mut watch).unwrap()
+    options.solve(gpu, &Problem::new(capture, grid), &mut watch).unwrap()
 }
 
 /// Points of the wall that stand in different light: half of a picture is lost if all pairs have one background.

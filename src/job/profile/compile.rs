@@ -106,7 +106,7 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
     })?;
     let Ready { capture, grid, .. } = planned::to_plan(request, capture)?;
     let solver = sizes::with_kept(request, &gpu, &capture);
-    let plan = solver.plan(&capture, grid, &gpu.abilities(), request.volume_file.is_some())?;
+    let plan = solver.plan(&request.problem(&capture, grid), &gpu.abilities())?;
     let mut kernels = vec![];
     for pass in &plan.passes {
         let values = pass.values(&plan);
@@ -134,9 +134,9 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
         device: device_of(&gpu),
         tells: gpu.tells_of_kernels(),
         solver: solver.name().into(),
-        pairs: plan.pairs,
+        pairs: plan.scene.pairs,
         voxels: plan.finest().grid.n,
-        accumulation: plan.accumulation,
+        accumulation: plan.division.accumulation,
         kernels,
         validation: gpu.close(),
     })

@@ -11,7 +11,7 @@ use super::super::{FindPulse, Loaded, Request, reconstruct};
 use crate::gpu::DeviceKind;
 use crate::solve::Ready;
 use crate::solve::option::Value;
-use crate::solve::{Sizes, pass_of};
+use crate::solve::{Problem, Sizes, pass_of};
 use crate::{Kind, Result};
 
 /// One trial.
@@ -70,9 +70,9 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
     // None if the device does not take the sizes, or if they divide the work as earlier sizes did.
     let mut run = |sizes: Sizes, tried: &mut Vec<Tried>| -> Result<Option<Tried>> {
         let request = Request { solver: request.solver.with_sizes(sizes), ..request.clone() };
-        match request.solver.plan(&capture, grid, &gpu.abilities(), false) {
-            Ok(plan) if seen.contains(&plan.tuning) => return Ok(None),
-            Ok(plan) => seen.push(plan.tuning),
+        match request.solver.plan(&Problem::new(&capture, grid), &gpu.abilities()) {
+            Ok(plan) if seen.contains(&plan.division.tuning) => return Ok(None),
+            Ok(plan) => seen.push(plan.division.tuning),
             Err(e) if e.kind == Kind::Options && !tried.is_empty() => return Ok(None),
             Err(e) => return Err(e),
         }

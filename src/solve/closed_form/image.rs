@@ -3,6 +3,7 @@
 use rayon::prelude::*;
 
 use super::RegularScan;
+use super::resample::{add, cubic};
 use crate::maps::{Maps, percentile};
 use crate::transport::Grid;
 
@@ -53,29 +54,6 @@ pub fn on_grid_signed(scan: &RegularScan, values: &[f32], grid: &Grid) -> Vec<f3
         }
     });
     all
-}
-
-/// Adds values times a weight.
-pub(super) fn add(to: &mut [f32], from: &[f32], weight: f32) {
-    to.iter_mut().zip(from).for_each(|(t, f)| *t += weight * f);
-}
-
-/// The four places around `at` with their weights; places beyond the ends are those at the ends. `None` farther than
-/// `beyond` from the first and the last of `n` places.
-pub(super) fn cubic(at: f64, n: usize, beyond: f64) -> Option<[(usize, f32); 4]> {
-    if !(-beyond - 1e-9..=(n - 1) as f64 + beyond + 1e-9).contains(&at) {
-        return None;
-    }
-    let low = at.floor();
-    let t = at - low;
-    let weights = [
-        ((-0.5 * t + 1.0) * t - 0.5) * t,
-        (1.5 * t - 2.5) * t * t + 1.0,
-        ((-1.5 * t + 2.0) * t + 0.5) * t,
-        (0.5 * t - 0.5) * t * t,
-    ];
-    let place = |k: usize| (low as isize + k as isize - 1).clamp(0, n as isize - 1) as usize;
-    Some([0, 1, 2, 3].map(|k| (place(k), weights[k] as f32)))
 }
 
 /// Parts of the albedo that Otsu's threshold tells apart.
@@ -279,14 +257,6 @@ mod tests {
                 assert!((found - plane(p.x, p.y, 1.0)).abs() < 1e-5, "{found}");
             }
         }
-    }
-
-    #[test]
-    fn beyond_the_scan_nothing_is_known() {
-        assert_eq!(cubic(-0.6, 4, 0.5), None);
-        assert_eq!(cubic(3.6, 4, 0.5), None);
-        let sum = |at: f64| cubic(at, 4, 0.5).unwrap().iter().map(|w| w.1).sum::<f32>();
-        assert!([-0.5, 0.0, 1.25, 3.5].iter().all(|at| (sum(*at) - 1.0).abs() < 1e-6));
     }
 
     fn over_haze(albedo: &[f32]) -> Option<f64> {

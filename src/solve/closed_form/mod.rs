@@ -45,10 +45,9 @@ pub use dlct::DlctOptions;
 pub use fk::FkOptions;
 pub use image::Volume;
 pub use lct::LctOptions;
-pub use options::ImageOptions;
+pub use options::{Between, ImageOptions};
 pub use phasor::PhasorOptions;
 pub use scan::RegularScan;
-pub use upsample::Between;
 
 /// A method that runs on the host.
 pub trait HostMethod: Options + Clone + Send + Sync + 'static {
@@ -109,12 +108,10 @@ macro_rules! host_method {
 
             fn plan(
                 &self,
-                capture: &$crate::capture::Capture,
-                grid: $crate::transport::Grid,
+                problem: &$crate::solve::Problem<'_>,
                 abilities: &$crate::gpu::Abilities,
-                with_volume: bool,
             ) -> $crate::Result<$crate::solve::Plan> {
-                $crate::solve::closed_form::on_host::plan(self, capture, grid, abilities, with_volume)
+                $crate::solve::closed_form::on_host::plan(self, problem, abilities)
             }
 
             fn outline(&self, _plan: &$crate::solve::Plan) -> Vec<$crate::solve::Part> {
@@ -124,12 +121,9 @@ macro_rules! host_method {
             fn prepare(
                 &self,
                 gpu: &$crate::gpu::Gpu,
-                capture: &$crate::capture::Capture,
-                grid: $crate::transport::Grid,
-                memory: Option<u64>,
-                with_volume: bool,
+                problem: &$crate::solve::Problem<'_>,
             ) -> $crate::Result<Box<dyn $crate::solve::Prepared>> {
-                $crate::solve::closed_form::on_host::prepare(self, gpu, capture, grid, memory, with_volume)
+                $crate::solve::closed_form::on_host::prepare(self, gpu, problem)
             }
         }
     };
@@ -170,6 +164,7 @@ impl Needs for NoPasses {
             refined: None,
             smooth: [1.0, 4.0],
             more_taps: [0; 2],
+            betas: [0.0; 2],
             cosine_volume: false,
             lent: None,
         }
@@ -234,7 +229,7 @@ fn first_point(plan: &Plan, grid: &Grid) -> TracePoint {
         seconds: 0.0,
         gpu_seconds: 0.0,
         lateral: grid.n[0],
-        pairs: plan.pairs,
+        pairs: plan.scene.pairs,
         active: grid.voxels(),
         active_ratio: 1.0,
         loss: f64::NAN,
@@ -267,7 +262,7 @@ fn solved(
         maps,
         volume,
         empty_loss: 0.0,
-        pairs: (plan.pairs * grid.voxels()) as u64,
+        pairs: (plan.scene.pairs * grid.voxels()) as u64,
         solve_seconds: trace.last().map_or(0.0, |point| point.seconds),
         trace,
         device_bytes: plan.buffers.iter().map(|b| b.bytes).sum(),

@@ -7,7 +7,7 @@ use super::{COUNTS, FINER, HostMethod, NoPasses, RegularScan, TOSSED, VOLUME, in
 use crate::advice::{Advice, Remedy, advice};
 use crate::capture::Capture;
 use crate::gpu::{Abilities, BufferPlan, Gpu, Place};
-use crate::solve::{Beside, Plan, Prepared, Reconstruction};
+use crate::solve::{Beside, Plan, Prepared, Problem, Reconstruction};
 use crate::transport::{Grid, Model};
 use crate::{Error, Result};
 
@@ -15,13 +15,8 @@ use crate::{Error, Result};
 ///
 /// # Errors
 /// `Kind::Input`: the capture breaks an assumption of the method.
-pub fn plan<M: HostMethod>(
-    options: &M,
-    capture: &Capture,
-    grid: Grid,
-    abilities: &Abilities,
-    _with_volume: bool,
-) -> Result<Plan> {
+pub fn plan<M: HostMethod>(options: &M, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
+    let Problem { capture, grid, .. } = *problem;
     let scan = options.scan(capture)?;
     let (model, _) = Model::outline(&capture.outline(), options.image().reflectance, 1.0, false);
     let mut plan = Plan::new(&model, grid, capture.resolution(), &NoPasses, abilities, false)?;
@@ -57,17 +52,11 @@ pub fn plan<M: HostMethod>(
 ///
 /// # Errors
 /// As [`plan`], and arrays that do not fit the budget or the host's memory.
-pub fn prepare<M: HostMethod>(
-    options: &M,
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    memory: Option<u64>,
-    with_volume: bool,
-) -> Result<Box<dyn Prepared>> {
+pub fn prepare<M: HostMethod>(options: &M, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
+    let Problem { capture, grid, memory, with_volume } = *problem;
     options.check_ranges()?;
     let scan = options.scan(capture)?;
-    let plan = plan(options, capture, grid, &gpu.abilities(), with_volume)?;
+    let plan = plan(options, problem, &gpu.abilities())?;
     let asked: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
     check_host_memory(
         asked,

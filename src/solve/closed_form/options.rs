@@ -1,8 +1,21 @@
 //! Options that all closed-form methods have.
 
-use super::upsample::Between;
-use crate::solve::option::options;
+use serde::{Deserialize, Serialize};
+
+use crate::solve::option::{options, words};
 use crate::transport::Reflectance;
+
+/// What the points between measured ones hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Between {
+    /// Nothing.
+    Zero,
+    /// Counts interpolated by a cubic along x and y (Keys 1981), bin by bin.
+    Bicubic,
+}
+
+words!(Between);
 
 options! {
     /// Options of every closed-form method.

@@ -39,6 +39,29 @@ pub fn linear(values: impl Fn(usize) -> f32, count: usize, at: f64) -> f32 {
     values(low) * (1.0 - share) + values(high) * share
 }
 
+/// Adds values times a weight.
+pub fn add(to: &mut [f32], from: &[f32], weight: f32) {
+    to.iter_mut().zip(from).for_each(|(t, f)| *t += weight * f);
+}
+
+/// The four places around `at` with their weights; places beyond the ends are those at the ends. `None` farther than
+/// `beyond` from the first and the last of `n` places.
+pub fn cubic(at: f64, n: usize, beyond: f64) -> Option<[(usize, f32); 4]> {
+    if !(-beyond - 1e-9..=(n - 1) as f64 + beyond + 1e-9).contains(&at) {
+        return None;
+    }
+    let low = at.floor();
+    let t = at - low;
+    let weights = [
+        ((-0.5 * t + 1.0) * t - 0.5) * t,
+        (1.5 * t - 2.5) * t * t + 1.0,
+        ((-1.5 * t + 2.0) * t + 0.5) * t,
+        (0.5 * t - 0.5) * t * t,
+    ];
+    let place = |k: usize| (low as isize + k as isize - 1).clamp(0, n as isize - 1) as usize;
+    Some([0, 1, 2, 3].map(|k| (place(k), weights[k] as f32)))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -58,5 +81,13 @@ mod tests {
             [0.0, 1.0, 1.0, 2.0, 6.0, 7.0, 7.0, 0.0]
         );
         assert_eq!(linear(|_| 5.0, 1, 0.2), 5.0);
+    }
+
+    #[test]
+    fn beyond_the_scan_nothing_is_known() {
+        assert_eq!(cubic(-0.6, 4, 0.5), None);
+        assert_eq!(cubic(3.6, 4, 0.5), None);
+        let sum = |at: f64| cubic(at, 4, 0.5).unwrap().iter().map(|w| w.1).sum::<f32>();
+        assert!([-0.5, 0.0, 1.25, 3.5].iter().all(|at| (sum(*at) - 1.0).abs() < 1e-6));
     }
 }

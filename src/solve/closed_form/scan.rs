@@ -3,7 +3,7 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::image::add;
+use super::resample::add;
 use crate::capture::lattice::Lattice;
 use crate::capture::{Background, Capture, PairKind};
 use crate::transport::Grid;

@@ -4,26 +4,12 @@ use std::borrow::Cow;
 
 use glam::DVec3;
 use rayon::prelude::*;
-use serde::{Deserialize, Serialize};
 
 use super::RegularScan;
-use super::image::{add, cubic};
-use super::options::ImageOptions;
+use super::options::{Between, ImageOptions};
+use super::resample::{add, cubic};
 use crate::capture::Capture;
-use crate::solve::option::words;
 use crate::{Error, Result};
-
-/// What the points between measured ones hold.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Between {
-    /// Nothing.
-    Zero,
-    /// Counts interpolated by a cubic along x and y (Keys 1981), bin by bin.
-    Bicubic,
-}
-
-words!(Between);
 
 impl RegularScan {
     /// The scan with `factor` - 1 points between neighbours along x and y.

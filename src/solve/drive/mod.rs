@@ -389,7 +389,7 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
             s.stage("maps", &[("lateral", level.grid.n[0] as u64)]);
             (self.steps.extract)(s, level);
         })?;
-        Ok(read_maps(&self.device.executor, &level.grid, self.device.plan.reflectance.has_normals()))
+        Ok(read_maps(&self.device.executor, &level.grid, self.device.plan.scene.reflectance.has_normals()))
     }
 
     /// Waits for the blocks in flight and takes the result. Blocks that were in flight when the data were fitted are

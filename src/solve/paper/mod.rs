@@ -8,7 +8,7 @@ use super::on_device::OnDevice;
 use super::outline::{self, Part};
 use super::prepared::{Planned, Prepared};
 use super::result::{Reconstruction, finish};
-use super::{Plan, domain};
+use super::{Plan, Problem, domain};
 use crate::Result;
 use crate::capture::{Background, Capture};
 use crate::gpu::caller::{Lent, Moment};
@@ -65,24 +65,20 @@ fn outline_of(capture: &Capture, grid: &Grid, options: &PaperOptions) -> (Model,
     (model, rows)
 }
 
-/// Runs the solver. `memory` is a budget in bytes. With `with_volume` the volume is read back. `beside` is a
-/// [`Watch`](super::Watch), or a [`Beside`] that saves or resumes a state, too.
+/// Runs the solver. `beside` is a [`Watch`](super::Watch), or a [`Beside`] that saves or resumes a state, too.
 ///
 /// # Errors
 /// Options, capture, memory or device do not allow the solve; the watch cancels ([`crate::Kind::Cancelled`]); a loss
 /// is not finite; saving a state fails; a state belongs to another capture, other options or another plan.
 pub fn reconstruct<'b, 'w: 'b>(
     gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
+    problem: &Problem<'_>,
     options: &PaperOptions,
-    memory: Option<u64>,
-    with_volume: bool,
     beside: impl Into<Beside<'b, 'w>>,
 ) -> Result<Reconstruction> {
     options.check()?;
-    capture.check()?;
-    prepare(gpu, capture, grid, options, memory, with_volume)?.solve(capture, beside.into())
+    problem.capture.check()?;
+    prepare(gpu, problem, options)?.solve(problem.capture, beside.into())
 }
 
 /// Prepares the solver for captures of one scan. Takes the arguments of [`reconstruct`]; the capture's counts may be
@@ -90,15 +86,9 @@ pub fn reconstruct<'b, 'w: 'b>(
 ///
 /// # Errors
 /// Options, scan or device do not allow the solve.
-pub fn prepare(
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    options: &PaperOptions,
-    memory: Option<u64>,
-    with_volume: bool,
-) -> Result<impl Prepared + use<>> {
+pub fn prepare(gpu: &Gpu, problem: &Problem<'_>, options: &PaperOptions) -> Result<impl Prepared + use<>> {
     options.check()?;
+    let Problem { capture, grid, memory, with_volume } = *problem;
     let (outline, rows) = outline_of(capture, &grid, options);
     let plan = Plan::new(&outline, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?
         .within(options, &gpu.memory(), memory)?;
@@ -146,8 +136,8 @@ impl Prepared for PreparedPaper {
 /// The steps that the driver runs.
 fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
     Steps {
-        levels: plan.levels.clone(),
-        start: Box::new(|s, plan| initialise(s, plan, &plan.levels[0])),
+        levels: plan.levels.volume.clone(),
+        start: Box::new(|s, plan| initialise(s, plan, &plan.levels.volume[0])),
         iteration: Box::new(|s, plan, level, i| {
             iteration(s, plan, level, i as u32, (i % options.restart_every) as u32 + 1)
         }),

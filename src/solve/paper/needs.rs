@@ -26,6 +26,7 @@ impl Needs for PaperOptions {
             pairs: 0,
             refined: None,
             smooth: [self.domain.smooth_sigma, self.domain.smooth_truncate],
+            betas: [self.beta1, self.beta2],
             cosine_volume: false,
             lent: None,
             more_taps: [0, 0],
@@ -67,42 +68,38 @@ impl Needs for PaperOptions {
     }
 
     fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
-        let touched = plan.touched_capacity as u64;
+        let touched = plan.domain.touched_capacity as u64;
         let masks = plan.finest().grid.storage() as u64 / 8;
         let mut all = vec![
             (buffer::NOISE_STATE, self.noise_weights(plan) as u64 * 12),
             (buffer::MOMENT_FIRST, touched * 16),
             (buffer::MOMENT_SECOND, touched * 16),
         ];
-        if plan.has_rim {
+        if plan.demand.has_rim {
             let rim = [buffer::RIM_MASK, buffer::RIM_RANKS, buffer::RIM_BEFORE, buffer::RIM_RANKS_BEFORE];
             all.extend(rim.map(|b| (b, masks)));
         }
-        if plan.volumes == [SMOOTH, SMOOTH_SPARE] {
+        if plan.domain.volumes == [SMOOTH, SMOOTH_SPARE] {
             all.push((SMOOTH, touched * 16));
         }
         all
     }
 
-    fn betas(&self) -> [f64; 2] {
-        [self.beta1, self.beta2]
-    }
-
     /// Buffers that hold nothing between iterations, where they are large enough.
-    fn volumes(&self, plan: &Plan) -> [Buffer; 2] {
-        let large = plan.capacity >= plan.touched_capacity.max(plan.finest().grid.storage() / 4);
+    fn volumes(&self, levels: &[Level], [capacity, touched]: [usize; 2]) -> [Buffer; 2] {
+        let large = levels.last().is_some_and(|l| capacity >= touched.max(l.grid.storage() / 4));
         if large { [buffer::GRADIENT, buffer::SAMPLE_POINTS] } else { [SMOOTH, SMOOTH_SPARE] }
     }
 
     fn left_out(&self, plan: &Plan, out: &mut LeftOut) {
         if self.noise.term == NoiseTerm::Off {
-            let weights = (plan.pairs * plan.bins) as u64;
+            let weights = (plan.scene.pairs * plan.scene.bins) as u64;
             out.add("the noise term: its weights, their moments and its kernel", mebibytes(weights * 12));
         }
         plan.left_out_of_room(out, OF_VOXEL);
-        if !plan.has_rim {
+        if !plan.demand.has_rim {
             let voxels = plan.finest().grid.storage();
-            let rim = (with_rim(plan.capacity, voxels) - plan.capacity) as u64;
+            let rim = (with_rim(plan.domain.capacity, voxels) - plan.domain.capacity) as u64;
             out.add(
                 "random sampling: interpolation, its adjoint, state and masks of the active voxels' neighbours",
                 mebibytes(voxels as u64 / 2 + rim * OF_VOXEL[1]),
@@ -116,8 +113,8 @@ impl PaperOptions {
     pub fn noise_weights(&self, plan: &Plan) -> usize {
         match self.noise.term {
             NoiseTerm::Off => 0,
-            NoiseTerm::Bin => plan.pairs * plan.bins,
-            NoiseTerm::Histogram => plan.pairs,
+            NoiseTerm::Bin => plan.scene.pairs * plan.scene.bins,
+            NoiseTerm::Histogram => plan.scene.pairs,
         }
     }
 }

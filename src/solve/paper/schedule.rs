@@ -22,7 +22,7 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32, s
         forward(s, plan, level, part, &FORWARD);
         compare(s, plan, level, part, &RESIDUAL, push, None);
         if plan.passes.contains(&&NOISE) {
-            let push = unbiased(push, plan.betas, iteration + 1);
+            let push = unbiased(push, plan.demand.betas, iteration + 1);
             s.dispatch(&NOISE, groups(part.own.count, 1), (part.own.count * level.bins) as u64)
                 .bind(buffer::SCENE, part.own.scene)
                 .bind(buffer::NOISE_STATE, part.noise)
@@ -31,7 +31,7 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32, s
         gather(s, plan, level, part, &BACKWARD, 0, plan.residual());
     });
     // A touched voxel adds up what 27 samples may leave to it.
-    over_touched(s, plan, level, &UPDATE, 27).with(unbiased(push, plan.betas, step));
+    over_touched(s, plan, level, &UPDATE, 27).with(unbiased(push, plan.demand.betas, step));
     s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, level))
         .with(push);
@@ -58,7 +58,7 @@ pub fn initialise(s: &mut Schedule, plan: &Plan, level: &Level) {
 /// Domain reduction: smooth the active albedo, keep what is above the threshold (paper, section 3.3).
 /// Raw albedo may all be below zero: then the domain stays as it is.
 pub fn reduce(s: &mut Schedule, plan: &Plan, level: &Level, keep_above: f64) {
-    domain::prune(s, plan, level, &GAUSSIAN_X, keep_above, plan.capacity, Dark::Stays);
+    domain::prune(s, plan, level, &GAUSSIAN_X, keep_above, plan.domain.capacity, Dark::Stays);
     domain::list(s, plan, level);
     for state in [buffer::RAW, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND] {
         carry(s, plan, level, &CARRY, state);
@@ -67,15 +67,15 @@ pub fn reduce(s: &mut Schedule, plan: &Plan, level: &Level, keep_above: f64) {
 
 /// Moves a part of the state to its new slots by the pass `how`.
 fn carry(s: &mut Schedule, plan: &Plan, level: &Level, how: &Pass, state: Buffer) {
-    let [target, _] = plan.volumes;
+    let [target, _] = plan.domain.volumes;
     // Doubling interpolates between eight.
     over_touched(s, plan, level, how, 8).bind(buffer::SOURCE, state).bind(buffer::TARGET, target);
-    s.copy(target, state, plan.touched_capacity as u64 * 16);
+    s.copy(target, state, plan.domain.touched_capacity as u64 * 16);
 }
 
 /// Puts the optimiser at rest.
 pub fn restart(s: &mut Schedule, plan: &Plan) {
-    let bytes = plan.touched_capacity as u64 * 16;
+    let bytes = plan.domain.touched_capacity as u64 * 16;
     s.fill(buffer::MOMENT_FIRST, bytes, 0);
     s.fill(buffer::MOMENT_SECOND, bytes, 0);
 }
@@ -97,13 +97,14 @@ fn split(s: &mut Schedule, plan: &Plan, coarse: &Level, fine: &Level) {
 /// The schedule that is due after `done` iterations, in the paper's order: reduction, then doubling (`level` moves on)
 /// or restart. Empty if nothing is due.
 pub fn due(s: &mut Schedule, plan: &Plan, options: &PaperOptions, level: &mut usize, done: usize) {
-    let (here, above) = (&plan.levels[*level], options.domain.keep_above);
-    let next = plan.levels.get(*level + 1).filter(|_| done.is_multiple_of(options.domain.double_every));
+    let (here, above) = (&plan.levels.volume[*level], options.domain.keep_above);
+    let next =
+        plan.levels.volume.get(*level + 1).filter(|_| done.is_multiple_of(options.domain.double_every));
     let reduces = options.domain.reduce && done.is_multiple_of(options.domain.reduce_every);
     if let Some(fine) = next {
         // A voxel becomes four: there must be room for them.
-        if reduces || fine.grid.storage() > plan.capacity {
-            domain::prune(s, plan, here, &GAUSSIAN_X, above, plan.capacity / 4, Dark::Stays);
+        if reduces || fine.grid.storage() > plan.domain.capacity {
+            domain::prune(s, plan, here, &GAUSSIAN_X, above, plan.domain.capacity / 4, Dark::Stays);
             split(s, plan, here, fine);
         } else {
             double(s, plan, here, fine);

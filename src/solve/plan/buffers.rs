@@ -26,7 +26,7 @@ impl Plan {
     /// All buffers: the shared ones, the solver's `own`, and one of the smallest size for every block that a pass
     /// binds but does not use in this plan.
     pub(super) fn list_buffers(&self, own: Vec<(Buffer, u64)>, with_volume: bool) -> Vec<BufferPlan> {
-        let columns = (self.maps.n[0] * self.maps.n[1] * 32) as u64;
+        let columns = (self.levels.maps.n[0] * self.levels.maps.n[1] * 32) as u64;
         let mut all: Vec<BufferPlan> = vec![];
         for (buffer, bytes) in self.shared_buffers(columns).into_iter().chain(own).chain(self.level_buffers())
         {
@@ -39,27 +39,27 @@ impl Plan {
                 None => all.push(made),
             }
         }
-        let rows = self.iterations.iter().sum::<usize>() * TRACE_ROW as usize;
+        let rows = self.demand.iterations.iter().sum::<usize>() * TRACE_ROW as usize;
         // Parts are copied from where they are stored.
-        let uploaded = if self.cut.is_some() {
+        let uploaded = if self.division.cut.is_some() {
             self.cells_held() * 4
         } else {
-            (self.own(self.pairs) * self.bins * 4) as u64
+            (self.own(self.scene.pairs) * self.scene.bins * 4) as u64
         };
         let mut on_host = vec![
             (UPLOAD, uploaded + self.scene_bytes(), Place::Upload),
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),
             (COLUMNS_HOST, columns, Place::Readback),
         ];
-        if self.share.is_some() {
+        if self.division.share.is_some() {
             on_host.push((EXCHANGED, self.exchanged_bytes(), Place::Readback));
         }
-        if self.lent.is_some() {
-            let bytes = u64::from(TALLY_SLICES) * self.all_bins as u64 * 16;
+        if self.demand.lent.is_some() {
+            let bytes = u64::from(TALLY_SLICES) * self.scene.all_bins as u64 * 16;
             on_host.push((buffer::TALLY, bytes, Place::Readback));
         }
         if with_volume {
-            on_host.push((RAW_HOST, self.capacity as u64 * 16, Place::Readback));
+            on_host.push((RAW_HOST, self.domain.capacity as u64 * 16, Place::Readback));
             on_host.push((MASK_HOST, self.finest().grid.storage() as u64 / 8, Place::Readback));
         }
         all.extend(on_host.into_iter().map(|(b, bytes, place)| BufferPlan::new(b, bytes, place)));
@@ -82,27 +82,27 @@ impl Plan {
 
     /// Partial sums that the workgroups of a gather leave at most.
     pub fn partials(&self) -> u64 {
-        self.tuning.most_groups(self.capacity) as u64
+        self.division.tuning.most_groups(self.domain.capacity) as u64
     }
 
     fn shared_buffers(&self, columns: u64) -> Vec<(Buffer, u64)> {
         let voxels = self.finest().grid.storage() as u64;
         // Slots of active voxels, and of touched ones.
-        let [slots, touched] = [self.capacity, self.touched_capacity].map(|v| v as u64);
+        let [slots, touched] = [self.domain.capacity, self.domain.touched_capacity].map(|v| v as u64);
         let cells = self.cells_held();
         let of_level = |l: &Level| super::cells(self.rendered(l).count, l.bins) as u64;
-        let rendered = match self.cut {
-            None => self.levels.iter().chain(&self.pixel_level).map(of_level).max().unwrap_or(cells),
+        let rendered = match self.division.cut {
+            None => self.levels.all().map(of_level).max().unwrap_or(cells),
             Some(_) => cells,
         };
         // A caller's counts lie where rendered histograms will.
-        let lent = (self.pairs_of_capture() * self.lent.map_or(0, |rows| rows.counts)) as u64;
+        let lent = (self.scene.pairs_of_capture() * self.demand.lent.map_or(0, |rows| rows.counts)) as u64;
         let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
-        let losses = if self.high_pass { losses.max(self.rows_held() as u64) } else { losses };
+        let losses = if self.scene.high_pass { losses.max(self.rows_held() as u64) } else { losses };
         let mut all = vec![
             (buffer::WALL, self.whole_wall()),
-            (buffer::MEASURED, self.measured_bytes(buffer::MEASURED, self.bins)),
+            (buffer::MEASURED, self.measured_bytes(buffer::MEASURED, self.scene.bins)),
             (buffer::HISTOGRAMS, (rendered * if self.fixed_point() { 8 } else { 4 }).max(lent * 4)),
             (buffer::RESIDUAL, cells * 4),
             (buffer::RAW, touched * 16),
@@ -115,29 +115,29 @@ impl Plan {
             (buffer::BRICK_OFFSETS, voxels / BRICK_VOXELS as u64 * 4),
             (buffer::ACTIVE_VOXELS, touched * 4),
             (buffer::SAMPLE_POINTS, slots * 16),
-            (buffer::SAMPLE_NORMALS, if self.reflectance.has_normals() { slots * 16 } else { 0 }),
+            (buffer::SAMPLE_NORMALS, if self.scene.reflectance.has_normals() { slots * 16 } else { 0 }),
             (buffer::GRADIENT, slots * 16),
-            (buffer::TAPS, (self.taps.len() + 1) as u64 * 4),
+            (buffer::TAPS, (self.domain.taps.len() + 1) as u64 * 4),
             (buffer::COUNTS, u64::from(COUNTS) * 4),
             (buffer::ARGUMENTS, u64::from(ARGUMENTS_FORWARD + sets) * 12),
             (buffer::L1_PARTIALS, self.partials().max(slots.div_ceil(u64::from(WORKGROUP))) * 4),
             (buffer::LOSS_PARTIALS, losses * 8),
             (buffer::COLUMNS, columns),
         ];
-        if self.lent.is_some() {
-            all.push((buffer::ROWS, 8 + self.pairs as u64 * 4));
+        if self.demand.lent.is_some() {
+            all.push((buffer::ROWS, 8 + self.scene.pairs as u64 * 4));
         }
-        if self.tap_sets > 0 {
+        if self.tap_sets() > 0 {
             all.push((buffer::SPREAD, cells * 4));
-            all.push((buffer::PULSE_TAPS, (self.tap_sets * self.tap_room * 4) as u64));
+            all.push((buffer::PULSE_TAPS, (self.tap_sets() * self.tap_room() * 4) as u64));
         }
-        for level in self.summed() {
+        for level in self.levels.summed() {
             all.push((level.measured, self.measured_bytes(level.measured, level.bins)));
-            if self.pulse > 0 {
-                all.push((level.taps, (self.tap_room * 4) as u64));
+            if self.scene.pulse > 0 {
+                all.push((level.taps, (self.tap_room() * 4) as u64));
             }
         }
-        if self.volumes == [SMOOTH, SMOOTH_SPARE] {
+        if self.domain.volumes == [SMOOTH, SMOOTH_SPARE] {
             all.extend([(SMOOTH, voxels * 4), (SMOOTH_SPARE, voxels * 4)]);
         }
         all
@@ -146,56 +146,55 @@ impl Plan {
     /// Cells of the histograms that are on the device at once.
     fn cells_held(&self) -> u64 {
         // The narrowest bins of any level make the longest histograms.
-        let whole = super::cells(self.own(self.pairs), self.bins) as u64;
-        if self.cut.is_none() {
+        let whole = super::cells(self.own(self.scene.pairs), self.scene.bins) as u64;
+        if self.division.cut.is_none() {
             return whole;
         }
-        let all = self.levels.iter().chain(&self.pixel_level);
+        let all = self.levels.all();
         all.map(|l| super::cells(self.held(l), l.bins) as u64).max().unwrap_or(whole)
     }
 
     /// The most histograms that are on the device at once.
     fn rows_held(&self) -> usize {
-        if self.cut.is_none() {
-            return self.own(self.pairs);
+        if self.division.cut.is_none() {
+            return self.own(self.scene.pairs);
         }
-        self.levels.iter().chain(&self.pixel_level).map(|l| self.held(l)).max().unwrap_or(0)
+        self.levels.all().map(|l| self.held(l)).max().unwrap_or(0)
     }
 
     /// Bytes of a buffer of measured histograms: of all pairs, or of those levels that are not cut into parts.
     fn measured_bytes(&self, measured: Buffer, bins: usize) -> u64 {
-        let levels = self.levels.iter().chain(&self.pixel_level);
+        let levels = self.levels.all();
         let whole = levels.filter(|l| l.measured == measured && !self.is_cut(l)).map(|l| l.pairs).max();
-        let pairs = if self.cut.is_none() { self.pairs } else { whole.unwrap_or(0) };
+        let pairs = if self.division.cut.is_none() { self.scene.pairs } else { whole.unwrap_or(0) };
         (self.own(pairs) * bins * 4) as u64
     }
 
     /// Bytes of the wall of all pairs, where a level has all of them at once.
     fn whole_wall(&self) -> u64 {
-        let levels = self.levels.iter().chain(&self.pixel_level);
+        let levels = self.levels.all();
         let mut whole = levels.filter(|l| l.wall == buffer::WALL && !self.is_cut(l));
-        if whole.next().is_some() || self.cut.is_none() { self.wall_bytes(self.finest()) } else { 0 }
+        if whole.next().is_some() || self.division.cut.is_none() { self.wall_bytes(self.finest()) } else { 0 }
     }
 
     /// Bytes of the scenes of all levels, which change with the counts.
     fn scene_bytes(&self) -> u64 {
         let of_level = if self.has_spots() { 2 } else { 1 };
-        let whole =
-            self.levels.iter().chain(self.pixels_only()).chain(self.batches_held()).count() * of_level;
+        let whole = self.levels.all().chain(self.batches_held()).count() * of_level;
         ((whole + 2 * self.cut_levels().count()) * size_of::<SceneData>()) as u64
     }
 
     fn level_buffers(&self) -> Vec<(Buffer, u64)> {
         let mut all = vec![];
         let of_scene = size_of::<SceneData>() as u64;
-        for level in self.levels.iter().chain(self.pixels_only()) {
+        for level in self.levels.all() {
             all.push((level.scene, of_scene));
             if self.has_spots() {
                 all.push((level.rendered.scene, of_scene));
             }
         }
         all.extend(self.spot_buffers());
-        for level in &self.levels {
+        for level in &self.levels.volume {
             all.push((level.reachable, (level.grid.storage() / BRICK_VOXELS) as u64 * 4));
             if level.wall != buffer::WALL && !self.is_cut(level) {
                 all.push((level.wall, self.wall_bytes(level)));
@@ -213,6 +212,6 @@ impl Plan {
     /// Bytes of the wall points that the pairs of a level have.
     fn wall_bytes(&self, level: &Level) -> u64 {
         let own = self.measured(level);
-        (own.scanned + own.others) as u64 * self.bytes_of_point()
+        (own.scanned + own.others) as u64 * self.scene.bytes_of_point()
     }
 }

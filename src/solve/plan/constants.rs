@@ -15,36 +15,36 @@ impl Plan {
 
     /// Changes the sizes, and the constants that follow from them. Buffers stay as they are.
     pub fn tune(&mut self, change: impl FnOnce(&mut Tuning)) {
-        change(&mut self.tuning);
-        self.runs &= self.tuning.window == 0;
+        change(&mut self.division.tuning);
+        self.division.runs &= self.division.tuning.window == 0;
         self.constants.extend(self.sizes());
     }
 
     /// Constants that describe the scene and how the work is cut, for all passes. How surfaces reflect is as in the
     /// volume.
-    pub(super) fn shared_constants(&self, binning: Binning) -> BTreeMap<Constant, u32> {
+    pub(super) fn shared_constants(&self) -> BTreeMap<Constant, u32> {
         let scene = [
-            (constant::GEOMETRY, self.geometry as u32),
-            (constant::REFLECTANCE, self.volume_reflectance.number()),
-            (constant::CURVED, u32::from(self.curved)),
-            (constant::FINE, u32::from(self.fine)),
-            (constant::POLISHED, u32::from(self.polished)),
-            (constant::TOUCHING, u32::from(self.touching)),
-            (constant::SEEN, u32::from(self.pulse > 0 || self.has_spots())),
+            (constant::GEOMETRY, self.scene.geometry as u32),
+            (constant::REFLECTANCE, self.scene.volume_reflectance.number()),
+            (constant::CURVED, u32::from(self.scene.curved)),
+            (constant::FINE, u32::from(self.scene.fine)),
+            (constant::POLISHED, u32::from(self.scene.polished)),
+            (constant::TOUCHING, u32::from(self.levels.touching)),
+            (constant::SEEN, u32::from(self.scene.pulse > 0 || self.has_spots())),
             (constant::SPOT, u32::from(self.has_spots())),
-            (constant::ROWS, u32::from(self.high_pass)),
-            (constant::SPLIT, u32::from(binning == Binning::Linear)),
-            (constant::EXACT, u32::from(self.gradient == Gradient::Exact)),
+            (constant::ROWS, u32::from(self.scene.high_pass)),
+            (constant::SPLIT, u32::from(self.demand.binning == Binning::Linear)),
+            (constant::EXACT, u32::from(self.demand.gradient == Gradient::Exact)),
         ];
         scene.into_iter().chain(self.sizes()).collect()
     }
 
     /// Constants that say how the work is cut.
     fn sizes(&self) -> Vec<(Constant, u32)> {
-        let t = self.tuning;
-        let product = self.geometry == Geometry::Product;
+        let t = self.division.tuning;
+        let product = self.scene.geometry == Geometry::Product;
         vec![
-            (constant::RUNS, u32::from(self.runs)),
+            (constant::RUNS, u32::from(self.division.runs)),
             (constant::LANES, t.lanes),
             (constant::CHUNK, t.chunk),
             (constant::WINDOW, t.window),

@@ -1,11 +1,63 @@
-//! How passes over pairs are divided into dispatches: none has more work than a device may get at once
+//! How the work is divided. No dispatch of a pass over pairs has more work than a device may get at once
 //! ([`crate::gpu::Limits::work`]), or more turns than a loop may have.
 
-use super::{Accumulation, Level, Plan};
+use super::{Accumulation, Demand, Domain, Level, Levels, Plan, Share, Tuning};
+use crate::advice::advice;
+use crate::gpu::{Abilities, Accumulations, DeviceKind};
 use crate::transport::kernels::PAIR_CHUNK;
+use crate::transport::{Model, cells};
+use crate::{Error, Result};
 
 /// Fewer pairs than this are no dispatch of a gather, however many voxels there are.
 const LEAST_GATHERED: u32 = 64;
+
+/// The most additions to one fp32 sum: more may lose 1e-4 of it, as equal addends round alike (docs/stability.md).
+const VOXELS_PER_BIN: usize = 16_384;
+
+/// How the work of a plan is divided: over invocations, over dispatches, and over parts and devices.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Division {
+    /// How rendered values are added up; never `Auto`.
+    pub accumulation: Accumulation,
+    /// Voxels are summed in runs before they are added to a bin: more of them go into one bin than an fp32 sum bears.
+    pub runs: bool,
+    /// Workgroup and chunk sizes.
+    pub tuning: Tuning,
+    /// Voxel-pair evaluations of a dispatch at most: see [`crate::gpu::Limits::work`].
+    pub work: u64,
+    /// The most workgroups of a dispatch along x.
+    pub tiles: u32,
+    /// The most texels that passes over pairs may see in a buffer; 0 if they are to see none.
+    pub texels: u64,
+    /// The most cells of a part where the pairs of large levels are cut into parts ([`Plan::within`]); `None`: no level is.
+    pub cut: Option<usize>,
+    /// The share of the pairs that its device takes, if several share them ([`Plan::shared`]).
+    pub share: Option<Share>,
+}
+
+impl Division {
+    /// All pairs at once on one device, as it adds and as large as it may.
+    ///
+    /// # Errors
+    /// The device does not offer the accumulation, or does not take the sizes.
+    pub(super) fn of(
+        model: &Model,
+        levels: &Levels,
+        domain: &Domain,
+        demand: &Demand,
+        device: &Abilities,
+    ) -> Result<Division> {
+        let accumulation = choose(demand.accumulation, device.kind, device.accumulations)?;
+        let mut tuning = Tuning::new(model, domain.capacity, accumulation, device, &demand.sizes)?;
+        let texels = if tuning.texels && !demand.general { device.limits.texels } else { 0 };
+        tuning.texels = texels_at_most(model, domain.touched_capacity) <= texels;
+        // Fixed point adds without rounding, and a window already sums in two levels.
+        let crowded = |l: &Level| domain.capacity.min(l.grid.storage()) / l.bins > VOXELS_PER_BIN;
+        let runs = !accumulation.is_fixed() && tuning.window == 0 && levels.volume.iter().any(crowded);
+        let (work, tiles) = (device.limits.work, device.limits.groups[0]);
+        Ok(Division { accumulation, runs, tuning, work, tiles, texels, cut: None, share: None })
+    }
+}
 
 impl Plan {
     /// Dispatches that one forward pass over all pairs takes at `level`.
@@ -15,7 +67,7 @@ impl Plan {
 
     /// Dispatches that one forward pass over so many pairs takes at `level`.
     pub(in crate::solve) fn sets_of(&self, level: &Level, pairs: usize) -> u32 {
-        let chunks = self.voxels_at(level).div_ceil(self.tuning.chunk as usize);
+        let chunks = self.voxels_at(level).div_ceil(self.division.tuning.chunk as usize);
         chunks.div_ceil(self.set_chunks(pairs) as usize) as u32
     }
 
@@ -27,27 +79,80 @@ impl Plan {
 
     /// Chunks times pairs of one dispatch, as [`Plan::set_chunks`] and `arguments.comp` divide them.
     pub(super) fn set_cells(&self) -> u32 {
-        match self.accumulation {
+        match self.division.accumulation {
             Accumulation::Owned => 0,
-            _ => u32::try_from(self.work / u64::from(self.tuning.chunk)).unwrap_or(u32::MAX),
+            _ => {
+                u32::try_from(self.division.work / u64::from(self.division.tuning.chunk)).unwrap_or(u32::MAX)
+            }
         }
     }
 
     /// The most dispatches that a forward pass takes at any level.
     pub(super) fn most_sets(&self) -> u32 {
-        let all = self.levels.iter().chain(&self.pixel_level);
+        let all = self.levels.all();
         all.map(|l| self.forward_sets(l)).max().unwrap_or(1)
     }
 
     /// Voxels or points that may be active at `level`.
     pub fn voxels_at(&self, level: &Level) -> usize {
-        level.grid.storage().min(self.capacity)
+        level.grid.storage().min(self.domain.capacity)
     }
 
     /// Pairs of one dispatch that gathers them for `voxels` voxels.
     pub fn gathered_pairs(&self, voxels: usize) -> u32 {
         // Lanes that share a voxel take every few pairs.
-        let most = (self.work / voxels.max(1) as u64).min(u64::from(PAIR_CHUNK)) as u32;
+        let most = (self.division.work / voxels.max(1) as u64).min(u64::from(PAIR_CHUNK)) as u32;
         (most / LEAST_GATHERED * LEAST_GATHERED).max(LEAST_GATHERED)
+    }
+}
+
+/// The most texels that a buffer has as passes over pairs see it.
+fn texels_at_most(model: &Model, voxels: usize) -> u64 {
+    let wall = model.rendered_wall();
+    let points = wall.scanned.len() + wall.others.len();
+    let normals = wall.normals.as_ref().map_or(0, Vec::len);
+    // Half as many again: levels with a part of the pairs may render for more points than all have.
+    let rendered = if model.rendered.is_some() { cells(wall.pairs(), model.bins) / 2 * 3 } else { 0 };
+    model.cells().max(rendered).max(voxels).max(points + normals) as u64
+}
+
+fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Result<Accumulation> {
+    Ok(match wanted {
+        Accumulation::Auto | Accumulation::Repeatable if kind == DeviceKind::Cpu => Accumulation::Owned,
+        Accumulation::Auto if offered.float => Accumulation::Float,
+        // Lanes that meet at one bin cost an integer atomic once each; compare-and-swap turns again for each of them.
+        Accumulation::Auto if offered.int64 => Accumulation::Fixed,
+        Accumulation::Auto => Accumulation::Cas,
+        Accumulation::Fixed | Accumulation::Repeatable if !offered.int64 => Accumulation::Fixed32,
+        Accumulation::Repeatable => Accumulation::Fixed,
+        Accumulation::Float if !offered.float => {
+            return Err(Error::options(
+                "float accumulation was asked for: this device has no fp32 atomics (VK_EXT_shader_atomic_float)",
+                advice!["leave " Accumulation " out, or choose fixed or cas"],
+            ));
+        }
+        other => other,
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_device_adds_as_it_can() {
+        let gpu =
+            |float, int64| choose(Accumulation::Auto, DeviceKind::Discrete, Accumulations { float, int64 });
+        assert_eq!(gpu(true, true).unwrap(), Accumulation::Float);
+        assert_eq!(gpu(false, true).unwrap(), Accumulation::Fixed);
+        assert_eq!(gpu(false, false).unwrap(), Accumulation::Cas);
+        let repeatable = |kind, int64| {
+            choose(Accumulation::Repeatable, kind, Accumulations { float: true, int64 }).unwrap()
+        };
+        assert_eq!(repeatable(DeviceKind::Discrete, true), Accumulation::Fixed);
+        assert_eq!(repeatable(DeviceKind::Integrated, false), Accumulation::Fixed32);
+        assert_eq!(repeatable(DeviceKind::Cpu, true), Accumulation::Owned);
+        let cpu = choose(Accumulation::Auto, DeviceKind::Cpu, Accumulations { float: true, int64: true });
+        assert_eq!(cpu.unwrap(), Accumulation::Owned);
     }
 }

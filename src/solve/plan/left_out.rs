@@ -27,8 +27,8 @@ impl Plan {
     }
 
     fn left_out_of_pairs(&self, out: &mut LeftOut) {
-        let (pairs, all) = (self.pairs, 2 * self.pairs);
-        match self.geometry {
+        let (pairs, all) = (self.scene.pairs, 2 * self.scene.pairs);
+        match self.scene.geometry {
             Geometry::Confocal => out.add(
                 "the second distance of a pair: laser and sensor point are one",
                 format!("{pairs} of {all} distances per voxel"),
@@ -37,20 +37,20 @@ impl Plan {
                 "distances per pair: every scanned point meets every other one",
                 format!(
                     "all but 1 / {} of the scanned points' distances, all but 1 / {} of the others'",
-                    self.tuning.others_forward, self.tuning.lanes
+                    self.division.tuning.others_forward, self.division.tuning.lanes
                 ),
             ),
             Geometry::TwoPoints => {}
         }
-        if self.unused > 0 {
-            let of = self.pairs_of_capture();
-            let share = 100.0 * self.unused as f64 / of as f64;
+        if self.scene.unused > 0 {
+            let of = self.scene.pairs_of_capture();
+            let share = 100.0 * self.scene.unused as f64 / of as f64;
             out.add(
-                format!("{} of {of} pairs: the others hold enough light", self.unused),
+                format!("{} of {of} pairs: the others hold enough light", self.scene.unused),
                 format!("{share:.0} % of all passes over pairs, and of the counts on the device"),
             );
         }
-        let early: Vec<&Level> = self.levels.iter().filter(|l| l.pairs < pairs).collect();
+        let early: Vec<&Level> = self.levels.volume.iter().filter(|l| l.pairs < pairs).collect();
         if let Some(most) = early.iter().map(|l| l.pairs).max() {
             let of = |l: &&Level| format!("{} on {} lateral voxels", l.pairs, l.grid.n[0]);
             let parts = early.iter().map(of).collect::<Vec<_>>().join(", ");
@@ -63,40 +63,41 @@ impl Plan {
     }
 
     fn left_out_of_model(&self, out: &mut LeftOut) {
-        if !self.curved {
-            let why = match self.reflectance {
+        if !self.scene.curved {
+            let why = match self.scene.reflectance {
                 Reflectance::Lambertian => "it is flat",
                 _ => "the model does not ask for them",
             };
-            let points = (self.scanned + self.others) as u64;
+            let points = (self.scene.scanned + self.scene.others) as u64;
             out.add(format!("the wall's normals: {why}"), mebibytes(points * 16));
         }
-        if !self.touching {
+        if !self.levels.touching {
             out.add("voxels on wall points: there are none", "a question per distance");
         }
-        if !self.reflectance.has_normals() {
+        if !self.scene.reflectance.has_normals() {
             let voxels = self.finest().grid.storage() as u64;
             out.add("the surfaces' normals: the model has no cosine", mebibytes(voxels * 16));
         }
-        if self.gradient == Gradient::Published {
+        if self.demand.gradient == Gradient::Published {
             out.add("the falloff in the gradient", "a product per pair");
         }
     }
 
     fn left_out_of_bins(&self, out: &mut LeftOut) {
         if !self.has_spots() {
-            let place = 2 * self.pairs * self.bins * 4;
+            let place = 2 * self.scene.pairs * self.scene.bins * 4;
             out.add("the instrument's spots: laser and sensor see points", mebibytes(place as u64));
         }
-        if self.pulse == 0 {
+        if self.scene.pulse == 0 {
             // Where residuals go through other taps, the buffer is needed for them.
-            let place = if self.tap_sets > 0 { 0 } else { self.pairs * self.bins * 4 };
+            let place = if self.tap_sets() > 0 { 0 } else { self.scene.pairs * self.scene.bins * 4 };
             out.add(
                 "the instrument's pulse: none is known, paths are taken for sharp",
                 mebibytes(place as u64),
             );
         }
         let summed: Vec<String> = self
+            .levels
             .summed()
             .map(|l| format!("{} are one for voxels {:.3} m deep", l.sum, l.grid.pitch.z))
             .collect();
@@ -106,18 +107,18 @@ impl Plan {
                 "as much of the passes over bins there",
             );
         }
-        let unreached = self.all_bins - self.bins;
+        let unreached = self.scene.all_bins - self.scene.bins;
         if unreached > 0 {
-            let bytes = (self.pairs * unreached) as u64 * if self.fixed_point() { 20 } else { 16 };
+            let bytes = (self.scene.pairs * unreached) as u64 * if self.fixed_point() { 20 } else { 16 };
             out.add(
-                format!("{unreached} of {} gated bins: no voxel's path ends in them", self.all_bins),
+                format!("{unreached} of {} gated bins: no voxel's path ends in them", self.scene.all_bins),
                 mebibytes(bytes),
             );
         }
     }
 
     fn left_out_of_levels(&self, out: &mut LeftOut) {
-        let finest = self.reachable.last().expect("a plan has a level");
+        let finest = self.levels.reachable.last().expect("a plan has a level");
         let dark = finest.iter().filter(|r| !**r).count();
         if dark > 0 {
             let share = 100.0 * dark as f64 / finest.len() as f64;
@@ -133,7 +134,7 @@ impl Plan {
                 format!("{} of {} of the finest grid's voxels", factor * factor - 1, factor * factor),
             );
         }
-        if self.levels.len() == 1 {
+        if self.levels.volume.len() == 1 {
             out.add("doubling: the first grid is the last", "its dispatches");
         }
     }
@@ -141,9 +142,9 @@ impl Plan {
     /// Adds what inactive voxels would take. `active` and `touched` are bytes of such a voxel.
     pub fn left_out_of_room(&self, out: &mut LeftOut, [active, touched]: [u64; 2]) {
         let voxels = self.finest().grid.storage() as u64;
-        let [slots, either] = [self.capacity, self.touched_capacity].map(|v| v as u64);
+        let [slots, either] = [self.domain.capacity, self.domain.touched_capacity].map(|v| v as u64);
         if slots < voxels {
-            let normals = if self.reflectance.has_normals() { 16 } else { 0 };
+            let normals = if self.scene.reflectance.has_normals() { 16 } else { 0 };
             out.add(
                 format!("what inactive voxels would hold: there is room for {slots} of {voxels} at once"),
                 mebibytes((voxels - slots) * (active + normals) + (voxels - either) * touched),

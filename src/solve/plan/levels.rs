@@ -1,54 +1,66 @@
 //! The levels of a solve: from a coarse grid, wide bins and a part of the pairs to the finest and all of them.
 
-use super::Demand;
+use super::{Demand, Level, Pairs, Spots, spots};
 use crate::gpu::Buffer;
 use crate::transport::kernels::buffer;
-use crate::transport::{Geometry, Grid, Model};
+use crate::transport::{BRICK_VOXELS, Geometry, Grid, Model};
 
-/// Pairs of wall points as passes over pairs see them.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pairs {
-    /// How many.
-    pub count: usize,
-    /// Their scanned points.
-    pub scanned: usize,
-    /// Their other points.
-    pub others: usize,
-    /// Buffer that holds these points.
-    pub wall: Buffer,
-    /// Buffer that holds the level's constants with their numbers.
-    pub scene: Buffer,
+/// The levels of one solve.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Levels {
+    /// The coarse-to-fine sequence of the volume.
+    pub volume: Vec<Level>,
+    /// The level on the maps' pixels, for what follows the volume; `None` if nothing does.
+    pub pixels: Option<Level>,
+    /// Its pairs in batches, which iterations take in turns; none if each takes all.
+    pub batches: Vec<Level>,
+    /// What is rendered for every number of pairs; none where laser and sensor see points.
+    pub spots: Vec<Spots>,
+    /// The grid whose lateral cells are the maps' pixels.
+    pub maps: Grid,
+    /// Whether each brick can reach a bin, by level of the volume.
+    pub reachable: Vec<Vec<bool>>,
+    /// A sample may be so near to a wall point that the pair gives nothing.
+    pub touching: bool,
 }
 
-/// One step of the coarse-to-fine sequence: a resolution, how many pairs are used on it, and how wide their bins are.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Level {
-    /// The volume at this resolution.
-    pub grid: Grid,
-    /// Its voxels side by side, and behind each other, in a voxel of the grid before.
-    pub parts: [usize; 2],
-    /// The first pair that is used: 0, but for a batch.
-    pub first: usize,
-    /// How many pairs are used.
-    pub pairs: usize,
-    /// How many of the model's bins are one.
-    pub sum: usize,
-    /// Bins of a histogram.
-    pub bins: usize,
-    /// Metres of path.
-    pub bin_width: f64,
-    /// Buffer that holds the measurement in these bins.
-    pub measured: Buffer,
-    /// Buffer that holds the pulse's taps for these bins.
-    pub taps: Buffer,
-    /// Buffer that holds the wall points of these pairs.
-    pub wall: Buffer,
-    /// Buffer that holds its constants.
-    pub scene: Buffer,
-    /// The pairs that light is rendered for: its own, or those that cover their spots.
-    pub rendered: Pairs,
-    /// Buffer that says which bricks can reach a bin.
-    pub reachable: Buffer,
+impl Levels {
+    /// The levels of `model`, scanned in so many points along x and y, on `grid`, whose lateral cells are the maps' pixels.
+    pub(super) fn of(model: &Model, grid: Grid, scan: [usize; 2], demand: &Demand) -> Levels {
+        let mut volume = Sequence::of(model, grid, scan, demand).levels();
+        let mut pixels = of_pixels(model, &volume, grid).filter(|_| demand.iterations[1] > 0);
+        let spots = spots::cover(model, &mut volume, pixels.as_mut_slice());
+        let reachable = |l: &Level| match demand.general {
+            true => vec![true; l.grid.storage() / BRICK_VOXELS],
+            false => model.reachable_bricks(&l.grid),
+        };
+        Levels {
+            batches: in_batches(model, pixels.as_ref()),
+            maps: pixels.as_ref().or(volume.last()).map_or(grid, |l| l.grid),
+            reachable: volume.iter().map(reachable).collect(),
+            touching: demand.general || volume.iter().chain(&pixels).any(|l| model.touches(&l.grid)),
+            volume,
+            pixels,
+            spots,
+        }
+    }
+
+    /// The same levels for the `model` of as many other pairs: only what is rendered for their spots differs.
+    pub(super) fn cover(&mut self, model: &Model) {
+        self.spots = spots::cover(model, &mut self.volume, self.pixels.as_mut_slice());
+    }
+
+    /// The levels of the volume, then that on the maps' pixels if it is no level of the volume.
+    pub fn all(&self) -> impl Iterator<Item = &Level> {
+        self.volume.iter().chain(self.pixels.iter().filter(|l| !self.volume.contains(l)))
+    }
+
+    /// The levels of the volume whose bins no level before has, and that are wider than the model's.
+    pub fn summed(&self) -> impl Iterator<Item = &Level> {
+        let first =
+            |l: &Level| self.volume.iter().find(|o| o.sum == l.sum).is_some_and(|o| o.scene == l.scene);
+        self.volume.iter().filter(move |l| l.sum > 1 && first(l))
+    }
 }
 
 /// Pairs for a volume of so many lateral voxels, where one of up to twice [`AMPLE`] needs `pairs`: in proportion to its
@@ -84,25 +96,25 @@ pub fn sum_of(model: &Model, grid: &Grid) -> usize {
 const OF_WIDTH: f64 = 0.25;
 
 /// What the levels of a volume come from.
-pub(super) struct Sequence<'m> {
+struct Sequence<'m> {
     /// The capture.
-    pub model: &'m Model,
+    model: &'m Model,
     /// The last grid.
-    pub finest: Grid,
+    finest: Grid,
     /// Points of the scan along x and y.
-    pub scan: [usize; 2],
+    scan: [usize; 2],
     /// Begin with a coarser grid.
-    pub coarse_to_fine: bool,
+    coarse_to_fine: bool,
     /// Coarser grids have deeper voxels, too, and all levels bins as wide as the voxels justify. The grid may be refined
     /// so often.
-    pub refined: Option<usize>,
+    refined: Option<usize>,
     /// [`Demand::pairs`].
-    pub pairs: usize,
+    pairs: usize,
 }
 
 impl Sequence<'_> {
     /// The sequence that ends with the voxels of maps with the pixels of `grid`.
-    pub fn of<'m>(model: &'m Model, grid: Grid, scan: [usize; 2], demand: &Demand) -> Sequence<'m> {
+    fn of<'m>(model: &'m Model, grid: Grid, scan: [usize; 2], demand: &Demand) -> Sequence<'m> {
         Sequence {
             model,
             finest: grid.coarser(demand.pixels_per_voxel),
@@ -116,7 +128,7 @@ impl Sequence<'_> {
     /// The levels of the volume. They double from the scan's resolution, or from more where the final one is no power
     /// of two of it. Where pairs are spread, they double from [`AMPLE`] if the scan has more, with a part of the pairs;
     /// at the end there are more.
-    pub fn levels(&self) -> Vec<Level> {
+    fn levels(&self) -> Vec<Level> {
         let model = self.model;
         let first = |grid: Grid| (grid, model.enough(pairs_for(grid.n[0], first_of(self.pairs))));
         let mut steps: Vec<(Grid, usize)> = self.grids().into_iter().map(first).collect();
@@ -198,7 +210,7 @@ fn power_of_two(most: f64) -> usize {
 }
 
 /// The level on the maps' pixels, with the pairs of the last of `levels`.
-pub(super) fn of_pixels(model: &Model, levels: &[Level], maps: Grid) -> Option<Level> {
+fn of_pixels(model: &Model, levels: &[Level], maps: Grid) -> Option<Level> {
     let last = *levels.last()?;
     if last.grid == maps && last.sum == 1 {
         return Some(last);
@@ -224,7 +236,7 @@ const LEAST_BATCH: usize = 225;
 
 /// Batches of the pairs of `level`, in order. As pairs are spread over the wall, so are those of a batch. Up to three pairs at
 /// the end are in none.
-pub(super) fn in_batches(model: &Model, level: Option<&Level>) -> Vec<Level> {
+fn in_batches(model: &Model, level: Option<&Level>) -> Vec<Level> {
     let pairs = model.pairs() / BATCHES;
     // The rows of a product with several other points are not cut, nor are sums over spots.
     let rows = model.wall.geometry == Geometry::Product && model.wall.others.len() > 1;

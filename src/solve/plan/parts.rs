@@ -9,7 +9,7 @@ use super::{Level, Needs, Pairs, Plan};
 use crate::advice::advice;
 use crate::gpu::{Buffer, Memory, check};
 use crate::transport::kernels::{PADDING, buffer, constant};
-use crate::transport::{Geometry, Model, cells};
+use crate::transport::{Model, cells};
 use crate::{Error, Result};
 
 /// Measured histograms of a part, by slot.
@@ -112,11 +112,11 @@ impl Plan {
         let (mut first, mut wall_offset) = (0, 0);
         let part = |(number, count): (usize, &usize)| {
             let slot = (number % 2) as u16;
-            let [scanned, others] = self.points_of_part(*count);
+            let [scanned, others] = self.scene.points_of(*count);
             let scene = PART_SCENE.at(2 * at + u16::from(*count < held));
             let own = Pairs { count: *count, scanned, others, wall: PART_WALL.at(slot), scene };
             let histograms = (*count * level.bins * 4) as u64;
-            let wall = (scanned + others) as u64 * self.bytes_of_point();
+            let wall = (scanned + others) as u64 * self.scene.bytes_of_point();
             let one = |host, offset, device: Buffer, bytes, changes| Stored {
                 host,
                 offset,
@@ -147,18 +147,18 @@ impl Plan {
 
     /// The levels whose pairs are more than one part.
     pub fn cut_levels(&self) -> impl Iterator<Item = &Level> {
-        self.levels.iter().chain(self.pixels_only()).filter(|l| self.is_cut(l))
+        self.levels.all().filter(|l| self.is_cut(l))
     }
 
     /// In how many parts the pairs of each level of the volume, then of the surface, are taken.
     pub fn part_counts(&self) -> [Vec<usize>; 2] {
         let of = |levels: &[Level]| levels.iter().map(|l| self.parts(l).count()).collect();
-        [of(&self.levels), of(self.pixel_level.as_slice())]
+        [of(&self.levels.volume), of(self.levels.pixels.as_slice())]
     }
 
     /// Whether the device changes a buffer that is stored on the host.
     pub(in crate::solve) fn changes_on_host(&self, buffer: Buffer) -> bool {
-        self.cut.is_some() && (0..MOST_PARTS as u16).any(|number| STORED_NOISE.at(number) == buffer)
+        self.division.cut.is_some() && (0..MOST_PARTS as u16).any(|number| STORED_NOISE.at(number) == buffer)
     }
 
     /// Whether two buffers are the same, or those of two parts.
@@ -193,10 +193,10 @@ impl Plan {
         while parts < MOST_PARTS {
             parts += parts.div_ceil(4);
             let cut = self.cut_for(parts);
-            if self.cut == Some(cut) {
+            if self.division.cut == Some(cut) {
                 continue;
             }
-            self.cut = Some(cut);
+            self.division.cut = Some(cut);
             if self.part_counts().concat().iter().any(|n| *n > MOST_PARTS) {
                 break;
             }
@@ -220,37 +220,37 @@ impl Plan {
             if self.has_spots() || parts > MOST_PARTS {
                 return Err(problem);
             }
-            self.cut = Some(self.cut_for(parts));
+            self.division.cut = Some(self.cut_for(parts));
         }
         Ok(())
     }
 
     /// The cells of a part if all pairs in the narrowest bins were so many parts.
     fn cut_for(&self, parts: usize) -> usize {
-        let bins = self.levels.iter().chain(&self.pixel_level).map(|l| l.bins).max().unwrap_or(self.bins);
-        cells(self.own(self.pairs).div_ceil(parts), bins)
+        let bins = self.levels.all().map(|l| l.bins).max().unwrap_or(self.scene.bins);
+        cells(self.own(self.scene.pairs).div_ceil(parts), bins)
     }
 
-    /// The buffers once more, after a change of [`Plan::cut`]. They read no texels where these are too many.
+    /// The buffers once more, after a change of [`Plan::division`]. They read no texels where these are too many.
     pub(super) fn list_again(&mut self, needs: &dyn Needs) {
-        self.tuning.texels = self.largest_view() <= self.texels;
+        self.division.tuning.texels = self.largest_view() <= self.division.texels;
         self.buffers = self.list_buffers(needs.buffers(self), self.with_volume);
     }
 
     /// The most texels that a buffer has as passes over pairs see it.
     fn largest_view(&self) -> u64 {
-        let all = self.levels.iter().chain(&self.pixel_level);
+        let all = self.levels.all();
         let of_pairs = all.map(|l| cells(self.held(l), l.bins)).max().unwrap_or(0);
-        let points = (self.scanned + self.others) * if self.curved { 2 } else { 1 };
-        of_pairs.max(points).max(self.touched_capacity) as u64
+        let points = (self.scene.scanned + self.scene.others) * if self.scene.curved { 2 } else { 1 };
+        of_pairs.max(points).max(self.domain.touched_capacity) as u64
     }
 
     /// What kernels cannot index; `None` if all parts are small enough.
     fn beyond_indices(&self, model: &Model) -> Option<Error> {
         let whole = [model.pairs().max(model.rendered_wall().pairs()), model.bins];
         let of_level = |l: &Level| [self.held(l), l.bins];
-        let all = || self.levels.iter().chain(&self.pixel_level);
-        let [pairs, bins] = match self.cut {
+        let all = || self.levels.all();
+        let [pairs, bins] = match self.division.cut {
             None => whole,
             Some(_) => all().map(of_level).max_by_key(|[pairs, bins]| pairs * bins).unwrap_or(whole),
         };
@@ -260,7 +260,7 @@ impl Plan {
                 advice!["use a larger " Stride " or a narrower " Gate],
             ));
         }
-        let rendered = match self.cut {
+        let rendered = match self.division.cut {
             None => {
                 let wall = model.rendered_wall();
                 vec![[wall.pairs(), wall.scanned.len(), wall.others.len()]]
@@ -268,13 +268,15 @@ impl Plan {
             Some(_) => {
                 let first = |l: &Level| {
                     let held = self.held(l);
-                    let [scanned, others] = self.points_of_part(held);
+                    let [scanned, others] = self.scene.points_of(held);
                     [held, scanned, others]
                 };
                 all().map(first).collect()
             }
         };
-        let beyond = rendered.iter().any(|of| self.tuning.tiles(self.geometry, *of) > u64::from(self.tiles));
+        let beyond = rendered
+            .iter()
+            .any(|of| self.division.tuning.tiles(self.scene.geometry, *of) > u64::from(self.division.tiles));
         beyond.then(|| {
             Error::memory(
                 format!("{} pairs are more than this device's workgroup counts reach", model.pairs()),
@@ -286,9 +288,9 @@ impl Plan {
     /// Pairs of a level that are on the device at once.
     pub(super) fn held(&self, level: &Level) -> usize {
         let own = self.own(level.pairs);
-        let Some(most) = self.cut else { return own };
+        let Some(most) = self.division.cut else { return own };
         // Levels with the same bins share what is stored, so their parts are the same.
-        let same = self.levels.iter().chain(&self.pixel_level).filter(|l| l.sum == level.sum);
+        let same = self.levels.all().filter(|l| l.sum == level.sum);
         let widest = same.map(|l| self.own(l.pairs)).max().unwrap_or(own);
         let most = (most.saturating_sub(PADDING as usize) / (level.bins + PADDING as usize)).max(1);
         own.min(self.pairs_of_part(widest, most))
@@ -298,7 +300,7 @@ impl Plan {
     /// scanned points where these are not more.
     fn pairs_of_part(&self, pairs: usize, most: usize) -> usize {
         let even = |all: usize, most: usize| all.div_ceil(all.div_ceil(most));
-        match self.row() {
+        match self.scene.row() {
             Some(row) if row > most => even(row, most),
             Some(row) => even(pairs / row, most / row) * row,
             None => even(pairs, most),
@@ -310,7 +312,7 @@ impl Plan {
         let mut all = vec![];
         let mut first = 0;
         while first < pairs {
-            let left = match self.row() {
+            let left = match self.scene.row() {
                 Some(row) if held < row => row - first % row,
                 _ => pairs - first,
             };
@@ -318,24 +320,6 @@ impl Plan {
             first += held.min(left);
         }
         all
-    }
-
-    /// Pairs of one other point of a product with several.
-    fn row(&self) -> Option<usize> {
-        (self.geometry == Geometry::Product && self.others > 1).then_some(self.scanned)
-    }
-
-    /// Scanned and other points of a part.
-    fn points_of_part(&self, count: usize) -> [usize; 2] {
-        match self.row() {
-            Some(row) if count < row => [count, 1],
-            _ => self.geometry.counts(count, self.scanned, self.others),
-        }
-    }
-
-    /// Bytes of a wall point with its normal, if normals are used.
-    pub(super) fn bytes_of_point(&self) -> u64 {
-        if self.curved { 32 } else { 16 }
     }
 
     /// Bytes of the noise term's state for so many pairs of so many bins: weight and two moments, by bin or by histogram.
@@ -354,13 +338,13 @@ impl Plan {
 
     /// The place of a level among those of the volume and the surface.
     fn number_of(&self, level: &Level) -> u16 {
-        let mut all = (0..).zip(self.levels.iter().chain(self.pixels_only()));
+        let mut all = (0..).zip(self.levels.all());
         all.find(|(_, l)| l.scene == level.scene).map_or(0, |(i, _)| i)
     }
 
     /// The buffer that stores a part's measured histograms in the bins of a level.
     fn store_of(&self, level: &Level, number: usize) -> Buffer {
-        let same = self.levels.iter().chain(self.pixels_only()).find(|l| l.sum == level.sum);
+        let same = self.levels.all().find(|l| l.sum == level.sum);
         let at = same.map_or(0, |l| self.number_of(l));
         STORED_MEASURED.at(at * MOST_PARTS as u16 + number as u16)
     }

@@ -13,16 +13,16 @@ passes! {
 
     /// Sums neighbouring bins of the measurement for levels with wider ones.
     SUM_BINS = Pass {
-        when: |p| p.levels.iter().any(|l| l.sum > 1),
+        when: |p| p.levels.volume.iter().any(|l| l.sum > 1),
         twin: twin!(sum_bins),
         ..Pass::of("sum_bins", |_| &kernel::SUM_BINS)
     };
 
     /// Sums a caller's counts over pairs.
-    TALLY = Pass { when: |p| p.lent.is_some(), twin: twin!(tally), ..Pass::of("tally", |_| &kernel::TALLY) };
+    TALLY = Pass { when: |p| p.demand.lent.is_some(), twin: twin!(tally), ..Pass::of("tally", |_| &kernel::TALLY) };
 
     /// Takes a caller's counts as the measurement.
-    INTAKE = Pass { when: |p| p.lent.is_some(), twin: twin!(intake), ..Pass::of("intake", |_| &kernel::INTAKE) };
+    INTAKE = Pass { when: |p| p.demand.lent.is_some(), twin: twin!(intake), ..Pass::of("intake", |_| &kernel::INTAKE) };
 
     /// Renders the sampled points into the histograms.
     FORWARD = Pass {
@@ -37,7 +37,7 @@ passes! {
     };
 
     /// Spreads the rendered histograms as the instrument does.
-    PULSE = Pass { when: |p| p.pulse > 0, twin: twin!(pulse), ..Pass::of("pulse", pulse) };
+    PULSE = Pass { when: |p| p.scene.pulse > 0, twin: twin!(pulse), ..Pass::of("pulse", pulse) };
 
     /// Sums the rendered histograms over the instrument's spots.
     SPOT = Pass { when: Plan::has_spots, twin: twin!(spot), ..Pass::of("spot", spot) };
@@ -70,7 +70,7 @@ passes! {
 
     /// Compares as [`RESIDUAL`] does, and takes down what changes slowly along time.
     RESIDUAL_ROWS = Pass {
-        when: |p| p.high_pass,
+        when: |p| p.scene.high_pass,
         faults: RESIDUAL.faults,
         twin: twin!(residual_weighted),
         ..Pass::of("residual_rows", residual_rows)
@@ -78,7 +78,7 @@ passes! {
 
     /// Takes residuals back through the pulse, or through a Gaussian as well.
     PULSE_BACK = Pass {
-        when: |p| p.tap_sets > 0,
+        when: |p| p.tap_sets() > 0,
         constants: &[(constant::BACK, Value::Is(1))],
         twin: twin!(pulse),
         // Residuals are fp32 on every accumulation path.
@@ -136,11 +136,11 @@ passes! {
     };
 
     /// The mask of the active voxels' neighbours.
-    RIM = Pass { when: |p| p.has_rim, twin: twin!(rim), ..Pass::of("rim", |_| &kernel::RIM) };
+    RIM = Pass { when: |p| p.demand.has_rim, twin: twin!(rim), ..Pass::of("rim", |_| &kernel::RIM) };
 
     /// Sums the rim's voxels over the bricks before.
     COMPACT_SCAN_RIM = Pass {
-        when: |p| p.has_rim,
+        when: |p| p.demand.has_rim,
         constants: &[(constant::RIM, Value::Is(1))],
         twin: twin!(compact),
         ..Pass::of("compact_scan_rim", |_| &kernel::COMPACT_SCAN)
@@ -148,7 +148,7 @@ passes! {
 
     /// Lists the rim behind the active voxels.
     COMPACT_SCATTER_RIM = Pass {
-        when: |p| p.has_rim,
+        when: |p| p.demand.has_rim,
         constants: &[(constant::RIM, Value::Is(1))],
         twin: twin!(compact),
         ..Pass::of("compact_scatter_rim", |_| &kernel::COMPACT_SCATTER)
@@ -169,8 +169,8 @@ passes! {
 
 /// The module that renders, by the kind of pairs and by how contributions are added up.
 pub fn forward(plan: &Plan) -> &'static KernelCode {
-    let product = plan.geometry == Geometry::Product;
-    match (plan.accumulation, product) {
+    let product = plan.scene.geometry == Geometry::Product;
+    match (plan.division.accumulation, product) {
         (Accumulation::Float, false) => &kernel::FORWARD_FLOAT,
         (Accumulation::Float, true) => &kernel::FORWARD_PRODUCT_FLOAT,
         (Accumulation::Fixed, false) => &kernel::FORWARD_FIXED64,
@@ -199,7 +199,7 @@ fn residual_rows(plan: &Plan) -> &'static KernelCode {
 
 /// The pass that makes a plan's objective of the difference from the measurement.
 pub fn objective(plan: &Plan) -> &'static Pass {
-    if plan.high_pass { &RESIDUAL_ROWS } else { &RESIDUAL }
+    if plan.scene.high_pass { &RESIDUAL_ROWS } else { &RESIDUAL }
 }
 
 /// The module that applies the pulse to what was accumulated.

@@ -9,8 +9,8 @@ use std::borrow::Cow;
 use super::{Level, Needs, Pairs, Plan};
 use crate::advice::advice;
 use crate::gpu::{Buffer, Counted, Summed, room_for};
+use crate::transport::Wall;
 use crate::transport::kernels::{COUNT_ACTIVE, buffer};
-use crate::transport::{Geometry, Wall};
 use crate::{Error, Result};
 
 /// The share of one of several devices.
@@ -44,35 +44,35 @@ impl Plan {
         if self.has_spots() {
             return refused("pairs with spots are not shared, as each is a sum over its neighbours".into());
         }
-        let rows = self.levels[0].pairs / self.unit();
+        let rows = self.levels.volume[0].pairs / self.unit();
         if rows < share.of {
             let what = if self.unit() > 1 { "rows of pairs" } else { "pairs" };
             return refused(format!("the first level has {rows} {what}, fewer than there are devices"));
         }
-        self.share = Some(share);
+        self.division.share = Some(share);
         self.list_again(needs);
         Ok(self)
     }
 
     /// Pairs that are shared as one: those of one other point of a product with several.
     fn unit(&self) -> usize {
-        if self.geometry == Geometry::Product && self.others > 1 { self.scanned } else { 1 }
+        self.scene.row().unwrap_or(1)
     }
 
     /// How many of the first `pairs` are on this device.
     pub(in crate::solve) fn own(&self, pairs: usize) -> usize {
         let unit = self.unit();
-        self.share.map_or(pairs, |share| share.count(pairs / unit) * unit)
+        self.division.share.map_or(pairs, |share| share.count(pairs / unit) * unit)
     }
 
     /// The pairs of a level that this device renders.
     pub(super) fn rendered(&self, level: &Level) -> Pairs {
-        if self.share.is_some() { self.measured(level) } else { level.rendered }
+        if self.division.share.is_some() { self.measured(level) } else { level.rendered }
     }
 
     /// The wall of those of the first pairs that are on this device.
     pub(in crate::solve) fn own_wall<'w>(&self, first: &'w Wall) -> Cow<'w, Wall> {
-        match self.share {
+        match self.division.share {
             Some(Share { number, of }) => Cow::Owned(first.every([number, of])),
             None => Cow::Borrowed(first),
         }
@@ -81,7 +81,7 @@ impl Plan {
     /// The wall of those pairs of a level that are on this device. `all` is the wall of all pairs.
     pub(in crate::solve) fn wall_of(&self, level: &Level, all: &Wall) -> Wall {
         let wall = all.stretch(level.first, level.pairs);
-        match self.share {
+        match self.division.share {
             // The first of its own among them.
             Some(Share { number, of }) => wall.every([(number + of - level.first % of) % of, of]),
             None => wall,
@@ -90,14 +90,14 @@ impl Plan {
 
     /// The rows of `length` values for each pair that are on this device, of those for all pairs.
     pub(in crate::solve) fn own_rows<'r>(&self, all: &'r [f32], length: usize) -> Cow<'r, [f32]> {
-        let Some(Share { number, of }) = self.share else { return all.into() };
+        let Some(Share { number, of }) = self.division.share else { return all.into() };
         let own = all.chunks(self.unit() * length).skip(number).step_by(of);
         own.collect::<Vec<_>>().concat().into()
     }
 
     /// Whether sums over pairs begin with what is there before: on the first of several devices only.
     pub(in crate::solve) fn begins_sums(&self) -> bool {
-        self.share.is_none_or(|share| share.number == 0)
+        self.division.share.is_none_or(|share| share.number == 0)
     }
 
     /// The gradient of the active voxels or points.
@@ -112,7 +112,7 @@ impl Plan {
 
     /// The back-projection of a level's histograms.
     pub(in crate::solve) fn projection(&self, level: &Level) -> Summed {
-        Summed { buffer: self.volumes[1], bytes: level.grid.storage() as u64 * 4, counted: None }
+        Summed { buffer: self.domain.volumes[1], bytes: level.grid.storage() as u64 * 4, counted: None }
     }
 
     /// The losses, after they were added up on the device.
@@ -123,7 +123,7 @@ impl Plan {
     /// A buffer with an item of so many bytes for each active voxel.
     fn of_active(&self, buffer: Buffer, bytes: u64) -> Summed {
         let counted = Counted { buffer: buffer::COUNTS, word: COUNT_ACTIVE, bytes };
-        Summed { buffer, bytes: self.capacity as u64 * bytes, counted: Some(counted) }
+        Summed { buffer, bytes: self.domain.capacity as u64 * bytes, counted: Some(counted) }
     }
 
     /// Bytes on the host that exchanges take at most.
@@ -131,7 +131,7 @@ impl Plan {
         let all = [
             room_for(&[self.gradients(), self.losses()]),
             room_for(&[self.bounds()]),
-            room_for(&[self.projection(&self.levels[0])]),
+            room_for(&[self.projection(&self.levels.volume[0])]),
         ];
         all.into_iter().max().unwrap_or(0)
     }

@@ -71,33 +71,33 @@ pub(super) fn cover(model: &Model, volume: &mut [Level], pixels: &mut [Level]) -
 impl Plan {
     /// Whether laser or sensor see more than points.
     pub fn has_spots(&self) -> bool {
-        !self.spots.is_empty()
+        !self.levels.spots.is_empty()
     }
 
     /// What a level renders; `None` where spots are points.
     pub fn spots_of(&self, level: &Level) -> Option<&Spots> {
-        self.spots.iter().find(|s| s.pairs == level.pairs)
+        self.levels.spots.iter().find(|s| s.pairs == level.pairs)
     }
 
     /// The buffers that spots need.
     pub(super) fn spot_buffers(&self) -> Vec<(Buffer, u64)> {
-        if self.spots.is_empty() {
+        if self.levels.spots.is_empty() {
             return vec![];
         }
         let mut all = vec![];
         let (mut seen, mut between) = (0, 0);
-        for level in self.levels.iter().chain(&self.pixel_level) {
+        for level in self.levels.all() {
             let Some(spots) = self.spots_of(level) else { continue };
             let cells = |pairs: usize| super::cells(pairs, level.bins) as u64;
             let inner = spots.rendered.stages.iter().skip(1).map(SpotTaps::terms).max();
             seen = cells(level.pairs.max(level.rendered.count)).max(seen);
             between = inner.map_or(0, cells).max(between);
         }
-        for spots in &self.spots {
+        for spots in &self.levels.spots {
             let words = spots.rendered.stages.iter().chain(&spots.back).map(SpotTaps::len_of_words);
             all.push((spots.taps, words.sum::<usize>() as u64 * 4));
         }
-        for (i, spots) in (0..).zip(&self.spots) {
+        for (i, spots) in (0..).zip(&self.levels.spots) {
             all.push((WALL.at(i), (spots.rendered.wall.words().len() * 16) as u64));
         }
         all.extend([(SEEN, seen), (BETWEEN, between)].map(|(b, cells)| (b, cells * 4)));

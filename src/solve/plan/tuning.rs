@@ -32,6 +32,13 @@ pub enum Accumulation {
     Owned,
 }
 
+impl Accumulation {
+    /// Whether values are added up in fixed point.
+    pub fn is_fixed(self) -> bool {
+        matches!(self, Accumulation::Fixed | Accumulation::Fixed32)
+    }
+}
+
 /// Workgroup and chunk sizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tuning {

@@ -83,7 +83,7 @@ pub(super) fn refine(
 ) -> Result<Refined> {
     let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
     let (volume, iterations) = (driven.level, options.iterations);
-    let level = job.plan.pixel_level.expect("a surface is part of the plan");
+    let level = job.plan.levels.pixels.expect("a surface is part of the plan");
     let (on, second) = match beginning {
         Beginning::Volume => (None, Some(behind(job, &volume)?)),
         Beginning::Frame(on) => (Some(on), Some(behind(job, &volume)?)),
@@ -102,7 +102,7 @@ pub(super) fn refine(
     let pixels = Pixels::of(&layers, support(&job.plan), pixels(&job.plan));
     let begin = driven.trace.last().map_or(0, |p| p.iteration);
     let found = if pixels.is_empty() { None } else { place(job, &level, &pixels, begin)? };
-    let coarsest = job.plan.levels[0].grid;
+    let coarsest = job.plan.levels.volume[0].grid;
     let mut weights = found.map(|f| weights(&job.model, &coarsest, &level, f, options));
     on.iter().for_each(|on| weights.iter_mut().for_each(|weights| on.pace(&driven.maps, weights)));
     let first_blur = found.filter(|_| is_blurred(&job.plan) && on.is_none()).and_then(|_| {
@@ -110,7 +110,7 @@ pub(super) fn refine(
         let noise = expected_noise(&job.model) / energy(&job.model, level.pairs);
         blur::first(wide / job.model.bin_width, noise)
     });
-    let room = job.plan.tap_room;
+    let room = job.plan.tap_room();
     if let Some(weights) = &weights {
         if let Some(sigma) = first_blur {
             let words = blur::words(job.model.pulse.as_ref(), sigma, room);
@@ -158,7 +158,7 @@ pub(super) fn refine(
 /// The maps of the second surfaces in the columns of the volume that is on the device.
 pub(super) fn behind(job: &mut OnDevice, level: &Level) -> Result<Maps> {
     job.executor.run_once(|s| extract_behind(s, level))?;
-    Ok(read_maps(&job.executor, &level.grid, job.plan.reflectance.has_normals()))
+    Ok(read_maps(&job.executor, &level.grid, job.plan.scene.reflectance.has_normals()))
 }
 
 /// The maps that the surface begins with, one for each layer, with each pixel of the volume's divided into `factor` ×
@@ -179,7 +179,7 @@ fn begun(job: &OnDevice, driven: &Driven, second: Maps, factor: usize) -> Vec<Ma
 
 /// Pixels of the smallest region with two surfaces that counts.
 fn least(plan: &Plan, grid: &Grid) -> f64 {
-    layers::LEAST_CELLS * coarser(&plan.levels[0].grid, grid).powi(2)
+    layers::LEAST_CELLS * coarser(&plan.levels.volume[0].grid, grid).powi(2)
 }
 
 /// The maps of both refined layers. Those of the first are in `driven`; the second layer began with `behind`.
@@ -187,7 +187,7 @@ fn with_both(job: &mut OnDevice, driven: &Driven, behind: &Maps, of_layers: [usi
     let level = driven.level;
     upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(behind)))?;
     job.executor.run_once(|s| extract(s, &level, of_layers, 1))?;
-    let behind = read_maps(&job.executor, &level.grid, job.plan.reflectance.has_normals());
+    let behind = read_maps(&job.executor, &level.grid, job.plan.scene.reflectance.has_normals());
     Ok(layers::merge(&[driven.maps.clone(), behind], least(&job.plan, &level.grid)))
 }
 
@@ -236,7 +236,7 @@ fn steps(
 /// The schedules of a surface on all pixels that there is room for, after a volume with all pairs; empty without a
 /// surface.
 pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {
-    let begin = plan.iterations[0];
+    let begin = plan.demand.iterations[0];
     let parts = |steps| outline::of("surface", plan, &steps, begin..begin + options.iterations);
     whole(plan, options).map_or_else(Vec::new, parts)
 }
@@ -251,18 +251,18 @@ pub(super) fn each(
     take: &mut dyn FnMut(&Schedule) -> Result<()>,
 ) -> Result<()> {
     let Some(steps) = whole(plan, options) else { return Ok(()) };
-    let begin = plan.iterations[0];
+    let begin = plan.demand.iterations[0];
     outline::each(plan, &steps, begin..begin + options.iterations, take)?;
-    plan.levels.iter().try_for_each(|level| take(&Schedule::of(|s| extract_behind(s, level))))?;
+    plan.levels.volume.iter().try_for_each(|level| take(&Schedule::of(|s| extract_behind(s, level))))?;
     take(&Schedule::of(|s| divide(s, plan)))?;
     take(&Schedule::of(|s| compared(s, plan, &steps.levels[0], 1, begin)))
 }
 
 /// The steps of [`outline`].
 fn whole(plan: &Plan, options: &SurfaceOptions) -> Option<Steps<'static>> {
-    let (level, iterations) = (plan.pixel_level?, options.iterations);
-    let (count, begin) = (pixels(plan), plan.iterations[0]);
-    let taps = is_blurred(plan).then_some(plan.tap_room);
+    let (level, iterations) = (plan.levels.pixels?, options.iterations);
+    let (count, begin) = (pixels(plan), plan.demand.iterations[0]);
+    let taps = is_blurred(plan).then_some(plan.tap_room());
     Some(Steps {
         start: Box::new(move |s, plan| start(s, &level, count, points_of(plan))),
         ..steps(plan, level, [count, 0], begin, [0, iterations], taps)
@@ -273,7 +273,7 @@ fn whole(plan: &Plan, options: &SurfaceOptions) -> Option<Steps<'static>> {
 pub(super) fn ahead(plan: &Plan, iterations: usize) -> Vec<[f64; 2]> {
     let points = (points_of(plan) as f64).sqrt();
     let of = |level: &Level| vec![[level.grid.n[0] as f64 * points, level.pairs as f64]; iterations];
-    plan.batch(0).or(plan.pixel_level.as_ref()).map_or_else(Vec::new, of)
+    plan.batch(0).or(plan.levels.pixels.as_ref()).map_or_else(Vec::new, of)
 }
 
 /// The maps in the layout of the device.

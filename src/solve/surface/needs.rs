@@ -38,8 +38,8 @@ pub fn points_per_pixel(options: &SurfaceOptions, plan: &Plan) -> usize {
 }
 
 fn is_small(plan: &Plan) -> bool {
-    let wide = plan.maps.pitch.truncate().max_element();
-    wide <= (SMALL_PIXEL * plan.bin_width).max(BLURRED_PIXEL * plan.pulse_deviation)
+    let wide = plan.levels.maps.pitch.truncate().max_element();
+    wide <= (SMALL_PIXEL * plan.scene.bin_width).max(BLURRED_PIXEL * plan.scene.pulse_deviation)
 }
 
 /// Points of a pixel in a plan that was made for a surface.
@@ -49,7 +49,7 @@ pub fn points_of(plan: &Plan) -> usize {
 
 /// Whether a plan has taps for residuals that are averaged along time.
 pub fn is_blurred(plan: &Plan) -> bool {
-    plan.tap_sets > 1
+    plan.tap_sets() > 1
 }
 
 /// The room for pixels of the second layer is this part of the maps' pixels: a surface seldom fills the maps, so there is
@@ -59,9 +59,9 @@ const BEHIND: usize = 4;
 /// Pixels that the surface may have in both layers: all of the maps' and a quarter more, or as many as there is room
 /// for with the points of each.
 pub fn pixels(plan: &Plan) -> usize {
-    let [x, y, _] = plan.maps.n;
+    let [x, y, _] = plan.levels.maps.n;
     let most = x * y + x * y / BEHIND;
-    plan.pixel_level.map_or(0, |_| most.min(plan.capacity / points_of(plan)))
+    plan.levels.pixels.map_or(0, |_| most.min(plan.domain.capacity / points_of(plan)))
 }
 
 /// Bytes of a surface with `pixels` pixels, their numbers by column included.
@@ -76,7 +76,7 @@ pub fn buffers(plan: &Plan) -> Vec<(Buffer, u64)> {
         return vec![];
     }
     // Of two layers.
-    let columns = 2 * (plan.maps.n[0] * plan.maps.n[1]) as u64;
+    let columns = 2 * (plan.levels.maps.n[0] * plan.levels.maps.n[1]) as u64;
     let mut all =
         vec![(buffer::PIXEL_OF, columns * 4), (buffer::SURFACE_WEIGHTS, u64::from(SURFACE_WEIGHTS) * 4)];
     all.extend(OF_PIXEL.map(|(buffer, bytes)| (buffer, pixels * bytes)));
@@ -85,8 +85,8 @@ pub fn buffers(plan: &Plan) -> Vec<(Buffer, u64)> {
 
 /// What a plan leaves out of it.
 pub fn left_out(plan: &Plan, out: &mut LeftOut) {
-    if plan.iterations[1] == 0 {
-        let [x, y, _] = plan.maps.n;
+    if plan.demand.iterations[1] == 0 {
+        let [x, y, _] = plan.levels.maps.n;
         out.add("the surface that the volume's maps begin", mebibytes(bytes((x * y) as u64)));
     } else if points_of(plan) == 1 {
         let why =

@@ -8,7 +8,7 @@ use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
 use crate::transport::kernels::*;
 
 /// The surface's own model of reflectance. All other constants are the volume's.
-const REFLECTS: (Constant, Value) = (constant::REFLECTANCE, Value::Of(|p| p.reflectance.number()));
+const REFLECTS: (Constant, Value) = (constant::REFLECTANCE, Value::Of(|p| p.scene.reflectance.number()));
 
 /// Samples of one partial sum of [`SURFACE_COMBINE`].
 const SUMMED: (Constant, Value) =
@@ -16,7 +16,7 @@ const SUMMED: (Constant, Value) =
 
 /// The pass that renders the surface: the volume's, if both reflect alike.
 pub(super) fn forward_of(plan: &Plan) -> &'static Pass {
-    if plan.reflectance == plan.volume_reflectance { &FORWARD } else { &SURFACE_FORWARD }
+    if plan.scene.reflectance == plan.scene.volume_reflectance { &FORWARD } else { &SURFACE_FORWARD }
 }
 
 passes! {
@@ -46,7 +46,7 @@ passes! {
     /// Renders the points of a surface that does not reflect as the volume does.
     SURFACE_FORWARD = Pass {
         report: "forward_surface",
-        when: |p| p.reflectance != p.volume_reflectance,
+        when: |p| p.scene.reflectance != p.scene.volume_reflectance,
         constants: &[REFLECTS],
         pairs: FORWARD.pairs,
         faults: FORWARD.faults,

@@ -14,8 +14,8 @@ const AFTER_COSINE: [f32; 2] = [0.15, 0.12];
 
 /// The share of white above which a plan's surface takes pixels.
 pub fn support(plan: &Plan) -> f32 {
-    match plan.geometry {
-        _ if plan.reflectance == plan.volume_reflectance => SUPPORT,
+    match plan.scene.geometry {
+        _ if plan.scene.reflectance == plan.scene.volume_reflectance => SUPPORT,
         Geometry::Confocal | Geometry::TwoPoints => AFTER_COSINE[0],
         Geometry::Product => AFTER_COSINE[1],
     }

@@ -94,7 +94,7 @@ pub fn iteration(
     let push = Push { iteration: i as u32, step: (at + skipped) as u32 + 1, ..push(count) };
     let from = gathered(plan, through);
     let batch = plan.batch(at);
-    if let (Some(batch), true) = (batch, plan.share.is_some()) {
+    if let (Some(batch), true) = (batch, plan.division.share.is_some()) {
         // A device may have one pair more of this batch than of the one before.
         size_passes(s, &batch.rendered);
     }

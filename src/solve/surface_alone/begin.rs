@@ -2,32 +2,13 @@
 
 use std::ops::ControlFlow;
 
-use serde::{Deserialize, Serialize};
-
-use super::SurfaceAloneOptions;
+use super::options::{Begin, SurfaceAloneOptions};
 use crate::capture::{Background, Capture};
 use crate::maps::{Maps, percentile};
 use crate::solve::closed_form::{FbpOptions, LctOptions};
-use crate::solve::option::words;
 use crate::solve::{Beside, Prepared, Progress, Solver, TracePoint, Watch};
 use crate::transport::Grid;
 use crate::{Error, Result};
-
-/// What the surface begins with.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Begin {
-    /// The light-cone transform where the capture allows it, else the filtered back-projection.
-    Auto,
-    /// The light-cone transform.
-    Lct,
-    /// The filtered back-projection.
-    Fbp,
-    /// A plane.
-    Plane,
-}
-
-words!(Begin);
 
 /// Pixels of the surface have this share of the albedo above which the closed-form method sees a surface: rims are dim, and
 /// what is no surface becomes dark.

@@ -16,7 +16,9 @@ use super::plan::{Demand, LeftOut, Level, Needs};
 use super::prepared::Planned;
 use super::result::finish;
 use super::surface::{self, Beginning};
-use super::{Beside, Common, Part, Plan, Prepared, Reconstruction, RunsOn, Solver, VolumeMap, Watch, vector};
+use super::{
+    Beside, Common, Part, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, VolumeMap, Watch, vector,
+};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Buffer, Constant, Gpu, Schedule};
@@ -27,8 +29,7 @@ use crate::transport::{Grid, Rows};
 mod begin;
 mod options;
 
-pub use begin::Begin;
-pub use options::SurfaceAloneOptions;
+pub use options::{Begin, SurfaceAloneOptions};
 
 impl Needs for SurfaceAloneOptions {
     fn demand(&self) -> Demand {
@@ -56,7 +57,7 @@ impl Needs for SurfaceAloneOptions {
     }
 
     /// No domain changes.
-    fn volumes(&self, _plan: &Plan) -> [Buffer; 2] {
+    fn volumes(&self, _levels: &[Level], _capacities: [usize; 2]) -> [Buffer; 2] {
         [buffer::GRADIENT, buffer::SAMPLE_POINTS]
     }
 
@@ -93,7 +94,8 @@ impl Solver for SurfaceAloneOptions {
         Some(self)
     }
 
-    fn plan(&self, capture: &Capture, grid: Grid, abilities: &Abilities, _with_volume: bool) -> Result<Plan> {
+    fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
+        let Problem { capture, grid, .. } = *problem;
         self.takes(capture)?;
         let model = vector::model(&capture.outline(), &grid, &self.as_vector());
         Plan::new(&model, grid, capture.resolution(), self, abilities, false)
@@ -103,14 +105,8 @@ impl Solver for SurfaceAloneOptions {
         surface::outline(plan, &self.surface)
     }
 
-    fn prepare(
-        &self,
-        gpu: &Gpu,
-        capture: &Capture,
-        grid: Grid,
-        memory: Option<u64>,
-        with_volume: bool,
-    ) -> Result<Box<dyn Prepared>> {
+    fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
+        let Problem { capture, grid, memory, with_volume } = *problem;
         self.check()?;
         self.takes(capture)?;
         let (outline, rows) = vector::outline_of(capture, &grid, &self.as_vector());
@@ -145,7 +141,8 @@ impl Alone {
     /// The method that the surface begins with, prepared; `None`: a plane.
     fn first_method(&self) -> Result<Option<Box<dyn Prepared>>> {
         let method = self.options.first_method(&self.scan)?;
-        method.map(|m| m.prepare(self.planned.gpu(), &self.scan, self.grid, self.memory, false)).transpose()
+        let problem = Problem { memory: self.memory, ..Problem::new(&self.scan, self.grid) };
+        method.map(|m| m.prepare(self.planned.gpu(), &problem)).transpose()
     }
 
     /// The maps that the surface begins with.
@@ -154,7 +151,7 @@ impl Alone {
         let mut own = if self.kept.is_none() { self.first_method()? } else { None };
         match self.kept.as_mut().or(own.as_mut()) {
             Some(method) => begin::of_method(&mut **method, capture, self.options.surface.iterations, watch),
-            None => Ok(begin::plane(capture, &self.planned.plan().maps, self.options.background)),
+            None => Ok(begin::plane(capture, &self.planned.plan().levels.maps, self.options.background)),
         }
     }
 }

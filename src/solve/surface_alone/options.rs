@@ -1,11 +1,28 @@
 //! Options of the surface alone.
 
-use super::begin::Begin;
+use serde::{Deserialize, Serialize};
+
 use crate::Result;
-use crate::solve::option::{options, refused};
+use crate::solve::option::{options, refused, words};
 use crate::solve::surface::SurfaceOptions;
 use crate::solve::{Accumulation, Sizes, VectorOptions};
 use crate::transport::Reflectance;
+
+/// What the surface begins with.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Begin {
+    /// The light-cone transform where the capture allows it, else the filtered back-projection.
+    Auto,
+    /// The light-cone transform.
+    Lct,
+    /// The filtered back-projection.
+    Fbp,
+    /// A plane.
+    Plane,
+}
+
+words!(Begin);
 
 options! {
     /// Options of the surface without a volume before it.

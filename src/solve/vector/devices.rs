@@ -8,26 +8,17 @@ use std::any::Any;
 use std::ops::ControlFlow;
 use std::thread;
 
-use super::prepared::prepare_member;
+use super::prepared::{Member, prepare_member};
 use super::{Frames, VectorOptions, reconstruct};
 use crate::advice::{Advice, advice};
-use crate::capture::Capture;
 use crate::gpu::{Exchange, Gpu, is_left};
 use crate::solve::drive::{Beside, Progress, Watch};
 use crate::solve::plan::Share;
-use crate::solve::{Prepared, Reconstruction};
-use crate::transport::Grid;
+use crate::solve::{Prepared, Problem, Reconstruction};
 use crate::{Error, Kind, Result, panic_message};
 
-/// What makes a solve one of several that share the pairs.
-pub(super) struct Member {
-    pub share: Share,
-    /// Until its executor has joined.
-    pub exchange: Option<Exchange>,
-}
-
 /// Runs the solver on `gpus`, which share the pairs: devices of one kind and driver, or one device several times. Takes
-/// the other arguments of [`reconstruct`]; `memory` is a budget for each. The result is that of one device to rounding, and
+/// the other arguments of [`reconstruct`]. The result is that of one device to rounding, and
 /// its plan that of the first device's share.
 ///
 /// # Errors
@@ -35,29 +26,25 @@ pub(super) struct Member {
 /// caller's buffer, or checkpoints are asked for. Where a device fails, all end, with its error.
 pub fn reconstruct_on<'b, 'w: 'b>(
     gpus: &[Gpu],
-    capture: &Capture,
-    grid: Grid,
+    problem: &Problem<'_>,
     options: &VectorOptions,
-    memory: Option<u64>,
-    with_volume: bool,
     beside: impl Into<Beside<'b, 'w>>,
 ) -> Result<Reconstruction> {
     let beside = beside.into();
     match gpus {
-        [one] => return reconstruct(one, capture, grid, options, memory, with_volume, beside),
+        [one] => return reconstruct(one, problem, options, beside),
         [] => return Err(Error::options("no device is named for the solve", advice!["name one " Device])),
         _ => {}
     }
     options.check()?;
-    capture.check()?;
+    problem.capture.check()?;
     check_same(gpus)?;
     let watch = taken(beside, gpus.len())?;
     let solve = |gpu: &Gpu, exchange: Exchange, watch: &mut Watch<'_>| {
         let share = Share { number: exchange.number(), of: gpus.len() };
-        let with_volume = with_volume && share.number == 0;
+        let own = Problem { with_volume: problem.with_volume && share.number == 0, ..*problem };
         let member = Member { share, exchange: Some(exchange) };
-        prepare_member(gpu, capture, grid, options, memory, with_volume, Frames::default(), Some(member))?
-            .solve(capture, watch.into())
+        prepare_member(gpu, &own, options, Frames::default(), Some(member))?.solve(own.capture, watch.into())
     };
     one_of(on_all(gpus, watch, solve))
 }

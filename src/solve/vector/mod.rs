@@ -19,6 +19,7 @@ use super::on_device::{OnDevice, upload};
 use super::outline::{self, Part};
 use super::plan::{first_of, pairs_for};
 use super::prepared::Prepared;
+use super::problem::Problem;
 use super::result::Reconstruction;
 use super::{Level, Plan, domain, surface};
 use crate::Result;
@@ -69,16 +70,13 @@ pub const HAT_SIGMA: f64 = 1.5;
 /// As [`super::paper::reconstruct`].
 pub fn reconstruct<'b, 'w: 'b>(
     gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
+    problem: &Problem<'_>,
     options: &VectorOptions,
-    memory: Option<u64>,
-    with_volume: bool,
     beside: impl Into<Beside<'b, 'w>>,
 ) -> Result<Reconstruction> {
     options.check()?;
-    capture.check()?;
-    prepare(gpu, capture, grid, options, memory, with_volume)?.solve(capture, beside.into())
+    problem.capture.check()?;
+    prepare(gpu, problem, options)?.solve(problem.capture, beside.into())
 }
 
 /// Solves the volume of a job that [`make_ready`] has made ready.
@@ -101,7 +99,7 @@ fn stop_below(options: &VectorOptions) -> Option<fn(&OnDevice) -> f64> {
 
 /// Uploads what every solve of a volume begins with.
 fn make_ready(job: &mut OnDevice) -> Result<()> {
-    let first = job.plan.levels[0];
+    let first = job.plan.levels.volume[0];
     upload_hat(job, &first)
 }
 
@@ -114,8 +112,8 @@ fn upload_hat(job: &mut OnDevice, level: &Level) -> Result<()> {
 /// The steps that the driver runs, up to the last iteration.
 fn steps<'o>(plan: &Plan, options: &'o VectorOptions) -> Steps<'o> {
     Steps {
-        levels: plan.levels.clone(),
-        start: Box::new(|s, plan| start(s, plan, &plan.levels[0], options)),
+        levels: plan.levels.volume.clone(),
+        start: Box::new(|s, plan| start(s, plan, &plan.levels.volume[0], options)),
         iteration: Box::new(|s, plan, level, i| iteration(s, plan, level, i as u32)),
         due: Box::new(|s, plan, level, done| due(s, plan, options, level, done)),
         extract: Box::new(domain::extract),

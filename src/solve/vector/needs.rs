@@ -29,6 +29,7 @@ impl Needs for VectorOptions {
             }),
             smooth: [SMOOTH_SIGMA, 4.0],
             more_taps: surface::more_taps(&self.surface),
+            betas: [0.0; 2],
             cosine_volume: self.cosine_volume && self.surface.iterations > 0,
             lent: None,
         }
@@ -62,11 +63,11 @@ impl Needs for VectorOptions {
     }
 
     fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
-        let slots = plan.capacity as u64;
+        let slots = plan.domain.capacity as u64;
         let mut all = vec![
             (buffer::BEFORE, slots * 16),
             (buffer::BOUNDS, slots * 8),
-            (buffer::HAT_TAPS, plan.bins as u64 * 4 + 4),
+            (buffer::HAT_TAPS, plan.scene.bins as u64 * 4 + 4),
             (buffer::AGAINST_PARTIALS, plan.partials() * 4),
         ];
         all.extend(surface::buffers(plan));
@@ -74,8 +75,8 @@ impl Needs for VectorOptions {
     }
 
     fn left_out(&self, plan: &Plan, out: &mut LeftOut) {
-        let [voxels, slots] = [plan.finest().grid.storage(), plan.capacity].map(|v| v as u64);
-        let weights = (plan.pairs * plan.bins) as u64;
+        let [voxels, slots] = [plan.finest().grid.storage(), plan.domain.capacity].map(|v| v as u64);
+        let weights = (plan.scene.pairs * plan.scene.bins) as u64;
         out.add("the noise term: its weights, their moments and its kernel", mebibytes(weights * 12));
         surface::left_out(plan, out);
         out.add("the optimiser's moments: the step comes from a bound", mebibytes(voxels * 32 - slots * 24));

@@ -152,7 +152,7 @@ impl VectorOptions {
 
     /// The power of a voxel's expected brightness in its bound, in a plan made for these options.
     pub fn bound_power_in(&self, plan: &Plan) -> f64 {
-        let two_cosines = plan.volume_reflectance == Reflectance::Lambertian;
+        let two_cosines = plan.scene.volume_reflectance == Reflectance::Lambertian;
         self.bound_power.unwrap_or(if two_cosines { 0.5 } else { 0.0 })
     }
 

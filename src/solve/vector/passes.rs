@@ -94,7 +94,7 @@ passes! {
 
     /// Takes variances back through the squared pulse.
     PULSE_NOISE = Pass {
-        when: |p| p.pulse > 0,
+        when: |p| p.scene.pulse > 0,
         constants: &[(constant::BACK, Value::Is(1)), (constant::SQUARED, Value::Is(1))],
         twin: twin!(pulse),
         ..Pass::of("pulse_noise", |_| &kernel::PULSE)

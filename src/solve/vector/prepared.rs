@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::devices::Member;
 use super::follow::{self, Follow, Pace, rate};
 use super::frames::{ForFrames, Frames};
 use super::{
@@ -12,37 +11,38 @@ use super::{
 use crate::advice::{Remedy, advice};
 use crate::capture::Capture;
 use crate::gpu::caller::{Lent, Moment};
-use crate::gpu::{Gpu, Schedule};
+use crate::gpu::{Exchange, Gpu, Schedule};
 use crate::maps::Maps;
 use crate::solve::checkpoint::Keeper;
 use crate::solve::drive::{Driven, Steps, Watch, drive};
 use crate::solve::estimate::energy;
 use crate::solve::intake::{self, LentCounts};
 use crate::solve::on_device::trace_rows;
+use crate::solve::plan::Share;
 use crate::solve::prepared::Planned;
 use crate::solve::result::finish;
 use crate::solve::surface::{self, Beginning, GoOn};
 use crate::solve::{
-    Beside, Keep, OnDevice, Plan, Prepared, Reconstruction, TracePoint, domain, outline, passes,
+    Beside, Keep, OnDevice, Plan, Prepared, Problem, Reconstruction, TracePoint, domain, outline, passes,
 };
+use crate::transport::Rows;
 use crate::transport::kernels::*;
-use crate::transport::{Grid, Rows};
 use crate::{Error, Result};
+
+/// What makes a solve one of several that share the pairs.
+pub(super) struct Member {
+    pub share: Share,
+    /// Until its executor has joined.
+    pub exchange: Option<Exchange>,
+}
 
 /// Prepares the solver for captures of one scan. Takes the arguments of [`super::reconstruct`]; the capture's counts may
 /// be left out.
 ///
 /// # Errors
 /// Options, scan or device do not allow the solve.
-pub fn prepare(
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    options: &VectorOptions,
-    memory: Option<u64>,
-    with_volume: bool,
-) -> Result<impl Prepared + use<>> {
-    prepare_for_frames(gpu, capture, grid, options, memory, with_volume, Frames::default())
+pub fn prepare(gpu: &Gpu, problem: &Problem<'_>, options: &VectorOptions) -> Result<impl Prepared + use<>> {
+    prepare_for_frames(gpu, problem, options, Frames::default())
 }
 
 /// As [`prepare`], for frames of a session.
@@ -51,29 +51,23 @@ pub fn prepare(
 /// As [`prepare`].
 pub fn prepare_for_frames(
     gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
+    problem: &Problem<'_>,
     options: &VectorOptions,
-    memory: Option<u64>,
-    with_volume: bool,
     frames: Frames,
 ) -> Result<impl Prepared + use<>> {
-    prepare_member(gpu, capture, grid, options, memory, with_volume, frames, None)
+    prepare_member(gpu, problem, options, frames, None)
 }
 
 /// As [`prepare_for_frames`]; for one of several devices that share the pairs, if it is a `member` of them.
-#[expect(clippy::too_many_arguments, reason = "those of `prepare_for_frames`, and one")]
 pub(super) fn prepare_member(
     gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
+    problem: &Problem<'_>,
     options: &VectorOptions,
-    memory: Option<u64>,
-    with_volume: bool,
     frames: Frames,
     member: Option<Member>,
 ) -> Result<impl Prepared + use<>> {
     options.check()?;
+    let Problem { capture, grid, memory, with_volume } = *problem;
     let how = frames.follow;
     how.map(|how| how.check(options)).transpose()?;
     let (outline, rows) = outline_of(capture, &grid, options);
@@ -84,7 +78,7 @@ pub(super) fn prepare_member(
         None => plan,
     };
     let plan = plan.within(&needs, &gpu.memory(), memory)?;
-    if (how.is_some() || frames.lent.is_some()) && plan.cut.is_some() {
+    if (how.is_some() || frames.lent.is_some()) && plan.division.cut.is_some() {
         return Err(Error::memory(
             "frames that follow each other, or lie in a caller's buffer, need all pairs on the device at once: they fit only in parts",
             advice!["allow more with " Memory ", use " {Remedy::SMALLER_JOB} ", or leave both out"],
@@ -139,7 +133,7 @@ impl Prepared for PreparedVector {
         if following.is_some() {
             follow::each(plan, options, model, &mut reserve)?;
         }
-        if plan.lent.is_some() {
+        if plan.demand.lent.is_some() {
             intake::each(plan, rows, &mut reserve)?;
         }
         Ok(())
@@ -197,7 +191,7 @@ impl Counts<'_> {
 /// Uploads what every solve begins with, and which rows are the model's.
 fn make_all_ready(job: &mut OnDevice, rows: &Rows) -> Result<()> {
     make_ready(job)?;
-    if job.plan.lent.is_some() { intake::upload_rows(job, rows) } else { Ok(()) }
+    if job.plan.demand.lent.is_some() { intake::upload_rows(job, rows) } else { Ok(()) }
 }
 
 impl PreparedVector {
@@ -222,7 +216,7 @@ impl PreparedVector {
         let keeper = Keeper::new(keep, job, options)?;
         let budget = following.as_ref().and_then(|f| f.how.budget);
         let share = following.as_ref().map_or(1.0, |f| f.pace.share(budget));
-        let shortened = shortened(options, share, job.plan.levels.len());
+        let shortened = shortened(options, share, job.plan.levels.volume.len());
         let options = shortened.as_ref().unwrap_or(options);
         let until = |share: f64| budget.map(|b| begun + b.mul_f64(share));
         let mut driven = solve_volume(&gpu, job, options, watch, keeper, until(VOLUME))?;

@@ -16,14 +16,14 @@ use crate::solve::{Level, Plan, together};
 use crate::transport::cells;
 use crate::transport::kernels::*;
 
-/// Back-projects the filtered measurement, and smooths it into the first of [`Plan::volumes`].
+/// Back-projects the filtered measurement, and smooths it into the first volume of [`Plan::domain`].
 pub fn project(s: &mut Schedule, plan: &Plan, level: &Level) {
     gather_filtered(s, plan, level, taps_of_hat(level), false);
     domain::smooth(s, plan, level, &GAUSSIAN_X_VOLUME, None);
 }
 
-/// Back-projects the filtered measurement into the second of [`Plan::volumes`]. The filter has so many `taps`, its two sides
-/// counted once. Sums below zero stay if `signed`, else they become zero.
+/// Back-projects the filtered measurement into the second volume of [`Plan::domain`]. The filter has so many `taps`, its two
+/// sides counted once. Sums below zero stay if `signed`, else they become zero.
 pub(in crate::solve) fn gather_filtered(
     s: &mut Schedule,
     plan: &Plan,
@@ -41,7 +41,7 @@ pub(in crate::solve) fn gather_filtered(
     together::add_up(s, plan, &[plan.projection(level)]);
     if !signed {
         let voxels = level.grid.storage();
-        let all = groups(voxels, plan.tuning.samples_of_group(voxels));
+        let all = groups(voxels, plan.division.tuning.samples_of_group(voxels));
         together::end_of_all(s, plan, level, &BACKPROJECT, all, |end, part| {
             bind_of_backproject(plan, part, end);
         });
@@ -52,10 +52,10 @@ fn bind_of_backproject(plan: &Plan, part: &PairPart, command: &mut Command) {
     command
         .bind(buffer::SCENE, part.own.scene)
         .bind(buffer::WALL, part.own.wall)
-        .bind(buffer::TARGET, plan.volumes[1]);
+        .bind(buffer::TARGET, plan.domain.volumes[1]);
 }
 
-/// Back-projects the residuals of a part of the pairs into the second of [`Plan::volumes`]. `signed`: see
+/// Back-projects the residuals of a part of the pairs into the second volume of [`Plan::domain`]. `signed`: see
 /// [`gather_filtered`].
 pub(super) fn backproject(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, signed: bool) {
     let voxels = level.grid.storage();
@@ -63,7 +63,7 @@ pub(super) fn backproject(s: &mut Schedule, plan: &Plan, level: &Level, part: &P
         if signed {
             push.flags &= !BACKWARD_FINISH;
         }
-        let all = groups(voxels, plan.tuning.samples_of_group(voxels));
+        let all = groups(voxels, plan.division.tuning.samples_of_group(voxels));
         let command = s.dispatch(&BACKPROJECT, all, work_of(&push, voxels)).with(push);
         bind_of_backproject(plan, part, command);
     }
@@ -78,7 +78,7 @@ pub fn start(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOptio
     s.set(buffer::MOMENTUM, MOMENTUM_SHARE, (options.step_share as f32).to_bits());
     project(s, plan, level);
     s.copy_word(buffer::COUNTS, COUNT_PEAK_SMOOTH, COUNT_PEAK_PROJECTED);
-    domain::keep(s, plan, level, options.domain.start_above, plan.capacity, None);
+    domain::keep(s, plan, level, options.domain.start_above, plan.domain.capacity, None);
     // The maximum of a back-projection says nothing about albedo: no roughness until there is one.
     s.set(buffer::COUNTS, COUNT_PEAK_SMOOTH, f32::INFINITY.to_bits());
     settle(s, plan, level, &SETTLE);
@@ -113,14 +113,14 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32) {
 /// The schedule that is due after `done` iterations: the next level, on a finer grid or with more pairs, or a
 /// reduction.
 pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut usize, done: usize) {
-    let here = &plan.levels[*level];
-    let next = plan.levels.get(*level + 1);
+    let (levels, capacity) = (&plan.levels.volume, plan.domain.capacity);
+    let (here, next) = (&levels[*level], levels.get(*level + 1));
     let doubles =
         next.filter(|l| l.grid != here.grid && done.is_multiple_of(options.domain.coarse_iterations));
     // The first growth begins the last `growth_iterations`, every further one the last third of what is left.
-    let grown = plan.levels[..=*level].iter().rev().take_while(|l| l.grid == here.grid).count() as u32;
+    let grown = levels[..=*level].iter().rev().take_while(|l| l.grid == here.grid).count() as u32;
     let left = options.growth_iterations / 3usize.pow(grown - 1);
-    let growths = plan.levels.len() - 1 - *level;
+    let growths = levels.len() - 1 - *level;
     let grows_from = options.iterations.saturating_sub(left.max(growths));
     let power = options.bound_power_in(plan);
     let expected = |pass: &'static Pass| (power > 0.0).then_some((pass, power));
@@ -128,7 +128,7 @@ pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut u
     if let Some(fine) = doubles {
         // A voxel becomes several: there must be room for them.
         let [wide, deep] = fine.parts;
-        let room = plan.capacity / (wide * wide * deep);
+        let room = capacity / (wide * wide * deep);
         domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, room, Dark::Goes);
         domain::double_mask(s, here, fine);
         domain::count(s, fine);
@@ -136,12 +136,12 @@ pub fn due(s: &mut Schedule, plan: &Plan, options: &VectorOptions, level: &mut u
         bounds(s, plan, fine, expected(&EXPECT_DOUBLED));
         *level += 1;
     } else if let Some(wide) = widens {
-        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity, Dark::Goes);
+        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, capacity, Dark::Goes);
         settle(s, plan, wide, &SETTLE);
         bounds(s, plan, wide, expected(&EXPECT));
         *level += 1;
     } else if done.is_multiple_of(options.domain.reduce_every) {
-        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, plan.capacity, Dark::Goes);
+        domain::prune(s, plan, here, &GAUSSIAN_X, options.domain.keep_above, capacity, Dark::Goes);
         settle(s, plan, here, &SETTLE);
         if done.is_multiple_of(options.bound_every) {
             bounds(s, plan, here, expected(&EXPECT));
@@ -164,7 +164,7 @@ pub(super) fn settle(s: &mut Schedule, plan: &Plan, level: &Level, how: &Pass) {
 pub(super) fn bounds(s: &mut Schedule, plan: &Plan, level: &Level, expected: Option<(&Pass, f64)>) {
     if let Some((pass, power)) = expected {
         over_active(s, plan, level, pass, 8)
-            .bind(buffer::SOURCE, plan.volumes[0])
+            .bind(buffer::SOURCE, plan.domain.volumes[0])
             .with(Push { flags: (power as f32).to_bits(), ..Default::default() });
     }
     // The rendering for the bound has albedo one.

@@ -130,12 +130,12 @@ impl Trial {
         };
         let judges_volume = begun.is_none();
         let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, judges_volume)?;
-        let last = plan_of_held.pixel_level.expect("a trial has a surface");
+        let last = plan_of_held.levels.pixels.expect("a trial has a surface");
         let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan.clone(), self.memory)?;
         let (driven, behind) = match begun {
             Some(Own { maps, behind, .. }) => {
                 job.executor.run_once(|s| surface::cleared(s, &job.plan))?;
-                let level = job.plan.levels.iter().rfind(|l| l.grid.n[0] == maps.nx);
+                let level = job.plan.levels.volume.iter().rfind(|l| l.grid.n[0] == maps.nx);
                 (Driven::begun(maps, *level.unwrap_or(job.plan.finest())), behind)
             }
             None => {
@@ -224,12 +224,12 @@ impl Trial {
 
 /// The steps that follow those of `driven`.
 fn steps_after<'o>(plan: &Plan, options: &'o VectorOptions, driven: &Driven) -> Steps<'o> {
-    let from = plan.levels.iter().position(|level| *level == driven.level).unwrap_or(0);
+    let from = plan.levels.volume.iter().position(|level| *level == driven.level).unwrap_or(0);
     let done = driven.trace.last().map_or(0, |p| p.iteration);
     let mut reached = from;
     due(&mut Schedule::default(), plan, options, &mut reached, done);
     Steps {
-        levels: plan.levels[reached..].to_vec(),
+        levels: plan.levels.volume[reached..].to_vec(),
         start: Box::new(move |s, plan| due(s, plan, options, &mut from.clone(), done)),
         due: Box::new(move |s, plan, level, done| {
             let mut at = reached + *level;
@@ -302,7 +302,7 @@ impl Sides {
     /// The device fails.
     fn judge_volume(&self, job: &mut OnDevice, plan_of_held: &Arc<Plan>, level: &Level) -> Result<Unseen> {
         let same = |of: &&Level| of.grid == level.grid;
-        let level = *plan_of_held.levels.iter().find(same).unwrap_or(plan_of_held.finest());
+        let level = *plan_of_held.levels.volume.iter().find(same).unwrap_or(plan_of_held.finest());
         let s = Schedule::of(|s| render_volume(s, plan_of_held, &level));
         self.judge(job, plan_of_held.clone(), &level, s)
     }

@@ -19,7 +19,7 @@ use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu, Schedule};
 use crate::solve::option::{Options, options, words};
 use crate::solve::vector::{gather_filtered, hat};
-use crate::solve::{Common, Part, Plan, Prepared, RunsOn, Solver, outline};
+use crate::solve::{Common, Part, Plan, Prepared, Problem, RunsOn, Solver, outline};
 use crate::transport::Grid;
 
 mod projecting;
@@ -270,13 +270,8 @@ macro_rules! projection {
                 Projection::detail(self)
             }
 
-            fn plan(
-                &self,
-                capture: &Capture,
-                grid: Grid,
-                abilities: &Abilities,
-                _with_volume: bool,
-            ) -> Result<Plan> {
+            fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
+                let Problem { capture, grid, .. } = *problem;
                 let scan = to_refine(capture, &self.image, $name)?;
                 let fine = pairs_on(scan.as_ref(), capture, &self.image);
                 plan(&outline_of(&fine, &grid, &self.image).0, &fine, grid, abilities)
@@ -287,20 +282,13 @@ macro_rules! projection {
                     "volume",
                     plan,
                     plan.finest(),
-                    &Schedule::of(|s| gather_filtered(s, plan, plan.finest(), plan.bins, true)),
+                    &Schedule::of(|s| gather_filtered(s, plan, plan.finest(), plan.scene.bins, true)),
                 )
             }
 
-            fn prepare(
-                &self,
-                gpu: &Gpu,
-                capture: &Capture,
-                grid: Grid,
-                memory: Option<u64>,
-                with_volume: bool,
-            ) -> Result<Box<dyn Prepared>> {
+            fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
                 self.check()?;
-                Ok(Box::new(prepared(self, $name, gpu, capture, grid, memory, with_volume)?))
+                Ok(Box::new(prepared(self, $name, gpu, problem)?))
             }
         }
     };

@@ -20,7 +20,9 @@ use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
 use crate::solve::prepared::Planned;
 use crate::solve::vector::gather_filtered;
 use crate::solve::vector::passes::{BACKPROJECT, FILTER};
-use crate::solve::{Beside, OnDevice, Pass, Plan, Prepared, Reconstruction, SMOOTH, Sharpness, upload};
+use crate::solve::{
+    Beside, OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, SMOOTH, Sharpness, upload,
+};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
 use crate::{Error, Result};
@@ -59,7 +61,7 @@ impl Needs for Passes {
     }
 
     fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
-        vec![(buffer::HAT_TAPS, plan.bins as u64 * 4 + 4)]
+        vec![(buffer::HAT_TAPS, plan.scene.bins as u64 * 4 + 4)]
     }
 
     fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
@@ -173,7 +175,7 @@ impl Projector {
             upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(filter))?;
             job.executor.run_once(|s| {
                 gather_filtered(s, &job.plan, &level, filter.len(), true);
-                s.copy(job.plan.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
+                s.copy(job.plan.domain.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
             })?;
             let stored: Vec<f32> = job.executor.read(RAW_HOST, ..grid.storage());
             let voxel = |i: usize| stored[grid.index([i / (ny * nz), i / nz % ny, i % nz])];
@@ -184,7 +186,7 @@ impl Projector {
 
     /// What the method makes of the counts that the device has, at the voxels of the grid that comes with it.
     fn image<M: Projection>(&mut self, options: &M, bin_width: f64, step: f64) -> Result<(Grid, Vec<f32>)> {
-        let (grid, bins) = (self.0.plan().finest().grid, self.0.plan().bins);
+        let (grid, bins) = (self.0.plan().finest().grid, self.0.plan().scene.bins);
         let projected = self.projections(&options.filters(bins, bin_width, step))?;
         Ok((grid, options.join(projected, &grid, step)))
     }
@@ -279,14 +281,8 @@ impl Projecting<BpOptions> {
 ///
 /// # Errors
 /// Options out of range, or a scan that cannot be made finer.
-pub fn projecting(
-    options: &BpOptions,
-    gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    memory: Option<u64>,
-) -> Result<Projecting<BpOptions>> {
-    prepared(options, BpOptions::NAME, gpu, capture, grid, memory, false)
+pub fn projecting(options: &BpOptions, gpu: &Gpu, problem: &Problem<'_>) -> Result<Projecting<BpOptions>> {
+    prepared(options, BpOptions::NAME, gpu, problem)
 }
 
 /// A projection that is prepared for a scan.
@@ -294,11 +290,9 @@ pub(super) fn prepared<M: Projection>(
     options: &M,
     name: &str,
     gpu: &Gpu,
-    capture: &Capture,
-    grid: Grid,
-    memory: Option<u64>,
-    with_volume: bool,
+    problem: &Problem<'_>,
 ) -> Result<Projecting<M>> {
+    let Problem { capture, grid, memory, with_volume } = *problem;
     let scan = to_refine(capture, options.image(), name)?;
     let fine = pairs_on(scan.as_ref(), capture, options.image());
     let (model, rows) = outline_of(&fine, &grid, options.image());
@@ -345,7 +339,7 @@ impl<M: Projection> Prepared for Projecting<M> {
         {
             let job = projector.made()?;
             job.executor.reserve(&Schedule::of(|s| {
-                gather_filtered(s, &job.plan, job.plan.finest(), job.plan.bins, true)
+                gather_filtered(s, &job.plan, job.plan.finest(), job.plan.scene.bins, true)
             }))?;
         }
         Ok(())

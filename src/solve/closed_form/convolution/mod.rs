@@ -27,8 +27,8 @@ use crate::gpu::{Abilities, Buffer, BufferPlan, Gpu, Place};
 use crate::maps::Maps;
 use crate::solve::option::{Options, options};
 use crate::solve::{
-    Beside, Common, Doing, ImageNoise, Part, Plan, Prepared, Progress, Reconstruction, Sharpness, Solver,
-    TracePoint, VolumeMap, Watch,
+    Beside, Common, Doing, ImageNoise, Part, Plan, Prepared, Problem, Progress, Reconstruction, Sharpness,
+    Solver, TracePoint, VolumeMap, Watch,
 };
 use crate::transport::Grid;
 
@@ -101,34 +101,31 @@ impl Solver for ConvolutionOptions {
         self.projection().takes(capture)
     }
 
-    fn plan(&self, capture: &Capture, grid: Grid, abilities: &Abilities, with_volume: bool) -> Result<Plan> {
-        let plan = self.projection().plan(capture, grid, abilities, with_volume)?;
-        Ok(with_own(plan))
+    fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
+        Ok(with_own(self.projection().plan(problem, abilities)?))
     }
 
     fn outline(&self, plan: &Plan) -> Vec<Part> {
         self.projection().outline(plan)
     }
 
-    fn prepare(
-        &self,
-        gpu: &Gpu,
-        capture: &Capture,
-        grid: Grid,
-        memory: Option<u64>,
-        with_volume: bool,
-    ) -> Result<Box<dyn Prepared>> {
+    fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
         self.check()?;
-        let projecting = backproject::projecting(&self.projection(), gpu, capture, grid, memory)?;
+        let projecting = backproject::projecting(&self.projection(), gpu, problem)?;
         let plan = with_own((**projecting.plan()).clone());
         let asked = own_arrays(&plan).iter().map(|(_, bytes)| bytes).sum();
-        check_host_memory(asked, gpu, memory, |smaller| advice!["choose " {smaller} " or more " Memory])?;
+        check_host_memory(
+            asked,
+            gpu,
+            problem.memory,
+            |smaller| advice!["choose " {smaller} " or more " Memory],
+        )?;
         let made = Approximation {
             options: self.clone(),
             projecting,
-            grid,
+            grid: problem.grid,
             plan: Arc::new(plan),
-            with_volume,
+            with_volume: problem.with_volume,
             gram: None,
         };
         Ok(Box::new(made))

@@ -98,7 +98,7 @@ pub fn look(s: &mut Schedule, plan: &Plan, level: &Level, options: &VectorOption
     // A surface may have left sums, and its maxima.
     s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
     s.set(buffer::COUNTS, COUNT_PEAK_ALBEDO, 0);
-    domain::prune(s, plan, level, &GAUSSIAN_X, options.domain.keep_above, plan.capacity, Dark::Goes);
+    domain::prune(s, plan, level, &GAUSSIAN_X, options.domain.keep_above, plan.domain.capacity, Dark::Goes);
     settle(s, plan, level, &SETTLE);
     extrapolate(s, plan, level, Push::default());
     over_parts(s, plan, level, |s, part| {
@@ -120,10 +120,10 @@ pub fn grow(
 ) {
     project_left(s, plan, level, scene);
     domain::remember(s, plan, level);
-    let parts: usize = plan.levels.iter().map(|l| l.parts[0] * l.parts[0] * l.parts[1]).product();
-    let first = &plan.levels[0];
-    domain::keep(s, plan, first, above, (plan.capacity / parts).max(1), None);
-    for two in plan.levels.windows(2).filter(|two| two[0].grid != two[1].grid) {
+    let parts: usize = plan.levels.volume.iter().map(|l| l.parts[0] * l.parts[0] * l.parts[1]).product();
+    let first = &plan.levels.volume[0];
+    domain::keep(s, plan, first, above, (plan.domain.capacity / parts).max(1), None);
+    for two in plan.levels.volume.windows(2).filter(|two| two[0].grid != two[1].grid) {
         domain::double_mask(s, &two[0], &two[1]);
     }
     let words = level.grid.storage() / 32;
@@ -137,10 +137,10 @@ pub fn grow(
     bounds(s, plan, level, (power > 0.0).then_some((&EXPECT, power)));
 }
 
-/// Back-projects what `level` leaves of the measurement into the first grid, smoothed, into the first of
-/// [`Plan::volumes`]. Its maximum is at least that of the measurement's back-projection.
+/// Back-projects what `level` leaves of the measurement into the first grid, smoothed, into the first
+/// volume of [`Plan::domain`]. Its maximum is at least that of the measurement's back-projection.
 fn project_left(s: &mut Schedule, plan: &Plan, level: &Level, scene: &SceneData) {
-    let first = &plan.levels[0];
+    let first = &plan.levels.volume[0];
     // The filter writes what it reads: it reads a copy. With spots, sums of rendered pairs are fewer than cells.
     let spare = if plan.has_spots() { SEEN } else { buffer::HISTOGRAMS };
     s.copy(buffer::RESIDUAL, spare, (plan.cells_at(level) * 4) as u64);
@@ -172,7 +172,7 @@ pub(super) fn each(
     model: &Model,
     take: &mut dyn FnMut(&Schedule) -> Result<()>,
 ) -> Result<()> {
-    let Some(level) = plan.levels.last() else { return Ok(()) };
+    let Some(level) = plan.levels.volume.last() else { return Ok(()) };
     let scene = model.scene_of(&level.grid, level.pairs);
     let mut all = Schedule::of(|s| look(s, plan, level, options));
     grow(&mut all, plan, level, options, &scene, Follow::default().grow_above);

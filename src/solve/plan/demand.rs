@@ -1,0 +1,51 @@
+//! What a solver asks of its plan, as plain data.
+
+use super::{Accumulation, Sizes};
+use crate::transport::{Binning, Gradient};
+
+/// What a solver's options ask of every plan, as plain data.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Demand {
+    /// How rendered values are added up.
+    pub accumulation: Accumulation,
+    /// Workgroup sizes that were asked for.
+    pub sizes: Sizes,
+    /// Leave nothing out.
+    pub general: bool,
+    /// Start at the scan's resolution and double.
+    pub coarse_to_fine: bool,
+    /// Iterations of the volume, and of what follows it.
+    pub iterations: [usize; 2],
+    /// Pairs that volumes of up to 64 lateral voxels end with, where pairs are spread.
+    pub pairs: usize,
+    /// Pixels of the maps side by side in a voxel of the finest grid.
+    pub pixels_per_voxel: usize,
+    /// How a path is put into bins.
+    pub binning: Binning,
+    /// Which gradient is gathered.
+    pub gradient: Gradient,
+    /// Neighbours of active voxels have state, too: random samples read it.
+    pub has_rim: bool,
+    /// Gaussian of the domain reduction: sigma in voxels, and after how many sigmas it is cut off.
+    pub smooth: [f64; 2],
+    /// Coarser grids have deeper voxels, too, and levels sum bins that are finer than their voxels. The grid can be refined
+    /// so often before the last iterations. `None`: the depth of voxels and the bins are the same at all levels.
+    pub refined: Option<usize>,
+    /// Sets of taps for residuals beside the pulse's own, and bins that they add to it.
+    pub more_taps: [usize; 2],
+    /// Decays of Adam's first and second moment, if the solver runs Adam on the volume.
+    pub betas: [f64; 2],
+    /// Solve the volume of a Lambertian scene with one cosine.
+    pub cosine_volume: bool,
+    /// Rows of counts that may lie in a caller's buffer.
+    pub lent: Option<LentRows>,
+}
+
+/// Rows of counts in a caller's buffer, one for each pair.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct LentRows {
+    /// Counts of a row.
+    pub counts: usize,
+    /// How many neighbouring counts are one bin; those missing from the last are 0.
+    pub sum: usize,
+}

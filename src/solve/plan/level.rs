@@ -1,0 +1,50 @@
+//! One level of a solve: a grid, the pairs that are used on it, and the buffers that hold what is its own.
+
+use crate::gpu::Buffer;
+use crate::transport::Grid;
+
+/// Pairs of wall points as passes over pairs see them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Pairs {
+    /// How many.
+    pub count: usize,
+    /// Their scanned points.
+    pub scanned: usize,
+    /// Their other points.
+    pub others: usize,
+    /// Buffer that holds these points.
+    pub wall: Buffer,
+    /// Buffer that holds the level's constants with their numbers.
+    pub scene: Buffer,
+}
+
+/// One step of the coarse-to-fine sequence: a resolution, how many pairs are used on it, and how wide their bins are.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Level {
+    /// The volume at this resolution.
+    pub grid: Grid,
+    /// Its voxels side by side, and behind each other, in a voxel of the grid before.
+    pub parts: [usize; 2],
+    /// The first pair that is used: 0, but for a batch.
+    pub first: usize,
+    /// How many pairs are used.
+    pub pairs: usize,
+    /// How many of the model's bins are one.
+    pub sum: usize,
+    /// Bins of a histogram.
+    pub bins: usize,
+    /// Metres of path.
+    pub bin_width: f64,
+    /// Buffer that holds the measurement in these bins.
+    pub measured: Buffer,
+    /// Buffer that holds the pulse's taps for these bins.
+    pub taps: Buffer,
+    /// Buffer that holds the wall points of these pairs.
+    pub wall: Buffer,
+    /// Buffer that holds its constants.
+    pub scene: Buffer,
+    /// The pairs that light is rendered for: its own, or those that cover their spots.
+    pub rendered: Pairs,
+    /// Buffer that says which bricks can reach a bin.
+    pub reachable: Buffer,
+}

@@ -1,0 +1,29 @@
+//! What is to be solved.
+
+use crate::capture::Capture;
+use crate::transport::Grid;
+
+/// A capture, the grid that it is solved on, and what the solve may take and is to give.
+#[derive(Debug, Clone, Copy)]
+pub struct Problem<'c> {
+    /// The capture. For plans and preparations its counts do not matter.
+    pub capture: &'c Capture,
+    /// The grid whose lateral cells are the maps' pixels.
+    pub grid: Grid,
+    /// The most bytes that each device may hold, if there is a budget.
+    pub memory: Option<u64>,
+    /// The volume is read back.
+    pub with_volume: bool,
+}
+
+impl<'c> Problem<'c> {
+    /// The maps of a capture alone, without a budget.
+    pub fn new(capture: &'c Capture, grid: Grid) -> Problem<'c> {
+        Problem { capture, grid, memory: None, with_volume: false }
+    }
+
+    /// The same, and the volume.
+    pub fn and_volume(self) -> Problem<'c> {
+        Problem { with_volume: true, ..self }
+    }
+}
