@@ -1,4 +1,4 @@
-//! A contact sheet: a row of pictures for each case, +x to the right and +y up.
+//! A contact sheet: a row of pictures for each case, +x to the left and +y up.
 
 use std::path::Path;
 

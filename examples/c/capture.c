@@ -78,7 +78,7 @@ static void write_picture(const char *path, const tb_frame *frame) {
     for (size_t i = 0; i < frame->nx * frame->ny; i++) most = fmaxf(most, frame->albedo[i]);
     fprintf(file, "P5 %zu %zu 255\n", frame->nx, frame->ny);
     for (size_t row = frame->ny; row-- > 0;)
-        for (size_t ix = 0; ix < frame->nx; ix++)
+        for (size_t ix = frame->nx; ix-- > 0;) /* seen from the wall, +x is on the left */
             fputc((int)(255.0f * frame->albedo[ix * frame->ny + row] / most + 0.5f), file);
     fclose(file);
 }

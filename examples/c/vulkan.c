@@ -116,13 +116,13 @@ static void expose(uint16_t *counts, double (*wall)[3], int frame) {
     }
 }
 
-/* The mask of the maps, top row first. */
+/* The mask of the maps, top row first, +x on the left as seen from the wall. */
 static void write_picture(const char *path, const float *maps) {
     FILE *file = fopen(path, "wb");
     if (file == NULL) return;
     fprintf(file, "P5 %d %d 255\n", PIXELS, PIXELS);
     for (int row = PIXELS; row-- > 0;)
-        for (int ix = 0; ix < PIXELS; ix++) fputc(maps[5 * PIXELS * PIXELS + ix * PIXELS + row] == 1.0f ? 255 : 0, file);
+        for (int ix = PIXELS; ix-- > 0;) fputc(maps[5 * PIXELS * PIXELS + ix * PIXELS + row] == 1.0f ? 255 : 0, file);
     fclose(file);
 }
 

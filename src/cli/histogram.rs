@@ -45,7 +45,7 @@ pub struct Args {
     /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both
     #[arg(long, value_name = "x|y|xy")]
     flip: Option<String>,
-    /// Turn the scan by 90, 180 or 270 degrees after --flip, counter-clockwise as seen in the pictures
+    /// Turn the scan by 90, 180 or 270 degrees after --flip, clockwise as seen in the pictures
     #[arg(long, value_name = "DEGREES")]
     rotate: Option<u32>,
 }

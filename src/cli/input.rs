@@ -60,8 +60,8 @@ pub struct CaptureArgs {
     /// that do not say how the scan lies on the wall
     #[arg(long, value_name = "x|y|xy", help_heading = "Capture")]
     pub flip: Option<String>,
-    /// Turn the scan by 90, 180 or 270 degrees after --flip, counter-clockwise as seen in the pictures (+x to the
-    /// right, +y up)
+    /// Turn the scan by 90, 180 or 270 degrees after --flip, clockwise as seen in the pictures (+x to the
+    /// left, +y up)
     #[arg(long, value_name = "DEGREES", help_heading = "Capture")]
     pub rotate: Option<u32>,
 }
@@ -88,8 +88,8 @@ pub struct UnsaidArgs {
     /// that do not say how the scan lies on the wall
     #[arg(long, value_name = "x|y|xy", help_heading = "Capture")]
     pub flip: Option<String>,
-    /// Turn the scan by 90, 180 or 270 degrees after --flip, counter-clockwise as seen in the pictures (+x to the
-    /// right, +y up)
+    /// Turn the scan by 90, 180 or 270 degrees after --flip, clockwise as seen in the pictures (+x to the
+    /// left, +y up)
     #[arg(long, value_name = "DEGREES", help_heading = "Capture")]
     pub rotate: Option<u32>,
 }

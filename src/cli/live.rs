@@ -39,7 +39,7 @@ pub struct Args {
     /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both
     #[arg(long, value_name = "x|y|xy", requires = "scan", help_heading = "Time tags")]
     flip: Option<String>,
-    /// Turn the scan by 90, 180 or 270 degrees after --flip, counter-clockwise as seen in the pictures
+    /// Turn the scan by 90, 180 or 270 degrees after --flip, clockwise as seen in the pictures
     #[arg(long, value_name = "DEGREES", requires = "scan", help_heading = "Time tags")]
     rotate: Option<u32>,
     /// Use only these paths: 0.8:2.4 or 80cm: [default: those behind the direct light of the first pass]

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use crate::Result;
 use crate::capture::scan::decimals;
-use crate::export::picture::{BACKGROUND, CAPITAL, INK, Picture, colour, text_width};
+use crate::export::picture::{BACKGROUND, CAPITAL, INK, Picture, colour, normal_colour, text_width};
 use crate::export::png;
 use crate::maps::{Maps, Truth, percentile};
 
@@ -122,27 +122,19 @@ fn albedo_panel(maps: &Maps, side: usize) -> Picture {
 }
 
 fn normal_panel(maps: &Maps, side: usize) -> Picture {
-    panel(maps, side, |p| normal_colour(maps, p))
+    panel(maps, side, |p| normal_colour(maps.normal[p]).filter(|_| maps.mask[p]).unwrap_or(BACKGROUND))
 }
 
-/// The maps as a square of `side` pixels, nearest pixel, +x to the right and +y up.
+/// The maps as a square of `side` pixels, nearest pixel, +x to the left and +y up.
 fn panel(maps: &Maps, side: usize, colour: impl Fn(usize) -> [u8; 3]) -> Picture {
     let mut picture = Picture::new(side, side);
     for row in 0..side {
         for column in 0..side {
-            let (ix, iy) = (column * maps.nx / side, (side - 1 - row) * maps.ny / side);
+            let (ix, iy) = ((side - 1 - column) * maps.nx / side, (side - 1 - row) * maps.ny / side);
             picture.fill(column, row, 1, 1, colour(ix * maps.ny + iy));
         }
     }
     picture
-}
-
-fn normal_colour(maps: &Maps, p: usize) -> [u8; 3] {
-    let [x, y, z] = maps.normal[p];
-    if !maps.mask[p] || !(x + y + z).is_finite() {
-        return BACKGROUND;
-    }
-    [x, y, -z].map(|v| (255.0 * ((v + 1.0) / 2.0).clamp(0.0, 1.0)).round() as u8)
 }
 
 fn shown_depths(maps: &Maps) -> Vec<f32> {

@@ -116,8 +116,8 @@ fn a_capture_is_drawn() {
             assert!(rgb.chunks_exact(3).any(|p| *p == wanted), "{wanted:?} is nowhere");
         }
     }
-    // The pair of the largest x and y has all the counts: the upper right corner of the second map is bright, as the
-    // upper end of its bar is, and the lower left one is dark.
+    // The pair of the largest x and y has all the counts: the upper left corner of the second map is bright, as the
+    // upper end of its bar is, and the lower right one is dark.
     let corner = capture([2, 2], 4, |p, _| if p == 3 { 100.0 } else { 1.0 });
     export::inspection::write(&path, &corner).unwrap();
     let bytes = std::fs::read(&path).unwrap();
@@ -125,7 +125,7 @@ fn a_capture_is_drawn() {
     let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
     let width = reader.next_frame(&mut rgb).unwrap().width as usize;
     let at = |x: usize, y: usize| [0, 1, 2].map(|c| rgb[3 * (y * width + x) + c]);
-    assert_eq!((at(630 + 360, 450), at(630 + 20, 790)), ([253, 231, 37], [68, 1, 84]));
+    assert_eq!((at(630 + 20, 450), at(630 + 360, 790)), ([253, 231, 37], [68, 1, 84]));
     assert_eq!((at(630 + 400, 430), at(630 + 400, 809)), ([253, 231, 37], [68, 1, 84]));
     let mut silent = ramp();
     silent.histograms.fill(0.0);

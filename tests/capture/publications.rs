@@ -65,7 +65,7 @@ fn the_kilometre_data_say_bins_pulse_and_spot() {
     assert!((span - 0.85).abs() < 1e-12, "the longer side is twice `width`: {span}");
     // d1 runs to the left, d2 up.
     let [low, left, up] = [(0, 0), (1, 0), (0, 1)].map(|(a, b)| c.laser[pair_of(&c, a, b)]);
-    assert!(left.x < low.x && left.y == low.y && up.y > low.y && up.x == low.x);
+    assert!(left.x > low.x && left.y == low.y && up.y > low.y && up.x == low.x);
     let pulse = c.pulse.as_ref().unwrap();
     assert!((pulse.fwhm() / (794.45 * METRES_PER_PICOSECOND) - 1.0).abs() < 0.02, "{}", pulse.fwhm());
     // Their beam, exp(-r² / (radius / 2)²), is half as high at √ln 2 of radius / 2: 0.117 m wide for a radius of 0.14 m.
@@ -139,15 +139,15 @@ fn convolutional_approximations_confocal_and_not() {
     assert_eq!((c.scan, c.bins, c.bin_width), ([3, 4], BINS, 0.0192));
     assert!(c.t_start.abs() < 1e-12, "bins begin at whole multiples of delta: {}", c.t_start);
     for (d1, d2) in [(0, 0), (2, 0), (0, 3), (1, 2)] {
-        let wanted = dvec3(0.1 * d1 as f64, 0.2 * d2 as f64, 0.0);
+        let wanted = dvec3(-0.1 * d1 as f64, 0.2 * d2 as f64, 0.0);
         assert!(c.laser[pair_of(&c, d1, d2)].distance(wanted) < 1e-12, "{d1} {d2}");
     }
     assert!(notes.join("\n").contains("z = 1.08"), "{notes:?}");
     let c = opened_struct(&nlosdata(false)).unwrap().capture;
     assert_eq!(c.scan, [3, 4]);
     let p = pair_of(&c, 2, 3);
-    assert!(c.laser[p].distance(dvec3(0.2, 0.0, 0.0)) < 1e-12);
-    assert!(c.sensor[p].distance(dvec3(0.3, 0.5, 0.0)) < 1e-12);
+    assert!(c.laser[p].distance(dvec3(-0.2, 0.0, 0.0)) < 1e-12);
+    assert!(c.sensor[p].distance(dvec3(-0.3, 0.5, 0.0)) < 1e-12);
     // A later first bin, and one that is named by its own end.
     for (first, start) in [(0.0192, 0.0), (0.0204, 0.0192), (0.0384, 0.0192), (0.0, 0.0)] {
         let mut late = nlosdata(true);
@@ -181,7 +181,7 @@ fn surface_optimisation_measured_and_rendered() {
     assert_eq!((c.scan, c.bins), ([3, 4], BINS));
     assert!((c.bin_width - 4.0 * METRES_PER_PICOSECOND).abs() < 1e-12);
     let [low, left, down] = [(0, 0), (1, 0), (0, 1)].map(|(a, b)| c.laser[pair_of(&c, a, b)]);
-    assert!((low.x - left.x - 0.35).abs() < 1e-12 && left.y == low.y, "x of lighting runs to the left");
+    assert!((left.x - low.x - 0.35).abs() < 1e-12 && left.y == low.y, "x of lighting runs to the left");
     assert!((low.y - down.y - 0.2).abs() < 1e-12 && down.x == low.x, "y of lighting runs down");
     assert!(notes.iter().any(|n| n.contains("4 ps")) && notes.iter().any(|n| n.contains("to the left")));
     let wide = opened(&measured, &Given::default().with_bin_width(0.002)).unwrap();
@@ -230,7 +230,7 @@ fn socr_units_are_found_beside_the_capture() {
     assert!((depth(&by_hand) - 0.03).abs() < 1e-12);
     let first = by_hand.laser[by_hand.histograms.iter().position(|v| *v == 1.0).unwrap() / BINS];
     assert!(
-        (first - dvec3(0.3, 0.2, 0.0)).length() < 1e-9,
+        (first - dvec3(-0.3, 0.2, 0.0)).length() < 1e-9,
         "the first pair is at the right, at the top: {first}"
     );
     // The script of their code, in the folder above.

@@ -386,9 +386,9 @@ fn phasor_field_2020_has_d1_down_and_d2_to_the_left() {
     every_file(&arrays([1.0, 3.0]), |path, what| {
         let c = read(path).unwrap_or_else(|e| panic!("{what}: {e}"));
         assert_eq!((c.scan, c.bins), ([3, 2], BINS));
-        assert_axes(&c, 0, |ix, iy| [1 - iy, 2 - ix], what);
+        assert_axes(&c, 0, |ix, iy| [1 - iy, ix], what);
         // The first of d1 is the upper row, the last of d2 the left column.
-        assert!(c.sensor.iter().all(|s| s.distance(dvec3(-0.5, 0.25, 0.0)) < 1e-12), "{}", c.sensor[0]);
+        assert!(c.sensor.iter().all(|s| s.distance(dvec3(0.5, 0.25, 0.0)) < 1e-12), "{}", c.sensor[0]);
         assert!((c.bin_width - 4.0 * 299_792_458e-12).abs() < 1e-12);
     });
     every_file(&arrays([3.0, 1.0]), |path, _| {
@@ -418,7 +418,7 @@ fn lct_of_every_storage_has_d1_to_the_left_and_d2_down() {
     every_file(&[scanned("rect_data"), scalar("width", 0.5)], |path, what| {
         let c = read(path).unwrap_or_else(|e| panic!("{what}: {e}"));
         assert_eq!((c.scan, c.bins, c.integer_counts), ([2, 3], BINS, true));
-        assert_axes(&c, 0, |ix, iy| [1 - ix, 2 - iy], what);
+        assert_axes(&c, 0, |ix, iy| [ix, 2 - iy], what);
     });
 }
 
@@ -429,13 +429,13 @@ fn stanford_of_every_storage_has_d1_up_and_d2_to_the_left() {
     every_file(&stanford(0.0), |path, what| {
         let c = read_given(path, &Given::default().with_wall(1.0)).unwrap_or_else(|e| panic!("{what}: {e}"));
         assert_eq!((c.capture.scan, c.capture.bins), ([3, 2], BINS));
-        assert_axes(&c.capture, 0, |ix, iy| [iy, 2 - ix], what);
+        assert_axes(&c.capture, 0, |ix, iy| [iy, ix], what);
     });
     every_file(&stanford(100.0), |path, what| {
         let c = read(path).unwrap_or_else(|e| panic!("{what}: {e}"));
         // d1 of 0 is the lower row, whose time of flight is 0.
-        assert_eq!(f64::from(c.histograms[5]), count(5, 0, 2), "{what}");
-        assert_eq!(f64::from(c.histograms[BINS + 5]), count(8, 1, 2), "{what}");
+        assert_eq!(f64::from(c.histograms[5]), count(5, 0, 0), "{what}");
+        assert_eq!(f64::from(c.histograms[BINS + 5]), count(8, 1, 0), "{what}");
         assert_eq!(c.histograms[2 * BINS - 1], 0.0);
     });
     for wrong in [-1.0, 1e9, f64::INFINITY] {
@@ -452,12 +452,12 @@ fn one_array_has_rows_from_the_top_unless_it_is_turned() {
     every_file(&[scanned("counts")], |path, what| {
         let given = Given::default().with_wall(1.0).with_bin_width(0.01);
         let c = read_given(path, &given).unwrap().capture;
-        assert_axes(&c, 0, |ix, iy| [1 - iy, ix], what);
+        assert_axes(&c, 0, |ix, iy| [1 - iy, 2 - ix], what);
         let opened = read_given(path, &given.with_turn(Turn::parse(Some("x"), Some(90)).unwrap())).unwrap();
         assert!(opened.notes.iter().any(|n| n.contains("left to right") && n.contains("rotated by 90")));
-        // Mirrored, columns run from the right; a quarter counter-clockwise then has them run down.
+        // Mirrored, columns run from the right; a quarter clockwise then has them run down.
         assert_eq!(opened.capture.scan, [2, 3]);
-        assert_axes(&opened.capture, 0, |ix, iy| [ix, 2 - iy], what);
+        assert_axes(&opened.capture, 0, |ix, iy| [ix, iy], what);
     });
 }
 
@@ -470,7 +470,7 @@ fn ccsocr_has_its_horizontal_axis_to_the_left() {
         let given = Given::default().with_wall(1.0);
         let c = read_given(path, &given).unwrap_or_else(|e| panic!("{what}: {e}")).capture;
         assert_eq!((c.scan, c.bins), ([3, 2], BINS));
-        assert_axes(&c, 0, |ix, iy| [iy, 2 - ix], what);
+        assert_axes(&c, 0, |ix, iy| [iy, ix], what);
     });
 }
 

@@ -73,8 +73,8 @@ def check_result(folder):
         wanted |= {f"normal.{c}": normal[..., i] for i, c in enumerate("XYZ")}
         assert set(channels) == set(wanted), sorted(channels)
         for name, values in wanted.items():
-            # Rows from the largest y down, columns from the smallest x up.
-            assert same(channels[name].pixels, values.T[::-1]), name
+            # Rows from the largest y down, columns from the largest x down.
+            assert same(channels[name].pixels, values.T[::-1, ::-1]), name
 
     points = read_ply(folder / "points.ply")["vertex"]
     surface = mask & np.isfinite(depth)
@@ -122,7 +122,7 @@ def check_captures(folder):
     assert raw[512:520] == b"\x89HDF\r\n\x1a\n"
     with h5py.File(folder / "made.mat") as file:
         # (t, d2, d1) here, (d1, d2, t) in MATLAB: d1 runs up, d2 to the left.
-        assert same(file["meas"][:], counts[:, ::-1, :])
+        assert same(file["meas"][:], counts)
         assert file["meas"].attrs["MATLAB_class"] == b"single"
         assert file["tofgrid"].shape == counts.shape[1:] and not file["tofgrid"][:].any()
     try:

@@ -30,12 +30,17 @@ fn wall(size: f64) -> Given {
     Given::default().with_wall(size)
 }
 
+/// A plain twin that is laid out for pictures with +x to the right.
+fn mirrored(data: &Path, name: &str) -> Capture {
+    read(&data.join(name)).unwrap().turned(Turn::parse(Some("x"), None).unwrap())
+}
+
 fn open(path: &Path, given: &Given) -> Capture {
     read_given(path, given).unwrap_or_else(|e| panic!("{e}")).capture
 }
 
 pub fn stanford_statue(data: &Path) {
-    let plain = read(&data.join("statue_confocal_64.npz")).unwrap();
+    let plain = mirrored(data, "statue_confocal_64.npz");
     let folder = data.join("native");
     for name in ["stanford_statue64_meas.mat", "stanford_statue64_tof.mat"] {
         let opened = read_given(&folder.join(name), &Given::default()).unwrap();
@@ -63,14 +68,14 @@ pub fn stanford_statue(data: &Path) {
 }
 
 pub fn lct_letters(data: &Path) {
-    let plain = read(&data.join("su_confocal_64.npz")).unwrap();
+    let plain = mirrored(data, "su_confocal_64.npz");
     let native = open(&data.join("native/lct_data_s_u.mat"), &Given::default());
     assert_eq!(native.bins, 2048);
     assert_twins(&by_fours(native), &plain, "S U");
 }
 
 pub fn one_array_of_v73(data: &Path) {
-    let plain = read(&data.join("z_captured_confocal_64.npz")).unwrap();
+    let plain = mirrored(data, "z_captured_confocal_64.npz");
     let path = data.join("native/z_v73.mat");
     assert_error(read(&path), Kind::Options, &["z_v73.mat", "wall", "give the wall size"]);
     assert_error(read_given(&path, &wall(0.8)), Kind::Options, &["bin", "give the bin width"]);
@@ -79,9 +84,8 @@ pub fn one_array_of_v73(data: &Path) {
 }
 
 pub fn ccsocr_statue(data: &Path) {
-    // The plain twin has the horizontal axis to the right; CC-SOCR draws it to the left.
-    let mirrored = Turn::parse(Some("x"), None).unwrap();
-    let plain = read(&data.join("statue_confocal_64.npz")).unwrap().turned(mirrored);
+    // CC-SOCR draws the horizontal axis to the left, along +x: its pictures show the mirror image of Stanford's.
+    let plain = read(&data.join("statue_confocal_64.npz")).unwrap();
     let folder = data.join("native/ccsocr_statue");
     assert_error(read(&folder), Kind::Options, &["CC-SOCR", "give the wall size"]);
     for path in [folder.clone(), folder.join("sub_Sig.mat"), folder.join("C_d.mat"), folder.join("C_i.mat")] {

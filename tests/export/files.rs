@@ -61,10 +61,10 @@ fn confidence_is_written_where_it_was_told() {
     assert_eq!(npz.get("layers_confidence").unwrap().unwrap().shape, [2, 4, 2]);
     let picture = exr::prelude::read_all_data_from_file(folder.path().join("maps.exr")).unwrap();
     let channels = &picture.layer_data[0].channel_data.list;
-    // The pixel of largest x and y is at the right of the top row.
+    // The pixel of largest x and y is at the left of the top row.
     let corner = |name: &str| {
         let channel = channels.iter().find(|c| c.name.to_string() == name).expect(name);
-        channel.sample_data.levels_as_slice()[0].value_by_flat_index(3).to_f32()
+        channel.sample_data.levels_as_slice()[0].value_by_flat_index(0).to_f32()
     };
     assert_eq!([corner("confidence.Z"), corner("behind.confidence.Z")], [0.004, 0.25]);
     m.confidence.as_mut().unwrap().pop();
@@ -182,7 +182,7 @@ fn decode(path: &Path) -> (usize, usize, Vec<u8>) {
 }
 
 #[test]
-fn pictures_have_x_to_the_right_and_y_up() {
+fn pictures_have_x_to_the_left_and_y_up() {
     let (_folder, path) = place("picture.png");
     let dark = picture::BACKGROUND;
     let at = |(width, _, rgb): &(usize, usize, Vec<u8>), x: usize, y: usize| -> [u8; 3] {
@@ -191,22 +191,22 @@ fn pictures_have_x_to_the_right_and_y_up() {
     pictures::write_albedo(&path, &maps()).unwrap();
     let p = decode(&path);
     assert_eq!((p.0, p.1), (512, 256));
-    assert_eq!(at(&p, 511, 0), [255; 3], "the largest x and y: right, top");
-    assert_eq!(at(&p, 400, 100), [255; 3], "its whole square of 128");
-    let dim = at(&p, 0, 255);
+    assert_eq!(at(&p, 0, 0), [255; 3], "the largest x and y: left, top");
+    assert_eq!(at(&p, 111, 100), [255; 3], "its whole square of 128");
+    let dim = at(&p, 511, 255);
     assert!(dim[0] > 120 && dim[0] < 135, "{dim:?}");
-    assert_eq!((at(&p, 0, 0), at(&p, 511, 255)), ([0; 3], [0; 3]));
+    assert_eq!((at(&p, 511, 0), at(&p, 0, 255)), ([0; 3], [0; 3]));
 
     pictures::write_normal(&path, &maps()).unwrap();
     let p = decode(&path);
-    assert_eq!(at(&p, 511, 0), [128, 204, 230]);
-    assert_eq!((at(&p, 0, 255), at(&p, 0, 0)), ([128, 128, 255], dark));
+    assert_eq!(at(&p, 0, 0), [128, 204, 230]);
+    assert_eq!((at(&p, 511, 255), at(&p, 511, 0)), ([128, 128, 255], dark));
 
     pictures::write_depth(&path, &maps()).unwrap();
     let p = decode(&path);
     assert!(p.0 > 512 && p.1 == 256);
     assert_eq!(
-        (at(&p, 511, 0), at(&p, 0, 255), at(&p, 0, 0)),
+        (at(&p, 0, 0), at(&p, 511, 255), at(&p, 511, 0)),
         (picture::colour(1.0), picture::colour(0.0), dark)
     );
     // The bar: far at the top, near at the bottom, and ink of the labels beside it.
@@ -256,9 +256,9 @@ fn exr_has_named_layers() {
         let channel = layer.channel_data.list.iter().find(|c| c.name.eq(name)).unwrap();
         channel.sample_data.values_as_f32().nth(row * 4 + column).unwrap()
     };
-    assert_eq!((value("albedo.Y", 3, 0), value("depth.Z", 3, 0), value("normal.Y", 3, 0)), (2.0, 1.5, 0.6));
-    assert_eq!((value("Y", 0, 1), value("depth.Z", 0, 1), value("normal.Z", 0, 1)), (1.0, 0.5, -1.0));
-    assert!(value("depth.Z", 0, 0).is_nan());
+    assert_eq!((value("albedo.Y", 0, 0), value("depth.Z", 0, 0), value("normal.Y", 0, 0)), (2.0, 1.5, 0.6));
+    assert_eq!((value("Y", 3, 1), value("depth.Z", 3, 1), value("normal.Z", 3, 1)), (1.0, 0.5, -1.0));
+    assert!(value("depth.Z", 3, 0).is_nan());
     let extent = meta::attribute::FloatRect { min: Vec2(-1.0, 0.0), max: Vec2(1.0, 1.0) };
     assert_eq!(layer.attributes.other.get(&Text::from("extent")), Some(&AttributeValue::FloatRect(extent)));
 }

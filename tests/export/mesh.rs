@@ -1,4 +1,5 @@
-//! The surface mesh: closed where points are, facing the wall, near the truth; also for a simulated figure.
+//! The surface mesh: closed where points are, facing the wall, near the truth; also for a simulated figure. A letter keeps its
+//! hand from a mesh file through simulation and solve to pictures, points and mesh.
 
 use fixtures::device;
 use std::collections::BTreeMap;
@@ -6,7 +7,8 @@ use std::ops::ControlFlow;
 
 use fixtures::captures::place;
 use glam::{DVec3, Vec3, dvec3, vec3};
-use thirdbounce::export::mesh;
+use thirdbounce::capture::Capture;
+use thirdbounce::export::{mesh, ply, png};
 use thirdbounce::job::SolverOptions;
 use thirdbounce::maps::{Layer, Maps};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
@@ -186,23 +188,70 @@ fn what_lies_behind_is_part_of_the_mesh() {
     assert!(middle.count() > 20);
 }
 
-#[test]
-fn a_reconstructed_figure_is_met_to_less_than_a_voxel() {
-    let scene = Scene { scan: 16, ..Scene::named("figure").unwrap() };
-    let capture =
-        simulate(&scene, &RenderOptions { noise: 0.05, ..RenderOptions::default() }).unwrap().capture;
+/// Maps after 40 iterations, and the width of a voxel.
+fn solved(capture: &Capture, lateral: usize) -> (Maps, f64) {
     let options = VectorOptions::default().with(|o| {
-        o.lateral = 64;
+        o.lateral = lateral;
         o.iterations = 40;
     });
-    let volume = default_volume(&capture, options.domain.min_depth).unwrap();
+    let volume = default_volume(capture, options.domain.min_depth).unwrap();
     let grid = Grid::new(volume, options.lateral, capture.bin_width).unwrap();
     let voxel = grid.pitch.x;
     let mut go = |_: &_| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut go, maps_every: None, maps_at: &[] };
     let solver = SolverOptions::from(options);
-    let mut maps = solver.solve(&device::gpu(), &Problem::new(&capture, grid), &mut watch).unwrap().maps;
+    let mut maps = solver.solve(&device::gpu(), &Problem::new(capture, grid), &mut watch).unwrap().maps;
     maps.set_mask(0.3);
+    (maps, voxel)
+}
+
+#[test]
+fn a_letter_of_a_mesh_file_is_read_in_pictures_points_and_mesh() {
+    // An F for a viewer at +z, who sees +x on the right: stem and two bars. The scene turns it half round, to the wall.
+    let (_folder, path) = place("f.obj");
+    let boxes = [[-0.2, -0.08, -0.3, 0.3], [-0.08, 0.2, 0.18, 0.3], [-0.08, 0.12, -0.03, 0.09]];
+    let corners = boxes.map(|[x0, x1, y0, y1]| {
+        format!("v {x0} {y0} 0\nv {x1} {y0} 0\nv {x1} {y1} 0\nv {x0} {y1} 0\nf -4 -3 -2 -1\n")
+    });
+    std::fs::write(&path, corners.concat()).unwrap();
+    let scene = Scene { scan: 16, ..Scene::named(path.to_str().unwrap()).unwrap() };
+    let options = RenderOptions { noise: 0.05, ..RenderOptions::default() };
+    let (maps, _) = solved(&simulate(&scene, &options).unwrap().capture, 32);
+    // Below the bars only the stem is left: at x = 0.14, and so on the left of the picture.
+    let [x0, x1, y0, y1] = maps.extent;
+    let shown = png::albedo_of(&maps);
+    let grey = |right: f64, up: f64| {
+        let column = (right - -x1) / (x1 - x0) * shown.width as f64;
+        let row = (y1 - up) / (y1 - y0) * shown.height as f64;
+        shown.rgb[3 * (row as usize * shown.width + column as usize)]
+    };
+    assert!(grey(-0.14, -0.2) > 60 && grey(0.14, -0.2) < 30, "{} {}", grey(-0.14, -0.2), grey(0.14, -0.2));
+    assert!(grey(-0.14, 0.24) > 60 && grey(0.14, 0.24) > 60, "{} {}", grey(-0.14, 0.24), grey(0.14, 0.24));
+    // Points and mesh are right-handed: turned half round about y, they are the F of the file.
+    let is_letter = |points: &[Vec3], what: &str| {
+        let near = |right: f32, up: f32| {
+            points.iter().filter(|p| (-p.x - right).abs() < 0.04 && (p.y - up).abs() < 0.04).count()
+        };
+        assert!(near(-0.14, -0.2) > 0 && near(-0.14, 0.24) > 0 && near(0.1, 0.24) > 0, "{what}: a stroke");
+        assert_eq!(near(0.14, -0.2), 0, "{what} is mirrored");
+        assert!(points.iter().all(|p| (p.z - 0.8).abs() < 0.1), "{what}: z runs into the scene");
+    };
+    is_letter(&mesh(&maps).vertices, "mesh");
+    let file = path.with_extension("ply");
+    ply::write(&file, &maps).unwrap();
+    let bytes = std::fs::read(&file).unwrap();
+    let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let float = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
+    let points = bytes[end..].chunks_exact(31).map(|p| vec3(float(p), float(&p[4..]), float(&p[8..])));
+    is_letter(&points.collect::<Vec<_>>(), "points");
+}
+
+#[test]
+fn a_reconstructed_figure_is_met_to_less_than_a_voxel() {
+    let scene = Scene { scan: 16, ..Scene::named("figure").unwrap() };
+    let capture =
+        simulate(&scene, &RenderOptions { noise: 0.05, ..RenderOptions::default() }).unwrap().capture;
+    let (maps, voxel) = solved(&capture, 64);
     let mesh = mesh(&maps);
 
     let real = truth(&scene, 128).unwrap();

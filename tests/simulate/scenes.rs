@@ -6,7 +6,8 @@ use thirdbounce::simulate::*;
 
 use fixtures::scenes::*;
 
-/// Share of the mask that is set in a window given in fractions of the letter's box.
+/// Share of the mask that is set in a window given in fractions of the letter's box, from the left as seen from the wall and
+/// from below.
 fn filled(name: &str, x: [f64; 2], y: [f64; 2]) -> f64 {
     let t = truth(&Scene::named(name).unwrap(), 100).unwrap();
     let at = |f: f64, side: f64| ((0.5 + (f - 0.5) * side) * 100.0) as usize;
@@ -14,19 +15,19 @@ fn filled(name: &str, x: [f64; 2], y: [f64; 2]) -> f64 {
     for ix in at(x[0], 0.48)..at(x[1], 0.48) {
         for iy in at(y[0], 0.6)..at(y[1], 0.6) {
             all += 1;
-            hits += usize::from(t.mask[ix * 100 + iy]);
+            hits += usize::from(t.mask[(99 - ix) * 100 + iy]);
         }
     }
     hits as f64 / all as f64
 }
 
 #[test]
-fn letters_read_properly_with_x_right_and_y_up() {
-    // L: stem at -x, foot at the bottom, nothing above the foot.
+fn an_eye_at_the_wall_reads_letters() {
+    // L: stem at the left, foot at the bottom, nothing above the foot.
     assert!(filled("letter-L", [0.02, 0.2], [0.0, 1.0]) > 0.98);
     assert!(filled("letter-L", [0.0, 1.0], [0.02, 0.16]) > 0.98);
     assert_eq!(filled("letter-L", [0.3, 1.0], [0.25, 1.0]), 0.0);
-    // Z: the diagonal rises to +x; both other corners of the middle are empty.
+    // Z: the diagonal rises to the right; both other corners of the middle are empty.
     assert!(filled("letter:z", [0.45, 0.55], [0.45, 0.55]) > 0.98);
     assert!(filled("letter:z", [0.62, 0.72], [0.68, 0.78]) > 0.9);
     assert_eq!(filled("letter:z", [0.05, 0.3], [0.6, 0.75]), 0.0);

@@ -13,8 +13,7 @@ pub struct Turn {
     flip_x: bool,
     /// Whether y changes its sign: up and down swap.
     flip_y: bool,
-    /// Quarter turns after the mirroring, 0 to 3, counter-clockwise in the pictures (+x to the right, +y up): +x
-    /// becomes +y.
+    /// Quarter turns after the mirroring, 0 to 3, clockwise in the pictures (+x to the left, +y up): +x becomes +y.
     quarters: u8,
 }
 
@@ -42,7 +41,7 @@ impl Turn {
             Some(degrees) => {
                 return Err(Error::options(
                     format!("a rotation by {degrees} degrees is not supported"),
-                    "give 90, 180 or 270 degrees, counter-clockwise in the pictures",
+                    "give 90, 180 or 270 degrees, clockwise in the pictures",
                 ));
             }
         };
@@ -59,7 +58,7 @@ impl Turn {
         };
         let turned = (self.quarters > 0).then(|| {
             let degrees = 90 * u32::from(self.quarters);
-            format!("rotated by {degrees} degrees counter-clockwise")
+            format!("rotated by {degrees} degrees clockwise")
         });
         let done: Vec<String> = flipped.into_iter().chain(turned).collect();
         (!done.is_empty()).then(|| format!("the scan is {}", done.join(", then ")))

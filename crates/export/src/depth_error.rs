@@ -15,7 +15,7 @@ const MARGIN: usize = 14;
 /// A square of the legend, with the gap after it.
 const SQUARE: usize = 22;
 
-/// Writes the picture on the truth's grid. Pixels that are surface in both show |depth − true depth| in colour. A pixel
+/// Writes the picture on the truth's grid, +x to the left and +y up. Pixels that are surface in both show |depth − true depth| in colour. A pixel
 /// of the maps is surface above `fraction` of the brightest albedo, as in [`crate::measure::metrics()`]. Missed and
 /// false pixels have colours of their own. A bar in millimetres goes from 0 (purple) to the errors' 99th percentile
 /// (yellow).
@@ -74,7 +74,8 @@ fn picture(maps: &Maps, truth: &Truth) -> Picture {
                 Found::Hit(error) if error.is_nan() => INK,
                 Found::Hit(error) => shade(most.map_or(0.0, |m| f64::from(error) / m)),
             };
-            picture.fill(ix * factor, (truth.ny - 1 - iy) * factor, factor, factor, ink);
+            let [column, row] = [truth.nx - 1 - ix, truth.ny - 1 - iy];
+            picture.fill(column * factor, row * factor, factor, factor, ink);
         }
     }
     if let Some(labels) = labels {

@@ -4,7 +4,7 @@
 //! `albedo.Y`, `depth.Z`, `normal.X`, `normal.Y`, `normal.Z`, and the albedo once more as the plain channel
 //! `Y` for viewers without layers. The confidence, if it was told, is `confidence.Z`. Surfaces behind the first ones, if
 //! there are any, are `behind.albedo.Y`, `behind.depth.Z`, `behind.normal.X` to `Z` and `behind.confidence.Z`. 32-bit floats, NaN = nothing there. The top row is the largest y, the left
-//! column the smallest x. The attribute `extent` (box2f) holds the extent in metres.
+//! column the largest x, as an eye at the wall sees them. The attribute `extent` (box2f) holds the extent in metres.
 
 use std::io::Cursor;
 use std::path::Path;

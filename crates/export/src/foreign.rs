@@ -175,7 +175,7 @@ fn of_arrays((shape, depth): (Vec<usize>, Vec<f64>), numbers: Numbers<'_>) -> Re
     })
 }
 
-/// The first part of an EXR picture: top row the largest y, left column the smallest x.
+/// The first part of an EXR picture: top row the largest y, left column the largest x.
 fn of_exr(file: &Path) -> Result<Found> {
     let image = read_first_flat_layer_from_file(file).map_err(|e| {
         Error::input(format!("cannot be read as EXR: {e}"), "check that the file is there and whole")
@@ -186,7 +186,7 @@ fn of_exr(file: &Path) -> Result<Found> {
         let of = |name: &&str| layer.channel_data.list.iter().find(|c| c.name == **name);
         let values: Vec<f32> = names.iter().find_map(of)?.sample_data.values_as_f32().collect();
         // Rows from the top down become columns of x, y upward.
-        let at = |i: usize| values[(ny - 1 - i % ny) * nx + i / ny];
+        let at = |i: usize| values[(ny - 1 - i % ny) * nx + nx - 1 - i / ny];
         Some((0..nx * ny).map(at).collect())
     };
     let depth = channel(&["depth.Z", "Z"]).ok_or_else(|| {

@@ -19,7 +19,7 @@ const PLOT: [f64; 4] = [LEFT, 80.0, 980.0, 250.0];
 const MAPS: [f64; 2] = [430.0, 380.0];
 const STEP: f64 = 540.0;
 
-/// Writes the picture as PNG. Maps show +x to the right and +y up, with one square for each place of the scan. A scan
+/// Writes the picture as PNG. Maps show +x to the left and +y up, with one square for each place of the scan. A scan
 /// that is a list becomes a column.
 ///
 /// # Errors
@@ -125,7 +125,7 @@ impl Figure for Overview<'_> {
     }
 }
 
-/// Values over the scan as a square, +x to the right and +y up: bright is large, dark is small.
+/// Values over the scan as a square, +x to the left and +y up: bright is large, dark is small.
 fn map(values: &[f32], [nx, ny]: [usize; 2], low: f64, high: f64) -> Picture {
     let side = MAPS[1] as usize;
     let mut picture = Picture::new(side, side);
@@ -134,7 +134,7 @@ fn map(values: &[f32], [nx, ny]: [usize; 2], low: f64, high: f64) -> Picture {
     let (w, h) = ((side * nx / longest).max(1), (side * ny / longest).max(1));
     for row in 0..h {
         for column in 0..w {
-            let value = f64::from(values[column * nx / w * ny + (h - 1 - row) * ny / h]);
+            let value = f64::from(values[(w - 1 - column) * nx / w * ny + (h - 1 - row) * ny / h]);
             let share = if high > low { (high - value) / (high - low) } else { 0.0 };
             let ink = if value.is_nan() { BACKGROUND } else { colour(share) };
             picture.fill((side - w) / 2 + column, (side - h) / 2 + row, 1, 1, ink);

@@ -29,14 +29,23 @@ pub struct Picture {
     pub rgb: Vec<u8>,
 }
 
-/// Map indices in picture order: rows from the largest y down, within a row from the smallest x up.
+/// Map indices in picture order, as an eye at the wall sees them: rows from the largest y down, within a row from the
+/// largest x down.
 pub fn rows(maps: &Maps) -> Vec<usize> {
-    (0..maps.ny).rev().flat_map(|iy| (0..maps.nx).map(move |ix| ix * maps.ny + iy)).collect()
+    (0..maps.ny).rev().flat_map(|iy| (0..maps.nx).rev().map(move |ix| ix * maps.ny + iy)).collect()
 }
 
 /// The whole factor by which a map is enlarged.
 pub fn enlargement(maps: &Maps) -> usize {
     ((SIDE as f64 / maps.nx.max(maps.ny) as f64).round() as usize).max(1)
+}
+
+/// The colour of a unit normal, as in the normal maps of modelling programs: red for what faces right in the picture,
+/// which is -x, green for up, and light blue for what faces the wall. `None` if the normal is not known.
+pub fn normal_colour(normal: [f32; 3]) -> Option<[u8; 3]> {
+    let [x, y, z] = normal;
+    let part = |v: f32| (255.0 * ((v + 1.0) / 2.0).clamp(0.0, 1.0)).round() as u8;
+    normal.iter().all(|v| v.is_finite()).then(|| [-x, y, -z].map(part))
 }
 
 /// The colour of a share from 0 (near, yellow) to 1 (far, purple): viridis, reversed.

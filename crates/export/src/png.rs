@@ -1,9 +1,9 @@
-//! Maps as PNG pictures: +x to the right, +y up, enlarged by a whole factor to about 512 pixels, dark where there is
+//! Maps as PNG pictures, as an eye at the wall sees them: +x to the left, +y up. They are enlarged by a whole factor to about 512 pixels, dark where there is
 //! nothing.
 
 use std::path::Path;
 
-use super::picture::{BACKGROUND, INK, Picture, SIDE, colour, enlargement};
+use super::picture::{BACKGROUND, INK, Picture, SIDE, colour, enlargement, normal_colour};
 use crate::capture::scan::decimals;
 use crate::error::{Error, Result};
 use crate::files::atomic;
@@ -81,9 +81,7 @@ pub fn depth_of(maps: &Maps) -> Picture {
     with_bar(&map, range.map(|_| (near, far)))
 }
 
-/// Writes the normals of the masked pixels as colours: red is (n_x + 1) / 2, green (n_y + 1) / 2, blue
-/// (1 - n_z) / 2. Normals point to the wall (n_z < 0), so a surface that faces the wall is light blue, as in
-/// the normal maps of modelling programs.
+/// Writes the normals of the masked pixels in the colours of [`normal_colour`].
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
@@ -95,11 +93,7 @@ pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {
 /// The picture of [`write_normal`].
 pub fn normal_of(maps: &Maps) -> Picture {
     Picture::of_maps(maps, enlargement(maps), |p| {
-        let [x, y, z] = maps.normal[p];
-        if !maps.mask[p] || [x, y, z].iter().any(|v| v.is_nan()) {
-            return BACKGROUND;
-        }
-        [x, y, -z].map(|v| (255.0 * ((v + 1.0) / 2.0).clamp(0.0, 1.0)).round() as u8)
+        normal_colour(maps.normal[p]).filter(|_| maps.mask[p]).unwrap_or(BACKGROUND)
     })
 }
 

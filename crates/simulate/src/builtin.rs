@@ -9,7 +9,7 @@ const KNOWN: &[(&str, &str)] = &[
     ("letter-X", "a flat letter A-Z, 0.6 m high, at z = 0.6 m (also letter:X)"),
     (
         "letters-XY",
-        "two or three flat letters side by side, each 0.15 m farther, from z = 0.6 m (also letters:XY)",
+        "two or three flat letters from left to right, each 0.15 m farther, from z = 0.6 m (also letters:XY)",
     ),
     ("plane", "a square of 0.5 m facing the wall at z = 0.7 m"),
     ("sphere", "a sphere of radius 0.2 m at z = 0.7 m"),
@@ -77,7 +77,7 @@ fn named(spec: &str) -> Result<Scene> {
     Ok(Scene::new(lower.replace(':', "-"), objects(meshes)))
 }
 
-/// The figure, moved to the right and down: what of it stands before a wall of 1 m, and its raised arm beyond.
+/// The figure, moved along +x and down: what of it stands before a wall of 1 m, and its raised arm beyond.
 fn aside() -> (Vec<Mesh>, Vec<Mesh>) {
     let before = |mesh: &Mesh| mesh.bounds().is_some_and(|(low, _)| low.x < 0.5);
     figure(dvec3(0.34, -0.1, 0.7), 0.85).into_iter().partition(before)
@@ -117,7 +117,7 @@ fn letters(text: &str) -> Result<Vec<Mesh>> {
     }
     // One letter fills most of the width of a 1 m wall; several letters share it.
     let (height, pitch) = [(0.6, 0.0), (0.45, 0.46), (0.34, 0.33)][count - 1];
-    let place = |i: usize| dvec3((i as f64 - 0.5 * (count - 1) as f64) * pitch, 0.0, 0.6 + 0.15 * i as f64);
+    let place = |i: usize| dvec3((0.5 * (count - 1) as f64 - i as f64) * pitch, 0.0, 0.6 + 0.15 * i as f64);
     text.chars().enumerate().map(|(i, name)| letter(name, place(i), height)).collect()
 }
 

@@ -16,7 +16,7 @@ const CELL: f64 = 1.0 / 80.0;
 const BLOCK: usize = 8;
 
 /// The letter `name` (A–Z, either case) of the given height in metres, in the plane z = `centre.z`,
-/// centred at `centre`, facing -z. It reads correctly with +x to the right and +y up.
+/// centred at `centre`, facing -z. An eye at the wall reads it: +x to the left and +y up.
 ///
 /// # Errors
 /// A character that is not a letter, or a height that is not a positive number.
@@ -36,7 +36,8 @@ pub fn letter(name: char, centre: DVec3, height: f64) -> Result<Mesh> {
         let clip = (p - dvec2(WIDTH, 1.0) * 0.5).abs() - dvec2(WIDTH, 1.0) * 0.5;
         (inside - 0.5 * STROKE).max(clip.x).max(clip.y)
     };
-    let place = |p: DVec2| centre + ((p - dvec2(WIDTH, 1.0) * 0.5) * height).extend(0.0);
+    // In the letter's box, u runs to the right.
+    let place = |p: DVec2| centre + ((p - dvec2(WIDTH, 1.0) * 0.5) * dvec2(-height, height)).extend(0.0);
     Ok(trace(distance, place))
 }
 
@@ -97,7 +98,7 @@ fn to_segment(p: DVec2, a: DVec2, b: DVec2) -> f64 {
 /// A stroke in the unit square of the letter's centre lines.
 enum Stroke {
     Line([f64; 4]),
-    /// Centre, half axes, first and last angle in degrees, counter-clockwise from +x.
+    /// Centre, half axes, first and last angle in degrees, counter-clockwise from +u.
     Arc([f64; 2], [f64; 2], [f64; 2]),
 }
 

@@ -98,6 +98,8 @@ class Maps:
     def plot(self, axes: Any = None) -> Any:
         """Draws albedo, depth, normals and, if it is known, the confidence, by matplotlib. Returns the figure.
 
+        Pictures show what an eye at the wall sees: +x to the left.
+
         axes: draw into these axes, one for each picture, instead of a new figure.
         """
         try:
@@ -105,10 +107,12 @@ class Maps:
         except ImportError as error:
             raise ImportError("plot() needs matplotlib: pip install matplotlib") from error
         shown = self._shown()
+        left, right, bottom, top = self.extent
         if axes is None:
             _, axes = plt.subplots(1, len(shown), figsize=(3.6 * len(shown), 3.4), layout="constrained")
         for ax, (title, image, colours, unit) in zip(np.ravel(axes), shown):
-            picture = ax.imshow(np.swapaxes(image, 0, 1), origin="lower", extent=self.extent, cmap=colours)
+            seen = np.swapaxes(image[::-1], 0, 1)
+            picture = ax.imshow(seen, origin="lower", extent=(right, left, bottom, top), cmap=colours)
             ax.set(title=title, xlabel="x in m")
             ax.set_facecolor("black")
             if unit:
@@ -120,7 +124,7 @@ class Maps:
     def _shown(self) -> List[Tuple[str, np.ndarray, Optional[str], Optional[str]]]:
         """Title, image, colours and unit of each picture."""
         off = ~self.mask
-        colour = np.clip(0.5 * (self.normals * (1, 1, -1) + 1), 0, 1)
+        colour = np.clip(0.5 * (self.normals * (-1, 1, -1) + 1), 0, 1)
         colour[off | ~np.isfinite(colour).all(axis=2)] = 0
         shown = [
             ("albedo", self.albedo, "gray", None),

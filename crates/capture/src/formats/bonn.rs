@@ -15,7 +15,7 @@
 //! places. What the sources leave open: whether corners are those of the reflector or the middles of its outermost pixels, which are
 //! half a pixel apart; the middles are taken.
 //!
-//! Axes: the coordinates in the file are kept. The wall faces those who see the four corners as they are named.
+//! Axes: the coordinates in the file are kept and taken as right-handed. The wall faces those who see the four corners as they are named.
 
 use std::fs::File;
 use std::io::{BufReader, Read};

@@ -65,7 +65,7 @@ pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Cap
     let (low, high) = all().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
     let middle = DVec3::new(0.5 * (low.x + high.x), 0.5 * (low.y + high.y), 0.0);
     for p in laser.iter_mut().chain(&mut sensor) {
-        *p = (*p * units.step - middle) * DVec3::new(-1.0, 1.0, 1.0);
+        *p = *p * units.step - middle;
     }
     let bin_width = units.bin_width;
     // The shape of the scan, if its points form a lattice, row after row.

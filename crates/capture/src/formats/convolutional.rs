@@ -9,8 +9,8 @@
 //! therefore begin at whole multiples of `delta`: in their rendered bunny, whose mesh is known (Tsai and others 2019), the first
 //! light of all pairs lies in the bin that this gives, and a quarter of a bin off otherwise.
 //!
-//! Axes: x and y of the file are kept, and depth is measured from the wall, at z = `target_dist`, towards the origin. Their
-//! `imslice.m` draws the front view so: x to the right, y up.
+//! Axes: y of the file is kept, x is turned round, and depth is measured from the wall, at z = `target_dist`, towards the
+//! origin. Their `imslice.m` draws the front view with x to the right and y up, so their frame is right-handed, too.
 
 use glam::DVec3;
 
@@ -77,7 +77,7 @@ pub(super) fn read<'f>(file: &'f Variables, notes: &mut Vec<String>) -> Result<U
         Some(distance) => distance,
         None => lasers.first().map_or(0.0, |p| p.z),
     };
-    let from_wall = |p: DVec3| DVec3::new(p.x, p.y, wall - p.z);
+    let from_wall = |p: DVec3| DVec3::new(-p.x, p.y, wall - p.z);
     let turned = |points: Vec<DVec3>| points.into_iter().map(from_wall).collect();
     let (delta, start) = times(file, bins)?;
     notes.push(format!(

@@ -4,7 +4,7 @@
 //! `offset_laser`: not 0 if the outer legs were removed. No publication of the format was found. It is read as y-tal
 //! (format.py) does, with bin 0 at path 0. Files for which y-tal guesses the positions of the devices are refused.
 //!
-//! Axes: the coordinates in the file are kept.
+//! Axes: the coordinates in the file are kept, as y-tal keeps them. Nothing in a file says whether they are right-handed.
 
 use glam::DVec3;
 

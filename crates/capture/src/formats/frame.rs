@@ -19,11 +19,11 @@ pub fn lattice([nx, ny]: [usize; 2], wall: f64) -> Vec<DVec3> {
     (0..nx).flat_map(|ix| (0..ny).map(move |iy| DVec3::new(at(ix, nx), at(iy, ny), 0.0))).collect()
 }
 
-/// A direction over the wall, as our pictures show it: +x to the right, +y up.
+/// A direction over the wall, as an eye at the wall sees it and as our pictures show it: +x to the left, +y up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Run {
-    Right,
     Left,
+    Right,
     Up,
     Down,
 }
@@ -43,7 +43,7 @@ impl Axes {
 
     /// The pair (`ix * Y + iy`) of every stored point, d1 fastest, as HDF5 and MATLAB files have them.
     pub fn pairs(self, [n1, n2]: [usize; 2]) -> Vec<usize> {
-        let along = |run, i, n| if matches!(run, Run::Right | Run::Up) { i } else { n - 1 - i };
+        let along = |run, i, n| if matches!(run, Run::Left | Run::Up) { i } else { n - 1 - i };
         let pair = |i1, i2| {
             let (a, b) = (along(self.d1, i1, n1), along(self.d2, i2, n2));
             if self.d1_along_x() { a * n2 + b } else { b * n1 + a }

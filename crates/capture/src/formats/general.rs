@@ -8,8 +8,8 @@
 //! i * M + j of the first N * M belongs to point (i, j), where odd i run backwards, and path 0 is at the mean of `peak1` and
 //! `peak2` (N, M) of files of these names, in bins, rounded (`gn_data.py`).
 //!
-//! Axes: the coordinates in the file are kept. The front view of their `show_result.py` has y up and x to the left. Our
-//! pictures show it mirrored, unless the capture is flipped in x ([`crate::Turn`]).
+//! Axes: the coordinates in the file are kept. The front view of their `show_result.py` has y up and x to the left, as
+//! our pictures have.
 
 use glam::DVec3;
 

@@ -4,7 +4,7 @@
 //! files: their code takes 1.2 mm of path, 4 ps, for all. What their renderer writes has `gt_transient` in place of `transient`,
 //! `bin_width` in metres and `sensor` (pairs, 3).
 //!
-//! Axes: in files with `gt_transient` the coordinates are kept. The measured `transient` is made of LCT's `rect_data` (d1, d2, t)
+//! Axes: in files with `gt_transient` the coordinates are kept; nothing in them says whether they are right-handed. The measured `transient` is made of LCT's `rect_data` (d1, d2, t)
 //! by a reshape, with d1 as x and d2 as y of `lighting` (`exp_s/compute_init_mesh.m`): x runs to the left and y down, as
 //! [`super::lct`] says of d1 and d2.
 
@@ -56,7 +56,7 @@ pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<Strin
     };
     if !rendered {
         for p in laser.iter_mut().chain(&mut sensor) {
-            (p.x, p.y) = (-p.x, -p.y);
+            p.y = -p.y;
         }
         notes.push(
             "x of lighting runs to the left and y down, as in the LCT capture that such a file is made of"

@@ -6,7 +6,8 @@
 //! a path of twice that. Here all lengths are paths.
 //!
 //! Axes: the coordinates in the file are kept, except for the rotation of the wall to +z. Pair (i, j) has the point
-//! `i * J + j`, as in the loop of the script that prepares their files.
+//! `i * J + j`, as in the loop of the script that prepares their files. Nothing in a file says
+//! whether the coordinates are right-handed.
 
 use glam::DVec3;
 

@@ -12,8 +12,7 @@
 //! (laser points, sensor points), pair `l * S + s`, unless one side is a single point.
 //!
 //! Axes: the coordinates in the file are kept. y-tal's frame is right-handed: for a viewer who looks at the wall, x is
-//! to the right, y up, and z away from the wall. Our pictures show the scene mirrored compared with the view from the
-//! wall, unless the capture is flipped in x ([`crate::Turn`]).
+//! to the right, y up, and z away from the wall.
 
 use std::path::Path;
 

@@ -8,8 +8,7 @@
 //! and `t0` are metres of path, `t` is the number of bins. The paths include the legs from the laser and to the camera, which are removed for each point.
 //! `hiddenVolumePosition` tells on which side of the wall the scene is; the wall is rotated to face +z.
 //!
-//! Axes: the coordinates in the file are kept, except for that rotation. They are right-handed: our pictures show the
-//! scene mirrored compared with the view from the wall, unless the capture is flipped in x ([`crate::Turn`]).
+//! Axes: the coordinates in the file are kept, except for that rotation. They are right-handed.
 
 use std::ops::Range;
 

@@ -6,7 +6,7 @@
 //! Bins of 250 ps are not in the file but in its code's settings (`t_res`). Every zone is taken as confocal, as its light-cone
 //! transform does. The zones of one reading tile the field of view, so that a zone is as wide as their distance.
 //!
-//! Axes: the coordinates in the file are kept.
+//! Axes: the coordinates in the file are kept. Nothing in a file says whether they are right-handed.
 
 use glam::DVec3;
 

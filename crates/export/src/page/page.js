@@ -39,26 +39,27 @@ const DARK = [20, 20, 26];
 const maps = [
   ["Albedo", i => { const v = 255 * Math.min(Math.max(albedo[i] / bright[1], 0), 1); return [v, v, v]; }],
   ["Depth", i => isSurface(i) ? viridis(1 - share(far, depth[i])) : DARK],
-  ["Normals", i => isSurface(i) ? [0, 1, 2].map(c => 127.5 * (1 + (c === 2 ? -1 : 1) * normal[3 * i + c])) : DARK],
+  ["Normals", i => isSurface(i) ? [-1, 1, -1].map((sign, c) => 127.5 * (1 + sign * normal[3 * i + c])) : DARK],
 ];
 if (confidence) maps.push(["Confidence", i => isSurface(i) ? viridis(share(sure.map(Math.log), Math.log(confidence[i]))) : DARK]);
 
-// The maps: x to the right, y up.
+// The maps, as an eye at the wall sees them: x to the left, y up.
 const scale = 350 / Math.max(nx, ny);
+const column = i => nx - 1 - Math.floor(i / ny);
 let chosen = -1, kept = false, pair = 0;
 const canvases = maps.map(([name, colour]) => {
   const figure = document.createElement("figure"), canvas = document.createElement("canvas");
   canvas.width = nx, canvas.height = ny;
   canvas.style.width = `${nx * scale}px`, canvas.style.height = `${ny * scale}px`;
   const picture = new ImageData(nx, ny);
-  for (let i = 0; i < nx * ny; i++) picture.data.set([...colour(i), 255], 4 * ((ny - 1 - i % ny) * nx + Math.floor(i / ny)));
+  for (let i = 0; i < nx * ny; i++) picture.data.set([...colour(i), 255], 4 * ((ny - 1 - i % ny) * nx + column(i)));
   const caption = document.createElement("figcaption");
   caption.innerText = name;
   figure.append(canvas, caption);
   element("maps").append(figure);
   const at = event => {
     const box = canvas.getBoundingClientRect();
-    const x = Math.floor((event.clientX - box.left) / scale), y = ny - 1 - Math.floor((event.clientY - box.top) / scale);
+    const x = nx - 1 - Math.floor((event.clientX - box.left) / scale), y = ny - 1 - Math.floor((event.clientY - box.top) / scale);
     return x >= 0 && x < nx && y >= 0 && y < ny ? x * ny + y : -1;
   };
   canvas.onmousemove = event => { if (!kept) choose(at(event)); };
@@ -71,7 +72,7 @@ function drawMaps() {
     const context = canvas.getContext("2d");
     context.putImageData(picture, 0, 0);
     if (chosen < 0) continue;
-    const x = Math.floor(chosen / ny), y = ny - 1 - chosen % ny;
+    const x = column(chosen), y = ny - 1 - chosen % ny;
     context.fillStyle = "rgba(255, 80, 60, .75)";
     context.fillRect(x, 0, 1, y), context.fillRect(x, y + 1, 1, ny), context.fillRect(0, y, x, 1), context.fillRect(x + 1, y, nx, 1);
   }
@@ -157,7 +158,7 @@ function drawHistogram() {
 const wall = element("wall"), moving = laser_scans ? laser : sensor;
 const box = [0, 1].map(c => { const all = Array.from({ length: pairs }, (_, p) => moving[3 * p + c]); return [Math.min(...all), Math.max(...all)]; });
 const reach = Math.max(box[0][1] - box[0][0], box[1][1] - box[1][0]) || 1, dot = Math.max(3, .85 * 280 / Math.sqrt(pairs));
-const onWall = p => [10 + 280 * (moving[3 * p] - box[0][0]) / reach, 290 - 280 * (moving[3 * p + 1] - box[1][0]) / reach];
+const onWall = p => [10 + 280 * (box[0][1] - moving[3 * p]) / reach, 290 - 280 * (moving[3 * p + 1] - box[1][0]) / reach];
 const apart = (p, at) => Math.hypot(onWall(p)[0] - at[0], onWall(p)[1] - at[1]);
 const nearest = at => { let best = 0; for (let p = 0; p < pairs; p++) if (apart(p, at) < apart(best, at)) best = p; return best; };
 pair = nearest([150, 150]);
@@ -177,7 +178,7 @@ wall.onclick = event => {
   drawWall(), drawHistogram(), mark();
 };
 
-// The surface in space. Depth runs away from the viewer, who stands at the wall.
+// The surface in space, turned half round about y: depth runs away from the viewer, who stands at the wall.
 let mark = () => {};
 function space() {
   const holder = element("space"), scene = new THREE.Scene(), renderer = new THREE.WebGLRenderer({ antialias: true });
@@ -189,13 +190,13 @@ function space() {
     if (!isSurface(i)) continue;
     number[i] = positions.length / 3;
     const [x, y, z] = place(i), v = .25 + .75 * Math.sqrt(Math.min(Math.max(albedo[i] / bright[1], 0), 1));
-    positions.push(x, y, -z), colours.push(v, v, v);
+    positions.push(-x, y, -z), colours.push(v, v, v);
   }
   const step = 4 * Math.max(...pixel), near = (...all) => all.every(i => number[i] >= 0) && Math.max(...all.map(i => depth[i])) - Math.min(...all.map(i => depth[i])) < step;
   for (let x = 0; x + 1 < nx; x++) for (let y = 0; y + 1 < ny; y++) {
     const [a, b, c, d] = [x * ny + y, (x + 1) * ny + y, (x + 1) * ny + y + 1, x * ny + y + 1];
-    if (near(a, b, c)) corners.push(number[a], number[b], number[c]);
-    if (near(a, c, d)) corners.push(number[a], number[c], number[d]);
+    if (near(a, b, c)) corners.push(number[a], number[c], number[b]);
+    if (near(a, c, d)) corners.push(number[a], number[d], number[c]);
   }
   const shape = new THREE.BufferGeometry();
   shape.setAttribute("position", new THREE.BufferAttribute(new Float32Array(positions), 3));
@@ -209,14 +210,14 @@ function space() {
   scene.add(cloud, mesh, sun, new THREE.AmbientLight(0xffffff, .5));
   cloud.visible = false;
   const [x0, x1, y0, y1] = extent, frame = new THREE.BufferGeometry();
-  frame.setAttribute("position", new THREE.BufferAttribute(new Float32Array([x0, y0, 0, x1, y0, 0, x1, y0, 0, x1, y1, 0, x1, y1, 0, x0, y1, 0, x0, y1, 0, x0, y0, 0]), 3));
+  frame.setAttribute("position", new THREE.BufferAttribute(new Float32Array([-x0, y0, 0, -x1, y0, 0, -x1, y0, 0, -x1, y1, 0, -x1, y1, 0, -x0, y1, 0, -x0, y1, 0, -x0, y0, 0]), 3));
   scene.add(new THREE.LineSegments(frame, new THREE.LineBasicMaterial({ color: 0x777788 })));
   const rays = new THREE.BufferGeometry(), ends = new THREE.BufferAttribute(new Float32Array(12), 3);
   rays.setAttribute("position", ends);
   const lines = new THREE.LineSegments(rays, new THREE.LineBasicMaterial({ color: 0xff503c }));
   lines.visible = false, lines.frustumCulled = false;
   scene.add(lines);
-  const middle = new THREE.Vector3((x0 + x1) / 2, (y0 + y1) / 2, -(far[0] + far[1]) / 2), wide = Math.max(x1 - x0, y1 - y0);
+  const middle = new THREE.Vector3(-(x0 + x1) / 2, (y0 + y1) / 2, -(far[0] + far[1]) / 2), wide = Math.max(x1 - x0, y1 - y0);
   const camera = new THREE.PerspectiveCamera(40, 700 / 460, .001 * wide, 100 * wide);
   camera.position.set(middle.x - .6 * wide, middle.y + .4 * wide, .55 * wide);
   const controls = new THREE.OrbitControls(camera, renderer.domElement), draw = () => renderer.render(scene, camera);
@@ -231,7 +232,7 @@ function space() {
     lines.visible = chosen >= 0 && isSurface(chosen);
     if (lines.visible) {
       const [x, y, z] = place(chosen);
-      [laser, sensor].forEach((points, k) => ends.array.set([points[3 * pair], points[3 * pair + 1], -points[3 * pair + 2], x, y, -z], 6 * k));
+      [laser, sensor].forEach((points, k) => ends.array.set([-points[3 * pair], points[3 * pair + 1], -points[3 * pair + 2], -x, y, -z], 6 * k));
       ends.needsUpdate = true;
     }
     draw();
