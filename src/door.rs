@@ -9,7 +9,7 @@ use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::session::{Session, SessionOptions};
-use crate::solve::option::Value;
+use crate::solve::option::OptionValue;
 use crate::solve::{
     Bins, Discretisation, Problem, Progress, Ready, SolverOptions, TracePoint, VolumeMap, Watch, conclude,
 };
@@ -50,7 +50,7 @@ impl Options {
     /// An option of the method by its name, `lateral` or `iterations` for example: those of `thirdbounce reconstruct`, with
     /// underscores.
     #[must_use]
-    pub fn set(mut self, name: &'static str, value: impl Into<Value>) -> Options {
+    pub fn set(mut self, name: &'static str, value: impl Into<OptionValue>) -> Options {
         self.choice.options.retain(|(known, _)| *known != name);
         self.choice.options.push((name, value.into()));
         self
@@ -146,7 +146,8 @@ impl Options {
         }
         let resolved = self.choice.resolve(capture);
         // An option that does not take a value does not give it back.
-        let refuses = |(name, value): &&(&str, Value)| resolved.solver.get(name).is_some_and(|v| v != *value);
+        let refuses =
+            |(name, value): &&(&str, OptionValue)| resolved.solver.get(name).is_some_and(|v| v != *value);
         if let Some((name, value)) = self.choice.options.iter().find(refuses) {
             return Err(Error::options(
                 format!("the option {name} cannot be {value:?}"),

@@ -96,8 +96,8 @@ impl Input {
     }
 
     /// The values that complete or correct those of the file.
-    pub fn given(&self) -> capture::Given {
-        let given = capture::Given::default().with_wall(self.wall).with_bin_width(self.bin_width);
+    pub fn given(&self) -> capture::ReadOptions {
+        let given = capture::ReadOptions::default().with_wall(self.wall).with_bin_width(self.bin_width);
         let given = given.with_depth_unit(self.depth_unit).with_bounce(self.bounce);
         given.with_time_of_flight(self.time_of_flight.clone()).with_turn(self.turn)
     }

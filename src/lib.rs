@@ -68,7 +68,7 @@ pub use door::{prepare, read, write};
 pub use session::{
     Canceller, Feed, Frame, FrameId, Hear, Latency, LentFrame, Session, SessionOptions, Submitter,
 };
-pub use solve::option::Value;
+pub use solve::option::OptionValue;
 pub use solve::vector::Follow;
 pub use solve::{Doing, Format, LentCounts, Progress, Reconstruction, TracePoint, VolumeMap};
 pub use transport::{Grid, Volume};

@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use engine::session::{Feed, FrameId, Hear, SessionOptions};
-use engine::solve::option::{Suit, Value};
+use engine::solve::option::{OptionValue, Suit};
 use engine::solve::vector::Follow;
 use engine::solve::{Progress, SolverOptions};
 use engine::trials::Choice;
@@ -121,7 +121,7 @@ impl TbSettings {
         let mut choice = Choice { solver: name.map(String::from), ..Choice::default() };
         choice.check()?;
         if self.lateral > 0 {
-            choice.options.push(("lateral", Value::Count(self.lateral)));
+            choice.options.push(("lateral", OptionValue::Count(self.lateral)));
         }
         for option in options.unwrap_or_default().split_whitespace() {
             set(&mut choice, option)?;
@@ -200,10 +200,10 @@ fn set(choice: &mut Choice, option: &str) -> Result<()> {
     let rows = solver.rows();
     let Some(row) = rows.iter().find(|row| row.key == key) else { return wrong("is none of this solver's") };
     let values = [
-        text.parse().ok().map(Value::Count),
-        text.parse().ok().map(Value::Number),
-        text.parse().ok().map(Value::Flag),
-        Some(Value::Word(text.into())),
+        text.parse().ok().map(OptionValue::Count),
+        text.parse().ok().map(OptionValue::Number),
+        text.parse().ok().map(OptionValue::Flag),
+        Some(OptionValue::Word(text.into())),
     ];
     let Some(value) = solver.set_first(row.key, values.into_iter().flatten()) else {
         return wrong("has a value that it does not take");

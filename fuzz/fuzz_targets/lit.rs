@@ -1,7 +1,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use thirdbounce::capture::Given;
+use thirdbounce::capture::ReadOptions;
 use thirdbounce_fuzz::open;
 
-fuzz_target!(|bytes: &[u8]| open(bytes, "lit.mat", &Given::default()));
+fuzz_target!(|bytes: &[u8]| open(bytes, "lit.mat", &ReadOptions::default()));

@@ -6,7 +6,7 @@ use std::sync::Once;
 
 use fixtures::tags::{WAYS, in_a_way};
 use thirdbounce::capture::formats::hdf5::is_guarded;
-use thirdbounce::capture::{Given, read_given};
+use thirdbounce::capture::{ReadOptions, read_given};
 
 /// libFuzzer's hook ends the process at any panic. A panic of the HDF5 reader is caught and becomes an error.
 static HOOK: Once = Once::new();
@@ -32,7 +32,7 @@ fn written(bytes: &[u8], name: &str) -> PathBuf {
 }
 
 /// Opens bytes as a capture with this name.
-pub fn open(bytes: &[u8], name: &str, given: &Given) {
+pub fn open(bytes: &[u8], name: &str, given: &ReadOptions) {
     quiet();
     let path = written(bytes, name);
     match read_given(&path, given) {
@@ -49,10 +49,10 @@ pub fn histogram(bytes: &[u8], name: &str) {
     in_a_way(&written(bytes, name), way % WAYS);
 }
 
-pub fn wall() -> Given {
-    Given::default().with_wall(1.0)
+pub fn wall() -> ReadOptions {
+    ReadOptions::default().with_wall(1.0)
 }
 
-pub fn wall_and_bins() -> Given {
+pub fn wall_and_bins() -> ReadOptions {
     wall().with_bin_width(0.01)
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use engine::capture::{self, Bounce, Capture, Given, Pulse, Turn};
+use engine::capture::{self, Bounce, Capture, Pulse, ReadOptions, Turn};
 use engine::{Error, Result};
 use glam::DVec3;
 use numpy::{PyArray1, PyReadonlyArray1};
@@ -121,7 +121,7 @@ pub fn read<'py>(
 ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
     let place = path.display().to_string();
     let opened = heard(py, Some(&place), move || {
-        let given = Given::default()
+        let given = ReadOptions::default()
             .with_wall(wall)
             .with_bin_width(bin_width)
             .with_depth_unit(depth_unit)

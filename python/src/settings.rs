@@ -2,7 +2,7 @@
 
 use engine::capture::{Gate, Pulse};
 use engine::job::{Choice, FindPulse, GivenPulse, Input, Request, memory_bytes};
-use engine::solve::option::{Range, Suit, Value};
+use engine::solve::option::{OptionValue, Range, Suit};
 use engine::solve::{Preset, SolverOptions};
 use engine::transport::Volume;
 use engine::{Error, Result};
@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 
 /// The value of an option, in the order in which types are tried.
 #[derive(FromPyObject)]
-pub enum Given {
+pub enum ReadOptions {
     Flag(bool),
     Count(usize),
     Number(f64),
@@ -42,7 +42,7 @@ pub struct Settings {
     solver: Option<String>,
     model: Option<String>,
     preset: Option<String>,
-    options: Vec<(String, Given)>,
+    options: Vec<(String, ReadOptions)>,
     wall: Option<f64>,
     stride: Option<usize>,
     subset: Option<usize>,
@@ -156,13 +156,13 @@ impl PulseGiven {
 }
 
 /// An option by its key, if the solver has it and takes the value.
-fn option(solver: &str, key: &str, given: &Given) -> Result<(&'static str, Value)> {
+fn option(solver: &str, key: &str, given: &ReadOptions) -> Result<(&'static str, OptionValue)> {
     let mut options = SolverOptions::suited_to(solver, &Suit::USUAL).ok_or_else(|| {
         let all = format!("use {}", SolverOptions::NAMES.join(" or "));
         Error::options(format!("there is no solver {solver:?}"), all)
     })?;
-    if key == "deterministic" && matches!(given, Given::Flag(true)) {
-        return Ok(("accumulation", Value::Word("repeatable".into())));
+    if key == "deterministic" && matches!(given, ReadOptions::Flag(true)) {
+        return Ok(("accumulation", OptionValue::Word("repeatable".into())));
     }
     let rows = options.rows();
     let Some(row) = rows.iter().find(|row| row.key == key) else {
@@ -172,22 +172,22 @@ fn option(solver: &str, key: &str, given: &Given) -> Result<(&'static str, Value
         ));
     };
     let values = match given {
-        Given::Flag(on) => vec![Value::Flag(*on)],
-        Given::Count(n) => vec![Value::Count(*n), Value::Number(*n as f64)],
-        Given::Number(v) => vec![Value::Number(*v)],
-        Given::Word(word) => vec![Value::Word(word.clone()), flag_of(row.range, word)],
+        ReadOptions::Flag(on) => vec![OptionValue::Flag(*on)],
+        ReadOptions::Count(n) => vec![OptionValue::Count(*n), OptionValue::Number(*n as f64)],
+        ReadOptions::Number(v) => vec![OptionValue::Number(*v)],
+        ReadOptions::Word(word) => vec![OptionValue::Word(word.clone()), flag_of(row.range, word)],
     };
-    let taken = options.set_first(key, values.into_iter().filter(|value| *value != Value::Unset));
+    let taken = options.set_first(key, values.into_iter().filter(|value| *value != OptionValue::Unset));
     let wrong =
         || Error::options(format!("{key} does not take this value"), format!("it is: {}", row.text()));
     Ok((row.key, taken.ok_or_else(wrong)?))
 }
 
 /// The value of an option that is on or off and has words for both.
-fn flag_of(range: Range, word: &str) -> Value {
+fn flag_of(range: Range, word: &str) -> OptionValue {
     match range {
-        Range::Words(&[off, on]) if [off, on].contains(&word) => Value::Flag(word == on),
-        _ => Value::Unset,
+        Range::Words(&[off, on]) if [off, on].contains(&word) => OptionValue::Flag(word == on),
+        _ => OptionValue::Unset,
     }
 }
 

@@ -37,7 +37,7 @@ mod tests {
         for setting in Setting::ALL {
             assert!(has(flag(*setting).trim_start_matches("--")), "{setting:?}");
         }
-        let smaller = text(&[thirdbounce::advice::Part::Change(Remedy::SMALLER_JOB)].into());
+        let smaller = text(&[thirdbounce::advice::AdvicePart::Change(Remedy::SMALLER_JOB)].into());
         let flags: Vec<_> =
             smaller.split_whitespace().filter_map(|w| w.trim_end_matches(',').strip_prefix("--")).collect();
         assert!(flags.len() == 4 && flags.iter().all(|f| has(f)), "{flags:?}");

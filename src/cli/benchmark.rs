@@ -125,7 +125,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     options.push(format!("repeats {}", args.repeats));
     let what =
         Benchmark { scenes, photons: args.photons.clone(), seed: how.solver.choice().seed(), out, options };
-    interrupt::take_care();
+    interrupt::stop_in_order();
     let mut running = Running { args, specs, turns: Turns::new(how.quiet) };
     let done = benchmark(&what, &mut running);
     running.turns.end();

@@ -55,7 +55,7 @@ pub fn run(args: &Args) -> Result<()> {
     let mut fixed = args.apply_to.as_ref().map_or(Ok(target), read)?;
     fixed.t_start += found.shift;
     fixed.direct = fixed.direct.map(|path| path + found.shift);
-    interrupt::take_care();
+    interrupt::stop_in_order();
     let notes = capture::write(&fixed, &args.out)?;
     notes.iter().for_each(|note| say(&format!("note: {note}")));
     let mut text = String::from("shift (m)   bins   residual (m)\n");

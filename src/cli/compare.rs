@@ -102,7 +102,7 @@ pub fn run(args: &Args) -> Result<()> {
         out: args.out.clone(),
         ..how.comparison(&specs, &loaded, &args.truth, &find_pulse)?
     };
-    interrupt::take_care();
+    interrupt::stop_in_order();
     let mut meter = Turns::new(how.quiet);
     let compared = job::compare(&comparison, &loaded, &mut |turn, progress| meter.hear(turn, progress));
     meter.end();

@@ -46,7 +46,7 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(n) = args.bin {
         capture = capture.binned(n)?;
     }
-    interrupt::take_care();
+    interrupt::stop_in_order();
     let notes = capture::write(&capture, &args.to)?;
     notes.iter().for_each(|note| say(&format!("note: {note}")));
     print(&format!("{}\nwrote     {}", capture.summary(), args.to.display()));

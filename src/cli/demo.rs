@@ -22,7 +22,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    interrupt::take_care();
+    interrupt::stop_in_order();
     let mut meter = Meter::new(args.quiet);
     let mut tell = |line: &str| {
         if !args.quiet {

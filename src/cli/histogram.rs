@@ -247,7 +247,7 @@ pub fn run(args: &Args) -> Result<()> {
         out: args.out.clone(),
         picture: args.png.clone(),
     };
-    let (made, seconds) = job::histogram(&what, &mut interrupt::take_care)?;
+    let (made, seconds) = job::histogram(&what, &mut interrupt::stop_in_order)?;
     if !args.quiet {
         made.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }

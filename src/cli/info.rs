@@ -41,7 +41,7 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(place) = &args.png {
         let named = place.extension().is_some_and(|e| e.eq_ignore_ascii_case("png")) && !place.is_dir();
         let path = if named { place.clone() } else { place.join("capture.png") };
-        interrupt::take_care();
+        interrupt::stop_in_order();
         export::inspection::write(&path, &loaded.capture)?;
         say(&format!("wrote {}", path.display()));
     }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use thirdbounce::capture::{Bounce, Capture, Gate, Given, Pulse, Turn};
+use thirdbounce::capture::{Bounce, Capture, Gate, Pulse, ReadOptions, Turn};
 use thirdbounce::job::{self, Bins, FindPulse, GivenPulse, Loaded, Request};
 use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
@@ -95,8 +95,8 @@ pub struct UnsaidArgs {
 }
 
 impl UnsaidArgs {
-    pub fn given(&self) -> Result<Given> {
-        Ok(Given::default()
+    pub fn given(&self) -> Result<ReadOptions> {
+        Ok(ReadOptions::default()
             .with_wall(self.wall)
             .with_bin_width(self.bin_width)
             .with_depth_unit(self.wall_depth_unit)

@@ -24,7 +24,7 @@ pub fn listen() -> Result<()> {
 }
 
 /// From now on files may be incomplete: Ctrl-C waits until [`asked`] is called.
-pub fn take_care() {
+pub fn stop_in_order() {
     CARE.store(true, Ordering::Relaxed);
 }
 

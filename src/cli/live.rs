@@ -9,7 +9,7 @@ use thirdbounce::capture::{Capture, Turn, auto_gate};
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::live::{self, News, Page, Source, Summary};
 use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
-use thirdbounce::solve::option::Value;
+use thirdbounce::solve::option::OptionValue;
 use thirdbounce::solve::vector::Follow;
 use thirdbounce::{Error, Result, capture, export, job};
 
@@ -101,10 +101,10 @@ pub fn run(args: &Args) -> Result<()> {
     if let Some(out) = &args.out {
         job::check_file(&out.join("maps.npz"))?;
     }
-    interrupt::take_care();
+    interrupt::stop_in_order();
     let Some((source, scan)) = source(args)? else { return Ok(()) };
     // Frames follow each other by all of their light: fast light is new wherever something moves.
-    let resolved = args.solver.choice().with_usual("high_pass", &Value::Number(0.0)).resolve(&scan);
+    let resolved = args.solver.choice().with_usual("high_pass", &OptionValue::Number(0.0)).resolve(&scan);
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
     let page = args.page.map(Page::serve).transpose()?;
     if let Some(page) = &page {

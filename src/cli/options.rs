@@ -5,7 +5,7 @@ use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches, value_parser};
 use serde::de::DeserializeOwned;
 use thirdbounce::job::SolverOptions;
 use thirdbounce::solve::Sizes;
-use thirdbounce::solve::option::{Range, Row, Suit, Value};
+use thirdbounce::solve::option::{OptionValue, Range, Row, Suit};
 
 use super::units;
 
@@ -18,10 +18,10 @@ pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
 
 /// The options that were given, by their keys.
 #[derive(Debug, Clone, Default)]
-pub struct Given(Vec<(&'static str, Value)>);
+pub struct OptionValues(Vec<(&'static str, OptionValue)>);
 
-impl Given {
-    pub fn all(&self) -> impl Iterator<Item = &(&'static str, Value)> {
+impl OptionValues {
+    pub fn all(&self) -> impl Iterator<Item = &(&'static str, OptionValue)> {
         self.0.iter()
     }
 }
@@ -40,13 +40,13 @@ fn flag_of(row: &Row) -> Option<String> {
         all.filter_map(|options| options.get(row.key)).next()
     };
     match row.range {
-        Range::Flag if default() == Some(Value::Flag(true)) => Some(format!("no-{}", row.name())),
+        Range::Flag if default() == Some(OptionValue::Flag(true)) => Some(format!("no-{}", row.name())),
         Range::Flag => Some(row.name()),
         _ => None,
     }
 }
 
-impl clap::Args for Given {
+impl clap::Args for OptionValues {
     fn augment_args(command: Command) -> Command {
         SolverOptions::all_rows().into_iter().fold(command, |command, (row, text)| {
             if row.range == Range::Internal {
@@ -80,38 +80,38 @@ fn lower(text: &str) -> String {
     letters.next().map_or(String::new(), |first| first.to_lowercase().chain(letters).collect())
 }
 
-impl FromArgMatches for Given {
-    fn from_arg_matches(matches: &ArgMatches) -> Result<Given, clap::Error> {
+impl FromArgMatches for OptionValues {
+    fn from_arg_matches(matches: &ArgMatches) -> Result<OptionValues, clap::Error> {
         let given = |row: &'static Row| {
             let key = row.key;
             let value = match row.range {
-                Range::Count(..) | Range::OneOf(_) => Value::Count(*matches.get_one::<usize>(key)?),
-                Range::Seed => Value::Count(*matches.get_one::<u32>(key)? as usize),
+                Range::Count(..) | Range::OneOf(_) => OptionValue::Count(*matches.get_one::<usize>(key)?),
+                Range::Seed => OptionValue::Count(*matches.get_one::<u32>(key)? as usize),
                 Range::Positive | Range::NotNegative | Range::Length | Range::Share | Range::Fraction => {
-                    Value::Number(*matches.get_one::<f64>(key)?)
+                    OptionValue::Number(*matches.get_one::<f64>(key)?)
                 }
                 Range::Words(words) => worded(key, words, matches.get_one::<String>(key)?),
-                Range::Sizes => Value::Word(matches.get_one::<Sizes>(key)?.to_string()),
+                Range::Sizes => OptionValue::Word(matches.get_one::<Sizes>(key)?.to_string()),
                 Range::Flag if !matches.get_flag(key) => return None,
-                Range::Flag => Value::Flag(!flag_of(row)?.starts_with("no-")),
+                Range::Flag => OptionValue::Flag(!flag_of(row)?.starts_with("no-")),
                 Range::Internal => return None,
             };
             Some((key, value))
         };
-        Ok(Given(SolverOptions::all_rows().into_iter().filter_map(|(row, _)| given(row)).collect()))
+        Ok(OptionValues(SolverOptions::all_rows().into_iter().filter_map(|(row, _)| given(row)).collect()))
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> Result<(), clap::Error> {
-        *self = Given::from_arg_matches(matches)?;
+        *self = OptionValues::from_arg_matches(matches)?;
         Ok(())
     }
 }
 
 /// A word as a value. The second word of an option that is on or off means on.
-fn worded(key: &str, words: &[&str], word: &str) -> Value {
+fn worded(key: &str, words: &[&str], word: &str) -> OptionValue {
     let all = SolverOptions::NAMES.iter().filter_map(|name| SolverOptions::suited_to(name, &Suit::USUAL));
     match all.filter_map(|options| options.get(key)).next() {
-        Some(Value::Flag(_)) => Value::Flag(words.get(1) == Some(&word)),
-        _ => Value::Word(word.into()),
+        Some(OptionValue::Flag(_)) => OptionValue::Flag(words.get(1) == Some(&word)),
+        _ => OptionValue::Word(word.into()),
     }
 }

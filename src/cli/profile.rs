@@ -76,7 +76,7 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let (json, trace, out) = (args.json.clone(), args.trace.clone(), args.out.clone());
     let what = ProfileRequest { request, json, trace, out };
-    interrupt::take_care();
+    interrupt::stop_in_order();
     let mut meter = Meter::new(args.quiet);
     let done = profile::profile(&what, &loaded, &mut tell, &mut |progress| meter.hear(progress));
     meter.end();

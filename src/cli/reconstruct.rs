@@ -107,7 +107,7 @@ pub fn run(args: &Args) -> Result<()> {
     let request = args.over(request);
     let mut files = [&request.checkpoint, &request.volume_file].into_iter().flatten();
     files.try_for_each(|file| job::check_not_input(file, inputs()))?;
-    interrupt::take_care();
+    interrupt::stop_in_order();
     let mut meter = Meter::new(args.quiet);
     let outcome = job::run(&request, &loaded, &mut |progress| meter.hear(progress));
     meter.end();

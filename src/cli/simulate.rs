@@ -240,7 +240,7 @@ fn moving(args: &Args, all: &Simulation, frames: usize) -> Result<()> {
 }
 
 fn one(args: &Args, simulation: &Simulation) -> Result<()> {
-    let done = job::simulate(simulation, &mut interrupt::take_care)?;
+    let done = job::simulate(simulation, &mut interrupt::stop_in_order)?;
     if !done.converged && !args.quiet {
         say(&format!(
             "note: the noise is {:.4}, above the bound of {}, after the largest number of samples",

@@ -2,10 +2,10 @@
 
 use clap::Args;
 use thirdbounce::job::Choice;
-use thirdbounce::solve::option::{Preset, Value};
+use thirdbounce::solve::option::{OptionValue, Preset};
 use thirdbounce::{Error, Result};
 
-use super::options::{Given, flag, word};
+use super::options::{OptionValues, flag, word};
 
 #[derive(Args)]
 pub struct SolverArgs {
@@ -25,13 +25,13 @@ pub struct SolverArgs {
     #[arg(long, conflicts_with = "accumulation", help_heading = "Solver")]
     deterministic: bool,
     #[command(flatten)]
-    given: Given,
+    given: OptionValues,
 }
 
 impl SolverArgs {
     /// What the arguments choose.
     pub fn choice(&self) -> Choice {
-        let repeats = self.deterministic.then(|| ("accumulation", Value::Word("repeatable".into())));
+        let repeats = self.deterministic.then(|| ("accumulation", OptionValue::Word("repeatable".into())));
         Choice {
             solver: self.solver.clone(),
             model: self.model.clone(),

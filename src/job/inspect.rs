@@ -11,7 +11,7 @@ use crate::advice::{Advice, advice};
 use crate::capture::Summary;
 use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, Place};
 use crate::solve::Ready;
-use crate::solve::{Accumulation, Part, Preset};
+use crate::solve::{Accumulation, Preset, TimedSchedule};
 use crate::{Error, Kind, Result};
 
 /// A capture, the grid of its reconstruction, and the work and memory it would take.
@@ -147,7 +147,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
 ///
 /// # Errors
 /// Options out of range, no device, or a capture that the solver cannot take.
-pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<Part>> {
+pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<TimedSchedule>> {
     request.solver.check()?;
     let gpu = request.open()?;
     let Ready { capture: planned, grid, .. } = planned::to_plan(request, &loaded.capture)?;

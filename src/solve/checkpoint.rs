@@ -12,7 +12,7 @@ use super::on_device::OnDevice;
 use super::plan::parts::{PART_MEASURED, PART_NOISE, PART_WALL};
 use super::plan::{COLUMNS_HOST, UPLOAD};
 use super::{Plan, TracePoint};
-use crate::advice::{Part, advice};
+use crate::advice::{AdvicePart, advice};
 use crate::gpu::{Buffer, BufferPlan, Place};
 use crate::transport::kernels::buffer::{MEASURED, TRACE, WALL};
 use crate::{Error, Result};
@@ -143,7 +143,7 @@ impl Identity {
     /// # Errors
     /// The first difference.
     fn check(&self, wanted: &Identity) -> Result<()> {
-        let differs = |what: String, mend: &[Part]| Err(Error::options(what, mend));
+        let differs = |what: String, mend: &[AdvicePart]| Err(Error::options(what, mend));
         for (name, now) in &wanted.settings {
             let then = self.settings.get(name).unwrap_or(&serde_json::Value::Null);
             if then != now {

@@ -49,12 +49,12 @@ pub(crate) use intake::check_scan as check_lent_scan;
 pub use intake::{Format, LentCounts, intake, tally_of};
 pub use on_device::{OnDevice, VolumeMap, upload};
 pub use option::{Preset, Suit};
-pub use outline::{Part, Step, When};
+pub use outline::{Step, TimedSchedule, When};
 pub use over_pairs::sum_bins;
 pub use paper::{Decay, NoiseTerm, PaperOptions};
 pub use plan::{
-    Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart, Pass, Plan, SMOOTH,
-    Share, Sizes, Tuning, Twin, UPLOAD, Value, Voxels, passes,
+    Accumulation, COLUMNS_HOST, ConstantValue, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart,
+    Pass, Plan, SMOOTH, Share, Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
 };
 pub use prepared::Prepared;
 pub use problem::Problem;

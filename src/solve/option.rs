@@ -113,7 +113,7 @@ pub enum Range {
 
 /// The value of an option.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Value {
+pub enum OptionValue {
     /// A whole number.
     Count(usize),
     /// A real number.
@@ -126,27 +126,27 @@ pub enum Value {
     Unset,
 }
 
-impl From<usize> for Value {
-    fn from(count: usize) -> Value {
-        Value::Count(count)
+impl From<usize> for OptionValue {
+    fn from(count: usize) -> OptionValue {
+        OptionValue::Count(count)
     }
 }
 
-impl From<f64> for Value {
-    fn from(number: f64) -> Value {
-        Value::Number(number)
+impl From<f64> for OptionValue {
+    fn from(number: f64) -> OptionValue {
+        OptionValue::Number(number)
     }
 }
 
-impl From<bool> for Value {
-    fn from(on: bool) -> Value {
-        Value::Flag(on)
+impl From<bool> for OptionValue {
+    fn from(on: bool) -> OptionValue {
+        OptionValue::Flag(on)
     }
 }
 
-impl From<&str> for Value {
-    fn from(word: &str) -> Value {
-        Value::Word(word.into())
+impl From<&str> for OptionValue {
+    fn from(word: &str) -> OptionValue {
+        OptionValue::Word(word.into())
     }
 }
 
@@ -156,10 +156,10 @@ pub trait Options {
     fn rows(&self) -> Vec<&'static Row>;
 
     /// The value of an option; `None` if there is none of that key.
-    fn get(&self, key: &str) -> Option<Value>;
+    fn get(&self, key: &str) -> Option<OptionValue>;
 
     /// Sets an option. Tells whether there is one of that key.
-    fn set(&mut self, key: &str, value: &Value) -> bool;
+    fn set(&mut self, key: &str, value: &OptionValue) -> bool;
 
     /// Checks every option against its range.
     ///
@@ -167,7 +167,7 @@ pub trait Options {
     /// The first option out of its range, by its name on the command line.
     fn check_ranges(&self) -> Result<()> {
         for row in self.rows() {
-            let value = self.get(row.key).unwrap_or(Value::Unset);
+            let value = self.get(row.key).unwrap_or(OptionValue::Unset);
             if let Some(want) = row.range.refusal(&value) {
                 return Err(refused(&row.name(), &value, &want));
             }
@@ -188,9 +188,9 @@ impl Row {
     }
 
     /// The value as users write it: on and off become the two words of the option.
-    pub fn worded(&self, value: Value) -> Value {
+    pub fn worded(&self, value: OptionValue) -> OptionValue {
         match (self.range, value) {
-            (Range::Words(words), Value::Flag(on)) => Value::Word(words[usize::from(on)].into()),
+            (Range::Words(words), OptionValue::Flag(on)) => OptionValue::Word(words[usize::from(on)].into()),
             (_, value) => value,
         }
     }
@@ -203,10 +203,10 @@ impl Row {
 
 impl Range {
     /// The allowed values as text, if `value` is out of range.
-    fn refusal(self, value: &Value) -> Option<String> {
+    fn refusal(self, value: &OptionValue) -> Option<String> {
         let number = match value {
-            Value::Number(v) => *v,
-            Value::Count(n) => *n as f64,
+            OptionValue::Number(v) => *v,
+            OptionValue::Count(n) => *n as f64,
             _ => return None,
         };
         let (good, want) = match self {
@@ -237,15 +237,15 @@ impl Range {
 /// Kernels know no larger number.
 const LARGEST: f64 = 3e38;
 
-impl fmt::Display for Value {
+impl fmt::Display for OptionValue {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Value::Count(n) => n.fmt(f),
-            Value::Number(v) if *v != 0.0 && !(1e-4..1e16).contains(&v.abs()) => write!(f, "{v:e}"),
-            Value::Number(v) => v.fmt(f),
-            Value::Flag(on) => on.fmt(f),
-            Value::Word(word) => word.fmt(f),
-            Value::Unset => f.write_str("unset"),
+            OptionValue::Count(n) => n.fmt(f),
+            OptionValue::Number(v) if *v != 0.0 && !(1e-4..1e16).contains(&v.abs()) => write!(f, "{v:e}"),
+            OptionValue::Number(v) => v.fmt(f),
+            OptionValue::Flag(on) => on.fmt(f),
+            OptionValue::Word(word) => word.fmt(f),
+            OptionValue::Unset => f.write_str("unset"),
         }
     }
 }
@@ -253,66 +253,66 @@ impl fmt::Display for Value {
 /// The type of a field that an option sets.
 pub trait Field {
     /// The value of the field.
-    fn value(&self) -> Value;
+    fn value(&self) -> OptionValue;
     /// Sets the field. A value of another type changes nothing.
-    fn put(&mut self, value: &Value);
+    fn put(&mut self, value: &OptionValue);
 }
 
 impl Field for usize {
-    fn value(&self) -> Value {
-        Value::Count(*self)
+    fn value(&self) -> OptionValue {
+        OptionValue::Count(*self)
     }
 
-    fn put(&mut self, value: &Value) {
-        if let Value::Count(n) = value {
+    fn put(&mut self, value: &OptionValue) {
+        if let OptionValue::Count(n) = value {
             *self = *n;
         }
     }
 }
 
 impl Field for u32 {
-    fn value(&self) -> Value {
-        Value::Count(*self as usize)
+    fn value(&self) -> OptionValue {
+        OptionValue::Count(*self as usize)
     }
 
-    fn put(&mut self, value: &Value) {
-        if let Value::Count(n) = value {
+    fn put(&mut self, value: &OptionValue) {
+        if let OptionValue::Count(n) = value {
             *self = u32::try_from(*n).unwrap_or(u32::MAX);
         }
     }
 }
 
 impl Field for f64 {
-    fn value(&self) -> Value {
-        Value::Number(*self)
+    fn value(&self) -> OptionValue {
+        OptionValue::Number(*self)
     }
 
-    fn put(&mut self, value: &Value) {
-        if let Value::Number(v) = value {
+    fn put(&mut self, value: &OptionValue) {
+        if let OptionValue::Number(v) = value {
             *self = *v;
         }
     }
 }
 
 impl Field for bool {
-    fn value(&self) -> Value {
-        Value::Flag(*self)
+    fn value(&self) -> OptionValue {
+        OptionValue::Flag(*self)
     }
 
-    fn put(&mut self, value: &Value) {
-        if let Value::Flag(on) = value {
+    fn put(&mut self, value: &OptionValue) {
+        if let OptionValue::Flag(on) = value {
             *self = *on;
         }
     }
 }
 
 impl<T: Field + Default> Field for Option<T> {
-    fn value(&self) -> Value {
-        self.as_ref().map_or(Value::Unset, Field::value)
+    fn value(&self) -> OptionValue {
+        self.as_ref().map_or(OptionValue::Unset, Field::value)
     }
 
-    fn put(&mut self, value: &Value) {
-        *self = (*value != Value::Unset).then(|| {
+    fn put(&mut self, value: &OptionValue) {
+        *self = (*value != OptionValue::Unset).then(|| {
             let mut given = T::default();
             given.put(value);
             given
@@ -321,12 +321,12 @@ impl<T: Field + Default> Field for Option<T> {
 }
 
 impl Field for Sizes {
-    fn value(&self) -> Value {
-        Value::Word(self.to_string())
+    fn value(&self) -> OptionValue {
+        OptionValue::Word(self.to_string())
     }
 
-    fn put(&mut self, value: &Value) {
-        if let Value::Word(text) = value {
+    fn put(&mut self, value: &OptionValue) {
+        if let OptionValue::Word(text) = value {
             *self = if text.is_empty() { Sizes::default() } else { text.parse().unwrap_or(*self) };
         }
     }
@@ -336,15 +336,15 @@ impl Field for Sizes {
 macro_rules! words {
     ($($type:ty),*) => { $(
         impl $crate::solve::option::Field for $type {
-            fn value(&self) -> $crate::solve::option::Value {
+            fn value(&self) -> $crate::solve::option::OptionValue {
                 match serde_json::to_value(self) {
-                    Ok(serde_json::Value::String(word)) => $crate::solve::option::Value::Word(word),
-                    _ => $crate::solve::option::Value::Unset,
+                    Ok(serde_json::Value::String(word)) => $crate::solve::option::OptionValue::Word(word),
+                    _ => $crate::solve::option::OptionValue::Unset,
                 }
             }
 
-            fn put(&mut self, value: &$crate::solve::option::Value) {
-                if let $crate::solve::option::Value::Word(word) = value {
+            fn put(&mut self, value: &$crate::solve::option::OptionValue) {
+                if let $crate::solve::option::OptionValue::Word(word) = value {
                     *self = serde_json::from_value(word.clone().into()).unwrap_or(*self);
                 }
             }
@@ -433,7 +433,7 @@ macro_rules! options {
                 $name::ROWS.iter().chain(nested.iter().flatten().copied()).collect()
             }
 
-            fn get(&self, key: &str) -> Option<$crate::solve::option::Value> {
+            fn get(&self, key: &str) -> Option<$crate::solve::option::OptionValue> {
                 #[allow(unused_imports)]
                 use $crate::solve::option::Field;
                 $($(
@@ -445,7 +445,7 @@ macro_rules! options {
                 None
             }
 
-            fn set(&mut self, key: &str, value: &$crate::solve::option::Value) -> bool {
+            fn set(&mut self, key: &str, value: &$crate::solve::option::OptionValue) -> bool {
                 #[allow(unused_imports)]
                 use $crate::solve::option::Field;
                 $($(
@@ -474,8 +474,8 @@ macro_rules! key_of {
 pub(super) use {key_of, options, words};
 
 /// The default of an option as text: the usual one, then those that differ in other scenes.
-pub fn default_text(suited: impl Fn(&Suit) -> Option<Value>) -> Option<String> {
-    let usual = suited(&Suit::USUAL).filter(|v| *v != Value::Unset)?;
+pub fn default_text(suited: impl Fn(&Suit) -> Option<OptionValue>) -> Option<String> {
+    let usual = suited(&Suit::USUAL).filter(|v| *v != OptionValue::Unset)?;
     let others = [
         ("captured", Suit { preset: Preset::Captured, ..Suit::USUAL }),
         ("where laser and sensor point differ", Suit { confocal: false, ..Suit::USUAL }),
@@ -483,7 +483,7 @@ pub fn default_text(suited: impl Fn(&Suit) -> Option<Value>) -> Option<String> {
         ("retroreflective", Suit { reflectance: Reflectance::Retroreflective, ..Suit::USUAL }),
     ];
     let other = |(when, suit): &(&str, Suit)| {
-        let value = suited(suit).filter(|value| *value != usual && *value != Value::Unset)?;
+        let value = suited(suit).filter(|value| *value != usual && *value != OptionValue::Unset)?;
         Some(format!("{value} {when}"))
     };
     Some(
@@ -504,18 +504,18 @@ mod tests {
             for row in options.rows() {
                 let before = options.get(row.key).unwrap();
                 let other = match (&before, row.range) {
-                    (Value::Flag(on), _) => Value::Flag(!on),
-                    (_, Range::Words(words)) => Value::Word(words[words.len() - 1].into()),
-                    (_, Range::Internal) => Value::Word("isotropic".into()),
-                    (_, Range::Sizes) => Value::Word("lanes=32".into()),
-                    (_, Range::Count(..) | Range::OneOf(_) | Range::Seed) => Value::Count(4),
-                    _ => Value::Number(0.75),
+                    (OptionValue::Flag(on), _) => OptionValue::Flag(!on),
+                    (_, Range::Words(words)) => OptionValue::Word(words[words.len() - 1].into()),
+                    (_, Range::Internal) => OptionValue::Word("isotropic".into()),
+                    (_, Range::Sizes) => OptionValue::Word("lanes=32".into()),
+                    (_, Range::Count(..) | Range::OneOf(_) | Range::Seed) => OptionValue::Count(4),
+                    _ => OptionValue::Number(0.75),
                 };
                 assert!(options.set(row.key, &other) && options.get(row.key) == Some(other), "{}", row.key);
                 assert!(report.get(row.key).is_some() || row.key == "sizes", "{} is not in reports", row.key);
                 assert!(row.text().len() > 10);
             }
-            assert!(!options.set("nonsense", &Value::Count(1)) && options.get("nonsense").is_none());
+            assert!(!options.set("nonsense", &OptionValue::Count(1)) && options.get("nonsense").is_none());
         }
     }
 
@@ -523,13 +523,13 @@ mod tests {
     fn values_out_of_range_are_refused_by_name() {
         let mut o = VectorOptions::default();
         for (key, value, want) in [
-            ("lateral", Value::Count(0), "a whole number from 1 to 4096"),
-            ("surface_points", Value::Count(3), "1 or 4"),
-            ("peak", Value::Number(f64::NAN), "a positive number"),
-            ("roughness", Value::Number(-1.0), "zero or a positive number"),
-            ("step_share", Value::Number(1.5), "a positive number up to 1"),
-            ("keep_above", Value::Number(1.0), "a number from 0 to below 1"),
-            ("room", Value::Number(0.0), "a positive number up to 1"),
+            ("lateral", OptionValue::Count(0), "a whole number from 1 to 4096"),
+            ("surface_points", OptionValue::Count(3), "1 or 4"),
+            ("peak", OptionValue::Number(f64::NAN), "a positive number"),
+            ("roughness", OptionValue::Number(-1.0), "zero or a positive number"),
+            ("step_share", OptionValue::Number(1.5), "a positive number up to 1"),
+            ("keep_above", OptionValue::Number(1.0), "a number from 0 to below 1"),
+            ("room", OptionValue::Number(0.0), "a positive number up to 1"),
         ] {
             let before = o.get(key).unwrap();
             o.set(key, &value);

@@ -14,7 +14,7 @@ use crate::transport::kernels::buffer;
 
 /// A schedule of a solve, and when it runs.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Part {
+pub struct TimedSchedule {
     /// What it belongs to: "volume" or "surface".
     pub of: &'static str,
     /// When it runs.
@@ -58,8 +58,13 @@ pub struct Step {
 }
 
 /// The parts of one run of the driver over `iterations`. A schedule that repeats is one part, with all its times.
-pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations: Range<usize>) -> Vec<Part> {
-    let part = |when, level: &Level, schedule: &Schedule| Part {
+pub(super) fn of(
+    what: &'static str,
+    plan: &Plan,
+    steps: &Steps<'_>,
+    iterations: Range<usize>,
+) -> Vec<TimedSchedule> {
+    let part = |when, level: &Level, schedule: &Schedule| TimedSchedule {
         of: what,
         when,
         lateral: level.grid.n[0],
@@ -71,13 +76,13 @@ pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations:
     let mut level = 0;
     let start = Schedule::of(|s| (steps.start)(s, plan));
     let mut all = vec![part(When::Start, &steps.levels[0], &start)];
-    let mut due: Vec<Part> = vec![];
+    let mut due: Vec<TimedSchedule> = vec![];
     for i in iterations.clone() {
         let here = steps.levels[level];
         let run = Schedule::of(|s| (steps.iteration)(s, plan, &here, i));
         let one = part(When::Iterations(i + 1, i + 1), &here, &run);
         match all.last_mut() {
-            Some(Part { when: When::Iterations(_, last), lateral, pairs, steps, .. })
+            Some(TimedSchedule { when: When::Iterations(_, last), lateral, pairs, steps, .. })
                 if (*lateral, *pairs, &*steps) == (one.lateral, one.pairs, &one.steps) =>
             {
                 *last = i + 1;
@@ -92,9 +97,10 @@ pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations:
             continue;
         }
         let one = part(When::After(vec![i + 1]), &steps.levels[level], &change);
-        let same = |p: &&mut Part| (p.lateral, p.pairs, &p.steps) == (one.lateral, one.pairs, &one.steps);
+        let same =
+            |p: &&mut TimedSchedule| (p.lateral, p.pairs, &p.steps) == (one.lateral, one.pairs, &one.steps);
         match due.iter_mut().find(same) {
-            Some(Part { when: When::After(times), .. }) => times.push(i + 1),
+            Some(TimedSchedule { when: When::After(times), .. }) => times.push(i + 1),
             _ => due.push(one),
         }
     }
@@ -105,9 +111,14 @@ pub(super) fn of(what: &'static str, plan: &Plan, steps: &Steps<'_>, iterations:
 }
 
 /// The part of a method that has one schedule and no iterations.
-pub(super) fn of_start(what: &'static str, plan: &Plan, level: &Level, schedule: &Schedule) -> Vec<Part> {
+pub(super) fn of_start(
+    what: &'static str,
+    plan: &Plan,
+    level: &Level,
+    schedule: &Schedule,
+) -> Vec<TimedSchedule> {
     let steps = steps_of(plan, schedule);
-    vec![Part {
+    vec![TimedSchedule {
         of: what,
         when: When::Start,
         lateral: level.grid.n[0],
@@ -273,9 +284,9 @@ impl fmt::Display for When {
 }
 
 /// One line for each command.
-impl fmt::Display for Part {
+impl fmt::Display for TimedSchedule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Part { of, when, lateral, pairs, in_parts, barriers, steps } = self;
+        let TimedSchedule { of, when, lateral, pairs, in_parts, barriers, steps } = self;
         let parts = if *in_parts > 1 { format!(" in {in_parts} parts") } else { String::new() };
         writeln!(
             f,

@@ -1,7 +1,7 @@
 //! What every method can do that turns a capture into maps.
 
 use super::option::Options;
-use super::{Accumulation, Needs, Part, Plan, Prepared, Problem, Sizes};
+use super::{Accumulation, Needs, Plan, Prepared, Problem, Sizes, TimedSchedule};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
@@ -44,7 +44,7 @@ pub trait Solver: Options {
     }
 
     /// The schedules of a whole solve with `plan`; none if the device has no part in it.
-    fn outline(&self, plan: &Plan) -> Vec<Part>;
+    fn outline(&self, plan: &Plan) -> Vec<TimedSchedule>;
 
     /// Prepares the method for captures of one scan.
     ///

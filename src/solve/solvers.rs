@@ -8,10 +8,10 @@ use super::closed_form::{
     BpOptions, ConvolutionOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions,
     PhasorOptions,
 };
-use super::option::{Row, Suit, Value, default_text};
+use super::option::{OptionValue, Row, Suit, default_text};
 use super::{
-    Beside, Common, Needs, PaperOptions, Part, Plan, Prepared, Problem, Reconstruction, RunsOn, Sizes,
-    Solver, SurfaceAloneOptions, VectorOptions, default_volume, surface,
+    Beside, Common, Needs, PaperOptions, Plan, Prepared, Problem, Reconstruction, RunsOn, Sizes, Solver,
+    SurfaceAloneOptions, TimedSchedule, VectorOptions, default_volume, surface,
 };
 use crate::advice::advice;
 use crate::capture::Capture;
@@ -72,7 +72,7 @@ macro_rules! solvers {
                 Plan::new(&model, grid, capture.resolution(), self, abilities, with_volume)
             }
 
-            fn outline(&self, plan: &Plan) -> Vec<Part> {
+            fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
                 super::$module::outline(plan, self)
             }
 
@@ -165,7 +165,11 @@ impl SolverOptions {
     pub const DEFAULT: &str = VectorOptions::NAME;
 
     /// Sets an option to the first of `values` that it takes, and returns that one; `None` if it takes none of them.
-    pub fn set_first(&mut self, key: &str, values: impl IntoIterator<Item = Value>) -> Option<Value> {
+    pub fn set_first(
+        &mut self,
+        key: &str,
+        values: impl IntoIterator<Item = OptionValue>,
+    ) -> Option<OptionValue> {
         // An option that does not take a value does not give it back.
         values.into_iter().find(|value| {
             self.set(key, value);
@@ -198,14 +202,14 @@ impl SolverOptions {
     /// The same options for another lateral resolution.
     pub fn with_lateral(&self, lateral: usize) -> SolverOptions {
         let mut other = self.clone();
-        other.set("lateral", &Value::Count(lateral));
+        other.set("lateral", &OptionValue::Count(lateral));
         other
     }
 
     /// The same options with other sizes.
     pub fn with_sizes(&self, sizes: Sizes) -> SolverOptions {
         let mut other = self.clone();
-        other.set("sizes", &Value::Word(sizes.to_string()));
+        other.set("sizes", &OptionValue::Word(sizes.to_string()));
         other
     }
 

@@ -8,7 +8,7 @@ use super::{Ask, FindPulse, Found};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::solve::option::{Suit, Value};
+use crate::solve::option::{OptionValue, Suit};
 use crate::solve::{
     Discretisation, Preset, Progress, SolverOptions, check_solver, enough_pairs, reflectance,
 };
@@ -24,7 +24,7 @@ pub struct Choice {
     /// The published parameters to start from.
     pub preset: Option<Preset>,
     /// Options by their keys.
-    pub options: Vec<(&'static str, Value)>,
+    pub options: Vec<(&'static str, OptionValue)>,
 }
 
 /// What a choice makes of a capture.
@@ -54,7 +54,7 @@ impl Choice {
 
     /// This choice with the value of an option, if it leaves that open.
     #[must_use]
-    pub fn with_usual(mut self, key: &'static str, value: &Value) -> Choice {
+    pub fn with_usual(mut self, key: &'static str, value: &OptionValue) -> Choice {
         if self.options.iter().all(|(known, _)| *known != key) {
             self.options.push((key, value.clone()));
         }
@@ -76,7 +76,7 @@ impl Choice {
     /// The seed that was chosen, else 0.
     pub fn seed(&self) -> u64 {
         match self.options.iter().find(|(key, _)| *key == "seed") {
-            Some((_, Value::Count(seed))) => *seed as u64,
+            Some((_, OptionValue::Count(seed))) => *seed as u64,
             _ => 0,
         }
     }

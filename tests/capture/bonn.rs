@@ -3,10 +3,10 @@
 use fixtures::captures::{assert_error, histogram, place};
 use fixtures::readers::transient_image;
 use glam::dvec3;
-use thirdbounce::capture::{Given, Opened, PairKind, read_given};
+use thirdbounce::capture::{Opened, PairKind, ReadOptions, read_given};
 use thirdbounce::{Kind, Result};
 
-fn opened(bytes: &[u8], given: &Given) -> Result<Opened> {
+fn opened(bytes: &[u8], given: &ReadOptions) -> Result<Opened> {
     let (_folder, path) = place("made.ti");
     std::fs::write(&path, bytes).unwrap();
     read_given(&path, given)
@@ -16,14 +16,14 @@ fn opened(bytes: &[u8], given: &Given) -> Result<Opened> {
 fn with(block: usize, word: usize, value: [u8; 4]) -> Result<Opened> {
     let mut blocks = transient_image();
     blocks[block][4 * word..4 * word + 4].copy_from_slice(&value);
-    opened(&blocks.concat(), &Given::default())
+    opened(&blocks.concat(), &ReadOptions::default())
 }
 
 #[test]
 fn a_transient_image_has_its_points_between_its_corners() {
     let json = br#"{"scene": "letter"}"#;
     let bytes = [&transient_image().concat()[..], json].concat();
-    let Opened { capture: c, notes, dropped, .. } = opened(&bytes, &Given::default()).unwrap();
+    let Opened { capture: c, notes, dropped, .. } = opened(&bytes, &ReadOptions::default()).unwrap();
     assert_eq!((c.scan, c.bins, c.bin_width, c.t_start, dropped), ([3, 2], 20, 0.25, 0.0, 0));
     assert!(c.integer_counts && matches!(c.pair_kind(), PairKind::OneLaser), "{:?}", c.pair_kind());
     // Pixel (u, v) holds 20 (3 v + u) and on: u runs from the left to the right, v downwards, as the corners' names say.
@@ -54,11 +54,15 @@ fn other_images_are_refused() {
     assert_error(with(2, 15, 0.75f32.to_le_bytes()), Kind::Input, &["laser", "off the reflector"]);
     let mut flat = transient_image();
     flat[2][8..].fill(0);
-    assert_error(opened(&flat.concat(), &Given::default()), Kind::Input, &["corners"]);
+    assert_error(opened(&flat.concat(), &ReadOptions::default()), Kind::Input, &["corners"]);
     let whole = transient_image().concat();
-    assert_error(opened(&whole[..whole.len() - 1], &Given::default()), Kind::Input, &["cut or damaged"]);
     assert_error(
-        opened(&whole, &Given::default().with_bin_width(0.01)),
+        opened(&whole[..whole.len() - 1], &ReadOptions::default()),
+        Kind::Input,
+        &["cut or damaged"],
+    );
+    assert_error(
+        opened(&whole, &ReadOptions::default().with_bin_width(0.01)),
         Kind::Options,
         &["leave the bin width"],
     );

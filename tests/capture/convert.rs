@@ -3,7 +3,7 @@
 use fixtures::captures::{assert_error, capture, place, ramp, total};
 use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
-use thirdbounce::capture::{Capture, Given, read_given, write};
+use thirdbounce::capture::{Capture, ReadOptions, read_given, write};
 use thirdbounce::export;
 
 /// A confocal scan of a 1 m wall that sees one point.
@@ -62,7 +62,7 @@ fn the_stanford_form_comes_back() {
     assert!(notes.join("").contains("wall size, 1 m, and the bin width, 0.01 m"), "{notes:?}");
     let bytes = std::fs::read(&path).unwrap();
     assert!(bytes.starts_with(b"MATLAB 7.3 MAT-file") && bytes[124..128] == *b"\x00\x02IM");
-    let given = Given::default().with_wall(1.0).with_bin_width(0.01);
+    let given = ReadOptions::default().with_wall(1.0).with_bin_width(0.01);
     let back = read_given(&path, &given).unwrap().capture;
     assert_eq!((back.scan, back.bins, back.integer_counts), (c.scan, c.bins, true));
     assert!(back.histograms == c.histograms);

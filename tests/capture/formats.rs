@@ -4,7 +4,7 @@ use std::io::{Cursor, Write};
 
 use fixtures::captures::{as_written, assert_error, capture, changed, place, ramp};
 use glam::DVec3;
-use thirdbounce::capture::{Capture, Given, formats, read, read_with_notes, write};
+use thirdbounce::capture::{Capture, ReadOptions, formats, read, read_with_notes, write};
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::{Array, Element};
 use thirdbounce::{Kind, Result};
@@ -372,7 +372,7 @@ fn per_format_modules_are_public() {
     let (_folder, path) = place("made.npz");
     formats::npz::write(&ramp(), &path).unwrap();
     assert_eq!(
-        formats::npz::read(&path, &Given::default(), &mut vec![]).unwrap().histograms,
+        formats::npz::read(&path, &ReadOptions::default(), &mut vec![]).unwrap().histograms,
         ramp().histograms
     );
 }

@@ -14,10 +14,10 @@ use flate2::write::ZlibEncoder;
 use thirdbounce::Kind;
 use thirdbounce::capture::formats::hdf5::Hdf5;
 use thirdbounce::capture::formats::matlab5::Matlab5;
-use thirdbounce::capture::{Given, read, read_given};
+use thirdbounce::capture::{ReadOptions, read, read_given};
 
 /// Opens a damaged file: an error or a sound capture, within a second.
-fn open(opened: &Path, given: &Given, what: &str) -> bool {
+fn open(opened: &Path, given: &ReadOptions, what: &str) -> bool {
     let start = Instant::now();
     let result = read_given(opened, given);
     assert!(start.elapsed().as_secs_f64() < 5.0, "{what} took {:?}", start.elapsed());
@@ -189,7 +189,7 @@ fn points_at_the_end_of_all_numbers_take_no_time() {
         let general = [counts("data", &[2, 4, 20]), points("laserpoints", 1.0), points("detectpoints", -1.0)];
         let (_folder, path) = place("general.mat");
         std::fs::write(&path, matlab5(&general, Stored::Plain)).unwrap();
-        open(&path, &Given::default(), &format!("points at {largest:e}"));
+        open(&path, &ReadOptions::default(), &format!("points at {largest:e}"));
     }
 }
 

@@ -6,11 +6,11 @@ use fixtures::captures::{assert_error, place};
 use fixtures::files::{Stored, hdf5, matlab5, matrix, scalar, vector};
 use fixtures::originals::{self, Cube};
 use fixtures::readers::every_reader;
-use thirdbounce::capture::{Bounce, Capture, Gate, Given, Keep, Opened, Turn, read_given, read_kept};
+use thirdbounce::capture::{Bounce, Capture, Gate, Keep, Opened, ReadOptions, Turn, read_given, read_kept};
 use thirdbounce::{Error, Kind};
 
 /// What a part must be: all of it, read, and then made smaller.
-fn chosen(path: &Path, given: &Given, keep: &Keep) -> Result<(Capture, usize), Error> {
+fn chosen(path: &Path, given: &ReadOptions, keep: &Keep) -> Result<(Capture, usize), Error> {
     let Opened { mut capture, dropped, .. } = read_given(path, given)?;
     if let Some(n) = keep.stride {
         capture = capture.stride(n)?;
@@ -25,7 +25,7 @@ fn chosen(path: &Path, given: &Given, keep: &Keep) -> Result<(Capture, usize), E
 }
 
 /// Every part of a file is as it must be. Returns how many parts could be chosen.
-fn assert_parts(path: &Path, given: &Given, what: &str) -> usize {
+fn assert_parts(path: &Path, given: &ReadOptions, what: &str) -> usize {
     let Opened { capture: whole, dropped: missing, .. } =
         read_given(path, given).unwrap_or_else(|e| panic!("{what}: {e}"));
     let (from, width) = (whole.t_start, whole.bin_width);
@@ -98,12 +98,12 @@ fn parts_of_chunked_files_are_as_if_chosen_afterwards() {
         for tof in [&flat, &shifted, &unknown] {
             originals::write(&path, &cube("meas"), &count, &[("tofgrid", &[7, 9], tof)]);
             let what = format!("{kind:?} {chunk:?} {:?}", &tof[..4]);
-            assert!(assert_parts(&path, &Given::default(), &what) > 10, "{what}");
+            assert!(assert_parts(&path, &ReadOptions::default(), &what) > 10, "{what}");
         }
         originals::write(&path, &cube("rect_data"), &count, &[("width", &[1, 1], &[0.5])]);
-        assert!(assert_parts(&path, &Given::default(), "LCT") > 10);
+        assert!(assert_parts(&path, &ReadOptions::default(), "LCT") > 10);
         originals::write(&path, &cube("counts"), &count, &[]);
-        let given = Given::default().with_wall(1.0).with_bin_width(0.01);
+        let given = ReadOptions::default().with_wall(1.0).with_bin_width(0.01);
         assert!(assert_parts(&path, &given, "one array") > 10);
     }
 }
@@ -119,11 +119,11 @@ fn pairs_that_were_not_measured_are_left_out_before_pairs_are_chosen() {
         _ => bright(at),
     };
     originals::write(&path, &SMALL, &missing, &[("width", &[1, 1], &[0.5])]);
-    let whole = read_given(&path, &Given::default()).unwrap();
+    let whole = read_given(&path, &ReadOptions::default()).unwrap();
     assert_eq!((whole.dropped, whole.capture.scan), (2, [61, 1]));
     assert_eq!(whole.notes.iter().filter(|n| n.contains("left out")).count(), 2, "{:?}", whole.notes);
-    assert!(assert_parts(&path, &Given::default(), "missing") > 4);
-    let turned = Given::default().with_turn(Turn::parse(Some("x"), Some(90)).unwrap());
+    assert!(assert_parts(&path, &ReadOptions::default(), "missing") > 4);
+    let turned = ReadOptions::default().with_turn(Turn::parse(Some("x"), Some(90)).unwrap());
     assert!(assert_parts(&path, &turned, "missing, turned") > 4);
 
     // NLOS-Dirac keeps the coordinates of its points, in any order.
@@ -142,9 +142,9 @@ fn pairs_that_were_not_measured_are_left_out_before_pairs_are_chosen() {
     };
     for (unknown, dropped) in [(false, 0), (true, 1)] {
         hdf5(&path, &dirac(unknown));
-        let whole = read_given(&path, &Given::default()).unwrap();
+        let whole = read_given(&path, &ReadOptions::default()).unwrap();
         assert_eq!(whole.dropped, dropped);
-        assert!(assert_parts(&path, &Given::default(), "NLOS-Dirac") > 4);
+        assert!(assert_parts(&path, &ReadOptions::default(), "NLOS-Dirac") > 4);
     }
 }
 
@@ -158,7 +158,7 @@ fn counts_read_in_blocks_are_whole_by_value() {
             let cube = Cube { shape: [30, 8, 7], kind, ..SMALL };
             let value = |at: [usize; 3]| if at == [25, 2, 1] { other } else { 1.0 };
             originals::write(&path, &cube, &value, &[("width", &[1, 1], &[0.5])]);
-            let read = read_kept(&path, &Given::default(), &keep).unwrap().capture;
+            let read = read_kept(&path, &ReadOptions::default(), &keep).unwrap().capture;
             assert_eq!(read.integer_counts, whole, "{other}");
         }
     }
@@ -173,12 +173,16 @@ fn all_counts_are_checked_not_only_those_that_are_kept() {
         for stored in [Stored::Plain, Stored::Compressed] {
             let lct = [matrix("rect_data", &[7, 8, 30], value), scalar("width", 0.5)];
             std::fs::write(&path, matlab5(&lct, stored)).unwrap();
-            let error = read_kept(&path, &Given::default(), &keep);
+            let error = read_kept(&path, &ReadOptions::default(), &keep);
             assert_error(error, Kind::Input, &["made.mat", "bin 25", words]);
         }
         let cube = Cube { shape: [30, 8, 7], ..SMALL };
         let value = |at: [usize; 3]| if at == [25, 2, 1] { wrong } else { 1.0 };
         originals::write(&path, &cube, &value, &[("width", &[1, 1], &[0.5])]);
-        assert_error(read_kept(&path, &Given::default(), &keep), Kind::Input, &["made.mat", "bin 25", words]);
+        assert_error(
+            read_kept(&path, &ReadOptions::default(), &keep),
+            Kind::Input,
+            &["made.mat", "bin 25", words],
+        );
     }
 }

@@ -6,7 +6,7 @@ use fixtures::captures::{assert_error, capture, changed, place};
 use fixtures::files::{Matrix, Stored, hdf5, matlab5, matlab5_struct, matrix, scalar, vector};
 use glam::dvec3;
 use thirdbounce::capture::{
-    Capture, Given, METRES_PER_PICOSECOND, Opened, auto_gate, read, read_given, read_with_notes, write,
+    Capture, METRES_PER_PICOSECOND, Opened, ReadOptions, auto_gate, read, read_given, read_with_notes, write,
 };
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::Array;
@@ -26,7 +26,7 @@ fn cube(name: &str) -> Matrix {
 }
 
 /// Reads the arrays from MATLAB v7.3 and from v5, plain and compressed; all agree.
-fn opened(arrays: &[Matrix], given: &Given) -> Result<Opened> {
+fn opened(arrays: &[Matrix], given: &ReadOptions) -> Result<Opened> {
     let (_folder, path) = place("made.mat");
     hdf5(&path, arrays);
     let first = read_given(&path, given);
@@ -58,7 +58,7 @@ fn the_kilometre_data_say_bins_pulse_and_spot() {
         scalar("pulsewidth", 794.45),
         scalar("radius", 0.14),
     ];
-    let Opened { capture: c, notes, .. } = opened(&arrays, &Given::default()).unwrap();
+    let Opened { capture: c, notes, .. } = opened(&arrays, &ReadOptions::default()).unwrap();
     assert_eq!((c.scan, c.bins, c.integer_counts), ([3, 4], BINS, true));
     assert!((c.bin_width - 32.0 * METRES_PER_PICOSECOND).abs() < 1e-12);
     let span = c.laser.iter().map(|p| p.y).fold(0.0, f64::max) * 2.0;
@@ -78,19 +78,19 @@ fn the_kilometre_data_say_bins_pulse_and_spot() {
     // Seconds, as the notes of the publication say.
     let mut seconds = arrays.to_vec();
     seconds[3] = scalar("pulsewidth", 794.45e-12);
-    let width = opened(&seconds, &Given::default()).unwrap().capture.pulse.unwrap().fwhm();
+    let width = opened(&seconds, &ReadOptions::default()).unwrap().capture.pulse.unwrap().fwhm();
     assert!((width / pulse.fwhm() - 1.0).abs() < 1e-9);
-    let sharp = opened(&without(&without(&arrays, "pulsewidth"), "radius"), &Given::default()).unwrap();
+    let sharp = opened(&without(&without(&arrays, "pulsewidth"), "radius"), &ReadOptions::default()).unwrap();
     assert!(sharp.capture.pulse.is_none() && sharp.capture.laser_spot.is_none());
-    let read = |name| opened(&without(&arrays, name), &Given::default());
+    let read = |name| opened(&without(&arrays, name), &ReadOptions::default());
     assert_error(read("width"), Kind::Input, &["width", "sig_in"]);
     assert_error(read("timeRes"), Kind::Options, &["timeRes", "bin width"]);
-    let twice = opened(&arrays, &Given::default().with_bin_width(0.01));
+    let twice = opened(&arrays, &ReadOptions::default().with_bin_width(0.01));
     assert_error(twice, Kind::Options, &["timeRes", "leave"]);
     for (at, name) in [(1, "width"), (2, "timeRes"), (3, "pulsewidth"), (4, "radius")] {
         let mut wrong = arrays.to_vec();
         wrong[at] = scalar(name, -1.0);
-        assert_error(opened(&wrong, &Given::default()), Kind::Input, &[name, "-1"]);
+        assert_error(opened(&wrong, &ReadOptions::default()), Kind::Input, &[name, "-1"]);
     }
 }
 
@@ -177,28 +177,28 @@ fn lighting(name: &str) -> Matrix {
 fn surface_optimisation_measured_and_rendered() {
     let counts = |name: &str| matrix(name, &[12, BINS], |at| count(at[0] % 3, at[0] / 3, at[1])).of_counts();
     let measured = [counts("transient"), lighting("lighting")];
-    let Opened { capture: c, notes, .. } = opened(&measured, &Given::default()).unwrap();
+    let Opened { capture: c, notes, .. } = opened(&measured, &ReadOptions::default()).unwrap();
     assert_eq!((c.scan, c.bins), ([3, 4], BINS));
     assert!((c.bin_width - 4.0 * METRES_PER_PICOSECOND).abs() < 1e-12);
     let [low, left, down] = [(0, 0), (1, 0), (0, 1)].map(|(a, b)| c.laser[pair_of(&c, a, b)]);
     assert!((left.x - low.x - 0.35).abs() < 1e-12 && left.y == low.y, "x of lighting runs to the left");
     assert!((low.y - down.y - 0.2).abs() < 1e-12 && down.x == low.x, "y of lighting runs down");
     assert!(notes.iter().any(|n| n.contains("4 ps")) && notes.iter().any(|n| n.contains("to the left")));
-    let wide = opened(&measured, &Given::default().with_bin_width(0.002)).unwrap();
+    let wide = opened(&measured, &ReadOptions::default().with_bin_width(0.002)).unwrap();
     assert_eq!(wide.capture.bin_width, 0.002);
     let rendered =
         [counts("gt_transient"), lighting("lighting"), lighting("sensor"), scalar("bin_width", 0.0012)];
-    let c = opened(&rendered, &Given::default()).unwrap().capture;
+    let c = opened(&rendered, &ReadOptions::default()).unwrap().capture;
     assert_eq!(c.bin_width, 0.0012);
     let [low, right, up] = [(0, 0), (1, 0), (0, 1)].map(|(a, b)| c.laser[pair_of(&c, a, b)]);
     assert!(right.x > low.x && up.y > low.y, "coordinates are kept");
     assert_error(
-        opened(&rendered, &Given::default().with_bin_width(0.01)),
+        opened(&rendered, &ReadOptions::default().with_bin_width(0.01)),
         Kind::Options,
         &["bin_width", "leave"],
     );
     let apart = [counts("transient"), matrix("lighting", &[11, 3], |_| 0.0)];
-    assert_error(opened(&apart, &Given::default()), Kind::Input, &["[20, 12]", "[3, 11]"]);
+    assert_error(opened(&apart, &ReadOptions::default()), Kind::Input, &["[20, 12]", "[3, 11]"]);
 }
 
 /// The three files of a CC-SOCR capture of a bent wall in a folder, counts by `value` of (pair, bin).
@@ -222,7 +222,7 @@ fn socr_units_are_found_beside_the_capture() {
     let whole = |p: usize, t: usize| (1 + p + t) as f64;
     let (_folder, path) = socr(whole, true);
     assert_error(read(&path), Kind::Options, &["wall size"]);
-    let wall = || Given::default().with_wall(0.6);
+    let wall = || ReadOptions::default().with_wall(0.6);
     assert_error(read_given(&path, &wall()), Kind::Options, &["3 steps deep", "experimental_setup.m"]);
     let by_hand = read_given(&path, &wall().with_depth_unit(0.01)).unwrap().capture;
     assert_eq!(by_hand.scan, [4, 3]);
@@ -270,13 +270,17 @@ fn socr_units_are_found_beside_the_capture() {
     // Only this format has such a unit.
     let (_folder, lct) = place("lct.mat");
     hdf5(&lct, &[cube("rect_data"), scalar("width", 0.5)]);
-    assert_error(read_given(&lct, &Given::default().with_depth_unit(0.01)), Kind::Options, &["CC-SOCR"]);
+    assert_error(
+        read_given(&lct, &ReadOptions::default().with_depth_unit(0.01)),
+        Kind::Options,
+        &["CC-SOCR"],
+    );
 }
 
 #[test]
 fn socr_square_roots_are_squared_and_nothing_else_is() {
     let counts = |p: usize, t: usize| ((p * 7 + t * 3) % 11) as f64;
-    let wall = Given::default().with_wall(1.0);
+    let wall = ReadOptions::default().with_wall(1.0);
     let read = |value: &dyn Fn(usize, usize) -> f64| {
         let (_folder, path) = socr(value, false);
         read_given(&path, &wall).unwrap()

@@ -6,7 +6,7 @@ use fixtures::captures::{assert_error, place};
 use fixtures::files::{Matrix, Stored, hdf5, matlab5, matlab5_struct, matrix, scalar, vector};
 use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
-use thirdbounce::capture::{Bounce, Capture, Given, Turn, read, read_given};
+use thirdbounce::capture::{Bounce, Capture, ReadOptions, Turn, read, read_given};
 
 /// Counts of (t, x, y): all different, so that every axis that is mixed up shows.
 fn count(t: usize, x: usize, y: usize) -> f64 {
@@ -106,7 +106,7 @@ fn znlos_confocal_in_both_axis_orders() {
     for (arrays, order) in [(&arrays, "reversed in HDF5"), (&reversed, "in the order of the format")] {
         every_file(arrays, |path, kind| {
             let what = format!("{kind}, {order}");
-            let opened = read_given(path, &Given::default()).unwrap_or_else(|e| panic!("{what}: {e}"));
+            let opened = read_given(path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{what}: {e}"));
             assert_confocal_paths(&opened.capture, &what);
             // Two colours of 100 counts, split between two bins at most.
             let total: f32 = opened.capture.histograms.iter().sum();
@@ -117,7 +117,7 @@ fn znlos_confocal_in_both_axis_orders() {
                 "{notes}"
             );
             let with = |bounce| {
-                let given = Given::default().with_bounce(bounce);
+                let given = ReadOptions::default().with_bounce(bounce);
                 read_given(path, &given).map(|o| o.capture.histograms.iter().sum::<f32>())
             };
             let all = with(Bounce::All).unwrap();
@@ -228,7 +228,7 @@ fn znlos_that_does_not_fit() {
     arrays[0] = matrix("data", &[2, 99, 4, 3, 2], |_| 1.0);
     hdf5(&path, &arrays);
     assert_error(read(&path), Kind::Input, &["[2, 3, 4, 99, 2]", "t = 100"]);
-    let given = Given::default().with_bin_width(0.1);
+    let given = ReadOptions::default().with_bin_width(0.1);
     assert_error(read_given(&path, &given), Kind::Options, &["a bin width was given"]);
 }
 
@@ -284,7 +284,7 @@ fn general_nlos_folder_in_both_axis_orders() {
                 std::fs::write(folder.path().join(name), matlab5(&arrays, Stored::Compressed)).unwrap();
             }
         }
-        let opened = read_given(folder.path(), &Given::default()).unwrap();
+        let opened = read_given(folder.path(), &ReadOptions::default()).unwrap();
         let c = opened.capture;
         assert!(opened.notes.iter().any(|n| n.contains("32 ps") && n.contains("bin width")));
         assert_eq!((c.scan, c.bins), ([3, 2], BINS));
@@ -369,7 +369,7 @@ fn nlos_dirac_as_y_tal_reads_it() {
     assert_error(read(&path), Kind::Input, &["offset_laser", "positions of the devices"]);
     hdf5(&path, &arrays(1.5, 4));
     assert_error(read(&path), Kind::Input, &["data_t", "[4, 2]"]);
-    let given = Given::default().with_bin_width(0.02);
+    let given = ReadOptions::default().with_bin_width(0.02);
     assert_error(read_given(&path, &given), Kind::Options, &["a bin width was given", "NLOS-Dirac"]);
 }
 
@@ -427,7 +427,8 @@ fn stanford_of_every_storage_has_d1_up_and_d2_to_the_left() {
     let stanford = |tof: f64| [scanned("meas"), matrix("tofgrid", &[2, 3], move |a| tof * a[0] as f64)];
     // 100 ps are three bins.
     every_file(&stanford(0.0), |path, what| {
-        let c = read_given(path, &Given::default().with_wall(1.0)).unwrap_or_else(|e| panic!("{what}: {e}"));
+        let c = read_given(path, &ReadOptions::default().with_wall(1.0))
+            .unwrap_or_else(|e| panic!("{what}: {e}"));
         assert_eq!((c.capture.scan, c.capture.bins), ([3, 2], BINS));
         assert_axes(&c.capture, 0, |ix, iy| [iy, ix], what);
     });
@@ -450,7 +451,7 @@ fn stanford_of_every_storage_has_d1_up_and_d2_to_the_left() {
 #[test]
 fn one_array_has_rows_from_the_top_unless_it_is_turned() {
     every_file(&[scanned("counts")], |path, what| {
-        let given = Given::default().with_wall(1.0).with_bin_width(0.01);
+        let given = ReadOptions::default().with_wall(1.0).with_bin_width(0.01);
         let c = read_given(path, &given).unwrap().capture;
         assert_axes(&c, 0, |ix, iy| [1 - iy, 2 - ix], what);
         let opened = read_given(path, &given.with_turn(Turn::parse(Some("x"), Some(90)).unwrap())).unwrap();
@@ -467,7 +468,7 @@ fn ccsocr_has_its_horizontal_axis_to_the_left() {
     let arrays =
         [matrix("sub_Sig", &[6, BINS], |a| count(a[1], a[0] % 2, a[0] / 2)), points("C_i"), points("C_d")];
     every_file(&arrays, |path, what| {
-        let given = Given::default().with_wall(1.0);
+        let given = ReadOptions::default().with_wall(1.0);
         let c = read_given(path, &given).unwrap_or_else(|e| panic!("{what}: {e}")).capture;
         assert_eq!((c.scan, c.bins), ([3, 2], BINS));
         assert_axes(&c, 0, |ix, iy| [iy, ix], what);
@@ -478,14 +479,14 @@ fn ccsocr_has_its_horizontal_axis_to_the_left() {
 fn what_is_no_capture_says_what_it_holds() {
     let strange = [scalar("a", 1.0), vector("b", &[1.0, 2.0])];
     every_file(&strange, |path, _| assert_error(read(path), Kind::Input, &["no known format", "a, b"]));
-    let bounce = Given::default().with_bounce(Bounce::All);
+    let bounce = ReadOptions::default().with_bounce(Bounce::All);
     let lct = [matrix("rect_data", &[2, 3, BINS], |a| count(a[2], a[1], a[0])), scalar("width", 0.5)];
     every_file(&lct, |path, _| {
         assert_error(read_given(path, &bounce), Kind::Options, &["a bounce was given"]);
-        let tof = Given::default().with_time_of_flight(PathBuf::from("tof.mat"));
+        let tof = ReadOptions::default().with_time_of_flight(PathBuf::from("tof.mat"));
         assert_error(read_given(path, &tof), Kind::Options, &["times of flight were given"]);
         for width in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-            let given = Given::default().with_bin_width(width);
+            let given = ReadOptions::default().with_bin_width(width);
             assert_error(read_given(path, &given), Kind::Options, &["the bin width is"]);
         }
     });

@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fixtures::captures::{assert_error, changed};
 use thirdbounce::Kind;
-use thirdbounce::capture::{Capture, Given, Turn, read, read_given};
+use thirdbounce::capture::{Capture, ReadOptions, Turn, read, read_given};
 
 /// Same counts at the same wall points; bins as wide to a thousandth (the twins take c = 3e8).
 fn assert_twins(native: &Capture, plain: &Capture, what: &str) {
@@ -26,8 +26,8 @@ fn by_fours(capture: Capture) -> Capture {
     })
 }
 
-fn wall(size: f64) -> Given {
-    Given::default().with_wall(size)
+fn wall(size: f64) -> ReadOptions {
+    ReadOptions::default().with_wall(size)
 }
 
 /// A plain twin that is laid out for pictures with +x to the right.
@@ -35,7 +35,7 @@ fn mirrored(data: &Path, name: &str) -> Capture {
     read(&data.join(name)).unwrap().turned(Turn::parse(Some("x"), None).unwrap())
 }
 
-fn open(path: &Path, given: &Given) -> Capture {
+fn open(path: &Path, given: &ReadOptions) -> Capture {
     read_given(path, given).unwrap_or_else(|e| panic!("{e}")).capture
 }
 
@@ -43,7 +43,7 @@ pub fn stanford_statue(data: &Path) {
     let plain = mirrored(data, "statue_confocal_64.npz");
     let folder = data.join("native");
     for name in ["stanford_statue64_meas.mat", "stanford_statue64_tof.mat"] {
-        let opened = read_given(&folder.join(name), &Given::default()).unwrap();
+        let opened = read_given(&folder.join(name), &ReadOptions::default()).unwrap();
         assert_twins(&opened.capture, &plain, name);
         let notes = opened.notes.join("\n");
         for said in ["32 ps", "2 m", "wall size", "512 bins"] {
@@ -57,8 +57,12 @@ pub fn stanford_statue(data: &Path) {
     {
         std::fs::copy(folder.join(name), two.path().join(to)).unwrap();
     }
-    assert_twins(&open(two.path(), &Given::default()), &plain, "folder");
-    assert_twins(&open(&two.path().join("meas_10min.mat"), &Given::default()), &plain, "tof.mat beside");
+    assert_twins(&open(two.path(), &ReadOptions::default()), &plain, "folder");
+    assert_twins(
+        &open(&two.path().join("meas_10min.mat"), &ReadOptions::default()),
+        &plain,
+        "tof.mat beside",
+    );
     std::fs::rename(two.path().join("tof.mat"), two.path().join("times.mat")).unwrap();
     let meas = two.path().join("meas_10min.mat");
     assert_error(read(&meas), Kind::Input, &["meas_10min.mat", "tofgrid", "as the times of flight"]);
@@ -69,7 +73,7 @@ pub fn stanford_statue(data: &Path) {
 
 pub fn lct_letters(data: &Path) {
     let plain = mirrored(data, "su_confocal_64.npz");
-    let native = open(&data.join("native/lct_data_s_u.mat"), &Given::default());
+    let native = open(&data.join("native/lct_data_s_u.mat"), &ReadOptions::default());
     assert_eq!(native.bins, 2048);
     assert_twins(&by_fours(native), &plain, "S U");
 }
@@ -96,7 +100,7 @@ pub fn ccsocr_statue(data: &Path) {
 pub fn ytal_files_equal_their_twins(data: &Path) {
     for name in ["z_confocal_32", "spheres_confocal_32", "z_bumpwall_confocal_32"] {
         let plain = read(&data.join(format!("{name}.npz"))).unwrap();
-        let native = open(&data.join(format!("native/{name}.hdf5")), &Given::default());
+        let native = open(&data.join(format!("native/{name}.hdf5")), &ReadOptions::default());
         assert_twins(&native, &plain, name);
         if plain.sensor_normal.is_some() {
             assert_eq!(native.sensor_normal, plain.sensor_normal);
@@ -106,7 +110,7 @@ pub fn ytal_files_equal_their_twins(data: &Path) {
 
 pub fn a_folder_of_many_captures_is_no_capture(data: &Path) {
     // Its one pair of meas and tofgrid is still found.
-    let opened = read_given(&data.join("native"), &Given::default()).unwrap();
+    let opened = read_given(&data.join("native"), &ReadOptions::default()).unwrap();
     assert!(opened.notes.iter().any(|n| n.contains("Stanford")));
     assert_error(read(data), Kind::Input, &["folder"]);
 }

@@ -6,7 +6,7 @@ use fixtures::captures::{angles, assert_error, assert_no_target, changed, place,
 use fixtures::command::succeed;
 use thirdbounce::Kind;
 use thirdbounce::capture::calibrate::time_zero;
-use thirdbounce::capture::{Capture, Given, auto_gate, read, read_given, recorded_gate, write};
+use thirdbounce::capture::{Capture, ReadOptions, auto_gate, read, read_given, recorded_gate, write};
 use thirdbounce::export::npz;
 
 pub fn real_captures_are_read_and_gated(data: &Path) {
@@ -78,14 +78,14 @@ pub fn normals_of_a_captured_wall_agree_with_its_own(data: &Path) {
 
 pub fn real_captures_go_from_any_form_to_any(data: &Path) {
     let native = data.join("native");
-    let wall = |size: f64| Given::default().with_wall(size);
+    let wall = |size: f64| ReadOptions::default().with_wall(size);
     let fine = wall(0.8).with_bin_width(0.0015);
     let all = [
-        ("stanford_statue64_meas.mat", Given::default()),
-        ("lct_data_s_u.mat", Given::default()),
+        ("stanford_statue64_meas.mat", ReadOptions::default()),
+        ("lct_data_s_u.mat", ReadOptions::default()),
         ("ccsocr_statue", wall(2.0)),
         ("z_v73.mat", fine),
-        ("z_bumpwall_confocal_32.hdf5", Given::default()),
+        ("z_bumpwall_confocal_32.hdf5", ReadOptions::default()),
     ];
     for (name, given) in all {
         let c = read_given(&native.join(name), &given).unwrap().capture;

@@ -9,7 +9,7 @@ use glam::{DVec3, dvec3};
 use thirdbounce::gpu::{Abilities, DeviceKind, Gpu, Schedule};
 use thirdbounce::solve::{OnDevice, Plan, vector};
 use thirdbounce::transport::kernels::*;
-use thirdbounce::transport::twin::{self, Bound, Momentum, Raw, Sample, Told, Twin};
+use thirdbounce::transport::twin::{self, Bound, Momentum, Raw, Sample, StepSums, Twin};
 use thirdbounce::transport::{Grid, Model, Reflectance};
 
 #[test]
@@ -194,7 +194,7 @@ impl StepCase {
         let got = read_vectors(job, buffer::BEFORE, &self.active, count);
         assert_eq!(of_active(&got), of_active(&before), "what was, bit by bit");
         let groups = self.active.len().div_ceil(group);
-        let sums = |of: &dyn Fn(&Told) -> f64| -> Vec<f64> {
+        let sums = |of: &dyn Fn(&StepSums) -> f64| -> Vec<f64> {
             told.chunks(group).map(|c| c.iter().map(of).sum()).collect()
         };
         let l1 = read_floats(job, buffer::L1_PARTIALS, groups);

@@ -2,7 +2,7 @@
 
 use thirdbounce::gpu::Faults;
 use thirdbounce::job::SolverOptions;
-use thirdbounce::solve::option::Value;
+use thirdbounce::solve::option::OptionValue;
 use thirdbounce::solve::{Accumulation, Reconstruction};
 
 use super::Share;
@@ -60,7 +60,7 @@ pub fn rows(share: Share) -> Vec<Row> {
 fn with(solver: &SolverOptions, accumulation: Accumulation) -> SolverOptions {
     let mut other = solver.clone();
     let word = format!("{accumulation:?}").to_lowercase();
-    assert!(other.set("accumulation", &Value::Word(word)));
+    assert!(other.set("accumulation", &OptionValue::Word(word)));
     other
 }
 

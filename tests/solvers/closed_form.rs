@@ -10,7 +10,7 @@ use thirdbounce::capture::Capture;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{Dark, photon_noise};
-use thirdbounce::solve::option::Value;
+use thirdbounce::solve::option::OptionValue;
 use thirdbounce::solve::{Preset, Problem, Reconstruction, Sharpness, SolverOptions, Suit, Watch};
 use thirdbounce::transport::{Grid, Volume};
 
@@ -52,7 +52,7 @@ fn light(laser: Vec<DVec3>, sensor: Vec<DVec3>, targets: &[DVec3]) -> Capture {
 
 fn options(name: &str, lateral: usize, capture: &Capture) -> SolverOptions {
     let mut options = SolverOptions::suited_to(name, &Suit::of(capture)).unwrap();
-    options.set("lateral", &Value::Count(lateral));
+    options.set("lateral", &OptionValue::Count(lateral));
     options
 }
 
@@ -165,11 +165,11 @@ fn images_are_as_sharp_as_noise_lets_them_be() {
         let grid = Grid::new(volume, 48, BIN).unwrap();
         let suit = Suit { preset: Preset::Captured, ..Suit::of(capture) };
         let mut options = SolverOptions::suited_to(name, &suit).unwrap();
-        options.set("lateral", &Value::Count(48));
+        options.set("lateral", &OptionValue::Count(48));
         // Others have none.
-        options.set("conv_iterations", &Value::Count(15));
+        options.set("conv_iterations", &OptionValue::Count(15));
         if let Some(chosen) = chosen {
-            assert!(options.set(chosen.setting, &Value::Number(chosen.value)));
+            assert!(options.set(chosen.setting, &OptionValue::Number(chosen.value)));
         }
         solved_with(&gpu, &options, capture, grid)
     };
@@ -224,7 +224,7 @@ fn the_columns_that_tell_noise_count_as_memory() {
     assert_eq!(refused.kind, Kind::Memory);
     assert!(refused.what.contains(&format!("there are {} MiB", memory >> 20)), "{refused}");
     // A width that is given needs no columns.
-    options.set("filter_width", &Value::Number(0.5));
+    options.set("filter_width", &OptionValue::Number(0.5));
     prepare(&options).unwrap();
 }
 

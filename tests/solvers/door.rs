@@ -8,7 +8,7 @@ use fixtures::device::*;
 use glam::dvec3;
 use thirdbounce::job::{self, Choice, Input, Request};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::{Kind, Options, SessionOptions, Value, Volume, read, reconstruct, write};
+use thirdbounce::{Kind, OptionValue, Options, SessionOptions, Volume, read, reconstruct, write};
 
 /// A small solve of the same bits in every run.
 const SMALL: [(&str, usize); 4] =
@@ -44,7 +44,7 @@ fn the_door_gives_the_maps_of_the_command() {
 
     let loaded = job::load(&Input { path, ..Input::default() }).unwrap();
     assert_eq!(capture, loaded.capture);
-    let mut options: Vec<(&str, Value)> = SMALL.map(|(name, value)| (name, value.into())).into();
+    let mut options: Vec<(&str, OptionValue)> = SMALL.map(|(name, value)| (name, value.into())).into();
     options.push(("accumulation", "repeatable".into()));
     let choice = Choice { options, ..Choice::default() };
     let out = folder.path().join("out");

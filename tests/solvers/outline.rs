@@ -6,13 +6,13 @@ use fixtures::device::unwatched;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    PaperOptions, Part, Plan, Preset, Problem, Reconstruction, VectorOptions, When, default_volume, paper,
-    vector,
+    PaperOptions, Plan, Preset, Problem, Reconstruction, TimedSchedule, VectorOptions, When, default_volume,
+    paper, vector,
 };
 use thirdbounce::transport::Grid;
 
 /// How often the commands of all parts run.
-fn told(parts: &[Part]) -> BTreeMap<String, usize> {
+fn told(parts: &[TimedSchedule]) -> BTreeMap<String, usize> {
     let mut all = BTreeMap::new();
     for part in parts {
         let times = match &part.when {
@@ -40,7 +40,7 @@ fn ran(gpu: &Gpu) -> BTreeMap<String, usize> {
     })
 }
 
-fn assert_known(plan: &Plan, parts: &[Part]) {
+fn assert_known(plan: &Plan, parts: &[TimedSchedule]) {
     for step in parts.iter().flat_map(|p| &p.steps) {
         for b in step.reads.iter().chain(&step.writes) {
             assert!(plan.bytes_of(*b) > 0, "{} uses {b}, which the plan lacks", step.name);
@@ -68,12 +68,12 @@ fn the_outline_of_pairs_in_parts_is_what_runs() {
 }
 
 /// Holds outlines of a scene with so many points to a side against runs on a device that binds so many bytes. Returns that of the vector solver.
-fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Vec<Part> {
+fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Vec<TimedSchedule> {
     let gpu = Gpu::open(&GpuOptions { timings: true, binding, ..GpuOptions::default() }).expect("a device");
     let scene = Scene { scan, bin_width, ..Scene::named("letter-L").unwrap() };
     let capture = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
     let mut hear = |_: &_| std::ops::ControlFlow::Continue(());
-    let check = |done: Reconstruction, parts: Vec<Part>| {
+    let check = |done: Reconstruction, parts: Vec<TimedSchedule>| {
         assert_known(&done.plan, &parts);
         assert_eq!(told(&parts), ran(&gpu));
     };

@@ -10,7 +10,7 @@ use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::option::Value;
+use thirdbounce::solve::option::OptionValue;
 use thirdbounce::solve::{Problem, SolverOptions, Suit, SurfaceAloneOptions, Watch};
 use thirdbounce::transport::Grid;
 
@@ -18,11 +18,11 @@ const LATERAL: usize = 24;
 
 fn solved(gpu: &Gpu, solver: &str, capture: &Capture) -> Maps {
     let mut options = SolverOptions::suited_to(solver, &Suit::of(capture)).unwrap().with_lateral(LATERAL);
-    options.set("iterations", &Value::Count(24));
-    options.set("double_every", &Value::Count(8));
-    options.set("surface_iterations", &Value::Count(16));
+    options.set("iterations", &OptionValue::Count(24));
+    options.set("double_every", &OptionValue::Count(8));
+    options.set("surface_iterations", &OptionValue::Count(16));
     // Sums in a fixed order, so that rounding is all that differs.
-    options.set("accumulation", &Value::Word("repeatable".into()));
+    options.set("accumulation", &OptionValue::Word("repeatable".into()));
     let volume = options.default_volume(capture).unwrap();
     let grid = Grid::new(volume, LATERAL, capture.bin_width).unwrap();
     let mut hear = |_: &_| ControlFlow::Continue(());

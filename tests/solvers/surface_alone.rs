@@ -10,7 +10,7 @@ use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::Truth;
 use thirdbounce::measure::{Metrics, metrics};
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::option::Value;
+use thirdbounce::solve::option::OptionValue;
 use thirdbounce::solve::{Problem, Reconstruction, SolverOptions, Suit, Watch, default_volume};
 use thirdbounce::transport::Grid;
 
@@ -32,9 +32,9 @@ fn sphere() -> &'static (Capture, Truth) {
 
 fn options(capture: &Capture, name: &str, begin: &str) -> SolverOptions {
     let mut options = SolverOptions::suited_to(name, &Suit::of(capture)).unwrap();
-    options.set("lateral", &Value::Count(LATERAL));
-    options.set("begin", &Value::Word(begin.into()));
-    options.set("surface_iterations", &Value::Count(40));
+    options.set("lateral", &OptionValue::Count(LATERAL));
+    options.set("begin", &OptionValue::Word(begin.into()));
+    options.set("surface_iterations", &OptionValue::Count(40));
     options
 }
 

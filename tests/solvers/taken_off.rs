@@ -13,7 +13,7 @@ use thirdbounce::job::preset_for;
 use thirdbounce::maps::Truth;
 use thirdbounce::measure::{Metrics, metrics};
 use thirdbounce::simulate::{Dark, RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::option::Value;
+use thirdbounce::solve::option::OptionValue;
 use thirdbounce::solve::{
     Preset, Problem, Reconstruction, SolverOptions, Suit, Watch, background, variances,
 };
@@ -46,10 +46,10 @@ fn solved(gpu: &Gpu, solver: &str, capture: &Capture, truth: &Truth) -> Metrics 
 fn options_of(solver: &str, capture: &Capture) -> SolverOptions {
     let suit = Suit { preset: preset_for(capture), ..Suit::of(capture) };
     let mut options = SolverOptions::suited_to(solver, &suit).unwrap().with_lateral(LATERAL);
-    options.set("iterations", &Value::Count(if solver == "paper" { 20 } else { 40 }));
-    options.set("double_every", &Value::Count(10));
-    options.set("surface_iterations", &Value::Count(40));
-    options.set("accumulation", &Value::Word("repeatable".into()));
+    options.set("iterations", &OptionValue::Count(if solver == "paper" { 20 } else { 40 }));
+    options.set("double_every", &OptionValue::Count(10));
+    options.set("surface_iterations", &OptionValue::Count(40));
+    options.set("accumulation", &OptionValue::Word("repeatable".into()));
     options
 }
 
@@ -88,7 +88,7 @@ fn closed_forms_take_the_background_of_each_pair_off() {
     for (solver, upsample) in [("lct", 1), ("lct", 2), ("bp", 2)] {
         let iou = |capture: &Capture| {
             let mut options = SolverOptions::suited_to(solver, &Suit::of(capture)).unwrap();
-            options.set("upsample", &Value::Count(upsample));
+            options.set("upsample", &OptionValue::Count(upsample));
             let done = reconstructed(&gpu, &options.with_lateral(LATERAL), capture);
             metrics(&done.maps, &truth, 0.3).unwrap().best_iou.unwrap()
         };
@@ -135,8 +135,8 @@ fn results_are_no_worse_than_with_the_background() {
         let [with, without] = [&counts, &taken_off].map(|c| {
             let mut options = options_of(solver, c);
             // As a run finds it for such counts.
-            options.set("high_pass", &Value::Number(0.1));
-            options.set("high_pass_floor", &Value::Number(0.3));
+            options.set("high_pass", &OptionValue::Number(0.1));
+            options.set("high_pass_floor", &OptionValue::Number(0.3));
             let m = solved_with(&gpu, &options, c, &truth);
             let best = m.at_best.unwrap();
             [m.best_iou.unwrap(), best.depth_mae.unwrap(), best.normal_error_deg.unwrap()]

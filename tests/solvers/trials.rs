@@ -37,11 +37,11 @@ fn left(iterations: &[usize], last: usize) -> Vec<Left> {
     let mut trial = trial();
     let mut hear = |_: &Progress| ControlFlow::Continue(());
     let mut all = vec![];
-    let mut go_on = |found: Option<Left>| {
+    let mut judge = |found: Option<Left>| {
         all.extend(found);
         all.len() < last
     };
-    trial.fit_volume(None, iterations, &mut unwatched(&mut hear), &mut go_on).unwrap();
+    trial.fit_volume(None, iterations, &mut unwatched(&mut hear), &mut judge).unwrap();
     all
 }
 

@@ -96,7 +96,7 @@ pub enum Look {
 
 /// A part of an advice.
 #[derive(Debug, Clone, PartialEq, Eq)]
-pub enum Part {
+pub enum AdvicePart {
     /// Plain text.
     Text(Cow<'static, str>),
     /// A change to make.
@@ -107,17 +107,19 @@ pub enum Part {
 
 /// How to mend an error: parts in order.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
-pub struct Advice(Vec<Part>);
+pub struct Advice(Vec<AdvicePart>);
 
 impl Advice {
     /// Its parts in order.
-    pub fn parts(&self) -> &[Part] {
+    pub fn parts(&self) -> &[AdvicePart] {
         &self.0
     }
 
     /// The changes that it proposes.
     pub fn remedies(&self) -> impl Iterator<Item = Remedy> {
-        self.0.iter().filter_map(|part| if let Part::Change(remedy) = part { Some(*remedy) } else { None })
+        self.0
+            .iter()
+            .filter_map(|part| if let AdvicePart::Change(remedy) = part { Some(*remedy) } else { None })
     }
 
     /// Whether it proposes to change this setting.
@@ -127,10 +129,10 @@ impl Advice {
 
     /// The advice as text. A front end words the changes with `changed` and the places to look with `found`.
     pub fn say(&self, changed: impl Fn(Remedy) -> String, found: impl Fn(Look) -> String) -> String {
-        let said = |part: &Part| match part {
-            Part::Text(text) => text.to_string(),
-            Part::Change(remedy) => changed(*remedy),
-            Part::Look(look) => found(*look),
+        let said = |part: &AdvicePart| match part {
+            AdvicePart::Text(text) => text.to_string(),
+            AdvicePart::Change(remedy) => changed(*remedy),
+            AdvicePart::Look(look) => found(*look),
         };
         self.0.iter().map(said).collect()
     }
@@ -165,24 +167,24 @@ impl Serialize for Advice {
 
 impl From<&'static str> for Advice {
     fn from(text: &'static str) -> Advice {
-        Advice(vec![Part::Text(text.into())])
+        Advice(vec![AdvicePart::Text(text.into())])
     }
 }
 
 impl From<String> for Advice {
     fn from(text: String) -> Advice {
-        Advice(vec![Part::Text(text.into())])
+        Advice(vec![AdvicePart::Text(text.into())])
     }
 }
 
-impl<const N: usize> From<[Part; N]> for Advice {
-    fn from(parts: [Part; N]) -> Advice {
+impl<const N: usize> From<[AdvicePart; N]> for Advice {
+    fn from(parts: [AdvicePart; N]) -> Advice {
         Advice(parts.into())
     }
 }
 
-impl From<&[Part]> for Advice {
-    fn from(parts: &[Part]) -> Advice {
+impl From<&[AdvicePart]> for Advice {
+    fn from(parts: &[AdvicePart]) -> Advice {
         Advice(parts.into())
     }
 }
@@ -199,19 +201,19 @@ macro_rules! __advice {
 #[macro_export]
 macro_rules! __part {
     ($text:literal) => {
-        $crate::advice::Part::Text(std::borrow::Cow::Borrowed($text))
+        $crate::advice::AdvicePart::Text(std::borrow::Cow::Borrowed($text))
     };
     (($text:expr)) => {
-        $crate::advice::Part::Text(std::borrow::Cow::from($text))
+        $crate::advice::AdvicePart::Text(std::borrow::Cow::from($text))
     };
     ({$remedy:expr}) => {
-        $crate::advice::Part::Change($remedy)
+        $crate::advice::AdvicePart::Change($remedy)
     };
     ([$look:ident]) => {
-        $crate::advice::Part::Look($crate::advice::Look::$look)
+        $crate::advice::AdvicePart::Look($crate::advice::Look::$look)
     };
     ($setting:ident) => {
-        $crate::advice::Part::Change($crate::advice::Remedy::Set($crate::advice::Setting::$setting))
+        $crate::advice::AdvicePart::Change($crate::advice::Remedy::Set($crate::advice::Setting::$setting))
     };
 }
 

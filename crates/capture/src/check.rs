@@ -4,7 +4,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::Capture;
-use super::seen::Seen;
+use super::histogram_figures::HistogramFigures;
 use crate::error::{Error, Result};
 
 /// Counts that one thread goes over before another one has woken up. On a busy machine that other one may come late by
@@ -41,9 +41,10 @@ impl Capture {
             ));
         }
         if is_small(histograms) {
-            return self.check_seen(histograms.chunks_exact(self.bins).map(Seen::of));
+            return self.check_seen(histograms.chunks_exact(self.bins).map(HistogramFigures::of));
         }
-        let seen: Vec<Seen> = histograms.par_chunks_exact(self.bins).map(Seen::of).collect();
+        let seen: Vec<HistogramFigures> =
+            histograms.par_chunks_exact(self.bins).map(HistogramFigures::of).collect();
         self.check_seen(seen.into_iter())
     }
 
@@ -58,7 +59,7 @@ impl Capture {
         // A row that was just checked is near.
         self.check_seen(histograms.chunks_exact(self.bins).map(|row| {
             to.extend_from_slice(row);
-            Seen::of(row)
+            HistogramFigures::of(row)
         }))
     }
 
@@ -215,7 +216,7 @@ impl Capture {
     }
 
     /// Checks the counts by what each pair's histogram holds.
-    pub(super) fn check_seen(&self, seen: impl Iterator<Item = Seen>) -> Result<()> {
+    pub(super) fn check_seen(&self, seen: impl Iterator<Item = HistogramFigures>) -> Result<()> {
         let (mut total, mut dark) = (0.0, true);
         for (pair, seen) in seen.enumerate() {
             if let Some((bin, value)) = seen.wrong {

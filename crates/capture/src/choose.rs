@@ -5,10 +5,10 @@ use rand::SeedableRng;
 use rand::seq::index;
 use rand_pcg::Pcg64;
 
+use super::histogram_figures::HistogramFigures;
 use super::hot;
 use super::lattice::Lattice;
 use super::median::median;
-use super::seen::Seen;
 use super::{Capture, PairKind};
 use crate::error::{Error, Result};
 
@@ -120,7 +120,8 @@ impl Capture {
         if self.bins == 0 || self.sensor.len() != pairs || self.histograms.len() / self.bins != pairs {
             return Ok((self, 0, vec![]));
         }
-        let seen: Vec<Seen> = self.histograms.chunks_exact(self.bins).map(Seen::of).collect();
+        let seen: Vec<HistogramFigures> =
+            self.histograms.chunks_exact(self.bins).map(HistogramFigures::of).collect();
         let measured = Measured::of(&self, &seen)?;
         let gone = pairs - measured.pairs.len();
         let capture = if gone == 0 { self } else { self.retain(&measured.pairs) };
@@ -186,7 +187,7 @@ impl Measured {
     ///
     /// # Errors
     /// `Kind::Input` if no pair was measured.
-    pub fn of(capture: &Capture, seen: &[Seen]) -> Result<Measured> {
+    pub fn of(capture: &Capture, seen: &[HistogramFigures]) -> Result<Measured> {
         let faults = faults(capture, seen);
         let mut notes = Vec::new();
         let mut tell = |fault: Fault, why: &str| {
@@ -214,7 +215,7 @@ impl Measured {
 }
 
 /// Why each pair counts as not measured; `None` for measured pairs.
-fn faults(capture: &Capture, seen: &[Seen]) -> Vec<Option<Fault>> {
+fn faults(capture: &Capture, seen: &[HistogramFigures]) -> Vec<Option<Fault>> {
     let usual = median(seen.iter().map(|s| s.total).filter(|t| t.is_finite())).unwrap_or(0.0);
     let dark = capture.integer_counts && usual > DEAD_BELOW;
     let points = capture.laser.iter().zip(&capture.sensor);

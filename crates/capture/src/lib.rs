@@ -19,6 +19,7 @@ mod doubts;
 #[cfg(feature = "formats")]
 pub mod formats;
 pub mod gate;
+mod histogram_figures;
 mod hot;
 #[cfg(feature = "formats")]
 mod keep;
@@ -33,14 +34,13 @@ pub mod pulse;
 mod recorded;
 mod reflectance;
 pub mod scan;
-mod seen;
 pub mod sum;
 pub mod summary;
 mod turn;
 
 pub use background::Background;
 #[cfg(feature = "formats")]
-pub use formats::{Bounce, Given, Opened, read, read_given, read_kept, read_with_notes, write};
+pub use formats::{Bounce, Opened, ReadOptions, read, read_given, read_kept, read_with_notes, write};
 pub use gate::{AutoGate, Gate, auto_gate, published_gate};
 #[cfg(feature = "formats")]
 pub use keep::Keep;

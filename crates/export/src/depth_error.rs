@@ -30,7 +30,7 @@ pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {
 
 /// The state of a pixel of the truth.
 #[derive(Clone, Copy)]
-enum Found {
+enum PixelState {
     Nothing,
     Missed,
     False,
@@ -44,16 +44,16 @@ fn picture(maps: &Maps, truth: &Truth) -> Picture {
         let pixel = maps.pixel_at(x, y).filter(|&p| maps.mask[p] && maps.depth[p].is_finite());
         let at = ix * truth.ny + iy;
         match (pixel, truth.mask[at]) {
-            (None, false) => Found::Nothing,
-            (None, true) => Found::Missed,
-            (Some(_), false) => Found::False,
-            (Some(p), true) => Found::Hit((maps.depth[p] - truth.depth[at]).abs()),
+            (None, false) => PixelState::Nothing,
+            (None, true) => PixelState::Missed,
+            (Some(_), false) => PixelState::False,
+            (Some(p), true) => PixelState::Hit((maps.depth[p] - truth.depth[at]).abs()),
         }
     };
     let errors: Vec<f32> = (0..truth.nx)
         .flat_map(|ix| (0..truth.ny).map(move |iy| (ix, iy)))
         .filter_map(|(ix, iy)| match found(ix, iy) {
-            Found::Hit(error) if error.is_finite() => Some(error),
+            PixelState::Hit(error) if error.is_finite() => Some(error),
             _ => None,
         })
         .collect();
@@ -68,11 +68,11 @@ fn picture(maps: &Maps, truth: &Truth) -> Picture {
     for ix in 0..truth.nx {
         for iy in 0..truth.ny {
             let ink = match found(ix, iy) {
-                Found::Nothing => BACKGROUND,
-                Found::Missed => MISSED,
-                Found::False => FALSE,
-                Found::Hit(error) if error.is_nan() => INK,
-                Found::Hit(error) => shade(most.map_or(0.0, |m| f64::from(error) / m)),
+                PixelState::Nothing => BACKGROUND,
+                PixelState::Missed => MISSED,
+                PixelState::False => FALSE,
+                PixelState::Hit(error) if error.is_nan() => INK,
+                PixelState::Hit(error) => shade(most.map_or(0.0, |m| f64::from(error) / m)),
             };
             let [column, row] = [truth.nx - 1 - ix, truth.ny - 1 - iy];
             picture.fill(column * factor, row * factor, factor, factor, ink);

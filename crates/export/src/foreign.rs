@@ -63,7 +63,7 @@ fn file_of(path: &Path) -> Result<PathBuf> {
 
 /// What a file holds. Values are `[ix * ny + iy]`.
 #[derive(Default)]
-struct Found {
+struct ForeignMaps {
     size: [usize; 2],
     depth: Vec<f32>,
     albedo: Option<Vec<f32>>,
@@ -72,9 +72,9 @@ struct Found {
     extent: Option<[f64; 4]>,
 }
 
-impl Found {
+impl ForeignMaps {
     fn whole(self, extent: [f64; 4]) -> Maps {
-        let Found { size: [nx, ny], depth, albedo, normal, mask, extent: own } = self;
+        let ForeignMaps { size: [nx, ny], depth, albedo, normal, mask, extent: own } = self;
         let is_there = |z: &f32| z.is_finite() && *z > 0.0;
         let has_albedo = albedo.is_some();
         let albedo =
@@ -104,7 +104,7 @@ fn is_whole(file: &Path) -> Result<bool> {
 }
 
 /// An npz with depths and what else there is.
-fn of_npz(file: &Path) -> Result<Found> {
+fn of_npz(file: &Path) -> Result<ForeignMaps> {
     let mut all = Npz::open(file)?;
     let depth = all.require("depth", ARRAYS)?;
     let mut numbers = |name: &str| -> Result<Option<(Vec<usize>, Vec<f64>)>> {
@@ -114,7 +114,7 @@ fn of_npz(file: &Path) -> Result<Found> {
 }
 
 /// A MATLAB file. Its arrays are [nx, ny], as one writes them in MATLAB: `depth(ix, iy)`.
-fn of_matlab(file: &Path) -> Result<Found> {
+fn of_matlab(file: &Path) -> Result<ForeignMaps> {
     let all = Variables::open(file)?;
     // Shapes come in C order, MATLAB's dimensions reversed.
     let mut numbers = |name: &str| -> Result<Option<(Vec<usize>, Vec<f64>)>> {
@@ -145,7 +145,7 @@ fn turned(shape: &[usize], values: &[f64]) -> (Vec<usize>, Vec<f64>) {
 
 type Numbers<'n> = &'n mut dyn FnMut(&str) -> Result<Option<(Vec<usize>, Vec<f64>)>>;
 
-fn of_arrays((shape, depth): (Vec<usize>, Vec<f64>), numbers: Numbers<'_>) -> Result<Found> {
+fn of_arrays((shape, depth): (Vec<usize>, Vec<f64>), numbers: Numbers<'_>) -> Result<ForeignMaps> {
     let [nx, ny] = shape[..] else {
         return Err(Error::input(format!("depth has shape {shape:?}"), format!("store {ARRAYS}")));
     };
@@ -165,7 +165,7 @@ fn of_arrays((shape, depth): (Vec<usize>, Vec<f64>), numbers: Numbers<'_>) -> Re
     let mask = of("mask", &[nx, ny])?.map(|all| all.into_iter().map(|v| v != 0.0).collect());
     let normal = of("normal", &[nx, ny, 3])?;
     let normal = normal.map(|all| all.chunks_exact(3).map(|n| [0, 1, 2].map(|c| n[c] as f32)).collect());
-    Ok(Found {
+    Ok(ForeignMaps {
         size: [nx, ny],
         albedo: of("albedo", &[nx, ny])?.map(single),
         normal,
@@ -176,7 +176,7 @@ fn of_arrays((shape, depth): (Vec<usize>, Vec<f64>), numbers: Numbers<'_>) -> Re
 }
 
 /// The first part of an EXR picture: top row the largest y, left column the largest x.
-fn of_exr(file: &Path) -> Result<Found> {
+fn of_exr(file: &Path) -> Result<ForeignMaps> {
     let image = read_first_flat_layer_from_file(file).map_err(|e| {
         Error::input(format!("cannot be read as EXR: {e}"), "check that the file is there and whole")
     })?;
@@ -207,7 +207,7 @@ fn of_exr(file: &Path) -> Result<Found> {
         }
         _ => None,
     });
-    Ok(Found {
+    Ok(ForeignMaps {
         size: [nx, ny],
         depth,
         albedo: channel(&["albedo.Y", "Y"]),
@@ -230,7 +230,8 @@ mod tests {
 
     #[test]
     fn depths_alone_are_maps() {
-        let found = Found { size: [2, 2], depth: vec![0.0, 0.5, f32::NAN, 0.7], ..Found::default() };
+        let found =
+            ForeignMaps { size: [2, 2], depth: vec![0.0, 0.5, f32::NAN, 0.7], ..ForeignMaps::default() };
         let maps = found.whole([0.0, 1.0, 0.0, 1.0]);
         assert_eq!(maps.mask, [false, true, false, true]);
         assert!(maps.depth[0].is_nan() && maps.normal[1][0].is_nan());

@@ -8,7 +8,8 @@ use std::time::Duration;
 use ash::{ext, khr, vk};
 
 use super::budget::Kinds;
-use super::faults::{Faults, Point, Struck};
+use super::driver_report;
+use super::faults::{Faults, InjectedFaults, Point};
 use super::instance::{DeviceInfo, Instance};
 use super::kept::Cache;
 use super::limits::{Abilities, Accumulations, Limits, Reported};
@@ -18,7 +19,6 @@ use super::owned::{OwnedDevice, Queue, QueueLock};
 use super::pace::{dispatch_of, rate_of};
 use super::place::BlockSource;
 use super::recording::{OpenSpan, Recorder, Recording};
-use super::told;
 use crate::advice::{Remedy, advice};
 use crate::{Error, Result};
 
@@ -68,7 +68,7 @@ pub struct Opened {
     pub(super) has_budget: bool,
     /// Turns of a submission at most, if they were given.
     pub(super) work: Option<u64>,
-    pub(super) struck: Option<Struck>,
+    pub(super) injected_faults: Option<InjectedFaults>,
     /// Bytes of one allocation at most.
     pub(super) allocation: u64,
     /// Where buffers lie.
@@ -182,7 +182,7 @@ impl Gpu {
             family,
             physical,
             has_budget: offered.has_budget,
-            struck: options.faults.any().then(|| Struck::new(options.faults)),
+            injected_faults: options.faults.any().then(|| InjectedFaults::new(options.faults)),
             kinds: Kinds::of(&instance, physical),
             allocated: AtomicU64::new(0),
             names,
@@ -257,7 +257,7 @@ impl Gpu {
                 Error::device(
                     format!(
                         "{name} was lost while {doing}{}",
-                        told::text(self.faults().told, self.device_fault.as_ref())
+                        driver_report::text(self.faults().told, self.device_fault.as_ref())
                     ),
                     advice!["its driver was reset, often by a time limit for displays; what is open on it, sessions too, must be opened anew: try " {Remedy::SMALLER_JOB} ", or another " Device],
                 )
@@ -308,21 +308,21 @@ impl Gpu {
     }
 
     /// Called before every call that may fail: fails if the device was lost or hangs, or if the call is to fail.
-    pub(super) fn strike(&self, point: Point) -> std::result::Result<(), vk::Result> {
+    pub(super) fn before_call(&self, point: Point) -> std::result::Result<(), vk::Result> {
         if self.device.is_down() {
             return Err(vk::Result::ERROR_DEVICE_LOST);
         }
-        self.struck.as_ref().map_or(Ok(()), |s| s.strike(point))
+        self.injected_faults.as_ref().map_or(Ok(()), |s| s.before_call(point))
     }
 
     /// Faults to produce; none on a device that was opened without.
     pub(super) fn faults(&self) -> Faults {
-        self.struck.as_ref().map_or_else(Faults::default, |s| s.faults)
+        self.injected_faults.as_ref().map_or_else(Faults::default, |s| s.faults)
     }
 
     /// How many calls of a kind there were; 0 on a device that was opened with no [`super::Faults`].
     pub fn reached(&self, point: Point) -> u64 {
-        self.struck.as_ref().map_or(0, |s| s.reached(point))
+        self.injected_faults.as_ref().map_or(0, |s| s.reached(point))
     }
 
     /// Bytes of device memory that buffers hold at the moment.

@@ -80,12 +80,13 @@ impl Executor {
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(gpu.family).flags(flags);
         let failed = |e| gpu.failed("starting", e);
         // SAFETY: the device is alive; what is made here is destroyed in drop.
-        let strike = || gpu.strike(Point::Object);
-        let pool =
-            strike().and_then(|()| unsafe { device.create_command_pool(&info, None) }).map_err(failed)?;
+        let before_call = || gpu.before_call(Point::Object);
+        let pool = before_call()
+            .and_then(|()| unsafe { device.create_command_pool(&info, None) })
+            .map_err(failed)?;
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
-        let timeline = strike().and_then(|()| unsafe { device.create_semaphore(&info, None) });
+        let timeline = before_call().and_then(|()| unsafe { device.create_semaphore(&info, None) });
         let timeline =
             timeline.inspect_err(|_| unsafe { device.destroy_command_pool(pool, None) }).map_err(failed)?;
         gpu.name(pool, "command pool");
@@ -153,7 +154,7 @@ impl Executor {
             .wait_dst_stage_mask(&stages[..waits])
             .signal_semaphores(&semaphores[..signals])
             .push_next(&mut timeline)];
-        let submitted = gpu.strike(Point::Submission).and_then(|()| {
+        let submitted = gpu.before_call(Point::Submission).and_then(|()| {
             let queue = gpu.queue();
             // SAFETY: the command buffer is recorded and not in flight; no other thread uses the queue meanwhile.
             unsafe { gpu.raw().queue_submit(*queue, &info, vk::Fence::null()) }
@@ -198,7 +199,7 @@ impl Executor {
         let due = self.flights.iter().take_while(|f| f.ticket <= ticket);
         let work = due.map(|f| f.work).fold(0, u64::saturating_add);
         let patience = self.pace.patience(work);
-        gpu.strike(Point::Wait)
+        gpu.before_call(Point::Wait)
             // SAFETY: the semaphore is alive.
             .and_then(|()| unsafe { gpu.raw().wait_semaphores(&info, nanoseconds(patience)) })
             .map_err(|e| {
@@ -265,7 +266,7 @@ impl Executor {
         // SAFETY: the pool is alive.
         let made = self
             .gpu
-            .strike(Point::Object)
+            .before_call(Point::Object)
             .and_then(|()| unsafe { self.gpu.raw().allocate_command_buffers(&info) });
         let made = made.map_err(|e| self.gpu.failed("making a command buffer", e))?[0];
         self.gpu.name(made, "commands");
@@ -285,7 +286,7 @@ impl Executor {
         // SAFETY: the device is alive; destroyed with the executor.
         let made = self
             .gpu
-            .strike(Point::Object)
+            .before_call(Point::Object)
             .and_then(|()| unsafe { self.gpu.raw().create_query_pool(&info, None) })
             .map_err(|e| self.gpu.failed("making timestamps", e))?;
         self.gpu.name(made, "time stamps");

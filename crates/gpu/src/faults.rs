@@ -74,16 +74,16 @@ pub struct Guarded {
 }
 
 /// The faults of a device, and what they have done so far.
-pub(super) struct Struck {
+pub(super) struct InjectedFaults {
     pub faults: Faults,
     reached: [AtomicU64; Point::ALL.len()],
     lost: AtomicBool,
     pub guarded: Mutex<Guarded>,
 }
 
-impl Struck {
-    pub fn new(faults: Faults) -> Struck {
-        Struck {
+impl InjectedFaults {
+    pub fn new(faults: Faults) -> InjectedFaults {
+        InjectedFaults {
             faults,
             reached: Default::default(),
             lost: AtomicBool::new(false),
@@ -97,7 +97,7 @@ impl Struck {
     }
 
     /// Called before every call that may fail.
-    pub fn strike(&self, point: Point) -> Result<(), vk::Result> {
+    pub fn before_call(&self, point: Point) -> Result<(), vk::Result> {
         if self.lost.load(Relaxed) {
             return Err(vk::Result::ERROR_DEVICE_LOST);
         }
@@ -125,13 +125,15 @@ mod tests {
 
     #[test]
     fn a_call_fails_when_its_turn_comes_and_a_lost_device_stays_lost() {
-        let struck = Struck::new(Faults { fail: Some((Point::Allocation, 1)), ..Faults::default() });
-        let all: Vec<bool> = (0..4).map(|_| struck.strike(Point::Allocation).is_ok()).collect();
+        let injected_faults =
+            InjectedFaults::new(Faults { fail: Some((Point::Allocation, 1)), ..Faults::default() });
+        let all: Vec<bool> = (0..4).map(|_| injected_faults.before_call(Point::Allocation).is_ok()).collect();
         assert_eq!(all, [true, false, true, true]);
-        assert_eq!(struck.reached(Point::Allocation), 4);
-        let struck = Struck::new(Faults { fail: Some((Point::Wait, 0)), ..Faults::default() });
-        assert!(struck.strike(Point::Submission).is_ok());
-        assert_eq!(struck.strike(Point::Wait), Err(vk::Result::ERROR_DEVICE_LOST));
-        assert_eq!(struck.strike(Point::Allocation), Err(vk::Result::ERROR_DEVICE_LOST));
+        assert_eq!(injected_faults.reached(Point::Allocation), 4);
+        let injected_faults =
+            InjectedFaults::new(Faults { fail: Some((Point::Wait, 0)), ..Faults::default() });
+        assert!(injected_faults.before_call(Point::Submission).is_ok());
+        assert_eq!(injected_faults.before_call(Point::Wait), Err(vk::Result::ERROR_DEVICE_LOST));
+        assert_eq!(injected_faults.before_call(Point::Allocation), Err(vk::Result::ERROR_DEVICE_LOST));
     }
 }

@@ -19,8 +19,8 @@ const WORD: u32 = 0xca9a_41e5;
 impl Gpu {
     /// Takes the results since the device was opened or since the last call; empty without [`super::Faults::guard`].
     pub fn take_guarded(&self) -> Guarded {
-        let Some(struck) = &self.struck else { return Guarded::default() };
-        std::mem::take(&mut struck.guarded.lock().unwrap_or_else(PoisonError::into_inner))
+        let Some(injected_faults) = &self.injected_faults else { return Guarded::default() };
+        std::mem::take(&mut injected_faults.guarded.lock().unwrap_or_else(PoisonError::into_inner))
     }
 }
 
@@ -38,10 +38,10 @@ impl Executor {
     /// Checks every canary and keeps the results. If the device fails here, the rest is neither checked nor counted.
     pub(super) fn look_at_canaries(&mut self) {
         let gpu = self.gpu.clone();
-        let Some(struck) = gpu.struck.as_ref().filter(|_| self.guarded) else { return };
+        let Some(injected_faults) = gpu.injected_faults.as_ref().filter(|_| self.guarded) else { return };
         for (buffer, made) in self.arena.buffers() {
             let Ok(found) = self.first_overrun(buffer, &made) else { return };
-            let mut guarded = struck.guarded.lock().unwrap_or_else(PoisonError::into_inner);
+            let mut guarded = injected_faults.guarded.lock().unwrap_or_else(PoisonError::into_inner);
             guarded.buffers += 1;
             guarded.overruns.extend(found.map(|at| Overrun { buffer, bytes: made.bytes, at }));
         }

@@ -25,7 +25,7 @@ pub(super) const SIZE_BACK: Buffer = Buffer::named("size_back");
 pub(super) const CANARY_BACK: Buffer = Buffer::named("canary_back");
 
 /// Its size, bytes. Canaries are read in parts of this size.
-pub(super) const CANARY_PART: u64 = 1 << 20;
+const CANARY_PART: u64 = 1 << 20;
 
 /// The smallest canary, bytes.
 const LEAST_CANARY: u64 = 64 << 10;
@@ -149,16 +149,16 @@ impl Arena {
                 advice!["use " {Remedy::SMALLER_JOB}],
             )
         };
-        let strike = || gpu.strike(Point::Allocation);
+        let before_call = || gpu.before_call(Point::Allocation);
         // SAFETY: the device is alive; the memory bound is the allocation made for this very buffer.
-        let handle = strike().and_then(|()| unsafe { device.create_buffer(&info, None) });
+        let handle = before_call().and_then(|()| unsafe { device.create_buffer(&info, None) });
         let handle = handle.map_err(|e| refused(e.to_string()))?;
         let name = plan.buffer.to_string();
         self.gpu.name(handle, &name);
         let made = Made { handle, bytes: plan.bytes, canary, place: plan.place };
         self.buffers.insert(plan.buffer, (made, None));
         let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
-        strike().map_err(|e| refused(e.to_string()))?;
+        before_call().map_err(|e| refused(e.to_string()))?;
         let held = self.memory_for(plan, &name, handle, requirements).map_err(refused)?;
         let (memory, offset) = held.place();
         match plan.place {
@@ -169,7 +169,7 @@ impl Arena {
         if let Some((_, of_buffer)) = self.buffers.get_mut(&plan.buffer) {
             *of_buffer = Some(held);
         }
-        strike()
+        before_call()
             .and_then(|()| unsafe { device.bind_buffer_memory(handle, memory, offset) })
             .map_err(|e| refused(e.to_string()))
     }

@@ -87,7 +87,7 @@ impl Pipeline {
         // SAFETY: all structs live through their call; on an error what was made is destroyed below.
         let result = unsafe {
             (|| {
-                gpu.strike(Point::Object)?;
+                gpu.before_call(Point::Object)?;
                 let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&slots);
                 made.set_layout = device.create_descriptor_set_layout(&info, None)?;
                 let push = [vk::PushConstantRange::default()
@@ -97,7 +97,7 @@ impl Pipeline {
                 let info =
                     vk::PipelineLayoutCreateInfo::default().set_layouts(&layouts).push_constant_ranges(&push);
                 made.layout = device.create_pipeline_layout(&info, None)?;
-                gpu.strike(Point::Object)?;
+                gpu.before_call(Point::Object)?;
                 made.module =
                     device.create_shader_module(&vk::ShaderModuleCreateInfo::default().code(&words), None)?;
                 let special = vk::SpecializationInfo::default().map_entries(&entries).data(&data);
@@ -119,7 +119,7 @@ impl Pipeline {
                 }
                 let info =
                     [vk::ComputePipelineCreateInfo::default().stage(stage).layout(made.layout).flags(flags)];
-                gpu.strike(Point::Object)?;
+                gpu.before_call(Point::Object)?;
                 let made_pipelines = device.create_compute_pipelines(gpu.cache.handle, &info, None);
                 made.handle = made_pipelines.map_err(|(_, e)| e)?[0];
                 Ok(())
@@ -194,11 +194,11 @@ impl DescriptorSets {
             ];
             let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);
             // SAFETY: the device is alive; pools are destroyed with the executor.
-            gpu.strike(Point::Object).map_err(failed)?;
+            gpu.before_call(Point::Object).map_err(failed)?;
             self.pools.push(unsafe { device.create_descriptor_pool(&info, None) }.map_err(failed)?);
             gpu.name(self.pools[self.pools.len() - 1], "descriptor pool");
         }
-        gpu.strike(Point::Object).map_err(failed)?;
+        gpu.before_call(Point::Object).map_err(failed)?;
         let layouts = [pipeline.set_layout];
         let pool = *self.pools.last().expect("made above");
         let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(pool).set_layouts(&layouts);
@@ -252,7 +252,7 @@ impl DescriptorSets {
         let info = vk::BufferViewCreateInfo::default().buffer(made.handle).format(format).range(range);
         // SAFETY: the buffer is alive as long as the executor, and has this usage. Views are destroyed with the executor.
         let view = gpu
-            .strike(Point::Object)
+            .before_call(Point::Object)
             .and_then(|()| unsafe { gpu.raw().create_buffer_view(&info, None) })
             .map_err(|e| gpu.failed("binding buffers", e))?;
         self.views.push(view);

@@ -2,8 +2,8 @@
 
 use std::fmt;
 
-use super::few::Few;
 use super::names::{Buffer, Kernel};
+use super::short_list::ShortList;
 
 /// Words of push constants, the same for every kernel.
 pub(super) const PUSH_WORDS: usize = 7;
@@ -26,11 +26,11 @@ const MOST_NUMBERS: usize = 4;
 
 /// Blocks with the buffers that a dispatch binds them to: (block, buffer).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Binds(Few<(Buffer, Buffer), MOST_BINDS>);
+pub struct Binds(ShortList<(Buffer, Buffer), MOST_BINDS>);
 
 impl Default for Binds {
     fn default() -> Binds {
-        Binds(Few::empty((Buffer::named(""), Buffer::named(""))))
+        Binds(ShortList::empty((Buffer::named(""), Buffer::named(""))))
     }
 }
 
@@ -129,7 +129,7 @@ pub struct Stage {
     /// Its name, such as "iteration".
     pub name: &'static str,
     /// Numbers by name.
-    pub values: Few<(&'static str, u64), MOST_NUMBERS>,
+    pub values: ShortList<(&'static str, u64), MOST_NUMBERS>,
 }
 
 impl Stage {
@@ -138,7 +138,7 @@ impl Stage {
     /// # Panics
     /// They are more.
     pub fn new(name: &'static str, values: &[(&'static str, u64)]) -> Stage {
-        let mut stage = Stage { name, values: Few::empty(("", 0)) };
+        let mut stage = Stage { name, values: ShortList::empty(("", 0)) };
         values.iter().for_each(|value| stage.values.add(*value));
         stage
     }

@@ -8,7 +8,7 @@ use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
 
 use serde_json::json;
-use thirdbounce::job::batch::{Caller, Listed, Status, Tally, Told, named};
+use thirdbounce::job::batch::{Caller, CaptureEnd, Listed, Status, Tally, named};
 use thirdbounce::job::{self, Batch, Loaded, Request};
 use thirdbounce::solve::Progress;
 use thirdbounce::{Result, gpu};
@@ -33,7 +33,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         devices: devices(args),
         jobs: args.jobs(),
     };
-    interrupt::take_care();
+    interrupt::stop_in_order();
     let tally = job::batch(&batch, args, &mut |told| {
         print(&line(told).to_string());
         if !args.each.quiet {
@@ -77,7 +77,7 @@ impl Caller for Args {
         Ok((loaded, request))
     }
 
-    fn go_on(&self, _: Option<(&Listed, &Progress)>) -> ControlFlow<()> {
+    fn may_continue(&self, _: Option<(&Listed, &Progress)>) -> ControlFlow<()> {
         interrupt::asked()
     }
 }
@@ -92,7 +92,7 @@ fn with_name(path: &Path, name: &str) -> PathBuf {
 }
 
 /// What happened to a capture, as one line of JSON.
-fn line(told: &Told) -> serde_json::Value {
+fn line(told: &CaptureEnd) -> serde_json::Value {
     json!({
         "capture": told.capture.path.to_string_lossy(),
         "name": told.capture.name,
@@ -106,7 +106,7 @@ fn line(told: &Told) -> serde_json::Value {
 }
 
 /// The same as a sentence.
-fn sentence(told: &Told) -> String {
+fn sentence(told: &CaptureEnd) -> String {
     let name = &told.capture.name;
     match (told.status, &told.folder) {
         (Status::Skipped, None) => format!("{name} is skipped"),

@@ -55,7 +55,7 @@ pub enum Status {
 
 /// What is told of a capture.
 #[derive(Debug, Clone)]
-pub struct Told {
+pub struct CaptureEnd {
     /// The capture.
     pub capture: Listed,
     /// What happened.
@@ -98,7 +98,7 @@ pub trait Caller: Sync {
     fn load(&self, capture: &Listed) -> Result<(Loaded, Request)>;
 
     /// Hears of the progress of a solve, and is asked between captures. May stop the batch.
-    fn go_on(&self, progress: Option<(&Listed, &Progress)>) -> ControlFlow<()>;
+    fn may_continue(&self, progress: Option<(&Listed, &Progress)>) -> ControlFlow<()>;
 }
 
 /// Reconstructs many captures. `tell` is called once for each, in the order in which they end, by this thread.
@@ -106,7 +106,7 @@ pub trait Caller: Sync {
 /// # Errors
 /// Before anything is computed: two captures of one name, no device, or a folder that cannot be written. What goes wrong
 /// with a capture is told, and the batch goes on, unless the disk is full.
-pub fn batch(what: &Batch, caller: &dyn Caller, tell: &mut dyn FnMut(&Told)) -> Result<Tally> {
+pub fn batch(what: &Batch, caller: &dyn Caller, tell: &mut dyn FnMut(&CaptureEnd)) -> Result<Tally> {
     let start = Instant::now();
     let mut names = BTreeSet::new();
     if let Some(twice) = what.captures.iter().find(|c| !names.insert(&c.name)) {

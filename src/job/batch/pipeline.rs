@@ -11,7 +11,7 @@ use std::time::Instant;
 
 use super::super::run::{self, Solved};
 use super::record::{Record, check_place};
-use super::{Batch, Caller, Figures, Listed, Status, Told, names};
+use super::{Batch, Caller, CaptureEnd, Figures, Listed, Status, names};
 use crate::files::atomic::is_full;
 use crate::files::claim::{self, Claim};
 use crate::files::opened::{self, Stamp};
@@ -102,7 +102,7 @@ impl<'b> Lines<'b> {
     }
 
     /// Runs until all captures are through, or the caller stops.
-    pub fn run(&self, tell: &mut dyn FnMut(&Told)) {
+    pub fn run(&self, tell: &mut dyn FnMut(&CaptureEnd)) {
         let jobs = self.devices.len();
         let (told, all_told) = channel();
         let (read, to_solve) = sync_channel(jobs - 1);
@@ -129,25 +129,26 @@ impl<'b> Lines<'b> {
     }
 
     fn is_stopped(&self) -> bool {
-        self.full.load(Ordering::Relaxed) || self.caller.go_on(None).is_break()
+        self.full.load(Ordering::Relaxed) || self.caller.may_continue(None).is_break()
     }
 
     /// Tells of a capture that failed. For want of room, all others would fail, too: the batch ends.
-    fn fail(&self, told: &Sender<Told>, capture: &Listed, seconds: f64, mut error: Error) {
+    fn fail(&self, told: &Sender<CaptureEnd>, capture: &Listed, seconds: f64, mut error: Error) {
         if is_full(&error) {
             self.full.store(true, Ordering::Relaxed);
             error.mend = error.mend.and(", then start the batch again: it ends here, and goes on from here");
         }
         // The receiver lives as long as the threads.
-        let _ = told.send(Told { status: Status::Failed, error: Some(error), ..of(capture, seconds) });
+        let _ = told.send(CaptureEnd { status: Status::Failed, error: Some(error), ..of(capture, seconds) });
     }
 
     /// Claims a capture that is not done. What is told instead of one that is, or that another batch is at.
-    fn claim(&self, capture: &Listed, record: &Record) -> Result<std::result::Result<Claim, Told>> {
+    fn claim(&self, capture: &Listed, record: &Record) -> Result<std::result::Result<Claim, CaptureEnd>> {
         let folder = self.batch.out.join(&capture.name);
-        let skipped = || Told { status: Status::Skipped, ..of(capture, 0.0) };
-        let done =
-            || record.is_done(&folder, WHOLE).then(|| Told { folder: Some(folder.clone()), ..skipped() });
+        let skipped = || CaptureEnd { status: Status::Skipped, ..of(capture, 0.0) };
+        let done = || {
+            record.is_done(&folder, WHOLE).then(|| CaptureEnd { folder: Some(folder.clone()), ..skipped() })
+        };
         if let Some(done) = done() {
             return Ok(Err(done));
         }
@@ -157,11 +158,13 @@ impl<'b> Lines<'b> {
         Ok(match Claim::take(&self.batch.out, &name)? {
             // Another batch may have ended it meanwhile.
             Ok(claim) => done().map_or(Ok(claim), Err),
-            Err(owner) => Err(Told { notes: vec![format!("another batch is at it: {owner}")], ..skipped() }),
+            Err(owner) => {
+                Err(CaptureEnd { notes: vec![format!("another batch is at it: {owner}")], ..skipped() })
+            }
         })
     }
 
-    fn read(&self, next: &SyncSender<Work<Loaded>>, told: &Sender<Told>) {
+    fn read(&self, next: &SyncSender<Work<Loaded>>, told: &Sender<CaptureEnd>) {
         for capture in &self.captures {
             if self.is_stopped() {
                 return;
@@ -172,7 +175,7 @@ impl<'b> Lines<'b> {
             let claim = match self.claim(capture, &record) {
                 Ok(Ok(claim)) => claim,
                 Ok(Err(skipped)) => {
-                    let _ = told.send(Told { seconds: start.elapsed().as_secs_f64(), ..skipped });
+                    let _ = told.send(CaptureEnd { seconds: start.elapsed().as_secs_f64(), ..skipped });
                     continue;
                 }
                 Err(error) => {
@@ -206,7 +209,7 @@ impl<'b> Lines<'b> {
         device: &Device,
         from: &Mutex<Receiver<Work<Loaded>>>,
         next: &SyncSender<Work<Solved>>,
-        told: &Sender<Told>,
+        told: &Sender<CaptureEnd>,
     ) {
         loop {
             let work = from.lock().unwrap_or_else(PoisonError::into_inner).recv();
@@ -219,7 +222,7 @@ impl<'b> Lines<'b> {
             let start = Instant::now();
             let mut hear = |p: &_| match self.full.load(Ordering::Relaxed) {
                 true => ControlFlow::Break(()),
-                false => self.caller.go_on(Some((&capture, p))),
+                false => self.caller.may_continue(Some((&capture, p))),
             };
             let solved = guarded(|| run::solve(&request, &loaded, &device.gpu()?, &mut hear));
             let seconds = seconds + start.elapsed().as_secs_f64();
@@ -242,7 +245,7 @@ impl<'b> Lines<'b> {
         }
     }
 
-    fn write(&self, from: &Receiver<Work<Solved>>, told: &Sender<Told>) {
+    fn write(&self, from: &Receiver<Work<Solved>>, told: &Sender<CaptureEnd>) {
         for Work { capture, record, seconds, mut request, notes, claim, made } in from {
             if self.full.load(Ordering::Relaxed) {
                 continue;
@@ -259,7 +262,7 @@ impl<'b> Lines<'b> {
             let seconds = seconds + start.elapsed().as_secs_f64();
             match written {
                 Ok(folder) => {
-                    let _ = told.send(Told {
+                    let _ = told.send(CaptureEnd {
                         folder: Some(folder),
                         figures: Some(figures),
                         notes,
@@ -273,8 +276,8 @@ impl<'b> Lines<'b> {
 }
 
 /// A capture that is done.
-fn of(capture: &Listed, seconds: f64) -> Told {
-    Told {
+fn of(capture: &Listed, seconds: f64) -> CaptureEnd {
+    CaptureEnd {
         capture: capture.clone(),
         status: Status::Done,
         seconds,

@@ -31,7 +31,7 @@ pub enum Ready {
 ///
 /// # Errors
 /// A folder that cannot be read.
-pub fn found_in(folder: &Path) -> Result<Found> {
+pub fn found_in(folder: &Path) -> Result<BenchmarkFolder> {
     let cannot = |e: std::io::Error| {
         Error::input(
             format!("{}: cannot be read: {e}", folder.display()),
@@ -43,7 +43,7 @@ pub fn found_in(folder: &Path) -> Result<Found> {
         all.push(entry.map_err(cannot)?.path());
     }
     all.sort();
-    let mut found = Found::default();
+    let mut found = BenchmarkFolder::default();
     for path in all.into_iter().filter(|p| p.is_file()) {
         let ending = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
         let name = stem(&path);
@@ -62,7 +62,7 @@ pub fn found_in(folder: &Path) -> Result<Found> {
 
 /// What a folder holds for a benchmark.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Found {
+pub struct BenchmarkFolder {
     /// Name, capture, and truth if there is one.
     pub captures: Vec<(String, PathBuf, Option<PathBuf>)>,
     /// Name and file of a scene to simulate.

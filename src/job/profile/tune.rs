@@ -10,7 +10,7 @@ use super::super::sizes::{class_of, keep};
 use super::super::{FindPulse, Loaded, Request, reconstruct};
 use crate::gpu::DeviceKind;
 use crate::solve::Ready;
-use crate::solve::option::Value;
+use crate::solve::option::OptionValue;
 use crate::solve::{Problem, Sizes, pass_of};
 use crate::{Kind, Result};
 
@@ -52,7 +52,7 @@ const WORTH: f64 = 0.95;
 pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Result<Tuned> {
     let mut solver = request.solver.clone();
     // No trial before each profile: the sizes do not depend on it.
-    solver.set("high_pass", &Value::Number(0.0));
+    solver.set("high_pass", &OptionValue::Number(0.0));
     let request = Request {
         solver,
         timings: true,

@@ -114,7 +114,7 @@ macro_rules! host_method {
                 $crate::solve::closed_form::on_host::plan(self, problem, abilities)
             }
 
-            fn outline(&self, _plan: &$crate::solve::Plan) -> Vec<$crate::solve::Part> {
+            fn outline(&self, _plan: &$crate::solve::Plan) -> Vec<$crate::solve::TimedSchedule> {
                 vec![]
             }
 

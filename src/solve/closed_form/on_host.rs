@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::sharpness::{noise, tossed, with};
+use super::sharpness::{noise, with, with_random_signs};
 use super::{COUNTS, FINER, HostMethod, NoPasses, RegularScan, TOSSED, VOLUME, in_one_step, upsample};
 use crate::advice::{Advice, Remedy, advice};
 use crate::capture::Capture;
@@ -120,7 +120,7 @@ impl<M: HostMethod> Prepared for OnHost<M> {
                     return Ok((options.volume(&light, &fine, grid), open.map(|ladder| ladder.sharpest())));
                 }
             };
-            let tossed = of(&tossed(capture), false);
+            let tossed = of(&with_random_signs(capture), false);
             let (chosen, volume) = ladder.choose(|value| {
                 let options = with(options, ladder.setting, value);
                 let [light, tossed] = [&light, &tossed].map(|counts| options.volume(counts, &fine, grid));

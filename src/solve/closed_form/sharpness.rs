@@ -13,7 +13,7 @@ use super::image::{brightest, level_over_haze};
 use crate::Result;
 use crate::capture::Capture;
 use crate::maps::percentile;
-use crate::solve::option::{Options, Value};
+use crate::solve::option::{OptionValue, Options};
 use crate::solve::{ImageNoise, Sharpness};
 
 /// The setting of a method that trades sharpness for noise.
@@ -34,14 +34,14 @@ const COINS: u32 = 64;
 /// The options with a value of a setting.
 pub fn with<M: Options + Clone>(options: &M, setting: &str, value: f64) -> M {
     let mut options = options.clone();
-    options.set(setting, &Value::Number(value));
+    options.set(setting, &OptionValue::Number(value));
     options
 }
 
 impl Ladder {
     /// The ladder, if the options leave its setting open.
     pub fn if_open(self, options: &dyn Options) -> Option<Ladder> {
-        (options.get(self.setting) == Some(Value::Unset)).then_some(self)
+        (options.get(self.setting) == Some(OptionValue::Unset)).then_some(self)
     }
 
     /// The sharpest value, where noise is not known.
@@ -85,17 +85,17 @@ pub fn noise(light: &[f32], tossed: &[f32], depths: usize, share: f64) -> ImageN
 }
 
 /// The capture with a sign for every photon. Its counts are photon counts.
-pub fn tossed(capture: &Capture) -> Capture {
+pub fn with_random_signs(capture: &Capture) -> Capture {
     let mut tossed = capture.clone();
     tossed.histograms.par_chunks_exact_mut(capture.bins).enumerate().for_each(|(pair, counts)| {
         let mut coins = Pcg64::seed_from_u64(pair as u64);
-        counts.iter_mut().for_each(|count| *count = toss(*count, &mut coins));
+        counts.iter_mut().for_each(|count| *count = sum_of_signs(*count, &mut coins));
     });
     tossed
 }
 
 /// The sum of `count` signs.
-fn toss(count: f32, coins: &mut Pcg64) -> f32 {
+fn sum_of_signs(count: f32, coins: &mut Pcg64) -> f32 {
     // NaN, an unknown count, stays.
     if count <= 0.0 || count.is_nan() {
         return count;
@@ -120,7 +120,7 @@ mod tests {
             let points = vec![DVec3::ZERO; pairs];
             let capture =
                 Capture::new([pairs, 1], points.clone(), points, bins, 0.01, vec![count; pairs * bins]);
-            let tossed = tossed(&capture).histograms;
+            let tossed = with_random_signs(&capture).histograms;
             let n = tossed.len() as f64;
             let mean = tossed.iter().map(|v| f64::from(*v)).sum::<f64>() / n;
             let variance = tossed.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / n;

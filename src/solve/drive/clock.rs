@@ -21,7 +21,7 @@ impl Clock {
     }
 
     /// Adds earlier work, in seconds of host and device.
-    pub fn go_on_from(&mut self, [seconds, gpu_seconds]: [f64; 2]) {
+    pub fn resume_from(&mut self, [seconds, gpu_seconds]: [f64; 2]) {
         self.before = seconds;
         self.gpu_apart -= gpu_seconds;
     }
@@ -32,13 +32,13 @@ impl Clock {
         [host, gpu_seconds - self.gpu_apart]
     }
 
-    /// Stops counting until [`Clock::go_on`].
+    /// Stops counting until [`Clock::resume`].
     pub fn pause(&self) -> Pause {
         Pause(Instant::now())
     }
 
     /// Counts on; the time since the pause is left out.
-    pub fn go_on(&mut self, pause: Pause) {
+    pub fn resume(&mut self, pause: Pause) {
         self.paused += pause.0.elapsed();
     }
 
@@ -55,10 +55,10 @@ mod tests {
     #[test]
     fn what_is_spent_in_a_pause_does_not_count() {
         let mut clock = Clock::start(5.0);
-        clock.go_on_from([100.0, 2.0]);
+        clock.resume_from([100.0, 2.0]);
         let pause = clock.pause();
         std::thread::sleep(Duration::from_millis(30));
-        clock.go_on(pause);
+        clock.resume(pause);
         clock.leave_out_gpu(0.5);
         let [host, device] = clock.now(7.0);
         assert!((100.0..100.02).contains(&host), "{host}");

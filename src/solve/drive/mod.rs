@@ -220,7 +220,7 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
             }
             self.block_from = self.first;
             self.reader = Reader { trace, pairs };
-            self.clock.go_on_from([seconds, gpu_seconds]);
+            self.clock.resume_from([seconds, gpu_seconds]);
         }
         let OnDevice { plan, lists: Lists { block, .. }, .. } = &mut *self.device;
         block.stage("start", &stage_values(&self.steps.levels[self.level], self.first));
@@ -245,7 +245,7 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         self.device.executor.wait(ticket)?;
         self.reader = Reader { trace: from.trace, pairs: from.pairs };
         self.clock = Clock::start(self.device.executor.gpu_seconds());
-        self.clock.go_on_from([from.seconds, from.gpu_seconds]);
+        self.clock.resume_from([from.seconds, from.gpu_seconds]);
         Ok(())
     }
 
@@ -279,7 +279,7 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
             gpu_seconds,
             buffers: checkpoint::download(self.device)?,
         })?;
-        self.clock.go_on(pause);
+        self.clock.resume(pause);
         Ok(())
     }
 
@@ -342,7 +342,7 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         }
         self.back = back;
         if self.flights.is_empty() {
-            self.clock.go_on(pause);
+            self.clock.resume(pause);
             self.clock.leave_out_gpu(self.device.executor.gpu_seconds() - gpu_pause);
         }
         Ok(fitted)

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use super::checkpoint::Keeper;
 use super::drive::{Beside, Steps, drive};
 use super::on_device::OnDevice;
-use super::outline::{self, Part};
+use super::outline::{self, TimedSchedule};
 use super::prepared::{Planned, Prepared};
 use super::result::{Reconstruction, finish};
 use super::{Plan, Problem, domain};
@@ -154,7 +154,7 @@ fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
 }
 
 /// The schedules of a whole solve.
-pub fn outline(plan: &Plan, options: &PaperOptions) -> Vec<Part> {
+pub fn outline(plan: &Plan, options: &PaperOptions) -> Vec<TimedSchedule> {
     outline::of("volume", plan, &steps(plan, options), 0..options.iterations)
 }
 

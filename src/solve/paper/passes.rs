@@ -1,7 +1,7 @@
 //! The passes that only the paper's solver has.
 
 use crate::advice::advice;
-use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
+use crate::solve::plan::pass::{ConstantValue, Fault, Pass, Voxels, passes, twin};
 use crate::transport::kernels::*;
 
 passes! {
@@ -65,21 +65,21 @@ passes! {
 
     /// Moves state to its new slots.
     CARRY = Pass {
-        constants: &[(constant::DOUBLED, Value::Is(0))],
+        constants: &[(constant::DOUBLED, ConstantValue::Is(0))],
         twin: twin!(carry),
         ..Pass::of("carry", |_| &kernel::CARRY)
     };
 
     /// Moves state to twice the lateral resolution, interpolated.
     CARRY_DOUBLED = Pass {
-        constants: &[(constant::DOUBLED, Value::Is(1))],
+        constants: &[(constant::DOUBLED, ConstantValue::Is(1))],
         twin: twin!(carry_doubled),
         ..Pass::of("carry_doubled", |_| &kernel::CARRY)
     };
 
     /// Smooths the albedo along x: raw, or after ELU with a noise term.
     GAUSSIAN_X = Pass {
-        constants: &[(constant::AXIS, Value::Is(0)), (constant::FIRST, Value::Is(1)), (constant::LAST, Value::Is(0))],
+        constants: &[(constant::AXIS, ConstantValue::Is(0)), (constant::FIRST, ConstantValue::Is(1)), (constant::LAST, ConstantValue::Is(0))],
         twin: twin!(gaussian),
         ..Pass::of("gaussian_x", |_| &kernel::GAUSSIAN)
     };

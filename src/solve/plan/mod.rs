@@ -36,7 +36,7 @@ pub use level::{Level, Pairs};
 pub use levels::{AMPLE, Levels, first_of, pairs_for, sum_of};
 pub use needs::Needs;
 pub use parts::PairPart;
-pub use pass::{Fault, Pass, Twin, Value, Voxels};
+pub use pass::{ConstantValue, Fault, Pass, Twin, Voxels};
 pub use scene::Scene;
 pub use share::Share;
 pub use spots::{BETWEEN, SEEN, Spots};

@@ -7,7 +7,7 @@
 use std::fmt;
 
 use super::Plan;
-use crate::advice::Part;
+use crate::advice::AdvicePart;
 use crate::gpu::{Buffer, Constant, Kernel, KernelCode, Wanted};
 
 /// A pass, declared as one row.
@@ -21,7 +21,7 @@ pub struct Pass {
     /// Whether a plan that has these passes needs this one.
     pub when: fn(&Plan) -> bool,
     /// Constants of its own. The others that its module asks for are the plan's ([`Plan::constants`]).
-    pub constants: &'static [(Constant, Value)],
+    pub constants: &'static [(Constant, ConstantValue)],
     /// The voxels that it evaluates against every pair, if it evaluates pairs.
     pub pairs: Option<Voxels>,
     /// The values that are not finite that it can find.
@@ -32,7 +32,7 @@ pub struct Pass {
 
 /// The value of a specialization constant.
 #[derive(Debug, Clone, Copy)]
-pub enum Value {
+pub enum ConstantValue {
     /// The same for every plan.
     Is(u32),
     /// As the plan says.
@@ -56,7 +56,7 @@ pub struct Fault {
     /// What is not finite.
     pub what: &'static str,
     /// What may mend it.
-    pub mend: &'static [Part],
+    pub mend: &'static [AdvicePart],
 }
 
 /// The float64 twin of a pass.
@@ -117,8 +117,8 @@ impl Pass {
     pub fn values(&self, plan: &Plan) -> Vec<(Constant, u32)> {
         let own = self.constants.iter().map(|(constant, value)| {
             let value = match value {
-                Value::Is(value) => *value,
-                Value::Of(value) => value(plan),
+                ConstantValue::Is(value) => *value,
+                ConstantValue::Of(value) => value(plan),
             };
             (*constant, value)
         });

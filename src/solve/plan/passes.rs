@@ -1,6 +1,6 @@
 //! The passes that solvers share: rendering, comparing, the active domain, maps.
 
-use super::pass::{Fault, Pass, Twin, Value, Voxels, passes, twin};
+use super::pass::{ConstantValue, Fault, Pass, Twin, Voxels, passes, twin};
 use super::{Accumulation, Plan};
 use crate::advice::advice;
 use crate::gpu::KernelCode;
@@ -63,7 +63,7 @@ passes! {
     /// Weights the rendered histograms without comparing them.
     RESIDUAL_BOUND = Pass {
         when: |p| p.constant(constant::WEIGHTED) == Some(1),
-        constants: &[(constant::MEASURE, Value::Is(0))],
+        constants: &[(constant::MEASURE, ConstantValue::Is(0))],
         twin: twin!(residual_weighted),
         ..Pass::of("residual_bound", residual)
     };
@@ -79,7 +79,7 @@ passes! {
     /// Takes residuals back through the pulse, or through a Gaussian as well.
     PULSE_BACK = Pass {
         when: |p| p.tap_sets() > 0,
-        constants: &[(constant::BACK, Value::Is(1))],
+        constants: &[(constant::BACK, ConstantValue::Is(1))],
         twin: twin!(pulse),
         // Residuals are fp32 on every accumulation path.
         ..Pass::of("pulse_back", |_| &kernel::PULSE)
@@ -97,14 +97,14 @@ passes! {
 
     /// Smooths along y.
     GAUSSIAN_Y = Pass {
-        constants: &[(constant::AXIS, Value::Is(1)), (constant::FIRST, Value::Is(0)), (constant::LAST, Value::Is(0))],
+        constants: &[(constant::AXIS, ConstantValue::Is(1)), (constant::FIRST, ConstantValue::Is(0)), (constant::LAST, ConstantValue::Is(0))],
         twin: twin!(gaussian),
         ..Pass::of("gaussian_y", |_| &kernel::GAUSSIAN)
     };
 
     /// Smooths along z and finds the maximum.
     GAUSSIAN_Z = Pass {
-        constants: &[(constant::AXIS, Value::Is(2)), (constant::FIRST, Value::Is(0)), (constant::LAST, Value::Is(1))],
+        constants: &[(constant::AXIS, ConstantValue::Is(2)), (constant::FIRST, ConstantValue::Is(0)), (constant::LAST, ConstantValue::Is(1))],
         twin: twin!(gaussian),
         ..Pass::of("gaussian_z", |_| &kernel::GAUSSIAN)
     };
@@ -123,14 +123,14 @@ passes! {
 
     /// Sums these counts over the bricks before.
     COMPACT_SCAN_ACTIVE = Pass {
-        constants: &[(constant::RIM, Value::Is(0))],
+        constants: &[(constant::RIM, ConstantValue::Is(0))],
         twin: twin!(compact),
         ..Pass::of("compact_scan_active", |_| &kernel::COMPACT_SCAN)
     };
 
     /// Lists the active voxels.
     COMPACT_SCATTER_ACTIVE = Pass {
-        constants: &[(constant::RIM, Value::Is(0))],
+        constants: &[(constant::RIM, ConstantValue::Is(0))],
         twin: twin!(compact),
         ..Pass::of("compact_scatter_active", |_| &kernel::COMPACT_SCATTER)
     };
@@ -141,7 +141,7 @@ passes! {
     /// Sums the rim's voxels over the bricks before.
     COMPACT_SCAN_RIM = Pass {
         when: |p| p.demand.has_rim,
-        constants: &[(constant::RIM, Value::Is(1))],
+        constants: &[(constant::RIM, ConstantValue::Is(1))],
         twin: twin!(compact),
         ..Pass::of("compact_scan_rim", |_| &kernel::COMPACT_SCAN)
     };
@@ -149,7 +149,7 @@ passes! {
     /// Lists the rim behind the active voxels.
     COMPACT_SCATTER_RIM = Pass {
         when: |p| p.demand.has_rim,
-        constants: &[(constant::RIM, Value::Is(1))],
+        constants: &[(constant::RIM, ConstantValue::Is(1))],
         twin: twin!(compact),
         ..Pass::of("compact_scatter_rim", |_| &kernel::COMPACT_SCATTER)
     };

@@ -17,7 +17,7 @@ use std::time::Instant;
 use super::drive::{Driven, Steps, Watch, drive, stage_values};
 use super::estimate::{energy, expected_noise};
 use super::on_device::{OnDevice, read_maps, trace_rows, upload};
-use super::outline::{self, Part};
+use super::outline::{self, TimedSchedule};
 use super::over_pairs::{scene_of_sums, turns_of_finish};
 use super::passes::objective;
 use super::{Level, Plan, together};
@@ -27,8 +27,8 @@ use crate::maps::Maps;
 use crate::transport::Grid;
 use crate::transport::kernels::*;
 
+mod beginning;
 pub mod blur;
-mod go_on;
 pub mod layers;
 mod needs;
 mod options;
@@ -38,7 +38,7 @@ mod schedule;
 mod stairs;
 mod weights;
 
-pub(super) use go_on::{Beginning, GoOn};
+pub(super) use beginning::{Beginning, Continuation};
 pub use needs::{SMALL_PIXEL, buffers, is_blurred, left_out, more_taps, pixels, points_of, points_per_pixel};
 pub use options::SurfaceOptions;
 use pixels::support;
@@ -235,7 +235,7 @@ fn steps(
 
 /// The schedules of a surface on all pixels that there is room for, after a volume with all pairs; empty without a
 /// surface.
-pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<Part> {
+pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<TimedSchedule> {
     let begin = plan.demand.iterations[0];
     let parts = |steps| outline::of("surface", plan, &steps, begin..begin + options.iterations);
     whole(plan, options).map_or_else(Vec::new, parts)

@@ -4,15 +4,16 @@ use crate::advice::advice;
 use crate::gpu::Constant;
 use crate::solve::Plan;
 use crate::solve::passes::{FORWARD, forward};
-use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
+use crate::solve::plan::pass::{ConstantValue, Fault, Pass, Voxels, passes, twin};
 use crate::transport::kernels::*;
 
 /// The surface's own model of reflectance. All other constants are the volume's.
-const REFLECTS: (Constant, Value) = (constant::REFLECTANCE, Value::Of(|p| p.scene.reflectance.number()));
+const REFLECTS: (Constant, ConstantValue) =
+    (constant::REFLECTANCE, ConstantValue::Of(|p| p.scene.reflectance.number()));
 
 /// Samples of one partial sum of [`SURFACE_COMBINE`].
-const SUMMED: (Constant, Value) =
-    (constant::SUMMED, Value::Of(|p| p.constant(constant::POINTS).unwrap_or(1) * WORKGROUP));
+const SUMMED: (Constant, ConstantValue) =
+    (constant::SUMMED, ConstantValue::Of(|p| p.constant(constant::POINTS).unwrap_or(1) * WORKGROUP));
 
 /// The pass that renders the surface: the volume's, if both reflect alike.
 pub(super) fn forward_of(plan: &Plan) -> &'static Pass {
@@ -25,7 +26,7 @@ passes! {
 
     /// The second surface of every column of the volume.
     EXTRACT_BEHIND = Pass {
-        constants: &[(constant::BEHIND, Value::Is(1))],
+        constants: &[(constant::BEHIND, ConstantValue::Is(1))],
         twin: twin!(extract_behind),
         ..Pass::of("extract_behind", |_| &kernel::EXTRACT)
     };
@@ -91,7 +92,7 @@ passes! {
     /// Closes a comparison without a step.
     SURFACE_FINISH = Pass {
         constants: &[
-            (constant::ACCELERATED, Value::Is(0)),
+            (constant::ACCELERATED, ConstantValue::Is(0)),
             SUMMED,
         ],
         twin: twin!(finish),

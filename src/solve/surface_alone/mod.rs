@@ -17,7 +17,8 @@ use super::prepared::Planned;
 use super::result::finish;
 use super::surface::{self, Beginning};
 use super::{
-    Beside, Common, Part, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, VolumeMap, Watch, vector,
+    Beside, Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap, Watch,
+    vector,
 };
 use crate::Result;
 use crate::capture::Capture;
@@ -101,7 +102,7 @@ impl Solver for SurfaceAloneOptions {
         Plan::new(&model, grid, capture.resolution(), self, abilities, false)
     }
 
-    fn outline(&self, plan: &Plan) -> Vec<Part> {
+    fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
         surface::outline(plan, &self.surface)
     }
 

@@ -16,7 +16,7 @@ use super::checkpoint::Keeper;
 use super::drive::{Beside, Driven, Steps, Watch, drive};
 use super::estimate::{LEAST_PAIRS, expected_noise, variances};
 use super::on_device::{OnDevice, upload};
-use super::outline::{self, Part};
+use super::outline::{self, TimedSchedule};
 use super::plan::{first_of, pairs_for};
 use super::prepared::Prepared;
 use super::problem::Problem;
@@ -128,7 +128,7 @@ fn steps<'o>(plan: &Plan, options: &'o VectorOptions) -> Steps<'o> {
 }
 
 /// The schedules of a whole solve: the volume, then the surface.
-pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<Part> {
+pub fn outline(plan: &Plan, options: &VectorOptions) -> Vec<TimedSchedule> {
     let mut parts = outline::of("volume", plan, &steps(plan, options), 0..options.iterations);
     parts.extend(surface::outline(plan, &options.surface));
     parts

@@ -2,7 +2,7 @@
 
 use crate::advice::advice;
 use crate::solve::passes;
-use crate::solve::plan::pass::{Fault, Pass, Value, Voxels, passes, twin};
+use crate::solve::plan::pass::{ConstantValue, Fault, Pass, Voxels, passes, twin};
 use crate::transport::kernels::*;
 
 const BOUND_FAULT: &[Fault] = &[Fault {
@@ -28,28 +28,28 @@ passes! {
 
     /// Smooths the back-projection along x.
     GAUSSIAN_X_VOLUME = Pass {
-        constants: &[(constant::AXIS, Value::Is(0)), (constant::FIRST, Value::Is(0)), (constant::LAST, Value::Is(0))],
+        constants: &[(constant::AXIS, ConstantValue::Is(0)), (constant::FIRST, ConstantValue::Is(0)), (constant::LAST, ConstantValue::Is(0))],
         twin: twin!(smooth),
         ..Pass::of("gaussian_x_volume", |_| &kernel::GAUSSIAN)
     };
 
     /// Smooths the length of vectors along x.
     GAUSSIAN_X = Pass {
-        constants: &[(constant::AXIS, Value::Is(0)), (constant::FIRST, Value::Is(2)), (constant::LAST, Value::Is(0))],
+        constants: &[(constant::AXIS, ConstantValue::Is(0)), (constant::FIRST, ConstantValue::Is(2)), (constant::LAST, ConstantValue::Is(0))],
         twin: twin!(smooth),
         ..Pass::of("gaussian_x", |_| &kernel::GAUSSIAN)
     };
 
     /// Moves vectors and bounds to their new slots.
     SETTLE = Pass {
-        constants: &[(constant::DOUBLED, Value::Is(0))],
+        constants: &[(constant::DOUBLED, ConstantValue::Is(0))],
         twin: twin!(settle),
         ..Pass::of("settle", |_| &kernel::SETTLE)
     };
 
     /// Moves them to twice the lateral resolution.
     SETTLE_DOUBLED = Pass {
-        constants: &[(constant::DOUBLED, Value::Is(1))],
+        constants: &[(constant::DOUBLED, ConstantValue::Is(1))],
         twin: twin!(settle),
         ..Pass::of("settle_doubled", |_| &kernel::SETTLE)
     };
@@ -59,21 +59,21 @@ passes! {
 
     /// Estimates the expected brightness of voxels.
     EXPECT = Pass {
-        constants: &[(constant::DOUBLED, Value::Is(0))],
+        constants: &[(constant::DOUBLED, ConstantValue::Is(0))],
         twin: twin!(expect),
         ..Pass::of("expect", |_| &kernel::EXPECT)
     };
 
     /// Estimates it at twice the lateral resolution.
     EXPECT_DOUBLED = Pass {
-        constants: &[(constant::DOUBLED, Value::Is(1))],
+        constants: &[(constant::DOUBLED, ConstantValue::Is(1))],
         twin: twin!(expect),
         ..Pass::of("expect_doubled", |_| &kernel::EXPECT)
     };
 
     /// Renders unit albedo without cosines: a bound of the operator.
     FORWARD_BOUND = Pass {
-        constants: &[(constant::BOUND, Value::Is(1))],
+        constants: &[(constant::BOUND, ConstantValue::Is(1))],
         pairs: Some(Voxels::Active),
         twin: twin!(forward_bound),
         ..Pass::of("forward_bound", passes::forward)
@@ -82,7 +82,7 @@ passes! {
     /// Gathers the bound D of every step.
     BOUND_STEP = Pass {
         report: "backward_bound_step",
-        constants: &[(constant::WHAT, Value::Is(0))],
+        constants: &[(constant::WHAT, ConstantValue::Is(0))],
         pairs: Some(Voxels::Active),
         faults: BOUND_FAULT,
         twin: twin!(bound),
@@ -95,7 +95,7 @@ passes! {
     /// Takes variances back through the squared pulse.
     PULSE_NOISE = Pass {
         when: |p| p.scene.pulse > 0,
-        constants: &[(constant::BACK, Value::Is(1)), (constant::SQUARED, Value::Is(1))],
+        constants: &[(constant::BACK, ConstantValue::Is(1)), (constant::SQUARED, ConstantValue::Is(1))],
         twin: twin!(pulse),
         ..Pass::of("pulse_noise", |_| &kernel::PULSE)
     };
@@ -103,7 +103,7 @@ passes! {
     /// Takes variances back to the rendered pairs, by squared weights.
     SPOT_NOISE = Pass {
         when: crate::solve::Plan::has_spots,
-        constants: &[(constant::SQUARED, Value::Is(1))],
+        constants: &[(constant::SQUARED, ConstantValue::Is(1))],
         twin: twin!(spot),
         ..Pass::of("spot_noise", |_| &kernel::SPOT)
     };
@@ -111,7 +111,7 @@ passes! {
     /// Gathers the weight lambda of every voxel's group term.
     BOUND_NOISE = Pass {
         report: "backward_bound_noise",
-        constants: &[(constant::WHAT, Value::Is(1))],
+        constants: &[(constant::WHAT, ConstantValue::Is(1))],
         pairs: Some(Voxels::Active),
         faults: BOUND_FAULT,
         twin: twin!(bound),

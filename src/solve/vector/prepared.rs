@@ -21,7 +21,7 @@ use crate::solve::on_device::trace_rows;
 use crate::solve::plan::Share;
 use crate::solve::prepared::Planned;
 use crate::solve::result::finish;
-use crate::solve::surface::{self, Beginning, GoOn};
+use crate::solve::surface::{self, Beginning, Continuation};
 use crate::solve::{
     Beside, Keep, OnDevice, Plan, Prepared, Problem, Reconstruction, TracePoint, domain, outline, passes,
 };
@@ -299,7 +299,8 @@ impl PreparedVector {
         if surface_iterations > 0 {
             let mut of_surface = options.surface.clone();
             of_surface.iterations = surface_iterations;
-            let on = Beginning::Frame(GoOn { maps: &last.maps, volume: &last.volume, until: until(1.0) });
+            let on =
+                Beginning::Frame(Continuation { maps: &last.maps, volume: &last.volume, until: until(1.0) });
             let refined = surface::refine(&gpu, job, &of_surface, watch, driven, on)?;
             (driven, surface_left) = (refined.driven, refined.left);
         }

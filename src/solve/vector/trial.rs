@@ -174,7 +174,7 @@ impl Trial {
         Ok(self.last.as_ref().and_then(|unseen| unseen.spread(&taps)))
     }
 
-    /// Fits a volume and no surface, with paths spread by `pulse`. After each number of `iterations`, which rise, `go_on` hears
+    /// Fits a volume and no surface, with paths spread by `pulse`. After each number of `iterations`, which rise, `continues` hears
     /// what the volume leaves (`None` if it is empty, which ends the fit) and says whether to go on. The volume's voxels have
     /// vectors of their own, so its light depends on the angle as the data want it.
     ///
@@ -185,7 +185,7 @@ impl Trial {
         pulse: Option<&Pulse>,
         iterations: &[usize],
         watch: &mut Watch<'_>,
-        go_on: &mut dyn FnMut(Option<Left>) -> bool,
+        continues: &mut dyn FnMut(Option<Left>) -> bool,
     ) -> Result<()> {
         self.sides.spread_by(pulse)?;
         let options = self.options.clone().with(|o| {
@@ -213,7 +213,7 @@ impl Trial {
             } else {
                 Some(self.sides.judge_volume(&mut job, &plan_of_held, &level)?.left(1))
             };
-            if !go_on(left) || is_empty {
+            if !continues(left) || is_empty {
                 break;
             }
             before = Some(driven);

@@ -29,9 +29,9 @@ pub use surface::{
     surface_gather, surface_gradient, surface_objective, surface_points, surface_pull, surface_step,
 };
 pub use vector::{
-    Bound, Momentum, Rough, Told, backproject, bound, expect, extract_behind, extract_vectors, extrapolate,
-    filter, filter_left, finish_accelerated, forward_bound, gradient_vectors, into_cone, lengths,
-    objective_vectors, points, residual_weighted, roughness, settle, shrink, step, variance,
+    Bound, Momentum, Rough, StepSums, backproject, bound, expect, extract_behind, extract_vectors,
+    extrapolate, filter, filter_left, finish_accelerated, forward_bound, gradient_vectors, into_cone,
+    lengths, objective_vectors, points, residual_weighted, roughness, settle, shrink, step, variance,
 };
 
 use super::{Grid, Model};

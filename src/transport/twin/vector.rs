@@ -141,7 +141,7 @@ pub fn shrink(v: DVec3, by: f64) -> DVec3 {
 
 /// A voxel's parts of the partial sums of a step.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Told {
+pub struct StepSums {
     /// The group term and the roughness at y.
     pub group: f64,
     /// D (y - v') . (v' - v): positive where the momentum leads uphill.
@@ -161,7 +161,7 @@ pub fn step(
     share: f64,
     v: &mut [DVec3],
     before: &mut [DVec3],
-) -> Vec<Told> {
+) -> Vec<StepSums> {
     let one = |((i, s), g): ((&u32, &Sample), &DVec3)| {
         let i = *i as usize;
         let (y, [d, lambda]) = (s.normal, [bounds[i][0] * share, bounds[i][1]]);
@@ -171,7 +171,7 @@ pub fn step(
         };
         before[i] = v[i];
         v[i] = next;
-        Told { group: lambda * y.length() + s.length, against: d * (y - next).dot(next - before[i]) }
+        StepSums { group: lambda * y.length() + s.length, against: d * (y - next).dot(next - before[i]) }
     };
     active.iter().zip(samples).zip(gradient).map(one).collect()
 }
@@ -295,7 +295,7 @@ pub struct Momentum {
     pub share: f64,
 }
 
-/// The momentum after an iteration with this objective and sum of [`Told::against`]: FISTA's sequence (Beck & Teboulle
+/// The momentum after an iteration with this objective and sum of [`StepSums::against`]: FISTA's sequence (Beck & Teboulle
 /// 2009), restarted where the step went against the momentum, or where the objective rose (O'Donoghue & Candès 2015) by
 /// more than the rounding of fp32 sums. Where it rose, steps become shorter, down to 1 / D.
 pub fn finish_accelerated(before: Momentum, objective: f64, against: f64) -> Momentum {

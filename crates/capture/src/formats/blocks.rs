@@ -8,7 +8,7 @@ use std::thread;
 
 use super::glance::{self, Glance};
 use super::hdf5::{Array, Hdf5, guarded};
-use super::scatter::{Filled, Part, Scattered, Wanted};
+use super::scatter::{ArrayPart, Filled, Scattered, Wanted};
 use crate::error::Result;
 
 /// Values of all blocks in work at a time, unless a chunk is larger: at most, and at least. They take up to 20 bytes each
@@ -175,7 +175,7 @@ impl Cut {
     }
 
     /// Reads the blocks of a part.
-    fn fill(&self, file: &Hdf5, array: &Array, mut part: Part) -> Result<Filled> {
+    fn fill(&self, file: &Hdf5, array: &Array, mut part: ArrayPart) -> Result<Filled> {
         let ranges = self.ranges(part.index / self.cuts());
         for first in part.bins.clone().step_by(self.block[0]) {
             let bins = first..(first + self.block[0]).min(part.bins.end);
@@ -211,7 +211,7 @@ mod tests {
 
     use super::super::scatter::Shifts;
     use super::*;
-    use crate::seen::Seen;
+    use crate::histogram_figures::HistogramFigures;
 
     /// Bins, d2 and d1: no chunk divides them all.
     const SHAPE: [usize; 3] = [37, 10, 13];
@@ -273,7 +273,7 @@ mod tests {
                 for (place, seen) in read.seen.iter().enumerate() {
                     assert_eq!(
                         format!("{seen:?}"),
-                        format!("{:?}", Seen::of(&all[place])),
+                        format!("{:?}", HistogramFigures::of(&all[place])),
                         "{what}: {place}"
                     );
                 }

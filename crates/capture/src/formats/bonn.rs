@@ -24,10 +24,10 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::frame;
-use super::given::Given;
+use super::read_options::ReadOptions;
 use crate::error::{Error, Result};
 use crate::host;
-use crate::{Capture, seen};
+use crate::{Capture, histogram_figures};
 
 const HEADER: usize = 28;
 const PLACES: usize = 68;
@@ -40,7 +40,7 @@ const NEAR: f64 = 0.05;
 ///
 /// # Errors
 /// `Kind::Input` for another version or mode, or blocks that do not fit the file. `Kind::Options` for a bin width.
-pub(super) fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+pub(super) fn read(path: &Path, given: &ReadOptions, notes: &mut Vec<String>) -> Result<Capture> {
     given.no_bin_width("a transient image")?;
     let unreadable = |e: std::io::Error| Error::input(format!("cannot be read: {e}"), "check the disk");
     let file = File::open(path).map_err(unreadable)?;
@@ -157,7 +157,7 @@ fn placed(
     ));
     let alike = |vector| host::filled("the wall points", nu * nv, vector);
     let capture = Capture {
-        integer_counts: seen::whole(&histograms),
+        integer_counts: histogram_figures::whole(&histograms),
         laser_normal: Some(alike(normal)?),
         sensor_normal: Some(alike(normal)?),
         t_start: first - 0.5 * width,

@@ -13,7 +13,7 @@ use glam::DVec3;
 
 use super::counts::Counts;
 use super::frame;
-use super::given::Given;
+use super::read_options::ReadOptions;
 use super::set::Set;
 use super::socr_units::Units;
 use crate::Capture;
@@ -27,7 +27,7 @@ const WHOLE: f32 = 4e-6;
 /// # Errors
 /// `Kind::Options` where neither the files nor the user say how large the wall is, or what unit its depth has; `Kind::Input`
 /// for missing arrays or shapes that do not agree.
-pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+pub fn read(set: &mut Set, given: &ReadOptions, notes: &mut Vec<String>) -> Result<Capture> {
     set.add_beside(&["C_i", "C_d", "sub_Sig"].map(|name| format!("{name}.mat")))?;
     // (horizontal, vertical, depth) of every pair, in steps.
     let points = |name: &str| -> Result<Vec<DVec3>> {

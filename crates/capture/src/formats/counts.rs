@@ -3,7 +3,7 @@
 use super::glance::{self, Glance};
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
-use crate::seen;
+use crate::histogram_figures;
 
 /// An array of counts.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,7 +17,7 @@ pub struct Counts {
 impl Counts {
     /// Whether the values are photon counts: whole and not negative, however they are stored.
     pub fn whole(&self) -> bool {
-        seen::whole(&self.values)
+        histogram_figures::whole(&self.values)
     }
 }
 

@@ -15,7 +15,7 @@ use glam::DVec3;
 
 use super::counts::Counts;
 use super::frame;
-use super::given::Given;
+use super::read_options::ReadOptions;
 use super::set::Set;
 use crate::Capture;
 use crate::error::{Error, Result};
@@ -32,7 +32,7 @@ pub(super) fn counts_name(set: &Set) -> Option<&'static str> {
 ///
 /// # Errors
 /// `Kind::Input` for missing arrays or shapes that do not agree.
-pub fn read(set: &mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+pub fn read(set: &mut Set, given: &ReadOptions, notes: &mut Vec<String>) -> Result<Capture> {
     // Of a file with counts, those are meant, whatever lies beside it.
     if counts_name(set).is_none() {
         set.add_beside(&["data.mat".into()])?;

@@ -9,7 +9,7 @@
 //! the wall, its y points to the left.
 
 use super::frame::{Axes, Run};
-use super::given::Given;
+use super::read_options::ReadOptions;
 use super::unread::Unread;
 use super::variables::Variables;
 use crate::error::{Error, Result};
@@ -24,7 +24,11 @@ const SECONDS_BELOW: f64 = 1e-3;
 ///
 /// # Errors
 /// `Kind::Input` for missing arrays, shapes that do not fit, or numbers that are no lengths or times.
-pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<String>) -> Result<Unread<'f>> {
+pub(super) fn read<'f>(
+    file: &'f Variables,
+    given: &ReadOptions,
+    notes: &mut Vec<String>,
+) -> Result<Unread<'f>> {
     let positive = |name: &str, unit: &str| -> Result<Option<f64>> {
         match file.number(name)? {
             Some(value) if !(value.is_finite() && value > 0.0) => Err(Error::input(

@@ -8,7 +8,7 @@
 //! and d1 as columns from the right. This way the letters S and U and the word EXIT are readable.
 
 use super::frame::{Axes, Run};
-use super::given::Given;
+use super::read_options::ReadOptions;
 use super::unread::Unread;
 use super::variables::Variables;
 use crate::error::{Error, Result};
@@ -20,7 +20,11 @@ const AXES: Axes = Axes { d1: Run::Left, d2: Run::Down };
 ///
 /// # Errors
 /// `Kind::Input` for missing arrays or shapes that do not fit.
-pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<String>) -> Result<Unread<'f>> {
+pub(super) fn read<'f>(
+    file: &'f Variables,
+    given: &ReadOptions,
+    notes: &mut Vec<String>,
+) -> Result<Unread<'f>> {
     let half = file.number("width")?.ok_or_else(|| file.missing("width"))?;
     if !(half.is_finite() && half > 0.0) {
         return Err(Error::input(

@@ -11,7 +11,7 @@
 use glam::DVec3;
 
 use super::frame;
-use super::given::Given;
+use super::read_options::ReadOptions;
 use super::unread::Unread;
 use super::variables::Variables;
 use crate::Capture;
@@ -28,7 +28,11 @@ pub(super) fn is_one(file: &Variables) -> bool {
 ///
 /// # Errors
 /// `Kind::Input` for missing arrays or shapes that do not agree, `Kind::Options` for a bin width beside the file's own.
-pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<String>) -> Result<Unread<'f>> {
+pub(super) fn read<'f>(
+    file: &'f Variables,
+    given: &ReadOptions,
+    notes: &mut Vec<String>,
+) -> Result<Unread<'f>> {
     let rendered = file.have(&["gt_transient"]);
     let array = if rendered { "gt_transient" } else { "transient" };
     let counts = file.counts_shape(array)?;

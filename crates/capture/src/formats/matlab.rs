@@ -5,7 +5,7 @@
 //! from the left are as in the f-k migration of the ABP publication (Zhang and others) for its `tof_data`.
 
 use super::frame::{Axes, Run};
-use super::given::Given;
+use super::read_options::ReadOptions;
 use super::unread::Unread;
 use super::variables::Variables;
 use crate::error::{Error, Result};
@@ -18,7 +18,11 @@ const AXES: Axes = Axes { d1: Run::Down, d2: Run::Right };
 /// # Errors
 /// `Kind::Options` without a wall size and a bin width, `Kind::Input` if there is not exactly one array of three
 /// axes.
-pub(super) fn read<'f>(file: &'f Variables, given: &Given, notes: &mut Vec<String>) -> Result<Unread<'f>> {
+pub(super) fn read<'f>(
+    file: &'f Variables,
+    given: &ReadOptions,
+    notes: &mut Vec<String>,
+) -> Result<Unread<'f>> {
     let mut found = Vec::new();
     for name in file.names() {
         if let Some(shape) =

@@ -41,12 +41,12 @@ pub struct Matlab5 {
     /// The file, then its inflated parts.
     blocks: Vec<Vec<u8>>,
     big_endian: bool,
-    arrays: Vec<Found>,
+    arrays: Vec<ArrayPlace>,
 }
 
 /// Where an array is.
 #[derive(Debug, Clone)]
-struct Found {
+struct ArrayPlace {
     name: String,
     class: u8,
     complex: bool,
@@ -142,7 +142,7 @@ impl Matlab5 {
     }
 
     /// Looks at counts that unpack to far more than the file, a part at a time.
-    fn look(&self, found: &Found) -> Result<()> {
+    fn look(&self, found: &ArrayPlace) -> Result<()> {
         let size = found.shape.iter().fold(size_of::<f32>() as u64, |n, d| n.saturating_mul(*d as u64));
         if !glance::is_wanted(size, found.at.len() as u64) {
             return Ok(());
@@ -203,7 +203,7 @@ impl Matlab5 {
         Ok(Some((found.shape.clone(), values)))
     }
 
-    fn find(&self, name: &str) -> Option<&Found> {
+    fn find(&self, name: &str) -> Option<&ArrayPlace> {
         self.arrays.iter().find(|a| a.name == name && a.class != STRUCT && !a.shape.contains(&0))
     }
 
@@ -238,7 +238,7 @@ impl Matlab5 {
 
     /// Flags, dimensions and name of a matrix element's content, and where its values begin. Only these must lie within
     /// `known`.
-    fn header(&self, block: usize, known: Range<usize>) -> Result<(Found, usize)> {
+    fn header(&self, block: usize, known: Range<usize>) -> Result<(ArrayPlace, usize)> {
         let flags = self.element(block, known.clone())?;
         let dims = self.element(block, flags.next..known.end)?;
         let name = self.element(block, dims.next..known.end)?;
@@ -254,7 +254,7 @@ impl Matlab5 {
         }
         shape.reverse();
         let text = self.blocks[block].get(name.content).unwrap_or_default();
-        let found = Found {
+        let found = ArrayPlace {
             name: String::from_utf8_lossy(text).into_owned(),
             class: word as u8,
             complex: word & 0x800 != 0,
@@ -320,7 +320,7 @@ impl Matlab5 {
                 return Ok(None);
             }
             let (found, _) = self.header(block, 8..tag.content.end.min(length))?;
-            Ok(Some(Found { block: 0, at: at.clone(), deflated: true, ..found }))
+            Ok(Some(ArrayPlace { block: 0, at: at.clone(), deflated: true, ..found }))
         })();
         self.blocks.pop();
         // A readable header is enough here: an array that is cut off fails when its values are read.
@@ -338,7 +338,7 @@ impl Matlab5 {
         }
     }
 
-    fn keep(&mut self, found: Found) -> Result<()> {
+    fn keep(&mut self, found: ArrayPlace) -> Result<()> {
         if self.arrays.len() >= MOST_ARRAYS {
             return Err(damaged(format!("it holds more than {MOST_ARRAYS} arrays")));
         }
@@ -374,7 +374,7 @@ impl Matlab5 {
     }
 
     /// The values of an array, in the order of the file.
-    fn numbers_of(&self, found: &Found) -> Result<Numbers<'_>> {
+    fn numbers_of(&self, found: &ArrayPlace) -> Result<Numbers<'_>> {
         let count = found.shape.iter().try_fold(1usize, |n, &d| n.checked_mul(d));
         let count = count.ok_or_else(|| damaged("its dimensions do not fit any memory"))?;
         if !(6..=15).contains(&found.class) || found.complex {

@@ -11,7 +11,6 @@ mod dirac;
 mod exhaustive;
 mod frame;
 pub mod general;
-mod given;
 mod glance;
 pub mod hdf5;
 mod kilometre;
@@ -27,6 +26,7 @@ mod opened;
 pub mod phasor;
 mod points;
 mod pulse;
+mod read_options;
 mod scatter;
 pub mod set;
 mod socr_units;
@@ -38,8 +38,8 @@ pub mod znlos;
 mod zones;
 
 pub use contents::HDF5;
-pub use given::{Bounce, Given};
 pub use opened::{Opened, Prepare, keep_prepared, measured};
+pub use read_options::{Bounce, ReadOptions};
 
 use contents::Contents;
 use unread::Unread;
@@ -56,9 +56,9 @@ use crate::error::{Error, Result};
 /// # Errors
 /// `Kind::Input`, beginning with the path: a missing, empty, cut or damaged file, a folder without a capture, an
 /// unknown format, missing arrays, or anything that [`Capture::check`] finds. `Kind::Options` if the file lacks a value
-/// that has no usual value either (see [`Given`]). `Kind::Memory` if the counts do not fit.
+/// that has no usual value either (see [`ReadOptions`]). `Kind::Memory` if the counts do not fit.
 pub fn read(path: &Path) -> Result<Capture> {
-    read_given(path, &Given::default()).map(|read| read.capture)
+    read_given(path, &ReadOptions::default()).map(|read| read.capture)
 }
 
 /// Reads a capture as [`read`] does, and returns notes and the number of dropped pairs with it.
@@ -66,14 +66,14 @@ pub fn read(path: &Path) -> Result<Capture> {
 /// # Errors
 /// Those of [`read`].
 pub fn read_with_notes(path: &Path) -> Result<Opened> {
-    read_given(path, &Given::default())
+    read_given(path, &ReadOptions::default())
 }
 
 /// Reads a capture as [`read`] does, with values that the file does not hold.
 ///
 /// # Errors
 /// Those of [`read`]. `Kind::Options` for a bin width, a bounce or a file of times of flight if the format takes none.
-pub fn read_given(path: &Path, given: &Given) -> Result<Opened> {
+pub fn read_given(path: &Path, given: &ReadOptions) -> Result<Opened> {
     read_kept(path, given, &Keep::default())
 }
 
@@ -83,7 +83,7 @@ pub fn read_given(path: &Path, given: &Given) -> Result<Opened> {
 ///
 /// # Errors
 /// Those of [`read_given`] and of the three.
-pub fn read_kept(path: &Path, given: &Given, keep: &Keep) -> Result<Opened> {
+pub fn read_kept(path: &Path, given: &ReadOptions, keep: &Keep) -> Result<Opened> {
     read_prepared(path, given, keep, &mut |_, _| Ok(()))
 }
 
@@ -91,43 +91,47 @@ pub fn read_kept(path: &Path, given: &Given, keep: &Keep) -> Result<Opened> {
 ///
 /// # Errors
 /// Those of [`read_kept`] and of `prepare`.
-pub fn read_prepared(path: &Path, given: &Given, keep: &Keep, prepare: &mut Prepare) -> Result<Opened> {
+pub fn read_prepared(path: &Path, given: &ReadOptions, keep: &Keep, prepare: &mut Prepare) -> Result<Opened> {
     let place = |e: Error| e.at(path.display());
     let mut notes = Vec::new();
     let name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let mut set;
     let found = match contents::of(path).map_err(place)? {
-        Contents::Zip => npz::read(path, given, &mut notes).map(Found::Whole),
+        Contents::Zip => npz::read(path, given, &mut notes).map(ReadCapture::Whole),
         Contents::Hdf5 | Contents::Matlab5 | Contents::Folder => {
             set = set::Set::open(path).map_err(place)?;
             read_set(&mut set, given, &mut notes)
         }
-        Contents::Transient => bonn::read(path, given, &mut notes).map(Found::Whole),
+        Contents::Transient => bonn::read(path, given, &mut notes).map(ReadCapture::Whole),
         Contents::Npy => Err(unknown("a single npy array has no wall points or bin width")),
         Contents::Unknown => Err(unknown("the format is not known")),
     };
     let found = found.map_err(place)?;
     let capture = match found {
-        Found::Unread(unread) => {
+        ReadCapture::Unread(unread) => {
             let mut opened = unread.read(name, keep, given.turn, prepare, notes, &place)?;
             opened.notes.extend(opened.capture.negative_note());
             return Ok(opened);
         }
-        Found::Whole(capture) => Capture { name, ..capture },
+        ReadCapture::Whole(capture) => Capture { name, ..capture },
     };
     let whole = measured(capture, &mut notes).map_err(place)?;
     keep_prepared(whole, given.turn, keep, prepare, notes)
 }
 
 /// A capture as a reader of its format finds it.
-enum Found<'f> {
+enum ReadCapture<'f> {
     Whole(Capture),
     /// All but the counts.
     Unread(Unread<'f>),
 }
 
 /// Finds the format by the names of the arrays, and reads it.
-fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -> Result<Found<'s>> {
+fn read_set<'s>(
+    set: &'s mut set::Set,
+    given: &ReadOptions,
+    notes: &mut Vec<String>,
+) -> Result<ReadCapture<'s>> {
     let no_bounce = |what: &str| match given.bounce {
         None => Ok(()),
         Some(_) => Err(Error::options(
@@ -144,7 +148,7 @@ fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -
     }
     if set.any("meas") || set.any("tofgrid") {
         no_bounce("a Stanford f-k capture")?;
-        return stanford::read(set, given, notes).map(Found::Unread);
+        return stanford::read(set, given, notes).map(ReadCapture::Unread);
     }
     if given.time_of_flight.is_some() {
         return Err(Error::options(
@@ -154,7 +158,7 @@ fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -
     }
     if socr {
         no_bounce("a CC-SOCR capture")?;
-        return ccsocr::read(set, given, notes).map(Found::Whole);
+        return ccsocr::read(set, given, notes).map(ReadCapture::Whole);
     }
     let positions = set.any("cameraGridPositions");
     // The points of General-NLOS lie in a second file.
@@ -163,7 +167,7 @@ fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -
     }
     if ["laserpoints", "detectpoints"].iter().any(|name| set.any(name)) {
         no_bounce("a General-NLOS capture")?;
-        return general::read(set, given, notes).map(Found::Whole);
+        return general::read(set, given, notes).map(ReadCapture::Whole);
     }
     let file = match set.holding("cameraGridPositions")? {
         Some(file) => file,
@@ -174,9 +178,9 @@ fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -
         let axes = file.shape("data")?.ok_or_else(|| file.missing("data"))?.len();
         return if axes == 3 {
             no_bounce("a NeTF capture")?;
-            netf::read(file, notes).map(Found::Whole)
+            netf::read(file, notes).map(ReadCapture::Whole)
         } else {
-            znlos::read(file, given, notes).map(Found::Whole)
+            znlos::read(file, given, notes).map(ReadCapture::Whole)
         };
     }
     no_bounce("the file")?;
@@ -184,37 +188,41 @@ fn read_set<'s>(set: &'s mut set::Set, given: &Given, notes: &mut Vec<String>) -
 }
 
 /// Finds the format of a capture that is one file, by the names of its arrays, and reads it.
-fn read_single<'s>(file: &'s Variables, given: &Given, notes: &mut Vec<String>) -> Result<Found<'s>> {
+fn read_single<'s>(
+    file: &'s Variables,
+    given: &ReadOptions,
+    notes: &mut Vec<String>,
+) -> Result<ReadCapture<'s>> {
     if file.have(&["H"]) || file.have(&["laser_grid_xyz"]) {
         given.no_bin_width("a y-tal capture")?;
-        return ytal::read(file).map(Found::Whole);
+        return ytal::read(file).map(ReadCapture::Whole);
     }
     if file.have(&["data_t"]) {
         given.no_bin_width("an NLOS-Dirac capture")?;
-        return dirac::read(file, notes).map(Found::Unread);
+        return dirac::read(file, notes).map(ReadCapture::Unread);
     }
     if convolutional::is_one(file) {
         given.no_bin_width("a file with NLOSDATA")?;
-        return convolutional::read(file, notes).map(Found::Unread);
+        return convolutional::read(file, notes).map(ReadCapture::Unread);
     }
     if file.have(&["sig_in"]) {
-        return kilometre::read(file, given, notes).map(Found::Unread);
+        return kilometre::read(file, given, notes).map(ReadCapture::Unread);
     }
     if lit::is_one(file) {
-        return lit::read(file, given, notes).map(Found::Unread);
+        return lit::read(file, given, notes).map(ReadCapture::Unread);
     }
     if file.have(&["dataset/data"]) {
         given.no_bin_width("a phasor-field capture")?;
-        return phasor::read_2019(file, notes).map(Found::Whole);
+        return phasor::read_2019(file, notes).map(ReadCapture::Whole);
     }
     if file.have(&["rect_data", "width"]) {
-        return lct::read(file, given, notes).map(Found::Unread);
+        return lct::read(file, given, notes).map(ReadCapture::Unread);
     }
     if file.have(&["rect_data", "ts"]) {
         given.no_bin_width("a phasor-field capture")?;
-        return phasor::read_2020(file, notes).map(Found::Unread);
+        return phasor::read_2020(file, notes).map(ReadCapture::Unread);
     }
-    matlab::read(file, given, notes).map(Found::Unread)
+    matlab::read(file, given, notes).map(ReadCapture::Unread)
 }
 
 /// Writes a capture: y-tal HDF5 if the name ends in `.hdf5` or `.h5`, npz if it ends in `.npz`, Stanford v7.3 if it

@@ -22,15 +22,15 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::counts::{self, largest_count};
-use super::given::Given;
 use super::points::{compact, per_pair, triples, unit};
+use super::read_options::ReadOptions;
 use super::{exhaustive, zones};
 use crate::error::{Error, Result};
 use crate::files::archive::{Npz, npz_bytes};
 use crate::files::array::{Array, transpose};
 use crate::files::atomic;
 use crate::host;
-use crate::{Capture, Pulse, seen};
+use crate::{Capture, Pulse, histogram_figures};
 
 const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse, laser_spot, sensor_spot, sensor_fov, laser_fov, device_xyz, cycles, direct; other arrays are ignored";
 
@@ -38,7 +38,7 @@ const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start,
 ///
 /// # Errors
 /// `Kind::Input` for a damaged archive, a missing array or shapes that do not agree.
-pub fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+pub fn read(path: &Path, given: &ReadOptions, notes: &mut Vec<String>) -> Result<Capture> {
     let mut npz = Npz::open(path)?;
     if zones::is_one(&npz) {
         return zones::read(&mut npz, given, notes);
@@ -83,7 +83,7 @@ pub fn read(path: &Path, given: &Given, notes: &mut Vec<String>) -> Result<Captu
         laser_normal: laser.1,
         sensor_normal: sensor.1,
         t_start,
-        integer_counts: seen::whole(&histograms),
+        integer_counts: histogram_figures::whole(&histograms),
         pulse,
         laser_spot,
         sensor_spot,

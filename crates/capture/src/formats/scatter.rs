@@ -4,11 +4,12 @@
 use std::ops::Range;
 
 use crate::error::Result;
+use crate::histogram_figures::{self, HistogramFigures};
 use crate::host;
-use crate::seen::{self, Seen};
 
 /// Bytes that every place takes while its counts are read, beside them.
-const OF_PLACE: usize = size_of::<Column>() + 2 * size_of::<(Seen, f64)>() + 2 * size_of::<usize>();
+const OF_PLACE: usize =
+    size_of::<Column>() + 2 * size_of::<(HistogramFigures, f64)>() + 2 * size_of::<usize>();
 /// Bins and places that are transposed together: a part of both arrays that stays in the nearest cache.
 const TILE: [usize; 2] = [128, 16];
 
@@ -37,7 +38,7 @@ pub(super) struct Wanted<'w> {
 pub(super) struct Scattered {
     pub(super) histograms: Vec<f32>,
     /// Figures of every place's histogram, with all of its bins after the shift.
-    pub(super) seen: Vec<Seen>,
+    pub(super) seen: Vec<HistogramFigures>,
     /// Whether all values of the array are photon counts.
     pub(super) whole: bool,
     /// Sum of the counts behind the last bin after the shift.
@@ -45,7 +46,7 @@ pub(super) struct Scattered {
 }
 
 /// A part of the array, with the histograms that it fills.
-pub(super) struct Part<'h> {
+pub(super) struct ArrayPart<'h> {
     /// Index in the list of parts.
     pub(super) index: usize,
     pub(super) bins: Range<usize>,
@@ -63,7 +64,7 @@ struct Column<'h> {
     /// The bins that are kept, and the array's bin of the first.
     row: &'h mut [f32],
     begin: usize,
-    seen: Seen,
+    seen: HistogramFigures,
     late: f64,
 }
 
@@ -71,7 +72,7 @@ struct Column<'h> {
 pub(super) struct Filled {
     index: usize,
     places: Vec<usize>,
-    seen: Vec<(Seen, f64)>,
+    seen: Vec<(HistogramFigures, f64)>,
     whole: bool,
 }
 
@@ -100,7 +101,7 @@ impl Wanted<'_> {
     pub(super) fn scatter(
         &self,
         areas: Vec<(Range<usize>, Vec<usize>)>,
-        fill: impl FnOnce(Vec<Part>) -> Result<Vec<Filled>>,
+        fill: impl FnOnce(Vec<ArrayPart>) -> Result<Vec<Filled>>,
     ) -> Result<Scattered> {
         let kept = self.bins.len();
         host::ask("what is seen of the pairs", host::bytes(self.stored[1], OF_PLACE))?;
@@ -117,14 +118,18 @@ impl Wanted<'_> {
         let parts = parts.collect();
         let mut results = fill(parts)?;
         results.sort_by_key(|r| r.index);
-        let unmeasured = Seen { total: f64::NAN, wrong: Some((0, f32::NAN)), nothing: true, zero: false };
+        let unmeasured =
+            HistogramFigures { total: f64::NAN, wrong: Some((0, f32::NAN)), nothing: true, zero: false };
         let begin = |place| match self.shifts.map(|s| s.of_place[place]) {
             Some(None) => unmeasured,
             // Bins that the array does not have are zeros.
-            _ if self.inside(place).len() < self.shifted_bins() => Seen { nothing: false, ..Seen::EMPTY },
-            _ => Seen::EMPTY,
+            _ if self.inside(place).len() < self.shifted_bins() => {
+                HistogramFigures { nothing: false, ..HistogramFigures::EMPTY }
+            }
+            _ => HistogramFigures::EMPTY,
         };
-        let mut all: Vec<(Seen, f64)> = (0..self.stored[1]).map(|place| (begin(place), 0.0)).collect();
+        let mut all: Vec<(HistogramFigures, f64)> =
+            (0..self.stored[1]).map(|place| (begin(place), 0.0)).collect();
         let mut whole = true;
         for result in results {
             whole &= result.whole;
@@ -143,7 +148,7 @@ impl Wanted<'_> {
         index: usize,
         (bins, places): (Range<usize>, Vec<usize>),
         rows: &mut [&'h mut [f32]],
-    ) -> Part<'h> {
+    ) -> ArrayPart<'h> {
         let column = |place: &usize| {
             let inside = self.inside(*place);
             // The array's bin of the first bin that is kept, and of the first that is left to fill.
@@ -155,18 +160,18 @@ impl Wanted<'_> {
                 if row.is_empty() { 0 } else { bins.end.saturating_sub(begin).min(self.bins.len() - filled) };
             let (row, rest) = row.split_at_mut(left);
             rows[*place] = rest;
-            Column { inside, row, begin, seen: Seen::EMPTY, late: 0.0 }
+            Column { inside, row, begin, seen: HistogramFigures::EMPTY, late: 0.0 }
         };
         let columns = places.iter().map(column).collect();
-        Part { bins, index, places, columns, whole: true }
+        ArrayPart { bins, index, places, columns, whole: true }
     }
 }
 
-impl Part<'_> {
+impl ArrayPart<'_> {
     /// Takes the values `[bin, place]` of the bins from `first` on.
     pub(super) fn take(&mut self, first: usize, values: &[f32]) {
         let places = self.columns.len();
-        self.whole = self.whole && seen::whole(values);
+        self.whole = self.whole && histogram_figures::whole(values);
         let mut turned = [[0.0f32; TILE[0]]; TILE[1]];
         let end = first + values.len() / places;
         for (tile, columns) in self.columns.chunks_mut(TILE[1]).enumerate() {

@@ -8,7 +8,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::given::Given;
+use super::read_options::ReadOptions;
 use super::set::Set;
 use crate::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
@@ -36,7 +36,7 @@ impl Units {
     /// `setup.mat` of other points.
     pub fn of(
         set: &Set,
-        given: &Given,
+        given: &ReadOptions,
         [laser, sensor]: [&[DVec3]; 2],
         notes: &mut Vec<String>,
     ) -> Result<Units> {

@@ -13,7 +13,7 @@ use std::path::Path;
 use rust_hdf5::{DatatypeMessage, H5File, Hdf5Error};
 
 use super::frame::{self, Axes, Run};
-use super::given::Given;
+use super::read_options::ReadOptions;
 use super::scatter::Shifts;
 use super::set::Set;
 use super::unread::Unread;
@@ -33,7 +33,7 @@ const KEPT: usize = 512;
 ///
 /// # Errors
 /// `Kind::Input` if counts or times of flight are missing, or do not fit each other.
-pub(super) fn read<'s>(set: &'s mut Set, given: &Given, notes: &mut Vec<String>) -> Result<Unread<'s>> {
+pub(super) fn read<'s>(set: &'s mut Set, given: &ReadOptions, notes: &mut Vec<String>) -> Result<Unread<'s>> {
     if let Some(path) = &given.time_of_flight {
         set.add(path)?;
     } else if !(set.any("meas") && set.any("tofgrid")) {

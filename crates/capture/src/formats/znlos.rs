@@ -15,8 +15,8 @@ use std::ops::Range;
 use glam::DVec3;
 
 use super::counts::Counts;
-use super::given::{Bounce, Given};
 use super::points::unit;
+use super::read_options::{Bounce, ReadOptions};
 use super::variables::Variables;
 use super::{frame, legs};
 use crate::Capture;
@@ -27,7 +27,7 @@ use crate::host;
 ///
 /// # Errors
 /// `Kind::Input` for missing arrays, shapes that do not agree, or an axis order that cannot be determined.
-pub fn read(file: &Variables, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+pub fn read(file: &Variables, given: &ReadOptions, notes: &mut Vec<String>) -> Result<Capture> {
     let number = |name: &str| -> Result<f64> { file.number(name)?.ok_or_else(|| file.missing(name)) };
     let shape = file.counts_shape("data")?;
     let sensors = Grid::read(file, "camera")?.ok_or_else(|| file.missing("cameraGridPositions"))?;

@@ -10,12 +10,12 @@
 
 use glam::DVec3;
 
-use super::given::Given;
 use super::points::triples;
+use super::read_options::ReadOptions;
 use super::{counts, frame};
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
-use crate::{Capture, seen};
+use crate::{Capture, histogram_figures};
 
 const PICOSECONDS: f64 = 250.0;
 /// Full width at half maximum of a Gaussian with the variance of a square of side 1: 2 √(2 ln 2) / √12.
@@ -34,7 +34,7 @@ pub(super) fn is_one(npz: &Npz) -> bool {
 ///
 /// # Errors
 /// `Kind::Input` for arrays that do not agree.
-pub(super) fn read(npz: &mut Npz, given: &Given, notes: &mut Vec<String>) -> Result<Capture> {
+pub(super) fn read(npz: &mut Npz, given: &ReadOptions, notes: &mut Vec<String>) -> Result<Capture> {
     const WANTED: &str = "hists (zones, t) and pt_cloud (zones, 3)";
     let (hists, cloud) = (counts::shape(npz, "hists", WANTED)?, npz.require("pt_cloud", WANTED)?);
     let points = triples("pt_cloud", &cloud.shape, &cloud.to_f64())?;
@@ -59,7 +59,7 @@ pub(super) fn read(npz: &mut Npz, given: &Given, notes: &mut Vec<String>) -> Res
     }
     let histograms = counts::read(npz, "hists", WANTED)?;
     let capture = Capture {
-        integer_counts: seen::whole(&histograms),
+        integer_counts: histogram_figures::whole(&histograms),
         laser_spot: spot,
         sensor_spot: spot,
         ..Capture::new([zones, 1], points.clone(), points, bins, bin_width, histograms)

@@ -19,7 +19,7 @@ use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu, Schedule};
 use crate::solve::option::{Options, options, words};
 use crate::solve::vector::{gather_filtered, hat};
-use crate::solve::{Common, Part, Plan, Prepared, Problem, RunsOn, Solver, outline};
+use crate::solve::{Common, Plan, Prepared, Problem, RunsOn, Solver, TimedSchedule, outline};
 use crate::transport::Grid;
 
 mod projecting;
@@ -277,7 +277,7 @@ macro_rules! projection {
                 plan(&outline_of(&fine, &grid, &self.image).0, &fine, grid, abilities)
             }
 
-            fn outline(&self, plan: &Plan) -> Vec<Part> {
+            fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
                 outline::of_start(
                     "volume",
                     plan,

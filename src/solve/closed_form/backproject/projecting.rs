@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::super::image::{Volume, on_grid};
 use super::super::on_host::check_host_memory;
 use super::super::options::ImageOptions;
-use super::super::sharpness::{Ladder, noise, tossed, with};
+use super::super::sharpness::{Ladder, noise, with, with_random_signs};
 use super::super::{NoPasses, RegularScan, in_one_step, upsample};
 use super::{BpOptions, Projection};
 use crate::advice::advice;
@@ -220,7 +220,7 @@ impl<M: Projection> Projecting<M> {
             Some((ladder, columns)) if capture.integer_counts => (*ladder, columns),
             open => return Ok(open.as_ref().map(|(ladder, _)| ladder.sharpest())),
         };
-        let tossed = tossed(capture);
+        let tossed = with_random_signs(capture);
         let mut dark = Light::of(&tossed, self.scan.as_ref(), self.options.image(), false);
         let chosen = ladder.choose(|value| {
             let options = with(&self.options, ladder.setting, value);
@@ -267,7 +267,7 @@ impl Projecting<BpOptions> {
     /// The device fails.
     pub fn sums_of_noise(&mut self, capture: &Capture) -> Result<Vec<f32>> {
         let scale = 1.0 / self.all.made()?.model.counts_per_unit;
-        let tossed = tossed(capture);
+        let tossed = with_random_signs(capture);
         let dark = Light {
             scale: Some(scale),
             ..Light::of(&tossed, self.scan.as_ref(), &self.options.image, false)

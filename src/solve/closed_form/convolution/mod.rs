@@ -27,8 +27,8 @@ use crate::gpu::{Abilities, Buffer, BufferPlan, Gpu, Place};
 use crate::maps::Maps;
 use crate::solve::option::{Options, options};
 use crate::solve::{
-    Beside, Common, Doing, ImageNoise, Part, Plan, Prepared, Problem, Progress, Reconstruction, Sharpness,
-    Solver, TracePoint, VolumeMap, Watch,
+    Beside, Common, Doing, ImageNoise, Plan, Prepared, Problem, Progress, Reconstruction, Sharpness, Solver,
+    TimedSchedule, TracePoint, VolumeMap, Watch,
 };
 use crate::transport::Grid;
 
@@ -105,7 +105,7 @@ impl Solver for ConvolutionOptions {
         Ok(with_own(self.projection().plan(problem, abilities)?))
     }
 
-    fn outline(&self, plan: &Plan) -> Vec<Part> {
+    fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
         self.projection().outline(plan)
     }
 
@@ -170,7 +170,7 @@ impl Prepared for Approximation {
         // Kernels and buffers are made before the time begins.
         self.projecting.make(capture)?;
         let last = self.options.conv_iterations;
-        let mut told = Told::begin(beside.watch, &self.plan, &self.grid, last);
+        let mut told = Watched::begin(beside.watch, &self.plan, &self.grid, last);
         told.iteration(None)?;
         let (grid, projected) = self.projecting.sums(capture)?;
         let is_open = self.options.prior.has_weight() && self.options.prior_weight.is_none();
@@ -224,7 +224,7 @@ fn divided(values: &[f32], scale: &[f32]) -> Vec<f32> {
 }
 
 /// What the watch was told of a solve.
-struct Told<'b, 'w> {
+struct Watched<'b, 'w> {
     watch: &'b mut Watch<'w>,
     point: TracePoint,
     iterations: usize,
@@ -234,10 +234,10 @@ struct Told<'b, 'w> {
     trace: Vec<TracePoint>,
 }
 
-impl<'b, 'w> Told<'b, 'w> {
-    fn begin(watch: &'b mut Watch<'w>, plan: &Plan, grid: &Grid, iterations: usize) -> Told<'b, 'w> {
+impl<'b, 'w> Watched<'b, 'w> {
+    fn begin(watch: &'b mut Watch<'w>, plan: &Plan, grid: &Grid, iterations: usize) -> Watched<'b, 'w> {
         let (start, apart) = (Instant::now(), Duration::ZERO);
-        Told { watch, point: first_point(plan, grid), iterations, start, apart, trace: vec![] }
+        Watched { watch, point: first_point(plan, grid), iterations, start, apart, trace: vec![] }
     }
 
     fn asks_for_maps(&self, iteration: usize) -> bool {

@@ -35,7 +35,7 @@ impl Bounce {
 /// Values that the user gives because the file does not hold them; none by default.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
-pub struct Given {
+pub struct ReadOptions {
     /// Distance in metres of the outermost scan points along the longer side.
     pub wall: Option<f64>,
     /// Bin width in metres of path.
@@ -50,35 +50,35 @@ pub struct Given {
     pub turn: Turn,
 }
 
-impl Given {
+impl ReadOptions {
     /// With the wall's size in metres, between the outermost scan points along the longer side.
-    pub fn with_wall(self, size: impl Into<Option<f64>>) -> Given {
-        Given { wall: size.into(), ..self }
+    pub fn with_wall(self, size: impl Into<Option<f64>>) -> ReadOptions {
+        ReadOptions { wall: size.into(), ..self }
     }
 
     /// With the bin width in metres of path.
-    pub fn with_bin_width(self, width: impl Into<Option<f64>>) -> Given {
-        Given { bin_width: width.into(), ..self }
+    pub fn with_bin_width(self, width: impl Into<Option<f64>>) -> ReadOptions {
+        ReadOptions { bin_width: width.into(), ..self }
     }
 
     /// With the metres of a step of the wall's depth.
-    pub fn with_depth_unit(self, unit: impl Into<Option<f64>>) -> Given {
-        Given { depth_unit: unit.into(), ..self }
+    pub fn with_depth_unit(self, unit: impl Into<Option<f64>>) -> ReadOptions {
+        ReadOptions { depth_unit: unit.into(), ..self }
     }
 
     /// With the bounces to use.
-    pub fn with_bounce(self, bounce: impl Into<Option<Bounce>>) -> Given {
-        Given { bounce: bounce.into(), ..self }
+    pub fn with_bounce(self, bounce: impl Into<Option<Bounce>>) -> ReadOptions {
+        ReadOptions { bounce: bounce.into(), ..self }
     }
 
     /// With the file that holds the times of flight to the wall.
-    pub fn with_time_of_flight(self, file: impl Into<Option<PathBuf>>) -> Given {
-        Given { time_of_flight: file.into(), ..self }
+    pub fn with_time_of_flight(self, file: impl Into<Option<PathBuf>>) -> ReadOptions {
+        ReadOptions { time_of_flight: file.into(), ..self }
     }
 
     /// With a scan that is mirrored or rotated.
-    pub fn with_turn(self, turn: Turn) -> Given {
-        Given { turn, ..self }
+    pub fn with_turn(self, turn: Turn) -> ReadOptions {
+        ReadOptions { turn, ..self }
     }
 
     /// The wall's size, which the file does not hold.

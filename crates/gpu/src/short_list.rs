@@ -5,16 +5,16 @@ use std::ops::Deref;
 
 /// Up to `N` items.
 #[derive(Clone, Copy)]
-pub struct Few<T, const N: usize> {
+pub struct ShortList<T, const N: usize> {
     /// Those behind `count` mean nothing.
     all: [T; N],
     count: usize,
 }
 
-impl<T: Copy, const N: usize> Few<T, N> {
+impl<T: Copy, const N: usize> ShortList<T, N> {
     /// None yet; `filler` is never seen.
-    pub(super) const fn empty(filler: T) -> Few<T, N> {
-        Few { all: [filler; N], count: 0 }
+    pub(super) const fn empty(filler: T) -> ShortList<T, N> {
+        ShortList { all: [filler; N], count: 0 }
     }
 
     /// # Panics
@@ -25,7 +25,7 @@ impl<T: Copy, const N: usize> Few<T, N> {
     }
 }
 
-impl<T, const N: usize> Deref for Few<T, N> {
+impl<T, const N: usize> Deref for ShortList<T, N> {
     type Target = [T];
 
     fn deref(&self) -> &[T] {
@@ -33,15 +33,15 @@ impl<T, const N: usize> Deref for Few<T, N> {
     }
 }
 
-impl<T: PartialEq, const N: usize> PartialEq for Few<T, N> {
-    fn eq(&self, other: &Few<T, N>) -> bool {
+impl<T: PartialEq, const N: usize> PartialEq for ShortList<T, N> {
+    fn eq(&self, other: &ShortList<T, N>) -> bool {
         **self == **other
     }
 }
 
-impl<T: Eq, const N: usize> Eq for Few<T, N> {}
+impl<T: Eq, const N: usize> Eq for ShortList<T, N> {}
 
-impl<T: fmt::Debug, const N: usize> fmt::Debug for Few<T, N> {
+impl<T: fmt::Debug, const N: usize> fmt::Debug for ShortList<T, N> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         (**self).fmt(f)
     }

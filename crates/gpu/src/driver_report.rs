@@ -9,7 +9,7 @@ const NAMED: usize = 4;
 
 /// A fault as the driver tells it.
 #[derive(Debug, Default)]
-struct Told {
+struct DriverReport {
     description: String,
     addresses: Vec<vk::DeviceFaultAddressInfoEXT>,
     vendor: Vec<vk::DeviceFaultVendorInfoEXT>,
@@ -18,27 +18,27 @@ struct Told {
 /// The end of the error of a loss: what the driver tells of it. Empty where it tells nothing. `injected`: the address of a
 /// fault to produce, for tests.
 pub(super) fn text(injected: Option<u64>, device: Option<&ext::device_fault::Device>) -> String {
-    let injected = injected.map(|address| Told {
+    let injected = injected.map(|address| DriverReport {
         addresses: vec![vk::DeviceFaultAddressInfoEXT {
             address_type: vk::DeviceFaultAddressTypeEXT::READ_INVALID,
             reported_address: address,
             address_precision: 1,
         }],
-        ..Told::default()
+        ..DriverReport::default()
     });
     injected.or_else(|| device.and_then(asked)).unwrap_or_default().text()
 }
 
 /// Asks the driver; `None` if it does not answer.
-fn asked(of: &ext::device_fault::Device) -> Option<Told> {
+fn asked(of: &ext::device_fault::Device) -> Option<DriverReport> {
     let ask = of.fp().get_device_fault_info_ext;
     let mut counts = vk::DeviceFaultCountsEXT::default();
     // SAFETY: the device is lost, which is when this may be called. Without a second struct only counts are written.
     unsafe { ask(of.device(), &mut counts, std::ptr::null_mut()) }.result().ok()?;
-    let mut told = Told {
+    let mut told = DriverReport {
         addresses: vec![Default::default(); counts.address_info_count as usize],
         vendor: vec![Default::default(); counts.vendor_info_count as usize],
-        ..Told::default()
+        ..DriverReport::default()
     };
     // The binary for the vendor's own tools is of no use in an error.
     counts.vendor_binary_size = 0;
@@ -66,7 +66,7 @@ fn text_of(chars: &[c_char]) -> String {
     String::from_utf8_lossy(text).trim().into()
 }
 
-impl Told {
+impl DriverReport {
     fn text(&self) -> String {
         let of_driver = Some(self.description.clone()).filter(|text| !text.is_empty());
         let addresses = self.addresses.iter().filter_map(place).take(NAMED);
@@ -110,15 +110,18 @@ mod tests {
 
     #[test]
     fn an_error_names_what_the_driver_tells_and_only_that() {
-        assert_eq!(Told::default().text(), "");
+        assert_eq!(DriverReport::default().text(), "");
         let at = |address_type, reported_address, address_precision| vk::DeviceFaultAddressInfoEXT {
             address_type,
             reported_address,
             address_precision,
         };
-        let none = Told { addresses: vec![at(vk::DeviceFaultAddressTypeEXT::NONE, 7, 1)], ..Told::default() };
+        let none = DriverReport {
+            addresses: vec![at(vk::DeviceFaultAddressTypeEXT::NONE, 7, 1)],
+            ..DriverReport::default()
+        };
         assert_eq!(none.text(), "");
-        let told = Told {
+        let told = DriverReport {
             description: text_of(&chars(" MMU fault ")),
             addresses: vec![
                 at(vk::DeviceFaultAddressTypeEXT::WRITE_INVALID, 0x12_3456, 0x1000),
@@ -135,7 +138,13 @@ mod tests {
             "; its driver tells: MMU fault, invalid write at 0x123000 to 0x123fff, fault of the instruction at 0x20, engine 0xd 0xff"
         );
         let many = vec![at(vk::DeviceFaultAddressTypeEXT::READ_INVALID, 1, 1); 9];
-        assert_eq!(Told { addresses: many, ..Told::default() }.text().matches("invalid read").count(), NAMED);
+        assert_eq!(
+            DriverReport { addresses: many, ..DriverReport::default() }
+                .text()
+                .matches("invalid read")
+                .count(),
+            NAMED
+        );
         // A text without an end is taken whole.
         assert_eq!(text_of(&[b'x' as c_char; 4]), "xxxx");
     }

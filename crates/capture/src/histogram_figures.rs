@@ -5,7 +5,7 @@ use super::Capture;
 
 /// Figures of one histogram.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Seen {
+pub(super) struct HistogramFigures {
     /// Sum of the counts; NaN if any is.
     pub(super) total: f64,
     /// The first bin whose count is not finite, and that count.
@@ -16,13 +16,14 @@ pub(super) struct Seen {
     pub(super) zero: bool,
 }
 
-impl Seen {
+impl HistogramFigures {
     /// A histogram without bins.
-    pub(super) const EMPTY: Seen = Seen { total: 0.0, wrong: None, nothing: true, zero: true };
+    pub(super) const EMPTY: HistogramFigures =
+        HistogramFigures { total: 0.0, wrong: None, nothing: true, zero: true };
 
     /// The figures of a histogram.
-    pub(super) fn of(histogram: &[f32]) -> Seen {
-        let mut seen = Seen::EMPTY;
+    pub(super) fn of(histogram: &[f32]) -> HistogramFigures {
+        let mut seen = HistogramFigures::EMPTY;
         seen.add(0, histogram);
         seen
     }
@@ -48,7 +49,7 @@ impl Seen {
 
     /// Adds the figures of later bins.
     #[cfg(feature = "formats")]
-    pub(super) fn join(&mut self, later: &Seen) {
+    pub(super) fn join(&mut self, later: &HistogramFigures) {
         self.total += later.total;
         self.wrong = self.wrong.or(later.wrong);
         self.nothing &= later.nothing;
@@ -101,14 +102,14 @@ mod tests {
             vec![1.0, -1.0, nan, f32::INFINITY],
             vec![3.0, f32::INFINITY, -2.0],
         ] {
-            let all = Seen::of(&counts);
+            let all = HistogramFigures::of(&counts);
             assert_eq!(all.nothing, counts.iter().all(|c| c.is_nan()), "{counts:?}");
             assert_eq!(all.zero, counts.iter().all(|c| *c == 0.0), "{counts:?}");
             let wrong = counts.iter().position(|c| !c.is_finite());
             assert_eq!(all.wrong.map(|w| w.0 as usize), wrong, "{counts:?}");
             for cut in 0..=counts.len() {
-                let mut joined = Seen::of(&counts[..cut]);
-                let mut later = Seen::EMPTY;
+                let mut joined = HistogramFigures::of(&counts[..cut]);
+                let mut later = HistogramFigures::EMPTY;
                 later.add(cut, &counts[cut..]);
                 joined.join(&later);
                 assert_eq!(format!("{joined:?}"), format!("{all:?}"), "{counts:?} cut at {cut}");

@@ -19,7 +19,7 @@ pub enum Beginning<'m> {
     /// The volume that was solved on the device before.
     Volume,
     /// That volume, and the surface of the frame before.
-    Frame(GoOn<'m>),
+    Frame(Continuation<'m>),
     /// The maps of a volume that is not on the device: its first surfaces are those of the solve, these are the second ones.
     Kept(&'m Maps),
     /// Maps of another method, on the surface's own pixels.
@@ -27,7 +27,7 @@ pub enum Beginning<'m> {
 }
 
 /// How a surface goes on from that of the frame before.
-pub struct GoOn<'m> {
+pub struct Continuation<'m> {
     /// Its maps, on the plan's own pixels.
     pub maps: &'m Maps,
     /// The maps of the volume that it began with.
@@ -36,7 +36,7 @@ pub struct GoOn<'m> {
     pub until: Option<Instant>,
 }
 
-impl GoOn<'_> {
+impl Continuation<'_> {
     /// Moves the maps of a new volume by what the surface before changed on its volume's, where that volume was within
     /// `near` metres of this one. What did not move begins where it ended, and what moved a little keeps the correction.
     pub fn begin(&self, layer: &mut Maps, near: f64) {
@@ -80,7 +80,7 @@ mod tests {
         };
         let volume = maps([1.0, 1.0, 1.0], [0.5, 0.5, f32::NAN]);
         let surface = maps([1.5, 9.0, 1.0], [0.51, 0.52, 0.6]);
-        let on = GoOn { maps: &surface, volume: &volume, until: None };
+        let on = Continuation { maps: &surface, volume: &volume, until: None };
         // The second moved by a little, and got brighter by more than may be taken over; the third is new.
         let mut layer = maps([1.0, 1.0, 1.0], [0.5, 0.51, 0.7]);
         on.begin(&mut layer, 0.015);
