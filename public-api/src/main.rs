@@ -35,6 +35,7 @@ fn main() {
     }
     let mut listing: Vec<&Item> = vec![];
     for path in passed_on {
+        assert_ne!(path, ["*"], "the door passes names on one by one, as they are");
         let is_other = crates.contains_key(&path[0]);
         let (of, path) =
             if is_other { (&crates[&path[0]], &path[1..]) } else { (&crates["crate"], &path[..]) };
@@ -79,7 +80,7 @@ fn flatten(items: Vec<Item>, module: &[String], into: &mut Vec<Placed>) {
     }
 }
 
-/// The paths that a `use` names.
+/// The paths that a `use` names; `*` for one that names none, or renames.
 fn leaves(tree: &UseTree, before: &mut Vec<String>, into: &mut Vec<Vec<String>>) {
     match tree {
         UseTree::Path(path) => {
@@ -90,7 +91,7 @@ fn leaves(tree: &UseTree, before: &mut Vec<String>, into: &mut Vec<Vec<String>>)
         UseTree::Group(group) => group.items.iter().for_each(|t| leaves(t, before, into)),
         UseTree::Name(name) if name.ident == "self" => into.push(before.clone()),
         UseTree::Name(name) => into.push([&before[..], &[name.ident.to_string()]].concat()),
-        UseTree::Rename(_) | UseTree::Glob(_) => panic!("the door passes names on one by one, as they are"),
+        UseTree::Rename(_) | UseTree::Glob(_) => into.push(vec!["*".into()]),
     }
 }
 
@@ -103,13 +104,39 @@ fn found<'a>(of: &'a [Placed], path: &[String]) -> Vec<&'a Item> {
     }
     let defined = |(_, item): &&Placed| ident(item).is_some_and(|i| i == name);
     let all: Vec<_> = of.iter().filter(defined).collect();
-    let below: Vec<_> = all.iter().filter(|(m, _)| m.starts_with(module)).collect();
+    let module = passed_on_from(of, module, name);
+    let below: Vec<_> = all.iter().filter(|(m, _)| m.starts_with(&module)).collect();
     let [(place, item)] = below[..] else { panic!("{} items are called {}", below.len(), path.join("::")) };
     // Where others have the name, too, implementations stand beside it.
     let near = |m: &[String]| all.len() == 1 || m.starts_with(place);
     let implementations =
         of.iter().filter(|(m, item)| near(m) && implements(item).is_some_and(|i| i == *name));
     [item].into_iter().chain(implementations.map(|(_, item)| item)).collect()
+}
+
+/// The module from which `module` passes on `name`, else `module` itself.
+fn passed_on_from(of: &[Placed], module: &[String], name: &str) -> Vec<String> {
+    let mut all = vec![];
+    for (_, item) in of.iter().filter(|(m, _)| m == module) {
+        if let Item::Use(u) = item
+            && public(&u.vis)
+        {
+            leaves(&u.tree, &mut vec![], &mut all);
+        }
+    }
+    let Some((_, path)) = all.iter().filter_map(|p| p.split_last()).find(|(last, _)| *last == name) else {
+        return module.to_vec();
+    };
+    let mut from = module.to_vec();
+    for part in path {
+        match part.as_str() {
+            "super" => drop(from.pop()),
+            "crate" => from.clear(),
+            "self" => {}
+            _ => from.push(part.clone()),
+        }
+    }
+    from
 }
 
 /// The name that an item defines.
