@@ -17,6 +17,7 @@ use super::offered::Offered;
 use super::options::{GpuOptions, choose, compute_family};
 use super::owned::{OwnedDevice, Queue, QueueLock};
 use super::pace::{dispatch_of, rate_of};
+use super::pipelines::Pipelines;
 use super::place::BlockSource;
 use super::recording::{OpenSpan, Recorder, Recording};
 use crate::advice::{Remedy, advice};
@@ -76,7 +77,9 @@ pub struct Opened {
     /// Bytes that arenas hold.
     pub(super) allocated: AtomicU64,
     pub(super) names: Option<ext::debug_utils::Device>,
-    /// Compiled kernels.
+    /// Kernels as executors run them.
+    pub(super) pipelines: Pipelines,
+    /// What the driver keeps of compiled kernels.
     pub(super) cache: Cache,
     pub(super) device: Arc<OwnedDevice>,
     pub(super) instance: Arc<Instance>,
@@ -186,6 +189,7 @@ impl Gpu {
             kinds: Kinds::of(&instance, physical),
             allocated: AtomicU64::new(0),
             names,
+            pipelines: Pipelines::default(),
             cache,
             device,
             instance,

@@ -7,7 +7,7 @@ use ash::{khr, vk};
 use super::code::KernelCode;
 use super::device::Gpu;
 use super::names::{Constant, Kernel};
-use super::pipeline::Pipeline;
+use super::pipelines::Pipeline;
 use crate::Result;
 
 /// A kernel as the driver compiled it.
@@ -49,7 +49,6 @@ impl Gpu {
         let made = Pipeline::new(self, kernel.into().name(), code, constants)?;
         let seconds = start.elapsed().as_secs_f64();
         let executables = self.executables(made.handle);
-        made.destroy(self);
         Ok(Compiled { seconds, executables })
     }
 

@@ -1,6 +1,7 @@
 //! An executor's submissions: command buffers, waiting, times.
 
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
+use std::sync::Arc;
 use std::time::Duration;
 
 use ash::vk;
@@ -13,7 +14,8 @@ use super::flight::{Flight, Moment, Ticket};
 use super::memory::Arena;
 use super::names::{Buffer, Kernel};
 use super::pace::Pace;
-use super::pipeline::{DescriptorSets, Pipeline};
+use super::pipeline::DescriptorSets;
+use super::pipelines::Pipeline;
 use super::schedule::{Command, Schedule};
 use crate::Result;
 
@@ -43,7 +45,7 @@ pub(super) struct Scratch {
 pub struct Executor {
     pub(super) gpu: Gpu,
     pub(super) arena: Arena,
-    pub(super) pipelines: HashMap<Kernel, Pipeline>,
+    pub(super) pipelines: HashMap<Kernel, Arc<Pipeline>>,
     pub(super) sets: DescriptorSets,
     pool: vk::CommandPool,
     timeline: vk::Semaphore,
@@ -338,9 +340,6 @@ impl Executor {
             let flown = self.flights.drain(..).map(|f| f.queries);
             for queries in flown.chain(self.spare_queries.drain(..).map(|(queries, _)| queries)) {
                 device.destroy_query_pool(queries, None);
-            }
-            for p in self.pipelines.values() {
-                p.destroy(&self.gpu);
             }
             self.sets.destroy(&self.gpu);
             device.destroy_semaphore(self.timeline, None);

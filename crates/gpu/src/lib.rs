@@ -32,6 +32,7 @@ mod options;
 mod owned;
 mod pace;
 mod pipeline;
+mod pipelines;
 mod place;
 mod record;
 mod recording;

@@ -1,11 +1,13 @@
 //! The kernels of an executor, made on all cores of the host.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 
 use super::code::KernelCode;
 use super::executor::Executor;
 use super::names::{Constant, Kernel};
-use super::pipeline::Pipeline;
+use super::pipelines::Pipeline;
 use super::recording::KernelMade;
 use crate::Result;
 
@@ -28,12 +30,11 @@ impl Executor {
     pub fn add_kernels(&mut self, wanted: &[Wanted<'_>]) -> Result<()> {
         let gpu = self.gpu.clone();
         let _span = gpu.span("make kernels");
-        let make = |w: &Wanted<'_>| Pipeline::new(&gpu, w.kernel.name(), w.code, &w.constants);
-        let made: Vec<Result<Pipeline>> = wanted.par_iter().map(make).collect();
+        let make = |w: &Wanted<'_>| Pipeline::of(&gpu, w.kernel.name(), w.code, &w.constants);
+        let made: Vec<Result<Arc<Pipeline>>> = wanted.par_iter().map(make).collect();
         let mut all = Ok(());
         for (wanted, made) in wanted.iter().zip(made) {
             match made {
-                // It is destroyed with the executor, whatever becomes of the others.
                 Ok(made) => self.keep_kernel(wanted, made),
                 Err(e) => all = all.and(Err(e)),
             }
@@ -59,15 +60,13 @@ impl Executor {
         self.add_kernels(&[Wanted { kernel: kernel.into(), code, constants: constants.to_vec() }])
     }
 
-    fn keep_kernel(&mut self, wanted: &Wanted<'_>, made: Pipeline) {
+    fn keep_kernel(&mut self, wanted: &Wanted<'_>, made: Arc<Pipeline>) {
         if let Some(recorder) = &self.gpu.recorder {
             let constants = wanted.constants.iter().map(|(n, v)| (n.to_string(), *v)).collect();
             let executables = self.gpu.executables(made.handle);
             let statistics = executables.into_iter().flat_map(|e| e.statistics).collect();
             recorder.made(wanted.kernel.name(), KernelMade { code: *wanted.code, constants, statistics });
         }
-        if let Some(old) = self.pipelines.insert(wanted.kernel, made) {
-            old.destroy(&self.gpu);
-        }
+        self.pipelines.insert(wanted.kernel, made);
     }
 }

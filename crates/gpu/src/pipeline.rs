@@ -1,6 +1,7 @@
 //! Pipelines from compiled kernels, and the descriptor sets that bind buffers to them.
 
 use std::collections::HashMap;
+use std::sync::Arc;
 
 use ash::vk;
 
@@ -10,18 +11,10 @@ use super::faults::Point;
 use super::limits::MOST_STORAGE;
 use super::memory::{Arena, Made};
 use super::names::{Buffer, Constant};
+use super::pipelines::Pipeline;
 use super::rounding::to_nearest;
 use super::schedule::{Binds, PUSH_WORDS};
 use crate::{Error, Result};
-
-pub(super) struct Pipeline {
-    pub name: &'static str,
-    pub handle: vk::Pipeline,
-    pub layout: vk::PipelineLayout,
-    set_layout: vk::DescriptorSetLayout,
-    module: vk::ShaderModule,
-    pub bindings: &'static [Binding],
-}
 
 /// Bytes of push constants, the same for every kernel.
 pub(super) const PUSH_BYTES: u32 = 4 * PUSH_WORDS as u32;
@@ -58,6 +51,20 @@ fn specialization(
 }
 
 impl Pipeline {
+    /// The pipeline of a kernel on this device: one that is there, else a new one.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn of(
+        gpu: &Gpu,
+        name: &'static str,
+        code: &KernelCode,
+        constants: &[(Constant, u32)],
+    ) -> Result<Arc<Pipeline>> {
+        let key = (name, code.spirv.as_ptr() as usize, constants.to_vec());
+        gpu.pipelines.get(key, || Pipeline::new(gpu, name, code, constants))
+    }
+
     pub fn new(
         gpu: &Gpu,
         name: &'static str,
@@ -83,8 +90,9 @@ impl Pipeline {
             set_layout: vk::DescriptorSetLayout::null(),
             module: vk::ShaderModule::null(),
             bindings: code.bindings,
+            device: gpu.device.clone(),
         };
-        // SAFETY: all structs live through their call; on an error what was made is destroyed below.
+        // SAFETY: all structs live through their call; on an error what was made is destroyed with `made`.
         let result = unsafe {
             (|| {
                 gpu.before_call(Point::Object)?;
@@ -125,26 +133,12 @@ impl Pipeline {
                 Ok(())
             })()
         };
-        if let Err(e) = result {
-            made.destroy(gpu);
-            return Err(failed(e));
-        }
+        result.map_err(failed)?;
         gpu.name(made.handle, name);
         gpu.name(made.layout, name);
         gpu.name(made.set_layout, name);
         gpu.name(made.module, code.name);
         Ok(made)
-    }
-
-    pub fn destroy(&self, gpu: &Gpu) {
-        let device = gpu.raw();
-        // SAFETY: the executor waits for its work first; null handles are allowed.
-        unsafe {
-            device.destroy_pipeline(self.handle, None);
-            device.destroy_shader_module(self.module, None);
-            device.destroy_pipeline_layout(self.layout, None);
-            device.destroy_descriptor_set_layout(self.set_layout, None);
-        }
     }
 }
 

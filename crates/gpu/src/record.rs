@@ -6,7 +6,7 @@ use super::access::sizes_of;
 use super::executor::{Executor, Scratch, stamps};
 use super::flight::{Flight, Mark, Ticket};
 use super::names::Kernel;
-use super::pipeline::Pipeline;
+use super::pipelines::Pipeline;
 use super::schedule::{Binds, Command, Schedule, Size, Stage};
 use super::shuffle::pieces;
 use crate::Result;

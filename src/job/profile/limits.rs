@@ -325,6 +325,7 @@ mod tests {
 
     #[test]
     fn every_limit_kernel_computes_what_it_says() {
+        let _alone = crate::transport::kernels::tests::UNDER_THE_LAYER.lock();
         let gpu = gpu();
         let mut bench = Bench::new(&gpu).unwrap();
         let float = gpu.accumulations.float.then_some([&FLOAT, &SCATTERED_FLOAT]).into_iter().flatten();

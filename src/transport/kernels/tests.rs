@@ -1,10 +1,12 @@
 //! The compiled modules: what they count, declare and bind, and what the device makes of them.
 
+use std::sync::Mutex;
+
 use super::{KERNELS, buffer, kernel};
 use crate::gpu::spirv::{Counts, count_loop, extended};
 use crate::gpu::{
     Arena, Buffer, BufferPlan, Executor, Faults, Gpu, GpuOptions, Guarded, Kernel, KernelCode, MOST_STORAGE,
-    Overrun, Place, Schedule, View, to_nearest,
+    Overrun, Place, Point, Schedule, View, to_nearest,
 };
 
 fn of(name: &str, constants: &[(&str, u32)]) -> Counts {
@@ -272,7 +274,33 @@ fn a_kernel_that_writes_past_an_end_is_found_by_buffer_and_place() {
 }
 
 #[test]
+fn executors_share_their_kernels() {
+    let gpu =
+        open(&GpuOptions { faults: Faults { guard: true, ..Faults::default() }, ..GpuOptions::default() });
+    // A pipeline is a layout of its set, a module and itself.
+    let made = |constants: &[_], executors: &mut Vec<Executor>| {
+        let arena = Arena::new(&gpu, &[BufferPlan::new(DOWN, 256, Place::Readback)], None).unwrap();
+        let mut executor = Executor::new(&gpu, arena).unwrap();
+        let before = gpu.reached(Point::Object);
+        executor.add_kernel(&kernel::CARRY, &kernel::CARRY, constants).unwrap();
+        executors.push(executor);
+        gpu.reached(Point::Object) - before
+    };
+    let mut executors = vec![];
+    let constant = kernel::CARRY.constants[0].0;
+    assert_eq!(made(&[], &mut executors), 3);
+    assert_eq!(made(&[], &mut executors), 0);
+    assert_eq!(made(&[(constant, 3)], &mut executors), 3, "other constants, another pipeline");
+    executors.clear();
+    assert_eq!(made(&[(constant, 3)], &mut executors), 0, "it stays for who comes later");
+}
+
+/// Held by who opens a device under the validation layer: the layer's own map of devices takes no lock.
+pub(crate) static UNDER_THE_LAYER: Mutex<()> = Mutex::new(());
+
+#[test]
 fn an_instrumented_kernel_tells_of_it() {
+    let _alone = UNDER_THE_LAYER.lock();
     let messages = |groups| {
         let gpu = open(&GpuOptions { instrumented: true, ..GpuOptions::default() });
         run(&gpu, DOWN, groups);

@@ -1,0 +1,69 @@
+//! Pipelines that executors of a device share.
+
+use std::collections::HashMap;
+use std::sync::{Arc, Mutex, PoisonError};
+
+use ash::vk;
+
+use super::code::Binding;
+use super::names::Constant;
+use super::owned::OwnedDevice;
+use crate::Result;
+
+/// A kernel as the device runs it.
+pub(super) struct Pipeline {
+    pub name: &'static str,
+    pub handle: vk::Pipeline,
+    pub layout: vk::PipelineLayout,
+    pub set_layout: vk::DescriptorSetLayout,
+    pub module: vk::ShaderModule,
+    pub bindings: &'static [Binding],
+    pub device: Arc<OwnedDevice>,
+}
+
+/// Pipelines at most that no executor uses and that stay for later ones. A solve has some 40.
+const KEPT: usize = 512;
+
+/// The pipelines of a device: executors with the same kernels share them, side by side or one after the other.
+#[derive(Default)]
+pub(super) struct Pipelines(Mutex<HashMap<Key, Arc<Pipeline>>>);
+
+/// Name, module (by its place in memory) and specialization constants.
+pub(super) type Key = (&'static str, usize, Vec<(Constant, u32)>);
+
+impl Pipelines {
+    /// The pipeline with this key, or what `make` makes.
+    ///
+    /// # Errors
+    /// Those of `make`.
+    pub fn get(&self, key: Key, make: impl FnOnce() -> Result<Pipeline>) -> Result<Arc<Pipeline>> {
+        let all = || self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(made) = all().get(&key) {
+            return Ok(made.clone());
+        }
+        // Several are made at once: the lock is not held meanwhile.
+        let made = Arc::new(make()?);
+        let mut all = all();
+        if all.len() >= KEPT {
+            all.retain(|_, pipeline| Arc::strong_count(pipeline) > 1);
+        }
+        Ok(all.entry(key).or_insert(made).clone())
+    }
+}
+
+impl Drop for Pipeline {
+    fn drop(&mut self) {
+        // What runs on a device that hangs may still use it.
+        if self.device.has_hung() {
+            return;
+        }
+        let device = &self.device.raw;
+        // SAFETY: the executors that used it have waited for their work; null handles are allowed.
+        unsafe {
+            device.destroy_pipeline(self.handle, None);
+            device.destroy_shader_module(self.module, None);
+            device.destroy_pipeline_layout(self.layout, None);
+            device.destroy_descriptor_set_layout(self.set_layout, None);
+        }
+    }
+}
