@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 
 /// The value of an option, in the order in which types are tried.
 #[derive(FromPyObject)]
-pub enum ReadOptions {
+pub enum PythonValue {
     Flag(bool),
     Count(usize),
     Number(f64),
@@ -42,7 +42,7 @@ pub struct Settings {
     solver: Option<String>,
     model: Option<String>,
     preset: Option<String>,
-    options: Vec<(String, ReadOptions)>,
+    options: Vec<(String, PythonValue)>,
     wall: Option<f64>,
     stride: Option<usize>,
     subset: Option<usize>,
@@ -156,12 +156,12 @@ impl PulseGiven {
 }
 
 /// An option by its key, if the solver has it and takes the value.
-fn option(solver: &str, key: &str, given: &ReadOptions) -> Result<(&'static str, OptionValue)> {
+fn option(solver: &str, key: &str, given: &PythonValue) -> Result<(&'static str, OptionValue)> {
     let mut options = SolverOptions::suited_to(solver, &Suit::USUAL).ok_or_else(|| {
         let all = format!("use {}", SolverOptions::NAMES.join(" or "));
         Error::options(format!("there is no solver {solver:?}"), all)
     })?;
-    if key == "deterministic" && matches!(given, ReadOptions::Flag(true)) {
+    if key == "deterministic" && matches!(given, PythonValue::Flag(true)) {
         return Ok(("accumulation", OptionValue::Word("repeatable".into())));
     }
     let rows = options.rows();
@@ -172,10 +172,10 @@ fn option(solver: &str, key: &str, given: &ReadOptions) -> Result<(&'static str,
         ));
     };
     let values = match given {
-        ReadOptions::Flag(on) => vec![OptionValue::Flag(*on)],
-        ReadOptions::Count(n) => vec![OptionValue::Count(*n), OptionValue::Number(*n as f64)],
-        ReadOptions::Number(v) => vec![OptionValue::Number(*v)],
-        ReadOptions::Word(word) => vec![OptionValue::Word(word.clone()), flag_of(row.range, word)],
+        PythonValue::Flag(on) => vec![OptionValue::Flag(*on)],
+        PythonValue::Count(n) => vec![OptionValue::Count(*n), OptionValue::Number(*n as f64)],
+        PythonValue::Number(v) => vec![OptionValue::Number(*v)],
+        PythonValue::Word(word) => vec![OptionValue::Word(word.clone()), flag_of(row.range, word)],
     };
     let taken = options.set_first(key, values.into_iter().filter(|value| *value != OptionValue::Unset));
     let wrong =

@@ -84,7 +84,7 @@ fn check_asked(capture: &Capture, reach: usize) -> Result<()> {
 
 /// # Errors
 /// The peaks are not those of one small target.
-fn check_peaks(capture: &Capture, seen: &[HistogramFigures]) -> Result<()> {
+fn check_peaks(capture: &Capture, seen: &[Peak]) -> Result<()> {
     if seen.len() < 12 || 2 * seen.len() < capture.pair_count() {
         return Err(Error::input(
             format!(
@@ -140,18 +140,15 @@ fn error_of(found: &Fit, beside: [f64; 2], peaks: usize, width: f64) -> Result<f
 /// peaks those of one small target, or all shifts fit about equally well.
 pub fn time_zero(capture: &Capture, reach: usize) -> Result<Calibration> {
     check_asked(capture, reach)?;
-    let mut seen: Vec<HistogramFigures> = (capture
-        .histograms
-        .chunks_exact(capture.bins)
-        .zip(&capture.sensor))
-    .filter_map(|(h, w)| {
-        let (bin, counts, together) = middle(h)?;
-        Some(HistogramFigures { wall: *w, path: capture.t_start + bin * capture.bin_width, counts, together })
-    })
-    .collect();
+    let mut seen: Vec<Peak> = (capture.histograms.chunks_exact(capture.bins).zip(&capture.sensor))
+        .filter_map(|(h, w)| {
+            let (bin, counts, together) = middle(h)?;
+            Some(Peak { wall: *w, path: capture.t_start + bin * capture.bin_width, counts, together })
+        })
+        .collect();
     let width = capture.bin_width;
-    let at = |seen: &[HistogramFigures], shift: f64| fit(seen, shift).map_or(f64::INFINITY, |f| f.residual);
-    let best = |seen: &[HistogramFigures]| {
+    let at = |seen: &[Peak], shift: f64| fit(seen, shift).map_or(f64::INFINITY, |f| f.residual);
+    let best = |seen: &[Peak]| {
         let shifts = (0..=2 * reach).map(|k| (k as f64 - reach as f64) * width);
         shifts.min_by(|a, b| at(seen, *a).total_cmp(&at(seen, *b))).unwrap_or(0.0)
     };
@@ -220,7 +217,7 @@ fn middle(histogram: &[f32]) -> Option<(f64, f64, f64)> {
 }
 
 /// A wall point, with the path and the counts of its peak. More counts make the path more accurate.
-struct HistogramFigures {
+struct Peak {
     wall: DVec3,
     path: f64,
     counts: f64,
@@ -236,7 +233,7 @@ struct Fit {
 }
 
 /// Fits a point p to paths shifted by `shift`. The wall is taken as flat. Unknowns: |p|², p.x and p.y.
-fn fit(seen: &[HistogramFigures], shift: f64) -> Option<Fit> {
+fn fit(seen: &[Peak], shift: f64) -> Option<Fit> {
     let centre = seen.iter().map(|s| s.wall).sum::<DVec3>() / seen.len().max(1) as f64;
     let half = |t: f64| 0.5 * (t + shift);
     let (mut normal, mut right) = (glam::DMat3::ZERO, DVec3::ZERO);
@@ -256,7 +253,7 @@ fn fit(seen: &[HistogramFigures], shift: f64) -> Option<Fit> {
         return None;
     }
     let found = normal.inverse() * right;
-    let off = |s: &HistogramFigures| (value(s.wall, half(s.path)) - row(s.wall).dot(found)) / half(s.path);
+    let off = |s: &Peak| (value(s.wall, half(s.path)) - row(s.wall).dot(found)) / half(s.path);
     let left: Vec<f64> = seen.iter().map(off).collect();
     let (sum, counts) =
         left.iter().zip(seen).fold((0.0, 0.0), |(a, n), (v, s)| (a + s.counts * v * v, n + s.counts));

@@ -21,7 +21,7 @@ pub(super) struct Pipeline {
     pub device: Arc<OwnedDevice>,
 }
 
-/// Pipelines at most that no executor uses and that stay for later ones. A solve has some 40.
+/// From so many pipelines on, a new one takes the place of all that no executor uses. A solve has some 40.
 const KEPT: usize = 512;
 
 /// The pipelines of a device: executors with the same kernels share them, side by side or one after the other.

@@ -21,7 +21,7 @@ const EIGHT_BYTES: [u32; 6] = [0xFFFF_0008, 0x0000_0008, 0x1000_0008, 0x1100_000
 const FOLLOWED: [u32; 4] = [0x2001_FFFF, 0x4001_FFFF, 0x4002_FFFF, 0xFFFF_FFFF];
 
 #[derive(Debug, Clone, Copy, PartialEq)]
-enum Number {
+enum HeaderValue {
     Whole(i64),
     Real(f64),
 }
@@ -29,7 +29,7 @@ enum Number {
 /// The numbers of a header, by name and index.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Header {
-    values: BTreeMap<(String, i32), Number>,
+    values: BTreeMap<(String, i32), HeaderValue>,
     /// Bytes up to the data.
     pub(super) length: u64,
 }
@@ -55,9 +55,9 @@ impl Header {
             }
             if kind == FLOAT {
                 let real = f64::from_bits(value as u64);
-                header.values.insert((name, index as i32), Number::Real(real));
+                header.values.insert((name, index as i32), HeaderValue::Real(real));
             } else if EIGHT_BYTES.contains(&kind) {
-                header.values.insert((name, index as i32), Number::Whole(value));
+                header.values.insert((name, index as i32), HeaderValue::Whole(value));
             } else if FOLLOWED.contains(&kind) {
                 let length = value as u64;
                 if length > LONGEST {
@@ -83,16 +83,16 @@ impl Header {
     /// The whole number of this index.
     pub(super) fn whole_at(&self, name: &str, index: i32) -> Option<i64> {
         match self.values.get(&(name.to_string(), index))? {
-            Number::Whole(value) => Some(*value),
-            Number::Real(_) => None,
+            HeaderValue::Whole(value) => Some(*value),
+            HeaderValue::Real(_) => None,
         }
     }
 
     /// The real number of this index.
     pub(super) fn real_at(&self, name: &str, index: i32) -> Option<f64> {
         match self.values.get(&(name.to_string(), index))? {
-            Number::Real(value) => Some(*value),
-            Number::Whole(_) => None,
+            HeaderValue::Real(value) => Some(*value),
+            HeaderValue::Whole(_) => None,
         }
     }
 

@@ -49,7 +49,7 @@ passes! {
             mend: &advice!["use a smaller " Peak ", or a larger " MinDepth " where voxels touch the wall"],
         }],
         twin: twin!(backward),
-        ..Pass::of("backward", |p| p.seen(&kernel::BACKWARD, &kernel::BACKWARD_TEXELS))
+        ..Pass::of("backward", |p| p.variant(&kernel::BACKWARD, &kernel::BACKWARD_TEXELS))
     };
 
     /// Updates the raw variables by Adam.

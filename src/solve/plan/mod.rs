@@ -202,7 +202,7 @@ impl Plan {
     }
 
     /// The variant of a module that sees what it reads for every pair as this plan does ([`Tuning::texels`]).
-    pub fn seen(&self, blocks: &'static KernelCode, texels: &'static KernelCode) -> &'static KernelCode {
+    pub fn variant(&self, blocks: &'static KernelCode, texels: &'static KernelCode) -> &'static KernelCode {
         if self.division.tuning.texels { texels } else { blocks }
     }
 

@@ -180,10 +180,10 @@ pub fn forward(plan: &Plan) -> &'static KernelCode {
         (Accumulation::Cas, false) => &kernel::FORWARD_CAS,
         (Accumulation::Cas, true) => &kernel::FORWARD_PRODUCT_CAS,
         (Accumulation::Owned | Accumulation::Auto | Accumulation::Repeatable, false) => {
-            plan.seen(&kernel::FORWARD_OWNED, &kernel::FORWARD_OWNED_TEXELS)
+            plan.variant(&kernel::FORWARD_OWNED, &kernel::FORWARD_OWNED_TEXELS)
         }
         (Accumulation::Owned | Accumulation::Auto | Accumulation::Repeatable, true) => {
-            plan.seen(&kernel::FORWARD_PRODUCT_OWNED, &kernel::FORWARD_PRODUCT_OWNED_TEXELS)
+            plan.variant(&kernel::FORWARD_PRODUCT_OWNED, &kernel::FORWARD_PRODUCT_OWNED_TEXELS)
         }
     }
 }

@@ -66,7 +66,7 @@ passes! {
             mend: &advice!["use a smaller " Peak ", or a larger " MinDepth " where it touches the wall"],
         }],
         twin: twin!(surface_gather),
-        ..Pass::of("surface_gather", |p| p.seen(&kernel::SURFACE_GATHER, &kernel::SURFACE_GATHER_TEXELS))
+        ..Pass::of("surface_gather", |p| p.variant(&kernel::SURFACE_GATHER, &kernel::SURFACE_GATHER_TEXELS))
     };
 
     /// Sums the gradients of the points of every pixel.

@@ -23,7 +23,7 @@ passes! {
         report: "backward_project",
         pairs: Some(Voxels::Grid),
         twin: twin!(backproject),
-        ..Pass::of("backproject", |p| p.seen(&kernel::BACKPROJECT, &kernel::BACKPROJECT_TEXELS))
+        ..Pass::of("backproject", |p| p.variant(&kernel::BACKPROJECT, &kernel::BACKPROJECT_TEXELS))
     };
 
     /// Smooths the back-projection along x.
@@ -86,7 +86,7 @@ passes! {
         pairs: Some(Voxels::Active),
         faults: BOUND_FAULT,
         twin: twin!(bound),
-        ..Pass::of("bound_step", |p| p.seen(&kernel::BOUND, &kernel::BOUND_TEXELS))
+        ..Pass::of("bound_step", |p| p.variant(&kernel::BOUND, &kernel::BOUND_TEXELS))
     };
 
     /// Computes the photon variance of every bin.
@@ -115,7 +115,7 @@ passes! {
         pairs: Some(Voxels::Active),
         faults: BOUND_FAULT,
         twin: twin!(bound),
-        ..Pass::of("bound_noise", |p| p.seen(&kernel::BOUND, &kernel::BOUND_TEXELS))
+        ..Pass::of("bound_noise", |p| p.variant(&kernel::BOUND, &kernel::BOUND_TEXELS))
     };
 
     /// Extrapolates the iterate, and computes its roughness there.
@@ -146,6 +146,6 @@ passes! {
             },
         ],
         twin: twin!(step),
-        ..Pass::of("step", |p| p.seen(&kernel::STEP, &kernel::STEP_TEXELS))
+        ..Pass::of("step", |p| p.variant(&kernel::STEP, &kernel::STEP_TEXELS))
     };
 }
