@@ -14,7 +14,7 @@ use crate::solve::{
     Bins, Discretisation, Problem, Progress, Ready, SolverOptions, TracePoint, VolumeMap, Watch, conclude,
 };
 use crate::transport::Volume;
-use crate::trials::{Choice, Found, Resolved};
+use crate::estimation::{Choice, Estimates, Resolved};
 use crate::{Error, Result};
 
 type Hear = Arc<Mutex<dyn FnMut(&Progress) -> ControlFlow<()> + Send>>;
@@ -33,7 +33,7 @@ pub struct Options {
 }
 
 impl Options {
-    /// A method by its name on the command line: `vector` (the default), `paper`, `lct` and so on.
+    /// A method by its name on the command line: `surface` (the default), `paper`, `lct` and so on.
     #[must_use]
     pub fn method(mut self, name: &str) -> Options {
         self.choice.solver = Some(name.into());
@@ -128,7 +128,7 @@ impl Options {
         capture: &'c Capture,
         how: Discretisation,
         memory: Option<u64>,
-    ) -> Result<(Found, SolverOptions, Cow<'c, Capture>)> {
+    ) -> Result<(Estimates, SolverOptions, Cow<'c, Capture>)> {
         let resolved = self.resolved(capture)?;
         // What does not fit is told before any trial.
         how.grid(&resolved.solver, capture)?;

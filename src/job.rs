@@ -35,7 +35,7 @@ use crate::solve::Preset;
 use crate::tags;
 
 pub use crate::solve::{Bins, SolverOptions, check_solver, reflectance};
-pub use crate::trials::{Choice, FindPulse, MODELS, Resolved, preset_for};
+pub use crate::estimation::{Choice, FindPulse, MODELS, Resolved, preset_for};
 
 pub use advice::suggestions;
 pub use batch::{Batch, batch};

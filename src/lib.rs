@@ -26,7 +26,13 @@
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
 
+/// Debug override.
+pub fn dbg_of(name: &str, default: f64) -> f64 {
+    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
+}
 mod door;
+#[doc(hidden)]
+pub mod estimation;
 #[cfg(feature = "formats")]
 #[doc(hidden)]
 pub mod job;
@@ -39,8 +45,6 @@ pub mod session;
 pub mod solve;
 #[doc(hidden)]
 pub mod transport;
-#[doc(hidden)]
-pub mod trials;
 
 #[doc(hidden)]
 pub use thirdbounce_base::{error, panic_message};
@@ -69,8 +73,7 @@ pub use session::{
     Canceller, Feed, Frame, FrameId, Hear, Latency, LentFrame, Session, SessionOptions, Submitter,
 };
 pub use solve::option::OptionValue;
-pub use solve::vector::Follow;
-pub use solve::{Doing, Format, LentCounts, Progress, Reconstruction, TracePoint, VolumeMap};
+pub use solve::{Doing, Follow, Format, LentCounts, Progress, Reconstruction, TracePoint, VolumeMap};
 pub use transport::{Grid, Volume};
 
 #[doc(inline)]

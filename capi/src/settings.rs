@@ -7,9 +7,9 @@ use std::time::Duration;
 
 use engine::session::{Feed, FrameId, Hear, SessionOptions};
 use engine::solve::option::{OptionValue, Suit};
-use engine::solve::vector::Follow;
+use engine::solve::Follow;
 use engine::solve::{Progress, SolverOptions};
-use engine::trials::Choice;
+use engine::estimation::Choice;
 use engine::{Error, Result};
 
 use crate::sized::Versioned;

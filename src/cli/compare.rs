@@ -182,7 +182,7 @@ impl HowArgs {
         let method = |spec: &methods::Spec| {
             let usual = spec.choice.resolve(&loaded.capture).request();
             let request = Request {
-                preview: !spec.no_preview && matches!(usual.solver, SolverOptions::Vector(_)),
+                preview: !spec.no_preview && matches!(usual.solver, SolverOptions::Surface(_)),
                 tuned: false,
                 bins,
                 depth_pitch: spec.depth_pitch.or(self.grid.depth_pitch),

@@ -10,7 +10,7 @@ use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::live::{self, News, Page, Source, Summary};
 use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
 use thirdbounce::solve::option::OptionValue;
-use thirdbounce::solve::vector::Follow;
+use thirdbounce::solve::Follow;
 use thirdbounce::{Error, Result, capture, export, job};
 
 use super::histogram::FromTags;

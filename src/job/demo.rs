@@ -10,7 +10,7 @@ use crate::capture;
 use crate::export;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::simulate::{RenderOptions, Scene, simulate, truth};
-use crate::solve::{Preset, Progress, VectorOptions};
+use crate::solve::{Preset, Progress, SurfaceOptions};
 
 /// The result of the demo.
 #[derive(Debug, Clone)]
@@ -51,7 +51,7 @@ pub fn demo(
 
     say("reconstructing it from the light that bounced three times");
     let loaded = load(&Input { path: capture_file, ..Input::default() })?;
-    let mut request = Request::new(VectorOptions::default(), out);
+    let mut request = Request::new(SurfaceOptions::default(), out);
     request.preset = Some(Preset::Synthetic);
     request.device = device;
     request.truth = Some(truth_file);

@@ -27,7 +27,7 @@ use crate::export::{self, report};
 use crate::gpu::{Gpu, HostSpan, Recording};
 use crate::solve::{Plan, Progress};
 use crate::transport::Grid;
-use crate::trials;
+use crate::estimation;
 use crate::{Error, Result};
 
 pub use kernels::{Floor, Gaps, IterationProfile, KernelProfile};
@@ -125,7 +125,7 @@ pub fn profile(
     say(&format!("measuring the limits of {}", gpu.info.name));
     let limits = limits::measure(&gpu)?;
     // Trials are no part of the profile.
-    let found = trials::find(&request.ask(), &loaded.capture, &gpu, hear)?;
+    let found = estimation::estimate(&request.ask(), &loaded.capture, &gpu, hear)?;
     let (request, capture) = request.settled(&found, &loaded.capture)?;
     let with_pulse = match capture {
         Cow::Owned(capture) => Some(Loaded { capture, ..loaded.clone() }),

@@ -15,7 +15,7 @@ use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
 use crate::solve::{Beside, Checkpoint, Keep, Problem, Progress, Ready, Reconstruction, Watch, conclude};
 use crate::transport::Grid;
-use crate::trials::{self, Found};
+use crate::estimation::{self, Estimates};
 use crate::{Error, Kind, Result};
 
 /// The result of a solve, and its figures.
@@ -29,7 +29,7 @@ pub struct Finished {
     /// The maps after the iterations that the request names.
     pub snapshots: Vec<(usize, Maps)>,
     /// What trials found before the solve. Their time counts as solve time.
-    pub found: Found,
+    pub found: Estimates,
     /// The solver with its options, for the model that was found.
     pub solver: SolverOptions,
     /// The grid that was solved.
@@ -66,7 +66,7 @@ pub fn solve(
     });
     let found = match known {
         Some(found) => found,
-        None => trials::find(&request.ask(), &loaded.capture, gpu, hear)?,
+        None => estimation::estimate(&request.ask(), &loaded.capture, gpu, hear)?,
     };
     let (settled, capture) = request.settled(&found, &loaded.capture)?;
     let request = &settled;
@@ -114,7 +114,7 @@ pub fn solve(
     let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &maps_at };
     let beside = Beside { watch: &mut watch, keep: Some(keep), lent: None };
     let solver = sizes::with_kept(request, gpu, capture);
-    let done = solver.solve_on(gpus, &request.problem(capture, grid), beside);
+    let done = solver.solve(&gpus[0], &request.problem(capture, grid), beside);
     let mut result = match failed {
         Some(e) => return Err(e),
         None => done

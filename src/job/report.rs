@@ -104,8 +104,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
 /// Counts per bin of every histogram that the solver took off as background; `None` if it takes none off.
 fn background_of(loaded: &Loaded, done: &Finished) -> Option<f64> {
     match &done.solver {
-        SolverOptions::Vector(o) if o.background => Some(background(&loaded.capture)),
-        SolverOptions::SurfaceAlone(o) if o.background => Some(background(&loaded.capture)),
+        SolverOptions::Surface(o) if o.background => Some(background(&loaded.capture)),
         _ => None,
     }
 }

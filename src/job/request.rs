@@ -10,7 +10,7 @@ use crate::gpu::{Faults, Gpu, GpuOptions};
 use crate::maps::{Maps, Truth};
 use crate::solve::{Discretisation, Preset, Problem, Ready, pixel_of};
 use crate::transport::{Grid, Volume};
-use crate::trials::{Ask, Found};
+use crate::estimation::{EstimateRequest, Estimates};
 use crate::{Error, Result};
 
 /// What to reconstruct, how, and where the results go. The capture is given separately.
@@ -135,8 +135,8 @@ impl Request {
     }
 
     /// What trials are to find before the solve.
-    pub(super) fn ask(&self) -> Ask<'_> {
-        Ask {
+    pub(super) fn ask(&self) -> EstimateRequest<'_> {
+        EstimateRequest {
             solver: &self.solver,
             models: &self.models,
             find_pulse: self.find_pulse,
@@ -148,10 +148,10 @@ impl Request {
     /// The request and the capture with what trials found.
     ///
     /// # Errors
-    /// Those of [`Found::settle`].
+    /// Those of [`Estimates::settle`].
     pub(super) fn settled<'c>(
         &self,
-        found: &Found,
+        found: &Estimates,
         capture: &'c Capture,
     ) -> Result<(Request, Cow<'c, Capture>)> {
         let (solver, capture) = found.settle(&self.solver, &self.models, capture)?;

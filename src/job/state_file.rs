@@ -16,7 +16,7 @@ use crate::files::atomic::{self, cannot};
 use crate::maps::Maps;
 use crate::measure::Metrics;
 use crate::solve::{Checkpoint, Identity, TracePoint};
-use crate::trials::Found;
+use crate::estimation::Estimates;
 use crate::{Error, Result};
 
 /// The last byte is the version of the format.
@@ -32,7 +32,7 @@ pub struct Kept {
     /// Maps after the iterations that were asked for.
     pub snapshots: Vec<(usize, Maps)>,
     /// What trials found before the solve.
-    pub found: Found,
+    pub found: Estimates,
 }
 
 impl Kept {
@@ -68,7 +68,7 @@ struct Head {
     gpu_seconds: f64,
     along: BTreeMap<usize, Metrics>,
     snapshots: Vec<SnapshotHead>,
-    found: Found,
+    found: Estimates,
     buffers: Vec<(String, usize)>,
 }
 

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::solve::vector::{self, Follow, Frames};
+use crate::solve::Follow;
 use crate::solve::{Bins, Discretisation, LentRows, Problem, check_lent_scan};
 use crate::solve::{Plan, Prepared, Progress, Reconstruction, SolverOptions};
 use crate::transport::Grid;
@@ -72,9 +72,9 @@ pub struct SessionOptions {
     pub maps_every: Option<usize>,
     /// What becomes of frames that are submitted while another one is being solved.
     pub feed: Feed,
-    /// Begin a frame with the solution of the one before, and keep to a time for each frame. For the vector solver.
+    /// Begin a frame with the solution of the one before, and keep to a time for each frame. For the surface solver.
     pub follow: Option<Follow>,
-    /// Frames may lie in buffers of the caller's ([`Session::submit_lent`]). For the vector solver, and for photon counts.
+    /// Frames may lie in buffers of the caller's ([`Session::submit_lent`]). For the surface solver, and for photon counts.
     pub lent: bool,
 }
 
@@ -299,19 +299,17 @@ fn prepared(
 ) -> Result<Box<dyn Prepared>> {
     let SessionOptions { memory, with_volume, .. } = *options;
     let problem = Problem { capture: scan, grid, memory, with_volume };
-    let frames = Frames { follow: options.follow, lent };
     if let Some(rows) = lent {
         check_lent_scan(scan.integer_counts, rows)?;
     }
     match solver {
-        _ if frames == Frames::default() => solver.prepare(gpu, &problem),
-        SolverOptions::Vector(o) => Ok(Box::new(vector::prepare_for_frames(gpu, &problem, o, frames)?)),
+        _ if options.follow.is_none() && lent.is_none() => solver.prepare(gpu, &problem),
         _ => Err(Error::options(
             format!(
                 "frames of the solver {} neither follow each other nor lie in lent buffers",
                 solver.name()
             ),
-            "use the vector solver, or leave `follow` and `lent` out",
+            "use the surface solver, or leave `follow` and `lent` out",
         )),
     }
 }

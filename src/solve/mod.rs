@@ -1,7 +1,6 @@
 //! Solvers: what is minimised over which voxels, in what order, as schedules that the device runs.
 //!
-//! A solver has a folder: [`paper`] is the ECCV 2024 one, [`vector`] the accelerated one, [`surface`] what follows it,
-//! and `surface_alone` that without a volume before it.
+//! A solver has a folder: [`paper`] is the ECCV 2024 one, [`surface`] the default.
 //! Each declares its passes as rows ([`Pass`]) and what it needs of a plan ([`Needs`]). It builds the schedules of its
 //! start, of its iterations and of the changes between them. The rest is shared: a [`Plan`] is made before anything is
 //! allocated, [`OnDevice`] holds its buffers, and the driver submits schedules and reads the trace of finished blocks.
@@ -13,7 +12,7 @@ pub mod closed_form;
 mod conditions;
 mod discretisation;
 mod domain;
-mod drive;
+pub(crate) mod drive;
 mod estimate;
 mod extent;
 mod intake;
@@ -24,17 +23,15 @@ mod outline;
 mod over_pairs;
 pub mod paper;
 mod plan;
-mod prepared;
+pub(crate) mod prepared;
 mod problem;
 mod result;
 mod rounding;
 mod solver;
 mod solvers;
 pub mod surface;
-mod surface_alone;
 mod together;
 mod trace;
-pub mod vector;
 
 pub use bins::Bins;
 pub use checkpoint::{Checkpoint, Identity, Keep};
@@ -42,7 +39,7 @@ pub use conditions::conclude;
 pub use discretisation::{Discretisation, Ready};
 pub use domain::{compact, extract};
 pub use drive::{Beside, Doing, Progress, Watch};
-pub(crate) use estimate::enough_pairs;
+pub(crate) use estimate::{enough_pairs, weighted_sum};
 pub use estimate::{background, expected_noise, variance_per_count, variances};
 pub use extent::default_volume;
 pub(crate) use intake::check_scan as check_lent_scan;
@@ -54,24 +51,21 @@ pub use over_pairs::sum_bins;
 pub use paper::{Decay, NoiseTerm, PaperOptions};
 pub use plan::{
     Accumulation, COLUMNS_HOST, ConstantValue, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart,
-    Pass, Plan, SMOOTH, Share, Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
+    Pass, Plan, RESIDUAL_HOST, SMOOTH, Share, Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
 };
 pub use prepared::Prepared;
 pub use problem::Problem;
 pub use result::{ImageNoise, Reconstruction, Sharpness};
 pub use solver::{Common, RunsOn, Solver};
 pub use solvers::{SolverOptions, check_solver, pixel_of, reflectance};
-pub use surface::SurfaceOptions;
-pub use surface_alone::{Begin, SurfaceAloneOptions};
+pub use surface::{Begin, Follow, SurfaceOptions};
 pub use trace::TracePoint;
-pub use vector::VectorOptions;
 
 /// The passes of all solvers: those that they share, then one list for each.
 pub static PASSES: &[&[&Pass]] = &[
     passes::ALL,
     paper::passes::ALL,
-    vector::passes::ALL,
-    vector::follow::passes::ALL,
+    closed_form::passes::ALL,
     surface::passes::ALL,
 ];
 

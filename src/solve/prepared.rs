@@ -33,28 +33,24 @@ pub trait Prepared: Send {
     /// # Errors
     /// The device fails. Then `done` has not come.
     fn give(&mut self, _content: &[u8], _to: &Lent, _done: Option<Moment>) -> Result<()> {
-        Err(Error::options("this method works on the host", "use the vector solver for lent buffers"))
+        Err(Error::options("this method works on the host", "use the surface solver for external buffers"))
     }
 }
 
 /// A planned solve, on the device from its first use on.
-pub(super) struct Planned {
+pub(crate) struct Planned {
     gpu: Gpu,
     plan: Arc<Plan>,
     memory: Option<u64>,
-    state: State,
-}
-
-enum State {
-    /// The model without counts, until the device has it.
-    Outline(Box<Model>),
-    Made(Box<OnDevice>),
+    /// The model without counts.
+    outline: Model,
+    made: Option<Box<OnDevice>>,
 }
 
 impl Planned {
     /// `outline` is a model without counts. `memory` is a budget in bytes.
     pub fn new(gpu: &Gpu, outline: Model, plan: Plan, memory: Option<u64>) -> Planned {
-        Planned { gpu: gpu.clone(), plan: Arc::new(plan), memory, state: State::Outline(Box::new(outline)) }
+        Planned { gpu: gpu.clone(), plan: Arc::new(plan), memory, outline, made: None }
     }
 
     pub fn gpu(&self) -> &Gpu {
@@ -63,6 +59,11 @@ impl Planned {
 
     pub fn plan(&self) -> &Arc<Plan> {
         &self.plan
+    }
+
+    /// Frees its buffers; the next use allocates them again.
+    pub fn release(&mut self) {
+        self.made = None;
     }
 
     /// See [`Prepared::give`].
@@ -78,13 +79,12 @@ impl Planned {
     /// # Errors
     /// As [`OnDevice::new`].
     pub fn made(&mut self, first: impl FnOnce(&mut OnDevice) -> Result<()>) -> Result<&mut OnDevice> {
-        if let State::Outline(outline) = &self.state {
-            let model = (**outline).clone();
-            let mut made = OnDevice::new(&self.gpu, model, self.plan.clone(), self.memory)?;
+        if self.made.is_none() {
+            let mut made = OnDevice::new(&self.gpu, self.outline.clone(), self.plan.clone(), self.memory)?;
             first(&mut made)?;
-            self.state = State::Made(Box::new(made));
+            self.made = Some(Box::new(made));
         }
-        let State::Made(job) = &mut self.state else { unreachable!("made above") };
+        let job = self.made.as_mut().expect("made above");
         // A solve that failed or was cancelled may have left work behind.
         job.executor.settle()?;
         Ok(job)

@@ -1,10 +1,10 @@
 //! What every method can do that turns a capture into maps.
 
 use super::option::Options;
-use super::{Accumulation, Needs, Plan, Prepared, Problem, Sizes, TimedSchedule};
+use super::{Accumulation, Plan, Prepared, Problem, Sizes, TimedSchedule};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::{Abilities, Gpu};
+use crate::gpu::{Abilities, Gpu, check};
 use crate::transport::Reflectance;
 
 /// A method, as its options.
@@ -38,9 +38,12 @@ pub trait Solver: Options {
     /// The method does not take the capture (`Kind::Input`), or the grid exceeds the limits of the device.
     fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan>;
 
-    /// What it asks of a plan, if its pairs can be divided into parts.
-    fn needs(&self) -> Option<&dyn Needs> {
-        None
+    /// A plan of its own as it fits on a device, with `memory` bytes if that is given: as it is, or in parts of pairs.
+    ///
+    /// # Errors
+    /// It does not fit.
+    fn within(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
+        check(&plan.buffers, &gpu.memory(), memory).map(|()| plan)
     }
 
     /// The schedules of a whole solve with `plan`; none if the device has no part in it.

@@ -10,12 +10,11 @@ use super::closed_form::{
 };
 use super::option::{OptionValue, Row, Suit, default_text};
 use super::{
-    Beside, Common, Needs, PaperOptions, Plan, Prepared, Problem, Reconstruction, RunsOn, Sizes, Solver,
-    SurfaceAloneOptions, TimedSchedule, VectorOptions, default_volume, surface,
+    Beside, Common, PaperOptions, Plan, Prepared, Problem, Reconstruction, RunsOn, Sizes, Solver,
+    SurfaceOptions, TimedSchedule, default_volume, surface,
 };
-use crate::advice::advice;
 use crate::capture::Capture;
-use crate::gpu::{Abilities, Gpu, check};
+use crate::gpu::{Abilities, Gpu};
 use crate::maps::Maps;
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Result};
@@ -61,8 +60,8 @@ macro_rules! solvers {
                 $options::check(self)
             }
 
-            fn needs(&self) -> Option<&dyn Needs> {
-                Some(self)
+            fn within(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
+                plan.within(self, &gpu.memory(), memory)
             }
 
             fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
@@ -143,10 +142,9 @@ macro_rules! solvers {
 solvers! {
     iterative {
         Paper(PaperOptions) in paper;
-        Vector(VectorOptions) in vector;
     }
     other {
-        SurfaceAlone(SurfaceAloneOptions);
+        Surface(SurfaceOptions);
     }
     closed_form {
         Lct(LctOptions);
@@ -162,7 +160,7 @@ solvers! {
 
 impl SolverOptions {
     /// The solver that wins the comparison of error against run time (docs/error-vs-time.md).
-    pub const DEFAULT: &str = VectorOptions::NAME;
+    pub const DEFAULT: &str = SurfaceOptions::NAME;
 
     /// Sets an option to the first of `values` that it takes, and returns that one; `None` if it takes none of them.
     pub fn set_first(
@@ -184,17 +182,17 @@ impl SolverOptions {
 
     /// Whether quick solves look for the model of reflectance if nobody names one: for solvers that render surfaces.
     pub fn has_trials(&self) -> bool {
-        matches!(self, SolverOptions::Vector(_) | SolverOptions::SurfaceAlone(_))
+        matches!(self, SolverOptions::Surface(_))
     }
 
-    /// The vector solver's options for the same scene: for quick solves beside the one that was asked for.
-    pub fn as_vector(&self, confocal: bool) -> VectorOptions {
+    /// The surface solver's options for the same scene: for short fits beside the requested solve.
+    pub fn as_surface(&self) -> SurfaceOptions {
         match self {
-            SolverOptions::Vector(o) => o.clone(),
+            SolverOptions::Surface(o) => o.clone(),
             other => {
                 let Common { reflectance, min_depth, .. } = other.common();
-                let suit = Suit { confocal, reflectance, ..Suit::USUAL };
-                VectorOptions::suited_to(&suit).with(|v| v.domain.min_depth = min_depth)
+                let suit = Suit { reflectance, ..Suit::USUAL };
+                SurfaceOptions::suited_to(&suit).with(|o| o.min_depth = min_depth)
             }
         }
     }
@@ -277,10 +275,7 @@ impl SolverOptions {
     /// # Errors
     /// It does not fit.
     pub fn fit(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
-        match self.needs() {
-            Some(needs) => plan.within(needs, &gpu.memory(), memory),
-            None => check(&plan.buffers, &gpu.memory(), memory).map(|()| plan),
-        }
+        self.within(plan, gpu, memory)
     }
 
     /// The plan of a solve on a device as it is, in parts of pairs where all do not fit.
@@ -304,26 +299,6 @@ impl SolverOptions {
         self.check()?;
         problem.capture.check()?;
         self.prepare(gpu, problem)?.solve(problem.capture, beside.into())
-    }
-
-    /// Runs the solver on several devices that share the pairs, or on one.
-    ///
-    /// # Errors
-    /// See [`super::vector::reconstruct_on`]; and several devices are given for another solver.
-    pub fn solve_on<'b, 'w: 'b>(
-        &self,
-        gpus: &[Gpu],
-        problem: &Problem<'_>,
-        beside: impl Into<Beside<'b, 'w>>,
-    ) -> Result<Reconstruction> {
-        match (self, gpus) {
-            (_, [gpu]) => self.solve(gpu, problem, beside),
-            (SolverOptions::Vector(o), _) => super::vector::reconstruct_on(gpus, problem, o, beside),
-            _ => Err(Error::options(
-                format!("{} devices are to share a solve, and {} runs on one", gpus.len(), self.name()),
-                advice!["name one " Device ", or use the vector solver"],
-            )),
-        }
     }
 
     /// The options of all solvers, each once, with its text and what it is by default.

@@ -12,7 +12,7 @@ use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
 use crate::simulate::{RenderOptions, Scene, simulate};
 use crate::solve::{
-    Accumulation, Pass, paper as paper_solver, passes, surface as surface_stage, vector as vector_solver,
+    Accumulation, Pass, paper as paper_solver, passes, surface as surface_stage,
 };
 use crate::transport::Model;
 use crate::transport::twin;
@@ -20,7 +20,6 @@ use crate::transport::twin;
 mod buffers;
 mod paper;
 mod surface;
-mod vector;
 
 /// A check: an iteration of a solver, pass by pass.
 pub struct Check {
@@ -46,21 +45,6 @@ pub static CHECKS: &[Check] = &[
         ],
         with_instrument: false,
         run: paper::check,
-    },
-    Check {
-        solver: "vector",
-        holds: &[
-            &vector_solver::passes::EXTRAPOLATE,
-            &passes::FORWARD,
-            &passes::SPOT,
-            &passes::PULSE,
-            &passes::RESIDUAL,
-            &passes::PULSE_BACK,
-            &passes::SPOT_BACK,
-            &vector_solver::passes::STEP,
-        ],
-        with_instrument: true,
-        run: vector::check,
     },
     Check {
         solver: "surface",
@@ -194,12 +178,12 @@ mod tests {
     fn this_device_computes_as_the_twins_on_every_path() {
         let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device: `make setup` installs lavapipe");
         let all = check(&gpu).unwrap();
-        assert_eq!(all.len(), 25 * if gpu.accumulations.float { 5 } else { 4 });
+        assert_eq!(all.len(), 16 * if gpu.accumulations.float { 5 } else { 4 });
         for c in &all {
             println!("{c:?}");
             assert!(c.passed() && c.error > 0.0, "{c:?}");
         }
-        assert_eq!(worst(&all).len(), 25);
+        assert_eq!(worst(&all).len(), 16);
     }
 
     #[test]

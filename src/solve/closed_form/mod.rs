@@ -39,7 +39,7 @@ mod upsample;
 
 use sharpness::Ladder;
 
-pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions};
+pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions, hat, passes};
 pub use convolution::{ConvolutionOptions, Prior};
 pub use dlct::DlctOptions;
 pub use fk::FkOptions;

@@ -40,7 +40,7 @@ type Extract<'s> = Box<dyn Fn(&mut Schedule, &Level) + 's>;
 
 /// A solver as its driver sees it. What it adds goes into schedules that live as long as the device's buffers, so an
 /// iteration allocates nothing.
-pub(super) struct Steps<'s> {
+pub(crate) struct Steps<'s> {
     /// Its levels in order.
     pub levels: Vec<Level>,
     /// Runs before the first iteration.
@@ -70,7 +70,7 @@ pub(super) struct Steps<'s> {
 }
 
 /// The result of driving a solver.
-pub(super) struct Driven {
+pub(crate) struct Driven {
     pub trace: Vec<TracePoint>,
     pub maps: Maps,
     /// The level that the last iteration ran at.
@@ -96,7 +96,7 @@ const IN_FLIGHT: usize = 2;
 ///
 /// # Errors
 /// The device fails, the watch cancels ([`Kind::Cancelled`]), or a loss is not finite.
-pub(super) fn drive(
+pub(crate) fn drive(
     gpu: &Gpu,
     device: &mut OnDevice,
     iterations: usize,

@@ -237,11 +237,11 @@ const LEAST_BATCH: usize = 225;
 /// Batches of the pairs of `level`, in order. As pairs are spread over the wall, so are those of a batch. Up to three pairs at
 /// the end are in none.
 fn in_batches(model: &Model, level: Option<&Level>) -> Vec<Level> {
-    let pairs = model.pairs() / BATCHES;
+    let batches = crate::dbg_of("BATCHES", 4.0) as usize; let pairs = model.pairs() / batches;
     // The rows of a product with several other points are not cut, nor are sums over spots.
     let rows = model.wall.geometry == Geometry::Product && model.wall.others.len() > 1;
     let cuts = !rows && model.rendered.is_none();
-    let Some(level) = level.filter(|_| model.is_spread && cuts && pairs >= LEAST_BATCH) else {
+    let Some(level) = level.filter(|_| model.is_spread && cuts && pairs >= crate::dbg_of("LEASTB", LEAST_BATCH as f64) as usize) else {
         return vec![];
     };
     let batch = |i: u16| {
@@ -250,7 +250,7 @@ fn in_batches(model: &Model, level: Option<&Level>) -> Vec<Level> {
         let (first, measured) = (usize::from(i) * pairs, BATCH_MEASURED.at(i));
         Level { first, pairs, measured, wall, scene, rendered, ..*level }
     };
-    (0..BATCHES as u16).map(batch).collect()
+    (0..batches as u16).map(batch).collect()
 }
 
 /// The first `pairs` of a model, with these buffers.

@@ -7,8 +7,11 @@
 
 use std::collections::BTreeMap;
 
-use super::pixels::{SUPPORT, white};
+use super::pixels::white;
 use crate::maps::{Layer, Maps};
+
+/// Share of white that a first surface's albedo must have.
+const SUPPORT: f32 = 0.1;
 
 /// Share of white that a second surface's albedo must have: everywhere, and that of the dimmer of two surfaces in the
 /// mean over the columns that two sheets share. Measured means: plates 0.51 to 0.93; haze of real captures that go on

@@ -1,335 +1,385 @@
-//! The surface: a depth and an albedo for every pixel, refined together from the volume's maps.
+//! The surface solver, the default: a closed form, then a surface with data-driven support, fitted by differentiable rendering
+//! (in the manner of Tsai, Sankaranarayanan, Gkioulekas: *Beyond Volumetric Albedo*, CVPR 2019, and of Plack, Callenberg,
+//! Schneider, Hullin: *Fast Differentiable Transient Rendering for Non-Line-of-Sight Reconstruction*, WACV 2023).
 //!
-//! A voxel's centre stands for a square of surface whose paths differ by several bins, and a slanted surface lies in
-//! several voxels of a column. So a volume keeps normals too level and depths to a voxel, however long it is solved
-//! (study in benches/NOTES.md). Here a pixel, as wide as a voxel or less, is its tilted square, rendered as four
-//! points or one. Its normal is that of the plane through its neighbours: shading and shape are one.
+//! minimise  ½ Σ (F √w (A(z, a) − h))² / (P T)  +  prior(z, a)
 //!
-//! The objective is the vector solver's, with a Gaussian prior instead of its other terms: neighbours lie in each
-//! other's planes and have similar albedos, weighted by the noise of the histograms ([`weights()`]). Adam minimises it;
-//! its gradients are averaged over their surroundings at first. Its iterations take a quarter of the pairs in turns: Adam
-//! averages their gradients, and the result is that of all pairs in each (study in benches/studies/pairs.md). The pixels
-//! are the bright ones of the maps ([`Pixels`]); depths stay within the grid. Where the volume shows two surfaces behind
-//! each other, both are refined, each in a layer of its own ([`layers`]).
+//! over a depth z and an albedo a for every pixel of the support. A renders each pixel as its tilted square: one point, or four.
+//! Its normal is that of the plane through its neighbours, so shading and shape are one. The weights w are the inverse falloff:
+//! near and far surfaces weigh alike. F is the high-pass along time. The prior is Gaussian: neighbours lie in each other's planes
+//! and have similar albedos, weighted by what the fit leaves of the data. Adam minimises it; its gradients are averaged over their
+//! surroundings at first, and iterations take batches of the pairs in turns.
+//!
+//! A solve has three parts ([`PreparedSurface::solve`]): the closed form's layers ([`start`]), rounds of short fits on coarse
+//! pixels between which the support follows the evidence ([`support`]), and a fit at the resolution of the maps.
 
+use std::sync::Arc;
 use std::time::Instant;
 
-use super::drive::{Driven, Steps, Watch, drive, stage_values};
-use super::estimate::{energy, expected_noise};
-use super::on_device::{OnDevice, read_maps, trace_rows, upload};
-use super::outline::{self, TimedSchedule};
-use super::over_pairs::{scene_of_sums, turns_of_finish};
-use super::passes::objective;
-use super::{Level, Plan, together};
+use super::drive::{Driven, Watch};
+use super::on_device::OnDevice;
+use super::plan::Needs;
+use super::prepared::Planned;
+use super::result::finish;
+use super::{
+    Beside, Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap,
+};
 use crate::Result;
-use crate::gpu::{Gpu, Schedule};
-use crate::maps::Maps;
+use crate::capture::Capture;
+use crate::gpu::{Abilities, Gpu};
+use crate::maps::{Layer, Maps};
 use crate::transport::Grid;
-use crate::transport::kernels::*;
 
-mod beginning;
-pub mod blur;
+pub(crate) mod fit;
+mod follow;
 pub mod layers;
+pub(crate) mod model;
 mod needs;
 mod options;
 pub mod passes;
 mod pixels;
 mod schedule;
-mod stairs;
+pub(crate) mod start;
+pub(crate) mod support;
 mod weights;
 
-pub(super) use beginning::{Beginning, Continuation};
-pub use needs::{SMALL_PIXEL, buffers, is_blurred, left_out, more_taps, pixels, points_of, points_per_pixel};
-pub use options::SurfaceOptions;
-use pixels::support;
-pub use pixels::{Pixels, SUPPORT};
-pub use schedule::{bonds, divide, extract, extract_behind, iteration, points, render, start};
-use weights::coarser;
+pub(crate) use fit::{Fit, Quality};
+pub(crate) use needs::OfFit;
+pub use needs::{SMALL_PIXEL, pixels, points_of};
+pub use follow::Follow;
+pub use options::{Begin, LEAST_FLOOR, SurfaceOptions};
+pub use pixels::Pixels;
+pub use schedule::{bonds, divide, extract, iteration, points, render, start as start_of};
 pub use weights::{Placed, weights};
 
-/// The surface is rejected if its objective exceeds the volume's by this ratio.
-const WORSE: f64 = 2.0;
-
-/// The bonds and the weights of the prior are found again after every Nth iteration.
-const RENEW: usize = 10;
-
-/// A volume's maps after the surface.
-pub(super) struct Refined {
-    /// The solve.
-    pub driven: Driven,
-    /// The surface was rejected because it explains the data far worse than the volume did: it has one depth in a
-    /// column, or two, where a volume may have several. The maps are the volume's then.
-    pub left: bool,
-    /// Pixels of the surface; 0 if there is none, or if it explains none of the data.
-    pub pixels: usize,
+/// Rounds of the support. Evidence: benches/studies/surface.md, "Support by evidence".
+mod rounds {
+    /// Lateral pixels of the coarse fit.
+    pub const COARSE: usize = 64;
+    /// Rounds on coarse pixels, and at the resolution of the maps.
+    pub const NUMBER: [usize; 2] = [12, 2];
+    /// Iterations of a round.
+    pub const ITERATIONS: usize = 10;
+    /// The model error is judged after this many rounds.
+    pub const JUDGED: usize = 4;
+    /// With a larger model error the support does not grow: haze would look like a surface.
+    pub const MOST_ERROR: f64 = 0.06;
+    /// With a larger share of photon noise, fewer iterations at the resolution of the maps are enough.
+    pub const NOISY: f64 = 0.05;
+    /// The share of iterations that are enough then.
+    pub const OF_NOISY: f64 = 25.0 / 60.0;
+    /// A pixel is surface where the smoothed albedo is above this share of the typical one, without noise, and what noise adds.
+    pub const MASK: [f32; 2] = [0.3, 0.2];
 }
 
-/// Sets to zero what sums begin with, where no volume was solved before: its start does so.
-pub(super) fn cleared(s: &mut Schedule, plan: &Plan) {
-    for cleared in [buffer::COUNTS, buffer::HISTOGRAMS] {
-        s.fill(cleared, plan.bytes_of(cleared), 0);
-    }
-}
-
-/// Refines the surface of `driven` for as many iterations as `options` say, on the plan's own pixels. After a frame, it goes
-/// on from that one's surface, as the second half of twice as many iterations, and all of them take all pairs.
-pub(super) fn refine(
-    gpu: &Gpu,
-    job: &mut OnDevice,
-    options: &SurfaceOptions,
-    watch: &mut Watch<'_>,
-    mut driven: Driven,
-    beginning: Beginning<'_>,
-) -> Result<Refined> {
-    let (start, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
-    let (volume, iterations) = (driven.level, options.iterations);
-    let level = job.plan.levels.pixels.expect("a surface is part of the plan");
-    let (on, second) = match beginning {
-        Beginning::Volume => (None, Some(behind(job, &volume)?)),
-        Beginning::Frame(on) => (Some(on), Some(behind(job, &volume)?)),
-        Beginning::Kept(behind) => (None, Some(behind.clone())),
-        Beginning::Maps => (None, None),
-    };
-    let skipped = if on.is_some() { iterations } else { 0 };
-    let options = &SurfaceOptions { iterations: iterations + skipped, ..options.clone() };
-    let mut layers = match second {
-        Some(second) => begun(job, &driven, second, level.grid.n[0] / volume.grid.n[0]),
-        None => vec![driven.maps.clone()],
-    };
-    if let (Some(on), [only]) = (&on, &mut layers[..]) {
-        on.begin(only, volume.grid.pitch.z);
-    }
-    let pixels = Pixels::of(&layers, support(&job.plan), pixels(&job.plan));
-    let begin = driven.trace.last().map_or(0, |p| p.iteration);
-    let found = if pixels.is_empty() { None } else { place(job, &level, &pixels, begin)? };
-    let coarsest = job.plan.levels.volume[0].grid;
-    let mut weights = found.map(|f| weights(&job.model, &coarsest, &level, f, options));
-    on.iter().for_each(|on| weights.iter_mut().for_each(|weights| on.pace(&driven.maps, weights)));
-    let first_blur = found.filter(|_| is_blurred(&job.plan) && on.is_none()).and_then(|_| {
-        let wide = options.blur * level.grid.pitch.x * coarser(&coarsest, &level.grid);
-        let noise = expected_noise(&job.model) / energy(&job.model, level.pairs);
-        blur::first(wide / job.model.bin_width, noise)
-    });
-    let room = job.plan.tap_room();
-    if let Some(weights) = &weights {
-        if let Some(sigma) = first_blur {
-            let words = blur::words(job.model.pulse.as_ref(), sigma, room);
-            upload(&mut job.executor, buffer::PULSE_TAPS, bytemuck::cast_slice(&words))?;
+impl SurfaceOptions {
+    /// Pixels of the maps side by side in a pixel of the coarse fit; 1 without a coarse fit.
+    fn factor(&self) -> usize {
+        let mut factor = 1;
+        while self.lateral.is_multiple_of(2 * factor) && self.lateral / (2 * factor) >= rounds::COARSE {
+            factor *= 2;
         }
-        upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(weights))?;
-        upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
-        job.executor.run_once(|s| divide(s, &job.plan))?;
+        factor
     }
-    let loss = driven.trace.last().map_or(f64::INFINITY, |p| p.loss);
-    // All of this is part of the solve; the driver's clock continues from here.
-    driven.seconds += start.elapsed().as_secs_f64();
-    driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
-    let brightest = |driven: &Driven| driven.maps.finer(layers[0].nx / driven.maps.nx);
-    if weights.is_none() {
-        let driven = Driven { maps: brightest(&driven), ..driven };
-        return Ok(Refined { driven, left: false, pixels: 0 });
-    }
-    let volumes = brightest(&driven);
-    let of_layers = pixels.of_layers(volumes.albedo.len());
-    let steps = Steps {
-        until: on.and_then(|on| on.until),
-        ..steps(&job.plan, level, of_layers, begin, [skipped, iterations], first_blur.map(|_| room))
-    };
-    driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
-    // Without the cost of the prior.
-    let most = match volume.sum {
-        1 => WORSE * loss,
-        // The volume's loss is that of wider bins: its share of the data counts, and narrow bins have more noise.
-        _ => {
-            let share = loss / energy(job.model_of(&volume), volume.pairs);
-            WORSE * share * energy(&job.model, volume.pairs) + expected_noise(&job.model).max(0.0)
+
+    /// Iterations at most: on coarse pixels, and at the resolution of the maps.
+    fn most_iterations(&self) -> [usize; 2] {
+        let [coarse, fine] = rounds::NUMBER;
+        let of = |rounds: usize| if self.grow { rounds * rounds::ITERATIONS } else { 0 };
+        match (self.grow, self.factor()) {
+            (false, _) => [0, self.iterations],
+            (true, 1) => [0, of(coarse) + self.iterations],
+            (true, _) => [of(coarse), of(fine) + self.iterations],
         }
-    };
-    let left = driven.trace.last().is_some_and(|p| objective_of(job, p.iteration - 1) > most);
-    if left {
-        driven.maps = volumes;
-    } else if let [_, behind] = &layers[..] {
-        driven.maps = with_both(job, &driven, behind, of_layers)?;
-    }
-    driven.level = volume;
-    Ok(Refined { driven, left, pixels: pixels.len() })
-}
-
-/// The maps of the second surfaces in the columns of the volume that is on the device.
-pub(super) fn behind(job: &mut OnDevice, level: &Level) -> Result<Maps> {
-    job.executor.run_once(|s| extract_behind(s, level))?;
-    Ok(read_maps(&job.executor, &level.grid, job.plan.scene.reflectance.has_normals()))
-}
-
-/// The maps that the surface begins with, one for each layer, with each pixel of the volume's divided into `factor` ×
-/// `factor`. A second layer is there only if the volume shows it.
-fn begun(job: &OnDevice, driven: &Driven, second: Maps, factor: usize) -> Vec<Maps> {
-    let level = driven.level;
-    let least = least(&job.plan, &level.grid);
-    let layers = layers::split(&driven.maps, &second, least);
-    let layers = layers.map_or_else(|| vec![driven.maps.clone()], Vec::from);
-    let mut layers: Vec<Maps> = match factor {
-        1 => layers,
-        _ => layers.iter().map(|maps| maps.finer(factor)).collect(),
-    };
-    let pixel = level.grid.pitch.x / factor as f64;
-    layers.iter_mut().for_each(|maps| stairs::level(maps, level.grid.pitch.z, pixel));
-    layers
-}
-
-/// Pixels of the smallest region with two surfaces that counts.
-fn least(plan: &Plan, grid: &Grid) -> f64 {
-    layers::LEAST_CELLS * coarser(&plan.levels.volume[0].grid, grid).powi(2)
-}
-
-/// The maps of both refined layers. Those of the first are in `driven`; the second layer began with `behind`.
-fn with_both(job: &mut OnDevice, driven: &Driven, behind: &Maps, of_layers: [usize; 2]) -> Result<Maps> {
-    let level = driven.level;
-    upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(behind)))?;
-    job.executor.run_once(|s| extract(s, &level, of_layers, 1))?;
-    let behind = read_maps(&job.executor, &level.grid, job.plan.scene.reflectance.has_normals());
-    Ok(layers::merge(&[driven.maps.clone(), behind], least(&job.plan, &level.grid)))
-}
-
-/// The steps that the driver runs: `iterations` of a surface with so many pixels in each layer, after `begin` of the
-/// volume, as if so many as `skipped` had been done. Maps on the way show the first layer. `taps` are the words of a set of taps; with them, residuals go through
-/// a Gaussian at first.
-fn steps(
-    plan: &Plan,
-    level: Level,
-    of_layers: [usize; 2],
-    begin: usize,
-    [skipped, iterations]: [usize; 2],
-    taps: Option<usize>,
-) -> Steps<'static> {
-    let count = of_layers.iter().sum();
-    Steps {
-        levels: vec![plan.batch(0).copied().unwrap_or(level)],
-        start: Box::new(|_, _| ()),
-        iteration: Box::new(move |s, plan, level, i| {
-            let blur = taps.and_then(|room| blur::number(i - begin, iterations).map(|k| (k + 1) * room));
-            iteration(
-                s,
-                plan,
-                level,
-                count,
-                [i, i - begin, skipped, skipped + iterations],
-                blur.map(|word| word as u32),
-            );
-        }),
-        due: Box::new(move |s, _, _, done| {
-            if (done - begin).is_multiple_of(RENEW) {
-                bonds(s, &level, count, done);
-            }
-        }),
-        extract: Box::new(move |s, level| extract(s, level, of_layers, 0)),
-        passes: [super::passes::ALL, passes::ALL],
-        l1_weight: Box::new(|_| 1.0),
-        of: begin + iterations,
-        after: vec![],
-        stop_below: None,
-        shrinks: false,
-        until: None,
     }
 }
 
-/// The schedules of a surface on all pixels that there is room for, after a volume with all pairs; empty without a
-/// surface.
-pub fn outline(plan: &Plan, options: &SurfaceOptions) -> Vec<TimedSchedule> {
-    let begin = plan.demand.iterations[0];
-    let parts = |steps| outline::of("surface", plan, &steps, begin..begin + options.iterations);
-    whole(plan, options).map_or_else(Vec::new, parts)
+impl Solver for SurfaceOptions {
+    fn common(&self) -> Common {
+        Common {
+            lateral: self.lateral,
+            iterations: [0, self.most_iterations().iter().sum()],
+            reflectance: self.reflectance,
+            accumulation: self.accumulation,
+            sizes: self.sizes,
+            min_depth: self.min_depth,
+            pixels_per_voxel: self.factor().min(2),
+            runs_on: RunsOn::Device,
+        }
+    }
+
+    fn check(&self) -> Result<()> {
+        SurfaceOptions::check(self)
+    }
+
+    fn takes(&self, capture: &Capture) -> Result<()> {
+        start::method(self, self.lateral, capture).map(|_| ())
+    }
+
+    fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
+        let Problem { capture, grid, .. } = *problem;
+        self.takes(capture)?;
+        let (outline, _) = model::outline_of(&capture.outline(), &grid, self);
+        let needs = OfFit { options: self, iterations: self.most_iterations() };
+        Plan::new(&outline, grid, capture.resolution(), &needs, abilities, false)
+    }
+
+    fn within(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
+        plan.within(&OfFit { options: self, iterations: self.most_iterations() }, &gpu.memory(), memory)
+    }
+
+    fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
+        fit::outline(plan)
+    }
+
+    fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
+        let Problem { capture, grid, memory, with_volume } = *problem;
+        self.check()?;
+        self.takes(capture)?;
+        let [coarse, fine] = self.most_iterations();
+        let scan = capture.outline();
+        let scan_problem = Problem { capture: &scan, ..*problem };
+        let coarse = (coarse > 0)
+            .then(|| {
+                let grid = grid.coarser(self.factor());
+                Fit::new(gpu, &Problem { grid, ..scan_problem }, self, [0, coarse])
+            })
+            .transpose()?;
+        let fine = Fit::new(gpu, &scan_problem, self, [coarse.as_ref().map_or(0, |_| self.most_iterations()[0]), fine])?;
+        let mut made = PreparedSurface {
+            coarse,
+            fine,
+            options: self.clone(),
+            grid,
+            memory,
+            with_volume,
+            scan: scan.clone(),
+            method: None,
+            keeps: false,
+        };
+        made.first_method(gpu)?;
+        Ok(Box::new(made))
+    }
 }
 
-/// Every schedule that [`refine`] may run.
-///
-/// # Errors
-/// Those of `take`.
-pub(super) fn each(
-    plan: &Plan,
-    options: &SurfaceOptions,
-    take: &mut dyn FnMut(&Schedule) -> Result<()>,
-) -> Result<()> {
-    let Some(steps) = whole(plan, options) else { return Ok(()) };
-    let begin = plan.demand.iterations[0];
-    outline::each(plan, &steps, begin..begin + options.iterations, take)?;
-    plan.levels.volume.iter().try_for_each(|level| take(&Schedule::of(|s| extract_behind(s, level))))?;
-    take(&Schedule::of(|s| divide(s, plan)))?;
-    take(&Schedule::of(|s| compared(s, plan, &steps.levels[0], 1, begin)))
+/// The solver, prepared for a scan.
+struct PreparedSurface {
+    /// `None` where the maps are coarse, or the support is fixed.
+    coarse: Option<Fit>,
+    fine: Fit,
+    options: SurfaceOptions,
+    grid: Grid,
+    memory: Option<u64>,
+    with_volume: bool,
+    /// The capture without its counts.
+    scan: Capture,
+    /// The closed form, while everything stays allocated.
+    method: Option<Box<dyn Prepared>>,
+    /// Everything stays allocated.
+    keeps: bool,
 }
 
-/// The steps of [`outline`].
-fn whole(plan: &Plan, options: &SurfaceOptions) -> Option<Steps<'static>> {
-    let (level, iterations) = (plan.levels.pixels?, options.iterations);
-    let (count, begin) = (pixels(plan), plan.demand.iterations[0]);
-    let taps = is_blurred(plan).then_some(plan.tap_room());
-    Some(Steps {
-        start: Box::new(move |s, plan| start(s, &level, count, points_of(plan))),
-        ..steps(plan, level, [count, 0], begin, [0, iterations], taps)
-    })
+impl PreparedSurface {
+    /// The grid of the first fit.
+    fn first_grid(&self) -> Grid {
+        if self.coarse.is_some() { self.grid.coarser(self.options.factor()) } else { self.grid }
+    }
+
+    /// The closed form that initialises the surface, prepared; `None`: a plane does.
+    fn first_method(&mut self, gpu: &Gpu) -> Result<Option<Box<dyn Prepared>>> {
+        let grid = self.first_grid();
+        let method = start::method(&self.options, grid.n[0], &self.scan)?;
+        let problem = Problem { memory: self.memory, ..Problem::new(&self.scan, grid) }.and_volume();
+        method.map(|m| m.prepare(gpu, &problem)).transpose()
+    }
+
+    /// The layers that the fits begin with.
+    fn start(&mut self, gpu: &Gpu, capture: &Capture, watch: &mut Watch<'_>) -> Result<Vec<Maps>> {
+        let grid = self.first_grid();
+        let iterations = self.options.most_iterations().iter().sum();
+        // Its buffers are freed before those of the fits are made, unless everything stays.
+        let mut own = if self.keeps { None } else { self.first_method(gpu)? };
+        match self.method.as_mut().or(own.as_mut()) {
+            Some(method) => start::of_method(&mut **method, capture, iterations, watch),
+            None => Ok(vec![start::plane(capture, &grid, self.options.background)]),
+        }
+    }
 }
 
-/// What a volume's run tells of the surface after it: [`Steps::after`].
-pub(super) fn ahead(plan: &Plan, iterations: usize) -> Vec<[f64; 2]> {
-    let points = (points_of(plan) as f64).sqrt();
-    let of = |level: &Level| vec![[level.grid.n[0] as f64 * points, level.pairs as f64]; iterations];
-    plan.batch(0).or(plan.levels.pixels.as_ref()).map_or_else(Vec::new, of)
+impl Prepared for PreparedSurface {
+    fn plan(&self) -> &Arc<Plan> {
+        self.fine.plan()
+    }
+
+    fn allocate(&mut self) -> Result<()> {
+        let gpu = self.fine.planned.gpu().clone();
+        let mut first = self.first_method(&gpu)?;
+        first.as_mut().map_or(Ok(()), |method| method.allocate())?;
+        (self.method, self.keeps) = (first, true);
+        self.coarse.iter_mut().try_for_each(Fit::allocate)?;
+        self.fine.allocate()
+    }
+
+    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
+        let begun = Instant::now();
+        let gpu = self.fine.planned.gpu().clone();
+        let watch = beside.watch;
+        let layers = self.start(&gpu, capture, watch)?;
+        let fits = Fits { options: &self.options, of: self.options.most_iterations().iter().sum() };
+        let level = *self.fine.plan().finest();
+        let driven = Driven { seconds: begun.elapsed().as_secs_f64(), ..Driven::begun(layers[0].clone(), level) };
+        let done = fits.run(self.coarse.as_mut(), &mut self.fine, capture, layers, watch, driven)?;
+        if !self.keeps {
+            self.coarse.iter_mut().for_each(|fit| fit.planned.release());
+        }
+        let volume = self.with_volume.then(|| as_volume(&done.driven.maps, &self.grid));
+        let job = self.fine.planned.made(|_| Ok(()))?;
+        Ok(Reconstruction { volume, volume_iterations: 0, has_mask: true, ..finish(job, done.driven, None)? })
+    }
 }
 
-/// The maps in the layout of the device.
-fn columns(maps: &Maps) -> Vec<[f32; 8]> {
-    let of_pixel = |((a, z), n): ((&f32, &f32), &[f32; 3])| {
-        let of = |v: f32| if z.is_finite() && v.is_finite() { v } else { 0.0 };
-        let found = if z.is_finite() { 1.0 } else { 0.0 };
-        [*a, of(*z), 0.0, found, of(n[0]), of(n[1]), of(n[2]), 0.0]
-    };
-    maps.albedo.iter().zip(&maps.depth).zip(&maps.normal).map(of_pixel).collect()
+/// The fits of a solve.
+struct Fits<'o> {
+    options: &'o SurfaceOptions,
+    /// Iterations in all, at most.
+    of: usize,
 }
 
-/// Uploads the pixels with the albedos that explain most of the data; `None` if none do. Overwrites row `row` of the
-/// trace.
-fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Result<Option<Placed>> {
-    let heights = |scale: f64| -> Vec<[f32; 2]> {
-        pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
-    };
-    let ([x, y, _], points) = (level.grid.n, points_of(&job.plan));
-    upload(&mut job.executor, buffer::PIXELS, bytemuck::cast_slice(&pixels.words()))?;
-    upload(&mut job.executor, buffer::PIXEL_OF, bytemuck::cast_slice(&pixels.places(x * y)))?;
-    // |h|², |A v - h|² and |2 A v - h|² give the factor of v that leaves least.
-    let mut left = [0.0; 3];
-    for (times, left) in left.iter_mut().enumerate() {
-        upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(times as f64)))?;
-        job.executor.run_once(|s| {
-            s.stage("surface", &stage_values(level, row));
-            if times == 0 {
-                start(s, level, pixels.len(), points);
+/// What the fits leave.
+struct Done {
+    driven: Driven,
+}
+
+impl Fits<'_> {
+    fn run(
+        &self,
+        coarse: Option<&mut Fit>,
+        fine: &mut Fit,
+        capture: &Capture,
+        mut layers: Vec<Maps>,
+        watch: &mut Watch<'_>,
+        mut driven: Driven,
+    ) -> Result<Done> {
+        let mut grows = self.options.grow;
+        let begun = layers.clone();
+        let mut scales = true;
+        if let Some(coarse) = coarse {
+            let clock = Instant::now();
+            coarse.take(capture)?;
+            driven.seconds += clock.elapsed().as_secs_f64();
+            (driven, grows) = self.rounds(coarse, rounds::NUMBER[0], &mut layers, &mut scales, watch, driven)?;
+            if !grows {
+                layers = begun;
+                scales = true;
             }
-            compared(s, &job.plan, level, pixels.len(), row);
+            layers = layers.iter().map(|maps| support::finer(maps, self.options.factor())).collect();
+        }
+        let clock = Instant::now();
+        fine.take(capture)?;
+        driven.seconds += clock.elapsed().as_secs_f64();
+        // The scale is found again for other pixels.
+        scales = true;
+        if grows {
+            let number = rounds::NUMBER[usize::from(self.options.factor() > 1)];
+            (driven, _) = self.rounds(fine, number, &mut layers, &mut scales, watch, driven)?;
+        }
+        let (next, quality) = fine.run(&mut layers, [crate::dbg_of("FINE", self.options.iterations as f64) as usize, self.of], scales, watch, driven)?;
+        driven = next;
+        if std::env::var("DBG").is_ok() && let Some(q) = quality { eprintln!("DBG fine phi {:.4} nu {:.4} grows {grows}", q.model_error(), q.noise_share()); }
+        driven.maps = concluded(layers, quality);
+        Ok(Done { driven })
+    }
+
+    /// Rounds of short fits. Returns whether the support may grow.
+    fn rounds(
+        &self,
+        fit: &mut Fit,
+        number: usize,
+        layers: &mut Vec<Maps>,
+        scales: &mut bool,
+        watch: &mut Watch<'_>,
+        driven: Driven,
+    ) -> Result<(Driven, bool)> {
+        let range = fit.plan().levels.maps.depth_range().map(|z| z as f32);
+        let mut driven = Some(driven);
+        let grows = in_rounds(number, range, layers, &mut |layers| {
+            let before = driven.take().expect("given back");
+            let (next, quality) = fit.run(layers, [rounds::ITERATIONS, self.of], *scales, watch, before)?;
+            driven = Some(next);
+            *scales = false;
+            Ok(quality)
         })?;
-        *left = objective_of(job, row);
+        Ok((driven.expect("given back"), grows))
     }
-    let [measured, once, twice] = left;
-    let rendered = 0.5 * (measured - 2.0 * once + twice);
-    let scale = 0.5 * (rendered + measured - once) / rendered;
-    if !(scale.is_finite() && scale > 0.0) {
-        return Ok(None);
-    }
-    upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(scale)))?;
-    let most = scale * f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
-    let explained = scale * scale * rendered;
-    Ok(Some(Placed { pixels: pixels.len(), most, explained, left: measured - explained }))
 }
 
-/// Renders so many pixels, and leaves the objective in row `row` of the trace.
-fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: usize) {
-    render(s, plan, level, pixels, objective(plan), None);
-    together::add_up_losses(s, plan, level, &passes::SURFACE_FINISH, &[]);
-    s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1], turns_of_finish(plan))
-        .bind(buffer::SCENE, scene_of_sums(plan, level))
-        .with(Push { iteration: row as u32, flags: together::finish_flags(plan), ..Default::default() });
+/// Rounds of short fits by `fit`, between which the support follows the evidence, until it is stable or `number` are done.
+/// Returns whether the support may grow.
+pub(crate) fn in_rounds(
+    number: usize,
+    range: [f32; 2],
+    layers: &mut Vec<Maps>,
+    fit: &mut dyn FnMut(&mut Vec<Maps>) -> Result<Option<Quality>>,
+) -> Result<bool> {
+    let mut before: Option<f64> = None;
+    for round in 1..=number {
+        let quality = fit(layers)?;
+        let (Some(quality), Some(typical)) = (quality, support::typical_albedo(layers)) else { break };
+        let error = quality.model_error();
+        let lit = |layers: &[Maps]| -> Vec<bool> { layers.iter().flat_map(|l| &l.depth).map(|z| z.is_finite()).collect() };
+        if std::env::var("DBG").is_ok() { eprintln!("round {round} phi {:.4} nu {:.4} pixels {} t {typical:.3}", error, quality.noise_share(), lit(layers).iter().filter(|l| **l).count()); }
+        if round == rounds::JUDGED && number > rounds::JUDGED && error > crate::dbg_of("GATE", rounds::MOST_ERROR) {
+            return Ok(false);
+        }
+        let old = lit(layers);
+        for maps in layers.iter_mut() {
+            if round < number {
+                support::grow(maps, typical, range);
+            }
+            support::settle(maps, typical);
+            support::drop_islands(maps);
+        }
+        let new = lit(layers);
+        let [changed, all] = [old.iter().zip(&new).filter(|(a, b)| a != b).count(), new.iter().filter(|l| **l).count()];
+        let stable = changed as f64 <= crate::dbg_of("STABLE", 0.08) * all as f64 && before.is_some_and(|b| error > 0.97 * b);
+        if std::env::var("DBG").is_ok() { eprintln!("   changed {changed} of {all}"); }
+        before = Some(error);
+        if stable { break; }
+    }
+    Ok(true)
 }
 
-/// The data term in row `row` of the trace.
-fn objective_of(job: &OnDevice, row: usize) -> f64 {
-    f64::from(f32::from_bits(trace_rows(job, row..row + 1)[0][TRACE_OBJECTIVE as usize]))
+/// The maps of fitted layers, with their mask.
+fn concluded(layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
+    let noise = quality.map_or(0.0, |q| q.noise_share()) as f32;
+    let typical = support::typical_albedo(&layers).unwrap_or(0.0);
+    let threshold = (crate::dbg_of("MASK0", rounds::MASK[0].into()) as f32 + rounds::MASK[1] * noise) * typical;
+    let mut maps = match <[Maps; 2]>::try_from(layers) {
+        Ok(both) => {
+            let least = layers::LEAST_CELLS * (both[0].nx as f64 / super::plan::AMPLE as f64).powi(2);
+            layers::merge(&both, least)
+        }
+        Err(mut one) => one.swap_remove(0),
+    };
+    maps.mask = support::smoothed(&maps, typical).iter().map(|a| *a > threshold && typical > 0.0).collect();
+    maps.mask.iter_mut().zip(&maps.depth).for_each(|(m, z)| *m &= z.is_finite());
+    let white = Maps::white(&maps.albedo);
+    maps.mask_fraction = Some(if white > 0.0 { f64::from(threshold / white).clamp(0.0, 0.99) } else { Maps::MASK_FRACTION });
+    if let Some(Layer { albedo, mask, .. }) = &mut maps.behind {
+        *mask = albedo.iter().map(|a| *a > threshold).collect();
+    }
+    maps
+}
+
+/// The surface as a volume: the albedo of every pixel in the voxel of its depth.
+fn as_volume(maps: &Maps, grid: &Grid) -> VolumeMap {
+    let [nx, ny, nz] = grid.n;
+    let mut albedo = vec![0.0; nx * ny * nz];
+    for (pixel, (value, z)) in
+        maps.albedo.iter().zip(&maps.depth).enumerate().filter(|(_, (_, z))| z.is_finite())
+    {
+        let at = ((f64::from(*z) - grid.origin.z) / grid.pitch.z).round().max(0.0) as usize;
+        albedo[pixel * nz + at.min(nz - 1)] = *value;
+    }
+    VolumeMap { grid: *grid, albedo }
 }

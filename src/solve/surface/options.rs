@@ -1,35 +1,114 @@
-//! The surface's options.
+//! Options of the surface solver.
 
-use crate::solve::option::options;
+use serde::{Deserialize, Serialize};
+
+use crate::Result;
+use crate::solve::estimate::MOST_PAIRS;
+use crate::solve::option::{Options, options, words};
+use crate::solve::{Accumulation, Sizes};
+use crate::transport::{HighPass, Reflectance};
+
+/// The least floor of a high-pass. With none, the amount of slowly changing light would be undetermined.
+pub const LEAST_FLOOR: f64 = 0.1;
+
+/// The closed-form method that initialises the surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Begin {
+    /// The light-cone transform where the capture allows it, else the filtered back-projection.
+    Auto,
+    /// The light-cone transform.
+    Lct,
+    /// The filtered back-projection.
+    Fbp,
+    /// A plane at the depth of the first returns.
+    Plane,
+}
+
+words!(Begin);
 
 options! {
-    /// The surface, which begins with the volume's maps.
+    /// Options of the surface solver.
     pub struct SurfaceOptions(suit) {
         nested {}
-        "Vector solver" {
-            /// Iterations of the surface, after those of the volume; 0 keeps the volume's maps
-            iterations as "surface_iterations": usize = if suit.confocal { 60 } else { 100 },
-                Range::Count(0, 1_000_000);
-            /// Pixels of the surface, and so of the maps, per lateral voxel of the finest volume [default: 2 if the
-            /// volume then has 64 lateral voxels or more, else 1]
-            pixels_per_voxel: Option<usize> = None, Range::Count(0, 4096);
-            /// Points that render a pixel of the surface: 1 or 4 [default: 1 if a pixel is no wider than 2.2 bins of
-            /// path, else 4]
-            points as "surface_points": Option<usize> = None, Range::OneOf(&[1, 4]);
-            /// Gaussian that averages the surface's residuals along time at first. Its sigma is a path, in pixels of
-            /// the first grid, or of a grid with 32 pixels per side if that is coarser. It narrows to 0 in half of the
-            /// iterations
-            // It helps a surface to find its place. With the cosine model of a confocal scan, it also makes the surface
-            // fit the model's error (docs/surface.md).
-            blur as "surface_blur": f64 = if !suit.confocal || suit.lambertian() { 0.4 } else { 0.0 },
-                Range::NotNegative;
-            /// Weight of the term that gathers the surface's light in few pixels, as a share of the data that the
-            /// surface explains. The term is the mean of log(1 + 10 a / a_max) / 10 over albedos a
-            sparsity as "surface_sparsity": f64 = match (suit.lambertian(), suit.confocal) {
+        "Solver" {
+            /// Lateral pixels of the maps (N of N × N)
+            lateral: usize = 128, Range::Count(1, 4096);
+            /// Iterations at the resolution of the maps, after those that find the support
+            iterations: usize = if suit.confocal { 60 } else { 100 }, Range::Count(1, 1_000_000);
+            /// How rendered values are added up: auto takes the fastest that the device has, repeatable the fastest that
+            /// gives the same bits in any order
+            accumulation: Accumulation = Accumulation::Auto,
+                Range::Words(&["auto", "repeatable", "float", "fixed", "fixed32", "cas", "owned"]);
+            /// Use the most general kernels, for comparison: leave nothing out, even if this scene does not need it
+            general: bool = false, Range::Flag;
+            /// How surfaces reflect
+            reflectance: Reflectance = suit.reflectance, Range::Internal;
+        }
+        "Device" {
+            /// Sizes of the work: lanes=N,chunk=N,window=N of the forward pass, voxels=N,slices=N of the backward pass
+            /// [default: those that `profile --tune` found for this device and kind of scene, else those for the
+            /// device's kind]
+            #[serde(default)]
+            #[serde(skip_serializing_if = "Sizes::is_default")]
+            sizes: Sizes = Sizes::default(), Range::Sizes;
+        }
+        "Domain" {
+            /// No surface is nearer than this, metres
+            min_depth: f64 = 0.2 * suit.unit, Range::Length;
+        }
+        "Surface" {
+            /// Closed-form method that initialises the surface: lct, fbp, or a plane at the depth of the first returns. auto
+            /// is lct where the capture allows it, else fbp
+            begin: Begin = Begin::Auto, Range::Words(&["auto", "lct", "fbp", "plane"]);
+            /// Support of the surface: auto grows and shrinks it by the evidence of the data, fixed keeps the pixels that
+            /// the closed form shows
+            grow as "support": bool = true, Range::Words(&["fixed", "auto"]);
+            /// Largest number of laser-sensor pairs that the fit uses [default: 1,024, or more where photons are few]
+            pairs: usize = suit.pairs, Range::Count(4, MOST_PAIRS);
+            /// Points that render a pixel: 1 or 4 [default: 1 if a pixel is no wider than 2.2 bins of path, else 4]
+            points: Option<usize> = None, Range::OneOf(&[1, 4]);
+            /// Reduce the weight of light that changes over more than this length along time, metres of path; 0: all
+            /// light has the same weight [default: estimated]
+            high_pass: Option<f64> = None, Range::Length;
+            /// Share of the amplitude of constant light that the high-pass keeps
+            high_pass_floor: f64 = LEAST_FLOOR, Range::Share;
+            /// Weight of the term that gathers the light in few pixels, as a share of the data that the surface
+            /// explains. The term is the mean of log(1 + 10 a / a_max) / 10 over albedos a
+            sparsity: f64 = match (suit.lambertian(), suit.confocal) {
                 (true, _) => 0.05,
                 (false, false) => 0.02,
                 (false, true) => 0.0,
             }, Range::NotNegative;
+            /// Subtract the background, estimated from the bins after the signal
+            background: bool = true, Range::Flag;
         }
+    }
+}
+
+impl SurfaceOptions {
+    /// Its name on the command line.
+    pub const NAME: &'static str = "surface";
+
+    /// The high-pass of the objective; `None` if it changes nothing.
+    pub fn filter(&self) -> Option<HighPass> {
+        let HighPass { length, floor } = HighPass { length: self.high_pass?, floor: self.high_pass_floor };
+        (length > 0.0 && floor < 1.0).then_some(HighPass { length, floor })
+    }
+
+    /// Checks the options.
+    ///
+    /// # Errors
+    /// The first option out of its range, by its name on the command line.
+    pub fn check(&self) -> Result<()> {
+        self.check_ranges()?;
+        if self.filter().is_some() && self.high_pass_floor < LEAST_FLOOR {
+            return Err(crate::solve::option::refused(
+                "high-pass-floor",
+                self.high_pass_floor,
+                &format!("a share from {LEAST_FLOOR} to 1"),
+            ));
+        }
+        Ok(())
     }
 }

@@ -2,34 +2,16 @@
 
 use crate::advice::advice;
 use crate::gpu::Constant;
-use crate::solve::Plan;
-use crate::solve::passes::{FORWARD, forward};
 use crate::solve::plan::pass::{ConstantValue, Fault, Pass, Voxels, passes, twin};
 use crate::transport::kernels::*;
-
-/// The surface's own model of reflectance. All other constants are the volume's.
-const REFLECTS: (Constant, ConstantValue) =
-    (constant::REFLECTANCE, ConstantValue::Of(|p| p.scene.reflectance.number()));
 
 /// Samples of one partial sum of [`SURFACE_COMBINE`].
 const SUMMED: (Constant, ConstantValue) =
     (constant::SUMMED, ConstantValue::Of(|p| p.constant(constant::POINTS).unwrap_or(1) * WORKGROUP));
 
-/// The pass that renders the surface: the volume's, if both reflect alike.
-pub(super) fn forward_of(plan: &Plan) -> &'static Pass {
-    if plan.scene.reflectance == plan.scene.volume_reflectance { &FORWARD } else { &SURFACE_FORWARD }
-}
-
 passes! {
     /// All passes that only the surface has.
     pub static ALL;
-
-    /// The second surface of every column of the volume.
-    EXTRACT_BEHIND = Pass {
-        constants: &[(constant::BEHIND, ConstantValue::Is(1))],
-        twin: twin!(extract_behind),
-        ..Pass::of("extract_behind", |_| &kernel::EXTRACT)
-    };
 
     /// Finds the neighbours that a pixel's plane goes through.
     SURFACE_BONDS = Pass {
@@ -44,21 +26,9 @@ passes! {
         ..Pass::of("surface_points", |_| &kernel::SURFACE_POINTS)
     };
 
-    /// Renders the points of a surface that does not reflect as the volume does.
-    SURFACE_FORWARD = Pass {
-        report: "forward_surface",
-        when: |p| p.scene.reflectance != p.scene.volume_reflectance,
-        constants: &[REFLECTS],
-        pairs: FORWARD.pairs,
-        faults: FORWARD.faults,
-        twin: FORWARD.twin,
-        ..Pass::of("surface_forward", forward)
-    };
-
     /// Gathers the gradient of every point.
     SURFACE_GATHER = Pass {
         report: "backward_surface",
-        constants: &[REFLECTS],
         pairs: Some(Voxels::Active),
         faults: &[Fault {
             bit: FAULT_BACKWARD,

@@ -1,25 +1,6 @@
 //! The pixels that a surface has.
 
 use crate::maps::Maps;
-use crate::solve::Plan;
-use crate::transport::Geometry;
-
-/// Share of the map's white that a pixel's albedo must have.
-pub const SUPPORT: f32 = 0.1;
-
-/// The same for a Lambertian surface in the maps of a volume with one cosine. Such a volume shows rims dim, and what is
-/// dimmer is the haze around them. The second is for every laser point with every sensor point: depths are less certain
-/// there, and a surface needs more of the haze (benches/NOTES.md).
-const AFTER_COSINE: [f32; 2] = [0.15, 0.12];
-
-/// The share of white above which a plan's surface takes pixels.
-pub fn support(plan: &Plan) -> f32 {
-    match plan.scene.geometry {
-        _ if plan.scene.reflectance == plan.scene.volume_reflectance => SUPPORT,
-        Geometry::Confocal | Geometry::TwoPoints => AFTER_COSINE[0],
-        Geometry::Product => AFTER_COSINE[1],
-    }
-}
 
 /// The albedo that counts as white in all layers.
 pub fn white(layers: &[Maps]) -> f32 {
@@ -45,12 +26,11 @@ pub struct Pixels {
 }
 
 impl Pixels {
-    /// Those of the layers with an albedo above the share `support` of white, the brightest if there are more than `most`.
-    pub fn of(layers: &[Maps], support: f32, most: usize) -> Pixels {
-        let threshold = support * white(layers);
+    /// Those of the layers that have a depth and are lit, the brightest if there are more than `most`.
+    pub fn of(layers: &[Maps], most: usize) -> Pixels {
         let albedo: Vec<f32> = layers.iter().flat_map(|m| &m.albedo).copied().collect();
         let depth: Vec<f32> = layers.iter().flat_map(|m| &m.depth).copied().collect();
-        let is_lit = |c: &u32| albedo[*c as usize] > threshold && depth[*c as usize].is_finite();
+        let is_lit = |c: &u32| albedo[*c as usize] > 0.0 && depth[*c as usize].is_finite();
         let mut columns: Vec<u32> = Vec::with_capacity(albedo.len());
         columns.extend((0..albedo.len() as u32).filter(is_lit));
         if columns.len() > most {

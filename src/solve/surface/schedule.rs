@@ -5,9 +5,9 @@ use super::weights;
 use crate::gpu::Schedule;
 use crate::solve::adam::unbiased;
 use crate::solve::over_pairs::{
-    compare, forward, gather, gathered, groups, over_parts, scene_of_sums, size_passes, turns_of_finish,
+    compare, forward, gather, groups, over_parts, scene_of_sums, size_passes, turns_of_finish,
 };
-use crate::solve::passes::objective;
+use crate::solve::passes::{FORWARD, objective};
 use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{COLUMNS_HOST, PairPart};
 use crate::solve::{Level, Plan, together};
@@ -58,55 +58,37 @@ pub fn render(
     level: &Level,
     count: usize,
     residual: &Pass,
-    through: Option<u32>,
 ) {
     points(s, level, count);
-    over_parts(s, plan, level, |s, part| rendered(s, plan, level, part, residual, through));
+    over_parts(s, plan, level, |s, part| rendered(s, plan, level, part, residual));
 }
 
 /// Renders the samples of the surface for a part of the pairs, and compares it.
-fn rendered(
-    s: &mut Schedule,
-    plan: &Plan,
-    level: &Level,
-    part: &PairPart,
-    residual: &Pass,
-    through: Option<u32>,
-) {
-    forward(s, plan, level, part, forward_of(plan));
-    compare(s, plan, level, part, residual, Push::default(), through);
+fn rendered(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, residual: &Pass) {
+    forward(s, plan, level, part, &FORWARD);
+    compare(s, plan, level, part, residual, Push::default(), None);
 }
 
-/// Iteration `i` of the whole solve (from 0), `at` of this surface, as if `skipped` had been before it, of `all` with these:
-/// points, forward, weighted residual, gather, combine, pull while gradients are spread, step, for the next batch of
-/// pairs if there are batches. Residuals go back through the taps that begin at word `through` of `pulse_taps`, or
-/// through the pulse's own if there is one.
-pub fn iteration(
-    s: &mut Schedule,
-    plan: &Plan,
-    level: &Level,
-    count: usize,
-    [i, at, skipped, all]: [usize; 4],
-    through: Option<u32>,
-) {
+/// Iteration `i` of the whole solve (from 0), `at` of this fit, which has `all`: points, forward, weighted residual, gather,
+/// combine, pull while gradients are spread, step, for the next batch of pairs if there are batches.
+pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, [i, at, all]: [usize; 3]) {
     let scene = level.scene;
     points(s, level, count);
-    let push = Push { iteration: i as u32, step: (at + skipped) as u32 + 1, ..push(count) };
-    let from = gathered(plan, through);
-    let batch = plan.batch(at);
+    let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
+    let batch = plan.batch(i);
     if let (Some(batch), true) = (batch, plan.division.share.is_some()) {
         // A device may have one pair more of this batch than of the one before.
         size_passes(s, &batch.rendered);
     }
     let seen = batch.unwrap_or(level);
     over_parts(s, plan, seen, |s, part| {
-        rendered(s, plan, seen, part, objective(plan), through);
-        gather(s, plan, seen, part, &SURFACE_GATHER, 0, from);
+        rendered(s, plan, seen, part, objective(plan));
+        gather(s, plan, seen, part, &SURFACE_GATHER, 0, plan.residual());
     });
     together::add_up_losses(s, plan, seen, &SURFACE_FINISH, &[plan.gradients()]);
-    let (own, pixels, [around, _]) = (groups(count, WORKGROUP), count as u64, weights::around(level));
+    let (own, pixels, around) = (groups(count, WORKGROUP), count as u64, weights::around(level));
     s.dispatch(&SURFACE_COMBINE, own, NEAR * pixels).bind(buffer::SCENE, scene).with(push);
-    if ((at + skipped) as f64) < NARROWED * all as f64 {
+    if (at as f64) < NARROWED * all as f64 {
         s.dispatch(&SURFACE_PULL, own, around * pixels).bind(buffer::SCENE, scene).with(push);
     }
     // The step closes the iteration.
@@ -132,21 +114,9 @@ pub fn divide(s: &mut Schedule, plan: &Plan) {
 pub fn extract(s: &mut Schedule, level: &Level, of_layers: [usize; 2], layer: usize) {
     points(s, level, of_layers.iter().sum());
     let begin: usize = of_layers[..layer].iter().sum();
-    let ([_, around], pixels) = (weights::around(level), of_layers[layer]);
-    s.dispatch(&SURFACE_EXTRACT, groups(pixels, WORKGROUP), around * pixels as u64)
+    let pixels = of_layers[layer];
+    s.dispatch(&SURFACE_EXTRACT, groups(pixels, WORKGROUP), pixels as u64)
         .bind(buffer::SCENE, level.scene)
-        .with(Push { first: begin as u32, ..push(begin + of_layers[layer]) });
-    columns(s, level);
-}
-
-/// Puts the second surface of every column of the volume into `columns_host`.
-pub fn extract_behind(s: &mut Schedule, level: &Level) {
-    let all = level.grid.n[0] * level.grid.n[1];
-    s.dispatch(&EXTRACT_BEHIND, groups(all, WORKGROUP), (3 * all * level.grid.n[2]) as u64)
-        .bind(buffer::SCENE, level.scene);
-    columns(s, level);
-}
-
-fn columns(s: &mut Schedule, level: &Level) {
+        .with(Push { first: begin as u32, ..push(begin + pixels) });
     s.copy(buffer::COLUMNS, COLUMNS_HOST, (level.grid.n[0] * level.grid.n[1]) as u64 * 32);
 }

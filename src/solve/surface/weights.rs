@@ -4,7 +4,7 @@ use super::SurfaceOptions;
 use crate::solve::Level;
 use crate::solve::plan::AMPLE;
 use crate::transport::kernels::*;
-use crate::transport::{Grid, Model, Reflectance};
+use crate::transport::{Grid, Model};
 
 /// How far a pixel may be off its neighbours' planes, in pixels, and how much its albedo may differ, as a share of the
 /// largest.
@@ -18,15 +18,6 @@ const ALBEDO: f64 = 0.06;
 
 /// Above this share of the largest albedo, a pixel costs little more ([`SurfaceOptions::sparsity`]).
 const FAINT: f64 = 0.1;
-
-/// Gaussian that smooths albedos as the maps show them. Its sigma is in pixels of the first grid, which has the
-/// resolution of the scan, or of a grid with 32 pixels a side if that is coarser. A surface with two cosines has
-/// sharper edges. The limits are in the map's own pixels. The kernel walks (4 sigma)² of them, and lavapipe stops after
-/// 65,535.
-const SMOOTH: f64 = 0.5;
-const SMOOTH_LAMBERTIAN: f64 = 0.4;
-const LEAST_SMOOTH: f64 = 0.7;
-const MOST_SMOOTH: f64 = 60.0;
 
 /// Gaussian that averages gradients at first: sigma in pixels of the same grid, and at most in the map's own.
 const SPREAD: f64 = 0.7;
@@ -45,34 +36,30 @@ pub struct Placed {
     pub left: f64,
 }
 
-/// The buffer `surface_weights`. `first` is the grid of the first level.
+/// The buffer `surface_weights`, for a fit of so many iterations.
 pub fn weights(
     model: &Model,
-    first: &Grid,
     level: &Level,
     placed: Placed,
     options: &SurfaceOptions,
+    iterations: usize,
 ) -> [f32; SURFACE_WEIGHTS as usize] {
     // Half of chi² is the objective over this and over what is left: noise, and what the model does not explain.
     let share = 2.0 / model.elements_of(level.pairs).max(1) as f64;
     let most = placed.most;
-    let [bend, jump] = [share / (BEND * BEND), share / (JUMP * most).powi(2)];
+    let [bend, jump] = [share / crate::dbg_of("BEND", BEND).powi(2), share / (crate::dbg_of("JUMP", JUMP) * most).powi(2)];
     let sparse = options.sparsity * placed.explained / (placed.pixels.max(1) as f64 * most);
     let pixel = (level.grid.pitch.x * level.grid.pitch.y).sqrt();
-    let coarser = coarser(first, &level.grid);
-    let lambertian = model.reflectance == Reflectance::Lambertian;
-    let smooth = if lambertian { SMOOTH_LAMBERTIAN } else { SMOOTH };
     let mut all = [0.0; SURFACE_WEIGHTS as usize];
     for (index, value) in [
         (SURFACE_BEND, bend * placed.left),
         (SURFACE_JUMP, jump * placed.left),
         (SURFACE_BEND_SHARE, bend),
         (SURFACE_JUMP_SHARE, jump),
-        (SURFACE_DEPTH_RATE, (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
-        (SURFACE_ALBEDO_RATE, ALBEDO * most),
-        (SURFACE_ITERATIONS, options.iterations as f64),
-        (SURFACE_SMOOTH, (smooth * coarser).clamp(LEAST_SMOOTH, MOST_SMOOTH)),
-        (SURFACE_SPREAD, (SPREAD * coarser).min(MOST_SPREAD)),
+        (SURFACE_DEPTH_RATE, (crate::dbg_of("DEPTHB", DEPTH_BINS) * model.bin_width).min(crate::dbg_of("DEPTHP", DEPTH_PIXELS) * pixel)),
+        (SURFACE_ALBEDO_RATE, crate::dbg_of("ALB", ALBEDO) * most),
+        (SURFACE_ITERATIONS, iterations as f64),
+        (SURFACE_SPREAD, spread(&level.grid)),
         (SURFACE_SPARSE, sparse),
         (SURFACE_FAINT, FAINT * most),
     ] {
@@ -81,15 +68,12 @@ pub fn weights(
     all
 }
 
-/// Pixels around each that a kernel visits at `level` at most: to average gradients, and to smooth albedos.
-pub fn around(level: &Level) -> [u64; 2] {
-    let coarser = level.grid.n[0] as f64 / AMPLE as f64;
-    let sigmas = [(SPREAD * coarser).min(MOST_SPREAD), (SMOOTH * coarser).clamp(LEAST_SMOOTH, MOST_SMOOTH)];
-    sigmas.map(|sigma| (2 * (2.0 * sigma).ceil() as u64 + 1).pow(2))
+/// Pixels around each that a kernel visits at `level` at most, to average gradients.
+pub fn around(level: &Level) -> u64 {
+    (2 * (2.0 * spread(&level.grid)).ceil() as u64 + 1).pow(2)
 }
 
-/// The width of a pixel of the first grid, which has the resolution of the scan, in pixels of `maps`; or that of a
-/// grid with [`AMPLE`] pixels a side if the first is coarser.
-pub fn coarser(first: &Grid, maps: &Grid) -> f64 {
-    (first.pitch.x / maps.pitch.x).min(maps.n[0] as f64 / AMPLE as f64)
+/// First sigma of the Gaussian that averages gradients, pixels.
+fn spread(maps: &Grid) -> f64 {
+    (crate::dbg_of("SPREAD", SPREAD) * maps.n[0] as f64 / AMPLE as f64).min(MOST_SPREAD)
 }

@@ -1,25 +1,27 @@
 //! Compares an iteration of the surface with the float64 twins.
 
-use super::buffers::{read_raw, read_residual, read_samples, zeroed};
-use super::{Held, LATERAL, error, is_clear, random, vector};
+use super::buffers::{read_raw, read_residual, read_samples, readable, zeroed};
+use super::{Held, LATERAL, error, is_clear, random};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::solve::surface::{self, Pixels, Placed};
-use crate::solve::{Accumulation, VectorOptions, upload};
+use crate::solve::surface::{self, OfFit, Pixels, Placed};
+use crate::solve::{Accumulation, Plan, SurfaceOptions, default_volume, upload};
+use crate::transport::Grid;
 use crate::transport::kernels::buffer;
 use crate::transport::twin::{self, Height, Sample, Twin};
 
 pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result<Vec<Held>> {
-    let options = VectorOptions::default().with(|o| {
+    let options = SurfaceOptions::default().with(|o| {
         o.lateral = LATERAL;
-        o.surface.iterations = 1;
-        o.surface.points = Some(4);
-        o.domain.coarse_to_fine = false;
+        o.points = Some(4);
         o.accumulation = accumulation;
     });
-    let mut job = vector::job(gpu, capture, &options)?;
-    let grid = job.plan.finest().grid;
+    let grid = Grid::new(default_volume(capture, options.min_depth)?, LATERAL, capture.bin_width)?;
+    let model = surface::model::model(capture, &grid, &options);
+    let needs = OfFit { options: &options, iterations: [0, 1] };
+    let plan = Plan::new(&model, grid, capture.scan, &needs, &gpu.abilities(), false)?;
+    let mut job = readable(gpu, model, plan)?;
     let (model, level, points) = (job.model.clone(), *job.plan.finest(), surface::points_of(&job.plan));
     let twin = Twin { model: &model, grid: &grid };
     // Three by four pixels of a slanted surface, at a depth where no path lies near a bin's centre.
@@ -45,12 +47,12 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&words))?;
     let weights = {
         let placed = Placed { pixels: pixels.len(), most: 2.0, explained: 1.0, left: 0.01 };
-        surface::weights(&model, &grid, &level, placed, &options.surface)
+        surface::weights(&model, &level, placed, &options, 1)
     };
     upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))?;
     let mut s = zeroed(&job, &[buffer::COUNTS, buffer::HISTOGRAMS]);
-    surface::start(&mut s, &level, pixels.len(), points);
-    surface::iteration(&mut s, &job.plan, &level, pixels.len(), [0, 0, 0, 1], None);
+    surface::start_of(&mut s, &level, pixels.len(), points);
+    surface::iteration(&mut s, &job.plan, &level, pixels.len(), [0, 0, 1]);
     job.executor.run(&s)?;
 
     let mut all = vec![];

@@ -18,10 +18,13 @@ use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu, Schedule};
 use crate::solve::option::{Options, options, words};
-use crate::solve::vector::{gather_filtered, hat};
+pub use hat::hat;
+pub use passes::gather_filtered;
 use crate::solve::{Common, Plan, Prepared, Problem, RunsOn, Solver, TimedSchedule, outline};
 use crate::transport::Grid;
 
+mod hat;
+pub mod passes;
 mod projecting;
 
 pub(super) use projecting::{Projecting, projecting};
@@ -282,7 +285,7 @@ macro_rules! projection {
                     "volume",
                     plan,
                     plan.finest(),
-                    &Schedule::of(|s| gather_filtered(s, plan, plan.finest(), plan.scene.bins, true)),
+                    &Schedule::of(|s| gather_filtered(s, plan, plan.finest(), plan.scene.bins)),
                 )
             }
 

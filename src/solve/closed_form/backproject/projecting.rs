@@ -18,8 +18,7 @@ use crate::capture::{Background, Capture};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
 use crate::solve::prepared::Planned;
-use crate::solve::vector::gather_filtered;
-use crate::solve::vector::passes::{BACKPROJECT, FILTER};
+use super::passes::{BACKPROJECT, FILTER, gather_filtered};
 use crate::solve::{
     Beside, OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, SMOOTH, Sharpness, upload,
 };
@@ -174,7 +173,7 @@ impl Projector {
         for filter in filters {
             upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(filter))?;
             job.executor.run_once(|s| {
-                gather_filtered(s, &job.plan, &level, filter.len(), true);
+                gather_filtered(s, &job.plan, &level, filter.len());
                 s.copy(job.plan.domain.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
             })?;
             let stored: Vec<f32> = job.executor.read(RAW_HOST, ..grid.storage());
@@ -339,7 +338,7 @@ impl<M: Projection> Prepared for Projecting<M> {
         {
             let job = projector.made()?;
             job.executor.reserve(&Schedule::of(|s| {
-                gather_filtered(s, &job.plan, job.plan.finest(), job.plan.scene.bins, true)
+                gather_filtered(s, &job.plan, job.plan.finest(), job.plan.scene.bins)
             }))?;
         }
         Ok(())

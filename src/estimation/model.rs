@@ -2,8 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Begun, Tried};
-use crate::solve::vector::Left;
+use super::{Left, Tried};
 use crate::transport::Reflectance;
 
 /// The models that trials choose among; the first stands where there are no trials.
@@ -16,22 +15,6 @@ pub fn possible_models(confocal: bool) -> impl Iterator<Item = Reflectance> {
     MODELS.into_iter().filter(move |model| confocal || *model != Reflectance::Retroreflective)
 }
 
-/// The model of surfaces whose brightness does not follow their slope.
-pub(super) const WITHOUT_NORMALS: Reflectance = Reflectance::Retroreflective;
-
-/// A model whose surface predicts other pairs worse than its own volume does, although the volume is coarse and hazy. In
-/// a volume every voxel has a normal of its own; in a surface normals follow from the depths. So light does not depend
-/// on the angle as the model has it, and a surface would bend until it does.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Refuted {
-    /// The model.
-    pub reflectance: Reflectance,
-    /// The share of other pairs' squares that its surface leaves, in the volume's bins.
-    pub surface: f64,
-    /// The share that its volume leaves.
-    pub volume: f64,
-}
-
 /// The result of the search.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct FoundModel {
@@ -40,9 +23,6 @@ pub struct FoundModel {
     /// The trials that began alike: the model, the width of its pulse in metres (0: sharp paths, or the known pulse), and
     /// the share of other pairs' squares that its surface leaves.
     pub trials: Vec<(Reflectance, f64, Option<f64>)>,
-    /// The model that would have been chosen, if its surface is worse than its volume.
-    #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub refuted: Option<Refuted>,
     /// Why the trials failed, if they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,
@@ -52,12 +32,11 @@ impl FoundModel {
     pub(super) fn of(
         reflectance: Reflectance,
         tried: &[Tried],
-        refuted: Option<Refuted>,
         failed: Option<String>,
     ) -> FoundModel {
-        let alike = tried.iter().filter(|t| t.begun == Begun::Alike);
-        let trials = alike.map(|t| (t.reflectance, t.pulse.fwhm, t.left.as_ref().map(Left::share))).collect();
-        FoundModel { reflectance, trials, refuted, failed }
+        let trials =
+            tried.iter().map(|t| (t.reflectance, t.pulse.fwhm, t.left.as_ref().map(Left::share))).collect();
+        FoundModel { reflectance, trials, failed }
     }
 
     /// The result as a sentence.
@@ -79,16 +58,8 @@ impl FoundModel {
         }
         let told: Vec<String> =
             each.iter().map(|(m, left)| format!("{} {:.2} %", m.name(), 100.0 * left)).collect();
-        let why = self.refuted.as_ref().map_or_else(String::new, |r| {
-            format!(
-                "; brightness does not follow the slopes: a {} surface leaves {:.2} %, its volume with free normals {:.2} %",
-                r.reflectance.name(),
-                100.0 * r.surface,
-                100.0 * r.volume
-            )
-        });
         format!(
-            "the model of reflectance: {name}, by trials; of pairs that it has not seen, each leaves: {}{why} (name a \
+            "the model of reflectance: {name}, by trials; of pairs that it has not seen, each leaves: {} (name a \
              model to skip the trials)",
             told.join(", ")
         )
@@ -117,7 +88,7 @@ mod tests {
     /// Pairs that leave `mean` on average, which differ by `noise`, of squares of 100.
     fn left(mean: f64, noise: f64) -> Option<Left> {
         let of = |i: usize| [mean + noise * if i.is_multiple_of(2) { 1.0 } else { -1.0 }, 100.0];
-        Some(Left { pairs: (0..64).map(of).collect(), wide: vec![], noise: 0.0 })
+        Some(Left { pairs: (0..64).map(of).collect(), noise: 0.0 })
     }
 
     #[test]
@@ -155,7 +126,7 @@ mod tests {
             (Retroreflective, 0.0, None),
             (Lambertian, 0.02, Some(0.03)),
         ];
-        let found = FoundModel { reflectance: Lambertian, trials, refuted: None, failed: None };
+        let found = FoundModel { reflectance: Lambertian, trials, failed: None };
         let note = found.note();
         assert!(
             note.contains("lambertian, by trials") && note.contains("cosine 5.00 %, lambertian 3.00 %"),

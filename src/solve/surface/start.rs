@@ -1,17 +1,19 @@
-//! What the surface begins with: depths and albedos of a closed-form method, or a plane.
+//! Initialisation of a surface: the layers of a closed-form volume, or a plane.
 
 use std::ops::ControlFlow;
 
-use super::options::{Begin, SurfaceAloneOptions};
+use super::layers::{LEAST_CELLS, split};
+use super::support::remove;
+use super::{Begin, SurfaceOptions};
 use crate::capture::{Background, Capture};
 use crate::maps::{Maps, percentile};
 use crate::solve::closed_form::{FbpOptions, LctOptions};
-use crate::solve::{Beside, Prepared, Progress, Solver, TracePoint, Watch};
+use crate::solve::plan::AMPLE;
+use crate::solve::{Beside, Prepared, Progress, Solver, TracePoint, VolumeMap, Watch};
 use crate::transport::Grid;
 use crate::{Error, Result};
 
-/// Pixels of the surface have this share of the albedo above which the closed-form method sees a surface: rims are dim, and
-/// what is no surface becomes dark.
+/// Pixels of the surface have this share of the albedo above which the closed-form method sees a surface: rims are dim.
 const SUPPORT: f64 = 0.5;
 
 /// A pair whose strongest bin has less than this share of the strongest of all pairs tells no first return.
@@ -24,72 +26,104 @@ const RISEN: f32 = 0.5;
 /// others see the object from the side. The smallest is one of noise.
 const NEAREST: f64 = 10.0;
 
-impl SurfaceAloneOptions {
-    /// The closed-form method that the surface begins with; `None`: it begins with a plane.
-    ///
-    /// # Errors
-    /// `Kind::Input`: the capture breaks an assumption of the method that was asked for.
-    pub(super) fn first_method(&self, capture: &Capture) -> Result<Option<Box<dyn Solver>>> {
-        let lct = LctOptions::default().with(|o| {
-            o.lateral = self.lateral;
-            o.snr = self.snr;
-            o.image.reflectance = self.reflectance;
-            o.image.min_depth = self.min_depth;
-            o.image.background = self.background;
-        });
-        let takes = lct.takes(capture);
-        Ok(match self.begin {
-            Begin::Plane => None,
-            Begin::Lct => {
-                takes.map_err(|e| {
-                    Error::input(
-                        e.what,
-                        "let the surface begin with fbp, with a plane, or with what the capture allows (auto)",
-                    )
-                })?;
-                Some(Box::new(lct))
-            }
-            Begin::Auto if takes.is_ok() => Some(Box::new(lct)),
-            Begin::Auto | Begin::Fbp => Some(Box::new(FbpOptions::default().with(|o| {
-                o.lateral = self.lateral;
-                o.image = lct.image;
-            }))),
-        })
-    }
+/// Between two maxima of a column the volume falls below this share of the lower one.
+const DIP: f32 = 0.5;
+
+/// The closed-form method that initialises a surface on `lateral` pixels; `None`: a plane does.
+///
+/// # Errors
+/// `Kind::Input`: the capture breaks an assumption of the requested method.
+pub(crate) fn method(
+    options: &SurfaceOptions,
+    lateral: usize,
+    capture: &Capture,
+) -> Result<Option<Box<dyn Solver>>> {
+    let counted = capture.integer_counts || capture.histograms.iter().any(|v| *v < 0.0);
+    let lct = LctOptions::default().with(|o| {
+        o.lateral = lateral;
+        o.snr = (!counted).then_some(3.0);
+        o.image.reflectance = options.reflectance;
+        o.image.min_depth = options.min_depth;
+        o.image.background = options.background;
+    });
+    let takes = lct.takes(capture);
+    Ok(match options.begin {
+        Begin::Plane => None,
+        Begin::Lct => {
+            takes.map_err(|e| Error::input(e.what, "begin with fbp, with a plane, or with auto"))?;
+            Some(Box::new(lct))
+        }
+        Begin::Auto if takes.is_ok() => Some(Box::new(lct)),
+        Begin::Auto | Begin::Fbp => Some(Box::new(FbpOptions::default().with(|o| {
+            o.lateral = lateral;
+            o.image = lct.image;
+        }))),
+    })
 }
 
-/// The surface of a closed-form method, with the brightest albedo 1. Pixels that are none have no depth. `watch` may cancel;
-/// it hears of no iteration.
+/// The layers of a closed-form volume, with the brightest albedo 1. `watch` may cancel; it is not called for iterations.
 ///
 /// # Errors
 /// Those of the method.
-pub(super) fn of_method(
+pub(crate) fn of_method(
     method: &mut dyn Prepared,
     capture: &Capture,
     iterations: usize,
     watch: &mut Watch<'_>,
-) -> Result<Maps> {
+) -> Result<Vec<Maps>> {
     let mut ask = |progress: &Progress| -> ControlFlow<()> {
         let point = TracePoint { iteration: 0, ..progress.point };
         (watch.hear)(&Progress { doing: progress.doing, point, iterations, remaining: None, maps: None })
     };
     let mut asking = Watch { hear: &mut ask, maps_every: None, maps_at: &[] };
-    let mut maps = method.solve(capture, Beside::from(&mut asking))?.maps;
-    let least = SUPPORT * maps.mask_fraction.unwrap_or(Maps::MASK_FRACTION);
-    let there = Maps::mask_of(&maps.albedo, least);
-    let most = maps.albedo.iter().copied().fold(0.0, f32::max);
-    for (i, there) in there.into_iter().enumerate() {
-        if there && maps.depth[i].is_finite() {
-            maps.albedo[i] /= most;
-        } else {
-            (maps.albedo[i], maps.depth[i], maps.normal[i]) = (0.0, f32::NAN, [f32::NAN; 3]);
+    let solved = method.solve(capture, Beside::from(&mut asking))?;
+    let mut first = solved.maps;
+    let least = SUPPORT * first.mask_fraction.unwrap_or(Maps::MASK_FRACTION);
+    let threshold = (least * f64::from(Maps::white(&first.albedo))) as f32;
+    let most = first.albedo.iter().copied().fold(0.0, f32::max);
+    let mut second = solved.volume.map(|volume| second_maxima(&first, &volume));
+    for maps in std::iter::once(&mut first).chain(&mut second) {
+        for pixel in 0..maps.albedo.len() {
+            let lit = maps.albedo[pixel] > threshold && maps.depth[pixel].is_finite();
+            if lit { maps.albedo[pixel] /= most } else { remove(maps, pixel) }
+            if lit && !maps.normal[pixel][2].is_finite() {
+                maps.normal[pixel] = [0.0, 0.0, -1.0];
+            }
         }
     }
-    Ok(maps)
+    let least = LEAST_CELLS * (first.nx as f64 / AMPLE as f64).powi(2);
+    let layers = second.and_then(|second| split(&first, &second, least));
+    Ok(layers.map_or_else(|| vec![first], Vec::from))
+}
+
+/// The second maximum of each column of a volume: the largest value beyond the dips on both sides of the first maximum.
+fn second_maxima(first: &Maps, volume: &VolumeMap) -> Maps {
+    let mut second = Maps { mask_fraction: first.mask_fraction, ..Maps::empty([first.nx, first.ny], first.extent) };
+    let deep = volume.grid.n[2];
+    for (pixel, column) in volume.albedo.chunks(deep).enumerate() {
+        let Some(top) = (0..deep).max_by(|a, b| column[*a].total_cmp(&column[*b])) else { continue };
+        // The highest value so far beyond a dip, walking away from the maximum.
+        let mut best: Option<(usize, f32)> = None;
+        for side in [(0..top).rev().collect::<Vec<_>>(), (top + 1..deep).collect()] {
+            let mut lowest = column[top];
+            for at in side {
+                lowest = lowest.min(column[at]);
+                if lowest < DIP * column[at] && best.is_none_or(|b| column[at] > b.1) {
+                    best = Some((at, column[at]));
+                }
+            }
+        }
+        if let Some((at, value)) = best {
+            second.albedo[pixel] = value;
+            second.depth[pixel] = (volume.grid.origin.z + at as f64 * volume.grid.pitch.z) as f32;
+            second.normal[pixel] = [0.0, 0.0, -1.0];
+        }
+    }
+    second
 }
 
 /// A plane of albedo 1 that faces the wall, at the depth of the first returns; without any depth where no light comes back.
-pub(super) fn plane(capture: &Capture, grid: &Grid, with_background: bool) -> Maps {
+pub(crate) fn plane(capture: &Capture, grid: &Grid, with_background: bool) -> Maps {
     let [near, far] = grid.depth_range();
     let at = depth_of_first_returns(capture, with_background).map(|z| z.clamp(near, far));
     let count = grid.n[0] * grid.n[1];

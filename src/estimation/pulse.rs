@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Begun, Tried};
+use super::Tried;
 use crate::capture::{METRES_PER_PICOSECOND, Pulse};
 use crate::transport::Reflectance;
 use crate::{Error, Result};
@@ -113,11 +113,8 @@ impl FoundPulse {
         failed: Option<String>,
     ) -> FoundPulse {
         let of_model = || tried.iter().filter(|t| t.reflectance == reflectance);
-        // The first model has no others.
-        let own = of_model().any(|t| t.begun == Begun::OnItsOwn);
-        let trials = of_model().filter(|t| !own || t.begun == Begun::OnItsOwn);
         let of_trial = |t: &Tried| Some([t.pulse.fwhm, t.pulse.tail, t.left.as_ref()?.share()]);
-        FoundPulse { fwhm, tail, trials: trials.filter_map(of_trial).collect(), seconds, failed }
+        FoundPulse { fwhm, tail, trials: of_model().filter_map(of_trial).collect(), seconds, failed }
     }
 
     /// The pulse; `None` if paths are sharp.

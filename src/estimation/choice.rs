@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use super::model::possible_models;
-use super::{Ask, FindPulse, Found};
+use super::{EstimateRequest, Estimates, FindPulse};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
@@ -131,7 +131,6 @@ impl Resolved {
     /// the values are captured counts. The paper's solver takes paths as sharp.
     pub fn find_pulse(&self) -> FindPulse {
         match (&self.solver, self.preset) {
-            (SolverOptions::Vector(o), _) if o.surface.iterations == 0 => FindPulse::Never,
             (o, Preset::Captured) if o.has_trials() => FindPulse::Always,
             (o, Preset::Synthetic) if o.has_trials() => FindPulse::IfItShows,
             _ => FindPulse::Never,
@@ -149,8 +148,8 @@ impl Resolved {
         capture: &'c Capture,
         (discretisation, memory): (Discretisation, Option<u64>),
         hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-    ) -> Result<(Found, SolverOptions, Cow<'c, Capture>)> {
-        let ask = Ask {
+    ) -> Result<(Estimates, SolverOptions, Cow<'c, Capture>)> {
+        let ask = EstimateRequest {
             solver: &self.solver,
             models: &self.models,
             find_pulse: self.find_pulse(),
@@ -158,7 +157,7 @@ impl Resolved {
             memory,
         };
         let has_light = capture.histograms.iter().any(|v| *v > 0.0);
-        let found = if has_light { super::find(&ask, capture, gpu, hear)? } else { Found::default() };
+        let found = if has_light { super::estimate(&ask, capture, gpu, hear)? } else { Estimates::default() };
         let (solver, capture) = found.settle(&self.solver, &self.models, capture)?;
         Ok((found, solver, capture))
     }
@@ -187,7 +186,7 @@ pub struct Tuned {
     /// The frame, with the pulse.
     pub scan: Capture,
     /// What was found.
-    pub found: Found,
+    pub found: Estimates,
 }
 
 /// The published set of parameters that fits the capture: if all counts are whole numbers, or some are negative, a

@@ -7,7 +7,14 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::solve::vector::LEAST_FLOOR;
+use crate::capture::Capture;
+use crate::solve::surface::LEAST_FLOOR;
+
+/// The length of the high-pass, metres of path: a tenth of the wall's width, and two bins at least.
+pub fn usual_high_pass(capture: &Capture) -> f64 {
+    let [x0, x1, y0, y1] = capture.wall_extent();
+    (0.1 * (x1 - x0).max(y1 - y0)).max(2.0 * capture.bin_width)
+}
 
 /// With a floor above this the high-pass changes too little to be worth its kernel.
 const HIGHEST: f64 = 0.7;

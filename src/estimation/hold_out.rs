@@ -1,15 +1,16 @@
-//! What a fit leaves of pairs that it has not seen.
+//! The residual of a fit on the hold-out set: pairs that the fit has not seen.
 
 use super::spread::Rows;
 use crate::capture::PulseTaps;
-use crate::solve::estimate::weighted_sum;
+use crate::solve::weighted_sum;
 use crate::transport::{Grid, HighPass, Model};
 
 /// Standard errors beyond which a difference is no chance.
 const BEYOND_CHANCE: f64 = 2.0;
 
 /// Pairs that a fit has not seen, compared with what it renders for them: bins with a weight.
-pub(super) struct Unseen {
+#[derive(Debug, Clone)]
+pub struct Unseen {
     /// Differences, and measured values, `[pair * bins + bin]`.
     rows: [Vec<f64>; 2],
     /// Roots of the bins' weights.
@@ -69,7 +70,7 @@ impl Unseen {
         let [rendered, measured] = [&rendered, &self.rows[1]].map(|rows| self.judged(rows));
         let rows = Rows { rendered: &rendered, measured: &measured, bins: self.roots.len().max(1) };
         let (at, pairs) = rows.best(pulses)?;
-        Some((at, Left { pairs, wide: vec![], noise: self.noise_left() }))
+        Some((at, Left { pairs, noise: self.noise_left() }))
     }
 
     /// Squared differences of all pairs that photon noise alone makes, as they are judged. 0 if it is not known.
@@ -78,16 +79,13 @@ impl Unseen {
         self.high_pass.map_or(0.0, |f| self.noise * cells * f.of_noise(bins, self.bin_width))
     }
 
-    /// Squares of each pair, also with every `sum` of its bins as one.
-    pub fn left(&self, sum: usize) -> Left {
+    /// Squares of each pair.
+    pub fn left(&self) -> Left {
         let bins = self.roots.len().max(1);
         let rows = self.rows.each_ref().map(|rows| self.judged(rows));
-        let squares = |sum: usize| {
-            let of =
-                |row: &[f64]| row.chunks_exact(sum).map(|bins| bins.iter().sum::<f64>().powi(2)).sum::<f64>();
-            rows[0].chunks(bins).zip(rows[1].chunks(bins)).map(|(d, m)| [of(d), of(m)]).collect()
-        };
-        Left { pairs: squares(1), wide: squares(sum), noise: self.noise_left() }
+        let of = |row: &[f64]| row.iter().map(|v| v * v).sum::<f64>();
+        let pairs = rows[0].chunks(bins).zip(rows[1].chunks(bins)).map(|(d, m)| [of(d), of(m)]).collect();
+        Left { pairs, noise: self.noise_left() }
     }
 
     /// [`HighPass::bands`] of the weighted differences, over photon noise.
@@ -103,26 +101,14 @@ impl Unseen {
 pub struct Left {
     /// For each pair: squared differences, and squared values, summed over bins.
     pub pairs: Vec<[f64; 2]>,
-    /// The same in the wider bins of a volume.
-    pub wide: Vec<[f64; 2]>,
     /// Squared differences of all pairs that photon noise alone makes: no fit leaves less. 0 if it is not known.
     pub noise: f64,
 }
 
 impl Left {
-    /// The same in the wider bins of a volume.
-    pub fn in_wide_bins(&self) -> Left {
-        Left { pairs: self.wide.clone(), wide: self.wide.clone(), noise: 0.0 }
-    }
-
     /// The share of the squares that is left.
     pub fn share(&self) -> f64 {
         self.pairs.iter().map(|p| p[0]).sum::<f64>() / self.squares()
-    }
-
-    /// The share of the squares that is photon noise.
-    pub fn noise_share(&self) -> f64 {
-        self.noise / self.squares()
     }
 
     fn squares(&self) -> f64 {
@@ -146,12 +132,12 @@ mod tests {
 
     /// What is left of each pair, of squares of 100.
     fn left(pairs: impl IntoIterator<Item = f64>) -> Left {
-        Left { pairs: pairs.into_iter().map(|p| [p, 100.0]).collect(), wide: vec![], noise: 0.0 }
+        Left { pairs: pairs.into_iter().map(|p| [p, 100.0]).collect(), noise: 0.0 }
     }
 
     #[test]
     fn the_share_is_that_of_all_squares() {
-        let of = Left { pairs: vec![[1.0, 10.0], [3.0, 90.0]], wide: vec![], noise: 0.0 };
+        let of = Left { pairs: vec![[1.0, 10.0], [3.0, 90.0]], noise: 0.0 };
         assert_eq!(of.share(), 0.04);
     }
 

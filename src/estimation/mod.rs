@@ -1,0 +1,406 @@
+//! Estimates of what the user leaves open: the high-pass of the objective, how surfaces reflect, and the instrument's impulse
+//! response. Short surface fits of [`LATERAL`] pixels compare the hypotheses on pairs that they have not seen, in the domain that
+//! the solve minimises. Of hypotheses that cannot be told apart the simplest is chosen.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use crate::capture::{Capture, Pulse};
+use crate::gpu::Gpu;
+use crate::solve::{
+    Discretisation, Doing, Progress, Ready, SolverOptions, SurfaceOptions, Watch, default_volume,
+};
+use crate::transport::{Reflectance, Volume};
+use crate::{Error, Kind, Result};
+
+mod choice;
+mod high_pass;
+mod hold_out;
+mod model;
+mod pulse;
+mod spread;
+mod trial;
+
+pub use choice::{Choice, Resolved, Tuned, preset_for};
+pub use high_pass::{FoundHighPass, usual_high_pass};
+pub use hold_out::Left;
+pub use model::{FoundModel, MODELS};
+pub use pulse::FoundPulse;
+use pulse::Shape;
+use trial::{Fitted, Trial};
+
+/// Constants of the estimates. Evidence: benches/studies/trials.md.
+mod constants {
+    /// Minimum hold-out size for model selection, pairs.
+    pub const LEAST_PAIRS: usize = 16;
+    /// Pairs that a fit takes; as many others judge it.
+    pub const PAIRS: usize = 256;
+    /// Lateral pixels of a fit.
+    pub const LATERAL: usize = 64;
+    /// Rounds of the support of a fit from the closed form.
+    pub const ROUNDS: usize = 5;
+    /// Iterations of a round, and of the fit after the rounds or with another impulse response.
+    pub const ITERATIONS: [usize; 2] = [10, 20];
+    /// A model whose residual is this many times that of the best one, each with the impulse response that its sharp fit suggests,
+    /// is not fitted again.
+    pub const HOPELESS: f64 = 1.3;
+}
+use constants::*;
+
+/// Whether the instrument's impulse response is estimated.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum FindPulse {
+    /// Paths are sharp, unless the capture holds an impulse response.
+    Never,
+    /// If a fit with an impulse response of two bins has a smaller residual than one with sharp paths.
+    IfItShows,
+    /// In any case.
+    Always,
+}
+
+/// What is to be estimated.
+#[derive(Debug, Clone, Copy)]
+pub struct EstimateRequest<'a> {
+    /// The solver with its options, for the usual model.
+    pub solver: &'a SolverOptions,
+    /// Its options for each model of reflectance to choose among; empty if the model is known. The first is the usual one.
+    pub models: &'a [SolverOptions],
+    /// Whether to estimate the impulse response, if the capture holds none.
+    pub find_pulse: FindPulse,
+    /// How finely the solve will be. Fits have pixels of their own.
+    pub discretisation: Discretisation,
+    /// Most device memory to use, in bytes.
+    pub memory: Option<u64>,
+}
+
+impl EstimateRequest<'_> {
+    /// Whether to estimate the high-pass of the objective.
+    pub fn finds_high_pass(&self) -> bool {
+        matches!(self.solver, SolverOptions::Surface(options) if options.high_pass.is_none())
+    }
+
+    /// Whether to estimate the impulse response of this capture: it holds none, and only fits of several models can show one.
+    pub fn find_pulse(&self, capture: &Capture) -> FindPulse {
+        match (self.find_pulse, &capture.pulse) {
+            (_, Some(_)) => FindPulse::Never,
+            (FindPulse::IfItShows, None) if self.models.len() < 2 => FindPulse::Never,
+            (asked, None) => asked,
+        }
+    }
+}
+
+/// The estimates of a run.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Estimates {
+    /// How surfaces reflect, if it was estimated.
+    #[serde(default)]
+    pub model: Option<FoundModel>,
+    /// The high-pass of the objective, if it was estimated.
+    #[serde(default)]
+    pub high_pass: Option<FoundHighPass>,
+    /// The instrument's impulse response, if it was estimated.
+    #[serde(default)]
+    pub pulse: Option<FoundPulse>,
+    /// Seconds of all fits.
+    pub seconds: f64,
+}
+
+impl Estimates {
+    /// The estimates as sentences.
+    pub fn notes(&self) -> Vec<String> {
+        let high_pass = self.high_pass.iter().map(FoundHighPass::note);
+        high_pass
+            .chain(self.model.iter().map(FoundModel::note))
+            .chain(self.pulse.iter().map(FoundPulse::note))
+            .collect()
+    }
+
+    /// The solver with its options for the estimated model and high-pass, and the capture with the impulse response.
+    ///
+    /// # Errors
+    /// A width that makes no impulse response. This does not happen with an estimated width.
+    pub fn settle<'c>(
+        &self,
+        solver: &SolverOptions,
+        models: &[SolverOptions],
+        capture: &'c Capture,
+    ) -> Result<(SolverOptions, Cow<'c, Capture>)> {
+        let of_model =
+            |found: &FoundModel| models.iter().find(|o| o.common().reflectance == found.reflectance).cloned();
+        let mut solver = self.model.as_ref().and_then(of_model).unwrap_or_else(|| solver.clone());
+        if let (SolverOptions::Surface(options), Some(found)) = (&mut solver, self.high_pass) {
+            (options.high_pass, options.high_pass_floor) = (Some(found.length), found.floor);
+        }
+        let capture = match self.pulse.as_ref().map(FoundPulse::pulse).transpose()?.flatten() {
+            Some(pulse) => Cow::Owned(capture.clone().with(|c| c.pulse = Some(pulse))),
+            None => Cow::Borrowed(capture),
+        };
+        Ok((solver, capture))
+    }
+}
+
+/// Estimates what is requested, by short fits of parts of `capture`, which has counts.
+///
+/// # Errors
+/// The device fails or has too little memory, or `hear` cancels ([`Kind::Cancelled`]). If a fit fails otherwise, the usual model
+/// and sharp paths stay, and the solve itself reports the cause.
+pub fn estimate(
+    request: &EstimateRequest<'_>,
+    capture: &Capture,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Estimates> {
+    let _span = gpu.span("trials");
+    let start = Instant::now();
+    let finds_model = request.models.len() > 1;
+    let find_pulse = request.find_pulse(capture);
+    let finds_high_pass = request.finds_high_pass();
+    if !finds_model && find_pulse == FindPulse::Never && !finds_high_pass {
+        return Ok(Estimates::default());
+    }
+    let usual = request.solver.common().reflectance;
+    let mut tried = vec![];
+    let mut high_pass = None;
+    let searched = Search::new(request, capture, gpu, hear).and_then(|mut search| {
+        if finds_high_pass {
+            high_pass = Some(search.find_high_pass(capture)?);
+        }
+        let found = search.run(usual, finds_model);
+        tried = std::mem::take(&mut search.tried);
+        found
+    });
+    let ((reflectance, pulse), failed) = match searched {
+        Ok(answer) => (answer, None),
+        Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
+        // The device refuses what is less than the solve needs. A budget may allow the solve in parts.
+        Err(e) if e.kind == Kind::Memory && request.memory.is_none() => return Err(e),
+        Err(e) => ((usual, (find_pulse == FindPulse::Always).then_some(Shape::SHARP)), Some(e.what)),
+    };
+    let seconds = start.elapsed().as_secs_f64();
+    let model = finds_model.then(|| FoundModel::of(reflectance, &tried, failed.clone()));
+    let pulse = pulse.map(|shape| FoundPulse::of(shape, reflectance, &tried, seconds, failed));
+    Ok(Estimates { model, high_pass, pulse, seconds })
+}
+
+/// A hypothesis, and the residual of its fit on the hold-out set.
+#[derive(Debug, Clone, PartialEq)]
+struct Tried {
+    reflectance: Reflectance,
+    pulse: Shape,
+    left: Option<Left>,
+}
+
+/// The fits of a capture.
+struct Search<'t> {
+    /// One for each model, the usual one first.
+    trials: Vec<Trial>,
+    /// The sharp fit of each model, and the impulse response that its residual suggests.
+    sharp: Vec<(Reflectance, Fitted, Option<(Shape, Left)>)>,
+    /// Metres of path.
+    bin_width: f64,
+    /// The narrowest impulse response that the solve, whose bins may be narrower, models: in bins of the fits.
+    narrowest: f64,
+    /// The impulse response of the capture, if it has one.
+    known: Option<Pulse>,
+    find_pulse: FindPulse,
+    hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    tried: Vec<Tried>,
+}
+
+impl<'t> Search<'t> {
+    fn new(
+        request: &EstimateRequest<'_>,
+        capture: &Capture,
+        gpu: &'t Gpu,
+        hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Search<'t>> {
+        let all = if request.models.is_empty() { std::slice::from_ref(request.solver) } else { request.models };
+        if capture.pair_count() / 2 < LEAST_PAIRS {
+            return Err(Error::input(
+                format!("estimates need {} pairs, the capture has {}", 2 * LEAST_PAIRS, capture.pair_count()),
+                "name the model and the impulse response if known",
+            ));
+        }
+        let options = quick(&all[0]);
+        let of_all = || default_volume(capture, options.min_depth);
+        let volume: Volume = request.discretisation.volume.map_or_else(of_all, Ok)?;
+        let of_trial =
+            Discretisation { volume: Some(volume), bins: request.discretisation.bins, depth_pitch: None };
+        let Ready { capture: whole, grid, .. } =
+            of_trial.ready(&options.clone().into(), Cow::Borrowed(capture))?;
+        let mut watch_hear = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
+        let mut watch = Watch { hear: &mut watch_hear, maps_every: None, maps_at: &[] };
+        let layers = trial::start(gpu, &whole, grid, &options, request.memory, &mut watch)?;
+        let thin = whole.subset((2 * PAIRS).min(whole.pair_count()), 0)?;
+        let of_solve = request.discretisation.sum(request.solver, &capture.outline()) as f64 * capture.bin_width;
+        let trial = |options: &SolverOptions| {
+            Trial::new(gpu, &thin, grid, quick(options), layers.clone(), request.memory)
+        };
+        Ok(Search {
+            trials: all.iter().map(trial).collect(),
+            sharp: vec![],
+            bin_width: thin.bin_width,
+            narrowest: pulse::NARROWEST * of_solve / thin.bin_width,
+            known: capture.pulse.clone(),
+            find_pulse: request.find_pulse(capture),
+            hear,
+            tried: vec![],
+        })
+    }
+
+    /// Estimates the high-pass by a fit of the first model. All later fits have it, and are judged by it.
+    fn find_high_pass(&mut self, capture: &Capture) -> Result<FoundHighPass> {
+        let length = usual_high_pass(capture);
+        let first = self.trials[0].reflectance();
+        let fitted = self.fit(first, Shape::SHARP, None)?;
+        let bands = fitted.map_or([f64::NAN; 2], |fitted| fitted.unseen.bands(length));
+        let found = FoundHighPass::of(length, bands);
+        self.trials.iter_mut().for_each(|trial| trial.set_high_pass([found.length, found.floor]));
+        Ok(found)
+    }
+
+    /// Fits a hypothesis, from the surface of another fit or from the closed form. `None` if no surface is found.
+    fn fit(&mut self, reflectance: Reflectance, shape: Shape, from: Option<&Fitted>) -> Result<Option<Fitted>> {
+        let Search { trials, hear, known, .. } = self;
+        let trial = trials.iter_mut().find(|t| t.reflectance() == reflectance).expect("a trial for every model");
+        let mut reported = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
+        let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
+        let pulse = shape.centred()?.or(known.clone());
+        trial.fit(pulse.as_ref(), from, &mut watch)
+    }
+
+    /// The sharp fit of a model, and the impulse response that its residual suggests.
+    fn sharp(&mut self, reflectance: Reflectance) -> Result<Option<usize>> {
+        if let Some(at) = self.sharp.iter().position(|s| s.0 == reflectance) {
+            return Ok(Some(at));
+        }
+        let fitted = self.fit(reflectance, Shape::SHARP, None)?;
+        self.tried.push(Tried { reflectance, pulse: Shape::SHARP, left: fitted.as_ref().map(|f| f.left.clone()) });
+        let Some(fitted) = fitted else { return Ok(None) };
+        let suggested = if self.find_pulse == FindPulse::Never { None } else { self.suggested(&fitted)? };
+        self.sharp.push((reflectance, fitted, suggested));
+        Ok(Some(self.sharp.len() - 1))
+    }
+
+    /// The impulse response that a sharp fit's rendering of the hold-out set suggests, and the residual with it.
+    fn suggested(&self, fitted: &Fitted) -> Result<Option<(Shape, Left)>> {
+        let shapes = Shape::all(self.bin_width);
+        let pulses = shapes.iter().filter_map(|shape| shape.centred().transpose());
+        let taps = pulses.map(|p| p.and_then(|p| p.taps(self.bin_width))).collect::<Result<Vec<_>>>()?;
+        Ok(fitted.unseen.spread(&taps).map(|(at, left)| (shapes[at], left)))
+    }
+
+    /// The residual of a hypothesis with an impulse response, whose fit continues the sharp one.
+    fn left(&mut self, reflectance: Reflectance, pulse: Shape) -> Result<Option<Left>> {
+        let of = (reflectance, pulse);
+        if let Some(same) = self.tried.iter().find(|t| (t.reflectance, t.pulse) == of) {
+            return Ok(same.left.clone());
+        }
+        let Some(at) = self.sharp(reflectance)? else { return Ok(None) };
+        let from = self.sharp[at].1.clone();
+        let left = self.fit(reflectance, pulse, Some(&from))?.map(|fitted| fitted.left);
+        self.tried.push(Tried { reflectance, pulse, left: left.clone() });
+        Ok(left)
+    }
+
+    /// Models are compared with the impulse responses that their sharp fits suggest. The best of them finds its impulse response,
+    /// and those that are not hopeless are compared again with it.
+    fn run(&mut self, usual: Reflectance, finds_model: bool) -> Result<(Reflectance, Option<Shape>)> {
+        let models: Vec<Reflectance> =
+            if finds_model { self.trials.iter().map(Trial::reflectance).collect() } else { vec![usual] };
+        let mut residuals = vec![];
+        for model in &models {
+            let sharp = self.sharp(*model)?.map(|at| &self.sharp[at]);
+            let best = sharp.map(|(_, fitted, suggested)| match suggested {
+                Some((_, left)) if self.find_pulse == FindPulse::Always && left.share() < fitted.left.share() => {
+                    left.clone()
+                }
+                _ => fitted.left.clone(),
+            });
+            residuals.push((*model, best));
+        }
+        let no_surface = || Error::input("no fit found a surface", "name the model and the impulse response if known");
+        let mut model = model::choose(&residuals).ok_or_else(no_surface)?;
+        let finds_pulse = match self.find_pulse {
+            FindPulse::Never => false,
+            FindPulse::IfItShows => self.shows_pulse(model)?,
+            FindPulse::Always => true,
+        };
+        if !finds_pulse {
+            return Ok((model, None));
+        }
+        let mut pulse = self.best_pulse(model)?;
+        let least = residuals.iter().filter_map(|(_, l)| Some(l.as_ref()?.share())).fold(f64::INFINITY, f64::min);
+        residuals.retain(|(_, left)| left.as_ref().is_some_and(|l| l.share() <= HOPELESS * least));
+        if pulse != Shape::SHARP && residuals.len() > 1 {
+            let mut again = vec![];
+            for (model, _) in residuals {
+                again.push((model, self.left(model, pulse)?));
+            }
+            let other = model::choose(&again).unwrap_or(model);
+            if other != model {
+                model = other;
+                pulse = self.best_pulse(model)?;
+            }
+        }
+        Ok((model, Some(pulse)))
+    }
+
+    /// Whether this model's residual shows an impulse response. Without normals every curved surface seems to have one.
+    fn shows_pulse(&mut self, reflectance: Reflectance) -> Result<bool> {
+        if !reflectance.has_normals() {
+            return Ok(false);
+        }
+        let wide = Shape::of(pulse::FIRST * self.bin_width, 0.0);
+        let sharp = self.sharp(reflectance)?.map(|at| self.sharp[at].1.left.clone());
+        let wide = self.left(reflectance, wide)?;
+        Ok(sharp.zip(wide).is_some_and(|(sharp, wide)| wide.is_less(&sharp)))
+    }
+
+    /// The impulse response with this model: its length, then the share of its tail.
+    fn best_pulse(&mut self, reflectance: Reflectance) -> Result<Shape> {
+        let Some(at) = self.sharp(reflectance)? else {
+            return Err(Error::input("a fit found no surface", "give the instrument's impulse response"));
+        };
+        let (_, fitted, suggested) = &self.sharp[at];
+        let (sharp, guess) = (fitted.left.clone(), suggested.as_ref().map(|s| s.0));
+        let length = guess.map_or(pulse::FIRST * self.bin_width, |g| g.length());
+        // The tail of the suggestion is not to be trusted: the surface has moved to compensate it.
+        let (bin_width, narrowest) = (self.bin_width, self.narrowest);
+        let (mut first, mut second) = (None, None);
+        let of = |search: &mut Self, pulse: Shape, least: &mut Option<Left>| {
+            let left = search.left(reflectance, pulse)?;
+            *least = left.iter().chain(&*least).min_by(|a, b| a.share().total_cmp(&b.share())).cloned();
+            Ok(left.map(|left| left.share()))
+        };
+        let best = pulse::best_length(length / bin_width, narrowest, sharp.share(), &mut |bins| {
+            of(self, Shape::of(bins * bin_width, 0.0), &mut first)
+        })?;
+        let Some([bins, left]) = best else { return Ok(Shape::SHARP) };
+        let length = bins * bin_width;
+        let best = pulse::best_tail(0.0, left, &mut |share| of(self, Shape::of(length, share), &mut second))?;
+        let is_worth = |better: &Option<Left>, than: &Left| {
+            let enough = |better: &Left| better.share() < (1.0 - pulse::WORTH) * than.share();
+            better.as_ref().is_some_and(|better| enough(better) && better.is_less(than))
+        };
+        let has_tail = first.as_ref().is_none_or(|first| is_worth(&second, first));
+        let (share, left) = if has_tail { (best, [first, second]) } else { (0.0, [first, None]) };
+        let least = left.into_iter().flatten().min_by(|a, b| a.share().total_cmp(&b.share()));
+        Ok(if is_worth(&least, &sharp) { Shape::of(length, share) } else { Shape::SHARP })
+    }
+}
+
+/// The options of a fit.
+fn quick(options: &SolverOptions) -> SurfaceOptions {
+    options.as_surface().with(|o| {
+        o.lateral = o.lateral.min(LATERAL);
+        o.iterations = ITERATIONS[1];
+        o.grow = false;
+        o.points = None;
+        o.sparsity = 0.0;
+        o.pairs = PAIRS;
+    })
+}

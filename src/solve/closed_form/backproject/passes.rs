@@ -1,0 +1,46 @@
+//! The passes of back-projections, and their schedule.
+
+use crate::gpu::Schedule;
+use crate::solve::over_pairs::{groups, light, over_parts, pair_chunks, work_of};
+use crate::solve::plan::pass::{Pass, Voxels, passes, twin};
+use crate::solve::{Level, Plan, together};
+use crate::transport::cells;
+use crate::transport::kernels::*;
+
+passes! {
+    /// All passes that only back-projections have.
+    pub static ALL;
+
+    /// Filters the measurement along time.
+    FILTER = Pass { twin: twin!(filter), ..Pass::of("filter", |_| &kernel::FILTER) };
+
+    /// Gathers the filtered measurement in every voxel.
+    BACKPROJECT = Pass {
+        report: "backward_project",
+        pairs: Some(Voxels::Grid),
+        twin: twin!(backproject),
+        ..Pass::of("backproject", |p| p.variant(&kernel::BACKPROJECT, &kernel::BACKPROJECT_TEXELS))
+    };
+}
+
+/// Back-projects the filtered measurement into the second volume of [`Plan::domain`]; the filter has so many `taps`, its two
+/// sides counted once.
+pub fn gather_filtered(s: &mut Schedule, plan: &Plan, level: &Level, taps: usize) {
+    let voxels = level.grid.storage();
+    over_parts(s, plan, level, |s, part| {
+        let cells = cells(part.own.count, level.bins);
+        s.dispatch(&FILTER, groups(cells, WORKGROUP), light(cells * 2 * taps))
+            .bind(buffer::SCENE, part.own.scene)
+            .bind(buffer::MEASURED, part.measured);
+        for mut push in pair_chunks(plan, part, &part.own, voxels) {
+            push.flags &= !BACKWARD_FINISH;
+            let all = groups(voxels, plan.division.tuning.samples_of_group(voxels));
+            s.dispatch(&BACKPROJECT, all, work_of(&push, voxels))
+                .with(push)
+                .bind(buffer::SCENE, part.own.scene)
+                .bind(buffer::WALL, part.own.wall)
+                .bind(buffer::TARGET, plan.domain.volumes[1]);
+        }
+    });
+    together::add_up(s, plan, &[plan.projection(level)]);
+}

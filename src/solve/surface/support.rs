@@ -1,0 +1,198 @@
+//! Data-driven support: which pixels of a layer have a surface.
+//!
+//! A fit of too few pixels puts the light of the missing ones on its rim, which becomes bright; a fit of too many leaves a dim
+//! rim. So between short fits the support grows by a ring around bright rims ([`grow`]), loses what is dim once its
+//! surroundings are averaged ([`settle`]), and loses islands too small to be told from noise ([`drop_islands`]). One rim pixel
+//! alone has too little evidence; its smoothed surroundings have enough.
+
+use std::collections::VecDeque;
+
+use crate::maps::{Maps, percentile};
+
+/// Constants of the support. Evidence: benches/studies/surface.md, "Support by evidence".
+mod constants {
+    /// A ring is added around pixels with at least this share of the typical albedo.
+    pub const BIRTH: f32 = 0.4;
+    /// Share of its neighbours' albedo that a new pixel begins with.
+    pub const BORN: f32 = 0.5;
+    /// Steepest slope that depths are extrapolated by.
+    pub const STEEPEST: f32 = 1.5;
+    /// A pixel stays where the smoothed albedo is above this share of the typical one; albedos are clamped to it from below.
+    pub const STAYS: f32 = 0.3;
+    /// Albedos are clamped to this multiple of the typical one.
+    pub const BRIGHTEST: f32 = 1.25;
+    /// Smoothing clips albedos at this multiple of the typical one.
+    pub const CLIPPED: f32 = 3.0;
+    /// Width of the smoothing Gaussian as a share of the maps' width.
+    pub const SMOOTH: f64 = 1.0 / 80.0;
+    /// Smallest island as a share of the maps' pixels.
+    pub const ISLAND: f64 = 16.0 / 4096.0;
+    /// Pixels of one island differ by at most this slope.
+    pub const EDGE: f32 = 2.5;
+}
+use constants::*;
+
+/// Mean albedo weighted by its square, with outliers clipped at twice the 75th percentile of lit pixels; `None` without light.
+pub fn typical_albedo(layers: &[Maps]) -> Option<f32> {
+    let lit: Vec<f32> =
+        layers.iter().flat_map(|m| (0..m.albedo.len()).map(|i| evidence(m, i))).filter(|a| *a > 0.0).collect();
+    let most = 2.0 * percentile(&lit, 75.0)?;
+    let [cubes, squares] = lit.iter().fold([0.0f64; 2], |[c, s], a| {
+        let a = f64::from(a.min(most));
+        [c + a * a * a, s + a * a]
+    });
+    (squares > 0.0).then(|| (cubes / squares) as f32)
+}
+
+/// The albedo of a layer smoothed over its surroundings, clipped at a multiple of `typical`; pixels without a surface are dark.
+pub fn smoothed(maps: &Maps, typical: f32) -> Vec<f32> {
+    let sigma = crate::dbg_of("SMOOTH", 1.0) * SMOOTH * maps.nx.max(maps.ny) as f64;
+    let reach = (3.0 * sigma).ceil() as isize;
+    let mut taps: Vec<f32> = (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32).collect();
+    let sum: f32 = taps.iter().sum();
+    taps.iter_mut().for_each(|t| *t /= sum);
+    let clipped: Vec<f32> = (0..maps.albedo.len())
+        .map(|i| if maps.depth[i].is_finite() { evidence(maps, i).min(CLIPPED * typical) } else { 0.0 })
+        .collect();
+    let along = |from: &[f32], count: usize, stride: usize| -> Vec<f32> {
+        let of = |i: usize| {
+            let at = (i / stride % count) as isize;
+            (-reach..=reach)
+                .zip(&taps)
+                .filter(|(k, _)| (0..count as isize).contains(&(at + k)))
+                .map(|(k, tap)| tap * from[(i as isize + k * stride as isize) as usize])
+                .sum()
+        };
+        (0..from.len()).map(of).collect()
+    };
+    along(&along(&clipped, maps.ny, 1), maps.nx, maps.ny)
+}
+
+/// Light of a pixel per lateral area: its albedo, dimmed by the cosine of a slanted surface.
+fn evidence(maps: &Maps, pixel: usize) -> f32 {
+    let cosine = -maps.normal[pixel][2];
+    maps.albedo[pixel] * if cosine > 0.0 { cosine.powf(crate::dbg_of("EV", 0.0) as f32) } else { 1.0 }
+}
+
+/// Pixels of a neighbourhood within `reach` of a pixel, itself excluded, with their offsets.
+fn around(maps: &Maps, pixel: usize, reach: isize) -> impl Iterator<Item = (usize, [isize; 2])> {
+    let (nx, ny) = (maps.nx as isize, maps.ny as isize);
+    let (x, y) = (pixel as isize / ny, pixel as isize % ny);
+    let ways = (-reach..=reach).flat_map(move |i| (-reach..=reach).map(move |j| [i, j]));
+    ways.filter(move |[i, j]| [*i, *j] != [0, 0] && (0..nx).contains(&(x + i)) && (0..ny).contains(&(y + j)))
+        .map(move |[i, j]| (((x + i) * ny + y + j) as usize, [i, j]))
+}
+
+fn pixel_pitch(maps: &Maps) -> [f32; 2] {
+    let [x0, x1, y0, y1] = maps.extent;
+    [((x1 - x0) / maps.nx as f64) as f32, ((y1 - y0) / maps.ny as f64) as f32]
+}
+
+/// Slopes of a pixel's surface from its normal, limited to [`STEEPEST`].
+fn slopes(normal: [f32; 3]) -> [f32; 2] {
+    let of = |k: usize| (-normal[k] / normal[2]).clamp(-STEEPEST, STEEPEST);
+    if normal[2] < 0.0 { [of(0), of(1)] } else { [0.0; 2] }
+}
+
+/// Depth, albedo and normal of a pixel without a surface, extrapolated along the slopes of those within two pixels of it.
+fn extrapolated(maps: &Maps, pixel: usize) -> Option<(f32, f32, [f32; 3])> {
+    let pitch = pixel_pitch(maps);
+    let (mut weights, mut depth, mut albedo, mut slope) = (0.0, 0.0, 0.0, [0.0; 2]);
+    for (other, way) in around(maps, pixel, 2).filter(|(o, _)| maps.depth[*o].is_finite()) {
+        let d = [0, 1].map(|k| -(way[k] as f32) * pitch[k]);
+        let s = slopes(maps.normal[other]);
+        let weight = (-0.5 * (way[0] * way[0] + way[1] * way[1]) as f32).exp() * maps.albedo[other].max(1e-12);
+        weights += weight;
+        depth += weight * (maps.depth[other] + s[0] * d[0] + s[1] * d[1]);
+        albedo += weight * maps.albedo[other];
+        (0..2).for_each(|k| slope[k] += weight * s[k]);
+    }
+    if weights <= 0.0 {
+        return None;
+    }
+    let [x, y] = slope.map(|s| s / weights);
+    let long = (x * x + y * y + 1.0).sqrt();
+    Some((depth / weights, albedo / weights, [x / long, y / long, -1.0 / long]))
+}
+
+/// Adds a ring of pixels around those with at least [`BIRTH`] of the typical albedo. Depths stay within `range`.
+pub fn grow(maps: &mut Maps, typical: f32, range: [f32; 2]) {
+    let has_bright = |pixel: usize| {
+        around(maps, pixel, 1).any(|(o, _)| maps.depth[o].is_finite() && maps.albedo[o] >= (crate::dbg_of("BIRTH", BIRTH as f64) as f32) * typical)
+    };
+    let born: Vec<(usize, (f32, f32, [f32; 3]))> = (0..maps.depth.len())
+        .filter(|p| !maps.depth[*p].is_finite() && has_bright(*p))
+        .filter_map(|p| Some((p, extrapolated(maps, p)?)))
+        .collect();
+    for (pixel, (depth, albedo, normal)) in born {
+        maps.depth[pixel] = depth.clamp(range[0], range[1]);
+        maps.albedo[pixel] = (crate::dbg_of("BORN", BORN as f64) as f32) * albedo;
+        maps.normal[pixel] = normal;
+    }
+}
+
+/// Removes pixels whose smoothed albedo is at most [`STAYS`] of the typical one, and clamps the albedo of the others.
+pub fn settle(maps: &mut Maps, typical: f32) {
+    let smooth = smoothed(maps, typical);
+    for (pixel, smooth) in smooth.into_iter().enumerate() {
+        if smooth > (crate::dbg_of("STAYS", STAYS as f64) as f32) * typical && maps.depth[pixel].is_finite() {
+            maps.albedo[pixel] = maps.albedo[pixel].clamp((crate::dbg_of("STAYS", STAYS as f64) as f32) * typical, BRIGHTEST * typical);
+        } else {
+            remove(maps, pixel);
+        }
+    }
+}
+
+/// Removes a pixel's surface.
+pub fn remove(maps: &mut Maps, pixel: usize) {
+    (maps.albedo[pixel], maps.depth[pixel], maps.normal[pixel]) = (0.0, f32::NAN, [f32::NAN; 3]);
+}
+
+/// Removes connected regions smaller than [`ISLAND`] of the maps. Steps in depth above [`EDGE`] separate regions.
+pub fn drop_islands(maps: &mut Maps) {
+    let least = (ISLAND * maps.depth.len() as f64).round() as usize;
+    let [px, py] = pixel_pitch(maps);
+    let edge = EDGE * px.max(py);
+    let mut seen: Vec<bool> = maps.depth.iter().map(|z| !z.is_finite()).collect();
+    let mut small = vec![];
+    for start in 0..maps.depth.len() {
+        if seen[start] {
+            continue;
+        }
+        seen[start] = true;
+        let (mut region, mut queue) = (vec![start], VecDeque::from([start]));
+        while let Some(pixel) = queue.pop_front() {
+            for (other, _) in around(maps, pixel, 1) {
+                if !seen[other] && (maps.depth[other] - maps.depth[pixel]).abs() < edge {
+                    seen[other] = true;
+                    region.push(other);
+                    queue.push_back(other);
+                }
+            }
+        }
+        if region.len() < least {
+            small.extend(region);
+        }
+    }
+    small.into_iter().for_each(|pixel| remove(maps, pixel));
+}
+
+/// A layer on a grid with `factor` × `factor` pixels for each of its own: depths follow the slopes.
+pub fn finer(maps: &Maps, factor: usize) -> Maps {
+    let (nx, ny) = (maps.nx * factor, maps.ny * factor);
+    let mut fine = Maps { mask_fraction: maps.mask_fraction, ..Maps::empty([nx, ny], maps.extent) };
+    let pitch = pixel_pitch(&fine);
+    for pixel in 0..nx * ny {
+        let (x, y) = (pixel / ny, pixel % ny);
+        let from = x / factor * maps.ny + y / factor;
+        if !maps.depth[from].is_finite() {
+            continue;
+        }
+        let offset = |i: usize, pitch: f32| ((i % factor) as f32 - 0.5 * (factor as f32 - 1.0)) * pitch;
+        let s = slopes(maps.normal[from]);
+        fine.albedo[pixel] = maps.albedo[from];
+        fine.depth[pixel] = maps.depth[from] + s[0] * offset(x, pitch[0]) + s[1] * offset(y, pitch[1]);
+        fine.normal[pixel] = maps.normal[from];
+    }
+    fine
+}
