@@ -38,7 +38,7 @@ pub struct Finished {
     pub sum: usize,
 }
 
-/// Solves as `request` says, on several devices that share the pairs or on one. `hear` is called with the progress and may
+/// Solves as `request` says. `hear` is called with the progress and may
 /// cancel. `preview` shows the volume on its way.
 ///
 /// # Errors
@@ -46,12 +46,12 @@ pub struct Finished {
 pub fn solve(
     request: &Request,
     loaded: &Loaded,
-    gpus: &[Gpu],
+    gpu: &Gpu,
     truth: Option<&Truth>,
     preview: Option<&Preview>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Finished> {
-    let (step, gpu) = (request.trace_step(), &gpus[0]);
+    let step = request.trace_step();
     let resumed = request.resume.as_deref().map(state_file::read).transpose()?;
     let mut failed = None;
     // Figures and snapshots so far. The watch adds to them, and checkpoints save them.
@@ -114,7 +114,7 @@ pub fn solve(
     let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &maps_at };
     let beside = Beside { watch: &mut watch, keep: Some(keep), lent: None };
     let solver = sizes::with_kept(request, gpu, capture);
-    let done = solver.solve_on(gpus, &request.problem(capture, grid), beside);
+    let done = solver.solve(gpu, &request.problem(capture, grid), beside);
     let mut result = match failed {
         Some(e) => return Err(e),
         None => done

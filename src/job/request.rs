@@ -28,8 +28,7 @@ pub struct Request {
     pub volume: Option<Volume>,
     /// Most device memory to use, in bytes.
     pub memory: Option<u64>,
-    /// Index or part of the name of the device; for [`run`](super::run()), several with commas between them share the
-    /// pairs ([`reconstruct_on`](crate::solve::vector::reconstruct_on)).
+    /// Index or part of the name of the device.
     pub device: Option<String>,
     /// Folder in which compiled kernels are kept between runs, see [`super::usual_pipeline_cache`].
     pub pipeline_cache: Option<PathBuf>,
@@ -165,11 +164,6 @@ impl Request {
 
     pub(super) fn open(&self) -> Result<Gpu> {
         Gpu::open(&self.gpu_options())
-    }
-
-    /// Opens every device that is named.
-    pub(super) fn open_all(&self) -> Result<Vec<Gpu>> {
-        Gpu::open_all(&self.gpu_options())
     }
 
     fn gpu_options(&self) -> GpuOptions {

@@ -32,7 +32,6 @@ mod solver;
 mod solvers;
 pub mod surface;
 mod surface_alone;
-mod together;
 mod trace;
 pub mod vector;
 
@@ -54,7 +53,7 @@ pub use over_pairs::sum_bins;
 pub use paper::{Decay, NoiseTerm, PaperOptions};
 pub use plan::{
     Accumulation, COLUMNS_HOST, ConstantValue, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart,
-    Pass, Plan, SMOOTH, Share, Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
+    Pass, Plan, SMOOTH, Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
 };
 pub use prepared::Prepared;
 pub use problem::Problem;

@@ -13,7 +13,6 @@ use super::{
     Beside, Common, Needs, PaperOptions, Plan, Prepared, Problem, Reconstruction, RunsOn, Sizes, Solver,
     SurfaceAloneOptions, TimedSchedule, VectorOptions, default_volume, surface,
 };
-use crate::advice::advice;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu, check};
 use crate::maps::Maps;
@@ -304,26 +303,6 @@ impl SolverOptions {
         self.check()?;
         problem.capture.check()?;
         self.prepare(gpu, problem)?.solve(problem.capture, beside.into())
-    }
-
-    /// Runs the solver on several devices that share the pairs, or on one.
-    ///
-    /// # Errors
-    /// See [`super::vector::reconstruct_on`]; and several devices are given for another solver.
-    pub fn solve_on<'b, 'w: 'b>(
-        &self,
-        gpus: &[Gpu],
-        problem: &Problem<'_>,
-        beside: impl Into<Beside<'b, 'w>>,
-    ) -> Result<Reconstruction> {
-        match (self, gpus) {
-            (_, [gpu]) => self.solve(gpu, problem, beside),
-            (SolverOptions::Vector(o), _) => super::vector::reconstruct_on(gpus, problem, o, beside),
-            _ => Err(Error::options(
-                format!("{} devices are to share a solve, and {} runs on one", gpus.len(), self.name()),
-                advice!["name one " Device ", or use the vector solver"],
-            )),
-        }
     }
 
     /// The options of all solvers, each once, with its text and what it is by default.

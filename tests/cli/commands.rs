@@ -258,6 +258,7 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--subset", "257"], 1, "from 1 to 256"),
         (&[&capture, "--wall", "NaN"], 1, "wall of NaN"),
         (&[&capture, "--device", "no such device"], 1, "no device is called"),
+        (&[&capture, "--device", "0,0"], 1, "a batch one device for each capture"),
         (&[&capture, "--solver", "lct", "--cone", "1"], 1, "no option of the lct solver"),
         (&[&capture, "--solver", "lct", "--checkpoint", "state"], 1, "no iterations of a volume to save"),
         (&[&capture, "--solver", "surface", "--checkpoint", "state"], 1, "no iterations of a volume to save"),

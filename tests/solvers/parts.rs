@@ -18,15 +18,15 @@ use thirdbounce::solve::{
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Kind, Result};
 
-pub fn render(scene: &Scene) -> Capture {
+fn render(scene: &Scene) -> Capture {
     simulate(scene, &RenderOptions { noise: 0.1, ..RenderOptions::default() }).expect("a rendering").capture
 }
 
-pub fn scene(scan: usize) -> Scene {
+fn scene(scan: usize) -> Scene {
     Scene { scan, bin_width: 0.01, ..Scene::named("letter-Z").expect("a built-in scene") }
 }
 
-pub fn confocal() -> Capture {
+fn confocal() -> Capture {
     render(&scene(24))
 }
 
@@ -36,12 +36,12 @@ fn with_pulse() -> Capture {
     capture
 }
 
-pub fn exhaustive(scan: usize, lasers: usize) -> Capture {
+fn exhaustive(scan: usize, lasers: usize) -> Capture {
     render(&Scene { layout: Layout::Exhaustive { lasers }, ..scene(scan) })
 }
 
 /// Captures of every kind of pairs whose histograms are larger than any buffer of a small volume.
-pub fn kinds() -> Vec<(&'static str, Capture)> {
+fn kinds() -> Vec<(&'static str, Capture)> {
     let bump = Scene { wall_shape: WallShape::Bump, reflectance: Reflectance::Lambertian, ..scene(24) };
     vec![
         ("confocal", confocal()),
@@ -56,7 +56,7 @@ pub fn kinds() -> Vec<(&'static str, Capture)> {
     ]
 }
 
-pub fn paper(term: NoiseTerm) -> SolverOptions {
+fn paper(term: NoiseTerm) -> SolverOptions {
     let options = PaperOptions::preset(Preset::Synthetic).with(|o| {
         o.lateral = 12;
         o.iterations = 12;
@@ -68,7 +68,7 @@ pub fn paper(term: NoiseTerm) -> SolverOptions {
     options.into()
 }
 
-pub fn vector_with(accumulation: Accumulation) -> SolverOptions {
+fn vector_with(accumulation: Accumulation) -> SolverOptions {
     let options = VectorOptions::default().with(|o| {
         o.lateral = 12;
         o.iterations = 8;
@@ -83,10 +83,10 @@ pub fn vector_with(accumulation: Accumulation) -> SolverOptions {
 }
 
 /// Largest buffers that cut the pairs, but no volume.
-pub const SMALL: u64 = 190 << 10;
+const SMALL: u64 = 190 << 10;
 const SMALL_FOR_PAPER: u64 = 440 << 10;
 
-pub fn open(binding: Option<u64>) -> Gpu {
+fn open(binding: Option<u64>) -> Gpu {
     Gpu::open(&GpuOptions { binding, ..GpuOptions::default() }).expect("a Vulkan device")
 }
 
@@ -110,7 +110,7 @@ fn assert_same(what: &str, whole: &Reconstruction, parts: &Reconstruction) {
 }
 
 /// Holds two solves of the same capture against each other: all is the same to rounding.
-pub fn assert_alike(what: &str, whole: &Reconstruction, parts: &Reconstruction) {
+fn assert_alike(what: &str, whole: &Reconstruction, parts: &Reconstruction) {
     assert_eq!(whole.pairs, parts.pairs, "{what}: the same work");
     assert_eq!(whole.trace.len(), parts.trace.len(), "{what}: as many points");
     for (a, b) in whole.trace.iter().zip(&parts.trace) {

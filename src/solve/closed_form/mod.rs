@@ -14,7 +14,7 @@ use super::{
     TracePoint, VolumeMap, Watch,
 };
 use crate::capture::Capture;
-use crate::gpu::{Buffer, Constant, Exchanged};
+use crate::gpu::{Buffer, Constant};
 use crate::maps::Maps;
 use crate::transport::{Binning, Gradient, Grid};
 use crate::{Error, Kind, Result};
@@ -275,7 +275,6 @@ fn solved(
         filled: 0,
         sharpness: None,
         noise: None,
-        exchanged: Exchanged::default(),
         kernels: vec![],
         plan: plan.clone(),
     }

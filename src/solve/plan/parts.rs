@@ -94,7 +94,7 @@ impl Plan {
             of: 1,
             first: 0,
             own: self.measured(level),
-            rendered: self.rendered(level),
+            rendered: level.rendered,
             measured: level.measured,
             noise: buffer::NOISE_STATE,
             stored: vec![],
@@ -106,8 +106,7 @@ impl Plan {
     /// The parts of a level that is cut.
     fn cut_parts(&self, level: &Level) -> Vec<PairPart> {
         let held = self.held(level);
-        let all = self.own(level.pairs);
-        let counts = self.counts_of_parts(all, held);
+        let counts = self.counts_of_parts(level.pairs, held);
         let (of, at) = (counts.len(), self.number_of(level));
         let (mut first, mut wall_offset) = (0, 0);
         let part = |(number, count): (usize, &usize)| {
@@ -142,7 +141,7 @@ impl Plan {
 
     /// Whether the pairs of a level are more than one part.
     pub fn is_cut(&self, level: &Level) -> bool {
-        self.held(level) < self.own(level.pairs)
+        self.held(level) < level.pairs
     }
 
     /// The levels whose pairs are more than one part.
@@ -228,7 +227,7 @@ impl Plan {
     /// The cells of a part if all pairs in the narrowest bins were so many parts.
     fn cut_for(&self, parts: usize) -> usize {
         let bins = self.levels.all().map(|l| l.bins).max().unwrap_or(self.scene.bins);
-        cells(self.own(self.scene.pairs).div_ceil(parts), bins)
+        cells(self.scene.pairs.div_ceil(parts), bins)
     }
 
     /// The buffers once more, after a change of [`Plan::division`]. They read no texels where these are too many.
@@ -287,13 +286,12 @@ impl Plan {
 
     /// Pairs of a level that are on the device at once.
     pub(super) fn held(&self, level: &Level) -> usize {
-        let own = self.own(level.pairs);
-        let Some(most) = self.division.cut else { return own };
+        let Some(most) = self.division.cut else { return level.pairs };
         // Levels with the same bins share what is stored, so their parts are the same.
         let same = self.levels.all().filter(|l| l.sum == level.sum);
-        let widest = same.map(|l| self.own(l.pairs)).max().unwrap_or(own);
+        let widest = same.map(|l| l.pairs).max().unwrap_or(level.pairs);
         let most = (most.saturating_sub(PADDING as usize) / (level.bins + PADDING as usize)).max(1);
-        own.min(self.pairs_of_part(widest, most))
+        level.pairs.min(self.pairs_of_part(widest, most))
     }
 
     /// Pairs of each of several parts of about the same size, of at most `most` pairs. Of a product: whole rows of

@@ -20,7 +20,7 @@ use super::on_device::{OnDevice, read_maps, trace_rows, upload};
 use super::outline::{self, TimedSchedule};
 use super::over_pairs::{scene_of_sums, turns_of_finish};
 use super::passes::objective;
-use super::{Level, Plan, together};
+use super::{Level, Plan};
 use crate::Result;
 use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
@@ -323,10 +323,9 @@ fn place(job: &mut OnDevice, level: &Level, pixels: &Pixels, row: usize) -> Resu
 /// Renders so many pixels, and leaves the objective in row `row` of the trace.
 fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: usize) {
     render(s, plan, level, pixels, objective(plan), None);
-    together::add_up_losses(s, plan, level, &passes::SURFACE_FINISH, &[]);
     s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1], turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, level))
-        .with(Push { iteration: row as u32, flags: together::finish_flags(plan), ..Default::default() });
+        .with(Push { iteration: row as u32, ..Default::default() });
 }
 
 /// The data term in row `row` of the trace.

@@ -10,7 +10,7 @@ use crate::solve::over_pairs::{
 use crate::solve::passes::objective;
 use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{COLUMNS_HOST, PairPart};
-use crate::solve::{Level, Plan, together};
+use crate::solve::{Level, Plan};
 use crate::transport::kernels::*;
 
 /// Turns of a kernel for a pixel: its eight neighbours and its four points.
@@ -94,23 +94,17 @@ pub fn iteration(
     let push = Push { iteration: i as u32, step: (at + skipped) as u32 + 1, ..push(count) };
     let from = gathered(plan, through);
     let batch = plan.batch(at);
-    if let (Some(batch), true) = (batch, plan.division.share.is_some()) {
-        // A device may have one pair more of this batch than of the one before.
-        size_passes(s, &batch.rendered);
-    }
     let seen = batch.unwrap_or(level);
     over_parts(s, plan, seen, |s, part| {
         rendered(s, plan, seen, part, objective(plan), through);
         gather(s, plan, seen, part, &SURFACE_GATHER, 0, from);
     });
-    together::add_up_losses(s, plan, seen, &SURFACE_FINISH, &[plan.gradients()]);
     let (own, pixels, [around, _]) = (groups(count, WORKGROUP), count as u64, weights::around(level));
     s.dispatch(&SURFACE_COMBINE, own, NEAR * pixels).bind(buffer::SCENE, scene).with(push);
     if ((at + skipped) as f64) < NARROWED * all as f64 {
         s.dispatch(&SURFACE_PULL, own, around * pixels).bind(buffer::SCENE, scene).with(push);
     }
     // The step closes the iteration.
-    let push = Push { flags: together::finish_flags(plan), ..push };
     s.dispatch(&SURFACE_STEP, own, around * pixels + turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, seen))
         .with(unbiased(push, BETAS, at as u32 + 1));
@@ -119,8 +113,7 @@ pub fn iteration(
 /// Divides the measured histograms among the batches of pairs, and sizes the passes over one of them.
 pub fn divide(s: &mut Schedule, plan: &Plan) {
     for batch in plan.batches_held() {
-        let [first, count] =
-            [plan.own(batch.first), plan.measured(batch).count].map(|n| (n * batch.bins * 4) as u64);
+        let [first, count] = [batch.first, batch.pairs].map(|n| (n * batch.bins * 4) as u64);
         s.copy_from([buffer::MEASURED, batch.measured], first, count);
     }
     if let Some(batch) = plan.batch(0) {

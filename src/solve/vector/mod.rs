@@ -28,7 +28,6 @@ use crate::gpu::Gpu;
 use crate::transport::kernels::buffer;
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
 
-mod devices;
 pub mod follow;
 mod frames;
 mod hat;
@@ -41,7 +40,6 @@ mod schedule;
 mod spread;
 mod trial;
 
-pub use devices::reconstruct_on;
 pub use follow::Follow;
 pub use frames::{ForFrames, Frames};
 pub use hat::hat;

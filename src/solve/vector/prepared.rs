@@ -11,14 +11,13 @@ use super::{
 use crate::advice::{Remedy, advice};
 use crate::capture::Capture;
 use crate::gpu::caller::{Lent, Moment};
-use crate::gpu::{Exchange, Gpu, Schedule};
+use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
 use crate::solve::checkpoint::Keeper;
 use crate::solve::drive::{Driven, Steps, Watch, drive};
 use crate::solve::estimate::energy;
 use crate::solve::intake::{self, LentCounts};
 use crate::solve::on_device::trace_rows;
-use crate::solve::plan::Share;
 use crate::solve::prepared::Planned;
 use crate::solve::result::finish;
 use crate::solve::surface::{self, Beginning, Continuation};
@@ -28,13 +27,6 @@ use crate::solve::{
 use crate::transport::Rows;
 use crate::transport::kernels::*;
 use crate::{Error, Result};
-
-/// What makes a solve one of several that share the pairs.
-pub(super) struct Member {
-    pub share: Share,
-    /// Until its executor has joined.
-    pub exchange: Option<Exchange>,
-}
 
 /// Prepares the solver for captures of one scan. Takes the arguments of [`super::reconstruct`]; the capture's counts may
 /// be left out.
@@ -55,29 +47,14 @@ pub fn prepare_for_frames(
     options: &VectorOptions,
     frames: Frames,
 ) -> Result<impl Prepared + use<>> {
-    prepare_member(gpu, problem, options, frames, None)
-}
-
-/// As [`prepare_for_frames`]; for one of several devices that share the pairs, if it is a `member` of them.
-pub(super) fn prepare_member(
-    gpu: &Gpu,
-    problem: &Problem<'_>,
-    options: &VectorOptions,
-    frames: Frames,
-    member: Option<Member>,
-) -> Result<impl Prepared + use<>> {
     options.check()?;
     let Problem { capture, grid, memory, with_volume } = *problem;
     let how = frames.follow;
     how.map(|how| how.check(options)).transpose()?;
     let (outline, rows) = outline_of(capture, &grid, options);
     let needs = ForFrames(options, frames);
-    let plan = Plan::new(&outline, grid, capture.resolution(), &needs, &gpu.abilities(), with_volume)?;
-    let plan = match &member {
-        Some(member) => plan.shared(member.share, &needs)?,
-        None => plan,
-    };
-    let plan = plan.within(&needs, &gpu.memory(), memory)?;
+    let plan = Plan::new(&outline, grid, capture.resolution(), &needs, &gpu.abilities(), with_volume)?
+        .within(&needs, &gpu.memory(), memory)?;
     if (how.is_some() || frames.lent.is_some()) && plan.division.cut.is_some() {
         return Err(Error::memory(
             "frames that follow each other, or lie in a caller's buffer, need all pairs on the device at once: they fit only in parts",
@@ -86,7 +63,7 @@ pub(super) fn prepare_member(
     }
     let planned = Planned::new(gpu, outline, plan, memory);
     let following = how.map(|how| Chain { how, pace: Pace::default(), last: None });
-    Ok(PreparedVector { planned, rows, options: options.clone(), with_volume, following, member })
+    Ok(PreparedVector { planned, rows, options: options.clone(), with_volume, following })
 }
 
 struct PreparedVector {
@@ -96,8 +73,6 @@ struct PreparedVector {
     with_volume: bool,
     /// If frames follow each other.
     following: Option<Chain>,
-    /// If several devices share the pairs.
-    member: Option<Member>,
 }
 
 /// Frames that follow each other.
@@ -203,12 +178,9 @@ impl PreparedVector {
         keep: Option<Keep<'_>>,
     ) -> Result<Reconstruction> {
         let begun = Instant::now();
-        let PreparedVector { planned, rows, options, with_volume, following, member, .. } = self;
+        let PreparedVector { planned, rows, options, with_volume, following, .. } = self;
         let gpu = planned.gpu().clone();
         let job = planned.made(|job| make_all_ready(job, rows))?;
-        if let Some(exchange) = member.as_mut().and_then(|member| member.exchange.take()) {
-            job.executor.join(exchange);
-        }
         let noise = counts.take(job, options, rows, None, false)?;
         if noise.is_none() {
             job.upload_counts()?;

@@ -3,7 +3,7 @@
 use super::VectorOptions;
 use super::hat::taps_of_hat;
 use super::passes::*;
-use crate::gpu::{Command, Schedule};
+use crate::gpu::Schedule;
 use crate::solve::domain::{self, Dark};
 use crate::solve::over_pairs::{
     compare, forward, gather, groups, instrument_back, light, over_active, over_parts, pair_chunks,
@@ -12,7 +12,7 @@ use crate::solve::over_pairs::{
 use crate::solve::passes::{FINISH, FORWARD, RESIDUAL_BOUND, objective};
 use crate::solve::plan::PairPart;
 use crate::solve::plan::pass::Pass;
-use crate::solve::{Level, Plan, together};
+use crate::solve::{Level, Plan};
 use crate::transport::cells;
 use crate::transport::kernels::*;
 
@@ -38,21 +38,6 @@ pub(in crate::solve) fn gather_filtered(
             .bind(buffer::MEASURED, part.measured);
         backproject(s, plan, level, part, signed);
     });
-    together::add_up(s, plan, &[plan.projection(level)]);
-    if !signed {
-        let voxels = level.grid.storage();
-        let all = groups(voxels, plan.division.tuning.samples_of_group(voxels));
-        together::end_of_all(s, plan, level, &BACKPROJECT, all, |end, part| {
-            bind_of_backproject(plan, part, end);
-        });
-    }
-}
-
-fn bind_of_backproject(plan: &Plan, part: &PairPart, command: &mut Command) {
-    command
-        .bind(buffer::SCENE, part.own.scene)
-        .bind(buffer::WALL, part.own.wall)
-        .bind(buffer::TARGET, plan.domain.volumes[1]);
 }
 
 /// Back-projects the residuals of a part of the pairs into the second volume of [`Plan::domain`]. `signed`: see
@@ -64,8 +49,11 @@ pub(super) fn backproject(s: &mut Schedule, plan: &Plan, level: &Level, part: &P
             push.flags &= !BACKWARD_FINISH;
         }
         let all = groups(voxels, plan.division.tuning.samples_of_group(voxels));
-        let command = s.dispatch(&BACKPROJECT, all, work_of(&push, voxels)).with(push);
-        bind_of_backproject(plan, part, command);
+        s.dispatch(&BACKPROJECT, all, work_of(&push, voxels))
+            .with(push)
+            .bind(buffer::SCENE, part.own.scene)
+            .bind(buffer::WALL, part.own.wall)
+            .bind(buffer::TARGET, plan.domain.volumes[1]);
     }
 }
 
@@ -99,12 +87,8 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32) {
         forward(s, plan, level, part, &FORWARD);
         compare(s, plan, level, part, objective(plan), push, None);
         // The sums begin with the roughness, once.
-        let begun = if plan.begins_sums() { BACKWARD_CONTINUE } else { 0 };
-        gather(s, plan, level, part, &STEP, begun, plan.residual());
+        gather(s, plan, level, part, &STEP, BACKWARD_CONTINUE, plan.residual());
     });
-    together::add_up_losses(s, plan, level, &FINISH, &[plan.gradients()]);
-    together::end(s, plan, level, &STEP, plan.residual());
-    let push = Push { flags: together::finish_flags(plan), ..push };
     s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, level))
         .with(push);
@@ -183,10 +167,6 @@ pub(super) fn bounds(s: &mut Schedule, plan: &Plan, level: &Level, expected: Opt
         instrument_back(s, plan, level, part, [&PULSE_NOISE, &SPOT_NOISE], None);
         gather(s, plan, level, part, &BOUND_NOISE, 0, plan.residual());
     });
-    together::add_up(s, plan, &[plan.bounds()]);
-    for pass in [&BOUND_STEP, &BOUND_NOISE] {
-        together::end(s, plan, level, pass, plan.residual());
-    }
     if expected.is_some() {
         over_active(s, plan, level, &POINTS, 1);
     }
