@@ -8,7 +8,6 @@
 
 mod adam;
 mod bins;
-mod checkpoint;
 pub mod closed_form;
 mod conditions;
 mod discretisation;
@@ -36,7 +35,6 @@ mod trace;
 pub mod vector;
 
 pub use bins::Bins;
-pub use checkpoint::{Checkpoint, Identity, Keep};
 pub use conditions::conclude;
 pub use discretisation::{Discretisation, Ready};
 pub use domain::{compact, extract};

@@ -176,11 +176,6 @@ impl SolverOptions {
         })
     }
 
-    /// Whether checkpoints can save its state.
-    pub fn saves_state(&self) -> bool {
-        Self::ITERATIVE.contains(&self.name())
-    }
-
     /// Whether quick solves look for the model of reflectance if nobody names one: for solvers that render surfaces.
     pub fn has_trials(&self) -> bool {
         matches!(self, SolverOptions::Vector(_) | SolverOptions::SurfaceAlone(_))

@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
 use fixtures::device::{model, unwatched};
-use fixtures::keeping::solve_keeping;
 use glam::{DVec3, dvec2, dvec3};
 use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::gpu::{Abilities, Accumulations, Arena, DeviceKind, Gpu, GpuOptions, Limits, Memory, check};
@@ -199,26 +198,6 @@ fn a_budget_holds_what_is_on_the_device() {
         plan(None),
         options.plan(&Problem::new(&capture, grid).and_volume(), &gpu.abilities()).expect("a plan")
     );
-}
-
-#[test]
-fn a_solve_in_parts_goes_on_from_a_checkpoint_with_the_same_bits() {
-    for (options, binding) in
-        [(paper(NoiseTerm::Bin), SMALL_FOR_PAPER), (vector_with(Accumulation::Auto), SMALL)]
-    {
-        let gpu = open(Some(binding));
-        let capture = confocal();
-        let (unbroken, states) = solve_keeping(&gpu, &options, &capture, 3, None).expect("it solves");
-        assert!(unbroken.plan.division.cut.is_some() && states.len() > 1);
-        for state in states {
-            let at = state.iteration;
-            let (resumed, _) = solve_keeping(&gpu, &options, &capture, 0, Some(state)).expect("it resumes");
-            // Depths of nothing are no numbers, which equal nothing.
-            assert_eq!(format!("{:?}", resumed.maps), format!("{:?}", unbroken.maps), "after {at}");
-            let losses = |r: &Reconstruction| r.trace.iter().map(|p| p.loss).collect::<Vec<_>>();
-            assert_eq!(losses(&resumed), losses(&unbroken), "after {at}");
-        }
-    }
 }
 
 #[test]

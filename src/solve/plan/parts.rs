@@ -13,11 +13,11 @@ use crate::transport::{Model, cells};
 use crate::{Error, Result};
 
 /// Measured histograms of a part, by slot.
-pub const PART_MEASURED: Buffer = Buffer::named("part_measured");
+const PART_MEASURED: Buffer = Buffer::named("part_measured");
 /// Wall points of a part, by slot.
-pub const PART_WALL: Buffer = Buffer::named("part_wall");
+const PART_WALL: Buffer = Buffer::named("part_wall");
 /// State of the noise term of a part, by slot.
-pub const PART_NOISE: Buffer = Buffer::named("part_noise");
+const PART_NOISE: Buffer = Buffer::named("part_noise");
 /// Constants of a level with the numbers of a part's pairs: two for each level, as the last part may be smaller.
 const PART_SCENE: Buffer = Buffer::named("part_scene");
 /// Measured histograms on the host, by bins and part.
@@ -153,11 +153,6 @@ impl Plan {
     pub fn part_counts(&self) -> [Vec<usize>; 2] {
         let of = |levels: &[Level]| levels.iter().map(|l| self.parts(l).count()).collect();
         [of(&self.levels.volume), of(self.levels.pixels.as_slice())]
-    }
-
-    /// Whether the device changes a buffer that is stored on the host.
-    pub(in crate::solve) fn changes_on_host(&self, buffer: Buffer) -> bool {
-        self.division.cut.is_some() && (0..MOST_PARTS as u16).any(|number| STORED_NOISE.at(number) == buffer)
     }
 
     /// Whether two buffers are the same, or those of two parts.

@@ -135,7 +135,7 @@ pub(super) fn refine(
         until: on.and_then(|on| on.until),
         ..steps(&job.plan, level, of_layers, begin, [skipped, iterations], first_blur.map(|_| room))
     };
-    driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
+    driven = drive(gpu, job, begin + iterations, steps, watch, Some(driven))?;
     // Without the cost of the prior.
     let most = match volume.sum {
         1 => WORSE * loss,

@@ -12,7 +12,6 @@
 
 use std::time::Instant;
 
-use super::checkpoint::Keeper;
 use super::drive::{Beside, Driven, Steps, Watch, drive};
 use super::estimate::{LEAST_PAIRS, expected_noise, variances};
 use super::on_device::{OnDevice, upload};
@@ -83,11 +82,10 @@ fn solve_volume(
     job: &mut OnDevice,
     options: &VectorOptions,
     watch: &mut Watch<'_>,
-    keeper: Option<Keeper<'_>>,
     until: Option<Instant>,
 ) -> Result<Driven> {
     let steps = Steps { stop_below: stop_below(options), until, ..steps(&job.plan, options) };
-    drive(gpu, job, options.iterations, steps, watch, keeper, None)
+    drive(gpu, job, options.iterations, steps, watch, None)
 }
 
 /// See [`Steps::stop_below`].

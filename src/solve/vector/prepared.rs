@@ -13,7 +13,6 @@ use crate::capture::Capture;
 use crate::gpu::caller::{Lent, Moment};
 use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
-use crate::solve::checkpoint::Keeper;
 use crate::solve::drive::{Driven, Steps, Watch, drive};
 use crate::solve::estimate::energy;
 use crate::solve::intake::{self, LentCounts};
@@ -22,7 +21,7 @@ use crate::solve::prepared::Planned;
 use crate::solve::result::finish;
 use crate::solve::surface::{self, Beginning, Continuation};
 use crate::solve::{
-    Beside, Keep, OnDevice, Plan, Prepared, Problem, Reconstruction, TracePoint, domain, outline, passes,
+    Beside, OnDevice, Plan, Prepared, Problem, Reconstruction, TracePoint, domain, outline, passes,
 };
 use crate::transport::Rows;
 use crate::transport::kernels::*;
@@ -115,10 +114,10 @@ impl Prepared for PreparedVector {
     }
 
     fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
-        let Beside { watch, keep, lent } = beside;
+        let Beside { watch, lent } = beside;
         let mut counts = Counts { capture, lent };
         if self.following.is_none() {
-            return self.cold(&mut counts, watch, keep);
+            return self.cold(&mut counts, watch);
         }
         let begun = Instant::now();
         // After an error the state on the device is no frame's: the next one begins cold.
@@ -128,7 +127,7 @@ impl Prepared for PreparedVector {
         {
             return Ok(done);
         }
-        self.cold(&mut counts, watch, keep)
+        self.cold(&mut counts, watch)
     }
 
     fn give(&mut self, content: &[u8], to: &Lent, done: Option<Moment>) -> Result<()> {
@@ -171,12 +170,7 @@ fn make_all_ready(job: &mut OnDevice, rows: &Rows) -> Result<()> {
 
 impl PreparedVector {
     /// Solves from the beginning.
-    fn cold(
-        &mut self,
-        counts: &mut Counts<'_>,
-        watch: &mut Watch<'_>,
-        keep: Option<Keep<'_>>,
-    ) -> Result<Reconstruction> {
+    fn cold(&mut self, counts: &mut Counts<'_>, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         let begun = Instant::now();
         let PreparedVector { planned, rows, options, with_volume, following, .. } = self;
         let gpu = planned.gpu().clone();
@@ -185,13 +179,12 @@ impl PreparedVector {
         if noise.is_none() {
             job.upload_counts()?;
         }
-        let keeper = Keeper::new(keep, job, options)?;
         let budget = following.as_ref().and_then(|f| f.how.budget);
         let share = following.as_ref().map_or(1.0, |f| f.pace.share(budget));
         let shortened = shortened(options, share, job.plan.levels.volume.len());
         let options = shortened.as_ref().unwrap_or(options);
         let until = |share: f64| budget.map(|b| begun + b.mul_f64(share));
-        let mut driven = solve_volume(&gpu, job, options, watch, keeper, until(VOLUME))?;
+        let mut driven = solve_volume(&gpu, job, options, watch, until(VOLUME))?;
         let volume_iterations = driven.trace.last().map_or(0, |p| p.iteration);
         let volume = following.is_some().then(|| (Volume::of(job, &driven), rate_at_end(&driven.trace)));
         let mut surface_left = false;
@@ -265,7 +258,7 @@ impl PreparedVector {
             shrinks: true,
             until: until(VOLUME),
         };
-        let mut driven = drive(&gpu, job, 1 + volume_iterations, steps, watch, None, Some(driven))?;
+        let mut driven = drive(&gpu, job, 1 + volume_iterations, steps, watch, Some(driven))?;
         let volume = Volume::of(job, &driven);
         let mut surface_left = false;
         if surface_iterations > 0 {

@@ -92,7 +92,7 @@ impl Trial {
         let [plan, plan_of_held] = self.sides.plans(&self.gpu, self.grid, &options, true)?;
         let mut job = OnDevice::new(&self.gpu, self.sides.seen.clone(), plan, self.memory)?;
         make_ready(&mut job)?;
-        let driven = solve_volume(&self.gpu, &mut job, &options, watch, None, None)?;
+        let driven = solve_volume(&self.gpu, &mut job, &options, watch, None)?;
         let behind = surface::behind(&mut job, &driven.level)?;
         let unseen = self.sides.judge_volume(&mut job, &plan_of_held, &driven.level)?;
         self.own = Some(Own { maps: driven.maps, behind, left: unseen.left(1) });
@@ -140,7 +140,7 @@ impl Trial {
             }
             None => {
                 make_ready(&mut job)?;
-                let driven = solve_volume(&self.gpu, &mut job, &options, watch, None, None)?;
+                let driven = solve_volume(&self.gpu, &mut job, &options, watch, None)?;
                 let behind = surface::behind(&mut job, &driven.level)?;
                 let left = self.sides.judge_volume(&mut job, &plan_of_held, &driven.level)?.left(1);
                 job.put(self.sides.seen.clone(), plan)?;
@@ -206,7 +206,7 @@ impl Trial {
                 }
             };
             let steps = Steps { stop_below: stop_below(&options), ..steps };
-            let driven = drive(&self.gpu, &mut job, *until, steps, watch, None, before.take())?;
+            let driven = drive(&self.gpu, &mut job, *until, steps, watch, before.take())?;
             let is_empty = driven.trace.last().is_none_or(|p| p.active == 0);
             let left = if is_empty {
                 None
