@@ -6,8 +6,16 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 const VERBS: &[(&str, &str)] = &[];
 
 /// (verb, or "" for all verbs; option without its dashes; replacement).
-const OPTIONS: &[(&str, &str, &str)] =
-    &[("", "checkpoint", SNAPSHOTS), ("", "checkpoint-every", SNAPSHOTS), ("", "resume", SNAPSHOTS)];
+const OPTIONS: &[(&str, &str, &str)] = &[
+    ("", "checkpoint", SNAPSHOTS),
+    ("", "checkpoint-every", SNAPSHOTS),
+    ("", "resume", SNAPSHOTS),
+    ("", "prior", FBP),
+    ("", "prior-weight", FBP),
+    ("", "conv-iterations", FBP),
+];
+
+const FBP: &str = "the solver conv was removed: use --solver fbp, which takes the same pairs and walls";
 
 const SNAPSHOTS: &str = "run the solve again, which takes seconds with the default solver; `thirdbounce reconstruct --solver paper \
                          --snapshots I,I,...` keeps the maps of these iterations";

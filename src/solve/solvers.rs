@@ -5,8 +5,7 @@ use std::ops::{Deref, DerefMut};
 use serde::Serialize;
 
 use super::closed_form::{
-    BpOptions, ConvolutionOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions,
-    PhasorOptions,
+    BpOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions, PhasorOptions,
 };
 use super::option::{OptionValue, Row, Suit, default_text};
 use super::{
@@ -155,7 +154,6 @@ solvers! {
         PhasorBp(PhasorBpOptions);
         Fbp(FbpOptions);
         Bp(BpOptions);
-        Convolution(ConvolutionOptions);
     }
 }
 
@@ -353,11 +351,20 @@ fn help_of(row: &Row) -> String {
     }
 }
 
+/// Solvers of earlier versions, each with one that takes the same captures.
+const REMOVED: &[(&str, &str)] = &[("conv", "fbp")];
+
 /// Checks that there is a solver of that name.
 ///
 /// # Errors
-/// The solver is not known.
+/// The solver is not known, or was removed.
 pub fn check_solver(name: &str) -> Result<()> {
+    if let Some((_, instead)) = REMOVED.iter().find(|(removed, _)| *removed == name) {
+        return Err(Error::options(
+            format!("the solver {name} was removed"),
+            format!("use the solver {instead}, which takes the same pairs and walls"),
+        ));
+    }
     choice("solver", name, SolverOptions::NAMES)
 }
 

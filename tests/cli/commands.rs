@@ -267,6 +267,8 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--solver", "lct", "--snr", "0"], 1, "--snr is 0"),
         (&[&capture, "--solver", "fk", "--memory", "1M"], 1, "the arrays take"),
         (&[&capture, "--solver", "magic"], 1, "not known"),
+        (&[&capture, "--solver", "conv"], 1, "use the solver fbp"),
+        (&[&capture, "--prior", "sparse"], 2, "--solver fbp"),
         (&[&capture, "--model", "mirror"], 1, "--model mirror is not known"),
         (&[&capture, "--preset", "best"], 2, "--preset"),
         (&[&capture, "--learning-rate", "NaN"], 1, "--learning-rate is NaN"),

@@ -20,7 +20,6 @@ use crate::transport::{Binning, Gradient, Grid};
 use crate::{Error, Kind, Result};
 
 mod backproject;
-mod convolution;
 mod dlct;
 mod fk;
 pub mod fourier;
@@ -40,7 +39,6 @@ mod upsample;
 use sharpness::Ladder;
 
 pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions};
-pub use convolution::{ConvolutionOptions, Prior};
 pub use dlct::DlctOptions;
 pub use fk::FkOptions;
 pub use image::Volume;
