@@ -384,7 +384,7 @@ fn every_method_and_other_programs_stand_in_one_table() {
     assert!(trace.len() > 1 && 0.0 < seconds[0] && seconds[0] < seconds[1], "{seconds:?}");
     assert!(methods[1]["preview_s"].is_null() && methods[1]["trace"][0]["iteration"] != 0);
     // The same maps, whoever made them.
-    assert_eq!(methods[3]["metrics"], methods[11]["metrics"]);
+    assert_eq!(methods[3]["metrics"], methods[10]["metrics"]);
     assert!(table.contains("theirs (foreign) | another GPU"), "{table}");
     assert_eq!(report["left_out"].as_array().unwrap().len(), 0);
 }
