@@ -3,8 +3,6 @@
 // ACCELERATED it also decides the next extrapolation: FISTA's sequence (Beck & Teboulle 2009), restarted where the step
 // goes against the momentum or the objective rose (O'Donoghue & Candes 2015). Where the objective rose by more than
 // rounding, steps become shorter, down to the one that is proven safe.
-// Where several devices share the pairs, one dispatch adds up the partial losses of a device (FINISH_ADD), then the devices
-// exchange this one sum, and a second dispatch takes it for all (FINISH_ADDED).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -13,7 +11,7 @@
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint ACCELERATED = 0u;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
-layout(std430, set = 0, binding = 2) buffer LossPartials { vec2 loss_partials[]; };
+layout(std430, set = 0, binding = 2) readonly buffer LossPartials { vec2 loss_partials[]; };
 layout(std430, set = 0, binding = 3) readonly buffer L1Partials { float l1_partials[]; };
 layout(std430, set = 0, binding = 4) writeonly buffer Trace { uint trace[]; };
 layout(std430, set = 0, binding = 5) buffer Momentum { float momentum[]; };
@@ -27,10 +25,6 @@ const float ROUNDING = 1e-5; // share of the objective: a smaller rise may be ro
 void main() {
     vec4 sum = sum_of_partials();
     if (gl_LocalInvocationID.x != 0u) return;
-    if ((push.flags & FINISH_ADD) != 0u) {
-        loss_partials[0] = sum.xy;
-        return;
-    }
     write_row(sum);
     if (ACCELERATED == 0u) return;
     float objective = sum.x * scene.loss_scale + sum.z;

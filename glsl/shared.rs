@@ -207,8 +207,6 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     ("FORWARD_DIRECT", 4, "flag: add straight to the histograms"),
     ("BACKWARD_CONTINUE", 1, "flag: add to the sums of the previous dispatch"),
     ("BACKWARD_FINISH", 2, "flag: this dispatch holds the last pairs"),
-    ("FINISH_ADD", 1, "flag: only add the partial losses up, into the first of them"),
-    ("FINISH_ADDED", 2, "flag: the first partial loss is the sum of all"),
 ];
 
 pub fn glsl() -> String {

@@ -560,7 +560,6 @@ impl Deref for Gpu {
 }
 impl Gpu {
     pub fn open(options: &GpuOptions) -> Result<Gpu> {}
-    pub fn open_all(options: &GpuOptions) -> Result<Vec<Gpu>> {}
     pub fn is(&self, other: &Gpu) -> bool {}
     pub fn validation_messages(&self) -> Vec<String> {}
 }

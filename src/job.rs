@@ -23,7 +23,6 @@ mod request;
 mod run;
 mod simulated;
 mod sizes;
-pub mod state_file;
 mod words;
 
 use std::path::PathBuf;

@@ -29,7 +29,6 @@ fn main() {
         "kilometre",
         "convolutional",
         "lit",
-        "bonn",
         "npz",
     ];
     for (name, file, opened, given) in readers::every_reader(&scratch) {

@@ -12,7 +12,6 @@ vec4 sum_of_partials() {
     uint tile = WORKGROUP * RESIDUAL_BINS;
     uint losses = (cell_count() + tile - 1u) / tile * (GROUPED != 0u ? 1u : WORKGROUP);
     if (ROWS != 0u) losses = scene.pairs;
-    if ((push.flags & FINISH_ADDED) != 0u) losses = 1u;
     // Unrolled 32 times: otherwise lavapipe's limit of 65,535 loop turns would end the sum after 2^26 bins in total.
 #define ADD(k) if (i + k * WORKGROUP < losses) sum.xy += loss_partials[i + k * WORKGROUP];
 #define ADD_4(k) ADD((k)) ADD((k + 1u)) ADD((k + 2u)) ADD((k + 3u))

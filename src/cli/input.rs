@@ -259,12 +259,11 @@ fn box_of(text: &str) -> Result<Option<Volume>> {
 /// The device, and how it is used.
 #[derive(Args)]
 pub struct DeviceArgs {
-    /// Index or part of the name of the device (see `thirdbounce devices`). `reconstruct` takes several with commas between
-    /// them: they share the pairs of one solve [default: the best kind available]
+    /// Index or part of the name of the device (see `thirdbounce devices`) [default: the best kind available]
     #[arg(long, value_name = "DEVICE", help_heading = "Device")]
     pub device: Option<String>,
     /// Most device memory to use: a number in MiB, or with K, M or G after it. Pairs whose histograms do not fit are taken in
-    /// parts. Of several devices, each may use as much [default: all free memory]
+    /// parts [default: all free memory]
     #[arg(long, value_name = "SIZE", help_heading = "Device")]
     pub memory: Option<String>,
     /// Folder in which compiled kernels are kept between runs, or off [default: thirdbounce/kernels in the user's

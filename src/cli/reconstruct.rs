@@ -32,15 +32,6 @@ pub struct Args {
     /// Also keep maps and pictures of these iterations, in DIR/snapshots/000100 and so on
     #[arg(long, value_name = "I,I,...", value_delimiter = ',')]
     snapshots: Vec<usize>,
-    /// Save the solver's state in this file; --resume continues from it
-    #[arg(long, value_name = "FILE")]
-    checkpoint: Option<PathBuf>,
-    /// Save the state after every Nth iteration
-    #[arg(long, value_name = "N", default_value_t = Request::CHECKPOINT_EVERY, requires = "checkpoint")]
-    checkpoint_every: usize,
-    /// Continue from the state in this file; capture and options must be the same as when it was saved
-    #[arg(long, value_name = "FILE")]
-    resume: Option<PathBuf>,
     /// Do not show preview.png in DIR while it runs (it goes when the result is there)
     #[arg(long)]
     no_preview: bool,
@@ -87,9 +78,6 @@ impl Args {
             mask_fraction: self.mask_fraction.or(request.mask_fraction),
             trace_every: self.trace_every,
             snapshots: self.snapshots.clone(),
-            checkpoint: self.checkpoint.clone(),
-            checkpoint_every: self.checkpoint_every,
-            resume: self.resume.clone(),
             out: self.out.clone(),
             preview: !self.no_preview,
             ..request
@@ -105,8 +93,7 @@ pub fn run(args: &Args) -> Result<()> {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
     let request = args.over(request);
-    let mut files = [&request.checkpoint, &request.volume_file].into_iter().flatten();
-    files.try_for_each(|file| job::check_not_input(file, inputs()))?;
+    request.volume_file.iter().try_for_each(|file| job::check_not_input(file, inputs()))?;
     interrupt::stop_in_order();
     let mut meter = Meter::new(args.quiet);
     let outcome = job::run(&request, &loaded, &mut |progress| meter.hear(progress));

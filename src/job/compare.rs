@@ -120,14 +120,7 @@ pub fn compare(
         let turn = Turn { number, turns, name: &method.name };
         let mut hear = |progress: &Progress| hear(&turn, progress);
         let preview = Shown::first(&method.request, loaded, &gpu, &truth)?;
-        let solved = reconstruct::solve(
-            &method.request,
-            loaded,
-            std::slice::from_ref(&gpu),
-            Some(&truth),
-            None,
-            &mut hear,
-        );
+        let solved = reconstruct::solve(&method.request, loaded, &gpu, Some(&truth), None, &mut hear);
         let mut done = solved.map_err(|e| e.at(format!("method {:?}", method.name)))?;
         if what.oracle {
             done.mask_by(&truth)?;

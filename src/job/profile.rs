@@ -138,10 +138,8 @@ pub fn profile(
 
     say("solving, with a time stamp after every command");
     let began = gpu.now();
-    let done = reconstruct::Finished {
-        found,
-        ..reconstruct::solve(&request, loaded, std::slice::from_ref(&gpu), None, None, hear)?
-    };
+    let done =
+        reconstruct::Finished { found, ..reconstruct::solve(&request, loaded, &gpu, None, None, hear)? };
     let result = &done.result;
     let start = Instant::now();
     if let Some(out) = &what.out {

@@ -1,22 +1,20 @@
-//! A solve with figures, snapshots and checkpoints on the way.
+//! A solve with figures and snapshots on the way.
 
 use std::borrow::Cow;
-use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use super::preview::Preview;
 use super::sizes;
-use super::state_file::{self, Kept};
 use super::{Loaded, Request, SolverOptions, advice};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
-use crate::solve::{Beside, Checkpoint, Keep, Problem, Progress, Ready, Reconstruction, Watch, conclude};
+use crate::solve::{Problem, Progress, Ready, Reconstruction, Watch, conclude};
 use crate::transport::Grid;
 use crate::estimation::{self, Estimates};
-use crate::{Error, Kind, Result};
+use crate::{Kind, Result};
 
 /// The result of a solve, and its figures.
 pub struct Finished {
@@ -38,56 +36,30 @@ pub struct Finished {
     pub sum: usize,
 }
 
-/// Solves as `request` says, on several devices that share the pairs or on one. `hear` is called with the progress and may
+/// Solves as `request` says. `hear` is called with the progress and may
 /// cancel. `preview` shows the volume on its way.
 ///
 /// # Errors
-/// Those of [`super::SolverOptions::solve`], of [`metrics`] and of checkpoint files.
+/// Those of [`super::SolverOptions::solve`] and of [`metrics`].
 pub fn solve(
     request: &Request,
     loaded: &Loaded,
-    gpus: &[Gpu],
+    gpu: &Gpu,
     truth: Option<&Truth>,
     preview: Option<&Preview>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Finished> {
-    let (step, gpu) = (request.trace_step(), &gpus[0]);
-    let resumed = request.resume.as_deref().map(state_file::read).transpose()?;
+    let step = request.trace_step();
     let mut failed = None;
-    // Figures and snapshots so far. The watch adds to them, and checkpoints save them.
-    let gathered = RefCell::new((BTreeMap::new(), Vec::new()));
-    if let Some(kept) = &resumed {
-        kept.check(request)?;
-    }
-    let known = resumed.as_ref().map(|kept| kept.found.clone());
-    let from = resumed.map(|kept| {
-        *gathered.borrow_mut() = (kept.along, kept.snapshots);
-        kept.state
-    });
-    let found = match known {
-        Some(found) => found,
-        None => estimation::estimate(&request.ask(), &loaded.capture, gpu, hear)?,
-    };
+    let (mut along, mut snapshots) = (BTreeMap::new(), Vec::new());
+    let found = estimation::estimate(&request.ask(), &loaded.capture, gpu, hear)?;
     let (settled, capture) = request.settled(&found, &loaded.capture)?;
     let request = &settled;
     let Ready { capture, grid, sum } = request.ready(capture)?;
     let capture = &*capture;
-    let kept_at = Cell::new(None);
-    let mut save = |state: Checkpoint| {
-        let iteration = state.iteration;
-        let (along, snapshots) = gathered.borrow().clone();
-        if let Some(file) = &request.checkpoint {
-            state_file::write(file, &Kept { state, along, snapshots, found: found.clone() })?;
-            kept_at.set(Some(iteration));
-        }
-        Ok(())
-    };
-    let every = if request.checkpoint.is_some() { request.checkpoint_every } else { 0 };
-    let keep = Keep { every, save: &mut save, from };
     let volume = request.solver.common().iterations[0];
     let previews = if preview.is_some() { vec![volume / 4, volume] } else { vec![] };
     let mut measure = |progress: &Progress| {
-        let (along, snapshots) = &mut *gathered.borrow_mut();
         let i = progress.point.iteration;
         if let Some(maps) = &progress.maps {
             if request.snapshots.contains(&i) {
@@ -112,19 +84,15 @@ pub fn solve(
     };
     let maps_at = [&request.snapshots[..], &previews].concat();
     let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &maps_at };
-    let beside = Beside { watch: &mut watch, keep: Some(keep), lent: None };
     let solver = sizes::with_kept(request, gpu, capture);
-    let done = solver.solve(&gpus[0], &request.problem(capture, grid), beside);
+    let done = solver.solve(gpu, &request.problem(capture, grid), &mut watch);
     let mut result = match failed {
         Some(e) => return Err(e),
-        None => done
-            .map_err(|e| advice::advise(e, request, loaded, gpu))
-            .map_err(|e| cancelled(e, request, kept_at.get()))?,
+        None => done.map_err(|e| advice::advise(e, request, loaded, gpu))?,
     };
     let before = found.seconds;
     result.solve_seconds += before;
     result.trace.iter_mut().for_each(|p| p.seconds += before);
-    let (mut along, mut snapshots) = gathered.into_inner();
     conclude(capture, request.mask_fraction, &mut result, &mut snapshots);
     let metrics = truth.map(|t| metrics(&result.maps, t, request.mask_fraction)).transpose()?;
     if let (Some(last), Some(metrics)) = (result.trace.last(), &metrics) {
@@ -140,16 +108,6 @@ fn masked(maps: &Maps, request: &Request) -> Maps {
         maps.set_mask(request.mask_fraction);
     }
     maps
-}
-
-/// Adds to the error of a cancelled solve how to resume it.
-fn cancelled(mut error: Error, request: &Request, kept_at: Option<usize>) -> Error {
-    if let (Kind::Cancelled, Some(file), Some(iteration)) = (error.kind, &request.checkpoint, kept_at) {
-        let mend = format!("resume from {} to continue after iteration {iteration}", file.display());
-        error.what += &format!(", {mend}");
-        error.mend = mend.into();
-    }
-    error
 }
 
 /// Begins a solve and cancels it. Drivers that compile at the first dispatch do so here, before any time is measured. A

@@ -28,8 +28,7 @@ pub struct Request {
     pub volume: Option<Volume>,
     /// Most device memory to use, in bytes.
     pub memory: Option<u64>,
-    /// Index or part of the name of the device; for [`run`](super::run()), several with commas between them share the
-    /// pairs ([`reconstruct_on`](crate::solve::vector::reconstruct_on)).
+    /// Index or part of the name of the device.
     pub device: Option<String>,
     /// Folder in which compiled kernels are kept between runs, see [`super::usual_pipeline_cache`].
     pub pipeline_cache: Option<PathBuf>,
@@ -57,12 +56,6 @@ pub struct Request {
     pub trace_every: Option<usize>,
     /// Keep maps and pictures of these iterations, in `snapshots/000100` and so on.
     pub snapshots: Vec<usize>,
-    /// File to save the solver's state in while it runs.
-    pub checkpoint: Option<PathBuf>,
-    /// Save the state after every Nth iteration.
-    pub checkpoint_every: usize,
-    /// File with a saved state, to continue from.
-    pub resume: Option<PathBuf>,
     /// Folder of the results.
     pub out: PathBuf,
     /// File for the volume, .npz or .hdf5.
@@ -70,9 +63,6 @@ pub struct Request {
 }
 
 impl Request {
-    /// Default number of iterations between two checkpoints.
-    pub const CHECKPOINT_EVERY: usize = 50;
-
     /// The solve of a capture on a grid that is asked for.
     pub(super) fn problem<'c>(&self, capture: &'c Capture, grid: Grid) -> Problem<'c> {
         Problem { capture, grid, memory: self.memory, with_volume: self.volume_file.is_some() }
@@ -100,9 +90,6 @@ impl Request {
             mask_fraction: None,
             trace_every: None,
             snapshots: vec![],
-            checkpoint: None,
-            checkpoint_every: Request::CHECKPOINT_EVERY,
-            resume: None,
             out: out.into(),
             volume_file: None,
         }
@@ -167,11 +154,6 @@ impl Request {
         Gpu::open(&self.gpu_options())
     }
 
-    /// Opens every device that is named.
-    pub(super) fn open_all(&self) -> Result<Vec<Gpu>> {
-        Gpu::open_all(&self.gpu_options())
-    }
-
     fn gpu_options(&self) -> GpuOptions {
         GpuOptions {
             device: self.device.clone(),
@@ -194,22 +176,6 @@ impl Request {
                 format!("give iterations from 1 to the last, {iterations}"),
             ));
         }
-        if !self.solver.saves_state() && (self.checkpoint.is_some() || self.resume.is_some()) {
-            return Err(Error::options(
-                format!(
-                    "a checkpoint is asked for, and {} has no iterations of a volume to save",
-                    self.solver.name()
-                ),
-                "leave the checkpoint out: the method takes little time",
-            ));
-        }
-        if self.checkpoint_every == 0 {
-            return Err(Error::options(
-                "the number of iterations between checkpoints is 0",
-                format!("give a number of iterations, usually {}", Request::CHECKPOINT_EVERY),
-            ));
-        }
-        self.checkpoint.as_deref().map(places::check_file).transpose()?;
         self.truth.as_deref().map(export::npz::read_truth).transpose()
     }
 

@@ -11,7 +11,7 @@ use crate::Result;
 use crate::export;
 use crate::export::report::Report;
 use crate::files::staging::Staging;
-use crate::gpu::{Exchanged, Gpu, KernelTime};
+use crate::gpu::{Gpu, KernelTime};
 use crate::maps::{Maps, Truth};
 use crate::solve::{Progress, Reconstruction, VolumeMap};
 
@@ -63,8 +63,8 @@ pub fn run(
     request.check_places()?;
     // What does not fit is told before a device is asked for.
     request.grid(&loaded.capture)?;
-    let gpus = request.open_all()?;
-    solve_checked(request, loaded, &gpus, truth, hear)?.write(request)
+    let gpu = request.open()?;
+    solve_checked(request, loaded, &gpu, truth, hear)?.write(request)
 }
 
 /// Reconstructs a capture on a device that is open. Writes nothing but the preview, if the request asks for one.
@@ -80,28 +80,25 @@ pub fn solve(
 ) -> Result<Solved> {
     let truth = request.check()?;
     request.grid(&loaded.capture)?;
-    solve_checked(request, loaded, std::slice::from_ref(gpu), truth, hear)
+    solve_checked(request, loaded, gpu, truth, hear)
 }
 
-/// Solves on `gpus`; the first of them also does what is not shared.
 fn solve_checked(
     request: &Request,
     loaded: &Loaded,
-    gpus: &[Gpu],
+    gpu: &Gpu,
     truth: Option<Truth>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solved> {
-    let gpu = &gpus[0];
     // A closed-form method is there as soon as a preview.
     let preview = match request.preview && !request.solver.is_closed_form() {
         true => Preview::begin(request, &loaded.capture, gpu, hear)?,
         false => None,
     };
-    let done = reconstruct::solve(request, loaded, gpus, truth.as_ref(), preview.as_ref(), hear)?;
+    let done = reconstruct::solve(request, loaded, gpu, truth.as_ref(), preview.as_ref(), hear)?;
     let mut notes: Vec<String> = done.found.notes();
     notes.extend(request::summed_note(done.sum, done.result.plan.scene.bin_width));
     notes.extend(notes_on(request, &done.result));
-    notes.extend(shared_note(gpus.len(), &done.result));
     let mut report = report::report_of(request, loaded, gpu, &done);
     // Who has the report alone learns what was told.
     report.settings["notes"] = loaded.notes.iter().chain(&notes).cloned().collect();
@@ -113,7 +110,7 @@ fn solve_checked(
             maps: result.maps,
             truth,
             kernels: if request.timings { result.kernels } else { vec![] },
-            validation: gpus.iter().flat_map(|gpu| gpu.validation_messages()).collect(),
+            validation: gpu.validation_messages(),
             notes,
             files: vec![],
         },
@@ -228,17 +225,6 @@ fn is_at_border(maps: &Maps) -> bool {
     let shown = || (0..maps.mask.len()).filter(|p| maps.mask[*p]);
     let border = shown().filter(|p| near(p / maps.ny, maps.nx) || near(p % maps.ny, maps.ny)).count();
     2 * border > shown().count()
-}
-
-/// Says what several devices exchanged; `None` on one.
-fn shared_note(devices: usize, result: &Reconstruction) -> Option<String> {
-    let Exchanged { times, bytes, seconds } = result.exchanged;
-    let text = format!(
-        "{devices} devices share the pairs: {times} exchanges of {:.1} kB on average, with waiting {seconds:.2} s of {:.2} s",
-        1e-3 * bytes as f64 / times.max(1) as f64,
-        result.solve_seconds
-    );
-    (devices > 1).then_some(text)
 }
 
 fn export_volume(volume: VolumeMap) -> export::volume::Volume {

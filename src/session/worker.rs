@@ -388,7 +388,7 @@ impl Worker {
             options.hear.as_mut().map_or(ControlFlow::Continue(()), |hear| hear(id, progress))
         };
         let mut watch = Watch { hear: &mut hear, maps_every: options.maps_every, maps_at: &[] };
-        let solved = prepared.solve(scan, Beside { watch: &mut watch, keep: None, lent });
+        let solved = prepared.solve(scan, Beside { watch: &mut watch, lent });
         let mut result = match (solved, options.time_limit) {
             (Err(e), Some(limit)) if late && e.kind == Kind::Cancelled => return Err(too_long(limit, e)),
             (solved, _) => solved?,

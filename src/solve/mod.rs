@@ -7,7 +7,6 @@
 
 mod adam;
 mod bins;
-mod checkpoint;
 pub mod closed_form;
 mod conditions;
 mod discretisation;
@@ -30,11 +29,9 @@ mod rounding;
 mod solver;
 mod solvers;
 pub mod surface;
-mod together;
 mod trace;
 
 pub use bins::Bins;
-pub use checkpoint::{Checkpoint, Identity, Keep};
 pub use conditions::conclude;
 pub use discretisation::{Discretisation, Ready};
 pub use domain::{compact, extract};
@@ -51,7 +48,7 @@ pub use over_pairs::sum_bins;
 pub use paper::{Decay, NoiseTerm, PaperOptions};
 pub use plan::{
     Accumulation, COLUMNS_HOST, ConstantValue, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart,
-    Pass, Plan, RESIDUAL_HOST, SMOOTH, Share, Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
+    Pass, Plan, RESIDUAL_HOST, SMOOTH, Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
 };
 pub use prepared::Prepared;
 pub use problem::Problem;

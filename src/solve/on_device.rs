@@ -87,14 +87,15 @@ impl OnDevice {
         let mut all = Uploads::begin(executor)?;
         let whole = |l: &&Level| l.wall == buffer::WALL && !plan.is_cut(l);
         if plan.levels.all().any(|l| whole(&l)) {
-            all.add(buffer::WALL, bytemuck::cast_slice(&plan.own_wall(&model.wall).words()))?;
+            all.add(buffer::WALL, bytemuck::cast_slice(&model.wall.words()))?;
         }
         for (level, part) in plan.cut_levels().flat_map(|l| plan.parts(l).map(move |p| (l, p))) {
-            let wall = plan.own_wall(&model.wall.first(level.pairs)).stretch(part.first, part.own.count);
+            let wall = model.wall.first(level.pairs).stretch(part.first, part.own.count);
             all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words()));
         }
         for batch in plan.batches_held() {
-            all.add(batch.wall, bytemuck::cast_slice(&plan.wall_of(batch, &model.wall).words()))?;
+            let wall = model.wall.stretch(batch.first, batch.pairs);
+            all.add(batch.wall, bytemuck::cast_slice(&wall.words()))?;
         }
         let mut taps = vec![(plan.domain.taps.len() - 1) as f32];
         taps.extend(plan.domain.taps.iter().map(|w| *w as f32));
@@ -119,7 +120,7 @@ impl OnDevice {
             let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();
             all.add(level.reachable, bytemuck::cast_slice(&bricks))?;
             if level.wall != buffer::WALL && !plan.is_cut(level) {
-                let words = plan.own_wall(&model.wall.first(level.pairs)).words();
+                let words = model.wall.first(level.pairs).words();
                 all.add(level.wall, bytemuck::cast_slice(&words))?;
             }
         }
@@ -211,7 +212,7 @@ impl<'e> Uploads<'e> {
         if plan.division.cut.is_some() {
             return self.add_parts(plan, model, summed);
         }
-        self.add(buffer::MEASURED, bytemuck::cast_slice(&plan.own_rows(&model.measured, model.bins)))?;
+        self.add(buffer::MEASURED, bytemuck::cast_slice(&model.measured))?;
         self.then(|s| sum_bins(s, plan));
         Ok(())
     }
@@ -241,7 +242,7 @@ impl<'e> Uploads<'e> {
                 // The most pairs of any whole level with these bins; others have the first of them.
                 let room = plan.bytes_of(level.measured) as usize / 4;
                 let own = in_bins_of(level, model, summed);
-                let own = plan.own_rows(&own.measured, own.bins);
+                let own = &own.measured;
                 self.add(level.measured, bytemuck::cast_slice(&own[..room.min(own.len())]))?;
                 added.push(level.measured);
             }
@@ -263,10 +264,9 @@ impl<'e> Uploads<'e> {
             // An outline has no counts yet.
             if is_first && !own.measured.is_empty() {
                 stored.push(level.sum);
-                let rows = plan.own_rows(&own.measured, own.bins);
                 for part in plan.parts(level) {
                     let bins = part.first * level.bins..(part.first + part.own.count) * level.bins;
-                    self.store(&part, part.measured, bytemuck::cast_slice(&rows[bins]));
+                    self.store(&part, part.measured, bytemuck::cast_slice(&own.measured[bins]));
                 }
             }
         }

@@ -235,10 +235,6 @@ fn step(plan: &Plan, command: &Command) -> Option<Step> {
         }
         Command::Copy { from, to, bytes, .. } => step(amount(*bytes), vec![*from], vec![*to]),
         Command::Fill { buffer, bytes, .. } => step(amount(*bytes), vec![], vec![*buffer]),
-        Command::Exchange(sums) => {
-            let all: Vec<Buffer> = sums.iter().map(|s| s.buffer).collect();
-            step(amount(sums.iter().map(|s| s.bytes).sum()), all.clone(), all)
-        }
         Command::Stage(_) => return None,
     })
 }

@@ -196,7 +196,7 @@ pub fn sum_bins(s: &mut Schedule, plan: &Plan) {
     if plan.division.cut.is_some() {
         return;
     }
-    let pairs = plan.own(plan.scene.pairs);
+    let pairs = plan.scene.pairs;
     for level in plan.levels.summed() {
         s.dispatch(&SUM_BINS, groups(pairs * level.bins, WORKGROUP), (pairs * plan.scene.bins) as u64)
             .bind(buffer::SCENE, level.scene)
@@ -308,8 +308,7 @@ pub(super) fn work_of(part: &Push, voxels: usize) -> u64 {
 
 /// Push constants of a gather over the measured or rendered pairs of a part, `all`, for `voxels` voxels, in as many
 /// dispatches as the limits of loops and of the work of a dispatch need. A product is cut into whole rows of scanned
-/// points where they fit, else into stretches of one row. Where several devices share the pairs, none of them is the last
-/// ([`super::together`]).
+/// points where they fit, else into stretches of one row.
 pub(super) fn pair_chunks(
     plan: &Plan,
     part: &PairPart,
@@ -320,7 +319,7 @@ pub(super) fn pair_chunks(
     let several = plan.scene.geometry == Geometry::Product && all.others > 1;
     let row = if several { all.scanned as u32 } else { pairs };
     let whole = row * (most / row).max(1);
-    let (goes_on, is_last) = (!part.is_first(), part.is_last() && plan.division.share.is_none());
+    let (goes_on, is_last) = (!part.is_first(), part.is_last());
     let mut first = 0;
     std::iter::from_fn(move || {
         if first == pairs {

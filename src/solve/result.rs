@@ -10,7 +10,7 @@ use super::drive::Driven;
 use super::on_device::{OnDevice, VolumeMap, read_volume, trace_rows};
 use super::plan::{MASK_HOST, RAW_HOST};
 use crate::Result;
-use crate::gpu::{Exchanged, KernelTime};
+use crate::gpu::KernelTime;
 use crate::maps::Maps;
 use crate::transport::Model;
 use crate::transport::kernels::{TRACE_LEAST, buffer};
@@ -86,9 +86,6 @@ pub struct Reconstruction {
     /// The share of noise in the energy of the counts, if these were on the device only.
     #[doc(hidden)]
     pub noise: Option<f64>,
-    /// What the first device exchanged with the others that shared the pairs; nothing on one device.
-    #[doc(hidden)]
-    pub exchanged: Exchanged,
     /// Per kernel, if the device was opened with timings.
     #[doc(hidden)]
     pub kernels: Vec<(&'static str, KernelTime)>,
@@ -132,7 +129,6 @@ pub(super) fn finish(
         filled: 0,
         sharpness: None,
         noise: None,
-        exchanged: job.executor.exchanged(),
         lateral: driven.level.grid.n[0],
         volume_iterations: done,
         kernels: job.executor.take_times().into_iter().collect(),

@@ -5,8 +5,7 @@ use std::ops::{Deref, DerefMut};
 use serde::Serialize;
 
 use super::closed_form::{
-    BpOptions, ConvolutionOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions,
-    PhasorOptions,
+    BpOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions, PhasorOptions,
 };
 use super::option::{OptionValue, Row, Suit, default_text};
 use super::{
@@ -154,7 +153,6 @@ solvers! {
         PhasorBp(PhasorBpOptions);
         Fbp(FbpOptions);
         Bp(BpOptions);
-        Convolution(ConvolutionOptions);
     }
 }
 
@@ -173,11 +171,6 @@ impl SolverOptions {
             self.set(key, value);
             self.get(key).as_ref() == Some(value)
         })
-    }
-
-    /// Whether checkpoints can save its state.
-    pub fn saves_state(&self) -> bool {
-        Self::ITERATIVE.contains(&self.name())
     }
 
     /// Whether quick solves look for the model of reflectance if nobody names one: for solvers that render surfaces.
@@ -354,11 +347,20 @@ fn help_of(row: &Row) -> String {
     }
 }
 
+/// Solvers of earlier versions, each with one that takes the same captures.
+const REMOVED: &[(&str, &str)] = &[("conv", "fbp")];
+
 /// Checks that there is a solver of that name.
 ///
 /// # Errors
-/// The solver is not known.
+/// The solver is not known, or was removed.
 pub fn check_solver(name: &str) -> Result<()> {
+    if let Some((_, instead)) = REMOVED.iter().find(|(removed, _)| *removed == name) {
+        return Err(Error::options(
+            format!("the solver {name} was removed"),
+            format!("use the solver {instead}, which takes the same pairs and walls"),
+        ));
+    }
     choice("solver", name, SolverOptions::NAMES)
 }
 

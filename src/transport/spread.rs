@@ -114,19 +114,6 @@ impl Wall {
         }
     }
 
-    /// The wall of every `of`th pair from pair `number` on, in their order; of a product with several other points, of
-    /// every `of`th of these, with all its pairs.
-    pub fn every(&self, [number, of]: [usize; 2]) -> Wall {
-        let some = |points: &[DVec3]| points.iter().skip(number).step_by(of).copied().collect::<Vec<_>>();
-        let [every_scanned, every_other] = match self.geometry {
-            Geometry::Product => [self.others.len() == 1, self.others.len() > 1],
-            _ => [true, true],
-        };
-        let scanned = |points: &[DVec3]| if every_scanned { some(points) } else { points.to_vec() };
-        let others = |points: &[DVec3]| if every_other { some(points) } else { points.to_vec() };
-        self.picked([&scanned, &others])
-    }
-
     /// The order ([`spread_order`]) of the scanned and of the other points, and the pair that moves to each place.
     fn spread(&self) -> ([Vec<usize>; 2], Vec<usize>) {
         let (s, o) = (&self.scanned, &self.others);
@@ -239,33 +226,6 @@ mod tests {
         (0..nx * ny)
             .map(|i| dvec3((i / ny) as f64 + noise(i), (i % ny) as f64 + noise(i + 7919), 0.0) * 0.01)
             .collect()
-    }
-
-    #[test]
-    fn every_pair_is_on_one_of_several_walls() {
-        let (points, count) = (lattice(7, 5, 0.0), 35);
-        let normals = |n: usize| Some((0..n).map(|i| dvec3(i as f64, 0.0, 1.0)).collect());
-        let of = |geometry, others: &[DVec3]| Wall {
-            geometry,
-            scanned: points.clone(),
-            others: others.to_vec(),
-            normals: normals(count + others.len()),
-        };
-        for wall in [
-            of(Geometry::Confocal, &[]),
-            of(Geometry::TwoPoints, &lattice(5, 7, 0.2)),
-            of(Geometry::Product, &lattice(1, 1, 0.0)),
-            of(Geometry::Product, &lattice(4, 1, 0.1)),
-        ] {
-            let row = if wall.others.len() == 4 { count } else { 1 };
-            let shares = [0, 1, 2].map(|number| wall.every([number, 3]));
-            assert_eq!(shares.iter().map(Wall::pairs).sum::<usize>(), wall.pairs());
-            for pair in 0..wall.pairs() {
-                let (share, own) = (&shares[pair / row % 3], pair / row / 3 * row + pair % row);
-                let ends = |wall: &Wall, pair| wall.points_of(pair).map(|number| wall.point(number));
-                assert_eq!(ends(share, own), ends(&wall, pair));
-            }
-        }
     }
 
     #[test]

@@ -1,7 +1,6 @@
 //! Captures: formats, scans, walls, conversions, damaged files.
 
 mod arrays;
-mod bonn;
 mod convert;
 mod formats;
 mod hostile;

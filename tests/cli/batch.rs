@@ -352,7 +352,7 @@ fn what_makes_no_batch_is_refused_at_once() {
         (&["--jobs", "0"][..], "--jobs is 0"),
         (&["--jobs", "18446744073709551615"], "give 1 to 256"),
         (&["--shard", "3/2"], "the shard is \"3/2\""),
-        (&["--resume", "state"], "--resume is no option of a batch"),
+        (&["--timings"], "--timings is no option of a batch"),
         (&["--lateral", "0"], "--lateral is 0"),
     ] {
         let output = thirdbounce(&[&["batch", "none.npz", "--out", "nowhere"][..], more].concat());

@@ -48,11 +48,11 @@ fn every_verb_takes_paths_that_are_no_text() {
             .collect();
         well(&all)
     };
-    let [out, by, with] = ["--out", "--truth", "--checkpoint"].map(OsString::from);
+    let [out, by] = ["--out", "--truth"].map(OsString::from);
     let result = odd("result");
     verb("info", &[&c], &short);
     verb("convert", &[&c, &odd("made.hdf5")], &[]);
-    verb("reconstruct", &[&c, &out, &result, &by, &t, &with, &odd("state")], &short);
+    verb("reconstruct", &[&c, &out, &result, &by, &t], &short);
     let report = std::fs::read_to_string(Path::new(&result).join("report.json")).unwrap();
     assert!(report.contains("w\u{fffd}\u{fffd}-c.npz"), "the report names the capture");
     verb("evaluate", &[&result, &by, &t], &[]);
@@ -116,36 +116,26 @@ fn a_batch_makes_a_result_anew_when_a_file_beside_it_changes() {
 }
 
 #[test]
-fn a_signal_to_end_keeps_the_checkpoint() {
+fn a_signal_to_end_ends_a_solve_without_a_result() {
     let folder = tempfile::tempdir().unwrap();
     let (capture, _) = small(folder.path());
-    let state = folder.path().join("state");
+    let out = folder.path().join("out");
     for signal in ["-TERM", "-HUP"] {
-        let _ = std::fs::remove_file(&state);
         let mut command = Command::new(program());
-        command.args([
-            "reconstruct",
-            &capture,
-            "--model",
-            "cosine",
-            "--lateral",
-            "16",
-            "--iterations",
-            "100000",
-        ]);
-        command.args(["--stop", "never", "--checkpoint-every", "200", "--quiet", "--checkpoint"]).arg(&state);
-        command.arg("--out").arg(folder.path().join("out")).stdout(Stdio::null()).stderr(Stdio::piped());
-        let child = command.spawn().unwrap();
-        // The solve is under way once there is a checkpoint; the signal must leave another.
+        command.args(["reconstruct", &capture, "--model", "cosine", "--lateral", "16"]);
+        command.args(["--iterations", "100000", "--stop", "never", "--quiet", "--out"]).arg(&out);
+        let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+        // The solve is under way once there is a preview.
+        let preview = out.join(thirdbounce::job::PREVIEW);
         let begun = Instant::now();
-        while !state.is_file() && begun.elapsed() < Duration::from_secs(120) {
+        while !preview.is_file() && begun.elapsed() < Duration::from_secs(120) {
             std::thread::sleep(Duration::from_millis(20));
         }
-        std::fs::remove_file(&state).expect("a checkpoint on the way");
+        assert!(preview.is_file(), "no preview");
         assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
         let output = child.wait_with_output().unwrap();
         assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
-        assert!(state.is_file(), "{signal} leaves no checkpoint");
+        assert!(!preview.exists() && !out.join("report.json").exists(), "{signal} leaves a result");
     }
 }
 

@@ -6,7 +6,6 @@ mod browser;
 mod calibrate;
 mod commands;
 mod compare;
-mod devices;
 mod examples;
 mod family;
 mod high_pass;

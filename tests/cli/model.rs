@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use fixtures::command::{fail, stderr, succeed, thirdbounce};
+use fixtures::command::{stderr, succeed, thirdbounce};
 use serde_json::Value;
 
 /// Options that make a run short and repeat its bits. So few pairs do not tell the models apart by fast light alone.
@@ -163,26 +163,6 @@ fn a_plan_tells_of_the_trials_and_a_named_model_skips_them() {
         (&report["settings"]["model"], &report["settings"]["trials_s"]),
         (&"cosine".into(), &0.0.into())
     );
-}
-
-#[test]
-fn a_resumed_run_keeps_the_model_that_was_found() {
-    let figures = Figures::new();
-    let [capture, _] = figures.simulated("lambertian", 0.0);
-    let state = figures.path("state");
-    let (report, _) = figures.solved(&capture, "first", &["--checkpoint", &state, "--checkpoint-every", "5"]);
-    assert_eq!(report["settings"]["model"], "lambertian");
-    let (resumed, said) = figures.solved(&capture, "resumed", &["--resume", &state]);
-    // New trials would take another time.
-    for key in ["model", "model_found", "trials_s"] {
-        assert_eq!(resumed["settings"][key], report["settings"][key], "{key}");
-    }
-    assert!(said.contains("lambertian, by trials"), "{said}");
-    let loss = |r: &Value| r["trace"].as_array().unwrap().last().unwrap()["loss"].clone();
-    assert_eq!(loss(&resumed), loss(&report));
-    let out = figures.path("other");
-    let other = ["reconstruct", &capture, "--out", &out, "--resume", &state, "--model", "cosine", "--quiet"];
-    fail(&[&other[..], &SHORT].concat(), 1, "the checkpoint was kept with");
 }
 
 #[test]

@@ -34,7 +34,6 @@ static HELD: &[Held] = held! {
     UPDATE => of_paper::update_continuous_and_fixed;
     FINISH => of_paper::finish_sums_and_resets;
     FINISH => vector_momentum::finish_decides_on_the_momentum;
-    FINISH => of_paper::finish_takes_losses_that_were_added_up;
     INITIALISE, INITIALISE_RAW => domain::initialise_is_uniform_and_keeps_the_near_space_out;
     paper::passes::GAUSSIAN_X, GAUSSIAN_Y, GAUSSIAN_Z, THRESHOLD, CARRY
         => domain::reduction_smooths_and_keeps_what_is_above_the_threshold;

@@ -2,7 +2,6 @@
 
 use fixtures::device::*;
 use thirdbounce::gpu::Schedule;
-use thirdbounce::solve::passes::FINISH;
 use thirdbounce::solve::{Accumulation, NoiseTerm, paper};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Twin};
@@ -390,49 +389,5 @@ pub fn finish_sums_and_resets() {
     assert_eq!((row[2], f32::from_bits(row[3])), (777, 1.25));
     let counts: Vec<u32> = read(&mut job, buffer::COUNTS, 4);
     assert_eq!(counts, [777, 777, 0, 0]);
-    assert_valid(&gpu);
-}
-
-/// Where devices share the pairs, one dispatch adds the partial losses up, and another takes their sum.
-#[test]
-pub fn finish_takes_losses_that_were_added_up() {
-    let gpu = gpu();
-    let model = model(4, 50, 15);
-    let grid = grid();
-    let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
-    let mut random = Random::new(17);
-    let loss: Vec<f32> = (0..2 * losses(&model)).map(|_| random.uniform(0.0, 1.0) as f32).collect();
-    let sum = |k: usize| loss.iter().skip(k).step_by(2).map(|x| f64::from(*x)).sum::<f64>();
-    write(&mut job, buffer::LOSS_PARTIALS, &loss);
-    write(&mut job, buffer::L1_PARTIALS, &[0.5f32; 13]);
-    set_counts(&mut job, 777, 1.25);
-    let mut finish = |flags: u32| {
-        let mut s = Schedule::default();
-        s.dispatch(&FINISH, [1, 1, 1], 1).bind(buffer::SCENE, job.plan.finest().scene).with(Push {
-            iteration: 1,
-            flags,
-            ..Default::default()
-        });
-        job.perform(&s);
-        let row = job.executor.read::<[u32; TRACE_ROW as usize]>(buffer::TRACE, 1..2)[0];
-        (
-            read::<f32>(&mut job, buffer::LOSS_PARTIALS, loss.len()),
-            read::<u32>(&mut job, buffer::COUNTS, 4),
-            row,
-        )
-    };
-    let (added, counts, _) = finish(FINISH_ADD);
-    assert!(
-        (f64::from(added[0]) / sum(0) - 1.0).abs() < 1e-6
-            && (f64::from(added[1]) / sum(1) - 1.0).abs() < 1e-6
-    );
-    assert!(
-        added[2..] == loss[2..] && f32::from_bits(counts[COUNT_PEAK_ALBEDO as usize]) == 1.25,
-        "nothing else changes"
-    );
-    let (_, _, row) = finish(FINISH_ADDED);
-    let told = |index: u32| f64::from(f32::from_bits(row[index as usize])) * 800.0;
-    assert!((told(TRACE_OBJECTIVE) / sum(0) - 1.0).abs() < 1e-6);
-    assert!((told(TRACE_DATA) / sum(1) - 1.0).abs() < 1e-6);
     assert_valid(&gpu);
 }

@@ -1,17 +1,19 @@
 //! The model of memory traffic on real solves: the orderings that the kernels' order of work was chosen by, and the table of
 //! docs/gpu.md.
 
-use fixtures::device::gpu;
-use fixtures::keeping::solve_keeping;
+use fixtures::device::{gpu, unwatched, write};
 use fixtures::traffic::{Histograms, WARP};
 use glam::{DVec3, dvec3};
+use std::ops::ControlFlow;
 use std::path::Path;
 use thirdbounce::capture::{Capture, read};
+use thirdbounce::gpu::{Buffer, BufferPlan, Gpu, Place, Schedule};
 use thirdbounce::job::Request;
 use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::surface::{Pixels, SMALL_PIXEL, SUPPORT, points_of};
-use thirdbounce::solve::{Level, Plan, VectorOptions, vector};
+use thirdbounce::solve::{Level, OnDevice, Plan, Problem, Progress, VectorOptions, vector};
+use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::{Grid, Model};
 
 /// Samples of a workgroup of the forward pass, and bins of a lane's column: those of a GPU.
@@ -20,6 +22,9 @@ const WINDOW: usize = 64;
 
 /// Samples of a workgroup with histograms of its own.
 const OWN_CHUNK: usize = 2048;
+
+/// The mask of the active voxels, for the host.
+const DOMAIN: Buffer = Buffer::named("domain_host");
 
 /// The samples of a solve, in the order of their slots.
 struct Solved {
@@ -32,21 +37,44 @@ struct Solved {
 
 fn solved(capture: &Capture, options: VectorOptions) -> Solved {
     let gpu = gpu();
-    let (done, kept) = solve_keeping(&gpu, &options.clone().into(), capture, 1, None).expect("a solve");
     let grid = Request::new(options.clone(), "").grid(capture).expect("a grid");
     let model = vector::model(capture, &grid, &options);
     let plan =
         Plan::new(&model, grid, capture.resolution(), &options, &gpu.abilities(), false).expect("a plan");
-    let last = |(i, level): (usize, &Level)| {
-        let state = kept.iter().rfind(|state| state.level == i)?;
-        let words: &[u8] = &state.buffers["mask"];
-        let active = |i: &usize| words[i / 8] >> (i % 8) & 1 == 1;
-        let grid: &Grid = &level.grid;
-        let at = |i: usize| grid.position(DVec3::from_array(grid.voxel(i).map(|c| c as f64)));
-        Some((*level, (0..grid.storage()).filter(active).map(at).collect()))
-    };
-    let levels = plan.levels.volume.iter().enumerate().filter_map(last).collect();
+    let mut hear = |_: &Progress| ControlFlow::Continue(());
+    let problem = Problem::new(capture, grid);
+    let done = vector::reconstruct(&gpu, &problem, &options, &mut unwatched(&mut hear)).expect("a solve");
+    let levels = domains(&gpu, &model, &plan, &options);
     Solved { levels, plan, model, maps: done.maps }
+}
+
+/// The active voxels at the end of each level of the volume.
+fn domains(gpu: &Gpu, model: &Model, plan: &Plan, options: &VectorOptions) -> Vec<(Level, Vec<DVec3>)> {
+    let (mut plan, bytes) = (plan.clone(), plan.bytes_of(buffer::MASK));
+    plan.buffers.push(BufferPlan::new(DOMAIN, bytes, Place::Readback));
+    let mut job = OnDevice::new(gpu, model.clone(), plan, None).expect("memory for a small scene");
+    let (plan, first) = (job.plan.clone(), job.plan.levels.volume[0]);
+    let hat = vector::hat(vector::HAT_SIGMA * first.grid.pitch.x / first.bin_width, first.bins);
+    write(&mut job, buffer::HAT_TAPS, &hat);
+    let mut run = |s: &Schedule| job.executor.run(s).map(|()| job.executor.read::<u32>(DOMAIN, ..));
+    run(&Schedule::of(|s| vector::start(s, &plan, &first, options))).expect("the start runs");
+    let (mut level, mut all) = (0, vec![]);
+    for i in 0..options.iterations {
+        let here = plan.levels.volume[level];
+        let (mut s, mut change, before) = (Schedule::default(), Schedule::default(), level);
+        vector::iteration(&mut s, &plan, &here, i as u32);
+        s.copy(buffer::MASK, DOMAIN, bytes);
+        let words = run(&s).expect("an iteration runs");
+        vector::due(&mut change, &plan, options, &mut level, i + 1);
+        if level > before || i + 1 == options.iterations {
+            let grid: &Grid = &here.grid;
+            let active = |i: &usize| words[i / 32] >> (i % 32) & 1 == 1;
+            let at = |i: usize| grid.position(DVec3::from_array(grid.voxel(i).map(|c| c as f64)));
+            all.push((here, (0..grid.storage()).filter(active).map(at).collect()));
+        }
+        run(&change).expect("a change of the domain runs");
+    }
+    all
 }
 
 impl Solved {

@@ -24,14 +24,12 @@ pub fn rows(share: Share) -> Vec<Row> {
             truth: Some(files().truth()),
             snapshots: vec![3],
             volume_file: Some(out.join(volume)),
-            checkpoint: Some(out.join("state")),
-            checkpoint_every: 5,
             ..Request::new(solver(), out.join("result"))
         };
         job::run(&request, &loaded, &mut |_| ControlFlow::Continue(())).map(drop)
     };
     let works: Vec<(&str, bool, Work<'_>)> = vec![
-        ("reconstruct, with snapshots, volume.npz and checkpoints", true, Box::new(|out| run(out, "v.npz"))),
+        ("reconstruct, with snapshots and volume.npz", true, Box::new(|out| run(out, "v.npz"))),
         ("reconstruct, volume.hdf5", true, Box::new(|out| run(out, "v.hdf5"))),
         (
             "simulate",
@@ -114,7 +112,7 @@ fn each((name, whole, work): &(&str, bool, Work<'_>), share: Share, salt: usize)
             let left = leftovers(out.path());
             holds(left.is_empty(), || format!("left behind: {left:?}"))?;
             if *whole {
-                // The volume and the checkpoint are files of their own and may be new. The result is all or nothing.
+                // The volume is a file of its own and may be new. The result is all or nothing.
                 let result = |t: &std::collections::BTreeMap<_, Vec<u8>>| {
                     let inside =
                         |(p, _): &(&std::path::PathBuf, &Vec<u8>)| p.starts_with(out.path().join("result"));

@@ -41,31 +41,25 @@ fn result(out: &Path) -> BTreeMap<String, Vec<u8>> {
         .collect()
 }
 
-/// Kills a run at a share of its time, then resumes it, or begins anew if nothing was kept.
+/// Kills a run at a share of its time, then runs it again.
 fn killed(times: usize) -> Row {
-    let mut row =
-        Row::new("kill -9 at any time of a run with checkpoints, then --resume: the bits of an unbroken run");
+    let mut row = Row::new("kill -9 at any time of a run, then the same run again: its bits");
     let folder = tempfile::tempdir().expect("a folder");
     let sound = folder.path().join("sound");
     let start = Instant::now();
-    succeed(command(&sound, &["--checkpoint", &state(&sound), "--checkpoint-every", "2"])).expect("a run");
+    succeed(command(&sound, &[])).expect("a run");
     let (whole, sound) = (start.elapsed(), result(&sound));
     for i in 0..times {
         let out = folder.path().join(format!("killed{i}"));
-        let file = state(&out);
-        let keep = ["--checkpoint", &file, "--checkpoint-every", "2"];
         let case = || -> Held {
-            let child = command(&out, &keep).spawn().map_err(|e| e.to_string())?;
+            let child = command(&out, &[]).spawn().map_err(|e| e.to_string())?;
             std::thread::sleep(whole.mul_f64((i as f64 + 0.6) / times as f64));
             end(child, "-KILL");
             let report = out.join("report.json");
             holds(!report.exists() || result(&out).contains_key("maps.npz"), || {
                 "a report without maps".into()
             })?;
-            let resume = ["--resume", &file];
-            let more =
-                if Path::new(&file).exists() { [&keep[..], &resume[..]].concat() } else { keep.to_vec() };
-            succeed(command(&out, &more))?;
+            succeed(command(&out, &[]))?;
             let left = leftovers(&out);
             holds(left.is_empty(), || format!("left behind: {left:?}"))?;
             holds(result(&out) == sound, || "other bits".into()).map(|()| None)
@@ -73,10 +67,6 @@ fn killed(times: usize) -> Row {
         row.add(&format!("after {} of {times}", i + 1), case());
     }
     row
-}
-
-fn state(out: &Path) -> String {
-    out.with_extension("state").display().to_string()
 }
 
 pub fn end(mut child: Child, signal: &str) -> Option<i32> {

@@ -11,7 +11,6 @@ mod ledger;
 mod options;
 mod order;
 mod paced;
-mod resumed;
 mod small;
 mod stability;
 mod valid;
@@ -45,11 +44,6 @@ fn failed_files_are_survived() {
 #[test]
 fn killed_cancelled_and_rivalling_runs_leave_whole_results() {
     assert_held(&killed::rows(2));
-}
-
-#[test]
-fn a_resumed_solve_gives_the_same_bits() {
-    assert_held(&resumed::rows(Share(9)));
 }
 
 #[test]
@@ -105,12 +99,6 @@ fn all_files() {
 #[ignore = "long: make soak"]
 fn all_ends_of_processes() {
     all_of("Processes killed, interrupted, cancelled, side by side", &killed::rows(12));
-}
-
-#[test]
-#[ignore = "long: make soak"]
-fn all_checkpoints() {
-    all_of("Checkpoints", &resumed::rows(Share(1)));
 }
 
 #[test]

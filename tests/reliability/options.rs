@@ -184,9 +184,6 @@ fn cases() -> Vec<Case> {
                                 arguments.drain(there..there + 2);
                             }
                             arguments.push(format!("{flag}={value}"));
-                            if flag == "--checkpoint-every" {
-                                arguments.push("--checkpoint={}/state".into());
-                            }
                             flag
                         }
                         None => {

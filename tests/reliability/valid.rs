@@ -10,7 +10,6 @@ use thirdbounce::solve::Accumulation;
 use super::Share;
 use super::ledger::{Held, Row, holds};
 use super::small::{files, kinds, open, solve, solvers};
-use fixtures::keeping::solve_keeping;
 
 fn silent(messages: Vec<String>) -> Held {
     holds(messages.is_empty(), || messages.join("\n")).map(|()| None)
@@ -56,8 +55,6 @@ pub fn rows(share: Share) -> Vec<Row> {
                     truth: Some(files().truth()),
                     snapshots: vec![3],
                     volume_file: Some(out.path().join("volume.npz")),
-                    checkpoint: Some(out.path().join("state")),
-                    checkpoint_every: 4,
                     ..Request::new(solver, out.path().join("result"))
                 };
                 let loaded = loaded.map_err(|e| e.to_string())?;
@@ -95,9 +92,9 @@ fn verbs(share: Share) -> Row {
     row
 }
 
-/// Solves that are cancelled, resumed, poisoned, shuffled. And the layer is present and does report a planted mistake.
+/// Solves that are cancelled, poisoned, shuffled. And the layer is present and does report a planted mistake.
 fn ways() -> Row {
-    let mut row = Row::new("cancelled, kept and resumed, poisoned, shuffled");
+    let mut row = Row::new("cancelled, poisoned, shuffled");
     let capture = super::small::loaded().capture;
     for (name, solver) in solvers(Accumulation::Fixed) {
         let mut case = |what: &str, faults: Faults, run: &dyn Fn(&Gpu) -> Result<(), String>| {
@@ -112,11 +109,6 @@ fn ways() -> Row {
         let plain = |gpu: &Gpu| solve(gpu, &solver, &capture, None).map(drop).map_err(|e| e.to_string());
         case("cancelled", Faults::default(), &|gpu| {
             holds(solve(gpu, &solver, &capture, Some(0)).is_err(), || "it was not cancelled".into())
-        });
-        case("kept and resumed", Faults::default(), &|gpu| {
-            let (_, kept) = solve_keeping(gpu, &solver, &capture, 4, None).map_err(|e| e.to_string())?;
-            let from = kept.into_iter().next_back();
-            solve_keeping(gpu, &solver, &capture, 4, from).map(drop).map_err(|e| e.to_string())
         });
         case("poisoned", Faults { poison: Some(u32::MAX), ..Faults::default() }, &plain);
         case("shuffled", Faults { shuffle: Some(9), ..Faults::default() }, &plain);

@@ -22,8 +22,8 @@ const BIN: f64 = 0.01;
 /// Bins begin late.
 const START: f64 = 0.403;
 
-const ALL: [&str; 8] = ["lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp", "conv"];
-const ANY_PAIRS: [&str; 4] = ["phasor-bp", "fbp", "bp", "conv"];
+const ALL: [&str; 7] = ["lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp"];
+const ANY_PAIRS: [&str; 3] = ["phasor-bp", "fbp", "bp"];
 
 /// A wall that is not about the origin.
 fn wall() -> Vec<DVec3> {
@@ -166,8 +166,6 @@ fn images_are_as_sharp_as_noise_lets_them_be() {
         let suit = Suit { preset: Preset::Captured, ..Suit::of(capture) };
         let mut options = SolverOptions::suited_to(name, &suit).unwrap();
         options.set("lateral", &OptionValue::Count(48));
-        // Others have none.
-        options.set("conv_iterations", &OptionValue::Count(15));
         if let Some(chosen) = chosen {
             assert!(options.set(chosen.setting, &OptionValue::Number(chosen.value)));
         }
@@ -181,7 +179,6 @@ fn images_are_as_sharp_as_noise_lets_them_be() {
         ("phasor", 4.0, 1.0),
         ("phasor-bp", 40.0, 2.0),
         ("fbp", 40.0, 10.0),
-        ("conv", 40.0, 10.0),
     ] {
         let dark = photon_noise(&exact, photons, Dark::Counts(counts), None, 1).unwrap();
         // Values that are no photon counts have no noise that is known.

@@ -2,7 +2,6 @@
 
 mod closed_form;
 mod confidence;
-mod devices;
 mod door;
 mod layers;
 mod leave_out;

@@ -5,7 +5,6 @@ use std::collections::BTreeSet;
 use std::ops::ControlFlow;
 
 use fixtures::device::{model, unwatched};
-use fixtures::keeping::solve_keeping;
 use glam::{DVec3, dvec2, dvec3};
 use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::gpu::{Abilities, Accumulations, Arena, DeviceKind, Gpu, GpuOptions, Limits, Memory, check};
@@ -18,15 +17,15 @@ use thirdbounce::solve::{
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Kind, Result};
 
-pub fn render(scene: &Scene) -> Capture {
+fn render(scene: &Scene) -> Capture {
     simulate(scene, &RenderOptions { noise: 0.1, ..RenderOptions::default() }).expect("a rendering").capture
 }
 
-pub fn scene(scan: usize) -> Scene {
+fn scene(scan: usize) -> Scene {
     Scene { scan, bin_width: 0.01, ..Scene::named("letter-Z").expect("a built-in scene") }
 }
 
-pub fn confocal() -> Capture {
+fn confocal() -> Capture {
     render(&scene(24))
 }
 
@@ -36,12 +35,12 @@ fn with_pulse() -> Capture {
     capture
 }
 
-pub fn exhaustive(scan: usize, lasers: usize) -> Capture {
+fn exhaustive(scan: usize, lasers: usize) -> Capture {
     render(&Scene { layout: Layout::Exhaustive { lasers }, ..scene(scan) })
 }
 
 /// Captures of every kind of pairs whose histograms are larger than any buffer of a small volume.
-pub fn kinds() -> Vec<(&'static str, Capture)> {
+fn kinds() -> Vec<(&'static str, Capture)> {
     let bump = Scene { wall_shape: WallShape::Bump, reflectance: Reflectance::Lambertian, ..scene(24) };
     vec![
         ("confocal", confocal()),
@@ -56,7 +55,7 @@ pub fn kinds() -> Vec<(&'static str, Capture)> {
     ]
 }
 
-pub fn paper(term: NoiseTerm) -> SolverOptions {
+fn paper(term: NoiseTerm) -> SolverOptions {
     let options = PaperOptions::preset(Preset::Synthetic).with(|o| {
         o.lateral = 12;
         o.iterations = 12;
@@ -68,7 +67,7 @@ pub fn paper(term: NoiseTerm) -> SolverOptions {
     options.into()
 }
 
-pub fn vector_with(accumulation: Accumulation) -> SolverOptions {
+fn vector_with(accumulation: Accumulation) -> SolverOptions {
     let options = VectorOptions::default().with(|o| {
         o.lateral = 12;
         o.iterations = 8;
@@ -83,10 +82,10 @@ pub fn vector_with(accumulation: Accumulation) -> SolverOptions {
 }
 
 /// Largest buffers that cut the pairs, but no volume.
-pub const SMALL: u64 = 190 << 10;
+const SMALL: u64 = 190 << 10;
 const SMALL_FOR_PAPER: u64 = 440 << 10;
 
-pub fn open(binding: Option<u64>) -> Gpu {
+fn open(binding: Option<u64>) -> Gpu {
     Gpu::open(&GpuOptions { binding, ..GpuOptions::default() }).expect("a Vulkan device")
 }
 
@@ -110,7 +109,7 @@ fn assert_same(what: &str, whole: &Reconstruction, parts: &Reconstruction) {
 }
 
 /// Holds two solves of the same capture against each other: all is the same to rounding.
-pub fn assert_alike(what: &str, whole: &Reconstruction, parts: &Reconstruction) {
+fn assert_alike(what: &str, whole: &Reconstruction, parts: &Reconstruction) {
     assert_eq!(whole.pairs, parts.pairs, "{what}: the same work");
     assert_eq!(whole.trace.len(), parts.trace.len(), "{what}: as many points");
     for (a, b) in whole.trace.iter().zip(&parts.trace) {
@@ -199,26 +198,6 @@ fn a_budget_holds_what_is_on_the_device() {
         plan(None),
         options.plan(&Problem::new(&capture, grid).and_volume(), &gpu.abilities()).expect("a plan")
     );
-}
-
-#[test]
-fn a_solve_in_parts_goes_on_from_a_checkpoint_with_the_same_bits() {
-    for (options, binding) in
-        [(paper(NoiseTerm::Bin), SMALL_FOR_PAPER), (vector_with(Accumulation::Auto), SMALL)]
-    {
-        let gpu = open(Some(binding));
-        let capture = confocal();
-        let (unbroken, states) = solve_keeping(&gpu, &options, &capture, 3, None).expect("it solves");
-        assert!(unbroken.plan.division.cut.is_some() && states.len() > 1);
-        for state in states {
-            let at = state.iteration;
-            let (resumed, _) = solve_keeping(&gpu, &options, &capture, 0, Some(state)).expect("it resumes");
-            // Depths of nothing are no numbers, which equal nothing.
-            assert_eq!(format!("{:?}", resumed.maps), format!("{:?}", unbroken.maps), "after {at}");
-            let losses = |r: &Reconstruction| r.trace.iter().map(|p| p.loss).collect::<Vec<_>>();
-            assert_eq!(losses(&resumed), losses(&unbroken), "after {at}");
-        }
-    }
 }
 
 #[test]

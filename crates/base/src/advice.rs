@@ -58,7 +58,6 @@ settings! {
     NoiseFactor "noise_factor" "Weight of the sparse term in standard deviations of the noise."
     NoiseSpan "noise_span" "Range of the learnt noise."
     Peak "peak" "Value that the largest measurement is scaled to."
-    Resume "resume" "The checkpoint to resume from."
     Roughness "roughness" "Weight of the roughness term."
     StepShare "step_share" "Share of the bound that the first step is divided by."
     Stride "stride" "Every Nth point of the scan is used."

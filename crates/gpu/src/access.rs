@@ -30,7 +30,7 @@ impl Accesses {
                 self.writes.push(*to);
             }
             Command::Fill { buffer, .. } => self.writes.push(*buffer),
-            Command::Exchange(_) | Command::Stage(_) => {}
+            Command::Stage(_) => {}
         }
     }
 

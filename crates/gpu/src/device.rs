@@ -134,21 +134,6 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// Opens every device that `options` name, with commas between them: each by itself, the same one as often as it is
-    /// named.
-    ///
-    /// # Errors
-    /// As [`Gpu::open`].
-    pub fn open_all(options: &GpuOptions) -> Result<Vec<Gpu>> {
-        let open =
-            |name: &str| Gpu::open(&GpuOptions { device: Some(name.trim().into()), ..options.clone() });
-        match (Gpu::open(options), &options.device) {
-            // A name may have a comma of its own.
-            (Err(_), Some(names)) if names.contains(',') => names.split(',').map(open).collect(),
-            (one, _) => one.map(|gpu| vec![gpu]),
-        }
-    }
-
     /// The device that is made of these parts.
     pub(super) fn of(parts: Parts, options: &GpuOptions) -> Gpu {
         let Parts { instance, device, physical, info, queue, family, offered, cache, lock, blocks } = parts;

@@ -1,4 +1,4 @@
-//! Runs schedules: divides what is long, and adds up over several devices where a schedule says so.
+//! Runs schedules, and divides long ones.
 
 use super::device::Gpu;
 use super::executor::Executor;
@@ -22,11 +22,10 @@ impl Executor {
     }
 
     /// Submits `schedule` after earlier submissions, and returns without waiting for it. A long one is divided, so that
-    /// no part of it takes as long as a driver's time limit; the ticket is that of the last part. What is before an exchange
-    /// with other devices is waited for, and so are they.
+    /// no part of it takes as long as a driver's time limit; the ticket is that of the last part.
     ///
     /// # Errors
-    /// The device fails, or another one that shares the work.
+    /// The device fails.
     pub fn submit(&mut self, schedule: &Schedule) -> Result<Ticket> {
         if self.gpu.faults().shuffle.is_some() {
             self.submit_shuffled(schedule)
@@ -39,19 +38,12 @@ impl Executor {
         let commands = &*divided(commands, self.gpu.limits.work);
         let mut open = None;
         let mut last = Ticket(self.submitted);
-        let mut exchanges =
-            commands.iter().filter_map(|c| if let Command::Exchange(sums) = c { Some(sums) } else { None });
-        for stretch in commands.split(|c| matches!(c, Command::Exchange(_))) {
-            for part in self.pace.parts(stretch) {
-                let commands = &stretch[part];
-                last = self.submit_part(commands, open)?;
-                let mut stages =
-                    commands.iter().filter_map(|c| if let Command::Stage(s) = c { Some(s) } else { None });
-                open = stages.next_back().or(open);
-            }
-            if let Some(sums) = exchanges.next() {
-                self.add_up(sums)?;
-            }
+        for part in self.pace.parts(commands) {
+            let commands = &commands[part];
+            last = self.submit_part(commands, open)?;
+            let mut stages =
+                commands.iter().filter_map(|c| if let Command::Stage(s) = c { Some(s) } else { None });
+            open = stages.next_back().or(open);
         }
         Ok(last)
     }

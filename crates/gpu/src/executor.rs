@@ -8,7 +8,6 @@ use ash::vk;
 
 use super::access::Accesses;
 use super::device::Gpu;
-use super::exchange::{Exchange, Exchanged};
 use super::faults::Point;
 use super::flight::{Flight, Moment, Ticket};
 use super::memory::Arena;
@@ -64,11 +63,6 @@ pub struct Executor {
     gpu_seconds: f64,
     pub(super) pace: Pace,
     pub(super) scratch: Scratch,
-    /// If several devices share the work.
-    pub(super) exchange: Option<Exchange>,
-    pub(super) exchanged: Exchanged,
-    /// Bytes of a buffer that were exchanged the last time.
-    pub(super) sizes_before: HashMap<Buffer, u64>,
 }
 
 impl Executor {
@@ -111,9 +105,6 @@ impl Executor {
             gpu_seconds: 0.0,
             pace: Pace::new(gpu.info.kind, gpu.work),
             scratch: Scratch::default(),
-            exchange: None,
-            exchanged: Exchanged::default(),
-            sizes_before: HashMap::new(),
         })
     }
 

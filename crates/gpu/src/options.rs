@@ -73,9 +73,15 @@ pub(super) fn choose(
         },
     };
     found.cloned().ok_or_else(|| {
+        let name = wanted.unwrap_or_default();
+        let several = if name.contains(',') {
+            "; a solve uses one device, and a batch one device for each capture"
+        } else {
+            ""
+        };
         Error::options(
-            format!("no device is called {:?}", wanted.unwrap_or_default()),
-            advice!["give " Device " an index, part of a name or a UUID out of: " (list())],
+            format!("no device is called {name:?}"),
+            advice!["give " Device " an index, part of a name or a UUID out of: " (list()) (several)],
         )
     })
 }

@@ -239,7 +239,7 @@ impl Executor {
                     assert!(offset + bytes <= b.bytes, "fill beyond `{buffer}`");
                     device.cmd_fill_buffer(c, b.handle, *offset, *bytes, *value);
                 }
-                Command::Exchange(_) | Command::Stage(_) => {}
+                Command::Stage(_) => {}
             }
         }
         Ok(())

@@ -41,35 +41,6 @@ impl Binds {
     }
 }
 
-/// Floats at the beginning of a buffer that are added up over all devices.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Summed {
-    /// The buffer.
-    pub buffer: Buffer,
-    /// Bytes at most.
-    pub bytes: u64,
-    /// Exchange only the items that a word on the device counts; `None`: all bytes.
-    pub counted: Option<Counted>,
-}
-
-/// Items that are counted on the device.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Counted {
-    /// Buffer with the count.
-    pub buffer: Buffer,
-    /// The 32-bit word of it that holds the count.
-    pub word: u32,
-    /// Bytes of an item.
-    pub bytes: u64,
-}
-
-impl Summed {
-    /// Bytes that are exchanged if so many items are counted.
-    pub(super) fn size(&self, count: u32) -> u64 {
-        self.counted.map_or(self.bytes, |of| (u64::from(count) * of.bytes).min(self.bytes))
-    }
-}
-
 /// One step of a schedule.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[expect(
@@ -116,8 +87,6 @@ pub enum Command {
         /// The 32-bit word.
         value: u32,
     },
-    /// Adds these sums up over all devices that share the work ([`super::Exchange`]).
-    Exchange(Vec<Summed>),
     /// Begins a stage: the commands up to the next one belong together in labels and timelines. Does nothing on the
     /// device.
     Stage(Stage),
@@ -227,11 +196,6 @@ impl Schedule {
         self.commands.push(Command::Copy { from: buffer, from_offset, to: buffer, to_offset, bytes: 4 });
     }
 
-    /// Adds `sums` up over all devices that share the work.
-    pub fn exchange(&mut self, sums: &[Summed]) {
-        self.commands.push(Command::Exchange(sums.to_vec()));
-    }
-
     /// Begins a stage.
     pub fn stage(&mut self, name: &'static str, values: &[(&'static str, u64)]) {
         self.commands.push(Command::Stage(Stage::new(name, values)));
@@ -284,13 +248,12 @@ impl Command {
         if let Command::Dispatch { work, .. } = self { *work } else { 0 }
     }
 
-    /// Kernel name, "copy", "fill", "exchange", or the name of the stage.
+    /// Kernel name, "copy", "fill", or the name of the stage.
     pub fn name(&self) -> &'static str {
         match self {
             Command::Dispatch { kernel, .. } => kernel.name(),
             Command::Copy { .. } => "copy",
             Command::Fill { .. } => "fill",
-            Command::Exchange(_) => "exchange",
             Command::Stage(stage) => stage.name,
         }
     }
@@ -315,11 +278,6 @@ impl fmt::Display for Schedule {
                 Command::Copy { from, to, bytes, .. } => writeln!(f, "copy {from} -> {to} {bytes}")?,
                 Command::Fill { buffer, bytes, value, .. } => {
                     writeln!(f, "fill {buffer} {bytes} {value:#x}")?
-                }
-                Command::Exchange(sums) => {
-                    write!(f, "exchange")?;
-                    sums.iter().try_for_each(|s| write!(f, " {} {}", s.buffer, s.bytes))?;
-                    writeln!(f)?;
                 }
                 Command::Stage(stage) => writeln!(f, "-- {stage}")?,
             }

@@ -1,4 +1,4 @@
-//! Work on whole buffers outside schedules: saves and restores their content, and fills fresh memory with poison.
+//! Work on whole buffers outside schedules: fills fresh memory with poison.
 
 use ash::vk;
 
@@ -60,55 +60,6 @@ impl Executor {
         self.launch(flight)
     }
 
-    /// Reads a device buffer through the readback buffer `through`, whose content is lost. Waits for all earlier
-    /// submissions.
-    ///
-    /// # Errors
-    /// The device fails.
-    ///
-    /// # Panics
-    /// The arena has no such buffers.
-    pub fn download(&mut self, buffer: Buffer, through: Buffer) -> Result<Vec<u8>> {
-        let (from, to) = (self.arena.get(buffer), self.arena.get(through));
-        let (bytes, part, from, to) = (from.bytes, to.bytes, from.handle, to.handle);
-        let mut all = Vec::with_capacity(bytes as usize);
-        for offset in (0..bytes).step_by(part as usize) {
-            let size = part.min(bytes - offset);
-            let region = [vk::BufferCopy { src_offset: offset, dst_offset: 0, size }];
-            self.at_once([&[buffer], &[through]], |device, c| {
-                // SAFETY: both buffers live as long as the executor, and the region lies within them.
-                unsafe { device.cmd_copy_buffer(c, from, to, &region) }
-            })?;
-            all.extend(self.read::<u8>(through, ..size as usize));
-        }
-        Ok(all)
-    }
-
-    /// Writes `content` to the beginning of a device buffer, through the upload buffer `through`. Waits for all earlier
-    /// submissions, which may use that.
-    ///
-    /// # Errors
-    /// The device fails.
-    ///
-    /// # Panics
-    /// `content` is longer than the buffer, or the arena has no such buffers.
-    pub fn restore(&mut self, buffer: Buffer, content: &[u8], through: Buffer) -> Result<()> {
-        assert!(content.len() as u64 <= self.arena.get(buffer).bytes, "restoring beyond `{buffer}`");
-        self.settle()?;
-        let (from, to) = (self.arena.get(through).handle, self.arena.get(buffer).handle);
-        let part = self.arena.size(through) as usize;
-        for (i, piece) in content.chunks(part).enumerate() {
-            self.write(through, piece);
-            let dst_offset = (i * part) as u64;
-            let region = [vk::BufferCopy { src_offset: 0, dst_offset, size: piece.len() as u64 }];
-            self.at_once([&[through], &[buffer]], |device, c| {
-                // SAFETY: as in `download`.
-                unsafe { device.cmd_copy_buffer(c, from, to, &region) }
-            })?;
-        }
-        Ok(())
-    }
-
     /// Fills every buffer with the poison word of the tests, so that reads of unwritten memory show.
     pub(super) fn poison(&mut self) -> Result<()> {
         let Some(word) = self.gpu.faults().poison else { return Ok(()) };
@@ -134,28 +85,29 @@ impl Executor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Arena, BufferPlan, Faults, Gpu, GpuOptions};
+    use crate::{Arena, BufferPlan, Faults, Gpu, GpuOptions, Schedule};
 
     const STATE: Buffer = Buffer::named("state");
     const UP: Buffer = Buffer::named("up");
     const DOWN: Buffer = Buffer::named("down");
 
     #[test]
-    fn poison_arrives_and_contents_come_back_in_parts() {
+    fn poison_arrives_in_every_buffer() {
         let faults = Faults { poison: Some(0xdead_beef), ..Faults::default() };
         let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a Vulkan device");
         let plan = [
             BufferPlan::new(STATE, 1000, Place::Device),
             BufferPlan::new(UP, 256, Place::Upload),
-            BufferPlan::new(DOWN, 64, Place::Readback),
+            BufferPlan::new(DOWN, 1000, Place::Readback),
         ];
         let mut executor = Executor::new(&gpu, Arena::new(&gpu, &plan, None).unwrap()).unwrap();
-        let fresh = executor.download(STATE, DOWN).unwrap();
-        assert!(fresh.len() == 1000 && fresh.chunks(4).all(|w| w == 0xdead_beef_u32.to_le_bytes()));
-        assert!(executor.read::<u32>(UP, ..).iter().all(|w| *w == 0xdead_beef));
-        let content: Vec<u8> = (0..1000u32).map(|i| (i * 7 % 251) as u8).collect();
-        executor.restore(STATE, &content, UP).unwrap();
-        assert_eq!(executor.download(STATE, DOWN).unwrap(), content);
+        for buffer in [UP, DOWN] {
+            assert!(executor.read::<u32>(buffer, ..).iter().all(|w| *w == 0xdead_beef), "{buffer}");
+        }
+        executor.run(&Schedule::of(|s| s.fill(STATE, 4, 7))).unwrap();
+        executor.run(&Schedule::of(|s| s.copy(STATE, DOWN, 1000))).unwrap();
+        let all = executor.read::<u32>(DOWN, ..);
+        assert!(all[0] == 7 && all[1..].iter().all(|w| *w == 0xdead_beef));
         drop(executor);
         assert_eq!(gpu.allocated(), 0);
     }

@@ -73,7 +73,7 @@ def reconstruct(
     bin_width, t0: width of a bin, and leading edge of bin 0, metres of path.
     photon_counts: whether counts are photon counts; None: if all are whole and none is negative.
     pixels: lateral pixels of the maps (the solver's option `lateral`).
-    solver: "vector", "paper", "surface", or a closed-form method: "lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp", "conv".
+    solver: "vector", "paper", "surface", or a closed-form method: "lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp".
     model: "cosine", "lambertian", "retroreflective", "isotropic", or "auto" to try the first three; None: as the solver does.
     preset: "synthetic" or "captured"; None: as the counts are.
     pulse: full width at half maximum, metres of path; the same and the length of the tail; "none"; "auto" to find it; None:

@@ -105,7 +105,7 @@ pub fn agreed(file: &Path) -> Result<Truth> {
             Choice { solver: Some(name.into()), ..Choice::default() }.resolve(&loaded.capture).request();
         if request.solver.takes(&loaded.capture).is_ok() {
             let mut on = |_: &_| ControlFlow::Continue(());
-            let done = reconstruct::solve(&request, &loaded, &[request.open()?], None, None, &mut on)?;
+            let done = reconstruct::solve(&request, &loaded, &request.open()?, None, None, &mut on)?;
             all.push(done.result.maps);
         }
     }

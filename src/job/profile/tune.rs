@@ -80,9 +80,7 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
         let mut best = Tried { sizes, forward_s: f64::INFINITY, backward_s: f64::INFINITY };
         for _ in 0..3 {
             let mut hear = |_: &_| ControlFlow::Continue(());
-            let done =
-                reconstruct::solve(&request, loaded, std::slice::from_ref(&gpu), None, None, &mut hear)?
-                    .result;
+            let done = reconstruct::solve(&request, loaded, &gpu, None, None, &mut hear)?.result;
             let of = |begins: &str| {
                 let of_pass = |k: &&(&str, _)| pass_of(k.0).is_some_and(|p| p.report.starts_with(begins));
                 done.kernels.iter().filter(of_pass).map(|k| k.1.seconds).sum::<f64>()

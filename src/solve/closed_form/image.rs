@@ -112,11 +112,6 @@ pub fn brightest(volume: &[f32], depths: usize) -> Vec<f32> {
     volume.par_chunks(depths).map(|column| column.iter().copied().fold(0.0, f32::max)).collect()
 }
 
-/// The same for maps of a method whose priors leave little haze: Otsu's threshold of the albedo's square roots.
-pub fn fraction_by_roots(albedo: &[f32]) -> Option<f64> {
-    share_of_white(otsu(&powers(albedo, 0.5))?.powi(2), albedo)
-}
-
 /// The brightest voxel of every column: its value is the albedo, and a parabola through it and its neighbours tells the
 /// depth. Normals that the volume does not have are those of the depths. `step` is the distance of scan points, metres.
 /// `fraction` is the share of the brightest albedo above which a pixel is surface, of all albedos; `None` without light.
@@ -279,10 +274,7 @@ mod tests {
         let mut spotted = albedo.clone();
         (0..4).for_each(|i| spotted[300 * i] = 8.0);
         assert!(right(&mask(&spotted)) > 2980, "{}", right(&mask(&spotted)));
-        let by_roots = Maps::mask_of(&albedo, fraction_by_roots(&albedo).unwrap());
-        assert!(right(&by_roots) == 3000);
         assert_eq!(over_haze(&[0.0; 9]), None);
-        assert_eq!(fraction_by_roots(&[0.0; 9]), None);
     }
 
     #[test]

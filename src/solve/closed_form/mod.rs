@@ -14,13 +14,12 @@ use super::{
     TracePoint, VolumeMap, Watch,
 };
 use crate::capture::Capture;
-use crate::gpu::{Buffer, Constant, Exchanged};
+use crate::gpu::{Buffer, Constant};
 use crate::maps::Maps;
 use crate::transport::{Binning, Gradient, Grid};
 use crate::{Error, Kind, Result};
 
 mod backproject;
-mod convolution;
 mod dlct;
 mod fk;
 pub mod fourier;
@@ -40,7 +39,6 @@ mod upsample;
 use sharpness::Ladder;
 
 pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions, hat, passes};
-pub use convolution::{ConvolutionOptions, Prior};
 pub use dlct::DlctOptions;
 pub use fk::FkOptions;
 pub use image::Volume;
@@ -275,7 +273,6 @@ fn solved(
         filled: 0,
         sharpness: None,
         noise: None,
-        exchanged: Exchanged::default(),
         kernels: vec![],
         plan: plan.clone(),
     }

@@ -7,7 +7,6 @@ use std::ops::Range;
 use std::time::Instant;
 
 use super::Pass;
-use super::checkpoint::{self, Checkpoint, Keeper};
 use super::lists::Lists;
 use super::on_device::{OnDevice, read_maps};
 use super::{Level, Plan, TracePoint};
@@ -102,20 +101,15 @@ pub(crate) fn drive(
     iterations: usize,
     steps: Steps<'_>,
     watch: &mut Watch<'_>,
-    keeper: Option<Keeper<'_>>,
     before: Option<Driven>,
 ) -> Result<Driven> {
-    let mut run = Run::begin(gpu, device, steps, watch, keeper, before)?;
+    let mut run = Run::begin(gpu, device, steps, watch, before)?;
     run.iterations = iterations;
     // A point for every block at most.
     run.reader.trace.reserve(iterations.saturating_sub(run.first));
     for i in run.first..iterations {
-        run.keep_state(i)?;
-        if run.cancelled.is_some() {
-            break;
-        }
         run.add(i);
-        if run.block_ends(i + 1) && run.submit(i + 1)? {
+        if run.block_ends(i + 1) && (run.submit(i + 1)? || run.cancelled.is_some()) {
             break;
         }
     }
@@ -128,12 +122,11 @@ pub(crate) fn drive(
 }
 
 /// A solve that is running.
-struct Run<'r, 'w, 'k> {
+struct Run<'r, 'w> {
     gpu: &'r Gpu,
     device: &'r mut OnDevice,
     steps: Steps<'r>,
     watch: &'r mut Watch<'w>,
-    keeper: Option<Keeper<'k>>,
     iterations: usize,
     clock: Clock,
     reader: Reader,
@@ -166,15 +159,14 @@ struct Flight {
     level: Level,
 }
 
-impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
+impl<'r, 'w> Run<'r, 'w> {
     fn begin(
         gpu: &'r Gpu,
         device: &'r mut OnDevice,
         steps: Steps<'r>,
         watch: &'r mut Watch<'w>,
-        keeper: Option<Keeper<'k>>,
         before: Option<Driven>,
-    ) -> Result<Run<'r, 'w, 'k>> {
+    ) -> Result<Run<'r, 'w>> {
         let first_level = steps.levels[0];
         // A run that failed may have left something.
         device.lists.block.clear();
@@ -185,7 +177,6 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
             device,
             steps,
             watch,
-            keeper,
             cancelled: None,
             iterations: 0,
             reader: Reader::default(),
@@ -202,10 +193,7 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
             ahead: None,
             stop_below: OnceCell::new(),
         };
-        match run.keeper.as_mut().and_then(|k| k.keep.from.take()) {
-            Some(state) => run.resume(state)?,
-            None => run.start(before)?,
-        }
+        run.start(before)?;
         run.reached = run.steps.levels[run.level];
         (run.first_level, run.level_before) = (run.level, run.level);
         Ok(run)
@@ -226,61 +214,6 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         block.stage("start", &stage_values(&self.steps.levels[self.level], self.first));
         (self.steps.start)(block, plan);
         self.device.lists.submit(&mut self.device.executor).map(drop)
-    }
-
-    /// Restores a state and continues from it.
-    fn resume(&mut self, from: Checkpoint) -> Result<()> {
-        checkpoint::restore(self.device, &from)?;
-        (self.level, self.block_from, self.active) = (from.level, from.first, from.active);
-        self.first = from.iteration;
-        let ticket = self.device.executor.submit(&Schedule::default())?;
-        let levels = &self.steps.levels;
-        self.flights.extend(from.pending.iter().map(|[a, b, at]| Flight {
-            ticket,
-            rows: *a..*b,
-            level: levels[*at],
-        }));
-        let OnDevice { plan, lists, .. } = &mut *self.device;
-        (self.steps.due)(&mut lists.change, plan, &mut self.level, self.first);
-        self.device.executor.wait(ticket)?;
-        self.reader = Reader { trace: from.trace, pairs: from.pairs };
-        self.clock = Clock::start(self.device.executor.gpu_seconds());
-        self.clock.resume_from([from.seconds, from.gpu_seconds]);
-        Ok(())
-    }
-
-    /// Saves the state before iteration `i`, if that is due, or if the watch cancelled. The block continues after it, so the trace is read at the
-    /// same points as without a checkpoint.
-    fn keep_state(&mut self, i: usize) -> Result<()> {
-        let ends = self.cancelled.is_some();
-        let Some(keeper) =
-            self.keeper.as_mut().filter(|k| i > self.first && (k.is_due(i) || ends && k.keep.every > 0))
-        else {
-            return Ok(());
-        };
-        let ticket = self.device.lists.submit(&mut self.device.executor)?;
-        self.device.executor.wait(ticket)?;
-        let [seconds, gpu_seconds] = self.clock.now(self.device.executor.gpu_seconds());
-        let pause = self.clock.pause();
-        let _span = self.gpu.span("checkpoint");
-        let levels = &self.steps.levels;
-        let number = |l: &Level| levels.iter().position(|k| k == l).unwrap_or(0);
-        let pending = self.flights.iter().map(|f| [f.rows.start, f.rows.end, number(&f.level)]).collect();
-        (keeper.keep.save)(Checkpoint {
-            identity: keeper.identity.clone(),
-            iteration: i,
-            level: self.level_before,
-            first: self.block_from,
-            active: self.active,
-            pending,
-            trace: self.reader.trace.clone(),
-            pairs: self.reader.pairs,
-            seconds,
-            gpu_seconds,
-            buffers: checkpoint::download(self.device)?,
-        })?;
-        self.clock.resume(pause);
-        Ok(())
     }
 
     /// Adds iteration `i` to the block, and finds what is due after it.
@@ -334,10 +267,8 @@ impl<'r, 'w, 'k> Run<'r, 'w, 'k> {
         let mut fitted = false;
         let mut back = std::mem::take(&mut self.back);
         for (flight, seconds) in back.drain(..) {
-            match self.cancelled {
-                None => fitted |= self.hear(flight, seconds, measured.then_some(done))?,
-                // A state that is saved has its points.
-                Some(_) => drop(self.read(&flight, seconds)?),
+            if self.cancelled.is_none() {
+                fitted |= self.hear(flight, seconds, measured.then_some(done))?;
             }
         }
         self.back = back;

@@ -2,7 +2,6 @@
 
 use std::sync::Arc;
 
-use super::checkpoint::Keeper;
 use super::drive::{Beside, Steps, drive};
 use super::on_device::OnDevice;
 use super::outline::{self, TimedSchedule};
@@ -65,11 +64,11 @@ fn outline_of(capture: &Capture, grid: &Grid, options: &PaperOptions) -> (Model,
     (model, rows)
 }
 
-/// Runs the solver. `beside` is a [`Watch`](super::Watch), or a [`Beside`] that saves or resumes a state, too.
+/// Runs the solver. `beside` is a [`Watch`](super::Watch) or a [`Beside`].
 ///
 /// # Errors
 /// Options, capture, memory or device do not allow the solve; the watch cancels ([`crate::Kind::Cancelled`]); a loss
-/// is not finite; saving a state fails; a state belongs to another capture, other options or another plan.
+/// is not finite.
 pub fn reconstruct<'b, 'w: 'b>(
     gpu: &Gpu,
     problem: &Problem<'_>,
@@ -122,9 +121,8 @@ impl Prepared for PreparedPaper {
         job.model.take(rows, capture, &Background::NONE);
         job.upload_counts()?;
         let plan = job.plan.clone();
-        let keeper = Keeper::new(beside.keep, job, options)?;
         let steps = steps(&plan, options);
-        let driven = drive(&gpu, job, options.iterations, steps, beside.watch, keeper, None)?;
+        let driven = drive(&gpu, job, options.iterations, steps, beside.watch, None)?;
         finish(job, driven, with_volume.then_some(albedo_of))
     }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{Level, Plan};
-use crate::gpu::{Buffer, BufferPlan, EXCHANGED, Place, View};
+use crate::gpu::{Buffer, BufferPlan, Place, View};
 use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
@@ -44,16 +44,13 @@ impl Plan {
         let uploaded = if self.division.cut.is_some() {
             self.cells_held() * 4
         } else {
-            (self.own(self.scene.pairs) * self.scene.bins * 4) as u64
+            (self.scene.pairs * self.scene.bins * 4) as u64
         };
         let mut on_host = vec![
             (UPLOAD, uploaded + self.scene_bytes(), Place::Upload),
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),
             (COLUMNS_HOST, columns, Place::Readback),
         ];
-        if self.division.share.is_some() {
-            on_host.push((EXCHANGED, self.exchanged_bytes(), Place::Readback));
-        }
         if self.demand.lent.is_some() {
             let bytes = u64::from(TALLY_SLICES) * self.scene.all_bins as u64 * 16;
             on_host.push((buffer::TALLY, bytes, Place::Readback));
@@ -90,7 +87,7 @@ impl Plan {
         // Slots of active voxels, and of touched ones.
         let [slots, touched] = [self.domain.capacity, self.domain.touched_capacity].map(|v| v as u64);
         let cells = self.cells_held();
-        let of_level = |l: &Level| super::cells(self.rendered(l).count, l.bins) as u64;
+        let of_level = |l: &Level| super::cells(l.rendered.count, l.bins) as u64;
         let rendered = match self.division.cut {
             None => self.levels.all().map(of_level).max().unwrap_or(cells),
             Some(_) => cells,
@@ -146,7 +143,7 @@ impl Plan {
     /// Cells of the histograms that are on the device at once.
     fn cells_held(&self) -> u64 {
         // The narrowest bins of any level make the longest histograms.
-        let whole = super::cells(self.own(self.scene.pairs), self.scene.bins) as u64;
+        let whole = super::cells(self.scene.pairs, self.scene.bins) as u64;
         if self.division.cut.is_none() {
             return whole;
         }
@@ -157,7 +154,7 @@ impl Plan {
     /// The most histograms that are on the device at once.
     fn rows_held(&self) -> usize {
         if self.division.cut.is_none() {
-            return self.own(self.scene.pairs);
+            return self.scene.pairs;
         }
         self.levels.all().map(|l| self.held(l)).max().unwrap_or(0)
     }
@@ -167,7 +164,7 @@ impl Plan {
         let levels = self.levels.all();
         let whole = levels.filter(|l| l.measured == measured && !self.is_cut(l)).map(|l| l.pairs).max();
         let pairs = if self.division.cut.is_none() { self.scene.pairs } else { whole.unwrap_or(0) };
-        (self.own(pairs) * bins * 4) as u64
+        (pairs * bins * 4) as u64
     }
 
     /// Bytes of the wall of all pairs, where a level has all of them at once.

@@ -1,7 +1,7 @@
 //! How the work is divided. No dispatch of a pass over pairs has more work than a device may get at once
 //! ([`crate::gpu::Limits::work`]), or more turns than a loop may have.
 
-use super::{Accumulation, Demand, Domain, Level, Levels, Plan, Share, Tuning};
+use super::{Accumulation, Demand, Domain, Level, Levels, Plan, Tuning};
 use crate::advice::advice;
 use crate::gpu::{Abilities, Accumulations, DeviceKind};
 use crate::transport::kernels::PAIR_CHUNK;
@@ -14,7 +14,7 @@ const LEAST_GATHERED: u32 = 64;
 /// The most additions to one fp32 sum: more may lose 1e-4 of it, as equal addends round alike (docs/stability.md).
 const VOXELS_PER_BIN: usize = 16_384;
 
-/// How the work of a plan is divided: over invocations, over dispatches, and over parts and devices.
+/// How the work of a plan is divided: over invocations, over dispatches, and over parts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Division {
     /// How rendered values are added up; never `Auto`.
@@ -31,8 +31,6 @@ pub struct Division {
     pub texels: u64,
     /// The most cells of a part where the pairs of large levels are cut into parts ([`Plan::within`]); `None`: no level is.
     pub cut: Option<usize>,
-    /// The share of the pairs that its device takes, if several share them ([`Plan::shared`]).
-    pub share: Option<Share>,
 }
 
 impl Division {
@@ -55,7 +53,7 @@ impl Division {
         let crowded = |l: &Level| domain.capacity.min(l.grid.storage()) / l.bins > VOXELS_PER_BIN;
         let runs = !accumulation.is_fixed() && tuning.window == 0 && levels.volume.iter().any(crowded);
         let (work, tiles) = (device.limits.work, device.limits.groups[0]);
-        Ok(Division { accumulation, runs, tuning, work, tiles, texels, cut: None, share: None })
+        Ok(Division { accumulation, runs, tuning, work, tiles, texels, cut: None })
     }
 }
 

@@ -23,7 +23,6 @@ pub(in crate::solve) mod parts;
 pub(in crate::solve) mod pass;
 pub mod passes;
 mod scene;
-mod share;
 mod spots;
 mod tuning;
 
@@ -38,7 +37,6 @@ pub use needs::Needs;
 pub use parts::PairPart;
 pub use pass::{ConstantValue, Fault, Pass, Twin, Voxels};
 pub use scene::Scene;
-pub use share::Share;
 pub use spots::{BETWEEN, SEEN, Spots};
 pub use tuning::{Accumulation, Sizes, Tuning};
 
@@ -153,9 +151,9 @@ impl Plan {
         cells(level.pairs, level.bins)
     }
 
-    /// The measured pairs of a level that are on this device.
+    /// The measured pairs of a level.
     pub fn measured(&self, level: &Level) -> Pairs {
-        let count = self.own(level.first + level.pairs) - self.own(level.first);
+        let count = level.pairs;
         let [scanned, others] = self.scene.geometry.counts(count, self.scene.scanned, self.scene.others);
         Pairs { count, scanned, others, wall: level.wall, scene: level.scene }
     }

@@ -13,11 +13,11 @@ use crate::transport::{Model, cells};
 use crate::{Error, Result};
 
 /// Measured histograms of a part, by slot.
-pub const PART_MEASURED: Buffer = Buffer::named("part_measured");
+const PART_MEASURED: Buffer = Buffer::named("part_measured");
 /// Wall points of a part, by slot.
-pub const PART_WALL: Buffer = Buffer::named("part_wall");
+const PART_WALL: Buffer = Buffer::named("part_wall");
 /// State of the noise term of a part, by slot.
-pub const PART_NOISE: Buffer = Buffer::named("part_noise");
+const PART_NOISE: Buffer = Buffer::named("part_noise");
 /// Constants of a level with the numbers of a part's pairs: two for each level, as the last part may be smaller.
 const PART_SCENE: Buffer = Buffer::named("part_scene");
 /// Measured histograms on the host, by bins and part.
@@ -94,7 +94,7 @@ impl Plan {
             of: 1,
             first: 0,
             own: self.measured(level),
-            rendered: self.rendered(level),
+            rendered: level.rendered,
             measured: level.measured,
             noise: buffer::NOISE_STATE,
             stored: vec![],
@@ -106,8 +106,7 @@ impl Plan {
     /// The parts of a level that is cut.
     fn cut_parts(&self, level: &Level) -> Vec<PairPart> {
         let held = self.held(level);
-        let all = self.own(level.pairs);
-        let counts = self.counts_of_parts(all, held);
+        let counts = self.counts_of_parts(level.pairs, held);
         let (of, at) = (counts.len(), self.number_of(level));
         let (mut first, mut wall_offset) = (0, 0);
         let part = |(number, count): (usize, &usize)| {
@@ -142,7 +141,7 @@ impl Plan {
 
     /// Whether the pairs of a level are more than one part.
     pub fn is_cut(&self, level: &Level) -> bool {
-        self.held(level) < self.own(level.pairs)
+        self.held(level) < level.pairs
     }
 
     /// The levels whose pairs are more than one part.
@@ -154,11 +153,6 @@ impl Plan {
     pub fn part_counts(&self) -> [Vec<usize>; 2] {
         let of = |levels: &[Level]| levels.iter().map(|l| self.parts(l).count()).collect();
         [of(&self.levels.volume), of(self.levels.pixels.as_slice())]
-    }
-
-    /// Whether the device changes a buffer that is stored on the host.
-    pub(in crate::solve) fn changes_on_host(&self, buffer: Buffer) -> bool {
-        self.division.cut.is_some() && (0..MOST_PARTS as u16).any(|number| STORED_NOISE.at(number) == buffer)
     }
 
     /// Whether two buffers are the same, or those of two parts.
@@ -228,7 +222,7 @@ impl Plan {
     /// The cells of a part if all pairs in the narrowest bins were so many parts.
     fn cut_for(&self, parts: usize) -> usize {
         let bins = self.levels.all().map(|l| l.bins).max().unwrap_or(self.scene.bins);
-        cells(self.own(self.scene.pairs).div_ceil(parts), bins)
+        cells(self.scene.pairs.div_ceil(parts), bins)
     }
 
     /// The buffers once more, after a change of [`Plan::division`]. They read no texels where these are too many.
@@ -287,13 +281,12 @@ impl Plan {
 
     /// Pairs of a level that are on the device at once.
     pub(super) fn held(&self, level: &Level) -> usize {
-        let own = self.own(level.pairs);
-        let Some(most) = self.division.cut else { return own };
+        let Some(most) = self.division.cut else { return level.pairs };
         // Levels with the same bins share what is stored, so their parts are the same.
         let same = self.levels.all().filter(|l| l.sum == level.sum);
-        let widest = same.map(|l| self.own(l.pairs)).max().unwrap_or(own);
+        let widest = same.map(|l| l.pairs).max().unwrap_or(level.pairs);
         let most = (most.saturating_sub(PADDING as usize) / (level.bins + PADDING as usize)).max(1);
-        own.min(self.pairs_of_part(widest, most))
+        level.pairs.min(self.pairs_of_part(widest, most))
     }
 
     /// Pairs of each of several parts of about the same size, of at most `most` pairs. Of a product: whole rows of

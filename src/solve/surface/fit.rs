@@ -18,9 +18,9 @@ use crate::solve::outline::{self, TimedSchedule};
 use crate::solve::over_pairs::{scene_of_sums, turns_of_finish};
 use crate::solve::passes::objective;
 use crate::solve::prepared::Planned;
-use crate::solve::{Level, Plan, Problem, together};
+use crate::solve::{Level, Plan, Problem};
 use crate::transport::kernels::*;
-use crate::transport::{Model, Rows};
+use crate::transport::Rows;
 
 /// Bonds and prior weights are renewed after every Nth iteration.
 const RENEW: usize = 10;
@@ -154,7 +154,7 @@ pub(crate) fn run(
     }
     let of_layers = pixels.of_layers(layers[0].albedo.len());
     let steps = steps(&job.plan, level, of_layers, begin, [iterations, of]);
-    let driven = drive(gpu, job, begin + iterations, steps, watch, None, Some(driven))?;
+    let driven = drive(gpu, job, begin + iterations, steps, watch, Some(driven))?;
     layers[0] = driven.maps.clone();
     if let Some(behind) = layers.get_mut(1) {
         upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(behind)))?;
@@ -281,10 +281,9 @@ fn place(
 /// Renders so many pixels, and leaves the objective in row `row` of the trace.
 fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: usize) {
     render(s, plan, level, pixels, objective(plan));
-    together::add_up_losses(s, plan, level, &passes::SURFACE_FINISH, &[]);
     s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1], turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, level))
-        .with(Push { iteration: row as u32, flags: together::finish_flags(plan), ..Default::default() });
+        .with(Push { iteration: row as u32, ..Default::default() });
 }
 
 /// The data term in row `row` of the trace.

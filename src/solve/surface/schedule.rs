@@ -10,7 +10,7 @@ use crate::solve::over_pairs::{
 use crate::solve::passes::{FORWARD, objective};
 use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{COLUMNS_HOST, PairPart};
-use crate::solve::{Level, Plan, together};
+use crate::solve::{Level, Plan};
 use crate::transport::kernels::*;
 
 /// Turns of a kernel for a pixel: its eight neighbours and its four points.
@@ -76,23 +76,17 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, [i,
     points(s, level, count);
     let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
     let batch = plan.batch(i);
-    if let (Some(batch), true) = (batch, plan.division.share.is_some()) {
-        // A device may have one pair more of this batch than of the one before.
-        size_passes(s, &batch.rendered);
-    }
     let seen = batch.unwrap_or(level);
     over_parts(s, plan, seen, |s, part| {
         rendered(s, plan, seen, part, objective(plan));
         gather(s, plan, seen, part, &SURFACE_GATHER, 0, plan.residual());
     });
-    together::add_up_losses(s, plan, seen, &SURFACE_FINISH, &[plan.gradients()]);
     let (own, pixels, around) = (groups(count, WORKGROUP), count as u64, weights::around(level));
     s.dispatch(&SURFACE_COMBINE, own, NEAR * pixels).bind(buffer::SCENE, scene).with(push);
     if (at as f64) < NARROWED * all as f64 {
         s.dispatch(&SURFACE_PULL, own, around * pixels).bind(buffer::SCENE, scene).with(push);
     }
     // The step closes the iteration.
-    let push = Push { flags: together::finish_flags(plan), ..push };
     s.dispatch(&SURFACE_STEP, own, around * pixels + turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, seen))
         .with(unbiased(push, BETAS, at as u32 + 1));
@@ -102,7 +96,7 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, [i,
 pub fn divide(s: &mut Schedule, plan: &Plan) {
     for batch in plan.batches_held() {
         let [first, count] =
-            [plan.own(batch.first), plan.measured(batch).count].map(|n| (n * batch.bins * 4) as u64);
+            [batch.first, plan.measured(batch).count].map(|n| (n * batch.bins * 4) as u64);
         s.copy_from([buffer::MEASURED, batch.measured], first, count);
     }
     if let Some(batch) = plan.batch(0) {

@@ -16,7 +16,6 @@ pub(super) enum Contents {
     Hdf5,
     Matlab5,
     Npy,
-    Transient,
     Folder,
     Unknown,
 }
@@ -59,10 +58,6 @@ pub(super) fn of(path: &Path) -> Result<Contents> {
     }
     if head.starts_with(b"\x93NUMPY") {
         return Ok(Contents::Npy);
-    }
-    // A transient image of any version.
-    if matches!(head, [b'T', b'I', b'0', b'0'..=b'9', ..]) {
-        return Ok(Contents::Transient);
     }
     // HDF5 may begin after a user block of 512, 1024, 2048 ... bytes (MATLAB v7.3: 512).
     let mut at = 0u64;

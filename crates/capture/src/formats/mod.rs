@@ -2,7 +2,6 @@
 //! several files in a folder.
 
 mod blocks;
-mod bonn;
 pub mod ccsocr;
 mod contents;
 mod convolutional;
@@ -102,7 +101,6 @@ pub fn read_prepared(path: &Path, given: &ReadOptions, keep: &Keep, prepare: &mu
             set = set::Set::open(path).map_err(place)?;
             read_set(&mut set, given, &mut notes)
         }
-        Contents::Transient => bonn::read(path, given, &mut notes).map(ReadCapture::Whole),
         Contents::Npy => Err(unknown("a single npy array has no wall points or bin width")),
         Contents::Unknown => Err(unknown("the format is not known")),
     };
@@ -276,7 +274,6 @@ pub fn check_ending(path: &Path) -> Result<()> {
 fn unknown(what: &str) -> Error {
     Error::input(
         what,
-        "give a capture as npz (H, sensor_xyz, laser_xyz, delta_t), y-tal or Z-NLOS HDF5, a transient image TI04, or one of the \
-         known MATLAB files",
+        "give a capture as npz (H, sensor_xyz, laser_xyz, delta_t), y-tal or Z-NLOS HDF5, or one of the known MATLAB files",
     )
 }

@@ -27,7 +27,6 @@ mod hat;
 pub mod passes;
 mod projecting;
 
-pub(super) use projecting::{Projecting, projecting};
 use projecting::{outline_of, pairs_on, pixels_per_voxel, plan, prepared, to_refine};
 
 /// What is filtered, and how.

@@ -3,7 +3,7 @@
 use crate::gpu::Schedule;
 use crate::solve::over_pairs::{groups, light, over_parts, pair_chunks, work_of};
 use crate::solve::plan::pass::{Pass, Voxels, passes, twin};
-use crate::solve::{Level, Plan, together};
+use crate::solve::{Level, Plan};
 use crate::transport::cells;
 use crate::transport::kernels::*;
 
@@ -42,5 +42,4 @@ pub fn gather_filtered(s: &mut Schedule, plan: &Plan, level: &Level, taps: usize
                 .bind(buffer::TARGET, plan.domain.volumes[1]);
         }
     });
-    together::add_up(s, plan, &[plan.projection(level)]);
 }

@@ -12,7 +12,7 @@ use super::super::on_host::check_host_memory;
 use super::super::options::ImageOptions;
 use super::super::sharpness::{Ladder, noise, with, with_random_signs};
 use super::super::{NoPasses, RegularScan, in_one_step, upsample};
-use super::{BpOptions, Projection};
+use super::Projection;
 use crate::advice::advice;
 use crate::capture::{Background, Capture};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
@@ -246,42 +246,6 @@ impl<M: Projection> Projecting<M> {
         let lattice = RegularScan::of_columns(&grid);
         Ok((Volume { albedo: on_grid(&lattice, &albedo, &self.grid), normal: None }, sharpness))
     }
-}
-
-impl Projecting<BpOptions> {
-    /// The sums of a capture at the voxels of the grid that they are computed at, which comes with them.
-    ///
-    /// # Errors
-    /// The device fails.
-    pub fn sums(&mut self, capture: &Capture) -> Result<(Grid, Vec<f32>)> {
-        let image = &self.options.image;
-        let light = Light::of(capture, self.scan.as_ref(), image, image.background);
-        self.all.take(&self.rows, &light)?;
-        self.all.image(&self.options, capture.bin_width, 0.0)
-    }
-
-    /// The same of tossed counts, which have the scale of the capture's: noise alone.
-    ///
-    /// # Errors
-    /// The device fails.
-    pub fn sums_of_noise(&mut self, capture: &Capture) -> Result<Vec<f32>> {
-        let scale = 1.0 / self.all.made()?.model.counts_per_unit;
-        let tossed = with_random_signs(capture);
-        let dark = Light {
-            scale: Some(scale),
-            ..Light::of(&tossed, self.scan.as_ref(), &self.options.image, false)
-        };
-        self.all.take(&self.rows, &dark)?;
-        Ok(self.all.image(&self.options, capture.bin_width, 0.0)?.1)
-    }
-}
-
-/// A back-projection that is prepared for a scan.
-///
-/// # Errors
-/// Options out of range, or a scan that cannot be made finer.
-pub fn projecting(options: &BpOptions, gpu: &Gpu, problem: &Problem<'_>) -> Result<Projecting<BpOptions>> {
-    prepared(options, BpOptions::NAME, gpu, problem)
 }
 
 /// A projection that is prepared for a scan.

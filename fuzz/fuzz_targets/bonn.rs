@@ -1,7 +1,0 @@
-#![no_main]
-
-use libfuzzer_sys::fuzz_target;
-use thirdbounce::capture::ReadOptions;
-use thirdbounce_fuzz::open;
-
-fuzz_target!(|bytes: &[u8]| open(bytes, "image.ti", &ReadOptions::default()));
