@@ -62,14 +62,17 @@ mod rounds {
     pub const ITERATIONS: usize = 10;
     /// The model error is judged after this many rounds.
     pub const JUDGED: usize = 4;
-    /// With a larger model error the support does not grow: haze would look like a surface.
-    pub const MOST_ERROR: f64 = 0.06;
+    /// With a larger model error the support stays that of the closed form: haze would look like a surface. Of surfaces that bend
+    /// away, and of plates, whose support needs no growth.
+    pub const MOST_ERROR: [f64; 2] = [0.06, 0.015];
+    /// The support is stable where a round changes at most this share of the pixels, and lowers the model error by less than this.
+    pub const STABLE: [f64; 2] = [0.08, 0.03];
     /// With a larger share of photon noise, fewer iterations at the resolution of the maps are enough.
     pub const NOISY: f64 = 0.05;
     /// The share of iterations that are enough then.
     pub const OF_NOISY: f64 = 25.0 / 60.0;
-    /// A pixel is surface where the smoothed albedo is above this share of the typical one, without noise, and what noise adds.
-    pub const MASK: [f32; 2] = [0.3, 0.2];
+    /// What noise alone adds to the share of the typical evidence above which a pixel is surface.
+    pub const MASK: f32 = 0.2;
 }
 
 impl SurfaceOptions {
@@ -269,7 +272,7 @@ impl Fits<'_> {
             driven.seconds += clock.elapsed().as_secs_f64();
             (driven, grows) = self.rounds(coarse, rounds::NUMBER[0], &mut layers, &mut scales, watch, driven)?;
             if !grows {
-                layers = begun;
+                layers = begun.clone();
                 scales = true;
             }
             layers = layers.iter().map(|maps| support::finer(maps, self.options.factor())).collect();
@@ -279,13 +282,17 @@ impl Fits<'_> {
         driven.seconds += clock.elapsed().as_secs_f64();
         // The scale is found again for other pixels.
         scales = true;
-        if grows {
+        if grows && self.options.grow {
             let number = rounds::NUMBER[usize::from(self.options.factor() > 1)];
             (driven, _) = self.rounds(fine, number, &mut layers, &mut scales, watch, driven)?;
         }
-        let (next, quality) = fine.run(&mut layers, [crate::dbg_of("FINE", self.options.iterations as f64) as usize, self.of], scales, watch, driven)?;
+        let (next, quality) = fine.run(&mut layers, [self.options.iterations, self.of], scales, watch, driven)?;
         driven = next;
-        if std::env::var("DBG").is_ok() && let Some(q) = quality { eprintln!("DBG fine phi {:.4} nu {:.4} grows {grows}", q.model_error(), q.noise_share()); }
+        if !grows && self.options.grow {
+            for (fitted, first) in layers.iter_mut().zip(&begun) {
+                support::blend(fitted, &first.finer(fitted.nx / first.nx));
+            }
+        }
         driven.maps = concluded(layers, quality);
         Ok(Done { driven })
     }
@@ -321,30 +328,38 @@ pub(crate) fn in_rounds(
     layers: &mut Vec<Maps>,
     fit: &mut dyn FnMut(&mut Vec<Maps>) -> Result<Option<Quality>>,
 ) -> Result<bool> {
-    let mut before: Option<f64> = None;
+    let mut before = f64::INFINITY;
+    let lit = |layers: &[Maps]| -> Vec<bool> {
+        layers.iter().flat_map(|l| &l.depth).map(|z| z.is_finite()).collect()
+    };
     for round in 1..=number {
         let quality = fit(layers)?;
         let (Some(quality), Some(typical)) = (quality, support::typical_albedo(layers)) else { break };
         let error = quality.model_error();
-        let lit = |layers: &[Maps]| -> Vec<bool> { layers.iter().flat_map(|l| &l.depth).map(|z| z.is_finite()).collect() };
-        if std::env::var("DBG").is_ok() { eprintln!("round {round} phi {:.4} nu {:.4} pixels {} t {typical:.3}", error, quality.noise_share(), lit(layers).iter().filter(|l| **l).count()); }
-        if round == rounds::JUDGED && number > rounds::JUDGED && error > crate::dbg_of("GATE", rounds::MOST_ERROR) {
-            return Ok(false);
-        }
+        let flatness = support::flatness(layers, typical);
         let old = lit(layers);
         for maps in layers.iter_mut() {
             if round < number {
                 support::grow(maps, typical, range);
             }
-            support::settle(maps, typical);
+            support::settle(maps, typical, support::share(flatness));
             support::drop_islands(maps);
         }
         let new = lit(layers);
-        let [changed, all] = [old.iter().zip(&new).filter(|(a, b)| a != b).count(), new.iter().filter(|l| **l).count()];
-        let stable = changed as f64 <= crate::dbg_of("STABLE", 0.08) * all as f64 && before.is_some_and(|b| error > 0.97 * b);
-        if std::env::var("DBG").is_ok() { eprintln!("   changed {changed} of {all}"); }
-        before = Some(error);
-        if stable { break; }
+        let changed = old.iter().zip(&new).filter(|(a, b)| a != b).count() as f64;
+        let all = new.iter().filter(|l| **l).count() as f64;
+        let stable = changed <= rounds::STABLE[0] * all && error > (1.0 - rounds::STABLE[1]) * before;
+        let is_first = number > rounds::JUDGED;
+        if is_first && (round == rounds::JUDGED || stable && round < rounds::JUDGED) {
+            let [most, most_of_plates] = rounds::MOST_ERROR;
+            if error > most + (most_of_plates - most) * f64::from(flatness) {
+                return Ok(false);
+            }
+        }
+        if stable {
+            break;
+        }
+        before = error;
     }
     Ok(true)
 }
@@ -353,7 +368,7 @@ pub(crate) fn in_rounds(
 fn concluded(layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
     let noise = quality.map_or(0.0, |q| q.noise_share()) as f32;
     let typical = support::typical_albedo(&layers).unwrap_or(0.0);
-    let threshold = (crate::dbg_of("MASK0", rounds::MASK[0].into()) as f32 + rounds::MASK[1] * noise) * typical;
+    let threshold = (support::share(support::flatness(&layers, typical)) + rounds::MASK * noise) * typical;
     let mut maps = match <[Maps; 2]>::try_from(layers) {
         Ok(both) => {
             let least = layers::LEAST_CELLS * (both[0].nx as f64 / super::plan::AMPLE as f64).powi(2);
