@@ -23,11 +23,11 @@ use serde::{Deserialize, Serialize};
 use super::report::settings;
 use super::words::{plain, write_json};
 use super::{FindPulse, Loaded, Request, places, reconstruct};
+use crate::estimation;
 use crate::export::{self, report};
 use crate::gpu::{Gpu, HostSpan, Recording};
 use crate::solve::{Plan, Progress};
 use crate::transport::Grid;
-use crate::estimation;
 use crate::{Error, Result};
 
 pub use kernels::{Floor, Gaps, IterationProfile, KernelProfile};

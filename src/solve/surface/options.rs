@@ -35,7 +35,7 @@ options! {
             /// Lateral pixels of the maps (N of N × N)
             lateral: usize = 128, Range::Count(1, 4096);
             /// Iterations at the resolution of the maps, after those that find the support
-            iterations: usize = if suit.confocal { 60 } else { 100 }, Range::Count(1, 1_000_000);
+            iterations: usize = 60, Range::Count(1, 1_000_000);
             /// How rendered values are added up: auto takes the fastest that the device has, repeatable the fastest that
             /// gives the same bits in any order
             accumulation: Accumulation = Accumulation::Auto,

@@ -52,13 +52,7 @@ pub fn points(s: &mut Schedule, level: &Level, count: usize) {
 }
 
 /// Renders the current surface and compares it by the pass `residual`.
-pub fn render(
-    s: &mut Schedule,
-    plan: &Plan,
-    level: &Level,
-    count: usize,
-    residual: &Pass,
-) {
+pub fn render(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, residual: &Pass) {
     points(s, level, count);
     over_parts(s, plan, level, |s, part| rendered(s, plan, level, part, residual));
 }
@@ -95,8 +89,7 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, [i,
 /// Divides the measured histograms among the batches of pairs, and sizes the passes over one of them.
 pub fn divide(s: &mut Schedule, plan: &Plan) {
     for batch in plan.batches_held() {
-        let [first, count] =
-            [batch.first, plan.measured(batch).count].map(|n| (n * batch.bins * 4) as u64);
+        let [first, count] = [batch.first, plan.measured(batch).count].map(|n| (n * batch.bins * 4) as u64);
         s.copy_from([buffer::MEASURED, batch.measured], first, count);
     }
     if let Some(batch) = plan.batch(0) {

@@ -43,8 +43,11 @@ use constants::*;
 
 /// Mean albedo weighted by its square, with outliers clipped at twice the 75th percentile of lit pixels; `None` without light.
 pub fn typical_albedo(layers: &[Maps]) -> Option<f32> {
-    let lit: Vec<f32> =
-        layers.iter().flat_map(|m| (0..m.albedo.len()).map(|i| evidence(m, i))).filter(|a| *a > 0.0).collect();
+    let lit: Vec<f32> = layers
+        .iter()
+        .flat_map(|m| (0..m.albedo.len()).map(|i| evidence(m, i)))
+        .filter(|a| *a > 0.0)
+        .collect();
     let most = 2.0 * percentile(&lit, 75.0)?;
     let [cubes, squares] = lit.iter().fold([0.0f64; 2], |[c, s], a| {
         let a = f64::from(a.min(most));
@@ -57,7 +60,8 @@ pub fn typical_albedo(layers: &[Maps]) -> Option<f32> {
 pub fn smoothed(maps: &Maps, typical: f32) -> Vec<f32> {
     let sigma = SMOOTH * maps.nx.max(maps.ny) as f64;
     let reach = (3.0 * sigma).ceil() as isize;
-    let mut taps: Vec<f32> = (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32).collect();
+    let mut taps: Vec<f32> =
+        (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32).collect();
     let sum: f32 = taps.iter().sum();
     taps.iter_mut().for_each(|t| *t /= sum);
     let clipped: Vec<f32> = (0..maps.albedo.len())
@@ -110,7 +114,8 @@ fn extrapolated(maps: &Maps, pixel: usize) -> Option<(f32, f32, [f32; 3])> {
     for (other, way) in around(maps, pixel, 2).filter(|(o, _)| maps.depth[*o].is_finite()) {
         let d = [0, 1].map(|k| -(way[k] as f32) * pitch[k]);
         let s = slopes(maps.normal[other]);
-        let weight = (-0.5 * (way[0] * way[0] + way[1] * way[1]) as f32).exp() * maps.albedo[other].max(1e-12);
+        let weight =
+            (-0.5 * (way[0] * way[0] + way[1] * way[1]) as f32).exp() * maps.albedo[other].max(1e-12);
         weights += weight;
         depth += weight * (maps.depth[other] + s[0] * d[0] + s[1] * d[1]);
         albedo += weight * maps.albedo[other];
@@ -216,7 +221,8 @@ pub fn drop_islands(maps: &mut Maps) {
 /// Replaces albedos by their geometric mean with those of the closed form, which errs in other ways: where the model error is
 /// large, surface is where both have light.
 pub fn blend(maps: &mut Maps, first: &Maps) {
-    let Some((own, other)) = typical_albedo(std::slice::from_ref(maps)).zip(typical_albedo(std::slice::from_ref(first)))
+    let Some((own, other)) =
+        typical_albedo(std::slice::from_ref(maps)).zip(typical_albedo(std::slice::from_ref(first)))
     else {
         return;
     };

@@ -18,10 +18,10 @@ use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu, Schedule};
 use crate::solve::option::{Options, options, words};
-pub use hat::hat;
-pub use passes::gather_filtered;
 use crate::solve::{Common, Plan, Prepared, Problem, RunsOn, Solver, TimedSchedule, outline};
 use crate::transport::Grid;
+pub use hat::hat;
+pub use passes::gather_filtered;
 
 mod hat;
 pub mod passes;

@@ -13,12 +13,12 @@ use super::super::options::ImageOptions;
 use super::super::sharpness::{Ladder, noise, with, with_random_signs};
 use super::super::{NoPasses, RegularScan, in_one_step, upsample};
 use super::Projection;
+use super::passes::{BACKPROJECT, FILTER, gather_filtered};
 use crate::advice::advice;
 use crate::capture::{Background, Capture};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
 use crate::solve::prepared::Planned;
-use super::passes::{BACKPROJECT, FILTER, gather_filtered};
 use crate::solve::{
     Beside, OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, SMOOTH, Sharpness, upload,
 };
