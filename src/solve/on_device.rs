@@ -97,9 +97,11 @@ impl OnDevice {
             let wall = model.wall.stretch(batch.first, batch.pairs);
             all.add(batch.wall, bytemuck::cast_slice(&wall.words()))?;
         }
-        let mut taps = vec![(plan.domain.taps.len() - 1) as f32];
-        taps.extend(plan.domain.taps.iter().map(|w| *w as f32));
-        all.add(buffer::TAPS, bytemuck::cast_slice(&taps))?;
+        if let Some(radius) = plan.domain.taps.len().checked_sub(1) {
+            let words: Vec<f32> =
+                std::iter::once(radius as f32).chain(plan.domain.taps.iter().map(|w| *w as f32)).collect();
+            all.add(buffer::TAPS, bytemuck::cast_slice(&words))?;
+        }
         if let Some(pulse) = &model.pulse {
             all.add(buffer::PULSE_TAPS, bytemuck::cast_slice(&pulse.words()))?;
         }
@@ -222,11 +224,11 @@ impl<'e> Uploads<'e> {
         for level in plan.levels.all().chain(plan.batches_held()) {
             let own = in_bins_of(level, model, summed);
             let scene = own.scene_of(&level.grid, level.pairs);
-            let scene = plan.scene_of(level, &plan.measured(level), scene);
+            let scene = plan.scene_of(&plan.measured(level), scene);
             self.add(level.scene, bytemuck::bytes_of(&scene))?;
             if let Some(spots) = plan.spots_of(level) {
                 let scene = own.scene_of_rendered(&level.grid, level.pairs, &spots.rendered);
-                let scene = plan.scene_of(level, &level.rendered, scene);
+                let scene = plan.scene_of(&level.rendered, scene);
                 self.add(level.rendered.scene, bytemuck::bytes_of(&scene))?;
             }
         }
@@ -252,7 +254,7 @@ impl<'e> Uploads<'e> {
             let own = in_bins_of(level, model, summed);
             let scene = own.scene_of(&level.grid, level.pairs);
             for part in plan.parts(level) {
-                let of_part = plan.scene_of(level, &part.own, scene);
+                let of_part = plan.scene_of(&part.own, scene);
                 if !added.contains(&part.own.scene) {
                     self.add(part.own.scene, bytemuck::bytes_of(&of_part))?;
                     added.push(part.own.scene);

@@ -76,7 +76,6 @@ pub(super) fn forward(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairP
 
 /// Compares the rendered histograms of a part of the pairs with the measurement by the pass `residual`, as the instrument
 /// shows them: summed over spots, spread by the pulse. Takes the residuals back through both for [`Plan::residual`].
-/// `through`: see [`instrument_back`].
 pub(super) fn compare(
     s: &mut Schedule,
     plan: &Plan,
@@ -84,7 +83,6 @@ pub(super) fn compare(
     part: &PairPart,
     residual: &Pass,
     push: Push,
-    through: Option<u32>,
 ) {
     // Only the first pass after rendering may read fixed point.
     let mut sharp = (!plan.fixed_point()).then_some(buffer::HISTOGRAMS);
@@ -120,41 +118,23 @@ pub(super) fn compare(
     if plan.scene.pulse == 0 && plan.has_spots() {
         compared.bind(buffer::SPREAD, SEEN);
     }
-    instrument_back(s, plan, level, part, [&PULSE_BACK, &SPOT_BACK], through);
+    instrument_back(s, plan, level, part);
 }
 
-/// Takes the buffer `residual` of a part of the pairs back to the paths, into [`Plan::residual`], by passes for pulse and
-/// spot: through the taps that begin at word `through` of `pulse_taps`, or through the pulse's own; then through the spots.
-/// Nothing where paths are sharp and spots are points.
-pub(super) fn instrument_back(
-    s: &mut Schedule,
-    plan: &Plan,
-    level: &Level,
-    part: &PairPart,
-    [pulse, spots]: [&Pass; 2],
-    through: Option<u32>,
-) {
+/// Takes the buffer `residual` of a part of the pairs back to the paths, into [`Plan::residual`]: through the pulse, then
+/// through the spots. Nothing where paths are sharp and spots are points.
+fn instrument_back(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart) {
     let mut from = buffer::RESIDUAL;
-    if plan.scene.pulse > 0 || through.is_some() {
-        let taps = if through.is_some() { plan.tap_room() } else { plan.scene.pulse };
-        let turns = turns_of_pulse(part.own.count, level.bins, taps);
-        s.dispatch(pulse, runs(part.own.count, level.bins), turns)
+    if plan.scene.pulse > 0 {
+        let turns = turns_of_pulse(part.own.count, level.bins, plan.scene.pulse);
+        s.dispatch(&PULSE_BACK, runs(part.own.count, level.bins), turns)
             .bind(buffer::SCENE, part.own.scene)
             .bind(buffer::PULSE_TAPS, level.taps)
-            .bind(buffer::SOURCE, buffer::RESIDUAL)
-            .with(Push { first: through.unwrap_or(0), ..Default::default() });
+            .bind(buffer::SOURCE, buffer::RESIDUAL);
         from = buffer::SPREAD;
     }
     if let Some(of) = plan.spots_of(level) {
-        spot(s, level, of, &of.back, [spots; 2], Some(from));
-    }
-}
-
-/// The buffer that gradients gather from after residuals went back through the taps `through`, if there are any.
-pub(super) fn gathered(plan: &Plan, through: Option<u32>) -> Buffer {
-    match through {
-        Some(_) if !plan.has_spots() => buffer::SPREAD,
-        _ => plan.residual(),
+        spot(s, level, of, &of.back, [&SPOT_BACK; 2], Some(from));
     }
 }
 
@@ -211,31 +191,18 @@ pub fn sum_bins(s: &mut Schedule, plan: &Plan) {
     }
 }
 
-/// Gathers the buffer `from` over the rendered pairs of a part by `pass`. `flags` are added to those of the dispatches.
-pub(super) fn gather(
-    s: &mut Schedule,
-    plan: &Plan,
-    level: &Level,
-    part: &PairPart,
-    pass: &Pass,
-    flags: u32,
-    from: Buffer,
-) {
+/// Gathers [`Plan::residual`] over the rendered pairs of a part by `pass`.
+pub(super) fn gather(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, pass: &Pass) {
     let voxels = plan.voxels_at(level);
     for chunk in pair_chunks(plan, part, &part.rendered, voxels) {
         let turns = work_of(&chunk, voxels);
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD), turns)
-            .at_most(gathering(plan, voxels))
+            .at_most(groups(plan.division.tuning.most_groups(voxels), 1))
             .bind(buffer::SCENE, part.rendered.scene)
             .bind(buffer::WALL, part.rendered.wall)
-            .bind(buffer::RESIDUAL, from)
-            .with(Push { flags: chunk.flags | flags, ..chunk });
+            .bind(buffer::RESIDUAL, plan.residual())
+            .with(chunk);
     }
-}
-
-/// Workgroups of a gather for `voxels` voxels at most.
-pub(super) fn gathering(plan: &Plan, voxels: usize) -> [u32; 3] {
-    groups(plan.division.tuning.most_groups(voxels), 1)
 }
 
 /// Runs `pass` with an invocation for each active voxel of `level`, of so many `turns` at most.

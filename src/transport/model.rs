@@ -70,7 +70,7 @@ pub struct Model {
     pub pulse: Option<PulseTaps>,
     /// The pulse that `pulse` are the taps of, for bins of other widths.
     pub pulse_shape: Option<Pulse>,
-    /// Takes down what changes slowly along time, in the vector solver's objective.
+    /// Reduces what changes slowly along time, in the surface's objective.
     pub high_pass: Option<HighPass>,
     /// The measurement's peak after scaling.
     pub peak: f64,
@@ -102,14 +102,8 @@ pub struct Model {
     pub keep_above: f64,
     /// Seed of the random samples.
     pub seed: u32,
-    /// Vector solver: largest |v_xy| / |v_z|.
-    pub cone: f64,
-    /// Vector solver: photon variance per measured value, and variance of an empty bin.
+    /// Photon variance per measured value, and variance of an empty bin.
     pub variance: [f64; 2],
-    /// Vector solver: weight of the group term, in standard deviations of the gradient's photon noise.
-    pub noise_factor: f64,
-    /// Vector solver: weight of the roughness term.
-    pub roughness: f64,
 }
 
 /// The paper's constant. The renderer multiplies by it and by (lateral pitch)², in units of [`unit_of_areas`].
@@ -175,10 +169,7 @@ impl Model {
             epsilon: 1e-8,
             keep_above: 0.05,
             seed: 0,
-            cone: 1.0,
             variance: [0.0; 2],
-            noise_factor: 0.0,
-            roughness: 0.0,
         };
         (model, Rows::of(pair_of, capture.bins))
     }
@@ -280,7 +271,7 @@ impl Model {
         if self.reflectance == Reflectance::Retroreflective { 2 } else { 4 }
     }
 
-    /// Vector solver: weight of a bin's squared difference, the inverse of the confocal falloff at the bin's centre.
+    /// Weight of a bin's squared difference, the inverse of the confocal falloff at the bin's centre.
     pub fn bin_weight(&self, bin: usize) -> f64 {
         let t = self.t_start + (bin as f64 + 0.5) * self.bin_width;
         (t / (2.0 * self.reference)).max(0.0).powi(self.falloff_power())
@@ -327,8 +318,6 @@ impl Model {
             bricks_x: bricks[0] as u32,
             bricks_y: bricks[1] as u32,
             bricks_z: bricks[2] as u32,
-            from_wide: 2,
-            from_deep: 1,
             near_z: self.near_z(grid) as u32,
             pairs: pairs as u32,
             scanned: scanned as u32,
@@ -367,11 +356,6 @@ impl Model {
             beta1: self.betas[0] as f32,
             beta2: self.betas[1] as f32,
             epsilon: self.epsilon as f32,
-            cone: self.cone as f32,
-            variance: self.variance[0] as f32,
-            variance_floor: self.variance[1] as f32,
-            noise_factor: self.noise_factor as f32,
-            roughness: self.roughness as f32,
             // A margin for rounding in the kernel.
             kernel_bound: (1.001 * (self.reference / closest).powi(self.falloff_power())) as f32,
             slow_decay: self.high_pass.map_or(0.5, |f| f.decay(self.bin_width)) as f32,

@@ -160,7 +160,7 @@ impl Needs for NoPasses {
             has_rim: false,
             pairs: 0,
             refined: None,
-            smooth: [1.0, 4.0],
+            smooth: None,
             more_taps: [0; 2],
             betas: [0.0; 2],
             cosine_volume: false,

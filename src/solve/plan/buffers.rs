@@ -11,16 +11,12 @@ use crate::transport::kernels::*;
 pub const UPLOAD: Buffer = Buffer::named("upload");
 /// The maps, for the host.
 pub const COLUMNS_HOST: Buffer = Buffer::named("columns_host");
-/// The volume's raw variables or vectors, for the host.
+/// The volume's raw variables, for the host.
 pub const RAW_HOST: Buffer = Buffer::named("raw_host");
 /// The volume's mask, for the host.
 pub const MASK_HOST: Buffer = Buffer::named("mask_host");
 /// The residual, for the host.
 pub const RESIDUAL_HOST: Buffer = Buffer::named("residual_host");
-/// A number per voxel while the domain changes.
-pub const SMOOTH: Buffer = Buffer::named("smooth");
-/// Another number per voxel while the domain changes.
-pub const SMOOTH_SPARE: Buffer = Buffer::named("smooth_spare");
 
 impl Plan {
     /// All buffers: the shared ones, the solver's `own`, and one of the smallest size for every block that a pass
@@ -83,9 +79,7 @@ impl Plan {
     }
 
     fn shared_buffers(&self, columns: u64) -> Vec<(Buffer, u64)> {
-        let voxels = self.finest().grid.storage() as u64;
-        // Slots of active voxels, and of touched ones.
-        let [slots, touched] = [self.domain.capacity, self.domain.touched_capacity].map(|v| v as u64);
+        let slots = self.domain.capacity as u64;
         let cells = self.cells_held();
         let of_level = |l: &Level| super::cells(l.rendered.count, l.bins) as u64;
         let rendered = match self.division.cut {
@@ -102,19 +96,9 @@ impl Plan {
             (buffer::MEASURED, self.measured_bytes(buffer::MEASURED, self.scene.bins)),
             (buffer::HISTOGRAMS, (rendered * if self.fixed_point() { 8 } else { 4 }).max(lent * 4)),
             (buffer::RESIDUAL, cells * 4),
-            (buffer::RAW, touched * 16),
-            (buffer::LEVELS, u64::from(LEVELS) * 4),
-            (buffer::MOMENTUM, u64::from(MOMENTUM) * 4),
-            (buffer::MASK, voxels / 8),
-            (buffer::RANKS, voxels / 8),
-            (buffer::MASK_BEFORE, voxels / 8),
-            (buffer::RANKS_BEFORE, voxels / 8),
-            (buffer::BRICK_OFFSETS, voxels / BRICK_VOXELS as u64 * 4),
-            (buffer::ACTIVE_VOXELS, touched * 4),
             (buffer::SAMPLE_POINTS, slots * 16),
             (buffer::SAMPLE_NORMALS, if self.scene.reflectance.has_normals() { slots * 16 } else { 0 }),
             (buffer::GRADIENT, slots * 16),
-            (buffer::TAPS, (self.domain.taps.len() + 1) as u64 * 4),
             (buffer::COUNTS, u64::from(COUNTS) * 4),
             (buffer::ARGUMENTS, u64::from(ARGUMENTS_FORWARD + sets) * 12),
             (buffer::L1_PARTIALS, self.partials().max(slots.div_ceil(u64::from(WORKGROUP))) * 4),
@@ -133,9 +117,6 @@ impl Plan {
             if self.scene.pulse > 0 {
                 all.push((level.taps, (self.tap_room() * 4) as u64));
             }
-        }
-        if self.domain.volumes == [SMOOTH, SMOOTH_SPARE] {
-            all.extend([(SMOOTH, voxels * 4), (SMOOTH_SPARE, voxels * 4)]);
         }
         all
     }

@@ -26,8 +26,8 @@ pub struct Demand {
     pub gradient: Gradient,
     /// Neighbours of active voxels have state, too: random samples read it.
     pub has_rim: bool,
-    /// Gaussian of the domain reduction: sigma in voxels, and after how many sigmas it is cut off.
-    pub smooth: [f64; 2],
+    /// Gaussian of the domain reduction: sigma in voxels, and after how many sigmas it is cut off. `None`: no reduction.
+    pub smooth: Option<[f64; 2]>,
     /// Coarser grids have deeper voxels, too, and levels sum bins that are finer than their voxels. The grid can be refined
     /// so often before the last iterations. `None`: the depth of voxels and the bins are the same at all levels.
     pub refined: Option<usize>,

@@ -23,8 +23,6 @@ pub struct Pairs {
 pub struct Level {
     /// The volume at this resolution.
     pub grid: Grid,
-    /// Its voxels side by side, and behind each other, in a voxel of the grid before.
-    pub parts: [usize; 2],
     /// The first pair that is used: 0, but for a batch.
     pub first: usize,
     /// How many pairs are used.

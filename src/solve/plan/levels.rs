@@ -138,10 +138,6 @@ impl Sequence<'_> {
         let mut levels: Vec<Level> = vec![];
         // There are fewer than 64 levels: lateral voxels and pairs are 32-bit numbers.
         for (i, (grid, pairs)) in (0..).zip(steps) {
-            let parts = levels.last().map_or([1, 1], |before| {
-                let along = |a: usize| (before.grid.pitch[a] / grid.pitch[a]).round() as usize;
-                [along(0), along(2)]
-            });
             let sum = if self.refined.is_some() { sum_of(model, &grid) } else { 1 };
             let like = |own: Buffer| match levels.iter().find(|l| l.sum == sum) {
                 _ if sum == 1 => own,
@@ -153,7 +149,6 @@ impl Sequence<'_> {
             levels.push(Level {
                 rendered: own_pairs(model, pairs, wall, buffer::SCENE.at(i)),
                 grid,
-                parts,
                 first: 0,
                 pairs,
                 sum,
@@ -237,11 +232,14 @@ const LEAST_BATCH: usize = 225;
 /// Batches of the pairs of `level`, in order. As pairs are spread over the wall, so are those of a batch. Up to three pairs at
 /// the end are in none.
 fn in_batches(model: &Model, level: Option<&Level>) -> Vec<Level> {
-    let batches = crate::dbg_of("BATCHES", 4.0) as usize; let pairs = model.pairs() / batches;
+    let batches = crate::dbg_of("BATCHES", 4.0) as usize;
+    let pairs = model.pairs() / batches;
     // The rows of a product with several other points are not cut, nor are sums over spots.
     let rows = model.wall.geometry == Geometry::Product && model.wall.others.len() > 1;
     let cuts = !rows && model.rendered.is_none();
-    let Some(level) = level.filter(|_| model.is_spread && cuts && pairs >= crate::dbg_of("LEASTB", LEAST_BATCH as f64) as usize) else {
+    let Some(level) = level
+        .filter(|_| model.is_spread && cuts && pairs >= crate::dbg_of("LEASTB", LEAST_BATCH as f64) as usize)
+    else {
         return vec![];
     };
     let batch = |i: u16| {

@@ -26,7 +26,7 @@ mod scene;
 mod spots;
 mod tuning;
 
-pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
+pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, UPLOAD};
 pub use demand::{Demand, LentRows};
 pub use divide::Division;
 pub use domain::Domain;
@@ -35,7 +35,7 @@ pub use level::{Level, Pairs};
 pub use levels::{AMPLE, Levels, first_of, pairs_for, sum_of};
 pub use needs::Needs;
 pub use parts::PairPart;
-pub use pass::{ConstantValue, Fault, Pass, Twin, Voxels};
+pub use pass::{Fault, Pass, Twin, Voxels};
 pub use scene::Scene;
 pub use spots::{BETWEEN, SEEN, Spots};
 pub use tuning::{Accumulation, Sizes, Tuning};
@@ -158,14 +158,12 @@ impl Plan {
         Pairs { count, scanned, others, wall: level.wall, scene: level.scene }
     }
 
-    /// The constants of a level for some of its pairs; `whole` are those of the model.
-    pub(in crate::solve) fn scene_of(&self, level: &Level, pairs: &Pairs, whole: SceneData) -> SceneData {
+    /// The constants of a level for some pairs; `whole` are those of the model.
+    pub(in crate::solve) fn scene_of(&self, pairs: &Pairs, whole: SceneData) -> SceneData {
         let [capacity, touched_capacity] =
             [self.domain.capacity, self.domain.touched_capacity].map(|v| v as u32);
-        let [from_wide, from_deep] = level.parts.map(|v| v as u32);
         let [count, scanned, others] = [pairs.count, pairs.scanned, pairs.others].map(|v| v as u32);
-        let numbers = SceneData { pairs: count, scanned, others, ..whole };
-        SceneData { capacity, touched_capacity, from_wide, from_deep, ..numbers }
+        SceneData { capacity, touched_capacity, pairs: count, scanned, others, ..whole }
     }
 
     /// The last level of the volume, with all pairs.

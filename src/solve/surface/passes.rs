@@ -1,13 +1,8 @@
 //! The passes that only the surface has. It is rendered and compared by those that solvers share.
 
 use crate::advice::advice;
-use crate::gpu::Constant;
-use crate::solve::plan::pass::{ConstantValue, Fault, Pass, Voxels, passes, twin};
+use crate::solve::plan::pass::{Fault, Pass, Voxels, passes, twin};
 use crate::transport::kernels::*;
-
-/// Samples of one partial sum of [`SURFACE_COMBINE`].
-const SUMMED: (Constant, ConstantValue) =
-    (constant::SUMMED, ConstantValue::Of(|p| p.constant(constant::POINTS).unwrap_or(1) * WORKGROUP));
 
 passes! {
     /// All passes that only the surface has.
@@ -53,20 +48,9 @@ passes! {
 
     /// Updates depths and albedos by Adam, and closes the iteration.
     SURFACE_STEP = Pass {
-        constants: &[SUMMED],
         faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", mend: &advice!["use a smaller " Peak] }],
         twin: twin!(surface_step),
         ..Pass::of("surface_step", |_| &kernel::SURFACE_STEP)
-    };
-
-    /// Closes a comparison without a step.
-    SURFACE_FINISH = Pass {
-        constants: &[
-            (constant::ACCELERATED, ConstantValue::Is(0)),
-            SUMMED,
-        ],
-        twin: twin!(finish),
-        ..Pass::of("surface_finish", |_| &kernel::FINISH)
     };
 
     /// Puts a layer of the surface into the maps.

@@ -14,14 +14,14 @@ pub fn pulse(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {
 pub fn spot(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {
     let Some(rendered) = &twin.model.rendered else { return values.to_vec() };
     let stages = if way == Way::Spread { rendered.stages.clone() } else { rendered.back() };
-    stages.iter().fold(values.to_vec(), |v, stage| stage.through(&v, twin.model.bins, way))
+    stages.iter().fold(values.to_vec(), |v, stage| stage.through(&v, twin.model.bins))
 }
 
 /// From rendered paths to the histograms that are measured, through spot and pulse; or back, through both in reverse.
 pub fn instrument(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {
     match way {
         Way::Spread => pulse(twin, &spot(twin, values, way), way),
-        Way::Back | Way::Squared => spot(twin, &pulse(twin, values, way), way),
+        Way::Back => spot(twin, &pulse(twin, values, way), way),
     }
 }
 
