@@ -70,7 +70,6 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("sample", "sample.comp", &[]),
     ("spot", "spot.comp", &[]),
     ("spot_fixed", "spot.comp", &["ACCUMULATE_FIXED"]),
-    ("sum_bins", "sum_bins.comp", &[]),
     ("surface_bonds", "surface_bonds.comp", &[]),
     ("surface_combine", "surface_combine.comp", &[]),
     ("surface_extract", "surface_extract.comp", &[]),

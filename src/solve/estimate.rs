@@ -1,4 +1,4 @@
-//! Estimates that the vector solver makes from the data.
+//! Estimates from the data: noise, energy, and how many pairs are enough.
 
 use std::ops::Range;
 

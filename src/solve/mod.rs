@@ -42,7 +42,6 @@ pub use intake::{Format, LentCounts, intake, tally_of};
 pub use on_device::{OnDevice, VolumeMap, upload};
 pub use option::{Preset, Suit};
 pub use outline::{Step, TimedSchedule, When};
-pub use over_pairs::sum_bins;
 pub use paper::{Decay, NoiseTerm, PaperOptions};
 pub use plan::{
     Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart,

@@ -1,7 +1,7 @@
 //! Passes over pairs: rendering, comparing, gathering. Every solver's iteration is made of them.
 
 use super::Pass;
-use super::passes::{ARGUMENTS, PULSE, PULSE_BACK, RESIDUAL_ROWS, SPOT, SPOT_BACK, SPOT_MORE, SUM_BINS};
+use super::passes::{ARGUMENTS, PULSE, PULSE_BACK, RESIDUAL_ROWS, SPOT, SPOT_BACK, SPOT_MORE};
 use super::plan::{BETWEEN, PairPart, Pairs, SEEN, Spots};
 use super::{Level, Plan};
 use crate::gpu::{Buffer, Command, Schedule};
@@ -84,24 +84,25 @@ pub(super) fn compare(
     residual: &Pass,
     push: Push,
 ) {
+    let bins = plan.scene.bins;
     // Only the first pass after rendering may read fixed point.
     let mut sharp = (!plan.fixed_point()).then_some(buffer::HISTOGRAMS);
-    if let Some(spots) = plan.spots_of(level) {
+    if let Some(spots) = &plan.levels.spots {
         let passes = [&SPOT, if plan.fixed_point() { &SPOT_MORE } else { &SPOT }];
-        spot(s, level, spots, &spots.rendered.stages, passes, sharp);
+        spot(s, plan, level, spots, &spots.rendered.stages, passes, sharp);
         s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
         sharp = Some(SEEN);
     }
     if plan.scene.pulse > 0 {
-        let turns = turns_of_pulse(part.own.count, level.bins, plan.scene.pulse);
-        let spread = s.dispatch(&PULSE, runs(part.own.count, level.bins), turns);
-        spread.bind(buffer::SCENE, part.own.scene).bind(buffer::PULSE_TAPS, level.taps);
+        let turns = turns_of_pulse(part.own.count, bins, plan.scene.pulse);
+        let spread = s.dispatch(&PULSE, runs(part.own.count, bins), turns);
+        spread.bind(buffer::SCENE, part.own.scene);
         if let Some(sharp) = sharp {
             spread.bind(buffer::SOURCE, sharp);
         }
     }
     let flags = push.flags | if part.is_first() { 0 } else { BACKWARD_CONTINUE };
-    let cells = cells(part.own.count, level.bins);
+    let cells = cells(part.own.count, bins);
     // Rows are walked three times.
     let (all, turns) = match *residual == RESIDUAL_ROWS {
         true => (groups(part.own.count, WORKGROUP), 3 * cells as u64),
@@ -126,15 +127,14 @@ pub(super) fn compare(
 fn instrument_back(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart) {
     let mut from = buffer::RESIDUAL;
     if plan.scene.pulse > 0 {
-        let turns = turns_of_pulse(part.own.count, level.bins, plan.scene.pulse);
-        s.dispatch(&PULSE_BACK, runs(part.own.count, level.bins), turns)
+        let turns = turns_of_pulse(part.own.count, plan.scene.bins, plan.scene.pulse);
+        s.dispatch(&PULSE_BACK, runs(part.own.count, plan.scene.bins), turns)
             .bind(buffer::SCENE, part.own.scene)
-            .bind(buffer::PULSE_TAPS, level.taps)
             .bind(buffer::SOURCE, buffer::RESIDUAL);
         from = buffer::SPREAD;
     }
-    if let Some(of) = plan.spots_of(level) {
-        spot(s, level, of, &of.back, [&SPOT_BACK; 2], Some(from));
+    if let Some(of) = &plan.levels.spots {
+        spot(s, plan, level, of, &of.back, [&SPOT_BACK; 2], Some(from));
     }
 }
 
@@ -142,6 +142,7 @@ fn instrument_back(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart
 /// Without `from`, those that the forward pass left in fixed point.
 fn spot(
     s: &mut Schedule,
+    plan: &Plan,
     level: &Level,
     spots: &Spots,
     stages: &[SpotTaps],
@@ -156,38 +157,16 @@ fn spot(
         let dispatch = s
             .dispatch(
                 if i == 0 { first } else { more },
-                runs(sums, level.bins),
-                turns_of_spot(stage, level.bins),
+                runs(sums, plan.scene.bins),
+                turns_of_spot(stage, plan.scene.bins),
             )
             .bind(buffer::SCENE, level.scene)
-            .bind(buffer::SPOT_TAPS, spots.taps)
             .bind(buffer::TARGET, target)
             .with(Push { first: word, last: sums as u32, ..Default::default() });
         if let Some(source) = source {
             dispatch.bind(buffer::SOURCE, source);
         }
         source = Some(target);
-    }
-}
-
-/// Sums the measurement's bins for the levels of the volume, if these have wider ones. It is due once, after the upload.
-/// Where pairs are cut into parts, the host sums them, and this is empty.
-pub fn sum_bins(s: &mut Schedule, plan: &Plan) {
-    if plan.division.cut.is_some() {
-        return;
-    }
-    let pairs = plan.scene.pairs;
-    for level in plan.levels.summed() {
-        s.dispatch(&SUM_BINS, groups(pairs * level.bins, WORKGROUP), (pairs * plan.scene.bins) as u64)
-            .bind(buffer::SCENE, level.scene)
-            .bind(buffer::SOURCE, buffer::MEASURED)
-            .bind(buffer::TARGET, level.measured)
-            .with(Push {
-                first: level.sum as u32,
-                last: plan.scene.bins as u32,
-                step: pairs as u32,
-                ..Default::default()
-            });
     }
 }
 

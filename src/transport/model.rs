@@ -8,8 +8,7 @@ use super::kernels::{PADDING, SceneData};
 use super::{Geometry, Grid, HighPass, Reflectance, Rendered, Rows, Spot, Wall};
 use crate::capture::check::is_small;
 use crate::capture::scan::unit_of;
-use crate::capture::sum::sum_rows;
-use crate::capture::{Background, Capture, Pulse, PulseTaps};
+use crate::capture::{Background, Capture, PulseTaps};
 
 /// Where the sample of a voxel lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -68,8 +67,6 @@ pub struct Model {
     pub elements: usize,
     /// How the instrument spreads a path over bins; `None` treats paths as sharp.
     pub pulse: Option<PulseTaps>,
-    /// The pulse that `pulse` are the taps of, for bins of other widths.
-    pub pulse_shape: Option<Pulse>,
     /// Reduces what changes slowly along time, in the surface's objective.
     pub high_pass: Option<HighPass>,
     /// The measurement's peak after scaling.
@@ -152,7 +149,6 @@ impl Model {
                 Some(pulse) => pulse.taps(capture.bin_width).ok(),
                 None => general.then(PulseTaps::identity),
             },
-            pulse_shape: capture.pulse.clone(),
             high_pass: None,
             peak,
             counts_per_unit: 1.0,
@@ -189,35 +185,6 @@ impl Model {
         self.counts_per_unit = 1.0 / scale;
         self.moments = None;
         rows.fill(&mut self.measured, capture, scale, background);
-    }
-
-    /// The same model with every `sum` neighbouring bins as one. Bins at the end that do not fill one are left out.
-    pub fn summed(&self, sum: usize) -> Model {
-        let bin_width = self.bin_width * sum as f64;
-        let pulse = match &self.pulse_shape {
-            // Wider bins need fewer taps.
-            Some(shape) => shape.taps(bin_width).ok(),
-            None => self.pulse.clone(),
-        };
-        let mut wide = Model {
-            bins: (self.bins / sum).max(1),
-            bin_width,
-            elements: (self.elements / sum).max(1),
-            pulse,
-            ..self.clone()
-        };
-        wide.take_sums(self, sum);
-        wide
-    }
-
-    /// Takes the measured values of `narrow`, every `sum` neighbouring bins as one, and what belongs to them.
-    pub fn take_sums(&mut self, narrow: &Model, sum: usize) {
-        self.moments = None;
-        // Like the kernel that sums on the device.
-        self.measured.resize(narrow.measured.len() / narrow.bins.max(1) * self.bins, 0.0);
-        sum_rows(&mut self.measured, self.bins, &narrow.measured, narrow.bins, sum);
-        self.variance = [narrow.variance[0], narrow.variance[1] * sum as f64];
-        self.counts_per_unit = narrow.counts_per_unit;
     }
 
     /// The wall that light is rendered for.

@@ -11,9 +11,7 @@ use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
 use crate::simulate::{RenderOptions, Scene, simulate};
-use crate::solve::{
-    Accumulation, Pass, paper as paper_solver, passes, surface as surface_stage,
-};
+use crate::solve::{Accumulation, Pass, paper as paper_solver, passes, surface as surface_stage};
 use crate::transport::Model;
 use crate::transport::twin;
 

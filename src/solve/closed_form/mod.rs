@@ -158,12 +158,8 @@ impl Needs for NoPasses {
             binning: Binning::Linear,
             gradient: Gradient::Exact,
             has_rim: false,
-            pairs: 0,
-            refined: None,
             smooth: None,
-            more_taps: [0; 2],
             betas: [0.0; 2],
-            cosine_volume: false,
             lent: None,
         }
     }

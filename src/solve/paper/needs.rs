@@ -26,13 +26,9 @@ impl Needs for PaperOptions {
             binning: self.binning,
             gradient: self.gradient,
             has_rim: self.sampling == Sampling::Continuous,
-            pairs: 0,
-            refined: None,
             smooth: Some([self.domain.smooth_sigma, self.domain.smooth_truncate]),
             betas: [self.beta1, self.beta2],
-            cosine_volume: false,
             lent: None,
-            more_taps: [0, 0],
         }
     }
 

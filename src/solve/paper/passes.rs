@@ -22,7 +22,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_SAMPLE,
             what: "the volume",
-            mend: &advice!["use a smaller " LearningRate ", " InitialAlbedo " or " Roughness],
+            mend: &advice!["use a smaller " LearningRate " or " InitialAlbedo],
         }],
         twin: twin!(sample),
         ..Pass::of("sample", |_| &kernel::SAMPLE)
@@ -57,7 +57,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_UPDATE,
             what: "the next volume",
-            mend: &advice!["use a smaller " LearningRate " or " Peak ", or " StepShare " 1"],
+            mend: &advice!["use a smaller " LearningRate " or " Peak],
         }],
         twin: twin!(update),
         ..Pass::of("update", |_| &kernel::UPDATE)

@@ -23,7 +23,7 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32, s
         compare(s, plan, level, part, &RESIDUAL, push);
         if plan.passes.contains(&&NOISE) {
             let push = unbiased(push, plan.demand.betas, iteration + 1);
-            s.dispatch(&NOISE, groups(part.own.count, 1), (part.own.count * level.bins) as u64)
+            s.dispatch(&NOISE, groups(part.own.count, 1), (part.own.count * plan.scene.bins) as u64)
                 .bind(buffer::SCENE, part.own.scene)
                 .bind(buffer::NOISE_STATE, part.noise)
                 .with(push);

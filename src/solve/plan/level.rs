@@ -18,7 +18,7 @@ pub struct Pairs {
     pub scene: Buffer,
 }
 
-/// One step of the coarse-to-fine sequence: a resolution, how many pairs are used on it, and how wide their bins are.
+/// One step of the coarse-to-fine sequence: a resolution, and the pairs that are used on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     /// The volume at this resolution.
@@ -27,16 +27,8 @@ pub struct Level {
     pub first: usize,
     /// How many pairs are used.
     pub pairs: usize,
-    /// How many of the model's bins are one.
-    pub sum: usize,
-    /// Bins of a histogram.
-    pub bins: usize,
-    /// Metres of path.
-    pub bin_width: f64,
-    /// Buffer that holds the measurement in these bins.
+    /// Buffer that holds the measurement of these pairs.
     pub measured: Buffer,
-    /// Buffer that holds the pulse's taps for these bins.
-    pub taps: Buffer,
     /// Buffer that holds the wall points of these pairs.
     pub wall: Buffer,
     /// Buffer that holds its constants.

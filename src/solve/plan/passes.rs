@@ -11,13 +11,6 @@ passes! {
     /// All shared passes, in the order in which plans list them.
     pub static ALL;
 
-    /// Sums neighbouring bins of the measurement for levels with wider ones.
-    SUM_BINS = Pass {
-        when: |p| p.levels.volume.iter().any(|l| l.sum > 1),
-        twin: twin!(sum_bins),
-        ..Pass::of("sum_bins", |_| &kernel::SUM_BINS)
-    };
-
     /// Sums a caller's counts over pairs.
     TALLY = Pass { when: |p| p.demand.lent.is_some(), twin: twin!(tally), ..Pass::of("tally", |_| &kernel::TALLY) };
 
@@ -30,7 +23,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_FORWARD,
             what: "the rendered histograms",
-            mend: &advice!["use a smaller " LearningRate ", or a larger " MinDepth " where voxels touch the wall"],
+            mend: &advice!["use a larger " MinDepth " where voxels touch the wall, and check the capture (" [Capture] ")"],
         }],
         twin: twin!(forward),
         ..Pass::of("forward", forward)
@@ -54,7 +47,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_RESIDUAL,
             what: "the difference from the measurement",
-            mend: &advice!["use a smaller " Peak " or " LearningRate ", and check the counts (" [Capture] ")"],
+            mend: &advice!["check the counts (" [Capture] ")"],
         }],
         twin: twin!(residual),
         ..Pass::of("residual", residual)

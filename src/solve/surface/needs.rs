@@ -3,7 +3,6 @@
 use super::{SurfaceOptions, passes};
 use crate::gpu::{Buffer, Constant};
 use crate::solve::Plan;
-use crate::solve::estimate::MOST_PAIRS;
 use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{Demand, LeftOut, Level, Needs};
 use crate::transport::kernels::{SURFACE_WEIGHTS, WORKGROUP, buffer, constant};
@@ -43,16 +42,12 @@ impl Needs for OfFit<'_> {
             general,
             coarse_to_fine: false,
             iterations: self.iterations,
-            pairs: MOST_PAIRS,
             pixels_per_voxel: 1,
             binning: Binning::Linear,
             gradient: Gradient::Exact,
             has_rim: false,
-            refined: None,
             smooth: None,
-            more_taps: [0; 2],
             betas: [0.0; 2],
-            cosine_volume: false,
             lent: None,
         }
     }

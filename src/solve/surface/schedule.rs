@@ -89,7 +89,8 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, [i,
 /// Divides the measured histograms among the batches of pairs, and sizes the passes over one of them.
 pub fn divide(s: &mut Schedule, plan: &Plan) {
     for batch in plan.batches_held() {
-        let [first, count] = [batch.first, plan.measured(batch).count].map(|n| (n * batch.bins * 4) as u64);
+        let [first, count] =
+            [batch.first, plan.measured(batch).count].map(|n| (n * plan.scene.bins * 4) as u64);
         s.copy_from([buffer::MEASURED, batch.measured], first, count);
     }
     if let Some(batch) = plan.batch(0) {

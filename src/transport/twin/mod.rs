@@ -19,7 +19,7 @@ pub use domain::{
 };
 pub use intake::{intake, tally};
 pub use optimise::{learning_rate, noise, update};
-pub use pulse::{Way, instrument, pulse, spot, sum_bins};
+pub use pulse::{Way, instrument, pulse, spot};
 pub use random::random3;
 pub use render::{
     Sample, backward, finish, forward, forward_pair, objective, places, residual, residual_weighted, sample,

@@ -24,11 +24,3 @@ pub fn instrument(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {
         Way::Back => spot(twin, &pulse(twin, values, way), way),
     }
 }
-
-/// Every `sum` neighbouring bins of histograms of `bins` bins as one. Bins at the end that do not fill one are left out.
-pub fn sum_bins(values: &[f32], bins: usize, sum: usize) -> Vec<f64> {
-    let wide = |h: &[f32]| -> Vec<f64> {
-        h.chunks_exact(sum).map(|narrow| narrow.iter().map(|v| f64::from(*v)).sum()).collect()
-    };
-    values.chunks_exact(bins).flat_map(wide).collect()
-}

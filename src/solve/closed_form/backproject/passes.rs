@@ -31,7 +31,7 @@ pub(super) const PROJECTED: Buffer = Buffer::named("projected");
 pub fn gather_filtered(s: &mut Schedule, plan: &Plan, level: &Level, taps: usize) {
     let voxels = level.grid.storage();
     over_parts(s, plan, level, |s, part| {
-        let cells = cells(part.own.count, level.bins);
+        let cells = cells(part.own.count, plan.scene.bins);
         s.dispatch(&FILTER, groups(cells, WORKGROUP), light(cells * 2 * taps))
             .bind(buffer::SCENE, part.own.scene)
             .bind(buffer::MEASURED, part.measured);

@@ -95,7 +95,6 @@ pub(super) fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -
     let model = Model {
         rendered: None,
         pulse: None,
-        pulse_shape: None,
         min_depth: image.min_depth.min(grid.depth_range()[1]),
         sampling: Sampling::Fixed,
         binning: Binning::Linear,
