@@ -38,7 +38,7 @@ mod upsample;
 
 use sharpness::Ladder;
 
-pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions, hat, passes};
+pub use backproject::{BpOptions, FbpOptions, Filter, OfProjection, PhasorBpOptions, hat, passes};
 pub use dlct::DlctOptions;
 pub use fk::FkOptions;
 pub use image::Volume;

@@ -88,7 +88,8 @@ impl Needs for PaperOptions {
             let rim = [buffer::RIM_MASK, buffer::RIM_RANKS, buffer::RIM_BEFORE, buffer::RIM_RANKS_BEFORE];
             all.extend(rim.map(|b| (b, masks)));
         }
-        if volumes(plan) == SMOOTH {
+        // From a quarter of the grid on, buffers that hold nothing between iterations are large enough.
+        if plan.domain.capacity < plan.domain.touched_capacity.max(plan.finest().grid.storage() / 4) {
             all.extend([(SMOOTH[0], (touched * 16).max(voxels * 4)), (SMOOTH[1], voxels * 4)]);
         }
         all
@@ -112,10 +113,9 @@ impl Needs for PaperOptions {
 }
 
 /// Two buffers for a number per voxel while the domain changes; the first has room for four numbers of every touched voxel,
-/// too. Those that hold nothing between iterations, where they are large enough.
+/// too.
 pub(super) fn volumes(plan: &Plan) -> [Buffer; 2] {
-    let large = plan.domain.capacity >= plan.domain.touched_capacity.max(plan.finest().grid.storage() / 4);
-    if large { [buffer::GRADIENT, buffer::SAMPLE_POINTS] } else { SMOOTH }
+    if plan.bytes_of(SMOOTH[0]) > 0 { SMOOTH } else { [buffer::GRADIENT, buffer::SAMPLE_POINTS] }
 }
 
 impl PaperOptions {

@@ -44,8 +44,7 @@ pub(crate) mod support;
 mod weights;
 
 pub(crate) use fit::{Fit, Quality};
-pub(crate) use needs::OfFit;
-pub use needs::{SMALL_PIXEL, pixels, points_of};
+pub use needs::{OfFit, SMALL_PIXEL, pixels, points_of};
 pub use follow::Follow;
 pub use options::{Begin, LEAST_FLOOR, SurfaceOptions};
 pub use pixels::Pixels;

@@ -28,8 +28,10 @@ const OF_PIXEL: [(Buffer, u64); 7] = [
 ];
 
 /// A fit of at most `iterations[1]` iterations, after `iterations[0]` of other fits.
-pub(crate) struct OfFit<'o> {
+pub struct OfFit<'o> {
+    /// The options of the solver.
     pub options: &'o SurfaceOptions,
+    /// Iterations of other fits, and the most of this one.
     pub iterations: [usize; 2],
 }
 

@@ -20,6 +20,7 @@ use crate::gpu::{Abilities, Gpu, Schedule};
 use crate::solve::option::{Options, options, words};
 pub use hat::hat;
 pub use passes::gather_filtered;
+pub use projecting::OfProjection;
 use crate::solve::{Common, Plan, Prepared, Problem, RunsOn, Solver, TimedSchedule, outline};
 use crate::transport::Grid;
 

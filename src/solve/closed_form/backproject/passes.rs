@@ -24,7 +24,7 @@ passes! {
 }
 
 /// A number per voxel.
-pub(super) const PROJECTED: Buffer = Buffer::named("projected");
+pub const PROJECTED: Buffer = Buffer::named("projected");
 
 /// Back-projects the filtered measurement into [`PROJECTED`]; the filter has so many `taps`, its two
 /// sides counted once.

@@ -36,11 +36,12 @@ const FEWEST: usize = 64;
 const COLUMNS: usize = 16;
 
 /// What a back-projection needs of a plan: the two passes, and a number per voxel.
-struct Passes {
-    pixels_per_voxel: usize,
+pub struct OfProjection {
+    /// Pixels of the maps side by side in a voxel.
+    pub pixels_per_voxel: usize,
 }
 
-impl Needs for Passes {
+impl Needs for OfProjection {
     fn demand(&self) -> Demand {
         Demand { pixels_per_voxel: self.pixels_per_voxel, ..NoPasses.demand() }
     }
@@ -105,7 +106,7 @@ pub(super) fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -
 }
 
 pub(super) fn plan(model: &Model, capture: &Capture, grid: Grid, abilities: &Abilities) -> Result<Plan> {
-    let needs = Passes { pixels_per_voxel: pixels_per_voxel(grid.n[0]) };
+    let needs = OfProjection { pixels_per_voxel: pixels_per_voxel(grid.n[0]) };
     let mut plan = Plan::new(model, grid, capture.resolution(), &needs, abilities, false)?;
     plan.passes.retain(|pass| [&FILTER, &BACKPROJECT].contains(pass));
     // What only rendering needs.
