@@ -6,6 +6,7 @@ use std::ops::ControlFlow;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use crate::capture::Capture;
+use crate::estimation::{Choice, Estimates, Resolved};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::session::{Session, SessionOptions};
@@ -14,7 +15,6 @@ use crate::solve::{
     Bins, Discretisation, Problem, Progress, Ready, SolverOptions, TracePoint, VolumeMap, Watch, conclude,
 };
 use crate::transport::Volume;
-use crate::estimation::{Choice, Estimates, Resolved};
 use crate::{Error, Result};
 
 type Hear = Arc<Mutex<dyn FnMut(&Progress) -> ControlFlow<()> + Send>>;

@@ -33,8 +33,8 @@ use crate::capture::{self, Capture, Gate, Summary, auto_gate, published_gate, re
 use crate::solve::Preset;
 use crate::tags;
 
-pub use crate::solve::{Bins, SolverOptions, check_solver, reflectance};
 pub use crate::estimation::{Choice, FindPulse, MODELS, Resolved, preset_for};
+pub use crate::solve::{Bins, SolverOptions, check_solver, reflectance};
 
 pub use advice::suggestions;
 pub use batch::{Batch, batch};

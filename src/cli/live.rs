@@ -9,8 +9,8 @@ use thirdbounce::capture::{Capture, Turn, auto_gate};
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::live::{self, News, Page, Source, Summary};
 use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
-use thirdbounce::solve::option::OptionValue;
 use thirdbounce::solve::Follow;
+use thirdbounce::solve::option::OptionValue;
 use thirdbounce::{Error, Result, capture, export, job};
 
 use super::histogram::FromTags;

@@ -7,13 +7,13 @@ use std::ops::ControlFlow;
 use super::preview::Preview;
 use super::sizes;
 use super::{Loaded, Request, SolverOptions, advice};
+use crate::estimation::{self, Estimates};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
 use crate::solve::{Problem, Progress, Ready, Reconstruction, Watch, conclude};
 use crate::transport::Grid;
-use crate::estimation::{self, Estimates};
 use crate::{Kind, Result};
 
 /// The result of a solve, and its figures.

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 
 use super::{Bins, FindPulse, Resolved, SolverOptions, places};
 use crate::capture::Capture;
+use crate::estimation::{EstimateRequest, Estimates};
 use crate::export;
 use crate::gpu::{Faults, Gpu, GpuOptions};
 use crate::maps::{Maps, Truth};
 use crate::solve::{Discretisation, Preset, Problem, Ready, pixel_of};
 use crate::transport::{Grid, Volume};
-use crate::estimation::{EstimateRequest, Estimates};
 use crate::{Error, Result};
 
 /// What to reconstruct, how, and where the results go. The capture is given separately.

@@ -44,9 +44,11 @@ pub fn filter_and_backproject() {
         project(&mut job, &["backproject"]);
         let filtered: Vec<f64> = want.iter().map(|w| f64::from(*w as f32)).collect();
         let want = twin::backproject(&twin, &filtered);
-        assert!([want.iter().filter(|v| **v > 0.0).count(), want.iter().filter(|v| **v < 0.0).count()]
-            .iter()
-            .all(|n| *n > 100));
+        assert!(
+            [want.iter().filter(|v| **v > 0.0).count(), want.iter().filter(|v| **v < 0.0).count()]
+                .iter()
+                .all(|n| *n > 100)
+        );
         assert!(error(read_floats(&mut job, PROJECTED, grid.storage()), want) < 3e-5);
     }
     assert_valid(&gpu);
