@@ -1,6 +1,5 @@
 // Back-projects the filtered histograms into every voxel of the grid, with the cosine toward a surface that faces the
-// wall; negative sums become zero. The result shows where a surface can be. One lane or several own
-// a voxel (slices.glsl).
+// wall. One lane or several own a voxel (slices.glsl).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require
@@ -27,5 +26,5 @@ void main() {
     sum = together(seat, vec4(sum, 0.0, 0.0, 0.0)).x;
     if (seat.slice != 0u || index >= all) return;
     if ((push.flags & BACKWARD_CONTINUE) != 0u) sum += projected[index];
-    projected[index] = (push.flags & BACKWARD_FINISH) != 0u ? max(sum, 0.0) : sum;
+    projected[index] = sum;
 }

@@ -1,7 +1,6 @@
 // Moves the state of the paper's solver after a change of the domain: voxels that stay touched take their state from
 // the old indices to the new ones, all others start at zero. DOUBLED: the old domain has half the lateral resolution,
-// and state is interpolated (doubled.glsl), zero where nothing was touched. One invocation owns one voxel that is
-// touched now. Writes `target`, which is copied back later, because other invocations still read the old indices.
+// and state is interpolated, zero where nothing was touched. One invocation owns one voxel that is touched now. Writes `target`, which is copied back later, because other invocations still read the old indices.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -26,9 +25,20 @@ vec4 state_at(uint index) {
     return at == NOWHERE ? vec4(0.0) : source[at];
 }
 
-vec4 coarse_at(uvec3 c) { return state_at(coarse_index(c)); }
-
-#include "doubled.glsl"
+// Linear along x and y, cell-centred (weights 1/4 and 3/4, clamped at the grid's edges).
+vec4 doubled(uvec3 c) {
+    ivec3 last = ivec3(grid_size()) / ivec3(2, 2, 1) - 1;
+    uvec3 parent = parent_of(c);
+    // The other parent lies on this child's side of its own parent.
+    uvec2 other = uvec2(clamp(ivec2(parent.xy) + ivec2(c.xy & 1u) * 2 - 1, ivec2(0), last.xy));
+    vec4 sum = vec4(0.0);
+    for (uint i = 0u; i < 4u; ++i) {
+        uvec2 take = uvec2(i, i >> 1) & 1u;
+        vec2 weights = mix(vec2(0.75), vec2(0.25), vec2(take));
+        sum += weights.x * weights.y * state_at(coarse_index(uvec3(parent.xy + take * (other - parent.xy), c.z)));
+    }
+    return sum;
+}
 
 void main() {
     uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;

@@ -1,5 +1,4 @@
-// Filters histograms for back-projection: weights by the inverse falloff, then a Mexican hat (the negative second
-// derivative of a Gaussian) along time. One invocation owns one cell; padding (place.glsl) becomes zero.
+// Filters histograms for back-projection: weights by the inverse falloff, then a filter along time. One invocation owns one cell; padding (place.glsl) becomes zero.
 // hat_taps: [0] = radius, then weights of bins from the middle on. A radius below zero stands for an odd filter: the
 // weights of earlier bins are the negatives of those of later ones.
 #version 460

@@ -21,7 +21,6 @@ layout(local_size_x_id = 10) in;
 layout(constant_id = 10) const uint LANES = 64u;
 layout(constant_id = 11) const uint CHUNK = 256u;
 layout(constant_id = 12) const uint SPLIT = 1u;
-layout(constant_id = 13) const uint BOUND = 0u; // 1: no surface cosines, for a bound of the operator
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 #include "chunks.glsl"
 #include "samples.glsl"
@@ -63,8 +62,8 @@ void main() {
         Arm a = arm_to(point_a, normal_a, s.xyz);
         Arm b = a;
         if (GEOMETRY == TWO_POINTS) b = arm_to(point_b, normal_b, s.xyz);
-        float value = s.w * (BOUND != 0u ? bound_of(a, b) : a.falloff * b.falloff);
-        if (BOUND == 0u && NORMALS) value *= shine(a, b, vector_at(slot));
+        float value = s.w * (a.falloff * b.falloff);
+        if (NORMALS) value *= shine(a, b, vector_at(slot));
         deposit(column, row, place_of(a, b), value, run);
         if (RUNS != 0u && slot % LONGEST_RUN == 0u) flush(row, run);
     }

@@ -23,7 +23,6 @@ layout(local_size_x_id = 10) in;
 layout(constant_id = 10) const uint LANES = 64u;
 layout(constant_id = 11) const uint CHUNK = 256u;
 layout(constant_id = 12) const uint SPLIT = 1u;
-layout(constant_id = 13) const uint BOUND = 0u; // as in forward.comp
 layout(constant_id = 14) const uint FORWARD_OTHERS = 1u;
 layout(constant_id = 15) const uint SHARED = 1u;
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
@@ -48,7 +47,7 @@ shared float other_rests[FINE * SHARED * BLOCK * FORWARD_OTHERS + 1u];
 float part(Arm arm, vec3 direction, bool directed) {
     float value = arm.falloff;
     if (REFLECTANCE == LAMBERTIAN) value *= arm.wall * arm.inverse;
-    if (BOUND == 0u && directed) value *= max(dot(direction, arm.way), 0.0) * arm.inverse;
+    if (directed) value *= max(dot(direction, arm.way), 0.0) * arm.inverse;
     return value;
 }
 

@@ -1,10 +1,9 @@
 // One axis of the separable Gaussian over the volume. One invocation owns one voxel and reads its 2 RADIUS + 1
-// neighbours along AXIS, zero beyond the grid. The first pass reads active voxels from the solver's state, the last one
-// keeps the maximum, so smoothing costs three passes and no copies. The first along x also resets what the later ones and
-// levels.comp add up: the maximum begins with word push.first of the counts, or with zero if that is 0. Like the published
-// code, it smooths the raw albedo before ELU: empty voxels around a surface are far below zero there, and take the haze
-// beside it along. Not with a noise term: where its least value is above what noise leaves in empty bins, all empty voxels
-// fall below zero, and take the surface along. ELU ends their fall at -1.
+// neighbours along AXIS, zero beyond the grid. The first pass, along x, reads active voxels from the solver's state, the
+// last one, along z, keeps the maximum, so smoothing costs three passes and no copies. The first also resets what the later ones and
+// levels.comp add up. Like the published code, it smooths the raw albedo before ELU: empty voxels around a surface are far
+// below zero there, and take the haze beside it along. Not with a noise term: where its least value is above what noise
+// leaves in empty bins, all empty voxels fall below zero, and take the surface along. ELU ends their fall at -1.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -12,8 +11,6 @@
 #include "largest.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint AXIS = 0u;
-layout(constant_id = 11) const uint FIRST = 1u; // source: 0 a volume, 1 albedo, 2 length of vectors
-layout(constant_id = 12) const uint LAST = 0u;
 layout(std430, set = 0, binding = 1) readonly buffer Taps { float taps[]; }; // [0] = radius, then weights 0..radius
 layout(std430, set = 0, binding = 2) readonly buffer Raw { vec4 raw[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Mask { uint mask[]; };
@@ -28,10 +25,9 @@ layout(std430, set = 0, binding = 8) writeonly buffer Levels { uint levels[]; };
 
 float value_at(uvec3 c) {
     uint index = voxel_index(c);
-    if (FIRST == 0u) return source[index];
+    if (AXIS != 0u) return source[index];
     uint slot = slot_of(index);
     if (slot == NOWHERE) return 0.0;
-    if (FIRST == 2u) return length(raw[slot].xyz);
     return scene.noise_base + scene.noise_span > 0.0 ? elu(raw[slot].x) : raw[slot].x;
 }
 
@@ -40,7 +36,7 @@ void main() {
     if (AXIS == 0u) {
         if (index < LEVELS) levels[index] = 0u;
         if (index == 0u) {
-            counts[COUNT_PEAK_SMOOTH] = push.first == 0u ? 0u : counts[push.first];
+            counts[COUNT_PEAK_SMOOTH] = 0u;
             counts[COUNT_LEAST_SMOOTH] = 0u;
         }
     }
@@ -59,7 +55,7 @@ void main() {
         }
         smoothed[index] = sum;
     }
-    if (LAST == 0u) return;
+    if (AXIS != 2u) return;
     uint peak = largest_of_group(vec2(max(sum, 0.0), 0.0)).x;
     if (gl_LocalInvocationID.x == 0u) atomicMax(counts[COUNT_PEAK_SMOOTH], peak);
 }

@@ -41,6 +41,6 @@ void main() {
         else learn(3u * (row + bin), residual[cells + bin]);
     }
     if (PER_HISTOGRAM == 0u) return;
-    sum = sum_over_group(vec4(sum)).x;
+    sum = sum_over_group(vec3(sum)).x;
     if (lane == 0u) learn(3u * pair, sum);
 }

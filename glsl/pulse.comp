@@ -1,15 +1,14 @@
 // Spreads histograms along time by the pulse's taps, as the instrument does. BACK: the adjoint, which takes a residual
-// back to the paths. SQUARED: squared taps, for variances.
+// back to the paths.
 // One invocation owns PULSE_RUN neighbouring cells of a row, so it reads each cell around them once. Padding
 // (place.glsl) is written as zero and ignored when read.
-// pulse_taps from push.first: taps before the path's own bin, number of taps, then weights.
+// pulse_taps: taps before the path's own bin, number of taps, then weights.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint BACK = 0u;
-layout(constant_id = 11) const uint SQUARED = 0u;
 #ifdef ACCUMULATE_FIXED
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Histograms { uvec2 histograms[]; };
@@ -33,15 +32,14 @@ void main() {
     int row = int(pair * scene.stride + PADDING);
     vec4 sums = vec4(0.0);
     if (pair < scene.pairs) {
-        int before = int(pulse_taps[push.first]);
-        int count = int(pulse_taps[push.first + 1u]);
-        uint first_tap = push.first + 2u;
+        int before = int(pulse_taps[0]);
+        int count = int(pulse_taps[1]);
         int first = BACK != 0u ? bin - before : bin + before - (count - 1);
         // Taps from the cell that is read to each of the four cells.
         vec4 taps = vec4(0.0);
         for (int i = 0; i < count + int(PULSE_RUN) - 1; ++i) {
-            float tap = i < count ? pulse_taps[first_tap + uint(BACK != 0u ? i : count - 1 - i)] : 0.0;
-            taps = vec4(SQUARED != 0u ? tap * tap : tap, taps.xyz);
+            float tap = i < count ? pulse_taps[2u + uint(BACK != 0u ? i : count - 1 - i)] : 0.0;
+            taps = vec4(tap, taps.xyz);
             int at = first + i;
             if (at >= 0 && at < bins) sums += taps * value_of(uint(row + at));
         }

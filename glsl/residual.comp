@@ -12,7 +12,6 @@
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint NOISE = 0u;    // 0 none, 1 a weight per bin, 2 a weight per histogram
 layout(constant_id = 11) const uint WEIGHTED = 0u; // weigh squared differences by the inverse falloff
-layout(constant_id = 12) const uint MEASURE = 1u;  // 0: compare with zero, for bounds of the operator
 layout(constant_id = 13) const uint SEEN = 0u;     // 1: compare the output of pulse.comp or spot.comp
 layout(constant_id = 14) const uint SPOT = 0u;     // 1: rendered pairs are others than measured ones: clear nothing
 layout(constant_id = 15) const uint GROUPED = 0u;  // 1: one partial sum of a workgroup
@@ -45,7 +44,7 @@ vec3 compare(uint cell, uint pair, uint bin) {
         open = rendered > 0.0 ? 1.0 : 0.0;
         rendered = max(rendered, 0.0);
     }
-    float difference = rendered - (MEASURE != 0u ? measured[index] : 0.0);
+    float difference = rendered - measured[index];
     float weight = WEIGHTED != 0u ? bin_weight(bin) : 1.0;
     residual[cell] = 2.0 * scene.loss_scale * scene.render_scale * open * weight * difference;
     return vec3(difference * difference * vec2(weight, 1.0), abs(rendered));
@@ -76,7 +75,7 @@ void main() {
     }
     bool more = (push.flags & BACKWARD_CONTINUE) != 0u;
     if (GROUPED != 0u) {
-        vec4 all = sum_over_group(vec4(squared.xy, 0.0, 0.0));
+        vec3 all = sum_over_group(vec3(squared.xy, 0.0));
         if (gl_LocalInvocationID.x == 0u) loss_partials[group] = all.xy + (more ? loss_partials[group] : vec2(0.0));
     } else {
         uint own = group * WORKGROUP + gl_LocalInvocationID.x;

@@ -2,7 +2,7 @@
 // smooth there. With S the roots of the bins' weights, d the difference of a row from its measurement, and
 //   F = 1 - slow_share (1 + k L)^-1,   k = a / (1 - a)^2, a = slow_decay, L the second difference with free ends,
 // the loss is |F S d|^2, and the residual S F F S d times what residual.comp multiplies by (transport/high_pass.rs).
-// F is symmetric and its eigenvalues lie between 1 - slow_share and 1, so bounds of S S bound this one too.
+// F is symmetric and its eigenvalues lie between 1 - slow_share and 1.
 // One invocation owns a row. It solves the three-term equations of L by elimination: forward along the bins, back with
 // the answer and at once forward again from the other end, and back once more. In between, the row of `residual` holds
 // what goes into a solve, and the row that was compared holds what comes out of its elimination.

@@ -67,7 +67,7 @@ void main() {
         magnitude = abs(albedo);
         watch(finite(v.x + v.y + v.z + v.w), FAULT_SAMPLE);
     }
-    float sum = sum_over_group(vec4(magnitude)).x;
+    float sum = sum_over_group(vec3(magnitude)).x;
     // For the fixed-point scale.
     uint peak = largest_of_group(vec2(magnitude, 0.0)).x;
     if (lane == 0u) {

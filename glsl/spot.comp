@@ -1,6 +1,5 @@
 // Sums histograms over the instrument's spot on the wall: light is rendered for sharp pairs, and a measured pair sees
-// several. By transposed tables, the adjoint, which takes a residual back to rendered pairs. SQUARED: squared weights,
-// for variances.
+// several. By transposed tables, the adjoint, which takes a residual back to rendered pairs.
 // One invocation owns PULSE_RUN neighbouring cells of one sum, so the table is read once for them. Padding (place.glsl)
 // is written as zero and ignored when read.
 // spot_taps from push.first (transport/spot/taps.rs): rows, columns and inner; for every row the number of entries before
@@ -10,7 +9,6 @@
 #include "shared.glsl"
 #include "grid.glsl"
 layout(local_size_x = 64) in;
-layout(constant_id = 10) const uint SQUARED = 0u;
 #ifdef ACCUMULATE_FIXED
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Histograms { uvec2 histograms[]; };
@@ -44,7 +42,6 @@ void main() {
         for (uint i = spot_taps[offsets + row]; i < end; ++i) {
             uint from = (first + spot_taps[entries + 2u * i]) * inner + sum % inner;
             float weight = uintBitsToFloat(spot_taps[entries + 2u * i + 1u]);
-            if (SQUARED != 0u) weight *= weight;
             // Behind a row's last cell lie at least PADDING more, so PULSE_RUN cells are there. Those are not used.
             uint at = from * scene.stride + cell;
             sums += weight * vec4(value_of(at), value_of(at + 1u), value_of(at + 2u), value_of(at + 3u));

@@ -77,10 +77,10 @@ void main() {
         height_gradient[pixel] = vec4(tilts, deeper, brighter);
         pull = abs(vec2(deeper, brighter));
     }
-    vec4 all = sum_over_group(vec4(energy, 0.0, 0.0, 0.0));
+    float all = sum_over_group(vec3(energy)).x;
     uvec2 most = largest_of_group(pull);
     if (gl_LocalInvocationID.x != 0u) return;
-    l1_partials[group_index()] = all.x;
+    l1_partials[group_index()] = all;
     atomicMax(surface_weights[SURFACE_LARGEST], most.x);
     atomicMax(surface_weights[SURFACE_LARGEST + 1u], most.y);
 }

@@ -1,4 +1,4 @@
-// The gradient at a point of the surface, gathered over pairs as in step.comp: by its vector (or albedo) and by its
+// The gradient at a point of the surface, gathered over pairs (slope.glsl): by its vector (or albedo) and by its
 // depth. Depth moves the point's path along the residual's rise from bin to bin, and changes the point's value.
 // Writes (d/d vector, d/d depth), or (d/d albedo, d/d depth, 0, 0) for surfaces without normals.
 // One lane or several own a point (slices.glsl).

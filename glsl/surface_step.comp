@@ -81,7 +81,7 @@ void main() {
     barrier();
     if (!is_last) return;
     memoryBarrierBuffer();
-    vec4 sum = sum_of_partials();
+    vec3 sum = sum_of_partials();
     if (gl_LocalInvocationID.x != 0u) return;
     write_row(sum);
     counts[COUNT_ARRIVED] = 0u;

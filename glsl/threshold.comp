@@ -1,9 +1,8 @@
 // Domain reduction. A voxel becomes active if its smoothed albedo is above the given share of the maximum and not below
 // the least that there is room for (room.comp), and if it is not too near and within reach of a bin. It may have been
 // inactive before: smoothing lets the domain grow back a little, as in the paper. push.flags holds the share's bits.
-// Where no smoothed albedo is above zero there is no maximum to take a share of: the paper's solver, which smooths raw
-// albedo, then keeps the domain as it is if that has at most push.first voxels. Other callers pass 0.
-// With push.last, keeps the old mask and its ranks, by which state is moved. Counts the voxels of each brick, as
+// Where no smoothed albedo is above zero there is no maximum to take a share of: the domain stays unchanged if it has at
+// most push.first voxels. Keeps the old mask and its ranks, by which state is moved. Counts the voxels of each brick, as
 // compact_count.comp does for other masks. One invocation owns one word of the mask, 32 voxels.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -39,11 +38,9 @@ void main() {
     bool owned = at < brick_count() * 16u;
     uint word = 0u;
     if (owned) {
-        if (push.last != 0u) {
-            mask_before[at] = mask[at];
-            ranks_before[at] = ranks[at];
-        }
-        bool stays = push.first != 0u && counts[COUNT_PEAK_SMOOTH] == 0u && counts[COUNT_ACTIVE] <= push.first;
+        mask_before[at] = mask[at];
+        ranks_before[at] = ranks[at];
+        bool stays = counts[COUNT_PEAK_SMOOTH] == 0u && counts[COUNT_ACTIVE] <= push.first;
         word = stays ? mask[at] : kept(at);
         mask[at] = word;
     }

@@ -1,36 +1,29 @@
 // What closes an iteration: sums of what workgroups left, the row of the trace. A workgroup of 64 lanes does it. Needs
-// grid.glsl, sums.glsl, and the buffers counts, loss_partials, l1_partials and trace; with AGAINST against_partials, too.
-layout(constant_id = 11) const uint SUMMED = WORKGROUP; // voxels of one partial sum; 0: those of a workgroup of step.comp
+// grid.glsl, sums.glsl, and the buffers counts, loss_partials, l1_partials and trace.
+layout(constant_id = 11) const uint SUMMED = WORKGROUP; // samples of one partial sum
 layout(constant_id = 12) const uint GROUPED = 0u; // 1: one partial loss of a workgroup of residual.comp
 layout(constant_id = 14) const uint ROWS = 0u;    // 1: one partial loss of a row of residual_rows.comp
-#include "slices.glsl"
 
-// Objective, plain loss and L1 term as sums in a fixed order, for all lanes; with AGAINST the sum of these, too.
-vec4 sum_of_partials() {
+// Objective, plain loss and L1 term as sums in a fixed order, for all lanes.
+vec3 sum_of_partials() {
     uint lane = gl_LocalInvocationID.x;
-    vec4 sum = vec4(0.0);
+    vec3 sum = vec3(0.0);
     uint tile = WORKGROUP * RESIDUAL_BINS;
     uint losses = (cell_count() + tile - 1u) / tile * (GROUPED != 0u ? 1u : WORKGROUP);
     if (ROWS != 0u) losses = scene.pairs;
     // Unrolled 32 times: otherwise lavapipe's limit of 65,535 loop turns would end the sum after 2^26 bins in total.
 #define ADD(k) if (i + k * WORKGROUP < losses) sum.xy += loss_partials[i + k * WORKGROUP];
 #define ADD_4(k) ADD((k)) ADD((k + 1u)) ADD((k + 2u)) ADD((k + 3u))
-    uint summed = SUMMED == 0u ? samples_of_group(slices_of(counts[COUNT_ACTIVE])) : SUMMED;
-    uint voxel_groups = (counts[COUNT_ACTIVE] + summed - 1u) / summed;
+    uint sample_groups = (counts[COUNT_ACTIVE] + SUMMED - 1u) / SUMMED;
     for (uint i = lane; i < losses; i += 32u * WORKGROUP) {
         ADD_4(0u) ADD_4(4u) ADD_4(8u) ADD_4(12u) ADD_4(16u) ADD_4(20u) ADD_4(24u) ADD_4(28u)
     }
-    for (uint i = lane; i < voxel_groups; i += WORKGROUP) {
-        sum.z += l1_partials[i];
-#ifdef AGAINST
-        if (ACCELERATED != 0u) sum.w += against_partials[i];
-#endif
-    }
+    for (uint i = lane; i < sample_groups; i += WORKGROUP) sum.z += l1_partials[i];
     return sum_over_group(sum);
 }
 
 // Writes the iteration's row of the trace, and resets the maximum for the next one. For one lane.
-void write_row(vec4 sum) {
+void write_row(vec3 sum) {
     uint row = push.iteration * TRACE_ROW;
     trace[row + TRACE_DATA] = floatBitsToUint(sum.y * scene.loss_scale);
     trace[row + TRACE_L1] = floatBitsToUint(sum.z);

@@ -20,12 +20,12 @@ uint brick_order(uvec3 c, uint bricks_x, uint bricks_y) {
 
 uint voxel_index(uvec3 c) { return brick_order(c, scene.bricks_x, scene.bricks_y); }
 
-// The voxel of the grid before that voxel c is a part of.
-uvec3 parent_of(uvec3 c) { return c / uvec3(scene.from_wide, scene.from_wide, scene.from_deep); }
+// The voxel of the grid before, which has half the lateral resolution, that contains voxel c.
+uvec3 parent_of(uvec3 c) { return c >> uvec3(1u, 1u, 0u); }
 
 // Storage index of voxel c in the grid before.
 uint coarse_index(uvec3 c) {
-    uvec2 size = uvec2(scene.grid_x, scene.grid_y) / scene.from_wide;
+    uvec2 size = uvec2(scene.grid_x, scene.grid_y) / 2u;
     return brick_order(c, (size.x + 7u) / 8u, (size.y + 7u) / 8u);
 }
 

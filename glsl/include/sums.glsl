@@ -1,8 +1,8 @@
 // Sums over a workgroup of WORKGROUP lanes in a fixed order: the bits are the same in every run.
 
-shared vec4 sums[WORKGROUP];
+shared vec3 sums[WORKGROUP];
 
-vec4 sum_over_group(vec4 value) {
+vec3 sum_over_group(vec3 value) {
     uint lane = gl_LocalInvocationID.x;
     sums[lane] = value;
     barrier();

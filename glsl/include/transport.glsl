@@ -68,11 +68,6 @@ Arm arm_to(vec3 point, vec3 normal, vec3 x) {
 // Product of both cosines at the wall, for Lambertian surfaces.
 float walls(Arm a, Arm b) { return a.wall * a.inverse * (b.wall * b.inverse); }
 
-// Upper bound of a pair's value over all unit vectors: all factors that do not depend on the surface's direction.
-float bound_of(Arm a, Arm b) {
-    return a.falloff * b.falloff * (REFLECTANCE == LAMBERTIAN ? walls(a, b) : 1.0);
-}
-
 // Keeps 1 / |v| finite at v = 0: about the smallest square that fp32 holds with all its bits.
 const float LEAST_SQUARE = 1e-36;
 

@@ -99,7 +99,6 @@ impl Trial {
     ) -> Result<Option<Fitted>> {
         for side in [&mut self.seen, &mut self.held] {
             side.pulse = pulse.map(|p| p.taps(side.bin_width)).transpose()?;
-            side.pulse_shape = pulse.cloned();
         }
         let iterations = ITERATIONS[1] + if from.is_none() { ROUNDS * ITERATIONS[0] } else { 0 };
         let [plan, plan_of_held] = self.plans(iterations)?;

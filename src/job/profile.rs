@@ -188,8 +188,7 @@ fn voxels_of(plan: &Plan, min_depth: f64) -> BTreeMap<u64, usize> {
         let layers = ((min_depth - g.origin.z) / g.pitch.z - 1e-6).ceil().max(0.0);
         g.n[0] * g.n[1] * g.n[2].saturating_sub(layers as usize)
     };
-    let levels = plan.levels.all();
-    levels.map(|l| (l.grid.n[0] as u64, far(&l.grid))).collect()
+    plan.levels.volume.iter().map(|l| (l.grid.n[0] as u64, far(&l.grid))).collect()
 }
 
 fn check_clock(gpu: &Gpu) -> Result<()> {

@@ -72,7 +72,6 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "gate_was_found": loaded.gate.is_some() && loaded.input.gate.is_none(),
         "bins": request.bins,
         "bins_summed": done.sum,
-        "bins_summed_for_volume": done.sum * result.plan.finest().sum,
         "levels": result.plan.levels.volume.iter().map(level_json).collect::<Vec<_>>(),
         "grid": grid.n,
         "grid_reached": [result.maps.nx, result.maps.ny, grid.n[2]],
@@ -109,13 +108,11 @@ fn background_of(loaded: &Loaded, done: &Finished) -> Option<f64> {
     }
 }
 
-/// A level of the volume. Bins are those of the solver, after [`Finished::sum`].
+/// A level of the volume.
 fn level_json(level: &Level) -> Value {
     json!({
         "voxel": level.grid.pitch.to_array(),
         "pairs": level.pairs,
-        "bins_summed": level.sum,
-        "bins": level.bins,
     })
 }
 

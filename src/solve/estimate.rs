@@ -1,4 +1,4 @@
-//! Estimates that the vector solver makes from the data.
+//! Estimates from the data: noise, energy, and how many pairs are enough.
 
 use std::ops::Range;
 
@@ -154,4 +154,71 @@ fn variance_above(capture: &Capture, empty: f64) -> f64 {
         if ratio(middle) > QUARTILE { low = middle } else { high = middle }
     }
     0.5 * (low + high)
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, Poisson};
+    use rand_pcg::Pcg64;
+
+    use super::*;
+
+    /// Photon counts of 16 x 16 pairs: a peak of the given size on a level of dark counts.
+    pub fn counts(peak: f64, dark: f64, at: f64, seed: u64) -> Capture {
+        let mut random = Pcg64::seed_from_u64(seed);
+        let bins = 256;
+        let wall: Vec<_> =
+            (0..256).map(|i| glam::dvec3(f64::from(i / 16), f64::from(i % 16), 0.0) / 16.0).collect();
+        let mean = |bin: usize| dark + peak * (-0.5 * ((bin as f64 - at) / 12.0).powi(2)).exp();
+        let mut draw = |i: usize| match Poisson::new(mean(i % bins)) {
+            Ok(counts) => counts.sample(&mut random) as f32,
+            Err(_) => 0.0,
+        };
+        let histograms = (0..256 * bins).map(&mut draw).collect();
+        let mut made = Capture::new([16, 16], wall.clone(), wall, bins, 0.01, histograms);
+        made.integer_counts = true;
+        made
+    }
+
+    /// The same pairs with these values, which are not photon counts.
+    fn values(capture: &Capture, histograms: Vec<f32>) -> Capture {
+        capture.clone().with(|c| (c.integer_counts, c.histograms) = (false, histograms))
+    }
+
+    #[test]
+    fn background_is_the_dark_level_behind_the_signal() {
+        for (dark, seed) in [(1.0, 1), (5.0, 2), (40.0, 3)] {
+            let level = background(&counts(60.0, dark, 90.0, seed));
+            assert!((level / dark - 1.0).abs() < 0.05, "{dark} is taken for {level}");
+        }
+        assert_eq!(background(&counts(60.0, 0.0, 90.0, 4)), 0.0);
+    }
+
+    #[test]
+    fn there_is_no_background_where_the_signal_ends_the_histogram() {
+        // The strongest bin is among the last, so the values there are signal.
+        for at in [245.0, 250.0, 255.0] {
+            assert_eq!(background(&counts(60.0, 1.0, at, 5)), 0.0, "{at}");
+        }
+        let one_bin = counts(60.0, 1.0, 90.0, 6).with(|c| (c.bins, c.histograms) = (1, vec![7.0; 256]));
+        assert_eq!(background(&one_bin), 0.0);
+    }
+
+    #[test]
+    fn variance_per_count_is_the_scale_of_scaled_photons() {
+        let photons = counts(200.0, 20.0, 120.0, 7);
+        assert_eq!(variance_per_count(&photons), 1.0, "photons");
+        for factor in [1.0, 0.037, 512.0] {
+            let scaled = values(&photons, photons.histograms.iter().map(|h| h * factor).collect());
+            let found = variance_per_count(&scaled) / f64::from(factor);
+            assert!((found - 1.0).abs() < 0.2, "{factor}: {found}");
+        }
+        // Without noise the background is almost zero, and nothing is subtracted from zero.
+        let smooth = |i: usize| 100.0 + 50.0 * (i as f32 / 40.0).sin();
+        let silent = values(&photons, (0..photons.histograms.len()).map(|i| smooth(i % 256)).collect());
+        assert!(variance_per_count(&silent) < 1e-3);
+        let empty = values(&silent, vec![0.0; photons.histograms.len()]);
+        assert_eq!(variance_per_count(&empty), 0.0);
+    }
 }

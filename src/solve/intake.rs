@@ -87,13 +87,9 @@ pub(super) struct Tally {
     pub range: [f64; 2],
 }
 
-/// The numbers of pairs that sums are needed over: those of all levels, ascending, all pairs last.
+/// The numbers of pairs that sums are needed over, ascending.
 fn ends(plan: &Plan) -> Vec<usize> {
-    let levels = plan.levels.all();
-    let mut ends: Vec<usize> = levels.map(|level| level.pairs).chain([plan.scene.pairs]).collect();
-    ends.sort_unstable();
-    ends.dedup();
-    ends
+    vec![plan.scene.pairs]
 }
 
 /// Slices of the pairs up to each of `ends`, from the end before: first pair, end, pairs of a slice, slices.
@@ -176,7 +172,7 @@ pub fn intake(
 /// # Errors
 /// Those of `reserve`.
 pub(super) fn each(plan: &Plan, rows: &Rows, reserve: &mut dyn FnMut(&Schedule) -> Result<()>) -> Result<()> {
-    for source in std::iter::once(buffer::HISTOGRAMS).chain(measured(plan)) {
+    for source in [buffer::HISTOGRAMS, buffer::MEASURED] {
         let of_source = |s: &mut Schedule| {
             tally_of(s, source, LentRows::of_bins(plan.scene.bins), Format::F32, &ends(plan));
         };
@@ -185,11 +181,6 @@ pub(super) fn each(plan: &Plan, rows: &Rows, reserve: &mut dyn FnMut(&Schedule) 
     reserve(&Schedule::of(|s| {
         intake(s, plan, rows, LentRows::of_bins(plan.scene.bins), Format::F32, [1.0, 0.0])
     }))
-}
-
-/// The measurement in the bins of all levels: the model's own first, then those that are summed ([`Plan::levels`]).
-fn measured(plan: &Plan) -> impl Iterator<Item = Buffer> {
-    std::iter::once(buffer::MEASURED).chain(plan.levels.summed().map(|level| level.measured))
 }
 
 /// Uploads which of a caller's rows are the model's.
@@ -235,26 +226,17 @@ pub(super) fn take(
     let plan = job.plan.clone();
     upload_measurement(job, |s| intake(s, &plan, rows, lent, frame.format, [scale, level * scale]))?;
     let ends = ends(&plan);
-    let bins: Vec<usize> = std::iter::once(&job.model).chain(&job.summed).map(|m| m.bins).collect();
-    let mut found = vec![];
-    for (source, bins) in measured(&plan).zip(bins) {
-        found.push(Some(tally(job, source, LentRows::of_bins(bins), Format::F32, &ends)?.moments));
-    }
-    let models = std::iter::once(&mut job.model).chain(&mut job.summed);
-    models.zip(found).for_each(|(model, moments)| model.moments = moments);
+    let own = LentRows::of_bins(job.model.bins);
+    job.model.moments = Some(tally(job, buffer::MEASURED, own, Format::F32, &ends)?.moments);
     Ok(noise(sums, pairs, level))
 }
 
-/// Leaves the measurement in the bins of all levels, by `intake` at first, and their scenes.
+/// Leaves the measurement by `intake`, and the scenes.
 fn upload_measurement(job: &mut OnDevice, intake: impl FnOnce(&mut Schedule)) -> Result<()> {
-    let OnDevice { plan, model, summed, executor, .. } = job;
-    for (wide, level) in summed.iter_mut().zip(plan.levels.summed()) {
-        wide.take_sums(model, level.sum);
-    }
+    let OnDevice { plan, model, executor, .. } = job;
     let mut all = Uploads::begin(executor)?;
-    all.add_scenes(plan, model, summed)?;
+    all.add_scenes(plan, model)?;
     all.then(intake);
-    all.then(|s| super::sum_bins(s, plan));
     all.run()
 }
 

@@ -10,7 +10,6 @@ mod bins;
 pub mod closed_form;
 mod conditions;
 mod discretisation;
-mod domain;
 pub(crate) mod drive;
 mod estimate;
 mod extent;
@@ -34,7 +33,6 @@ mod trace;
 pub use bins::Bins;
 pub use conditions::conclude;
 pub use discretisation::{Discretisation, Ready};
-pub use domain::{compact, extract};
 pub use drive::{Beside, Doing, Progress, Watch};
 pub use estimate::{background, expected_noise, variance_per_count, variances};
 pub(crate) use estimate::{enough_pairs, weighted_sum};
@@ -44,11 +42,10 @@ pub use intake::{Format, LentCounts, intake, tally_of};
 pub use on_device::{OnDevice, VolumeMap, upload};
 pub use option::{Preset, Suit};
 pub use outline::{Step, TimedSchedule, When};
-pub use over_pairs::sum_bins;
 pub use paper::{Decay, NoiseTerm, PaperOptions};
 pub use plan::{
-    Accumulation, COLUMNS_HOST, ConstantValue, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart,
-    Pass, Plan, RESIDUAL_HOST, SMOOTH, Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
+    Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart, Pass, Plan,
+    RESIDUAL_HOST, Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
 };
 pub use prepared::Prepared;
 pub use problem::Problem;

@@ -4,9 +4,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::lists::Lists;
-use super::over_pairs::sum_bins;
 use super::plan::{COLUMNS_HOST, MASK_HOST, PairPart, RAW_HOST, UPLOAD};
-use super::{Level, Plan, rounding};
+use super::{Plan, rounding};
 use crate::Result;
 use crate::gpu::{Arena, Buffer, Command, Executor, Gpu, Schedule};
 use crate::maps::Maps;
@@ -19,8 +18,6 @@ pub struct OnDevice {
     pub plan: Arc<Plan>,
     /// The capture as kernels see it.
     pub model: Model,
-    /// The same in the wider bins of levels of the volume.
-    pub summed: Vec<Model>,
     /// Runs schedules over the buffers.
     pub executor: Executor,
     /// What the driver works with.
@@ -39,8 +36,7 @@ impl OnDevice {
         let mut executor = Executor::new(gpu, arena)?;
         let kernels: Vec<_> = plan.passes.iter().map(|pass| pass.wanted(&plan)).collect();
         executor.add_kernels(&kernels)?;
-        let summed = plan.levels.summed().map(|level| model.summed(level.sum)).collect();
-        let mut made = OnDevice { plan, model, summed, executor, lists: Lists::default() };
+        let mut made = OnDevice { plan, model, executor, lists: Lists::default() };
         made.upload()?;
         Ok(made)
     }
@@ -50,7 +46,6 @@ impl OnDevice {
     /// # Errors
     /// The device fails.
     pub fn put(&mut self, model: Model, plan: Arc<Plan>) -> Result<()> {
-        self.summed = plan.levels.summed().map(|level| model.summed(level.sum)).collect();
         (self.plan, self.model) = (plan, model);
         self.upload()
     }
@@ -62,79 +57,55 @@ impl OnDevice {
     pub fn upload(&mut self) -> Result<()> {
         self.upload_scan()?;
         let mut counts = Uploads::begin(&mut self.executor)?;
-        counts.add_counts(&self.plan, &self.model, &self.summed)?;
+        counts.add_counts(&self.plan, &self.model)?;
         counts.run()
     }
 
-    /// Follows a change of the model's measured values and their variance: sums them, and uploads both. Returns before
-    /// the device is done.
+    /// Follows a change of the model's measured values and their variance. Returns before the device is done.
     ///
     /// # Errors
     /// The device fails.
     pub(super) fn upload_counts(&mut self) -> Result<()> {
-        let OnDevice { plan, model, summed, executor, .. } = self;
-        for (wide, level) in summed.iter_mut().zip(plan.levels.summed()) {
-            wide.take_sums(model, level.sum);
-        }
+        let OnDevice { plan, model, executor, .. } = self;
         let mut counts = Uploads::begin(executor)?;
-        counts.add_counts(plan, model, summed)?;
+        counts.add_counts(plan, model)?;
         counts.submit()
     }
 
     /// Fills the buffers that hold what does not depend on the counts.
     fn upload_scan(&mut self) -> Result<()> {
-        let OnDevice { plan, model, summed, executor, .. } = self;
+        let OnDevice { plan, model, executor, .. } = self;
         let mut all = Uploads::begin(executor)?;
-        let whole = |l: &&Level| l.wall == buffer::WALL && !plan.is_cut(l);
-        if plan.levels.all().any(|l| whole(&l)) {
+        if plan.is_cut() {
+            for part in plan.parts(plan.finest()) {
+                let wall = model.wall.stretch(part.first, part.own.count);
+                all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words()));
+            }
+        } else {
             all.add(buffer::WALL, bytemuck::cast_slice(&model.wall.words()))?;
-        }
-        for (level, part) in plan.cut_levels().flat_map(|l| plan.parts(l).map(move |p| (l, p))) {
-            let wall = model.wall.first(level.pairs).stretch(part.first, part.own.count);
-            all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words()));
         }
         for batch in plan.batches_held() {
             let wall = model.wall.stretch(batch.first, batch.pairs);
             all.add(batch.wall, bytemuck::cast_slice(&wall.words()))?;
         }
-        let mut taps = vec![(plan.domain.taps.len() - 1) as f32];
-        taps.extend(plan.domain.taps.iter().map(|w| *w as f32));
-        all.add(buffer::TAPS, bytemuck::cast_slice(&taps))?;
+        if let Some(radius) = plan.domain.taps.len().checked_sub(1) {
+            let words: Vec<f32> =
+                std::iter::once(radius as f32).chain(plan.domain.taps.iter().map(|w| *w as f32)).collect();
+            all.add(buffer::TAPS, bytemuck::cast_slice(&words))?;
+        }
         if let Some(pulse) = &model.pulse {
             all.add(buffer::PULSE_TAPS, bytemuck::cast_slice(&pulse.words()))?;
         }
-        for (level, pulse) in
-            plan.levels.summed().zip(summed.iter()).filter_map(|(l, m)| Some((l, m.pulse.as_ref()?)))
-        {
-            all.add(level.taps, bytemuck::cast_slice(&pulse.words()))?;
-        }
-        for level in plan.levels.all() {
-            if let Some(spots) = plan.spots_of(level) {
-                all.add(level.rendered.wall, bytemuck::cast_slice(&spots.rendered.wall.words()))?;
-            }
-        }
-        for spots in &plan.levels.spots {
-            all.add(spots.taps, bytemuck::cast_slice(&spots.words()))?;
+        if let Some(spots) = &plan.levels.spots {
+            all.add(plan.finest().rendered.wall, bytemuck::cast_slice(&spots.rendered.wall.words()))?;
+            all.add(buffer::SPOT_TAPS, bytemuck::cast_slice(&spots.words()))?;
         }
         for (level, reachable) in plan.levels.volume.iter().zip(&plan.levels.reachable) {
             let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();
             all.add(level.reachable, bytemuck::cast_slice(&bricks))?;
-            if level.wall != buffer::WALL && !plan.is_cut(level) {
-                let words = model.wall.first(level.pairs).words();
-                all.add(level.wall, bytemuck::cast_slice(&words))?;
-            }
         }
         all.run()
     }
-
-    /// The model in the bins of a level.
-    pub fn model_of(&self, level: &Level) -> &Model {
-        in_bins_of(level, &self.model, &self.summed)
-    }
-}
-
-fn in_bins_of<'m>(level: &Level, model: &'m Model, summed: &'m [Model]) -> &'m Model {
-    summed.iter().find(|m| level.sum > 1 && m.bin_width == level.bin_width).unwrap_or(model)
 }
 
 /// Volume of a finished solve.
@@ -206,67 +177,35 @@ impl<'e> Uploads<'e> {
         submitted.map(|_| ())
     }
 
-    /// Adds the scenes, the measured values and their sums.
-    fn add_counts(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
-        self.add_scenes(plan, model, summed)?;
-        if plan.division.cut.is_some() {
-            return self.add_parts(plan, model, summed);
+    /// Adds the scenes and the measured values. Stores those of parts.
+    fn add_counts(&mut self, plan: &Plan, model: &Model) -> Result<()> {
+        self.add_scenes(plan, model)?;
+        if !plan.is_cut() {
+            return self.add(buffer::MEASURED, bytemuck::cast_slice(&model.measured));
         }
-        self.add(buffer::MEASURED, bytemuck::cast_slice(&model.measured))?;
-        self.then(|s| sum_bins(s, plan));
-        Ok(())
-    }
-
-    /// Adds the scenes, which hold the variance of the measured values.
-    pub fn add_scenes(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
-        for level in plan.levels.all().chain(plan.batches_held()) {
-            let own = in_bins_of(level, model, summed);
-            let scene = own.scene_of(&level.grid, level.pairs);
-            let scene = plan.scene_of(level, &plan.measured(level), scene);
-            self.add(level.scene, bytemuck::bytes_of(&scene))?;
-            if let Some(spots) = plan.spots_of(level) {
-                let scene = own.scene_of_rendered(&level.grid, level.pairs, &spots.rendered);
-                let scene = plan.scene_of(level, &level.rendered, scene);
-                self.add(level.rendered.scene, bytemuck::bytes_of(&scene))?;
-            }
+        // An outline has no counts yet.
+        for part in plan.parts(plan.finest()).filter(|_| !model.measured.is_empty()) {
+            let bins = part.first * model.bins..(part.first + part.own.count) * model.bins;
+            self.store(&part, part.measured, bytemuck::cast_slice(&model.measured[bins]));
         }
         Ok(())
     }
 
-    /// Adds what [`Uploads::add_counts`] does, for pairs in parts: the measured values of whole levels, as they are and
-    /// summed, and the scenes of parts. Stores the measured values of parts.
-    fn add_parts(&mut self, plan: &Plan, model: &Model, summed: &[Model]) -> Result<()> {
-        let mut added = vec![];
-        for level in plan.levels.all().filter(|l| !plan.is_cut(l)) {
-            if !added.contains(&level.measured) {
-                // The most pairs of any whole level with these bins; others have the first of them.
-                let room = plan.bytes_of(level.measured) as usize / 4;
-                let own = in_bins_of(level, model, summed);
-                let own = &own.measured;
-                self.add(level.measured, bytemuck::cast_slice(&own[..room.min(own.len())]))?;
-                added.push(level.measured);
+    /// Adds the scenes of levels, of batches and of parts.
+    pub fn add_scenes(&mut self, plan: &Plan, model: &Model) -> Result<()> {
+        for level in plan.levels.volume.iter().chain(plan.batches_held()) {
+            let scene = model.scene_of(&level.grid, level.pairs);
+            self.add(level.scene, bytemuck::bytes_of(&plan.scene_of(&plan.measured(level), scene)))?;
+            if let Some(spots) = &plan.levels.spots {
+                let scene = model.scene_of_rendered(&level.grid, level.pairs, &spots.rendered);
+                self.add(level.rendered.scene, bytemuck::bytes_of(&plan.scene_of(&level.rendered, scene)))?;
             }
-        }
-        let mut stored = vec![];
-        for level in plan.cut_levels() {
-            let own = in_bins_of(level, model, summed);
-            let scene = own.scene_of(&level.grid, level.pairs);
-            for part in plan.parts(level) {
-                let of_part = plan.scene_of(level, &part.own, scene);
-                if !added.contains(&part.own.scene) {
-                    self.add(part.own.scene, bytemuck::bytes_of(&of_part))?;
-                    added.push(part.own.scene);
-                }
-            }
-            // Levels with fewer pairs in the same bins have the first of them.
-            let most = plan.cut_levels().filter(|l| l.sum == level.sum).map(|l| l.pairs).max();
-            let is_first = most == Some(level.pairs) && !stored.contains(&level.sum);
-            // An outline has no counts yet.
-            if is_first && !own.measured.is_empty() {
-                stored.push(level.sum);
-                for part in plan.parts(level) {
-                    let bins = part.first * level.bins..(part.first + part.own.count) * level.bins;
-                    self.store(&part, part.measured, bytemuck::cast_slice(&own.measured[bins]));
+            let mut added = None;
+            for part in plan.parts(level).filter(PairPart::is_cut) {
+                // All but the last part have the same.
+                if added != Some(part.own.scene) {
+                    self.add(part.own.scene, bytemuck::bytes_of(&plan.scene_of(&part.own, scene)))?;
+                    added = Some(part.own.scene);
                 }
             }
         }

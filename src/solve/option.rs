@@ -359,11 +359,11 @@ words!(Accumulation, Binning, Gradient, Reflectance, Sampling);
 /// ```text
 /// options! {
 ///     /// About the struct. `suit` names the [`Suit`] in the defaults.
-///     pub struct VectorOptions(suit) {
-///         nested { surface: SurfaceOptions }
+///     pub struct PaperOptions(suit) {
+///         nested { domain: Domain }
 ///         "Solver" {
 ///             /// The option's text.
-///             iterations: usize = if suit.confocal { 60 } else { 80 }, Range::Count(1, 1_000_000);
+///             iterations: usize = if suit.confocal { 900 } else { 1000 }, Range::Count(1, 1_000_000);
 ///             /// One whose key is not the field's name.
 ///             term as "noise": NoiseTerm = NoiseTerm::Off, Range::Words(&["off", "bin"]);
 ///         }
@@ -494,7 +494,7 @@ pub fn default_text(suited: impl Fn(&Suit) -> Option<OptionValue>) -> Option<Str
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solve::{PaperOptions, SolverOptions, VectorOptions};
+    use crate::solve::{PaperOptions, SolverOptions, SurfaceOptions};
 
     #[test]
     fn every_option_is_set_and_read_by_its_key() {
@@ -521,26 +521,30 @@ mod tests {
 
     #[test]
     fn values_out_of_range_are_refused_by_name() {
-        let mut o = VectorOptions::default();
-        for (key, value, want) in [
+        let paper = [
             ("lateral", OptionValue::Count(0), "a whole number from 1 to 4096"),
-            ("surface_points", OptionValue::Count(3), "1 or 4"),
             ("peak", OptionValue::Number(f64::NAN), "a positive number"),
-            ("roughness", OptionValue::Number(-1.0), "zero or a positive number"),
-            ("step_share", OptionValue::Number(1.5), "a positive number up to 1"),
+            ("l1", OptionValue::Number(-1.0), "zero or a positive number"),
             ("keep_above", OptionValue::Number(1.0), "a number from 0 to below 1"),
             ("room", OptionValue::Number(0.0), "a positive number up to 1"),
-        ] {
+        ];
+        refuses(&mut PaperOptions::default(), &paper);
+        refuses(&mut SurfaceOptions::default(), &[("points", OptionValue::Count(3), "1 or 4")]);
+    }
+
+    /// Sets each of these values, which `check_ranges` must refuse with the words that it wants.
+    fn refuses(o: &mut impl Options, values: &[(&'static str, OptionValue, &str)]) {
+        for (key, value, want) in values {
             let before = o.get(key).unwrap();
-            o.set(key, &value);
-            let error = o.check().unwrap_err();
+            o.set(key, value);
+            let error = o.check_ranges().unwrap_err();
             assert!(
                 error.what.contains(&key.replace('_', "-")) && error.mend.to_string().contains(want),
                 "{error}"
             );
             o.set(key, &before);
         }
-        assert!(o.check().is_ok());
+        assert!(o.check_ranges().is_ok());
     }
 
     #[test]

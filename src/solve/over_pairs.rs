@@ -1,7 +1,7 @@
 //! Passes over pairs: rendering, comparing, gathering. Every solver's iteration is made of them.
 
 use super::Pass;
-use super::passes::{ARGUMENTS, PULSE, PULSE_BACK, RESIDUAL_ROWS, SPOT, SPOT_BACK, SPOT_MORE, SUM_BINS};
+use super::passes::{ARGUMENTS, PULSE, PULSE_BACK, RESIDUAL_ROWS, SPOT, SPOT_BACK, SPOT_MORE};
 use super::plan::{BETWEEN, PairPart, Pairs, SEEN, Spots};
 use super::{Level, Plan};
 use crate::gpu::{Buffer, Command, Schedule};
@@ -76,7 +76,6 @@ pub(super) fn forward(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairP
 
 /// Compares the rendered histograms of a part of the pairs with the measurement by the pass `residual`, as the instrument
 /// shows them: summed over spots, spread by the pulse. Takes the residuals back through both for [`Plan::residual`].
-/// `through`: see [`instrument_back`].
 pub(super) fn compare(
     s: &mut Schedule,
     plan: &Plan,
@@ -84,26 +83,26 @@ pub(super) fn compare(
     part: &PairPart,
     residual: &Pass,
     push: Push,
-    through: Option<u32>,
 ) {
+    let bins = plan.scene.bins;
     // Only the first pass after rendering may read fixed point.
     let mut sharp = (!plan.fixed_point()).then_some(buffer::HISTOGRAMS);
-    if let Some(spots) = plan.spots_of(level) {
+    if let Some(spots) = &plan.levels.spots {
         let passes = [&SPOT, if plan.fixed_point() { &SPOT_MORE } else { &SPOT }];
-        spot(s, level, spots, &spots.rendered.stages, passes, sharp);
+        spot(s, plan, level, spots, &spots.rendered.stages, passes, sharp);
         s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
         sharp = Some(SEEN);
     }
     if plan.scene.pulse > 0 {
-        let turns = turns_of_pulse(part.own.count, level.bins, plan.scene.pulse);
-        let spread = s.dispatch(&PULSE, runs(part.own.count, level.bins), turns);
-        spread.bind(buffer::SCENE, part.own.scene).bind(buffer::PULSE_TAPS, level.taps);
+        let turns = turns_of_pulse(part.own.count, bins, plan.scene.pulse);
+        let spread = s.dispatch(&PULSE, runs(part.own.count, bins), turns);
+        spread.bind(buffer::SCENE, part.own.scene);
         if let Some(sharp) = sharp {
             spread.bind(buffer::SOURCE, sharp);
         }
     }
     let flags = push.flags | if part.is_first() { 0 } else { BACKWARD_CONTINUE };
-    let cells = cells(part.own.count, level.bins);
+    let cells = cells(part.own.count, bins);
     // Rows are walked three times.
     let (all, turns) = match *residual == RESIDUAL_ROWS {
         true => (groups(part.own.count, WORKGROUP), 3 * cells as u64),
@@ -120,41 +119,22 @@ pub(super) fn compare(
     if plan.scene.pulse == 0 && plan.has_spots() {
         compared.bind(buffer::SPREAD, SEEN);
     }
-    instrument_back(s, plan, level, part, [&PULSE_BACK, &SPOT_BACK], through);
+    instrument_back(s, plan, level, part);
 }
 
-/// Takes the buffer `residual` of a part of the pairs back to the paths, into [`Plan::residual`], by passes for pulse and
-/// spot: through the taps that begin at word `through` of `pulse_taps`, or through the pulse's own; then through the spots.
-/// Nothing where paths are sharp and spots are points.
-pub(super) fn instrument_back(
-    s: &mut Schedule,
-    plan: &Plan,
-    level: &Level,
-    part: &PairPart,
-    [pulse, spots]: [&Pass; 2],
-    through: Option<u32>,
-) {
+/// Takes the buffer `residual` of a part of the pairs back to the paths, into [`Plan::residual`]: through the pulse, then
+/// through the spots. Nothing where paths are sharp and spots are points.
+fn instrument_back(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart) {
     let mut from = buffer::RESIDUAL;
-    if plan.scene.pulse > 0 || through.is_some() {
-        let taps = if through.is_some() { plan.tap_room() } else { plan.scene.pulse };
-        let turns = turns_of_pulse(part.own.count, level.bins, taps);
-        s.dispatch(pulse, runs(part.own.count, level.bins), turns)
+    if plan.scene.pulse > 0 {
+        let turns = turns_of_pulse(part.own.count, plan.scene.bins, plan.scene.pulse);
+        s.dispatch(&PULSE_BACK, runs(part.own.count, plan.scene.bins), turns)
             .bind(buffer::SCENE, part.own.scene)
-            .bind(buffer::PULSE_TAPS, level.taps)
-            .bind(buffer::SOURCE, buffer::RESIDUAL)
-            .with(Push { first: through.unwrap_or(0), ..Default::default() });
+            .bind(buffer::SOURCE, buffer::RESIDUAL);
         from = buffer::SPREAD;
     }
-    if let Some(of) = plan.spots_of(level) {
-        spot(s, level, of, &of.back, [spots; 2], Some(from));
-    }
-}
-
-/// The buffer that gradients gather from after residuals went back through the taps `through`, if there are any.
-pub(super) fn gathered(plan: &Plan, through: Option<u32>) -> Buffer {
-    match through {
-        Some(_) if !plan.has_spots() => buffer::SPREAD,
-        _ => plan.residual(),
+    if let Some(of) = &plan.levels.spots {
+        spot(s, plan, level, of, &of.back, [&SPOT_BACK; 2], Some(from));
     }
 }
 
@@ -162,6 +142,7 @@ pub(super) fn gathered(plan: &Plan, through: Option<u32>) -> Buffer {
 /// Without `from`, those that the forward pass left in fixed point.
 fn spot(
     s: &mut Schedule,
+    plan: &Plan,
     level: &Level,
     spots: &Spots,
     stages: &[SpotTaps],
@@ -176,11 +157,10 @@ fn spot(
         let dispatch = s
             .dispatch(
                 if i == 0 { first } else { more },
-                runs(sums, level.bins),
-                turns_of_spot(stage, level.bins),
+                runs(sums, plan.scene.bins),
+                turns_of_spot(stage, plan.scene.bins),
             )
             .bind(buffer::SCENE, level.scene)
-            .bind(buffer::SPOT_TAPS, spots.taps)
             .bind(buffer::TARGET, target)
             .with(Push { first: word, last: sums as u32, ..Default::default() });
         if let Some(source) = source {
@@ -190,52 +170,18 @@ fn spot(
     }
 }
 
-/// Sums the measurement's bins for the levels of the volume, if these have wider ones. It is due once, after the upload.
-/// Where pairs are cut into parts, the host sums them, and this is empty.
-pub fn sum_bins(s: &mut Schedule, plan: &Plan) {
-    if plan.division.cut.is_some() {
-        return;
-    }
-    let pairs = plan.scene.pairs;
-    for level in plan.levels.summed() {
-        s.dispatch(&SUM_BINS, groups(pairs * level.bins, WORKGROUP), (pairs * plan.scene.bins) as u64)
-            .bind(buffer::SCENE, level.scene)
-            .bind(buffer::SOURCE, buffer::MEASURED)
-            .bind(buffer::TARGET, level.measured)
-            .with(Push {
-                first: level.sum as u32,
-                last: plan.scene.bins as u32,
-                step: pairs as u32,
-                ..Default::default()
-            });
-    }
-}
-
-/// Gathers the buffer `from` over the rendered pairs of a part by `pass`. `flags` are added to those of the dispatches.
-pub(super) fn gather(
-    s: &mut Schedule,
-    plan: &Plan,
-    level: &Level,
-    part: &PairPart,
-    pass: &Pass,
-    flags: u32,
-    from: Buffer,
-) {
+/// Gathers [`Plan::residual`] over the rendered pairs of a part by `pass`.
+pub(super) fn gather(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, pass: &Pass) {
     let voxels = plan.voxels_at(level);
     for chunk in pair_chunks(plan, part, &part.rendered, voxels) {
         let turns = work_of(&chunk, voxels);
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD), turns)
-            .at_most(gathering(plan, voxels))
+            .at_most(groups(plan.division.tuning.most_groups(voxels), 1))
             .bind(buffer::SCENE, part.rendered.scene)
             .bind(buffer::WALL, part.rendered.wall)
-            .bind(buffer::RESIDUAL, from)
-            .with(Push { flags: chunk.flags | flags, ..chunk });
+            .bind(buffer::RESIDUAL, plan.residual())
+            .with(chunk);
     }
-}
-
-/// Workgroups of a gather for `voxels` voxels at most.
-pub(super) fn gathering(plan: &Plan, voxels: usize) -> [u32; 3] {
-    groups(plan.division.tuning.most_groups(voxels), 1)
 }
 
 /// Runs `pass` with an invocation for each active voxel of `level`, of so many `turns` at most.

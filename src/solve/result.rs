@@ -75,7 +75,7 @@ pub struct Reconstruction {
     /// The method told the mask of its maps: a share of the brightest albedo that it found.
     #[doc(hidden)]
     pub has_mask: bool,
-    /// It began with the solution of the frame before ([`super::vector::Follow`]).
+    /// It began with the surface of the frame before ([`super::surface::Follow`]).
     pub is_warm: bool,
     /// Places of the scan's lattice without a pair, which a Fourier method filled from the pairs around them.
     #[doc(hidden)]

@@ -71,15 +71,8 @@ impl Grid {
     /// The same box at `1 / factor` of the lateral resolution; `factor` divides it.
     #[doc(hidden)]
     pub fn coarser(&self, factor: usize) -> Grid {
-        self.larger(factor, 1)
-    }
-
-    /// The same box with voxels that are `wide` times as wide and `deep` times as deep; `wide` divides the lateral
-    /// resolution. The last voxels may reach beyond the box.
-    #[doc(hidden)]
-    pub fn larger(&self, wide: usize, deep: usize) -> Grid {
-        let n = [self.n[0] / wide, self.n[1] / wide, self.n[2].div_ceil(deep)];
-        let pitch = self.pitch * dvec3(wide as f64, wide as f64, deep as f64);
+        let n = [self.n[0] / factor, self.n[1] / factor, self.n[2]];
+        let pitch = self.pitch * dvec3(factor as f64, factor as f64, 1.0);
         let corner = self.origin - 0.5 * self.pitch;
         Grid { n, origin: corner + 0.5 * pitch, pitch }
     }

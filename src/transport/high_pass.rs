@@ -1,7 +1,7 @@
 //! Takes down what changes slowly along time, in the measurement and in what is rendered alike.
 //!
 //! Ambient light, tails, later bounces and surfaces beyond the box are smooth over time, and often larger than the light
-//! of the hidden object. Least squares on raw histograms bend the volume to them. So the vector solver may minimise
+//! of the hidden object. Least squares on raw histograms bend the surface to them. So the surface solver may minimise
 //! |F S (A v - h)|², where S are the roots of the bins' weights and
 //!
 //! ```text

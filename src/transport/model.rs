@@ -8,8 +8,7 @@ use super::kernels::{PADDING, SceneData};
 use super::{Geometry, Grid, HighPass, Reflectance, Rendered, Rows, Spot, Wall};
 use crate::capture::check::is_small;
 use crate::capture::scan::unit_of;
-use crate::capture::sum::sum_rows;
-use crate::capture::{Background, Capture, Pulse, PulseTaps};
+use crate::capture::{Background, Capture, PulseTaps};
 
 /// Where the sample of a voxel lies.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -68,9 +67,7 @@ pub struct Model {
     pub elements: usize,
     /// How the instrument spreads a path over bins; `None` treats paths as sharp.
     pub pulse: Option<PulseTaps>,
-    /// The pulse that `pulse` are the taps of, for bins of other widths.
-    pub pulse_shape: Option<Pulse>,
-    /// Takes down what changes slowly along time, in the vector solver's objective.
+    /// Reduces what changes slowly along time, in the surface's objective.
     pub high_pass: Option<HighPass>,
     /// The measurement's peak after scaling.
     pub peak: f64,
@@ -102,14 +99,8 @@ pub struct Model {
     pub keep_above: f64,
     /// Seed of the random samples.
     pub seed: u32,
-    /// Vector solver: largest |v_xy| / |v_z|.
-    pub cone: f64,
-    /// Vector solver: photon variance per measured value, and variance of an empty bin.
+    /// Photon variance per measured value, and variance of an empty bin.
     pub variance: [f64; 2],
-    /// Vector solver: weight of the group term, in standard deviations of the gradient's photon noise.
-    pub noise_factor: f64,
-    /// Vector solver: weight of the roughness term.
-    pub roughness: f64,
 }
 
 /// The paper's constant. The renderer multiplies by it and by (lateral pitch)², in units of [`unit_of_areas`].
@@ -158,7 +149,6 @@ impl Model {
                 Some(pulse) => pulse.taps(capture.bin_width).ok(),
                 None => general.then(PulseTaps::identity),
             },
-            pulse_shape: capture.pulse.clone(),
             high_pass: None,
             peak,
             counts_per_unit: 1.0,
@@ -175,10 +165,7 @@ impl Model {
             epsilon: 1e-8,
             keep_above: 0.05,
             seed: 0,
-            cone: 1.0,
             variance: [0.0; 2],
-            noise_factor: 0.0,
-            roughness: 0.0,
         };
         (model, Rows::of(pair_of, capture.bins))
     }
@@ -198,35 +185,6 @@ impl Model {
         self.counts_per_unit = 1.0 / scale;
         self.moments = None;
         rows.fill(&mut self.measured, capture, scale, background);
-    }
-
-    /// The same model with every `sum` neighbouring bins as one. Bins at the end that do not fill one are left out.
-    pub fn summed(&self, sum: usize) -> Model {
-        let bin_width = self.bin_width * sum as f64;
-        let pulse = match &self.pulse_shape {
-            // Wider bins need fewer taps.
-            Some(shape) => shape.taps(bin_width).ok(),
-            None => self.pulse.clone(),
-        };
-        let mut wide = Model {
-            bins: (self.bins / sum).max(1),
-            bin_width,
-            elements: (self.elements / sum).max(1),
-            pulse,
-            ..self.clone()
-        };
-        wide.take_sums(self, sum);
-        wide
-    }
-
-    /// Takes the measured values of `narrow`, every `sum` neighbouring bins as one, and what belongs to them.
-    pub fn take_sums(&mut self, narrow: &Model, sum: usize) {
-        self.moments = None;
-        // Like the kernel that sums on the device.
-        self.measured.resize(narrow.measured.len() / narrow.bins.max(1) * self.bins, 0.0);
-        sum_rows(&mut self.measured, self.bins, &narrow.measured, narrow.bins, sum);
-        self.variance = [narrow.variance[0], narrow.variance[1] * sum as f64];
-        self.counts_per_unit = narrow.counts_per_unit;
     }
 
     /// The wall that light is rendered for.
@@ -280,7 +238,7 @@ impl Model {
         if self.reflectance == Reflectance::Retroreflective { 2 } else { 4 }
     }
 
-    /// Vector solver: weight of a bin's squared difference, the inverse of the confocal falloff at the bin's centre.
+    /// Weight of a bin's squared difference, the inverse of the confocal falloff at the bin's centre.
     pub fn bin_weight(&self, bin: usize) -> f64 {
         let t = self.t_start + (bin as f64 + 0.5) * self.bin_width;
         (t / (2.0 * self.reference)).max(0.0).powi(self.falloff_power())
@@ -327,8 +285,6 @@ impl Model {
             bricks_x: bricks[0] as u32,
             bricks_y: bricks[1] as u32,
             bricks_z: bricks[2] as u32,
-            from_wide: 2,
-            from_deep: 1,
             near_z: self.near_z(grid) as u32,
             pairs: pairs as u32,
             scanned: scanned as u32,
@@ -367,11 +323,6 @@ impl Model {
             beta1: self.betas[0] as f32,
             beta2: self.betas[1] as f32,
             epsilon: self.epsilon as f32,
-            cone: self.cone as f32,
-            variance: self.variance[0] as f32,
-            variance_floor: self.variance[1] as f32,
-            noise_factor: self.noise_factor as f32,
-            roughness: self.roughness as f32,
             // A margin for rounding in the kernel.
             kernel_bound: (1.001 * (self.reference / closest).powi(self.falloff_power())) as f32,
             slow_decay: self.high_pass.map_or(0.5, |f| f.decay(self.bin_width)) as f32,

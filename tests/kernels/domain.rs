@@ -5,11 +5,11 @@ use std::sync::Arc;
 
 use fixtures::device::*;
 use thirdbounce::gpu::{Buffer, Schedule};
-use thirdbounce::solve::paper::{double, initialise, reduce};
-use thirdbounce::solve::{Accumulation, COLUMNS_HOST, OnDevice, compact, extract};
-use thirdbounce::transport::Grid;
+use thirdbounce::solve::paper::{compact, double, extract, initialise, reduce};
+use thirdbounce::solve::{Accumulation, COLUMNS_HOST, OnDevice, paper};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Raw, Twin};
+use thirdbounce::transport::{Grid, Model};
 
 /// Everything that compaction writes, against brute force over `domain`.
 fn assert_lists(job: &mut OnDevice, grid: &Grid, domain: &[bool], continuous: bool) {
@@ -202,6 +202,66 @@ fn a_volume_without_light_keeps_its_domain_if_there_is_room_for_it() {
             let want = twin::carry(&now, &twin::carry(&touched, state));
             assert_eq!(read_state(&mut job, buffer, &now, grid.storage()), want, "{buffer}");
         }
+    }
+    assert_valid(&gpu);
+}
+
+/// A domain that exceeds the room keeps its brightest voxels, and the list never exceeds the room.
+#[test]
+pub fn a_domain_beyond_its_room_keeps_the_brightest() {
+    let gpu = gpu();
+    let (model, grid) = (model(3, 40, 22), grid());
+    let twin = Twin { model: &model, grid: &grid };
+    let (mut raw, domain) = state(&model, &grid, 0.5, 23);
+    raw.iter_mut().for_each(|r| r[0] = r[0].abs());
+    let o = options(&model, &grid);
+    let mut job = job(&gpu, &model, &grid, &o);
+    let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.domain.taps);
+    let all = twin::threshold(&twin, &smooth);
+    let count = |mask: &[bool]| mask.iter().filter(|m| **m).count();
+    let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
+    let state = [raw.clone(), moments(&raw, 2.0), moments(&raw, 3.0)];
+    for room in [count(&all) + 1, count(&all) / 2, 40, 1] {
+        // The voxels that are active already must fit.
+        Arc::make_mut(&mut job.plan).domain.capacity = count(&domain).max(room);
+        job.upload().unwrap();
+        hold(&mut job, &grid, &domain, &state);
+        Arc::make_mut(&mut job.plan).domain.capacity = room;
+        let mut before = Schedule::of(|s| reduce(s, &job.plan, job.plan.finest(), model.keep_above));
+        let split = before.commands.iter().position(|c| c.name() == "threshold").unwrap() + 1;
+        let after = Schedule { commands: before.commands.split_off(split) };
+        job.perform(&before);
+        job.upload().unwrap();
+        job.perform(&after);
+        let levels = twin::levels(&twin, &smooth);
+        let bright = twin::threshold(
+            &Twin { model: &Model { keep_above: 0.0, ..model.clone() }, grid: &grid },
+            &smooth,
+        );
+        assert_eq!(levels.iter().sum::<u32>() as usize, count(&bright));
+        let got: Vec<u32> = read(&mut job, buffer::LEVELS, LEVELS as usize);
+        // A value may round into the next level.
+        let moved: u32 = got.iter().zip(&levels).map(|(a, b)| a.abs_diff(*b)).sum();
+        assert!(moved <= 4, "{moved} of {}", levels.iter().sum::<u32>());
+        let least = twin::room(&got, peak, model.keep_above, room);
+        let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
+        let reported = counts[COUNT_LEAST_SMOOTH as usize];
+        assert_eq!(f64::from(f32::from_bits(reported)), least, "room for {room}");
+        assert_eq!(least > 0.0, room < count(&all));
+        // The next iteration reports it.
+        let mut finish = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 3, 1));
+        finish.commands.retain(|c| c.name() == "finish");
+        job.perform(&finish);
+        let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..);
+        assert_eq!(rows[3][TRACE_LEAST as usize], reported);
+        let kept: Vec<bool> = all.iter().zip(&smooth).map(|(a, s)| *a && *s >= least).collect();
+        let differ = read_mask(&mut job, buffer::MASK, grid.storage());
+        let differ = differ.iter().zip(&kept).filter(|(a, b)| a != b).count();
+        assert!(differ <= 1, "{differ}");
+        let active = counts[COUNT_ACTIVE as usize] as usize;
+        assert!(active <= room && (active > room / 2 || count(&kept) < room), "{active} of {room}");
+        let listed: Vec<u32> = read(&mut job, buffer::ACTIVE_VOXELS, active);
+        assert!(listed.iter().all(|i| kept[*i as usize] || differ > 0));
     }
     assert_valid(&gpu);
 }

@@ -4,13 +4,13 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use thirdbounce::job::profile::check::CHECKS;
+use thirdbounce::solve::closed_form::passes::{BACKPROJECT, FILTER};
 use thirdbounce::solve::paper::passes::*;
 use thirdbounce::solve::passes::*;
 use thirdbounce::solve::surface::passes::*;
-use thirdbounce::solve::{PASSES, Pass, Twin, paper, vector};
+use thirdbounce::solve::{PASSES, Pass, Twin};
 
-use crate::{domain, follow, intake, paper as of_paper, surface, surface_gather, vector as of_vector};
-use crate::{vector_domain, vector_forward, vector_momentum};
+use crate::{backproject, domain, forward, intake, paper as of_paper, surface, surface_gather};
 
 /// Passes, and the tests that compare them with their twins.
 macro_rules! held {
@@ -33,44 +33,27 @@ static HELD: &[Held] = held! {
     BACKWARD => of_paper::backward_published_and_exact;
     UPDATE => of_paper::update_continuous_and_fixed;
     FINISH => of_paper::finish_sums_and_resets;
-    FINISH => vector_momentum::finish_decides_on_the_momentum;
     INITIALISE, INITIALISE_RAW => domain::initialise_is_uniform_and_keeps_the_near_space_out;
-    paper::passes::GAUSSIAN_X, GAUSSIAN_Y, GAUSSIAN_Z, THRESHOLD, CARRY
+    GAUSSIAN_X, GAUSSIAN_Y, GAUSSIAN_Z, THRESHOLD, CARRY
         => domain::reduction_smooths_and_keeps_what_is_above_the_threshold;
     COMPACT_COUNT, COMPACT_SCAN_ACTIVE, COMPACT_SCATTER_ACTIVE, RIM, COMPACT_SCAN_RIM, COMPACT_SCATTER_RIM
         => domain::compaction_lists_every_active_voxel_in_brick_order;
     DOUBLE_DOMAIN, CARRY_DOUBLED => domain::doubling_interpolates_the_volume_and_splits_every_voxel;
     EXTRACT => domain::extract_finds_the_brightest_voxel_of_every_column;
-    LEVELS_OF, ROOM => vector_domain::a_domain_beyond_its_room_keeps_the_brightest;
-    vector::passes::GAUSSIAN_X, vector::passes::SETTLE
-        => vector_domain::reduction_smooths_the_lengths_and_settles;
-    vector::passes::SETTLE_DOUBLED => vector_domain::doubling_interpolates_the_vectors_and_bounds_the_new_domain;
-    vector::passes::EXPECT, vector::passes::EXPECT_DOUBLED
-        => vector_domain::bounds_weigh_voxels_by_how_bright_they_are;
-    vector::passes::GAUSSIAN_X_VOLUME => vector_domain::start_leaves_a_domain_with_its_bounds_and_nothing_in_it;
-    vector::passes::POINTS, vector::passes::EXTRAPOLATE => of_vector::points_and_extrapolate;
-    vector::passes::STEP, vector::passes::BOUND_STEP, vector::passes::BOUND_NOISE, vector::passes::BACKPROJECT
-        => of_vector::step_bounds_and_backprojection_of_every_model_pair_and_wall;
-    SUM_BINS => of_vector::bins_are_summed_for_the_volume;
-    vector::passes::VARIANCE, vector::passes::PULSE_NOISE, vector::passes::SPOT_NOISE,
-    vector::passes::FILTER
-        => of_vector::variance_filter_and_backproject;
-    vector::passes::FORWARD_BOUND, RESIDUAL_BOUND
-        => vector_forward::forward_and_weighted_residual_on_every_accumulation_path;
-    RESIDUAL_ROWS => vector_forward::forward_and_high_pass_residual_on_every_accumulation_path;
-    PULSE, PULSE_BACK => vector_forward::forward_and_weighted_residual_through_a_pulse;
-    EXTRACT_BEHIND => vector_domain::extract_finds_the_second_surface_of_a_column;
-    SPOT, SPOT_MORE, SPOT_BACK => vector_forward::forward_and_weighted_residual_through_spots;
+    LEVELS_OF, ROOM => domain::a_domain_beyond_its_room_keeps_the_brightest;
+    FILTER, BACKPROJECT => backproject::filter_and_backproject;
+    FORWARD, RESIDUAL => forward::forward_and_weighted_residual_on_every_accumulation_path;
+    RESIDUAL_ROWS => forward::forward_and_high_pass_residual_on_every_accumulation_path;
+    PULSE, PULSE_BACK => forward::forward_and_weighted_residual_through_a_pulse;
+    SPOT, SPOT_MORE, SPOT_BACK => forward::forward_and_weighted_residual_through_spots;
     SURFACE_BONDS, SURFACE_POINTS => surface::bonds_and_points;
     SURFACE_GATHER => surface_gather::gather_of_every_model_pair_and_wall;
     SURFACE_COMBINE => surface::combine;
     SURFACE_PULL, SURFACE_STEP => surface::several_steps;
-    SURFACE_FINISH, SURFACE_FORWARD => surface::iterations_in_a_row;
+    FINISH, RESIDUAL => surface::iterations_in_a_row;
     SURFACE_EXTRACT => surface::extract;
-    vector::follow::passes::FILTER_LEFT => follow::what_is_left_is_summed_and_filtered;
     TALLY => intake::counts_are_summed_over_slices_of_pairs;
     INTAKE => intake::counts_become_the_measurement;
-    vector::follow::passes::JOIN => follow::the_domain_before_is_joined_to_the_new_one;
 };
 
 #[test]

@@ -1,12 +1,11 @@
 //! The kernels that take counts from a caller's buffer, against the float64 twins.
 
-use fixtures::device::vectors::*;
+use fixtures::device::surfaces::{Fit, read_floats};
 use fixtures::device::*;
 use glam::dvec3;
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Command, Gpu, Schedule};
 use thirdbounce::solve::passes::TALLY;
-use thirdbounce::solve::vector::{ForFrames, Frames};
 use thirdbounce::solve::{Format, LentRows, OnDevice, intake, tally_of};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Grid, Model, Reflectance, Rows, twin};
@@ -24,8 +23,7 @@ pub fn lending(gpu: &Gpu, grid: &Grid) -> (OnDevice, Rows) {
     rows.reorder(&(0..30).map(|i| i * 7 % 30).collect::<Vec<_>>());
     rows.crop(3..36);
     model.bins = 33;
-    let job =
-        job(gpu, &model, grid, &ForFrames(&vector_options(grid), Frames { lent: Some(ROWS), follow: None }));
+    let job = job(gpu, &model, grid, &Fit { lent: Some(ROWS), ..Fit::of(grid, 1) });
     (job, rows)
 }
 

@@ -5,8 +5,9 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use fixtures::device::vectors::*;
+use fixtures::device::surfaces::*;
 use fixtures::device::*;
+use glam::DVec3;
 use thirdbounce::transport::kernels::PADDING;
 use thirdbounce::transport::twin::{self, Sample, Twin};
 use thirdbounce::transport::{Grid, Model};
@@ -58,11 +59,7 @@ fn ported(model: &Model, grid: &Grid, samples: &[Sample], residual: &[f64]) -> (
 fn the_c_port_computes_what_the_kernels_compute() {
     let (model, grid) = (scene(5, 64, 3), grid());
     let twin = Twin { model: &model, grid: &grid };
-    let active = twin::compact(&state(&model, &grid, 0.5, 4).1);
-    let v = vectors(grid.storage(), 5);
-    let samples = away_from_edges(&twin, &twin::extrapolate(&twin, &active, &v, &v, 0.0));
-    // A zero vector stands for one toward the wall in the kernel, before the loop.
-    let samples: Vec<Sample> = samples.into_iter().filter(|s| s.normal.length() > 0.0).collect();
+    let samples = away_from_edges(&twin, &samples(&model, &grid, 0.5, 4));
     assert!(samples.len() > 400, "{}", samples.len());
     let mut random = Random::new(6);
     let residual: Vec<f64> = (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 1.0)).collect();
@@ -70,7 +67,8 @@ fn the_c_port_computes_what_the_kernels_compute() {
 
     let e = error(histograms.into_iter().map(f64::from), twin::forward(&twin, &samples));
     assert!(e < 1e-5, "forward: {e}");
-    let want = twin::gradient_vectors(&twin, &samples, &residual);
+    let want: Vec<DVec3> =
+        twin::surface_gather(&twin, &samples, &residual).into_iter().map(|pull| pull.vector).collect();
     let flat = |k: usize| gradients.iter().map(move |g| f64::from(g[k]));
     for (k, e) in [(1, 0), (2, 1), (3, 2)].map(|(k, axis)| (k, error(flat(k), want.iter().map(|w| w[axis]))))
     {

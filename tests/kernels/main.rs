@@ -1,7 +1,8 @@
 //! Every kernel against its float64 twin, and the twins' gradients against finite differences.
 
+mod backproject;
 mod domain;
-mod follow;
+mod forward;
 mod held;
 mod intake;
 mod isa;
@@ -12,10 +13,4 @@ mod surface;
 mod surface_gather;
 mod surface_gradient;
 mod traffic;
-mod vector;
-mod vector_domain;
-mod vector_forward;
-mod vector_gradient;
-mod vector_momentum;
-mod vector_start;
 mod wide;

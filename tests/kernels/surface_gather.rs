@@ -1,11 +1,12 @@
 //! The surface's gather against its float64 twin: every model, kind of pairs and wall, long paths, slices and split
 //! dispatches.
 
+use std::sync::Arc;
+
 use fixtures::device::surfaces::*;
-use fixtures::device::vectors::{more_pairs_than_a_dispatch_takes, scene};
 use fixtures::device::*;
-use thirdbounce::gpu::{Gpu, Schedule};
-use thirdbounce::solve::{OnDevice, surface};
+use thirdbounce::gpu::{Abilities, DeviceKind, Gpu, Schedule};
+use thirdbounce::solve::{OnDevice, Plan, surface};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Raw, Sample, Twin};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance};
@@ -82,14 +83,13 @@ fn check_gather_seen(
     tolerance: f64,
     texels: bool,
 ) -> OnDevice {
-    let options = surface_options(&case.grid, 4);
-    let mut job = job_tuned(gpu, &case.model, &case.grid, &options, |t| t.texels &= texels);
+    let mut job = job_tuned(gpu, &case.model, &case.grid, &Fit::of(&case.grid, 4), |t| t.texels &= texels);
     case.write(&mut job);
     let s = Schedule::of(|s| {
-        surface::iteration(s, &job.plan, job.plan.finest(), case.samples.len() / 4, [0, 0, 0, 1], None)
+        surface::iteration(s, &job.plan, job.plan.finest(), case.samples.len() / 4, [0, 0, 1])
     });
     assert_eq!(s.commands.iter().filter(|c| c.name() == "surface_gather").count(), dispatches);
-    vectors::run(&mut job, s, &["surface_gather"]);
+    run(&mut job, s, &["surface_gather"]);
     case.check(&mut job, tolerance);
     job
 }
@@ -125,12 +125,16 @@ fn gather_of_long_paths() {
 fn gather_in_slices_and_groups() {
     let gpu = gpu();
     let case = GatherCase::new(scene(5, 64, 9), oblong(), 22);
-    let mut job = job(&gpu, &case.model, &case.grid, &surface_options(&case.grid, 4));
+    let mut job = job(&gpu, &case.model, &case.grid, &Fit::of(&case.grid, 4));
     let pairs = case.model.pairs() as u32;
     let all = case.samples.len();
     let [most, fill] = [u32::MAX, 3 * all as u32];
-    for sizes in [[32, 4, most], [8, 8, most], [1, 64, most], [64, 2, most], [8, 32, fill], [8, 32, 1]] {
+    let sizes = [[32, 4, most], [8, 8, most], [1, 64, most], [64, 2, most], [8, 32, fill], [8, 32, 1]];
+    for (i, (sizes, samples)) in sizes.into_iter().zip([32, 8, 1, 64, 64, 256]).enumerate() {
+        Arc::make_mut(&mut job.plan).constants.insert(constant::POLISHED, (i % 2) as u32);
         let of_group = resize(&mut job, sizes, all);
+        // The more samples there are, the fewer lanes share one.
+        assert_eq!(of_group, samples, "{sizes:?} for {all} samples");
         case.write(&mut job);
         let mut s = Schedule::default();
         // Two dispatches: the second adds to the first.
@@ -156,4 +160,18 @@ fn gather_over_more_pairs_than_a_dispatch_takes() {
         check_gather(&gpu, &case, dispatches, 1e-4);
     }
     assert_valid(&gpu);
+}
+
+#[test]
+fn a_gpus_distances_are_polished_where_its_root_is_too_rough() {
+    let gpu = gpu();
+    for (bins, polished, fine) in [(300, false, false), (500, true, false), (700, false, true)] {
+        let (model, grid) = (scene(5, bins, 9), grid());
+        for (kind, asks) in [(DeviceKind::Discrete, polished), (DeviceKind::Cpu, false)] {
+            let device = Abilities { kind, ..gpu.abilities() };
+            let plan = Plan::new(&model, grid, [5, 5], &Fit::of(&grid, 4), &device, false).unwrap();
+            assert_eq!((plan.scene.polished, plan.scene.fine), (asks, fine), "{bins} bins, {kind}");
+            assert_eq!(plan.constant(constant::POLISHED), Some(u32::from(asks)));
+        }
+    }
 }

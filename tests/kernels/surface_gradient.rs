@@ -5,7 +5,7 @@ use fixtures::device::surfaces::*;
 use fixtures::device::*;
 use glam::dvec3;
 use thirdbounce::transport::twin::{self, Bond, Height, Pull, SurfaceWeights, Twin};
-use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume};
+use thirdbounce::transport::{Geometry, Grid, HighPass, Model, Reflectance, Volume};
 
 const NO_PRIOR: SurfaceWeights = SurfaceWeights {
     bend: 0.0,
@@ -13,7 +13,6 @@ const NO_PRIOR: SurfaceWeights = SurfaceWeights {
     rates: NOTHING,
     iterations: 1.0,
     largest: NOTHING,
-    smooth: 1.0,
     spread: 0.0,
     sparse: 0.0,
     faint: 1.0,
@@ -24,7 +23,7 @@ const NOTHING: Height = Height { depth: 0.0, albedo: 0.0 };
 
 fn scene() -> (Model, Grid) {
     let volume = Volume { min: dvec3(-0.5, -0.4, 0.2), max: dvec3(0.5, 0.4, 1.0) };
-    (vectors::scene(4, 48, 51), Grid::new(volume, 6, 0.05).unwrap())
+    (surfaces::scene(4, 48, 51), Grid::new(volume, 6, 0.05).unwrap())
 }
 
 /// A field with the bonds of other depths, as between two renewals.
@@ -38,7 +37,7 @@ fn bent(twin: &Twin, seed: u64) -> (Field, Vec<Vec<Bond>>) {
 
 fn gradient(twin: &Twin, field: &Field, bonds: &[Vec<Bond>], weights: &SurfaceWeights) -> Vec<Height> {
     let (slopes, samples) = field.points(twin, bonds);
-    let (residual, _) = twin::residual_weighted(twin, &twin::forward(twin, &samples), true);
+    let (residual, _) = twin::residual_weighted(twin, &twin::forward(twin, &samples));
     let pulls = twin::surface_gather(twin, &samples, &residual);
     let combined = twin::surface_combine(twin, bonds, &field.heights, &slopes, &pulls, weights);
     twin::surface_gradient(bonds, &combined)
@@ -91,6 +90,8 @@ fn the_gradient_is_the_slope_of_the_objective() {
     for (i, (geometry, reflectance, curved)) in variants().into_iter().enumerate() {
         let model =
             Model { pulse: (i % 2 == 0).then(tail), ..variant(&base, geometry, reflectance, curved, 60) };
+        let high_pass = (i % 4 < 2).then_some(HighPass { length: [0.2, 0.6][i % 2], floor: 0.1 });
+        let model = Model { high_pass, ..model };
         let model = if i % 3 == 0 { spotted(&model, spots_for(geometry)) } else { model };
         let model = measured(&model, &grid, &both(&grid, 61), 62);
         let twin = Twin { model: &model, grid: &grid };

@@ -1,20 +1,19 @@
 //! The model of memory traffic on real solves: the orderings that the kernels' order of work was chosen by, and the table of
 //! docs/gpu.md.
 
-use fixtures::device::{gpu, unwatched, write};
-use fixtures::traffic::{Histograms, WARP};
-use glam::{DVec3, dvec3};
 use std::ops::ControlFlow;
 use std::path::Path;
+
+use fixtures::device::{gpu, unwatched};
+use fixtures::traffic::{Histograms, WARP};
+use glam::{DVec3, dvec3};
 use thirdbounce::capture::{Capture, read};
-use thirdbounce::gpu::{Buffer, BufferPlan, Gpu, Place, Schedule};
 use thirdbounce::job::Request;
 use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::surface::{Pixels, SMALL_PIXEL, SUPPORT, points_of};
-use thirdbounce::solve::{Level, OnDevice, Plan, Problem, Progress, VectorOptions, vector};
-use thirdbounce::transport::kernels::buffer;
-use thirdbounce::transport::{Grid, Model};
+use thirdbounce::solve::surface::{Pixels, SMALL_PIXEL, points_of};
+use thirdbounce::solve::{Plan, Problem, Progress, SolverOptions, SurfaceOptions};
+use thirdbounce::transport::{Binning, Grid, Model, Reflectance};
 
 /// Samples of a workgroup of the forward pass, and bins of a lane's column: those of a GPU.
 const CHUNK: usize = 256;
@@ -23,71 +22,52 @@ const WINDOW: usize = 64;
 /// Samples of a workgroup with histograms of its own.
 const OWN_CHUNK: usize = 2048;
 
-/// The mask of the active voxels, for the host.
-const DOMAIN: Buffer = Buffer::named("domain_host");
-
-/// The samples of a solve, in the order of their slots.
+/// The surface of a solve.
 struct Solved {
     plan: Plan,
+    /// The pairs in the order that fits have.
     model: Model,
-    /// The active voxels at the end of each level of the volume.
-    levels: Vec<(Level, Vec<DVec3>)>,
+    grid: Grid,
     maps: Maps,
 }
 
-fn solved(capture: &Capture, options: VectorOptions) -> Solved {
+fn solved(capture: &Capture, options: SurfaceOptions) -> Solved {
     let gpu = gpu();
+    let options = SolverOptions::from(options);
     let grid = Request::new(options.clone(), "").grid(capture).expect("a grid");
-    let model = vector::model(capture, &grid, &options);
-    let plan =
-        Plan::new(&model, grid, capture.resolution(), &options, &gpu.abilities(), false).expect("a plan");
-    let mut hear = |_: &Progress| ControlFlow::Continue(());
+    let (model, _) = Model::outline(capture, Reflectance::Cosine, 10.0, false);
+    let mut model = Model { binning: Binning::Linear, ..model };
+    model.spread();
     let problem = Problem::new(capture, grid);
-    let done = vector::reconstruct(&gpu, &problem, &options, &mut unwatched(&mut hear)).expect("a solve");
-    let levels = domains(&gpu, &model, &plan, &options);
-    Solved { levels, plan, model, maps: done.maps }
-}
-
-/// The active voxels at the end of each level of the volume.
-fn domains(gpu: &Gpu, model: &Model, plan: &Plan, options: &VectorOptions) -> Vec<(Level, Vec<DVec3>)> {
-    let (mut plan, bytes) = (plan.clone(), plan.bytes_of(buffer::MASK));
-    plan.buffers.push(BufferPlan::new(DOMAIN, bytes, Place::Readback));
-    let mut job = OnDevice::new(gpu, model.clone(), plan, None).expect("memory for a small scene");
-    let (plan, first) = (job.plan.clone(), job.plan.levels.volume[0]);
-    let hat = vector::hat(vector::HAT_SIGMA * first.grid.pitch.x / first.bin_width, first.bins);
-    write(&mut job, buffer::HAT_TAPS, &hat);
-    let mut run = |s: &Schedule| job.executor.run(s).map(|()| job.executor.read::<u32>(DOMAIN, ..));
-    run(&Schedule::of(|s| vector::start(s, &plan, &first, options))).expect("the start runs");
-    let (mut level, mut all) = (0, vec![]);
-    for i in 0..options.iterations {
-        let here = plan.levels.volume[level];
-        let (mut s, mut change, before) = (Schedule::default(), Schedule::default(), level);
-        vector::iteration(&mut s, &plan, &here, i as u32);
-        s.copy(buffer::MASK, DOMAIN, bytes);
-        let words = run(&s).expect("an iteration runs");
-        vector::due(&mut change, &plan, options, &mut level, i + 1);
-        if level > before || i + 1 == options.iterations {
-            let grid: &Grid = &here.grid;
-            let active = |i: &usize| words[i / 32] >> (i % 32) & 1 == 1;
-            let at = |i: usize| grid.position(DVec3::from_array(grid.voxel(i).map(|c| c as f64)));
-            all.push((here, (0..grid.storage()).filter(active).map(at).collect()));
-        }
-        run(&change).expect("a change of the domain runs");
-    }
-    all
+    let plan = options.plan(&problem, &gpu.abilities()).expect("a plan");
+    let mut hear = |_: &Progress| ControlFlow::Continue(());
+    let done = options.solve(&gpu, &problem, &mut unwatched(&mut hear)).expect("a solve");
+    Solved { plan, model, grid, maps: done.maps }
 }
 
 impl Solved {
-    /// The level of the surface, and its points as `surface_points.comp` writes them for these columns of the maps.
-    fn surface(&self, columns: &[u32]) -> (Level, Vec<DVec3>) {
-        let level = self.plan.levels.pixels.expect("a surface");
+    /// The voxels within a pixel's width of the surface, in the order of their storage.
+    fn voxels(&self) -> Vec<DVec3> {
+        let grid = &self.grid;
+        let at = |c: [usize; 3]| grid.position(DVec3::from_array(c.map(|c| c as f64)));
+        let near = |c: &[usize; 3]| {
+            grid.contains(*c) && {
+                let depth = f64::from(self.maps.depth[c[0] * grid.n[1] + c[1]]);
+                (at(*c).z - depth).abs() <= grid.pitch.x
+            }
+        };
+        (0..grid.storage()).map(|i| grid.voxel(i)).filter(near).map(at).collect()
+    }
+
+    /// The points of the surface as `surface_points.comp` writes them for these columns of the maps.
+    fn surface(&self, columns: &[u32]) -> Vec<DVec3> {
         let points = |c: &u32| {
             let c = *c as usize;
             let [x, y] = self.maps.centre(c / self.maps.ny, c % self.maps.ny);
             let centre = dvec3(x, y, f64::from(self.maps.depth[c]));
             let normal = self.maps.normal[c].map(f64::from);
             let slope = [0, 1].map(|axis| -normal[axis] / normal[2]);
-            let quarter = level.grid.pitch * 0.25;
+            let quarter = self.grid.pitch * 0.25;
             (0..points_of(&self.plan)).map(move |k| {
                 if points_of(&self.plan) == 1 {
                     return centre;
@@ -97,12 +77,12 @@ impl Solved {
                 centre + dvec3(dx, dy, slope[0] * dx + slope[1] * dy)
             })
         };
-        (level, columns.iter().flat_map(points).collect())
+        columns.iter().flat_map(points).collect()
     }
 
     /// The columns of the surface's pixels in the order of the device, and in that of the maps.
     fn columns(&self) -> [Vec<u32>; 2] {
-        let ordered = Pixels::of(std::slice::from_ref(&self.maps), SUPPORT, usize::MAX).columns;
+        let ordered = Pixels::of(std::slice::from_ref(&self.maps), usize::MAX).columns;
         let mut by_rows = ordered.clone();
         by_rows.sort_unstable();
         [ordered, by_rows]
@@ -111,21 +91,18 @@ impl Solved {
     /// A row of the table for each list of samples.
     fn print(&self, name: &str) {
         let [ordered, by_rows] = self.columns();
-        let mut lists: Vec<_> =
-            self.levels.iter().map(|(l, s)| (format!("voxels of {} mm", width(l)), *l, s.clone())).collect();
-        for (text, columns) in [("pixels by rows", by_rows), ("pixels as they are", ordered)] {
-            let (level, samples) = self.surface(&columns);
-            lists.push((
-                format!("{text}, {} points of {} mm", points_of(&self.plan), width(&level)),
-                level,
-                samples,
-            ));
-        }
-        for (text, level, samples) in lists {
-            let h = Histograms::of(&self.model, &level);
+        let width = 1e3 * self.grid.pitch.x;
+        let points = points_of(&self.plan);
+        let lists = [
+            (format!("voxels of {width:.1} mm"), self.voxels()),
+            (format!("pixels by rows, {points} points of {width:.1} mm"), self.surface(&by_rows)),
+            (format!("pixels as they are, {points} points of {width:.1} mm"), self.surface(&ordered)),
+        ];
+        let h = Histograms::of(&self.model);
+        for (text, samples) in lists {
             let (columns, own) = (h.columns(&samples, CHUNK, WINDOW), h.own(&samples, OWN_CHUNK));
             // As `Plan::forward_direct` on a GPU.
-            let direct = 16.0 * level.grid.pitch.length() / level.bin_width > 4.0 * WINDOW as f64;
+            let direct = 16.0 * self.grid.pitch.length() / self.model.bin_width > 4.0 * WINDOW as f64;
             println!(
                 "| {name}, {text}{} | {} | {:.1} % | {:.1} % | {:.0} | {:.2} | {:.1} | {:.3} | {:.4} | {:.1} | {:.1} |",
                 if direct { " (*)" } else { "" },
@@ -144,38 +121,30 @@ impl Solved {
     }
 }
 
-fn width(level: &Level) -> String {
-    format!("{:.1}", 1e3 * level.grid.pitch.x)
-}
-
 fn simulated(name: &str, scan: usize, bin_width: f64) -> Capture {
     let scene = Scene { scan, bin_width, ..Scene::named(name).expect("a scene") };
     simulate(&scene, &RenderOptions { noise: 0.05, ..Default::default() }).expect("a capture").capture
 }
 
-fn options(lateral: usize, iterations: usize) -> VectorOptions {
-    VectorOptions::default().with(|o| {
+fn options(lateral: usize, iterations: usize) -> SurfaceOptions {
+    SurfaceOptions::default().with(|o| {
         o.lateral = lateral;
         o.iterations = iterations;
-        o.surface.iterations = 4;
-        o.stop = false;
     })
 }
 
 /// What the orders of lists and the sizes of chunks were chosen by (docs/gpu.md), on a small solve.
 #[test]
 fn lists_keep_neighbours_together() {
-    let solved = solved(&simulated("figure", 16, 0.01), options(64, 20));
-    let (level, voxels) = solved.levels.last().expect("a level");
+    let solved = solved(&simulated("figure", 16, 0.01), options(128, 4).with(|o| o.grow = false));
+    let voxels = solved.voxels();
     let mut by_rows = voxels.clone();
     by_rows.sort_by(|a, b| [a.x, a.y, a.z].partial_cmp(&[b.x, b.y, b.z]).expect("numbers"));
     let [ordered, maps] = solved.columns().map(|columns| solved.surface(&columns));
-    assert!(voxels.len() > 2000 && ordered.1.len() > 500, "{} and {}", voxels.len(), ordered.1.len());
-    assert!(ordered.1 != maps.1, "the surface's pixels are not in the order of the maps");
-    for (what, level, samples, others) in
-        [("voxels", level, voxels, &by_rows), ("pixels", &ordered.0, &ordered.1, &maps.1)]
-    {
-        let h = Histograms::of(&solved.model, level);
+    assert!(voxels.len() > 2000 && ordered.len() > 500, "{} and {}", voxels.len(), ordered.len());
+    assert!(ordered != maps, "the surface's pixels are not in the order of the maps");
+    let h = Histograms::of(&solved.model);
+    for (what, samples, others) in [("voxels", &voxels, &by_rows), ("pixels", &ordered, &maps)] {
         let [columns, rows] = [samples, others].map(|s| h.columns(s, CHUNK, WINDOW));
         assert!(columns.flush < 0.5 * rows.flush, "{what}: {columns:?} by rows {rows:?}");
         // Columns of half the width, as products have, are still far from the two additions of a pair without columns.

@@ -5,12 +5,12 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use fixtures::device::surfaces::*;
-use fixtures::device::vectors::*;
 use fixtures::device::*;
 use thirdbounce::gpu::{Buffer, Command, Gpu, Schedule, Size};
+use thirdbounce::solve::closed_form::passes::{PROJECTED, gather_filtered};
+use thirdbounce::solve::closed_form::{OfProjection, hat};
 use thirdbounce::solve::surface::{self, Placed};
-use thirdbounce::solve::vector::follow::{self, passes::*};
-use thirdbounce::solve::{Accumulation, Format, NoiseTerm, OnDevice, intake, paper, sum_bins, vector};
+use thirdbounce::solve::{Accumulation, Format, NoiseTerm, OnDevice, intake, paper};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, HighPass, Model, Reflectance};
 
@@ -47,8 +47,7 @@ impl Runs {
     fn run(&mut self, job: &mut OnDevice, mut schedule: Schedule) {
         for command in &mut schedule.commands {
             let Command::Dispatch { kernel, size, .. } = command else { continue };
-            let mut passes = job.plan.passes.iter().chain(follow::passes::ALL);
-            let pass = passes.find(|p| p.kernel == *kernel).expect("a pass of the plan");
+            let pass = job.plan.passes.iter().find(|p| p.kernel == *kernel).expect("a pass of the plan");
             let source = source_of((pass.code)(&job.plan).name);
             if self.wide && in_rows().contains(&source) {
                 *size = Size::Groups(WIDE);
@@ -80,6 +79,8 @@ fn paper_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
         o.domain.coarse_to_fine = true;
         o.domain.double_every = 2;
         o.domain.reduce_every = 1;
+        // So that there is room for some voxels only.
+        o.domain.room = Some(0.4);
         o.noise.term = NoiseTerm::Bin;
     });
     let mut job = job(gpu, &model, &grid, &o);
@@ -93,53 +94,18 @@ fn paper_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
         runs.run(&mut job, s);
     }
     assert_eq!(level, 1, "doubling is among them");
-    let maps = Schedule::of(|s| thirdbounce::solve::extract(s, job.plan.finest()));
+    let maps = Schedule::of(|s| paper::extract(s, job.plan.finest()));
     runs.run(&mut job, maps);
     left(&mut job, 3, &[buffer::MASK, buffer::COLUMNS])
 }
 
-fn vector_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
-    // Voxels are two bins deep.
-    let model = Model { pulse: Some(tail()), ..scene(5, 110, 32) };
-    let grid = grid();
-    let o = vector_options(&grid).with(|o| {
-        o.accumulation = Accumulation::Fixed;
-        o.all_bins = false;
-        o.domain.coarse_to_fine = true;
-        o.domain.coarse_iterations = 2;
-        o.domain.reduce_every = 1;
-        o.bound_every = 3;
-        o.bound_power = Some(0.5);
-        // So that there is room for some voxels only.
-        o.domain.room = Some(0.4);
-    });
-    let mut job = job(gpu, &model, &grid, &o);
-    let hat = vector::hat(2.0, job.plan.levels.volume[0].bins);
-    write(&mut job, buffer::HAT_TAPS, &hat);
-    let sums = Schedule::of(|s| sum_bins(s, &job.plan));
-    runs.run(&mut job, sums);
-    let mut level = 0;
-    let start = Schedule::of(|s| vector::start(s, &job.plan, &job.plan.levels.volume[0], &o));
-    runs.run(&mut job, start);
-    for i in 0..3 {
-        let mut s = Schedule::of(|s| vector::iteration(s, &job.plan, &job.plan.levels.volume[level], i));
-        vector::due(&mut s, &job.plan, &o, &mut level, i as usize + 1);
-        runs.run(&mut job, s);
-    }
-    assert_eq!(level, 1, "doubling is among them");
-    // The kernels of frames that follow each other, which are in no plan of a single one.
-    job.executor.add_kernels(&[FILTER_LEFT.wanted(&job.plan), JOIN.wanted(&job.plan)]).unwrap();
-    let finest = *job.plan.finest();
-    let last = finest.bins as u32;
-    let mut s = Schedule::default();
-    s.dispatch(&FILTER_LEFT, [(job.plan.cells_at(&finest) as u32).div_ceil(WORKGROUP), 1, 1], 10_000)
-        .bind(buffer::SCENE, finest.scene)
-        .bind(buffer::SOURCE, job.plan.domain.volumes[0])
-        .with(Push { first: 1, step: 1, last, flags: 1f32.to_bits(), ..Push::default() });
-    s.dispatch(&JOIN, [(finest.grid.storage() as u32 / 32).div_ceil(WORKGROUP), 1, 1], 10_000)
-        .bind(buffer::SCENE, finest.scene);
+fn projection(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
+    let (model, grid) = (scene(5, 110, 32), grid());
+    let mut job = job(gpu, &model, &grid, &OfProjection { pixels_per_voxel: 1 });
+    write(&mut job, buffer::HAT_TAPS, &hat(2.0, model.bins));
+    let s = Schedule::of(|s| gather_filtered(s, &job.plan, job.plan.finest(), 8));
     runs.run(&mut job, s);
-    left(&mut job, 3, &[buffer::MASK, buffer::COUNTS, buffer::RESIDUAL])
+    left(&mut job, 0, &[buffer::RESIDUAL, PROJECTED])
 }
 
 fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
@@ -150,22 +116,21 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
         high_pass: Some(HighPass { length: 0.05, floor: 0.1 }),
         ..spotted(&model, spots_for(Geometry::TwoPoints))
     };
-    let o = surface_options(&grid, 4).with(|o| o.accumulation = Accumulation::Fixed);
+    let o = Fit::of(&grid, 4).with(|o| o.accumulation = Accumulation::Fixed);
     let mut job = job(gpu, &model, &grid, &o);
     let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0, left: 2.0 };
-    let words = surface::weights(&model, &grid, job.plan.finest(), placed, &o.surface);
+    let words = surface::weights(&model, job.plan.finest(), placed, &o.options, 12);
     write(&mut job, buffer::SURFACE_WEIGHTS, &words);
     field.write(&mut job);
     zero_histograms(&mut job);
     // As the start of a volume does.
     let mut s = Schedule::default();
     s.fill(buffer::COUNTS, job.plan.bytes_of(buffer::COUNTS), 0);
-    surface::start(&mut s, job.plan.finest(), field.len(), 4);
+    surface::start_of(&mut s, job.plan.finest(), field.len(), 4);
     runs.run(&mut job, s);
     for i in 0..2 {
-        let s = Schedule::of(|s| {
-            surface::iteration(s, &job.plan, job.plan.finest(), field.len(), [i, i, 0, 12], None)
-        });
+        let s =
+            Schedule::of(|s| surface::iteration(s, &job.plan, job.plan.finest(), field.len(), [i, i, 12]));
         runs.run(&mut job, s);
     }
     let maps = Schedule::of(|s| surface::extract(s, job.plan.finest(), [field.len(), 0], 0));
@@ -186,7 +151,7 @@ fn lent_counts(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
 #[test]
 fn groups_beyond_the_work_write_nothing() {
     let mut seen = BTreeSet::new();
-    for solve in [paper_solve, vector_solve, surface_solve, lent_counts] {
+    for solve in [paper_solve, projection, surface_solve, lent_counts] {
         let [plain, wide] = [false, true].map(|wide| {
             // Dropped at the end: no canary was touched.
             let gpu = gpu();
@@ -207,7 +172,7 @@ fn groups_beyond_the_work_write_nothing() {
 #[test]
 fn passes_in_parts_leave_the_same() {
     let alone = alone();
-    for solve in [paper_solve, vector_solve, surface_solve, lent_counts] {
+    for solve in [paper_solve, projection, surface_solve, lent_counts] {
         let [(whole, few), (parts, many)] = [u64::MAX, 60].map(|work| {
             let gpu = gpu_of(work, &alone);
             let mut runs = Runs { wide: false, seen: BTreeSet::new() };

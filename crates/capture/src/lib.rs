@@ -34,7 +34,7 @@ pub mod pulse;
 mod recorded;
 mod reflectance;
 pub mod scan;
-pub mod sum;
+mod sum;
 pub mod summary;
 mod turn;
 

@@ -35,8 +35,6 @@ pub enum Way {
     Spread,
     /// The adjoint: from a residual of the histograms to the paths.
     Back,
-    /// The adjoint for variances: with squared taps.
-    Squared,
 }
 
 /// Largest number of samples of a pulse, and of bins that it may reach on either side of its path.
@@ -278,12 +276,11 @@ impl PulseTaps {
         let at = |bin: usize, tap: usize| {
             let from = match way {
                 Way::Spread => (bin + self.before).checked_sub(tap),
-                Way::Back | Way::Squared => (bin + tap).checked_sub(self.before),
+                Way::Back => (bin + tap).checked_sub(self.before),
             };
             from.and_then(|from| histogram.get(from)).copied().unwrap_or(0.0)
         };
-        let weight = |w: f64| if way == Way::Squared { w * w } else { w };
-        let of_bin = |bin| self.weights.iter().enumerate().map(|(i, w)| weight(*w) * at(bin, i)).sum();
+        let of_bin = |bin| self.weights.iter().enumerate().map(|(i, w)| w * at(bin, i)).sum();
         (0..histogram.len()).map(of_bin).collect()
     }
 }

@@ -93,7 +93,7 @@ impl Capture {
 }
 
 /// Sums every `n` neighbouring counts of the rows of `from` into one of the rows of `to`, as many as these have.
-pub fn sum_rows(to: &mut [f32], bins: usize, from: &[f32], narrow_bins: usize, n: usize) {
+fn sum_rows(to: &mut [f32], bins: usize, from: &[f32], narrow_bins: usize, n: usize) {
     for (to, from) in to.chunks_exact_mut(bins).zip(from.chunks_exact(narrow_bins)) {
         // Runs of a length that the compiler knows are summed several at a time.
         match n {

@@ -38,7 +38,7 @@ mod upsample;
 
 use sharpness::Ladder;
 
-pub use backproject::{BpOptions, FbpOptions, Filter, PhasorBpOptions, hat, passes};
+pub use backproject::{BpOptions, FbpOptions, Filter, OfProjection, PhasorBpOptions, hat, passes};
 pub use dlct::DlctOptions;
 pub use fk::FkOptions;
 pub use image::Volume;
@@ -158,12 +158,8 @@ impl Needs for NoPasses {
             binning: Binning::Linear,
             gradient: Gradient::Exact,
             has_rim: false,
-            pairs: 0,
-            refined: None,
-            smooth: [1.0, 4.0],
-            more_taps: [0; 2],
+            smooth: None,
             betas: [0.0; 2],
-            cosine_volume: false,
             lent: None,
         }
     }

@@ -36,7 +36,7 @@ options! {
             /// What points between the measured ones hold: nothing (zero), or counts interpolated by a cubic (bicubic)
             upsample_by: Between = Between::Bicubic, Range::Words(&["zero", "bicubic"]);
         }
-        "Vector solver" {
+        "Background" {
             /// Subtract the background, estimated from the bins after the signal
             background: bool = true, Range::Flag;
         }

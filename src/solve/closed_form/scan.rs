@@ -16,7 +16,7 @@ const OFF_PLACE: f64 = 0.1;
 const GAPS: f64 = 0.05;
 
 /// What a method that needs a regular scan of a flat wall can do instead.
-const OTHERS: &str = "choose a method that takes any pairs and any wall: fbp, bp or vector";
+const OTHERS: &str = "choose a method that takes any pairs and any wall: surface, fbp or bp";
 
 /// A regular scan: which pair is where.
 #[derive(Debug, Clone, PartialEq)]

@@ -43,7 +43,7 @@ impl Reader {
                 return Err(Error::new(
                     Kind::Options,
                     format!("the loss is {loss} at iteration {}", i + 1),
-                    advice!["use smaller steps or weights (" LearningRate ", " L1 ", " Peak "), and check the capture (" [Capture] ")"],
+                    advice!["check the capture (" [Capture] ")"],
                 ));
             }
             self.pairs += (active * level.rendered.count) as u64;

@@ -7,18 +7,20 @@ use super::on_device::OnDevice;
 use super::outline::{self, TimedSchedule};
 use super::prepared::{Planned, Prepared};
 use super::result::{Reconstruction, finish};
-use super::{Plan, Problem, domain};
+use super::{Plan, Problem};
 use crate::Result;
 use crate::capture::{Background, Capture};
 use crate::gpu::caller::{Lent, Moment};
 use crate::gpu::{Gpu, Schedule};
 use crate::transport::{Grid, Model, Rows};
 
+mod domain;
 mod needs;
 mod options;
 pub mod passes;
 mod schedule;
 
+pub use domain::{compact, extract};
 pub use options::{Decay, Domain, Noise, NoiseTerm, PaperOptions};
 pub use schedule::{double, due, initialise, iteration, reduce, restart};
 

@@ -4,9 +4,12 @@ use super::{NoiseTerm, PaperOptions, passes};
 use crate::gpu::{Buffer, Constant};
 use crate::solve::Plan;
 use crate::solve::plan::pass::Pass;
-use crate::solve::plan::{Demand, LeftOut, Level, Needs, SMOOTH, SMOOTH_SPARE, mebibytes};
-use crate::transport::Sampling;
-use crate::transport::kernels::{WORKGROUP, buffer, constant};
+use crate::solve::plan::{Demand, LeftOut, Level, Needs, mebibytes};
+use crate::transport::kernels::{LEVELS, WORKGROUP, buffer, constant};
+use crate::transport::{BRICK_VOXELS, Sampling};
+
+/// Numbers per voxel while the domain changes.
+const SMOOTH: [Buffer; 2] = [Buffer::named("smooth"), Buffer::named("smooth_spare")];
 
 /// Bytes of state of an active voxel, and of a touched one.
 const OF_VOXEL: [u64; 2] = [32, 52];
@@ -23,13 +26,9 @@ impl Needs for PaperOptions {
             binning: self.binning,
             gradient: self.gradient,
             has_rim: self.sampling == Sampling::Continuous,
-            pairs: 0,
-            refined: None,
-            smooth: [self.domain.smooth_sigma, self.domain.smooth_truncate],
+            smooth: Some([self.domain.smooth_sigma, self.domain.smooth_truncate]),
             betas: [self.beta1, self.beta2],
-            cosine_volume: false,
             lent: None,
-            more_taps: [0, 0],
         }
     }
 
@@ -69,8 +68,18 @@ impl Needs for PaperOptions {
 
     fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
         let touched = plan.domain.touched_capacity as u64;
-        let masks = plan.finest().grid.storage() as u64 / 8;
+        let voxels = plan.finest().grid.storage() as u64;
+        let masks = voxels / 8;
         let mut all = vec![
+            (buffer::RAW, touched * 16),
+            (buffer::LEVELS, u64::from(LEVELS) * 4),
+            (buffer::MASK, masks),
+            (buffer::RANKS, masks),
+            (buffer::MASK_BEFORE, masks),
+            (buffer::RANKS_BEFORE, masks),
+            (buffer::BRICK_OFFSETS, voxels / BRICK_VOXELS as u64 * 4),
+            (buffer::ACTIVE_VOXELS, touched * 4),
+            (buffer::TAPS, (plan.domain.taps.len() + 1) as u64 * 4),
             (buffer::NOISE_STATE, self.noise_weights(plan) as u64 * 12),
             (buffer::MOMENT_FIRST, touched * 16),
             (buffer::MOMENT_SECOND, touched * 16),
@@ -79,16 +88,11 @@ impl Needs for PaperOptions {
             let rim = [buffer::RIM_MASK, buffer::RIM_RANKS, buffer::RIM_BEFORE, buffer::RIM_RANKS_BEFORE];
             all.extend(rim.map(|b| (b, masks)));
         }
-        if plan.domain.volumes == [SMOOTH, SMOOTH_SPARE] {
-            all.push((SMOOTH, touched * 16));
+        // From a quarter of the grid on, buffers that hold nothing between iterations are large enough.
+        if plan.domain.capacity < plan.domain.touched_capacity.max(plan.finest().grid.storage() / 4) {
+            all.extend([(SMOOTH[0], (touched * 16).max(voxels * 4)), (SMOOTH[1], voxels * 4)]);
         }
         all
-    }
-
-    /// Buffers that hold nothing between iterations, where they are large enough.
-    fn volumes(&self, levels: &[Level], [capacity, touched]: [usize; 2]) -> [Buffer; 2] {
-        let large = levels.last().is_some_and(|l| capacity >= touched.max(l.grid.storage() / 4));
-        if large { [buffer::GRADIENT, buffer::SAMPLE_POINTS] } else { [SMOOTH, SMOOTH_SPARE] }
     }
 
     fn left_out(&self, plan: &Plan, out: &mut LeftOut) {
@@ -106,6 +110,12 @@ impl Needs for PaperOptions {
             );
         }
     }
+}
+
+/// Two buffers for a number per voxel while the domain changes; the first has room for four numbers of every touched voxel,
+/// too.
+pub(super) fn volumes(plan: &Plan) -> [Buffer; 2] {
+    if plan.bytes_of(SMOOTH[0]) > 0 { SMOOTH } else { [buffer::GRADIENT, buffer::SAMPLE_POINTS] }
 }
 
 impl PaperOptions {

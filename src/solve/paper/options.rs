@@ -118,8 +118,7 @@ options! {
             /// The Gaussian is cut off after this many sigmas
             smooth_truncate: f64 = 4.0, Range::Positive;
             /// Share of the finest grid that may be active at once; of a larger domain, only the brightest voxels are
-            /// kept [default: paper a tenth, at least the first grid; vector a sixteenth, at least half of the first
-            /// grid; both at least 262,144 voxels]
+            /// kept [default: a tenth, at least the first grid and 262,144 voxels]
             // All voxels, if the first grid is half of the finest or more, or if doublings come without a reduction.
             room: Option<f64> = None, Range::Share;
         }

@@ -1,7 +1,7 @@
 //! The passes that only the paper's solver has.
 
 use crate::advice::advice;
-use crate::solve::plan::pass::{ConstantValue, Fault, Pass, Voxels, passes, twin};
+use crate::solve::plan::pass::{Fault, Pass, Voxels, passes, twin};
 use crate::transport::kernels::*;
 
 passes! {
@@ -22,7 +22,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_SAMPLE,
             what: "the volume",
-            mend: &advice!["use a smaller " LearningRate ", " InitialAlbedo " or " Roughness],
+            mend: &advice!["use a smaller " LearningRate " or " InitialAlbedo],
         }],
         twin: twin!(sample),
         ..Pass::of("sample", |_| &kernel::SAMPLE)
@@ -57,7 +57,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_UPDATE,
             what: "the next volume",
-            mend: &advice!["use a smaller " LearningRate " or " Peak ", or " StepShare " 1"],
+            mend: &advice!["use a smaller " LearningRate " or " Peak],
         }],
         twin: twin!(update),
         ..Pass::of("update", |_| &kernel::UPDATE)
@@ -65,22 +65,87 @@ passes! {
 
     /// Moves state to its new slots.
     CARRY = Pass {
-        constants: &[(constant::DOUBLED, ConstantValue::Is(0))],
+        constants: &[(constant::DOUBLED, 0)],
         twin: twin!(carry),
         ..Pass::of("carry", |_| &kernel::CARRY)
     };
 
     /// Moves state to twice the lateral resolution, interpolated.
     CARRY_DOUBLED = Pass {
-        constants: &[(constant::DOUBLED, ConstantValue::Is(1))],
+        constants: &[(constant::DOUBLED, 1)],
         twin: twin!(carry_doubled),
         ..Pass::of("carry_doubled", |_| &kernel::CARRY)
     };
 
     /// Smooths the albedo along x: raw, or after ELU with a noise term.
     GAUSSIAN_X = Pass {
-        constants: &[(constant::AXIS, ConstantValue::Is(0)), (constant::FIRST, ConstantValue::Is(1)), (constant::LAST, ConstantValue::Is(0))],
+        constants: &[(constant::AXIS, 0)],
         twin: twin!(gaussian),
         ..Pass::of("gaussian_x", |_| &kernel::GAUSSIAN)
     };
+
+    /// Smooths along y.
+    GAUSSIAN_Y = Pass {
+        constants: &[(constant::AXIS, 1)],
+        twin: twin!(gaussian),
+        ..Pass::of("gaussian_y", |_| &kernel::GAUSSIAN)
+    };
+
+    /// Smooths along z and finds the maximum.
+    GAUSSIAN_Z = Pass {
+        constants: &[(constant::AXIS, 2)],
+        twin: twin!(gaussian),
+        ..Pass::of("gaussian_z", |_| &kernel::GAUSSIAN)
+    };
+
+    /// Counts smoothed voxels by brightness.
+    LEVELS_OF = Pass { twin: twin!(levels), ..Pass::of("levels", |_| &kernel::LEVELS) };
+
+    /// Finds the brightness above which voxels fit into the room.
+    ROOM = Pass { twin: twin!(room), ..Pass::of("room", |_| &kernel::ROOM) };
+
+    /// The mask of the voxels that are bright enough.
+    THRESHOLD = Pass { twin: twin!(threshold), ..Pass::of("threshold", |_| &kernel::THRESHOLD) };
+
+    /// Counts the voxels of each brick in a mask.
+    COMPACT_COUNT = Pass { twin: twin!(compact), ..Pass::of("compact_count", |_| &kernel::COMPACT_COUNT) };
+
+    /// Sums these counts over the bricks before.
+    COMPACT_SCAN_ACTIVE = Pass {
+        constants: &[(constant::RIM, 0)],
+        twin: twin!(compact),
+        ..Pass::of("compact_scan_active", |_| &kernel::COMPACT_SCAN)
+    };
+
+    /// Lists the active voxels.
+    COMPACT_SCATTER_ACTIVE = Pass {
+        constants: &[(constant::RIM, 0)],
+        twin: twin!(compact),
+        ..Pass::of("compact_scatter_active", |_| &kernel::COMPACT_SCATTER)
+    };
+
+    /// The mask of the active voxels' neighbours.
+    RIM = Pass { when: |p| p.demand.has_rim, twin: twin!(rim), ..Pass::of("rim", |_| &kernel::RIM) };
+
+    /// Sums the rim's voxels over the bricks before.
+    COMPACT_SCAN_RIM = Pass {
+        when: |p| p.demand.has_rim,
+        constants: &[(constant::RIM, 1)],
+        twin: twin!(compact),
+        ..Pass::of("compact_scan_rim", |_| &kernel::COMPACT_SCAN)
+    };
+
+    /// Lists the rim behind the active voxels.
+    COMPACT_SCATTER_RIM = Pass {
+        when: |p| p.demand.has_rim,
+        constants: &[(constant::RIM, 1)],
+        twin: twin!(compact),
+        ..Pass::of("compact_scatter_rim", |_| &kernel::COMPACT_SCATTER)
+    };
+
+    /// The mask at twice the lateral resolution.
+    DOUBLE_DOMAIN = Pass { twin: twin!(double_domain), ..Pass::of("double_domain", |_| &kernel::DOUBLE_DOMAIN) };
+
+    /// The maps: the brightest voxel of each column.
+    EXTRACT = Pass { twin: twin!(extract), ..Pass::of("extract", |_| &kernel::EXTRACT) };
 }

@@ -1,10 +1,10 @@
 //! The paper's solver as schedules.
 
-use super::PaperOptions;
+use super::needs::volumes;
 use super::passes::*;
+use super::{PaperOptions, domain};
 use crate::gpu::{Buffer, Schedule};
 use crate::solve::adam::unbiased;
-use crate::solve::domain::{self, Dark};
 use crate::solve::over_pairs::{
     compare, forward, gather, groups, over_active, over_parts, over_touched, scene_of_sums, turns_of_finish,
 };
@@ -20,15 +20,15 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32, s
     over_active(s, plan, level, &SAMPLE, 8).with(push);
     over_parts(s, plan, level, |s, part| {
         forward(s, plan, level, part, &FORWARD);
-        compare(s, plan, level, part, &RESIDUAL, push, None);
+        compare(s, plan, level, part, &RESIDUAL, push);
         if plan.passes.contains(&&NOISE) {
             let push = unbiased(push, plan.demand.betas, iteration + 1);
-            s.dispatch(&NOISE, groups(part.own.count, 1), (part.own.count * level.bins) as u64)
+            s.dispatch(&NOISE, groups(part.own.count, 1), (part.own.count * plan.scene.bins) as u64)
                 .bind(buffer::SCENE, part.own.scene)
                 .bind(buffer::NOISE_STATE, part.noise)
                 .with(push);
         }
-        gather(s, plan, level, part, &BACKWARD, 0, plan.residual());
+        gather(s, plan, level, part, &BACKWARD);
     });
     // A touched voxel adds up what 27 samples may leave to it.
     over_touched(s, plan, level, &UPDATE, 27).with(unbiased(push, plan.demand.betas, step));
@@ -58,7 +58,7 @@ pub fn initialise(s: &mut Schedule, plan: &Plan, level: &Level) {
 /// Domain reduction: smooth the active albedo, keep what is above the threshold (paper, section 3.3).
 /// Raw albedo may all be below zero: then the domain stays as it is.
 pub fn reduce(s: &mut Schedule, plan: &Plan, level: &Level, keep_above: f64) {
-    domain::prune(s, plan, level, &GAUSSIAN_X, keep_above, plan.domain.capacity, Dark::Stays);
+    domain::prune(s, plan, level, keep_above, plan.domain.capacity);
     domain::list(s, plan, level);
     for state in [buffer::RAW, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND] {
         carry(s, plan, level, &CARRY, state);
@@ -67,7 +67,7 @@ pub fn reduce(s: &mut Schedule, plan: &Plan, level: &Level, keep_above: f64) {
 
 /// Moves a part of the state to its new slots by the pass `how`.
 fn carry(s: &mut Schedule, plan: &Plan, level: &Level, how: &Pass, state: Buffer) {
-    let [target, _] = plan.domain.volumes;
+    let [target, _] = volumes(plan);
     // Doubling interpolates between eight.
     over_touched(s, plan, level, how, 8).bind(buffer::SOURCE, state).bind(buffer::TARGET, target);
     s.copy(target, state, plan.domain.touched_capacity as u64 * 16);
@@ -104,7 +104,7 @@ pub fn due(s: &mut Schedule, plan: &Plan, options: &PaperOptions, level: &mut us
     if let Some(fine) = next {
         // A voxel becomes four: there must be room for them.
         if reduces || fine.grid.storage() > plan.domain.capacity {
-            domain::prune(s, plan, here, &GAUSSIAN_X, above, plan.domain.capacity / 4, Dark::Stays);
+            domain::prune(s, plan, here, above, plan.domain.capacity / 4);
             split(s, plan, here, fine);
         } else {
             double(s, plan, here, fine);

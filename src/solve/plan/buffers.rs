@@ -11,16 +11,12 @@ use crate::transport::kernels::*;
 pub const UPLOAD: Buffer = Buffer::named("upload");
 /// The maps, for the host.
 pub const COLUMNS_HOST: Buffer = Buffer::named("columns_host");
-/// The volume's raw variables or vectors, for the host.
+/// The volume's raw variables, for the host.
 pub const RAW_HOST: Buffer = Buffer::named("raw_host");
 /// The volume's mask, for the host.
 pub const MASK_HOST: Buffer = Buffer::named("mask_host");
 /// The residual, for the host.
 pub const RESIDUAL_HOST: Buffer = Buffer::named("residual_host");
-/// A number per voxel while the domain changes.
-pub const SMOOTH: Buffer = Buffer::named("smooth");
-/// Another number per voxel while the domain changes.
-pub const SMOOTH_SPARE: Buffer = Buffer::named("smooth_spare");
 
 impl Plan {
     /// All buffers: the shared ones, the solver's `own`, and one of the smallest size for every block that a pass
@@ -31,7 +27,7 @@ impl Plan {
         for (buffer, bytes) in self.shared_buffers(columns).into_iter().chain(own).chain(self.level_buffers())
         {
             // The noise term of cut pairs is stored part by part.
-            let bytes = if buffer == buffer::NOISE_STATE && self.is_cut(self.finest()) { 0 } else { bytes };
+            let bytes = if buffer == buffer::NOISE_STATE && self.is_cut() { 0 } else { bytes };
             let made = BufferPlan::new(buffer, bytes, Place::Device);
             // A solver may need a shared one to be larger.
             match all.iter_mut().find(|b| b.buffer == buffer) {
@@ -41,11 +37,7 @@ impl Plan {
         }
         let rows = self.demand.iterations.iter().sum::<usize>() * TRACE_ROW as usize;
         // Parts are copied from where they are stored.
-        let uploaded = if self.division.cut.is_some() {
-            self.cells_held() * 4
-        } else {
-            (self.scene.pairs * self.scene.bins * 4) as u64
-        };
+        let uploaded = if self.is_cut() { self.cells_held() * 4 } else { self.measured_bytes() };
         let mut on_host = vec![
             (UPLOAD, uploaded + self.scene_bytes(), Place::Upload),
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),
@@ -65,9 +57,7 @@ impl Plan {
         let mut missing: BTreeSet<Buffer> =
             bound.filter(|b| b.view != View::Uniform).map(|b| b.block).collect();
         // Schedules always bind these to other buffers.
-        for block in
-            [buffer::SOURCE, buffer::TARGET, buffer::REACHABLE, buffer::COARSE_MASK, buffer::SPOT_TAPS]
-        {
+        for block in [buffer::SOURCE, buffer::TARGET, buffer::REACHABLE, buffer::COARSE_MASK] {
             missing.remove(&block);
         }
         all.iter().for_each(|b| {
@@ -83,38 +73,26 @@ impl Plan {
     }
 
     fn shared_buffers(&self, columns: u64) -> Vec<(Buffer, u64)> {
-        let voxels = self.finest().grid.storage() as u64;
-        // Slots of active voxels, and of touched ones.
-        let [slots, touched] = [self.domain.capacity, self.domain.touched_capacity].map(|v| v as u64);
+        let slots = self.domain.capacity as u64;
         let cells = self.cells_held();
-        let of_level = |l: &Level| super::cells(l.rendered.count, l.bins) as u64;
-        let rendered = match self.division.cut {
-            None => self.levels.all().map(of_level).max().unwrap_or(cells),
-            Some(_) => cells,
+        let rendered = if self.is_cut() {
+            cells
+        } else {
+            super::cells(self.finest().rendered.count, self.scene.bins) as u64
         };
         // A caller's counts lie where rendered histograms will.
         let lent = (self.scene.pairs_of_capture() * self.demand.lent.map_or(0, |rows| rows.counts)) as u64;
         let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
-        let losses = if self.scene.high_pass { losses.max(self.rows_held() as u64) } else { losses };
+        let losses = if self.scene.high_pass { losses.max(self.held() as u64) } else { losses };
         let mut all = vec![
-            (buffer::WALL, self.whole_wall()),
-            (buffer::MEASURED, self.measured_bytes(buffer::MEASURED, self.scene.bins)),
+            (buffer::WALL, if self.is_cut() { 0 } else { self.wall_bytes(self.finest()) }),
+            (buffer::MEASURED, if self.is_cut() { 0 } else { self.measured_bytes() }),
             (buffer::HISTOGRAMS, (rendered * if self.fixed_point() { 8 } else { 4 }).max(lent * 4)),
             (buffer::RESIDUAL, cells * 4),
-            (buffer::RAW, touched * 16),
-            (buffer::LEVELS, u64::from(LEVELS) * 4),
-            (buffer::MOMENTUM, u64::from(MOMENTUM) * 4),
-            (buffer::MASK, voxels / 8),
-            (buffer::RANKS, voxels / 8),
-            (buffer::MASK_BEFORE, voxels / 8),
-            (buffer::RANKS_BEFORE, voxels / 8),
-            (buffer::BRICK_OFFSETS, voxels / BRICK_VOXELS as u64 * 4),
-            (buffer::ACTIVE_VOXELS, touched * 4),
             (buffer::SAMPLE_POINTS, slots * 16),
             (buffer::SAMPLE_NORMALS, if self.scene.reflectance.has_normals() { slots * 16 } else { 0 }),
             (buffer::GRADIENT, slots * 16),
-            (buffer::TAPS, (self.domain.taps.len() + 1) as u64 * 4),
             (buffer::COUNTS, u64::from(COUNTS) * 4),
             (buffer::ARGUMENTS, u64::from(ARGUMENTS_FORWARD + sets) * 12),
             (buffer::L1_PARTIALS, self.partials().max(slots.div_ceil(u64::from(WORKGROUP))) * 4),
@@ -124,81 +102,44 @@ impl Plan {
         if self.demand.lent.is_some() {
             all.push((buffer::ROWS, 8 + self.scene.pairs as u64 * 4));
         }
-        if self.tap_sets() > 0 {
+        if self.scene.pulse > 0 {
             all.push((buffer::SPREAD, cells * 4));
-            all.push((buffer::PULSE_TAPS, (self.tap_sets() * self.tap_room() * 4) as u64));
-        }
-        for level in self.levels.summed() {
-            all.push((level.measured, self.measured_bytes(level.measured, level.bins)));
-            if self.scene.pulse > 0 {
-                all.push((level.taps, (self.tap_room() * 4) as u64));
-            }
-        }
-        if self.domain.volumes == [SMOOTH, SMOOTH_SPARE] {
-            all.extend([(SMOOTH, voxels * 4), (SMOOTH_SPARE, voxels * 4)]);
+            all.push((buffer::PULSE_TAPS, (self.scene.pulse as u64 + 2) * 4));
         }
         all
     }
 
     /// Cells of the histograms that are on the device at once.
     fn cells_held(&self) -> u64 {
-        // The narrowest bins of any level make the longest histograms.
-        let whole = super::cells(self.scene.pairs, self.scene.bins) as u64;
-        if self.division.cut.is_none() {
-            return whole;
-        }
-        let all = self.levels.all();
-        all.map(|l| super::cells(self.held(l), l.bins) as u64).max().unwrap_or(whole)
+        super::cells(self.held(), self.scene.bins) as u64
     }
 
-    /// The most histograms that are on the device at once.
-    fn rows_held(&self) -> usize {
-        if self.division.cut.is_none() {
-            return self.scene.pairs;
-        }
-        self.levels.all().map(|l| self.held(l)).max().unwrap_or(0)
-    }
-
-    /// Bytes of a buffer of measured histograms: of all pairs, or of those levels that are not cut into parts.
-    fn measured_bytes(&self, measured: Buffer, bins: usize) -> u64 {
-        let levels = self.levels.all();
-        let whole = levels.filter(|l| l.measured == measured && !self.is_cut(l)).map(|l| l.pairs).max();
-        let pairs = if self.division.cut.is_none() { self.scene.pairs } else { whole.unwrap_or(0) };
-        (pairs * bins * 4) as u64
-    }
-
-    /// Bytes of the wall of all pairs, where a level has all of them at once.
-    fn whole_wall(&self) -> u64 {
-        let levels = self.levels.all();
-        let mut whole = levels.filter(|l| l.wall == buffer::WALL && !self.is_cut(l));
-        if whole.next().is_some() || self.division.cut.is_none() { self.wall_bytes(self.finest()) } else { 0 }
+    /// Bytes of the measured histograms of all pairs.
+    fn measured_bytes(&self) -> u64 {
+        (self.scene.pairs * self.scene.bins * 4) as u64
     }
 
     /// Bytes of the scenes of all levels, which change with the counts.
     fn scene_bytes(&self) -> u64 {
         let of_level = if self.has_spots() { 2 } else { 1 };
-        let whole = self.levels.all().chain(self.batches_held()).count() * of_level;
-        ((whole + 2 * self.cut_levels().count()) * size_of::<SceneData>()) as u64
+        let levels = self.levels.volume.len();
+        let of_parts = if self.is_cut() { 2 * levels } else { 0 };
+        ((levels * of_level + self.batches_held().len() + of_parts) * size_of::<SceneData>()) as u64
     }
 
     fn level_buffers(&self) -> Vec<(Buffer, u64)> {
         let mut all = vec![];
         let of_scene = size_of::<SceneData>() as u64;
-        for level in self.levels.all() {
+        for level in &self.levels.volume {
             all.push((level.scene, of_scene));
+            all.push((level.reachable, (level.grid.storage() / BRICK_VOXELS) as u64 * 4));
             if self.has_spots() {
                 all.push((level.rendered.scene, of_scene));
             }
         }
         all.extend(self.spot_buffers());
-        for level in &self.levels.volume {
-            all.push((level.reachable, (level.grid.storage() / BRICK_VOXELS) as u64 * 4));
-            if level.wall != buffer::WALL && !self.is_cut(level) {
-                all.push((level.wall, self.wall_bytes(level)));
-            }
-        }
         for batch in self.batches_held() {
-            let measured = (self.measured(batch).count * batch.bins * 4) as u64;
+            let measured = (batch.pairs * self.scene.bins * 4) as u64;
             let wall = self.wall_bytes(batch);
             all.extend([(batch.scene, of_scene), (batch.wall, wall), (batch.measured, measured)]);
         }

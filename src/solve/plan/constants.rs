@@ -20,12 +20,11 @@ impl Plan {
         self.constants.extend(self.sizes());
     }
 
-    /// Constants that describe the scene and how the work is cut, for all passes. How surfaces reflect is as in the
-    /// volume.
+    /// Constants that describe the scene and how the work is cut, for all passes.
     pub(super) fn shared_constants(&self) -> BTreeMap<Constant, u32> {
         let scene = [
             (constant::GEOMETRY, self.scene.geometry as u32),
-            (constant::REFLECTANCE, self.scene.volume_reflectance.number()),
+            (constant::REFLECTANCE, self.scene.reflectance.number()),
             (constant::CURVED, u32::from(self.scene.curved)),
             (constant::FINE, u32::from(self.scene.fine)),
             (constant::POLISHED, u32::from(self.scene.polished)),

@@ -14,10 +14,8 @@ pub struct Demand {
     pub general: bool,
     /// Start at the scan's resolution and double.
     pub coarse_to_fine: bool,
-    /// Iterations of the volume, and of what follows it.
+    /// Iterations of a volume, and of a surface.
     pub iterations: [usize; 2],
-    /// Pairs that volumes of up to 64 lateral voxels end with, where pairs are spread.
-    pub pairs: usize,
     /// Pixels of the maps side by side in a voxel of the finest grid.
     pub pixels_per_voxel: usize,
     /// How a path is put into bins.
@@ -26,17 +24,10 @@ pub struct Demand {
     pub gradient: Gradient,
     /// Neighbours of active voxels have state, too: random samples read it.
     pub has_rim: bool,
-    /// Gaussian of the domain reduction: sigma in voxels, and after how many sigmas it is cut off.
-    pub smooth: [f64; 2],
-    /// Coarser grids have deeper voxels, too, and levels sum bins that are finer than their voxels. The grid can be refined
-    /// so often before the last iterations. `None`: the depth of voxels and the bins are the same at all levels.
-    pub refined: Option<usize>,
-    /// Sets of taps for residuals beside the pulse's own, and bins that they add to it.
-    pub more_taps: [usize; 2],
+    /// Gaussian of the domain reduction: sigma in voxels, and after how many sigmas it is cut off. `None`: no reduction.
+    pub smooth: Option<[f64; 2]>,
     /// Decays of Adam's first and second moment, if the solver runs Adam on the volume.
     pub betas: [f64; 2],
-    /// Solve the volume of a Lambertian scene with one cosine.
-    pub cosine_volume: bool,
     /// Rows of counts that may lie in a caller's buffer.
     pub lent: Option<LentRows>,
 }

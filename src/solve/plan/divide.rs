@@ -50,7 +50,7 @@ impl Division {
         let texels = if tuning.texels && !demand.general { device.limits.texels } else { 0 };
         tuning.texels = texels_at_most(model, domain.touched_capacity) <= texels;
         // Fixed point adds without rounding, and a window already sums in two levels.
-        let crowded = |l: &Level| domain.capacity.min(l.grid.storage()) / l.bins > VOXELS_PER_BIN;
+        let crowded = |l: &Level| domain.capacity.min(l.grid.storage()) / model.bins > VOXELS_PER_BIN;
         let runs = !accumulation.is_fixed() && tuning.window == 0 && levels.volume.iter().any(crowded);
         let (work, tiles) = (device.limits.work, device.limits.groups[0]);
         Ok(Division { accumulation, runs, tuning, work, tiles, texels, cut: None })
@@ -87,8 +87,7 @@ impl Plan {
 
     /// The most dispatches that a forward pass takes at any level.
     pub(super) fn most_sets(&self) -> u32 {
-        let all = self.levels.all();
-        all.map(|l| self.forward_sets(l)).max().unwrap_or(1)
+        self.levels.volume.iter().map(|l| self.forward_sets(l)).max().unwrap_or(1)
     }
 
     /// Voxels or points that may be active at `level`.

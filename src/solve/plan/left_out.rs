@@ -1,7 +1,7 @@
 //! What a scene does not need, and what is saved by leaving it out: exact for memory and counts, measured for time in
 //! docs/leave-out.md.
 
-use super::{Level, Plan};
+use super::Plan;
 use crate::transport::{Geometry, Gradient, Reflectance};
 
 /// What is left out, one line each.
@@ -50,16 +50,6 @@ impl Plan {
                 format!("{share:.0} % of all passes over pairs, and of the counts on the device"),
             );
         }
-        let early: Vec<&Level> = self.levels.volume.iter().filter(|l| l.pairs < pairs).collect();
-        if let Some(most) = early.iter().map(|l| l.pairs).max() {
-            let of = |l: &&Level| format!("{} on {} lateral voxels", l.pairs, l.grid.n[0]);
-            let parts = early.iter().map(of).collect::<Vec<_>>().join(", ");
-            let share = 100.0 * (1.0 - most as f64 / pairs as f64);
-            out.add(
-                format!("pairs of early iterations: of {pairs} they take {parts}"),
-                format!("{share:.0} % or more of their passes"),
-            );
-        }
     }
 
     fn left_out_of_model(&self, out: &mut LeftOut) {
@@ -89,22 +79,10 @@ impl Plan {
             out.add("the instrument's spots: laser and sensor see points", mebibytes(place as u64));
         }
         if self.scene.pulse == 0 {
-            // Where residuals go through other taps, the buffer is needed for them.
-            let place = if self.tap_sets() > 0 { 0 } else { self.scene.pairs * self.scene.bins * 4 };
+            let place = self.scene.pairs * self.scene.bins * 4;
             out.add(
                 "the instrument's pulse: none is known, paths are taken for sharp",
                 mebibytes(place as u64),
-            );
-        }
-        let summed: Vec<String> = self
-            .levels
-            .summed()
-            .map(|l| format!("{} are one for voxels {:.3} m deep", l.sum, l.grid.pitch.z))
-            .collect();
-        if !summed.is_empty() {
-            out.add(
-                format!("bins finer than the volume's voxels: {}", summed.join(", ")),
-                "as much of the passes over bins there",
             );
         }
         let unreached = self.scene.all_bins - self.scene.bins;
@@ -125,13 +103,6 @@ impl Plan {
             out.add(
                 format!("{dark} of {} bricks: no gated bin tells of them", finest.len()),
                 format!("up to {share:.1} % of dense iterations"),
-            );
-        }
-        let factor = self.factor();
-        if factor > 1 {
-            out.add(
-                format!("voxels as small as the surface's pixels: they are {factor} of them wide"),
-                format!("{} of {} of the finest grid's voxels", factor * factor - 1, factor * factor),
             );
         }
         if self.levels.volume.len() == 1 {

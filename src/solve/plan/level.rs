@@ -18,27 +18,17 @@ pub struct Pairs {
     pub scene: Buffer,
 }
 
-/// One step of the coarse-to-fine sequence: a resolution, how many pairs are used on it, and how wide their bins are.
+/// One step of the coarse-to-fine sequence: a resolution, and the pairs that are used on it.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Level {
     /// The volume at this resolution.
     pub grid: Grid,
-    /// Its voxels side by side, and behind each other, in a voxel of the grid before.
-    pub parts: [usize; 2],
     /// The first pair that is used: 0, but for a batch.
     pub first: usize,
     /// How many pairs are used.
     pub pairs: usize,
-    /// How many of the model's bins are one.
-    pub sum: usize,
-    /// Bins of a histogram.
-    pub bins: usize,
-    /// Metres of path.
-    pub bin_width: f64,
-    /// Buffer that holds the measurement in these bins.
+    /// Buffer that holds the measurement of these pairs.
     pub measured: Buffer,
-    /// Buffer that holds the pulse's taps for these bins.
-    pub taps: Buffer,
     /// Buffer that holds the wall points of these pairs.
     pub wall: Buffer,
     /// Buffer that holds its constants.

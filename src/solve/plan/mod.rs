@@ -26,16 +26,16 @@ mod scene;
 mod spots;
 mod tuning;
 
-pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, SMOOTH, SMOOTH_SPARE, UPLOAD};
+pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, UPLOAD};
 pub use demand::{Demand, LentRows};
 pub use divide::Division;
 pub use domain::Domain;
 pub use left_out::{LeftOut, mebibytes};
 pub use level::{Level, Pairs};
-pub use levels::{AMPLE, Levels, first_of, pairs_for, sum_of};
+pub use levels::{AMPLE, Levels};
 pub use needs::Needs;
 pub use parts::PairPart;
-pub use pass::{ConstantValue, Fault, Pass, Twin, Voxels};
+pub use pass::{Fault, Pass, Twin, Voxels};
 pub use scene::Scene;
 pub use spots::{BETWEEN, SEEN, Spots};
 pub use tuning::{Accumulation, Sizes, Tuning};
@@ -90,7 +90,7 @@ impl Plan {
         let levels = Levels::of(model, grid, scan, &demand);
         let domain = Domain::of(&levels.volume, needs, &demand);
         let mut plan = Plan {
-            scene: Scene::of(model, &grid, &demand, device.kind),
+            scene: Scene::of(model, &grid, device.kind),
             division: Division::of(model, &levels, &domain, &demand, device)?,
             demand,
             levels,
@@ -148,7 +148,7 @@ impl Plan {
 
     /// Cells of the histograms that `level` uses, with their padding.
     pub fn cells_at(&self, level: &Level) -> usize {
-        cells(level.pairs, level.bins)
+        cells(level.pairs, self.scene.bins)
     }
 
     /// The measured pairs of a level.
@@ -158,31 +158,17 @@ impl Plan {
         Pairs { count, scanned, others, wall: level.wall, scene: level.scene }
     }
 
-    /// The constants of a level for some of its pairs; `whole` are those of the model.
-    pub(in crate::solve) fn scene_of(&self, level: &Level, pairs: &Pairs, whole: SceneData) -> SceneData {
+    /// The constants of a level for some pairs; `whole` are those of the model.
+    pub(in crate::solve) fn scene_of(&self, pairs: &Pairs, whole: SceneData) -> SceneData {
         let [capacity, touched_capacity] =
             [self.domain.capacity, self.domain.touched_capacity].map(|v| v as u32);
-        let [from_wide, from_deep] = level.parts.map(|v| v as u32);
         let [count, scanned, others] = [pairs.count, pairs.scanned, pairs.others].map(|v| v as u32);
-        let numbers = SceneData { pairs: count, scanned, others, ..whole };
-        SceneData { capacity, touched_capacity, from_wide, from_deep, ..numbers }
+        SceneData { capacity, touched_capacity, pairs: count, scanned, others, ..whole }
     }
 
-    /// The last level of the volume, with all pairs.
+    /// The last level of the volume.
     pub fn finest(&self) -> &Level {
         self.levels.volume.last().expect("a plan has a level")
-    }
-
-    /// Sets of taps for residuals: the pulse's own, and those that the solver adds to it.
-    pub fn tap_sets(&self) -> usize {
-        let more = self.demand.more_taps[0];
-        if self.scene.pulse > 0 || more > 0 { 1 + more } else { 0 }
-    }
-
-    /// Words of each set of taps: the same for all pulses but the longest, so that a plan made before the pulse is found
-    /// stays valid.
-    pub fn tap_room(&self) -> usize {
-        (self.scene.pulse + 2 + self.demand.more_taps[1]).max(256)
     }
 
     /// The buffer that gradients gather from.
@@ -207,13 +193,8 @@ impl Plan {
     /// Whether the forward kernel's private columns would be too narrow at `level`.
     pub fn forward_direct(&self, level: &Level) -> bool {
         // A path changes by no more than twice what the voxel moves.
-        let span = 16.0 * level.grid.pitch.length() / level.bin_width;
+        let span = 16.0 * level.grid.pitch.length() / self.scene.bin_width;
         span > f64::from(self.division.tuning.window_span)
-    }
-
-    /// Pixels of the maps side by side in a voxel of the finest grid.
-    pub fn factor(&self) -> usize {
-        self.levels.maps.n[0] / self.finest().grid.n[0]
     }
 
     /// The pairs that iteration `at` of the surface takes, if it does not take all.
@@ -224,7 +205,7 @@ impl Plan {
 
     /// The batches: none where pairs are taken in parts.
     pub(in crate::solve) fn batches_held(&self) -> &[Level] {
-        if self.division.cut.is_none() { &self.levels.batches } else { &[] }
+        if !self.is_cut() { &self.levels.batches } else { &[] }
     }
 
     /// Bytes of a buffer; 0 if the plan does not have it.

@@ -1,7 +1,7 @@
 //! What a plan asks a solver.
 
 use super::pass::Pass;
-use super::{Demand, LeftOut, Level, Plan, SMOOTH, SMOOTH_SPARE};
+use super::{Demand, LeftOut, Level, Plan};
 use crate::gpu::{Buffer, Constant};
 
 /// What a solver needs of a plan. Its options implement this.
@@ -20,12 +20,6 @@ pub trait Needs {
 
     /// Its device buffers with their bytes. The plan adds those that all solvers have.
     fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)>;
-
-    /// Two buffers for a number per voxel while the domain changes. The first has room for four numbers of every
-    /// touched voxel, too. `capacities` are those of the same levels.
-    fn volumes(&self, _levels: &[Level], _capacities: [usize; 2]) -> [Buffer; 2] {
-        [SMOOTH, SMOOTH_SPARE]
-    }
 
     /// Lists what it does not need, and what that saves.
     fn left_out(&self, plan: &Plan, out: &mut LeftOut);

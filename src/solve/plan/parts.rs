@@ -1,6 +1,5 @@
 //! Parts of the pairs. Where the histograms of all pairs do not fit on the device, they lie on the host, and passes over
-//! pairs take them part by part: a level's buffers of pairs are as large as one part of them. Levels with few pairs, or
-//! wide bins, stay whole.
+//! pairs take them part by part: buffers of pairs are as large as one part of them.
 //!
 //! What a part is computed from lies in one of two slots on the device. The next part is copied into the other slot while
 //! this one is computed.
@@ -20,9 +19,9 @@ const PART_WALL: Buffer = Buffer::named("part_wall");
 const PART_NOISE: Buffer = Buffer::named("part_noise");
 /// Constants of a level with the numbers of a part's pairs: two for each level, as the last part may be smaller.
 const PART_SCENE: Buffer = Buffer::named("part_scene");
-/// Measured histograms on the host, by bins and part.
+/// Measured histograms on the host, by part.
 const STORED_MEASURED: Buffer = Buffer::named("stored_measured");
-/// Wall points of all parts on the host, by level.
+/// Wall points of all parts on the host.
 const STORED_WALL: Buffer = Buffer::named("stored_wall");
 /// State of the noise term on the host, by part.
 const STORED_NOISE: Buffer = Buffer::named("stored_noise");
@@ -89,7 +88,7 @@ impl PairPart {
 impl Plan {
     /// The parts of a level, in order: the first ones are the largest. One where all its pairs are on the device.
     pub fn parts(&self, level: &Level) -> impl Iterator<Item = PairPart> + use<> {
-        let whole = (!self.is_cut(level)).then(|| PairPart {
+        let whole = (!self.is_cut()).then(|| PairPart {
             number: 0,
             of: 1,
             first: 0,
@@ -105,7 +104,7 @@ impl Plan {
 
     /// The parts of a level that is cut.
     fn cut_parts(&self, level: &Level) -> Vec<PairPart> {
-        let held = self.held(level);
+        let held = self.held();
         let counts = self.counts_of_parts(level.pairs, held);
         let (of, at) = (counts.len(), self.number_of(level));
         let (mut first, mut wall_offset) = (0, 0);
@@ -114,7 +113,7 @@ impl Plan {
             let [scanned, others] = self.scene.points_of(*count);
             let scene = PART_SCENE.at(2 * at + u16::from(*count < held));
             let own = Pairs { count: *count, scanned, others, wall: PART_WALL.at(slot), scene };
-            let histograms = (*count * level.bins * 4) as u64;
+            let histograms = (*count * self.scene.bins * 4) as u64;
             let wall = (scanned + others) as u64 * self.scene.bytes_of_point();
             let one = |host, offset, device: Buffer, bytes, changes| Stored {
                 host,
@@ -124,10 +123,10 @@ impl Plan {
                 changes,
             };
             let mut stored = vec![
-                one(self.store_of(level, number), 0, PART_MEASURED, histograms, false),
-                one(STORED_WALL.at(at), wall_offset, PART_WALL, wall, false),
+                one(STORED_MEASURED.at(number as u16), 0, PART_MEASURED, histograms, false),
+                one(STORED_WALL, wall_offset, PART_WALL, wall, false),
             ];
-            let noise = self.noise_bytes(*count, level.bins);
+            let noise = self.noise_bytes(*count, self.scene.bins);
             if noise > 0 {
                 stored.push(one(STORED_NOISE.at(number as u16), 0, PART_NOISE, noise, true));
             }
@@ -139,14 +138,9 @@ impl Plan {
         counts.iter().enumerate().map(part).collect()
     }
 
-    /// Whether the pairs of a level are more than one part.
-    pub fn is_cut(&self, level: &Level) -> bool {
-        self.held(level) < level.pairs
-    }
-
-    /// The levels whose pairs are more than one part.
-    pub fn cut_levels(&self) -> impl Iterator<Item = &Level> {
-        self.levels.all().filter(|l| self.is_cut(l))
+    /// Whether the pairs are more than one part.
+    pub fn is_cut(&self) -> bool {
+        self.held() < self.scene.pairs
     }
 
     /// In how many parts the pairs of each level of the volume, then of the surface, are taken.
@@ -219,10 +213,9 @@ impl Plan {
         Ok(())
     }
 
-    /// The cells of a part if all pairs in the narrowest bins were so many parts.
+    /// The cells of a part if all pairs are so many parts.
     fn cut_for(&self, parts: usize) -> usize {
-        let bins = self.levels.all().map(|l| l.bins).max().unwrap_or(self.scene.bins);
-        cells(self.scene.pairs.div_ceil(parts), bins)
+        cells(self.scene.pairs.div_ceil(parts), self.scene.bins)
     }
 
     /// The buffers once more, after a change of [`Plan::division`]. They read no texels where these are too many.
@@ -233,45 +226,27 @@ impl Plan {
 
     /// The most texels that a buffer has as passes over pairs see it.
     fn largest_view(&self) -> u64 {
-        let all = self.levels.all();
-        let of_pairs = all.map(|l| cells(self.held(l), l.bins)).max().unwrap_or(0);
+        let of_pairs = cells(self.held(), self.scene.bins);
         let points = (self.scene.scanned + self.scene.others) * if self.scene.curved { 2 } else { 1 };
         of_pairs.max(points).max(self.domain.touched_capacity) as u64
     }
 
     /// What kernels cannot index; `None` if all parts are small enough.
     fn beyond_indices(&self, model: &Model) -> Option<Error> {
-        let whole = [model.pairs().max(model.rendered_wall().pairs()), model.bins];
-        let of_level = |l: &Level| [self.held(l), l.bins];
-        let all = || self.levels.all();
-        let [pairs, bins] = match self.division.cut {
-            None => whole,
-            Some(_) => all().map(of_level).max_by_key(|[pairs, bins]| pairs * bins).unwrap_or(whole),
-        };
+        let (rendered, bins) = (model.rendered_wall(), model.bins);
+        let pairs = if self.is_cut() { self.held() } else { model.pairs().max(rendered.pairs()) };
         if (pairs as u64 * bins as u64) > MOST_VALUES || cells(pairs, bins) as u64 >= 1 << 31 {
             return Some(Error::memory(
                 format!("{pairs} pairs of {bins} bins are beyond 2^30 values"),
                 advice!["use a larger " Stride " or a narrower " Gate],
             ));
         }
-        let rendered = match self.division.cut {
-            None => {
-                let wall = model.rendered_wall();
-                vec![[wall.pairs(), wall.scanned.len(), wall.others.len()]]
-            }
-            Some(_) => {
-                let first = |l: &Level| {
-                    let held = self.held(l);
-                    let [scanned, others] = self.scene.points_of(held);
-                    [held, scanned, others]
-                };
-                all().map(first).collect()
-            }
+        let [scanned, others] = match self.is_cut() {
+            true => self.scene.points_of(pairs),
+            false => [rendered.scanned.len(), rendered.others.len()],
         };
-        let beyond = rendered
-            .iter()
-            .any(|of| self.division.tuning.tiles(self.scene.geometry, *of) > u64::from(self.division.tiles));
-        beyond.then(|| {
+        let tiles = self.division.tuning.tiles(self.scene.geometry, [pairs, scanned, others]);
+        (tiles > u64::from(self.division.tiles)).then(|| {
             Error::memory(
                 format!("{} pairs are more than this device's workgroup counts reach", model.pairs()),
                 advice!["use a larger " Stride],
@@ -279,14 +254,11 @@ impl Plan {
         })
     }
 
-    /// Pairs of a level that are on the device at once.
-    pub(super) fn held(&self, level: &Level) -> usize {
-        let Some(most) = self.division.cut else { return level.pairs };
-        // Levels with the same bins share what is stored, so their parts are the same.
-        let same = self.levels.all().filter(|l| l.sum == level.sum);
-        let widest = same.map(|l| l.pairs).max().unwrap_or(level.pairs);
-        let most = (most.saturating_sub(PADDING as usize) / (level.bins + PADDING as usize)).max(1);
-        level.pairs.min(self.pairs_of_part(widest, most))
+    /// Pairs that are on the device at once.
+    pub(super) fn held(&self) -> usize {
+        let Some(most) = self.division.cut else { return self.scene.pairs };
+        let most = (most.saturating_sub(PADDING as usize) / (self.scene.bins + PADDING as usize)).max(1);
+        self.scene.pairs.min(self.pairs_of_part(self.scene.pairs, most))
     }
 
     /// Pairs of each of several parts of about the same size, of at most `most` pairs. Of a product: whole rows of
@@ -329,23 +301,16 @@ impl Plan {
         self.noise_bytes(1, 1) > 0
     }
 
-    /// The place of a level among those of the volume and the surface.
+    /// The place of a level among all.
     fn number_of(&self, level: &Level) -> u16 {
-        let mut all = (0..).zip(self.levels.all());
+        let mut all = (0..).zip(&self.levels.volume);
         all.find(|(_, l)| l.scene == level.scene).map_or(0, |(i, _)| i)
-    }
-
-    /// The buffer that stores a part's measured histograms in the bins of a level.
-    fn store_of(&self, level: &Level, number: usize) -> Buffer {
-        let same = self.levels.all().find(|l| l.sum == level.sum);
-        let at = same.map_or(0, |l| self.number_of(l));
-        STORED_MEASURED.at(at * MOST_PARTS as u16 + number as u16)
     }
 
     /// Buffers on the host with their bytes.
     pub(super) fn stores(&self) -> Vec<(Buffer, u64)> {
         let mut all: Vec<(Buffer, u64)> = vec![];
-        for stored in self.cut_levels().flat_map(|l| self.parts(l)).flat_map(|part| part.stored) {
+        for stored in self.parts(self.finest()).flat_map(|part| part.stored) {
             let end = stored.offset + stored.bytes;
             match all.iter_mut().find(|(buffer, _)| *buffer == stored.host) {
                 Some((_, bytes)) => *bytes = end.max(*bytes),
@@ -358,7 +323,7 @@ impl Plan {
     /// Slots and constants of parts, with their bytes.
     pub(super) fn part_buffers(&self, scene: u64) -> Vec<(Buffer, u64)> {
         let mut all = vec![];
-        for part in self.cut_levels().flat_map(|l| self.parts(l)) {
+        for part in self.levels.volume.iter().flat_map(|l| self.parts(l)).filter(PairPart::is_cut) {
             all.push((part.own.scene, scene));
             all.extend(part.stored.iter().map(|s| (s.device, s.bytes)));
         }

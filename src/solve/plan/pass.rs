@@ -21,22 +21,13 @@ pub struct Pass {
     /// Whether a plan that has these passes needs this one.
     pub when: fn(&Plan) -> bool,
     /// Constants of its own. The others that its module asks for are the plan's ([`Plan::constants`]).
-    pub constants: &'static [(Constant, ConstantValue)],
+    pub constants: &'static [(Constant, u32)],
     /// The voxels that it evaluates against every pair, if it evaluates pairs.
     pub pairs: Option<Voxels>,
     /// The values that are not finite that it can find.
     pub faults: &'static [Fault],
     /// Its float64 twin.
     pub twin: Twin,
-}
-
-/// The value of a specialization constant.
-#[derive(Debug, Clone, Copy)]
-pub enum ConstantValue {
-    /// The same for every plan.
-    Is(u32),
-    /// As the plan says.
-    Of(fn(&Plan) -> u32),
 }
 
 /// The voxels that a pass evaluates against every laser-sensor pair.
@@ -115,14 +106,7 @@ impl Pass {
     /// The values of all constants that its module asks for, its own before the plan's. What neither sets keeps the
     /// default of the source.
     pub fn values(&self, plan: &Plan) -> Vec<(Constant, u32)> {
-        let own = self.constants.iter().map(|(constant, value)| {
-            let value = match value {
-                ConstantValue::Is(value) => *value,
-                ConstantValue::Of(value) => value(plan),
-            };
-            (*constant, value)
-        });
-        let mut all: Vec<_> = own.collect();
+        let mut all = self.constants.to_vec();
         for (constant, _) in (self.code)(plan).constants {
             if let Some(value) = plan.constant(*constant).filter(|_| all.iter().all(|c| c.0 != *constant)) {
                 all.push((*constant, value));

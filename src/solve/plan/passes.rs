@@ -1,6 +1,6 @@
-//! The passes that solvers share: rendering, comparing, the active domain, maps.
+//! The passes that solvers share: rendering, comparing.
 
-use super::pass::{ConstantValue, Fault, Pass, Twin, Voxels, passes, twin};
+use super::pass::{Fault, Pass, Twin, Voxels, passes, twin};
 use super::{Accumulation, Plan};
 use crate::advice::advice;
 use crate::gpu::KernelCode;
@@ -10,13 +10,6 @@ use crate::transport::kernels::*;
 passes! {
     /// All shared passes, in the order in which plans list them.
     pub static ALL;
-
-    /// Sums neighbouring bins of the measurement for levels with wider ones.
-    SUM_BINS = Pass {
-        when: |p| p.levels.volume.iter().any(|l| l.sum > 1),
-        twin: twin!(sum_bins),
-        ..Pass::of("sum_bins", |_| &kernel::SUM_BINS)
-    };
 
     /// Sums a caller's counts over pairs.
     TALLY = Pass { when: |p| p.demand.lent.is_some(), twin: twin!(tally), ..Pass::of("tally", |_| &kernel::TALLY) };
@@ -30,7 +23,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_FORWARD,
             what: "the rendered histograms",
-            mend: &advice!["use a smaller " LearningRate ", or a larger " MinDepth " where voxels touch the wall"],
+            mend: &advice!["use a larger " MinDepth " where voxels touch the wall, and check the capture (" [Capture] ")"],
         }],
         twin: twin!(forward),
         ..Pass::of("forward", forward)
@@ -54,18 +47,10 @@ passes! {
         faults: &[Fault {
             bit: FAULT_RESIDUAL,
             what: "the difference from the measurement",
-            mend: &advice!["use a smaller " Peak " or " LearningRate ", and check the counts (" [Capture] ")"],
+            mend: &advice!["check the counts (" [Capture] ")"],
         }],
         twin: twin!(residual),
         ..Pass::of("residual", residual)
-    };
-
-    /// Weights the rendered histograms without comparing them.
-    RESIDUAL_BOUND = Pass {
-        when: |p| p.constant(constant::WEIGHTED) == Some(1),
-        constants: &[(constant::MEASURE, ConstantValue::Is(0))],
-        twin: twin!(residual_weighted),
-        ..Pass::of("residual_bound", residual)
     };
 
     /// Compares as [`RESIDUAL`] does, and takes down what changes slowly along time.
@@ -76,10 +61,10 @@ passes! {
         ..Pass::of("residual_rows", residual_rows)
     };
 
-    /// Takes residuals back through the pulse, or through a Gaussian as well.
+    /// Takes residuals back through the pulse.
     PULSE_BACK = Pass {
-        when: |p| p.tap_sets() > 0,
-        constants: &[(constant::BACK, ConstantValue::Is(1))],
+        when: |p| p.scene.pulse > 0,
+        constants: &[(constant::BACK, 1)],
         twin: twin!(pulse),
         // Residuals are fp32 on every accumulation path.
         ..Pass::of("pulse_back", |_| &kernel::PULSE)
@@ -95,76 +80,11 @@ passes! {
     /// Closes an iteration: sums the losses and writes the row of the trace.
     FINISH = Pass { twin: twin!(finish), ..Pass::of("finish", |_| &kernel::FINISH) };
 
-    /// Smooths along y.
-    GAUSSIAN_Y = Pass {
-        constants: &[(constant::AXIS, ConstantValue::Is(1)), (constant::FIRST, ConstantValue::Is(0)), (constant::LAST, ConstantValue::Is(0))],
-        twin: twin!(gaussian),
-        ..Pass::of("gaussian_y", |_| &kernel::GAUSSIAN)
-    };
-
-    /// Smooths along z and finds the maximum.
-    GAUSSIAN_Z = Pass {
-        constants: &[(constant::AXIS, ConstantValue::Is(2)), (constant::FIRST, ConstantValue::Is(0)), (constant::LAST, ConstantValue::Is(1))],
-        twin: twin!(gaussian),
-        ..Pass::of("gaussian_z", |_| &kernel::GAUSSIAN)
-    };
-
-    /// Counts smoothed voxels by brightness.
-    LEVELS_OF = Pass { twin: twin!(levels), ..Pass::of("levels", |_| &kernel::LEVELS) };
-
-    /// Finds the brightness above which voxels fit into the room.
-    ROOM = Pass { twin: twin!(room), ..Pass::of("room", |_| &kernel::ROOM) };
-
-    /// The mask of the voxels that are bright enough.
-    THRESHOLD = Pass { twin: twin!(threshold), ..Pass::of("threshold", |_| &kernel::THRESHOLD) };
-
-    /// Counts the voxels of each brick in a mask.
-    COMPACT_COUNT = Pass { twin: twin!(compact), ..Pass::of("compact_count", |_| &kernel::COMPACT_COUNT) };
-
-    /// Sums these counts over the bricks before.
-    COMPACT_SCAN_ACTIVE = Pass {
-        constants: &[(constant::RIM, ConstantValue::Is(0))],
-        twin: twin!(compact),
-        ..Pass::of("compact_scan_active", |_| &kernel::COMPACT_SCAN)
-    };
-
-    /// Lists the active voxels.
-    COMPACT_SCATTER_ACTIVE = Pass {
-        constants: &[(constant::RIM, ConstantValue::Is(0))],
-        twin: twin!(compact),
-        ..Pass::of("compact_scatter_active", |_| &kernel::COMPACT_SCATTER)
-    };
-
-    /// The mask of the active voxels' neighbours.
-    RIM = Pass { when: |p| p.demand.has_rim, twin: twin!(rim), ..Pass::of("rim", |_| &kernel::RIM) };
-
-    /// Sums the rim's voxels over the bricks before.
-    COMPACT_SCAN_RIM = Pass {
-        when: |p| p.demand.has_rim,
-        constants: &[(constant::RIM, ConstantValue::Is(1))],
-        twin: twin!(compact),
-        ..Pass::of("compact_scan_rim", |_| &kernel::COMPACT_SCAN)
-    };
-
-    /// Lists the rim behind the active voxels.
-    COMPACT_SCATTER_RIM = Pass {
-        when: |p| p.demand.has_rim,
-        constants: &[(constant::RIM, ConstantValue::Is(1))],
-        twin: twin!(compact),
-        ..Pass::of("compact_scatter_rim", |_| &kernel::COMPACT_SCATTER)
-    };
-
     /// The sizes of the indirect dispatches, from the counts.
     ARGUMENTS = Pass {
         twin: Twin::None("writes dispatch sizes, which a dispatch that is too small or too large betrays"),
         ..Pass::of("arguments", |_| &kernel::ARGUMENTS)
     };
-
-    /// The mask at twice the lateral resolution.
-    DOUBLE_DOMAIN = Pass { twin: twin!(double_domain), ..Pass::of("double_domain", |_| &kernel::DOUBLE_DOMAIN) };
-
-    /// The maps: the brightest voxel of each column.
-    EXTRACT = Pass { twin: twin!(extract), ..Pass::of("extract", |_| &kernel::EXTRACT) };
 }
 
 /// The module that renders, by the kind of pairs and by how contributions are added up.

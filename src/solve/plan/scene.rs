@@ -1,6 +1,5 @@
 //! What a plan has of the model: its pairs, its bins, and how light goes between them.
 
-use super::Demand;
 use crate::gpu::DeviceKind;
 use crate::transport::{Geometry, Grid, Model, Reflectance};
 
@@ -19,7 +18,7 @@ pub struct Scene {
     pub geometry: Geometry,
     /// Normals of the wall are used.
     pub curved: bool,
-    /// Bins of a histogram. Levels may have fewer, wider ones.
+    /// Bins of a histogram.
     pub bins: usize,
     /// Bins of the capture, whether or not a voxel reaches them.
     pub all_bins: usize,
@@ -27,8 +26,6 @@ pub struct Scene {
     pub bin_width: f64,
     /// How surfaces reflect.
     pub reflectance: Reflectance,
-    /// How they reflect in the volume, if a surface follows it.
-    pub volume_reflectance: Reflectance,
     /// Bin positions are computed in parts: paths span more bins than fp32 resolves.
     pub fine: bool,
     /// Distances take a step of Newton: the device's inverse roots may be too rough for so many bins.
@@ -43,7 +40,7 @@ pub struct Scene {
 
 impl Scene {
     /// What `model` on `grid` is on a device of this kind.
-    pub(super) fn of(model: &Model, grid: &Grid, demand: &Demand, device: DeviceKind) -> Scene {
+    pub(super) fn of(model: &Model, grid: &Grid, device: DeviceKind) -> Scene {
         Scene {
             pairs: model.pairs(),
             unused: model.unused,
@@ -55,10 +52,6 @@ impl Scene {
             all_bins: model.elements / model.pairs().max(1),
             bin_width: model.bin_width,
             reflectance: model.reflectance,
-            volume_reflectance: match model.reflectance {
-                Reflectance::Lambertian if demand.cosine_volume => Reflectance::Cosine,
-                other => other,
-            },
             fine: model.is_fine(grid),
             polished: device != DeviceKind::Cpu && model.is_polished(grid),
             pulse: model.pulse.as_ref().map_or(0, |p| p.weights.len()),

@@ -16,7 +16,7 @@ use crate::solve::estimate::{energy, expected_noise};
 use crate::solve::on_device::{OnDevice, read_maps, trace_rows, upload};
 use crate::solve::outline::{self, TimedSchedule};
 use crate::solve::over_pairs::{scene_of_sums, turns_of_finish};
-use crate::solve::passes::objective;
+use crate::solve::passes::{FINISH, objective};
 use crate::solve::prepared::Planned;
 use crate::solve::{Level, Plan, Problem};
 use crate::transport::Rows;
@@ -302,7 +302,7 @@ fn place(
 /// Renders so many pixels, and leaves the objective in row `row` of the trace.
 fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: usize) {
     render(s, plan, level, pixels, objective(plan));
-    s.dispatch(&passes::SURFACE_FINISH, [1, 1, 1], turns_of_finish(plan))
+    s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, level))
         .with(Push { iteration: row as u32, ..Default::default() });
 }

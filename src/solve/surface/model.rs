@@ -63,3 +63,31 @@ pub(super) fn take(capture: &Capture, options: &SurfaceOptions, rows: &Rows, mod
     let scale = 1.0 / model.counts_per_unit;
     model.variance = [per_count * scale, empty * scale * scale];
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::solve::default_volume;
+    use crate::solve::estimate::tests::counts;
+
+    #[test]
+    fn the_model_has_the_noise_in_its_own_units() {
+        let capture = counts(500.0, 4.0, 90.0, 8);
+        // General, so that all bins stay.
+        let o = SurfaceOptions::default().with(|o| o.general = true);
+        let grid = Grid::new(default_volume(&capture, 0.2).unwrap(), 16, capture.bin_width).unwrap();
+        let of = |o: &SurfaceOptions| model(&capture, &grid, o);
+        let noisy = of(&o);
+        let scale = 1.0 / noisy.counts_per_unit;
+        // A bin of n counts has the variance n, whatever was subtracted; so has a bin with background only.
+        for (counts, value) in capture.histograms.iter().zip(&noisy.measured).step_by(37) {
+            let variance = noisy.variance[0] * f64::from(*value) + noisy.variance[1];
+            let want = f64::from(*counts) * scale * scale;
+            assert!((variance - want).abs() < 1e-6 * scale, "{counts} counts: {variance}, not {want}");
+        }
+        let dark: f64 = noisy.measured.chunks(256).map(|h| f64::from(h[250])).sum::<f64>() / 256.0;
+        assert!(dark.abs() < 0.15 * 4.0 * scale, "the background is subtracted: {dark}");
+        let kept = of(&o.with(|o| o.background = false));
+        assert!(kept.measured.iter().all(|m| *m >= 0.0) && kept.variance[1] == 0.0);
+    }
+}

@@ -3,10 +3,9 @@
 use super::{SurfaceOptions, passes};
 use crate::gpu::{Buffer, Constant};
 use crate::solve::Plan;
-use crate::solve::estimate::MOST_PAIRS;
 use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{Demand, LeftOut, Level, Needs};
-use crate::transport::kernels::{SURFACE_WEIGHTS, buffer, constant};
+use crate::transport::kernels::{SURFACE_WEIGHTS, WORKGROUP, buffer, constant};
 use crate::transport::{Binning, Gradient};
 
 /// A pixel no wider than this many bins of path is rendered as one point: paths over it differ by about as many bins
@@ -29,8 +28,10 @@ const OF_PIXEL: [(Buffer, u64); 7] = [
 ];
 
 /// A fit of at most `iterations[1]` iterations, after `iterations[0]` of other fits.
-pub(crate) struct OfFit<'o> {
+pub struct OfFit<'o> {
+    /// The options of the solver.
     pub options: &'o SurfaceOptions,
+    /// Iterations of other fits, and the most of this one.
     pub iterations: [usize; 2],
 }
 
@@ -43,16 +44,12 @@ impl Needs for OfFit<'_> {
             general,
             coarse_to_fine: false,
             iterations: self.iterations,
-            pairs: MOST_PAIRS,
             pixels_per_voxel: 1,
             binning: Binning::Linear,
             gradient: Gradient::Exact,
             has_rim: false,
-            refined: None,
-            smooth: [1.0, 4.0],
-            more_taps: [0; 2],
+            smooth: None,
             betas: [0.0; 2],
-            cosine_volume: false,
             lent: None,
         }
     }
@@ -64,7 +61,9 @@ impl Needs for OfFit<'_> {
     }
 
     fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)> {
-        vec![(constant::WEIGHTED, 1), (constant::POINTS, points_per_pixel(self.options, plan) as u32)]
+        let points = points_per_pixel(self.options, plan) as u32;
+        // A workgroup of `surface_combine` leaves one partial sum of its pixels' points.
+        vec![(constant::WEIGHTED, 1), (constant::POINTS, points), (constant::SUMMED, points * WORKGROUP)]
     }
 
     fn passes(&self) -> Vec<&'static Pass> {
@@ -79,11 +78,6 @@ impl Needs for OfFit<'_> {
             vec![(buffer::PIXEL_OF, columns * 4), (buffer::SURFACE_WEIGHTS, u64::from(SURFACE_WEIGHTS) * 4)];
         all.extend(OF_PIXEL.map(|(buffer, bytes)| (buffer, pixels * bytes)));
         all
-    }
-
-    /// No domain changes.
-    fn volumes(&self, _levels: &[Level], _capacities: [usize; 2]) -> [Buffer; 2] {
-        [buffer::GRADIENT, buffer::SAMPLE_POINTS]
     }
 
     fn left_out(&self, plan: &Plan, out: &mut LeftOut) {

@@ -1,13 +1,8 @@
 //! The passes that only the surface has. It is rendered and compared by those that solvers share.
 
 use crate::advice::advice;
-use crate::gpu::Constant;
-use crate::solve::plan::pass::{ConstantValue, Fault, Pass, Voxels, passes, twin};
+use crate::solve::plan::pass::{Fault, Pass, Voxels, passes, twin};
 use crate::transport::kernels::*;
-
-/// Samples of one partial sum of [`SURFACE_COMBINE`].
-const SUMMED: (Constant, ConstantValue) =
-    (constant::SUMMED, ConstantValue::Of(|p| p.constant(constant::POINTS).unwrap_or(1) * WORKGROUP));
 
 passes! {
     /// All passes that only the surface has.
@@ -21,7 +16,7 @@ passes! {
 
     /// Computes the slopes and the points of every pixel.
     SURFACE_POINTS = Pass {
-        faults: &[Fault { bit: FAULT_SAMPLE, what: "the surface", mend: &advice!["use a smaller " Peak] }],
+        faults: &[Fault { bit: FAULT_SAMPLE, what: "the surface", mend: &advice!["check the counts (" [Capture] ")"] }],
         twin: twin!(surface_points),
         ..Pass::of("surface_points", |_| &kernel::SURFACE_POINTS)
     };
@@ -33,7 +28,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_BACKWARD,
             what: "the surface's gradient",
-            mend: &advice!["use a smaller " Peak ", or a larger " MinDepth " where it touches the wall"],
+            mend: &advice!["use a larger " MinDepth " where it touches the wall, and check the counts (" [Capture] ")"],
         }],
         twin: twin!(surface_gather),
         ..Pass::of("surface_gather", |p| p.variant(&kernel::SURFACE_GATHER, &kernel::SURFACE_GATHER_TEXELS))
@@ -53,20 +48,9 @@ passes! {
 
     /// Updates depths and albedos by Adam, and closes the iteration.
     SURFACE_STEP = Pass {
-        constants: &[SUMMED],
-        faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", mend: &advice!["use a smaller " Peak] }],
+        faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", mend: &advice!["check the counts (" [Capture] ")"] }],
         twin: twin!(surface_step),
         ..Pass::of("surface_step", |_| &kernel::SURFACE_STEP)
-    };
-
-    /// Closes a comparison without a step.
-    SURFACE_FINISH = Pass {
-        constants: &[
-            (constant::ACCELERATED, ConstantValue::Is(0)),
-            SUMMED,
-        ],
-        twin: twin!(finish),
-        ..Pass::of("surface_finish", |_| &kernel::FINISH)
     };
 
     /// Puts a layer of the surface into the maps.

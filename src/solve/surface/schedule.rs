@@ -60,7 +60,7 @@ pub fn render(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, residu
 /// Renders the samples of the surface for a part of the pairs, and compares it.
 fn rendered(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, residual: &Pass) {
     forward(s, plan, level, part, &FORWARD);
-    compare(s, plan, level, part, residual, Push::default(), None);
+    compare(s, plan, level, part, residual, Push::default());
 }
 
 /// Iteration `i` of the whole solve (from 0), `at` of this fit, which has `all`: points, forward, weighted residual, gather,
@@ -73,7 +73,7 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, [i,
     let seen = batch.unwrap_or(level);
     over_parts(s, plan, seen, |s, part| {
         rendered(s, plan, seen, part, objective(plan));
-        gather(s, plan, seen, part, &SURFACE_GATHER, 0, plan.residual());
+        gather(s, plan, seen, part, &SURFACE_GATHER);
     });
     let (own, pixels, around) = (groups(count, WORKGROUP), count as u64, weights::around(level));
     s.dispatch(&SURFACE_COMBINE, own, NEAR * pixels).bind(buffer::SCENE, scene).with(push);
@@ -89,7 +89,8 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, [i,
 /// Divides the measured histograms among the batches of pairs, and sizes the passes over one of them.
 pub fn divide(s: &mut Schedule, plan: &Plan) {
     for batch in plan.batches_held() {
-        let [first, count] = [batch.first, plan.measured(batch).count].map(|n| (n * batch.bins * 4) as u64);
+        let [first, count] =
+            [batch.first, plan.measured(batch).count].map(|n| (n * plan.scene.bins * 4) as u64);
         s.copy_from([buffer::MEASURED, batch.measured], first, count);
     }
     if let Some(batch) = plan.batch(0) {

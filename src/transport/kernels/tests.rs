@@ -19,7 +19,7 @@ fn a_product_finds_the_scanned_points_arm_once_for_several_pairs() {
     for (name, constants) in [
         ("forward_product_owned", &[("OTHERS", 4), ("SHARED", 0), ("TOUCHING", 0)][..]),
         ("forward_product_float", &[("OTHERS", 4), ("TOUCHING", 0)]),
-        ("step", &[("OTHERS", 4), ("GEOMETRY", 2), ("TOUCHING", 0)]),
+        ("surface_gather", &[("OTHERS", 4), ("GEOMETRY", 2), ("TOUCHING", 0)]),
         ("backproject", &[("OTHERS", 4), ("GEOMETRY", 2), ("TOUCHING", 0)]),
     ] {
         let code = KERNELS.iter().find(|k| k.name == name).expect("a kernel of the table");
@@ -73,10 +73,10 @@ fn a_pair_takes_no_more_than_it_did() {
         ("forward_owned", &[near, apart], 40),
         ("forward_owned", &[linear, apart], 49),
         ("forward_owned", &[linear, apart, lambertian], 66),
-        ("forward_owned", &[linear, apart, ("BOUND", 1)], 39),
         ("forward_owned_texels", &[near, apart], 40),
         ("forward_owned_texels", &[linear, apart], 49),
-        ("step_texels", &[linear, apart], 43),
+        ("backward_texels", &[near, apart], 30),
+        ("surface_gather_texels", &[apart], 61),
         ("forward_float", &[near, apart], 42),
         ("forward_float", &[linear, apart], 49),
         ("forward_float", &[linear], 52),
@@ -90,16 +90,11 @@ fn a_pair_takes_no_more_than_it_did() {
         ("backward", &[near, apart, ("EXACT", 0)], 32),
         ("backward", &[linear, apart, ("EXACT", 0)], 39),
         ("backward", &[linear, apart, ("EXACT", 1)], 43),
-        ("step", &[linear, apart], 43),
-        ("step", &[linear], 46),
-        ("step", &[linear, apart, lambertian], 55),
-        ("step", &[linear, apart, two], 61),
-        ("step", &[linear, apart, product, ("OTHERS", 4)], 27),
         ("surface_gather", &[apart], 64),
-        ("surface_gather", &[apart, lambertian], 93),
+        ("surface_gather", &[apart, lambertian], 92),
+        ("surface_gather", &[], 67),
         ("surface_gather", &[apart, two], 82),
-        ("bound", &[linear, apart, ("WHAT", 0)], 36),
-        ("bound", &[linear, apart, ("WHAT", 1)], 37),
+        ("surface_gather", &[apart, product, ("OTHERS", 4)], 43),
         ("backproject", &[apart], 33),
     ];
     let over = table.iter().filter(|(name, constants, most)| {
@@ -116,7 +111,7 @@ fn a_pair_takes_no_more_than_it_did() {
 #[test]
 fn a_place_is_within_its_row_whatever_the_path() {
     const N_CLAMP: u32 = 81;
-    let finds = ["forward", "backward", "backproject", "bound", "step", "surface_gather", "places"];
+    let finds = ["forward", "backward", "backproject", "surface_gather", "places"];
     for code in KERNELS.iter().filter(|k| finds.iter().any(|name| k.name.starts_with(name))) {
         for value in [0, 1] {
             let found = extended(code, &[("FINE", value)]).expect("a whole module");

@@ -1,7 +1,5 @@
 //! Weighted sums of histograms: how the light of rendered pairs makes up that of measured ones.
 
-use crate::capture::Way;
-
 /// A sparse matrix that sums rows of histograms. It acts on one of three indices: row `(o * columns + c) * inner + i`
 /// goes to row `(o * rows + r) * inner + i` for every `o` and `i`.
 #[derive(Debug, Clone, PartialEq)]
@@ -46,8 +44,8 @@ impl SpotTaps {
         SpotTaps { columns: self.rows.len(), rows, ..*self }
     }
 
-    /// Sums histograms of `bins` bins; with squared weights for [`Way::Squared`]. The direction is the matrix's own.
-    pub fn through(&self, values: &[f64], bins: usize, way: Way) -> Vec<f64> {
+    /// Sums histograms of `bins` bins.
+    pub fn through(&self, values: &[f64], bins: usize) -> Vec<f64> {
         let mut sums = vec![0.0; self.sums() * bins];
         for (row, sum) in sums.chunks_exact_mut(bins).enumerate() {
             let (i, r, o) =
@@ -55,7 +53,6 @@ impl SpotTaps {
             for (c, weight) in &self.rows[r] {
                 let from = ((o * self.columns + *c as usize) * self.inner + i) * bins;
                 let weight = f64::from(*weight);
-                let weight = if way == Way::Squared { weight * weight } else { weight };
                 sum.iter_mut().zip(&values[from..from + bins]).for_each(|(s, v)| *s += weight * v);
             }
         }
@@ -99,14 +96,14 @@ mod tests {
         };
         let (x, y) = (numbers(taps.terms() * bins, 0.754_877), numbers(taps.sums() * bins, 0.569_84));
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let forth = dot(&taps.through(&x, bins, Way::Spread), &y);
-        let back = dot(&x, &taps.back().through(&y, bins, Way::Back));
+        let forth = dot(&taps.through(&x, bins), &y);
+        let back = dot(&x, &taps.back().through(&y, bins));
         assert!((forth - back).abs() < 1e-12 && forth.abs() > 1e-3, "{forth} {back}");
         assert_eq!(taps.back().back().rows.iter().map(Vec::len).collect::<Vec<_>>(), [2, 1, 2, 0]);
         assert_eq!(taps.words().len(), taps.len_of_words());
         // Row (1, 2, 1) sums rows (1, 2, 1) and (1, 0, 1).
-        let sums = taps.through(&x, bins, Way::Squared);
-        let want = 0.0625 * x[2 * 16] + 0.5625 * x[2 * 10];
+        let sums = taps.through(&x, bins);
+        let want = 0.25 * x[2 * 16] + 0.75 * x[2 * 10];
         assert!((sums[2 * (12 + 2 * 3 + 1)] - want).abs() < 1e-12);
     }
 }

@@ -1,7 +1,6 @@
 use glam::{DVec3, dvec3};
 
 use super::*;
-use crate::capture::Way;
 
 fn lattice(n: usize, step: f64) -> Vec<DVec3> {
     (0..n * n).map(|i| dvec3((i / n) as f64 * step, (i % n) as f64 * step, 0.0)).collect()
@@ -19,7 +18,7 @@ fn spot(sigma: [f64; 2]) -> Spot {
 /// Histograms that hold `value` of every rendered pair, through the stages.
 fn summed(rendered: &Rendered, value: impl Fn(usize) -> f64) -> Vec<f64> {
     let of: Vec<f64> = (0..rendered.wall.pairs()).map(value).collect();
-    rendered.stages.iter().fold(of, |v, stage| stage.through(&v, 1, Way::Spread))
+    rendered.stages.iter().fold(of, |v, stage| stage.through(&v, 1))
 }
 
 /// Checks that sums, means and variances over every pair's spots are those of the Gaussians.

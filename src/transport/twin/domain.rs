@@ -42,7 +42,7 @@ pub fn gaussian(twin: &Twin, raw: &[Raw], active: &[bool], taps: &[f64]) -> Vec<
 }
 
 /// The separable Gaussian of a volume, zero outside the grid.
-pub fn smooth(grid: &Grid, mut volume: Vec<f64>, taps: &[f64]) -> Vec<f64> {
+fn smooth(grid: &Grid, mut volume: Vec<f64>, taps: &[f64]) -> Vec<f64> {
     for axis in 0..3 {
         let source = volume.clone();
         for (i, v) in volume.iter_mut().enumerate() {
@@ -147,48 +147,33 @@ pub fn carry(touched: &[u32], state: &[Raw]) -> Vec<Raw> {
     carried
 }
 
-/// Voxels of `fine` along each axis in a voxel of `coarse`: 1 or 2.
-fn parts(coarse: &Grid, fine: &Grid) -> [usize; 3] {
-    std::array::from_fn(|a| (coarse.pitch[a] / fine.pitch[a]).round() as usize)
-}
-
-/// State in a grid with smaller voxels along some axes: linear along these, cell-centred, clamped at the edges. Values
-/// halve where voxels behind each other double, as their light adds up.
+/// State at twice the lateral resolution: linear along x and y, cell-centred, clamped at the edges.
 pub fn carry_doubled(coarse: &Grid, fine: &Grid, raw: &[Raw]) -> Vec<Raw> {
-    let parts = parts(coarse, fine);
     let mut doubled = vec![[0.0; 4]; fine.storage()];
     for (i, value) in doubled.iter_mut().enumerate() {
         let c = fine.voxel(i);
         if !fine.contains(c) {
             continue;
         }
-        let [xs, ys, zs] = [0, 1, 2].map(|a| {
-            let at = ((c[a] as f64 + 0.5) / parts[a] as f64 - 0.5).clamp(0.0, coarse.n[a] as f64 - 1.0);
+        let [xs, ys] = [0, 1].map(|a| {
+            let at = ((c[a] as f64 + 0.5) / 2.0 - 0.5).clamp(0.0, coarse.n[a] as f64 - 1.0);
             let low = at.floor() as usize;
             [(low, 1.0 - at.fract()), ((low + 1).min(coarse.n[a] - 1), at.fract())]
         });
         for (x, wx) in xs {
             for (y, wy) in ys {
-                for (z, wz) in zs {
-                    let from = raw[coarse.index([x, y, z])];
-                    (0..4).for_each(|k| value[k] += wx * wy * wz * from[k] / parts[2] as f64);
-                }
+                let from = raw[coarse.index([x, y, c[2]])];
+                (0..4).for_each(|k| value[k] += wx * wy * from[k]);
             }
         }
     }
     doubled
 }
 
-/// The domain in a grid with smaller voxels along some axes: a voxel is active if its parent was.
+/// The domain at twice the lateral resolution: a voxel is active if its parent was.
 pub fn double_domain(coarse: &Grid, fine: &Grid, active: &[bool]) -> Vec<bool> {
-    let parts = parts(coarse, fine);
-    let parent = |c: [usize; 3]| coarse.index(std::array::from_fn(|a| c[a] / parts[a]));
+    let parent = |[x, y, z]: [usize; 3]| coarse.index([x / 2, y / 2, z]);
     (0..fine.storage()).map(|i| fine.voxel(i)).map(|c| fine.contains(c) && active[parent(c)]).collect()
-}
-
-/// The domain with the one before it.
-pub fn join(active: &[bool], before: &[bool]) -> Vec<bool> {
-    active.iter().zip(before).map(|(a, b)| *a || *b).collect()
 }
 
 /// The surface in one column.
@@ -196,48 +181,28 @@ pub fn join(active: &[bool], before: &[bool]) -> Vec<bool> {
 pub struct Column {
     /// Albedo, in the solver's own scale.
     pub albedo: f64,
-    /// Depth, metres: of the brightest active voxel, or for vectors of the farthest voxel of its surface.
+    /// Depth, metres.
     pub depth: f64,
     /// Unit normal.
     pub normal: DVec3,
 }
 
-/// The surface of every column `ix * ny + iy`. `None` if no albedo in it is above zero.
+/// The brightest active voxel of every column `ix * ny + iy`. `None` if no albedo in it is above zero.
 pub fn extract(twin: &Twin, raw: &[Raw], active: &[bool]) -> Vec<Option<Column>> {
-    let albedo: Vec<f64> =
-        raw.iter().zip(active).map(|(r, a)| if *a { r[0].max(0.0) } else { 0.0 }).collect();
-    columns(twin, &albedo, |c| {
-        let i = twin.grid.index(c);
-        (albedo[i], c[2], toward_wall(raw[i]))
-    })
-}
-
-/// Columns by the brightest voxel of a volume. For that voxel `surface` gives the albedo, the z index of the surface,
-/// and its direction at any length.
-pub(super) fn columns(
-    twin: &Twin,
-    volume: &[f64],
-    surface: impl Fn([usize; 3]) -> (f64, usize, DVec3),
-) -> Vec<Option<Column>> {
     let grid = twin.grid;
+    let albedo = |i: usize| if active[i] { raw[i][0].max(0.0) } else { 0.0 };
     let all = (0..grid.n[0]).flat_map(|x| (0..grid.n[1]).map(move |y| [x, y]));
     all.map(|[x, y]| {
-        let z = brightest(twin, volume, [x, y])?;
-        let (albedo, z, direction) = surface([x, y, z]);
-        let normal = direction.normalize_or_zero();
-        Some(Column { albedo, depth: grid.origin.z + z as f64 * grid.pitch.z, normal })
+        let mut best = (0.0, None);
+        for z in twin.model.near_z(grid)..grid.n[2] {
+            let i = grid.index([x, y, z]);
+            if albedo(i) > best.0 {
+                best = (albedo(i), Some((z, i)));
+            }
+        }
+        let (z, i) = best.1?;
+        let depth = grid.origin.z + z as f64 * grid.pitch.z;
+        Some(Column { albedo: best.0, depth, normal: toward_wall(raw[i]).normalize_or_zero() })
     })
     .collect()
-}
-
-/// The z index of the brightest voxel of a column, `None` if none is above zero.
-pub(super) fn brightest(twin: &Twin, volume: &[f64], [x, y]: [usize; 2]) -> Option<usize> {
-    let mut best = (0.0, None);
-    for z in twin.model.near_z(twin.grid)..twin.grid.n[2] {
-        let albedo = volume[twin.grid.index([x, y, z])];
-        if albedo > best.0 {
-            best = (albedo, Some(z));
-        }
-    }
-    best.1
 }

@@ -3,6 +3,7 @@
 //!
 //! State is in the grid's storage order ([`Grid::index`]); lists hold storage indices in that order.
 
+mod backproject;
 mod domain;
 mod intake;
 mod optimise;
@@ -10,28 +11,23 @@ mod pulse;
 mod random;
 mod render;
 mod surface;
-mod vector;
 
+pub use backproject::{backproject, filter};
 pub use domain::{
     Column, carry, carry_doubled, compact, double_domain, extract, gaussian, initialise, initialise_raw,
-    join, levels, rim, room, smooth, taps, threshold, threshold_raw, touched,
+    levels, rim, room, taps, threshold, threshold_raw, touched,
 };
 pub use intake::{intake, tally};
 pub use optimise::{learning_rate, noise, update};
-pub use pulse::{Way, instrument, pulse, spot, sum_bins};
+pub use pulse::{Way, instrument, pulse, spot};
 pub use random::random3;
 pub use render::{
-    Sample, backward, finish, forward, forward_pair, objective, places, residual, sample, sample_point,
-    weighted_objective,
+    Sample, backward, finish, forward, forward_pair, objective, places, residual, residual_weighted, sample,
+    sample_point, weighted_objective,
 };
 pub use surface::{
     Bond, Combined, Height, Pull, SurfaceWeights, surface_bonds, surface_combine, surface_extract,
     surface_gather, surface_gradient, surface_objective, surface_points, surface_pull, surface_step,
-};
-pub use vector::{
-    Bound, Momentum, Rough, StepSums, backproject, bound, expect, extract_behind, extract_vectors,
-    extrapolate, filter, filter_left, finish_accelerated, forward_bound, gradient_vectors, into_cone,
-    lengths, objective_vectors, points, residual_weighted, roughness, settle, shrink, step, variance,
 };
 
 use super::{Grid, Model};

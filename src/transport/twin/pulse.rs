@@ -14,21 +14,13 @@ pub fn pulse(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {
 pub fn spot(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {
     let Some(rendered) = &twin.model.rendered else { return values.to_vec() };
     let stages = if way == Way::Spread { rendered.stages.clone() } else { rendered.back() };
-    stages.iter().fold(values.to_vec(), |v, stage| stage.through(&v, twin.model.bins, way))
+    stages.iter().fold(values.to_vec(), |v, stage| stage.through(&v, twin.model.bins))
 }
 
 /// From rendered paths to the histograms that are measured, through spot and pulse; or back, through both in reverse.
 pub fn instrument(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {
     match way {
         Way::Spread => pulse(twin, &spot(twin, values, way), way),
-        Way::Back | Way::Squared => spot(twin, &pulse(twin, values, way), way),
+        Way::Back => spot(twin, &pulse(twin, values, way), way),
     }
-}
-
-/// Every `sum` neighbouring bins of histograms of `bins` bins as one. Bins at the end that do not fill one are left out.
-pub fn sum_bins(values: &[f32], bins: usize, sum: usize) -> Vec<f64> {
-    let wide = |h: &[f32]| -> Vec<f64> {
-        h.chunks_exact(sum).map(|narrow| narrow.iter().map(|v| f64::from(*v)).sum()).collect()
-    };
-    values.chunks_exact(bins).flat_map(wide).collect()
 }

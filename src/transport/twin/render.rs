@@ -11,7 +11,7 @@ pub struct Sample {
     pub point: DVec3,
     /// Albedo.
     pub albedo: f64,
-    /// Unit normal; in the vector solver the vector albedo · normal.
+    /// Unit normal.
     pub normal: DVec3,
     /// Length of the normal before normalization.
     pub length: f64,
@@ -91,8 +91,6 @@ pub(super) struct Arm {
 pub(super) struct Kernel {
     pub arms: [Arm; 2],
     pub falloff: f64,
-    /// Upper bound of the value at unit albedo: the falloff, times the wall's cosines for Lambertian surfaces.
-    pub most: f64,
     /// Path in bins from the leading edge of bin 0.
     pub bin: f64,
 }
@@ -113,17 +111,11 @@ fn kernel(twin: &Twin, pair: usize, s: &Sample) -> Kernel {
         Arm { toward, distance: r, falloff, wall: (-normal.dot(toward)).max(0.0), wall_normal: normal }
     });
     let falloff = arms[0].falloff * arms[1].falloff;
-    let walls = if m.reflectance == Reflectance::Lambertian { arms[0].wall * arms[1].wall } else { 1.0 };
-    Kernel {
-        falloff,
-        most: falloff * walls,
-        bin: (arms[0].distance + arms[1].distance - m.t_start) / m.bin_width,
-        arms,
-    }
+    Kernel { falloff, bin: (arms[0].distance + arms[1].distance - m.t_start) / m.bin_width, arms }
 }
 
-/// Light that a surface vector (unit, or albedo · normal) sends to a pair, without the falloff, and its derivative by
-/// the vector. Without normals it is 1.
+/// Light that a surface vector (unit, or of any length) sends to a pair, without the falloff, and its derivative by the
+/// vector. Without normals it is 1.
 pub(super) fn shine(reflectance: Reflectance, arms: &[Arm; 2], v: DVec3) -> (f64, DVec3) {
     let [a, b] = arms;
     match reflectance {
@@ -176,32 +168,10 @@ pub fn forward(twin: &Twin, samples: &[Sample]) -> Vec<f64> {
 
 /// The histogram of one pair, like [`forward`].
 pub fn forward_pair(twin: &Twin, pair: usize, samples: &[Sample]) -> Vec<f64> {
-    let reflectance = twin.model.reflectance;
-    accumulate_pair(twin, pair, samples, |k, s| {
-        s.albedo * shine(reflectance, &k.arms, s.normal).0 * k.falloff
-    })
-}
-
-/// Accumulated histograms of the samples, like [`forward`], with `value` for a sample's value to a pair.
-pub(super) fn accumulate(
-    twin: &Twin,
-    samples: &[Sample],
-    value: impl Fn(&Kernel, &Sample) -> f64,
-) -> Vec<f64> {
-    let pairs = 0..twin.model.rendered_wall().pairs();
-    pairs.flat_map(|pair| accumulate_pair(twin, pair, samples, &value)).collect()
-}
-
-fn accumulate_pair(
-    twin: &Twin,
-    pair: usize,
-    samples: &[Sample],
-    value: impl Fn(&Kernel, &Sample) -> f64,
-) -> Vec<f64> {
     let mut sums = vec![0.0; twin.model.bins];
     for s in samples {
         let k = kernel(twin, pair, s);
-        let value = value(&k, s);
+        let value = s.albedo * shine(twin.model.reflectance, &k.arms, s.normal).0 * k.falloff;
         for (bin, share) in shares(twin, k.bin) {
             sums[bin] += value * share;
         }
@@ -233,6 +203,28 @@ pub fn residual(twin: &Twin, accumulated: &[f64], weights: &[f64]) -> (Vec<f64>,
             2.0 / elements * render * open * difference
         })
         .collect();
+    (instrument(twin, &gradient, Way::Back), loss)
+}
+
+/// d(weighted mean squared error) / d(accumulated value) of every bin, then the weighted error and the plain one: bins
+/// weighted by the inverse falloff, through the high-pass if the model has one. Both directions go through the model's
+/// instrument.
+pub fn residual_weighted(twin: &Twin, accumulated: &[f64]) -> (Vec<f64>, [f64; 2]) {
+    let m = twin.model;
+    let (render, elements) = (f64::from(m.scene(twin.grid).render_scale), m.elements as f64);
+    let seen = instrument(twin, accumulated, Way::Spread);
+    let plain: Vec<f64> = seen.iter().zip(&m.measured).map(|(sum, h)| sum * render - f64::from(*h)).collect();
+    let filter = |rows: &mut [f64]| {
+        m.high_pass.iter().for_each(|f| rows.chunks_mut(m.bins).for_each(|row| f.apply(row, m.bin_width)));
+    };
+    let weigh = |i: usize| m.bin_weight(i % m.bins).sqrt();
+    let mut rows: Vec<f64> = plain.iter().enumerate().map(|(i, d)| weigh(i) * d).collect();
+    filter(&mut rows);
+    let squares = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>() / elements;
+    let loss = [squares(&rows), squares(&plain)];
+    filter(&mut rows);
+    let gradient: Vec<f64> =
+        rows.iter().enumerate().map(|(i, v)| 2.0 / elements * render * weigh(i) * v).collect();
     (instrument(twin, &gradient, Way::Back), loss)
 }
 

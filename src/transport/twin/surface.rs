@@ -44,8 +44,6 @@ pub struct SurfaceWeights {
     pub iterations: f64,
     /// Largest gradients so far by pixels' own depths and albedos.
     pub largest: Height,
-    /// Sigma of the Gaussian that smooths albedos, pixels.
-    pub smooth: f64,
     /// First sigma of the Gaussian that spreads gradients, pixels.
     pub spread: f64,
     /// Weight of the term that keeps few pixels lit.
@@ -93,7 +91,6 @@ impl From<[f32; SURFACE_WEIGHTS as usize]> for SurfaceWeights {
             rates: Height { depth: at(SURFACE_DEPTH_RATE), albedo: at(SURFACE_ALBEDO_RATE) },
             iterations: at(SURFACE_ITERATIONS),
             largest: Height { depth: at(SURFACE_LARGEST), albedo: at(SURFACE_LARGEST + 1) },
-            smooth: at(SURFACE_SMOOTH),
             spread: at(SURFACE_SPREAD),
             sparse: at(SURFACE_SPARSE),
             faint: at(SURFACE_FAINT),
@@ -409,35 +406,10 @@ pub fn surface_step(
     }
 }
 
-/// The maps' columns of the pixels. The albedo is the geometric mean of `albedo`, the map's own, and the surface's per
-/// lateral area, smoothed by a Gaussian of `sigma` pixels up to two sigmas; pixels without surface count as dark.
-pub fn surface_extract(
-    twin: &Twin,
-    columns: &[u32],
-    heights: &[Height],
-    slopes: &[DVec2],
-    albedo: &[f64],
-    sigma: f64,
-) -> Vec<Column> {
-    let reach = (2.0 * sigma).ceil() as i32;
-    let gaussian =
-        |way: [i32; 2]| (-f64::from(way[0] * way[0] + way[1] * way[1]) / (2.0 * sigma * sigma)).exp();
-    let ways = (-reach..=reach).flat_map(|x| (-reach..=reach).map(move |y| [x, y]));
-    let whole: f64 = ways.map(gaussian).sum();
-    let places: Vec<[i32; 2]> = columns.iter().map(|c| apart(twin, *c)).collect();
-    let whole_area = |pixel: usize| slopes[pixel].extend(-1.0).length() / stretch(twin, slopes[pixel]);
-    let seen = |pixel: usize| heights[pixel].albedo / whole_area(pixel);
-    let of_pixel = |pixel: usize| {
-        let way = |other: usize| [0, 1].map(|a| places[other][a] - places[pixel][a]);
-        let near = (0..places.len()).filter(|o| way(*o).iter().all(|w| w.abs() <= reach));
-        let around: f64 = near.map(|o| gaussian(way(o)) * seen(o)).sum();
-        Column {
-            albedo: (albedo[pixel] * around / whole).sqrt(),
-            depth: heights[pixel].depth,
-            normal: facing(slopes[pixel]),
-        }
-    };
-    (0..heights.len()).map(of_pixel).collect()
+/// The maps' columns of the pixels.
+pub fn surface_extract(heights: &[Height], slopes: &[DVec2]) -> Vec<Column> {
+    let of = |(h, s): (&Height, &DVec2)| Column { albedo: h.albedo, depth: h.depth, normal: facing(*s) };
+    heights.iter().zip(slopes).map(of).collect()
 }
 
 /// The surface's objective while `bonds` stay: the weighted mean squared error and the prior.
@@ -450,7 +422,7 @@ pub fn surface_objective(
     weights: &SurfaceWeights,
 ) -> f64 {
     let (slopes, samples) = surface_points(twin, columns, bonds, heights, points);
-    let (_, loss) = residual_weighted(twin, &forward(twin, &samples), true);
+    let (_, loss) = residual_weighted(twin, &forward(twin, &samples));
     let mut prior: f64 = heights.iter().map(|h| weights.lit(h.albedo)[0]).sum();
     for (i, b) in bonds.iter().enumerate().flat_map(|(i, all)| all.iter().map(move |b| (i, b))) {
         let plane = heights[i].depth + 0.5 * (slopes[i] + slopes[b.other]).dot(metres(twin, b.way));

@@ -45,7 +45,7 @@ pub fn read_floats(job: &mut OnDevice, from: Buffer, count: usize) -> Result<Vec
 /// The residual that gradients gather from, `[pair * bins + bin]`.
 pub fn read_residual(job: &mut OnDevice) -> Result<Vec<f64>> {
     let (from, level) = (job.plan.residual(), job.plan.finest());
-    let cells = crate::transport::cells(level.rendered.count, level.bins);
+    let cells = crate::transport::cells(level.rendered.count, job.plan.scene.bins);
     let all = read_floats(job, from, cells)?;
     Ok(job.model.bins_of(&all))
 }

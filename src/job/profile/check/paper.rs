@@ -5,7 +5,7 @@ use super::{Held, LATERAL, error, is_clear, random};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::solve::{Accumulation, PaperOptions, Plan, Preset, compact, default_volume, paper, upload};
+use crate::solve::{Accumulation, PaperOptions, Plan, Preset, default_volume, paper, upload};
 use crate::transport::Grid;
 use crate::transport::kernels::buffer;
 use crate::transport::twin::{self, Raw, Sample, Twin};
@@ -35,7 +35,7 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     upload(&mut job.executor, buffer::MASK, bytemuck::cast_slice(&mask))?;
     let mut s =
         zeroed(&job, &[buffer::COUNTS, buffer::HISTOGRAMS, buffer::MOMENT_FIRST, buffer::MOMENT_SECOND]);
-    compact(&mut s, &job.plan, job.plan.finest());
+    paper::compact(&mut s, &job.plan, job.plan.finest());
     paper::iteration(&mut s, &job.plan, job.plan.finest(), 0, 1);
     job.executor.run(&s)?;
 

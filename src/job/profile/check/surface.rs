@@ -65,7 +65,7 @@ pub fn check(gpu: &Gpu, capture: &Capture, accumulation: Accumulation) -> Result
     };
     note("points", error(&flat(&got), &flat(&want)));
     let residual = read_residual(&mut job)?;
-    let (want, _) = twin::residual_weighted(&twin, &twin::forward(&twin, &got), true);
+    let (want, _) = twin::residual_weighted(&twin, &twin::forward(&twin, &got));
     note("forward", error(&residual, &want));
     let pulls = twin::surface_gather(&twin, &got, &residual);
     let gradient = read_raw(&mut job, buffer::GRADIENT, got.len())?;

@@ -22,6 +22,7 @@ use crate::solve::{Common, Plan, Prepared, Problem, RunsOn, Solver, TimedSchedul
 use crate::transport::Grid;
 pub use hat::hat;
 pub use passes::gather_filtered;
+pub use projecting::OfProjection;
 
 mod hat;
 pub mod passes;

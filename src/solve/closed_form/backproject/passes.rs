@@ -1,6 +1,6 @@
 //! The passes of back-projections, and their schedule.
 
-use crate::gpu::Schedule;
+use crate::gpu::{Buffer, Schedule};
 use crate::solve::over_pairs::{groups, light, over_parts, pair_chunks, work_of};
 use crate::solve::plan::pass::{Pass, Voxels, passes, twin};
 use crate::solve::{Level, Plan};
@@ -23,23 +23,25 @@ passes! {
     };
 }
 
-/// Back-projects the filtered measurement into the second volume of [`Plan::domain`]; the filter has so many `taps`, its two
+/// A number per voxel.
+pub const PROJECTED: Buffer = Buffer::named("projected");
+
+/// Back-projects the filtered measurement into [`PROJECTED`]; the filter has so many `taps`, its two
 /// sides counted once.
 pub fn gather_filtered(s: &mut Schedule, plan: &Plan, level: &Level, taps: usize) {
     let voxels = level.grid.storage();
     over_parts(s, plan, level, |s, part| {
-        let cells = cells(part.own.count, level.bins);
+        let cells = cells(part.own.count, plan.scene.bins);
         s.dispatch(&FILTER, groups(cells, WORKGROUP), light(cells * 2 * taps))
             .bind(buffer::SCENE, part.own.scene)
             .bind(buffer::MEASURED, part.measured);
-        for mut push in pair_chunks(plan, part, &part.own, voxels) {
-            push.flags &= !BACKWARD_FINISH;
+        for push in pair_chunks(plan, part, &part.own, voxels) {
             let all = groups(voxels, plan.division.tuning.samples_of_group(voxels));
             s.dispatch(&BACKPROJECT, all, work_of(&push, voxels))
                 .with(push)
                 .bind(buffer::SCENE, part.own.scene)
                 .bind(buffer::WALL, part.own.wall)
-                .bind(buffer::TARGET, plan.domain.volumes[1]);
+                .bind(buffer::TARGET, PROJECTED);
         }
     });
 }

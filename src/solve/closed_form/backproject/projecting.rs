@@ -13,15 +13,13 @@ use super::super::options::ImageOptions;
 use super::super::sharpness::{Ladder, noise, with, with_random_signs};
 use super::super::{NoPasses, RegularScan, in_one_step, upsample};
 use super::Projection;
-use super::passes::{BACKPROJECT, FILTER, gather_filtered};
+use super::passes::{BACKPROJECT, FILTER, PROJECTED, gather_filtered};
 use crate::advice::advice;
 use crate::capture::{Background, Capture};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
 use crate::solve::prepared::Planned;
-use crate::solve::{
-    Beside, OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, SMOOTH, Sharpness, upload,
-};
+use crate::solve::{Beside, OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, Sharpness, upload};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
 use crate::{Error, Result};
@@ -38,11 +36,12 @@ const FEWEST: usize = 64;
 const COLUMNS: usize = 16;
 
 /// What a back-projection needs of a plan: the two passes, and a number per voxel.
-struct Passes {
-    pixels_per_voxel: usize,
+pub struct OfProjection {
+    /// Pixels of the maps side by side in a voxel.
+    pub pixels_per_voxel: usize,
 }
 
-impl Needs for Passes {
+impl Needs for OfProjection {
     fn demand(&self) -> Demand {
         Demand { pixels_per_voxel: self.pixels_per_voxel, ..NoPasses.demand() }
     }
@@ -60,7 +59,10 @@ impl Needs for Passes {
     }
 
     fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
-        vec![(buffer::HAT_TAPS, plan.scene.bins as u64 * 4 + 4)]
+        vec![
+            (buffer::HAT_TAPS, plan.scene.bins as u64 * 4 + 4),
+            (PROJECTED, plan.finest().grid.storage() as u64 * 4),
+        ]
     }
 
     fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
@@ -94,7 +96,6 @@ pub(super) fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -
     let model = Model {
         rendered: None,
         pulse: None,
-        pulse_shape: None,
         min_depth: image.min_depth.min(grid.depth_range()[1]),
         sampling: Sampling::Fixed,
         binning: Binning::Linear,
@@ -105,11 +106,11 @@ pub(super) fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -
 }
 
 pub(super) fn plan(model: &Model, capture: &Capture, grid: Grid, abilities: &Abilities) -> Result<Plan> {
-    let needs = Passes { pixels_per_voxel: pixels_per_voxel(grid.n[0]) };
+    let needs = OfProjection { pixels_per_voxel: pixels_per_voxel(grid.n[0]) };
     let mut plan = Plan::new(model, grid, capture.resolution(), &needs, abilities, false)?;
     plan.passes.retain(|pass| [&FILTER, &BACKPROJECT].contains(pass));
-    // What only rendering and the reduction of a domain need.
-    plan.buffers.retain(|b| ![buffer::HISTOGRAMS, SMOOTH].contains(&b.buffer));
+    // What only rendering needs.
+    plan.buffers.retain(|b| b.buffer != buffer::HISTOGRAMS);
     let voxels = plan.finest().grid.storage() as u64;
     plan.buffers.push(BufferPlan::new(RAW_HOST, voxels * 4, Place::Readback));
     plan.left_out.clear();
@@ -174,7 +175,7 @@ impl Projector {
             upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(filter))?;
             job.executor.run_once(|s| {
                 gather_filtered(s, &job.plan, &level, filter.len());
-                s.copy(job.plan.domain.volumes[1], RAW_HOST, grid.storage() as u64 * 4);
+                s.copy(PROJECTED, RAW_HOST, grid.storage() as u64 * 4);
             })?;
             let stored: Vec<f32> = job.executor.read(RAW_HOST, ..grid.storage());
             let voxel = |i: usize| stored[grid.index([i / (ny * nz), i / nz % ny, i % nz])];

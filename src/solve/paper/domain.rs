@@ -2,15 +2,14 @@
 //!
 //! State lies by slot: active voxels first, in storage order. For the random sampling of the paper the rim follows:
 //! the neighbours of active voxels that are not active. When the domain changes, the old masks and their slots stay
-//! beside the new ones until state has been moved. `gradient` and `sample_points` hold nothing between iterations:
-//! where they are large enough, a reduction uses them for its volumes ([`Plan::domain`]).
+//! beside the new ones until state has been moved.
 
-use super::Pass;
-use super::over_pairs::groups;
+use super::needs::volumes;
 use super::passes::*;
-use super::plan::COLUMNS_HOST;
-use super::{Level, Plan};
 use crate::gpu::Schedule;
+use crate::solve::over_pairs::groups;
+use crate::solve::plan::COLUMNS_HOST;
+use crate::solve::{Level, Plan};
 use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
@@ -23,8 +22,8 @@ pub fn compact(s: &mut Schedule, plan: &Plan, level: &Level) {
     list(s, plan, level);
 }
 
-/// Counts the voxels of each brick of the mask, which [`keep`] has done for its own.
-pub(super) fn count(s: &mut Schedule, level: &Level) {
+/// Counts the voxels of each brick of the mask, which [`prune`] does for its own.
+fn count(s: &mut Schedule, level: &Level) {
     let words = level.grid.storage() / 32;
     s.dispatch(&COMPACT_COUNT, groups(level.grid.storage() / BRICK_VOXELS, WORKGROUP), words as u64)
         .bind(buffer::SCENE, level.scene);
@@ -51,28 +50,26 @@ pub(super) fn list(s: &mut Schedule, plan: &Plan, level: &Level) {
     }
 }
 
-/// What a reduction does where no smoothed value is above zero.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Dark {
-    /// It removes all voxels.
-    Goes,
-    /// It changes nothing if there is room for all active voxels, else it removes all.
-    Stays,
-}
-
-/// Reduces the mask to `room` voxels at most, by what the pass `first` smooths along x. The old mask stays beside it
-/// with its slots.
-pub(super) fn prune(
-    s: &mut Schedule,
-    plan: &Plan,
-    level: &Level,
-    first: &Pass,
-    keep_above: f64,
-    room: usize,
-    dark: Dark,
-) {
-    smooth(s, plan, level, first, None);
-    keep(s, plan, level, keep_above, room, Some(dark));
+/// Reduces the mask to voxels whose smoothed albedo is above the share `above` of the largest; if there may be more than
+/// `room`, to the brightest. Where no smoothed albedo is above zero, the mask stays unchanged if there is room for it, else it
+/// becomes empty. The old mask stays beside the new one with its slots.
+pub(super) fn prune(s: &mut Schedule, plan: &Plan, level: &Level, above: f64, room: usize) {
+    smooth(s, plan, level);
+    let [smooth, _] = volumes(plan);
+    let (voxels, flags) = (level.grid.storage(), (above as f32).to_bits());
+    let push = Push { first: room as u32, flags, ..Default::default() };
+    if voxels > room {
+        s.dispatch(&LEVELS_OF, groups(voxels, LEVELS), voxels as u64)
+            .bind(buffer::SCENE, level.scene)
+            .bind(buffer::SOURCE, smooth)
+            .bind(buffer::REACHABLE, level.reachable);
+        s.dispatch(&ROOM, [1, 1, 1], LEVELS.into()).bind(buffer::SCENE, level.scene).with(push);
+    }
+    s.dispatch(&THRESHOLD, groups(voxels / 32, WORKGROUP), voxels as u64)
+        .bind(buffer::SCENE, level.scene)
+        .bind(buffer::SOURCE, smooth)
+        .bind(buffer::REACHABLE, level.reachable)
+        .with(push);
     remember_rim(s, plan, level);
 }
 
@@ -92,57 +89,18 @@ fn remember_rim(s: &mut Schedule, plan: &Plan, level: &Level) {
     }
 }
 
-/// Smooths what the pass `first` reads into the first volume of [`Plan::domain`], and writes its maximum to `counts`: at
-/// least the word `least` of them.
-pub(super) fn smooth(s: &mut Schedule, plan: &Plan, level: &Level, first: &Pass, least: Option<u32>) {
-    let scene = level.scene;
-    let [a, b] = plan.domain.volumes;
+/// Smooths the active albedo into the first of the [`volumes`], and writes its maximum to `counts`.
+fn smooth(s: &mut Schedule, plan: &Plan, level: &Level) {
+    let [a, b] = volumes(plan);
     let voxels = level.grid.storage();
     // Each voxel and its neighbours on both sides.
     let turns = (voxels * (2 * plan.domain.taps.len()).saturating_sub(1)) as u64;
-    for (pass, [source, target]) in [(first, [b, a]), (&GAUSSIAN_Y, [a, b]), (&GAUSSIAN_Z, [b, a])] {
+    for (pass, [source, target]) in [(&GAUSSIAN_X, [b, a]), (&GAUSSIAN_Y, [a, b]), (&GAUSSIAN_Z, [b, a])] {
         s.dispatch(pass, groups(voxels, WORKGROUP), turns)
-            .bind(buffer::SCENE, scene)
-            .bind(buffer::SOURCE, source)
-            .bind(buffer::TARGET, target)
-            .with(Push { first: least.unwrap_or(0), ..Default::default() });
-    }
-}
-
-/// Makes the mask of voxels whose smoothed value is above a share of the maximum, and counts those of its bricks. If there
-/// may be more than `room`, only the brightest stay. With `reduces` it keeps the old mask with its slots, as [`remember`]
-/// does.
-pub(super) fn keep(
-    s: &mut Schedule,
-    plan: &Plan,
-    level: &Level,
-    above: f64,
-    room: usize,
-    reduces: Option<Dark>,
-) {
-    let [smooth, _] = plan.domain.volumes;
-    let voxels = level.grid.storage();
-    if voxels > room {
-        s.dispatch(&LEVELS_OF, groups(voxels, LEVELS), voxels as u64)
             .bind(buffer::SCENE, level.scene)
-            .bind(buffer::SOURCE, smooth)
-            .bind(buffer::REACHABLE, level.reachable);
-        s.dispatch(&ROOM, [1, 1, 1], LEVELS.into()).bind(buffer::SCENE, level.scene).with(Push {
-            first: room as u32,
-            flags: (above as f32).to_bits(),
-            ..Default::default()
-        });
+            .bind(buffer::SOURCE, source)
+            .bind(buffer::TARGET, target);
     }
-    s.dispatch(&THRESHOLD, groups(voxels / 32, WORKGROUP), voxels as u64)
-        .bind(buffer::SCENE, level.scene)
-        .bind(buffer::SOURCE, smooth)
-        .bind(buffer::REACHABLE, level.reachable)
-        .with(Push {
-            first: if reduces == Some(Dark::Stays) { room as u32 } else { 0 },
-            last: u32::from(reduces.is_some()),
-            flags: (above as f32).to_bits(),
-            ..Default::default()
-        });
 }
 
 /// Makes the mask of `fine` from that of `coarse`. Overwrites `ranks`, which the new mask gives again.

@@ -1,13 +1,12 @@
-//! The vector solver's rendering and residual on every accumulation path against the float64 twins, on random input in
+//! The surface's rendering and weighted residual on every accumulation path against the float64 twins, on random input in
 //! poisoned buffers.
 
-use fixtures::device::vectors::*;
+use fixtures::device::surfaces::*;
 use fixtures::device::*;
-use glam::DVec3;
 use thirdbounce::Kind;
 use thirdbounce::capture::PulseTaps;
-use thirdbounce::gpu::{Abilities, DeviceKind, Limits};
-use thirdbounce::solve::{Accumulation, Plan, Sizes};
+use thirdbounce::gpu::{Abilities, DeviceKind, Limits, Schedule};
+use thirdbounce::solve::{Accumulation, Plan, Sizes, surface};
 use thirdbounce::transport::kernels::{ARGUMENTS_FORWARD, buffer};
 use thirdbounce::transport::twin::{self, Twin, Way};
 use thirdbounce::transport::{Geometry, Grid, HighPass, Model, Reflectance};
@@ -15,36 +14,15 @@ use thirdbounce::transport::{Geometry, Grid, HighPass, Model, Reflectance};
 /// What the instrument does, in both directions.
 const INSTRUMENT: &[&str] = &["spot", "spot_more", "pulse", "pulse_back", "spot_back"];
 
-/// Forward and residual of `model` from random vectors on one accumulation path, through private columns of `window`
-/// bins if that is not zero; `bounding` renders the bound.
-fn check_forward(
-    model: &Model,
-    grid: &Grid,
-    accumulation: Accumulation,
-    bounding: bool,
-    window: u32,
-    texels: bool,
-) {
+/// Forward and residual of `model` from random samples on one accumulation path, through private columns of `window`
+/// bins if that is not zero.
+fn check_forward(model: &Model, grid: &Grid, accumulation: Accumulation, window: u32, texels: bool) {
     let gpu = gpu();
-    let active = twin::compact(&state(model, grid, 0.5, 4).1);
-    let none = vec![DVec3::ZERO; grid.storage()];
-    let drawn = vectors(grid.storage(), 5);
-    let v = if bounding { &none } else { &drawn };
     let mut model = model.clone();
     let mut random = Random::new(6);
-    let samples = {
-        let twin = Twin { model: &model, grid };
-        let mut samples = twin::extrapolate(&twin, &active, v, v, 0.0);
-        if bounding {
-            samples.iter_mut().for_each(|s| s.albedo = random.uniform(0.1, 1.0));
-        }
-        away_from_edges(&twin, &samples)
-    };
+    let samples = away_from_edges(&Twin { model: &model, grid }, &samples(&model, grid, 0.5, 4));
     assert!(samples.len() > 500, "{}", samples.len());
-    let accumulated = {
-        let twin = Twin { model: &model, grid };
-        if bounding { twin::forward_bound(&twin, &samples) } else { twin::forward(&twin, &samples) }
-    };
+    let accumulated = twin::forward(&Twin { model: &model, grid }, &samples);
     assert!(accumulated.iter().any(|v| *v != 0.0));
     // The measurement is close to the rendering.
     let render = f64::from(model.scene(grid).render_scale);
@@ -52,9 +30,9 @@ fn check_forward(
     let shown = twin::pulse(&sharp, &twin::spot(&sharp, &accumulated, Way::Spread), Way::Spread);
     model.measured = shown.iter().map(|a| (a * render * random.uniform(0.5, 1.5)) as f32).collect();
     let twin = Twin { model: &model, grid };
-    let (want, loss) = twin::residual_weighted(&twin, &accumulated, !bounding);
-    let peak = if bounding { 1.0 } else { samples.iter().fold(0.0, |a, s| s.normal.length().max(a)) };
-    let o = vector_options(grid).with(|o| o.accumulation = accumulation);
+    let (want, loss) = twin::residual_weighted(&twin, &accumulated);
+    let peak = samples.iter().fold(0.0, |a, s| s.albedo.max(a));
+    let o = Fit::of(grid, 1).with(|o| o.accumulation = accumulation);
     let mut job = job_tuned(&gpu, &model, grid, &o, |t| {
         (t.window, t.window_span) = (window, u32::MAX);
         t.texels &= texels;
@@ -70,14 +48,11 @@ fn check_forward(
         let arguments: Vec<[u32; 3]> = read(&mut job, buffer::ARGUMENTS, ARGUMENTS_FORWARD as usize + 1);
         assert_eq!(arguments[ARGUMENTS_FORWARD as usize][1], samples.len().div_ceil(96) as u32, "halved");
     }
-    if bounding {
-        run_start(&mut job, &[&["forward_bound", "residual_bound"], INSTRUMENT].concat());
-    } else {
-        run_iteration(&mut job, 0, &[&["forward", "residual", "residual_rows"], INSTRUMENT].concat());
-    }
+    let s = Schedule::of(|s| surface::iteration(s, &job.plan, job.plan.finest(), 1, [0, 0, 1]));
+    run(&mut job, s, &[&["forward", "residual", "residual_rows"], INSTRUMENT].concat());
     let residual = job.plan.residual();
     let what = format!(
-        "{:?} {:?} curved {} pulse {} spots {} high-pass {:?} {accumulation:?} bounding {bounding} window {window} texels {texels}",
+        "{:?} {:?} curved {} pulse {} spots {} high-pass {:?} {accumulation:?} window {window} texels {texels}",
         model.wall.geometry,
         model.reflectance,
         model.wall.normals.is_some(),
@@ -117,14 +92,12 @@ pub fn forward_and_weighted_residual_on_every_accumulation_path() {
     let product = variant(&base, Geometry::Product, Reflectance::Lambertian, true, 7);
     for model in [&base, &product] {
         for accumulation in accumulations(&gpu()) {
-            for bounding in [false, true] {
-                check_forward(model, &grid, accumulation, bounding, 0, true);
-                if accumulation == Accumulation::Owned {
-                    check_forward(model, &grid, accumulation, bounding, 0, false);
-                } else {
-                    check_forward(model, &grid, accumulation, bounding, 16, true);
-                    check_forward(model, &grid, accumulation, bounding, 64, true);
-                }
+            check_forward(model, &grid, accumulation, 0, true);
+            if accumulation == Accumulation::Owned {
+                check_forward(model, &grid, accumulation, 0, false);
+            } else {
+                check_forward(model, &grid, accumulation, 16, true);
+                check_forward(model, &grid, accumulation, 64, true);
             }
         }
     }
@@ -147,14 +120,12 @@ pub fn forward_and_high_pass_residual_on_every_accumulation_path() {
         let of_first = |a: &Accumulation| i == 0 || *a == Accumulation::Owned;
         for accumulation in accumulations(&gpu()).into_iter().filter(of_first) {
             for model in [&filtered, &pulsed] {
-                check_forward(model, &grid, accumulation, false, 0, true);
+                check_forward(model, &grid, accumulation, 0, true);
             }
         }
     }
 }
 
-/// Pulses on every accumulation path: with a tail, before or behind the path, as long as the histogram, and one that
-/// changes nothing.
 /// A card that has no more than Vulkan promises gets narrower columns where a product's arms lie beside them.
 #[test]
 fn columns_fit_into_the_shared_memory_that_every_device_has() {
@@ -164,7 +135,7 @@ fn columns_fit_into_the_shared_memory_that_every_device_has() {
     card.limits = Limits { shared_memory: 16_384, workgroup_invocations: 128, ..card.limits };
     let tuning = |model: &Model, sizes: &str, card: &Abilities| {
         let sizes = if sizes.is_empty() { Sizes::default() } else { sizes.parse().expect("sizes") };
-        let o = vector_options(&grid).with(|o| (o.accumulation, o.sizes) = (Accumulation::Cas, sizes));
+        let o = Fit::of(&grid, 1).with(|o| (o.accumulation, o.sizes) = (Accumulation::Cas, sizes));
         Plan::new(model, grid, [5, 5], &o, card, false).map(|plan| plan.division.tuning)
     };
     let window = |model, sizes| tuning(model, sizes, &card).expect("it fits").window;
@@ -183,10 +154,12 @@ fn columns_fit_into_the_shared_memory_that_every_device_has() {
         assert_eq!(tuning(&product, "", &other).expect("it fits").window, want);
     }
     for accumulation in [Accumulation::Fixed32, Accumulation::Cas] {
-        check_forward(&product, &grid, accumulation, false, window(&product, ""), true);
+        check_forward(&product, &grid, accumulation, window(&product, ""), true);
     }
 }
 
+/// Pulses on every accumulation path: with a tail, before or behind the path, as long as the histogram, and one that
+/// changes nothing.
 #[test]
 pub fn forward_and_weighted_residual_through_a_pulse() {
     let (base, grid) = (scene(5, 61, 3), grid());
@@ -195,14 +168,12 @@ pub fn forward_and_weighted_residual_through_a_pulse() {
     let late = PulseTaps { before: 0, weights: vec![0.0, 0.0, 0.0, 0.6, 0.4] };
     for accumulation in accumulations(&gpu()) {
         let model = Model { pulse: Some(tail()), ..base.clone() };
-        for bounding in [false, true] {
-            check_forward(&model, &grid, accumulation, bounding, 0, true);
-        }
+        check_forward(&model, &grid, accumulation, 0, true);
     }
     for pulse in [long, early, late, PulseTaps::identity()] {
         let model = Model { pulse: Some(pulse), ..base.clone() };
-        check_forward(&model, &grid, Accumulation::Owned, false, 0, true);
-        check_forward(&model, &grid, Accumulation::Fixed, true, 0, true);
+        check_forward(&model, &grid, Accumulation::Owned, 0, true);
+        check_forward(&model, &grid, Accumulation::Fixed, 0, true);
     }
 }
 
@@ -212,9 +183,8 @@ fn forward_and_weighted_residual_of_every_model_pair_and_wall() {
     for (geometry, reflectance, curved) in variants() {
         let model = variant(&base, geometry, reflectance, curved, 7);
         for accumulation in [Accumulation::Owned, Accumulation::Fixed] {
-            check_forward(&model, &grid, accumulation, false, 0, true);
+            check_forward(&model, &grid, accumulation, 0, true);
         }
-        check_forward(&model, &grid, Accumulation::Owned, true, 0, true);
     }
 }
 
@@ -227,17 +197,14 @@ pub fn forward_and_weighted_residual_through_spots() {
         for pulse in [None, Some(tail())] {
             let model = Model { pulse, ..spotted(&base, [0.1, 0.0]) };
             assert_eq!(model.rendered.as_ref().unwrap().stages.len(), 2);
-            for bounding in [false, true] {
-                check_forward(&model, &grid, accumulation, bounding, 0, true);
-            }
+            check_forward(&model, &grid, accumulation, 0, true);
         }
     }
     for geometry in [Geometry::Confocal, Geometry::TwoPoints, Geometry::Product] {
         let sharp = variant(&scene(3, 64, 3), geometry, Reflectance::Lambertian, true, 7);
         let model = spotted(&sharp, spots_for(geometry));
         for accumulation in [Accumulation::Owned, Accumulation::Fixed] {
-            check_forward(&model, &grid, accumulation, false, 0, true);
+            check_forward(&model, &grid, accumulation, 0, true);
         }
-        check_forward(&model, &grid, Accumulation::Owned, true, 0, true);
     }
 }
