@@ -1,0 +1,280 @@
+//! The cases of each group, and their files.
+
+use std::fmt::Debug;
+use std::fs;
+use std::hash::{DefaultHasher, Hash, Hasher};
+use std::path::{Path, PathBuf};
+
+use fixtures::family;
+use thirdbounce::capture::{self, Capture};
+use thirdbounce::export::npz::write_truth;
+use thirdbounce::simulate::{
+    DEFAULT_RESOLUTION, Dark, Reflectance, RenderOptions, Scene, photon_noise, simulate, truth,
+};
+use thirdbounce::{Result, job};
+
+/// Groups in the order in which they are run.
+pub const GROUPS: [&str; 6] = ["family", "meshes", "captures", "scenes", "photons", "points"];
+
+/// Photons of the strongest bin, and dark counts of every bin.
+const PHOTONS: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
+const DARK: f64 = 0.05;
+
+/// A case of a group.
+pub struct Case {
+    pub group: &'static str,
+    pub name: String,
+    pub words: String,
+    /// The true model of reflectance, if it is known.
+    pub model: Option<&'static str>,
+    /// Width of the wall in metres; NaN if it is not known.
+    pub wall: f64,
+    /// Options that the capture needs.
+    pub options: Vec<String>,
+    pub source: Source,
+}
+
+/// Where the files of a case are from.
+pub enum Source {
+    /// A seed of the random family.
+    Family(Box<family::Case>),
+    /// A scene, the noise of its rendering, and the photons of the strongest bin.
+    Scene { scene: Box<Scene>, noise: f64, photons: Option<f64> },
+    /// Files that are there.
+    Files { capture: PathBuf, truth: Option<PathBuf> },
+}
+
+impl Case {
+    /// What the runs of a case depend on: cases of two groups with the same text are run once.
+    pub fn same_as(&self) -> String {
+        let source = match &self.source {
+            Source::Family(case) => format!("family {}", digest(case)),
+            Source::Scene { scene, noise, photons } => {
+                format!("scene {} {noise} {photons:?}", digest(scene))
+            }
+            Source::Files { capture, .. } => capture.display().to_string(),
+        };
+        format!("{source} {:?}", self.options)
+    }
+
+    /// Capture and truth, made below `keep` unless they are there.
+    ///
+    /// # Errors
+    /// A scene that cannot be rendered, files that cannot be written.
+    pub fn files(&self, keep: &Path) -> Result<(PathBuf, Option<PathBuf>)> {
+        match &self.source {
+            Source::Files { capture, truth } => Ok((capture.clone(), truth.clone())),
+            Source::Family(case) => {
+                let folder = keep.join(format!("rendered/family-{}-{}", case.scene.seed, digest(case)));
+                made(&folder, || Ok((case.capture()?, case.truth()?)))
+            }
+            Source::Scene { scene, noise, photons } => {
+                let words = format!("{}-{}", scene.name, scene.scan);
+                let exact = keep.join(format!("rendered/{words}-{}", digest(&(scene, noise))));
+                let files = made(&exact, || {
+                    let options = RenderOptions { noise: *noise, ..RenderOptions::default() };
+                    Ok((simulate(scene, &options)?.capture, truth(scene, DEFAULT_RESOLUTION)?))
+                })?;
+                let Some(photons) = photons else { return Ok(files) };
+                let counted = exact.join(format!("photons-{photons}-dark-{DARK}.npz"));
+                if !counted.is_file() {
+                    let input = job::Input { path: files.0, no_auto_gate: true, ..job::Input::default() };
+                    let clean = job::load(&input)?.capture;
+                    let counts = photon_noise(&clean, *photons, Dark::Counts(DARK), None, scene.seed)?;
+                    capture::write(&counts, &counted)?;
+                }
+                Ok((counted, files.1))
+            }
+        }
+    }
+}
+
+/// Capture and truth in a folder. The truth is written last: with it the folder is whole.
+fn made(
+    folder: &Path,
+    make: impl FnOnce() -> Result<(Capture, thirdbounce::maps::Truth)>,
+) -> Result<(PathBuf, Option<PathBuf>)> {
+    let [file, truth_file] = ["capture.npz", "truth.npz"].map(|name| folder.join(name));
+    if !truth_file.is_file() {
+        let cannot = |e: std::io::Error| {
+            thirdbounce::Error::output(
+                format!("{}: {e}", folder.display()),
+                "give another folder with --keep",
+            )
+        };
+        fs::create_dir_all(folder).map_err(cannot)?;
+        let (made, truth) = make()?;
+        capture::write(&made, &file)?;
+        write_truth(&truth_file, &truth)?;
+    }
+    Ok((file, Some(truth_file)))
+}
+
+/// A name for what a value says of itself.
+fn digest(what: &impl Debug) -> String {
+    let mut hash = DefaultHasher::new();
+    format!("{what:?}").hash(&mut hash);
+    format!("{:016x}", hash.finish())
+}
+
+/// The cases of a group. `data`: the folder of THIRDBOUNCE_DATA.
+///
+/// # Errors
+/// A mesh that cannot be read.
+pub fn of(group: &'static str, seeds: std::ops::Range<u64>, data: Option<&Path>) -> Result<Vec<Case>> {
+    Ok(match group {
+        "family" => seeds.map(random).collect(),
+        "meshes" => meshes(data)?,
+        "captures" => data.map_or(vec![], captures),
+        "scenes" => scenes(data)?,
+        "photons" => photons()?,
+        _ => points()?,
+    })
+}
+
+fn random(seed: u64) -> Case {
+    let case = family::Case::of(seed);
+    Case {
+        group: "family",
+        name: seed.to_string(),
+        words: case.words.clone(),
+        model: Some(case.scene.reflectance.name()),
+        wall: case.scene.wall,
+        options: vec![],
+        source: Source::Family(Box::new(case)),
+    }
+}
+
+/// A matt scene before a wall of 1 m.
+fn matt(group: &'static str, name: String, scene: Scene, noise: f64, photons: Option<f64>) -> Case {
+    let light = photons.map_or("exact".into(), |p| format!("{p} photons, {DARK} dark"));
+    let scene = Scene { reflectance: Reflectance::Lambertian, ..scene };
+    Case {
+        group,
+        name,
+        words: format!("confocal {}², 1 m, {:.0} mm, {light}", scene.scan, 1e3 * scene.bin_width),
+        model: Some("lambertian"),
+        wall: scene.wall,
+        options: vec![],
+        source: Source::Scene { scene: Box::new(scene), noise, photons },
+    }
+}
+
+fn meshes(data: Option<&Path>) -> Result<Vec<Case>> {
+    let files = data.and_then(|data| fs::read_dir(data.join("meshes")).ok());
+    let mut paths: Vec<PathBuf> = files.into_iter().flatten().filter_map(|e| Some(e.ok()?.path())).collect();
+    paths.retain(|path| path.extension().is_some_and(|ending| ending == "obj" || ending == "ply"));
+    paths.sort();
+    let names: Vec<String> = paths.iter().map(|path| path.display().to_string()).collect();
+    let built_in = ["plane", "sphere", "occluder", "plates", "within", "beyond"];
+    let all = names.iter().map(String::as_str).chain(built_in);
+    all.map(|spec| {
+        let scene = Scene::named(spec)?;
+        Ok(matt("meshes", scene.name.clone(), scene, 0.02, None))
+    })
+    .collect()
+}
+
+/// Captures without truth: file below THIRDBOUNCE_DATA, what it is, options for what it lacks.
+const CAPTURES: [(&str, &str, &[&str]); 9] = [
+    ("statue_confocal_64.npz", "white statue, 2 m, 32 ps", &[]),
+    ("su_confocal_64.npz", "retroreflective S and U, 0.7 m", &[]),
+    ("z_captured_confocal_64.npz", "letter Z, 0.8 m", &[]),
+    ("tx_captured_confocal_51.npz", "cardboard T above X, 51², 1 m, 64 ps", &[]),
+    ("diffuse_s_confocal_64.npz", "matt S of paper, 0.7 m", &[]),
+    ("native/lct_data_exit_sign.mat", "retroreflective exit sign, 0.8 m, 4 ps", &[]),
+    (
+        "native/ccsocr_figure4",
+        "figure 4, one sensor point, 16 ps",
+        &["--wall", "1.26", "--bin-width", "0.0048"],
+    ),
+    ("sim_U_nonconfocal_64.npz", "letter U, one sensor point, simulated by others", &[]),
+    ("native/km_mannequin.mat", "mannequin over 1.43 km", &[]),
+];
+
+fn captures(data: &Path) -> Vec<Case> {
+    let case = |(file, words, options): &(&str, &str, &[&str])| Case {
+        group: "captures",
+        name: Path::new(file).file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+        words: (*words).into(),
+        model: None,
+        wall: f64::NAN,
+        options: options.iter().map(|word| (*word).to_string()).collect(),
+        source: Source::Files { capture: data.join(file), truth: None },
+    };
+    CAPTURES.iter().map(case).collect()
+}
+
+/// Captures of other renderers: name, capture, truth, what it is, and the strides at which it is taken.
+const RENDERED: [(&str, &str, &str, &str, &[usize]); 6] = [
+    ("bunny", "native/znlos_bunny_32.mat", "truth_znlos_bunny.npz", "Z-NLOS bunny 32²", &[1, 2, 4]),
+    ("z-16", "z_confocal_16.npz", "truth_z_confocal_16.npz", "letter Z 16², path-traced", &[1]),
+    ("z-32", "z_confocal_32.npz", "truth_z_confocal_32.npz", "letter Z 32², path-traced", &[1]),
+    ("z-64", "z_confocal_64.npz", "truth_z_confocal_64.npz", "letter Z 64², path-traced", &[1]),
+    (
+        "spheres-rendered",
+        "spheres_confocal_32.npz",
+        "truth_spheres_confocal_32.npz",
+        "spheres 32², path-traced",
+        &[1],
+    ),
+    (
+        "z-bumpwall",
+        "z_bumpwall_confocal_32.npz",
+        "truth_z_bumpwall_confocal_32.npz",
+        "letter Z 32², curved wall, path-traced",
+        &[1],
+    ),
+];
+
+/// The scenes of `thirdbounce benchmark` but for its seeds of the family, which are held out, and rendered captures.
+fn scenes(data: Option<&Path>) -> Result<Vec<Case>> {
+    let mut all = points()?;
+    for (name, spec, photons) in [
+        ("letters-SU", "letters-SU", None),
+        ("spheres", "spheres", None),
+        ("figure-10-photons", "figure", Some(10.0)),
+    ] {
+        all.push(matt("scenes", name.into(), Scene::named(spec)?, 0.01, photons));
+    }
+    for (name, file, truth, words, strides) in data.map_or(&[][..], |_| &RENDERED[..]) {
+        let folder = data.unwrap_or(Path::new(""));
+        all.extend(strides.iter().map(|stride| Case {
+            group: "scenes",
+            name: if *stride > 1 { format!("{name}-stride-{stride}") } else { (*name).into() },
+            words: if *stride > 1 { format!("{words}, stride {stride}") } else { (*words).into() },
+            model: Some("lambertian"),
+            wall: 1.0,
+            options: if *stride > 1 { vec!["--stride".into(), stride.to_string()] } else { vec![] },
+            source: Source::Files { capture: folder.join(file), truth: Some(folder.join(truth)) },
+        }));
+    }
+    all.iter_mut().for_each(|case| case.group = "scenes");
+    Ok(all)
+}
+
+/// Figure and torus from so many points.
+fn scanned(name: &str, scan: usize) -> Result<Scene> {
+    Ok(Scene { scan, bin_width: 0.01, ..Scene::named(name)? })
+}
+
+fn points() -> Result<Vec<Case>> {
+    let each = ["figure", "torus"].into_iter().flat_map(|name| [8, 16, 32, 64].map(|scan| (name, scan)));
+    each.map(|(name, scan)| {
+        Ok(matt("points", format!("{name}-{scan:02}x{scan:02}"), scanned(name, scan)?, 0.01, None))
+    })
+    .collect()
+}
+
+fn photons() -> Result<Vec<Case>> {
+    let mut all = vec![];
+    for name in ["figure", "torus"] {
+        for scan in [32, 64] {
+            for photons in PHOTONS {
+                let words = format!("{name}-{scan}x{scan}-photons-{photons}");
+                all.push(matt("photons", words, scanned(name, scan)?, 0.01, Some(photons)));
+            }
+        }
+    }
+    Ok(all)
+}
