@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::cases::GROUPS;
+use super::cases::{GROUPS, USUAL};
 
 /// What the command line asks for.
 pub struct Arguments {
@@ -13,6 +13,8 @@ pub struct Arguments {
     pub program: PathBuf,
     pub against: Option<PathBuf>,
     pub keep: PathBuf,
+    /// Take runs that are kept in place of new ones.
+    pub reuse: bool,
     pub sheet: Option<PathBuf>,
     pub json: Option<PathBuf>,
     /// Cases whose names contain one of these words; all without any.
@@ -31,6 +33,7 @@ impl Arguments {
             program: env!("CARGO_BIN_EXE_thirdbounce").into(),
             against: None,
             keep: temporary.into(),
+            reuse: false,
             sheet: None,
             json: None,
             only: vec![],
@@ -46,6 +49,7 @@ impl Arguments {
                 "--program" => all.program = value()?.into(),
                 "--against" => all.against = Some(value()?.into()),
                 "--keep" => all.keep = absolute(&value()?)?,
+                "--reuse" => all.reuse = true,
                 "--sheet" => all.sheet = Some(value()?.into()),
                 "--json" => all.json = Some(value()?.into()),
                 "--only" => all.only = value()?.split(',').map(String::from).collect(),
@@ -54,7 +58,11 @@ impl Arguments {
                 _ => return Err(format!("{word} is none of {}, all, or an option", GROUPS.join(", "))),
             }
         }
-        let is_wanted = |group: &&str| groups.is_empty() || groups.iter().any(|g| g == "all" || g == group);
+        if all.reuse && all.keep == temporary {
+            return Err("--reuse needs the folder of --keep".into());
+        }
+        let is_all = groups.is_empty() || groups.iter().any(|g| g == "all");
+        let is_wanted = |group: &&str| is_all && USUAL.contains(group) || groups.iter().any(|g| g == group);
         all.groups = GROUPS.into_iter().filter(is_wanted).collect();
         Ok(all)
     }

@@ -6,19 +6,29 @@ use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 
 use fixtures::family;
-use thirdbounce::capture::{self, Capture};
+use glam::DVec2;
+use thirdbounce::capture::{self, Capture, Pulse};
 use thirdbounce::export::npz::write_truth;
 use thirdbounce::simulate::{
-    DEFAULT_RESOLUTION, Dark, Reflectance, RenderOptions, Scene, photon_noise, simulate, truth,
+    DEFAULT_RESOLUTION, Dark, Layout, Reflectance, RenderOptions, Scene, photon_noise, simulate, truth,
 };
 use thirdbounce::{Result, job};
 
 /// Groups in the order in which they are run.
-pub const GROUPS: [&str; 6] = ["family", "meshes", "captures", "scenes", "photons", "points"];
+pub const GROUPS: [&str; 7] = ["family", "meshes", "captures", "scenes", "photons", "points", "models"];
 
-/// Photons of the strongest bin, and dark counts of every bin.
+/// The groups of `all`.
+pub const USUAL: [&str; 6] = ["family", "meshes", "captures", "scenes", "photons", "points"];
+
+/// Photons of the strongest bin of the group of that name, and dark counts of every bin.
 const PHOTONS: [f64; 4] = [1.0, 10.0, 100.0, 1000.0];
 const DARK: f64 = 0.05;
+
+/// Noise of the rendering of the models' scenes.
+const NOISE: f64 = 0.015;
+
+/// Photons that the strongest bin expects, and dark counts of every bin.
+type Light = [f64; 2];
 
 /// A case of a group.
 pub struct Case {
@@ -38,8 +48,8 @@ pub struct Case {
 pub enum Source {
     /// A seed of the random family.
     Family(Box<family::Case>),
-    /// A scene, the noise of its rendering, and the photons of the strongest bin.
-    Scene { scene: Box<Scene>, noise: f64, photons: Option<f64> },
+    /// A scene and the noise of its rendering; exact values without `light`. The capture may lack the pulse.
+    Scene { scene: Box<Scene>, noise: f64, light: Option<Light>, hide_pulse: bool },
     /// Files that are there.
     Files { capture: PathBuf, truth: Option<PathBuf> },
 }
@@ -49,8 +59,8 @@ impl Case {
     pub fn same_as(&self) -> String {
         let source = match &self.source {
             Source::Family(case) => format!("family {}", digest(case)),
-            Source::Scene { scene, noise, photons } => {
-                format!("scene {} {noise} {photons:?}", digest(scene))
+            Source::Scene { scene, noise, light, hide_pulse } => {
+                format!("scene {}", digest(&(scene, noise, light, hide_pulse)))
             }
             Source::Files { capture, .. } => capture.display().to_string(),
         };
@@ -68,22 +78,27 @@ impl Case {
                 let folder = keep.join(format!("rendered/family-{}-{}", case.scene.seed, digest(case)));
                 made(&folder, || Ok((case.capture()?, case.truth()?)))
             }
-            Source::Scene { scene, noise, photons } => {
-                let words = format!("{}-{}", scene.name, scene.scan);
-                let exact = keep.join(format!("rendered/{words}-{}", digest(&(scene, noise))));
-                let files = made(&exact, || {
+            Source::Scene { scene, noise, light, hide_pulse } => {
+                let name = format!("rendered/{}-{}-{}", scene.name, scene.scan, digest(&(scene, noise)));
+                let exact = keep.join(name);
+                let (file, truth) = made(&exact, || {
                     let options = RenderOptions { noise: *noise, ..RenderOptions::default() };
                     Ok((simulate(scene, &options)?.capture, truth(scene, DEFAULT_RESOLUTION)?))
                 })?;
-                let Some(photons) = photons else { return Ok(files) };
-                let counted = exact.join(format!("photons-{photons}-dark-{DARK}.npz"));
-                if !counted.is_file() {
-                    let input = job::Input { path: files.0, no_auto_gate: true, ..job::Input::default() };
-                    let clean = job::load(&input)?.capture;
-                    let counts = photon_noise(&clean, *photons, Dark::Counts(DARK), None, scene.seed)?;
-                    capture::write(&counts, &counted)?;
+                if light.is_none() && !hide_pulse {
+                    return Ok((file, truth));
                 }
-                Ok((counted, files.1))
+                let changed = exact.join(format!("{}.npz", digest(&(light, hide_pulse))));
+                if !changed.is_file() {
+                    let input = job::Input { path: file, no_auto_gate: true, ..job::Input::default() };
+                    let mut capture = job::load(&input)?.capture;
+                    if let Some([photons, dark]) = light {
+                        capture = photon_noise(&capture, *photons, Dark::Counts(*dark), None, scene.seed)?;
+                    }
+                    capture.pulse = capture.pulse.filter(|_| !hide_pulse);
+                    capture::write(&capture, &changed)?;
+                }
+                Ok((changed, truth))
             }
         }
     }
@@ -111,7 +126,7 @@ fn made(
 }
 
 /// A name for what a value says of itself.
-fn digest(what: &impl Debug) -> String {
+pub fn digest(what: &impl Debug) -> String {
     let mut hash = DefaultHasher::new();
     format!("{what:?}").hash(&mut hash);
     format!("{:016x}", hash.finish())
@@ -128,7 +143,8 @@ pub fn of(group: &'static str, seeds: std::ops::Range<u64>, data: Option<&Path>)
         "captures" => data.map_or(vec![], captures),
         "scenes" => scenes(data)?,
         "photons" => photons()?,
-        _ => points()?,
+        "points" => points()?,
+        _ => models()?,
     })
 }
 
@@ -145,19 +161,24 @@ fn random(seed: u64) -> Case {
     }
 }
 
-/// A matt scene before a wall of 1 m.
-fn matt(group: &'static str, name: String, scene: Scene, noise: f64, photons: Option<f64>) -> Case {
-    let light = photons.map_or("exact".into(), |p| format!("{p} photons, {DARK} dark"));
-    let scene = Scene { reflectance: Reflectance::Lambertian, ..scene };
+/// A scene of one model of reflectance before a wall of 1 m.
+fn rendered(group: &'static str, name: String, scene: Scene, noise: f64, light: Option<Light>) -> Case {
+    let light_text =
+        light.map_or("exact".into(), |[photons, dark]| format!("{photons} photons, {dark} dark"));
     Case {
         group,
         name,
-        words: format!("confocal {}², 1 m, {:.0} mm, {light}", scene.scan, 1e3 * scene.bin_width),
-        model: Some("lambertian"),
+        words: format!("{}², 1 m, {:.0} mm, {light_text}", scene.scan, 1e3 * scene.bin_width),
+        model: Some(scene.reflectance.name()),
         wall: scene.wall,
         options: vec![],
-        source: Source::Scene { scene: Box::new(scene), noise, photons },
+        source: Source::Scene { scene: Box::new(scene), noise, light, hide_pulse: false },
     }
+}
+
+/// The same of a matt scene.
+fn matt(group: &'static str, name: String, scene: Scene, noise: f64, light: Option<Light>) -> Case {
+    rendered(group, name, Scene { reflectance: Reflectance::Lambertian, ..scene }, noise, light)
 }
 
 fn meshes(data: Option<&Path>) -> Result<Vec<Case>> {
@@ -206,7 +227,7 @@ fn captures(data: &Path) -> Vec<Case> {
 }
 
 /// Captures of other renderers: name, capture, truth, what it is, and the strides at which it is taken.
-const RENDERED: [(&str, &str, &str, &str, &[usize]); 6] = [
+const PATH_TRACED: [(&str, &str, &str, &str, &[usize]); 6] = [
     ("bunny", "native/znlos_bunny_32.mat", "truth_znlos_bunny.npz", "Z-NLOS bunny 32²", &[1, 2, 4]),
     ("z-16", "z_confocal_16.npz", "truth_z_confocal_16.npz", "letter Z 16², path-traced", &[1]),
     ("z-32", "z_confocal_32.npz", "truth_z_confocal_32.npz", "letter Z 32², path-traced", &[1]),
@@ -230,14 +251,14 @@ const RENDERED: [(&str, &str, &str, &str, &[usize]); 6] = [
 /// The scenes of `thirdbounce benchmark` but for its seeds of the family, which are held out, and rendered captures.
 fn scenes(data: Option<&Path>) -> Result<Vec<Case>> {
     let mut all = points()?;
-    for (name, spec, photons) in [
+    for (name, spec, light) in [
         ("letters-SU", "letters-SU", None),
         ("spheres", "spheres", None),
-        ("figure-10-photons", "figure", Some(10.0)),
+        ("figure-10-photons", "figure", Some([10.0, DARK])),
     ] {
-        all.push(matt("scenes", name.into(), Scene::named(spec)?, 0.01, photons));
+        all.push(matt("scenes", name.into(), Scene::named(spec)?, 0.01, light));
     }
-    for (name, file, truth, words, strides) in data.map_or(&[][..], |_| &RENDERED[..]) {
+    for (name, file, truth, words, strides) in data.map_or(&[][..], |_| &PATH_TRACED[..]) {
         let folder = data.unwrap_or(Path::new(""));
         all.extend(strides.iter().map(|stride| Case {
             group: "scenes",
@@ -272,9 +293,58 @@ fn photons() -> Result<Vec<Case>> {
         for scan in [32, 64] {
             for photons in PHOTONS {
                 let words = format!("{name}-{scan}x{scan}-photons-{photons}");
-                all.push(matt("photons", words, scanned(name, scan)?, 0.01, Some(photons)));
+                all.push(matt("photons", words, scanned(name, scan)?, 0.01, Some([photons, DARK])));
             }
         }
+    }
+    Ok(all)
+}
+
+/// Scenes by every model of reflectance that their pairs can tell, and scenes with instruments that are not ideal.
+fn models() -> Result<Vec<Case>> {
+    use Reflectance::{Cosine, Lambertian, Retroreflective};
+    let one_laser = |scene| Scene { layout: Layout::OneLaser { point: DVec2::ZERO }, ..scene };
+    let exhaustive = |scene| Scene { layout: Layout::Exhaustive { lasers: 8 }, scan: 8, ..scene };
+    let irregular = |scene| Scene { layout: Layout::Irregular { seed: 0 }, ..scene };
+    let [figure, torus] = [Scene::named("figure")?, Scene::named("torus")?];
+    let scenes = [
+        ("figure", figure.clone(), None),
+        ("figure-one-laser", one_laser(figure.clone()), None),
+        ("figure-exhaustive", exhaustive(figure.clone()), None),
+        ("figure-100-photons", figure.clone(), Some([100.0, 0.1])),
+        ("figure-10-photons", figure.clone(), Some([10.0, 0.1])),
+        ("figure-1-photon", figure.clone(), Some([1.0, 0.1])),
+        ("torus", torus.clone(), None),
+        ("torus-irregular", irregular(torus.clone()), None),
+        ("torus-10-photons", torus, Some([10.0, 0.1])),
+        ("spheres", Scene::named("spheres")?, None),
+        ("letter-R", Scene::named("letter-R")?, None),
+        ("letters-SU", Scene::named("letters-SU")?, None),
+    ];
+    let mut all = vec![];
+    for (name, scene, light) in scenes {
+        let models = [Cosine, Lambertian, Retroreflective].into_iter();
+        // A retroreflective surface sends no light to another point of the wall.
+        for model in models.filter(|m| *m != Retroreflective || scene.layout == Layout::Confocal) {
+            let scene = Scene { reflectance: model, ..scene.clone() };
+            all.push(rendered("models", format!("{name}-{}", model.name()), scene, NOISE, light));
+        }
+    }
+    let pulse = Pulse::gaussian(0.03)?;
+    let tailed = Some(pulse.clone().with_tail(0.012)?);
+    let others = [
+        ("figure-pulse", Scene { pulse: Some(pulse), ..figure.clone() }, None),
+        ("figure-spot", Scene { spots: [0.06; 2], ..figure }, None),
+        ("plates", Scene::named("plates")?, None),
+        ("beyond-tail", Scene { pulse: tailed, ..Scene::named("beyond")? }, Some([1000.0, 5.0])),
+    ];
+    for (name, scene, light) in others {
+        let is_pulsed = scene.pulse.is_some();
+        let mut case = rendered("models", name.into(), scene, NOISE, light);
+        if let Source::Scene { hide_pulse, .. } = &mut case.source {
+            *hide_pulse = is_pulsed;
+        }
+        all.push(case);
     }
     Ok(all)
 }

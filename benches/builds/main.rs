@@ -1,8 +1,11 @@
 //! Compares two builds of the command, case by case: random scenes, meshes, real captures, scenes with truth, few photons, few
 //! scan points. Each case gets a file and nothing else. Prints a table for each group, then what changed.
 //!
-//!     cargo bench --bench builds -- [family|meshes|captures|scenes|photons|points|all ...] [--against PATH] [--program PATH]
-//!         [--seeds A..B] [--only WORD,...] [--keep DIR] [--sheet FILE.png] [--json FILE] [-- OPTIONS OF reconstruct]
+//!     cargo bench --bench builds -- [family|meshes|captures|scenes|photons|points|models|all ...] [--against PATH]
+//!         [--program PATH] [--seeds A..B] [--only WORD,...] [--keep DIR] [--reuse] [--sheet FILE.png] [--json FILE]
+//!         [-- OPTIONS OF reconstruct]
+//!
+//! `all` is every group but `models`: scenes by every model of reflectance and several kinds of pairs.
 //!
 //! | option | |
 //! |---|---|
@@ -10,7 +13,8 @@
 //! | `--program PATH` | build b; without it, the one that cargo built |
 //! | `--seeds A..B` | seeds of the family; 0..20 if none are given |
 //! | `--only WORD,...` | cases whose names contain one of the words |
-//! | `--keep DIR` | keeps rendered captures, truths, results of closed-form methods and compiled kernels there, and takes them from there |
+//! | `--keep DIR` | keeps rendered captures, truths, results and compiled kernels there; takes all but results of the builds from there |
+//! | `--reuse` | takes results of the same build, capture and options from there, too, with the seconds of their time |
 //! | `--sheet FILE.png` | writes pictures, a row for each case |
 //! | `--json FILE` | writes every value, metric and report |
 //!
@@ -40,51 +44,17 @@ use thirdbounce::export::npz::read_truth;
 use thirdbounce::job::benchmark::{CLOSED_FORMS, Consensus};
 use thirdbounce::maps::{Maps, Truth};
 
-/// Columns of groups with truth, of the scenes, and of captures without truth.
-const TRUTH: &[usize] = &[
-    summary::OWN,
-    summary::BEST,
-    summary::DEPTH_MM,
-    summary::DEPTH,
-    summary::RMSE,
-    summary::NORMALS,
-    summary::CPU,
-    summary::WALL,
-    summary::ESTIMATES,
-    summary::SOLVE,
-    summary::EXPORT,
-];
-const SCENES: &[usize] = &[
-    summary::OWN,
-    summary::BEST,
-    summary::DEPTH_MM,
-    summary::DEPTH,
-    summary::RMSE,
-    summary::NORMALS,
-    summary::PAPER_DEPTH,
-    summary::PAPER_NORMALS,
-    summary::CPU,
-    summary::WALL,
-    summary::ESTIMATES,
-    summary::SOLVE,
-    summary::EXPORT,
-];
-const AGREED: &[usize] = &[
-    summary::AGREEMENT,
-    summary::BESIDE,
-    summary::CPU,
-    summary::WALL,
-    summary::ESTIMATES,
-    summary::SOLVE,
-    summary::EXPORT,
-];
-
-fn columns(group: &str) -> &'static [usize] {
-    match group {
-        "captures" => AGREED,
-        "scenes" => SCENES,
-        _ => TRUTH,
-    }
+/// Columns of a group: against truth, or agreement with closed-form methods; then costs.
+fn columns(group: &str) -> Vec<usize> {
+    use summary::{AGREEMENT, BESIDE, BEST, CPU, DEPTH, DEPTH_MM, ESTIMATES, FILES, MEMORY};
+    use summary::{NORMALS, OWN, PAPER_DEPTH, PAPER_NORMALS, RMSE, SOLVE, WALL, WITHIN};
+    let quality: &[usize] = match group {
+        "captures" => &[AGREEMENT, BESIDE],
+        "scenes" => &[OWN, BEST, DEPTH_MM, DEPTH, RMSE, NORMALS, PAPER_DEPTH, PAPER_NORMALS],
+        "models" => &[OWN, BEST, DEPTH_MM, DEPTH, RMSE, NORMALS, WITHIN],
+        _ => &[OWN, BEST, DEPTH_MM, DEPTH, RMSE, NORMALS],
+    };
+    [quality, &[CPU, WALL, ESTIMATES, SOLVE, FILES, MEMORY]].concat()
 }
 
 fn main() -> ExitCode {
@@ -154,9 +124,9 @@ impl<'a> Bench<'a> {
         if self.builds.len() == 2 {
             let rows: Vec<&Row> = self.rows.iter().collect();
             println!("\n## a to b, all groups\n\n{}", summary::table(&distinct(&rows)));
-            let regressions = summary::regressions(&distinct(&rows));
-            println!("{} regressions{}", regressions.len(), if regressions.is_empty() { "." } else { ":\n" });
-            regressions.iter().for_each(|line| println!("- {line}"));
+            let [results, clock] = summary::regressions(&distinct(&rows));
+            list("Regressions", &results);
+            list("Regressions on the clock, where other programs count, too", &clock);
         }
         Ok(())
     }
@@ -181,8 +151,8 @@ impl<'a> Bench<'a> {
             println!("\n## {group}\n\nNo cases.");
             return;
         }
-        let columns = columns(group);
-        let names: Vec<&str> = columns.iter().map(|c| QUANTITIES[*c].name).collect();
+        let columns = &columns(group);
+        let names: Vec<&str> = columns.iter().map(|place| QUANTITIES[*place].name).collect();
         println!("\n## {group}\n\n| case | what | model | {} |", names.join(" | "));
         println!("|---|---|---|{}", "--:|".repeat(names.len()));
         let from = self.rows.len();
@@ -241,13 +211,26 @@ impl<'a> Bench<'a> {
     fn runs(&self, case: &Case, capture: &Path) -> Vec<Result<Run, String>> {
         let options = [&case.options[..], &self.arguments.options].concat();
         let run = |build: &Build| {
-            let mut run = build.reconstruct(capture, &self.out, &options)?;
+            let mut run = self.kept_or_new(build, capture, &options)?;
             if let Source::Family(family) = &case.source {
                 family.without_back(&mut run.maps);
             }
             Ok(run)
         };
         self.builds.iter().map(run).collect()
+    }
+
+    /// Takes a run from the folder of what is kept, if that is wanted, or runs the build and keeps the result.
+    fn kept_or_new(&self, build: &Build, capture: &Path, options: &[String]) -> Result<Run, String> {
+        let data = std::fs::metadata(capture).map_err(|e| format!("{}: {e}", capture.display()))?;
+        let what = cases::digest(&(capture, data.len(), data.modified().ok(), options));
+        let folder = self.arguments.keep.join("runs").join(&build.digest).join(what);
+        if let Some(run) = self.arguments.reuse.then(|| Run::kept(&folder)).flatten() {
+            return Ok(run);
+        }
+        let run = build.reconstruct(capture, &self.out, options)?;
+        run.keep(&self.out, &folder)?;
+        Ok(run)
     }
 
     /// Results of the closed-form methods, kept once they are there; `None` for one that refuses the capture.
@@ -283,6 +266,14 @@ impl<'a> Bench<'a> {
     }
 }
 
+fn list(heading: &str, lines: &[String]) {
+    println!("{heading}: {}{}", lines.len(), if lines.is_empty() { ".\n" } else { "\n" });
+    lines.iter().for_each(|line| println!("- {line}"));
+    if !lines.is_empty() {
+        println!();
+    }
+}
+
 /// Rows without those that stand in a group before, too: cases of the points are scenes as well.
 fn distinct<'r>(rows: &[&'r Row]) -> Vec<&'r Row> {
     let mut all: Vec<&Row> = vec![];
@@ -307,7 +298,7 @@ fn judged(
         Ok(run) => run,
         Err(e) => return failed(e),
     };
-    let mut values = run.seconds();
+    let mut values = run.costs();
     let metrics = match truth.map(|truth| run.metrics(truth)).transpose() {
         Ok(metrics) => metrics,
         Err(e) => return failed(&e),
@@ -322,6 +313,7 @@ fn judged(
         // Light that comes back to where it is from tells no normals.
         let has_normals = case.model != Some("retroreflective");
         values[summary::NORMALS] = if has_normals { or_nan(m.normal_error_deg) } else { f64::NAN };
+        values[summary::WITHIN] = or_nan(m.within_confidence);
         values[summary::PAPER_DEPTH] = or_nan(m.paper.depth_mae);
         values[summary::PAPER_NORMALS] = or_nan(m.paper.normal_mae);
     }
@@ -330,12 +322,12 @@ fn judged(
         values[summary::BESIDE] = consensus.beside(&run.maps);
     }
     let raw = json!({
-        "values": named(&values), "model": run.model(), "metrics": metrics, "kernels_compiled_before": run.again,
-        "report": run.report,
+        "values": named(&values), "model": run.model(), "metrics": metrics, "report": run.report,
+        "kernels_compiled_before": run.again, "reused": run.reused,
     });
     let shown: Values =
         std::array::from_fn(|place| if columns.contains(&place) { values[place] } else { f64::NAN });
-    (run.side(shown), raw)
+    (Side { values: shown, model: run.model(), error: None, reused: run.reused }, raw)
 }
 
 /// Values by name; null for NaN.
@@ -355,14 +347,18 @@ fn line(row: &Row, columns: &[usize]) -> String {
     let cells = columns.iter().map(|&place| {
         cell(&row.sides.iter().map(|s| QUANTITIES[place].text(s.values[place])).collect::<Vec<_>>())
     });
-    let errors: Vec<String> = (row.sides.iter().zip(["a", "b"]))
-        .filter_map(|(side, name)| Some(format!(" **{name} failed: {}**", side.error.as_ref()?)))
+    let sides = row.sides.iter().zip(["a", "b"]);
+    let remarks: Vec<String> = sides
+        .filter_map(|(side, name)| match &side.error {
+            Some(error) => Some(format!(" **{name} failed: {error}**")),
+            None => side.reused.then(|| format!(" ({name} kept)")),
+        })
         .collect();
     format!(
         "| {} | {}{} | {model} | {} |",
         row.name,
         row.words,
-        errors.concat(),
+        remarks.concat(),
         cells.collect::<Vec<_>>().join(" | ")
     )
 }
@@ -387,8 +383,19 @@ fn totals(rows: &[&Row], columns: &[usize], builds: usize) -> Vec<String> {
         });
         cells.collect::<Vec<_>>().join(" | ")
     };
-    vec![
+    let changes = || {
+        let cells = columns.iter().map(|&place| {
+            let total = summary::total(rows, place);
+            if total.judged == 0 { String::new() } else { format!("{} / {}", total.better, total.worse) }
+        });
+        format!("| **better / worse** | | | {} |", cells.collect::<Vec<_>>().join(" | "))
+    };
+    let mut all = vec![
         format!("| **mean** | {} cases | {models} | {} |", rows.len(), of(&|_, v| summary::mean(v))),
         format!("| **worst tenth** | | | {} |", of(&|place, v| summary::worst_tenth(place, v))),
-    ]
+    ];
+    if builds > 1 {
+        all.push(changes());
+    }
+    all
 }

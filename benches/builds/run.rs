@@ -6,15 +6,18 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 use thirdbounce::export::npz::read_maps;
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::{self, Metrics};
 
-use super::summary::{self, COUNT, Side, Values};
+use super::summary::{self, COUNT, Values};
 
 /// A run that takes longer fails.
 const LONGEST: Duration = Duration::from_secs(1800);
+
+/// The file of a kept run that has its seconds and memory. It is written last.
+const COST: &str = "run.json";
 
 /// A build of the command.
 pub struct Build {
@@ -35,8 +38,12 @@ pub struct Run {
     pub cpu: f64,
     /// Seconds on the clock.
     pub wall: f64,
+    /// Most memory that the process held at a time, bytes.
+    pub memory: f64,
     /// The kernels were compiled in a run before, whose seconds do not count.
     pub again: bool,
+    /// The run was kept from an earlier comparison.
+    pub reused: bool,
 }
 
 impl Build {
@@ -83,7 +90,9 @@ impl Build {
         command.env("XDG_CACHE_HOME", &self.cache).env_remove("MESA_SHADER_CACHE_DIR");
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors);
         let mut child = command.spawn().map_err(|e| format!("{}: {e}", self.program.display()))?;
+        let (mut memory, process) = (f64::NAN, format!("/proc/{}/status", child.id()));
         let status = loop {
+            memory = memory.max(peak_memory(&process));
             match child.try_wait().map_err(io)? {
                 Some(status) => break status,
                 None if start.elapsed() > LONGEST => {
@@ -100,8 +109,16 @@ impl Build {
             let line = text.lines().find(|l| l.contains("error:")).or(text.lines().next());
             return Err(line.map_or(status.to_string(), |line| line.trim_start_matches("error: ").into()));
         }
-        Run::read(out).map(|run| Run { cpu, wall, ..run })
+        Run::read(out).map(|run| Run { cpu, wall, memory, ..run })
     }
+}
+
+/// Most memory that a process held so far, bytes; NaN where the system does not tell.
+fn peak_memory(status: &str) -> f64 {
+    let text = fs::read_to_string(status).unwrap_or_default();
+    let line = text.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+    let kibibytes = line.and_then(|line| line.trim().trim_end_matches(" kB").parse::<f64>().ok());
+    kibibytes.map_or(f64::NAN, |k| 1024.0 * k)
 }
 
 /// Sizes and names of the files in a folder of compiled kernels.
@@ -151,7 +168,30 @@ impl Run {
         let bytes = fs::read(&file).map_err(|e| format!("{}: {e}", file.display()))?;
         let report = serde_json::from_slice(&bytes).map_err(|e| format!("{}: {e}", file.display()))?;
         let maps = read_maps(&folder.join("maps.npz")).map_err(|e| e.to_string())?;
-        Ok(Run { maps, report, cpu: f64::NAN, wall: f64::NAN, again: false })
+        let nan = f64::NAN;
+        Ok(Run { maps, report, cpu: nan, wall: nan, memory: nan, again: false, reused: false })
+    }
+
+    /// Keeps the result that is in the folder `out`.
+    ///
+    /// # Errors
+    /// Files that cannot be written.
+    pub fn keep(&self, out: &Path, folder: &Path) -> Result<(), String> {
+        let io = |e: std::io::Error| format!("{}: {e}", folder.display());
+        fs::create_dir_all(folder).map_err(io)?;
+        for name in ["maps.npz", "report.json"] {
+            fs::copy(out.join(name), folder.join(name)).map_err(io)?;
+        }
+        let cost = json!({ "cpu": self.cpu, "wall": self.wall, "memory": self.memory, "again": self.again });
+        fs::write(folder.join(COST), cost.to_string()).map_err(io)
+    }
+
+    /// A result that was kept in a folder. `None` without one.
+    pub fn kept(folder: &Path) -> Option<Run> {
+        let cost: Value = serde_json::from_slice(&fs::read(folder.join(COST)).ok()?).ok()?;
+        let [cpu, wall, memory] = ["/cpu", "/wall", "/memory"].map(|key| number(&cost, &[key]));
+        let again = cost["again"] == true;
+        Some(Run { cpu, wall, memory, again, reused: true, ..Run::read(folder).ok()? })
     }
 
     /// The model of reflectance, wherever the report has it.
@@ -182,14 +222,15 @@ impl Run {
         if total.is_nan() { each().find(|s| !s.is_nan()).unwrap_or(f64::NAN) } else { total }
     }
 
-    /// The values of a run before a wall of `wall` metres, without those against a truth.
-    pub fn seconds(&self) -> Values {
+    /// What the run took.
+    pub fn costs(&self) -> Values {
         let mut values = [f64::NAN; COUNT];
         values[summary::CPU] = self.cpu;
         values[summary::WALL] = self.wall;
         values[summary::ESTIMATES] = self.estimates();
         values[summary::SOLVE] = number(&self.report, &["/totals/solve_s", "/totals/solve"]);
-        values[summary::EXPORT] =
+        values[summary::MEMORY] = 1e-6 * self.memory;
+        values[summary::FILES] =
             number(&self.report, &["/totals/load_s"]) + number(&self.report, &["/totals/export_s"]);
         values
     }
@@ -200,10 +241,5 @@ impl Run {
     /// Maps that cannot be measured.
     pub fn metrics(&self, truth: &Truth) -> Result<Metrics, String> {
         measure::metrics(&self.maps, truth, None).map_err(|e| e.to_string())
-    }
-
-    /// What is compared of the run.
-    pub fn side(&self, values: Values) -> Side {
-        Side { values, model: self.model(), error: None }
     }
 }

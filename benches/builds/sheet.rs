@@ -34,13 +34,19 @@ impl Sheet {
         self.add(format!("{words}   [truth: mask, depth, normals; {}]", legend(builds.len())), pictures);
     }
 
-    /// Albedo, depth and normals of each build, then the albedo of other methods. Depths share the colours of the first build.
+    /// The albedo of three other methods in place of the truth, albedo, depth and normals of each build, then the albedo of the
+    /// rest. Depths share the colours of the first build.
     pub fn captured(&mut self, words: &str, builds: &[Option<&Maps>], others: &[(&str, Option<&Maps>)]) {
         let ends = builds.iter().flatten().next().map_or([0.0; 2], |maps| ends(maps));
-        let mut pictures: Vec<_> = builds.iter().flat_map(|maps| of_build(*maps, ends)).collect();
-        pictures.extend(others.iter().map(|(_, maps)| maps.map(albedo_of)));
-        let names: Vec<&str> = others.iter().map(|other| other.0).collect();
-        self.add(format!("{words}   [{}; {}]", legend(builds.len()), names.join(", ")), pictures);
+        let (first, rest) = others.split_at(others.len().min(3));
+        let albedo = |(_, maps): &(&str, Option<&Maps>)| maps.map(albedo_of);
+        let names = |all: &[(&str, Option<&Maps>)]| all.iter().map(|o| o.0).collect::<Vec<_>>().join(", ");
+        let mut pictures: Vec<_> = first.iter().map(albedo).collect();
+        pictures.resize(3, None);
+        pictures.extend(builds.iter().flat_map(|maps| of_build(*maps, ends)));
+        pictures.extend(rest.iter().map(albedo));
+        let legend = [names(first), legend(builds.len()).into(), names(rest)].join("; ");
+        self.add(format!("{words}   [{legend}]"), pictures);
     }
 
     fn add(&mut self, words: String, pictures: Vec<Option<Picture>>) {

@@ -21,11 +21,13 @@ pub struct Quantity {
     pub margin: Option<Margin>,
     /// Whether a value that only one build has is a change, too.
     pub is_required: bool,
+    /// Whether other programs on the machine change it.
+    pub is_clock: bool,
     pub digits: usize,
 }
 
 const fn quantity(key: &'static str, name: &'static str, margin: Option<Margin>, digits: usize) -> Quantity {
-    Quantity { key, name, larger_is_better: false, margin, is_required: false, digits }
+    Quantity { key, name, larger_is_better: false, margin, is_required: false, is_clock: false, digits }
 }
 
 const fn overlap(key: &'static str, name: &'static str) -> Quantity {
@@ -33,14 +35,19 @@ const fn overlap(key: &'static str, name: &'static str) -> Quantity {
 }
 
 const fn error(key: &'static str, name: &'static str, digits: usize) -> Quantity {
-    Quantity { is_required: true, ..quantity(key, name, Some(Margin::Relative(0.05)), digits) }
+    Quantity { is_required: true, ..quantity(key, name, ERROR, digits) }
+}
+
+const fn clock(key: &'static str, name: &'static str, margin: Option<Margin>) -> Quantity {
+    Quantity { is_clock: true, ..quantity(key, name, margin, 2) }
 }
 
 const IOU: Option<Margin> = Some(Margin::Absolute(0.01));
-const SECONDS: Option<Margin> = Some(Margin::Relative(0.1));
+const ERROR: Option<Margin> = Some(Margin::Relative(0.05));
+const COST: Option<Margin> = Some(Margin::Relative(0.1));
 
 /// Number of [`QUANTITIES`].
-pub const COUNT: usize = 15;
+pub const COUNT: usize = 17;
 
 /// All quantities. The constants below are their places.
 pub const QUANTITIES: [Quantity; COUNT] = [
@@ -50,15 +57,17 @@ pub const QUANTITIES: [Quantity; COUNT] = [
     error("depth_percent", "depth MAE, % of the wall", 3),
     error("depth_rmse_mm", "depth RMSE, mm", 2),
     error("normals_deg", "normals, °", 1),
-    quantity("paper_depth_m", "paper's measure: depth MAE, m", Some(Margin::Relative(0.05)), 4),
-    quantity("paper_normals", "paper's measure: normals MAE", Some(Margin::Relative(0.05)), 4),
+    quantity("paper_depth_m", "paper's measure: depth MAE, m", ERROR, 4),
+    quantity("paper_normals", "paper's measure: normals MAE", ERROR, 4),
+    quantity("within_confidence", "errors within confidence", None, 2),
     overlap("agreement", "agreement"),
     quantity("beside", "light beside", IOU, 3),
-    quantity("cpu_s", "CPU s", SECONDS, 2),
-    quantity("wall_s", "wall s", SECONDS, 2),
-    quantity("estimates_s", "estimates s", SECONDS, 2),
-    quantity("solve_s", "solve s", SECONDS, 2),
-    quantity("export_s", "load and export s", None, 2),
+    quantity("cpu_s", "CPU s", COST, 2),
+    quantity("memory_mb", "memory, MB", COST, 0),
+    clock("wall_s", "wall s", COST),
+    clock("estimates_s", "estimates s", COST),
+    clock("solve_s", "solve s", COST),
+    clock("files_s", "load and export s", None),
 ];
 
 pub const OWN: usize = 0;
@@ -69,13 +78,15 @@ pub const RMSE: usize = 4;
 pub const NORMALS: usize = 5;
 pub const PAPER_DEPTH: usize = 6;
 pub const PAPER_NORMALS: usize = 7;
-pub const AGREEMENT: usize = 8;
-pub const BESIDE: usize = 9;
-pub const CPU: usize = 10;
-pub const WALL: usize = 11;
-pub const ESTIMATES: usize = 12;
-pub const SOLVE: usize = 13;
-pub const EXPORT: usize = 14;
+pub const WITHIN: usize = 8;
+pub const AGREEMENT: usize = 9;
+pub const BESIDE: usize = 10;
+pub const CPU: usize = 11;
+pub const MEMORY: usize = 12;
+pub const WALL: usize = 13;
+pub const ESTIMATES: usize = 14;
+pub const SOLVE: usize = 15;
+pub const FILES: usize = 16;
 
 /// Values of a run, by the places of [`QUANTITIES`].
 pub type Values = [f64; COUNT];
@@ -88,6 +99,8 @@ pub struct Side {
     pub model: Option<String>,
     /// First line of the error of a run that failed.
     pub error: Option<String>,
+    /// The run was kept from an earlier comparison.
+    pub reused: bool,
 }
 
 impl Side {
@@ -97,7 +110,7 @@ impl Side {
         for column in [OWN, BEST, AGREEMENT].into_iter().filter(|c| columns.contains(c)) {
             values[column] = 0.0;
         }
-        Side { values, model: None, error: Some(error.into()) }
+        Side { values, model: None, error: Some(error.into()), reused: false }
     }
 }
 
@@ -229,11 +242,11 @@ pub fn worst_tenth(place: usize, values: impl Iterator<Item = f64>) -> f64 {
     mean(all.into_iter())
 }
 
-/// Every regression as a sentence, by quantity, the largest change first. Failed runs and models that are no longer right
-/// come first.
-pub fn regressions(rows: &[&Row]) -> Vec<String> {
+/// Every regression as a sentence, by quantity, the largest change first: those of results, CPU seconds and memory, and those
+/// of seconds on the clock. Failed runs and models that are no longer right come first.
+pub fn regressions(rows: &[&Row]) -> [Vec<String>; 2] {
     let name = |row: &Row| format!("{} {}", row.group, row.name);
-    let mut all = vec![];
+    let (mut all, mut clock) = (vec![], vec![]);
     for row in rows {
         if let [a, b] = &row.sides[..]
             && let (None, Some(error)) = (&a.error, &b.error)
@@ -262,9 +275,10 @@ pub fn regressions(rows: &[&Row]) -> Vec<String> {
             })
             .collect();
         found.sort_by(|a, b| b.0.total_cmp(&a.0));
-        all.extend(found.into_iter().map(|f| f.1));
+        let list = if quantity.is_clock { &mut clock } else { &mut all };
+        list.extend(found.into_iter().map(|f| f.1));
     }
-    all
+    [all, clock]
 }
 
 /// Size of a change, and its text in brackets: a difference or a percentage, as the margin is.
