@@ -197,7 +197,7 @@ fn meshes(data: Option<&Path>) -> Result<Vec<Case>> {
 }
 
 /// Captures without truth: file below THIRDBOUNCE_DATA, what it is, options for what it lacks.
-const CAPTURES: [(&str, &str, &[&str]); 9] = [
+const CAPTURES: [(&str, &str, &[&str]); 12] = [
     ("statue_confocal_64.npz", "white statue, 2 m, 32 ps", &[]),
     ("su_confocal_64.npz", "retroreflective S and U, 0.7 m", &[]),
     ("z_captured_confocal_64.npz", "letter Z, 0.8 m", &[]),
@@ -210,6 +210,9 @@ const CAPTURES: [(&str, &str, &[&str]); 9] = [
         &["--wall", "1.26", "--bin-width", "0.0048"],
     ),
     ("sim_U_nonconfocal_64.npz", "letter U, one sensor point, simulated by others", &[]),
+    ("native/lct_data_s_u.mat", "retroreflective S and U, 0.7 m, 4 ps", &[]),
+    ("native/z_v73.mat", "letter Z, 0.8 m, 5 ps", &["--wall", "0.8", "--bin-width", "0.0015"]),
+    ("native/ccsocr_statue", "statue, 2 m, 32 ps", &["--wall", "2"]),
     ("native/km_mannequin.mat", "mannequin over 1.43 km", &[]),
 ];
 

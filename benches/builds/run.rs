@@ -21,7 +21,10 @@ const COST: &str = "run.json";
 
 /// A build of the command.
 pub struct Build {
+    /// Where it was found.
     pub program: PathBuf,
+    /// The copy that is run: another build may take the place of the program meanwhile.
+    copy: PathBuf,
     /// A name for its content.
     pub digest: String,
     /// Its folder of compiled kernels: no build finds those that another one compiled.
@@ -50,16 +53,27 @@ impl Build {
     /// # Errors
     /// A program that cannot be read or does not run.
     pub fn of(program: &Path, keep: &Path) -> Result<Build, String> {
-        let bytes = fs::read(program).map_err(|e| format!("{}: {e}", program.display()))?;
+        let at = |e: std::io::Error| format!("{}: {e}", program.display());
+        let bytes = fs::read(program).map_err(at)?;
         let mut hash = DefaultHasher::new();
         bytes.hash(&mut hash);
         let digest = format!("{:016x}", hash.finish());
-        let help = Command::new(program).args(["reconstruct", "--help"]).output();
-        let help = help.map_err(|e| format!("{}: {e}", program.display()))?;
+        let copy = keep.join("programs").join(&digest);
+        if fs::read(&copy).ok().as_ref() != Some(&bytes) {
+            fs::create_dir_all(keep.join("programs")).map_err(at)?;
+            let partial = copy.with_extension(std::process::id().to_string());
+            fs::write(&partial, &bytes).map_err(at)?;
+            fs::set_permissions(&partial, fs::metadata(program).map_err(at)?.permissions()).map_err(at)?;
+            fs::rename(&partial, &copy).map_err(at)?;
+        }
+        let help = Command::new(&copy).args(["reconstruct", "--help"]).output().map_err(at)?;
+        if !help.status.success() {
+            return Err(format!("{}: has no command reconstruct", program.display()));
+        }
         let text = String::from_utf8_lossy(&help.stdout).into_owned();
         let quiet = ["--no-preview", "--quiet"].into_iter().filter(|option| text.contains(option)).collect();
         let cache = keep.join("kernels").join(&digest);
-        Ok(Build { program: program.into(), digest, cache, quiet })
+        Ok(Build { program: program.into(), copy, digest, cache, quiet })
     }
 
     /// Reconstructs a capture. A run that compiles kernels is repeated: its seconds are not those of the next ones.
@@ -85,7 +99,7 @@ impl Build {
         let said = out.with_extension("stderr");
         let errors = fs::File::create(&said).map_err(io)?;
         let (before, start) = (cpu_of_children(), Instant::now());
-        let mut command = Command::new(&self.program);
+        let mut command = Command::new(&self.copy);
         command.arg("reconstruct").arg(capture).arg("--out").arg(out).args(&self.quiet).args(options);
         command.env("XDG_CACHE_HOME", &self.cache).env_remove("MESA_SHADER_CACHE_DIR");
         command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors);
