@@ -111,6 +111,9 @@ impl<'a> Bench<'a> {
         for (name, build) in ["a", "b"].iter().zip(&self.builds) {
             println!("{name}: `{}` ({})", build.program.display(), build.digest);
         }
+        if self.builds.len() == 2 {
+            println!("Cells are a → b, or one value where both builds have the same.");
+        }
         let arguments = self.arguments;
         for group in &arguments.groups {
             let all =
@@ -120,6 +123,9 @@ impl<'a> Bench<'a> {
             };
             self.group(group, all.into_iter().filter(is_wanted).collect());
             self.write()?;
+        }
+        if self.rows.is_empty() {
+            return Err("no case is selected: check --only, --seeds and THIRDBOUNCE_DATA".into());
         }
         if self.builds.len() == 2 {
             let rows: Vec<&Row> = self.rows.iter().collect();
@@ -148,7 +154,6 @@ impl<'a> Bench<'a> {
 
     fn group(&mut self, group: &'static str, cases: Vec<Case>) {
         if cases.is_empty() {
-            println!("\n## {group}\n\nNo cases.");
             return;
         }
         let columns = &columns(group);
@@ -335,9 +340,12 @@ fn named(values: &Values) -> Value {
     (0..COUNT).map(|place| (QUANTITIES[place].key.to_string(), json!(values[place]))).collect()
 }
 
-/// A cell: one text, or that of both builds.
+/// A cell: the texts of both builds, or one where they are the same.
 fn cell(texts: &[String]) -> String {
-    texts.join(" → ")
+    match texts {
+        [a, b] if a != b => format!("{a} → {b}"),
+        _ => texts.first().cloned().unwrap_or_default(),
+    }
 }
 
 /// The line of a case.

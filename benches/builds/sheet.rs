@@ -54,9 +54,14 @@ impl Sheet {
         self.rows.push((words, shrunk));
     }
 
+    /// Writes the sheet, unless it has no rows.
+    ///
     /// # Errors
     /// A file that cannot be written.
     pub fn write(&self, file: &Path) -> thirdbounce::Result<()> {
+        if self.rows.is_empty() {
+            return Ok(());
+        }
         let columns = self.rows.iter().map(|r| r.1.len()).max().unwrap_or(0);
         let mut sheet = Picture::new(columns * STEP, self.rows.len() * (STEP + WORDS));
         for (row, (words, pictures)) in self.rows.iter().enumerate() {
@@ -80,10 +85,12 @@ fn of_build(maps: Option<&Maps>, ends: [f32; 2]) -> [Option<Picture>; 3] {
     maps.map_or([None, None, None], |m| [Some(albedo_of(m)), Some(depth_of(m, ends)), Some(normal_of(m))])
 }
 
-/// Depths of the masked pixels: the 2nd and the 98th percentile.
+/// Depths of the masked pixels: the 2nd and the 98th percentile, at least a twentieth of the width apart.
 fn ends(maps: &Maps) -> [f32; 2] {
     let depths: Vec<f32> = maps.depth.iter().zip(&maps.mask).filter(|d| *d.1).map(|d| *d.0).collect();
-    [2.0, 98.0].map(|p| percentile(&depths, p).unwrap_or(0.0))
+    let [near, far] = [2.0, 98.0].map(|p| percentile(&depths, p).unwrap_or(0.0));
+    let lacking = (0.05 * (maps.extent[1] - maps.extent[0]) as f32 - (far - near)).max(0.0);
+    [near - 0.5 * lacking, far + 0.5 * lacking]
 }
 
 fn depth_of(maps: &Maps, [near, far]: [f32; 2]) -> Picture {
