@@ -41,6 +41,8 @@ pub struct Case {
     pub wall: f64,
     /// Options that the capture needs.
     pub options: Vec<String>,
+    /// Whether agreement with closed-form methods says anything.
+    pub is_judged: bool,
     pub source: Source,
 }
 
@@ -157,6 +159,7 @@ fn random(seed: u64) -> Case {
         model: Some(case.scene.reflectance.name()),
         wall: case.scene.wall,
         options: vec![],
+        is_judged: true,
         source: Source::Family(Box::new(case)),
     }
 }
@@ -172,6 +175,7 @@ fn rendered(group: &'static str, name: String, scene: Scene, noise: f64, light: 
         model: Some(scene.reflectance.name()),
         wall: scene.wall,
         options: vec![],
+        is_judged: true,
         source: Source::Scene { scene: Box::new(scene), noise, light, hide_pulse: false },
     }
 }
@@ -197,7 +201,7 @@ fn meshes(data: Option<&Path>) -> Result<Vec<Case>> {
 }
 
 /// Captures without truth: file below THIRDBOUNCE_DATA, what it is, options for what it lacks.
-const CAPTURES: [(&str, &str, &[&str]); 12] = [
+const CAPTURES: [(&str, &str, &[&str]); 11] = [
     ("statue_confocal_64.npz", "white statue, 2 m, 32 ps", &[]),
     ("su_confocal_64.npz", "retroreflective S and U, 0.7 m", &[]),
     ("z_captured_confocal_64.npz", "letter Z, 0.8 m", &[]),
@@ -213,8 +217,11 @@ const CAPTURES: [(&str, &str, &[&str]); 12] = [
     ("native/lct_data_s_u.mat", "retroreflective S and U, 0.7 m, 4 ps", &[]),
     ("native/z_v73.mat", "letter Z, 0.8 m, 5 ps", &["--wall", "0.8", "--bin-width", "0.0015"]),
     ("native/ccsocr_statue", "statue, 2 m, 32 ps", &["--wall", "2"]),
-    ("native/km_mannequin.mat", "mannequin over 1.43 km", &[]),
 ];
+
+/// A capture of which no method shows a recognisable part: its result is drawn and timed, but not judged.
+const UNJUDGED: (&str, &str, &[&str]) =
+    ("native/km_mannequin.mat", "mannequin over 1.43 km, not judged", &[]);
 
 fn captures(data: &Path) -> Vec<Case> {
     let case = |(file, words, options): &(&str, &str, &[&str])| Case {
@@ -224,9 +231,11 @@ fn captures(data: &Path) -> Vec<Case> {
         model: None,
         wall: f64::NAN,
         options: options.iter().map(|word| (*word).to_string()).collect(),
+        is_judged: true,
         source: Source::Files { capture: data.join(file), truth: None },
     };
-    CAPTURES.iter().map(case).collect()
+    let unjudged = Case { is_judged: false, ..case(&UNJUDGED) };
+    CAPTURES.iter().map(case).chain([unjudged]).collect()
 }
 
 /// Captures of other renderers: name, capture, truth, what it is, and the strides at which it is taken.
@@ -270,6 +279,7 @@ fn scenes(data: Option<&Path>) -> Result<Vec<Case>> {
             model: Some("lambertian"),
             wall: 1.0,
             options: if *stride > 1 { vec!["--stride".into(), stride.to_string()] } else { vec![] },
+            is_judged: true,
             source: Source::Files { capture: folder.join(file), truth: Some(folder.join(truth)) },
         }));
     }

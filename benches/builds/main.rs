@@ -298,7 +298,11 @@ fn judged(
     consensus: Option<&Consensus>,
     columns: &[usize],
 ) -> (Side, Value) {
-    let failed = |e: &str| (Side::failed(e, columns), json!({ "error": e }));
+    let consensus = consensus.filter(|_| case.is_judged);
+    // A run that fails agrees with nothing, if there is something to agree with.
+    let is_shown = |place: &usize| *place != summary::AGREEMENT || consensus.is_some();
+    let columns: Vec<usize> = columns.iter().copied().filter(is_shown).collect();
+    let failed = |e: &str| (Side::failed(e, &columns), json!({ "error": e }));
     let run = match run {
         Ok(run) => run,
         Err(e) => return failed(e),
