@@ -1,10 +1,9 @@
-//! What the defaults make of captures that nobody tuned to: time and result, over real captures, over widths of bins,
-//! and the rate of passes over pairs against the bench of the kernels. Prints the tables of docs/narrow-bins.md.
+//! Narrow bins: results over widths of bins, the rate of passes over pairs against the bench of the kernels, and depths of real
+//! captures against those by their own bins. Prints tables of docs/narrow-bins.md.
 //!
-//!     cargo bench --bench captures [-- bins|rates|WORD]     THIRDBOUNCE_DATA names the folder of real captures
-//!     cargo bench --bench captures -- native                compares depths with those of the captures' own bins
+//!     cargo bench --bench bins [-- widths|rates|native]     THIRDBOUNCE_DATA names the folder of real captures
 //!
-//! A word selects the real captures whose name contains it. Without a word everything but `native` is run.
+//! Without a word everything but `native` is run.
 
 mod scene;
 
@@ -19,19 +18,11 @@ use thirdbounce::gpu::Schedule;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{Accumulation, paper};
 
-/// Real captures: name, file below THIRDBOUNCE_DATA, truth, and the options for what the file lacks.
-const REAL: [(&str, &str, &str, &[&str]); 6] = [
-    ("LCT exit sign, 4 ps", "native/lct_data_exit_sign.mat", "", &[]),
-    ("LCT S and U, 4 ps", "native/lct_data_s_u.mat", "", &[]),
-    ("letter Z, 5 ps", "native/z_v73.mat", "", &["--wall", "0.8", "--bin-width", "0.0015"]),
-    (
-        "figure 4, one sensor point, 16 ps",
-        "native/ccsocr_figure4",
-        "",
-        &["--wall", "1.26", "--bin-width", "0.0048"],
-    ),
-    ("letter, path-traced, 3 mm", "z_confocal_64.npz", "truth_z_confocal_64.npz", &[]),
-    ("statue, 32 ps", "statue_confocal_64.npz", "", &[]),
+/// Real captures: name, file below THIRDBOUNCE_DATA, and the options for what the file lacks.
+const REAL: [(&str, &str, &[&str]); 3] = [
+    ("LCT exit sign, 4 ps", "native/lct_data_exit_sign.mat", &[]),
+    ("LCT S and U, 4 ps", "native/lct_data_s_u.mat", &[]),
+    ("letter Z, 5 ps", "native/z_v73.mat", &["--wall", "0.8", "--bin-width", "0.0015"]),
 ];
 
 /// Widths of bins, as multiples of the first, 1 mm.
@@ -40,29 +31,28 @@ const WIDTHS: [usize; 6] = [1, 2, 3, 6, 12, 20];
 fn main() {
     let word = std::env::args().skip(1).find(|a| !a.starts_with("--")).unwrap_or_default();
     let folder = tempfile::tempdir().expect("a folder for temporary files");
-    if let Some(data) = std::env::var_os("THIRDBOUNCE_DATA").map(PathBuf::from) {
-        match word.as_str() {
-            "bins" | "rates" => {}
-            "native" => native(&data, folder.path()),
-            word => real(&data, folder.path(), word),
+    let data = std::env::var_os("THIRDBOUNCE_DATA").map(PathBuf::from);
+    match (word.as_str(), data) {
+        ("", _) => {
+            widths(folder.path());
+            rates(folder.path());
         }
-    }
-    if ["", "bins"].contains(&word.as_str()) {
-        widths(folder.path());
-    }
-    if ["", "rates"].contains(&word.as_str()) {
-        rates(folder.path());
+        ("widths", _) => widths(folder.path()),
+        ("rates", _) => rates(folder.path()),
+        ("native", Some(data)) => native(&data, folder.path()),
+        ("native", None) => eprintln!("error: set THIRDBOUNCE_DATA to the folder of real captures"),
+        _ => eprintln!("error: {word} is none of widths, rates, native"),
     }
 }
 
-/// Runs `reconstruct` with no options but those given. Returns its seconds, those of reading and writing included, its
-/// peak of host memory, and the report.
-fn reconstruct(capture: &Path, out: &Path, options: &[&str]) -> (f64, u64, Value) {
+/// Runs `reconstruct` with no options but those given. Returns its seconds, those of reading and writing included, and the
+/// report.
+fn reconstruct(capture: &Path, out: &Path, options: &[&str]) -> (f64, Value) {
     let [capture, out_text] = [capture, out].map(|p| p.to_str().expect("a path of ASCII letters"));
     let arguments = [&["reconstruct", capture, "--out", out_text][..], options].concat();
     let (_, taken) = measured(Path::new(env!("CARGO_BIN_EXE_thirdbounce")), &arguments);
     let text = std::fs::read(out.join("report.json")).expect("a report");
-    (taken.seconds, taken.peak, serde_json::from_slice(&text).expect("a report of JSON"))
+    (taken.seconds, serde_json::from_slice(&text).expect("a report of JSON"))
 }
 
 fn of<'v>(report: &'v Value, path: &str) -> &'v Value {
@@ -71,18 +61,6 @@ fn of<'v>(report: &'v Value, path: &str) -> &'v Value {
 
 fn number(report: &Value, path: &str) -> f64 {
     of(report, path).as_f64().unwrap_or(f64::NAN)
-}
-
-/// Time of the pulse's trials, bins and voxels of a run.
-fn settled(report: &Value) -> String {
-    format!(
-        "{:.0} s | {:.1} mm | {} x {:.1} mm | {:.1} mm",
-        number(report, "/settings/pulse_found/seconds").max(0.0),
-        1e3 * number(report, "/settings/pulse_fwhm").max(0.0),
-        of(report, "/settings/bins_summed"),
-        1e3 * number(report, "/capture/bin_width_m"),
-        1e3 * number(report, "/settings/depth_pitch"),
-    )
 }
 
 fn figures(report: &Value) -> String {
@@ -94,32 +72,12 @@ fn figures(report: &Value) -> String {
     )
 }
 
-fn real(data: &Path, folder: &Path, word: &str) {
-    println!("| capture | all | preview | pulse's trials | pulse | bins | voxel | host memory |");
-    println!("|---|---|---|---|---|---|---|---|");
-    for (name, file, truth, options) in REAL.iter().filter(|r| r.0.contains(word)) {
-        let truth = data.join(truth).display().to_string();
-        let with_truth = [options, &["--truth", &truth, "--trace-every", "0"][..]].concat();
-        let options = if truth.ends_with(".npz") { &with_truth } else { *options };
-        let (seconds, peak, report) = reconstruct(&data.join(file), &folder.join("out"), options);
-        let preview = number(&report, "/totals/preview_s");
-        println!(
-            "| {name} | {seconds:.0} s | {preview:.1} s | {} | {:.0} MB |",
-            settled(&report),
-            peak as f64 / 1e6
-        );
-        if truth.ends_with(".npz") {
-            println!("| (its best IoU, depth, normals) | {} |", figures(&report));
-        }
-    }
-}
-
 /// Depths by the defaults against those of the captures' own bins, where both masks are.
 fn native(data: &Path, folder: &Path) {
     println!(
         "| capture | time, own bins and defaults | median difference of depth | 90 of 100 below |\n|---|---|---|---|"
     );
-    for (name, file, _, options) in &REAL[..3] {
+    for (name, file, options) in &REAL {
         let outs = [folder.join("own"), folder.join("usual")];
         let own = [options, &["--bins", "native"][..]].concat();
         let run = |options: &[&str], out: &Path| reconstruct(&data.join(file), out, options).0;
@@ -147,8 +105,7 @@ fn widths(folder: &Path) {
         let capture: Capture = rendered.capture.binned(sum).expect("bins to sum");
         capture::write(&capture, &file).expect("a file");
         let truth = truth_file.display().to_string();
-        let (_, _, report) =
-            reconstruct(&file, &folder.join("out"), &["--truth", &truth, "--trace-every", "0"]);
+        let (_, report) = reconstruct(&file, &folder.join("out"), &["--truth", &truth, "--trace-every", "0"]);
         println!(
             "| {sum} mm | {:.1} s | {}, {:.1} mm | {} |",
             number(&report, "/totals/solve_s"),
