@@ -20,13 +20,13 @@ mod options;
 mod profile;
 mod progress;
 mod reconstruct;
+mod removed;
 mod schedule;
 mod simulate;
 mod solver;
 mod tables;
 mod terminal;
 mod units;
-mod view;
 
 use std::process::ExitCode;
 
@@ -75,8 +75,6 @@ enum Verb {
     Simulate(simulate::Args),
     /// Reconstruct frames as they come, from a folder, a pipe or a connection; show them on a page.
     Live(Box<live::Args>),
-    /// Open the page of a result in a browser: pictures, histograms, surface, trace, settings.
-    View(view::Args),
     /// Measure an earlier result against truth.
     Evaluate(evaluate::Args),
     /// Compare methods on one capture: error against run time.
@@ -130,6 +128,11 @@ fn run() -> Result<ExitCode> {
         Ok(cli) => cli,
         // It shows values as they were given.
         Err(e) if e.use_stderr() => {
+            let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
+            if let Some((what, instead)) = removed::replaced(&e, words) {
+                terminal::say_error("", &what, instead);
+                return Ok(ExitCode::from(2));
+            }
             e.to_string().trim_end().lines().for_each(terminal::say);
             return Ok(ExitCode::from(2));
         }
@@ -146,7 +149,6 @@ fn run() -> Result<ExitCode> {
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Live(args) => live::run(&args),
-        Verb::View(args) => view::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Compare(args) => compare::run(&args),
         Verb::Histogram(args) => histogram::run(&args),

@@ -44,6 +44,9 @@ pub struct Args {
     /// Do not show preview.png in DIR while it runs (it goes when the result is there)
     #[arg(long)]
     no_preview: bool,
+    /// Open report.html in a browser at the end
+    #[arg(long)]
+    open: bool,
     /// Print the time per kernel at the end (`thirdbounce profile` prints more)
     #[arg(long)]
     timings: bool,
@@ -122,5 +125,17 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let files: Vec<_> = outcome.files.iter().map(|f| f.display().to_string()).collect();
     print(&format!("wrote     {}", files.join("\n          ")));
+    if args.open {
+        show(&args.out.join("report.html"));
+    }
     Ok(())
+}
+
+/// Opens a page in the browser. A failure is non-fatal: the result is written.
+fn show(page: &Path) {
+    let page = page.canonicalize().unwrap_or_else(|_| page.into());
+    match open::that_detached(&page) {
+        Ok(()) => print(&format!("opened    {}", page.display())),
+        Err(e) => say(&format!("note: no program opens {} ({e}); any browser shows it", page.display())),
+    }
 }

@@ -74,8 +74,6 @@ pub fn base(verb: &str) -> Vec<String> {
         "convert" => format!("{capture} {{}}/c.npz"),
         "calibrate" => format!("{capture} --out {{}}/c.npz"),
         "profile" => format!("{capture} --lateral 8 --iterations 3 --quiet"),
-        // There is none: a browser need not open.
-        "view" => "{}/nothing".into(),
         "devices" => String::new(),
         other => panic!("give the verb {other} a short run here"),
     };

@@ -10,7 +10,7 @@ use thirdbounce::{Error, Result};
 use super::super::reconstruct;
 
 /// Options of `reconstruct` that a batch does not have: a capture that was not finished begins anew.
-const NOT_HERE: [&str; 5] = ["checkpoint", "checkpoint_every", "resume", "no_preview", "timings"];
+const NOT_HERE: [&str; 6] = ["checkpoint", "checkpoint_every", "resume", "no_preview", "open", "timings"];
 
 /// Arguments that do not change results.
 const NO_DIFFERENCE: [&str; 7] =

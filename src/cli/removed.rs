@@ -1,0 +1,86 @@
+//! Verbs and options of earlier versions, each with its replacement: the error for an unknown name shows it.
+
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+
+/// (verb, replacement).
+const VERBS: &[(&str, &str)] = &[("view", "use `thirdbounce reconstruct CAPTURE --out DIR --open`")];
+
+/// (verb, or "" for all verbs; option without its dashes; replacement).
+const OPTIONS: &[(&str, &str, &str)] = &[];
+
+/// The removed name that caused `error`, and its replacement; `None` for any other error. `arguments` are those of the command,
+/// without its own name.
+pub fn replaced(
+    error: &clap::Error,
+    arguments: impl IntoIterator<Item = String>,
+) -> Option<(String, &'static str)> {
+    let text = |kind| match error.get(kind) {
+        Some(ContextValue::String(text)) => Some(text.as_str()),
+        _ => None,
+    };
+    match error.kind() {
+        ErrorKind::InvalidSubcommand => {
+            let verb = text(ContextKind::InvalidSubcommand)?;
+            let (_, instead) = VERBS.iter().find(|(name, _)| *name == verb)?;
+            Some((format!("the verb `{verb}` was removed"), instead))
+        }
+        ErrorKind::UnknownArgument => {
+            let option = text(ContextKind::InvalidArg)?.split('=').next()?.strip_prefix("--")?;
+            let command = super::command();
+            let verb = arguments.into_iter().find(|word| command.find_subcommand(word).is_some());
+            let verb = verb.unwrap_or_default();
+            let of_verb =
+                |(of, name, _): &&(&str, &str, &str)| *name == option && (of.is_empty() || *of == verb);
+            let (_, _, instead) = OPTIONS.iter().find(of_verb)?;
+            Some((format!("the option --{option} of `{verb}` was removed"), instead))
+        }
+        _ => None,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_removed_name_is_refused_with_its_replacement() {
+        let refused = |words: &[&str]| {
+            let error = super::super::command()
+                .try_get_matches_from(["thirdbounce"].iter().chain(words))
+                .expect_err("the name is gone");
+            replaced(&error, words.iter().map(ToString::to_string))
+        };
+        for (verb, instead) in VERBS {
+            assert_eq!(refused(&[verb, "x"]).expect(verb).1, *instead);
+        }
+        for (verb, option, instead) in OPTIONS {
+            let verbs = super::super::command();
+            let verbs = verbs.get_subcommands().map(clap::Command::get_name);
+            for verb in verbs.filter(|name| verb.is_empty() || name == verb) {
+                for written in [format!("--{option}"), format!("--{option}=1")] {
+                    assert_eq!(refused(&[verb, &written]).expect(option).1, *instead);
+                }
+            }
+        }
+        assert_eq!(refused(&["views"]), None);
+        assert_eq!(refused(&["info", "--nonsense"]), None);
+    }
+
+    #[test]
+    fn replacements_exist() {
+        let command = super::super::command();
+        let verbs: Vec<_> = command.get_subcommands().collect();
+        let options: Vec<_> = verbs.iter().flat_map(|verb| verb.get_arguments()).collect();
+        let all = VERBS.iter().map(|row| row.1).chain(OPTIONS.iter().map(|row| row.2));
+        for text in all {
+            for word in text.split([' ', '`', ',', ';', '=']) {
+                let Some(option) = word.strip_prefix("--") else { continue };
+                assert!(options.iter().any(|arg| arg.get_long() == Some(option)), "{text}: {word}");
+            }
+            for rest in text.split("`thirdbounce ").skip(1) {
+                let verb = rest.split([' ', '`']).next().unwrap_or_default();
+                assert!(command.find_subcommand(verb).is_some(), "{text}: {verb}");
+            }
+        }
+    }
+}
