@@ -73,7 +73,7 @@ enum Verb {
     Batch(Box<batch::Args>),
     /// Make a capture of a known scene, and its truth.
     Simulate(simulate::Args),
-    /// Reconstruct frames as they come, from a folder, a pipe or a connection; show them on a page.
+    /// Reconstruct frames as they come, from a folder or the standard input; show them on a page.
     Live(Box<live::Args>),
     /// Measure an earlier result against truth.
     Evaluate(evaluate::Args),

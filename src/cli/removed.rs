@@ -5,8 +5,20 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 /// (verb, replacement).
 const VERBS: &[(&str, &str)] = &[("view", "use `thirdbounce reconstruct CAPTURE --out DIR --open`")];
 
-/// (verb, or "" for all verbs; option without its dashes; replacement).
-const OPTIONS: &[(&str, &str, &str)] = &[];
+/// (verb, or "" for all verbs; options without their dashes; replacement).
+const OPTIONS: &[(&str, &str, &str)] = &[
+    (
+        "live",
+        "listen token",
+        "pipe the stream into `thirdbounce live -`, or submit frames to a session (docs/guide/embedding.md)",
+    ),
+    (
+        "live",
+        "scan wall bin-width flip rotate gate pulse galvo seen-from snake pixels lines rounds pulses-per-point pulses-before \
+         starts channel sync-channel marker-channels zero until pile-up",
+        "make a capture of each pass by `thirdbounce histogram`, in the folder that `thirdbounce live` reads",
+    ),
+];
 
 /// The removed name that caused `error`, and its replacement; `None` for any other error. `arguments` are those of the command,
 /// without its own name.
@@ -29,9 +41,9 @@ pub fn replaced(
             let command = super::command();
             let verb = arguments.into_iter().find(|word| command.find_subcommand(word).is_some());
             let verb = verb.unwrap_or_default();
-            let of_verb =
-                |(of, name, _): &&(&str, &str, &str)| *name == option && (of.is_empty() || *of == verb);
-            let (_, _, instead) = OPTIONS.iter().find(of_verb)?;
+            let (_, _, instead) = OPTIONS.iter().find(|(of, names, _)| {
+                names.split(' ').any(|name| name == option) && (of.is_empty() || *of == verb)
+            })?;
             Some((format!("the option --{option} of `{verb}` was removed"), instead))
         }
         _ => None,
@@ -53,12 +65,14 @@ mod tests {
         for (verb, instead) in VERBS {
             assert_eq!(refused(&[verb, "x"]).expect(verb).1, *instead);
         }
-        for (verb, option, instead) in OPTIONS {
-            let verbs = super::super::command();
-            let verbs = verbs.get_subcommands().map(clap::Command::get_name);
-            for verb in verbs.filter(|name| verb.is_empty() || name == verb) {
-                for written in [format!("--{option}"), format!("--{option}=1")] {
-                    assert_eq!(refused(&[verb, &written]).expect(option).1, *instead);
+        for (of, options, instead) in OPTIONS {
+            let command = super::super::command();
+            let verbs = command.get_subcommands().map(clap::Command::get_name);
+            for verb in verbs.filter(|name| of.is_empty() || name == of) {
+                for option in options.split(' ') {
+                    for written in [format!("--{option}"), format!("--{option}=1")] {
+                        assert_eq!(refused(&[verb, &written]).expect(option).1, *instead);
+                    }
                 }
             }
         }

@@ -38,49 +38,6 @@ fn room(points: usize, cells: usize, file: u64) -> Result<Vec<u32>> {
     host::filled(&what, all, 0).map_err(|e| e.advised("choose an earlier last delay (until), or wider bins"))
 }
 
-/// Cells that take photons.
-pub(super) struct Filling {
-    cells: Cells,
-    cuts: Cuts,
-    at: usize,
-    ticks: i64,
-    /// A division takes longer than all the rest; most files have a power of two.
-    shift: Option<u32>,
-}
-
-impl Filling {
-    /// No photons of these points, from a file of so many bytes. `ticks` ticks are a cell.
-    pub(super) fn new(spans: &[Span], points: usize, ticks: i64, cells: usize, file: u64) -> Result<Filling> {
-        let (cuts, pulses) = Cuts::of(spans, points);
-        let counts = room(points, cells, file)?;
-        let shift = (ticks & (ticks - 1) == 0).then(|| ticks.trailing_zeros());
-        let cells = Cells { counts, cells, pulses: Some(pulses), ..Cells::default() };
-        Ok(Filling { cells, cuts, at: 0, ticks, shift })
-    }
-
-    /// Takes a photon of the detector.
-    #[inline]
-    pub(super) fn add(&mut self, sync: i64, delay: i64) {
-        let point = self.cuts.point(sync, &mut self.at);
-        if point == NONE {
-            self.cells.outside += 1;
-            return;
-        }
-        let cell = self.shift.map_or_else(|| delay / self.ticks, |bits| delay >> bits) as usize;
-        if cell >= self.cells.cells {
-            self.cells.late += 1;
-            return;
-        }
-        let count = &mut self.cells.counts[point as usize * self.cells.cells + cell];
-        *count = count.saturating_add(1);
-    }
-
-    /// The cells, if a tick is so many seconds.
-    pub(super) fn done(self, tick: f64) -> Cells {
-        Cells { width: self.ticks as f64 * tick, ..self.cells }
-    }
-}
-
 impl Cells {
     /// The photons of a detector. `ticks` ticks are a cell.
     pub(super) fn of_tags(
@@ -91,15 +48,30 @@ impl Cells {
         ticks: i64,
         cells: usize,
     ) -> Result<Cells> {
-        let mut filling = Filling::new(spans, points, ticks, cells, tags.length()?)?;
+        let (cuts, pulses) = Cuts::of(spans, points);
+        let mut counts = room(points, cells, tags.length()?)?;
+        // A division takes longer than all the rest; most files have a power of two.
+        let shift = (ticks & (ticks - 1) == 0).then(|| ticks.trailing_zeros());
+        let (mut at, mut outside, mut late) = (0, 0, 0);
         tags.events(|event| {
-            if let Event::Photon { channel, sync, delay } = event
-                && channel == detector
-            {
-                filling.add(sync, delay);
+            let Event::Photon { channel, sync, delay } = event else { return };
+            if channel != detector {
+                return;
             }
+            let point = cuts.point(sync, &mut at);
+            if point == NONE {
+                outside += 1;
+                return;
+            }
+            let cell = shift.map_or_else(|| delay / ticks, |bits| delay >> bits) as usize;
+            if cell >= cells {
+                late += 1;
+                return;
+            }
+            let count = &mut counts[point as usize * cells + cell];
+            *count = count.saturating_add(1);
         })?;
-        Ok(filling.done(tags.tick))
+        Ok(Cells { counts, cells, width: ticks as f64 * tags.tick, pulses: Some(pulses), outside, late })
     }
 
     /// The histograms of an instrument, one for each point.

@@ -48,31 +48,6 @@ impl Division {
         Some(Division::Lines { start: start?, stop, frame })
     }
 
-    /// The marker that begins a point or a line, and the one that begins a round, where markers divide.
-    fn marks(&self) -> [Option<u32>; 2] {
-        match self {
-            Division::Pixels { marker, frame } | Division::Lines { start: marker, frame, .. } => {
-                [Some(*marker), *frame]
-            }
-            _ => [None, None],
-        }
-    }
-
-    /// Whether these markers begin a point or a line.
-    pub(super) fn begins(&self, bits: u16) -> bool {
-        is_in(bits, self.marks()[0])
-    }
-
-    /// Whether these markers begin a round of all points.
-    pub(super) fn begins_round(&self, bits: u16) -> bool {
-        is_in(bits, self.marks()[1])
-    }
-
-    /// Whether a marker begins each round.
-    pub(super) fn has_rounds(&self) -> bool {
-        self.marks()[1].is_some()
-    }
-
     /// The laser pulses of `points` points, round by round. `per_line`: points of a line. Notes say what was left out.
     ///
     /// # Errors
@@ -137,10 +112,6 @@ fn bit(marker: u32) -> Result<u16> {
         format!("there is no marker {marker}"),
         "give a marker from 1 to 4, or to 16 in text and dumps",
     ))
-}
-
-fn is_in(bits: u16, marker: Option<u32>) -> bool {
-    marker.and_then(|marker| bit(marker).ok()).is_some_and(|bit| bits & bit > 0)
 }
 
 /// Begin and end of what `start` begins, in rounds of `count`: `frame` begins a round, or a full one does. Rounds that are

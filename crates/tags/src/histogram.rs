@@ -202,7 +202,7 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
 }
 
 /// The pairs of a capture without counts, and the pair of each point: where the scan says, or where their own returns come from.
-pub(super) fn outline(
+fn outline(
     scan: &Scan,
     asked: &Asked,
     zeros: &[f64],
@@ -220,7 +220,7 @@ pub(super) fn outline(
     Ok(scan.pairs(asked.turn, Some(&shape.points)))
 }
 
-pub(super) fn check(scan: &Scan, asked: &Asked) -> Result<()> {
+fn check(scan: &Scan, asked: &Asked) -> Result<()> {
     let positive = |what: &str, value: Option<f64>| match value {
         Some(value) if !(value.is_finite() && value > 0.0) => {
             Err(Error::options(format!("{what} is {value}"), "give one above 0"))
@@ -253,7 +253,7 @@ pub(super) fn check(scan: &Scan, asked: &Asked) -> Result<()> {
 }
 
 /// Ticks of a cell, and of a bin: the whole number nearest to the asked width.
-pub(super) fn widths(asked: Option<f64>, tick: f64, notes: &mut Vec<String>) -> Result<(i64, i64)> {
+fn widths(asked: Option<f64>, tick: f64, notes: &mut Vec<String>) -> Result<(i64, i64)> {
     let tick_path = tick * LIGHT;
     let ticks = match asked {
         Some(width) => (width / tick_path).round().max(1.0),
@@ -317,12 +317,7 @@ fn second_share(survey: &Survey, channel: Option<i32>) -> Result<f64> {
 }
 
 /// The delay of path 0 in cells for each point, and whether it is that of direct light. NaN without a direct peak.
-pub(super) fn zeros(
-    cells: &Cells,
-    scan: &Scan,
-    asked: &Asked,
-    notes: &mut Vec<String>,
-) -> Result<(Vec<f64>, bool)> {
+fn zeros(cells: &Cells, scan: &Scan, asked: &Asked, notes: &mut Vec<String>) -> Result<(Vec<f64>, bool)> {
     let delay = match asked.zero {
         Zero::At(delay) => return Ok((vec![delay / cells.width; cells.points()], false)),
         Zero::Direct => zero::direct(cells, (2.0 * scan.reach() + 0.1) / (cells.width * LIGHT))?,
@@ -335,7 +330,7 @@ pub(super) fn zeros(
 }
 
 /// Cells as bins whose paths begin at each point's zero.
-pub(super) fn bins(
+fn bins(
     cells: &Cells,
     per_bin: usize,
     zeros: &[f64],

@@ -17,7 +17,6 @@ mod cuts;
 mod division;
 mod dump;
 mod galvo;
-mod growing;
 mod header;
 mod histogram;
 mod records;
@@ -34,16 +33,13 @@ pub use arrange::Scan;
 pub use curves::{Curve, Curves};
 pub use division::Division;
 pub use galvo::Galvo;
-pub use growing::passes;
 pub use histogram::{Asked, Dark, Histograms, PileUp, histogram};
 pub use starts::{Start, starts};
 pub use survey::{Channel, Survey};
 pub use zero::Zero;
 
-use std::cell::Cell;
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use thirdbounce_base::{error, files, host};
@@ -326,8 +322,7 @@ impl Tags {
     /// # Errors
     /// `Kind::Input`, beginning with the path, if the file cannot be read, or a line of text is not one.
     pub fn records(&self, hear: impl FnMut(Record)) -> Result<Passed> {
-        let read = || self.read(self.begin()?, self.count, hear);
-        read().map_err(|e| e.at(self.path.display()))
+        self.read(hear).map_err(|e| e.at(self.path.display()))
     }
 
     /// Calls `hear` with every photon and marker in the order of the file. Instruments write markers a little out of order.
@@ -335,31 +330,13 @@ impl Tags {
     /// # Errors
     /// Those of [`Tags::records`].
     pub fn events(&self, hear: impl FnMut(Event)) -> Result<Passed> {
-        let read = || self.read_events(self.begin()?, self.count, hear);
-        read().map_err(|e| e.at(self.path.display()))
+        self.read_events(hear).map_err(|e| e.at(self.path.display()))
     }
 
-    /// Calls `hear` with the events of a file that is still written, and `wait` at its end, again and again until that breaks or
-    /// `ended` is set. The number of records in its header does not count.
-    fn follow(
-        &self,
-        ended: &Cell<bool>,
-        wait: &dyn Fn() -> ControlFlow<()>,
-        hear: impl FnMut(Event),
-    ) -> Result<Passed> {
-        let read = || self.read_events(growing::Growing { file: self.begin()?, ended, wait }, None, hear);
-        read().map_err(|e| e.at(self.path.display()))
-    }
-
-    fn read_events(
-        &self,
-        file: impl Read,
-        count: Option<u64>,
-        mut hear: impl FnMut(Event),
-    ) -> Result<Passed> {
+    fn read_events(&self, mut hear: impl FnMut(Event)) -> Result<Passed> {
         let t3 = matches!(self.format, Format::Picoquant(layout) if layout.is_t3());
         let mut passed = if t3 {
-            self.read(file, count, |record| match record {
+            self.read(|record| match record {
                 Record::Photon { channel, time, delay } => {
                     hear(Event::Photon { channel, sync: time, delay: i64::from(delay) });
                 }
@@ -368,7 +345,7 @@ impl Tags {
             })?
         } else {
             let mut syncs = Syncs::default();
-            let mut passed = self.read(file, count, |record| {
+            let mut passed = self.read(|record| {
                 if let Some(event) = syncs.event(record) {
                     hear(event);
                 }
@@ -398,9 +375,9 @@ impl Tags {
         Ok(file)
     }
 
-    /// Calls `hear` with every record, of which there are `count`, or as many as the file has.
-    fn read(&self, file: impl Read, count: Option<u64>, mut hear: impl FnMut(Record)) -> Result<Passed> {
-        let file = file.take(count.map_or(u64::MAX, |n| n.saturating_mul(4)));
+    /// Calls `hear` with every record: as many as the header says, or as the file has.
+    fn read(&self, mut hear: impl FnMut(Record)) -> Result<Passed> {
+        let file = self.begin()?.take(self.count.map_or(u64::MAX, |n| n.saturating_mul(4)));
         let mut passed = Passed::default();
         let mut base = 0;
         match &self.format {
@@ -408,20 +385,16 @@ impl Tags {
             Format::Text => text::read(file, &self.inputs, &mut passed, hear)?,
             Format::Dump => dump::read(file, &self.inputs, &mut passed, hear)?,
             Format::Picoquant(Layout::PicoT2) => {
-                self.words(file, count, &mut passed, &mut hear, |word| records::pico_t2(word, &mut base))?;
+                self.words(file, &mut passed, &mut hear, |word| records::pico_t2(word, &mut base))?;
             }
             Format::Picoquant(Layout::PicoT3) => {
-                self.words(file, count, &mut passed, &mut hear, |word| records::pico_t3(word, &mut base))?;
+                self.words(file, &mut passed, &mut hear, |word| records::pico_t3(word, &mut base))?;
             }
             &Format::Picoquant(Layout::T2 { wrap, counted }) => {
-                self.words(file, count, &mut passed, &mut hear, |word| {
-                    records::t2(word, &mut base, wrap, counted)
-                })?;
+                self.words(file, &mut passed, &mut hear, |word| records::t2(word, &mut base, wrap, counted))?;
             }
             &Format::Picoquant(Layout::T3 { counted }) => {
-                self.words(file, count, &mut passed, &mut hear, |word| {
-                    records::t3(word, &mut base, counted)
-                })?;
+                self.words(file, &mut passed, &mut hear, |word| records::t3(word, &mut base, counted))?;
             }
         }
         if passed.unknown > 0 {
@@ -434,7 +407,6 @@ impl Tags {
     fn words(
         &self,
         mut file: impl Read,
-        count: Option<u64>,
         passed: &mut Passed,
         hear: &mut impl FnMut(Record),
         mut decode: impl FnMut(u32) -> Word,
@@ -447,7 +419,7 @@ impl Tags {
                 Word::Unknown => passed.unknown += 1,
             }
         })?;
-        match count.filter(|n| *n > passed.records) {
+        match self.count.filter(|n| *n > passed.records) {
             Some(count) => passed.notes.push(format!(
                 "the file ends after {} of its {count} records: the rest is missing",
                 passed.records
