@@ -81,7 +81,7 @@ enum Verb {
     Compare(Box<compare::Args>),
     /// Compare methods on every scene of a folder, at several photon counts, as one page. Skips what is done.
     Benchmark(Box<benchmark::Args>),
-    /// Make a capture of time tags: PicoQuant .ptu and .phu, dumps, text.
+    /// Make a capture of time tags: PicoQuant .ptu, arrays, text.
     Histogram(Box<histogram::Args>),
     /// Convert a capture of any known format to npz, y-tal HDF5 or Stanford MATLAB; sum or thin it on request.
     Convert(convert::Args),

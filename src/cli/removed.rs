@@ -7,6 +7,12 @@ const VERBS: &[(&str, &str)] = &[("view", "use `thirdbounce reconstruct CAPTURE 
 
 /// (verb, or "" for all verbs; options without their dashes; replacement).
 const OPTIONS: &[(&str, &str, &str)] = &[
+    ("", "galvo", "give --scan a file with x, y, z of each point in metres"),
+    (
+        "",
+        "starts",
+        "use --pulses-per-point, or marker tags at the begins of points with --pixels and --marker-channels",
+    ),
     (
         "live",
         "listen token",

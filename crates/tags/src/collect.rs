@@ -1,7 +1,8 @@
 //! The second pass over a file of time tags: photons into cells of delay, point by point.
 
 use super::cuts::{Cuts, NONE, Span};
-use super::{Curves, Event, Tags};
+use super::stored::Stored;
+use super::{Event, Tags};
 use crate::error::{Error, Result};
 use crate::host;
 
@@ -74,38 +75,18 @@ impl Cells {
         Ok(Cells { counts, cells, width: ticks as f64 * tags.tick, pulses: Some(pulses), outside, late })
     }
 
-    /// The histograms of an instrument, one for each point.
-    pub(super) fn of_curves(
-        curves: &Curves,
-        points: usize,
-        ticks: usize,
-        last: Option<f64>,
-    ) -> Result<Cells> {
-        let all = &curves.curves;
-        if all.len() != points {
-            return Err(Error::options(
-                format!("the file holds {} histograms for {points} points", all.len()),
-                "give the points of these histograms, in their order",
-            ));
-        }
-        let tick = all[0].tick;
-        if let Some(other) = all.iter().position(|c| c.tick != tick || c.counts.len() != all[0].counts.len())
-        {
-            return Err(Error::input(
-                format!("histogram {other} has other bins than histogram 0"),
-                "measure all points with one resolution",
-            ));
-        }
-        let whole = all[0].counts.len();
-        let used = last.map_or(whole, |last| ((last / tick).ceil().max(1.0) as usize).min(whole));
+    /// The histograms of an instrument. `ticks` bins are a cell; those later than `last` seconds are left out.
+    pub(super) fn of_stored(stored: &Stored, ticks: usize, last: Option<f64>) -> Result<Cells> {
+        let Stored { tick, bins, counts: all } = stored;
+        let used = last.map_or(*bins, |last| ((last / tick).ceil().max(1.0) as usize).min(*bins));
         let cells = used.div_ceil(ticks);
-        let mut counts = room(points, cells, u64::MAX)?;
+        let mut counts = room(all.len() / bins, cells, u64::MAX)?;
         let mut late = 0;
-        for (curve, counts) in all.iter().zip(counts.chunks_exact_mut(cells)) {
-            for (from, to) in curve.counts[..used].chunks(ticks).zip(counts) {
+        for (from, to) in all.chunks_exact(*bins).zip(counts.chunks_exact_mut(cells)) {
+            for (from, to) in from[..used].chunks(ticks).zip(to) {
                 *to = from.iter().fold(0, |sum, n| sum.saturating_add(*n));
             }
-            late += curve.counts[used..].iter().map(|n| u64::from(*n)).sum::<u64>();
+            late += from[used..].iter().map(|n| u64::from(*n)).sum::<u64>();
         }
         Ok(Cells { counts, cells, width: ticks as f64 * tick, pulses: None, outside: 0, late })
     }
