@@ -18,6 +18,7 @@ mod planned;
 mod preview;
 pub mod profile;
 mod reconstruct;
+mod record;
 mod report;
 mod request;
 mod run;

@@ -21,7 +21,7 @@ pub struct Args {
     pub out: PathBuf,
     /// Measure the result against this truth
     #[arg(long, value_name = "FILE")]
-    truth: Option<PathBuf>,
+    pub truth: Option<PathBuf>,
     /// A pixel is surface above this share of the brightest albedo [default: found at the albedo's edges; paper 0.3]
     #[arg(long, value_name = "X", value_parser = units::number)]
     mask_fraction: Option<f64>,

@@ -20,8 +20,8 @@ const OPTIONS: &[(&str, &str, &str)] = &[
     ),
     (
         "live",
-        "scan wall bin-width flip rotate gate pulse galvo seen-from snake pixels lines rounds pulses-per-point pulses-before \
-         starts channel sync-channel marker-channels zero until pile-up",
+        "scan wall bin-width flip rotate gate pulse seen-from snake pixels lines rounds pulses-per-point pulses-before \
+         channel sync-channel marker-channels zero until pile-up",
         "make a capture of each pass by `thirdbounce histogram`, in the folder that `thirdbounce live` reads",
     ),
 ];
@@ -51,6 +51,12 @@ pub fn replaced(
                 names.split(' ').any(|name| name == option) && (of.is_empty() || *of == verb)
             })?;
             Some((format!("the option --{option} of `{verb}` was removed"), instead))
+        }
+        ErrorKind::ArgumentConflict => {
+            let is_device = text(ContextKind::InvalidArg)?.starts_with("--device ");
+            let is_batch = arguments.into_iter().any(|word| word == "batch");
+            let what = "several devices of one batch were removed".to_string();
+            (is_device && is_batch).then_some((what, "run a batch for each device, with --shard 1/2 and 2/2"))
         }
         _ => None,
     }

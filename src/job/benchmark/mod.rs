@@ -9,7 +9,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::batch::record::{Record, check_place};
+use super::record::{Record, check_place};
 use super::{Comparison, Loaded, Simulation, Turn, compare, places};
 use crate::export::benchmark::{self as pages, Case, Page};
 use crate::export::comparison;
@@ -191,7 +191,7 @@ impl Benchmark {
             }
         };
         let options = [&self.options[..], &[format!("truth {}", truth.display())]].concat();
-        let record = Record::of(&capture, &options).with(&truth);
+        let record = Record::of([&*capture, &*truth], &options);
         let was_there = record.is_done(&folder, WHOLE);
         if !was_there {
             check_place(&folder)?;

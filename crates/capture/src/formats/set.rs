@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use super::variables::Variables;
 use crate::error::{Error, Result};
-use crate::files::opened;
 
 /// Largest number of files of a folder that are opened.
 const MOST_FILES: usize = 256;
@@ -117,7 +116,6 @@ impl Set {
     pub fn beside(&self, name: &str) -> PathBuf {
         let folder = if self.folder { Some(self.path.as_path()) } else { self.path.parent() };
         let path = folder.unwrap_or(Path::new("")).join(name);
-        opened::note(&path);
         path
     }
 
@@ -126,7 +124,6 @@ impl Set {
     /// # Errors
     /// `Kind::Input`, with its path, if it cannot be read.
     pub fn add(&mut self, path: &Path) -> Result<()> {
-        opened::note(path);
         let file = Variables::open(path).map_err(|e| e.at(path.display()))?;
         self.files.push((path.to_path_buf(), file));
         Ok(())
