@@ -4,7 +4,6 @@ mod advice;
 mod batch;
 mod benchmark;
 mod calibrate;
-mod compare;
 mod compiled;
 mod convert;
 mod demo;
@@ -43,7 +42,7 @@ Examples:
   thirdbounce simulate letter-Z --out z.npz --truth z_truth.npz
   thirdbounce reconstruct z.npz --truth z_truth.npz --lateral 64 --iterations 300 --out z
   thirdbounce profile capture.npz --trace timeline.json
-  thirdbounce compare z.npz --truth z_truth.npz --lateral 64 --method 'paper;paper:learning-rate=0.3' --out c
+  thirdbounce benchmark z.npz --truth z_truth.npz --lateral 64 --method 'paper;paper:learning-rate=0.3' --out c
 
 Lengths are metres, times are metres of path (seconds times 299792458), unless a unit follows: 32ps, 4mm, 2m.";
 
@@ -77,9 +76,8 @@ enum Verb {
     Live(Box<live::Args>),
     /// Measure an earlier result against truth.
     Evaluate(evaluate::Args),
-    /// Compare methods on one capture: error against run time.
-    Compare(Box<compare::Args>),
-    /// Compare methods on every scene of a folder, at several photon counts, as one page. Skips what is done.
+    /// Compare methods on captures and scenes, at several photon counts: error against run time, as one page. Skips what is
+    /// done.
     Benchmark(Box<benchmark::Args>),
     /// Make a capture of time tags: PicoQuant .ptu, arrays, text.
     Histogram(Box<histogram::Args>),
@@ -150,7 +148,6 @@ fn run() -> Result<ExitCode> {
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Live(args) => live::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
-        Verb::Compare(args) => compare::run(&args),
         Verb::Histogram(args) => histogram::run(&args),
         Verb::Convert(args) => convert::run(&args),
         Verb::Calibrate(args) => calibrate::run(&args),
@@ -163,10 +160,7 @@ fn run() -> Result<ExitCode> {
 
 /// The command. It accepts negative numbers, because later checks explain better which values are allowed.
 pub fn command() -> clap::Command {
-    let all = Cli::command().mut_subcommand("profile", |verb| {
-        verb.mut_arg("capture", |arg| arg.required(false).required_unless_present_any(["check", "compile"]))
-    });
-    all.mut_subcommands(|verb| {
+    Cli::command().mut_subcommands(|verb| {
         verb.mut_args(|arg| {
             let takes = arg.get_action().takes_values() && !arg.is_positional();
             if takes { arg.allow_negative_numbers(true) } else { arg }

@@ -77,9 +77,9 @@ impl Args {
                 let asked = self.tags.asked(input.bin_width, input.turn)?;
                 job::load_tags(input, &scan, &asked)
             };
-            return load_with(path, &self.capture, &self.solver, &self.grid, &self.device, read);
+            return load_with(path, &self.capture.part, &self.solver, &self.grid, &self.device, read);
         }
-        load_file(path, &self.capture, &self.solver, &self.grid, &self.device)
+        load_file(path, &self.capture.part, &self.solver, &self.grid, &self.device)
     }
 
     /// The request with the options that only this verb has.

@@ -3,7 +3,10 @@
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 /// (verb, replacement).
-const VERBS: &[(&str, &str)] = &[("view", "use `thirdbounce reconstruct CAPTURE --out DIR --open`")];
+const VERBS: &[(&str, &str)] = &[
+    ("view", "use `thirdbounce reconstruct CAPTURE --out DIR --open`"),
+    ("compare", "use `thirdbounce benchmark CAPTURE --truth FILE --out DIR`"),
+];
 
 /// (verb, or "" for all verbs; options without their dashes; replacement).
 const OPTIONS: &[(&str, &str, &str)] = &[

@@ -51,9 +51,7 @@ pub fn found_in(folder: &Path) -> Result<BenchmarkFolder> {
         if ending == "scene" {
             found.scenes.push((name, path));
         } else if CAPTURES.contains(&ending.as_str()) && !is_truth {
-            let truths =
-                [format!("{name}_truth.npz"), format!("truth_{name}.npz"), format!("truth/{name}.npz")];
-            let truth = truths.iter().map(|truth| folder.join(truth)).find(|truth| truth.is_file());
+            let truth = truth_of(&path);
             found.captures.push((name, path, truth));
         }
     }
@@ -67,6 +65,13 @@ pub struct BenchmarkFolder {
     pub captures: Vec<(String, PathBuf, Option<PathBuf>)>,
     /// Name and file of a scene to simulate.
     pub scenes: Vec<(String, PathBuf)>,
+}
+
+/// The truth of `NAME.npz` beside it: `NAME_truth.npz`, `truth_NAME.npz` or `truth/NAME.npz`.
+pub fn truth_of(capture: &Path) -> Option<PathBuf> {
+    let name = stem(capture);
+    let truths = [format!("{name}_truth.npz"), format!("truth_{name}.npz"), format!("truth/{name}.npz")];
+    truths.iter().map(|truth| capture.with_file_name(truth)).find(|truth| truth.is_file())
 }
 
 fn stem(path: &Path) -> String {

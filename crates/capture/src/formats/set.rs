@@ -115,8 +115,7 @@ impl Set {
     /// The path of a file of this name in the folder that was given, or beside the file.
     pub fn beside(&self, name: &str) -> PathBuf {
         let folder = if self.folder { Some(self.path.as_path()) } else { self.path.parent() };
-        let path = folder.unwrap_or(Path::new("")).join(name);
-        path
+        folder.unwrap_or(Path::new("")).join(name)
     }
 
     /// Adds a file.
