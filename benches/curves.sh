@@ -4,7 +4,7 @@
 #   benches/curves.sh [BINARY]      BINARY: target/release/thirdbounce
 #
 # Scenes that the program simulates; with THIRDBOUNCE_DATA=FOLDER also two that another renderer path-traced
-# (docs/data.md). Each scene is one `compare`, all methods in turns. Two CPU cores take some three minutes a scene, two of
+# (docs/data.md). Each scene is one `benchmark`, all methods in turns. Two CPU cores take some three minutes a scene, two of
 # them for the paper's 300 iterations. What is between the marks of the page is replaced when all scenes are done.
 set -eu
 
@@ -17,14 +17,14 @@ trap 'rm -rf "$work"' EXIT
 
 # NAME TITLE CAPTURE TRUTH
 curve() {
-    "$binary" compare "$3" --truth "$4" --out "$work/$1" --repeats 1 --trace-every 5 --quiet \
+    table=$("$binary" benchmark "$3" --truth "$4" --out "$work/$1" --repeats 1 --trace-every 5 --quiet \
         --method paper:iterations=300,preset=synthetic,name=paper --method vector:name=default \
         --method vector:model=lambertian,no-preview,name=Lambertian --method dlct --method lct --method fk \
-        --method phasor --method fbp
-    cp "$work/$1/error_vs_time.png" "$work/$1.png"
+        --method phasor --method fbp)
+    cp "$work/$1"/*/error_vs_time.png "$work/$1.png"
     {
         printf '\n### %s\n\n![%s](error-vs-time/%s.png)\n\n' "$2" "$2" "$1"
-        sed -n '/^|/p' "$work/$1/compare.md"
+        echo "$table" | sed -n '/^|/p'
     } >> "$work/tables.md"
 }
 

@@ -5,7 +5,7 @@ use std::path::Path;
 use rand::SeedableRng;
 use rand_distr::{Distribution, Poisson};
 use thirdbounce::export::plot::Plot;
-use thirdbounce::export::{figure, png};
+use thirdbounce::export::png;
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::solve::{Accumulation, paper};
 use thirdbounce::transport::twin;
@@ -24,8 +24,7 @@ fn plot(folder: &Path, name: &str, title: &str, [x, y]: [&str; 2], curves: Vec<C
     }
     let plot =
         Plot { title: title.into(), x: x.into(), y: y.into(), logarithmic: [true, true], curves, mark };
-    png::write(&folder.join(format!("{name}.png")), &figure::picture(&plot).expect("a plot"))
-        .expect("a plot is written");
+    png::write(&folder.join(format!("{name}.png")), &plot.figure().picture()).expect("a plot is written");
     format!("![{title}](stability/{name}.png)\n")
 }
 

@@ -69,39 +69,33 @@ fn iterations<'t>(table: &'t str, method: &str) -> Vec<&'t str> {
 fn two_settings_side_by_side() {
     let (_, capture, truth) = small();
     let folder = tempfile::tempdir().unwrap();
-    let out = folder.path().join("deep/compare");
+    let out = folder.path().join("deep/page");
     let methods = "paper;paper:sampling=fixed,learning-rate=0.5,name=slow & <fixed>,trace-every=14";
-    let all = ["compare", capture, "--truth", truth, "--out", out.to_str().unwrap(), "--method", methods];
+    let all = ["benchmark", capture, "--truth", truth, "--out", out.to_str().unwrap(), "--method", methods];
     let text = succeed(&[&all[..], &SHORT, &["--repeats", "2", "--trace-every", "7"]].concat());
     assert!(iterations(&text, "paper") == ["30"] && iterations(&text, "slow & <fixed>") == ["30"], "{text}");
-    assert_eq!(
-        entries(&out),
-        [
-            "compare.json",
-            "compare.md",
-            "error_vs_time.png",
-            "error_vs_time.svg",
-            "paper",
-            "pictures.png",
-            "slow____fixed_"
-        ]
-    );
-    let page = std::fs::read_to_string(out.join("compare.md")).unwrap();
-    assert!(
-        page.contains("| paper | ") && page.contains(" | 30 | ") && page.contains("ran 2 times"),
-        "{page}"
-    );
-    let svg = std::fs::read_to_string(out.join("error_vs_time.svg")).unwrap();
-    assert!(
-        svg.contains(">\npaper: 30 iterations") && svg.contains(">\nslow &amp; &lt;fixed&gt;: 30"),
-        "{svg}"
-    );
+    assert_eq!(entries(&out), ["benchmark.html", "benchmark.json", "z"]);
+    let out = out.join("z");
+    let case =
+        ["case.json", "error_vs_time.png", "made_from.json", "paper", "pictures.png", "slow____fixed_"];
+    assert_eq!(entries(&out), case);
+    let page = std::fs::read_to_string(out.with_file_name("benchmark.html")).unwrap();
+    for part in [
+        "<td>paper</td>",
+        "<td>30</td>",
+        "Repeats: 2.",
+        ">paper: 30 iterations",
+        ">slow &amp; &lt;fixed&gt;: 30",
+    ] {
+        assert!(page.contains(part), "{part}: {page}");
+    }
     let decoder = png::Decoder::new(std::io::BufReader::new(
         std::fs::File::open(out.join("error_vs_time.png")).unwrap(),
     ));
     assert!(decoder.read_info().unwrap().info().width >= 1000);
 
-    let told = json(&out.join("compare.json"));
+    let told = json(&out.join("case.json"));
+    assert_eq!(told, json(&out.with_file_name("benchmark.json"))["cases"][0]["comparison"]);
     assert_eq!(told["repeats"], 2);
     let methods = told["methods"].as_array().unwrap();
     assert_eq!(methods.len(), 2);
@@ -137,18 +131,16 @@ fn two_settings_side_by_side() {
 }
 
 #[test]
-fn without_a_method_every_solver_runs() {
+fn a_solver_that_is_named_is_the_only_method() {
     let (_, capture, truth) = small();
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().display().to_string();
-    let all = ["compare", capture, "--truth", truth, "--out", &out, "--repeats", "1", "--model", "cosine"];
-    let text = succeed(&[&all[..], &SHORT].concat());
-    assert!(iterations(&text, "paper") == ["30"] && iterations(&text, "vector") == ["90"], "{text}");
-    let told = json(&folder.path().join("compare.json"));
-    let residual = figures(&told["methods"][1]["trace"], "residual");
+    let all = ["benchmark", capture, "--truth", truth, "--out", &out, "--repeats", "1", "--model", "cosine"];
+    let text = succeed(&[&all[..], &SHORT, &["--solver", "vector"]].concat());
+    assert!(iterations(&text, "paper").is_empty() && iterations(&text, "vector") == ["90"], "{text}");
+    let told = json(&folder.path().join("z/case.json"));
+    let residual = figures(&told["methods"][0]["trace"], "residual");
     assert!(residual.len() == 9 && residual[8] < residual[2], "{residual:?}");
-    let one = succeed(&[&all[..], &SHORT, &["--solver", "vector"]].concat());
-    assert!(iterations(&one, "paper").is_empty() && iterations(&one, "vector") == ["90"], "{one}");
 }
 
 #[test]
@@ -213,10 +205,9 @@ fn what_is_wrong_is_said_in_one_message_and_nothing_is_written() {
     let (_, capture, truth) = small();
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("c").display().to_string();
-    let compare = ["compare", capture, "--out", &out, "--quiet"];
+    let benchmark = ["benchmark", capture, "--out", &out, "--quiet"];
     let with_truth = ["--truth", truth.as_str()];
     let cases: &[(&[&str], i32, &str)] = &[
-        (&[], 2, "--truth"),
         (&["--truth", "/nonexistent/t.npz"], 1, "/nonexistent/t.npz"),
         (&["--truth", capture], 1, "gt_depth"),
         (&[&with_truth[..], &["--method", "magic"]].concat(), 1, "--solver magic is not known"),
@@ -233,7 +224,7 @@ fn what_is_wrong_is_said_in_one_message_and_nothing_is_written() {
         (&[&with_truth[..], &["--lateral", "0"]].concat(), 1, "--lateral is 0"),
     ];
     for (arguments, code, words) in cases {
-        check_failure(&[&compare[..], arguments].concat(), *code, words);
+        check_failure(&[&benchmark[..], arguments].concat(), *code, words);
     }
     let reconstruct = ["reconstruct", capture, "--out", &out, "--quiet"];
     check_failure(
@@ -356,10 +347,9 @@ fn every_method_and_other_programs_stand_in_one_table() {
     let [out_text, other_text] = [&out, &other].map(|p| p.display().to_string());
     succeed(&["reconstruct", capture, "--out", &other_text, "--solver", "lct", "--lateral", "16", "--quiet"]);
     let foreign = format!("theirs={other_text},seconds=1.5,hardware=another GPU");
-    let arguments =
-        ["compare", capture, "--truth", truth, "--out", &out_text, "--methods", "all", "--repeats", "1"];
+    let arguments = ["benchmark", capture, "--truth", truth, "--out", &out_text, "--repeats", "1"];
     let table = succeed(&[&arguments[..], &["--foreign", &foreign], &SHORT].concat());
-    let report = json(&out.join("compare.json"));
+    let report = json(&out.join("z/case.json"));
     let methods = report["methods"].as_array().unwrap();
     let names: Vec<&str> = methods.iter().map(|m| m["name"].as_str().unwrap()).collect();
     let all =
@@ -395,12 +385,12 @@ fn with_an_oracle_every_mask_is_the_best_and_the_page_says_so() {
     let out = folder.path().join("oracle");
     let out_text = out.display().to_string();
     let all =
-        ["compare", capture, "--truth", truth, "--out", &out_text, "--methods", "lct;fk", "--repeats", "1"];
+        ["benchmark", capture, "--truth", truth, "--out", &out_text, "--methods", "lct;fk", "--repeats", "1"];
     // A row of a published table stands beside it.
     let row = ["--foreign", "a|b,depth=.0477/.1523,normals=.1147,seconds=54,hardware=RTX 3090"];
     let table = succeed(&[&all[..], &["--lateral", "16", "--quiet", "--oracle"], &row].concat());
     assert!(table.contains("| IoU (oracle) |"), "{table}");
-    let report = json(&out.join("compare.json"));
+    let report = json(&out.join("z/case.json"));
     assert_eq!(report["oracle"], true);
     let (row, own) = report["methods"].as_array().unwrap().split_last().unwrap();
     assert_eq!((row["foreign"].as_bool(), &row["metrics"]["iou"]), (Some(true), &Value::Null));
@@ -412,11 +402,11 @@ fn with_an_oracle_every_mask_is_the_best_and_the_page_says_so() {
         assert!(metrics["paper"]["normal_rmse"].as_f64().unwrap() > 0.0);
         assert_eq!(metrics["iou"], metrics["best_iou"]);
         assert_eq!(method["mask_fraction"], metrics["best_fraction"]);
-        let folder = out.join(method["folder"].as_str().unwrap());
+        let folder = out.join("z").join(method["folder"].as_str().unwrap());
         let maps = thirdbounce::export::npz::read_maps(&folder.join("maps.npz")).unwrap();
         assert_eq!(Some(maps.mask_fraction.unwrap()), metrics["best_fraction"].as_f64());
     }
-    assert!(std::fs::read_to_string(out.join("compare.md")).unwrap().contains("no user has it"));
+    assert!(std::fs::read_to_string(out.join("benchmark.html")).unwrap().contains("no user has it"));
 }
 
 #[test]
@@ -425,19 +415,19 @@ fn methods_whose_assumptions_break_are_left_out_or_refused() {
     let [capture, out] = ["one_laser.npz", "one_laser"].map(|n| folder.path().join(n).display().to_string());
     let scene = ["simulate", "letter-Z", "--scan", "8", "--bin-width", "0.02", "--pairs", "one-laser"];
     succeed(&[&scene[..], &["--out", &capture]].concat());
-    let arguments = ["compare", &capture, "--truth", truth, "--out", &out, "--repeats", "1"];
+    let arguments = ["benchmark", &capture, "--truth", truth, "--out", &out, "--repeats", "1"];
     let page = |more: &[&str]| thirdbounce(&[&arguments[..], more, &SHORT].concat());
     let refused = page(&["--method", "lct"]);
     let said = String::from_utf8_lossy(&refused.stderr);
     assert!(refused.status.code() == Some(1) && said.contains("confocal") && said.contains("fbp"), "{said}");
     let done = page(&["--methods", "all"]);
     assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
-    let report = json(&Path::new(&out).join("compare.json"));
+    let report = json(&Path::new(&out).join("one_laser/case.json"));
     let left: Vec<&str> =
         report["left_out"].as_array().unwrap().iter().map(|m| m["name"].as_str().unwrap()).collect();
     assert_eq!(left, ["lct", "dlct", "fk"]);
-    let page = std::fs::read_to_string(Path::new(&out).join("compare.md")).unwrap();
-    assert!(page.contains("`fk` is left out: f-k migration needs a confocal scan"), "{page}");
+    let page = std::fs::read_to_string(Path::new(&out).join("benchmark.html")).unwrap();
+    assert!(page.contains("fk is left out: f-k migration needs a confocal scan"), "{page}");
 }
 
 #[test]
@@ -457,7 +447,7 @@ fn foreign_maps_need_a_folder_a_time_and_hardware() {
         ("theirs,depth=.1/.2,hardware=GPU", "gives no seconds"),
     ] {
         let done = thirdbounce(&[
-            "compare",
+            "benchmark",
             capture,
             "--truth",
             truth,
@@ -471,5 +461,5 @@ fn foreign_maps_need_a_folder_a_time_and_hardware() {
         let said = String::from_utf8_lossy(&done.stderr);
         assert!(done.status.code() == Some(1) && said.contains(says), "{foreign}: {said}");
     }
-    assert!(!Path::new(&out).join("compare.json").exists());
+    assert!(!Path::new(&out).join("benchmark.json").exists());
 }
