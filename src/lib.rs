@@ -26,10 +26,6 @@
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
 
-/// Debug override.
-pub fn dbg_of(name: &str, default: f64) -> f64 {
-    std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(default)
-}
 mod door;
 #[doc(hidden)]
 pub mod estimation;

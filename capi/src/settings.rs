@@ -5,11 +5,11 @@ use std::mem::offset_of;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use engine::session::{Feed, FrameId, Hear, SessionOptions};
-use engine::solve::option::{OptionValue, Suit};
-use engine::solve::Follow;
-use engine::solve::{Progress, SolverOptions};
 use engine::estimation::Choice;
+use engine::session::{Feed, FrameId, Hear, SessionOptions};
+use engine::solve::Follow;
+use engine::solve::option::{OptionValue, Suit};
+use engine::solve::{Progress, SolverOptions};
 use engine::{Error, Result};
 
 use crate::sized::Versioned;

@@ -217,7 +217,8 @@ impl<'t> Search<'t> {
         gpu: &'t Gpu,
         hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Search<'t>> {
-        let all = if request.models.is_empty() { std::slice::from_ref(request.solver) } else { request.models };
+        let all =
+            if request.models.is_empty() { std::slice::from_ref(request.solver) } else { request.models };
         if capture.pair_count() / 2 < LEAST_PAIRS {
             return Err(Error::input(
                 format!("estimates need {} pairs, the capture has {}", 2 * LEAST_PAIRS, capture.pair_count()),
@@ -235,7 +236,8 @@ impl<'t> Search<'t> {
         let mut watch = Watch { hear: &mut watch_hear, maps_every: None, maps_at: &[] };
         let layers = trial::start(gpu, &whole, grid, &options, request.memory, &mut watch)?;
         let thin = whole.subset((2 * PAIRS).min(whole.pair_count()), 0)?;
-        let of_solve = request.discretisation.sum(request.solver, &capture.outline()) as f64 * capture.bin_width;
+        let of_solve =
+            request.discretisation.sum(request.solver, &capture.outline()) as f64 * capture.bin_width;
         let trial = |options: &SolverOptions| {
             Trial::new(gpu, &thin, grid, quick(options), layers.clone(), request.memory)
         };
@@ -263,9 +265,15 @@ impl<'t> Search<'t> {
     }
 
     /// Fits a hypothesis, from the surface of another fit or from the closed form. `None` if no surface is found.
-    fn fit(&mut self, reflectance: Reflectance, shape: Shape, from: Option<&Fitted>) -> Result<Option<Fitted>> {
+    fn fit(
+        &mut self,
+        reflectance: Reflectance,
+        shape: Shape,
+        from: Option<&Fitted>,
+    ) -> Result<Option<Fitted>> {
         let Search { trials, hear, known, .. } = self;
-        let trial = trials.iter_mut().find(|t| t.reflectance() == reflectance).expect("a trial for every model");
+        let trial =
+            trials.iter_mut().find(|t| t.reflectance() == reflectance).expect("a trial for every model");
         let mut reported = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
         let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
         let pulse = shape.centred()?.or(known.clone());
@@ -278,7 +286,11 @@ impl<'t> Search<'t> {
             return Ok(Some(at));
         }
         let fitted = self.fit(reflectance, Shape::SHARP, None)?;
-        self.tried.push(Tried { reflectance, pulse: Shape::SHARP, left: fitted.as_ref().map(|f| f.left.clone()) });
+        self.tried.push(Tried {
+            reflectance,
+            pulse: Shape::SHARP,
+            left: fitted.as_ref().map(|f| f.left.clone()),
+        });
         let Some(fitted) = fitted else { return Ok(None) };
         let suggested = if self.find_pulse == FindPulse::Never { None } else { self.suggested(&fitted)? };
         self.sharp.push((reflectance, fitted, suggested));
@@ -315,14 +327,17 @@ impl<'t> Search<'t> {
         for model in &models {
             let sharp = self.sharp(*model)?.map(|at| &self.sharp[at]);
             let best = sharp.map(|(_, fitted, suggested)| match suggested {
-                Some((_, left)) if self.find_pulse == FindPulse::Always && left.share() < fitted.left.share() => {
+                Some((_, left))
+                    if self.find_pulse == FindPulse::Always && left.share() < fitted.left.share() =>
+                {
                     left.clone()
                 }
                 _ => fitted.left.clone(),
             });
             residuals.push((*model, best));
         }
-        let no_surface = || Error::input("no fit found a surface", "name the model and the impulse response if known");
+        let no_surface =
+            || Error::input("no fit found a surface", "name the model and the impulse response if known");
         let mut model = model::choose(&residuals).ok_or_else(no_surface)?;
         let finds_pulse = match self.find_pulse {
             FindPulse::Never => false,
@@ -333,7 +348,8 @@ impl<'t> Search<'t> {
             return Ok((model, None));
         }
         let mut pulse = self.best_pulse(model)?;
-        let least = residuals.iter().filter_map(|(_, l)| Some(l.as_ref()?.share())).fold(f64::INFINITY, f64::min);
+        let least =
+            residuals.iter().filter_map(|(_, l)| Some(l.as_ref()?.share())).fold(f64::INFINITY, f64::min);
         residuals.retain(|(_, left)| left.as_ref().is_some_and(|l| l.share() <= HOPELESS * least));
         if pulse != Shape::SHARP && residuals.len() > 1 {
             let mut again = vec![];

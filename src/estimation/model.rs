@@ -29,11 +29,7 @@ pub struct FoundModel {
 }
 
 impl FoundModel {
-    pub(super) fn of(
-        reflectance: Reflectance,
-        tried: &[Tried],
-        failed: Option<String>,
-    ) -> FoundModel {
+    pub(super) fn of(reflectance: Reflectance, tried: &[Tried], failed: Option<String>) -> FoundModel {
         let trials =
             tried.iter().map(|t| (t.reflectance, t.pulse.fwhm, t.left.as_ref().map(Left::share))).collect();
         FoundModel { reflectance, trials, failed }
@@ -66,10 +62,10 @@ impl FoundModel {
     }
 }
 
-/// What stands where trials cannot tell: most things are matt, and where photons are few the maps of the Lambertian model
-/// are the better ones even if the cosine model is the true one (benches/NOTES.md).
+/// From the simplest model to the one with most freedom to fit errors: without normals, with one cosine, with two. A wrong
+/// Lambertian surface gets steep skirts; a wrong simpler one loses little (benches/studies/trials.md).
 const FIRST: [Reflectance; 4] =
-    [Reflectance::Lambertian, Reflectance::Cosine, Reflectance::Retroreflective, Reflectance::Isotropic];
+    [Reflectance::Isotropic, Reflectance::Retroreflective, Reflectance::Cosine, Reflectance::Lambertian];
 
 /// Of the models that leave as little as any other, but for chance, the one that comes first. `None` if no trial found a
 /// surface.

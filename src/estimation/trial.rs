@@ -117,8 +117,7 @@ impl Trial {
                 &mut job,
                 &self.options,
                 layers,
-                [iterations; 2],
-                std::mem::take(&mut scales),
+                surface::Run { iterations, of: iterations, scales: std::mem::take(&mut scales), until: None },
                 watch,
                 before,
             )?;

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::solve::Follow;
+use crate::solve::surface::{self, Follow};
 use crate::solve::{Bins, Discretisation, LentRows, Problem, check_lent_scan};
 use crate::solve::{Plan, Prepared, Progress, Reconstruction, SolverOptions};
 use crate::transport::Grid;
@@ -304,6 +304,7 @@ fn prepared(
     }
     match solver {
         _ if options.follow.is_none() && lent.is_none() => solver.prepare(gpu, &problem),
+        SolverOptions::Surface(o) => surface::prepare_for_frames(gpu, &problem, o, options.follow),
         _ => Err(Error::options(
             format!(
                 "frames of the solver {} neither follow each other nor lie in lent buffers",

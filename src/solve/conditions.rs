@@ -42,7 +42,7 @@ pub fn conclude(
         let pitch = level.unwrap_or(result.plan.finest()).grid.pitch;
         Conditions { voxel: if is_volume { [pitch.x, pitch.z] } else { [0.0; 2] }, ..all }
     };
-    let by_edges = mask_fraction.is_none() && !result.has_mask;
+    let by_edges = mask_fraction.is_none() && result.plan.levels.pixels.is_some();
     for (iteration, maps) in snapshots {
         let known = after(maps, *iteration);
         tell(maps, &known, by_edges);

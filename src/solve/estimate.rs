@@ -66,7 +66,7 @@ pub fn variances(capture: &Capture, background: f64) -> [f64; 2] {
 }
 
 /// Pairs that an exact capture needs: more change its maps little (benches/studies/pairs.md).
-pub const LEAST_PAIRS: usize = 1024;
+pub const LEAST_PAIRS: usize = 4096;
 
 /// Photons that pairs need at least.
 const LEAST_PHOTONS: f64 = 32_768.0;

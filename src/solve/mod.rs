@@ -34,8 +34,8 @@ pub use bins::Bins;
 pub use conditions::conclude;
 pub use discretisation::{Discretisation, Ready};
 pub use drive::{Beside, Doing, Progress, Watch};
-pub(crate) use estimate::{enough_pairs, weighted_sum};
 pub use estimate::{background, expected_noise, variance_per_count, variances};
+pub(crate) use estimate::{enough_pairs, weighted_sum};
 pub use extent::default_volume;
 pub(crate) use intake::check_scan as check_lent_scan;
 pub use intake::{Format, LentCounts, intake, tally_of};
@@ -56,12 +56,8 @@ pub use surface::{Begin, Follow, SurfaceOptions};
 pub use trace::TracePoint;
 
 /// The passes of all solvers: those that they share, then one list for each.
-pub static PASSES: &[&[&Pass]] = &[
-    passes::ALL,
-    paper::passes::ALL,
-    closed_form::passes::ALL,
-    surface::passes::ALL,
-];
+pub static PASSES: &[&[&Pass]] =
+    &[passes::ALL, paper::passes::ALL, closed_form::passes::ALL, surface::passes::ALL];
 
 /// The pass that schedules call by this name. Some names stand for one pass in each solver.
 pub fn pass_of(kernel: &str) -> Option<&'static Pass> {

@@ -320,7 +320,10 @@ impl<'r, 'w> Run<'r, 'w> {
             s.stage("maps", &[("lateral", level.grid.n[0] as u64)]);
             (self.steps.extract)(s, level);
         })?;
-        Ok(read_maps(&self.device.executor, &level.grid, self.device.plan.scene.reflectance.has_normals()))
+        // A surface has the normals of its depths even where light does not depend on them.
+        let plan = &self.device.plan;
+        let has_normals = plan.scene.reflectance.has_normals() || plan.levels.pixels.is_some();
+        Ok(read_maps(&self.device.executor, &level.grid, has_normals))
     }
 
     /// Waits for the blocks in flight and takes the result. Blocks that were in flight when the data were fitted are

@@ -88,23 +88,19 @@ fn sequence(model: &Model, finest: Grid, scan: [usize; 2], coarse_to_fine: bool)
     (0..).zip(0..=wide.ilog2()).map(level).collect()
 }
 
-/// Batches of a surface's pairs.
-const BATCHES: usize = 4;
-
-/// Pairs of the smallest batch: a few of a scan may be missing.
+/// Pairs of a batch of a surface's pairs, and of the smallest one.
+const BATCH: usize = 256;
 const LEAST_BATCH: usize = 225;
 
-/// Batches of the pairs of `level`, in order. As pairs are spread over the wall, so are those of a batch. Up to three pairs at
-/// the end are in none.
+/// Batches of the pairs of `level`, in order. As pairs are spread over the wall, so are those of a batch. A few pairs at the end
+/// are in none.
 fn in_batches(model: &Model, level: Option<&Level>) -> Vec<Level> {
-    let batches = crate::dbg_of("BATCHES", 4.0) as usize;
+    let batches = (model.pairs() / LEAST_BATCH).min((model.pairs() / BATCH).max(2)).max(1);
     let pairs = model.pairs() / batches;
     // The rows of a product with several other points are not cut, nor are sums over spots.
     let rows = model.wall.geometry == Geometry::Product && model.wall.others.len() > 1;
     let cuts = !rows && model.rendered.is_none();
-    let Some(level) = level
-        .filter(|_| model.is_spread && cuts && pairs >= crate::dbg_of("LEASTB", LEAST_BATCH as f64) as usize)
-    else {
+    let Some(level) = level.filter(|_| model.is_spread && cuts && batches > 1) else {
         return vec![];
     };
     let batch = |i: u16| {

@@ -19,8 +19,8 @@ use crate::solve::over_pairs::{scene_of_sums, turns_of_finish};
 use crate::solve::passes::{FINISH, objective};
 use crate::solve::prepared::Planned;
 use crate::solve::{Level, Plan, Problem};
-use crate::transport::kernels::*;
 use crate::transport::Rows;
+use crate::transport::kernels::*;
 
 /// Bonds and prior weights are renewed after every Nth iteration.
 const RENEW: usize = 10;
@@ -30,6 +30,19 @@ pub(crate) struct Fit {
     pub planned: Planned,
     rows: Rows,
     options: SurfaceOptions,
+}
+
+/// How long a fit runs.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Run {
+    /// Iterations of this fit.
+    pub iterations: usize,
+    /// Iterations of the whole solve, for progress.
+    pub of: usize,
+    /// Whether the scale of the albedos is found first; else the fit continues one of the same scale.
+    pub scales: bool,
+    /// It ends at this time.
+    pub until: Option<Instant>,
 }
 
 /// Noise and model error of a fit, as data terms of the objective.
@@ -49,6 +62,11 @@ impl Quality {
         (self.noise / self.energy).clamp(0.0, 1.0)
     }
 
+    /// Share of the measurement's energy that the surface explains.
+    pub fn explained(&self) -> f64 {
+        (1.0 - self.left / self.energy).clamp(0.0, 1.0)
+    }
+
     /// Residual beyond noise, as a share of the signal's energy.
     pub fn model_error(&self) -> f64 {
         ((self.left - self.noise) / (self.energy - self.noise)).clamp(0.0, 1.0)
@@ -60,7 +78,12 @@ impl Fit {
     ///
     /// # Errors
     /// Options, scan or device do not allow it.
-    pub fn new(gpu: &Gpu, problem: &Problem<'_>, options: &SurfaceOptions, iterations: [usize; 2]) -> Result<Fit> {
+    pub fn new(
+        gpu: &Gpu,
+        problem: &Problem<'_>,
+        options: &SurfaceOptions,
+        iterations: [usize; 2],
+    ) -> Result<Fit> {
         let Problem { capture, grid, memory, .. } = *problem;
         let (outline, rows) = outline_of(capture, &grid, options);
         let asked = needs::OfFit { options, iterations };
@@ -105,34 +128,30 @@ impl Fit {
         })
     }
 
-    /// Fits the pixels of `layers` for so many iterations, of `of` in all, and replaces the layers by the result. `scales`:
-    /// the albedos' scale is found first. Returns `None` if the pixels explain none of the data.
+    /// Fits the pixels of `layers`, and replaces the layers by the result. The quality is `None` if they explain no light.
     ///
     /// # Errors
     /// The device fails, or the watch cancels.
     pub fn run(
         &mut self,
         layers: &mut Vec<Maps>,
-        [iterations, of]: [usize; 2],
-        scales: bool,
+        how: Run,
         watch: &mut Watch<'_>,
         driven: Driven,
     ) -> Result<(Driven, Option<Quality>)> {
         let gpu = self.planned.gpu().clone();
         let job = self.planned.made(|_| Ok(()))?;
-        run(&gpu, job, &self.options, layers, [iterations, of], scales, watch, driven)
+        run(&gpu, job, &self.options, layers, how, watch, driven)
     }
 }
 
 /// [`Fit::run`] on a job whose counts are uploaded.
-#[allow(clippy::too_many_arguments)]
 pub(crate) fn run(
     gpu: &Gpu,
     job: &mut OnDevice,
     options: &SurfaceOptions,
     layers: &mut Vec<Maps>,
-    [iterations, of]: [usize; 2],
-    scales: bool,
+    Run { iterations, of, scales, until }: Run,
     watch: &mut Watch<'_>,
     mut driven: Driven,
 ) -> Result<(Driven, Option<Quality>)> {
@@ -153,7 +172,7 @@ pub(crate) fn run(
         return Ok((driven, None));
     }
     let of_layers = pixels.of_layers(layers[0].albedo.len());
-    let steps = steps(&job.plan, level, of_layers, begin, [iterations, of]);
+    let steps = Steps { until, ..steps(&job.plan, level, of_layers, begin, [iterations, of]) };
     let driven = drive(gpu, job, begin + iterations, steps, watch, Some(driven))?;
     layers[0] = driven.maps.clone();
     if let Some(behind) = layers.get_mut(1) {
@@ -164,7 +183,7 @@ pub(crate) fn run(
     let quality = Quality {
         noise: expected_noise(&job.model),
         energy: energy(&job.model, level.pairs),
-        left: objective_of(job, begin + iterations - 1),
+        left: objective_of(job, driven.trace.last().map_or(begin, |p| p.iteration - 1)),
     };
     Ok((driven, Some(quality)))
 }
@@ -189,7 +208,9 @@ fn steps(
     Steps {
         levels: vec![plan.batch(0).copied().unwrap_or(level)],
         start: Box::new(|_, _| ()),
-        iteration: Box::new(move |s, plan, _, i| iteration(s, plan, &level, count, [i, i - begin, iterations])),
+        iteration: Box::new(move |s, plan, _, i| {
+            iteration(s, plan, &level, count, [i, i - begin, iterations])
+        }),
         due: Box::new(move |s, _, _, done| {
             if (done - begin).is_multiple_of(RENEW) {
                 bonds(s, &level, count, done);

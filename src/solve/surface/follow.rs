@@ -3,16 +3,18 @@
 use std::time::Duration;
 
 use super::SurfaceOptions;
+use super::support::{self, typical_albedo};
+use crate::maps::Maps;
 use crate::{Error, Result};
 
 /// How a frame follows the one before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Follow {
-    /// Iterations of a frame that begins warm; `None`: a fifth of those of a frame that begins cold.
+    /// Iterations of a frame that begins warm; `None`: a third of those at the resolution of the maps.
     pub iterations: Option<usize>,
-    /// A frame begins cold if the surface before loses more than this share of the light that it explained.
+    /// A frame begins cold if the surface of the frame before explains less of its light by more than this share.
     pub cut_above: f64,
-    /// The time that a frame may take. Every frame ends with a whole picture.
+    /// The time that a frame may take. Fits end at this time, and every frame ends with a whole picture.
     pub budget: Option<Duration>,
 }
 
@@ -20,4 +22,56 @@ impl Default for Follow {
     fn default() -> Follow {
         Follow { iterations: None, cut_above: 0.5, budget: None }
     }
+}
+
+impl Follow {
+    /// Checks the settings.
+    ///
+    /// # Errors
+    /// The first setting out of its range.
+    pub(super) fn check(&self, options: &SurfaceOptions) -> Result<()> {
+        if !(self.cut_above.is_finite() && self.cut_above > 0.0) {
+            return Err(Error::options(format!("`cut_above` is {}", self.cut_above), "give a share above 0"));
+        }
+        let wanted = self.wanted(options);
+        if wanted == 0 || wanted > options.iterations {
+            return Err(Error::options(
+                format!("{wanted} iterations of a frame that begins warm"),
+                format!("give 1 to {}, the iterations of the solver", options.iterations),
+            ));
+        }
+        Ok(())
+    }
+
+    /// Iterations of a frame that begins warm.
+    pub(super) fn wanted(&self, options: &SurfaceOptions) -> usize {
+        self.iterations.unwrap_or((options.iterations / 3).max(1))
+    }
+}
+
+/// What a frame leaves for the next.
+pub(super) struct Last {
+    /// The layers of its surface.
+    pub layers: Vec<Maps>,
+    /// Share of the light that the surface explains.
+    pub explained: f64,
+}
+
+/// Layers to begin a frame with: those of the frame before, and the closed form's where these have no surface near it. New
+/// pixels begin with a typical albedo.
+pub(super) fn merged(last: &[Maps], closed: &[Maps]) -> Vec<Maps> {
+    let mut layers = last.to_vec();
+    let typical = typical_albedo(last).unwrap_or(1.0);
+    let closed_typical = typical_albedo(closed).unwrap_or(1.0);
+    let (first, from) = (&mut layers[0], &closed[0]);
+    let factor = first.nx / from.nx;
+    let fine = support::finer(from, factor);
+    for pixel in 0..first.depth.len() {
+        if !first.depth[pixel].is_finite() && fine.depth[pixel].is_finite() {
+            first.depth[pixel] = fine.depth[pixel];
+            first.normal[pixel] = fine.normal[pixel];
+            first.albedo[pixel] = fine.albedo[pixel] / closed_typical * typical;
+        }
+    }
+    layers
 }

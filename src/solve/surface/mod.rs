@@ -17,15 +17,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::drive::{Driven, Watch};
-use super::on_device::OnDevice;
-use super::plan::Needs;
-use super::prepared::Planned;
 use super::result::finish;
 use super::{
     Beside, Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap,
 };
 use crate::Result;
 use crate::capture::Capture;
+use crate::gpu::caller::{Lent, Moment};
 use crate::gpu::{Abilities, Gpu};
 use crate::maps::{Layer, Maps};
 use crate::transport::Grid;
@@ -43,9 +41,10 @@ pub(crate) mod start;
 pub(crate) mod support;
 mod weights;
 
-pub(crate) use fit::{Fit, Quality};
-pub use needs::{OfFit, SMALL_PIXEL, pixels, points_of};
+pub(crate) use fit::{Fit, Quality, Run};
 pub use follow::Follow;
+use follow::Last;
+pub use needs::{OfFit, SMALL_PIXEL, pixels, points_of};
 pub use options::{Begin, LEAST_FLOOR, SurfaceOptions};
 pub use pixels::Pixels;
 pub use schedule::{bonds, divide, extract, iteration, points, render, start as start_of};
@@ -59,16 +58,20 @@ mod rounds {
     pub const NUMBER: [usize; 2] = [12, 2];
     /// Iterations of a round.
     pub const ITERATIONS: usize = 10;
-    /// The model error is judged after this many rounds.
+    /// The model error is judged after this many rounds, or up to twice as many while a round lowers it to less than a share.
     pub const JUDGED: usize = 4;
-    /// With a larger model error the support does not grow: haze would look like a surface.
-    pub const MOST_ERROR: f64 = 0.06;
+    pub const FALLS: f64 = 0.9;
+    /// With a larger model error the support stays that of the closed form: haze would look like a surface. Of surfaces that bend
+    /// away, and of plates, whose support needs no growth.
+    pub const MOST_ERROR: [f64; 2] = [0.06, 0.015];
+    /// The support is stable where a round changes at most this share of the pixels, and lowers the model error by less than this.
+    pub const STABLE: [f64; 2] = [0.08, 0.03];
     /// With a larger share of photon noise, fewer iterations at the resolution of the maps are enough.
     pub const NOISY: f64 = 0.05;
     /// The share of iterations that are enough then.
     pub const OF_NOISY: f64 = 25.0 / 60.0;
-    /// A pixel is surface where the smoothed albedo is above this share of the typical one, without noise, and what noise adds.
-    pub const MASK: [f32; 2] = [0.3, 0.2];
+    /// What noise alone adds to the share of the typical evidence above which a pixel is surface.
+    pub const MASK: f32 = 0.2;
 }
 
 impl SurfaceOptions {
@@ -132,33 +135,50 @@ impl Solver for SurfaceOptions {
     }
 
     fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
-        let Problem { capture, grid, memory, with_volume } = *problem;
-        self.check()?;
-        self.takes(capture)?;
-        let [coarse, fine] = self.most_iterations();
-        let scan = capture.outline();
-        let scan_problem = Problem { capture: &scan, ..*problem };
-        let coarse = (coarse > 0)
-            .then(|| {
-                let grid = grid.coarser(self.factor());
-                Fit::new(gpu, &Problem { grid, ..scan_problem }, self, [0, coarse])
-            })
-            .transpose()?;
-        let fine = Fit::new(gpu, &scan_problem, self, [coarse.as_ref().map_or(0, |_| self.most_iterations()[0]), fine])?;
-        let mut made = PreparedSurface {
-            coarse,
-            fine,
-            options: self.clone(),
-            grid,
-            memory,
-            with_volume,
-            scan: scan.clone(),
-            method: None,
-            keeps: false,
-        };
-        made.first_method(gpu)?;
-        Ok(Box::new(made))
+        prepare_for_frames(gpu, problem, self, None)
     }
+}
+
+/// Prepares the solver for frames of one scan, which follow each other if `follow` says how.
+///
+/// # Errors
+/// Options, scan or device do not allow the solve.
+pub fn prepare_for_frames(
+    gpu: &Gpu,
+    problem: &Problem<'_>,
+    options: &SurfaceOptions,
+    follow: Option<Follow>,
+) -> Result<Box<dyn Prepared>> {
+    let Problem { capture, grid, memory, with_volume } = *problem;
+    options.check()?;
+    options.takes(capture)?;
+    follow.map_or(Ok(()), |follow| follow.check(options))?;
+    let scan = capture.outline();
+    let problem = Problem { capture: &scan, ..*problem };
+    let [coarse_iterations, iterations] = options.most_iterations();
+    let coarse = match coarse_iterations {
+        0 => None,
+        most => {
+            let coarse = Problem { grid: grid.coarser(options.factor()), ..problem };
+            Some(Fit::new(gpu, &coarse, options, [0, most])?)
+        }
+    };
+    let fine = Fit::new(gpu, &problem, options, [coarse_iterations, iterations])?;
+    let mut made = PreparedSurface {
+        coarse,
+        fine,
+        options: options.clone(),
+        grid,
+        memory,
+        with_volume,
+        scan: scan.clone(),
+        method: None,
+        keeps: false,
+        follow,
+        last: None,
+    };
+    made.first_method(gpu)?;
+    Ok(Box::new(made))
 }
 
 /// The solver, prepared for a scan.
@@ -176,6 +196,10 @@ struct PreparedSurface {
     method: Option<Box<dyn Prepared>>,
     /// Everything stays allocated.
     keeps: bool,
+    /// If frames follow each other.
+    follow: Option<Follow>,
+    /// The frame before.
+    last: Option<Last>,
 }
 
 impl PreparedSurface {
@@ -223,17 +247,44 @@ impl Prepared for PreparedSurface {
         let begun = Instant::now();
         let gpu = self.fine.planned.gpu().clone();
         let watch = beside.watch;
-        let layers = self.start(&gpu, capture, watch)?;
-        let fits = Fits { options: &self.options, of: self.options.most_iterations().iter().sum() };
+        let closed = self.start(&gpu, capture, watch)?;
+        let until = self.follow.and_then(|follow| follow.budget).map(|budget| begun + budget);
+        // After an error the surface on the device is no frame's: the next one begins cold.
+        let last = self.last.take();
+        let seconds = begun.elapsed().as_secs_f64();
         let level = *self.fine.plan().finest();
-        let driven = Driven { seconds: begun.elapsed().as_secs_f64(), ..Driven::begun(layers[0].clone(), level) };
-        let done = fits.run(self.coarse.as_mut(), &mut self.fine, capture, layers, watch, driven)?;
+        let start = |closed: &[Maps]| Driven { seconds, ..Driven::begun(closed[0].clone(), level) };
+        let mut fits =
+            Fits { options: &self.options, of: self.options.most_iterations().iter().sum(), until };
+        let warm = match (self.follow, last) {
+            (Some(follow), Some(last)) => {
+                fits.of = follow.wanted(&self.options);
+                let done = fits.warm(&mut self.fine, capture, &closed, &last, watch, start(&closed))?;
+                Some(done).filter(|done| done.explained > (1.0 - follow.cut_above) * last.explained)
+            }
+            _ => None,
+        };
+        let is_warm = warm.is_some();
+        let done = match warm {
+            Some(done) => done,
+            None => {
+                fits.of = self.options.most_iterations().iter().sum();
+                let driven = start(&closed);
+                fits.cold(self.coarse.as_mut(), &mut self.fine, capture, closed, watch, driven)?
+            }
+        };
         if !self.keeps {
             self.coarse.iter_mut().for_each(|fit| fit.planned.release());
         }
         let volume = self.with_volume.then(|| as_volume(&done.driven.maps, &self.grid));
+        self.last = self.follow.map(|_| Last { layers: done.layers, explained: done.explained });
         let job = self.fine.planned.made(|_| Ok(()))?;
-        Ok(Reconstruction { volume, volume_iterations: 0, has_mask: true, ..finish(job, done.driven, None)? })
+        let solved = finish(job, done.driven, None)?;
+        Ok(Reconstruction { volume, volume_iterations: 0, has_mask: true, is_warm, ..solved })
+    }
+
+    fn give(&mut self, content: &[u8], to: &Lent, done: Option<Moment>) -> Result<()> {
+        self.fine.planned.give(content, to, done)
     }
 }
 
@@ -242,51 +293,81 @@ struct Fits<'o> {
     options: &'o SurfaceOptions,
     /// Iterations in all, at most.
     of: usize,
+    /// Fits end at this time.
+    until: Option<Instant>,
 }
 
 /// What the fits leave.
 struct Done {
     driven: Driven,
+    /// The fitted layers.
+    layers: Vec<Maps>,
+    /// Share of the light that they explain.
+    explained: f64,
 }
 
 impl Fits<'_> {
-    fn run(
+    /// Fits from the closed form: rounds on coarse pixels, then at the resolution of the maps.
+    fn cold(
         &self,
         coarse: Option<&mut Fit>,
         fine: &mut Fit,
         capture: &Capture,
-        mut layers: Vec<Maps>,
+        closed: Vec<Maps>,
         watch: &mut Watch<'_>,
         mut driven: Driven,
     ) -> Result<Done> {
+        let factor = self.options.factor();
         let mut grows = self.options.grow;
-        let begun = layers.clone();
-        let mut scales = true;
+        let mut layers = closed.clone();
         if let Some(coarse) = coarse {
-            let clock = Instant::now();
-            coarse.take(capture)?;
-            driven.seconds += clock.elapsed().as_secs_f64();
-            (driven, grows) = self.rounds(coarse, rounds::NUMBER[0], &mut layers, &mut scales, watch, driven)?;
+            driven = taken(coarse, capture, driven)?;
+            (driven, grows) = self.rounds(coarse, rounds::NUMBER[0], &mut layers, watch, driven)?;
             if !grows {
-                layers = begun;
-                scales = true;
+                layers = closed.clone();
             }
-            layers = layers.iter().map(|maps| support::finer(maps, self.options.factor())).collect();
+            layers = layers.iter().map(|maps| support::finer(maps, factor)).collect();
         }
-        let clock = Instant::now();
-        fine.take(capture)?;
-        driven.seconds += clock.elapsed().as_secs_f64();
-        // The scale is found again for other pixels.
-        scales = true;
+        driven = taken(fine, capture, driven)?;
         if grows {
-            let number = rounds::NUMBER[usize::from(self.options.factor() > 1)];
-            (driven, _) = self.rounds(fine, number, &mut layers, &mut scales, watch, driven)?;
+            let number = rounds::NUMBER[usize::from(factor > 1)];
+            (driven, _) = self.rounds(fine, number, &mut layers, watch, driven)?;
         }
-        let (next, quality) = fine.run(&mut layers, [crate::dbg_of("FINE", self.options.iterations as f64) as usize, self.of], scales, watch, driven)?;
-        driven = next;
-        if std::env::var("DBG").is_ok() && let Some(q) = quality { eprintln!("DBG fine phi {:.4} nu {:.4} grows {grows}", q.model_error(), q.noise_share()); }
-        driven.maps = concluded(layers, quality);
-        Ok(Done { driven })
+        let run = Run { iterations: self.options.iterations, of: self.of, scales: true, until: self.until };
+        let (mut driven, quality) = fine.run(&mut layers, run, watch, driven)?;
+        let mut shown = layers.clone();
+        if !grows && self.options.grow {
+            for (fitted, first) in shown.iter_mut().zip(&closed) {
+                support::blend(fitted, &first.finer(fitted.nx / first.nx));
+            }
+        }
+        driven.maps = concluded(shown, quality);
+        Ok(Done { driven, layers, explained: quality.map_or(0.0, |q| q.explained()) })
+    }
+
+    /// Fits from the surface of the frame before, with what is new in the closed form.
+    fn warm(
+        &self,
+        fine: &mut Fit,
+        capture: &Capture,
+        closed: &[Maps],
+        last: &Last,
+        watch: &mut Watch<'_>,
+        driven: Driven,
+    ) -> Result<Done> {
+        let driven = taken(fine, capture, driven)?;
+        let mut layers = follow::merged(&last.layers, closed);
+        let run = Run { iterations: self.of, of: self.of, scales: true, until: self.until };
+        let (mut driven, quality) = fine.run(&mut layers, run, watch, driven)?;
+        if let Some(typical) = support::typical_albedo(&layers) {
+            let share = support::share(support::flatness(&layers, typical));
+            for maps in &mut layers {
+                support::settle(maps, typical, share);
+                support::drop_islands(maps);
+            }
+        }
+        driven.maps = concluded(layers.clone(), quality);
+        Ok(Done { driven, layers, explained: quality.map_or(0.0, |q| q.explained()) })
     }
 
     /// Rounds of short fits. Returns whether the support may grow.
@@ -295,21 +376,28 @@ impl Fits<'_> {
         fit: &mut Fit,
         number: usize,
         layers: &mut Vec<Maps>,
-        scales: &mut bool,
         watch: &mut Watch<'_>,
         driven: Driven,
     ) -> Result<(Driven, bool)> {
         let range = fit.plan().levels.maps.depth_range().map(|z| z as f32);
-        let mut driven = Some(driven);
+        let (mut driven, mut scales) = (Some(driven), true);
         let grows = in_rounds(number, range, layers, &mut |layers| {
             let before = driven.take().expect("given back");
-            let (next, quality) = fit.run(layers, [rounds::ITERATIONS, self.of], *scales, watch, before)?;
+            let scales = std::mem::take(&mut scales);
+            let run = Run { iterations: rounds::ITERATIONS, of: self.of, scales, until: self.until };
+            let (next, quality) = fit.run(layers, run, watch, before)?;
             driven = Some(next);
-            *scales = false;
             Ok(quality)
         })?;
         Ok((driven.expect("given back"), grows))
     }
+}
+
+/// Gives a fit the counts of a capture; that is part of the solve.
+fn taken(fit: &mut Fit, capture: &Capture, driven: Driven) -> Result<Driven> {
+    let clock = Instant::now();
+    fit.take(capture)?;
+    Ok(Driven { seconds: driven.seconds + clock.elapsed().as_secs_f64(), ..driven })
 }
 
 /// Rounds of short fits by `fit`, between which the support follows the evidence, until it is stable or `number` are done.
@@ -320,30 +408,40 @@ pub(crate) fn in_rounds(
     layers: &mut Vec<Maps>,
     fit: &mut dyn FnMut(&mut Vec<Maps>) -> Result<Option<Quality>>,
 ) -> Result<bool> {
-    let mut before: Option<f64> = None;
+    let mut before = f64::INFINITY;
+    let mut judges = number > rounds::JUDGED;
+    let lit = |layers: &[Maps]| -> Vec<bool> {
+        layers.iter().flat_map(|l| &l.depth).map(|z| z.is_finite()).collect()
+    };
     for round in 1..=number {
         let quality = fit(layers)?;
         let (Some(quality), Some(typical)) = (quality, support::typical_albedo(layers)) else { break };
         let error = quality.model_error();
-        let lit = |layers: &[Maps]| -> Vec<bool> { layers.iter().flat_map(|l| &l.depth).map(|z| z.is_finite()).collect() };
-        if std::env::var("DBG").is_ok() { eprintln!("round {round} phi {:.4} nu {:.4} pixels {} t {typical:.3}", error, quality.noise_share(), lit(layers).iter().filter(|l| **l).count()); }
-        if round == rounds::JUDGED && number > rounds::JUDGED && error > crate::dbg_of("GATE", rounds::MOST_ERROR) {
-            return Ok(false);
-        }
+        let flatness = support::flatness(layers, typical);
         let old = lit(layers);
         for maps in layers.iter_mut() {
             if round < number {
                 support::grow(maps, typical, range);
             }
-            support::settle(maps, typical);
+            support::settle(maps, typical, support::share(flatness));
             support::drop_islands(maps);
         }
         let new = lit(layers);
-        let [changed, all] = [old.iter().zip(&new).filter(|(a, b)| a != b).count(), new.iter().filter(|l| **l).count()];
-        let stable = changed as f64 <= crate::dbg_of("STABLE", 0.08) * all as f64 && before.is_some_and(|b| error > 0.97 * b);
-        if std::env::var("DBG").is_ok() { eprintln!("   changed {changed} of {all}"); }
-        before = Some(error);
-        if stable { break; }
+        let changed = old.iter().zip(&new).filter(|(a, b)| a != b).count() as f64;
+        let all = new.iter().filter(|l| **l).count() as f64;
+        let stable = changed <= rounds::STABLE[0] * all && error > (1.0 - rounds::STABLE[1]) * before;
+        let falls = error < rounds::FALLS * before && round < 2 * rounds::JUDGED;
+        if judges && (stable || round >= rounds::JUDGED && !falls) {
+            judges = false;
+            let [most, most_of_plates] = rounds::MOST_ERROR;
+            if error > most + (most_of_plates - most) * f64::from(flatness) {
+                return Ok(false);
+            }
+        }
+        if stable {
+            break;
+        }
+        before = error;
     }
     Ok(true)
 }
@@ -352,7 +450,7 @@ pub(crate) fn in_rounds(
 fn concluded(layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
     let noise = quality.map_or(0.0, |q| q.noise_share()) as f32;
     let typical = support::typical_albedo(&layers).unwrap_or(0.0);
-    let threshold = (crate::dbg_of("MASK0", rounds::MASK[0].into()) as f32 + rounds::MASK[1] * noise) * typical;
+    let threshold = (support::share(support::flatness(&layers, typical)) + rounds::MASK * noise) * typical;
     let mut maps = match <[Maps; 2]>::try_from(layers) {
         Ok(both) => {
             let least = layers::LEAST_CELLS * (both[0].nx as f64 / super::plan::AMPLE as f64).powi(2);
@@ -363,7 +461,8 @@ fn concluded(layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
     maps.mask = support::smoothed(&maps, typical).iter().map(|a| *a > threshold && typical > 0.0).collect();
     maps.mask.iter_mut().zip(&maps.depth).for_each(|(m, z)| *m &= z.is_finite());
     let white = Maps::white(&maps.albedo);
-    maps.mask_fraction = Some(if white > 0.0 { f64::from(threshold / white).clamp(0.0, 0.99) } else { Maps::MASK_FRACTION });
+    maps.mask_fraction =
+        Some(if white > 0.0 { f64::from(threshold / white).clamp(0.0, 0.99) } else { Maps::MASK_FRACTION });
     if let Some(Layer { albedo, mask, .. }) = &mut maps.behind {
         *mask = albedo.iter().map(|a| *a > threshold).collect();
     }

@@ -2,14 +2,14 @@
 
 use super::SurfaceOptions;
 use crate::capture::{Background, Capture};
-use crate::solve::estimate::{LEAST_PAIRS, variances};
+use crate::solve::estimate::variances;
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
 
 /// The model of a capture for `grid` without measured values, and the rows that they are taken by: of the pairs that a fit
 /// takes, spread over the wall.
 pub(crate) fn outline_of(capture: &Capture, grid: &Grid, options: &SurfaceOptions) -> (Model, Rows) {
     let (mut model, mut rows) = of_all_pairs(capture, options);
-    if !options.general && model.pairs() > LEAST_PAIRS / 4 {
+    if !options.general && model.pairs() > SPREAD_ABOVE {
         rows.reorder(&model.spread());
         let used = model.enough(options.pairs);
         model.use_first(used);
@@ -38,6 +38,9 @@ fn of_all_pairs(capture: &Capture, options: &SurfaceOptions) -> (Model, Rows) {
     };
     (model, rows)
 }
+
+/// Fewer pairs are one batch, in their order.
+const SPREAD_ABOVE: usize = 256;
 
 /// Largest measured value after scaling.
 const PEAK: f64 = 10.0;

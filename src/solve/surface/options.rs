@@ -35,7 +35,7 @@ options! {
             /// Lateral pixels of the maps (N of N × N)
             lateral: usize = 128, Range::Count(1, 4096);
             /// Iterations at the resolution of the maps, after those that find the support
-            iterations: usize = if suit.confocal { 60 } else { 100 }, Range::Count(1, 1_000_000);
+            iterations: usize = 60, Range::Count(1, 1_000_000);
             /// How rendered values are added up: auto takes the fastest that the device has, repeatable the fastest that
             /// gives the same bits in any order
             accumulation: Accumulation = Accumulation::Auto,
@@ -64,7 +64,7 @@ options! {
             /// Support of the surface: auto grows and shrinks it by the evidence of the data, fixed keeps the pixels that
             /// the closed form shows
             grow as "support": bool = true, Range::Words(&["fixed", "auto"]);
-            /// Largest number of laser-sensor pairs that the fit uses [default: 1,024, or more where photons are few]
+            /// Largest number of laser-sensor pairs that the fit uses [default: 4,096, or more where photons are few]
             pairs: usize = suit.pairs, Range::Count(4, MOST_PAIRS);
             /// Points that render a pixel: 1 or 4 [default: 1 if a pixel is no wider than 2.2 bins of path, else 4]
             points: Option<usize> = None, Range::OneOf(&[1, 4]);
@@ -75,11 +75,7 @@ options! {
             high_pass_floor: f64 = LEAST_FLOOR, Range::Share;
             /// Weight of the term that gathers the light in few pixels, as a share of the data that the surface
             /// explains. The term is the mean of log(1 + 10 a / a_max) / 10 over albedos a
-            sparsity: f64 = match (suit.lambertian(), suit.confocal) {
-                (true, _) => 0.05,
-                (false, false) => 0.02,
-                (false, true) => 0.0,
-            }, Range::NotNegative;
+            sparsity: f64 = 0.05, Range::NotNegative;
             /// Subtract the background, estimated from the bins after the signal
             background: bool = true, Range::Flag;
         }

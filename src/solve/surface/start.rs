@@ -85,7 +85,11 @@ pub(crate) fn of_method(
     for maps in std::iter::once(&mut first).chain(&mut second) {
         for pixel in 0..maps.albedo.len() {
             let lit = maps.albedo[pixel] > threshold && maps.depth[pixel].is_finite();
-            if lit { maps.albedo[pixel] /= most } else { remove(maps, pixel) }
+            if lit {
+                maps.albedo[pixel] /= most
+            } else {
+                remove(maps, pixel)
+            }
             if lit && !maps.normal[pixel][2].is_finite() {
                 maps.normal[pixel] = [0.0, 0.0, -1.0];
             }
@@ -98,7 +102,8 @@ pub(crate) fn of_method(
 
 /// The second maximum of each column of a volume: the largest value beyond the dips on both sides of the first maximum.
 fn second_maxima(first: &Maps, volume: &VolumeMap) -> Maps {
-    let mut second = Maps { mask_fraction: first.mask_fraction, ..Maps::empty([first.nx, first.ny], first.extent) };
+    let mut second =
+        Maps { mask_fraction: first.mask_fraction, ..Maps::empty([first.nx, first.ny], first.extent) };
     let deep = volume.grid.n[2];
     for (pixel, column) in volume.albedo.chunks(deep).enumerate() {
         let Some(top) = (0..deep).max_by(|a, b| column[*a].total_cmp(&column[*b])) else { continue };

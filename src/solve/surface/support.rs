@@ -17,8 +17,17 @@ mod constants {
     pub const BORN: f32 = 0.5;
     /// Steepest slope that depths are extrapolated by.
     pub const STEEPEST: f32 = 1.5;
-    /// A pixel stays where the smoothed albedo is above this share of the typical one; albedos are clamped to it from below.
-    pub const STAYS: f32 = 0.3;
+    /// A pixel with a slanted rim stays where the smoothed evidence is above this share of the typical one; albedos are clamped to
+    /// it from below.
+    pub const STAYS: f32 = 0.28;
+    /// The same for plates.
+    pub const PLATE: f32 = 0.5;
+    /// Power of the cosine of a slanted pixel in its evidence.
+    pub const SLANT: f32 = 0.75;
+    /// Smoothed evidence between these shares of the typical one is at an edge of the surface.
+    pub const AT_EDGE: [f32; 2] = [0.3, 0.7];
+    /// Mean cosines at edges of surfaces that bend away, and of plates.
+    pub const FACING: [f32; 2] = [0.8, 0.95];
     /// Albedos are clamped to this multiple of the typical one.
     pub const BRIGHTEST: f32 = 1.25;
     /// Smoothing clips albedos at this multiple of the typical one.
@@ -34,8 +43,11 @@ use constants::*;
 
 /// Mean albedo weighted by its square, with outliers clipped at twice the 75th percentile of lit pixels; `None` without light.
 pub fn typical_albedo(layers: &[Maps]) -> Option<f32> {
-    let lit: Vec<f32> =
-        layers.iter().flat_map(|m| (0..m.albedo.len()).map(|i| evidence(m, i))).filter(|a| *a > 0.0).collect();
+    let lit: Vec<f32> = layers
+        .iter()
+        .flat_map(|m| (0..m.albedo.len()).map(|i| evidence(m, i)))
+        .filter(|a| *a > 0.0)
+        .collect();
     let most = 2.0 * percentile(&lit, 75.0)?;
     let [cubes, squares] = lit.iter().fold([0.0f64; 2], |[c, s], a| {
         let a = f64::from(a.min(most));
@@ -46,9 +58,10 @@ pub fn typical_albedo(layers: &[Maps]) -> Option<f32> {
 
 /// The albedo of a layer smoothed over its surroundings, clipped at a multiple of `typical`; pixels without a surface are dark.
 pub fn smoothed(maps: &Maps, typical: f32) -> Vec<f32> {
-    let sigma = crate::dbg_of("SMOOTH", 1.0) * SMOOTH * maps.nx.max(maps.ny) as f64;
+    let sigma = SMOOTH * maps.nx.max(maps.ny) as f64;
     let reach = (3.0 * sigma).ceil() as isize;
-    let mut taps: Vec<f32> = (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32).collect();
+    let mut taps: Vec<f32> =
+        (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp() as f32).collect();
     let sum: f32 = taps.iter().sum();
     taps.iter_mut().for_each(|t| *t /= sum);
     let clipped: Vec<f32> = (0..maps.albedo.len())
@@ -71,7 +84,7 @@ pub fn smoothed(maps: &Maps, typical: f32) -> Vec<f32> {
 /// Light of a pixel per lateral area: its albedo, dimmed by the cosine of a slanted surface.
 fn evidence(maps: &Maps, pixel: usize) -> f32 {
     let cosine = -maps.normal[pixel][2];
-    maps.albedo[pixel] * if cosine > 0.0 { cosine.powf(crate::dbg_of("EV", 0.0) as f32) } else { 1.0 }
+    maps.albedo[pixel] * if cosine > 0.0 { cosine.powf(SLANT) } else { 1.0 }
 }
 
 /// Pixels of a neighbourhood within `reach` of a pixel, itself excluded, with their offsets.
@@ -101,7 +114,8 @@ fn extrapolated(maps: &Maps, pixel: usize) -> Option<(f32, f32, [f32; 3])> {
     for (other, way) in around(maps, pixel, 2).filter(|(o, _)| maps.depth[*o].is_finite()) {
         let d = [0, 1].map(|k| -(way[k] as f32) * pitch[k]);
         let s = slopes(maps.normal[other]);
-        let weight = (-0.5 * (way[0] * way[0] + way[1] * way[1]) as f32).exp() * maps.albedo[other].max(1e-12);
+        let weight =
+            (-0.5 * (way[0] * way[0] + way[1] * way[1]) as f32).exp() * maps.albedo[other].max(1e-12);
         weights += weight;
         depth += weight * (maps.depth[other] + s[0] * d[0] + s[1] * d[1]);
         albedo += weight * maps.albedo[other];
@@ -118,7 +132,7 @@ fn extrapolated(maps: &Maps, pixel: usize) -> Option<(f32, f32, [f32; 3])> {
 /// Adds a ring of pixels around those with at least [`BIRTH`] of the typical albedo. Depths stay within `range`.
 pub fn grow(maps: &mut Maps, typical: f32, range: [f32; 2]) {
     let has_bright = |pixel: usize| {
-        around(maps, pixel, 1).any(|(o, _)| maps.depth[o].is_finite() && maps.albedo[o] >= (crate::dbg_of("BIRTH", BIRTH as f64) as f32) * typical)
+        around(maps, pixel, 1).any(|(o, _)| maps.depth[o].is_finite() && maps.albedo[o] >= BIRTH * typical)
     };
     let born: Vec<(usize, (f32, f32, [f32; 3]))> = (0..maps.depth.len())
         .filter(|p| !maps.depth[*p].is_finite() && has_bright(*p))
@@ -126,17 +140,44 @@ pub fn grow(maps: &mut Maps, typical: f32, range: [f32; 2]) {
         .collect();
     for (pixel, (depth, albedo, normal)) in born {
         maps.depth[pixel] = depth.clamp(range[0], range[1]);
-        maps.albedo[pixel] = (crate::dbg_of("BORN", BORN as f64) as f32) * albedo;
+        maps.albedo[pixel] = BORN * albedo;
         maps.normal[pixel] = normal;
     }
 }
 
-/// Removes pixels whose smoothed albedo is at most [`STAYS`] of the typical one, and clamps the albedo of the others.
-pub fn settle(maps: &mut Maps, typical: f32) {
+/// How flat surfaces are at their edges: 0 where they bend away from the wall, 1 for plates that face it.
+pub fn flatness(layers: &[Maps], typical: f32) -> f32 {
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for maps in layers {
+        let smooth = smoothed(maps, typical);
+        let (nx, ny) = (maps.nx, maps.ny);
+        for pixel in (0..smooth.len()).filter(|p| maps.depth[*p].is_finite()) {
+            let (x, y) = (pixel / ny, pixel % ny);
+            let on_edge = (AT_EDGE[0] * typical..AT_EDGE[1] * typical).contains(&smooth[pixel]);
+            if !on_edge || x == 0 || y == 0 || x + 1 == nx || y + 1 == ny {
+                continue;
+            }
+            let fall = (smooth[pixel + ny] - smooth[pixel - ny]).hypot(smooth[pixel + 1] - smooth[pixel - 1]);
+            sum += fall * -maps.normal[pixel][2];
+            weights += fall;
+        }
+    }
+    let facing = if weights > 0.0 { sum / weights } else { 0.0 };
+    ((facing - FACING[0]) / (FACING[1] - FACING[0])).clamp(0.0, 1.0)
+}
+
+/// The share of the typical evidence above which a pixel is surface. The smoothed evidence of a plate with a sharp edge is half
+/// of the typical one at the edge; where a surface bends away, its rim is dim.
+pub fn share(flatness: f32) -> f32 {
+    STAYS + (PLATE - STAYS) * flatness
+}
+
+/// Removes pixels whose smoothed evidence is at most `share` of the typical one, and clamps the albedo of the others.
+pub fn settle(maps: &mut Maps, typical: f32, share: f32) {
     let smooth = smoothed(maps, typical);
     for (pixel, smooth) in smooth.into_iter().enumerate() {
-        if smooth > (crate::dbg_of("STAYS", STAYS as f64) as f32) * typical && maps.depth[pixel].is_finite() {
-            maps.albedo[pixel] = maps.albedo[pixel].clamp((crate::dbg_of("STAYS", STAYS as f64) as f32) * typical, BRIGHTEST * typical);
+        if smooth > share * typical && maps.depth[pixel].is_finite() {
+            maps.albedo[pixel] = maps.albedo[pixel].clamp(STAYS * typical, BRIGHTEST * typical);
         } else {
             remove(maps, pixel);
         }
@@ -175,6 +216,19 @@ pub fn drop_islands(maps: &mut Maps) {
         }
     }
     small.into_iter().for_each(|pixel| remove(maps, pixel));
+}
+
+/// Replaces albedos by their geometric mean with those of the closed form, which errs in other ways: where the model error is
+/// large, surface is where both have light.
+pub fn blend(maps: &mut Maps, first: &Maps) {
+    let Some((own, other)) =
+        typical_albedo(std::slice::from_ref(maps)).zip(typical_albedo(std::slice::from_ref(first)))
+    else {
+        return;
+    };
+    for (albedo, first) in maps.albedo.iter_mut().zip(&first.albedo) {
+        *albedo = (*albedo * first.max(0.0) * own / other).sqrt();
+    }
 }
 
 /// A layer on a grid with `factor` × `factor` pixels for each of its own: depths follow the slopes.

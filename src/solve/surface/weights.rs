@@ -47,8 +47,7 @@ pub fn weights(
     // Half of chi² is the objective over this and over what is left: noise, and what the model does not explain.
     let share = 2.0 / model.elements_of(level.pairs).max(1) as f64;
     let most = placed.most;
-    let [bend, jump] =
-        [share / crate::dbg_of("BEND", BEND).powi(2), share / (crate::dbg_of("JUMP", JUMP) * most).powi(2)];
+    let [bend, jump] = [share / (BEND * BEND), share / (JUMP * most).powi(2)];
     let sparse = options.sparsity * placed.explained / (placed.pixels.max(1) as f64 * most);
     let pixel = (level.grid.pitch.x * level.grid.pitch.y).sqrt();
     let mut all = [0.0; SURFACE_WEIGHTS as usize];
@@ -57,12 +56,8 @@ pub fn weights(
         (SURFACE_JUMP, jump * placed.left),
         (SURFACE_BEND_SHARE, bend),
         (SURFACE_JUMP_SHARE, jump),
-        (
-            SURFACE_DEPTH_RATE,
-            (crate::dbg_of("DEPTHB", DEPTH_BINS) * model.bin_width)
-                .min(crate::dbg_of("DEPTHP", DEPTH_PIXELS) * pixel),
-        ),
-        (SURFACE_ALBEDO_RATE, crate::dbg_of("ALB", ALBEDO) * most),
+        (SURFACE_DEPTH_RATE, (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
+        (SURFACE_ALBEDO_RATE, ALBEDO * most),
         (SURFACE_ITERATIONS, iterations as f64),
         (SURFACE_SPREAD, spread(&level.grid)),
         (SURFACE_SPARSE, sparse),
@@ -80,5 +75,5 @@ pub fn around(level: &Level) -> u64 {
 
 /// First sigma of the Gaussian that averages gradients, pixels.
 fn spread(maps: &Grid) -> f64 {
-    (crate::dbg_of("SPREAD", SPREAD) * maps.n[0] as f64 / AMPLE as f64).min(MOST_SPREAD)
+    (SPREAD * maps.n[0] as f64 / AMPLE as f64).min(MOST_SPREAD)
 }

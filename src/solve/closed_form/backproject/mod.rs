@@ -18,11 +18,11 @@ use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu, Schedule};
 use crate::solve::option::{Options, options, words};
+use crate::solve::{Common, Plan, Prepared, Problem, RunsOn, Solver, TimedSchedule, outline};
+use crate::transport::Grid;
 pub use hat::hat;
 pub use passes::gather_filtered;
 pub use projecting::OfProjection;
-use crate::solve::{Common, Plan, Prepared, Problem, RunsOn, Solver, TimedSchedule, outline};
-use crate::transport::Grid;
 
 mod hat;
 pub mod passes;
