@@ -50,7 +50,7 @@ pub use pixels::Pixels;
 pub use schedule::{bonds, divide, extract, iteration, points, render, start as start_of};
 pub use weights::{Placed, weights};
 
-/// Rounds of the support. Evidence: benches/studies/surface.md, "Support by evidence".
+/// Rounds of the support. Evidence: benches/NOTES.md, "Support by evidence".
 mod rounds {
     /// Lateral pixels of the coarse fit.
     pub const COARSE: usize = 64;
