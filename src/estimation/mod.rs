@@ -32,7 +32,7 @@ pub use pulse::FoundPulse;
 use pulse::Shape;
 use trial::{Fitted, Trial};
 
-/// Constants of the estimates. Evidence: benches/studies/trials.md.
+/// Constants of the estimates. Evidence: benches/NOTES.md.
 mod constants {
     /// Minimum hold-out size for model selection, pairs.
     pub const LEAST_PAIRS: usize = 16;

@@ -51,7 +51,7 @@ pub use schedule::{bonds, divide, extract, iteration, points, render, start as s
 pub(crate) use start::Start;
 pub use weights::{Placed, weights};
 
-/// Rounds of the support. Evidence: benches/studies/surface.md, "Support by evidence".
+/// Rounds of the support. Evidence: benches/NOTES.md, "Support by evidence".
 mod rounds {
     /// Lateral pixels of the coarse fit.
     pub const COARSE: usize = 64;
