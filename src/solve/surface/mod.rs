@@ -13,6 +13,7 @@
 //! A solve has three parts ([`PreparedSurface::solve`]): the closed form's layers ([`start`]), rounds of short fits on coarse
 //! pixels between which the support follows the evidence ([`support`]), and a fit at the resolution of the maps.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -157,10 +158,15 @@ pub fn prepare_for_frames(
     let scan = capture.outline();
     let problem = Problem { capture: &scan, ..*problem };
     let [coarse_iterations, iterations] = options.most_iterations();
+    let first_grid = if coarse_iterations > 0 { grid.coarser(options.factor()) } else { grid };
+    // Bins so wide that one point renders a pixel of the first fit.
+    let narrow = first_grid.pitch.x / (SMALL_PIXEL * scan.bin_width);
+    let sum = if coarse_iterations > 0 { ((narrow - 1e-6).ceil() as usize).clamp(1, scan.bins) } else { 1 };
+    let first_scan = if sum > 1 { scan.binned(sum)?.outline() } else { scan.clone() };
     let coarse = match coarse_iterations {
         0 => None,
         most => {
-            let coarse = Problem { grid: grid.coarser(options.factor()), ..problem };
+            let coarse = Problem { capture: &first_scan, grid: first_grid, ..problem };
             Some(Fit::new(gpu, &coarse, options, [0, most])?)
         }
     };
@@ -172,7 +178,9 @@ pub fn prepare_for_frames(
         grid,
         memory,
         with_volume,
-        scan: scan.clone(),
+        first_scan: first_scan.clone(),
+        first_grid,
+        sum,
         method: None,
         keeps: false,
         follow,
@@ -191,8 +199,11 @@ struct PreparedSurface {
     grid: Grid,
     memory: Option<u64>,
     with_volume: bool,
-    /// The capture without its counts.
-    scan: Capture,
+    /// The grid of the first fit.
+    first_grid: Grid,
+    /// How many bins are one for the closed form and the first fit, and the capture in these bins, without its counts.
+    sum: usize,
+    first_scan: Capture,
     /// The closed form, while everything stays allocated.
     method: Option<Start>,
     /// Everything stays allocated.
@@ -204,26 +215,20 @@ struct PreparedSurface {
 }
 
 impl PreparedSurface {
-    /// The grid of the first fit.
-    fn first_grid(&self) -> Grid {
-        if self.coarse.is_some() { self.grid.coarser(self.options.factor()) } else { self.grid }
-    }
-
     /// The closed form that initialises the surface, prepared; `None`: a plane does.
     fn first_method(&mut self, gpu: &Gpu) -> Result<Option<Start>> {
-        let problem = Problem { memory: self.memory, ..Problem::new(&self.scan, self.first_grid()) };
+        let problem = Problem { memory: self.memory, ..Problem::new(&self.first_scan, self.first_grid) };
         Start::new(gpu, &problem, &self.options)
     }
 
     /// The layers that the fits begin with.
     fn start(&mut self, gpu: &Gpu, capture: &Capture, watch: &mut Watch<'_>) -> Result<Vec<Maps>> {
-        let grid = self.first_grid();
         let iterations = self.options.most_iterations().iter().sum();
         // Its buffers are freed before those of the fits are made, unless everything stays.
         let mut own = if self.keeps { None } else { self.first_method(gpu)? };
         match self.method.as_mut().or(own.as_mut()) {
             Some(method) => method.layers(capture, iterations, watch),
-            None => Ok(vec![start::plane(capture, &grid, self.options.background)]),
+            None => Ok(vec![start::plane(capture, &self.first_grid, self.options.background)]),
         }
     }
 }
@@ -246,7 +251,8 @@ impl Prepared for PreparedSurface {
         let begun = Instant::now();
         let gpu = self.fine.planned.gpu().clone();
         let watch = beside.watch;
-        let closed = self.start(&gpu, capture, watch)?;
+        let wide = if self.sum > 1 { Cow::Owned(capture.binned(self.sum)?) } else { Cow::Borrowed(capture) };
+        let closed = self.start(&gpu, &wide, watch)?;
         let until = self.follow.and_then(|follow| follow.budget).map(|budget| begun + budget);
         // After an error the surface on the device is no frame's: the next one begins cold.
         let last = self.last.take();
@@ -269,7 +275,7 @@ impl Prepared for PreparedSurface {
             None => {
                 fits.of = self.options.most_iterations().iter().sum();
                 let driven = start(&closed);
-                fits.cold(self.coarse.as_mut(), &mut self.fine, capture, closed, watch, driven)?
+                fits.cold(self.coarse.as_mut(), &mut self.fine, [&wide, capture], closed, watch, driven)?
             }
         };
         if !self.keeps {
@@ -311,7 +317,7 @@ impl Fits<'_> {
         &self,
         coarse: Option<&mut Fit>,
         fine: &mut Fit,
-        capture: &Capture,
+        [wide, capture]: [&Capture; 2],
         closed: Vec<Maps>,
         watch: &mut Watch<'_>,
         mut driven: Driven,
@@ -320,7 +326,7 @@ impl Fits<'_> {
         let mut grows = self.options.grow;
         let mut layers = closed.clone();
         if let Some(coarse) = coarse {
-            driven = taken(coarse, capture, driven)?;
+            driven = taken(coarse, wide, driven)?;
             (driven, grows) = self.rounds(coarse, rounds::NUMBER[0], &mut layers, watch, driven)?;
             if !grows {
                 layers = closed.clone();
