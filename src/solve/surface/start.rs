@@ -79,12 +79,14 @@ impl Start {
     }
 }
 
-/// The pairs that a method takes.
+/// At most about so many pairs of a capture: a coarser scan, or pairs drawn from a list.
 fn few(capture: &Capture, pairs: Option<usize>) -> Result<Cow<'_, Capture>> {
-    Ok(match pairs {
-        Some(pairs) => Cow::Owned(capture.subset(pairs, 0)?),
-        None => Cow::Borrowed(capture),
-    })
+    let Some(pairs) = pairs else { return Ok(Cow::Borrowed(capture)) };
+    let stride = (capture.pair_count() as f64 / pairs as f64).sqrt().ceil() as usize;
+    Ok(Cow::Owned(match capture.stride(stride) {
+        Ok(coarser) => coarser,
+        Err(_) => capture.subset(pairs, 0)?,
+    }))
 }
 
 /// The closed-form method that initialises a surface on `lateral` pixels; `None`: a plane does.
