@@ -1,7 +1,7 @@
 //! Whole jobs, from a capture file to result files. The command line calls them.
 //!
 //! [`load`] reads and prepares a capture. [`run()`] reconstructs it and writes every result. [`batch()`] does this with many
-//! captures. [`compare()`] does it by several methods and compares them, [`benchmark()`] over all scenes of a folder. [`evaluate()`] measures an earlier result. [`inspect()`] says what a run would
+//! captures. [`benchmark()`] compares methods on captures and scenes. [`evaluate()`] measures an earlier result. [`inspect()`] says what a run would
 //! do. [`demo()`] simulates a scene and reconstructs it. Callers only gather options and show the results.
 
 mod advice;
@@ -18,6 +18,7 @@ mod planned;
 mod preview;
 pub mod profile;
 mod reconstruct;
+mod record;
 mod report;
 mod request;
 mod run;

@@ -1,51 +1,98 @@
-//! `thirdbounce benchmark [DIR]`.
+//! `thirdbounce benchmark [CAPTURE|DIR]..`: captures × methods × photon counts.
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use thirdbounce::Result;
 use thirdbounce::export::benchmark::Case;
+use thirdbounce::export::comparison::LeftOut;
 use thirdbounce::files::atomic;
-use thirdbounce::job::benchmark::{Caller, Scene, Source, benchmark, family, found_in};
-use thirdbounce::job::{self, Benchmark, Comparison, Input, Loaded, Turn};
+use thirdbounce::job::benchmark::{Caller, Scene, Source, benchmark, family, found_in, truth_of};
+use thirdbounce::job::{
+    self, Benchmark, Comparison, Foreign, ForeignResult, Input, Loaded, Method, Request, SolverOptions, Turn,
+};
+use thirdbounce::maps::Maps;
+use thirdbounce::measure::PaperMeasure;
 use thirdbounce::solve::Progress;
+use thirdbounce::{Error, Result};
 
-use super::compare::{HowArgs, METHODS, Turns};
+use super::input::{DeviceArgs, PartArgs, VolumeArgs};
+use super::progress::Meter;
+use super::solver::SolverArgs;
 use super::terminal::{print, say, say_error};
-use super::{advice, interrupt, methods};
+use super::{advice, interrupt, methods, units};
 
 /// Exit code after Ctrl-C, as for the other verbs.
 const STOPPED: u8 = 130;
 
+const METHODS: &str = "\
+Methods:
+  A method is a solver, or solver:key=value,key=value,... Keys are the solver options, depth-pitch,
+  trace-every and no-preview of reconstruct. name=... sets the name in plots and folders. Options that a method does
+  not set are taken from the options given here. The other methods are compared with the first. The curve of vector
+  begins with the preview that reconstruct shows first, unless no-preview says otherwise.
+  all stands for every method of this version that does not stand beside it; those whose assumptions the capture breaks
+  are left out.
+    --method paper --method paper:learning-rate=0.3,name=slow --method paper:sampling=fixed,no-reduce
+    --method 'paper;paper:iterations=300,double-every=50'";
+
 #[derive(clap::Args)]
 #[command(after_help = METHODS)]
 pub struct Args {
-    /// Folder of scenes: captures (the truth of NAME.npz is NAME_truth.npz, truth_NAME.npz or truth/NAME.npz; without one,
-    /// methods are judged by what closed-form methods agree on), and NAME.scene with the arguments of simulate, or with
-    /// family and the seed of a random scene, whose captures are made
-    folder: Option<PathBuf>,
-    /// Scenes of the program's own, beside those of the folder: random ones, and two with 8 × 8 to 64 × 64 points [default:
-    /// without a folder]
+    /// Captures, and folders of captures and scenes. The truth of NAME.npz is NAME_truth.npz, truth_NAME.npz or
+    /// truth/NAME.npz; without one, methods are judged by what closed-form methods agree on. NAME.scene has the arguments of
+    /// simulate, or family and the seed of a random scene, whose captures are made
+    #[arg(value_name = "CAPTURE|DIR")]
+    captures: Vec<PathBuf>,
+    /// True maps of the only capture
+    #[arg(long, value_name = "FILE")]
+    truth: Option<PathBuf>,
+    /// Scenes of the program's own, beside the captures: random ones, and two with 8 × 8 to 64 × 64 points [default: without
+    /// captures]
     #[arg(long)]
     own: bool,
     /// Folder for the page, a folder for each case, and the captures that are made [default: benchmark, in DIR if there is
     /// one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// A method (see below). May be repeated, or separate several with ; [default: all, with
+    /// A method (see below). May be repeated, or separate several with ; [default: --solver, or all, with
     /// 300 iterations of paper if there are scenes of the program's own]
     #[arg(long, visible_alias = "methods", value_name = "METHOD", value_delimiter = ';')]
     method: Vec<String>,
-    /// Draw photon counts from every scene that has exact values, with a mean of P in the strongest bin; one case for
+    /// Maps that another program made of the same capture: a file (npz, EXR or MATLAB) or a folder with maps.npz,
+    /// maps.exr or maps.mat, the seconds that it took and what it ran on. They are measured and drawn beside the methods.
+    /// A row of a published table has figures in place of the folder, as evaluate prints them in the line paper:
+    /// NAME,depth=MAE/RMSE,normals=MAE/RMSE,seconds=S,hardware=WORDS, one of depth and normals or both, RMSE or not.
+    /// May be repeated
+    #[arg(long, value_name = "NAME=FOLDER,seconds=S,hardware=WORDS")]
+    foreign: Vec<String>,
+    /// Draw photon counts from every capture that has exact values, with a mean of P in the strongest bin; one case for
     /// each P
     #[arg(long, value_name = "P,...", value_delimiter = ',')]
     photons: Vec<f64>,
-    /// Run every method R times, in turns; times are medians
-    #[arg(long, value_name = "R", default_value_t = 1)]
-    repeats: usize,
+    /// Run every method R times, in turns; times are medians [default: 3 for a single case, else 1]
+    #[arg(long, value_name = "R")]
+    repeats: Option<usize>,
+    /// Measure after every Nth iteration; measuring does not count as solving
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    trace_every: usize,
+    /// A pixel is surface above this share of the brightest albedo [default: the usual mask of each method]
+    #[arg(long, value_name = "X", value_parser = units::number)]
+    mask_fraction: Option<f64>,
+    /// Let the truth choose the mask of every method: the share of the brightest albedo with the best IoU. Tables say so
+    #[arg(long, conflicts_with = "mask_fraction")]
+    oracle: bool,
+    /// No progress and no notes, errors only
+    #[arg(long, short)]
+    quiet: bool,
     #[command(flatten)]
-    how: HowArgs,
+    part: PartArgs,
+    #[command(flatten)]
+    solver: SolverArgs,
+    #[command(flatten)]
+    grid: VolumeArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 /// The scenes of the program's own: names, and what stands in their files. Two scanned at more and more points, then others,
@@ -104,29 +151,87 @@ fn scenes_of(folder: &Path) -> Result<Vec<Scene>> {
     there.chain(made).collect()
 }
 
+/// The scene of a capture.
+fn scene_of(capture: &Path, truth: Option<PathBuf>) -> Scene {
+    let name = if capture.is_dir() { capture.file_name() } else { capture.file_stem() };
+    Scene {
+        name: name.map_or_else(|| "capture".into(), |name| name.to_string_lossy().into_owned()),
+        source: Source::Capture { file: capture.into(), truth: truth.or_else(|| truth_of(capture)) },
+    }
+}
+
+impl Args {
+    /// The scenes that the arguments name, but for the program's own.
+    fn scenes(&self) -> Result<Vec<Scene>> {
+        let alone = |what: &str| {
+            Error::options(
+                format!("{what} belongs to one capture"),
+                "give that capture alone, without folders and photons",
+            )
+        };
+        match (&self.captures[..], &self.truth) {
+            ([capture], Some(truth)) => return Ok(vec![scene_of(capture, Some(truth.clone()))]),
+            (_, Some(_)) => return Err(alone("--truth")),
+            _ => {}
+        }
+        let is_one = matches!(&self.captures[..], [only] if !only.is_dir()) && self.photons.is_empty();
+        if !is_one && !self.foreign.is_empty() {
+            return Err(alone("--foreign"));
+        }
+        let mut scenes = vec![];
+        for path in &self.captures {
+            match path.is_dir() {
+                true => scenes.extend(scenes_of(path)?),
+                false => scenes.push(scene_of(path, None)),
+            }
+        }
+        Ok(scenes)
+    }
+}
+
 pub fn run(args: &Args) -> Result<ExitCode> {
-    let how = &args.how;
-    let owns = args.own || args.folder.is_none();
+    let owns = args.own || args.captures.is_empty();
+    let solver = args.solver.choice().solver;
     // A thousand iterations of every scene would take hours.
-    let usual: &[&str] = if owns { &["all", "paper:iterations=300,name=paper"] } else { &["all"] };
-    let specs = how.specs(&args.method, usual)?;
-    how.check()?;
-    Comparison::check_repeats(args.repeats)?;
-    let mut scenes = args.folder.as_deref().map(scenes_of).transpose()?.unwrap_or_default();
-    let out = args.out.clone().unwrap_or_else(|| {
-        args.folder.as_deref().map_or_else(|| "benchmark".into(), |folder| folder.join("benchmark"))
-    });
+    let usual: &[&str] = match &solver {
+        Some(name) => &[name.as_str()],
+        None if owns => &["all", "paper:iterations=300,name=paper"],
+        None => &["all"],
+    };
+    let specs = args.specs(&args.method, usual)?;
+    args.check()?;
+    let mut scenes = args.scenes()?;
+    let single = scenes.len() == 1 && args.photons.is_empty() && !owns;
+    let repeats = args.repeats.unwrap_or(if single { 3 } else { 1 });
+    Comparison::check_repeats(repeats)?;
+    let input = args.part.input(&args.solver)?;
+    let foreign = args.foreign.iter().map(|text| foreign(text)).collect::<Result<Vec<_>>>()?;
+    let maps = |foreign: &Foreign| match &foreign.result {
+        ForeignResult::Maps(path) => Some(path.clone()),
+        ForeignResult::Figures(_) => None,
+    };
+    let folder = args.captures.iter().find(|path| path.is_dir() && args.truth.is_none());
+    let out = args
+        .out
+        .clone()
+        .unwrap_or_else(|| folder.map_or_else(|| "benchmark".into(), |folder| folder.join("benchmark")));
     if owns {
         let folder = out.join("scenes");
         write_own(&folder)?;
         scenes.extend(scenes_of(&folder)?);
     }
-    let mut options = how.told(&specs)?;
-    options.push(format!("repeats {}", args.repeats));
-    let what =
-        Benchmark { scenes, photons: args.photons.clone(), seed: how.solver.choice().seed(), out, options };
+    let mut options = args.told(&specs)?;
+    options.push(format!("repeats {repeats} part {input:?} foreign {:?}", args.foreign));
+    let what = Benchmark {
+        scenes,
+        photons: args.photons.clone(),
+        seed: args.solver.choice().seed(),
+        out,
+        options,
+        beside: foreign.iter().filter_map(maps).collect(),
+    };
     interrupt::stop_in_order();
-    let mut running = Running { args, specs, turns: Turns::new(how.quiet) };
+    let mut running = Running { args, specs, input, repeats, turns: Turns::new(args.quiet) };
     let done = benchmark(&what, &mut running);
     running.turns.end();
     let done = done?;
@@ -140,20 +245,119 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     })
 }
 
+impl Args {
+    /// Refuses what no capture makes good.
+    fn check(&self) -> Result<()> {
+        Maps::check_mask_fraction(self.mask_fraction)?;
+        self.device.memory()?;
+        self.grid.volume_only()?;
+        self.grid.bins().map(|_| ())
+    }
+
+    /// Says notes, unless it is to be quiet.
+    fn say(&self, notes: &[String]) {
+        if !self.quiet {
+            notes.iter().for_each(|note| say(&format!("note: {note}")));
+        }
+    }
+
+    /// The methods that are asked for, else `usual`, all of them checked.
+    fn specs(&self, asked: &[String], usual: &[&str]) -> Result<Vec<methods::Spec>> {
+        self.solver.choice().check()?;
+        let named: Vec<&str> = asked.iter().map(|m| m.trim()).filter(|m| !m.is_empty()).collect();
+        if named.is_empty() && !asked.is_empty() {
+            return Err(Error::options("--method is empty", "name a solver: --method paper"));
+        }
+        let base = self.solver.choice();
+        let mut specs = vec![];
+        let asked_for = if named.is_empty() { usual.to_vec() } else { named };
+        for &text in &asked_for {
+            if text != "all" {
+                specs.push(methods::parse(text, &base)?);
+                continue;
+            }
+            // What stands beside all by itself is not run twice.
+            let alone = |name: &&str| !asked_for.iter().any(|text| text.split(':').next() == Some(*name));
+            for name in every().filter(alone) {
+                specs.push(methods::Spec { is_optional: true, ..methods::parse(name, &base)? });
+            }
+        }
+        Ok(specs)
+    }
+
+    /// Every option that changes results, as texts.
+    fn told(&self, specs: &[methods::Spec]) -> Result<Vec<String>> {
+        let mut all: Vec<String> =
+            specs.iter().map(|s| format!("method {} {:?} {}", s.name, s.choice, s.no_preview)).collect();
+        all.push(format!(
+            "trace {} mask {:?} oracle {} bins {:?} depth {:?} volume {:?}",
+            self.trace_every,
+            self.mask_fraction,
+            self.oracle,
+            self.grid.bins()?,
+            self.grid.depth_pitch,
+            self.grid.volume_only()?
+        ));
+        Ok(all)
+    }
+
+    /// What is compared on a capture: once, without a folder.
+    fn comparison(&self, specs: &[methods::Spec], loaded: &Loaded, truth: &Path) -> Result<Comparison> {
+        let (memory, volume, bins) = (self.device.memory()?, self.grid.volume_only()?, self.grid.bins()?);
+        let method = |spec: &methods::Spec| {
+            let usual = spec.choice.resolve(&loaded.capture).request();
+            let request = Request {
+                preview: !spec.no_preview && matches!(usual.solver, SolverOptions::Surface(_)),
+                tuned: false,
+                bins,
+                depth_pitch: spec.depth_pitch.or(self.grid.depth_pitch),
+                volume,
+                memory,
+                device: self.device.device.clone(),
+                pipeline_cache: self.device.pipeline_cache(),
+                validation: self.device.validation,
+                truth: Some(truth.into()),
+                mask_fraction: self.mask_fraction.or(usual.mask_fraction),
+                trace_every: spec.trace_every.or(Some(self.trace_every)),
+                find_pulse: self.part.find_pulse(usual.find_pulse),
+                ..usual
+            };
+            Method { name: spec.name.clone(), spec: spec.text.clone(), request }
+        };
+        let mut comparison = Comparison {
+            foreign: self.foreign.iter().map(|text| foreign(text)).collect::<Result<_>>()?,
+            oracle: self.oracle,
+            ..Comparison::default()
+        };
+        for spec in specs {
+            let method = method(spec);
+            match method.request.solver.takes(&loaded.capture) {
+                Err(e) if spec.is_optional => {
+                    comparison.left_out.push(LeftOut { name: method.name, why: e.what });
+                }
+                _ => comparison.methods.push(method),
+            }
+        }
+        let missing = comparison.left_out.iter().map(|m| format!("{} is left out: {}", m.name, m.why));
+        self.say(&missing.collect::<Vec<_>>());
+        Ok(comparison)
+    }
+}
+
 struct Running<'a> {
     args: &'a Args,
     specs: Vec<methods::Spec>,
+    input: Input,
+    repeats: usize,
     turns: Turns,
 }
 
 impl Caller for Running<'_> {
     fn comparison(&mut self, capture: &Path, truth: &Path) -> Result<(Loaded, Comparison)> {
-        let how = &self.args.how;
-        let preset = how.solver.preset;
-        let loaded = job::load(&Input { path: capture.into(), preset, ..Input::default() })?;
-        how.say(&loaded.notes);
-        let comparison = how.comparison(&self.specs, &loaded, truth, &|usual| usual)?;
-        Ok((loaded, Comparison { repeats: self.args.repeats, ..comparison }))
+        let loaded = job::load(&Input { path: capture.into(), ..self.input.clone() })?;
+        self.args.say(&loaded.notes);
+        let comparison = self.args.comparison(&self.specs, &loaded, truth)?;
+        Ok((loaded, Comparison { repeats: self.repeats, ..comparison }))
     }
 
     fn hear(&mut self, case: &str, progress: Option<(&Turn<'_>, &Progress)>) -> ControlFlow<()> {
@@ -161,7 +365,7 @@ impl Caller for Running<'_> {
             Some((turn, progress)) => self.turns.hear(turn, progress),
             None => {
                 self.turns.end();
-                if !self.args.how.quiet {
+                if !self.args.quiet {
                     say(&format!("case {case}"));
                 }
                 interrupt::asked()
@@ -171,7 +375,7 @@ impl Caller for Running<'_> {
 
     fn tell(&mut self, case: &Case) {
         self.turns.end();
-        let quiet = self.args.how.quiet;
+        let quiet = self.args.quiet;
         match &case.why {
             Some(why) if case.failed => {
                 let mend = case.remedy.as_ref().map_or_else(String::new, advice::text);
@@ -183,4 +387,86 @@ impl Caller for Running<'_> {
             _ => {}
         }
     }
+}
+
+/// The progress of the turns of a comparison.
+struct Turns {
+    quiet: bool,
+    shown: Option<(String, usize, Meter)>,
+}
+
+impl Turns {
+    fn new(quiet: bool) -> Turns {
+        Turns { quiet, shown: None }
+    }
+
+    fn hear(&mut self, turn: &Turn<'_>, progress: &Progress) -> ControlFlow<()> {
+        let is_shown =
+            |(name, number, _): &(String, usize, Meter)| name == turn.name && *number == turn.number;
+        if !self.shown.as_ref().is_some_and(is_shown) {
+            self.end();
+            if !self.quiet {
+                say(&format!("{} of {}: {}", turn.number + 1, turn.turns, turn.name));
+            }
+            self.shown = Some((turn.name.into(), turn.number, Meter::new(self.quiet)));
+        }
+        self.shown.as_mut().map_or(ControlFlow::Continue(()), |(_, _, meter)| meter.hear(progress))
+    }
+
+    fn end(&mut self) {
+        if let Some((_, _, meter)) = self.shown.take() {
+            meter.end();
+        }
+    }
+}
+
+/// All methods, the default solver first: the others are compared with it.
+fn every() -> impl Iterator<Item = &'static str> {
+    let others = SolverOptions::NAMES.iter().copied().filter(|name| *name != SolverOptions::DEFAULT);
+    std::iter::once(SolverOptions::DEFAULT).chain(others)
+}
+
+/// Reads a result of another program: NAME=FOLDER,seconds=S,hardware=WORDS, or figures in place of the folder.
+fn foreign(text: &str) -> Result<Foreign> {
+    let wrong = |what: &str| {
+        Error::options(
+            format!("--foreign {text:?} {what}"),
+            "write NAME=FOLDER,seconds=S,hardware=WORDS: the folder of its maps.npz, and what it took and ran on; without \
+             maps NAME,depth=MAE/RMSE,normals=MAE/RMSE,seconds=S,hardware=WORDS",
+        )
+    };
+    let mut parts = text.split(',');
+    let first = parts.next().unwrap_or_default();
+    let (name, maps) = first.split_once('=').map_or((first, None), |(name, maps)| (name, Some(maps)));
+    let (mut seconds, mut hardware, mut figures) = (None, None, PaperMeasure::default());
+    for part in parts {
+        let both = |value: &str| -> Result<[Option<f64>; 2]> {
+            let known = |text: &str| text.trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
+            let all: Option<Vec<f64>> = value.split('/').map(known).collect();
+            match all.as_deref() {
+                Some([mae]) => Ok([Some(*mae), None]),
+                Some([mae, rmse]) => Ok([Some(*mae), Some(*rmse)]),
+                _ => Err(wrong(&format!("has {part:?}, which is not MAE or MAE/RMSE"))),
+            }
+        };
+        match part.split_once('=').map(|(key, value)| (key.trim(), value.trim())) {
+            Some(("seconds", value)) => seconds = value.parse::<f64>().ok().filter(|s| s.is_finite()),
+            Some(("hardware", value)) => hardware = Some(value.to_string()),
+            Some(("depth", value)) => [figures.depth_mae, figures.depth_rmse] = both(value)?,
+            Some(("normals", value)) => [figures.normal_mae, figures.normal_rmse] = both(value)?,
+            _ => return Err(wrong(&format!("has the part {part:?}"))),
+        }
+    }
+    let result = match (maps, figures == PaperMeasure::default()) {
+        (Some(maps), true) => ForeignResult::Maps(maps.trim().into()),
+        (None, false) => ForeignResult::Figures(figures),
+        (None, true) => return Err(wrong("names no folder")),
+        (Some(_), false) => return Err(wrong("has both maps and figures")),
+    };
+    Ok(Foreign {
+        name: name.trim().into(),
+        result,
+        seconds: seconds.ok_or_else(|| wrong("gives no seconds"))?,
+        hardware: hardware.ok_or_else(|| wrong("gives no hardware"))?,
+    })
 }

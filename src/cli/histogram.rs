@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use thirdbounce::capture::Turn;
 use thirdbounce::job::{self, Histogramming};
-use thirdbounce::tags::{Asked, Division, Galvo, Histograms, Inputs, PileUp, Scan, Zero, starts};
+use thirdbounce::tags::{Asked, Division, Histograms, Inputs, PileUp, Scan, Zero};
 use thirdbounce::{Error, Result};
 
 use super::terminal::{print, say};
@@ -21,8 +21,8 @@ Examples:
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Time tags: PicoQuant .ptu, npz or HDF5 with timestamps and channels, text .csv or .txt (channel, time in ps), a dump of
-    /// 16 bytes a tag .dump or .bin; or histograms of an instrument: PicoQuant .phu, an array .npy or .npz
+    /// Time tags: PicoQuant .ptu, npz or HDF5 with timestamps and channels, text .csv or .txt (channel, time in ps); or
+    /// histograms of an instrument as an array: .npy or .npz
     tags: PathBuf,
     #[command(flatten)]
     pub from: FromTags,
@@ -57,13 +57,9 @@ pub struct FromTags {
     /// the lowest left; or a text file with x, y, z of each in metres, or of its laser point and its sensor point
     #[arg(long, value_name = "NXxNY|FILE", help_heading = "Time tags")]
     scan: Option<String>,
-    /// The points of --scan are two voltages or angles each: the calibration of the galvo scanner, a text file (docs/tags.md)
-    #[arg(long, value_name = "FILE", requires = "scan", help_heading = "Time tags")]
-    galvo: Option<PathBuf>,
-    /// Where laser and sensor stand: x,y,z for both or x,y,z,x,y,z, each a length (30cm, metres as a plain number), or galvo for the
-    /// origin of the calibration. The wall's shape then comes from its own returns: each point moves along the laser's beam to
-    /// where its direct light comes from
-    #[arg(long, value_name = "X,Y,Z|galvo", allow_hyphen_values = true, help_heading = "Time tags")]
+    /// Where laser and sensor stand: x,y,z for both or x,y,z,x,y,z, each a length (30cm, metres as a plain number). The wall's
+    /// shape then comes from its own returns: each point moves along the laser's beam to where its direct light comes from
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true, help_heading = "Time tags")]
     seen_from: Option<String>,
     /// Every other row of the grid runs backwards
     #[arg(long, help_heading = "Time tags")]
@@ -85,7 +81,7 @@ pub struct FromTags {
     #[arg(long, value_name = "MARKER", help_heading = "Time tags")]
     rounds: Option<u32>,
     /// Every point has N laser pulses, one after the other
-    #[arg(long, value_name = "N", conflicts_with_all = ["pixels", "lines", "rounds", "starts"], help_heading = "Time tags")]
+    #[arg(long, value_name = "N", conflicts_with_all = ["pixels", "lines", "rounds"], help_heading = "Time tags")]
     pulses_per_point: Option<u64>,
     /// Laser pulses before the first point
     #[arg(
@@ -96,17 +92,13 @@ pub struct FromTags {
         help_heading = "Time tags"
     )]
     pulses_before: u64,
-    /// Text file with a line for each point: where it begins, and if you like where it ends, as numbers of laser pulses or as
-    /// times with a unit (1.25s)
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["pixels", "lines", "rounds"], help_heading = "Time tags")]
-    starts: Option<PathBuf>,
     /// The detector's channel [default: the only one with photons]
     #[arg(long, value_name = "N", help_heading = "Time tags")]
     channel: Option<i32>,
-    /// The channel of the laser pulses in text, dumps and arrays
+    /// The channel of the laser pulses in text and arrays
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Time tags")]
     sync_channel: i32,
-    /// Channels of markers in text, dumps and arrays: the first is marker 1
+    /// Channels of markers in text and arrays: the first is marker 1
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', help_heading = "Time tags")]
     marker_channels: Vec<i32>,
     /// What is path 0: direct, each point's peak of light from the wall itself, which removes both legs; or a delay after the laser
@@ -138,20 +130,6 @@ impl FromTags {
         })?;
         let grid =
             text.split_once(['x', 'X', '×']).and_then(|(nx, ny)| Some([nx.parse().ok()?, ny.parse().ok()?]));
-        if let Some(galvo) = &self.galvo {
-            let wrong = |what: &str| {
-                Err(Error::options(
-                    format!("{what} was given with --galvo"),
-                    "leave it out: the voltages or angles of --scan and the calibration say where the points are",
-                ))
-            };
-            return match (grid, wall, self.snake) {
-                (Some(_), ..) => wrong("a grid"),
-                (_, Some(_), _) => wrong("--wall"),
-                (_, _, true) => wrong("--snake"),
-                _ => Scan::read_galvo(Path::new(text), &Galvo::read(galvo)?),
-            };
-        }
         match (grid, wall) {
             (Some(grid), Some(wall)) => Scan::grid(grid, wall, self.snake),
             (Some(_), None) => Err(Error::options(
@@ -173,7 +151,7 @@ impl FromTags {
     /// How tags become histograms.
     pub fn asked(&self, bin_width: Option<f64>, turn: Turn) -> Result<Asked> {
         let frame = self.rounds;
-        let division = match (self.pixels, &self.lines[..], self.pulses_per_point, &self.starts) {
+        let division = match (self.pixels, &self.lines[..], self.pulses_per_point) {
             (Some(marker), ..) => Some(Division::Pixels { marker, frame }),
             (_, &[start], ..) => Some(Division::Lines { start, stop: None, frame }),
             (_, &[start, stop], ..) => Some(Division::Lines { start, stop: Some(stop), frame }),
@@ -183,8 +161,7 @@ impl FromTags {
                     "give two markers: --lines 1,2",
                 ));
             }
-            (_, _, Some(each), _) => Some(Division::Pulses { each, before: self.pulses_before }),
-            (_, _, _, Some(file)) => Some(Division::Starts(starts(file)?)),
+            (_, _, Some(each)) => Some(Division::Pulses { each, before: self.pulses_before }),
             _ => None,
         };
         if let (None, Some(frame)) = (&division, frame) {
@@ -221,9 +198,6 @@ impl FromTags {
     /// Where laser and sensor stand.
     fn seen_from(&self) -> Result<Option<[DVec3; 2]>> {
         let Some(text) = &self.seen_from else { return Ok(None) };
-        if let ("galvo", Some(file)) = (text.as_str(), &self.galvo) {
-            return Ok(Some([Galvo::read(file)?.origin; 2]));
-        }
         let numbers: Vec<f64> = text.split(',').filter_map(|part| length(part).ok()).collect();
         match numbers[..] {
             _ if numbers.len() != text.split(',').count() => {}
@@ -233,7 +207,7 @@ impl FromTags {
         }
         Err(Error::options(
             format!("--seen-from is {text:?}"),
-            "give x,y,z of laser and sensor, such as 30cm,-20cm,1.4m, or of each, or galvo with --galvo",
+            "give x,y,z of laser and sensor, such as 30cm,-20cm,1.4m, or of each",
         ))
     }
 }
@@ -284,12 +258,6 @@ pub fn text(made: &Histograms, seconds: f64) -> String {
         let (low, high) =
             direct.iter().fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(*v), b.max(*v)));
         out += &format!("direct    {low:.4} to {high:.4} m of path after the laser pulse: path 0\n");
-    }
-    let rate = made.dark.per_second.map_or(String::new(), |rate| format!(", {rate:.0} a second"));
-    out += &format!("dark      {:.3} counts in a bin{rate}, stray light included\n", made.dark.per_bin);
-    if let Some(afterpulsing) = &made.afterpulsing {
-        let period = made.survey.as_ref().and_then(|survey| survey.period);
-        out += &format!("after     {}\n", afterpulsing.text(period));
     }
     if made.left_out > 0 {
         out += &format!("left out  {} photons: between points, or too late for some\n", made.left_out);

@@ -16,6 +16,13 @@ use super::units;
 pub struct CaptureArgs {
     /// Capture: a file (npz, HDF5 or MATLAB), or the folder of a capture with several files
     pub capture: PathBuf,
+    #[command(flatten)]
+    pub part: PartArgs,
+}
+
+/// The part of a capture that is used.
+#[derive(Args)]
+pub struct PartArgs {
     /// Use every Nth scan point in x and in y
     #[arg(long, value_name = "N", help_heading = "Capture")]
     pub stride: Option<usize>,
@@ -106,10 +113,11 @@ impl UnsaidArgs {
     }
 }
 
-impl CaptureArgs {
+impl PartArgs {
+    /// The input without its path.
     pub fn input(&self, solver: &SolverArgs) -> Result<job::Input> {
         Ok(job::Input {
-            path: self.capture.clone(),
+            path: PathBuf::new(),
             wall: self.wall,
             bin_width: self.bin_width,
             depth_unit: self.wall_depth_unit,
@@ -296,35 +304,35 @@ pub fn load(
     grid: &VolumeArgs,
     device: &DeviceArgs,
 ) -> Result<(Loaded, Request)> {
-    load_file(&capture.capture, capture, solver, grid, device)
+    load_file(&capture.capture, &capture.part, solver, grid, device)
 }
 
 /// As [`load`], for a capture of another path.
 pub fn load_file(
     path: &Path,
-    capture: &CaptureArgs,
+    part: &PartArgs,
     solver: &SolverArgs,
     grid: &VolumeArgs,
     device: &DeviceArgs,
 ) -> Result<(Loaded, Request)> {
-    load_with(path, capture, solver, grid, device, job::load)
+    load_with(path, part, solver, grid, device, job::load)
 }
 
 /// As [`load_file`], by another way of reading.
 pub fn load_with(
     path: &Path,
-    capture: &CaptureArgs,
+    part: &PartArgs,
     solver: &SolverArgs,
     grid: &VolumeArgs,
     device: &DeviceArgs,
     read: impl FnOnce(&job::Input) -> Result<Loaded>,
 ) -> Result<(Loaded, Request)> {
     check(solver, grid, device)?;
-    let input = job::Input { path: path.into(), ..capture.input(solver)? };
+    let input = job::Input { path: path.into(), ..part.input(solver)? };
     let mut loaded = read(&input)?;
     let (mut request, notes) = request(&loaded.capture, solver, grid, device)?;
     loaded.notes.extend(notes);
-    request.find_pulse = capture.find_pulse(request.find_pulse);
+    request.find_pulse = part.find_pulse(request.find_pulse);
     Ok((loaded, request))
 }
 

@@ -1,11 +1,9 @@
 //! `thirdbounce live SOURCE --capture SCAN`.
 
-use std::net::SocketAddr;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Duration;
 
-use thirdbounce::capture::{Capture, Turn, auto_gate};
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::live::{self, News, Page, Source, Summary};
 use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
@@ -13,57 +11,20 @@ use thirdbounce::solve::Follow;
 use thirdbounce::solve::option::OptionValue;
 use thirdbounce::{Error, Result, capture, export, job};
 
-use super::histogram::FromTags;
 use super::solver::SolverArgs;
 use super::terminal::{print, say, say_error};
-use super::units::{length, milliseconds, path};
-use super::{advice, input, interrupt};
+use super::units::milliseconds;
+use super::{advice, interrupt};
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Where frames come from: a folder in which npz captures appear, a pipe or file with a stream of frames
-    /// (docs/live.md), - for a stream on the standard input, or, with --scan, a file of time tags that grows: a frame for each
-    /// pass of the scan
-    #[arg(required_unless_present = "listen")]
-    source: Option<PathBuf>,
+    /// Where frames come from: a folder in which npz captures appear, or - for a stream of frames (docs/live.md) on the
+    /// standard input
+    source: PathBuf,
     /// A capture with the points, bins, pulse and spots of all frames. If it has light, the box ends where its light does, and
-    /// quick trials find the model and the pulse, as in reconstruct
-    #[arg(long, value_name = "CAPTURE", required_unless_present = "scan", conflicts_with = "scan")]
-    capture: Option<PathBuf>,
-    /// Distance of the outermost scan points along the longer side, such as 2m or 80cm
-    #[arg(long, value_name = "SIZE", value_parser = length, requires = "scan", help_heading = "Time tags")]
-    wall: Option<f64>,
-    /// Bin width: a time (32ps) or a path (9.6mm, metres as a plain number)
-    #[arg(long, value_name = "WIDTH", value_parser = path, requires = "scan", help_heading = "Time tags")]
-    bin_width: Option<f64>,
-    /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both
-    #[arg(long, value_name = "x|y|xy", requires = "scan", help_heading = "Time tags")]
-    flip: Option<String>,
-    /// Turn the scan by 90, 180 or 270 degrees after --flip, clockwise as seen in the pictures
-    #[arg(long, value_name = "DEGREES", requires = "scan", help_heading = "Time tags")]
-    rotate: Option<u32>,
-    /// Use only these paths: 0.8:2.4 or 80cm: [default: those behind the direct light of the first pass]
-    #[arg(
-        long,
-        value_name = "FROM:TO",
-        allow_hyphen_values = true,
-        requires = "scan",
-        help_heading = "Time tags"
-    )]
-    gate: Option<String>,
-    /// How the instrument spreads a path over time: a width (60ps), or an npz file with a pulse
-    #[arg(long, value_name = "M|M:TAIL|FILE", requires = "scan", help_heading = "Time tags")]
-    pulse: Option<String>,
-    #[command(flatten)]
-    tags: FromTags,
-    /// Take streams from programs that connect to this address, such as 127.0.0.1:7000. Other addresses than those of this
-    /// machine let others on the network send frames
-    #[arg(long, value_name = "ADDRESS:PORT", conflicts_with = "source")]
-    listen: Option<SocketAddr>,
-    /// File with the token that programs send before their frames, in its first line; needed where others on the network can
-    /// connect (docs/live.md)
-    #[arg(long, value_name = "FILE", requires = "listen")]
-    token: Option<PathBuf>,
+    /// model and pulse are estimated, as in reconstruct
+    #[arg(long, value_name = "CAPTURE")]
+    capture: PathBuf,
     /// Serve a page with the newest maps on this port, for a browser on this machine; 0: a free port
     #[arg(long, value_name = "PORT")]
     page: Option<u16>,
@@ -102,7 +63,7 @@ pub fn run(args: &Args) -> Result<()> {
         job::check_file(&out.join("maps.npz"))?;
     }
     interrupt::stop_in_order();
-    let Some((source, scan)) = source(args)? else { return Ok(()) };
+    let (source, scan) = (source(args)?, capture::read(&args.capture)?);
     // Frames follow each other by all of their light: fast light is new wherever something moves.
     let resolved = args.solver.choice().with_usual("high_pass", &OptionValue::Number(0.0)).resolve(&scan);
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
@@ -144,61 +105,15 @@ pub fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-/// Where frames come from, and a capture of their points and bins; `None` if the user ends it before there is one.
-fn source(args: &Args) -> Result<Option<(Source, Capture)>> {
-    let Some(capture) = &args.capture else { return growing(args) };
-    let source = match (&args.source, args.listen) {
-        (_, Some(address)) => {
-            Source::Listen { address, token: args.token.as_deref().map(token).transpose()? }
-        }
-        (Some(path), _) if path.as_os_str() == "-" => Source::Stdin,
-        (Some(path), _) if path.is_dir() => Source::Folder(path.clone()),
-        (Some(path), _) => Source::Stream(path.clone()),
-        (None, None) => unreachable!("one of them is given"),
-    };
-    Ok(Some((source, capture::read(capture)?)))
-}
-
-/// The token in a file.
-fn token(file: &Path) -> Result<String> {
-    let text = std::fs::read_to_string(file).map_err(|e| {
-        Error::options(
-            format!("{}: the token cannot be read: {e}", file.display()),
-            "give a text file with one line",
-        )
-    })?;
-    Ok(text.lines().next().unwrap_or_default().trim().to_string())
-}
-
-/// A file of time tags, and the capture of its first pass.
-fn growing(args: &Args) -> Result<Option<(Source, Capture)>> {
-    let Some(path) = &args.source else {
-        return Err(Error::options(
-            "--scan was given, but no file of time tags",
-            "give the file, not --listen",
-        ));
-    };
-    let turn = Turn::parse(args.flip.as_deref(), args.rotate)?;
-    let gate = args.gate.as_deref().map(input::gate).transpose()?;
-    let pulse = args.pulse.as_deref().map(input::pulse).transpose()?;
-    let (scan, asked) = (args.tags.scan(args.wall)?, args.tags.asked(args.bin_width, turn)?);
-    let mut tags = live::Tags { path: path.clone(), scan, asked, gate };
-    let Some(first) = tags.first(&interrupt::asked)? else { return Ok(None) };
-    let found = if gate.is_none() { auto_gate(&first) } else { None };
-    let mut first = match &found {
-        Some(found) => {
-            say(&format!("note: automatic gate: {}", found.reason));
-            tags.gate = Some(found.gate);
-            first.gated(found.gate)?
-        }
-        None => first,
-    };
-    if let Some(pulse) = pulse {
-        pulse.taps(first.bin_width)?;
-        first.pulse = Some(pulse);
+fn source(args: &Args) -> Result<Source> {
+    match &args.source {
+        path if path.as_os_str() == "-" => Ok(Source::Stdin),
+        path if path.is_dir() => Ok(Source::Folder(path.clone())),
+        path => Err(Error::input(
+            format!("{} is no folder", path.display()),
+            "give a folder of captures, or - and the stream on the standard input: `thirdbounce live - ... < FILE`",
+        )),
     }
-    first.check()?;
-    Ok(Some((Source::Tags(Box::new(tags)), first)))
 }
 
 fn line(frame: &Frame, latency: &Latency) -> String {

@@ -4,7 +4,6 @@ mod advice;
 mod batch;
 mod benchmark;
 mod calibrate;
-mod compare;
 mod compiled;
 mod convert;
 mod demo;
@@ -27,7 +26,6 @@ mod solver;
 mod tables;
 mod terminal;
 mod units;
-mod view;
 
 use std::process::ExitCode;
 
@@ -44,7 +42,7 @@ Examples:
   thirdbounce simulate letter-Z --out z.npz --truth z_truth.npz
   thirdbounce reconstruct z.npz --truth z_truth.npz --lateral 64 --iterations 300 --out z
   thirdbounce profile capture.npz --trace timeline.json
-  thirdbounce compare z.npz --truth z_truth.npz --lateral 64 --method 'paper;paper:learning-rate=0.3' --out c
+  thirdbounce benchmark z.npz --truth z_truth.npz --lateral 64 --method 'paper;paper:learning-rate=0.3' --out c
 
 Lengths are metres, times are metres of path (seconds times 299792458), unless a unit follows: 32ps, 4mm, 2m.";
 
@@ -74,17 +72,14 @@ enum Verb {
     Batch(Box<batch::Args>),
     /// Make a capture of a known scene, and its truth.
     Simulate(simulate::Args),
-    /// Reconstruct frames as they come, from a folder, a pipe or a connection; show them on a page.
+    /// Reconstruct frames as they come, from a folder or the standard input; show them on a page.
     Live(Box<live::Args>),
-    /// Open the page of a result in a browser: pictures, histograms, surface, trace, settings.
-    View(view::Args),
     /// Measure an earlier result against truth.
     Evaluate(evaluate::Args),
-    /// Compare methods on one capture: error against run time.
-    Compare(Box<compare::Args>),
-    /// Compare methods on every scene of a folder, at several photon counts, as one page. Skips what is done.
+    /// Compare methods on captures and scenes, at several photon counts: error against run time, as one page. Skips what is
+    /// done.
     Benchmark(Box<benchmark::Args>),
-    /// Make a capture of time tags: PicoQuant .ptu and .phu, dumps, text.
+    /// Make a capture of time tags: PicoQuant .ptu, arrays, text.
     Histogram(Box<histogram::Args>),
     /// Convert a capture of any known format to npz, y-tal HDF5 or Stanford MATLAB; sum or thin it on request.
     Convert(convert::Args),
@@ -152,9 +147,7 @@ fn run() -> Result<ExitCode> {
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Live(args) => live::run(&args),
-        Verb::View(args) => view::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
-        Verb::Compare(args) => compare::run(&args),
         Verb::Histogram(args) => histogram::run(&args),
         Verb::Convert(args) => convert::run(&args),
         Verb::Calibrate(args) => calibrate::run(&args),
@@ -167,10 +160,7 @@ fn run() -> Result<ExitCode> {
 
 /// The command. It accepts negative numbers, because later checks explain better which values are allowed.
 pub fn command() -> clap::Command {
-    let all = Cli::command().mut_subcommand("profile", |verb| {
-        verb.mut_arg("capture", |arg| arg.required(false).required_unless_present_any(["check", "compile"]))
-    });
-    all.mut_subcommands(|verb| {
+    Cli::command().mut_subcommands(|verb| {
         verb.mut_args(|arg| {
             let takes = arg.get_action().takes_values() && !arg.is_positional();
             if takes { arg.allow_negative_numbers(true) } else { arg }

@@ -11,7 +11,7 @@ use thirdbounce::job::profile::{
 use thirdbounce::job::{Loaded, Request, write_json};
 use thirdbounce::{Error, Kind, Result};
 
-use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load, request};
+use super::input::{DeviceArgs, PartArgs, VolumeArgs, load_file, request};
 use super::progress::Meter;
 use super::solver::SolverArgs;
 use super::tables::{bytes, number, seconds};
@@ -20,8 +20,11 @@ use super::{compiled, interrupt};
 
 #[derive(clap::Args)]
 pub struct Args {
+    /// Capture: a file (npz, HDF5 or MATLAB), or the folder of a capture with several files
+    #[arg(required_unless_present_any = ["check", "compile"])]
+    capture: Option<PathBuf>,
     #[command(flatten)]
-    capture: Option<CaptureArgs>,
+    part: PartArgs,
     /// Write the profile as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -62,7 +65,7 @@ pub fn run(args: &Args) -> Result<()> {
         return compile(args);
     }
     let Some(capture) = &args.capture else { return check_device(args) };
-    let (loaded, request) = load(capture, &args.solver, &args.grid, &args.device)?;
+    let (loaded, request) = load_file(capture, &args.part, &args.solver, &args.grid, &args.device)?;
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
@@ -119,7 +122,7 @@ fn compile(args: &Args) -> Result<()> {
     }
     let (capture, request, notes) = match &args.capture {
         Some(given) => {
-            let (loaded, request) = load(given, &args.solver, &args.grid, &args.device)?;
+            let (loaded, request) = load_file(given, &args.part, &args.solver, &args.grid, &args.device)?;
             (loaded.capture, request, loaded.notes)
         }
         None => {

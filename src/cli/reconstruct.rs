@@ -21,7 +21,7 @@ pub struct Args {
     pub out: PathBuf,
     /// Measure the result against this truth
     #[arg(long, value_name = "FILE")]
-    truth: Option<PathBuf>,
+    pub truth: Option<PathBuf>,
     /// A pixel is surface above this share of the brightest albedo [default: found at the albedo's edges; paper 0.3]
     #[arg(long, value_name = "X", value_parser = units::number)]
     mask_fraction: Option<f64>,
@@ -35,6 +35,9 @@ pub struct Args {
     /// Do not show preview.png in DIR while it runs (it goes when the result is there)
     #[arg(long)]
     no_preview: bool,
+    /// Open report.html in a browser at the end
+    #[arg(long)]
+    open: bool,
     /// Print the time per kernel at the end (`thirdbounce profile` prints more)
     #[arg(long)]
     timings: bool,
@@ -65,9 +68,9 @@ impl Args {
                 let asked = self.tags.asked(input.bin_width, input.turn)?;
                 job::load_tags(input, &scan, &asked)
             };
-            return load_with(path, &self.capture, &self.solver, &self.grid, &self.device, read);
+            return load_with(path, &self.capture.part, &self.solver, &self.grid, &self.device, read);
         }
-        load_file(path, &self.capture, &self.solver, &self.grid, &self.device)
+        load_file(path, &self.capture.part, &self.solver, &self.grid, &self.device)
     }
 
     /// The request with the options that only this verb has.
@@ -109,5 +112,17 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let files: Vec<_> = outcome.files.iter().map(|f| f.display().to_string()).collect();
     print(&format!("wrote     {}", files.join("\n          ")));
+    if args.open {
+        show(&args.out.join("report.html"));
+    }
     Ok(())
+}
+
+/// Opens a page in the browser. A failure is non-fatal: the result is written.
+fn show(page: &Path) {
+    let page = page.canonicalize().unwrap_or_else(|_| page.into());
+    match open::that_detached(&page) {
+        Ok(()) => print(&format!("opened    {}", page.display())),
+        Err(e) => say(&format!("note: no program opens {} ({e}); any browser shows it", page.display())),
+    }
 }

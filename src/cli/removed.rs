@@ -3,16 +3,32 @@
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 
 /// (verb, replacement).
-const VERBS: &[(&str, &str)] = &[];
+const VERBS: &[(&str, &str)] = &[
+    ("view", "use `thirdbounce reconstruct CAPTURE --out DIR --open`"),
+    ("compare", "use `thirdbounce benchmark CAPTURE --truth FILE --out DIR`"),
+];
 
-/// (verb, or "" for all verbs; option without its dashes; replacement).
+/// (verb, or "" for all verbs; options without their dashes; replacement).
 const OPTIONS: &[(&str, &str, &str)] = &[
-    ("", "checkpoint", SNAPSHOTS),
-    ("", "checkpoint-every", SNAPSHOTS),
-    ("", "resume", SNAPSHOTS),
-    ("", "prior", FBP),
-    ("", "prior-weight", FBP),
-    ("", "conv-iterations", FBP),
+    ("", "checkpoint checkpoint-every resume", SNAPSHOTS),
+    ("", "prior prior-weight conv-iterations", FBP),
+    ("", "galvo", "give --scan a file with x, y, z of each point in metres"),
+    (
+        "",
+        "starts",
+        "use --pulses-per-point, or marker tags at the begins of points with --pixels and --marker-channels",
+    ),
+    (
+        "live",
+        "listen token",
+        "pipe the stream into `thirdbounce live -`, or submit frames to a session (docs/guide/embedding.md)",
+    ),
+    (
+        "live",
+        "scan wall bin-width flip rotate gate pulse seen-from snake pixels lines rounds pulses-per-point pulses-before \
+         channel sync-channel marker-channels zero until pile-up",
+        "make a capture of each pass by `thirdbounce histogram`, in the folder that `thirdbounce live` reads",
+    ),
 ];
 
 const FBP: &str = "the solver conv was removed: use --solver fbp, which takes the same pairs and walls";
@@ -41,10 +57,16 @@ pub fn replaced(
             let command = super::command();
             let verb = arguments.into_iter().find(|word| command.find_subcommand(word).is_some());
             let verb = verb.unwrap_or_default();
-            let of_verb =
-                |(of, name, _): &&(&str, &str, &str)| *name == option && (of.is_empty() || *of == verb);
-            let (_, _, instead) = OPTIONS.iter().find(of_verb)?;
+            let (_, _, instead) = OPTIONS.iter().find(|(of, names, _)| {
+                names.split(' ').any(|name| name == option) && (of.is_empty() || *of == verb)
+            })?;
             Some((format!("the option --{option} of `{verb}` was removed"), instead))
+        }
+        ErrorKind::ArgumentConflict => {
+            let is_device = text(ContextKind::InvalidArg)?.starts_with("--device ");
+            let is_batch = arguments.into_iter().any(|word| word == "batch");
+            let what = "several devices of one batch were removed".to_string();
+            (is_device && is_batch).then_some((what, "run a batch for each device, with --shard 1/2 and 2/2"))
         }
         _ => None,
     }
@@ -65,12 +87,14 @@ mod tests {
         for (verb, instead) in VERBS {
             assert_eq!(refused(&[verb, "x"]).expect(verb).1, *instead);
         }
-        for (verb, option, instead) in OPTIONS {
-            let verbs = super::super::command();
-            let verbs = verbs.get_subcommands().map(clap::Command::get_name);
-            for verb in verbs.filter(|name| verb.is_empty() || name == verb) {
-                for written in [format!("--{option}"), format!("--{option}=1")] {
-                    assert_eq!(refused(&[verb, &written]).expect(option).1, *instead);
+        for (of, options, instead) in OPTIONS {
+            let command = super::super::command();
+            let verbs = command.get_subcommands().map(clap::Command::get_name);
+            for verb in verbs.filter(|name| of.is_empty() || name == of) {
+                for option in options.split(' ') {
+                    for written in [format!("--{option}"), format!("--{option}=1")] {
+                        assert_eq!(refused(&[verb, &written]).expect(option).1, *instead);
+                    }
                 }
             }
         }

@@ -63,7 +63,7 @@ impl FoundModel {
 }
 
 /// From the simplest model to the one with most freedom to fit errors: without normals, with one cosine, with two. A wrong
-/// Lambertian surface gets steep skirts; a wrong simpler one loses little (benches/studies/trials.md).
+/// Lambertian surface gets steep skirts; a wrong simpler one loses little (benches/NOTES.md).
 const FIRST: [Reflectance; 4] =
     [Reflectance::Isotropic, Reflectance::Retroreflective, Reflectance::Cosine, Reflectance::Lambertian];
 

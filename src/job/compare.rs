@@ -1,4 +1,4 @@
-//! Compares several methods on one capture, in one process and in turns: error against run time.
+//! A case of a benchmark: several methods on one capture, in one process and in turns, error against run time.
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -9,8 +9,8 @@ use super::reconstruct::{self, Finished};
 use super::{Loaded, Request, overview, places, preview, report};
 use crate::export::comparison::{self, LeftOut, MethodReport, Reached};
 use crate::export::report::TraceEntry;
-use crate::export::{self, curves, figure, foreign};
-use crate::files::{atomic, staging};
+use crate::export::{self, curves, foreign};
+use crate::files::staging;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, PaperMeasure, Reach, median, metrics, reach};
@@ -18,8 +18,10 @@ use crate::solve::{Progress, RunsOn};
 use crate::{Error, Result};
 
 /// Files that a comparison writes into its folder, beside a folder for each method.
-const FILES: [&str; 5] =
-    ["error_vs_time.png", "error_vs_time.svg", "pictures.png", "compare.md", "compare.json"];
+const FILES: [&str; 3] = ["error_vs_time.png", "pictures.png", WHOLE];
+
+/// The file that is written last.
+pub const WHOLE: &str = "case.json";
 
 /// A method of a comparison.
 #[derive(Debug, Clone, PartialEq)]
@@ -86,7 +88,7 @@ pub struct Turn<'n> {
 /// The result of a comparison, besides its files.
 #[derive(Debug, Clone)]
 pub struct Compared {
-    /// The comparison, as `compare.json` has it.
+    /// The comparison, as `case.json` has it.
     pub report: comparison::Comparison,
     /// Messages of the validation layer, if it was on.
     pub validation: Vec<String>,
@@ -94,8 +96,8 @@ pub struct Compared {
     pub files: Vec<PathBuf>,
 }
 
-/// Runs every method `repeats` times, in turns and after a short warm-up. Writes `error_vs_time.png` and `.svg`,
-/// `pictures.png`, `compare.md`, each method's maps and report in a folder of its own, and last `compare.json`.
+/// Runs every method `repeats` times, in turns and after a short warm-up. Writes `error_vs_time.png`, `pictures.png`, each
+/// method's maps and report in a folder of its own, and last `case.json`.
 ///
 /// # Errors
 /// Before anything is computed: no method, no truth, options out of range, or a place that cannot be written. Later:
@@ -133,7 +135,7 @@ pub fn compare(
     let runs: Vec<Runs> = runs.into_iter().flatten().collect();
     let report = what.report(&methods, loaded, &gpu, &runs, &foreign);
 
-    let json = what.out.join("compare.json");
+    let json = what.out.join(WHOLE);
     // An older one does not describe the files that are written from here on.
     staging::remove(&json)?;
     let mut files = Vec::new();
@@ -145,17 +147,14 @@ pub fn compare(
         export::report::write(&folder.join("report.json"), &report)?;
         files.push(folder.clone());
     }
-    let figure = curves::ErrorVsTime(&report);
-    let [png, svg, pictures, page, _] = FILES.map(|n| what.out.join(n));
-    export::png::write(&png, &figure::picture(&figure)?)?;
-    atomic::write(&svg, figure::svg(&figure)?.as_bytes())?;
+    let [png, pictures, _] = FILES.map(|n| what.out.join(n));
+    export::png::write(&png, &curves::error_vs_time(&report).picture())?;
     let all =
         runs.iter().map(|run| Some(&run.first.result.maps)).chain(foreign.iter().map(|f| f.maps.as_ref()));
     let named = report.methods.iter().zip(all).filter_map(|(m, maps)| Some((m.name.as_str(), maps?)));
     overview::write_all(&pictures, &named.collect::<Vec<_>>(), &truth)?;
-    comparison::write_markdown(&page, &report)?;
     comparison::write_json(&json, &report)?;
-    files.extend([png, svg, pictures, page, json]);
+    files.extend([png, pictures, json]);
     Ok(Compared { report, validation: gpu.validation_messages(), files })
 }
 
@@ -260,11 +259,11 @@ impl Comparison {
     }
 
     /// Checks everything before anything is computed. Returns the methods with their folders, and the truth.
-    fn check(&self) -> Result<(Vec<Method>, Truth)> {
+    pub(super) fn check(&self) -> Result<(Vec<Method>, Truth)> {
         if self.methods.is_empty() {
             return Err(Error::options(
                 "there is no method to compare",
-                "name at least one, for example vector",
+                "name at least one, for example surface",
             ));
         }
         Comparison::check_repeats(self.repeats)?;

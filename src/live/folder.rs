@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use super::Arrived;
 use super::stream::{Counts, begin as begin_thread};
-use crate::files::opened::Stamp;
+use crate::files::stamp::Stamp;
 use crate::{Error, Result, capture};
 
 /// Time between two looks at the folder.

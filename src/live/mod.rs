@@ -1,5 +1,4 @@
-//! Live frames: counts come from a folder, a pipe, a connection or a file of time tags that grows, and maps go to a listener
-//! and to a page.
+//! Live frames: counts come from a folder or from the standard input, maps go to a callback and to a page.
 //!
 //! [`run`] reads frames in a thread of its own and gives them to a [`Session`]. What is wrong with a frame or a stream is one
 //! message; the session lives on. Every frame has the points and bins of one capture, the scan.
@@ -17,35 +16,19 @@ use crate::solve::SolverOptions;
 use crate::{Error, Kind, Result};
 
 mod folder;
-mod listen;
 mod page;
 mod stream;
-mod tags;
 
-pub use listen::token_bytes;
 pub use page::Page;
 pub use stream::{Counts, Format, HEADER, Header, MAGIC, VERSION, read, write};
-pub use tags::Tags;
 
 /// Where frames come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum Source {
     /// Captures that appear in a folder as .npz files, in the order of their names. It never ends.
     Folder(PathBuf),
-    /// A stream of frames ([`Header`]) in a file, or in a pipe: that is opened again when a writer closes it, and never ends.
-    Stream(PathBuf),
-    /// A stream on the standard input.
+    /// A stream of frames ([`Header`]) on the standard input.
     Stdin,
-    /// Streams of programs that connect to this address, one after the other. It never ends. A program that connects takes the
-    /// place of one that is slow. Where others on the network can connect, they send the token first ([`token_bytes`]).
-    Listen {
-        /// Where programs connect.
-        address: std::net::SocketAddr,
-        /// What they send first; `None` only on the loopback.
-        token: Option<String>,
-    },
-    /// Passes of a scan in a file of time tags that is still written. It never ends.
-    Tags(Box<Tags>),
 }
 
 /// What [`run`] tells.
@@ -98,12 +81,7 @@ pub fn run(
     let (pairs, bins) = (scan.pair_count(), scan.bins);
     match source {
         Source::Folder(folder) => folder::begin(folder.clone(), [pairs, bins], give)?,
-        Source::Stream(file) => stream::begin_file(file.clone(), [pairs, bins], give)?,
-        Source::Tags(file) => tags::begin((**file).clone(), [pairs, bins], give)?,
         Source::Stdin => stream::begin_stdin([pairs, bins], give)?,
-        Source::Listen { address, token } => {
-            listen::begin(*address, token.as_deref(), [pairs, bins], give)?;
-        }
     }
     let mut summary = Summary { latency: session.latency(), arrived: 0, wrong: 0 };
     let (mut ended, mut broken, mut held) = (false, None, None);

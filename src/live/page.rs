@@ -12,7 +12,6 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::listen::{Slot, connections};
 use crate::export::png;
 use crate::maps::Maps;
 use crate::session::{Frame, Latency};
@@ -21,6 +20,8 @@ use crate::{Error, Result};
 const MOST_BYTES: usize = 4096;
 const MOST_CONNECTIONS: usize = 16;
 const PATIENCE: Duration = Duration::from_secs(2);
+/// Time between two attempts to accept a connection while the system has no descriptor left.
+const AGAIN: Duration = Duration::from_millis(100);
 
 const HTML: &str = include_str!("page.html");
 
@@ -28,6 +29,22 @@ const HTML: &str = include_str!("page.html");
 pub struct Page {
     address: SocketAddr,
     newest: Arc<Mutex<Option<Shown>>>,
+}
+
+/// One of the open connections; released when dropped.
+struct Slot(Arc<AtomicUsize>);
+
+impl Slot {
+    fn of(open: &Arc<AtomicUsize>) -> Slot {
+        open.fetch_add(1, Relaxed);
+        Slot(open.clone())
+    }
+}
+
+impl Drop for Slot {
+    fn drop(&mut self) {
+        self.0.fetch_sub(1, Relaxed);
+    }
 }
 
 struct Shown {
@@ -70,7 +87,11 @@ impl Page {
         let newest: Arc<Mutex<Option<Shown>>> = Arc::default();
         let (shown, open) = (newest.clone(), Arc::new(AtomicUsize::new(0)));
         super::stream::begin(move || {
-            for stream in connections(&listener) {
+            for stream in listener.incoming() {
+                let Ok(stream) = stream else {
+                    std::thread::sleep(AGAIN);
+                    continue;
+                };
                 let slot = Slot::of(&open);
                 if open.load(Relaxed) > MOST_CONNECTIONS {
                     continue;

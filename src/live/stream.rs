@@ -1,8 +1,6 @@
 //! Frames in a stream: a header and the counts, again and again. docs/live.md describes the bytes.
 
-use std::fs::File;
-use std::io::{BufReader, ErrorKind, Read, Write};
-use std::path::PathBuf;
+use std::io::{ErrorKind, Read, Write};
 use std::sync::mpsc::SyncSender;
 
 use super::Arrived;
@@ -57,7 +55,7 @@ pub struct Counts {
     pub measured: Option<Vec<bool>>,
 }
 
-pub(super) fn wrong(what: impl Into<String>) -> Error {
+fn wrong(what: impl Into<String>) -> Error {
     Error::input(
         what,
         "send frames as docs/live.md says, with the pairs and bins of the scan; the stream is closed",
@@ -114,7 +112,7 @@ pub fn write(to: &mut impl Write, frame: u64, bins: usize, values: &[f32]) -> st
 }
 
 /// Reads until `bytes` are full or the stream ends; how many were there.
-pub(super) fn fill(from: &mut impl Read, bytes: &mut [u8]) -> Result<usize> {
+fn fill(from: &mut impl Read, bytes: &mut [u8]) -> Result<usize> {
     let mut got = 0;
     while got < bytes.len() {
         match from.read(&mut bytes[got..]) {
@@ -182,46 +180,24 @@ impl Format {
     }
 }
 
-/// Gives all frames of a stream on; `false` if nobody takes them any more.
-fn give_all(from: &mut impl Read, size: [usize; 2], give: &SyncSender<Arrived>) -> bool {
-    loop {
-        let arrived = match read(from, size) {
-            Ok(None) => return true,
-            Ok(Some(counts)) => Arrived::Counts(counts),
-            Err(error) => return give.send(Arrived::Wrong(error)).is_ok(),
-        };
-        if give.send(arrived).is_err() {
-            return false;
-        }
-    }
-}
-
-/// Begins to read a file, or a pipe again and again.
-pub fn begin_file(path: PathBuf, size: [usize; 2], give: SyncSender<Arrived>) -> Result<()> {
-    let about = std::fs::metadata(&path).map_err(|e| {
-        Error::input(format!("{}: {e}", path.display()), "check the path, or make a pipe: mkfifo")
-    })?;
-    let is_file = about.is_file();
-    begin(move || {
-        loop {
-            let goes_on = match File::open(&path) {
-                Ok(file) => give_all(&mut BufReader::new(file), size, &give) && !is_file,
-                Err(e) => {
-                    let _ = give.send(Arrived::Wrong(wrong(format!("{}: {e}", path.display()))));
-                    false
-                }
-            };
-            if !goes_on {
-                return;
-            }
-        }
-    })
-}
-
 /// Begins to read the standard input.
 pub fn begin_stdin(size: [usize; 2], give: SyncSender<Arrived>) -> Result<()> {
     begin(move || {
-        give_all(&mut std::io::stdin().lock(), size, &give);
+        let mut from = std::io::stdin().lock();
+        loop {
+            let arrived = match read(&mut from, size) {
+                Ok(None) => return,
+                Ok(Some(counts)) => Arrived::Counts(counts),
+                Err(error) => {
+                    // The receiver may have gone.
+                    let _ = give.send(Arrived::Wrong(error));
+                    return;
+                }
+            };
+            if give.send(arrived).is_err() {
+                return;
+            }
+        }
     })
 }
 

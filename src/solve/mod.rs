@@ -44,8 +44,8 @@ pub use option::{Preset, Suit};
 pub use outline::{Step, TimedSchedule, When};
 pub use paper::{Decay, NoiseTerm, PaperOptions};
 pub use plan::{
-    Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart,
-    Pass, Plan, RESIDUAL_HOST, Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
+    Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart, Pass, Plan,
+    RESIDUAL_HOST, Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
 };
 pub use prepared::Prepared;
 pub use problem::Problem;

@@ -34,12 +34,12 @@ fn benchmark(folder: &Path, more: &[&str]) -> Output {
 /// When every comparison was written.
 fn times(folder: &Path) -> BTreeMap<String, SystemTime> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().map(|e| e.unwrap().path());
-    let time = |path: &Path| path.join("compare.json").metadata().and_then(|m| m.modified()).ok();
+    let time = |path: &Path| path.join("case.json").metadata().and_then(|m| m.modified()).ok();
     entries.filter_map(|p| Some((p.file_name()?.to_string_lossy().into_owned(), time(&p)?))).collect()
 }
 
-fn page(folder: &Path) -> [String; 2] {
-    ["benchmark.md", "benchmark.html"].map(|name| std::fs::read_to_string(folder.join(name)).unwrap())
+fn page(folder: &Path) -> String {
+    std::fs::read_to_string(folder.join("benchmark.html")).unwrap()
 }
 
 #[test]
@@ -70,25 +70,24 @@ fn a_killed_benchmark_ends_with_one_page_of_all_cases() {
     assert!(stderr(&done).contains("alone is done already"), "{}", stderr(&done));
     assert!(stdout(&done).contains("| case | lct | bp |"), "{}", stdout(&done));
 
-    let [markdown, html] = page(&out);
+    let html = page(&out);
     for name in names {
         let title = name.replace("-photons-100", ", 100 photons").replace("alone", "alone (agreement)");
-        assert!(markdown.contains(&format!("\n## {title}\n")), "{markdown}");
         assert!(html.contains(&format!("<h2>{title}</h2>")));
     }
-    assert_eq!(html.matches("data:image/png;base64,").count(), 5);
-    let parts = [
-        "Agreement: the capture",
-        "Where the first method is not the best",
-        "What others print",
-        "the measure of Shim",
-    ];
-    assert!(parts.iter().all(|part| markdown.contains(part) && html.contains(part)), "{markdown}");
-    let rows: Value = serde_json::from_slice(&std::fs::read(out.join("benchmark.json")).unwrap()).unwrap();
-    let rows = rows.as_array().unwrap();
-    assert_eq!(rows.len(), 10);
-    for row in rows {
-        assert!(row["best_iou"].as_f64().unwrap() > 0.2 && row["seconds"].as_f64().unwrap() > 0.0, "{row}");
+    assert_eq!((html.matches("data:image/png;base64,").count(), html.matches("<svg ").count()), (5, 5));
+    for part in ["Agreement: the capture", "Where the first method is not the best", "the measure of Shim"] {
+        assert!(html.contains(part), "{part}");
+    }
+    let json: Value = serde_json::from_slice(&std::fs::read(out.join("benchmark.json")).unwrap()).unwrap();
+    let cases = json["cases"].as_array().unwrap();
+    let methods: Vec<_> =
+        cases.iter().flat_map(|case| case["comparison"]["methods"].as_array().unwrap()).collect();
+    assert_eq!((cases.len(), methods.len()), (5, 10));
+    for method in methods {
+        assert!(method["metrics"]["best_iou"].as_f64().unwrap() > 0.2, "{method}");
+        let trace = method["trace"].as_array().unwrap();
+        assert!(trace.iter().all(|point| point["seconds"].as_f64().unwrap() > 0.0), "{method}");
     }
 
     // Nothing is left to do, and other options do all anew.
@@ -99,7 +98,7 @@ fn a_killed_benchmark_ends_with_one_page_of_all_cases() {
     assert_eq!(other.status.code(), Some(0), "{}", stderr(&other));
     let anew = times(&out);
     assert!(anew["square"] != after["square"] && anew["ball"] == after["ball"]);
-    assert!(page(&out)[0].contains("oracle"));
+    assert!(page(&out).contains("oracle"));
 }
 
 #[test]
@@ -122,8 +121,8 @@ fn a_case_that_fails_stops_no_other() {
     );
     let all: Vec<String> = times(&folder.path().join("results")).into_keys().collect();
     assert_eq!(all, ["alone", "counts", "square", "square-photons-10"]);
-    let [markdown, _] = page(&folder.path().join("results"));
-    assert!(markdown.contains("## Left out") && markdown.contains("bad failed:"), "{markdown}");
+    let html = page(&folder.path().join("results"));
+    assert!(html.contains("<h2>Left out</h2>") && html.contains("bad failed:"), "{html}");
 }
 
 #[test]
@@ -135,6 +134,8 @@ fn what_is_no_benchmark_is_refused() {
         assert!(done.status.code() == Some(1) && said.contains(says), "{more:?}: {said}");
     };
     refused(&[], "the benchmark has no scenes");
+    refused(&["--foreign", "a=b,seconds=1,hardware=c"], "--foreign belongs to one capture");
+    refused(&["--truth", "t.npz", &folder.path().display().to_string()], "--truth belongs to one capture");
     let scene = folder.path().join("one.scene");
     std::fs::write(&scene, "plane --scan 6 --bin-width 3cm").unwrap();
     refused(&["--photons", "0"], "the photons of the strongest bin are 0");
@@ -154,13 +155,13 @@ fn scenes_of_its_own_need_no_folder() {
     let out = folder.path().join("page").display().to_string();
     let fast = ["--methods", "lct;bp", "--lateral", "32", "--trace-every", "0", "--out", &out];
     succeed(&[&["benchmark"], &fast[..]].concat());
-    let page = page(folder.path().join("page").as_path())[0].clone();
+    let html = page(&folder.path().join("page"));
     let cases = ["figure-08x08", "torus-64x64", "letters-SU", "figure-10-photons", "family-40"];
-    assert!(cases.iter().all(|case| page.contains(&format!("\n## {case}\n"))), "{page}");
+    assert!(cases.iter().all(|case| html.contains(&format!("<h2>{case}</h2>"))), "{html}");
     let scene = folder.path().join("mine.scene");
     std::fs::write(&scene, "family 3").unwrap();
     let at = folder.path().display().to_string();
     succeed(&[&["benchmark", &at, "--own"], &fast[..]].concat());
-    let text = std::fs::read_to_string(folder.path().join("page/benchmark.md")).unwrap();
-    assert!(text.contains("\n## mine\n") && text.contains("\n## torus-64x64\n"), "{text}");
+    let html = page(&folder.path().join("page"));
+    assert!(html.contains("<h2>mine</h2>") && html.contains("<h2>torus-64x64</h2>"), "{html}");
 }

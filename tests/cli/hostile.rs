@@ -60,7 +60,7 @@ fn every_verb_takes_paths_that_are_no_text() {
     let lines = stdout(&verb("batch", &[&c, &out, &odd("batch"), &by, &t], &short));
     assert!(lines.contains("\"status\":\"done\"") && lines.contains("\"summary\":true"), "{lines}");
     verb(
-        "compare",
+        "benchmark",
         &[&c, &out, &odd("compared"), &by, &t],
         &words(&["--method", "vector", "--lateral", "16", "--iterations", "4"]),
     );
@@ -210,7 +210,7 @@ fn numbers_of_many_digits_are_one_short_error() {
     std::fs::write(folder.path().join("points.csv"), format!("0,0,0\n0.1,{beyond},0\n")).unwrap();
     std::fs::write(folder.path().join("tags.csv"), format!("channel,time\n0,1\n1,{large}\n")).unwrap();
     let tags = "histogram tags.csv --out o.npz --pulses-per-point 1 --zero 0 --scan";
-    let compare = "compare z.npz --truth truth.npz --out o --foreign maps=m,hardware=h,seconds";
+    let compare = "benchmark z.npz --truth truth.npz --out o --foreign maps=m,hardware=h,seconds";
     for (line, code, words) in [
         (format!("reconstruct z.npz --out o --peak {large}"), 1, "below 3e38"),
         (format!("reconstruct z.npz --out o --peak {beyond}"), 2, "beyond all numbers"),

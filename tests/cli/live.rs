@@ -1,18 +1,13 @@
-//! `thirdbounce live`: frames from a folder and from streams, good and broken, and the page in a browser.
+//! `thirdbounce live`: frames from a folder and from the standard input, good and broken, and the page in a browser.
 
-use std::io::{BufRead, BufReader, Read, Write};
-use std::net::{TcpListener, TcpStream};
-use std::ops::ControlFlow;
+use std::io::{BufRead, BufReader, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
-use fixtures::captures::assert_error;
 use fixtures::command::{fail, program, stderr, stdout, succeed};
-use fixtures::tags::{Writer, csv, is_t3};
+use thirdbounce::capture;
 use thirdbounce::live::write;
-use thirdbounce::tags::{self, Asked, Division, Record, Scan};
-use thirdbounce::{Kind, capture};
 
 use crate::browser::{browser, image_colours, look};
 
@@ -109,21 +104,30 @@ fn a_frame_that_is_written_for_seconds_is_waited_for() {
     assert!(text.contains("2 frames of 2 solved, 0 dropped, 0 wrong"), "{text}{}", stderr(&output));
 }
 
+/// The output of `live -` with these bytes on its standard input.
+fn piped(bytes: &[u8], scan: &str, more: &[&str]) -> std::process::Output {
+    let mut child = Command::new(program())
+        .args(arguments("-", scan, more))
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    child.stdin.take().unwrap().write_all(bytes).unwrap();
+    child.wait_with_output().unwrap()
+}
+
 #[test]
 fn a_stream_that_breaks_off_is_one_error_and_its_frames_are_solved() {
-    let (folder, frames) = frames();
+    let (_folder, frames) = frames();
     let bytes = stream(&frames);
     let scan = frames.join("frame-0000.npz").to_string_lossy().into_owned();
-    let file = folder.path().join("stream");
     for (bytes, words, solved) in [
         (bytes.clone(), "", 3),
         (bytes[..bytes.len() - 5].to_vec(), "ends within frame 2", 2),
         ([&bytes[..bytes.len() / 3], &b"lies"[..], &bytes[4..200]].concat(), "begins with", 1),
     ] {
-        std::fs::write(&file, bytes).unwrap();
-        let source = file.to_string_lossy();
-        let more = ["--feed", "every", "--cold"];
-        let output = Command::new(program()).args(arguments(&source, &scan, &more)).output().unwrap();
+        let output = piped(&bytes, &scan, &["--feed", "every", "--cold"]);
         let (text, errors) = (stdout(&output), stderr(&output));
         assert!(output.status.success(), "{errors}");
         assert_eq!(errors.matches("error:").count(), usize::from(!words.is_empty()), "{errors}");
@@ -133,71 +137,14 @@ fn a_stream_that_breaks_off_is_one_error_and_its_frames_are_solved() {
 }
 
 #[test]
-fn the_standard_input_is_a_stream_and_frames_may_be_summed_in_time() {
+fn frames_may_be_summed_in_time() {
     let (_folder, frames) = frames();
     let scan = frames.join("frame-0000.npz").to_string_lossy().into_owned();
     let more = ["--feed", "sum:0.5", "--budget", "0.2s", "--min-depth", "20cm", "-q"];
-    let mut child = Command::new(program())
-        .args(arguments("-", &scan, &more))
-        .stdin(Stdio::piped())
-        .stdout(Stdio::piped())
-        .spawn()
-        .unwrap();
-    child.stdin.take().unwrap().write_all(&stream(&frames)).unwrap();
-    let output = child.wait_with_output().unwrap();
+    let output = piped(&stream(&frames), &scan, &more);
     let text = stdout(&output);
     assert!(output.status.success() && text.contains("of 3 solved, 0 dropped, 0 wrong"), "{text}");
     assert_eq!(text.lines().count(), 1, "{text}");
-}
-
-#[test]
-fn connections_are_taken_one_after_the_other() {
-    let (_folder, frames) = frames();
-    let (scan, bytes) = (frames.join("frame-0000.npz").to_string_lossy().into_owned(), stream(&frames));
-    let address = free_address();
-    let more = ["--listen", &address, "--feed", "every", "--cold", "--frames", "4"];
-    let options = [&["live", "--capture", &scan, "--model", "cosine"][..], &QUICK, &more].concat();
-    let mut child = Running(
-        Command::new(program())
-            .args(options)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .expect("the command runs"),
-    );
-    // The second one breaks off within its second frame; the third goes on.
-    let frame = bytes.len() / 3;
-    for part in [&bytes[..2 * frame], &bytes[..frame + 9], &bytes[2 * frame..]] {
-        connected(&address, &mut child.0).write_all(part).expect("it reads");
-    }
-    let [mut text, mut errors] = [String::new(), String::new()];
-    child.0.stdout.take().unwrap().read_to_string(&mut text).unwrap();
-    child.0.stderr.take().unwrap().read_to_string(&mut errors).unwrap();
-    assert!(child.0.wait().unwrap().success(), "{errors}");
-    assert_eq!(text.lines().filter(|l| l.starts_with("frame ")).count(), 4, "{text}");
-    assert!(text.contains("4 frames of 4 solved, 0 dropped, 1 wrong"), "{text}");
-    assert!(errors.matches("error:").count() == 1 && errors.contains("9 bytes of a header"), "{errors}");
-    // An address that is taken is refused.
-    let taken = TcpListener::bind("127.0.0.1:0").unwrap();
-    let address = taken.local_addr().unwrap().to_string();
-    fail(&["live", "--listen", &address, "--capture", &scan, "--model", "cosine"], 1, &address);
-}
-
-/// An address on the loopback that nobody uses.
-fn free_address() -> String {
-    TcpListener::bind("127.0.0.1:0").unwrap().local_addr().unwrap().to_string()
-}
-
-/// A connection to `program`, as soon as it listens.
-fn connected(address: &str, program: &mut Child) -> TcpStream {
-    for _ in 0..600 {
-        if let Ok(stream) = TcpStream::connect(address) {
-            return stream;
-        }
-        assert!(program.try_wait().unwrap().is_none(), "it ended");
-        std::thread::sleep(Duration::from_millis(100));
-    }
-    panic!("nobody listens at {address}");
 }
 
 #[test]
@@ -212,6 +159,8 @@ fn what_makes_no_sense_is_refused() {
     fail(&arguments("-", &scan, &["--min-depth", "3s"]), 2, "give a length");
 
     fail(&["live", "-", "--capture", &scan, "--solver", "paper"], 1, "follow");
+    fail(&["live", "--listen", "127.0.0.1:0", "--capture", &scan], 2, "`thirdbounce live -`");
+    fail(&["live", "scan.ptu", "--scan=8x8"], 2, "`thirdbounce histogram`");
 }
 
 /// A program that is ended with the test.
@@ -254,158 +203,4 @@ fn a_browser_shows_the_newest_maps() {
     for words in ["frame 3, warm", "latency: median", "albedo.png?3", "depth.png?3", "normal.png?3"] {
         assert!(text.contains(words), "{words}: {text}");
     }
-}
-
-const TICK: f64 = 16e-12;
-/// Ticks of a laser period.
-const PERIOD: i64 = 6250;
-
-/// Time tags of passes over a letter: marker 1 begins each point and marker 3 each pass, the brightest bin has some ten photons,
-/// and direct light forty. Two points of a further pass have begun. T2 holds the laser's pulses, T3 does not.
-fn passes(capture: &capture::Capture, count: i64, number: i64) -> Writer {
-    let tick_path = TICK * 299_792_458.0;
-    let t3 = is_t3(number);
-    let mut writer = Writer::new(number);
-    let (pulses, side) = (if t3 { 1000 } else { 120 }, capture.scan[1]);
-    let brightest = capture.histograms.iter().fold(0.0f32, |a, b| a.max(*b));
-    let mut begin = 100;
-    for point in 0..count * capture.pair_count() as i64 + 2 {
-        let bits = if point % capture.pair_count() as i64 == 0 { 5 } else { 1 };
-        writer.marker(bits, if t3 { begin } else { begin * PERIOD });
-        // Row by row: pair ix * rows + iy is measured as iy * columns + ix.
-        let k = point as usize % capture.pair_count();
-        let pair = k % side * side + k / side;
-        let leg = 400 + k as u32 % 7;
-        let photons = |bin: usize| match bin {
-            0 => 40,
-            _ => (12.0 * capture.histograms[pair * capture.bins + bin - 1] / brightest).round() as usize,
-        };
-        let all = (0..=capture.bins).flat_map(|bin| (0..photons(bin)).map(move |i| (bin, i)));
-        let delay = |bin: usize, i: usize| {
-            let path = if bin == 0 { 0.0 } else { capture.t_start + (bin - 1) as f64 * capture.bin_width };
-            // Spread over the bin, direct light over three ticks.
-            let within = match bin {
-                0 => (i % 3) as f64,
-                _ => (i as f64 + 0.5) / 12.0 * capture.bin_width / tick_path,
-            };
-            leg + (path / tick_path + within) as u32
-        };
-        // One photon for each laser pulse, the rest for the last.
-        let mut delays: Vec<Vec<u32>> = vec![vec![]; pulses as usize];
-        all.enumerate().for_each(|(n, (bin, i))| delays[n.min(pulses as usize - 1)].push(delay(bin, i)));
-        for (sync, delays) in (begin..).zip(&mut delays) {
-            writer.sync(sync * PERIOD);
-            delays.sort_unstable();
-            for delay in delays {
-                writer.photon(1, if t3 { sync } else { sync * PERIOD + i64::from(*delay) }, *delay);
-            }
-        }
-        begin += pulses;
-    }
-    writer
-}
-
-/// Appends bytes to a file, part by part.
-fn growing(file: &Path, rest: &[u8]) -> std::thread::JoinHandle<()> {
-    let (file, rest) = (file.to_path_buf(), rest.to_vec());
-    std::thread::spawn(move || {
-        let mut file = std::fs::OpenOptions::new().append(true).open(file).unwrap();
-        for part in rest.chunks(rest.len() / 20 + 1) {
-            std::thread::sleep(std::time::Duration::from_millis(30));
-            file.write_all(part).unwrap();
-        }
-    })
-}
-
-#[test]
-fn a_growing_text_with_markers_of_frames_is_followed() {
-    let (folder, frames) = frames();
-    let letter = capture::read(&frames.join("frame-0000.npz")).unwrap();
-    // The text is in picoseconds.
-    let finer = |record: &Record| match *record {
-        Record::Sync { time } => Record::Sync { time: 16 * time },
-        Record::Photon { channel, time, delay } => Record::Photon { channel, time: 16 * time, delay },
-        Record::Marker { bits, time } => Record::Marker { bits, time: 16 * time },
-    };
-    // A marker of several bits is a line for each.
-    let split = |record: Record| match record {
-        Record::Marker { bits: 5, time } => {
-            vec![Record::Marker { bits: 4, time }, Record::Marker { bits: 1, time }]
-        }
-        other => vec![other],
-    };
-    let writer = passes(&letter, 3, 0x0001_0207);
-    let text = csv(&writer.wanted.iter().map(finer).flat_map(split).collect::<Vec<_>>());
-    let file = folder.path().join("scan.csv");
-    // Cut within a line.
-    let (begun, rest) = text.as_bytes().split_at(text.len() / 7);
-    std::fs::write(&file, begun).unwrap();
-    let writer = growing(&file, rest);
-    let source = file.to_string_lossy().into_owned();
-    let scan = ["live", &source, "--scan", "8x8", "--wall", "1m", "--pixels", "1", "--rounds", "3"];
-    let more = ["--marker-channels", "100,101,102", "--bin-width", "2cm", "--feed", "every", "--frames", "3"];
-    let output = Command::new(program()).args([&scan[..], &more, &QUICK].concat()).output().unwrap();
-    writer.join().unwrap();
-    let (text, errors) = (stdout(&output), stderr(&output));
-    assert!(output.status.success() && !errors.contains("error:"), "{errors}");
-    let lines: Vec<&str> = text.lines().filter(|l| l.starts_with("frame ")).collect();
-    assert!(lines.len() == 3 && lines.iter().all(|l| !l.contains(" 0 pixels of surface")), "{text}");
-}
-
-#[test]
-fn passes_of_a_growing_file_of_time_tags_are_frames() {
-    let (folder, frames) = frames();
-    let letter = capture::read(&frames.join("frame-0000.npz")).unwrap();
-    let [file, out] = ["scan.ptu", "out"].map(|name| folder.path().join(name));
-    let bytes = passes(&letter, 3, 0x0001_0307).file(TICK, 1e-7, &[]);
-    // The instrument has begun to write: the header, and a part of a record.
-    let (begun, rest) = bytes.split_at((bytes.len() / 7) | 1);
-    std::fs::write(&file, begun).unwrap();
-    let writer = growing(&file, rest);
-    let [source, out] = [file, out].map(|p| p.to_string_lossy().into_owned());
-    let more = [
-        "live",
-        &source,
-        "--scan",
-        "8x8",
-        "--wall",
-        "1m",
-        "--pixels",
-        "1",
-        "--bin-width",
-        "2cm",
-        "--feed",
-        "every",
-    ];
-    let arguments = [&more[..], &["--frames", "3", "--out", &out], &QUICK].concat();
-    let output = Command::new(program()).args(arguments).output().unwrap();
-    writer.join().unwrap();
-    let (text, errors) = (stdout(&output), stderr(&output));
-    assert!(output.status.success(), "{errors}");
-    assert!(errors.contains("automatic gate: direct light") && !errors.contains("error:"), "{errors}");
-    let lines: Vec<&str> = text.lines().filter(|l| l.starts_with("frame ")).collect();
-    assert!(lines.len() == 3 && lines[0].contains(" cold ") && lines[2].contains(" warm "), "{text}");
-    assert!(lines.iter().all(|line| !line.contains(" 0 pixels of surface")), "{text}");
-    assert!(Path::new(&out).join("maps.npz").exists());
-    // Every pass has the counts of the same letter.
-    let scan = Scan::grid([8, 8], 1.0, false).unwrap();
-    let asked = Asked {
-        division: Some(Division::Pixels { marker: 1, frame: None }),
-        bin_width: Some(0.02),
-        ..Asked::default()
-    };
-    let mut seen = vec![];
-    tags::passes(Path::new(&source), &scan, &asked, &|| ControlFlow::Break(()), &mut |pass| {
-        seen.push(pass);
-        ControlFlow::Continue(())
-    })
-    .unwrap();
-    assert!(seen.len() == 3 && seen.iter().all(|pass| *pass == seen[0]), "{} passes", seen.len());
-    let starts = Asked { division: Some(Division::Starts(vec![])), ..asked };
-    let refused = tags::passes(Path::new(&source), &scan, &starts, &|| ControlFlow::Break(()), &mut |_| {
-        ControlFlow::Continue(())
-    });
-    assert_error(refused, Kind::Options, &["second pass"]);
-    fail(&["live", &source, "--scan", "8x8"], 1, "--wall");
-    fail(&["live", "--listen", "127.0.0.1:0", "--scan", "8x8", "--wall", "1m"], 1, "--listen");
 }

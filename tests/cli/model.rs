@@ -198,12 +198,13 @@ fn a_comparison_names_the_models_that_were_found() {
     let [capture, truth] = figures.simulated("lambertian", 0.0);
     let out = figures.path("compared");
     let methods = "vector:model=cosine;vector:name=auto";
-    let all = ["compare", &capture, "--truth", &truth, "--out", &out, "--method", methods, "--repeats", "1"];
+    let all =
+        ["benchmark", &capture, "--truth", &truth, "--out", &out, "--method", methods, "--repeats", "1"];
     let text = succeed(&[&all[..], &SHORT, &["--quiet"]].concat());
     assert!(text.contains("| vector:model=cosine |") && text.contains("| auto (lambertian) |"), "{text}");
-    let page = std::fs::read_to_string(Path::new(&out).join("compare.md")).unwrap();
-    assert!(page.contains("| auto (lambertian) |") && page.contains("found by quick trials"), "{page}");
-    let told = json(&Path::new(&out).join("compare.json"));
+    let page = std::fs::read_to_string(Path::new(&out).join("benchmark.html")).unwrap();
+    assert!(page.contains("<td>auto (lambertian)</td>"), "{page}");
+    let told = &json(&Path::new(&out).join("benchmark.json"))["cases"][0]["comparison"];
     let [named, auto] = [0, 1].map(|i| &told["methods"][i]);
     assert_eq!(auto["settings"]["model_found"]["reflectance"], "lambertian");
     assert!(named["settings"]["model_found"].is_null());

@@ -4,6 +4,39 @@ use fixtures::command::*;
 
 use crate::browser::{browser, image_colours, look};
 
+/// A program in place of the browser's opener writes down what it is to show.
+#[test]
+#[cfg(target_os = "linux")]
+fn the_page_opens_at_the_end() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let [file, out, shown] = ["c.npz", "result", "shown"].map(|n| folder.path().join(n));
+    succeed(&["simulate", "plane", "--out", file.to_str().unwrap(), "--scan", "6", "--bin-width", "0.05"]);
+    let run = || {
+        std::process::Command::new(program())
+            .args(["reconstruct", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--open"])
+            .args(["--model", "cosine", "--lateral", "8", "--iterations", "3"])
+            .env("PATH", folder.path())
+            .output()
+            .unwrap()
+    };
+    let done = run();
+    assert!(done.status.success(), "{}", stderr(&done));
+    assert!(stderr(&done).contains("note: no program opens"), "{}", stderr(&done));
+    let opener = folder.path().join("xdg-open");
+    std::fs::write(&opener, format!("#!/bin/sh\necho \"$1\" > {}\n", shown.display())).unwrap();
+    std::fs::set_permissions(&opener, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let done = run();
+    let page = out.canonicalize().unwrap().join("report.html");
+    assert!(stdout(&done).contains(&format!("opened    {}", page.display())), "{}", stdout(&done));
+    let start = std::time::Instant::now();
+    while !std::fs::read_to_string(&shown).is_ok_and(|text| text.ends_with('\n')) {
+        assert!(start.elapsed().as_secs() < 10, "the opener was not started");
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    assert_eq!(std::fs::read_to_string(&shown).unwrap().trim_end(), page.to_str().unwrap());
+}
+
 #[test]
 fn a_result_has_a_page_that_a_browser_shows() {
     let folder = tempfile::tempdir().unwrap();
@@ -40,7 +73,7 @@ fn a_result_has_a_page_that_a_browser_shows() {
             text.split("<script>").filter(|script| !script.contains("three.js")).any(|s| s.contains(fetched));
         assert!(!own, "the page needs no network: {fetched}");
     }
-    fail(&["view", folder.path().to_str().unwrap()], 1, "there is no report.html");
+    fail(&["view", &out], 2, "  use `thirdbounce reconstruct CAPTURE --out DIR --open`");
     let Some(browser) = browser() else {
         eprintln!("skipped: no chromium is installed");
         return;

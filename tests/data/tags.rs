@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use fixtures::tags::{TYPES, is_t3, phu, varied, write};
-use thirdbounce::tags::{Curves, Inputs, Record, Tags};
+use fixtures::tags::{TYPES, is_t3, varied, write};
+use thirdbounce::tags::{Inputs, Record, Tags};
 
 fn read_by_ptufile(python: &Path, file: &Path) -> Vec<i64> {
     let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/ptu_records.py");
@@ -42,13 +42,4 @@ pub fn ptufile_reads_the_same_records(python: &Path) {
             assert!(ours.len() > 60_000 && ours == theirs, "{name}");
         }
     }
-    let path = folder.path().join("made.phu");
-    let curves: Vec<Vec<u32>> = (0..4).map(|c| (0..500).map(|b| u32::MAX / 4 * c + b).collect()).collect();
-    write(&path, phu(&curves, 16e-12));
-    let mut ours = vec![4];
-    for curve in Curves::read(&path).unwrap().curves {
-        ours.push(curve.counts.len() as i64);
-        ours.extend(curve.counts.iter().map(|n| i64::from(*n)));
-    }
-    assert!(ours == read_by_ptufile(python, &path));
 }

@@ -7,9 +7,9 @@ use fixtures::device::*;
 use thirdbounce::gpu::{Buffer, Schedule};
 use thirdbounce::solve::paper::{compact, double, extract, initialise, reduce};
 use thirdbounce::solve::{Accumulation, COLUMNS_HOST, OnDevice, paper};
-use thirdbounce::transport::{Grid, Model};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Raw, Twin};
+use thirdbounce::transport::{Grid, Model};
 
 /// Everything that compaction writes, against brute force over `domain`.
 fn assert_lists(job: &mut OnDevice, grid: &Grid, domain: &[bool], continuous: bool) {
@@ -234,7 +234,10 @@ pub fn a_domain_beyond_its_room_keeps_the_brightest() {
         job.upload().unwrap();
         job.perform(&after);
         let levels = twin::levels(&twin, &smooth);
-        let bright = twin::threshold(&Twin { model: &Model { keep_above: 0.0, ..model.clone() }, grid: &grid }, &smooth);
+        let bright = twin::threshold(
+            &Twin { model: &Model { keep_above: 0.0, ..model.clone() }, grid: &grid },
+            &smooth,
+        );
         assert_eq!(levels.iter().sum::<u32>() as usize, count(&bright));
         let got: Vec<u32> = read(&mut job, buffer::LEVELS, LEVELS as usize);
         // A value may round into the next level.

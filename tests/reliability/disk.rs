@@ -55,7 +55,7 @@ pub fn rows(share: Share) -> Vec<Row> {
             }),
         ),
         (
-            "compare",
+            "benchmark, a case",
             false,
             Box::new(|out| {
                 let request = Request { truth: Some(files().truth()), ..Request::new(solver(), "") };

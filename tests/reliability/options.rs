@@ -47,20 +47,9 @@ pub fn base(verb: &str) -> Vec<String> {
             format!("- --capture {capture} --model cosine --lateral 8 --iterations 3 --frames 1 --quiet")
         }
         "evaluate" => format!("{result} --truth {truth} --no-pictures"),
-        "compare" => {
-            format!(
-                "{capture} --truth {truth} --out {{}}/c --model cosine --lateral 8 --iterations 3 --repeats 1 --quiet --method vector"
-            )
-        }
         "benchmark" => {
-            let folder = files().folder().join("scenes");
-            std::fs::create_dir_all(&folder).expect("a folder");
-            for (from, name) in [(&capture, "scene.npz"), (&truth, "scene_truth.npz")] {
-                std::fs::copy(from, folder.join(name)).expect("a copy");
-            }
             format!(
-                "{} --out {{}}/b --model cosine --lateral 8 --iterations 3 --quiet --method vector",
-                folder.display()
+                "{capture} --truth {truth} --out {{}}/b --model cosine --lateral 8 --iterations 3 --repeats 1 --quiet --method vector"
             )
         }
         "histogram" => {
@@ -74,8 +63,6 @@ pub fn base(verb: &str) -> Vec<String> {
         "convert" => format!("{capture} {{}}/c.npz"),
         "calibrate" => format!("{capture} --out {{}}/c.npz"),
         "profile" => format!("{capture} --lateral 8 --iterations 3 --quiet"),
-        // There is none: a browser need not open.
-        "view" => "{}/nothing".into(),
         "devices" => String::new(),
         other => panic!("give the verb {other} a short run here"),
     };

@@ -165,7 +165,7 @@ pub fn leftovers(folder: &Path) -> Vec<PathBuf> {
     let mut folders = vec![folder.to_path_buf()];
     while let Some(at) = folders.pop() {
         for path in std::fs::read_dir(&at).into_iter().flatten().flatten().map(|e| e.path()) {
-            if path.extension().is_some_and(|e| e == "part" || e == "claim") {
+            if path.extension().is_some_and(|e| e == "part") {
                 all.push(path.clone());
             }
             if path.is_dir() {

@@ -123,8 +123,8 @@ fn run(verb: &str, how: How) -> Held {
 
 /// Batches in PID namespaces of their own, as containers have them, on one folder.
 fn containers(times: usize) -> Row {
-    const NAME: &str = "two batches in containers (PID namespaces), one folder: every capture once, results whole; one killed and \
-                        started anew elsewhere: all results";
+    const NAME: &str = "two shards of a batch in containers (PID namespaces), one folder: results whole; one killed and started anew \
+                        elsewhere: all results";
     let isolated = |program: &OsStr| {
         let mut command = Command::new("unshare");
         command
@@ -137,9 +137,9 @@ fn containers(times: usize) -> Row {
         return Row::new(format!("{NAME}: skipped, as `unshare --user --pid` was not permitted"));
     }
     let mut row = Row::new(NAME);
-    let start = |captures: &Path, out: &Path| -> Result<Child, String> {
+    let start = |captures: &Path, out: &Path, shard: &str| -> Result<Child, String> {
         let mut command = isolated(OsStr::new(env!("CARGO_BIN_EXE_thirdbounce")));
-        command.arg("batch").arg(captures.join("*.npz")).arg("--out").arg(out);
+        command.arg("batch").arg(captures.join("*.npz")).args(["--shard", shard]).arg("--out").arg(out);
         command.args(["--model", "cosine", "--lateral", "12", "--iterations", "12", "--quiet"]);
         command.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().map_err(|e| e.to_string())
     };
@@ -161,7 +161,7 @@ fn containers(times: usize) -> Row {
                 let to = captures.join(name).with_extension("npz");
                 std::fs::copy(files().capture(), to).map_err(|e| e.to_string())?;
             }
-            let (one, other) = (start(&captures, &out)?, start(&captures, &out)?);
+            let (one, other) = (start(&captures, &out, "1/2")?, start(&captures, &out, "2/2")?);
             if i % 2 == 0 {
                 let [one, other] = [counts(one)?, counts(other)?];
                 holds(one[0] + other[0] == 4, || format!("done, skipped, failed: {one:?} and {other:?}"))?;
@@ -169,7 +169,7 @@ fn containers(times: usize) -> Row {
                 std::thread::sleep(Duration::from_millis(200 + 100 * i as u64));
                 end(one, "-KILL");
                 counts(other)?;
-                let last = counts(start(&captures, &out)?)?;
+                let last = counts(start(&captures, &out, "1/1")?)?;
                 holds(last[0] + last[1] == 4, || format!("done, skipped, failed: {last:?}"))?;
             }
             for name in ["a", "b", "c", "d"] {

@@ -138,15 +138,9 @@ fn a_scene_comes_out_of_time_tags_as_of_exact_histograms() {
         "--png",
         &at("check.png"),
     ]);
-    for words in [
-        "generic",
-        "channel   1",
-        "points    250000 ",
-        "direct    ",
-        "dark ",
-        "after     no afterpulses within 31 laser pulses (3.10 µs)",
-        "16 x 16 = 256 pairs, confocal",
-    ] {
+    for words in
+        ["generic", "channel   1", "points    250000 ", "direct    ", "16 x 16 = 256 pairs, confocal"]
+    {
         assert!(told.contains(words), "{words} is not in\n{told}");
     }
     assert!(std::fs::metadata(at("check.png")).unwrap().len() > 5000);

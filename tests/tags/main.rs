@@ -1,7 +1,6 @@
 //! Time tags: decoders, histograms, an instrument from end to end.
 
 mod arrays;
-mod growing;
 mod histograms;
 mod hostile;
 mod instrument;

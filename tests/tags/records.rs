@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use fixtures::captures::{assert_error, place};
-use fixtures::tags::{TYPES, Writer, csv, dump, is_t3, phu, varied, write};
+use fixtures::tags::{TYPES, Writer, csv, is_t3, varied, write};
 use thirdbounce::Kind;
-use thirdbounce::tags::{Curves, Event, Inputs, Passed, Record, Survey, Tags, is_picoquant};
+use thirdbounce::tags::{Event, Inputs, Passed, Record, Scan, Survey, Tags, is_picoquant};
 
 fn all(path: &Path, inputs: &Inputs) -> (Vec<Record>, Passed) {
     let mut found = vec![];
@@ -32,7 +32,7 @@ fn every_record_type_is_read_tag_for_tag() {
 }
 
 #[test]
-fn dumps_and_text_are_read_tag_for_tag() {
+fn text_is_read_tag_for_tag() {
     let records: Vec<_> = varied(0x0001_0207, 20_000).wanted;
     // One marker at a time has a channel of its own.
     let one = |r: &Record| !matches!(r, Record::Marker { bits, .. } if bits.count_ones() > 1);
@@ -41,22 +41,57 @@ fn dumps_and_text_are_read_tag_for_tag() {
     let (_folder, path) = place("tags.csv");
     write(&path, csv(&records));
     assert!(all(&path, &inputs).0 == records);
-    let path = path.with_extension("dump");
-    write(&path, dump(&records));
-    assert!(all(&path, &inputs).0 == records);
-    // Overflows and missed events are told; a cut tag is left out.
-    let mut bytes = dump(&records[..3]);
-    bytes.extend([4, 0, 7, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]);
-    bytes.extend([9; 16]);
-    bytes.extend([0; 5]);
-    write(&path, bytes);
-    let (found, passed) = all(&path, &inputs);
-    assert!(found == records[..3] && passed.unknown == 1);
-    for words in ["missed 7 events", "5 bytes", "1 records of no known kind"] {
-        assert!(passed.notes.iter().any(|note| note.contains(words)), "{words}: {:?}", passed.notes);
-    }
     let wrong = Inputs { sync: 1, markers: vec![1] };
     assert_error(Tags::open(&path, &wrong).map(drop), Kind::Options, &["laser pulses channel 1"]);
+    let inputs = Inputs { sync: 0, markers: vec![7, -7] };
+    let wanted = [
+        Record::Sync { time: 10 },
+        Record::Photon { channel: 1, time: 12, delay: 0 },
+        Record::Marker { bits: 2, time: -13 },
+    ];
+    for text in [
+        "0,10\n1,12\n-7,-13\n",
+        "# made by hand\n\n0;10\r\n1; 12\r\n-7;-13",
+        "index,Timestamp_ps,Channel\n0,10,0\n1,12.2,1\n2,-1.3e1,-7\n",
+    ] {
+        write(&path, text);
+        assert_eq!(all(&path, &inputs).0, wanted, "{text}");
+    }
+    write(&path, "0,10\n1,12\n-7");
+    let (found, passed) = all(&path, &inputs);
+    assert!(found.len() == 2 && passed.notes[0].contains("line 3, the last, is cut"), "{passed:?}");
+    let long = "1,9".to_string() + &"9".repeat(18) + "\n";
+    for (text, words) in [
+        ("0,10\n1,x\n2,3\n", "line 2"),
+        ("one,two\n0,1\n", "line 1"),
+        ("0\n1\n", "line 1"),
+        (&*long, "line 1"),
+        (&*"1".repeat(5000), "line 1"),
+    ] {
+        write(&path, text);
+        let read = Tags::open(&path, &inputs).unwrap().records(|_| {});
+        assert_error(read.map(drop), Kind::Input, &["tags.csv", words]);
+    }
+}
+
+#[test]
+fn points_are_read_from_text() {
+    let (_folder, path) = place("points.csv");
+    let read = |text: &str| {
+        write(&path, text);
+        Scan::read(&path)
+    };
+    let scan = read("# by hand\nx,y,z\n0,0,0\n0 0.1 0\n0.1;0;0\n0.1\t0.1\t0\n").unwrap();
+    assert!(scan.points() == 4 && scan.is_confocal());
+    let apart = read("0,0,0,1,0,0\n0,0.1,0,1,0,0").unwrap();
+    assert!(!apart.is_confocal() && apart.sensor[1].x == 1.0);
+    for (text, words) in [("", "no point"), ("0,0\n0,x", "line 2"), ("1", "line 1"), ("1,2,inf", "line 1")] {
+        assert_error(read(text), Kind::Input, &["points.csv", words]);
+    }
+    for grid in [[0, 3], [1, 1], [usize::MAX, 2]] {
+        assert!(Scan::grid(grid, 1.0, false).is_err());
+    }
+    assert!(Scan::grid([2, 2], f64::NAN, false).is_err());
 }
 
 #[test]
@@ -167,6 +202,8 @@ fn damaged_files_are_refused_and_never_panic() {
     for (name, text, words) in [
         ("other.ptu", "not a file of tags", "no file of time tags"),
         ("empty.csv", "", "is empty"),
+        ("curves.phu", "PQHISTO\0", "(PHU), which are not read"),
+        ("tags.dump", "0000000000000000", "no file of time tags"),
         ("missing.ptu", "-", "no such file"),
     ] {
         let path = path.with_file_name(name);
@@ -179,25 +216,9 @@ fn damaged_files_are_refused_and_never_panic() {
     let pipe = path.with_file_name("pipe.ptu");
     if std::process::Command::new("mkfifo").arg(&pipe).status().is_ok_and(|made| made.success()) {
         assert_error(Tags::open(&pipe, &Inputs::default()).map(drop), Kind::Input, &["regular file"]);
-        assert!(!Curves::is_one(&pipe) && !is_picoquant(&pipe));
+        assert!(!is_picoquant(&pipe));
     }
     let unknown = Writer::new(0x0001_0309).file(4e-12, 1e-7, &[]);
     write(&path, unknown);
     assert_error(Tags::open(&path, &Inputs::default()).map(drop), Kind::Input, &["0x00010309"]);
-}
-
-#[test]
-fn histograms_of_an_instrument_are_read() {
-    let (_folder, path) = place("made.phu");
-    let curves: Vec<Vec<u32>> = (0..5).map(|c| (0..100).map(|b| c * 1000 + b * b).collect()).collect();
-    let bytes = phu(&curves, 16e-12);
-    write(&path, &bytes);
-    let read = Curves::read(&path).unwrap();
-    assert!(Curves::is_one(&path) && is_picoquant(&path));
-    assert!(read.curves.iter().map(|c| &c.counts).eq(&curves) && read.curves[3].tick == 16e-12);
-    for cut in [1, 4, 2000, bytes.len() - 40] {
-        write(&path, &bytes[..bytes.len() - cut]);
-        assert_error(Curves::read(&path), Kind::Input, &["made.phu", "cut"]);
-    }
-    assert_error(Tags::open(&path, &Inputs::default()).map(drop), Kind::Input, &["PHU"]);
 }

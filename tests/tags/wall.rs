@@ -115,7 +115,7 @@ fn a_bumped_wall_is_seen_by_its_own_returns() {
     assert_error(histogram(&path, &scan, &nowhere), Kind::Options, &["stand at"]);
     let [tags, out] = [at("wall.ptu"), at("no.npz")];
     let scan = ["histogram", &tags, "--scan", "24x24", "--wall", "1m", "--pixels", "1", "--out", &out];
-    for (wrong, words) in [("1,2", "--seen-from"), ("1,2,x", "--seen-from"), ("galvo", "--galvo")] {
+    for (wrong, words) in [("1,2", "--seen-from"), ("1,2,x", "--seen-from"), ("galvo", "--seen-from")] {
         fail(&[&scan[..], &["--seen-from", wrong]].concat(), 1, words);
     }
 }

@@ -1,16 +1,6 @@
 //! Axes of plots: ranges, marks and their labels, and a panel between two axes.
 
-use std::ops::Range;
-
-use super::figure::{Area, BODY, Canvas, Drawn, FINE, FRAME, GRID, INK, TITLE, font, line_of_text, px};
-use plotters::chart::{ChartBuilder, ChartContext};
-use plotters::coord::cartesian::Cartesian2d;
-use plotters::coord::ranged1d::{KeyPointHint, KeyPointWeight, NoDefaultFormatting, Ranged, ValueFormatter};
-use plotters::coord::types::RangedCoordf64;
-use plotters::drawing::DrawingAreaErrorKind;
-use plotters::element::{Circle, DashedPathElement, PathElement, Rectangle};
-use plotters::prelude::{Color, DashedLineSeries};
-use plotters::style::RGBColor;
+use super::figure::{BODY, Colour, FRAME, Figure, GRID, INK, TITLE};
 
 /// A range of values with marks at round numbers.
 #[derive(Clone)]
@@ -69,35 +59,30 @@ impl Axis {
         // At most one round number is on the axis, so even parts are marked.
         [0.25, 0.5, 0.75].map(|part| rounded(self.low * (self.high / self.low).powf(part))).into()
     }
-}
 
-impl Ranged for Axis {
-    type FormatOption = NoDefaultFormatting;
-    type ValueType = f64;
-
-    fn map(&self, value: &f64, (low, high): (i32, i32)) -> i32 {
-        low + (self.share(*value) * f64::from(high - low)).round() as i32
+    /// The marks of a linear axis: multiples of 1, 2 or 5 times a power of ten, seven at most.
+    fn even(&self) -> Vec<f64> {
+        let span = self.high - self.low;
+        let power = 10f64.powf((span / 7.0).log10().floor());
+        let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| span / step <= 7.0);
+        let step = step.unwrap_or(span);
+        let first = (self.low / step).ceil();
+        (0..8).map(|i| (first + f64::from(i)) * step).take_while(|v| *v <= self.high).collect()
     }
 
-    fn key_points<Hint: KeyPointHint>(&self, hint: Hint) -> Vec<f64> {
-        match (self.logarithmic, hint.weight()) {
-            (false, _) => {
-                let marks = RangedCoordf64::from(self.low..self.high).key_points(hint.bold_points());
-                marks.into_iter().map(|v| v.clamp(self.low, self.high)).collect()
+    /// The marks that have labels.
+    fn labels(&self) -> Vec<f64> {
+        if self.logarithmic { self.labelled() } else { self.even() }
+    }
+
+    /// The lines of the grid.
+    fn lines(&self) -> Vec<f64> {
+        match self.logarithmic {
+            true => {
+                [self.labelled(), self.multiples(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0])].concat()
             }
-            (true, KeyPointWeight::Bold) => self.labelled(),
-            (true, KeyPointWeight::Any) => self.multiples(&[1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0]),
+            false => self.even(),
         }
-    }
-
-    fn range(&self) -> Range<f64> {
-        self.low..self.high
-    }
-}
-
-impl ValueFormatter<f64> for Axis {
-    fn format(value: &f64) -> String {
-        plain(*value)
     }
 }
 
@@ -117,99 +102,97 @@ pub fn plain(v: f64) -> String {
 }
 
 /// A plot between two axes.
-pub struct Panel<'a, B: Canvas>(ChartContext<'a, B, Cartesian2d<Axis, Axis>>);
+pub struct Panel<'f> {
+    figure: &'f mut Figure,
+    /// Left, top, width and height.
+    place: [f64; 4],
+    axes: [Axis; 2],
+}
 
-impl<B: Canvas> Panel<'_, B> {
-    /// Draws title, grid, labels and frame. The plot itself is at `[left, top, width, height]` in pixels. The title is
-    /// above it, and the label `x` of the lower axis is below it.
-    pub fn new<'a>(
-        area: &Area<B>,
-        [left, top, width, height]: [f64; 4],
+impl Panel<'_> {
+    /// Draws title, grid, labels and frame. The plot itself is at `[left, top, width, height]`. The title is above it, and the
+    /// label `x` of the lower axis is below it.
+    pub fn new<'f>(
+        figure: &'f mut Figure,
+        place: [f64; 4],
         [title, x]: [&str; 2],
-        [along, up]: [Axis; 2],
-    ) -> Result<Panel<'a, B>, DrawingAreaErrorKind<B::ErrorType>> {
-        // Room for the labels.
-        const BELOW: f64 = 52.0;
-        const BESIDE: f64 = 76.0;
-        line_of_text(area, title, &font(TITLE, INK), [left, top - 15.0])?;
-        let around =
-            area.clone().shrink((px(left - BESIDE), px(top)), (px(width + BESIDE), px(height + BELOW)));
-        let mut chart = ChartBuilder::on(&around)
-            .x_label_area_size(px(BELOW))
-            .y_label_area_size(px(BESIDE))
-            .build_cartesian_2d(along, up)?;
-        let (grid, frame) = (GRID.stroke_width(FINE), FRAME.stroke_width(FINE));
-        chart
-            .configure_mesh()
-            .x_labels(7)
-            .y_labels(7)
-            .bold_line_style(grid)
-            .light_line_style(grid)
-            .axis_style(frame)
-            .label_style(font(BODY, INK))
-            .x_desc(x)
-            .set_all_tick_mark_size(px(5.0))
-            .draw()?;
-        let plot = chart.plotting_area().strip_coord_spec();
-        let (w, h) = plot.dim_in_pixel();
-        plot.draw(&Rectangle::new([(0, 0), (w as i32 - 1, h as i32 - 1)], frame))?;
-        Ok(Panel(chart))
+        axes: [Axis; 2],
+    ) -> Panel<'f> {
+        let [left, top, width, height] = place;
+        let (right, bottom) = (left + width, top + height);
+        figure.text(title, TITLE, INK, [left, top - 15.0]);
+        let panel = Panel { figure, place, axes };
+        let [along, up] = panel.axes.clone();
+        for value in along.lines() {
+            let at = panel.at([value, up.low])[0];
+            panel.figure.line(&[[at, top], [at, bottom]], 1.0, GRID);
+        }
+        for value in up.lines() {
+            let at = panel.at([along.low, value])[1];
+            panel.figure.line(&[[left, at], [right, at]], 1.0, GRID);
+        }
+        for value in along.labels() {
+            let at = panel.at([value, up.low])[0];
+            panel.figure.line(&[[at, bottom], [at, bottom + 5.0]], 1.0, FRAME);
+            panel.figure.label(&plain(value), BODY, INK, [at, bottom + 16.0], 0.5);
+        }
+        for value in up.labels() {
+            let at = panel.at([along.low, value])[1];
+            panel.figure.line(&[[left - 5.0, at], [left, at]], 1.0, FRAME);
+            panel.figure.label(&plain(value), BODY, INK, [left - 9.0, at], 1.0);
+        }
+        panel.figure.label(x, BODY, INK, [left + 0.5 * width, bottom + 40.0], 0.5);
+        let corners = [[left, top], [right, top], [right, bottom], [left, bottom], [left, top]];
+        panel.figure.line(&corners, 1.0, FRAME);
+        panel
     }
 
-    pub fn curve(&mut self, points: &[[f64; 2]], colour: RGBColor) -> Drawn<B> {
-        let points: Vec<_> = points.iter().map(|p| (p[0], p[1])).collect();
-        self.0.draw_series([PathElement::new(points, colour.stroke_width(px(2.0) as u32))])?;
-        Ok(())
+    /// The place of a point.
+    fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
+        let [left, top, width, height] = self.place;
+        [left + width * self.axes[0].share(x), top + height * (1.0 - self.axes[1].share(y))]
     }
 
-    pub fn disc(&mut self, [x, y]: [f64; 2], radius: f64, colour: RGBColor) -> Drawn<B> {
-        self.0.draw_series([Circle::new((x, y), px(radius), colour.filled())])?;
-        Ok(())
+    pub fn curve(&mut self, points: &[[f64; 2]], colour: Colour) {
+        let points: Vec<_> = points.iter().map(|p| self.at(*p)).collect();
+        self.figure.line(&points, 2.0, colour);
+    }
+
+    pub fn disc(&mut self, at: [f64; 2], radius: f64, colour: Colour) {
+        let at = self.at(at);
+        self.figure.disc(at, radius, colour);
     }
 
     /// Fills the area between two values of x and two of y.
-    pub fn bar(&mut self, [from, to]: [f64; 2], [low, high]: [f64; 2], colour: RGBColor) -> Drawn<B> {
-        self.0.draw_series([Rectangle::new([(from, low), (to, high)], colour.filled())])?;
-        Ok(())
+    pub fn bar(&mut self, [from, to]: [f64; 2], [low, high]: [f64; 2], colour: Colour) {
+        // Neighbours share an edge between pixels.
+        let [a, b] = [[from, low], [to, high]].map(|p| self.at(p)).map(|[x, y]| [x.round(), y]);
+        self.figure.bar(a, b, colour);
     }
 
     /// A dashed line at `y` over the whole width.
-    pub fn dashes(&mut self, y: f64) -> Drawn<B> {
-        let x = self.0.x_range();
-        let line =
-            DashedLineSeries::new([(x.start, y), (x.end, y)], px(7.0), px(7.0), FRAME.stroke_width(FINE));
-        self.0.draw_series(line)?;
-        Ok(())
+    pub fn dashes(&mut self, y: f64) {
+        let [from, to] = [self.axes[0].low, self.axes[0].high].map(|x| self.at([x, y]));
+        self.figure.dashes(from, to, FRAME);
     }
 }
 
-/// A legend's line: a stroke in a curve's colour, and its name. `[x, y]` is the middle of the stroke's left end, in
-/// pixels.
-pub fn legend<B: Canvas>(area: &Area<B>, name: &str, stroke: Stroke, [x, y]: [f64; 2]) -> Drawn<B> {
-    let [from, to] = [(px(x), px(y)), (px(x + 34.0), px(y))];
-    match stroke {
-        Stroke::Curve(colour) => {
-            area.draw(&PathElement::new([from, to], colour.stroke_width(px(2.5) as u32)))?;
-            area.draw(&Circle::new(to, px(5.0), colour.filled()))?;
+/// A legend's line: a stroke in a curve's colour, or dashes, and its name. `[x, y]` is the middle of the stroke's left end.
+pub fn legend(figure: &mut Figure, name: &str, colour: Option<Colour>, [x, y]: [f64; 2]) {
+    let [from, to] = [[x, y], [x + 34.0, y]];
+    match colour {
+        Some(colour) => {
+            figure.line(&[from, to], 2.5, colour);
+            figure.disc(to, 5.0, colour);
         }
-        Stroke::Dashes => {
-            let dashes = DashedPathElement::new([from, to], px(7.0), px(7.0), FRAME.stroke_width(FINE));
-            area.draw(&dashes)?;
-        }
+        None => figure.dashes(from, to, FRAME),
     }
-    line_of_text(area, name, &font(BODY, INK), [x + 50.0, y])
-}
-
-/// The stroke in a legend's line.
-pub enum Stroke {
-    Curve(RGBColor),
-    Dashes,
+    figure.text(name, BODY, INK, [x + 50.0, y]);
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use plotters::coord::ranged1d::BoldPoints;
 
     #[test]
     fn axes_have_a_handful_of_labels_within() {
@@ -226,18 +209,15 @@ mod tests {
         ] {
             let axis = Axis::new([low, high].into_iter(), logarithmic);
             assert!(axis.low < low.max(1e-300) && axis.high > high || low == 0.0, "{low} {high}");
-            let labels = axis.key_points(BoldPoints(7));
+            let labels = axis.labels();
             assert!((2..=13).contains(&labels.len()), "{low} to {high}: {labels:?}");
-            let all = labels.iter().copied().chain(axis.key_points(70));
+            let all = labels.iter().copied().chain(axis.lines());
             assert!(all.into_iter().all(|v| (axis.low..=axis.high).contains(&v)), "{low} to {high}");
         }
         let axis = Axis::new([0.15, 90.0].into_iter(), true);
-        assert_eq!(
-            axis.key_points(BoldPoints(7)).iter().map(Axis::format).collect::<Vec<_>>(),
-            ["1", "10", "100"]
-        );
-        assert!(Axis::new(std::iter::empty(), true).key_points(BoldPoints(7)).len() > 1);
+        assert_eq!(axis.labels().into_iter().map(plain).collect::<Vec<_>>(), ["1", "10", "100"]);
+        assert!(Axis::new(std::iter::empty(), true).labels().len() > 1);
         assert_eq!((plain(0.1), plain(10.0), plain(2.5e-7)), ("0.1".into(), "10".into(), "2.5e-7".into()));
-        assert_eq!((axis.map(&10.0, (300, 0)), axis.map(&1e9, (300, 0))), (107, 0));
+        assert!((axis.share(10.0) - 0.642).abs() < 0.01 && axis.share(1e9) == 1.0);
     }
 }

@@ -1,4 +1,4 @@
-//! Every method over every scene and photon count: `benchmark.html`, `benchmark.md` and `benchmark.json`.
+//! Captures × methods × photon counts: `benchmark.json` with error against run time, and `benchmark.html`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -7,19 +7,17 @@ use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
-use super::axis::{Axis, Panel, Stroke, legend};
-use super::comparison::{Comparison, MethodReport};
-use super::figure::{
-    self, Area, BODY, COLOURS, Canvas, Drawn, FRAME, Figure, HEADING, INK, font, line_of_text,
-};
+use super::axis::{Axis, Panel, legend};
+use super::comparison::{Comparison, MethodReport, Table};
+use super::curves::error_vs_time;
+use super::figure::{BODY, COLOURS, FRAME, Figure, HEADING, INK};
 use super::page::escaped;
 use crate::advice::Advice;
 use crate::error::{Error, Result};
 use crate::files::atomic;
-use crate::measure::PaperMeasure;
 
 /// Everything that was run.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Page {
     /// Version of thirdbounce.
     pub version: String,
@@ -30,7 +28,7 @@ pub struct Page {
 }
 
 /// One capture, and how the methods compare on it.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Case {
     /// The scene's name.
     pub scene: String,
@@ -39,6 +37,7 @@ pub struct Case {
     /// Its folder in that of the page.
     pub folder: String,
     /// An earlier start made it.
+    #[serde(skip)]
     pub was_there: bool,
     /// It went wrong.
     pub failed: bool,
@@ -47,6 +46,7 @@ pub struct Case {
     /// Why there is no comparison.
     pub why: Option<String>,
     /// What to do about it.
+    #[serde(skip)]
     pub remedy: Option<Advice>,
     /// Seconds of this start.
     pub seconds: f64,
@@ -82,22 +82,6 @@ impl Case {
     fn of(&self, method: &str) -> Option<&MethodReport> {
         self.comparison.as_ref()?.methods.iter().find(|m| m.name == method)
     }
-}
-
-/// One method on one case, as `benchmark.json` has it. Lengths are metres; a figure over no pixels is null.
-#[derive(Serialize)]
-struct Row<'p> {
-    scene: &'p str,
-    photons: Option<f64>,
-    method: &'p str,
-    runs_on: &'p str,
-    seconds: f64,
-    iou: Option<f64>,
-    best_iou: Option<f64>,
-    depth_mae: Option<f64>,
-    normal_error_deg: Option<f64>,
-    agreed: bool,
-    paper: PaperMeasure,
 }
 
 /// A figure of the tables.
@@ -143,81 +127,6 @@ const FIGURES: [Figured; 7] = [
     },
 ];
 
-/// What others print of their methods: method, scene and figure, time, hardware, what it assumes or needs.
-const PRINTED: [[&str; 5]; 8] = [
-    [
-        "Shim et al., ECCV 2024 (`paper` here)",
-        "bunny, 32 × 32 points: depth MAE, RMSE .0477, .1523 m; normals .1147, .2394",
-        "54 s",
-        "RTX 3090",
-        "one cosine, no occlusion; options for each kind of capture",
-    ],
-    [
-        "f-k, in the same table",
-        "the same bunny: depth .0719, .1871 m",
-        "–",
-        "–",
-        "regular confocal scan of a plane",
-    ],
-    [
-        "LCT, in the same table",
-        "the same bunny: depth .1977, .2875 m",
-        "–",
-        "–",
-        "regular confocal scan of a plane",
-    ],
-    [
-        "D-LCT, in the same table",
-        "the same bunny: depth .3189, .4220 m; normals .3796",
-        "–",
-        "–",
-        "regular confocal scan of a plane",
-    ],
-    [
-        "TransiT, ICCV 2025 (arXiv 2503.11328)",
-        "videos of 64 × 64 pixels from 16 × 16 points, 0.4 ms each",
-        "10 frames per second",
-        "not read",
-        "training on rendered scenes like those it sees",
-    ],
-    ["3D-GTR *", "bunny, 8 × 8 points: depth 2.3 cm", "not read", "not read", "not read"],
-    ["CC-SOCR *", "–", "836 s and more", "not read", "not read"],
-    ["NeTF *", "–", "a day", "not read", "training for every scene"],
-];
-
-/// What the table of others' figures is.
-const OF_PRINTED: &str = "Figures of other papers on their own captures and hardware, not measured here: they say what others claim, not \
-                          who wins on one scene. Those of Shim et al. are by their measure, to be held against the tables of that \
-                          name. *: the figure was passed on to this project; its paper was not read.";
-
-/// A table as text.
-struct Table {
-    head: Vec<String>,
-    rows: Vec<Vec<String>>,
-}
-
-impl Table {
-    fn markdown(&self) -> String {
-        let row = |cells: &[String]| format!("| {} |\n", cells.join(" | ").replace('\n', " "));
-        let line = format!("|---|{}\n", "--:|".repeat(self.head.len().saturating_sub(1)));
-        row(&self.head) + &line + &self.rows.iter().map(|cells| row(cells)).collect::<String>()
-    }
-
-    /// The best figure of a row is between stars.
-    fn html(&self) -> String {
-        let cell = |tag: &str, text: &String| match text.strip_prefix("**").and_then(|t| t.strip_suffix("**"))
-        {
-            Some(best) => format!("<{tag}><b>{}</b></{tag}>", escaped(best)),
-            None => format!("<{tag}>{}</{tag}>", escaped(text)),
-        };
-        let row = |tag: &str, cells: &[String]| {
-            format!("<tr>{}</tr>\n", cells.iter().map(|text| cell(tag, text)).collect::<String>())
-        };
-        let rows: String = self.rows.iter().map(|cells| row("td", cells)).collect();
-        format!("<table>\n{}{rows}</table>\n", row("th", &self.head))
-    }
-}
-
 impl Page {
     /// Names of all methods, in the order in which they first come.
     fn methods(&self) -> Vec<&str> {
@@ -244,10 +153,10 @@ impl Page {
                 found if v.is_some() && found == best => format!("**{found}**"),
                 found => found,
             });
-            std::iter::once(case.title().replace('|', "/")).chain(cells).collect()
+            std::iter::once(case.title()).chain(cells).collect()
         };
         Table {
-            head: std::iter::once("case").chain(names.iter().copied()).map(|n| n.replace('|', "/")).collect(),
+            head: std::iter::once("case").chain(names.iter().copied()).map(String::from).collect(),
             rows: self.cases.iter().filter(|c| c.comparison.is_some()).map(row).collect(),
         }
     }
@@ -276,19 +185,18 @@ impl Page {
         FIGURES.iter().filter_map(of).collect()
     }
 
-    /// The figures of other papers.
-    fn printed() -> Table {
-        Table {
-            head: ["method", "printed", "time", "hardware", "assumes or needs"].map(String::from).into(),
-            rows: PRINTED.iter().map(|row| row.map(String::from).into()).collect(),
-        }
-    }
-
     /// Sentences about what was compared.
     fn notes(&self) -> Vec<String> {
         let mut notes = vec![
-            "Times are solve times, without load, set-up, measuring and export. – : the method does not take the capture, \
-             or no pixel counts. The best of a row is bold."
+            "Time is solve time, without load, set-up, measuring and export: the median over the repeats, with the range in \
+             brackets. A pixel counts as surface above a share of the brightest albedo: every figure but the IoU of the maps' own \
+             mask is at the share with the best IoU, which only the truth tells. – : the method does not take the capture, or no \
+             pixel counts. The best of a row is bold."
+                .to_string(),
+            "s to …: seconds until the figure is as good as that of the first method at its end, and stays as good; in brackets \
+             their share of its whole time. paper: …: errors over all pixels, where what is empty in the truth or outside the mask \
+             counts as depth 0 and normal (0, 0, 0) (Shim et al.). Depth and normal errors else are over pixels that are surface in \
+             the result and in the truth."
                 .to_string(),
         ];
         let compared = || self.cases.iter().filter_map(|c| c.comparison.as_ref());
@@ -344,98 +252,63 @@ impl Page {
         scenes.into_iter().map(of).filter(|plot| plot.cases.len() > 1).collect()
     }
 
-    /// Best IoU, depth errors and times as Markdown tables.
+    /// As Markdown: the table of the only case, else best IoU, depth errors and times.
     pub fn summary(&self) -> String {
+        if let [Case { comparison: Some(only), .. }] = &self.cases[..] {
+            return only.table().markdown();
+        }
         let tables =
             [0, 2, 4].map(|i| format!("{}\n\n{}", FIGURES[i].title, self.table(&FIGURES[i]).markdown()));
         tables.join("\n")
     }
 
-    /// The page as Markdown. Pictures are those in the folders beside it.
-    pub fn markdown(&self) -> String {
-        let mut out = format!("# Benchmark\n\nthirdbounce {}. {}\n", self.version, self.notes().join(" "));
-        for figure in &FIGURES {
-            out += &format!("\n## {}\n\n{}", figure.title, self.table(figure).markdown());
-        }
-        out += &format!("\n## Where the first method is not the best\n\n{}\n", self.lost().join("\n\n"));
-        out += &format!("\n## What others print\n\n{OF_PRINTED}\n\n{}", Page::printed().markdown());
-        for plot in self.with_photons() {
-            out += &format!("\n## {}\n\n![{}]({})\n", plot.title(), plot.title(), plot.file());
-        }
-        for case in self.cases.iter().filter(|c| c.comparison.is_some()) {
-            let folder = case.folder.replace(' ', "%20");
-            out += &format!(
-                "\n## {}\n\n![Albedo, normals and depth]({folder}/pictures.png)\n\n![Error against run \
-                 time]({folder}/error_vs_time.png)\n",
-                case.title()
-            );
-        }
-        let missing = self.missing();
-        if !missing.is_empty() {
-            out += &format!("\n## Left out\n\n{}\n", missing.join("\n\n"));
-        }
-        out
-    }
-
-    /// The page as HTML with its pictures inside, from the folders of the cases below `root`.
+    /// The page as HTML, plots and pictures inside; `root` is the folder of the cases' folders.
     ///
     /// # Errors
-    /// A plot cannot be drawn, or a picture of a case cannot be read.
+    /// A picture of a case cannot be read.
     pub fn html(&self, root: &Path) -> Result<String> {
+        let paragraphs = |all: Vec<String>| -> String {
+            all.iter().map(|text| format!("<p>{}</p>\n", escaped(text))).collect()
+        };
         let mut out = format!(
             "<!doctype html>\n<html lang=\"en\">\n<meta charset=\"utf-8\">\n<title>Benchmark</title>\n<style>{STYLE}\
-             </style>\n<h1>Benchmark</h1>\n<p>thirdbounce {}. {}</p>\n",
+             </style>\n<h1>Benchmark</h1>\n<p>thirdbounce {}</p>\n{}",
             escaped(&self.version),
-            escaped(&self.notes().join(" "))
+            paragraphs(self.notes())
         );
-        for figure in &FIGURES {
-            out += &format!("<h2>{}</h2>\n{}", escaped(figure.title), self.table(figure).html());
+        let compared = || self.cases.iter().filter_map(|case| Some((case, case.comparison.as_ref()?)));
+        if compared().count() > 1 {
+            for figure in &FIGURES {
+                out += &format!("<h2>{}</h2>\n{}", escaped(figure.title), self.table(figure).html());
+            }
         }
-        let lost: String = self.lost().iter().map(|text| format!("<p>{}</p>\n", escaped(text))).collect();
-        out += &format!("<h2>Where the first method is not the best</h2>\n{lost}");
-        out += &format!("<h2>What others print</h2>\n<p>{OF_PRINTED}</p>\n{}", Page::printed().html());
+        out += &format!("<h2>Where the first method is not the best</h2>\n{}", paragraphs(self.lost()));
         for plot in self.with_photons() {
-            out += &format!("<h2>{}</h2>\n{}\n", escaped(&plot.title()), figure::svg(&plot)?);
+            let title = format!("{}, fewer and fewer photons", plot.scene);
+            out += &format!("<h2>{}</h2>\n{}\n", escaped(&title), plot.figure().svg());
         }
-        for case in self.cases.iter().filter(|c| c.comparison.is_some()) {
-            let folder = root.join(&case.folder);
-            let [sheet, plot] = [("pictures.png", "image/png"), ("error_vs_time.svg", "image/svg+xml")]
-                .map(|(file, kind)| inside(&folder.join(file), kind));
+        for (case, comparison) in compared() {
+            let file = root.join(&case.folder).join("pictures.png");
+            let sheet = std::fs::read(&file).map_err(|e| {
+                Error::input(
+                    format!("{}: cannot be read: {e}", file.display()),
+                    "remove the folder of this case and start the benchmark again",
+                )
+            })?;
             out += &format!(
-                "<h2>{}</h2>\n<img alt=\"Albedo, normals and depth\" src=\"{}\">\n<img alt=\"Error against run \
-                 time\" src=\"{}\">\n",
+                "<h2>{}</h2>\n{}{}<img alt=\"Albedo, normals and depth\" src=\"data:image/png;base64,{}\">\n{}",
                 escaped(&case.title()),
-                sheet?,
-                plot?
+                paragraphs(comparison.notes()),
+                comparison.table().html(),
+                STANDARD.encode(sheet),
+                error_vs_time(comparison).svg()
             );
         }
-        let missing: String = self.missing().iter().map(|m| format!("<p>{}</p>\n", escaped(m))).collect();
+        let missing = paragraphs(self.missing());
         if !missing.is_empty() {
             out += &format!("<h2>Left out</h2>\n{missing}");
         }
         Ok(out + "</html>\n")
-    }
-
-    fn rows(&self) -> Vec<Row<'_>> {
-        let mut rows = vec![];
-        for case in &self.cases {
-            for m in case.comparison.iter().flat_map(|c| &c.methods) {
-                rows.push(Row {
-                    scene: &case.scene,
-                    photons: case.photons,
-                    method: &m.name,
-                    runs_on: &m.runs_on,
-                    seconds: m.seconds,
-                    iou: m.metrics.iou,
-                    best_iou: m.metrics.best_iou,
-                    depth_mae: m.metrics.at_best.and_then(|b| b.depth_mae),
-                    normal_error_deg: m.metrics.at_best.and_then(|b| b.normal_error_deg),
-                    agreed: case.agreed,
-                    paper: m.metrics.paper,
-                });
-            }
-        }
-        rows
     }
 }
 
@@ -444,38 +317,16 @@ const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;ma
                      .25em .7em;border-bottom:1px solid #e2e2e6;text-align:right}th:first-child,td:first-child{text-\
                      align:left}img,svg{max-width:100%;height:auto;display:block;margin:.5em 0}";
 
-/// A file as the address of a picture.
-fn inside(file: &Path, kind: &str) -> Result<String> {
-    let bytes = std::fs::read(file).map_err(|e| {
-        Error::input(
-            format!("{}: cannot be read: {e}", file.display()),
-            "remove the folder of this case and start the benchmark again",
-        )
-    })?;
-    Ok(format!("data:{kind};base64,{}", STANDARD.encode(bytes)))
-}
-
-/// Writes the plots of photon counts, `benchmark.md`, `benchmark.json` and last `benchmark.html` into `folder`, in which
-/// are the folders of the cases. Returns the paths.
+/// Writes `benchmark.json` and `benchmark.html` into `folder`, in which are the folders of the cases. Returns the paths.
 ///
 /// # Errors
 /// `Kind::Output` if a file cannot be written; a picture of a case that cannot be read.
 pub fn write(folder: &Path, page: &Page) -> Result<Vec<PathBuf>> {
-    let mut files = vec![];
-    for plot in page.with_photons() {
-        let file = folder.join(plot.file());
-        super::png::write(&file, &figure::picture(&plot)?)?;
-        files.push(file);
-    }
-    let json = serde_json::to_string_pretty(&page.rows()).map_err(|e| {
+    let json = serde_json::to_string_pretty(page).map_err(|e| {
         Error::output(format!("benchmark.json: cannot be packed as JSON: {e}"), "report this as a bug")
     })?;
-    let texts = [
-        ("benchmark.md", page.markdown()),
-        ("benchmark.json", json + "\n"),
-        ("benchmark.html", page.html(folder)?),
-    ];
-    for (name, text) in texts {
+    let mut files = vec![];
+    for (name, text) in [("benchmark.json", json + "\n"), ("benchmark.html", page.html(folder)?)] {
         let file = folder.join(name);
         atomic::write(&file, text.as_bytes())?;
         files.push(file);
@@ -498,31 +349,18 @@ struct AgainstPhotons<'p> {
 }
 
 impl AgainstPhotons<'_> {
-    fn title(&self) -> String {
-        format!("{}, fewer and fewer photons", self.scene)
-    }
-
-    fn file(&self) -> String {
-        format!("{}-photons.png", self.scene)
-    }
-
     fn points(&self, method: &str, value: fn(&MethodReport) -> Option<f64>) -> Vec<[f64; 2]> {
         let point = |case: &&Case| Some([case.photons?, case.of(method).and_then(value)?]);
         let mut points: Vec<[f64; 2]> = self.cases.iter().filter_map(point).collect();
         points.sort_by(|a, b| a[0].total_cmp(&b[0]));
         points
     }
-}
 
-impl Figure for AgainstPhotons<'_> {
-    fn size(&self) -> [u32; 2] {
-        let height = TOP + PANEL[1] + 76.0 + LINE * self.methods.len().div_ceil(3) as f64;
-        [WIDTH, height].map(|v| v.ceil() as u32)
-    }
-
-    fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B> {
-        line_of_text(area, self.scene, &font(HEADING, INK), [LEFT, 26.0])?;
-        line_of_text(area, "each method at its best IoU", &font(BODY, FRAME), [LEFT, 48.0])?;
+    fn figure(&self) -> Figure {
+        let mut drawn =
+            Figure::new([WIDTH, TOP + PANEL[1] + 76.0 + LINE * self.methods.len().div_ceil(3) as f64]);
+        drawn.text(self.scene, HEADING, INK, [LEFT, 26.0]);
+        drawn.text("each method at its best IoU", BODY, FRAME, [LEFT, 48.0]);
         let photons = Axis::new(self.cases.iter().filter_map(|c| c.photons), true);
         let shown = [
             (&FIGURES[0], "best IoU", false),
@@ -533,17 +371,17 @@ impl Figure for AgainstPhotons<'_> {
             let curves: Vec<_> = self.methods.iter().map(|m| self.points(m, figure.value)).collect();
             let axis = Axis::new(curves.iter().flatten().map(|p| p[1]), logarithmic);
             let place = [LEFT + STEP * at as f64, TOP, PANEL[0], PANEL[1]];
-            let mut panel =
-                Panel::new(area, place, [title, "photons in the strongest bin"], [photons.clone(), axis])?;
+            let names = [title, "photons in the strongest bin"];
+            let mut panel = Panel::new(&mut drawn, place, names, [photons.clone(), axis]);
             for (points, colour) in curves.iter().zip(COLOURS.into_iter().cycle()) {
-                panel.curve(points, colour)?;
-                points.iter().try_for_each(|point| panel.disc(*point, 3.5, colour))?;
+                panel.curve(points, colour);
+                points.iter().for_each(|point| panel.disc(*point, 3.5, colour));
             }
         }
         for (i, (name, colour)) in self.methods.iter().zip(COLOURS.into_iter().cycle()).enumerate() {
             let at = [LEFT + STEP * (i % 3) as f64, TOP + PANEL[1] + 74.0 + LINE * (i / 3) as f64];
-            legend(area, name, Stroke::Curve(colour), at)?;
+            legend(&mut drawn, name, Some(colour), at);
         }
-        Ok(())
+        drawn
     }
 }

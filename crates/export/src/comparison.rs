@@ -1,9 +1,10 @@
-//! Several methods on one capture: `compare.json` and `compare.md`.
+//! Several methods on one capture: the file of a case of a benchmark.
 
 use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize, Serializer};
 
+use super::page::escaped;
 use super::report::{Device, TraceEntry};
 use crate::capture::Summary;
 use crate::error::{Error, Result};
@@ -62,7 +63,7 @@ pub struct MethodReport {
     /// What did the work: the Vulkan device, or the host's cores.
     #[serde(default)]
     pub runs_on: String,
-    /// The folder of its maps, beside `compare.json`; of a foreign one empty.
+    /// The folder of its maps, beside the file of the case; of a foreign one empty.
     #[serde(default)]
     pub folder: String,
     /// Share of the brightest albedo above which its pixels are surface; `None`: the threshold was found at the albedo's edges.
@@ -120,18 +121,64 @@ impl MethodReport {
     }
 }
 
+/// A table as text. The best figure of a row is between stars.
+pub struct Table {
+    /// The cells above the columns.
+    pub head: Vec<String>,
+    /// The other cells, row by row.
+    pub rows: Vec<Vec<String>>,
+}
+
+impl Table {
+    /// As Markdown. The first column is aligned to the left, all others to the right.
+    pub fn markdown(&self) -> String {
+        let cell = |text: &String| text.replace('|', "\\|").replace('\n', " ");
+        let row =
+            |cells: &[String]| format!("| {} |\n", cells.iter().map(cell).collect::<Vec<_>>().join(" | "));
+        let line = format!("|---|{}\n", "--:|".repeat(self.head.len().saturating_sub(1)));
+        row(&self.head) + &line + &self.rows.iter().map(|cells| row(cells)).collect::<String>()
+    }
+
+    /// As HTML.
+    pub fn html(&self) -> String {
+        let cell = |tag: &str, text: &String| match text.strip_prefix("**").and_then(|t| t.strip_suffix("**"))
+        {
+            Some(best) => format!("<{tag}><b>{}</b></{tag}>", escaped(best)),
+            None => format!("<{tag}>{}</{tag}>", escaped(text)),
+        };
+        let row = |tag: &str, cells: &[String]| {
+            format!("<tr>{}</tr>\n", cells.iter().map(|text| cell(tag, text)).collect::<String>())
+        };
+        let rows: String = self.rows.iter().map(|cells| row("td", cells)).collect();
+        format!("<table>\n{}{rows}</table>\n", row("th", &self.head))
+    }
+}
+
 impl Comparison {
-    /// The figures as a Markdown table.
-    pub fn table(&self) -> String {
-        let mut out = format!(
-            "| method | runs on | iterations | time (s) | active | IoU{} | best IoU | completeness | depth MAE (mm) | depth RMSE (mm) \
-             | normals (°) | s to depth | s to normals | s to IoU | s to all three | paper: depth MAE, RMSE (m) \
-             | paper: normals MAE, RMSE |\n\
-             |---|---|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|--:|\n",
-            if self.oracle { " (oracle)" } else { "" }
-        );
+    /// The figures of every method.
+    pub fn table(&self) -> Table {
+        let iou = if self.oracle { "IoU (oracle)" } else { "IoU" };
+        let head = [
+            "method",
+            "runs on",
+            "iterations",
+            "time (s)",
+            "active",
+            iou,
+            "best IoU",
+            "completeness",
+            "depth MAE (mm)",
+            "depth RMSE (mm)",
+            "normals (°)",
+            "s to depth",
+            "s to normals",
+            "s to IoU",
+            "s to all three",
+            "paper: depth MAE, RMSE (m)",
+            "paper: normals MAE, RMSE",
+        ];
         let whole = self.methods.first().map_or(0.0, |m| m.seconds);
-        for m in &self.methods {
+        let row = |m: &MethodReport| {
             let figure = |v: Option<f64>, unit: f64, digits: usize| {
                 v.map_or("–".to_string(), |v| format!("{:.digits$}", unit * v))
             };
@@ -144,9 +191,9 @@ impl Comparison {
                 _ => format!("{}, {}", figure(mae, 1.0, 4), figure(rmse, 1.0, 4)),
             };
             let (best, paper) = (m.metrics.at_best.unwrap_or_default(), m.metrics.paper);
-            let cells = [
-                m.name_and_model().replace('|', "\\|"),
-                m.runs_on.replace('|', "\\|"),
+            [
+                m.name_and_model(),
+                m.runs_on.clone(),
                 m.iterations.to_string(),
                 spread(m.seconds, &m.repeats_s),
                 format!("{:.2} %", 100.0 * m.active_ratio),
@@ -162,91 +209,40 @@ impl Comparison {
                 time(&m.reach.all),
                 both([paper.depth_mae, paper.depth_rmse]),
                 both([paper.normal_mae, paper.normal_rmse]),
-            ];
-            out += &format!("| {} |\n", cells.join(" | "));
-        }
-        out
+            ]
+            .into()
+        };
+        Table { head: head.map(String::from).into(), rows: self.methods.iter().map(row).collect() }
     }
 
-    /// The whole page: what was compared, the plot, the table and how to read it.
-    pub fn markdown(&self) -> String {
-        let first = self.methods.first().map_or("", |m| m.name.as_str());
-        let mut out = format!(
-            "# Error against run time\n\n\
-             Capture `{}`, {} pairs of {} bins. Device: {} ({}). thirdbounce {}.\n\n\
-             ![Error against run time](error_vs_time.png)\n\n\
-             ![Albedo, normals and depth of the truth and of every method](pictures.png)\n\n{}\n",
-            file_name(&self.capture_file),
-            self.capture.pairs,
-            self.capture.bins,
-            self.device.name,
-            self.device.kind,
-            self.version,
-            self.table()
-        );
-        out += &format!(
-            "Time is solve time, without load, set-up, measuring and export. Every method ran {}, in turns. The \
-             time is the median, with the range in brackets. A pixel counts as surface above a fraction of the \
-             brightest albedo. Every point uses the fraction with the best IoU, which only the truth tells; \
-             *IoU* is that of {}. Depth and normal errors are over the \
-             pixels that are surface both in the result and in truth. (Figures within that mask are in \
-             compare.json.)\n\n\
-             *s to …*: seconds until the figure is as good as that of `{first}` at its end, and stays as good. Their \
-             share of the whole time of `{first}` is in brackets. Times are those of measured points: {}.\n\n\
-             *paper: …*: errors over all pixels of the picture; what is empty in the truth or outside the mask counts as \
-             depth 0 and normal (0, 0, 0).\n",
-            times(self.repeats),
-            self.mask_rule(),
-            self.steps(),
-        );
-        if self.methods.iter().any(|m| m.foreign) {
-            out += "\nOther programs made the maps of foreign methods. Their times, and figures without maps, are those that were \
-                 given.\n";
-        }
-        for MethodReport { name, preview_s, .. } in &self.methods {
-            if let Some(seconds) = preview_s {
-                out += &format!(
-                    "\nThe curve of `{name}` begins after {} s with the preview that `reconstruct` shows first. That is \
-                     part of its time.\n",
-                    short(*seconds)
-                );
+    /// What was compared and what is unusual, as sentences.
+    pub(super) fn notes(&self) -> Vec<String> {
+        let capture = &self.capture;
+        let name =
+            self.capture_file.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned());
+        let mut notes = vec![format!(
+            "Capture {name}, {} pairs of {} bins. Device: {} ({}). Repeats: {}.",
+            capture.pairs, capture.bins, self.device.name, self.device.kind, self.repeats
+        )];
+        for m in &self.methods {
+            if m.name != m.method && !m.foreign {
+                notes.push(format!("{} is {}.", m.name, m.method));
+            }
+            if let Some(seconds) = m.preview_s {
+                notes.push(format!(
+                    "The curve of {} begins after {} s with the preview that reconstruct shows first.",
+                    m.name,
+                    short(seconds)
+                ));
             }
         }
-        for LeftOut { name, why } in &self.left_out {
-            out += &format!("\n`{name}` is left out: {why}.\n");
+        if self.methods.iter().any(|m| m.foreign) {
+            notes.push(
+                "Times of foreign methods, and figures without maps, are those that were given.".into(),
+            );
         }
-        if self.methods.iter().any(|m| !m.foreign && m.name_and_model() != m.name) {
-            out += "\nA model in brackets was found by quick trials, whose time counts as solving.\n";
-        }
-        for m in self.methods.iter().filter(|m| m.name != m.method && !m.foreign) {
-            out += &format!("\n`{}` is `{}`.\n", m.name, m.method);
-        }
-        out
+        notes
     }
-
-    /// Which mask the maps have, in words.
-    fn mask_rule(&self) -> String {
-        match self.mask_fraction {
-            _ if self.oracle => "a mask that the truth chose as well (oracle): no user has it".into(),
-            Some(f) => format!("the pixels above the fraction {f}"),
-            None => "the maps' own mask, by the usual rule of each method".into(),
-        }
-    }
-
-    /// Which points were measured, in words.
-    fn steps(&self) -> String {
-        let mut steps: Vec<usize> = self.methods.iter().map(|m| m.trace_every).collect();
-        steps.dedup();
-        match steps[..] {
-            [0] => "only the last one".into(),
-            [n] => format!("one after every {n} iterations"),
-            _ => "their interval depends on the method (trace_every in compare.json)".into(),
-        }
-    }
-}
-
-fn times(repeats: usize) -> String {
-    if repeats == 1 { "once".into() } else { format!("{repeats} times") }
 }
 
 /// A median and the range around it.
@@ -274,10 +270,6 @@ fn as_text_if_any<S: Serializer>(path: &Option<PathBuf>, to: S) -> std::result::
     path.as_ref().map(|path| path.to_string_lossy()).serialize(to)
 }
 
-fn file_name(path: &Path) -> String {
-    path.file_name().map_or_else(String::new, |n| n.to_string_lossy().into_owned())
-}
-
 /// Writes the comparison as indented JSON.
 ///
 /// # Errors
@@ -303,12 +295,4 @@ pub fn read_json(path: &Path) -> Result<Comparison> {
             "remove the file, and compare again",
         )
     })
-}
-
-/// Writes the page of [`Comparison::markdown`].
-///
-/// # Errors
-/// `Kind::Output` if the file cannot be written.
-pub fn write_markdown(path: &Path, comparison: &Comparison) -> Result<()> {
-    atomic::write(path, comparison.markdown().as_bytes())
 }

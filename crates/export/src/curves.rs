@@ -1,8 +1,8 @@
 //! The plot of error against run time: four panels over one logarithmic time axis.
 
-use super::axis::{Axis, Panel, Stroke, legend, plain, rounded};
+use super::axis::{Axis, Panel, legend, plain, rounded};
 use super::comparison::{Comparison, MethodReport};
-use super::figure::{Area, BODY, COLOURS, Canvas, Drawn, FRAME, Figure, HEADING, INK, font, line_of_text};
+use super::figure::{BODY, COLOURS, FRAME, Figure, HEADING, INK};
 use super::report::TraceEntry;
 
 const WIDTH: f64 = 1200.0;
@@ -42,74 +42,48 @@ const GRAPHS: [Graph; 4] = [
 
 /// Residual, depth error, best IoU and normal error of every method over solve time. A disc marks each end. A dashed
 /// line marks the first method's final value.
-pub struct ErrorVsTime<'a>(pub &'a Comparison);
-
-impl ErrorVsTime<'_> {
-    fn height(&self) -> f64 {
-        TOP + STEP[1] + PANEL[1] + 70.0 + LEGEND_LINE * (self.0.methods.len() + 1) as f64
+pub fn error_vs_time(comparison: &Comparison) -> Figure {
+    let Comparison { capture_file, capture, device, methods, .. } = comparison;
+    let below = TOP + STEP[1] + PANEL[1] + 70.0;
+    let mut figure = Figure::new([WIDTH, below + LEGEND_LINE * (methods.len() + 1) as f64]);
+    let name = capture_file.file_name().map_or_else(String::new, |n| n.to_string_lossy().into());
+    let about = format!("{name}, {} pairs, {}", capture.pairs, device.name.trim());
+    figure.text("Error against run time", HEADING, INK, [LEFT, 30.0]);
+    figure.text(&shortened(&about, 130), BODY, FRAME, [LEFT, 57.0]);
+    let time = Axis::new(methods.iter().flat_map(|m| &m.trace).map(|e| e.seconds), true);
+    for (at, graph) in GRAPHS.iter().enumerate() {
+        let corner = [LEFT + STEP[0] * (at % 2) as f64, TOP + STEP[1] * (at / 2) as f64];
+        draw(&mut figure, corner, graph, time.clone(), methods);
     }
-
-    fn head<B: Canvas>(&self, area: &Area<B>) -> Drawn<B> {
-        let Comparison { capture_file, capture, device, .. } = self.0;
-        let name = capture_file.file_name().map_or_else(String::new, |n| n.to_string_lossy().into());
-        let about = format!("{name}, {} pairs, {}", capture.pairs, device.name.trim());
-        line_of_text(area, "Error against run time", &font(HEADING, INK), [LEFT, 30.0])?;
-        line_of_text(area, &shortened(&about, 130), &font(BODY, FRAME), [LEFT, 57.0])
+    let mut at = [LEFT, below + 2.0];
+    for (method, colour) in methods.iter().zip(COLOURS.into_iter().cycle()) {
+        let (name, seconds) = (shortened(&method.name_and_model(), 90), plain(rounded(method.seconds)));
+        let text = match method.iterations {
+            0 | 1 => format!("{name}: {seconds} s"),
+            many => format!("{name}: {many} iterations in {seconds} s"),
+        };
+        legend(&mut figure, &text, Some(colour), at);
+        at[1] += LEGEND_LINE;
     }
-
-    fn legend<B: Canvas>(&self, area: &Area<B>) -> Drawn<B> {
-        let mut at = [LEFT, TOP + STEP[1] + PANEL[1] + 72.0];
-        for (method, colour) in self.0.methods.iter().zip(COLOURS.into_iter().cycle()) {
-            let (name, seconds) = (shortened(&method.name_and_model(), 90), plain(rounded(method.seconds)));
-            let text = match method.iterations {
-                0 | 1 => format!("{name}: {seconds} s"),
-                many => format!("{name}: {many} iterations in {seconds} s"),
-            };
-            legend(area, &text, Stroke::Curve(colour), at)?;
-            at[1] += LEGEND_LINE;
-        }
-        let Some(first) = self.0.methods.first() else { return Ok(()) };
-        legend(area, &format!("dashed: final value of {}", shortened(&first.name, 90)), Stroke::Dashes, at)
+    if let Some(first) = methods.first() {
+        legend(&mut figure, &format!("dashed: final value of {}", shortened(&first.name, 90)), None, at);
     }
+    figure
 }
 
-impl Figure for ErrorVsTime<'_> {
-    fn size(&self) -> [u32; 2] {
-        [WIDTH, self.height()].map(|v| v.ceil() as u32)
-    }
-
-    fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B> {
-        self.head(area)?;
-        let methods = &self.0.methods;
-        let time = Axis::new(methods.iter().flat_map(|m| &m.trace).map(|e| e.seconds), true);
-        for (at, graph) in GRAPHS.iter().enumerate() {
-            let corner = [LEFT + STEP[0] * (at % 2) as f64, TOP + STEP[1] * (at / 2) as f64];
-            draw_graph(area, corner, graph, time.clone(), methods)?;
-        }
-        self.legend(area)
-    }
-}
-
-fn draw_graph<B: Canvas>(
-    area: &Area<B>,
-    [x, y]: [f64; 2],
-    graph: &Graph,
-    time: Axis,
-    methods: &[MethodReport],
-) -> Drawn<B> {
+fn draw(figure: &mut Figure, [x, y]: [f64; 2], graph: &Graph, time: Axis, methods: &[MethodReport]) {
     let value = |e: &TraceEntry| (graph.value)(e).filter(|v| v.is_finite());
     let axis = Axis::new(methods.iter().flat_map(|m| &m.trace).filter_map(value), graph.logarithmic);
     let [w, h] = PANEL;
-    let mut panel = Panel::new(area, [x, y, w, h], [graph.title, "solve time (s)"], [time, axis])?;
+    let mut panel = Panel::new(figure, [x, y, w, h], [graph.title, "solve time (s)"], [time, axis]);
     if let Some(goal) = methods.first().and_then(|m| m.trace.last()).and_then(value) {
-        panel.dashes(goal)?;
+        panel.dashes(goal);
     }
     for (method, colour) in methods.iter().zip(COLOURS.into_iter().cycle()) {
         let points: Vec<_> = method.trace.iter().filter_map(|e| value(e).map(|v| [e.seconds, v])).collect();
-        panel.curve(&points, colour)?;
-        points.last().map_or(Ok(()), |end| panel.disc(*end, 5.0, colour))?;
+        panel.curve(&points, colour);
+        points.last().into_iter().for_each(|end| panel.disc(*end, 5.0, colour));
     }
-    Ok(())
 }
 
 fn shortened(text: &str, most: usize) -> String {

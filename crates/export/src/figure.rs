@@ -1,189 +1,229 @@
-//! Plots as SVG and as pictures: `plotters` draws both from the same description.
+//! Plots as lists of shapes, and the same shapes as SVG and as pictures. Coordinates are pixels from the upper left corner.
 
-use std::convert::Infallible;
-use std::sync::Once;
+use std::fmt::Write as _;
 
-use plotters::coord::Shift;
-use plotters::drawing::{DrawingArea, DrawingAreaErrorKind, IntoDrawingArea};
-use plotters::prelude::{FontStyle, SVGBackend, WHITE};
-use plotters::style::{Color, RGBColor, TextStyle, register_font, text_anchor};
-use plotters_backend::{
-    BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind,
-};
+use zeno::{Cap, Command, Join, Mask, PathBuilder, Stroke};
 
+use super::page::escaped;
 use super::picture::Picture;
 use super::text;
-use crate::error::{Error, Result};
 
-/// Units of a drawing per pixel. `plotters` has whole coordinates: with one unit per pixel, curves would have steps,
-/// and pictures would have ragged edges.
-pub(super) const FINE: u32 = 3;
+/// Red, green and blue.
+pub(super) type Colour = [u8; 3];
 
 /// Colours that all plots share.
-pub(super) const INK: RGBColor = RGBColor(40, 40, 46);
-pub(super) const GRID: RGBColor = RGBColor(226, 226, 230);
-pub(super) const FRAME: RGBColor = RGBColor(120, 120, 128);
+pub(super) const INK: Colour = [40, 40, 46];
+pub(super) const GRID: Colour = [226, 226, 230];
+pub(super) const FRAME: Colour = [120, 120, 128];
 /// Colours of curves. People with any kind of colour vision can tell the first seven apart (Okabe and Ito).
-pub(super) const COLOURS: [RGBColor; 11] = [
-    RGBColor(0, 114, 178),
-    RGBColor(213, 94, 0),
-    RGBColor(0, 158, 115),
-    RGBColor(204, 121, 167),
-    RGBColor(230, 159, 0),
-    RGBColor(86, 180, 233),
-    RGBColor(70, 70, 70),
-    RGBColor(140, 90, 50),
-    RGBColor(120, 60, 180),
-    RGBColor(120, 180, 40),
-    RGBColor(190, 20, 60),
+pub(super) const COLOURS: [Colour; 11] = [
+    [0, 114, 178],
+    [213, 94, 0],
+    [0, 158, 115],
+    [204, 121, 167],
+    [230, 159, 0],
+    [86, 180, 233],
+    [70, 70, 70],
+    [140, 90, 50],
+    [120, 60, 180],
+    [120, 180, 40],
+    [190, 20, 60],
 ];
 
 /// Sizes of text, in pixels per em.
-pub(super) const HEADING: u32 = 21;
-pub(super) const TITLE: u32 = 16;
-pub(super) const BODY: u32 = 14;
+pub(super) const HEADING: f64 = 21.0;
+pub(super) const TITLE: f64 = 16.0;
+pub(super) const BODY: f64 = 14.0;
 
-/// The names of the compiled-in font, and of fonts that replace it where an SVG is shown without it.
+/// Lengths of dashes and gaps.
+const DASH: f64 = 7.0;
+/// Distance of a base line below the middle of a line of text, in ems.
+const DOWN: f64 = 0.27;
+/// The compiled-in font, and fonts that replace it where an SVG is shown without it.
 const FAMILY: &str = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif";
-/// A font's size in `plotters`, over its em.
-const EM: f64 = 1.24;
 
-pub(super) type Area<B> = DrawingArea<B, Shift>;
-pub(super) type Drawn<B> = std::result::Result<(), DrawingAreaErrorKind<<B as DrawingBackend>::ErrorType>>;
-
-/// A target that `plotters` draws on.
-pub trait Canvas: DrawingBackend<ErrorType: 'static> {}
-
-impl<B: DrawingBackend<ErrorType: 'static>> Canvas for B {}
-
-/// Something that can be drawn.
-pub trait Figure {
-    /// Width and height in pixels.
-    fn size(&self) -> [u32; 2];
-
-    /// Draws it on a white area of three times [`Figure::size`], because coordinates are whole numbers.
-    fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B>;
+#[derive(Debug, Clone, PartialEq)]
+enum Shape {
+    Line {
+        points: Vec<[f64; 2]>,
+        width: f64,
+        dashed: bool,
+    },
+    Disc {
+        at: [f64; 2],
+        radius: f64,
+    },
+    /// Two opposite corners.
+    Bar([f64; 2], [f64; 2]),
+    /// The share of the text that is left of x; y is its middle.
+    Text {
+        words: String,
+        at: [f64; 2],
+        em: f64,
+        left: f64,
+    },
 }
 
-/// The figure as SVG, text as text.
-///
-/// # Errors
-/// `Kind::Output` if the figure cannot be drawn.
-pub fn svg(figure: &impl Figure) -> Result<String> {
-    let [w, h] = figure.size();
-    let mut svg = String::new();
-    let backend = SVGBackend::with_string(&mut svg, (FINE * w, FINE * h));
-    draw(figure, backend)?;
-    let fine = format!("width=\"{}\" height=\"{}\"", FINE * w, FINE * h);
-    Ok(svg.replacen(&fine, &format!("width=\"{w}\" height=\"{h}\""), 1))
+/// A drawing on white paper.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Figure {
+    size: [f64; 2],
+    shapes: Vec<(Shape, Colour)>,
 }
 
-/// The figure as pixels, with smooth edges.
-///
-/// # Errors
-/// `Kind::Output` if the figure cannot be drawn.
-pub fn picture(figure: &impl Figure) -> Result<Picture> {
-    let [w, h] = figure.size().map(|n| n as usize);
-    let fine = FINE as usize;
-    let mut large = Picture::new(fine * w, fine * h);
-    draw(figure, Raster(&mut large))?;
-    Ok(large.shrunk(fine))
-}
-
-fn draw<B: Canvas>(figure: &impl Figure, backend: B) -> Result<()> {
-    static REGISTERED: Once = Once::new();
-    REGISTERED.call_once(|| {
-        // A font that cannot be used shows as an error of the first text.
-        let _ = register_font(FAMILY, FontStyle::Normal, text::FONT);
-    });
-    let area = backend.into_drawing_area();
-    let drawn = area.fill(&WHITE).and_then(|()| figure.draw(&area)).and_then(|()| area.present());
-    drawn.map_err(|e| Error::output(format!("a plot cannot be drawn: {e}"), "report this as a bug"))
-}
-
-/// Pixels in the units of a drawing.
-pub(super) fn px(pixels: f64) -> i32 {
-    (pixels * f64::from(FINE)).round() as i32
-}
-
-/// Text of `em` pixels per em.
-pub(super) fn font(em: u32, colour: RGBColor) -> TextStyle<'static> {
-    TextStyle { color: colour.to_backend_color(), ..(FAMILY, f64::from(em * FINE) * EM).into() }
-}
-
-/// Writes a line of text. It begins at `x`, and its middle is at `y`, in pixels.
-pub(super) fn line_of_text<B: Canvas>(
-    area: &Area<B>,
-    words: &str,
-    style: &TextStyle<'_>,
-    [x, y]: [f64; 2],
-) -> Drawn<B> {
-    let left = text_anchor::Pos::new(text_anchor::HPos::Left, text_anchor::VPos::Center);
-    area.draw_text(words, &style.pos(left), (px(x), px(y)))
-}
-
-/// A picture that `plotters` draws on.
-struct Raster<'a>(&'a mut Picture);
-
-type Done = std::result::Result<(), DrawingErrorKind<Infallible>>;
-
-impl DrawingBackend for Raster<'_> {
-    type ErrorType = Infallible;
-
-    fn get_size(&self) -> (u32, u32) {
-        (self.0.width as u32, self.0.height as u32)
+impl Figure {
+    /// White paper of this width and height.
+    pub(super) fn new(size: [f64; 2]) -> Figure {
+        Figure { size: size.map(f64::ceil), shapes: vec![] }
     }
 
-    fn ensure_prepared(&mut self) -> Done {
-        Ok(())
+    pub(super) fn line(&mut self, points: &[[f64; 2]], width: f64, colour: Colour) {
+        self.shapes.push((Shape::Line { points: points.into(), width, dashed: false }, colour));
     }
 
-    fn present(&mut self) -> Done {
-        Ok(())
+    pub(super) fn dashes(&mut self, from: [f64; 2], to: [f64; 2], colour: Colour) {
+        self.shapes.push((Shape::Line { points: vec![from, to], width: 1.0, dashed: true }, colour));
     }
 
-    fn draw_pixel(&mut self, (x, y): BackendCoord, colour: BackendColor) -> Done {
-        let (r, g, b) = colour.rgb;
-        self.0.blend([x, y], [r, g, b], colour.alpha);
-        Ok(())
+    pub(super) fn disc(&mut self, at: [f64; 2], radius: f64, colour: Colour) {
+        self.shapes.push((Shape::Disc { at, radius }, colour));
     }
 
-    /// Draws segment by segment with round joints. The outline of a whole path would have holes where it crosses
-    /// itself.
-    fn draw_path<S: BackendStyle, I: IntoIterator<Item = BackendCoord>>(
-        &mut self,
-        path: I,
-        style: &S,
-    ) -> Done {
-        let mut last = None;
-        for point in path {
-            if let Some(last) = last {
-                self.draw_line(last, point, style)?;
-            }
-            if style.stroke_width() > FINE {
-                self.draw_circle(point, style.stroke_width() / 2, &style.color(), true)?;
-            }
-            last = Some(point);
+    pub(super) fn bar(&mut self, from: [f64; 2], to: [f64; 2], colour: Colour) {
+        self.shapes.push((Shape::Bar(from, to), colour));
+    }
+
+    /// A line of text of `em` pixels per em that begins at x; its middle is at y.
+    pub(super) fn text(&mut self, words: &str, em: f64, colour: Colour, at: [f64; 2]) {
+        self.label(words, em, colour, at, 0.0);
+    }
+
+    /// A line of text of which the share `left` is left of x: 0, 0.5 or 1.
+    pub(super) fn label(&mut self, words: &str, em: f64, colour: Colour, at: [f64; 2], left: f64) {
+        self.shapes.push((Shape::Text { words: words.into(), at, em, left }, colour));
+    }
+
+    /// The figure as SVG, text as text.
+    pub fn svg(&self) -> String {
+        let [w, h] = self.size;
+        let mut out = format!(
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"{w}\" height=\"{h}\" viewBox=\"0 0 {w} {h}\" \
+             font-family=\"{FAMILY}\">\n<rect width=\"{w}\" height=\"{h}\" fill=\"#fff\"/>\n"
+        );
+        for (shape, [r, g, b]) in &self.shapes {
+            let colour = format!("#{r:02x}{g:02x}{b:02x}");
+            // Writing to a text does not fail.
+            let _ = match shape {
+                Shape::Line { points, width, dashed } => {
+                    let all: String = points.iter().map(|[x, y]| format!(" {x:.2},{y:.2}")).collect();
+                    let dash = if *dashed { format!(" stroke-dasharray=\"{DASH}\"") } else { String::new() };
+                    writeln!(
+                        out,
+                        "<polyline points=\"{}\" fill=\"none\" stroke=\"{colour}\" stroke-width=\"{width}\" \
+                         stroke-linejoin=\"round\"{dash}/>",
+                        all.trim_start()
+                    )
+                }
+                Shape::Disc { at: [x, y], radius } => {
+                    writeln!(out, "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"{colour}\"/>")
+                }
+                Shape::Bar([x0, y0], [x1, y1]) => writeln!(
+                    out,
+                    "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"{:.2}\" height=\"{:.2}\" fill=\"{colour}\"/>",
+                    x0.min(*x1),
+                    y0.min(*y1),
+                    (x1 - x0).abs(),
+                    (y1 - y0).abs()
+                ),
+                Shape::Text { words, at: [x, y], em, left } => writeln!(
+                    out,
+                    "<text x=\"{x:.2}\" y=\"{:.2}\" font-size=\"{em}\" fill=\"{colour}\" text-anchor=\"{}\">{}</text>",
+                    y + DOWN * em,
+                    ["start", "middle", "end"][(2.0 * left) as usize % 3],
+                    escaped(words)
+                ),
+            };
         }
-        Ok(())
+        out + "</svg>\n"
     }
 
-    /// Places text as the SVG backend does. The own text of `plotters` leaves out the blank at the left of each glyph,
-    /// and it is a fifth of its size too high.
-    fn draw_text<S: BackendTextStyle>(&mut self, words: &str, style: &S, (x, y): BackendCoord) -> Done {
-        let em = (style.size() / EM) as f32;
-        let left = match style.anchor().h_pos {
-            text_anchor::HPos::Left => 0.0,
-            text_anchor::HPos::Center => 0.5,
-            text_anchor::HPos::Right => 1.0,
-        } * text::width(words, em);
-        let down = match style.anchor().v_pos {
-            text_anchor::VPos::Top => 0.76,
-            text_anchor::VPos::Center => 0.27,
-            text_anchor::VPos::Bottom => -0.27,
-        } * em;
-        let (r, g, b) = style.color().rgb;
-        self.0.write(words, [x as f32 - left, y as f32 + down], em, [r, g, b]);
-        Ok(())
+    /// The figure as pixels, with smooth edges.
+    pub fn picture(&self) -> Picture {
+        let [w, h] = self.size;
+        let mut picture = Picture::new(w as usize, h as usize);
+        picture.fill(0, 0, w as usize, h as usize, [255; 3]);
+        for (shape, colour) in &self.shapes {
+            let mut ink = |at, cover| picture.blend(at, *colour, cover);
+            let point = |[x, y]: [f64; 2]| [x as f32, y as f32];
+            let mut path: Vec<Command> = vec![];
+            match shape {
+                Shape::Line { points, width, dashed } => {
+                    for (i, at) in points.iter().enumerate() {
+                        if i == 0 {
+                            path.move_to(point(*at))
+                        } else {
+                            path.line_to(point(*at))
+                        };
+                    }
+                    let dash = [DASH as f32; 2];
+                    let mut stroke = Stroke::new(*width as f32);
+                    stroke.join(Join::Round).cap(Cap::Butt);
+                    if *dashed {
+                        stroke.dash(&dash, 0.0);
+                    }
+                    text::paint(Mask::new(&path).style(stroke), &mut ink);
+                }
+                Shape::Disc { at, radius } => {
+                    path.add_circle(point(*at), *radius as f32);
+                    text::paint(&Mask::new(&path), &mut ink);
+                }
+                Shape::Bar(from, to) => {
+                    let low = [from[0].min(to[0]), from[1].min(to[1])];
+                    path.add_rect(point(low), (to[0] - from[0]).abs() as f32, (to[1] - from[1]).abs() as f32);
+                    text::paint(&Mask::new(&path), &mut ink);
+                }
+                Shape::Text { words, at: [x, y], em, left } => {
+                    let x = *x as f32 - *left as f32 * text::width(words, *em as f32);
+                    text::write(words, [x, (y + DOWN * em) as f32], *em as f32, ink);
+                }
+            }
+        }
+        picture
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn svg_and_picture_show_the_same_shapes() {
+        let mut figure = Figure::new([60.0, 40.0]);
+        figure.line(&[[5.0, 5.0], [55.0, 5.0]], 3.0, COLOURS[0]);
+        figure.dashes([0.0, 10.0], [28.0, 10.0], COLOURS[1]);
+        figure.disc([10.0, 20.0], 4.0, COLOURS[2]);
+        figure.bar([20.0, 30.0], [30.0, 22.0], COLOURS[3]);
+        figure.label("<a & b>", BODY, INK, [58.0, 34.0], 1.0);
+        let svg = figure.svg();
+        for part in [
+            "points=\"5.00,5.00 55.00,5.00\"",
+            "stroke-dasharray",
+            "<circle cx=\"10.00\"",
+            "y=\"22.00\" width=\"10.00\" height=\"8.00\"",
+            ">&lt;a &amp; b&gt;</text>",
+        ] {
+            assert!(svg.contains(part), "{part}: {svg}");
+        }
+        let picture = figure.picture();
+        let at = |x: usize, y: usize| [0, 1, 2].map(|c| picture.rgb[3 * (y * 60 + x) + c]);
+        assert_eq!(at(30, 5), COLOURS[0]);
+        assert!(at(3, 9) != [255; 3] && at(10, 9) == [255; 3], "a dash and a gap");
+        assert_eq!([at(10, 20), at(25, 26), at(2, 38)], [COLOURS[2], COLOURS[3], [255; 3]]);
+        assert!((30..58).any(|x| at(x, 34) != [255; 3]), "text ends at the right");
+        // Nothing to draw is nothing drawn.
+        let mut empty = Figure::new([3.0, 3.0]);
+        empty.line(&[], 1.0, INK);
+        empty.line(&[[1.0, 1.0]], 1.0, INK);
+        assert!(empty.picture().rgb.len() == 27);
     }
 }

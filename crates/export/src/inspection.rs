@@ -3,9 +3,7 @@
 use std::path::Path;
 
 use super::axis::{Axis, Panel, plain, rounded};
-use super::figure::{
-    self, Area, COLOURS, Canvas, Drawn, Figure, HEADING, INK, TITLE, font, line_of_text, px,
-};
+use super::figure::{COLOURS, Figure, HEADING, INK, TITLE};
 use super::picture::{BACKGROUND, Picture, colour};
 use super::png;
 use crate::capture::Capture;
@@ -27,7 +25,7 @@ const STEP: f64 = 540.0;
 pub fn write(path: &Path, capture: &Capture) -> Result<()> {
     capture.check()?;
     let maps = vec![("path of the peak (m)", peaks(capture)), sums(capture)];
-    png::write(path, &Overview { capture, maps, logarithmic: false }.picture()?)
+    png::write(path, &Overview { capture, maps, logarithmic: false }.picture())
 }
 
 /// As [`write()`], for a capture made of time tags. The mean histogram is logarithmic, because direct light is among it, and the
@@ -47,7 +45,7 @@ pub fn write_with_direct(path: &Path, capture: &Capture, direct: Option<&[f64]>,
     if shaped {
         maps.push(("depth of the wall (m)", capture.laser.iter().map(|p| p.z as f32).collect()));
     }
-    png::write(path, &Overview { capture, maps, logarithmic: true }.picture()?)
+    png::write(path, &Overview { capture, maps, logarithmic: true }.picture())
 }
 
 /// The counts of each histogram.
@@ -75,9 +73,9 @@ struct Overview<'a> {
 }
 
 impl Overview<'_> {
-    fn picture(&self) -> Result<Picture> {
+    fn picture(&self) -> Picture {
         let capture = self.capture;
-        let mut picture = figure::picture(self)?;
+        let mut picture = self.figure().picture();
         let [top, side] = MAPS.map(|v| v as usize);
         for (at, (_, values)) in self.maps.iter().enumerate() {
             let x = (LEFT + at as f64 * STEP) as usize;
@@ -85,25 +83,20 @@ impl Overview<'_> {
             let (low, high) = range.map_or((0.0, 1.0), |(a, b)| (f64::from(a), f64::from(b)));
             picture.paste(&map(values, capture.scan, low, high), x, top);
             let labels = [high, low].map(|value| plain(rounded(value)));
-            picture.colour_bar(x + side + 12, [top, top + side], 0.0, &labels, [INK.0, INK.1, INK.2]);
+            picture.colour_bar(x + side + 12, [top, top + side], 0.0, &labels, INK);
         }
-        Ok(picture)
+        picture
     }
-}
 
-impl Figure for Overview<'_> {
-    fn size(&self) -> [u32; 2] {
+    fn figure(&self) -> Figure {
         let more = self.maps.len().saturating_sub(2) as f64 * STEP;
-        [(WIDTH + more) as u32, (MAPS[0] + MAPS[1] + 60.0) as u32]
-    }
-
-    fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B> {
+        let mut figure = Figure::new([WIDTH + more, MAPS[0] + MAPS[1] + 60.0]);
         let capture = self.capture;
         let [nx, ny] = capture.scan;
         let title = format!("{}: {nx} × {ny} histograms of {} bins", capture.name, capture.bins);
-        line_of_text(area, &title, &font(HEADING, INK), [LEFT, 28.0])?;
+        figure.text(&title, HEADING, INK, [LEFT, 28.0]);
         for (at, (title, _)) in self.maps.iter().enumerate() {
-            line_of_text(area, title, &font(TITLE, INK), [LEFT + at as f64 * STEP, MAPS[0] - 17.0])?;
+            figure.text(title, TITLE, INK, [LEFT + at as f64 * STEP, MAPS[0] - 17.0]);
         }
         let mean = capture.mean_histogram();
         let along = Axis::new([capture.t_start, capture.t_end()].into_iter(), false);
@@ -112,16 +105,16 @@ impl Figure for Overview<'_> {
             false => Axis::new(mean.iter().copied().chain([0.0]), false),
         };
         let floor = if self.logarithmic { up.low } else { 0.0 };
-        let mut panel = Panel::new(area, PLOT, ["mean histogram", "path (m)"], [along, up])?;
+        let mut panel = Panel::new(&mut figure, PLOT, ["mean histogram", "path (m)"], [along, up]);
         // If many bins share a column of pixels, it shows the largest.
-        let per_column = mean.len().div_ceil(px(PLOT[2]) as usize).max(1);
+        let per_column = mean.len().div_ceil(PLOT[2] as usize).max(1);
         let path = |bin: usize| capture.t_start + bin as f64 * capture.bin_width;
         for (at, bins) in mean.chunks(per_column).enumerate() {
             let from = at * per_column;
             let value = bins.iter().copied().fold(0.0, f64::max);
-            panel.bar([path(from), path(from + bins.len())], [floor, value.max(floor)], COLOURS[0])?;
+            panel.bar([path(from), path(from + bins.len())], [floor, value.max(floor)], COLOURS[0]);
         }
-        Ok(())
+        figure
     }
 }
 

@@ -1,7 +1,7 @@
 //! A plot of curves. Each axis is linear or logarithmic.
 
-use super::axis::{Axis, Panel, Stroke, legend};
-use super::figure::{Area, BODY, COLOURS, Canvas, Drawn, Figure, HEADING, INK, font, line_of_text};
+use super::axis::{Axis, Panel, legend};
+use super::figure::{BODY, COLOURS, Figure, HEADING, INK};
 
 /// A plot of named curves. Points that are not finite, or not above zero on a logarithmic axis, are left out.
 #[derive(Debug, Clone, PartialEq)]
@@ -32,46 +32,41 @@ impl Plot {
         };
         points.iter().filter(fits).copied().collect()
     }
-}
 
-impl Figure for Plot {
-    fn size(&self) -> [u32; 2] {
-        let [x, y, w, h] = PANEL;
+    /// The plot as a drawing.
+    pub fn figure(&self) -> Figure {
+        let [left, top, width, height] = PANEL;
         let lines = self.curves.len() + usize::from(self.mark.is_some());
-        [x + w + 40.0, y + h + 62.0 + LEGEND_LINE * lines as f64].map(|v| v.ceil() as u32)
-    }
-
-    fn draw<B: Canvas>(&self, area: &Area<B>) -> Drawn<B> {
-        let [left, top, _, height] = PANEL;
-        line_of_text(area, &self.title, &font(HEADING - 2, INK), [left, 30.0])?;
-        line_of_text(area, &self.y, &font(BODY, INK), [left, top - 15.0])?;
+        let mut figure = Figure::new([left + width + 40.0, top + height + 62.0 + LEGEND_LINE * lines as f64]);
+        figure.text(&self.title, HEADING - 2.0, INK, [left, 30.0]);
+        figure.text(&self.y, BODY, INK, [left, top - 15.0]);
         let curves: Vec<_> = self.curves.iter().map(|(name, points)| (name, self.shown(points))).collect();
         let points = || curves.iter().flat_map(|c| &c.1);
         let marked = self.mark.iter().map(|m| m.1);
         let x = Axis::new(points().map(|p| p[0]), self.logarithmic[0]);
         let y = Axis::new(points().map(|p| p[1]).chain(marked), self.logarithmic[1]);
-        let mut panel = Panel::new(area, PANEL, ["", &self.x], [x, y])?;
-        let mut line = [left, top + height + 70.0];
-        if let Some((name, at)) = &self.mark {
-            panel.dashes(*at)?;
-            legend(area, name, Stroke::Dashes, line)?;
-            line[1] += LEGEND_LINE;
+        let mut panel = Panel::new(&mut figure, PANEL, ["", &self.x], [x, y]);
+        if let Some((_, at)) = &self.mark {
+            panel.dashes(*at);
         }
-        for ((name, points), colour) in curves.iter().zip(COLOURS.into_iter().cycle()) {
-            panel.curve(points, colour)?;
+        let coloured = || curves.iter().zip(COLOURS.into_iter().cycle());
+        for ((_, points), colour) in coloured() {
+            panel.curve(points, colour);
             if points.len() < 60 {
-                points.iter().try_for_each(|p| panel.disc(*p, 4.0, colour))?;
+                points.iter().for_each(|p| panel.disc(*p, 4.0, colour));
             }
-            legend(area, name, Stroke::Curve(colour), line)?;
-            line[1] += LEGEND_LINE;
         }
-        Ok(())
+        let names = self.mark.iter().map(|(name, _)| (name, None));
+        let names = names.chain(coloured().map(|((name, _), colour)| (*name, Some(colour))));
+        for (i, (name, colour)) in names.enumerate() {
+            legend(&mut figure, name, colour, [left, top + height + 70.0 + LEGEND_LINE * i as f64]);
+        }
+        figure
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use super::super::figure::svg;
     use super::*;
 
     #[test]
@@ -84,10 +79,10 @@ mod tests {
             curves: vec![("a".into(), vec![[1.0, 1e-3], [2.0, f64::NAN], [0.0, 1.0], [10.0, 1e-1]])],
             mark: Some(("goal".into(), 1e-2)),
         };
-        let svg = svg(&plot).unwrap();
+        let svg = plot.figure().svg();
         // Two points, and one in the legend.
         assert_eq!(svg.matches("<circle").count(), 3, "{svg}");
         let nothing = Plot { curves: vec![("a".into(), vec![])], mark: None, ..plot };
-        assert_eq!(super::super::figure::svg(&nothing).unwrap().matches("<circle").count(), 1);
+        assert_eq!(nothing.figure().svg().matches("<circle").count(), 1);
     }
 }

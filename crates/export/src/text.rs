@@ -1,43 +1,52 @@
-//! Text on pictures, in the compiled-in font.
+//! Text on pictures, by compiled-in outlines.
 //!
-//! `assets/DejaVuSans.ttf` is DejaVu Sans 2.37 with the characters of Latin, Greek and common signs only, made by
-//! `pyftsubset DejaVuSans.ttf --no-hinting --layout-features= --unicodes=20-7E,A0-17F,370-3FF,2010-2026,2030,2032,2033,
-//! 2070-209F,20AC,2190-2193,2212,221E,2248,2260,2264,2265`.
+//! `assets/DejaVuSans.txt` has a line for each character of DejaVu Sans 2.37 (Latin, Greek, common signs): its code point, its
+//! advance, and its outline as an SVG path, in units of which an em has 2048; see `assets/README.md`.
 
+use std::collections::HashMap;
 use std::sync::LazyLock;
 
-use ab_glyph::{Font, FontRef, PxScale, ScaleFont, point};
+use zeno::{Mask, Transform};
 
-pub(super) const FONT: &[u8] = include_bytes!("../assets/DejaVuSans.ttf");
+const EM: f32 = 2048.0;
 
-static DEJAVU: LazyLock<FontRef<'static>> =
-    LazyLock::new(|| FontRef::try_from_slice(FONT).expect("the compiled-in font is whole"));
+/// Advance and outline of each character.
+static GLYPHS: LazyLock<HashMap<char, (f32, &'static str)>> = LazyLock::new(|| {
+    let glyph = |line: &'static str| {
+        let (code, rest) = line.split_once(' ')?;
+        let (advance, outline) = rest.split_once(' ')?;
+        Some((char::from_u32(u32::from_str_radix(code, 16).ok()?)?, (advance.parse().ok()?, outline)))
+    };
+    include_str!("../assets/DejaVuSans.txt").lines().filter_map(glyph).collect()
+});
 
-/// The scale at which an em of the font is `em` pixels.
-fn scale(em: f32) -> PxScale {
-    PxScale::from(em * DEJAVU.height_unscaled() / DEJAVU.units_per_em().unwrap_or(1.0))
+/// Advance and outline of a character; of a question mark for one that the font lacks.
+fn glyph(character: char) -> (f32, &'static str) {
+    GLYPHS.get(&character).or_else(|| GLYPHS.get(&'?')).copied().unwrap_or_default()
 }
 
 /// Length of a line of text in pixels, at `em` pixels per em.
 pub fn width(text: &str, em: f32) -> f32 {
-    let font = DEJAVU.as_scaled(scale(em));
-    text.chars().map(|c| font.h_advance(font.glyph_id(c))).sum()
+    text.chars().map(|c| glyph(c).0).sum::<f32>() * em / EM
 }
 
 /// Calls `ink` with `[column, row]` and coverage (0 to 1) for every pixel of a line of text. The text begins at
 /// `[x, y]` on the base line, in pixels from the upper left corner.
 pub fn write(text: &str, [mut x, y]: [f32; 2], em: f32, mut ink: impl FnMut([i32; 2], f64)) {
-    let font = DEJAVU.as_scaled(scale(em));
-    for character in text.chars() {
-        let glyph = font.glyph_id(character);
-        if let Some(outline) = font.outline_glyph(glyph.with_scale_and_position(scale(em), point(x, y))) {
-            let corner = outline.px_bounds().min;
-            outline.draw(|column, row, cover| {
-                let at = [corner.x as i32 + column as i32, corner.y as i32 + row as i32];
-                ink(at, f64::from(cover));
-            });
-        }
-        x += font.h_advance(glyph);
+    let scale = em / EM;
+    for (advance, outline) in text.chars().map(glyph) {
+        let at = Transform { xx: scale, xy: 0.0, yx: 0.0, yy: -scale, x, y };
+        paint(Mask::new(outline).transform(Some(at)), &mut ink);
+        x += scale * advance;
+    }
+}
+
+/// Calls `ink` with `[column, row]` and coverage (0 to 1) for every pixel of a mask.
+pub fn paint(mask: &Mask<'_, '_, impl zeno::PathData>, ink: &mut impl FnMut([i32; 2], f64)) {
+    let (cover, place) = mask.render();
+    for (at, cover) in cover.iter().enumerate().filter(|(_, cover)| **cover > 0) {
+        let [column, row] = [at % place.width as usize, at / place.width as usize].map(|v| v as i32);
+        ink([place.left + column, place.top + row], f64::from(*cover) / 255.0);
     }
 }
 
@@ -47,12 +56,12 @@ mod tests {
 
     #[test]
     fn the_font_has_every_character_that_plots_and_captions_use() {
-        let nothing = DEJAVU.glyph_id('\u{1}');
         for c in (' '..='~').chain("°·×–−²³µλπσ€≤≥äöüéñß".chars()) {
-            assert!(DEJAVU.glyph_id(c) != nothing, "{c:?}");
+            assert!(GLYPHS.contains_key(&c), "{c:?}");
         }
         assert!(width("MM", 12.0) > width("ii", 12.0) && width("", 12.0) == 0.0);
         assert!((width("depth", 24.0) - 2.0 * width("depth", 12.0)).abs() < 1e-3);
+        assert_eq!(width("\u{1}", 12.0), width("?", 12.0));
     }
 
     #[test]

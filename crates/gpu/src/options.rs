@@ -39,7 +39,7 @@ pub struct GpuOptions {
     /// offers.
     #[doc(hidden)]
     pub binding: Option<u64>,
-    /// Keep compiled kernels in this folder, in a file for each device and driver, and begin with those of earlier runs.
+    /// Folder of the file that keeps compiled kernels between runs; it is replaced when device or driver differ.
     pub pipeline_cache: Option<PathBuf>,
     /// Faults to produce, for tests.
     #[doc(hidden)]

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use glam::{DVec3, dvec3};
 
-use super::Galvo;
 use crate::capture::lattice::Lattice;
 use crate::capture::{Capture, Turn};
 use crate::error::{Error, Result};
@@ -66,35 +65,6 @@ impl Scan {
         let text =
             std::fs::read_to_string(path).map_err(super::unreadable).map_err(|e| e.at(path.display()))?;
         Self::of_text(&text).map_err(|e| e.at(path.display()))
-    }
-
-    /// Reads the points of a confocal scan from text with two voltages or angles of a galvo scanner in each line.
-    ///
-    /// # Errors
-    /// Those of [`Scan::read`]; `Kind::Input` for a point that is not on the wall.
-    pub fn read_galvo(path: &Path, galvo: &Galvo) -> Result<Scan> {
-        let text = std::fs::read_to_string(path).map_err(super::unreadable);
-        text.and_then(|text| Self::of_galvo(&text, galvo)).map_err(|e| e.at(path.display()))
-    }
-
-    fn of_galvo(text: &str, galvo: &Galvo) -> Result<Scan> {
-        let mut points = vec![];
-        let values = Self::of_text(text)?;
-        for (number, v) in values.laser.iter().enumerate() {
-            if v.z != 0.0 || values.sensor[number] != *v {
-                return Err(Error::input(
-                    format!("point {number} has more than two values"),
-                    "write two voltages or angles for each point, or leave the galvo's calibration out",
-                ));
-            }
-            points.push(galvo.point([v.x, v.y]).ok_or_else(|| {
-                Error::input(
-                    format!("the beam of point {number}, at {} and {}, does not meet the wall", v.x, v.y),
-                    "check the galvo's calibration: its scale, directions and wall",
-                )
-            })?);
-        }
-        Ok(Scan { laser: points.clone(), sensor: points, per_line: None })
     }
 
     fn of_text(text: &str) -> Result<Scan> {
@@ -173,61 +143,5 @@ impl Scan {
         let mut pair_of = vec![0; count]; // bounded: the points of the scan
         capture.histograms.iter().enumerate().for_each(|(pair, point)| pair_of[*point as usize] = pair);
         (capture.outline(), pair_of)
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn points_go_to_their_place_in_the_scan() {
-        let scan = Scan::grid([3, 2], 0.2, true).unwrap();
-        assert_eq!(scan.laser[0], dvec3(-0.1, -0.05, 0.0));
-        assert_eq!(scan.laser[3], dvec3(0.1, 0.05, 0.0), "the second row comes from the right");
-        for turn in [Turn::default(), Turn::parse(Some("x"), Some(90)).unwrap()] {
-            let (capture, pair_of) = scan.pairs(turn, None);
-            let wanted = if turn == Turn::default() { [3, 2] } else { [2, 3] };
-            assert_eq!(capture.scan, wanted);
-            for (point, pair) in pair_of.iter().enumerate() {
-                let alone =
-                    Capture::new([1, 1], vec![scan.laser[point]], vec![scan.laser[point]], 1, 1.0, vec![1.0]);
-                assert!(capture.laser[*pair].distance(alone.turned(turn).laser[0]) < 1e-12);
-            }
-        }
-    }
-
-    #[test]
-    fn points_are_read_from_text() {
-        let text = "# by hand\nx,y,z\n0,0,0\n0 0.1 0\n0.1;0;0\n0.1\t0.1\t0\n";
-        let scan = Scan::of_text(text).unwrap();
-        assert!(scan.points() == 4 && scan.is_confocal());
-        assert_eq!(scan.pairs(Turn::default(), None).0.scan, [2, 2]);
-        let apart = Scan::of_text("0,0,0,1,0,0\n0,0.1,0,1,0,0").unwrap();
-        assert!(!apart.is_confocal() && apart.sensor[1] == dvec3(1.0, 0.0, 0.0));
-        assert_eq!(apart.pairs(Turn::default(), None).0.scan, [1, 2]);
-        let galvo = Galvo {
-            origin: dvec3(0.0, 0.0, -1.0),
-            forward: DVec3::Z,
-            up: DVec3::Y,
-            scale: [-45.0, 45.0],
-            offset: [0.0; 2],
-            between: 0.0,
-            wall: [DVec3::ZERO, DVec3::Z],
-        };
-        let volts = Scan::of_galvo("v1,v2\n0,0\n1,0\n0,-1\n", &galvo).unwrap();
-        assert!(volts.laser[1].distance(DVec3::X) < 1e-12 && volts.laser[2].distance(-DVec3::Y) < 1e-12);
-        for (text, words) in [("0,0,1", "two values"), ("0,0\n3,0", "point 1")] {
-            assert!(Scan::of_galvo(text, &galvo).unwrap_err().what.contains(words), "{text}");
-        }
-        for (text, words) in
-            [("", "no point"), ("0,0\n0,x", "line 2"), ("1", "line 1"), ("1,2,inf", "line 1")]
-        {
-            assert!(Scan::of_text(text).unwrap_err().what.contains(words), "{text}");
-        }
-        for grid in [[0, 3], [1, 1], [usize::MAX, 2]] {
-            assert!(Scan::grid(grid, 1.0, false).is_err());
-        }
-        assert!(Scan::grid([2, 2], f64::NAN, false).is_err());
     }
 }

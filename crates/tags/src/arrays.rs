@@ -1,13 +1,11 @@
 //! Time tags as arrays: `timestamps` and `channels`, as people store what Swabian's Time Tagger gives to Python
 //! (`getTimestamps`, `getChannels`), in npz or HDF5.
 //!
-//! Both arrays have one axis and one length, whole numbers, timestamps in picoseconds. `event_types` and `missed_events`
-//! (`getEventTypes`, `getMissedEvents`) may stand beside them, with the meaning that they have in a dump ([`super::dump`]). They are
-//! read part by part.
+//! Both arrays have one axis and one length, whole numbers, timestamps in picoseconds. They are read part by part. Swabian's
+//! `event_types` (`getEventTypes`) may be a third one: 0 is a tag, all else is left out.
 
 use std::path::Path;
 
-use super::dump::Kinds;
 use super::{Inputs, Passed, Record};
 use crate::capture::formats::{self, hdf5::Hdf5};
 use crate::error::{Error, Result};
@@ -18,8 +16,7 @@ use crate::files::array::Head;
 const TIMES: [&str; 8] =
     ["timestamps", "timestamp", "timestamps_ps", "times", "times_ps", "time", "time_tags", "timetags"];
 const CHANNELS: [&str; 3] = ["channels", "channel", "channel_ids"];
-const KINDS: [&str; 2] = ["event_types", "types"];
-const MISSED: [&str; 2] = ["missed_events", "missed"];
+const TYPES: [&str; 2] = ["event_types", "types"];
 /// Tags that are read at once: at least, and at most where a chunk of HDF5 has more than the least.
 const PART: [usize; 2] = [1 << 16, 1 << 24];
 
@@ -47,8 +44,7 @@ pub(super) struct Named {
     holder: Holder,
     times: String,
     channels: String,
-    kinds: Option<String>,
-    missed: Option<String>,
+    types: Option<String>,
 }
 
 enum File {
@@ -89,7 +85,7 @@ impl Named {
                  without a scan",
             ));
         };
-        Ok(Named { holder, times, channels, kinds: one(&KINDS)?, missed: one(&MISSED)? })
+        Ok(Named { holder, times, channels, types: one(&TYPES)? })
     }
 
     /// Calls `hear` with every tag.
@@ -103,11 +99,8 @@ impl Named {
         let mut file = open(self.holder, path)?;
         let mut times = column(&mut file, &self.times)?;
         let mut channels = column(&mut file, &self.channels)?;
-        let optional =
-            |file: &mut File, name: &Option<String>| name.as_ref().map(|n| column(file, n)).transpose();
-        let mut types = optional(&mut file, &self.kinds)?;
-        let mut missed = optional(&mut file, &self.missed)?;
-        for other in [Some(&channels), types.as_ref(), missed.as_ref()].into_iter().flatten() {
+        let mut types = self.types.as_ref().map(|name| column(&mut file, name)).transpose()?;
+        for other in [Some(&channels), types.as_ref()].into_iter().flatten() {
             if other.left != times.left {
                 return Err(Error::input(
                     format!("{} holds {} values and {} {}", self.times, times.left, other.name, other.left),
@@ -123,11 +116,10 @@ impl Named {
                 part = part.max(hdf5.chunk(name)?.min(PART[1]));
             }
         }
-        let mut kinds = Kinds::default();
+        let mut missed = 0;
         while times.left > 0 {
             let (at, to) = (times.part(hdf5, part)?, channels.part(hdf5, part)?);
             let types = types.as_mut().map(|column| column.part(hdf5, part)).transpose()?;
-            let lost = missed.as_mut().map(|column| column.part(hdf5, part)).transpose()?;
             for (i, (time, channel)) in at.into_iter().zip(to).enumerate() {
                 passed.records += 1;
                 let channel = i32::try_from(channel).map_err(|_| {
@@ -136,14 +128,15 @@ impl Named {
                         "store the numbers of inputs",
                     )
                 })?;
-                let kind = types.as_ref().map_or(0, |types| u8::try_from(types[i]).unwrap_or(u8::MAX));
-                let lost = lost.as_ref().map_or(0, |lost| u64::try_from(lost[i]).unwrap_or(0));
-                if kinds.take(kind, lost, passed) {
-                    hear(inputs.record(channel, time));
+                match types.as_ref().map_or(0, |types| types[i]) {
+                    0 => hear(inputs.record(channel, time)),
+                    _ => missed += 1,
                 }
             }
         }
-        kinds.tell(passed);
+        if missed > 0 {
+            passed.notes.push(format!("{missed} events are no tags, such as overflows, and are left out"));
+        }
         Ok(())
     }
 }

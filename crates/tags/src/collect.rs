@@ -1,7 +1,8 @@
 //! The second pass over a file of time tags: photons into cells of delay, point by point.
 
 use super::cuts::{Cuts, NONE, Span};
-use super::{Curves, Event, Tags};
+use super::stored::Stored;
+use super::{Event, Tags};
 use crate::error::{Error, Result};
 use crate::host;
 
@@ -38,49 +39,6 @@ fn room(points: usize, cells: usize, file: u64) -> Result<Vec<u32>> {
     host::filled(&what, all, 0).map_err(|e| e.advised("choose an earlier last delay (until), or wider bins"))
 }
 
-/// Cells that take photons.
-pub(super) struct Filling {
-    cells: Cells,
-    cuts: Cuts,
-    at: usize,
-    ticks: i64,
-    /// A division takes longer than all the rest; most files have a power of two.
-    shift: Option<u32>,
-}
-
-impl Filling {
-    /// No photons of these points, from a file of so many bytes. `ticks` ticks are a cell.
-    pub(super) fn new(spans: &[Span], points: usize, ticks: i64, cells: usize, file: u64) -> Result<Filling> {
-        let (cuts, pulses) = Cuts::of(spans, points);
-        let counts = room(points, cells, file)?;
-        let shift = (ticks & (ticks - 1) == 0).then(|| ticks.trailing_zeros());
-        let cells = Cells { counts, cells, pulses: Some(pulses), ..Cells::default() };
-        Ok(Filling { cells, cuts, at: 0, ticks, shift })
-    }
-
-    /// Takes a photon of the detector.
-    #[inline]
-    pub(super) fn add(&mut self, sync: i64, delay: i64) {
-        let point = self.cuts.point(sync, &mut self.at);
-        if point == NONE {
-            self.cells.outside += 1;
-            return;
-        }
-        let cell = self.shift.map_or_else(|| delay / self.ticks, |bits| delay >> bits) as usize;
-        if cell >= self.cells.cells {
-            self.cells.late += 1;
-            return;
-        }
-        let count = &mut self.cells.counts[point as usize * self.cells.cells + cell];
-        *count = count.saturating_add(1);
-    }
-
-    /// The cells, if a tick is so many seconds.
-    pub(super) fn done(self, tick: f64) -> Cells {
-        Cells { width: self.ticks as f64 * tick, ..self.cells }
-    }
-}
-
 impl Cells {
     /// The photons of a detector. `ticks` ticks are a cell.
     pub(super) fn of_tags(
@@ -91,49 +49,44 @@ impl Cells {
         ticks: i64,
         cells: usize,
     ) -> Result<Cells> {
-        let mut filling = Filling::new(spans, points, ticks, cells, tags.length()?)?;
+        let (cuts, pulses) = Cuts::of(spans, points);
+        let mut counts = room(points, cells, tags.length()?)?;
+        // A division takes longer than all the rest; most files have a power of two.
+        let shift = (ticks & (ticks - 1) == 0).then(|| ticks.trailing_zeros());
+        let (mut at, mut outside, mut late) = (0, 0, 0);
         tags.events(|event| {
-            if let Event::Photon { channel, sync, delay } = event
-                && channel == detector
-            {
-                filling.add(sync, delay);
+            let Event::Photon { channel, sync, delay } = event else { return };
+            if channel != detector {
+                return;
             }
+            let point = cuts.point(sync, &mut at);
+            if point == NONE {
+                outside += 1;
+                return;
+            }
+            let cell = shift.map_or_else(|| delay / ticks, |bits| delay >> bits) as usize;
+            if cell >= cells {
+                late += 1;
+                return;
+            }
+            let count = &mut counts[point as usize * cells + cell];
+            *count = count.saturating_add(1);
         })?;
-        Ok(filling.done(tags.tick))
+        Ok(Cells { counts, cells, width: ticks as f64 * tags.tick, pulses: Some(pulses), outside, late })
     }
 
-    /// The histograms of an instrument, one for each point.
-    pub(super) fn of_curves(
-        curves: &Curves,
-        points: usize,
-        ticks: usize,
-        last: Option<f64>,
-    ) -> Result<Cells> {
-        let all = &curves.curves;
-        if all.len() != points {
-            return Err(Error::options(
-                format!("the file holds {} histograms for {points} points", all.len()),
-                "give the points of these histograms, in their order",
-            ));
-        }
-        let tick = all[0].tick;
-        if let Some(other) = all.iter().position(|c| c.tick != tick || c.counts.len() != all[0].counts.len())
-        {
-            return Err(Error::input(
-                format!("histogram {other} has other bins than histogram 0"),
-                "measure all points with one resolution",
-            ));
-        }
-        let whole = all[0].counts.len();
-        let used = last.map_or(whole, |last| ((last / tick).ceil().max(1.0) as usize).min(whole));
+    /// The histograms of an instrument. `ticks` bins are a cell; those later than `last` seconds are left out.
+    pub(super) fn of_stored(stored: &Stored, ticks: usize, last: Option<f64>) -> Result<Cells> {
+        let Stored { tick, bins, counts: all } = stored;
+        let used = last.map_or(*bins, |last| ((last / tick).ceil().max(1.0) as usize).min(*bins));
         let cells = used.div_ceil(ticks);
-        let mut counts = room(points, cells, u64::MAX)?;
+        let mut counts = room(all.len() / bins, cells, u64::MAX)?;
         let mut late = 0;
-        for (curve, counts) in all.iter().zip(counts.chunks_exact_mut(cells)) {
-            for (from, to) in curve.counts[..used].chunks(ticks).zip(counts) {
+        for (from, to) in all.chunks_exact(*bins).zip(counts.chunks_exact_mut(cells)) {
+            for (from, to) in from[..used].chunks(ticks).zip(to) {
                 *to = from.iter().fold(0, |sum, n| sum.saturating_add(*n));
             }
-            late += curve.counts[used..].iter().map(|n| u64::from(*n)).sum::<u64>();
+            late += from[used..].iter().map(|n| u64::from(*n)).sum::<u64>();
         }
         Ok(Cells { counts, cells, width: ticks as f64 * tick, pulses: None, outside: 0, late })
     }

@@ -1,7 +1,7 @@
 //! Which photons belong to which point of the scan.
 
 use super::cuts::Span;
-use super::{Image, Start, Survey};
+use super::{Image, Survey};
 use crate::error::{Error, Result};
 
 /// How the laser pulses of a measurement are divided among the points of a scan. Points come in the order in which they
@@ -31,8 +31,6 @@ pub enum Division {
         /// Laser pulses before the first point.
         before: u64,
     },
-    /// Where each point begins and, if known, ends ([`starts()`](super::starts())).
-    Starts(Vec<(Start, Option<Start>)>),
 }
 
 /// Most times that a point is measured, of all points together: 2^23, which take 200 MiB.
@@ -46,31 +44,6 @@ impl Division {
     pub fn of_image(image: &Image) -> Option<Division> {
         let [start, stop, frame] = image.markers;
         Some(Division::Lines { start: start?, stop, frame })
-    }
-
-    /// The marker that begins a point or a line, and the one that begins a round, where markers divide.
-    fn marks(&self) -> [Option<u32>; 2] {
-        match self {
-            Division::Pixels { marker, frame } | Division::Lines { start: marker, frame, .. } => {
-                [Some(*marker), *frame]
-            }
-            _ => [None, None],
-        }
-    }
-
-    /// Whether these markers begin a point or a line.
-    pub(super) fn begins(&self, bits: u16) -> bool {
-        is_in(bits, self.marks()[0])
-    }
-
-    /// Whether these markers begin a round of all points.
-    pub(super) fn begins_round(&self, bits: u16) -> bool {
-        is_in(bits, self.marks()[1])
-    }
-
-    /// Whether a marker begins each round.
-    pub(super) fn has_rounds(&self) -> bool {
-        self.marks()[1].is_some()
     }
 
     /// The laser pulses of `points` points, round by round. `per_line`: points of a line. Notes say what was left out.
@@ -110,7 +83,6 @@ impl Division {
                 lines.iter().map(|round| round.iter().flat_map(parts).collect()).collect()
             }
             Division::Pulses { each, before } => by_pulses(survey, points, *each, *before)?,
-            Division::Starts(starts) => vec![by_starts(survey, points, starts)?],
         };
         let whole = rounds.iter().filter(|round| round.len() == points).count();
         if whole < rounds.len() {
@@ -135,12 +107,8 @@ fn bit(marker: u32) -> Result<u16> {
     }
     Err(Error::options(
         format!("there is no marker {marker}"),
-        "give a marker from 1 to 4, or to 16 in text and dumps",
+        "give a marker from 1 to 4, or to 16 in arrays and text",
     ))
-}
-
-fn is_in(bits: u16, marker: Option<u32>) -> bool {
-    marker.and_then(|marker| bit(marker).ok()).is_some_and(|bit| bits & bit > 0)
 }
 
 /// Begin and end of what `start` begins, in rounds of `count`: `frame` begins a round, or a full one does. Rounds that are
@@ -251,34 +219,4 @@ fn by_pulses(survey: &Survey, points: usize, each: u64, before: u64) -> Result<V
         (0..points as i64).map(move |p| before + r * round + p * each).map(|from| [from, from + each])
     };
     Ok((0..rounds).map(|r| spans(r).collect()).collect())
-}
-
-fn by_starts(survey: &Survey, points: usize, starts: &[(Start, Option<Start>)]) -> Result<Vec<[i64; 2]>> {
-    let pulse = |start: Start| match start {
-        Start::Pulse(number) => Ok(number),
-        Start::Seconds(seconds) => {
-            survey.period.map(|period| (seconds / period).round() as i64).ok_or_else(|| {
-                Error::input(
-                    "the time between laser pulses is not known",
-                    "give numbers of laser pulses in place of times",
-                )
-            })
-        }
-    };
-    let from: Vec<i64> = starts.iter().map(|s| pulse(s.0)).collect::<Result<_>>()?;
-    let to: Vec<Option<i64>> = starts.iter().map(|s| s.1.map(pulse).transpose()).collect::<Result<_>>()?;
-    if starts.len() != points && (starts.len() != points + 1 || to.iter().any(Option::is_some)) {
-        return Err(Error::options(
-            format!("the file of begins has {} for {points} points", starts.len()),
-            "give one for each point in the order of the scan, and if you like the end of the last",
-        ));
-    }
-    if let Some(at) = from.windows(2).position(|pair| pair[1] < pair[0]) {
-        return Err(Error::options(
-            format!("point {} begins at laser pulse {}, before point {at}", at + 1, from[at + 1]),
-            "give the points in the order in which they were measured",
-        ));
-    }
-    let end = |i: usize| to[i].unwrap_or_else(|| from.get(i + 1).copied().unwrap_or(survey.pulses));
-    Ok((0..points).map(|i| [from[i], end(i).max(from[i])]).collect())
 }

@@ -1,4 +1,4 @@
-//! The tagged header of PicoQuant's unified files (PTU, PHU): named values before the data.
+//! The tagged header of PicoQuant's unified files (PTU): named values before the data.
 //!
 //! Source: "Unified file format" and its tag dictionary (PicoQuant, PicoQuant-Time-Tagged-File-Format-Demos). After 8 bytes
 //! of magic and 8 of version come entries of 48 bytes: a name of 32, an index (-1 without), a type, and 8 bytes that are
@@ -20,16 +20,11 @@ const EIGHT_BYTES: [u32; 6] = [0xFFFF_0008, 0x0000_0008, 0x1000_0008, 0x1100_000
 /// Types that are followed by as many bytes as their value says: floats, two kinds of text, a block.
 const FOLLOWED: [u32; 4] = [0x2001_FFFF, 0x4001_FFFF, 0x4002_FFFF, 0xFFFF_FFFF];
 
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum HeaderValue {
-    Whole(i64),
-    Real(f64),
-}
-
-/// The numbers of a header, by name and index.
+/// The numbers of a header by name: 8 bytes that are whole, or of a float.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Header {
-    values: BTreeMap<(String, i32), HeaderValue>,
+    whole: BTreeMap<String, i64>,
+    real: BTreeMap<String, f64>,
     /// Bytes up to the data.
     pub(super) length: u64,
 }
@@ -48,16 +43,17 @@ impl Header {
             header.length += 48;
             let name = entry[..32].split(|b| *b == 0).next().unwrap_or_default();
             let name = String::from_utf8_lossy(name).into_owned();
-            let [index, kind] = [32, 36].map(|at| four(&entry, at));
-            let value = i64::from(four(&entry, 40)) | i64::from(four(&entry, 44)) << 32;
+            let kind = u32::from_le_bytes([36, 37, 38, 39].map(|at| entry[at]));
+            let value = i64::from_le_bytes([40, 41, 42, 43, 44, 45, 46, 47].map(|at| entry[at]));
             if name == "Header_End" {
                 return Ok(header);
             }
+            // Entries with an index describe inputs and curves.
+            let is_single = entry[32..36] == [0xFF; 4];
             if kind == FLOAT {
-                let real = f64::from_bits(value as u64);
-                header.values.insert((name, index as i32), HeaderValue::Real(real));
+                is_single.then(|| header.real.insert(name, f64::from_bits(value as u64)));
             } else if EIGHT_BYTES.contains(&kind) {
-                header.values.insert((name, index as i32), HeaderValue::Whole(value));
+                is_single.then(|| header.whole.insert(name, value));
             } else if FOLLOWED.contains(&kind) {
                 let length = value as u64;
                 if length > LONGEST {
@@ -77,48 +73,20 @@ impl Header {
 
     /// A whole number; `None` if there is none of this name.
     pub(super) fn whole(&self, name: &str) -> Option<i64> {
-        self.whole_at(name, -1)
-    }
-
-    /// The whole number of this index.
-    pub(super) fn whole_at(&self, name: &str, index: i32) -> Option<i64> {
-        match self.values.get(&(name.to_string(), index))? {
-            HeaderValue::Whole(value) => Some(*value),
-            HeaderValue::Real(_) => None,
-        }
-    }
-
-    /// The real number of this index.
-    pub(super) fn real_at(&self, name: &str, index: i32) -> Option<f64> {
-        match self.values.get(&(name.to_string(), index))? {
-            HeaderValue::Real(value) => Some(*value),
-            HeaderValue::Whole(_) => None,
-        }
+        self.whole.get(name).copied()
     }
 
     /// A time in seconds that must be there.
     ///
     /// # Errors
     /// `Kind::Input` if it is missing or not positive.
-    pub(super) fn seconds(&self, name: &str, index: i32) -> Result<f64> {
-        match self.real_at(name, index) {
-            Some(value) if value.is_finite() && value > 0.0 => Ok(value),
+    pub(super) fn seconds(&self, name: &str) -> Result<f64> {
+        match self.real.get(name) {
+            Some(value) if value.is_finite() && *value > 0.0 => Ok(*value),
             Some(value) => Err(damaged(format!("{name} is {value} s"))),
             None => Err(damaged(format!("it has no {name}"))),
         }
     }
-
-    /// A whole number that must be there.
-    ///
-    /// # Errors
-    /// `Kind::Input` if it is missing.
-    pub(super) fn required(&self, name: &str, index: i32) -> Result<i64> {
-        self.whole_at(name, index).ok_or_else(|| damaged(format!("it has no {name}")))
-    }
-}
-
-fn four(bytes: &[u8; 48], at: usize) -> u32 {
-    u32::from_le_bytes([bytes[at], bytes[at + 1], bytes[at + 2], bytes[at + 3]])
 }
 
 fn fill(file: &mut impl Read, bytes: &mut [u8]) -> Result<()> {

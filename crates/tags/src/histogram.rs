@@ -6,7 +6,7 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::collect::Cells;
-use super::{Afterpulsing, Curves, Division, Inputs, Scan, Survey, Tags, Zero, of_file, shape, stored, zero};
+use super::{Division, Inputs, Scan, Survey, Tags, Zero, shape, stored, zero};
 use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, formats};
 use crate::error::{Error, Result};
 use crate::host;
@@ -35,9 +35,9 @@ pub enum PileUp {
 }
 
 /// How time tags become histograms.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Asked {
-    /// The channels of dumps and text.
+    /// The channels of arrays and text.
     pub inputs: Inputs,
     /// Which photons belong to which point; `None` takes the lines of an image, if the header has any.
     pub division: Option<Division>,
@@ -58,31 +58,6 @@ pub struct Asked {
     pub seen_from: Option<[DVec3; 2]>,
 }
 
-impl Default for Asked {
-    fn default() -> Asked {
-        Asked {
-            inputs: Inputs::default(),
-            division: None,
-            channel: None,
-            bin_width: None,
-            zero: Zero::Direct,
-            until: None,
-            pile_up: PileUp::Auto,
-            turn: Turn::default(),
-            seen_from: None,
-        }
-    }
-}
-
-/// Counts without light from the scene: dark counts and stray light, from the quietest eighth of all delays.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Dark {
-    /// Counts in a bin of a point.
-    pub per_bin: f64,
-    /// Counts in a second of the detector's time, if the number of laser pulses is known.
-    pub per_second: Option<f64>,
-}
-
 /// A capture from time tags, and how it came about.
 #[derive(Debug, Clone, PartialEq)]
 #[non_exhaustive]
@@ -101,10 +76,6 @@ pub struct Histograms {
     pub left_out: u64,
     /// Laser pulses of the point with the fewest and of that with the most.
     pub pulses: Option<[u64; 2]>,
-    /// Counts without light.
-    pub dark: Dark,
-    /// Afterpulses of the detector; `None` if there are too few photons, or too few laser pulses of a point, to tell.
-    pub afterpulsing: Option<Afterpulsing>,
     /// Whether wall points are where their own returns come from.
     pub shaped: bool,
     /// Pairs without a direct peak, which were left out.
@@ -120,26 +91,26 @@ pub struct Histograms {
 /// `Kind::Input`, beginning with the path: a file that cannot be read, or has no photons for the points; no direct peak.
 /// `Kind::Options` for options that do not fit the file. `Kind::Memory` if the histograms do not fit.
 pub fn histogram(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
-    made(path, scan, asked).map_err(|e| of_file(e, path))
+    made(path, scan, asked).map_err(|e| {
+        let place = path.display().to_string();
+        if e.what.starts_with(&place) { e } else { e.at(place) }
+    })
 }
 
 fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     check(scan, asked)?;
     let mut notes = vec![];
-    let curves = match Curves::is_one(path) {
-        true => Some((Curves::read(path)?, "histograms of a PicoQuant instrument")),
-        false => stored::curves(path, scan.points(), asked.bin_width)?.map(|c| (c, "histograms in an array")),
-    };
-    let (cells, ticks, instrument, survey, share) = if let Some((curves, instrument)) = curves {
-        let (fine, ticks) = widths(asked.bin_width, curves.curves[0].tick, &mut notes)?;
+    let stored = stored::read(path, scan.points(), asked.bin_width)?;
+    let (cells, ticks, instrument, survey, share) = if let Some(stored) = stored {
+        let (fine, ticks) = widths(asked.bin_width, stored.tick, &mut notes)?;
         if asked.division.is_some() {
             return Err(Error::options(
                 "the file holds histograms: the instrument has divided the photons",
                 "leave out which photons belong to which point",
             ));
         }
-        let cells = Cells::of_curves(&curves, scan.points(), fine as usize, asked.until)?;
-        (cells, [fine, ticks], instrument.to_string(), None, 1.0)
+        let cells = Cells::of_stored(&stored, fine as usize, asked.until)?;
+        (cells, [fine, ticks], "histograms in an array".into(), None, 1.0)
     } else {
         let tags = Tags::open(path, &asked.inputs)?;
         let (fine, ticks) = widths(asked.bin_width, tags.tick, &mut notes)?;
@@ -165,11 +136,6 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     let pulses = cells.pulses.as_ref().and_then(|all| Some([*all.iter().min()?, *all.iter().max()?]));
     capture.direct = direct.then_some(0.0);
     capture.cycles = cycles(&cells, asked.pile_up, share, &mut notes)?;
-    let dark = dark(&cells, per_bin)?;
-    let afterpulsing = match (&survey, pulses) {
-        (Some(survey), Some([least, _])) => survey.channel(asked.channel)?.pairs.afterpulsing(least),
-        _ => None,
-    };
     let shaped = asked.seen_from.is_some();
     let in_pairs = |zeros: &[f64]| {
         let mut all = vec![0.0; zeros.len()]; // bounded: the points of the scan
@@ -185,24 +151,11 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     }
     let photons = capture.histograms.iter().map(|n| f64::from(*n)).sum::<f64>() as u64;
     let left_out = total - photons.min(total) + cells.outside + cells.late;
-    Ok(Histograms {
-        capture,
-        instrument,
-        survey,
-        direct,
-        photons,
-        left_out,
-        pulses,
-        dark,
-        afterpulsing,
-        shaped,
-        dropped,
-        notes,
-    })
+    Ok(Histograms { capture, instrument, survey, direct, photons, left_out, pulses, shaped, dropped, notes })
 }
 
 /// The pairs of a capture without counts, and the pair of each point: where the scan says, or where their own returns come from.
-pub(super) fn outline(
+fn outline(
     scan: &Scan,
     asked: &Asked,
     zeros: &[f64],
@@ -220,7 +173,7 @@ pub(super) fn outline(
     Ok(scan.pairs(asked.turn, Some(&shape.points)))
 }
 
-pub(super) fn check(scan: &Scan, asked: &Asked) -> Result<()> {
+fn check(scan: &Scan, asked: &Asked) -> Result<()> {
     let positive = |what: &str, value: Option<f64>| match value {
         Some(value) if !(value.is_finite() && value > 0.0) => {
             Err(Error::options(format!("{what} is {value}"), "give one above 0"))
@@ -253,7 +206,7 @@ pub(super) fn check(scan: &Scan, asked: &Asked) -> Result<()> {
 }
 
 /// Ticks of a cell, and of a bin: the whole number nearest to the asked width.
-pub(super) fn widths(asked: Option<f64>, tick: f64, notes: &mut Vec<String>) -> Result<(i64, i64)> {
+fn widths(asked: Option<f64>, tick: f64, notes: &mut Vec<String>) -> Result<(i64, i64)> {
     let tick_path = tick * LIGHT;
     let ticks = match asked {
         Some(width) => (width / tick_path).round().max(1.0),
@@ -292,7 +245,7 @@ fn of_tags(
         Error::options(
             "it is not known which photons belong to which point",
             format!(
-                "name the marker of points or lines, the laser pulses of a point, or a file of begins: the file has {}",
+                "name the marker of points or lines, or the laser pulses of a point: the file has {}",
                 survey.marker_counts()
             ),
         )
@@ -317,12 +270,7 @@ fn second_share(survey: &Survey, channel: Option<i32>) -> Result<f64> {
 }
 
 /// The delay of path 0 in cells for each point, and whether it is that of direct light. NaN without a direct peak.
-pub(super) fn zeros(
-    cells: &Cells,
-    scan: &Scan,
-    asked: &Asked,
-    notes: &mut Vec<String>,
-) -> Result<(Vec<f64>, bool)> {
+fn zeros(cells: &Cells, scan: &Scan, asked: &Asked, notes: &mut Vec<String>) -> Result<(Vec<f64>, bool)> {
     let delay = match asked.zero {
         Zero::At(delay) => return Ok((vec![delay / cells.width; cells.points()], false)),
         Zero::Direct => zero::direct(cells, (2.0 * scan.reach() + 0.1) / (cells.width * LIGHT))?,
@@ -335,7 +283,7 @@ pub(super) fn zeros(
 }
 
 /// Cells as bins whose paths begin at each point's zero.
-pub(super) fn bins(
+fn bins(
     cells: &Cells,
     per_bin: usize,
     zeros: &[f64],
@@ -416,21 +364,4 @@ fn cycles(cells: &Cells, asked: PileUp, share: f64, notes: &mut Vec<String>) -> 
         ));
     }
     Ok(Some(mean))
-}
-
-/// Counts without light: those of the quietest eighth of all delays.
-fn dark(cells: &Cells, per_bin: usize) -> Result<Dark> {
-    let mut sums = host::filled("the sums of the counts", cells.cells + 1, 0u64)?;
-    for row in cells.counts.chunks_exact(cells.cells) {
-        row.iter().zip(&mut sums[1..]).for_each(|(n, sum)| *sum += u64::from(*n));
-    }
-    for c in 0..cells.cells {
-        sums[c + 1] += sums[c];
-    }
-    let width = (cells.cells / 8).max(1);
-    let least = (width..=cells.cells).map(|end| sums[end] - sums[end - width]).min().unwrap_or(0) as f64;
-    let per_bin = least / (width * cells.points()) as f64 * per_bin as f64;
-    let pulses = cells.pulses.as_ref().map(|all| all.iter().sum::<u64>() as f64);
-    let seconds = pulses.map(|pulses| pulses * width as f64 * cells.width);
-    Ok(Dark { per_bin, per_second: seconds.filter(|s| *s > 0.0).map(|s| least / s) })
 }

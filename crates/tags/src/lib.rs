@@ -1,49 +1,36 @@
-//! Time tags: what photon-counting instruments write, as one stream of events, and histograms of a scan from them.
+//! Time tags of photon-counting instruments as one stream of events, and captures made of them.
 //!
-//! [`Tags`] reads PicoQuant's `.ptu` (every record type, T2 and T3), Swabian's dumps of 16 bytes a tag, arrays of timestamps and
-//! channels in npz and HDF5, and text. Files are read block by block, so their size does not matter. [`Curves`] reads histograms
-//! that the instrument made: PicoQuant's `.phu`, and npy or npz arrays. [`histogram()`] turns either into a capture: it needs to know which photons belong to which point of the scan
-//! ([`Division`]), where the points are ([`Scan`]) and what time is path 0 ([`Zero`]). docs/tags.md tells the formats.
+//! [`Tags`] reads PicoQuant's `.ptu` (every record type, T2 and T3), arrays of timestamps and channels in npz and HDF5, and text.
+//! Files are read block by block, in bounded memory. [`histogram()`] makes a capture of them, or of an instrument's own histograms in
+//! an npy or npz array, from the photons of each point ([`Division`]), the points ([`Scan`]) and the delay of path 0 ([`Zero`]).
+//! docs/tags.md describes the formats.
 
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
 
-mod afterpulsing;
 mod arrange;
 mod arrays;
 mod collect;
-mod curves;
 mod cuts;
 mod division;
-mod dump;
-mod galvo;
-mod growing;
 mod header;
 mod histogram;
 mod records;
 mod shape;
-mod starts;
 mod stored;
 mod survey;
 mod syncs;
 mod text;
 mod zero;
 
-pub use afterpulsing::Afterpulsing;
 pub use arrange::Scan;
-pub use curves::{Curve, Curves};
 pub use division::Division;
-pub use galvo::Galvo;
-pub use growing::passes;
-pub use histogram::{Asked, Dark, Histograms, PileUp, histogram};
-pub use starts::{Start, starts};
+pub use histogram::{Asked, Histograms, PileUp, histogram};
 pub use survey::{Channel, Survey};
 pub use zero::Zero;
 
-use std::cell::Cell;
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 
 use thirdbounce_base::{error, files, host};
@@ -65,7 +52,7 @@ pub enum Record {
     },
     /// A photon.
     Photon {
-        /// The detector: an input of a PicoQuant instrument, from 1, or the number that a dump or a text gives.
+        /// The detector: an input of a PicoQuant instrument, from 1, or the number that an array or a text gives.
         channel: i32,
         /// T3: the number of the laser pulse before it. Else: when, in ticks.
         time: i64,
@@ -102,7 +89,7 @@ pub enum Event {
     },
 }
 
-/// The channels of files that number everything alike: dumps, arrays and text. PicoQuant's files tell laser pulses, photons and
+/// The channels of files that number everything alike: arrays and text. PicoQuant's files tell laser pulses, photons and
 /// markers apart themselves.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Inputs {
@@ -139,7 +126,6 @@ pub struct Image {
 
 enum Format {
     Picoquant(Layout),
-    Dump,
     Text,
     Arrays(arrays::Named),
 }
@@ -181,20 +167,13 @@ pub struct Passed {
 /// Bytes that are read at once.
 const BLOCK: usize = 1 << 20;
 
-/// Whether a file is one of PicoQuant's time tags or histograms, by its first bytes. Text and dumps have none: the ending of
-/// the name tells them.
+/// Whether a file holds PicoQuant's time tags, by its first bytes.
 pub fn is_picoquant(path: &Path) -> bool {
-    let mut magic = [0; 8];
-    let read = open(path).is_ok_and(|mut file| file.read_exact(&mut magic).is_ok());
-    read && (magic.starts_with(b"PQTTTR") || magic.starts_with(b"PQHISTO"))
+    let mut magic = [0; 6];
+    open(path).is_ok_and(|mut file| file.read_exact(&mut magic).is_ok()) && &magic == b"PQTTTR"
 }
 
 const TEXT: [&str; 3] = ["csv", "txt", "tsv"];
-const DUMP: [&str; 3] = ["dump", "bin", "tags"];
-
-fn ending(path: &Path) -> Option<String> {
-    Some(path.extension()?.to_string_lossy().to_lowercase())
-}
 
 fn open(path: &Path) -> Result<File> {
     // Asked before it is opened: opening a pipe waits for its writer.
@@ -208,12 +187,6 @@ fn open(path: &Path) -> Result<File> {
     }
 }
 
-/// The error with the path of its file in front, if it is not there.
-fn of_file(e: Error, path: &Path) -> Error {
-    let place = path.display().to_string();
-    if e.what.starts_with(&place) { e } else { e.at(place) }
-}
-
 fn unreadable(e: std::io::Error) -> Error {
     let mend = match e.kind() {
         ErrorKind::NotFound => "check the path: there is no such file",
@@ -224,7 +197,7 @@ fn unreadable(e: std::io::Error) -> Error {
 }
 
 impl Tags {
-    /// Opens a file of time tags. `inputs` are those of dumps and text.
+    /// Opens a file of time tags. `inputs` are those of arrays and text.
     ///
     /// # Errors
     /// `Kind::Input`, beginning with the path: no such file, an unknown format, a damaged header. `Kind::Options` for
@@ -244,14 +217,8 @@ impl Tags {
             ));
         }
         let mut file = open(path)?;
-        let mut magic = [0; 8];
-        let mut length = 0;
-        while length < magic.len() {
-            match file.read(&mut magic[length..]).map_err(unreadable)? {
-                0 => break,
-                n => length += n,
-            }
-        }
+        let mut magic = vec![];
+        (&mut file).take(8).read_to_end(&mut magic).map_err(unreadable)?;
         let tags = |format, tick: f64, instrument: &str| Tags {
             path: path.into(),
             format,
@@ -268,19 +235,19 @@ impl Tags {
             let named = arrays::Named::find(holder, path)?;
             return Ok(tags(Format::Arrays(named), PICOSECOND, "arrays, picoseconds"));
         }
-        match ending(path).unwrap_or_default().as_str() {
-            _ if magic.starts_with(b"PQTTTR") => Self::picoquant(path, &mut file),
-            _ if magic.starts_with(b"PQHISTO") => Err(Error::input(
-                "holds histograms of the instrument (PHU), not time tags",
-                "read it as curves: each is the histogram of a point",
+        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
+        match &magic[..] {
+            magic if magic.starts_with(b"PQTTTR") => Self::picoquant(path, &mut file),
+            magic if magic.starts_with(b"PQHISTO") => Err(Error::input(
+                "holds histograms of the instrument (PHU), which are not read",
+                "export the histograms as an array [points, bins], npy or npz, and give the width of a bin",
             )),
-            _ if length == 0 => Err(Error::input("is empty", "copy or write the file again")),
-            text if TEXT.contains(&text) => Ok(tags(Format::Text, PICOSECOND, "text, picoseconds")),
-            dump if DUMP.contains(&dump) => Ok(tags(Format::Dump, PICOSECOND, "16 bytes a tag, picoseconds")),
+            [] => Err(Error::input("is empty", "copy or write the file again")),
+            _ if TEXT.contains(&&ending[..]) => Ok(tags(Format::Text, PICOSECOND, "text, picoseconds")),
             _ => Err(Error::input(
                 "is no file of time tags that is known",
-                "give PicoQuant's .ptu, npz or HDF5 with timestamps and channels, text named .csv or .txt (channel, time in ps), or a dump \
-                 of 16 bytes a tag named .dump or .bin",
+                "give PicoQuant's .ptu, npz or HDF5 with timestamps and channels, or text named .csv or .txt (channel, time in ps); \
+                 store the tags of a raw dump as such arrays",
             )),
         }
     }
@@ -288,7 +255,8 @@ impl Tags {
     /// Reads the header of a PTU file behind its magic.
     fn picoquant(path: &Path, file: &mut File) -> Result<Tags> {
         let header = Header::read(&mut std::io::BufReader::new(file))?;
-        let number = header.required("TTResultFormat_TTTRRecType", -1)?;
+        let number = header.whole("TTResultFormat_TTTRRecType");
+        let number = number.ok_or_else(|| header::damaged("it has no record type".into()))?;
         let (instrument, layout) = records::of_type(number).ok_or_else(|| {
             Error::input(
                 format!("the record type {number:#010x} is not known"),
@@ -298,9 +266,9 @@ impl Tags {
         if let Some(bits) = header.whole("TTResultFormat_BitsPerRecord").filter(|b| ![0, 32].contains(b)) {
             return Err(header::damaged(format!("records have {bits} bits, not 32")));
         }
-        let global = header.seconds("MeasDesc_GlobalResolution", -1)?;
+        let global = header.seconds("MeasDesc_GlobalResolution")?;
         let t3 = layout.is_t3();
-        let tick = if t3 { header.seconds("MeasDesc_Resolution", -1)? } else { global };
+        let tick = if t3 { header.seconds("MeasDesc_Resolution")? } else { global };
         let marker =
             |name| header.whole(name).and_then(|m| u32::try_from(m).ok()).filter(|m| (1..=16).contains(m));
         let size = |name| header.whole(name).and_then(|n| usize::try_from(n).ok()).filter(|n| *n > 0);
@@ -326,8 +294,7 @@ impl Tags {
     /// # Errors
     /// `Kind::Input`, beginning with the path, if the file cannot be read, or a line of text is not one.
     pub fn records(&self, hear: impl FnMut(Record)) -> Result<Passed> {
-        let read = || self.read(self.begin()?, self.count, hear);
-        read().map_err(|e| e.at(self.path.display()))
+        self.read(hear).map_err(|e| e.at(self.path.display()))
     }
 
     /// Calls `hear` with every photon and marker in the order of the file. Instruments write markers a little out of order.
@@ -335,31 +302,13 @@ impl Tags {
     /// # Errors
     /// Those of [`Tags::records`].
     pub fn events(&self, hear: impl FnMut(Event)) -> Result<Passed> {
-        let read = || self.read_events(self.begin()?, self.count, hear);
-        read().map_err(|e| e.at(self.path.display()))
+        self.read_events(hear).map_err(|e| e.at(self.path.display()))
     }
 
-    /// Calls `hear` with the events of a file that is still written, and `wait` at its end, again and again until that breaks or
-    /// `ended` is set. The number of records in its header does not count.
-    fn follow(
-        &self,
-        ended: &Cell<bool>,
-        wait: &dyn Fn() -> ControlFlow<()>,
-        hear: impl FnMut(Event),
-    ) -> Result<Passed> {
-        let read = || self.read_events(growing::Growing { file: self.begin()?, ended, wait }, None, hear);
-        read().map_err(|e| e.at(self.path.display()))
-    }
-
-    fn read_events(
-        &self,
-        file: impl Read,
-        count: Option<u64>,
-        mut hear: impl FnMut(Event),
-    ) -> Result<Passed> {
+    fn read_events(&self, mut hear: impl FnMut(Event)) -> Result<Passed> {
         let t3 = matches!(self.format, Format::Picoquant(layout) if layout.is_t3());
         let mut passed = if t3 {
-            self.read(file, count, |record| match record {
+            self.read(|record| match record {
                 Record::Photon { channel, time, delay } => {
                     hear(Event::Photon { channel, sync: time, delay: i64::from(delay) });
                 }
@@ -368,7 +317,7 @@ impl Tags {
             })?
         } else {
             let mut syncs = Syncs::default();
-            let mut passed = self.read(file, count, |record| {
+            let mut passed = self.read(|record| {
                 if let Some(event) = syncs.event(record) {
                     hear(event);
                 }
@@ -398,31 +347,14 @@ impl Tags {
         Ok(file)
     }
 
-    /// Calls `hear` with every record, of which there are `count`, or as many as the file has.
-    fn read(&self, file: impl Read, count: Option<u64>, mut hear: impl FnMut(Record)) -> Result<Passed> {
-        let file = file.take(count.map_or(u64::MAX, |n| n.saturating_mul(4)));
+    /// Calls `hear` with every record: as many as the header says, or as the file has.
+    fn read(&self, mut hear: impl FnMut(Record)) -> Result<Passed> {
+        let file = self.begin()?.take(self.count.map_or(u64::MAX, |n| n.saturating_mul(4)));
         let mut passed = Passed::default();
-        let mut base = 0;
         match &self.format {
             Format::Arrays(named) => named.read(&self.path, &self.inputs, &mut passed, hear)?,
             Format::Text => text::read(file, &self.inputs, &mut passed, hear)?,
-            Format::Dump => dump::read(file, &self.inputs, &mut passed, hear)?,
-            Format::Picoquant(Layout::PicoT2) => {
-                self.words(file, count, &mut passed, &mut hear, |word| records::pico_t2(word, &mut base))?;
-            }
-            Format::Picoquant(Layout::PicoT3) => {
-                self.words(file, count, &mut passed, &mut hear, |word| records::pico_t3(word, &mut base))?;
-            }
-            &Format::Picoquant(Layout::T2 { wrap, counted }) => {
-                self.words(file, count, &mut passed, &mut hear, |word| {
-                    records::t2(word, &mut base, wrap, counted)
-                })?;
-            }
-            &Format::Picoquant(Layout::T3 { counted }) => {
-                self.words(file, count, &mut passed, &mut hear, |word| {
-                    records::t3(word, &mut base, counted)
-                })?;
-            }
+            Format::Picoquant(layout) => self.words(file, *layout, &mut passed, &mut hear)?,
         }
         if passed.unknown > 0 {
             passed.notes.push(format!("{} records of no known kind are left out", passed.unknown));
@@ -434,51 +366,41 @@ impl Tags {
     fn words(
         &self,
         mut file: impl Read,
-        count: Option<u64>,
+        layout: Layout,
         passed: &mut Passed,
         hear: &mut impl FnMut(Record),
-        mut decode: impl FnMut(u32) -> Word,
     ) -> Result<()> {
-        let rest = blocks::<4>(&mut file, |word| {
-            passed.records += 1;
-            match decode(u32::from_le_bytes(*word)) {
-                Word::Record(record) => hear(record),
-                Word::Overflow => {}
-                Word::Unknown => passed.unknown += 1,
+        let mut block = vec![0; BLOCK]; // bounded: a block
+        let (mut base, mut held) = (0, 0);
+        loop {
+            let end = match file.read(&mut block[held..]) {
+                Ok(0) => break,
+                Ok(read) => held + read,
+                Err(e) if e.kind() == ErrorKind::Interrupted => continue,
+                Err(e) => return Err(unreadable(e)),
+            };
+            let (words, rest) = block[..end].as_chunks::<4>();
+            for word in words {
+                match layout.record(u32::from_le_bytes(*word), &mut base) {
+                    Word::Record(record) => hear(record),
+                    Word::Overflow => {}
+                    Word::Unknown => passed.unknown += 1,
+                }
             }
-        })?;
-        match count.filter(|n| *n > passed.records) {
+            passed.records += words.len() as u64;
+            held = rest.len();
+            block.copy_within(end - held..end, 0);
+        }
+        match self.count.filter(|n| *n > passed.records) {
             Some(count) => passed.notes.push(format!(
                 "the file ends after {} of its {count} records: the rest is missing",
                 passed.records
             )),
-            None if rest > 0 => passed.notes.push(cut_record(rest)),
+            None if held > 0 => {
+                passed.notes.push(format!("the last record is cut: its {held} bytes are left out"));
+            }
             None => {}
         }
         Ok(())
-    }
-}
-
-fn cut_record(rest: usize) -> String {
-    format!("the last record is cut: its {rest} bytes are left out")
-}
-
-/// Calls `each` with every N bytes of a file, and returns how many were left at its end.
-fn blocks<const N: usize>(file: &mut impl Read, mut each: impl FnMut(&[u8; N])) -> Result<usize> {
-    let mut block = vec![0; BLOCK]; // bounded: a block
-    let mut held = 0;
-    loop {
-        let read = match file.read(&mut block[held..]) {
-            Ok(0) => return Ok(held),
-            Ok(read) => read,
-            Err(e) if e.kind() == ErrorKind::Interrupted => continue,
-            Err(e) => return Err(unreadable(e)),
-        };
-        let (whole, rest) = block[..held + read].as_chunks::<N>();
-        whole.iter().for_each(&mut each);
-        let rest = rest.len();
-        let end = held + read;
-        block.copy_within(end - rest..end, 0);
-        held = rest;
     }
 }

@@ -1,4 +1,4 @@
-//! PicoQuant's records of 32 bits, one function per layout.
+//! PicoQuant's records of 32 bits.
 //!
 //! Source: "TTTR record format" (PicoQuant, PicoQuant-Time-Tagged-File-Format-Demos). Times are counted beyond the bits of a
 //! record by records of overflow. Detectors count from 1, as the instruments' inputs are labelled; the files of newer
@@ -59,11 +59,22 @@ impl Layout {
     pub(super) fn is_t3(self) -> bool {
         matches!(self, Layout::PicoT3 | Layout::T3 { .. })
     }
+
+    /// What a record holds. `base` is the time of the overflows so far.
+    #[inline(always)]
+    pub(super) fn record(self, word: u32, base: &mut i64) -> Word {
+        match self {
+            Layout::PicoT2 => pico_t2(word, base),
+            Layout::PicoT3 => pico_t3(word, base),
+            Layout::T2 { wrap, counted } => newer(word, base, [25, 0], wrap, counted),
+            Layout::T3 { counted } => newer(word, base, [10, 15], 1 << 10, counted),
+        }
+    }
 }
 
-/// PicoHarp T2. `base` is the time of the overflows so far.
+/// PicoHarp T2.
 #[inline(always)]
-pub(super) fn pico_t2(word: u32, base: &mut i64) -> Word {
+fn pico_t2(word: u32, base: &mut i64) -> Word {
     const WRAP: i64 = 210_698_240;
     let time = *base + i64::from(word & 0x0FFF_FFFF);
     match (word >> 28, word & 15) {
@@ -81,7 +92,7 @@ pub(super) fn pico_t2(word: u32, base: &mut i64) -> Word {
 
 /// PicoHarp T3.
 #[inline(always)]
-pub(super) fn pico_t3(word: u32, base: &mut i64) -> Word {
+fn pico_t3(word: u32, base: &mut i64) -> Word {
     const WRAP: i64 = 1 << 16;
     let (time, delay) = (*base + i64::from(word & 0xFFFF), (word >> 16) & 0xFFF);
     match word >> 28 {
@@ -95,41 +106,22 @@ pub(super) fn pico_t3(word: u32, base: &mut i64) -> Word {
     }
 }
 
-/// HydraHarp and later, T2.
+/// HydraHarp and later: a special bit, 6 bits of channel, a delay, a time. `bits` are those of time and delay; T2 has no delay.
 #[inline(always)]
-pub(super) fn t2(word: u32, base: &mut i64, wrap: i64, counted: bool) -> Word {
-    let low = i64::from(word & 0x01FF_FFFF);
+fn newer(word: u32, base: &mut i64, bits: [u32; 2], wrap: i64, counted: bool) -> Word {
+    let low = i64::from(word & ((1 << bits[0]) - 1));
     let (time, channel) = (*base + low, (word >> 25) & 63);
     if word >> 31 == 0 {
-        return Word::Record(Record::Photon { channel: channel as i32 + 1, time, delay: 0 });
-    }
-    match channel {
-        63 => {
-            // None is an overflow of old firmware: one.
-            *base = FARTHEST.min(*base + wrap * if counted { low.max(1) } else { 1 });
-            Word::Overflow
-        }
-        0 => Word::Record(Record::Sync { time }),
-        1..=15 => Word::Record(Record::Marker { bits: channel as u16, time }),
-        _ => Word::Unknown,
-    }
-}
-
-/// HydraHarp and later, T3.
-#[inline(always)]
-pub(super) fn t3(word: u32, base: &mut i64, counted: bool) -> Word {
-    const WRAP: i64 = 1 << 10;
-    let low = i64::from(word & 0x3FF);
-    let (time, channel) = (*base + low, (word >> 25) & 63);
-    if word >> 31 == 0 {
-        let delay = (word >> 10) & 0x7FFF;
+        let delay = (word >> bits[0]) & ((1 << bits[1]) - 1);
         return Word::Record(Record::Photon { channel: channel as i32 + 1, time, delay });
     }
     match channel {
         63 => {
-            *base = FARTHEST.min(*base + WRAP * if counted { low.max(1) } else { 1 });
+            // A count of 0 is an overflow of old firmware: one.
+            *base = FARTHEST.min(*base + wrap * if counted { low.max(1) } else { 1 });
             Word::Overflow
         }
+        0 if bits[1] == 0 => Word::Record(Record::Sync { time }),
         1..=15 => Word::Record(Record::Marker { bits: channel as u16, time }),
         _ => Word::Unknown,
     }

@@ -8,7 +8,7 @@ use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use super::arrays::Holder;
-use super::{Curve, Curves, open, unreadable};
+use super::{open, unreadable};
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
@@ -19,12 +19,22 @@ const NAMES: [&str; 3] = ["hists", "histograms", "counts"];
 /// Most bins of all histograms together, and the longest npy file.
 const MOST: usize = 1 << 30;
 
+/// Histograms of an instrument, one for each point.
+pub(super) struct Stored {
+    /// Seconds of a bin.
+    pub(super) tick: f64,
+    /// Bins of a point.
+    pub(super) bins: usize,
+    /// `[point * bins + bin]`.
+    pub(super) counts: Vec<u32>,
+}
+
 /// The histograms of these points; `None` if the file holds no such array. `bin_width` is a path, metres.
 ///
 /// # Errors
 /// `Kind::Input` for an array that cannot be read or does not fit the points, or counts that are not whole; `Kind::Options`
 /// without the width of a bin.
-pub(super) fn curves(path: &Path, points: usize, bin_width: Option<f64>) -> Result<Option<Curves>> {
+pub(super) fn read(path: &Path, points: usize, bin_width: Option<f64>) -> Result<Option<Stored>> {
     let Some((name, array)) = array(path)? else { return Ok(None) };
     let width = bin_width.ok_or_else(|| {
         Error::options(
@@ -53,8 +63,7 @@ pub(super) fn curves(path: &Path, points: usize, bin_width: Option<f64>) -> Resu
         let sum = &mut counts[at % (points * bins)];
         *sum = sum.saturating_add(value as u32);
     }
-    let tick = width / (1e12 * METRES_PER_PICOSECOND);
-    Ok(Some(Curves { curves: counts.chunks_exact(bins).map(|c| Curve { tick, counts: c.into() }).collect() }))
+    Ok(Some(Stored { tick: width / (1e12 * METRES_PER_PICOSECOND), bins, counts }))
 }
 
 fn misfit(name: &str, shape: &[usize], points: usize) -> Error {

@@ -1,6 +1,5 @@
 //! The first pass over a file of time tags: what it holds, and its markers.
 
-use super::afterpulsing::Pairs;
 use super::{Event, Passed, Tags};
 use crate::error::{Error, Result};
 
@@ -24,7 +23,6 @@ pub struct Channel {
     pub second: u64,
     /// The laser pulse of the last photon.
     last: i64,
-    pub(super) pairs: Pairs,
 }
 
 /// What a file of time tags holds.
@@ -66,15 +64,7 @@ impl Survey {
                         at = 0;
                     }
                     if at == channels.len() {
-                        let pairs = Pairs::default();
-                        channels.push(Channel {
-                            channel,
-                            photons: 0,
-                            longest: 0,
-                            second: 0,
-                            last: -1,
-                            pairs,
-                        });
+                        channels.push(Channel { channel, photons: 0, longest: 0, second: 0, last: -1 });
                     }
                 }
                 let seen = &mut channels[at];
@@ -82,7 +72,6 @@ impl Survey {
                 seen.longest = seen.longest.max(delay);
                 seen.second += u64::from(seen.last == sync);
                 seen.last = sync;
-                seen.pairs.add(sync);
                 last = last.max(sync);
             }
             Event::Marker { bits, sync } => {
@@ -110,7 +99,7 @@ impl Survey {
             let mend = match passed.without_sync {
                 0 => "check that the detector was on, and that the file is the right one",
                 _ => {
-                    "photons need laser pulses: record the laser's trigger, and name its channel if the file is text or a dump"
+                    "photons need laser pulses: record the laser's trigger, and name its channel if the file is text or arrays"
                 }
             };
             return Err(Error::input("there is no photon with a delay", mend));

@@ -10,9 +10,10 @@ use crate::capture::median::median;
 use crate::error::{Error, Result};
 
 /// What delay is path 0.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum Zero {
     /// The peak of direct light of each point; only for confocal scans.
+    #[default]
     Direct,
     /// This delay, seconds, for all points: legs are not removed.
     At(f64),

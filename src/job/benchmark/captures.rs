@@ -3,7 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::super::batch::record::Record;
+use super::super::record::Record;
 use super::super::{Input, Simulation, load, simulated};
 use super::agreement::agreed;
 use super::{Benchmark, Scene, Source, family};
@@ -51,9 +51,7 @@ pub fn found_in(folder: &Path) -> Result<BenchmarkFolder> {
         if ending == "scene" {
             found.scenes.push((name, path));
         } else if CAPTURES.contains(&ending.as_str()) && !is_truth {
-            let truths =
-                [format!("{name}_truth.npz"), format!("truth_{name}.npz"), format!("truth/{name}.npz")];
-            let truth = truths.iter().map(|truth| folder.join(truth)).find(|truth| truth.is_file());
+            let truth = truth_of(&path);
             found.captures.push((name, path, truth));
         }
     }
@@ -67,6 +65,13 @@ pub struct BenchmarkFolder {
     pub captures: Vec<(String, PathBuf, Option<PathBuf>)>,
     /// Name and file of a scene to simulate.
     pub scenes: Vec<(String, PathBuf)>,
+}
+
+/// The truth of `NAME.npz` beside it: `NAME_truth.npz`, `truth_NAME.npz` or `truth/NAME.npz`.
+pub fn truth_of(capture: &Path) -> Option<PathBuf> {
+    let name = stem(capture);
+    let truths = [format!("{name}_truth.npz"), format!("truth_{name}.npz"), format!("truth/{name}.npz")];
+    truths.iter().map(|truth| capture.with_file_name(truth)).find(|truth| truth.is_file())
 }
 
 fn stem(path: &Path) -> String {
@@ -98,7 +103,7 @@ pub fn ready(what: &Benchmark, scene: &Scene, photons: Option<f64>) -> Result<Re
     let Some(photons) = photons else { return Ok(Ready::Files { capture: exact, truth }) };
     let name = format!("{}-photons-{photons}", scene.name);
     let capture = folder.join(format!("{name}.npz"));
-    let record = Record::of(&exact, &[format!("photons {photons} seed {}", what.seed)]);
+    let record = Record::of([&*exact], &[format!("photons {photons} seed {}", what.seed)]);
     if record.is_done(&folder.join(&name), &format!("../{name}.npz")) {
         return Ok(Ready::Files { capture, truth });
     }
@@ -121,7 +126,7 @@ fn rendered(
     make: impl FnOnce(&Path, &Path) -> Result<()>,
 ) -> Result<(PathBuf, PathBuf)> {
     let [capture, truth] = ["", "_truth"].map(|part| folder.join(format!("{name}{part}.npz")));
-    let record = Record::of(file, &[]);
+    let record = Record::of([file], &[]);
     if record.is_done(&folder.join(name), &format!("../{name}.npz")) && truth.is_file() {
         return Ok((capture, truth));
     }
@@ -133,7 +138,7 @@ fn rendered(
 fn in_place_of_truth(folder: &Path, name: &str, file: &Path) -> Result<PathBuf> {
     let name = format!("{name}_agreed");
     let truth = folder.join(format!("{name}.npz"));
-    let record = Record::of(file, &[]);
+    let record = Record::of([file], &[]);
     if !record.is_done(&folder.join(&name), &format!("../{name}.npz")) {
         let truth_of = |staged: &[PathBuf]| write_truth(&staged[0], &agreed(file)?);
         keep(folder, &name, &record, &[&truth], truth_of)?;

@@ -1,5 +1,5 @@
-//! Every method over every scene and photon count of a folder: a comparison for each, and one page of all. What is done
-//! already is skipped.
+//! Captures × methods × photon counts: a comparison for each capture and photon count, and one page of all. What is done already is
+//! skipped.
 
 mod agreement;
 mod captures;
@@ -9,7 +9,8 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::batch::record::{Record, check_place};
+use super::compare::WHOLE;
+use super::record::{Record, check_place};
 use super::{Comparison, Loaded, Simulation, Turn, compare, places};
 use crate::export::benchmark::{self as pages, Case, Page};
 use crate::export::comparison;
@@ -17,10 +18,7 @@ use crate::files::staging;
 use crate::solve::Progress;
 use crate::{Error, Kind, Result};
 pub use agreement::{CLOSED_FORMS, Consensus};
-pub use captures::found_in;
-
-/// A file of the result that says that a comparison is whole.
-const WHOLE: &str = "compare.json";
+pub use captures::{found_in, truth_of};
 
 /// What to run.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,6 +34,8 @@ pub struct Benchmark {
     pub out: PathBuf,
     /// Every option that changes results, as it was given: a case that was made with others is made anew.
     pub options: Vec<String>,
+    /// Other files on which results depend, such as maps of other programs.
+    pub beside: Vec<PathBuf>,
 }
 
 /// A scene of a benchmark.
@@ -118,11 +118,12 @@ impl Wanted<'_> {
     }
 }
 
-/// Compares the methods on every case, and writes `benchmark.html`, `benchmark.md` and `benchmark.json` after each.
+/// Compares the methods on every case, and writes `benchmark.json` and `benchmark.html` after each.
 ///
 /// # Errors
 /// Before anything is computed: no scene, two of one name, photons out of range, or a folder that cannot be written.
-/// What goes wrong with a case is told, and the benchmark goes on. Later: a page that cannot be written.
+/// What goes wrong with a case is reported, and the benchmark continues, unless there is no other case. Later: a page that cannot
+/// be written.
 pub fn benchmark(what: &Benchmark, caller: &mut dyn Caller) -> Result<Benched> {
     what.check()?;
     let start = Instant::now();
@@ -130,7 +131,8 @@ pub fn benchmark(what: &Benchmark, caller: &mut dyn Caller) -> Result<Benched> {
         std::iter::once(None).chain(what.photons.iter().copied().map(Some)).collect();
     let all = what.scenes.iter().flat_map(|scene| photons.iter().map(move |p| Wanted { scene, photons: *p }));
     // Photons drawn from what is measured would be judged by what was measured.
-    let all = all.filter(|wanted| wanted.photons.is_none() || !wanted.scene.is_agreed());
+    let all: Vec<_> = all.filter(|wanted| wanted.photons.is_none() || !wanted.scene.is_agreed()).collect();
+    let is_alone = all.len() == 1;
     let mut page = Page { version: env!("CARGO_PKG_VERSION").into(), seconds: 0.0, cases: vec![] };
     let mut files = vec![];
     for wanted in all {
@@ -140,6 +142,7 @@ pub fn benchmark(what: &Benchmark, caller: &mut dyn Caller) -> Result<Benched> {
         }
         let case = match what.case(&wanted, caller) {
             Err(e) if e.kind == Kind::Cancelled => return Ok(Benched { page, stopped: true, files }),
+            Err(e) if is_alone => return Err(e),
             Err(e) => Case::left_out(&wanted.scene.name, wanted.photons, &name, true, &e),
             Ok(case) => case,
         };
@@ -156,8 +159,8 @@ impl Benchmark {
         if self.scenes.is_empty() {
             return Err(Error::input(
                 "the benchmark has no scenes",
-                "give a folder with captures beside their truths (NAME.npz and NAME_truth.npz) or scenes to simulate \
-                 (NAME.scene with the arguments of simulate)",
+                "give a capture, or a folder with captures beside their truths (NAME.npz and NAME_truth.npz) or scenes to \
+                 simulate (NAME.scene with the arguments of simulate)",
             ));
         }
         let mut names: Vec<&str> = self.scenes.iter().map(|s| s.name.as_str()).collect();
@@ -191,12 +194,14 @@ impl Benchmark {
             }
         };
         let options = [&self.options[..], &[format!("truth {}", truth.display())]].concat();
-        let record = Record::of(&capture, &options).with(&truth);
+        let files = [&capture, &truth].into_iter().chain(&self.beside).map(PathBuf::as_path);
+        let record = Record::of(files, &options);
         let was_there = record.is_done(&folder, WHOLE);
         if !was_there {
             check_place(&folder)?;
             let (loaded, mut comparison) = caller.comparison(&capture, &truth)?;
             comparison.out = folder.clone();
+            comparison.check()?;
             // It comes last, so a folder without it is made anew.
             staging::remove(&report)?;
             record.write(&folder)?;

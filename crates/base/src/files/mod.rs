@@ -3,7 +3,6 @@
 pub mod archive;
 pub mod array;
 pub mod atomic;
-pub mod claim;
 pub mod hidden;
-pub mod opened;
 pub mod staging;
+pub mod stamp;

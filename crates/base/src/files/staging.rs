@@ -29,11 +29,6 @@ impl Staging {
         Ok(Staging { target: target.into(), hidden })
     }
 
-    /// The folder of the results.
-    pub fn target(&self) -> &Path {
-        &self.target
-    }
-
     /// The hidden folder: write the files here.
     pub fn path(&self) -> &Path {
         self.hidden.path()
@@ -64,17 +59,32 @@ impl Staging {
         Ok(places)
     }
 
-    /// Moves the folder `name` (inside [`Staging::path`]) to its place in the target, whole. No folder of that name may be
-    /// there, unless it is empty.
+    /// Moves the folder `name` (inside [`Staging::path`]) to its place in the target, whole. Where a folder with files has that
+    /// name, its files are replaced as by [`Staging::commit`], and others stay; `last` is the file that comes last.
     ///
     /// # Errors
-    /// `Kind::Output` if the folder cannot be moved, or if another process keeps the target locked for too long.
-    pub fn commit_folder(self, name: &str) -> Result<PathBuf> {
-        let _lock = alone_in(&self.target)?;
-        let place = self.target.join(name);
-        fs::rename(self.path().join(name), &place).map_err(|e| cannot(&place, &e))?;
-        sync_folder(&self.target)?;
-        Ok(place)
+    /// Those of [`Staging::commit`].
+    pub fn commit_folder(self, name: &str, last: &str) -> Result<PathBuf> {
+        let (from, place) = (self.path().join(name), self.target.join(name));
+        let lock = alone_in(&self.target)?;
+        if fs::rename(&from, &place).is_ok() {
+            return sync_folder(&self.target).map(|()| place);
+        }
+        drop(lock);
+        let mut files = vec![];
+        list(&from, &mut files);
+        files.sort_by_key(|file| *file == from.join(last));
+        self.commit(&files).map(|_| place)
+    }
+}
+
+/// The files in a folder and those below it.
+fn list(folder: &Path, files: &mut Vec<PathBuf>) {
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+        match entry.path() {
+            path if path.is_dir() => list(&path, files),
+            path => files.push(path),
+        }
     }
 }
 
@@ -132,7 +142,18 @@ mod tests {
         assert_eq!(synced(), [out.clone(), out.join("below"), out.clone()]);
         let staging = Staging::new(&out).unwrap();
         fs::create_dir(staging.path().join("whole")).unwrap();
-        assert_eq!(staging.commit_folder("whole").unwrap(), out.join("whole"));
-        assert_eq!(synced(), [out]);
+        write(&staging.path().join("whole/a"), b"1").unwrap();
+        assert_eq!(staging.commit_folder("whole", "a").unwrap(), out.join("whole"));
+        assert_eq!(synced(), [&*out]);
+        // A folder with files keeps those of others.
+        fs::write(out.join("whole/mine"), "mine").unwrap();
+        let staging = Staging::new(&out).unwrap();
+        for name in ["whole/a", "whole/b", "whole/below/c"] {
+            write(&staging.path().join(name), b"2").unwrap();
+        }
+        staging.commit_folder("whole", "a").unwrap();
+        for (name, text) in [("a", "2"), ("b", "2"), ("below/c", "2"), ("mine", "mine")] {
+            assert_eq!(fs::read_to_string(out.join("whole").join(name)).unwrap(), text);
+        }
     }
 }

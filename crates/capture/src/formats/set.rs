@@ -4,7 +4,6 @@ use std::path::{Path, PathBuf};
 
 use super::variables::Variables;
 use crate::error::{Error, Result};
-use crate::files::opened;
 
 /// Largest number of files of a folder that are opened.
 const MOST_FILES: usize = 256;
@@ -116,9 +115,7 @@ impl Set {
     /// The path of a file of this name in the folder that was given, or beside the file.
     pub fn beside(&self, name: &str) -> PathBuf {
         let folder = if self.folder { Some(self.path.as_path()) } else { self.path.parent() };
-        let path = folder.unwrap_or(Path::new("")).join(name);
-        opened::note(&path);
-        path
+        folder.unwrap_or(Path::new("")).join(name)
     }
 
     /// Adds a file.
@@ -126,7 +123,6 @@ impl Set {
     /// # Errors
     /// `Kind::Input`, with its path, if it cannot be read.
     pub fn add(&mut self, path: &Path) -> Result<()> {
-        opened::note(path);
         let file = Variables::open(path).map_err(|e| e.at(path.display()))?;
         self.files.push((path.to_path_buf(), file));
         Ok(())

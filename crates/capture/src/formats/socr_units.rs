@@ -12,7 +12,6 @@ use super::read_options::ReadOptions;
 use super::set::Set;
 use crate::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
-use crate::files::opened;
 
 const PICOSECONDS: f64 = 32.0;
 const SCRIPT: &str = "experimental_setup.m";
@@ -158,7 +157,6 @@ impl Script {
     fn beside(set: &Set) -> Result<Option<Script>> {
         let here = set.beside(SCRIPT);
         let above = here.parent().and_then(Path::parent).map(|folder| folder.join(SCRIPT));
-        above.iter().for_each(|path| opened::note(path));
         let Some(path) = [Some(here), above].into_iter().flatten().find(|path| path.is_file()) else {
             return Ok(None);
         };

@@ -1,0 +1,78 @@
+//! The command line.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use super::cases::{GROUPS, USUAL};
+
+/// What the command line asks for.
+pub struct Arguments {
+    /// Groups in the order in which they are run.
+    pub groups: Vec<&'static str>,
+    pub seeds: Range<u64>,
+    pub program: PathBuf,
+    pub against: Option<PathBuf>,
+    pub keep: PathBuf,
+    /// Take runs that are kept in place of new ones.
+    pub reuse: bool,
+    pub sheet: Option<PathBuf>,
+    pub json: Option<PathBuf>,
+    /// Cases whose names contain one of these words; all without any.
+    pub only: Vec<String>,
+    /// For `reconstruct`.
+    pub options: Vec<String>,
+}
+
+impl Arguments {
+    /// # Errors
+    /// A word that is not known, or a value that is missing or wrong.
+    pub fn read(temporary: &Path) -> Result<Arguments, String> {
+        let mut all = Arguments {
+            groups: vec![],
+            seeds: 0..20,
+            program: env!("CARGO_BIN_EXE_thirdbounce").into(),
+            against: None,
+            keep: temporary.into(),
+            reuse: false,
+            sheet: None,
+            json: None,
+            only: vec![],
+            options: vec![],
+        };
+        // cargo adds --bench.
+        let mut words = std::env::args().skip(1).filter(|word| word != "--bench");
+        let mut groups: Vec<String> = vec![];
+        while let Some(word) = words.next() {
+            let mut value = || words.next().ok_or(format!("{word} needs a value"));
+            match word.as_str() {
+                "--seeds" => all.seeds = seeds(&value()?)?,
+                "--program" => all.program = value()?.into(),
+                "--against" => all.against = Some(value()?.into()),
+                "--keep" => all.keep = absolute(&value()?)?,
+                "--reuse" => all.reuse = true,
+                "--sheet" => all.sheet = Some(value()?.into()),
+                "--json" => all.json = Some(value()?.into()),
+                "--only" => all.only = value()?.split(',').map(String::from).collect(),
+                "--" => all.options = words.by_ref().collect(),
+                group if group == "all" || GROUPS.contains(&group) => groups.push(word),
+                _ => return Err(format!("{word} is none of {}, all, or an option", GROUPS.join(", "))),
+            }
+        }
+        if all.reuse && all.keep == temporary {
+            return Err("--reuse needs the folder of --keep".into());
+        }
+        let is_all = groups.is_empty() || groups.iter().any(|g| g == "all");
+        let is_wanted = |group: &&str| is_all && USUAL.contains(group) || groups.iter().any(|g| g == group);
+        all.groups = GROUPS.into_iter().filter(is_wanted).collect();
+        Ok(all)
+    }
+}
+
+fn absolute(folder: &str) -> Result<PathBuf, String> {
+    std::path::absolute(folder).map_err(|e| format!("{folder}: {e}"))
+}
+
+fn seeds(text: &str) -> Result<Range<u64>, String> {
+    let ends = text.split_once("..").and_then(|(a, b)| Some(a.parse().ok()?..b.parse().ok()?));
+    ends.ok_or(format!("--seeds {text} is not A..B"))
+}

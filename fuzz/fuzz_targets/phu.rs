@@ -1,6 +1,0 @@
-#![no_main]
-
-use libfuzzer_sys::fuzz_target;
-use thirdbounce_fuzz::histogram;
-
-fuzz_target!(|bytes: &[u8]| histogram(bytes, "curves.phu"));

@@ -1,0 +1,286 @@
+//! Many captures, one after the other on each of a few threads. A result appears whole or not at all; finished ones are
+//! skipped.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
+use std::sync::mpsc::channel;
+use std::time::Instant;
+
+use serde::Serialize;
+use serde_json::{Value, json};
+
+use super::record::{Record, check_place};
+use super::{Loaded, Outcome, Request, places, run};
+use crate::files::atomic::is_full;
+use crate::files::staging::Staging;
+use crate::gpu::{Gpu, GpuOptions};
+use crate::maps::percentile;
+use crate::{Error, Kind, Result, panic_message};
+
+/// The file of a result that is written last.
+const LAST: &str = "report.json";
+
+/// A capture of a batch.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Listed {
+    /// The file or folder.
+    pub path: PathBuf,
+    /// The name of its result folder.
+    pub name: String,
+}
+
+/// Names captures after their files, without the ending; where several files share a name, a hash of the path is appended. A
+/// file that is listed twice is one capture.
+pub fn named(paths: &[PathBuf]) -> Vec<Listed> {
+    let mut seen = BTreeSet::new();
+    let whole = |path: &PathBuf| std::fs::canonicalize(path).unwrap_or_else(|_| path.clone());
+    let all: Vec<_> = paths.iter().map(|path| (path, whole(path), stem(path))).collect();
+    let all: Vec<_> = all.into_iter().filter(|(_, whole, _)| seen.insert(whole.clone())).collect();
+    let mut times = BTreeMap::new();
+    all.iter().for_each(|(_, _, stem)| *times.entry(stem.clone()).or_insert(0) += 1);
+    let name = |whole: &Path, stem: &str| match times[stem] {
+        1 => stem.to_string(),
+        _ => format!("{stem}-{:08x}", hash(whole.as_os_str().as_encoded_bytes())),
+    };
+    all.iter().map(|(path, whole, stem)| Listed { path: (*path).clone(), name: name(whole, stem) }).collect()
+}
+
+/// The name of a file without its ending, in letters that every file system takes.
+fn stem(path: &Path) -> String {
+    let name = if path.is_dir() { path.file_name() } else { path.file_stem() };
+    let name = name.map_or_else(|| "capture".into(), |name| name.to_string_lossy().into_owned());
+    let plain = |c: char| if c.is_alphanumeric() || "-_+=.,@".contains(c) { c } else { '_' };
+    let name: String = name.trim_start_matches('.').chars().map(plain).collect();
+    if name.is_empty() { "capture".into() } else { name }
+}
+
+/// FNV-1a.
+fn hash(bytes: &[u8]) -> u32 {
+    bytes.iter().fold(0x811c_9dc5, |hash, byte| (hash ^ u32::from(*byte)).wrapping_mul(0x0100_0193))
+}
+
+/// What to reconstruct.
+#[derive(Debug, Clone)]
+pub struct Batch {
+    /// The captures ([`named`]), of which every `of`-th is reconstructed, beginning with the `part`-th.
+    pub captures: Vec<Listed>,
+    /// (part, of), part from 1 to of.
+    pub shard: (usize, usize),
+    /// The folder in which every capture gets a folder of its own.
+    pub out: PathBuf,
+    /// Every option that changes results, as given: a result with others is made again.
+    pub options: Vec<String>,
+    /// The device of all threads.
+    pub device: GpuOptions,
+    /// Threads.
+    pub jobs: usize,
+}
+
+/// What happened to a capture.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Status {
+    /// It is reconstructed.
+    Done,
+    /// Its result was there.
+    Skipped,
+    /// It has no result.
+    Failed,
+}
+
+/// How a capture ended.
+#[derive(Debug, Clone)]
+pub struct CaptureEnd {
+    /// The capture.
+    pub capture: Listed,
+    /// What happened.
+    pub status: Status,
+    /// Seconds of reading, solving and writing.
+    pub seconds: f64,
+    /// What went wrong.
+    pub error: Option<Error>,
+    /// Key figures of a new result, for a line of a table; else null.
+    pub figures: Value,
+    /// What was done to the capture, and warnings, as sentences.
+    pub notes: Vec<String>,
+}
+
+/// How a batch ended.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize)]
+pub struct Tally {
+    /// Captures of this shard.
+    pub captures: usize,
+    /// Those that were reconstructed.
+    pub done: usize,
+    /// Those whose results were there.
+    pub skipped: usize,
+    /// Those without a result.
+    pub failed: usize,
+    /// Whether the caller or a full disk stopped the batch. Captures that are not counted are left.
+    pub stopped: bool,
+    /// Seconds of the whole batch.
+    pub seconds: f64,
+}
+
+/// What a batch asks of its caller, from several threads.
+pub trait Caller: Sync {
+    /// Files besides the capture on which its result depends.
+    fn beside(&self, capture: &Listed) -> Vec<PathBuf>;
+
+    /// Reads a capture and the settings of its reconstruction. The folder of its result is set afterwards.
+    ///
+    /// # Errors
+    /// The capture cannot be used: it fails, the batch continues.
+    fn load(&self, capture: &Listed) -> Result<(Loaded, Request)>;
+
+    /// Called between captures and during solves. May stop the batch.
+    fn may_continue(&self) -> ControlFlow<()>;
+}
+
+/// Reconstructs many captures. `report` is called once for each, by this thread, in the order in which they end.
+///
+/// # Errors
+/// Before anything is computed: no device, or a folder that cannot be written. An error of a capture is reported, and the
+/// batch continues, unless the disk is full.
+pub fn batch(what: &Batch, caller: &dyn Caller, report: &mut dyn FnMut(&CaptureEnd)) -> Result<Tally> {
+    let start = Instant::now();
+    places::check_folder(&what.out)?;
+    let (part, of) = what.shard;
+    let captures: Vec<_> = what.captures.iter().skip(part.max(1) - 1).step_by(of.max(1)).collect();
+    let mut first = Some(Gpu::open(&what.device)?);
+    // Removes what a killed process left.
+    drop(Staging::new(&what.out)?);
+    let mut tally = Tally { captures: captures.len(), ..Tally::default() };
+    let (next, full) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let (send, ends) = channel();
+    std::thread::scope(|scope| {
+        for _ in 0..what.jobs.clamp(1, captures.len().max(1)) {
+            let (send, mut gpu) = (send.clone(), first.take());
+            let (captures, next, full) = (&captures, &next, &full);
+            scope.spawn(move || {
+                let stopped = || full.load(Relaxed) || caller.may_continue().is_break();
+                while !stopped() {
+                    let Some(capture) = captures.get(next.fetch_add(1, Relaxed)) else { return };
+                    let Some(mut end) = what.one(capture, caller, &mut gpu, &stopped) else { return };
+                    if let Some(error) = end.error.as_mut().filter(|error| is_full(error)) {
+                        full.store(true, Relaxed);
+                        let more = ", then start the batch again: it continues where it ended";
+                        error.mend = error.mend.clone().and(more);
+                    }
+                    // The receiver lives as long as the threads.
+                    let _ = send.send(end);
+                }
+            });
+        }
+        drop(send);
+        for end in ends {
+            match end.status {
+                Status::Done => tally.done += 1,
+                Status::Skipped => tally.skipped += 1,
+                Status::Failed => tally.failed += 1,
+            }
+            report(&end);
+        }
+    });
+    tally.stopped = tally.done + tally.skipped + tally.failed < tally.captures;
+    tally.seconds = start.elapsed().as_secs_f64();
+    Ok(tally)
+}
+
+impl Batch {
+    /// Reconstructs a capture, unless that is done; `None` if it was stopped. A device that is lost is opened anew by the next.
+    fn one(
+        &self,
+        capture: &Listed,
+        caller: &dyn Caller,
+        gpu: &mut Option<Gpu>,
+        stopped: &dyn Fn() -> bool,
+    ) -> Option<CaptureEnd> {
+        let start = Instant::now();
+        let end = |status, error, figures, notes| {
+            let seconds = start.elapsed().as_secs_f64();
+            Some(CaptureEnd { capture: capture.clone(), status, seconds, error, figures, notes })
+        };
+        let beside = caller.beside(capture);
+        let files = std::iter::once(&capture.path).chain(&beside).map(PathBuf::as_path);
+        let record = Record::of(files, &self.options);
+        let folder = self.out.join(&capture.name);
+        if record.is_done(&folder, LAST) {
+            return end(Status::Skipped, None, Value::Null, vec![]);
+        }
+        let work = || {
+            check_place(&folder)?;
+            let (loaded, request) = caller.load(capture)?;
+            let open = match gpu.take() {
+                Some(gpu) => gpu,
+                None => Gpu::open(&self.device)?,
+            };
+            let gpu = &*gpu.insert(open);
+            let mut hear = |_: &_| if stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+            let mut request = Request { preview: false, ..request };
+            let solved = run::solve(&request, &loaded, gpu, &mut hear)?;
+            let staging = Staging::new(&self.out)?;
+            request.out = staging.path().join(&capture.name);
+            let outcome = solved.write(&request)?;
+            record.write(&request.out)?;
+            staging.commit_folder(&capture.name, LAST)?;
+            Ok((figures(&outcome), [&loaded.notes[..], &outcome.notes, &outcome.validation].concat()))
+        };
+        // A defect must not end the batch.
+        let done = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
+            let text = panic_message(&*panic).unwrap_or("no message");
+            Err(Error::device(format!("internal error: {text}"), "report it with the capture"))
+        });
+        match done {
+            Ok((figures, notes)) => end(Status::Done, None, figures, notes),
+            Err(error) if error.kind == Kind::Cancelled => None,
+            Err(error) => {
+                if error.kind == Kind::Device {
+                    *gpu = None;
+                }
+                end(Status::Failed, Some(error), Value::Null, vec![])
+            }
+        }
+    }
+}
+
+fn figures(outcome: &Outcome) -> Value {
+    let Outcome { report, maps, .. } = outcome;
+    let of_surface = |values: &[f32]| {
+        let surface = values.iter().zip(&maps.mask).filter(|(_, m)| **m).map(|(v, _)| *v);
+        percentile(&surface.collect::<Vec<_>>(), 50.0)
+    };
+    let (last, metrics) = (report.trace.last(), report.metrics.as_ref());
+    json!({
+        "solver": report.settings["solver"],
+        "model": report.settings["model"],
+        "iterations": last.map_or(0, |p| p.iteration),
+        "residual": last.and_then(|p| p.residual),
+        "surface": maps.mask.iter().filter(|m| **m).count() as f64 / maps.mask.len().max(1) as f64,
+        "depth": of_surface(&maps.depth),
+        "confidence": maps.confidence.as_deref().and_then(of_surface),
+        "solve_s": report.totals.solve_s,
+        "iou": metrics.and_then(|m| m.iou),
+        "depth_mae": metrics.and_then(|m| m.depth_mae),
+        "normal_error_deg": metrics.and_then(|m| m.normal_error_deg),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_unlike_and_independent_of_the_order() {
+        let named = |all: &[&str]| named(&all.iter().map(PathBuf::from).collect::<Vec<_>>());
+        let all = named(&["a/scene.npz", "b/scene.npz", "b/scene.hdf5", "b/other one.npz", "a/scene.npz"]);
+        let names: BTreeSet<_> = all.iter().map(|l| l.name.as_str()).collect();
+        assert!(all.len() == 4 && names.len() == 4, "{all:?}");
+        assert!(names.contains("other_one") && names.iter().filter(|n| n.starts_with("scene-")).count() == 3);
+        let back = named(&["b/other one.npz", "b/scene.hdf5", "b/scene.npz", "a/scene.npz"]);
+        assert!(all.iter().all(|l| back.contains(l)), "{all:?} {back:?}");
+    }
+}

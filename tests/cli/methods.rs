@@ -1,0 +1,465 @@
+//! Error against run time: traces with figures, a clock that ignores measuring, methods side by side.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+use std::time::{Duration, Instant};
+
+use fixtures::device::{assert_valid, gpu};
+use serde_json::Value;
+use thirdbounce::capture::Capture;
+use thirdbounce::gpu::Gpu;
+use thirdbounce::simulate::{RenderOptions, Scene, simulate};
+use thirdbounce::solve::paper::reconstruct;
+use thirdbounce::solve::{PaperOptions, Preset, Problem, Progress, Reconstruction, Watch, default_volume};
+use thirdbounce::transport::Grid;
+
+fn thirdbounce(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_thirdbounce")).args(arguments).output().expect("the binary runs")
+}
+
+#[track_caller]
+fn succeed(arguments: &[&str]) -> String {
+    let output = thirdbounce(arguments);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{arguments:?}\n{said}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+/// A small capture and its truth, simulated once: (folder, capture, truth).
+fn small() -> &'static (tempfile::TempDir, String, String) {
+    static SMALL: OnceLock<(tempfile::TempDir, String, String)> = OnceLock::new();
+    SMALL.get_or_init(|| {
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        let [capture, truth] = ["z.npz", "truth.npz"].map(|n| folder.path().join(n).display().to_string());
+        let scene = ["simulate", "letter-Z", "--scan", "8", "--bin-width", "0.02", "--noise", "0.05"];
+        let files = ["--truth-resolution", "32", "--out", &capture, "--truth", &truth];
+        succeed(&[&scene[..], &files].concat());
+        (folder, capture, truth)
+    })
+}
+
+/// Options that make a run short.
+const SHORT: [&str; 9] =
+    ["--lateral", "16", "--iterations", "30", "--double-every", "15", "--reduce-every", "10", "--quiet"];
+
+fn json(path: &Path) -> Value {
+    serde_json::from_slice(&std::fs::read(path).expect("the file is there")).expect("it is JSON")
+}
+
+fn entries(folder: &Path) -> Vec<String> {
+    let name = |e: std::io::Result<std::fs::DirEntry>| e.unwrap().file_name().to_string_lossy().into_owned();
+    let mut names: Vec<String> = std::fs::read_dir(folder).unwrap().map(name).collect();
+    names.sort();
+    names
+}
+
+fn figures(trace: &Value, key: &str) -> Vec<f64> {
+    trace.as_array().unwrap().iter().filter_map(|e| e[key].as_f64()).collect()
+}
+
+/// The iterations of a method in each of its rows of the table.
+fn iterations<'t>(table: &'t str, method: &str) -> Vec<&'t str> {
+    let rows = table.lines().filter(|row| row.starts_with(&format!("| {method} |")));
+    rows.filter_map(|row| row.split('|').nth(3)).map(str::trim).collect()
+}
+
+#[test]
+fn two_settings_side_by_side() {
+    let (_, capture, truth) = small();
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("deep/page");
+    let methods = "paper;paper:sampling=fixed,learning-rate=0.5,name=slow & <fixed>,trace-every=14";
+    let all = ["benchmark", capture, "--truth", truth, "--out", out.to_str().unwrap(), "--method", methods];
+    let text = succeed(&[&all[..], &SHORT, &["--repeats", "2", "--trace-every", "7"]].concat());
+    assert!(iterations(&text, "paper") == ["30"] && iterations(&text, "slow & <fixed>") == ["30"], "{text}");
+    assert_eq!(entries(&out), ["benchmark.html", "benchmark.json", "z"]);
+    let out = out.join("z");
+    let case =
+        ["case.json", "error_vs_time.png", "made_from.json", "paper", "pictures.png", "slow____fixed_"];
+    assert_eq!(entries(&out), case);
+    let page = std::fs::read_to_string(out.with_file_name("benchmark.html")).unwrap();
+    for part in [
+        "<td>paper</td>",
+        "<td>30</td>",
+        "Repeats: 2.",
+        ">paper: 30 iterations",
+        ">slow &amp; &lt;fixed&gt;: 30",
+    ] {
+        assert!(page.contains(part), "{part}: {page}");
+    }
+    let decoder = png::Decoder::new(std::io::BufReader::new(
+        std::fs::File::open(out.join("error_vs_time.png")).unwrap(),
+    ));
+    assert!(decoder.read_info().unwrap().info().width >= 1000);
+
+    let told = json(&out.join("case.json"));
+    assert_eq!(told, json(&out.with_file_name("benchmark.json"))["cases"][0]["comparison"]);
+    assert_eq!(told["repeats"], 2);
+    let methods = told["methods"].as_array().unwrap();
+    assert_eq!(methods.len(), 2);
+    assert_eq!(methods[1]["settings"]["sampling"], "fixed");
+    assert_eq!(methods[1]["settings"]["learning_rate"], 0.5);
+    assert_eq!(methods[0]["settings"]["learning_rate"], 1.0);
+    let iterations = [&[7.0, 14.0, 21.0, 28.0, 30.0][..], &[14.0, 28.0, 30.0]];
+    for (method, iterations) in methods.iter().zip(iterations) {
+        assert_eq!(figures(&method["trace"], "iteration"), iterations);
+        let last = iterations.len() - 1;
+        let seconds = figures(&method["trace"], "seconds");
+        assert!(seconds.is_sorted() && seconds[0] > 0.0, "{seconds:?}");
+        assert_eq!(method["repeats_s"].as_array().unwrap().len(), 2);
+        assert!(method["seconds"].as_f64().unwrap() >= 0.9 * seconds[last]);
+        for (key, better) in [("residual", -1.0), ("loss", -1.0)] {
+            let values = figures(&method["trace"], key);
+            assert!(
+                values.len() == last + 1 && better * (values[last] - values[0]) > 0.0,
+                "{key} {values:?}"
+            );
+        }
+        // So few steps on so small a scene may not improve the figure.
+        let iou = figures(&method["trace"], "best_iou");
+        assert!(iou.len() == last + 1 && iou.iter().all(|v| (0.1..=1.0).contains(v)), "{iou:?}");
+        let residual = figures(&method["trace"], "residual");
+        assert!(residual.iter().all(|r| (0.0..1.5).contains(r)), "{residual:?}");
+    }
+    // The first method reaches its own end in its own time.
+    let all = &methods[0]["reach"]["all"]["kept_s"];
+    assert_eq!(all, &methods[0]["trace"][4]["seconds"]);
+    let text = succeed(&["evaluate", out.join("paper").to_str().unwrap(), "--truth", truth]);
+    assert!(text.contains("solved in"), "{text}");
+}
+
+#[test]
+fn a_solver_that_is_named_is_the_only_method() {
+    let (_, capture, truth) = small();
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().display().to_string();
+    let all = ["benchmark", capture, "--truth", truth, "--out", &out, "--repeats", "1", "--model", "cosine"];
+    let text = succeed(&[&all[..], &SHORT, &["--solver", "vector"]].concat());
+    assert!(iterations(&text, "paper").is_empty() && iterations(&text, "vector") == ["90"], "{text}");
+    let told = json(&folder.path().join("z/case.json"));
+    let residual = figures(&told["methods"][0]["trace"], "residual");
+    assert!(residual.len() == 9 && residual[8] < residual[2], "{residual:?}");
+}
+
+#[test]
+fn a_trace_with_figures_and_snapshots() {
+    let (_, capture, truth) = small();
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let run = |name: &str, more: &[&str]| {
+        let all = ["reconstruct", capture, "--out", &at(name).display().to_string(), "--deterministic"];
+        succeed(&[&all[..], &["--solver", "paper"], &SHORT, more].concat());
+        json(&at(name).join("report.json"))
+    };
+    let report = run("often", &["--truth", truth, "--trace-every", "4", "--snapshots", "6,20,30"]);
+    let measured: Vec<u64> = report["trace"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .filter(|e| e["depth_mae"].is_f64() && e["best_iou"].is_f64() && e["residual"].is_f64())
+        .map(|e| e["iteration"].as_u64().unwrap())
+        .collect();
+    assert_eq!(measured, [4, 8, 12, 16, 20, 24, 28, 30]);
+    for name in ["000006", "000020", "000030"] {
+        let files = entries(&at("often/snapshots").join(name));
+        assert_eq!(
+            files,
+            [
+                "albedo.png",
+                "confidence.png",
+                "depth.png",
+                "maps.exr",
+                "maps.npz",
+                "mesh.ply",
+                "normal.png",
+                "points.ply"
+            ]
+        );
+    }
+    let maps = |place: &str| std::fs::read(at(place).join("maps.npz")).unwrap();
+    assert!(maps("often/snapshots/000030") == maps("often"), "the last snapshot is the result");
+    assert!(maps("often/snapshots/000020") != maps("often"));
+
+    // Measuring does not change the result.
+    let by_default = run("default", &["--truth", truth]);
+    let tens: Vec<_> = figures(&by_default["trace"], "depth_mae");
+    assert_eq!(tens.len(), 3);
+    let at_the_end = run("end", &["--truth", truth, "--trace-every", "0"]);
+    assert_eq!(figures(&at_the_end["trace"], "depth_mae").len(), 1);
+    assert!(maps("often") == maps("end") && maps("often") == maps("default"));
+    let without = run("without", &["--trace-every", "5"]);
+    assert_eq!(figures(&without["trace"], "depth_mae").len(), 0);
+    assert!(figures(&without["trace"], "iteration").contains(&25.0));
+
+    let often = at("often").display().to_string();
+    succeed(&["evaluate", &often, "--truth", truth, "--no-pictures", "--json"]);
+    assert!(!at("often/depth_error.png").exists());
+    let text = succeed(&["evaluate", &often, "--truth", truth]);
+    assert!(at("often/depth_error.png").is_file() && text.contains("depth_error.png"), "{text}");
+}
+
+#[test]
+fn what_is_wrong_is_said_in_one_message_and_nothing_is_written() {
+    let (_, capture, truth) = small();
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("c").display().to_string();
+    let benchmark = ["benchmark", capture, "--out", &out, "--quiet"];
+    let with_truth = ["--truth", truth.as_str()];
+    let cases: &[(&[&str], i32, &str)] = &[
+        (&["--truth", "/nonexistent/t.npz"], 1, "/nonexistent/t.npz"),
+        (&["--truth", capture], 1, "gt_depth"),
+        (&[&with_truth[..], &["--method", "magic"]].concat(), 1, "--solver magic is not known"),
+        (&[&with_truth[..], &["--method", "paper:colour=red"]].concat(), 1, "--colour"),
+        (&[&with_truth[..], &["--method", "paper:l1=much"]].concat(), 1, "'much' for '--l1"),
+        (&[&with_truth[..], &["--method", "paper;paper:l1=-2"]].concat(), 1, "--l1 is -2"),
+        (&[&with_truth[..], &["--method", "vector:l1=1"]].concat(), 1, "--l1 is no option of the vector"),
+        (&[&with_truth[..], &["--method", "paper:cone=1"]].concat(), 1, "--cone is no option of the paper"),
+        (&[&with_truth[..], &["--method", "paper:sampling=wild"]].concat(), 1, "'wild'"),
+        (&[&with_truth[..], &["--method", "paper:no-reduce=1"]].concat(), 1, "no-reduce"),
+        (&[&with_truth[..], &["--method", ""]].concat(), 1, "--method is empty"),
+        (&[&with_truth[..], &["--repeats", "0"]].concat(), 1, "the number of repeats is 0"),
+        (&[&with_truth[..], &["--mask-fraction", "2"]].concat(), 1, "the mask fraction is 2"),
+        (&[&with_truth[..], &["--lateral", "0"]].concat(), 1, "--lateral is 0"),
+    ];
+    for (arguments, code, words) in cases {
+        check_failure(&[&benchmark[..], arguments].concat(), *code, words);
+    }
+    let reconstruct = ["reconstruct", capture, "--out", &out, "--quiet"];
+    check_failure(
+        &[&reconstruct[..], &["--snapshots", "5,2000"]].concat(),
+        1,
+        "the snapshots include iteration 2000",
+    );
+    check_failure(
+        &[&reconstruct[..], &["--snapshots", "0"]].concat(),
+        1,
+        "the snapshots include iteration 0",
+    );
+    check_failure(&[&reconstruct[..], &["--snapshots", "x"]].concat(), 2, "--snapshots");
+    assert_eq!(entries(folder.path()), Vec::<String>::new(), "something was written");
+}
+
+#[track_caller]
+fn check_failure(arguments: &[&str], code: i32, words: &str) {
+    let output = thirdbounce(arguments);
+    let text = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(code), "{arguments:?}\n{text}");
+    assert!(text.contains(words), "{arguments:?}: {words:?} is not in\n{text}");
+    assert_eq!(text.matches("error:").count(), 1, "{arguments:?}\n{text}");
+    assert!(!text.contains("internal error") && output.stdout.is_empty(), "{text}");
+}
+
+/// Runs with maps after every Nth iteration and a listener that sleeps; (result, seconds asleep, seconds by the wall clock).
+fn sleepy(
+    gpu: &Gpu,
+    capture: &Capture,
+    maps_every: Option<usize>,
+    sleep: impl Fn(&Progress) -> f64,
+) -> (Reconstruction, f64, f64) {
+    let o = PaperOptions::preset(Preset::Synthetic).with(|o| {
+        o.lateral = 16;
+        o.iterations = 40;
+    });
+    let o = o.with(|o| {
+        o.domain.coarse_to_fine = false;
+        o.domain.reduce = false;
+    });
+    let volume = default_volume(capture, o.domain.min_depth).unwrap();
+    let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
+    let mut asleep = 0.0;
+    let mut hear = |progress: &Progress| {
+        let seconds = sleep(progress);
+        std::thread::sleep(Duration::from_secs_f64(seconds));
+        asleep += seconds;
+        ControlFlow::Continue(())
+    };
+    let mut watch = Watch { hear: &mut hear, maps_every, maps_at: &[] };
+    let start = Instant::now();
+    let done = reconstruct(gpu, &Problem::new(capture, grid), &o, &mut watch).unwrap();
+    (done, asleep, start.elapsed().as_secs_f64())
+}
+
+/// What `measure` gives as soon as it holds. Other work on the machine only ever adds time, so it holds in a quiet moment or
+/// never.
+fn in_a_quiet_moment<T>(measure: impl Fn() -> Result<T, String>) -> T {
+    let mut tries = (0..5).map(|_| measure());
+    tries.find_map(|tried| tried.inspect_err(|e| eprintln!("{e}")).ok()).expect("one of five tries holds")
+}
+
+#[test]
+#[ignore = "long: make soak"]
+fn measuring_does_not_move_the_clock() {
+    let gpu = gpu();
+    let mut scene = Scene::named("letter-l").unwrap();
+    (scene.scan, scene.bin_width) = (8, 0.01);
+    let capture = simulate(&scene, &RenderOptions { noise: 0.05, ..Default::default() }).unwrap().capture;
+    let run = |maps_every, sleep: f64| {
+        sleepy(&gpu, &capture, maps_every, |p| if p.maps.is_some() { sleep } else { 0.0 })
+    };
+    run(None, 0.0); // The first run compiles the kernels.
+    let plain = run(None, 0.0).0;
+
+    // 0.3 s asleep at each of four measured points: the clock counts only the work.
+    let (done, asleep, wall) = run(Some(10), 0.3);
+    let last = done.trace.last().unwrap();
+    assert!(asleep > 1.1 && wall > asleep, "{asleep} {wall}");
+    assert!(done.solve_seconds < wall - asleep, "{} of {wall}", done.solve_seconds);
+    assert!(last.seconds <= done.solve_seconds && done.trace.is_sorted_by(|a, b| a.seconds <= b.seconds));
+
+    // With every iteration measured the clock shows about the same time. Other work on the machine changes both, so bounds
+    // on two runs are wide.
+    let (done, asleep, wall) = run(Some(1), 0.03);
+    assert_eq!(done.trace.len(), 40);
+    assert!(done.solve_seconds < wall - asleep, "{} of {wall}", done.solve_seconds);
+    let seconds = |maps_every| run(maps_every, 0.0).0.trace.last().unwrap().seconds;
+    in_a_quiet_moment(|| {
+        let (without, with) = (seconds(None), seconds(Some(1)));
+        if (0.3..3.0).contains(&(with / without)) {
+            Ok(())
+        } else {
+            Err(format!("{with} s with, {without} s without"))
+        }
+    });
+
+    // A listener beside a working device hides none of its work. The clock runs on through the naps, except those for
+    // the last blocks (three at most), when the device is done.
+    let done = in_a_quiet_moment(|| {
+        let (done, asleep, wall) = sleepy(&gpu, &capture, None, |_| 0.5);
+        let beside = done.trace.len() - 3;
+        let stood_still = wall - done.solve_seconds;
+        let most = asleep - 0.5 * beside as f64 + 0.4;
+        if beside > 0 && stood_still < most { Ok(done) } else { Err(format!("{stood_still} s of {asleep}")) }
+    });
+    let loss = |r: &Reconstruction| r.trace.last().unwrap().data_loss;
+    assert!((loss(&done) / loss(&plain) - 1.0).abs() < 0.1 && loss(&plain) < plain.empty_loss);
+    let point = plain.trace.last().unwrap();
+    assert!(point.data_loss <= point.loss);
+    assert_valid(&gpu);
+}
+
+#[test]
+fn every_method_and_other_programs_stand_in_one_table() {
+    let (folder, capture, truth) = small();
+    let out = folder.path().join("all");
+    let other = folder.path().join("other");
+    let [out_text, other_text] = [&out, &other].map(|p| p.display().to_string());
+    succeed(&["reconstruct", capture, "--out", &other_text, "--solver", "lct", "--lateral", "16", "--quiet"]);
+    let foreign = format!("theirs={other_text},seconds=1.5,hardware=another GPU");
+    let arguments = ["benchmark", capture, "--truth", truth, "--out", &out_text, "--repeats", "1"];
+    let table = succeed(&[&arguments[..], &["--foreign", &foreign], &SHORT].concat());
+    let report = json(&out.join("z/case.json"));
+    let methods = report["methods"].as_array().unwrap();
+    let names: Vec<&str> = methods.iter().map(|m| m["name"].as_str().unwrap()).collect();
+    let all =
+        ["vector", "paper", "surface", "lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp", "theirs"];
+    assert_eq!(names, all);
+    for method in methods {
+        let name = method["name"].as_str().unwrap();
+        let [foreign, host] = [name == "theirs", ["lct", "dlct", "fk", "phasor"].contains(&name)];
+        assert_eq!(method["foreign"], foreign, "{name}");
+        let on = method["runs_on"].as_str().unwrap();
+        assert_eq!((on.starts_with("host"), on == "another GPU"), (host, foreign), "{name}: {on}");
+        assert!(method["metrics"]["best_iou"].as_f64().unwrap() > 0.2, "{name}");
+        assert!(method["seconds"].as_f64().unwrap() > 0.0 && table.contains(name), "{name}");
+    }
+    // The solver shows the maps of a closed-form method first.
+    assert_eq!(names[..2], ["vector", "paper"]);
+    let trace = methods[0]["trace"].as_array().unwrap();
+    assert_eq!(trace[0]["iteration"], 0);
+    assert_eq!(trace[0]["seconds"], methods[0]["preview_s"]);
+    assert!(trace[0]["best_iou"].as_f64().unwrap() > 0.2, "{}", trace[0]);
+    let seconds = figures(&methods[0]["trace"], "seconds");
+    assert!(trace.len() > 1 && 0.0 < seconds[0] && seconds[0] < seconds[1], "{seconds:?}");
+    assert!(methods[1]["preview_s"].is_null() && methods[1]["trace"][0]["iteration"] != 0);
+    // The same maps, whoever made them.
+    assert_eq!(methods[3]["metrics"], methods[10]["metrics"]);
+    assert!(table.contains("theirs (foreign) | another GPU"), "{table}");
+    assert_eq!(report["left_out"].as_array().unwrap().len(), 0);
+}
+
+#[test]
+fn with_an_oracle_every_mask_is_the_best_and_the_page_says_so() {
+    let (folder, capture, truth) = small();
+    let out = folder.path().join("oracle");
+    let out_text = out.display().to_string();
+    let all =
+        ["benchmark", capture, "--truth", truth, "--out", &out_text, "--methods", "lct;fk", "--repeats", "1"];
+    // A row of a published table stands beside it.
+    let row = ["--foreign", "a|b,depth=.0477/.1523,normals=.1147,seconds=54,hardware=RTX 3090"];
+    let table = succeed(&[&all[..], &["--lateral", "16", "--quiet", "--oracle"], &row].concat());
+    assert!(table.contains("| IoU (oracle) |"), "{table}");
+    let report = json(&out.join("z/case.json"));
+    assert_eq!(report["oracle"], true);
+    let (row, own) = report["methods"].as_array().unwrap().split_last().unwrap();
+    assert_eq!((row["foreign"].as_bool(), &row["metrics"]["iou"]), (Some(true), &Value::Null));
+    assert_eq!(row["metrics"]["paper"]["depth_rmse"], 0.1523);
+    let line = table.lines().find(|line| line.starts_with("| a\\|b (foreign) | RTX 3090 |")).unwrap();
+    assert!(line.ends_with("| 0.0477, 0.1523 | 0.1147, – |"), "{line}");
+    for method in own {
+        let metrics = &method["metrics"];
+        assert!(metrics["paper"]["normal_rmse"].as_f64().unwrap() > 0.0);
+        assert_eq!(metrics["iou"], metrics["best_iou"]);
+        assert_eq!(method["mask_fraction"], metrics["best_fraction"]);
+        let folder = out.join("z").join(method["folder"].as_str().unwrap());
+        let maps = thirdbounce::export::npz::read_maps(&folder.join("maps.npz")).unwrap();
+        assert_eq!(Some(maps.mask_fraction.unwrap()), metrics["best_fraction"].as_f64());
+    }
+    assert!(std::fs::read_to_string(out.join("benchmark.html")).unwrap().contains("no user has it"));
+}
+
+#[test]
+fn methods_whose_assumptions_break_are_left_out_or_refused() {
+    let (folder, _, truth) = small();
+    let [capture, out] = ["one_laser.npz", "one_laser"].map(|n| folder.path().join(n).display().to_string());
+    let scene = ["simulate", "letter-Z", "--scan", "8", "--bin-width", "0.02", "--pairs", "one-laser"];
+    succeed(&[&scene[..], &["--out", &capture]].concat());
+    let arguments = ["benchmark", &capture, "--truth", truth, "--out", &out, "--repeats", "1"];
+    let page = |more: &[&str]| thirdbounce(&[&arguments[..], more, &SHORT].concat());
+    let refused = page(&["--method", "lct"]);
+    let said = String::from_utf8_lossy(&refused.stderr);
+    assert!(refused.status.code() == Some(1) && said.contains("confocal") && said.contains("fbp"), "{said}");
+    let done = page(&["--methods", "all"]);
+    assert_eq!(done.status.code(), Some(0), "{}", String::from_utf8_lossy(&done.stderr));
+    let report = json(&Path::new(&out).join("one_laser/case.json"));
+    let left: Vec<&str> =
+        report["left_out"].as_array().unwrap().iter().map(|m| m["name"].as_str().unwrap()).collect();
+    assert_eq!(left, ["lct", "dlct", "fk"]);
+    let page = std::fs::read_to_string(Path::new(&out).join("benchmark.html")).unwrap();
+    assert!(page.contains("fk is left out: f-k migration needs a confocal scan"), "{page}");
+}
+
+#[test]
+fn foreign_maps_need_a_folder_a_time_and_hardware() {
+    let (folder, capture, truth) = small();
+    let out = folder.path().join("foreign").display().to_string();
+    for (foreign, says) in [
+        ("theirs", "names no folder"),
+        ("theirs=x,hardware=GPU", "gives no seconds"),
+        ("theirs=x,seconds=1", "gives no hardware"),
+        ("theirs=x,seconds=1,hardware=GPU,colour=red", "colour=red"),
+        ("theirs=/nonexistent,seconds=1,hardware=GPU", "foreign \"theirs\""),
+        ("theirs=x,seconds=-1,hardware=GPU", "took -1 s"),
+        ("theirs=x,depth=.1,seconds=1,hardware=GPU", "both maps and figures"),
+        ("theirs,depth=.1/.2/.3,seconds=1,hardware=GPU", "not MAE or MAE/RMSE"),
+        ("theirs,normals=a/.2,seconds=1,hardware=GPU", "not MAE or MAE/RMSE"),
+        ("theirs,depth=.1/.2,hardware=GPU", "gives no seconds"),
+    ] {
+        let done = thirdbounce(&[
+            "benchmark",
+            capture,
+            "--truth",
+            truth,
+            "--out",
+            &out,
+            "--method",
+            "lct",
+            "--foreign",
+            foreign,
+        ]);
+        let said = String::from_utf8_lossy(&done.stderr);
+        assert!(done.status.code() == Some(1) && said.contains(says), "{foreign}: {said}");
+    }
+    assert!(!Path::new(&out).join("benchmark.json").exists());
+}
