@@ -23,7 +23,9 @@ passes! {
         faults: &[Fault {
             bit: FAULT_FORWARD,
             what: "the rendered histograms",
-            mend: &advice!["use a larger " MinDepth " where voxels touch the wall, and check the capture (" [Capture] ")"],
+            mend: &advice![
+                "use a larger " MinDepth " where voxels touch the wall; with the paper's solver a smaller " LearningRate
+            ],
         }],
         twin: twin!(forward),
         ..Pass::of("forward", forward)
@@ -47,7 +49,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_RESIDUAL,
             what: "the difference from the measurement",
-            mend: &advice!["check the counts (" [Capture] ")"],
+            mend: &advice!["check the counts (" [Capture] "); with the paper's solver use a smaller " Peak " or " LearningRate],
         }],
         twin: twin!(residual),
         ..Pass::of("residual", residual)
