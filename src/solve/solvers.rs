@@ -348,7 +348,7 @@ fn help_of(row: &Row) -> String {
 }
 
 /// Solvers of earlier versions, each with one that takes the same captures.
-const REMOVED: &[(&str, &str)] = &[("conv", "fbp")];
+const REMOVED: &[(&str, &str)] = &[("conv", "fbp"), ("vector", "surface")];
 
 /// Checks that there is a solver of that name.
 ///
