@@ -18,12 +18,9 @@ use std::time::Instant;
 
 use super::drive::{Driven, Watch};
 use super::result::finish;
-use super::{
-    Beside, Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap,
-};
+use super::{Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::caller::{Lent, Moment};
 use crate::gpu::{Abilities, Gpu};
 use crate::maps::{Layer, Maps};
 use crate::transport::Grid;
@@ -243,10 +240,9 @@ impl Prepared for PreparedSurface {
         self.fine.allocate()
     }
 
-    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
+    fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         let begun = Instant::now();
         let gpu = self.fine.planned.gpu().clone();
-        let watch = beside.watch;
         let closed = self.start(&gpu, capture, watch)?;
         let until = self.follow.and_then(|follow| follow.budget).map(|budget| begun + budget);
         // After an error the surface on the device is no frame's: the next one begins cold.
@@ -281,10 +277,6 @@ impl Prepared for PreparedSurface {
         let job = self.fine.planned.made(|_| Ok(()))?;
         let solved = finish(job, done.driven, None)?;
         Ok(Reconstruction { volume, volume_iterations: 0, has_mask: true, is_warm, ..solved })
-    }
-
-    fn give(&mut self, content: &[u8], to: &Lent, done: Option<Moment>) -> Result<()> {
-        self.fine.planned.give(content, to, done)
     }
 }
 
