@@ -244,7 +244,7 @@ impl Prepared for PreparedSurface {
         let begun = Instant::now();
         let gpu = self.fine.planned.gpu().clone();
         let closed = self.start(&gpu, capture, watch)?;
-        let until = self.follow.and_then(|follow| follow.budget).map(|budget| begun + budget);
+        let until = self.follow.and_then(|follow| follow.fits_until(begun));
         // After an error the surface on the device is no frame's: the next one begins cold.
         let last = self.last.take();
         let seconds = begun.elapsed().as_secs_f64();
@@ -313,15 +313,17 @@ impl Fits<'_> {
         let mut grows = self.options.grow;
         let mut layers = closed.clone();
         if let Some(coarse) = coarse {
-            driven = taken(coarse, capture, driven)?;
-            (driven, grows) = self.rounds(coarse, rounds::NUMBER[0], &mut layers, watch, driven)?;
+            if !self.is_late() {
+                driven = taken(coarse, capture, driven)?;
+                (driven, grows) = self.rounds(coarse, rounds::NUMBER[0], &mut layers, watch, driven)?;
+            }
             if !grows {
                 layers = closed.clone();
             }
             layers = layers.iter().map(|maps| support::finer(maps, factor)).collect();
         }
         driven = taken(fine, capture, driven)?;
-        if grows {
+        if grows && !self.is_late() {
             let number = rounds::NUMBER[usize::from(factor > 1)];
             (driven, _) = self.rounds(fine, number, &mut layers, watch, driven)?;
         }
@@ -362,7 +364,12 @@ impl Fits<'_> {
         Ok(Done { driven, layers, explained: quality.map_or(0.0, |q| q.explained()) })
     }
 
-    /// Rounds of short fits. Returns whether the support may grow.
+    /// Whether the time for fits is over. Then only the last one is left, and that is short.
+    fn is_late(&self) -> bool {
+        self.until.is_some_and(|until| Instant::now() >= until)
+    }
+
+    /// Rounds of short fits, until the time for fits is over. Returns whether the support may grow.
     fn rounds(
         &self,
         fit: &mut Fit,
@@ -374,6 +381,10 @@ impl Fits<'_> {
         let range = fit.plan().levels.maps.depth_range().map(|z| z as f32);
         let (mut driven, mut scales) = (Some(driven), true);
         let grows = in_rounds(number, range, layers, &mut |layers| {
+            // The first round was in time.
+            if self.is_late() && !scales {
+                return Ok(None);
+            }
             let before = driven.take().expect("given back");
             let scales = std::mem::take(&mut scales);
             let run = Run { iterations: rounds::ITERATIONS, of: self.of, scales, until: self.until };
