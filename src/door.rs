@@ -40,7 +40,7 @@ impl Options {
         self
     }
 
-    /// How surfaces reflect: `cosine`, `lambertian`, `retroreflective` or `isotropic`. `auto`: found by quick solves.
+    /// How surfaces reflect: `cosine`, `lambertian`, `retroreflective` or `isotropic`. `auto`: estimated by short fits.
     #[must_use]
     pub fn model(mut self, name: &str) -> Options {
         self.choice.model = Some(name.into());

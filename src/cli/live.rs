@@ -22,7 +22,7 @@ pub struct Args {
     /// standard input
     source: PathBuf,
     /// A capture with the points, bins, pulse and spots of all frames. If it has light, the box ends where its light does, and
-    /// quick trials find the model and the pulse, as in reconstruct
+    /// model and pulse are estimated, as in reconstruct
     #[arg(long, value_name = "CAPTURE")]
     capture: PathBuf,
     /// Serve a page with the newest maps on this port, for a browser on this machine; 0: a free port

@@ -1,6 +1,6 @@
-//! Finds the instrument's pulse: a Gaussian's width, then the tail of its detector. A trial fits a surface with a pulse. The
-//! one that predicts other pairs best is taken. Trials end with a surface: unlike the haze of a volume, it cannot compensate
-//! for a wrong pulse.
+//! Estimates the instrument's pulse: a Gaussian's width, then the tail of its detector. A trial fits a surface with a pulse, and the
+//! pulse with the least residual of held-out pairs is chosen. Unlike the haze of a volume, a surface cannot compensate for a wrong
+//! pulse.
 
 use serde::{Deserialize, Serialize};
 
@@ -93,7 +93,7 @@ impl Shape {
         gaussian.map(tailed).transpose()
     }
 
-    /// The same, with its mean at the path. The surfaces of trials begin with the volume of another pulse: they judge its
+    /// The same, with its mean at the path. The surfaces of trials begin with a fit without it: they judge its
     /// shape, not where the path is.
     pub fn centred(&self) -> Result<Option<Pulse>> {
         let pulse = self.pulse()?;

@@ -263,7 +263,7 @@ impl Comparison {
         if self.methods.is_empty() {
             return Err(Error::options(
                 "there is no method to compare",
-                "name at least one, for example vector",
+                "name at least one, for example surface",
             ));
         }
         Comparison::check_repeats(self.repeats)?;

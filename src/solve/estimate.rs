@@ -59,7 +59,7 @@ pub fn variances(capture: &Capture, background: f64) -> [f64; 2] {
     }
 }
 
-/// Pairs that an exact capture needs: more change its maps little (benches/studies/pairs.md).
+/// Pairs that an exact capture needs: more change its maps little (benches/NOTES.md).
 pub const LEAST_PAIRS: usize = 4096;
 
 /// Photons that pairs need at least.

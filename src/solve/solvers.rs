@@ -157,7 +157,7 @@ solvers! {
 }
 
 impl SolverOptions {
-    /// The solver that wins the comparison of error against run time (docs/error-vs-time.md).
+    /// The default solver (docs/surface.md).
     pub const DEFAULT: &str = SurfaceOptions::NAME;
 
     /// Sets an option to the first of `values` that it takes, and returns that one; `None` if it takes none of them.
@@ -173,7 +173,7 @@ impl SolverOptions {
         })
     }
 
-    /// Whether quick solves look for the model of reflectance if nobody names one: for solvers that render surfaces.
+    /// Whether values that are not given are estimated (docs/surface.md): for solvers that render surfaces.
     pub fn has_trials(&self) -> bool {
         matches!(self, SolverOptions::Surface(_))
     }
@@ -204,7 +204,7 @@ impl SolverOptions {
         other
     }
 
-    /// The most iterations, those after the volume included.
+    /// The most iterations of all fits.
     pub fn all_iterations(&self) -> usize {
         self.common().iterations.iter().sum()
     }
@@ -218,7 +218,7 @@ impl SolverOptions {
     }
 
     /// The depth of a voxel where none is given, metres: a bin of path, or half of the voxel's width if that is more.
-    /// The surface after the volume finds depths between voxels, so flatter ones would cost time for nothing. Solvers
+    /// Maxima are interpolated between voxels, so flatter ones would cost time for nothing. Solvers
     /// that take the capture's own bins take the bin, and those with finer detail that detail ([`Solver::detail`]), down to
     /// half of the depth that others have. `volume` is the box if it is not the default one.
     pub fn usual_depth_pitch(&self, capture: &Capture, volume: Option<Volume>) -> f64 {

@@ -7,7 +7,7 @@ use super::negative::quiet_bins;
 const FAINT: f64 = 0.01;
 
 /// The background is taken pair by pair if it differs by this share of the strongest mean: less does no harm, and light that
-/// fades slowly differs by a few hundredths (benches/studies/captures.md).
+/// fades slowly differs by a few hundredths (benches/NOTES.md).
 const HARMS: f64 = 0.05;
 
 /// A background goes on over at least this share of the bins. Light that a gate cuts off before it has faded does not.

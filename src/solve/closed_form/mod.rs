@@ -52,7 +52,7 @@ pub trait HostMethod: Options + Clone + Send + Sync + 'static {
     /// What the options of all closed-form methods have.
     fn image(&self) -> &ImageOptions;
 
-    /// Its share of [`image::level_over_haze`], fitted on simulated scenes (benches/studies/masks.md).
+    /// Its share of [`image::level_over_haze`], fitted on simulated scenes (benches/NOTES.md).
     const MASK_SHARE: f64;
 
     /// The scan of a capture.

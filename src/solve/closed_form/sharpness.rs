@@ -25,7 +25,7 @@ pub struct Ladder {
     pub values: &'static [f64],
 }
 
-/// Noise of this share is harmless ([`ImageNoise::share`]). Fitted on simulated scenes (benches/studies/closed-forms.md).
+/// Noise of this share is harmless ([`ImageNoise::share`]). Fitted on simulated scenes (benches/NOTES.md).
 const HARMLESS: f64 = 0.67;
 
 /// Counts above this are tossed as a sum of this many coins, whose distribution is as good as that of all.

@@ -1,5 +1,4 @@
-//! What a scene does not need, and what is saved by leaving it out: exact for memory and counts, measured for time in
-//! docs/leave-out.md.
+//! What a scene does not need, and what is saved by leaving it out.
 
 use super::Plan;
 use crate::transport::{Geometry, Gradient, Reflectance};

@@ -1,4 +1,4 @@
-//! Two surfaces behind each other: which parts of the volume's maps form which layer, and the maps of both.
+//! Two surfaces behind each other: which parts of a closed-form volume's maps form which layer, and the maps of both.
 //!
 //! The brightest voxel of a column is now on one surface, now on the other. So voxels are first joined to sheets:
 //! neighbouring columns with similar depths. Then every sheet goes to one of two layers, in which the surface refines
@@ -15,7 +15,7 @@ const SUPPORT: f32 = 0.1;
 
 /// Share of white that a second surface's albedo must have: everywhere, and that of the dimmer of two surfaces in the
 /// mean over the columns that two sheets share. Measured means: plates 0.51 to 0.93; haze of real captures that go on
-/// beyond the scan 0.31 and less (docs/surface.md).
+/// beyond the scan 0.31 and less.
 const SHARE: f32 = 0.2;
 const MEAN_SHARE: f32 = 0.4;
 

@@ -9,7 +9,7 @@ use std::collections::VecDeque;
 
 use crate::maps::{Maps, percentile};
 
-/// Constants of the support. Evidence: benches/studies/surface.md, "Support by evidence".
+/// Constants of the support. Evidence: benches/NOTES.md, "Support by evidence".
 mod constants {
     /// A ring is added around pixels with at least this share of the typical albedo.
     pub const BIRTH: f32 = 0.4;

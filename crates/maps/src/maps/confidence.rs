@@ -3,8 +3,7 @@
 //! Errors grow with the dimness of a pixel, the slope of its surface and the roughness of the depths around it. Over a
 //! whole map they grow with the width of bins and pulse, and where one laser or sensor point sees less than a scan. Noise
 //! has maps smoothed, so the noisier the data, the less their roughness tells. The expected error is a product of powers
-//! of these, in pixels. The powers are a quantile regression over reconstructions with truth (benches/studies/masks.md).
-//! docs/confidence.md compares the values with real errors.
+//! of these, in pixels. The powers are a quantile regression over reconstructions with truth (benches/NOTES.md).
 
 use super::mask::{slope, smoothed};
 use super::{Layer, Maps};

@@ -4,7 +4,7 @@
 //! the haze around it. Where a surface ends with a sharp edge, as a plate does, the edge is where about half of the
 //! plateau is left. Where it bends away, as a sphere does, its rims are dim, and more of the fall belongs to it. So the
 //! threshold is a share of the usual brightness, and the smaller the steeper the surface is where its albedo falls.
-//! Figures: benches/studies/masks.md.
+//! Figures: benches/NOTES.md.
 
 use super::{Maps, percentile};
 

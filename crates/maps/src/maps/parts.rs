@@ -2,7 +2,7 @@
 //!
 //! Light that the model does not explain ends up in shards: at the borders of the box, beside bright things. They are as
 //! bright as dim parts of a surface, so no threshold tells them. But their depths are rough and steep, and the expected
-//! error says so. Figures: benches/studies/masks.md.
+//! error says so. Figures: benches/NOTES.md.
 
 use super::{Maps, percentile};
 

@@ -10,7 +10,7 @@
 //! is k k* + λ: its solution is conj(k_c) g / (λ + Σ |k_c|²), which is what a factorisation of each block gives. A block
 //! has one equation, and the penalty shares the light among the components by the power of their kernels. So distances
 //! along x and y are scaled until all three kernels have the same power: else normals would lean toward the strongest
-//! kernel, that of z (benches/studies/closed-forms.md).
+//! kernel, that of z (benches/NOTES.md).
 
 use rayon::prelude::*;
 
