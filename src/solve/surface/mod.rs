@@ -19,12 +19,9 @@ use std::time::Instant;
 
 use super::drive::{Driven, Watch};
 use super::result::finish;
-use super::{
-    Beside, Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap,
-};
+use super::{Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::caller::{Lent, Moment};
 use crate::gpu::{Abilities, Gpu};
 use crate::maps::{Layer, Maps};
 use crate::transport::Grid;
@@ -247,13 +244,12 @@ impl Prepared for PreparedSurface {
         self.fine.allocate()
     }
 
-    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
+    fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         let begun = Instant::now();
         let gpu = self.fine.planned.gpu().clone();
-        let watch = beside.watch;
         let wide = if self.sum > 1 { Cow::Owned(capture.binned(self.sum)?) } else { Cow::Borrowed(capture) };
         let closed = self.start(&gpu, &wide, watch)?;
-        let until = self.follow.and_then(|follow| follow.budget).map(|budget| begun + budget);
+        let until = self.follow.and_then(|follow| follow.fits_until(begun));
         // After an error the surface on the device is no frame's: the next one begins cold.
         let last = self.last.take();
         let seconds = begun.elapsed().as_secs_f64();
@@ -286,10 +282,6 @@ impl Prepared for PreparedSurface {
         let job = self.fine.planned.made(|_| Ok(()))?;
         let solved = finish(job, done.driven, None)?;
         Ok(Reconstruction { volume, volume_iterations: 0, has_mask: true, is_warm, ..solved })
-    }
-
-    fn give(&mut self, content: &[u8], to: &Lent, done: Option<Moment>) -> Result<()> {
-        self.fine.planned.give(content, to, done)
     }
 }
 
@@ -326,15 +318,17 @@ impl Fits<'_> {
         let mut grows = self.options.grow;
         let mut layers = closed.clone();
         if let Some(coarse) = coarse {
-            driven = taken(coarse, wide, driven)?;
-            (driven, grows) = self.rounds(coarse, rounds::NUMBER[0], &mut layers, watch, driven)?;
+            if !self.is_late() {
+                driven = taken(coarse, wide, driven)?;
+                (driven, grows) = self.rounds(coarse, rounds::NUMBER[0], &mut layers, watch, driven)?;
+            }
             if !grows {
                 layers = closed.clone();
             }
             layers = layers.iter().map(|maps| support::finer(maps, factor)).collect();
         }
         driven = taken(fine, capture, driven)?;
-        if grows {
+        if grows && !self.is_late() {
             let number = rounds::NUMBER[usize::from(factor > 1)];
             (driven, _) = self.rounds(fine, number, &mut layers, watch, driven)?;
         }
@@ -375,7 +369,12 @@ impl Fits<'_> {
         Ok(Done { driven, layers, explained: quality.map_or(0.0, |q| q.explained()) })
     }
 
-    /// Rounds of short fits. Returns whether the support may grow.
+    /// Whether the time for fits is over. Then only the last one is left, and that is short.
+    fn is_late(&self) -> bool {
+        self.until.is_some_and(|until| Instant::now() >= until)
+    }
+
+    /// Rounds of short fits, until the time for fits is over. Returns whether the support may grow.
     fn rounds(
         &self,
         fit: &mut Fit,
@@ -387,6 +386,10 @@ impl Fits<'_> {
         let range = fit.plan().levels.maps.depth_range().map(|z| z as f32);
         let (mut driven, mut scales) = (Some(driven), true);
         let grows = in_rounds(number, range, layers, &mut |layers| {
+            // The first round was in time.
+            if self.is_late() && !scales {
+                return Ok(None);
+            }
             let before = driven.take().expect("given back");
             let scales = std::mem::take(&mut scales);
             let run = Run { iterations: rounds::ITERATIONS, of: self.of, scales, until: self.until };
