@@ -36,6 +36,8 @@ use trial::{Fitted, Trial};
 mod constants {
     /// Minimum hold-out size for model selection, pairs.
     pub const LEAST_PAIRS: usize = 16;
+    /// Minimum hold-out size for an impulse response of exact values: with fewer pairs, it only hides errors of the depths.
+    pub const LEAST_FOR_PULSE: usize = 64;
     /// Pairs that a fit takes; as many others judge it.
     pub const PAIRS: usize = 256;
     /// Lateral pixels of a fit.
@@ -86,7 +88,11 @@ impl EstimateRequest<'_> {
     pub fn find_pulse(&self, capture: &Capture) -> FindPulse {
         match (self.find_pulse, &capture.pulse) {
             (_, Some(_)) => FindPulse::Never,
-            (FindPulse::IfItShows, None) if self.models.len() < 2 => FindPulse::Never,
+            (FindPulse::IfItShows, None)
+                if self.models.len() < 2 || capture.pair_count() < 2 * LEAST_FOR_PULSE =>
+            {
+                FindPulse::Never
+            }
             (asked, None) => asked,
         }
     }

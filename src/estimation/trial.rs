@@ -26,12 +26,11 @@ pub fn start(
     memory: Option<u64>,
     watch: &mut Watch<'_>,
 ) -> Result<Vec<Maps>> {
-    let scan = capture.outline();
-    let Some(method) = surface::start::method(options, grid.n[0], capture)? else {
-        return Ok(vec![surface::start::plane(capture, &grid, options.background)]);
-    };
-    let problem = Problem { memory, ..Problem::new(&scan, grid) }.and_volume();
-    surface::start::of_method(&mut *method.prepare(gpu, &problem)?, capture, options.iterations, watch)
+    let problem = Problem { memory, ..Problem::new(capture, grid) };
+    match surface::Start::new(gpu, &problem, options)? {
+        Some(mut start) => start.layers(capture, options.iterations, watch),
+        None => Ok(vec![surface::start::plane(capture, &grid, options.background)]),
+    }
 }
 
 /// Fits with one model of reflectance.

@@ -4,9 +4,6 @@ use super::Steps;
 use crate::gpu::Schedule;
 use crate::solve::{Plan, TracePoint};
 
-/// A surface has about this many active voxels behind each other in the volume before it.
-const THICKNESS: f64 = 8.0;
-
 /// The power of the lateral resolution that active voxels of a volume grow with, from the end of a level to the end of the next.
 /// It is less than 2, as the domain also shrinks in the meantime.
 const GROWTH: f64 = 0.5;
@@ -28,8 +25,6 @@ pub(super) struct Ahead {
     iterations: Vec<(usize, usize, f64)>,
     /// The first of them.
     first: usize,
-    /// See [`Steps::after`].
-    after: Vec<[f64; 2]>,
     /// Seconds, and active voxels times pairs, at the first point of this run. What is before it, drivers that compile
     /// at the first dispatch included, says nothing about the rest.
     first_point: Option<[f64; 2]>,
@@ -58,12 +53,12 @@ impl Ahead {
             let all = level.len() as f64;
             level.iter_mut().enumerate().for_each(|(i, of)| of.2 = kept(i as f64 / all) / KEPT);
         }
-        Ahead { iterations, first, after: steps.after.clone(), first_point: None }
+        Ahead { iterations, first, first_point: None }
     }
 
     /// Seconds that the rest takes, as `point` is reached after `work` active voxels times pairs. `None` while nothing
     /// is known. The rate is that of this run so far. Active voxels are taken to become fewer within a level and to grow with the
-    /// resolution, and the surface after a volume to be a sheet of them.
+    /// resolution.
     pub fn seconds(&mut self, point: &TracePoint, work: u64) -> Option<f64> {
         let [seconds_before, work_before] = *self.first_point.get_or_insert([point.seconds, work as f64]);
         let (seconds, work) = (point.seconds - seconds_before, work as f64 - work_before);
@@ -73,14 +68,10 @@ impl Ahead {
         let done = point.iteration.saturating_sub(self.first);
         let now = self.iterations.get(done.saturating_sub(1)).map_or(1.0, |of| of.2);
         // Active voxels at the end of a level.
-        let grown = |lateral: f64, power: f64| {
-            point.active as f64 / now * (lateral / point.lateral as f64).powf(power)
-        };
+        let grown =
+            |lateral: usize| point.active as f64 / now * (lateral as f64 / point.lateral as f64).powf(GROWTH);
         let rest = self.iterations.iter().skip(done);
-        let volume: f64 =
-            rest.map(|(lateral, pairs, kept)| grown(*lateral as f64, GROWTH) * kept * *pairs as f64).sum();
-        let surface: f64 =
-            self.after.iter().map(|[lateral, pairs]| grown(*lateral, 2.0) / THICKNESS * pairs).sum();
-        Some((volume + surface) * seconds / work)
+        let left: f64 = rest.map(|(lateral, pairs, kept)| grown(*lateral) * kept * *pairs as f64).sum();
+        Some(left * seconds / work)
     }
 }

@@ -1,7 +1,6 @@
 //! Drives a solver: submits its schedules block by block, reads the trace of finished blocks, and extracts maps on the
 //! way.
 
-use std::cell::OnceCell;
 use std::collections::VecDeque;
 use std::ops::Range;
 use std::time::Instant;
@@ -56,12 +55,6 @@ pub(crate) struct Steps<'s> {
     pub l1_weight: Box<dyn Fn(&Level) -> f64 + 's>,
     /// Iterations of the whole solve, for progress.
     pub of: usize,
-    /// Iterations that follow in another run, each as lateral pixels (a pixel of several points counts as so many) and
-    /// pairs; to tell how long the rest takes.
-    pub after: Vec<[f64; 2]>,
-    /// Stop at the finest level, with all pairs, once the data term of the objective is not above this: the rest is
-    /// noise. Computed when it is needed first, while the device works.
-    pub stop_below: Option<fn(&OnDevice) -> f64>,
     /// Whether active voxels become fewer from iteration to iteration.
     pub shrinks: bool,
     /// Stop at the last level at this time. Blocks are short then.
@@ -146,8 +139,6 @@ struct Run<'r, 'w> {
     /// Active voxels in the last block that was read.
     active: usize,
     ahead: Option<Ahead>,
-    /// See [`Steps::stop_below`].
-    stop_below: OnceCell<f64>,
     /// The iterations that the watch had heard of when it cancelled.
     cancelled: Option<usize>,
 }
@@ -191,7 +182,6 @@ impl<'r, 'w> Run<'r, 'w> {
             // At first every voxel may be active.
             active: first_level.grid.voxels(),
             ahead: None,
-            stop_below: OnceCell::new(),
         };
         run.start(before)?;
         run.reached = run.steps.levels[run.level];
@@ -247,8 +237,8 @@ impl<'r, 'w> Run<'r, 'w> {
             || done - self.block_from >= block_length(self.gpu, pairs, self.steps.until.is_some())
     }
 
-    /// Submits the block, which ends after `done` iterations, and reads the blocks before it. Returns whether the data
-    /// are fitted.
+    /// Submits the block, which ends after `done` iterations, and reads the blocks before it. Returns whether the run
+    /// is late.
     fn submit(&mut self, done: usize) -> Result<bool> {
         let ticket = self.device.lists.submit(&mut self.device.executor)?;
         self.reached = self.steps.levels[self.level_before];
@@ -264,11 +254,11 @@ impl<'r, 'w> Run<'r, 'w> {
         }
         let pause = self.clock.pause();
         let gpu_pause = self.device.executor.gpu_seconds();
-        let mut fitted = false;
+        let mut late = false;
         let mut back = std::mem::take(&mut self.back);
         for (flight, seconds) in back.drain(..) {
             if self.cancelled.is_none() {
-                fitted |= self.hear(flight, seconds, measured.then_some(done))?;
+                late |= self.hear(flight, seconds, measured.then_some(done))?;
             }
         }
         self.back = back;
@@ -276,13 +266,13 @@ impl<'r, 'w> Run<'r, 'w> {
             self.clock.resume(pause);
             self.clock.leave_out_gpu(self.device.executor.gpu_seconds() - gpu_pause);
         }
-        Ok(fitted)
+        Ok(late)
     }
 
     /// Reads the trace of a finished block and tells the watch, with the maps if they are asked for after its last
-    /// iteration. Returns whether the data are fitted.
+    /// iteration. Returns whether the run is late.
     fn hear(&mut self, flight: Flight, seconds: [f64; 2], measured: Option<usize>) -> Result<bool> {
-        let (point, objective) = self.read(&flight, seconds)?;
+        let point = self.read(&flight, seconds)?;
         self.active = point.active;
         let maps = match measured {
             Some(done) if point.iteration == done => Some(self.maps(&flight.level)?),
@@ -300,12 +290,10 @@ impl<'r, 'w> Run<'r, 'w> {
             return Ok(false);
         }
         let at_end = Some(&flight.level) == self.steps.levels.last();
-        let below = |of: fn(&OnDevice) -> f64| objective <= *self.stop_below.get_or_init(|| of(self.device));
-        let is_late = self.steps.until.is_some_and(|until| Instant::now() >= until);
-        Ok(at_end && (is_late || self.steps.stop_below.is_some_and(below)))
+        Ok(at_end && self.steps.until.is_some_and(|until| Instant::now() >= until))
     }
 
-    fn read(&mut self, flight: &Flight, seconds: [f64; 2]) -> Result<(TracePoint, f64)> {
+    fn read(&mut self, flight: &Flight, seconds: [f64; 2]) -> Result<TracePoint> {
         let l1_weight = (self.steps.l1_weight)(&flight.level);
         let passes = &self.steps.passes;
         // Blocks in flight write other rows.
@@ -326,7 +314,7 @@ impl<'r, 'w> Run<'r, 'w> {
         Ok(read_maps(&self.device.executor, &level.grid, has_normals))
     }
 
-    /// Waits for the blocks in flight and takes the result. Blocks that were in flight when the data were fitted are
+    /// Waits for the blocks in flight and takes the result. Blocks that were in flight when the run was late are
     /// part of it.
     fn end(mut self) -> Result<Driven> {
         for flight in std::mem::take(&mut self.flights) {

@@ -16,8 +16,8 @@ pub(super) struct Reader {
 }
 
 impl Reader {
-    /// Reads the `rows` of some iterations, all at `level`, and adds a point for the last one. Returns this point with
-    /// the data term of the objective there. `seconds` are those of host and device.
+    /// Reads the `rows` of some iterations, all at `level`, and adds a point for the last one, which it returns.
+    /// `seconds` are those of host and device.
     ///
     /// # Errors
     /// A fault of one of `passes`, or a loss that is not finite.
@@ -29,14 +29,14 @@ impl Reader {
         l1_weight: f64,
         passes: &[&[&'static Pass]],
         [seconds, gpu_seconds]: [f64; 2],
-    ) -> Result<(TracePoint, f64)> {
-        let (mut loss, mut data_loss, mut objective) = (0.0, 0.0, 0.0);
+    ) -> Result<TracePoint> {
+        let (mut loss, mut data_loss) = (0.0, 0.0);
         let mut active = 0;
         for (i, row) in iterations.clone().zip(rows) {
             check_faults(row, i + 1, passes)?;
             active = row[TRACE_ACTIVE as usize] as usize;
             data_loss = f64::from(f32::from_bits(row[TRACE_DATA as usize]));
-            objective = f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));
+            let objective = f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));
             let l1 = f64::from(f32::from_bits(row[TRACE_L1 as usize]));
             loss = objective + l1_weight * l1;
             if !loss.is_finite() {
@@ -60,7 +60,7 @@ impl Reader {
             data_loss,
         };
         self.trace.push(point);
-        Ok((point, objective))
+        Ok(point)
     }
 }
 

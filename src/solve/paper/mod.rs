@@ -146,8 +146,6 @@ fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
         passes: [super::passes::ALL, passes::ALL],
         l1_weight: Box::new(|level| options.l1 / level.grid.voxels() as f64),
         of: options.iterations,
-        after: vec![],
-        stop_below: None,
         shrinks: true,
         until: None,
     }

@@ -220,8 +220,6 @@ fn steps(
         passes: [crate::solve::passes::ALL, passes::ALL],
         l1_weight: Box::new(|_| 1.0),
         of,
-        after: vec![],
-        stop_below: None,
         shrinks: false,
         until: None,
     }

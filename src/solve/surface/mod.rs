@@ -48,6 +48,7 @@ pub use needs::{OfFit, SMALL_PIXEL, pixels, points_of};
 pub use options::{Begin, LEAST_FLOOR, SurfaceOptions};
 pub use pixels::Pixels;
 pub use schedule::{bonds, divide, extract, iteration, points, render, start as start_of};
+pub(crate) use start::Start;
 pub use weights::{Placed, weights};
 
 /// Rounds of the support. Evidence: benches/NOTES.md, "Support by evidence".
@@ -193,7 +194,7 @@ struct PreparedSurface {
     /// The capture without its counts.
     scan: Capture,
     /// The closed form, while everything stays allocated.
-    method: Option<Box<dyn Prepared>>,
+    method: Option<Start>,
     /// Everything stays allocated.
     keeps: bool,
     /// If frames follow each other.
@@ -209,11 +210,9 @@ impl PreparedSurface {
     }
 
     /// The closed form that initialises the surface, prepared; `None`: a plane does.
-    fn first_method(&mut self, gpu: &Gpu) -> Result<Option<Box<dyn Prepared>>> {
-        let grid = self.first_grid();
-        let method = start::method(&self.options, grid.n[0], &self.scan)?;
-        let problem = Problem { memory: self.memory, ..Problem::new(&self.scan, grid) }.and_volume();
-        method.map(|m| m.prepare(gpu, &problem)).transpose()
+    fn first_method(&mut self, gpu: &Gpu) -> Result<Option<Start>> {
+        let problem = Problem { memory: self.memory, ..Problem::new(&self.scan, self.first_grid()) };
+        Start::new(gpu, &problem, &self.options)
     }
 
     /// The layers that the fits begin with.
@@ -223,7 +222,7 @@ impl PreparedSurface {
         // Its buffers are freed before those of the fits are made, unless everything stays.
         let mut own = if self.keeps { None } else { self.first_method(gpu)? };
         match self.method.as_mut().or(own.as_mut()) {
-            Some(method) => start::of_method(&mut **method, capture, iterations, watch),
+            Some(method) => method.layers(capture, iterations, watch),
             None => Ok(vec![start::plane(capture, &grid, self.options.background)]),
         }
     }

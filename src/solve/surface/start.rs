@@ -1,15 +1,17 @@
 //! Initialisation of a surface: the layers of a closed-form volume, or a plane.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use super::layers::{LEAST_CELLS, split};
 use super::support::remove;
 use super::{Begin, SurfaceOptions};
 use crate::capture::{Background, Capture};
+use crate::gpu::Gpu;
 use crate::maps::{Maps, percentile};
 use crate::solve::closed_form::{FbpOptions, LctOptions};
 use crate::solve::plan::AMPLE;
-use crate::solve::{Beside, Prepared, Progress, Solver, TracePoint, VolumeMap, Watch};
+use crate::solve::{Beside, Prepared, Problem, Progress, RunsOn, Solver, TracePoint, VolumeMap, Watch};
 use crate::transport::Grid;
 use crate::{Error, Result};
 
@@ -28,6 +30,62 @@ const NEAREST: f64 = 10.0;
 
 /// Between two maxima of a column the volume falls below this share of the lower one.
 const DIP: f32 = 0.5;
+
+/// Pairs of a filtered back-projection: as many as its coarse voxels need.
+const PROJECTED: usize = 1024;
+
+/// A closed-form method that is prepared to initialise surfaces of one scan.
+pub(crate) struct Start {
+    method: Box<dyn Prepared>,
+    /// It takes so many of the pairs.
+    pairs: Option<usize>,
+}
+
+impl Start {
+    /// Prepares the method for the scan of `problem`, whose grid has the pixels of the first fit; `None`: a plane initialises.
+    ///
+    /// # Errors
+    /// `Kind::Input`: the capture breaks an assumption of the requested method. Memory or device do not allow it.
+    pub fn new(gpu: &Gpu, problem: &Problem<'_>, options: &SurfaceOptions) -> Result<Option<Start>> {
+        let Problem { capture, grid, .. } = *problem;
+        let Some(method) = method(options, grid.n[0], capture)? else { return Ok(None) };
+        let runs_on_device = method.common().runs_on == RunsOn::Device;
+        let pairs = Some(PROJECTED).filter(|most| runs_on_device && capture.pair_count() > *most);
+        let scan = few(capture, pairs)?.outline();
+        let method = method.prepare(gpu, &Problem { capture: &scan, ..*problem }.and_volume())?;
+        Ok(Some(Start { method, pairs }))
+    }
+
+    /// Makes all kernels and buffers now.
+    ///
+    /// # Errors
+    /// Memory or device do not allow it.
+    pub fn allocate(&mut self) -> Result<()> {
+        self.method.allocate()
+    }
+
+    /// The layers of the closed-form volume, with the brightest albedo 1. `watch` may cancel.
+    ///
+    /// # Errors
+    /// Those of the method.
+    pub fn layers(
+        &mut self,
+        capture: &Capture,
+        iterations: usize,
+        watch: &mut Watch<'_>,
+    ) -> Result<Vec<Maps>> {
+        let capture = few(capture, self.pairs)?;
+        of_method(&mut *self.method, &capture, iterations, watch)
+    }
+}
+
+/// The pairs that a method takes.
+fn few(capture: &Capture, pairs: Option<usize>) -> Result<Cow<'_, Capture>> {
+    Ok(match pairs {
+        Some(pairs) => Cow::Owned(capture.subset(pairs, 0)?),
+        None => Cow::Borrowed(capture),
+    })
+}
 
 /// The closed-form method that initialises a surface on `lateral` pixels; `None`: a plane does.
 ///
@@ -65,7 +123,7 @@ pub(crate) fn method(
 ///
 /// # Errors
 /// Those of the method.
-pub(crate) fn of_method(
+fn of_method(
     method: &mut dyn Prepared,
     capture: &Capture,
     iterations: usize,
