@@ -70,7 +70,7 @@ impl Options {
         self
     }
 
-    /// A pixel is surface above this share of the brightest albedo. Usually the threshold is found at the albedo's edges.
+    /// A pixel is surface above this share of the brightest albedo. Without it, the method defines the mask.
     #[must_use]
     pub fn mask_fraction(mut self, share: f64) -> Options {
         self.mask_fraction = Some(share);

@@ -22,7 +22,7 @@ pub struct Args {
     /// Measure the result against this truth
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,
-    /// A pixel is surface above this share of the brightest albedo [default: found at the albedo's edges; paper 0.3]
+    /// A pixel is surface above this share of the brightest albedo [default: the method's own mask; paper: its domain threshold, 0.05 confocal, else 0.03]
     #[arg(long, value_name = "X", value_parser = units::number)]
     mask_fraction: Option<f64>,
     /// Add a point to the report's trace after every Nth iteration, with the figures if there is truth; 0: figures only

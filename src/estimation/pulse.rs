@@ -73,11 +73,6 @@ impl Shape {
         lengths.flat_map(|length| TAILS.map(|share| Shape::of(length, share))).collect()
     }
 
-    /// The share of its length in its tail.
-    pub fn share(&self) -> f64 {
-        self.tail / self.length()
-    }
-
     /// Width and tail together, metres.
     pub fn length(&self) -> f64 {
         self.fwhm + self.tail
@@ -311,7 +306,7 @@ mod tests {
             [of().fold(f64::INFINITY, f64::min), of().fold(0.0, f64::max)]
         };
         assert_eq!(reaches(Shape::length), [0.01, 0.32]);
-        let [least, most] = reaches(Shape::share);
+        let [least, most] = reaches(|shape| shape.tail / shape.length());
         assert!(least == 0.0 && (most - 0.8).abs() < 1e-3);
         assert!(all.iter().all(|shape| shape.centred().unwrap().unwrap().taps(0.01).is_ok()));
     }

@@ -49,7 +49,7 @@ pub struct Request {
     pub faults: Faults,
     /// Truth to measure the result against.
     pub truth: Option<PathBuf>,
-    /// A pixel is surface above this share of the brightest albedo; `None`: the threshold is found at the albedo's edges.
+    /// A pixel is surface above this share of the brightest albedo; `None`: the method defines the mask.
     pub mask_fraction: Option<f64>,
     /// Add a point to the trace after every Nth iteration, with the figures if there is truth. 0: figures only at the
     /// end. `None`: 10 with truth, 0 without. Measuring does not count as solving.

@@ -14,7 +14,6 @@ use super::{
 };
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
-use crate::maps::Maps;
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Result};
 
@@ -258,9 +257,12 @@ impl SolverOptions {
     }
 
     /// The share of the brightest albedo above which the maps usually count as surface: the paper's, for its solver.
-    /// `None`: the threshold is found at the albedo's edges.
+    /// `None`: the method defines the mask.
     pub fn usual_mask(&self) -> Option<f64> {
-        matches!(self, SolverOptions::Paper(_)).then_some(Maps::MASK_FRACTION)
+        match self {
+            SolverOptions::Paper(o) => Some(o.domain.keep_above),
+            _ => None,
+        }
     }
 
     /// A plan as it fits on a device: as it is, or in parts of pairs. `memory` is a budget in bytes.

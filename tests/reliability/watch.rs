@@ -196,7 +196,10 @@ fn negative_counts_are_taken_unless_they_outweigh_the_others() {
     let with = |value: f32| {
         let mut capture = good.clone();
         capture.histograms[3 * capture.bins + 7] = value;
-        [by_paper(&gpu, &capture, grid, &paper_options()), by_surface(&gpu, &capture, grid, &surface_options())]
+        [
+            by_paper(&gpu, &capture, grid, &paper_options()),
+            by_surface(&gpu, &capture, grid, &surface_options()),
+        ]
     };
     for solved in with(-1.0) {
         assert!(solved.unwrap().trace.iter().all(|p| p.loss.is_finite()));

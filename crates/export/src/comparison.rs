@@ -66,7 +66,7 @@ pub struct MethodReport {
     /// The folder of its maps, beside the file of the case; of a foreign one empty.
     #[serde(default)]
     pub folder: String,
-    /// Share of the brightest albedo above which its pixels are surface; `None`: the threshold was found at the albedo's edges.
+    /// Share of the brightest albedo above which its pixels are surface; `None`: the method defines the mask.
     #[serde(default)]
     pub mask_fraction: Option<f64>,
     /// All settings as they were resolved.

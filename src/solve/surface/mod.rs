@@ -65,10 +65,6 @@ mod rounds {
     pub const MOST_ERROR: [f64; 2] = [0.06, 0.015];
     /// The support is stable where a round changes at most this share of the pixels, and lowers the model error by less than this.
     pub const STABLE: [f64; 2] = [0.08, 0.03];
-    /// With a larger share of photon noise, fewer iterations at the resolution of the maps are enough.
-    pub const NOISY: f64 = 0.05;
-    /// The share of iterations that are enough then.
-    pub const OF_NOISY: f64 = 25.0 / 60.0;
     /// What noise alone adds to the share of the typical evidence above which a pixel is surface.
     pub const MASK: f32 = 0.2;
 }
@@ -457,7 +453,9 @@ pub(crate) fn in_rounds(
 /// The maps of fitted layers, with their mask. Layers without a quality explain no light: nothing stays of them.
 fn concluded(mut layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
     if quality.is_none() {
-        layers.iter_mut().for_each(|maps| (0..maps.depth.len()).for_each(|pixel| support::remove(maps, pixel)));
+        layers
+            .iter_mut()
+            .for_each(|maps| (0..maps.depth.len()).for_each(|pixel| support::remove(maps, pixel)));
     }
     let noise = quality.map_or(0.0, |q| q.noise_share()) as f32;
     let typical = support::typical_albedo(&layers).unwrap_or(0.0);

@@ -5,7 +5,7 @@
 //! has maps smoothed, so the noisier the data, the less their roughness tells. The expected error is a product of powers
 //! of these, in pixels. The powers are a quantile regression over reconstructions with truth (benches/NOTES.md).
 
-use super::mask::{slope, smoothed};
+use super::smooth::{slope, smoothed};
 use super::{Layer, Maps};
 
 /// The error, in pixels, where all factors are 1.

@@ -6,8 +6,8 @@
 use crate::error::{Error, Result};
 
 mod confidence;
-mod mask;
 mod parts;
+mod smooth;
 
 pub use confidence::Conditions;
 
@@ -28,7 +28,7 @@ pub struct Maps {
     pub normal: Vec<[f32; 3]>,
     /// True for pixels that count as surface ([`Maps::set_mask`], [`Maps::leave_out_uncertain_parts`]).
     pub mask: Vec<bool>,
-    /// Share of the albedo's 99.9th percentile above which a pixel counts as surface; `None`: the threshold is found at the albedo's edges.
+    /// Share of the albedo's 99.9th percentile above which a pixel counts as surface; `None`: [`Maps::MASK_FRACTION`].
     pub mask_fraction: Option<f64>,
     /// Expected depth error in metres: the error that two of three pixels with this value do not exceed
     /// ([`Maps::set_confidence`]). NaN where the mask has no surface. `None` if it is not known.
@@ -144,23 +144,16 @@ impl Maps {
         }
     }
 
-    /// Sets `mask` from the albedo: pixels above `fraction` of [`Maps::white`], or without a fraction those within the
-    /// albedo's edges.
+    /// Sets `mask` from the albedo: pixels above `fraction` of [`Maps::white`], or without a fraction above
+    /// [`Maps::MASK_FRACTION`] of it.
     pub fn set_mask(&mut self, fraction: impl Into<Option<f64>>) {
         self.mask_fraction = fraction.into();
-        let threshold = self.mask_fraction.map(|f| (f * f64::from(Maps::white(&self.albedo))) as f32);
-        // There is none if nothing is lit.
-        let rule = if threshold.is_none() { mask::Rule::of(self) } else { None };
-        let told = |albedo: &[f32]| -> Vec<bool> {
-            match (threshold, &rule) {
-                (Some(threshold), _) => albedo.iter().map(|a| *a > threshold && *a > 0.0).collect(),
-                (None, Some(rule)) => rule.mask(albedo),
-                (None, None) => vec![false; albedo.len()],
-            }
-        };
-        self.mask = told(&self.albedo);
+        let fraction = self.mask_fraction.unwrap_or(Maps::MASK_FRACTION);
+        let threshold = (fraction * f64::from(Maps::white(&self.albedo))) as f32;
+        let above = |albedo: &[f32]| albedo.iter().map(|a| *a > threshold && *a > 0.0).collect();
+        self.mask = above(&self.albedo);
         if let Some(behind) = &mut self.behind {
-            behind.mask = told(&behind.albedo);
+            behind.mask = above(&behind.albedo);
         }
     }
 
