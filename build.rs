@@ -27,7 +27,6 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("compact_scan", "compact_scan.comp", &[]),
     ("compact_scatter", "compact_scatter.comp", &[]),
     ("double_domain", "double_domain.comp", &[]),
-    ("intake", "intake.comp", &[]),
     ("extract", "extract.comp", &[]),
     ("filter", "filter.comp", &[]),
     ("finish", "finish.comp", &[]),
@@ -78,7 +77,6 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("surface_points", "surface_points.comp", &[]),
     ("surface_pull", "surface_pull.comp", &[]),
     ("surface_step", "surface_step.comp", &[]),
-    ("tally", "tally.comp", &[]),
     ("threshold", "threshold.comp", &[]),
     ("update", "update.comp", &[]),
 ];

@@ -7,7 +7,7 @@
 #    Stops here if a pass is wrong.
 # 2. Scenes, each solved once with cold kernels and five times more: least and median of the solve's seconds, without
 #    stamps. Then once with stamps: the share of every kernel.
-# 3. Sizes of workgroups, chunks and columns by trials, then both solvers on the paper's scene with them.
+# 3. Sizes of workgroups, chunks and columns by `profile --tune`, then both solvers on the paper's scene with them.
 # 4. Every accumulation path, in short runs of the paper's solver.
 # Prints tables and writes benches/results/<device>-<driver>.json. Every part is kept as it is measured in a folder of
 # that name, so that nothing is lost if the run ends early. A fast GPU takes some ten minutes.
@@ -85,9 +85,9 @@ title() { printf '\n== %s\n' "$1"; }
 # --- What is measured ---------------------------------------------------------------------------------------------
 
 if $quick; then
-    size="--scan 16 --bin-width 0.012 --noise 0.05" lateral=32 paper=40 vector=30 short=4 repeats=2
+    size="--scan 16 --bin-width 0.012 --noise 0.05" lateral=32 paper=40 surface=30 short=4 repeats=2
 else
-    size="--scan 32 --bin-width 0.006 --noise 0.02" lateral=128 paper=1000 vector=60 short=20 repeats=5
+    size="--scan 32 --bin-width 0.006 --noise 0.02" lateral=128 paper=1000 surface=60 short=20 repeats=5
 fi
 
 title "every pass against its float64 twin"
@@ -165,15 +165,15 @@ if ! $quick; then
     timed scan-256 scan-256 --model cosine --lateral 256
 fi
 
-for solver in vector paper; do
+for solver in surface paper; do
     title "sizes for the $solver solver, then with them"
-    iterations=$vector
-    [ $solver = vector ] || iterations=$((paper / 4))
+    iterations=$surface
+    [ $solver = surface ] || iterations=$((paper / 4))
     set -- figure.npz --solver $solver --model cosine --lateral $lateral
     run profile "$@" --iterations $iterations --tune --json tune.json
     # Where the cache was is nobody's business.
     sed 's|"file": ".*/|"file": "|' tune.json >"$parts/tune-$solver.json"
-    [ $solver = vector ] || iterations=$paper
+    [ $solver = surface ] || iterations=$paper
     run profile "$@" --iterations $iterations --quiet --json "$parts/tuned-$solver.json"
 done
 rm -rf "$XDG_CACHE_HOME"

@@ -89,10 +89,6 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     ("WORKGROUP", 64, "invocations of a workgroup, unless the kernel has a size of its own"),
     ("RESIDUAL_BINS", 16, "cells per invocation of the residual kernel"),
     ("PULSE_RUN", 4, "cells per invocation of the pulse kernel"),
-    ("TALLY_SLICES", 64, "slices of pairs over which a caller's counts are summed, at most"),
-    ("COUNTS_F32", 0, "a caller's counts are 32-bit floats"),
-    ("COUNTS_U32", 1, "a caller's counts are 32-bit unsigned integers"),
-    ("COUNTS_U16", 2, "a caller's counts are 16-bit unsigned integers"),
     ("PADDING", 3, "cells before every histogram, and after the last one, that are no bins"),
     (
         "OWNED_CHUNK",

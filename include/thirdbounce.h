@@ -188,7 +188,7 @@ typedef int32_t (*tb_hear)(void *user, const struct tb_progress *progress);
 typedef struct tb_settings {
     // sizeof(tb_settings).
     size_t size;
-    // "vector", "paper", "surface", or a closed-form method such as "lct" or "fbp"; NULL: the default solver.
+    // "surface", "paper", or a closed-form method such as "lct" or "fbp"; NULL: the default solver.
     const char *solver;
     // Lateral pixels of the maps; 0: the solver's default.
     size_t lateral;
@@ -204,9 +204,9 @@ typedef struct tb_settings {
     tb_hear hear;
     // Given to `hear`.
     void *user;
-    // 1: a frame begins with the solution of the frame before, and takes a fifth of the iterations. For "vector".
+    // 1: a frame begins with the surface of the frame before, with fewer iterations. For "surface".
     uint32_t follow;
-    // 1: frames may lie in buffers of the program's (`tb_session_submit_lent`). For "vector", and for photon counts.
+    // 1: frames may be in buffers of the program (`tb_session_submit_lent`).
     uint32_t lent;
     // Time for a frame, seconds: as many iterations as fit, and always a whole picture; 0: no limit. It needs `follow`.
     double budget;

@@ -66,10 +66,11 @@ pub use door::{Options, Solved, reconstruct};
 #[cfg(feature = "formats")]
 pub use door::{prepare, read, write};
 pub use session::{
-    Canceller, Feed, Frame, FrameId, Hear, Latency, LentFrame, Session, SessionOptions, Submitter,
+    Canceller, Feed, Format, Frame, FrameId, Hear, Latency, LentCounts, LentFrame, Session, SessionOptions,
+    Submitter,
 };
 pub use solve::option::OptionValue;
-pub use solve::{Doing, Follow, Format, LentCounts, Progress, Reconstruction, TracePoint, VolumeMap};
+pub use solve::{Doing, Follow, Progress, Reconstruction, TracePoint, VolumeMap};
 pub use transport::{Grid, Volume};
 
 #[doc(inline)]

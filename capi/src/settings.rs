@@ -59,7 +59,7 @@ pub type TbHear = Option<unsafe extern "C" fn(user: *mut c_void, progress: *cons
 pub struct TbSettings {
     /// sizeof(tb_settings).
     pub size: usize,
-    /// "vector", "paper", "surface", or a closed-form method such as "lct" or "fbp"; NULL: the default solver.
+    /// "surface", "paper", or a closed-form method such as "lct" or "fbp"; NULL: the default solver.
     pub solver: *const c_char,
     /// Lateral pixels of the maps; 0: the solver's default.
     pub lateral: usize,
@@ -75,9 +75,9 @@ pub struct TbSettings {
     pub hear: TbHear,
     /// Given to `hear`.
     pub user: *mut c_void,
-    /// 1: a frame begins with the solution of the frame before, and takes a fifth of the iterations. For "vector".
+    /// 1: a frame begins with the surface of the frame before, with fewer iterations. For "surface".
     pub follow: u32,
-    /// 1: frames may lie in buffers of the program's (`tb_session_submit_lent`). For "vector", and for photon counts.
+    /// 1: frames may be in buffers of the program (`tb_session_submit_lent`).
     pub lent: u32,
     /// Time for a frame, seconds: as many iterations as fit, and always a whole picture; 0: no limit. It needs `follow`.
     pub budget: f64,

@@ -7,8 +7,7 @@ use std::sync::Arc;
 use ash::vk::{self, Handle};
 use engine::gpu::Gpu;
 use engine::gpu::caller::{Features, Imported, Lent, Moment, QueueLock, Vulkan, requirements};
-use engine::session::LentFrame;
-use engine::solve::{Format, LentCounts};
+use engine::session::{Format, LentCounts, LentFrame};
 use engine::{Error, Result};
 
 use crate::error::{TbStatus, guarded, no_handle};

@@ -29,7 +29,7 @@ const METHODS: &str = "\
 Methods:
   A method is a solver, or solver:key=value,key=value,... Keys are the solver options, depth-pitch,
   trace-every and no-preview of reconstruct. name=... sets the name in plots and folders. Options that a method does
-  not set are taken from the options given here. The other methods are compared with the first. The curve of vector
+  not set are taken from the options given here. The other methods are compared with the first. The curve of surface
   begins with the preview that reconstruct shows first, unless no-preview says otherwise.
   all stands for every method of this version that does not stand beside it; those whose assumptions the capture breaks
   are left out.

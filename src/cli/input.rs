@@ -39,7 +39,7 @@ pub struct PartArgs {
     /// How the instrument spreads a path over time: the full width at half maximum of a Gaussian, as a time (60ps) or a path
     /// (18mm, metres as a plain number); the same and, behind a colon, the length over which its tail falls to 1/e; an npz file with pulse, pulse_delta_t and
     /// pulse_t_start; none for sharp paths; or auto to find the width by quick
-    /// trials [default: the pulse in the capture, else auto for --preset captured and the vector solver, else auto if the
+    /// trials [default: the pulse in the capture, else auto for --preset captured and the surface solver, else auto if the
     /// trials of the model show a pulse, else none]
     #[arg(long, value_name = "M|M:TAIL|FILE|none|auto", help_heading = "Capture")]
     pub pulse: Option<String>,
@@ -192,8 +192,8 @@ pub struct VolumeArgs {
     /// apart, native none, N every N neighbours [default: auto; the paper's solver native]
     #[arg(long, value_name = "auto|native|N", help_heading = "Volume")]
     pub bins: Option<String>,
-    /// Voxel size along z (4mm, metres as a plain number). The volume sums bins that are narrower [default: the bin width; of the vector
-    /// solver at least half of a voxel's width]
+    /// Voxel size along z (4mm, metres as a plain number) [default: the bin width; of the surface solver at least half of
+    /// a voxel's width]
     #[arg(long, value_name = "M", value_parser = units::length, help_heading = "Volume")]
     pub depth_pitch: Option<f64>,
     /// Reconstruct this box, in metres, for example -0.5:0.5,-0.5:0.5,0.3:1.2 [default: the wall's extent, and the

@@ -12,6 +12,23 @@ const VERBS: &[(&str, &str)] = &[
 const OPTIONS: &[(&str, &str, &str)] = &[
     ("", "checkpoint checkpoint-every resume", SNAPSHOTS),
     ("", "prior prior-weight conv-iterations", FBP),
+    ("", "surface-iterations", "use --iterations, the iterations at the resolution of the maps"),
+    ("", "surface-points", "use --points"),
+    ("", "surface-sparsity", "use --sparsity"),
+    ("", "pixels-per-voxel", "use --lateral: maps of 128 pixels or more begin with a fit of coarser pixels"),
+    (
+        "",
+        "cone step-share volume-model noise-factor roughness bound-every bound-power surface-blur start-above \
+         coarse-iterations growth-iterations",
+        VOLUME,
+    ),
+    ("", "all-pairs", "use --pairs with the number of pairs of the capture"),
+    ("", "all-bins", "use --bins native"),
+    (
+        "",
+        "stop",
+        "use --iterations for the number of iterations and --support fixed for a run without rounds before them",
+    ),
     ("", "galvo", "give --scan a file with x, y, z of each point in metres"),
     (
         "",
@@ -32,6 +49,9 @@ const OPTIONS: &[(&str, &str, &str)] = &[
 ];
 
 const FBP: &str = "the solver conv was removed: use --solver fbp, which takes the same pairs and walls";
+
+const VOLUME: &str = "the solver vector was removed: leave the option out, or set --iterations, --support and --sparsity of the \
+                      solver surface";
 
 const SNAPSHOTS: &str = "run the solve again, which takes seconds with the default solver; `thirdbounce reconstruct --solver paper \
                          --snapshots I,I,...` keeps the maps of these iterations";

@@ -9,8 +9,7 @@ use super::options::{OptionValues, flag, word};
 
 #[derive(Args)]
 pub struct SolverArgs {
-    /// The solver: vector, paper; surface, which is the last part of vector alone; or a closed-form method: lct, dlct, fk,
-    /// phasor, phasor-bp, fbp, bp [default: vector]
+    /// The solver: surface, paper, or a closed-form method: lct, dlct, fk, phasor, phasor-bp, fbp, bp [default: surface]
     #[arg(long, value_name = "NAME", help_heading = "Solver")]
     solver: Option<String>,
     /// How surfaces reflect: cosine, lambertian, retroreflective, isotropic, or auto to choose among the first three by

@@ -1,34 +1,144 @@
-//! Frames that lie in buffers of the caller's, on the device.
+//! Frames in external buffers: counts in a caller's buffer on the device, maps into one.
+//!
+//! The counts are copied into a readback buffer before the solve, so every solver takes them as it takes counts of the host.
 
 use super::Session;
-use crate::gpu::Gpu;
 use crate::gpu::caller::{Lent, Moment};
+use crate::gpu::{Arena, Buffer, BufferPlan, Executor, Gpu, Place};
 use crate::maps::Maps;
 use crate::session::Feed;
-use crate::solve::{LentCounts, Prepared};
 use crate::{Error, Result};
 
-/// A frame whose counts lie in a caller's buffer, and whose maps go into one.
+/// Encoding of counts in a buffer.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Format {
+    /// 32-bit floats.
+    #[default]
+    F32,
+    /// 32-bit unsigned integers.
+    U32,
+    /// 16-bit unsigned integers, two to a word, the first in its low half.
+    U16,
+}
+
+impl Format {
+    /// Bytes of so many counts, in whole words.
+    pub fn bytes_of(self, counts: usize) -> u64 {
+        let each = if self == Format::U16 { 2 } else { 4 };
+        (counts as u64 * each).next_multiple_of(4)
+    }
+}
+
+/// A frame's counts in a caller's buffer: those of bin b of pair p are number `p * bins + b`.
+#[derive(Clone)]
+pub struct LentCounts {
+    /// The buffer.
+    pub counts: Lent,
+    /// Encoding of the counts.
+    pub format: Format,
+    /// The counts are valid from this moment on; `None`: now.
+    pub after: Option<Moment>,
+    /// Signalled when the counts were copied: the caller may write the buffer again.
+    pub taken: Option<Moment>,
+}
+
+/// A frame whose counts are in a caller's buffer, and whose maps are written to one.
 #[derive(Clone)]
 pub struct LentFrame {
     /// The counts.
     pub counts: LentCounts,
-    /// Where the maps go, as 32-bit floats one after the other, for n pixels: albedo `[n]`, depth `[n]` in metres, normals `[n][3]`,
-    /// mask `[n]` (1 or 0), confidence `[n]` in metres; depth, normal and confidence are NaN where nothing is. Pixel
-    /// `ix * ny + iy` is at ix along +x, iy along +y. `None`: they are only given to who takes the frame.
+    /// Destination of the maps, as 32-bit floats one after the other, for n pixels: albedo `[n]`, depth `[n]` in metres, normals
+    /// `[n][3]`, mask `[n]` (1 or 0), confidence `[n]` in metres; depth, normal and confidence are NaN where nothing is. Pixel
+    /// `ix * ny + iy` is at ix along +x, iy along +y. `None`: the maps are only part of the result.
     pub maps: Option<Lent>,
-    /// Brought about when the maps are there.
+    /// Signalled when the maps are written.
     pub done: Option<Moment>,
 }
 
 /// Numbers of a pixel in a lent buffer of maps.
 const OF_PIXEL: usize = 7;
 
+/// Counts for the host.
+const COUNTS_HOST: Buffer = Buffer::named("lent_counts");
+/// Maps of the host.
+const MAPS_HOST: Buffer = Buffer::named("lent_maps");
+
+/// Host-visible buffers that a caller's buffers are copied to and from.
+pub(super) struct Exchange {
+    executor: Executor,
+    /// Integer counts of a frame.
+    words: Vec<u32>,
+}
+
+impl Exchange {
+    /// Allocates the buffers for frames of so many counts, and maps of so many pixels. `memory` is a budget in bytes.
+    ///
+    /// # Errors
+    /// Memory or device do not allow it.
+    pub fn new(gpu: &Gpu, [counts, pixels]: [usize; 2], memory: Option<u64>) -> Result<Exchange> {
+        let plan = [
+            BufferPlan::new(COUNTS_HOST, Format::F32.bytes_of(counts), Place::Readback),
+            BufferPlan::new(MAPS_HOST, maps_bytes(pixels), Place::Upload),
+        ];
+        let arena = Arena::new(gpu, &plan, memory)?;
+        Ok(Exchange { executor: Executor::new(gpu, arena)?, words: vec![] })
+    }
+
+    /// Copies the counts of a frame to the host, in the place of what `counts` holds, and signals that they were copied.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn take(&mut self, frame: &mut LentCounts, number: usize, counts: &mut Vec<f32>) -> Result<()> {
+        let Exchange { executor, words } = self;
+        executor.settle()?;
+        let ticket = executor.take_lent(&frame.counts, COUNTS_HOST, [frame.after, frame.taken])?;
+        frame.taken = None;
+        executor.wait(ticket)?;
+        if frame.format == Format::F32 {
+            executor.read_behind(ticket, COUNTS_HOST, ..number, counts);
+            return Ok(());
+        }
+        executor.read_behind(ticket, COUNTS_HOST, ..frame.format.bytes_of(number) as usize / 4, words);
+        counts.clear();
+        match frame.format {
+            Format::U16 => {
+                counts.extend(words.iter().flat_map(|w| [w & 0xffff, w >> 16]).map(|c| c as f32));
+                counts.truncate(number);
+            }
+            _ => counts.extend(words.iter().map(|word| *word as f32)),
+        }
+        Ok(())
+    }
+
+    /// Writes the maps into a caller's buffer, and signals `done` afterwards.
+    ///
+    /// # Errors
+    /// The device fails. Then `done` was not signalled.
+    fn give(&mut self, maps: &Maps, to: &Lent, done: Option<Moment>) -> Result<()> {
+        self.executor.give_lent(bytemuck::cast_slice(&words_of(maps)), MAPS_HOST, to, done)
+    }
+}
+
+/// Bytes of the maps of so many pixels in a lent buffer.
+fn maps_bytes(pixels: usize) -> u64 {
+    (pixels * OF_PIXEL * 4) as u64
+}
+
 impl Session {
     /// Bytes of the maps of a frame in a lent buffer: see [`LentFrame::maps`].
     pub fn lent_maps_bytes(&self) -> u64 {
         let [nx, ny, _] = self.plan().levels.maps.n;
-        (nx * ny * OF_PIXEL * 4) as u64
+        maps_bytes(nx * ny)
+    }
+}
+
+impl LentCounts {
+    /// Signals from the host that the buffer may be written again, if that was not signalled yet.
+    ///
+    /// # Errors
+    /// The device fails.
+    fn release(&mut self, gpu: &Gpu) -> Result<()> {
+        self.taken.take().map_or(Ok(()), |taken| gpu.signal(taken))
     }
 }
 
@@ -37,27 +147,25 @@ impl LentFrame {
     /// The session or the buffers do not allow it.
     pub(super) fn check(&self, session: &Session) -> Result<()> {
         let refused = |what: String, mend: &str| Err(Error::options(what, mend.to_string()));
-        let Some(rows) = session.plan().demand.lent else {
+        if !session.lent {
             return refused(
                 "this session takes counts from the host only".into(),
                 "make it with `lent` in its options",
             );
-        };
+        }
         if matches!(session.submitter.feed(), Feed::Sum { .. }) {
             return refused(
                 "frames in lent buffers cannot be summed".into(),
                 "add them up in the caller's own pass, or feed single frames",
             );
         }
-        let plan = session.plan();
-        let pairs = plan.scene.pairs_of_capture();
-        let wanted = self.counts.format.bytes_of(pairs * rows.counts);
+        let [pairs, bins] = session.submitter.size();
+        let wanted = self.counts.format.bytes_of(pairs * bins);
         if self.counts.counts.bytes() != wanted {
             return refused(
                 format!(
-                    "{} bytes of counts for {pairs} pairs of {} bins, which are {wanted} bytes",
-                    self.counts.counts.bytes(),
-                    rows.counts
+                    "{} bytes of counts for {pairs} pairs of {bins} bins, which are {wanted} bytes",
+                    self.counts.counts.bytes()
                 ),
                 "lend pairs x bins counts in the format that was named, bin by bin within a pair",
             );
@@ -82,20 +190,20 @@ impl LentFrame {
         Ok(())
     }
 
-    /// Writes the maps into their buffer, if there is one, and brings its moment about.
+    /// Writes the maps into their buffer, if there is one, and signals that the frame is done.
     ///
     /// # Errors
     /// The device fails.
-    pub(super) fn give(&mut self, prepared: &mut dyn Prepared, maps: &Maps, gpu: &Gpu) -> Result<()> {
-        let Some(to) = &self.maps else {
-            return self.done.take().map_or(Ok(()), |done| gpu.signal(done));
-        };
-        prepared.give(bytemuck::cast_slice(&words_of(maps)), to, self.done)?;
+    pub(super) fn give(&mut self, exchange: &mut Exchange, maps: &Maps, gpu: &Gpu) -> Result<()> {
+        match &self.maps {
+            Some(to) => exchange.give(maps, to, self.done)?,
+            None => self.done.map_or(Ok(()), |done| gpu.signal(done))?,
+        }
         self.done = None;
         Ok(())
     }
 
-    /// Brings the moments about that have not come, from the host.
+    /// Signals the moments that were not signalled yet, from the host.
     pub(super) fn release(&mut self, gpu: &Gpu) {
         // On a lost device nobody waits for them.
         let _ = self.counts.release(gpu);

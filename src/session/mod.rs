@@ -19,8 +19,7 @@ use std::time::{Duration, Instant};
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::solve::surface::{self, Follow};
-use crate::solve::{Bins, Discretisation, LentRows, Problem, check_lent_scan};
-use crate::solve::{Plan, Prepared, Progress, Reconstruction, SolverOptions};
+use crate::solve::{Bins, Discretisation, Plan, Prepared, Problem, Progress, Reconstruction, SolverOptions};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
@@ -32,7 +31,8 @@ mod worker;
 
 pub use feed::Feed;
 pub use latency::Latency;
-pub use lent::LentFrame;
+use lent::Exchange;
+pub use lent::{Format, LentCounts, LentFrame};
 pub use submit::Submitter;
 use worker::{Shared, Taken, Worker};
 
@@ -74,7 +74,7 @@ pub struct SessionOptions {
     pub feed: Feed,
     /// Begin a frame with the solution of the one before, and keep to a time for each frame. For the surface solver.
     pub follow: Option<Follow>,
-    /// Frames may lie in buffers of the caller's ([`Session::submit_lent`]). For the surface solver, and for photon counts.
+    /// Frames may be in buffers of the caller ([`Session::submit_lent`]).
     pub lent: bool,
 }
 
@@ -82,6 +82,8 @@ pub struct SessionOptions {
 pub struct Session {
     gpu: Gpu,
     plan: Arc<Plan>,
+    /// See [`SessionOptions::lent`].
+    lent: bool,
     submitter: Submitter,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -127,11 +129,15 @@ impl Session {
         let (summed, sum) = how.summed(solver, Cow::Borrowed(scan))?;
         let grid = grid.map_or_else(|| how.grid(solver, &summed), Ok)?;
         options.feed.check()?;
-        let lent = options.lent.then_some(LentRows { counts: scan.bins, sum });
-        let mut prepared = prepared(gpu, &summed, grid, solver, &options, lent)?;
+        let mut prepared = prepared(gpu, &summed, grid, solver, &options)?;
         prepared.allocate()?;
         let (plan, scan) = (prepared.plan().clone(), scan.outline());
         let summed = (sum > 1).then(|| summed.outline());
+        let [nx, ny, _] = plan.levels.maps.n;
+        let exchange = options
+            .lent
+            .then(|| Exchange::new(gpu, [scan.pair_count() * scan.bins, nx * ny], options.memory));
+        let (exchange, lent) = (exchange.transpose()?, options.lent);
         let shared = Arc::new(Shared::new(scan.pair_count(), scan.bins, options.feed));
         let feed = options.feed;
         let mask_fraction = options.mask_fraction.or(solver.usual_mask());
@@ -141,6 +147,7 @@ impl Session {
             prepared,
             scan: scan.clone(),
             summed,
+            exchange,
             mask_fraction,
             options,
         };
@@ -151,7 +158,7 @@ impl Session {
                 Error::memory(format!("a session's thread does not start ({e})"), "close programs")
             })?;
         let submitter = Submitter::new(shared.clone(), scan, feed);
-        Ok(Session { gpu: gpu.clone(), plan, submitter, shared, thread: Some(thread), last: None })
+        Ok(Session { gpu: gpu.clone(), plan, lent, submitter, shared, thread: Some(thread), last: None })
     }
 
     /// The device.
@@ -186,11 +193,11 @@ impl Session {
         self.submitter.submit_part(histograms, measured)
     }
 
-    /// Begins to solve a frame whose counts lie in a buffer of the caller's on the device, and returns. The counts are never on
-    /// the host. The session needs [`SessionOptions::lent`].
+    /// Begins to solve a frame whose counts are in a buffer of the caller on the device, and returns. The counts are copied before
+    /// the solve. The session needs [`SessionOptions::lent`].
     ///
-    /// A frame that fails or is stopped brings its moments about, too, from the host, so that nobody waits for ever. One that is
-    /// dropped because another came does not: the moments of that one are later.
+    /// The moments of a frame that fails or is stopped are signalled, too, from the host. Those of a frame that is dropped because
+    /// another came are not: the moments of the other are later.
     ///
     /// # Errors
     /// [`Kind::Options`] if the session was not made for lent frames, the buffers are too small, sums are fed, or the feed
@@ -295,22 +302,15 @@ fn prepared(
     grid: Grid,
     solver: &SolverOptions,
     options: &SessionOptions,
-    lent: Option<LentRows>,
 ) -> Result<Box<dyn Prepared>> {
     let SessionOptions { memory, with_volume, .. } = *options;
     let problem = Problem { capture: scan, grid, memory, with_volume };
-    if let Some(rows) = lent {
-        check_lent_scan(scan.integer_counts, rows)?;
-    }
     match solver {
-        _ if options.follow.is_none() && lent.is_none() => solver.prepare(gpu, &problem),
+        _ if options.follow.is_none() => solver.prepare(gpu, &problem),
         SolverOptions::Surface(o) => surface::prepare_for_frames(gpu, &problem, o, options.follow),
         _ => Err(Error::options(
-            format!(
-                "frames of the solver {} neither follow each other nor lie in lent buffers",
-                solver.name()
-            ),
-            "use the surface solver, or leave `follow` and `lent` out",
+            format!("frames of the solver {} do not follow each other", solver.name()),
+            "use the surface solver, or leave `follow` out",
         )),
     }
 }

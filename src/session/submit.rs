@@ -26,6 +26,11 @@ impl Submitter {
         self.shared.latency()
     }
 
+    /// Pairs and bins of a frame.
+    pub(super) fn size(&self) -> [usize; 2] {
+        [self.scan.pair_count(), self.scan.bins]
+    }
+
     /// What becomes of frames that come while one is solved.
     pub(super) fn feed(&self) -> Feed {
         self.feed

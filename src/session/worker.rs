@@ -10,11 +10,13 @@ use std::time::{Duration, Instant};
 
 use super::feed::{Feed, Kept};
 use super::latency::{Latencies, Latency};
+use super::lent::Exchange;
 use super::{FrameId, LentFrame, SessionOptions, too_long};
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::gpu::caller::Moment;
-use crate::solve::{Beside, LentCounts, Prepared, Progress, Reconstruction, Watch, conclude};
+use crate::maps::Maps;
+use crate::solve::{Prepared, Progress, Reconstruction, Watch, conclude};
 use crate::{Error, Kind, Result, panic_message};
 
 /// How often a frame that waits for its counts looks whether it was cancelled.
@@ -225,7 +227,7 @@ impl Shared {
             if let Some(frame) = if may { state.waiting.pop_front() } else { None } {
                 let (counts, lent) = match frame.counts {
                     Counts::Host(counts) => (counts, None),
-                    Counts::Lent(lent) => (vec![], Some(lent)),
+                    Counts::Lent(lent) => (state.spare.pop().unwrap_or_default(), Some(lent)),
                 };
                 let old = std::mem::replace(&mut scan.histograms, counts);
                 if old.capacity() > 0 {
@@ -312,6 +314,8 @@ pub(super) struct Worker {
     pub scan: Capture,
     /// The same in the wider bins that the solver takes, if it does.
     pub summed: Option<Capture>,
+    /// Copies frames from and to buffers of the caller, if the session takes such.
+    pub exchange: Option<Exchange>,
     /// See [`conclude`].
     pub mask_fraction: Option<f64>,
     pub options: SessionOptions,
@@ -324,7 +328,7 @@ impl Worker {
         while let Some((id, mut lent)) = shared.next(&mut self.scan) {
             let solved = catch_unwind(AssertUnwindSafe(|| match &mut lent {
                 Some(lent) => self.solve_lent(id, lent),
-                None => self.solve(id, None),
+                None => self.solve(id),
             }));
             match solved {
                 Ok(result) => shared.leave(id, result, None),
@@ -343,12 +347,29 @@ impl Worker {
     fn solve_lent(&mut self, id: FrameId, lent: &mut LentFrame) -> Result<Reconstruction> {
         let solved = self
             .wait_for(id, lent.counts.after)
-            .and_then(|()| self.solve(id, Some(&mut lent.counts)))
-            .and_then(|result| lent.give(&mut *self.prepared, &result.maps, &self.gpu).map(|()| result));
+            .and_then(|()| self.take(lent))
+            .and_then(|()| self.solve(id))
+            .and_then(|result| self.give(lent, &result.maps).map(|()| result));
         if solved.is_err() {
             lent.release(&self.gpu);
         }
         solved
+    }
+
+    /// Copies the counts of a frame from the caller's buffer, and checks them as counts of the host.
+    fn take(&mut self, lent: &mut LentFrame) -> Result<()> {
+        let Worker { exchange, scan, .. } = self;
+        let number = scan.pair_count() * scan.bins;
+        let mut counts = std::mem::take(&mut scan.histograms);
+        let taken = lent_only(exchange)?.take(&mut lent.counts, number, &mut counts);
+        let checked = taken.and_then(|()| scan.check_counts(&counts));
+        scan.histograms = counts;
+        checked
+    }
+
+    /// Writes the maps of a frame into the caller's buffer.
+    fn give(&mut self, lent: &mut LentFrame, maps: &Maps) -> Result<()> {
+        lent.give(lent_only(&mut self.exchange)?, maps, &self.gpu)
     }
 
     /// Waits until a frame's counts are there: here, where it can be cancelled, and where no time limit of the device's runs.
@@ -369,7 +390,7 @@ impl Worker {
         Ok(())
     }
 
-    fn solve(&mut self, id: FrameId, lent: Option<&mut LentCounts>) -> Result<Reconstruction> {
+    fn solve(&mut self, id: FrameId) -> Result<Reconstruction> {
         let Worker { shared, prepared, scan, summed, mask_fraction, options, .. } = self;
         let begun = Instant::now();
         let scan = match summed {
@@ -388,7 +409,7 @@ impl Worker {
             options.hear.as_mut().map_or(ControlFlow::Continue(()), |hear| hear(id, progress))
         };
         let mut watch = Watch { hear: &mut hear, maps_every: options.maps_every, maps_at: &[] };
-        let solved = prepared.solve(scan, Beside { watch: &mut watch, lent });
+        let solved = prepared.solve(scan, &mut watch);
         let mut result = match (solved, options.time_limit) {
             (Err(e), Some(limit)) if late && e.kind == Kind::Cancelled => return Err(too_long(limit, e)),
             (solved, _) => solved?,
@@ -396,6 +417,13 @@ impl Worker {
         conclude(scan, *mask_fraction, &mut result, &mut []);
         Ok(result)
     }
+}
+
+/// The buffers of a session that takes lent frames; others refuse such frames when they are submitted.
+fn lent_only(exchange: &mut Option<Exchange>) -> Result<&mut Exchange> {
+    exchange.as_mut().ok_or_else(|| {
+        Error::options("this session takes counts from the host only", "make it with `lent` in its options")
+    })
 }
 
 /// The error of a frame whose solve panicked.

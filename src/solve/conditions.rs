@@ -14,7 +14,7 @@ const SLANT: f64 = 0.35;
 /// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method told it and no share is given; and the
 /// confidence of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
 /// have. Where edges told a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
-/// `capture` is what was solved; its counts are not looked at if the result says how strong their noise is.
+/// `capture` is what was solved.
 pub fn conclude(
     capture: &Capture,
     mask_fraction: Option<f64>,
@@ -27,7 +27,7 @@ pub fn conclude(
     let pulse = capture.pulse.as_ref().map_or(0.0, Pulse::fwhm);
     let spots = [capture.laser_spot, capture.sensor_spot].map(|spot| SLANT * spot.unwrap_or(0.0));
     let all = Conditions {
-        noise: result.noise.unwrap_or_else(|| noise(capture)),
+        noise: noise(capture),
         width: capture.bin_width.hypot(pulse).hypot(spots[0]).hypot(spots[1]),
         aperture: aperture(capture),
         voxel: [0.0; 2],

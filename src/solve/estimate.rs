@@ -15,11 +15,10 @@ pub fn expected_noise(model: &Model) -> f64 {
     passed * weighted_sum(model, model.pairs(), [floor, per_value, 0.0]) / model.elements as f64
 }
 
-/// The objective of the first `pairs` without any light: weighted squares of the measurement, mean over bins. Counts that
-/// are on the device only are not filtered.
+/// The objective of the first `pairs` without any light: weighted squares of the measurement, mean over bins.
 pub fn energy(model: &Model, pairs: usize) -> f64 {
     let sum = match model.high_pass {
-        Some(filter) if model.moments.is_none() => {
+        Some(filter) => {
             let roots: Vec<f64> = (0..model.bins).map(|bin| model.bin_weight(bin).sqrt()).collect();
             let of_row = |row: &[f32]| {
                 let mut row: Vec<f64> = row.iter().zip(&roots).map(|(m, s)| s * f64::from(*m)).collect();
@@ -28,7 +27,7 @@ pub fn energy(model: &Model, pairs: usize) -> f64 {
             };
             model.measured.par_chunks_exact(model.bins).take(pairs).map(of_row).sum()
         }
-        _ => weighted_sum(model, pairs, [0.0, 0.0, 1.0]),
+        None => weighted_sum(model, pairs, [0.0, 0.0, 1.0]),
     };
     sum / model.elements_of(pairs).max(1) as f64
 }
@@ -37,11 +36,6 @@ pub fn energy(model: &Model, pairs: usize) -> f64 {
 /// of each, with the weights of their bins.
 pub fn weighted_sum(model: &Model, pairs: usize, [constant, linear, quadratic]: [f64; 3]) -> f64 {
     let weights: Vec<f64> = (0..model.bins).map(|bin| model.bin_weight(bin)).collect();
-    if let Some(moments) = &model.moments {
-        let bins = moments.first(pairs).iter().zip(weights);
-        let of = |[sum, squares]: &[f64; 2]| constant * pairs as f64 + linear * sum + quadratic * squares;
-        return bins.map(|(sums, weight)| weight * of(sums)).sum();
-    }
     let of = |m: f64| constant + linear * m + quadratic * (m * m);
     let rows = model.measured.chunks_exact(model.bins).take(pairs);
     rows.flat_map(|row| row.iter().zip(&weights)).map(|(m, weight)| weight * of(f64::from(*m))).sum()

@@ -13,7 +13,6 @@ mod discretisation;
 pub(crate) mod drive;
 mod estimate;
 mod extent;
-mod intake;
 mod lists;
 mod on_device;
 pub mod option;
@@ -33,19 +32,17 @@ mod trace;
 pub use bins::Bins;
 pub use conditions::conclude;
 pub use discretisation::{Discretisation, Ready};
-pub use drive::{Beside, Doing, Progress, Watch};
+pub use drive::{Doing, Progress, Watch};
 pub use estimate::{background, expected_noise, variance_per_count, variances};
 pub(crate) use estimate::{enough_pairs, weighted_sum};
 pub use extent::default_volume;
-pub(crate) use intake::check_scan as check_lent_scan;
-pub use intake::{Format, LentCounts, intake, tally_of};
 pub use on_device::{OnDevice, VolumeMap, upload};
 pub use option::{Preset, Suit};
 pub use outline::{Step, TimedSchedule, When};
 pub use paper::{Decay, NoiseTerm, PaperOptions};
 pub use plan::{
-    Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, LentRows, Level, Needs, PairPart, Pass, Plan,
-    RESIDUAL_HOST, Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
+    Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, PairPart, Pass, Plan, RESIDUAL_HOST,
+    Sizes, Tuning, Twin, UPLOAD, Voxels, passes,
 };
 pub use prepared::Prepared;
 pub use problem::Problem;

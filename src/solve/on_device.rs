@@ -158,11 +158,6 @@ impl<'e> Uploads<'e> {
         Ok(())
     }
 
-    /// Adds more work, after the copies so far.
-    pub fn then(&mut self, write: impl FnOnce(&mut Schedule)) {
-        write(&mut self.schedule);
-    }
-
     /// Runs what is left, and waits for it.
     pub fn run(self) -> Result<()> {
         let done = self.executor.run(&self.schedule);

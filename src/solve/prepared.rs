@@ -3,12 +3,11 @@
 
 use std::sync::Arc;
 
-use super::{Beside, OnDevice, Plan, Reconstruction, UPLOAD};
+use super::{OnDevice, Plan, Reconstruction, Watch};
+use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::gpu::caller::{Lent, Moment};
 use crate::transport::Model;
-use crate::{Error, Result};
 
 /// A solver that is prepared for captures of one scan.
 pub trait Prepared: Send {
@@ -26,15 +25,7 @@ pub trait Prepared: Send {
     ///
     /// # Errors
     /// See [`super::paper::reconstruct`].
-    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction>;
-
-    /// Writes `content` into a lent buffer, and brings the moment `done` about when it is there.
-    ///
-    /// # Errors
-    /// The device fails. Then `done` has not come.
-    fn give(&mut self, _content: &[u8], _to: &Lent, _done: Option<Moment>) -> Result<()> {
-        Err(Error::options("this method works on the host", "use the surface solver for external buffers"))
-    }
+    fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction>;
 }
 
 /// A planned solve, on the device from its first use on.
@@ -64,14 +55,6 @@ impl Planned {
     /// Frees its buffers; the next use allocates them again.
     pub fn release(&mut self) {
         self.made = None;
-    }
-
-    /// See [`Prepared::give`].
-    ///
-    /// # Errors
-    /// The device fails.
-    pub fn give(&mut self, content: &[u8], to: &Lent, done: Option<Moment>) -> Result<()> {
-        self.made(|_| Ok(()))?.executor.give_lent(content, UPLOAD, to, done)
     }
 
     /// The solve on the device, where nothing is under way. `first` runs when it is made.

@@ -83,9 +83,6 @@ pub struct Reconstruction {
     /// How sharp a closed-form method made its image, where its options left that open.
     #[doc(hidden)]
     pub sharpness: Option<Sharpness>,
-    /// The share of noise in the energy of the counts, if these were on the device only.
-    #[doc(hidden)]
-    pub noise: Option<f64>,
     /// Per kernel, if the device was opened with timings.
     #[doc(hidden)]
     pub kernels: Vec<(&'static str, KernelTime)>,
@@ -128,7 +125,6 @@ pub(super) fn finish(
         is_warm: false,
         filled: 0,
         sharpness: None,
-        noise: None,
         lateral: driven.level.grid.n[0],
         volume_iterations: done,
         kernels: job.executor.take_times().into_iter().collect(),
@@ -137,9 +133,6 @@ pub(super) fn finish(
 }
 
 fn empty_loss(model: &Model) -> f64 {
-    let squares = match &model.moments {
-        Some(moments) => moments.all().iter().map(|[_, squares]| squares).sum::<f64>(),
-        None => model.measured.iter().map(|v| f64::from(*v).powi(2)).sum(),
-    };
+    let squares: f64 = model.measured.iter().map(|v| f64::from(*v).powi(2)).sum();
     squares / model.elements as f64
 }

@@ -9,8 +9,8 @@ use super::closed_form::{
 };
 use super::option::{OptionValue, Row, Suit, default_text};
 use super::{
-    Beside, Common, PaperOptions, Plan, Prepared, Problem, Reconstruction, RunsOn, Sizes, Solver,
-    SurfaceOptions, TimedSchedule, default_volume, surface,
+    Common, PaperOptions, Plan, Prepared, Problem, Reconstruction, RunsOn, Sizes, Solver, SurfaceOptions,
+    TimedSchedule, Watch, default_volume, surface,
 };
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
@@ -283,15 +283,10 @@ impl SolverOptions {
     ///
     /// # Errors
     /// See [`super::paper::reconstruct`].
-    pub fn solve<'b, 'w: 'b>(
-        &self,
-        gpu: &Gpu,
-        problem: &Problem<'_>,
-        beside: impl Into<Beside<'b, 'w>>,
-    ) -> Result<Reconstruction> {
+    pub fn solve(&self, gpu: &Gpu, problem: &Problem<'_>, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         self.check()?;
         problem.capture.check()?;
-        self.prepare(gpu, problem)?.solve(problem.capture, beside.into())
+        self.prepare(gpu, problem)?.solve(problem.capture, watch)
     }
 
     /// The options of all solvers, each once, with its text and what it is by default.
@@ -348,7 +343,7 @@ fn help_of(row: &Row) -> String {
 }
 
 /// Solvers of earlier versions, each with one that takes the same captures.
-const REMOVED: &[(&str, &str)] = &[("conv", "fbp")];
+const REMOVED: &[(&str, &str)] = &[("conv", "fbp"), ("vector", "surface")];
 
 /// Checks that there is a solver of that name.
 ///

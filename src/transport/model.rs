@@ -3,7 +3,6 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::Moments;
 use super::kernels::{PADDING, SceneData};
 use super::{Geometry, Grid, HighPass, Reflectance, Rendered, Rows, Spot, Wall};
 use crate::capture::check::is_small;
@@ -61,8 +60,6 @@ pub struct Model {
     pub t_start: f64,
     /// Measured histograms after scaling, `[pair * bins + bin]`.
     pub measured: Vec<f32>,
-    /// Sums over the measured values, if these are on the device only and `measured` is empty.
-    pub moments: Option<Moments>,
     /// Number of bins of all pairs over which the loss is a mean: those of the capture, even if some are left out.
     pub elements: usize,
     /// How the instrument spreads a path over bins; `None` treats paths as sharp.
@@ -143,7 +140,6 @@ impl Model {
             bin_width: capture.bin_width,
             t_start: capture.t_start,
             measured: vec![],
-            moments: None,
             // A capture's check refuses a pulse without taps.
             pulse: match &capture.pulse {
                 Some(pulse) => pulse.taps(capture.bin_width).ok(),
@@ -183,7 +179,6 @@ impl Model {
     /// As [`Model::take`], times `scale`.
     pub fn take_times(&mut self, rows: &Rows, capture: &Capture, background: &Background, scale: f64) {
         self.counts_per_unit = 1.0 / scale;
-        self.moments = None;
         rows.fill(&mut self.measured, capture, scale, background);
     }
 

@@ -11,17 +11,8 @@ use serde_json::Value;
 use thirdbounce::export::npz;
 
 /// Options that make a run short, and its bits the same every time.
-const SHORT: [&str; 9] = [
-    "--model",
-    "cosine",
-    "--lateral",
-    "16",
-    "--iterations",
-    "8",
-    "--deterministic",
-    "--surface-iterations",
-    "8",
-];
+const SHORT: [&str; 9] =
+    ["--model", "cosine", "--lateral", "16", "--iterations", "16", "--deterministic", "--support", "fixed"];
 
 /// Captures of three scenes and a file that is none, made once: `a/one.npz`, `a/two.npz`, `b/one.npz`, `b/bad.npz`.
 fn captures() -> &'static Path {
@@ -200,14 +191,14 @@ fn a_result_of_other_options_is_made_anew() {
     let first = results(&out);
     // What does not change results does not matter.
     assert_eq!(batch(&input, &out, &["--quiet", "--jobs", "3", "--memory", "2G"]).counts(), [1, 0, 1, 0]);
-    assert_eq!(batch(&input, &out, &["--peak", "9"]).counts(), [1, 1, 0, 0]);
+    assert_eq!(batch(&input, &out, &["--sparsity", "0.1"]).counts(), [1, 1, 0, 0]);
     assert!(results(&out) != first, "the old result is gone");
     // Another capture under the same name, and a result that lost its report.
     std::fs::copy(captures().join("a/one.npz"), &capture).unwrap();
-    assert_eq!(batch(&input, &out, &["--peak", "9"]).counts(), [1, 1, 0, 0]);
+    assert_eq!(batch(&input, &out, &["--sparsity", "0.1"]).counts(), [1, 1, 0, 0]);
     std::fs::remove_file(out.join("scene/report.json")).unwrap();
-    assert_eq!(batch(&input, &out, &["--peak", "9"]).counts(), [1, 1, 0, 0]);
-    assert_eq!(batch(&input, &out, &["--peak", "9"]).counts(), [1, 0, 1, 0]);
+    assert_eq!(batch(&input, &out, &["--sparsity", "0.1"]).counts(), [1, 1, 0, 0]);
+    assert_eq!(batch(&input, &out, &["--sparsity", "0.1"]).counts(), [1, 0, 1, 0]);
 }
 
 /// Ctrl-C: the process ends, and every result that is there is whole.
@@ -255,7 +246,7 @@ fn files_of_others_stay_when_a_result_is_made_anew() {
     for name in ["notes.txt", "mine/figure.svg", "report.html~"] {
         std::fs::write(place(name), name).unwrap();
     }
-    assert_eq!(batch(&["a/two.npz"], out.path(), &["--peak", "9"]).counts(), [1, 1, 0, 0]);
+    assert_eq!(batch(&["a/two.npz"], out.path(), &["--sparsity", "0.1"]).counts(), [1, 1, 0, 0]);
     assert!(std::fs::read(place("maps.npz")).unwrap() != before);
     for name in ["notes.txt", "mine/figure.svg", "report.html~"] {
         assert_eq!(std::fs::read_to_string(place(name)).unwrap(), name);

@@ -259,10 +259,12 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--wall", "NaN"], 1, "wall of NaN"),
         (&[&capture, "--device", "no such device"], 1, "no device is called"),
         (&[&capture, "--device", "0,0"], 1, "a batch one device for each capture"),
-        (&[&capture, "--solver", "lct", "--cone", "1"], 1, "no option of the lct solver"),
+        (&[&capture, "--solver", "lct", "--sparsity", "1"], 1, "no option of the lct solver"),
         (&[&capture, "--checkpoint", "state"], 2, "--snapshots"),
         (&[&capture, "--resume=state"], 2, "the option --resume"),
-        (&[&capture, "--solver", "surface", "--surface-iterations", "0"], 1, "--surface-iterations is 0"),
+        (&[&capture, "--solver", "surface", "--iterations", "0"], 1, "--iterations is 0"),
+        (&[&capture, "--surface-iterations", "9"], 2, "use --iterations"),
+        (&[&capture, "--solver", "vector"], 1, "use the solver surface"),
         (&[&capture, "--solver", "surface", "--begin", "middle"], 2, "middle"),
         (&[&capture, "--solver", "lct", "--snr", "0"], 1, "--snr is 0"),
         (&[&capture, "--solver", "fk", "--memory", "1M"], 1, "the arrays take"),
@@ -422,7 +424,7 @@ fn the_default_solver_repeats_and_knows_both_models() {
     let folder = tempfile::tempdir().unwrap();
     let run = |name: &str, more: &[&str]| {
         let out = folder.path().join(name).display().to_string();
-        let short = ["--lateral", "32", "--iterations", "20", "--coarse-iterations", "8", "--quiet"];
+        let short = ["--lateral", "32", "--iterations", "20", "--quiet"];
         succeed(&[&["reconstruct", &capture, "--stride", "2", "--out", &out], &short[..], more].concat());
         (
             std::fs::read(folder.path().join(name).join("maps.npz")).unwrap(),
@@ -431,13 +433,13 @@ fn the_default_solver_repeats_and_knows_both_models() {
     };
     let cosine = ["--deterministic", "--model", "cosine"];
     let (first, report) = run("first", &cosine);
-    assert_eq!(report["settings"]["solver"], "vector");
+    assert_eq!(report["settings"]["solver"], "surface");
     assert_eq!(report["trace"].as_array().unwrap().last().unwrap()["lateral"], 32);
     assert!(first == run("second", &cosine).0, "the same bits");
     let (lambertian, report) = run("third", &["--deterministic", "--model", "lambertian"]);
     assert!(first != lambertian, "another model, another result");
     assert_eq!(report["settings"]["reflectance"], "lambertian");
     let out = folder.path().join("none").display().to_string();
-    let refused = ["reconstruct", &capture, "--out", &out, "--solver", "paper", "--cone", "1"];
+    let refused = ["reconstruct", &capture, "--out", &out, "--solver", "paper", "--sparsity", "1"];
     fail(&refused, 1, "no option of the paper solver");
 }

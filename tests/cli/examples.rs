@@ -25,7 +25,7 @@ fn a_file_becomes_maps() {
     assert!(text.contains("8 x 8 = 64 pairs") && text.contains("maps.npz"), "{text}");
     assert!(folder.path().join("result/maps.npz").is_file());
     let text = example("plan", &[&file]);
-    assert!(text.contains("paper: ") && text.contains("vector: ") && text.contains("forward"), "{text}");
+    assert!(text.contains("paper: ") && text.contains("surface: ") && text.contains("forward"), "{text}");
 }
 
 /// Asserts that every place is found, and returns how many there are.

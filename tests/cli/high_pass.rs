@@ -12,7 +12,7 @@ fn solved(folder: &Path, simulated: &[&str], more: &[&str]) -> (String, Value) {
     let usual = ["simulate", "figure", "--scan", "16", "--bin-width", "0.02", "--quiet", "--out", &capture];
     succeed(&[&usual[..], simulated].concat());
     let quick = ["--model", "cosine", "--pulse", "none", "--lateral", "32", "--iterations", "6"];
-    let quick = [&quick[..], &["--surface-iterations", "0", "--no-preview"]].concat();
+    let quick = [&quick[..], &["--support", "fixed", "--no-preview"]].concat();
     let output = thirdbounce(&[&["reconstruct", &capture, "--out", &out], &quick[..], more].concat());
     assert!(output.status.success(), "{}", stderr(&output));
     let report = std::fs::read(folder.join("out").join("report.json")).expect("a report");

@@ -9,8 +9,7 @@ use std::time::{Duration, Instant};
 use fixtures::command::{fail, program, stderr, stdout, succeed, thirdbounce};
 
 /// Options that make a run short.
-const SHORT: [&str; 8] =
-    ["--model", "cosine", "--lateral", "16", "--iterations", "4", "--surface-iterations", "4"];
+const SHORT: [&str; 8] = ["--model", "cosine", "--lateral", "16", "--iterations", "4", "--support", "fixed"];
 
 fn small(folder: &Path) -> (String, String) {
     let [capture, truth] = ["z.npz", "truth.npz"].map(|name| folder.join(name).display().to_string());
@@ -62,7 +61,7 @@ fn every_verb_takes_paths_that_are_no_text() {
     verb(
         "benchmark",
         &[&c, &out, &odd("compared"), &by, &t],
-        &words(&["--method", "vector", "--lateral", "16", "--iterations", "4"]),
+        &words(&["--method", "surface", "--lateral", "16", "--iterations", "4"]),
     );
     verb("profile", &[&c, &OsString::from("--json"), &odd("profile.json")], &short);
     verb("simulate", &[&OsString::from("plane"), &out, &odd("made.npz")], &words(&["--scan", "8"]));
@@ -123,7 +122,7 @@ fn a_signal_to_end_ends_a_solve_without_a_result() {
     for signal in ["-TERM", "-HUP"] {
         let mut command = Command::new(program());
         command.args(["reconstruct", &capture, "--model", "cosine", "--lateral", "16"]);
-        command.args(["--iterations", "100000", "--stop", "never", "--quiet", "--out"]).arg(&out);
+        command.args(["--iterations", "100000", "--quiet", "--out"]).arg(&out);
         let child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
         // The solve is under way once there is a preview.
         let preview = out.join(thirdbounce::job::PREVIEW);

@@ -136,8 +136,8 @@ fn a_solver_that_is_named_is_the_only_method() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().display().to_string();
     let all = ["benchmark", capture, "--truth", truth, "--out", &out, "--repeats", "1", "--model", "cosine"];
-    let text = succeed(&[&all[..], &SHORT, &["--solver", "vector"]].concat());
-    assert!(iterations(&text, "paper").is_empty() && iterations(&text, "vector") == ["90"], "{text}");
+    let text = succeed(&[&all[..], &SHORT, &["--solver", "surface"]].concat());
+    assert!(iterations(&text, "paper").is_empty() && iterations(&text, "surface") == ["30"], "{text}");
     let told = json(&folder.path().join("z/case.json"));
     let residual = figures(&told["methods"][0]["trace"], "residual");
     assert!(residual.len() == 9 && residual[8] < residual[2], "{residual:?}");
@@ -214,8 +214,12 @@ fn what_is_wrong_is_said_in_one_message_and_nothing_is_written() {
         (&[&with_truth[..], &["--method", "paper:colour=red"]].concat(), 1, "--colour"),
         (&[&with_truth[..], &["--method", "paper:l1=much"]].concat(), 1, "'much' for '--l1"),
         (&[&with_truth[..], &["--method", "paper;paper:l1=-2"]].concat(), 1, "--l1 is -2"),
-        (&[&with_truth[..], &["--method", "vector:l1=1"]].concat(), 1, "--l1 is no option of the vector"),
-        (&[&with_truth[..], &["--method", "paper:cone=1"]].concat(), 1, "--cone is no option of the paper"),
+        (&[&with_truth[..], &["--method", "surface:l1=1"]].concat(), 1, "--l1 is no option of the surface"),
+        (
+            &[&with_truth[..], &["--method", "paper:sparsity=1"]].concat(),
+            1,
+            "--sparsity is no option of the paper",
+        ),
         (&[&with_truth[..], &["--method", "paper:sampling=wild"]].concat(), 1, "'wild'"),
         (&[&with_truth[..], &["--method", "paper:no-reduce=1"]].concat(), 1, "no-reduce"),
         (&[&with_truth[..], &["--method", ""]].concat(), 1, "--method is empty"),

@@ -9,7 +9,7 @@ use thirdbounce::capture::{Capture, write};
 use thirdbounce::job::{Input, Loaded, PREVIEW, Request, load, run};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Doing, PaperOptions, SolverOptions, VectorOptions};
+use thirdbounce::solve::{Doing, PaperOptions, SolverOptions, SurfaceOptions};
 
 /// A letter at 16 x 16 points, bins of 1 cm.
 fn scene() -> Scene {
@@ -27,10 +27,10 @@ fn loaded(capture: &Capture) -> (tempfile::TempDir, Loaded) {
 }
 
 fn options() -> SolverOptions {
-    let options = VectorOptions::default().with(|o| {
+    let options = SurfaceOptions::default().with(|o| {
         o.lateral = 32;
-        o.iterations = 20;
-        o.surface.iterations = 20;
+        o.iterations = 40;
+        o.grow = false;
     });
     options.into()
 }

@@ -51,8 +51,8 @@ fn profiled() -> &'static Profiled {
         let scan = ["--scan", "12", "--bin-width", "0.02", "--noise", "0.1"];
         succeed(&[&["simulate", "letter-Z", "--out", &capture], &scan[..]].concat());
         let paper: &[&str] = &["--double-every", "8", "--reduce-every", "4"];
-        let vector: &[&str] = &["--model", "cosine", "--coarse-iterations", "8", "--surface-iterations", "8"];
-        for (solver, more) in [("paper", paper), ("vector", vector)] {
+        let surface: &[&str] = &["--model", "cosine", "--support", "fixed"];
+        for (solver, more) in [("paper", paper), ("surface", surface)] {
             let name = |ending: &str| all.folder.path().join(format!("{solver}{ending}"));
             let (profile, trace) = (name(".json"), name(".trace.json"));
             let files = [profile.display().to_string(), trace.display().to_string()];
@@ -91,14 +91,7 @@ fn the_profile_holds_every_kernel_with_its_figures() {
         let of = |name: &str| kernels.iter().find(|k| k["name"] == name);
         let passes: &[&str] = match *solver {
             "paper" => &["forward", "backward"],
-            _ => &[
-                "forward",
-                "forward_bound",
-                "backward_step",
-                "backward_surface",
-                "backward_bound_step",
-                "backward_project",
-            ],
+            _ => &["forward", "backward_surface"],
         };
         for name in passes {
             let k = of(name).unwrap_or_else(|| panic!("{solver} runs {name}"));
@@ -113,15 +106,14 @@ fn the_profile_holds_every_kernel_with_its_figures() {
         let total = number(&profile["totals"], "pairs");
         let pairs = |name: &str| of(name).map_or(0.0, |k| number(k, "pairs"));
         let of_surface = pairs("backward_surface");
-        assert_eq!(pairs("backward") + pairs("backward_step") + of_surface, total);
-        // The surface is rendered three times before its first iteration, to find its amplitudes.
-        let surface_iterations = if *solver == "paper" { 0.0 } else { 8.0 };
-        assert_eq!(pairs("forward"), total + if of_surface > 0.0 { of_surface * 3.0 / 8.0 } else { 0.0 });
-        assert!((of_surface > 0.0) == (surface_iterations > 0.0));
+        assert_eq!(pairs("backward") + of_surface, total);
+        // The surface is rendered twice before its first iteration, to find the scale of its albedos.
+        assert_eq!(pairs("forward"), total + of_surface * 2.0 / 16.0);
+        assert_eq!(of_surface > 0.0, *solver == "surface");
         assert_eq!(number(of("finish").unwrap(), "pairs"), 0.0);
         assert!(of("finish").unwrap()["pairs_per_s"].is_null());
         assert_eq!(number(of("finish").unwrap(), "calls"), 16.0, "one an iteration");
-        assert_eq!(number(&profile["iterations"], "count"), 16.0 + surface_iterations);
+        assert_eq!(number(&profile["iterations"], "count"), 16.0);
     }
 }
 
@@ -169,10 +161,8 @@ fn the_timeline_has_two_lanes_whose_events_nest() {
         }
         let forward: Vec<_> = device.iter().filter(|e| e["name"] == "forward").collect();
         assert!(forward.iter().any(|e| e["args"]["iteration"] == 15 && e["args"]["lateral"] == 24));
-        assert!(
-            forward.iter().any(|e| e["args"]["iteration"] == 0 && e["args"]["lateral"] == 12),
-            "coarse first"
-        );
+        let first = if *solver == "paper" { 12 } else { 24 };
+        assert!(forward.iter().any(|e| e["args"]["iteration"] == 0 && e["args"]["lateral"] == first));
         for lane in [&host, &device] {
             assert_nested(solver, lane);
         }
@@ -241,7 +231,7 @@ fn kernels_compile_without_a_device_to_run_them() {
         let told = json(Path::new(&file));
         let kernels = told["kernels"].as_array().unwrap();
         let of = |name: &str| kernels.iter().find(|k| k["kernel"] == name).expect("the plan has it");
-        for name in ["forward", "step", "surface_gather"] {
+        for name in ["forward", "surface_step", "surface_gather"] {
             assert!(number(of(name), "slots") > 30.0 && text.contains(name), "{name}: {told}");
         }
         assert!(of("finish")["slots"].is_null() && number(of("finish"), "seconds") > 0.0);
@@ -279,7 +269,7 @@ fn a_driver_without_a_device_tells_of_its_kernels_and_closes() {
         assert!([32.0, 64.0].contains(&number(executable, "subgroup")), "{kernel}");
     }
     let listing =
-        std::fs::read_to_string(Path::new(&listings).join("step.0.assembly.txt")).expect("a listing");
+        std::fs::read_to_string(Path::new(&listings).join("surface_step.0.assembly.txt")).expect("a listing");
     assert!(listing.contains("v_rsq_f32"), "{listing}");
     // It cannot compute: the checks end in an error, and the device closes.
     let check = run(&[&["profile", "--check"], &null[..]].concat());

@@ -15,7 +15,7 @@ use thirdbounce::files::array::Array;
 use thirdbounce::job::{FindPulse, Input, Request, load, run};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Doing, Problem, VectorOptions, Watch, default_volume, vector};
+use thirdbounce::solve::{Doing, Problem, SolverOptions, SurfaceOptions, Watch, default_volume};
 use thirdbounce::transport::{Grid, Volume};
 
 const FWHM: f64 = 0.04;
@@ -61,18 +61,16 @@ fn a_known_pulse_makes_depths_and_normals_better() {
     let gpu = gpu();
     let known = capture(true);
     let unknown = changed(&known, |c| c.pulse = None);
-    let truth = truth(&scene(true), 64).unwrap();
-    let options = VectorOptions::default().with(|o| {
-        o.lateral = 64;
-        o.iterations = 30;
-    });
+    let truth = truth(&scene(true), 32).unwrap();
+    let options = SolverOptions::from(SurfaceOptions::default().with(|o| {
+        o.lateral = 32;
+        o.iterations = 40;
+    }));
     let solve = |capture: &Capture| {
-        let grid =
-            Grid::new(default_volume(capture, options.domain.min_depth).unwrap(), 64, capture.bin_width)
-                .unwrap();
+        let grid = Grid::new(default_volume(capture, 0.2).unwrap(), 32, capture.bin_width).unwrap();
         let mut hear = |_: &thirdbounce::solve::Progress| ControlFlow::Continue(());
         let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-        let done = vector::reconstruct(&gpu, &Problem::new(capture, grid), &options, &mut watch).unwrap();
+        let done = options.solve(&gpu, &Problem::new(capture, grid), &mut watch).unwrap();
         let best = metrics(&done.maps, &truth, 0.3).unwrap().at_best.unwrap();
         let spread = done.plan.bytes()["spread"];
         (best.depth_mae.unwrap(), best.normal_error_deg.unwrap(), done.trace.last().unwrap().loss, spread)
@@ -191,7 +189,7 @@ fn trials_are_heard_and_may_be_broken_off() {
     write(&changed(&capture(true), |c| c.pulse = None), &path).unwrap();
     let loaded = load(&Input { path: path.clone(), ..Input::default() }).unwrap();
     let out = path.with_file_name("out");
-    let request = Request { find_pulse: FindPulse::Always, ..Request::new(VectorOptions::default(), &out) };
+    let request = Request { find_pulse: FindPulse::Always, ..Request::new(SurfaceOptions::default(), &out) };
     let mut heard = 0;
     let broken = run(&request, &loaded, &mut |progress| {
         assert!(progress.doing == Doing::Trial, "nothing comes before the trials");
@@ -201,8 +199,8 @@ fn trials_are_heard_and_may_be_broken_off() {
     assert_eq!(broken.unwrap_err().kind, Kind::Cancelled);
     assert!(heard == 3 && !out.exists());
     // A trial that cannot run is noted and does not stop the solve: here nothing is far enough to be reconstructed.
-    let far = VectorOptions::default().with(|o| {
-        o.domain.min_depth = 1e3;
+    let far = SurfaceOptions::default().with(|o| {
+        o.min_depth = 1e3;
         o.lateral = 16;
         o.iterations = 1;
     });
@@ -229,7 +227,7 @@ fn the_tail_of_a_detector_is_found_and_told() {
         write(&changed(&spread.capture, |c| c.pulse = None), &path).unwrap();
         let out = path.with_file_name("tailed").display().to_string();
         let short = ["--model", "lambertian", "--lateral", "48", "--iterations", "2", "--no-preview"];
-        let ask = ["reconstruct", &file, "--out", &out, "--pulse", "auto", "--surface-iterations", "2"];
+        let ask = ["reconstruct", &file, "--out", &out, "--pulse", "auto", "--support", "fixed"];
         let said = command::thirdbounce(&[&ask[..], &short[..]].concat());
         assert_eq!(said.status.code(), Some(0), "{}", command::stderr(&said));
         let said = command::stderr(&said);
@@ -251,7 +249,7 @@ fn its_width_is_found_and_told() {
         file.display().to_string()
     });
     // Of so few pairs, fast light alone shows a pulse of a bin where there is none.
-    let plain = ["--model", "cosine", "--lateral", "32", "--iterations", "15", "--surface-iterations", "10"];
+    let plain = ["--model", "cosine", "--lateral", "32", "--iterations", "15", "--support", "fixed"];
     let short = [&plain[..], &["--high-pass", "0"]].concat();
     let solve = |from: &str, name: &str, more: &[&str]| {
         let out = place(name);

@@ -9,11 +9,14 @@ use thirdbounce::capture::{Capture, read, write};
 use thirdbounce::job::{Input, load};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Problem, Progress, VectorOptions, Watch, default_volume, vector};
+use thirdbounce::solve::{Problem, Progress, SolverOptions, SurfaceOptions, Watch, default_volume};
 use thirdbounce::transport::Grid;
 
 /// Two steps of a scan of 16 x 16 points.
 const WIDE: f64 = 0.125;
+
+/// Pixels of the maps side by side.
+const LATERAL: usize = 32;
 
 fn scene(spots: [f64; 2]) -> Scene {
     Scene { scan: 16, bin_width: 0.01, spots, ..Scene::named("figure").unwrap() }
@@ -59,14 +62,14 @@ fn a_simulated_spot_spreads_paths_as_its_points_do() {
 fn a_known_spot_makes_depths_and_normals_better() {
     let scene = scene([WIDE; 2]);
     let capture = capture(&scene);
-    let truth = truth(&scene, 128).unwrap();
+    let truth = truth(&scene, LATERAL).unwrap();
     let gpu = gpu();
-    let options = VectorOptions::default().with(|o| o.lateral = 64);
+    let options = SolverOptions::from(SurfaceOptions::default().with(|o| o.lateral = LATERAL));
     let solve = |capture: &Capture| {
-        let grid = Grid::new(default_volume(capture, 0.2).unwrap(), 64, capture.bin_width).unwrap();
+        let grid = Grid::new(default_volume(capture, 0.2).unwrap(), LATERAL, capture.bin_width).unwrap();
         let mut hear = |_: &Progress| ControlFlow::Continue(());
         let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-        let done = vector::reconstruct(&gpu, &Problem::new(capture, grid), &options, &mut watch).unwrap();
+        let done = options.solve(&gpu, &Problem::new(capture, grid), &mut watch).unwrap();
         let best = metrics(&done.maps, &truth, 0.3).unwrap().at_best.unwrap();
         (best.depth_mae.unwrap(), best.normal_error_deg.unwrap(), done.plan)
     };

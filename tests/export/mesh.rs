@@ -12,7 +12,7 @@ use thirdbounce::export::{mesh, ply, png};
 use thirdbounce::job::SolverOptions;
 use thirdbounce::maps::{Layer, Maps};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Problem, VectorOptions, Watch, default_volume};
+use thirdbounce::solve::{Problem, SurfaceOptions, Watch, default_volume};
 use thirdbounce::transport::Grid;
 
 struct Mesh {
@@ -190,11 +190,11 @@ fn what_lies_behind_is_part_of_the_mesh() {
 
 /// Maps after 40 iterations, and the width of a voxel.
 fn solved(capture: &Capture, lateral: usize) -> (Maps, f64) {
-    let options = VectorOptions::default().with(|o| {
+    let options = SurfaceOptions::default().with(|o| {
         o.lateral = lateral;
         o.iterations = 40;
     });
-    let volume = default_volume(capture, options.domain.min_depth).unwrap();
+    let volume = default_volume(capture, options.min_depth).unwrap();
     let grid = Grid::new(volume, options.lateral, capture.bin_width).unwrap();
     let voxel = grid.pitch.x;
     let mut go = |_: &_| ControlFlow::Continue(());

@@ -10,7 +10,7 @@ use thirdbounce::solve::passes::*;
 use thirdbounce::solve::surface::passes::*;
 use thirdbounce::solve::{PASSES, Pass, Twin};
 
-use crate::{backproject, domain, forward, intake, paper as of_paper, surface, surface_gather};
+use crate::{backproject, domain, forward, paper as of_paper, surface, surface_gather};
 
 /// Passes, and the tests that compare them with their twins.
 macro_rules! held {
@@ -52,8 +52,6 @@ static HELD: &[Held] = held! {
     SURFACE_PULL, SURFACE_STEP => surface::several_steps;
     FINISH, RESIDUAL => surface::iterations_in_a_row;
     SURFACE_EXTRACT => surface::extract;
-    TALLY => intake::counts_are_summed_over_slices_of_pairs;
-    INTAKE => intake::counts_become_the_measurement;
 };
 
 #[test]

@@ -4,7 +4,6 @@ mod backproject;
 mod domain;
 mod forward;
 mod held;
-mod intake;
 mod isa;
 mod paper;
 mod paper_gradient;

@@ -1,5 +1,5 @@
-//! The model of memory traffic on real solves: the orderings that the kernels' order of work was chosen by, and the table of
-//! docs/gpu.md.
+//! The model of memory traffic on real solves (docs/gpu.md): the orderings that the kernels' order of work was chosen by, and a
+//! table.
 
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -167,7 +167,7 @@ fn lists_keep_neighbours_together() {
 
 /// `cargo test --test kernels -- --ignored --nocapture traffic`
 #[test]
-#[ignore = "prints the table of docs/gpu.md"]
+#[ignore = "prints a table"]
 fn traffic_of_real_solves() {
     println!(
         "| scene, samples | samples | outside | flush | slots | global adds | own: turns | own: global adds | own: sectors | gather, 32 x 1 | gather, 8 x 4 |"

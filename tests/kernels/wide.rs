@@ -10,11 +10,9 @@ use thirdbounce::gpu::{Buffer, Command, Gpu, Schedule, Size};
 use thirdbounce::solve::closed_form::passes::{PROJECTED, gather_filtered};
 use thirdbounce::solve::closed_form::{OfProjection, hat};
 use thirdbounce::solve::surface::{self, Placed};
-use thirdbounce::solve::{Accumulation, Format, NoiseTerm, OnDevice, intake, paper};
+use thirdbounce::solve::{Accumulation, NoiseTerm, OnDevice, paper};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, HighPass, Model, Reflectance};
-
-use crate::intake::{ROWS, counts, lending, write_rows_of};
 
 /// More than 65,535 groups, in rows.
 const WIDE: [u32; 3] = [GROUPS_X, 2, 1];
@@ -138,20 +136,10 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     left(&mut job, 2, &[buffer::HEIGHTS])
 }
 
-fn lent_counts(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
-    let (mut job, rows) = lending(gpu, &grid());
-    write_rows_of(&mut job, &rows);
-    let (words, _) = counts(Format::F32, &mut Random::new(7));
-    write(&mut job, buffer::HISTOGRAMS, &words);
-    let taken = Schedule::of(|s| intake(s, &job.plan, &rows, ROWS, Format::F32, [0.5, 3.0]));
-    runs.run(&mut job, taken);
-    left(&mut job, 0, &[buffer::MEASURED])
-}
-
 #[test]
 fn groups_beyond_the_work_write_nothing() {
     let mut seen = BTreeSet::new();
-    for solve in [paper_solve, projection, surface_solve, lent_counts] {
+    for solve in [paper_solve, projection, surface_solve] {
         let [plain, wide] = [false, true].map(|wide| {
             // Dropped at the end: no canary was touched.
             let gpu = gpu();
@@ -172,7 +160,7 @@ fn groups_beyond_the_work_write_nothing() {
 #[test]
 fn passes_in_parts_leave_the_same() {
     let alone = alone();
-    for solve in [paper_solve, projection, surface_solve, lent_counts] {
+    for solve in [paper_solve, projection, surface_solve] {
         let [(whole, few), (parts, many)] = [u64::MAX, 60].map(|work| {
             let gpu = gpu_of(work, &alone);
             let mut runs = Runs { wide: false, seen: BTreeSet::new() };

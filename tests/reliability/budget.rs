@@ -14,7 +14,7 @@ use thirdbounce::transport::{Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Error, Kind};
 
 use super::ledger::{Held, Row, clear, holds};
-use super::small::{files, loaded, open, vector};
+use super::small::{files, loaded, open, surface};
 
 pub fn rows() -> Vec<Row> {
     vec![honoured(), advice(), claimed(), bound()]
@@ -29,7 +29,7 @@ fn honoured() -> Row {
     let mut ran = 0;
     for mebibytes in [1u64, 2, 4, 6, 8, 9, 10, 12, 16, 24, 32, 64] {
         for lateral in [12, 32] {
-            let options = vector(Accumulation::Repeatable).with(|o| {
+            let options = surface(Accumulation::Repeatable).with(|o| {
                 o.lateral = lateral;
                 o.iterations = 1;
             });
@@ -153,7 +153,7 @@ fn model(pairs: usize, bins: usize) -> Model {
 /// Shapes at and beyond the limits of 32-bit indices; nothing is allocated.
 fn claimed() -> Row {
     let mut row = Row::new("captures and grids at the limits of 32-bit indices and of one binding, claimed");
-    let options = vector(Accumulation::Repeatable).with(|o| {
+    let options = super::small::paper(Accumulation::Repeatable).with(|o| {
         o.general = true;
         o.domain.coarse_to_fine = false;
     });
@@ -231,7 +231,7 @@ fn bound() -> Row {
         row.add(what, case());
     }
     let again = job::run(
-        &Request::new(vector(Accumulation::Repeatable), tempfile::tempdir().expect("a folder").path()),
+        &Request::new(surface(Accumulation::Repeatable), tempfile::tempdir().expect("a folder").path()),
         &loaded(),
         &mut |_| ControlFlow::Continue(()),
     );

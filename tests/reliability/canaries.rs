@@ -5,11 +5,11 @@ use std::thread;
 use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::gpu::Faults;
 use thirdbounce::job::SolverOptions;
-use thirdbounce::solve::{Accumulation, NoiseTerm};
+use thirdbounce::solve::{Accumulation, Begin, NoiseTerm};
 
 use super::Share;
 use super::ledger::{Held, Row, holds};
-use super::small::{bits, kinds, loaded, open, paper, solve, solvers, vector};
+use super::small::{bits, kinds, loaded, open, paper, solve, solvers, surface};
 
 const ACCUMULATIONS: [Accumulation; 4] =
     [Accumulation::Fixed, Accumulation::Fixed32, Accumulation::Cas, Accumulation::Owned];
@@ -38,7 +38,7 @@ pub fn rows(share: Share) -> Vec<Row> {
             }
         }
     }
-    let mut parts = Row::new("a pulse, spots, noise terms, little room, no doubling, no surface");
+    let mut parts = Row::new("a pulse, spots, noise terms, little room, no doubling, a fixed support");
     for (what, solver, capture) in others() {
         parts.add(what, guarded(&solver, &capture));
     }
@@ -59,19 +59,19 @@ fn others() -> Vec<(&'static str, SolverOptions, Capture)> {
         capture
     };
     let paper = || paper(Accumulation::Auto);
-    let vector = || vector(Accumulation::Auto);
+    let surface = || surface(Accumulation::Auto);
     vec![
         ("paper, a pulse", paper().into(), of_pulse()),
-        ("vector, a pulse", vector().into(), of_pulse()),
+        ("surface, a pulse", surface().into(), of_pulse()),
         ("paper, spots", paper().into(), of_spots()),
-        ("vector, spots", vector().into(), of_spots()),
+        ("surface, spots", surface().into(), of_spots()),
         ("paper, noise by histogram", paper().with(|o| o.noise.term = NoiseTerm::Histogram).into(), plain()),
         ("paper, no noise", paper().with(|o| o.noise.term = NoiseTerm::Off).into(), plain()),
         ("paper, little room", paper().with(|o| o.domain.room = Some(0.02)).into(), plain()),
-        ("vector, little room", vector().with(|o| o.domain.room = Some(0.02)).into(), plain()),
         ("paper, no doubling", paper().with(|o| o.domain.coarse_to_fine = false).into(), plain()),
-        ("vector, no doubling", vector().with(|o| o.domain.coarse_to_fine = false).into(), plain()),
-        ("vector, no surface", vector().with(|o| o.surface.iterations = 0).into(), plain()),
+        ("surface, one point", surface().with(|o| o.points = Some(1)).into(), plain()),
+        ("surface, from a plane", surface().with(|o| o.begin = Begin::Plane).into(), plain()),
+        ("surface, fixed support", surface().with(|o| o.grow = false).into(), plain()),
     ]
 }
 

@@ -21,7 +21,7 @@ fn command(out: &Path, more: &[&str]) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_thirdbounce"));
     command.arg("reconstruct").arg(files().capture()).arg("--out").arg(out);
     command.args(["--model", "cosine", "--lateral", "12", "--iterations", "24"]);
-    command.args(["--stop", "never", "--deterministic", "--quiet"]);
+    command.args(["--deterministic", "--quiet"]);
     command.args(["--volume"]).arg(out.with_extension("hdf5")).args(more);
     command.stdout(Stdio::null()).stderr(Stdio::piped());
     command
@@ -127,18 +127,18 @@ fn cancelled() -> Row {
 fn rivals(times: usize) -> Row {
     let mut row = Row::new("three processes write one folder at once: the whole result of one of them");
     let folder = tempfile::tempdir().expect("a folder");
-    let peaks = ["10", "9", "8"];
-    let alone: Vec<_> = peaks
-        .map(|peak| {
-            let out = folder.path().join(format!("alone{peak}"));
-            succeed(command(&out, &["--peak", peak])).expect("a run");
+    let counts = ["24", "12", "6"];
+    let alone: Vec<_> = counts
+        .map(|count| {
+            let out = folder.path().join(format!("alone{count}"));
+            succeed(command(&out, &["--iterations", count])).expect("a run");
             std::fs::read(out.join("maps.npz")).expect("maps")
         })
         .into();
     for i in 0..times {
         let out = folder.path().join(format!("together{i}"));
         let case = || -> Held {
-            let children = peaks.map(|peak| command(&out, &["--peak", peak]).spawn());
+            let children = peaks.map(|peak| command(&out, &["--iterations", count]).spawn());
             for child in children {
                 let output = child.and_then(Child::wait_with_output).map_err(|e| e.to_string())?;
                 let text = String::from_utf8_lossy(&output.stderr).into_owned();

@@ -49,7 +49,7 @@ pub fn base(verb: &str) -> Vec<String> {
         "evaluate" => format!("{result} --truth {truth} --no-pictures"),
         "benchmark" => {
             format!(
-                "{capture} --truth {truth} --out {{}}/b --model cosine --lateral 8 --iterations 3 --repeats 1 --quiet --method vector"
+                "{capture} --truth {truth} --out {{}}/b --model cosine --lateral 8 --iterations 3 --repeats 1 --quiet --method surface"
             )
         }
         "histogram" => {
@@ -75,7 +75,7 @@ fn result() -> PathBuf {
     let out = files().folder().join("result");
     MADE.get_or_init(|| {
         let request = thirdbounce::job::Request::new(
-            super::small::vector(thirdbounce::solve::Accumulation::Auto),
+            super::small::surface(thirdbounce::solve::Accumulation::Auto),
             &out,
         );
         let done = thirdbounce::job::run(&request, &super::small::loaded(), &mut |_| {
@@ -160,7 +160,7 @@ fn cases() -> Vec<Case> {
                 Takes::Word => WORDS.iter().chain(&NUMBERS[..2]).map(ToString::to_string).collect(),
             };
             let solvers: &[&str] =
-                if name == "reconstruct" && !positional { &["vector", "paper"] } else { &["vector"] };
+                if name == "reconstruct" && !positional { &["surface", "paper"] } else { &["surface"] };
             for value in values {
                 for solver in solvers {
                     let mut arguments = base(&name);

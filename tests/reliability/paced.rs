@@ -9,10 +9,11 @@ use thirdbounce::gpu::{
     Limits, Place, Point, Schedule,
 };
 use thirdbounce::job::SolverOptions;
-use thirdbounce::solve::{Accumulation, Plan, Reconstruction, paper, vector};
+use thirdbounce::solve::surface::{self, OfFit};
+use thirdbounce::solve::{Accumulation, Plan, Reconstruction, SurfaceOptions, paper};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
 
-use super::small::{kinds, loaded, solve, solvers, vector as small_vector};
+use super::small::{kinds, loaded, solve, solvers, surface as small_surface};
 
 /// Turns of a dispatch that a discrete card gets at most.
 const MOST: u64 = 1_200_000_000;
@@ -58,6 +59,13 @@ fn grid() -> Grid {
     Grid::new(volume, 128, 0.003).expect("a grid")
 }
 
+/// The plan of a surface on the pixels of that grid.
+fn surface_plan(model: &Model, scan: [usize; 2]) -> Plan {
+    let options: SurfaceOptions = small_surface(Accumulation::Auto);
+    let needs = OfFit { options: &options, iterations: [0, 12] };
+    Plan::new(model, grid(), scan, &needs, &card(), false).expect("a plan")
+}
+
 /// Turns of a kernel's dispatches in a schedule: the most of one, all, and how many there are.
 fn of(s: &Schedule, kernel: &str) -> [u64; 3] {
     let works: Vec<u64> = s.commands.iter().filter(|c| c.name() == kernel).map(Command::work).collect();
@@ -83,11 +91,11 @@ fn a_dense_start_of_a_large_scan_is_many_dispatches() {
             assert!(sum >= all && sum < all + all / 8, "{geometry:?} {kernel}: {sum} of {all} turns");
             assert!(count > 200, "{geometry:?} {kernel}: {count}");
         }
-        let options = small_vector(Accumulation::Auto);
-        let plan = Plan::new(&model, grid(), [256, 256], &options, &card(), false).expect("a plan");
+        let plan = surface_plan(&model, [256, 256]);
+        let count = surface::pixels(&plan);
         for s in [
-            Schedule::of(|s| vector::start(s, &plan, &plan.levels.volume[0], &options)),
-            Schedule::of(|s| vector::iteration(s, &plan, plan.finest(), 0)),
+            Schedule::of(|s| surface::start_of(s, plan.finest(), count, surface::points_of(&plan))),
+            Schedule::of(|s| surface::iteration(s, &plan, plan.finest(), count, [0, 0, 12])),
         ] {
             let long = s.commands.iter().filter(|c| c.work() > MOST);
             assert_eq!(long.map(Command::name).collect::<Vec<_>>(), Vec::<&str>::new());
@@ -97,10 +105,9 @@ fn a_dense_start_of_a_large_scan_is_many_dispatches() {
     let mut model = large(Geometry::Confocal);
     model.wall.scanned.truncate(1024);
     model.elements = 1024 * model.bins;
-    let plan = Plan::new(&model, grid(), [32, 32], &small_vector(Accumulation::Auto), &card(), false)
-        .expect("a plan");
-    let s = Schedule::of(|s| vector::iteration(s, &plan, plan.finest(), 0));
-    assert_eq!(["forward", "step"].map(|kernel| of(&s, kernel)[2]), [1, 1]);
+    let plan = surface_plan(&model, [32, 32]);
+    let s = Schedule::of(|s| surface::iteration(s, &plan, plan.finest(), surface::pixels(&plan), [0, 0, 12]));
+    assert_eq!(["forward", "surface_gather"].map(|kernel| of(&s, kernel)[2]), [1, 1]);
 }
 
 /// A solve in parts of at most `work` turns; how many submissions it took.
@@ -110,11 +117,8 @@ fn solved(capture: &Capture, solver: &SolverOptions, work: Option<u64>) -> (Reco
     let ran = gpu.take_recording();
     let submissions: BTreeSet<u64> = ran.device.iter().map(|r| r.submission).collect();
     let iterations = ran.stages.iter().filter(|s| s.name == "iteration").count();
-    assert_eq!(
-        iterations,
-        result.trace.last().expect("a point").iteration,
-        "a divided iteration is one stage"
-    );
+    let last = result.trace.last().expect("a point").iteration;
+    assert_eq!(iterations, last, "a divided iteration is one stage");
     (result, submissions.len())
 }
 

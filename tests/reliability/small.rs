@@ -10,7 +10,7 @@ use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
 use thirdbounce::job::{self, Input, Loaded, Request, SolverOptions};
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
 use thirdbounce::solve::{
-    Accumulation, NoiseTerm, PaperOptions, Preset, Problem, Progress, Reconstruction, VectorOptions, Watch,
+    Accumulation, NoiseTerm, PaperOptions, Preset, Problem, Progress, Reconstruction, SurfaceOptions, Watch,
 };
 use thirdbounce::transport::Reflectance;
 use thirdbounce::{Result, export};
@@ -74,7 +74,7 @@ pub fn kinds() -> Vec<(&'static str, Capture)> {
 
 /// Both solvers, with every kind of step, doubling included, in a dozen iterations.
 pub fn solvers(accumulation: Accumulation) -> [(&'static str, SolverOptions); 2] {
-    [("paper", paper(accumulation).into()), ("vector", vector(accumulation).into())]
+    [("paper", paper(accumulation).into()), ("surface", surface(accumulation).into())]
 }
 
 pub fn paper(accumulation: Accumulation) -> PaperOptions {
@@ -89,14 +89,10 @@ pub fn paper(accumulation: Accumulation) -> PaperOptions {
     })
 }
 
-pub fn vector(accumulation: Accumulation) -> VectorOptions {
-    VectorOptions::default().with(|o| {
+pub fn surface(accumulation: Accumulation) -> SurfaceOptions {
+    SurfaceOptions::default().with(|o| {
         o.lateral = 12;
         o.iterations = 12;
-        o.domain.coarse_iterations = 5;
-        o.domain.reduce_every = 3;
-        o.bound_every = 6;
-        o.stop = false;
         o.accumulation = accumulation;
     })
 }

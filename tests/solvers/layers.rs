@@ -1,4 +1,4 @@
-//! Two surfaces behind each other: how the volume's maps are divided between layers, and whole solves.
+//! Two surfaces behind each other: how the maps of a closed form are divided between layers, and whole solves.
 
 use std::ops::ControlFlow;
 
@@ -8,7 +8,9 @@ use thirdbounce::maps::{Layer, Maps};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::surface::layers::{merge, split};
-use thirdbounce::solve::{Accumulation, Problem, Reconstruction, VectorOptions, default_volume, vector};
+use thirdbounce::solve::{
+    Accumulation, Problem, Reconstruction, SolverOptions, SurfaceOptions, default_volume,
+};
 use thirdbounce::transport::Grid;
 
 const SIDE: usize = 12;
@@ -99,42 +101,32 @@ fn layers_become_maps() {
     assert_eq!((one.depth, one.behind), (wall.depth, None));
 }
 
-fn run(gpu: &Gpu, scene: Scene, surface_iterations: usize) -> Reconstruction {
+fn run(gpu: &Gpu, scene: Scene) -> Reconstruction {
     let scene = Scene { scan: 16, bin_width: 0.01, occlusion: false, ..scene };
     let options = RenderOptions { noise: 0.02, ..Default::default() };
     let capture = simulate(&scene, &options).unwrap().capture;
-    let o = VectorOptions::default().with(|o| {
+    let o = SurfaceOptions::default().with(|o| {
         o.lateral = 32;
-        o.iterations = 60;
-        o.growth_iterations = 20;
-        o.surface.iterations = surface_iterations;
-        o.surface.pixels_per_voxel = Some(1);
+        o.iterations = 40;
         o.accumulation = Accumulation::Repeatable;
     });
     let grid = Grid::new(default_volume(&capture, 0.2).unwrap(), o.lateral, capture.bin_width).unwrap();
-    vector::reconstruct(
-        gpu,
-        &Problem::new(&capture, grid).and_volume(),
-        &o,
-        &mut unwatched(&mut |_| ControlFlow::Continue(())),
-    )
-    .unwrap()
+    let mut hear = |_: &_| ControlFlow::Continue(());
+    SolverOptions::from(o).solve(gpu, &Problem::new(&capture, grid), &mut unwatched(&mut hear)).unwrap()
 }
 
 /// Each within 1.5 × of the errors that it has alone, and the second layer takes no more than room in the plan.
 #[test]
-#[ignore = "long: make soak"]
 fn two_plates_are_as_exact_as_each_alone() {
     let gpu = gpu();
     let scene = || Scene::named("plates").unwrap();
     let real = truth(&scene(), 32).unwrap();
-    let found = run(&gpu, scene(), 40);
-    assert!(!found.surface_left);
+    let found = run(&gpu, scene());
     let m = metrics(&found.maps, &real, 0.3).unwrap();
     let [first, behind] = m.layers[..] else { panic!("the truth has two layers") };
     assert!(first.iou > Some(0.8) && behind.iou > Some(0.8), "{m:?}");
     for (k, name) in ["plates-front", "plates-back"].into_iter().enumerate() {
-        let alone = run(&gpu, Scene::named(name).unwrap(), 40);
+        let alone = run(&gpu, Scene::named(name).unwrap());
         assert_eq!(alone.maps.behind, None, "nothing is behind one plate");
         let (depth, normals) = errors(&alone.maps, &real, k);
         let (of_depth, of_normals) = errors(&found.maps, &real, k);

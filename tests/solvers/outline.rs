@@ -6,8 +6,8 @@ use fixtures::device::unwatched;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    PaperOptions, Plan, Preset, Problem, Reconstruction, TimedSchedule, VectorOptions, When, default_volume,
-    paper, vector,
+    PaperOptions, Plan, Preset, Problem, Reconstruction, SolverOptions, SurfaceOptions, TimedSchedule, When,
+    default_volume, paper,
 };
 use thirdbounce::transport::Grid;
 
@@ -67,7 +67,7 @@ fn the_outline_of_pairs_in_parts_is_what_runs() {
     assert_eq!(residual().map(|s| s.sizes.len()).sum::<usize>(), cut.in_parts, "{cut}");
 }
 
-/// Holds outlines of a scene with so many points to a side against runs on a device that binds so many bytes. Returns that of the vector solver.
+/// Holds outlines of a scene with so many points to a side against runs on a device that binds so many bytes. Returns that of the surface solver.
 fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Vec<TimedSchedule> {
     let gpu = Gpu::open(&GpuOptions { timings: true, binding, ..GpuOptions::default() }).expect("a device");
     let scene = Scene { scan, bin_width, ..Scene::named("letter-L").unwrap() };
@@ -92,30 +92,15 @@ fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Ve
     assert!(parts.iter().any(|p| matches!(&p.when, When::After(times) if times.len() > 1)));
     check(done, parts);
 
-    // First without a surface, whose number of pixels depends on the maps.
-    let o = VectorOptions::default().with(|o| {
+    // Its number of pixels depends on the closed form, and with it the sizes of dispatches, but not their number.
+    let o = SolverOptions::from(SurfaceOptions::default().with(|o| {
         o.lateral = 16;
         o.iterations = 20;
-        o.domain.coarse_iterations = 8;
-        o.surface.iterations = 0;
-        o.stop = false;
-    });
-    let done =
-        vector::reconstruct(&gpu, &Problem::new(&capture, grid), &o, &mut unwatched(&mut hear)).unwrap();
-    let parts = vector::outline(&done.plan, &o);
-    check(done, parts);
-
-    let o = o.with(|o| o.surface.iterations = 12);
-    let done =
-        vector::reconstruct(&gpu, &Problem::new(&capture, grid), &o, &mut unwatched(&mut hear)).unwrap();
-    let parts = vector::outline(&done.plan, &o);
-    assert_known(&done.plan, &parts);
-    let [told, ran] = [told(&parts), ran(&gpu)];
-    for pass in ["surface_points", "surface_gather", "surface_combine", "surface_step"] {
-        assert!(told[pass] > 0);
-        assert_eq!(told.get(pass), ran.get(pass), "{pass}");
-    }
-    // Of 12 iterations the last four use each pixel's own gradient.
-    assert_eq!([told["surface_pull"], ran["surface_pull"]], [8; 2]);
+        o.grow = false;
+    }));
+    gpu.take_recording();
+    let done = o.solve(&gpu, &Problem::new(&capture, grid), &mut unwatched(&mut hear)).unwrap();
+    let parts = o.outline(&done.plan);
+    check(done, parts.clone());
     parts
 }

@@ -10,9 +10,9 @@ use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::gpu::{Abilities, Accumulations, Arena, DeviceKind, Gpu, GpuOptions, Limits, Memory, check};
 use thirdbounce::job::{Request, SolverOptions};
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate};
+use thirdbounce::solve::surface::OfFit;
 use thirdbounce::solve::{
-    Accumulation, Level, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, VectorOptions,
-    vector,
+    Accumulation, Level, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, SurfaceOptions,
 };
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Kind, Result};
@@ -67,15 +67,11 @@ fn paper(term: NoiseTerm) -> SolverOptions {
     options.into()
 }
 
-fn vector_with(accumulation: Accumulation) -> SolverOptions {
-    let options = VectorOptions::default().with(|o| {
+fn surface_with(accumulation: Accumulation) -> SolverOptions {
+    let options = SurfaceOptions::default().with(|o| {
         o.lateral = 12;
-        o.iterations = 8;
-        o.domain.coarse_iterations = 4;
-        o.domain.reduce_every = 3;
-        o.bound_every = 6;
-        o.surface.iterations = 4;
-        o.stop = false;
+        o.iterations = 6;
+        o.grow = false;
         o.accumulation = accumulation;
     });
     options.into()
@@ -138,9 +134,9 @@ fn assert_alike(what: &str, whole: &Reconstruction, parts: &Reconstruction) {
 fn parts_end_as_the_whole_for_every_kind_of_pairs() {
     let [whole, small, small_for_paper] = [None, Some(SMALL), Some(SMALL_FOR_PAPER)].map(open);
     for (name, capture) in kinds() {
-        let options = vector_with(Accumulation::Auto);
+        let options = surface_with(Accumulation::Auto);
         let of = |gpu| solve(gpu, &options, &capture, None).expect("it solves");
-        assert_same(&format!("vector, {name}"), &of(&whole), &of(&small));
+        assert_same(&format!("surface, {name}"), &of(&whole), &of(&small));
         if !["confocal", "one laser point", "exhaustive, parts of several rows"].contains(&name) {
             continue;
         }
@@ -161,7 +157,7 @@ fn parts_end_as_the_whole_for_every_accumulation_and_noise_term() {
     let [whole, small, small_for_paper] = [None, Some(SMALL), Some(SMALL_FOR_PAPER)].map(open);
     let capture = with_pulse();
     for accumulation in [Accumulation::Fixed, Accumulation::Cas] {
-        let options = vector_with(accumulation);
+        let options = surface_with(accumulation);
         // Fixed point takes twice the memory, so it is cut more often.
         let of = |gpu| solve(gpu, &options, &capture, None).expect("it solves");
         assert_same(&format!("{accumulation:?}"), &of(&whole), &of(&small));
@@ -177,7 +173,7 @@ fn parts_end_as_the_whole_for_every_accumulation_and_noise_term() {
 fn a_budget_holds_what_is_on_the_device() {
     let gpu = open(None);
     let capture = render(&Scene { bin_width: 0.004, ..scene(24) });
-    let options = vector_with(Accumulation::Auto);
+    let options = surface_with(Accumulation::Auto);
     let whole = solve(&gpu, &options, &capture, Some(8 << 20)).expect("it fits");
     let budget = 4 << 20;
     assert!(whole.device_bytes > budget);
@@ -205,18 +201,12 @@ fn what_cannot_be_divided_says_so() {
     let gpu = open(Some(SMALL));
     let mut capture = confocal();
     capture.sensor_spot = Some(0.05);
-    let options = vector_with(Accumulation::Auto);
+    let options = surface_with(Accumulation::Auto);
     let error = solve(&gpu, &options, &capture, None).expect_err("spots mix pairs");
     assert!(error.kind == Kind::Memory && error.what.contains("spots"), "{error}");
     let capture = confocal();
-    let SolverOptions::Vector(of_vector) = &options else { unreachable!("it is the vector solver") };
-    let grid = Request::new(options.clone(), "").grid(&capture).expect("a grid");
-    let how = vector::Frames { follow: Some(vector::Follow::default()), ..Default::default() };
-    let error = vector::prepare_for_frames(&gpu, &Problem::new(&capture, grid), of_vector, how);
-    let error = error.err().expect("frames need all pairs");
-    assert!(error.kind == Kind::Memory && error.what.contains("follow each other"), "{error}");
     // Not even one pair at a time.
-    let error = solve(&open(Some(16 << 10)), &options, &capture, None).expect_err("a volume is larger");
+    let error = solve(&open(Some(16 << 10)), &options, &capture, None).expect_err("a surface is larger");
     assert!(error.kind == Kind::Memory && error.what.contains("even with the pairs in parts"), "{error}");
 }
 
@@ -251,7 +241,8 @@ fn parts_of_huge_captures_cover_all_pairs_within_every_limit() {
     let volume = Volume { min: dvec3(-0.5, -0.5, 0.3), max: dvec3(0.5, 0.5, 0.8) };
     let grid = Grid::new(volume, 64, 0.02).expect("a grid");
     // To find what no pair reaches would take long.
-    let options = VectorOptions::default().with(|o| (o.lateral, o.general) = (64, true));
+    let options = SurfaceOptions::default().with(|o| (o.lateral, o.general) = (64, true));
+    let options = OfFit { options: &options, iterations: [0, 6] };
     let cases = [
         (claimed(Geometry::Confocal, 256 * 256, 0, 1024), 256, 256 << 20),
         (claimed(Geometry::Product, 4096, 4096, 512), 64, 4 << 30),

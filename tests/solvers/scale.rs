@@ -11,7 +11,7 @@ use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::option::OptionValue;
-use thirdbounce::solve::{Problem, SolverOptions, Suit, SurfaceAloneOptions, Watch};
+use thirdbounce::solve::{Problem, SolverOptions, Suit, SurfaceOptions, Watch};
 use thirdbounce::transport::Grid;
 
 const LATERAL: usize = 24;
@@ -20,7 +20,6 @@ fn solved(gpu: &Gpu, solver: &str, capture: &Capture) -> Maps {
     let mut options = SolverOptions::suited_to(solver, &Suit::of(capture)).unwrap().with_lateral(LATERAL);
     options.set("iterations", &OptionValue::Count(24));
     options.set("double_every", &OptionValue::Count(8));
-    options.set("surface_iterations", &OptionValue::Count(16));
     // Sums in a fixed order, so that rounding is all that differs.
     options.set("accumulation", &OptionValue::Word("repeatable".into()));
     let volume = options.default_volume(capture).unwrap();
@@ -51,7 +50,7 @@ fn default_settings_know_no_unit() {
         let best = metrics(&as_metre, &truth, 0.3).unwrap();
         assert!(best.best_iou.unwrap() > 0.4, "{solver}: {best:?}");
         // What has no iterations has little that could know a unit.
-        let iterates = SolverOptions::ITERATIVE.contains(solver);
+        let iterates = ["paper", "surface"].contains(solver);
         let scales = if iterates { &[1e-3, 1.0 / 1024.0, 1e3][..] } else { &[1e3][..] };
         for scale in scales.iter().copied() {
             let maps = solved(&gpu, solver, &scaled(&metre, scale));
@@ -67,8 +66,8 @@ fn default_settings_know_no_unit() {
             // Filtered sums cancel: dark pixels keep fewer digits.
             let rounding = if iterates { 2e-5 } else { 2e-4 };
             let most = apart[((apart.len() - 1) as f64 * share) as usize];
-            // The surface alone has depths where it is lit, the others nearly everywhere.
-            let fewest = if *solver == SurfaceAloneOptions::NAME { 60 } else { 300 };
+            // The surface has depths where it is lit, the others nearly everywhere.
+            let fewest = if *solver == SurfaceOptions::NAME { 60 } else { 300 };
             assert!(
                 apart.len() > fewest && most < if share == 1.0 { 1e-12 } else { rounding },
                 "{solver}, {scale}: {most}, {} pixels",
@@ -98,7 +97,7 @@ fn the_least_depth_follows_walls_that_are_not_of_metres() {
     }
     // The usual depth leaves nothing of a small scene.
     let small = scan(0.01);
-    let usual = SolverOptions::suited_to("vector", &Suit::USUAL).unwrap();
+    let usual = SolverOptions::suited_to("surface", &Suit::USUAL).unwrap();
     assert_eq!(usual.default_volume(&small).unwrap_err().kind, Kind::Options);
-    assert!(SolverOptions::suited_to("vector", &Suit::of(&small)).unwrap().default_volume(&small).is_ok());
+    assert!(SolverOptions::suited_to("surface", &Suit::of(&small)).unwrap().default_volume(&small).is_ok());
 }

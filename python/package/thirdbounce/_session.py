@@ -56,7 +56,7 @@ class Session:
         t0: float = 0.0,
         photon_counts: bool = False,
         pixels: Optional[int] = None,
-        solver: str = "vector",
+        solver: str = "surface",
         model: Optional[str] = None,
         preset: Optional[str] = None,
         device: Union[None, str, int] = None,

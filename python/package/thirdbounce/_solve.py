@@ -46,7 +46,7 @@ def reconstruct(
     bins_axis: int = -1,
     photon_counts: Optional[bool] = None,
     pixels: Optional[int] = None,
-    solver: str = "vector",
+    solver: str = "surface",
     model: Optional[str] = None,
     preset: Optional[str] = None,
     pulse: Union[None, str, float, Tuple[float, float]] = None,
@@ -73,7 +73,7 @@ def reconstruct(
     bin_width, t0: width of a bin, and leading edge of bin 0, metres of path.
     photon_counts: whether counts are photon counts; None: if all are whole and none is negative.
     pixels: lateral pixels of the maps (the solver's option `lateral`).
-    solver: "vector", "paper", "surface", or a closed-form method: "lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp".
+    solver: "surface", "paper", or a closed-form method: "lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp".
     model: "cosine", "lambertian", "retroreflective", "isotropic", or "auto" to try the first three; None: as the solver does.
     preset: "synthetic" or "captured"; None: as the counts are.
     pulse: full width at half maximum, metres of path; the same and the length of the tail; "none"; "auto" to find it; None:
@@ -150,7 +150,7 @@ def _hear(progress: Optional[Hear]) -> Optional[Callable[..., Optional[bool]]]:
     return lambda *told: progress(Progress(*told))
 
 
-def options(solver: str = "vector") -> Dict[str, str]:
+def options(solver: str = "surface") -> Dict[str, str]:
     """The options of a solver, and what each is and is by default."""
     return dict(_native.options(solver))
 

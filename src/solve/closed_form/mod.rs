@@ -10,8 +10,8 @@ use std::time::Instant;
 use super::option::Options;
 use super::plan::{Demand, LeftOut, Level, Needs};
 use super::{
-    Accumulation, Beside, Common, Doing, Plan, Progress, Reconstruction, RunsOn, Sharpness, Sizes,
-    TracePoint, VolumeMap, Watch,
+    Accumulation, Common, Doing, Plan, Progress, Reconstruction, RunsOn, Sharpness, Sizes, TracePoint,
+    VolumeMap, Watch,
 };
 use crate::capture::Capture;
 use crate::gpu::{Buffer, Constant};
@@ -160,7 +160,6 @@ impl Needs for NoPasses {
             has_rim: false,
             smooth: None,
             betas: [0.0; 2],
-            lent: None,
         }
     }
 
@@ -193,13 +192,13 @@ fn in_one_step(
     grid: &Grid,
     [step, share]: [f64; 2],
     with_volume: bool,
-    beside: Beside<'_, '_>,
+    watch: &mut Watch<'_>,
     compute: impl FnOnce() -> Result<(Volume, Option<Sharpness>)>,
 ) -> Result<Reconstruction> {
     let mut point = first_point(plan, grid);
     let mut told = |point: &TracePoint, maps| {
         let progress = Progress { doing: Doing::Solve, point: *point, iterations: 1, remaining: None, maps };
-        tell(beside.watch, &progress)
+        tell(watch, &progress)
     };
     told(&point, None)?;
     let start = Instant::now();
@@ -268,7 +267,6 @@ fn solved(
         is_warm: false,
         filled: 0,
         sharpness: None,
-        noise: None,
         kernels: vec![],
         plan: plan.clone(),
     }

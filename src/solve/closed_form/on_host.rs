@@ -7,7 +7,7 @@ use super::{COUNTS, FINER, HostMethod, NoPasses, RegularScan, TOSSED, VOLUME, in
 use crate::advice::{Advice, Remedy, advice};
 use crate::capture::Capture;
 use crate::gpu::{Abilities, BufferPlan, Gpu, Place};
-use crate::solve::{Beside, Plan, Prepared, Problem, Reconstruction};
+use crate::solve::{Plan, Prepared, Problem, Reconstruction, Watch};
 use crate::transport::{Grid, Model};
 use crate::{Error, Result};
 
@@ -104,10 +104,10 @@ impl<M: HostMethod> Prepared for OnHost<M> {
         Ok(())
     }
 
-    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
+    fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         let OnHost { options, scan, grid, plan, with_volume } = self;
         let step = scan.step[0].min(scan.step[1]);
-        let done = in_one_step(plan, grid, [step, M::MASK_SHARE], *with_volume, beside, || {
+        let done = in_one_step(plan, grid, [step, M::MASK_SHARE], *with_volume, watch, || {
             let (image, fine) = (options.image(), scan.finer(options.image().upsample));
             let of = |capture: &Capture, with_background: bool| {
                 let light = scan.light(capture, with_background);

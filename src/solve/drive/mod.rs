@@ -22,7 +22,7 @@ mod watch;
 use ahead::Ahead;
 use clock::Clock;
 use reader::Reader;
-pub use watch::{Beside, Doing, Progress, Watch};
+pub use watch::{Doing, Progress, Watch};
 
 /// Adds what runs before the first iteration.
 type Start<'s> = Box<dyn Fn(&mut Schedule, &Plan) + 's>;

@@ -1,9 +1,8 @@
-//! What accompanies a solve: who hears of it, and where its counts are.
+//! Progress of a solve.
 
 use std::ops::ControlFlow;
 
 use crate::maps::Maps;
-use crate::solve::intake::LentCounts;
 use crate::solve::trace::TracePoint;
 
 /// What a caller is told while the device works.
@@ -41,18 +40,4 @@ pub struct Watch<'w> {
     pub maps_every: Option<usize>,
     /// Extract the maps after these iterations, too.
     pub maps_at: &'w [usize],
-}
-
-/// What accompanies a solve: a watch, and counts in a buffer of the caller.
-pub struct Beside<'b, 'w> {
-    /// Hears of every point of the trace.
-    pub watch: &'b mut Watch<'w>,
-    /// The counts, if they lie in a caller's buffer; else they are the capture's. For a solver that was prepared for it.
-    pub lent: Option<&'b mut LentCounts>,
-}
-
-impl<'b, 'w> From<&'b mut Watch<'w>> for Beside<'b, 'w> {
-    fn from(watch: &'b mut Watch<'w>) -> Beside<'b, 'w> {
-        Beside { watch, lent: None }
-    }
 }

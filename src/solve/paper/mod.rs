@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::drive::{Beside, Steps, drive};
+use super::drive::{Steps, Watch, drive};
 use super::on_device::OnDevice;
 use super::outline::{self, TimedSchedule};
 use super::prepared::{Planned, Prepared};
@@ -10,7 +10,6 @@ use super::result::{Reconstruction, finish};
 use super::{Plan, Problem};
 use crate::Result;
 use crate::capture::{Background, Capture};
-use crate::gpu::caller::{Lent, Moment};
 use crate::gpu::{Gpu, Schedule};
 use crate::transport::{Grid, Model, Rows};
 
@@ -66,20 +65,20 @@ fn outline_of(capture: &Capture, grid: &Grid, options: &PaperOptions) -> (Model,
     (model, rows)
 }
 
-/// Runs the solver. `beside` is a [`Watch`](super::Watch) or a [`Beside`].
+/// Runs the solver.
 ///
 /// # Errors
 /// Options, capture, memory or device do not allow the solve; the watch cancels ([`crate::Kind::Cancelled`]); a loss
 /// is not finite.
-pub fn reconstruct<'b, 'w: 'b>(
+pub fn reconstruct(
     gpu: &Gpu,
     problem: &Problem<'_>,
     options: &PaperOptions,
-    beside: impl Into<Beside<'b, 'w>>,
+    watch: &mut Watch<'_>,
 ) -> Result<Reconstruction> {
     options.check()?;
     problem.capture.check()?;
-    prepare(gpu, problem, options)?.solve(problem.capture, beside.into())
+    prepare(gpu, problem, options)?.solve(problem.capture, watch)
 }
 
 /// Prepares the solver for captures of one scan. Takes the arguments of [`reconstruct`]; the capture's counts may be
@@ -116,7 +115,7 @@ impl Prepared for PreparedPaper {
         outline::each(plan, &steps(plan, options), 0..options.iterations, &mut reserve)
     }
 
-    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
+    fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         let PreparedPaper { planned, rows, options, with_volume } = self;
         let gpu = planned.gpu().clone();
         let job = planned.made(|_| Ok(()))?;
@@ -124,12 +123,8 @@ impl Prepared for PreparedPaper {
         job.upload_counts()?;
         let plan = job.plan.clone();
         let steps = steps(&plan, options);
-        let driven = drive(&gpu, job, options.iterations, steps, beside.watch, None)?;
+        let driven = drive(&gpu, job, options.iterations, steps, watch, None)?;
         finish(job, driven, with_volume.then_some(albedo_of))
-    }
-
-    fn give(&mut self, content: &[u8], to: &Lent, done: Option<Moment>) -> Result<()> {
-        self.planned.give(content, to, done)
     }
 }
 

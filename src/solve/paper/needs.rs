@@ -28,7 +28,6 @@ impl Needs for PaperOptions {
             has_rim: self.sampling == Sampling::Continuous,
             smooth: Some([self.domain.smooth_sigma, self.domain.smooth_truncate]),
             betas: [self.beta1, self.beta2],
-            lent: None,
         }
     }
 

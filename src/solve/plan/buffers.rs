@@ -43,10 +43,6 @@ impl Plan {
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),
             (COLUMNS_HOST, columns, Place::Readback),
         ];
-        if self.demand.lent.is_some() {
-            let bytes = u64::from(TALLY_SLICES) * self.scene.all_bins as u64 * 16;
-            on_host.push((buffer::TALLY, bytes, Place::Readback));
-        }
         if with_volume {
             on_host.push((RAW_HOST, self.domain.capacity as u64 * 16, Place::Readback));
             on_host.push((MASK_HOST, self.finest().grid.storage() as u64 / 8, Place::Readback));
@@ -80,15 +76,13 @@ impl Plan {
         } else {
             super::cells(self.finest().rendered.count, self.scene.bins) as u64
         };
-        // A caller's counts lie where rendered histograms will.
-        let lent = (self.scene.pairs_of_capture() * self.demand.lent.map_or(0, |rows| rows.counts)) as u64;
         let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
         let losses = if self.scene.high_pass { losses.max(self.held() as u64) } else { losses };
         let mut all = vec![
             (buffer::WALL, if self.is_cut() { 0 } else { self.wall_bytes(self.finest()) }),
             (buffer::MEASURED, if self.is_cut() { 0 } else { self.measured_bytes() }),
-            (buffer::HISTOGRAMS, (rendered * if self.fixed_point() { 8 } else { 4 }).max(lent * 4)),
+            (buffer::HISTOGRAMS, rendered * if self.fixed_point() { 8 } else { 4 }),
             (buffer::RESIDUAL, cells * 4),
             (buffer::SAMPLE_POINTS, slots * 16),
             (buffer::SAMPLE_NORMALS, if self.scene.reflectance.has_normals() { slots * 16 } else { 0 }),
@@ -99,9 +93,6 @@ impl Plan {
             (buffer::LOSS_PARTIALS, losses * 8),
             (buffer::COLUMNS, columns),
         ];
-        if self.demand.lent.is_some() {
-            all.push((buffer::ROWS, 8 + self.scene.pairs as u64 * 4));
-        }
         if self.scene.pulse > 0 {
             all.push((buffer::SPREAD, cells * 4));
             all.push((buffer::PULSE_TAPS, (self.scene.pulse as u64 + 2) * 4));

@@ -28,15 +28,4 @@ pub struct Demand {
     pub smooth: Option<[f64; 2]>,
     /// Decays of Adam's first and second moment, if the solver runs Adam on the volume.
     pub betas: [f64; 2],
-    /// Rows of counts that may lie in a caller's buffer.
-    pub lent: Option<LentRows>,
-}
-
-/// Rows of counts in a caller's buffer, one for each pair.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct LentRows {
-    /// Counts of a row.
-    pub counts: usize,
-    /// How many neighbouring counts are one bin; those missing from the last are 0.
-    pub sum: usize,
 }

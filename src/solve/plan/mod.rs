@@ -27,7 +27,7 @@ mod spots;
 mod tuning;
 
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, UPLOAD};
-pub use demand::{Demand, LentRows};
+pub use demand::Demand;
 pub use divide::Division;
 pub use domain::Domain;
 pub use left_out::{LeftOut, mebibytes};

@@ -11,12 +11,6 @@ passes! {
     /// All shared passes, in the order in which plans list them.
     pub static ALL;
 
-    /// Sums a caller's counts over pairs.
-    TALLY = Pass { when: |p| p.demand.lent.is_some(), twin: twin!(tally), ..Pass::of("tally", |_| &kernel::TALLY) };
-
-    /// Takes a caller's counts as the measurement.
-    INTAKE = Pass { when: |p| p.demand.lent.is_some(), twin: twin!(intake), ..Pass::of("intake", |_| &kernel::INTAKE) };
-
     /// Renders the sampled points into the histograms.
     FORWARD = Pass {
         pairs: Some(Voxels::Active),

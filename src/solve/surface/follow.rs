@@ -1,11 +1,14 @@
 //! Frames that follow each other: a frame begins with the surface of the frame before.
 
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use super::SurfaceOptions;
 use super::support::{self, typical_albedo};
 use crate::maps::Maps;
 use crate::{Error, Result};
+
+/// Share of a budget after which fits end: reading and concluding the maps takes the rest.
+const FITS: f64 = 0.9;
 
 /// How a frame follows the one before.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,7 +17,8 @@ pub struct Follow {
     pub iterations: Option<usize>,
     /// A frame begins cold if the surface of the frame before explains less of its light by more than this share.
     pub cut_above: f64,
-    /// The time that a frame may take. Fits end at this time, and every frame ends with a whole picture.
+    /// The time that a frame may take, from the beginning of its solve. Fits end early enough; the closed form and at least one
+    /// block of iterations are computed in any case, so every frame ends with a whole picture.
     pub budget: Option<Duration>,
 }
 
@@ -41,6 +45,11 @@ impl Follow {
             ));
         }
         Ok(())
+    }
+
+    /// When fits end, for a frame that begins at `begun`.
+    pub(super) fn fits_until(&self, begun: Instant) -> Option<Instant> {
+        self.budget.map(|budget| begun + budget.mul_f64(FITS))
     }
 
     /// Iterations of a frame that begins warm.

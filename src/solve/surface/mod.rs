@@ -13,17 +13,15 @@
 //! A solve has three parts ([`PreparedSurface::solve`]): the closed form's layers ([`start`]), rounds of short fits on coarse
 //! pixels between which the support follows the evidence ([`support`]), and a fit at the resolution of the maps.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 use std::time::Instant;
 
 use super::drive::{Driven, Watch};
 use super::result::finish;
-use super::{
-    Beside, Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap,
-};
+use super::{Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::caller::{Lent, Moment};
 use crate::gpu::{Abilities, Gpu};
 use crate::maps::{Layer, Maps};
 use crate::transport::Grid;
@@ -157,10 +155,15 @@ pub fn prepare_for_frames(
     let scan = capture.outline();
     let problem = Problem { capture: &scan, ..*problem };
     let [coarse_iterations, iterations] = options.most_iterations();
+    let first_grid = if coarse_iterations > 0 { grid.coarser(options.factor()) } else { grid };
+    // Bins so wide that one point renders a pixel of the first fit.
+    let narrow = first_grid.pitch.x / (SMALL_PIXEL * scan.bin_width);
+    let sum = if coarse_iterations > 0 { ((narrow - 1e-6).ceil() as usize).clamp(1, scan.bins) } else { 1 };
+    let first_scan = if sum > 1 { scan.binned(sum)?.outline() } else { scan.clone() };
     let coarse = match coarse_iterations {
         0 => None,
         most => {
-            let coarse = Problem { grid: grid.coarser(options.factor()), ..problem };
+            let coarse = Problem { capture: &first_scan, grid: first_grid, ..problem };
             Some(Fit::new(gpu, &coarse, options, [0, most])?)
         }
     };
@@ -172,7 +175,9 @@ pub fn prepare_for_frames(
         grid,
         memory,
         with_volume,
-        scan: scan.clone(),
+        first_scan: first_scan.clone(),
+        first_grid,
+        sum,
         method: None,
         keeps: false,
         follow,
@@ -191,8 +196,11 @@ struct PreparedSurface {
     grid: Grid,
     memory: Option<u64>,
     with_volume: bool,
-    /// The capture without its counts.
-    scan: Capture,
+    /// The grid of the first fit.
+    first_grid: Grid,
+    /// How many bins are one for the closed form and the first fit, and the capture in these bins, without its counts.
+    sum: usize,
+    first_scan: Capture,
     /// The closed form, while everything stays allocated.
     method: Option<Start>,
     /// Everything stays allocated.
@@ -204,26 +212,20 @@ struct PreparedSurface {
 }
 
 impl PreparedSurface {
-    /// The grid of the first fit.
-    fn first_grid(&self) -> Grid {
-        if self.coarse.is_some() { self.grid.coarser(self.options.factor()) } else { self.grid }
-    }
-
     /// The closed form that initialises the surface, prepared; `None`: a plane does.
     fn first_method(&mut self, gpu: &Gpu) -> Result<Option<Start>> {
-        let problem = Problem { memory: self.memory, ..Problem::new(&self.scan, self.first_grid()) };
+        let problem = Problem { memory: self.memory, ..Problem::new(&self.first_scan, self.first_grid) };
         Start::new(gpu, &problem, &self.options)
     }
 
     /// The layers that the fits begin with.
     fn start(&mut self, gpu: &Gpu, capture: &Capture, watch: &mut Watch<'_>) -> Result<Vec<Maps>> {
-        let grid = self.first_grid();
         let iterations = self.options.most_iterations().iter().sum();
         // Its buffers are freed before those of the fits are made, unless everything stays.
         let mut own = if self.keeps { None } else { self.first_method(gpu)? };
         match self.method.as_mut().or(own.as_mut()) {
             Some(method) => method.layers(capture, iterations, watch),
-            None => Ok(vec![start::plane(capture, &grid, self.options.background)]),
+            None => Ok(vec![start::plane(capture, &self.first_grid, self.options.background)]),
         }
     }
 }
@@ -242,12 +244,12 @@ impl Prepared for PreparedSurface {
         self.fine.allocate()
     }
 
-    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
+    fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         let begun = Instant::now();
         let gpu = self.fine.planned.gpu().clone();
-        let watch = beside.watch;
-        let closed = self.start(&gpu, capture, watch)?;
-        let until = self.follow.and_then(|follow| follow.budget).map(|budget| begun + budget);
+        let wide = if self.sum > 1 { Cow::Owned(capture.binned(self.sum)?) } else { Cow::Borrowed(capture) };
+        let closed = self.start(&gpu, &wide, watch)?;
+        let until = self.follow.and_then(|follow| follow.fits_until(begun));
         // After an error the surface on the device is no frame's: the next one begins cold.
         let last = self.last.take();
         let seconds = begun.elapsed().as_secs_f64();
@@ -269,7 +271,7 @@ impl Prepared for PreparedSurface {
             None => {
                 fits.of = self.options.most_iterations().iter().sum();
                 let driven = start(&closed);
-                fits.cold(self.coarse.as_mut(), &mut self.fine, capture, closed, watch, driven)?
+                fits.cold(self.coarse.as_mut(), &mut self.fine, [&wide, capture], closed, watch, driven)?
             }
         };
         if !self.keeps {
@@ -280,10 +282,6 @@ impl Prepared for PreparedSurface {
         let job = self.fine.planned.made(|_| Ok(()))?;
         let solved = finish(job, done.driven, None)?;
         Ok(Reconstruction { volume, volume_iterations: 0, has_mask: true, is_warm, ..solved })
-    }
-
-    fn give(&mut self, content: &[u8], to: &Lent, done: Option<Moment>) -> Result<()> {
-        self.fine.planned.give(content, to, done)
     }
 }
 
@@ -311,7 +309,7 @@ impl Fits<'_> {
         &self,
         coarse: Option<&mut Fit>,
         fine: &mut Fit,
-        capture: &Capture,
+        [wide, capture]: [&Capture; 2],
         closed: Vec<Maps>,
         watch: &mut Watch<'_>,
         mut driven: Driven,
@@ -320,15 +318,17 @@ impl Fits<'_> {
         let mut grows = self.options.grow;
         let mut layers = closed.clone();
         if let Some(coarse) = coarse {
-            driven = taken(coarse, capture, driven)?;
-            (driven, grows) = self.rounds(coarse, rounds::NUMBER[0], &mut layers, watch, driven)?;
+            if !self.is_late() {
+                driven = taken(coarse, wide, driven)?;
+                (driven, grows) = self.rounds(coarse, rounds::NUMBER[0], &mut layers, watch, driven)?;
+            }
             if !grows {
                 layers = closed.clone();
             }
             layers = layers.iter().map(|maps| support::finer(maps, factor)).collect();
         }
         driven = taken(fine, capture, driven)?;
-        if grows {
+        if grows && !self.is_late() {
             let number = rounds::NUMBER[usize::from(factor > 1)];
             (driven, _) = self.rounds(fine, number, &mut layers, watch, driven)?;
         }
@@ -369,7 +369,12 @@ impl Fits<'_> {
         Ok(Done { driven, layers, explained: quality.map_or(0.0, |q| q.explained()) })
     }
 
-    /// Rounds of short fits. Returns whether the support may grow.
+    /// Whether the time for fits is over. Then only the last one is left, and that is short.
+    fn is_late(&self) -> bool {
+        self.until.is_some_and(|until| Instant::now() >= until)
+    }
+
+    /// Rounds of short fits, until the time for fits is over. Returns whether the support may grow.
     fn rounds(
         &self,
         fit: &mut Fit,
@@ -381,6 +386,10 @@ impl Fits<'_> {
         let range = fit.plan().levels.maps.depth_range().map(|z| z as f32);
         let (mut driven, mut scales) = (Some(driven), true);
         let grows = in_rounds(number, range, layers, &mut |layers| {
+            // The first round was in time.
+            if self.is_late() && !scales {
+                return Ok(None);
+            }
             let before = driven.take().expect("given back");
             let scales = std::mem::take(&mut scales);
             let run = Run { iterations: rounds::ITERATIONS, of: self.of, scales, until: self.until };
@@ -445,8 +454,11 @@ pub(crate) fn in_rounds(
     Ok(true)
 }
 
-/// The maps of fitted layers, with their mask.
-fn concluded(layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
+/// The maps of fitted layers, with their mask. Layers without a quality explain no light: nothing stays of them.
+fn concluded(mut layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
+    if quality.is_none() {
+        layers.iter_mut().for_each(|maps| (0..maps.depth.len()).for_each(|pixel| support::remove(maps, pixel)));
+    }
     let noise = quality.map_or(0.0, |q| q.noise_share()) as f32;
     let typical = support::typical_albedo(&layers).unwrap_or(0.0);
     let threshold = (support::share(support::flatness(&layers, typical)) + rounds::MASK * noise) * typical;

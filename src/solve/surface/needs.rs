@@ -50,7 +50,6 @@ impl Needs for OfFit<'_> {
             has_rim: false,
             smooth: None,
             betas: [0.0; 2],
-            lent: None,
         }
     }
 

@@ -11,7 +11,7 @@ use crate::gpu::Gpu;
 use crate::maps::{Maps, percentile};
 use crate::solve::closed_form::{FbpOptions, LctOptions};
 use crate::solve::plan::AMPLE;
-use crate::solve::{Beside, Prepared, Problem, Progress, RunsOn, Solver, TracePoint, VolumeMap, Watch};
+use crate::solve::{Prepared, Problem, Progress, RunsOn, Solver, TracePoint, VolumeMap, Watch};
 use crate::transport::Grid;
 use crate::{Error, Result};
 
@@ -79,12 +79,14 @@ impl Start {
     }
 }
 
-/// The pairs that a method takes.
+/// At most about so many pairs of a capture: a coarser scan, or pairs drawn from a list.
 fn few(capture: &Capture, pairs: Option<usize>) -> Result<Cow<'_, Capture>> {
-    Ok(match pairs {
-        Some(pairs) => Cow::Owned(capture.subset(pairs, 0)?),
-        None => Cow::Borrowed(capture),
-    })
+    let Some(pairs) = pairs else { return Ok(Cow::Borrowed(capture)) };
+    let stride = (capture.pair_count() as f64 / pairs as f64).sqrt().ceil() as usize;
+    Ok(Cow::Owned(match capture.stride(stride) {
+        Ok(coarser) => coarser,
+        Err(_) => capture.subset(pairs, 0)?,
+    }))
 }
 
 /// The closed-form method that initialises a surface on `lateral` pixels; `None`: a plane does.
@@ -134,7 +136,7 @@ fn of_method(
         (watch.hear)(&Progress { doing: progress.doing, point, iterations, remaining: None, maps: None })
     };
     let mut asking = Watch { hear: &mut ask, maps_every: None, maps_at: &[] };
-    let solved = method.solve(capture, Beside::from(&mut asking))?;
+    let solved = method.solve(capture, &mut asking)?;
     let mut first = solved.maps;
     let least = SUPPORT * first.mask_fraction.unwrap_or(Maps::MASK_FRACTION);
     let threshold = (least * f64::from(Maps::white(&first.albedo))) as f32;

@@ -5,7 +5,6 @@
 
 mod backproject;
 mod domain;
-mod intake;
 mod optimise;
 mod pulse;
 mod random;
@@ -17,7 +16,6 @@ pub use domain::{
     Column, carry, carry_doubled, compact, double_domain, extract, gaussian, initialise, initialise_raw,
     levels, rim, room, taps, threshold, threshold_raw, touched,
 };
-pub use intake::{intake, tally};
 pub use optimise::{learning_rate, noise, update};
 pub use pulse::{Way, instrument, pulse, spot};
 pub use random::random3;

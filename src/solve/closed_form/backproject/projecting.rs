@@ -19,7 +19,7 @@ use crate::capture::{Background, Capture};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
 use crate::solve::prepared::Planned;
-use crate::solve::{Beside, OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, Sharpness, upload};
+use crate::solve::{OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, Sharpness, Watch, upload};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
 use crate::{Error, Result};
@@ -309,12 +309,12 @@ impl<M: Projection> Prepared for Projecting<M> {
         Ok(())
     }
 
-    fn solve(&mut self, capture: &Capture, beside: Beside<'_, '_>) -> Result<Reconstruction> {
+    fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         // Kernels and buffers are made before the time begins.
         self.make(capture)?;
         let (plan, grid, with_volume) = (self.all.0.plan().clone(), self.grid, self.with_volume);
         let step = capture.spacing().unwrap_or(grid.pitch.x);
-        let mut done = in_one_step(&plan, &grid, [step, M::MASK_SHARE], with_volume, beside, || {
+        let mut done = in_one_step(&plan, &grid, [step, M::MASK_SHARE], with_volume, watch, || {
             self.volume(capture, step)
         })?;
         done.filled = self.scan.as_ref().map_or(0, |scan| scan.gaps.len());
