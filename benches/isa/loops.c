@@ -1,5 +1,5 @@
 // The two loops that take a solve's time, in C, so that a compiler for NVIDIA's GPUs can be asked what they become:
-// forward (glsl/forward.comp, float atomics, no private columns) and the gather of step (glsl/step.comp), both confocal,
+// forward (glsl/forward.comp, float atomics, no private columns) and the gather of a gradient (glsl/include/slope.glsl), both confocal,
 // cosine model, linear binning, flat wall, no voxel on a wall point. Functions have the names of the GLSL that they port
 // and the same operations in the same order. tests/kernels/isa.rs holds both against the float64 twins.
 //
