@@ -12,7 +12,7 @@ use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, PaperOptions, Preset, Problem, Reconstruction, SolverOptions, SurfaceOptions, compact,
+    Accumulation, PaperOptions, Preset, Problem, Reconstruction, SolverOptions, SurfaceOptions,
     default_volume, paper, surface,
 };
 use thirdbounce::transport::Grid;
@@ -92,7 +92,7 @@ fn the_papers_kernels_watch_too() {
         job.perform(&s);
         write_raw(&mut job, buffer::RAW, &raw);
         write_mask(&mut job, buffer::MASK, &domain);
-        let s = Schedule::of(|s| compact(s, &job.plan, job.plan.finest()));
+        let s = Schedule::of(|s| paper::compact(s, &job.plan, job.plan.finest()));
         job.perform(&s);
         for i in 0..2 {
             if i == 1 {

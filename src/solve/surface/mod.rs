@@ -449,7 +449,9 @@ pub(crate) fn in_rounds(
 /// The maps of fitted layers, with their mask. Layers without a quality explain no light: nothing stays of them.
 fn concluded(mut layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
     if quality.is_none() {
-        layers.iter_mut().for_each(|maps| (0..maps.depth.len()).for_each(|pixel| support::remove(maps, pixel)));
+        layers
+            .iter_mut()
+            .for_each(|maps| (0..maps.depth.len()).for_each(|pixel| support::remove(maps, pixel)));
     }
     let noise = quality.map_or(0.0, |q| q.noise_share()) as f32;
     let typical = support::typical_albedo(&layers).unwrap_or(0.0);
