@@ -138,7 +138,7 @@ fn rivals(times: usize) -> Row {
     for i in 0..times {
         let out = folder.path().join(format!("together{i}"));
         let case = || -> Held {
-            let children = peaks.map(|peak| command(&out, &["--iterations", count]).spawn());
+            let children = counts.map(|count| command(&out, &["--iterations", count]).spawn());
             for child in children {
                 let output = child.and_then(Child::wait_with_output).map_err(|e| e.to_string())?;
                 let text = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -146,8 +146,8 @@ fn rivals(times: usize) -> Row {
             }
             let report = std::fs::read(out.join("report.json")).map_err(|e| e.to_string())?;
             let report: serde_json::Value = serde_json::from_slice(&report).map_err(|e| e.to_string())?;
-            let peak = report["settings"]["peak"].as_f64().ok_or("no peak in the report")?;
-            let which = peaks.iter().position(|p| p.parse() == Ok(peak)).ok_or("another peak")?;
+            let made = report["settings"]["iterations"].to_string();
+            let which = counts.iter().position(|count| *count == made).ok_or("other iterations")?;
             let maps = std::fs::read(out.join("maps.npz")).map_err(|e| e.to_string())?;
             holds(maps == alone[which], || "the maps are not those of the report".into())?;
             let left = leftovers(&out);

@@ -112,17 +112,24 @@ fn assert_same(what: &str, short: &Reconstruction, general: &Reconstruction) {
             b.data_loss
         );
     }
-    let volumes = [short, general].map(|r| &r.volume.as_ref().expect("asked for").albedo);
+    // A surface has its albedo in one voxel of a column, and rounding may move it to the next.
+    let is_surface = short.volume_iterations == 0;
+    let values = |r: &Reconstruction| match is_surface {
+        true => r.maps.albedo.clone(),
+        false => r.volume.as_ref().expect("asked for").albedo.clone(),
+    };
+    let volumes = [short, general].map(values);
     let largest = volumes[1].iter().fold(0.0f32, |a, v| a.max(v.abs()));
     assert!(largest > 0.0, "{what}: something is there");
     let mut differ = 0;
-    for (a, b) in volumes[0].iter().zip(volumes[1]) {
+    for (a, b) in volumes[0].iter().zip(&volumes[1]) {
         // Out of reach, one side has nothing, the other its first value.
         if *a != 0.0 && (a - b).abs() > 2e-3 * largest {
             differ += 1;
         }
     }
-    assert!(differ * 500 <= volumes[0].len(), "{what}: {differ} voxels differ");
+    let most = volumes[0].len() / if is_surface { 20 } else { 500 };
+    assert!(differ <= most, "{what}: {differ} values differ");
 }
 
 #[test]

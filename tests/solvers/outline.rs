@@ -73,9 +73,9 @@ fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Ve
     let scene = Scene { scan, bin_width, ..Scene::named("letter-L").unwrap() };
     let capture = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
     let mut hear = |_: &_| std::ops::ControlFlow::Continue(());
-    let check = |done: Reconstruction, parts: Vec<TimedSchedule>| {
-        assert_known(&done.plan, &parts);
-        assert_eq!(told(&parts), ran(&gpu));
+    let check = |done: Reconstruction, parts: &[TimedSchedule]| {
+        assert_known(&done.plan, parts);
+        assert_eq!(told(parts), ran(&gpu));
     };
     let o = PaperOptions::preset(Preset::Captured).with(|o| {
         o.lateral = 16;
@@ -90,7 +90,7 @@ fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Ve
         paper::reconstruct(&gpu, &Problem::new(&capture, grid), &o, &mut unwatched(&mut hear)).unwrap();
     let parts = paper::outline(&done.plan, &o);
     assert!(parts.iter().any(|p| matches!(&p.when, When::After(times) if times.len() > 1)));
-    check(done, parts);
+    check(done, &parts);
 
     // Its number of pixels depends on the closed form, and with it the sizes of dispatches, but not their number.
     let o = SolverOptions::from(SurfaceOptions::default().with(|o| {
@@ -101,6 +101,9 @@ fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Ve
     gpu.take_recording();
     let done = o.solve(&gpu, &Problem::new(&capture, grid), &mut unwatched(&mut hear)).unwrap();
     let parts = o.outline(&done.plan);
-    check(done, parts.clone());
-    parts
+    let (start, rest): (Vec<_>, Vec<_>) = parts.into_iter().partition(|p| matches!(p.when, When::Start));
+    // It is placed before.
+    assert!(!start.is_empty());
+    check(done, &rest);
+    rest
 }

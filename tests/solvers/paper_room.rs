@@ -8,8 +8,8 @@ use fixtures::device::*;
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, NoiseTerm, OnDevice, PaperOptions, Plan, Preset, Problem, Reconstruction, compact,
-    default_volume, paper,
+    Accumulation, NoiseTerm, OnDevice, PaperOptions, Plan, Preset, Problem, Reconstruction, default_volume,
+    paper,
 };
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::twin::{self, Twin};
@@ -155,7 +155,7 @@ fn a_rim_beyond_its_room_reads_as_nothing() {
     Arc::make_mut(&mut job.plan).domain.touched_capacity = (active.len() + all.len()) / 2;
     job.upload().unwrap();
     let listed = &all[..job.plan.domain.touched_capacity];
-    let s = Schedule::of(|s| compact(s, &job.plan, job.plan.finest()));
+    let s = Schedule::of(|s| paper::compact(s, &job.plan, job.plan.finest()));
     job.perform(&s);
     let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
     assert_eq!(counts[COUNT_TOUCHED as usize] as usize, listed.len());

@@ -143,7 +143,9 @@ fn solve(gpu: &Gpu, capture: &Capture, options: impl Into<SolverOptions>) -> Rec
     let done =
         options.solve(gpu, &Problem::new(capture, grid).and_volume(), &mut unwatched(&mut hear)).unwrap();
     done.maps.check().unwrap();
-    assert!(done.trace.iter().all(|p| p.loss.is_finite() && p.data_loss.is_finite()));
+    // Closed forms have no loss.
+    let is_finite = done.trace.iter().all(|p| p.loss.is_finite() && p.data_loss.is_finite());
+    assert!(is_finite || options.is_closed_form());
     done
 }
 
@@ -227,8 +229,7 @@ fn every_kind_of_pairs_finds_the_scene() {
         let capture = rendered(&scene);
         let o = options(&capture).with(|o| o.reflectance = scene.reflectance);
         let m = figures(&solve(&gpu, &capture, o), &truth);
-        println!("{name}: {:?} {:?}", m.iou, m.depth_mae);
-        assert!(m.iou > Some(0.5) && m.depth_mae < Some(0.02), "{name}: {m:?}");
+        assert!(m.iou > Some(0.6) && m.depth_mae < Some(0.01), "{name}: {m:?}");
     }
     assert_valid(&gpu);
 }
@@ -244,9 +245,8 @@ fn the_support_follows_the_evidence() {
     assert_eq!(fixed.trace.last().unwrap().iteration, 40);
     assert!(auto.trace.last().unwrap().iteration > 40, "rounds of short fits come first");
     let [fixed, auto] = [&fixed, &auto].map(|r| figures(r, &truth));
-    println!("{:?} {:?}", fixed, auto);
-    assert!(auto.iou > Some(0.7) && auto.iou.unwrap() > fixed.iou.unwrap() - 0.02, "{fixed:?} {auto:?}");
-    assert!(auto.depth_mae.unwrap() < 0.01, "{auto:?}");
+    assert!(auto.iou > Some(0.8) && auto.iou.unwrap() > fixed.iou.unwrap() - 0.02, "{fixed:?} {auto:?}");
+    assert!(auto.depth_mae.unwrap() < 0.005, "{auto:?}");
     assert_valid(&gpu);
 }
 
@@ -261,8 +261,7 @@ fn many_pixels_begin_with_coarse_ones() {
     assert!(laterals.is_sorted() && laterals[0] == 64 && laterals[laterals.len() - 1] == 128, "{laterals:?}");
     let truth = truth(&scene("sphere"), 128).unwrap();
     let m = figures(&done, &truth);
-    println!("{m:?}");
-    assert!(m.iou > Some(0.7) && m.depth_mae < Some(0.02), "{m:?}");
+    assert!(m.iou > Some(0.75) && m.depth_mae < Some(0.01), "{m:?}");
     assert_valid(&gpu);
 }
 
@@ -379,9 +378,9 @@ fn a_large_scan_is_fitted_in_batches() {
     assert!(batches.len() > 1, "{}", batches.len());
     assert_eq!(batches.iter().map(|b| b.pairs).sum::<usize>(), level.pairs);
     assert!(batches.windows(2).all(|two| two[0].first + two[0].pairs == two[1].first));
-    let some = solve(&gpu, &capture, short(&capture).with(|o| o.pairs = 300));
+    let some = solve(&gpu, &capture, short(&capture).with(|o| o.pairs = 256));
     let used = some.plan.levels.pixels.as_ref().unwrap().pairs;
-    assert!((300..capture.pair_count()).contains(&used), "{used}");
+    assert_eq!(used, 256);
     assert!(some.plan.left_out.iter().any(|l| l.contains("of 1024 pairs")), "{:?}", some.plan.left_out);
     assert_valid(&gpu);
 }
@@ -399,8 +398,7 @@ fn an_impulse_response_is_part_of_the_model() {
     ] {
         let capture = rendered(&Scene { pulse, ..sharp.clone() });
         let m = figures(&solve(&gpu, &capture, options(&capture)), &truth);
-        println!("{name}: {:?} {:?}", m.iou, m.depth_mae);
-        assert!(m.iou > Some(0.6) && m.depth_mae < Some(0.015), "{name}: {m:?}");
+        assert!(m.iou > Some(0.65) && m.depth_mae < Some(0.01), "{name}: {m:?}");
     }
     assert_valid(&gpu);
 }
