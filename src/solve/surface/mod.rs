@@ -326,7 +326,10 @@ impl Fits<'_> {
         driven = taken(fine, capture, driven)?;
         if grows && !self.is_late() {
             let number = rounds::NUMBER[usize::from(factor > 1)];
-            (driven, _) = self.rounds(fine, number, &mut layers, watch, driven)?;
+            (driven, grows) = self.rounds(fine, number, &mut layers, watch, driven)?;
+            if !grows {
+                layers = closed.clone();
+            }
         }
         let run = Run { iterations: self.options.iterations, of: self.of, scales: true, until: self.until };
         let (mut driven, quality) = fine.run(&mut layers, run, watch, driven)?;
