@@ -10,8 +10,8 @@ import pytest
 
 import thirdbounce as tb
 
-QUICK = {"pixels": 16, "iterations": 12, "surface_iterations": 12, "deterministic": True}
-LONG = {"pixels": 64, "iterations": 100000, "stop": "never"}
+QUICK = {"pixels": 16, "iterations": 12, "deterministic": True}
+LONG = {"pixels": 64, "iterations": 100000}
 
 
 def session(capture, **more):
