@@ -176,7 +176,7 @@ fn moments_say_when_counts_are_there_and_when_they_and_the_maps_are_done() {
     buffer.write(bytemuck::cast_slice(&[f32::NAN]));
     caller.signal(after, 4);
     session.submit_lent(frame(4)).unwrap();
-    assert_error(session.wait(), Kind::Input, &["not finite"]);
+    assert_error(session.wait(), Kind::Input, &["pair 0", "bin 0", "NaN"]);
     // And the next one is solved.
     buffer.write(bytemuck::cast_slice(&counts));
     caller.signal(after, 5);

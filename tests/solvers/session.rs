@@ -198,7 +198,7 @@ fn a_session_gives_the_maps_of_the_command() {
     let maps = &session.wait().unwrap().result.maps;
     // No depth is no number, which does not equal itself: as text.
     assert!(format!("{maps:?}") == format!("{of_command:?}"));
-    assert!(maps.mask_fraction.is_none() && maps.behind.is_some() && maps.confidence.is_some());
+    assert!(maps.behind.is_some() && maps.confidence.is_some());
 }
 
 #[test]
@@ -301,7 +301,7 @@ fn a_cancelled_frame_leaves_the_session_usable() {
         let canceller = session.canceller();
         thread::spawn(move || canceller.cancel()).join().unwrap();
         drop(go_on);
-        assert_error(session.wait().map(|f| f.id), Kind::Cancelled, &["cancelled after"]);
+        assert_error(session.wait().map(|f| f.id), Kind::Cancelled, &["cancelled"]);
         assert!(session.last().is_none() && session.poll().unwrap().is_none());
         assert!(solved(&mut session, &b) == want, "{}", solver.name());
         assert_eq!(session.last().unwrap().id.0, first.0 + 1);
@@ -334,7 +334,7 @@ fn a_frame_ends_at_its_time_limit_and_when_the_caller_says_so() {
     let options = SessionOptions { hear: Some(hear), ..SessionOptions::default() };
     let mut stopped = Session::new(&gpu, &scan, None, &surface(|_| ()), options).unwrap();
     stopped.submit(&a).unwrap();
-    assert_error(stopped.wait().map(|f| f.id), Kind::Cancelled, &["cancelled after"]);
+    assert_error(stopped.wait().map(|f| f.id), Kind::Cancelled, &["cancelled"]);
     stopped.submit(&a).unwrap();
     assert_error(stopped.wait().map(|f| f.id), Kind::Device, &["frame 2", "a caller's own", "new session"]);
     assert_error(stopped.submit(&a), Kind::Device, &["a caller's own"]);
