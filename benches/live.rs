@@ -14,8 +14,7 @@ use thirdbounce::maps::Truth;
 use thirdbounce::measure::{Metrics, metrics};
 use thirdbounce::session::{Session, SessionOptions};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::vector::Follow;
-use thirdbounce::solve::{Reconstruction, SolverOptions, VectorOptions};
+use thirdbounce::solve::{Follow, Reconstruction, SolverOptions, SurfaceOptions};
 
 const FRAMES: usize = 6;
 /// Metres from frame to frame: at 5 frames a second 0, 5 and 10 cm/s.
@@ -124,22 +123,19 @@ fn table(gpu: &Gpu, side: usize, step: f64) {
         "| | warm | iterations | 10^6 evaluations | depth error, mm | normal error, deg | IoU | frames/s | \
          processor, s |\n|---|---|---|---|---|---|---|---|---|"
     );
-    let options = VectorOptions::default().with(|o| o.lateral = LATERAL);
-    let make = |options: &VectorOptions, follow| {
+    let options = SurfaceOptions::default().with(|o| o.lateral = LATERAL);
+    let make = |options: &SurfaceOptions, follow| {
         let solver: SolverOptions = options.clone().into();
         Session::new(gpu, scan, None, &solver, SessionOptions { follow, ..SessionOptions::default() })
             .expect("a session")
     };
     // The first frame of a warm session begins cold, so it counts for none.
     println!("{}", measured(&mut make(&options, None), &moments, 1).row("cold"));
-    let short = options.clone().with(|o| {
-        (o.iterations, o.surface.iterations, o.growth_iterations) = (12, 12, 2);
-        (o.domain.coarse_iterations, o.domain.reduce_every) = (3, 2);
-    });
-    println!("{}", measured(&mut make(&short, None), &moments, 1).row("cold, a fifth of the iterations"));
-    for iterations in [[4, 19], [8, 31]] {
+    let short = options.clone().with(|o| (o.iterations, o.grow) = (20, false));
+    println!("{}", measured(&mut make(&short, None), &moments, 1).row("cold, fixed support, 20"));
+    for iterations in [10, 20, 40] {
         let follow = Follow { iterations: Some(iterations), ..Follow::default() };
-        let name = format!("warm, {} + {}", iterations[0], iterations[1]);
+        let name = format!("warm, {iterations}");
         println!("{}", measured(&mut make(&options, Some(follow)), &moments, 1).row(&name));
     }
 }

@@ -11,7 +11,7 @@ use glam::{DVec3, dvec3};
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Gpu, GpuOptions, HostSpan};
 use thirdbounce::session::{Session, SessionOptions};
-use thirdbounce::solve::{SolverOptions, VectorOptions};
+use thirdbounce::solve::{SolverOptions, SurfaceOptions};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -33,7 +33,7 @@ fn main() {
     println!("| frame | whole, ms | host before the first dispatch, ms | allocations on the host | MB |");
     println!("|---|---|---|---|---|");
     for high_pass in [0.0, 0.1] {
-        let options = VectorOptions::default().with(|o| (o.lateral, o.high_pass) = (32, Some(high_pass)));
+        let options = SurfaceOptions::default().with(|o| (o.lateral, o.high_pass) = (32, Some(high_pass)));
         let solver: SolverOptions = options.into();
         let make =
             |gpu| Session::new(gpu, &scan, None, &solver, SessionOptions::default()).expect("a session");

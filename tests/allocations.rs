@@ -8,8 +8,7 @@ use glam::dvec3;
 use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::session::{Session, SessionOptions};
-use thirdbounce::solve::vector::Follow;
-use thirdbounce::solve::{PaperOptions, SolverOptions, VectorOptions};
+use thirdbounce::solve::{Follow, PaperOptions, SolverOptions, SurfaceOptions};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
@@ -66,13 +65,8 @@ fn a_later_frame_allocates_nothing_for_an_iteration() {
     let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device: `make setup` installs lavapipe");
     let plain = scan();
     let with_pulse = changed(&plain, |c| c.pulse = Pulse::gaussian(0.06).ok());
-    let vector = |iterations: usize| -> SolverOptions {
-        let options = VectorOptions::default().with(|o| {
-            (o.lateral, o.stop, o.iterations) = (16, false, iterations);
-            (o.growth_iterations, o.domain.coarse_iterations) = (10, 10);
-            o.surface.iterations = iterations / 2;
-        });
-        options.into()
+    let surface = |iterations: usize| -> SolverOptions {
+        SurfaceOptions::default().with(|o| (o.lateral, o.iterations, o.grow) = (16, iterations, false)).into()
     };
     let paper = |iterations: usize| -> SolverOptions {
         let options = PaperOptions::default().with(|o| {
@@ -81,11 +75,11 @@ fn a_later_frame_allocates_nothing_for_an_iteration() {
         });
         options.into()
     };
-    let followed = Some(Follow { iterations: Some([4, 7]), ..Follow::default() });
+    let followed = Some(Follow { iterations: Some(11), ..Follow::default() });
     for (kind, scan, [few, many], follow) in [
-        ("vector", &plain, [30, 90].map(vector), None),
-        ("vector, a pulse", &with_pulse, [30, 90].map(vector), None),
-        ("vector, frames that follow", &plain, [30, 90].map(vector), followed),
+        ("surface", &plain, [30, 90].map(surface), None),
+        ("surface, a pulse", &with_pulse, [30, 90].map(surface), None),
+        ("surface, frames that follow", &plain, [30, 90].map(surface), followed),
         ("paper", &plain, [30, 90].map(paper), None),
     ] {
         let few = of_later_frames(&gpu, scan, &few, follow);

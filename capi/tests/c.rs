@@ -92,7 +92,7 @@ fn cancels(flags: &[&str], environment: &[(&str, &str)]) {
         "nothing to wait for",
         "no-such=1",
         "1000 B are there",
-        "cancelled after",
+        "cancelled",
         "as it should be",
     ] {
         assert!(text.contains(words), "{words}: {text}");

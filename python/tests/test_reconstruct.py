@@ -37,7 +37,7 @@ def test_five_lines_reconstruct_a_capture(tmp_path):
 
 def test_maps_are_those_of_the_command_to_the_bit(tmp_path, capture, maps, command):
     capture.save(tmp_path / "z.npz")
-    options = "--model cosine --lateral 16 --iterations 12 --surface-iterations 12 --deterministic --no-preview -q"
+    options = "--model cosine --lateral 16 --iterations 12 --deterministic --no-preview -q"
     run = [command, "reconstruct", "z.npz", "--out", "out", *options.split()]
     subprocess.run(run, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
     theirs = tb.load_maps(tmp_path / "out/maps.npz")
@@ -116,7 +116,7 @@ def test_what_a_progress_function_raises_comes_back(capture):
     assert tb.reconstruct(capture, **SHORT).mask.any()
 
 
-LONG = {"model": "cosine", "pixels": 64, "iterations": 100000, "stop": "never"}
+LONG = {"model": "cosine", "pixels": 64, "iterations": 100000}
 
 
 def test_ctrl_c_stops_a_solve_soon(capture):
@@ -152,7 +152,7 @@ def test_other_threads_run_during_a_solve(capture):
         ({"iterations": 0}, tb.OptionsError, "iterations is 0"),
         ({"iterations": 2.5}, tb.OptionsError, "iterations does not take"),
         ({"nonsense": 1}, tb.OptionsError, "nonsense is no option"),
-        ({"learning_rate": 0.1}, tb.OptionsError, "learning_rate is no option of the vector"),
+        ({"learning_rate": 0.1}, tb.OptionsError, "learning_rate is no option of the surface"),
         ({"solver": "magic"}, tb.OptionsError, "solver magic is not known"),
         ({"model": "shiny"}, tb.OptionsError, "model shiny is not known"),
         ({"preset": "real"}, tb.OptionsError, "preset"),

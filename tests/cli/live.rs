@@ -12,8 +12,7 @@ use thirdbounce::live::write;
 use crate::browser::{browser, image_colours, look};
 
 /// Options that make frames quick.
-const QUICK: [&str; 8] =
-    ["--lateral", "16", "--iterations", "30", "--coarse-iterations", "5", "--surface-iterations", "12"];
+const QUICK: [&str; 4] = ["--lateral", "16", "--iterations", "30"];
 
 /// Three frames of a letter that moves.
 fn frames() -> (tempfile::TempDir, PathBuf) {

@@ -15,7 +15,8 @@ use thirdbounce::job::{Bins, Input, Request};
 use thirdbounce::session::{Session, SessionOptions, default_grid};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, PaperOptions, Preset, Problem, Progress, Reconstruction, SolverOptions, VectorOptions,
+    Accumulation, Begin, PaperOptions, Preset, Problem, Progress, Reconstruction, SolverOptions, Suit,
+    SurfaceOptions,
 };
 use thirdbounce::transport::Reflectance;
 
@@ -58,11 +59,10 @@ pub fn frames(scan: &Capture) -> [Vec<f32>; 2] {
     [frame(scan, dvec3(0.1, -0.05, 0.6)), three]
 }
 
-pub fn vector(change: impl FnOnce(&mut VectorOptions)) -> SolverOptions {
-    let options = VectorOptions::default().with(|o| {
-        (o.lateral, o.iterations, o.growth_iterations) = (24, 9, 3);
-        o.domain.coarse_iterations = 3;
-        o.surface.iterations = 5;
+/// A short fit of a fixed support, to the same bits in every run.
+pub fn surface(change: impl FnOnce(&mut SurfaceOptions)) -> SolverOptions {
+    let options = SurfaceOptions::default().with(|o| {
+        (o.lateral, o.iterations, o.grow) = (24, 9, false);
         o.accumulation = Accumulation::Repeatable;
     });
     options.with(change).into()
@@ -115,7 +115,7 @@ fn narrow_bins_are_summed_as_the_command_sums_them() {
     let gpu = gpu();
     let scan = scan(12, 0.0125);
     let [counts, _] = frames(&scan);
-    let solver = vector(|o| o.lateral = 16);
+    let solver = surface(|o| o.lateral = 16);
     let sum = solver.usual_sum(&scan, None);
     assert_eq!(sum, 3, "a pixel is 62.5 mm wide");
     let summed = changed(&scan, |c| c.histograms = counts.clone()).binned(sum).unwrap();
@@ -131,20 +131,23 @@ fn narrow_bins_are_summed_as_the_command_sums_them() {
 /// Solvers and scans that take different ways through the engine.
 fn kinds() -> Vec<(&'static str, SolverOptions, Capture)> {
     let plain = scan(8, 0.03);
-    let vector = |change: fn(&mut VectorOptions)| vector(|o| (o.lateral = 16, change(o)).1);
+    let surface = |change: fn(&mut SurfaceOptions)| surface(|o| (o.lateral = 16, change(o)).1);
     let with_pulse = changed(&plain, |c| c.pulse = Some(Pulse::gaussian(0.06).unwrap()));
     let one_laser = changed(&plain, |c| c.laser = vec![DVec3::ZERO; c.pair_count()]);
-    let lambertian =
-        |o: &mut VectorOptions| (o.reflectance, o.cosine_volume) = (Reflectance::Lambertian, true);
+    let lambertian = |o: &mut SurfaceOptions| o.reflectance = Reflectance::Lambertian;
+    let lct = SolverOptions::suited_to("lct", &Suit::of(&plain)).unwrap().with_lateral(16);
     vec![
-        ("vector", vector(|_| ()), plain.clone()),
+        ("surface", surface(|_| ()), plain.clone()),
+        ("surface, a support that grows", surface(|o| o.grow = true), plain.clone()),
+        ("surface, coarse pixels first", surface(|o| (o.grow, o.lateral) = (true, 128)), scan(8, 0.06)),
+        ("surface, a plane", surface(|o| o.begin = Begin::Plane), plain.clone()),
+        ("lct", lct, plain.clone()),
         ("paper", paper(), plain.clone()),
         ("paper, a pulse", paper(), with_pulse.clone()),
-        ("vector, a pulse, two cosines", vector(lambertian), with_pulse),
-        ("vector, a high-pass", vector(|o| o.high_pass = Some(0.2)), plain),
-        ("vector, one laser point", vector(|_| ()), one_laser),
-        ("vector, parts of the pairs", vector(|_| ()), scan(34, 0.06)),
-        ("vector, bins that levels sum", vector(|_| ()), scan(8, 0.01)),
+        ("surface, a pulse, two cosines", surface(lambertian), with_pulse),
+        ("surface, a high-pass", surface(|o| o.high_pass = Some(0.2)), plain),
+        ("surface, one laser point", surface(|_| ()), one_laser),
+        ("surface, parts of the pairs", surface(|o| o.pairs = 512), scan(34, 0.06)),
     ]
 }
 
@@ -185,11 +188,8 @@ fn a_session_gives_the_maps_of_the_command() {
     thirdbounce::capture::write(&capture, &file).unwrap();
     let input = Input { path: file, no_auto_gate: true, ..Input::default() };
     let loaded = thirdbounce::job::load(&input).unwrap();
-    let solver = vector(|o| {
-        (o.lateral, o.iterations, o.surface.pixels_per_voxel) = (32, 40, Some(1));
-        // A session looks for nothing that is not given.
-        (o.domain.coarse_iterations, o.high_pass) = (15, Some(0.1));
-    });
+    // A session estimates nothing that is not given.
+    let solver = surface(|o| (o.lateral, o.iterations, o.grow, o.high_pass) = (32, 40, true, Some(0.1)));
     let request = Request { bins: Bins::Sum(1), ..Request::new(solver.clone(), folder.path().join("out")) };
     let mut hear = |_: &Progress| ControlFlow::Continue(());
     let of_command = thirdbounce::job::run(&request, &loaded, &mut hear).unwrap().maps;
@@ -198,7 +198,7 @@ fn a_session_gives_the_maps_of_the_command() {
     let maps = &session.wait().unwrap().result.maps;
     // No depth is no number, which does not equal itself: as text.
     assert!(format!("{maps:?}") == format!("{of_command:?}"));
-    assert!(maps.mask_fraction.is_none() && maps.behind.is_some() && maps.confidence.is_some());
+    assert!(maps.behind.is_some() && maps.confidence.is_some());
 }
 
 #[test]
@@ -212,10 +212,7 @@ fn a_second_layer_comes_and_goes() {
     assert_eq!((one.t_start, one.bin_width), (two.t_start, two.bin_width));
     let padded = |h: &[f32]| (0..two.bins).map(|bin| h.get(bin).copied().unwrap_or(0.0)).collect::<Vec<_>>();
     one.histograms = one.histograms.chunks_exact(one.bins).flat_map(padded).collect();
-    let solver = vector(|o| {
-        (o.lateral, o.iterations, o.surface.pixels_per_voxel) = (32, 40, Some(1));
-        o.domain.coarse_iterations = 15;
-    });
+    let solver = surface(|o| (o.lateral, o.iterations, o.grow) = (32, 40, true));
     let scan = changed(&two, |c| c.histograms.clear());
     let done = in_turns(&gpu, "plates", &solver, &scan, &[one.histograms, two.histograms]);
     assert_eq!(done.map(|r| r.maps.behind.is_some()), [false, true, false]);
@@ -227,11 +224,11 @@ fn a_second_layer_comes_and_goes() {
 fn frames_of_wide_spots_leave_nothing_behind() {
     let gpu = gpu();
     let scan = changed(&scan(12, 0.03), |c| (c.laser_spot, c.sensor_spot) = (Some(0.08), Some(0.08)));
-    let solver = vector(|_| ());
+    let solver = surface(|_| ());
     let [a, b] = frames(&scan);
     let [of_a, of_b] = [&a, &b].map(|counts| solved(&mut session(&gpu, &scan, &solver), counts));
     let mut session = session(&gpu, &scan, &solver);
-    assert!(!session.plan().levels.spots.is_empty());
+    assert!(session.plan().levels.spots.is_some());
     for (counts, want) in [(&a, &of_a), (&b, &of_b), (&a, &of_a)] {
         assert!(solved(&mut session, counts) == *want);
     }
@@ -242,7 +239,7 @@ fn later_frames_make_nothing_on_the_device() {
     let gpu = gpu();
     let scan = scan(12, 0.03);
     let [a, b] = frames(&scan);
-    for solver in [vector(|o| o.high_pass = Some(0.2)), paper()] {
+    for solver in [surface(|o| o.high_pass = Some(0.2)), paper()] {
         let mut session = session(&gpu, &scan, &solver);
         let made = || [Point::Allocation, Point::Object].map(|point| gpu.reached(point));
         let before = made();
@@ -262,7 +259,7 @@ fn two_threads_with_a_session_each_give_the_bits_of_one_after_the_other() {
     let gpu = gpu();
     let scan = scan(12, 0.03);
     let frames = frames(&scan);
-    let solvers = [vector(|_| ()), paper()];
+    let solvers = [surface(|_| ()), paper()];
     let want = solvers.each_ref().map(|s| frames.each_ref().map(|counts| alone(&gpu, &scan, s, counts)));
     let mut sessions = solvers.each_ref().map(|solver| session(&gpu, &scan, solver));
     thread::scope(|scope| {
@@ -283,7 +280,7 @@ fn a_cancelled_frame_leaves_the_session_usable() {
     let gpu = gpu();
     let scan = scan(12, 0.03);
     let [a, b] = frames(&scan);
-    for solver in [vector(|_| ()), paper()] {
+    for solver in [surface(|_| ()), paper()] {
         let want = alone(&gpu, &scan, &solver, &b);
         let (told, heard) = channel();
         let (go_on, stays) = channel::<()>();
@@ -304,7 +301,7 @@ fn a_cancelled_frame_leaves_the_session_usable() {
         let canceller = session.canceller();
         thread::spawn(move || canceller.cancel()).join().unwrap();
         drop(go_on);
-        assert_error(session.wait().map(|f| f.id), Kind::Cancelled, &["cancelled after"]);
+        assert_error(session.wait().map(|f| f.id), Kind::Cancelled, &["cancelled"]);
         assert!(session.last().is_none() && session.poll().unwrap().is_none());
         assert!(solved(&mut session, &b) == want, "{}", solver.name());
         assert_eq!(session.last().unwrap().id.0, first.0 + 1);
@@ -324,7 +321,7 @@ fn a_frame_ends_at_its_time_limit_and_when_the_caller_says_so() {
     let [a, _] = frames(&scan);
     let limit = Some(Duration::ZERO);
     let options = SessionOptions { time_limit: limit, ..SessionOptions::default() };
-    let mut late = Session::new(&gpu, &scan, None, &vector(|_| ()), options).unwrap();
+    let mut late = Session::new(&gpu, &scan, None, &surface(|_| ()), options).unwrap();
     for _ in 0..2 {
         late.submit(&a).unwrap();
         assert_error(late.wait().map(|f| f.id), Kind::Cancelled, &["longer than its limit", "fewer"]);
@@ -335,9 +332,9 @@ fn a_frame_ends_at_its_time_limit_and_when_the_caller_says_so() {
         _ => ControlFlow::Continue(()),
     });
     let options = SessionOptions { hear: Some(hear), ..SessionOptions::default() };
-    let mut stopped = Session::new(&gpu, &scan, None, &vector(|_| ()), options).unwrap();
+    let mut stopped = Session::new(&gpu, &scan, None, &surface(|_| ()), options).unwrap();
     stopped.submit(&a).unwrap();
-    assert_error(stopped.wait().map(|f| f.id), Kind::Cancelled, &["cancelled after"]);
+    assert_error(stopped.wait().map(|f| f.id), Kind::Cancelled, &["cancelled"]);
     stopped.submit(&a).unwrap();
     assert_error(stopped.wait().map(|f| f.id), Kind::Device, &["frame 2", "a caller's own", "new session"]);
     assert_error(stopped.submit(&a), Kind::Device, &["a caller's own"]);
@@ -348,7 +345,7 @@ fn frames_that_are_no_counts_are_refused_and_the_session_goes_on() {
     let gpu = gpu();
     let scan = scan(8, 0.04);
     let [a, b] = frames(&scan);
-    let mut session = session(&gpu, &scan, &vector(|_| ()));
+    let mut session = session(&gpu, &scan, &surface(|_| ()));
     assert_error(session.wait().map(|f| f.id), Kind::Options, &["nothing to wait for"]);
     let want = solved(&mut session, &a);
     let not_finite = |value: f32| {
@@ -376,7 +373,7 @@ fn another_thread_submits_while_one_waits() {
     let gpu = gpu();
     let scan = scan(8, 0.04);
     let [counts, _] = frames(&scan);
-    let mut session = session(&gpu, &scan, &vector(|_| ()));
+    let mut session = session(&gpu, &scan, &surface(|_| ()));
     let submitter = session.submitter();
     let camera = std::thread::spawn({
         let submitter = submitter.clone();
@@ -401,7 +398,7 @@ fn sessions_that_are_dropped_leave_no_memory_behind() {
     let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device: `make setup` installs lavapipe");
     let scan = scan(4, 0.1);
     let [a, _] = frames(&scan);
-    let small = vector(|o| (o.lateral, o.iterations, o.surface.iterations) = (4, 4, 0));
+    let small = surface(|o| (o.lateral, o.iterations) = (4, 4));
     for i in 0..40 {
         let mut session = session(&gpu, &scan, &small);
         assert!(gpu.allocated() > 0);
@@ -423,11 +420,11 @@ fn a_session_refuses_what_a_solve_refuses() {
     let make = |scan: &Capture, solver: &SolverOptions| {
         Session::new(&gpu, scan, None, solver, SessionOptions::default()).map(|s| s.plan().scene.pairs)
     };
-    assert_error(make(&changed(&scan, |c| c.bins = 0), &vector(|_| ())), Kind::Input, &["no bin"]);
+    assert_error(make(&changed(&scan, |c| c.bins = 0), &surface(|_| ())), Kind::Input, &["no bin"]);
     assert_error(make(&changed(&scan, |c| c.histograms = vec![1.0]), &paper()), Kind::Input, &["1 counts"]);
-    assert_error(make(&scan, &vector(|o| o.iterations = 0)), Kind::Options, &["iterations"]);
+    assert_error(make(&scan, &surface(|o| o.iterations = 0)), Kind::Options, &["iterations"]);
     let few = SessionOptions { memory: Some(1000), ..SessionOptions::default() };
-    let refused = Session::new(&gpu, &scan, None, &vector(|_| ()), few).map(|s| s.plan().scene.pairs);
+    let refused = Session::new(&gpu, &scan, None, &surface(|_| ()), few).map(|s| s.plan().scene.pairs);
     assert_error(refused, Kind::Memory, &["budget"]);
     assert_eq!(gpu.allocated(), 0);
 }

@@ -128,6 +128,18 @@ impl Fit {
         })
     }
 
+    /// The share of the light of the counts that `layers` explain as they are, but for a common factor of their albedos.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn explains(&mut self, layers: &[Maps]) -> Result<f64> {
+        let job = self.planned.made(|_| Ok(()))?;
+        let level = job.plan.levels.pixels.expect("a fit has pixels");
+        let pixels = Pixels::of(layers, needs::pixels(&job.plan));
+        let placed = if pixels.is_empty() { None } else { place(job, &level, &pixels, 0, None)? };
+        Ok(placed.map_or(0.0, |placed| (placed.explained / (placed.explained + placed.left)).clamp(0.0, 1.0)))
+    }
+
     /// Fits the pixels of `layers`, and replaces the layers by the result. The quality is `None` if they explain no light.
     ///
     /// # Errors

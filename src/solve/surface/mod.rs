@@ -243,11 +243,11 @@ impl Prepared for PreparedSurface {
     fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         let begun = Instant::now();
         let gpu = self.fine.planned.gpu().clone();
+        // After an error or a stop the next frame begins cold.
+        let last = self.last.take();
         let wide = if self.sum > 1 { Cow::Owned(capture.binned(self.sum)?) } else { Cow::Borrowed(capture) };
         let closed = self.start(&gpu, &wide, watch)?;
         let until = self.follow.and_then(|follow| follow.fits_until(begun));
-        // After an error the surface on the device is no frame's: the next one begins cold.
-        let last = self.last.take();
         let seconds = begun.elapsed().as_secs_f64();
         let level = *self.fine.plan().finest();
         let start = |closed: &[Maps]| Driven { seconds, ..Driven::begun(closed[0].clone(), level) };
@@ -256,8 +256,13 @@ impl Prepared for PreparedSurface {
         let warm = match (self.follow, last) {
             (Some(follow), Some(last)) => {
                 fits.of = follow.wanted(&self.options);
-                let done = fits.warm(&mut self.fine, capture, &closed, &last, watch, start(&closed))?;
-                Some(done).filter(|done| done.explained > (1.0 - follow.cut_above) * last.explained)
+                let driven = taken(&mut self.fine, capture, start(&closed))?;
+                let explained = self.fine.explains(&last.layers)?;
+                if explained > (1.0 - follow.cut_above) * last.explained {
+                    Some(fits.warm(&mut self.fine, &closed, &last, watch, driven)?)
+                } else {
+                    None
+                }
             }
             _ => None,
         };
@@ -347,24 +352,25 @@ impl Fits<'_> {
     fn warm(
         &self,
         fine: &mut Fit,
-        capture: &Capture,
         closed: &[Maps],
         last: &Last,
         watch: &mut Watch<'_>,
         driven: Driven,
     ) -> Result<Done> {
-        let driven = taken(fine, capture, driven)?;
         let mut layers = follow::merged(&last.layers, closed);
         let run = Run { iterations: self.of, of: self.of, scales: true, until: self.until };
         let (mut driven, quality) = fine.run(&mut layers, run, watch, driven)?;
+        driven.maps = concluded(layers.clone(), quality);
+        // The support that the next frame begins with follows as in a round.
         if let Some(typical) = support::typical_albedo(&layers) {
+            let range = fine.plan().levels.maps.depth_range().map(|z| z as f32);
             let share = support::share(support::flatness(&layers, typical));
             for maps in &mut layers {
+                support::grow(maps, typical, range);
                 support::settle(maps, typical, share);
                 support::drop_islands(maps);
             }
         }
-        driven.maps = concluded(layers.clone(), quality);
         Ok(Done { driven, layers, explained: quality.map_or(0.0, |q| q.explained()) })
     }
 
