@@ -15,8 +15,8 @@ use thirdbounce::{Error, Result, gpu};
 use super::terminal::{print, say, say_error};
 use super::{advice, interrupt, reconstruct};
 
-/// Options of `reconstruct` that a batch does not have: a capture that was not finished begins anew.
-const NOT_HERE: [&str; 6] = ["checkpoint", "checkpoint_every", "resume", "no_preview", "open", "timings"];
+/// Options of `reconstruct` that a batch does not have.
+const NOT_HERE: [&str; 3] = ["no_preview", "open", "timings"];
 /// Arguments that do not change results.
 const NO_DIFFERENCE: [&str; 7] =
     ["capture", "out", "device", "memory", "pipeline_cache", "validation", "quiet"];

@@ -23,7 +23,10 @@ passes! {
         faults: &[Fault {
             bit: FAULT_FORWARD,
             what: "the rendered histograms",
-            mend: &advice!["use a larger " MinDepth " where voxels touch the wall, and check the capture (" [Capture] ")"],
+            mend: &advice![
+                "use a larger " MinDepth " where voxels touch the wall, or a smaller " LearningRate " of the paper solver, and \
+                 check the capture (" [Capture] ")"
+            ],
         }],
         twin: twin!(forward),
         ..Pass::of("forward", forward)
