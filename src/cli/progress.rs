@@ -57,6 +57,10 @@ impl Meter {
 
     fn show(&mut self, progress: &Progress) {
         let p = &progress.point;
+        // The closed form before a fit has no loss.
+        if p.iteration == 0 && progress.iterations > 0 {
+            return;
+        }
         let left = progress
             .remaining
             .filter(|s| *s >= 1.0)

@@ -186,7 +186,7 @@ fn info_and_devices_tell_people_and_programs() {
     let told: Value =
         serde_json::from_str(&succeed(&["info", &capture, "--lateral", "32", "--json"])).unwrap();
     assert_eq!(told["grid"][0], 32);
-    assert_eq!(told["plan"]["levels"], serde_json::json!([16, 32]));
+    assert_eq!(told["plan"]["levels"], serde_json::json!([32]));
     assert!(told["plan"]["total_bytes"].as_u64().is_some_and(|b| b > 1000));
     assert_eq!(told["capture"]["pairs"], 256);
     let devices: Value = serde_json::from_str(&succeed(&["devices", "--json"])).unwrap();

@@ -211,8 +211,8 @@ fn numbers_of_many_digits_are_one_short_error() {
     let tags = "histogram tags.csv --out o.npz --pulses-per-point 1 --zero 0 --scan";
     let compare = "benchmark z.npz --truth truth.npz --out o --foreign maps=m,hardware=h,seconds";
     for (line, code, words) in [
-        (format!("reconstruct z.npz --out o --peak {large}"), 1, "below 3e38"),
-        (format!("reconstruct z.npz --out o --peak {beyond}"), 2, "beyond all numbers"),
+        (format!("reconstruct z.npz --out o --sparsity {large}"), 1, "below 3e38"),
+        (format!("reconstruct z.npz --out o --sparsity {beyond}"), 2, "beyond all numbers"),
         (format!("reconstruct z.npz --out o --lateral {beyond}"), 2, "(400 digits)"),
         (format!("reconstruct z.npz --out o --depth-pitch {beyond}"), 2, "give a length"),
         (format!("reconstruct z.npz --out o --gate :{beyond}"), 1, "(400 digits)\" is not a length"),

@@ -112,7 +112,9 @@ fn the_profile_holds_every_kernel_with_its_figures() {
         assert_eq!(of_surface > 0.0, *solver == "surface");
         assert_eq!(number(of("finish").unwrap(), "pairs"), 0.0);
         assert!(of("finish").unwrap()["pairs_per_s"].is_null());
-        assert_eq!(number(of("finish").unwrap(), "calls"), 16.0, "one an iteration");
+        // The last pass of the surface closes an iteration by itself.
+        let closed = if *solver == "paper" { 16.0 } else { 2.0 };
+        assert_eq!(number(of("finish").unwrap(), "calls"), closed);
         assert_eq!(number(&profile["iterations"], "count"), 16.0);
     }
 }
@@ -198,7 +200,7 @@ fn the_device_is_held_against_the_twins() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("check.json");
     let text = succeed(&["profile", "--check", "--json", &file.display().to_string()]);
-    for words in ["backward", "cas", "fixed32", "extrapolate", "inversesqrt"] {
+    for words in ["backward", "cas", "fixed32", "points", "inversesqrt"] {
         assert!(text.contains(words), "{words:?} is not in\n{text}");
     }
     assert!(!text.contains("WRONG"), "{text}");
@@ -231,7 +233,7 @@ fn kernels_compile_without_a_device_to_run_them() {
         let told = json(Path::new(&file));
         let kernels = told["kernels"].as_array().unwrap();
         let of = |name: &str| kernels.iter().find(|k| k["kernel"] == name).expect("the plan has it");
-        for name in ["forward", "surface_step", "surface_gather"] {
+        for name in ["forward", "surface_gather"] {
             assert!(number(of(name), "slots") > 30.0 && text.contains(name), "{name}: {told}");
         }
         assert!(of("finish")["slots"].is_null() && number(of("finish"), "seconds") > 0.0);
@@ -269,7 +271,7 @@ fn a_driver_without_a_device_tells_of_its_kernels_and_closes() {
         assert!([32.0, 64.0].contains(&number(executable, "subgroup")), "{kernel}");
     }
     let listing =
-        std::fs::read_to_string(Path::new(&listings).join("surface_step.0.assembly.txt")).expect("a listing");
+        std::fs::read_to_string(Path::new(&listings).join("forward.0.assembly.txt")).expect("a listing");
     assert!(listing.contains("v_rsq_f32"), "{listing}");
     // It cannot compute: the checks end in an error, and the device closes.
     let check = run(&[&["profile", "--check"], &null[..]].concat());

@@ -116,7 +116,7 @@ fn a_room_too_small_is_told() {
     run(folder.path(), &[&["simulate", "letter-Z", "--out", &capture], &scan[..]].concat());
     let solve = |out: &str, more: &[&str]| {
         let out = path(out);
-        let short = ["--solver", "paper", "--lateral", "16", "--iterations", "12"];
+        let short = ["--solver", "paper", "--lateral", "16", "--iterations", "12", "--no-coarse-to-fine"];
         let said =
             run(folder.path(), &[&["reconstruct", &capture, "--out", &out], &short[..], more].concat());
         (said, json(&Path::new(&out).join("report.json")))

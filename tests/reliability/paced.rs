@@ -127,7 +127,7 @@ fn a_divided_solve_gives_the_same() {
     for (name, capture) in kinds().into_iter().filter(|(name, _)| ["confocal", "exhaustive"].contains(name)) {
         for (solver, options) in solvers(Accumulation::Fixed) {
             let (whole, few) = solved(&capture, &options, None);
-            let (parts, many) = solved(&capture, &options, Some(20_000));
+            let (parts, many) = solved(&capture, &options, Some(2_000));
             let of =
                 |r: &Reconstruction| (r.plan.forward_sets(r.plan.finest()), r.trace.last().map(|p| p.loss));
             let ((one, loss), (several, divided)) = (of(&whole), of(&parts));

@@ -18,7 +18,8 @@ passes! {
             bit: FAULT_FORWARD,
             what: "the rendered histograms",
             mend: &advice![
-                "use a larger " MinDepth " where voxels touch the wall; with the paper's solver a smaller " LearningRate
+                "use a larger " MinDepth " where voxels touch the wall, or a smaller " LearningRate " of the paper solver, and \
+                 check the capture (" [Capture] ")"
             ],
         }],
         twin: twin!(forward),

@@ -171,7 +171,7 @@ pub(crate) fn run(
     let level = job.plan.levels.pixels.expect("a fit has pixels");
     let pixels = Pixels::of(layers, needs::pixels(&job.plan));
     let begin = driven.trace.last().map_or(0, |p| p.iteration);
-    let left = if scales { None } else { Some(objective_of(job, begin - 1)) };
+    let left = (!scales && begin > 0).then(|| objective_of(job, begin - 1));
     let placed = if pixels.is_empty() { None } else { place(job, &level, &pixels, begin, left)? };
     if let Some(placed) = placed {
         let weights = weights(&job.model, &level, placed, options, iterations);
