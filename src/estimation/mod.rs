@@ -199,12 +199,19 @@ struct Tried {
     left: Option<Left>,
 }
 
+/// The sharp fit of a model, and the impulse response that its residual suggests, with the residual then.
+struct Sharp {
+    reflectance: Reflectance,
+    fitted: Fitted,
+    suggested: Option<(Shape, Left)>,
+}
+
 /// The fits of a capture.
 struct Search<'t> {
     /// One for each model, the usual one first.
     trials: Vec<Trial>,
     /// The sharp fit of each model, and the impulse response that its residual suggests.
-    sharp: Vec<(Reflectance, Fitted, Option<(Shape, Left)>)>,
+    sharp: Vec<Sharp>,
     /// Metres of path.
     bin_width: f64,
     /// The narrowest impulse response that the solve, whose bins may be narrower, models: in bins of the fits.
@@ -288,7 +295,7 @@ impl<'t> Search<'t> {
 
     /// The sharp fit of a model, and the impulse response that its residual suggests.
     fn sharp(&mut self, reflectance: Reflectance) -> Result<Option<usize>> {
-        if let Some(at) = self.sharp.iter().position(|s| s.0 == reflectance) {
+        if let Some(at) = self.sharp.iter().position(|s| s.reflectance == reflectance) {
             return Ok(Some(at));
         }
         let fitted = self.fit(reflectance, Shape::SHARP, None)?;
@@ -299,7 +306,7 @@ impl<'t> Search<'t> {
         });
         let Some(fitted) = fitted else { return Ok(None) };
         let suggested = if self.find_pulse == FindPulse::Never { None } else { self.suggested(&fitted)? };
-        self.sharp.push((reflectance, fitted, suggested));
+        self.sharp.push(Sharp { reflectance, fitted, suggested });
         Ok(Some(self.sharp.len() - 1))
     }
 
@@ -318,7 +325,7 @@ impl<'t> Search<'t> {
             return Ok(same.left.clone());
         }
         let Some(at) = self.sharp(reflectance)? else { return Ok(None) };
-        let from = self.sharp[at].1.clone();
+        let from = self.sharp[at].fitted.clone();
         let left = self.fit(reflectance, pulse, Some(&from))?.map(|fitted| fitted.left);
         self.tried.push(Tried { reflectance, pulse, left: left.clone() });
         Ok(left)
@@ -332,7 +339,7 @@ impl<'t> Search<'t> {
         let mut residuals = vec![];
         for model in &models {
             let sharp = self.sharp(*model)?.map(|at| &self.sharp[at]);
-            let best = sharp.map(|(_, fitted, suggested)| match suggested {
+            let best = sharp.map(|Sharp { fitted, suggested, .. }| match suggested {
                 Some((_, left))
                     if self.find_pulse == FindPulse::Always && left.share() < fitted.left.share() =>
                 {
@@ -377,7 +384,7 @@ impl<'t> Search<'t> {
             return Ok(false);
         }
         let wide = Shape::of(pulse::FIRST * self.bin_width, 0.0);
-        let sharp = self.sharp(reflectance)?.map(|at| self.sharp[at].1.left.clone());
+        let sharp = self.sharp(reflectance)?.map(|at| self.sharp[at].fitted.left.clone());
         let wide = self.left(reflectance, wide)?;
         Ok(sharp.zip(wide).is_some_and(|(sharp, wide)| wide.is_less(&sharp)))
     }
@@ -387,7 +394,7 @@ impl<'t> Search<'t> {
         let Some(at) = self.sharp(reflectance)? else {
             return Err(Error::input("a fit found no surface", "give the instrument's impulse response"));
         };
-        let (_, fitted, suggested) = &self.sharp[at];
+        let Sharp { fitted, suggested, .. } = &self.sharp[at];
         let (sharp, guess) = (fitted.left.clone(), suggested.as_ref().map(|s| s.0));
         let length = guess.map_or(pulse::FIRST * self.bin_width, |g| g.length());
         // The tail of the suggestion is not to be trusted: the surface has moved to compensate it.

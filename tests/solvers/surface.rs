@@ -294,8 +294,7 @@ fn captures_without_light_leave_nothing_behind() {
         let mut prepared = o.prepare(&gpu, &problem).unwrap();
         prepared.allocate().unwrap();
         let mut hear = |_: &_| ControlFlow::Continue(());
-        let mut solve =
-            |capture: &Capture| prepared.solve(capture, (&mut unwatched(&mut hear)).into()).unwrap().maps;
+        let mut solve = |capture: &Capture| prepared.solve(capture, &mut unwatched(&mut hear)).unwrap().maps;
         let first = solve(capture);
         for none in [&dark, &early] {
             let nothing = solve(none);

@@ -146,7 +146,7 @@ impl Fit {
     /// The device fails, or the watch cancels.
     pub fn run(
         &mut self,
-        layers: &mut Vec<Maps>,
+        layers: &mut [Maps],
         how: Run,
         watch: &mut Watch<'_>,
         driven: Driven,
@@ -162,7 +162,7 @@ pub(crate) fn run(
     gpu: &Gpu,
     job: &mut OnDevice,
     options: &SurfaceOptions,
-    layers: &mut Vec<Maps>,
+    layers: &mut [Maps],
     Run { iterations, of, scales, until }: Run,
     watch: &mut Watch<'_>,
     mut driven: Driven,

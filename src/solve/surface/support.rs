@@ -134,7 +134,7 @@ pub fn grow(maps: &mut Maps, typical: f32, range: [f32; 2]) {
     let has_bright = |pixel: usize| {
         around(maps, pixel, 1).any(|(o, _)| maps.depth[o].is_finite() && maps.albedo[o] >= BIRTH * typical)
     };
-    let born: Vec<(usize, (f32, f32, [f32; 3]))> = (0..maps.depth.len())
+    let born: Vec<_> = (0..maps.depth.len())
         .filter(|p| !maps.depth[*p].is_finite() && has_bright(*p))
         .filter_map(|p| Some((p, extrapolated(maps, p)?)))
         .collect();
