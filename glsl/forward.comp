@@ -63,7 +63,7 @@ void main() {
         Arm b = a;
         if (GEOMETRY == TWO_POINTS) b = arm_to(point_b, normal_b, s.xyz);
         float value = s.w * (a.falloff * b.falloff);
-        if (NORMALS) value *= shine(a, b, vector_at(slot));
+        if (NORMALS) value *= shine(a, b, normal_at(slot));
         deposit(column, row, place_of(a, b), value, run);
         if (RUNS != 0u && slot % LONGEST_RUN == 0u) flush(row, run);
     }

@@ -56,8 +56,8 @@ vec3 other_arm(vec3 there, vec3 normal, uint slot) {
     vec4 s = point_at(slot);
     Arm b = arm_to(there, normal, s.xyz);
     // The cosine model has no cosine toward the other point.
-    vec3 v = REFLECTANCE == LAMBERTIAN ? vector_at(slot) : vec3(0.0);
-    float value = part(b, v * inversesqrt(max(dot(v, v), LEAST_SQUARE)), REFLECTANCE == LAMBERTIAN);
+    vec3 own = REFLECTANCE == LAMBERTIAN ? normal_at(slot) : vec3(0.0);
+    float value = part(b, own, REFLECTANCE == LAMBERTIAN);
     return vec3(b.distance, value * s.w, b.rest);
 }
 
@@ -105,7 +105,7 @@ void main() {
         }
         for (uint slot = begin; slot < end; ++slot) {
             Arm a = arm_to(here, normal, point_at(slot).xyz);
-            float value = part(a, NORMALS ? vector_at(slot) : vec3(0.0), NORMALS);
+            float value = part(a, NORMALS ? normal_at(slot) : vec3(0.0), NORMALS);
             for (uint k = 0u; k < FORWARD_OTHERS; ++k) {
                 if (k < others) meet(a, value, other_arm(there[k], there_normal[k], slot), k, row_of(other + k, point));
             }
@@ -131,7 +131,7 @@ void main() {
         if (!owned) continue;
         for (uint i = 0u; i < held; ++i) {
             Arm a = arm_to(here, normal, point_at(block + i).xyz);
-            float value = part(a, NORMALS ? vector_at(block + i) : vec3(0.0), NORMALS);
+            float value = part(a, NORMALS ? normal_at(block + i) : vec3(0.0), NORMALS);
             for (uint k = 0u; k < FORWARD_OTHERS; ++k) {
                 if (k >= others) break;
                 float rest = FINE != 0u ? other_rests[i * FORWARD_OTHERS + k] : 0.0;

@@ -20,14 +20,13 @@ layout(std430, set = 0, binding = 6) buffer Gradient { vec4 gradient[]; };
 #include "slope.glsl"
 #include "faults.glsl"
 
-vec3 shown;         // the unit normal
 float deeper = 0.0; // d/d depth through the value at unit albedo
 float longer = 0.0; // d/d depth through the path, bins
 
 void meet(Arm a, Arm b, vec2 r) {
     slope_of(a, b, r.x);
-    float toward_a = NORMALS ? dot(shown, a.way) : 1.0;
-    float toward_b = REFLECTANCE == LAMBERTIAN ? dot(shown, b.way) : 1.0;
+    float toward_a = NORMALS ? dot(normal, a.way) : 1.0;
+    float toward_b = REFLECTANCE == LAMBERTIAN ? dot(normal, b.way) : 1.0;
     if (toward_a <= 0.0 || toward_b <= 0.0) return;
     float steep_a = a.way.z * a.inverse;
     float steep_b = b.way.z * b.inverse;
@@ -41,7 +40,7 @@ void meet(Arm a, Arm b, vec2 r) {
         factor *= a.inverse;
         powers_a += 1.0;
         value = factor * toward_a;
-        turns = -factor * shown.z;
+        turns = -factor * normal.z;
     } else if (REFLECTANCE == LAMBERTIAN) {
         float both = a.inverse * b.inverse;
         factor *= both * both;
@@ -51,7 +50,7 @@ void meet(Arm a, Arm b, vec2 r) {
         if (walls <= 0.0) return;
         float cosines = toward_a * toward_b;
         value = factor * walls * cosines;
-        turns = factor * (cosines * (a.wall_rise * b.wall + b.wall_rise * a.wall) - walls * shown.z * (toward_a + toward_b));
+        turns = factor * (cosines * (a.wall_rise * b.wall + b.wall_rise * a.wall) - walls * normal.z * (toward_a + toward_b));
     }
     float grows = powers_a * (steep_a * a.inverse) + powers_b * (steep_b * b.inverse);
     deeper += r.x * (value * grows + turns);
@@ -63,8 +62,8 @@ void main() {
     uint slot = seat.slot;
     bool owned = slot < counts[COUNT_ACTIVE];
     vec4 point = owned ? sample_points[slot] : vec4(0.0);
-    shown = NORMALS && owned ? sample_normals[slot].xyz : vec3(0.0, 0.0, -1.0);
-    vec4 sum = owned ? gather_slope(point.xyz, shown, seat.slice, seat.slices) : vec4(0.0);
+    vec3 own = NORMALS && owned ? sample_normals[slot].xyz : vec3(0.0, 0.0, -1.0);
+    vec4 sum = owned ? gather_slope(point.xyz, own, seat.slice, seat.slices) : vec4(0.0);
     deeper = point.w * (deeper + scene.bins_per_metre * longer);
     sum = together(seat, NORMALS ? vec4(sum.yzw, deeper) : vec4(sum.x, deeper, 0.0, 0.0));
     if (seat.slice != 0u || !owned) return;

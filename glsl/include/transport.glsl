@@ -68,15 +68,11 @@ Arm arm_to(vec3 point, vec3 normal, vec3 x) {
 // Product of both cosines at the wall, for Lambertian surfaces.
 float walls(Arm a, Arm b) { return a.wall * a.inverse * (b.wall * b.inverse); }
 
-// Keeps 1 / |v| finite at v = 0: about the smallest square that fp32 holds with all its bits.
-const float LEAST_SQUARE = 1e-36;
-
-// Light that a surface vector v (unit, or albedo * normal) sends to a pair, without the falloff: |v| times the cosines.
-// Zero if the surface faces away from one of the points.
-float shine(Arm a, Arm b, vec3 v) {
+// Light that a surface with this normal sends to a pair at unit albedo, without the falloff: the cosines. Zero if the surface
+// faces away from one of the points.
+float shine(Arm a, Arm b, vec3 normal) {
     if (!NORMALS) return 1.0;
-    float toward_a = max(dot(v, a.way), 0.0) * a.inverse;
+    float toward_a = max(dot(normal, a.way), 0.0) * a.inverse;
     if (REFLECTANCE == COSINE) return toward_a;
-    float toward_b = max(dot(v, b.way), 0.0) * b.inverse;
-    return walls(a, b) * toward_a * toward_b * inversesqrt(max(dot(v, v), LEAST_SQUARE));
+    return walls(a, b) * toward_a * max(dot(normal, b.way), 0.0) * b.inverse;
 }
