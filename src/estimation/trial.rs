@@ -116,7 +116,13 @@ impl Trial {
                 &mut job,
                 &self.options,
                 layers,
-                surface::Run { iterations, of: iterations, scales: std::mem::take(&mut scales), until: None },
+                surface::Run {
+                    iterations,
+                    skipped: 0,
+                    of: iterations,
+                    scales: std::mem::take(&mut scales),
+                    until: None,
+                },
                 watch,
                 before,
             )?;

@@ -72,7 +72,7 @@ fn frames_of_a_folder_are_solved_in_order() {
     assert!(output.status.success(), "{errors}");
     let lines: Vec<&str> = text.lines().filter(|l| l.starts_with("frame ")).collect();
     assert!(lines.len() == 3 && lines[0].contains(" cold ") && lines[2].contains(" warm "), "{text}");
-    assert!(errors.contains("the model of reflectance: lambertian, by trials"), "{errors}");
+    assert!(errors.contains("the model of reflectance: ") && errors.contains(", by trials"), "{errors}");
     assert!(errors.matches("error:").count() == 1 && errors.contains("frame-0001b.npz"), "{errors}");
     assert!(text.contains("3 frames of 3 solved, 0 dropped, 1 wrong; latency: median"), "{text}");
     assert!(Path::new(&out).join("maps.npz").exists());

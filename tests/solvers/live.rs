@@ -64,11 +64,10 @@ fn the_same_frame_again_is_as_good_in_a_third_of_the_iterations() {
     let mut warm = cold.clone();
     for _ in 0..2 {
         warm = solved(&mut session, &capture.histograms);
-        eprintln!("DEBUG2 {:?}", [(&cold), &warm].map(|r| (iterations(r), r.pairs, quality(r, &truth))));
         assert!(warm.is_warm);
     }
     assert!(!cold.is_warm);
-    assert!(3 * iterations(&warm) <= iterations(&cold) && 3 * warm.pairs < cold.pairs);
+    assert!(3 * iterations(&warm) <= iterations(&cold) && 4 * warm.pairs < cold.pairs);
     let [of_cold, of_warm] = [&cold, &warm].map(|r| quality(r, &truth));
     assert!(
         of_warm[0] < 1.15 * of_cold[0] + 0.1 && of_warm[1] > of_cold[1] - 0.02,
@@ -177,7 +176,6 @@ fn a_short_time_still_gives_a_whole_picture() {
     let mut last = first;
     for _ in 0..12 {
         last = solved(&mut session, &capture.histograms);
-        eprintln!("DEBUG {} {:?}", iterations(&last), quality(&last, &truth));
         assert!(last.is_warm && iterations(&last) <= 12, "{}", iterations(&last));
         assert_eq!(last.maps.nx, 32);
     }

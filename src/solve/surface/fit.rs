@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::model::{outline_of, take};
-use super::schedule::{bonds, divide, extract, iteration, render, start};
+use super::schedule::{bonds, divide, extract, later_iteration, render, start};
 use super::weights::{Placed, weights};
 use super::{Pixels, SurfaceOptions, needs, passes};
 use crate::Result;
@@ -37,6 +37,8 @@ pub(crate) struct Fit {
 pub(crate) struct Run {
     /// Iterations of this fit.
     pub iterations: usize,
+    /// Iterations of the schedule that are left out before these, of a fit that begins near its result.
+    pub skipped: usize,
     /// Iterations of the whole solve, for progress.
     pub of: usize,
     /// Whether the scale of the albedos is found first; else the fit continues one of the same scale.
@@ -163,7 +165,7 @@ pub(crate) fn run(
     job: &mut OnDevice,
     options: &SurfaceOptions,
     layers: &mut [Maps],
-    Run { iterations, of, scales, until }: Run,
+    Run { iterations, skipped, of, scales, until }: Run,
     watch: &mut Watch<'_>,
     mut driven: Driven,
 ) -> Result<(Driven, Option<Quality>)> {
@@ -174,7 +176,7 @@ pub(crate) fn run(
     let left = (!scales && begin > 0).then(|| objective_of(job, begin - 1));
     let placed = if pixels.is_empty() { None } else { place(job, &level, &pixels, begin, left)? };
     if let Some(placed) = placed {
-        let weights = weights(&job.model, &level, placed, options, iterations);
+        let weights = weights(&job.model, &level, placed, options, skipped + iterations);
         upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))?;
         upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
     }
@@ -184,7 +186,7 @@ pub(crate) fn run(
         return Ok((driven, None));
     }
     let of_layers = pixels.of_layers(layers[0].albedo.len());
-    let steps = Steps { until, ..steps(&job.plan, level, of_layers, begin, [iterations, of]) };
+    let steps = Steps { until, ..steps(&job.plan, level, of_layers, begin, [iterations, skipped, of]) };
     let driven = drive(gpu, job, begin + iterations, steps, watch, Some(driven))?;
     layers[0] = driven.maps.clone();
     if let Some(behind) = layers.get_mut(1) {
@@ -214,14 +216,14 @@ fn steps(
     level: Level,
     of_layers: [usize; 2],
     begin: usize,
-    [iterations, of]: [usize; 2],
+    [iterations, skipped, of]: [usize; 3],
 ) -> Steps<'static> {
     let count = of_layers.iter().sum();
     Steps {
         levels: vec![plan.batch(0).copied().unwrap_or(level)],
         start: Box::new(|_, _| ()),
         iteration: Box::new(move |s, plan, _, i| {
-            iteration(s, plan, &level, count, [i, i - begin, iterations])
+            later_iteration(s, plan, &level, count, [i, i - begin, iterations], skipped)
         }),
         due: Box::new(move |s, _, _, done| {
             if (done - begin).is_multiple_of(RENEW) {
@@ -243,7 +245,7 @@ fn whole(plan: &Plan, iterations: usize) -> Steps<'static> {
     let (count, begin) = (needs::pixels(plan), plan.demand.iterations[0]);
     Steps {
         start: Box::new(move |s, plan| start(s, &level, count, needs::points_of(plan))),
-        ..steps(plan, level, [count, 0], begin, [iterations, begin + iterations])
+        ..steps(plan, level, [count, 0], begin, [iterations, 0, begin + iterations])
     }
 }
 

@@ -66,6 +66,22 @@ pub(super) struct Last {
     pub explained: f64,
 }
 
+/// Pixels around a surface that grow from it, rather than from the closed form.
+const NEAR: usize = 2;
+
+/// Which pixels are near a pixel with a surface, or have one.
+fn near_surface(maps: &Maps) -> Vec<bool> {
+    let mut near = vec![false; maps.depth.len()];
+    for pixel in (0..maps.depth.len()).filter(|pixel| maps.depth[*pixel].is_finite()) {
+        let [x, y] = [pixel / maps.ny, pixel % maps.ny];
+        for x in x.saturating_sub(NEAR)..(x + NEAR + 1).min(maps.nx) {
+            let row = x * maps.ny;
+            near[row + y.saturating_sub(NEAR)..row + (y + NEAR + 1).min(maps.ny)].fill(true);
+        }
+    }
+    near
+}
+
 /// Layers to begin a frame with: those of the frame before, and the closed form's where these have no surface near it. New
 /// pixels begin with a typical albedo.
 pub(super) fn merged(last: &[Maps], closed: &[Maps]) -> Vec<Maps> {
@@ -75,8 +91,9 @@ pub(super) fn merged(last: &[Maps], closed: &[Maps]) -> Vec<Maps> {
     let (first, from) = (&mut layers[0], &closed[0]);
     let factor = first.nx / from.nx;
     let fine = support::finer(from, factor);
+    let near = near_surface(first);
     for pixel in 0..first.depth.len() {
-        if !first.depth[pixel].is_finite() && fine.depth[pixel].is_finite() {
+        if !near[pixel] && fine.depth[pixel].is_finite() {
             first.depth[pixel] = fine.depth[pixel];
             first.normal[pixel] = fine.normal[pixel];
             first.albedo[pixel] = fine.albedo[pixel] / closed_typical * typical;

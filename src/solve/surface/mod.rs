@@ -336,7 +336,7 @@ impl Fits<'_> {
                 layers = closed.clone();
             }
         }
-        let run = Run { iterations: self.options.iterations, of: self.of, scales: true, until: self.until };
+        let run = self.run(self.options.iterations, 0);
         let (mut driven, quality) = fine.run(&mut layers, run, watch, driven)?;
         let mut shown = layers.clone();
         if !grows && self.options.grow {
@@ -358,11 +358,11 @@ impl Fits<'_> {
         driven: Driven,
     ) -> Result<Done> {
         let mut layers = follow::merged(&last.layers, closed);
-        let run = Run { iterations: self.of, of: self.of, scales: true, until: self.until };
+        let run = self.run(self.of, self.options.iterations - self.of);
         let (mut driven, quality) = fine.run(&mut layers, run, watch, driven)?;
         driven.maps = concluded(layers.clone(), quality);
-        // The support that the next frame begins with follows as in a round.
-        if let Some(typical) = support::typical_albedo(&layers) {
+        // The support that the next frame begins with follows as in a round, where the fit was long enough to tell.
+        if let Some(typical) = support::typical_albedo(&layers).filter(|_| !self.is_late()) {
             let range = fine.plan().levels.maps.depth_range().map(|z| z as f32);
             let share = support::share(support::flatness(&layers, typical));
             for maps in &mut layers {
@@ -372,6 +372,11 @@ impl Fits<'_> {
             }
         }
         Ok(Done { driven, layers, explained: quality.map_or(0.0, |q| q.explained()) })
+    }
+
+    /// A fit of so many iterations, after others of its schedule that are left out.
+    fn run(&self, iterations: usize, skipped: usize) -> Run {
+        Run { iterations, skipped, of: self.of, scales: true, until: self.until }
     }
 
     /// Whether the time for fits is over. Then only the last one is left, and that is short.
@@ -397,7 +402,7 @@ impl Fits<'_> {
             }
             let before = driven.take().expect("given back");
             let scales = std::mem::take(&mut scales);
-            let run = Run { iterations: rounds::ITERATIONS, of: self.of, scales, until: self.until };
+            let run = Run { scales, ..self.run(rounds::ITERATIONS, 0) };
             let (next, quality) = fit.run(layers, run, watch, before)?;
             driven = Some(next);
             Ok(quality)

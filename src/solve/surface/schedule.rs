@@ -65,7 +65,20 @@ fn rendered(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, resid
 
 /// Iteration `i` of the whole solve (from 0), `at` of this fit, which has `all`: points, forward, weighted residual, gather,
 /// combine, pull while gradients are spread, step, for the next batch of pairs if there are batches.
-pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, [i, at, all]: [usize; 3]) {
+pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, times: [usize; 3]) {
+    later_iteration(s, plan, level, count, times, 0);
+}
+
+/// [`iteration`] of a fit that leaves the first `skipped` iterations of its schedule out: its steps are shorter.
+pub(super) fn later_iteration(
+    s: &mut Schedule,
+    plan: &Plan,
+    level: &Level,
+    count: usize,
+    [i, done, left]: [usize; 3],
+    skipped: usize,
+) {
+    let (at, all) = (skipped + done, skipped + left);
     let scene = level.scene;
     points(s, level, count);
     let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
@@ -83,7 +96,7 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, [i,
     // The step closes the iteration.
     s.dispatch(&SURFACE_STEP, own, around * pixels + turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, seen))
-        .with(unbiased(push, BETAS, at as u32 + 1));
+        .with(unbiased(push, BETAS, done as u32 + 1));
 }
 
 /// Divides the measured histograms among the batches of pairs, and sizes the passes over one of them.
