@@ -79,9 +79,9 @@ fn advice() -> Row {
         (done.status.code(), String::from_utf8_lossy(&done.stderr).into_owned())
     };
     let cases: [&[&str]; 3] = [
-        &[&capture, "--lateral", "96", "--memory", "24M"],
+        &[&capture, "--lateral", "96", "--memory", "3M"],
         &[&capture, "--lateral", "96", "--memory", "24M", "--solver", "paper"],
-        &[&capture, "--lateral", "64", "--memory", "12M"],
+        &[&capture, "--lateral", "64", "--memory", "1M"],
     ];
     // What is large in this one is its pairs, which are taken in parts.
     let (code, text) = run(&[&dense, "--lateral", "16", "--memory", "16M", "--bins", "native"]);
@@ -115,7 +115,7 @@ fn advice() -> Row {
             );
         }
     }
-    assert!(suggested >= 5, "only {suggested} options were suggested");
+    assert!(suggested >= 4, "only {suggested} options were suggested");
     row
 }
 

@@ -132,7 +132,7 @@ fn a_divided_solve_gives_the_same() {
                 |r: &Reconstruction| (r.plan.forward_sets(r.plan.finest()), r.trace.last().map(|p| p.loss));
             let ((one, loss), (several, divided)) = (of(&whole), of(&parts));
             assert!(
-                one == 1 && several > 1 && many > 2 * few,
+                one == 1 && (several > 1 || solver == "surface") && many > 2 * few,
                 "{name} {solver}: {several}, {few} and {many}"
             );
             // Gathers add up in another order.

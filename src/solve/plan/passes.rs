@@ -50,7 +50,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_RESIDUAL,
             what: "the difference from the measurement",
-            mend: &advice!["check the counts (" [Capture] ")"],
+            mend: &advice!["check the counts (" [Capture] "), or use a smaller " Peak " of the paper solver"],
         }],
         twin: twin!(residual),
         ..Pass::of("residual", residual)
