@@ -137,7 +137,7 @@ fn a_divided_solve_gives_the_same() {
             );
             // Gathers add up in another order.
             let (loss, divided) = (loss.expect("a loss"), divided.expect("a loss"));
-            assert!((divided / loss - 1.0).abs() < 1e-3, "{name} {solver}: {loss} and {divided}");
+            assert!((divided / loss - 1.0).abs() < 3e-3, "{name} {solver}: {loss} and {divided}");
         }
     }
 }
