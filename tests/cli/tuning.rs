@@ -105,32 +105,3 @@ fn sizes_that_no_device_takes_are_refused() {
         assert!(!Path::new(&out).join("report.json").exists());
     }
 }
-
-/// A domain without room for all keeps its brightest voxels, and the run says so.
-#[test]
-fn a_room_too_small_is_told() {
-    let folder = tempfile::tempdir().unwrap();
-    let path = |name: &str| folder.path().join(name).display().to_string();
-    let capture = path("z.npz");
-    let scan = ["--scan", "8", "--bin-width", "0.02", "--noise", "0.2"];
-    run(folder.path(), &[&["simulate", "letter-Z", "--out", &capture], &scan[..]].concat());
-    let solve = |out: &str, more: &[&str]| {
-        let out = path(out);
-        let short = ["--solver", "paper", "--lateral", "16", "--iterations", "12", "--no-coarse-to-fine"];
-        let said =
-            run(folder.path(), &[&["reconstruct", &capture, "--out", &out], &short[..], more].concat());
-        (said, json(&Path::new(&out).join("report.json")))
-    };
-    let most = |r: &Value| {
-        let trace = r["trace"].as_array().unwrap();
-        trace.iter().map(|p| p["active"].as_u64().unwrap()).max().unwrap()
-    };
-    let (said, wide) = solve("wide", &[]);
-    assert!(!said.contains("--room") && wide["plan"]["full"] == false, "{said}");
-    let (said, narrow) = solve("narrow", &["--room", "0.01"]);
-    assert!(said.contains("--room") && narrow["plan"]["full"] == true, "{said}");
-    let left_out = narrow["plan"]["left_out"].to_string();
-    let room =
-        left_out.split("room for ").nth(1).and_then(|t| t.split(' ').next()?.parse::<u64>().ok()).unwrap();
-    assert!(most(&narrow) <= room && most(&narrow) > 0 && most(&wide) > room, "{left_out}");
-}

@@ -127,18 +127,18 @@ fn cancelled() -> Row {
 fn rivals(times: usize) -> Row {
     let mut row = Row::new("three processes write one folder at once: the whole result of one of them");
     let folder = tempfile::tempdir().expect("a folder");
-    let counts = ["24", "12", "6"];
-    let alone: Vec<_> = counts
-        .map(|count| {
-            let out = folder.path().join(format!("alone{count}"));
-            succeed(command(&out, &["--iterations", count])).expect("a run");
+    let weights = ["0.05", "0.1", "0.2"];
+    let alone: Vec<_> = weights
+        .map(|weight| {
+            let out = folder.path().join(format!("alone{weight}"));
+            succeed(command(&out, &["--sparsity", weight])).expect("a run");
             std::fs::read(out.join("maps.npz")).expect("maps")
         })
         .into();
     for i in 0..times {
         let out = folder.path().join(format!("together{i}"));
         let case = || -> Held {
-            let children = counts.map(|count| command(&out, &["--iterations", count]).spawn());
+            let children = weights.map(|weight| command(&out, &["--sparsity", weight]).spawn());
             for child in children {
                 let output = child.and_then(Child::wait_with_output).map_err(|e| e.to_string())?;
                 let text = String::from_utf8_lossy(&output.stderr).into_owned();
@@ -146,8 +146,8 @@ fn rivals(times: usize) -> Row {
             }
             let report = std::fs::read(out.join("report.json")).map_err(|e| e.to_string())?;
             let report: serde_json::Value = serde_json::from_slice(&report).map_err(|e| e.to_string())?;
-            let made = report["settings"]["iterations"].to_string();
-            let which = counts.iter().position(|count| *count == made).ok_or("other iterations")?;
+            let made = report["settings"]["sparsity"].as_f64().ok_or("no weight in the report")?;
+            let which = weights.iter().position(|w| w.parse() == Ok(made)).ok_or("another weight")?;
             let maps = std::fs::read(out.join("maps.npz")).map_err(|e| e.to_string())?;
             holds(maps == alone[which], || "the maps are not those of the report".into())?;
             let left = leftovers(&out);

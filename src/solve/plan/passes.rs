@@ -44,7 +44,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_RESIDUAL,
             what: "the difference from the measurement",
-            mend: &advice!["check the counts (" [Capture] "); with the paper's solver use a smaller " Peak " or " LearningRate],
+            mend: &advice!["check the counts (" [Capture] "), or use a smaller " Peak " of the paper solver"],
         }],
         twin: twin!(residual),
         ..Pass::of("residual", residual)
