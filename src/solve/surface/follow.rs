@@ -92,8 +92,8 @@ pub(super) fn merged(last: &[Maps], closed: &[Maps]) -> Vec<Maps> {
     let factor = first.nx / from.nx;
     let fine = support::finer(from, factor);
     let near = near_surface(first);
-    for pixel in 0..first.depth.len() {
-        if !near[pixel] && fine.depth[pixel].is_finite() {
+    for (pixel, near) in near.into_iter().enumerate() {
+        if !near && fine.depth[pixel].is_finite() {
             first.depth[pixel] = fine.depth[pixel];
             first.normal[pixel] = fine.normal[pixel];
             first.albedo[pixel] = fine.albedo[pixel] / closed_typical * typical;
