@@ -336,18 +336,18 @@ impl<'t> Search<'t> {
     fn run(&mut self, usual: Reflectance, finds_model: bool) -> Result<(Reflectance, Option<Shape>)> {
         let models: Vec<Reflectance> =
             if finds_model { self.trials.iter().map(Trial::reflectance).collect() } else { vec![usual] };
-        let mut residuals = vec![];
+        // With the suggested impulse response, and as the choice needs it.
+        let (mut spread, mut residuals) = (vec![], vec![]);
         for model in &models {
-            let sharp = self.sharp(*model)?.map(|at| &self.sharp[at]);
-            let best = sharp.map(|Sharp { fitted, suggested, .. }| match suggested {
-                Some((_, left))
-                    if self.find_pulse == FindPulse::Always && left.share() < fitted.left.share() =>
-                {
-                    left.clone()
-                }
-                _ => fitted.left.clone(),
-            });
-            residuals.push((*model, best));
+            let Some(at) = self.sharp(*model)? else {
+                residuals.push((*model, None));
+                continue;
+            };
+            let Sharp { fitted, suggested, .. } = &self.sharp[at];
+            let less = suggested.as_ref().map(|s| &s.1).filter(|left| left.share() < fitted.left.share());
+            spread.push((*model, less.unwrap_or(&fitted.left).share()));
+            let always = self.find_pulse == FindPulse::Always;
+            residuals.push((*model, Some(less.filter(|_| always).unwrap_or(&fitted.left).clone())));
         }
         let no_surface =
             || Error::input("no fit found a surface", "name the model and the impulse response if known");
@@ -361,12 +361,11 @@ impl<'t> Search<'t> {
             return Ok((model, None));
         }
         let mut pulse = self.best_pulse(model)?;
-        let least =
-            residuals.iter().filter_map(|(_, l)| Some(l.as_ref()?.share())).fold(f64::INFINITY, f64::min);
-        residuals.retain(|(_, left)| left.as_ref().is_some_and(|l| l.share() <= HOPELESS * least));
-        if pulse != Shape::SHARP && residuals.len() > 1 {
+        let least = spread.iter().map(|(_, share)| *share).fold(f64::INFINITY, f64::min);
+        spread.retain(|(_, share)| *share <= HOPELESS * least);
+        if pulse != Shape::SHARP && spread.len() > 1 {
             let mut again = vec![];
-            for (model, _) in residuals {
+            for (model, _) in spread {
                 again.push((model, self.left(model, pulse)?));
             }
             let other = model::choose(&again).unwrap_or(model);
@@ -396,6 +395,7 @@ impl<'t> Search<'t> {
         };
         let Sharp { fitted, suggested, .. } = &self.sharp[at];
         let (sharp, guess) = (fitted.left.clone(), suggested.as_ref().map(|s| s.0));
+        let fitted = fitted.clone();
         let length = guess.map_or(pulse::FIRST * self.bin_width, |g| g.length());
         // The tail of the suggestion is not to be trusted: the surface has moved to compensate it.
         let (bin_width, narrowest) = (self.bin_width, self.narrowest);
@@ -410,15 +410,32 @@ impl<'t> Search<'t> {
         })?;
         let Some([bins, left]) = best else { return Ok(Shape::SHARP) };
         let length = bins * bin_width;
-        let best = pulse::best_tail(0.0, left, &mut |share| of(self, Shape::of(length, share), &mut second))?;
+        // Tails are compared by fits that continue one with this length: a tail moves the mean of the response.
+        let Some(from) = self.fit(reflectance, Shape::of(length, 0.0), Some(&fitted))? else {
+            return Ok(Shape::of(length, 0.0));
+        };
+        let mut of_tail = |search: &mut Self, share: f64| {
+            let pulse = Shape::of(length, share);
+            let left = search.fit(reflectance, pulse, Some(&from))?.map(|fitted| fitted.left);
+            search.tried.push(Tried { reflectance, pulse, left: left.clone() });
+            second = left.iter().chain(&second).min_by(|a, b| a.share().total_cmp(&b.share())).cloned();
+            Ok::<_, Error>(left)
+        };
+        let without = of_tail(self, 0.0)?;
+        let base = without.as_ref().map_or(left, Left::share);
+        let best =
+            pulse::best_tail(0.0, base, &mut |share| Ok(of_tail(self, share)?.map(|left| left.share())))?;
         let is_worth = |better: &Option<Left>, than: &Left| {
             let enough = |better: &Left| better.share() < (1.0 - pulse::WORTH) * than.share();
             better.as_ref().is_some_and(|better| enough(better) && better.is_less(than))
         };
-        let has_tail = first.as_ref().is_none_or(|first| is_worth(&second, first));
-        let (share, left) = if has_tail { (best, [first, second]) } else { (0.0, [first, None]) };
-        let least = left.into_iter().flatten().min_by(|a, b| a.share().total_cmp(&b.share()));
-        Ok(if is_worth(&least, &sharp) { Shape::of(length, share) } else { Shape::SHARP })
+        let has_tail = without.as_ref().is_none_or(|without| is_worth(&second, without));
+        let least = first.into_iter().chain(second).min_by(|a, b| a.share().total_cmp(&b.share()));
+        Ok(if is_worth(&least, &sharp) {
+            Shape::of(length, if has_tail { best } else { 0.0 })
+        } else {
+            Shape::SHARP
+        })
     }
 }
 
