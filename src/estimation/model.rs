@@ -62,6 +62,9 @@ impl FoundModel {
     }
 }
 
+/// A model is rejected if another leaves less than its residual by this share, and by two standard errors.
+const MARGIN: f64 = 0.1;
+
 /// From the simplest model to the one with most freedom to fit errors: without normals, with one cosine, with two. A wrong
 /// Lambertian surface gets steep skirts; a wrong simpler one loses little (benches/NOTES.md).
 const FIRST: [Reflectance; 4] =
@@ -72,7 +75,11 @@ const FIRST: [Reflectance; 4] =
 pub(super) fn choose(left: &[(Reflectance, Option<Left>)]) -> Option<Reflectance> {
     let found: Vec<(Reflectance, &Left)> = left.iter().filter_map(|(m, l)| Some((*m, l.as_ref()?))).collect();
     let least = found.iter().min_by(|a, b| a.1.share().total_cmp(&b.1.share()))?.1;
-    let is_beaten = |model: &Reflectance| found.iter().all(|f| f.0 != *model || least.is_less(f.1));
+    let is_beaten = |model: &Reflectance| {
+        found
+            .iter()
+            .all(|f| f.0 != *model || least.is_less(f.1) && least.share() < (1.0 - MARGIN) * f.1.share())
+    };
     FIRST.into_iter().find(|model| !is_beaten(model))
 }
 
@@ -92,19 +99,21 @@ mod tests {
         let of = |noise: f64| {
             choose(&[
                 (Cosine, left(5.0, 0.0)),
-                (Lambertian, left(4.9, noise)),
+                (Lambertian, left(4.4, noise)),
                 (Retroreflective, left(9.0, 0.0)),
             ])
         };
         // The standard error is an eighth of the noise.
         assert_eq!(of(0.2), Some(Lambertian));
-        assert_eq!(of(2.0), Some(Cosine), "a tenth is less than two standard errors of a quarter");
+        assert_eq!(of(4.0), Some(Cosine), "less than two standard errors of a half");
         // The best of those that are better.
         let all = [(Cosine, left(4.0, 0.1)), (Lambertian, left(3.0, 0.1)), (Retroreflective, left(5.0, 0.1))];
         assert_eq!(choose(&all), Some(Lambertian));
         // Retroreflective is beaten, cosine is within chance.
         let all = [(Cosine, left(4.0, 2.0)), (Lambertian, left(3.9, 0.0)), (Retroreflective, left(5.0, 0.0))];
         assert_eq!(choose(&all), Some(Cosine));
+        // Beyond chance, but by less than the margin.
+        assert_eq!(choose(&[(Cosine, left(5.0, 0.0)), (Lambertian, left(4.6, 0.0))]), Some(Cosine));
     }
 
     #[test]

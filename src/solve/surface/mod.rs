@@ -251,8 +251,9 @@ impl Prepared for PreparedSurface {
         let seconds = begun.elapsed().as_secs_f64();
         let level = *self.fine.plan().finest();
         let start = |closed: &[Maps]| Driven { seconds, ..Driven::begun(closed[0].clone(), level) };
+        let blends = start::is_light_cone(&self.options, &self.first_scan);
         let mut fits =
-            Fits { options: &self.options, of: self.options.most_iterations().iter().sum(), until };
+            Fits { options: &self.options, of: self.options.most_iterations().iter().sum(), blends, until };
         let warm = match (self.follow, last) {
             (Some(follow), Some(last)) => {
                 fits.of = follow.wanted(&self.options);
@@ -289,6 +290,8 @@ impl Prepared for PreparedSurface {
 /// The fits of a solve.
 struct Fits<'o> {
     options: &'o SurfaceOptions,
+    /// The closed form is the light-cone transform. A back-projection has too much haze to tell where a surface ends.
+    blends: bool,
     /// Iterations in all, at most.
     of: usize,
     /// Fits end at this time.
@@ -339,7 +342,7 @@ impl Fits<'_> {
         let run = self.run(self.options.iterations, 0);
         let (mut driven, quality) = fine.run(&mut layers, run, watch, driven)?;
         let mut shown = layers.clone();
-        if !grows && self.options.grow {
+        if !grows && self.options.grow && self.blends {
             for (fitted, first) in shown.iter_mut().zip(&closed) {
                 support::blend(fitted, &first.finer(fitted.nx / first.nx));
             }

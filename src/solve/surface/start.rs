@@ -121,6 +121,12 @@ pub(crate) fn method(
     })
 }
 
+/// Whether the light-cone transform initialises surfaces of this scan.
+pub(crate) fn is_light_cone(options: &SurfaceOptions, capture: &Capture) -> bool {
+    let method = method(options, options.lateral, capture);
+    method.is_ok_and(|method| method.is_some_and(|method| method.common().runs_on == RunsOn::Host))
+}
+
 /// The layers of a closed-form volume, with the brightest albedo 1. `watch` may cancel; it is not called for iterations.
 ///
 /// # Errors
