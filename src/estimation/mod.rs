@@ -46,6 +46,8 @@ mod constants {
     pub const ROUNDS: usize = 5;
     /// Iterations of a round, and of the fit after the rounds or with another impulse response.
     pub const ITERATIONS: [usize; 2] = [10, 20];
+    /// Iterations of fits that compare tails: these differ less than widths do.
+    pub const OF_TAIL: usize = 40;
     /// A model whose residual is this many times that of the best one, each with the impulse response that its sharp fit suggests,
     /// is not fitted again.
     pub const HOPELESS: f64 = 1.3;
@@ -282,7 +284,7 @@ impl<'t> Search<'t> {
         &mut self,
         reflectance: Reflectance,
         shape: Shape,
-        from: Option<&Fitted>,
+        from: Option<(&Fitted, usize)>,
     ) -> Result<Option<Fitted>> {
         let Search { trials, hear, known, .. } = self;
         let trial =
@@ -326,7 +328,7 @@ impl<'t> Search<'t> {
         }
         let Some(at) = self.sharp(reflectance)? else { return Ok(None) };
         let from = self.sharp[at].fitted.clone();
-        let left = self.fit(reflectance, pulse, Some(&from))?.map(|fitted| fitted.left);
+        let left = self.fit(reflectance, pulse, Some((&from, ITERATIONS[1])))?.map(|fitted| fitted.left);
         self.tried.push(Tried { reflectance, pulse, left: left.clone() });
         Ok(left)
     }
@@ -410,13 +412,10 @@ impl<'t> Search<'t> {
         })?;
         let Some([bins, left]) = best else { return Ok(Shape::SHARP) };
         let length = bins * bin_width;
-        // Tails are compared by fits that continue one with this length: a tail moves the mean of the response.
-        let Some(from) = self.fit(reflectance, Shape::of(length, 0.0), Some(&fitted))? else {
-            return Ok(Shape::of(length, 0.0));
-        };
+        // Tails differ less than widths, so their fits are longer. All continue the sharp fit: none has an advantage.
         let mut of_tail = |search: &mut Self, share: f64| {
             let pulse = Shape::of(length, share);
-            let left = search.fit(reflectance, pulse, Some(&from))?.map(|fitted| fitted.left);
+            let left = search.fit(reflectance, pulse, Some((&fitted, OF_TAIL)))?.map(|fitted| fitted.left);
             search.tried.push(Tried { reflectance, pulse, left: left.clone() });
             second = left.iter().chain(&second).min_by(|a, b| a.share().total_cmp(&b.share())).cloned();
             Ok::<_, Error>(left)

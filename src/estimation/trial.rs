@@ -86,22 +86,24 @@ impl Trial {
         [&mut self.seen, &mut self.held].into_iter().for_each(|side| side.high_pass = filter);
     }
 
-    /// Fits a surface with this impulse response, beginning with `from` or with the closed form; `None` if none is found.
+    /// Fits a surface with this impulse response, beginning with another fit, for so many iterations, or with the closed
+    /// form; `None` if none is found.
     ///
     /// # Errors
     /// The device fails, the watch cancels, or the impulse response has no taps.
     pub fn fit(
         &mut self,
         pulse: Option<&Pulse>,
-        from: Option<&Fitted>,
+        from: Option<(&Fitted, usize)>,
         watch: &mut Watch<'_>,
     ) -> Result<Option<Fitted>> {
         for side in [&mut self.seen, &mut self.held] {
             side.pulse = pulse.map(|p| p.taps(side.bin_width)).transpose()?;
         }
-        let iterations = ITERATIONS[1] + if from.is_none() { ROUNDS * ITERATIONS[0] } else { 0 };
+        let last = from.map_or(ITERATIONS[1], |from| from.1);
+        let iterations = last + if from.is_none() { ROUNDS * ITERATIONS[0] } else { 0 };
         let [plan, plan_of_held] = self.plans(iterations)?;
-        let mut layers = from.map_or_else(|| self.layers.clone(), |fitted| fitted.layers.clone());
+        let mut layers = from.map_or_else(|| self.layers.clone(), |(fitted, _)| fitted.layers.clone());
         let mut job = OnDevice::new(&self.gpu, self.seen.clone(), plan, self.memory)?;
         job.executor.run_once(|s| {
             surface::fit::cleared(s, &job.plan);
@@ -134,7 +136,7 @@ impl Trial {
             let range = self.grid.depth_range().map(|z| z as f32);
             surface::in_rounds(ROUNDS, range, &mut layers, &mut |layers| fit(layers, ITERATIONS[0]))?;
         }
-        fit(&mut layers, ITERATIONS[1])?;
+        fit(&mut layers, last)?;
         if !found {
             return Ok(None);
         }

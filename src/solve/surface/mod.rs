@@ -175,6 +175,7 @@ pub fn prepare_for_frames(
         first_grid,
         sum,
         method: None,
+        blends: start::is_light_cone(options, &first_scan),
         keeps: false,
         follow,
         last: None,
@@ -199,6 +200,8 @@ struct PreparedSurface {
     first_scan: Capture,
     /// The closed form, while everything stays allocated.
     method: Option<Start>,
+    /// The light-cone transform initialises the surface.
+    blends: bool,
     /// Everything stays allocated.
     keeps: bool,
     /// If frames follow each other.
@@ -251,7 +254,7 @@ impl Prepared for PreparedSurface {
         let seconds = begun.elapsed().as_secs_f64();
         let level = *self.fine.plan().finest();
         let start = |closed: &[Maps]| Driven { seconds, ..Driven::begun(closed[0].clone(), level) };
-        let blends = start::is_light_cone(&self.options, &self.first_scan);
+        let blends = self.blends;
         let mut fits =
             Fits { options: &self.options, of: self.options.most_iterations().iter().sum(), blends, until };
         let warm = match (self.follow, last) {
