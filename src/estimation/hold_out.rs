@@ -59,30 +59,25 @@ impl Unseen {
         rows
     }
 
-    /// The rows as they are judged: filtered ones have the weights of the objective, as by these the filter is symmetric.
-    fn judged(&self, rows: &[f64]) -> Vec<f64> {
-        if self.high_pass.is_some() { self.weighted(rows) } else { rows.to_vec() }
-    }
-
     /// Of pulses for what was rendered with sharp paths, the one that leaves the least ([`Rows::best`]), and what it leaves.
     pub fn spread(&self, pulses: &[PulseTaps]) -> Option<(usize, Left)> {
         let rendered: Vec<f64> = self.rows[0].iter().zip(&self.rows[1]).map(|(d, m)| m + d).collect();
-        let [rendered, measured] = [&rendered, &self.rows[1]].map(|rows| self.judged(rows));
+        let [rendered, measured] = [&rendered, &self.rows[1]].map(|rows| self.weighted(rows));
         let rows = Rows { rendered: &rendered, measured: &measured, bins: self.roots.len().max(1) };
         let (at, pairs) = rows.best(pulses)?;
         Some((at, Left { pairs, noise: self.noise_left() }))
     }
 
-    /// Squared differences of all pairs that photon noise alone makes, as they are judged. 0 if it is not known.
+    /// Squared differences of all pairs that photon noise alone makes.
     fn noise_left(&self) -> f64 {
         let (cells, bins) = (self.rows[0].len() as f64, self.roots.len());
-        self.high_pass.map_or(0.0, |f| self.noise * cells * f.of_noise(bins, self.bin_width))
+        self.noise * cells * self.high_pass.map_or(1.0, |f| f.of_noise(bins, self.bin_width))
     }
 
     /// Squares of each pair.
     pub fn left(&self) -> Left {
         let bins = self.roots.len().max(1);
-        let rows = self.rows.each_ref().map(|rows| self.judged(rows));
+        let rows = self.rows.each_ref().map(|rows| self.weighted(rows));
         let of = |row: &[f64]| row.iter().map(|v| v * v).sum::<f64>();
         let pairs = rows[0].chunks(bins).zip(rows[1].chunks(bins)).map(|(d, m)| [of(d), of(m)]).collect();
         Left { pairs, noise: self.noise_left() }
@@ -109,6 +104,11 @@ impl Left {
     /// The share of the squares that is left.
     pub fn share(&self) -> f64 {
         self.pairs.iter().map(|p| p[0]).sum::<f64>() / self.squares()
+    }
+
+    /// The share of the squares that is left beyond photon noise.
+    pub fn excess(&self) -> f64 {
+        ((self.pairs.iter().map(|p| p[0]).sum::<f64>() - self.noise) / self.squares()).max(0.0)
     }
 
     fn squares(&self) -> f64 {
