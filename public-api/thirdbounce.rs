@@ -56,6 +56,15 @@ pub enum Feed {
 impl std::str::FromStr for Feed {
     type Err = Error;
 }
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Format {
+    F32,
+    U32,
+    U16,
+}
+impl Format {
+    pub fn bytes_of(self, counts: usize) -> u64 {}
+}
 #[derive(Debug, Clone)]
 pub struct Frame {
     pub id: FrameId,
@@ -73,6 +82,13 @@ pub struct Latency {
     pub p90: Duration,
     pub p99: Duration,
     pub frames_per_second: f64,
+}
+#[derive(Clone)]
+pub struct LentCounts {
+    pub counts: Lent,
+    pub format: Format,
+    pub after: Option<Moment>,
+    pub taken: Option<Moment>,
 }
 #[derive(Clone)]
 pub struct LentFrame {
@@ -139,36 +155,19 @@ impl From<f64> for OptionValue {}
 impl From<bool> for OptionValue {}
 impl From<&str> for OptionValue {}
 impl fmt::Display for OptionValue {}
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Follow {
-    pub iterations: Option<[usize; 2]>,
-    pub grow_above: f64,
-    pub cut_above: f64,
-    pub budget: Option<Duration>,
-}
-impl Default for Follow {}
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Doing {
     Preview,
     Trial,
     Solve,
 }
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Format {
-    F32,
-    U32,
-    U16,
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Follow {
+    pub iterations: Option<usize>,
+    pub cut_above: f64,
+    pub budget: Option<Duration>,
 }
-impl Format {
-    pub fn bytes_of(self, counts: usize) -> u64 {}
-}
-#[derive(Clone)]
-pub struct LentCounts {
-    pub counts: Lent,
-    pub format: Format,
-    pub after: Option<Moment>,
-    pub taken: Option<Moment>,
-}
+impl Default for Follow {}
 #[derive(Debug, Clone)]
 pub struct Progress {
     pub doing: Doing,

@@ -1,6 +1,6 @@
 //! Estimates of what the user leaves open: the high-pass of the objective, how surfaces reflect, and the instrument's impulse
-//! response. Short surface fits of [`LATERAL`] pixels compare the hypotheses on pairs that they have not seen, in the domain that
-//! the solve minimises. Of hypotheses that cannot be told apart the simplest is chosen.
+//! response. Short surface fits of 64 lateral pixels compare the hypotheses on pairs that they have not seen, in the domain that
+//! the solve minimises. Where hypotheses cannot be told apart, a fixed order decides.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;

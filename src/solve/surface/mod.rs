@@ -10,8 +10,8 @@
 //! and have similar albedos, weighted by what the fit leaves of the data. Adam minimises it; its gradients are averaged over their
 //! surroundings at first, and iterations take batches of the pairs in turns.
 //!
-//! A solve has three parts ([`PreparedSurface::solve`]): the closed form's layers ([`start`]), rounds of short fits on coarse
-//! pixels between which the support follows the evidence ([`support`]), and a fit at the resolution of the maps.
+//! A solve has three parts: the closed form's layers (`start.rs`), rounds of short fits on coarse
+//! pixels between which the support follows the evidence (`support.rs`), and a fit at the resolution of the maps.
 
 use std::borrow::Cow;
 use std::sync::Arc;
