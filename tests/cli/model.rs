@@ -84,7 +84,7 @@ fn trials_find_how_a_surface_reflects() {
         assert_eq!(models, ["cosine", "lambertian", "retroreflective", reflectance]);
         assert!(settings["pulse_found"].is_null(), "paths are sharp: {said}");
         let own = tried.iter().find(|t| t.0 == reflectance).unwrap().1;
-        assert!(tried.iter().all(|t| t.1 >= 0.98 * own && t.1 < 1.0), "{tried:?}");
+        assert!(tried[..3].iter().all(|t| t.1 >= 0.98 * own && t.1 < 1.0), "{tried:?}");
         // The trials are part of the time.
         let trials = settings["trials_s"].as_f64().unwrap();
         let trace = report["trace"].as_array().unwrap();
