@@ -183,6 +183,6 @@ def test_wrong_counts_are_told(capture):
 
 
 def test_options_and_devices_are_listed():
-    assert "roughness" in tb.options() and "learning_rate" in tb.options("paper")
+    assert "sparsity" in tb.options() and "learning_rate" in tb.options("paper")
     devices = tb.devices()
     assert devices and {"index", "name", "kind", "memory", "driver"} <= set(devices[0])
