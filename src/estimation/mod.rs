@@ -10,6 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
+use crate::maps::Maps;
 use crate::solve::{
     Discretisation, Doing, Progress, Ready, SolverOptions, SurfaceOptions, Watch, default_volume,
 };
@@ -284,7 +285,7 @@ impl<'t> Search<'t> {
         &mut self,
         reflectance: Reflectance,
         shape: Shape,
-        from: Option<(&Fitted, usize)>,
+        from: Option<(&[Maps], usize)>,
     ) -> Result<Option<Fitted>> {
         let Search { trials, hear, known, .. } = self;
         let trial =
@@ -327,7 +328,7 @@ impl<'t> Search<'t> {
             return Ok(same.left.clone());
         }
         let Some(at) = self.sharp(reflectance)? else { return Ok(None) };
-        let from = self.sharp[at].fitted.clone();
+        let from = self.sharp[at].fitted.layers.clone();
         let left = self.fit(reflectance, pulse, Some((&from, ITERATIONS[1])))?.map(|fitted| fitted.left);
         self.tried.push(Tried { reflectance, pulse, left: left.clone() });
         Ok(left)
@@ -397,7 +398,7 @@ impl<'t> Search<'t> {
         };
         let Sharp { fitted, suggested, .. } = &self.sharp[at];
         let (sharp, guess) = (fitted.left.clone(), suggested.as_ref().map(|s| s.0));
-        let fitted = fitted.clone();
+        let from = fitted.layers.clone();
         let length = guess.map_or(pulse::FIRST * self.bin_width, |g| g.length());
         // The tail of the suggestion is not to be trusted: the surface has moved to compensate it.
         let (bin_width, narrowest) = (self.bin_width, self.narrowest);
@@ -415,7 +416,7 @@ impl<'t> Search<'t> {
         // Tails differ less than widths, so their fits are longer. All continue the sharp fit: none has an advantage.
         let mut of_tail = |search: &mut Self, share: f64| {
             let pulse = Shape::of(length, share);
-            let left = search.fit(reflectance, pulse, Some((&fitted, OF_TAIL)))?.map(|fitted| fitted.left);
+            let left = search.fit(reflectance, pulse, Some((&from, OF_TAIL)))?.map(|fitted| fitted.left);
             search.tried.push(Tried { reflectance, pulse, left: left.clone() });
             second = left.iter().chain(&second).min_by(|a, b| a.share().total_cmp(&b.share())).cloned();
             Ok::<_, Error>(left)

@@ -94,7 +94,7 @@ impl Trial {
     pub fn fit(
         &mut self,
         pulse: Option<&Pulse>,
-        from: Option<(&Fitted, usize)>,
+        from: Option<(&[Maps], usize)>,
         watch: &mut Watch<'_>,
     ) -> Result<Option<Fitted>> {
         for side in [&mut self.seen, &mut self.held] {
@@ -103,7 +103,7 @@ impl Trial {
         let last = from.map_or(ITERATIONS[1], |from| from.1);
         let iterations = last + if from.is_none() { ROUNDS * ITERATIONS[0] } else { 0 };
         let [plan, plan_of_held] = self.plans(iterations)?;
-        let mut layers = from.map_or_else(|| self.layers.clone(), |(fitted, _)| fitted.layers.clone());
+        let mut layers = from.map_or_else(|| self.layers.clone(), |(layers, _)| layers.to_vec());
         let mut job = OnDevice::new(&self.gpu, self.seen.clone(), plan, self.memory)?;
         job.executor.run_once(|s| {
             surface::fit::cleared(s, &job.plan);

@@ -172,14 +172,6 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
             request.solver.common().iterations[0]
         ));
     }
-    if solved.surface_left {
-        notes.push(
-            "a surface explains the data far worse than the volume, for example if three objects lie behind each other: \
-             the maps are those of the volume (with 0 iterations of the surface, a run takes less time and solves \
-             the volume at the resolution of the maps)"
-                .into(),
-        );
-    }
     if let Some(behind) = &solved.maps.behind {
         notes.push(format!(
             "{} pixels have a second surface behind the first: the maps hold the nearer one, layers_* of maps.npz, \

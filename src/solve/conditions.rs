@@ -35,7 +35,7 @@ pub fn conclude(
     };
     let last = result.trace.last().map_or(0, |p| p.iteration);
     let after = |maps: &Maps, iteration: usize| {
-        let is_volume = result.surface_left || iteration <= result.volume_iterations;
+        let is_volume = iteration <= result.volume_iterations;
         // Maps of the surface's resolution may show the volume's voxels.
         let lateral = maps.nx.min(result.lateral);
         let level = result.plan.levels.volume.iter().find(|l| l.grid.n[0] == lateral);

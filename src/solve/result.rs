@@ -69,9 +69,6 @@ pub struct Reconstruction {
     /// Iterations of the volume that were done; later ones in the trace are the surface's.
     #[doc(hidden)]
     pub volume_iterations: usize,
-    /// The surface explained the data far worse than the volume: the maps are the volume's.
-    #[doc(hidden)]
-    pub surface_left: bool,
     /// The method told the mask of its maps: a share of the brightest albedo that it found.
     #[doc(hidden)]
     pub has_mask: bool,
@@ -120,7 +117,6 @@ pub(super) fn finish(
         solve_seconds: driven.seconds,
         device_bytes: job.executor.arena().bytes(),
         full,
-        surface_left: false,
         has_mask: false,
         is_warm: false,
         filled: 0,

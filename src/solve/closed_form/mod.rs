@@ -262,7 +262,6 @@ fn solved(
         full: false,
         lateral: grid.n[0],
         volume_iterations: 1,
-        surface_left: false,
         has_mask: true,
         is_warm: false,
         filled: 0,

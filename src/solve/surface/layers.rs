@@ -9,6 +9,7 @@ use std::collections::BTreeMap;
 
 use super::pixels::white;
 use crate::maps::{Layer, Maps};
+use crate::solve::plan::AMPLE;
 
 /// Share of white that a first surface's albedo must have.
 const SUPPORT: f32 = 0.1;
@@ -19,8 +20,13 @@ const SUPPORT: f32 = 0.1;
 const SHARE: f32 = 0.2;
 const MEAN_SHARE: f32 = 0.4;
 
-/// Two sheets that share fewer columns do not count, cells of the scan.
-pub const LEAST_CELLS: f64 = 4.0;
+/// Two sheets that share fewer columns do not count, cells of a grid of [`AMPLE`] lateral voxels.
+const LEAST_CELLS: f64 = 4.0;
+
+/// [`LEAST_CELLS`] in columns of maps of `nx` pixels.
+pub fn least_columns(nx: usize) -> f64 {
+    LEAST_CELLS * (nx as f64 / AMPLE as f64).powi(2)
+}
 
 /// Slope between neighbouring columns of a sheet, at most.
 const EDGE: f32 = 2.5;

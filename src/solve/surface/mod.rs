@@ -481,10 +481,7 @@ fn concluded(mut layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
     let typical = support::typical_albedo(&layers).unwrap_or(0.0);
     let threshold = (support::share(support::flatness(&layers, typical)) + rounds::MASK * noise) * typical;
     let mut maps = match <[Maps; 2]>::try_from(layers) {
-        Ok(both) => {
-            let least = layers::LEAST_CELLS * (both[0].nx as f64 / super::plan::AMPLE as f64).powi(2);
-            layers::merge(&both, least)
-        }
+        Ok(both) => layers::merge(&both, layers::least_columns(both[0].nx)),
         Err(mut one) => one.swap_remove(0),
     };
     maps.mask = support::smoothed(&maps, typical).iter().map(|a| *a > threshold && typical > 0.0).collect();

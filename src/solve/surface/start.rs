@@ -3,14 +3,13 @@
 use std::borrow::Cow;
 use std::ops::ControlFlow;
 
-use super::layers::{LEAST_CELLS, split};
+use super::layers::{least_columns, split};
 use super::support::remove;
 use super::{Begin, SurfaceOptions};
 use crate::capture::{Background, Capture};
 use crate::gpu::Gpu;
 use crate::maps::{Maps, percentile};
 use crate::solve::closed_form::{FbpOptions, LctOptions};
-use crate::solve::plan::AMPLE;
 use crate::solve::{Prepared, Problem, Progress, RunsOn, Solver, TracePoint, VolumeMap, Watch};
 use crate::transport::Grid;
 use crate::{Error, Result};
@@ -161,8 +160,7 @@ fn of_method(
             }
         }
     }
-    let least = LEAST_CELLS * (first.nx as f64 / AMPLE as f64).powi(2);
-    let layers = second.and_then(|second| split(&first, &second, least));
+    let layers = second.and_then(|second| split(&first, &second, least_columns(first.nx)));
     Ok(layers.map_or_else(|| vec![first], Vec::from))
 }
 
