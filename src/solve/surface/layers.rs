@@ -20,10 +20,10 @@ const SUPPORT: f32 = 0.1;
 const SHARE: f32 = 0.2;
 const MEAN_SHARE: f32 = 0.4;
 
-/// Two sheets that share fewer columns do not count, cells of a grid of [`AMPLE`] lateral voxels.
+/// Two sheets that share fewer columns do not count. In cells of a grid of [`AMPLE`] lateral voxels.
 const LEAST_CELLS: f64 = 4.0;
 
-/// [`LEAST_CELLS`] in columns of maps of `nx` pixels.
+/// The fewest columns that two sheets share, at maps of `nx` pixels.
 pub fn least_columns(nx: usize) -> f64 {
     LEAST_CELLS * (nx as f64 / AMPLE as f64).powi(2)
 }
