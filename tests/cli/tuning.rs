@@ -87,7 +87,7 @@ fn sizes_that_no_device_takes_are_refused() {
     command::succeed(&[&["simulate", "plane", "--out", &capture], &scan[..]].concat());
     for (sizes, code, words) in [
         ("lanes", 1, "no size"),
-        ("width=3", 2, "no size"),
+        ("width=3", 1, "no size"),
         ("lanes=0", 1, "lanes is 0"),
         ("voxels=65536,slices=65537", 1, "voxels times slices"),
         ("lanes=1000000", 1, "more invocations"),
