@@ -1,4 +1,4 @@
-/* thirdbounce: reconstructs what is behind a corner. Written by `make header` from capi/src; docs/guide/embedding.md explains it. */
+/* thirdbounce: reconstructs what is behind a corner. Written by `make header` from capi/src; docs/rust-c-vulkan.md explains it. */
 
 #ifndef THIRDBOUNCE_H
 #define THIRDBOUNCE_H

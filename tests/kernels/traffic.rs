@@ -1,4 +1,4 @@
-//! The model of memory traffic on real solves (docs/gpu.md): the orderings that the kernels' order of work was chosen by, and a
+//! The model of memory traffic on real solves (docs/devices.md): the orderings that the kernels' order of work was chosen by, and a
 //! table.
 
 use std::ops::ControlFlow;
@@ -133,7 +133,7 @@ fn options(lateral: usize, iterations: usize) -> SurfaceOptions {
     })
 }
 
-/// What the orders of lists and the sizes of chunks were chosen by (docs/gpu.md), on a small solve.
+/// What the orders of lists and the sizes of chunks were chosen by (docs/devices.md), on a small solve.
 #[test]
 fn lists_keep_neighbours_together() {
     let solved = solved(&simulated("figure", 16, 0.01), options(128, 4).with(|o| o.grow = false));
