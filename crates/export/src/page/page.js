@@ -67,7 +67,7 @@ function ticks(low, high, most) {
   const first = Math.ceil(low / step - 1e-9), count = Math.floor(high / step + 1e-9) - first + 1;
   return Array.from({ length: count }, (_, k) => Number(((first + k) * step).toPrecision(6)));
 }
-const short = v => v !== 0 && (Math.abs(v) >= 1e5 || Math.abs(v) < 1e-3) ? v.toExponential(0) : String(Number(v.toPrecision(3)));
+const short = v => (v !== 0 && (Math.abs(v) >= 1e5 || Math.abs(v) < 1e-3) ? v.toExponential(0) : String(Number(v.toPrecision(3)))).replace("-", "−");
 
 // Axes around `box` = [left, top, right, bottom]; `x` and `y` map values to pixels.
 function axes(context, [left, top, right, bottom], xs, x, xName, ys, y, yName) {
@@ -117,7 +117,7 @@ const maps = [
   { name: "Albedo", alt: `Albedo map, relative, up to ${short(bright[1])}`, colour: i => grey(albedo[i] / bright[1]),
     bar: (c, box) => colourBar(c, box, grey, ticks(0, bright[1], 4), v => v / bright[1], "relative") },
   { name: "Depth", alt: `Depth map, ${metres(far[0])} to ${metres(far[1])}; bright is near`, colour: i => isSurface(i) ? viridis(1 - share(far, depth[i])) : null,
-    bar: (c, box) => colourBar(c, box, s => viridis(1 - s), ticks(...far, 5), v => share(far, v), "m") },
+    bar: (c, box) => colourBar(c, box, s => viridis(1 - s), ticks(...far, 6), v => share(far, v), "m") },
   { name: "Normals", alt: "Map of surface normals, coloured by direction", colour: i => isSurface(i) ? direction(normal[3 * i], normal[3 * i + 1], normal[3 * i + 2]) : null, bar: compass },
 ];
 if (confidence) {
@@ -236,7 +236,7 @@ const fit = (() => {
   return own > 0 ? Math.max(both / own, 0) : 0;
 })();
 
-plot(element("histogram"), width => Math.max(240, .42 * width), (context, width, height) => {
+plot(element("histogram"), width => Math.max(240, .5 * width), (context, width, height) => {
   const found = measured(pair), light = rendered(pair).map(v => fit * v), most = Math.max(...found, ...light, 1e-30);
   const box = [58, 8, width - 8, height - BOTTOM], [left, top, right, bottom] = box, end = t_start + bins * bin_width;
   const x = t => left + (t - t_start) / (end - t_start) * (right - left), y = v => bottom - (bottom - top - 6) * v / most;
@@ -245,7 +245,7 @@ plot(element("histogram"), width => Math.max(240, .42 * width), (context, width,
   context.strokeStyle = theme("line"), context.lineWidth = 1.5;
   context.beginPath(), light.forEach((v, bin) => context.lineTo(x(t_start + (bin + .5) * bin_width), y(v))), context.stroke();
   if (chosen >= 0 && isSurface(chosen)) context.fillStyle = theme("mark"), context.fillRect(x(path(pair, place(chosen))) - 1, top, 2, bottom - top);
-  axes(context, box, ticks(t_start, end, width / 90), x, "path length, m", ticks(0, most, 5), y, "counts per bin");
+  axes(context, box, ticks(t_start, end, width / 70), x, "path length, m", ticks(0, most, 5), y, "counts per bin");
   const points = [laser, sensor].map(p => [0, 1, 2].map(c => p[3 * pair + c].toFixed(3)).join(", "));
   element("light").innerText = `Pair ${pair + 1} of ${pairs} shown; laser point (${points[0]}) m, sensor point (${points[1]}) m.`;
   element("histogram").setAttribute("aria-label", `Histogram of pair ${pair + 1} over path lengths of ${metres(t_start)} to ${metres(end)}, at most ${most.toPrecision(3)} counts in a bin`);
@@ -268,7 +268,7 @@ plot(wall, width => wallBox(width)[3] + BOTTOM, (context, width) => {
   context.fillStyle = theme("none"), context.fillRect(left, top, right - left, bottom - top);
   context.save(), context.beginPath(), context.rect(left, top, right - left, bottom - top), context.clip();
   totals.forEach((total, p) => {
-    context.fillStyle = rgb(grey(Math.max(total, 0) / most)), context.fillRect(x(moving[3 * p]) - side / 2, y(moving[3 * p + 1]) - side / 2, side + .5, side + .5);
+    context.fillStyle = rgb(grey(Math.max(total, 0) / most)), context.fillRect(x(moving[3 * p]) - side / 2, y(moving[3 * p + 1]) - side / 2, side + 1, side + 1);
   });
   context.restore();
   axes(context, box, ticks(...edges[0], 4), x, "x, m", ticks(...edges[1], 5), y, "y, m");
@@ -330,7 +330,7 @@ function space() {
   scene.add(lines);
   const middle = new THREE.Vector3(-(x0 + x1) / 2, (y0 + y1) / 2, -(far[0] + far[1]) / 2), wide = Math.max(x1 - x0, y1 - y0);
   const camera = new THREE.PerspectiveCamera(40, 1.5, .001 * wide, 100 * wide);
-  camera.position.set(middle.x - .7 * wide, middle.y + .45 * wide, 1.1 * wide);
+  camera.position.set(middle.x - .6 * wide, middle.y + .3 * wide, 1.7 * wide);
   const controls = new THREE.OrbitControls(camera, renderer.domElement), draw = () => renderer.render(scene, camera);
   controls.target.copy(middle), controls.update();
   controls.addEventListener("change", draw);
