@@ -1,26 +1,26 @@
-//! What an instruction costs, by class.
+//! Cost of instructions, by class.
 
 use serde::{Deserialize, Serialize};
 
 use super::module::{Instruction, Module, op};
 
-/// Instructions and bytes of one turn of a loop, per lane. Vectors count once per component.
+/// Instructions and bytes of one loop turn, per lane. Vectors count once per component.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counts {
     /// fp32 additions, multiplications and fused multiply-adds.
     pub fma: u32,
-    /// Inverse square roots, roots, reciprocals and exponentials: work of the special function unit.
+    /// Inverse square roots, square roots, reciprocals and exponentials (special function unit).
     pub special: u32,
-    /// Whole numbers, comparisons, selections, conversions, rounding, minima, addresses, branches, barriers.
+    /// Integer operations, comparisons, selections, conversions, rounding, minima, addresses, branches, barriers.
     pub other: u32,
-    /// Roundings and conversions between floats and whole numbers, which `other` counts too: GPUs run them on the
-    /// special function unit.
+    /// Roundings and conversions between floats and integers, included in `other`; executed by the special function
+    /// unit on GPUs.
     pub conversions: u32,
-    /// Words loaded from buffers, each lane at an address of its own.
+    /// Words loaded from buffers with per-lane addresses.
     pub loads: u32,
-    /// Words stored to buffers, each lane at an address of its own.
+    /// Words stored to buffers with per-lane addresses.
     pub stores: u32,
-    /// Words loaded at one address by all lanes of a subgroup.
+    /// Words loaded from subgroup-uniform addresses.
     pub broadcasts: u32,
     /// Words loaded from and stored to shared memory.
     pub shared: u32,
@@ -60,7 +60,7 @@ impl Counts {
     }
 }
 
-/// The cost of an instruction; `apart`: lanes of a subgroup may address different words.
+/// Cost of an instruction; `apart`: addresses may differ between lanes of a subgroup.
 pub(super) fn cost(m: &Module, i: &Instruction, apart: bool) -> Counts {
     let (bits, n) = m.shape(i.kind);
     let n = n * bits.div_ceil(32);
@@ -91,13 +91,13 @@ pub(super) fn cost(m: &Module, i: &Instruction, apart: bool) -> Counts {
                 Counts { atomics: 1, bytes: bits / 8, ..Counts::default() }
             }
         }
-        // One address each; what is in registers has none.
+        // One address each; registers have none.
         op::ACCESS_CHAIN | op::IN_BOUNDS_ACCESS_CHAIN => match m.class(i.result) {
             CLASS_INPUT | CLASS_PRIVATE | CLASS_FUNCTION => Counts::default(),
             _ => other(1),
         },
         109..=112 => Counts { other: n, conversions: n, ..Counts::default() },
-        // Signs are modifiers. Composites, copies and phis only name registers.
+        // Signs are modifiers. Composites, copies and phis only rename registers.
         op::F_NEGATE | op::PHI | op::BRANCH | 79..=83 | 124 | 253..=255 => Counts::default(),
         op::BRANCH_CONDITIONAL | op::SWITCH | op::CONTROL_BARRIER => other(1),
         _ => other(n),
@@ -123,7 +123,7 @@ fn memory(m: &Module, pointer: u32, words: u32, apart: bool, load: bool) -> Coun
     }
 }
 
-/// GLSL.std.450 by its numbers.
+/// GLSL.std.450 by number.
 fn extended(m: &Module, i: &Instruction, n: u32) -> Counts {
     let counts = |fma, special, other| Counts { fma, special, other, ..Counts::default() };
     let of_first = i.rest.get(2).and_then(|id| m.kinds.get(id)).map_or(n, |k| m.shape(*k).1);
@@ -132,7 +132,7 @@ fn extended(m: &Module, i: &Instruction, n: u32) -> Counts {
         4 => counts(0, 0, 0),
         // sin, cos, exp2, log2, sqrt, inversesqrt
         13 | 14 | 29..=32 => counts(0, n, 0),
-        // exp, log: by powers of two
+        // exp, log: through powers of two
         27 | 28 => counts(n, n, 0),
         // pow
         26 => counts(n, 2 * n, 0),
@@ -140,7 +140,7 @@ fn extended(m: &Module, i: &Instruction, n: u32) -> Counts {
         15..=25 => counts(4 * n, 2 * n, 0),
         // round, trunc, floor, ceil, fract
         1..=3 | 8..=10 => Counts { conversions: n, ..counts(0, 0, n) },
-        // Between 0 and 1 a clamp is a modifier of the instruction before it.
+        // A clamp to [0, 1] is a modifier of the preceding instruction.
         43 | 81 if m.value(i.rest[3]) == Some(0) && m.value(i.rest[4]) == Some(u64::from(1f32.to_bits())) => {
             counts(0, 0, 0)
         }

@@ -1,4 +1,4 @@
-//! Loops of the entry point, and what counts in them.
+//! Loops of the entry point, and their instruction counts.
 
 use std::collections::{HashMap, HashSet};
 
@@ -41,15 +41,15 @@ pub(super) fn count(m: &Module) -> Option<[Counts; 2]> {
         let head = l.0;
         loops.iter().filter(move |(h, b)| *h != head && b.contains(&head))
     };
-    // The main loop: the innermost of the loops that do much themselves. A loop that prepares a product's pairs may do
-    // more; a loop that retries or empties a window does little.
+    // The main loop: the innermost among the loops with the most work of their own. Loops that prepare a product's
+    // pairs may have more; loops that retry or empty a window have little.
     let weights: Vec<u32> = loops.iter().map(|l| own(l).issued()).collect();
     let most = *weights.iter().max()?;
     let much = loops.iter().zip(&weights).filter(|(_, w)| 2 * **w >= most);
     let (counted, _) = much.max_by_key(|(l, w)| (around(l).count(), **w))?;
     let body = &counted.1;
     let turn = in_loop(m, &blocks, body, body, &uses, &apart);
-    // The smallest loop around it.
+    // The smallest enclosing loop.
     let shared = around(counted).min_by_key(|l| l.1.len()).map_or(Counts::default(), own);
     Some([turn, shared])
 }
@@ -65,7 +65,7 @@ fn reach(blocks: &HashMap<Id, &Block>, from: Id, end: Option<Id>) -> HashSet<Id>
     seen
 }
 
-/// Ids that an instruction uses. A selection or phi whose outcome is known uses one side only.
+/// Ids used by an instruction. A selection or phi with a known outcome uses one side only.
 fn used(m: &Module, i: &Instruction, reached: &HashSet<Id>) -> Vec<Id> {
     match i.op {
         op::SELECT => match m.value(i.rest[0]) {
@@ -80,7 +80,7 @@ fn used(m: &Module, i: &Instruction, reached: &HashSet<Id>) -> Vec<Id> {
     }
 }
 
-/// How often each id is used by instructions that have an effect in the end.
+/// Number of uses of each id by instructions with an observable effect.
 fn live_uses(m: &Module, blocks: &[&Block]) -> HashMap<Id, u32> {
     let reached: HashSet<Id> = blocks.iter().map(|b| b.label).collect();
     let all = || blocks.iter().flat_map(|b| &b.instructions);
@@ -91,7 +91,7 @@ fn live_uses(m: &Module, blocks: &[&Block]) -> HashMap<Id, u32> {
         _ => pointer,
     };
     let loaded: HashSet<Id> = all().filter(|i| i.op == op::LOAD).map(|i| base(i.rest[0])).collect();
-    // Modules with extensions that the optimiser does not know keep variables of a function that nothing reads.
+    // Modules with extensions unknown to the optimiser keep unread function variables.
     let unread = |i: &Instruction| {
         i.op == op::STORE && m.class(i.rest[0]) == CLASS_FUNCTION && !loaded.contains(&base(i.rest[0]))
     };
@@ -104,7 +104,7 @@ fn live_uses(m: &Module, blocks: &[&Block]) -> HashMap<Id, u32> {
             let count = uses.entry(id).or_default();
             *count += 1;
             if *count == 1 {
-                // Instructions with an effect are in the list already.
+                // Instructions with an effect are already in the list.
                 open.extend(by_result.get(&id).filter(|i| !effect(i)));
             }
         }
@@ -122,7 +122,7 @@ fn lanes_apart(m: &Module, blocks: &[&Block]) -> HashSet<Id> {
         grown = false;
         for i in blocks.iter().flat_map(|b| &b.instructions).filter(|i| i.result != 0) {
             let across = match i.op {
-                // y and z of a lane's place are the same along x.
+                // y and z of a lane's position are uniform along x.
                 op::COMPOSITE_EXTRACT if i.rest[1] > 0 && is_place(m, blocks, i.rest[0]) => false,
                 op::ACCESS_CHAIN if lane(&i.rest[0]) => m.value(i.rest[1]) == Some(0),
                 227..=242 | 6035 => true,
@@ -136,7 +136,7 @@ fn lanes_apart(m: &Module, blocks: &[&Block]) -> HashSet<Id> {
     apart
 }
 
-/// Whether an id is a built-in vector as loaded.
+/// Whether an id is a loaded built-in vector.
 fn is_place(m: &Module, blocks: &[&Block], id: Id) -> bool {
     let all = || blocks.iter().flat_map(|b| &b.instructions);
     all().any(|i| i.result == id && i.op == op::LOAD && m.builtins.contains_key(&i.rest[0]))
@@ -160,7 +160,7 @@ fn in_loop(
         .filter(|i| uses.get(&i.result) == Some(&1))
         .map(|i| (i.result, m.shape(i.kind).1))
         .collect();
-    // A product that is negated first fuses too.
+    // A negated product fuses as well.
     let through: HashMap<Id, Id> =
         inside.iter().filter(|i| i.op == op::F_NEGATE).map(|i| (i.result, i.rest[0])).collect();
     let mut sum = Counts::default();
@@ -186,7 +186,7 @@ fn in_loop(
     sum
 }
 
-/// Results that change from turn to turn: phis, loads from memory that is written, and what depends on them.
+/// Results that change between turns: phis, loads from written memory, and dependent results.
 fn changing(m: &Module, inside: &[&Instruction]) -> HashSet<Id> {
     let mut changing: HashSet<Id> = HashSet::new();
     let mut grown = true;

@@ -1,11 +1,10 @@
-//! Counts what a kernel's innermost loop does, from its SPIR-V: instructions by class and bytes, per turn.
+//! Counts the work of a kernel's innermost loop from its SPIR-V: instructions by class and bytes, per turn.
 //!
-//! Specialization constants are known: branches that depend on them alone go one way, and unused results do not count,
-//! as in every driver's compiler. A multiplication whose only use is an addition counts as one fused multiply-add.
-//! Values that stay the same from turn to turn, and loads of uniforms and push constants, count as done before the
-//! loop. Both sides of a branch on data count: a subgroup whose lanes disagree issues both. Instructions that the
-//! driver's compiler adds (addresses beyond one addition each, moves, loop bookkeeping) are not known here, so the
-//! counts are lower bounds.
+//! Specialization constants are known: branches depending only on them are resolved, and unused results do not count,
+//! as in every driver's compiler. A multiplication used only by an addition counts as one fused multiply-add.
+//! Loop-invariant values, and loads of uniforms and push constants, count as hoisted. Both sides of a data-dependent
+//! branch count, as for a divergent subgroup. Instructions added by the driver's compiler (further addresses, moves,
+//! loop bookkeeping) are unknown, so the counts are lower bounds.
 
 mod class;
 mod flow;
@@ -15,15 +14,15 @@ pub use class::Counts;
 
 use super::code::KernelCode;
 
-/// Counts of one turn of the main loop (loops inside it count once), and of one turn of the loop around it without the
-/// main loop. `None` if there is no loop, or if one calls functions that the compiler did not expand. `constants` are
-/// specialization constants by name.
+/// Counts of one turn of the main loop (inner loops count once), and of one turn of the enclosing loop without the
+/// main loop. `None` without a loop, or if one calls functions that were not inlined. `constants` are specialization
+/// constants by name.
 pub fn count_loop<N: AsRef<str>>(code: &KernelCode, constants: &[(N, u32)]) -> Option<[Counts; 2]> {
     flow::count(&parsed(code, constants)?)
 }
 
-/// Numbers of the extended instructions (GLSL.std.450) that the entry point holds under such constants. `None` if the module
-/// ends within an instruction.
+/// Numbers of the extended instructions (GLSL.std.450) in the entry point under the given constants. `None` for a
+/// truncated module.
 pub fn extended<N: AsRef<str>>(code: &KernelCode, constants: &[(N, u32)]) -> Option<Vec<u32>> {
     let module = parsed(code, constants)?;
     let all = module.blocks.iter().flat_map(|b| &b.instructions);

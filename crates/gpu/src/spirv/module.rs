@@ -1,4 +1,4 @@
-//! A SPIR-V module as far as counting needs it (specification 1.5, sections 2.3 and 3.32).
+//! A SPIR-V module, as far as required for counting (specification 1.5, sections 2.3 and 3.32).
 
 use std::collections::HashMap;
 
@@ -58,7 +58,7 @@ pub(super) mod op {
 /// An instruction inside a function.
 pub(super) struct Instruction {
     pub op: u32,
-    /// Of the result; 0 for none.
+    /// Type of the result; 0 for none.
     pub kind: Id,
     pub result: Id,
     /// Raw operands after the result: ids and literals.
@@ -66,7 +66,7 @@ pub(super) struct Instruction {
 }
 
 impl Instruction {
-    /// The ids among the operands.
+    /// Ids among the operands.
     pub fn operands(&self) -> &[Id] {
         let r = &self.rest;
         match self.op {
@@ -78,13 +78,13 @@ impl Instruction {
     }
 }
 
-/// A basic block; the last instruction is its end.
+/// A basic block, including its terminator.
 pub(super) struct Block {
     pub label: Id,
     pub instructions: Vec<Instruction>,
-    /// Next blocks; a branch on a constant has one.
+    /// Successors; one for a branch on a constant.
     pub next: Vec<Id>,
-    /// The block behind the loop that begins here.
+    /// The block after the loop that starts here.
     pub merge: Option<Id>,
 }
 
@@ -92,13 +92,13 @@ pub(super) struct Block {
 pub(super) struct Module {
     /// Blocks of the entry point.
     pub blocks: Vec<Block>,
-    /// Type of every id that has one.
+    /// Type of every typed id.
     pub kinds: HashMap<Id, Id>,
     /// (bits of a component, components) of scalar and vector types, and of texels.
     pub shapes: HashMap<Id, (u32, u32)>,
     /// (storage class, pointee) of pointer types.
     pub pointers: HashMap<Id, (u32, Id)>,
-    /// Built-in variables by their number in the specification.
+    /// Built-in variables by number.
     pub builtins: HashMap<Id, u32>,
     constants: HashMap<Id, u64>,
 }
@@ -108,7 +108,7 @@ const DECORATION_BUILTIN: u32 = 11;
 const FORMAT_RGBA32F: u32 = 1;
 
 impl Module {
-    /// `special` are specialization constants by their number. `None` if the module ends within an instruction.
+    /// `special` has specialization constants by number. `None` for a truncated module.
     pub fn parse(words: &[u32], special: &HashMap<u32, u32>) -> Option<Module> {
         let mut m = Module::default();
         let (mut entry, mut spec_ids) = (0, HashMap::new());
@@ -194,7 +194,7 @@ impl Module {
                 }
                 return;
             }
-            // Lines, parameters, merges of selections.
+            // Lines, parameters, selection merges.
             0 | 8 | 55 | 317 | op::SELECTION_MERGE => return,
             _ => {}
         }
@@ -237,23 +237,23 @@ impl Module {
         }
     }
 
-    /// The value of an id that is constant under the specialization at hand.
+    /// Value of an id that is constant under the given specialization.
     pub fn value(&self, id: Id) -> Option<u64> {
         self.constants.get(&id).copied()
     }
 
-    /// (bits of a component, components) of an id's type; of what it points to for pointers.
+    /// (bits of a component, components) of an id's type, or of the pointee.
     pub fn shape(&self, kind: Id) -> (u32, u32) {
         let kind = self.pointers.get(&kind).map_or(kind, |p| p.1);
         self.shapes.get(&kind).copied().unwrap_or((32, 1))
     }
 
-    /// The storage class that a pointer id points into.
+    /// Storage class of a pointer id.
     pub fn class(&self, pointer: Id) -> u32 {
         self.kinds.get(&pointer).and_then(|k| self.pointers.get(k)).map_or(u32::MAX, |p| p.0)
     }
 
-    /// Evaluates an operation on 32-bit integers and booleans, which branches depend on.
+    /// Evaluates an operation on 32-bit integers and booleans, which determine branches.
     fn evaluate(&self, op: u32, operands: &[u32]) -> Option<u64> {
         let at = |i: usize| self.value(*operands.get(i)?).map(|v| v as u32);
         let signed = |i| at(i).map(|v| v as i32);
@@ -267,7 +267,7 @@ impl Module {
             137 => word(at(0)?.checked_rem(at(1)?)?),
             164 | 170 => truth(at(0)? == at(1)?),
             165 | 171 => truth(at(0)? != at(1)?),
-            // One side is enough.
+            // One known side suffices.
             166 if at(0).or(at(1)).is_some() && (at(0) == Some(1) || at(1) == Some(1)) => Some(1),
             167 if at(0) == Some(0) || at(1) == Some(0) => Some(0),
             166 => truth(at(0)? | at(1)? != 0),

@@ -2,7 +2,7 @@ use super::Counts;
 use super::flow::count;
 use super::module::Module;
 
-/// A loop that loads x, stores 1 / sqrt(x x + x), and twice that before where the constant of number 10 is 1.
+/// A loop that loads x and stores 1 / sqrt(x x + x), preceded by twice that value if the constant of number 10 is 1.
 fn module(special: u32) -> Counts {
     let mut words = vec![0x0723_0203, 0x0001_0500, 0, 100, 0];
     let mut emit = |op: u32, rest: &[u32]| {
@@ -39,7 +39,7 @@ fn module(special: u32) -> Counts {
     emit(129, &[float, sum, square, x]);
     emit(12, &[float, root, 90, 32, sum]);
     emit(133, &[float, unused, root, x]);
-    // The same in every turn.
+    // Loop-invariant.
     emit(128, &[uint, same, given, given]);
     emit(247, &[rest, 0]);
     emit(250, &[is_one, extra, rest]);
@@ -62,7 +62,7 @@ fn module(special: u32) -> Counts {
 
 #[test]
 fn a_turn_counts_what_is_done_in_it_under_the_constants_at_hand() {
-    // x x + x is one fma; comparison, branch and increment; what is unused or the same in every turn is not there.
+    // x x + x is one fma, plus comparison, branch and increment; unused and loop-invariant instructions are absent.
     let without =
         Counts { fma: 1, special: 1, other: 3, broadcasts: 1, stores: 1, bytes: 8, ..Counts::default() };
     assert_eq!(module(7), without);
