@@ -16,39 +16,39 @@ use crate::advice::Advice;
 use crate::error::{Error, Result};
 use crate::files::atomic;
 
-/// Everything that was run.
+/// The complete benchmark.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Page {
     /// Version of thirdbounce.
     pub version: String,
-    /// Seconds of this start.
+    /// Seconds of this invocation.
     pub seconds: f64,
-    /// The cases, in order.
+    /// Cases, in order.
     pub cases: Vec<Case>,
 }
 
-/// One capture, and how the methods compare on it.
+/// One capture, and the comparison of methods on it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Case {
     /// The scene's name.
     pub scene: String,
-    /// Photons that the strongest bin expects, if they were drawn; `None`: the capture as it is.
+    /// Mean photon count of the strongest bin, if drawn; `None`: the capture unchanged.
     pub photons: Option<f64>,
-    /// Its folder in that of the page.
+    /// Folder of the case, relative to the page.
     pub folder: String,
-    /// An earlier start made it.
+    /// Whether it was computed by an earlier invocation.
     #[serde(skip)]
     pub was_there: bool,
-    /// It went wrong.
+    /// Whether it failed.
     pub failed: bool,
-    /// It has no truth: figures say how far a method agrees with what the closed-form methods show together.
+    /// Whether it has no truth: metrics are then agreement with the closed-form methods.
     pub agreed: bool,
-    /// Why there is no comparison.
+    /// Reason for a missing comparison.
     pub why: Option<String>,
-    /// What to do about it.
+    /// Hint for fixing it.
     #[serde(skip)]
     pub remedy: Option<Advice>,
-    /// Seconds of this start.
+    /// Seconds of this invocation.
     pub seconds: f64,
     /// The comparison.
     pub comparison: Option<Comparison>,
@@ -84,7 +84,7 @@ impl Case {
     }
 }
 
-/// A figure of the tables.
+/// A metric in the tables.
 struct Figured {
     title: &'static str,
     digits: usize,
@@ -128,7 +128,7 @@ const FIGURES: [Figured; 7] = [
 ];
 
 impl Page {
-    /// Names of all methods, in the order in which they first come.
+    /// Names of all methods, in order of first occurrence.
     fn methods(&self) -> Vec<&str> {
         let all = self.cases.iter().filter_map(|c| c.comparison.as_ref()).flat_map(|c| &c.methods);
         let mut names: Vec<&str> = vec![];
@@ -140,7 +140,7 @@ impl Page {
         names
     }
 
-    /// A figure of every method (columns) on every case (rows), the best of a row between stars.
+    /// A metric of every method (columns) in every case (rows), the best of a row between stars.
     fn table(&self, figure: &Figured) -> Table {
         let names = self.methods();
         let row = |case: &Case| {
@@ -161,7 +161,7 @@ impl Page {
         }
     }
 
-    /// Where the first method is not the best: a sentence for each figure.
+    /// Cases where the first method is not the best: a sentence per metric.
     fn lost(&self) -> Vec<String> {
         let names = self.methods();
         let Some(first) = names.first() else { return vec![] };
@@ -185,7 +185,7 @@ impl Page {
         FIGURES.iter().filter_map(of).collect()
     }
 
-    /// Sentences about what was compared.
+    /// Sentences on the comparison.
     fn notes(&self) -> Vec<String> {
         let mut notes = vec![
             "Time is solve time, without load, set-up, measuring and export: the median over the repeats, with the range in \
@@ -221,7 +221,7 @@ impl Page {
         notes
     }
 
-    /// Why methods and cases are left out, as sentences.
+    /// Omitted methods and cases with reasons, as sentences.
     fn missing(&self) -> Vec<String> {
         let mut all: Vec<String> = vec![];
         for case in &self.cases {
@@ -252,7 +252,7 @@ impl Page {
         scenes.into_iter().map(of).filter(|plot| plot.cases.len() > 1).collect()
     }
 
-    /// As Markdown: the table of the only case, else best IoU, depth errors and times.
+    /// Markdown: the table of the only case, else best IoU, depth errors and times.
     pub fn summary(&self) -> String {
         if let [Case { comparison: Some(only), .. }] = &self.cases[..] {
             return only.table().markdown();
@@ -262,7 +262,7 @@ impl Page {
         tables.join("\n")
     }
 
-    /// The page as HTML, plots and pictures inside; `root` is the folder of the cases' folders.
+    /// HTML page with embedded plots and pictures; `root` contains the cases' folders.
     ///
     /// # Errors
     /// A picture of a case cannot be read.
@@ -317,7 +317,7 @@ const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;ma
                      .25em .7em;border-bottom:1px solid #e2e2e6;text-align:right}th:first-child,td:first-child{text-\
                      align:left}img,svg{max-width:100%;height:auto;display:block;margin:.5em 0}";
 
-/// Writes `benchmark.json` and `benchmark.html` into `folder`, in which are the folders of the cases. Returns the paths.
+/// Writes `benchmark.json` and `benchmark.html` into `folder`, which contains the cases' folders. Returns the paths.
 ///
 /// # Errors
 /// `Kind::Output` if a file cannot be written; a picture of a case that cannot be read.
@@ -341,7 +341,7 @@ const TOP: f64 = 90.0;
 const STEP: f64 = 385.0;
 const LINE: f64 = 26.0;
 
-/// Figures of every method against the photons of the strongest bin, of one scene.
+/// Metrics of every method against photon counts, for one scene.
 struct AgainstPhotons<'p> {
     scene: &'p str,
     cases: Vec<&'p Case>,

@@ -10,8 +10,8 @@ use crate::maps::{Maps, percentile};
 
 const MARGIN: usize = 12;
 
-/// Writes the confidence of the masked pixels in colour on a logarithmic scale, from its 1st (purple) to its 99th
-/// percentile (yellow), beside a bar in millimetres. Without confidence the picture is empty.
+/// Writes the expected depth error of the masked pixels in colour on a logarithmic scale, from its 1st (purple) to
+/// its 99th percentile (yellow), with a colour bar in millimetres. The picture is empty without expected errors.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
