@@ -21,7 +21,7 @@ struct Error : std::runtime_error {
 };
 
 inline void check(tb_status status) {
-    if (status != TB_OK) throw Error(status, tb_last_error(), tb_last_remedy());
+    if (status != TB_OK) throw Error(status, tb_last_error(), tb_last_hint());
 }
 
 // An opened device.
@@ -60,7 +60,7 @@ public:
     // The same for a scan that goes on: only pairs whose byte is not 0 have new counts.
     uint64_t submit_part(const std::vector<float> &counts, const std::vector<uint8_t> &measured) {
         uint64_t id = 0;
-        check(tb_session_submit_part(handle_.get(), counts.data(), counts.size(), measured.data(), measured.size(), &id));
+        check(tb_session_submit_partial(handle_.get(), counts.data(), counts.size(), measured.data(), measured.size(), &id));
         return id;
     }
     // How long the last frames took.
@@ -77,7 +77,7 @@ public:
         tb_frame frame{};
         frame.size = sizeof frame;
         const tb_status status = tb_session_wait(handle_.get(), seconds, &frame);
-        if (status == TB_NOT_YET) return std::nullopt;
+        if (status == TB_NOT_READY) return std::nullopt;
         check(status);
         return frame;
     }

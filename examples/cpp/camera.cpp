@@ -25,11 +25,11 @@ int main() {
     }
     const Device device;
     tb_scan scan{};
-    scan.size = sizeof scan, scan.points_x = scan.points_y = side, scan.laser = wall.data();
+    scan.size = sizeof scan, scan.points_x = scan.points_y = side, scan.laser_xyz = wall.data();
     scan.bins = bins, scan.bin_width = bin_width, scan.photon_counts = 1;
     tb_settings settings{};
     settings.size = sizeof settings, settings.lateral = 16, settings.options = "iterations=20";
-    settings.feed = TB_NEWEST;
+    settings.frame_policy = TB_FRAMES_NEWEST;
     Session session(device, scan, settings);
 
     std::atomic<bool> ended{false};
