@@ -138,7 +138,7 @@ pub unsafe extern "C" fn tb_last_error_info(info: *mut TbErrorInfo) -> TbStatus 
 
 /// Error for a NULL handle.
 pub fn no_handle(what: &str) -> Error {
-    Error::options(format!("`{what}` is NULL"), "give the handle that was made")
+    Error::options(format!("`{what}` is NULL"), "give a valid handle")
 }
 
 /// Runs the body of a call, records its error for the thread, and converts panics.

@@ -203,7 +203,9 @@ fn set(choice: &mut Choice, option: &str) -> Result<()> {
     let key = name.replace('-', "_");
     let mut solver = SolverOptions::suited_to(choice.solver_name(), &Suit::USUAL).expect("it was checked");
     let rows = solver.rows();
-    let Some(row) = rows.iter().find(|row| row.key == key) else { return wrong("is none of this solver's") };
+    let Some(row) = rows.iter().find(|row| row.key == key) else {
+        return wrong("is not an option of this solver");
+    };
     let values = [
         text.parse().ok().map(OptionValue::Count),
         text.parse().ok().map(OptionValue::Number),
@@ -211,7 +213,7 @@ fn set(choice: &mut Choice, option: &str) -> Result<()> {
         Some(OptionValue::Word(text.into())),
     ];
     let Some(value) = solver.set_first(row.key, values.into_iter().flatten()) else {
-        return wrong("has a value that it does not take");
+        return wrong("has an invalid value");
     };
     choice.options.push((row.key, value));
     Ok(())

@@ -44,21 +44,21 @@ macro_rules! settings {
 }
 
 settings! {
-    Accumulation "accumulation" "How rendered values are added up on the device."
+    Accumulation "accumulation" "Accumulation path of rendered values."
     DepthPitch "depth_pitch" "Depth of a voxel."
-    Device "device" "The device, by its index or a part of its name."
-    Gate "gate" "The interval of paths that is used."
-    HostMemory "host_memory" "Most memory of the host that the process may hold, in bytes."
+    Device "device" "Device, by index, part of its name, or UUID."
+    Gate "gate" "Interval of path lengths used."
+    HostMemory "host_memory" "Maximum host memory of the process, bytes."
     InitialAlbedo "initial_albedo" "Albedo of every voxel before the first iteration."
     L1 "l1" "Weight of the L1 term."
     Lateral "lateral" "Voxels along x and along y."
     LearningRate "learning_rate" "Step size."
-    Memory "memory" "Budget of device memory in bytes."
-    MinDepth "min_depth" "Least distance of the reconstructed box from the wall."
+    Memory "memory" "Maximum device memory, bytes."
+    MinDepth "min_depth" "Minimum distance of the volume from the wall."
     NoiseSpan "noise_span" "Range of the learnt noise."
-    Peak "peak" "Value that the largest measurement is scaled to."
-    Stride "stride" "Every Nth point of the scan is used."
-    Volume "volume" "The box that is reconstructed."
+    Peak "peak" "Scaled value of the largest measurement."
+    Stride "stride" "Stride over scan points."
+    Volume "volume" "Reconstructed volume."
     Wall "wall" "Side of the wall."
 }
 

@@ -188,15 +188,13 @@ impl Page {
     /// Sentences on the comparison.
     fn notes(&self) -> Vec<String> {
         let mut notes = vec![
-            "Time is solve time, without load, set-up, measuring and export: the median over the repeats, with the range in \
-             brackets. A pixel counts as surface above a share of the brightest albedo: every figure but the IoU of the maps' own \
-             mask is at the share with the best IoU, which only the truth tells. – : the method does not take the capture, or no \
-             pixel counts. The best of a row is bold."
+            "Time is solve time, excluding load, set-up, measurement and export: the median over the repeats, with the range in \
+             brackets. Except for the IoU of the maps' own mask, metrics use the share of the brightest albedo with the best IoU, \
+             which requires the truth. – : method not applicable, or no pixel counts. The best of a row is bold."
                 .to_string(),
-            "s to …: seconds until the figure is as good as that of the first method at its end, and stays as good; in brackets \
-             their share of its whole time. paper: …: errors over all pixels, where what is empty in the truth or outside the mask \
-             counts as depth 0 and normal (0, 0, 0) (Shim et al.). Depth and normal errors else are over pixels that are surface in \
-             the result and in the truth."
+            "s to …: seconds until the metric reaches, and keeps, the final value of the first method; in brackets the share of \
+             its total time. paper: …: errors over all pixels, where pixels without surface count as depth 0 and normal (0, 0, 0) \
+             (Shim et al.). Other depth and normal errors are over pixels that are surface in both the result and the truth."
                 .to_string(),
         ];
         let compared = || self.cases.iter().filter_map(|c| c.comparison.as_ref());
@@ -206,17 +204,17 @@ impl Page {
         });
         let places: Vec<String> = places.iter().map(|(name, place)| format!("{name}: {place}")).collect();
         if !places.is_empty() {
-            notes.push(format!("What each runs on: {}.", places.join("; ")));
+            notes.push(format!("Devices: {}.", places.join("; ")));
         }
         if self.cases.iter().any(|case| case.agreed) {
             notes.push(
-                "Agreement: the capture has no truth. Its IoU is that with the mean of lct, fk, phasor and fbp above Otsu's \
-                 threshold, its depth error the distance to their median: both favour these four."
+                "Agreement: without truth, the IoU is that with the mean of lct, fk, phasor and fbp above Otsu's threshold, and the \
+                 depth error the distance to their median. Both favour these four."
                     .into(),
             );
         }
         if compared().any(|c| c.oracle) {
-            notes.push("The truth chose every mask (oracle): no user has it.".into());
+            notes.push("Oracle masks: selected with the truth, which is not available in practice.".into());
         }
         notes
     }
@@ -284,7 +282,7 @@ impl Page {
         }
         out += &format!("<h2>Where the first method is not the best</h2>\n{}", paragraphs(self.lost()));
         for plot in self.with_photons() {
-            let title = format!("{}, fewer and fewer photons", plot.scene);
+            let title = format!("{} by photon count", plot.scene);
             out += &format!("<h2>{}</h2>\n{}\n", escaped(&title), plot.figure().svg());
         }
         for (case, comparison) in compared() {

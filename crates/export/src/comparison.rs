@@ -290,7 +290,7 @@ pub fn read_json(path: &Path) -> Result<Comparison> {
         .map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display()), "check the path"))?;
     serde_json::from_str(&json).map_err(|e| {
         Error::input(
-            format!("{}: is no comparison: {e}", path.display()),
+            format!("{}: is not a comparison: {e}", path.display()),
             "remove the file, and compare again",
         )
     })

@@ -38,8 +38,8 @@ pub fn read(path: &Path, extent: [f64; 4]) -> Result<Maps> {
             "mat" => of_matlab(&file)?.whole(extent),
             _ => {
                 return Err(Error::input(
-                    "is no file of maps that is known",
-                    "give maps as .npz, .exr or .mat (docs/methods.md tells the names of their arrays)",
+                    "is not a known file type for maps",
+                    "give maps as .npz, .exr or .mat (docs/methods.md lists their arrays)",
                 ));
             }
         };

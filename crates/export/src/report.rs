@@ -139,7 +139,7 @@ pub fn read(path: &Path) -> Result<Report> {
         .map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display()), "check the path"))?;
     serde_json::from_str(&json).map_err(|e| {
         Error::input(
-            format!("{}: is no report: {e}", path.display()),
+            format!("{}: is not a report: {e}", path.display()),
             "give a report.json that reconstruct wrote",
         )
     })

@@ -247,7 +247,7 @@ impl Gpu {
                         "{name} was lost while {doing}{}",
                         driver_report::text(self.faults().told, self.device_fault.as_ref())
                     ),
-                    advice!["its driver was reset, often by a time limit for displays; what is open on it, sessions too, must be opened anew: try " {Remedy::SMALLER_JOB} ", or another " Device],
+                    advice!["its driver was reset, often by a watchdog timeout; reopen the device and its sessions, and try " {Remedy::SMALLER_JOB} ", or another " Device],
                 )
             }),
             vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => Error::memory(

@@ -74,7 +74,7 @@ impl DriverReport {
             format!("{} {:#x} {:#x}", text_of(&v.description), v.vendor_fault_code, v.vendor_fault_data)
         });
         let all: Vec<_> = of_driver.into_iter().chain(addresses).chain(codes).collect();
-        if all.is_empty() { String::new() } else { format!("; its driver tells: {}", all.join(", ")) }
+        if all.is_empty() { String::new() } else { format!("; driver report: {}", all.join(", ")) }
     }
 }
 

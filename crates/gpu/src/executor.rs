@@ -261,7 +261,7 @@ impl Executor {
             .gpu
             .before_call(Point::Object)
             .and_then(|()| unsafe { self.gpu.raw().allocate_command_buffers(&info) });
-        let made = made.map_err(|e| self.gpu.failed("making a command buffer", e))?[0];
+        let made = made.map_err(|e| self.gpu.failed("creating a command buffer", e))?[0];
         self.gpu.name(made, "commands");
         Ok(made)
     }

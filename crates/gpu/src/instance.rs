@@ -90,7 +90,7 @@ impl Instance {
             unsafe { entry.try_enumerate_instance_version() }.ok().flatten().unwrap_or(vk::API_VERSION_1_0);
         if version < vk::API_VERSION_1_2 {
             return Err(Error::device(
-                format!("the Vulkan loader is of version {}, 1.2 is needed", version_text(version)),
+                format!("the Vulkan loader has version {}, 1.2 is required", version_text(version)),
                 "update libvulkan1",
             ));
         }
@@ -104,7 +104,7 @@ impl Instance {
             let known = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
             if !known.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) || !debug_names {
                 return Err(Error::device(
-                    "validation was asked for, but the Vulkan validation layer is not installed",
+                    "validation was requested, but the Vulkan validation layer is not installed",
                     "on Debian `apt-get install vulkan-validationlayers`, or run without validation",
                 ));
             }
@@ -136,7 +136,7 @@ impl Instance {
         }
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| {
             Error::device(
-                format!("Vulkan gives no instance ({e})"),
+                format!("no Vulkan instance can be created ({e})"),
                 "a driver is missing or broken: on Debian `apt-get install mesa-vulkan-drivers`, or check VK_ICD_FILENAMES",
             )
         })?;

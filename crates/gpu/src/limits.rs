@@ -90,7 +90,7 @@ impl Reported {
             return Ok(());
         }
         Err(Error::device(
-            format!("{name} binds at most {most} storage buffers to a kernel, {MOST_STORAGE} are needed"),
+            format!("{name} supports {most} storage buffers per kernel, {MOST_STORAGE} are required"),
             advice!["choose another device with " Device " (" [Devices] " lists them)"],
         ))
     }

@@ -186,12 +186,13 @@ impl Arena {
             if plan.place != Place::Device {
                 requirements.memory_type_bits &= self.gpu.coherent_types();
             }
-            let block =
-                blocks.allocate(&requirements, plan.place).ok_or("the program has no memory for it")?;
+            let block = blocks
+                .allocate(&requirements, plan.place)
+                .ok_or("the application's allocator returned no memory")?;
             let held = Held::Callers(block, requirements.size);
             if plan.place != Place::Device && held.mapped().is_none() {
                 blocks.free(block);
-                return Err("the program gave memory that is not mapped".into());
+                return Err("the application's allocator returned unmapped memory".into());
             }
             return Ok(held);
         }

@@ -46,7 +46,7 @@ impl Offered {
         let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
         if properties.api_version < vk::API_VERSION_1_2 {
             return Err(Error::device(
-                format!("{} offers Vulkan {}, 1.2 is needed", info.name, info.api),
+                format!("{} supports Vulkan {}, 1.2 is required", info.name, info.api),
                 advice!["update its driver, or choose another device with " Device " (" [Devices] " lists them)"],
             ));
         }
@@ -75,7 +75,7 @@ impl Offered {
         let features = features.features;
         if v12.timeline_semaphore != vk::TRUE {
             return Err(Error::device(
-                format!("{} has no timeline semaphores, which are needed", info.name),
+                format!("{} does not support timeline semaphores, which are required", info.name),
                 advice!["update its driver, or choose another device with " Device],
             ));
         }
@@ -155,7 +155,7 @@ impl Offered {
         // SAFETY: the physical device is the instance's; the chained structs outlive the call.
         unsafe { instance.raw.create_device(physical, &create, None) }.map_err(|e| {
             Error::device(
-                format!("{} does not open ({e})", info.name),
+                format!("{} cannot be opened ({e})", info.name),
                 advice!["another program may hold it, or its driver is broken; try another with " Device],
             )
         })

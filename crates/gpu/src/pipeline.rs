@@ -72,12 +72,12 @@ impl Pipeline {
         constants: &[(Constant, u32)],
     ) -> Result<Pipeline> {
         let device = gpu.raw();
-        let doing = format!("making kernel `{name}`");
+        let doing = format!("creating kernel `{name}`");
         let failed = |e| gpu.failed(&doing, e);
         let slots: Vec<_> = code.bindings.iter().map(slot).collect();
         let (entries, data) = specialization(code, constants);
         let mut words = ash::util::read_spv(&mut std::io::Cursor::new(code.spirv)).map_err(|e| {
-            Error::device(format!("kernel `{name}` is not SPIR-V ({e})"), "build the program anew")
+            Error::device(format!("kernel `{name}` is not SPIR-V ({e})"), "rebuild the program")
         })?;
         if gpu.has_rounding {
             words = to_nearest(&words);

@@ -24,9 +24,9 @@ const KNOWN: &[(&str, &str)] = &[
     ("figure", "a standing figure with a raised arm, 0.85 m high, at z = 0.7 m"),
     (
         "beyond",
-        "the figure aside, its raised arm beyond a wall of 1 m, on a floor that goes on beyond it, with a plate there",
+        "the figure aside, its raised arm beyond a wall of 1 m, on a floor that extends beyond it, with a plate there",
     ),
-    ("within", "what of beyond stands before a wall of 1 m: no raised arm, floor or plate"),
+    ("within", "the part of beyond in front of a wall of 1 m: no raised arm, floor or plate"),
 ];
 
 impl Scene {

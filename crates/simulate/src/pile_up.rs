@@ -51,7 +51,7 @@ pub(super) fn keep_first(counts: &mut [f64], pulses: f64) {
 pub(super) fn check(mean: Option<f64>) -> Result<()> {
     match mean {
         Some(mean) if !(mean > 0.0 && mean <= MOST) => Err(Error::options(
-            format!("{mean} photons of a laser pulse are to be detected on average"),
+            format!("{mean} photons per laser pulse on average"),
             format!("give a number above 0 and up to {MOST}, usually 0.01 to 0.1"),
         )),
         _ => Ok(()),

@@ -144,7 +144,10 @@ impl Scene {
         }
         if self.scan == 0 || self.bins == Some(0) {
             return Err(Error::options(
-                format!("{} x {} scan points and {:?} bins measure nothing", self.scan, self.scan, self.bins),
+                format!(
+                    "{} x {} scan points and {:?} bins contain no measurement",
+                    self.scan, self.scan, self.bins
+                ),
                 "give at least one scan point and one bin",
             ));
         }
@@ -156,7 +159,7 @@ impl Scene {
         }
         if self.layout == (Layout::Exhaustive { lasers: 0 }) {
             return Err(Error::options(
-                "0 x 0 laser points measure nothing",
+                "0 x 0 laser points contain no measurement",
                 "give at least one laser point",
             ));
         }

@@ -62,7 +62,7 @@ impl Npz {
         let Some([size, packed]) = self.sizes(name) else { return Ok(None) };
         if host::swells(size, packed, HARDLY_ANYTHING) {
             return Err(Error::input(
-                format!("array {name} unpacks to {} MiB of hardly more than one value", size >> 20),
+                format!("array {name} unpacks to {} MiB of nearly constant data", size >> 20),
                 "the file is damaged or malicious: download or write it again",
             ));
         }
@@ -104,7 +104,7 @@ impl Npz {
             ));
         }
         let sum = entry.crc32();
-        let start = entry.data_start().ok_or_else(|| damaged(format!("array {name} has no place")))?;
+        let start = entry.data_start().ok_or_else(|| damaged(format!("array {name} has no data offset")))?;
         drop(entry);
         let mut file = File::open(&self.path).map_err(damaged)?;
         file.seek(SeekFrom::Start(start)).map_err(damaged)?;
@@ -169,7 +169,7 @@ impl Read for Elements {
         if count == 0 || self.left > 0 || self.summed.sum() == self.sum {
             return Ok(count);
         }
-        Err(io::Error::new(io::ErrorKind::InvalidData, "its bytes are not those that were written (CRC-32)"))
+        Err(io::Error::new(io::ErrorKind::InvalidData, "checksum mismatch (CRC-32)"))
     }
 }
 

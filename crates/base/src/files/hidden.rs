@@ -40,7 +40,7 @@ impl Hidden {
                 _ => {}
             }
         }
-        Err(io::Error::other("hidden folders are removed as soon as they are made"))
+        Err(io::Error::other("hidden folders are removed immediately after creation"))
     }
 
     pub(super) fn path(&self) -> &Path {

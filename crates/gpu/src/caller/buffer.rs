@@ -86,14 +86,14 @@ impl Imported {
     ) -> Result<Imported> {
         let refused = |e: vk::Result| {
             Error::memory(
-                format!("{} does not import {bytes} bytes of memory ({e})", gpu.info.name),
+                format!("{} cannot import {bytes} bytes of memory ({e})", gpu.info.name),
                 "export it from the same GPU as an opaque file descriptor, and give its whole size",
             )
         };
         if gpu.external_memory.is_none() {
             return Err(Error::device(
                 format!(
-                    "{} imports no memory: VK_KHR_external_memory_fd is missing or not enabled",
+                    "{} cannot import memory: VK_KHR_external_memory_fd is missing or not enabled",
                     gpu.info.name
                 ),
                 "enable it, or copy through the host",
@@ -167,8 +167,8 @@ impl Imported {
 fn copied(fd: RawFd) -> Result<OwnedFd> {
     let none = |e: std::io::Error| {
         Error::options(
-            format!("{fd} is no file descriptor ({e})"),
-            "give the one that the memory was exported to",
+            format!("{fd} is not a valid file descriptor ({e})"),
+            "give the descriptor of the exported memory",
         )
     };
     if fd < 0 {
@@ -204,7 +204,7 @@ impl Gpu {
         match unsafe { self.raw().wait_semaphores(&info, limit) } {
             Ok(()) => Ok(true),
             Err(vk::Result::TIMEOUT) => Ok(false),
-            Err(e) => Err(self.failed("waiting for a caller's semaphore", e)),
+            Err(e) => Err(self.failed("waiting for an external semaphore", e)),
         }
     }
 
@@ -216,7 +216,7 @@ impl Gpu {
         let info = vk::SemaphoreSignalInfo::default().semaphore(moment.semaphore).value(moment.value);
         // SAFETY: the creator of the timeline point guarantees the semaphore's lifetime and an increasing value.
         unsafe { self.raw().signal_semaphore(&info) }
-            .map_err(|e| self.failed("signalling a caller's semaphore", e))
+            .map_err(|e| self.failed("signalling an external semaphore", e))
     }
 }
 
@@ -238,7 +238,7 @@ impl Executor {
         let target = *self.arena.get(to);
         assert!(
             from.bytes <= target.bytes,
-            "{} lent bytes are taken into `{to}`, which has {}",
+            "{} bytes of an external buffer do not fit into `{to}`, which has {}",
             from.bytes,
             target.bytes
         );
@@ -267,7 +267,7 @@ impl Executor {
         let bytes = content.len() as u64;
         assert!(
             bytes <= to.bytes && bytes.is_multiple_of(4),
-            "{bytes} bytes are given into {} lent bytes",
+            "{bytes} bytes do not fit into {} bytes of an external buffer",
             to.bytes
         );
         self.settle()?;

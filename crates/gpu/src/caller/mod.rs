@@ -71,8 +71,8 @@ impl Gpu {
         let physical = vulkan.physical_device;
         let index = instance.list().iter().position(|(other, _)| *other == physical).ok_or_else(|| {
             Error::device(
-                "the physical device is none of the instance's",
-                "give the instance that the device was made with",
+                "the physical device does not belong to the instance",
+                "give the instance from which the device was created",
             )
         })?;
         let info = instance.describe(index, physical);
@@ -99,16 +99,12 @@ fn check_family(instance: &Instance, vulkan: &Vulkan, name: &str) -> Result<()> 
     match families.get(vulkan.family as usize) {
         Some(family) if family.queue_flags.contains(vk::QueueFlags::COMPUTE) => Ok(()),
         Some(_) => Err(Error::device(
-            format!("queue family {} of {name} does not compute", vulkan.family),
+            format!("queue family {} of {name} does not support compute", vulkan.family),
             "give a queue of a family with VK_QUEUE_COMPUTE_BIT",
         )),
         None => Err(Error::device(
-            format!(
-                "{name} has {} queue families, the queue is said to be of family {}",
-                families.len(),
-                vulkan.family
-            ),
-            advice!["give the family that the queue was made with"],
+            format!("{name} has {} queue families, the given family is {}", families.len(), vulkan.family),
+            advice!["give the family of the queue"],
         )),
     }
 }

@@ -52,8 +52,8 @@ impl Features {
     pub(super) fn of(&self, offered: Offered, name: &str) -> Result<Offered> {
         if !self.timeline_semaphore {
             return Err(Error::device(
-                "the device was made without timeline semaphores, which are needed",
-                "enable VkPhysicalDeviceVulkan12Features::timelineSemaphore in VkDeviceCreateInfo, and say so",
+                "the device was created without timeline semaphores, which are required",
+                "enable VkPhysicalDeviceVulkan12Features::timelineSemaphore in VkDeviceCreateInfo, and set it in the enabled features",
             ));
         }
         let pairs = [
@@ -65,7 +65,7 @@ impl Features {
         if let Some((_, _, what)) = pairs.into_iter().find(|(said, there, _)| *said && !there) {
             return Err(Error::device(
                 format!("{what} are said to be enabled, which {name} does not have"),
-                "say what was enabled: at most what the requirements named for this device",
+                "list only enabled features, a subset of the requirements of this device",
             ));
         }
         Ok(Offered {
@@ -139,7 +139,7 @@ pub(super) fn check_version(api_version: u32) -> Result<()> {
         return Ok(());
     }
     Err(Error::device(
-        format!("the instance was made for Vulkan {}, 1.2 is needed", version_text(api_version)),
+        format!("the instance was created for Vulkan {}, 1.2 is required", version_text(api_version)),
         "set VkApplicationInfo::apiVersion to VK_API_VERSION_1_2 or later",
     ))
 }
