@@ -102,10 +102,10 @@ WANTED = {
 
 
 def of_plan(file):
-    """What one run of `profile --compile` told, with the loops of the listings beside it."""
-    told = json.loads(file.read_text())
+    """Report of one run of `profile --compile`, with the loops of its listings."""
+    report = json.loads(file.read_text())
     kernels = []
-    for kernel in told["kernels"]:
+    for kernel in report["kernels"]:
         row = {"kernel": kernel["kernel"], "module": kernel["code"], "slots": kernel["slots"]}
         for i, executable in enumerate(kernel["executables"][:1]):
             row["subgroup"] = executable["subgroup"]
@@ -116,7 +116,7 @@ def of_plan(file):
             if kernel["slots"] is not None and listing.exists():
                 row["loop"] = count(listing.read_text())
         kernels.append(row)
-    kept = {name: told[name] for name in ("device", "tells", "solver", "pairs", "voxels", "accumulation")}
+    kept = {name: report[name] for name in ("device", "tells", "solver", "pairs", "voxels", "accumulation")}
     return {"plan": file.stem, **kept, "kernels": kernels}
 
 
@@ -144,8 +144,8 @@ def report(folder, out):
     result = {"version": json.loads(next(folder.glob("*.json")).read_text())["version"], "plans": plans}
     listing = folder / "nvidia.sass"
     if listing.exists():
-        told = ptxas(folder / "nvidia.ptxas")
-        loops = {name: {**told[name], "loop": count(part)} for name, part in sections(listing.read_text()).items()}
+        report = ptxas(folder / "nvidia.ptxas")
+        loops = {name: {**report[name], "loop": count(part)} for name, part in sections(listing.read_text()).items()}
         result["nvidia"] = {"tools": (folder / "nvidia.versions").read_text().splitlines(), "kernels": loops}
     # A line for each kernel, so that a change of one shows as one.
     text = json.dumps(result)

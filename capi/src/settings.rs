@@ -51,7 +51,7 @@ pub struct TbProgress {
 
 /// Receives progress reports. Returns 0 to continue; any other value cancels the frame.
 pub type TbProgressCallback =
-    Option<unsafe extern "C" fn(user: *mut c_void, progress: *const TbProgress) -> i32>;
+    Option<unsafe extern "C" fn(user_data: *mut c_void, progress: *const TbProgress) -> i32>;
 
 /// Settings of a session. Zero-initialise, then set `size`; zero is the default of every field.
 #[derive(Clone, Copy)]

@@ -58,8 +58,8 @@ pub struct TbVulkan {
     /// Reserved: 0.
     pub reserved: u32,
     /// Called around submissions to the queue, by any thread; both NULL if the queue is not used otherwise.
-    pub lock: Option<unsafe extern "C" fn(user: *mut c_void)>,
-    pub unlock: Option<unsafe extern "C" fn(user: *mut c_void)>,
+    pub lock: Option<unsafe extern "C" fn(user_data: *mut c_void)>,
+    pub unlock: Option<unsafe extern "C" fn(user_data: *mut c_void)>,
     /// Passed to both.
     pub user_data: *mut c_void,
     /// VkPipelineCache for the library's kernels; 0: a cache of the library.

@@ -69,7 +69,7 @@ int main() {
     tb_error_info problem{};
     problem.size = sizeof problem;
     good &= tb_last_error_info(&problem) == TB_OK && problem.status == TB_ERROR_MEMORY;
-    std::printf("asked for %d MB, %d B are there\n", int(problem.requested_bytes >> 20), int(problem.available_bytes));
+    std::printf("requested %d MB, available %d B\n", int(problem.requested_bytes >> 20), int(problem.available_bytes));
 
     session.submit(counts);
     while (reports == 0) std::this_thread::yield();

@@ -58,7 +58,7 @@ void accumulate(uint index, float value) {
 }
 #endif
 
-// For bins with so many contributions that an fp32 sum would lose small addends, RUNS first sums consecutive voxels
+// Where an fp32 sum over a bin would lose small addends, RUNS first sums consecutive voxels
 // of the same cell: two levels of sums, each of a few thousand addends at most.
 layout(constant_id = 16) const uint RUNS = 0u;
 const uint LONGEST_RUN = 256u;

@@ -41,9 +41,10 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     ]
     .into_iter()
     .collect();
-    channels.extend(maps.confidence.iter().map(|told| channel("confidence.Z", &|p| told[p])));
+    channels.extend(maps.confidence.iter().map(|values| channel("confidence.Z", &|p| values[p])));
     if let Some(behind) = &maps.behind {
-        channels.extend(behind.confidence.iter().map(|told| channel("behind.confidence.Z", &|p| told[p])));
+        channels
+            .extend(behind.confidence.iter().map(|values| channel("behind.confidence.Z", &|p| values[p])));
         channels.extend([
             channel("behind.albedo.Y", &|p| behind.albedo[p]),
             channel("behind.depth.Z", &|p| behind.depth[p]),

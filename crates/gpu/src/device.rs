@@ -245,7 +245,7 @@ impl Gpu {
                 Error::device(
                     format!(
                         "{name} was lost while {doing}{}",
-                        driver_report::text(self.faults().told, self.device_fault.as_ref())
+                        driver_report::text(self.faults().fault_address, self.device_fault.as_ref())
                     ),
                     advice!["its driver was reset, often by a watchdog timeout; reopen the device and its sessions, and try " {Remedy::SMALLER_JOB} ", or another " Device],
                 )

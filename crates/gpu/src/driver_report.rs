@@ -35,7 +35,7 @@ fn asked(of: &ext::device_fault::Device) -> Option<DriverReport> {
     let mut counts = vk::DeviceFaultCountsEXT::default();
     // SAFETY: the device is lost, as required. Without a second struct only counts are written.
     unsafe { ask(of.device(), &mut counts, std::ptr::null_mut()) }.result().ok()?;
-    let mut told = DriverReport {
+    let mut report = DriverReport {
         addresses: vec![Default::default(); counts.address_info_count as usize],
         vendor: vec![Default::default(); counts.vendor_info_count as usize],
         ..DriverReport::default()
@@ -43,8 +43,8 @@ fn asked(of: &ext::device_fault::Device) -> Option<DriverReport> {
     // The vendor binary is not used.
     counts.vendor_binary_size = 0;
     let mut info = vk::DeviceFaultInfoEXT {
-        p_address_infos: told.addresses.as_mut_ptr(),
-        p_vendor_infos: told.vendor.as_mut_ptr(),
+        p_address_infos: report.addresses.as_mut_ptr(),
+        p_vendor_infos: report.vendor.as_mut_ptr(),
         ..Default::default()
     };
     // SAFETY: both lists have the lengths in `counts` and outlive the call. If more faults occurred since, the driver
@@ -53,10 +53,10 @@ fn asked(of: &ext::device_fault::Device) -> Option<DriverReport> {
     if !matches!(answer, vk::Result::SUCCESS | vk::Result::INCOMPLETE) {
         return None;
     }
-    told.description = text_of(&info.description);
-    told.addresses.truncate(counts.address_info_count as usize);
-    told.vendor.truncate(counts.vendor_info_count as usize);
-    Some(told)
+    report.description = text_of(&info.description);
+    report.addresses.truncate(counts.address_info_count as usize);
+    report.vendor.truncate(counts.vendor_info_count as usize);
+    Some(report)
 }
 
 /// A driver's text, up to its terminating zero.
@@ -121,7 +121,7 @@ mod tests {
             ..DriverReport::default()
         };
         assert_eq!(none.text(), "");
-        let told = DriverReport {
+        let report = DriverReport {
             description: text_of(&chars(" MMU fault ")),
             addresses: vec![
                 at(vk::DeviceFaultAddressTypeEXT::WRITE_INVALID, 0x12_3456, 0x1000),
@@ -134,7 +134,7 @@ mod tests {
             }],
         };
         assert_eq!(
-            told.text(),
+            report.text(),
             "; its driver tells: MMU fault, invalid write at 0x123000 to 0x123fff, fault of the instruction at 0x20, engine 0xd 0xff"
         );
         let many = vec![at(vk::DeviceFaultAddressTypeEXT::READ_INVALID, 1, 1); 9];

@@ -87,7 +87,7 @@ fn statistics(
     of: &vk::PipelineExecutableInfoKHR<'_>,
 ) -> Vec<(String, f64)> {
     // SAFETY: the caller's pipeline is alive, and has an executable of that index.
-    let told = unsafe { asked.get_pipeline_executable_statistics(of) }.unwrap_or_default();
+    let found = unsafe { asked.get_pipeline_executable_statistics(of) }.unwrap_or_default();
     let named = |s: &vk::PipelineExecutableStatisticKHR<'_>| {
         type Format = vk::PipelineExecutableStatisticFormatKHR;
         // SAFETY: `format` says which member of the union the driver wrote.
@@ -101,7 +101,7 @@ fn statistics(
         };
         (text(&s.name), value)
     };
-    told.iter().map(named).collect()
+    found.iter().map(named).collect()
 }
 
 fn listings(
@@ -110,21 +110,21 @@ fn listings(
 ) -> Vec<(String, String)> {
     // SAFETY: the caller's pipeline is alive, has an executable of that index, and was made with
     // CAPTURE_INTERNAL_REPRESENTATIONS.
-    let told = unsafe { asked.get_pipeline_executable_internal_representations(of) };
+    let found = unsafe { asked.get_pipeline_executable_internal_representations(of) };
     // The first call returns the sizes only.
-    let mut told = told.unwrap_or_default();
-    let mut room: Vec<Vec<u8>> = told.iter().map(|t| vec![0; t.data_size]).collect();
-    for (t, bytes) in told.iter_mut().zip(&mut room) {
+    let mut found = found.unwrap_or_default();
+    let mut room: Vec<Vec<u8>> = found.iter().map(|t| vec![0; t.data_size]).collect();
+    for (t, bytes) in found.iter_mut().zip(&mut room) {
         t.p_data = bytes.as_mut_ptr().cast();
     }
-    let mut count = told.len() as u32;
-    // SAFETY: as above; `told` has `count` items, and each points to as many bytes as it says, which outlive the call.
+    let mut count = found.len() as u32;
+    // SAFETY: as above; `found` has `count` items, and each points to as many bytes as it says, which outlive the call.
     let filled = unsafe {
         (asked.fp().get_pipeline_executable_internal_representations_khr)(
             asked.device(),
             of,
             &mut count,
-            told.as_mut_ptr(),
+            found.as_mut_ptr(),
         )
     };
     if filled != vk::Result::SUCCESS {
@@ -134,5 +134,5 @@ fn listings(
         let whole = CStr::from_bytes_until_nul(bytes).map_or(&bytes[..], CStr::to_bytes);
         (t.is_text == vk::TRUE).then(|| (text(&t.name), String::from_utf8_lossy(whole).into_owned()))
     };
-    told.iter().zip(&room).filter_map(listing).collect()
+    found.iter().zip(&room).filter_map(listing).collect()
 }

@@ -37,7 +37,7 @@ pub struct Faults {
     /// Wait number N (from 0) since the device was opened times out immediately.
     pub hang: Option<u64>,
     /// After a loss, the driver reports an invalid read at this address.
-    pub told: Option<u64>,
+    pub fault_address: Option<u64>,
     /// Fresh buffers are filled with this word.
     pub poison: Option<u32>,
     /// The workgroups of every dispatch run in an order drawn from this seed, with a wait between dispatches. Slow.

@@ -46,7 +46,7 @@ class Maps:
     extent: Tuple[float, float, float, float]
     """Outer edges of the pixels: x min, x max, y min, y max, metres."""
     confidence: Optional[np.ndarray] = None
-    """(nx, ny) float32: the depth error that two of three such pixels do not exceed, metres; None if nobody told it."""
+    """(nx, ny) float32: expected depth error, metres (two of three pixels with a given value have a smaller error); None if unknown."""
     behind: Optional[Layer] = None
     """The surfaces behind the first ones; None where no pixel has two."""
     mask_fraction: Optional[float] = None

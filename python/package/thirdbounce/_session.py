@@ -42,7 +42,7 @@ class Session:
                 show(session.wait())
 
     One frame at a time is solved, in a thread of the session's own; `submit` returns at once. Methods may be called from any
-    thread. A session that is made of a `Capture` finds the model and the pulse that nobody named in its counts, as
+    thread. A session that is made of a `Capture` estimates an unspecified model and impulse response from its counts, as
     `reconstruct` does; one that is made of points takes the cosine model.
     """
 

@@ -15,7 +15,7 @@ Interval = Tuple[float, float]
 
 
 class Progress(NamedTuple):
-    """What a progress function is told."""
+    """A progress report."""
 
     doing: str
     """"trial" while quick trials look for the model and the pulse, "solve" afterwards."""
@@ -80,7 +80,7 @@ def reconstruct(
         the capture's, else it is found where it shows.
     spot: full width at half maximum of the spots on the wall, metres: one for both, or laser and sensor.
     gate: use only these paths, metres, for example (0.8, None); auto_gate=False uses all.
-    stride, subset: use every Nth scan point; use only so many pairs, drawn at random.
+    stride, subset: use every Nth scan point; use this number of random pairs.
     wall: scale the wall so that its outermost points are this far apart, metres.
     volume: the box to reconstruct: ((x0, x1), (y0, y1), (z0, z1)), metres.
     bins: "auto", "native", or how many neighbouring bins are one; depth_pitch: depth of a voxel, metres.
@@ -147,7 +147,7 @@ def _settings(
 def _hear(progress: Optional[Hear]) -> Optional[Callable[..., Optional[bool]]]:
     if progress is None:
         return None
-    return lambda *told: progress(Progress(*told))
+    return lambda *fields: progress(Progress(*fields))
 
 
 def options(solver: str = "surface") -> Dict[str, str]:

@@ -104,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_nobody_uses_is_swept() {
+    fn only_unused_folders_are_removed() {
         let folder = tempfile::tempdir().unwrap();
         let made = |name: &str, old: bool| {
             let path = folder.path().join(format!("{PREFIX}{name}{SUFFIX}"));

@@ -137,7 +137,7 @@ mod tests {
         let staging = Staging::new(&out).unwrap();
         let files = ["a", "b", "below/c"].map(|name| staging.path().join(name));
         files.iter().for_each(|file| write(file, b"1").unwrap());
-        assert!(synced().is_empty(), "nobody misses a hidden folder");
+        assert!(synced().is_empty(), "a hidden folder needs no sync");
         staging.commit(&files).unwrap();
         assert_eq!(synced(), [out.clone(), out.join("below"), out.clone()]);
         let staging = Staging::new(&out).unwrap();

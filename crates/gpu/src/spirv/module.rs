@@ -150,16 +150,17 @@ impl Module {
                 }
                 op::CONSTANT | op::SPEC_CONSTANT => {
                     let mut value = u64::from(w[3]) | u64::from(*w.get(4).unwrap_or(&0)) << 32;
-                    let told = spec_ids.get(&w[2]).and_then(|id| special.get(id));
-                    if let (op::SPEC_CONSTANT, Some(v)) = (op, told) {
+                    let given = spec_ids.get(&w[2]).and_then(|id| special.get(id));
+                    if let (op::SPEC_CONSTANT, Some(v)) = (op, given) {
                         value = u64::from(*v);
                     }
                     m.constant(w, value);
                 }
                 op::CONSTANT_TRUE | op::CONSTANT_FALSE | op::SPEC_CONSTANT_TRUE | op::SPEC_CONSTANT_FALSE => {
-                    let told = spec_ids.get(&w[2]).and_then(|id| special.get(id)).map(|v| u64::from(*v != 0));
+                    let given =
+                        spec_ids.get(&w[2]).and_then(|id| special.get(id)).map(|v| u64::from(*v != 0));
                     let own = u64::from(op == op::CONSTANT_TRUE || op == op::SPEC_CONSTANT_TRUE);
-                    m.constant(w, told.unwrap_or(own));
+                    m.constant(w, given.unwrap_or(own));
                 }
                 op::SPEC_CONSTANT_OP => {
                     m.kinds.insert(w[2], w[1]);

@@ -62,9 +62,9 @@ impl Maps {
     /// Sets the expected depth error of all layers in metres: two of three pixels with a given value have a smaller
     /// error. NaN for pixels without a depth. Values outside the mask are rough guesses.
     pub fn set_confidence(&mut self, known: &Conditions) {
-        let told = |maps: &Maps| maps.expected_errors(known);
-        let second = self.layer(1).map(|maps| told(&maps));
-        self.confidence = Some(told(self));
+        let expected = |maps: &Maps| maps.expected_errors(known);
+        let second = self.layer(1).map(|maps| expected(&maps));
+        self.confidence = Some(expected(self));
         if let (Some(Layer { confidence, .. }), Some(second)) = (&mut self.behind, second) {
             *confidence = Some(second);
         }
@@ -155,7 +155,7 @@ mod tests {
         maps
     }
 
-    fn told(mut maps: Maps, known: Conditions) -> Vec<f32> {
+    fn expected(mut maps: Maps, known: Conditions) -> Vec<f32> {
         maps.set_confidence(&known);
         maps.check().unwrap();
         maps.confidence.unwrap()
@@ -163,7 +163,7 @@ mod tests {
 
     /// Value in the middle of the map.
     fn middle(maps: Maps, known: Conditions) -> f64 {
-        f64::from(told(maps, known)[SIDE / 2 * SIDE + SIDE / 2])
+        f64::from(expected(maps, known)[SIDE / 2 * SIDE + SIDE / 2])
     }
 
     fn flat(_: usize, _: usize) -> (f32, f64) {
@@ -228,10 +228,10 @@ mod tests {
     #[test]
     fn other_units_and_scales_of_albedo_change_nothing() {
         let bumpy = |x: usize, y: usize| (1.0 + 0.1 * (x % 3) as f32, 0.5 + 0.002 * (x * y % 7) as f64);
-        let one = told(maps(bumpy), KNOWN);
+        let one = expected(maps(bumpy), KNOWN);
         let mut large = maps(|x, y| (5.0 * bumpy(x, y).0, 1e3 * bumpy(x, y).1));
         large.extent = large.extent.map(|v| 1e3 * v);
-        let large = told(large, Conditions { width: 1e3 * KNOWN.width, ..KNOWN });
+        let large = expected(large, Conditions { width: 1e3 * KNOWN.width, ..KNOWN });
         for (a, b) in one.iter().zip(&large) {
             assert!((1e3 * a / b - 1.0).abs() < 1e-2, "{a} {b}");
         }
@@ -240,11 +240,11 @@ mod tests {
     #[test]
     fn nothing_is_told_where_there_is_no_depth() {
         let half = |x: usize, y: usize| if x < 12 { flat(x, y) } else { (0.0, f64::NAN) };
-        let all = told(maps(half), KNOWN);
+        let all = expected(maps(half), KNOWN);
         assert!(all.iter().enumerate().all(|(i, c)| c.is_nan() == (i >= 12 * SIDE)));
         // Equal expected error at a plate's edge and inside: pixels outside the mask have no weight.
         assert!((all[11 * SIDE + 12] / all[5 * SIDE + 12] - 1.0).abs() < 0.02);
-        assert!(told(maps(|_, _| (0.0, f64::NAN)), KNOWN).iter().all(|c| c.is_nan()));
+        assert!(expected(maps(|_, _| (0.0, f64::NAN)), KNOWN).iter().all(|c| c.is_nan()));
     }
 
     #[test]

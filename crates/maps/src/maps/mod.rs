@@ -74,7 +74,7 @@ pub struct Truth {
 impl Layer {
     /// Names and lengths of the arrays.
     fn lengths(&self) -> Vec<(&'static str, usize)> {
-        let told = self.confidence.iter().map(|c| ("the second layer's confidence", c.len()));
+        let confidence = self.confidence.iter().map(|c| ("the second layer's confidence", c.len()));
         [
             ("the second layer's albedo", self.albedo.len()),
             ("the second layer's depth", self.depth.len()),
@@ -82,7 +82,7 @@ impl Layer {
             ("the second layer's mask", self.mask.len()),
         ]
         .into_iter()
-        .chain(told)
+        .chain(confidence)
         .collect()
     }
 }

@@ -172,8 +172,8 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: impl Into<Option<f64>>) -> 
         best_iou: best.map(|b| b[1]),
         best_fraction: best.map(|b| b[0]),
         at_best,
-        within_confidence: errors.told.within(),
-        calibration: errors.told.quarters(),
+        within_confidence: errors.calibration.within(),
+        calibration: errors.calibration.quarters(),
         layers: layers(maps, truth, &pixels, within),
         sweep,
     })
@@ -263,7 +263,7 @@ struct Errors {
     whole: Sums,
     angle: Mean,
     components: Mean,
-    told: Calibration,
+    calibration: Calibration,
 }
 
 /// Errors over these pixels.
@@ -277,7 +277,7 @@ fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) 
         let error = f64::from(maps.depth[found]) - real;
         all.hit.add(error);
         if let Some(confidence) = &maps.confidence {
-            all.told.add(f64::from(confidence[found]), error);
+            all.calibration.add(f64::from(confidence[found]), error);
         }
         let (n, m) = (maps.normal[found].map(f64::from), truth.normal[at].map(f64::from));
         if let Some(degrees) = angle_between(n, m) {
