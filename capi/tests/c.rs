@@ -68,7 +68,7 @@ fn example(source: &str, flags: &[&str], environment: &[(&str, &str)]) -> (tempf
 fn captures(flags: &[&str], environment: &[(&str, &str)]) {
     let (folder, text) = example("c/capture.c", flags, environment);
     let frames = text.lines().filter(|l| l.starts_with("frame ") && !l.contains(" 0 pixels")).count();
-    assert!(frames == 4 && text.contains("heard every frame"), "{text}");
+    assert!(frames == 4 && text.contains("progress of every frame"), "{text}");
     // The first frame is cold.
     assert!(text.contains("surface, cold\n") && text.contains("surface, warm\n"), "{text}");
     let picture = std::fs::read(folder.path().join("last.pgm")).expect("a picture");
@@ -91,7 +91,7 @@ fn cancels(flags: &[&str], environment: &[(&str, &str)]) {
         "NaN",
         "nothing to wait for",
         "no-such=1",
-        "1000 B are there",
+        "available 1000 B",
         "cancelled",
         "as it should be",
     ] {

@@ -111,7 +111,7 @@ function ring(context, x, y) {
 }
 
 // The maps as seen from the wall: +x to the left, y up.
-const metres = v => `${v.toFixed(3)} m`, millimetres = v => `${(1000 * v).toPrecision(2)} mm`;
+const metres = v => `${v.toFixed(3)} m`, millimetres = v => v < 1 ? `${Number((1000 * v).toPrecision(2))} mm` : `${v.toFixed(1)} m`;
 const nothing = () => theme("none").match(/[0-9a-f]{2}/g).map(v => parseInt(v, 16));
 const maps = [
   { name: "Albedo", alt: `Albedo map, relative, up to ${short(bright[1])}`, colour: i => grey(albedo[i] / bright[1]),
@@ -150,7 +150,7 @@ for (const map of maps) {
     const box = mapBox(width), [left, top, right, bottom] = box;
     const x = v => left + (extent[1] - v) / size[0] * (right - left), y = v => top + (extent[3] - v) / size[1] * (bottom - top);
     context.imageSmoothingEnabled = false, context.drawImage(map.picture, left, top, right - left, bottom - top);
-    axes(context, box, ticks(extent[0], extent[1], 4), x, "x, m", ticks(extent[2], extent[3], 5), y, "y, m");
+    axes(context, box, ticks(extent[0], extent[1], 5), x, "x, m", ticks(extent[2], extent[3], 5), y, "y, m");
     map.bar(context, box), scaleBar(context, box, size[0]);
     if (chosen >= 0) ring(context, x(place(chosen)[0]), y(place(chosen)[1]));
   });
@@ -186,7 +186,7 @@ function pictures() {
 function choose(i) {
   chosen = i, plots.forEach(paint => paint()), mark();
   const [x, y] = place(i), angle = Math.acos(Math.min(1, -normal[3 * i + 2])) * 180 / Math.PI;
-  element("readout").innerText = `x ${metres(x)}, y ${metres(y)}, pixel ${Math.floor(i / ny)}, ${i % ny}: albedo ${albedo[i].toPrecision(3)}`
+  element("readout").innerText = `x ${metres(x)}, y ${metres(y)}, pixel ${Math.floor(i / ny)}, ${i % ny}: albedo ${short(albedo[i])}`
     + (isSurface(i) ? `, depth ${depth[i].toFixed(4)} m` + (confidence ? ` ± ${millimetres(confidence[i])}` : "")
       + `\nnormal ${[0, 1, 2].map(c => normal[3 * i + c].toFixed(2)).join(", ")}, ${angle.toFixed(0)}° from the wall's` : ", no surface");
 }
@@ -255,6 +255,9 @@ plot(element("histogram"), width => Math.max(240, .5 * width), (context, width, 
 const wall = element("wall"), moving = laser_scans ? laser : sensor;
 const span = [0, 1].map(c => { const all = Array.from({ length: pairs }, (_, p) => moving[3 * p + c]); return [all.reduce((a, b) => Math.min(a, b)), all.reduce((a, b) => Math.max(a, b))]; });
 const reach = Math.max(span[0][1] - span[0][0], span[1][1] - span[1][0]) || 1, dot = reach / Math.max(1, Math.sqrt(pairs) - 1) || reach;
+// Width and height of a tile: the spacing of a lattice, of which rows or columns may be left out, or that of a square scan.
+const lines = span.map((_, c) => new Set(Array.from({ length: pairs }, (_, p) => Math.round(1e4 * moving[3 * p + c] / reach))).size);
+const tile = lines[0] * lines[1] <= 1.2 * pairs ? span.map(([low, high], c) => (high - low) / (lines[c] - 1) || dot) : [dot, dot];
 const totals = Array.from({ length: pairs }, (_, p) => measured(p).reduce((a, b) => a + b, 0)), most = totals.reduce((a, b) => Math.max(a, b), 1e-30);
 const apart = (p, at) => Math.hypot(moving[3 * p] - at[0], moving[3 * p + 1] - at[1]);
 const nearest = (at, keep = () => true) => { let best = -1; for (let p = 0; p < pairs; p++) if (keep(p) && (best < 0 || apart(p, at) < apart(best, at))) best = p; return best; };
@@ -264,14 +267,14 @@ pair = nearest(span.map(([low, high]) => (low + high) / 2));
 wall.setAttribute("aria-label", `Total counts of ${pairs} wall points, at most ${short(most)}. Arrow keys select a pair.`);
 plot(wall, width => wallBox(width)[3] + BOTTOM, (context, width) => {
   const box = wallBox(width), [left, top, right, bottom] = box, unit = (right - left) / (edges[0][1] - edges[0][0]);
-  const x = v => left + (edges[0][1] - v) * unit, y = v => top + (edges[1][1] - v) * unit, side = Math.max(2, dot * unit);
+  const x = v => left + (edges[0][1] - v) * unit, y = v => top + (edges[1][1] - v) * unit, [wide, high] = tile.map(v => Math.max(2, v * unit));
   context.fillStyle = theme("none"), context.fillRect(left, top, right - left, bottom - top);
   context.save(), context.beginPath(), context.rect(left, top, right - left, bottom - top), context.clip();
   totals.forEach((total, p) => {
-    context.fillStyle = rgb(grey(Math.max(total, 0) / most)), context.fillRect(x(moving[3 * p]) - side / 2, y(moving[3 * p + 1]) - side / 2, side + 1, side + 1);
+    context.fillStyle = rgb(grey(Math.max(total, 0) / most)), context.fillRect(x(moving[3 * p]) - wide / 2, y(moving[3 * p + 1]) - high / 2, wide + 1, high + 1);
   });
   context.restore();
-  axes(context, box, ticks(...edges[0], 4), x, "x, m", ticks(...edges[1], 5), y, "y, m");
+  axes(context, box, ticks(...edges[0], 5), x, "x, m", ticks(...edges[1], 5), y, "y, m");
   colourBar(context, box, grey, ticks(0, most, 4), v => v / most, "counts"), scaleBar(context, box, edges[0][1] - edges[0][0]);
   ring(context, x(moving[3 * pair]), y(moving[3 * pair + 1]));
 });
@@ -384,6 +387,7 @@ plot(element("trace"), width => Math.max(240, .66 * width), (context, width, hei
   context.strokeStyle = theme("line"), context.lineWidth = 1.5;
   context.beginPath(), trace.forEach(t => context.lineTo(x(t.seconds), y(t.loss))), context.stroke();
   const marks = Array.from({ length: 40 }, (_, k) => k - 20).flatMap(p => [1, 2, 5].map(m => m * 10 ** p)).filter(v => Math.log10(v) >= span[0] && Math.log10(v) <= span[1]);
+  if (marks.length < 3) marks.splice(0, marks.length, ...ticks(10 ** span[0], 10 ** span[1], 4));
   axes(context, box, ticks(begin, end, 6), x, "solve time, s", marks, y, "loss (logarithmic)");
   element("active").innerText = `active ${report.settings.solver === "surface" ? "pixels" : "voxels"}, at most ${active.toLocaleString("en")}`;
   element("trace").setAttribute("aria-label", `Loss against solve time, ${losses[0].toPrecision(3)} to ${losses.at(-1).toPrecision(3)} in ${end.toFixed(1)} s`);
@@ -412,7 +416,7 @@ function parts() {
 }
 
 function words() {
-  const { settings, totals, metrics } = report, found = parts(), warnings = settings.warnings || report.warnings || [];
+  const { settings, totals, metrics } = report, found = parts(), warnings = report.warnings || settings.warnings || [];
   const card = (name, value, more = "") => {
     const group = document.createElement("div"), term = document.createElement("dt"), text = document.createElement("dd"), small = document.createElement("small");
     term.innerText = name, text.innerText = value, small.innerText = more;
@@ -443,5 +447,7 @@ function words() {
 
 words(), pictures();
 try { space(); } catch (error) { element("space").innerText = `no 3D view: ${error.message}`; }
-const first = Array.from(albedo.keys()).filter(isSurface).sort((a, b) => albedo[b] - albedo[a])[0];
+// Initially the brightest of the more certain half of the pixels.
+const certain = confidence ? quantile(confidence, .5, isSurface) : 0;
+const first = Array.from(albedo.keys()).filter(i => isSurface(i) && !(confidence && confidence[i] > certain)).sort((a, b) => albedo[b] - albedo[a])[0];
 if (first !== undefined) choose(first);
