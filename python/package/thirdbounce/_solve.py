@@ -18,22 +18,22 @@ class Progress(NamedTuple):
     """A progress report."""
 
     doing: str
-    """"trial" while quick trials look for the model and the pulse, "solve" afterwards."""
+    """"trial" during estimates, "solve" afterwards."""
     iteration: int
-    """Iterations that are done."""
+    """Iterations done."""
     iterations: int
-    """The most iterations of the solve."""
+    """Maximum number of iterations of the solve."""
     seconds: float
-    """Seconds since the solve began."""
+    """Seconds since the start of the solve."""
     remaining: Optional[float]
-    """Seconds that are left, if that is known."""
+    """Expected remaining seconds, if known."""
     loss: float
     """The loss."""
     lateral: int
     """Lateral resolution of the grid."""
 
 
-Hear = Callable[[Progress], Optional[bool]]
+ProgressCallback = Callable[[Progress], Optional[bool]]
 
 
 def reconstruct(
@@ -62,34 +62,35 @@ def reconstruct(
     mask_fraction: Optional[float] = None,
     device: Union[None, str, int] = None,
     memory: Union[None, str, int] = None,
-    progress: Optional[Hear] = None,
+    progress: Optional[ProgressCallback] = None,
     **options: Any,
 ) -> Maps:
-    """Reconstructs a hidden scene, as `thirdbounce reconstruct` does: the same trials, the same maps.
+    """Reconstructs a hidden scene with the estimates and maps of `thirdbounce reconstruct`.
 
-    H: a `Capture`, or its counts: (X, Y, T) or (P, T), with `bins_axis=0` (T, X, Y). float32 in C order is handed over as it
-        is; everything else is converted first. The engine works on a copy of its own.
+    H: a `Capture`, or its counts: (X, Y, T) or (P, T), with `bins_axis=0` (T, X, Y). float32 in C order is passed
+        without conversion. The engine works on a copy.
     sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3) points on the wall, metres, or one point; without `laser_xyz` confocal.
     bin_width, t0: width of a bin, and leading edge of bin 0, metres of path.
-    photon_counts: whether counts are photon counts; None: if all are whole and none is negative.
+    photon_counts: whether counts are photon counts; None: true if all are non-negative integers.
     pixels: lateral pixels of the maps (the solver's option `lateral`).
     solver: "surface", "paper", or a closed-form method: "lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp".
-    model: "cosine", "lambertian", "retroreflective", "isotropic", or "auto" to try the first three; None: as the solver does.
-    preset: "synthetic" or "captured"; None: as the counts are.
-    pulse: full width at half maximum, metres of path; the same and the length of the tail; "none"; "auto" to find it; None:
-        the capture's, else it is found where it shows.
+    model: "cosine", "lambertian", "retroreflective", "isotropic", or "auto" to estimate one of the first three; None: the
+        solver's default.
+    preset: "synthetic" or "captured"; None: by the counts.
+    pulse: impulse response: full width at half maximum, metres of path; the same and the length of the tail; "none"; "auto"
+        (estimated); None: the capture's, else estimated where the data show one.
     spot: full width at half maximum of the spots on the wall, metres: one for both, or laser and sensor.
-    gate: use only these paths, metres, for example (0.8, None); auto_gate=False uses all.
+    gate: interval of path lengths, metres, e.g. (0.8, None); auto_gate=False uses all.
     stride, subset: use every Nth scan point; use this number of random pairs.
-    wall: scale the wall so that its outermost points are this far apart, metres.
-    volume: the box to reconstruct: ((x0, x1), (y0, y1), (z0, z1)), metres.
-    bins: "auto", "native", or how many neighbouring bins are one; depth_pitch: depth of a voxel, metres.
-    mask_fraction: a pixel is surface above this share of the brightest albedo; None: found at the albedo's edges.
-    device: index or part of the name; memory: most device memory, bytes or text such as "2G".
-    progress: is called with a `Progress` about five times a second, and stops the solve if it returns False.
-    options: the options of the solver, by their names in `thirdbounce.options()`; deterministic=True repeats bit by bit.
+    wall: distance between the outermost scan points after scaling, metres.
+    volume: reconstructed box: ((x0, x1), (y0, y1), (z0, z1)), metres.
+    bins: "auto", "native", or number of neighbouring bins to sum; depth_pitch: depth of a voxel, metres.
+    mask_fraction: mask threshold as a share of the brightest albedo; None: the method's own mask.
+    device: index, part of the name, or UUID; memory: maximum device memory, bytes or text such as "2G".
+    progress: called with a `Progress` about five times per second; cancels the solve if it returns False.
+    options: options of the solver by their names in `thirdbounce.options()`; deterministic=True makes runs bit-identical.
 
-    Ctrl-C stops the solve: KeyboardInterrupt. Other threads run meanwhile.
+    Ctrl-C cancels the solve with KeyboardInterrupt. The GIL is released meanwhile.
     """
     if isinstance(H, Capture):
         if sensor_xyz is not None or laser_xyz is not None or bin_width is not None:
@@ -123,13 +124,13 @@ def reconstruct(
         depth_pitch=depth_pitch,
         mask_fraction=mask_fraction,
     )
-    return Maps._of(_native.reconstruct(capture._arrays(), settings, _hear(progress)))
+    return Maps._of(_native.reconstruct(capture._arrays(), settings, _callback(progress)))
 
 
 def _settings(
     solver: str, pixels: Optional[int], options: Dict[str, Any], device: Any, memory: Any
 ) -> Dict[str, Any]:
-    """What the native part takes, with the usual values of everything that `reconstruct` has and sessions do not."""
+    """Arguments of the native part, with defaults of those that sessions do not have."""
     if pixels is not None:
         options = {"lateral": pixels, **options}
     usual = ["model", "preset", "wall", "stride", "subset", "gate", "pulse", "spot", "bins", "depth_pitch", "volume"]
@@ -144,17 +145,17 @@ def _settings(
     return settings
 
 
-def _hear(progress: Optional[Hear]) -> Optional[Callable[..., Optional[bool]]]:
+def _callback(progress: Optional[ProgressCallback]) -> Optional[Callable[..., Optional[bool]]]:
     if progress is None:
         return None
     return lambda *fields: progress(Progress(*fields))
 
 
 def options(solver: str = "surface") -> Dict[str, str]:
-    """The options of a solver, and what each is and is by default."""
+    """Options of a solver, with description and default."""
     return dict(_native.options(solver))
 
 
 def devices() -> List[Dict[str, Any]]:
-    """The Vulkan devices of this machine: index, name, kind, memory in bytes, driver."""
+    """Vulkan devices of this machine: index, name, kind, memory in bytes, driver."""
     return _native.devices()
