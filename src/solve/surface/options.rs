@@ -29,7 +29,7 @@ words!(Begin);
 
 options! {
     /// Options of the surface solver.
-    pub struct SurfaceOptions(suit) {
+    pub struct SurfaceOptions: SurfaceSettings(suit) {
         nested {}
         "Solver" {
             /// Lateral pixels of the maps (N of N × N)
