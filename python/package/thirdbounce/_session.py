@@ -62,14 +62,13 @@ class Session:
     ) -> None:
         """Prepares a solver for frames of a scan.
 
-        sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3) points, metres, as for `Capture`; or a `Capture`, whose points, bins, pulse and
-            spots are those of the frames, and whose counts tell how deep the volume is, which model fits, and how wide the
-            pulse is.
+        sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3) points, metres, as for `Capture`; or a `Capture`, with the points, bins,
+            impulse response and spots of the frames, and counts that determine the volume, the model and the impulse response.
         bins, bin_width, t_start: number and width of the bins, and leading edge of bin 0, metres of path.
-        photon_counts: whether counts are photon counts; else the noise of each frame is estimated, which takes longer.
-        time_limit: a frame that takes longer is stopped, seconds.
-        feed: what becomes of frames that come while one is solved: "one" refuses them, "newest" keeps the newest, "every" solves
-            all in order; a number from 0 to 1 adds all up and multiplies the sum by it before each.
+        photon_counts: whether counts are photon counts; otherwise the noise of each frame is estimated.
+        time_limit: time after which a frame is cancelled, seconds.
+        feed: handling of frames submitted during a solve: "one" refuses them, "newest" keeps the newest, "every" queues all; a
+            number from 0 to 1 sums them, multiplying the sum by it before each.
         on_progress: called with a `Progress` by the session's thread; the frame stops if it returns False.
         settings: as for `reconstruct`.
         """
@@ -139,7 +138,7 @@ class Session:
 
 
 def _scan(sensor_xyz: Any, laser_xyz: Any, bins: Optional[int], bin_width: Optional[float], t_start: float) -> Dict[str, Any]:
-    """A capture without counts, as the native part takes it."""
+    """A capture without counts, in the native form."""
     if bins is None or bin_width is None:
         raise TypeError("a session of points needs bins and bin_width")
     sensor = as_points(sensor_xyz, "sensor_xyz")
