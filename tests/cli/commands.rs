@@ -316,7 +316,7 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         ("--bin-width", "0", "bin width is 0"),
         ("--albedo", "-1", "albedo -1"),
         ("--noise", "NaN", "NaN"),
-        ("--pile-up", "0", "photons of a laser pulse"),
+        ("--pile-up", "0", "photons per laser pulse"),
         ("--pulse", "0.02:-1", "the tail of the pulse"),
         ("--point", "0,0", "--pairs one-laser"),
         ("--grid", "4", "--pairs exhaustive"),
