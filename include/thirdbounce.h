@@ -64,6 +64,8 @@ typedef enum tb_level {
     TB_NOTE = 0,
     // Why a call failed.
     TB_ERROR = 1,
+    // What looks wrong with a result.
+    TB_WARNING = 2,
 } tb_level;
 
 // What counts in a buffer are.

@@ -12,7 +12,8 @@ use crate::maps::Maps;
 use crate::session::{Session, SessionOptions};
 use crate::solve::option::OptionValue;
 use crate::solve::{
-    Bins, Discretisation, Problem, Progress, Ready, SolverOptions, TracePoint, VolumeMap, Watch, conclude,
+    Bins, Discretisation, Problem, Progress, Ready, Reconstruction, SolverOptions, TracePoint, VolumeMap,
+    Watch, conclude,
 };
 use crate::transport::Volume;
 use crate::{Error, Result};
@@ -176,6 +177,8 @@ pub struct Solved {
     pub volume: Option<VolumeMap>,
     /// What quick solves found, as sentences.
     pub notes: Vec<String>,
+    /// What looks wrong with the result, as sentences.
+    pub warnings: Vec<String>,
     /// A point for each iteration of the solve.
     pub trace: Vec<TracePoint>,
     /// Seconds that trials and solve took.
@@ -201,7 +204,8 @@ pub fn reconstruct(gpu: &Gpu, capture: &Capture, options: &Options) -> Result<So
     conclude(&capture, options.mask_fraction.or(solver.usual_mask()), &mut result, &mut []);
     result.trace.iter_mut().for_each(|point| point.seconds += found.seconds);
     let (notes, seconds) = (found.notes(), found.seconds + result.solve_seconds);
-    Ok(Solved { maps: result.maps, volume: result.volume, notes, trace: result.trace, seconds })
+    let Reconstruction { maps, volume, warnings, trace, .. } = result;
+    Ok(Solved { maps, volume, notes, warnings, trace, seconds })
 }
 
 /// Reads a capture in any known format and makes it ready to reconstruct, as the command does: see [`prepare`].

@@ -30,7 +30,8 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use crate::Result;
-use crate::capture::{self, Capture, Gate, Summary, auto_gate, published_gate, recorded_gate};
+use crate::capture::conditioning::{self, Conditioning};
+use crate::capture::{self, Capture, Gate, Summary};
 use crate::solve::Preset;
 use crate::tags;
 
@@ -67,6 +68,8 @@ pub struct Input {
     pub bounce: Option<capture::Bounce>,
     /// File with the times of flight to the wall, for formats that keep them in a second file.
     pub time_of_flight: Option<PathBuf>,
+    /// The axes of a file with a single array.
+    pub axes: Option<capture::AxisOrder>,
     /// How to turn the scan, for files that do not say how it lies on the wall.
     pub turn: capture::Turn,
     /// Keep every Nth scan point in x and in y; `None` keeps all.
@@ -79,6 +82,8 @@ pub struct Input {
     pub gate: Option<Gate>,
     /// Do not look for a gate: use every path.
     pub no_auto_gate: bool,
+    /// Keep pairs without any count, although their neighbours have many.
+    pub keep_empty: bool,
     /// The instrument's pulse; `None` takes the file's, if it has one.
     pub pulse: Option<GivenPulse>,
     /// Full widths at half maximum, metres, of what laser and sensor see of the wall, 0 for points; `None` takes the
@@ -89,17 +94,29 @@ pub struct Input {
 }
 
 impl Input {
-    /// The part of the capture that is kept while it is read.
-    pub fn keep(&self) -> capture::Keep {
+    /// What the capture goes through before a solve.
+    pub fn conditioning(&self) -> Conditioning {
         let keep = capture::Keep::default().with_stride(self.stride);
-        keep.with_subset(self.subset, self.subset_seed).with_gate(self.gate)
+        Conditioning {
+            turn: self.turn,
+            wall: self.wall,
+            keep: keep.with_subset(self.subset, self.subset_seed).with_gate(self.gate),
+            keep_empty: self.keep_empty,
+            no_auto_gate: self.no_auto_gate,
+            published_gate: self.preset.map(|preset| preset == Preset::Captured),
+            pulse: self.pulse.as_ref().map(|pulse| match pulse {
+                GivenPulse::Sharp => None,
+                GivenPulse::Shape(pulse) => Some(pulse.clone()),
+            }),
+            spots: self.spots,
+        }
     }
 
     /// The values that complete or correct those of the file.
     pub fn given(&self) -> capture::ReadOptions {
         let given = capture::ReadOptions::default().with_wall(self.wall).with_bin_width(self.bin_width);
         let given = given.with_depth_unit(self.depth_unit).with_bounce(self.bounce);
-        given.with_time_of_flight(self.time_of_flight.clone()).with_turn(self.turn)
+        given.with_time_of_flight(self.time_of_flight.clone()).with_axes(self.axes)
     }
 }
 
@@ -127,6 +144,8 @@ pub struct Loaded {
     pub normals_estimated: bool,
     /// What was done to the capture, as sentences.
     pub notes: Vec<String>,
+    /// What looks wrong and was not corrected.
+    pub warnings: Vec<String>,
     /// Seconds that loading took.
     pub seconds: f64,
 }
@@ -140,29 +159,25 @@ impl Loaded {
     }
 }
 
-/// Reads and checks a capture. Estimates the normals of a curved wall without normals. Then scales the wall, thins the
-/// scan and gates the bins. If no gate is given, direct light is left out, and captured histograms get the published
-/// gate.
+/// Reads a capture and makes it ready ([`conditioning::FOR_A_SOLVE`]).
 ///
 /// # Errors
-/// Those of [`capture::read_kept`]; a wall size that does not fit the capture.
+/// Those of [`capture::read_kept`]; a wall size that does not fit the capture; units that cannot be.
 pub fn load(input: &Input) -> Result<Loaded> {
-    prepared(input, |prepare| {
-        capture::formats::read_prepared(&input.path, &input.given(), &input.keep(), prepare)
-    })
+    let start = Instant::now();
+    let done = capture::formats::read_prepared(&input.path, &input.given(), &input.conditioning());
+    Ok(loaded(input, start, done.map_err(|e| placed(e, &input.path))?))
 }
 
 /// Prepares a capture that is in memory as [`load`] prepares one that it reads. The path of `input` is only for the report,
-/// and values that complete a file are not used: `bin_width`, `depth_unit`, `bounce` and `time_of_flight`.
+/// and values that complete a file are not used: `bin_width`, `depth_unit`, `bounce`, `time_of_flight` and `axes`.
 ///
 /// # Errors
-/// Those of [`Capture::check`]; a wall size that does not fit the capture.
+/// Those of [`conditioning::prepare`].
 pub fn take(capture: Capture, input: &Input) -> Result<Loaded> {
-    prepared(input, |prepare| {
-        let mut notes = vec![];
-        let whole = capture::formats::measured(capture, &mut notes)?;
-        capture::formats::keep_prepared(whole, input.turn, &input.keep(), prepare, notes)
-    })
+    let start = Instant::now();
+    let done = conditioning::prepare(capture, &input.conditioning());
+    Ok(loaded(input, start, done.map_err(|e| placed(e, &input.path))?))
 }
 
 /// Makes a capture of time tags or of an instrument's histograms, the file of `input`, and prepares it as [`load`] does. Where
@@ -181,77 +196,15 @@ pub fn load_tags(input: &Input, scan: &tags::Scan, asked: &tags::Asked) -> Resul
     Ok(loaded)
 }
 
-fn prepared(
-    input: &Input,
-    read: impl FnOnce(&mut capture::formats::Prepare) -> Result<capture::Opened>,
-) -> Result<Loaded> {
-    let start = Instant::now();
-    let mut normals_estimated = false;
-    // Before the scan is thinned: near neighbours give better normals, and the outermost points tell the wall's size.
-    // Before bins are gated: pile-up comes from all earlier counts.
-    let mut prepare = |capture: &mut Capture, notes: &mut Vec<String>| {
-        notes.extend(capture.take_pile_up_out()?);
-        match capture.set_normals() {
-            Ok(note) => {
-                normals_estimated = note.is_some();
-                notes.extend(note);
-            }
-            // Some models need no normals. The others report the error.
-            Err(e) => notes.push(format!("wall normals are unknown: {}", e.what)),
-        }
-        if let Some(size) = input.wall {
-            capture.set_wall(size)?;
-            notes.push(format!("the wall is scaled so that its outermost scan points are {size} m apart"));
-        }
-        Ok(())
-    };
-    let capture::Opened { mut capture, dropped, mut notes, .. } = read(&mut prepare)?;
-    let mut gate = input.gate;
-    if gate.is_none() && !input.no_auto_gate {
-        let captured = input.preset.unwrap_or_else(|| preset_for(&capture)) == Preset::Captured;
-        // First, as it fills what other gates are found by.
-        let recorded = recorded_gate(&mut capture).map(|(found, filled)| {
-            if filled > 0 {
-                notes.push(format!(
-                    "{filled} pairs were not recorded, or not as long as the others: the mean of their neighbours in the scan \
-                     takes their place"
-                ));
-            }
-            found
-        });
-        let direct = auto_gate(&capture);
-        let published = captured.then(|| published_gate(&capture, direct.as_ref().map(|d| d.gate.from)));
-        // Half of the bins may be more than were recorded.
-        let published = published.filter(|p| recorded.as_ref().is_none_or(|r| !p.gate.holds(r.gate)));
-        for found in recorded.into_iter().chain(direct).chain(published) {
-            notes.push(format!("automatic gate: {} (turn the automatic gate off to use all)", found.reason));
-            gate = Some(gate.map_or(found.gate, |before: Gate| before.within(found.gate)));
-        }
-        if let Some(gate) = gate {
-            capture.set_gate(gate)?;
-        }
-    }
-    match &input.pulse {
-        Some(GivenPulse::Sharp) => capture.pulse = None,
-        Some(GivenPulse::Shape(pulse)) => {
-            pulse.taps(capture.bin_width)?;
-            capture.pulse = Some(pulse.clone());
-        }
-        None => {}
-    }
-    if let Some(spots) = input.spots {
-        [capture.laser_spot, capture.sensor_spot] = spots.map(Some);
-    }
-    // What was never a file has no path.
-    let is_file = !input.path.as_os_str().is_empty();
-    capture.check().map_err(|e| if is_file { e.at(input.path.display()) } else { e })?;
-    notes.extend(capture.clipped_note());
-    if let Some([low, high]) = capture.background().range() {
-        notes.push(format!(
-            "the background differs from pair to pair: {low:.2} to {high:.2} counts in a bin; all methods but paper take \
-             off that of each pair"
-        ));
-    }
+fn loaded(input: &Input, start: Instant, done: conditioning::Conditioned) -> Loaded {
+    let conditioning::Conditioned { capture, gate, dropped, normals_estimated, notes, warnings, .. } = done;
     let seconds = start.elapsed().as_secs_f64();
-    Ok(Loaded { input: input.clone(), capture, gate, dropped, normals_estimated, notes, seconds })
+    Loaded { input: input.clone(), capture, gate, dropped, normals_estimated, notes, warnings, seconds }
+}
+
+/// An error of a file names the file. What was never a file has no path.
+fn placed(error: crate::Error, path: &std::path::Path) -> crate::Error {
+    let text = path.display().to_string();
+    let names_it = text.is_empty() || error.what.starts_with(&text) || error.kind != crate::Kind::Input;
+    if names_it { error } else { error.at(text) }
 }

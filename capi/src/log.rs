@@ -11,6 +11,8 @@ pub enum TbLevel {
     TbNote = 0,
     /// Why a call failed.
     TbError = 1,
+    /// What looks wrong with a result.
+    TbWarning = 2,
 }
 
 /// Receives messages. `text` is valid during the call.
@@ -38,6 +40,10 @@ pub unsafe extern "C" fn tb_set_log(log: TbLog, user: *mut c_void) {
 
 pub fn note(text: &str) {
     tell(TbLevel::TbNote, text);
+}
+
+pub fn warning(text: &str) {
+    tell(TbLevel::TbWarning, text);
 }
 
 pub fn error(text: &str) {

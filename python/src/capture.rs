@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use engine::capture::{self, Bounce, Capture, Pulse, ReadOptions, Turn};
+use engine::capture::{self, AxisOrder, Bounce, Capture, Pulse, ReadOptions, Turn};
 use engine::{Error, Result};
 use glam::DVec3;
 use numpy::{PyArray1, PyReadonlyArray1};
@@ -118,6 +118,8 @@ pub fn read<'py>(
     tof: Option<PathBuf>,
     flip: Option<String>,
     rotate: Option<u32>,
+    axes: Option<String>,
+    keep_empty: bool,
 ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
     let place = path.display().to_string();
     let opened = heard(py, Some(&place), move || {
@@ -127,6 +129,8 @@ pub fn read<'py>(
             .with_depth_unit(depth_unit)
             .with_bounce(bounce.as_deref().map(Bounce::parse).transpose()?)
             .with_time_of_flight(tof)
+            .with_axes(axes.as_deref().map(AxisOrder::parse).transpose()?)
+            .with_keep_empty(keep_empty)
             .with_turn(Turn::parse(flip.as_deref(), rotate)?);
         capture::read_given(&path, &given)
     })?;

@@ -49,6 +49,7 @@ pub struct Settings {
     /// Paths from, to.
     gate: Option<(Option<f64>, Option<f64>)>,
     auto_gate: bool,
+    keep_empty: bool,
     pulse: Option<PulseGiven>,
     spot: Option<[f64; 2]>,
     bins: Option<String>,
@@ -99,6 +100,7 @@ impl Settings {
             subset_seed: choice.seed(),
             gate: self.gate.map(open),
             no_auto_gate: !self.auto_gate,
+            keep_empty: self.keep_empty,
             pulse: self.pulse.as_ref().map(PulseGiven::pulse).transpose()?,
             spots: self.spot,
             preset: choice.preset,

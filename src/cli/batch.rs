@@ -160,9 +160,11 @@ fn report(end: &CaptureEnd, out: &Path, quiet: bool) {
             "remedy": end.error.as_ref().map(|e| advice::text(&e.mend)),
             "folder": end.error.is_none().then(|| out.join(name).to_string_lossy().into_owned()),
             "figures": end.figures,
+            "warnings": end.warnings,
         })
         .to_string(),
     );
+    end.warnings.iter().for_each(|warning| say(&format!("warning: {name}: {warning}")));
     match &end.error {
         Some(e) => say_error(&format!("{name}: "), &e.what, &advice::text(&e.mend)),
         None if quiet => {}

@@ -1,6 +1,7 @@
 //! `thirdbounce info CAPTURE`.
 
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use thirdbounce::capture::scan::decimals;
 use thirdbounce::job::{self, Inspection};
@@ -33,7 +34,8 @@ pub struct Args {
     device: DeviceArgs,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+/// Ends with 1 if there is a problem.
+pub fn run(args: &Args) -> Result<ExitCode> {
     args.grid.volume_only()?;
     let (loaded, request) = load(&args.capture, &args.solver, &args.grid, &args.device)?;
     let mut found = job::inspect(&request, &loaded)?;
@@ -46,7 +48,7 @@ pub fn run(args: &Args) -> Result<()> {
         say(&format!("wrote {}", path.display()));
     }
     print(&if args.json { json(&found)? } else { text(&found, args.plan) });
-    Ok(())
+    Ok(if found.problems.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 fn text(found: &Inspection, with_plan: bool) -> String {
@@ -56,7 +58,7 @@ fn text(found: &Inspection, with_plan: bool) -> String {
     let mm = found.voxel.map(|m| format!("{:.*}", d - 2, 1000.0 * m)).join(" x ");
     let mut out = format!("{}\n", found.capture);
     found.notes.iter().for_each(|note| out += &format!("note      {note}\n"));
-    found.doubts.iter().for_each(|doubt| out += &format!("doubt     {doubt}\n"));
+    found.warnings.iter().for_each(|warning| out += &format!("warning   {warning}\n"));
     out += &format!("\nsolver    {}\ngrid      {nx} x {ny} x {nz} voxels of {mm} mm\n", found.options.name());
     out += &format!(
         "box       x {:.d$} to {:.d$} m, y {:.d$} to {:.d$} m, z {:.d$} to {:.d$} m\n",

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::Args;
-use thirdbounce::capture::{Bounce, Capture, Gate, Pulse, ReadOptions, Turn};
+use thirdbounce::capture::{AxisOrder, Bounce, Capture, Gate, Pulse, ReadOptions, Turn};
 use thirdbounce::job::{self, Bins, FindPulse, GivenPulse, Loaded, Request};
 use thirdbounce::transport::Volume;
 use thirdbounce::{Error, Result};
@@ -60,6 +60,13 @@ pub struct PartArgs {
     /// The bounce of a rendered Z-NLOS capture that counts: third, all, or a number, 2 or more [default: third]
     #[arg(long, value_name = "WHICH", help_heading = "Capture")]
     pub bounce: Option<String>,
+    /// Order of the axes of a file with a single array of counts, as the program that wrote it shows them: xyt, yxt, txy
+    /// [default: found by where the light is]
+    #[arg(long, value_name = "ORDER", help_heading = "Capture")]
+    pub axes: Option<String>,
+    /// Keep pairs without any count as dark ones. Without this option, those beside lit pairs are left out
+    #[arg(long, help_heading = "Capture")]
+    pub keep_empty: bool,
     /// File with tofgrid, for a Stanford f-k capture [default: tof.mat beside the capture]
     #[arg(long, value_name = "FILE", help_heading = "Capture")]
     pub tof: Option<PathBuf>,
@@ -88,6 +95,13 @@ pub struct UnsaidArgs {
     /// The bounce of a rendered Z-NLOS capture that counts: third, all, or a number, 2 or more [default: third]
     #[arg(long, value_name = "WHICH", help_heading = "Capture")]
     pub bounce: Option<String>,
+    /// Order of the axes of a file with a single array of counts, as the program that wrote it shows them: xyt, yxt, txy
+    /// [default: found by where the light is]
+    #[arg(long, value_name = "ORDER", help_heading = "Capture")]
+    pub axes: Option<String>,
+    /// Keep pairs without any count as dark ones. Without this option, those beside lit pairs are left out
+    #[arg(long, help_heading = "Capture")]
+    pub keep_empty: bool,
     /// File with tofgrid, for a Stanford f-k capture [default: tof.mat beside the capture]
     #[arg(long, value_name = "FILE", help_heading = "Capture")]
     pub tof: Option<PathBuf>,
@@ -109,6 +123,8 @@ impl UnsaidArgs {
             .with_depth_unit(self.wall_depth_unit)
             .with_bounce(self.bounce.as_deref().map(Bounce::parse).transpose()?)
             .with_time_of_flight(self.tof.clone())
+            .with_axes(self.axes.as_deref().map(AxisOrder::parse).transpose()?)
+            .with_keep_empty(self.keep_empty)
             .with_turn(Turn::parse(self.flip.as_deref(), self.rotate)?))
     }
 }
@@ -123,6 +139,8 @@ impl PartArgs {
             depth_unit: self.wall_depth_unit,
             bounce: self.bounce.as_deref().map(Bounce::parse).transpose()?,
             time_of_flight: self.tof.clone(),
+            axes: self.axes.as_deref().map(AxisOrder::parse).transpose()?,
+            keep_empty: self.keep_empty,
             turn: Turn::parse(self.flip.as_deref(), self.rotate)?,
             stride: self.stride,
             subset: self.subset,

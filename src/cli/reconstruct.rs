@@ -106,6 +106,7 @@ pub fn run(args: &Args) -> Result<()> {
     if !args.quiet {
         outcome.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
+    outcome.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     print(&tables::report(&outcome.report));
     if args.timings {
         print(&format!("\n{}", tables::kernels(&outcome.kernels)));

@@ -45,11 +45,14 @@ macro_rules! settings {
 
 settings! {
     Accumulation "accumulation" "How rendered values are added up on the device."
+    Axes "axes" "Order of the axes of an array of counts."
+    BinWidth "bin_width" "Bin width in metres of path."
     DepthPitch "depth_pitch" "Depth of a voxel."
     Device "device" "The device, by its index or a part of its name."
     Gate "gate" "The interval of paths that is used."
     HostMemory "host_memory" "Most memory of the host that the process may hold, in bytes."
     InitialAlbedo "initial_albedo" "Albedo of every voxel before the first iteration."
+    KeepEmpty "keep_empty" "Whether pairs without any count are kept."
     L1 "l1" "Weight of the L1 term."
     Lateral "lateral" "Voxels along x and along y."
     LearningRate "learning_rate" "Step size."
@@ -60,6 +63,7 @@ settings! {
     Stride "stride" "Every Nth point of the scan is used."
     Volume "volume" "The box that is reconstructed."
     Wall "wall" "Side of the wall."
+    Zero "zero" "The delay of path 0."
 }
 
 /// A setting to change.

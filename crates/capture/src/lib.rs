@@ -27,9 +27,11 @@ pub use data::{check, lattice, median, nearest, pairs, pulse, scan, summary};
 #[doc(hidden)]
 pub use readers as formats;
 #[cfg(feature = "formats")]
-pub use readers::{Bounce, Opened, ReadOptions, read, read_given, read_kept, read_with_notes, write};
+pub use readers::{
+    AxisOrder, Bounce, Opened, ReadOptions, read, read_given, read_kept, read_with_notes, write,
+};
 
-use thirdbounce_base::error;
 #[cfg(feature = "formats")]
 use thirdbounce_base::files;
 use thirdbounce_base::host;
+use thirdbounce_base::{advice, error};

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::collect::Cells;
 use super::{Division, Inputs, Scan, Survey, Tags, Zero, shape, stored, zero};
-use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, formats};
+use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, conditioning};
 use crate::error::{Error, Result};
 use crate::host;
 
@@ -144,7 +144,10 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     };
     let mut direct = direct.then(|| in_pairs(&zeros));
     let measured: Vec<bool> = capture.histograms.chunks_exact(capture.bins).map(|h| !h[0].is_nan()).collect();
-    let (capture, dropped) = formats::measured(capture, &mut notes)?;
+    // The order of the points is that of the scan, and dark points stay.
+    let measured_pairs = conditioning::measured(capture, true)?;
+    let (capture, dropped) = (measured_pairs.capture, measured_pairs.dropped);
+    notes.extend(measured_pairs.notes);
     if let Some(all) = direct.as_mut().filter(|all| all.len() != capture.pair_count()) {
         let mut kept = measured.iter();
         all.retain(|_| *kept.next().unwrap_or(&false));

@@ -185,6 +185,8 @@ def read(
     tof: Optional[Path] = None,
     flip: Optional[str] = None,
     rotate: Optional[int] = None,
+    axes: Optional[str] = None,
+    keep_empty: bool = False,
 ) -> Capture:
     """Reads a capture of any format that thirdbounce knows: npz, y-tal, Z-NLOS, Stanford f-k, LCT and more.
 
@@ -193,7 +195,9 @@ def read(
     wall_depth_unit: metres of a step of the wall's depth, for CC-SOCR captures of a wall that is not flat.
     bounce: "third", "all" or a number, for rendered Z-NLOS captures.
     flip: "x", "y" or "xy"; rotate: 90, 180 or 270 degrees: for files that do not say how the scan lies on the wall.
+    axes: order of the axes of a file with a single array of counts, as the program that wrote it shows them: "xyt", "yxt", "txy".
+    keep_empty: keep pairs without any count as dark ones; otherwise those beside lit pairs are left out.
     """
     which = None if bounce is None else str(bounce)
-    arrays, notes = _native.read(path, wall, bin_width, wall_depth_unit, which, tof, flip, rotate)
+    arrays, notes = _native.read(path, wall, bin_width, wall_depth_unit, which, tof, flip, rotate, axes, keep_empty)
     return Capture._of(arrays, notes)

@@ -54,7 +54,9 @@ class Maps:
     report: Optional[Dict[str, Any]] = None
     """What report.json of the command holds: settings, plan, trace, times; None of truth and of frames."""
     notes: List[str] = dataclasses.field(default_factory=list)
-    """What was done to the capture, and warnings, as sentences."""
+    """What was done to the capture, as sentences."""
+    warnings: List[str] = dataclasses.field(default_factory=list)
+    """What looks wrong with the capture or the result, as sentences."""
     frame: Optional[int] = None
     """The number of a session's frame."""
     seconds: Optional[float] = None

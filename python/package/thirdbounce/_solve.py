@@ -53,6 +53,7 @@ def reconstruct(
     spot: Union[None, float, Tuple[float, float]] = None,
     gate: Optional[Tuple[Optional[float], Optional[float]]] = None,
     auto_gate: bool = True,
+    keep_empty: bool = False,
     stride: Optional[int] = None,
     subset: Optional[int] = None,
     wall: Optional[float] = None,
@@ -80,6 +81,7 @@ def reconstruct(
         the capture's, else it is found where it shows.
     spot: full width at half maximum of the spots on the wall, metres: one for both, or laser and sensor.
     gate: use only these paths, metres, for example (0.8, None); auto_gate=False uses all.
+    keep_empty: keep pairs without any count as dark ones; otherwise those beside lit pairs are left out.
     stride, subset: use every Nth scan point; use only so many pairs, drawn at random.
     wall: scale the wall so that its outermost points are this far apart, metres.
     volume: the box to reconstruct: ((x0, x1), (y0, y1), (z0, z1)), metres.
@@ -115,6 +117,7 @@ def reconstruct(
         spot=(spot, spot) if np.isscalar(spot) else spot,
         gate=gate,
         auto_gate=auto_gate,
+        keep_empty=keep_empty,
         stride=stride,
         subset=subset,
         wall=wall,
@@ -138,6 +141,7 @@ def _settings(
         solver=solver,
         options=list(options.items()),
         auto_gate=True,
+        keep_empty=False,
         device=None if device is None else str(device),
         memory=memory,
     )

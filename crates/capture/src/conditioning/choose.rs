@@ -9,12 +9,17 @@ use super::hot;
 use crate::data::histogram_figures::HistogramFigures;
 use crate::data::lattice::Lattice;
 use crate::data::median::median;
+use crate::data::nearest::Tree;
 use crate::data::{Capture, PairKind};
 use crate::error::{Error, Result};
 
-/// A pair without a count is dead if half of the pairs have more counts than this. By chance a pair would be empty once
-/// in e^20 pairs.
+/// A pair without a count was not measured if half of the lit pairs around it have more photons than this. By chance a pair
+/// would be empty once in e^20 pairs.
 const DEAD_BELOW: f64 = 20.0;
+/// The same for counts that are not photons, in bins with a count.
+const DEAD_BELOW_BINS: f64 = 8.0;
+/// Lit pairs around a pair that are compared with it.
+const AROUND: usize = 8;
 
 /// Pairs of a capture in a new order, and the shape of the scan that they make.
 pub(crate) struct Order {
@@ -106,15 +111,15 @@ impl Capture {
     }
 
     /// Leaves out the pairs that were not measured: pairs whose laser or sensor point is NaN, and pairs whose histogram
-    /// is NaN in every bin. If the counts are whole and half of the pairs have more than 20, pairs without a single
-    /// count are left out too. So are a few pairs with more than eight times the counts of those around them, which hot
-    /// pixels measured. If any pair is left out, the scan becomes a list. Returns the capture, the number of pairs left
-    /// out, and sentences that say why.
+    /// is NaN in every bin. Pairs without any count beside lit pairs are left out too, unless `keep_empty`: points that were
+    /// never measured are stored as zeros. So are a few pairs with more than eight times the counts of those around them,
+    /// which hot pixels measured. If the rest is not a scan of whole rows and columns, it becomes a list. Returns the
+    /// capture, the number of pairs left out, and sentences that say why.
     ///
     /// # Errors
     /// `Kind::Input` if no pair is left.
     #[doc(hidden)]
-    pub fn without_missing(self) -> Result<(Capture, usize, Vec<String>)> {
+    pub fn without_missing(self, keep_empty: bool) -> Result<(Capture, usize, Vec<String>)> {
         // If the lengths do not agree, the check reports it.
         let pairs = self.laser.len();
         if self.bins == 0 || self.sensor.len() != pairs || self.histograms.len() / self.bins != pairs {
@@ -122,7 +127,7 @@ impl Capture {
         }
         let seen: Vec<HistogramFigures> =
             self.histograms.chunks_exact(self.bins).map(HistogramFigures::of).collect();
-        let measured = Measured::of(&self, &seen)?;
+        let measured = Measured::of(&self, &seen, keep_empty)?;
         let gone = pairs - measured.pairs.len();
         let capture = if gone == 0 { self } else { self.retain(&measured.pairs) };
         Ok((capture, gone, measured.notes))
@@ -136,7 +141,7 @@ impl Capture {
     /// The given pairs, in ascending order, as a list. The histograms are moved in place, because they may be large.
     fn retain(mut self, kept: &[usize]) -> Capture {
         let histograms = retain_rows(std::mem::take(&mut self.histograms), self.bins, kept);
-        Capture { histograms, ..self.keep(kept, [kept.len(), 1]) }
+        Capture { histograms, ..self.keep(kept, scan_of(kept, self.scan)) }
     }
 
     /// The given pairs in the given order, as a scan of that shape.
@@ -155,6 +160,16 @@ impl Capture {
             ..*self
         }
     }
+}
+
+/// The scan that these pairs of a scan make: some of its rows by some of its columns, else a list.
+pub(crate) fn scan_of(kept: &[usize], [nx, ny]: [usize; 2]) -> [usize; 2] {
+    let (mut columns, mut rows) = (vec![false; nx], vec![false; ny]); // bounded: the scan
+    for pair in kept {
+        (columns[pair / ny], rows[pair % ny]) = (true, true);
+    }
+    let [x, y] = [&columns, &rows].map(|of| of.iter().filter(|kept| **kept).count());
+    if x.checked_mul(y) == Some(kept.len()) { [x, y] } else { [kept.len(), 1] }
 }
 
 /// Keeps the given rows of `length` values, in ascending order, in place.
@@ -187,8 +202,8 @@ impl Measured {
     ///
     /// # Errors
     /// `Kind::Input` if no pair was measured.
-    pub fn of(capture: &Capture, seen: &[HistogramFigures]) -> Result<Measured> {
-        let faults = faults(capture, seen);
+    pub fn of(capture: &Capture, seen: &[HistogramFigures], keep_empty: bool) -> Result<Measured> {
+        let faults = faults(capture, seen, keep_empty);
         let mut notes = Vec::new();
         let mut tell = |fault: Fault, why: &str| {
             let count = faults.iter().filter(|m| **m == Some(fault)).count();
@@ -198,7 +213,11 @@ impl Measured {
         };
         tell(Fault::Point, "their laser or sensor point is not a number");
         tell(Fault::Histogram, "their histogram is not a number in any bin");
-        tell(Fault::Dead, "they have not a single count, but half of the pairs have more than 20");
+        tell(
+            Fault::Dead,
+            "they have no count at all beside lit pairs, as points that were never measured (keep empty pairs to use them as \
+             dark)",
+        );
         tell(
             Fault::Hot,
             &format!("they have more than {} times the counts of the pairs around them", hot::TIMES),
@@ -215,9 +234,7 @@ impl Measured {
 }
 
 /// Why each pair counts as not measured; `None` for measured pairs.
-fn faults(capture: &Capture, seen: &[HistogramFigures]) -> Vec<Option<Fault>> {
-    let usual = median(seen.iter().map(|s| s.total).filter(|t| t.is_finite())).unwrap_or(0.0);
-    let dark = capture.integer_counts && usual > DEAD_BELOW;
+fn faults(capture: &Capture, seen: &[HistogramFigures], keep_empty: bool) -> Vec<Option<Fault>> {
     let points = capture.laser.iter().zip(&capture.sensor);
     let mut faults: Vec<Option<Fault>> = points
         .zip(seen)
@@ -226,17 +243,45 @@ fn faults(capture: &Capture, seen: &[HistogramFigures]) -> Vec<Option<Fault>> {
                 Some(Fault::Point)
             } else if seen.nothing {
                 Some(Fault::Histogram)
-            } else if dark && seen.zero {
-                Some(Fault::Dead)
             } else {
                 None
             }
         })
         .collect();
+    if !keep_empty {
+        for pair in unmeasured(capture, seen, &faults) {
+            faults[pair] = Some(Fault::Dead);
+        }
+    }
     let totals: Vec<Option<f64>> =
         faults.iter().zip(seen).map(|(fault, seen)| fault.is_none().then_some(seen.total)).collect();
     for pair in hot::pairs(capture, &totals) {
         faults[pair] = Some(Fault::Hot);
     }
     faults
+}
+
+/// Pairs without any count whose nearest lit pairs have so many that chance does not leave a pair empty. Pairs are near if
+/// the middles of their laser and sensor points are.
+fn unmeasured(capture: &Capture, seen: &[HistogramFigures], faults: &[Option<Fault>]) -> Vec<usize> {
+    let good = |pair: &usize| faults[*pair].is_none();
+    let (dark, lit): (Vec<usize>, Vec<usize>) =
+        (0..seen.len()).filter(good).partition(|pair| seen[*pair].filled == 0);
+    if dark.is_empty() || lit.is_empty() {
+        return vec![];
+    }
+    let middle = |pair: &usize| 0.5 * (capture.laser[*pair] + capture.sensor[*pair]);
+    let middles: Vec<DVec3> = lit.iter().map(middle).collect();
+    let tree = Tree::new(&middles);
+    // Photons at the least: whole counts are photons, and a bin that is not empty holds one or more.
+    let (photons, enough): (fn(&HistogramFigures) -> f64, f64) = match capture.integer_counts {
+        true => (|seen| seen.total, DEAD_BELOW),
+        false => (|seen| f64::from(seen.filled), DEAD_BELOW_BINS),
+    };
+    let is_unmeasured = |pair: &usize| {
+        let near = tree.nearest(middle(pair), AROUND);
+        let beside = median(near.into_iter().map(|(_, place)| photons(&seen[lit[place]])));
+        beside.is_some_and(|beside| beside > enough)
+    };
+    dark.into_iter().filter(is_unmeasured).collect()
 }

@@ -235,7 +235,7 @@ fn strong_direct(capture: &Capture) -> Option<AutoGate> {
 }
 
 /// The strongest bin, `None` without signal.
-fn peak_bin(histogram: &[f32]) -> Option<usize> {
+pub(super) fn peak_bin(histogram: &[f32]) -> Option<usize> {
     let best = (0..histogram.len()).reduce(|a, b| if histogram[b] > histogram[a] { b } else { a })?;
     (histogram[best] > 0.0).then_some(best)
 }

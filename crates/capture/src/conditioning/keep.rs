@@ -1,9 +1,7 @@
 //! What is kept of a capture while it is read.
 
 use super::Gate;
-use super::choose::Order;
 use crate::data::{Capture, PairKind};
-use crate::error::Result;
 
 /// The part of a capture that is kept while it is read; all of it by default.
 ///
@@ -38,55 +36,17 @@ impl Keep {
     pub fn with_gate(self, gate: impl Into<Option<Gate>>) -> Keep {
         Keep { gate: gate.into(), ..self }
     }
+}
 
-    /// Chooses pairs of a capture by stride and subset, and tells `taken` which. Notes say what was chosen.
-    ///
-    /// # Errors
-    /// Those of [`Capture::stride`] and [`Capture::subset`].
-    pub(crate) fn choose(
-        &self,
-        mut capture: Capture,
-        notes: &mut Vec<String>,
-        taken: &mut dyn FnMut(&[usize]),
-    ) -> Result<Capture> {
-        let mut take = |capture: Capture, order: Option<Order>| match order {
-            Some(Order { pairs, scan }) => {
-                taken(&pairs);
-                capture.keep(&pairs, scan)
-            }
-            None => capture,
-        };
-        if let Some(n) = self.stride.filter(|n| *n != 1) {
-            let (all, [x, y]) = (capture.pair_count(), capture.scan);
-            let exhaustive = matches!(capture.pair_kind(), PairKind::Exhaustive { .. });
-            let order = capture.stride_order(n)?;
-            capture = take(capture, order);
-            let (kept, [to_x, to_y], nth) = (capture.pair_count(), capture.scan, ordinal(n));
-            notes.push(if exhaustive {
-                format!("every {nth} laser and sensor point in x and y is used: {kept} of {all} pairs")
-            } else {
-                format!("every {nth} of {x} x {y} scan points in x and y is used: {to_x} x {to_y}")
-            });
+/// What a stride of `n` made of a capture.
+pub(super) fn stride_note(n: usize, before: &Capture, after: &Capture) -> String {
+    let (all, [x, y]) = (before.pair_count(), before.scan);
+    let (kept, [to_x, to_y], nth) = (after.pair_count(), after.scan, ordinal(n));
+    match before.pair_kind() {
+        PairKind::Exhaustive { .. } => {
+            format!("every {nth} laser and sensor point in x and y is used: {kept} of {all} pairs")
         }
-        if let Some(n) = self.subset {
-            let all = capture.pair_count();
-            let order = capture.subset_order(n, self.subset_seed)?;
-            capture = take(capture, order);
-            notes.push(format!("{n} of {all} pairs, drawn at random, are used"));
-        }
-        Ok(capture)
-    }
-
-    /// Applies all of it to a capture that was read whole.
-    ///
-    /// # Errors
-    /// Those of [`Capture::stride`], [`Capture::subset`] and [`Capture::gated`].
-    pub(crate) fn apply(&self, capture: Capture, notes: &mut Vec<String>) -> Result<Capture> {
-        let mut capture = self.choose(capture, notes, &mut |_| {})?;
-        if let Some(gate) = self.gate {
-            capture.set_gate(gate)?;
-        }
-        Ok(capture)
+        _ => format!("every {nth} of {x} x {y} scan points in x and y is used: {to_x} x {to_y}"),
     }
 }
 

@@ -1,6 +1,6 @@
 //! Removes the outer legs (laser device to wall, wall to sensor device) from recorded paths.
 
-use crate::Capture;
+use crate::data::Capture;
 use crate::error::{Error, Result};
 use crate::host;
 
@@ -10,7 +10,7 @@ use crate::host;
 /// Those of [`Capture::check`]; `Kind::Memory` if there is none for a copy.
 pub fn check_measured(capture: &Capture) -> Result<()> {
     host::ask("a copy of the counts", host::bytes(capture.histograms.len(), size_of::<f32>()))?;
-    capture.clone().without_missing()?.0.check()
+    capture.clone().without_missing(true)?.0.check()
 }
 
 /// Shifts every histogram of `capture` down by its own leg (`legs`, metres, one per pair), so that only the inner path

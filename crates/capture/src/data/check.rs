@@ -175,6 +175,12 @@ impl Capture {
         mean
     }
 
+    /// Whether an instrument measured the counts: photons, or photons less a background.
+    #[doc(hidden)]
+    pub fn is_measured(&self) -> bool {
+        self.integer_counts || self.histograms.iter().any(|v| *v < 0.0)
+    }
+
     /// Number of pairs P.
     pub fn pair_count(&self) -> usize {
         self.laser.len()
@@ -226,7 +232,7 @@ impl Capture {
                 ));
             }
             total += seen.total;
-            dark &= seen.zero;
+            dark &= seen.filled == 0;
         }
         if dark {
             return Err(Error::input(

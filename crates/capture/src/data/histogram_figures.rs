@@ -12,14 +12,14 @@ pub(crate) struct HistogramFigures {
     pub(crate) wrong: Option<(u32, f32)>,
     /// Whether every count is NaN.
     pub(crate) nothing: bool,
-    /// Whether every count is zero.
-    pub(crate) zero: bool,
+    /// Bins whose count is not zero.
+    pub(crate) filled: u32,
 }
 
 impl HistogramFigures {
     /// A histogram without bins.
     pub(crate) const EMPTY: HistogramFigures =
-        HistogramFigures { total: 0.0, wrong: None, nothing: true, zero: true };
+        HistogramFigures { total: 0.0, wrong: None, nothing: true, filled: 0 };
 
     /// The figures of a histogram.
     pub(crate) fn of(histogram: &[f32]) -> HistogramFigures {
@@ -31,12 +31,12 @@ impl HistogramFigures {
     /// Adds the counts of the bins from `first` on. Bins are added in their order.
     pub(crate) fn add(&mut self, first: usize, counts: &[f32]) {
         // Cheap passes over good data: a bin is searched for only if something is wrong.
-        let (valid, dark) =
-            counts.iter().fold((true, true), |(v, d), c| (v & c.is_finite(), d & (*c == 0.0)));
-        self.zero &= dark;
+        let (valid, filled) =
+            counts.iter().fold((true, 0), |(v, n), c| (v & c.is_finite(), n + u32::from(*c != 0.0)));
+        self.filled += filled;
         if valid {
             self.nothing &= counts.is_empty();
-            if !dark {
+            if filled > 0 {
                 self.total += sum(counts);
             }
             return;
@@ -53,7 +53,7 @@ impl HistogramFigures {
         self.total += later.total;
         self.wrong = self.wrong.or(later.wrong);
         self.nothing &= later.nothing;
-        self.zero &= later.zero;
+        self.filled += later.filled;
     }
 }
 
@@ -104,7 +104,7 @@ mod tests {
         ] {
             let all = HistogramFigures::of(&counts);
             assert_eq!(all.nothing, counts.iter().all(|c| c.is_nan()), "{counts:?}");
-            assert_eq!(all.zero, counts.iter().all(|c| *c == 0.0), "{counts:?}");
+            assert_eq!(all.filled == 0, counts.iter().all(|c| *c == 0.0), "{counts:?}");
             let wrong = counts.iter().position(|c| !c.is_finite());
             assert_eq!(all.wrong.map(|w| w.0 as usize), wrong, "{counts:?}");
             for cut in 0..=counts.len() {

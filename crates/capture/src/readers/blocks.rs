@@ -87,16 +87,43 @@ fn read_with(
 /// # Errors
 /// `Kind::Input` if a part of the array is damaged, or if there is no signal.
 pub(super) fn look(file: &Hdf5, array: &Array) -> Result<()> {
+    let mut glance = Glance::default();
+    parts(file, array, &mut |_, counts| glance.take(counts))?;
+    glance.finish(&array.name)
+}
+
+/// Calls `visit` with every value of an array of three axes, and its place along each.
+///
+/// # Errors
+/// `Kind::Input` if a part of the array is damaged.
+pub(super) fn visit(file: &Hdf5, array: &Array, visit: &mut dyn FnMut([usize; 3], f32)) -> Result<()> {
+    parts(file, array, &mut |ranges, counts| {
+        let [first, rows, columns] = ranges else { return };
+        let inner = rows.len() * columns.len();
+        for (at, value) in counts.iter().enumerate() {
+            let place = [
+                first.start + at / inner,
+                rows.start + at % inner / columns.len(),
+                columns.start + at % columns.len(),
+            ];
+            visit(place, *value);
+        }
+    })
+}
+
+/// Calls `take` with all counts of an array, of which only a block is in memory at a time, and where the block lies.
+fn parts(file: &Hdf5, array: &Array, take: &mut dyn FnMut(&[Range<usize>], &[f32])) -> Result<()> {
     let cut = Cut::of(array, glance::AT_ONCE);
     let wide: usize = (1..cut.shape.len()).map(|axis| cut.cells(axis)).product();
-    let mut glance = Glance::default();
     for cell in 0..wide {
         let ranges = cut.ranges(cell);
         for bins in (0..cut.cells(0)).map(|cell| cut.range(0, cell)) {
-            glance.take(&cut.block(file, array, &bins, &ranges)?);
+            let counts = cut.block(file, array, &bins, &ranges)?;
+            let all: Vec<_> = std::iter::once(bins).chain(ranges.iter().cloned()).collect();
+            take(&all, &counts);
         }
     }
-    glance.finish(&array.name)
+    Ok(())
 }
 
 impl Cut {

@@ -15,6 +15,7 @@ pub(super) enum Contents {
     Zip,
     Hdf5,
     Matlab5,
+    Matlab4,
     Npy,
     Folder,
     Unknown,
@@ -77,7 +78,37 @@ pub(super) fn of(path: &Path) -> Result<Contents> {
         at = if at == 0 { 512 } else { at * 2 };
     }
     let version_5 = matches!(head.get(124..128), Some(b"\x00\x01IM" | b"\x01\x00MI"));
-    Ok(if version_5 || head.starts_with(b"MATLAB 5.0") { Contents::Matlab5 } else { Contents::Unknown })
+    Ok(match () {
+        () if version_5 || head.starts_with(b"MATLAB 5.0") => Contents::Matlab5,
+        () if is_version_4(head) => Contents::Matlab4,
+        () => Contents::Unknown,
+    })
+}
+
+/// Whether these bytes begin a matrix of MATLAB version 4: its type (machine, 0, precision, kind), rows, columns, whether it is
+/// complex, and the length of its name.
+fn is_version_4(head: &[u8]) -> bool {
+    let of = |word: fn([u8; 4]) -> u32| {
+        let all = head.get(..20)?.chunks_exact(4).map(|b| word([b[0], b[1], b[2], b[3]]));
+        let all: Vec<u32> = all.collect();
+        let kind = all[0];
+        let digits = [kind / 1000, kind / 100 % 10, kind / 10 % 10, kind % 10];
+        let good = digits[0] <= 4 && digits[1] == 0 && digits[2] <= 5 && digits[3] <= 2 && all[3] <= 1;
+        let length = usize::try_from(all[4]).ok()?;
+        let name = head.get(20..20 + length.checked_sub(1)?)?;
+        let named =
+            (2..=64).contains(&length) && name.iter().all(|c| c.is_ascii_alphanumeric() || *c == b'_');
+        Some(good && named)
+    };
+    [u32::from_le_bytes, u32::from_be_bytes].into_iter().any(|word| of(word) == Some(true))
+}
+
+/// The error of a file of MATLAB version 4.
+pub(super) fn version_4() -> Error {
+    Error::input(
+        "is a MATLAB version 4 file, which holds matrices of two axes only",
+        "write it in version 5: save NAME -v7 in MATLAB, or scipy.io.savemat(NAME, scipy.io.loadmat(NAME))",
+    )
 }
 
 /// The length of an HDF5 file according to its superblock, which the HDF5 reader does not check; `None` if unknown.

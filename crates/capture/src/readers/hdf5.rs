@@ -87,6 +87,16 @@ impl Hdf5 {
         Ok(Hdf5 { file, path: path.to_path_buf(), bytes })
     }
 
+    /// Whether a program of MATLAB wrote the file, whose shapes it shows reversed: its text comes before HDF5, or its name ends
+    /// in .mat.
+    pub(super) fn in_matlab_order(&self) -> bool {
+        self.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"))
+            || std::fs::File::open(&self.path).is_ok_and(|mut file| {
+                let mut head = [0; 6];
+                std::io::Read::read_exact(&mut file, &mut head).is_ok() && &head == b"MATLAB"
+            })
+    }
+
     /// The path that was opened.
     pub(super) fn path(&self) -> &Path {
         &self.path
@@ -119,11 +129,15 @@ impl Hdf5 {
         let dataset = match self.file.dataset(name) {
             Ok(dataset) => dataset,
             Err(Hdf5Error::NotFound(_)) => return Ok(None),
-            Err(e) => return Err(damaged(e).at(format!("dataset {name}"))),
+            Err(e) => return Err(failed(name, e)),
         };
-        if dataset.is_null() || dataset.shape().contains(&0) {
+        // MATLAB stores the size of an empty array as its value.
+        let marked = dataset.attr("MATLAB_empty").and_then(|mark| mark.read_numeric_as::<i64>());
+        let empty = marked.is_ok_and(|mark| mark.iter().any(|mark| *mark != 0));
+        if empty || dataset.is_null() || dataset.shape().contains(&0) {
             return Ok(None);
         }
+        check_filters(name, &dataset)?;
         if dataset.external_files().is_ok_and(|files| !files.is_empty())
             || dataset.virtual_mappings().is_ok_and(|maps| !maps.is_empty())
         {
@@ -188,7 +202,7 @@ impl Hdf5 {
                 Stored::Float => dataset.read_numeric_as(),
                 Stored::Integer => dataset.read_numeric_as().map(counted),
             };
-            let values = values.map_err(|e| damaged(e).at(format!("dataset {name}")))?;
+            let values = values.map_err(|e| failed(name, e))?;
             let shape = dataset.shape();
             check_length(name, &shape, &values)?;
             Ok(Some(Counts { shape, values }))
@@ -228,7 +242,7 @@ impl Hdf5 {
                 Stored::Float => dataset.read_numeric_slice_as(starts, counts),
                 Stored::Integer => dataset.read_numeric_slice_as(starts, counts).map(counted),
             };
-            let values = values.map_err(|e| damaged(e).at(format!("dataset {name}")))?;
+            let values = values.map_err(|e| failed(name, e))?;
             check_length(name, counts, &values)?;
             Ok(values)
         })
@@ -257,7 +271,7 @@ impl Hdf5 {
                 Stored::Integer => dataset.read_numeric_slice_as(&from, &to),
                 Stored::Float | Stored::Double => dataset.read_numeric_slice_as(&from, &to).map(rounded),
             };
-            let values = values.map_err(|e| damaged(e).at(format!("dataset {name}")))?;
+            let values = values.map_err(|e| failed(name, e))?;
             match values.len() == count {
                 true => Ok(values),
                 false => Err(damaged(format!("{name} holds {} values of {count}", values.len()))),
@@ -291,7 +305,7 @@ impl Hdf5 {
                 ));
             }
             self.ask(name, &dataset, &shape)?;
-            let wrong = |e: Hdf5Error| damaged(e).at(format!("dataset {name}"));
+            let wrong = |e: Hdf5Error| failed(name, e);
             let values: Vec<f64> = match dataset.datatype().map_err(wrong)? {
                 DatatypeMessage::FloatingPoint { .. } => dataset.read_numeric_as().map_err(wrong)?,
                 DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => {
@@ -307,6 +321,59 @@ impl Hdf5 {
     }
 }
 
+/// The error of a dataset that cannot be read: damaged, or of a form that is not supported.
+fn failed(name: &str, e: Hdf5Error) -> Error {
+    let text = e.to_string();
+    if !text.to_lowercase().contains("unsupported") {
+        return damaged(text).at(format!("dataset {name}"));
+    }
+    let what = text.rsplit_once(": ").map_or(&text[..], |(_, what)| what);
+    unsupported(name, what)
+}
+
+fn unsupported(name: &str, what: &str) -> Error {
+    Error::input(
+        format!("dataset {name} is stored with {what}, which is not supported"),
+        "repack the file: h5repack -f GZIP=6 IN OUT (with the plugin that wrote it), or read and write it with h5py",
+    )
+}
+
+/// Filters by their registered numbers.
+const FILTERS: [(u16, &str); 13] = [
+    (305, "LZO"),
+    (307, "bzip2"),
+    (32000, "LZF"),
+    (32001, "Blosc"),
+    (32004, "LZ4"),
+    (32008, "bitshuffle"),
+    (32013, "ZFP"),
+    (32015, "Zstandard"),
+    (32017, "SZ"),
+    (32019, "JPEG"),
+    (32022, "Granular BitRound"),
+    (32024, "SZ3"),
+    (32026, "Blosc2"),
+];
+/// Those that are read, beside HDF5's own, 1 to 6.
+const READ: [u16; 5] = [32000, 32001, 32004, 32008, 32015];
+/// The compression after bitshuffle that is not read.
+const ZSTD_AFTER_BITSHUFFLE: u32 = 3;
+
+/// Refuses a dataset that is packed by a filter that is not read.
+fn check_filters(name: &str, dataset: &H5Dataset) -> Result<()> {
+    for filter in dataset.filters().unwrap_or_default() {
+        let known =
+            FILTERS.iter().find(|(id, _)| *id == filter.id).map_or("an unknown filter", |(_, name)| name);
+        if !(1..=6).contains(&filter.id) && !READ.contains(&filter.id) {
+            return Err(unsupported(name, &format!("{known} (HDF5 filter {})", filter.id)));
+        }
+        if filter.id == 32008 && filter.cd_values.get(4) == Some(&ZSTD_AFTER_BITSHUFFLE) {
+            return Err(unsupported(name, "bitshuffle with Zstandard (HDF5 filter 32008)"));
+        }
+    }
+    Ok(())
+}
+
 /// The error of a dataset that is not in this file.
 fn elsewhere(name: &str, how: &str) -> Error {
     Error::input(
@@ -317,7 +384,7 @@ fn elsewhere(name: &str, how: &str) -> Error {
 
 /// How the numbers of a dataset are stored.
 fn stored(name: &str, dataset: &H5Dataset) -> Result<Stored> {
-    let datatype = dataset.datatype().map_err(|e| damaged(e).at(format!("dataset {name}")))?;
+    let datatype = dataset.datatype().map_err(|e| failed(name, e))?;
     match datatype {
         DatatypeMessage::FloatingPoint { .. } if dataset.element_size() == 8 => Ok(Stored::Double),
         DatatypeMessage::FloatingPoint { .. } => Ok(Stored::Float),

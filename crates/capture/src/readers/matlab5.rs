@@ -1,7 +1,7 @@
 //! Arrays of a MATLAB v5 file (what `save` writes without `-v7.3`), plain or compressed, of either byte order.
 //!
 //! Numeric and logical arrays are read, fields of a struct as `struct/field`. Text, cells, sparse matrices and objects
-//! are skipped. Source of the format: "MAT-File Format", MathWorks. Every size is compared with the bytes of the file
+//! are skipped; so are opaque variables (string, datetime, table), whose elements have no dimensions. Source of the format: "MAT-File Format", MathWorks. Every size is compared with the bytes of the file
 //! before memory is allocated.
 
 use std::io::Read;
@@ -35,6 +35,7 @@ const AT_ONCE: usize = 4 << 20;
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
 const STRUCT: u8 = 2;
+const OPAQUE: u8 = 17;
 
 /// A file in memory, and where its arrays are.
 pub struct Matlab5 {
@@ -141,6 +142,24 @@ impl Matlab5 {
         Ok(Some(Counts { shape: found.shape.clone(), values }))
     }
 
+    /// Calls `visit` with every value of an array and its place in C order.
+    ///
+    /// # Errors
+    /// As [`Matlab5::counts`].
+    pub(super) fn visit(&self, name: &str, visit: &mut dyn FnMut(usize, f32)) -> Result<()> {
+        let Some(found) = self.find(name) else { return Ok(()) };
+        let mut numbers = self.numbers_of(found)?;
+        let mut at = 0;
+        loop {
+            let values = numbers.next(AT_ONCE, |v| v as f32).map_err(|e| e.at(format!("array {name}")))?;
+            if values.is_empty() {
+                return Ok(());
+            }
+            values.iter().enumerate().for_each(|(k, value)| visit(at + k, *value));
+            at += values.len();
+        }
+    }
+
     /// Looks at counts that unpack to far more than the file, a part at a time.
     fn look(&self, found: &ArrayPlace) -> Result<()> {
         let size = found.shape.iter().fold(size_of::<f32>() as u64, |n, d| n.saturating_mul(*d as u64));
@@ -240,9 +259,14 @@ impl Matlab5 {
     /// `known`.
     fn header(&self, block: usize, known: Range<usize>) -> Result<(ArrayPlace, usize)> {
         let flags = self.element(block, known.clone())?;
+        let word = self.word(block, flags.content.start).unwrap_or(0);
+        if word as u8 == OPAQUE && flags.content.len() >= 8 {
+            let (name, shape, at) = (String::new(), vec![0], known.clone());
+            let found = ArrayPlace { name, class: OPAQUE, complex: false, shape, block, at, deflated: false };
+            return Ok((found, known.end));
+        }
         let dims = self.element(block, flags.next..known.end)?;
         let name = self.element(block, dims.next..known.end)?;
-        let word = self.word(block, flags.content.start).unwrap_or(0);
         if flags.content.len() < 8 || dims.content.len() % 4 != 0 || dims.content.len() > 32 * 4 {
             return Err(damaged(format!("the array at byte {} has no proper header", known.start)));
         }
@@ -339,6 +363,9 @@ impl Matlab5 {
     }
 
     fn keep(&mut self, found: ArrayPlace) -> Result<()> {
+        if found.class == OPAQUE {
+            return Ok(());
+        }
         if self.arrays.len() >= MOST_ARRAYS {
             return Err(damaged(format!("it holds more than {MOST_ARRAYS} arrays")));
         }

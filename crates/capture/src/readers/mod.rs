@@ -14,8 +14,8 @@ mod glance;
 pub mod hdf5;
 mod kilometre;
 mod lct;
+mod listed;
 mod lit;
-mod matlab;
 pub mod matlab5;
 pub mod netf;
 pub mod npz;
@@ -27,6 +27,7 @@ mod pulse;
 mod read_options;
 mod scatter;
 pub mod set;
+mod single;
 mod socr_units;
 pub mod stanford;
 mod unread;
@@ -37,8 +38,8 @@ mod zones;
 
 pub use crate::conditioning::legs;
 pub use contents::HDF5;
-pub use opened::{Opened, Prepare, keep_prepared, measured};
-pub use read_options::{Bounce, ReadOptions};
+pub use opened::Opened;
+pub use read_options::{AxisOrder, Bounce, ReadOptions};
 
 use contents::Contents;
 use unread::Unread;
@@ -46,6 +47,7 @@ use variables::Variables;
 
 use std::path::Path;
 
+use crate::conditioning::{self, Conditioned, Conditioning, Step};
 use crate::error::{Error, Result};
 use crate::{Capture, Keep};
 
@@ -83,38 +85,48 @@ pub fn read_given(path: &Path, given: &ReadOptions) -> Result<Opened> {
 /// # Errors
 /// Those of [`read_given`] and of the three.
 pub fn read_kept(path: &Path, given: &ReadOptions, keep: &Keep) -> Result<Opened> {
-    read_prepared(path, given, keep, &mut |_, _| Ok(()))
+    let how = Conditioning { keep: *keep, ..given.conditioning() };
+    read_through(path, given, conditioning::AS_RECORDED, &how).map(Opened::from)
 }
 
-/// Reads a part of a capture as [`read_kept`] does, and calls `prepare` before pairs are chosen.
+/// Reads a capture and makes it ready for a solve, as [`conditioning::prepare`] does with one in memory.
 ///
 /// # Errors
-/// Those of [`read_kept`] and of `prepare`.
-pub fn read_prepared(path: &Path, given: &ReadOptions, keep: &Keep, prepare: &mut Prepare) -> Result<Opened> {
+/// Those of [`read_given`] and of [`conditioning::prepare`].
+#[doc(hidden)]
+pub fn read_prepared(path: &Path, given: &ReadOptions, how: &Conditioning) -> Result<Conditioned> {
+    read_through(path, given, conditioning::FOR_A_SOLVE, how)
+}
+
+/// Reads what is kept of a capture after these steps.
+fn read_through(path: &Path, given: &ReadOptions, steps: &[Step], how: &Conditioning) -> Result<Conditioned> {
     let place = |e: Error| e.at(path.display());
     let mut notes = Vec::new();
     let name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let mut set;
     let found = match contents::of(path).map_err(place)? {
-        Contents::Zip => npz::read(path, given, &mut notes).map(ReadCapture::Whole),
+        Contents::Zip => given
+            .no_axes("an npz file")
+            .and_then(|()| npz::read(path, given, &mut notes))
+            .map(ReadCapture::Whole),
         Contents::Hdf5 | Contents::Matlab5 | Contents::Folder => {
             set = set::Set::open(path).map_err(place)?;
             read_set(&mut set, given, &mut notes)
         }
-        Contents::Npy => Err(unknown("a single npy array has no wall points or bin width")),
+        Contents::Matlab4 => Err(contents::version_4()),
+        Contents::Npy => Err(alone("is a single npy array, without wall points and bin width")),
+        Contents::Unknown if is_text_of_numbers(path) => {
+            Err(alone("is a text of numbers, without wall points and bin width"))
+        }
         Contents::Unknown => Err(unknown("the format is not known")),
     };
-    let found = found.map_err(place)?;
-    let capture = match found {
-        ReadCapture::Unread(unread) => {
-            let mut opened = unread.read(name, keep, given.turn, prepare, notes, &place)?;
-            opened.notes.extend(opened.capture.negative_note());
-            return Ok(opened);
-        }
+    let capture = match found.map_err(place)? {
+        ReadCapture::Unread(unread) => return unread.read(name, (steps, how), notes, &place),
         ReadCapture::Whole(capture) => Capture { name, ..capture },
     };
-    let whole = measured(capture, &mut notes).map_err(place)?;
-    keep_prepared(whole, given.turn, keep, prepare, notes)
+    let mut measured = conditioning::measured(capture, how.keep_empty).map_err(place)?;
+    measured.notes.splice(0..0, notes);
+    measured.through(steps, how)
 }
 
 /// A capture as a reader of its format finds it.
@@ -131,7 +143,7 @@ fn read_set<'s>(
     notes: &mut Vec<String>,
 ) -> Result<ReadCapture<'s>> {
     let no_bounce = |what: &str| match given.bounce {
-        None => Ok(()),
+        None => given.no_axes(what),
         Some(_) => Err(Error::options(
             format!("a bounce was given, but {what} does not keep bounces apart"),
             "leave the bounce out",
@@ -173,6 +185,7 @@ fn read_set<'s>(
     };
     if positions {
         given.no_bin_width("a file with Z-NLOS names")?;
+        given.no_axes("a file with Z-NLOS names")?;
         let axes = file.shape("data")?.ok_or_else(|| file.missing("data"))?.len();
         return if axes == 3 {
             no_bounce("a NeTF capture")?;
@@ -181,8 +194,27 @@ fn read_set<'s>(
             znlos::read(file, given, notes).map(ReadCapture::Whole)
         };
     }
-    no_bounce("the file")?;
+    if given.bounce.is_some() {
+        no_bounce("the file")?;
+    }
     read_single(file, given, notes)
+}
+
+/// Names by which formats of a single file are known.
+const FORMATS: [(&[&str], &str); 8] = [
+    (&["laser_grid_xyz"], "a y-tal capture"),
+    (&["data_t"], "an NLOS-Dirac capture"),
+    (&["NLOSDATA/transient"], "a file with NLOSDATA"),
+    (&["sig_in"], "a 1.43 km capture"),
+    (&["lighting"], "a surface-optimisation capture"),
+    (&["dataset/data"], "a phasor-field capture"),
+    (&["rect_data"], "an LCT or phasor-field capture"),
+    (&["total_rect_data"], "a 3D-RSD capture"),
+];
+
+/// Whether a file is y-tal's. One that holds `H` alone is a single array of anybody.
+fn is_ytal(file: &Variables) -> bool {
+    file.have(&["laser_grid_xyz"]) || (file.have(&["H"]) && file.names().len() > 1)
 }
 
 /// Finds the format of a capture that is one file, by the names of its arrays, and reads it.
@@ -191,9 +223,12 @@ fn read_single<'s>(
     given: &ReadOptions,
     notes: &mut Vec<String>,
 ) -> Result<ReadCapture<'s>> {
-    if file.have(&["H"]) || file.have(&["laser_grid_xyz"]) {
+    if let Some(format) = FORMATS.iter().find(|(names, _)| file.have(names)).map(|(_, format)| format) {
+        given.no_axes(format)?;
+    }
+    if is_ytal(file) {
         given.no_bin_width("a y-tal capture")?;
-        return ytal::read(file).map(ReadCapture::Whole);
+        return ytal::read(file, notes).map(ReadCapture::Whole);
     }
     if file.have(&["data_t"]) {
         given.no_bin_width("an NLOS-Dirac capture")?;
@@ -220,7 +255,14 @@ fn read_single<'s>(
         given.no_bin_width("a phasor-field capture")?;
         return phasor::read_2020(file, notes).map(ReadCapture::Unread);
     }
-    matlab::read(file, given, notes).map(ReadCapture::Unread)
+    if listed::is_3d_rsd(file) {
+        given.no_bin_width("a 3D-RSD capture")?;
+        return listed::read_3d_rsd(file, notes).map(ReadCapture::Whole);
+    }
+    if let Some(capture) = listed::read(file, given, notes)? {
+        return Ok(ReadCapture::Whole(capture));
+    }
+    single::read(file, given, notes)
 }
 
 /// Writes a capture: y-tal HDF5 if the name ends in `.hdf5` or `.h5`, npz if it ends in `.npz`, Stanford v7.3 if it
@@ -269,6 +311,27 @@ pub fn check_ending(path: &Path) -> Result<()> {
         format!("{}: the ending is not that of a capture format", path.display()),
         "name the file .npz, .hdf5 (y-tal) or .mat (Stanford)",
     ))
+}
+
+/// The error of counts that come alone, with the lines that make a capture of them.
+fn alone(what: &str) -> Error {
+    Error::input(
+        what,
+        r#"make a capture of it: H [T, X, Y] with the bins first, points [X, Y, 3] on the wall in metres, bins in metres of path:
+    import numpy as np; H = np.load("FILE"); x, y = [np.linspace(-.5, .5, n) for n in H.shape[1:]]
+    p = np.stack(np.meshgrid(x, y, [0], indexing="ij"), -1)[:, :, 0]
+    np.savez("capture.npz", H=H, sensor_xyz=p, laser_xyz=p, delta_t=133e-12 * 299792458)
+  or, if an instrument wrote its histograms (points, bins) or time tags, use `histogram` with the points of the scan"#,
+    )
+}
+
+/// Whether a file is text of numbers, as a CSV of counts.
+fn is_text_of_numbers(path: &Path) -> bool {
+    let mut head = [0; 512];
+    let read = std::fs::File::open(path).and_then(|mut file| std::io::Read::read(&mut file, &mut head));
+    let head = &head[..read.unwrap_or(0)];
+    let of_text = |c: &u8| c.is_ascii_digit() || c.is_ascii_whitespace() || b",;.+-eE#".contains(c);
+    head.iter().any(u8::is_ascii_digit) && head.iter().all(of_text)
 }
 
 fn unknown(what: &str) -> Error {

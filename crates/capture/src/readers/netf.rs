@@ -67,13 +67,16 @@ pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
 
 /// Points `[i * J + j]`, stored in a list of that order or as MATLAB's (3, I, J) or (I, J, 3).
 fn in_rows(name: &str, points: &[DVec3], shape: [usize; 2], [ni, nj]: [usize; 2]) -> Result<Vec<DVec3>> {
-    if points.len() != ni * nj {
-        return Err(Error::input(
-            format!("{name} holds {} points for {ni} x {nj} histograms", points.len()),
-            "give one point per histogram",
-        ));
-    }
     // A list has one axis. A grid is read with its axes reversed, i fastest.
     let list = shape[1] == 1 || shape[0] == 1;
+    if points.len() != ni * nj || !(list || shape == [nj, ni]) {
+        return Err(Error::input(
+            format!(
+                "{name} holds {} x {} points (MATLAB order reversed) for {ni} x {nj} histograms",
+                shape[0], shape[1]
+            ),
+            "give one point per histogram, in the axes of data",
+        ));
+    }
     Ok((0..ni * nj).map(|p| if list { points[p] } else { points[p % nj * ni + p / nj] }).collect())
 }

@@ -22,8 +22,9 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::counts::{self, largest_count};
-use super::points::{compact, per_pair, triples, unit};
+use super::points::{check_places, compact, per_pair, squeezed, triples, unit};
 use super::read_options::ReadOptions;
+use super::variables::one_width;
 use super::{exhaustive, zones};
 use crate::data::histogram_figures;
 use crate::error::{Error, Result};
@@ -44,10 +45,21 @@ pub fn read(path: &Path, given: &ReadOptions, notes: &mut Vec<String>) -> Result
     if zones::is_one(&npz) {
         return zones::read(&mut npz, given, notes);
     }
+    let names = npz.names();
+    if !names.iter().any(|name| name == "H" || name.ends_with("_xyz")) {
+        return Err(super::alone(&format!(
+            "holds {}, but no H, sensor_xyz, laser_xyz and delta_t",
+            names.join(", ")
+        )));
+    }
     let shape = counts::shape(&mut npz, "H", WANTED)?;
     let laser = Points::read(&mut npz, "laser_xyz", "laser_normal")?;
     let sensor = Points::read(&mut npz, "sensor_xyz", "sensor_normal")?;
     let bins = shape.first().copied().unwrap_or(0);
+    let in_pairs = |side: Points, scan: &[usize], pairs: usize| {
+        check_places(side.names[0], &side.shape, scan, &shape)?;
+        side.per_pair(pairs)
+    };
     let (scan, laser, sensor) = if shape.len() > 2 && shape[1..] == [laser.places(), sensor.places()].concat()
     {
         let (lasers, sensors) = (laser.points.len(), sensor.points.len());
@@ -55,11 +67,9 @@ pub fn read(path: &Path, given: &ReadOptions, notes: &mut Vec<String>) -> Result
         ([lasers, sensors], laser.spread(pairs, |p| p / sensors)?, sensor.spread(pairs, |p| p % sensors)?)
     } else if let [_, nx, ny] = shape[..] {
         let pairs = nx.saturating_mul(ny);
-        ([nx, ny], laser.per_pair(pairs)?, sensor.per_pair(pairs)?)
-    } else if let [_, pairs] = shape[..]
-        && [&laser, &sensor].iter().all(|side| side.points.len() == 1 || side.places() == [pairs])
-    {
-        ([pairs, 1], laser.per_pair(pairs)?, sensor.per_pair(pairs)?)
+        ([nx, ny], in_pairs(laser, &[nx, ny], pairs)?, in_pairs(sensor, &[nx, ny], pairs)?)
+    } else if let [_, pairs] = shape[..] {
+        ([pairs, 1], in_pairs(laser, &[pairs], pairs)?, in_pairs(sensor, &[pairs], pairs)?)
     } else {
         return Err(Error::input(
             format!(
@@ -71,6 +81,14 @@ pub fn read(path: &Path, given: &ReadOptions, notes: &mut Vec<String>) -> Result
         ));
     };
     let pairs = scan[0] * scan[1];
+    for name in ["delta_t", "t_start"] {
+        if let Some(array) = npz.get(name)?.filter(|array| array.count() > 1) {
+            return Err(Error::input(
+                format!("{name} has shape {:?}, not a single number", array.shape),
+                one_width(name),
+            ));
+        }
+    }
     let Some(bin_width) = npz.scalar("delta_t")? else {
         npz.require("delta_t", WANTED)?;
         return Err(Error::input("delta_t is missing", WANTED));
@@ -130,15 +148,25 @@ type PerPair = (Vec<DVec3>, Option<Vec<DVec3>>);
 impl Points {
     fn read(npz: &mut Npz, name: &'static str, normal: &'static str) -> Result<Points> {
         let array = npz.require(name, WANTED)?;
-        let points = triples(name, &array.shape, &array.to_f64())?;
+        let shape = array.shape.clone();
+        let points = triples(name, &shape, &array.to_f64())?;
         let normals = match npz.get(normal)? {
             None => None,
             Some(array) => {
                 let given = triples(normal, &array.shape, &array.to_f64())?;
+                if given.len() > 1 && squeezed(&array.shape) != squeezed(&shape) {
+                    return Err(Error::input(
+                        format!(
+                            "{normal} has shape {:?} and {name} {shape:?}, which do not agree",
+                            array.shape
+                        ),
+                        format!("store {normal} in the shape of {name}, or a single one as [1, 3]"),
+                    ));
+                }
                 Some(given.into_iter().map(unit).collect())
             }
         };
-        Ok(Points { names: [name, normal], shape: array.shape.clone(), points, normals })
+        Ok(Points { names: [name, normal], shape, points, normals })
     }
 
     /// The shape of the points, without the axis of x, y, z.

@@ -17,6 +17,27 @@ pub(super) fn per_pair(what: &str, given: Vec<DVec3>, pairs: usize) -> Result<Ve
     }
 }
 
+/// The axes longer than 1.
+pub(super) fn squeezed(axes: &[usize]) -> Vec<usize> {
+    axes.iter().copied().filter(|n| *n > 1).collect()
+}
+
+/// Refuses points or normals of shape `shape`, [..., 3], that do not stand in the axes `scan` of the counts of shape `counts`,
+/// although there may be as many. A single one is that of every pair.
+pub(super) fn check_places(what: &str, shape: &[usize], scan: &[usize], counts: &[usize]) -> Result<()> {
+    let places = squeezed(&shape[..shape.len().saturating_sub(1)]);
+    if places.is_empty() || places == squeezed(scan) {
+        return Ok(());
+    }
+    Err(Error::input(
+        format!("H has shape {counts:?} and {what} {shape:?}, which do not agree"),
+        format!(
+            "store H as [T, X, Y] with {what} [X, Y, 3] of the same X and Y, or both as lists, [T, P] with [P, 3], or a single \
+             {what} as [1, 3]"
+        ),
+    ))
+}
+
 /// Vectors from consecutive triples; the last dimension must be 3.
 pub(super) fn triples(what: &str, shape: &[usize], values: &[f64]) -> Result<Vec<DVec3>> {
     if shape.last() != Some(&3) {

@@ -3,6 +3,8 @@
 use std::path::PathBuf;
 
 use crate::Turn;
+use crate::advice::advice;
+use crate::conditioning::Conditioning;
 use crate::error::{Error, Result};
 
 /// The bounces of a rendered capture that are used.
@@ -32,6 +34,43 @@ impl Bounce {
     }
 }
 
+/// The order of the axes of an array of counts: places of x, y and the bins, axis 0 is the slowest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AxisOrder([usize; 3]);
+
+impl AxisOrder {
+    /// Reads the letters x, y and t in the order of the axes, as the program that wrote the file shows them: `xyt`, `txy`.
+    ///
+    /// # Errors
+    /// `Kind::Options` for anything else.
+    pub fn parse(text: &str) -> Result<AxisOrder> {
+        let place = |letter| text.find(letter).filter(|_| text.len() == 3);
+        match (place('x'), place('y'), place('t')) {
+            (Some(x), Some(y), Some(t)) => Ok(AxisOrder([x, y, t])),
+            _ => Err(Error::options(
+                format!("the axes {text:?} are not known"),
+                "give the letters x, y and t in the order of the axes, such as xyt for counts [x, y, t]",
+            )),
+        }
+    }
+
+    /// The bins at this axis in C order, then x before y.
+    pub(super) fn with_bins_at(t: usize) -> AxisOrder {
+        let others = [[1, 2], [0, 2], [0, 1]][t];
+        AxisOrder([others[0], others[1], t])
+    }
+
+    /// The same axes in C order; MATLAB shows them reversed.
+    pub(super) fn in_c_order(self, matlab: bool) -> AxisOrder {
+        if matlab { AxisOrder(self.0.map(|place| 2 - place)) } else { self }
+    }
+
+    /// The axes of x, y and the bins.
+    pub(super) fn places(self) -> [usize; 3] {
+        self.0
+    }
+}
+
 /// Values that the user gives because the file does not hold them; none by default.
 #[derive(Debug, Clone, Default, PartialEq)]
 #[non_exhaustive]
@@ -48,6 +87,10 @@ pub struct ReadOptions {
     pub time_of_flight: Option<PathBuf>,
     /// How to mirror and rotate the scan, for files that do not say how it lies on the wall.
     pub turn: Turn,
+    /// Whether pairs without any count are kept, although their neighbours have many.
+    pub keep_empty: bool,
+    /// The axes of a file with a single array of counts; by default found by where the light is.
+    pub axes: Option<AxisOrder>,
 }
 
 impl ReadOptions {
@@ -81,6 +124,21 @@ impl ReadOptions {
         ReadOptions { turn, ..self }
     }
 
+    /// With pairs that have no count at all, as dark ones.
+    pub fn with_keep_empty(self, keep_empty: bool) -> ReadOptions {
+        ReadOptions { keep_empty, ..self }
+    }
+
+    /// With the axes of a file with a single array of counts.
+    pub fn with_axes(self, axes: impl Into<Option<AxisOrder>>) -> ReadOptions {
+        ReadOptions { axes: axes.into(), ..self }
+    }
+
+    /// The steps that follow from these values.
+    pub(super) fn conditioning(&self) -> Conditioning {
+        Conditioning { turn: self.turn, keep_empty: self.keep_empty, ..Conditioning::default() }
+    }
+
     /// The wall's size, which the file does not hold.
     ///
     /// # Errors
@@ -89,10 +147,27 @@ impl ReadOptions {
         let wall = self.wall.ok_or_else(|| {
             Error::options(
                 format!("{format} does not hold the wall size"),
-                "give the wall size, the distance in metres between the outermost scan points",
+                advice!["give it, the distance in metres between the outermost scan points: " Wall " 1m"],
             )
         })?;
         if wall.is_finite() && wall > 0.0 { Ok(wall) } else { Err(bad_length("the wall size", wall)) }
+    }
+
+    /// The wall size and the bin width, neither of which the file holds.
+    ///
+    /// # Errors
+    /// `Kind::Options`, asking for all that is missing at once.
+    pub(super) fn wall_and_bin_width(&self, format: &str) -> Result<(f64, f64)> {
+        if self.wall.is_none() && self.bin_width.is_none() {
+            return Err(Error::options(
+                format!("{format} holds neither the wall size nor the bin width"),
+                advice![
+                    "give the distance between the outermost scan points and the width of a bin, as a time or a path: " Wall
+                    " 1m " BinWidth " 133ps"
+                ],
+            ));
+        }
+        Ok((self.wall(format)?, self.bin_width(format, None, &mut vec![])?))
     }
 
     /// The bin width in metres, which the file does not hold. If the user does not give it, the `usual` one of the
@@ -112,7 +187,23 @@ impl ReadOptions {
             }
             (None, None) => Err(Error::options(
                 format!("{format} does not hold the bin width"),
-                "give the bin width in metres of path (picoseconds times 0.000299792458)",
+                advice![
+                    "give the bin width, as a time or in metres of path (picoseconds times 0.000299792458): " BinWidth " 133ps"
+                ],
+            )),
+        }
+    }
+
+    /// Refuses axes where the format has its own.
+    ///
+    /// # Errors
+    /// `Kind::Options` if the user gave any.
+    pub(super) fn no_axes(&self, format: &str) -> Result<()> {
+        match self.axes {
+            None => Ok(()),
+            Some(_) => Err(Error::options(
+                format!("axes were given, but {format} has its own order"),
+                advice!["leave " Axes " out: it is for a file with a single array of counts"],
             )),
         }
     }

@@ -118,8 +118,12 @@ impl Wanted<'_> {
         let parts = parts.collect();
         let mut results = fill(parts)?;
         results.sort_by_key(|r| r.index);
-        let unmeasured =
-            HistogramFigures { total: f64::NAN, wrong: Some((0, f32::NAN)), nothing: true, zero: false };
+        let unmeasured = HistogramFigures {
+            total: f64::NAN,
+            wrong: Some((0, f32::NAN)),
+            nothing: true,
+            filled: self.shifted_bins() as u32,
+        };
         let begin = |place| match self.shifts.map(|s| s.of_place[place]) {
             Some(None) => unmeasured,
             // Bins that the array does not have are zeros.

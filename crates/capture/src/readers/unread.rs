@@ -1,16 +1,14 @@
 //! A capture whose points are known and whose counts are still in the file, as one array [T, ...].
 
-use std::ops::Range;
-
 use glam::DVec3;
 
 use super::frame::{self, Axes};
-use super::opened::{Opened, Prepare};
 use super::scatter::{Scattered, Shifts, Wanted};
 use super::variables::Variables;
-use crate::conditioning::choose::{Measured, Order, retain_rows};
+use crate::conditioning::choose::{Measured, Order, retain_rows, scan_of};
+use crate::conditioning::{Conditioned, Conditioning, Step};
 use crate::error::{Error, Result};
-use crate::{Capture, Keep, Turn, host};
+use crate::{Capture, host};
 
 /// A capture whose counts are not read yet.
 pub(super) struct Unread<'f> {
@@ -24,14 +22,6 @@ pub(super) struct Unread<'f> {
     /// Where the histogram of each pair is: its position behind the first axis, in C order.
     pub(super) from: Vec<usize>,
     pub(super) shifts: Option<Shifts>,
-}
-
-/// The part of a capture that is kept.
-struct Chosen {
-    outline: Capture,
-    from: Vec<usize>,
-    bins: Range<usize>,
-    notes: Vec<String>,
 }
 
 impl<'f> Unread<'f> {
@@ -81,96 +71,84 @@ impl<'f> Unread<'f> {
         }
     }
 
-    /// Reads the counts that are kept. The result is that of reading all counts, leaving out pairs that were not
-    /// measured, and choosing pairs and bins afterwards. `place` adds the file to its errors.
+    /// Reads the counts that are kept after `steps`. The result is that of reading all counts, leaving out pairs that were
+    /// not measured, and running the steps afterwards. `place` adds the file to its errors.
     ///
     /// # Errors
-    /// Those of [`super::read_prepared`].
+    /// Those of [`super::read_through`].
     pub(super) fn read(
         mut self,
         name: String,
-        keep: &Keep,
-        turn: Turn,
-        prepare: &mut Prepare,
+        (steps, how): (&[Step], &Conditioning),
         mut notes: Vec<String>,
         place: &dyn Fn(Error) -> Error,
-    ) -> Result<Opened> {
+    ) -> Result<Conditioned> {
         self.outline.name = name;
+        let (of_outline, of_counts) = steps.split_at(steps.partition_point(|step| !step.counts));
+        let chosen = |unread: &Self, measured: &[usize]| {
+            let outline = Conditioned::begin(unread.listed(measured), 0, vec![]);
+            outline.through(of_outline, how)
+        };
         // Which pairs were measured is known when all counts were seen. Usually all were, and one reading is enough.
         let points = self.outline.laser.iter().zip(&self.outline.sensor);
         let known = points.enumerate().filter(|(_, (l, s))| !(l.is_nan() || s.is_nan()));
         let known: Vec<usize> = known.map(|(pair, _)| pair).collect();
         self.listed(&known).check_scan().map_err(place)?;
-        let mut chosen = self.choose(&known, keep, turn, prepare)?;
-        let mut read = self.fill(&chosen).map_err(place)?;
+        let mut kept = chosen(&self, &known)?;
+        let mut from = self.places(&kept, &known);
+        let mut read = self.fill(&kept, &from).map_err(place)?;
         self.outline.integer_counts = read.whole;
         let seen: Vec<_> = self.from.iter().map(|place| read.seen[*place]).collect();
-        let measured = Measured::of(&self.outline, &seen).map_err(place)?;
+        let measured = Measured::of(&self.outline, &seen, how.keep_empty).map_err(place)?;
         notes.extend(self.shifts.as_ref().and_then(|shifts| (shifts.note)(shifts, read.late)));
         notes.extend(measured.notes);
         let counted = measured.pairs.iter().map(|pair| seen[*pair]);
         self.listed(&measured.pairs).check_seen(counted).map_err(place)?;
         if measured.pairs != known {
-            let before = std::mem::replace(&mut chosen, self.choose(&measured.pairs, keep, turn, prepare)?);
-            read.histograms = match places_in(&before, &chosen) {
-                Some(rows) => retain_rows(read.histograms, chosen.bins.len(), &rows),
+            let before = (std::mem::take(&mut from), kept.first_bin..kept.first_bin + kept.capture.bins);
+            kept = chosen(&self, &measured.pairs)?;
+            from = self.places(&kept, &measured.pairs);
+            let bins = kept.first_bin..kept.first_bin + kept.capture.bins;
+            read.histograms = match places_in(&before.0, &from).filter(|_| before.1 == bins) {
+                Some(rows) => retain_rows(read.histograms, bins.len(), &rows),
                 None => {
                     read.histograms = vec![];
-                    self.fill(&chosen).map_err(place)?.histograms
+                    self.fill(&kept, &from).map_err(place)?.histograms
                 }
             };
         }
-        notes.extend(chosen.notes);
-        let dropped = self.from.len() - measured.pairs.len();
-        let capture = Capture {
-            t_start: chosen.outline.edge(chosen.bins.start),
-            bins: chosen.bins.len(),
-            histograms: read.histograms,
-            integer_counts: read.whole,
-            ..chosen.outline
-        };
-        Ok(Opened { capture, dropped, notes })
+        kept.dropped = self.from.len() - measured.pairs.len();
+        kept.notes.splice(0..0, notes);
+        (kept.capture.histograms, kept.capture.integer_counts) = (read.histograms, read.whole);
+        kept.through(of_counts, how)
     }
 
-    /// The outline of the measured pairs: a list if any pair is missing.
+    /// The outline of the measured pairs: a list if they are not some rows by some columns of the scan.
     fn listed(&self, measured: &[usize]) -> Capture {
         if measured.len() == self.from.len() {
             return self.outline.clone();
         }
-        self.outline.keep(measured, [measured.len(), 1])
+        self.outline.keep(measured, scan_of(measured, self.outline.scan))
     }
 
-    /// Chooses pairs and bins, if only these pairs were measured.
-    fn choose(&self, measured: &[usize], keep: &Keep, turn: Turn, prepare: &mut Prepare) -> Result<Chosen> {
-        let mut outline = self.listed(measured);
-        let mut from: Vec<usize> = measured.iter().map(|pair| self.from[*pair]).collect();
-        let mut notes = Vec::from_iter(turn.note());
-        outline.turn_points(turn);
-        if let Some(order) = outline.turned_order(turn) {
-            outline = outline.keep(&order.pairs, order.scan);
-            from = order.pairs.iter().map(|pair| from[*pair]).collect();
-        }
-        prepare(&mut outline, &mut notes)?;
-        let mut taken = |pairs: &[usize]| from = pairs.iter().map(|pair| from[*pair]).collect();
-        outline = keep.choose(outline, &mut notes, &mut taken)?;
-        let bins = keep.gate.map_or(Ok(0..outline.bins), |gate| outline.bins_of(gate))?;
-        Ok(Chosen { outline, from, bins, notes })
+    /// Where the histogram of each pair that is kept of the measured ones is.
+    fn places(&self, kept: &Conditioned, measured: &[usize]) -> Vec<usize> {
+        kept.pairs.iter().map(|pair| self.from[measured[*pair]]).collect()
     }
 
-    fn fill(&self, chosen: &Chosen) -> Result<Scattered> {
+    fn fill(&self, kept: &Conditioned, from: &[usize]) -> Result<Scattered> {
         let wanted = Wanted {
             stored: [self.bins, self.from.len()],
-            from: &chosen.from,
-            bins: chosen.bins.clone(),
+            from,
+            bins: kept.first_bin..kept.first_bin + kept.capture.bins,
             shifts: self.shifts.as_ref(),
         };
         self.file.scatter(&self.array, &wanted)
     }
 }
 
-/// The place of every pair of `after` in `before`, if both are in one order and of the same bins.
-fn places_in(before: &Chosen, after: &Chosen) -> Option<Vec<usize>> {
-    let mut rest = before.from.iter().enumerate();
-    let places = after.from.iter().map(|wanted| rest.find(|(_, from)| *from == wanted).map(|(row, _)| row));
-    places.collect::<Option<Vec<usize>>>().filter(|_| before.bins == after.bins)
+/// The place of every element of `after` in `before`, if both are in one order.
+fn places_in(before: &[usize], after: &[usize]) -> Option<Vec<usize>> {
+    let mut rest = before.iter().enumerate();
+    after.iter().map(|wanted| rest.find(|(_, from)| *from == wanted).map(|(row, _)| row)).collect()
 }

@@ -14,6 +14,16 @@ use super::matlab5::Matlab5;
 use super::scatter::{Scattered, Wanted};
 use crate::error::{Error, Result};
 
+/// How to mend an array in place of a number: bins may differ by pixel where a sensor has a table of their widths.
+pub(super) fn one_width(name: &str) -> String {
+    match name.rsplit('/').next().unwrap_or(name) {
+        "delta_t" | "deltaT" | "deltat" | "ts" | "timeRes" | "bin_width" | "t_start" | "t0" => format!(
+            "all pixels need the same bins: resample the histograms to one width and one start, and store {name} as a scalar"
+        ),
+        _ => format!("store {name} as a scalar"),
+    }
+}
+
 /// The arrays of a file.
 pub enum Variables {
     /// An HDF5 file, MATLAB v7.3 included.
@@ -31,6 +41,7 @@ impl Variables {
         match contents::of(path)? {
             Contents::Hdf5 => Hdf5::open(path).map(Variables::Hdf5),
             Contents::Matlab5 => Matlab5::open(path).map(Variables::Matlab5),
+            Contents::Matlab4 => Err(contents::version_4()),
             _ => Err(Error::input("is not an HDF5 or MATLAB file", "give the .mat or .hdf5 file")),
         }
     }
@@ -119,6 +130,39 @@ impl Variables {
         }
     }
 
+    /// Whether shapes are those of MATLAB reversed: in MATLAB's files, and in files named as they are.
+    pub(super) fn in_matlab_order(&self) -> bool {
+        match self {
+            Variables::Hdf5(file) => file.in_matlab_order(),
+            Variables::Matlab5(_) => true,
+        }
+    }
+
+    /// The sums of a required array of three axes along each of them, over the others. A part is in memory at a time.
+    ///
+    /// # Errors
+    /// As [`Variables::counts`].
+    pub(super) fn profiles(&self, name: &str) -> Result<[Vec<f64>; 3]> {
+        let shape = self.shape(name)?.ok_or_else(|| self.missing(name))?;
+        let [a, b, c] = shape[..] else { return Err(self.missing(name)) };
+        let mut sums = [vec![0.0; a], vec![0.0; b], vec![0.0; c]]; // bounded: the sides of an array that was checked
+        let mut add = |[i, j, k]: [usize; 3], value: f32| {
+            if value.is_finite() {
+                sums.iter_mut().zip([i, j, k]).for_each(|(sum, at)| sum[at] += f64::from(value));
+            }
+        };
+        match self {
+            Variables::Hdf5(file) => {
+                let array = file.array(name)?.ok_or_else(|| self.missing(name))?;
+                blocks::visit(file, &array, &mut add)?;
+            }
+            Variables::Matlab5(file) => {
+                file.visit(name, &mut |at, value| add([at / (b * c), at / c % b, at % c], value))?
+            }
+        }
+        Ok(sums)
+    }
+
     /// The only number of an array; `None` if it is missing or empty.
     ///
     /// # Errors
@@ -127,10 +171,9 @@ impl Variables {
         match self.numbers(name)? {
             None => Ok(None),
             Some((_, values)) if values.len() == 1 => Ok(Some(values[0])),
-            Some((shape, _)) => Err(Error::input(
-                format!("{name} has shape {shape:?}, not a single number"),
-                format!("store {name} as a scalar"),
-            )),
+            Some((shape, _)) => {
+                Err(Error::input(format!("{name} has shape {shape:?}, not a single number"), one_width(name)))
+            }
         }
     }
 

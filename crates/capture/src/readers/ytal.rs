@@ -22,7 +22,7 @@ use rust_hdf5::{H5File, Hdf5Error};
 
 use super::counts::largest_count;
 use super::exhaustive;
-use super::points::{compact, per_pair, triples, unit};
+use super::points::{check_places, compact, per_pair, squeezed, triples, unit};
 use super::variables::Variables;
 use crate::Capture;
 use crate::conditioning::legs;
@@ -36,14 +36,23 @@ use crate::host;
 /// # Errors
 /// `Kind::Input` for a damaged file, a missing dataset, an unknown layout, shapes that do not agree, or paths that
 /// include the outer legs if the file does not hold the positions of the devices.
-pub fn read(source: &Variables) -> Result<Capture> {
-    let shape = source.counts_shape("H")?;
+pub fn read(source: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
+    let stored = source.counts_shape("H")?;
     let (laser_shape, laser) =
         vectors(source, "laser_grid_xyz")?.ok_or_else(|| source.missing("laser_grid_xyz"))?;
     let (sensor_shape, sensor) =
         vectors(source, "sensor_grid_xyz")?.ok_or_else(|| source.missing("sensor_grid_xyz"))?;
     let (l, s) = (laser.len(), sensor.len());
-    let format = match (source.number("H_format")?.unwrap_or(0.0) as i64, &shape[..]) {
+    let format = source.number("H_format")?.unwrap_or(0.0) as i64;
+    // A polarised render has a Stokes vector in place of each count, of which the first number is the intensity.
+    let with_stokes = match (format, &stored[..]) {
+        (1 | 4, [_, _, _, 4]) | (2, [_, _, _, _, _, 4]) | (3, [_, _, 4]) => true,
+        (0, [_, _, _, 4] | [_, _, _, _, _, 4]) => true,
+        (0, [_, n, 4]) => l.max(s) == *n,
+        _ => false,
+    };
+    let shape = if with_stokes { stored[..stored.len() - 1].to_vec() } else { stored };
+    let format = match (format, &shape[..]) {
         (0, &[_, _]) => 3,
         // A list of laser points by a list of sensor points, unless a grid has as many points.
         (0, &[_, a, b]) if [a, b] == [l, s] && a.checked_mul(b) != Some(l.max(s)) => 4,
@@ -80,6 +89,22 @@ pub fn read(source: &Variables) -> Result<Capture> {
             "H must hold one histogram for every combination of laser and sensor point",
         ));
     }
+    // The axes of each side in H; a list may be that of a grid.
+    let axes = |side: Side| match (format, &shape[1..], side) {
+        (2, [lx, ly, ..], Side::Laser) => vec![*lx, *ly],
+        (2, [_, _, sx, sy], Side::Sensor) => vec![*sx, *sy],
+        (4, [li, _], Side::Laser) => grid_of(*li, &[&laser_shape]).to_vec(),
+        (4, [_, si], Side::Sensor) => grid_of(*si, &[&sensor_shape]).to_vec(),
+        _ => scan.to_vec(),
+    };
+    let places = |what: &str, found: &[usize], side: Side| {
+        let axes = axes(side);
+        let is_list = squeezed(&found[..found.len() - 1]) == [axes.iter().product::<usize>()]
+            && matches!(format, 3 | 4);
+        if is_list { Ok(()) } else { check_places(what, found, &axes, &shape) }
+    };
+    places("laser_grid_xyz", &laser_shape, Side::Laser)?;
+    places("sensor_grid_xyz", &sensor_shape, Side::Sensor)?;
     let spread = |what: &str, side: Side, given: Vec<DVec3>| match (exhaustive, side) {
         (false, _) => per_pair(what, given, pairs),
         (true, Side::Laser) => {
@@ -93,13 +118,18 @@ pub fn read(source: &Variables) -> Result<Capture> {
         }
     };
     let normals = |what: &str, side| -> Result<Option<Vec<DVec3>>> {
-        let Some((_, given)) = vectors(source, what)? else { return Ok(None) };
+        let Some((found, given)) = vectors(source, what)? else { return Ok(None) };
+        places(what, &found, side)?;
         spread(what, side, given.into_iter().map(unit).collect()).map(Some)
     };
     let laser = spread("laser_grid_xyz", Side::Laser, laser)?;
     let sensor = spread("sensor_grid_xyz", Side::Sensor, sensor)?;
     let bin_width = source.number("delta_t")?.ok_or_else(|| source.missing("delta_t"))?;
-    let h = source.counts("H")?;
+    let mut h = source.counts("H")?;
+    if with_stokes {
+        notes.push("H holds Stokes vectors: the intensity, the first of each, is used".into());
+        h.values = host::collected("the counts", h.values.len() / 4, h.values.iter().step_by(4).copied())?;
+    }
     let integer_counts = h.whole();
     let histograms = transpose(&h.values, shape[0], pairs)?;
     let capture = Capture {

@@ -164,14 +164,14 @@ impl Grid {
         let Some((shape, first, points)) = vectors(&format!("{side}GridPositions"))? else { return Ok(None) };
         let name = format!("{side}GridNormals");
         let normals = match vectors(&name)? {
-            Some((_, _, normals)) if normals.len() == points.len() => Some(normals),
+            Some((places, of_first, normals)) if places == shape && of_first == first => Some(normals),
             Some((_, _, normals)) if normals.len() == 1 => {
                 Some(host::filled(&name, points.len(), normals[0])?)
             }
-            Some((_, _, normals)) => {
+            Some(([a, b], ..)) => {
                 return Err(Error::input(
-                    format!("{name} holds {} normals for {} points", normals.len(), points.len()),
-                    "give one normal per point",
+                    format!("{name} holds {a} x {b} normals for {} x {} points", shape[0], shape[1]),
+                    "give one normal per point, in the shape of the points, or a single one",
                 ));
             }
             None => None,

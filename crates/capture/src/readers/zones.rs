@@ -51,6 +51,9 @@ pub(super) fn read(npz: &mut Npz, given: &ReadOptions, notes: &mut Vec<String>) 
         ));
     }
     let bin_width = given.bin_width("a reading of zones (hists, pt_cloud)", Some(PICOSECONDS), notes)?;
+    if given.bin_width.is_none() {
+        notes.push("bins of other sensors have other widths, such as about 91 ps of a TMF8820 or TMF8828: give the bin width".into());
+    }
     let spot = side(&points).map(|side| OF_SQUARE * side);
     notes.push("every zone is taken as confocal, as in the code of its publication".into());
     if let Some(spot) = spot {

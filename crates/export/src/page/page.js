@@ -272,8 +272,8 @@ function words() {
   });
   rows(element("settings"), report.settings);
   element("left").innerText = report.plan.left_out.join("\n");
-  const notes = report.settings.notes || [];
-  if (notes.length) element("notes").innerText = "Notes\n" + notes.join("\n");
+  const told = [["Warnings", report.warnings || []], ["Notes", report.settings.notes || []]];
+  element("notes").innerText = told.filter(([, all]) => all.length).map(([name, all]) => [name, ...all].join("\n")).join("\n\n");
 }
 
 words(), drawMaps(), drawWall(), drawHistogram(), drawTrace();

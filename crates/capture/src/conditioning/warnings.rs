@@ -20,11 +20,11 @@ impl Capture {
     /// its width was given as the whole.
     ///
     /// A scene of flat faces, a wall that was given too large, and a mirrored scan break no law and are not found.
-    pub fn doubts(&self) -> Vec<String> {
-        let mut doubts = Vec::new();
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
         let share = self.early_share();
         if share > EARLY {
-            doubts.push(format!(
+            warnings.push(format!(
                 "{:.0} % of all counts come before light can travel straight from the laser point to the \
                  sensor point: time zero (t_start) or the wall's scale is wrong, the outer legs were removed \
                  twice, or these counts are direct light or dark counts that a gate should leave out",
@@ -33,7 +33,7 @@ impl Capture {
         }
         if let Some(times) = self.curvature().filter(|times| *times > CURVED) {
             let (d, b) = (decimals(3, self.span()), decimals(6, self.span()));
-            doubts.push(format!(
+            warnings.push(format!(
                 "over the scan the first light curves {times:.1} times as strongly as the light of a point: \
                  the wall is larger than {:.d$} m (is this half its width?), a bin is narrower than {:.b$} m \
                  of path, or time zero is later",
@@ -43,9 +43,9 @@ impl Capture {
         }
         let empty = self.histograms.chunks_exact(self.bins).filter(|h| h.iter().all(|v| *v == 0.0)).count();
         if 2 * empty > self.pair_count() {
-            doubts.push(format!("{empty} of {} histograms hold no count", self.pair_count()));
+            warnings.push(format!("{empty} of {} histograms hold no count", self.pair_count()));
         }
-        doubts
+        warnings
     }
 
     fn span(&self) -> f64 {
@@ -101,7 +101,7 @@ impl Capture {
 }
 
 /// The first bin with signal, in a histogram that is smoothed over three bins.
-fn first_light(histogram: &[f32]) -> Option<usize> {
+pub(super) fn first_light(histogram: &[f32]) -> Option<usize> {
     let at = |b: usize| histogram.get(b).copied().unwrap_or(0.0);
     let smooth = |b: usize| at(b.wrapping_sub(1)) + at(b) + at(b + 1);
     let most = (0..histogram.len()).map(smooth).fold(0.0f32, f32::max);
