@@ -103,21 +103,22 @@ pub unsafe extern "C" fn tb_session_new(
         };
         capture.check_scan()?;
         // SAFETY: as above.
-        let choice = unsafe { settings.as_ref().map(|s| s.choice()).transpose()?.unwrap_or_default() };
+        let chosen = unsafe { settings.as_ref().map(|s| s.settings()).transpose()?.unwrap_or_default() };
         let mut options = match &settings {
             // SAFETY: as above.
             Some(settings) => unsafe { settings.session_options()? },
             None => SessionOptions::default(),
         };
-        let memory = options.memory;
-        // No frame has the number 0.
-        let mut hear = |p: &Progress| match &mut options.hear {
+        // No frame has the number 0. The session calls it again, from its thread.
+        let mut of_session = options.hear.take();
+        let mut on_progress = |p: &Progress| match &mut of_session {
             Some(hear) => hear(FrameId(0), p),
             None => ControlFlow::Continue(()),
         };
-        let tuned = choice.resolve(&capture).tune(&device.gpu, &capture, memory, &mut hear)?;
-        tuned.found.notes().iter().for_each(|note| log::note(note));
-        let made = Session::new(&device.gpu, &tuned.scan, None, &tuned.solver, options)?;
+        let job = engine::resolve::Job::resolve(&chosen, &capture, &device.gpu, &mut on_progress)?;
+        job.estimates.notes().iter().for_each(|note| log::note(note));
+        options.hear = of_session;
+        let made = Session::of(&device.gpu, &capture, &job, options)?;
         let megabytes = made.plan().buffers.iter().map(|b| b.bytes).sum::<u64>() / 1_000_000;
         log::note(&format!("a session of {} pairs, {megabytes} MB of buffers", made.plan().scene.pairs));
         let (submitter, canceller) = (made.submitter(), made.canceller());

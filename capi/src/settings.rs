@@ -5,12 +5,9 @@ use std::mem::offset_of;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use engine::estimation::Choice;
 use engine::session::{Feed, FrameId, Hear, SessionOptions};
-use engine::solve::Follow;
-use engine::solve::option::{OptionValue, Suit};
-use engine::solve::{Progress, SolverOptions};
-use engine::{Error, Result};
+use engine::solve::{Follow, Progress};
+use engine::{Error, Result, Settings};
 
 use crate::sized::Versioned;
 use crate::text;
@@ -112,21 +109,30 @@ impl User {
 }
 
 impl TbSettings {
+    /// The settings that they hold.
+    ///
     /// # Safety
     /// The strings are NULL or end with a zero.
-    pub unsafe fn choice(&self) -> Result<Choice> {
+    pub unsafe fn settings(&self) -> Result<Settings> {
         // SAFETY: as the caller states.
-        let [name, options] =
+        let [solver, options] =
             unsafe { [text::of(self.solver, "solver")?, text::of(self.options, "options")?] };
-        let mut choice = Choice { solver: name.map(String::from), ..Choice::default() };
-        choice.check()?;
+        let mut settings = Settings::default();
+        solver.map_or(Ok(()), |name| settings.set("solver", name))?;
         if self.lateral > 0 {
-            choice.options.push(("lateral", OptionValue::Count(self.lateral)));
+            settings.set("lateral", &self.lateral.to_string())?;
         }
         for option in options.unwrap_or_default().split_whitespace() {
-            set(&mut choice, option)?;
+            let (name, value) = option.split_once('=').ok_or_else(|| {
+                Error::options(
+                    format!("the option \"{option}\" is not name=value"),
+                    "write lateral=64, for example",
+                )
+            })?;
+            settings.set(name, value)?;
         }
-        choice.check().map(|()| choice)
+        settings.memory = (self.memory > 0).then_some(self.memory).or(settings.memory);
+        settings.check().map(|()| settings)
     }
 
     /// # Safety
@@ -154,7 +160,6 @@ impl TbSettings {
             })
         });
         Ok(SessionOptions {
-            memory: (self.memory > 0).then_some(self.memory),
             time_limit: (limit > Duration::ZERO).then_some(limit),
             hear,
             follow: (self.follow != 0).then(|| Follow { budget, ..Follow::default() }),
@@ -182,34 +187,6 @@ impl TbSettings {
             )),
         }
     }
-}
-
-/// Adds an option that is given as "name=value".
-fn set(choice: &mut Choice, option: &str) -> Result<()> {
-    let wrong = |what: &str| {
-        let mend = "see `thirdbounce help reconstruct` for names and values";
-        Err(Error::options(format!("the option \"{option}\" {what}"), mend))
-    };
-    let Some((name, text)) = option.split_once('=') else { return wrong("is not name=value") };
-    if name == "model" {
-        choice.model = Some(text.into());
-        return Ok(());
-    }
-    let key = name.replace('-', "_");
-    let mut solver = SolverOptions::suited_to(choice.solver_name(), &Suit::USUAL).expect("it was checked");
-    let rows = solver.rows();
-    let Some(row) = rows.iter().find(|row| row.key == key) else { return wrong("is none of this solver's") };
-    let values = [
-        text.parse().ok().map(OptionValue::Count),
-        text.parse().ok().map(OptionValue::Number),
-        text.parse().ok().map(OptionValue::Flag),
-        Some(OptionValue::Word(text.into())),
-    ];
-    let Some(value) = solver.set_first(row.key, values.into_iter().flatten()) else {
-        return wrong("has a value that it does not take");
-    };
-    choice.options.push((row.key, value));
-    Ok(())
 }
 
 impl TbProgress {

@@ -10,8 +10,8 @@ import pytest
 
 import thirdbounce as tb
 
-QUICK = {"pixels": 16, "iterations": 12, "deterministic": True}
-LONG = {"pixels": 64, "iterations": 100000}
+QUICK = {"lateral": 16, "iterations": 12, "deterministic": True}
+LONG = {"lateral": 64, "iterations": 100000}
 
 
 def session(capture, **more):
@@ -91,14 +91,14 @@ def test_ctrl_c_stops_a_frame_and_the_session_lives(capture):
 def test_progress_comes_from_the_session(capture):
     told = []
     # Rounds of the support may be fewer than there is room for.
-    with session(capture, progress=told.append, support="fixed", **QUICK) as frames:
+    with session(capture, on_progress=told.append, support="fixed", **QUICK) as frames:
         frames.solve(capture.H)
     assert told and told[-1].iteration == told[-1].iterations
 
     def refuse(progress):
         raise KeyError("mine")
 
-    with session(capture, progress=refuse, **QUICK) as frames:
+    with session(capture, on_progress=refuse, **QUICK) as frames:
         frames.submit(capture.H)
         with pytest.raises(KeyError, match="mine"):
             while frames.wait(1.0) is None:
@@ -107,7 +107,7 @@ def test_progress_comes_from_the_session(capture):
 
 @pytest.mark.parametrize("progress", [None, lambda told: None])
 def test_polling_and_progress_do_not_wait_for_each_other(capture, progress):
-    with session(capture, progress=progress, **QUICK) as frames:
+    with session(capture, on_progress=progress, **QUICK) as frames:
         for _ in range(5):
             frames.submit(capture.H)
             while frames.poll() is None:
@@ -116,7 +116,7 @@ def test_polling_and_progress_do_not_wait_for_each_other(capture, progress):
 
 def test_a_session_that_is_dropped_while_it_solves_ends(capture):
     told = threading.Event()
-    frames = session(capture, progress=lambda p: told.set(), **LONG)
+    frames = session(capture, on_progress=lambda p: told.set(), **LONG)
     frames.submit(capture.H)
     assert told.wait(30)
     start = time.monotonic()

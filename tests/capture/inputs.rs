@@ -9,7 +9,8 @@ use thirdbounce::capture::conditioning::{Conditioned, Conditioning, prepare};
 use thirdbounce::capture::{AxisOrder, Capture, METRES_PER_PICOSECOND, ReadOptions, read, read_given, write};
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::Array;
-use thirdbounce::job::{Input, load};
+use thirdbounce::job::load;
+use thirdbounce::settings::Settings;
 use thirdbounce::{Kind, Result};
 
 /// Photons of a small thing 0.6 m behind a wall of 1 m, in bins of 2 cm.
@@ -268,13 +269,9 @@ fn points_that_were_never_measured_are_left_out_and_noted() {
     write(&c, &path).unwrap();
     let npz = folder.path().join("sparse.npz");
     write(&c, &npz).unwrap();
-    let input = |path: &Path| Input {
-        path: path.into(),
-        wall: Some(1.0),
-        bin_width: path.ends_with("sparse.mat").then_some(0.02),
-        ..Input::default()
-    };
-    let [a, b] = [&path, &npz].map(|path| load(&input(path)).unwrap().capture);
+    let [a, b] = [(&path, Some(0.02)), (&npz, None)].map(|(path, bin_width)| {
+        load(path, &Settings { wall: Some(1.0), bin_width, ..Settings::default() }).unwrap().capture
+    });
     assert_eq!((a.scan, &a.histograms), ([4, 4], &b.histograms));
 }
 

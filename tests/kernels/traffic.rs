@@ -8,9 +8,9 @@ use fixtures::device::{gpu, unwatched};
 use fixtures::traffic::{Histograms, WARP};
 use glam::{DVec3, dvec3};
 use thirdbounce::capture::{Capture, read};
-use thirdbounce::job::Request;
 use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
+use thirdbounce::solve::Discretisation;
 use thirdbounce::solve::surface::{Pixels, SMALL_PIXEL, points_of};
 use thirdbounce::solve::{Plan, Problem, Progress, SolverOptions, SurfaceOptions};
 use thirdbounce::transport::{Binning, Grid, Model, Reflectance};
@@ -34,7 +34,7 @@ struct Solved {
 fn solved(capture: &Capture, options: SurfaceOptions) -> Solved {
     let gpu = gpu();
     let options = SolverOptions::from(options);
-    let grid = Request::new(options.clone(), "").grid(capture).expect("a grid");
+    let grid = Discretisation::default().grid(&options, capture).expect("a grid");
     let (model, _) = Model::outline(capture, Reflectance::Cosine, 10.0, false);
     let mut model = Model { binning: Binning::Linear, ..model };
     model.spread();

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional, Tuple
+import os
+from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
@@ -33,6 +34,30 @@ def plain(value: Any, name: str) -> np.ndarray:
 def as_array(value: Any, dtype: Any, name: str) -> np.ndarray:
     """The value as an array in C order. Nothing is copied if it is one of this type."""
     return np.ascontiguousarray(plain(value, name), dtype=dtype)
+
+
+def texts(settings: Dict[str, Any]) -> List[Tuple[str, str]]:
+    """Settings as text, by their names; those that are None are left out."""
+    return [(name, _text(name, value)) for name, value in settings.items() if value is not None]
+
+
+def _text(name: str, value: Any) -> str:
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if name == "memory" and isinstance(value, (int, np.integer)):
+        return f"{int(value) / 1024!r}K"
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        return repr(float(value))
+    if isinstance(value, (str, os.PathLike)):
+        return os.fspath(value)
+    if isinstance(value, (tuple, list, np.ndarray)):
+        ends = ["" if part is None else _text(name, part) for part in value]
+        # (from, to), (width, tail), or the ranges of a box.
+        between = "," if name in ("spot", "volume") and not (name == "volume" and np.isscalar(value[0])) else ":"
+        return between.join(ends)
+    raise refuse(f"{name} is a {type(value).__name__}: {value!r}", "give a number, a text, a bool or a tuple of numbers")
 
 
 def as_counts(value: Any, scan: Tuple[int, int], bins_axis: int) -> np.ndarray:

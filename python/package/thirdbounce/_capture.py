@@ -9,7 +9,7 @@ from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
 import numpy as np
 
 from . import _native
-from ._arrays import as_array, as_counts, as_points, like_points
+from ._arrays import as_array, as_counts, as_points, like_points, texts
 
 Path = Union[str, "os.PathLike[str]"]
 
@@ -40,7 +40,7 @@ class Capture:
     """(X, Y, 3) float64: where the laser shines, metres. Of a confocal scan the same as `sensor_xyz`."""
     bin_width: float
     """Width of a bin, metres of path."""
-    t0: float
+    t_start: float
     """Leading edge of bin 0, metres of path."""
     sensor_normal: Optional[np.ndarray]
     """(X, Y, 3) float64: the wall's unit normals at the sensor points, if known."""
@@ -70,7 +70,7 @@ class Capture:
         laser_xyz: Any = None,
         *,
         bin_width: float,
-        t0: float = 0.0,
+        t_start: float = 0.0,
         bins_axis: int = -1,
         sensor_normal: Any = None,
         laser_normal: Any = None,
@@ -99,7 +99,7 @@ class Capture:
         self.sensor_xyz = like_points(sensor, scan, "sensor_xyz")
         self.laser_xyz = self.sensor_xyz if laser is None else like_points(laser, scan, "laser_xyz")
         self.H = as_counts(H, scan, bins_axis)
-        self.bin_width, self.t0 = float(bin_width), float(t0)
+        self.bin_width, self.t_start = float(bin_width), float(t_start)
         self.sensor_normal = like_points(sensor_normal, scan, "sensor_normal")
         self.laser_normal = like_points(laser_normal, scan, "laser_normal")
         self.photon_counts = photon_counts
@@ -145,7 +145,7 @@ class Capture:
             "sensor_normal": flat(self.sensor_normal, "sensor_normal"),
             "bins": self.H.shape[2],
             "bin_width": self.bin_width,
-            "t0": self.t0,
+            "t_start": self.t_start,
             "photon_counts": self.photon_counts,
             "pulse": None if self.pulse is None else tuple(self.pulse),
             "laser_spot": self.laser_spot,
@@ -166,7 +166,7 @@ class Capture:
         made.H = arrays["counts"].reshape(scan + (arrays["bins"],))
         made.sensor_xyz, made.laser_xyz = shaped("sensor"), shaped("laser")
         made.sensor_normal, made.laser_normal = shaped("sensor_normal"), shaped("laser_normal")
-        made.bin_width, made.t0 = arrays["bin_width"], arrays["t0"]
+        made.bin_width, made.t_start = arrays["bin_width"], arrays["t_start"]
         made.photon_counts = arrays["photon_counts"]
         made.pulse = None if arrays["pulse"] is None else Pulse(*arrays["pulse"])
         made.laser_spot, made.sensor_spot = arrays["laser_spot"], arrays["sensor_spot"]
@@ -175,29 +175,11 @@ class Capture:
         return made
 
 
-def read(
-    path: Path,
-    *,
-    wall: Optional[float] = None,
-    bin_width: Optional[float] = None,
-    wall_depth_unit: Optional[float] = None,
-    bounce: Optional[str] = None,
-    tof: Optional[Path] = None,
-    flip: Optional[str] = None,
-    rotate: Optional[int] = None,
-    axes: Optional[str] = None,
-    keep_empty: bool = False,
-) -> Capture:
+def read(path: Path, **settings: Any) -> Capture:
     """Reads a capture of any format that thirdbounce knows: npz, y-tal, Z-NLOS, Stanford f-k, LCT and more.
 
-    wall: distance of the outermost scan points, metres; bin_width: metres of path; tof: the file with the times of flight: for
-        files that do not hold these.
-    wall_depth_unit: metres of a step of the wall's depth, for CC-SOCR captures of a wall that is not flat.
-    bounce: "third", "all" or a number, for rendered Z-NLOS captures.
-    flip: "x", "y" or "xy"; rotate: 90, 180 or 270 degrees: for files that do not say how the scan lies on the wall.
-    axes: order of the axes of a file with a single array of counts, as the program that wrote it shows them: "xyt", "yxt", "txy".
-    keep_empty: keep pairs without any count as dark ones; otherwise those beside lit pairs are left out.
+    Settings complete files that lack a value: wall, bin_width, wall_depth_unit, bounce, tof, axes, keep_empty, flip, rotate, as for `reconstruct`;
+    lengths are metres or text with a unit: wall="1m", bin_width="133ps".
     """
-    which = None if bounce is None else str(bounce)
-    arrays, notes = _native.read(path, wall, bin_width, wall_depth_unit, which, tof, flip, rotate, axes, keep_empty)
+    arrays, notes = _native.read(path, texts(settings))
     return Capture._of(arrays, notes)

@@ -8,10 +8,10 @@ from typing import Any, Dict, NamedTuple, Optional, Type, Union
 import numpy as np
 
 from . import _native
-from ._arrays import as_bools, as_counts, as_points, like_points
+from ._arrays import as_bools, as_counts, as_points, like_points, texts
 from ._capture import Capture
 from ._maps import Maps
-from ._solve import Hear, _hear, _settings
+from ._solve import OnProgress, _on_progress
 
 
 class Latency(NamedTuple):
@@ -36,7 +36,7 @@ class Latency(NamedTuple):
 class Session:
     """A solver that is made once for a scan: planned, compiled and allocated. Then frames of counts go in, and maps come out.
 
-        with tb.Session(points, bins=512, bin_width=0.006, pixels=64) as session:
+        with tb.Session(points, bins=512, bin_width=0.006, lateral=64) as session:
             for H in camera:
                 session.submit(H)
                 show(session.wait())
@@ -53,42 +53,34 @@ class Session:
         *,
         bins: Optional[int] = None,
         bin_width: Optional[float] = None,
-        t0: float = 0.0,
+        t_start: float = 0.0,
         photon_counts: bool = False,
-        pixels: Optional[int] = None,
-        solver: str = "surface",
-        model: Optional[str] = None,
-        preset: Optional[str] = None,
-        device: Union[None, str, int] = None,
-        memory: Union[None, str, int] = None,
         time_limit: Optional[float] = None,
-        progress: Optional[Hear] = None,
+        on_progress: Optional[OnProgress] = None,
         feed: Union[str, float] = "one",
-        **options: Any,
+        **settings: Any,
     ) -> None:
         """Prepares for frames of a scan.
 
         sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3) points, metres, as for `Capture`; or a `Capture`, whose points, bins, pulse and
             spots are those of the frames, and whose counts tell how deep the volume is, which model fits, and how wide the
             pulse is.
-        bins, bin_width, t0: number and width of the bins, and leading edge of bin 0, metres of path.
+        bins, bin_width, t_start: number and width of the bins, and leading edge of bin 0, metres of path.
         photon_counts: whether counts are photon counts; else the noise of each frame is estimated, which takes longer.
         time_limit: a frame that takes longer is stopped, seconds.
         feed: what becomes of frames that come while one is solved: "one" refuses them, "newest" keeps the newest, "every" solves
             all in order; a number from 0 to 1 adds all up and multiplies the sum by it before each.
-        progress: is called with a `Progress` by the session's thread, and stops the frame if it returns False.
-        The other arguments are those of `reconstruct`.
+        on_progress: called with a `Progress` by the session's thread; the frame stops if it returns False.
+        settings: as for `reconstruct`.
         """
         if isinstance(sensor_xyz, Capture):
             arrays = sensor_xyz._arrays()
         else:
-            arrays = _scan(sensor_xyz, laser_xyz, bins, bin_width, t0)
+            arrays = _scan(sensor_xyz, laser_xyz, bins, bin_width, t_start)
         if arrays.get("photon_counts") is None or photon_counts:
             arrays["photon_counts"] = photon_counts
         self._scan = tuple(arrays["scan"])
-        settings = _settings(solver, pixels, options, device, memory)
-        settings.update(model=model, preset=preset)
-        self._native = _native.Session(arrays, settings, time_limit, _hear(progress), feed)
+        self._native = _native.Session(arrays, texts(settings), time_limit, _on_progress(on_progress), feed)
 
     def submit(self, H: Any, *, bins_axis: int = -1, measured: Any = None) -> int:
         """Begins to solve a frame, and returns its number. Any thread, also while another one waits.
@@ -147,7 +139,7 @@ class Session:
         self.close()
 
 
-def _scan(sensor_xyz: Any, laser_xyz: Any, bins: Optional[int], bin_width: Optional[float], t0: float) -> Dict[str, Any]:
+def _scan(sensor_xyz: Any, laser_xyz: Any, bins: Optional[int], bin_width: Optional[float], t_start: float) -> Dict[str, Any]:
     """A capture without counts, as the native part takes it."""
     if bins is None or bin_width is None:
         raise TypeError("a session of points needs bins and bin_width")
@@ -165,5 +157,5 @@ def _scan(sensor_xyz: Any, laser_xyz: Any, bins: Optional[int], bin_width: Optio
         "laser": laser_points.reshape(-1),
         "bins": bins,
         "bin_width": float(bin_width),
-        "t0": float(t0),
+        "t_start": float(t_start),
     }

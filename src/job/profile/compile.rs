@@ -91,22 +91,17 @@ pub fn usual_capture() -> Result<Capture> {
 /// Options out of range, no device, a capture that the solver cannot take, a kernel that the driver refuses, or a folder
 /// that cannot be written.
 pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) -> Result<CompileProfile> {
-    request.solver.check()?;
+    request.settings.check()?;
     if let Some(folder) = listings {
         places::check_folder(folder)?;
         atomic::create_dir(folder)?;
     }
-    let gpu = Gpu::open(&GpuOptions {
-        device: request.device.clone(),
-        validation: request.validation,
-        statistics: true,
-        listings: listings.is_some(),
-        pipeline_cache: request.pipeline_cache.clone(),
-        ..GpuOptions::default()
-    })?;
-    let Ready { capture, grid, .. } = planned::to_plan(request, capture)?;
-    let solver = sizes::with_kept(request, &gpu, &capture);
-    let plan = solver.plan(&request.problem(&capture, grid), &gpu.abilities())?;
+    let gpu =
+        Gpu::open(&GpuOptions { statistics: true, listings: listings.is_some(), ..request.gpu_options() })?;
+    let resolved = request.resolved(capture);
+    let Ready { capture, grid, .. } = planned::to_plan(&resolved, capture)?;
+    let solver = sizes::with_kept(&resolved.solver, &gpu, &capture);
+    let plan = solver.plan(&resolved.problem(&capture, grid), &gpu.abilities())?;
     let mut kernels = vec![];
     for pass in &plan.passes {
         let values = pass.values(&plan);
