@@ -160,13 +160,17 @@ fn report(end: &CaptureEnd, out: &Path, quiet: bool) {
             "remedy": end.error.as_ref().map(|e| advice::text(&e.mend)),
             "folder": end.error.is_none().then(|| out.join(name).to_string_lossy().into_owned()),
             "figures": end.figures,
+            "warnings": end.warnings,
         })
         .to_string(),
     );
     match &end.error {
         Some(e) => say_error(&format!("{name}: "), &e.what, &advice::text(&e.mend)),
         None if quiet => {}
-        None => end.notes.iter().for_each(|note| say(&format!("note: {name}: {note}"))),
+        None => {
+            end.notes.iter().for_each(|note| say(&format!("note: {name}: {note}")));
+            end.warnings.iter().for_each(|warning| say(&format!("warning: {name}: {warning}")));
+        }
     }
 }
 

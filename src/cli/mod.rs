@@ -143,7 +143,7 @@ fn run() -> Result<ExitCode> {
         Verb::Batch(args) => return batch::run(&args),
         Verb::Benchmark(args) => return benchmark::run(&args),
         Verb::Demo(args) => demo::run(&args),
-        Verb::Info(args) => info::run(&args),
+        Verb::Info(args) => return info::run(&args),
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Live(args) => live::run(&args),

@@ -95,6 +95,9 @@ pub fn run(args: &Args) -> Result<()> {
     if !args.quiet {
         outcome.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
+    if !args.quiet {
+        outcome.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
+    }
     print(&tables::report(&outcome.report));
     if args.timings {
         print(&format!("\n{}", tables::kernels(&outcome.kernels)));
