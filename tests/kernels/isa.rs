@@ -5,7 +5,6 @@ use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use fixtures::device::surfaces::*;
 use fixtures::device::*;
 use glam::DVec3;
 use thirdbounce::transport::kernels::PADDING;
@@ -65,10 +64,10 @@ fn the_c_port_computes_what_the_kernels_compute() {
     let residual: Vec<f64> = (0..model.pairs() * model.bins).map(|_| random.uniform(-1.0, 1.0)).collect();
     let (histograms, gradients) = ported(&model, &grid, &samples, &residual);
 
-    let e = error(histograms.into_iter().map(f64::from), twin::forward(&twin, &samples));
+    let e = error(histograms.into_iter().map(f64::from), twin::rendered(&twin, &samples));
     assert!(e < 1e-5, "forward: {e}");
-    let want: Vec<DVec3> =
-        twin::surface_gather(&twin, &samples, &residual).into_iter().map(|pull| pull.vector).collect();
+    let want = gathered("surface_gather", &twin, &samples, &residual);
+    let want: Vec<DVec3> = want.iter().map(|g| DVec3::new(g[0], g[1], g[2])).collect();
     let flat = |k: usize| gradients.iter().map(move |g| f64::from(g[k]));
     for (k, e) in [(1, 0), (2, 1), (3, 2)].map(|(k, axis)| (k, error(flat(k), want.iter().map(|w| w[axis]))))
     {
