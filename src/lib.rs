@@ -88,6 +88,8 @@ pub use solve::{
 };
 pub use transport::{Grid, Volume};
 
+pub use {ash, glam};
+
 #[doc(inline)]
 pub use thirdbounce_base::advice::{self, Advice};
 #[doc(inline)]
