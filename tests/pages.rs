@@ -295,7 +295,11 @@ fn options_of_the_pages_exist() {
     let verbs = verbs
         .filter(|l| l.starts_with("  ") && !l.starts_with("   "))
         .filter_map(|l| l.split_whitespace().next());
-    let texts = verbs.map(|verb| String::from_utf8(thirdbounce(&["help", verb]).stdout).expect("text"));
+    let of = |topic: &str| String::from_utf8(thirdbounce(&["help", topic]).stdout).expect("text");
+    let topics = of("reconstruct").replace('\n', " ");
+    let topics = topics.split("by topic: thirdbounce help ").nth(1).expect("the other topics");
+    let topics = topics.split('.').next().unwrap_or_default().split(", ").map(str::trim).map(str::to_owned);
+    let texts = verbs.map(str::to_owned).chain(topics).map(|topic| of(&topic));
     let mut options = BTreeSet::new();
     for text in texts.chain([help.clone()]) {
         let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '-').map(str::to_owned);
@@ -346,11 +350,38 @@ fn path_of(word: &str) -> Option<PathBuf> {
 #[test]
 fn recipes_name_files_that_exist() {
     let text = read(&root().join("CONTRIBUTING.md"));
+    let text = text + &read(&root().join("ARCHITECTURE.md"));
     let paths: Vec<_> = quoted(&text).into_iter().filter_map(path_of).collect();
-    assert!(paths.len() > 15, "only {} paths were found", paths.len());
+    assert!(paths.len() > 50, "only {} paths were found", paths.len());
     let missing: Vec<_> = paths.iter().filter(|path| !root().join(path).exists()).collect();
-    assert!(missing.is_empty(), "CONTRIBUTING.md names files that are not there: {missing:?}");
+    assert!(missing.is_empty(), "the pages name files that are not there: {missing:?}");
     assert_eq!(path_of("crates/capture/src/formats/NAME.rs"), Some("crates/capture/src/formats".into()));
     assert_eq!(path_of("src/solve/SOLVER/passes.rs"), Some("src/solve/surface/passes.rs".into()));
     assert_eq!(path_of("make test"), None);
+}
+
+/// The table of a capture's way names what is declared in its files.
+#[test]
+fn the_steps_of_a_capture_are_where_the_page_says() {
+    let text = read(&root().join("ARCHITECTURE.md"));
+    let table = text.split("## ").find(|part| part.starts_with("A capture's way")).expect("the table");
+    let declares = |file: &str, name: &str| {
+        let text = read(&root().join(file));
+        let kinds = ["fn", "struct", "enum", "trait", "const"];
+        text.match_indices(name).any(|(at, _)| {
+            let ends = !text[at + name.len()..].starts_with(|c: char| c.is_alphanumeric() || c == '_');
+            ends && kinds.iter().any(|kind| text[..at].ends_with(&format!("{kind} ")))
+        })
+    };
+    let mut found = 0;
+    for row in table.lines().filter(|line| line.starts_with("| ") && line.contains('`')) {
+        let [_, _, names, files, _] = row.split('|').collect::<Vec<_>>()[..] else { panic!("{row}") };
+        for name in quoted(names) {
+            assert!(quoted(files).iter().any(|file| declares(file, name)), "{name} is not in {files}");
+            found += 1;
+        }
+    }
+    assert!(found > 12, "{found} names");
+    assert!(!declares("src/resolve.rs", "Jo") && !declares("src/resolve.rs", "Settings"));
+    assert!(text.split_whitespace().count() <= 900, "the page fits a quarter of an hour");
 }
