@@ -188,7 +188,7 @@ pub fn trials_tell_how_captured_things_reflect(data: &Path) {
     ] {
         let [capture, out] = [data.join(name), folder.path().join(model)].map(|p| p.display().to_string());
         // The trials are whole, the solve after them is not.
-        let short = ["--iterations", "1", "--surface-iterations", "1", "--lateral", "64", "--quiet"];
+        let short = ["--iterations", "1", "--lateral", "64", "--quiet"];
         succeed(&[&["reconstruct", &capture, "--out", &out][..], &short].concat());
         let report = std::fs::read(Path::new(&out).join("report.json")).unwrap();
         let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
