@@ -27,7 +27,8 @@ fn warnings_reach_every_output() {
         serde_json::from_slice(&std::fs::read(folder.path().join("result/report.json")).unwrap()).unwrap();
     assert!(report["warnings"].to_string().contains(words), "{}", report["warnings"]);
     assert!(std::fs::read_to_string(folder.path().join("result/report.html")).unwrap().contains(words));
-    let batch = [&["batch", &capture, "--out", &path("batch")], &half[..], &SHORT[..]].concat();
+    let all = path("batch");
+    let batch = [&["batch", &capture, "--out", &all], &half[..], &SHORT[..]].concat();
     let done = thirdbounce(&batch);
     let line: Value = serde_json::from_str(stdout(&done).lines().next().unwrap()).unwrap();
     assert!(line["status"] == "done" && line["warnings"].to_string().contains(words), "{line}");
