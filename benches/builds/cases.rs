@@ -287,7 +287,7 @@ fn scenes(data: Option<&Path>) -> Result<Vec<Case>> {
     Ok(all)
 }
 
-/// Figure and torus from so many points.
+/// Figure and torus by number of points.
 fn scanned(name: &str, scan: usize) -> Result<Scene> {
     Ok(Scene { scan, bin_width: 0.01, ..Scene::named(name)? })
 }

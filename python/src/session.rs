@@ -138,9 +138,9 @@ impl Session {
 
     /// Frames that were solved and dropped; seconds of the last frame, median, 90th and 99th percentile; results in a second.
     fn latency(&self) -> (u64, u64, [f64; 4], f64) {
-        let told = self.submitter.latency();
-        let seconds = [told.last, told.median, told.p90, told.p99].map(|time| time.as_secs_f64());
-        (told.frames, told.dropped, seconds, told.frames_per_second)
+        let latency = self.submitter.latency();
+        let seconds = [latency.last, latency.median, latency.p90, latency.p99].map(|time| time.as_secs_f64());
+        (latency.frames, latency.dropped, seconds, latency.frames_per_second)
     }
 
     /// Waits for the frame that was submitted last; `None` if it is not solved after `seconds`. A signal cancels the frame.

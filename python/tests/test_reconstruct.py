@@ -1,4 +1,4 @@
-"""Reconstruction: the same maps as the command, and a solve that stops when it is told."""
+"""Reconstruction: the same maps as the command, and a solve that stops on request."""
 
 import json
 import os
@@ -96,11 +96,11 @@ def test_drawing_needs_matplotlib(tmp_path, maps):
 
 
 def test_progress_is_told_and_may_stop_the_solve(capture):
-    told = []
+    reports = []
 
     def hear(progress):
-        told.append(progress)
-        return len(told) < 2
+        reports.append(progress)
+        return len(reports) < 2
 
     with pytest.raises(tb.CancelledError):
         tb.reconstruct(capture, on_progress=hear, model="cosine", high_pass=0, lateral=32, iterations=200)

@@ -16,7 +16,7 @@ use super::terminal::{print, say, say_error};
 use super::{advice, interrupt, reconstruct};
 
 /// Options of `reconstruct` that a batch does not have: a capture that was not finished begins anew.
-const NOT_HERE: [&str; 3] = ["no_preview", "open", "timings"];
+const NOT_HERE: [&str; 4] = ["no_preview", "open", "timings", "json"];
 /// Arguments that do not change results.
 const NO_DIFFERENCE: [&str; 7] =
     ["capture", "out", "device", "memory", "pipeline_cache", "validation", "quiet"];

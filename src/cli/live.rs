@@ -17,7 +17,7 @@ use super::{advice, interrupt};
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Where frames come from: a folder in which npz captures appear, or - for a stream of frames (docs/live.md) on the
+    /// Where frames come from: a folder in which npz captures appear, or - for a stream of frames (docs/batch-and-live.md) on the
     /// standard input
     source: PathBuf,
     /// A capture with the points, bins, pulse and spots of all frames. If it has light, the box ends where its light does, and

@@ -83,6 +83,15 @@ impl<const PART: u8> SettingsArgs<PART> {
         SettingsArgs(all.collect())
     }
 
+    /// The settings without the options of methods: what all methods of a benchmark have.
+    ///
+    /// # Errors
+    /// Those of [`SettingsArgs::settings`].
+    pub fn of_all_methods(&self) -> Result<Settings> {
+        let own = |key: &str| Settings::ROWS.iter().any(|row| row.key == key);
+        SettingsArgs::<PART>(self.0.iter().filter(|(key, _)| own(key)).cloned().collect()).settings()
+    }
+
     /// The name of the method, if it was given.
     pub fn solver(&self) -> Option<&str> {
         self.0.iter().find(|(key, _)| *key == "solver").map(|(_, name)| name.as_str())

@@ -13,7 +13,7 @@ use crate::{Error, Result};
 
 mod text;
 
-pub use text::{Flip, ImpulseResponse, Model, gate, memory_bytes, pulse, spots};
+pub use text::{Flip, ImpulseResponse, Model, gate, memory_bytes};
 use text::{as_text, count, number, path_of_light, seed, word};
 
 /// Declares the fields of [`Settings`] that do not belong to a method: name, type, allowed values, and the function that reads
@@ -300,7 +300,7 @@ mod tests {
             format!("{} | {}", error.what, error.mend)
         };
         for (key, text, words) in [
-            ("solver", "magic", "use paper or surface"),
+            ("solver", "magic", "paper or surface"),
             ("solver", "vector", "was removed"),
             ("nonsense", "1", "no setting"),
             ("l1", "1", "no option of the solver surface"),

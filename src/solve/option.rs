@@ -247,7 +247,7 @@ impl Range {
             Range::Sizes => text
                 .parse::<Sizes>()
                 .map(|sizes| vec![OptionValue::Word(sizes.to_string())])
-                .map_err(|_| self.wanted()),
+                .map_err(|e| e.to_string()),
             Range::Words(_) | Range::Flag | Range::Internal | Range::Text(_) => Err(self.wanted()),
         }
     }

@@ -228,7 +228,7 @@ solvers! {
 }
 
 impl SolverOptions {
-    /// The default solver (docs/surface.md).
+    /// The default solver (docs/methods.md).
     pub const DEFAULT: &str = SurfaceOptions::NAME;
 
     /// Sets an option to the first of `values` that it takes, and returns that one; `None` if it takes none of them.
@@ -244,7 +244,7 @@ impl SolverOptions {
         })
     }
 
-    /// Whether values that are not given are estimated (docs/surface.md): for solvers that render surfaces.
+    /// Whether values that are not given are estimated (docs/methods.md): for solvers that render surfaces.
     pub fn has_trials(&self) -> bool {
         matches!(self, SolverOptions::Surface(_))
     }

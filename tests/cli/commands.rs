@@ -96,7 +96,7 @@ fn from_a_simulated_capture_to_measured_maps() {
     let (text, progress) = (stdout(&done), stderr(&done));
     assert_eq!(done.status.code(), Some(0), "{progress}");
     assert!(text.contains("IoU") && text.contains("backward"), "{text}");
-    assert!(progress.contains("--preset synthetic") && progress.contains("iteration 30/30"), "{progress}");
+    assert!(progress.contains("preset synthetic") && progress.contains("iteration 30/30"), "{progress}");
 
     let names = [
         "maps.npz",
@@ -316,7 +316,7 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         ("--bin-width", "0", "bin width is 0"),
         ("--albedo", "-1", "albedo -1"),
         ("--noise", "NaN", "NaN"),
-        ("--pile-up", "0", "photons of a laser pulse"),
+        ("--pile-up", "0", "photons per laser pulse"),
         ("--pulse", "0.02:-1", "the tail of the pulse"),
         ("--point", "0,0", "--pairs one-laser"),
         ("--grid", "4", "--pairs exhaustive"),
@@ -412,9 +412,17 @@ fn help_and_version_are_there() {
     let help = succeed(&["--help"]);
     assert!(help.contains("Examples:") && help.contains("reconstruct"), "{help}");
     let help = succeed(&["reconstruct", "--help"]);
-    for option in ["--learning-rate", "--noise-span", "--smooth-truncate", "--no-reduce", "--deterministic"] {
+    assert!(help.contains("--deterministic") && !help.contains("--learning-rate"), "{help}");
+    assert!(help.lines().count() < 100, "{} lines", help.lines().count());
+    let help = succeed(&["help", "paper"]);
+    for option in ["--learning-rate", "--noise-span", "--smooth-truncate", "--no-reduce"] {
         assert!(help.contains(option), "{option}");
     }
+    assert!(succeed(&["help", "capture"]).contains("--no-auto-gate"));
+    assert!(succeed(&["help", "info"]).contains("--png"));
+    fail(&["help", "nothing"], 1, "phasor-bp");
+    assert!(succeed(&["help", "--completions", "bash"]).contains("--deterministic"));
+    assert!(succeed(&["help", "--man"]).starts_with(".ie"));
     assert!(succeed(&["simulate", "--help"]).contains("letter-X"));
 }
 
@@ -441,5 +449,5 @@ fn the_default_solver_repeats_and_knows_both_models() {
     assert_eq!(report["settings"]["reflectance"], "lambertian");
     let out = folder.path().join("none").display().to_string();
     let refused = ["reconstruct", &capture, "--out", &out, "--solver", "paper", "--sparsity", "1"];
-    fail(&refused, 1, "no option of the paper solver");
+    fail(&refused, 1, "no option of the solver paper");
 }

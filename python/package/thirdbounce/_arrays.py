@@ -1,4 +1,4 @@
-"""Arrays of callers as flat arrays in C order."""
+"""Conversion of arrays to flat arrays in C order."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from ._native import OptionsError
 
 
 def refuse(what: str, remedy: str) -> OptionsError:
-    """The error of an argument."""
+    """Error for an invalid argument."""
     error = OptionsError(f"{what}\n  {remedy}")
     error.what, error.where, error.remedy = what, None, remedy
     return error
 
 
 def plain(value: Any, name: str) -> np.ndarray:
-    """The value as an array of real numbers. Arrays of other libraries are not copied if they speak DLPack."""
+    """The value as an array of real numbers. Arrays with DLPack support are not copied."""
     try:
         if not isinstance(value, np.ndarray) and hasattr(value, "__dlpack__"):
             value = np.from_dlpack(value)
@@ -28,11 +28,11 @@ def plain(value: Any, name: str) -> np.ndarray:
         return array
     except (TypeError, ValueError, BufferError, RuntimeError) as error:
         remedy = "give an array of real numbers in the host's memory (torch: tensor.detach().cpu())"
-        raise refuse(f"{name} is no array of numbers: {error}", remedy) from error
+        raise refuse(f"{name} is not an array of numbers: {error}", remedy) from error
 
 
 def as_array(value: Any, dtype: Any, name: str) -> np.ndarray:
-    """The value as an array in C order. Nothing is copied if it is one of this type."""
+    """The value as an array in C order, copied only if necessary."""
     return np.ascontiguousarray(plain(value, name), dtype=dtype)
 
 
@@ -61,7 +61,7 @@ def _text(name: str, value: Any) -> str:
 
 
 def as_counts(value: Any, scan: Tuple[int, int], bins_axis: int) -> np.ndarray:
-    """Histograms as float32, (X, Y, T). Copied only if they are not in C order in this form."""
+    """Histograms as float32, (X, Y, T). Copied only if not already in C order in this form."""
     if bins_axis not in (-1, 0):
         raise refuse(f"bins_axis is {bins_axis}", "give -1 for H of shape (X, Y, T), or 0 for (T, X, Y)")
     array = plain(value, "H")
@@ -74,7 +74,7 @@ def as_counts(value: Any, scan: Tuple[int, int], bins_axis: int) -> np.ndarray:
 
 
 def as_bools(value: Any) -> np.ndarray:
-    """Truth values in a row, each of them 0 or 1. A view of other bytes as bool may hold any, which the native part must not see."""
+    """Flat truth values, each 0 or 1. A view of other bytes as bool may contain any, which is undefined in the native part."""
     return np.not_equal(np.ascontiguousarray(value, dtype=np.bool_).reshape(-1).view(np.uint8), 0)
 
 

@@ -15,29 +15,29 @@ Path = Union[str, "os.PathLike[str]"]
 
 
 class Pulse(NamedTuple):
-    """How an instrument spreads a path over time."""
+    """Impulse response of an instrument."""
 
     samples: np.ndarray
     """(n,) float64."""
     width: float
     """Width of a sample, metres of path."""
     start: float
-    """Leading edge of the first sample behind the path's end, metres of path."""
+    """Leading edge of the first sample relative to the path, metres of path."""
 
 
 @dataclasses.dataclass(eq=False, init=False)
 class Capture:
-    """Histograms of pairs of points on a relay wall, with the geometry of the scan.
+    """Histograms of laser-sensor pairs on a relay wall, with the geometry of the scan.
 
-    Its arrays are numpy arrays, and may be changed in place.
+    Its numpy arrays may be modified in place.
     """
 
     H: np.ndarray
-    """(X, Y, T) float32: counts of pair (ix, iy) by the length of the path. For a list of P pairs X = P and Y = 1."""
+    """(X, Y, T) float32: counts of pair (ix, iy) over path length. For a list of P pairs X = P and Y = 1."""
     sensor_xyz: np.ndarray
-    """(X, Y, 3) float64: where the sensor looks, metres."""
+    """(X, Y, 3) float64: sensor points, metres."""
     laser_xyz: np.ndarray
-    """(X, Y, 3) float64: where the laser shines, metres. Of a confocal scan the same as `sensor_xyz`."""
+    """(X, Y, 3) float64: laser points, metres. The same as `sensor_xyz` in a confocal scan."""
     bin_width: float
     """Width of a bin, metres of path."""
     t_start: float
@@ -47,21 +47,21 @@ class Capture:
     laser_normal: Optional[np.ndarray]
     """(X, Y, 3) float64: the same at the laser points."""
     photon_counts: Optional[bool]
-    """Whether the counts are photon counts; None: if all are whole and none is negative."""
+    """Whether the counts are photon counts; None: true if all are non-negative integers."""
     pulse: Optional[Pulse]
-    """The instrument's pulse, if known."""
+    """Impulse response, if known."""
     laser_spot: Optional[float]
-    """Full width at half maximum of what the laser lights on the wall, metres."""
+    """Full width at half maximum of the laser spot on the wall, metres."""
     sensor_spot: Optional[float]
-    """The same of what the sensor sees."""
+    """The same of the sensor spot."""
     cycles: Optional[float]
-    """Laser pulses of each pair, if the detector records only the first photon of each."""
+    """Laser pulses per pair, if the detector records only the first photon of each."""
     direct: Optional[float]
-    """The path of light from the wall itself in every pair, metres, if it is known."""
+    """Path of direct light in every pair, metres, if known."""
     name: str
-    """A short name."""
+    """Short name."""
     notes: List[str]
-    """What the reader assumed, as sentences."""
+    """Values assumed by the reader, as sentences."""
 
     def __init__(
         self,
@@ -82,15 +82,14 @@ class Capture:
         direct: Optional[float] = None,
         name: str = "arrays",
     ) -> None:
-        """A capture of arrays.
+        """A capture from arrays.
 
-        H: (X, Y, T) or (P, T) counts; with `bins_axis=0` (T, X, Y), as npz files have it. numpy arrays, and arrays of other
-            libraries that speak DLPack and are in the host's memory. float32 in C order is used in place, other arrays are
-            converted.
-        sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3), metres; a single point (3,) is that of every pair. Without
+        H: (X, Y, T) or (P, T) counts; with `bins_axis=0` (T, X, Y), as in npz files. numpy arrays, or arrays in host memory
+            with DLPack support. float32 in C order is used in place, other arrays are converted.
+        sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3), metres; a single point (3,) is shared by all pairs. Without
             `laser_xyz` the scan is confocal.
         bin_width: metres of path.
-        direct: the path of light that comes from the wall itself in every pair, metres, if the capture holds it.
+        direct: path of direct light in every pair, metres, if the bins contain it.
         """
         sensor = as_points(sensor_xyz, "sensor_xyz")
         laser = None if laser_xyz is None else as_points(laser_xyz, "laser_xyz")
@@ -115,11 +114,11 @@ class Capture:
 
     @property
     def is_confocal(self) -> bool:
-        """Whether laser and sensor point of every pair are the same."""
+        """Whether laser and sensor point coincide in every pair."""
         return self.laser_xyz is self.sensor_xyz or np.array_equal(self.laser_xyz, self.sensor_xyz)
 
     def save(self, path: Path) -> List[str]:
-        """Writes the capture: .npz, .hdf5 (y-tal) or .mat (Stanford). Returns what the format cannot hold, as sentences."""
+        """Writes the capture: .npz, .hdf5 (y-tal) or .mat (Stanford). Returns the information lost in the format, as sentences."""
         return _native.write(self._arrays(), path)
 
     def __repr__(self) -> str:
@@ -128,7 +127,7 @@ class Capture:
         return f"<Capture {self.name!r}: {x} x {y} pairs, {pairs}, {bins} bins of {1e3 * self.bin_width:.4g} mm>"
 
     def _arrays(self) -> Dict[str, Any]:
-        """What the native part takes. A field may have been changed since the capture was made."""
+        """Arguments of the native part, checked again, as fields may have been modified."""
         scan = self.scan
 
         def flat(points: Any, name: str) -> Optional[np.ndarray]:
@@ -156,7 +155,7 @@ class Capture:
 
     @classmethod
     def _of(cls, arrays: Dict[str, Any], notes: List[str]) -> Capture:
-        """The capture of what the native part gives. Nothing is copied."""
+        """A capture from native arrays, without copies."""
         scan = tuple(arrays["scan"])
 
         def shaped(key: str) -> Optional[np.ndarray]:

@@ -20,7 +20,7 @@ class Progress(NamedTuple):
     iterations: int
     """Largest number of iterations."""
     seconds: float
-    """Seconds since the solve began."""
+    """Seconds since the start of the solve."""
     remaining: Optional[float]
     """Seconds left, if known."""
     loss: float
@@ -50,7 +50,7 @@ def reconstruct(
         arrays are converted first. The engine works on a copy.
     sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3) points on the wall, metres, or one point; confocal without `laser_xyz`.
     bin_width, t_start: width of a bin, and leading edge of bin 0, metres of path.
-    photon_counts: whether counts are photon counts; None: if all are whole and none is negative.
+    photon_counts: whether counts are photon counts; None: true if all are non-negative integers.
     on_progress: called with a `Progress` about five times a second; the solve stops if it returns False.
     settings: those of the command, by their names with underscores. Lengths are metres, or text with a unit: "2m", "133ps".
         None is the default or an estimate. The most useful ones:
@@ -64,13 +64,13 @@ def reconstruct(
         gate: paths to use, metres: (0.8, None); auto_gate=False uses all. keep_empty=True keeps pairs without any count.
         stride, subset: every Nth scan point; a number of pairs, drawn at random.
         wall: distance of the outermost points, metres; the scan is scaled to it.
-        volume: the box to reconstruct: ((x0, x1), (y0, y1), (z0, z1)), metres.
+        volume: reconstructed box: ((x0, x1), (y0, y1), (z0, z1)), metres.
         bins: "auto", "native", or the number of neighbouring bins that are one; depth_pitch: voxel size along z, metres.
         mask_fraction: a pixel is surface above this share of the brightest albedo.
         device: index or part of the name; memory: largest amount of device memory, bytes or text such as "2G".
         Options of the solver: `thirdbounce.options()`.
 
-    Ctrl-C stops the solve: KeyboardInterrupt. Other threads run meanwhile.
+    Ctrl-C cancels the solve with KeyboardInterrupt. The GIL is released meanwhile.
     """
     if isinstance(H, Capture):
         if sensor_xyz is not None or laser_xyz is not None or bin_width is not None:
@@ -104,5 +104,5 @@ def options(solver: str = "surface") -> Dict[str, str]:
 
 
 def devices() -> List[Dict[str, Any]]:
-    """The Vulkan devices of this machine: index, name, kind, memory in bytes, driver."""
+    """Vulkan devices of this machine: index, name, kind, memory in bytes, driver."""
     return _native.devices()
