@@ -56,23 +56,22 @@ pub fn conclude(
     }
     let known = after(&result.maps, last);
     tell(&mut result.maps, &known, by_edges);
-    result.warnings = warnings(result, all.noise);
-}
-
-/// What looks wrong with a result. `noise` is the share of the counts' energy that is noise.
-fn warnings(result: &Reconstruction, noise: f64) -> Vec<String> {
     let measured = result.trace.last().filter(|_| result.empty_loss > 0.0);
     let residual = measured.map(|p| (p.data_loss / result.empty_loss).sqrt());
-    let unexplained = residual.filter(|r| *r > UNEXPLAINED && noise < NOISY);
-    let surface = result.maps.mask.iter().filter(|m| **m).count();
-    let text = "check the unit of lengths and times, time zero, the order of the axes and the gate";
-    let unexplained = unexplained.map(|r| {
-        format!("the maps explain hardly anything of the measurement: the residual is {r:.3}; {text}")
+    result.warnings = warnings(&result.maps.mask, residual, all.noise);
+}
+
+/// What looks wrong with a result: its mask, its residual ratio if it has one, and the share of the counts' energy that is
+/// noise.
+fn warnings(mask: &[bool], residual: Option<f64>, noise: f64) -> Vec<String> {
+    let check = "check the unit of lengths and times, time zero, the order of the axes and the gate";
+    let unexplained = residual.filter(|r| *r > UNEXPLAINED && noise < NOISY).map(|r| {
+        format!("the maps explain hardly anything of the measurement: the residual is {r:.3}; {check}")
     });
-    let spread = match surface {
-        0 => Some(format!("no surface was found, the maps are empty: {text}")),
-        n if n as f64 >= EVERYWHERE * result.maps.mask.len() as f64 => Some(format!(
-            "all of the picture counts as surface, which no scene smaller than the wall shows: {text}"
+    let spread = match mask.iter().filter(|m| **m).count() {
+        0 => Some(format!("no surface was found, the maps are empty: {check}")),
+        n if n as f64 >= EVERYWHERE * mask.len() as f64 => Some(format!(
+            "all of the picture counts as surface, which no scene smaller than the wall shows: {check}"
         )),
         _ => None,
     };
@@ -130,6 +129,23 @@ mod tests {
         let mut single = row(|_| 0.0, &[1.0]);
         single.sensor = single.laser.clone();
         assert_eq!(aperture(&single), 1.0);
+    }
+
+    #[test]
+    fn a_residual_near_one_and_surface_everywhere_or_nowhere_are_warned_of() {
+        let of = |surface: usize, residual, noise| {
+            let mask: Vec<bool> = (0..400).map(|p| p < surface).collect();
+            warnings(&mask, residual, noise).join("; ")
+        };
+        assert_eq!(of(100, Some(0.7), 0.1), "");
+        assert_eq!(of(100, None, 0.1), "");
+        assert!(of(100, Some(0.987), 0.1).contains("residual is 0.987"));
+        assert_eq!(of(100, Some(0.987), 0.9), "", "noise that no surface explains");
+        assert!(of(0, Some(0.7), 0.1).contains("no surface was found"));
+        assert!(
+            of(400, Some(0.99), 0.1).contains("0.990") && of(400, None, 0.1).contains("all of the picture")
+        );
+        assert!(of(397, None, 0.1).contains("all of the picture") && of(390, None, 0.1).is_empty());
     }
 
     #[test]

@@ -107,15 +107,15 @@ fn points_of_ytal_and_netf_stand_in_the_axes_of_the_counts() {
     let path = folder.path().join("netf.mat");
     let of = |grid: &[usize]| {
         let all = [
-            matrix("data", &[9, 5, 3], |_| 1.0),
+            matrix("data", &[9, 5, 4], |_| 1.0),
             matrix("cameraGridPositions", grid, |_| 0.1),
             scalar("deltaT", 0.01),
         ];
         std::fs::write(&path, matlab5(&all, Stored::Plain)).unwrap();
         read(&path)
     };
-    of(&[3, 5, 3]).unwrap();
-    assert_error(of(&[3, 3, 5]), Kind::Input, &["cameraGridPositions", "5 x 3"]);
+    of(&[3, 5, 4]).unwrap();
+    assert_error(of(&[3, 4, 5]), Kind::Input, &["cameraGridPositions", "5 x 4"]);
 }
 
 /// M pairs as the captures of curved walls have them.

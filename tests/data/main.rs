@@ -43,7 +43,7 @@ fn main() -> ExitCode {
         real::real_truth_is_read,
         real::normals_of_a_captured_wall_agree_with_its_own,
         real::real_captures_go_from_any_form_to_any,
-        real::real_captures_raise_no_false_doubt,
+        real::real_captures_raise_no_false_warning,
         real::captures_of_scenes_tell_no_time_zero,
         real::trials_tell_how_captured_things_reflect,
     ]);

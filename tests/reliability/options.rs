@@ -271,7 +271,10 @@ pub fn judge(folder: &Path, status: ExitStatus, text: &str) -> Held {
             holds(text.matches("error:").count() == 1, || format!("not one error: {text}"))?;
             let written: Vec<_> = tree(folder).into_keys().collect();
             holds(written.is_empty(), || format!("an error, but written: {written:?}"))?;
-            let mut lines = text.lines().filter(|l| !l.starts_with("note:")).map(|l| l.trim().to_string());
+            let mut lines = text
+                .lines()
+                .filter(|l| !["note:", "warning:"].iter().any(|begin| l.starts_with(begin)))
+                .map(|l| l.trim().to_string());
             let what = lines.next().unwrap_or_default().trim_start_matches("error: ").to_string();
             let mend = lines.find(|l| !l.is_empty()).unwrap_or_default();
             holds(what.len() > 8 && mend.len() > 8, || format!("it says too little: {text}"))?;

@@ -173,7 +173,7 @@ fn light_of_the_scene_is_not_taken_for_direct_light() {
     assert_error(
         histogram(&path, &grid(), &direct),
         Kind::Input,
-        &["counts.npy", "path of -1.9", "`zero` 0ps"],
+        &["counts.npy", "path of -2.0", "`zero` 0ps"],
     );
     let zero = Asked { zero: Zero::At(0.0), ..direct };
     assert_eq!(histogram(&path, &grid(), &zero).unwrap().capture.t_start, 0.0);

@@ -141,7 +141,7 @@ impl Capture {
     /// The given pairs, in ascending order, as a list. The histograms are moved in place, because they may be large.
     fn retain(mut self, kept: &[usize]) -> Capture {
         let histograms = retain_rows(std::mem::take(&mut self.histograms), self.bins, kept);
-        Capture { histograms, ..self.keep(kept, scan_of(kept, self.scan)) }
+        Capture { histograms, ..self.keep(kept, scan_of(kept, &self)) }
     }
 
     /// The given pairs in the given order, as a scan of that shape.
@@ -162,8 +162,13 @@ impl Capture {
     }
 }
 
-/// The scan that these pairs of a scan make: some of its rows by some of its columns, else a list.
-pub(crate) fn scan_of(kept: &[usize], [nx, ny]: [usize; 2]) -> [usize; 2] {
+/// The scan that these pairs of a capture make: some of its rows by some of its columns, else a list.
+pub(crate) fn scan_of(kept: &[usize], capture: &Capture) -> [usize; 2] {
+    let [nx, ny] = capture.scan;
+    // If they do not agree, the check reports it.
+    if nx.checked_mul(ny) != Some(capture.pair_count()) {
+        return [kept.len(), 1];
+    }
     let (mut columns, mut rows) = (vec![false; nx], vec![false; ny]); // bounded: the scan
     for pair in kept {
         (columns[pair / ny], rows[pair % ny]) = (true, true);

@@ -137,9 +137,12 @@ impl Sizes {
         let off = |length: Unit, time: Unit| {
             let fit = (path * time.1 / (USUAL * self.wall * length.1)).ln().abs();
             let usual = |value: f64, from: f64, to: f64| if (from..=to).contains(&value) { 0.0 } else { 3.0 };
-            // Both in one unit are one mistake, in two units two.
-            let mistakes = [length, time].iter().filter(|unit| unit.1 != 1.0).count() as f64;
-            let mistakes = if length.0 == time.0 { 1.0 } else { mistakes };
+            // Both in one unit are one mistake, in two units somewhat more.
+            let mistakes = match (length.1 == 1.0, time.1 == 1.0) {
+                (true, true) => 0.0,
+                (false, false) if length.0 != time.0 => 1.5,
+                _ => 1.0,
+            };
             fit + usual(self.wall * length.1, 0.03, 30.0)
                 + usual(self.bin * time.1, 2e-4, 0.5)
                 + 2.0 * mistakes

@@ -33,7 +33,7 @@ pub(super) fn check_places(what: &str, shape: &[usize], scan: &[usize], counts: 
         format!("H has shape {counts:?} and {what} {shape:?}, which do not agree"),
         format!(
             "store H as [T, X, Y] with {what} [X, Y, 3] of the same X and Y, or both as lists, [T, P] with [P, 3], or a single \
-             {what} as [1, 3]"
+             {what} as [1, 3]; every laser point with every sensor point is [T, Lx, Ly, Sx, Sy]"
         ),
     ))
 }

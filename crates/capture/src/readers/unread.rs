@@ -128,7 +128,7 @@ impl<'f> Unread<'f> {
         if measured.len() == self.from.len() {
             return self.outline.clone();
         }
-        self.outline.keep(measured, scan_of(measured, self.outline.scan))
+        self.outline.keep(measured, scan_of(measured, &self.outline))
     }
 
     /// Where the histogram of each pair that is kept of the measured ones is.
