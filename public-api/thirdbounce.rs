@@ -268,16 +268,16 @@ impl From<&[AdvicePart]> for Advice {}
 pub struct Error {
     pub kind: Kind,
     pub what: String,
-    pub mend: Advice,
+    pub hint: Advice,
 }
 impl Error {
-    pub fn new(kind: Kind, what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-    pub fn input(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-    pub fn options(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-    pub fn device(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-    pub fn memory(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-    pub fn output(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-    pub fn advised(self, mend: impl Into<Advice>) -> Self {}
+    pub fn new(kind: Kind, what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
+    pub fn input(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
+    pub fn options(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
+    pub fn device(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
+    pub fn memory(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
+    pub fn output(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
+    pub fn advised(self, hint: impl Into<Advice>) -> Self {}
     pub fn at(mut self, place: impl std::fmt::Display) -> Self {}
 }
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

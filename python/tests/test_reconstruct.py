@@ -166,7 +166,7 @@ def test_other_threads_run_during_a_solve(capture):
 def test_wrong_arguments_are_told(capture, arguments, kind, words):
     with pytest.raises(kind) as raised:
         tb.reconstruct(capture, **{**SHORT, **arguments})
-    assert words in str(raised.value) and raised.value.remedy
+    assert words in str(raised.value) and raised.value.hint
     assert "--" not in str(raised.value), "the words of the command line"
 
 

@@ -91,7 +91,7 @@ pub fn run(args: &Args) -> Result<()> {
                 }
             }
             News::Wrong(error) => {
-                say_error("", &error.what, &advice::text(&error.mend));
+                say_error("", &error.what, &advice::text(&error.hint));
             }
             News::Idle => {}
         }

@@ -122,7 +122,7 @@ fn argument(row: &'static Row, text: &str) -> Arg {
     let valued = |name| {
         let key = row.key;
         let read = move |text: &str| {
-            Settings::check_text(key, text).map(|()| text.to_string()).map_err(|e| match e.mend.to_string() {
+            Settings::check_text(key, text).map(|()| text.to_string()).map_err(|e| match e.hint.to_string() {
                 want if want.is_empty() => e.what,
                 want => want,
             })

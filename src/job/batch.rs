@@ -168,7 +168,7 @@ pub fn batch(what: &Batch, caller: &dyn Caller, report: &mut dyn FnMut(&CaptureE
                     if let Some(error) = end.error.as_mut().filter(|error| is_full(error)) {
                         full.store(true, Relaxed);
                         let more = ", then start the batch again: it continues where it ended";
-                        error.mend = error.mend.clone().and(more);
+                        error.hint = error.hint.clone().and(more);
                     }
                     // The receiver lives as long as the threads.
                     let _ = send.send(end);

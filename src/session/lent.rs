@@ -146,7 +146,7 @@ impl LentFrame {
     /// # Errors
     /// The session or the buffers do not allow it.
     pub(super) fn check(&self, session: &Session) -> Result<()> {
-        let refused = |what: String, mend: &str| Err(Error::options(what, mend.to_string()));
+        let refused = |what: String, hint: &str| Err(Error::options(what, hint.to_string()));
         if !session.lent {
             return refused(
                 "this session takes counts from the host only".into(),

@@ -726,7 +726,7 @@ mod tests {
             o.set(key, value);
             let error = o.check_ranges().unwrap_err();
             assert!(
-                error.what.contains(&key.replace('_', "-")) && error.mend.to_string().contains(want),
+                error.what.contains(&key.replace('_', "-")) && error.hint.to_string().contains(want),
                 "{error}"
             );
             o.set(key, &before);

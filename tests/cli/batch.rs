@@ -103,7 +103,7 @@ fn a_bad_file_amid_good_ones_fails_alone() {
     assert!(said.errors.contains("4 captures: 2 done, 0 skipped, 2 failed"), "{}", said.errors);
     for (path, what) in [("b/bad.npz", "format"), ("b/missing.npz", "cannot be read")] {
         let line = &said.lines[path];
-        assert!(line["error"].as_str().unwrap().contains(what) && !line["remedy"].is_null(), "{line}");
+        assert!(line["error"].as_str().unwrap().contains(what) && !line["hint"].is_null(), "{line}");
         assert!(line["folder"].is_null() && line["status"] == "failed", "{line}");
     }
     let line = &said.lines["a/one.npz"];

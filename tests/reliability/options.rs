@@ -273,9 +273,9 @@ pub fn judge(folder: &Path, status: ExitStatus, text: &str) -> Held {
             holds(written.is_empty(), || format!("an error, but written: {written:?}"))?;
             let mut lines = text.lines().filter(|l| !l.starts_with("note:")).map(|l| l.trim().to_string());
             let what = lines.next().unwrap_or_default().trim_start_matches("error: ").to_string();
-            let mend = lines.find(|l| !l.is_empty()).unwrap_or_default();
-            holds(what.len() > 8 && mend.len() > 8, || format!("it says too little: {text}"))?;
-            Ok(Some((what, mend)))
+            let hint = lines.find(|l| !l.is_empty()).unwrap_or_default();
+            holds(what.len() > 8 && hint.len() > 8, || format!("it says too little: {text}"))?;
+            Ok(Some((what, hint)))
         }
         _ => Err(format!("{status}: {text}")),
     }

@@ -151,7 +151,7 @@ fn a_device_that_hangs_is_an_error_and_not_the_end() {
         let error = solve(&gpu, options, &loaded().capture, None).expect_err("the device hangs");
         assert_eq!(error.kind, Kind::Device);
         assert!(error.what.contains("did not finish its work within 600 s"), "{error}");
-        assert!(error.mend.to_string().contains("hangs"), "{error}");
+        assert!(error.hint.to_string().contains("hangs"), "{error}");
     }
     let gpu = Gpu::open(&GpuOptions::default()).expect("another device");
     solve(&gpu, options, &loaded().capture, None).expect("it solves");

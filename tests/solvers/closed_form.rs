@@ -234,7 +234,7 @@ fn scans_that_break_an_assumption_are_refused() {
         let error = options(name, 16, capture).prepare(&gpu, &Problem::new(capture, grid)).err();
         error.map(|e| {
             assert_eq!(e.kind, Kind::Input, "{e}");
-            assert!(e.mend.to_string().contains("fbp"), "{e}");
+            assert!(e.hint.to_string().contains("fbp"), "{e}");
             e.what
         })
     };

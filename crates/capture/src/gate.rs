@@ -30,8 +30,8 @@ impl Gate {
     /// # Errors
     /// `Kind::Options` if there is no colon, if an end is not a number, or if the range is empty.
     pub fn parse(text: &str) -> Result<Gate> {
-        let mend = "write FROM:TO in metres of path, for example 0.8:2.4, 0.8: or :2.4";
-        let wrong = |what: String| Error::options(format!("gate {text:?}: {what}"), mend);
+        let hint = "write FROM:TO in metres of path, for example 0.8:2.4, 0.8: or :2.4";
+        let wrong = |what: String| Error::options(format!("gate {text:?}: {what}"), hint);
         let (from, to) = text.split_once(':').ok_or_else(|| wrong("there is no colon".into()))?;
         let number = |part: &str, open: f64| match part.trim() {
             "" => Ok(open),

@@ -188,12 +188,12 @@ fn open(path: &Path) -> Result<File> {
 }
 
 fn unreadable(e: std::io::Error) -> Error {
-    let mend = match e.kind() {
+    let hint = match e.kind() {
         ErrorKind::NotFound => "check the path: there is no such file",
         ErrorKind::PermissionDenied => "make the file readable for you",
         _ => "check the path and the disk",
     };
-    Error::input(format!("cannot be read: {e}"), mend)
+    Error::input(format!("cannot be read: {e}"), hint)
 }
 
 impl Tags {

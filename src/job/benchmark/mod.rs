@@ -215,7 +215,7 @@ impl Benchmark {
             failed: false,
             agreed: wanted.scene.is_agreed(),
             why: None,
-            remedy: None,
+            hint: None,
             seconds: start.elapsed().as_secs_f64(),
             comparison: Some(comparison::read_json(&report)?),
         })

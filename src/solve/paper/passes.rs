@@ -22,7 +22,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_SAMPLE,
             what: "the volume",
-            mend: &advice!["use a smaller " LearningRate " or " InitialAlbedo],
+            hint: &advice!["use a smaller " LearningRate " or " InitialAlbedo],
         }],
         twin: twin!(sample),
         ..Pass::of("sample", |_| &kernel::SAMPLE)
@@ -34,7 +34,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_NOISE,
             what: "the noise term",
-            mend: &advice!["use a smaller " NoiseSpan " or " LearningRate],
+            hint: &advice!["use a smaller " NoiseSpan " or " LearningRate],
         }],
         twin: twin!(noise),
         ..Pass::of("noise", |_| &kernel::NOISE)
@@ -46,7 +46,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_BACKWARD,
             what: "the gradient",
-            mend: &advice!["use a smaller " Peak ", or a larger " MinDepth " where voxels touch the wall"],
+            hint: &advice!["use a smaller " Peak ", or a larger " MinDepth " where voxels touch the wall"],
         }],
         twin: twin!(backward),
         ..Pass::of("backward", |p| p.variant(&kernel::BACKWARD, &kernel::BACKWARD_TEXELS))
@@ -57,7 +57,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_UPDATE,
             what: "the next volume",
-            mend: &advice!["use a smaller " LearningRate " or " Peak],
+            hint: &advice!["use a smaller " LearningRate " or " Peak],
         }],
         twin: twin!(update),
         ..Pass::of("update", |_| &kernel::UPDATE)

@@ -232,12 +232,12 @@ fn check_sizes(model: &Model, grid: &Grid) -> Result<()> {
         ));
     }
     // Kernels walk the depth of a column and the bins of a histogram in one loop each.
-    for (what, count, mend) in [
+    for (what, count, hint) in [
         ("voxels deep", grid.n[2], &advice!["use a larger " DepthPitch " or a narrower " Gate][..]),
         ("bins long", model.bins, &advice!["use a narrower " Gate ", or add bins up before"]),
     ] {
         if count > LONGEST_LOOP {
-            return Err(Error::memory(format!("{count} {what}: at most {LONGEST_LOOP} are supported"), mend));
+            return Err(Error::memory(format!("{count} {what}: at most {LONGEST_LOOP} are supported"), hint));
         }
     }
     Ok(())

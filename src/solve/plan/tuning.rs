@@ -312,7 +312,7 @@ impl Tuning {
     }
 
     fn check(&self, product: bool, device: &Abilities, sizes: &Sizes) -> Result<()> {
-        let bad = |what: String, mend: String| Err(Error::options(format!("sizes {sizes}: {what}"), mend));
+        let bad = |what: String, hint: String| Err(Error::options(format!("sizes {sizes}: {what}"), hint));
         let none = sizes.named().into_iter().find(|(name, v)| *v == Some(0) && *name != "window");
         if let Some((name, _)) = none {
             return bad(format!("{name} is 0"), "give 1 or more, or leave it out".into());

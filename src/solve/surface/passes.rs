@@ -16,7 +16,7 @@ passes! {
 
     /// Computes the slopes and the points of every pixel.
     SURFACE_POINTS = Pass {
-        faults: &[Fault { bit: FAULT_SAMPLE, what: "the surface", mend: &advice!["check the counts (" [Capture] ")"] }],
+        faults: &[Fault { bit: FAULT_SAMPLE, what: "the surface", hint: &advice!["check the counts (" [Capture] ")"] }],
         twin: twin!(surface_points),
         ..Pass::of("surface_points", |_| &kernel::SURFACE_POINTS)
     };
@@ -28,7 +28,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_BACKWARD,
             what: "the surface's gradient",
-            mend: &advice!["use a larger " MinDepth " where it touches the wall, and check the counts (" [Capture] ")"],
+            hint: &advice!["use a larger " MinDepth " where it touches the wall, and check the counts (" [Capture] ")"],
         }],
         twin: twin!(surface_gather),
         ..Pass::of("surface_gather", |p| p.variant(&kernel::SURFACE_GATHER, &kernel::SURFACE_GATHER_TEXELS))
@@ -48,7 +48,7 @@ passes! {
 
     /// Updates depths and albedos by Adam, and closes the iteration.
     SURFACE_STEP = Pass {
-        faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", mend: &advice!["check the counts (" [Capture] ")"] }],
+        faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", hint: &advice!["check the counts (" [Capture] ")"] }],
         twin: twin!(surface_step),
         ..Pass::of("surface_step", |_| &kernel::SURFACE_STEP)
     };
