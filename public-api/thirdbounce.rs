@@ -84,22 +84,22 @@ pub struct Latency {
     pub frames_per_second: f64,
 }
 #[derive(Clone)]
-pub struct LentCounts {
-    pub counts: Lent,
+pub struct ExternalCounts {
+    pub counts: ExternalBuffer,
     pub format: Format,
     pub after: Option<Moment>,
     pub taken: Option<Moment>,
 }
 #[derive(Clone)]
-pub struct LentFrame {
-    pub counts: LentCounts,
-    pub maps: Option<Lent>,
+pub struct ExternalFrame {
+    pub counts: ExternalCounts,
+    pub maps: Option<ExternalBuffer>,
     pub done: Option<Moment>,
 }
 #[private_fields]
 pub struct Session {}
 impl Session {
-    pub fn lent_maps_bytes(&self) -> u64 {}
+    pub fn external_maps_bytes(&self) -> u64 {}
 }
 impl Session {
     pub fn gpu(&self) -> &Gpu {}
@@ -109,7 +109,7 @@ impl Session {
         histograms: &[f32],
         measured: &[bool],
     ) -> Result<FrameId> {}
-    pub fn submit_lent(&mut self, frame: LentFrame) -> Result<FrameId> {}
+    pub fn submit_external(&mut self, frame: ExternalFrame) -> Result<FrameId> {}
     pub fn is_idle(&self) -> bool {}
     pub fn latency(&self) -> Latency {}
     pub fn poll(&mut self) -> Result<Option<&Frame>> {}
@@ -132,7 +132,7 @@ pub struct SessionOptions {
     pub maps_every: Option<usize>,
     pub feed: Feed,
     pub follow: Option<Follow>,
-    pub lent: bool,
+    pub external: bool,
 }
 #[derive(Clone)]
 #[private_fields]
@@ -476,13 +476,13 @@ impl Imported {
         memory_type: Option<u32>,
     ) -> Result<Imported> {}
     pub fn buffer(&self) -> vk::Buffer {}
-    pub fn lend(&self) -> Result<Lent> {}
+    pub fn lend(&self) -> Result<ExternalBuffer> {}
 }
 #[derive(Clone)]
 #[private_fields]
-pub struct Lent {}
-impl Lent {
-    pub unsafe fn new(buffer: vk::Buffer, offset: u64, bytes: u64) -> Result<Lent> {}
+pub struct ExternalBuffer {}
+impl ExternalBuffer {
+    pub unsafe fn new(buffer: vk::Buffer, offset: u64, bytes: u64) -> Result<ExternalBuffer> {}
     pub fn bytes(&self) -> u64 {}
     pub fn is_on(&self, gpu: &Gpu) -> bool {}
 }
@@ -552,7 +552,7 @@ impl Gpu {
     pub fn signal(&self, moment: Moment) -> Result<()> {}
 }
 impl Gpu {
-    pub unsafe fn of_caller(vulkan: &Vulkan) -> Result<Gpu> {}
+    pub unsafe fn of_external(vulkan: &Vulkan) -> Result<Gpu> {}
 }
 impl Deref for Gpu {
     type Target = Opened;

@@ -24,16 +24,16 @@ use crate::solve::{Bins, Discretisation, Plan, Prepared, Problem, Progress, Reco
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
+mod external;
 mod feed;
 mod latency;
-mod lent;
 mod submit;
 mod worker;
 
+use external::Exchange;
+pub use external::{ExternalCounts, ExternalFrame, Format};
 pub use feed::Feed;
 pub use latency::Latency;
-use lent::Exchange;
-pub use lent::{Format, LentCounts, LentFrame};
 pub use submit::Submitter;
 use worker::{Shared, Taken, Worker};
 
@@ -75,8 +75,8 @@ pub struct SessionOptions {
     pub feed: Feed,
     /// Begin a frame with the solution of the one before, and keep to a time for each frame. For the surface solver.
     pub follow: Option<Follow>,
-    /// Frames may be in buffers of the caller ([`Session::submit_lent`]).
-    pub lent: bool,
+    /// Frames may be in buffers of the caller ([`Session::submit_external`]).
+    pub external: bool,
 }
 
 /// A solver with everything that it needs to solve frames of one scan.
@@ -84,7 +84,7 @@ pub struct Session {
     gpu: Gpu,
     plan: Arc<Plan>,
     /// See [`SessionOptions::lent`].
-    lent: bool,
+    external: bool,
     submitter: Submitter,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -138,7 +138,7 @@ impl Session {
         let exchange = options
             .lent
             .then(|| Exchange::new(gpu, [scan.pair_count() * scan.bins, nx * ny], options.memory));
-        let (exchange, lent) = (exchange.transpose()?, options.lent);
+        let (exchange, lent) = (exchange.transpose()?, options.external);
         let shared = Arc::new(Shared::new(scan.pair_count(), scan.bins, options.feed));
         let feed = options.feed;
         let mask_fraction = options.mask_fraction.or(solver.usual_mask());
@@ -227,9 +227,9 @@ impl Session {
     /// # Errors
     /// [`Kind::Options`] if the session was not made for lent frames, the buffers are too small, sums are fed, or the feed
     /// refuses another frame. Nothing changes then. What is wrong with the counts shows when the frame is taken.
-    pub fn submit_lent(&mut self, frame: LentFrame) -> Result<FrameId> {
+    pub fn submit_external(&mut self, frame: ExternalFrame) -> Result<FrameId> {
         frame.check(self)?;
-        self.shared.submit_lent(frame)
+        self.shared.submit_external(frame)
     }
 
     /// Whether no frame is being solved, and none waits. A result may be there.

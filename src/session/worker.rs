@@ -8,13 +8,13 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use super::external::Exchange;
 use super::feed::{Feed, Kept};
 use super::latency::{Latencies, Latency};
-use super::lent::Exchange;
-use super::{FrameId, LentFrame, SessionOptions, too_long};
+use super::{ExternalFrame, FrameId, SessionOptions, too_long};
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::gpu::caller::Moment;
+use crate::gpu::external::Moment;
 use crate::maps::Maps;
 use crate::solve::{Prepared, Progress, Reconstruction, Watch, conclude};
 use crate::{Error, Kind, Result, panic_message};
@@ -41,7 +41,7 @@ struct Waiting {
 
 enum Counts {
     Host(Vec<f32>),
-    Lent(LentFrame),
+    ExternalBuffer(ExternalFrame),
 }
 
 struct State {
@@ -149,13 +149,13 @@ impl Shared {
     }
 
     /// Gives the thread a frame that lies in a caller's buffer.
-    pub fn submit_lent(&self, frame: LentFrame) -> Result<FrameId> {
+    pub fn submit_external(&self, frame: ExternalFrame) -> Result<FrameId> {
         let mut state = self.state();
         state.admit()?;
         if let Some(old) = if state.feed == Feed::Newest { state.waiting.pop_back() } else { None } {
             state.drop_frame(old);
         }
-        let id = state.add(Counts::Lent(frame));
+        let id = state.add(Counts::ExternalBuffer(frame));
         self.changed.notify_all();
         Ok(id)
     }
@@ -216,7 +216,7 @@ impl Shared {
     }
 
     /// Waits for a frame, and puts its counts into `scan` or returns it, if it is lent; `None` at the end of the session.
-    fn next(&self, scan: &mut Capture) -> Option<(FrameId, Option<LentFrame>)> {
+    fn next(&self, scan: &mut Capture) -> Option<(FrameId, Option<ExternalFrame>)> {
         let mut state = self.state();
         loop {
             if state.closing {
@@ -227,7 +227,7 @@ impl Shared {
             if let Some(frame) = if may { state.waiting.pop_front() } else { None } {
                 let (counts, lent) = match frame.counts {
                     Counts::Host(counts) => (counts, None),
-                    Counts::Lent(lent) => (state.spare.pop().unwrap_or_default(), Some(lent)),
+                    Counts::ExternalBuffer(lent) => (state.spare.pop().unwrap_or_default(), Some(lent)),
                 };
                 let old = std::mem::replace(&mut scan.histograms, counts);
                 if old.capacity() > 0 {
@@ -243,7 +243,7 @@ impl Shared {
     /// Gives back the buffers of frames that will not be solved.
     fn release_all(&self, gpu: &Gpu) {
         for frame in std::mem::take(&mut self.state().waiting) {
-            if let Counts::Lent(mut lent) = frame.counts {
+            if let Counts::ExternalBuffer(mut lent) = frame.counts {
                 lent.release(gpu);
             }
         }
@@ -327,7 +327,7 @@ impl Worker {
         let shared = self.shared.clone();
         while let Some((id, mut lent)) = shared.next(&mut self.scan) {
             let solved = catch_unwind(AssertUnwindSafe(|| match &mut lent {
-                Some(lent) => self.solve_lent(id, lent),
+                Some(lent) => self.solve_external(id, lent),
                 None => self.solve(id),
             }));
             match solved {
@@ -344,7 +344,7 @@ impl Worker {
     }
 
     /// Solves a frame in a caller's buffer, and gives its maps back.
-    fn solve_lent(&mut self, id: FrameId, lent: &mut LentFrame) -> Result<Reconstruction> {
+    fn solve_external(&mut self, id: FrameId, lent: &mut ExternalFrame) -> Result<Reconstruction> {
         let solved = self
             .wait_for(id, lent.counts.after)
             .and_then(|()| self.take(lent))
@@ -357,7 +357,7 @@ impl Worker {
     }
 
     /// Copies the counts of a frame from the caller's buffer, and checks them as counts of the host.
-    fn take(&mut self, lent: &mut LentFrame) -> Result<()> {
+    fn take(&mut self, lent: &mut ExternalFrame) -> Result<()> {
         let Worker { exchange, scan, .. } = self;
         let number = scan.pair_count() * scan.bins;
         let mut counts = std::mem::take(&mut scan.histograms);
@@ -368,7 +368,7 @@ impl Worker {
     }
 
     /// Writes the maps of a frame into the caller's buffer.
-    fn give(&mut self, lent: &mut LentFrame, maps: &Maps) -> Result<()> {
+    fn give(&mut self, lent: &mut ExternalFrame, maps: &Maps) -> Result<()> {
         lent.give(lent_only(&mut self.exchange)?, maps, &self.gpu)
     }
 

@@ -3,9 +3,9 @@
 mod api;
 mod closed_form;
 mod confidence;
+mod external;
 mod layers;
 mod leave_out;
-mod lent;
 mod live;
 mod outline;
 mod paper;

@@ -17,15 +17,15 @@ pub(super) struct OwnedDevice {
     /// Reason why every call fails.
     down: OnceLock<Error>,
     /// The device belongs to the application.
-    is_callers: bool,
+    is_external: bool,
     // The instance outlives its device.
     instance: Arc<Instance>,
 }
 
 impl OwnedDevice {
     /// A device of `instance`: an application's, or one destroyed with this value.
-    pub fn new(raw: ash::Device, instance: Arc<Instance>, is_callers: bool) -> OwnedDevice {
-        OwnedDevice { raw, hung: AtomicBool::new(false), down: OnceLock::new(), is_callers, instance }
+    pub fn new(raw: ash::Device, instance: Arc<Instance>, is_external: bool) -> OwnedDevice {
+        OwnedDevice { raw, hung: AtomicBool::new(false), down: OnceLock::new(), is_external, instance }
     }
 
     /// Whether the watchdog timed out.
@@ -56,7 +56,7 @@ impl Drop for OwnedDevice {
             std::mem::forget(self.instance.clone());
             return;
         }
-        if self.is_callers {
+        if self.is_external {
             return;
         }
         // SAFETY: the last owner is gone, so no object of this device remains. Every executor waited for its work, so

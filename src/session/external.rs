@@ -3,7 +3,7 @@
 //! The counts are copied into a readback buffer before the solve, so every solver takes them as it takes counts of the host.
 
 use super::Session;
-use crate::gpu::caller::{Lent, Moment};
+use crate::gpu::external::{ExternalBuffer, Moment};
 use crate::gpu::{Arena, Buffer, BufferPlan, Executor, Gpu, Place};
 use crate::maps::Maps;
 use crate::session::Feed;
@@ -31,9 +31,9 @@ impl Format {
 
 /// A frame's counts in a caller's buffer: those of bin b of pair p are number `p * bins + b`.
 #[derive(Clone)]
-pub struct LentCounts {
+pub struct ExternalCounts {
     /// The buffer.
-    pub counts: Lent,
+    pub counts: ExternalBuffer,
     /// Encoding of the counts.
     pub format: Format,
     /// The counts are valid from this moment on; `None`: now.
@@ -44,13 +44,13 @@ pub struct LentCounts {
 
 /// A frame whose counts are in a caller's buffer, and whose maps are written to one.
 #[derive(Clone)]
-pub struct LentFrame {
+pub struct ExternalFrame {
     /// The counts.
-    pub counts: LentCounts,
+    pub counts: ExternalCounts,
     /// Destination of the maps, as 32-bit floats one after the other, for n pixels: albedo `[n]`, depth `[n]` in metres, normals
     /// `[n][3]`, mask `[n]` (1 or 0), confidence `[n]` in metres; depth, normal and confidence are NaN where nothing is. Pixel
     /// `ix * ny + iy` is at ix along +x, iy along +y. `None`: the maps are only part of the result.
-    pub maps: Option<Lent>,
+    pub maps: Option<ExternalBuffer>,
     /// Signalled when the maps are written.
     pub done: Option<Moment>,
 }
@@ -88,10 +88,10 @@ impl Exchange {
     ///
     /// # Errors
     /// The device fails.
-    pub fn take(&mut self, frame: &mut LentCounts, number: usize, counts: &mut Vec<f32>) -> Result<()> {
+    pub fn take(&mut self, frame: &mut ExternalCounts, number: usize, counts: &mut Vec<f32>) -> Result<()> {
         let Exchange { executor, words } = self;
         executor.settle()?;
-        let ticket = executor.take_lent(&frame.counts, COUNTS_HOST, [frame.after, frame.taken])?;
+        let ticket = executor.copy_external(&frame.counts, COUNTS_HOST, [frame.after, frame.taken])?;
         frame.taken = None;
         executor.wait(ticket)?;
         if frame.format == Format::F32 {
@@ -114,8 +114,8 @@ impl Exchange {
     ///
     /// # Errors
     /// The device fails. Then `done` was not signalled.
-    fn give(&mut self, maps: &Maps, to: &Lent, done: Option<Moment>) -> Result<()> {
-        self.executor.give_lent(bytemuck::cast_slice(&words_of(maps)), MAPS_HOST, to, done)
+    fn give(&mut self, maps: &Maps, to: &ExternalBuffer, done: Option<Moment>) -> Result<()> {
+        self.executor.write_external(bytemuck::cast_slice(&words_of(maps)), MAPS_HOST, to, done)
     }
 }
 
@@ -125,14 +125,14 @@ fn maps_bytes(pixels: usize) -> u64 {
 }
 
 impl Session {
-    /// Bytes of the maps of a frame in a lent buffer: see [`LentFrame::maps`].
-    pub fn lent_maps_bytes(&self) -> u64 {
+    /// Bytes of the maps of a frame in a lent buffer: see [`ExternalFrame::maps`].
+    pub fn external_maps_bytes(&self) -> u64 {
         let [nx, ny, _] = self.plan().levels.maps.n;
         maps_bytes(nx * ny)
     }
 }
 
-impl LentCounts {
+impl ExternalCounts {
     /// Signals from the host that the buffer may be written again, if that was not signalled yet.
     ///
     /// # Errors
@@ -142,7 +142,7 @@ impl LentCounts {
     }
 }
 
-impl LentFrame {
+impl ExternalFrame {
     /// # Errors
     /// The session or the buffers do not allow it.
     pub(super) fn check(&self, session: &Session) -> Result<()> {
@@ -170,11 +170,11 @@ impl LentFrame {
                 "lend pairs x bins counts in the format that was named, bin by bin within a pair",
             );
         }
-        let wanted = session.lent_maps_bytes();
+        let wanted = session.external_maps_bytes();
         if let Some(maps) = self.maps.as_ref().filter(|maps| maps.bytes() < wanted) {
             return refused(
                 format!("{} bytes for maps, which are {wanted} bytes", maps.bytes()),
-                "lend a buffer of `lent_maps_bytes`",
+                "lend a buffer of `external_maps_bytes`",
             );
         }
         if [Some(&self.counts.counts), self.maps.as_ref()]
@@ -211,7 +211,7 @@ impl LentFrame {
     }
 }
 
-/// The maps as numbers: see [`LentFrame::maps`].
+/// The maps as numbers: see [`ExternalFrame::maps`].
 fn words_of(maps: &Maps) -> Vec<f32> {
     let mask = maps.mask.iter().map(|is_surface| f32::from(u8::from(*is_surface)));
     let pixels = maps.albedo.len();
