@@ -87,14 +87,14 @@ pub struct Latency {
 pub struct ExternalCounts {
     pub counts: ExternalBuffer,
     pub format: Format,
-    pub after: Option<Moment>,
-    pub taken: Option<Moment>,
+    pub after: Option<TimelinePoint>,
+    pub taken: Option<TimelinePoint>,
 }
 #[derive(Clone)]
 pub struct ExternalFrame {
     pub counts: ExternalCounts,
     pub maps: Option<ExternalBuffer>,
-    pub done: Option<Moment>,
+    pub done: Option<TimelinePoint>,
 }
 #[private_fields]
 pub struct Session {}
@@ -488,9 +488,9 @@ impl ExternalBuffer {
 }
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[private_fields]
-pub struct Moment {}
-impl Moment {
-    pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> Moment {}
+pub struct TimelinePoint {}
+impl TimelinePoint {
+    pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> TimelinePoint {}
 }
 pub trait QueueLock: Send + Sync {
     fn lock(&self);
@@ -548,8 +548,8 @@ impl std::fmt::Display for DeviceKind {}
 #[private_fields]
 pub struct Gpu();
 impl Gpu {
-    pub fn wait_for(&self, moment: Moment, limit: Duration) -> Result<bool> {}
-    pub fn signal(&self, moment: Moment) -> Result<()> {}
+    pub fn wait_for(&self, moment: TimelinePoint, limit: Duration) -> Result<bool> {}
+    pub fn signal(&self, moment: TimelinePoint) -> Result<()> {}
 }
 impl Gpu {
     pub unsafe fn of_external(vulkan: &Vulkan) -> Result<Gpu> {}

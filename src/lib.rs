@@ -93,7 +93,7 @@ pub use thirdbounce_base::{Error, Kind, Result};
 pub use thirdbounce_capture::{Capture, PairKind, Pulse, Reflectance, Summary};
 #[doc(inline)]
 pub use thirdbounce_gpu::external::{
-    Block, BlockSource, ExternalBuffer, Features, Imported, Moment, QueueLock, Requirements, Vulkan,
+    Block, BlockSource, ExternalBuffer, Features, Imported, QueueLock, Requirements, TimelinePoint, Vulkan,
     requirements,
 };
 #[doc(inline)]

@@ -6,7 +6,9 @@ use std::sync::Arc;
 
 use ash::vk::{self, Handle};
 use engine::gpu::Gpu;
-use engine::gpu::external::{ExternalBuffer, Features, Imported, Moment, QueueLock, Vulkan, requirements};
+use engine::gpu::external::{
+    ExternalBuffer, Features, Imported, QueueLock, TimelinePoint, Vulkan, requirements,
+};
 use engine::session::{ExternalCounts, ExternalFrame, Format};
 use engine::{Error, Result};
 
@@ -435,11 +437,11 @@ impl TbBufferRange {
 
 impl TbTimelinePoint {
     /// # Safety
-    /// As [`Moment::new`].
-    unsafe fn moment(&self) -> Option<Moment> {
+    /// As [`TimelinePoint::new`].
+    unsafe fn moment(&self) -> Option<TimelinePoint> {
         // SAFETY: guaranteed by the caller.
         (self.semaphore != 0)
-            .then(|| unsafe { Moment::new(vk::Semaphore::from_raw(self.semaphore), self.value) })
+            .then(|| unsafe { TimelinePoint::new(vk::Semaphore::from_raw(self.semaphore), self.value) })
     }
 }
 

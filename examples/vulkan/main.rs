@@ -13,8 +13,8 @@ use ash::vk;
 use glam::{DVec3, dvec3};
 use program::{Program, VERSION};
 use thirdbounce::{
-    Capture, ExternalBuffer, ExternalCounts, ExternalFrame, Format, Gpu, Moment, SessionOptions, Settings,
-    SurfaceSettings, Vulkan,
+    Capture, ExternalBuffer, ExternalCounts, ExternalFrame, Format, Gpu, SessionOptions, Settings,
+    SurfaceSettings, TimelinePoint, Vulkan,
 };
 
 /// Points of the scan, and pixels of the maps, along x and along y.
@@ -57,11 +57,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             counts: ExternalCounts {
                 counts: ExternalBuffer::new(counts.handle, 0, counts.bytes)?,
                 format: Format::U32,
-                after: Some(Moment::new(written, 1)),
+                after: Some(TimelinePoint::new(written, 1)),
                 taken: None,
             },
             maps: Some(ExternalBuffer::new(maps.handle, 0, maps.bytes)?),
-            done: Some(Moment::new(solved, 1)),
+            done: Some(TimelinePoint::new(solved, 1)),
         })?;
         let frame = session.wait()?;
         println!(

@@ -3,7 +3,7 @@
 //! The counts are copied into a readback buffer before the solve, so every solver takes them as it takes counts of the host.
 
 use super::Session;
-use crate::gpu::external::{ExternalBuffer, Moment};
+use crate::gpu::external::{ExternalBuffer, TimelinePoint};
 use crate::gpu::{Arena, Buffer, BufferPlan, Executor, Gpu, Place};
 use crate::maps::Maps;
 use crate::session::Feed;
@@ -37,9 +37,9 @@ pub struct ExternalCounts {
     /// Encoding of the counts.
     pub format: Format,
     /// The counts are valid from this moment on; `None`: now.
-    pub after: Option<Moment>,
+    pub after: Option<TimelinePoint>,
     /// Signalled when the counts were copied: the caller may write the buffer again.
-    pub taken: Option<Moment>,
+    pub taken: Option<TimelinePoint>,
 }
 
 /// A frame whose counts are in a caller's buffer, and whose maps are written to one.
@@ -52,7 +52,7 @@ pub struct ExternalFrame {
     /// `ix * ny + iy` is at ix along +x, iy along +y. `None`: the maps are only part of the result.
     pub maps: Option<ExternalBuffer>,
     /// Signalled when the maps are written.
-    pub done: Option<Moment>,
+    pub done: Option<TimelinePoint>,
 }
 
 /// Numbers of a pixel in a lent buffer of maps.
@@ -114,7 +114,7 @@ impl Exchange {
     ///
     /// # Errors
     /// The device fails. Then `done` was not signalled.
-    fn give(&mut self, maps: &Maps, to: &ExternalBuffer, done: Option<Moment>) -> Result<()> {
+    fn give(&mut self, maps: &Maps, to: &ExternalBuffer, done: Option<TimelinePoint>) -> Result<()> {
         self.executor.write_external(bytemuck::cast_slice(&words_of(maps)), MAPS_HOST, to, done)
     }
 }

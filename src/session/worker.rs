@@ -14,7 +14,7 @@ use super::latency::{Latencies, Latency};
 use super::{ExternalFrame, FrameId, SessionOptions, too_long};
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::gpu::external::Moment;
+use crate::gpu::external::TimelinePoint;
 use crate::maps::Maps;
 use crate::solve::{Prepared, Progress, Reconstruction, Watch, conclude};
 use crate::{Error, Kind, Result, panic_message};
@@ -373,7 +373,7 @@ impl Worker {
     }
 
     /// Waits until a frame's counts are there: here, where it can be cancelled, and where no time limit of the device's runs.
-    fn wait_for(&self, id: FrameId, after: Option<Moment>) -> Result<()> {
+    fn wait_for(&self, id: FrameId, after: Option<TimelinePoint>) -> Result<()> {
         let Some(after) = after else { return Ok(()) };
         let begun = Instant::now();
         while !self.gpu.wait_for(after, LOOK)? {

@@ -9,7 +9,7 @@ use ash::vk;
 use super::access::Accesses;
 use super::device::Gpu;
 use super::faults::Point;
-use super::flight::{Flight, Moment, Ticket};
+use super::flight::{Flight, Ticket, TimelinePoint};
 use super::memory::Arena;
 use super::names::{Buffer, Kernel};
 use super::pace::Pace;
@@ -126,7 +126,7 @@ impl Executor {
         let _span = gpu.span("submit");
         let [after, before] = flight.between;
         // Without a timeline point, the second element of both is unused.
-        let null = Moment::NONE;
+        let null = TimelinePoint::NONE;
         let (after, before, waits, signals) = (
             after.unwrap_or(null),
             before.unwrap_or(null),

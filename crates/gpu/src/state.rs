@@ -3,7 +3,7 @@
 use ash::vk;
 
 use super::executor::Executor;
-use super::flight::{Moment, Ticket};
+use super::flight::{Ticket, TimelinePoint};
 use super::memory::Made;
 use super::names::Buffer;
 use super::place::Place;
@@ -24,7 +24,7 @@ impl Executor {
     /// `reads` and `writes` are their buffers.
     pub(super) fn submit_between(
         &mut self,
-        moments: [Option<Moment>; 2],
+        moments: [Option<TimelinePoint>; 2],
         [reads, writes]: [&[Buffer]; 2],
         write: impl FnOnce(&ash::Device, vk::CommandBuffer),
     ) -> Result<Ticket> {

@@ -8,7 +8,7 @@ use ash::vk;
 
 use crate::device::Gpu;
 use crate::executor::Executor;
-use crate::flight::{Moment, Ticket};
+use crate::flight::{Ticket, TimelinePoint};
 use crate::names::Buffer;
 use crate::{Error, Result};
 
@@ -196,7 +196,7 @@ impl Gpu {
     ///
     /// # Errors
     /// The device fails.
-    pub fn wait_for(&self, moment: Moment, limit: Duration) -> Result<bool> {
+    pub fn wait_for(&self, moment: TimelinePoint, limit: Duration) -> Result<bool> {
         let (semaphores, values) = ([moment.semaphore], [moment.value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         let limit = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
@@ -212,7 +212,7 @@ impl Gpu {
     ///
     /// # Errors
     /// The device fails.
-    pub fn signal(&self, moment: Moment) -> Result<()> {
+    pub fn signal(&self, moment: TimelinePoint) -> Result<()> {
         let info = vk::SemaphoreSignalInfo::default().semaphore(moment.semaphore).value(moment.value);
         // SAFETY: the creator of the timeline point guarantees the semaphore's lifetime and an increasing value.
         unsafe { self.raw().signal_semaphore(&info) }
@@ -233,7 +233,7 @@ impl Executor {
         &mut self,
         from: &ExternalBuffer,
         to: Buffer,
-        [after, taken]: [Option<Moment>; 2],
+        [after, taken]: [Option<TimelinePoint>; 2],
     ) -> Result<Ticket> {
         let target = *self.arena.get(to);
         assert!(
@@ -262,7 +262,7 @@ impl Executor {
         content: &[u8],
         through: Buffer,
         to: &ExternalBuffer,
-        done: Option<Moment>,
+        done: Option<TimelinePoint>,
     ) -> Result<()> {
         let bytes = content.len() as u64;
         assert!(

@@ -19,7 +19,7 @@ use super::owned::OwnedDevice;
 use crate::advice::advice;
 use crate::{Error, Result};
 
-pub use super::flight::Moment;
+pub use super::flight::TimelinePoint;
 pub use super::owned::QueueLock;
 pub use super::place::{Block, BlockSource};
 pub use buffer::{ExternalBuffer, Imported};
