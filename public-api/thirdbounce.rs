@@ -584,7 +584,7 @@ pub struct Layer {
     pub depth: Vec<f32>,
     pub normal: Vec<[f32; 3]>,
     pub mask: Vec<bool>,
-    pub confidence: Option<Vec<f32>>,
+    pub depth_error: Option<Vec<f32>>,
 }
 #[derive(Debug, Clone, PartialEq)]
 pub struct Maps {
@@ -596,7 +596,7 @@ pub struct Maps {
     pub normal: Vec<[f32; 3]>,
     pub mask: Vec<bool>,
     pub mask_fraction: Option<f64>,
-    pub confidence: Option<Vec<f32>>,
+    pub depth_error: Option<Vec<f32>>,
     pub behind: Option<Layer>,
 }
 impl Maps {

@@ -41,7 +41,7 @@ def test_maps_are_those_of_the_command_to_the_bit(tmp_path, capture, maps, comma
     run = [command, "reconstruct", "z.npz", "--out", "out", *options.split()]
     subprocess.run(run, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
     theirs = tb.load_maps(tmp_path / "out/maps.npz")
-    for name in ["albedo", "depth", "normals", "mask", "confidence"]:
+    for name in ["albedo", "depth", "normals", "mask", "depth_error"]:
         mine = getattr(maps, name)
         assert mine.tobytes() == getattr(theirs, name).tobytes(), name
     assert tuple(maps.extent) == theirs.extent
@@ -76,7 +76,7 @@ def test_maps_have_shapes_and_units(maps, rendered):
 def test_maps_are_saved_and_loaded(tmp_path, maps):
     (file,) = maps.save(tmp_path / "m.npz")
     again = tb.load_maps(file)
-    for name in ["albedo", "depth", "normals", "mask", "confidence"]:
+    for name in ["albedo", "depth", "normals", "mask", "depth_error"]:
         assert getattr(again, name).tobytes() == getattr(maps, name).tobytes(), name
     assert maps._repr_png_().startswith(b"\x89PNG")
 

@@ -261,7 +261,7 @@ fn figures(outcome: &Outcome) -> Value {
         "residual": last.and_then(|p| p.residual),
         "surface": maps.mask.iter().filter(|m| **m).count() as f64 / maps.mask.len().max(1) as f64,
         "depth": of_surface(&maps.depth),
-        "confidence": maps.confidence.as_deref().and_then(of_surface),
+        "depth_error": maps.depth_error.as_deref().and_then(of_surface),
         "solve_s": report.totals.solve_s,
         "iou": metrics.and_then(|m| m.iou),
         "depth_mae": metrics.and_then(|m| m.depth_mae),

@@ -48,7 +48,7 @@ pub struct ExternalFrame {
     /// The counts.
     pub counts: ExternalCounts,
     /// Destination of the maps, as 32-bit floats one after the other, for n pixels: albedo `[n]`, depth `[n]` in metres, normals
-    /// `[n][3]`, mask `[n]` (1 or 0), confidence `[n]` in metres; depth, normal and confidence are NaN where nothing is. Pixel
+    /// `[n][3]`, mask `[n]` (1 or 0), expected depth error `[n]` in metres; depth, normal and expected depth error are NaN where nothing is. Pixel
     /// `ix * ny + iy` is at ix along +x, iy along +y. `None`: the maps are only part of the result.
     pub maps: Option<ExternalBuffer>,
     /// Signalled when the maps are written.
@@ -215,14 +215,14 @@ impl ExternalFrame {
 fn words_of(maps: &Maps) -> Vec<f32> {
     let mask = maps.mask.iter().map(|is_surface| f32::from(u8::from(*is_surface)));
     let pixels = maps.albedo.len();
-    let confidence = maps.confidence.as_deref().unwrap_or(&[]).iter().copied();
-    let confidence = confidence.chain(std::iter::repeat(f32::NAN)).take(pixels);
+    let depth_error = maps.depth_error.as_deref().unwrap_or(&[]).iter().copied();
+    let depth_error = depth_error.chain(std::iter::repeat(f32::NAN)).take(pixels);
     let mut words = Vec::with_capacity(OF_PIXEL * pixels);
     words.extend(&maps.albedo);
     words.extend(&maps.depth);
     words.extend(maps.normal.as_flattened());
     words.extend(mask);
-    words.extend(confidence);
+    words.extend(depth_error);
     words
 }
 

@@ -12,7 +12,7 @@ use super::{Reconstruction, background, variances};
 const SLANT: f64 = 0.35;
 
 /// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method told it and no share is given; and the
-/// confidence of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
+/// expected depth error of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
 /// have. Where edges told a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
 /// `capture` is what was solved.
 pub fn conclude(
@@ -51,12 +51,12 @@ pub fn conclude(
     tell(&mut result.maps, &known, by_edges);
 }
 
-/// Sets the confidence. If the mask is `by_edges`, small parts with uncertain depths leave it.
+/// Sets the expected depth error. If the mask is `by_edges`, small parts with uncertain depths leave it.
 fn tell(maps: &mut Maps, known: &Conditions, by_edges: bool) {
-    maps.set_confidence(known);
+    maps.set_depth_error(known);
     if by_edges && maps.leave_out_uncertain_parts() {
         // The brightness of the mask counts.
-        maps.set_confidence(known);
+        maps.set_depth_error(known);
     }
 }
 

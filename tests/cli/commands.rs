@@ -104,7 +104,7 @@ fn from_a_simulated_capture_to_measured_maps() {
         "albedo.png",
         "depth.png",
         "normal.png",
-        "confidence.png",
+        "depth_error.png",
         "points.ply",
         "mesh.ply",
         "report.html",
@@ -117,7 +117,7 @@ fn from_a_simulated_capture_to_measured_maps() {
     assert!(volume.is_file());
 
     let maps = npz::read_maps(&result.join("maps.npz")).unwrap();
-    let told = maps.confidence.expect("a confidence");
+    let told = maps.depth_error.expect("a depth_error");
     assert!(told.iter().zip(&maps.depth).all(|(c, z)| c.is_nan() == z.is_nan() && (c.is_nan() || *c > 0.0)));
 
     let report = json(&result.join("report.json"));
@@ -141,7 +141,7 @@ fn from_a_simulated_capture_to_measured_maps() {
 
     let again = succeed(&["evaluate", &result.display().to_string(), "--truth", &truth, "--json"]);
     let again: Value = serde_json::from_str(&again).unwrap();
-    for key in ["iou", "within_confidence", "calibration"] {
+    for key in ["iou", "within_depth_error", "calibration"] {
         assert!(!again[key].is_null() && again[key] == report["metrics"][key], "{key}");
     }
     let text = succeed(&["evaluate", &result.display().to_string(), "--truth", &truth]);

@@ -168,7 +168,7 @@ fn a_trace_with_figures_and_snapshots() {
             files,
             [
                 "albedo.png",
-                "confidence.png",
+                "depth_error.png",
                 "depth.png",
                 "maps.exr",
                 "maps.npz",
@@ -195,9 +195,9 @@ fn a_trace_with_figures_and_snapshots() {
 
     let often = at("often").display().to_string();
     succeed(&["evaluate", &often, "--truth", truth, "--no-pictures", "--json"]);
-    assert!(!at("often/depth_error.png").exists());
+    assert!(!at("often/depth_difference.png").exists());
     let text = succeed(&["evaluate", &often, "--truth", truth]);
-    assert!(at("often/depth_error.png").is_file() && text.contains("depth_error.png"), "{text}");
+    assert!(at("often/depth_difference.png").is_file() && text.contains("depth_difference.png"), "{text}");
 }
 
 #[test]

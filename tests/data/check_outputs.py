@@ -69,7 +69,7 @@ def check_result(folder):
         for window in ("dataWindow", "displayWindow"):
             low, high = header[window]
             assert tuple(low) == (0, 0) and tuple(high) == (nx - 1, ny - 1), (window, low, high)
-        wanted = {"Y": albedo, "albedo.Y": albedo, "depth.Z": depth, "confidence.Z": maps["confidence"]}
+        wanted = {"Y": albedo, "albedo.Y": albedo, "depth.Z": depth, "depth_error.Z": maps["depth_error"]}
         wanted |= {f"normal.{c}": normal[..., i] for i, c in enumerate("XYZ")}
         assert set(channels) == set(wanted), sorted(channels)
         for name, values in wanted.items():
@@ -93,7 +93,7 @@ def check_result(folder):
         facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         assert (facing[:, 2] < 0).all(), "triangles that face away from the wall"
 
-    for name in ("albedo.png", "depth.png", "normal.png", "confidence.png"):
+    for name in ("albedo.png", "depth.png", "normal.png", "depth_error.png"):
         picture = matplotlib.image.imread(folder / name)
         assert picture.ndim == 3 and picture.shape[0] >= 128, (name, picture.shape)
     # Beside the depth map stands a colour bar with its labels.

@@ -161,7 +161,7 @@ fn moments_say_when_counts_are_there_and_when_they_and_the_maps_are_done() {
     assert!(same(&words[..n], &found.albedo) && same(&words[n..2 * n], &found.depth));
     assert!(same(&words[2 * n..5 * n], found.normal.as_flattened()));
     assert!(words[5 * n..6 * n].iter().zip(&found.mask).all(|(word, mask)| (*word == 1.0) == *mask));
-    assert!(same(&words[6 * n..], found.confidence.as_ref().unwrap()));
+    assert!(same(&words[6 * n..], found.depth_error.as_ref().unwrap()));
     // A frame that is cancelled while it waits, and one that cannot be used, let nobody wait.
     session.submit_external(frame(2)).unwrap();
     std::thread::sleep(Duration::from_millis(30));

@@ -2,7 +2,7 @@
 
 mod api;
 mod closed_form;
-mod confidence;
+mod depth_error;
 mod external;
 mod layers;
 mod leave_out;

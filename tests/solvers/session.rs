@@ -178,7 +178,7 @@ fn in_turns(
     })
 }
 
-/// A session ends a frame as the command ends a run: the same grid, mask and confidence, of both layers.
+/// A session ends a frame as the command ends a run: the same grid, mask and expected depth error, of both layers.
 #[test]
 fn a_session_gives_the_maps_of_the_command() {
     let gpu = gpu();
@@ -200,7 +200,7 @@ fn a_session_gives_the_maps_of_the_command() {
     let maps = &session.wait().unwrap().result.maps;
     // No depth is no number, which does not equal itself: as text.
     assert!(format!("{maps:?}") == format!("{of_command:?}"));
-    assert!(maps.behind.is_some() && maps.confidence.is_some());
+    assert!(maps.behind.is_some() && maps.depth_error.is_some());
 }
 
 #[test]

@@ -142,7 +142,7 @@ pub fn maps(grid: &Grid, volume: &Volume, step: f64, fraction: impl FnOnce(&[f32
         normal: vec![],
         mask: Maps::mask_of(&albedo, fraction),
         mask_fraction: Some(fraction),
-        confidence: None,
+        depth_error: None,
         behind: None,
         albedo,
     };
