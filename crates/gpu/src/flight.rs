@@ -54,7 +54,7 @@ pub(super) struct Flight {
     pub marks: Vec<Mark>,
     pub stages: Vec<Stage>,
     /// Whether the first stage continues that of the previous submission.
-    pub goes_on: bool,
+    pub continues_stage: bool,
     /// Maximum loop turns.
     pub work: u64,
     /// Names of the first and the last command.

@@ -94,7 +94,7 @@ impl Arena {
     /// the driver refuses an allocation. Nothing remains allocated.
     pub fn new(gpu: &Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena> {
         let _span = gpu.span("allocate");
-        if gpu.device.is_down() {
+        if gpu.device.has_failed() {
             return Err(gpu.failed("allocating", vk::Result::ERROR_DEVICE_LOST));
         }
         check(plan, &gpu.memory(), budget)?;

@@ -34,17 +34,17 @@ impl OwnedDevice {
     }
 
     /// Whether the device was lost or hung: every later call fails.
-    pub fn is_down(&self) -> bool {
+    pub fn has_failed(&self) -> bool {
         self.down.get().is_some()
     }
 
     /// Records the reason of the failure. Returns the first recorded reason.
-    pub fn note_down(&self, why: impl FnOnce() -> Error) -> Error {
+    pub fn record_failure(&self, why: impl FnOnce() -> Error) -> Error {
         self.down.get_or_init(why).clone()
     }
 
     /// Records a watchdog timeout.
-    pub fn note_hung(&self) {
+    pub fn record_timeout(&self) {
         self.hung.store(true, Relaxed);
     }
 }

@@ -11,7 +11,7 @@ use crate::Result;
 
 impl Executor {
     /// Executes the commands recorded by `write`, and waits. `reads` and `writes` are their buffers.
-    pub(super) fn at_once(
+    pub(super) fn run_now(
         &mut self,
         [reads, writes]: [&[Buffer]; 2],
         write: impl FnOnce(&ash::Device, vk::CommandBuffer),
@@ -54,7 +54,7 @@ impl Executor {
             })
         };
         if let Err(e) = recorded {
-            self.land(flight);
+            self.recycle(flight);
             return Err(gpu.failed("recording", e));
         }
         self.launch(flight)
@@ -72,7 +72,7 @@ impl Executor {
         for (buffer, b) in all.iter().filter(|(_, b)| b.place != Place::Device) {
             self.fill_shared(*buffer, part(b), word);
         }
-        self.at_once([&[], &[]], |device, c| {
+        self.run_now([&[], &[]], |device, c| {
             for (_, b) in all.iter().filter(|(_, b)| b.place == Place::Device) {
                 let [offset, bytes] = part(b);
                 // SAFETY: the buffers outlive the executor, and the part is inside.

@@ -127,7 +127,7 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
     Ok(CompileProfile {
         version: env!("CARGO_PKG_VERSION").into(),
         device: device_of(&gpu),
-        tells: gpu.tells_of_kernels(),
+        tells: gpu.reports_kernels(),
         solver: solver.name().into(),
         pairs: plan.scene.pairs,
         voxels: plan.finest().grid.n,

@@ -192,7 +192,7 @@ fn a_kernel_compiles_without_buffers() {
     let gpu = Gpu::open(&options).expect("a Vulkan device: `make setup` installs lavapipe");
     let compiled = gpu.compile(&kernel::FORWARD_OWNED, &kernel::FORWARD_OWNED, &[]).unwrap();
     assert!(compiled.seconds > 0.0 && gpu.allocated() == 0);
-    assert_eq!(compiled.executables.is_empty(), !gpu.tells_of_kernels());
+    assert_eq!(compiled.executables.is_empty(), !gpu.reports_kernels());
 }
 
 const BACK: Buffer = Buffer::named("back");
