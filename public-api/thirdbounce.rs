@@ -84,22 +84,22 @@ pub struct Latency {
     pub frames_per_second: f64,
 }
 #[derive(Clone)]
-pub struct ExternalCounts {
-    pub counts: ExternalBuffer,
+pub struct LentCounts {
+    pub counts: Lent,
     pub format: Format,
-    pub after: Option<TimelinePoint>,
-    pub taken: Option<TimelinePoint>,
+    pub after: Option<Moment>,
+    pub taken: Option<Moment>,
 }
 #[derive(Clone)]
-pub struct ExternalFrame {
-    pub counts: ExternalCounts,
-    pub maps: Option<ExternalBuffer>,
-    pub done: Option<TimelinePoint>,
+pub struct LentFrame {
+    pub counts: LentCounts,
+    pub maps: Option<Lent>,
+    pub done: Option<Moment>,
 }
 #[private_fields]
 pub struct Session {}
 impl Session {
-    pub fn external_maps_bytes(&self) -> u64 {}
+    pub fn lent_maps_bytes(&self) -> u64 {}
 }
 impl Session {
     pub fn gpu(&self) -> &Gpu {}
@@ -109,7 +109,7 @@ impl Session {
         histograms: &[f32],
         measured: &[bool],
     ) -> Result<FrameId> {}
-    pub fn submit_external(&mut self, frame: ExternalFrame) -> Result<FrameId> {}
+    pub fn submit_lent(&mut self, frame: LentFrame) -> Result<FrameId> {}
     pub fn is_idle(&self) -> bool {}
     pub fn latency(&self) -> Latency {}
     pub fn poll(&mut self) -> Result<Option<&Frame>> {}
@@ -132,7 +132,7 @@ pub struct SessionOptions {
     pub maps_every: Option<usize>,
     pub feed: Feed,
     pub follow: Option<Follow>,
-    pub external: bool,
+    pub lent: bool,
 }
 #[derive(Clone)]
 #[private_fields]
@@ -268,16 +268,16 @@ impl From<&[AdvicePart]> for Advice {}
 pub struct Error {
     pub kind: Kind,
     pub what: String,
-    pub hint: Advice,
+    pub mend: Advice,
 }
 impl Error {
-    pub fn new(kind: Kind, what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
-    pub fn input(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
-    pub fn options(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
-    pub fn device(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
-    pub fn memory(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
-    pub fn output(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
-    pub fn advised(self, hint: impl Into<Advice>) -> Self {}
+    pub fn new(kind: Kind, what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+    pub fn input(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+    pub fn options(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+    pub fn device(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+    pub fn memory(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+    pub fn output(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
+    pub fn advised(self, mend: impl Into<Advice>) -> Self {}
     pub fn at(mut self, place: impl std::fmt::Display) -> Self {}
 }
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -476,21 +476,21 @@ impl Imported {
         memory_type: Option<u32>,
     ) -> Result<Imported> {}
     pub fn buffer(&self) -> vk::Buffer {}
-    pub fn lend(&self) -> Result<ExternalBuffer> {}
+    pub fn lend(&self) -> Result<Lent> {}
 }
 #[derive(Clone)]
 #[private_fields]
-pub struct ExternalBuffer {}
-impl ExternalBuffer {
-    pub unsafe fn new(buffer: vk::Buffer, offset: u64, bytes: u64) -> Result<ExternalBuffer> {}
+pub struct Lent {}
+impl Lent {
+    pub unsafe fn new(buffer: vk::Buffer, offset: u64, bytes: u64) -> Result<Lent> {}
     pub fn bytes(&self) -> u64 {}
     pub fn is_on(&self, gpu: &Gpu) -> bool {}
 }
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[private_fields]
-pub struct TimelinePoint {}
-impl TimelinePoint {
-    pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> TimelinePoint {}
+pub struct Moment {}
+impl Moment {
+    pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> Moment {}
 }
 pub trait QueueLock: Send + Sync {
     fn lock(&self);
@@ -548,11 +548,11 @@ impl std::fmt::Display for DeviceKind {}
 #[private_fields]
 pub struct Gpu();
 impl Gpu {
-    pub fn wait_for(&self, moment: TimelinePoint, limit: Duration) -> Result<bool> {}
-    pub fn signal(&self, moment: TimelinePoint) -> Result<()> {}
+    pub fn wait_for(&self, moment: Moment, limit: Duration) -> Result<bool> {}
+    pub fn signal(&self, moment: Moment) -> Result<()> {}
 }
 impl Gpu {
-    pub unsafe fn of_external(vulkan: &Vulkan) -> Result<Gpu> {}
+    pub unsafe fn of_caller(vulkan: &Vulkan) -> Result<Gpu> {}
 }
 impl Deref for Gpu {
     type Target = Opened;
@@ -584,7 +584,7 @@ pub struct Layer {
     pub depth: Vec<f32>,
     pub normal: Vec<[f32; 3]>,
     pub mask: Vec<bool>,
-    pub depth_error: Option<Vec<f32>>,
+    pub confidence: Option<Vec<f32>>,
 }
 #[derive(Debug, Clone, PartialEq)]
 pub struct Maps {
@@ -596,7 +596,7 @@ pub struct Maps {
     pub normal: Vec<[f32; 3]>,
     pub mask: Vec<bool>,
     pub mask_fraction: Option<f64>,
-    pub depth_error: Option<Vec<f32>>,
+    pub confidence: Option<Vec<f32>>,
     pub behind: Option<Layer>,
 }
 impl Maps {

@@ -194,7 +194,7 @@ fn images_are_as_sharp_as_noise_lets_them_be() {
         assert!(soft[0] > 0.6 && soft[1] > 0.6, "{name}: {chosen:?}, {soft:?}");
         assert!(sharpest.sharpness.is_none() && chosen.value != chosen.sharpest, "{name}: {chosen:?}");
         assert!(soft[0] > 1.5 * sharp[0], "{name}: {soft:?}, sharpest {sharp:?}");
-        // The value that was told gives the same image.
+        // The reported value gives the same image.
         assert_eq!(solve(name, &dark, Some(chosen)).maps.albedo, done.maps.albedo, "{name}");
     }
     assert_valid(&gpu);

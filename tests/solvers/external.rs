@@ -32,7 +32,7 @@ fn of_host(session: &mut Session, counts: &[f32]) -> Reconstruction {
     session.wait().unwrap().result.clone()
 }
 
-/// Solves a lent frame that is there, without semaphores.
+/// Solves an external frame that is there, without semaphores.
 fn of_lent(
     session: &mut Session,
     counts: &fixtures::caller::Mapped<'_>,
@@ -162,7 +162,7 @@ fn moments_say_when_counts_are_there_and_when_they_and_the_maps_are_done() {
     assert!(same(&words[2 * n..5 * n], found.normal.as_flattened()));
     assert!(words[5 * n..6 * n].iter().zip(&found.mask).all(|(word, mask)| (*word == 1.0) == *mask));
     assert!(same(&words[6 * n..], found.depth_error.as_ref().unwrap()));
-    // A frame that is cancelled while it waits, and one that cannot be used, let nobody wait.
+    // Frames cancelled while queued, and invalid ones, signal their points.
     session.submit_external(frame(2)).unwrap();
     std::thread::sleep(Duration::from_millis(30));
     session.cancel();
@@ -183,7 +183,7 @@ fn moments_say_when_counts_are_there_and_when_they_and_the_maps_are_done() {
     session.submit_external(frame(5)).unwrap();
     assert_eq!(session.wait().unwrap().result.maps.depth.len(), n);
     assert_eq!([taken, done].map(|s| caller.reaches(s, 5)), [5, 5]);
-    // A session that ends lets nobody wait, either.
+    // So does a session that ends.
     session.submit_external(frame(6)).unwrap();
     drop(session);
     assert_eq!([taken, done].map(|s| caller.reaches(s, 6)), [6, 6]);
@@ -234,10 +234,10 @@ fn memory_of_another_device_is_imported() {
         unsafe { Imported::by_fd(&gpu, shared.fd(), [shared.memory_bytes, shared.bytes], None) }.unwrap();
     let mut session = Session::new(&gpu, &scan, None, &surface(|_| ()), lending()).unwrap();
     let want = of_host(&mut session, &counts);
-    let lent =
+    let external =
         ExternalCounts { counts: imported.lend().unwrap(), format: Format::F32, after: None, taken: None };
-    let frame = ExternalFrame { counts: lent, maps: None, done: None };
-    // What is lent keeps it.
+    let frame = ExternalFrame { counts: external, maps: None, done: None };
+    // What is external keeps it.
     drop(imported);
     session.submit_external(frame.clone()).unwrap();
     assert!(bits(&session.wait().unwrap().result) == bits(&want));

@@ -49,11 +49,11 @@ fn room_that_is_enough_changes_nothing() {
         assert_eq!([all.plan.domain.capacity, all.plan.domain.touched_capacity], [storage; 2]);
         assert!(part.plan.domain.touched_capacity < storage && part.device_bytes < all.device_bytes);
         assert!(!all.full && !part.full);
-        let told = |r: &Reconstruction| -> Vec<_> {
+        let reported = |r: &Reconstruction| -> Vec<_> {
             let point = |p: &thirdbounce::solve::TracePoint| (p.iteration, p.active, p.loss.to_bits());
             r.trace.iter().map(point).collect()
         };
-        let last = |r: &Reconstruction| *told(r).last().unwrap();
+        let last = |r: &Reconstruction| *reported(r).last().unwrap();
         assert_eq!(last(&part), last(&all), "{sampling:?}");
         assert_eq!(part.volume, all.volume, "{sampling:?}");
         assert!(all.volume.unwrap().albedo.iter().filter(|a| **a != 0.0).count() > 100);
@@ -159,7 +159,7 @@ fn a_rim_beyond_its_room_reads_as_nothing() {
     job.perform(&s);
     let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
     assert_eq!(counts[COUNT_TOUCHED as usize] as usize, listed.len());
-    assert!(counts[COUNT_LEAST_SMOOTH as usize] > 0, "it is told");
+    assert!(counts[COUNT_LEAST_SMOOTH as usize] > 0, "it is reported");
     assert_eq!(read::<u32>(&mut job, buffer::ACTIVE_VOXELS, listed.len()), listed);
     write_state(&mut job, buffer::RAW, listed, &raw);
     let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 5, 1));

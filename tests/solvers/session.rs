@@ -284,10 +284,10 @@ fn a_cancelled_frame_leaves_the_session_usable() {
     let [a, b] = frames(&scan);
     for solver in [surface(|_| ()), paper()] {
         let want = alone(&gpu, &scan, &solver, &b);
-        let (told, heard) = channel();
+        let (reported, heard) = channel();
         let (go_on, stays) = channel::<()>();
         let hear = move |id, progress: &Progress| {
-            told.send((id, progress.point.iteration)).expect("the test listens");
+            reported.send((id, progress.point.iteration)).expect("the test listens");
             // The first frame stays here until the test has cancelled it.
             let _ = stays.recv();
             ControlFlow::Continue(())
