@@ -426,7 +426,7 @@ impl QueueLock for Lock {
 impl TbBufferRange {
     /// # Safety
     /// As [`ExternalBuffer::new`].
-    unsafe fn lent(&self) -> Result<Option<ExternalBuffer>> {
+    unsafe fn external(&self) -> Result<Option<ExternalBuffer>> {
         if self.buffer == 0 {
             return Ok(None);
         }
@@ -464,7 +464,7 @@ impl TbExternalFrame {
         unsafe {
             let counts = match self.imported.as_ref() {
                 Some(TbBuffer(imported)) => Some(imported.lend()?),
-                None => self.counts.lent()?,
+                None => self.counts.external()?,
             };
             let counts = counts.ok_or_else(|| {
                 Error::options("`tb_external_frame` has no counts", "give `counts`, or `imported` memory")
@@ -472,7 +472,7 @@ impl TbExternalFrame {
             let (after, taken) = (self.counts_ready.moment(), self.counts_copied.moment());
             Ok(ExternalFrame {
                 counts: ExternalCounts { counts, format, after, taken },
-                maps: self.maps.lent()?,
+                maps: self.maps.external()?,
                 done: self.maps_ready.moment(),
             })
         }

@@ -40,11 +40,11 @@ fn main() -> Result<(), Box<dyn Error>> {
             blocks: None,
             pipeline_cache: vk::PipelineCache::null(),
         })?;
-        let lent = SessionOptions { external: true, ..SessionOptions::default() };
+        let external = SessionOptions { external: true, ..SessionOptions::default() };
         let method = SurfaceSettings { lateral: Some(PIXELS), ..SurfaceSettings::default() }.into();
         let settings = Settings { method, ..Settings::default() };
         let (mut session, _) =
-            thirdbounce::session(&gpu, &scan(), &settings, lent, &mut |_| ControlFlow::Continue(()))?;
+            thirdbounce::session(&gpu, &scan(), &settings, external, &mut |_| ControlFlow::Continue(()))?;
 
         let counts = program.buffer((SIDE * SIDE * BINS * 4) as u64, false)?;
         let maps = program.buffer(session.external_maps_bytes(), false)?;

@@ -104,7 +104,7 @@ def test_progress_is_told_and_may_stop_the_solve(capture):
 
     with pytest.raises(tb.CancelledError):
         tb.reconstruct(capture, on_progress=hear, model="cosine", high_pass=0, lateral=32, iterations=200)
-    assert len(told) == 2 and isinstance(told[0], tb.Progress) and told[0].iterations >= 200
+    assert len(reported) == 2 and isinstance(reported[0], tb.Progress) and reported[0].iterations >= 200
 
 
 def test_what_a_progress_function_raises_comes_back(capture):

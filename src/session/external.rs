@@ -22,7 +22,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Bytes of so many counts, in whole words.
+    /// Bytes of `count` counts, in whole words.
     pub fn bytes_of(self, counts: usize) -> u64 {
         let each = if self == Format::U16 { 2 } else { 4 };
         (counts as u64 * each).next_multiple_of(4)
@@ -55,7 +55,7 @@ pub struct ExternalFrame {
     pub done: Option<TimelinePoint>,
 }
 
-/// Numbers of a pixel in a lent buffer of maps.
+/// Numbers of a pixel in an external buffer of maps.
 const OF_PIXEL: usize = 7;
 
 /// Counts for the host.
@@ -71,7 +71,7 @@ pub(super) struct Exchange {
 }
 
 impl Exchange {
-    /// Allocates the buffers for frames of so many counts, and maps of so many pixels. `memory` is a budget in bytes.
+    /// Allocates the buffers for frames with the given numbers of counts and pixels. `memory` is a budget in bytes.
     ///
     /// # Errors
     /// Memory or device do not allow it.
@@ -119,13 +119,13 @@ impl Exchange {
     }
 }
 
-/// Bytes of the maps of so many pixels in a lent buffer.
+/// Bytes of the maps of so many pixels in an external buffer.
 fn maps_bytes(pixels: usize) -> u64 {
     (pixels * OF_PIXEL * 4) as u64
 }
 
 impl Session {
-    /// Bytes of the maps of a frame in a lent buffer: see [`ExternalFrame::maps`].
+    /// Bytes of the maps of a frame in an external buffer: see [`ExternalFrame::maps`].
     pub fn external_maps_bytes(&self) -> u64 {
         let [nx, ny, _] = self.plan().levels.maps.n;
         maps_bytes(nx * ny)
@@ -147,15 +147,15 @@ impl ExternalFrame {
     /// The session or the buffers do not allow it.
     pub(super) fn check(&self, session: &Session) -> Result<()> {
         let refused = |what: String, hint: &str| Err(Error::options(what, hint.to_string()));
-        if !session.lent {
+        if !session.external {
             return refused(
                 "this session takes counts from the host only".into(),
-                "make it with `lent` in its options",
+                "make it with `external` in its options",
             );
         }
         if matches!(session.submitter.feed(), Feed::Sum { .. }) {
             return refused(
-                "frames in lent buffers cannot be summed".into(),
+                "frames in external buffers cannot be summed".into(),
                 "add them up in the caller's own pass, or feed single frames",
             );
         }
@@ -180,7 +180,7 @@ impl ExternalFrame {
         if [Some(&self.counts.counts), self.maps.as_ref()]
             .into_iter()
             .flatten()
-            .any(|lent| !lent.is_on(session.gpu()))
+            .any(|external| !external.is_on(session.gpu()))
         {
             return refused(
                 "a buffer was imported on another device than the session's".into(),
@@ -205,7 +205,7 @@ impl ExternalFrame {
 
     /// Signals the moments that were not signalled yet, from the host.
     pub(super) fn release(&mut self, gpu: &Gpu) {
-        // On a lost device nobody waits for them.
+        // No waits on a lost device.
         let _ = self.counts.release(gpu);
         let _ = self.done.take().map(|done| gpu.signal(done));
     }

@@ -11,9 +11,9 @@ use super::{Reconstruction, background, variances};
 /// How much longer a path becomes per metre along a spot: the usual sine of its angle with the wall's normal.
 const SLANT: f64 = 0.35;
 
-/// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method told it and no share is given; and the
+/// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method determined it and no share is given; and the
 /// expected depth error of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
-/// have. Where edges told a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
+/// have. Where edges determined a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
 /// `capture` is what was solved.
 pub fn conclude(
     capture: &Capture,

@@ -127,9 +127,9 @@ def check_captures(folder):
         assert file["tofgrid"].shape == counts.shape[1:] and not file["tofgrid"][:].any()
     try:
         scipy.io.loadmat(folder / "made.mat")
-    except NotImplementedError as told:
+    except NotImplementedError as reported:
         # scipy knows v7.3 by its header and sends one to an HDF5 reader.
-        assert "HDF" in str(told), told
+        assert "HDF" in str(reported), reported
 
 
 check_result(Path(sys.argv[1]))

@@ -298,7 +298,7 @@ pub fn extract() {
             assert!(error(of(4 + k), normals) < 1e-6);
         }
         for c in (0..columns).filter(|c| !in_maps.contains(c)) {
-            assert_eq!(got[c], before[8 * c..8 * c + 8], "what is no surface stays");
+            assert_eq!(got[c], before[8 * c..8 * c + 8], "pixels without surface are unchanged");
         }
     }
     assert_valid(&gpu);

@@ -108,7 +108,7 @@ pub fn gather_of_every_model_pair_and_wall() {
     assert_valid(&gpu);
 }
 
-/// Paths with so many bins that places are computed in parts.
+/// Paths with enough bins for places in parts.
 #[test]
 fn gather_of_long_paths() {
     let gpu = gpu();

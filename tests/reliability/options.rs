@@ -98,7 +98,7 @@ fn paths() -> Vec<String> {
         let _ = std::fs::set_permissions(&hidden, std::fs::Permissions::from_mode(0o000));
     }
     let text = |p: &Path| p.display().to_string();
-    // By a link: a program that replaces what it is told to write to then harms the link alone.
+    // By a link: a program that replaces its output then damages only the link.
     let device = folder.join("null");
     #[cfg(unix)]
     if !device.is_symlink() {

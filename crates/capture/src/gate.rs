@@ -158,7 +158,7 @@ pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {
     strong_direct(capture).or_else(|| known_direct(capture, capture.direct?))
 }
 
-/// The peak of direct light may be so many bins off the path where it is known to be.
+/// Maximum distance, bins, of the peak of direct light from its known path.
 const OFF: usize = 2;
 
 /// The gate behind direct light whose path is known, `None` if no bin holds it.

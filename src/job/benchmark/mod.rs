@@ -85,7 +85,7 @@ pub trait Caller {
     /// Reads a capture, and says what is compared on it, with this truth. Its folder is set afterwards.
     ///
     /// # Errors
-    /// The capture cannot be used: the case fails, the benchmark goes on.
+    /// The capture cannot be used: the case fails, the benchmark continues.
     fn comparison(&mut self, capture: &Path, truth: &Path) -> Result<(Loaded, Comparison)>;
 
     /// Hears that a case begins (`None`) and of its progress. May stop the benchmark.

@@ -121,7 +121,7 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
             slots: counts.map(|c| f64::from(c.issued()) + of_shared),
             counts,
             shared,
-            executables: compiled.executables.into_iter().map(told).collect(),
+            executables: compiled.executables.into_iter().map(reported).collect(),
         });
     }
     Ok(CompileProfile {
@@ -137,7 +137,7 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
     })
 }
 
-fn told(e: crate::gpu::Executable) -> Executable {
+fn reported(e: crate::gpu::Executable) -> Executable {
     Executable { name: e.name, subgroup: e.subgroup, statistics: e.statistics.into_iter().collect() }
 }
 

@@ -169,7 +169,7 @@ pub fn times(
     list
 }
 
-/// What a turn of a kernel's main loop counts in its SPIR-V, and what the loop around it counts for so many turns.
+/// What a turn of a kernel's main loop counts in its SPIR-V, and of the enclosing loop per number of turns.
 pub(super) fn counted(
     code: &KernelCode,
     constants: &[(String, u32)],

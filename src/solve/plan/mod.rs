@@ -1,6 +1,6 @@
 //! What a solve needs of the device: levels, passes, buffers. Made before anything is allocated.
 //!
-//! A plan knows no solver. A solver's options say what they need ([`Needs`]), and the plan adds what every solver has.
+//! A plan is independent of solvers. A solver's options say what they need ([`Needs`]), and the plan adds what every solver has.
 
 use std::collections::BTreeMap;
 

@@ -110,7 +110,7 @@ fn a_pair_takes_no_more_than_it_did() {
     assert_eq!(over.count(), 0);
 }
 
-/// GLSL's own clamp may let what is not a number pass, and its bits would become an address.
+/// GLSL's clamp may pass NaN on, whose bits would become an address.
 #[test]
 fn a_place_is_within_its_row_whatever_the_path() {
     const N_CLAMP: u32 = 81;
@@ -215,19 +215,22 @@ fn labels_balance_under_validation_and_times_are_in_order() {
     s.copy(buffer::RESULT, BACK, 4);
     executor.run(&s).unwrap();
     let counted = executor.read::<u32>(BACK, ..)[0];
-    let (told, messages) = (gpu.take_recording(), gpu.validation_messages());
+    let (reported, messages) = (gpu.take_recording(), gpu.validation_messages());
     assert!(messages.is_empty(), "{messages:?}");
     assert_eq!(counted, 6);
-    let kernels: Vec<_> = told.device.iter().map(|r| r.kernel).collect();
+    let kernels: Vec<_> = reported.device.iter().map(|r| r.kernel).collect();
     assert_eq!(kernels, ["fill", "count", "count", "count", "copy"]);
-    let stages: Vec<_> = told.device.iter().map(|r| r.stage.map(|s| told.stages[s].name)).collect();
+    let stages: Vec<_> = reported.device.iter().map(|r| r.stage.map(|s| reported.stages[s].name)).collect();
     assert_eq!(stages, [None, Some("first"), Some("second"), Some("second"), Some("second")]);
-    assert!(told.device.windows(2).all(|w| w[0].from <= w[0].to && w[0].to <= w[1].from), "{told:?}");
+    assert!(reported.device.windows(2).all(|w| w[0].from <= w[0].to && w[0].to <= w[1].from), "{reported:?}");
     // All of it while the host was waiting, as far as the clocks agree.
-    let spans = |what| told.host.iter().filter(move |s| s.what == what);
+    let spans = |what| reported.host.iter().filter(move |s| s.what == what);
     let (submit, wait) = (spans("submit").next_back().unwrap(), spans("wait").next_back().unwrap());
-    assert!(told.device[0].from >= submit.from - 1e-3 && told.device[4].to <= wait.to + 1e-6, "{told:?}");
-    assert!(told.kernels["count"].code.name == "limit_empty");
+    assert!(
+        reported.device[0].from >= submit.from - 1e-3 && reported.device[4].to <= wait.to + 1e-6,
+        "{reported:?}"
+    );
+    assert!(reported.kernels["count"].code.name == "limit_empty");
 }
 
 const DOWN: Buffer = Buffer::named("down");
@@ -305,6 +308,6 @@ fn an_instrumented_kernel_tells_of_it() {
         gpu.close()
     };
     assert_eq!(messages(1), Vec::<String>::new());
-    let told = messages(2).join("\n");
-    assert!(told.contains("out of bounds"), "{told}");
+    let reported = messages(2).join("\n");
+    assert!(reported.contains("out of bounds"), "{reported}");
 }

@@ -157,7 +157,7 @@ pub fn places(twin: &Twin, paths: &[f64]) -> Vec<u32> {
     let first = f64::from(PADDING) - if m.binning == Binning::Linear { 0.5 } else { 0.0 };
     let last = m.stride() as f64 + 1.0;
     let cell = |path: &f64| ((path - m.t_start) / m.bin_width + first).floor();
-    // `max` passes over what is not a number.
+    // `max` ignores NaN.
     paths.iter().map(|path| cell(path).max(0.0).min(last) as u32).collect()
 }
 

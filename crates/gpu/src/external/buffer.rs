@@ -158,8 +158,8 @@ impl Imported {
     pub fn lend(&self) -> Result<ExternalBuffer> {
         // SAFETY: the buffer has all usages, belongs to the device that `is_on` compares, and is kept alive by the
         // range.
-        let lent = unsafe { ExternalBuffer::new(self.0.buffer, 0, self.0.bytes)? };
-        Ok(ExternalBuffer { imported: Some(self.clone()), ..lent })
+        let external = unsafe { ExternalBuffer::new(self.0.buffer, 0, self.0.bytes)? };
+        Ok(ExternalBuffer { imported: Some(self.clone()), ..external })
     }
 }
 

@@ -66,7 +66,7 @@ impl Maps {
         let second = self.layer(1).map(|maps| expected(&maps));
         self.depth_error = Some(expected(self));
         if let (Some(Layer { depth_error, .. }), Some(second)) = (&mut self.behind, second) {
-            *expected depth error = Some(second);
+            *depth_error = Some(second);
         }
     }
 
