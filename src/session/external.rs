@@ -119,7 +119,7 @@ impl Exchange {
     }
 }
 
-/// Bytes of the maps of so many pixels in an external buffer.
+/// Bytes of the maps in an external buffer, by number of pixels.
 fn maps_bytes(pixels: usize) -> u64 {
     (pixels * OF_PIXEL * 4) as u64
 }
