@@ -116,10 +116,15 @@ impl<'c> Job<'c> {
 
     /// The estimates, and the bins that are summed, as sentences.
     pub fn notes(&self) -> Vec<String> {
-        let preset = self.why.map(|why| format!("{why}: the preset {} is used", self.preset.name()));
+        let preset = self.why.map(|why| preset_note(self.preset, why));
         let summed = summed_note(self.sum, self.capture.bin_width);
         preset.into_iter().chain(self.estimates.notes()).chain(summed).collect()
     }
+}
+
+/// The note on a preset that is not set.
+pub fn preset_note(preset: Preset, why: &str) -> String {
+    format!("{why}: the preset {} is used", preset.name())
 }
 
 /// The note on `sum` bins that are one of `width` metres of path; `None` if none were summed.

@@ -190,7 +190,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         None => &["all"],
     };
     let specs = args.specs(&args.method, usual)?;
-    let settings = args.settings.settings()?;
+    let settings = args.settings.of_all_methods()?;
     let mut scenes = args.scenes()?;
     let single = scenes.len() == 1 && args.photons.is_empty() && !owns;
     let repeats = args.repeats.unwrap_or(if single { 3 } else { 1 });
@@ -317,7 +317,7 @@ struct Running<'a> {
 
 impl Caller for Running<'_> {
     fn comparison(&mut self, capture: &Path, truth: &Path) -> Result<(Loaded, Comparison)> {
-        let loaded = job::load(capture, &self.args.settings.settings()?)?;
+        let loaded = job::load(capture, &self.args.settings.of_all_methods()?)?;
         self.args.say(&loaded.notes);
         let comparison = self.args.comparison(&self.specs, &loaded, truth)?;
         Ok((loaded, Comparison { repeats: self.repeats, ..comparison }))

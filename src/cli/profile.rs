@@ -212,14 +212,7 @@ fn table(p: &Profile) -> String {
     let mut out = format!("device    {} ({})\n{}\n", p.device.name, p.device.driver, limits_text(&p.limits));
     out += &format!(
         "{:<22}{:>7}{:>11}{:>8}{:>12}{:>12}{:>9}  {}\n",
-        "kernel",
-        "calls",
-        "seconds",
-        "share",
-        "pairs",
-        "pairs/s",
-        "of limit",
-        "limited by; registers, shared memory"
+        "kernel", "calls", "seconds", "share", "pairs", "pairs/s", "of copy", "registers, shared memory"
     );
     p.kernels.iter().for_each(|k| out += &line(k));
     out += &format!("{:<22}{:>7}{:>11.4}\n\n", "all", "", t.device_s);
@@ -255,8 +248,8 @@ fn line(k: &KernelProfile) -> String {
     let pairs = if k.pairs > 0.0 { format!("{:.3e}", k.pairs) } else { dash() };
     let rate = k.pairs_per_s.filter(|r| *r > 0.0).map_or_else(dash, |r| format!("{r:.3e}"));
     let limit = k.share_of_limit.map_or_else(dash, |s| format!("{:.1} %", 100.0 * s));
-    let mut notes: Vec<String> = k.floor.iter().map(|f| f.bound().to_string()).collect();
-    notes.extend(k.statistics.iter().filter(|(n, _)| tells(n)).map(|(n, v)| format!("{n} {v}")));
+    let statistics = k.statistics.iter().filter(|(n, _)| tells(n)).map(|(n, v)| format!("{n} {v}"));
+    let notes: Vec<String> = statistics.collect();
     format!(
         "{:<22}{:>7}{:>11.4}{:>6.1} %{pairs:>12}{rate:>12}{limit:>9}  {}\n",
         k.name,

@@ -7,7 +7,7 @@ use thirdbounce::{Result, tags};
 
 use super::histogram::FromTags;
 use super::progress::Meter;
-use super::settings::{CaptureArgs, load, request, volume_file};
+use super::settings::{CaptureArgs, load, request};
 use super::terminal::{print, say};
 use super::{interrupt, tables};
 
@@ -41,7 +41,7 @@ pub struct Args {
     #[arg(long, short)]
     pub quiet: bool,
     /// Write the volume to this file, .npz or .hdf5
-    #[arg(long, value_name = "FILE", value_parser = volume_file)]
+    #[arg(long, value_name = "FILE")]
     pub volume_file: Option<PathBuf>,
     #[command(flatten)]
     tags: FromTags,

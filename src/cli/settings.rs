@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches};
 use serde::de::DeserializeOwned;
-use thirdbounce::Result;
 use thirdbounce::job::{self, Loaded, Request, SolverOptions};
 use thirdbounce::settings::Settings;
 use thirdbounce::solve::option::{OptionValue, Range, Row, Suit};
+use thirdbounce::{Error, Result};
 
 /// Parses one of the words that stand for values of `T` in files.
 pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
@@ -52,8 +52,16 @@ impl<const PART: u8> SettingsArgs<PART> {
     /// # Errors
     /// An option that only another method has. Ignoring it would mislead.
     pub fn settings(&self) -> Result<Settings> {
-        let settings = Settings::from_texts(self.0.iter().map(|(key, text)| (*key, text.as_str())))?;
-        settings.check().map(|()| settings)
+        let texts = self.0.iter().map(|(key, text)| (*key, text.as_str()));
+        let checked = Settings::from_texts(texts).and_then(|settings| settings.check().map(|()| settings));
+        // An error begins with the key that it is about.
+        checked.map_err(|e| {
+            let flag = rows(ALL).iter().find_map(|(row, _)| {
+                let rest = e.what.strip_prefix(row.key).filter(|rest| rest.starts_with(' '))?;
+                Some(format!("--{}{rest}", flag_of(row).unwrap_or_else(|| row.name())))
+            });
+            Error { what: flag.unwrap_or(e.what), ..e }
+        })
     }
 
     /// These settings, and those of `base` that are not among them and that their method has.
@@ -73,6 +81,15 @@ impl<const PART: u8> SettingsArgs<PART> {
         let others = self.0.iter().filter(|(own, _)| text.is_none() || *own != key).cloned();
         let all = others.chain(text.clone().map(|text| (key, text)));
         SettingsArgs(all.collect())
+    }
+
+    /// The settings without the options of methods: what all methods of a benchmark have.
+    ///
+    /// # Errors
+    /// Those of [`SettingsArgs::settings`].
+    pub fn of_all_methods(&self) -> Result<Settings> {
+        let own = |key: &str| Settings::ROWS.iter().any(|row| row.key == key);
+        SettingsArgs::<PART>(self.0.iter().filter(|(key, _)| own(key)).cloned().collect()).settings()
     }
 
     /// The name of the method, if it was given.
@@ -119,16 +136,7 @@ fn argument(row: &'static Row, text: &str) -> Arg {
     let lower = |text: &str| text[..1].to_lowercase() + &text[1..];
     let text = if name.starts_with("no-") { format!("Do not {}", lower(text)) } else { text.into() };
     let arg = Arg::new(row.key).long(name).help(text).help_heading(row.group);
-    let valued = |name| {
-        let key = row.key;
-        let read = move |text: &str| {
-            Settings::check_text(key, text).map(|()| text.to_string()).map_err(|e| match e.hint.to_string() {
-                want if want.is_empty() => e.what,
-                want => want,
-            })
-        };
-        arg.clone().value_name(name).value_parser(read)
-    };
+    let valued = |name| arg.clone().value_name(name);
     match row.range {
         Range::Text(name) => valued(name),
         Range::Words(words) => arg.value_name("WORD").value_parser(PossibleValuesParser::new(words)),
@@ -144,7 +152,8 @@ impl<const PART: u8> clap::Args for SettingsArgs<PART> {
     fn augment_args(command: Command) -> Command {
         rows(PART).into_iter().fold(command, |command, (row, text)| {
             let is_shown = PART == FILE || row.key == "solver" || SHOWN.contains(&row.key);
-            command.arg(argument(row, &text).hide(!is_shown).allow_hyphen_values(row.range != Range::Flag))
+            let arg = argument(row, &text).hide(!is_shown).allow_hyphen_values(row.range != Range::Flag);
+            command.arg(if row.key == "accumulation" { arg.conflicts_with("deterministic") } else { arg })
         })
     }
 
@@ -256,12 +265,6 @@ pub fn request(given: &SettingsArgs<ALL>, device: &DeviceArgs) -> Result<Request
 /// Reads a number of an option of one verb.
 pub fn number(text: &str) -> std::result::Result<f64, String> {
     thirdbounce::solve::units::number(text)
-}
-
-/// Refuses a file for the volume with another ending.
-pub fn volume_file(text: &str) -> std::result::Result<PathBuf, String> {
-    let is_known = [".npz", ".hdf5", ".h5"].iter().any(|e| text.to_ascii_lowercase().ends_with(e));
-    if is_known { Ok(text.into()) } else { Err("give a file whose name ends in .npz or .hdf5".into()) }
 }
 
 #[cfg(test)]

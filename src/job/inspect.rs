@@ -9,7 +9,7 @@ use super::{Loaded, Request, SolverOptions, advice, planned};
 use crate::advice::{Advice, advice};
 use crate::capture::Summary;
 use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, Place};
-use crate::resolve::summed_note;
+use crate::resolve::{preset_note, summed_note};
 use crate::solve::Ready;
 use crate::solve::{Accumulation, Preset, TimedSchedule};
 use crate::{Error, Kind, Result};
@@ -89,6 +89,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     };
     let abilities = device.as_ref().map_or_else(usual_gpu, Gpu::abilities);
     let mut notes = loaded.notes.clone();
+    notes.extend(resolved.why.map(|why| preset_note(resolved.preset, why)));
     notes.extend(summed_note(sum, planned.bin_width));
     if resolved.models.len() > 1 {
         notes.push(

@@ -29,7 +29,7 @@ use crate::solve::{Plan, Progress};
 use crate::transport::Grid;
 use crate::{Error, Result};
 
-pub use kernels::{Floor, Gaps, IterationProfile, KernelProfile};
+pub use kernels::{Gaps, IterationProfile, KernelProfile};
 pub use limits::DeviceLimits;
 
 /// What to profile, and the files to write. [`Request::out`] is ignored.
@@ -150,7 +150,8 @@ pub fn profile(
     let mut recording = gpu.take_recording();
     let prepare_s = complete(&mut recording, began, loaded.seconds);
     let voxels = voxels_of(&result.plan, done.job.solver.common().min_depth);
-    let kernels = kernels::times(&recording, &result.trace, &voxels, &limits);
+    let kernels =
+        kernels::times(&recording, &kernels::bytes_of(&result.plan), &result.trace, &voxels, &limits);
     let profile = Profile {
         version: env!("CARGO_PKG_VERSION").into(),
         device: device_of(&gpu),

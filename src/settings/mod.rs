@@ -13,7 +13,7 @@ use crate::{Error, Result};
 
 mod text;
 
-pub use text::{Flip, ImpulseResponse, Model, gate, memory_bytes, pulse, spots};
+pub use text::{Flip, ImpulseResponse, Model, gate, memory_bytes};
 use text::{as_text, count, number, path_of_light, seed, word};
 
 /// Declares the fields of [`Settings`] that do not belong to a method: name, type, allowed values, and the function that reads
@@ -174,7 +174,7 @@ impl Settings {
             return Ok(());
         }
         if let Some(set) = self.set_own(&key, text) {
-            return set.map_err(|want| Error::options(format!("{key} is {text:?}"), want));
+            return set.map_err(|want| Error::options(format!("{key} is {}", text.trim()), want));
         }
         if !self.has(&key) {
             let known = SolverOptions::all_rows().iter().any(|(row, _)| row.key == key);
@@ -193,17 +193,6 @@ impl Settings {
             });
         }
         self.method.set_text(&key, text)
-    }
-
-    /// Checks a value of a key, which may be an option of any method.
-    ///
-    /// # Errors
-    /// Those of [`Settings::set`].
-    pub fn check_text(key: &str, text: &str) -> Result<()> {
-        let methods = SolverOptions::NAMES.iter().filter_map(|name| Method::named(name));
-        let with = |method| Settings { method, ..Settings::default() };
-        let mut settings = methods.map(with).find(|s| s.has(key)).unwrap_or_default();
-        settings.set(key, text)
     }
 
     /// Whether the method has an option of this key.
@@ -306,7 +295,7 @@ mod tests {
             format!("{} | {}", error.what, error.hint)
         };
         for (key, text, words) in [
-            ("solver", "magic", "use --solver surface"),
+            ("solver", "magic", "paper or surface"),
             ("solver", "vector", "was removed"),
             ("nonsense", "1", "no setting"),
             ("l1", "1", "no option of the solver surface"),

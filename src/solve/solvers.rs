@@ -454,7 +454,7 @@ fn choice(option: &str, name: &str, here: &[&str]) -> Result<()> {
         return Ok(());
     }
     Err(Error::options(
-        format!("--{option} {name} is not known"),
-        format!("use --{option} {}, or leave it out", here.join(" or ")),
+        format!("the {option} {name} is not known"),
+        format!("use {}, or leave it out", here.join(" or ")),
     ))
 }

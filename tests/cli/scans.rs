@@ -140,7 +140,7 @@ fn a_background_that_was_taken_off_is_told() {
     let without = notes();
     let reported = |words: &str| without.iter().any(|n| n.contains(words));
     assert!(reported("counts are negative, so the background was taken off"), "{without:?}");
-    assert!(reported("some counts are negative: --preset captured is used"), "{without:?}");
+    assert!(reported("some counts are negative: the preset captured is used"), "{without:?}");
     let gates =
         |all: &[String]| -> Vec<String> { all.iter().filter(|n| n.contains("gate")).cloned().collect() };
     assert!(gates(&with).len() == 1 && gates(&with) == gates(&without), "{with:?}, {without:?}");

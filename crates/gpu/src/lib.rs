@@ -39,7 +39,6 @@ mod rounding;
 mod schedule;
 mod short_list;
 mod shuffle;
-pub mod spirv;
 mod state;
 
 use thirdbounce_base::{Error, Result, advice};

@@ -159,7 +159,7 @@ impl PaperOptions {
         let Domain { smooth_sigma, smooth_truncate, .. } = self.domain;
         if smooth_sigma * smooth_truncate > 1000.0 {
             let want = "a Gaussian that reaches at most 1000 voxels";
-            return Err(refused("smooth-sigma", smooth_sigma, want));
+            return Err(refused("smooth_sigma", smooth_sigma, want));
         }
         Ok(())
     }
