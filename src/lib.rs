@@ -47,6 +47,9 @@ pub mod settings;
 pub mod solve;
 #[doc(hidden)]
 pub mod transport;
+#[cfg(feature = "formats")]
+#[doc(hidden)]
+pub mod verify;
 
 #[doc(hidden)]
 pub use thirdbounce_base::{error, panic_message};
@@ -84,6 +87,8 @@ pub use solve::{
     TracePoint, VolumeMap,
 };
 pub use transport::{Grid, Volume};
+
+pub use {ash, glam};
 
 #[doc(inline)]
 pub use thirdbounce_base::advice::{self, Advice};

@@ -181,6 +181,7 @@ pub unsafe extern "C" fn tb_session_wait(
         let limit = Duration::try_from_secs_f64(seconds.max(0.0)).unwrap_or(Duration::MAX);
         let found = if seconds < 0.0 { Some(session.wait()?) } else { session.wait_for(limit)? };
         there = found.is_some();
+        found.iter().flat_map(|found| &found.result.warnings).for_each(|warning| log::warning(warning));
         match found {
             // SAFETY: the caller provides a struct that begins with its size.
             Some(found) => unsafe { sized::write(frame, &TbFrame::of(found)) },

@@ -16,7 +16,7 @@ use super::terminal::{print, say, say_error};
 use super::{advice, interrupt, reconstruct};
 
 /// Options of `reconstruct` that a batch does not have: a capture that was not finished begins anew.
-const NOT_HERE: [&str; 3] = ["no_preview", "open", "timings"];
+const NOT_HERE: [&str; 4] = ["no_preview", "open", "timings", "json"];
 /// Arguments that do not change results.
 const NO_DIFFERENCE: [&str; 7] =
     ["capture", "out", "device", "memory", "pipeline_cache", "validation", "quiet"];
@@ -160,13 +160,17 @@ fn report(end: &CaptureEnd, out: &Path, quiet: bool) {
             "hint": end.error.as_ref().map(|e| advice::text(&e.hint)),
             "folder": end.error.is_none().then(|| out.join(name).to_string_lossy().into_owned()),
             "figures": end.figures,
+            "warnings": end.warnings,
         })
         .to_string(),
     );
     match &end.error {
         Some(e) => say_error(&format!("{name}: "), &e.what, &advice::text(&e.hint)),
         None if quiet => {}
-        None => end.notes.iter().for_each(|note| say(&format!("note: {name}: {note}"))),
+        None => {
+            end.notes.iter().for_each(|note| say(&format!("note: {name}: {note}")));
+            end.warnings.iter().for_each(|warning| say(&format!("warning: {name}: {warning}")));
+        }
     }
 }
 

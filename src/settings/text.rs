@@ -198,6 +198,12 @@ pub fn bounce(text: &str) -> Read<String> {
     }
 }
 
+pub fn axes(text: &str) -> Read<String> {
+    let all = text.len() == 3 && "xyt".chars().all(|axis| text.contains(axis));
+    let want = "give the letters x, y and t in the order of the axes, such as xyt for counts [x, y, t]";
+    if all { Ok(text.into()) } else { Err(want.into()) }
+}
+
 pub fn bins(text: &str) -> Read<Bins> {
     text.parse().map_err(wanted)
 }

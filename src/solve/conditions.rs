@@ -8,12 +8,19 @@ use crate::transport::Reflectance;
 
 use super::{Reconstruction, background, variances};
 
+/// A residual ratio from here on explains hardly anything of the measurement.
+const UNEXPLAINED: f64 = 0.95;
+/// If noise has more than this share of the energy of the counts, no surface can explain them.
+const NOISY: f64 = 0.8;
+/// From this share of the pixels on, the surface is everywhere.
+const EVERYWHERE: f64 = 0.99;
+
 /// How much longer a path becomes per metre along a spot: the usual sine of its angle with the wall's normal.
 const SLANT: f64 = 0.35;
 
 /// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method determined it and no share is given; and the
 /// expected depth error of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
-/// have. Where edges determined a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
+/// have. Sets the warnings. Where edges determined a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
 /// `capture` is what was solved.
 pub fn conclude(
     capture: &Capture,
@@ -49,6 +56,27 @@ pub fn conclude(
     }
     let known = after(&result.maps, last);
     tell(&mut result.maps, &known, by_edges);
+    result.warnings = warnings(result, all.noise);
+}
+
+/// What looks wrong with a result. `noise` is the share of the counts' energy that is noise.
+fn warnings(result: &Reconstruction, noise: f64) -> Vec<String> {
+    let measured = result.trace.last().filter(|_| result.empty_loss > 0.0);
+    let residual = measured.map(|p| (p.data_loss / result.empty_loss).sqrt());
+    let unexplained = residual.filter(|r| *r > UNEXPLAINED && noise < NOISY);
+    let surface = result.maps.mask.iter().filter(|m| **m).count();
+    let text = "check the unit of lengths and times, time zero, the order of the axes and the gate";
+    let unexplained = unexplained.map(|r| {
+        format!("the maps explain hardly anything of the measurement: the residual is {r:.3}; {text}")
+    });
+    let spread = match surface {
+        0 => Some(format!("no surface was found, the maps are empty: {text}")),
+        n if n as f64 >= EVERYWHERE * result.maps.mask.len() as f64 => Some(format!(
+            "all of the picture counts as surface, which no scene smaller than the wall shows: {text}"
+        )),
+        _ => None,
+    };
+    unexplained.into_iter().chain(spread).collect()
 }
 
 /// Sets the expected depth error. If the mask is `by_edges`, small parts with uncertain depths leave it.

@@ -44,6 +44,8 @@ pub struct Reconstruction {
     pub maps: Maps,
     /// The volume, if it was asked for.
     pub volume: Option<VolumeMap>,
+    /// What looks wrong with the result, as sentences.
+    pub warnings: Vec<String>,
     /// One point for each iteration.
     pub trace: Vec<TracePoint>,
     /// The data loss of an empty volume: the mean over the bins of the squared measurement, as the solver takes it.
@@ -111,6 +113,7 @@ pub(super) fn finish(
     Ok(Reconstruction {
         maps: driven.maps,
         volume,
+        warnings: vec![],
         trace: driven.trace,
         empty_loss: empty_loss(&job.model),
         pairs: driven.pairs,

@@ -427,6 +427,8 @@ fn help_and_version_are_there() {
     assert!(succeed(&["help", "capture"]).contains("--no-auto-gate"));
     assert!(succeed(&["help", "info"]).contains("--png"));
     fail(&["help", "nothing"], 1, "phasor-bp");
+    assert!(succeed(&["help", "--completions", "bash"]).contains("--deterministic"));
+    assert!(succeed(&["help", "--man"]).starts_with(".ie"));
     assert!(succeed(&["simulate", "--help"]).contains("letter-X"));
 }
 

@@ -110,7 +110,7 @@ fn a_wall_of_a_millimetre_is_told_like_one_of_a_metre() {
     let metre: Value = serde_json::from_str(&succeed(&["info", &file, "--json"])).unwrap();
     write(&fixtures::captures::scaled(&read(&path).unwrap(), 1e-3), &path).unwrap();
     let small: Value = serde_json::from_str(&succeed(&["info", &file, "--json"])).unwrap();
-    for key in ["grid", "problems", "doubts", "plan"] {
+    for key in ["grid", "problems", "warnings", "plan"] {
         assert_eq!(small[key], metre[key], "{key}");
     }
     let ends = |found: &Value| serde_json::from_value::<Vec<f64>>(found["box"].clone()).unwrap();

@@ -124,13 +124,13 @@ pub fn real_captures_go_from_any_form_to_any(data: &Path) {
 pub fn real_captures_raise_no_false_doubt(data: &Path) {
     for name in ["statue_confocal_64", "z_captured_confocal_64", "z_confocal_32", "spheres_confocal_32"] {
         let c = read(&data.join(format!("{name}.npz"))).unwrap();
-        assert_eq!(c.doubts(), Vec::<String>::new(), "{name}");
+        assert_eq!(c.warnings(), Vec::<String>::new(), "{name}");
     }
     // Half the width for the whole is seen where faces are round or walls are not flat; letters are flat.
     let mut c = read(&data.join("spheres_confocal_32.npz")).unwrap();
     let [x0, x1, ..] = c.wall_extent();
     c.set_wall(0.5 * (x1 - x0)).unwrap();
-    assert!(c.doubts().join("").contains("half its width"));
+    assert!(c.warnings().join("").contains("half its width"));
 }
 
 /// No scene but a single small target tells time zero.

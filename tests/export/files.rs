@@ -297,6 +297,7 @@ fn a_report() -> report::Report {
         version: "0.1.0".into(),
         device: report::Device { name: "made".into(), driver: "none".into(), kind: "cpu".into() },
         settings: serde_json::json!({ "iterations": 60, "solver": "surface" }),
+        warnings: vec![],
         capture: ramp().summary(),
         plan: report::Plan {
             variants: vec!["confocal".into()],

@@ -35,6 +35,8 @@ pub struct Survey {
     pub markers: Vec<(i64, u16)>,
     /// Markers that the file holds later than one of a later laser pulse.
     pub out_of_order: usize,
+    /// Photons that the file holds later than one of a later laser pulse.
+    pub photons_out_of_order: u64,
     /// Laser pulses up to the last event.
     pub pulses: i64,
     /// Seconds between laser pulses, if known.
@@ -71,6 +73,7 @@ impl Survey {
                 seen.photons += 1;
                 seen.longest = seen.longest.max(delay);
                 seen.second += u64::from(seen.last == sync);
+                survey.photons_out_of_order += u64::from(sync < seen.last);
                 seen.last = sync;
                 last = last.max(sync);
             }

@@ -95,6 +95,11 @@ def like_points(value: Any, scan: Tuple[int, int], name: str) -> Optional[np.nda
     points = as_points(value, name)
     if points.shape[:2] == (1, 1):
         points = np.ascontiguousarray(np.broadcast_to(points, scan + (3,)))
-    if points.shape[0] * points.shape[1] != scan[0] * scan[1]:
-        raise refuse(f"{name} has {points.shape[:2]} points, the scan {scan}", "give one for each pair, or a single one")
-    return points.reshape(scan + (3,))
+    if points.shape[:2] != tuple(scan):
+        x, y = scan
+        flat = f" or ({x}, 3)" if y == 1 else ""
+        raise refuse(
+            f"{name} has shape {np.shape(value)}, the scan is {x} x {y}",
+            f"give one for each pair in the same order, ({x}, {y}, 3){flat}, or a single one, (3,)",
+        )
+    return points

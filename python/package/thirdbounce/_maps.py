@@ -54,7 +54,9 @@ class Maps:
     report: Optional[Dict[str, Any]] = None
     """Content of report.json: settings, plan, trace, times; None for truth and frames."""
     notes: List[str] = dataclasses.field(default_factory=list)
-    """What was done to the capture, and warnings, as sentences."""
+    """What was done to the capture, as sentences."""
+    warnings: List[str] = dataclasses.field(default_factory=list)
+    """What looks wrong with the capture or the result, as sentences."""
     frame: Optional[int] = None
     """Frame number of a session."""
     seconds: Optional[float] = None

@@ -257,6 +257,7 @@ fn solved(
     Reconstruction {
         maps,
         volume,
+        warnings: vec![],
         empty_loss: 0.0,
         pairs: (plan.scene.pairs * grid.voxels()) as u64,
         solve_seconds: trace.last().map_or(0.0, |point| point.seconds),

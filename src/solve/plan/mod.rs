@@ -35,7 +35,7 @@ pub use level::{Level, Pairs};
 pub use levels::{AMPLE, Levels};
 pub use needs::Needs;
 pub use parts::PairPart;
-pub use pass::{Fault, Pass, Twin, Voxels};
+pub use pass::{Fault, Pass, Voxels};
 pub use scene::Scene;
 pub use spots::{BETWEEN, SEEN, Spots};
 pub use tuning::{Accumulation, Sizes, Tuning};
