@@ -158,8 +158,10 @@ fn of_method(
     let mut first = solved.maps;
     let least = SUPPORT * first.mask_fraction.unwrap_or(Maps::MASK_FRACTION);
     let threshold = (least * f64::from(Maps::white(&first.albedo))) as f32;
-    let noise = solved.sharpness.and_then(|s| s.noise).map_or(0.0, |noise| noise.floor) as f32;
     let most = first.albedo.iter().copied().fold(0.0, f32::max);
+    // Where noise outshines everything, the brightest regions are all that is known.
+    let noise = solved.sharpness.and_then(|s| s.noise).map_or(0.0, |noise| NOISE * noise.floor as f32);
+    let noise = if noise < most { noise } else { 0.0 };
     let mut second = solved.volume.map(|volume| second_maxima(&first, &volume));
     for maps in std::iter::once(&mut first).chain(&mut second) {
         for pixel in 0..maps.albedo.len() {
@@ -173,7 +175,7 @@ fn of_method(
                 maps.normal[pixel] = [0.0, 0.0, -1.0];
             }
         }
-        retain_regions(maps, |maps, region| region.iter().any(|p| most * maps.albedo[*p] > NOISE * noise));
+        retain_regions(maps, |maps, region| region.iter().any(|p| most * maps.albedo[*p] > noise));
     }
     let layers = second.and_then(|second| split(&first, &second, least_columns(first.nx)));
     Ok(layers.map_or_else(|| vec![first], Vec::from))
