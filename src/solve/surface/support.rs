@@ -2,7 +2,7 @@
 //!
 //! A fit of too few pixels puts the light of the missing ones on its rim, which becomes bright; a fit of too many leaves a dim
 //! rim. So between short fits ([`follow`]) the support grows by a ring around bright rims, loses what is dim once its
-//! surroundings are averaged, and loses islands too small to be told from noise. One rim pixel
+//! surroundings are averaged, and loses islands indistinguishable from noise. One rim pixel
 //! alone has too little evidence; its smoothed surroundings have enough.
 
 use std::collections::VecDeque;
