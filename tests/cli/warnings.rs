@@ -14,9 +14,9 @@ fn warnings_reach_every_output() {
     succeed(&["simulate", "spheres", "--out", &capture, "--scan", "16", "--bin-width", "0.03"]);
     let half = ["--wall", "0.45"];
     let words = "half its width";
-    let told = succeed(&[&["info", &capture, "--json"], &half[..], &SHORT[..]].concat());
-    let told: Value = serde_json::from_str(&told).unwrap();
-    assert!(told["warnings"].to_string().contains(words), "{}", told["warnings"]);
+    let reported = succeed(&[&["info", &capture, "--json"], &half[..], &SHORT[..]].concat());
+    let reported: Value = serde_json::from_str(&reported).unwrap();
+    assert!(reported["warnings"].to_string().contains(words), "{}", reported["warnings"]);
     assert!(
         succeed(&[&["info", &capture], &half[..], &SHORT[..]].concat()).contains("warning   over the scan")
     );
