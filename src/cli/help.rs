@@ -25,7 +25,8 @@ pub fn run(args: &Args) -> Result<()> {
     }
     if args.man {
         let rendered = clap_mangen::Man::new(command).render(&mut std::io::stdout());
-        return rendered.map_err(|e| Error::output(format!("the manual page is not printed: {e}"), "check the output"));
+        return rendered
+            .map_err(|e| Error::output(format!("the manual page is not printed: {e}"), "check the output"));
     }
     command.build();
     let Some(name) = &args.topic else {
