@@ -75,8 +75,8 @@ pub use api::{Solved, reconstruct, reconstruct_with, session};
 #[cfg(feature = "formats")]
 pub use api::{prepare, read, write};
 pub use session::{
-    Canceller, Feed, Format, Frame, FrameId, Hear, Latency, LentCounts, LentFrame, Session, SessionOptions,
-    Submitter,
+    Canceller, ExternalCounts, ExternalFrame, Feed, Format, Frame, FrameId, Hear, Latency, Session,
+    SessionOptions, Submitter,
 };
 pub use settings::{Flip, ImpulseResponse, Model, Settings};
 pub use solve::closed_form::{
@@ -97,8 +97,9 @@ pub use thirdbounce_base::{Error, Kind, Result};
 #[doc(inline)]
 pub use thirdbounce_capture::{Capture, PairKind, Pulse, Reflectance, Summary};
 #[doc(inline)]
-pub use thirdbounce_gpu::caller::{
-    Block, BlockSource, Features, Imported, Lent, Moment, QueueLock, Requirements, Vulkan, requirements,
+pub use thirdbounce_gpu::external::{
+    Block, BlockSource, ExternalBuffer, Features, Imported, QueueLock, Requirements, TimelinePoint, Vulkan,
+    requirements,
 };
 #[doc(inline)]
 pub use thirdbounce_gpu::{DeviceInfo, DeviceKind, Gpu, GpuOptions, Place, devices};

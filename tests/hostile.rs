@@ -45,7 +45,7 @@ fn hostile_files_are_refused_in_little_memory() {
         });
         if let Err(error) = done {
             refused += 1;
-            assert!(!error.what.is_empty() && !error.mend.to_string().is_empty(), "{what}");
+            assert!(!error.what.is_empty() && !error.hint.to_string().is_empty(), "{what}");
             assert!(peak < MOST, "{what}: {} MiB before it was refused: {error}", peak >> 20);
             largest = largest.max((peak, what));
         }

@@ -121,7 +121,7 @@ pub fn main() -> ExitCode {
             ExitCode::from(130)
         }
         Ok(Err(e)) => {
-            terminal::say_error("", &e.what, &advice::text(&e.mend));
+            terminal::say_error("", &e.what, &advice::text(&e.hint));
             ExitCode::from(1)
         }
         Err(_) => ExitCode::from(101),

@@ -170,7 +170,7 @@ pub fn batch(what: &Batch, caller: &dyn Caller, report: &mut dyn FnMut(&CaptureE
                     if let Some(error) = end.error.as_mut().filter(|error| is_full(error)) {
                         full.store(true, Relaxed);
                         let more = ", then start the batch again: it continues where it ended";
-                        error.mend = error.mend.clone().and(more);
+                        error.hint = error.hint.clone().and(more);
                     }
                     // The receiver lives as long as the threads.
                     let _ = send.send(end);
@@ -264,7 +264,7 @@ fn figures(outcome: &Outcome) -> Value {
         "residual": last.and_then(|p| p.residual),
         "surface": maps.mask.iter().filter(|m| **m).count() as f64 / maps.mask.len().max(1) as f64,
         "depth": of_surface(&maps.depth),
-        "confidence": maps.confidence.as_deref().and_then(of_surface),
+        "depth_error": maps.depth_error.as_deref().and_then(of_surface),
         "solve_s": report.totals.solve_s,
         "iou": metrics.and_then(|m| m.iou),
         "depth_mae": metrics.and_then(|m| m.depth_mae),

@@ -161,7 +161,7 @@ pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<TimedSchedule>
 
 /// An error with its advice.
 fn problem(error: Error) -> Advice {
-    Advice::from(advice![(error.what) ": "]).and(error.mend)
+    Advice::from(advice![(error.what) ": "]).and(error.hint)
 }
 
 /// What most discrete GPUs offer.

@@ -63,7 +63,7 @@ pub fn run(
 ) -> Result<Outcome> {
     let truth = request.check(&loaded.capture)?;
     request.check_places()?;
-    // What does not fit is told before a device is asked for.
+    // Memory is checked before a device is opened.
     request.resolved(&loaded.capture).grid(&loaded.capture)?;
     let gpu = request.open()?;
     solve_checked(request, loaded, &gpu, truth, hear)?.write(request)

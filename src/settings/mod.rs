@@ -297,7 +297,7 @@ mod tests {
             let mut settings = Settings::default();
             let error = settings.set(key, text).unwrap_err();
             assert_eq!(settings, Settings::default());
-            format!("{} | {}", error.what, error.mend)
+            format!("{} | {}", error.what, error.hint)
         };
         for (key, text, words) in [
             ("solver", "magic", "paper or surface"),

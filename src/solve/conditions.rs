@@ -18,9 +18,9 @@ const EVERYWHERE: f64 = 0.99;
 /// How much longer a path becomes per metre along a spot: the usual sine of its angle with the wall's normal.
 const SLANT: f64 = 0.35;
 
-/// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method told it and no share is given; and the
-/// confidence of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
-/// have. Sets the warnings. Where edges told a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
+/// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method determined it and no share is given; and the
+/// expected depth error of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
+/// have. Sets the warnings. Where edges determined a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
 /// `capture` is what was solved.
 pub fn conclude(
     capture: &Capture,
@@ -78,12 +78,12 @@ fn warnings(mask: &[bool], residual: Option<f64>, noise: f64) -> Vec<String> {
     unexplained.into_iter().chain(spread).collect()
 }
 
-/// Sets the confidence. If the mask is `by_edges`, small parts with uncertain depths leave it.
+/// Sets the expected depth error. If the mask is `by_edges`, small parts with uncertain depths leave it.
 fn tell(maps: &mut Maps, known: &Conditions, by_edges: bool) {
-    maps.set_confidence(known);
+    maps.set_depth_error(known);
     if by_edges && maps.leave_out_uncertain_parts() {
         // The brightness of the mask counts.
-        maps.set_confidence(known);
+        maps.set_depth_error(known);
     }
 }
 

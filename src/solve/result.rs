@@ -71,7 +71,7 @@ pub struct Reconstruction {
     /// Iterations of the volume that were done; later ones in the trace are the surface's.
     #[doc(hidden)]
     pub volume_iterations: usize,
-    /// The method told the mask of its maps: a share of the brightest albedo that it found.
+    /// The method's own mask of its maps, as a share of the brightest albedo.
     #[doc(hidden)]
     pub has_mask: bool,
     /// It began with the surface of the frame before ([`super::surface::Follow`]).

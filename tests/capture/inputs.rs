@@ -1,4 +1,4 @@
-//! Files as people have them: read correctly, or refused with the cause and the mend.
+//! Files as people have them: read correctly, or refused with the cause and the fix.
 
 use std::path::Path;
 
@@ -306,8 +306,8 @@ fn units_that_cannot_be_are_refused_with_the_likely_one() {
     // Unlikely, but not beyond reason: a warning.
     for change in [Box::new(points(1e2)) as Box<dyn Fn(&mut Capture)>, Box::new(bins(1e2))] {
         let done = prepared(changed(&c, |c| change(c)));
-        let told = done.map_or_else(|e| e.to_string(), |done| done.warnings.join("\n"));
-        assert!(told.contains("centimetres"), "{told}");
+        let reported = done.map_or_else(|e| e.to_string(), |done| done.warnings.join("\n"));
+        assert!(reported.contains("centimetres"), "{reported}");
     }
     // Small scenes with small bins, and scenes of many metres, are sound.
     for scale in [0.01, 0.1, 10.0] {

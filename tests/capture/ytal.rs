@@ -103,9 +103,9 @@ fn ytal_without_a_format_is_told_by_its_axes() {
             ytal(&path, format, shape, &values, &points(lasers), &points(sensors), Some([0.1, 0.2, -0.3]));
             read(&path).unwrap()
         };
-        let told = read_as(format);
-        assert_eq!(read_as(-1), told, "{shape:?} with an empty H_format");
-        assert_eq!(read_as(0), told, "{shape:?} with H_format 0");
+        let reported = read_as(format);
+        assert_eq!(read_as(-1), reported, "{shape:?} with an empty H_format");
+        assert_eq!(read_as(0), reported, "{shape:?} with H_format 0");
     }
 }
 

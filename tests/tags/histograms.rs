@@ -310,8 +310,8 @@ fn the_direct_peak_is_path_zero() {
     let c = &found.capture;
     assert!(c.t_start < -2.0 && c.t_end() > 2.0, "{} {}", c.t_start, c.t_end());
     for (point, delay) in delays.iter().enumerate() {
-        let told = found.direct.as_ref().unwrap()[point % 4 * 4 + point / 4];
-        assert!((told - delay * TICK * LIGHT).abs() < 1e-3, "{told}");
+        let reported = found.direct.as_ref().unwrap()[point % 4 * 4 + point / 4];
+        assert!((reported - delay * TICK * LIGHT).abs() < 1e-3, "{reported}");
         let histogram = at(c, point % 4, point / 4);
         for path in [0.0, 500.0 * TICK * LIGHT] {
             let near = |b: &usize| (c.t_start + (*b as f64 + 0.5) * c.bin_width - path).abs() < 0.03;

@@ -188,12 +188,12 @@ fn open(path: &Path) -> Result<File> {
 }
 
 fn unreadable(e: std::io::Error) -> Error {
-    let mend = match e.kind() {
+    let hint = match e.kind() {
         ErrorKind::NotFound => "check the path: there is no such file",
         ErrorKind::PermissionDenied => "make the file readable for you",
         _ => "check the path and the disk",
     };
-    Error::input(format!("cannot be read: {e}"), mend)
+    Error::input(format!("cannot be read: {e}"), hint)
 }
 
 impl Tags {
@@ -269,7 +269,7 @@ impl Tags {
                 format!(
                     "the header contradicts itself: the measurement mode is T{mode}, the record type {instrument}"
                 ),
-                "export the file anew from the instrument's software: its records cannot be told apart",
+                "export the file anew from the instrument's software: its records cannot be reported apart",
             ));
         }
         if let Some(bits) = header.whole("TTResultFormat_BitsPerRecord").filter(|b| ![0, 32].contains(b)) {

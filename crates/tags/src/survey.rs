@@ -99,13 +99,13 @@ impl Survey {
             ));
         }
         if survey.channels.is_empty() {
-            let mend = match passed.without_sync {
+            let hint = match passed.without_sync {
                 0 => "check that the detector was on, and that the file is the right one",
                 _ => {
                     "photons need laser pulses: record the laser's trigger, and name its channel if the file is text or arrays"
                 }
             };
-            return Err(Error::input("there is no photon with a delay", mend));
+            return Err(Error::input("there is no photon with a delay", hint));
         }
         survey.channels.sort_unstable_by_key(|seen| seen.channel);
         survey.markers.sort_by_key(|marker| marker.0);

@@ -21,7 +21,7 @@ pub enum Zero {
     At(f64),
 }
 
-/// The peak must stand above all else of its point by so many standard deviations of the noise there.
+/// Minimum height of the peak above its point's other counts, standard deviations of the noise.
 const CLEAR: f64 = 6.0;
 /// Cells at least this share of the peak belong to it.
 const PART: f64 = 0.5;

@@ -10,10 +10,10 @@ import numpy as np
 from ._native import OptionsError
 
 
-def refuse(what: str, remedy: str) -> OptionsError:
+def refuse(what: str, hint: str) -> OptionsError:
     """Error for an invalid argument."""
-    error = OptionsError(f"{what}\n  {remedy}")
-    error.what, error.where, error.remedy = what, None, remedy
+    error = OptionsError(f"{what}\n  {hint}")
+    error.what, error.where, error.hint = what, None, hint
     return error
 
 
@@ -27,8 +27,8 @@ def plain(value: Any, name: str) -> np.ndarray:
             raise TypeError(f"its type is {array.dtype}")
         return array
     except (TypeError, ValueError, BufferError, RuntimeError) as error:
-        remedy = "give an array of real numbers in the host's memory (torch: tensor.detach().cpu())"
-        raise refuse(f"{name} is not an array of numbers: {error}", remedy) from error
+        hint = "give an array of real numbers in the host's memory (torch: tensor.detach().cpu())"
+        raise refuse(f"{name} is not an array of numbers: {error}", hint) from error
 
 
 def as_array(value: Any, dtype: Any, name: str) -> np.ndarray:
@@ -68,8 +68,8 @@ def as_counts(value: Any, scan: Tuple[int, int], bins_axis: int) -> np.ndarray:
     if bins_axis == 0 and array.ndim > 1:
         array = np.moveaxis(array, 0, -1)
     if array.ndim < 2 or array.shape[:-1] not in (scan, (scan[0] * scan[1],)):
-        remedy = "H is (X, Y, T) with points (X, Y, 3), or (P, T) with (P, 3); with the bins first, bins_axis=0"
-        raise refuse(f"H has shape {np.shape(value)}, the points are {scan[0]} x {scan[1]}", remedy)
+        hint = "H is (X, Y, T) with points (X, Y, 3), or (P, T) with (P, 3); with the bins first, bins_axis=0"
+        raise refuse(f"H has shape {np.shape(value)}, the points are {scan[0]} x {scan[1]}", hint)
     return np.ascontiguousarray(array, dtype=np.float32).reshape(scan + (array.shape[-1],))
 
 

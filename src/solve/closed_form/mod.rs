@@ -199,11 +199,11 @@ fn in_one_step(
     compute: impl FnOnce() -> Result<(Volume, Option<Sharpness>)>,
 ) -> Result<Reconstruction> {
     let mut point = first_point(plan, grid);
-    let mut told = |point: &TracePoint, maps| {
+    let mut reported = |point: &TracePoint, maps| {
         let progress = Progress { doing: Doing::Solve, point: *point, iterations: 1, remaining: None, maps };
         tell(watch, &progress)
     };
-    told(&point, None)?;
+    reported(&point, None)?;
     let start = Instant::now();
     let (volume, sharpness) = compute()?;
     // What noise alone would show is no surface.
@@ -213,7 +213,7 @@ fn in_one_step(
     });
     point.seconds = start.elapsed().as_secs_f64();
     point.iteration = 1;
-    told(&point, Some(maps.clone()))?;
+    reported(&point, Some(maps.clone()))?;
     let volume = with_volume.then_some(VolumeMap { grid: *grid, albedo: volume.albedo });
     Ok(Reconstruction { sharpness, ..solved(plan, grid, maps, volume, vec![point]) })
 }

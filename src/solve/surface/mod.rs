@@ -380,7 +380,7 @@ impl Fits<'_> {
         Ok(Done { driven, layers, explained: quality.map_or(0.0, |q| q.explained()) })
     }
 
-    /// A fit of so many iterations, after others of its schedule that are left out.
+    /// A fit of `iterations` iterations, skipping the start of its schedule.
     fn run(&self, iterations: usize, skipped: usize) -> Run {
         Run { iterations, skipped, of: self.of, scales: true, until: self.until }
     }

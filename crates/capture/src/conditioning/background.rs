@@ -10,7 +10,7 @@ const FAINT: f64 = 0.01;
 /// fades slowly differs by a few hundredths (benches/NOTES.md).
 const HARMS: f64 = 0.05;
 
-/// A background goes on over at least this share of the bins. Light that a gate cuts off before it has faded does not.
+/// Minimum share of the bins covered by a background, which excludes light cut off by a gate.
 const LASTS: f64 = 0.15;
 
 /// Fewer pairs do not tell a difference from chance.

@@ -266,7 +266,7 @@ fn faults(capture: &Capture, seen: &[HistogramFigures], keep_empty: bool) -> Vec
     faults
 }
 
-/// Pairs without any count whose nearest lit pairs have so many that chance does not leave a pair empty. Pairs are near if
+/// Pairs without any count whose nearest lit pairs have too many for a pair to be empty by chance. Pairs are near if
 /// the middles of their laser and sensor points are.
 fn unmeasured(capture: &Capture, seen: &[HistogramFigures], faults: &[Option<Fault>]) -> Vec<usize> {
     let good = |pair: &usize| faults[*pair].is_none();

@@ -2,7 +2,7 @@
 
 use crate::data::Capture;
 
-/// So many bins with the largest count, and so many times as many as with one count less, are no chance.
+/// Minimum number of bins with the largest count, and minimum ratio to those with one count less, for saturation.
 const LEAST: usize = 32;
 const TIMES: usize = 4;
 

@@ -30,8 +30,8 @@ impl Gate {
     /// # Errors
     /// `Kind::Options` if there is no colon, if an end is not a number, or if the range is empty.
     pub fn parse(text: &str) -> Result<Gate> {
-        let mend = "write FROM:TO in metres of path, for example 0.8:2.4, 0.8: or :2.4";
-        let wrong = |what: String| Error::options(format!("gate {text:?}: {what}"), mend);
+        let hint = "write FROM:TO in metres of path, for example 0.8:2.4, 0.8: or :2.4";
+        let wrong = |what: String| Error::options(format!("gate {text:?}: {what}"), hint);
         let (from, to) = text.split_once(':').ok_or_else(|| wrong("there is no colon".into()))?;
         let number = |part: &str, open: f64| match part.trim() {
             "" => Ok(open),
@@ -158,7 +158,7 @@ pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {
     strong_direct(capture).or_else(|| known_direct(capture, capture.direct?))
 }
 
-/// The peak of direct light may be so many bins off the path where it is known to be.
+/// Maximum distance, bins, of the peak of direct light from its known path.
 const OFF: usize = 2;
 
 /// The gate behind direct light whose path is known, `None` if no bin holds it.

@@ -7,7 +7,7 @@ use crate::data::median::median;
 use crate::data::nearest::Tree;
 use crate::data::{Capture, PairKind};
 
-/// A hot pair has more than so many times the counts of the pairs around it. Light from a hidden scene changes by less from one
+/// Minimum ratio of a hot pair's counts to those of the surrounding pairs. Light from a hidden scene changes by less from one
 /// point of a scan to the next.
 pub(crate) const TIMES: f64 = 8.0;
 
@@ -17,7 +17,7 @@ const AROUND: usize = 8;
 /// Hot pairs are at most this share of all; if more seem to be, the scene is one that changes so.
 const FEW: f64 = 0.05;
 
-/// By chance a pair has so many counts where there are hardly any.
+/// Counts that a pair may have by chance where there are hardly any.
 const CHANCE: f64 = 100.0;
 
 /// The hot pairs, by the counts of each measured pair. None of captures of exhaustive or irregular pairs: there the pairs around

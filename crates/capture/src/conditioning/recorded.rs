@@ -23,7 +23,7 @@ const BESIDE: usize = 8;
 /// ones.
 const AT_ONCE: f64 = 0.5;
 
-/// A pair was not recorded if neighbours have so many counts where it has none: chance leaves them out once in e^16 pairs.
+/// Counts of neighbours where a pair has none that mark it as not recorded: by chance once in e^16 pairs.
 const LACKS: f32 = 16.0;
 
 /// The first and the last bin with counts, of every pair that has any: sorted.

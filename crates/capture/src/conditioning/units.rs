@@ -47,10 +47,10 @@ pub(super) fn checked(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
     let Some(sizes) = Sizes::of(&state.capture) else { return Ok(()) };
     let Some(misfit) = sizes.misfit() else { return Ok(()) };
     let likely = sizes.likely();
-    let mend = "store points in metres, and delta_t and t_start in metres of path (seconds times 299792458)";
+    let hint = "store points in metres, and delta_t and t_start in metres of path (seconds times 299792458)";
     if misfit.refused {
-        let mend = if likely.is_empty() { mend.into() } else { format!("{likely}; {mend}") };
-        return Err(Error::input(misfit.what, mend));
+        let hint = if likely.is_empty() { hint.into() } else { format!("{likely}; {hint}") };
+        return Err(Error::input(misfit.what, hint));
     }
     let likely = if likely.is_empty() { String::new() } else { format!(": {likely}") };
     state.warnings.push(format!("{}{likely}", misfit.what));

@@ -113,7 +113,7 @@ impl Pulse {
     /// # Errors
     /// `Kind::Input`, naming what is wrong.
     pub fn check(&self) -> Result<()> {
-        let bad = |what: String, mend: &'static str| Err(Error::input(what, mend));
+        let bad = |what: String, hint: &'static str| Err(Error::input(what, hint));
         if self.samples.is_empty() || self.samples.len() > LONGEST {
             return bad(
                 format!("the pulse has {} samples", self.samples.len()),

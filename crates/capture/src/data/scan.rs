@@ -19,7 +19,7 @@ pub fn unit_of(width: f64) -> f64 {
     if ORDINARY_WIDTHS.contains(&width) { 1.0 } else { width }
 }
 
-/// Decimals with which lengths are told, in metres: `usual` for scenes of about a metre and larger ones. A `width` far
+/// Decimals of displayed lengths, in metres: `usual` for scenes of about a metre and larger ones. A `width` far
 /// below that gets more.
 pub fn decimals(usual: usize, width: f64) -> usize {
     match unit_of(width) {

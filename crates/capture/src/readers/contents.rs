@@ -27,12 +27,12 @@ pub(super) enum Contents {
 /// `Kind::Input` if it cannot be read, is empty, no regular file, or a cut HDF5 file.
 pub(super) fn of(path: &Path) -> Result<Contents> {
     let unreadable = |e: std::io::Error| {
-        let mend = match e.kind() {
+        let hint = match e.kind() {
             std::io::ErrorKind::NotFound => "check the path: there is no such file",
             std::io::ErrorKind::PermissionDenied => "make the file readable for you",
             _ => "check the path and the disk",
         };
-        Error::input(format!("cannot be read: {e}"), mend)
+        Error::input(format!("cannot be read: {e}"), hint)
     };
     let meta = std::fs::metadata(path).map_err(unreadable)?;
     if meta.is_dir() {

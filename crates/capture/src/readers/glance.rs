@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::host;
 
-/// Counts that are large and packed more than so many times as tightly are looked at first. Those of a few photons are packed
+/// Compression ratio above which large counts are inspected first. Counts of a few photons are packed
 /// about as tightly, so they are read twice.
 const LOOKED_AT: u64 = 100;
 /// A count of one byte takes four in memory, and twice that while it is scaled.
@@ -11,7 +11,7 @@ const IN_MEMORY: u64 = 8;
 /// Counts that are looked at together.
 pub(super) const AT_ONCE: usize = 1 << 20;
 
-/// Whether counts of `size` bytes, packed to so many, are looked at before they are kept.
+/// Whether counts of `size` bytes are inspected before they are kept, by their packed size.
 pub(super) fn is_wanted(size: u64, packed: u64) -> bool {
     host::swells(size.saturating_mul(IN_MEMORY), packed, IN_MEMORY * LOOKED_AT)
 }

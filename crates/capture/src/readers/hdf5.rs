@@ -18,9 +18,9 @@ use crate::host;
 const MOST_DEFLATED: u64 = 1100;
 /// Largest array of numbers that are not counts (points, normals, settings).
 const MOST_NUMBERS: usize = 1 << 28;
-/// Datasets of points or settings that are large and packed more than so many times as tightly hold hardly anything.
+/// Compression ratio above which a large dataset of points or settings contains almost no information.
 const HARDLY_ANYTHING: u64 = 500;
-/// A chunk, which is unpacked whole, is small or no more than so many times as large as the file.
+/// Maximum ratio of a large chunk, which is unpacked whole, to the file.
 const OF_CHUNK: u64 = 64;
 
 /// An open file, with its length in bytes to check the sizes that its datasets claim.

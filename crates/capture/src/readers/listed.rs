@@ -3,7 +3,7 @@
 //! The newest public captures of curved walls have `trans_data` (M, 1, t), `camera_points` and `laser_points` (M, 3). 3D-RSD
 //! (Gu, Sultan, Masumnia-Bisheh, Waller, Velten 2023) has `total_rect_data` (P, t), `ts` in seconds, the laser points as
 //! `camera_pos` (P, 3), and the only sensor point as `laser_pos_base` (1, 1, 3): its README says that the names are flipped.
-//! Path 0 is at the wall. Points are never ignored: what is not understood is refused.
+//! Path 0 is at the wall. Points are never ignored: unknown content is refused.
 //!
 //! Axes: the coordinates in the file are kept. Pictures of 3D-RSD's `RSD_main.m` have y up and x to the left, as ours.
 

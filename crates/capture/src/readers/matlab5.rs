@@ -26,7 +26,7 @@ const MOST_ARRAYS: usize = 4096;
 const DEEPEST: usize = 4;
 /// Largest array of numbers that are not counts (points, settings).
 const MOST_NUMBERS: usize = 1 << 28;
-/// Arrays of points or settings that are large and packed more than so many times as tightly hold hardly anything.
+/// Compression ratio above which a large array of points or settings contains almost no information.
 const HARDLY_ANYTHING: u64 = 500;
 
 /// Values that [`Matlab5::scatter`] takes at a time.

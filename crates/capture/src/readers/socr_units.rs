@@ -31,7 +31,7 @@ impl Units {
     /// The units of these laser and sensor points (horizontal, vertical, depth), in steps.
     ///
     /// # Errors
-    /// `Kind::Options` where nobody says, or for values that are no lengths; `Kind::Input` if all points are the same, or for a
+    /// `Kind::Options` if unspecified, or for values that are not lengths; `Kind::Input` if all points are the same, or for a
     /// `setup.mat` of other points.
     pub fn of(
         set: &Set,

@@ -14,7 +14,7 @@ use super::matlab5::Matlab5;
 use super::scatter::{Scattered, Wanted};
 use crate::error::{Error, Result};
 
-/// How to mend an array in place of a number: bins may differ by pixel where a sensor has a table of their widths.
+/// How to fix an array in place of a number: bins may differ by pixel where a sensor has a table of their widths.
 pub(super) fn one_width(name: &str) -> String {
     match name.rsplit('/').next().unwrap_or(name) {
         "delta_t" | "deltaT" | "deltat" | "ts" | "timeRes" | "bin_width" | "t_start" | "t0" => format!(

@@ -8,8 +8,8 @@ use fixtures::caller::{Blocks, Caller, moment};
 use fixtures::captures::{assert_error, changed};
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::Gpu;
-use thirdbounce::gpu::caller::Imported;
-use thirdbounce::session::{Format, LentCounts, LentFrame, Session, SessionOptions};
+use thirdbounce::gpu::external::Imported;
+use thirdbounce::session::{ExternalCounts, ExternalFrame, Format, Session, SessionOptions};
 use thirdbounce::solve::{Accumulation, Follow, PaperOptions, Preset, Reconstruction, SolverOptions, Suit};
 use thirdbounce::{Kind, Result};
 
@@ -23,7 +23,7 @@ fn photons(bin_width: f64) -> (Capture, [Vec<f32>; 2]) {
 }
 
 fn lending() -> SessionOptions {
-    SessionOptions { lent: true, ..SessionOptions::default() }
+    SessionOptions { external: true, ..SessionOptions::default() }
 }
 
 /// Solves counts from the host.
@@ -32,14 +32,14 @@ fn of_host(session: &mut Session, counts: &[f32]) -> Reconstruction {
     session.wait().unwrap().result.clone()
 }
 
-/// Solves a lent frame that is there, without semaphores.
+/// Solves an external frame that is there, without semaphores.
 fn of_lent(
     session: &mut Session,
     counts: &fixtures::caller::Mapped<'_>,
     format: Format,
 ) -> Result<Reconstruction> {
-    let counts = LentCounts { counts: counts.lend(), format, after: None, taken: None };
-    session.submit_lent(LentFrame { counts, maps: None, done: None })?;
+    let counts = ExternalCounts { counts: counts.lend(), format, after: None, taken: None };
+    session.submit_external(ExternalFrame { counts, maps: None, done: None })?;
     session.wait().map(|frame| frame.result.clone())
 }
 
@@ -59,7 +59,7 @@ fn a_callers_device_gives_the_bits_of_an_own_one() {
             vulkan.blocks = Some(blocks.clone());
         }
         // SAFETY: the caller lives longer.
-        let gpu = unsafe { Gpu::of_caller(&vulkan) }.unwrap();
+        let gpu = unsafe { Gpu::of_external(&vulkan) }.unwrap();
         let mut session =
             Session::new(&gpu, &scan, None, &surface(|_| ()), SessionOptions::default()).unwrap();
         let before = caller.lock.taken();
@@ -114,9 +114,9 @@ fn lent_counts_give_the_bits_of_counts_on_the_host() {
         // Maps of every solver are written, too.
         let buffer = caller.buffer(frames[0].len() as u64 * 4, false);
         buffer.write(bytemuck::cast_slice(&frames[0]));
-        let maps = caller.buffer(session.lent_maps_bytes(), false);
-        let counts = LentCounts { counts: buffer.lend(), format: Format::F32, after: None, taken: None };
-        session.submit_lent(LentFrame { counts, maps: Some(maps.lend()), done: None }).unwrap();
+        let maps = caller.buffer(session.external_maps_bytes(), false);
+        let counts = ExternalCounts { counts: buffer.lend(), format: Format::F32, after: None, taken: None };
+        session.submit_external(ExternalFrame { counts, maps: Some(maps.lend()), done: None }).unwrap();
         let found = session.wait().unwrap().result.maps.clone();
         let words = maps.read(found.albedo.len());
         assert!(
@@ -137,9 +137,9 @@ fn moments_say_when_counts_are_there_and_when_they_and_the_maps_are_done() {
     let [after, taken, done] = [(); 3].map(|()| caller.semaphore());
     let mut session = Session::new(&gpu, &scan, None, &surface(|_| ()), lending()).unwrap();
     let buffer = caller.buffer(counts.len() as u64 * 4, false);
-    let maps = caller.buffer(session.lent_maps_bytes(), false);
-    let frame = |value: u64| LentFrame {
-        counts: LentCounts {
+    let maps = caller.buffer(session.external_maps_bytes(), false);
+    let frame = |value: u64| ExternalFrame {
+        counts: ExternalCounts {
             counts: buffer.lend(),
             format: Format::F32,
             after: Some(moment(after, value)),
@@ -148,7 +148,7 @@ fn moments_say_when_counts_are_there_and_when_they_and_the_maps_are_done() {
         maps: Some(maps.lend()),
         done: Some(moment(done, value)),
     };
-    session.submit_lent(frame(1)).unwrap();
+    session.submit_external(frame(1)).unwrap();
     assert!(session.wait_for(Duration::from_millis(60)).unwrap().is_none(), "its counts are not there yet");
     assert_eq!([taken, done].map(|s| caller.value(s)), [0, 0]);
     buffer.write(bytemuck::cast_slice(&counts));
@@ -161,30 +161,30 @@ fn moments_say_when_counts_are_there_and_when_they_and_the_maps_are_done() {
     assert!(same(&words[..n], &found.albedo) && same(&words[n..2 * n], &found.depth));
     assert!(same(&words[2 * n..5 * n], found.normal.as_flattened()));
     assert!(words[5 * n..6 * n].iter().zip(&found.mask).all(|(word, mask)| (*word == 1.0) == *mask));
-    assert!(same(&words[6 * n..], found.confidence.as_ref().unwrap()));
-    // A frame that is cancelled while it waits, and one that cannot be used, let nobody wait.
-    session.submit_lent(frame(2)).unwrap();
+    assert!(same(&words[6 * n..], found.depth_error.as_ref().unwrap()));
+    // Frames cancelled while queued, and invalid ones, signal their points.
+    session.submit_external(frame(2)).unwrap();
     std::thread::sleep(Duration::from_millis(30));
     session.cancel();
     assert_error(session.wait(), Kind::Cancelled, &["before its counts were there"]);
     assert_eq!([taken, done].map(|s| caller.reaches(s, 2)), [2, 2]);
     buffer.write(&vec![0; counts.len() * 4]);
     caller.signal(after, 3);
-    session.submit_lent(frame(3)).unwrap();
+    session.submit_external(frame(3)).unwrap();
     assert_error(session.wait(), Kind::Input, &["no signal"]);
     assert_eq!([taken, done].map(|s| caller.reaches(s, 3)), [3, 3]);
     buffer.write(bytemuck::cast_slice(&[f32::NAN]));
     caller.signal(after, 4);
-    session.submit_lent(frame(4)).unwrap();
+    session.submit_external(frame(4)).unwrap();
     assert_error(session.wait(), Kind::Input, &["pair 0", "bin 0", "NaN"]);
     // And the next one is solved.
     buffer.write(bytemuck::cast_slice(&counts));
     caller.signal(after, 5);
-    session.submit_lent(frame(5)).unwrap();
+    session.submit_external(frame(5)).unwrap();
     assert_eq!(session.wait().unwrap().result.maps.depth.len(), n);
     assert_eq!([taken, done].map(|s| caller.reaches(s, 5)), [5, 5]);
-    // A session that ends lets nobody wait, either.
-    session.submit_lent(frame(6)).unwrap();
+    // So does a session that ends.
+    session.submit_external(frame(6)).unwrap();
     drop(session);
     assert_eq!([taken, done].map(|s| caller.reaches(s, 6)), [6, 6]);
     for semaphore in [after, taken, done] {
@@ -206,13 +206,13 @@ fn lent_frames_follow_each_other() {
     // The same scene twice, then another one: the last begins cold, after a look at its counts.
     for (value, (counts, is_warm)) in (1..).zip([(&first, false), (&first, true), (&other, false)]) {
         buffer.write(bytemuck::cast_slice(counts));
-        let counts = LentCounts {
+        let counts = ExternalCounts {
             counts: buffer.lend(),
             format: Format::F32,
             after: None,
             taken: Some(moment(taken, value)),
         };
-        session.submit_lent(LentFrame { counts, maps: None, done: None }).unwrap();
+        session.submit_external(ExternalFrame { counts, maps: None, done: None }).unwrap();
         assert_eq!(session.wait().unwrap().result.is_warm, is_warm, "frame {value}");
         assert_eq!(caller.reaches(taken, value), value);
     }
@@ -234,15 +234,16 @@ fn memory_of_another_device_is_imported() {
         unsafe { Imported::by_fd(&gpu, shared.fd(), [shared.memory_bytes, shared.bytes], None) }.unwrap();
     let mut session = Session::new(&gpu, &scan, None, &surface(|_| ()), lending()).unwrap();
     let want = of_host(&mut session, &counts);
-    let lent = LentCounts { counts: imported.lend().unwrap(), format: Format::F32, after: None, taken: None };
-    let frame = LentFrame { counts: lent, maps: None, done: None };
-    // What is lent keeps it.
+    let external =
+        ExternalCounts { counts: imported.lend().unwrap(), format: Format::F32, after: None, taken: None };
+    let frame = ExternalFrame { counts: external, maps: None, done: None };
+    // What is external keeps it.
     drop(imported);
-    session.submit_lent(frame.clone()).unwrap();
+    session.submit_external(frame.clone()).unwrap();
     assert!(bits(&session.wait().unwrap().result) == bits(&want));
     let elsewhere = Gpu::open(&Default::default()).unwrap();
     let mut session = Session::new(&elsewhere, &scan, None, &surface(|_| ()), lending()).unwrap();
-    assert_error(session.submit_lent(frame), Kind::Options, &["another device"]);
+    assert_error(session.submit_external(frame), Kind::Options, &["another device"]);
 }
 
 #[test]
@@ -268,7 +269,7 @@ fn what_cannot_be_lent_is_refused() {
     let mut vulkan = caller.vulkan();
     vulkan.enabled.timeline_semaphore = false;
     // SAFETY: the handles are the caller's, which lives.
-    let refused = |vulkan: &_| unsafe { Gpu::of_caller(vulkan) }.map(|_| ());
+    let refused = |vulkan: &_| unsafe { Gpu::of_external(vulkan) }.map(|_| ());
     assert_error(refused(&vulkan), Kind::Device, &["timeline semaphores"]);
     let mut vulkan = caller.vulkan();
     vulkan.family = 77;

@@ -7,11 +7,11 @@ use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{RenderOptions, Scene};
 use thirdbounce::solve::SurfaceOptions;
 
-/// Two of three errors are within the confidence, of photons and of exact histograms. The uncertain half of the pixels
+/// Two of three errors are within the expected depth error, of photons and of exact histograms. The uncertain half of the pixels
 /// is off by more than the certain one.
 #[test]
 #[ignore = "long: make soak"]
-fn two_of_three_errors_are_within_the_confidence() {
+fn two_of_three_errors_are_within_the_expected_one() {
     let folder = tempfile::tempdir().unwrap();
     let [capture, truth] = ["capture.npz", "truth.npz"].map(|name| folder.path().join(name));
     for photons in [None, Some(30.0)] {
@@ -32,7 +32,7 @@ fn two_of_three_errors_are_within_the_confidence() {
         };
         let done = job::run(&request, &loaded, &mut |_| ControlFlow::Continue(())).unwrap();
         let m = done.report.metrics.unwrap();
-        assert!(m.within_confidence.is_some_and(|w| (0.45..0.9).contains(&w)), "{photons:?}: {m:?}");
+        assert!(m.within_depth_error.is_some_and(|w| (0.45..0.9).contains(&w)), "{photons:?}: {m:?}");
         let [least, .., most] = m.calibration[..] else { panic!("four quarters") };
         assert!(most[0] > 2.0 * least[0], "{m:?}");
     }

@@ -116,7 +116,7 @@ pub unsafe fn requirements(
     check_version(api_version)?;
     // SAFETY: as the caller states.
     let raw = unsafe { load(get_instance_proc_addr, instance) };
-    let instance = Instance::of_caller(raw, false);
+    let instance = Instance::of_external(raw, false);
     let info = instance.describe(0, physical_device);
     let offered = Offered::by(&instance, physical_device, &info, &GpuOptions::default())?;
     let (family, _) = compute_family(&instance, physical_device, &info)?;

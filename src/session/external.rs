@@ -3,7 +3,7 @@
 //! The counts are copied into a readback buffer before the solve, so every solver takes them as it takes counts of the host.
 
 use super::Session;
-use crate::gpu::caller::{Lent, Moment};
+use crate::gpu::external::{ExternalBuffer, TimelinePoint};
 use crate::gpu::{Arena, Buffer, BufferPlan, Executor, Gpu, Place};
 use crate::maps::Maps;
 use crate::session::Feed;
@@ -22,7 +22,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Bytes of so many counts, in whole words.
+    /// Bytes of `count` counts, in whole words.
     pub fn bytes_of(self, counts: usize) -> u64 {
         let each = if self == Format::U16 { 2 } else { 4 };
         (counts as u64 * each).next_multiple_of(4)
@@ -31,31 +31,31 @@ impl Format {
 
 /// A frame's counts in a caller's buffer: those of bin b of pair p are number `p * bins + b`.
 #[derive(Clone)]
-pub struct LentCounts {
+pub struct ExternalCounts {
     /// The buffer.
-    pub counts: Lent,
+    pub counts: ExternalBuffer,
     /// Encoding of the counts.
     pub format: Format,
     /// The counts are valid from this moment on; `None`: now.
-    pub after: Option<Moment>,
+    pub after: Option<TimelinePoint>,
     /// Signalled when the counts were copied: the caller may write the buffer again.
-    pub taken: Option<Moment>,
+    pub taken: Option<TimelinePoint>,
 }
 
 /// A frame whose counts are in a caller's buffer, and whose maps are written to one.
 #[derive(Clone)]
-pub struct LentFrame {
+pub struct ExternalFrame {
     /// The counts.
-    pub counts: LentCounts,
+    pub counts: ExternalCounts,
     /// Destination of the maps, as 32-bit floats one after the other, for n pixels: albedo `[n]`, depth `[n]` in metres, normals
-    /// `[n][3]`, mask `[n]` (1 or 0), confidence `[n]` in metres; depth, normal and confidence are NaN where nothing is. Pixel
+    /// `[n][3]`, mask `[n]` (1 or 0), expected depth error `[n]` in metres; depth, normal and expected depth error are NaN where nothing is. Pixel
     /// `ix * ny + iy` is at ix along +x, iy along +y. `None`: the maps are only part of the result.
-    pub maps: Option<Lent>,
+    pub maps: Option<ExternalBuffer>,
     /// Signalled when the maps are written.
-    pub done: Option<Moment>,
+    pub done: Option<TimelinePoint>,
 }
 
-/// Numbers of a pixel in a lent buffer of maps.
+/// Numbers of a pixel in an external buffer of maps.
 const OF_PIXEL: usize = 7;
 
 /// Counts for the host.
@@ -71,7 +71,7 @@ pub(super) struct Exchange {
 }
 
 impl Exchange {
-    /// Allocates the buffers for frames of so many counts, and maps of so many pixels. `memory` is a budget in bytes.
+    /// Allocates the buffers for frames with the given numbers of counts and pixels. `memory` is a budget in bytes.
     ///
     /// # Errors
     /// Memory or device do not allow it.
@@ -88,10 +88,10 @@ impl Exchange {
     ///
     /// # Errors
     /// The device fails.
-    pub fn take(&mut self, frame: &mut LentCounts, number: usize, counts: &mut Vec<f32>) -> Result<()> {
+    pub fn take(&mut self, frame: &mut ExternalCounts, number: usize, counts: &mut Vec<f32>) -> Result<()> {
         let Exchange { executor, words } = self;
         executor.settle()?;
-        let ticket = executor.take_lent(&frame.counts, COUNTS_HOST, [frame.after, frame.taken])?;
+        let ticket = executor.copy_external(&frame.counts, COUNTS_HOST, [frame.after, frame.taken])?;
         frame.taken = None;
         executor.wait(ticket)?;
         if frame.format == Format::F32 {
@@ -114,25 +114,25 @@ impl Exchange {
     ///
     /// # Errors
     /// The device fails. Then `done` was not signalled.
-    fn give(&mut self, maps: &Maps, to: &Lent, done: Option<Moment>) -> Result<()> {
-        self.executor.give_lent(bytemuck::cast_slice(&words_of(maps)), MAPS_HOST, to, done)
+    fn give(&mut self, maps: &Maps, to: &ExternalBuffer, done: Option<TimelinePoint>) -> Result<()> {
+        self.executor.write_external(bytemuck::cast_slice(&words_of(maps)), MAPS_HOST, to, done)
     }
 }
 
-/// Bytes of the maps of so many pixels in a lent buffer.
+/// Bytes of the maps in an external buffer, by number of pixels.
 fn maps_bytes(pixels: usize) -> u64 {
     (pixels * OF_PIXEL * 4) as u64
 }
 
 impl Session {
-    /// Bytes of the maps of a frame in a lent buffer: see [`LentFrame::maps`].
-    pub fn lent_maps_bytes(&self) -> u64 {
+    /// Bytes of the maps of a frame in an external buffer: see [`ExternalFrame::maps`].
+    pub fn external_maps_bytes(&self) -> u64 {
         let [nx, ny, _] = self.plan().levels.maps.n;
         maps_bytes(nx * ny)
     }
 }
 
-impl LentCounts {
+impl ExternalCounts {
     /// Signals from the host that the buffer may be written again, if that was not signalled yet.
     ///
     /// # Errors
@@ -142,20 +142,20 @@ impl LentCounts {
     }
 }
 
-impl LentFrame {
+impl ExternalFrame {
     /// # Errors
     /// The session or the buffers do not allow it.
     pub(super) fn check(&self, session: &Session) -> Result<()> {
-        let refused = |what: String, mend: &str| Err(Error::options(what, mend.to_string()));
-        if !session.lent {
+        let refused = |what: String, hint: &str| Err(Error::options(what, hint.to_string()));
+        if !session.external {
             return refused(
                 "this session takes counts from the host only".into(),
-                "make it with `lent` in its options",
+                "make it with `external` in its options",
             );
         }
         if matches!(session.submitter.feed(), Feed::Sum { .. }) {
             return refused(
-                "frames in lent buffers cannot be summed".into(),
+                "frames in external buffers cannot be summed".into(),
                 "add them up in the caller's own pass, or feed single frames",
             );
         }
@@ -170,17 +170,17 @@ impl LentFrame {
                 "lend pairs x bins counts in the format that was named, bin by bin within a pair",
             );
         }
-        let wanted = session.lent_maps_bytes();
+        let wanted = session.external_maps_bytes();
         if let Some(maps) = self.maps.as_ref().filter(|maps| maps.bytes() < wanted) {
             return refused(
                 format!("{} bytes for maps, which are {wanted} bytes", maps.bytes()),
-                "lend a buffer of `lent_maps_bytes`",
+                "lend a buffer of `external_maps_bytes`",
             );
         }
         if [Some(&self.counts.counts), self.maps.as_ref()]
             .into_iter()
             .flatten()
-            .any(|lent| !lent.is_on(session.gpu()))
+            .any(|external| !external.is_on(session.gpu()))
         {
             return refused(
                 "a buffer was imported on another device than the session's".into(),
@@ -205,24 +205,24 @@ impl LentFrame {
 
     /// Signals the moments that were not signalled yet, from the host.
     pub(super) fn release(&mut self, gpu: &Gpu) {
-        // On a lost device nobody waits for them.
+        // No waits on a lost device.
         let _ = self.counts.release(gpu);
         let _ = self.done.take().map(|done| gpu.signal(done));
     }
 }
 
-/// The maps as numbers: see [`LentFrame::maps`].
+/// The maps as numbers: see [`ExternalFrame::maps`].
 fn words_of(maps: &Maps) -> Vec<f32> {
     let mask = maps.mask.iter().map(|is_surface| f32::from(u8::from(*is_surface)));
     let pixels = maps.albedo.len();
-    let confidence = maps.confidence.as_deref().unwrap_or(&[]).iter().copied();
-    let confidence = confidence.chain(std::iter::repeat(f32::NAN)).take(pixels);
+    let depth_error = maps.depth_error.as_deref().unwrap_or(&[]).iter().copied();
+    let depth_error = depth_error.chain(std::iter::repeat(f32::NAN)).take(pixels);
     let mut words = Vec::with_capacity(OF_PIXEL * pixels);
     words.extend(&maps.albedo);
     words.extend(&maps.depth);
     words.extend(maps.normal.as_flattened());
     words.extend(mask);
-    words.extend(confidence);
+    words.extend(depth_error);
     words
 }
 

@@ -19,10 +19,10 @@ use super::owned::OwnedDevice;
 use crate::advice::advice;
 use crate::{Error, Result};
 
-pub use super::flight::Moment;
+pub use super::flight::TimelinePoint;
 pub use super::owned::QueueLock;
 pub use super::place::{Block, BlockSource};
-pub use buffer::{Imported, Lent};
+pub use buffer::{ExternalBuffer, Imported};
 pub use requirements::{Features, Requirements, requirements};
 
 /// Handles of an application's Vulkan.
@@ -62,12 +62,12 @@ impl Gpu {
     /// # Safety
     /// All handles are valid, belong together, and outlive the last clone of the returned handle and everything
     /// created from it. `enabled` lists only enabled features.
-    pub unsafe fn of_caller(vulkan: &Vulkan) -> Result<Gpu> {
+    pub unsafe fn of_external(vulkan: &Vulkan) -> Result<Gpu> {
         requirements::check_version(vulkan.api_version)?;
         let debug_names = vulkan.enabled.debug_utils;
         // SAFETY: the caller provides an instance with its loader function.
         let raw = unsafe { requirements::load(vulkan.get_instance_proc_addr, vulkan.instance) };
-        let instance = Arc::new(Instance::of_caller(raw, debug_names));
+        let instance = Arc::new(Instance::of_external(raw, debug_names));
         let physical = vulkan.physical_device;
         let index = instance.list().iter().position(|(other, _)| *other == physical).ok_or_else(|| {
             Error::device(
@@ -83,7 +83,7 @@ impl Gpu {
         // SAFETY: the caller provides a device of the instance.
         let device = unsafe { ash::Device::load(instance.raw.fp_v1_0(), vulkan.device) };
         let device = Arc::new(OwnedDevice::new(device, instance.clone(), true));
-        let cache = Cache::of_caller(device.clone(), vulkan.pipeline_cache);
+        let cache = Cache::of_external(device.clone(), vulkan.pipeline_cache);
         let (lock, blocks) = (vulkan.lock.clone(), vulkan.blocks.clone());
         let (queue, family) = (vulkan.queue, vulkan.family);
         let parts = Parts { instance, device, physical, info, queue, family, offered, cache, lock, blocks };

@@ -61,12 +61,12 @@ pub struct Conditions {
 impl Maps {
     /// Sets the expected depth error of all layers in metres: two of three pixels with a given value have a smaller
     /// error. NaN for pixels without a depth. Values outside the mask are rough guesses.
-    pub fn set_confidence(&mut self, known: &Conditions) {
+    pub fn set_depth_error(&mut self, known: &Conditions) {
         let expected = |maps: &Maps| maps.expected_errors(known);
         let second = self.layer(1).map(|maps| expected(&maps));
-        self.confidence = Some(expected(self));
-        if let (Some(Layer { confidence, .. }), Some(second)) = (&mut self.behind, second) {
-            *confidence = Some(second);
+        self.depth_error = Some(expected(self));
+        if let (Some(Layer { depth_error, .. }), Some(second)) = (&mut self.behind, second) {
+            *depth_error = Some(second);
         }
     }
 
@@ -156,9 +156,9 @@ mod tests {
     }
 
     fn expected(mut maps: Maps, known: Conditions) -> Vec<f32> {
-        maps.set_confidence(&known);
+        maps.set_depth_error(&known);
         maps.check().unwrap();
-        maps.confidence.unwrap()
+        maps.depth_error.unwrap()
     }
 
     /// Value in the middle of the map.
@@ -256,11 +256,11 @@ mod tests {
             depth: back.depth,
             normal: back.normal,
             mask: back.mask,
-            confidence: None,
+            depth_error: None,
         });
-        both.set_confidence(&KNOWN);
+        both.set_depth_error(&KNOWN);
         let at = SIDE / 2 * SIDE + SIDE / 2;
-        let [first, second] = [0, 1].map(|l| both.layer(l).unwrap().confidence.unwrap()[at]);
+        let [first, second] = [0, 1].map(|l| both.layer(l).unwrap().depth_error.unwrap()[at]);
         assert!(second > 2.0 * first, "{first} {second}");
     }
 }

@@ -8,13 +8,13 @@ use ash::vk;
 
 use crate::device::Gpu;
 use crate::executor::Executor;
-use crate::flight::{Moment, Ticket};
+use crate::flight::{Ticket, TimelinePoint};
 use crate::names::Buffer;
 use crate::{Error, Result};
 
 /// A range of an application's buffer.
 #[derive(Clone)]
-pub struct Lent {
+pub struct ExternalBuffer {
     pub(crate) buffer: vk::Buffer,
     pub(crate) offset: u64,
     pub(crate) bytes: u64,
@@ -22,7 +22,7 @@ pub struct Lent {
     imported: Option<Imported>,
 }
 
-impl Lent {
+impl ExternalBuffer {
     /// The `bytes` bytes of `buffer` from byte `offset`; both are multiples of 4.
     ///
     /// # Errors
@@ -33,14 +33,14 @@ impl Lent {
     /// outlives the frames that name it. It has VK_BUFFER_USAGE_TRANSFER_SRC_BIT if it is read,
     /// VK_BUFFER_USAGE_TRANSFER_DST_BIT if it is written. It is shared with, or owned by, the queue's family. It is
     /// not written while a frame reads it, and not accessed while a frame writes it.
-    pub unsafe fn new(buffer: vk::Buffer, offset: u64, bytes: u64) -> Result<Lent> {
+    pub unsafe fn new(buffer: vk::Buffer, offset: u64, bytes: u64) -> Result<ExternalBuffer> {
         if !offset.is_multiple_of(4) || !bytes.is_multiple_of(4) || bytes == 0 {
             return Err(Error::options(
                 format!("{bytes} bytes of a buffer from byte {offset} on"),
                 "give whole words of 4 bytes, at least one",
             ));
         }
-        Ok(Lent { buffer, offset, bytes, imported: None })
+        Ok(ExternalBuffer { buffer, offset, bytes, imported: None })
     }
 
     /// Size in bytes.
@@ -155,11 +155,11 @@ impl Imported {
     ///
     /// # Errors
     /// Its size is not a multiple of 4.
-    pub fn lend(&self) -> Result<Lent> {
+    pub fn lend(&self) -> Result<ExternalBuffer> {
         // SAFETY: the buffer has all usages, belongs to the device that `is_on` compares, and is kept alive by the
         // range.
-        let lent = unsafe { Lent::new(self.0.buffer, 0, self.0.bytes)? };
-        Ok(Lent { imported: Some(self.clone()), ..lent })
+        let external = unsafe { ExternalBuffer::new(self.0.buffer, 0, self.0.bytes)? };
+        Ok(ExternalBuffer { imported: Some(self.clone()), ..external })
     }
 }
 
@@ -196,7 +196,7 @@ impl Gpu {
     ///
     /// # Errors
     /// The device fails.
-    pub fn wait_for(&self, moment: Moment, limit: Duration) -> Result<bool> {
+    pub fn wait_for(&self, moment: TimelinePoint, limit: Duration) -> Result<bool> {
         let (semaphores, values) = ([moment.semaphore], [moment.value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         let limit = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
@@ -212,7 +212,7 @@ impl Gpu {
     ///
     /// # Errors
     /// The device fails.
-    pub fn signal(&self, moment: Moment) -> Result<()> {
+    pub fn signal(&self, moment: TimelinePoint) -> Result<()> {
         let info = vk::SemaphoreSignalInfo::default().semaphore(moment.semaphore).value(moment.value);
         // SAFETY: the creator of the timeline point guarantees the semaphore's lifetime and an increasing value.
         unsafe { self.raw().signal_semaphore(&info) }
@@ -229,11 +229,11 @@ impl Executor {
     ///
     /// # Panics
     /// `to` is smaller than the range, or not in the arena.
-    pub fn take_lent(
+    pub fn copy_external(
         &mut self,
-        from: &Lent,
+        from: &ExternalBuffer,
         to: Buffer,
-        [after, taken]: [Option<Moment>; 2],
+        [after, taken]: [Option<TimelinePoint>; 2],
     ) -> Result<Ticket> {
         let target = *self.arena.get(to);
         assert!(
@@ -257,12 +257,12 @@ impl Executor {
     ///
     /// # Panics
     /// `content` exceeds the range, or is not a whole number of words.
-    pub fn give_lent(
+    pub fn write_external(
         &mut self,
         content: &[u8],
         through: Buffer,
-        to: &Lent,
-        done: Option<Moment>,
+        to: &ExternalBuffer,
+        done: Option<TimelinePoint>,
     ) -> Result<()> {
         let bytes = content.len() as u64;
         assert!(
