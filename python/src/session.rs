@@ -22,6 +22,9 @@ use crate::tell::{Raised, Teller, heard};
 /// How often a thread that waits looks for signals.
 const LOOK: Duration = Duration::from_millis(20);
 
+/// Maps of a frame, its number, seconds of its solve, and warnings.
+type Waited = (Maps, u64, f64, Vec<String>);
+
 /// A session behind a lock, so that several threads may call it. Submitting and cancelling need no lock.
 #[pyclass(module = "thirdbounce._native", frozen)]
 pub struct Session {
@@ -64,7 +67,7 @@ impl Session {
     }
 
     /// The maps of the next result, its number and its seconds, if it is there by then.
-    fn wait_for(&self, limit: Duration) -> Result<Option<(Maps, u64, f64, Vec<String>)>> {
+    fn wait_for(&self, limit: Duration) -> Result<Option<Waited>> {
         let mut session = self.locked();
         let session = session.as_mut().ok_or_else(closed)?;
         if !self.may_wait && !self.is_pending.load(Relaxed) {

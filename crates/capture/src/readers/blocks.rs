@@ -111,8 +111,11 @@ pub(super) fn visit(file: &Hdf5, array: &Array, visit: &mut dyn FnMut([usize; 3]
     })
 }
 
+/// Receives the counts of a block, and where it lies along each axis.
+type Take<'t> = dyn FnMut(&[Range<usize>], &[f32]) + 't;
+
 /// Calls `take` with all counts of an array, of which only a block is in memory at a time, and where the block lies.
-fn parts(file: &Hdf5, array: &Array, take: &mut dyn FnMut(&[Range<usize>], &[f32])) -> Result<()> {
+fn parts(file: &Hdf5, array: &Array, take: &mut Take) -> Result<()> {
     let cut = Cut::of(array, glance::AT_ONCE);
     let wide: usize = (1..cut.shape.len()).map(|axis| cut.cells(axis)).product();
     for cell in 0..wide {

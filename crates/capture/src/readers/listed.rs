@@ -52,6 +52,7 @@ pub(super) fn read_3d_rsd(file: &Variables, notes: &mut Vec<String>) -> Result<C
 }
 
 /// Wall points or normals as a file has them.
+#[derive(Clone)]
 struct List {
     name: String,
     shape: Vec<usize>,
@@ -88,6 +89,22 @@ impl List {
     }
 }
 
+/// Whether a name contains one of these parts.
+fn has(name: &str, parts: &[&str]) -> bool {
+    parts.iter().any(|part| name.to_lowercase().contains(part))
+}
+
+/// Refuses a single point that may be a device away from the wall.
+fn check_single(lists: [&List; 2]) -> Result<()> {
+    let unclear = |list: &&List| list.points.len() == 1 && !has(&list.name, &["point", "xyz", "grid"]);
+    let Some(one) = lists.into_iter().find(unclear) else { return Ok(()) };
+    let side = if has(&one.name, &LASERS) { "laser" } else { "camera" };
+    Err(Error::input(
+        format!("{} is a single point: is it on the wall, or the place of the device?", one.name),
+        format!("name it {side}_point if it is on the wall"),
+    ))
+}
+
 /// Reads a capture whose counts come with arrays of points; `None` if the file holds none.
 ///
 /// # Errors
@@ -105,7 +122,6 @@ pub(super) fn read(
     let Some((array, counts)) = shapes.iter().max_by_key(|(_, shape)| size(shape)).cloned() else {
         return Ok(None);
     };
-    let has = |name: &str, parts: &[&str]| parts.iter().any(|part| name.to_lowercase().contains(part));
     let of_pairs = |n: usize| counts.iter().any(|bins| n > 1 && size(&counts) / bins == n);
     let mut lists = Vec::new();
     for (name, shape) in shapes.iter().filter(|(name, _)| *name != array) {
@@ -151,31 +167,11 @@ pub(super) fn read(
                 "{} are the only points: laser and sensor point of a pair are one (confocal)",
                 list.name
             ));
-            (
-                List {
-                    name: list.name.clone(),
-                    shape: list.shape.clone(),
-                    places: list.places.clone(),
-                    points: list.points.clone(),
-                },
-                list,
-            )
+            (list.clone(), list)
         }
         [None, None] => return Err(unclear()),
     };
-    // A single point may be a device that is not on the wall.
-    if let Some(one) = [&laser, &sensor]
-        .into_iter()
-        .find(|l| l.points.len() == 1 && !has(&l.name, &["point", "xyz", "grid"]))
-    {
-        return Err(Error::input(
-            format!("{} is a single point: is it on the wall, or the place of the device?", one.name),
-            format!(
-                "name it {}_point if it is on the wall",
-                if has(&one.name, &LASERS) { "laser" } else { "camera" }
-            ),
-        ));
-    }
+    check_single([&laser, &sensor])?;
     let what = format!("a file with {array}, {} and {}", laser.name, sensor.name);
     let bin_width = given.bin_width(&what, None, notes)?;
     notes.push(format!(

@@ -20,7 +20,7 @@ use glam::DVec3;
 use rust_hdf5::types::HBool;
 use rust_hdf5::{H5File, Hdf5Error};
 
-use super::counts::largest_count;
+use super::counts::{Counts, largest_count};
 use super::exhaustive;
 use super::points::{check_places, compact, per_pair, squeezed, triples, unit};
 use super::variables::Variables;
@@ -44,13 +44,7 @@ pub fn read(source: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
         vectors(source, "sensor_grid_xyz")?.ok_or_else(|| source.missing("sensor_grid_xyz"))?;
     let (l, s) = (laser.len(), sensor.len());
     let format = source.number("H_format")?.unwrap_or(0.0) as i64;
-    // A polarised render has a Stokes vector in place of each count, of which the first number is the intensity.
-    let with_stokes = match (format, &stored[..]) {
-        (1 | 4, [_, _, _, 4]) | (2, [_, _, _, _, _, 4]) | (3, [_, _, 4]) => true,
-        (0, [_, _, _, 4] | [_, _, _, _, _, 4]) => true,
-        (0, [_, n, 4]) => l.max(s) == *n,
-        _ => false,
-    };
+    let with_stokes = holds_stokes(format, &stored, l.max(s));
     let shape = if with_stokes { stored[..stored.len() - 1].to_vec() } else { stored };
     let format = match (format, &shape[..]) {
         (0, &[_, _]) => 3,
@@ -60,28 +54,7 @@ pub fn read(source: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
         (0, &[_, _, _, _, _]) => 2,
         (format, _) => format,
     };
-    let (scan, exhaustive) = match (format, &shape[..]) {
-        (1, &[_, x, y]) => ([x, y], false),
-        (2, &[_, lx, ly, sx, sy]) if lx * ly == 1 => ([sx, sy], true),
-        (2, &[_, lx, ly, sx, sy]) if sx * sy == 1 => ([lx, ly], true),
-        (2, &[_, lx, ly, sx, sy]) => ([lx * ly, sx * sy], true),
-        (3, &[_, n]) => (grid_of(n, &[&sensor_shape, &laser_shape]), false),
-        (4, &[_, 1, n]) => (grid_of(n, &[&sensor_shape]), true),
-        (4, &[_, n, 1]) => (grid_of(n, &[&laser_shape]), true),
-        (4, &[_, li, si]) => ([li, si], true),
-        (10..=13, _) => {
-            return Err(Error::input(
-                format!("H_format {format}: H was transformed to frequencies"),
-                "save or render it in the time domain, as T_Sx_Sy or another of H_format 1 to 4",
-            ));
-        }
-        _ => {
-            return Err(Error::input(
-                format!("H has shape {shape:?} and H_format {format}, which do not agree"),
-                "known layouts are 1 (T, Sx, Sy), 2 (T, Lx, Ly, Sx, Sy), 3 (T, Si) and 4 (T, Li, Si)",
-            ));
-        }
-    };
+    let (scan, exhaustive) = layout(format, &shape, [&laser_shape, &sensor_shape])?;
     let pairs = scan[0] * scan[1];
     if exhaustive && l.checked_mul(s) != Some(pairs) {
         return Err(Error::input(
@@ -99,9 +72,9 @@ pub fn read(source: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     };
     let places = |what: &str, found: &[usize], side: Side| {
         let axes = axes(side);
-        let is_list = squeezed(&found[..found.len() - 1]) == [axes.iter().product::<usize>()]
-            && matches!(format, 3 | 4);
-        if is_list { Ok(()) } else { check_places(what, found, &axes, &shape) }
+        let is_list = squeezed(&found[..found.len() - 1]) == [axes.iter().product::<usize>()];
+        let is_good = is_list && matches!(format, 3 | 4);
+        if is_good { Ok(()) } else { check_places(what, found, &axes, &shape) }
     };
     places("laser_grid_xyz", &laser_shape, Side::Laser)?;
     places("sensor_grid_xyz", &sensor_shape, Side::Sensor)?;
@@ -125,11 +98,7 @@ pub fn read(source: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     let laser = spread("laser_grid_xyz", Side::Laser, laser)?;
     let sensor = spread("sensor_grid_xyz", Side::Sensor, sensor)?;
     let bin_width = source.number("delta_t")?.ok_or_else(|| source.missing("delta_t"))?;
-    let mut h = source.counts("H")?;
-    if with_stokes {
-        notes.push("H holds Stokes vectors: the intensity, the first of each, is used".into());
-        h.values = host::collected("the counts", h.values.len() / 4, h.values.iter().step_by(4).copied())?;
-    }
+    let h = counts(source, with_stokes, notes)?;
     let integer_counts = h.whole();
     let histograms = transpose(&h.values, shape[0], pairs)?;
     let capture = Capture {
@@ -146,6 +115,53 @@ pub fn read(source: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     legs::check_measured(&capture)?;
     let legs = outer_legs(source, &capture)?;
     legs::remove(&capture, &legs)
+}
+
+/// Whether a polarised render has a Stokes vector in place of each count, of which the first number is the intensity.
+/// `points`: those of the side with more.
+fn holds_stokes(format: i64, shape: &[usize], points: usize) -> bool {
+    match (format, shape) {
+        (1 | 4, [_, _, _, 4]) | (2, [_, _, _, _, _, 4]) | (3, [_, _, 4]) => true,
+        (0, [_, _, _, 4] | [_, _, _, _, _, 4]) => true,
+        (0, [_, n, 4]) => points == *n,
+        _ => false,
+    }
+}
+
+/// The counts, or the intensities of Stokes vectors.
+fn counts(source: &Variables, with_stokes: bool, notes: &mut Vec<String>) -> Result<Counts> {
+    let mut h = source.counts("H")?;
+    if with_stokes {
+        notes.push("H holds Stokes vectors: the intensity, the first of each, is used".into());
+        h.values = host::collected("the counts", h.values.len() / 4, h.values.iter().step_by(4).copied())?;
+    }
+    Ok(h)
+}
+
+/// The scan of a layout, and whether it holds every combination of laser and sensor points.
+fn layout(format: i64, shape: &[usize], [laser, sensor]: [&[usize]; 2]) -> Result<([usize; 2], bool)> {
+    Ok(match (format, shape) {
+        (1, &[_, x, y]) => ([x, y], false),
+        (2, &[_, lx, ly, sx, sy]) if lx * ly == 1 => ([sx, sy], true),
+        (2, &[_, lx, ly, sx, sy]) if sx * sy == 1 => ([lx, ly], true),
+        (2, &[_, lx, ly, sx, sy]) => ([lx * ly, sx * sy], true),
+        (3, &[_, n]) => (grid_of(n, &[sensor, laser]), false),
+        (4, &[_, 1, n]) => (grid_of(n, &[sensor]), true),
+        (4, &[_, n, 1]) => (grid_of(n, &[laser]), true),
+        (4, &[_, li, si]) => ([li, si], true),
+        (10..=13, _) => {
+            return Err(Error::input(
+                format!("H_format {format}: H was transformed to frequencies"),
+                "save or render it in the time domain, as T_Sx_Sy or another of H_format 1 to 4",
+            ));
+        }
+        _ => {
+            return Err(Error::input(
+                format!("H has shape {shape:?} and H_format {format}, which do not agree"),
+                "known layouts are 1 (T, Sx, Sy), 2 (T, Lx, Ly, Sx, Sy), 3 (T, Si) and 4 (T, Li, Si)",
+            ));
+        }
+    })
 }
 
 #[derive(Clone, Copy)]
