@@ -87,6 +87,14 @@ def test_other_axes_are_refused():
         tb.Capture(counts(), points(), bin_width=0.05, bins_axis=1)
 
 
+@pytest.mark.parametrize("name", ["laser_xyz", "sensor_normal", "laser_normal"])
+@pytest.mark.parametrize("shape", [(3, 5, 3), (15, 3), (1, 15, 3)])
+def test_points_that_only_number_as_many_are_refused(name, shape):
+    with pytest.raises(tb.Error, match=name) as raised:
+        tb.Capture(np.ones((5, 3, 7)), np.ones((5, 3, 3)), bin_width=0.05, **{name: np.ones(shape)})
+    assert "5 x 3" in str(raised.value) and str(shape[0]) in str(raised.value)
+
+
 def test_a_single_point_is_that_of_every_pair():
     capture = tb.Capture(counts(), points(), (0.1, 0.2, 0.0), bin_width=0.05)
     assert capture.laser_xyz.shape == (4, 4, 3) and not capture.is_confocal

@@ -72,5 +72,5 @@ fn what_cannot_be_ends_with_one() {
     assert!(stdout(&done).contains("problem "), "{}", stdout(&done));
     succeed(&["info", &sound, "--solver", "lct"]);
     // Settings of files.
-    fail(&["info", &sound, "--axes", "xyz"], 2, "xyt");
+    fail(&["info", &sound, "--axes", "xyz"], 1, "xyt");
 }

@@ -95,6 +95,11 @@ impl Division {
         if whole > 1 {
             notes.push(format!("{whole} rounds of the scan are added up"));
         }
+        let frames =
+            matches!(self, Division::Pixels { frame: None, .. } | Division::Lines { frame: None, .. });
+        if frames && whole > 1 && whole < rounds.len() {
+            notes.push("rounds are told by their number of markers alone: if each has more of them, name the marker of frames, or they shift".into());
+        }
         let rounds = rounds.into_iter().filter(|round| round.len() == points);
         let span = |(point, [from, to]): (usize, [i64; 2])| Span { from, to, point: point as u32 };
         Ok(rounds.flat_map(|round| round.into_iter().enumerate().map(span)).collect())

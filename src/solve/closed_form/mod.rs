@@ -124,7 +124,7 @@ macro_rules! host_method {
                 gpu: &$crate::gpu::Gpu,
                 problem: &$crate::solve::Problem<'_>,
             ) -> $crate::Result<Box<dyn $crate::solve::Prepared>> {
-                $crate::solve::closed_form::on_host::prepare(self, gpu, problem)
+                $crate::solve::closed_form::on_host::prepare(self, gpu, problem, false)
             }
         }
     };

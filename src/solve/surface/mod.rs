@@ -164,7 +164,7 @@ pub fn prepare_for_frames(
         }
     };
     let fine = Fit::new(gpu, &problem, options, [coarse_iterations, iterations])?;
-    let mut made = PreparedSurface {
+    let made = PreparedSurface {
         coarse,
         fine,
         options: options.clone(),
@@ -212,7 +212,7 @@ struct PreparedSurface {
 
 impl PreparedSurface {
     /// The closed form that initialises the surface, prepared; `None`: a plane does.
-    fn first_method(&mut self, gpu: &Gpu) -> Result<Option<Start>> {
+    fn first_method(&self, gpu: &Gpu) -> Result<Option<Start>> {
         let problem = Problem { memory: self.memory, ..Problem::new(&self.first_scan, self.first_grid) };
         Start::new(gpu, &problem, &self.options)
     }
@@ -370,12 +370,8 @@ impl Fits<'_> {
         // The support that the next frame begins with follows as in a round, where the fit was long enough to tell.
         if let Some(typical) = support::typical_albedo(&layers).filter(|_| !self.is_late()) {
             let range = fine.plan().levels.maps.depth_range().map(|z| z as f32);
-            let share = support::share(support::flatness(&layers, typical));
-            for maps in &mut layers {
-                support::grow(maps, typical, range);
-                support::settle(maps, typical, share);
-                support::drop_islands(maps);
-            }
+            let flatness = support::flatness(&layers, typical);
+            support::follow(&mut layers, [typical, flatness], Some(range));
         }
         Ok(Done { driven, layers, explained: quality.map_or(0.0, |q| q.explained()) })
     }
@@ -443,14 +439,14 @@ pub(crate) fn in_rounds(
         let error = quality.model_error();
         let flatness = support::flatness(layers, typical);
         let old = lit(layers);
-        for maps in layers.iter_mut() {
-            if round < number {
-                support::grow(maps, typical, range);
-            }
-            support::settle(maps, typical, support::share(flatness));
-            support::drop_islands(maps);
-        }
+        let fitted = layers.clone();
+        support::follow(layers, [typical, flatness], (round < number).then_some(range));
         let new = lit(layers);
+        if !new.contains(&true) {
+            // No pixel has the evidence of a surface: the support stays that of the closed form.
+            *layers = fitted;
+            return Ok(false);
+        }
         let changed = old.iter().zip(&new).filter(|(a, b)| a != b).count() as f64;
         let all = new.iter().filter(|l| **l).count() as f64;
         let stable = changed <= rounds::STABLE[0] * all && error > (1.0 - rounds::STABLE[1]) * before;

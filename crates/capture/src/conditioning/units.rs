@@ -90,7 +90,7 @@ impl Sizes {
         let misfit = |what: String, refused: bool| Some(Misfit { what, refused });
         let record = end - start;
         if bin > WIDEST_BIN * wall {
-            return misfit(format!("a bin is {bin} m of path, wider than the wall of {wall} m"), true);
+            return misfit(format!("a bin is {:.5} m of path, wider than the wall of {wall} m", bin), true);
         }
         if record > LONGEST_RECORD[0] * wall {
             let what = format!(
@@ -161,7 +161,7 @@ impl Sizes {
                 format!("the points look like {} (a wall of {:.4} m)", length.0, self.wall * length.1);
             let bins = format!(
                 "delta_t {} looks like {}: metres of path would be {:.4}",
-                self.bin,
+                self.bin as f32,
                 time.0,
                 self.bin * time.1
             );
