@@ -168,8 +168,8 @@ fn a_trace_with_figures_and_snapshots() {
             files,
             [
                 "albedo.png",
-                "depth_error.png",
                 "depth.png",
+                "depth_error.png",
                 "maps.exr",
                 "maps.npz",
                 "mesh.ply",

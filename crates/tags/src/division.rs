@@ -98,7 +98,7 @@ impl Division {
         let frames =
             matches!(self, Division::Pixels { frame: None, .. } | Division::Lines { frame: None, .. });
         if frames && whole > 1 && whole < rounds.len() {
-            notes.push("rounds are told by their number of markers alone: if each has more of them, name the marker of frames, or they shift".into());
+            notes.push("rounds are reported by their number of markers alone: if each has more of them, name the marker of frames, or they shift".into());
         }
         let rounds = rounds.into_iter().filter(|round| round.len() == points);
         let span = |(point, [from, to]): (usize, [i64; 2])| Span { from, to, point: point as u32 };
