@@ -37,7 +37,7 @@ instrumented: setup
 sanitize: setup
 	cargo test --locked --package thirdbounce-capi -- --ignored
 
-# The long tests: long runs, every injected fault, whole solves of every kind. Those of reliability write docs/reliability.md.
+# The long tests: long runs, every injected fault, whole solves of every kind. Those of reliability write benches/results/reliability.tsv.
 soak: setup
 	cargo test --release --locked --test reliability --test solvers --test cli -- --ignored
 

@@ -3,8 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
-use fixtures::command::thirdbounce;
+use fixtures::command::{program, stderr, thirdbounce};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).to_owned()
@@ -87,7 +88,7 @@ fn broken(pages: &[PathBuf]) -> Vec<String> {
 #[test]
 fn links_lead_somewhere() {
     let pages = files(&root(), &[".md"]);
-    assert!(pages.len() > 20, "the pages were not found");
+    assert!(pages.len() > 15, "the pages were not found");
     let broken = broken(&pages);
     assert!(broken.is_empty(), "links that lead nowhere:\n{}", broken.join("\n"));
 }
@@ -197,6 +198,79 @@ fn commands_are_understood() {
     assert!(count > 40, "only {count} calls were found");
 }
 
+/// The files that commands of pages read: small captures with truth.
+fn inputs(folder: &Path) {
+    let run = |arguments: &[&str]| {
+        let output =
+            Command::new(program()).args(arguments).current_dir(folder).output().expect("the program runs");
+        assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+    };
+    run(&[
+        "simulate",
+        "figure",
+        "--scan",
+        "8",
+        "--bin-width",
+        "0.02",
+        "--out",
+        "capture.npz",
+        "--truth",
+        "truth.npz",
+    ]);
+    run(&["reconstruct", "capture.npz", "--lateral", "16", "--out", "result", "--quiet"]);
+    fs::create_dir(folder.join("scans")).expect("a folder");
+    for copy in ["figure.npz", "scans/a.npz", "scans/b.npz"] {
+        fs::copy(folder.join("capture.npz"), folder.join(copy)).expect("a copy");
+    }
+    fs::write(folder.join("list.txt"), "scans/*.npz\n").expect("a file");
+}
+
+/// Whether a command takes long, needs a file that pages do not make, or serves until it is stopped.
+fn is_left_out(call: &[String], folder: &Path) -> bool {
+    let word = |w: &str| call.iter().any(|c| c == w);
+    let is_long = ["demo", "benchmark", "live"].contains(&&*call[0]) || word("paper") || word("--check");
+    let is_absent = |file: &String| {
+        call[0] != "simulate" && !file.starts_with('-') && !file.contains('*') && !folder.join(file).exists()
+    };
+    is_long || word("-") || word("1") || call.get(1).is_some_and(is_absent)
+}
+
+/// Options that shorten a command, where it has no value of its own for them.
+fn made_cheaper(call: &[String]) -> Vec<String> {
+    let shorter: &[[&str; 2]] = match &*call[0] {
+        "simulate" => &[["--scan", "8"]],
+        "reconstruct" | "batch" | "profile" if !call.iter().any(|w| w == "--solver" || w == "--compile") => {
+            &[["--lateral", "16"], ["--iterations", "2"], ["--model", "cosine"]]
+        }
+        _ => &[],
+    };
+    let missing = shorter.iter().filter(|[name, _]| !call.iter().any(|w| w == name));
+    missing.flatten().map(|w| w.to_string()).collect()
+}
+
+#[test]
+fn commands_run() {
+    let mut ran = 0;
+    for page in files(&root().join("docs"), &[".md"]) {
+        let text = read(&page).replace("\\\n", " ");
+        let folder = tempfile::tempdir().expect("a folder");
+        for (line, mut call) in calls(&text) {
+            if !folder.path().join("capture.npz").exists() {
+                inputs(folder.path());
+            }
+            if is_left_out(&call, folder.path()) {
+                continue;
+            }
+            call.extend(made_cheaper(&call));
+            let run = Command::new(program()).args(&call).current_dir(folder.path()).output();
+            let output = run.expect("the program runs");
+            assert!(output.status.success(), "{}: {line}\n{}", page.display(), stderr(&output));
+            ran += 1;
+        }
+    }
+    assert!(ran > 25, "only {ran} commands ran");
+}
+
 #[test]
 fn wrong_commands_are_seen() {
     let page = "thirdbounce prose\n\n    X=1 find . | thirdbounce batch - --out 'a b'  # c\n\n```sh\n$ x\n\
@@ -215,7 +289,7 @@ fn quoted(text: &str) -> Vec<&str> {
 }
 
 #[test]
-fn options_of_the_guide_exist() {
+fn options_of_the_pages_exist() {
     let help = String::from_utf8(thirdbounce(&["help"]).stdout).expect("text");
     let verbs = help.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
     let verbs = verbs
@@ -228,14 +302,13 @@ fn options_of_the_guide_exist() {
         options.extend(words.filter(|w| w.starts_with("--")));
     }
     assert!(options.contains("--lateral") && options.contains("--dark") && !options.contains("--nonsense"));
-    let mut pages = files(&root().join("docs/guide"), &[".md"]);
+    let mut pages = files(&root().join("docs"), &[".md"]);
     pages.push(root().join("README.md"));
-    assert!(pages.len() > 7, "the guide was not found");
+    assert!(pages.len() > 10, "the pages were not found");
     for page in pages {
-        // Cargo's and make's own options stand in code blocks, never in prose.
-        for word in
-            quoted(&read(&page)).iter().flat_map(|q| q.split([' ', '=', '|'])).filter(|w| w.starts_with("--"))
-        {
+        let text = read(&page);
+        let own = quoted(&text).into_iter().filter(|q| !q.starts_with("cargo ") && !q.starts_with("make "));
+        for word in own.flat_map(|q| q.split([' ', '=', '|'])).filter(|w| w.starts_with("--")) {
             assert!(options.contains(word), "{}: {word} is no option", page.display());
         }
     }
@@ -251,7 +324,7 @@ fn pages_show_the_program_that_is_compiled() {
     });
     let program = documentation.split("```no_run\n").nth(1).and_then(|rest| rest.split("```").next());
     let program = program.filter(|p| p.contains("fn main")).expect("the first program");
-    for page in ["README.md", "docs/guide/embedding.md"] {
+    for page in ["README.md", "docs/rust-c-vulkan.md"] {
         assert!(
             read(&root.join(page)).contains(&format!("```rust\n{program}```")),
             "{page} has another program"

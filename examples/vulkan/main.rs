@@ -6,13 +6,15 @@
 mod program;
 
 use std::error::Error;
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use ash::vk;
 use glam::{DVec3, dvec3};
 use program::{Program, VERSION};
 use thirdbounce::{
-    Capture, Format, Gpu, Lent, LentCounts, LentFrame, Moment, Options, SessionOptions, Vulkan,
+    Capture, Format, Gpu, Lent, LentCounts, LentFrame, Moment, SessionOptions, Settings, SurfaceSettings,
+    Vulkan,
 };
 
 /// Points of the scan, and pixels of the maps, along x and along y.
@@ -39,7 +41,10 @@ fn main() -> Result<(), Box<dyn Error>> {
             pipeline_cache: vk::PipelineCache::null(),
         })?;
         let lent = SessionOptions { lent: true, ..SessionOptions::default() };
-        let mut session = Options::default().set("lateral", PIXELS).session(&gpu, &scan(), lent)?;
+        let method = SurfaceSettings { lateral: Some(PIXELS), ..SurfaceSettings::default() }.into();
+        let settings = Settings { method, ..Settings::default() };
+        let (mut session, _) =
+            thirdbounce::session(&gpu, &scan(), &settings, lent, &mut |_| ControlFlow::Continue(()))?;
 
         let counts = program.buffer((SIDE * SIDE * BINS * 4) as u64, false)?;
         let maps = program.buffer(session.lent_maps_bytes(), false)?;

@@ -1,6 +1,6 @@
 //! A whole reconstruction, as the command does it.
 
-use engine::job::{self, Loaded, Outcome};
+use engine::job::{self, Loaded, Outcome, Request};
 use engine::{Error, Kind, Result};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -9,7 +9,7 @@ use crate::capture::Arrays;
 use crate::devices;
 use crate::error::guarded;
 use crate::maps;
-use crate::settings::Settings;
+use crate::settings::{self, Texts};
 use crate::tell::Teller;
 
 /// Reconstructs a capture: maps, with `report` as JSON and `notes` as sentences. `progress` is called with (doing,
@@ -18,20 +18,21 @@ use crate::tell::Teller;
 pub fn reconstruct<'py>(
     py: Python<'py>,
     arrays: Arrays<'py>,
-    settings: Settings,
+    settings: Texts,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let capture = guarded(py, None, || arrays.capture())?;
     let teller = Teller::new(progress, true);
     let done = guarded(py, None, || {
         py.detach(|| {
-            let choice = settings.choice()?;
-            let loaded = job::take(capture, &settings.input(&choice)?)?;
-            let request = settings.request(choice.resolve(&loaded.capture).request())?;
-            let gpu = devices::open(&settings.device)?;
+            let settings = settings::settings(&settings)?;
+            let device = settings.device.clone();
+            let loaded = job::take(capture, &settings)?;
+            let gpu = devices::open(&device)?;
+            let request = Request { tuned: true, ..Request::new(settings, "") };
             let solved = job::solve(&request, &loaded, &gpu, &mut |p| teller.hear(p));
             if solved.as_ref().is_err_and(|e| e.kind == Kind::Device) {
-                devices::forget(&settings.device);
+                devices::forget(&device);
             }
             packed(solved?.outcome, &loaded)
         })

@@ -1,4 +1,4 @@
-"""Reconstruction: the same maps as the command, and a solve that stops when it is told."""
+"""Reconstruction: the same maps as the command, and a solve that stops on request."""
 
 import json
 import os
@@ -17,7 +17,7 @@ from conftest import SHORT
 FIVE_LINES = """\
 import thirdbounce as tb
 capture, truth = tb.simulate("sphere", scan=8, bin_width=0.03, noise=0.3)
-maps = tb.reconstruct(capture, pixels=16)
+maps = tb.reconstruct(capture, lateral=16)
 maps.save("result")
 print(round(float(abs(maps.depth - 0.7)[maps.mask].mean()), 3), int(maps.mask.sum()))
 """
@@ -96,14 +96,14 @@ def test_drawing_needs_matplotlib(tmp_path, maps):
 
 
 def test_progress_is_told_and_may_stop_the_solve(capture):
-    told = []
+    reports = []
 
     def hear(progress):
-        told.append(progress)
-        return len(told) < 2
+        reports.append(progress)
+        return len(reports) < 2
 
     with pytest.raises(tb.CancelledError):
-        tb.reconstruct(capture, progress=hear, model="cosine", high_pass=0, pixels=32, iterations=200)
+        tb.reconstruct(capture, on_progress=hear, model="cosine", high_pass=0, lateral=32, iterations=200)
     assert len(told) == 2 and isinstance(told[0], tb.Progress) and told[0].iterations >= 200
 
 
@@ -112,11 +112,11 @@ def test_what_a_progress_function_raises_comes_back(capture):
         raise KeyError("mine")
 
     with pytest.raises(KeyError, match="mine"):
-        tb.reconstruct(capture, progress=hear, **SHORT)
+        tb.reconstruct(capture, on_progress=hear, **SHORT)
     assert tb.reconstruct(capture, **SHORT).mask.any()
 
 
-LONG = {"model": "cosine", "pixels": 64, "iterations": 100000}
+LONG = {"model": "cosine", "lateral": 64, "iterations": 100000}
 
 
 def test_ctrl_c_stops_a_solve_soon(capture):
@@ -139,7 +139,7 @@ def test_other_threads_run_during_a_solve(capture):
     thread = threading.Thread(target=tick)
     thread.start()
     start = time.monotonic()
-    tb.reconstruct(capture, **{**SHORT, "pixels": 32, "iterations": 60})
+    tb.reconstruct(capture, **{**SHORT, "lateral": 32, "iterations": 60})
     taken = time.monotonic() - start
     done.set()
     thread.join()

@@ -116,14 +116,14 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         );
     };
     args.each.check()?;
-    let device = &args.each.device;
+    let device = &args.each.capture.device;
     let batch = Batch {
         captures: named(&captures(&args.captures)?),
         shard: parts,
         out: args.each.out.clone(),
         options: args.options.clone(),
         device: gpu::GpuOptions {
-            device: device.device.clone(),
+            device: args.each.capture.settings.settings()?.device,
             pipeline_cache: device.pipeline_cache(),
             validation: device.validation,
             ..gpu::GpuOptions::default()
@@ -176,8 +176,7 @@ impl Caller for Args {
     }
 
     fn load(&self, capture: &Listed) -> Result<(Loaded, Request)> {
-        let (loaded, request) = self.each.load(&capture.path)?;
-        let mut request = self.each.over(request);
+        let (loaded, mut request) = self.each.load(&capture.path)?;
         for file in [&mut request.truth, &mut request.volume_file].into_iter().flatten() {
             *file = with_name(file, &capture.name);
         }

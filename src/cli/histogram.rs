@@ -9,8 +9,8 @@ use thirdbounce::tags::{Asked, Division, Histograms, Inputs, PileUp, Scan, Zero}
 use thirdbounce::{Error, Result};
 
 use super::terminal::{print, say};
-use super::units::{length, path, time};
 use super::{interrupt, tables};
+use thirdbounce::solve::units::{length, path, time};
 
 const EXAMPLES: &str = "\
 Examples:

@@ -6,8 +6,7 @@ use thirdbounce::capture::scan::decimals;
 use thirdbounce::job::{self, Inspection};
 use thirdbounce::{Result, export};
 
-use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
-use super::solver::SolverArgs;
+use super::settings::CaptureArgs;
 use super::terminal::{json, print, say};
 use super::{advice, interrupt, tables};
 
@@ -25,17 +24,10 @@ pub struct Args {
     /// file, or into capture.png in this folder
     #[arg(long, value_name = "DIR or FILE")]
     png: Option<PathBuf>,
-    #[command(flatten)]
-    solver: SolverArgs,
-    #[command(flatten)]
-    grid: VolumeArgs,
-    #[command(flatten)]
-    device: DeviceArgs,
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    args.grid.volume_only()?;
-    let (loaded, request) = load(&args.capture, &args.solver, &args.grid, &args.device)?;
+    let (loaded, request) = args.capture.load()?;
     let mut found = job::inspect(&request, &loaded)?;
     found.problems.iter_mut().for_each(|problem| *problem = advice::text(problem).into());
     if let Some(place) = &args.png {

@@ -9,23 +9,21 @@ mod convert;
 mod demo;
 mod devices;
 mod evaluate;
+mod help;
 mod histogram;
 mod info;
-mod input;
 mod interrupt;
 mod live;
 mod methods;
-mod options;
 mod profile;
 mod progress;
 mod reconstruct;
 mod removed;
 mod schedule;
+mod settings;
 mod simulate;
-mod solver;
 mod tables;
 mod terminal;
-mod units;
 
 use std::process::ExitCode;
 
@@ -51,7 +49,7 @@ Lengths are metres, times are metres of path (seconds times 299792458), unless a
 /// Reads transient histograms captured at a relay wall. Computes albedo, depth and surface normals of the hidden scene,
 /// on any Vulkan device.
 #[derive(Parser)]
-#[command(name = "thirdbounce", version, after_help = EXAMPLES, subcommand_required = true)]
+#[command(name = "thirdbounce", version, after_help = EXAMPLES, subcommand_required = true, disable_help_subcommand = true)]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
@@ -91,6 +89,8 @@ enum Verb {
     Schedule(Box<schedule::Args>),
     /// List the Vulkan devices.
     Devices(devices::Args),
+    /// Show the options of a verb, of a group of settings, or of a method.
+    Help(help::Args),
 }
 
 /// Runs the verb that the command line names.
@@ -154,6 +154,7 @@ fn run() -> Result<ExitCode> {
         Verb::Profile(args) => profile::run(&args),
         Verb::Schedule(args) => schedule::run(&args),
         Verb::Devices(args) => devices::run(&args),
+        Verb::Help(args) => help::run(&args),
     }?;
     Ok(ExitCode::SUCCESS)
 }
@@ -161,10 +162,18 @@ fn run() -> Result<ExitCode> {
 /// The command. It accepts negative numbers, because later checks explain better which values are allowed.
 pub fn command() -> clap::Command {
     Cli::command().mut_subcommands(|verb| {
-        verb.mut_args(|arg| {
+        let has_settings = verb.get_arguments().any(|arg| arg.get_id() == "model");
+        let verb = verb.mut_args(|arg| {
             let takes = arg.get_action().takes_values() && !arg.is_positional();
+            let is_of_tags = has_settings && arg.get_help_heading() == Some("Time tags");
+            let arg = if is_of_tags { arg.hide(true) } else { arg };
             if takes { arg.allow_negative_numbers(true) } else { arg }
-        })
+        });
+        if !has_settings {
+            return verb;
+        }
+        let before = verb.get_after_help().map_or(String::new(), |text| format!("{text}\n\n"));
+        verb.after_help(format!("{before}{}", help::more()))
     })
 }
 

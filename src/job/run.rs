@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::places::{PAGE, PREVIEW};
 use super::preview::Preview;
-use super::{Loaded, Request, reconstruct, report, request};
+use super::{Loaded, Request, SolverOptions, reconstruct, report};
 use crate::Result;
 use crate::export;
 use crate::export::report::Report;
@@ -59,10 +59,10 @@ pub fn run(
     loaded: &Loaded,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
-    let truth = request.check()?;
+    let truth = request.check(&loaded.capture)?;
     request.check_places()?;
     // What does not fit is told before a device is asked for.
-    request.grid(&loaded.capture)?;
+    request.resolved(&loaded.capture).grid(&loaded.capture)?;
     let gpu = request.open()?;
     solve_checked(request, loaded, &gpu, truth, hear)?.write(request)
 }
@@ -78,8 +78,8 @@ pub fn solve(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solved> {
-    let truth = request.check()?;
-    request.grid(&loaded.capture)?;
+    let truth = request.check(&loaded.capture)?;
+    request.resolved(&loaded.capture).grid(&loaded.capture)?;
     solve_checked(request, loaded, gpu, truth, hear)
 }
 
@@ -91,16 +91,15 @@ fn solve_checked(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solved> {
     // A closed-form method is there as soon as a preview.
-    let preview = match request.preview && !request.solver.is_closed_form() {
+    let preview = match request.preview && !request.resolved(&loaded.capture).solver.is_closed_form() {
         true => Preview::begin(request, &loaded.capture, gpu, hear)?,
         false => None,
     };
     let done = reconstruct::solve(request, loaded, gpu, truth.as_ref(), preview.as_ref(), hear)?;
-    let mut notes: Vec<String> = done.found.notes();
-    notes.extend(request::summed_note(done.sum, done.result.plan.scene.bin_width));
-    notes.extend(notes_on(request, &done.result));
+    let mut notes: Vec<String> = done.job.notes();
+    notes.extend(notes_on(&done.job.solver, &done.result));
     let mut report = report::report_of(request, loaded, gpu, &done);
-    // Who has the report alone learns what was told.
+    // Copies the notes into the report.
     report.settings["notes"] = loaded.notes.iter().chain(&notes).cloned().collect();
     report.totals.preview_s = preview.as_ref().map(|p| p.seconds);
     let result = done.result;
@@ -116,7 +115,7 @@ fn solve_checked(
         },
         volume: result.volume,
         snapshots: done.snapshots,
-        title: title(&loaded.input.path),
+        title: title(&loaded.path),
         light: export::page::Light::of(&loaded.capture),
         preview,
     })
@@ -162,14 +161,14 @@ fn title(capture: &Path) -> String {
 }
 
 /// Warnings: an end before the last doubling, a surface that was not taken, an empty result.
-fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
+fn notes_on(solver: &SolverOptions, solved: &Reconstruction) -> Vec<String> {
     let mut notes = Vec::new();
     let (reached, wanted) = (solved.lateral, solved.plan.finest().grid.n[0]);
     if reached < wanted {
         notes.push(format!(
             "{} iterations end at {reached} lateral voxels, not at {wanted}: give more iterations, double the grid \
              earlier, or start with the finest grid",
-            request.solver.common().iterations[0]
+            solver.common().iterations[0]
         ));
     }
     if let Some(behind) = &solved.maps.behind {

@@ -18,6 +18,7 @@ use std::time::{Duration, Instant};
 
 use crate::capture::Capture;
 use crate::gpu::Gpu;
+use crate::resolve::Job;
 use crate::solve::surface::{self, Follow};
 use crate::solve::{Bins, Discretisation, Plan, Prepared, Problem, Progress, Reconstruction, SolverOptions};
 use crate::transport::Grid;
@@ -161,9 +162,33 @@ impl Session {
         Ok(Session { gpu: gpu.clone(), plan, lent, submitter, shared, thread: Some(thread), last: None })
     }
 
+    /// A session for frames of the scan of `frame`, as `job` resolves it.
+    ///
+    /// # Errors
+    /// Scan, memory or device do not allow the solve.
+    #[doc(hidden)]
+    pub fn of(gpu: &Gpu, frame: &Capture, job: &Job<'_>, options: SessionOptions) -> Result<Session> {
+        let options = SessionOptions {
+            sum: Some(job.sum),
+            memory: job.memory,
+            mask_fraction: job.mask_fraction,
+            with_volume: options.with_volume || job.keep_volume,
+            ..options
+        };
+        // The session sums the bins of each frame itself.
+        let mut scan = frame.clone();
+        scan.pulse.clone_from(&job.capture.pulse);
+        Session::new(gpu, &scan, Some(job.grid), &job.solver, options)
+    }
+
     /// The device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
+    }
+
+    /// Pairs, and bins of each, of a frame of counts.
+    pub fn size(&self) -> [usize; 2] {
+        self.submitter.size()
     }
 
     /// Levels, passes and buffers.

@@ -260,7 +260,7 @@ fn a_full_disk_ends_the_batch() {
     let volume = folder.path().join("v.npz");
     std::os::unix::fs::symlink("/dev/full", &volume).unwrap();
     let out = folder.path().join("out");
-    let said = batch(&["a/*.npz", "b/one.npz"], &out, &["--volume", volume.to_str().unwrap()]);
+    let said = batch(&["a/*.npz", "b/one.npz"], &out, &["--volume-file", volume.to_str().unwrap()]);
     assert_eq!((said.code, said.summary["stopped"].as_bool()), (Some(1), Some(true)), "{}", said.errors);
     assert_eq!(said.counts(), [3, 0, 0, 1]);
     assert!(said.errors.contains("the disk is full") && said.errors.contains("2 left"), "{}", said.errors);
@@ -276,7 +276,7 @@ fn truth_and_volume_go_by_the_name_of_the_capture() {
     succeed(&[&simulate[..], &[capture.to_str().unwrap(), "--truth", truth.to_str().unwrap()]].concat());
     let [truths, volumes] = ["{}_truth.npz", "v/{}.npz"].map(|n| folder.path().join(n).display().to_string());
     let out = folder.path().join("out");
-    let said = batch(&[capture.to_str().unwrap()], &out, &["--truth", &truths, "--volume", &volumes]);
+    let said = batch(&[capture.to_str().unwrap()], &out, &["--truth", &truths, "--volume-file", &volumes]);
     assert_eq!(said.code, Some(0), "{}", said.errors);
     let line = said.lines.values().next().unwrap();
     assert!(line["figures"]["iou"].as_f64().unwrap() > 0.1, "{line}");

@@ -210,15 +210,19 @@ fn what_is_wrong_is_said_in_one_message_and_nothing_is_written() {
     let cases: &[(&[&str], i32, &str)] = &[
         (&["--truth", "/nonexistent/t.npz"], 1, "/nonexistent/t.npz"),
         (&["--truth", capture], 1, "gt_depth"),
-        (&[&with_truth[..], &["--method", "magic"]].concat(), 1, "--solver magic is not known"),
+        (&[&with_truth[..], &["--method", "magic"]].concat(), 1, "the solver magic is not known"),
         (&[&with_truth[..], &["--method", "paper:colour=red"]].concat(), 1, "--colour"),
-        (&[&with_truth[..], &["--method", "paper:l1=much"]].concat(), 1, "'much' for '--l1"),
+        (&[&with_truth[..], &["--method", "paper:l1=much"]].concat(), 1, "--l1 is much"),
         (&[&with_truth[..], &["--method", "paper;paper:l1=-2"]].concat(), 1, "--l1 is -2"),
-        (&[&with_truth[..], &["--method", "surface:l1=1"]].concat(), 1, "--l1 is no option of the surface"),
+        (
+            &[&with_truth[..], &["--method", "surface:l1=1"]].concat(),
+            1,
+            "--l1 is no option of the solver surface",
+        ),
         (
             &[&with_truth[..], &["--method", "paper:sparsity=1"]].concat(),
             1,
-            "--sparsity is no option of the paper",
+            "--sparsity is no option of the solver paper",
         ),
         (&[&with_truth[..], &["--method", "paper:sampling=wild"]].concat(), 1, "'wild'"),
         (&[&with_truth[..], &["--method", "paper:no-reduce=1"]].concat(), 1, "no-reduce"),
@@ -409,7 +413,7 @@ fn with_an_oracle_every_mask_is_the_best_and_the_page_says_so() {
         let maps = thirdbounce::export::npz::read_maps(&folder.join("maps.npz")).unwrap();
         assert_eq!(Some(maps.mask_fraction.unwrap()), metrics["best_fraction"].as_f64());
     }
-    assert!(std::fs::read_to_string(out.join("benchmark.html")).unwrap().contains("no user has it"));
+    assert!(std::fs::read_to_string(out.join("benchmark.html")).unwrap().contains("Oracle masks"));
 }
 
 #[test]

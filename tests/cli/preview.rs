@@ -6,8 +6,9 @@ use fixtures::captures::{changed, place};
 use fixtures::command::{stderr, thirdbounce};
 use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, write};
-use thirdbounce::job::{Input, Loaded, PREVIEW, Request, load, run};
+use thirdbounce::job::{Loaded, PREVIEW, Request, load, run};
 use thirdbounce::measure::metrics;
+use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{Doing, PaperOptions, SolverOptions, SurfaceOptions};
 
@@ -23,7 +24,7 @@ fn capture() -> Capture {
 fn loaded(capture: &Capture) -> (tempfile::TempDir, Loaded) {
     let (folder, path) = place("c.npz");
     write(capture, &path).unwrap();
-    (folder, load(&Input { path, ..Input::default() }).unwrap())
+    (folder, load(&path, &Settings::default()).unwrap())
 }
 
 fn options() -> SolverOptions {

@@ -12,11 +12,12 @@ use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, Gate, Pulse, read, write};
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::Array;
-use thirdbounce::job::{FindPulse, Input, Request, load, run};
+use thirdbounce::job::{Request, load, run};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{Doing, Problem, SolverOptions, SurfaceOptions, Watch, default_volume};
 use thirdbounce::transport::{Grid, Volume};
+use thirdbounce::{ImpulseResponse, Settings};
 
 const FWHM: f64 = 0.04;
 
@@ -187,9 +188,10 @@ fn a_pulse_that_is_none_is_refused() {
 fn trials_are_heard_and_may_be_broken_off() {
     let (_folder, path) = fixtures::captures::place("c.npz");
     write(&changed(&capture(true), |c| c.pulse = None), &path).unwrap();
-    let loaded = load(&Input { path: path.clone(), ..Input::default() }).unwrap();
+    let loaded = load(&path, &Settings::default()).unwrap();
     let out = path.with_file_name("out");
-    let request = Request { find_pulse: FindPulse::Always, ..Request::new(SurfaceOptions::default(), &out) };
+    let auto = |s: &mut Settings| s.pulse = Some(ImpulseResponse::Auto);
+    let request = Request::new(Settings::from(SurfaceOptions::default()).with(auto), &out);
     let mut heard = 0;
     let broken = run(&request, &loaded, &mut |progress| {
         assert!(progress.doing == Doing::Trial, "nothing comes before the trials");
@@ -205,7 +207,8 @@ fn trials_are_heard_and_may_be_broken_off() {
         o.iterations = 1;
     });
     let volume = Volume { min: glam::dvec3(-0.5, -0.5, 1e3), max: glam::dvec3(0.5, 0.5, 1e3 + 0.1) };
-    let request = Request { volume: Some(volume), find_pulse: FindPulse::Always, ..Request::new(far, &out) };
+    let settings = Settings::from(far).with(auto).with(|s| s.volume = Some(volume));
+    let request = Request::new(settings, &out);
     let done = run(&request, &loaded, &mut |_| ControlFlow::Continue(())).unwrap();
     assert!(
         done.notes.iter().any(|note| note.contains("pulse is not known") && note.contains("surface")),

@@ -137,7 +137,7 @@ fn a_background_that_was_taken_off_is_told() {
     let without = notes();
     let told = |words: &str| without.iter().any(|n| n.contains(words));
     assert!(told("counts are negative, so the background was taken off"), "{without:?}");
-    assert!(told("some counts are negative: --preset captured is used"), "{without:?}");
+    assert!(told("some counts are negative: the preset captured is used"), "{without:?}");
     let gates =
         |all: &[String]| -> Vec<String> { all.iter().filter(|n| n.contains("gate")).cloned().collect() };
     assert!(gates(&with).len() == 1 && gates(&with) == gates(&without), "{with:?}, {without:?}");

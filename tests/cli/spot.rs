@@ -6,8 +6,9 @@ use fixtures::captures::changed;
 use fixtures::command::{fail, succeed};
 use fixtures::device::gpu;
 use thirdbounce::capture::{Capture, read, write};
-use thirdbounce::job::{Input, load};
+use thirdbounce::job::load;
 use thirdbounce::measure::metrics;
+use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{Problem, Progress, SolverOptions, SurfaceOptions, Watch, default_volume};
 use thirdbounce::transport::Grid;
@@ -98,7 +99,7 @@ fn captures_keep_their_spots_and_options_replace_them() {
     assert!(notes.iter().any(|n| n.contains("spots")), "{notes:?}");
     // A spot in the file is scaled with the wall; one that is given is not.
     let load =
-        |wall, spots| load(&Input { path: file("a.npz"), wall, spots, ..Input::default() }).unwrap().capture;
+        |wall, spot| load(&file("a.npz"), &Settings { wall, spot, ..Settings::default() }).unwrap().capture;
     let twice = load(Some(2.0 * 5.0 / 6.0), None);
     assert!((twice.laser_spot.unwrap() - 0.2).abs() < 1e-9, "{:?}", twice.laser_spot);
     assert_eq!(spots(&load(Some(3.0), Some([0.3, 0.0]))), [Some(0.3), Some(0.0)]);

@@ -327,7 +327,7 @@ fn reports_come_back() {
     report::write(&path, &r).unwrap();
     assert!(report::read(&path).unwrap().trace[0].loss.is_nan());
     std::fs::write(&path, "{}").unwrap();
-    assert_error(report::read(&path), Kind::Input, &["report.json", "no report"]);
+    assert_error(report::read(&path), Kind::Input, &["report.json", "not a report"]);
 }
 
 #[test]

@@ -11,5 +11,4 @@ mod place;
 mod surface;
 mod surface_gather;
 mod surface_gradient;
-mod traffic;
 mod wide;

@@ -9,7 +9,7 @@ use thirdbounce::gpu::{
 };
 use thirdbounce::job::{self, Request};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{Accumulation, Plan, Problem};
+use thirdbounce::solve::{Accumulation, Discretisation, Plan, Problem, SolverOptions};
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Error, Kind};
 
@@ -33,10 +33,11 @@ fn honoured() -> Row {
                 o.lateral = lateral;
                 o.iterations = 1;
             });
-            let request = Request::new(options, "");
+            let options = SolverOptions::from(options);
             let case = || -> Held {
-                let grid = request.grid(&loaded.capture).map_err(|e| e.to_string())?;
-                let plan = request.solver.plan(&Problem::new(&loaded.capture, grid), &gpu.abilities());
+                let grid =
+                    Discretisation::default().grid(&options, &loaded.capture).map_err(|e| e.to_string())?;
+                let plan = options.plan(&Problem::new(&loaded.capture, grid), &gpu.abilities());
                 let plan = plan.map_err(|e| e.to_string())?;
                 match thirdbounce::gpu::Arena::new(&gpu, &plan.buffers, Some(mebibytes << 20)) {
                     Ok(arena) => {

@@ -146,7 +146,7 @@ fn small_disk(share: Share) -> Row {
         let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$@\"");
         let output = Command::new("sh")
             .args(["-c", &script, "sh", env!("CARGO_BIN_EXE_thirdbounce"), "reconstruct", &capture])
-            .args(["--out", &out, "--volume", &volume, "--model", "cosine"])
+            .args(["--out", &out, "--volume-file", &volume, "--model", "cosine"])
             .args(["--lateral", "12", "--iterations", "3", "--quiet"])
             .output()
             .expect("a shell");

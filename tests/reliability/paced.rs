@@ -163,7 +163,7 @@ fn a_device_that_is_down_stays_down_and_says_where() {
     let (_, options) = &solvers(Accumulation::Owned)[1];
     let lost = |point, number| Faults { fail: Some((point, number)), ..Faults::default() };
     let hung = Faults { hang: Some(9), ..Faults::default() };
-    let told = Faults { told: Some(0xbad0), ..lost(Point::Wait, 9) };
+    let told = Faults { fault_address: Some(0xbad0), ..lost(Point::Wait, 9) };
     for (faults, what) in [
         (lost(Point::Submission, 9), "was lost while submitting `"),
         (lost(Point::Wait, 9), "was lost while computing `"),

@@ -2,7 +2,8 @@
 
 use std::ops::ControlFlow;
 
-use thirdbounce::job::{self, Input, Request, Simulation};
+use thirdbounce::job::{self, Request, Simulation};
+use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{RenderOptions, Scene};
 use thirdbounce::solve::SurfaceOptions;
 
@@ -22,7 +23,7 @@ fn two_of_three_errors_are_within_the_confidence() {
             truth: Some((truth.clone(), 64)),
         };
         job::simulate(&what, &mut || {}).unwrap();
-        let loaded = job::load(&Input { path: capture.clone(), ..Input::default() }).unwrap();
+        let loaded = job::load(&capture, &Settings::default()).unwrap();
         let options = SurfaceOptions::default().with(|o| o.lateral = 64);
         let request = Request {
             truth: Some(truth.clone()),

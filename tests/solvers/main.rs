@@ -1,8 +1,8 @@
 //! Whole solves: what they find, what they leave out, what stays the same.
 
+mod api;
 mod closed_form;
 mod confidence;
-mod door;
 mod layers;
 mod leave_out;
 mod lent;

@@ -11,8 +11,9 @@ use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::gpu::{Gpu, GpuOptions, Point};
-use thirdbounce::job::{Bins, Input, Request};
+use thirdbounce::job::{Bins, Request};
 use thirdbounce::session::{Session, SessionOptions, default_grid};
+use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
     Accumulation, Begin, PaperOptions, Preset, Problem, Progress, Reconstruction, SolverOptions, Suit,
@@ -186,11 +187,12 @@ fn a_session_gives_the_maps_of_the_command() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("plates.npz");
     thirdbounce::capture::write(&capture, &file).unwrap();
-    let input = Input { path: file, no_auto_gate: true, ..Input::default() };
-    let loaded = thirdbounce::job::load(&input).unwrap();
+    let whole = Settings { auto_gate: Some(false), ..Settings::default() };
+    let loaded = thirdbounce::job::load(&file, &whole).unwrap();
     // A session estimates nothing that is not given.
     let solver = surface(|o| (o.lateral, o.iterations, o.grow, o.high_pass) = (32, 40, true, Some(0.1)));
-    let request = Request { bins: Bins::Sum(1), ..Request::new(solver.clone(), folder.path().join("out")) };
+    let settings = Settings::from(solver.clone()).with(|s| s.bins = Some(Bins::Sum(1)));
+    let request = Request::new(settings, folder.path().join("out"));
     let mut hear = |_: &Progress| ControlFlow::Continue(());
     let of_command = thirdbounce::job::run(&request, &loaded, &mut hear).unwrap().maps;
     let mut session = session(&gpu, &loaded.capture, &solver);

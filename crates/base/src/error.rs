@@ -1,4 +1,4 @@
-//! The one error type: what is wrong, and how to mend it.
+//! Error type: problem and hint.
 
 use std::any::Any;
 
@@ -21,15 +21,15 @@ pub enum Kind {
     Cancelled,
 }
 
-/// What is wrong, and what to do about it.
+/// An error: problem and hint for fixing it.
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{what}\n  {mend}")]
 pub struct Error {
-    /// The subject.
+    /// Category.
     pub kind: Kind,
-    /// What is wrong, and where.
+    /// Problem and location.
     pub what: String,
-    /// What the reader can do about it.
+    /// Hint for fixing it.
     pub mend: Advice,
 }
 
@@ -64,22 +64,22 @@ impl Error {
         Error::new(Kind::Output, what, mend)
     }
 
-    /// The same error with other advice.
+    /// The same error with another hint.
     pub fn advised(self, mend: impl Into<Advice>) -> Self {
         Error { mend: mend.into(), ..self }
     }
 
-    /// The same error with its place (a file, a dataset) in front of what is wrong.
+    /// The same error with its location (a file, a dataset) prepended.
     pub fn at(mut self, place: impl std::fmt::Display) -> Self {
         self.what = format!("{place}: {}", self.what);
         self
     }
 }
 
-/// The message of a panic that was caught; `None` if it has none that is text.
+/// Message of a caught panic; `None` if it is not text.
 pub fn panic_message(panic: &(dyn Any + Send)) -> Option<&str> {
     panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied())
 }
 
-/// The result of everything that can fail.
+/// Result of a fallible operation.
 pub type Result<T> = std::result::Result<T, Error>;

@@ -10,8 +10,8 @@ use crate::maps::{Maps, percentile};
 
 const MARGIN: usize = 12;
 
-/// Writes the confidence of the masked pixels in colour on a logarithmic scale, from its 1st (purple) to its 99th
-/// percentile (yellow), beside a bar in millimetres. Without confidence the picture is empty.
+/// Writes the expected depth error of the masked pixels in colour on a logarithmic scale, from its 1st (purple) to
+/// its 99th percentile (yellow), with a colour bar in millimetres. The picture is empty without expected errors.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
@@ -21,15 +21,15 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
 }
 
 fn picture(maps: &Maps) -> Picture {
-    let told = |p: usize| maps.confidence.as_ref().map(|c| c[p]).filter(|c| maps.mask[p] && c.is_finite());
-    let all: Vec<f32> = (0..maps.depth.len()).filter_map(told).collect();
+    let error = |p: usize| maps.confidence.as_ref().map(|c| c[p]).filter(|c| maps.mask[p] && c.is_finite());
+    let all: Vec<f32> = (0..maps.depth.len()).filter_map(error).collect();
     let ends = percentile(&all, 1.0).zip(percentile(&all, 99.0)).filter(|(least, _)| *least > 0.0);
     let ends = ends.map(|(least, most)| (f64::from(least), f64::from(most)));
     let share = |c: f32| match ends {
         Some((least, most)) if most > least => (f64::from(c) / least).ln() / (most / least).ln(),
         _ => 0.0,
     };
-    let map = Picture::of_maps(maps, enlargement(maps), |p| told(p).map_or(BACKGROUND, |c| shade(share(c))));
+    let map = Picture::of_maps(maps, enlargement(maps), |p| error(p).map_or(BACKGROUND, |c| shade(share(c))));
     let Some((least, most)) = ends else { return map };
     let labels = [most, (least * most).sqrt(), least].map(|m| format!("{} mm", millimetres(m)));
     let height = map.height.max(SIDE / 4);

@@ -7,18 +7,18 @@ use super::png;
 use crate::error::Result;
 use crate::maps::{Maps, Truth, percentile};
 
-/// True surface that was not found.
+/// True surface absent from the result.
 const MISSED: [u8; 3] = [232, 48, 48];
-/// Surface that was found where truth has none.
+/// Surface of the result absent from the truth.
 const FALSE: [u8; 3] = [110, 110, 122];
 const MARGIN: usize = 14;
-/// A square of the legend, with the gap after it.
+/// Size of a legend square with its gap.
 const SQUARE: usize = 22;
 
-/// Writes the picture on the truth's grid, +x to the left and +y up. Pixels that are surface in both show |depth − true depth| in colour. A pixel
-/// of the maps is surface above `fraction` of the brightest albedo, as in [`crate::measure::metrics()`]. Missed and
-/// false pixels have colours of their own. A bar in millimetres goes from 0 (purple) to the errors' 99th percentile
-/// (yellow).
+/// Writes the picture on the truth's grid, +x to the left and +y up. Pixels that are surface in both show |depth −
+/// true depth| in colour. A pixel of the maps is surface above `fraction` of the brightest albedo, as in
+/// [`crate::measure::metrics()`]. Missed and false pixels have distinct colours. A colour bar in millimetres ranges
+/// from 0 (purple) to the errors' 99th percentile (yellow).
 ///
 /// # Errors
 /// `Kind::Input` if sizes do not agree, `Kind::Output` if the file cannot be written.
@@ -90,7 +90,7 @@ fn picture(maps: &Maps, truth: &Truth) -> Picture {
     picture
 }
 
-/// The colour of a share of the largest error.
+/// Colour of a share of the largest error.
 pub(super) fn shade(share: f64) -> [u8; 3] {
     colour(1.0 - share.clamp(0.0, 1.0))
 }

@@ -1,5 +1,5 @@
-//! Results as files: npz, EXR, PNG, SVG, PLY, reports and tables. Every file appears whole or not at all, and equal
-//! results give equal bytes.
+//! Results as files: npz, EXR, PNG, SVG, PLY, reports and tables. Writes are atomic, and equal results give equal
+//! bytes.
 
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
@@ -35,8 +35,9 @@ use thirdbounce_maps::{maps, measure};
 use crate::error::Result;
 use crate::maps::Maps;
 
-/// Writes the maps in every format into `folder` (made if missing): `maps.npz`, `maps.exr`, `albedo.png`,
-/// `depth.png`, `normal.png`, `points.ply`, `mesh.ply`, and `confidence.png` if the maps have it. Returns the paths.
+/// Writes the maps in every format into `folder` (created if missing): `maps.npz`, `maps.exr`, `albedo.png`,
+/// `depth.png`, `normal.png`, `points.ply`, `mesh.ply`, and `confidence.png` if the expected depth error is known.
+/// Returns the paths.
 ///
 /// # Errors
 /// `Kind::Input` if the maps' sizes do not agree, `Kind::Output` if a file cannot be written.

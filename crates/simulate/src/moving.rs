@@ -7,13 +7,13 @@ use glam::{DVec3, dvec3};
 use super::{Object, Scene};
 use crate::{Error, Result};
 
-/// Radius of the circle, as a share of the wall's side. A letter stays in front of the wall.
+/// Radius of the circle, as a share of the wall's side, which keeps a letter in front of the wall.
 const RADIUS: f64 = 0.12;
 
-/// Inclination of the circle: the objects come nearer on one side, by this share of the radius.
+/// Depth amplitude of the circle, as a share of the radius.
 const LEAN: f64 = 0.4;
 
-/// All scenes are in memory before the first one is rendered.
+/// Maximum number of frames; all scenes are in memory before rendering.
 const MOST: usize = 10_000;
 
 /// How a scene changes from frame to frame.

@@ -3,7 +3,7 @@
 //! [`Tags`] reads PicoQuant's `.ptu` (every record type, T2 and T3), arrays of timestamps and channels in npz and HDF5, and text.
 //! Files are read block by block, in bounded memory. [`histogram()`] makes a capture of them, or of an instrument's own histograms in
 //! an npy or npz array, from the photons of each point ([`Division`]), the points ([`Scan`]) and the delay of path 0 ([`Zero`]).
-//! docs/tags.md describes the formats.
+//! docs/data.md describes the formats.
 
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]

@@ -17,7 +17,7 @@ Path = Union[str, "os.PathLike[str]"]
 
 @dataclasses.dataclass(eq=False)
 class Layer:
-    """Surfaces behind the first ones, by the same pixels."""
+    """Second layer, on the same pixels."""
 
     albedo: np.ndarray
     """(nx, ny) float32; 0 where there is no second surface."""
@@ -26,7 +26,7 @@ class Layer:
     normals: np.ndarray
     """(nx, ny, 3) float32, unit vectors; NaN where there is no second surface."""
     mask: np.ndarray
-    """(nx, ny) bool: where there is surface."""
+    """(nx, ny) bool: surface pixels."""
     confidence: Optional[np.ndarray]
     """(nx, ny) float32: expected depth error, metres."""
 
@@ -42,23 +42,23 @@ class Maps:
     normals: np.ndarray
     """(nx, ny, 3) float32: unit vectors towards the wall (z < 0); NaN where there is no surface."""
     mask: np.ndarray
-    """(nx, ny) bool: pixels that count as surface."""
+    """(nx, ny) bool: surface pixels."""
     extent: Tuple[float, float, float, float]
     """Outer edges of the pixels: x min, x max, y min, y max, metres."""
     confidence: Optional[np.ndarray] = None
-    """(nx, ny) float32: the depth error that two of three such pixels do not exceed, metres; None if nobody told it."""
+    """(nx, ny) float32: expected depth error, metres (two of three pixels with a given value have a smaller error); None if unknown."""
     behind: Optional[Layer] = None
-    """The surfaces behind the first ones; None where no pixel has two."""
+    """The second layer; None if no pixel has two surfaces."""
     mask_fraction: Optional[float] = None
-    """Share of the brightest albedo above which a pixel counts as surface; None: found at the albedo's edges."""
+    """Mask threshold as a share of the brightest albedo; None: the method's own mask."""
     report: Optional[Dict[str, Any]] = None
-    """What report.json of the command holds: settings, plan, trace, times; None of truth and of frames."""
+    """Content of report.json: settings, plan, trace, times; None for truth and frames."""
     notes: List[str] = dataclasses.field(default_factory=list)
     """What was done to the capture, and warnings, as sentences."""
     frame: Optional[int] = None
-    """The number of a session's frame."""
+    """Frame number of a session."""
     seconds: Optional[float] = None
-    """Seconds that solving took."""
+    """Solve time, seconds."""
 
     @property
     def shape(self) -> Tuple[int, int]:
@@ -77,12 +77,12 @@ class Maps:
 
     @property
     def layers(self) -> List[Layer]:
-        """The first surfaces, and those behind them if there are any."""
+        """The first layer, and the second if present."""
         first = Layer(self.albedo, self.depth, self.normals, self.mask, self.confidence)
         return [first] if self.behind is None else [first, self.behind]
 
     def points(self) -> np.ndarray:
-        """(n, 3) float32: the surface's points, x, y, z in metres."""
+        """(n, 3) float32: surface points, x, y, z in metres."""
         x, y = np.meshgrid(self.x, self.y, indexing="ij")
         return np.stack([x, y, self.depth], axis=-1)[self.mask].astype(np.float32)
 

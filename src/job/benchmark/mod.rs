@@ -201,7 +201,7 @@ impl Benchmark {
             check_place(&folder)?;
             let (loaded, mut comparison) = caller.comparison(&capture, &truth)?;
             comparison.out = folder.clone();
-            comparison.check()?;
+            comparison.check(&loaded.capture)?;
             // It comes last, so a folder without it is made anew.
             staging::remove(&report)?;
             record.write(&folder)?;

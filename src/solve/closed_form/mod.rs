@@ -38,13 +38,16 @@ mod upsample;
 
 use sharpness::Ladder;
 
-pub use backproject::{BpOptions, FbpOptions, Filter, OfProjection, PhasorBpOptions, hat, passes};
-pub use dlct::DlctOptions;
-pub use fk::FkOptions;
+pub use backproject::{
+    BpOptions, BpSettings, FbpOptions, FbpSettings, Filter, OfProjection, PhasorBpOptions, PhasorBpSettings,
+    hat, passes,
+};
+pub use dlct::{DlctOptions, DlctSettings};
+pub use fk::{FkOptions, FkSettings};
 pub use image::Volume;
-pub use lct::LctOptions;
-pub use options::{Between, ImageOptions};
-pub use phasor::PhasorOptions;
+pub use lct::{LctOptions, LctSettings};
+pub use options::{Between, ImageOptions, ImageSettings};
+pub use phasor::{PhasorOptions, PhasorSettings};
 pub use scan::RegularScan;
 
 /// A method that runs on the host.

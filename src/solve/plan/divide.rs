@@ -11,7 +11,7 @@ use crate::{Error, Result};
 /// Fewer pairs than this are no dispatch of a gather, however many voxels there are.
 const LEAST_GATHERED: u32 = 64;
 
-/// The most additions to one fp32 sum: more may lose 1e-4 of it, as equal addends round alike (docs/gpu.md).
+/// The most additions to one fp32 sum: more may lose 1e-4 of it, as equal addends round alike (docs/devices.md).
 const VOXELS_PER_BIN: usize = 16_384;
 
 /// How the work of a plan is divided: over invocations, over dispatches, and over parts.

@@ -155,7 +155,7 @@ const GATHERERS: u32 = 256;
 const SLICES: u32 = 32;
 
 /// Lanes that hide the latencies of a gather on a device of a kind: about 32 warps on each of the 132 multiprocessors of an
-/// H200 (docs/gpu.md), and an eighth of that where a GPU shares the host's memory.
+/// H200 (docs/devices.md), and an eighth of that where a GPU shares the host's memory.
 fn fill_of(kind: DeviceKind) -> u32 {
     match kind {
         DeviceKind::Discrete | DeviceKind::Virtual => 1 << 17,
@@ -170,11 +170,11 @@ fn forward_fill_of(kind: DeviceKind) -> u32 {
 }
 
 /// Other points that a product's forward kernel takes at once on a GPU. With two, columns are 32 bins wide, which move
-/// seldom; with four, they would be 16 wide (docs/gpu.md).
+/// seldom; with four, they would be 16 wide (docs/devices.md).
 const OTHERS_WITH_COLUMNS: u32 = 2;
 
 /// Columns are used up to bricks so many times as wide. Counted on lists of solves: a lane of a warp then moves its
-/// column in a sixth of the turns at most (docs/gpu.md).
+/// column in a sixth of the turns at most (docs/devices.md).
 const SPANS: u32 = 4;
 
 /// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory, or what is left of as much. A brick of

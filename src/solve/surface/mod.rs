@@ -43,7 +43,7 @@ pub(crate) use fit::{Fit, Quality, Run};
 pub use follow::Follow;
 use follow::{Change, Last};
 pub use needs::{OfFit, SMALL_PIXEL, pixels, points_of};
-pub use options::{Begin, LEAST_FLOOR, SurfaceOptions};
+pub use options::{Begin, LEAST_FLOOR, SurfaceOptions, SurfaceSettings};
 pub use pixels::Pixels;
 pub use schedule::{bonds, divide, extract, iteration, points, render, start as start_of};
 pub(crate) use start::Start;

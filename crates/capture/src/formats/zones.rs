@@ -1,5 +1,5 @@
 //! Low-cost sensors with zones, such as ST's VL53L8CH and AMS's TMF8828: one laser, 4 x 4 to 8 x 8 zones with a field of view
-//! each, and bins of centimetres. What the model needs for them is the spot of a zone on the wall (docs/scenes.md).
+//! each, and bins of centimetres. What the model needs for them is the spot of a zone on the wall (docs/options.md).
 //!
 //! The npz files of *Imaging Hidden Objects with Consumer LiDAR* hold `hists` (zones, t) and `pt_cloud` (zones, 3), the wall point
 //! of each zone in metres; other arrays are not read. Path 0 is at the wall, and direct light is cropped (`data/dataloader.py`).

@@ -1,4 +1,4 @@
-//! A caller's buffers and semaphores, and memory that other programs and interfaces share.
+//! External buffers and semaphores: those of an application, and memory shared by other programs and interfaces.
 
 use std::os::fd::{AsRawFd, BorrowedFd, FromRawFd, IntoRawFd, OwnedFd, RawFd};
 use std::sync::Arc;
@@ -12,27 +12,27 @@ use crate::flight::{Moment, Ticket};
 use crate::names::Buffer;
 use crate::{Error, Result};
 
-/// A part of a buffer that a caller lends.
+/// A range of an application's buffer.
 #[derive(Clone)]
 pub struct Lent {
     pub(crate) buffer: vk::Buffer,
     pub(crate) offset: u64,
     pub(crate) bytes: u64,
-    /// Imported memory lives as long as it is lent.
+    /// Keeps imported memory alive.
     imported: Option<Imported>,
 }
 
 impl Lent {
-    /// `bytes` bytes of `buffer` from byte `offset` on; both are multiples of 4.
+    /// The `bytes` bytes of `buffer` from byte `offset`; both are multiples of 4.
     ///
     /// # Errors
-    /// They are not.
+    /// Offset or size is not a multiple of 4.
     ///
     /// # Safety
-    /// The buffer belongs to the device on which it is used, has memory, is so large, and lives until the frames that name it
-    /// are over. It has VK_BUFFER_USAGE_TRANSFER_SRC_BIT to be read, VK_BUFFER_USAGE_TRANSFER_DST_BIT to be written. It is
-    /// shared with the queue's family, or belongs to it. Nobody writes it while a frame reads it, and nobody uses it while
-    /// a frame writes it.
+    /// The buffer belongs to the device on which it is used, has memory, is at least `offset + bytes` long, and
+    /// outlives the frames that name it. It has VK_BUFFER_USAGE_TRANSFER_SRC_BIT if it is read,
+    /// VK_BUFFER_USAGE_TRANSFER_DST_BIT if it is written. It is shared with, or owned by, the queue's family. It is
+    /// not written while a frame reads it, and not accessed while a frame writes it.
     pub unsafe fn new(buffer: vk::Buffer, offset: u64, bytes: u64) -> Result<Lent> {
         if !offset.is_multiple_of(4) || !bytes.is_multiple_of(4) || bytes == 0 {
             return Err(Error::options(
@@ -43,20 +43,20 @@ impl Lent {
         Ok(Lent { buffer, offset, bytes, imported: None })
     }
 
-    /// Its size.
+    /// Size in bytes.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Whether it is on this device, as far as that can be known.
+    /// Whether the range is on this device, as far as known.
     pub fn is_on(&self, gpu: &Gpu) -> bool {
         self.imported.as_ref().is_none_or(|i| i.0.gpu.is(gpu))
     }
 }
 
-/// A buffer over memory of another program or interface (CUDA, another Vulkan device of the same GPU, a driver), which gave
-/// a file descriptor for it. Clones are handles of the same buffer; it goes with the last one, and with the last frame that
-/// uses it.
+/// A buffer over memory of another program or interface (CUDA, another Vulkan device of the same GPU, a driver),
+/// imported by file descriptor. Clones are handles of the same buffer, which is destroyed with the last one and the
+/// last frame that uses it.
 #[derive(Clone)]
 pub struct Imported(Arc<Memory>);
 
@@ -68,16 +68,16 @@ struct Memory {
 }
 
 impl Imported {
-    /// Imports `bytes` bytes of the memory behind an opaque file descriptor (VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT).
-    /// `memory_bytes` is the size of the whole memory as it was allocated, and `memory_type` the index of its type, which
-    /// Vulkan asks to be the same; `None` takes the lowest that fits. The descriptor belongs to this afterwards, if this
-    /// succeeds; else it is as before.
+    /// Imports `bytes` bytes of the memory behind an opaque file descriptor
+    /// (VK_EXTERNAL_MEMORY_HANDLE_TYPE_OPAQUE_FD_BIT). `memory_bytes` is the size of the original allocation, and
+    /// `memory_type` the index of its type, which Vulkan requires to be the same; `None` selects the lowest suitable
+    /// type. On success the library owns the descriptor; on failure it is unchanged.
     ///
     /// # Errors
-    /// The device does not import memory, or not this memory.
+    /// The device does not support import, or the memory cannot be imported.
     ///
     /// # Safety
-    /// The descriptor is one of memory of this GPU, of so many bytes.
+    /// The descriptor refers to memory of this GPU of the given size.
     pub unsafe fn by_fd(
         gpu: &Gpu,
         fd: i32,
@@ -86,14 +86,14 @@ impl Imported {
     ) -> Result<Imported> {
         let refused = |e: vk::Result| {
             Error::memory(
-                format!("{} does not import {bytes} bytes of memory ({e})", gpu.info.name),
+                format!("{} cannot import {bytes} bytes of memory ({e})", gpu.info.name),
                 "export it from the same GPU as an opaque file descriptor, and give its whole size",
             )
         };
         if gpu.external_memory.is_none() {
             return Err(Error::device(
                 format!(
-                    "{} imports no memory: VK_KHR_external_memory_fd is missing or not enabled",
+                    "{} cannot import memory: VK_KHR_external_memory_fd is missing or not enabled",
                     gpu.info.name
                 ),
                 "enable it, or copy through the host",
@@ -115,7 +115,7 @@ impl Imported {
         // SAFETY: the device is alive; every object is destroyed on failure, or by `drop`.
         unsafe {
             let buffer = device.create_buffer(&info, None).map_err(refused)?;
-            // The buffer goes on every failure from here on, and the memory with it once there is some.
+            // Destroys the buffer, and the memory once imported, on every failure from here.
             let mut made = Memory { gpu: gpu.clone(), buffer, memory: vk::DeviceMemory::null(), bytes };
             let needs = device.get_buffer_memory_requirements(buffer);
             let lowest = needs.memory_type_bits.trailing_zeros();
@@ -130,7 +130,7 @@ impl Imported {
                     "give the whole size and the type with which the memory was allocated, or fewer bytes",
                 ));
             }
-            // Vulkan takes the descriptor when it imports, but the binding may still fail: it gets a copy.
+            // Vulkan takes ownership on import, but the binding may still fail: import a copy.
             let copy = copied(fd)?;
             let mut import = vk::ImportMemoryFdInfoKHR::default().handle_type(kind).fd(copy.as_raw_fd());
             let allocate = vk::MemoryAllocateInfo::default()
@@ -146,28 +146,29 @@ impl Imported {
         }
     }
 
-    /// The buffer, for passes of the caller's own.
+    /// The buffer, for the application's own passes.
     pub fn buffer(&self) -> vk::Buffer {
         self.0.buffer
     }
 
-    /// All of it, to lend.
+    /// The whole buffer as an external range.
     ///
     /// # Errors
-    /// Its size is no multiple of 4.
+    /// Its size is not a multiple of 4.
     pub fn lend(&self) -> Result<Lent> {
-        // SAFETY: the buffer has all usages, is of the device that `is_on` names, and is kept by what is lent.
+        // SAFETY: the buffer has all usages, belongs to the device that `is_on` compares, and is kept alive by the
+        // range.
         let lent = unsafe { Lent::new(self.0.buffer, 0, self.0.bytes)? };
         Ok(Lent { imported: Some(self.clone()), ..lent })
     }
 }
 
-/// Another descriptor of the same file.
+/// A duplicate of a file descriptor.
 fn copied(fd: RawFd) -> Result<OwnedFd> {
     let none = |e: std::io::Error| {
         Error::options(
-            format!("{fd} is no file descriptor ({e})"),
-            "give the one that the memory was exported to",
+            format!("{fd} is not a valid file descriptor ({e})"),
+            "give the descriptor of the exported memory",
         )
     };
     if fd < 0 {
@@ -182,7 +183,7 @@ impl Drop for Memory {
         if self.gpu.has_hung() {
             return;
         }
-        // SAFETY: made by this, and the frames that used it are over.
+        // SAFETY: created by this value; the frames that used it are finished.
         unsafe {
             self.gpu.raw().destroy_buffer(self.buffer, None);
             self.gpu.raw().free_memory(self.memory, None);
@@ -191,7 +192,7 @@ impl Drop for Memory {
 }
 
 impl Gpu {
-    /// Waits until a moment has come, but no longer than `limit`. Whether it has.
+    /// Waits until a timeline point is reached, at most for `limit`. Returns whether it was reached.
     ///
     /// # Errors
     /// The device fails.
@@ -199,35 +200,35 @@ impl Gpu {
         let (semaphores, values) = ([moment.semaphore], [moment.value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         let limit = u64::try_from(limit.as_nanos()).unwrap_or(u64::MAX);
-        // SAFETY: who made the moment promised that the semaphore lives.
+        // SAFETY: the creator of the timeline point guarantees the semaphore's lifetime.
         match unsafe { self.raw().wait_semaphores(&info, limit) } {
             Ok(()) => Ok(true),
             Err(vk::Result::TIMEOUT) => Ok(false),
-            Err(e) => Err(self.failed("waiting for a caller's semaphore", e)),
+            Err(e) => Err(self.failed("waiting for an external semaphore", e)),
         }
     }
 
-    /// Signals a moment from the host.
+    /// Signals a timeline point from the host.
     ///
     /// # Errors
     /// The device fails.
     pub fn signal(&self, moment: Moment) -> Result<()> {
         let info = vk::SemaphoreSignalInfo::default().semaphore(moment.semaphore).value(moment.value);
-        // SAFETY: who made the moment promised that the semaphore lives, and that its value is larger than those before.
+        // SAFETY: the creator of the timeline point guarantees the semaphore's lifetime and an increasing value.
         unsafe { self.raw().signal_semaphore(&info) }
-            .map_err(|e| self.failed("signalling a caller's semaphore", e))
+            .map_err(|e| self.failed("signalling an external semaphore", e))
     }
 }
 
 impl Executor {
-    /// Copies the lent bytes into the beginning of the device buffer `to`, after everything that was submitted and after the
-    /// moment `after`. Brings the moment `taken` about when they are copied. Returns without waiting.
+    /// Copies an external range to the start of the device buffer `to`, after all earlier submissions and the
+    /// timeline point `after`. Signals `taken` once copied. Does not block.
     ///
     /// # Errors
-    /// The device fails. Then neither `taken` has come, nor will it.
+    /// The device fails; `taken` is then never signalled.
     ///
     /// # Panics
-    /// `to` is smaller, or the arena has no such buffer.
+    /// `to` is smaller than the range, or not in the arena.
     pub fn take_lent(
         &mut self,
         from: &Lent,
@@ -237,25 +238,25 @@ impl Executor {
         let target = *self.arena.get(to);
         assert!(
             from.bytes <= target.bytes,
-            "{} lent bytes are taken into `{to}`, which has {}",
+            "{} bytes of an external buffer do not fit into `{to}`, which has {}",
             from.bytes,
             target.bytes
         );
         let region = [vk::BufferCopy { src_offset: from.offset, dst_offset: 0, size: from.bytes }];
         self.submit_between([after, taken], [&[], &[to]], |device, c| {
-            // SAFETY: who lent the buffer promised that it can be read so far; the region fits into the target.
+            // SAFETY: the creator of the range guarantees that it is readable; the region fits into the target.
             unsafe { device.cmd_copy_buffer(c, from.buffer, target.handle, &region) }
         })
     }
 
-    /// Writes `content` into the beginning of a lent buffer through the upload buffer `through`, after everything that was
-    /// submitted, and waits. Brings the moment `done` about when it is written.
+    /// Writes `content` to the start of an external range through the upload buffer `through`, after all earlier
+    /// submissions, and waits. Signals `done` once written.
     ///
     /// # Errors
-    /// The device fails. Then `done` has not come.
+    /// The device fails; `done` is then not signalled.
     ///
     /// # Panics
-    /// `content` is longer than what is lent, or is no whole number of words.
+    /// `content` exceeds the range, or is not a whole number of words.
     pub fn give_lent(
         &mut self,
         content: &[u8],
@@ -266,7 +267,7 @@ impl Executor {
         let bytes = content.len() as u64;
         assert!(
             bytes <= to.bytes && bytes.is_multiple_of(4),
-            "{bytes} bytes are given into {} lent bytes",
+            "{bytes} bytes do not fit into {} bytes of an external buffer",
             to.bytes
         );
         self.settle()?;
@@ -279,7 +280,7 @@ impl Executor {
             let region = [vk::BufferCopy { src_offset: 0, dst_offset, size: part.len() as u64 }];
             let moments = [None, done.filter(|_| i == last)];
             let ticket = self.submit_between(moments, [&[through], &[]], |device, c| {
-                // SAFETY: who lent the buffer promised that it can be written so far; the part fits into `through`.
+                // SAFETY: the creator of the range guarantees that it is writable; the part fits into `through`.
                 unsafe { device.cmd_copy_buffer(c, source.handle, to.buffer, &region) }
             })?;
             self.wait(ticket)?;

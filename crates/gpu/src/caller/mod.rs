@@ -1,8 +1,7 @@
-//! A caller's own Vulkan: instance, device, queue, memory and buffers of the program that embeds the library. Nothing of
-//! it is destroyed here, and nothing is enabled on it: [`requirements`] says what the caller is to enable.
+//! An application's own Vulkan: instance, device, queue, memory and buffers of the embedding program. None of them is
+//! destroyed or modified here; [`requirements`] lists what the application must enable.
 //!
-//! Handles are numbers that nobody can check, so whoever gives them makes a promise: the functions that take them are
-//! `unsafe`. What they return is safe to use.
+//! Handles cannot be validated, so functions that accept them are `unsafe`; their results are safe to use.
 
 mod buffer;
 mod requirements;
@@ -26,10 +25,10 @@ pub use super::place::{Block, BlockSource};
 pub use buffer::{Imported, Lent};
 pub use requirements::{Features, Requirements, requirements};
 
-/// Handles of a caller's Vulkan.
+/// Handles of an application's Vulkan.
 #[derive(Clone)]
 pub struct Vulkan {
-    /// `vkGetInstanceProcAddr` of the loader that made the instance.
+    /// `vkGetInstanceProcAddr` of the loader that created the instance.
     pub get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
     /// The instance.
     pub instance: vk::Instance,
@@ -39,40 +38,41 @@ pub struct Vulkan {
     pub physical_device: vk::PhysicalDevice,
     /// The device.
     pub device: vk::Device,
-    /// A queue that computes.
+    /// A compute-capable queue.
     pub queue: vk::Queue,
-    /// Its family.
+    /// Family of the queue.
     pub family: u32,
-    /// What was enabled of that which [`requirements`] names.
+    /// Enabled features, of those in [`requirements`].
     pub enabled: Features,
-    /// Taken around submissions to the queue. `None`: nobody else uses the queue while a [`Gpu`] of it lives.
+    /// Lock held around submissions to the queue. `None`: the queue is not used otherwise while a [`Gpu`] of it
+    /// exists.
     pub lock: Option<Arc<dyn QueueLock>>,
-    /// Memory for buffers. `None`: the library allocates blocks of its own.
+    /// Allocator of buffer memory. `None`: the library allocates its own blocks.
     pub blocks: Option<Arc<dyn BlockSource>>,
-    /// Compiled kernels are kept in this cache. Null: in one of the library's own.
+    /// Pipeline cache for the library's kernels. Null: a cache of the library.
     pub pipeline_cache: vk::PipelineCache,
 }
 
 impl Gpu {
-    /// A handle of a caller's device. All sessions and solves over it submit to the caller's queue.
+    /// A handle of an application's device. All its sessions and solves submit to the application's queue.
     ///
     /// # Errors
-    /// A device, a version or a queue that does not suffice; each error says what is missing.
+    /// An unsuitable device, version or queue; the error names the missing requirement.
     ///
     /// # Safety
-    /// All handles are valid, belong together, and outlive the last clone of the returned handle with everything that was made
-    /// of it. `enabled` says no more than what was enabled.
+    /// All handles are valid, belong together, and outlive the last clone of the returned handle and everything
+    /// created from it. `enabled` lists only enabled features.
     pub unsafe fn of_caller(vulkan: &Vulkan) -> Result<Gpu> {
         requirements::check_version(vulkan.api_version)?;
         let debug_names = vulkan.enabled.debug_utils;
-        // SAFETY: the caller gives an instance with the function that loads its functions.
+        // SAFETY: the caller provides an instance with its loader function.
         let raw = unsafe { requirements::load(vulkan.get_instance_proc_addr, vulkan.instance) };
         let instance = Arc::new(Instance::of_caller(raw, debug_names));
         let physical = vulkan.physical_device;
         let index = instance.list().iter().position(|(other, _)| *other == physical).ok_or_else(|| {
             Error::device(
-                "the physical device is none of the instance's",
-                "give the instance that the device was made with",
+                "the physical device does not belong to the instance",
+                "give the instance from which the device was created",
             )
         })?;
         let info = instance.describe(index, physical);
@@ -80,7 +80,7 @@ impl Gpu {
         let offered = Offered::by(&instance, physical, &info, &options)?;
         let offered = vulkan.enabled.of(offered, &info.name)?;
         check_family(&instance, vulkan, &info.name)?;
-        // SAFETY: the caller gives a device of the instance.
+        // SAFETY: the caller provides a device of the instance.
         let device = unsafe { ash::Device::load(instance.raw.fp_v1_0(), vulkan.device) };
         let device = Arc::new(OwnedDevice::new(device, instance.clone(), true));
         let cache = Cache::of_caller(device.clone(), vulkan.pipeline_cache);
@@ -91,7 +91,7 @@ impl Gpu {
     }
 }
 
-/// Checks that the queue's family computes.
+/// Checks that the queue's family supports compute.
 fn check_family(instance: &Instance, vulkan: &Vulkan, name: &str) -> Result<()> {
     // SAFETY: the physical device is the instance's.
     let families =
@@ -99,16 +99,12 @@ fn check_family(instance: &Instance, vulkan: &Vulkan, name: &str) -> Result<()> 
     match families.get(vulkan.family as usize) {
         Some(family) if family.queue_flags.contains(vk::QueueFlags::COMPUTE) => Ok(()),
         Some(_) => Err(Error::device(
-            format!("queue family {} of {name} does not compute", vulkan.family),
+            format!("queue family {} of {name} does not support compute", vulkan.family),
             "give a queue of a family with VK_QUEUE_COMPUTE_BIT",
         )),
         None => Err(Error::device(
-            format!(
-                "{name} has {} queue families, the queue is said to be of family {}",
-                families.len(),
-                vulkan.family
-            ),
-            advice!["give the family that the queue was made with"],
+            format!("{name} has {} queue families, the given family is {}", families.len(), vulkan.family),
+            advice!["give the family of the queue"],
         )),
     }
 }

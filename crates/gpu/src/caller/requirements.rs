@@ -1,4 +1,4 @@
-//! What a caller's device must have, and what the library uses where it is there.
+//! Requirements on an application's device, and optional features used if present.
 
 use std::ffi::CStr;
 
@@ -9,31 +9,31 @@ use crate::offered::Offered;
 use crate::options::{GpuOptions, compute_family};
 use crate::{Error, Result};
 
-/// The least version of Vulkan: of the instance, and of the device.
+/// Minimum Vulkan version of instance and device.
 const VERSION: u32 = vk::API_VERSION_1_2;
 
-/// Features and extensions that the library uses. All but the first may be missing.
+/// Features and extensions used by the library. Only the first is required.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Features {
-    /// `VkPhysicalDeviceVulkan12Features::timelineSemaphore`. It must be enabled.
+    /// `VkPhysicalDeviceVulkan12Features::timelineSemaphore`. Required.
     pub timeline_semaphore: bool,
     /// `VkPhysicalDeviceFeatures::shaderInt64` and `VkPhysicalDeviceVulkan12Features::shaderBufferInt64Atomics`.
     pub int64_atomics: bool,
-    /// VK_EXT_shader_atomic_float with `VkPhysicalDeviceShaderAtomicFloatFeaturesEXT::shaderBufferFloat32AtomicAdd`. The
-    /// fastest way to add up histograms on GPUs.
+    /// VK_EXT_shader_atomic_float with `VkPhysicalDeviceShaderAtomicFloatFeaturesEXT::shaderBufferFloat32AtomicAdd`:
+    /// the fastest histogram accumulation on GPUs.
     pub float_atomics: bool,
-    /// VK_EXT_memory_budget: how much memory is free.
+    /// VK_EXT_memory_budget: amount of free memory.
     pub memory_budget: bool,
-    /// VK_KHR_portability_subset: a device that offers it must be opened with it.
+    /// VK_KHR_portability_subset: must be enabled on devices that offer it.
     pub portability_subset: bool,
     /// VK_KHR_external_memory_fd, for [`super::Imported`].
     pub external_memory_fd: bool,
-    /// VK_EXT_debug_utils, an extension of the instance: buffers and kernels get names.
+    /// VK_EXT_debug_utils, an instance extension: names of buffers and kernels.
     pub debug_utils: bool,
 }
 
 impl Features {
-    /// The device's extensions to enable for these.
+    /// Device extensions required by these features.
     pub fn extensions(&self) -> Vec<&'static CStr> {
         let offered = Offered {
             float: self.float_atomics,
@@ -45,15 +45,15 @@ impl Features {
         offered.extensions()
     }
 
-    /// What there is of `offered` where these are enabled.
+    /// The intersection of `offered` with the enabled features.
     ///
     /// # Errors
-    /// Timeline semaphores are not enabled, or one is said to be enabled that the device does not have.
+    /// Timeline semaphores are not enabled, or a feature is listed that the device lacks.
     pub(super) fn of(&self, offered: Offered, name: &str) -> Result<Offered> {
         if !self.timeline_semaphore {
             return Err(Error::device(
-                "the device was made without timeline semaphores, which are needed",
-                "enable VkPhysicalDeviceVulkan12Features::timelineSemaphore in VkDeviceCreateInfo, and say so",
+                "the device was created without timeline semaphores, which are required",
+                "enable VkPhysicalDeviceVulkan12Features::timelineSemaphore in VkDeviceCreateInfo, and set it in the enabled features",
             ));
         }
         let pairs = [
@@ -65,7 +65,7 @@ impl Features {
         if let Some((_, _, what)) = pairs.into_iter().find(|(said, there, _)| *said && !there) {
             return Err(Error::device(
                 format!("{what} are said to be enabled, which {name} does not have"),
-                "say what was enabled: at most what the requirements named for this device",
+                "list only enabled features, a subset of the requirements of this device",
             ));
         }
         Ok(Offered {
@@ -82,28 +82,28 @@ impl Features {
     }
 }
 
-/// What to make a device with.
+/// Requirements for creating a device.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Requirements {
-    /// The least version of Vulkan: `VkApplicationInfo::apiVersion`.
+    /// Minimum `VkApplicationInfo::apiVersion`.
     pub api_version: u32,
-    /// A queue family that computes, one without graphics where there is one. Any other that computes will do.
+    /// A compute queue family, without graphics if possible. Any other compute family is suitable.
     pub family: u32,
-    /// Everything that the device offers of that which the library uses: enable all of it, or less.
+    /// All features that the device offers and the library uses; any subset may be enabled.
     pub features: Features,
 }
 
 impl Requirements {
-    /// The device's extensions to enable.
+    /// Device extensions to enable.
     pub fn extensions(&self) -> Vec<&'static CStr> {
         self.features.extensions()
     }
 }
 
-/// What a device of a caller's instance is to be made with. `api_version` is that of the instance.
+/// Requirements for creating a device of an application's instance. `api_version` is that of the instance.
 ///
 /// # Errors
-/// The instance or the device is of an older version, or the device lacks something that is needed.
+/// Instance or device have an older version, or the device lacks a requirement.
 ///
 /// # Safety
 /// The handles are valid and belong together.
@@ -133,19 +133,19 @@ pub unsafe fn requirements(
 }
 
 /// # Errors
-/// An older version than is needed.
+/// A version below the minimum.
 pub(super) fn check_version(api_version: u32) -> Result<()> {
     if api_version >= VERSION {
         return Ok(());
     }
     Err(Error::device(
-        format!("the instance was made for Vulkan {}, 1.2 is needed", version_text(api_version)),
+        format!("the instance was created for Vulkan {}, 1.2 is required", version_text(api_version)),
         "set VkApplicationInfo::apiVersion to VK_API_VERSION_1_2 or later",
     ))
 }
 
 /// # Safety
-/// The instance is valid, and the function loads its functions.
+/// The instance is valid, and the function is its loader function.
 pub(super) unsafe fn load(
     get_instance_proc_addr: vk::PFN_vkGetInstanceProcAddr,
     instance: vk::Instance,

@@ -1,9 +1,9 @@
-//! Tells from a result how far its depths are off.
+//! Expected depth error of a result.
 //!
-//! Errors grow with the dimness of a pixel, the slope of its surface and the roughness of the depths around it. Over a
-//! whole map they grow with the width of bins and pulse, and where one laser or sensor point sees less than a scan. Noise
-//! has maps smoothed, so the noisier the data, the less their roughness tells. The expected error is a product of powers
-//! of these, in pixels. The powers are a quantile regression over reconstructions with truth (benches/NOTES.md).
+//! Errors increase with the dimness of a pixel, the slope of its surface and the roughness of surrounding depths;
+//! over a whole map with the width of bins and impulse response, and with a single laser or sensor point. Noisy data
+//! are smoothed, which makes roughness less informative. The expected error is a product of powers of these factors,
+//! in pixels, from a quantile regression over reconstructions with truth (benches/NOTES.md).
 
 use super::smooth::{slope, smoothed};
 use super::{Layer, Maps};
@@ -11,66 +11,66 @@ use super::{Layer, Maps};
 /// The error, in pixels, where all factors are 1.
 const USUAL: f64 = 0.88;
 
-/// Powers of the albedo over that of the usual pixel, and of the cosine between the surface's normal and the wall's.
+/// Powers of the albedo over the typical albedo, and of the cosine between the surface's normal and the wall's.
 const BRIGHT: f64 = -1.0;
 const FACING: f64 = -1.9;
 
-/// Powers of the aperture, and of the width of a bin with its pulse over that of a pixel.
+/// Powers of the aperture, and of the width of a bin with its impulse response over that of a pixel.
 const APERTURE: f64 = -1.0;
 const WIDTH: f64 = 0.6;
 
-/// Power of the roughness without noise.
+/// Power of the roughness in the absence of noise.
 const ROUGH: f64 = 1.08;
 
-/// The share of the error that is left if light depends on the angle twice: normals, and so depths, are better known.
+/// Factor of the error for models with two cosines, which determine normals, and thus depths, better.
 const TWO_COSINES: f64 = 0.76;
 
-/// Limits of the brightness, and the least cosine.
+/// Limits of the brightness, and the minimum cosine.
 const DIMMEST: f64 = 0.1;
 const BRIGHTEST: f64 = 1.5;
 const STEEPEST: f64 = 0.15;
 
-/// Roughness of a perfect surface, and the sigma of the Gaussian that it is measured against, in pixels.
+/// Roughness of a perfect surface, and the sigma of the reference Gaussian, in pixels.
 const SMOOTHEST: f64 = 0.03;
 const AROUND: f64 = 1.0;
 
-/// The weight of a pixel beside the mask in means of depth.
+/// Weight of a pixel outside the mask in means of depth.
 const BESIDE: f64 = 1e-6;
 
-/// What the depths of a volume are off because a voxel's centre stands for all of it: shares of its width and its depth.
+/// Depth error of a volume from representing a voxel by its centre: shares of its width and its depth.
 const OF_WIDTH: f64 = 0.25;
 const OF_DEPTH: f64 = 0.5;
 
-/// What is known of the data and of the solve.
+/// Properties of the data and of the solve.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Conditions {
     /// Expected energy of the noise over the energy of the measurement: 0 without noise, 1 without light.
     pub noise: f64,
-    /// Width of a bin, of the instrument's pulse and of what its spots spread paths by, together: metres of path.
+    /// Combined width of a bin, the impulse response and the path spread of the spots, metres of path.
     pub width: f64,
     /// Mean extent of laser and sensor points over that of all points: 1 if both cover the wall, 1/2 if one of them is a
     /// single point.
     pub aperture: f64,
-    /// Width and depth of a voxel in metres if depths are those of voxels; 0 for those of a surface.
+    /// Width and depth of a voxel in metres if depths are those of voxels; 0 for surfaces.
     pub voxel: [f64; 2],
-    /// Whether the model is the Lambertian one, in which light depends on the angle at both ends of a path.
+    /// Whether the model is Lambertian, with a cosine at both ends of a path.
     pub two_cosines: bool,
 }
 
 #[doc(hidden)]
 impl Maps {
-    /// Sets the confidence of all layers: for each pixel with a depth, the depth error in metres that two of three such
-    /// pixels do not exceed. NaN for pixels without a depth. Errors of pixels beside the mask are a guess.
+    /// Sets the expected depth error of all layers in metres: two of three pixels with a given value have a smaller
+    /// error. NaN for pixels without a depth. Values outside the mask are rough guesses.
     pub fn set_confidence(&mut self, known: &Conditions) {
-        let told = |maps: &Maps| maps.expected_errors(known);
-        let second = self.layer(1).map(|maps| told(&maps));
-        self.confidence = Some(told(self));
+        let expected = |maps: &Maps| maps.expected_errors(known);
+        let second = self.layer(1).map(|maps| expected(&maps));
+        self.confidence = Some(expected(self));
         if let (Some(Layer { confidence, .. }), Some(second)) = (&mut self.behind, second) {
             *confidence = Some(second);
         }
     }
 
-    /// The expected errors of one layer.
+    /// Expected errors of one layer, metres.
     fn expected_errors(&self, known: &Conditions) -> Vec<f32> {
         let pixel = self.pixel();
         let usual = self.usual_albedo();
@@ -94,13 +94,13 @@ impl Maps {
         (0..depth.len()).map(of).collect()
     }
 
-    /// Metres of a pixel's side.
+    /// Side of a pixel, metres.
     pub(super) fn pixel(&self) -> f64 {
         let [x0, x1, y0, y1] = self.extent;
         ((x1 - x0) / self.nx as f64 * (y1 - y0) / self.ny as f64).sqrt()
     }
 
-    /// The median albedo of the mask; 1 without a mask.
+    /// Median albedo of the mask; 1 without a mask.
     fn usual_albedo(&self) -> f64 {
         let lit = self.albedo.iter().zip(&self.mask).filter(|(a, m)| **m && **a > 0.0);
         let mut brightness = Vec::with_capacity(self.albedo.len());
@@ -114,7 +114,7 @@ impl Maps {
         1.0 / (1.0 + x * x + y * y).sqrt()
     }
 
-    /// Root mean square of how far the depths around each pixel are off the smoothed depth.
+    /// Root mean square deviation of the depths around each pixel from the smoothed depth.
     fn roughness(&self, depth: &[f64], shown: &[bool]) -> Vec<f64> {
         let [nx, ny] = [self.nx, self.ny];
         let weight = |i: usize| match (shown[i], depth[i].is_finite()) {
@@ -143,7 +143,7 @@ mod tests {
     const KNOWN: Conditions =
         Conditions { noise: 0.0, width: 0.01, aperture: 1.0, voxel: [0.0; 2], two_cosines: false };
 
-    /// Maps with pixels of 1 cm and this (albedo, depth in metres).
+    /// Maps with pixels of 1 cm and given (albedo, depth in metres).
     fn maps(of: impl Fn(usize, usize) -> (f32, f64)) -> Maps {
         let all: Vec<(f32, f64)> = (0..SIDE * SIDE).map(|i| of(i / SIDE, i % SIDE)).collect();
         let mut maps = Maps {
@@ -155,15 +155,15 @@ mod tests {
         maps
     }
 
-    fn told(mut maps: Maps, known: Conditions) -> Vec<f32> {
+    fn expected(mut maps: Maps, known: Conditions) -> Vec<f32> {
         maps.set_confidence(&known);
         maps.check().unwrap();
         maps.confidence.unwrap()
     }
 
-    /// The value in the middle of the map.
+    /// Value in the middle of the map.
     fn middle(maps: Maps, known: Conditions) -> f64 {
-        f64::from(told(maps, known)[SIDE / 2 * SIDE + SIDE / 2])
+        f64::from(expected(maps, known)[SIDE / 2 * SIDE + SIDE / 2])
     }
 
     fn flat(_: usize, _: usize) -> (f32, f64) {
@@ -184,7 +184,7 @@ mod tests {
         let is_middle = |x: usize, y: usize| (x, y) == (SIDE / 2, SIDE / 2);
         let dim = middle(maps(|x, y| (if is_middle(x, y) { 0.5 } else { 1.0 }, 0.5)), KNOWN);
         assert!((dim / usual - 0.5f64.powf(BRIGHT)).abs() < 0.05, "{}", dim / usual);
-        // At 60 degrees to the wall, along either axis; a plane is as rough as the Gaussian is wide.
+        // At 60 degrees to the wall, along either axis; the roughness of a plane is the width of the Gaussian.
         let steep = [0, 1].map(|axis| {
             middle(maps(|x, y| (1.0, 0.5 + 0.01 * 3f64.sqrt() * [x, y][axis] as f64)), KNOWN) / usual
         });
@@ -228,10 +228,10 @@ mod tests {
     #[test]
     fn other_units_and_scales_of_albedo_change_nothing() {
         let bumpy = |x: usize, y: usize| (1.0 + 0.1 * (x % 3) as f32, 0.5 + 0.002 * (x * y % 7) as f64);
-        let one = told(maps(bumpy), KNOWN);
+        let one = expected(maps(bumpy), KNOWN);
         let mut large = maps(|x, y| (5.0 * bumpy(x, y).0, 1e3 * bumpy(x, y).1));
         large.extent = large.extent.map(|v| 1e3 * v);
-        let large = told(large, Conditions { width: 1e3 * KNOWN.width, ..KNOWN });
+        let large = expected(large, Conditions { width: 1e3 * KNOWN.width, ..KNOWN });
         for (a, b) in one.iter().zip(&large) {
             assert!((1e3 * a / b - 1.0).abs() < 1e-2, "{a} {b}");
         }
@@ -240,11 +240,11 @@ mod tests {
     #[test]
     fn nothing_is_told_where_there_is_no_depth() {
         let half = |x: usize, y: usize| if x < 12 { flat(x, y) } else { (0.0, f64::NAN) };
-        let all = told(maps(half), KNOWN);
+        let all = expected(maps(half), KNOWN);
         assert!(all.iter().enumerate().all(|(i, c)| c.is_nan() == (i >= 12 * SIDE)));
-        // The plate is as certain at its edge as within: the pixels beside it do not count.
+        // Equal expected error at a plate's edge and inside: pixels outside the mask have no weight.
         assert!((all[11 * SIDE + 12] / all[5 * SIDE + 12] - 1.0).abs() < 0.02);
-        assert!(told(maps(|_, _| (0.0, f64::NAN)), KNOWN).iter().all(|c| c.is_nan()));
+        assert!(expected(maps(|_, _| (0.0, f64::NAN)), KNOWN).iter().all(|c| c.is_nan()));
     }
 
     #[test]

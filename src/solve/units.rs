@@ -1,6 +1,6 @@
-//! Lengths and times with their units, as people give them on the command line.
+//! Lengths and times as text, with or without a unit.
 
-use thirdbounce::capture::METRES_PER_PICOSECOND;
+use crate::capture::METRES_PER_PICOSECOND;
 
 /// Metres in a unit of length.
 const LENGTHS: [(&str, f64); 4] = [("mm", 1e-3), ("cm", 1e-2), ("um", 1e-6), ("m", 1.0)];
