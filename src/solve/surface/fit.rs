@@ -74,17 +74,6 @@ impl Quality {
     }
 }
 
-/// How a surface agrees with counts that it was not fitted to.
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Seen {
-    /// The factor of its albedos that explains most.
-    pub scale: f64,
-    /// The residual with this factor.
-    pub residual: f64,
-    /// The same as a share of the measurement's energy.
-    pub left: f64,
-}
-
 impl Fit {
     /// Plans a fit of at most `iterations[1]` iterations, after `iterations[0]` of other fits.
     ///
@@ -145,23 +134,18 @@ impl Fit {
         })
     }
 
-    /// How `layers` agree with the counts, but for a common factor of their albedos; `None` if they explain no light.
+    /// The factor of the albedos of `layers` that explains most of the counts, and the quality with it; `None` if they explain no
+    /// light.
     ///
     /// # Errors
     /// The device fails.
-    pub fn seen(&mut self, layers: &[Maps]) -> Result<Option<Seen>> {
+    pub fn seen(&mut self, layers: &[Maps]) -> Result<Option<(f64, Quality)>> {
         let job = self.planned.made(|_| Ok(()))?;
         let level = job.plan.levels.pixels.expect("a fit has pixels");
         let pixels = Pixels::of(layers, needs::pixels(&job.plan));
-        if pixels.is_empty() {
-            return Ok(None);
-        }
-        let placed = place(job, &level, &pixels, 0, None)?;
-        Ok(placed.map(|(Placed { explained, left, .. }, scale)| Seen {
-            scale,
-            residual: left,
-            left: (left / (explained + left)).clamp(0.0, 1.0),
-        }))
+        let placed = if pixels.is_empty() { None } else { place(job, &level, &pixels, 0, None)? };
+        let [noise, energy] = job.light();
+        Ok(placed.map(|(placed, scale)| (scale, Quality { noise, energy, left: placed.left })))
     }
 
     /// Fits the pixels of `layers`, and replaces the layers by the result. The quality is `None` if they explain no light.

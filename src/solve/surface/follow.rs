@@ -13,8 +13,7 @@ const FITS: f64 = 0.9;
 /// How a frame follows the one before.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Follow {
-    /// Iterations of a frame that begins warm, after the rounds of one that changes; `None`: a third of those at the resolution of
-    /// the maps.
+    /// Iterations of a frame that begins warm and does not change; `None`: a third of those at the resolution of the maps.
     pub iterations: Option<usize>,
     /// A frame begins cold if the surface of the frame before explains less of its light by more than this share.
     pub cut_above: f64,
@@ -60,7 +59,7 @@ impl Follow {
 }
 
 /// Rounds of a frame that changes, at most, and iterations of each.
-pub(super) const ROUNDS: [usize; 2] = [2, 8];
+pub(super) const ROUNDS: [usize; 2] = [3, 8];
 
 /// A frame changes if the surface of the frame before leaves this many times as much of its light as it left of its own, or explains
 /// less than this share of what it explained there. Noise alone makes up to 1.3, and .96.
@@ -108,6 +107,11 @@ impl Follow {
     }
 }
 
+/// Iterations after the rounds of a frame that changes: fewer where no coarse pixels are needed, as rounds take all of these.
+pub(super) fn after_rounds(wanted: usize, is_fine: bool) -> usize {
+    if is_fine { wanted } else { (2 * wanted / 3).max(1) }
+}
+
 /// The reference for the next frame, of a surface that leaves the share `left`, after the reference `before`.
 pub(super) fn reference(left: f64, before: f64) -> f64 {
     left.min(RISES * before)
@@ -138,7 +142,7 @@ pub(super) fn scaled(mut layers: Vec<Maps>, scale: f64) -> Vec<Maps> {
     layers
 }
 
-/// Adds what the closed form shows where the layers have no surface near it, with a typical albedo, and dims pixels near which the
+/// Adds what the closed form shows where the layers have no surface near it, with its relative albedo, and dims pixels near which the
 /// closed form shows nothing.
 pub(super) fn merge(layers: &mut [Maps], closed: &[Maps]) {
     let fine = support::finer(&closed[0], layers[0].nx / closed[0].nx);
@@ -150,7 +154,7 @@ pub(super) fn merge(layers: &mut [Maps], closed: &[Maps]) {
     add(layers, closed, &fine, |pixel| !near[pixel]);
 }
 
-/// Gives layers the support of the closed form.
+/// Gives layers the support of the closed form, and the first of them its albedos.
 pub(super) fn restrict(layers: &mut [Maps], closed: &[Maps]) {
     let factor = layers[0].nx / closed[0].nx;
     let fine: Vec<Maps> = closed.iter().map(|maps| support::finer(maps, factor)).collect();
@@ -159,11 +163,13 @@ pub(super) fn restrict(layers: &mut [Maps], closed: &[Maps]) {
     for pixel in (0..was_dark.len()).filter(|pixel| !is_lit(&fine, *pixel)) {
         layers.iter_mut().for_each(|maps| support::remove(maps, pixel));
     }
-    add(layers, closed, &fine[0], |pixel| was_dark[pixel]);
+    let scale = add(layers, closed, &fine[0], |pixel| was_dark[pixel]);
+    let both = layers[0].albedo.iter_mut().zip(&fine[0].albedo).zip(&fine[0].depth);
+    both.filter(|(_, z)| z.is_finite()).for_each(|((own, closed), _)| *own = closed * scale);
 }
 
-/// Gives the first layer the pixels of `fine`, the closed form at its resolution, that `wanted` names.
-fn add(layers: &mut [Maps], closed: &[Maps], fine: &Maps, wanted: impl Fn(usize) -> bool) {
+/// Gives the first layer the pixels of `fine`, the closed form at its resolution, that `wanted` names. Returns the scale of albedos.
+fn add(layers: &mut [Maps], closed: &[Maps], fine: &Maps, wanted: impl Fn(usize) -> bool) -> f32 {
     let scale = typical_albedo(layers).unwrap_or(1.0) / typical_albedo(closed).unwrap_or(1.0);
     let first = &mut layers[0];
     for pixel in (0..fine.depth.len()).filter(|pixel| fine.depth[*pixel].is_finite() && wanted(*pixel)) {
@@ -171,4 +177,5 @@ fn add(layers: &mut [Maps], closed: &[Maps], fine: &Maps, wanted: impl Fn(usize)
         first.normal[pixel] = fine.normal[pixel];
         first.albedo[pixel] = fine.albedo[pixel] * scale;
     }
+    scale
 }

@@ -257,13 +257,13 @@ impl PreparedSurface {
     ) -> Result<Option<Done>> {
         let level = *self.fine.plan().finest();
         let mut driven = taken(&mut self.fine, capture, Driven::begun(last.layers[0].clone(), level))?;
-        let Some(seen) = self.fine.seen(&last.layers)? else { return Ok(None) };
-        let change = follow.change(&last, seen.left);
+        let Some((scale, seen)) = self.fine.seen(&last.layers)? else { return Ok(None) };
+        let change = follow.change(&last, seen.left_share());
         if change == Change::Cut {
             return Ok(None);
         }
         let Last { layers, left, mut closed, .. } = last;
-        let mut layers = follow::scaled(layers, seen.scale);
+        let mut layers = follow::scaled(layers, scale);
         if change == Change::Some {
             let (found, seconds) = self.start(wide, watch)?;
             driven.seconds += seconds;
@@ -277,11 +277,14 @@ impl PreparedSurface {
                 follow::merge(&mut layers, &found);
             }
         }
+        let mut wanted = follow.wanted(&self.options);
         let [rounds, each] = if change == Change::Some { follow::ROUNDS } else { [0; 2] };
-        let wanted = follow.wanted(&self.options);
+        if rounds > 0 {
+            wanted = follow::after_rounds(wanted, self.coarse.is_some());
+        }
         let fits = Fits { options: &self.options, of: rounds * each + wanted, blends: self.blends, until };
-        let residuals = [seen.residual, left];
-        fits.warm(&mut self.fine, layers, closed, residuals, [rounds, each, wanted], watch, driven).map(Some)
+        let plan = [rounds, each, wanted];
+        fits.warm(&mut self.fine, layers, closed, (seen, left), plan, watch, driven).map(Some)
     }
 }
 
@@ -396,19 +399,19 @@ impl Fits<'_> {
     }
 
     /// Fits from the surface of the frame before: at most so many rounds of so many iterations, and so many iterations after them.
-    /// `closed`: as for [`Fits::shown`]. Also takes the residual of the layers, and the reference of the frame before.
+    /// `closed`: as for [`Fits::shown`]. Also takes the quality of the layers, and the reference of the frame before.
     #[allow(clippy::too_many_arguments)] // all of it is one frame
     fn warm(
         &self,
         fine: &mut Fit,
         mut layers: Vec<Maps>,
         closed: Option<Vec<Maps>>,
-        [residual, reference]: [f64; 2],
+        (seen, reference): (Quality, f64),
         [rounds, each, iterations]: [usize; 3],
         watch: &mut Watch<'_>,
         mut driven: Driven,
     ) -> Result<Done> {
-        let mut known = Some(residual);
+        let mut quality = Some(seen);
         // Steps are short where nothing changes.
         let mut run = self.run(iterations, self.options.iterations - iterations);
         if rounds > 0 && closed.is_some() {
@@ -416,10 +419,14 @@ impl Fits<'_> {
             run = self.run(rounds * each + iterations, 0);
         } else if rounds > 0 {
             let rounds = Rounds { number: rounds, iterations: each, rings: self.options.factor().min(2) };
-            (driven, _) = self.rounds(fine, rounds, &mut known, &mut layers, watch, driven)?;
+            (driven, _) = self.rounds(fine, rounds, &mut quality, &mut layers, watch, driven)?;
             run = self.run(iterations, iterations);
         }
-        let (mut driven, quality) = fine.run(&mut layers, Run { known, ..run }, watch, driven)?;
+        // Rounds that took all the time are a whole picture.
+        if rounds == 0 || !self.is_late() || quality.is_none() {
+            let run = Run { known: quality.map(|q| q.left), ..run };
+            (driven, quality) = fine.run(&mut layers, run, watch, driven)?;
+        }
         driven.maps = self.shown(&layers, closed.as_deref(), quality);
         let left = follow::reference(quality.map_or(1.0, |q| q.left_share()), reference);
         Ok(Done { driven, last: Last { layers, left, closed, is_whole: !self.is_late() } })
@@ -435,13 +442,13 @@ impl Fits<'_> {
         self.until.is_some_and(|until| Instant::now() >= until)
     }
 
-    /// Rounds of short fits, until the time for fits is over. `known` is the residual of `layers`, if the scale of their albedos is
-    /// that of the data. Returns whether the support may grow.
+    /// Rounds of short fits, until the time for fits is over. `quality` is that of `layers`, if the scale of their albedos is that of
+    /// the data, and is replaced by that of the last fit. Returns whether the support may grow.
     fn rounds(
         &self,
         fit: &mut Fit,
         rounds: Rounds,
-        known: &mut Option<f64>,
+        quality: &mut Option<Quality>,
         layers: &mut Vec<Maps>,
         watch: &mut Watch<'_>,
         driven: Driven,
@@ -453,10 +460,10 @@ impl Fits<'_> {
                 return Ok(None);
             }
             let before = driven.take().expect("given back");
-            let run = Run { known: *known, ..self.run(rounds.iterations, 0) };
-            let (next, quality) = fit.run(layers, run, watch, before)?;
-            (driven, *known) = (Some(next), quality.map(|q| q.left));
-            Ok(quality)
+            let run = Run { known: quality.map(|q| q.left), ..self.run(rounds.iterations, 0) };
+            let (next, found) = fit.run(layers, run, watch, before)?;
+            (driven, *quality) = (Some(next), found);
+            Ok(found)
         })?;
         Ok((driven.expect("given back"), grows))
     }
