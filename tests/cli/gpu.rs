@@ -12,8 +12,8 @@ fn measured(binary: &str) -> (bool, String, Option<Value>) {
     command.args([script, "--smoke", "--out"]).arg(out.path()).arg(binary);
     let done = command.output().expect("sh runs");
     let text = String::from_utf8_lossy(&done.stdout).into_owned() + &String::from_utf8_lossy(&done.stderr);
-    let files = fs::read_dir(out.path()).unwrap().map(|entry| entry.unwrap().path());
-    let result = files.filter(|file| file.extension().is_some_and(|e| e == "json")).next();
+    let mut files = fs::read_dir(out.path()).unwrap().map(|entry| entry.unwrap().path());
+    let result = files.find(|file| file.extension().is_some_and(|e| e == "json"));
     let result = result.map(|file| serde_json::from_str(&fs::read_to_string(file).unwrap()).expect("JSON"));
     (done.status.success(), text, result)
 }

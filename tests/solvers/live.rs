@@ -171,6 +171,19 @@ fn frames_that_change_are_followed_and_others_need_no_closed_form() {
 }
 
 #[test]
+fn a_fixed_support_follows_in_as_few_iterations_as_there_are() {
+    let gpu = gpu();
+    let sequence = [0.0, 0.05].map(|x| seen(&letter(x)).0);
+    let solver: SolverOptions = options().with(|o| (o.iterations, o.grow) = (6, false)).into();
+    let options = SessionOptions { follow: Some(Follow::default()), ..SessionOptions::default() };
+    let mut session = Session::new(&gpu, &sequence[0], None, &solver, options).unwrap();
+    solved(&mut session, &sequence[0].histograms);
+    let done = solved(&mut session, &sequence[1].histograms);
+    assert!(done.is_warm && done.trace.last().unwrap().iteration == 6 && done.maps.mask.contains(&true));
+    assert_valid(&gpu);
+}
+
+#[test]
 fn results_do_not_depend_on_when_frames_come() {
     let gpu = gpu();
     let sequence = [0.0, 0.012, 0.012, 0.03].map(|x| seen(&letter(x)).0);

@@ -411,19 +411,20 @@ impl Fits<'_> {
         watch: &mut Watch<'_>,
         mut driven: Driven,
     ) -> Result<Done> {
-        let mut quality = Some(seen);
+        let (mut quality, mut is_done) = (Some(seen), false);
         // Steps are short where nothing changes.
         let mut run = self.run(iterations, self.options.iterations - iterations);
         if rounds > 0 && closed.is_some() {
             // The support is fixed.
-            run = self.run(rounds * each + iterations, 0);
+            run = self.run((rounds * each + iterations).min(self.options.iterations), 0);
         } else if rounds > 0 {
             let rounds = Rounds { number: rounds, iterations: each, rings: self.options.factor().min(2) };
             (driven, _) = self.rounds(fine, rounds, &mut quality, &mut layers, watch, driven)?;
             run = self.run(iterations, iterations);
+            // Rounds that took all the time leave a whole picture.
+            is_done = self.is_late() && quality.is_some();
         }
-        // Rounds that took all the time are a whole picture.
-        if rounds == 0 || !self.is_late() || quality.is_none() {
+        if !is_done {
             let run = Run { known: quality.map(|q| q.left), ..run };
             (driven, quality) = fine.run(&mut layers, run, watch, driven)?;
         }
