@@ -7,6 +7,9 @@ all: build
 setup:
 	@sh .ci/setup
 
+# Shown by --version.
+export THIRDBOUNCE_COMMIT := $(shell git rev-parse --short HEAD 2>/dev/null)
+
 build: setup
 	cargo build --release --locked
 
@@ -77,7 +80,7 @@ RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
 install: setup
 	cargo build --release --locked --package thirdbounce-capi
 	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include
-	install -m 755 $(RELEASE)/libthirdbounce.so $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so.$(VERSION)
+	install -m 755 -s $(RELEASE)/libthirdbounce.so $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so.$(VERSION)
 	ln -sf libthirdbounce.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(SONAME)
 	ln -sf $(SONAME) $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so
 	install -m 644 $(RELEASE)/libthirdbounce.a $(DESTDIR)$(PREFIX)/lib

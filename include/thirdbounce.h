@@ -64,6 +64,8 @@ typedef enum tb_level {
     TB_LEVEL_NOTE = 0,
     // Reason of a failed call.
     TB_LEVEL_ERROR = 1,
+    // Warning about a result.
+    TB_LEVEL_WARNING = 2,
 } tb_level;
 
 // Type of counts in a buffer.

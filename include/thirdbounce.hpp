@@ -14,10 +14,10 @@ namespace thirdbounce {
 
 // Message and hint of a failed call.
 struct Error : std::runtime_error {
-    Error(tb_status status, const std::string &what, const std::string &remedy)
-        : std::runtime_error(what), status(status), remedy(remedy) {}
+    Error(tb_status status, const std::string &what, const std::string &hint)
+        : std::runtime_error(what), status(status), hint(hint) {}
     tb_status status;
-    std::string remedy;
+    std::string hint;
 };
 
 inline void check(tb_status status) {

@@ -21,6 +21,8 @@ pub struct Solved {
     pub volume: Option<VolumeMap>,
     /// Estimates, as sentences.
     pub notes: Vec<String>,
+    /// What looks wrong with the capture or the result, as sentences.
+    pub warnings: Vec<String>,
     /// A point for each iteration of the solve.
     pub trace: Vec<TracePoint>,
     /// Seconds of estimates and solve.
@@ -55,6 +57,7 @@ pub fn reconstruct_with(
         maps: result.maps,
         volume: result.volume,
         notes: job.estimates.notes(),
+        warnings: [capture.warnings(), result.warnings].concat(),
         trace: result.trace,
         seconds: result.solve_seconds,
     })

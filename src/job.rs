@@ -2,7 +2,7 @@
 //!
 //! [`load`] reads and prepares a capture. [`run()`] reconstructs it and writes every result. [`batch()`] does this with many
 //! captures. [`benchmark()`] compares methods on captures and scenes. [`evaluate()`] measures an earlier result. [`inspect()`] says what a run would
-//! do. [`demo()`] simulates a scene and reconstructs it. Callers only gather options and show the results.
+//! do. [`demo()`] simulates a scene and reconstructs it. External only gather options and show the results.
 
 mod advice;
 pub mod batch;
@@ -30,7 +30,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::Result;
-use crate::capture::{self, Capture, Gate, Summary, auto_gate, published_gate, recorded_gate};
+use crate::capture::conditioning::{self, Conditioning};
+use crate::capture::{self, Capture, Gate, Summary};
 use crate::settings::{Flip, Settings};
 use crate::solve::Preset;
 use crate::tags;
@@ -69,6 +70,8 @@ pub struct Loaded {
     pub normals_estimated: bool,
     /// What was done to the capture, as sentences.
     pub notes: Vec<String>,
+    /// What looks wrong and was not corrected.
+    pub warnings: Vec<String>,
     /// Seconds that loading took.
     pub seconds: f64,
 }
@@ -82,28 +85,39 @@ impl Loaded {
     }
 }
 
-/// Reads and checks a capture by the groups `Capture file` and `Capture` of the settings. Estimates the normals of a curved wall without normals. Then scales the wall, thins the
-/// scan and gates the bins. If no gate is given, direct light is left out, and captured histograms get the published
-/// gate.
+/// Reads a capture by the groups `Capture file` and `Capture` of the settings and makes it ready
+/// ([`conditioning::FOR_A_SOLVE`]).
 ///
 /// # Errors
-/// Those of [`capture::read_kept`]; a wall size that does not fit the capture.
+/// Those of [`capture::read_kept`]; a wall size that does not fit the capture; units that cannot be.
 pub fn load(path: &Path, settings: &Settings) -> Result<Loaded> {
-    prepared(path, settings, |prepare| {
-        capture::formats::read_prepared(path, &reading(settings)?, &keep(settings), prepare)
-    })
+    let start = Instant::now();
+    let done = capture::formats::read_prepared(path, &reading(settings)?, &conditioning_of(settings)?);
+    Ok(loaded(path, start, done.map_err(|e| placed(e, path))?))
 }
 
-/// The part of the capture that is kept while it is read.
-fn keep(settings: &Settings) -> capture::Keep {
+/// What a capture goes through before a solve.
+///
+/// # Errors
+/// A rotation that is no quarter turn, or an impulse response that cannot be read.
+fn conditioning_of(settings: &Settings) -> Result<Conditioning> {
     let keep = capture::Keep::default().with_stride(settings.stride);
-    keep.with_subset(settings.subset, u64::from(settings.seed())).with_gate(settings.gate)
+    Ok(Conditioning {
+        turn: turn(settings)?,
+        wall: settings.wall,
+        keep: keep.with_subset(settings.subset, u64::from(settings.seed())).with_gate(settings.gate),
+        keep_empty: settings.keep_empty == Some(true),
+        no_auto_gate: settings.auto_gate == Some(false),
+        published_gate: settings.preset.map(|preset| preset == Preset::Captured),
+        pulse: settings.pulse.as_ref().map(|given| given.samples()).transpose()?,
+        spots: settings.spot,
+    })
 }
 
 /// The values that complete or correct those of a file.
 ///
 /// # Errors
-/// A bounce or a rotation that makes no sense.
+/// A bounce, a rotation or an order of axes that makes no sense.
 pub fn reading(settings: &Settings) -> Result<capture::ReadOptions> {
     let bounce = settings.bounce.as_deref().map(capture::Bounce::parse).transpose()?;
     Ok(capture::ReadOptions::default()
@@ -112,6 +126,8 @@ pub fn reading(settings: &Settings) -> Result<capture::ReadOptions> {
         .with_depth_unit(settings.wall_depth_unit)
         .with_bounce(bounce)
         .with_time_of_flight(settings.tof.clone())
+        .with_axes(settings.axes.as_deref().map(capture::AxisOrder::parse).transpose()?)
+        .with_keep_empty(settings.keep_empty == Some(true))
         .with_turn(turn(settings)?))
 }
 
@@ -125,16 +141,13 @@ pub fn turn(settings: &Settings) -> Result<capture::Turn> {
 }
 
 /// Prepares a capture that is in memory as [`load`] prepares one that it reads. Values that complete a file are not used:
-/// `bin_width`, `wall_depth_unit`, `bounce` and `tof`.
+/// `bin_width`, `wall_depth_unit`, `bounce`, `tof` and `axes`.
 ///
 /// # Errors
-/// Those of [`Capture::check`]; a wall size that does not fit the capture.
+/// Those of [`conditioning::prepare`].
 pub fn take(capture: Capture, settings: &Settings) -> Result<Loaded> {
-    prepared(Path::new(""), settings, |prepare| {
-        let mut notes = vec![];
-        let whole = capture::formats::measured(capture, &mut notes)?;
-        capture::formats::keep_prepared(whole, turn(settings)?, &keep(settings), prepare, notes)
-    })
+    let start = Instant::now();
+    Ok(loaded(Path::new(""), start, conditioning::prepare(capture, &conditioning_of(settings)?)?))
 }
 
 /// Makes a capture of the time tags or histograms of an instrument in a file, and prepares it as [`load`] does. `scan` and
@@ -154,74 +167,15 @@ pub fn load_tags(path: &Path, settings: &Settings, scan: &tags::Scan, asked: &ta
     Ok(loaded)
 }
 
-fn prepared(
-    path: &Path,
-    settings: &Settings,
-    read: impl FnOnce(&mut capture::formats::Prepare) -> Result<capture::Opened>,
-) -> Result<Loaded> {
-    let start = Instant::now();
-    let mut normals_estimated = false;
-    // Before the scan is thinned: near neighbours give better normals, and the outermost points tell the wall's size.
-    // Before bins are gated: pile-up comes from all earlier counts.
-    let mut prepare = |capture: &mut Capture, notes: &mut Vec<String>| {
-        notes.extend(capture.take_pile_up_out()?);
-        match capture.set_normals() {
-            Ok(note) => {
-                normals_estimated = note.is_some();
-                notes.extend(note);
-            }
-            // Some models need no normals. The others report the error.
-            Err(e) => notes.push(format!("wall normals are unknown: {}", e.what)),
-        }
-        if let Some(size) = settings.wall {
-            capture.set_wall(size)?;
-            notes.push(format!("the wall is scaled so that its outermost scan points are {size} m apart"));
-        }
-        Ok(())
-    };
-    let capture::Opened { mut capture, dropped, mut notes, .. } = read(&mut prepare)?;
-    let mut gate = settings.gate;
-    if gate.is_none() && settings.auto_gate != Some(false) {
-        let captured = settings.preset.unwrap_or_else(|| preset_for(&capture)) == Preset::Captured;
-        // First, as it fills what other gates are found by.
-        let recorded = recorded_gate(&mut capture).map(|(found, filled)| {
-            if filled > 0 {
-                notes.push(format!(
-                    "{filled} pairs were not recorded, or not as long as the others: the mean of their neighbours in the scan \
-                     takes their place"
-                ));
-            }
-            found
-        });
-        let direct = auto_gate(&capture);
-        let published = captured.then(|| published_gate(&capture, direct.as_ref().map(|d| d.gate.from)));
-        // Half of the bins may be more than were recorded.
-        let published = published.filter(|p| recorded.as_ref().is_none_or(|r| !p.gate.holds(r.gate)));
-        for found in recorded.into_iter().chain(direct).chain(published) {
-            notes.push(format!("automatic gate: {} (turn the automatic gate off to use all)", found.reason));
-            gate = Some(gate.map_or(found.gate, |before: Gate| before.within(found.gate)));
-        }
-        if let Some(gate) = gate {
-            capture.set_gate(gate)?;
-        }
-    }
-    if let Some(given) = &settings.pulse {
-        capture.pulse = given.samples()?;
-        capture.pulse.as_ref().map(|pulse| pulse.taps(capture.bin_width)).transpose()?;
-    }
-    if let Some(spots) = settings.spot {
-        [capture.laser_spot, capture.sensor_spot] = spots.map(Some);
-    }
-    // A capture that was in memory has no path.
-    let is_file = !path.as_os_str().is_empty();
-    capture.check().map_err(|e| if is_file { e.at(path.display()) } else { e })?;
-    notes.extend(capture.clipped_note());
-    if let Some([low, high]) = capture.background().range() {
-        notes.push(format!(
-            "the background differs from pair to pair: {low:.2} to {high:.2} counts in a bin; all methods but paper take \
-             off that of each pair"
-        ));
-    }
+fn loaded(path: &Path, start: Instant, done: conditioning::Conditioned) -> Loaded {
+    let conditioning::Conditioned { capture, gate, dropped, normals_estimated, notes, warnings, .. } = done;
     let seconds = start.elapsed().as_secs_f64();
-    Ok(Loaded { path: path.into(), capture, gate, dropped, normals_estimated, notes, seconds })
+    Loaded { path: path.into(), capture, gate, dropped, normals_estimated, notes, warnings, seconds }
+}
+
+/// An error of the contents of a file begins with its path.
+fn placed(error: crate::Error, path: &Path) -> crate::Error {
+    let text = path.display().to_string();
+    let is_placed = error.what.starts_with(&text) || error.kind != crate::Kind::Input;
+    if is_placed { error } else { error.at(text) }
 }

@@ -17,7 +17,88 @@
 //! ```
 //!
 //! A field of [`Settings`] that is not set has its default for the capture, or is estimated. A [`session()`] solves frames of one
-//! scan. [`Vulkan`] wraps the device of a program.
+//! scan:
+//!
+//! ```no_run
+//! use std::ops::ControlFlow;
+//!
+//! use thirdbounce::glam::DVec3;
+//! use thirdbounce::{Capture, Gpu, GpuOptions, Maps, SessionOptions, Settings, session};
+//!
+//! /// Shows the maps of every frame. `counts` returns those of bin b of pair p at [p * bins + b].
+//! fn frames(
+//!     wall: Vec<DVec3>,
+//!     mut counts: impl FnMut() -> Vec<f32>,
+//!     mut show: impl FnMut(&Maps),
+//! ) -> thirdbounce::Result<()> {
+//!     let gpu = Gpu::open(&GpuOptions::default())?;
+//!     let scan = Capture::new([32, 32], wall.clone(), wall, 512, 0.006, vec![]); // no counts yet
+//!     let mut settings = Settings::default();
+//!     settings.set("lateral", "64")?;
+//!     let options = SessionOptions::default();
+//!     let (mut session, _) = session(&gpu, &scan, &settings, options, &mut |_| ControlFlow::Continue(()))?;
+//!     loop {
+//!         session.submit(&counts())?;
+//!         show(&session.wait()?.result.maps); // or poll(), or wait_for(limit)
+//!     }
+//! }
+//! ```
+//!
+//! [`Vulkan`] wraps the device of a program, whose buffers hold counts and maps:
+//!
+//! ```no_run
+//! use std::ops::ControlFlow;
+//!
+//! use thirdbounce::ash::{Device, Entry, Instance, vk};
+//! use thirdbounce::{
+//!     Capture, ExternalBuffer, ExternalCounts, ExternalFrame, Format, Gpu, SessionOptions, Settings,
+//!     TimelinePoint, Vulkan, requirements, session,
+//! };
+//!
+//! /// Solves a frame whose counts are in a buffer of the program, and leaves its maps in another one.
+//! unsafe fn frame(
+//!     (entry, instance, device): (&Entry, &Instance, &Device),
+//!     (physical_device, queue): (vk::PhysicalDevice, vk::Queue),
+//!     (counts, maps): (vk::Buffer, vk::Buffer),
+//!     (written, solved): (vk::Semaphore, vk::Semaphore),
+//!     scan: &Capture,
+//! ) -> thirdbounce::Result<()> {
+//!     let get_instance_proc_addr = entry.static_fn().get_instance_proc_addr;
+//!     let (instance, api_version) = (instance.handle(), vk::API_VERSION_1_2);
+//!     // vkCreateDevice with required.extensions() and required.features, or a subset of both
+//!     let required = unsafe { requirements(get_instance_proc_addr, instance, api_version, physical_device)? };
+//!     let gpu = unsafe {
+//!         Gpu::of_external(&Vulkan {
+//!             get_instance_proc_addr,
+//!             instance,
+//!             api_version,
+//!             physical_device,
+//!             device: device.handle(),
+//!             queue,
+//!             family: required.family,
+//!             enabled: required.features,
+//!             lock: None,
+//!             blocks: None,
+//!             pipeline_cache: vk::PipelineCache::null(),
+//!         })?
+//!     };
+//!     let options = SessionOptions { external: true, ..SessionOptions::default() };
+//!     let settings = Settings::default();
+//!     let (mut session, _) = session(&gpu, scan, &settings, options, &mut |_| ControlFlow::Continue(()))?;
+//!     let counts_bytes = 4 * (scan.pair_count() * scan.bins) as u64;
+//!     session.submit_external(ExternalFrame {
+//!         counts: ExternalCounts {
+//!             counts: ExternalBuffer::new(counts, 0, counts_bytes)?,
+//!             format: Format::U32,
+//!             after: Some(TimelinePoint::new(written, 1)),
+//!             taken: None,
+//!         },
+//!         maps: Some(ExternalBuffer::new(maps, 0, session.external_maps_bytes())?),
+//!         done: Some(TimelinePoint::new(solved, 1)),
+//!     })?;
+//!     session.wait().map(drop)
+//! }
+//! ```
 //!
 //! Feature `formats` reads and writes files: without it there is no [`read()`], [`prepare()`] and [`write()`]. Feature `cli` adds
 //! the command. A program that depends on thirdbounce with `default-features = false` compiles neither.
@@ -47,6 +128,9 @@ pub mod settings;
 pub mod solve;
 #[doc(hidden)]
 pub mod transport;
+#[cfg(feature = "formats")]
+#[doc(hidden)]
+pub mod verify;
 
 #[doc(hidden)]
 pub use thirdbounce_base::{error, panic_message};
@@ -72,8 +156,8 @@ pub use api::{Solved, reconstruct, reconstruct_with, session};
 #[cfg(feature = "formats")]
 pub use api::{prepare, read, write};
 pub use session::{
-    Canceller, Feed, Format, Frame, FrameId, Hear, Latency, LentCounts, LentFrame, Session, SessionOptions,
-    Submitter,
+    Canceller, ExternalCounts, ExternalFrame, Feed, Format, Frame, FrameId, Hear, Latency, Session,
+    SessionOptions, Submitter,
 };
 pub use settings::{Flip, ImpulseResponse, Model, Settings};
 pub use solve::closed_form::{
@@ -85,6 +169,8 @@ pub use solve::{
 };
 pub use transport::{Grid, Volume};
 
+pub use {ash, glam};
+
 #[doc(inline)]
 pub use thirdbounce_base::advice::{self, Advice};
 #[doc(inline)]
@@ -92,8 +178,9 @@ pub use thirdbounce_base::{Error, Kind, Result};
 #[doc(inline)]
 pub use thirdbounce_capture::{Capture, PairKind, Pulse, Reflectance, Summary};
 #[doc(inline)]
-pub use thirdbounce_gpu::caller::{
-    Block, BlockSource, Features, Imported, Lent, Moment, QueueLock, Requirements, Vulkan, requirements,
+pub use thirdbounce_gpu::external::{
+    Block, BlockSource, ExternalBuffer, Features, Imported, QueueLock, Requirements, TimelinePoint, Vulkan,
+    requirements,
 };
 #[doc(inline)]
 pub use thirdbounce_gpu::{DeviceInfo, DeviceKind, Gpu, GpuOptions, Place, devices};

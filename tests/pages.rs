@@ -250,7 +250,7 @@ fn made_cheaper(call: &[String]) -> Vec<String> {
 
 #[test]
 fn commands_run() {
-    let mut ran = 0;
+    let mut ran = BTreeSet::new();
     for page in files(&root().join("docs"), &[".md"]) {
         let text = read(&page).replace("\\\n", " ");
         let folder = tempfile::tempdir().expect("a folder");
@@ -258,17 +258,16 @@ fn commands_run() {
             if !folder.path().join("capture.npz").exists() {
                 inputs(folder.path());
             }
-            if is_left_out(&call, folder.path()) {
+            if is_left_out(&call, folder.path()) || !ran.insert(call.clone()) {
                 continue;
             }
             call.extend(made_cheaper(&call));
             let run = Command::new(program()).args(&call).current_dir(folder.path()).output();
             let output = run.expect("the program runs");
             assert!(output.status.success(), "{}: {line}\n{}", page.display(), stderr(&output));
-            ran += 1;
         }
     }
-    assert!(ran > 25, "only {ran} commands ran");
+    assert!(ran.len() > 25, "only {} commands ran", ran.len());
 }
 
 #[test]
@@ -290,12 +289,13 @@ fn quoted(text: &str) -> Vec<&str> {
 
 #[test]
 fn options_of_the_pages_exist() {
+    // The error of an unknown topic names all verbs and topics.
+    let names = stderr(&thirdbounce(&["help", "nonsense"]));
+    let names = names.split("give one of ").nth(1).expect("the topics").split([',', ' ', '\n']);
+    let texts = names
+        .filter(|n| !n.is_empty())
+        .map(|n| String::from_utf8(thirdbounce(&["help", n]).stdout).expect("text"));
     let help = String::from_utf8(thirdbounce(&["help"]).stdout).expect("text");
-    let verbs = help.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
-    let verbs = verbs
-        .filter(|l| l.starts_with("  ") && !l.starts_with("   "))
-        .filter_map(|l| l.split_whitespace().next());
-    let texts = verbs.map(|verb| String::from_utf8(thirdbounce(&["help", verb]).stdout).expect("text"));
     let mut options = BTreeSet::new();
     for text in texts.chain([help.clone()]) {
         let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '-').map(str::to_owned);
@@ -314,22 +314,24 @@ fn options_of_the_pages_exist() {
     }
 }
 
-/// The documentation of the crate has the first program, which the compiler checks. Pages have it word for word.
+/// The documentation of the crate has the programs, which the compiler checks. Pages have them word for word.
 #[test]
-fn pages_show_the_program_that_is_compiled() {
+fn pages_show_the_programs_that_are_compiled() {
     let root = root();
     let documentation: String = read(&root.join("src/lib.rs")).lines().fold(String::new(), |text, line| {
         let line = line.strip_prefix("//!").unwrap_or_default();
         text + line.strip_prefix(' ').unwrap_or(line) + "\n"
     });
-    let program = documentation.split("```no_run\n").nth(1).and_then(|rest| rest.split("```").next());
-    let program = program.filter(|p| p.contains("fn main")).expect("the first program");
-    for page in ["README.md", "docs/rust-c-vulkan.md"] {
-        assert!(
-            read(&root.join(page)).contains(&format!("```rust\n{program}```")),
-            "{page} has another program"
-        );
-    }
+    let programs: Vec<String> = documentation
+        .split("```no_run\n")
+        .skip(1)
+        .filter_map(|rest| Some(format!("```rust\n{}```", rest.split("```").next()?)))
+        .collect();
+    assert_eq!(programs.len(), 3);
+    let page = read(&root.join("docs/rust-c-vulkan.md"));
+    assert!(programs.iter().all(|program| page.contains(program)), "the page has other programs");
+    assert_eq!(page.matches("```rust\n").count(), programs.len(), "a program that nothing compiles");
+    assert!(read(&root.join("README.md")).contains(&programs[0]), "README.md has another program");
 }
 
 /// A path in a recipe, if this word is one. Capitals stand for names of the reader's own: the folder around them must exist.
@@ -346,11 +348,38 @@ fn path_of(word: &str) -> Option<PathBuf> {
 #[test]
 fn recipes_name_files_that_exist() {
     let text = read(&root().join("CONTRIBUTING.md"));
+    let text = text + &read(&root().join("ARCHITECTURE.md"));
     let paths: Vec<_> = quoted(&text).into_iter().filter_map(path_of).collect();
-    assert!(paths.len() > 15, "only {} paths were found", paths.len());
+    assert!(paths.len() > 50, "only {} paths were found", paths.len());
     let missing: Vec<_> = paths.iter().filter(|path| !root().join(path).exists()).collect();
-    assert!(missing.is_empty(), "CONTRIBUTING.md names files that are not there: {missing:?}");
+    assert!(missing.is_empty(), "the pages name files that are not there: {missing:?}");
     assert_eq!(path_of("crates/capture/src/formats/NAME.rs"), Some("crates/capture/src/formats".into()));
     assert_eq!(path_of("src/solve/SOLVER/passes.rs"), Some("src/solve/surface/passes.rs".into()));
     assert_eq!(path_of("make test"), None);
+}
+
+/// The table of a capture's way names what is declared in its files.
+#[test]
+fn the_steps_of_a_capture_are_where_the_page_says() {
+    let text = read(&root().join("ARCHITECTURE.md"));
+    let table = text.split("## ").find(|part| part.starts_with("A capture's way")).expect("the table");
+    let declares = |file: &str, name: &str| {
+        let text = read(&root().join(file));
+        let kinds = ["fn", "struct", "enum", "trait", "const"];
+        text.match_indices(name).any(|(at, _)| {
+            let ends = !text[at + name.len()..].starts_with(|c: char| c.is_alphanumeric() || c == '_');
+            ends && kinds.iter().any(|kind| text[..at].ends_with(&format!("{kind} ")))
+        })
+    };
+    let mut found = 0;
+    for row in table.lines().filter(|line| line.starts_with("| ") && line.contains('`')) {
+        let [_, _, names, files, _] = row.split('|').collect::<Vec<_>>()[..] else { panic!("{row}") };
+        for name in quoted(names) {
+            assert!(quoted(files).iter().any(|file| declares(file, name)), "{name} is not in {files}");
+            found += 1;
+        }
+    }
+    assert!(found > 12, "{found} names");
+    assert!(!declares("src/resolve.rs", "Jo") && !declares("src/resolve.rs", "Settings"));
+    assert!(text.split_whitespace().count() <= 900, "the page fits a quarter of an hour");
 }

@@ -75,7 +75,7 @@ impl TbErrorInfo {
 
     fn of(status: TbStatus, error: &Error) -> TbErrorInfo {
         let mut info = TbErrorInfo { status, ..TbErrorInfo::none() };
-        for remedy in error.mend.remedies() {
+        for remedy in error.hint.remedies() {
             match remedy {
                 Remedy::Set(setting) => {
                     let at = info.setting_count as usize;
@@ -96,13 +96,13 @@ impl TbErrorInfo {
 
 struct Last {
     what: CString,
-    mend: CString,
+    hint: CString,
     info: TbErrorInfo,
 }
 
 impl Default for Last {
     fn default() -> Last {
-        Last { what: CString::default(), mend: CString::default(), info: TbErrorInfo::none() }
+        Last { what: CString::default(), hint: CString::default(), info: TbErrorInfo::none() }
     }
 }
 
@@ -119,7 +119,7 @@ pub extern "C" fn tb_last_error() -> *const c_char {
 /// Hint for fixing that error. Lifetime as for `tb_last_error`.
 #[unsafe(no_mangle)]
 pub extern "C" fn tb_last_hint() -> *const c_char {
-    LAST.with_borrow(|last| last.mend.as_ptr())
+    LAST.with_borrow(|last| last.hint.as_ptr())
 }
 
 /// Writes the details of that error to `info`. Returns TB_ERROR_OPTIONS if `info` is NULL or too small; the last
@@ -148,9 +148,9 @@ pub fn guarded(body: impl FnOnce() -> Result<()>) -> TbStatus {
         Err(error) => keep(status_of(error.kind), &error),
     }));
     done.unwrap_or_else(|panic| {
-        let mend = "report it; handles that the call used must not be used again";
+        let hint = "report it; handles that the call used must not be used again";
         let text = panic_message(&*panic).unwrap_or("a defect");
-        keep(TbStatus::TbErrorDefect, &Error::device(text, mend))
+        keep(TbStatus::TbErrorDefect, &Error::device(text, hint))
     })
 }
 
@@ -168,7 +168,7 @@ fn status_of(kind: Kind) -> TbStatus {
 fn keep(status: TbStatus, error: &Error) -> TbStatus {
     let text = |text: &str| CString::new(text.replace('\0', "")).unwrap_or_default();
     let info = TbErrorInfo::of(status, error);
-    LAST.set(Last { what: text(&error.what), mend: text(&error.mend.to_string()), info });
+    LAST.set(Last { what: text(&error.what), hint: text(&error.hint.to_string()), info });
     log::error(&error.what);
     status
 }

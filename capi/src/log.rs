@@ -11,6 +11,8 @@ pub enum TbLevel {
     TbLevelNote = 0,
     /// Reason of a failed call.
     TbLevelError = 1,
+    /// Warning about a result.
+    TbLevelWarning = 2,
 }
 
 /// Receives log messages. `text` is valid during the call.
@@ -39,6 +41,10 @@ pub unsafe extern "C" fn tb_set_log_callback(log: TbLogCallback, user_data: *mut
 
 pub fn note(text: &str) {
     send(TbLevel::TbLevelNote, text);
+}
+
+pub fn warning(text: &str) {
+    send(TbLevel::TbLevelWarning, text);
 }
 
 pub fn error(text: &str) {

@@ -181,6 +181,7 @@ pub unsafe extern "C" fn tb_session_wait(
         let limit = Duration::try_from_secs_f64(seconds.max(0.0)).unwrap_or(Duration::MAX);
         let found = if seconds < 0.0 { Some(session.wait()?) } else { session.wait_for(limit)? };
         there = found.is_some();
+        found.iter().flat_map(|found| &found.result.warnings).for_each(|warning| log::warning(warning));
         match found {
             // SAFETY: the caller provides a struct that begins with its size.
             Some(found) => unsafe { sized::write(frame, &TbFrame::of(found)) },
@@ -239,12 +240,12 @@ impl TbFrame {
             mask: maps.mask.as_ptr().cast(),
             iterations: result.trace.last().map_or(0, |p| p.iteration),
             seconds: result.solve_seconds,
-            depth_error: of(maps.confidence.as_ref()),
+            depth_error: of(maps.depth_error.as_ref()),
             behind_albedo: of(behind.map(|l| &l.albedo)),
             behind_depth: of(behind.map(|l| &l.depth)),
             behind_normal: behind.map_or(none, |l| l.normal.as_ptr().cast()),
             behind_mask: behind.map_or(std::ptr::null(), |l| l.mask.as_ptr().cast()),
-            behind_depth_error: of(behind.and_then(|l| l.confidence.as_ref())),
+            behind_depth_error: of(behind.and_then(|l| l.depth_error.as_ref())),
             volume_min: [x0, y0, z0],
             volume_max: [x1, y1, z1],
             voxels: grid.n,

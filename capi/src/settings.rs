@@ -166,7 +166,7 @@ impl TbSettings {
             time_limit: (limit > Duration::ZERO).then_some(limit),
             hear,
             follow: (self.warm_start != 0).then(|| Follow { budget, ..Follow::default() }),
-            lent: self.external_frames != 0,
+            external: self.external_frames != 0,
             sum: (self.sum_bins > 0).then_some(self.sum_bins),
             feed: self.feed()?,
             ..SessionOptions::default()

@@ -6,8 +6,10 @@ use std::sync::Arc;
 
 use ash::vk::{self, Handle};
 use engine::gpu::Gpu;
-use engine::gpu::caller::{Features, Imported, Lent, Moment, QueueLock, Vulkan, requirements};
-use engine::session::{Format, LentCounts, LentFrame};
+use engine::gpu::external::{
+    ExternalBuffer, Features, Imported, QueueLock, TimelinePoint, Vulkan, requirements,
+};
+use engine::session::{ExternalCounts, ExternalFrame, Format};
 use engine::{Error, Result};
 
 use crate::error::{TbStatus, guarded, no_handle};
@@ -236,7 +238,7 @@ pub unsafe extern "C" fn tb_device_from_vulkan(
             pipeline_cache: vk::PipelineCache::from_raw(vulkan.pipeline_cache),
         };
         // SAFETY: guaranteed by the caller.
-        let gpu = unsafe { Gpu::of_caller(&vulkan)? };
+        let gpu = unsafe { Gpu::of_external(&vulkan)? };
         // SAFETY: the caller provides a writable pointer.
         unsafe { sized::give_handle(device, TbDevice::of(gpu), "device") }
     })
@@ -262,7 +264,7 @@ pub unsafe extern "C" fn tb_session_submit_external(
             unsafe { (session.as_ref().ok_or_else(|| no_handle("session"))?, sized::read(external)?) };
         // SAFETY: guaranteed by the caller.
         let external = unsafe { external.frame()? };
-        let id = session.session().submit_lent(external)?;
+        let id = session.session().submit_external(external)?;
         // SAFETY: the caller provides a writable pointer, or NULL.
         unsafe { sized::give(frame, id.0) };
         Ok(())
@@ -276,7 +278,7 @@ pub unsafe extern "C" fn tb_session_submit_external(
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_session_maps_bytes(session: *const TbSession) -> u64 {
     // SAFETY: the caller provides a valid session, or NULL.
-    unsafe { session.as_ref() }.map_or(0, |session| session.session().lent_maps_bytes())
+    unsafe { session.as_ref() }.map_or(0, |session| session.session().external_maps_bytes())
 }
 
 /// Imports external memory (of CUDA, or of another device on the same GPU): the first `bytes` bytes of the memory
@@ -423,30 +425,30 @@ impl QueueLock for Lock {
 
 impl TbBufferRange {
     /// # Safety
-    /// As [`Lent::new`].
-    unsafe fn lent(&self) -> Result<Option<Lent>> {
+    /// As [`ExternalBuffer::new`].
+    unsafe fn external(&self) -> Result<Option<ExternalBuffer>> {
         if self.buffer == 0 {
             return Ok(None);
         }
         // SAFETY: guaranteed by the caller.
-        unsafe { Lent::new(vk::Buffer::from_raw(self.buffer), self.offset, self.bytes) }.map(Some)
+        unsafe { ExternalBuffer::new(vk::Buffer::from_raw(self.buffer), self.offset, self.bytes) }.map(Some)
     }
 }
 
 impl TbTimelinePoint {
     /// # Safety
-    /// As [`Moment::new`].
-    unsafe fn moment(&self) -> Option<Moment> {
+    /// As [`TimelinePoint::new`].
+    unsafe fn moment(&self) -> Option<TimelinePoint> {
         // SAFETY: guaranteed by the caller.
         (self.semaphore != 0)
-            .then(|| unsafe { Moment::new(vk::Semaphore::from_raw(self.semaphore), self.value) })
+            .then(|| unsafe { TimelinePoint::new(vk::Semaphore::from_raw(self.semaphore), self.value) })
     }
 }
 
 impl TbExternalFrame {
     /// # Safety
     /// As `tb_session_submit_external`.
-    unsafe fn frame(&self) -> Result<LentFrame> {
+    unsafe fn frame(&self) -> Result<ExternalFrame> {
         let format = match self.format {
             0 => Format::F32,
             1 => Format::U32,
@@ -462,15 +464,15 @@ impl TbExternalFrame {
         unsafe {
             let counts = match self.imported.as_ref() {
                 Some(TbBuffer(imported)) => Some(imported.lend()?),
-                None => self.counts.lent()?,
+                None => self.counts.external()?,
             };
             let counts = counts.ok_or_else(|| {
                 Error::options("`tb_external_frame` has no counts", "give `counts`, or `imported` memory")
             })?;
             let (after, taken) = (self.counts_ready.moment(), self.counts_copied.moment());
-            Ok(LentFrame {
-                counts: LentCounts { counts, format, after, taken },
-                maps: self.maps.lent()?,
+            Ok(ExternalFrame {
+                counts: ExternalCounts { counts, format, after, taken },
+                maps: self.maps.external()?,
                 done: self.maps_ready.moment(),
             })
         }

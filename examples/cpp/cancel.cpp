@@ -22,7 +22,7 @@ tb_status refused(Call call) {
     try {
         call();
     } catch (const Error &error) {
-        std::printf("refused: %s\n  %s\n", error.what(), error.remedy.c_str());
+        std::printf("refused: %s\n  %s\n", error.what(), error.hint.c_str());
         return error.status;
     }
     return TB_OK;

@@ -40,17 +40,18 @@ pub fn reconstruct<'py>(
     if let Some(raised) = teller.raised().take() {
         return Err(raised);
     }
-    let (found, report, notes) = done?;
+    let (found, report, [notes, warnings]) = done?;
     let made = maps::dictionary(py, found)?;
     made.set_item("report", report)?;
     made.set_item("notes", notes)?;
+    made.set_item("warnings", warnings)?;
     Ok(made)
 }
 
 /// The result with its report as text and all notes.
-fn packed(outcome: Outcome, loaded: &Loaded) -> Result<(engine::maps::Maps, String, Vec<String>)> {
+fn packed(outcome: Outcome, loaded: &Loaded) -> Result<(engine::maps::Maps, String, [Vec<String>; 2])> {
     let report = serde_json::to_string_pretty(&outcome.report)
         .map_err(|e| Error::output(format!("the report cannot be packed: {e}"), "report this as a bug"))?;
     let notes = [&loaded.notes[..], &outcome.notes].concat();
-    Ok((outcome.maps, report, notes))
+    Ok((outcome.maps, report, [notes, outcome.warnings]))
 }

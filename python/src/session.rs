@@ -64,7 +64,7 @@ impl Session {
     }
 
     /// The maps of the next result, its number and its seconds, if it is there by then.
-    fn wait_for(&self, limit: Duration) -> Result<Option<(Maps, u64, f64)>> {
+    fn wait_for(&self, limit: Duration) -> Result<Option<(Maps, u64, f64, Vec<String>)>> {
         let mut session = self.locked();
         let session = session.as_mut().ok_or_else(closed)?;
         if !self.may_wait && !self.is_pending.load(Relaxed) {
@@ -72,7 +72,10 @@ impl Session {
         }
         let found = session.wait_for(limit);
         self.is_pending.store(matches!(found, Ok(None)), Relaxed);
-        let packed = |frame: &Frame| (frame.result.maps.clone(), frame.id.0, frame.result.solve_seconds);
+        let packed = |frame: &Frame| {
+            let result = &frame.result;
+            (result.maps.clone(), frame.id.0, result.solve_seconds, result.warnings.clone())
+        };
         Ok(found?.map(packed))
     }
 }
@@ -159,10 +162,11 @@ impl Session {
                 None => {}
             }
         };
-        let packed = |(solved, frame, seconds)| {
+        let packed = |(solved, frame, seconds, warnings)| {
             let made = maps::dictionary(py, solved)?;
             made.set_item("frame", frame)?;
             made.set_item("seconds", seconds)?;
+            made.set_item("warnings", warnings)?;
             Ok(made)
         };
         found.map(packed).transpose()

@@ -79,12 +79,20 @@ def test_wrong_shapes_are_told(H, sensor, laser, words):
     with pytest.raises(tb.OptionsError) as raised:
         tb.Capture(H, sensor, laser, bin_width=0.05)
     assert words in str(raised.value)
-    assert raised.value.what and raised.value.remedy and raised.value.where is None
+    assert raised.value.what and raised.value.hint and raised.value.where is None
 
 
 def test_other_axes_are_refused():
     with pytest.raises(tb.OptionsError, match="bins_axis is 1"):
         tb.Capture(counts(), points(), bin_width=0.05, bins_axis=1)
+
+
+@pytest.mark.parametrize("name", ["laser_xyz", "sensor_normal", "laser_normal"])
+@pytest.mark.parametrize("shape", [(3, 5, 3), (15, 3), (1, 15, 3)])
+def test_points_that_only_number_as_many_are_refused(name, shape):
+    with pytest.raises(tb.Error, match=name) as raised:
+        tb.Capture(np.ones((5, 3, 7)), np.ones((5, 3, 3)), bin_width=0.05, **{name: np.ones(shape)})
+    assert "5 x 3" in str(raised.value) and str(shape[0]) in str(raised.value)
 
 
 def test_a_single_point_is_that_of_every_pair():

@@ -41,7 +41,7 @@ def test_maps_are_those_of_the_command_to_the_bit(tmp_path, capture, maps, comma
     run = [command, "reconstruct", "z.npz", "--out", "out", *options.split()]
     subprocess.run(run, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
     theirs = tb.load_maps(tmp_path / "out/maps.npz")
-    for name in ["albedo", "depth", "normals", "mask", "confidence"]:
+    for name in ["albedo", "depth", "normals", "mask", "depth_error"]:
         mine = getattr(maps, name)
         assert mine.tobytes() == getattr(theirs, name).tobytes(), name
     assert tuple(maps.extent) == theirs.extent
@@ -76,7 +76,7 @@ def test_maps_have_shapes_and_units(maps, rendered):
 def test_maps_are_saved_and_loaded(tmp_path, maps):
     (file,) = maps.save(tmp_path / "m.npz")
     again = tb.load_maps(file)
-    for name in ["albedo", "depth", "normals", "mask", "confidence"]:
+    for name in ["albedo", "depth", "normals", "mask", "depth_error"]:
         assert getattr(again, name).tobytes() == getattr(maps, name).tobytes(), name
     assert maps._repr_png_().startswith(b"\x89PNG")
 
@@ -104,7 +104,7 @@ def test_progress_is_told_and_may_stop_the_solve(capture):
 
     with pytest.raises(tb.CancelledError):
         tb.reconstruct(capture, on_progress=hear, model="cosine", high_pass=0, lateral=32, iterations=200)
-    assert len(told) == 2 and isinstance(told[0], tb.Progress) and told[0].iterations >= 200
+    assert len(reported) == 2 and isinstance(reported[0], tb.Progress) and reported[0].iterations >= 200
 
 
 def test_what_a_progress_function_raises_comes_back(capture):
@@ -166,7 +166,7 @@ def test_other_threads_run_during_a_solve(capture):
 def test_wrong_arguments_are_told(capture, arguments, kind, words):
     with pytest.raises(kind) as raised:
         tb.reconstruct(capture, **{**SHORT, **arguments})
-    assert words in str(raised.value) and raised.value.remedy
+    assert words in str(raised.value) and raised.value.hint
     assert "--" not in str(raised.value), "the words of the command line"
 
 

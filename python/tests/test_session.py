@@ -91,7 +91,7 @@ def test_ctrl_c_stops_a_frame_and_the_session_lives(capture):
 def test_progress_comes_from_the_session(capture):
     reports = []
     # Rounds of the support may be fewer than there is room for.
-    with session(capture, on_progress=told.append, support="fixed", **QUICK) as frames:
+    with session(capture, on_progress=reported.append, support="fixed", **QUICK) as frames:
         frames.solve(capture.H)
     assert reports and reports[-1].iteration == reports[-1].iterations
 
@@ -115,8 +115,8 @@ def test_polling_and_progress_do_not_wait_for_each_other(capture, progress):
 
 
 def test_a_session_that_is_dropped_while_it_solves_ends(capture):
-    told = threading.Event()
-    frames = session(capture, on_progress=lambda p: told.set(), **LONG)
+    reported = threading.Event()
+    frames = session(capture, on_progress=lambda p: reported.set(), **LONG)
     frames.submit(capture.H)
     assert reports.wait(30)
     start = time.monotonic()

@@ -16,7 +16,7 @@ use super::terminal::{print, say, say_error};
 use super::{advice, interrupt, reconstruct};
 
 /// Options of `reconstruct` that a batch does not have: a capture that was not finished begins anew.
-const NOT_HERE: [&str; 3] = ["no_preview", "open", "timings"];
+const NOT_HERE: [&str; 4] = ["no_preview", "open", "timings", "json"];
 /// Arguments that do not change results.
 const NO_DIFFERENCE: [&str; 7] =
     ["capture", "out", "device", "memory", "pipeline_cache", "validation", "quiet"];
@@ -96,7 +96,7 @@ impl FromArgMatches for Args {
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {
-    let wrong = |what: String, mend: &'static str| Err(Error::options(what, mend));
+    let wrong = |what: String, hint: &'static str| Err(Error::options(what, hint));
     if let Some(option) = args.unfit {
         let option = option.replace('_', "-");
         return wrong(
@@ -157,16 +157,20 @@ fn report(end: &CaptureEnd, out: &Path, quiet: bool) {
             "status": end.status,
             "seconds": end.seconds,
             "error": end.error.as_ref().map(|e| &e.what),
-            "remedy": end.error.as_ref().map(|e| advice::text(&e.mend)),
+            "hint": end.error.as_ref().map(|e| advice::text(&e.hint)),
             "folder": end.error.is_none().then(|| out.join(name).to_string_lossy().into_owned()),
             "figures": end.figures,
+            "warnings": end.warnings,
         })
         .to_string(),
     );
     match &end.error {
-        Some(e) => say_error(&format!("{name}: "), &e.what, &advice::text(&e.mend)),
+        Some(e) => say_error(&format!("{name}: "), &e.what, &advice::text(&e.hint)),
         None if quiet => {}
-        None => end.notes.iter().for_each(|note| say(&format!("note: {name}: {note}"))),
+        None => {
+            end.notes.iter().for_each(|note| say(&format!("note: {name}: {note}")));
+            end.warnings.iter().for_each(|warning| say(&format!("warning: {name}: {warning}")));
+        }
     }
 }
 

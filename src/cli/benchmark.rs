@@ -341,8 +341,8 @@ impl Caller for Running<'_> {
         let quiet = self.args.quiet;
         match &case.why {
             Some(why) if case.failed => {
-                let mend = case.remedy.as_ref().map_or_else(String::new, advice::text);
-                say_error(&format!("{}: ", case.folder), why, &mend);
+                let hint = case.hint.as_ref().map_or_else(String::new, advice::text);
+                say_error(&format!("{}: ", case.folder), why, &hint);
             }
             Some(why) if !quiet => say(&format!("note: {} is left out: {why}", case.folder)),
             None if !quiet && case.was_there => say(&format!("{} is done already", case.folder)),

@@ -18,7 +18,7 @@ pub struct Args {
     /// A pixel is surface above this share of the brightest albedo [default: that of the reconstruction]
     #[arg(long, value_name = "X", value_parser = number)]
     mask_fraction: Option<f64>,
-    /// Do not draw depth_error.png into the folder
+    /// Do not draw depth_difference.png into the folder
     #[arg(long)]
     no_pictures: bool,
     /// Print JSON

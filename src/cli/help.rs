@@ -9,10 +9,25 @@ use super::terminal::print;
 pub struct Args {
     /// A verb, a group of settings (capture-file, capture, solver, volume, result, device), or a method for its options
     topic: Option<String>,
+    /// Print completions for a shell
+    #[arg(long, value_name = "SHELL", exclusive = true)]
+    completions: Option<clap_complete::Shell>,
+    /// Print the manual page
+    #[arg(long, exclusive = true)]
+    man: bool,
 }
 
 pub fn run(args: &Args) -> Result<()> {
     let mut command = super::command();
+    if let Some(shell) = args.completions {
+        clap_complete::generate(shell, &mut command, "thirdbounce", &mut std::io::stdout());
+        return Ok(());
+    }
+    if args.man {
+        let rendered = clap_mangen::Man::new(command).render(&mut std::io::stdout());
+        return rendered
+            .map_err(|e| Error::output(format!("the manual page is not printed: {e}"), "check the output"));
+    }
     command.build();
     let Some(name) = &args.topic else {
         print(command.render_long_help().to_string().trim_end());

@@ -172,8 +172,8 @@ impl FromTags {
         }
         let zero = match self.zero.as_str() {
             "direct" => Zero::Direct,
-            text => Zero::At(time(text).map_err(|mend| {
-                Error::options(format!("--zero is {text:?}"), format!("give direct, or {}", &mend[5..]))
+            text => Zero::At(time(text).map_err(|hint| {
+                Error::options(format!("--zero is {text:?}"), format!("give direct, or {}", &hint[5..]))
             })?),
         };
         let pile_up = match self.pile_up.as_str() {

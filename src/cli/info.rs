@@ -1,6 +1,7 @@
 //! `thirdbounce info CAPTURE`.
 
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use thirdbounce::capture::scan::decimals;
 use thirdbounce::job::{self, Inspection};
@@ -26,7 +27,8 @@ pub struct Args {
     png: Option<PathBuf>,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+/// Ends with 1 if there is a problem with the capture or the plan. Without a device it plans for a usual one.
+pub fn run(args: &Args) -> Result<ExitCode> {
     let (loaded, request) = args.capture.load()?;
     let mut found = job::inspect(&request, &loaded)?;
     found.problems.iter_mut().for_each(|problem| *problem = advice::text(problem).into());
@@ -38,7 +40,8 @@ pub fn run(args: &Args) -> Result<()> {
         say(&format!("wrote {}", path.display()));
     }
     print(&if args.json { json(&found)? } else { text(&found, args.plan) });
-    Ok(())
+    let others = found.problems.len() - usize::from(found.device.is_none()).min(found.problems.len());
+    Ok(if others == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 fn text(found: &Inspection, with_plan: bool) -> String {
@@ -48,7 +51,7 @@ fn text(found: &Inspection, with_plan: bool) -> String {
     let mm = found.voxel.map(|m| format!("{:.*}", d - 2, 1000.0 * m)).join(" x ");
     let mut out = format!("{}\n", found.capture);
     found.notes.iter().for_each(|note| out += &format!("note      {note}\n"));
-    found.doubts.iter().for_each(|doubt| out += &format!("doubt     {doubt}\n"));
+    found.warnings.iter().for_each(|warning| out += &format!("warning   {warning}\n"));
     out += &format!("\nsolver    {}\ngrid      {nx} x {ny} x {nz} voxels of {mm} mm\n", found.options.name());
     out += &format!(
         "box       x {:.d$} to {:.d$} m, y {:.d$} to {:.d$} m, z {:.d$} to {:.d$} m\n",

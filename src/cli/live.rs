@@ -90,7 +90,7 @@ pub fn run(args: &Args) -> Result<()> {
                 }
             }
             News::Wrong(error) => {
-                say_error("", &error.what, &advice::text(&error.mend));
+                say_error("", &error.what, &advice::text(&error.hint));
             }
             News::Idle => {}
         }
@@ -156,17 +156,17 @@ fn line(frame: &Frame, latency: &Latency) -> String {
 
 fn summary(done: &Summary) -> String {
     let ms = |time: Duration| format!("{:.0} ms", 1e3 * time.as_secs_f64());
-    let told = &done.latency;
+    let reported = &done.latency;
     format!(
         "{} frames of {} solved, {} dropped, {} wrong; latency: median {}, 90 % {}, 99 % {}; {:.1} frames/s",
-        told.frames,
+        reported.frames,
         done.arrived,
-        told.dropped,
+        reported.dropped,
         done.wrong,
-        ms(told.median),
-        ms(told.p90),
-        ms(told.p99),
-        told.frames_per_second
+        ms(reported.median),
+        ms(reported.p90),
+        ms(reported.p99),
+        reported.frames_per_second
     )
 }
 

@@ -39,9 +39,9 @@ struct SpecArgs {
 /// An unknown solver, an unknown key or a value out of range, each with the method's text.
 pub fn parse(text: &str, base: &SettingsArgs<ALL>) -> Result<Spec> {
     let text = text.trim();
-    let mend =
+    let hint =
         "write solver:key=value,key=value with the options of `thirdbounce reconstruct --help` as keys";
-    let wrong = |what: String| Error::options(format!("method {text:?}: {what}"), mend);
+    let wrong = |what: String| Error::options(format!("method {text:?}: {what}"), hint);
     let (solver, settings) = text.split_once(':').unwrap_or((text, ""));
     thirdbounce::job::method(solver.trim()).map_err(|e| e.at(format!("method {text:?}")))?;
     let mut arguments = vec![format!("--solver={}", solver.trim())];

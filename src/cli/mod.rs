@@ -49,13 +49,20 @@ Lengths are metres, times are metres of path (seconds times 299792458), unless a
 /// Reads transient histograms captured at a relay wall. Computes albedo, depth and surface normals of the hidden scene,
 /// on any Vulkan device.
 #[derive(Parser)]
-#[command(name = "thirdbounce", version, after_help = EXAMPLES, subcommand_required = true, disable_help_subcommand = true)]
+#[command(name = "thirdbounce", version = version(), after_help = EXAMPLES, subcommand_required = true, disable_help_subcommand = true)]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
     /// Most memory of the host to hold: a number in MiB, or with K, M or G after it [default: all that is free]
     #[arg(long, value_name = "SIZE", global = true)]
     host_memory: Option<String>,
+}
+
+/// The version, with the commit if the build names one.
+fn version() -> String {
+    let commit = option_env!("THIRDBOUNCE_COMMIT").filter(|commit| !commit.is_empty());
+    let commit = commit.map_or_else(String::new, |commit| format!(" (commit {commit})"));
+    format!("{}{commit}", env!("CARGO_PKG_VERSION"))
 }
 
 #[derive(Subcommand)]
@@ -114,7 +121,7 @@ pub fn main() -> ExitCode {
             ExitCode::from(130)
         }
         Ok(Err(e)) => {
-            terminal::say_error("", &e.what, &advice::text(&e.mend));
+            terminal::say_error("", &e.what, &advice::text(&e.hint));
             ExitCode::from(1)
         }
         Err(_) => ExitCode::from(101),
@@ -143,7 +150,7 @@ fn run() -> Result<ExitCode> {
         Verb::Batch(args) => return batch::run(&args),
         Verb::Benchmark(args) => return benchmark::run(&args),
         Verb::Demo(args) => demo::run(&args),
-        Verb::Info(args) => info::run(&args),
+        Verb::Info(args) => return info::run(&args),
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Live(args) => live::run(&args),

@@ -31,7 +31,7 @@ pub struct Args {
     /// Folder for the maps [default: they are not written]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Check the device, without a capture: compare every pass of both solvers with its float64 twin, on every
+    /// Check the device, without a capture: compare the kernels of all solvers with their float64 twins, on every
     /// accumulation path of the device, and measure the device's limits
     #[arg(long, conflicts_with_all = ["capture", "trace", "out"])]
     pub check: bool,
@@ -164,11 +164,11 @@ fn check_device(args: &Args) -> Result<()> {
     let gpu = open(false)?;
     let limits = limits::measure(&gpu)?;
     let mut text = format!("device    {} ({})\n", gpu.info.name, gpu.info.driver);
-    text += &format!("{:<16}{:<10}{:<14}{:>14}{:>10}\n", "solver", "adding", "pass", "error", "allowed");
+    text += &format!("{:<22}{:<10}{:<30}{:>14}{:>10}\n", "case", "adding", "kernel", "error", "allowed");
     for c in &checks {
         let error = format!("{:.1e}{}", c.error, if c.passed() { "" } else { " WRONG" });
         text +=
-            &format!("{:<16}{:<10}{:<14}{error:>14}{:>10.0e}\n", c.solver, c.accumulation, c.pass, c.allowed);
+            &format!("{:<22}{:<10}{:<30}{error:>14}{:>10.0e}\n", c.solver, c.accumulation, c.pass, c.allowed);
     }
     print(&(text + &limits_text(&limits)));
     gpu.validation_messages().iter().for_each(|message| say(&format!("validation: {message}")));

@@ -8,7 +8,7 @@ use thirdbounce::{Result, tags};
 use super::histogram::FromTags;
 use super::progress::Meter;
 use super::settings::{CaptureArgs, load, request};
-use super::terminal::{print, say};
+use super::terminal::{json, print, say};
 use super::{interrupt, tables};
 
 #[derive(clap::Args)]
@@ -37,9 +37,12 @@ pub struct Args {
     /// Print the time per kernel at the end (`thirdbounce profile` prints more)
     #[arg(long)]
     timings: bool,
-    /// No progress and no notes, errors only
+    /// Print nothing but errors
     #[arg(long, short)]
     pub quiet: bool,
+    /// Print the report as JSON in place of a table
+    #[arg(long)]
+    json: bool,
     /// Write the volume to this file, .npz or .hdf5
     #[arg(long, value_name = "FILE")]
     pub volume_file: Option<PathBuf>,
@@ -95,12 +98,19 @@ pub fn run(args: &Args) -> Result<()> {
     if !args.quiet {
         outcome.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
-    print(&tables::report(&outcome.report));
-    if args.timings {
-        print(&format!("\n{}", tables::kernels(&outcome.kernels)));
+    if !args.quiet {
+        outcome.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     }
-    let files: Vec<_> = outcome.files.iter().map(|f| f.display().to_string()).collect();
-    print(&format!("wrote     {}", files.join("\n          ")));
+    if args.json {
+        print(&json(&outcome.report)?);
+    } else if !args.quiet {
+        print(&tables::report(&outcome.report));
+        if args.timings {
+            print(&format!("\n{}", tables::kernels(&outcome.kernels)));
+        }
+        let files: Vec<_> = outcome.files.iter().map(|f| f.display().to_string()).collect();
+        print(&format!("wrote     {}", files.join("\n          ")));
+    }
     if args.open {
         show(&args.out.join("report.html"));
     }
@@ -111,7 +121,7 @@ pub fn run(args: &Args) -> Result<()> {
 fn show(page: &Path) {
     let page = page.canonicalize().unwrap_or_else(|_| page.into());
     match open::that_detached(&page) {
-        Ok(()) => print(&format!("opened    {}", page.display())),
+        Ok(()) => {}
         Err(e) => say(&format!("note: no program opens {} ({e}); any browser shows it", page.display())),
     }
 }

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use clap::{Arg, ArgAction, ArgMatches, Command, FromArgMatches};
+use clap::{Arg, ArgAction, ArgMatches, Args as _, Command, FromArgMatches};
 use serde::de::DeserializeOwned;
 use thirdbounce::job::{self, Loaded, Request, SolverOptions};
 use thirdbounce::settings::Settings;
@@ -204,7 +204,12 @@ pub fn topic(name: &str) -> Option<Command> {
         None => row.group.to_lowercase().replace(' ', "-") == name,
     };
     let listed: Vec<_> = Settings::all_rows().into_iter().filter(|(row, _)| has(row)).collect();
-    (!listed.is_empty()).then(|| command.args(listed.iter().map(|(row, text)| argument(row, text))))
+    let command = command.args(listed.iter().map(|(row, text)| argument(row, text)));
+    let command = match name {
+        "device" => DeviceArgs::augment_args(command).mut_args(|arg| arg.hide(false)),
+        _ => command,
+    };
+    (!listed.is_empty()).then_some(command)
 }
 
 /// The cache of kernels, and the validation layer.

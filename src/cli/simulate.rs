@@ -180,10 +180,10 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
         args: Args,
     }
     let at = |e: Error| e.at(file.display());
-    let mend =
+    let hint =
         "write the arguments of simulate without files, for example: letter-Z --scan 32 --bin-width 6mm";
     let text =
-        std::fs::read_to_string(file).map_err(|e| at(Error::input(format!("cannot be read: {e}"), mend)))?;
+        std::fs::read_to_string(file).map_err(|e| at(Error::input(format!("cannot be read: {e}"), hint)))?;
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     let mut words: Vec<String> = lines.flat_map(str::split_whitespace).map(String::from).collect();
     let is_own = |word: &String| {
@@ -192,7 +192,7 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
     if let Some(word) = words.iter().find(|word| is_own(word)) {
         return Err(at(Error::input(
             format!("{word} does not fit here: the benchmark writes the files"),
-            mend,
+            hint,
         )));
     }
     if let Some(first) = words.first_mut() {
@@ -209,7 +209,7 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
     let parsed = command.try_get_matches_from(words).and_then(|m| Line::from_arg_matches(&m));
     let line = parsed.map_err(|e| {
         let said = e.to_string();
-        at(Error::input(said.lines().next().unwrap_or("").trim_start_matches("error: ").to_string(), mend))
+        at(Error::input(said.lines().next().unwrap_or("").trim_start_matches("error: ").to_string(), hint))
     })?;
     simulation(&line.args).map_err(at)
 }

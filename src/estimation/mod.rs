@@ -1,6 +1,6 @@
 //! Estimates of what the user leaves open: the high-pass of the objective, how surfaces reflect, and the instrument's impulse
 //! response. Short surface fits of 64 lateral pixels compare the hypotheses on pairs that they have not seen, in the domain that
-//! the solve minimises. Where hypotheses cannot be told apart, a fixed order decides.
+//! the solve minimises. Indistinguishable hypotheses are ranked by a fixed order.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;

@@ -123,6 +123,5 @@ impl EstimateRequest {
 /// The published set of parameters that fits the capture: if all counts are whole numbers, or some are negative, a
 /// detector made them.
 pub fn preset_for(capture: &Capture) -> Preset {
-    let measured = capture.integer_counts || capture.histograms.iter().any(|v| *v < 0.0);
-    if measured { Preset::Captured } else { Preset::Synthetic }
+    if capture.is_measured() { Preset::Captured } else { Preset::Synthetic }
 }

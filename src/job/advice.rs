@@ -17,16 +17,16 @@ pub(super) fn advise(error: Error, request: &Request, loaded: &Loaded, gpu: &Gpu
     if options.is_empty() {
         return error;
     }
-    let mut mend = Advice::from("this would fit: ");
+    let mut hint = Advice::from("this would fit: ");
     for (i, (setting, value)) in options.into_iter().enumerate() {
         let between = if i == 0 { "" } else { ", or " };
-        mend = mend.and(advice![(between) {Remedy::Set(setting)} (format!(" {value}"))]);
+        hint = hint.and(advice![(between) {Remedy::Set(setting)} (format!(" {value}"))]);
     }
-    mend = mend.and(advice!["; or a larger " DepthPitch]);
+    hint = hint.and(advice!["; or a larger " DepthPitch]);
     if request.settings.memory.is_some() {
-        mend = mend.and(advice![", or more " Memory]);
+        hint = hint.and(advice![", or more " Memory]);
     }
-    Error { mend, ..error }
+    Error { hint, ..error }
 }
 
 /// Settings with values. Each of them alone makes the job fit, by the least change that was tried. They are tried on the

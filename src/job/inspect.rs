@@ -22,7 +22,7 @@ pub struct Inspection {
     /// What was done to the capture.
     pub notes: Vec<String>,
     /// What looks wrong in the capture.
-    pub doubts: Vec<String>,
+    pub warnings: Vec<String>,
     /// The preset in force.
     pub preset: Preset,
     /// The solver's options as resolved.
@@ -122,7 +122,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     Ok(Inspection {
         capture: loaded.summary(),
         notes,
-        doubts: capture.doubts(),
+        warnings: loaded.warnings.clone(),
         preset: resolved.preset,
         options: resolved.solver,
         grid: grid.n,
@@ -161,7 +161,7 @@ pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<TimedSchedule>
 
 /// An error with its advice.
 fn problem(error: Error) -> Advice {
-    Advice::from(advice![(error.what) ": "]).and(error.mend)
+    Advice::from(advice![(error.what) ": "]).and(error.hint)
 }
 
 /// What most discrete GPUs offer.

@@ -22,6 +22,7 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
             kind: plain(&gpu.info.kind),
         },
         settings: settings(request, loaded, done),
+        warnings: vec![],
         capture: loaded.summary(),
         plan: report::Plan {
             variants: result.plan.variants(),

@@ -28,8 +28,10 @@ pub struct Outcome {
     pub kernels: Vec<(&'static str, KernelTime)>,
     /// Messages of the validation layer, if it was on.
     pub validation: Vec<String>,
-    /// Warnings, as sentences.
+    /// What was assumed and estimated, as sentences.
     pub notes: Vec<String>,
+    /// What looks wrong with the capture or the result, as sentences.
+    pub warnings: Vec<String>,
     /// Every file that was written, the report last; none yet in [`Solved`].
     pub files: Vec<PathBuf>,
 }
@@ -61,7 +63,7 @@ pub fn run(
 ) -> Result<Outcome> {
     let truth = request.check(&loaded.capture)?;
     request.check_places()?;
-    // What does not fit is told before a device is asked for.
+    // Memory is checked before a device is opened.
     request.resolved(&loaded.capture).grid(&loaded.capture)?;
     let gpu = request.open()?;
     solve_checked(request, loaded, &gpu, truth, hear)?.write(request)
@@ -103,6 +105,8 @@ fn solve_checked(
     report.settings["notes"] = loaded.notes.iter().chain(&notes).cloned().collect();
     report.totals.preview_s = preview.as_ref().map(|p| p.seconds);
     let result = done.result;
+    let warnings = [&loaded.warnings[..], &result.warnings].concat();
+    report.warnings = warnings.clone();
     Ok(Solved {
         outcome: Outcome {
             report,
@@ -111,6 +115,7 @@ fn solve_checked(
             kernels: if request.timings { result.kernels } else { vec![] },
             validation: gpu.validation_messages(),
             notes,
+            warnings,
             files: vec![],
         },
         volume: result.volume,
@@ -160,7 +165,7 @@ fn title(capture: &Path) -> String {
     capture.file_name().map_or_else(|| "capture".into(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Warnings: an end before the last doubling, a surface that was not taken, an empty result.
+/// Notes: an end before the last doubling, a second surface, filled places, what lies at the border.
 fn notes_on(solver: &SolverOptions, solved: &Reconstruction) -> Vec<String> {
     let mut notes = Vec::new();
     let (reached, wanted) = (solved.lateral, solved.plan.finest().grid.n[0]);
@@ -196,13 +201,6 @@ fn notes_on(solver: &SolverOptions, solved: &Reconstruction) -> Vec<String> {
         notes.push(
             "most of what was found lies at the border of the box: the scene may lie beyond it, beside the scanned part of \
              the wall (give a wider volume)"
-                .into(),
-        );
-    }
-    if !solved.maps.mask.contains(&true) {
-        notes.push(
-            "nothing was found: the maps are empty. Check that volume and gate fit the capture (see \
-             `thirdbounce info`)"
                 .into(),
         );
     }

@@ -62,7 +62,7 @@ fn wrong(what: impl Into<String>) -> Error {
     )
 }
 
-/// Reads the next frame, which must have so many pairs and bins; `None` at the end of the stream.
+/// Reads the next frame, which must have the given pairs and bins; `None` at the end of the stream.
 ///
 /// # Errors
 /// The stream ends within a frame, or the header is not one of such frames: nothing is known of the bytes behind it then.

@@ -74,6 +74,11 @@ settings! {
         bounce: String = text::bounce, Range::Text("WHICH");
         /// File with tofgrid, for a Stanford f-k capture [default: tof.mat beside the capture]
         tof: PathBuf = text::file, Range::Text("FILE");
+        /// Order of the axes of a file with a single array of counts, as the program that wrote it shows them: xyt, yxt, txy
+        /// [default: found by where the light is]
+        axes: String = text::axes, Range::Text("ORDER");
+        /// Keep pairs without any count as dark ones. Without this, those beside lit pairs are left out
+        keep_empty: bool = text::flag, Range::Flag;
         /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both; for files
         /// without the orientation of the scan
         flip: Flip = word, Range::Words(&["x", "y", "xy"]);
@@ -292,7 +297,7 @@ mod tests {
             let mut settings = Settings::default();
             let error = settings.set(key, text).unwrap_err();
             assert_eq!(settings, Settings::default());
-            format!("{} | {}", error.what, error.mend)
+            format!("{} | {}", error.what, error.hint)
         };
         for (key, text, words) in [
             ("solver", "magic", "paper or surface"),

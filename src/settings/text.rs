@@ -148,7 +148,7 @@ as_read! {
 
 /// What an error of a parser asks for.
 fn wanted(error: Error) -> String {
-    error.mend.to_string()
+    error.hint.to_string()
 }
 
 pub fn number(text: &str) -> Read<f64> {
@@ -198,6 +198,12 @@ pub fn bounce(text: &str) -> Read<String> {
     }
 }
 
+pub fn axes(text: &str) -> Read<String> {
+    let all = text.len() == 3 && "xyt".chars().all(|axis| text.contains(axis));
+    let want = "give the letters x, y and t in the order of the axes, such as xyt for counts [x, y, t]";
+    if all { Ok(text.into()) } else { Err(want.into()) }
+}
+
 pub fn bins(text: &str) -> Read<Bins> {
     text.parse().map_err(wanted)
 }
@@ -207,7 +213,7 @@ pub fn gate(text: &str) -> Read<Gate> {
     let metres =
         |part: &str| units::path(part).map_or_else(|_| part.to_string(), |metres| metres.to_string());
     let metres = text.split(':').map(metres).collect::<Vec<_>>().join(":");
-    Gate::parse(&metres).map_err(|e| format!("{}; {}", e.what, e.mend))
+    Gate::parse(&metres).map_err(|e| format!("{}; {}", e.what, e.hint))
 }
 
 pub fn model(text: &str) -> Read<Model> {
@@ -222,7 +228,7 @@ pub fn pulse(text: &str) -> Read<ImpulseResponse> {
     let numbers: Vec<Option<f64>> = text.split(':').map(|n| units::path(n).ok()).collect();
     let checked = |pulse: ImpulseResponse| match pulse.samples() {
         Ok(_) => Ok(pulse),
-        Err(e) => Err(format!("{}; {}", e.what, e.mend)),
+        Err(e) => Err(format!("{}; {}", e.what, e.hint)),
     };
     match (text, &numbers[..]) {
         ("none", _) => Ok(ImpulseResponse::None),

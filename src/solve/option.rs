@@ -727,7 +727,7 @@ mod tests {
             let before = o.get(key).unwrap();
             o.set(key, value);
             let error = o.check_ranges().unwrap_err();
-            assert!(error.what.contains(key) && error.mend.to_string().contains(want), "{error}");
+            assert!(error.what.contains(key) && error.hint.to_string().contains(want), "{error}");
             o.set(key, &before);
         }
         assert!(o.check_ranges().is_ok());

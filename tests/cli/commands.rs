@@ -104,7 +104,7 @@ fn from_a_simulated_capture_to_measured_maps() {
         "albedo.png",
         "depth.png",
         "normal.png",
-        "confidence.png",
+        "depth_error.png",
         "points.ply",
         "mesh.ply",
         "report.html",
@@ -117,8 +117,10 @@ fn from_a_simulated_capture_to_measured_maps() {
     assert!(volume.is_file());
 
     let maps = npz::read_maps(&result.join("maps.npz")).unwrap();
-    let told = maps.confidence.expect("a confidence");
-    assert!(told.iter().zip(&maps.depth).all(|(c, z)| c.is_nan() == z.is_nan() && (c.is_nan() || *c > 0.0)));
+    let reported = maps.depth_error.expect("a depth_error");
+    assert!(
+        reported.iter().zip(&maps.depth).all(|(c, z)| c.is_nan() == z.is_nan() && (c.is_nan() || *c > 0.0))
+    );
 
     let report = json(&result.join("report.json"));
     for key in ["version", "device", "settings", "capture", "plan", "trace", "totals", "metrics"] {
@@ -141,7 +143,7 @@ fn from_a_simulated_capture_to_measured_maps() {
 
     let again = succeed(&["evaluate", &result.display().to_string(), "--truth", &truth, "--json"]);
     let again: Value = serde_json::from_str(&again).unwrap();
-    for key in ["iou", "within_confidence", "calibration"] {
+    for key in ["iou", "within_depth_error", "calibration"] {
         assert!(!again[key].is_null() && again[key] == report["metrics"][key], "{key}");
     }
     let text = succeed(&["evaluate", &result.display().to_string(), "--truth", &truth]);
@@ -183,12 +185,12 @@ fn info_and_devices_tell_people_and_programs() {
     for words in ["adding", "left out", "buffers", "moment_first"] {
         assert!(rest.contains(words) && !short.contains(words), "{words:?} is not only in\n{rest}");
     }
-    let told: Value =
+    let reported: Value =
         serde_json::from_str(&succeed(&["info", &capture, "--lateral", "32", "--json"])).unwrap();
-    assert_eq!(told["grid"][0], 32);
-    assert_eq!(told["plan"]["levels"], serde_json::json!([32]));
-    assert!(told["plan"]["total_bytes"].as_u64().is_some_and(|b| b > 1000));
-    assert_eq!(told["capture"]["pairs"], 256);
+    assert_eq!(reported["grid"][0], 32);
+    assert_eq!(reported["plan"]["levels"], serde_json::json!([32]));
+    assert!(reported["plan"]["total_bytes"].as_u64().is_some_and(|b| b > 1000));
+    assert_eq!(reported["capture"]["pairs"], 256);
     let devices: Value = serde_json::from_str(&succeed(&["devices", "--json"])).unwrap();
     assert!(!devices.as_array().unwrap().is_empty());
     assert!(succeed(&["devices"]).starts_with("0: "));
@@ -209,16 +211,16 @@ fn photon_counts_bring_the_captured_set_and_its_gate() {
     let folder = tempfile::tempdir().unwrap();
     let counts = folder.path().join("counts.npz").display().to_string();
     succeed(&["simulate", "plane", "--out", &counts, "--scan", "8", "--photons", "50", "--dark", "0.1"]);
-    let told = |more: &[&str]| -> Value {
+    let reported = |more: &[&str]| -> Value {
         let all = [&["info", &counts, "--solver", "paper", "--lateral", "16", "--json"], more].concat();
         serde_json::from_str(&succeed(&all)).unwrap()
     };
-    let all_bins = told(&["--no-auto-gate"]);
+    let all_bins = reported(&["--no-auto-gate"]);
     assert_eq!((&all_bins["preset"], &all_bins["options"]["noise"]), (&"captured".into(), &"bin".into()));
-    let gated = told(&[]);
+    let gated = reported(&[]);
     assert!(gated["notes"][0].as_str().is_some_and(|n| n.contains("half of the bins")), "{}", gated["notes"]);
     assert_eq!(gated["capture"]["bins"].as_u64(), all_bins["capture"]["bins"].as_u64().map(|b| b / 2));
-    let synthetic = told(&["--preset", "synthetic"]);
+    let synthetic = reported(&["--preset", "synthetic"]);
     assert_eq!(synthetic["capture"]["bins"], all_bins["capture"]["bins"]);
     assert_eq!(synthetic["options"]["noise"], "off");
 }
@@ -232,8 +234,12 @@ fn convert_keeps_the_capture() {
     succeed(&["convert", &capture, &there]);
     succeed(&["convert", &there, &back]);
     let peak = |path: &str| {
-        let told: Value = serde_json::from_str(&succeed(&["info", path, "--json"])).unwrap();
-        (told["capture"]["peak"].clone(), told["capture"]["total"].clone(), told["capture"]["scan"].clone())
+        let reported: Value = serde_json::from_str(&succeed(&["info", path, "--json"])).unwrap();
+        (
+            reported["capture"]["peak"].clone(),
+            reported["capture"]["total"].clone(),
+            reported["capture"]["scan"].clone(),
+        )
     };
     assert_eq!(peak(&back), peak(&capture));
     fail(&["convert", &capture, &out.path().join("z.txt").display().to_string()], 1, "z.txt");
@@ -421,6 +427,8 @@ fn help_and_version_are_there() {
     assert!(succeed(&["help", "capture"]).contains("--no-auto-gate"));
     assert!(succeed(&["help", "info"]).contains("--png"));
     fail(&["help", "nothing"], 1, "phasor-bp");
+    assert!(succeed(&["help", "--completions", "bash"]).contains("--deterministic"));
+    assert!(succeed(&["help", "--man"]).starts_with(".ie"));
     assert!(succeed(&["simulate", "--help"]).contains("letter-X"));
 }
 

@@ -21,3 +21,4 @@ mod pulse;
 mod scans;
 mod spot;
 mod tuning;
+mod warnings;

@@ -79,7 +79,7 @@ fn a_known_pulse_makes_depths_and_normals_better() {
     let (with, without) = (solve(&known), solve(&unknown));
     println!("with {with:?} without {without:?}");
     assert!(with.0 < 0.8 * without.0 && with.1 < 0.9 * without.1 && with.2 < 0.6 * without.2);
-    assert!(without.3 <= 16 && with.3 > 16, "what is not needed is not allocated");
+    assert!(without.3 <= 16 && with.3 > 16, "unused buffers are not allocated");
 }
 
 #[test]
@@ -101,9 +101,9 @@ fn a_capture_keeps_its_pulse() {
     let taps = |n| back.binned(n).unwrap().pulse.unwrap().taps(0.01 * n as f64).unwrap().weights.len();
     assert!(taps(1) > taps(2) && taps(2) > taps(4));
     // A note says what another format cannot hold.
-    let told = |name: &str| write(&whole, &path.with_file_name(name)).unwrap();
-    assert!(told("p.npz").is_empty() && told("p.hdf5")[0].contains("pulse"));
-    assert!(told("p.mat").iter().any(|n| n.contains("pulse")));
+    let reported = |name: &str| write(&whole, &path.with_file_name(name)).unwrap();
+    assert!(reported("p.npz").is_empty() && reported("p.hdf5")[0].contains("pulse"));
+    assert!(reported("p.mat").iter().any(|n| n.contains("pulse")));
     let text = path.display().to_string();
     assert!(succeed(&["info", &text]).contains("pulse     0.03"), "{}", succeed(&["info", &text]));
     assert!(!succeed(&["info", &text, "--pulse", "none"]).contains("pulse     0."));
@@ -134,10 +134,10 @@ fn a_tail_and_pile_up_are_simulated_and_the_pulse_may_be_hidden() {
     let notes = write(&piled, &path.with_file_name("piled.hdf5")).unwrap();
     assert!(notes.iter().any(|note| note.contains("laser pulses")));
     // A solve takes the same pulse from an option.
-    let told = |more: &[&str]| -> Value {
+    let reported = |more: &[&str]| -> Value {
         serde_json::from_str(&succeed(&[&["info", &text, "--json"], more].concat())).unwrap()
     };
-    let width = told(&["--pulse", "0.06:0.1"])["capture"]["pulse_fwhm_m"].as_f64().unwrap();
+    let width = reported(&["--pulse", "0.06:0.1"])["capture"]["pulse_fwhm_m"].as_f64().unwrap();
     assert!((width / pulse.fwhm() - 1.0).abs() < 1e-9);
     fail(&["simulate", "beyond", "--out", &text, "--hide-pulse"], 2, "--pulse");
 }

@@ -103,8 +103,8 @@ fn captures_keep_their_spots_and_options_replace_them() {
     let twice = load(Some(2.0 * 5.0 / 6.0), None);
     assert!((twice.laser_spot.unwrap() - 0.2).abs() < 1e-9, "{:?}", twice.laser_spot);
     assert_eq!(spots(&load(Some(3.0), Some([0.3, 0.0]))), [Some(0.3), Some(0.0)]);
-    let told = succeed(&["info", &text("a.npz")]);
-    assert!(told.contains("spots     laser 0.1000 m wide, sensor 0.0500 m wide"), "{told}");
+    let reported = succeed(&["info", &text("a.npz")]);
+    assert!(reported.contains("spots     laser 0.1000 m wide, sensor 0.0500 m wide"), "{reported}");
     assert!(!succeed(&["info", &text("a.npz"), "--spot", "none"]).contains("spots     laser"));
     for wrong in ["wide", "0.1,", "-1", "0.1,0.2,0.3"] {
         fail(&["info", &text("a.npz"), &format!("--spot={wrong}")], 1, "--spot is");

@@ -1,14 +1,105 @@
-//! Every kernel against its float64 twin, and the twins' gradients against finite differences.
+//! Every kernel against its float64 twin, and the gradients of the twins against finite differences, by the table of
+//! cases in `src/verify/cases.rs`. `THIRDBOUNCE_CASES=WORD` runs those whose name contains the word.
 
-mod backproject;
-mod domain;
-mod forward;
-mod held;
-mod isa;
-mod paper;
-mod paper_gradient;
 mod place;
-mod surface;
-mod surface_gather;
-mod surface_gradient;
+mod plans;
+mod twins;
 mod wide;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use fixtures::device::{assert_valid, gpu};
+use thirdbounce::solve::Accumulation;
+use thirdbounce::transport::kernels::KERNELS;
+use thirdbounce::transport::twin::{TWINS, twin_of};
+use thirdbounce::verify::{Case, Compared, How, cases};
+
+/// What a case compared on an accumulation path.
+type Done = (&'static str, Accumulation, Vec<Compared>);
+
+/// Runs cases on two devices.
+fn run(cases: &[Case]) -> Vec<(usize, Done)> {
+    let (next, done) = (AtomicUsize::new(0), Mutex::new(vec![]));
+    std::thread::scope(|scope| {
+        for _ in 0..2 {
+            scope.spawn(|| {
+                let gpu = gpu();
+                while let Some((i, case)) =
+                    Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|i| Some((i, cases.get(i)?)))
+                {
+                    let begun = std::time::Instant::now();
+                    for path in case.accumulations(&gpu.abilities()) {
+                        let compared = case.run(&gpu, path).expect("a case runs");
+                        done.lock().expect("no panic").push((i, (case.name, path, compared)));
+                    }
+                    println!("case {i} {}: {:.2} s", case.name, begun.elapsed().as_secs_f64());
+                }
+                assert_valid(&gpu);
+            });
+        }
+    });
+    done.into_inner().expect("no panic")
+}
+
+#[test]
+fn kernels_compute_what_their_twins_compute() {
+    let word = std::env::var("THIRDBOUNCE_CASES").unwrap_or_default();
+    let all: Vec<Case> = cases().into_iter().filter(|case| case.name.contains(&word)).collect();
+    let (mut wrong, mut seen, mut worst) = (vec![], BTreeSet::new(), BTreeMap::<_, f64>::new());
+    let mut fixed: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
+    for (i, (name, path, compared)) in run(&all) {
+        assert!(!compared.is_empty(), "{name} compares nothing");
+        for c in &compared {
+            seen.insert(c.module);
+            let most = worst.entry((name, c.module, c.buffer)).or_default();
+            *most = most.max(c.error);
+            if !c.passed() {
+                let m = &all[i].model;
+                wrong.push(format!(
+                    "{name} (case {i}, {:?} {:?}), {path:?}: {} {} {:e}",
+                    m.wall.geometry, m.reflectance, c.module, c.buffer, c.error
+                ));
+            }
+        }
+        // Fixed point gives the same bits by 64-bit atomics and by pairs of 32-bit ones.
+        if path.is_fixed() && all[i].how == How::Steps {
+            let forward = compared.iter().find(|c| c.module.starts_with("forward")).expect("it renders");
+            fixed.entry(i).or_default().insert(forward.bits);
+        }
+    }
+    worst.iter().for_each(|(what, error)| println!("{what:?} {error:.1e}"));
+    assert!(wrong.is_empty(), "{}\n{} wrong", wrong.join("\n"), wrong.len());
+    assert!(fixed.values().all(|bits| bits.len() == 1), "fixed point depends on the atomics");
+    if word.is_empty() {
+        // `place.rs` compares places, whose ends have several cells.
+        let held =
+            KERNELS.iter().map(|k| k.name).filter(|name| !name.starts_with("limit_") && *name != "places");
+        let missing: Vec<_> = held.filter(|name| !seen.contains(name)).collect();
+        assert!(missing.is_empty(), "no case in src/verify/cases.rs runs {missing:?}");
+    }
+}
+
+/// The kernels of `glsl/` and the files of twins have the same names, except for those that measure a device's limits.
+#[test]
+fn every_kernel_has_a_twin_of_its_name() {
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
+    let names = |folder: &str, end: &str| -> BTreeSet<String> {
+        let entries = std::fs::read_dir(root.join(folder)).expect("a folder of sources");
+        let files = entries.map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned());
+        files.filter_map(|file| file.strip_suffix(end).map(String::from)).collect()
+    };
+    let kernels: BTreeSet<String> =
+        names("glsl", ".comp").into_iter().filter(|name| !name.starts_with("limit_")).collect();
+    let files = names("src/transport/twin", ".rs");
+    let files: BTreeSet<String> =
+        files.into_iter().filter(|name| !["mod", "call", "shared"].contains(&name.as_str())).collect();
+    assert_eq!(kernels, files);
+    assert_eq!(kernels, TWINS.iter().map(|t| t.0.to_string()).collect());
+    let of = |module: &str| twin_of(module).map(|t| t.0);
+    assert_eq!(
+        ["forward_product_owned", "residual_rows_fixed", "limit_fma"].map(of),
+        [Some("forward_product"), Some("residual_rows"), None]
+    );
+}

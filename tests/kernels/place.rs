@@ -5,7 +5,7 @@ use glam::DVec3;
 use thirdbounce::gpu::Schedule;
 use thirdbounce::solve::{OnDevice, Pass, paper, passes};
 use thirdbounce::transport::kernels::*;
-use thirdbounce::transport::twin::{self, Sample, Twin};
+use thirdbounce::transport::twin::{Call, Cells, Raw, Sample, Twin, rendered, twin_of};
 use thirdbounce::transport::{Binning, Model};
 
 /// Floats that are no path of a scene.
@@ -44,8 +44,13 @@ fn every_float_has_a_cell_of_its_row() {
             .with(Push { last: all.len() as u32, ..Default::default() });
         job.perform(&s);
         let got: Vec<u32> = read(&mut job, buffer::GRADIENT, all.len());
-        let paths: Vec<f64> = all.iter().map(|path| unit * f64::from(*path)).collect();
-        let want = twin::places(&Twin { model: &model, grid: &grid }, &paths);
+        let push = Push { last: all.len() as u32, ..Default::default() };
+        let twin = Twin { model: &model, grid: &grid };
+        let call = Call { twin, scene, push, constants: constants.to_vec() };
+        let floats = Cells::Floats(all.iter().map(|path| f64::from(*path)).collect());
+        let mut bound = [floats, Cells::Words(vec![0; all.len()])];
+        twin_of("places").expect("a kernel").1(&call, &mut bound);
+        let want = bound[1].u().to_vec();
         // The first of two cells may be the last one before bin 0.
         let bins = PADDING - split..PADDING + model.bins as u32;
         for ((path, got), want) in all.iter().zip(got).zip(want) {
@@ -79,13 +84,12 @@ fn samples_that_are_nowhere_light_no_bin_and_are_told() {
     let gpu = gpu();
     let (model, grid) = (model(5, 64, 3), grid());
     let twin = Twin { model: &model, grid: &grid };
-    let (raw, domain) = state(&model, &grid, 0.5, 4);
-    let known = away_from_edges(&twin, &twin::sample(&twin, 0, &twin::compact(&domain), &raw));
+    let known = away_from_edges(&twin, &samples(&model, &grid, 0.5, 4));
     let samples = some_nowhere(&known);
     let mut random = Random::new(5);
     let residual: Vec<f64> = model.measured.iter().map(|_| random.uniform(-1.0, 1.0)).collect();
-    let rendered = twin::forward(&twin, &known);
-    let gradient = twin::backward(&twin, &samples, &residual);
+    let want = rendered(&twin, &known);
+    let gradient = gathered("backward", &twin, &samples, &residual);
     for accumulation in accumulations(&gpu) {
         let mut o = options(&model, &grid);
         o.accumulation = accumulation;
@@ -96,7 +100,7 @@ fn samples_that_are_nowhere_light_no_bin_and_are_told() {
         perform(&mut job, &passes::FORWARD);
         if !job.plan.fixed_point() {
             let got = read_rows::<f32>(&mut job, buffer::HISTOGRAMS).into_iter().map(f64::from);
-            assert!(error(got, rendered.iter().copied()) < 2e-5, "{accumulation:?}");
+            assert!(error(got, want.iter().copied()) < 2e-5, "{accumulation:?}");
         }
         let words: Vec<f32> = residual.iter().map(|r| *r as f32).collect();
         write_rows(&mut job, buffer::RESIDUAL, &words, 0.0);
@@ -107,7 +111,7 @@ fn samples_that_are_nowhere_light_no_bin_and_are_told() {
             assert_eq!(is_known, is_finite, "{accumulation:?}: sample {i} at {}", s.point);
             assert_eq!(is_known, gradient[i].iter().all(|g| g.is_finite()), "the twin of sample {i}");
         }
-        let of_known = |all: &[twin::Raw]| {
+        let of_known = |all: &[Raw]| {
             let pairs = all.iter().zip(&samples).filter(|(_, s)| s.point.is_finite());
             pairs.flat_map(|(g, _)| *g).collect::<Vec<f64>>()
         };

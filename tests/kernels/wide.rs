@@ -4,7 +4,6 @@
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use fixtures::device::surfaces::*;
 use fixtures::device::*;
 use thirdbounce::gpu::{Buffer, Command, Gpu, Schedule, Size};
 use thirdbounce::solve::closed_form::passes::{PROJECTED, gather_filtered};
@@ -13,6 +12,7 @@ use thirdbounce::solve::surface::{self, Placed};
 use thirdbounce::solve::{Accumulation, NoiseTerm, OnDevice, paper};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, HighPass, Model, Reflectance};
+use thirdbounce::verify::place;
 
 /// More than 65,535 groups, in rows.
 const WIDE: [u32; 3] = [GROUPS_X, 2, 1];
@@ -119,7 +119,7 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0, left: 2.0 };
     let words = surface::weights(&model, job.plan.finest(), placed, &o.options, 12);
     write(&mut job, buffer::SURFACE_WEIGHTS, &words);
-    field.write(&mut job);
+    place(&mut job, &field).expect("uploads run");
     zero_histograms(&mut job);
     // As the start of a volume does.
     let mut s = Schedule::default();

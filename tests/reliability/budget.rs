@@ -91,8 +91,8 @@ fn advice() -> Row {
     let mut suggested = 0;
     for case in cases {
         let (code, text) = run(case);
-        let mend = text.lines().nth(1).unwrap_or("").trim().to_string();
-        let options: Vec<(String, String)> = mend
+        let hint = text.lines().nth(1).unwrap_or("").trim().to_string();
+        let options: Vec<(String, String)> = hint
             .split_once("this would fit: ")
             .map_or("", |m| m.1)
             .split([',', ';'])
@@ -102,7 +102,7 @@ fn advice() -> Row {
             .collect();
         let refused = holds(code == Some(1) && !options.is_empty(), || format!("{code:?}: {text}"));
         let what = text.lines().next().unwrap_or("").trim_start_matches("error: ").to_string();
-        row.add(&format!("{case:?}"), refused.map(|()| Some((what, mend))));
+        row.add(&format!("{case:?}"), refused.map(|()| Some((what, hint))));
         for (name, value) in options {
             suggested += 1;
             let mut all: Vec<&str> = case.to_vec();

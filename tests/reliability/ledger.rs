@@ -11,7 +11,7 @@ pub struct Row {
     pub case: String,
     pub tried: usize,
     pub held: usize,
-    /// Errors as the user reads them (what is wrong, how to mend it), and how often each came.
+    /// Errors as the user reads them (what is wrong, how to fix it), and how often each came.
     pub errors: BTreeMap<(String, String), usize>,
     pub failures: Vec<String>,
 }
@@ -40,11 +40,11 @@ impl Row {
 
 /// The error as text if it is clear, or why it is not.
 pub fn clear(error: &Error) -> Held {
-    let mend = error.mend.to_string();
-    if error.what.trim().len() < 8 || mend.trim().len() < 8 {
+    let hint = error.hint.to_string();
+    if error.what.trim().len() < 8 || hint.trim().len() < 8 {
         return Err(format!("the error says too little: {error}"));
     }
-    Ok(Some((error.what.clone(), mend)))
+    Ok(Some((error.what.clone(), hint)))
 }
 
 /// Holds if `truth`.

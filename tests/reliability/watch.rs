@@ -4,8 +4,10 @@ use fixtures::device;
 use std::ops::ControlFlow;
 
 use fixtures::captures::scaled;
-use fixtures::device::surfaces::{self, Fit};
-use fixtures::device::{Perform, assert_valid, gpu, options, state, unwatched, write, write_mask, write_raw};
+use fixtures::device::{
+    Fit, Perform, assert_valid, field, gpu, oblong, options, scene, state, unwatched, write, write_mask,
+    write_raw,
+};
 use thirdbounce::Kind;
 use thirdbounce::advice::Setting;
 use thirdbounce::capture::Capture;
@@ -18,6 +20,7 @@ use thirdbounce::solve::{
 };
 use thirdbounce::transport::Grid;
 use thirdbounce::transport::kernels::*;
+use thirdbounce::verify::place;
 
 /// The lowest bit: the first kernel in schedule order that found a fault.
 fn first(faults: u32) -> u32 {
@@ -28,9 +31,8 @@ fn first(faults: u32) -> u32 {
 #[test]
 fn a_nan_is_found_where_it_is_read() {
     let gpu = gpu();
-    let grid = surfaces::oblong();
-    let field = surfaces::field(&grid, 61);
-    let model = surfaces::measured(&surfaces::scene(5, 48, 9), &grid, &field, 63);
+    let (model, grid) = (scene(5, 48, 9), oblong());
+    let field = field(&grid, 61);
     let fit = Fit::of(&grid, 4);
     for (broken, fault) in [
         (buffer::HEIGHTS, FAULT_SAMPLE),
@@ -43,7 +45,7 @@ fn a_nan_is_found_where_it_is_read() {
         let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0, left: 2.0 };
         let weights = surface::weights(&model, job.plan.finest(), placed, &fit.options, 12);
         write(&mut job, buffer::SURFACE_WEIGHTS, &weights);
-        field.write(&mut job);
+        place(&mut job, &field).expect("uploads run");
         let mut s = Schedule::default();
         for cleared in [buffer::COUNTS, buffer::HISTOGRAMS] {
             s.fill(cleared, job.plan.bytes_of(cleared), 0);
@@ -150,7 +152,7 @@ fn surface_options() -> SurfaceOptions {
     })
 }
 
-/// The error says what, where and how to mend it.
+/// The error says what, where and how to fix it.
 #[test]
 fn a_user_is_told_iteration_kernel_and_mend() {
     let gpu = gpu();
@@ -160,10 +162,10 @@ fn a_user_is_told_iteration_kernel_and_mend() {
     let failed = by_paper(&gpu, &capture, grid, &o).unwrap_err();
     assert_eq!(failed.kind, Kind::Options);
     assert!(failed.what.contains("iteration ") && failed.what.contains("kernel "), "{failed}");
-    assert!(failed.mend.names(Setting::LearningRate), "{failed}");
+    assert!(failed.hint.names(Setting::LearningRate), "{failed}");
     let failed = by_paper(&gpu, &capture, grid, &paper_options().with(|o| o.peak = 1e25)).unwrap_err();
     assert!(failed.what.contains("iteration 1: kernel residual"), "{failed}");
-    assert!(failed.mend.names(Setting::Peak), "{failed}");
+    assert!(failed.hint.names(Setting::Peak), "{failed}");
 }
 
 #[test]

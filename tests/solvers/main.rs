@@ -2,10 +2,10 @@
 
 mod api;
 mod closed_form;
-mod confidence;
+mod depth_error;
+mod external;
 mod layers;
 mod leave_out;
-mod lent;
 mod live;
 mod outline;
 mod paper;

@@ -2,17 +2,13 @@
 //! memory that it saves.
 
 use std::ops::ControlFlow;
-use std::sync::Arc;
 
 use fixtures::device::*;
-use thirdbounce::gpu::{Gpu, Schedule};
+use thirdbounce::gpu::Gpu;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, NoiseTerm, OnDevice, PaperOptions, Plan, Preset, Problem, Reconstruction, default_volume,
-    paper,
+    Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, default_volume, paper,
 };
-use thirdbounce::transport::kernels::*;
-use thirdbounce::transport::twin::{self, Twin};
 use thirdbounce::transport::{Grid, Model, Sampling, Volume};
 
 fn solve(gpu: &Gpu, o: &PaperOptions) -> Reconstruction {
@@ -49,11 +45,11 @@ fn room_that_is_enough_changes_nothing() {
         assert_eq!([all.plan.domain.capacity, all.plan.domain.touched_capacity], [storage; 2]);
         assert!(part.plan.domain.touched_capacity < storage && part.device_bytes < all.device_bytes);
         assert!(!all.full && !part.full);
-        let told = |r: &Reconstruction| -> Vec<_> {
+        let reported = |r: &Reconstruction| -> Vec<_> {
             let point = |p: &thirdbounce::solve::TracePoint| (p.iteration, p.active, p.loss.to_bits());
             r.trace.iter().map(point).collect()
         };
-        let last = |r: &Reconstruction| *told(r).last().unwrap();
+        let last = |r: &Reconstruction| *reported(r).last().unwrap();
         assert_eq!(last(&part), last(&all), "{sampling:?}");
         assert_eq!(part.volume, all.volume, "{sampling:?}");
         assert!(all.volume.unwrap().albedo.iter().filter(|a| **a != 0.0).count() > 100);
@@ -80,97 +76,6 @@ fn a_solve_beyond_its_room_stays_within_it() {
     // On the same stroke, which runs along y.
     let [a, b] = [&all, &small].map(brightest).map(|i| [i / 32, i % 32]);
     assert!(a[0].abs_diff(b[0]) <= 2 && a[1].abs_diff(b[1]) <= 12, "{a:?} {b:?}");
-    assert_valid(&gpu);
-}
-
-/// A job with all of its coarse level touched: there is not room for all children.
-fn crowded(gpu: &Gpu, model: &Model, fine: &Grid) -> (OnDevice, PaperOptions) {
-    let o = options(model, fine).with(|o| {
-        o.domain.coarse_to_fine = true;
-        o.domain.room = Some(0.25);
-    });
-    (job(gpu, model, fine, &o), o)
-}
-
-/// A doubling keeps the brightest voxels whose children fit, and interpolates from those it leaves out, too.
-#[test]
-fn doubling_keeps_the_brightest_that_there_is_room_for() {
-    let gpu = gpu();
-    let (model, fine) = (model(3, 40, 1), grid());
-    let (mut job, o) = crowded(&gpu, &model, &fine);
-    let coarse = job.plan.levels.volume[0].grid;
-    let room = job.plan.domain.capacity;
-    assert!(room >= coarse.storage() && job.plan.domain.touched_capacity < fine.storage());
-    let twin = Twin { model: &model, grid: &coarse };
-    let (raw, domain) = state(&model, &coarse, 0.9, 5);
-    let touched = write_touched(&mut job, &coarse, &domain);
-    write_state(&mut job, buffer::RAW, &touched, &raw);
-    let mut level = 0;
-    let s = Schedule::of(|s| paper::due(s, &job.plan, &o, &mut level, o.domain.double_every));
-    assert_eq!(level, 1);
-    job.perform(&s);
-
-    let smooth = twin::gaussian(&twin, &raw, &domain, &job.plan.domain.taps);
-    let peak = smooth.iter().fold(0.0f64, |a, b| a.max(*b));
-    let levels: Vec<u32> = read(&mut job, buffer::LEVELS, LEVELS as usize);
-    let moved: u32 = levels.iter().zip(twin::levels(&twin, &smooth)).map(|(a, b)| a.abs_diff(b)).sum();
-    assert!(moved <= 4, "{moved}");
-    let least = twin::room(&levels, peak, model.keep_above, room / 4);
-    let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
-    assert_eq!(f64::from(f32::from_bits(counts[COUNT_LEAST_SMOOTH as usize])), least);
-    let above = twin::threshold(&twin, &smooth);
-    let kept: Vec<bool> = above.iter().zip(&smooth).map(|(a, s)| *a && *s >= least).collect();
-    let count = |mask: &[bool]| mask.iter().filter(|m| **m).count();
-    assert!(count(&above) > room / 4 && count(&kept) <= room / 4 && count(&kept) > room / 8);
-    let split = twin::double_domain(&coarse, &fine, &kept);
-    let got = read_mask(&mut job, buffer::MASK, fine.storage());
-    let differ = got.iter().zip(&split).filter(|(a, b)| a != b).count();
-    assert!(differ <= 4, "a value may round to the other side: {differ}");
-    assert!(counts[COUNT_ACTIVE as usize] as usize <= room);
-
-    let now = twin::touched(&fine, &got);
-    let before = twin::carry(&touched, &raw);
-    let want = twin::carry(&now, &twin::carry_doubled(&coarse, &fine, &before));
-    assert!(error(read_state(&mut job, buffer::RAW, &now, fine.storage()).concat(), want.concat()) < 1e-6);
-    // The next iteration reports it.
-    let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 3, 1));
-    s.commands.retain(|c| c.name() == "finish");
-    job.perform(&s);
-    let rows: Vec<[u32; TRACE_ROW as usize]> = job.executor.read(buffer::TRACE, ..);
-    assert_eq!(rows[3][TRACE_LEAST as usize], counts[COUNT_LEAST_SMOOTH as usize]);
-    assert_valid(&gpu);
-}
-
-/// Rim voxels without room read as zero, and the solve says that something was left out.
-#[test]
-fn a_rim_beyond_its_room_reads_as_nothing() {
-    let gpu = gpu();
-    let (model, grid) = (model(3, 40, 1), grid());
-    let twin = Twin { model: &model, grid: &grid };
-    let (raw, domain) = state(&model, &grid, 0.1, 2);
-    let (active, all) = (twin::compact(&domain), twin::touched(&grid, &domain));
-    let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
-    write(&mut job, buffer::COUNTS, &[0u32; COUNTS as usize]);
-    write_domain(&mut job, &domain);
-    Arc::make_mut(&mut job.plan).domain.touched_capacity = (active.len() + all.len()) / 2;
-    job.upload().unwrap();
-    let listed = &all[..job.plan.domain.touched_capacity];
-    let s = Schedule::of(|s| paper::compact(s, &job.plan, job.plan.finest()));
-    job.perform(&s);
-    let counts: Vec<u32> = read(&mut job, buffer::COUNTS, COUNTS as usize);
-    assert_eq!(counts[COUNT_TOUCHED as usize] as usize, listed.len());
-    assert!(counts[COUNT_LEAST_SMOOTH as usize] > 0, "it is told");
-    assert_eq!(read::<u32>(&mut job, buffer::ACTIVE_VOXELS, listed.len()), listed);
-    write_state(&mut job, buffer::RAW, listed, &raw);
-    let mut s = Schedule::of(|s| paper::iteration(s, &job.plan, job.plan.finest(), 5, 1));
-    s.commands.retain(|c| c.name() == "sample");
-    job.perform(&s);
-    let want = twin::sample(&twin, 5, &active, &twin::carry(listed, &raw));
-    let whole = twin::sample(&twin, 5, &active, &raw);
-    for (g, w) in read_samples(&mut job, active.len()).iter().zip(&want) {
-        assert!((g.point - w.point).length() < 1e-6 && (g.albedo - w.albedo).abs() < 3e-6, "{g:?} {w:?}");
-    }
-    assert!(want.iter().zip(&whole).any(|(a, b)| (a.albedo - b.albedo).abs() > 1e-2));
     assert_valid(&gpu);
 }
 

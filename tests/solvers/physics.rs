@@ -10,7 +10,7 @@ use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{Object, RenderOptions, Scene, rectangle, simulate};
 use thirdbounce::solve::{PaperOptions, Preset, Problem, default_volume, paper};
 use thirdbounce::transport::kernels::buffer;
-use thirdbounce::transport::twin::{Sample, Twin};
+use thirdbounce::transport::twin::Sample;
 use thirdbounce::transport::{Binning, Grid, Model, Sampling};
 
 /// Histograms of the given samples on the device.
@@ -101,43 +101,6 @@ fn light_behind_a_surface_and_on_a_wall_point_is_nothing() {
     let h = render(&gpu, &m, &g, &[facing(m.wall.scanned[5])]);
     assert!(h.iter().all(|v| v.is_finite()), "a sample on a wall point has no direction, and no infinity");
     assert!(h[5 * m.bins..6 * m.bins].iter().all(|v| *v == 0.0));
-    assert_valid(&gpu);
-}
-
-#[test]
-fn iterations_on_the_device_follow_the_twins() {
-    let gpu = gpu();
-    let m = Model { binning: Binning::Linear, ..model(4, 60, 4) };
-    let g = grid();
-    let twin = Twin { model: &m, grid: &g };
-    use thirdbounce::transport::twin;
-    for accumulation in accumulations(&gpu) {
-        let mut o = options(&m, &g);
-        o.accumulation = accumulation;
-        let mut job = job(&gpu, &m, &g, &o);
-        let mut s = Schedule::of(|s| paper::initialise(s, &job.plan, job.plan.finest()));
-        for i in 0..4 {
-            paper::iteration(&mut s, &job.plan, job.plan.finest(), i, i + 1);
-        }
-        job.perform(&s);
-
-        let (mut raw, domain) = (twin::initialise_raw(&twin, 1.0), twin::initialise(&twin));
-        let active = twin::compact(&domain);
-        let touched = twin::touched(&g, &domain);
-        let (mut first, mut second) = (vec![[0.0; 4]; raw.len()], vec![[0.0; 4]; raw.len()]);
-        let rows: Vec<[f32; thirdbounce::transport::kernels::TRACE_ROW as usize]> =
-            job.executor.read(buffer::TRACE, ..);
-        for i in 0..4 {
-            let samples = twin::sample(&twin, i, &active, &raw);
-            let (residual, loss) = twin::residual(&twin, &twin::forward(&twin, &samples), &[]);
-            let gradient = twin::backward(&twin, &samples, &residual);
-            twin::update(&twin, i, i + 1, &active, &touched, &gradient, &mut raw, &mut first, &mut second);
-            let row = rows[i as usize];
-            assert!((f64::from(row[0]) / loss - 1.0).abs() < 1e-3, "{accumulation:?} {i}: {} {loss}", row[0]);
-            assert!((f64::from(row[1]) / twin::finish(&samples) - 1.0).abs() < 1e-3);
-            assert_eq!(row[2].to_bits() as usize, active.len());
-        }
-    }
     assert_valid(&gpu);
 }
 

@@ -75,8 +75,8 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
     let residual: Vec<f32> = (0..model.elements).map(|_| random.uniform(0.5, 1.0) as f32).collect();
     let exact: Vec<f64> = residual.iter().map(|r| f64::from(*r)).collect();
     let inside = [ahead(7.5)];
-    let most = twin::forward(&twin, &inside).into_iter().fold(0.0, f64::max);
-    let steepest = twin::backward(&twin, &inside, &exact)[0][0];
+    let most = twin::rendered(&twin, &inside).into_iter().fold(0.0, f64::max);
+    let steepest = gathered("backward", &twin, &inside, &exact)[0][0];
     for position in POSITIONS {
         let what =
             format!("{geometry:?} {binning:?} {accumulation:?} fine {fine} window {window} at {position}");
@@ -85,7 +85,7 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
         set_counts(&mut job, 1, 0.75);
         zero_histograms(&mut job);
         run(&mut job, "forward");
-        let want = twin::forward(&twin, &samples);
+        let want = twin::rendered(&twin, &samples);
         let got: Vec<f64> = if job.plan.fixed_point() {
             let sums: Vec<i64> = read_rows(&mut job, buffer::HISTOGRAMS);
             let light = job.model.scene(&grid).kernel_bound;
@@ -118,7 +118,7 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
         job.perform(&s);
         let got = read_raw(&mut job, buffer::GRADIENT, 1)[0];
         let l1 = model.l1 / grid.voxels() as f64;
-        let want = twin::backward(&twin, &samples, &exact)[0][0] - l1;
+        let want = gathered("backward", &twin, &samples, &exact)[0][0] - l1;
         assert!(!beyond || got[0] == 0.0, "{what}: backward {}", got[0]);
         let e = (got[0] - want).abs();
         assert!(e < 2e-5 * steepest, "{what}: backward {} {want}", got[0]);
@@ -171,14 +171,14 @@ fn a_voxel_on_a_wall_point_gives_nothing_to_its_pair() {
         run(&mut job, "forward");
         let got: Vec<f64> =
             read_rows::<f32>(&mut job, buffer::HISTOGRAMS).into_iter().map(f64::from).collect();
-        let e = error(got, twin::forward(&twin, &samples));
+        let e = error(got, twin::rendered(&twin, &samples));
         assert!(e < 2e-5, "{geometry:?}: {e}");
         let mut random = Random::new(6);
         let residual: Vec<f32> = (0..model.elements).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
         let exact: Vec<f64> = residual.iter().map(|r| f64::from(*r)).collect();
         write_rows(&mut job, buffer::RESIDUAL, &residual, 0.0);
         run(&mut job, "backward");
-        let want = twin::backward(&twin, &samples, &exact).concat();
+        let want = gathered("backward", &twin, &samples, &exact).concat();
         let e = error(read_raw(&mut job, buffer::GRADIENT, samples.len()).concat(), want);
         assert!(e < 2e-5, "{geometry:?}: {e}");
     }

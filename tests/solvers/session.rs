@@ -178,7 +178,7 @@ fn in_turns(
     })
 }
 
-/// A session ends a frame as the command ends a run: the same grid, mask and confidence, of both layers.
+/// A session ends a frame as the command ends a run: the same grid, mask and expected depth error, of both layers.
 #[test]
 fn a_session_gives_the_maps_of_the_command() {
     let gpu = gpu();
@@ -200,7 +200,7 @@ fn a_session_gives_the_maps_of_the_command() {
     let maps = &session.wait().unwrap().result.maps;
     // No depth is no number, which does not equal itself: as text.
     assert!(format!("{maps:?}") == format!("{of_command:?}"));
-    assert!(maps.behind.is_some() && maps.confidence.is_some());
+    assert!(maps.behind.is_some() && maps.depth_error.is_some());
 }
 
 #[test]
@@ -284,10 +284,10 @@ fn a_cancelled_frame_leaves_the_session_usable() {
     let [a, b] = frames(&scan);
     for solver in [surface(|_| ()), paper()] {
         let want = alone(&gpu, &scan, &solver, &b);
-        let (told, heard) = channel();
+        let (reported, heard) = channel();
         let (go_on, stays) = channel::<()>();
         let hear = move |id, progress: &Progress| {
-            told.send((id, progress.point.iteration)).expect("the test listens");
+            reported.send((id, progress.point.iteration)).expect("the test listens");
             // The first frame stays here until the test has cancelled it.
             let _ = stays.recv();
             ControlFlow::Continue(())

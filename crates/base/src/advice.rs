@@ -45,11 +45,14 @@ macro_rules! settings {
 
 settings! {
     Accumulation "accumulation" "Accumulation path of rendered values."
+    Axes "axes" "Order of the axes of an array of counts."
+    BinWidth "bin_width" "Bin width in metres of path."
     DepthPitch "depth_pitch" "Depth of a voxel."
     Device "device" "Device, by index, part of its name, or UUID."
     Gate "gate" "Interval of path lengths used."
     HostMemory "host_memory" "Maximum host memory of the process, bytes."
     InitialAlbedo "initial_albedo" "Albedo of every voxel before the first iteration."
+    KeepEmpty "keep_empty" "Keeps pairs without any count."
     L1 "l1" "Weight of the L1 term."
     Lateral "lateral" "Voxels along x and along y."
     LearningRate "learning_rate" "Step size."
@@ -60,6 +63,7 @@ settings! {
     Stride "stride" "Stride over scan points."
     Volume "volume" "Reconstructed volume."
     Wall "wall" "Side of the wall."
+    Zero "zero" "Delay of path 0."
 }
 
 /// A change that may fix an error.

@@ -23,50 +23,50 @@ pub enum Kind {
 
 /// An error: problem and hint for fixing it.
 #[derive(Debug, Clone, thiserror::Error)]
-#[error("{what}\n  {mend}")]
+#[error("{what}\n  {hint}")]
 pub struct Error {
     /// Category.
     pub kind: Kind,
     /// Problem and location.
     pub what: String,
     /// Hint for fixing it.
-    pub mend: Advice,
+    pub hint: Advice,
 }
 
 impl Error {
     /// An error of any kind.
-    pub fn new(kind: Kind, what: impl Into<String>, mend: impl Into<Advice>) -> Self {
-        Error { kind, what: what.into(), mend: mend.into() }
+    pub fn new(kind: Kind, what: impl Into<String>, hint: impl Into<Advice>) -> Self {
+        Error { kind, what: what.into(), hint: hint.into() }
     }
 
     /// An error of [`Kind::Input`].
-    pub fn input(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
-        Error::new(Kind::Input, what, mend)
+    pub fn input(what: impl Into<String>, hint: impl Into<Advice>) -> Self {
+        Error::new(Kind::Input, what, hint)
     }
 
     /// An error of [`Kind::Options`].
-    pub fn options(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
-        Error::new(Kind::Options, what, mend)
+    pub fn options(what: impl Into<String>, hint: impl Into<Advice>) -> Self {
+        Error::new(Kind::Options, what, hint)
     }
 
     /// An error of [`Kind::Device`].
-    pub fn device(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
-        Error::new(Kind::Device, what, mend)
+    pub fn device(what: impl Into<String>, hint: impl Into<Advice>) -> Self {
+        Error::new(Kind::Device, what, hint)
     }
 
     /// An error of [`Kind::Memory`].
-    pub fn memory(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
-        Error::new(Kind::Memory, what, mend)
+    pub fn memory(what: impl Into<String>, hint: impl Into<Advice>) -> Self {
+        Error::new(Kind::Memory, what, hint)
     }
 
     /// An error of [`Kind::Output`].
-    pub fn output(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
-        Error::new(Kind::Output, what, mend)
+    pub fn output(what: impl Into<String>, hint: impl Into<Advice>) -> Self {
+        Error::new(Kind::Output, what, hint)
     }
 
     /// The same error with another hint.
-    pub fn advised(self, mend: impl Into<Advice>) -> Self {
-        Error { mend: mend.into(), ..self }
+    pub fn advised(self, hint: impl Into<Advice>) -> Self {
+        Error { hint: hint.into(), ..self }
     }
 
     /// The same error with its location (a file, a dataset) prepended.

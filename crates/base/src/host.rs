@@ -111,13 +111,13 @@ pub fn ask(what: &str, bytes: u64) -> Result<()> {
 }
 
 fn refused(what: &str, bytes: u64, free: u64) -> Error {
-    let mend: Advice = match LIMIT.load(Ordering::Relaxed) {
+    let hint: Advice = match LIMIT.load(Ordering::Relaxed) {
         u64::MAX => advice!["use a smaller part of the capture, or close other programs"].into(),
         _ => advice!["use a smaller part of the capture, or allow more with " HostMemory].into(),
     };
     Error::memory(
         format!("{what} needs {} MiB of memory, and {} MiB are free", bytes >> 20, free >> 20),
-        mend,
+        hint,
     )
 }
 

@@ -47,7 +47,7 @@ pub struct Case {
     pub why: Option<String>,
     /// Hint for fixing it.
     #[serde(skip)]
-    pub remedy: Option<Advice>,
+    pub hint: Option<Advice>,
     /// Seconds of this invocation.
     pub seconds: f64,
     /// The comparison.
@@ -65,7 +65,7 @@ impl Case {
             failed,
             agreed: false,
             why: Some(why.what.clone()),
-            remedy: Some(why.mend.clone()),
+            hint: Some(why.hint.clone()),
             seconds: 0.0,
             comparison: None,
         }

@@ -2,8 +2,8 @@
 //!
 //! One part with named layers in the convention of viewers and compositing programs (`layer.channel`): `albedo.Y`,
 //! `depth.Z`, `normal.X`, `normal.Y`, `normal.Z`, and the albedo again as the plain channel `Y` for viewers without
-//! layers. The expected depth error, if known, is `confidence.Z`. A second layer, if any, is `behind.albedo.Y`,
-//! `behind.depth.Z`, `behind.normal.X` to `Z` and `behind.confidence.Z`. 32-bit floats, NaN = no surface. The top row
+//! layers. The expected depth error, if known, is `depth_error.Z`. A second layer, if any, is `behind.albedo.Y`,
+//! `behind.depth.Z`, `behind.normal.X` to `Z` and `behind.depth_error.Z`. 32-bit floats, NaN = no surface. The top row
 //! is the largest y, the left column the largest x, as seen from the wall. The attribute `extent` (box2f) is the
 //! extent in metres.
 
@@ -41,10 +41,10 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     ]
     .into_iter()
     .collect();
-    channels.extend(maps.confidence.iter().map(|values| channel("confidence.Z", &|p| values[p])));
+    channels.extend(maps.depth_error.iter().map(|values| channel("depth_error.Z", &|p| values[p])));
     if let Some(behind) = &maps.behind {
         channels
-            .extend(behind.confidence.iter().map(|values| channel("behind.confidence.Z", &|p| values[p])));
+            .extend(behind.depth_error.iter().map(|values| channel("behind.depth_error.Z", &|p| values[p])));
         channels.extend([
             channel("behind.albedo.Y", &|p| behind.albedo[p]),
             channel("behind.depth.Z", &|p| behind.depth[p]),

@@ -87,7 +87,7 @@ impl ForeignMaps {
             mask_fraction: (mask.is_none() && has_albedo).then_some(Maps::MASK_FRACTION),
             albedo,
             normal: normal.unwrap_or_else(|| vec![[f32::NAN; 3]; depth.len()]),
-            confidence: None,
+            depth_error: None,
             behind: None,
             depth,
         };

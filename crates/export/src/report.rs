@@ -19,6 +19,9 @@ pub struct Report {
     pub device: Device,
     /// Resolved settings.
     pub settings: serde_json::Value,
+    /// What looks wrong with the capture or the result, as sentences.
+    #[serde(default)]
+    pub warnings: Vec<String>,
     /// The capture.
     pub capture: Summary,
     /// The plan of the run.

@@ -202,11 +202,11 @@ pub(super) fn over<'b>(
     let mut largest: Vec<_> = plan.collect();
     largest.sort_by_key(|b| std::cmp::Reverse(b.bytes));
     let names: Vec<_> = largest.iter().take(3).map(|b| format!("`{}` {}", b.buffer, size(b.bytes))).collect();
-    let mend = Advice::from(advice!["use " {smaller(total, budget)}]);
-    let (whose, mend) = match whose {
-        Whose::Users => ("the memory budget is", mend.and(advice![", or allow more with " Memory])),
-        Whose::Device => ("the device has free", mend),
-        Whose::Host => ("the host has free for copies from and to the device", mend),
+    let hint = Advice::from(advice!["use " {smaller(total, budget)}]);
+    let (whose, hint) = match whose {
+        Whose::Users => ("the memory budget is", hint.and(advice![", or allow more with " Memory])),
+        Whose::Device => ("the device has free", hint),
+        Whose::Host => ("the host has free for copies from and to the device", hint),
     };
     Error::memory(
         format!(
@@ -215,7 +215,7 @@ pub(super) fn over<'b>(
             size(budget),
             names.join(", ")
         ),
-        mend,
+        hint,
     )
 }
 
@@ -265,8 +265,8 @@ mod tests {
         assert!(check(&plan, &card(1 << 30, 8 << 20), None).is_ok(), "two blocks of 4 MiB");
         assert!(check(&plan, &card(1 << 30, 7 << 20), None).is_err());
         let error = check(&plan, &card(1 << 30, 0), Some(1 << 20)).unwrap_err();
-        assert!(error.what.contains("`raw` 5 MiB") && error.mend.names(Setting::Memory), "{error}");
-        assert!(error.mend.remedies().any(|r| r == smaller(8 << 20, 1 << 20)), "{error:?}");
+        assert!(error.what.contains("`raw` 5 MiB") && error.hint.names(Setting::Memory), "{error}");
+        assert!(error.hint.remedies().any(|r| r == smaller(8 << 20, 1 << 20)), "{error:?}");
         let error = check(&plan, &card(1 << 20, 1 << 30), None).unwrap_err();
         assert!(error.what.contains("binds at most 1 MiB"), "{error}");
     }
@@ -318,7 +318,7 @@ mod tests {
                 error.what.contains("`large` needs 3 MiB, this device allocates at most 2 MiB"),
                 "{error}"
             );
-            assert!(error.mend.remedies().any(|r| r == smaller(3 << 20, 2 << 20)), "{error:?}");
+            assert!(error.hint.remedies().any(|r| r == smaller(3 << 20, 2 << 20)), "{error:?}");
         }
     }
 

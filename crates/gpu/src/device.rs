@@ -220,10 +220,10 @@ impl Gpu {
 
     /// Error of a watchdog timeout during `doing`. Objects that the device may still use are not destroyed
     /// afterwards.
-    pub(super) fn hangs(&self, waited: Duration, doing: &str) -> Error {
-        self.device.note_hung();
+    pub(super) fn timed_out(&self, waited: Duration, doing: &str) -> Error {
+        self.device.record_timeout();
         let (name, waited) = (&self.info.name, waited.as_secs());
-        self.device.note_down(|| {
+        self.device.record_failure(|| {
             Error::device(
                 format!("{name} did not finish its work within {waited} s, {doing}"),
                 advice!["it or its driver hangs, or it is far slower than devices of its kind: try " {Remedy::SMALLER_JOB} ", or another " Device],
@@ -241,7 +241,7 @@ impl Gpu {
     pub(super) fn failed(&self, doing: &str, result: vk::Result) -> Error {
         let name = &self.info.name;
         match result {
-            vk::Result::ERROR_DEVICE_LOST => self.device.note_down(|| {
+            vk::Result::ERROR_DEVICE_LOST => self.device.record_failure(|| {
                 Error::device(
                     format!(
                         "{name} was lost while {doing}{}",
@@ -296,7 +296,7 @@ impl Gpu {
 
     /// Called before every fallible call: fails if the device was lost or hung, or if a fault is injected.
     pub(super) fn before_call(&self, point: Point) -> std::result::Result<(), vk::Result> {
-        if self.device.is_down() {
+        if self.device.has_failed() {
             return Err(vk::Result::ERROR_DEVICE_LOST);
         }
         self.injected_faults.as_ref().map_or(Ok(()), |s| s.before_call(point))

@@ -53,7 +53,7 @@ impl Gpu {
     }
 
     /// Whether statistics of compiled kernels are supported and were requested.
-    pub fn tells_of_kernels(&self) -> bool {
+    pub fn reports_kernels(&self) -> bool {
         self.statistics.is_some()
     }
 

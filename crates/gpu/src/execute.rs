@@ -105,7 +105,7 @@ impl Drop for Executor {
             // The device may still use these objects: leak them.
             return;
         }
-        self.look_at_canaries();
+        self.check_canaries();
         self.destroy();
     }
 }

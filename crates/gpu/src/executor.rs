@@ -9,7 +9,7 @@ use ash::vk;
 use super::access::Accesses;
 use super::device::Gpu;
 use super::faults::Point;
-use super::flight::{Flight, Moment, Ticket};
+use super::flight::{Flight, Ticket, TimelinePoint};
 use super::memory::Arena;
 use super::names::{Buffer, Kernel};
 use super::pace::Pace;
@@ -126,7 +126,7 @@ impl Executor {
         let _span = gpu.span("submit");
         let [after, before] = flight.between;
         // Without a timeline point, the second element of both is unused.
-        let null = Moment::NONE;
+        let null = TimelinePoint::NONE;
         let (after, before, waits, signals) = (
             after.unwrap_or(null),
             before.unwrap_or(null),
@@ -154,7 +154,7 @@ impl Executor {
         });
         if let Err(e) = submitted {
             let doing = format!("submitting {}", flight.names());
-            self.land(flight);
+            self.recycle(flight);
             return Err(gpu.failed(&doing, e));
         }
         self.submitted = flight.ticket.0;
@@ -164,7 +164,7 @@ impl Executor {
     }
 
     /// Recycles the objects of a finished or never started flight.
-    pub(super) fn land(&mut self, mut flight: Flight) {
+    pub(super) fn recycle(&mut self, mut flight: Flight) {
         // Resets here, where drivers free the commands' resources, rather than at the next recording, which would
         // delay awaited work. Failure is ignored: starting to record resets again. SAFETY: the commands are not in
         // flight.
@@ -191,19 +191,19 @@ impl Executor {
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         let due = self.flights.iter().take_while(|f| f.ticket <= ticket);
         let work = due.map(|f| f.work).fold(0, u64::saturating_add);
-        let patience = self.pace.patience(work);
+        let timeout = self.pace.timeout(work);
         gpu.before_call(Point::Wait)
             // SAFETY: the semaphore is alive.
-            .and_then(|()| unsafe { gpu.raw().wait_semaphores(&info, nanoseconds(patience)) })
+            .and_then(|()| unsafe { gpu.raw().wait_semaphores(&info, nanoseconds(timeout)) })
             .map_err(|e| {
                 let doing = format!("computing {}", self.unfinished());
-                if e == vk::Result::TIMEOUT { gpu.hangs(patience, &doing) } else { gpu.failed(&doing, e) }
+                if e == vk::Result::TIMEOUT { gpu.timed_out(timeout, &doing) } else { gpu.failed(&doing, e) }
             })?;
         // Some drivers wait only here, for the timestamps.
         while self.flights.front().is_some_and(|f| f.ticket <= ticket) {
             let flight = self.flights.pop_front().expect("just seen");
             let read = self.read_times(&flight);
-            self.land(flight);
+            self.recycle(flight);
             read?;
         }
         Ok(())
@@ -318,11 +318,11 @@ impl Executor {
         let device = self.gpu.raw();
         let (semaphores, values) = ([self.timeline], [self.submitted]);
         let all = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        let patience = self.pace.patience(self.flights.iter().map(|f| f.work).fold(0, u64::saturating_add));
+        let timeout = self.pace.timeout(self.flights.iter().map(|f| f.work).fold(0, u64::saturating_add));
         // SAFETY: the semaphore is alive.
-        let waited = unsafe { device.wait_semaphores(&all, nanoseconds(patience)) };
+        let waited = unsafe { device.wait_semaphores(&all, nanoseconds(timeout)) };
         if self.gpu.has_hung() || waited == Err(vk::Result::TIMEOUT) {
-            let _ = self.gpu.hangs(patience, &format!("computing {}", self.unfinished()));
+            let _ = self.gpu.timed_out(timeout, &format!("computing {}", self.unfinished()));
             return;
         }
         // SAFETY: nothing of this executor is in flight after the wait (a lost device counts as idle); all objects

@@ -9,22 +9,22 @@ use super::schedule::Stage;
 
 /// A value of a timeline semaphore on the device, reached when the semaphore has this value or a larger one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Moment {
+pub struct TimelinePoint {
     pub(super) semaphore: vk::Semaphore,
     pub(super) value: u64,
 }
 
-impl Moment {
+impl TimelinePoint {
     /// No timeline point.
-    pub(super) const NONE: Moment = Moment { semaphore: vk::Semaphore::null(), value: 0 };
+    pub(super) const NONE: TimelinePoint = TimelinePoint { semaphore: vk::Semaphore::null(), value: 0 };
 
     /// The point at which `semaphore` reaches `value`.
     ///
     /// # Safety
     /// The semaphore is a timeline semaphore of the device on which the point is used, and outlives the frames that
     /// name it. A value to wait for is eventually signalled; a value to signal exceeds all earlier ones.
-    pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> Moment {
-        Moment { semaphore, value }
+    pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> TimelinePoint {
+        TimelinePoint { semaphore, value }
     }
 }
 
@@ -54,7 +54,7 @@ pub(super) struct Flight {
     pub marks: Vec<Mark>,
     pub stages: Vec<Stage>,
     /// Whether the first stage continues that of the previous submission.
-    pub goes_on: bool,
+    pub continues_stage: bool,
     /// Maximum loop turns.
     pub work: u64,
     /// Names of the first and the last command.
@@ -62,7 +62,7 @@ pub(super) struct Flight {
     /// Host-visible buffers read and written.
     pub shared: [HashSet<Buffer>; 2],
     /// External timeline points: waited for before, signalled after.
-    pub between: [Option<Moment>; 2],
+    pub between: [Option<TimelinePoint>; 2],
 }
 
 impl Flight {

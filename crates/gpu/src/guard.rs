@@ -36,7 +36,7 @@ impl Executor {
     }
 
     /// Checks all canaries and keeps the results. If the device fails, the rest is neither checked nor counted.
-    pub(super) fn look_at_canaries(&mut self) {
+    pub(super) fn check_canaries(&mut self) {
         let gpu = self.gpu.clone();
         let Some(injected_faults) = gpu.injected_faults.as_ref().filter(|_| self.guarded) else { return };
         for (buffer, made) in self.arena.buffers() {
@@ -51,14 +51,14 @@ impl Executor {
     fn first_overrun(&mut self, buffer: Buffer, made: &Made) -> Result<Option<u64>> {
         if made.place != Place::Device {
             // Waits for submissions in flight.
-            self.at_once([&[], &[]], |_, _| {})?;
+            self.run_now([&[], &[]], |_, _| {})?;
             return Ok(self.first_changed(buffer, [made.bytes, made.canary]).map(|at| made.bytes + at));
         }
         let (through, part) = (self.arena.get(CANARY_BACK).handle, self.arena.size(CANARY_BACK));
         for offset in (0..made.canary).step_by(part as usize) {
             let size = part.min(made.canary - offset);
             let region = [vk::BufferCopy { src_offset: made.bytes + offset, dst_offset: 0, size }];
-            self.at_once([&[], &[CANARY_BACK]], |device, c| {
+            self.run_now([&[], &[CANARY_BACK]], |device, c| {
                 // SAFETY: both buffers live as long as the executor, and the region lies within them.
                 unsafe { device.cmd_copy_buffer(c, made.handle, through, &region) }
             })?;

@@ -164,7 +164,7 @@ impl Instance {
     }
 
     /// An application's instance, not destroyed on drop. `debug_names`: created with VK_EXT_debug_utils.
-    pub fn of_caller(raw: ash::Instance, debug_names: bool) -> Instance {
+    pub fn of_external(raw: ash::Instance, debug_names: bool) -> Instance {
         Instance { entry: None, raw, debug_names, messenger: None, messages: Arc::default() }
     }
 

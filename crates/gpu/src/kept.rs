@@ -25,7 +25,7 @@ pub(super) struct Cache {
     /// Bytes of the cache as read from the file.
     found: usize,
     /// The cache belongs to the application.
-    is_callers: bool,
+    is_external: bool,
     device: Arc<OwnedDevice>,
 }
 
@@ -39,14 +39,14 @@ impl Cache {
         let file = folder.map(|folder| folder.join(FILE));
         let kept = file.as_deref().and_then(|file| read(file, &header(properties))).unwrap_or_default();
         let handle = create(&device, &kept);
-        Cache { handle, file, found: kept.len().max(HEADER), is_callers: false, device }
+        Cache { handle, file, found: kept.len().max(HEADER), is_external: false, device }
     }
 
     /// An application's cache. Null: a new one without a file.
-    pub fn of_caller(device: Arc<OwnedDevice>, handle: vk::PipelineCache) -> Cache {
-        let is_callers = handle != vk::PipelineCache::null();
-        let handle = if is_callers { handle } else { create(&device, &[]) };
-        Cache { handle, file: None, found: HEADER, is_callers, device }
+    pub fn of_external(device: Arc<OwnedDevice>, handle: vk::PipelineCache) -> Cache {
+        let is_external = handle != vk::PipelineCache::null();
+        let handle = if is_external { handle } else { create(&device, &[]) };
+        Cache { handle, file: None, found: HEADER, is_external, device }
     }
 
     /// Writes the file if pipelines were added.
@@ -65,7 +65,7 @@ impl Cache {
 
 impl Drop for Cache {
     fn drop(&mut self) {
-        if self.device.has_hung() || self.is_callers {
+        if self.device.has_hung() || self.is_external {
             return;
         }
         self.save();

@@ -8,13 +8,13 @@
 
 mod access;
 mod budget;
-pub mod caller;
 mod code;
 mod device;
 mod driver_report;
 mod executables;
 mod execute;
 mod executor;
+pub mod external;
 mod faults;
 mod flight;
 mod guard;

@@ -45,14 +45,14 @@ pub(super) struct Made {
 enum Held {
     Own(Allocation),
     /// An application's block, with its size.
-    Callers(Block, u64),
+    External(Block, u64),
 }
 
 impl Held {
     fn bytes(&self) -> u64 {
         match self {
             Held::Own(own) => own.size(),
-            Held::Callers(_, bytes) => *bytes,
+            Held::External(_, bytes) => *bytes,
         }
     }
 
@@ -60,14 +60,14 @@ impl Held {
         match self {
             // SAFETY: the handle is only bound.
             Held::Own(own) => (unsafe { own.memory() }, own.offset()),
-            Held::Callers(block, _) => (block.memory, block.offset),
+            Held::External(block, _) => (block.memory, block.offset),
         }
     }
 
     fn mapped(&self) -> Option<NonNull<u8>> {
         match self {
             Held::Own(own) => own.mapped_ptr().map(NonNull::cast),
-            Held::Callers(block, _) => NonNull::new(block.mapped.cast()),
+            Held::External(block, _) => NonNull::new(block.mapped.cast()),
         }
     }
 }
@@ -94,7 +94,7 @@ impl Arena {
     /// the driver refuses an allocation. Nothing remains allocated.
     pub fn new(gpu: &Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena> {
         let _span = gpu.span("allocate");
-        if gpu.device.is_down() {
+        if gpu.device.has_failed() {
             return Err(gpu.failed("allocating", vk::Result::ERROR_DEVICE_LOST));
         }
         check(plan, &gpu.memory(), budget)?;
@@ -189,7 +189,7 @@ impl Arena {
             let block = blocks
                 .allocate(&requirements, plan.place)
                 .ok_or("the application's allocator returned no memory")?;
-            let held = Held::Callers(block, requirements.size);
+            let held = Held::External(block, requirements.size);
             if plan.place != Place::Device && held.mapped().is_none() {
                 blocks.free(block);
                 return Err("the application's allocator returned unmapped memory".into());
@@ -285,7 +285,7 @@ impl Drop for Arena {
             let bytes = held.bytes();
             let is_freed = match (held, self.allocator.as_mut(), &self.gpu.blocks) {
                 (Held::Own(own), Some(allocator), _) => allocator.free(own).is_ok(),
-                (Held::Callers(block, _), _, Some(blocks)) => {
+                (Held::External(block, _), _, Some(blocks)) => {
                     blocks.free(block);
                     true
                 }

@@ -17,15 +17,15 @@ pub(super) struct OwnedDevice {
     /// Reason why every call fails.
     down: OnceLock<Error>,
     /// The device belongs to the application.
-    is_callers: bool,
+    is_external: bool,
     // The instance outlives its device.
     instance: Arc<Instance>,
 }
 
 impl OwnedDevice {
     /// A device of `instance`: an application's, or one destroyed with this value.
-    pub fn new(raw: ash::Device, instance: Arc<Instance>, is_callers: bool) -> OwnedDevice {
-        OwnedDevice { raw, hung: AtomicBool::new(false), down: OnceLock::new(), is_callers, instance }
+    pub fn new(raw: ash::Device, instance: Arc<Instance>, is_external: bool) -> OwnedDevice {
+        OwnedDevice { raw, hung: AtomicBool::new(false), down: OnceLock::new(), is_external, instance }
     }
 
     /// Whether the watchdog timed out.
@@ -34,17 +34,17 @@ impl OwnedDevice {
     }
 
     /// Whether the device was lost or hung: every later call fails.
-    pub fn is_down(&self) -> bool {
+    pub fn has_failed(&self) -> bool {
         self.down.get().is_some()
     }
 
     /// Records the reason of the failure. Returns the first recorded reason.
-    pub fn note_down(&self, why: impl FnOnce() -> Error) -> Error {
+    pub fn record_failure(&self, why: impl FnOnce() -> Error) -> Error {
         self.down.get_or_init(why).clone()
     }
 
     /// Records a watchdog timeout.
-    pub fn note_hung(&self) {
+    pub fn record_timeout(&self) {
         self.hung.store(true, Relaxed);
     }
 }
@@ -56,7 +56,7 @@ impl Drop for OwnedDevice {
             std::mem::forget(self.instance.clone());
             return;
         }
-        if self.is_callers {
+        if self.is_external {
             return;
         }
         // SAFETY: the last owner is gone, so no object of this device remains. Every executor waited for its work, so

@@ -25,16 +25,16 @@ const DISPATCH_OF_INTEGRATED: f64 = 0.16;
 const MEASURABLE: f64 = 1e-3;
 
 /// Minimum watchdog timeout, seconds, which includes the compilation of kernels.
-const PATIENCE: f64 = 120.0;
+const WATCHDOG: f64 = 120.0;
 /// The same for CPUs, which are shared with other programs and may run validation.
-const PATIENCE_OF_CPU: f64 = 600.0;
+const WATCHDOG_OF_CPU: f64 = 600.0;
 
 /// Watchdog timeout as a multiple of the time expected from the kind's rate.
-const SLOWER: f64 = 100.0;
+const TIMEOUT_RATIO: f64 = 100.0;
 
 /// Maximum ratio of the estimated rate to that of the kind. Upper bounds of work far above the actual work would
 /// otherwise increase the rate without limit, and make the next level one long submission.
-const FASTER: f64 = 16.0;
+const MAX_RATE_RATIO: f64 = 16.0;
 
 /// Loop turns per second, measured or expected, of a kind of device.
 pub(super) fn rate_of(kind: DeviceKind) -> f64 {
@@ -145,7 +145,7 @@ impl Pace {
             return;
         }
         let usual = rate_of(self.kind);
-        let most = (2.0 * self.rate).min(FASTER * usual);
+        let most = (2.0 * self.rate).min(MAX_RATE_RATIO * usual);
         if seconds > MEASURABLE {
             self.rate = (work as f64 / seconds).clamp(1e-3 * usual, most);
             return;
@@ -159,9 +159,9 @@ impl Pace {
     }
 
     /// Watchdog timeout for `work` turns.
-    pub fn patience(&self, work: u64) -> Duration {
-        let base = if self.kind == DeviceKind::Cpu { PATIENCE_OF_CPU } else { PATIENCE };
-        Duration::from_secs_f64(base + SLOWER * work as f64 / rate_of(self.kind))
+    pub fn timeout(&self, work: u64) -> Duration {
+        let base = if self.kind == DeviceKind::Cpu { WATCHDOG_OF_CPU } else { WATCHDOG };
+        Duration::from_secs_f64(base + TIMEOUT_RATIO * work as f64 / rate_of(self.kind))
     }
 
     /// Parts of a schedule to submit separately: each with the work of one submission, or a single longer dispatch.
@@ -272,7 +272,7 @@ mod tests {
         fast.learn(1 << 40, 0.01);
         assert_eq!(fast.rate, 2.0 * rate_of(DeviceKind::Discrete), "it rises step by step");
         (0..20).for_each(|_| fast.learn(1 << 50, 0.01));
-        assert_eq!(fast.rate, FASTER * rate_of(DeviceKind::Discrete), "and not without end");
+        assert_eq!(fast.rate, MAX_RATE_RATIO * rate_of(DeviceKind::Discrete), "and not without end");
     }
 
     #[test]
@@ -311,9 +311,9 @@ mod tests {
     #[test]
     fn patience_grows_with_the_work() {
         let pace = Pace::new(DeviceKind::Discrete, None);
-        let of = |work: f64| pace.patience(work as u64).as_secs_f64();
-        assert_eq!(of(0.0), PATIENCE);
-        assert!((of(3e12) - PATIENCE - 1e4).abs() < 1.0);
-        assert!(Pace::new(DeviceKind::Cpu, None).patience(u64::MAX).as_secs_f64() > 1e9);
+        let of = |work: f64| pace.timeout(work as u64).as_secs_f64();
+        assert_eq!(of(0.0), WATCHDOG);
+        assert!((of(3e12) - WATCHDOG - 1e4).abs() < 1.0);
+        assert!(Pace::new(DeviceKind::Cpu, None).timeout(u64::MAX).as_secs_f64() > 1e9);
     }
 }

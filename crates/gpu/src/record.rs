@@ -52,7 +52,7 @@ impl Executor {
         };
         let mut flight = self.flight(commands);
         (flight.queries, flight.room) = (queries, room);
-        flight.goes_on = open.is_some();
+        flight.continues_stage = open.is_some();
         let mut names = part.iter().filter(|c| !matches!(c, Command::Stage(_))).map(Command::name);
         let first = names.next().unwrap_or_default();
         flight.ends = [first, names.next_back().unwrap_or(first)];
@@ -65,7 +65,7 @@ impl Executor {
         match recorded {
             Ok(()) => self.launch(flight),
             Err(e) => {
-                self.land(flight);
+                self.recycle(flight);
                 Err(e)
             }
         }

@@ -126,7 +126,8 @@ impl Recorder {
             held.offset = Some(held.offset.map_or(seen - last, |o| o.min(seen - last)));
             let known = held.recording.stages.len();
             // The stage continued by this submission, unless it was taken in the meantime.
-            let again = usize::from(flight.goes_on && held.recording.stages.last() == flight.stages.first());
+            let again =
+                usize::from(flight.continues_stage && held.recording.stages.last() == flight.stages.first());
             let before = known - again;
             held.recording.stages.extend_from_slice(&flight.stages[again..]);
             held.recording.device.extend(flight.marks.iter().map(|m| Ran {
@@ -164,10 +165,10 @@ mod tests {
     #[test]
     fn device_times_lie_on_the_hosts_clock_by_the_submission_that_was_seen_soonest() {
         let recorder = Recorder::new();
-        let flight = |kernel, goes_on| Flight {
+        let flight = |kernel, continues_stage| Flight {
             marks: vec![Mark { kernel, stage: Some(0), from: 0, to: 1 }],
             stages: vec![Stage::new("s", &[("i", 3)])],
-            goes_on,
+            continues_stage,
             ..Flight::default()
         };
         let tick = 1e-9;

@@ -3,7 +3,7 @@
 use ash::vk;
 
 use super::executor::Executor;
-use super::flight::{Moment, Ticket};
+use super::flight::{Ticket, TimelinePoint};
 use super::memory::Made;
 use super::names::Buffer;
 use super::place::Place;
@@ -11,7 +11,7 @@ use crate::Result;
 
 impl Executor {
     /// Executes the commands recorded by `write`, and waits. `reads` and `writes` are their buffers.
-    pub(super) fn at_once(
+    pub(super) fn run_now(
         &mut self,
         [reads, writes]: [&[Buffer]; 2],
         write: impl FnOnce(&ash::Device, vk::CommandBuffer),
@@ -24,7 +24,7 @@ impl Executor {
     /// `reads` and `writes` are their buffers.
     pub(super) fn submit_between(
         &mut self,
-        moments: [Option<Moment>; 2],
+        moments: [Option<TimelinePoint>; 2],
         [reads, writes]: [&[Buffer]; 2],
         write: impl FnOnce(&ash::Device, vk::CommandBuffer),
     ) -> Result<Ticket> {
@@ -54,7 +54,7 @@ impl Executor {
             })
         };
         if let Err(e) = recorded {
-            self.land(flight);
+            self.recycle(flight);
             return Err(gpu.failed("recording", e));
         }
         self.launch(flight)
@@ -72,7 +72,7 @@ impl Executor {
         for (buffer, b) in all.iter().filter(|(_, b)| b.place != Place::Device) {
             self.fill_shared(*buffer, part(b), word);
         }
-        self.at_once([&[], &[]], |device, c| {
+        self.run_now([&[], &[]], |device, c| {
             for (_, b) in all.iter().filter(|(_, b)| b.place == Place::Device) {
                 let [offset, bytes] = part(b);
                 // SAFETY: the buffers outlive the executor, and the part is inside.

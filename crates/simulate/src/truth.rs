@@ -43,7 +43,7 @@ pub fn truth(scene: &Scene, n: usize) -> Result<Truth> {
         depth: pixels.iter().map(|p| p[l].map_or(f32::NAN, |(z, _)| z as f32)).collect(),
         normal: pixels.iter().map(|p| p[l].map_or([f32::NAN; 3], |(_, n)| n.as_vec3().to_array())).collect(),
         mask: pixels.iter().map(|p| p[l].is_some()).collect(),
-        confidence: None,
+        depth_error: None,
     };
     let (Layer { depth, normal, mask, .. }, second) = (layer(0), layer(1));
     let behind = second.mask.contains(&true).then_some(second);

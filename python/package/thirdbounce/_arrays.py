@@ -10,10 +10,10 @@ import numpy as np
 from ._native import OptionsError
 
 
-def refuse(what: str, remedy: str) -> OptionsError:
+def refuse(what: str, hint: str) -> OptionsError:
     """Error for an invalid argument."""
-    error = OptionsError(f"{what}\n  {remedy}")
-    error.what, error.where, error.remedy = what, None, remedy
+    error = OptionsError(f"{what}\n  {hint}")
+    error.what, error.where, error.hint = what, None, hint
     return error
 
 
@@ -27,8 +27,8 @@ def plain(value: Any, name: str) -> np.ndarray:
             raise TypeError(f"its type is {array.dtype}")
         return array
     except (TypeError, ValueError, BufferError, RuntimeError) as error:
-        remedy = "give an array of real numbers in the host's memory (torch: tensor.detach().cpu())"
-        raise refuse(f"{name} is not an array of numbers: {error}", remedy) from error
+        hint = "give an array of real numbers in the host's memory (torch: tensor.detach().cpu())"
+        raise refuse(f"{name} is not an array of numbers: {error}", hint) from error
 
 
 def as_array(value: Any, dtype: Any, name: str) -> np.ndarray:
@@ -68,8 +68,8 @@ def as_counts(value: Any, scan: Tuple[int, int], bins_axis: int) -> np.ndarray:
     if bins_axis == 0 and array.ndim > 1:
         array = np.moveaxis(array, 0, -1)
     if array.ndim < 2 or array.shape[:-1] not in (scan, (scan[0] * scan[1],)):
-        remedy = "H is (X, Y, T) with points (X, Y, 3), or (P, T) with (P, 3); with the bins first, bins_axis=0"
-        raise refuse(f"H has shape {np.shape(value)}, the points are {scan[0]} x {scan[1]}", remedy)
+        hint = "H is (X, Y, T) with points (X, Y, 3), or (P, T) with (P, 3); with the bins first, bins_axis=0"
+        raise refuse(f"H has shape {np.shape(value)}, the points are {scan[0]} x {scan[1]}", hint)
     return np.ascontiguousarray(array, dtype=np.float32).reshape(scan + (array.shape[-1],))
 
 
@@ -95,6 +95,11 @@ def like_points(value: Any, scan: Tuple[int, int], name: str) -> Optional[np.nda
     points = as_points(value, name)
     if points.shape[:2] == (1, 1):
         points = np.ascontiguousarray(np.broadcast_to(points, scan + (3,)))
-    if points.shape[0] * points.shape[1] != scan[0] * scan[1]:
-        raise refuse(f"{name} has {points.shape[:2]} points, the scan {scan}", "give one for each pair, or a single one")
-    return points.reshape(scan + (3,))
+    if points.shape[:2] != tuple(scan):
+        x, y = scan
+        flat = f" or ({x}, 3)" if y == 1 else ""
+        raise refuse(
+            f"{name} has shape {np.shape(value)}, the scan is {x} x {y}",
+            f"give one for each pair in the same order, ({x}, {y}, 3){flat}, or a single one, (3,)",
+        )
+    return points

@@ -27,7 +27,7 @@ class Layer:
     """(nx, ny, 3) float32, unit vectors; NaN where there is no second surface."""
     mask: np.ndarray
     """(nx, ny) bool: surface pixels."""
-    confidence: Optional[np.ndarray]
+    depth_error: Optional[np.ndarray]
     """(nx, ny) float32: expected depth error, metres."""
 
 
@@ -45,7 +45,7 @@ class Maps:
     """(nx, ny) bool: surface pixels."""
     extent: Tuple[float, float, float, float]
     """Outer edges of the pixels: x min, x max, y min, y max, metres."""
-    confidence: Optional[np.ndarray] = None
+    depth_error: Optional[np.ndarray] = None
     """(nx, ny) float32: expected depth error, metres (two of three pixels with a given value have a smaller error); None if unknown."""
     behind: Optional[Layer] = None
     """The second layer; None if no pixel has two surfaces."""
@@ -54,7 +54,9 @@ class Maps:
     report: Optional[Dict[str, Any]] = None
     """Content of report.json: settings, plan, trace, times; None for truth and frames."""
     notes: List[str] = dataclasses.field(default_factory=list)
-    """What was done to the capture, and warnings, as sentences."""
+    """What was done to the capture, as sentences."""
+    warnings: List[str] = dataclasses.field(default_factory=list)
+    """What looks wrong with the capture or the result, as sentences."""
     frame: Optional[int] = None
     """Frame number of a session."""
     seconds: Optional[float] = None
@@ -78,7 +80,7 @@ class Maps:
     @property
     def layers(self) -> List[Layer]:
         """The first layer, and the second if present."""
-        first = Layer(self.albedo, self.depth, self.normals, self.mask, self.confidence)
+        first = Layer(self.albedo, self.depth, self.normals, self.mask, self.depth_error)
         return [first] if self.behind is None else [first, self.behind]
 
     def points(self) -> np.ndarray:
@@ -96,7 +98,7 @@ class Maps:
         return [os.fspath(p) for p in _native.write_maps(self._arrays(), path, report)]
 
     def plot(self, axes: Any = None) -> Any:
-        """Draws albedo, depth, normals and, if it is known, the confidence, by matplotlib. Returns the figure.
+        """Draws albedo, depth, normals and, if it is known, the depth_error, by matplotlib. Returns the figure.
 
         Pictures show what an eye at the wall sees: +x to the left.
 
@@ -131,8 +133,8 @@ class Maps:
             ("depth", np.where(off, np.nan, self.depth), "viridis_r", "m"),
             ("normals", colour, None, None),
         ]
-        if self.confidence is not None:
-            shown.append(("expected depth error", np.where(off, np.nan, 1e3 * self.confidence), "magma", "mm"))
+        if self.depth_error is not None:
+            shown.append(("expected depth error", np.where(off, np.nan, 1e3 * self.depth_error), "magma", "mm"))
         return shown
 
     def _repr_png_(self) -> bytes:
@@ -152,7 +154,7 @@ class Maps:
             def array(value: Any, dtype: Any) -> Optional[np.ndarray]:
                 return None if value is None else np.ascontiguousarray(value, dtype=dtype).reshape(-1)
 
-            floats = ["albedo", "depth", "normals", "confidence"]
+            floats = ["albedo", "depth", "normals", "depth_error"]
             made = {key: array(getattr(layer, key), np.float32) for key in floats}
             made["mask"] = as_bools(layer.mask)
             return made

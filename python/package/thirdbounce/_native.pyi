@@ -14,8 +14,8 @@ class Error(Exception):
     """What is wrong."""
     where: Optional[str]
     """The file that it is about, if there is one."""
-    remedy: str
-    """How to mend it."""
+    hint: str
+    """How to fix it."""
 
 class InputError(Error): ...
 class OptionsError(Error): ...

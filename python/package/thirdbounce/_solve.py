@@ -61,7 +61,7 @@ def reconstruct(
         preset: "synthetic" or "captured".
         pulse: impulse response: the full width at half maximum, metres of path; (width, tail); "none"; "auto".
         spot: full width at half maximum of the spots on the wall, metres: one for both, or (laser, sensor).
-        gate: paths to use, metres: (0.8, None); auto_gate=False uses all.
+        gate: paths to use, metres: (0.8, None); auto_gate=False uses all. keep_empty=True keeps pairs without any count.
         stride, subset: every Nth scan point; a number of pairs, drawn at random.
         wall: distance of the outermost points, metres; the scan is scaled to it.
         volume: reconstructed box: ((x0, x1), (y0, y1), (z0, z1)), metres.

@@ -108,13 +108,13 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
             code: code.name.into(),
             constants: constants.into_iter().collect(),
             seconds: compiled.seconds,
-            executables: compiled.executables.into_iter().map(told).collect(),
+            executables: compiled.executables.into_iter().map(reported).collect(),
         });
     }
     Ok(CompileProfile {
         version: env!("CARGO_PKG_VERSION").into(),
         device: device_of(&gpu),
-        tells: gpu.tells_of_kernels(),
+        tells: gpu.reports_kernels(),
         solver: solver.name().into(),
         pairs: plan.scene.pairs,
         voxels: plan.finest().grid.n,
@@ -124,7 +124,7 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
     })
 }
 
-fn told(e: crate::gpu::Executable) -> Executable {
+fn reported(e: crate::gpu::Executable) -> Executable {
     Executable { name: e.name, subgroup: e.subgroup, statistics: e.statistics.into_iter().collect() }
 }
 

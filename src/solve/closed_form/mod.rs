@@ -124,7 +124,7 @@ macro_rules! host_method {
                 gpu: &$crate::gpu::Gpu,
                 problem: &$crate::solve::Problem<'_>,
             ) -> $crate::Result<Box<dyn $crate::solve::Prepared>> {
-                $crate::solve::closed_form::on_host::prepare(self, gpu, problem)
+                $crate::solve::closed_form::on_host::prepare(self, gpu, problem, false)
             }
         }
     };
@@ -199,11 +199,11 @@ fn in_one_step(
     compute: impl FnOnce() -> Result<(Volume, Option<Sharpness>)>,
 ) -> Result<Reconstruction> {
     let mut point = first_point(plan, grid);
-    let mut told = |point: &TracePoint, maps| {
+    let mut reported = |point: &TracePoint, maps| {
         let progress = Progress { doing: Doing::Solve, point: *point, iterations: 1, remaining: None, maps };
         tell(watch, &progress)
     };
-    told(&point, None)?;
+    reported(&point, None)?;
     let start = Instant::now();
     let (volume, sharpness) = compute()?;
     // What noise alone would show is no surface.
@@ -213,7 +213,7 @@ fn in_one_step(
     });
     point.seconds = start.elapsed().as_secs_f64();
     point.iteration = 1;
-    told(&point, Some(maps.clone()))?;
+    reported(&point, Some(maps.clone()))?;
     let volume = with_volume.then_some(VolumeMap { grid: *grid, albedo: volume.albedo });
     Ok(Reconstruction { sharpness, ..solved(plan, grid, maps, volume, vec![point]) })
 }
@@ -257,6 +257,7 @@ fn solved(
     Reconstruction {
         maps,
         volume,
+        warnings: vec![],
         empty_loss: 0.0,
         pairs: (plan.scene.pairs * grid.voxels()) as u64,
         solve_seconds: trace.last().map_or(0.0, |point| point.seconds),

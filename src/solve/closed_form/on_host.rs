@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::sharpness::{noise, with, with_random_signs};
+use super::sharpness::{even_weights, noise, weigh, with, with_random_signs};
 use super::{COUNTS, FINER, HostMethod, NoPasses, RegularScan, TOSSED, VOLUME, in_one_step, upsample};
 use crate::advice::{Advice, Remedy, advice};
 use crate::capture::Capture;
@@ -48,11 +48,16 @@ pub fn plan<M: HostMethod>(options: &M, problem: &Problem<'_>, abilities: &Abili
     Ok(plan)
 }
 
-/// Prepares a host method for captures of one scan.
+/// Prepares a host method for captures of one scan. With `is_start` it initialises a surface: photon noise is alike at all depths.
 ///
 /// # Errors
 /// As [`plan`], and arrays that do not fit the budget or the host's memory.
-pub fn prepare<M: HostMethod>(options: &M, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
+pub fn prepare<M: HostMethod>(
+    options: &M,
+    gpu: &Gpu,
+    problem: &Problem<'_>,
+    is_start: bool,
+) -> Result<Box<dyn Prepared>> {
     let Problem { capture, grid, memory, with_volume } = *problem;
     options.check_ranges()?;
     let scan = options.scan(capture)?;
@@ -64,16 +69,16 @@ pub fn prepare<M: HostMethod>(options: &M, gpu: &Gpu, problem: &Problem<'_>) -> 
         memory,
         |smaller| advice!["choose " {smaller} ", a larger " Stride ", a narrower " Gate " or more " Memory],
     )?;
-    Ok(Box::new(OnHost { options: options.clone(), scan, grid, plan: Arc::new(plan), with_volume }))
+    Ok(Box::new(OnHost { options: options.clone(), scan, grid, plan: Arc::new(plan), with_volume, is_start }))
 }
 
-/// Refuses arrays of `asked` bytes that do not fit the budget or the host's memory. `mend` says what to do, with the smaller
+/// Refuses arrays of `asked` bytes that do not fit the budget or the host's memory. `fix` says what to do, with the smaller
 /// job that would fit.
 pub fn check_host_memory<A: Into<Advice>>(
     asked: u64,
     gpu: &Gpu,
     memory: Option<u64>,
-    mend: impl FnOnce(Remedy) -> A,
+    hint: impl FnOnce(Remedy) -> A,
 ) -> Result<()> {
     let available = memory.unwrap_or(u64::MAX).min(gpu.memory().free[1]);
     if asked <= available {
@@ -82,7 +87,7 @@ pub fn check_host_memory<A: Into<Advice>>(
     let smaller = Remedy::SmallerJob { asked: Some(asked), available: Some(available) };
     Err(Error::memory(
         format!("the arrays take {} MiB, and there are {} MiB", asked >> 20, available >> 20),
-        mend(smaller),
+        hint(smaller),
     ))
 }
 
@@ -93,6 +98,7 @@ struct OnHost<M> {
     grid: Grid,
     plan: Arc<Plan>,
     with_volume: bool,
+    is_start: bool,
 }
 
 impl<M: HostMethod> Prepared for OnHost<M> {
@@ -105,7 +111,7 @@ impl<M: HostMethod> Prepared for OnHost<M> {
     }
 
     fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
-        let OnHost { options, scan, grid, plan, with_volume } = self;
+        let OnHost { options, scan, grid, plan, with_volume, is_start } = self;
         let step = scan.step[0].min(scan.step[1]);
         let done = in_one_step(plan, grid, [step, M::MASK_SHARE], *with_volume, watch, || {
             let (image, fine) = (options.image(), scan.finer(options.image().upsample));
@@ -123,7 +129,12 @@ impl<M: HostMethod> Prepared for OnHost<M> {
             let tossed = of(&with_random_signs(capture), false);
             let (chosen, volume) = ladder.choose(|value| {
                 let options = with(options, ladder.setting, value);
-                let [light, tossed] = [&light, &tossed].map(|counts| options.volume(counts, &fine, grid));
+                let [mut light, mut tossed] =
+                    [&light, &tossed].map(|counts| options.volume(counts, &fine, grid));
+                if *is_start {
+                    let weights = even_weights(&light.albedo, &tossed.albedo, grid.n[2]);
+                    [&mut light, &mut tossed].into_iter().for_each(|v| weigh(&mut v.albedo, &weights));
+                }
                 let noise = noise(&light.albedo, &tossed.albedo, grid.n[2], M::MASK_SHARE);
                 Ok((noise, light))
             })?;

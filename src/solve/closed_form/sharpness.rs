@@ -84,6 +84,52 @@ pub fn noise(light: &[f32], tossed: &[f32], depths: usize, share: f64) -> ImageN
     ImageNoise { share: level.map_or(0.0, |level| over(90.0) / level), floor: over(99.0) }
 }
 
+/// Errors of a volume other than photon noise, as a share of a surface's level. The brightest noise of a column, four standard
+/// deviations, then stays below .4 of a surface (benches/NOTES.md).
+const EVEN: f64 = 0.1;
+
+/// Columns with at least this share of the largest ratio of signal to noise tell a surface's level.
+const CLEAR: f32 = 0.5;
+
+/// Share of the depths over which the noise is averaged.
+const AVERAGED: usize = 8;
+
+/// For each depth, the factor that makes the expected errors of a volume alike at all depths: the inverse falloff amplifies the
+/// photon noise of far voxels, which then outshines near surfaces. `light` and `tossed` are as in [`noise`].
+pub fn even_weights(light: &[f32], tossed: &[f32], depths: usize) -> Vec<f32> {
+    // Twice the mean square of the positive half: volumes may be clipped at zero.
+    let mut squares = vec![0.0f64; depths];
+    for column in tossed.chunks(depths) {
+        column.iter().zip(&mut squares).for_each(|(v, sum)| *sum += 2.0 * f64::from(v.max(0.0)).powi(2));
+    }
+    let (reach, columns) = ((depths / (2 * AVERAGED)).max(1), (tossed.len() / depths).max(1) as f64);
+    let deviation = |z: usize| {
+        let around = &squares[z.saturating_sub(reach)..(z + reach + 1).min(depths)];
+        (around.iter().sum::<f64>() / (around.len() as f64 * columns)).sqrt()
+    };
+    let deviations: Vec<f64> = (0..depths).map(deviation).collect();
+    // The clearest voxel of each column: its ratio to the noise, and its value.
+    let clearest = |column: &[f32]| {
+        let ratios =
+            column.iter().zip(&deviations).map(|(v, d)| [*v / (*d as f32).max(f32::MIN_POSITIVE), *v]);
+        ratios.fold([0.0f32; 2], |best, ratio| if ratio[0] > best[0] { ratio } else { best })
+    };
+    let clearest: Vec<[f32; 2]> = light.par_chunks(depths).map(clearest).collect();
+    let ratios: Vec<f32> = clearest.iter().map(|c| c[0]).collect();
+    let least = CLEAR * percentile(&ratios, 99.0).unwrap_or(0.0);
+    let values: Vec<f32> = clearest.iter().filter(|c| c[0] >= least).map(|c| c[1]).collect();
+    let even = EVEN * f64::from(percentile(&values, 50.0).unwrap_or(0.0));
+    let weight = |d: &f64| if *d > 0.0 { (even / even.hypot(*d)) as f32 } else { 1.0 };
+    deviations.iter().map(weight).collect()
+}
+
+/// Multiplies the values of each depth by its weight.
+pub fn weigh(volume: &mut [f32], weights: &[f32]) {
+    volume
+        .par_chunks_mut(weights.len())
+        .for_each(|column| column.iter_mut().zip(weights).for_each(|(v, w)| *v *= w));
+}
+
 /// The capture with a sign for every photon. Its counts are photon counts.
 pub fn with_random_signs(capture: &Capture) -> Capture {
     let mut tossed = capture.clone();
@@ -151,6 +197,36 @@ mod tests {
         assert_eq!(with(1.2), (2.0, 2));
         // Nothing is soft enough: the softest.
         assert_eq!(with(100.0), (4.0, 3));
+    }
+
+    #[test]
+    fn weights_make_noise_alike_at_all_depths() {
+        let depths = 64;
+        let far = |z: usize| (z as f32 / 8.0).powi(2);
+        let mut random = Pcg64::seed_from_u64(3);
+        let mut noise = |of: f32| -> Vec<f32> {
+            let one = |i: usize, r: u64| {
+                of * far(i % depths) * (sum_of_signs(64.0, &mut Pcg64::seed_from_u64(r)) / 8.0)
+            };
+            (0..400 * depths).map(|i| one(i, random.next_u64()).max(0.0)).collect()
+        };
+        // A third of the columns has a near surface, of nine standard deviations of the noise there.
+        let (surface, mut light, mut tossed) = (9.0 * far(16), noise(1.0), noise(1.0));
+        (0..400).step_by(3).for_each(|c| light[c * depths + 16] += surface);
+        let found = |volume: &[f32]| {
+            let top = |c: &[f32]| (0..depths).max_by(|a, b| c[*a].total_cmp(&c[*b]));
+            volume.chunks(depths).step_by(3).filter(|c| top(c) == Some(16)).count()
+        };
+        assert!(found(&light) < 20, "far noise is brighter: {}", found(&light));
+        let weights = even_weights(&light, &tossed, depths);
+        [&mut light, &mut tossed].into_iter().for_each(|volume| weigh(volume, &weights));
+        assert!(found(&light) > 130, "{}", found(&light));
+        let dark = brightest(&tossed, depths).into_iter().fold(0.0, f32::max);
+        assert!(dark < 0.7 * surface * weights[16], "{dark} {}", surface * weights[16]);
+        // Without noise worth mentioning nothing changes.
+        let weights = even_weights(&light, &noise(1e-4), depths);
+        assert!(weights.iter().all(|w| (0.99..=1.0).contains(w)), "{weights:?}");
+        assert!(even_weights(&light, &vec![0.0; light.len()], depths).iter().all(|w| *w == 1.0));
     }
 
     #[test]

@@ -1,7 +1,7 @@
 //! The passes that only the paper's solver has.
 
 use crate::advice::advice;
-use crate::solve::plan::pass::{Fault, Pass, Voxels, passes, twin};
+use crate::solve::plan::pass::{Fault, Pass, Voxels, passes};
 use crate::transport::kernels::*;
 
 passes! {
@@ -9,22 +9,18 @@ passes! {
     pub static ALL;
 
     /// Finds the first active voxels: all that are not too near and can reach a bin.
-    INITIALISE = Pass { twin: twin!(initialise), ..Pass::of("initialise", |_| &kernel::INITIALISE) };
+    INITIALISE = Pass::of("initialise", |_| &kernel::INITIALISE);
 
     /// Draws the first raw variables.
-    INITIALISE_RAW = Pass {
-        twin: twin!(initialise_raw),
-        ..Pass::of("initialise_raw", |_| &kernel::INITIALISE_RAW)
-    };
+    INITIALISE_RAW = Pass::of("initialise_raw", |_| &kernel::INITIALISE_RAW);
 
     /// Draws a point in every active voxel.
     SAMPLE = Pass {
         faults: &[Fault {
             bit: FAULT_SAMPLE,
             what: "the volume",
-            mend: &advice!["use a smaller " LearningRate " or " InitialAlbedo],
+            hint: &advice!["use a smaller " LearningRate " or " InitialAlbedo],
         }],
-        twin: twin!(sample),
         ..Pass::of("sample", |_| &kernel::SAMPLE)
     };
 
@@ -34,9 +30,8 @@ passes! {
         faults: &[Fault {
             bit: FAULT_NOISE,
             what: "the noise term",
-            mend: &advice!["use a smaller " NoiseSpan " or " LearningRate],
+            hint: &advice!["use a smaller " NoiseSpan " or " LearningRate],
         }],
-        twin: twin!(noise),
         ..Pass::of("noise", |_| &kernel::NOISE)
     };
 
@@ -46,9 +41,8 @@ passes! {
         faults: &[Fault {
             bit: FAULT_BACKWARD,
             what: "the gradient",
-            mend: &advice!["use a smaller " Peak ", or a larger " MinDepth " where voxels touch the wall"],
+            hint: &advice!["use a smaller " Peak ", or a larger " MinDepth " where voxels touch the wall"],
         }],
-        twin: twin!(backward),
         ..Pass::of("backward", |p| p.variant(&kernel::BACKWARD, &kernel::BACKWARD_TEXELS))
     };
 
@@ -57,81 +51,72 @@ passes! {
         faults: &[Fault {
             bit: FAULT_UPDATE,
             what: "the next volume",
-            mend: &advice!["use a smaller " LearningRate " or " Peak],
+            hint: &advice!["use a smaller " LearningRate " or " Peak],
         }],
-        twin: twin!(update),
         ..Pass::of("update", |_| &kernel::UPDATE)
     };
 
     /// Moves state to its new slots.
     CARRY = Pass {
         constants: &[(constant::DOUBLED, 0)],
-        twin: twin!(carry),
         ..Pass::of("carry", |_| &kernel::CARRY)
     };
 
     /// Moves state to twice the lateral resolution, interpolated.
     CARRY_DOUBLED = Pass {
         constants: &[(constant::DOUBLED, 1)],
-        twin: twin!(carry_doubled),
         ..Pass::of("carry_doubled", |_| &kernel::CARRY)
     };
 
     /// Smooths the albedo along x: raw, or after ELU with a noise term.
     GAUSSIAN_X = Pass {
         constants: &[(constant::AXIS, 0)],
-        twin: twin!(gaussian),
         ..Pass::of("gaussian_x", |_| &kernel::GAUSSIAN)
     };
 
     /// Smooths along y.
     GAUSSIAN_Y = Pass {
         constants: &[(constant::AXIS, 1)],
-        twin: twin!(gaussian),
         ..Pass::of("gaussian_y", |_| &kernel::GAUSSIAN)
     };
 
     /// Smooths along z and finds the maximum.
     GAUSSIAN_Z = Pass {
         constants: &[(constant::AXIS, 2)],
-        twin: twin!(gaussian),
         ..Pass::of("gaussian_z", |_| &kernel::GAUSSIAN)
     };
 
     /// Counts smoothed voxels by brightness.
-    LEVELS_OF = Pass { twin: twin!(levels), ..Pass::of("levels", |_| &kernel::LEVELS) };
+    LEVELS_OF = Pass::of("levels", |_| &kernel::LEVELS);
 
     /// Finds the brightness above which voxels fit into the room.
-    ROOM = Pass { twin: twin!(room), ..Pass::of("room", |_| &kernel::ROOM) };
+    ROOM = Pass::of("room", |_| &kernel::ROOM);
 
     /// The mask of the voxels that are bright enough.
-    THRESHOLD = Pass { twin: twin!(threshold), ..Pass::of("threshold", |_| &kernel::THRESHOLD) };
+    THRESHOLD = Pass::of("threshold", |_| &kernel::THRESHOLD);
 
     /// Counts the voxels of each brick in a mask.
-    COMPACT_COUNT = Pass { twin: twin!(compact), ..Pass::of("compact_count", |_| &kernel::COMPACT_COUNT) };
+    COMPACT_COUNT = Pass::of("compact_count", |_| &kernel::COMPACT_COUNT);
 
     /// Sums these counts over the bricks before.
     COMPACT_SCAN_ACTIVE = Pass {
         constants: &[(constant::RIM, 0)],
-        twin: twin!(compact),
         ..Pass::of("compact_scan_active", |_| &kernel::COMPACT_SCAN)
     };
 
     /// Lists the active voxels.
     COMPACT_SCATTER_ACTIVE = Pass {
         constants: &[(constant::RIM, 0)],
-        twin: twin!(compact),
         ..Pass::of("compact_scatter_active", |_| &kernel::COMPACT_SCATTER)
     };
 
     /// The mask of the active voxels' neighbours.
-    RIM = Pass { when: |p| p.demand.has_rim, twin: twin!(rim), ..Pass::of("rim", |_| &kernel::RIM) };
+    RIM = Pass { when: |p| p.demand.has_rim, ..Pass::of("rim", |_| &kernel::RIM) };
 
     /// Sums the rim's voxels over the bricks before.
     COMPACT_SCAN_RIM = Pass {
         when: |p| p.demand.has_rim,
         constants: &[(constant::RIM, 1)],
-        twin: twin!(compact),
         ..Pass::of("compact_scan_rim", |_| &kernel::COMPACT_SCAN)
     };
 
@@ -139,13 +124,12 @@ passes! {
     COMPACT_SCATTER_RIM = Pass {
         when: |p| p.demand.has_rim,
         constants: &[(constant::RIM, 1)],
-        twin: twin!(compact),
         ..Pass::of("compact_scatter_rim", |_| &kernel::COMPACT_SCATTER)
     };
 
     /// The mask at twice the lateral resolution.
-    DOUBLE_DOMAIN = Pass { twin: twin!(double_domain), ..Pass::of("double_domain", |_| &kernel::DOUBLE_DOMAIN) };
+    DOUBLE_DOMAIN = Pass::of("double_domain", |_| &kernel::DOUBLE_DOMAIN);
 
     /// The maps: the brightest voxel of each column.
-    EXTRACT = Pass { twin: twin!(extract), ..Pass::of("extract", |_| &kernel::EXTRACT) };
+    EXTRACT = Pass::of("extract", |_| &kernel::EXTRACT);
 }

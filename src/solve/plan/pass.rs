@@ -26,8 +26,6 @@ pub struct Pass {
     pub pairs: Option<Voxels>,
     /// The values that are not finite that it can find.
     pub faults: &'static [Fault],
-    /// Its float64 twin.
-    pub twin: Twin,
 }
 
 /// The voxels that a pass evaluates against every laser-sensor pair.
@@ -46,26 +44,8 @@ pub struct Fault {
     pub bit: u32,
     /// What is not finite.
     pub what: &'static str,
-    /// What may mend it.
-    pub mend: &'static [AdvicePart],
-}
-
-/// The float64 twin of a pass.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Twin {
-    /// The function of that name in [`crate::transport::twin`].
-    Function(&'static str),
-    /// There is none, for this reason.
-    None(&'static str),
-}
-
-/// The twin of that name; does not compile if there is no such function.
-macro_rules! twin {
-    ($name:ident) => {{
-        // Names the function, so that it must exist.
-        let _ = $crate::transport::twin::$name;
-        $crate::solve::plan::pass::Twin::Function(stringify!($name))
-    }};
+    /// What may fix it.
+    pub hint: &'static [AdvicePart],
 }
 
 /// Declares passes, and a list of all of them.
@@ -75,7 +55,7 @@ macro_rules! twin {
 ///     /// Doc of the list.
 ///     pub static ALL;
 ///     /// Doc of the pass.
-///     SAMPLE = Pass { twin: twin!(sample), ..Pass::of("sample", |_| &kernel::SAMPLE) };
+///     SAMPLE = Pass::of("sample", |_| &kernel::SAMPLE);
 /// }
 /// ```
 macro_rules! passes {
@@ -86,7 +66,7 @@ macro_rules! passes {
     };
 }
 
-pub(in crate::solve) use {passes, twin};
+pub(in crate::solve) use passes;
 
 impl Pass {
     /// A pass that evaluates no pairs, has no constants of its own, finds no faults, and is part of every plan.
@@ -99,7 +79,6 @@ impl Pass {
             constants: &[],
             pairs: None,
             faults: &[],
-            twin: Twin::None("not declared"),
         }
     }
 

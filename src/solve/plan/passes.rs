@@ -1,6 +1,6 @@
 //! The passes that solvers share: rendering, comparing.
 
-use super::pass::{Fault, Pass, Twin, Voxels, passes, twin};
+use super::pass::{Fault, Pass, Voxels, passes};
 use super::{Accumulation, Plan};
 use crate::advice::advice;
 use crate::gpu::KernelCode;
@@ -17,25 +17,23 @@ passes! {
         faults: &[Fault {
             bit: FAULT_FORWARD,
             what: "the rendered histograms",
-            mend: &advice![
+            hint: &advice![
                 "use a larger " MinDepth " where voxels touch the wall, or a smaller " LearningRate " of the paper solver, and \
                  check the capture (" [Capture] ")"
             ],
         }],
-        twin: twin!(forward),
         ..Pass::of("forward", forward)
     };
 
     /// Spreads the rendered histograms as the instrument does.
-    PULSE = Pass { when: |p| p.scene.pulse > 0, twin: twin!(pulse), ..Pass::of("pulse", pulse) };
+    PULSE = Pass { when: |p| p.scene.pulse > 0, ..Pass::of("pulse", pulse) };
 
     /// Sums the rendered histograms over the instrument's spots.
-    SPOT = Pass { when: Plan::has_spots, twin: twin!(spot), ..Pass::of("spot", spot) };
+    SPOT = Pass { when: Plan::has_spots, ..Pass::of("spot", spot) };
 
     /// Sums them further, where the first pass read fixed point.
     SPOT_MORE = Pass {
         when: |p| p.has_spots() && p.fixed_point(),
-        twin: twin!(spot),
         ..Pass::of("spot_more", |_| &kernel::SPOT)
     };
 
@@ -44,9 +42,8 @@ passes! {
         faults: &[Fault {
             bit: FAULT_RESIDUAL,
             what: "the difference from the measurement",
-            mend: &advice!["check the counts (" [Capture] "), or use a smaller " Peak " of the paper solver"],
+            hint: &advice!["check the counts (" [Capture] "), or use a smaller " Peak " of the paper solver"],
         }],
-        twin: twin!(residual),
         ..Pass::of("residual", residual)
     };
 
@@ -54,7 +51,6 @@ passes! {
     RESIDUAL_ROWS = Pass {
         when: |p| p.scene.high_pass,
         faults: RESIDUAL.faults,
-        twin: twin!(residual_weighted),
         ..Pass::of("residual_rows", residual_rows)
     };
 
@@ -62,7 +58,6 @@ passes! {
     PULSE_BACK = Pass {
         when: |p| p.scene.pulse > 0,
         constants: &[(constant::BACK, 1)],
-        twin: twin!(pulse),
         // Residuals are fp32 on every accumulation path.
         ..Pass::of("pulse_back", |_| &kernel::PULSE)
     };
@@ -70,18 +65,14 @@ passes! {
     /// Takes residuals back to the rendered pairs.
     SPOT_BACK = Pass {
         when: Plan::has_spots,
-        twin: twin!(spot),
         ..Pass::of("spot_back", |_| &kernel::SPOT)
     };
 
     /// Closes an iteration: sums the losses and writes the row of the trace.
-    FINISH = Pass { twin: twin!(finish), ..Pass::of("finish", |_| &kernel::FINISH) };
+    FINISH = Pass::of("finish", |_| &kernel::FINISH);
 
     /// The sizes of the indirect dispatches, from the counts.
-    ARGUMENTS = Pass {
-        twin: Twin::None("writes dispatch sizes, which a dispatch that is too small or too large betrays"),
-        ..Pass::of("arguments", |_| &kernel::ARGUMENTS)
-    };
+    ARGUMENTS = Pass::of("arguments", |_| &kernel::ARGUMENTS);
 }
 
 /// The module that renders, by the kind of pairs and by how contributions are added up.

@@ -164,7 +164,7 @@ pub fn prepare_for_frames(
         }
     };
     let fine = Fit::new(gpu, &problem, options, [coarse_iterations, iterations])?;
-    let mut made = PreparedSurface {
+    let made = PreparedSurface {
         coarse,
         fine,
         options: options.clone(),
@@ -212,7 +212,7 @@ struct PreparedSurface {
 
 impl PreparedSurface {
     /// The closed form that initialises the surface, prepared; `None`: a plane does.
-    fn first_method(&mut self, gpu: &Gpu) -> Result<Option<Start>> {
+    fn first_method(&self, gpu: &Gpu) -> Result<Option<Start>> {
         let problem = Problem { memory: self.memory, ..Problem::new(&self.first_scan, self.first_grid) };
         Start::new(gpu, &problem, &self.options)
     }
@@ -272,7 +272,8 @@ impl PreparedSurface {
                 closed = Some(found);
             } else {
                 if let Some(typical) = support::typical_albedo(&layers) {
-                    adapt(&mut layers, typical, self.fine.depth_range(), 1);
+                    let flatness = support::flatness(&layers, typical);
+                    support::follow(&mut layers, [typical, flatness], Some((self.fine.depth_range(), 1)));
                 }
                 follow::merge(&mut layers, &found);
             }
@@ -433,7 +434,7 @@ impl Fits<'_> {
         Ok(Done { driven, last: Last { layers, left, closed, is_whole: !self.is_late() } })
     }
 
-    /// A fit of so many iterations, after others of its schedule that are left out.
+    /// A fit of `iterations` iterations, skipping the start of its schedule.
     fn run(&self, iterations: usize, skipped: usize) -> Run {
         Run { iterations, skipped, of: self.of, known: None, until: self.until }
     }
@@ -513,8 +514,15 @@ pub(crate) fn in_rounds(
         let (Some(quality), Some(typical)) = (quality, support::typical_albedo(layers)) else { break };
         let error = quality.model_error();
         let old = lit(layers);
-        let flatness = adapt(layers, typical, range, if round < number { rings } else { 0 });
+        let fitted = layers.clone();
+        let flatness = support::flatness(layers, typical);
+        support::follow(layers, [typical, flatness], (round < number).then_some((range, rings)));
         let new = lit(layers);
+        if !new.contains(&true) {
+            // No pixel has the evidence of a surface: the support stays that of the closed form.
+            *layers = fitted;
+            return Ok(false);
+        }
         let changed = old.iter().zip(&new).filter(|(a, b)| a != b).count() as f64;
         let all = new.iter().filter(|l| **l).count() as f64;
         let stable = changed <= rounds::STABLE[0] * all && error > (1.0 - rounds::STABLE[1]) * before;
@@ -532,17 +540,6 @@ pub(crate) fn in_rounds(
         before = error;
     }
     Ok(true)
-}
-
-/// Adapts the support to the evidence of a fit, and grows it by so many rings before. Returns the flatness of the layers.
-fn adapt(layers: &mut [Maps], typical: f32, range: [f32; 2], rings: usize) -> f32 {
-    let flatness = support::flatness(layers, typical);
-    for maps in layers {
-        (0..rings).for_each(|_| support::grow(maps, typical, range));
-        support::settle(maps, typical, support::share(flatness));
-        support::drop_islands(maps);
-    }
-    flatness
 }
 
 /// The maps of fitted layers, with their mask. Layers without a quality explain no light: nothing stays of them.

@@ -1,7 +1,7 @@
 //! The passes that only the surface has. It is rendered and compared by those that solvers share.
 
 use crate::advice::advice;
-use crate::solve::plan::pass::{Fault, Pass, Voxels, passes, twin};
+use crate::solve::plan::pass::{Fault, Pass, Voxels, passes};
 use crate::transport::kernels::*;
 
 passes! {
@@ -9,15 +9,11 @@ passes! {
     pub static ALL;
 
     /// Finds the neighbours that a pixel's plane goes through.
-    SURFACE_BONDS = Pass {
-        twin: twin!(surface_bonds),
-        ..Pass::of("surface_bonds", |_| &kernel::SURFACE_BONDS)
-    };
+    SURFACE_BONDS = Pass::of("surface_bonds", |_| &kernel::SURFACE_BONDS);
 
     /// Computes the slopes and the points of every pixel.
     SURFACE_POINTS = Pass {
-        faults: &[Fault { bit: FAULT_SAMPLE, what: "the surface", mend: &advice!["check the counts (" [Capture] ")"] }],
-        twin: twin!(surface_points),
+        faults: &[Fault { bit: FAULT_SAMPLE, what: "the surface", hint: &advice!["check the counts (" [Capture] ")"] }],
         ..Pass::of("surface_points", |_| &kernel::SURFACE_POINTS)
     };
 
@@ -28,34 +24,23 @@ passes! {
         faults: &[Fault {
             bit: FAULT_BACKWARD,
             what: "the surface's gradient",
-            mend: &advice!["use a larger " MinDepth " where it touches the wall, and check the counts (" [Capture] ")"],
+            hint: &advice!["use a larger " MinDepth " where it touches the wall, and check the counts (" [Capture] ")"],
         }],
-        twin: twin!(surface_gather),
         ..Pass::of("surface_gather", |p| p.variant(&kernel::SURFACE_GATHER, &kernel::SURFACE_GATHER_TEXELS))
     };
 
     /// Sums the gradients of the points of every pixel.
-    SURFACE_COMBINE = Pass {
-        twin: twin!(surface_combine),
-        ..Pass::of("surface_combine", |_| &kernel::SURFACE_COMBINE)
-    };
+    SURFACE_COMBINE = Pass::of("surface_combine", |_| &kernel::SURFACE_COMBINE);
 
     /// Adds the gradients of the prior and of the neighbours' slopes.
-    SURFACE_PULL = Pass {
-        twin: twin!(surface_pull),
-        ..Pass::of("surface_pull", |_| &kernel::SURFACE_PULL)
-    };
+    SURFACE_PULL = Pass::of("surface_pull", |_| &kernel::SURFACE_PULL);
 
     /// Updates depths and albedos by Adam, and closes the iteration.
     SURFACE_STEP = Pass {
-        faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", mend: &advice!["check the counts (" [Capture] ")"] }],
-        twin: twin!(surface_step),
+        faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", hint: &advice!["check the counts (" [Capture] ")"] }],
         ..Pass::of("surface_step", |_| &kernel::SURFACE_STEP)
     };
 
     /// Puts a layer of the surface into the maps.
-    SURFACE_EXTRACT = Pass {
-        twin: twin!(surface_extract),
-        ..Pass::of("surface_extract", |_| &kernel::SURFACE_EXTRACT)
-    };
+    SURFACE_EXTRACT = Pass::of("surface_extract", |_| &kernel::SURFACE_EXTRACT);
 }

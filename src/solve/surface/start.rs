@@ -4,18 +4,22 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use super::layers::{least_columns, split};
-use super::support::remove;
+use super::support::{remove, retain_regions};
 use super::{Begin, SurfaceOptions};
 use crate::capture::{Background, Capture};
 use crate::gpu::Gpu;
 use crate::maps::{Maps, percentile};
 use crate::solve::closed_form::{FbpOptions, LctOptions};
-use crate::solve::{Prepared, Problem, Progress, RunsOn, Solver, TracePoint, VolumeMap, Watch};
+use crate::solve::{Prepared, Problem, Progress, Solver, TracePoint, VolumeMap, Watch};
 use crate::transport::Grid;
 use crate::{Error, Result};
 
 /// Pixels of the surface have this share of the albedo above which the closed-form method sees a surface: rims are dim.
 const SUPPORT: f64 = 0.5;
+
+/// A region without a pixel above this multiple of the noise of the brightest column in a hundred is noise: of 4,096 columns of
+/// noise alone none is brighter.
+const NOISE: f32 = 1.4;
 
 /// A pair whose strongest bin has less than this share of the strongest of all pairs tells no first return.
 const LIT: f32 = 0.1;
@@ -36,7 +40,7 @@ const PROJECTED: usize = 1024;
 /// A closed-form method that is prepared to initialise surfaces of one scan.
 pub(crate) struct Start {
     method: Box<dyn Prepared>,
-    /// It takes so many of the pairs.
+    /// Number of pairs used.
     pairs: Option<usize>,
 }
 
@@ -47,11 +51,15 @@ impl Start {
     /// `Kind::Input`: the capture breaks an assumption of the requested method. Memory or device do not allow it.
     pub fn new(gpu: &Gpu, problem: &Problem<'_>, options: &SurfaceOptions) -> Result<Option<Start>> {
         let Problem { capture, grid, .. } = *problem;
-        let Some(method) = method(options, grid.n[0], capture)? else { return Ok(None) };
-        let runs_on_device = method.common().runs_on == RunsOn::Device;
-        let pairs = Some(PROJECTED).filter(|most| runs_on_device && capture.pair_count() > *most);
+        let Some(closed) = method(options, grid.n[0], capture)? else { return Ok(None) };
+        let projects = matches!(closed, ClosedForm::Fbp(_));
+        let pairs = Some(PROJECTED).filter(|most| projects && capture.pair_count() > *most);
         let scan = few(capture, pairs)?.outline();
-        let method = method.prepare(gpu, &Problem { capture: &scan, ..*problem }.and_volume())?;
+        let problem = Problem { capture: &scan, ..*problem };
+        let method = match closed {
+            ClosedForm::Lct(lct) => lct.prepare_start(gpu, &problem)?,
+            ClosedForm::Fbp(fbp) => fbp.prepare_start(gpu, &problem)?,
+        };
         Ok(Some(Start { method, pairs }))
     }
 
@@ -78,7 +86,7 @@ impl Start {
     }
 }
 
-/// At most about so many pairs of a capture: a coarser scan, or pairs drawn from a list.
+/// A subset of about `most` pairs: a coarser scan, or random pairs of a list.
 fn few(capture: &Capture, pairs: Option<usize>) -> Result<Cow<'_, Capture>> {
     let Some(pairs) = pairs else { return Ok(Cow::Borrowed(capture)) };
     let stride = (capture.pair_count() as f64 / pairs as f64).sqrt().ceil() as usize;
@@ -86,6 +94,12 @@ fn few(capture: &Capture, pairs: Option<usize>) -> Result<Cow<'_, Capture>> {
         Ok(coarser) => coarser,
         Err(_) => capture.subset(pairs, 0)?,
     }))
+}
+
+/// A closed-form method that initialises a surface.
+pub(crate) enum ClosedForm {
+    Lct(LctOptions),
+    Fbp(FbpOptions),
 }
 
 /// The closed-form method that initialises a surface on `lateral` pixels; `None`: a plane does.
@@ -96,7 +110,7 @@ pub(crate) fn method(
     options: &SurfaceOptions,
     lateral: usize,
     capture: &Capture,
-) -> Result<Option<Box<dyn Solver>>> {
+) -> Result<Option<ClosedForm>> {
     let counted = capture.integer_counts || capture.histograms.iter().any(|v| *v < 0.0);
     let lct = LctOptions::default().with(|o| {
         o.lateral = lateral;
@@ -110,10 +124,10 @@ pub(crate) fn method(
         Begin::Plane => None,
         Begin::Lct => {
             takes.map_err(|e| Error::input(e.what, "begin with fbp, with a plane, or with auto"))?;
-            Some(Box::new(lct))
+            Some(ClosedForm::Lct(lct))
         }
-        Begin::Auto if takes.is_ok() => Some(Box::new(lct)),
-        Begin::Auto | Begin::Fbp => Some(Box::new(FbpOptions::default().with(|o| {
+        Begin::Auto if takes.is_ok() => Some(ClosedForm::Lct(lct)),
+        Begin::Auto | Begin::Fbp => Some(ClosedForm::Fbp(FbpOptions::default().with(|o| {
             o.lateral = lateral;
             o.image = lct.image;
         }))),
@@ -122,8 +136,7 @@ pub(crate) fn method(
 
 /// Whether the light-cone transform initialises surfaces of this scan.
 pub(crate) fn is_light_cone(options: &SurfaceOptions, capture: &Capture) -> bool {
-    let method = method(options, options.lateral, capture);
-    method.is_ok_and(|method| method.is_some_and(|method| method.common().runs_on == RunsOn::Host))
+    matches!(method(options, options.lateral, capture), Ok(Some(ClosedForm::Lct(_))))
 }
 
 /// The layers of a closed-form volume, with the brightest albedo 1. `watch` may cancel; it is not called for iterations.
@@ -146,6 +159,9 @@ fn of_method(
     let least = SUPPORT * first.mask_fraction.unwrap_or(Maps::MASK_FRACTION);
     let threshold = (least * f64::from(Maps::white(&first.albedo))) as f32;
     let most = first.albedo.iter().copied().fold(0.0, f32::max);
+    // Where noise outshines everything, the brightest regions are all that is known.
+    let noise = solved.sharpness.and_then(|s| s.noise).map_or(0.0, |noise| NOISE * noise.floor as f32);
+    let noise = if noise < most { noise } else { 0.0 };
     let mut second = solved.volume.map(|volume| second_maxima(&first, &volume));
     for maps in std::iter::once(&mut first).chain(&mut second) {
         for pixel in 0..maps.albedo.len() {
@@ -159,6 +175,7 @@ fn of_method(
                 maps.normal[pixel] = [0.0, 0.0, -1.0];
             }
         }
+        retain_regions(maps, |maps, region| region.iter().any(|p| most * maps.albedo[*p] > noise));
     }
     let layers = second.and_then(|second| split(&first, &second, least_columns(first.nx)));
     Ok(layers.map_or_else(|| vec![first], Vec::from))

@@ -1,8 +1,8 @@
 //! Data-driven support: which pixels of a layer have a surface.
 //!
 //! A fit of too few pixels puts the light of the missing ones on its rim, which becomes bright; a fit of too many leaves a dim
-//! rim. So between short fits the support grows by a ring around bright rims ([`grow`]), loses what is dim once its
-//! surroundings are averaged ([`settle`]), and loses islands too small to be told from noise ([`drop_islands`]). One rim pixel
+//! rim. So between short fits ([`follow`]) the support grows by a ring around bright rims, loses what is dim once its
+//! surroundings are averaged, and loses islands indistinguishable from noise. One rim pixel
 //! alone has too little evidence; its smoothed surroundings have enough.
 
 use std::collections::VecDeque;
@@ -130,7 +130,7 @@ fn extrapolated(maps: &Maps, pixel: usize) -> Option<(f32, f32, [f32; 3])> {
 }
 
 /// Adds a ring of pixels around those with at least [`BIRTH`] of the typical albedo. Depths stay within `range`.
-pub fn grow(maps: &mut Maps, typical: f32, range: [f32; 2]) {
+fn grow(maps: &mut Maps, typical: f32, range: [f32; 2]) {
     let has_bright = |pixel: usize| {
         around(maps, pixel, 1).any(|(o, _)| maps.depth[o].is_finite() && maps.albedo[o] >= BIRTH * typical)
     };
@@ -173,7 +173,7 @@ pub fn share(flatness: f32) -> f32 {
 }
 
 /// Removes pixels whose smoothed evidence is at most `share` of the typical one, and clamps the albedo of the others.
-pub fn settle(maps: &mut Maps, typical: f32, share: f32) {
+fn settle(maps: &mut Maps, typical: f32, share: f32) {
     let smooth = smoothed(maps, typical);
     for (pixel, smooth) in smooth.into_iter().enumerate() {
         if smooth > share * typical && maps.depth[pixel].is_finite() {
@@ -184,18 +184,35 @@ pub fn settle(maps: &mut Maps, typical: f32, share: f32) {
     }
 }
 
+/// The support follows the evidence of layers of this flatness: dim pixels and small islands are removed, pixels around bright rims
+/// are added first, in so many rings, if depths of new ones may be in a range.
+pub fn follow(layers: &mut [Maps], [typical, flatness]: [f32; 2], grows_in: Option<([f32; 2], usize)>) {
+    for maps in layers {
+        if let Some((range, rings)) = grows_in {
+            (0..rings).for_each(|_| grow(maps, typical, range));
+        }
+        settle(maps, typical, share(flatness));
+        drop_islands(maps);
+    }
+}
+
 /// Removes a pixel's surface.
 pub fn remove(maps: &mut Maps, pixel: usize) {
     (maps.albedo[pixel], maps.depth[pixel], maps.normal[pixel]) = (0.0, f32::NAN, [f32::NAN; 3]);
 }
 
-/// Removes connected regions smaller than [`ISLAND`] of the maps. Steps in depth above [`EDGE`] separate regions.
-pub fn drop_islands(maps: &mut Maps) {
+/// Removes connected regions smaller than [`ISLAND`] of the maps.
+fn drop_islands(maps: &mut Maps) {
     let least = (ISLAND * maps.depth.len() as f64).round() as usize;
+    retain_regions(maps, |_, region| region.len() >= least);
+}
+
+/// Removes the connected regions that `is_kept` rejects. Steps in depth above [`EDGE`] separate regions.
+pub fn retain_regions(maps: &mut Maps, is_kept: impl Fn(&Maps, &[usize]) -> bool) {
     let [px, py] = pixel_pitch(maps);
     let edge = EDGE * px.max(py);
     let mut seen: Vec<bool> = maps.depth.iter().map(|z| !z.is_finite()).collect();
-    let mut small = vec![];
+    let mut rejected = vec![];
     for start in 0..maps.depth.len() {
         if seen[start] {
             continue;
@@ -211,11 +228,11 @@ pub fn drop_islands(maps: &mut Maps) {
                 }
             }
         }
-        if region.len() < least {
-            small.extend(region);
+        if !is_kept(maps, &region) {
+            rejected.extend(region);
         }
     }
-    small.into_iter().for_each(|pixel| remove(maps, pixel));
+    rejected.into_iter().for_each(|pixel| remove(maps, pixel));
 }
 
 /// Replaces albedos by their geometric mean with those of the closed form, which errs in other ways: where the model error is

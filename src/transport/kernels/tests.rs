@@ -82,7 +82,7 @@ fn a_kernel_compiles_without_buffers() {
     let gpu = Gpu::open(&options).expect("a Vulkan device: `make setup` installs lavapipe");
     let compiled = gpu.compile(&kernel::FORWARD_OWNED, &kernel::FORWARD_OWNED, &[]).unwrap();
     assert!(compiled.seconds > 0.0 && gpu.allocated() == 0);
-    assert_eq!(compiled.executables.is_empty(), !gpu.tells_of_kernels());
+    assert_eq!(compiled.executables.is_empty(), !gpu.reports_kernels());
 }
 
 const BACK: Buffer = Buffer::named("back");
@@ -105,19 +105,22 @@ fn labels_balance_under_validation_and_times_are_in_order() {
     s.copy(buffer::RESULT, BACK, 4);
     executor.run(&s).unwrap();
     let counted = executor.read::<u32>(BACK, ..)[0];
-    let (told, messages) = (gpu.take_recording(), gpu.validation_messages());
+    let (reported, messages) = (gpu.take_recording(), gpu.validation_messages());
     assert!(messages.is_empty(), "{messages:?}");
     assert_eq!(counted, 6);
-    let kernels: Vec<_> = told.device.iter().map(|r| r.kernel).collect();
+    let kernels: Vec<_> = reported.device.iter().map(|r| r.kernel).collect();
     assert_eq!(kernels, ["fill", "count", "count", "count", "copy"]);
-    let stages: Vec<_> = told.device.iter().map(|r| r.stage.map(|s| told.stages[s].name)).collect();
+    let stages: Vec<_> = reported.device.iter().map(|r| r.stage.map(|s| reported.stages[s].name)).collect();
     assert_eq!(stages, [None, Some("first"), Some("second"), Some("second"), Some("second")]);
-    assert!(told.device.windows(2).all(|w| w[0].from <= w[0].to && w[0].to <= w[1].from), "{told:?}");
+    assert!(reported.device.windows(2).all(|w| w[0].from <= w[0].to && w[0].to <= w[1].from), "{reported:?}");
     // All of it while the host was waiting, as far as the clocks agree.
-    let spans = |what| told.host.iter().filter(move |s| s.what == what);
+    let spans = |what| reported.host.iter().filter(move |s| s.what == what);
     let (submit, wait) = (spans("submit").next_back().unwrap(), spans("wait").next_back().unwrap());
-    assert!(told.device[0].from >= submit.from - 1e-3 && told.device[4].to <= wait.to + 1e-6, "{told:?}");
-    assert!(told.kernels["count"].code.name == "limit_empty");
+    assert!(
+        reported.device[0].from >= submit.from - 1e-3 && reported.device[4].to <= wait.to + 1e-6,
+        "{reported:?}"
+    );
+    assert!(reported.kernels["count"].code.name == "limit_empty");
 }
 
 const DOWN: Buffer = Buffer::named("down");
@@ -195,6 +198,6 @@ fn an_instrumented_kernel_tells_of_it() {
         gpu.close()
     };
     assert_eq!(messages(1), Vec::<String>::new());
-    let told = messages(2).join("\n");
-    assert!(told.contains("out of bounds"), "{told}");
+    let reported = messages(2).join("\n");
+    assert!(reported.contains("out of bounds"), "{reported}");
 }

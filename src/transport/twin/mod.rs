@@ -1,43 +1,36 @@
-//! The kernels in float64 on the CPU: one function per kernel, with its name. The kernels are tested against them.
-//! They are written for clarity, not speed.
-//!
-//! State is in the grid's storage order ([`Grid::index`]); lists hold storage indices in that order.
+//! The kernels in float64 on the CPU: one file per kernel of `glsl/`, of the same name. Its function takes the buffers of
+//! a dispatch in the order of their bindings and changes what the kernel writes. Kernels are tested against these
+//! functions, which are written for clarity, not speed. What several share is in one file.
 
-mod backproject;
-mod domain;
-mod optimise;
-mod pulse;
-mod random;
-mod render;
-mod surface;
+#![expect(clippy::needless_range_loop, reason = "an index is an invocation of the kernel")]
 
-pub use backproject::{backproject, filter};
-pub use domain::{
-    Column, carry, carry_doubled, compact, double_domain, extract, gaussian, initialise, initialise_raw,
-    levels, rim, room, taps, threshold, threshold_raw, touched,
-};
-pub use optimise::{learning_rate, noise, update};
-pub use pulse::{Way, instrument, pulse, spot};
-pub use random::random3;
-pub use render::{
-    Sample, backward, finish, forward, forward_pair, objective, places, residual, residual_weighted, sample,
-    sample_point, weighted_objective,
-};
-pub use surface::{
-    Bond, Combined, Height, Pull, SurfaceWeights, surface_bonds, surface_combine, surface_extract,
-    surface_gather, surface_gradient, surface_objective, surface_points, surface_pull, surface_step,
-};
+#[macro_use]
+mod call;
+mod shared;
 
-use super::{Grid, Model};
+pub use call::{Call, Cells, TwinFn};
+pub use shared::*;
 
-/// A scene at one lateral resolution.
-#[derive(Debug, Clone, Copy)]
-pub struct Twin<'a> {
-    /// The capture and the numbers of its reconstruction.
-    pub model: &'a Model,
-    /// The voxels.
-    pub grid: &'a Grid,
+/// Declares the files, and lists their functions by name.
+macro_rules! twins {
+    ($($name:ident)*) => {
+        $(mod $name;)*
+
+        /// Every kernel that has a twin, with its function.
+        pub static TWINS: &[(&str, TwinFn)] = &[$((stringify!($name), $name::$name)),*];
+    };
 }
 
-/// Raw variables of a voxel: albedo a and normal q, before ELU and tanh.
-pub type Raw = [f64; 4];
+twins! {
+    arguments backproject backward carry compact_count compact_scan compact_scatter double_domain extract filter finish
+    forward forward_product gaussian initialise initialise_raw levels noise places pulse residual residual_rows rim room
+    rounding sample spot surface_bonds surface_combine surface_extract surface_gather surface_points surface_pull
+    surface_step threshold update
+}
+
+/// The twin of a module: that of the longest name with which the module's begins.
+pub fn twin_of(module: &str) -> Option<(&'static str, TwinFn)> {
+    let of =
+        |name: &str| module.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
+    TWINS.iter().filter(|t| of(t.0)).max_by_key(|t| t.0.len()).copied()
+}

@@ -1,26 +1,17 @@
-use super::Twin;
-pub use crate::capture::pulse::Way;
+use super::{Call, Cells};
+use crate::transport::kernels::constant;
 
-/// Histograms `[pair * bins + bin]` through the model's pulse, or unchanged without one. Light outside the bins is
-/// lost.
-pub fn pulse(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {
-    match &twin.model.pulse {
-        Some(taps) => values.chunks(twin.model.bins).flat_map(|h| taps.through(h, way)).collect(),
-        None => values.to_vec(),
-    }
-}
-
-/// Histograms of rendered pairs as sums over the measured pairs' spots, or back; unchanged where spots are points.
-pub fn spot(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {
-    let Some(rendered) = &twin.model.rendered else { return values.to_vec() };
-    let stages = if way == Way::Spread { rendered.stages.clone() } else { rendered.back() };
-    stages.iter().fold(values.to_vec(), |v, stage| stage.through(&v, twin.model.bins))
-}
-
-/// From rendered paths to the histograms that are measured, through spot and pulse; or back, through both in reverse.
-pub fn instrument(twin: &Twin, values: &[f64], way: Way) -> Vec<f64> {
-    match way {
-        Way::Spread => pulse(twin, &spot(twin, values, way), way),
-        Way::Back => spot(twin, &pulse(twin, values, way), way),
+/// Histograms through the pulse, or back. Light outside the bins is lost.
+pub fn pulse(call: &Call, b: &mut [Cells]) {
+    bind!(b: _counts any, source f, pulse_taps f, spread f);
+    let back = call.constant(constant::BACK, 0) != 0;
+    let (before, taps) = (pulse_taps[0] as usize, &pulse_taps[2..][..pulse_taps[1] as usize]);
+    for (cell, out) in spread.iter_mut().enumerate().take(call.cells()) {
+        *out = call.bin_of(cell).map_or(0.0, |(pair, bin)| {
+            let from = |i: usize| if back { (bin + i).checked_sub(before) } else { (bin + before).checked_sub(i) };
+            let inside = |i: usize| from(i).filter(|from| *from < call.twin.model.bins);
+            let value = |i: usize| inside(i).map_or(0.0, |from| source[call.row(pair) + from]);
+            taps.iter().enumerate().map(|(i, tap)| tap * value(i)).sum()
+        });
     }
 }

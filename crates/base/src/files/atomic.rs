@@ -141,7 +141,7 @@ fn if_full(mut error: Error) -> Error {
     // ENOSPC, EDQUOT.
     let full = [28, 122].map(std::io::Error::from_raw_os_error);
     if full.iter().any(|e| is_of_full(e.kind()) && error.what.contains(&e.to_string())) {
-        error.mend = FULL.into();
+        error.hint = FULL.into();
     }
     error
 }
@@ -152,7 +152,7 @@ fn is_of_full(kind: ErrorKind) -> bool {
 
 /// Whether an error reports a full disk or an exhausted quota.
 pub fn is_full(error: &Error) -> bool {
-    error.mend == FULL.into()
+    error.hint == FULL.into()
 }
 
 /// Creates a folder and its parents, if missing.
@@ -173,7 +173,7 @@ const FULL: &str = "the disk is full: free some space or write elsewhere";
 
 /// The error of a failed write, with advice for its cause.
 pub fn cannot(path: &Path, e: &std::io::Error) -> Error {
-    let mend = match e.kind() {
+    let hint = match e.kind() {
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
             "choose a folder that you may write to"
         }
@@ -184,5 +184,5 @@ pub fn cannot(path: &Path, e: &std::io::Error) -> Error {
         ErrorKind::InvalidFilename => "choose a shorter or simpler name",
         _ => "check the path and the disk",
     };
-    Error::output(format!("{}: cannot be written: {e}", path.display()), mend)
+    Error::output(format!("{}: cannot be written: {e}", path.display()), hint)
 }

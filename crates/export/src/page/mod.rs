@@ -107,7 +107,7 @@ struct PageMaps {
     extent: [f64; 4],
     albedo: Numbers,
     depth: Numbers,
-    confidence: Option<Numbers>,
+    depth_error: Option<Numbers>,
     /// x, y, z times 127.
     normal: String,
     mask: String,
@@ -131,7 +131,7 @@ impl PageMaps {
             extent: maps.extent,
             albedo: of(&maps.albedo),
             depth: of(&maps.depth),
-            confidence: maps.confidence.as_deref().map(of),
+            depth_error: maps.depth_error.as_deref().map(of),
             normal: STANDARD.encode(normal),
             mask: STANDARD.encode(mask),
         }

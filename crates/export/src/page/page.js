@@ -12,7 +12,7 @@ function numbers({ low, high, values }) {
 
 const { report } = data, { nx, ny, extent } = data.maps;
 const albedo = numbers(data.maps.albedo), depth = numbers(data.maps.depth);
-const confidence = data.maps.confidence && numbers(data.maps.confidence);
+const depth_error = data.maps.depth_error && numbers(data.maps.depth_error);
 const normal = Float32Array.from(new Int8Array(bytes(data.maps.normal)), v => v / 127);
 const mask = new Uint8Array(bytes(data.maps.mask));
 const counts = numbers(data.light.counts);
@@ -30,7 +30,7 @@ function quantile(values, share, keep = () => true) {
 const range = (values, keep) => [quantile(values, .01, keep) ?? 0, quantile(values, .99, keep) ?? 1];
 const share = ([low, high], v) => high > low ? (v - low) / (high - low) : .5;
 const bright = range(albedo), far = range(depth, isSurface);
-const sure = confidence && range(confidence, isSurface).map(v => Math.max(v, 1e-6));
+const sure = depth_error && range(depth_error, isSurface).map(v => Math.max(v, 1e-6));
 
 // Colours.
 const VIRIDIS = [[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
@@ -120,9 +120,9 @@ const maps = [
     bar: (c, box) => colourBar(c, box, s => viridis(1 - s), ticks(...far, 6), v => share(far, v), "m") },
   { name: "Normals", alt: "Map of surface normals, coloured by direction", colour: i => isSurface(i) ? direction(normal[3 * i], normal[3 * i + 1], normal[3 * i + 2]) : null, bar: compass },
 ];
-if (confidence) {
+if (depth_error) {
   const logs = sure.map(Math.log), marks = [1e-5, 2e-5, 5e-5].flatMap(v => [1, 10, 100, 1000, 1e4].map(p => v * p)).filter(v => v >= sure[0] && v <= sure[1]);
-  maps.push({ name: "Expected depth error", alt: `Map of the expected depth error, ${millimetres(sure[0])} to ${millimetres(sure[1])}`, colour: i => isSurface(i) ? viridis(share(logs, Math.log(confidence[i]))) : null,
+  maps.push({ name: "Expected depth error", alt: `Map of the expected depth error, ${millimetres(sure[0])} to ${millimetres(sure[1])}`, colour: i => isSurface(i) ? viridis(share(logs, Math.log(depth_error[i]))) : null,
     bar: (c, box) => colourBar(c, box, viridis, marks.map(v => 1000 * v), v => share(logs, Math.log(v / 1000)), "mm") });
 }
 
@@ -187,7 +187,7 @@ function choose(i) {
   chosen = i, plots.forEach(paint => paint()), mark();
   const [x, y] = place(i), angle = Math.acos(Math.min(1, -normal[3 * i + 2])) * 180 / Math.PI;
   element("readout").innerText = `x ${metres(x)}, y ${metres(y)}, pixel ${Math.floor(i / ny)}, ${i % ny}: albedo ${short(albedo[i])}`
-    + (isSurface(i) ? `, depth ${depth[i].toFixed(4)} m` + (confidence ? ` ± ${millimetres(confidence[i])}` : "")
+    + (isSurface(i) ? `, depth ${depth[i].toFixed(4)} m` + (depth_error ? ` ± ${millimetres(depth_error[i])}` : "")
       + `\nnormal ${[0, 1, 2].map(c => normal[3 * i + c].toFixed(2)).join(", ")}, ${angle.toFixed(0)}° from the wall's` : ", no surface");
 }
 
@@ -426,7 +426,7 @@ function words() {
   card("Found", found.count ? `${found.count} ${found.count === 1 ? "surface" : "surfaces"}` : "nothing",
     found.count ? `${found.width.toFixed(2)} × ${found.height.toFixed(2)} m, ${(100 * found.all / nx / ny).toFixed(1)} % of the picture` : "");
   card("Depth range", found.count ? `${far[0].toFixed(3)} – ${far[1].toFixed(3)} m` : "–", "1st to 99th percentile");
-  const typical = confidence && quantile(confidence, .5, isSurface), error = metrics?.depth_mae;
+  const typical = depth_error && quantile(depth_error, .5, isSurface), error = metrics?.depth_mae;
   card("Median depth error", typical ? millimetres(typical) : "–", "expected" + (error != null ? `; ${millimetres(error)} mean against truth` : ""));
   const trials = (settings.model_found?.trials || []).filter(t => t[0] === settings.model_found.reflectance).map(t => t[2]), last = trace.at(-1)?.residual;
   if (trials.length) card("Held-out residual", `${(100 * Math.min(...trials)).toFixed(1)} %`, "of pairs not fitted, short fit");
@@ -448,6 +448,6 @@ function words() {
 words(), pictures();
 try { space(); } catch (error) { element("space").innerText = `no 3D view: ${error.message}`; }
 // Initially the brightest of the more certain half of the pixels.
-const certain = confidence ? quantile(confidence, .5, isSurface) : 0;
-const first = Array.from(albedo.keys()).filter(i => isSurface(i) && !(confidence && confidence[i] > certain)).sort((a, b) => albedo[b] - albedo[a])[0];
+const certain = depth_error ? quantile(depth_error, .5, isSurface) : 0;
+const first = Array.from(albedo.keys()).filter(i => isSurface(i) && !(depth_error && depth_error[i] > certain)).sort((a, b) => albedo[b] - albedo[a])[0];
 if (first !== undefined) choose(first);

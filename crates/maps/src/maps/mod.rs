@@ -5,11 +5,11 @@
 
 use crate::error::{Error, Result};
 
-mod confidence;
+mod depth_error;
 mod parts;
 mod smooth;
 
-pub use confidence::Conditions;
+pub use depth_error::Conditions;
 
 /// Reconstructed maps.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,8 +31,8 @@ pub struct Maps {
     /// Share of the albedo's 99.9th percentile above which a pixel is surface; `None`: [`Maps::MASK_FRACTION`].
     pub mask_fraction: Option<f64>,
     /// Expected depth error in metres: two of three pixels with a given value have a smaller error
-    /// ([`Maps::set_confidence`]). NaN without surface. `None` if unknown.
-    pub confidence: Option<Vec<f32>>,
+    /// ([`Maps::set_depth_error`]). NaN without surface. `None` if unknown.
+    pub depth_error: Option<Vec<f32>>,
     /// Surfaces behind the first ones; `None` if no pixel has two.
     pub behind: Option<Layer>,
 }
@@ -48,8 +48,8 @@ pub struct Layer {
     pub normal: Vec<[f32; 3]>,
     /// True where the albedo is above the threshold of the first surfaces.
     pub mask: Vec<bool>,
-    /// Expected depth error in metres, as in [`Maps::confidence`]; `None` of truth.
-    pub confidence: Option<Vec<f32>>,
+    /// Expected depth error in metres, as in [`Maps::depth_error`]; `None` of truth.
+    pub depth_error: Option<Vec<f32>>,
 }
 
 /// True maps of a simulated or independently rendered scene (`gt_*` in a truth file).
@@ -74,7 +74,7 @@ pub struct Truth {
 impl Layer {
     /// Names and lengths of the arrays.
     fn lengths(&self) -> Vec<(&'static str, usize)> {
-        let confidence = self.confidence.iter().map(|c| ("the second layer's confidence", c.len()));
+        let depth_error = self.depth_error.iter().map(|c| ("the second layer's depth_error", c.len()));
         [
             ("the second layer's albedo", self.albedo.len()),
             ("the second layer's depth", self.depth.len()),
@@ -82,7 +82,7 @@ impl Layer {
             ("the second layer's mask", self.mask.len()),
         ]
         .into_iter()
-        .chain(confidence)
+        .chain(depth_error)
         .collect()
     }
 }
@@ -103,7 +103,7 @@ impl Maps {
             normal: vec![[f32::NAN; 3]; count],
             mask: vec![false; count],
             mask_fraction: None,
-            confidence: None,
+            depth_error: None,
             behind: None,
         }
     }
@@ -160,12 +160,12 @@ impl Maps {
         let first = Maps { behind: None, ..self.clone() };
         match (layer, &self.behind) {
             (0, _) => Some(first),
-            (1, Some(Layer { albedo, depth, normal, mask, confidence })) => Some(Maps {
+            (1, Some(Layer { albedo, depth, normal, mask, depth_error })) => Some(Maps {
                 albedo: albedo.clone(),
                 depth: depth.clone(),
                 normal: normal.clone(),
                 mask: mask.clone(),
-                confidence: confidence.clone(),
+                depth_error: depth_error.clone(),
                 ..first
             }),
             _ => None,
@@ -183,7 +183,7 @@ impl Maps {
             ("normal", self.normal.len()),
             ("mask", self.mask.len()),
         ];
-        lengths.extend(self.confidence.iter().map(|c| ("confidence", c.len())));
+        lengths.extend(self.depth_error.iter().map(|c| ("depth_error", c.len())));
         lengths.extend(self.behind.iter().flat_map(Layer::lengths));
         check_grid([self.nx, self.ny], self.extent, &lengths)
     }
@@ -213,7 +213,7 @@ impl Maps {
             depth: vec![],
             normal: vec![],
             mask: vec![],
-            confidence: None,
+            depth_error: None,
             behind: None,
             ..*self
         };

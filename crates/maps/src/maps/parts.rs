@@ -12,14 +12,14 @@ const OF_WIDTH: f64 = 0.25;
 #[doc(hidden)]
 impl Maps {
     /// Removes from the mask of each layer every connected part whose expected depth error exceeds a quarter of its
-    /// width (the root of its area). The largest part is kept. Requires [`Maps::set_confidence`]; returns whether any
+    /// width (the root of its area). The largest part is kept. Requires [`Maps::set_depth_error`]; returns whether any
     /// part was removed.
     pub fn leave_out_uncertain_parts(&mut self) -> bool {
         let sides = [self.nx, self.ny];
         let pixel = self.pixel();
         let mut changed = false;
-        let first = self.confidence.as_ref().map(|errors| (&mut self.mask, errors));
-        let behind = self.behind.as_mut().and_then(|b| Some((&mut b.mask, b.confidence.as_ref()?)));
+        let first = self.depth_error.as_ref().map(|errors| (&mut self.mask, errors));
+        let behind = self.behind.as_mut().and_then(|b| Some((&mut b.mask, b.depth_error.as_ref()?)));
         for (mask, errors) in first.into_iter().chain(behind) {
             let parts = parts_of(sides, mask);
             let largest = parts.iter().map(Vec::len).max().unwrap_or(0);
@@ -79,7 +79,7 @@ mod tests {
             depth: vec![1.0; 96],
             normal: vec![[0.0, 0.0, -1.0]; 96],
             mask: all().map(|c| c != '.').collect(),
-            confidence: Some(all().map(error).collect()),
+            depth_error: Some(all().map(error).collect()),
             ..Maps::empty([12, 8], [0.0, 1.2, 0.0, 0.8])
         }
     }
@@ -127,7 +127,7 @@ mod tests {
         assert!(all.leave_out_uncertain_parts());
         assert_eq!(left(&all, &all.mask, PICTURE), "A");
         let mut untold = maps(PICTURE, |_| 100.0);
-        untold.confidence = None;
+        untold.depth_error = None;
         assert!(!untold.leave_out_uncertain_parts());
         // A part without expected errors has no depth.
         let mut nowhere = maps(PICTURE, |c| if c == 'B' { f32::NAN } else { 0.0 });
@@ -144,7 +144,7 @@ mod tests {
             depth: behind.depth,
             normal: behind.normal,
             mask: behind.mask,
-            confidence: behind.confidence,
+            depth_error: behind.depth_error,
         });
         assert!(both.leave_out_uncertain_parts());
         assert_eq!(left(&both, &both.mask, PICTURE), "ABCDE");

@@ -11,9 +11,9 @@ pub struct Calibration {
 
 impl Calibration {
     /// Adds a pixel, unless a value is NaN.
-    pub fn add(&mut self, confidence: f64, error: f64) {
-        if confidence.is_finite() && error.is_finite() {
-            self.pairs.push([confidence, error.abs()]);
+    pub fn add(&mut self, depth_error: f64, error: f64) {
+        if depth_error.is_finite() && error.is_finite() {
+            self.pairs.push([depth_error, error.abs()]);
         }
     }
 
@@ -37,7 +37,7 @@ impl Calibration {
 }
 
 fn within(pairs: &[[f64; 2]]) -> Option<f64> {
-    let inside = pairs.iter().filter(|[confidence, error]| error <= confidence).count();
+    let inside = pairs.iter().filter(|[depth_error, error]| error <= depth_error).count();
     (!pairs.is_empty()).then(|| inside as f64 / pairs.len() as f64)
 }
 
@@ -51,9 +51,9 @@ mod tests {
         assert_eq!((all.within(), all.quarters()), (None, vec![]));
         // Every group has ten pixels; of the k-th, k + 1 errors exceed the expected error.
         for i in (0..40).rev() {
-            let (quarter, confidence) = (i / 10, 1.0 + f64::from(i));
+            let (quarter, depth_error) = (i / 10, 1.0 + f64::from(i));
             let is_more = i % 10 <= quarter;
-            all.add(confidence, if is_more { -2.0 * confidence } else { confidence });
+            all.add(depth_error, if is_more { -2.0 * depth_error } else { depth_error });
         }
         all.add(f64::NAN, 1.0);
         all.add(1.0, f64::NAN);

@@ -54,7 +54,7 @@ pub struct Metrics {
     /// Share of the hit pixels whose depth error is within the expected error: 0.68 if calibrated. `None`, and absent
     /// from the JSON, without expected errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub within_confidence: Option<f64>,
+    pub within_depth_error: Option<f64>,
     /// The same by quarters of the hit pixels, from most to least certain: (median expected error, share within);
     /// absent from the JSON if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -172,7 +172,7 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: impl Into<Option<f64>>) -> 
         best_iou: best.map(|b| b[1]),
         best_fraction: best.map(|b| b[0]),
         at_best,
-        within_confidence: errors.calibration.within(),
+        within_depth_error: errors.calibration.within(),
         calibration: errors.calibration.quarters(),
         layers: layers(maps, truth, &pixels, within),
         sweep,
@@ -276,8 +276,8 @@ fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) 
         let Some(found) = found else { continue };
         let error = f64::from(maps.depth[found]) - real;
         all.hit.add(error);
-        if let Some(confidence) = &maps.confidence {
-            all.calibration.add(f64::from(confidence[found]), error);
+        if let Some(depth_error) = &maps.depth_error {
+            all.calibration.add(f64::from(depth_error[found]), error);
         }
         let (n, m) = (maps.normal[found].map(f64::from), truth.normal[at].map(f64::from));
         if let Some(degrees) = angle_between(n, m) {

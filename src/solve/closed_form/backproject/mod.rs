@@ -183,6 +183,14 @@ impl Projection for FbpOptions {
 }
 
 impl FbpOptions {
+    /// Prepares it to initialise a surface: the volume too, and photon noise alike at all depths.
+    ///
+    /// # Errors
+    /// Those of [`Solver::prepare`].
+    pub(crate) fn prepare_start(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
+        Ok(Box::new(prepared(self, Self::NAME, gpu, &problem.and_volume(), true)?))
+    }
+
     /// Standard deviation of the filter's Gaussian, in distances of scan points.
     fn width(&self) -> f64 {
         self.filter_width.unwrap_or(WIDTHS.values[0])
@@ -291,7 +299,7 @@ macro_rules! projection {
 
             fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
                 self.check()?;
-                Ok(Box::new(prepared(self, $name, gpu, problem)?))
+                Ok(Box::new(prepared(self, $name, gpu, problem, false)?))
             }
         }
     };

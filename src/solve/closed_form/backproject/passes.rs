@@ -2,7 +2,7 @@
 
 use crate::gpu::{Buffer, Schedule};
 use crate::solve::over_pairs::{groups, light, over_parts, pair_chunks, work_of};
-use crate::solve::plan::pass::{Pass, Voxels, passes, twin};
+use crate::solve::plan::pass::{Pass, Voxels, passes};
 use crate::solve::{Level, Plan};
 use crate::transport::cells;
 use crate::transport::kernels::*;
@@ -12,13 +12,12 @@ passes! {
     pub static ALL;
 
     /// Filters the measurement along time.
-    FILTER = Pass { twin: twin!(filter), ..Pass::of("filter", |_| &kernel::FILTER) };
+    FILTER = Pass::of("filter", |_| &kernel::FILTER);
 
     /// Gathers the filtered measurement in every voxel.
     BACKPROJECT = Pass {
         report: "backward_project",
         pairs: Some(Voxels::Grid),
-        twin: twin!(backproject),
         ..Pass::of("backproject", |p| p.variant(&kernel::BACKPROJECT, &kernel::BACKPROJECT_TEXELS))
     };
 }
@@ -26,7 +25,7 @@ passes! {
 /// A number per voxel.
 pub const PROJECTED: Buffer = Buffer::named("projected");
 
-/// Back-projects the filtered measurement into [`PROJECTED`]; the filter has so many `taps`, its two
+/// Back-projects the filtered measurement into [`PROJECTED`]; the filter has `taps` taps, its two
 /// sides counted once.
 pub fn gather_filtered(s: &mut Schedule, plan: &Plan, level: &Level, taps: usize) {
     let voxels = level.grid.storage();

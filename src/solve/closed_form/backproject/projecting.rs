@@ -10,7 +10,7 @@ use rayon::prelude::*;
 use super::super::image::{Volume, on_grid};
 use super::super::on_host::check_host_memory;
 use super::super::options::ImageOptions;
-use super::super::sharpness::{Ladder, noise, with, with_random_signs};
+use super::super::sharpness::{Ladder, even_weights, noise, weigh, with, with_random_signs};
 use super::super::{NoPasses, RegularScan, in_one_step, upsample};
 use super::Projection;
 use super::passes::{BACKPROJECT, FILTER, PROJECTED, gather_filtered};
@@ -203,6 +203,8 @@ pub struct Projecting<M> {
     scan: Option<RegularScan>,
     grid: Grid,
     with_volume: bool,
+    /// It initialises a surface: photon noise is alike at all depths.
+    is_start: bool,
 }
 
 impl<M: Projection> Projecting<M> {
@@ -214,36 +216,48 @@ impl<M: Projection> Projecting<M> {
         self.all.made().map(|_| ())
     }
 
-    /// Chooses the sharpness by the noise of a few columns, if the options leave it open.
-    fn sharpness(&mut self, capture: &Capture, light: &Light<'_>, step: f64) -> Result<Option<Sharpness>> {
+    /// Chooses the sharpness by the noise of a few columns, if the options leave it open; and the weights of depths, if there are.
+    fn sharpness(
+        &mut self,
+        capture: &Capture,
+        light: &Light<'_>,
+        step: f64,
+    ) -> Result<(Option<Sharpness>, Option<Vec<f32>>)> {
         let (ladder, columns) = match &mut self.columns {
             Some((ladder, columns)) if capture.integer_counts => (*ladder, columns),
-            open => return Ok(open.as_ref().map(|(ladder, _)| ladder.sharpest())),
+            open => return Ok((open.as_ref().map(|(ladder, _)| ladder.sharpest()), None)),
         };
         let tossed = with_random_signs(capture);
         let mut dark = Light::of(&tossed, self.scan.as_ref(), self.options.image(), false);
-        let chosen = ladder.choose(|value| {
+        let (chosen, weights) = ladder.choose(|value| {
             let options = with(&self.options, ladder.setting, value);
             dark.scale = Some(columns.take(&self.rows, light)?);
-            let (grid, light) = columns.image(&options, capture.bin_width, step)?;
+            let (grid, mut light) = columns.image(&options, capture.bin_width, step)?;
             columns.take(&self.rows, &dark)?;
-            let (_, dark) = columns.image(&options, capture.bin_width, step)?;
-            Ok((noise(&light, &dark, grid.n[2], M::MASK_SHARE), ()))
+            let (_, mut dark) = columns.image(&options, capture.bin_width, step)?;
+            let weights = self.is_start.then(|| even_weights(&light, &dark, grid.n[2]));
+            if let Some(weights) = &weights {
+                [&mut light, &mut dark].into_iter().for_each(|volume| weigh(volume, weights));
+            }
+            Ok((noise(&light, &dark, grid.n[2], M::MASK_SHARE), weights))
         })?;
-        Ok(Some(chosen.0))
+        Ok((Some(chosen), weights))
     }
 
     /// The volume of a capture, and how sharp it is.
     fn volume(&mut self, capture: &Capture, step: f64) -> Result<(Volume, Option<Sharpness>)> {
         let image = self.options.image();
         let light = Light::of(capture, self.scan.as_ref(), image, image.background);
-        let sharpness = self.sharpness(capture, &light, step)?;
+        let (sharpness, weights) = self.sharpness(capture, &light, step)?;
         self.all.take(&self.rows, &light)?;
         let options = match sharpness {
             Some(chosen) => with(&self.options, chosen.setting, chosen.value),
             None => self.options.clone(),
         };
-        let (grid, albedo) = self.all.image(&options, capture.bin_width, step)?;
+        let (grid, mut albedo) = self.all.image(&options, capture.bin_width, step)?;
+        if let Some(weights) = weights {
+            weigh(&mut albedo, &weights);
+        }
         let lattice = RegularScan::of_columns(&grid);
         Ok((Volume { albedo: on_grid(&lattice, &albedo, &self.grid), normal: None }, sharpness))
     }
@@ -255,6 +269,7 @@ pub(super) fn prepared<M: Projection>(
     name: &str,
     gpu: &Gpu,
     problem: &Problem<'_>,
+    is_start: bool,
 ) -> Result<Projecting<M>> {
     let Problem { capture, grid, memory, with_volume } = *problem;
     let scan = to_refine(capture, options.image(), name)?;
@@ -281,7 +296,7 @@ pub(super) fn prepared<M: Projection>(
         }
         None => None,
     };
-    Ok(Projecting { options: options.clone(), all, columns, rows, scan, grid, with_volume })
+    Ok(Projecting { options: options.clone(), all, columns, rows, scan, grid, with_volume, is_start })
 }
 
 /// A few columns of a grid, with all its depths.

@@ -192,6 +192,6 @@ mod tests {
         let mut o = DlctOptions::default();
         o.image.reflectance = Reflectance::Retroreflective;
         let error = o.scan(&random_capture(None)).unwrap_err();
-        assert!(error.what.contains("retroreflective") && error.mend.to_string().contains("lct"));
+        assert!(error.what.contains("retroreflective") && error.hint.to_string().contains("lct"));
     }
 }

@@ -230,7 +230,7 @@ struct Taps(Vec<[f32; Taps::COUNT]>);
 
 impl Taps {
     const COUNT: usize = 8;
-    /// Shares of a step that are told apart.
+    /// Resolution of fractions of a step.
     const SHARES: usize = 1024;
     const BETA: f64 = 6.0;
 

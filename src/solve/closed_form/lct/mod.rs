@@ -16,11 +16,12 @@ use super::light_cone::SNR;
 use super::light_cone::{Cells, filter_planes};
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
-use super::{HostMethod, RegularScan, host_method};
+use super::{HostMethod, RegularScan, host_method, on_host};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::Buffer;
+use crate::gpu::{Buffer, Gpu};
 use crate::solve::option::options;
+use crate::solve::{Prepared, Problem};
 use crate::transport::{Grid, Reflectance};
 
 options! {
@@ -79,6 +80,14 @@ impl HostMethod for LctOptions {
 }
 
 impl LctOptions {
+    /// Prepares it to initialise a surface: the volume too, and photon noise alike at all depths.
+    ///
+    /// # Errors
+    /// Those of [`crate::solve::Solver::prepare`].
+    pub(crate) fn prepare_start(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
+        on_host::prepare(self, gpu, &problem.and_volume(), true)
+    }
+
     /// The albedo at the scan's points and the grid's depths, `[point * depths + depth]`.
     fn at_points(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<f32> {
         let cells = Cells::of(capture, scan);

@@ -65,7 +65,7 @@ pub(super) const WAVELENGTHS: Ladder = Ladder { setting: "wavelength", values: &
 /// Standard deviation of the virtual pulse, as a share of its length: the published code's window.
 const OF_LENGTH: f64 = 0.15;
 
-/// Frequencies farther than so many standard deviations from the middle of the pulse are left out.
+/// Cutoff, standard deviations from the centre frequency of the pulse.
 const BAND_WIDTH: f64 = 3.0;
 
 /// The frequencies of the virtual pulse.

@@ -1,0 +1,255 @@
+//! The table of cases.
+
+use glam::dvec3;
+
+use super::scenes::*;
+use super::{Case, Doubled, How, Paths, Sizes, Solver};
+use crate::capture::PulseTaps;
+use crate::solve::Accumulation::{Fixed, Fixed32, Owned};
+use crate::solve::NoiseTerm;
+use crate::transport::{Binning, Geometry, Gradient, Grid, HighPass, Model, Reflectance, Sampling};
+
+/// A case of a solver, on one accumulation path.
+fn case(name: &'static str, model: Model, grid: Grid, solver: Solver) -> Case {
+    let (how, paths, sizes) = (How::Steps, Paths::Only(&[Owned]), Sizes::default());
+    Case { name, model, grid, solver, how, paths, sizes, allowed: 3e-5, checks_devices: false }
+}
+
+const PAPER: Solver = Solver::Paper { noise: OFF, rooms: &[None], doubled: Doubled::No, dark: false };
+const SURFACE: Solver = Solver::Surface { points: 4, spread: 1.25, long_steps: false };
+const PROJECTION: Solver = Solver::Projection { sigma: 2.5, odd: false };
+const OFF: NoiseTerm = NoiseTerm::Off;
+const NOISE: [f64; 2] = [0.05, 0.06];
+const ONLY_FIXED: Paths = Paths::Only(&[Owned, Fixed]);
+
+/// Sizes of gathers: lanes that share a sample, more or less of them as samples fill the device.
+const GATHERS: [[u32; 3]; 6] =
+    [[32, 4, u32::MAX], [8, 8, u32::MAX], [1, 64, u32::MAX], [64, 2, u32::MAX], [8, 32, 2500], [8, 32, 1]];
+
+/// All cases.
+pub fn cases() -> Vec<Case> {
+    [paper(), surface(), instruments(), projection(), pairs(), whole(), slopes()].concat()
+}
+
+fn paper() -> Vec<Case> {
+    let base = model(5, 64, 3);
+    let of = |name, model: Model| case(name, model, grid(), PAPER);
+    let with = |name, noise, rooms, doubled, dark| Case {
+        solver: Solver::Paper { noise, rooms, doubled, dark },
+        ..of(name, Model { noise: if noise == OFF { [0.0; 2] } else { NOISE }, ..base.clone() })
+    };
+    let exact = Model { gradient: Gradient::Exact, l1: 5000.0, ..base.clone() };
+    let mut all = vec![
+        Case { paths: Paths::All, checks_devices: true, ..of("paper", base.clone()) },
+        Case {
+            paths: Paths::All,
+            ..of("paper, nearest bins", Model { binning: Binning::Nearest, ..base.clone() })
+        },
+        of("paper, voxel centres", Model { sampling: Sampling::Fixed, decay_over: 8.0, ..base.clone() }),
+        of("paper, falling rate", Model { decay_over: 7.5, ..base.clone() }),
+        of("paper, rate of zero", Model { decay_over: 3.0, ..base.clone() }),
+        of("paper, exact gradient", exact.clone()),
+        of("paper, exact gradient, nearest bins", Model { binning: Binning::Nearest, ..exact }),
+        Case {
+            paths: ONLY_FIXED,
+            ..with("paper, noise of bins", NoiseTerm::Bin, &[None], Doubled::No, false)
+        },
+        Case {
+            paths: ONLY_FIXED,
+            ..with("paper, noise of histograms", NoiseTerm::Histogram, &[None], Doubled::No, false)
+        },
+        with("paper, rooms", OFF, &[Some(1.1), Some(0.5), Some(0.1), Some(0.01)], Doubled::No, false),
+        with("paper, dark", OFF, &[Some(1.0), Some(0.99)], Doubled::No, true),
+        with("paper, half a rim", OFF, &[], Doubled::HalfRim, false),
+        with("paper, doubled", OFF, &[], Doubled::All, false),
+        with("paper, doubled after a reduction", NoiseTerm::Bin, &[None], Doubled::All, false),
+        with("paper, doubled in part", OFF, &[], Doubled::Brightest(0.25), false),
+    ];
+    let pulsed = Model { pulse: Some(tail()), noise: NOISE, ..base.clone() };
+    let noise = with("paper, noise and pulse", NoiseTerm::Bin, &[], Doubled::No, false);
+    all.push(Case { model: pulsed, paths: ONLY_FIXED, ..noise });
+    all.extend([16, 64].map(|window| Case {
+        sizes: Sizes { window: Some(window), ..Sizes::default() },
+        paths: Paths::Shared,
+        ..of("paper, columns", base.clone())
+    }));
+    all.extend(GATHERS.map(|gather| Case {
+        sizes: Sizes { gather: Some(gather), ..Sizes::default() },
+        ..of("paper, sizes of gathers", base.clone())
+    }));
+    all
+}
+
+fn surface() -> Vec<Case> {
+    let base = scene(5, 64, 3);
+    let product = variant(&base, Geometry::Product, Reflectance::Lambertian, true, 7);
+    let of = |name, model: &Model| case(name, model.clone(), oblong(), SURFACE);
+    let mut all = vec![];
+    for (name, model) in [("surface", &base), ("surface, product", &product)] {
+        all.push(Case { paths: Paths::All, checks_devices: true, ..of(name, model) });
+        all.extend([16, 28, 64].map(|window| Case {
+            sizes: Sizes { window: Some(window), ..Sizes::default() },
+            paths: Paths::Shared,
+            ..of(name, model)
+        }));
+        all.extend(GATHERS.map(|gather| Case {
+            sizes: Sizes { gather: Some(gather), polished: gather[2] == u32::MAX, ..Sizes::default() },
+            ..of(name, model)
+        }));
+    }
+    for (points, spread, long_steps) in [(1, 1.25, false), (4, 0.0, true), (4, 1.5, true), (1, 6.0, true)] {
+        let solver = Solver::Surface { points, spread, long_steps };
+        all.push(Case { solver, ..of("surface, steps", &base) });
+    }
+    // Paths with enough bins for places in parts.
+    all.extend([Geometry::Confocal, Geometry::TwoPoints, Geometry::Product].map(|geometry| {
+        let long = variant(&scene(5, 4096, 9), geometry, Reflectance::Cosine, false, 23);
+        Case { allowed: 1e-4, ..of("surface, long paths", &long) }
+    }));
+    all
+}
+
+/// What an instrument does to paths, and the high-pass.
+fn instruments() -> Vec<Case> {
+    let base = scene(5, 61, 3);
+    let of = |name, model: Model| case(name, model, oblong(), SURFACE);
+    let pulsed = |pulse| Model { pulse: Some(pulse), ..base.clone() };
+    let mut all =
+        vec![Case { paths: Paths::All, checks_devices: true, ..of("surface, pulse", pulsed(tail())) }];
+    // As long as a histogram, before the path, behind it, and one that changes nothing.
+    let long = PulseTaps { before: 30, weights: (0..70).map(|i| f64::from(i % 7 + 1) / 280.0).collect() };
+    let early = PulseTaps { before: 5, weights: vec![0.5, 0.3, 0.2, 0.0, 0.0, 0.0] };
+    let late = PulseTaps { before: 0, weights: vec![0.0, 0.0, 0.0, 0.6, 0.4] };
+    for pulse in [long, early, late, PulseTaps::identity()] {
+        all.push(Case { paths: ONLY_FIXED, ..of("surface, pulses", pulsed(pulse)) });
+    }
+    // On a lattice, at points that form none, at both sides.
+    let spots = |model: &Model| spotted(model, spots_for(model.wall.geometry));
+    let lattice = of("surface, spots", spots(&base));
+    all.push(Case { paths: Paths::All, checks_devices: true, ..lattice });
+    for geometry in [Geometry::Confocal, Geometry::TwoPoints, Geometry::Product] {
+        let model = variant(&base, geometry, Reflectance::Lambertian, geometry == Geometry::Product, 7);
+        for pulse in [None, Some(tail())] {
+            let model = spots(&Model { pulse, ..model.clone() });
+            all.push(Case { paths: ONLY_FIXED, ..of("surface, spots of pairs", model) });
+        }
+    }
+    // Odd and even numbers of bins, lengths from less than a bin to more than a histogram.
+    for (i, (side, bins, length, floor)) in
+        [(5, 64, 0.08, 0.1), (5, 61, 0.4, 0.1), (3, 7, 0.05, 0.0), (5, 64, 1e-3, 0.3), (5, 64, 90.0, 0.1)]
+            .into_iter()
+            .enumerate()
+    {
+        let filtered = Model { high_pass: Some(HighPass { length, floor }), ..scene(side, bins, 3) };
+        let symmetric = PulseTaps { before: 1, weights: vec![0.25, 0.5, 0.25] };
+        let product = variant(&filtered, Geometry::Product, Reflectance::Lambertian, true, 7);
+        let spotted = spots(&filtered);
+        let paths = if i == 0 { Paths::All } else { Paths::Only(&[Owned]) };
+        for model in [filtered, Model { pulse: Some(symmetric), ..product }, spotted] {
+            all.push(Case { paths, checks_devices: i == 0, ..of("surface, high-pass", model) });
+        }
+    }
+    all
+}
+
+fn projection() -> Vec<Case> {
+    let mut base = scene(4, 50, 19);
+    // A subtracted background leaves negative values.
+    base.measured.iter_mut().for_each(|m| *m -= 2.0);
+    let of = |sigma, odd| case("projection", base.clone(), grid(), Solver::Projection { sigma, odd });
+    let sizes = |gather| Sizes { gather: Some(gather), ..Sizes::default() };
+    let mut all = vec![
+        Case { checks_devices: true, ..of(2.5, false) },
+        Case { checks_devices: true, ..case("rounding", base.clone(), grid(), Solver::Rounding) },
+        of(0.2, false),
+        of(40.0, false),
+        of(2.5, true),
+    ];
+    all.extend(GATHERS.map(|gather| Case { sizes: sizes(gather), ..of(2.5, false) }));
+    all
+}
+
+/// Every kind of pairs, reflectance and wall, with what kernels read seen as texels and as blocks, and more pairs than a
+/// dispatch walks.
+fn pairs() -> Vec<Case> {
+    let mut all = vec![];
+    let solvers = [("paper, pairs", PAPER), ("surface, pairs", SURFACE), ("projection, pairs", PROJECTION)];
+    for (name, solver) in solvers {
+        let (base, grid) = match solver {
+            Solver::Surface { .. } => (scene(5, 64, 9), oblong()),
+            _ => (model(5, 64, 9), grid()),
+        };
+        for (geometry, reflectance, curved) in variants() {
+            let model = variant(&base, geometry, reflectance, curved, 20);
+            let of = case(name, model, grid, solver);
+            all.push(Case { sizes: Sizes { blocks: true, ..Sizes::default() }, ..of.clone() });
+            all.push(Case { paths: if solver == SURFACE { ONLY_FIXED } else { of.paths }, ..of });
+        }
+        for model in more_pairs_than_a_dispatch_takes() {
+            // Sums of 1e5 values of both signs. The largest sum is a hundredth of the sum of magnitudes.
+            all.push(Case { allowed: 2e-4, ..case(name, model, coarse(), solver) });
+        }
+    }
+    all
+}
+
+/// Twins and kernels, each by itself. Adam makes as large steps for small gradients as for large ones.
+fn whole() -> Vec<Case> {
+    let of = |name, model, grid, solver| Case {
+        how: How::Whole,
+        allowed: 2e-3,
+        ..case(name, model, grid, solver)
+    };
+    let mut all = vec![Case { paths: Paths::All, ..of("paper, whole", model(4, 60, 4), grid(), PAPER) }];
+    for (geometry, reflectance, curved, paths, points) in [
+        (Geometry::Confocal, Reflectance::Cosine, false, Paths::Only(&[Owned]), 4),
+        (Geometry::TwoPoints, Reflectance::Lambertian, true, Paths::Only(&[Fixed]), 1),
+        (Geometry::Product, Reflectance::Isotropic, false, Paths::Only(&[Fixed32]), 4),
+    ] {
+        let model = variant(&scene(5, 48, 9), geometry, reflectance, curved, 62);
+        let solver = Solver::Surface { points, spread: 1.25, long_steps: false };
+        all.push(Case { paths, ..of("surface, whole", model, oblong(), solver) });
+    }
+    all
+}
+
+fn slopes() -> Vec<Case> {
+    let few = Grid { n: [8, 8, 7], origin: dvec3(-0.4375, -0.4375, 0.3), pitch: dvec3(0.125, 0.125, 0.1) };
+    let own = Grid {
+        n: [6, 6, 17],
+        origin: dvec3(-5.0 / 12.0, -1.0 / 3.0, 0.2),
+        pitch: dvec3(1.0 / 6.0, 0.8 / 6.0, 0.05),
+    };
+    let of = |name, model, grid, solver| Case {
+        how: How::Slope,
+        allowed: 1e-5,
+        ..case(name, model, grid, solver)
+    };
+    let exact = Model { gradient: Gradient::Exact, ..model(4, 48, 21) };
+    let mut all = vec![];
+    for sampling in [Sampling::Continuous, Sampling::Fixed] {
+        for binning in [Binning::Linear, Binning::Nearest] {
+            all.push(of("paper, slope", Model { sampling, binning, ..exact.clone() }, few, PAPER));
+        }
+    }
+    // Some bins are clamped.
+    for pulse in [None, Some(tail())] {
+        let model = Model { noise: [0.001, 0.002], pulse, ..exact.clone() };
+        let solver = Solver::Paper { noise: NoiseTerm::Bin, rooms: &[], doubled: Doubled::No, dark: false };
+        all.push(of("paper, slope with noise", model, few, solver));
+    }
+    let base = scene(4, 48, 51);
+    for (i, (geometry, reflectance, curved)) in variants().into_iter().enumerate() {
+        for pulse in [None, Some(tail())] {
+            let model = Model { pulse, ..variant(&exact, geometry, reflectance, curved, 25) };
+            all.push(of("paper, slope of pairs", model, few, PAPER));
+        }
+        let pulse = (i % 2 == 0).then(tail);
+        let high_pass = (i % 4 < 2).then_some(HighPass { length: [0.2, 0.6][i % 2], floor: 0.1 });
+        let model = Model { pulse, high_pass, ..variant(&base, geometry, reflectance, curved, 60) };
+        let model = if i % 3 == 0 { spotted(&model, spots_for(geometry)) } else { model };
+        let solver = Solver::Surface { points: [4, 1][i % 2], spread: 0.0, long_steps: false };
+        all.push(Case { allowed: 1e-6, ..of("surface, slope", model, own, solver) });
+    }
+    all
+}
