@@ -1,28 +1,41 @@
-//! What a warm start saves: a letter that moves, each frame solved from the beginning and from the frame before it.
+//! Frames of a session against fresh solves of the same counts: error, processor time, latency and host allocations, for sequences
+//! that rest, move, and in which an object appears or vanishes.
 //!
-//!     cargo bench --bench live             # both sizes
-//!     cargo bench --bench live -- 16       # 16 x 16 points only
+//!     cargo bench --bench live                 # 16 x 16 points to 64 pixels, 32 x 32 to 128
+//!     cargo bench --bench live -- 16           # the first only
+//!     cargo bench --bench live -- 16 kernels   # and device time by kernel
 //!
-//! Errors are against the truth. Work is counted in evaluations of a voxel with a pair. Processor seconds count all threads,
-//! the software device's too, so other load does not change them much.
+//! Errors are against the truth. Processor time is that of all threads, those of a software device included, so load of other
+//! programs changes it little; latency is the least and the percentiles of wall time.
 
 use std::time::Instant;
 
+use fixtures::allocations::{Counting, allocated_by};
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::maps::Truth;
 use thirdbounce::measure::{Metrics, metrics};
 use thirdbounce::session::{Session, SessionOptions};
-use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
+use thirdbounce::simulate::{Motion, RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{Follow, Reconstruction, SolverOptions, SurfaceOptions};
 
-const FRAMES: usize = 6;
-/// Metres from frame to frame: at 5 frames a second 0, 5 and 10 cm/s.
-const STEPS: [f64; 3] = [0.0, 0.01, 0.02];
-const LATERAL: usize = 32;
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+const FRAMES: usize = 10;
+/// The frame in which an object appears or vanishes.
+const CHANGE: usize = 4;
+/// Sequences: name, scene, metres from frame to frame, whether the last object appears or vanishes.
+const SEQUENCES: [(&str, &str, f64, [bool; 2]); 5] = [
+    ("resting", "figure", 0.0, [false, false]),
+    ("moving, 1 cm", "figure", 0.01, [false, false]),
+    ("moving, 3 cm", "figure", 0.03, [false, false]),
+    ("appearing", "spheres", 0.0, [true, false]),
+    ("vanishing", "spheres", 0.0, [false, true]),
+];
 
 /// A frame with its truth.
-struct TimelinePoint {
+struct Moment {
     capture: Capture,
     truth: Truth,
 }
@@ -30,112 +43,140 @@ struct TimelinePoint {
 /// Sums over frames.
 #[derive(Default)]
 struct Sums {
-    frames: f64,
-    seconds: f64,
-    processor: f64,
+    seconds: Vec<f64>,
+    processor: Vec<f64>,
     iterations: f64,
-    work: f64,
+    allocations: f64,
     depth: f64,
     normal: f64,
     iou: f64,
     warm: usize,
+    kernels: std::collections::BTreeMap<&'static str, (u64, f64)>,
 }
 
 impl Sums {
     fn add(&mut self, done: &Reconstruction, found: &Metrics, [seconds, processor]: [f64; 2]) {
-        self.frames += 1.0;
-        self.seconds += seconds;
-        self.processor += processor;
+        self.seconds.push(1e3 * seconds);
+        self.processor.push(1e3 * processor);
         self.iterations += done.trace.last().map_or(0.0, |p| p.iteration as f64);
-        self.work += done.pairs as f64;
         self.depth += found.depth_rmse.unwrap_or(f64::NAN);
         self.normal += found.normal_error_deg.unwrap_or(f64::NAN);
         self.iou += found.iou.unwrap_or(0.0);
         self.warm += usize::from(done.is_warm);
+        for (name, time) in &done.kernels {
+            let of = self.kernels.entry(name).or_default();
+            *of = (of.0 + time.calls, of.1 + 1e3 * time.seconds);
+        }
     }
 
-    fn row(&self, what: &str) -> String {
-        let mean = |sum: f64| sum / self.frames;
+    fn row(mut self, what: &str) -> String {
+        let frames = self.seconds.len() as f64;
+        [&mut self.seconds, &mut self.processor].iter_mut().for_each(|all| all.sort_by(f64::total_cmp));
+        let at = |all: &[f64], percent: usize| all[((percent * all.len()).div_ceil(100)).max(1) - 1];
         format!(
-            "| {what} | {} of {} | {:.1} | {:.2} | {:.2} | {:.1} | {:.2} | {:.1} | {:.2} |",
+            "| {what} | {} of {frames} | {:.0} | {:.1} | {:.1} | {:.2} | {:.0} / {:.0} | {:.0} / {:.0} / {:.0} / {:.0} | {:.0} |",
             self.warm,
-            self.frames,
-            mean(self.iterations),
-            1e-6 * mean(self.work),
-            1e3 * mean(self.depth),
-            mean(self.normal),
-            mean(self.iou),
-            1.0 / mean(self.seconds),
-            mean(self.processor)
+            self.iterations / frames,
+            1e3 * self.depth / frames,
+            self.normal / frames,
+            self.iou / frames,
+            at(&self.processor, 0),
+            at(&self.processor, 50),
+            at(&self.seconds, 0),
+            at(&self.seconds, 50),
+            at(&self.seconds, 90),
+            at(&self.seconds, 99),
+            self.allocations / frames,
         )
     }
 }
 
-/// Processor seconds of this process so far, all threads: user and system time of /proc/self/stat, in hundredths.
+/// Processor seconds of this process so far, all threads.
 fn processor_seconds() -> f64 {
-    let stat = std::fs::read_to_string("/proc/self/stat").unwrap_or_default();
-    let after = stat.rsplit(')').next().unwrap_or_default();
-    let ticks = |field: usize| -> f64 {
-        after.split_whitespace().nth(field).and_then(|t| t.parse().ok()).unwrap_or(f64::NAN)
+    let of_thread = |entry: std::io::Result<std::fs::DirEntry>| -> Option<f64> {
+        let text = std::fs::read_to_string(entry.ok()?.path().join("schedstat")).ok()?;
+        text.split_whitespace().next()?.parse::<f64>().ok()
     };
-    0.01 * (ticks(11) + ticks(12))
+    let threads = std::fs::read_dir("/proc/self/task").into_iter().flatten();
+    1e-9 * threads.filter_map(of_thread).sum::<f64>()
 }
 
-fn moments(side: usize, step: f64) -> Vec<TimelinePoint> {
-    let scene =
-        Scene { scan: side, bin_width: 0.0125, photons: Some(300.0), ..Scene::named("letter:T").unwrap() };
-    let moment = |scene: &Scene| TimelinePoint {
-        capture: simulate(scene, &RenderOptions { noise: 0.02, ..Default::default() }).unwrap().capture,
+fn moments(side: usize, (_, name, step, [appears, vanishes]): (&str, &str, f64, [bool; 2])) -> Vec<Moment> {
+    let scene = Scene { scan: side, photons: Some(300.0), ..Scene::named(name).unwrap() };
+    let at = |changes: bool| changes.then_some(CHANGE);
+    let motion = Motion { frames: FRAMES, step, appears: at(appears), vanishes: at(vanishes) };
+    let moment = |scene: &Scene| Moment {
+        capture: simulate(scene, &RenderOptions { noise: 0.03, ..Default::default() }).unwrap().capture,
         truth: truth(scene, 128).unwrap(),
     };
-    scene.moving(FRAMES, step).unwrap().iter().map(moment).collect()
+    scene.sequence(&motion).unwrap().iter().map(moment).collect()
 }
 
-fn measured(session: &mut Session, moments: &[TimelinePoint], skip: usize) -> Sums {
+/// Solves all frames; the first does not count.
+fn measured(session: &mut Session, moments: &[Moment]) -> Sums {
     let mut sums = Sums::default();
     for (i, moment) in moments.iter().enumerate() {
         let (begun, before) = (Instant::now(), processor_seconds());
-        session.submit(&moment.capture.histograms).expect("a frame");
-        let done = session.wait().expect("a result").result.clone();
+        let [allocations, _] = allocated_by(|| {
+            session.submit(&moment.capture.histograms).expect("a frame");
+            session.wait().expect("a result");
+        });
         let spent = [begun.elapsed().as_secs_f64(), processor_seconds() - before];
-        if i >= skip {
-            sums.add(&done, &metrics(&done.maps, &moment.truth, None).expect("figures"), spent);
+        let done = &session.last().expect("the frame").result;
+        let found = metrics(&done.maps, &moment.truth, None).expect("figures");
+        if std::env::args().any(|a| a == "frames") {
+            println!(
+                "  {i}: {} {} iterations, {:.1} mm, {:.1} deg, IoU {:.2}, {:.0} ms",
+                if done.is_warm { "warm" } else { "cold" },
+                done.trace.last().map_or(0, |p| p.iteration),
+                1e3 * found.depth_rmse.unwrap_or(f64::NAN),
+                found.normal_error_deg.unwrap_or(f64::NAN),
+                found.iou.unwrap_or(0.0),
+                1e3 * spent[1]
+            );
+        }
+        if i > 0 {
+            sums.allocations += allocations as f64;
+            sums.add(done, &found, spent);
         }
     }
     sums
 }
 
 fn main() {
-    let wanted: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
-    let sides = if wanted.is_empty() { vec![16, 32] } else { wanted };
-    let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device");
-    println!("{}, {LATERAL} x {LATERAL} pixels", gpu.info.name.trim());
-    for side in sides {
-        STEPS.iter().for_each(|step| table(&gpu, side, *step));
-    }
-}
-
-fn table(gpu: &Gpu, side: usize, step: f64) {
-    let moments = moments(side, step);
-    let scan = &moments[0].capture;
-    println!("\n{side} x {side} points, {} bins, {:.0} mm from frame to frame\n", scan.bins, 1e3 * step);
-    println!(
-        "| | warm | iterations | 10^6 evaluations | depth error, mm | normal error, deg | IoU | frames/s | \
-         processor, s |\n|---|---|---|---|---|---|---|---|---|"
-    );
-    let options = SurfaceOptions::default().with(|o| o.lateral = LATERAL);
-    let make = |options: &SurfaceOptions, follow| {
-        let solver: SolverOptions = options.clone().into();
-        Session::new(gpu, scan, None, &solver, SessionOptions { follow, ..SessionOptions::default() })
-            .expect("a session")
-    };
-    // The first frame of a warm session begins cold, so it counts for none.
-    println!("{}", measured(&mut make(&options, None), &moments, 1).row("cold"));
-    let short = options.clone().with(|o| (o.iterations, o.grow) = (20, false));
-    println!("{}", measured(&mut make(&short, None), &moments, 1).row("cold, fixed support, 20"));
-    for iterations in [10, 20, 40] {
-        let follow = Follow { iterations: Some(iterations), ..Follow::default() };
-        let name = format!("warm, {iterations}");
-        println!("{}", measured(&mut make(&options, Some(follow)), &moments, 1).row(&name));
+    let sides: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
+    let kernels = std::env::args().any(|a| a == "kernels");
+    let gpu = Gpu::open(&GpuOptions { timings: kernels, ..GpuOptions::default() }).expect("a Vulkan device");
+    for side in if sides.is_empty() { vec![16, 32] } else { sides } {
+        println!("\n{}: {side} x {side} points, {} pixels\n", gpu.info.name.trim(), 4 * side);
+        println!(
+            "| | warm | iterations | depth error, mm | normal error, deg | IoU | processor, ms: least / median | \
+             latency, ms: least / 50 / 90 / 99 % | allocations |\n|---|---|---|---|---|---|---|---|---|"
+        );
+        for sequence in SEQUENCES {
+            let moments = moments(side, sequence);
+            for high_pass in [None, Some(0.1)] {
+                let options =
+                    SurfaceOptions::default().with(|o| (o.lateral, o.high_pass) = (4 * side, high_pass));
+                let solver: SolverOptions = options.into();
+                for (how, follow) in [("fresh", None), ("following", Some(Follow::default()))] {
+                    let options = SessionOptions { follow, ..SessionOptions::default() };
+                    let mut session =
+                        Session::new(&gpu, &moments[0].capture, None, &solver, options).expect("a session");
+                    let sums = measured(&mut session, &moments);
+                    let times = sums.kernels.clone();
+                    let filtered = if high_pass.is_some() { ", high-pass" } else { "" };
+                    println!("{}", sums.row(&format!("{}{filtered}, {how}", sequence.0)));
+                    let frames = (FRAMES - 1) as f64;
+                    for (name, (dispatches, ms)) in times {
+                        println!(
+                            "    {name}: {:.1} dispatches, {:.2} ms",
+                            dispatches as f64 / frames,
+                            ms / frames
+                        );
+                    }
+                }
+            }
+        }
     }
 }

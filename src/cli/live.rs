@@ -8,7 +8,7 @@ use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::live::{self, News, Page, Source, Summary};
 use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
 use thirdbounce::solve::units::milliseconds;
-use thirdbounce::solve::{Follow, Method};
+use thirdbounce::solve::{Follow, Reconstruction};
 use thirdbounce::{Error, Result, capture, export, job};
 
 use super::settings::{METHOD, SettingsArgs};
@@ -54,7 +54,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    let mut settings = args.settings.settings()?;
+    let settings = args.settings.settings()?;
     let options =
         SessionOptions { feed: feed(&args.feed)?, follow: follow(args)?, ..SessionOptions::default() };
     if let Some(out) = &args.out {
@@ -62,10 +62,6 @@ pub fn run(args: &Args) -> Result<()> {
     }
     interrupt::stop_in_order();
     let (source, scan) = (source(args)?, capture::read(&args.capture)?);
-    if let Method::Surface(surface) = &mut settings.method {
-        // Frames follow each other by all of their light: fast light is new wherever something moves.
-        surface.high_pass.get_or_insert(0.0);
-    }
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
     let page = args.page.map(Page::serve).transpose()?;
     if let Some(page) = &page {
@@ -76,12 +72,15 @@ pub fn run(args: &Args) -> Result<()> {
     if !args.quiet {
         notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
-    let mut last = None;
+    let (mut last, mut drift) = (None, Drift::default());
     let done = live::run(session, &source, page.as_ref(), &mut |news| {
         match news {
             News::Solved(frame, latency) => {
                 if !args.quiet {
                     print(&line(frame, &latency));
+                    if drift.shows(&frame.result) {
+                        say(DRIFTED);
+                    }
                 }
                 if args.out.is_some() {
                     last = Some(frame.result.maps.clone());
@@ -113,6 +112,32 @@ fn source(args: &Args) -> Result<Source> {
             format!("{} is no folder", path.display()),
             "give a folder of captures, or - and the stream on the standard input: `thirdbounce live - ... < FILE`",
         )),
+    }
+}
+
+/// The estimates no longer hold if this many frames in a row leave more than so many times the residual of the first one.
+const LASTING: usize = 30;
+const RISEN: f64 = 2.0;
+const DRIFTED: &str = "note: 30 frames in a row have more than twice the relative residual of the first one. Model, impulse response or \
+    high-pass may no longer fit: start again with a new --capture";
+
+/// Compares the residuals of frames with that of the first one.
+#[derive(Default)]
+struct Drift {
+    first: Option<f64>,
+    risen: usize,
+}
+
+impl Drift {
+    /// Whether the residual has risen for long, reported once per rise.
+    fn shows(&mut self, frame: &Reconstruction) -> bool {
+        frame.trace.last().is_some_and(|point| self.takes(point.data_loss / frame.empty_loss))
+    }
+
+    fn takes(&mut self, residual: f64) -> bool {
+        let first = *self.first.get_or_insert(residual);
+        self.risen = if residual > RISEN * first { self.risen + 1 } else { 0 };
+        self.risen == LASTING
     }
 }
 
@@ -160,4 +185,21 @@ fn follow(args: &Args) -> Result<Option<Follow>> {
         )
     })?;
     Ok((!args.cold).then(|| Follow { budget, ..Follow::default() }))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lasting_rise_of_the_residual_is_reported_once() {
+        let mut drift = Drift::default();
+        let mut reports =
+            |residual: f64, frames: usize| (0..frames).filter(|_| drift.takes(residual)).count();
+        assert_eq!(reports(0.1, 40), 0);
+        assert_eq!(reports(0.3, LASTING - 1), 0);
+        assert_eq!(reports(0.1, 1), 0, "an object that passes");
+        assert_eq!(reports(0.3, 3 * LASTING), 1);
+        assert_eq!(reports(f64::NAN, LASTING), 0);
+    }
 }

@@ -76,7 +76,7 @@ enum Verb {
     /// Reconstruct many captures. Skips those that are done; one line of JSON each.
     Batch(Box<batch::Args>),
     /// Make a capture of a known scene, and its truth.
-    Simulate(simulate::Args),
+    Simulate(Box<simulate::Args>),
     /// Reconstruct frames as they come, from a folder or the standard input; show them on a page.
     Live(Box<live::Args>),
     /// Measure an earlier result against truth.

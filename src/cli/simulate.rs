@@ -7,7 +7,9 @@ use clap::{CommandFactory, FromArgMatches, Parser};
 use glam::DVec2;
 use thirdbounce::job::{self, Simulation};
 use thirdbounce::settings::Settings;
-use thirdbounce::simulate::{DEFAULT_RESOLUTION, Dark, Layout, Reflectance, RenderOptions, Scene, WallShape};
+use thirdbounce::simulate::{
+    DEFAULT_RESOLUTION, Dark, Layout, Motion, Reflectance, RenderOptions, Scene, WallShape,
+};
 use thirdbounce::solve::units::{length, number, path};
 use thirdbounce::{Error, Result};
 
@@ -27,9 +29,15 @@ pub struct Args {
     /// --truth their truths to the folder TRUTH.npz
     #[arg(long, value_name = "N")]
     moving: Option<usize>,
-    /// How far the scene moves from frame to frame: 1cm, metres as a plain number
+    /// Distance that the scene moves from frame to frame: 1cm, metres as a plain number; 0: it rests
     #[arg(long, value_name = "M", default_value_t = 0.01, value_parser = length, requires = "moving")]
     step: f64,
+    /// First frame, from 0, in which the last object of the scene is there
+    #[arg(long, value_name = "N", requires = "moving")]
+    appear: Option<usize>,
+    /// First frame, from 0, in which the last object of the scene is gone
+    #[arg(long, value_name = "N", requires = "moving")]
+    vanish: Option<usize>,
     /// Also write true depth, normals and mask, to this file
     #[arg(long, value_name = "TRUTH.npz")]
     truth: Option<PathBuf>,
@@ -178,7 +186,9 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
         std::fs::read_to_string(file).map_err(|e| at(Error::input(format!("cannot be read: {e}"), hint)))?;
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     let mut words: Vec<String> = lines.flat_map(str::split_whitespace).map(String::from).collect();
-    let is_own = |word: &String| ["--out", "--truth", "--moving"].iter().any(|own| word.starts_with(own));
+    let is_own = |word: &String| {
+        ["--out", "--truth", "--moving", "--appear", "--vanish"].iter().any(|own| word.starts_with(own))
+    };
     if let Some(word) = words.iter().find(|word| is_own(word)) {
         return Err(at(Error::input(
             format!("{word} does not fit here: the benchmark writes the files"),
@@ -229,11 +239,11 @@ fn simulation(args: &Args) -> Result<Simulation> {
     })
 }
 
-/// Writes the frames of a scene that moves.
+/// Writes the frames of a sequence.
 fn moving(args: &Args, all: &Simulation, frames: usize) -> Result<()> {
-    for (i, mut scene) in all.scene.moving(frames, args.step)?.into_iter().enumerate() {
+    let motion = Motion { frames, step: args.step, appears: args.appear, vanishes: args.vanish };
+    for (i, scene) in all.scene.sequence(&motion)?.into_iter().enumerate() {
         let name = format!("frame-{i:04}.npz");
-        scene.seed = args.seed.wrapping_add(i as u64);
         let truth = all.truth.as_ref().map(|(folder, pixels)| (folder.join(&name), *pixels));
         let frame = Simulation { scene, out: all.out.join(&name), truth, ..all.clone() };
         job::simulate(&frame, &mut || {})?;

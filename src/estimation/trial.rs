@@ -110,7 +110,7 @@ impl Trial {
             surface::divide(s, &job.plan);
         })?;
         let mut driven = Some(Driven::begun(layers[0].clone(), *job.plan.finest()));
-        let (mut scales, mut found) = (true, true);
+        let (mut known, mut found) = (None, true);
         let mut fit = |layers: &mut Vec<Maps>, iterations: usize| {
             let before = driven.take().expect("given back");
             let (next, quality) = surface::fit::run(
@@ -118,23 +118,19 @@ impl Trial {
                 &mut job,
                 &self.options,
                 layers,
-                surface::Run {
-                    iterations,
-                    skipped: 0,
-                    of: iterations,
-                    scales: std::mem::take(&mut scales),
-                    until: None,
-                },
+                surface::Run { iterations, skipped: 0, of: iterations, known, until: None },
                 watch,
                 before,
             )?;
-            driven = Some(next);
+            (driven, known) = (Some(next), quality.map(|q| q.left));
             found &= quality.is_some();
             Ok(quality)
         };
         if from.is_none() {
             let range = self.grid.depth_range().map(|z| z as f32);
-            surface::in_rounds(ROUNDS, range, &mut layers, &mut |layers| fit(layers, ITERATIONS[0]))?;
+            surface::in_rounds(surface::Rounds::of(ROUNDS), range, &mut layers, &mut |layers| {
+                fit(layers, ITERATIONS[0])
+            })?;
         }
         fit(&mut layers, last)?;
         if !found {

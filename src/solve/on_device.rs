@@ -3,6 +3,7 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::estimate::{energy, expected_noise};
 use super::lists::Lists;
 use super::plan::{COLUMNS_HOST, MASK_HOST, PairPart, RAW_HOST, UPLOAD};
 use super::{Plan, rounding};
@@ -22,6 +23,8 @@ pub struct OnDevice {
     pub executor: Executor,
     /// What the driver works with.
     pub(super) lists: Lists,
+    /// Photon noise and energy of the counts, once computed.
+    light: Option<[f64; 2]>,
 }
 
 impl OnDevice {
@@ -36,7 +39,7 @@ impl OnDevice {
         let mut executor = Executor::new(gpu, arena)?;
         let kernels: Vec<_> = plan.passes.iter().map(|pass| pass.wanted(&plan)).collect();
         executor.add_kernels(&kernels)?;
-        let mut made = OnDevice { plan, model, executor, lists: Lists::default() };
+        let mut made = OnDevice { plan, model, executor, lists: Lists::default(), light: None };
         made.upload()?;
         Ok(made)
     }
@@ -55,6 +58,7 @@ impl OnDevice {
     /// # Errors
     /// The device fails.
     pub fn upload(&mut self) -> Result<()> {
+        self.light = None;
         self.upload_scan()?;
         let mut counts = Uploads::begin(&mut self.executor)?;
         counts.add_counts(&self.plan, &self.model)?;
@@ -66,10 +70,17 @@ impl OnDevice {
     /// # Errors
     /// The device fails.
     pub(super) fn upload_counts(&mut self) -> Result<()> {
+        self.light = None;
         let OnDevice { plan, model, executor, .. } = self;
         let mut counts = Uploads::begin(executor)?;
         counts.add_counts(plan, model)?;
         counts.submit()
+    }
+
+    /// Photon noise and energy of the counts, as data terms of the objective.
+    pub(super) fn light(&mut self) -> [f64; 2] {
+        let OnDevice { plan, model, light, .. } = self;
+        *light.get_or_insert_with(|| [expected_noise(model), energy(model, plan.finest().pairs)])
     }
 
     /// Fills the buffers that hold what does not depend on the counts.

@@ -141,6 +141,67 @@ fn a_scene_cut_begins_cold_and_gives_the_bits_of_a_frame_of_its_own() {
 }
 
 #[test]
+fn frames_that_change_are_followed_and_others_need_no_closed_form() {
+    let gpu = gpu();
+    let sequence: Vec<(Capture, Truth)> =
+        [0.0, 0.012, 0.024, 0.036, 0.036].map(|x| seen(&letter(x))).to_vec();
+    let mut session = following(&gpu, &sequence[0].0, Follow::default());
+    let iterations = |r: &Reconstruction| r.trace.last().unwrap().iteration;
+    let wanted = options().iterations / 3;
+    let mut last = 0;
+    for (i, (capture, truth)) in sequence.iter().enumerate() {
+        let done = solved(&mut session, &capture.histograms);
+        assert_eq!(done.is_warm, i > 0);
+        last = iterations(&done);
+        if (1..4).contains(&i) {
+            assert!(last > wanted, "a frame that moves has rounds: {last}");
+            let fresh =
+                solved(&mut self::session(&gpu, capture, SessionOptions::default()), &capture.histograms);
+            let [fresh, own] = [&fresh, &done].map(|r| quality(r, truth));
+            assert!(
+                own[0] < 1.3 * fresh[0] + 0.5 && own[1] > fresh[1] - 0.06,
+                "frame {i}: {fresh:?} {own:?}"
+            );
+        }
+    }
+    while last > wanted {
+        last = iterations(&solved(&mut session, &sequence[4].0.histograms));
+        assert!(session.last().unwrap().id.0 < 10, "a scene that rests needs no rounds");
+    }
+}
+
+#[test]
+fn a_fixed_support_follows_in_as_few_iterations_as_there_are() {
+    let gpu = gpu();
+    let sequence = [0.0, 0.05].map(|x| seen(&letter(x)).0);
+    let solver: SolverOptions = options().with(|o| (o.iterations, o.grow) = (6, false)).into();
+    let options = SessionOptions { follow: Some(Follow::default()), ..SessionOptions::default() };
+    let mut session = Session::new(&gpu, &sequence[0], None, &solver, options).unwrap();
+    solved(&mut session, &sequence[0].histograms);
+    let done = solved(&mut session, &sequence[1].histograms);
+    assert!(done.is_warm && done.trace.last().unwrap().iteration == 6 && done.maps.mask.contains(&true));
+    assert_valid(&gpu);
+}
+
+#[test]
+fn results_do_not_depend_on_when_frames_come() {
+    let gpu = gpu();
+    let sequence = [0.0, 0.012, 0.012, 0.03].map(|x| seen(&letter(x)).0);
+    let solver: SolverOptions =
+        options().with(|o| o.accumulation = thirdbounce::solve::Accumulation::Repeatable).into();
+    let maps = |pause: Duration| -> Vec<String> {
+        let options = SessionOptions { follow: Some(Follow::default()), ..SessionOptions::default() };
+        let mut session = Session::new(&gpu, &sequence[0], None, &solver, options).unwrap();
+        let mut of = |capture: &Capture| {
+            std::thread::sleep(pause);
+            format!("{:?}", solved(&mut session, &capture.histograms).maps)
+        };
+        sequence.iter().map(&mut of).collect()
+    };
+    assert!(maps(Duration::ZERO) == maps(Duration::from_millis(70)));
+}
+
+#[test]
 fn a_frame_that_was_cancelled_is_followed_by_a_cold_one() {
     let gpu = gpu();
     let (capture, _) = seen(&letter(0.0));

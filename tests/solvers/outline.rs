@@ -104,6 +104,15 @@ fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Ve
     let (start, rest): (Vec<_>, Vec<_>) = parts.into_iter().partition(|p| matches!(p.when, When::Start));
     // It is placed before.
     assert!(!start.is_empty());
+    let iterations = rest.iter().filter(|part| matches!(part.when, When::Iterations(..)));
+    let dispatches = iterations.map(|part| {
+        let kernels = part.steps.iter().filter(|step| !["fill", "copy"].contains(&&*step.name));
+        kernels.map(|step| step.sizes.len()).sum::<usize>()
+    });
+    // Points, forward, residual, gather, combine, pull and step; no pull once gradients are no longer spread.
+    if done.plan.parts(done.plan.finest()).count() == 1 {
+        assert_eq!(dispatches.collect::<Vec<_>>(), [7, 6]);
+    }
     check(done, &rest);
     rest
 }

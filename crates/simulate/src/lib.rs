@@ -49,6 +49,7 @@ pub use letters::letter;
 pub use mesh::{Mesh, Placement};
 #[cfg(feature = "formats")]
 pub use mesh_file::load_mesh;
+pub use moving::Motion;
 pub use noise::{Dark, photon_noise};
 pub use pairs::{Layout, Pairs};
 pub use pile_up::pile_up;

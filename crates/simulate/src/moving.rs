@@ -1,4 +1,4 @@
-//! Moving scenes: the same objects, frame by frame on a circle.
+//! Sequences: the frames of a scene that rests, moves, or whose last object appears or vanishes.
 
 use std::f64::consts::TAU;
 
@@ -16,13 +16,27 @@ const LEAN: f64 = 0.4;
 /// Maximum number of frames; all scenes are in memory before rendering.
 const MOST: usize = 10_000;
 
+/// How a scene changes from frame to frame.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Motion {
+    /// Number of frames.
+    pub frames: usize,
+    /// Distance that all objects move along a circle from one frame to the next, metres.
+    pub step: f64,
+    /// The last object is absent from earlier frames than this one, from 0.
+    pub appears: Option<usize>,
+    /// The last object is absent from this frame, from 0, and from later ones.
+    pub vanishes: Option<usize>,
+}
+
 impl Scene {
-    /// `frames` scenes in which all objects move on a circle by `step` metres per frame, with a common number of bins
-    /// sufficient for all.
+    /// The scenes of a sequence. All have the same bins: enough for each of them.
     ///
     /// # Errors
-    /// A step that is not a length, more than 10,000 frames, or a scene refused by [`Scene::check`].
-    pub fn moving(&self, frames: usize, step: f64) -> Result<Vec<Scene>> {
+    /// The step is no length, there are more than 10,000 frames, the last object is the only one and is absent, or
+    /// [`Scene::check`] refuses a scene.
+    pub fn sequence(&self, motion: &Motion) -> Result<Vec<Scene>> {
+        let Motion { frames, step, appears, vanishes } = *motion;
         if !(step.is_finite() && step >= 0.0) {
             return Err(Error::options(format!("{step} m from frame to frame"), "give a length in metres"));
         }
@@ -30,6 +44,12 @@ impl Scene {
             return Err(Error::options(
                 format!("{frames} frames of a moving scene"),
                 format!("give at most {MOST}: the scene comes round again"),
+            ));
+        }
+        if (appears.is_some() || vanishes.is_some()) && self.objects.len() < 2 {
+            return Err(Error::options(
+                format!("the only object of the scene {} is to appear or to vanish", self.name),
+                "choose a scene of several objects: spheres, plates or letters:AB",
             ));
         }
         let radius = RADIUS * self.wall;
@@ -40,7 +60,14 @@ impl Scene {
         let mut all: Vec<Scene> = (0..frames).map(|frame| self.moved(at(frame))).collect();
         all.iter().try_for_each(Scene::check)?;
         let most = all.iter().map(Scene::bin_count).max();
-        all.iter_mut().for_each(|scene| scene.bins = most);
+        for (frame, scene) in all.iter_mut().enumerate() {
+            scene.bins = most;
+            // Noise differs from frame to frame.
+            scene.seed = scene.seed.wrapping_add(frame as u64);
+            if appears.is_some_and(|first| frame < first) || vanishes.is_some_and(|first| frame >= first) {
+                scene.objects.pop();
+            }
+        }
         Ok(all)
     }
 
@@ -56,15 +83,25 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_letter_moves_by_its_step_and_keeps_its_bins() {
-        let scene = Scene { scan: 4, ..Scene::named("letter:T").unwrap() };
-        let frames = scene.moving(5, 0.02).unwrap();
+    fn objects_move_by_their_step_and_the_last_one_comes_and_goes() {
+        let scene = Scene { scan: 4, ..Scene::named("spheres").unwrap() };
+        let motion = Motion { frames: 5, step: 0.02, appears: Some(1), vanishes: Some(3) };
+        let frames = scene.sequence(&motion).unwrap();
         let low = |s: &Scene| s.objects[0].mesh.bounds().unwrap().0;
         for two in frames.windows(2) {
             let way = low(&two[1]) - low(&two[0]);
             assert!((way.truncate().length() - 0.02).abs() < 1e-3, "{way}");
         }
+        assert_eq!(frames.iter().map(|s| s.objects.len()).collect::<Vec<_>>(), [1, 2, 2, 1, 1]);
         assert!(frames.iter().all(|s| s.bins == frames[0].bins && s.bins.is_some()));
-        assert!(scene.moving(2, f64::NAN).is_err() && scene.moving(usize::MAX, 0.02).is_err());
+        assert_ne!(frames[0].seed, frames[1].seed);
+        let one = Scene::named("sphere").unwrap();
+        for wrong in [Motion { step: f64::NAN, ..motion }, Motion { frames: usize::MAX, ..motion }] {
+            assert!(scene.sequence(&wrong).is_err(), "{wrong:?}");
+        }
+        assert!(
+            one.sequence(&motion).is_err()
+                && one.sequence(&Motion { frames: 2, ..Motion::default() }).is_ok()
+        );
     }
 }

@@ -12,7 +12,6 @@ use crate::capture::Capture;
 use crate::gpu::{Gpu, Schedule};
 use crate::maps::Maps;
 use crate::solve::drive::{Driven, Steps, Watch, drive, stage_values};
-use crate::solve::estimate::{energy, expected_noise};
 use crate::solve::on_device::{OnDevice, read_maps, trace_rows, upload};
 use crate::solve::outline::{self, TimedSchedule};
 use crate::solve::over_pairs::{scene_of_sums, turns_of_finish};
@@ -41,8 +40,8 @@ pub(crate) struct Run {
     pub skipped: usize,
     /// Iterations of the whole solve, for progress.
     pub of: usize,
-    /// Whether the scale of the albedos is found first; else the fit continues one of the same scale.
-    pub scales: bool,
+    /// The residual of the layers, if the scale of their albedos is that of the data; else the scale is found first.
+    pub known: Option<f64>,
     /// It ends at this time.
     pub until: Option<Instant>,
 }
@@ -64,9 +63,9 @@ impl Quality {
         (self.noise / self.energy).clamp(0.0, 1.0)
     }
 
-    /// Share of the measurement's energy that the surface explains.
-    pub fn explained(&self) -> f64 {
-        (1.0 - self.left / self.energy).clamp(0.0, 1.0)
+    /// Share of the measurement's energy that the surface leaves.
+    pub fn left_share(&self) -> f64 {
+        (self.left / self.energy).clamp(0.0, 1.0)
     }
 
     /// Residual beyond noise, as a share of the signal's energy.
@@ -97,6 +96,11 @@ impl Fit {
     /// Levels, passes and buffers.
     pub fn plan(&self) -> &Arc<Plan> {
         self.planned.plan()
+    }
+
+    /// Depths that surfaces may have, metres.
+    pub fn depth_range(&self) -> [f32; 2] {
+        self.plan().levels.maps.depth_range().map(|z| z as f32)
     }
 
     /// Allocates buffers and makes kernels.
@@ -130,16 +134,18 @@ impl Fit {
         })
     }
 
-    /// The share of the light of the counts that `layers` explain as they are, but for a common factor of their albedos.
+    /// The factor of the albedos of `layers` that explains most of the counts, and the quality with it; `None` if they explain no
+    /// light.
     ///
     /// # Errors
     /// The device fails.
-    pub fn explains(&mut self, layers: &[Maps]) -> Result<f64> {
+    pub fn seen(&mut self, layers: &[Maps]) -> Result<Option<(f64, Quality)>> {
         let job = self.planned.made(|_| Ok(()))?;
         let level = job.plan.levels.pixels.expect("a fit has pixels");
         let pixels = Pixels::of(layers, needs::pixels(&job.plan));
         let placed = if pixels.is_empty() { None } else { place(job, &level, &pixels, 0, None)? };
-        Ok(placed.map_or(0.0, |placed| (placed.explained / (placed.explained + placed.left)).clamp(0.0, 1.0)))
+        let [noise, energy] = job.light();
+        Ok(placed.map(|(placed, scale)| (scale, Quality { noise, energy, left: placed.left })))
     }
 
     /// Fits the pixels of `layers`, and replaces the layers by the result. The quality is `None` if they explain no light.
@@ -165,7 +171,7 @@ pub(crate) fn run(
     job: &mut OnDevice,
     options: &SurfaceOptions,
     layers: &mut [Maps],
-    Run { iterations, skipped, of, scales, until }: Run,
+    Run { iterations, skipped, of, known, until }: Run,
     watch: &mut Watch<'_>,
     mut driven: Driven,
 ) -> Result<(Driven, Option<Quality>)> {
@@ -173,9 +179,8 @@ pub(crate) fn run(
     let level = job.plan.levels.pixels.expect("a fit has pixels");
     let pixels = Pixels::of(layers, needs::pixels(&job.plan));
     let begin = driven.trace.last().map_or(0, |p| p.iteration);
-    let left = (!scales && begin > 0).then(|| objective_of(job, begin - 1));
-    let placed = if pixels.is_empty() { None } else { place(job, &level, &pixels, begin, left)? };
-    if let Some(placed) = placed {
+    let placed = if pixels.is_empty() { None } else { place(job, &level, &pixels, begin, known)? };
+    if let Some((placed, _)) = placed {
         let weights = weights(&job.model, &level, placed, options, skipped + iterations);
         upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))?;
         upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
@@ -194,9 +199,10 @@ pub(crate) fn run(
         job.executor.run_once(|s| extract(s, &level, of_layers, 1))?;
         *behind = read_maps(&job.executor, &level.grid, true);
     }
+    let [noise, energy] = job.light();
     let quality = Quality {
-        noise: expected_noise(&job.model),
-        energy: energy(&job.model, level.pairs),
+        noise,
+        energy,
         left: objective_of(job, driven.trace.last().map_or(begin, |p| p.iteration - 1)),
     };
     Ok((driven, Some(quality)))
@@ -265,15 +271,15 @@ fn columns(maps: &Maps) -> Vec<[f32; 8]> {
     maps.albedo.iter().zip(&maps.depth).zip(&maps.normal).map(of_pixel).collect()
 }
 
-/// Uploads the pixels. Their albedos are scaled so that they explain most of the data, unless the residual `left` of the same
-/// scale is known; `None` if they explain none. Overwrites row `row` of the trace.
+/// Uploads the pixels. Their albedos are scaled so that they explain most of the data, unless the residual `left` of their scale
+/// is known; `None` if they explain none. Also returns the scale. Overwrites row `row` of the trace.
 fn place(
     job: &mut OnDevice,
     level: &Level,
     pixels: &Pixels,
     row: usize,
     left: Option<f64>,
-) -> Result<Option<Placed>> {
+) -> Result<Option<(Placed, f64)>> {
     let heights = |scale: f64| -> Vec<[f32; 2]> {
         pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
     };
@@ -281,11 +287,11 @@ fn place(
     upload(&mut job.executor, buffer::PIXELS, bytemuck::cast_slice(&pixels.words()))?;
     upload(&mut job.executor, buffer::PIXEL_OF, bytemuck::cast_slice(&pixels.places(x * y)))?;
     let most = f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
-    let measured = energy(&job.model, level.pairs);
+    let [_, measured] = job.light();
     if let Some(left) = left {
         upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(1.0)))?;
         job.executor.run_once(|s| start(s, level, pixels.len(), points))?;
-        return Ok(Some(Placed { pixels: pixels.len(), most, explained: measured - left, left }));
+        return Ok(Some((Placed { pixels: pixels.len(), most, explained: measured - left, left }, 1.0)));
     }
     // |A v - h|² and |2 A v - h|² give, with |h|², the factor of v that leaves least.
     let mut residuals = [0.0; 2];
@@ -308,7 +314,8 @@ fn place(
     }
     upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(scale)))?;
     let explained = scale * scale * rendered;
-    Ok(Some(Placed { pixels: pixels.len(), most: scale * most, explained, left: measured - explained }))
+    let left = measured - explained;
+    Ok(Some((Placed { pixels: pixels.len(), most: scale * most, explained, left }, scale)))
 }
 
 /// Renders `pixels` pixels and writes the objective to row `row` of the trace.

@@ -41,7 +41,7 @@ mod weights;
 
 pub(crate) use fit::{Fit, Quality, Run};
 pub use follow::Follow;
-use follow::Last;
+use follow::{Change, Last};
 pub use needs::{OfFit, SMALL_PIXEL, pixels, points_of};
 pub use options::{Begin, LEAST_FLOOR, SurfaceOptions, SurfaceSettings};
 pub use pixels::Pixels;
@@ -217,15 +217,75 @@ impl PreparedSurface {
         Start::new(gpu, &problem, &self.options)
     }
 
-    /// The layers that the fits begin with.
-    fn start(&mut self, gpu: &Gpu, capture: &Capture, watch: &mut Watch<'_>) -> Result<Vec<Maps>> {
+    /// The layers of the closed form, and the seconds that they took.
+    fn start(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<(Vec<Maps>, f64)> {
+        let clock = Instant::now();
         let iterations = self.options.most_iterations().iter().sum();
         // Its buffers are freed before those of the fits are made, unless everything stays.
-        let mut own = if self.keeps { None } else { self.first_method(gpu)? };
-        match self.method.as_mut().or(own.as_mut()) {
-            Some(method) => method.layers(capture, iterations, watch),
-            None => Ok(vec![start::plane(capture, &self.first_grid, self.options.background)]),
+        let gpu = self.fine.planned.gpu().clone();
+        let mut own = if self.keeps { None } else { self.first_method(&gpu)? };
+        let layers = match self.method.as_mut().or(own.as_mut()) {
+            Some(method) => method.layers(capture, iterations, watch)?,
+            None => vec![start::plane(capture, &self.first_grid, self.options.background)],
+        };
+        Ok((layers, clock.elapsed().as_secs_f64()))
+    }
+
+    /// Solves a frame of its own, given in the bins of the first fit and in those of the solve.
+    fn cold(
+        &mut self,
+        captures: [&Capture; 2],
+        until: Option<Instant>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Done> {
+        let (closed, seconds) = self.start(captures[0], watch)?;
+        let of = self.options.most_iterations().iter().sum();
+        let fits = Fits { options: &self.options, of, blends: self.blends, until };
+        let driven = Driven { seconds, ..Driven::begun(closed[0].clone(), *self.fine.plan().finest()) };
+        fits.cold(self.coarse.as_mut(), &mut self.fine, captures, closed, watch, driven)
+    }
+
+    /// Solves a frame from the surface of the frame before; `None` after a scene cut. The closed form is computed only if the
+    /// residual shows a change.
+    fn warm(
+        &mut self,
+        follow: Follow,
+        last: Last,
+        [wide, capture]: [&Capture; 2],
+        until: Option<Instant>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Option<Done>> {
+        let level = *self.fine.plan().finest();
+        let mut driven = taken(&mut self.fine, capture, Driven::begun(last.layers[0].clone(), level))?;
+        let Some((scale, seen)) = self.fine.seen(&last.layers)? else { return Ok(None) };
+        let change = follow.change(&last, seen.left_share());
+        if change == Change::Cut {
+            return Ok(None);
         }
+        let Last { layers, left, mut closed, .. } = last;
+        let mut layers = follow::scaled(layers, scale);
+        if change == Change::Some {
+            let (found, seconds) = self.start(wide, watch)?;
+            driven.seconds += seconds;
+            if closed.is_some() {
+                follow::restrict(&mut layers, &found);
+                closed = Some(found);
+            } else {
+                if let Some(typical) = support::typical_albedo(&layers) {
+                    let flatness = support::flatness(&layers, typical);
+                    support::follow(&mut layers, [typical, flatness], Some((self.fine.depth_range(), 1)));
+                }
+                follow::merge(&mut layers, &found);
+            }
+        }
+        let mut wanted = follow.wanted(&self.options);
+        let [rounds, each] = if change == Change::Some { follow::ROUNDS } else { [0; 2] };
+        if rounds > 0 {
+            wanted = follow::after_rounds(wanted, self.coarse.is_some());
+        }
+        let fits = Fits { options: &self.options, of: rounds * each + wanted, blends: self.blends, until };
+        let plan = [rounds, each, wanted];
+        fits.warm(&mut self.fine, layers, closed, (seen, left), plan, watch, driven).map(Some)
     }
 }
 
@@ -245,45 +305,24 @@ impl Prepared for PreparedSurface {
 
     fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         let begun = Instant::now();
-        let gpu = self.fine.planned.gpu().clone();
         // After an error or a stop the next frame begins cold.
         let last = self.last.take();
         let wide = if self.sum > 1 { Cow::Owned(capture.binned(self.sum)?) } else { Cow::Borrowed(capture) };
-        let closed = self.start(&gpu, &wide, watch)?;
         let until = self.follow.and_then(|follow| follow.fits_until(begun));
-        let seconds = begun.elapsed().as_secs_f64();
-        let level = *self.fine.plan().finest();
-        let start = |closed: &[Maps]| Driven { seconds, ..Driven::begun(closed[0].clone(), level) };
-        let blends = self.blends;
-        let mut fits =
-            Fits { options: &self.options, of: self.options.most_iterations().iter().sum(), blends, until };
         let warm = match (self.follow, last) {
-            (Some(follow), Some(last)) => {
-                fits.of = follow.wanted(&self.options);
-                let driven = taken(&mut self.fine, capture, start(&closed))?;
-                let explained = self.fine.explains(&last.layers)?;
-                if explained > (1.0 - follow.cut_above) * last.explained {
-                    Some(fits.warm(&mut self.fine, &closed, &last, watch, driven)?)
-                } else {
-                    None
-                }
-            }
+            (Some(follow), Some(last)) => self.warm(follow, last, [&wide, capture], until, watch)?,
             _ => None,
         };
         let is_warm = warm.is_some();
         let done = match warm {
             Some(done) => done,
-            None => {
-                fits.of = self.options.most_iterations().iter().sum();
-                let driven = start(&closed);
-                fits.cold(self.coarse.as_mut(), &mut self.fine, [&wide, capture], closed, watch, driven)?
-            }
+            None => self.cold([&wide, capture], until, watch)?,
         };
         if !self.keeps {
             self.coarse.iter_mut().for_each(|fit| fit.planned.release());
         }
         let volume = self.with_volume.then(|| as_volume(&done.driven.maps, &self.grid));
-        self.last = self.follow.map(|_| Last { layers: done.layers, explained: done.explained });
+        self.last = self.follow.map(|_| done.last);
         let job = self.fine.planned.made(|_| Ok(()))?;
         let solved = finish(job, done.driven, None)?;
         Ok(Reconstruction { volume, volume_iterations: 0, has_mask: true, is_warm, ..solved })
@@ -304,10 +343,8 @@ struct Fits<'o> {
 /// What the fits leave.
 struct Done {
     driven: Driven,
-    /// The fitted layers.
-    layers: Vec<Maps>,
-    /// Share of the light that they explain.
-    explained: f64,
+    /// What the next frame may begin with.
+    last: Last,
 }
 
 impl Fits<'_> {
@@ -327,7 +364,8 @@ impl Fits<'_> {
         if let Some(coarse) = coarse {
             if !self.is_late() {
                 driven = taken(coarse, wide, driven)?;
-                (driven, grows) = self.rounds(coarse, rounds::NUMBER[0], &mut layers, watch, driven)?;
+                let rounds = Rounds::of(rounds::NUMBER[0]);
+                (driven, grows) = self.rounds(coarse, rounds, &mut None, &mut layers, watch, driven)?;
             }
             if !grows {
                 layers = closed.clone();
@@ -337,48 +375,68 @@ impl Fits<'_> {
         driven = taken(fine, capture, driven)?;
         if grows && !self.is_late() {
             let number = rounds::NUMBER[usize::from(factor > 1)];
-            (driven, grows) = self.rounds(fine, number, &mut layers, watch, driven)?;
+            (driven, grows) = self.rounds(fine, Rounds::of(number), &mut None, &mut layers, watch, driven)?;
             if !grows {
                 layers = closed.clone();
             }
         }
         let run = self.run(self.options.iterations, 0);
         let (mut driven, quality) = fine.run(&mut layers, run, watch, driven)?;
-        let mut shown = layers.clone();
-        if !grows && self.options.grow && self.blends {
-            for (fitted, first) in shown.iter_mut().zip(&closed) {
+        let closed = (!grows).then_some(closed);
+        driven.maps = self.shown(&layers, closed.as_deref(), quality);
+        let left = quality.map_or(1.0, |q| q.left_share());
+        Ok(Done { driven, last: Last { layers, left, closed, is_whole: !self.is_late() } })
+    }
+
+    /// The maps of fitted layers. `closed`: the layers of the closed form, if their support is that of the surface.
+    fn shown(&self, layers: &[Maps], closed: Option<&[Maps]>, quality: Option<Quality>) -> Maps {
+        let mut shown = layers.to_vec();
+        if let Some(closed) = closed.filter(|_| self.options.grow && self.blends) {
+            for (fitted, first) in shown.iter_mut().zip(closed) {
                 support::blend(fitted, &first.finer(fitted.nx / first.nx));
             }
         }
-        driven.maps = concluded(shown, quality);
-        Ok(Done { driven, layers, explained: quality.map_or(0.0, |q| q.explained()) })
+        concluded(shown, quality)
     }
 
-    /// Fits from the surface of the frame before, with what is new in the closed form.
+    /// Fits from the surface of the frame before: at most so many rounds of so many iterations, and so many iterations after them.
+    /// `closed`: as for [`Fits::shown`]. Also takes the quality of the layers, and the reference of the frame before.
+    #[allow(clippy::too_many_arguments)] // all of it is one frame
     fn warm(
         &self,
         fine: &mut Fit,
-        closed: &[Maps],
-        last: &Last,
+        mut layers: Vec<Maps>,
+        closed: Option<Vec<Maps>>,
+        (seen, reference): (Quality, f64),
+        [rounds, each, iterations]: [usize; 3],
         watch: &mut Watch<'_>,
-        driven: Driven,
+        mut driven: Driven,
     ) -> Result<Done> {
-        let mut layers = follow::merged(&last.layers, closed);
-        let run = self.run(self.of, self.options.iterations - self.of);
-        let (mut driven, quality) = fine.run(&mut layers, run, watch, driven)?;
-        driven.maps = concluded(layers.clone(), quality);
-        // The support that the next frame begins with follows as in a round, where the fit was long enough to tell.
-        if let Some(typical) = support::typical_albedo(&layers).filter(|_| !self.is_late()) {
-            let range = fine.plan().levels.maps.depth_range().map(|z| z as f32);
-            let flatness = support::flatness(&layers, typical);
-            support::follow(&mut layers, [typical, flatness], Some(range));
+        let (mut quality, mut is_done) = (Some(seen), false);
+        // Steps are short where nothing changes.
+        let mut run = self.run(iterations, self.options.iterations - iterations);
+        if rounds > 0 && closed.is_some() {
+            // The support is fixed.
+            run = self.run((rounds * each + iterations).min(self.options.iterations), 0);
+        } else if rounds > 0 {
+            let rounds = Rounds { number: rounds, iterations: each, rings: self.options.factor().min(2) };
+            (driven, _) = self.rounds(fine, rounds, &mut quality, &mut layers, watch, driven)?;
+            run = self.run(iterations, iterations);
+            // Rounds that took all the time leave a whole picture.
+            is_done = self.is_late() && quality.is_some();
         }
-        Ok(Done { driven, layers, explained: quality.map_or(0.0, |q| q.explained()) })
+        if !is_done {
+            let run = Run { known: quality.map(|q| q.left), ..run };
+            (driven, quality) = fine.run(&mut layers, run, watch, driven)?;
+        }
+        driven.maps = self.shown(&layers, closed.as_deref(), quality);
+        let left = follow::reference(quality.map_or(1.0, |q| q.left_share()), reference);
+        Ok(Done { driven, last: Last { layers, left, closed, is_whole: !self.is_late() } })
     }
 
     /// A fit of `iterations` iterations, skipping the start of its schedule.
     fn run(&self, iterations: usize, skipped: usize) -> Run {
-        Run { iterations, skipped, of: self.of, scales: true, until: self.until }
+        Run { iterations, skipped, of: self.of, known: None, until: self.until }
     }
 
     /// Whether the time for fits is over. Then only the last one is left, and that is short.
@@ -386,28 +444,28 @@ impl Fits<'_> {
         self.until.is_some_and(|until| Instant::now() >= until)
     }
 
-    /// Rounds of short fits, until the time for fits is over. Returns whether the support may grow.
+    /// Rounds of short fits, until the time for fits is over. `quality` is that of `layers`, if the scale of their albedos is that of
+    /// the data, and is replaced by that of the last fit. Returns whether the support may grow.
     fn rounds(
         &self,
         fit: &mut Fit,
-        number: usize,
+        rounds: Rounds,
+        quality: &mut Option<Quality>,
         layers: &mut Vec<Maps>,
         watch: &mut Watch<'_>,
         driven: Driven,
     ) -> Result<(Driven, bool)> {
-        let range = fit.plan().levels.maps.depth_range().map(|z| z as f32);
-        let (mut driven, mut scales) = (Some(driven), true);
-        let grows = in_rounds(number, range, layers, &mut |layers| {
+        let (mut driven, mut is_first, range) = (Some(driven), true, fit.depth_range());
+        let grows = in_rounds(rounds, range, layers, &mut |layers| {
             // The first round was in time.
-            if self.is_late() && !scales {
+            if !std::mem::take(&mut is_first) && self.is_late() {
                 return Ok(None);
             }
             let before = driven.take().expect("given back");
-            let scales = std::mem::take(&mut scales);
-            let run = Run { scales, ..self.run(rounds::ITERATIONS, 0) };
-            let (next, quality) = fit.run(layers, run, watch, before)?;
-            driven = Some(next);
-            Ok(quality)
+            let run = Run { known: quality.map(|q| q.left), ..self.run(rounds.iterations, 0) };
+            let (next, found) = fit.run(layers, run, watch, before)?;
+            (driven, *quality) = (Some(next), found);
+            Ok(found)
         })?;
         Ok((driven.expect("given back"), grows))
     }
@@ -420,10 +478,28 @@ fn taken(fit: &mut Fit, capture: &Capture, driven: Driven) -> Result<Driven> {
     Ok(Driven { seconds: driven.seconds + clock.elapsed().as_secs_f64(), ..driven })
 }
 
-/// Rounds of short fits by `fit`, between which the support follows the evidence, until it is stable or `number` are done.
-/// Returns whether the support may grow.
-pub(crate) fn in_rounds(
+/// Rounds of fits between which the support changes.
+#[derive(Clone, Copy)]
+pub(crate) struct Rounds {
+    /// Most rounds.
     number: usize,
+    /// Iterations of each.
+    iterations: usize,
+    /// Rings of pixels that the support grows by after each.
+    rings: usize,
+}
+
+impl Rounds {
+    /// So many rounds of a solve.
+    pub fn of(number: usize) -> Rounds {
+        Rounds { number, iterations: rounds::ITERATIONS, rings: 1 }
+    }
+}
+
+/// Rounds of short fits by `fit`, between which the support follows the evidence, until it is stable or all are done. Returns
+/// whether the support may grow.
+pub(crate) fn in_rounds(
+    Rounds { number, rings, .. }: Rounds,
     range: [f32; 2],
     layers: &mut Vec<Maps>,
     fit: &mut dyn FnMut(&mut Vec<Maps>) -> Result<Option<Quality>>,
@@ -437,10 +513,10 @@ pub(crate) fn in_rounds(
         let quality = fit(layers)?;
         let (Some(quality), Some(typical)) = (quality, support::typical_albedo(layers)) else { break };
         let error = quality.model_error();
-        let flatness = support::flatness(layers, typical);
         let old = lit(layers);
         let fitted = layers.clone();
-        support::follow(layers, [typical, flatness], (round < number).then_some(range));
+        let flatness = support::flatness(layers, typical);
+        support::follow(layers, [typical, flatness], (round < number).then_some((range, rings)));
         let new = lit(layers);
         if !new.contains(&true) {
             // No pixel has the evidence of a surface: the support stays that of the closed form.
