@@ -56,7 +56,7 @@ fn ported(model: &Model, grid: &Grid, samples: &[Sample], residual: &[f64]) -> (
 
 #[test]
 fn the_c_port_computes_what_the_kernels_compute() {
-    let (model, grid) = (scene(5, 64, 3), grid());
+    let (model, grid) = (model(5, 64, 3), grid());
     let twin = Twin { model: &model, grid: &grid };
     let samples = away_from_edges(&twin, &samples(&model, &grid, 0.5, 4));
     assert!(samples.len() > 400, "{}", samples.len());
@@ -66,7 +66,7 @@ fn the_c_port_computes_what_the_kernels_compute() {
 
     let e = error(histograms.into_iter().map(f64::from), twin::rendered(&twin, &samples));
     assert!(e < 1e-5, "forward: {e}");
-    let want = gathered("surface_gather", &twin, &samples, &residual);
+    let want = gathered("surface_gather", &twin, &samples, &residual, true);
     let want: Vec<DVec3> = want.iter().map(|g| DVec3::new(g[0], g[1], g[2])).collect();
     let flat = |k: usize| gradients.iter().map(move |g| f64::from(g[k]));
     for (k, e) in [(1, 0), (2, 1), (3, 2)].map(|(k, axis)| (k, error(flat(k), want.iter().map(|w| w[axis]))))
