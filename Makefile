@@ -7,6 +7,9 @@ all: build
 setup:
 	@sh .ci/setup
 
+# Shown by --version.
+export THIRDBOUNCE_COMMIT := $(shell git rev-parse --short HEAD 2>/dev/null)
+
 build: setup
 	cargo build --release --locked
 
@@ -37,7 +40,7 @@ instrumented: setup
 sanitize: setup
 	cargo test --locked --package thirdbounce-capi -- --ignored
 
-# The long tests: long runs, every injected fault, whole solves of every kind. Those of reliability write docs/reliability.md.
+# The long tests: long runs, every injected fault, whole solves of every kind. Those of reliability write benches/results/reliability.tsv.
 soak: setup
 	cargo test --release --locked --test reliability --test solvers --test cli -- --ignored
 
@@ -77,7 +80,7 @@ RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
 install: setup
 	cargo build --release --locked --package thirdbounce-capi
 	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include
-	install -m 755 $(RELEASE)/libthirdbounce.so $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so.$(VERSION)
+	install -m 755 -s $(RELEASE)/libthirdbounce.so $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so.$(VERSION)
 	ln -sf libthirdbounce.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(SONAME)
 	ln -sf $(SONAME) $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so
 	install -m 644 $(RELEASE)/libthirdbounce.a $(DESTDIR)$(PREFIX)/lib

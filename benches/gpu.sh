@@ -58,7 +58,7 @@ gpus() { "$binary" devices --json 2>devices.err | grep -c '"kind": "\(discrete\|
 if [ "$(gpus)" = 0 ] && [ -z "${VK_DRIVER_FILES:-}${VK_ICD_FILENAMES:-}" ]; then
     library=$(nvidia_library)
     if [ -n "$library" ]; then
-        echo "note: Vulkan's loader knows no GPU, but $library is here: it is named to the loader for this run" >&2
+        echo "note: Vulkan's loader finds no GPU, but \$library exists: passed to the loader for this run" >&2
         printf '{"file_format_version": "1.0.0", "ICD": {"library_path": "%s", "api_version": "1.3.0"}}\n' \
             "$library" >nvidia_icd.json
         export VK_DRIVER_FILES="$work/nvidia_icd.json" VK_ICD_FILENAMES="$work/nvidia_icd.json"
@@ -171,7 +171,7 @@ for solver in surface paper; do
     [ $solver = surface ] || iterations=$((paper / 4))
     set -- figure.npz --solver $solver --model cosine --lateral $lateral
     run profile "$@" --iterations $iterations --tune --json tune.json
-    # Where the cache was is nobody's business.
+    # Without the path of the cache.
     sed 's|"file": ".*/|"file": "|' tune.json >"$parts/tune-$solver.json"
     [ $solver = surface ] || iterations=$paper
     run profile "$@" --iterations $iterations --quiet --json "$parts/tuned-$solver.json"

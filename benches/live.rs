@@ -22,7 +22,7 @@ const STEPS: [f64; 3] = [0.0, 0.01, 0.02];
 const LATERAL: usize = 32;
 
 /// A frame with its truth.
-struct Moment {
+struct TimelinePoint {
     capture: Capture,
     truth: Truth,
 }
@@ -81,17 +81,17 @@ fn processor_seconds() -> f64 {
     0.01 * (ticks(11) + ticks(12))
 }
 
-fn moments(side: usize, step: f64) -> Vec<Moment> {
+fn moments(side: usize, step: f64) -> Vec<TimelinePoint> {
     let scene =
         Scene { scan: side, bin_width: 0.0125, photons: Some(300.0), ..Scene::named("letter:T").unwrap() };
-    let moment = |scene: &Scene| Moment {
+    let moment = |scene: &Scene| TimelinePoint {
         capture: simulate(scene, &RenderOptions { noise: 0.02, ..Default::default() }).unwrap().capture,
         truth: truth(scene, 128).unwrap(),
     };
     scene.moving(FRAMES, step).unwrap().iter().map(moment).collect()
 }
 
-fn measured(session: &mut Session, moments: &[Moment], skip: usize) -> Sums {
+fn measured(session: &mut Session, moments: &[TimelinePoint], skip: usize) -> Sums {
     let mut sums = Sums::default();
     for (i, moment) in moments.iter().enumerate() {
         let (begun, before) = (Instant::now(), processor_seconds());

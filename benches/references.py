@@ -2,7 +2,7 @@
 
     python3 benches/references.py [CAPTURE ...] [--binary FILE] [--repeats N]
 
-Without captures it simulates a letter, 32 x 32 and 64 x 64 points. A capture is an npz in the plain form (docs/guide/formats.md):
+Without captures it simulates a letter, 32 x 32 and 64 x 64 points. A capture is an npz in the plain form (docs/data.md):
 confocal, a square regular scan of a flat wall. Both sides run in turns. Each row holds the median of the seconds of both and
 their ratio. Bounds: a Fourier method takes no longer than its reference on as many threads; filtered back-projection on the
 Vulkan device is at least 5 times as fast as a vectorised back-projection on one thread. Ends with 1 if a bound is missed, and

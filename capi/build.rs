@@ -1,4 +1,5 @@
-//! Gives the shared library its soname: programs keep the version that they were linked with, up to the second number.
+//! Sets the soname of the shared library: programs keep the version that they were linked with, up to the second
+//! number.
 
 fn main() {
     println!("cargo::rerun-if-changed=build.rs");

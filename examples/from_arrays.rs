@@ -3,7 +3,7 @@
 //!     cargo run --release --example from_arrays
 
 use glam::{DVec3, dvec3};
-use thirdbounce::{Capture, Gpu, GpuOptions, Options, Result, reconstruct};
+use thirdbounce::{Capture, Gpu, GpuOptions, Result, Settings, SurfaceSettings, reconstruct};
 
 const SIDE: usize = 16;
 const BINS: usize = 200;
@@ -24,7 +24,8 @@ fn main() -> Result<()> {
     let capture = Capture::new([SIDE, SIDE], wall.clone(), wall, BINS, BIN_WIDTH, histograms);
 
     let gpu = Gpu::open(&GpuOptions::default())?;
-    let maps = reconstruct(&gpu, &capture, &Options::default().set("lateral", 32))?.maps;
+    let method = SurfaceSettings { lateral: Some(32), ..SurfaceSettings::default() }.into();
+    let maps = reconstruct(&gpu, &capture, &Settings { method, ..Settings::default() })?.maps;
 
     let brightest = (0..maps.albedo.len()).max_by(|a, b| maps.albedo[*a].total_cmp(&maps.albedo[*b]));
     let pixel = brightest.expect("maps have pixels");

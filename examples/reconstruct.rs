@@ -4,7 +4,7 @@
 
 use std::ops::ControlFlow;
 
-use thirdbounce::{Doing, Gpu, GpuOptions, Options, Result, read, reconstruct, write};
+use thirdbounce::{Doing, Gpu, GpuOptions, Progress, Result, Settings, read, reconstruct_with, write};
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -12,19 +12,21 @@ fn main() -> Result<()> {
         eprintln!("usage: reconstruct CAPTURE FOLDER");
         std::process::exit(2);
     };
-    let capture = read(file)?;
+    let mut settings = Settings::default();
+    settings.set("lateral", "32")?;
+    let capture = read(file, &settings)?;
     println!("{}", capture.summary());
 
     let gpu = Gpu::open(&GpuOptions::default())?;
     println!("on {}", gpu.info.name);
-    let options = Options::default().set("lateral", 32).watch(|progress| {
+    let mut on_progress = |progress: &Progress| {
         let point = progress.point;
         if progress.doing == Doing::Solve {
             println!("{:4} of {}: loss {:.4}", point.iteration, progress.iterations, point.loss);
         }
         ControlFlow::Continue(())
-    });
-    let solved = reconstruct(&gpu, &capture, &options)?;
+    };
+    let solved = reconstruct_with(&gpu, &capture, &settings, &mut on_progress)?;
     solved.notes.iter().for_each(|note| println!("{note}"));
     for written in write(folder, &solved.maps)? {
         println!("wrote {}", written.display());

@@ -2,10 +2,11 @@
 //!
 //!     cargo run --release --example session
 
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use glam::{DVec3, dvec3};
-use thirdbounce::{Capture, Gpu, GpuOptions, Options, Result, SessionOptions};
+use thirdbounce::{Capture, Gpu, GpuOptions, Result, SessionOptions, Settings, SurfaceSettings, session};
 
 const SIDE: usize = 16;
 const BINS: usize = 200;
@@ -20,8 +21,10 @@ fn main() -> Result<()> {
     let scan = Capture::new([SIDE, SIDE], wall.clone(), wall.clone(), BINS, BIN_WIDTH, vec![]);
 
     let gpu = Gpu::open(&GpuOptions::default())?;
-    let options = Options::default().set("lateral", 32).set("iterations", 20);
-    let mut session = options.session(&gpu, &scan, SessionOptions::default())?;
+    let method = SurfaceSettings { lateral: Some(32), iterations: Some(20), ..SurfaceSettings::default() };
+    let settings = Settings { method: method.into(), ..Settings::default() };
+    let options = SessionOptions::default();
+    let (mut session, _) = session(&gpu, &scan, &settings, options, &mut |_| ControlFlow::Continue(()))?;
     for frame in 0..3 {
         let hidden = dvec3(0.15 * frame as f64 - 0.15, 0.1, 0.6);
         let begun = Instant::now();

@@ -1,4 +1,4 @@
-// Sizes the passes over pairs anew where the counts stay (arguments.glsl).
+// Recomputes the dispatch sizes of passes over pairs with unchanged counts (arguments.glsl).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,5 +1,5 @@
-// Back-projects the filtered histograms into every voxel of the grid, with the cosine toward a surface that faces the
-// wall. One lane or several own a voxel (slices.glsl).
+// Back-projects filtered histograms into every voxel of the grid, with the cosine toward a surface that faces the
+// wall. One or several lanes own a voxel (slices.glsl).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require
@@ -14,7 +14,7 @@ layout(std430, set = 0, binding = 3) buffer Target { float projected[]; };
 
 float sum = 0.0;
 
-// One cosine for every model with normals: further factors would only blur the result.
+// One cosine for every model with normals: further factors only blur the result.
 void meet(Arm a, Arm b, vec2 r) { sum += r.x * (NORMALS ? max(-a.way.z, 0.0) * a.inverse : 1.0); }
 
 void main() {

@@ -1,14 +1,12 @@
-// The gradient of the paper's solver, by gathering. A lane owns one active voxel and walks the pairs, reading the one
-// or two bins of each that the voxel reaches: no atomics, the sums stay in registers. Neighbouring
-// lanes own neighbours in brick order, so they read neighbouring bins of the same histogram. Where voxels are too few to
-// fill the device, several lanes share one (slices.glsl).
-// Writes dLoss / d(raw variables at the sample point): the chain rule through ELU, tanh and normalize ends here,
-// update.comp applies the adjoint of the interpolation.
-// Where pairs come in parts, the walk goes on from the sums before it: a lane that owns its voxel alone adds in the same
-// order as over all pairs at once, so parts end with the bits of the whole. Adam makes whole steps of a rounding error
-// where a gradient is near zero. Lambertian sums are finished at the end of every walk, so they are added.
-// EXACT = 0 leaves the falloff out of the gradient, as the paper does: the exact gradient of the objective
-// weighted by the falloff.
+// Gradient of the paper's solver, by gathering. A lane owns one active voxel and iterates over the pairs, reading the
+// one or two bins that the voxel reaches in each: no atomics, sums in registers. Neighbouring lanes own neighbours in
+// brick order and read neighbouring bins of a histogram. With few voxels several lanes share one (slices.glsl).
+// Writes dLoss / d(raw variables at the sample point): the chain rule through ELU, tanh and normalize is applied
+// here, the adjoint of the interpolation in update.comp. With pairs in parts, sums continue from the previous part: a
+// lane that owns its voxel alone adds in the order of the whole, so parts are bit-identical to it. Adam amplifies
+// rounding errors where a gradient is near zero. Lambertian sums are completed at the end of every part, hence added.
+// EXACT = 0 omits the falloff from the gradient, as the paper does: the exact gradient of the objective weighted by
+// the falloff.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require

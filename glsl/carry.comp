@@ -1,6 +1,7 @@
-// Moves the state of the paper's solver after a change of the domain: voxels that stay touched take their state from
-// the old indices to the new ones, all others start at zero. DOUBLED: the old domain has half the lateral resolution,
-// and state is interpolated, zero where nothing was touched. One invocation owns one voxel that is touched now. Writes `target`, which is copied back later, because other invocations still read the old indices.
+// Moves the state of the paper's solver after a change of the domain: voxels that remain touched keep their state
+// under new indices, others start at zero. DOUBLED: the old domain has half the lateral resolution, and state is
+// interpolated, zero for untouched voxels. One invocation owns one touched voxel of the new domain. Writes `target`,
+// copied back later, because other invocations still read the old indices.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -29,7 +30,7 @@ vec4 state_at(uint index) {
 vec4 doubled(uvec3 c) {
     ivec3 last = ivec3(grid_size()) / ivec3(2, 2, 1) - 1;
     uvec3 parent = parent_of(c);
-    // The other parent lies on this child's side of its own parent.
+    // The other parent is on this child's side of its own parent.
     uvec2 other = uvec2(clamp(ivec2(parent.xy) + ivec2(c.xy & 1u) * 2 - 1, ivec2(0), last.xy));
     vec4 sum = vec4(0.0);
     for (uint i = 0u; i < 4u; ++i) {

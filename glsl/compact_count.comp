@@ -1,4 +1,5 @@
-// Compaction, step 1 of 3: counts the set voxels of each brick, where threshold.comp has not. One invocation owns one brick, 16 words of the mask.
+// Compaction, step 1 of 3: counts the set voxels of each brick, unless threshold.comp did. One invocation owns one
+// brick, 16 words of the mask.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,13 +1,13 @@
 // Compaction, step 2 of 3: exclusive prefix sum of the bricks' counts in place, and their total. One workgroup: each
-// lane sums a contiguous run of bricks, the runs are scanned in shared memory, and each lane writes its run. Devices need
-// not have more than 128 invocations. The last lane then sizes the passes that go by the counts. The scene is that of
-// the rendered pairs.
+// lane sums a contiguous run of bricks, the runs are scanned in shared memory, and each lane writes its run. At most
+// 128 invocations are guaranteed. The last lane then writes the sizes of passes that depend on the counts. The scene
+// is that of the rendered pairs.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 layout(local_size_x = 128) in;
-layout(constant_id = 10) const uint RIM = 0u; // counts are of active voxels, 1: of the rim
+layout(constant_id = 10) const uint RIM = 0u; // 1: counts are of the rim, 0: of active voxels
 layout(std430, set = 0, binding = 1) buffer BrickOffsets { uint brick_offsets[]; };
 layout(std430, set = 0, binding = 2) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Arguments { uint arguments[]; };
@@ -44,8 +44,8 @@ void main() {
     } else {
         uint touched = counts[COUNT_ACTIVE] + runs[127];
         counts[COUNT_TOUCHED] = min(touched, scene.touched_capacity);
-        // Voxels left out are reported as too dim ones are: by a least albedo above zero. The reduction's threshold has
-        // run already, so it does not see this value.
+        // Omitted voxels are reported like dim ones, by a minimum albedo above zero. The reduction's threshold has
+        // already run and does not see this value.
         if (touched > scene.touched_capacity) counts[COUNT_LEAST_SMOOTH] = max(counts[COUNT_LEAST_SMOOTH], 1u);
     }
     write_arguments();

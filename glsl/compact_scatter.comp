@@ -1,6 +1,6 @@
 // Compaction, step 3 of 3: writes the list of set voxels in storage order (bricks, Morton order inside), up to the
-// room, and the number of slots taken before each word of the mask. The rim follows the active voxels. One invocation
-// owns one word of the mask.
+// room, and the slot offset of each word of the mask. The rim follows the active voxels. One invocation owns one word
+// of the mask.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

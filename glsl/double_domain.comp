@@ -1,5 +1,5 @@
-// Makes the domain of a finer grid: a voxel is active if its parent was. One invocation owns one word of
-// the new mask. The scene is the new one; `coarse_mask` is in the old brick order.
+// Domain of a finer grid: a voxel is active if its parent was. One invocation owns one word of the new mask. The
+// scene is the new one; `coarse_mask` is in the old brick order.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

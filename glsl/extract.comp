@@ -1,4 +1,4 @@
-// Lateral maps from the volume: one invocation owns one column (x, y) and walks z for the brightest active voxel.
+// Lateral maps of the volume: one invocation owns one column (x, y) and searches z for the brightest active voxel.
 // Writes (albedo, depth, 0, 1 if the column has an active voxel) and (normal, 0).
 #version 460
 #extension GL_GOOGLE_include_directive : require

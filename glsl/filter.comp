@@ -1,6 +1,6 @@
-// Filters histograms for back-projection: weights by the inverse falloff, then a filter along time. One invocation owns one cell; padding (place.glsl) becomes zero.
-// hat_taps: [0] = radius, then weights of bins from the middle on. A radius below zero stands for an odd filter: the
-// weights of earlier bins are the negatives of those of later ones.
+// Filters histograms for back-projection: inverse falloff weights, then a filter along time. One invocation owns one
+// cell; padding (place.glsl) becomes zero. hat_taps: [0] = radius, then weights from the centre outward. A negative
+// radius denotes an odd filter: weights of earlier bins are the negatives of those of later ones.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,5 +1,5 @@
-// Closes an iteration. One workgroup sums the partial losses in a fixed order (each lane strides, then a tree), writes
-// the iteration's row of the trace, which the host reads later, and resets the maxima for the next iteration.
+// End of an iteration. One workgroup sums the partial losses in a fixed order (strided per lane, then a tree), writes
+// the iteration's row of the trace, read by the host later, and resets the maxima.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

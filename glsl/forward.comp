@@ -1,9 +1,9 @@
 // Renders transients. A workgroup owns a tile of LANES consecutive pairs and a chunk of consecutive active voxels. A
-// lane owns one pair and walks the chunk, so lanes of a workgroup never add to the same bin, and all read the same
-// voxel at once (one broadcast load). Other workgroups share the pair, which is why accumulate() is needed, behind
-// a private column where atomics are slow (window.glsl).
-// In the OWNED variant the chunk is the whole dispatch, so a histogram belongs to one lane and a plain add is enough.
-// Chunks stay below 65,535 loop turns, where lavapipe stops without an error.
+// lane owns one pair and iterates over the chunk, so lanes of a workgroup never add to the same bin, and all read the
+// same voxel at once (one broadcast load). Other workgroups share the pair, hence accumulate(), behind a private
+// column where atomics are slow (window.glsl). In the OWNED variant the chunk is the whole dispatch, so a histogram
+// belongs to one lane and a plain add suffices. Chunks stay below 65,535 loop turns, where lavapipe stops without an
+// error.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require
@@ -46,7 +46,7 @@ void main() {
 #if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
     fixed_scale = ldexp(1.0, fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, voxels));
 #endif
-    // Read once here: the compiler cannot know that writes to histograms do not change the wall.
+    // Loaded once: the compiler cannot know that writes to histograms do not change the wall.
     uint other = GEOMETRY == TWO_POINTS ? scene.scanned + pair : pair;
     uint normals = scene.scanned + scene.others;
     vec3 point_a = wall[pair].xyz;

@@ -1,11 +1,10 @@
-// Renders transients where every scanned point makes a pair with every other point. A workgroup owns LANES scanned
-// points, FORWARD_OTHERS other points and a chunk of active voxels. A lane owns one scanned point and its
-// FORWARD_OTHERS histograms, and computes its arm to a voxel once for all of them. The arms to the other points are the
-// same for all lanes. With SHARED the workgroup computes those of BLOCK voxels together, into shared memory: a pair
-// then costs one sum of distances and one product, plus 1 / FORWARD_OTHERS and 1 / LANES of an arm. Without SHARED
-// every lane computes them for itself: on a CPU a lane is a part of a vector, which computes one arm or eight in the
-// same time, and barriers cost more than arms. OWNED as in forward.comp. Loop turns: about
-// CHUNK * (FORWARD_OTHERS + 1).
+// Renders transients of product scans. A workgroup owns LANES scanned points, FORWARD_OTHERS other points and a chunk
+// of active voxels. A lane owns one scanned point and its FORWARD_OTHERS histograms, and computes its arm to a voxel
+// once for all of them. The arms to the other points are common to all lanes. With SHARED the workgroup computes
+// those of BLOCK voxels jointly in shared memory: a pair then costs one sum of distances and one product, plus 1 /
+// FORWARD_OTHERS and 1 / LANES of an arm. Without SHARED every lane computes them: on a CPU a lane is a vector
+// component, one arm or eight take the same time, and barriers cost more than arms. OWNED as in forward.comp. Loop
+// turns: about CHUNK * (FORWARD_OTHERS + 1).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require
@@ -51,7 +50,7 @@ float part(Arm arm, vec3 direction, bool directed) {
     return value;
 }
 
-// The arm to an other point: distance, factor of the value (albedo included), rest of the distance.
+// The arm to an other point: distance, factor of the value (including albedo), rest of the distance.
 vec3 other_arm(vec3 there, vec3 normal, uint slot) {
     vec4 s = point_at(slot);
     Arm b = arm_to(there, normal, s.xyz);

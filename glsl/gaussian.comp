@@ -1,9 +1,10 @@
 // One axis of the separable Gaussian over the volume. One invocation owns one voxel and reads its 2 RADIUS + 1
-// neighbours along AXIS, zero beyond the grid. The first pass, along x, reads active voxels from the solver's state, the
-// last one, along z, keeps the maximum, so smoothing costs three passes and no copies. The first also resets what the later ones and
-// levels.comp add up. Like the published code, it smooths the raw albedo before ELU: empty voxels around a surface are far
-// below zero there, and take the haze beside it along. Not with a noise term: where its least value is above what noise
-// leaves in empty bins, all empty voxels fall below zero, and take the surface along. ELU ends their fall at -1.
+// neighbours along AXIS, zero outside the grid. The first pass, along x, reads active voxels from the solver's state;
+// the last, along z, records the maximum, so smoothing takes three passes and no copies. The first also resets the
+// accumulators of the later ones and of levels.comp. As in the published code, the raw albedo before ELU is smoothed:
+// empty voxels around a surface are far below zero and remove the haze beside it. Not with a noise term: if its
+// minimum exceeds the noise in empty bins, all empty voxels fall below zero and remove the surface as well. ELU
+// bounds them at -1.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,4 +1,4 @@
-// The first domain of the paper's solver: all voxels that are not too near and within reach of a bin. One invocation
+// Initial domain of the paper's solver: all voxels beyond the minimum depth and within reach of a bin. One invocation
 // owns one word of the mask, 32 voxels.
 #version 460
 #extension GL_GOOGLE_include_directive : require

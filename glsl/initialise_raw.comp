@@ -1,6 +1,5 @@
-// The first volume of the paper's solver: albedo uniform in [0, ALBEDO_SPAN), normals zero. One invocation owns one
-// touched voxel. Numbers depend on the voxel, not on its slot, so the volume is the same on any device and with any
-// room.
+// Initial volume of the paper's solver: albedo uniform in [0, ALBEDO_SPAN), normals zero. One invocation owns one
+// touched voxel. Numbers depend on the voxel, not on its slot, so the volume is independent of device and room.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

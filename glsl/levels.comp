@@ -1,7 +1,6 @@
-// Histogram of the smoothed albedo of all voxels that may be active, in `levels`: steps of a thirty-second of an octave
-// below the maximum (the upper bits of a positive float have the order of the floats). Values below all steps count in
-// the lowest. A workgroup counts LEVELS voxels in shared memory first, two of each invocation: devices need not have more
-// than 128 invocations.
+// Histogram of the smoothed albedo of all eligible voxels, in `levels`: steps of 1/32 octave below the maximum (the
+// upper bits of positive floats are ordered like the floats). Values below all steps count in the lowest. A workgroup
+// first counts LEVELS voxels in shared memory, two per invocation: at most 128 invocations are guaranteed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,5 +1,5 @@
-// Measures the cost of a dispatch with almost no work: one invocation counts it. Dispatches of this kernel depend on
-// each other, like those of an iteration.
+// Cost of a dispatch with almost no work: one invocation counts it. Dispatches of this kernel depend on each other,
+// like those of an iteration.
 #version 460
 layout(local_size_x = 1) in;
 layout(push_constant) uniform Push { uint turns; float a; float b; } push;

@@ -1,6 +1,6 @@
-// Measures the rate of fused multiply-adds. One invocation owns 16 independent chains x = a x + b in registers, enough
-// to hide an fma's latency; its only memory access is one sum at the end. With a = b = 1, which the compiler cannot
-// know, a chain counts its own turns, so the sum proves that none was left out.
+// Rate of fused multiply-adds. One invocation has 16 independent chains x = a x + b in registers, enough to hide the
+// latency; its only memory access is one sum at the end. With a = b = 1, unknown to the compiler, a chain counts its
+// own turns, so the sum proves that none was omitted.
 #version 460
 layout(local_size_x = 64) in;
 layout(push_constant) uniform Push { uint turns; float a; float b; } push;

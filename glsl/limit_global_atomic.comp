@@ -1,6 +1,6 @@
-// Measures the rate of atomic additions to a buffer. Lanes of a workgroup add to neighbouring words and workgroups to
-// separate words, as far as there are any: the forward kernel's best case. With SCATTERED every lane adds to a histogram
-// of its own: the worst case, as no two lanes share a sector. At the end every word has counted every turn of its owners.
+// Rate of atomic additions to a buffer. Lanes of a workgroup add to neighbouring words and workgroups to separate
+// words where possible: the forward kernel's best case. With SCATTERED every lane adds to its own histogram: the
+// worst case, without shared sectors. Finally every word has counted every turn of its owners.
 #version 460
 #ifdef ACCUMULATE_FLOAT
 #extension GL_EXT_shader_atomic_float : require
@@ -14,7 +14,7 @@ layout(std430, set = 0, binding = 1) buffer Result { WORD result[]; };
 const uint WORDS = 65536u;
 
 #ifdef SCATTERED
-// Histograms of 512 words, of which the first 256 are added to once in 64 turns, the last first.
+// Histograms of 512 words, of which the first 256 are incremented once in 64 turns, the last first.
 void main() {
     uint histogram = (gl_WorkGroupID.x * 64u + gl_LocalInvocationID.x) & (WORDS / 512u - 1u);
     uint word = histogram * 512u + 255u;

@@ -1,5 +1,5 @@
-// Measures the rate of four-byte loads that hit the nearest cache: neighbouring lanes read neighbouring words of a
-// table of TABLE words, as the backward kernel reads neighbouring bins of a histogram. Their sum is known.
+// Rate of four-byte loads from the nearest cache: neighbouring lanes read neighbouring words of a table of TABLE
+// words, as the backward kernel reads neighbouring bins of a histogram. Their sum is known.
 #version 460
 layout(local_size_x = 64) in;
 layout(push_constant) uniform Push { uint turns; float a; float b; } push;

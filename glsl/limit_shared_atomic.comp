@@ -1,5 +1,5 @@
-// Measures the rate of atomic additions to shared memory without collisions in a workgroup: the lanes walk 64 counters,
-// each from its own. At the end every counter has counted every turn.
+// Rate of atomic additions to shared memory without collisions in a workgroup: the lanes cycle through 64 counters,
+// each from its own. Finally every counter has counted every turn.
 #version 460
 layout(local_size_x = 64) in;
 layout(push_constant) uniform Push { uint turns; float a; float b; } push;

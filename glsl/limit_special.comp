@@ -1,6 +1,5 @@
-// Measures the rate of inverse square roots, which stand for all functions of the special function units. One
-// invocation sums the inverse square roots of 8 sequences of numbers in registers. The two additions for each cost less
-// than the root on every known device.
+// Rate of inverse square roots, representative of all special functions. One invocation sums the inverse square roots
+// of 8 sequences in registers. The two additions for each cost less than the root on every known device.
 #version 460
 layout(local_size_x = 64) in;
 layout(push_constant) uniform Push { uint turns; float a; float b; } push;

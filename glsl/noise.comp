@@ -1,6 +1,6 @@
-// Learns the noise term from the residual. A workgroup owns one pair. PER_HISTOGRAM: one weight per pair, from the sum
-// of the residual over its bins. Otherwise every bin has a weight, and invocations stride over them.
-// State is (weight, first moment, second moment), 12 bytes.
+// Learns the noise term from the residual. A workgroup owns one pair. PER_HISTOGRAM: one weight per pair, from the
+// sum of the residual over its bins. Otherwise one weight per bin, strided over invocations. State is (weight, first
+// moment, second moment), 12 bytes.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -21,7 +21,7 @@ void learn(uint at, float gradient_of_sum) {
     float gradient = gradient_of_sum / scene.render_scale * paper.noise_span * s * (1.0 - s);
     float m = mix(gradient, noise_state[at + 1u], paper.beta1);
     float v = mix(gradient * gradient, noise_state[at + 2u], paper.beta2);
-    // Counted from the solve's start: the noise term does not restart with the volume's optimiser.
+    // Counted from the start of the solve: the noise term is not restarted with the volume's optimiser.
     float m_hat = m * push.unbias_first;
     float v_hat = v * push.unbias_second;
     noise_state[at] -= paper.learning_rate * m_hat / (sqrt(v_hat) + paper.epsilon);

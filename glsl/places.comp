@@ -1,5 +1,5 @@
-// The cell of each path of a list, as place.glsl finds it, for the tests: with paths that no scene has, too. One invocation
-// owns one path. With FINE paths are grains, in a confocal scan half of a path's length.
+// Cells of a list of paths by place.glsl, for tests with unusual paths. One invocation owns one path. With FINE paths
+// are grains, in a confocal scan half of a path's length.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require

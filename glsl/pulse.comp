@@ -1,8 +1,6 @@
-// Spreads histograms along time by the pulse's taps, as the instrument does. BACK: the adjoint, which takes a residual
-// back to the paths.
-// One invocation owns PULSE_RUN neighbouring cells of a row, so it reads each cell around them once. Padding
-// (place.glsl) is written as zero and ignored when read.
-// pulse_taps: taps before the path's own bin, number of taps, then weights.
+// Convolves histograms along time with the impulse response. BACK: the adjoint, for residuals. One invocation owns
+// PULSE_RUN neighbouring cells of a row, so it reads each surrounding cell once. Padding (place.glsl) is written as
+// zero and ignored when read. pulse_taps: number of taps before the path's own bin, number of taps, then weights.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -25,7 +23,7 @@ void main() {
     uint run = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     uint runs = (scene.stride + PULSE_RUN - 1u) / PULSE_RUN;
     uint pair = run / runs;
-    // The padding behind the last row is the beginning of one more row.
+    // The padding after the last row is the start of one more row.
     if (pair > scene.pairs) return;
     int bins = int(scene.bins);
     int bin = int(run % runs * PULSE_RUN) - int(PADDING);
@@ -35,7 +33,7 @@ void main() {
         int before = int(pulse_taps[0]);
         int count = int(pulse_taps[1]);
         int first = BACK != 0u ? bin - before : bin + before - (count - 1);
-        // Taps from the cell that is read to each of the four cells.
+        // Taps from the current cell to each of the four cells.
         vec4 taps = vec4(0.0);
         for (int i = 0; i < count + int(PULSE_RUN) - 1; ++i) {
             float tap = i < count ? pulse_taps[2u + uint(BACK != 0u ? i : count - 1 - i)] : 0.0;

@@ -1,10 +1,10 @@
-// One invocation owns RESIDUAL_BINS cells, a workgroup apart. For each it turns the accumulated sum into the rendered
-// value, adds the noise term, compares with the measurement and writes dLoss / d(accumulated value), which the backward
-// kernel gathers. It then clears the sum for the next iteration, so no extra pass clears the histograms. Padding
-// (place.glsl) adds no loss and becomes zero in both.
-// Squared differences are summed in a fixed order: here per invocation or, with GROUPED, per workgroup; in finish.comp
-// over these. A CPU has no GROUPED: there a tree over a workgroup cost twenty times as much as its bins.
-// Where pairs are compared part by part, every part but the first has BACKWARD_CONTINUE and adds to the sums before.
+// One invocation owns RESIDUAL_BINS cells, a workgroup apart. For each it converts the accumulated sum to the
+// rendered value, adds the noise term, compares with the measurement and writes dLoss / d(accumulated value) for the
+// backward kernel. It then clears the sum for the next iteration, which saves a pass. Padding (place.glsl) adds no
+// loss and becomes zero in both. Squared differences are summed in a fixed order: here per invocation or, with
+// GROUPED, per workgroup; then in finish.comp. Not GROUPED on CPUs, where a tree over a workgroup costs twenty times
+// as much as its bins. With pairs in parts, every part but the first has BACKWARD_CONTINUE and adds to the previous
+// sums.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -14,8 +14,8 @@ layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint NOISE = 0u;    // 0 none, 1 a weight per bin, 2 a weight per histogram
 layout(constant_id = 11) const uint WEIGHTED = 0u; // weigh squared differences by the inverse falloff
 layout(constant_id = 13) const uint SEEN = 0u;     // 1: compare the output of pulse.comp or spot.comp
-layout(constant_id = 14) const uint SPOT = 0u;     // 1: rendered pairs are others than measured ones: clear nothing
-layout(constant_id = 15) const uint GROUPED = 0u;  // 1: one partial sum of a workgroup
+layout(constant_id = 14) const uint SPOT = 0u;     // 1: rendered pairs differ from measured ones: clear nothing
+layout(constant_id = 15) const uint GROUPED = 0u;  // 1: one partial sum per workgroup
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Residual { float residual[]; };
@@ -58,7 +58,7 @@ void main() {
     if (group * WORKGROUP * RESIDUAL_BINS >= end) return;
     uint first = group * WORKGROUP * RESIDUAL_BINS + gl_LocalInvocationID.x;
     vec3 squared = vec3(0.0);
-    // A remainder costs a CPU more than all else here: compute it once, then subtract.
+    // A remainder is expensive on a CPU: computed once, then updated by subtraction.
     uint pair = first / scene.stride;
     uint at = first % scene.stride;
     uint rows = WORKGROUP / scene.stride;

@@ -1,12 +1,12 @@
-// Compares as residual.comp does, and takes down what changes slowly along time: light that the model does not explain is
-// smooth there. With S the roots of the bins' weights, d the difference of a row from its measurement, and
-//   F = 1 - slow_share (1 + k L)^-1,   k = a / (1 - a)^2, a = slow_decay, L the second difference with free ends,
-// the loss is |F S d|^2, and the residual S F F S d times what residual.comp multiplies by (transport/high_pass.rs).
-// F is symmetric and its eigenvalues lie between 1 - slow_share and 1.
-// One invocation owns a row. It solves the three-term equations of L by elimination: forward along the bins, back with
-// the answer and at once forward again from the other end, and back once more. In between, the row of `residual` holds
-// what goes into a solve, and the row that was compared holds what comes out of its elimination.
-// Two bins a turn: lavapipe stops after 65,535 turns.
+// Comparison as in residual.comp, with a high-pass along time: unmodelled light is smooth in time. With S the roots
+// of the bins' weights, d the difference of a row from its measurement, and
+//   F = 1 - slow_share (1 + k L)^-1,   k = a / (1 - a)^2, a = slow_decay, L the second difference with free ends.
+// The loss is |F S d|^2, and the residual S F F S d times the factor of residual.comp (transport/high_pass.rs). F is
+// symmetric with eigenvalues between 1 - slow_share and 1. One invocation owns a row. It solves the tridiagonal
+// system of L by elimination: forward along the bins, backward with the solution and immediately the second
+// elimination from the other end, and backward once more. In between, the row of `residual` holds the right-hand side
+// of a solve, and the compared row the result of its elimination. Two bins per turn: lavapipe stops after 65,535
+// turns.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -14,7 +14,7 @@
 #include "grid.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 13) const uint SEEN = 0u;    // 1: compare the output of pulse.comp or spot.comp
-layout(constant_id = 14) const uint SPOT = 0u;    // 1: rendered pairs are others than measured ones: clear nothing
+layout(constant_id = 14) const uint SPOT = 0u;    // 1: rendered pairs differ from measured ones: clear nothing
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
 layout(std430, set = 0, binding = 3) buffer Residual { float residual[]; };
@@ -30,7 +30,7 @@ layout(std430, set = 0, binding = 7) buffer Spread { float spread[]; };
 #include "faults.glsl"
 #include "accumulated.glsl"
 
-// The row that was compared keeps numbers between two walks.
+// The compared row keeps values between two walks.
 #ifdef ACCUMULATE_FIXED
 #define KEPT(cell) (SEEN != 0u ? spread[cell] : uintBitsToFloat(histograms[cell].x))
 #define KEEP(cell, value) if (SEEN != 0u) spread[cell] = value; else histograms[cell] = uvec2(floatBitsToUint(value), 0u)
@@ -45,7 +45,7 @@ float along_decay; // log2
 float inverse;     // 1 / k
 float last_along;
 
-// The factor of the elimination's step at its bin number `at`: by hyperbolic cosines, as the row is free at its start.
+// Factor of the elimination step at bin number `at`, by hyperbolic cosines for the free start of the row.
 float along(uint at) {
     float p = exp2(along_decay * float(2u * at + 1u));
     return decay * (1.0 + p) / (1.0 + p * decay * decay);
@@ -123,7 +123,7 @@ void main() {
         close(bin + 1u);
     }
     if (end < bins) close(end);
-    // Padding before each row, and behind the last.
+    // Padding before each row, and after the last.
     for (uint k = 0u; k < (pair == scene.pairs - 1u ? 2u : 1u); ++k) {
         for (uint i = 0u; i < PADDING; ++i) {
             uint cell = row - PADDING + i + k * scene.stride;

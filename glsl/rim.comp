@@ -1,5 +1,5 @@
-// The rim: voxels that are not active but among the 26 neighbours of an active voxel, so its samples may read them.
-// One invocation owns one word of the result; a word of 32 Morton-ordered voxels is a 4 x 4 x 2 block of a brick.
+// Rim: inactive voxels among the 26 neighbours of an active voxel, which its samples may read. One invocation owns
+// one word of the result; a word of 32 Morton-ordered voxels is a 4 x 4 x 2 block of a brick.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,6 +1,6 @@
-// The least smoothed albedo that fits into the room. One invocation walks down the levels while at most push.first
-// voxels lie above. Zero if all voxels above the threshold fit (push.flags holds the bits of the threshold's share of
-// the maximum). The highest level always stays, as far as it fits.
+// Minimum smoothed albedo that fits into the room. One invocation descends the levels while at most push.first voxels
+// are above. Zero if all voxels above the threshold fit (push.flags has the bits of the threshold's share of the
+// maximum). The highest level is always kept, as far as it fits.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,7 +1,7 @@
-// Draws the sample of each active voxel, interpolates the raw variables there and writes the surface element that every
-// pair sees. One invocation owns one active voxel. This happens once per voxel and iteration, so the forward and
+// Draws the sample of each active voxel, interpolates the raw variables there and writes the surface element seen by
+// every pair. One invocation owns one active voxel. This is done once per voxel and iteration, so the forward and
 // backward kernels read two vec4 instead of looking up eight voxels in the masks. The workgroup sums |albedo| for the
-// L1 term in a fixed order and keeps the largest for the fixed-point scale.
+// L1 term in a fixed order and records the maximum for the fixed-point scale.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -29,7 +29,7 @@ layout(std430, set = 0, binding = 10) readonly buffer RimRanks { uint rim_ranks[
 #include "slots.glsl"
 #include "touched.glsl"
 
-// Raw variables of a voxel, zero where there was no room for its state.
+// Raw variables of a voxel, zero without room for its state.
 vec4 raw_at(uvec3 c) {
     uint at = state_of(voxel_index(c));
     return at == NOWHERE ? vec4(0.0) : raw[at];
@@ -50,7 +50,7 @@ vec4 interpolate(vec3 g) {
 void main() {
     uint lane = gl_LocalInvocationID.x;
     uint group = group_index();
-    // Groups that only fill the last row of a dispatch (GROUPS_X) have no partial sum. All lanes leave together.
+    // Groups that only fill the last row of a dispatch (GROUPS_X) have no partial sum. All lanes return together.
     if (group * WORKGROUP >= counts[COUNT_ACTIVE]) return;
     uint slot = group * WORKGROUP + lane;
     float magnitude = 0.0;

@@ -1,7 +1,7 @@
-//! The structs and numbers that host and kernels share. The build writes the GLSL and the Rust side from these tables.
+//! Structs and numbers shared by host and kernels. The build generates the GLSL and the Rust side from these tables.
 //! Members are 32-bit scalars only, so std140, std430 and `repr(C)` agree on every offset.
 
-/// The scene at one resolution, as every kernel may read it.
+/// The scene at one resolution, readable by every kernel.
 const SCENE: &[(&str, &str, &str)] = &[
     ("grid_x", "uint", "voxels along x"),
     ("grid_y", "uint", "voxels along y"),
@@ -91,7 +91,7 @@ const PUSH: &[(&str, &str, &str)] = &[
     ("unbias_second", "float", "Adam: 1 / (1 - beta2^age), which takes the bias off a second moment"),
 ];
 
-/// Numbers that both sides use.
+/// Numbers shared by both sides.
 const NUMBERS: &[(&str, u32, &str)] = &[
     ("GROUPS_X", 32768, "workgroups along x before a dispatch continues along y"),
     ("WORKGROUP", 64, "invocations of a workgroup, unless the kernel has a size of its own"),

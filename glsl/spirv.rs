@@ -1,12 +1,12 @@
-//! Reads from a SPIR-V module what the host needs: bindings with their access, and specialization constants.
-//! SPIR-V specification 1.5, sections 2.3 and 3.32.
+//! Reflection of a SPIR-V module: bindings with their access, and specialization constants. SPIR-V specification 1.5,
+//! sections 2.3 and 3.32.
 
 use std::collections::BTreeMap;
 
 pub struct Binding {
     pub name: String,
     pub slot: u32,
-    /// How it is seen, as Rust code.
+    /// View, as Rust code.
     pub view: &'static str,
     pub reads: bool,
     pub writes: bool,
@@ -33,7 +33,7 @@ const NON_WRITABLE: u32 = 24;
 const NON_READABLE: u32 = 25;
 const BINDING: u32 = 33;
 const CLASS_UNIFORM: u32 = 2;
-/// Formats of images in SPIR-V, and how a buffer is then seen.
+/// Formats of images in SPIR-V, and the corresponding view.
 const FORMATS: [(u32, &str); 2] = [(1, "View::Texels { words: 4 }"), (3, "View::Texels { words: 1 }")];
 
 /// Bindings and constants of the module `words`, which must contain names (debug information).
@@ -82,7 +82,7 @@ pub fn reflect(words: &[u32]) -> Module {
             let block = pointees[pointer];
             let has = |list: &[u32]| list.contains(&block) || list.contains(variable);
             let is_uniform = *class == CLASS_UNIFORM;
-            // A block has its name from its type, texels from their variable.
+            // A block is named by its type, texels by their variable.
             let (view, named) = match texels.get(&block) {
                 Some(view) => (*view, variable),
                 None => (if is_uniform { "View::Uniform" } else { "View::Storage" }, &block),

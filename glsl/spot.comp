@@ -1,9 +1,8 @@
-// Sums histograms over the instrument's spot on the wall: light is rendered for sharp pairs, and a measured pair sees
-// several. By transposed tables, the adjoint, which takes a residual back to rendered pairs.
-// One invocation owns PULSE_RUN neighbouring cells of one sum, so the table is read once for them. Padding (place.glsl)
-// is written as zero and ignored when read.
-// spot_taps from push.first (transport/spot/taps.rs): rows, columns and inner; for every row the number of entries before
-// it; the number of all; for every entry its column and the bits of its weight. push.last: the number of sums.
+// Weighted sums of histograms over the instrument's spots on the wall: rendered pairs are ideal, and a measured pair
+// sees several. With transposed tables the adjoint, for residuals. One invocation owns PULSE_RUN neighbouring cells
+// of one sum, so the table is read once for them. Padding (place.glsl) is written as zero and ignored when read.
+// spot_taps from push.first (transport/spot/taps.rs): rows, columns and inner; offset of every row's entries; total
+// number of entries; for every entry its column and the bits of its weight. push.last: number of sums.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -25,7 +24,7 @@ void main() {
     uint run = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     uint runs = (scene.stride + PULSE_RUN - 1u) / PULSE_RUN;
     uint sum = run / runs;
-    // The padding behind the last row is the beginning of one more row.
+    // The padding after the last row is the start of one more row.
     if (sum > push.last) return;
     uint cell = run % runs * PULSE_RUN;
     vec4 sums = vec4(0.0);
@@ -42,7 +41,7 @@ void main() {
         for (uint i = spot_taps[offsets + row]; i < end; ++i) {
             uint from = (first + spot_taps[entries + 2u * i]) * inner + sum % inner;
             float weight = uintBitsToFloat(spot_taps[entries + 2u * i + 1u]);
-            // Behind a row's last cell lie at least PADDING more, so PULSE_RUN cells are there. Those are not used.
+            // At least PADDING cells follow a row's last cell, so PULSE_RUN cells exist; the surplus is unused.
             uint at = from * scene.stride + cell;
             sums += weight * vec4(value_of(at), value_of(at + 1u), value_of(at + 2u), value_of(at + 3u));
         }

@@ -1,8 +1,8 @@
-// How a pixel's slopes follow from its neighbours' depths. The slopes are those of the plane that fits the neighbours
-// best, each weighted by its bond (heights.glsl) to the pixel; written as coefficients of their depths minus the
-// pixel's own. Bonds come from the present depths and stay until this runs again, so slopes are linear in the depths in
-// between. One invocation owns one pixel. The first also renews the weights of the prior, once push.iteration iterations
-// are done: neighbours are weighed against what the surface leaves of the data.
+// Slopes of a pixel from its neighbours' depths: those of the plane that fits the neighbours best, each weighted by
+// its bond (heights.glsl), as coefficients of their depths minus the pixel's own. Bonds follow the present depths and
+// remain until the next update, so slopes are linear in the depths in between. One invocation owns one pixel. The
+// first also updates the weights of the prior, once push.iteration iterations are done, by the residual of the
+// surface.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -40,7 +40,7 @@ void main() {
     }
     mean /= all;
     spread -= outerProduct(all * mean, mean);
-    // A pixel with no neighbours, or with all on one line, is level in the directions that they do not determine.
+    // A pixel without neighbours, or with collinear ones, is level in undetermined directions.
     spread += mat2(SURFACE_LEVEL);
     float area = determinant(spread);
     for (uint k = 0u; k < 8u; ++k) {

@@ -1,10 +1,10 @@
-// Combines the gradients of a pixel's points into those of its depth, albedo and slopes, and adds the prior. The prior
-// holds neighbours together where photons are few: over pairs of neighbours,
+// Combines the gradients of a pixel's points into those of its depth, albedo and slopes, and adds the prior. The
+// prior couples neighbours where photons are few: over pairs of neighbours,
 //   bond * (e^2 / (2 bend^2) + (a_i - a_j)^2 / (2 jump^2)),   e = (z_j - z_i - (s_i + s_j) / 2 . d) / pixel
-// with d from i to j; e says how far j is off the planes of both pixels. And for every pixel that is lit,
+// with d from i to j; e is the deviation of j from the planes of both pixels. And for every lit pixel,
 //   sparse * faint * log(1 + a / faint)
-// which costs a bright pixel little more than a dim one, so light gathers in few pixels. surface_pull.comp takes the
-// gradient of the slopes to the depths. One invocation owns one pixel.
+// which costs a bright pixel little more than a dim one and concentrates light in few pixels. surface_pull.comp
+// propagates the gradient of the slopes to the depths. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -26,7 +26,7 @@ layout(std430, set = 0, binding = 8) writeonly buffer L1Partials { float l1_part
 #include "heights.glsl"
 
 void main() {
-    // Groups that only fill the last row of a dispatch (GROUPS_X) have no partial sum. All lanes leave together.
+    // Groups that only fill the last row of a dispatch (GROUPS_X) have no partial sum. All lanes return together.
     if (group_index() * WORKGROUP >= push.last) return;
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     float energy = 0.0;

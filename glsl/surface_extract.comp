@@ -1,5 +1,5 @@
-// Writes albedo, depth and normal of each pixel of a layer, from push.first to push.last, into the maps. One invocation owns
-// one pixel.
+// Albedo, depth and normal of each pixel of a layer, from push.first to push.last, written to the maps. One
+// invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,7 +1,7 @@
-// The gradient at a point of the surface, gathered over pairs (slope.glsl): by its vector (or albedo) and by its
-// depth. Depth moves the point's path along the residual's rise from bin to bin, and changes the point's value.
-// Writes (d/d vector, d/d depth), or (d/d albedo, d/d depth, 0, 0) for surfaces without normals.
-// One lane or several own a point (slices.glsl).
+// Gradient at a point of the surface, gathered over pairs (slope.glsl): by its vector (or albedo) and by its depth.
+// Depth moves the point's path along the residual's slope and changes the point's value. Writes (d/d vector, d/d
+// depth), or (d/d albedo, d/d depth, 0, 0) for surfaces without normals. One or several lanes own a point
+// (slices.glsl).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require
@@ -30,7 +30,7 @@ void meet(Arm a, Arm b, vec2 r) {
     if (toward_a <= 0.0 || toward_b <= 0.0) return;
     float steep_a = a.way.z * a.inverse;
     float steep_b = b.way.z * b.inverse;
-    // The part of the value that does not depend on the angles; each inverse length grows by `steep` times itself.
+    // Angle-independent part of the value; each inverse length increases by `steep` times itself.
     float factor = a.falloff * b.falloff;
     float powers_a = REFLECTANCE == RETROREFLECTIVE ? 1.0 : 2.0;
     float powers_b = powers_a;

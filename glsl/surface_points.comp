@@ -1,5 +1,5 @@
-// A pixel's slopes, and its points as samples that share its light. A pixel stands for its tilted square, whose paths
-// differ by several bins if the pixel is large. One invocation owns one pixel.
+// Slopes of a pixel, and its points as samples that share its light. A pixel represents its tilted square, whose
+// paths span several bins if the pixel is large. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -37,8 +37,7 @@ float write_points(uint pixel) {
         float z = clamp(height.x + dot(slope, d), limits.x, limits.y);
         uint slot = POINTS * pixel + k;
         sample_points[slot] = vec4(centre.xy + d, z, albedo);
-        // Unit length: a pixel that has become dark keeps its direction, and with it a gradient that can light it
-        // again.
+        // Unit length: a dark pixel keeps its direction, and with it a gradient that can light it again.
         if (NORMALS) sample_normals[slot] = vec4(facing(slope), 0.0);
     }
     watch(finite(slope.x + slope.y + albedo), FAULT_SAMPLE);

@@ -1,6 +1,5 @@
-// The gradient of a pixel's depth and albedo (pull.glsl), divided by the sum of the weights with which surface_step.comp
-// spreads it over the pixels around. Where nothing is spread any more, that does without this pass. One invocation owns one
-// pixel.
+// Gradient of a pixel's depth and albedo (pull.glsl), divided by the sum of the weights with which surface_step.comp
+// averages it over surrounding pixels. Omitted once averaging has ended. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"

@@ -1,8 +1,8 @@
-// One step of Adam (Kingma & Ba 2015) for a pixel's depth and albedo; its rate falls to zero as half a cosine. The
-// gradient is the sum of the gradients around it, spread (surface_pull.comp) by a Gaussian that narrows to the pixel
-// itself and stops at edges: shapes come before details. From then on it is the pixel's own (pull.glsl). One invocation owns one pixel.
-// The workgroup that is done last closes the iteration (finish.glsl). What it sums is of earlier dispatches; the faults are
-// of all workgroups. The scene is that of the pairs that were compared.
+// One step of Adam (Kingma & Ba 2015) for a pixel's depth and albedo; the rate decays to zero as half a cosine. The
+// gradient is averaged (surface_pull.comp) by an edge-stopping Gaussian that narrows to the pixel itself: shapes come
+// before details. From then on it is the pixel's own (pull.glsl). One invocation owns one pixel. The last workgroup
+// to finish closes the iteration (finish.glsl): it sums results of earlier dispatches; the faults are of all
+// workgroups. The scene is that of the compared pairs.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -29,9 +29,9 @@ layout(std430, set = 0, binding = 12) writeonly buffer Trace { uint trace[]; };
 
 const float BETA_1 = 0.9; // both as in solve/surface/schedule.rs
 const float BETA_2 = 0.99;
-const float LAST_RATE = 0.02; // share of the first rate
-const float QUIET = 1e-3;     // share of the largest gradient: a smaller one may be rounding and makes no full step
-const float LEAST = 1e-18;    // its square is about the least that fp32 holds with all its bits
+const float LAST_RATE = 0.02; // share of the initial rate
+const float QUIET = 1e-3;     // share of the largest gradient: smaller ones may be rounding errors and cause no full step
+const float LEAST = 1e-18;    // its square is about the smallest normal fp32 value
 
 vec2 from_around(uint pixel, float sigma) {
     int reach = reach_of(sigma);
@@ -69,7 +69,7 @@ void make_step(uint pixel) {
 shared bool is_last;
 
 void main() {
-    // Groups that only fill the last row of a dispatch (GROUPS_X) have no pixels. All lanes leave together.
+    // Groups that only fill the last row of a dispatch (GROUPS_X) have no pixels. All lanes return together.
     if (group_index() * WORKGROUP >= push.last) return;
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (pixel < push.last) make_step(pixel);

@@ -1,8 +1,8 @@
-// Domain reduction. A voxel becomes active if its smoothed albedo is above the given share of the maximum and not below
-// the least that there is room for (room.comp), and if it is not too near and within reach of a bin. It may have been
-// inactive before: smoothing lets the domain grow back a little, as in the paper. push.flags holds the share's bits.
-// Where no smoothed albedo is above zero there is no maximum to take a share of: the domain stays unchanged if it has at
-// most push.first voxels. Keeps the old mask and its ranks, by which state is moved. Counts the voxels of each brick, as
+// Domain reduction. A voxel becomes active if its smoothed albedo is above the given share of the maximum and not
+// below the minimum that fits (room.comp), and if it is beyond the minimum depth and within reach of a bin. It may
+// have been inactive before: smoothing lets the domain grow back a little, as in the paper. push.flags has the
+// share's bits. Without a positive smoothed albedo there is no maximum: the domain stays unchanged if it has at most
+// push.first voxels. Keeps the old mask and its ranks for moving state. Counts the voxels of each brick, as
 // compact_count.comp does for other masks. One invocation owns one word of the mask, 32 voxels.
 #version 460
 #extension GL_GOOGLE_include_directive : require

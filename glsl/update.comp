@@ -1,7 +1,7 @@
 // Adjoint of the interpolation and Adam in one pass. One invocation owns one touched voxel (active or in the rim). It
-// gathers from the samples of the 27 voxels around it and draws their points anew from their counters, so nothing is
-// scattered and no atomics are needed. Adam: Kingma & Ba 2015, with bias corrections, from the host, counted from the last restart; its
-// rate may fall as half a cosine over the whole solve.
+// gathers from the samples of the 27 surrounding voxels and redraws their points from their counters, so there is no
+// scatter and no atomics. Adam: Kingma & Ba 2015, with bias corrections from the host, counted from the last restart;
+// its rate may decay as half a cosine over the whole solve.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -12,7 +12,7 @@ layout(constant_id = 10) const uint CONTINUOUS = 1u;
 #include "sampling.glsl"
 layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
-layout(std430, set = 0, binding = 2) readonly buffer ActiveVoxels { uint active_voxels[]; }; // the rim follows them
+layout(std430, set = 0, binding = 2) readonly buffer ActiveVoxels { uint active_voxels[]; }; // followed by the rim
 layout(std430, set = 0, binding = 3) readonly buffer Ranks { uint ranks[]; };
 layout(std430, set = 0, binding = 8) readonly buffer Mask { uint mask[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Gradient { vec4 gradient[]; };

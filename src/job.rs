@@ -2,7 +2,7 @@
 //!
 //! [`load`] reads and prepares a capture. [`run()`] reconstructs it and writes every result. [`batch()`] does this with many
 //! captures. [`benchmark()`] compares methods on captures and scenes. [`evaluate()`] measures an earlier result. [`inspect()`] says what a run would
-//! do. [`demo()`] simulates a scene and reconstructs it. Callers only gather options and show the results.
+//! do. [`demo()`] simulates a scene and reconstructs it. External only gather options and show the results.
 
 mod advice;
 pub mod batch;
@@ -26,16 +26,19 @@ mod simulated;
 mod sizes;
 mod words;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::Result;
-use crate::capture::{self, Capture, Gate, Summary, auto_gate, published_gate, recorded_gate};
+use crate::capture::conditioning::{self, Conditioning};
+use crate::capture::{self, Capture, Gate, Summary};
+use crate::settings::{Flip, Settings};
 use crate::solve::Preset;
 use crate::tags;
 
-pub use crate::estimation::{Choice, FindPulse, MODELS, Resolved, preset_for};
-pub use crate::solve::{Bins, SolverOptions, check_solver, reflectance};
+pub use crate::estimation::{MODELS, preset_for};
+pub use crate::settings::memory_bytes;
+pub use crate::solve::{Bins, SolverOptions, method};
 
 pub use advice::suggestions;
 pub use batch::{Batch, batch};
@@ -46,77 +49,17 @@ pub use evaluate::{Evaluation, evaluate};
 pub use histogram::{Histogramming, histogram};
 pub use inspect::{Inspection, inspect, schedule};
 pub use places::{PREVIEW, check_file, check_inputs, check_not_input};
-pub use request::{Request, memory_bytes};
+pub use request::Request;
 pub use run::{Outcome, Solved, run, solve};
 pub use simulated::{Simulated, Simulation, simulate};
 pub use sizes::usual_pipeline_cache;
 pub use words::{plain, write_json};
 
-/// A capture, and the part of it that is used.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Input {
-    /// The file, or the folder of several.
-    pub path: PathBuf,
-    /// Scale the wall so that its outermost scan points are this far apart, metres.
-    pub wall: Option<f64>,
-    /// Bin width in metres of path, for files without it.
-    pub bin_width: Option<f64>,
-    /// Metres of a step of the wall's depth, for formats that do not say.
-    pub depth_unit: Option<f64>,
-    /// Bounces that count, for formats that keep them apart.
-    pub bounce: Option<capture::Bounce>,
-    /// File with the times of flight to the wall, for formats that keep them in a second file.
-    pub time_of_flight: Option<PathBuf>,
-    /// How to turn the scan, for files that do not say how it lies on the wall.
-    pub turn: capture::Turn,
-    /// Keep every Nth scan point in x and in y; `None` keeps all.
-    pub stride: Option<usize>,
-    /// Keep this many pairs, drawn at random after the stride; `None` keeps all.
-    pub subset: Option<usize>,
-    /// Seed of the random draw.
-    pub subset_seed: u64,
-    /// Paths that are used; `None` looks for direct light and leaves it out.
-    pub gate: Option<Gate>,
-    /// Do not look for a gate: use every path.
-    pub no_auto_gate: bool,
-    /// The instrument's pulse; `None` takes the file's, if it has one.
-    pub pulse: Option<GivenPulse>,
-    /// Full widths at half maximum, metres, of what laser and sensor see of the wall, 0 for points; `None` takes the
-    /// file's.
-    pub spots: Option<[f64; 2]>,
-    /// The published set of parameters; `None` takes [`preset_for`]. [`Preset::Captured`] brings the published gate.
-    pub preset: Option<Preset>,
-}
-
-impl Input {
-    /// The part of the capture that is kept while it is read.
-    pub fn keep(&self) -> capture::Keep {
-        let keep = capture::Keep::default().with_stride(self.stride);
-        keep.with_subset(self.subset, self.subset_seed).with_gate(self.gate)
-    }
-
-    /// The values that complete or correct those of the file.
-    pub fn given(&self) -> capture::ReadOptions {
-        let given = capture::ReadOptions::default().with_wall(self.wall).with_bin_width(self.bin_width);
-        let given = given.with_depth_unit(self.depth_unit).with_bounce(self.bounce);
-        given.with_time_of_flight(self.time_of_flight.clone()).with_turn(self.turn)
-    }
-}
-
-/// The instrument's pulse, as the user gives it.
-#[derive(Debug, Clone, PartialEq)]
-pub enum GivenPulse {
-    /// No pulse: paths are sharp, even if the file has a pulse.
-    Sharp,
-    /// This pulse.
-    Shape(capture::Pulse),
-}
-
 /// A capture that is ready to be reconstructed.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Loaded {
-    /// What was asked for.
-    pub input: Input,
+    /// The file, or the folder of several; empty for a capture that was in memory.
+    pub path: PathBuf,
     /// The capture, ready to be reconstructed.
     pub capture: Capture,
     /// The gate in force, given or found.
@@ -127,6 +70,8 @@ pub struct Loaded {
     pub normals_estimated: bool,
     /// What was done to the capture, as sentences.
     pub notes: Vec<String>,
+    /// What looks wrong and was not corrected.
+    pub warnings: Vec<String>,
     /// Seconds that loading took.
     pub seconds: f64,
 }
@@ -140,118 +85,97 @@ impl Loaded {
     }
 }
 
-/// Reads and checks a capture. Estimates the normals of a curved wall without normals. Then scales the wall, thins the
-/// scan and gates the bins. If no gate is given, direct light is left out, and captured histograms get the published
-/// gate.
+/// Reads a capture by the groups `Capture file` and `Capture` of the settings and makes it ready
+/// ([`conditioning::FOR_A_SOLVE`]).
 ///
 /// # Errors
-/// Those of [`capture::read_kept`]; a wall size that does not fit the capture.
-pub fn load(input: &Input) -> Result<Loaded> {
-    prepared(input, |prepare| {
-        capture::formats::read_prepared(&input.path, &input.given(), &input.keep(), prepare)
+/// Those of [`capture::read_kept`]; a wall size that does not fit the capture; units that cannot be.
+pub fn load(path: &Path, settings: &Settings) -> Result<Loaded> {
+    let start = Instant::now();
+    let done = capture::formats::read_prepared(path, &reading(settings)?, &conditioning_of(settings)?);
+    Ok(loaded(path, start, done.map_err(|e| placed(e, path))?))
+}
+
+/// What a capture goes through before a solve.
+///
+/// # Errors
+/// A rotation that is no quarter turn, or an impulse response that cannot be read.
+fn conditioning_of(settings: &Settings) -> Result<Conditioning> {
+    let keep = capture::Keep::default().with_stride(settings.stride);
+    Ok(Conditioning {
+        turn: turn(settings)?,
+        wall: settings.wall,
+        keep: keep.with_subset(settings.subset, u64::from(settings.seed())).with_gate(settings.gate),
+        keep_empty: settings.keep_empty == Some(true),
+        no_auto_gate: settings.auto_gate == Some(false),
+        published_gate: settings.preset.map(|preset| preset == Preset::Captured),
+        pulse: settings.pulse.as_ref().map(|given| given.samples()).transpose()?,
+        spots: settings.spot,
     })
 }
 
-/// Prepares a capture that is in memory as [`load`] prepares one that it reads. The path of `input` is only for the report,
-/// and values that complete a file are not used: `bin_width`, `depth_unit`, `bounce` and `time_of_flight`.
+/// The values that complete or correct those of a file.
 ///
 /// # Errors
-/// Those of [`Capture::check`]; a wall size that does not fit the capture.
-pub fn take(capture: Capture, input: &Input) -> Result<Loaded> {
-    prepared(input, |prepare| {
-        let mut notes = vec![];
-        let whole = capture::formats::measured(capture, &mut notes)?;
-        capture::formats::keep_prepared(whole, input.turn, &input.keep(), prepare, notes)
-    })
+/// A bounce, a rotation or an order of axes that makes no sense.
+pub fn reading(settings: &Settings) -> Result<capture::ReadOptions> {
+    let bounce = settings.bounce.as_deref().map(capture::Bounce::parse).transpose()?;
+    Ok(capture::ReadOptions::default()
+        .with_wall(settings.wall)
+        .with_bin_width(settings.bin_width)
+        .with_depth_unit(settings.wall_depth_unit)
+        .with_bounce(bounce)
+        .with_time_of_flight(settings.tof.clone())
+        .with_axes(settings.axes.as_deref().map(capture::AxisOrder::parse).transpose()?)
+        .with_keep_empty(settings.keep_empty == Some(true))
+        .with_turn(turn(settings)?))
 }
 
-/// Makes a capture of time tags or of an instrument's histograms, the file of `input`, and prepares it as [`load`] does. Where
-/// the points are and how they are turned is in `scan` and `asked`; values that complete a file are not used.
+/// How the scan is mirrored and rotated.
+///
+/// # Errors
+/// A rotation that is no quarter turn.
+pub fn turn(settings: &Settings) -> Result<capture::Turn> {
+    let degrees = settings.rotate.map(|degrees| u32::try_from(degrees).unwrap_or(u32::MAX));
+    capture::Turn::parse(settings.flip.map(Flip::name), degrees)
+}
+
+/// Prepares a capture that is in memory as [`load`] prepares one that it reads. Values that complete a file are not used:
+/// `bin_width`, `wall_depth_unit`, `bounce`, `tof` and `axes`.
+///
+/// # Errors
+/// Those of [`conditioning::prepare`].
+pub fn take(capture: Capture, settings: &Settings) -> Result<Loaded> {
+    let start = Instant::now();
+    Ok(loaded(Path::new(""), start, conditioning::prepare(capture, &conditioning_of(settings)?)?))
+}
+
+/// Makes a capture of the time tags or histograms of an instrument in a file, and prepares it as [`load`] does. `scan` and
+/// `asked` hold the points, their mirroring and rotation; values that complete a file are not used.
 ///
 /// # Errors
 /// Those of [`tags::histogram()`] and [`take`].
-pub fn load_tags(input: &Input, scan: &tags::Scan, asked: &tags::Asked) -> Result<Loaded> {
+pub fn load_tags(path: &Path, settings: &Settings, scan: &tags::Scan, asked: &tags::Asked) -> Result<Loaded> {
     let start = Instant::now();
-    let made = tags::histogram(&input.path, scan, asked)?;
-    let input = Input { wall: None, turn: capture::Turn::default(), ..input.clone() };
-    let mut loaded = take(made.capture, &input)?;
+    let made = tags::histogram(path, scan, asked)?;
+    let settings = Settings { wall: None, flip: None, rotate: None, ..settings.clone() };
+    let mut loaded = take(made.capture, &settings)?;
+    loaded.path = path.into();
     loaded.notes.splice(0..0, made.notes);
     loaded.dropped += made.dropped;
     loaded.seconds = start.elapsed().as_secs_f64();
     Ok(loaded)
 }
 
-fn prepared(
-    input: &Input,
-    read: impl FnOnce(&mut capture::formats::Prepare) -> Result<capture::Opened>,
-) -> Result<Loaded> {
-    let start = Instant::now();
-    let mut normals_estimated = false;
-    // Before the scan is thinned: near neighbours give better normals, and the outermost points tell the wall's size.
-    // Before bins are gated: pile-up comes from all earlier counts.
-    let mut prepare = |capture: &mut Capture, notes: &mut Vec<String>| {
-        notes.extend(capture.take_pile_up_out()?);
-        match capture.set_normals() {
-            Ok(note) => {
-                normals_estimated = note.is_some();
-                notes.extend(note);
-            }
-            // Some models need no normals. The others report the error.
-            Err(e) => notes.push(format!("wall normals are unknown: {}", e.what)),
-        }
-        if let Some(size) = input.wall {
-            capture.set_wall(size)?;
-            notes.push(format!("the wall is scaled so that its outermost scan points are {size} m apart"));
-        }
-        Ok(())
-    };
-    let capture::Opened { mut capture, dropped, mut notes, .. } = read(&mut prepare)?;
-    let mut gate = input.gate;
-    if gate.is_none() && !input.no_auto_gate {
-        let captured = input.preset.unwrap_or_else(|| preset_for(&capture)) == Preset::Captured;
-        // First, as it fills what other gates are found by.
-        let recorded = recorded_gate(&mut capture).map(|(found, filled)| {
-            if filled > 0 {
-                notes.push(format!(
-                    "{filled} pairs were not recorded, or not as long as the others: the mean of their neighbours in the scan \
-                     takes their place"
-                ));
-            }
-            found
-        });
-        let direct = auto_gate(&capture);
-        let published = captured.then(|| published_gate(&capture, direct.as_ref().map(|d| d.gate.from)));
-        // Half of the bins may be more than were recorded.
-        let published = published.filter(|p| recorded.as_ref().is_none_or(|r| !p.gate.holds(r.gate)));
-        for found in recorded.into_iter().chain(direct).chain(published) {
-            notes.push(format!("automatic gate: {} (turn the automatic gate off to use all)", found.reason));
-            gate = Some(gate.map_or(found.gate, |before: Gate| before.within(found.gate)));
-        }
-        if let Some(gate) = gate {
-            capture.set_gate(gate)?;
-        }
-    }
-    match &input.pulse {
-        Some(GivenPulse::Sharp) => capture.pulse = None,
-        Some(GivenPulse::Shape(pulse)) => {
-            pulse.taps(capture.bin_width)?;
-            capture.pulse = Some(pulse.clone());
-        }
-        None => {}
-    }
-    if let Some(spots) = input.spots {
-        [capture.laser_spot, capture.sensor_spot] = spots.map(Some);
-    }
-    // What was never a file has no path.
-    let is_file = !input.path.as_os_str().is_empty();
-    capture.check().map_err(|e| if is_file { e.at(input.path.display()) } else { e })?;
-    notes.extend(capture.clipped_note());
-    if let Some([low, high]) = capture.background().range() {
-        notes.push(format!(
-            "the background differs from pair to pair: {low:.2} to {high:.2} counts in a bin; all methods but paper take \
-             off that of each pair"
-        ));
-    }
+fn loaded(path: &Path, start: Instant, done: conditioning::Conditioned) -> Loaded {
+    let conditioning::Conditioned { capture, gate, dropped, normals_estimated, notes, warnings, .. } = done;
     let seconds = start.elapsed().as_secs_f64();
-    Ok(Loaded { input: input.clone(), capture, gate, dropped, normals_estimated, notes, seconds })
+    Loaded { path: path.into(), capture, gate, dropped, normals_estimated, notes, warnings, seconds }
+}
+
+/// An error of the contents of a file begins with its path.
+fn placed(error: crate::Error, path: &Path) -> crate::Error {
+    let text = path.display().to_string();
+    let is_placed = error.what.starts_with(&text) || error.kind != crate::Kind::Input;
+    if is_placed { error } else { error.at(text) }
 }

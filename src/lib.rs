@@ -2,20 +2,22 @@
 //! third bounce of light off a relay wall.
 //!
 //! ```no_run
-//! use thirdbounce::{Gpu, GpuOptions, Options, read, reconstruct, write};
+//! use thirdbounce::{Gpu, GpuOptions, Settings, SurfaceSettings, read, reconstruct, write};
 //!
 //! fn main() -> thirdbounce::Result<()> {
-//!     let capture = read("capture.npz")?;
+//!     let method = SurfaceSettings { lateral: Some(128), ..SurfaceSettings::default() }.into();
+//!     let settings = Settings { stride: Some(2), method, ..Settings::default() };
+//!     let capture = read("capture.npz", &settings)?;
 //!     let gpu = Gpu::open(&GpuOptions::default())?;
-//!     let solved = reconstruct(&gpu, &capture, &Options::default().set("lateral", 128))?;
+//!     let solved = reconstruct(&gpu, &capture, &settings)?;
 //!     println!("{}", solved.notes.join("\n"));
 //!     write("result", &solved.maps)?;
 //!     Ok(())
 //! }
 //! ```
 //!
-//! [`Options`] says how; what nobody sets follows from the capture, as it does for the command. A [`Session`] solves frame after
-//! frame of one scan. [`Vulkan`] lends a program's own device.
+//! A field of [`Settings`] that is not set has its default for the capture, or is estimated. A [`session()`] solves frames of one
+//! scan. [`Vulkan`] wraps the device of a program.
 //!
 //! Feature `formats` reads and writes files: without it there is no [`read()`], [`prepare()`] and [`write()`]. Feature `cli` adds
 //! the command. A program that depends on thirdbounce with `default-features = false` compiles neither.
@@ -26,7 +28,7 @@
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
 
-mod door;
+mod api;
 #[doc(hidden)]
 pub mod estimation;
 #[cfg(feature = "formats")]
@@ -36,7 +38,11 @@ pub mod job;
 #[doc(hidden)]
 pub mod live;
 #[doc(hidden)]
+pub mod resolve;
+#[doc(hidden)]
 pub mod session;
+#[doc(hidden)]
+pub mod settings;
 #[doc(hidden)]
 pub mod solve;
 #[doc(hidden)]
@@ -65,16 +71,24 @@ pub use thirdbounce_simulate as simulate;
 #[doc(hidden)]
 pub use thirdbounce_tags as tags;
 
-pub use door::{Options, Solved, reconstruct};
+pub use api::{Solved, reconstruct, reconstruct_with, session};
 #[cfg(feature = "formats")]
-pub use door::{prepare, read, write};
+pub use api::{prepare, read, write};
 pub use session::{
-    Canceller, Feed, Format, Frame, FrameId, Hear, Latency, LentCounts, LentFrame, Session, SessionOptions,
-    Submitter,
+    Canceller, ExternalCounts, ExternalFrame, Feed, Format, Frame, FrameId, Hear, Latency, Session,
+    SessionOptions, Submitter,
 };
-pub use solve::option::OptionValue;
-pub use solve::{Doing, Follow, Progress, Reconstruction, TracePoint, VolumeMap};
+pub use settings::{Flip, ImpulseResponse, Model, Settings};
+pub use solve::closed_form::{
+    BpSettings, DlctSettings, FbpSettings, FkSettings, LctSettings, PhasorBpSettings, PhasorSettings,
+};
+pub use solve::{
+    Bins, Doing, Follow, Method, PaperSettings, Preset, Progress, Reconstruction, SurfaceSettings,
+    TracePoint, VolumeMap,
+};
 pub use transport::{Grid, Volume};
+
+pub use {ash, glam};
 
 #[doc(inline)]
 pub use thirdbounce_base::advice::{self, Advice};
@@ -83,8 +97,9 @@ pub use thirdbounce_base::{Error, Kind, Result};
 #[doc(inline)]
 pub use thirdbounce_capture::{Capture, PairKind, Pulse, Reflectance, Summary};
 #[doc(inline)]
-pub use thirdbounce_gpu::caller::{
-    Block, BlockSource, Features, Imported, Lent, Moment, QueueLock, Requirements, Vulkan, requirements,
+pub use thirdbounce_gpu::external::{
+    Block, BlockSource, ExternalBuffer, Features, Imported, QueueLock, Requirements, TimelinePoint, Vulkan,
+    requirements,
 };
 #[doc(inline)]
 pub use thirdbounce_gpu::{DeviceInfo, DeviceKind, Gpu, GpuOptions, Place, devices};

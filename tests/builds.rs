@@ -37,8 +37,12 @@ fn total_of(place: usize, values: &[[f64; 2]]) -> Total {
 
 #[test]
 fn places_name_their_quantities() {
-    let places =
-        [(OWN, "own_iou"), (DEPTH, "depth_percent"), (NORMALS, "normals_deg"), (WITHIN, "within_confidence")];
+    let places = [
+        (OWN, "own_iou"),
+        (DEPTH, "depth_percent"),
+        (NORMALS, "normals_deg"),
+        (WITHIN, "within_depth_error"),
+    ];
     let others =
         [(AGREEMENT, "agreement"), (BESIDE, "beside"), (CPU, "cpu_s"), (WALL, "wall_s"), (FILES, "files_s")];
     for (place, key) in places.into_iter().chain(others) {

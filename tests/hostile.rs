@@ -45,7 +45,7 @@ fn hostile_files_are_refused_in_little_memory() {
         });
         if let Err(error) = done {
             refused += 1;
-            assert!(!error.what.is_empty() && !error.mend.to_string().is_empty(), "{what}");
+            assert!(!error.what.is_empty() && !error.hint.to_string().is_empty(), "{what}");
             assert!(peak < MOST, "{what}: {} MiB before it was refused: {error}", peak >> 20);
             largest = largest.max((peak, what));
         }
@@ -62,7 +62,7 @@ fn readers_take_memory_by_asking_for_it() {
         ["vec![0", "vec![DVec3", "Vec::with_capacity(", ".try_reserve", "repeat_n(", "fs::read(", "; pairs]"];
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("crates");
     let mut found = vec![];
-    for folder in ["capture/src/formats", "base/src/files", "tags/src"] {
+    for folder in ["capture/src/readers", "base/src/files", "tags/src"] {
         for entry in std::fs::read_dir(root.join(folder)).unwrap() {
             let path = entry.unwrap().path();
             let text = std::fs::read_to_string(&path).unwrap_or_default();

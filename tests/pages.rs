@@ -3,8 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
-use fixtures::command::thirdbounce;
+use fixtures::command::{program, stderr, thirdbounce};
 
 fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).to_owned()
@@ -87,7 +88,7 @@ fn broken(pages: &[PathBuf]) -> Vec<String> {
 #[test]
 fn links_lead_somewhere() {
     let pages = files(&root(), &[".md"]);
-    assert!(pages.len() > 20, "the pages were not found");
+    assert!(pages.len() > 15, "the pages were not found");
     let broken = broken(&pages);
     assert!(broken.is_empty(), "links that lead nowhere:\n{}", broken.join("\n"));
 }
@@ -197,6 +198,78 @@ fn commands_are_understood() {
     assert!(count > 40, "only {count} calls were found");
 }
 
+/// The files that commands of pages read: small captures with truth.
+fn inputs(folder: &Path) {
+    let run = |arguments: &[&str]| {
+        let output =
+            Command::new(program()).args(arguments).current_dir(folder).output().expect("the program runs");
+        assert!(output.status.success(), "{arguments:?}: {}", stderr(&output));
+    };
+    run(&[
+        "simulate",
+        "figure",
+        "--scan",
+        "8",
+        "--bin-width",
+        "0.02",
+        "--out",
+        "capture.npz",
+        "--truth",
+        "truth.npz",
+    ]);
+    run(&["reconstruct", "capture.npz", "--lateral", "16", "--out", "result", "--quiet"]);
+    fs::create_dir(folder.join("scans")).expect("a folder");
+    for copy in ["figure.npz", "scans/a.npz", "scans/b.npz"] {
+        fs::copy(folder.join("capture.npz"), folder.join(copy)).expect("a copy");
+    }
+    fs::write(folder.join("list.txt"), "scans/*.npz\n").expect("a file");
+}
+
+/// Whether a command takes long, needs a file that pages do not make, or serves until it is stopped.
+fn is_left_out(call: &[String], folder: &Path) -> bool {
+    let word = |w: &str| call.iter().any(|c| c == w);
+    let is_long = ["demo", "benchmark", "live"].contains(&&*call[0]) || word("paper") || word("--check");
+    let is_absent = |file: &String| {
+        call[0] != "simulate" && !file.starts_with('-') && !file.contains('*') && !folder.join(file).exists()
+    };
+    is_long || word("-") || word("1") || call.get(1).is_some_and(is_absent)
+}
+
+/// Options that shorten a command, where it has no value of its own for them.
+fn made_cheaper(call: &[String]) -> Vec<String> {
+    let shorter: &[[&str; 2]] = match &*call[0] {
+        "simulate" => &[["--scan", "8"]],
+        "reconstruct" | "batch" | "profile" if !call.iter().any(|w| w == "--solver" || w == "--compile") => {
+            &[["--lateral", "16"], ["--iterations", "2"], ["--model", "cosine"]]
+        }
+        _ => &[],
+    };
+    let missing = shorter.iter().filter(|[name, _]| !call.iter().any(|w| w == name));
+    missing.flatten().map(|w| w.to_string()).collect()
+}
+
+#[test]
+fn commands_run() {
+    let mut ran = BTreeSet::new();
+    for page in files(&root().join("docs"), &[".md"]) {
+        let text = read(&page).replace("\\\n", " ");
+        let folder = tempfile::tempdir().expect("a folder");
+        for (line, mut call) in calls(&text) {
+            if !folder.path().join("capture.npz").exists() {
+                inputs(folder.path());
+            }
+            if is_left_out(&call, folder.path()) || !ran.insert(call.clone()) {
+                continue;
+            }
+            call.extend(made_cheaper(&call));
+            let run = Command::new(program()).args(&call).current_dir(folder.path()).output();
+            let output = run.expect("the program runs");
+            assert!(output.status.success(), "{}: {line}\n{}", page.display(), stderr(&output));
+        }
+    }
+    assert!(ran.len() > 25, "only {} commands ran", ran.len());
+}
+
 #[test]
 fn wrong_commands_are_seen() {
     let page = "thirdbounce prose\n\n    X=1 find . | thirdbounce batch - --out 'a b'  # c\n\n```sh\n$ x\n\
@@ -215,27 +288,27 @@ fn quoted(text: &str) -> Vec<&str> {
 }
 
 #[test]
-fn options_of_the_guide_exist() {
+fn options_of_the_pages_exist() {
+    // The error of an unknown topic names all verbs and topics.
+    let names = stderr(&thirdbounce(&["help", "nonsense"]));
+    let names = names.split("give one of ").nth(1).expect("the topics").split([',', ' ', '\n']);
+    let texts = names
+        .filter(|n| !n.is_empty())
+        .map(|n| String::from_utf8(thirdbounce(&["help", n]).stdout).expect("text"));
     let help = String::from_utf8(thirdbounce(&["help"]).stdout).expect("text");
-    let verbs = help.lines().skip_while(|l| *l != "Commands:").skip(1).take_while(|l| !l.is_empty());
-    let verbs = verbs
-        .filter(|l| l.starts_with("  ") && !l.starts_with("   "))
-        .filter_map(|l| l.split_whitespace().next());
-    let texts = verbs.map(|verb| String::from_utf8(thirdbounce(&["help", verb]).stdout).expect("text"));
     let mut options = BTreeSet::new();
     for text in texts.chain([help.clone()]) {
         let words = text.split(|c: char| !c.is_ascii_alphanumeric() && c != '-').map(str::to_owned);
         options.extend(words.filter(|w| w.starts_with("--")));
     }
     assert!(options.contains("--lateral") && options.contains("--dark") && !options.contains("--nonsense"));
-    let mut pages = files(&root().join("docs/guide"), &[".md"]);
+    let mut pages = files(&root().join("docs"), &[".md"]);
     pages.push(root().join("README.md"));
-    assert!(pages.len() > 7, "the guide was not found");
+    assert!(pages.len() > 10, "the pages were not found");
     for page in pages {
-        // Cargo's and make's own options stand in code blocks, never in prose.
-        for word in
-            quoted(&read(&page)).iter().flat_map(|q| q.split([' ', '=', '|'])).filter(|w| w.starts_with("--"))
-        {
+        let text = read(&page);
+        let own = quoted(&text).into_iter().filter(|q| !q.starts_with("cargo ") && !q.starts_with("make "));
+        for word in own.flat_map(|q| q.split([' ', '=', '|'])).filter(|w| w.starts_with("--")) {
             assert!(options.contains(word), "{}: {word} is no option", page.display());
         }
     }
@@ -251,7 +324,7 @@ fn pages_show_the_program_that_is_compiled() {
     });
     let program = documentation.split("```no_run\n").nth(1).and_then(|rest| rest.split("```").next());
     let program = program.filter(|p| p.contains("fn main")).expect("the first program");
-    for page in ["README.md", "docs/guide/embedding.md"] {
+    for page in ["README.md", "docs/rust-c-vulkan.md"] {
         assert!(
             read(&root.join(page)).contains(&format!("```rust\n{program}```")),
             "{page} has another program"
@@ -273,11 +346,38 @@ fn path_of(word: &str) -> Option<PathBuf> {
 #[test]
 fn recipes_name_files_that_exist() {
     let text = read(&root().join("CONTRIBUTING.md"));
+    let text = text + &read(&root().join("ARCHITECTURE.md"));
     let paths: Vec<_> = quoted(&text).into_iter().filter_map(path_of).collect();
-    assert!(paths.len() > 15, "only {} paths were found", paths.len());
+    assert!(paths.len() > 50, "only {} paths were found", paths.len());
     let missing: Vec<_> = paths.iter().filter(|path| !root().join(path).exists()).collect();
-    assert!(missing.is_empty(), "CONTRIBUTING.md names files that are not there: {missing:?}");
+    assert!(missing.is_empty(), "the pages name files that are not there: {missing:?}");
     assert_eq!(path_of("crates/capture/src/formats/NAME.rs"), Some("crates/capture/src/formats".into()));
     assert_eq!(path_of("src/solve/SOLVER/passes.rs"), Some("src/solve/surface/passes.rs".into()));
     assert_eq!(path_of("make test"), None);
+}
+
+/// The table of a capture's way names what is declared in its files.
+#[test]
+fn the_steps_of_a_capture_are_where_the_page_says() {
+    let text = read(&root().join("ARCHITECTURE.md"));
+    let table = text.split("## ").find(|part| part.starts_with("A capture's way")).expect("the table");
+    let declares = |file: &str, name: &str| {
+        let text = read(&root().join(file));
+        let kinds = ["fn", "struct", "enum", "trait", "const"];
+        text.match_indices(name).any(|(at, _)| {
+            let ends = !text[at + name.len()..].starts_with(|c: char| c.is_alphanumeric() || c == '_');
+            ends && kinds.iter().any(|kind| text[..at].ends_with(&format!("{kind} ")))
+        })
+    };
+    let mut found = 0;
+    for row in table.lines().filter(|line| line.starts_with("| ") && line.contains('`')) {
+        let [_, _, names, files, _] = row.split('|').collect::<Vec<_>>()[..] else { panic!("{row}") };
+        for name in quoted(names) {
+            assert!(quoted(files).iter().any(|file| declares(file, name)), "{name} is not in {files}");
+            found += 1;
+        }
+    }
+    assert!(found > 12, "{found} names");
+    assert!(!declares("src/resolve.rs", "Jo") && !declares("src/resolve.rs", "Settings"));
+    assert!(text.split_whitespace().count() <= 900, "the page fits a quarter of an hour");
 }

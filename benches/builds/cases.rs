@@ -12,7 +12,7 @@ use thirdbounce::export::npz::write_truth;
 use thirdbounce::simulate::{
     DEFAULT_RESOLUTION, Dark, Layout, Reflectance, RenderOptions, Scene, photon_noise, simulate, truth,
 };
-use thirdbounce::{Result, job};
+use thirdbounce::{Result, Settings, job};
 
 /// Groups in the order in which they are run.
 pub const GROUPS: [&str; 7] = ["family", "meshes", "captures", "scenes", "photons", "points", "models"];
@@ -92,8 +92,8 @@ impl Case {
                 }
                 let changed = exact.join(format!("{}.npz", digest(&(light, hide_pulse))));
                 if !changed.is_file() {
-                    let input = job::Input { path: file, no_auto_gate: true, ..job::Input::default() };
-                    let mut capture = job::load(&input)?.capture;
+                    let whole = Settings { auto_gate: Some(false), ..Settings::default() };
+                    let mut capture = job::load(&file, &whole)?.capture;
                     if let Some([photons, dark]) = light {
                         capture = photon_noise(&capture, *photons, Dark::Counts(*dark), None, scene.seed)?;
                     }
@@ -287,7 +287,7 @@ fn scenes(data: Option<&Path>) -> Result<Vec<Case>> {
     Ok(all)
 }
 
-/// Figure and torus from so many points.
+/// Figure and torus by number of points.
 fn scanned(name: &str, scan: usize) -> Result<Scene> {
     Ok(Scene { scan, bin_width: 0.01, ..Scene::named(name)? })
 }

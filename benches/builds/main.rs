@@ -322,7 +322,7 @@ fn judged(
         // Light that comes back to where it is from tells no normals.
         let has_normals = case.model != Some("retroreflective");
         values[summary::NORMALS] = if has_normals { or_nan(m.normal_error_deg) } else { f64::NAN };
-        values[summary::WITHIN] = or_nan(m.within_confidence);
+        values[summary::WITHIN] = or_nan(m.within_depth_error);
         values[summary::PAPER_DEPTH] = or_nan(m.paper.depth_mae);
         values[summary::PAPER_NORMALS] = or_nan(m.paper.normal_mae);
     }

@@ -29,7 +29,7 @@ pub struct Build {
     pub digest: String,
     /// Its folder of compiled kernels: no build finds those that another one compiled.
     cache: PathBuf,
-    /// Options of `reconstruct` that leave out what is not measured, as far as this build has them.
+    /// Options of `reconstruct` that disable unmeasured work, if supported by this build.
     quiet: Vec<&'static str>,
 }
 

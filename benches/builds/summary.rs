@@ -59,7 +59,7 @@ pub const QUANTITIES: [Quantity; COUNT] = [
     error("normals_deg", "normals, °", 1),
     quantity("paper_depth_m", "paper's measure: depth MAE, m", ERROR, 4),
     quantity("paper_normals", "paper's measure: normals MAE", ERROR, 4),
-    quantity("within_confidence", "errors within confidence", None, 2),
+    quantity("within_depth_error", "errors within depth_error", None, 2),
     overlap("agreement", "agreement"),
     quantity("beside", "light beside", IOU, 3),
     quantity("cpu_s", "CPU s", COST, 2),

@@ -11,97 +11,98 @@ use engine::{Error, Kind, Result, panic_message};
 use crate::log;
 use crate::sized::{self, Versioned};
 
-/// How a call went.
+/// Status code.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
 pub enum TbStatus {
-    /// It went well.
+    /// Success.
     TbOk = 0,
-    /// The scan or the counts cannot be used.
-    TbInput = 1,
-    /// An argument or a setting is not valid, or does not fit what the session is doing.
-    TbOptions = 2,
-    /// No Vulkan device, a missing feature, a lost device.
-    TbDevice = 3,
-    /// Not enough memory.
-    TbMemory = 4,
-    /// Something could not be written.
-    TbOutput = 5,
-    /// The frame was stopped.
-    TbCancelled = 6,
+    /// Invalid scan or counts.
+    TbErrorInput = 1,
+    /// Invalid argument or setting, or a call not allowed in the session's state.
+    TbErrorOptions = 2,
+    /// No Vulkan device, a missing feature, or a lost device.
+    TbErrorDevice = 3,
+    /// Out of host or device memory.
+    TbErrorMemory = 4,
+    /// A result could not be written.
+    TbErrorOutput = 5,
+    /// The frame was cancelled.
+    TbErrorCancelled = 6,
     /// A defect of the library.
-    TbDefect = 7,
+    TbErrorDefect = 7,
     /// No result yet.
-    TbNotYet = 8,
+    TbNotReady = 8,
 }
 
-/// What was wrong, for programs. Set `size` before the call.
+/// Machine-readable details of an error. Set `size` before the call.
 #[derive(Clone, Copy)]
 #[repr(C)]
-pub struct TbProblem {
-    /// sizeof(tb_problem).
+pub struct TbErrorInfo {
+    /// sizeof(tb_error_info).
     pub size: usize,
-    /// The status of the call; TB_OK if none failed.
+    /// Status of the call; TB_OK if none failed.
     pub status: TbStatus,
-    /// How many of `settings` are there.
+    /// Number of `settings`.
     pub setting_count: u32,
-    /// The settings that may mend it, by their names in the library ("lateral", "memory"). They live as long as the program.
-    pub settings: [*const c_char; TB_PROBLEM_SETTINGS],
-    /// What was asked for and what there is, bytes; 0 if unknown or if it is not about memory.
-    pub asked: u64,
-    pub available: u64,
+    /// Names of settings that may fix the error ("lateral", "memory"), with static lifetime.
+    pub settings: [*const c_char; TB_ERROR_INFO_SETTINGS],
+    /// Bytes requested and bytes available; 0 if unknown or not a memory error.
+    pub requested_bytes: u64,
+    pub available_bytes: u64,
 }
 
-/// Most settings that a `tb_problem` names.
-pub const TB_PROBLEM_SETTINGS: usize = 4;
+/// Maximum number of settings in `tb_error_info`.
+pub const TB_ERROR_INFO_SETTINGS: usize = 4;
 
-// SAFETY: it is `repr(C)` and begins with its size; zero is TB_OK, and valid for all fields.
-unsafe impl Versioned for TbProblem {
-    const NAME: &'static str = "tb_problem";
-    const FIRST: usize = offset_of!(TbProblem, available) + size_of::<u64>();
+// SAFETY: `repr(C)`, begins with its size; zero is TB_OK and valid for all fields.
+unsafe impl Versioned for TbErrorInfo {
+    const NAME: &'static str = "tb_error_info";
+    const FIRST: usize = offset_of!(TbErrorInfo, available_bytes) + size_of::<u64>();
 }
 
-impl TbProblem {
-    fn none() -> TbProblem {
-        TbProblem {
-            size: size_of::<TbProblem>(),
+impl TbErrorInfo {
+    fn none() -> TbErrorInfo {
+        TbErrorInfo {
+            size: size_of::<TbErrorInfo>(),
             status: TbStatus::TbOk,
             setting_count: 0,
-            settings: [std::ptr::null(); TB_PROBLEM_SETTINGS],
-            asked: 0,
-            available: 0,
+            settings: [std::ptr::null(); TB_ERROR_INFO_SETTINGS],
+            requested_bytes: 0,
+            available_bytes: 0,
         }
     }
 
-    fn of(status: TbStatus, error: &Error) -> TbProblem {
-        let mut problem = TbProblem { status, ..TbProblem::none() };
-        for remedy in error.mend.remedies() {
+    fn of(status: TbStatus, error: &Error) -> TbErrorInfo {
+        let mut info = TbErrorInfo { status, ..TbErrorInfo::none() };
+        for remedy in error.hint.remedies() {
             match remedy {
                 Remedy::Set(setting) => {
-                    let at = problem.setting_count as usize;
-                    if let Some(place) = problem.settings.get_mut(at) {
+                    let at = info.setting_count as usize;
+                    if let Some(place) = info.settings.get_mut(at) {
                         *place = setting.c_name().as_ptr();
-                        problem.setting_count += 1;
+                        info.setting_count += 1;
                     }
                 }
                 Remedy::SmallerJob { asked, available } => {
-                    (problem.asked, problem.available) = (asked.unwrap_or(0), available.unwrap_or(0));
+                    (info.requested_bytes, info.available_bytes) =
+                        (asked.unwrap_or(0), available.unwrap_or(0));
                 }
             }
         }
-        problem
+        info
     }
 }
 
 struct Last {
     what: CString,
-    mend: CString,
-    problem: TbProblem,
+    hint: CString,
+    info: TbErrorInfo,
 }
 
 impl Default for Last {
     fn default() -> Last {
-        Last { what: CString::default(), mend: CString::default(), problem: TbProblem::none() }
+        Last { what: CString::default(), hint: CString::default(), info: TbErrorInfo::none() }
     }
 }
 
@@ -109,65 +110,65 @@ thread_local! {
     static LAST: RefCell<Last> = RefCell::default();
 }
 
-/// What was wrong at this thread's last call that failed; empty if none did. Valid until this thread's next call that
-/// fails.
+/// Message of this thread's last failed call; empty without one. Valid until this thread's next failed call.
 #[unsafe(no_mangle)]
 pub extern "C" fn tb_last_error() -> *const c_char {
     LAST.with_borrow(|last| last.what.as_ptr())
 }
 
-/// How to mend it. As `tb_last_error`.
+/// Hint for fixing that error. Lifetime as for `tb_last_error`.
 #[unsafe(no_mangle)]
-pub extern "C" fn tb_last_remedy() -> *const c_char {
-    LAST.with_borrow(|last| last.mend.as_ptr())
+pub extern "C" fn tb_last_hint() -> *const c_char {
+    LAST.with_borrow(|last| last.hint.as_ptr())
 }
 
-/// The same in numbers and names: writes it to `problem`. TB_OPTIONS if `problem` is NULL or too small; the last error stays.
+/// Writes the details of that error to `info`. Returns TB_ERROR_OPTIONS if `info` is NULL or too small; the last
+/// error is unchanged.
 ///
 /// # Safety
-/// `problem` begins with its size, and may be written.
+/// `info` begins with its size and is writable.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn tb_last_problem(problem: *mut TbProblem) -> TbStatus {
-    // SAFETY: the caller gives a struct that begins with its size.
-    match LAST.with_borrow(|last| unsafe { sized::write(problem, &last.problem) }) {
+pub unsafe extern "C" fn tb_last_error_info(info: *mut TbErrorInfo) -> TbStatus {
+    // SAFETY: the caller provides a struct that begins with its size.
+    match LAST.with_borrow(|last| unsafe { sized::write(info, &last.info) }) {
         Ok(()) => TbStatus::TbOk,
-        Err(_) => TbStatus::TbOptions,
+        Err(_) => TbStatus::TbErrorOptions,
     }
 }
 
-/// The error of a handle that is NULL.
+/// Error for a NULL handle.
 pub fn no_handle(what: &str) -> Error {
-    Error::options(format!("`{what}` is NULL"), "give the handle that was made")
+    Error::options(format!("`{what}` is NULL"), "give a valid handle")
 }
 
-/// Runs the body of a call. Keeps its error for the thread, and stops panics.
+/// Runs the body of a call, records its error for the thread, and converts panics.
 pub fn guarded(body: impl FnOnce() -> Result<()>) -> TbStatus {
     let done = catch_unwind(AssertUnwindSafe(|| match body() {
         Ok(()) => TbStatus::TbOk,
         Err(error) => keep(status_of(error.kind), &error),
     }));
     done.unwrap_or_else(|panic| {
-        let mend = "report it; handles that the call used must not be used again";
+        let hint = "report it; handles that the call used must not be used again";
         let text = panic_message(&*panic).unwrap_or("a defect");
-        keep(TbStatus::TbDefect, &Error::device(text, mend))
+        keep(TbStatus::TbErrorDefect, &Error::device(text, hint))
     })
 }
 
 fn status_of(kind: Kind) -> TbStatus {
     match kind {
-        Kind::Input => TbStatus::TbInput,
-        Kind::Options => TbStatus::TbOptions,
-        Kind::Device => TbStatus::TbDevice,
-        Kind::Memory => TbStatus::TbMemory,
-        Kind::Output => TbStatus::TbOutput,
-        Kind::Cancelled => TbStatus::TbCancelled,
+        Kind::Input => TbStatus::TbErrorInput,
+        Kind::Options => TbStatus::TbErrorOptions,
+        Kind::Device => TbStatus::TbErrorDevice,
+        Kind::Memory => TbStatus::TbErrorMemory,
+        Kind::Output => TbStatus::TbErrorOutput,
+        Kind::Cancelled => TbStatus::TbErrorCancelled,
     }
 }
 
 fn keep(status: TbStatus, error: &Error) -> TbStatus {
     let text = |text: &str| CString::new(text.replace('\0', "")).unwrap_or_default();
-    let problem = TbProblem::of(status, error);
-    LAST.set(Last { what: text(&error.what), mend: text(&error.mend.to_string()), problem });
+    let info = TbErrorInfo::of(status, error);
+    LAST.set(Last { what: text(&error.what), hint: text(&error.hint.to_string()), info });
     log::error(&error.what);
     status
 }

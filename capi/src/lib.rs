@@ -1,9 +1,9 @@
-//! The C interface: devices and sessions behind opaque handles. `include/thirdbounce.h` is made from this by `make header`.
+//! The C interface: devices and sessions as opaque handles. `make header` generates `include/thirdbounce.h` from it.
 //!
-//! Every function returns a status, or cannot fail. After a status that is not `TB_OK`, `tb_last_error` and
-//! `tb_last_remedy` tell this thread what was wrong and how to mend it. No panic crosses: it becomes `TB_DEFECT`.
+//! Every function returns a status or cannot fail. After a status other than `TB_OK`, `tb_last_error` and
+//! `tb_last_hint` return this thread's message and hint. Panics are converted to `TB_ERROR_DEFECT`.
 //!
-//! `unsafe` is here because C gives pointers; each block states what the header asks of the caller.
+//! `unsafe` is required for C pointers; each block states the header's precondition.
 
 mod error;
 mod frames;
@@ -15,17 +15,17 @@ mod sized;
 mod text;
 mod vulkan;
 
-pub use error::{TB_PROBLEM_SETTINGS, TbProblem, TbStatus};
+pub use error::{TB_ERROR_INFO_SETTINGS, TbErrorInfo, TbStatus};
 pub use frames::TbLatency;
-pub use log::{TbLevel, TbLog};
+pub use log::{TbLevel, TbLogCallback};
 pub use scan::TbScan;
 pub use session::{TbFrame, TbSession};
-pub use settings::{TbFeed, TbHear, TbProgress, TbSettings};
+pub use settings::{TbFramePolicy, TbProgress, TbProgressCallback, TbSettings};
 pub use vulkan::{
     TB_EXTENSIONS, TB_FEATURE_DEBUG_UTILS, TB_FEATURE_EXTERNAL_MEMORY_FD, TB_FEATURE_FLOAT_ATOMICS,
     TB_FEATURE_INT64_ATOMICS, TB_FEATURE_MEMORY_BUDGET, TB_FEATURE_PORTABILITY_SUBSET,
-    TB_FEATURE_TIMELINE_SEMAPHORE, TbBuffer, TbFormat, TbFunction, TbLentFrame, TbMoment, TbPart,
-    TbRequirements, TbVulkan,
+    TB_FEATURE_TIMELINE_SEMAPHORE, TbBuffer, TbBufferRange, TbExternalFrame, TbFormat, TbRequirements,
+    TbTimelinePoint, TbVoidFunction, TbVulkan,
 };
 
 use std::ffi::{CStr, CString, c_char};
@@ -34,10 +34,10 @@ use engine::Error;
 use engine::gpu::{Gpu, GpuOptions};
 use error::guarded;
 
-/// Version of this interface. Structs may grow within a version: they begin with their size.
+/// Version of this interface. Structs may grow at their end within a version: they begin with their size.
 pub const TB_API_VERSION: u32 = 1;
 
-/// An opened Vulkan device. Any thread may use it, and any number of sessions at once.
+/// An opened Vulkan device, usable from any thread and by any number of sessions.
 pub struct TbDevice {
     gpu: Gpu,
     name: CString,
@@ -71,11 +71,11 @@ pub extern "C" fn tb_version() -> *const c_char {
     concat!(env!("CARGO_PKG_VERSION"), "\0").as_ptr().cast()
 }
 
-/// Opens a device into `device`. `api_version` is `TB_API_VERSION`: a library of another version refuses it. `name` is a
-/// part of the device's name, its index or its UUID, or NULL for the best one. Any thread.
+/// Opens a device. `api_version` is `TB_API_VERSION`; a library of another version refuses it. `name` is a part of
+/// the device's name, its index or its UUID, or NULL for the best device. Any thread.
 ///
 /// # Safety
-/// `name` is NULL or a string that ends with a zero; `device` points to a pointer.
+/// `name` is NULL or a zero-terminated string; `device` is writable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_device_open(
     api_version: u32,
@@ -84,33 +84,33 @@ pub unsafe extern "C" fn tb_device_open(
 ) -> TbStatus {
     guarded(|| {
         check_version(api_version)?;
-        // SAFETY: the caller gives NULL or a string.
+        // SAFETY: the caller provides NULL or a string.
         let name = unsafe { text::of(name, "name")? };
         let gpu = Gpu::open(&GpuOptions { device: name.map(str::to_string), ..GpuOptions::default() })?;
-        // SAFETY: the caller gives a pointer to write to.
+        // SAFETY: the caller provides a writable pointer.
         unsafe { sized::give_handle(device, TbDevice::of(gpu), "device") }
     })
 }
 
-/// The device's name; it lives as long as `device`. Any thread.
+/// Name of the device, with the lifetime of `device`. Any thread.
 ///
 /// # Safety
 /// `device` is open.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_device_name(device: *const TbDevice) -> *const c_char {
-    // SAFETY: the caller gives an open device, or NULL.
+    // SAFETY: the caller provides an open device, or NULL.
     unsafe { device.as_ref() }.map_or(c"".as_ptr(), |device| CStr::as_ptr(&device.name))
 }
 
-/// Gives a device back; NULL does nothing. Sessions keep what they need of it. Any thread, once.
+/// Closes a device handle; NULL is ignored. Sessions keep the device alive. Any thread, once.
 ///
 /// # Safety
-/// `device` is open, and nobody uses the handle meanwhile or afterwards.
+/// `device` is open and not used concurrently or afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_device_close(device: *mut TbDevice) {
     let _ = guarded(|| {
         if !device.is_null() {
-            // SAFETY: `tb_device_open` made it, and the caller gives it back once.
+            // SAFETY: created by `tb_device_open` and closed once.
             drop(unsafe { Box::from_raw(device) });
         }
         Ok(())

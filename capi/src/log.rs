@@ -1,53 +1,60 @@
-//! What the library tells the program beside statuses.
+//! Log messages.
 
 use std::ffi::{CString, c_char, c_void};
 use std::sync::{Mutex, PoisonError};
 
-/// What a message is.
+/// Level of a log message.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
 pub enum TbLevel {
-    /// What the library did.
-    TbNote = 0,
-    /// Why a call failed.
-    TbError = 1,
+    /// Information on the library's actions.
+    TbLevelNote = 0,
+    /// Reason of a failed call.
+    TbLevelError = 1,
+    /// Warning about a result.
+    TbLevelWarning = 2,
 }
 
-/// Receives messages. `text` is valid during the call.
-pub type TbLog = Option<unsafe extern "C" fn(user: *mut c_void, level: TbLevel, text: *const c_char)>;
+/// Receives log messages. `text` is valid during the call.
+pub type TbLogCallback =
+    Option<unsafe extern "C" fn(user_data: *mut c_void, level: TbLevel, text: *const c_char)>;
 
 struct Sink {
-    log: TbLog,
-    user: *mut c_void,
+    log: TbLogCallback,
+    user_data: *mut c_void,
 }
 
-// SAFETY: the pointer is only handed to `log`, which `tb_set_log` asks to be callable from any thread.
+// SAFETY: the pointer is only passed to `log`, which must be callable from any thread.
 unsafe impl Send for Sink {}
 
-static SINK: Mutex<Sink> = Mutex::new(Sink { log: None, user: std::ptr::null_mut() });
+static SINK: Mutex<Sink> = Mutex::new(Sink { log: None, user_data: std::ptr::null_mut() });
 
-/// Sends messages to `log` from now on, with `user`; NULL sends none. Any thread. `log` is called by any thread that calls
-/// the library, one at a time, and must not call the library itself.
+/// Sets the receiver of log messages; NULL disables logging. Any thread. `log` is called by any thread that calls the
+/// library, one at a time, and must not call the library.
 ///
 /// # Safety
-/// `log` may be called with `user` until another one is set.
+/// `log` remains callable with `user_data` until it is replaced.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn tb_set_log(log: TbLog, user: *mut c_void) {
-    *SINK.lock().unwrap_or_else(PoisonError::into_inner) = Sink { log, user };
+pub unsafe extern "C" fn tb_set_log_callback(log: TbLogCallback, user_data: *mut c_void) {
+    *SINK.lock().unwrap_or_else(PoisonError::into_inner) = Sink { log, user_data };
 }
 
 pub fn note(text: &str) {
-    tell(TbLevel::TbNote, text);
+    send(TbLevel::TbLevelNote, text);
+}
+
+pub fn warning(text: &str) {
+    send(TbLevel::TbLevelWarning, text);
 }
 
 pub fn error(text: &str) {
-    tell(TbLevel::TbError, text);
+    send(TbLevel::TbLevelError, text);
 }
 
-fn tell(level: TbLevel, text: &str) {
+fn send(level: TbLevel, text: &str) {
     let sink = SINK.lock().unwrap_or_else(PoisonError::into_inner);
     if let (Some(log), Ok(text)) = (sink.log, CString::new(text.replace('\0', ""))) {
-        // SAFETY: `tb_set_log` was told that it may be called so.
-        unsafe { log(sink.user, level, text.as_ptr()) };
+        // SAFETY: guaranteed by the caller of `tb_set_log_callback`.
+        unsafe { log(sink.user_data, level, text.as_ptr()) };
     }
 }

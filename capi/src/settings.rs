@@ -1,59 +1,56 @@
-//! How a session solves, and what it tells of its progress.
+//! Settings of a session, and progress reports.
 
 use std::ffi::{c_char, c_void};
 use std::mem::offset_of;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
-use engine::estimation::Choice;
 use engine::session::{Feed, FrameId, Hear, SessionOptions};
-use engine::solve::Follow;
-use engine::solve::option::{OptionValue, Suit};
-use engine::solve::{Progress, SolverOptions};
-use engine::{Error, Result};
+use engine::solve::{Follow, Progress};
+use engine::{Error, Result, Settings};
 
 use crate::sized::Versioned;
 use crate::text;
 
-/// What becomes of a frame that is submitted while another one is being solved.
+/// Handling of frames submitted during a solve.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
-pub enum TbFeed {
-    /// It is refused: TB_OPTIONS.
-    TbOne = 0,
-    /// It waits, in the place of the one that waited.
-    TbNewest = 1,
-    /// It waits behind all others, up to `waiting` of tb_settings. Each is solved, once the result before it was taken.
-    TbEvery = 2,
-    /// It is added to a running sum, which was multiplied by `decay` of tb_settings before, and is solved as soon as that is
-    /// possible.
-    TbSum = 3,
+pub enum TbFramePolicy {
+    /// Refused with TB_ERROR_OPTIONS.
+    TbFramesRefuse = 0,
+    /// Waits, replacing a waiting frame.
+    TbFramesNewest = 1,
+    /// Queued, up to `queue_length` of tb_settings. Each is solved after the previous result was taken.
+    TbFramesQueue = 2,
+    /// Added to a running sum, multiplied by `sum_decay` of tb_settings before, and solved as soon as possible.
+    TbFramesSum = 3,
 }
 
-/// Frames that wait if nobody says how many may.
-const WAITING: usize = 16;
+/// Default queue length.
+const QUEUE_LENGTH: usize = 16;
 
-/// What a progress function is told.
+/// Progress of a frame.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct TbProgress {
     /// sizeof(tb_progress) of the library.
     pub size: usize,
-    /// The frame; 0 while `tb_session_new` looks for the model and the pulse.
+    /// Frame number; 0 during the estimates of `tb_session_new`.
     pub frame: u64,
-    /// Iterations done, and iterations of the whole frame.
+    /// Iterations done, and total iterations of the frame.
     pub iteration: usize,
     pub iterations: usize,
-    /// The loss; NaN while a closed form is computed.
+    /// Loss; NaN during a closed form.
     pub loss: f64,
-    /// Seconds since the frame began.
+    /// Seconds since the start of the frame.
     pub seconds: f64,
 }
 
-/// Hears of the progress. Returns 0 to go on; anything else stops the frame.
-pub type TbHear = Option<unsafe extern "C" fn(user: *mut c_void, progress: *const TbProgress) -> i32>;
+/// Receives progress reports. Returns 0 to continue; any other value cancels the frame.
+pub type TbProgressCallback =
+    Option<unsafe extern "C" fn(user_data: *mut c_void, progress: *const TbProgress) -> i32>;
 
-/// How a session solves. Zero everything, then set `size`; zero is the default of every field.
+/// Settings of a session. Zero-initialise, then set `size`; zero is the default of every field.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct TbSettings {
@@ -63,46 +60,47 @@ pub struct TbSettings {
     pub solver: *const c_char,
     /// Lateral pixels of the maps; 0: the solver's default.
     pub lateral: usize,
-    /// Further options of the solver as "name=value name=value", by their names on the command line, "model=lambertian" among
-    /// them; NULL: none.
+    /// Further solver options as "name=value name=value", with names of the command line, including
+    /// "model=lambertian"; NULL: none.
     pub options: *const c_char,
-    /// Most device memory to use, bytes; 0: what is free.
-    pub memory: u64,
-    /// A frame that takes longer is stopped, seconds; 0: none is.
+    /// Maximum device memory, bytes; 0: all free memory.
+    pub memory_limit: u64,
+    /// Time after which a frame is cancelled, seconds; 0: none.
     pub time_limit: f64,
-    /// Hears of the progress. Called by the session's own thread, and by `tb_session_new` while it looks for model and pulse; it must not call functions of this session but
-    /// `tb_session_cancel`.
-    pub hear: TbHear,
-    /// Given to `hear`.
-    pub user: *mut c_void,
-    /// 1: a frame begins with the surface of the frame before, with fewer iterations. For "surface".
-    pub follow: u32,
-    /// 1: frames may be in buffers of the program (`tb_session_submit_lent`).
-    pub lent: u32,
-    /// Time for a frame, seconds: as many iterations as fit, and always a whole picture; 0: no limit. It needs `follow`.
-    pub budget: f64,
-    /// How many neighbouring bins are one for the solver; 0: as many as the maps' pixels do not tell apart.
-    pub sum: usize,
-    /// What becomes of frames that are submitted while one is solved: a `tb_feed`.
-    pub feed: u32,
-    /// Not used: 0.
+    /// Progress callback, called by the session's thread, and by `tb_session_new` during estimates. It may call
+    /// `tb_session_cancel` but no other function of this session.
+    pub progress: TbProgressCallback,
+    /// Passed to `progress`.
+    pub user_data: *mut c_void,
+    /// 1: frames start from the previous frame's surface, with fewer iterations. For "surface".
+    pub warm_start: u32,
+    /// 1: frames may be in external buffers (`tb_session_submit_external`).
+    pub external_frames: u32,
+    /// Time per frame, seconds: as many iterations as fit, always a complete result; 0: no limit. Requires
+    /// `warm_start`.
+    pub frame_budget: f64,
+    /// Number of neighbouring bins summed for the solver; 0: chosen by the resolution of the maps.
+    pub sum_bins: usize,
+    /// Handling of frames submitted during a solve: a `tb_frame_policy`.
+    pub frame_policy: u32,
+    /// Reserved: 0.
     pub reserved: u32,
-    /// Most frames that wait with TB_EVERY; 0: 16.
-    pub waiting: usize,
-    /// What a sum is multiplied by before the next frame, from 0 to 1, with TB_SUM.
-    pub decay: f64,
+    /// Maximum number of queued frames with TB_FRAMES_QUEUE; 0: 16.
+    pub queue_length: usize,
+    /// Factor of the sum before the next frame is added, 0 to 1, with TB_FRAMES_SUM.
+    pub sum_decay: f64,
 }
 
-// SAFETY: it is `repr(C)` and begins with its size; zero is valid for all fields.
+// SAFETY: `repr(C)`, begins with its size; zero is valid for all fields.
 unsafe impl Versioned for TbSettings {
     const NAME: &'static str = "tb_settings";
-    const FIRST: usize = offset_of!(TbSettings, user) + size_of::<*mut c_void>();
+    const FIRST: usize = offset_of!(TbSettings, user_data) + size_of::<*mut c_void>();
 }
 
-/// A pointer of the program's, for the session's thread.
+/// The program's pointer, for the session's thread.
 struct User(*mut c_void);
 
-// SAFETY: it is only handed to `hear`, which the header asks to be callable from the session's thread.
+// SAFETY: only passed to `progress`, which must be callable from the session's thread.
 unsafe impl Send for User {}
 
 impl User {
@@ -112,104 +110,88 @@ impl User {
 }
 
 impl TbSettings {
+    /// The settings of the engine.
+    ///
     /// # Safety
-    /// The strings are NULL or end with a zero.
-    pub unsafe fn choice(&self) -> Result<Choice> {
-        // SAFETY: as the caller states.
-        let [name, options] =
+    /// The strings are NULL or zero-terminated.
+    pub unsafe fn settings(&self) -> Result<Settings> {
+        // SAFETY: guaranteed by the caller.
+        let [solver, options] =
             unsafe { [text::of(self.solver, "solver")?, text::of(self.options, "options")?] };
-        let mut choice = Choice { solver: name.map(String::from), ..Choice::default() };
-        choice.check()?;
+        let mut settings = Settings::default();
+        solver.map_or(Ok(()), |name| settings.set("solver", name))?;
         if self.lateral > 0 {
-            choice.options.push(("lateral", OptionValue::Count(self.lateral)));
+            settings.set("lateral", &self.lateral.to_string())?;
         }
         for option in options.unwrap_or_default().split_whitespace() {
-            set(&mut choice, option)?;
+            let (name, value) = option.split_once('=').ok_or_else(|| {
+                Error::options(
+                    format!("the option \"{option}\" is not name=value"),
+                    "write lateral=64, for example",
+                )
+            })?;
+            settings.set(name, value)?;
         }
-        choice.check().map(|()| choice)
+        settings.memory = (self.memory_limit > 0).then_some(self.memory_limit).or(settings.memory);
+        settings.check().map(|()| settings)
     }
 
     /// # Safety
-    /// `hear` may be called with `user` by another thread.
+    /// `progress` is callable with `user_data` by another thread.
     pub unsafe fn session_options(&self) -> Result<SessionOptions> {
         let limit = Duration::try_from_secs_f64(self.time_limit).map_err(|_| {
             Error::options(format!("the time limit is {} s", self.time_limit), "give seconds, or 0 for none")
         })?;
-        let budget =
-            Duration::try_from_secs_f64(self.budget).ok().filter(|b| b.is_zero() || self.follow != 0);
+        let budget = Duration::try_from_secs_f64(self.frame_budget)
+            .ok()
+            .filter(|b| b.is_zero() || self.warm_start != 0);
         let Some(budget) = budget else {
-            let what = format!("the budget is {} s, and `follow` is {}", self.budget, self.follow);
-            return Err(Error::options(what, "give seconds with `follow` 1, or 0 for none"));
+            let what =
+                format!("the budget is {} s, and `warm_start` is {}", self.frame_budget, self.warm_start);
+            return Err(Error::options(what, "give seconds with `warm_start` 1, or 0 for none"));
         };
         let budget = (!budget.is_zero()).then_some(budget);
-        let user = User(self.user);
-        let hear = self.hear.map(|hear| -> Hear {
+        let user = User(self.user_data);
+        let hear = self.progress.map(|callback| -> Hear {
             Box::new(move |id: FrameId, progress: &Progress| {
-                let told = TbProgress::of(id, progress);
-                // SAFETY: as the caller states.
-                match unsafe { hear(user.pointer(), &told) } {
+                let report = TbProgress::of(id, progress);
+                // SAFETY: guaranteed by the caller.
+                match unsafe { callback(user.pointer(), &report) } {
                     0 => ControlFlow::Continue(()),
                     _ => ControlFlow::Break(()),
                 }
             })
         });
         Ok(SessionOptions {
-            memory: (self.memory > 0).then_some(self.memory),
             time_limit: (limit > Duration::ZERO).then_some(limit),
             hear,
-            follow: (self.follow != 0).then(|| Follow { budget, ..Follow::default() }),
-            lent: self.lent != 0,
-            sum: (self.sum > 0).then_some(self.sum),
+            follow: (self.warm_start != 0).then(|| Follow { budget, ..Follow::default() }),
+            external: self.external_frames != 0,
+            sum: (self.sum_bins > 0).then_some(self.sum_bins),
             feed: self.feed()?,
             ..SessionOptions::default()
         })
     }
 
-    /// The feed that they ask for.
+    /// The selected policy.
     fn feed(&self) -> Result<Feed> {
-        const ONE: u32 = TbFeed::TbOne as u32;
-        const NEWEST: u32 = TbFeed::TbNewest as u32;
-        const EVERY: u32 = TbFeed::TbEvery as u32;
-        const SUM: u32 = TbFeed::TbSum as u32;
-        match self.feed {
-            ONE => Ok(Feed::One),
+        const REFUSE: u32 = TbFramePolicy::TbFramesRefuse as u32;
+        const NEWEST: u32 = TbFramePolicy::TbFramesNewest as u32;
+        const QUEUE: u32 = TbFramePolicy::TbFramesQueue as u32;
+        const SUM: u32 = TbFramePolicy::TbFramesSum as u32;
+        match self.frame_policy {
+            REFUSE => Ok(Feed::One),
             NEWEST => Ok(Feed::Newest),
-            EVERY => Ok(Feed::Every { most: if self.waiting > 0 { self.waiting } else { WAITING } }),
-            SUM => Ok(Feed::Sum { decay: self.decay }),
+            QUEUE => {
+                Ok(Feed::Every { most: if self.queue_length > 0 { self.queue_length } else { QUEUE_LENGTH } })
+            }
+            SUM => Ok(Feed::Sum { decay: self.sum_decay }),
             other => Err(Error::options(
-                format!("`feed` is {other}"),
-                "give TB_ONE, TB_NEWEST, TB_EVERY or TB_SUM",
+                format!("`frame_policy` is {other}"),
+                "give TB_FRAMES_REFUSE, TB_FRAMES_NEWEST, TB_FRAMES_QUEUE or TB_FRAMES_SUM",
             )),
         }
     }
-}
-
-/// Adds an option that is given as "name=value".
-fn set(choice: &mut Choice, option: &str) -> Result<()> {
-    let wrong = |what: &str| {
-        let mend = "see `thirdbounce help reconstruct` for names and values";
-        Err(Error::options(format!("the option \"{option}\" {what}"), mend))
-    };
-    let Some((name, text)) = option.split_once('=') else { return wrong("is not name=value") };
-    if name == "model" {
-        choice.model = Some(text.into());
-        return Ok(());
-    }
-    let key = name.replace('-', "_");
-    let mut solver = SolverOptions::suited_to(choice.solver_name(), &Suit::USUAL).expect("it was checked");
-    let rows = solver.rows();
-    let Some(row) = rows.iter().find(|row| row.key == key) else { return wrong("is none of this solver's") };
-    let values = [
-        text.parse().ok().map(OptionValue::Count),
-        text.parse().ok().map(OptionValue::Number),
-        text.parse().ok().map(OptionValue::Flag),
-        Some(OptionValue::Word(text.into())),
-    ];
-    let Some(value) = solver.set_first(row.key, values.into_iter().flatten()) else {
-        return wrong("has a value that it does not take");
-    };
-    choice.options.push((row.key, value));
-    Ok(())
 }
 
 impl TbProgress {

@@ -1,46 +1,46 @@
-//! Structs that begin with their size, so that programs that were compiled with an older header go on working, and
-//! pointers to write to.
+//! Structs that begin with their size, for compatibility with programs compiled with an older header, and output
+//! pointers.
 
 use std::mem::MaybeUninit;
 
 use engine::{Error, Result};
 
-/// A struct of C that begins with its size in bytes. Fields are only ever added at its end.
+/// A C struct that begins with its size in bytes and grows only at its end.
 ///
 /// # Safety
 /// The type is `repr(C)`, begins with a `usize`, and is valid with all bytes zero.
 pub unsafe trait Versioned: Copy {
-    /// Its name in the header.
+    /// Name in the header.
     const NAME: &'static str;
-    /// The size that it had at first.
+    /// Size in the first version.
     const FIRST: usize;
 }
 
-/// A copy of the struct at `from`. What an older program does not know of is zero.
+/// A copy of the struct at `from`, with fields unknown to an older program zeroed.
 ///
 /// # Safety
-/// `from` is NULL or points to as many bytes as its first field says.
+/// `from` is NULL or points to as many bytes as its first field states.
 pub unsafe fn read<T: Versioned>(from: *const T) -> Result<T> {
-    // SAFETY: as the caller states.
+    // SAFETY: guaranteed by the caller.
     let (size, own) = (unsafe { size_of_target(from)? }, size_of::<T>());
     let mut copy = MaybeUninit::<T>::zeroed();
-    // SAFETY: so many bytes are there, and fit; all zero is valid for the rest.
+    // SAFETY: this many bytes exist and fit; zero is valid for the rest.
     unsafe {
         std::ptr::copy_nonoverlapping(from.cast::<u8>(), copy.as_mut_ptr().cast::<u8>(), size.min(own));
         Ok(copy.assume_init())
     }
 }
 
-/// Writes `value` to the struct at `to`, as much of it as the program knows of. Its size stays.
+/// Writes `value` to the struct at `to`, up to the size known to the program, which is kept.
 ///
 /// # Safety
-/// `to` is NULL or points to as many bytes as its first field says, which may be written.
+/// `to` is NULL or points to as many writable bytes as its first field states.
 pub unsafe fn write<T: Versioned>(to: *mut T, value: &T) -> Result<()> {
-    // SAFETY: as the caller states.
+    // SAFETY: guaranteed by the caller.
     let size = unsafe { size_of_target(to)? };
     let first = size_of::<usize>();
     let from = std::ptr::from_ref(value).cast::<u8>();
-    // SAFETY: so many bytes are there on both sides.
+    // SAFETY: both sides have this many bytes.
     unsafe {
         let bytes = size.min(size_of::<T>()) - first;
         std::ptr::copy_nonoverlapping(from.add(first), to.cast::<u8>().add(first), bytes);
@@ -48,7 +48,7 @@ pub unsafe fn write<T: Versioned>(to: *mut T, value: &T) -> Result<()> {
     Ok(())
 }
 
-/// The size of the struct at `to`, as the program knows it.
+/// Size of the struct at `to`, as known to the program.
 ///
 /// # Safety
 /// As [`write`].
@@ -56,7 +56,7 @@ pub unsafe fn size_of_target<T: Versioned>(to: *const T) -> Result<usize> {
     if to.is_null() {
         return Err(Error::options(format!("{} is NULL", T::NAME), "give a pointer to a struct"));
     }
-    // SAFETY: it begins with its size, as the trait states.
+    // SAFETY: it begins with its size, by the trait's contract.
     let size = unsafe { to.cast::<usize>().read_unaligned() };
     check(size, T::NAME, T::FIRST)?;
     Ok(size)
@@ -72,26 +72,26 @@ fn check(size: usize, name: &str, least: usize) -> Result<()> {
     ))
 }
 
-/// Writes `value` to `to`, unless that is NULL.
+/// Writes `value` to `to`, unless NULL.
 ///
 /// # Safety
-/// `to` is NULL or may be written.
+/// `to` is NULL or writable.
 pub unsafe fn give<T>(to: *mut T, value: T) {
     if !to.is_null() {
-        // SAFETY: as the caller states.
+        // SAFETY: guaranteed by the caller.
         unsafe { to.write(value) };
     }
 }
 
-/// Makes a handle of `value` and writes it to `to`.
+/// Writes a new handle of `value` to `to`.
 ///
 /// # Safety
-/// `to` is NULL or may be written.
+/// `to` is NULL or writable.
 pub unsafe fn give_handle<T>(to: *mut *mut T, value: T, what: &str) -> Result<()> {
     if to.is_null() {
         return Err(Error::options(format!("`{what}` is NULL"), "give a pointer to write to"));
     }
-    // SAFETY: as the caller states.
+    // SAFETY: guaranteed by the caller.
     unsafe { to.write(Box::into_raw(Box::new(value))) };
     Ok(())
 }

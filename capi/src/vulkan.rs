@@ -1,4 +1,4 @@
-//! A program's own Vulkan: what to enable, a device of its handles, frames in its buffers.
+//! An application's own Vulkan: requirements, devices from its handles, frames in its buffers.
 
 use std::ffi::{c_char, c_void};
 use std::mem::offset_of;
@@ -6,21 +6,23 @@ use std::sync::Arc;
 
 use ash::vk::{self, Handle};
 use engine::gpu::Gpu;
-use engine::gpu::caller::{Features, Imported, Lent, Moment, QueueLock, Vulkan, requirements};
-use engine::session::{Format, LentCounts, LentFrame};
+use engine::gpu::external::{
+    ExternalBuffer, Features, Imported, QueueLock, TimelinePoint, Vulkan, requirements,
+};
+use engine::session::{ExternalCounts, ExternalFrame, Format};
 use engine::{Error, Result};
 
 use crate::error::{TbStatus, guarded, no_handle};
 use crate::sized::{self, Versioned};
 use crate::{TbDevice, TbSession};
 
-/// A function of any kind: PFN_vkVoidFunction.
-pub type TbFunction = Option<unsafe extern "C" fn()>;
+/// Generic function pointer: PFN_vkVoidFunction.
+pub type TbVoidFunction = Option<unsafe extern "C" fn()>;
 
-/// Most extensions that `tb_requirements` names.
+/// Maximum number of extensions in `tb_requirements`.
 pub const TB_EXTENSIONS: usize = 8;
 
-/// VkPhysicalDeviceVulkan12Features::timelineSemaphore. It must be enabled.
+/// VkPhysicalDeviceVulkan12Features::timelineSemaphore. Required.
 pub const TB_FEATURE_TIMELINE_SEMAPHORE: u32 = 1;
 /// VkPhysicalDeviceFeatures::shaderInt64 and VkPhysicalDeviceVulkan12Features::shaderBufferInt64Atomics.
 pub const TB_FEATURE_INT64_ATOMICS: u32 = 2;
@@ -32,116 +34,116 @@ pub const TB_FEATURE_MEMORY_BUDGET: u32 = 8;
 pub const TB_FEATURE_PORTABILITY_SUBSET: u32 = 16;
 /// VK_KHR_external_memory_fd.
 pub const TB_FEATURE_EXTERNAL_MEMORY_FD: u32 = 32;
-/// VK_EXT_debug_utils, of the instance.
+/// VK_EXT_debug_utils of the instance.
 pub const TB_FEATURE_DEBUG_UTILS: u32 = 64;
 
-/// Handles of a program's own Vulkan. Zero everything, then set `size`.
+/// Handles of an application's Vulkan. Zero-initialise, then set `size`.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct TbVulkan {
     /// sizeof(tb_vulkan).
     pub size: usize,
-    /// vkGetInstanceProcAddr of the loader that made the instance.
-    pub get_instance_proc_addr: TbFunction,
-    /// VkInstance, and VkApplicationInfo::apiVersion that it was made with: at least 1.2.
+    /// vkGetInstanceProcAddr of the loader that created the instance.
+    pub get_instance_proc_addr: TbVoidFunction,
+    /// VkInstance, and its VkApplicationInfo::apiVersion: at least 1.2.
     pub instance: *mut c_void,
     pub api_version: u32,
-    /// Family of `queue`. Not used by `tb_vulkan_requirements`, as all that follows.
+    /// Family of `queue`. This and the following fields are not used by `tb_vulkan_requirements`, except as noted.
     pub queue_family: u32,
-    /// VkPhysicalDevice. `tb_vulkan_requirements` uses it, too.
+    /// VkPhysicalDevice. Used by `tb_vulkan_requirements` as well.
     pub physical_device: *mut c_void,
-    /// VkDevice, and a VkQueue of it that computes.
+    /// VkDevice, and a compute-capable VkQueue of it.
     pub device: *mut c_void,
     pub queue: *mut c_void,
-    /// TB_FEATURE_ bits of what was enabled.
-    pub enabled: u32,
-    /// Not used: 0.
+    /// TB_FEATURE_ bits of the enabled features.
+    pub enabled_features: u32,
+    /// Reserved: 0.
     pub reserved: u32,
-    /// Called around submissions to the queue, by any thread; both NULL if nobody else uses the queue.
-    pub lock: Option<unsafe extern "C" fn(user: *mut c_void)>,
-    pub unlock: Option<unsafe extern "C" fn(user: *mut c_void)>,
-    /// Given to both.
-    pub user: *mut c_void,
-    /// VkPipelineCache for the library's kernels; 0: one of its own.
+    /// Called around submissions to the queue, by any thread; both NULL if the queue is not used otherwise.
+    pub lock: Option<unsafe extern "C" fn(user_data: *mut c_void)>,
+    pub unlock: Option<unsafe extern "C" fn(user_data: *mut c_void)>,
+    /// Passed to both.
+    pub user_data: *mut c_void,
+    /// VkPipelineCache for the library's kernels; 0: a cache of the library.
     pub pipeline_cache: u64,
 }
 
-/// What a device is to be made with. Set `size` before the call.
+/// Requirements for creating a device. Set `size` before the call.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct TbRequirements {
     /// sizeof(tb_requirements).
     pub size: usize,
-    /// Least VkApplicationInfo::apiVersion.
+    /// Minimum VkApplicationInfo::apiVersion.
     pub api_version: u32,
-    /// A family whose queues compute; any other that computes will do.
+    /// A compute queue family; any other compute family is suitable.
     pub queue_family: u32,
-    /// TB_FEATURE_ bits of what the device offers of that which the library uses: enable all, or less.
+    /// TB_FEATURE_ bits that the device offers and the library uses; any subset may be enabled.
     pub features: u32,
-    /// The extensions of the device for them; they live as long as the program.
+    /// Device extensions for these features, with static lifetime.
     pub extension_count: u32,
     pub extensions: [*const c_char; TB_EXTENSIONS],
 }
 
-/// What counts in a buffer are.
+/// Type of counts in a buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(C)]
 pub enum TbFormat {
     /// 32-bit floats.
-    TbF32 = 0,
+    TbFormatF32 = 0,
     /// 32-bit unsigned integers.
-    TbU32 = 1,
-    /// 16-bit unsigned integers, two to a word.
-    TbU16 = 2,
+    TbFormatU32 = 1,
+    /// 16-bit unsigned integers, two per word.
+    TbFormatU16 = 2,
 }
 
-/// A part of a program's VkBuffer: whole words of 4 bytes.
+/// A range of a VkBuffer, in whole words of 4 bytes.
 #[derive(Clone, Copy)]
 #[repr(C)]
-pub struct TbPart {
+pub struct TbBufferRange {
     /// VkBuffer; 0: none.
     pub buffer: u64,
-    /// First byte, and how many.
+    /// Offset and size in bytes.
     pub offset: u64,
     pub bytes: u64,
 }
 
-/// A value of a program's timeline semaphore.
+/// A value of a timeline semaphore.
 #[derive(Clone, Copy)]
 #[repr(C)]
-pub struct TbMoment {
+pub struct TbTimelinePoint {
     /// VkSemaphore; 0: none.
     pub semaphore: u64,
-    /// Its value.
+    /// Semaphore value.
     pub value: u64,
 }
 
-/// A frame whose counts lie in a program's buffer, and whose maps go into one. Zero everything, then set `size`.
+/// A frame with counts, and optionally maps, in external buffers. Zero-initialise, then set `size`.
 #[derive(Clone, Copy)]
 #[repr(C)]
-pub struct TbLentFrame {
-    /// sizeof(tb_lent_frame).
+pub struct TbExternalFrame {
+    /// sizeof(tb_external_frame).
     pub size: usize,
-    /// The counts, those of bin b of pair p as number p * bins + b. The buffer has VK_BUFFER_USAGE_TRANSFER_SRC_BIT.
-    pub counts: TbPart,
-    /// Imported memory in place of `counts`; NULL: none.
+    /// Counts, bin b of pair p at element p * bins + b. The buffer has VK_BUFFER_USAGE_TRANSFER_SRC_BIT.
+    pub counts: TbBufferRange,
+    /// Imported memory instead of `counts`; NULL: none.
     pub imported: *const TbBuffer,
-    /// What they are: a tb_format.
+    /// Type of the counts: a tb_format.
     pub format: u32,
-    /// Not used: 0.
+    /// Reserved: 0.
     pub reserved: u32,
-    /// The counts are there from then on; without a semaphore: now.
-    pub after: TbMoment,
-    /// Brought about when the counts were copied.
-    pub taken: TbMoment,
-    /// Where the maps go, as floats one after the other for n pixels: albedo, depth, normals (x, y, z of each), mask (1 or 0),
-    /// confidence; `tb_session_maps_bytes` bytes. The buffer has VK_BUFFER_USAGE_TRANSFER_DST_BIT.
-    pub maps: TbPart,
-    /// Brought about when the maps are there.
-    pub done: TbMoment,
+    /// Point at which the counts are available; without a semaphore: immediately.
+    pub counts_ready: TbTimelinePoint,
+    /// Signalled once the counts are copied.
+    pub counts_copied: TbTimelinePoint,
+    /// Destination of the maps, as float planes of n pixels: albedo, depth, normals (x, y, z of each), mask (1 or 0),
+    /// expected depth error; `tb_session_maps_bytes` bytes. The buffer has VK_BUFFER_USAGE_TRANSFER_DST_BIT.
+    pub maps: TbBufferRange,
+    /// Signalled once the maps are available.
+    pub maps_ready: TbTimelinePoint,
 }
 
-/// A buffer over memory that another program or interface shares.
+/// A buffer over imported external memory.
 pub struct TbBuffer(Imported);
 
 // SAFETY: all are `repr(C)` and begin with their size; zero is valid for all fields.
@@ -157,13 +159,12 @@ unsafe impl Versioned for TbRequirements {
 }
 
 // SAFETY: as above.
-unsafe impl Versioned for TbLentFrame {
-    const NAME: &'static str = "tb_lent_frame";
-    const FIRST: usize = offset_of!(TbLentFrame, done) + size_of::<TbMoment>();
+unsafe impl Versioned for TbExternalFrame {
+    const NAME: &'static str = "tb_external_frame";
+    const FIRST: usize = offset_of!(TbExternalFrame, maps_ready) + size_of::<TbTimelinePoint>();
 }
 
-/// Says what a device of the program's own is to be made with: `vulkan` needs no more than an instance and a physical device.
-/// Any thread.
+/// Writes the requirements for creating a device; only instance and physical device of `vulkan` are used. Any thread.
 ///
 /// # Safety
 /// `vulkan` and `out` begin with their sizes. The handles are valid and belong together.
@@ -173,19 +174,19 @@ pub unsafe extern "C" fn tb_vulkan_requirements(
     out: *mut TbRequirements,
 ) -> TbStatus {
     guarded(|| {
-        // SAFETY: the caller gives structs that begin with their sizes.
+        // SAFETY: the caller provides structs that begin with their sizes.
         let vulkan = unsafe {
             sized::size_of_target(out)?;
             sized::read(vulkan)?
         };
         let (load, instance) = vulkan.loader()?;
         let physical = vk::PhysicalDevice::from_raw(vulkan.physical_device as u64);
-        // SAFETY: the caller gives handles that are valid and belong together.
+        // SAFETY: the caller provides valid handles that belong together.
         let found = unsafe { requirements(load, instance, vulkan.api_version, physical)? };
         let mut extensions = [std::ptr::null(); TB_EXTENSIONS];
         let names = found.extensions();
         names.iter().zip(&mut extensions).for_each(|(name, to)| *to = name.as_ptr());
-        let told = TbRequirements {
+        let requirements = TbRequirements {
             size: size_of::<TbRequirements>(),
             api_version: found.api_version,
             queue_family: found.family,
@@ -193,27 +194,27 @@ pub unsafe extern "C" fn tb_vulkan_requirements(
             extension_count: names.len() as u32,
             extensions,
         };
-        // SAFETY: the caller gives a struct that begins with its size.
-        unsafe { sized::write(out, &told) }
+        // SAFETY: the caller provides a struct that begins with its size.
+        unsafe { sized::write(out, &requirements) }
     })
 }
 
-/// Makes a device of a program's own handles into `device`: see `tb_device_open`. Nothing of them is destroyed by
-/// `tb_device_close`. Any thread.
+/// Creates a device from an application's handles: see `tb_device_open`. `tb_device_close` destroys none of them. Any
+/// thread.
 ///
 /// # Safety
-/// `vulkan` begins with its size. The handles are valid, belong together, and live until the device and all sessions of it are
-/// gone; `enabled` says no more than was enabled; `lock` and `unlock` may be called by any thread meanwhile. `device` points to a
-/// pointer.
+/// `vulkan` begins with its size. The handles are valid, belong together, and outlive the device and all its
+/// sessions; `enabled_features` has only enabled features; `lock` and `unlock` are callable by any thread meanwhile.
+/// `device` is writable.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn tb_device_of_vulkan(
+pub unsafe extern "C" fn tb_device_from_vulkan(
     api_version: u32,
     vulkan: *const TbVulkan,
     device: *mut *mut TbDevice,
 ) -> TbStatus {
     guarded(|| {
         crate::check_version(api_version)?;
-        // SAFETY: the caller gives a struct that begins with its size.
+        // SAFETY: the caller provides a struct that begins with its size.
         let vulkan = unsafe { sized::read(vulkan)? };
         let (load, instance) = vulkan.loader()?;
         if vulkan.device.is_null() || vulkan.queue.is_null() || vulkan.physical_device.is_null() {
@@ -231,61 +232,61 @@ pub unsafe extern "C" fn tb_device_of_vulkan(
             device: vk::Device::from_raw(vulkan.device as u64),
             queue: vk::Queue::from_raw(vulkan.queue as u64),
             family: vulkan.queue_family,
-            enabled: features_of(vulkan.enabled),
+            enabled: features_of(vulkan.enabled_features),
             lock,
             blocks: None,
             pipeline_cache: vk::PipelineCache::from_raw(vulkan.pipeline_cache),
         };
-        // SAFETY: as the caller states.
-        let gpu = unsafe { Gpu::of_caller(&vulkan)? };
-        // SAFETY: the caller gives a pointer to write to.
+        // SAFETY: guaranteed by the caller.
+        let gpu = unsafe { Gpu::of_external(&vulkan)? };
+        // SAFETY: the caller provides a writable pointer.
         unsafe { sized::give_handle(device, TbDevice::of(gpu), "device") }
     })
 }
 
-/// Begins to solve a frame in buffers of the program's, and returns: see `tb_session_submit`. The session was made with `lent`
-/// in its settings. A frame that fails or is stopped brings its moments about, too. Any thread; calls for one session wait for each
-/// other.
+/// Submits a frame in external buffers without waiting: see `tb_session_submit`. Requires `external_frames` in the
+/// session's settings. Failed and cancelled frames signal their timeline points as well. Any thread; calls on one
+/// session are serialised.
 ///
 /// # Safety
-/// `session` lives. `lent` begins with its size. Buffers and semaphores are of the session's device and live until the frame is
-/// over; nobody writes the counts from `after` to `taken`, or uses the maps' buffer before `done`. `frame` is NULL or may be written.
+/// `session` is valid. `external` begins with its size. Buffers and semaphores belong to the session's device and
+/// live until the frame is finished; the counts are not written between `counts_ready` and `counts_copied`, and the
+/// maps' buffer is not used before `maps_ready`. `frame` is NULL or writable.
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn tb_session_submit_lent(
+pub unsafe extern "C" fn tb_session_submit_external(
     session: *const TbSession,
-    lent: *const TbLentFrame,
+    external: *const TbExternalFrame,
     frame: *mut u64,
 ) -> TbStatus {
     guarded(|| {
-        // SAFETY: the caller gives a living session, or NULL, and a struct that begins with its size.
-        let (session, lent) =
-            unsafe { (session.as_ref().ok_or_else(|| no_handle("session"))?, sized::read(lent)?) };
-        // SAFETY: as the caller states.
-        let lent = unsafe { lent.frame()? };
-        let id = session.session().submit_lent(lent)?;
-        // SAFETY: the caller gives a pointer to write to, or NULL.
+        // SAFETY: the caller provides a valid session, or NULL, and a struct that begins with its size.
+        let (session, external) =
+            unsafe { (session.as_ref().ok_or_else(|| no_handle("session"))?, sized::read(external)?) };
+        // SAFETY: guaranteed by the caller.
+        let external = unsafe { external.frame()? };
+        let id = session.session().submit_external(external)?;
+        // SAFETY: the caller provides a writable pointer, or NULL.
         unsafe { sized::give(frame, id.0) };
         Ok(())
     })
 }
 
-/// Bytes of a frame's maps in a program's buffer; 0 without a session. Any thread.
+/// Size of a frame's maps in an external buffer, bytes; 0 without a session. Any thread.
 ///
 /// # Safety
-/// `session` lives, or is NULL.
+/// `session` is valid or NULL.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_session_maps_bytes(session: *const TbSession) -> u64 {
-    // SAFETY: the caller gives a living session, or NULL.
-    unsafe { session.as_ref() }.map_or(0, |session| session.session().lent_maps_bytes())
+    // SAFETY: the caller provides a valid session, or NULL.
+    unsafe { session.as_ref() }.map_or(0, |session| session.session().external_maps_bytes())
 }
 
-/// Imports memory of another program or interface (CUDA, another device of the same GPU) into `buffer`: the first `bytes` bytes
-/// of the memory behind the opaque file descriptor `fd`, which has `memory_bytes` in all. The descriptor belongs to the library
-/// afterwards, if this succeeds. The memory's type is taken to be the lowest that fits: where the exporter had a choice, use
-/// `tb_buffer_import_fd_of_type`. Any thread.
+/// Imports external memory (of CUDA, or of another device on the same GPU): the first `bytes` bytes of the memory
+/// behind the opaque file descriptor `fd`, whose allocation has `memory_bytes` bytes. On success the library owns the
+/// descriptor. Assumes the lowest suitable memory type; otherwise use `tb_buffer_import_fd_of_type`. Any thread.
 ///
 /// # Safety
-/// `device` is open. `fd` is one of memory of this GPU, of so many bytes. `buffer` points to a pointer.
+/// `device` is open. `fd` refers to memory of this GPU of the given size. `buffer` is writable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_buffer_import_fd(
     device: *const TbDevice,
@@ -294,12 +295,12 @@ pub unsafe extern "C" fn tb_buffer_import_fd(
     bytes: u64,
     buffer: *mut *mut TbBuffer,
 ) -> TbStatus {
-    // SAFETY: as the caller states.
+    // SAFETY: guaranteed by the caller.
     unsafe { import(device, fd, memory_bytes, None, bytes, buffer) }
 }
 
-/// As `tb_buffer_import_fd`, for memory that was allocated with this VkMemoryAllocateInfo::memoryTypeIndex, which Vulkan asks to
-/// be the same. Any thread.
+/// As `tb_buffer_import_fd`, for memory allocated with this VkMemoryAllocateInfo::memoryTypeIndex, which Vulkan
+/// requires to match. Any thread.
 ///
 /// # Safety
 /// As `tb_buffer_import_fd`.
@@ -312,7 +313,7 @@ pub unsafe extern "C" fn tb_buffer_import_fd_of_type(
     bytes: u64,
     buffer: *mut *mut TbBuffer,
 ) -> TbStatus {
-    // SAFETY: as the caller states.
+    // SAFETY: guaranteed by the caller.
     unsafe { import(device, fd, memory_bytes, Some(memory_type), bytes, buffer) }
 }
 
@@ -328,31 +329,31 @@ unsafe fn import(
         if buffer.is_null() {
             return Err(Error::options("`buffer` is NULL", "give a pointer to write to"));
         }
-        // SAFETY: the caller gives an open device, or NULL.
+        // SAFETY: the caller provides an open device, or NULL.
         let device = unsafe { device.as_ref() }.ok_or_else(|| no_handle("device"))?;
-        // SAFETY: as the caller states.
+        // SAFETY: guaranteed by the caller.
         let made = unsafe { Imported::by_fd(&device.gpu, fd, [memory_bytes, bytes], memory_type)? };
-        // SAFETY: the caller gives a pointer to write to.
+        // SAFETY: the caller provides a writable pointer.
         unsafe { sized::give_handle(buffer, TbBuffer(made), "buffer") }
     })
 }
 
-/// Gives imported memory back; NULL does nothing. Frames that use it keep it. Any thread, once.
+/// Frees imported memory; NULL is ignored. Frames that use it keep it alive. Any thread, once.
 ///
 /// # Safety
-/// `buffer` lives, and nobody uses the handle meanwhile or afterwards.
+/// `buffer` is valid and not used concurrently or afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_buffer_free(buffer: *mut TbBuffer) {
     let _ = guarded(|| {
         if !buffer.is_null() {
-            // SAFETY: `tb_buffer_import_fd` made it, and the caller gives it back once.
+            // SAFETY: created by `tb_buffer_import_fd` and freed once.
             drop(unsafe { Box::from_raw(buffer) });
         }
         Ok(())
     });
 }
 
-/// The features with their bits.
+/// Features and their bits.
 fn bits(features: &mut Features) -> [(&mut bool, u32); 7] {
     [
         (&mut features.timeline_semaphore, TB_FEATURE_TIMELINE_SEMAPHORE),
@@ -384,7 +385,7 @@ impl TbVulkan {
                 "give both: vkGetInstanceProcAddr as a function of the loader",
             ));
         };
-        // SAFETY: both are functions; the header says which one this is.
+        // SAFETY: both are function pointers; the header specifies the type.
         let load =
             unsafe { std::mem::transmute::<unsafe extern "C" fn(), vk::PFN_vkGetInstanceProcAddr>(load) };
         Ok((load, vk::Instance::from_raw(self.instance as u64)))
@@ -393,7 +394,7 @@ impl TbVulkan {
     fn lock(&self) -> Result<Option<Arc<dyn QueueLock>>> {
         match (self.lock, self.unlock) {
             (None, None) => Ok(None),
-            (Some(lock), Some(unlock)) => Ok(Some(Arc::new(Lock { lock, unlock, user: self.user }))),
+            (Some(lock), Some(unlock)) => Ok(Some(Arc::new(Lock { lock, unlock, user: self.user_data }))),
             _ => Err(Error::options("`tb_vulkan` has one of `lock` and `unlock`", "give both, or none")),
         }
     }
@@ -405,74 +406,74 @@ struct Lock {
     user: *mut c_void,
 }
 
-// SAFETY: the header asks for functions that any thread may call with `user`.
+// SAFETY: the header requires functions callable by any thread with `user_data`.
 unsafe impl Send for Lock {}
 // SAFETY: as above.
 unsafe impl Sync for Lock {}
 
 impl QueueLock for Lock {
     fn lock(&self) {
-        // SAFETY: as the header asks.
+        // SAFETY: required by the header.
         unsafe { (self.lock)(self.user) };
     }
 
     fn unlock(&self) {
-        // SAFETY: as the header asks.
+        // SAFETY: required by the header.
         unsafe { (self.unlock)(self.user) };
     }
 }
 
-impl TbPart {
+impl TbBufferRange {
     /// # Safety
-    /// As [`Lent::new`].
-    unsafe fn lent(&self) -> Result<Option<Lent>> {
+    /// As [`ExternalBuffer::new`].
+    unsafe fn external(&self) -> Result<Option<ExternalBuffer>> {
         if self.buffer == 0 {
             return Ok(None);
         }
-        // SAFETY: as the caller states.
-        unsafe { Lent::new(vk::Buffer::from_raw(self.buffer), self.offset, self.bytes) }.map(Some)
+        // SAFETY: guaranteed by the caller.
+        unsafe { ExternalBuffer::new(vk::Buffer::from_raw(self.buffer), self.offset, self.bytes) }.map(Some)
     }
 }
 
-impl TbMoment {
+impl TbTimelinePoint {
     /// # Safety
-    /// As [`Moment::new`].
-    unsafe fn moment(&self) -> Option<Moment> {
-        // SAFETY: as the caller states.
+    /// As [`TimelinePoint::new`].
+    unsafe fn moment(&self) -> Option<TimelinePoint> {
+        // SAFETY: guaranteed by the caller.
         (self.semaphore != 0)
-            .then(|| unsafe { Moment::new(vk::Semaphore::from_raw(self.semaphore), self.value) })
+            .then(|| unsafe { TimelinePoint::new(vk::Semaphore::from_raw(self.semaphore), self.value) })
     }
 }
 
-impl TbLentFrame {
+impl TbExternalFrame {
     /// # Safety
-    /// As `tb_session_submit_lent`.
-    unsafe fn frame(&self) -> Result<LentFrame> {
+    /// As `tb_session_submit_external`.
+    unsafe fn frame(&self) -> Result<ExternalFrame> {
         let format = match self.format {
             0 => Format::F32,
             1 => Format::U32,
             2 => Format::U16,
             other => {
                 return Err(Error::options(
-                    format!("{other} is no tb_format"),
-                    "give TB_F32, TB_U32 or TB_U16",
+                    format!("{other} is not a tb_format"),
+                    "give TB_FORMAT_F32, TB_FORMAT_U32 or TB_FORMAT_U16",
                 ));
             }
         };
-        // SAFETY: as the caller states.
+        // SAFETY: guaranteed by the caller.
         unsafe {
             let counts = match self.imported.as_ref() {
                 Some(TbBuffer(imported)) => Some(imported.lend()?),
-                None => self.counts.lent()?,
+                None => self.counts.external()?,
             };
             let counts = counts.ok_or_else(|| {
-                Error::options("`tb_lent_frame` has no counts", "give `counts`, or `imported` memory")
+                Error::options("`tb_external_frame` has no counts", "give `counts`, or `imported` memory")
             })?;
-            let (after, taken) = (self.after.moment(), self.taken.moment());
-            Ok(LentFrame {
-                counts: LentCounts { counts, format, after, taken },
-                maps: self.maps.lent()?,
-                done: self.done.moment(),
+            let (after, taken) = (self.counts_ready.moment(), self.counts_copied.moment());
+            Ok(ExternalFrame {
+                counts: ExternalCounts { counts, format, after, taken },
+                maps: self.maps.external()?,
+                done: self.maps_ready.moment(),
             })
         }
     }

@@ -1,5 +1,5 @@
-//! The programs in `examples/c` and `examples/cpp`: compiled with warnings as errors, linked to the library, run. The header
-//! states what the library exports.
+//! The programs in `examples/c` and `examples/cpp`: compiled with warnings as errors, linked to the library, run. The
+//! header declares the exports of the library.
 #![cfg(target_os = "linux")]
 
 use std::collections::BTreeSet;
@@ -11,8 +11,8 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// The folder with the library. No test can depend on a library for C, so it is built here, once: with the features that the
-/// tests of thirdbounce have, of which most is compiled then.
+/// Folder with the library. A test cannot depend on a C library, so it is built here once, with the features of
+/// thirdbounce's tests, of which most is then compiled.
 fn library() -> PathBuf {
     static BUILT: Once = Once::new();
     let test = std::env::current_exe().expect("a test has a path");
@@ -44,7 +44,7 @@ fn example(source: &str, flags: &[&str], environment: &[(&str, &str)]) -> (tempf
     let program = folder.path().join("program");
     let (compiler, standard) =
         if source.ends_with(".c") { ("cc", "-std=c11") } else { ("c++", "-std=c++17") };
-    // The link is that of the library's soname.
+    // The link has the library's soname.
     let soname =
         format!("libthirdbounce.so.{}.{}", env!("CARGO_PKG_VERSION_MAJOR"), env!("CARGO_PKG_VERSION_MINOR"));
     std::os::unix::fs::symlink(library().join("libthirdbounce.so"), folder.path().join(soname))
@@ -68,8 +68,8 @@ fn example(source: &str, flags: &[&str], environment: &[(&str, &str)]) -> (tempf
 fn captures(flags: &[&str], environment: &[(&str, &str)]) {
     let (folder, text) = example("c/capture.c", flags, environment);
     let frames = text.lines().filter(|l| l.starts_with("frame ") && !l.contains(" 0 pixels")).count();
-    assert!(frames == 4 && text.contains("heard every frame"), "{text}");
-    // The first one has none before it.
+    assert!(frames == 4 && text.contains("progress of every frame"), "{text}");
+    // The first frame is cold.
     assert!(text.contains("surface, cold\n") && text.contains("surface, warm\n"), "{text}");
     let picture = std::fs::read(folder.path().join("last.pgm")).expect("a picture");
     assert!(picture.starts_with(b"P5 32 32 255\n") && picture.len() == 13 + 32 * 32);
@@ -91,7 +91,7 @@ fn cancels(flags: &[&str], environment: &[(&str, &str)]) {
         "NaN",
         "nothing to wait for",
         "no-such=1",
-        "1000 B are there",
+        "available 1000 B",
         "cancelled",
         "as it should be",
     ] {
@@ -99,7 +99,7 @@ fn cancels(flags: &[&str], environment: &[(&str, &str)]) {
     }
 }
 
-/// A thread submits parts of a scan while another one waits.
+/// A thread submits partial scans while another one waits.
 fn feeds(flags: &[&str], environment: &[(&str, &str)]) {
     let (_folder, text) = example("cpp/camera.cpp", flags, environment);
     assert!(text.contains("every frame was shown or dropped"), "{text}");
@@ -125,14 +125,14 @@ fn a_cpp_program_cancels() {
     cancels(&[], &[]);
 }
 
-/// The library is not instrumented, as that takes a nightly compiler. So these watch the programs, and what the library does
-/// with memory of theirs by way of C's functions. The thread sanitizer does not see the locks of the library, and is told to
-/// leave what happens inside it alone.
+/// The library itself is not instrumented, which requires a nightly compiler: the sanitizers check the programs, and
+/// the library's accesses to their memory through C functions. The thread sanitizer does not see the library's locks
+/// and ignores its internals.
 #[test]
 #[ignore = "`make sanitize` runs it"]
 fn the_sanitizers_have_nothing_to_say() {
     let quiet = [
-        // Drivers keep memory until the process ends.
+        // Drivers keep memory until the process exits.
         ("ASAN_OPTIONS", "detect_leaks=0"),
         ("UBSAN_OPTIONS", "halt_on_error=1"),
         ("TSAN_OPTIONS", "ignore_noninstrumented_modules=1"),

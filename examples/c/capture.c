@@ -61,14 +61,14 @@ static double now(void) {
 
 static void must(tb_status status, const char *doing) {
     if (status == TB_OK) return;
-    fprintf(stderr, "%s: %s\n  %s\n", doing, tb_last_error(), tb_last_remedy());
+    fprintf(stderr, "%s: %s\n  %s\n", doing, tb_last_error(), tb_last_hint());
     exit(1);
 }
 
-/* The session's thread calls it. */
-static int32_t hear(void *user, const tb_progress *progress) {
-    atomic_fetch_add((atomic_int *)user, 1);
-    return progress->loss > 1e30; /* stop a fit that diverges; a closed form has no loss: NaN */
+/* Called by the session's thread. */
+static int32_t count_reports(void *user_data, const tb_progress *progress) {
+    atomic_fetch_add((atomic_int *)user_data, 1);
+    return progress->loss > 1e30; /* cancels a diverging fit; NaN for closed forms */
 }
 
 static void write_picture(const char *path, const tb_frame *frame) {
@@ -97,14 +97,14 @@ int main(int count, char **arguments) {
     must(tb_device_open(TB_API_VERSION, NULL, &device), "opening a device");
     printf("on %s\n", tb_device_name(device));
 
-    atomic_int heard = 0;
-    tb_scan scan = {.size = sizeof scan, .points_x = SIDE, .points_y = SIDE, .laser = &camera->wall[0][0]};
+    atomic_int reports = 0;
+    tb_scan scan = {.size = sizeof scan, .points_x = SIDE, .points_y = SIDE, .laser_xyz = &camera->wall[0][0]};
     scan.bins = BINS, scan.bin_width = BIN_WIDTH, scan.photon_counts = 1;
     /* A frame in which the session looks for the model of reflectance and the pulse. */
     expose(camera, camera->newest, 0);
     scan.counts = camera->newest;
-    tb_settings settings = {.size = sizeof settings, .lateral = 32, .hear = hear, .user = &heard};
-    settings.options = "iterations=20", settings.follow = 1;
+    tb_settings settings = {.size = sizeof settings, .lateral = 32, .progress = count_reports, .user_data = &reports};
+    settings.options = "iterations=20", settings.warm_start = 1;
     must(tb_session_new(device, &scan, &settings, &session), "making a session");
 
     pthread_t thread;
@@ -121,10 +121,10 @@ int main(int count, char **arguments) {
         must(tb_session_wait(session, -1.0, &frame), "solving");
         size_t lit = 0;
         for (size_t pixel = 0; pixel < frame.nx * frame.ny; pixel++) lit += frame.mask[pixel];
-        printf("frame %d: %.0f ms, %zu pixels of surface, %s\n", (int)frame.id, 1e3 * (now() - begun), lit, frame.warm ? "warm" : "cold");
+        printf("frame %d: %.0f ms, %zu pixels of surface, %s\n", (int)frame.id, 1e3 * (now() - begun), lit, frame.warm_started ? "warm" : "cold");
     }
     pthread_join(thread, NULL);
-    printf("heard %s\n", atomic_load(&heard) > FRAMES ? "every frame" : "too little");
+    printf("progress of %s\n", atomic_load(&reports) > FRAMES ? "every frame" : "too few frames");
     if (count > 1) write_picture(arguments[1], &frame);
     tb_session_free(session);
     tb_device_close(device);

@@ -22,7 +22,7 @@ struct buffer {
 
 static void must(tb_status status, const char *doing) {
     if (status == TB_OK) return;
-    fprintf(stderr, "%s: %s\n  %s\n", doing, tb_last_error(), tb_last_remedy());
+    fprintf(stderr, "%s: %s\n  %s\n", doing, tb_last_error(), tb_last_hint());
     exit(1);
 }
 
@@ -47,7 +47,7 @@ static void open_device(tb_vulkan *vulkan) {
     const VkResult listed = vkEnumeratePhysicalDevices(instance, &count, &physical);
     vk(listed == VK_INCOMPLETE ? VK_SUCCESS : listed, "devices");
 
-    vulkan->get_instance_proc_addr = (tb_function)vkGetInstanceProcAddr;
+    vulkan->get_instance_proc_addr = (tb_void_function)vkGetInstanceProcAddr;
     vulkan->instance = instance, vulkan->api_version = VK_API_VERSION_1_2, vulkan->physical_device = physical;
     tb_requirements wanted = {.size = sizeof wanted};
     must(tb_vulkan_requirements(vulkan, &wanted), "asking what to enable");
@@ -77,7 +77,7 @@ static void open_device(tb_vulkan *vulkan) {
     vk(vkCreateDevice(physical, &create, NULL, &device), "a device");
     vkGetDeviceQueue(device, wanted.queue_family, 0, &made);
     vulkan->device = device, vulkan->queue = made, vulkan->queue_family = wanted.queue_family;
-    vulkan->enabled = wanted.features;
+    vulkan->enabled_features = wanted.features;
 }
 
 static struct buffer new_buffer(const tb_vulkan *vulkan, VkDeviceSize bytes, VkBufferUsageFlags usage) {
@@ -133,15 +133,15 @@ int main(int count, char **arguments) {
         wall[pair][1] = (pair % SIDE + 0.5) / SIDE - 0.5;
     }
     static pthread_mutex_t mutex = PTHREAD_MUTEX_INITIALIZER;
-    tb_vulkan vulkan = {.size = sizeof vulkan, .lock = lock, .unlock = unlock, .user = &mutex};
+    tb_vulkan vulkan = {.size = sizeof vulkan, .lock = lock, .unlock = unlock, .user_data = &mutex};
     open_device(&vulkan);
     tb_device *device = NULL;
     tb_session *session = NULL;
-    must(tb_device_of_vulkan(TB_API_VERSION, &vulkan, &device), "taking the device");
+    must(tb_device_from_vulkan(TB_API_VERSION, &vulkan, &device), "taking the device");
     printf("on %s\n", tb_device_name(device));
-    tb_scan scan = {.size = sizeof scan, .points_x = SIDE, .points_y = SIDE, .laser = &wall[0][0]};
+    tb_scan scan = {.size = sizeof scan, .points_x = SIDE, .points_y = SIDE, .laser_xyz = &wall[0][0]};
     scan.bins = BINS, scan.bin_width = BIN_WIDTH, scan.photon_counts = 1;
-    tb_settings settings = {.size = sizeof settings, .lateral = PIXELS, .options = "iterations=20", .lent = 1};
+    tb_settings settings = {.size = sizeof settings, .lateral = PIXELS, .options = "iterations=20", .external_frames = 1};
     must(tb_session_new(device, &scan, &settings, &session), "making a session");
 
     struct buffer counts = new_buffer(&vulkan, 2 * PAIRS * BINS, VK_BUFFER_USAGE_TRANSFER_SRC_BIT);
@@ -161,13 +161,13 @@ int main(int count, char **arguments) {
                                                 .semaphoreCount = 1, .pSemaphores = &taken, .pValues = &before};
         vk(vkWaitSemaphores(vulkan.device, &free_again, UINT64_MAX), "waiting");
         expose(counts.at, wall, (int)i);
-        const tb_lent_frame lent = {.size = sizeof lent,
+        const tb_external_frame lent = {.size = sizeof lent,
                                     .counts = {(uint64_t)counts.handle, 0, counts.bytes},
-                                    .format = TB_U16,
-                                    .taken = {(uint64_t)taken, i},
+                                    .format = TB_FORMAT_U16,
+                                    .counts_copied = {(uint64_t)taken, i},
                                     .maps = {(uint64_t)maps.handle, 0, maps.bytes},
-                                    .done = {(uint64_t)done, i}};
-        must(tb_session_submit_lent(session, &lent, NULL), "submitting");
+                                    .maps_ready = {(uint64_t)done, i}};
+        must(tb_session_submit_external(session, &lent, NULL), "submitting");
         must(tb_session_wait(session, -1.0, &frame), "solving");
         /* The device says so itself, perhaps a moment after the session. */
         const VkSemaphoreWaitInfo all_there = {.sType = VK_STRUCTURE_TYPE_SEMAPHORE_WAIT_INFO,

@@ -25,11 +25,11 @@ int main() {
     }
     const Device device;
     tb_scan scan{};
-    scan.size = sizeof scan, scan.points_x = scan.points_y = side, scan.laser = wall.data();
+    scan.size = sizeof scan, scan.points_x = scan.points_y = side, scan.laser_xyz = wall.data();
     scan.bins = bins, scan.bin_width = bin_width, scan.photon_counts = 1;
     tb_settings settings{};
     settings.size = sizeof settings, settings.lateral = 16, settings.options = "iterations=20";
-    settings.feed = TB_NEWEST;
+    settings.frame_policy = TB_FRAMES_NEWEST;
     Session session(device, scan, settings);
 
     std::atomic<bool> ended{false};
@@ -62,10 +62,10 @@ int main() {
         last = frame->id, shown++;
     }
     camera.join();
-    const tb_latency told = session.latency();
-    std::printf("%d solved, %d dropped, median %.0f ms, 99 %% within %.0f ms\n", int(told.frames), int(told.dropped),
-                1e3 * told.median, 1e3 * told.p99);
-    const bool good = ended && lit > 0 && told.frames == shown && told.frames + told.dropped == frames && told.median <= told.p99;
+    const tb_latency latency = session.latency();
+    std::printf("%d solved, %d dropped, median %.0f ms, 99 %% within %.0f ms\n", int(latency.frames), int(latency.dropped),
+                1e3 * latency.median, 1e3 * latency.p99);
+    const bool good = ended && lit > 0 && latency.frames == shown && latency.frames + latency.dropped == frames && latency.median <= latency.p99;
     std::puts(good ? "every frame was shown or dropped" : "a frame was lost");
     return good ? 0 : 1;
 }

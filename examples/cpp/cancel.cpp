@@ -22,7 +22,7 @@ tb_status refused(Call call) {
     try {
         call();
     } catch (const Error &error) {
-        std::printf("refused: %s\n  %s\n", error.what(), error.remedy.c_str());
+        std::printf("refused: %s\n  %s\n", error.what(), error.hint.c_str());
         return error.status;
     }
     return TB_OK;
@@ -40,49 +40,49 @@ int main() {
     }
     const Device device;
     tb_scan scan{};
-    scan.size = sizeof scan, scan.points_x = scan.points_y = side, scan.laser = wall.data();
+    scan.size = sizeof scan, scan.points_x = scan.points_y = side, scan.laser_xyz = wall.data();
     scan.bins = bins, scan.bin_width = bin_width;
     // The first report of a frame lets the main thread go on.
     std::atomic<int> reports{0};
     tb_settings settings{};
     settings.size = sizeof settings, settings.lateral = 16;
-    settings.user = &reports;
-    settings.hear = [](void *user, const tb_progress *) -> int32_t {
+    settings.user_data = &reports;
+    settings.progress = [](void *user, const tb_progress *) -> int32_t {
         static_cast<std::atomic<int> *>(user)->fetch_add(1);
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
         return 0;
     };
     Session session(device, scan, settings);
 
-    bool good = refused([&] { session.submit(std::vector<float>(3)); }) == TB_INPUT;
+    bool good = refused([&] { session.submit(std::vector<float>(3)); }) == TB_ERROR_INPUT;
     std::vector<float> broken = counts;
     broken[5] = std::numeric_limits<float>::quiet_NaN();
-    good &= refused([&] { session.submit(broken); }) == TB_INPUT;
-    good &= refused([&] { session.wait(); }) == TB_OPTIONS;
+    good &= refused([&] { session.submit(broken); }) == TB_ERROR_INPUT;
+    good &= refused([&] { session.wait(); }) == TB_ERROR_OPTIONS;
     tb_settings unknown = settings;
     unknown.options = "no-such=1";
-    good &= refused([&] { Session(device, scan, unknown); }) == TB_OPTIONS;
+    good &= refused([&] { Session(device, scan, unknown); }) == TB_ERROR_OPTIONS;
 
     tb_settings small = settings;
-    small.memory = 1000;
-    good &= refused([&] { Session(device, scan, small); }) == TB_MEMORY;
-    tb_problem problem{};
+    small.memory_limit = 1000;
+    good &= refused([&] { Session(device, scan, small); }) == TB_ERROR_MEMORY;
+    tb_error_info problem{};
     problem.size = sizeof problem;
-    good &= tb_last_problem(&problem) == TB_OK && problem.status == TB_MEMORY;
-    std::printf("asked for %d MB, %d B are there\n", int(problem.asked >> 20), int(problem.available));
+    good &= tb_last_error_info(&problem) == TB_OK && problem.status == TB_ERROR_MEMORY;
+    std::printf("requested %d MB, available %d B\n", int(problem.requested_bytes >> 20), int(problem.available_bytes));
 
     session.submit(counts);
     while (reports == 0) std::this_thread::yield();
     std::thread([&] { session.cancel(); }).join();
-    good &= refused([&] { session.wait(); }) == TB_CANCELLED;
+    good &= refused([&] { session.wait(); }) == TB_ERROR_CANCELLED;
 
     session.submit(counts);
     const tb_frame frame = session.wait();
     std::size_t lit = 0;
     for (std::size_t i = 0; i < frame.nx * frame.ny; i++) {
         lit += frame.mask[i];
-        good &= !frame.mask[i] || (frame.depth[i] > frame.box_min[2] && frame.depth[i] < frame.box_max[2]);
-        good &= !frame.mask[i] || frame.confidence[i] > 0.0f;
+        good &= !frame.mask[i] || (frame.depth[i] > frame.volume_min[2] && frame.depth[i] < frame.volume_max[2]);
+        good &= !frame.mask[i] || frame.depth_error[i] > 0.0f;
     }
     std::printf("frame %d: %zu pixels of surface\n", int(frame.id), lit);
     std::puts(good && lit > 0 ? "as it should be" : "not as it should be");

@@ -6,13 +6,15 @@
 mod program;
 
 use std::error::Error;
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use ash::vk;
 use glam::{DVec3, dvec3};
 use program::{Program, VERSION};
 use thirdbounce::{
-    Capture, Format, Gpu, Lent, LentCounts, LentFrame, Moment, Options, SessionOptions, Vulkan,
+    Capture, ExternalBuffer, ExternalCounts, ExternalFrame, Format, Gpu, SessionOptions, Settings,
+    SurfaceSettings, TimelinePoint, Vulkan,
 };
 
 /// Points of the scan, and pixels of the maps, along x and along y.
@@ -24,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     // SAFETY: handles are used while they live: nothing of the program's is destroyed before it ends.
     unsafe {
         let program = Program::new()?;
-        let gpu = Gpu::of_caller(&Vulkan {
+        let gpu = Gpu::of_external(&Vulkan {
             get_instance_proc_addr: program.entry.static_fn().get_instance_proc_addr,
             instance: program.instance.handle(),
             api_version: VERSION,
@@ -38,25 +40,28 @@ fn main() -> Result<(), Box<dyn Error>> {
             blocks: None,
             pipeline_cache: vk::PipelineCache::null(),
         })?;
-        let lent = SessionOptions { lent: true, ..SessionOptions::default() };
-        let mut session = Options::default().set("lateral", PIXELS).session(&gpu, &scan(), lent)?;
+        let external = SessionOptions { external: true, ..SessionOptions::default() };
+        let method = SurfaceSettings { lateral: Some(PIXELS), ..SurfaceSettings::default() }.into();
+        let settings = Settings { method, ..Settings::default() };
+        let (mut session, _) =
+            thirdbounce::session(&gpu, &scan(), &settings, external, &mut |_| ControlFlow::Continue(()))?;
 
         let counts = program.buffer((SIDE * SIDE * BINS * 4) as u64, false)?;
-        let maps = program.buffer(session.lent_maps_bytes(), false)?;
+        let maps = program.buffer(session.external_maps_bytes(), false)?;
         let picture = program.buffer((PIXELS * PIXELS * 4) as u64, true)?;
         let (written, solved) = (program.semaphore()?, program.semaphore()?);
         let begun = Instant::now();
         let light = include_bytes!(concat!(env!("OUT_DIR"), "/example_light.spv"));
         program.run(light, &[SIDE as u32, BINS as u32], &[&counts], SIDE * SIDE, (written, 1))?;
-        session.submit_lent(LentFrame {
-            counts: LentCounts {
-                counts: Lent::new(counts.handle, 0, counts.bytes)?,
+        session.submit_external(ExternalFrame {
+            counts: ExternalCounts {
+                counts: ExternalBuffer::new(counts.handle, 0, counts.bytes)?,
                 format: Format::U32,
-                after: Some(Moment::new(written, 1)),
+                after: Some(TimelinePoint::new(written, 1)),
                 taken: None,
             },
-            maps: Some(Lent::new(maps.handle, 0, maps.bytes)?),
-            done: Some(Moment::new(solved, 1)),
+            maps: Some(ExternalBuffer::new(maps.handle, 0, maps.bytes)?),
+            done: Some(TimelinePoint::new(solved, 1)),
         })?;
         let frame = session.wait()?;
         println!(

@@ -25,7 +25,7 @@ pub struct Buffer {
 }
 
 /// A semaphore with a value to wait for, or to signal.
-pub type Moment = (vk::Semaphore, u64);
+pub type TimelinePoint = (vk::Semaphore, u64);
 
 impl Program {
     /// # Safety
@@ -119,7 +119,7 @@ impl Program {
         constants: &[u32],
         buffers: &[&Buffer],
         invocations: usize,
-        done: Moment,
+        done: TimelinePoint,
     ) -> Result<(), Box<dyn std::error::Error>> {
         let device = &self.device;
         unsafe {
@@ -196,7 +196,7 @@ impl Program {
     }
 
     /// Waits for a moment.
-    pub unsafe fn wait(&self, (semaphore, value): Moment) -> Result<(), vk::Result> {
+    pub unsafe fn wait(&self, (semaphore, value): TimelinePoint) -> Result<(), vk::Result> {
         let (semaphores, values) = ([semaphore], [value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         unsafe { self.device.wait_semaphores(&info, u64::MAX) }

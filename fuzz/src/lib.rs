@@ -37,7 +37,7 @@ pub fn open(bytes: &[u8], name: &str, given: &ReadOptions) {
     let path = written(bytes, name);
     match read_given(&path, given) {
         Ok(opened) => opened.capture.check().expect("a capture that was opened is sound"),
-        Err(error) => assert!(!error.what.is_empty() && !error.mend.to_string().is_empty()),
+        Err(error) => assert!(!error.what.is_empty() && !error.hint.to_string().is_empty()),
     }
 }
 

@@ -1,10 +1,10 @@
-// One interface, accumulate(index, value), over five ways to add to the histograms. A macro ACCUMULATE_* chooses:
+// One interface, accumulate(index, value), to five accumulation paths, selected by a macro ACCUMULATE_*:
 //
 //   FLOAT    native fp32 atomic add.
-//   CAS      compare and swap on the bits: runs anywhere, slow where lanes collide.
-//   FIXED64  64-bit integer atomic add of a scaled value: any order gives the same bits.
-//   FIXED32  the same sum by two 32-bit atomics with a carry, for devices without 64-bit atomics.
-//   OWNED    plain add: the dispatch gives each histogram to one invocation.
+//   CAS      compare-and-swap on the bits: available everywhere, slow under contention.
+//   FIXED64  64-bit integer atomic add of a scaled value: bit-identical in any order.
+//   FIXED32  the same sum by two 32-bit atomics with a carry, without 64-bit atomics.
+//   OWNED    plain add: the dispatch assigns each histogram to one invocation.
 
 #if defined(ACCUMULATE_FLOAT)
 layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
@@ -25,7 +25,7 @@ void accumulate(uint index, float value) { histograms[index] += value; }
 layout(std430, set = 0, binding = 4) buffer Histograms { uint histograms[]; };
 void accumulate(uint index, float value) {
     uint seen = histograms[index];
-    // At most one turn per colliding lane, as each of them succeeds once.
+    // At most one turn per colliding lane, as one of them succeeds in each.
     for (;;) {
         uint old = atomicCompSwap(histograms[index], seen, floatBitsToUint(uintBitsToFloat(seen) + value));
         if (old == seen) break;
@@ -43,7 +43,7 @@ void accumulate(uint index, float value) {
 layout(std430, set = 0, binding = 4) buffer Histograms { uint histograms[]; };
 void accumulate(uint index, float value) {
     if (value == 0.0) return;
-    // The magnitude is split first: both words are then exact in fp32, and truncation is toward zero as in int64_t().
+    // Split by magnitude: both words are then exact in fp32, and truncation is toward zero as in int64_t().
     float magnitude = trunc(abs(value) * fixed_scale);
     float upper = floor(magnitude * (1.0 / 4294967296.0));
     uint hi = uint(upper);
@@ -58,27 +58,27 @@ void accumulate(uint index, float value) {
 }
 #endif
 
-// Where a bin receives so many voxels that an fp32 sum would lose small addends, RUNS first sums consecutive voxels of
-// the same cell: two levels of sums, each of a few thousand addends at most.
+// Where an fp32 sum over a bin would lose small addends, RUNS first sums consecutive voxels
+// of the same cell: two levels of sums, each of a few thousand addends at most.
 layout(constant_id = 16) const uint RUNS = 0u;
 const uint LONGEST_RUN = 256u;
 
 struct Run {
-    uint cell;   // the run's cell, or the first cell of its window (window.glsl); 0 while empty
-    vec2 values; // sums for the cell and, with SPLIT, for the next cell
+    uint cell;   // cell of the run, or first cell of its window (window.glsl); 0 while empty
+    vec2 values; // sums of the cell and, with SPLIT, of the next cell
     uint missed; // contributions outside the window since it last moved
 };
 const Run NO_RUN = Run(0u, vec2(0.0), 0u);
 
-// Parts of a value for its cell and, with SPLIT, for the next cell.
+// Shares of a value for its cell and, with SPLIT, for the next cell.
 vec2 parts_of(Place place, float value) {
     if (SPLIT == 0u) return vec2(value, 0.0);
     float second = value * place.share;
     return vec2(value - second, second);
 }
 
-// Adds to cells of a row. A lane that owns the row may add to the padding and needs no test. Atomic variants skip the
-// padding, because all lanes would collide at one address there.
+// Adds to cells of a row. A lane that owns the row may add to the padding without a test. Atomic variants skip the
+// padding, where all lanes would collide at one address.
 void add_parts(uint row, uint cell, vec2 parts) {
 #if !defined(ACCUMULATE_OWNED)
     if (in_bins(cell))
@@ -99,7 +99,7 @@ void flush(uint row, inout Run run) {
     }
 }
 
-// Adds a value at its place to histogram `row`: to one bin, or shared by two with SPLIT. Needs place.glsl.
+// Adds a value at its place to histogram `row`: to one bin, or shared between two with SPLIT. Needs place.glsl.
 void accumulate_at(uint row, Place place, float value, inout Run run) {
     if (RUNS != 0u) {
         if (place.cell != run.cell) flush(row, run);

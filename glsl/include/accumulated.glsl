@@ -1,5 +1,5 @@
-// accumulated(): the sum of a cell as the forward kernels left it, before the render scale. ZERO: the empty sum.
-// Needs the buffers counts and histograms.
+// accumulated(): sum of a cell as written by the forward kernels, before the render scale. ZERO: the empty sum. Needs
+// the buffers counts and histograms.
 #ifdef ACCUMULATE_FIXED
 #include "fixed.glsl"
 float accumulated(uint index) {

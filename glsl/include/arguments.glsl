@@ -1,9 +1,9 @@
-// Turns the counts into indirect dispatch arguments, so the host never reads a count back. One invocation does it all.
-// Needs the buffers counts and arguments.
-layout(constant_id = 11) const uint LANES = 64u;   // forward: pairs of a workgroup
-layout(constant_id = 12) const uint CHUNK = 256u;  // forward: voxels of a workgroup
+// Converts counts to indirect dispatch arguments, so that the host never reads a count back. Single invocation. Needs
+// the buffers counts and arguments.
+layout(constant_id = 11) const uint LANES = 64u;   // forward: pairs per workgroup
+layout(constant_id = 12) const uint CHUNK = 256u;  // forward: voxels per workgroup
 layout(constant_id = 14) const uint FORWARD_SETS = 1u;
-layout(constant_id = 15) const uint FORWARD_OTHERS = 0u;   // forward: other points of a workgroup; 0: no product
+layout(constant_id = 15) const uint FORWARD_OTHERS = 0u;   // forward: other points per workgroup; 0: not a product
 #include "slices.glsl"
 #include "chunks.glsl"
 

@@ -1,8 +1,8 @@
-// What closes an iteration: sums of what workgroups left, the row of the trace. A workgroup of 64 lanes does it. Needs
+// End of an iteration: sums of partial losses, and the row of the trace, by one workgroup of 64 lanes. Needs
 // grid.glsl, sums.glsl, and the buffers counts, loss_partials, l1_partials and trace.
-layout(constant_id = 11) const uint SUMMED = WORKGROUP; // samples of one partial sum
-layout(constant_id = 12) const uint GROUPED = 0u; // 1: one partial loss of a workgroup of residual.comp
-layout(constant_id = 14) const uint ROWS = 0u;    // 1: one partial loss of a row of residual_rows.comp
+layout(constant_id = 11) const uint SUMMED = WORKGROUP; // samples per partial sum
+layout(constant_id = 12) const uint GROUPED = 0u; // 1: one partial loss per workgroup of residual.comp
+layout(constant_id = 14) const uint ROWS = 0u;    // 1: one partial loss per row of residual_rows.comp
 
 // Objective, plain loss and L1 term as sums in a fixed order, for all lanes.
 vec3 sum_of_partials() {
@@ -22,7 +22,7 @@ vec3 sum_of_partials() {
     return sum_over_group(sum);
 }
 
-// Writes the iteration's row of the trace, and resets the maximum for the next one. For one lane.
+// Writes the iteration's row of the trace, and resets the maximum. Single lane.
 void write_row(vec3 sum) {
     uint row = push.iteration * TRACE_ROW;
     trace[row + TRACE_DATA] = floatBitsToUint(sum.y * scene.loss_scale);
@@ -30,7 +30,7 @@ void write_row(vec3 sum) {
     trace[row + TRACE_ACTIVE] = counts[COUNT_ACTIVE];
     trace[row + TRACE_PEAK] = counts[COUNT_PEAK_ALBEDO];
     trace[row + TRACE_OBJECTIVE] = floatBitsToUint(sum.x * scene.loss_scale);
-    // Other workgroups of the same dispatch may have found faults.
+    // Includes faults found by other workgroups of the same dispatch.
     trace[row + TRACE_FAULTS] = atomicOr(counts[COUNT_FAULTS], 0u);
     trace[row + TRACE_LEAST] = counts[COUNT_LEAST_SMOOTH];
     counts[COUNT_PEAK_ALBEDO] = 0u;

@@ -1,5 +1,5 @@
 // Exponent of the scale of fixed-point accumulation. The scale is a power of two: `count` contributions of at most
-// peak_albedo * kernel_bound each cannot overflow 63 bits, whatever bins they fall in. Same bits on host and device.
+// peak_albedo * kernel_bound each cannot overflow 63 bits in any bin. Bit-identical on host and device.
 
 int fixed_exponent(float peak_albedo, float kernel_bound, uint count) {
     int e_peak, e_bound;

@@ -1,8 +1,8 @@
-// The walk over pairs that the backward kernels share. For each pair it computes both arms and reads the residual at
-// the pair's path, and passes them to meet(). Needs SPLIT, transport.glsl, and meet().
-// In a product, OTHERS other points are processed together: the arm to a scanned point is computed once for all.
-// Covers pairs push.first to push.last, share `slice` of `slices`. In a product this range holds all pairs of one or
-// more other points, or some pairs of one.
+// Iteration over pairs, shared by the backward kernels. For each pair it computes both arms and reads the residual at
+// the pair's path, and passes them to meet(). Needs SPLIT, transport.glsl, and meet(). In a product, OTHERS other
+// points are processed jointly: the arm to a scanned point is computed once for all. Covers pairs push.first to
+// push.last, share `slice` of `slices`. In a product this range has all pairs of one or more other points, or some
+// pairs of one.
 
 #include "place.glsl"
 #include "tables.glsl"
@@ -17,7 +17,7 @@ Arm arm_at(uint point, vec3 x) {
     return arm_to(wall_at(point), normal, x);
 }
 
-// Residual of row `row` at a place: of one bin, or interpolated between two with SPLIT. Then its rise from bin to bin.
+// Residual of row `row` at a place: of one bin, or interpolated between two with SPLIT; then its slope per bin.
 vec2 residual_around(uint row, Place place) {
     float low = residual_at(row + place.cell);
     if (SPLIT == 0u) return vec2(low, 0.0);

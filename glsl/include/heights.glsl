@@ -1,7 +1,7 @@
-// The surface as a height field: each pixel of the lateral maps has a depth and an albedo, and bonds to its
-// neighbours. Where two surfaces lie behind each other there are two height fields, its layers: the columns of the
-// second follow after those of the first, and no pixel has neighbours in the other layer. Needs the buffers pixels and
-// pixel_of. A pixel's neighbours are numbered 0 to 7; seen from neighbour k, the pixel itself is neighbour 7 - k.
+// The surface as height fields: each pixel of the lateral maps has a depth, an albedo, and bonds to its neighbours.
+// Two surfaces behind each other form two layers: the columns of the second follow those of the first, and neighbours
+// are in the same layer. Needs the buffers pixels and pixel_of. Neighbours are numbered 0 to 7; seen from neighbour
+// k, the pixel itself is neighbour 7 - k.
 
 const ivec2 AROUND[8] = ivec2[8](
     ivec2(-1, -1), ivec2(-1, 0), ivec2(-1, 1), ivec2(0, -1), ivec2(0, 1), ivec2(1, -1), ivec2(1, 0), ivec2(1, 1)
@@ -21,26 +21,26 @@ ivec2 pixel_xy(uint pixel) {
     return ivec2(column / scene.grid_y, column % scene.grid_y);
 }
 
-// Number of the pixel at a lateral position of the layer that starts at column `layer`, NOWHERE if it has none there.
+// Number of the pixel at a lateral position of the layer that starts at column `layer`, or NOWHERE.
 uint pixel_at(uint layer, ivec2 at) {
     if (any(lessThan(at, ivec2(0))) || at.x >= int(scene.grid_x) || at.y >= int(scene.grid_y)) return NOWHERE;
     return pixel_of[layer + uint(at.x) * scene.grid_y + uint(at.y)];
 }
 
-// Number of a pixel's k-th neighbour, NOWHERE if its layer has none there.
+// Number of a pixel's k-th neighbour, or NOWHERE.
 uint neighbour(uint pixel, uint k) { return pixel_at(layer_start(pixel), pixel_xy(pixel) + AROUND[k]); }
 
 // Metres between neighbouring pixels.
 vec2 pixel_pitch() { return vec2(scene.pitch_x, scene.pitch_y); }
 float pixel_size() { return sqrt(scene.pitch_x * scene.pitch_y); }
 
-const float SURFACE_EDGE = 2.5;   // slope between two pixels that halves their bond
+const float SURFACE_EDGE = 2.5;   // slope between two pixels at which their bond is one half
 const float NARROWED = 0.6;       // share of the iterations after which a pixel uses its own gradient only
 const float NARROW = 0.35;        // sigma in pixels below which a Gaussian has no weight beyond its centre
-const float SURFACE_LEVEL = 1e-3; // weight of zero slope; each neighbour weighs up to one
+const float SURFACE_LEVEL = 1e-3; // weight of zero slope; each neighbour has a weight of at most one
 
-// Bond of two pixels, 0 to 1. `d` is their offset, pixels; `step` is the difference of their depths, metres. It falls
-// with the distance and almost vanishes across an edge of the surface. `narrow` = 1 / (2 sigma^2), sigma in pixels.
+// Bond of two pixels, 0 to 1. `d` is their offset, pixels; `step` the difference of their depths, metres. Decreases
+// with distance and almost vanishes across an edge of the surface. `narrow` = 1 / (2 sigma^2), sigma in pixels.
 float bond(ivec2 d, float narrow, float step) {
     float steep = step / (SURFACE_EDGE * pixel_size());
     steep *= steep;
@@ -50,16 +50,16 @@ float bond(ivec2 d, float narrow, float step) {
 // Bond of a pixel and its k-th neighbour.
 float bond(uint k, float step) { return bond(AROUND[k], 0.5, step); }
 
-// Depth of `other` minus depth of `pixel`, metres, at the last renewal of bonds.
+// Depth of `other` minus depth of `pixel`, metres, at the last update of bonds.
 float step_between(uint pixel, uint other) { return uintBitsToFloat(pixels[other].z) - uintBitsToFloat(pixels[pixel].z); }
 
-// Sigma, pixels, of the Gaussian that spreads gradients at step `number` (from 1); 0 for none. `first`: at step 1.
+// Sigma in pixels of the Gaussian that averages gradients at step `number` (from 1); 0 for none. `first`: at step 1.
 float spread_at(float first, uint number, float iterations) {
     float sigma = first * (1.0 - float(number - 1u) / iterations / NARROWED);
     return sigma < NARROW ? 0.0 : sigma;
 }
 
-// Pixels to each side that a Gaussian covers: two sigmas. The margin keeps rounding of sigma from adding a pixel.
+// Half-width of a Gaussian in pixels: two sigmas. The margin keeps rounding of sigma from adding a pixel.
 int reach_of(float sigma) { return int(ceil(2.0 * sigma - 1e-3)); }
 
 // Least and largest depth of the surface, metres: the limits of the grid.
@@ -70,10 +70,10 @@ vec2 depth_limits() {
 // Unit normal, toward the wall, of a pixel with these slopes.
 vec3 facing(vec2 slope) { return vec3(slope, -1.0) * inversesqrt(1.0 + dot(slope, slope)); }
 
-// Area of a pixel's surface over its lateral area. Without normals, albedo is per lateral area, and this is 1.
+// Surface area of a pixel over its lateral area. Without normals, albedo is per lateral area, and this is 1.
 #define stretch(slope) (NORMALS ? length(vec3(slope, 1.0)) : 1.0)
 
-// Offset of a pixel's k-th point from its centre, metres. A pixel has four points, or one if it is small.
+// Offset of a pixel's k-th point from its centre, metres. A pixel has four points, or one if small.
 vec2 part(uint k, uint points) {
     return points == 1u ? vec2(0.0) : (vec2(float(k >> 1), float(k & 1u)) - 0.5) * 0.5 * pixel_pitch();
 }

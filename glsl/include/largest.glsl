@@ -1,5 +1,5 @@
-// The largest values of a workgroup, so that one lane adds them to memory for all: lanes of all workgroups that meet at
-// one address wait for each other. Of values below zero nothing is kept, so floats have the order of their bits.
+// Maxima of a workgroup, so that one lane updates memory for all and avoids contention on one address. Values below
+// zero are ignored, so floats have the order of their bits.
 
 shared uint largest[2];
 

@@ -1,19 +1,19 @@
-// Finds the cell of a path. Needs SPLIT, transport.glsl and the extension GL_EXT_spirv_intrinsics.
-// Every row of histograms or residuals begins with PADDING cells that belong to no bin, and PADDING cells follow the
-// last row. Rows are `stride` cells apart. A position is clamped between a row's first padding cell and the next row's,
-// so kernels need no test for the range of bins: residuals are zero in the padding, and sums there are never read.
+// Cells of path lengths. Needs SPLIT, transport.glsl and the extension GL_EXT_spirv_intrinsics. Every row of
+// histograms or residuals begins with PADDING cells that belong to no bin, and PADDING cells follow the last row.
+// Rows are `stride` cells apart. A position is clamped between a row's first padding cell and the next row's, so
+// kernels need no range test: residuals are zero in the padding, and sums there are never read.
 //
-// A position is counted in cells. Whole numbers are the centres of bins with SPLIT, and their edges without. Adding
-// 2^23 - 1/2 rounds a position down to a whole number, which then stands in the low bits of the float. This needs no
-// floor and no conversion, which GPUs do at a quarter of the rate or less. A position that is whole itself may come out
-// one lower with a share of one. The other bits of the float are constant: row_of() subtracts them as ORIGIN.
+// A position is counted in cells: integers are the centres of bins with SPLIT, and their edges without. Adding 2^23 -
+// 1/2 rounds a position down to an integer in the low bits of the float, without floor or conversion, which GPUs
+// execute at a quarter of the rate or less. An integer position may be rounded to the previous one with a share of
+// one. The other bits of the float are constant: row_of() subtracts them as ORIGIN.
 //
-// A path that is not a number lies in a row's first padding cell. GLSL's clamp() may let it pass, and its bits would become
-// an address anywhere: bounded() is the clamp of SPIR-V that takes the lower bound then. GPUs do both alike.
+// A NaN path is mapped to a row's first padding cell. GLSL's clamp() may pass it on, and its bits would become an
+// arbitrary address: bounded() is SPIR-V's NClamp, which returns the lower bound, at the same cost on GPUs.
 //
-// In fp32 a path of n bins is uncertain by about n * 2^-24 bins. With FINE a path is counted in grains, a power of two
-// of metres. Bins per grain and bins before the gate are split so that multiples and differences of their whole parts
-// are exact, and only a rest of a grain or two is rounded.
+// In fp32 a path of n bins has an uncertainty of about n * 2^-24 bins. With FINE a path is counted in grains, a power
+// of two of metres. Bins per grain and bins before the gate are split so that multiples and differences of their
+// integer parts are exact, and only a rest of a grain or two is rounded.
 
 struct Place {
     uint cell;   // cell of the path, plus ORIGIN; with SPLIT the first of the two whose centres bracket the path
@@ -22,7 +22,7 @@ struct Place {
 
 spirv_instruction(set = "GLSL.std.450", id = 81) float bounded(float value, float least, float most); // NClamp
 
-const float WHOLE = 8388608.0;   // 2^23: floats from here upward are whole
+const float WHOLE = 8388608.0;   // 2^23: floats from here upward are integers
 const uint ORIGIN = 0x4affffffu; // bits of the largest float below WHOLE
 
 // First cell of a pair's row, minus ORIGIN: add a place's cell to it.
@@ -31,13 +31,13 @@ uint row_of(uint pair) { return pair * scene.stride - ORIGIN; }
 // True if a value at this cell adds to a bin.
 bool in_bins(uint cell) { return cell - (ORIGIN + PADDING - SPLIT) < scene.bins + SPLIT; }
 
-// Constants of the scene, as an invocation reads them once. Compilers do not know that what a kernel writes leaves the
-// scene alone, and read it anew for every pair.
+// Constants of the scene, loaded once per invocation. Compilers cannot know that a kernel's writes do not alias the
+// scene, and would reload it for every pair.
 float place_scale;
 float place_offset;
 float row_cells;
 
-// Reads what arms and places need of the scene. To be called once, before the first of them.
+// Loads the scene constants of arms and places. Must precede the first of them.
 void read_scene() {
     reference = scene.reference;
     place_scale = scene.place_scale;
@@ -47,7 +47,8 @@ void read_scene() {
 
 Place place_of(float distance, float rest) {
     if (FINE == 0u) {
-        // place_offset includes gate, half bin and padding. GPUs clamp to [0, 1] at no cost in the instruction before.
+        // place_offset includes gate, half bin and padding. GPUs clamp to [0, 1] for free in the preceding
+        // instruction.
         float part = bounded(distance * place_scale + place_offset, 0.0, 1.0);
         // `precise`: the compiler must not simplify these two.
         precise float whole = fma(part, row_cells, WHOLE - 0.5);

@@ -1,5 +1,5 @@
-// The gradient of a pixel's depth and albedo: its own (surface_combine.comp), plus the gradients of all slopes that use its
-// depth, through the same coefficients. Needs heights.glsl and the buffers stencils and height_gradient.
+// Gradient of a pixel's depth and albedo: its own (surface_combine.comp), plus the gradients of all slopes that
+// depend on it, through the same coefficients. Needs heights.glsl and the buffers stencils and height_gradient.
 vec2 pulled(uint pixel) {
     vec4 own = height_gradient[pixel];
     vec2 g = own.zw;

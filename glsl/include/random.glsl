@@ -1,5 +1,5 @@
-// Random numbers by hashing a counter: the order in which voxels are visited does not change them.
-// PCG3D, Jarzynski & Olano 2020, "Hash functions for GPU rendering".
+// Random numbers by hashing a counter, independent of the order of voxels. PCG3D, Jarzynski & Olano 2020, "Hash
+// functions for GPU rendering".
 
 #include "paper_block.glsl"
 

@@ -1,4 +1,4 @@
-// What renderings read for every pair: the samples of active voxels. Seen as in tables.glsl.
+// Samples of active voxels, read by renderings for every pair. Typed as in tables.glsl.
 
 #ifdef TEXELS
 layout(set = 0, binding = 2, rgba32f) readonly uniform imageBuffer sample_points;

@@ -1,5 +1,5 @@
-// Sample position of a voxel in this iteration, in voxels: the centre, or uniform within half a voxel of it,
-// clamped to the grid (paper, section 3.2). Needs CONTINUOUS.
+// Sample position of a voxel in this iteration, in voxels: the centre, or uniform within half a voxel of it, clamped
+// to the grid (paper, section 3.2). Needs CONTINUOUS.
 
 vec3 sample_point(uvec3 c, uint index) {
     vec3 g = vec3(c);

@@ -1,5 +1,4 @@
-// The lanes of a workgroup that gathers: which sample each works for, and the sum over the lanes that share one. Needs
-// grid.glsl.
+// Lanes of a gathering workgroup: sample of each lane, and the sum over the lanes that share one. Needs grid.glsl.
 #include "slices.glsl"
 layout(local_size_x_id = 30, local_size_y_id = 31) in;
 
@@ -7,14 +6,14 @@ shared vec4 parts[VOXELS * SLICES];
 
 struct Seat {
     uint slot;   // of the sample
-    uint own;    // number of the sample in its workgroup
-    uint slice;  // the share of the pairs that the lane takes
-    uint slices; // of how many
-    uint wide;   // samples of a workgroup
+    uint own;    // index of the sample in its workgroup
+    uint slice;  // share of the pairs of this lane
+    uint slices; // number of shares
+    uint wide;   // samples per workgroup
 };
 
 Seat seat_of(uint samples) {
-    // On a CPU one lane has a sample, and compilers see that.
+    // On a CPU one lane per sample, known at compile time.
     if (SLICES == 1u) return Seat(group_index() * VOXELS + gl_LocalInvocationID.x, gl_LocalInvocationID.x, 0u, 1u, VOXELS);
     uint slices = slices_of(samples);
     uint wide = samples_of_group(slices);
@@ -22,7 +21,7 @@ Seat seat_of(uint samples) {
     return Seat(group_index() * wide + lane % wide, lane % wide, lane / wide, slices, wide);
 }
 
-// The sum over the lanes that share a sample, for the first of them. All lanes of the workgroup take part.
+// Sum over the lanes that share a sample, returned to the first of them. All lanes of the workgroup participate.
 vec4 together(Seat seat, vec4 sum) {
     if (SLICES == 1u) return sum;
     parts[gl_LocalInvocationIndex] = sum;

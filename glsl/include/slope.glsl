@@ -1,11 +1,12 @@
-// The gradient at a sample, gathered over pairs, for both solvers. Needs EXACT and all that gather.glsl needs.
-// A pair adds r * slope, where slope is the derivative of shine (transport.glsl) by a vector in the direction of the normal.
-// In both models with normals shine is homogeneous in that vector's length, so shine is the dot product of normal and slope,
-// computed once at the end. The component of a Lambertian slope along the normal n is also added once at the end:
+// Gradient at a sample, gathered over pairs, for both solvers. Needs EXACT and the requirements of gather.glsl. A
+// pair adds r * slope, where slope is the derivative of shine (transport.glsl) by a vector in the direction of the
+// normal. In both models with normals shine is homogeneous in that vector's length, so shine is the dot product of
+// normal and slope, computed once at the end. The component of a Lambertian slope along the normal n is also added
+// once at the end:
 //   slope = walls * (cos_b a + cos_a b - cos_a cos_b n), a and b the unit directions to the wall points.
 #include "gather.glsl"
 
-vec3 normal;            // of the surface at the sample, unit
+vec3 normal;            // unit surface normal at the sample
 vec3 aside = vec3(0.0); // sum of the slopes without their components along n
 float along = 0.0;      // sum of those components; without normals, sum of the residuals
 
@@ -19,7 +20,7 @@ void slope_of(Arm a, Arm b, float r) {
         aside += (dot(normal, a.way) > 0.0 ? r * a.inverse : 0.0) * a.way;
         return;
     }
-    // These dot products include the lengths of the ways; one factor below divides them out.
+    // These dot products include the lengths of the vectors; one factor below divides them out.
     float toward_a = dot(normal, a.way);
     float toward_b = dot(normal, b.way);
     float both = a.inverse * b.inverse;

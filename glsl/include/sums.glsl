@@ -1,4 +1,4 @@
-// Sums over a workgroup of WORKGROUP lanes in a fixed order: the bits are the same in every run.
+// Sums over a workgroup of WORKGROUP lanes in a fixed order, for reproducible bits.
 
 shared vec3 sums[WORKGROUP];
 

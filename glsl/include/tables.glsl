@@ -1,6 +1,5 @@
-// What gathers read for every pair: wall points, and residuals of bins.
-// With TEXELS buffers are seen as texels. A CPU driver loads texels for all lanes of a subgroup at once, where it takes
-// a turn per lane for words of a storage block.
+// Buffers read for every pair by gathers: wall points, and residuals of bins. With TEXELS they are texel buffers: a
+// CPU driver loads texels for all lanes of a subgroup at once, but words of a storage block lane by lane.
 
 #ifdef TEXELS
 layout(set = 0, binding = 14, rgba32f) readonly uniform imageBuffer wall;

@@ -1,6 +1,6 @@
-// Index of a touched voxel's state, NOWHERE if it has none. Active voxels come first, by slot; the rim (their
-// neighbours that are not active) follows. Needs CONTINUOUS (if 0, only active voxels are touched), slots.glsl and,
-// for the rim, the buffers rim_mask and rim_ranks (slots taken before each word of the mask).
+// Index of a touched voxel's state, or NOWHERE. Active voxels come first, by slot, followed by the rim (their
+// inactive neighbours). Needs CONTINUOUS (if 0, only active voxels are touched), slots.glsl and, for the rim, the
+// buffers rim_mask and rim_ranks (slot offset of each word of the mask).
 uint state_of(uint index) {
     uint slot = slot_of(index);
     if (slot != NOWHERE || CONTINUOUS == 0u) return slot;

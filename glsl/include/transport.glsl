@@ -1,8 +1,8 @@
 // Light from a sample of the hidden surface to a pair of wall points, along two arms:
 //   value = albedo * cosines * falloff_a * falloff_b   at path distance_a + distance_b.
-// The first arm leads to the scanned point, the second to the other point; in a confocal pair they are the same.
-// `wall` holds the scanned points, then the other points (GEOMETRY > CONFOCAL); where the wall is curved, the normals
-// of all points follow in the same order.
+// The first arm ends at the scanned point, the second at the other point; in a confocal pair they coincide. `wall`
+// has the scanned points, then the other points (GEOMETRY > CONFOCAL); for curved walls the normals of all points
+// follow in the same order.
 
 #include "reflectance.glsl"
 const uint CONFOCAL = 0u;   // one point, one distance
@@ -12,24 +12,24 @@ layout(constant_id = 20) const uint GEOMETRY = 0u;
 layout(constant_id = 22) const uint CURVED = 0u; // 0: the wall's normal is (0, 0, 1) everywhere
 layout(constant_id = 24) const uint FINE = 0u;   // 1: paths have more bins than fp32 resolves (place.glsl)
 layout(constant_id = 26) const uint TOUCHING = 1u; // 0: no sample can be within `nearest` of a wall point
-layout(constant_id = 27) const uint POLISHED = 0u; // 1: a step of Newton takes off the error of a device's inverse root
+layout(constant_id = 27) const uint POLISHED = 0u; // 1: a Newton step corrects the device's inverse square root
 
-// An arm leads from a sample to a wall point. `way` is not normalised: the inverse length goes into the one factor that
-// a pair has anyway, not into three components.
+// From a sample to a wall point. `way` is not normalised: the inverse length is part of the one factor per pair,
+// instead of three components.
 struct Arm {
-    vec3 way;       // to the wall point, metres
+    vec3 way;       // vector to the wall point, metres
     float inverse;  // 1 / length; 0 for a degenerate pair
     float distance; // metres; with FINE whole grains
-    float rest;     // with FINE: the rest of the distance, grains
+    float rest;     // with FINE: rest of the distance, grains
     float falloff;  // (reference / distance)^2, or its root for retroreflective surfaces; 0 for a degenerate pair
     float wall;     // cosine at the wall times the distance, for Lambertian surfaces
     float wall_rise; // derivative of `wall` by the sample's depth
 };
 
-// The distance to about 34 bits: a rounded root r, and (d.d - r r) / 2r. Every length is a whole number of grains, at
-// most 2^11, and a rest below one half: squares of whole numbers add up without rounding, and the rests are small.
+// Distance with about 34 bits: a rounded root r, and (d.d - r r) / 2r. Every length is an integer number of grains,
+// at most 2^11, and a rest below one half: squares of integers add without rounding, and the rests are small.
 void refine(inout Arm arm, vec3 point, vec3 x, vec3 d, float inverse) {
-    // The rounding error of the difference itself (Knuth's two-sum).
+    // Rounding error of the difference (Knuth's two-sum).
     precise vec3 back = d - point;
     precise vec3 lost = (point - (d - back)) - (x + back);
     precise vec3 whole = round(d * scene.grains_per_metre);
@@ -50,7 +50,7 @@ Arm arm_to(vec3 point, vec3 normal, vec3 x) {
     arm.way = point - x;
     float d2 = dot(arm.way, arm.way);
     arm.inverse = inversesqrt(d2);
-    // A sample on a wall point has no direction; its kernel is defined as zero.
+    // A sample on a wall point has no direction; its kernel is zero by definition.
     if (TOUCHING != 0u && (d2 < scene.nearest * scene.nearest || d2 == 0.0)) arm.inverse = 0.0;
     arm.distance = d2 * arm.inverse;
     if (POLISHED != 0u) {
@@ -68,7 +68,7 @@ Arm arm_to(vec3 point, vec3 normal, vec3 x) {
 // Product of both cosines at the wall, for Lambertian surfaces.
 float walls(Arm a, Arm b) { return a.wall * a.inverse * (b.wall * b.inverse); }
 
-// Light that a surface with this normal sends to a pair at unit albedo, without the falloff: the cosines. Zero if the surface
+// Cosine factors of a surface with this normal toward a pair, at unit albedo and without falloff. Zero if the surface
 // faces away from one of the points.
 float shine(Arm a, Arm b, vec3 normal) {
     if (!NORMALS) return 1.0;

@@ -1,13 +1,13 @@
-// Private columns: a lane's contributions go straight to the histograms, or first to a column of WINDOW bins in shared
-// memory that no other lane touches. Neighbouring voxels reach neighbouring bins, so a column takes many additions
-// before it is added to its histogram, once per touched bin. That happens at the end, and when PATIENCE contributions
-// have missed the window: the last of these moves it. The others go straight to the histogram, so a scattered domain
-// costs little more than without windows. The host asks for no window where a brick of voxels is wider than one.
-// No barrier is needed, and no limit on the chunk. Columns lie side by side, so lanes hit different banks. In fixed
-// point, too, a column's own sum belongs to one lane and has one order. A window is a second level of sums and replaces
+// Private columns: a lane's contributions are added to the histograms directly, or first to a column of WINDOW bins
+// in shared memory, exclusive to the lane. Neighbouring voxels reach neighbouring bins, so a column receives many
+// additions before it is added to its histogram, once per touched bin: at the end, and when PATIENCE contributions
+// missed the window, the last of which moves it. The others are added to the histogram directly, so a scattered
+// domain costs little more than without windows. The host disables windows where a brick of voxels is wider than one.
+// No barrier is needed, and the chunk is not limited. Columns are interleaved, so lanes hit different banks. In fixed
+// point, too, a column's sum belongs to one lane and has one order. A window is a second level of sums and replaces
 // runs. Needs SPLIT, COLUMNS and accumulate.glsl.
 
-layout(constant_id = 25) const uint WINDOW = 0u; // bins of a column; 0 for none
+layout(constant_id = 25) const uint WINDOW = 0u; // bins per column; 0 for none
 
 shared float columns[WINDOW == 0u ? 1u : WINDOW * COLUMNS];
 
@@ -54,7 +54,7 @@ void deposit(uint column, uint row, Place place, float value, inout Run run) {
     if (SPLIT != 0u) columns[at + COLUMNS] += parts.y;
 }
 
-// Adds to histogram `row` what the column or the run still holds.
+// Adds the remaining content of the column or the run to histogram `row`.
 void finish_run(uint column, uint row, inout Run run) {
     if (WINDOW != 0u) flush_column(column, row, run);
     else flush(row, run);

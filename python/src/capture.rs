@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use engine::capture::{self, Bounce, Capture, Pulse, ReadOptions, Turn};
+use engine::capture::{self, Capture, Pulse};
 use engine::{Error, Result};
 use glam::DVec3;
 use numpy::{PyArray1, PyReadonlyArray1};
@@ -10,6 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::error::guarded;
+use crate::settings::{self, Texts};
 use crate::tell::heard;
 
 /// A capture, as the Python part gives it: every array is flat and in C order, lengths are metres. What may be missing is an
@@ -32,7 +33,7 @@ pub struct Arrays<'py> {
     sensor_normal: Option<PyReadonlyArray1<'py, f64>>,
     bins: usize,
     bin_width: f64,
-    t0: f64,
+    t_start: f64,
     /// `None`: as the counts are.
     #[pyo3(default)]
     photon_counts: Option<bool>,
@@ -58,7 +59,7 @@ impl Arrays<'_> {
         let normals = |n: &Option<PyReadonlyArray1<'_, f64>>| n.as_ref().map(points).transpose();
         made.laser_normal = normals(&self.laser_normal)?;
         made.sensor_normal = normals(&self.sensor_normal)?;
-        (made.name, made.t_start) = (self.name.clone(), self.t0);
+        (made.name, made.t_start) = (self.name.clone(), self.t_start);
         made.integer_counts = self.photon_counts.unwrap_or_else(|| made.has_whole_counts());
         if let Some((samples, width, start)) = &self.pulse {
             made.pulse = Some(Pulse::new(flat(samples)?.to_vec(), *width, *start));
@@ -93,7 +94,7 @@ pub fn dictionary<'py>(py: Python<'py>, capture: Capture) -> PyResult<Bound<'py,
     made.set_item("sensor_normal", capture.sensor_normal.as_deref().map(numbers))?;
     made.set_item("bins", capture.bins)?;
     made.set_item("bin_width", capture.bin_width)?;
-    made.set_item("t0", capture.t_start)?;
+    made.set_item("t_start", capture.t_start)?;
     made.set_item("photon_counts", capture.integer_counts)?;
     let pulse = capture.pulse.map(|p| (PyArray1::from_vec(py, p.samples), p.width, p.start));
     made.set_item("pulse", pulse)?;
@@ -107,27 +108,14 @@ pub fn dictionary<'py>(py: Python<'py>, capture: Capture) -> PyResult<Bound<'py,
 
 /// Reads a capture of any format; the notes say what was assumed.
 #[pyfunction]
-#[allow(clippy::too_many_arguments)]
 pub fn read<'py>(
     py: Python<'py>,
     path: PathBuf,
-    wall: Option<f64>,
-    bin_width: Option<f64>,
-    depth_unit: Option<f64>,
-    bounce: Option<String>,
-    tof: Option<PathBuf>,
-    flip: Option<String>,
-    rotate: Option<u32>,
+    settings: Texts,
 ) -> PyResult<(Bound<'py, PyDict>, Vec<String>)> {
     let place = path.display().to_string();
     let opened = heard(py, Some(&place), move || {
-        let given = ReadOptions::default()
-            .with_wall(wall)
-            .with_bin_width(bin_width)
-            .with_depth_unit(depth_unit)
-            .with_bounce(bounce.as_deref().map(Bounce::parse).transpose()?)
-            .with_time_of_flight(tof)
-            .with_turn(Turn::parse(flip.as_deref(), rotate)?);
+        let given = engine::job::reading(&settings::settings(&settings)?)?;
         capture::read_given(&path, &given)
     })?;
     Ok((dictionary(py, opened.capture)?, opened.notes))

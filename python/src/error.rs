@@ -14,7 +14,7 @@ create_exception!(
     thirdbounce,
     Error,
     PyException,
-    "Everything that thirdbounce raises. `what` is wrong, `where`: the file, if one is concerned, `remedy`: how to mend it."
+    "Everything that thirdbounce raises. `what` is wrong, `where`: the file, if one is concerned, `hint`: how to fix it."
 );
 create_exception!(thirdbounce, InputError, Error, "A capture, truth or scene that cannot be used.");
 create_exception!(
@@ -61,10 +61,10 @@ pub fn guarded<T>(
 pub fn raised(py: Python<'_>, error: &EngineError, place: Option<&str>) -> PyErr {
     let named = place.and_then(|p| error.what.strip_prefix(&format!("{p}: ")));
     let what = in_python(named.unwrap_or(&error.what));
-    let remedy = in_python(&error.mend.say(changed, found));
+    let hint = in_python(&error.hint.say(changed, found));
     let text = match place {
-        Some(place) => format!("{place}: {what}\n  {remedy}"),
-        None => format!("{what}\n  {remedy}"),
+        Some(place) => format!("{place}: {what}\n  {hint}"),
+        None => format!("{what}\n  {hint}"),
     };
     let made = match error.kind {
         Kind::Input => InputError::new_err(text),
@@ -74,20 +74,20 @@ pub fn raised(py: Python<'_>, error: &EngineError, place: Option<&str>) -> PyErr
         Kind::Output => OutputError::new_err(text),
         Kind::Cancelled => CancelledError::new_err(text),
     };
-    with_parts(py, made, &what, place, &remedy)
+    with_parts(py, made, &what, place, &hint)
 }
 
-fn with_parts(py: Python<'_>, made: PyErr, what: &str, place: Option<&str>, remedy: &str) -> PyErr {
+fn with_parts(py: Python<'_>, made: PyErr, what: &str, place: Option<&str>, hint: &str) -> PyErr {
     let value = made.value(py);
     let set = value.setattr("what", what);
-    let set = set.and_then(|()| value.setattr("where", place)).and_then(|()| value.setattr("remedy", remedy));
+    let set = set.and_then(|()| value.setattr("where", place)).and_then(|()| value.setattr("hint", hint));
     set.err().unwrap_or(made)
 }
 
 fn defect(py: Python<'_>, panic: &(dyn Any + Send)) -> PyErr {
     let what = panic_message(panic).unwrap_or("a defect");
-    let remedy = "report it; do not use the objects of this call again";
-    with_parts(py, DefectError::new_err(format!("{what}\n  {remedy}")), what, None, remedy)
+    let hint = "report it; do not use the objects of this call again";
+    with_parts(py, DefectError::new_err(format!("{what}\n  {hint}")), what, None, hint)
 }
 
 fn changed(remedy: Remedy) -> String {

@@ -23,7 +23,7 @@ pub struct MapArrays<'py> {
     normals: PyReadonlyArray1<'py, f32>,
     mask: PyReadonlyArray1<'py, bool>,
     mask_fraction: Option<f64>,
-    confidence: Option<PyReadonlyArray1<'py, f32>>,
+    depth_error: Option<PyReadonlyArray1<'py, f32>>,
     behind: Option<LayerArrays<'py>>,
 }
 
@@ -34,7 +34,7 @@ struct LayerArrays<'py> {
     depth: PyReadonlyArray1<'py, f32>,
     normals: PyReadonlyArray1<'py, f32>,
     mask: PyReadonlyArray1<'py, bool>,
-    confidence: Option<PyReadonlyArray1<'py, f32>>,
+    depth_error: Option<PyReadonlyArray1<'py, f32>>,
 }
 
 fn vectors(numbers: &PyReadonlyArray1<'_, f32>) -> Result<Vec<[f32; 3]>> {
@@ -53,7 +53,7 @@ impl MapArrays<'_> {
                 depth: flat(&b.depth)?.to_vec(),
                 normal: vectors(&b.normals)?,
                 mask: flat(&b.mask)?.to_vec(),
-                confidence: values(&b.confidence)?,
+                depth_error: values(&b.depth_error)?,
             })
         };
         Ok(Maps {
@@ -65,7 +65,7 @@ impl MapArrays<'_> {
             normal: vectors(&self.normals)?,
             mask: flat(&self.mask)?.to_vec(),
             mask_fraction: self.mask_fraction,
-            confidence: values(&self.confidence)?,
+            depth_error: values(&self.depth_error)?,
             behind: self.behind.as_ref().map(behind).transpose()?,
         })
     }
@@ -74,10 +74,10 @@ impl MapArrays<'_> {
 /// Maps as a dictionary. Nothing is copied.
 pub fn dictionary<'py>(py: Python<'py>, maps: Maps) -> PyResult<Bound<'py, PyDict>> {
     let shape = [maps.nx, maps.ny];
-    let made = layer(py, shape, [maps.albedo, maps.depth], maps.normal, maps.mask, maps.confidence)?;
+    let made = layer(py, shape, [maps.albedo, maps.depth], maps.normal, maps.mask, maps.depth_error)?;
     made.set_item("extent", maps.extent)?;
     made.set_item("mask_fraction", maps.mask_fraction)?;
-    let behind = maps.behind.map(|b| layer(py, shape, [b.albedo, b.depth], b.normal, b.mask, b.confidence));
+    let behind = maps.behind.map(|b| layer(py, shape, [b.albedo, b.depth], b.normal, b.mask, b.depth_error));
     made.set_item("behind", behind.transpose()?)?;
     Ok(made)
 }
@@ -88,7 +88,7 @@ pub fn truth<'py>(py: Python<'py>, truth: Truth) -> PyResult<Bound<'py, PyDict>>
     let Truth { nx, ny, extent, depth, normal, mask, behind } = truth;
     dictionary(
         py,
-        Maps { nx, ny, extent, albedo, depth, normal, mask, mask_fraction: None, confidence: None, behind },
+        Maps { nx, ny, extent, albedo, depth, normal, mask, mask_fraction: None, depth_error: None, behind },
     )
 }
 
@@ -98,7 +98,7 @@ fn layer<'py>(
     [albedo, depth]: [Vec<f32>; 2],
     normals: Vec<[f32; 3]>,
     mask: Vec<bool>,
-    confidence: Option<Vec<f32>>,
+    depth_error: Option<Vec<f32>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let plane = |values: Vec<f32>| PyArray1::from_vec(py, values).reshape(shape);
     let made = PyDict::new(py);
@@ -109,7 +109,7 @@ fn layer<'py>(
         PyArray1::from_vec(py, normals.into_flattened()).reshape([shape[0], shape[1], 3])?,
     )?;
     made.set_item("mask", PyArray1::from_vec(py, mask).reshape(shape)?)?;
-    made.set_item("confidence", confidence.map(plane).transpose()?)?;
+    made.set_item("depth_error", depth_error.map(plane).transpose()?)?;
     Ok(made)
 }
 

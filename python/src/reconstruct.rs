@@ -1,6 +1,6 @@
 //! A whole reconstruction, as the command does it.
 
-use engine::job::{self, Loaded, Outcome};
+use engine::job::{self, Loaded, Outcome, Request};
 use engine::{Error, Kind, Result};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -9,7 +9,7 @@ use crate::capture::Arrays;
 use crate::devices;
 use crate::error::guarded;
 use crate::maps;
-use crate::settings::Settings;
+use crate::settings::{self, Texts};
 use crate::tell::Teller;
 
 /// Reconstructs a capture: maps, with `report` as JSON and `notes` as sentences. `progress` is called with (doing,
@@ -18,20 +18,21 @@ use crate::tell::Teller;
 pub fn reconstruct<'py>(
     py: Python<'py>,
     arrays: Arrays<'py>,
-    settings: Settings,
+    settings: Texts,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let capture = guarded(py, None, || arrays.capture())?;
     let teller = Teller::new(progress, true);
     let done = guarded(py, None, || {
         py.detach(|| {
-            let choice = settings.choice()?;
-            let loaded = job::take(capture, &settings.input(&choice)?)?;
-            let request = settings.request(choice.resolve(&loaded.capture).request())?;
-            let gpu = devices::open(&settings.device)?;
+            let settings = settings::settings(&settings)?;
+            let device = settings.device.clone();
+            let loaded = job::take(capture, &settings)?;
+            let gpu = devices::open(&device)?;
+            let request = Request { tuned: true, ..Request::new(settings, "") };
             let solved = job::solve(&request, &loaded, &gpu, &mut |p| teller.hear(p));
             if solved.as_ref().is_err_and(|e| e.kind == Kind::Device) {
-                devices::forget(&settings.device);
+                devices::forget(&device);
             }
             packed(solved?.outcome, &loaded)
         })
@@ -39,17 +40,18 @@ pub fn reconstruct<'py>(
     if let Some(raised) = teller.raised().take() {
         return Err(raised);
     }
-    let (found, report, notes) = done?;
+    let (found, report, [notes, warnings]) = done?;
     let made = maps::dictionary(py, found)?;
     made.set_item("report", report)?;
     made.set_item("notes", notes)?;
+    made.set_item("warnings", warnings)?;
     Ok(made)
 }
 
 /// The result with its report as text and all notes.
-fn packed(outcome: Outcome, loaded: &Loaded) -> Result<(engine::maps::Maps, String, Vec<String>)> {
+fn packed(outcome: Outcome, loaded: &Loaded) -> Result<(engine::maps::Maps, String, [Vec<String>; 2])> {
     let report = serde_json::to_string_pretty(&outcome.report)
         .map_err(|e| Error::output(format!("the report cannot be packed: {e}"), "report this as a bug"))?;
     let notes = [&loaded.notes[..], &outcome.notes].concat();
-    Ok((outcome.maps, report, notes))
+    Ok((outcome.maps, report, [notes, outcome.warnings]))
 }

@@ -1,7 +1,7 @@
 //! Sessions: frames of one scan.
 
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use engine::maps::Maps;
@@ -16,7 +16,7 @@ use crate::capture::{Arrays, flat};
 use crate::devices;
 use crate::error::guarded;
 use crate::maps;
-use crate::settings::Settings;
+use crate::settings::{self, Texts};
 use crate::tell::{Raised, Teller, heard};
 
 /// How often a thread that waits looks for signals.
@@ -64,7 +64,7 @@ impl Session {
     }
 
     /// The maps of the next result, its number and its seconds, if it is there by then.
-    fn wait_for(&self, limit: Duration) -> Result<Option<(Maps, u64, f64)>> {
+    fn wait_for(&self, limit: Duration) -> Result<Option<(Maps, u64, f64, Vec<String>)>> {
         let mut session = self.locked();
         let session = session.as_mut().ok_or_else(closed)?;
         if !self.may_wait && !self.is_pending.load(Relaxed) {
@@ -72,7 +72,10 @@ impl Session {
         }
         let found = session.wait_for(limit);
         self.is_pending.store(matches!(found, Ok(None)), Relaxed);
-        let packed = |frame: &Frame| (frame.result.maps.clone(), frame.id.0, frame.result.solve_seconds);
+        let packed = |frame: &Frame| {
+            let result = &frame.result;
+            (result.maps.clone(), frame.id.0, result.solve_seconds, result.warnings.clone())
+        };
         Ok(found?.map(packed))
     }
 }
@@ -84,7 +87,7 @@ impl Session {
     fn new(
         py: Python<'_>,
         arrays: Arrays<'_>,
-        settings: Settings,
+        settings: Texts,
         time_limit: Option<f64>,
         progress: Option<Py<PyAny>>,
         feed: Option<FeedGiven>,
@@ -98,15 +101,14 @@ impl Session {
             let limit = time_limit.map(Duration::try_from_secs_f64).transpose();
             let time_limit =
                 limit.map_err(|e| Error::options(format!("time_limit: {e}"), "give seconds, or None"))?;
-            let choice = settings.choice()?;
-            scan.check_scan()?;
-            let memory = settings.memory()?;
+            let settings = settings::settings(&settings)?;
             let gpu = devices::open(&settings.device)?;
-            let tuned = choice.resolve(&scan).tune(&gpu, &scan, memory, &mut |p| teller.hear(p))?;
-            let hear: Hear = Box::new(move |_, p: &Progress| teller.hear(p));
-            let options =
-                SessionOptions { memory, time_limit, hear: Some(hear), feed, ..SessionOptions::default() };
-            engine_session::Session::new(&gpu, &tuned.scan, None, &tuned.solver, options)
+            let teller = Arc::new(teller);
+            let of_session = teller.clone();
+            let hear: Hear = Box::new(move |_, p: &Progress| of_session.hear(p));
+            let options = SessionOptions { time_limit, hear: Some(hear), feed, ..SessionOptions::default() };
+            let made = engine::session(&gpu, &scan, &settings, options, &mut |p| teller.hear(p));
+            made.map(|(session, _)| session)
         })?;
         let (submitter, canceller) = (session.submitter(), session.canceller());
         let (session, is_pending) = (Mutex::new(Some(session)), AtomicBool::new(false));
@@ -136,9 +138,9 @@ impl Session {
 
     /// Frames that were solved and dropped; seconds of the last frame, median, 90th and 99th percentile; results in a second.
     fn latency(&self) -> (u64, u64, [f64; 4], f64) {
-        let told = self.submitter.latency();
-        let seconds = [told.last, told.median, told.p90, told.p99].map(|time| time.as_secs_f64());
-        (told.frames, told.dropped, seconds, told.frames_per_second)
+        let latency = self.submitter.latency();
+        let seconds = [latency.last, latency.median, latency.p90, latency.p99].map(|time| time.as_secs_f64());
+        (latency.frames, latency.dropped, seconds, latency.frames_per_second)
     }
 
     /// Waits for the frame that was submitted last; `None` if it is not solved after `seconds`. A signal cancels the frame.
@@ -160,10 +162,11 @@ impl Session {
                 None => {}
             }
         };
-        let packed = |(solved, frame, seconds)| {
+        let packed = |(solved, frame, seconds, warnings)| {
             let made = maps::dictionary(py, solved)?;
             made.set_item("frame", frame)?;
             made.set_item("seconds", seconds)?;
+            made.set_item("warnings", warnings)?;
             Ok(made)
         };
         found.map(packed).transpose()

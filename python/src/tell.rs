@@ -12,19 +12,19 @@ use pyo3::prelude::*;
 
 use crate::error::guarded;
 
-/// Tells a Python function of the progress, and asks Python whether a signal came.
+/// Reports progress to a Python function and checks for signals.
 pub struct Teller {
     progress: Option<Py<PyAny>>,
-    /// Only the main thread hears signals.
+    /// Only the main thread receives signals.
     hears_signals: bool,
     raised: Raised,
 }
 
-/// How often a thread that waits for work looks for signals.
+/// Interval of signal checks during a wait.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Does work in a thread of its own, while this one hears signals. After a signal the work ends on its own, and nobody takes what
-/// it gives.
+/// Runs `work` in another thread while this one checks for signals. After a signal the work ends on its own and its result is
+/// discarded.
 pub fn heard<T: Send + 'static>(
     py: Python<'_>,
     place: Option<&str>,
@@ -32,7 +32,7 @@ pub fn heard<T: Send + 'static>(
 ) -> PyResult<T> {
     let (give, take) = sync_channel(1);
     let work = move || {
-        // Nobody takes it after a signal.
+        // Discarded after a signal.
         let _ = give.send(catch_unwind(AssertUnwindSafe(work)));
     };
     let thread = std::thread::Builder::new().name("thirdbounce".into()).spawn(work);
@@ -104,9 +104,9 @@ impl Teller {
             Doing::Trial => "trial",
             Doing::Solve => "solve",
         };
-        let told =
+        let report =
             (doing, p.iteration, progress.iterations, p.seconds, progress.remaining, p.loss, p.lateral);
-        let answer = function.call1(py, told)?;
+        let answer = function.call1(py, report)?;
         Ok(!answer.bind(py).is(pyo3::types::PyBool::new(py, false).to_owned()))
     }
 }

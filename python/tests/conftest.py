@@ -7,7 +7,7 @@ import pytest
 import thirdbounce as tb
 
 # A short solve that repeats bit by bit.
-SHORT = {"model": "cosine", "pixels": 16, "iterations": 12, "deterministic": True}
+SHORT = {"model": "cosine", "lateral": 16, "iterations": 12, "deterministic": True}
 
 
 @pytest.fixture(scope="session")

@@ -79,7 +79,7 @@ def test_wrong_shapes_are_told(H, sensor, laser, words):
     with pytest.raises(tb.OptionsError) as raised:
         tb.Capture(H, sensor, laser, bin_width=0.05)
     assert words in str(raised.value)
-    assert raised.value.what and raised.value.remedy and raised.value.where is None
+    assert raised.value.what and raised.value.hint and raised.value.where is None
 
 
 def test_other_axes_are_refused():

@@ -1,4 +1,4 @@
-"""Reconstruction: the same maps as the command, and a solve that stops when it is told."""
+"""Reconstruction: the same maps as the command, and a solve that stops on request."""
 
 import json
 import os
@@ -17,7 +17,7 @@ from conftest import SHORT
 FIVE_LINES = """\
 import thirdbounce as tb
 capture, truth = tb.simulate("sphere", scan=8, bin_width=0.03, noise=0.3)
-maps = tb.reconstruct(capture, pixels=16)
+maps = tb.reconstruct(capture, lateral=16)
 maps.save("result")
 print(round(float(abs(maps.depth - 0.7)[maps.mask].mean()), 3), int(maps.mask.sum()))
 """
@@ -41,7 +41,7 @@ def test_maps_are_those_of_the_command_to_the_bit(tmp_path, capture, maps, comma
     run = [command, "reconstruct", "z.npz", "--out", "out", *options.split()]
     subprocess.run(run, cwd=tmp_path, check=True, stdout=subprocess.DEVNULL)
     theirs = tb.load_maps(tmp_path / "out/maps.npz")
-    for name in ["albedo", "depth", "normals", "mask", "confidence"]:
+    for name in ["albedo", "depth", "normals", "mask", "depth_error"]:
         mine = getattr(maps, name)
         assert mine.tobytes() == getattr(theirs, name).tobytes(), name
     assert tuple(maps.extent) == theirs.extent
@@ -76,7 +76,7 @@ def test_maps_have_shapes_and_units(maps, rendered):
 def test_maps_are_saved_and_loaded(tmp_path, maps):
     (file,) = maps.save(tmp_path / "m.npz")
     again = tb.load_maps(file)
-    for name in ["albedo", "depth", "normals", "mask", "confidence"]:
+    for name in ["albedo", "depth", "normals", "mask", "depth_error"]:
         assert getattr(again, name).tobytes() == getattr(maps, name).tobytes(), name
     assert maps._repr_png_().startswith(b"\x89PNG")
 
@@ -96,15 +96,15 @@ def test_drawing_needs_matplotlib(tmp_path, maps):
 
 
 def test_progress_is_told_and_may_stop_the_solve(capture):
-    told = []
+    reports = []
 
     def hear(progress):
-        told.append(progress)
-        return len(told) < 2
+        reports.append(progress)
+        return len(reports) < 2
 
     with pytest.raises(tb.CancelledError):
-        tb.reconstruct(capture, progress=hear, model="cosine", high_pass=0, pixels=32, iterations=200)
-    assert len(told) == 2 and isinstance(told[0], tb.Progress) and told[0].iterations >= 200
+        tb.reconstruct(capture, on_progress=hear, model="cosine", high_pass=0, lateral=32, iterations=200)
+    assert len(reported) == 2 and isinstance(reported[0], tb.Progress) and reported[0].iterations >= 200
 
 
 def test_what_a_progress_function_raises_comes_back(capture):
@@ -112,11 +112,11 @@ def test_what_a_progress_function_raises_comes_back(capture):
         raise KeyError("mine")
 
     with pytest.raises(KeyError, match="mine"):
-        tb.reconstruct(capture, progress=hear, **SHORT)
+        tb.reconstruct(capture, on_progress=hear, **SHORT)
     assert tb.reconstruct(capture, **SHORT).mask.any()
 
 
-LONG = {"model": "cosine", "pixels": 64, "iterations": 100000}
+LONG = {"model": "cosine", "lateral": 64, "iterations": 100000}
 
 
 def test_ctrl_c_stops_a_solve_soon(capture):
@@ -139,7 +139,7 @@ def test_other_threads_run_during_a_solve(capture):
     thread = threading.Thread(target=tick)
     thread.start()
     start = time.monotonic()
-    tb.reconstruct(capture, **{**SHORT, "pixels": 32, "iterations": 60})
+    tb.reconstruct(capture, **{**SHORT, "lateral": 32, "iterations": 60})
     taken = time.monotonic() - start
     done.set()
     thread.join()
@@ -166,7 +166,7 @@ def test_other_threads_run_during_a_solve(capture):
 def test_wrong_arguments_are_told(capture, arguments, kind, words):
     with pytest.raises(kind) as raised:
         tb.reconstruct(capture, **{**SHORT, **arguments})
-    assert words in str(raised.value) and raised.value.remedy
+    assert words in str(raised.value) and raised.value.hint
     assert "--" not in str(raised.value), "the words of the command line"
 
 

@@ -10,8 +10,8 @@ import pytest
 
 import thirdbounce as tb
 
-QUICK = {"pixels": 16, "iterations": 12, "deterministic": True}
-LONG = {"pixels": 64, "iterations": 100000}
+QUICK = {"lateral": 16, "iterations": 12, "deterministic": True}
+LONG = {"lateral": 64, "iterations": 100000}
 
 
 def session(capture, **more):
@@ -56,8 +56,8 @@ def test_a_camera_thread_feeds_parts_of_a_scan(capture):
         camera.join()
         # Both halves are the whole scan.
         assert shown[-1].albedo.tobytes() == frames.solve(capture.H).albedo.tobytes()
-        told = frames.latency
-        assert told.frames + told.dropped == 3 and 0.0 < told.median <= told.p99
+        latency = frames.latency
+        assert latency.frames + latency.dropped == 3 and 0.0 < latency.median <= latency.p99
     with pytest.raises(tb.OptionsError, match="feed"):
         session(capture, feed="some", **QUICK)
 
@@ -89,25 +89,25 @@ def test_ctrl_c_stops_a_frame_and_the_session_lives(capture):
 
 
 def test_progress_comes_from_the_session(capture):
-    told = []
+    reports = []
     # Rounds of the support may be fewer than there is room for.
-    with session(capture, progress=told.append, support="fixed", **QUICK) as frames:
+    with session(capture, on_progress=reported.append, support="fixed", **QUICK) as frames:
         frames.solve(capture.H)
-    assert told and told[-1].iteration == told[-1].iterations
+    assert reports and reports[-1].iteration == reports[-1].iterations
 
     def refuse(progress):
         raise KeyError("mine")
 
-    with session(capture, progress=refuse, **QUICK) as frames:
+    with session(capture, on_progress=refuse, **QUICK) as frames:
         frames.submit(capture.H)
         with pytest.raises(KeyError, match="mine"):
             while frames.wait(1.0) is None:
                 pass
 
 
-@pytest.mark.parametrize("progress", [None, lambda told: None])
+@pytest.mark.parametrize("progress", [None, lambda reports: None])
 def test_polling_and_progress_do_not_wait_for_each_other(capture, progress):
-    with session(capture, progress=progress, **QUICK) as frames:
+    with session(capture, on_progress=progress, **QUICK) as frames:
         for _ in range(5):
             frames.submit(capture.H)
             while frames.poll() is None:
@@ -115,10 +115,10 @@ def test_polling_and_progress_do_not_wait_for_each_other(capture, progress):
 
 
 def test_a_session_that_is_dropped_while_it_solves_ends(capture):
-    told = threading.Event()
-    frames = session(capture, progress=lambda p: told.set(), **LONG)
+    reported = threading.Event()
+    frames = session(capture, on_progress=lambda p: reported.set(), **LONG)
     frames.submit(capture.H)
-    assert told.wait(30)
+    assert reports.wait(30)
     start = time.monotonic()
     del frames
     assert time.monotonic() - start < 10

@@ -16,7 +16,7 @@ use super::terminal::{print, say, say_error};
 use super::{advice, interrupt, reconstruct};
 
 /// Options of `reconstruct` that a batch does not have: a capture that was not finished begins anew.
-const NOT_HERE: [&str; 3] = ["no_preview", "open", "timings"];
+const NOT_HERE: [&str; 4] = ["no_preview", "open", "timings", "json"];
 /// Arguments that do not change results.
 const NO_DIFFERENCE: [&str; 7] =
     ["capture", "out", "device", "memory", "pipeline_cache", "validation", "quiet"];
@@ -96,7 +96,7 @@ impl FromArgMatches for Args {
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {
-    let wrong = |what: String, mend: &'static str| Err(Error::options(what, mend));
+    let wrong = |what: String, hint: &'static str| Err(Error::options(what, hint));
     if let Some(option) = args.unfit {
         let option = option.replace('_', "-");
         return wrong(
@@ -116,14 +116,14 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         );
     };
     args.each.check()?;
-    let device = &args.each.device;
+    let device = &args.each.capture.device;
     let batch = Batch {
         captures: named(&captures(&args.captures)?),
         shard: parts,
         out: args.each.out.clone(),
         options: args.options.clone(),
         device: gpu::GpuOptions {
-            device: device.device.clone(),
+            device: args.each.capture.settings.settings()?.device,
             pipeline_cache: device.pipeline_cache(),
             validation: device.validation,
             ..gpu::GpuOptions::default()
@@ -157,16 +157,20 @@ fn report(end: &CaptureEnd, out: &Path, quiet: bool) {
             "status": end.status,
             "seconds": end.seconds,
             "error": end.error.as_ref().map(|e| &e.what),
-            "remedy": end.error.as_ref().map(|e| advice::text(&e.mend)),
+            "hint": end.error.as_ref().map(|e| advice::text(&e.hint)),
             "folder": end.error.is_none().then(|| out.join(name).to_string_lossy().into_owned()),
             "figures": end.figures,
+            "warnings": end.warnings,
         })
         .to_string(),
     );
     match &end.error {
-        Some(e) => say_error(&format!("{name}: "), &e.what, &advice::text(&e.mend)),
+        Some(e) => say_error(&format!("{name}: "), &e.what, &advice::text(&e.hint)),
         None if quiet => {}
-        None => end.notes.iter().for_each(|note| say(&format!("note: {name}: {note}"))),
+        None => {
+            end.notes.iter().for_each(|note| say(&format!("note: {name}: {note}")));
+            end.warnings.iter().for_each(|warning| say(&format!("warning: {name}: {warning}")));
+        }
     }
 }
 
@@ -176,8 +180,7 @@ impl Caller for Args {
     }
 
     fn load(&self, capture: &Listed) -> Result<(Loaded, Request)> {
-        let (loaded, request) = self.each.load(&capture.path)?;
-        let mut request = self.each.over(request);
+        let (loaded, mut request) = self.each.load(&capture.path)?;
         for file in [&mut request.truth, &mut request.volume_file].into_iter().flatten() {
             *file = with_name(file, &capture.name);
         }

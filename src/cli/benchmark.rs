@@ -9,18 +9,16 @@ use thirdbounce::export::comparison::LeftOut;
 use thirdbounce::files::atomic;
 use thirdbounce::job::benchmark::{Caller, Scene, Source, benchmark, family, found_in, truth_of};
 use thirdbounce::job::{
-    self, Benchmark, Comparison, Foreign, ForeignResult, Input, Loaded, Method, Request, SolverOptions, Turn,
+    self, Benchmark, Comparison, Foreign, ForeignResult, Loaded, Method, Request, SolverOptions, Turn,
 };
-use thirdbounce::maps::Maps;
 use thirdbounce::measure::PaperMeasure;
 use thirdbounce::solve::Progress;
 use thirdbounce::{Error, Result};
 
-use super::input::{DeviceArgs, PartArgs, VolumeArgs};
 use super::progress::Meter;
-use super::solver::SolverArgs;
+use super::settings::{ALL, DeviceArgs, SettingsArgs};
 use super::terminal::{print, say, say_error};
-use super::{advice, interrupt, methods, units};
+use super::{advice, interrupt, methods};
 
 /// Exit code after Ctrl-C, as for the other verbs.
 const STOPPED: u8 = 130;
@@ -76,9 +74,6 @@ pub struct Args {
     /// Measure after every Nth iteration; measuring does not count as solving
     #[arg(long, value_name = "N", default_value_t = 10)]
     trace_every: usize,
-    /// A pixel is surface above this share of the brightest albedo [default: the usual mask of each method]
-    #[arg(long, value_name = "X", value_parser = units::number)]
-    mask_fraction: Option<f64>,
     /// Let the truth choose the mask of every method: the share of the brightest albedo with the best IoU. Tables say so
     #[arg(long, conflicts_with = "mask_fraction")]
     oracle: bool,
@@ -86,11 +81,7 @@ pub struct Args {
     #[arg(long, short)]
     quiet: bool,
     #[command(flatten)]
-    part: PartArgs,
-    #[command(flatten)]
-    solver: SolverArgs,
-    #[command(flatten)]
-    grid: VolumeArgs,
+    settings: SettingsArgs<ALL>,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -191,20 +182,19 @@ impl Args {
 
 pub fn run(args: &Args) -> Result<ExitCode> {
     let owns = args.own || args.captures.is_empty();
-    let solver = args.solver.choice().solver;
+    let solver = args.settings.solver();
     // A thousand iterations of every scene would take hours.
-    let usual: &[&str] = match &solver {
-        Some(name) => &[name.as_str()],
+    let usual: &[&str] = match solver {
+        Some(name) => &[name],
         None if owns => &["all", "paper:iterations=300,name=paper"],
         None => &["all"],
     };
     let specs = args.specs(&args.method, usual)?;
-    args.check()?;
+    let settings = args.settings.of_all_methods()?;
     let mut scenes = args.scenes()?;
     let single = scenes.len() == 1 && args.photons.is_empty() && !owns;
     let repeats = args.repeats.unwrap_or(if single { 3 } else { 1 });
     Comparison::check_repeats(repeats)?;
-    let input = args.part.input(&args.solver)?;
     let foreign = args.foreign.iter().map(|text| foreign(text)).collect::<Result<Vec<_>>>()?;
     let maps = |foreign: &Foreign| match &foreign.result {
         ForeignResult::Maps(path) => Some(path.clone()),
@@ -220,18 +210,18 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         write_own(&folder)?;
         scenes.extend(scenes_of(&folder)?);
     }
-    let mut options = args.told(&specs)?;
-    options.push(format!("repeats {repeats} part {input:?} foreign {:?}", args.foreign));
+    let mut options = args.reported(&specs);
+    options.push(format!("repeats {repeats} foreign {:?}", args.foreign));
     let what = Benchmark {
         scenes,
         photons: args.photons.clone(),
-        seed: args.solver.choice().seed(),
+        seed: u64::from(settings.seed()),
         out,
         options,
         beside: foreign.iter().filter_map(maps).collect(),
     };
     interrupt::stop_in_order();
-    let mut running = Running { args, specs, input, repeats, turns: Turns::new(args.quiet) };
+    let mut running = Running { args, specs, repeats, turns: Turns::new(args.quiet) };
     let done = benchmark(&what, &mut running);
     running.turns.end();
     let done = done?;
@@ -246,14 +236,6 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 }
 
 impl Args {
-    /// Refuses what no capture makes good.
-    fn check(&self) -> Result<()> {
-        Maps::check_mask_fraction(self.mask_fraction)?;
-        self.device.memory()?;
-        self.grid.volume_only()?;
-        self.grid.bins().map(|_| ())
-    }
-
     /// Says notes, unless it is to be quiet.
     fn say(&self, notes: &[String]) {
         if !self.quiet {
@@ -263,66 +245,48 @@ impl Args {
 
     /// The methods that are asked for, else `usual`, all of them checked.
     fn specs(&self, asked: &[String], usual: &[&str]) -> Result<Vec<methods::Spec>> {
-        self.solver.choice().check()?;
         let named: Vec<&str> = asked.iter().map(|m| m.trim()).filter(|m| !m.is_empty()).collect();
         if named.is_empty() && !asked.is_empty() {
             return Err(Error::options("--method is empty", "name a solver: --method paper"));
         }
-        let base = self.solver.choice();
+        let base = &self.settings;
         let mut specs = vec![];
         let asked_for = if named.is_empty() { usual.to_vec() } else { named };
         for &text in &asked_for {
             if text != "all" {
-                specs.push(methods::parse(text, &base)?);
+                specs.push(methods::parse(text, base)?);
                 continue;
             }
             // What stands beside all by itself is not run twice.
             let alone = |name: &&str| !asked_for.iter().any(|text| text.split(':').next() == Some(*name));
             for name in every().filter(alone) {
-                specs.push(methods::Spec { is_optional: true, ..methods::parse(name, &base)? });
+                specs.push(methods::Spec { is_optional: true, ..methods::parse(name, base)? });
             }
         }
         Ok(specs)
     }
 
     /// Every option that changes results, as texts.
-    fn told(&self, specs: &[methods::Spec]) -> Result<Vec<String>> {
-        let mut all: Vec<String> =
-            specs.iter().map(|s| format!("method {} {:?} {}", s.name, s.choice, s.no_preview)).collect();
-        all.push(format!(
-            "trace {} mask {:?} oracle {} bins {:?} depth {:?} volume {:?}",
-            self.trace_every,
-            self.mask_fraction,
-            self.oracle,
-            self.grid.bins()?,
-            self.grid.depth_pitch,
-            self.grid.volume_only()?
-        ));
-        Ok(all)
+    fn reported(&self, specs: &[methods::Spec]) -> Vec<String> {
+        let of = |s: &methods::Spec| format!("method {} {:?} {}", s.name, s.settings, s.no_preview);
+        let mut all: Vec<String> = specs.iter().map(of).collect();
+        all.push(format!("trace {} oracle {}", self.trace_every, self.oracle));
+        all
     }
 
     /// What is compared on a capture: once, without a folder.
     fn comparison(&self, specs: &[methods::Spec], loaded: &Loaded, truth: &Path) -> Result<Comparison> {
-        let (memory, volume, bins) = (self.device.memory()?, self.grid.volume_only()?, self.grid.bins()?);
-        let method = |spec: &methods::Spec| {
-            let usual = spec.choice.resolve(&loaded.capture).request();
+        let method = |spec: &methods::Spec| -> Result<Method> {
+            let settings = spec.settings.settings()?;
             let request = Request {
-                preview: !spec.no_preview && matches!(usual.solver, SolverOptions::Surface(_)),
-                tuned: false,
-                bins,
-                depth_pitch: spec.depth_pitch.or(self.grid.depth_pitch),
-                volume,
-                memory,
-                device: self.device.device.clone(),
+                preview: !spec.no_preview && settings.method.name() == SolverOptions::DEFAULT,
                 pipeline_cache: self.device.pipeline_cache(),
                 validation: self.device.validation,
                 truth: Some(truth.into()),
-                mask_fraction: self.mask_fraction.or(usual.mask_fraction),
                 trace_every: spec.trace_every.or(Some(self.trace_every)),
-                find_pulse: self.part.find_pulse(usual.find_pulse),
-                ..usual
+                ..Request::new(settings, "")
             };
-            Method { name: spec.name.clone(), spec: spec.text.clone(), request }
+            Ok(Method { name: spec.name.clone(), spec: spec.text.clone(), request })
         };
         let mut comparison = Comparison {
             foreign: self.foreign.iter().map(|text| foreign(text)).collect::<Result<_>>()?,
@@ -330,8 +294,8 @@ impl Args {
             ..Comparison::default()
         };
         for spec in specs {
-            let method = method(spec);
-            match method.request.solver.takes(&loaded.capture) {
+            let method = method(spec)?;
+            match method.request.resolved(&loaded.capture).solver.takes(&loaded.capture) {
                 Err(e) if spec.is_optional => {
                     comparison.left_out.push(LeftOut { name: method.name, why: e.what });
                 }
@@ -347,14 +311,13 @@ impl Args {
 struct Running<'a> {
     args: &'a Args,
     specs: Vec<methods::Spec>,
-    input: Input,
     repeats: usize,
     turns: Turns,
 }
 
 impl Caller for Running<'_> {
     fn comparison(&mut self, capture: &Path, truth: &Path) -> Result<(Loaded, Comparison)> {
-        let loaded = job::load(&Input { path: capture.into(), ..self.input.clone() })?;
+        let loaded = job::load(capture, &self.args.settings.of_all_methods()?)?;
         self.args.say(&loaded.notes);
         let comparison = self.args.comparison(&self.specs, &loaded, truth)?;
         Ok((loaded, Comparison { repeats: self.repeats, ..comparison }))
@@ -378,8 +341,8 @@ impl Caller for Running<'_> {
         let quiet = self.args.quiet;
         match &case.why {
             Some(why) if case.failed => {
-                let mend = case.remedy.as_ref().map_or_else(String::new, advice::text);
-                say_error(&format!("{}: ", case.folder), why, &mend);
+                let hint = case.hint.as_ref().map_or_else(String::new, advice::text);
+                say_error(&format!("{}: ", case.folder), why, &hint);
             }
             Some(why) if !quiet => say(&format!("note: {} is left out: {why}", case.folder)),
             None if !quiet && case.was_there => say(&format!("{} is done already", case.folder)),

@@ -2,11 +2,13 @@
 
 use std::path::PathBuf;
 
+use thirdbounce::capture::Gate;
 use thirdbounce::capture::calibrate::time_zero;
+use thirdbounce::settings::gate;
 use thirdbounce::{Result, capture, export, job};
 
-use super::input::{UnsaidArgs, gate};
 use super::interrupt;
+use super::settings::{FILE, SettingsArgs};
 use super::terminal::{print, say};
 
 #[derive(clap::Args)]
@@ -26,17 +28,17 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
     /// Use only these paths of the target's capture: 0.8:2.4 or 2.7ns:8ns
-    #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true)]
-    gate: Option<String>,
+    #[arg(long, value_name = "FROM:TO", allow_hyphen_values = true, value_parser = gate)]
+    gate: Option<Gate>,
     #[command(flatten)]
-    unsaid: UnsaidArgs,
+    settings: SettingsArgs<FILE>,
 }
 
 pub fn run(args: &Args) -> Result<()> {
     let inputs = || std::iter::once(args.capture.as_path()).chain(args.apply_to.as_deref());
     let files = std::iter::once(&args.out).chain(&args.png);
     files.into_iter().try_for_each(|file| job::check_not_input(file, inputs()))?;
-    let given = args.unsaid.given()?;
+    let given = job::reading(&args.settings.settings()?)?;
     let read = |path: &PathBuf| -> Result<capture::Capture> {
         let opened = capture::read_given(path, &given)?;
         opened.notes.iter().for_each(|note| say(&format!("note: {note}")));
@@ -47,8 +49,8 @@ pub fn run(args: &Args) -> Result<()> {
         Ok(capture)
     };
     let target = read(&args.capture)?;
-    let gated = match &args.gate {
-        Some(text) => target.gated(gate(text)?)?,
+    let gated = match args.gate {
+        Some(gate) => target.gated(gate)?,
         None => target.clone(),
     };
     let found = time_zero(&gated, args.reach).map_err(|e| e.at(args.capture.display()))?;

@@ -30,9 +30,9 @@ pub fn table(p: &CompileProfile) -> String {
     );
     if !p.tells {
         out += "note      this driver says nothing of its kernels (VK_KHR_pipeline_executable_properties): the table \
-                holds only that they compile, and the slots counted in their modules\n";
+                holds only that they compile\n";
     }
-    out += &format!("\n{:<24}{:<26}{:>8}{:>7}", "kernel", "module", "ms", "slots");
+    out += &format!("\n{:<24}{:<26}{:>8}", "kernel", "module", "ms");
     COLUMNS.iter().for_each(|(name, _)| out += &format!("{name:>10}"));
     out += &format!("{:>9}\n", "subgroup");
     for k in &p.kernels {
@@ -41,13 +41,12 @@ pub fn table(p: &CompileProfile) -> String {
             all => all.iter().for_each(|e| out += &line(k, e)),
         }
     }
-    out + "\nslots: issue slots of a pair, counted in the module. waves: subgroups that a SIMD unit holds at once.\n"
+    out + "\nwaves: subgroups that a SIMD unit holds at once.\n"
 }
 
 fn line(k: &CompiledKernel, e: &Executable) -> String {
     let dash = || "-".to_string();
-    let slots = k.slots.map_or_else(dash, |s| format!("{s:.0}"));
-    let mut out = format!("{:<24}{:<26}{:>8.1}{slots:>7}", k.kernel, k.code, 1e3 * k.seconds);
+    let mut out = format!("{:<24}{:<26}{:>8.1}", k.kernel, k.code, 1e3 * k.seconds);
     for (_, names) in COLUMNS {
         let value = figure(e, names).map_or_else(dash, |v| v.to_string());
         out += &format!("{value:>10}");

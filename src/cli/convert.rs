@@ -4,8 +4,8 @@ use std::path::PathBuf;
 
 use thirdbounce::{Result, capture, job};
 
-use super::input::UnsaidArgs;
 use super::interrupt;
+use super::settings::{FILE, SettingsArgs};
 use super::terminal::{print, say};
 
 #[derive(clap::Args)]
@@ -26,15 +26,16 @@ pub struct Args {
     #[arg(long, value_name = "N", conflicts_with = "stride")]
     sum: Option<usize>,
     #[command(flatten)]
-    unsaid: UnsaidArgs,
+    settings: SettingsArgs<FILE>,
 }
 
 pub fn run(args: &Args) -> Result<()> {
     job::check_not_input(&args.to, [args.from.as_path()])?;
-    let opened = capture::read_given(&args.from, &args.unsaid.given()?)?;
+    let settings = args.settings.settings()?;
+    let opened = capture::read_given(&args.from, &job::reading(&settings)?)?;
     opened.notes.iter().for_each(|note| say(&format!("note: {note}")));
     let mut capture = opened.capture;
-    if let Some(size) = args.unsaid.wall {
+    if let Some(size) = settings.wall {
         capture.set_wall(size)?;
     }
     if let Some(n) = args.stride {

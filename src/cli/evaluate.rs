@@ -4,8 +4,9 @@ use std::path::PathBuf;
 
 use thirdbounce::{Result, job};
 
+use super::settings::number;
+use super::tables;
 use super::terminal::{json, print};
-use super::{tables, units};
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -15,9 +16,9 @@ pub struct Args {
     #[arg(long, value_name = "FILE")]
     truth: PathBuf,
     /// A pixel is surface above this share of the brightest albedo [default: that of the reconstruction]
-    #[arg(long, value_name = "X", value_parser = units::number)]
+    #[arg(long, value_name = "X", value_parser = number)]
     mask_fraction: Option<f64>,
-    /// Do not draw depth_error.png into the folder
+    /// Do not draw depth_difference.png into the folder
     #[arg(long)]
     no_pictures: bool,
     /// Print JSON

@@ -9,8 +9,8 @@ use thirdbounce::tags::{Asked, Division, Histograms, Inputs, PileUp, Scan, Zero}
 use thirdbounce::{Error, Result};
 
 use super::terminal::{print, say};
-use super::units::{length, path, time};
 use super::{interrupt, tables};
+use thirdbounce::solve::units::{length, path, time};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -172,8 +172,8 @@ impl FromTags {
         }
         let zero = match self.zero.as_str() {
             "direct" => Zero::Direct,
-            text => Zero::At(time(text).map_err(|mend| {
-                Error::options(format!("--zero is {text:?}"), format!("give direct, or {}", &mend[5..]))
+            text => Zero::At(time(text).map_err(|hint| {
+                Error::options(format!("--zero is {text:?}"), format!("give direct, or {}", &hint[5..]))
             })?),
         };
         let pile_up = match self.pile_up.as_str() {

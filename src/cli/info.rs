@@ -1,13 +1,13 @@
 //! `thirdbounce info CAPTURE`.
 
 use std::path::PathBuf;
+use std::process::ExitCode;
 
 use thirdbounce::capture::scan::decimals;
 use thirdbounce::job::{self, Inspection};
 use thirdbounce::{Result, export};
 
-use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, load};
-use super::solver::SolverArgs;
+use super::settings::CaptureArgs;
 use super::terminal::{json, print, say};
 use super::{advice, interrupt, tables};
 
@@ -25,17 +25,11 @@ pub struct Args {
     /// file, or into capture.png in this folder
     #[arg(long, value_name = "DIR or FILE")]
     png: Option<PathBuf>,
-    #[command(flatten)]
-    solver: SolverArgs,
-    #[command(flatten)]
-    grid: VolumeArgs,
-    #[command(flatten)]
-    device: DeviceArgs,
 }
 
-pub fn run(args: &Args) -> Result<()> {
-    args.grid.volume_only()?;
-    let (loaded, request) = load(&args.capture, &args.solver, &args.grid, &args.device)?;
+/// Ends with 1 if there is a problem with the capture or the plan. Without a device it plans for a usual one.
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let (loaded, request) = args.capture.load()?;
     let mut found = job::inspect(&request, &loaded)?;
     found.problems.iter_mut().for_each(|problem| *problem = advice::text(problem).into());
     if let Some(place) = &args.png {
@@ -46,7 +40,8 @@ pub fn run(args: &Args) -> Result<()> {
         say(&format!("wrote {}", path.display()));
     }
     print(&if args.json { json(&found)? } else { text(&found, args.plan) });
-    Ok(())
+    let others = found.problems.len() - usize::from(found.device.is_none()).min(found.problems.len());
+    Ok(if others == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 fn text(found: &Inspection, with_plan: bool) -> String {
@@ -56,7 +51,7 @@ fn text(found: &Inspection, with_plan: bool) -> String {
     let mm = found.voxel.map(|m| format!("{:.*}", d - 2, 1000.0 * m)).join(" x ");
     let mut out = format!("{}\n", found.capture);
     found.notes.iter().for_each(|note| out += &format!("note      {note}\n"));
-    found.doubts.iter().for_each(|doubt| out += &format!("doubt     {doubt}\n"));
+    found.warnings.iter().for_each(|warning| out += &format!("warning   {warning}\n"));
     out += &format!("\nsolver    {}\ngrid      {nx} x {ny} x {nz} voxels of {mm} mm\n", found.options.name());
     out += &format!(
         "box       x {:.d$} to {:.d$} m, y {:.d$} to {:.d$} m, z {:.d$} to {:.d$} m\n",

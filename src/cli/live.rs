@@ -7,18 +7,17 @@ use std::time::Duration;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::live::{self, News, Page, Source, Summary};
 use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
-use thirdbounce::solve::Follow;
-use thirdbounce::solve::option::OptionValue;
+use thirdbounce::solve::units::milliseconds;
+use thirdbounce::solve::{Follow, Method};
 use thirdbounce::{Error, Result, capture, export, job};
 
-use super::solver::SolverArgs;
+use super::settings::{METHOD, SettingsArgs};
 use super::terminal::{print, say, say_error};
-use super::units::milliseconds;
 use super::{advice, interrupt};
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// Where frames come from: a folder in which npz captures appear, or - for a stream of frames (docs/live.md) on the
+    /// Where frames come from: a folder in which npz captures appear, or - for a stream of frames (docs/batch-and-live.md) on the
     /// standard input
     source: PathBuf,
     /// A capture with the points, bins, pulse and spots of all frames. If it has light, the box ends where its light does, and
@@ -51,12 +50,11 @@ pub struct Args {
     #[arg(long, short)]
     quiet: bool,
     #[command(flatten)]
-    solver: SolverArgs,
+    settings: SettingsArgs<METHOD>,
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    args.solver.choice().check()?;
-    args.solver.check_fit()?;
+    let mut settings = args.settings.settings()?;
     let options =
         SessionOptions { feed: feed(&args.feed)?, follow: follow(args)?, ..SessionOptions::default() };
     if let Some(out) = &args.out {
@@ -64,20 +62,22 @@ pub fn run(args: &Args) -> Result<()> {
     }
     interrupt::stop_in_order();
     let (source, scan) = (source(args)?, capture::read(&args.capture)?);
-    // Frames follow each other by all of their light: fast light is new wherever something moves.
-    let resolved = args.solver.choice().with_usual("high_pass", &OptionValue::Number(0.0)).resolve(&scan);
+    if let Method::Surface(surface) = &mut settings.method {
+        // Frames follow each other by all of their light: fast light is new wherever something moves.
+        surface.high_pass.get_or_insert(0.0);
+    }
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
     let page = args.page.map(Page::serve).transpose()?;
     if let Some(page) = &page {
         print(&format!("page      http://{}/", page.address()));
     }
-    let tuned = resolved.tune(&gpu, &scan, None, &mut |_| interrupt::asked())?;
+    let (session, notes) =
+        thirdbounce::session(&gpu, &scan, &settings, options, &mut |_| interrupt::asked())?;
     if !args.quiet {
-        tuned.found.notes().iter().for_each(|note| say(note));
+        notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
-    let solver = tuned.solver.clone();
     let mut last = None;
-    let done = live::run(&gpu, &tuned.scan, &solver, options, &source, page.as_ref(), &mut |news| {
+    let done = live::run(session, &source, page.as_ref(), &mut |news| {
         match news {
             News::Solved(frame, latency) => {
                 if !args.quiet {
@@ -91,7 +91,7 @@ pub fn run(args: &Args) -> Result<()> {
                 }
             }
             News::Wrong(error) => {
-                say_error("", &error.what, &advice::text(&error.mend));
+                say_error("", &error.what, &advice::text(&error.hint));
             }
             News::Idle => {}
         }
@@ -131,17 +131,17 @@ fn line(frame: &Frame, latency: &Latency) -> String {
 
 fn summary(done: &Summary) -> String {
     let ms = |time: Duration| format!("{:.0} ms", 1e3 * time.as_secs_f64());
-    let told = &done.latency;
+    let reported = &done.latency;
     format!(
         "{} frames of {} solved, {} dropped, {} wrong; latency: median {}, 90 % {}, 99 % {}; {:.1} frames/s",
-        told.frames,
+        reported.frames,
         done.arrived,
-        told.dropped,
+        reported.dropped,
         done.wrong,
-        ms(told.median),
-        ms(told.p90),
-        ms(told.p99),
-        told.frames_per_second
+        ms(reported.median),
+        ms(reported.p90),
+        ms(reported.p99),
+        reported.frames_per_second
     )
 }
 

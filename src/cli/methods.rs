@@ -2,19 +2,17 @@
 //! `reconstruct` without their dashes. The key `name` sets the method's name in plots.
 
 use clap::Parser;
-use thirdbounce::job::Choice;
 use thirdbounce::{Error, Result};
 
-use super::solver::SolverArgs;
+use super::settings::{ALL, METHOD, SettingsArgs};
 
 /// A method as it was asked for.
 pub struct Spec {
     pub text: String,
     /// Its name in plots and folders: the given one, or its text.
     pub name: String,
-    /// Its options over those of all methods.
-    pub choice: Choice,
-    pub depth_pitch: Option<f64>,
+    /// Its settings, and those of all methods.
+    pub settings: SettingsArgs<ALL>,
     pub trace_every: Option<usize>,
     /// Its curve does not begin with a preview.
     pub no_preview: bool,
@@ -26,9 +24,9 @@ pub struct Spec {
 #[command(no_binary_name = true, disable_help_flag = true)]
 struct SpecArgs {
     #[command(flatten)]
-    solver: SolverArgs,
+    settings: SettingsArgs<METHOD>,
     #[arg(long)]
-    depth_pitch: Option<f64>,
+    depth_pitch: Option<String>,
     #[arg(long)]
     trace_every: Option<usize>,
     #[arg(long)]
@@ -39,13 +37,13 @@ struct SpecArgs {
 ///
 /// # Errors
 /// An unknown solver, an unknown key or a value out of range, each with the method's text.
-pub fn parse(text: &str, base: &Choice) -> Result<Spec> {
+pub fn parse(text: &str, base: &SettingsArgs<ALL>) -> Result<Spec> {
     let text = text.trim();
-    let mend =
+    let hint =
         "write solver:key=value,key=value with the options of `thirdbounce reconstruct --help` as keys";
-    let wrong = |what: String| Error::options(format!("method {text:?}: {what}"), mend);
+    let wrong = |what: String| Error::options(format!("method {text:?}: {what}"), hint);
     let (solver, settings) = text.split_once(':').unwrap_or((text, ""));
-    thirdbounce::job::check_solver(solver.trim()).map_err(|e| e.at(format!("method {text:?}")))?;
+    thirdbounce::job::method(solver.trim()).map_err(|e| e.at(format!("method {text:?}")))?;
     let mut arguments = vec![format!("--solver={}", solver.trim())];
     let mut name = None;
     for setting in settings.split(',').map(str::trim).filter(|s| !s.is_empty()) {
@@ -60,17 +58,12 @@ pub fn parse(text: &str, base: &Choice) -> Result<Spec> {
         let said = e.to_string();
         wrong(said.lines().next().unwrap_or("").trim_start_matches("error: ").to_string())
     })?;
-    let choice = args.solver.choice().over(base);
-    args.solver.check_fit().and_then(|()| choice.check()).map_err(|e| e.at(format!("method {text:?}")))?;
+    let SpecArgs { settings, depth_pitch, trace_every, no_preview, .. } = args;
+    let checked = settings.settings().and_then(|_| {
+        let settings = settings.over(&base.with("depth_pitch", depth_pitch));
+        settings.settings().map(|_| settings)
+    });
+    let settings = checked.map_err(|e| e.at(format!("method {text:?}")))?;
     let name = name.filter(|n| !n.is_empty()).unwrap_or_else(|| text.to_string());
-    let SpecArgs { depth_pitch, trace_every, no_preview, .. } = args;
-    Ok(Spec {
-        text: text.to_string(),
-        name,
-        choice,
-        depth_pitch,
-        trace_every,
-        no_preview,
-        is_optional: false,
-    })
+    Ok(Spec { text: text.to_string(), name, settings, trace_every, no_preview, is_optional: false })
 }

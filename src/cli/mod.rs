@@ -9,23 +9,21 @@ mod convert;
 mod demo;
 mod devices;
 mod evaluate;
+mod help;
 mod histogram;
 mod info;
-mod input;
 mod interrupt;
 mod live;
 mod methods;
-mod options;
 mod profile;
 mod progress;
 mod reconstruct;
 mod removed;
 mod schedule;
+mod settings;
 mod simulate;
-mod solver;
 mod tables;
 mod terminal;
-mod units;
 
 use std::process::ExitCode;
 
@@ -51,13 +49,20 @@ Lengths are metres, times are metres of path (seconds times 299792458), unless a
 /// Reads transient histograms captured at a relay wall. Computes albedo, depth and surface normals of the hidden scene,
 /// on any Vulkan device.
 #[derive(Parser)]
-#[command(name = "thirdbounce", version, after_help = EXAMPLES, subcommand_required = true)]
+#[command(name = "thirdbounce", version = version(), after_help = EXAMPLES, subcommand_required = true, disable_help_subcommand = true)]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
     /// Most memory of the host to hold: a number in MiB, or with K, M or G after it [default: all that is free]
     #[arg(long, value_name = "SIZE", global = true)]
     host_memory: Option<String>,
+}
+
+/// The version, with the commit if the build names one.
+fn version() -> String {
+    let commit = option_env!("THIRDBOUNCE_COMMIT").filter(|commit| !commit.is_empty());
+    let commit = commit.map_or_else(String::new, |commit| format!(" (commit {commit})"));
+    format!("{}{commit}", env!("CARGO_PKG_VERSION"))
 }
 
 #[derive(Subcommand)]
@@ -91,6 +96,8 @@ enum Verb {
     Schedule(Box<schedule::Args>),
     /// List the Vulkan devices.
     Devices(devices::Args),
+    /// Show the options of a verb, of a group of settings, or of a method.
+    Help(help::Args),
 }
 
 /// Runs the verb that the command line names.
@@ -114,7 +121,7 @@ pub fn main() -> ExitCode {
             ExitCode::from(130)
         }
         Ok(Err(e)) => {
-            terminal::say_error("", &e.what, &advice::text(&e.mend));
+            terminal::say_error("", &e.what, &advice::text(&e.hint));
             ExitCode::from(1)
         }
         Err(_) => ExitCode::from(101),
@@ -143,7 +150,7 @@ fn run() -> Result<ExitCode> {
         Verb::Batch(args) => return batch::run(&args),
         Verb::Benchmark(args) => return benchmark::run(&args),
         Verb::Demo(args) => demo::run(&args),
-        Verb::Info(args) => info::run(&args),
+        Verb::Info(args) => return info::run(&args),
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
         Verb::Live(args) => live::run(&args),
@@ -154,6 +161,7 @@ fn run() -> Result<ExitCode> {
         Verb::Profile(args) => profile::run(&args),
         Verb::Schedule(args) => schedule::run(&args),
         Verb::Devices(args) => devices::run(&args),
+        Verb::Help(args) => help::run(&args),
     }?;
     Ok(ExitCode::SUCCESS)
 }
@@ -161,10 +169,18 @@ fn run() -> Result<ExitCode> {
 /// The command. It accepts negative numbers, because later checks explain better which values are allowed.
 pub fn command() -> clap::Command {
     Cli::command().mut_subcommands(|verb| {
-        verb.mut_args(|arg| {
+        let has_settings = verb.get_arguments().any(|arg| arg.get_id() == "model");
+        let verb = verb.mut_args(|arg| {
             let takes = arg.get_action().takes_values() && !arg.is_positional();
+            let is_of_tags = has_settings && arg.get_help_heading() == Some("Time tags");
+            let arg = if is_of_tags { arg.hide(true) } else { arg };
             if takes { arg.allow_negative_numbers(true) } else { arg }
-        })
+        });
+        if !has_settings {
+            return verb;
+        }
+        let before = verb.get_after_help().map_or(String::new(), |text| format!("{text}\n\n"));
+        verb.after_help(format!("{before}{}", help::more()))
     })
 }
 

@@ -11,9 +11,8 @@ use thirdbounce::job::profile::{
 use thirdbounce::job::{Loaded, Request, write_json};
 use thirdbounce::{Error, Kind, Result};
 
-use super::input::{DeviceArgs, PartArgs, VolumeArgs, load_file, request};
 use super::progress::Meter;
-use super::solver::SolverArgs;
+use super::settings::{ALL, DeviceArgs, SettingsArgs, load, request};
 use super::tables::{bytes, number, seconds};
 use super::terminal::{print, say};
 use super::{compiled, interrupt};
@@ -23,8 +22,6 @@ pub struct Args {
     /// Capture: a file (npz, HDF5 or MATLAB), or the folder of a capture with several files
     #[arg(required_unless_present_any = ["check", "compile"])]
     capture: Option<PathBuf>,
-    #[command(flatten)]
-    part: PartArgs,
     /// Write the profile as JSON
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -53,9 +50,7 @@ pub struct Args {
     #[arg(long, short)]
     quiet: bool,
     #[command(flatten)]
-    solver: SolverArgs,
-    #[command(flatten)]
-    grid: VolumeArgs,
+    settings: SettingsArgs<ALL>,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -65,7 +60,7 @@ pub fn run(args: &Args) -> Result<()> {
         return compile(args);
     }
     let Some(capture) = &args.capture else { return check_device(args) };
-    let (loaded, request) = load_file(capture, &args.part, &args.solver, &args.grid, &args.device)?;
+    let (loaded, request) = load(capture, &args.settings, &args.device)?;
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
@@ -122,16 +117,10 @@ fn compile(args: &Args) -> Result<()> {
     }
     let (capture, request, notes) = match &args.capture {
         Some(given) => {
-            let (loaded, request) = load_file(given, &args.part, &args.solver, &args.grid, &args.device)?;
+            let (loaded, request) = load(given, &args.settings, &args.device)?;
             (loaded.capture, request, loaded.notes)
         }
-        None => {
-            args.solver.choice().check()?;
-            args.solver.check_fit()?;
-            let usual = profile::compile::usual_capture()?;
-            let (request, notes) = request(&usual, &args.solver, &args.grid, &args.device)?;
-            (usual, request, notes)
-        }
+        None => (profile::compile::usual_capture()?, request(&args.settings, &args.device)?, vec![]),
     };
     if !args.quiet {
         notes.iter().for_each(|note| say(&format!("note: {note}")));
@@ -157,11 +146,11 @@ fn check_device(args: &Args) -> Result<()> {
     if let Some(file) = &args.json {
         thirdbounce::job::check_file(file)?;
     }
-    let DeviceArgs { device, validation, .. } = &args.device;
+    let device = args.settings.settings()?.device;
     let open = |robust| {
         let options = GpuOptions {
             device: device.clone(),
-            validation: *validation,
+            validation: args.device.validation,
             robust,
             pipeline_cache: args.device.pipeline_cache(),
             ..GpuOptions::default()
@@ -223,14 +212,7 @@ fn table(p: &Profile) -> String {
     let mut out = format!("device    {} ({})\n{}\n", p.device.name, p.device.driver, limits_text(&p.limits));
     out += &format!(
         "{:<22}{:>7}{:>11}{:>8}{:>12}{:>12}{:>9}  {}\n",
-        "kernel",
-        "calls",
-        "seconds",
-        "share",
-        "pairs",
-        "pairs/s",
-        "of limit",
-        "limited by; registers, shared memory"
+        "kernel", "calls", "seconds", "share", "pairs", "pairs/s", "of copy", "registers, shared memory"
     );
     p.kernels.iter().for_each(|k| out += &line(k));
     out += &format!("{:<22}{:>7}{:>11.4}\n\n", "all", "", t.device_s);
@@ -266,8 +248,8 @@ fn line(k: &KernelProfile) -> String {
     let pairs = if k.pairs > 0.0 { format!("{:.3e}", k.pairs) } else { dash() };
     let rate = k.pairs_per_s.filter(|r| *r > 0.0).map_or_else(dash, |r| format!("{r:.3e}"));
     let limit = k.share_of_limit.map_or_else(dash, |s| format!("{:.1} %", 100.0 * s));
-    let mut notes: Vec<String> = k.floor.iter().map(|f| f.bound().to_string()).collect();
-    notes.extend(k.statistics.iter().filter(|(n, _)| tells(n)).map(|(n, v)| format!("{n} {v}")));
+    let statistics = k.statistics.iter().filter(|(n, _)| tells(n)).map(|(n, v)| format!("{n} {v}"));
+    let notes: Vec<String> = statistics.collect();
     format!(
         "{:<22}{:>7}{:>11.4}{:>6.1} %{pairs:>12}{rate:>12}{limit:>9}  {}\n",
         k.name,

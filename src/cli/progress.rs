@@ -20,6 +20,8 @@ pub struct Meter {
     bar: Option<ProgressBar>,
     quiet: bool,
     said: Option<Instant>,
+    /// Short fits of estimates that began.
+    fits: usize,
 }
 
 impl Meter {
@@ -30,7 +32,7 @@ impl Meter {
             bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
             bar
         });
-        Meter { bar, quiet, said: None }
+        Meter { bar, quiet, said: None, fits: 0 }
     }
 
     /// Shows a point of the trace. Cancels if Ctrl-C was pressed.
@@ -38,9 +40,7 @@ impl Meter {
         let p = &progress.point;
         match progress.doing {
             Doing::Preview => self.note(&format!("{PREVIEW} shows a first picture after {:.1} s", p.seconds)),
-            Doing::Trial => {
-                self.bar.iter().for_each(|bar| bar.set_message("trying models and pulses"));
-            }
+            Doing::Trial => self.show_fit(p.iteration),
             Doing::Solve => self.show(progress),
         }
         interrupt::asked()
@@ -52,6 +52,18 @@ impl Meter {
             Some(bar) => bar.println(line),
             None if !self.quiet => say(line),
             None => {}
+        }
+    }
+
+    /// Shows the number of short fits: each begins with its first iteration.
+    fn show_fit(&mut self, iteration: usize) {
+        self.fits += usize::from(iteration <= 1 || self.fits == 0);
+        let state = format!("estimates: short fit {}", self.fits);
+        if let Some(bar) = &self.bar {
+            bar.set_message(state);
+        } else if !self.quiet && self.said.is_none_or(|t| t.elapsed() >= EVERY) {
+            say(&state);
+            self.said = Some(Instant::now());
         }
     }
 

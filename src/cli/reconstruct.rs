@@ -6,11 +6,10 @@ use thirdbounce::job::{self, Loaded, Request};
 use thirdbounce::{Result, tags};
 
 use super::histogram::FromTags;
-use super::input::{CaptureArgs, DeviceArgs, VolumeArgs, check, load_file, load_with};
 use super::progress::Meter;
-use super::solver::SolverArgs;
-use super::terminal::{print, say};
-use super::{interrupt, tables, units};
+use super::settings::{CaptureArgs, load, request};
+use super::terminal::{json, print, say};
+use super::{interrupt, tables};
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -22,9 +21,6 @@ pub struct Args {
     /// Measure the result against this truth
     #[arg(long, value_name = "FILE")]
     pub truth: Option<PathBuf>,
-    /// A pixel is surface above this share of the brightest albedo [default: the method's own mask; paper: its domain threshold, 0.05 confocal, else 0.03]
-    #[arg(long, value_name = "X", value_parser = units::number)]
-    mask_fraction: Option<f64>,
     /// Add a point to the report's trace after every Nth iteration, with the figures if there is truth; 0: figures only
     /// at the end. Measuring does not count as solving [default: 10 with --truth, else 0]
     #[arg(long, value_name = "N")]
@@ -41,50 +37,47 @@ pub struct Args {
     /// Print the time per kernel at the end (`thirdbounce profile` prints more)
     #[arg(long)]
     timings: bool,
-    /// No progress and no notes, errors only
+    /// Print nothing but errors
     #[arg(long, short)]
     pub quiet: bool,
+    /// Print the report as JSON in place of a table
+    #[arg(long)]
+    json: bool,
+    /// Write the volume to this file, .npz or .hdf5
+    #[arg(long, value_name = "FILE")]
+    pub volume_file: Option<PathBuf>,
     #[command(flatten)]
     tags: FromTags,
-    #[command(flatten)]
-    solver: SolverArgs,
-    #[command(flatten)]
-    grid: VolumeArgs,
-    #[command(flatten)]
-    pub device: DeviceArgs,
 }
 
 impl Args {
     /// Refuses options that no capture makes good.
     pub fn check(&self) -> Result<()> {
-        check(&self.solver, &self.grid, &self.device)
+        self.capture.settings.settings().map(drop)
     }
 
-    /// Reads a capture, or makes one of time tags, as the options say. Makes a request of those that other verbs have, too.
+    /// Reads a capture, or makes one of time tags, as the options say.
     pub fn load(&self, path: &Path) -> Result<(Loaded, Request)> {
-        if self.tags.are_given() || tags::is_picoquant(path) {
-            let read = |input: &job::Input| {
-                let scan = self.tags.scan(input.wall)?;
-                let asked = self.tags.asked(input.bin_width, input.turn)?;
-                job::load_tags(input, &scan, &asked)
-            };
-            return load_with(path, &self.capture.part, &self.solver, &self.grid, &self.device, read);
-        }
-        load_file(path, &self.capture.part, &self.solver, &self.grid, &self.device)
-    }
-
-    /// The request with the options that only this verb has.
-    pub fn over(&self, request: Request) -> Request {
-        Request {
+        let CaptureArgs { settings, device, .. } = &self.capture;
+        let (loaded, request) = if self.tags.are_given() || tags::is_picoquant(path) {
+            let request = request(settings, device)?;
+            let scan = self.tags.scan(request.settings.wall)?;
+            let asked = self.tags.asked(request.settings.bin_width, job::turn(&request.settings)?)?;
+            (job::load_tags(path, &request.settings, &scan, &asked)?, request)
+        } else {
+            load(path, settings, device)?
+        };
+        let request = Request {
             timings: self.timings,
             truth: self.truth.clone(),
-            mask_fraction: self.mask_fraction.or(request.mask_fraction),
             trace_every: self.trace_every,
             snapshots: self.snapshots.clone(),
             out: self.out.clone(),
+            volume_file: self.volume_file.clone(),
             preview: !self.no_preview,
             ..request
-        }
+        };
+        Ok((loaded, request))
     }
 }
 
@@ -95,7 +88,6 @@ pub fn run(args: &Args) -> Result<()> {
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
-    let request = args.over(request);
     request.volume_file.iter().try_for_each(|file| job::check_not_input(file, inputs()))?;
     interrupt::stop_in_order();
     let mut meter = Meter::new(args.quiet);
@@ -106,12 +98,19 @@ pub fn run(args: &Args) -> Result<()> {
     if !args.quiet {
         outcome.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
-    print(&tables::report(&outcome.report));
-    if args.timings {
-        print(&format!("\n{}", tables::kernels(&outcome.kernels)));
+    if !args.quiet {
+        outcome.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));
     }
-    let files: Vec<_> = outcome.files.iter().map(|f| f.display().to_string()).collect();
-    print(&format!("wrote     {}", files.join("\n          ")));
+    if args.json {
+        print(&json(&outcome.report)?);
+    } else if !args.quiet {
+        print(&tables::report(&outcome.report));
+        if args.timings {
+            print(&format!("\n{}", tables::kernels(&outcome.kernels)));
+        }
+        let files: Vec<_> = outcome.files.iter().map(|f| f.display().to_string()).collect();
+        print(&format!("wrote     {}", files.join("\n          ")));
+    }
     if args.open {
         show(&args.out.join("report.html"));
     }
@@ -122,7 +121,7 @@ pub fn run(args: &Args) -> Result<()> {
 fn show(page: &Path) {
     let page = page.canonicalize().unwrap_or_else(|_| page.into());
     match open::that_detached(&page) {
-        Ok(()) => print(&format!("opened    {}", page.display())),
+        Ok(()) => {}
         Err(e) => say(&format!("note: no program opens {} ({e}); any browser shows it", page.display())),
     }
 }

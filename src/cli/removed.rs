@@ -38,7 +38,7 @@ const OPTIONS: &[(&str, &str, &str)] = &[
     (
         "live",
         "listen token",
-        "pipe the stream into `thirdbounce live -`, or submit frames to a session (docs/guide/embedding.md)",
+        "pipe the stream into `thirdbounce live -`, or submit frames to a session (docs/rust-c-vulkan.md)",
     ),
     (
         "live",

@@ -6,13 +6,13 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, FromArgMatches, Parser};
 use glam::DVec2;
 use thirdbounce::job::{self, Simulation};
+use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{DEFAULT_RESOLUTION, Dark, Layout, Reflectance, RenderOptions, Scene, WallShape};
+use thirdbounce::solve::units::{length, number, path};
 use thirdbounce::{Error, Result};
 
-use super::input::{pulse, spots};
-use super::options::word;
+use super::settings::word;
 use super::terminal::{print, say};
-use super::units::{length, number, path};
 use super::{interrupt, tables};
 
 #[derive(clap::Args)]
@@ -78,7 +78,7 @@ pub struct Args {
     /// Spread every path over time as an instrument does: the full width at half maximum of a Gaussian, as a time (60ps) or
     /// a path (metres as a plain number); the same and, behind a colon, the length over which its tail falls to 1/e; or an npz file with pulse,
     /// pulse_delta_t and pulse_t_start. The capture then holds the pulse
-    #[arg(long, value_name = "M|M:TAIL|FILE")]
+    #[arg(long, value_name = "M|M:TAIL|FILE", allow_hyphen_values = true)]
     pulse: Option<String>,
     /// Leave the pulse out of the capture: a reconstruction has to find it
     #[arg(long, requires = "pulse")]
@@ -89,7 +89,7 @@ pub struct Args {
     pile_up: Option<f64>,
     /// Let laser and sensor see areas of the wall: the full width at half maximum of a Gaussian each, in metres on the
     /// wall; one number is both. The capture then holds the spots
-    #[arg(long, value_name = "M|LASER,SENSOR")]
+    #[arg(long, value_name = "M|LASER,SENSOR", allow_hyphen_values = true)]
     spot: Option<String>,
     /// Draw photon counts at random, with P expected in the strongest bin
     #[arg(long, value_name = "P", value_parser = number)]
@@ -172,17 +172,17 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
         args: Args,
     }
     let at = |e: Error| e.at(file.display());
-    let mend =
+    let hint =
         "write the arguments of simulate without files, for example: letter-Z --scan 32 --bin-width 6mm";
     let text =
-        std::fs::read_to_string(file).map_err(|e| at(Error::input(format!("cannot be read: {e}"), mend)))?;
+        std::fs::read_to_string(file).map_err(|e| at(Error::input(format!("cannot be read: {e}"), hint)))?;
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     let mut words: Vec<String> = lines.flat_map(str::split_whitespace).map(String::from).collect();
     let is_own = |word: &String| ["--out", "--truth", "--moving"].iter().any(|own| word.starts_with(own));
     if let Some(word) = words.iter().find(|word| is_own(word)) {
         return Err(at(Error::input(
             format!("{word} does not fit here: the benchmark writes the files"),
-            mend,
+            hint,
         )));
     }
     if let Some(first) = words.first_mut() {
@@ -199,7 +199,7 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
     let parsed = command.try_get_matches_from(words).and_then(|m| Line::from_arg_matches(&m));
     let line = parsed.map_err(|e| {
         let said = e.to_string();
-        at(Error::input(said.lines().next().unwrap_or("").trim_start_matches("error: ").to_string(), mend))
+        at(Error::input(said.lines().next().unwrap_or("").trim_start_matches("error: ").to_string(), hint))
     })?;
     simulation(&line.args).map_err(at)
 }
@@ -210,8 +210,13 @@ fn simulation(args: &Args) -> Result<Simulation> {
     args.albedo.into_iter().for_each(|albedo| scene.set_albedo(albedo));
     (scene.scan, scene.wall) = (args.scan, args.wall);
     (scene.bin_width, scene.bins) = (args.bin_width, args.bins);
-    scene.pulse = args.pulse.as_deref().map(pulse).transpose()?;
-    scene.spots = args.spot.as_deref().map_or(Ok([0.0; 2]), spots)?;
+    let set = |key: &str, text: &Option<String>| {
+        let mut settings = Settings::default();
+        text.as_deref().map_or(Ok(()), |text| settings.set(key, text))?;
+        Ok::<_, Error>(settings)
+    };
+    scene.pulse = set("pulse", &args.pulse)?.pulse.map_or(Ok(None), |pulse| pulse.samples())?;
+    scene.spots = set("spot", &args.spot)?.spot.unwrap_or_default();
     (scene.photons, scene.dark, scene.pile_up) = (args.photons, Dark::Counts(args.dark), args.pile_up);
     (scene.reflectance, scene.seed) = (args.reflectance, args.seed);
     (scene.layout, scene.wall_shape, scene.occlusion) = (layout(args)?, args.wall_shape, args.occlusion);

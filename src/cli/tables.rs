@@ -85,16 +85,16 @@ pub fn metrics(m: &Metrics) -> String {
         ),
         _ => String::new(),
     };
-    let quarter = |[confidence, within]: &[f64; 2]| format!("{within:.2} at {}", mm(Some(*confidence)));
+    let quarter = |[depth_error, within]: &[f64; 2]| format!("{within:.2} at {}", mm(Some(*depth_error)));
     let quarters: Vec<String> = m.calibration.iter().map(quarter).collect();
-    let told = m.within_confidence.map_or_else(String::new, |within| {
+    let reported = m.within_depth_error.map_or_else(String::new, |within| {
         let quarters = if quarters.is_empty() {
             String::new()
         } else {
             format!(" (by quarters {})", quarters.join(", "))
         };
         format!(
-            "certain   {within:.2} of the errors are within the confidence, .68 if it is right{quarters}\n"
+            "certain   {within:.2} of the errors are within the depth_error, .68 if it is right{quarters}\n"
         )
     });
     let layer = |(name, l): (&str, &LayerMetrics)| {
@@ -112,7 +112,7 @@ pub fn metrics(m: &Metrics) -> String {
          depth     MAE {}, RMSE {} over {} pixels\n\
          normals   {}, mean absolute error of components {}\n\
          paper     all pixels, 0 where nothing is: depth MAE {} m, RMSE {} m; normals MAE {}, RMSE {}\n\
-         {best}{told}{layers}",
+         {best}{reported}{layers}",
         share(m.iou),
         share(m.completeness),
         m.fraction.map_or("within the mask".into(), |f| format!("at mask fraction {f}")),

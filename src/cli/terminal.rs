@@ -12,10 +12,10 @@ pub fn say(line: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{}", brief(&harmless(line, false)));
 }
 
-/// Says what is wrong, with a place in front or none, and how to mend it.
-pub fn say_error(place: &str, what: &str, mend: &str) {
+/// Says what is wrong, with a place in front or none, and how to fix it.
+pub fn say_error(place: &str, what: &str, hint: &str) {
     say(&format!("error: {place}{what}"));
-    say(&format!("  {mend}"));
+    say(&format!("  {hint}"));
 }
 
 /// Prints lines to stdout, names in them harmless. A closed stdout (`| head`) is not an error: the work itself is done.

@@ -1,6 +1,6 @@
 //! Estimates of what the user leaves open: the high-pass of the objective, how surfaces reflect, and the instrument's impulse
 //! response. Short surface fits of 64 lateral pixels compare the hypotheses on pairs that they have not seen, in the domain that
-//! the solve minimises. Where hypotheses cannot be told apart, a fixed order decides.
+//! the solve minimises. Indistinguishable hypotheses are ranked by a fixed order.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -17,20 +17,20 @@ use crate::solve::{
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Kind, Result};
 
-mod choice;
 mod high_pass;
 mod hold_out;
 mod model;
 mod pulse;
+mod request;
 mod spread;
 mod trial;
 
-pub use choice::{Choice, Resolved, Tuned, preset_for};
 pub use high_pass::{FoundHighPass, usual_high_pass};
 pub use hold_out::Left;
 pub use model::{FoundModel, MODELS};
 pub use pulse::FoundPulse;
 use pulse::Shape;
+pub use request::{EstimateRequest, preset_for};
 use trial::{Fitted, Trial};
 
 /// Constants of the estimates. Evidence: benches/NOTES.md.
@@ -64,41 +64,6 @@ pub enum FindPulse {
     IfItShows,
     /// In any case.
     Always,
-}
-
-/// What is to be estimated.
-#[derive(Debug, Clone, Copy)]
-pub struct EstimateRequest<'a> {
-    /// The solver with its options, for the usual model.
-    pub solver: &'a SolverOptions,
-    /// Its options for each model of reflectance to choose among; empty if the model is known. The first is the usual one.
-    pub models: &'a [SolverOptions],
-    /// Whether to estimate the impulse response, if the capture holds none.
-    pub find_pulse: FindPulse,
-    /// How finely the solve will be. Fits have pixels of their own.
-    pub discretisation: Discretisation,
-    /// Most device memory to use, in bytes.
-    pub memory: Option<u64>,
-}
-
-impl EstimateRequest<'_> {
-    /// Whether to estimate the high-pass of the objective.
-    pub fn finds_high_pass(&self) -> bool {
-        matches!(self.solver, SolverOptions::Surface(options) if options.high_pass.is_none())
-    }
-
-    /// Whether to estimate the impulse response of this capture: it holds none, and only fits of several models can show one.
-    pub fn find_pulse(&self, capture: &Capture) -> FindPulse {
-        match (self.find_pulse, &capture.pulse) {
-            (_, Some(_)) => FindPulse::Never,
-            (FindPulse::IfItShows, None)
-                if self.models.len() < 2 || capture.pair_count() < 2 * LEAST_FOR_PULSE =>
-            {
-                FindPulse::Never
-            }
-            (asked, None) => asked,
-        }
-    }
 }
 
 /// The estimates of a run.
@@ -157,7 +122,7 @@ impl Estimates {
 /// The device fails or has too little memory, or `hear` cancels ([`Kind::Cancelled`]). If a fit fails otherwise, the usual model
 /// and sharp paths stay, and the solve itself reports the cause.
 pub fn estimate(
-    request: &EstimateRequest<'_>,
+    request: &EstimateRequest,
     capture: &Capture,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
@@ -228,13 +193,13 @@ struct Search<'t> {
 
 impl<'t> Search<'t> {
     fn new(
-        request: &EstimateRequest<'_>,
+        request: &EstimateRequest,
         capture: &Capture,
         gpu: &'t Gpu,
         hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Search<'t>> {
         let all =
-            if request.models.is_empty() { std::slice::from_ref(request.solver) } else { request.models };
+            if request.models.is_empty() { std::slice::from_ref(&request.solver) } else { &request.models };
         if capture.pair_count() / 2 < LEAST_PAIRS {
             return Err(Error::input(
                 format!("estimates need {} pairs, the capture has {}", 2 * LEAST_PAIRS, capture.pair_count()),
@@ -253,7 +218,7 @@ impl<'t> Search<'t> {
         let layers = trial::start(gpu, &whole, grid, &options, request.memory, &mut watch)?;
         let thin = whole.subset((2 * PAIRS).min(whole.pair_count()), 0)?;
         let of_solve =
-            request.discretisation.sum(request.solver, &capture.outline()) as f64 * capture.bin_width;
+            request.discretisation.sum(&request.solver, &capture.outline()) as f64 * capture.bin_width;
         let trial = |options: &SolverOptions| {
             Trial::new(gpu, &thin, grid, quick(options), layers.clone(), request.memory)
         };

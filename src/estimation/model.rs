@@ -52,12 +52,12 @@ impl FoundModel {
                 None => each.push((*model, left)),
             }
         }
-        let told: Vec<String> =
+        let reported: Vec<String> =
             each.iter().map(|(m, left)| format!("{} {:.2} %", m.name(), 100.0 * left)).collect();
         format!(
             "the model of reflectance: {name}, by trials; of pairs that it has not seen, each leaves: {} (name a \
              model to skip the trials)",
-            told.join(", ")
+            reported.join(", ")
         )
     }
 }

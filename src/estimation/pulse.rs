@@ -345,7 +345,7 @@ mod tests {
     fn what_is_as_good_as_sharp_is_sharp() {
         assert_eq!(found(4.0, |w| 1.0 + w), (None, 2));
         assert_eq!(found(2.0, |_| 1.0), (None, 2));
-        assert_eq!(found(0.1, |w| 1.0 + w), (None, 2), "a guess is no shorter than what can be told");
+        assert_eq!(found(0.1, |w| 1.0 + w), (None, 2), "a guess is not shorter than the resolvable length");
         assert_eq!(best_length(4.0, 0.5, 1.0, &mut |_| Ok(None)).unwrap(), None);
         // A pulse is there, but the solve's bins are too wide to show it.
         let narrow = |narrowest| {

@@ -9,7 +9,7 @@ const MOVES: i64 = 6;
 /// Bins by which rows are moved against each other.
 const REACH: usize = 96;
 
-/// Rows of so many bins: rendered with sharp paths, and measured.
+/// Rows of `bins` bins: rendered with ideal paths, and measured.
 pub(super) struct Rows<'r> {
     pub rendered: &'r [f64],
     pub measured: &'r [f64],
@@ -53,9 +53,9 @@ impl Suited<'_> {
 
 /// Sums over all rows.
 struct Products {
-    /// Rendered values times those so many bins later, from 0 on.
+    /// Autocorrelation of rendered values by lag in bins, from 0.
     own: Vec<f64>,
-    /// Rendered values times those measured so many bins later, from minus [`REACH`] on.
+    /// Cross-correlation of rendered and measured values by lag in bins, from minus [`REACH`].
     cross: Vec<f64>,
 }
 

@@ -86,7 +86,7 @@ impl Trial {
         [&mut self.seen, &mut self.held].into_iter().for_each(|side| side.high_pass = filter);
     }
 
-    /// Fits a surface with this impulse response, beginning with another fit, for so many iterations, or with the closed
+    /// Fits a surface with this impulse response, beginning with another fit, for `iterations` iterations, or with the closed
     /// form; `None` if none is found.
     ///
     /// # Errors

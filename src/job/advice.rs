@@ -3,6 +3,7 @@
 use super::{Loaded, Request, planned};
 use crate::advice::{Advice, Remedy, Setting, advice};
 use crate::capture::{Capture, Gate};
+use crate::estimation::EstimateRequest;
 use crate::gpu::Gpu;
 use crate::solve::Ready;
 use crate::{Error, Kind};
@@ -16,27 +17,29 @@ pub(super) fn advise(error: Error, request: &Request, loaded: &Loaded, gpu: &Gpu
     if options.is_empty() {
         return error;
     }
-    let mut mend = Advice::from("this would fit: ");
+    let mut hint = Advice::from("this would fit: ");
     for (i, (setting, value)) in options.into_iter().enumerate() {
         let between = if i == 0 { "" } else { ", or " };
-        mend = mend.and(advice![(between) {Remedy::Set(setting)} (format!(" {value}"))]);
+        hint = hint.and(advice![(between) {Remedy::Set(setting)} (format!(" {value}"))]);
     }
-    mend = mend.and(advice!["; or a larger " DepthPitch]);
-    if request.memory.is_some() {
-        mend = mend.and(advice![", or more " Memory]);
+    hint = hint.and(advice!["; or a larger " DepthPitch]);
+    if request.settings.memory.is_some() {
+        hint = hint.and(advice![", or more " Memory]);
     }
-    Error { mend, ..error }
+    Error { hint, ..error }
 }
 
 /// Settings with values. Each of them alone makes the job fit, by the least change that was tried. They are tried on the
 /// capture as it was loaded, because a large file takes long to read.
 pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Setting, String)> {
-    let fits = |request: &Request, capture: &Capture| fits_on(request, capture, gpu);
+    let fits = |request: &EstimateRequest, capture: &Capture| fits_on(request, capture, gpu);
     let capture = &loaded.capture;
+    let stride = request.settings.stride.unwrap_or(1);
+    let request = &request.resolved(capture);
     let lateral = request.solver.common().lateral;
     let smaller = (1..10).map(|k| lateral >> k).take_while(|n| *n >= 4);
     let smaller = smaller
-        .map(|n| Request { solver: request.solver.with_lateral(n), ..request.clone() })
+        .map(|n| EstimateRequest { solver: request.solver.with_lateral(n), ..request.clone() })
         .find(|request| fits(request, capture))
         .map(|request| (Setting::Lateral, request.solver.common().lateral.to_string()));
     let thinner = [2, 3, 4, 6, 8, 12, 16].into_iter().find(|times| {
@@ -44,7 +47,6 @@ pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Settin
             .stride(*times)
             .is_ok_and(|thin| thin.pair_count() < capture.pair_count() && fits(request, &thin))
     });
-    let stride = loaded.input.stride.unwrap_or(1);
     let thinner = thinner.map(|times| (Setting::Stride, stride.saturating_mul(times).to_string()));
     // Gates that begin with the signal, so that some of it stays.
     let [first, last] = capture.summary().signal_bins.unwrap_or([0, capture.bins]);
@@ -57,7 +59,7 @@ pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Settin
     [smaller, thinner, narrower].into_iter().flatten().collect()
 }
 
-fn fits_on(request: &Request, capture: &Capture, gpu: &Gpu) -> bool {
+fn fits_on(request: &EstimateRequest, capture: &Capture, gpu: &Gpu) -> bool {
     let Ok(Ready { capture, grid, .. }) = planned::at_most(request, capture) else { return false };
     request.solver.plan_within(gpu, &request.problem(&capture, grid)).is_ok()
 }

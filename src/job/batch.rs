@@ -104,8 +104,10 @@ pub struct CaptureEnd {
     pub error: Option<Error>,
     /// Key figures of a new result, for a line of a table; else null.
     pub figures: Value,
-    /// What was done to the capture, and warnings, as sentences.
+    /// What was done to the capture, as sentences.
     pub notes: Vec<String>,
+    /// What looks wrong with the capture or the result, as sentences.
+    pub warnings: Vec<String>,
 }
 
 /// How a batch ended.
@@ -168,7 +170,7 @@ pub fn batch(what: &Batch, caller: &dyn Caller, report: &mut dyn FnMut(&CaptureE
                     if let Some(error) = end.error.as_mut().filter(|error| is_full(error)) {
                         full.store(true, Relaxed);
                         let more = ", then start the batch again: it continues where it ended";
-                        error.mend = error.mend.clone().and(more);
+                        error.hint = error.hint.clone().and(more);
                     }
                     // The receiver lives as long as the threads.
                     let _ = send.send(end);
@@ -200,16 +202,16 @@ impl Batch {
         stopped: &dyn Fn() -> bool,
     ) -> Option<CaptureEnd> {
         let start = Instant::now();
-        let end = |status, error, figures, notes| {
+        let end = |status, error, figures, [notes, warnings]: [Vec<String>; 2]| {
             let seconds = start.elapsed().as_secs_f64();
-            Some(CaptureEnd { capture: capture.clone(), status, seconds, error, figures, notes })
+            Some(CaptureEnd { capture: capture.clone(), status, seconds, error, figures, notes, warnings })
         };
         let beside = caller.beside(capture);
         let files = std::iter::once(&capture.path).chain(&beside).map(PathBuf::as_path);
         let record = Record::of(files, &self.options);
         let folder = self.out.join(&capture.name);
         if record.is_done(&folder, LAST) {
-            return end(Status::Skipped, None, Value::Null, vec![]);
+            return end(Status::Skipped, None, Value::Null, Default::default());
         }
         let work = || {
             check_place(&folder)?;
@@ -227,7 +229,8 @@ impl Batch {
             let outcome = solved.write(&request)?;
             record.write(&request.out)?;
             staging.commit_folder(&capture.name, LAST)?;
-            Ok((figures(&outcome), [&loaded.notes[..], &outcome.notes, &outcome.validation].concat()))
+            let notes = [&loaded.notes[..], &outcome.notes, &outcome.validation].concat();
+            Ok((figures(&outcome), [notes, outcome.warnings]))
         };
         // A defect must not end the batch.
         let done = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
@@ -241,7 +244,7 @@ impl Batch {
                 if error.kind == Kind::Device {
                     *gpu = None;
                 }
-                end(Status::Failed, Some(error), Value::Null, vec![])
+                end(Status::Failed, Some(error), Value::Null, Default::default())
             }
         }
     }
@@ -261,7 +264,7 @@ fn figures(outcome: &Outcome) -> Value {
         "residual": last.and_then(|p| p.residual),
         "surface": maps.mask.iter().filter(|m| **m).count() as f64 / maps.mask.len().max(1) as f64,
         "depth": of_surface(&maps.depth),
-        "confidence": maps.confidence.as_deref().and_then(of_surface),
+        "depth_error": maps.depth_error.as_deref().and_then(of_surface),
         "solve_s": report.totals.solve_s,
         "iou": metrics.and_then(|m| m.iou),
         "depth_mae": metrics.and_then(|m| m.depth_mae),

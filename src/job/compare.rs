@@ -6,7 +6,8 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::reconstruct::{self, Finished};
-use super::{Loaded, Request, overview, places, preview, report};
+use super::{Loaded, Request, SolverOptions, overview, places, preview, report};
+use crate::capture::Capture;
 use crate::export::comparison::{self, LeftOut, MethodReport, Reached};
 use crate::export::report::TraceEntry;
 use crate::export::{self, curves, foreign};
@@ -107,7 +108,7 @@ pub fn compare(
     loaded: &Loaded,
     hear: &mut dyn FnMut(&Turn<'_>, &Progress) -> ControlFlow<()>,
 ) -> Result<Compared> {
-    let (methods, truth) = what.check()?;
+    let (methods, truth) = what.check(&loaded.capture)?;
     let foreign = what.measure_foreign(&truth, same_mask(&methods))?;
     let gpu = methods[0].request.open()?;
     let turns = what.repeats * methods.len();
@@ -115,7 +116,7 @@ pub fn compare(
         reconstruct::warm_up(&method.request, loaded, &gpu)
             .map_err(|e| e.at(format!("method {:?}", method.name)))?;
     }
-    let mut runs: Vec<Option<Runs>> = methods.iter().map(|_| None).collect();
+    let mut runs: Vec<Option<Runs<'_>>> = methods.iter().map(|_| None).collect();
     for number in 0..turns {
         let at = number % methods.len();
         let method = &methods[at];
@@ -132,7 +133,7 @@ pub fn compare(
             none => *none = Some(Runs::new(done, preview)),
         }
     }
-    let runs: Vec<Runs> = runs.into_iter().flatten().collect();
+    let runs: Vec<Runs<'_>> = runs.into_iter().flatten().collect();
     let report = what.report(&methods, loaded, &gpu, &runs, &foreign);
 
     let json = what.out.join(WHOLE);
@@ -184,17 +185,18 @@ impl Shown {
         let maps = request.preview.then(|| preview::first_maps(request, &loaded.capture, gpu).ok()).flatten();
         let Some(mut maps) = maps else { return Ok(None) };
         let seconds = start.elapsed().as_secs_f64();
-        if request.mask_fraction.is_some() {
-            maps.set_mask(request.mask_fraction);
+        let mask = request.settings.mask_fraction;
+        if mask.is_some() {
+            maps.set_mask(mask);
         }
-        let metrics = metrics(&maps, truth, request.mask_fraction)?.brief();
+        let metrics = metrics(&maps, truth, mask)?.brief();
         Ok(Some(Shown { lateral: maps.nx, seconds, metrics }))
     }
 }
 
 /// The runs of one method. A preview's time is part of them.
-struct Runs {
-    first: Finished,
+struct Runs<'c> {
+    first: Finished<'c>,
     /// The preview of the first run.
     preview: Option<Shown>,
     /// Seconds of every run at each iteration of the trace; 0: of the preview.
@@ -202,15 +204,15 @@ struct Runs {
     totals: Vec<f64>,
 }
 
-impl Runs {
-    fn new(first: Finished, preview: Option<Shown>) -> Runs {
+impl<'c> Runs<'c> {
+    fn new(first: Finished<'c>, preview: Option<Shown>) -> Runs<'c> {
         let mut runs = Runs { at: BTreeMap::new(), totals: vec![], first, preview };
         let Runs { at, totals, first, preview } = &mut runs;
         add(at, totals, first, preview.as_ref());
         runs
     }
 
-    fn add(&mut self, again: &Finished, preview: Option<&Shown>) {
+    fn add(&mut self, again: &Finished<'_>, preview: Option<&Shown>) {
         add(&mut self.at, &mut self.totals, again, preview);
     }
 
@@ -233,7 +235,12 @@ impl Runs {
 }
 
 /// Adds the times of a run.
-fn add(at: &mut BTreeMap<usize, Vec<f64>>, totals: &mut Vec<f64>, done: &Finished, preview: Option<&Shown>) {
+fn add(
+    at: &mut BTreeMap<usize, Vec<f64>>,
+    totals: &mut Vec<f64>,
+    done: &Finished<'_>,
+    preview: Option<&Shown>,
+) {
     let before = preview.map_or(0.0, |shown| shown.seconds);
     let of_preview = preview.map(|shown| (0, shown.seconds));
     let of_trace = done.result.trace.iter().map(|p| (p.iteration, before + p.seconds));
@@ -259,7 +266,7 @@ impl Comparison {
     }
 
     /// Checks everything before anything is computed. Returns the methods with their folders, and the truth.
-    pub(super) fn check(&self) -> Result<(Vec<Method>, Truth)> {
+    pub(super) fn check(&self, capture: &Capture) -> Result<(Vec<Method>, Truth)> {
         if self.methods.is_empty() {
             return Err(Error::options(
                 "there is no method to compare",
@@ -279,7 +286,7 @@ impl Comparison {
             taken.push(folder);
             (method.request.volume_file, method.request.snapshots) = (None, vec![]);
             let found =
-                method.request.check().and_then(|found| method.request.check_places().map(|()| found));
+                method.request.check(capture).and_then(|found| method.request.check_places().map(|()| found));
             let found = found.map_err(|e| e.at(format!("method {:?}", method.name)))?;
             truth = truth.or(found);
         }
@@ -333,19 +340,19 @@ impl Comparison {
         methods: &[Method],
         loaded: &Loaded,
         gpu: &Gpu,
-        runs: &[Runs],
+        runs: &[Runs<'_>],
         foreign: &[Measured<'_>],
     ) -> comparison::Comparison {
         let goal = runs[0].first.metrics.clone().unwrap_or_default();
         let whole = report::report_of(&methods[0].request, loaded, gpu, &runs[0].first);
-        let report = |(method, run): (&Method, &Runs)| {
+        let report = |(method, run): (&Method, &Runs<'_>)| {
             let last = run.first.result.trace.last();
             let trace = run.trace();
             MethodReport {
                 name: method.name.clone(),
                 method: method.spec.clone(),
                 foreign: false,
-                runs_on: runs_on(&method.request, gpu),
+                runs_on: runs_on(&run.first.job.solver, gpu),
                 folder: name_of(&method.request.out),
                 mask_fraction: run.first.result.maps.mask_fraction,
                 settings: report::settings(&method.request, loaded, &run.first),
@@ -396,7 +403,7 @@ impl Comparison {
             version: whole.version,
             device: whole.device,
             capture: whole.capture,
-            capture_file: loaded.input.path.clone(),
+            capture_file: loaded.path.clone(),
             truth: methods[0].request.truth.clone(),
             mask_fraction: same_mask(methods),
             oracle: self.oracle,
@@ -409,14 +416,14 @@ impl Comparison {
 
 /// The share of the brightest albedo that tells all methods' masks, if there is one.
 fn same_mask(methods: &[Method]) -> Option<f64> {
-    let mut all = methods.iter().map(|m| m.request.mask_fraction);
+    let mut all = methods.iter().map(|m| m.request.settings.mask_fraction);
     let first = all.next().flatten();
     first.filter(|_| all.all(|other| other == first))
 }
 
 /// What a method runs on, in words.
-fn runs_on(request: &Request, gpu: &Gpu) -> String {
-    match request.solver.common().runs_on {
+fn runs_on(solver: &SolverOptions, gpu: &Gpu) -> String {
+    match solver.common().runs_on {
         RunsOn::Device => gpu.info.name.trim().into(),
         RunsOn::Host => format!("host, {} threads", rayon::current_num_threads()),
     }

@@ -4,13 +4,13 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::{Input, Outcome, Request, load, overview, places, run};
+use super::{Outcome, Request, load, overview, places, run};
 use crate::Result;
 use crate::capture;
 use crate::export;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::simulate::{RenderOptions, Scene, simulate, truth};
-use crate::solve::{Preset, Progress, SurfaceOptions};
+use crate::solve::{Progress, SurfaceOptions};
 
 /// The result of the demo.
 #[derive(Debug, Clone)]
@@ -50,11 +50,10 @@ pub fn demo(
     let simulate_seconds = start.elapsed().as_secs_f64();
 
     say("reconstructing it from the light that bounced three times");
-    let loaded = load(&Input { path: capture_file, ..Input::default() })?;
     let mut request = Request::new(SurfaceOptions::default(), out);
-    request.preset = Some(Preset::Synthetic);
-    request.device = device;
+    request.settings.device = device;
     request.truth = Some(truth_file);
+    let loaded = load(&capture_file, &request.settings)?;
     let outcome = run(&request, &loaded, hear)?;
     let path = out.join("overview.png");
     overview::write(&path, &outcome.maps, &real)?;

@@ -18,7 +18,7 @@ pub struct Evaluation {
 }
 
 /// Compares the maps of an earlier run with truth. `folder` is the run's folder, or a maps.npz. With `pictures` and a
-/// folder, the depth errors are drawn into `depth_error.png` in this folder.
+/// folder, the depth errors are drawn into `depth_difference.png` in this folder.
 ///
 /// # Errors
 /// Files that cannot be read, a mask fraction out of range, a picture that cannot be written.
@@ -41,9 +41,9 @@ pub fn evaluate(
         maps.set_mask(mask_fraction);
     }
     let metrics = metrics(&maps, &truth, maps.mask_fraction)?;
-    let picture = (pictures && !is_file).then(|| folder.join("depth_error.png"));
+    let picture = (pictures && !is_file).then(|| folder.join("depth_difference.png"));
     if let Some(path) = &picture {
-        export::depth_error::write(path, &maps, &truth)?;
+        export::depth_difference::write(path, &maps, &truth)?;
     }
     Ok(Evaluation { metrics, solve_s: report.map(|r| r.totals.solve_s), picture })
 }

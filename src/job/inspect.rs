@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use serde::Serialize;
 
 use super::report::box_of;
-use super::request::summed_note;
 use super::{Loaded, Request, SolverOptions, advice, planned};
 use crate::advice::{Advice, advice};
 use crate::capture::Summary;
 use crate::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, Place};
+use crate::resolve::{preset_note, summed_note};
 use crate::solve::Ready;
 use crate::solve::{Accumulation, Preset, TimedSchedule};
 use crate::{Error, Kind, Result};
@@ -22,9 +22,9 @@ pub struct Inspection {
     /// What was done to the capture.
     pub notes: Vec<String>,
     /// What looks wrong in the capture.
-    pub doubts: Vec<String>,
+    pub warnings: Vec<String>,
     /// The preset in force.
-    pub preset: Option<Preset>,
+    pub preset: Preset,
     /// The solver's options as resolved.
     pub options: SolverOptions,
     /// Voxels along x, y, z.
@@ -74,13 +74,14 @@ pub struct Planned {
 /// Options out of range, or a device that was named and is not there. A capture that the solver cannot take is not an
 /// error: it is listed among the problems.
 pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
-    request.solver.check()?;
+    request.settings.check()?;
     let capture = &loaded.capture;
-    let Ready { capture: planned, grid, sum } = planned::to_plan(request, capture)?;
+    let resolved = request.resolved(capture);
+    let Ready { capture: planned, grid, sum } = planned::to_plan(&resolved, capture)?;
     let mut problems = Vec::new();
     let device = match request.open() {
         Ok(gpu) => Some(gpu),
-        Err(e) if e.kind == Kind::Device && request.device.is_none() => {
+        Err(e) if e.kind == Kind::Device && request.settings.device.is_none() => {
             problems.push(problem(e).and(". The plan is for a usual GPU."));
             None
         }
@@ -88,20 +89,21 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     };
     let abilities = device.as_ref().map_or_else(usual_gpu, Gpu::abilities);
     let mut notes = loaded.notes.clone();
+    notes.extend(resolved.why.map(|why| preset_note(resolved.preset, why)));
     notes.extend(summed_note(sum, planned.bin_width));
-    if request.models.len() > 1 {
+    if resolved.models.len() > 1 {
         notes.push(
             "how surfaces reflect is not known: a run tries models first (name the model to skip this)"
                 .into(),
         );
     }
-    if planned::finds_pulse(request, capture) {
+    if planned::finds_pulse(&resolved, capture) {
         notes.push(
             "the instrument's pulse is not known: a run finds its width first (give the pulse, or none, to skip this)"
                 .into(),
         );
     }
-    let mut plan = match request.solver.plan(&request.problem(&planned, grid), &abilities) {
+    let mut plan = match resolved.solver.plan(&resolved.problem(&planned, grid), &abilities) {
         Ok(plan) => Some(plan),
         Err(Error { kind: Kind::Input, what, .. }) => {
             problems.push(what.into());
@@ -110,7 +112,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     if let (Some(gpu), Some(plan)) = (&device, &mut plan) {
-        match request.solver.fit(plan.clone(), gpu, request.memory) {
+        match resolved.solver.fit(plan.clone(), gpu, resolved.memory) {
             Ok(fits) => *plan = fits,
             Err(e) => problems.push(problem(advice::advise(e, request, loaded, gpu))),
         }
@@ -120,9 +122,9 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     Ok(Inspection {
         capture: loaded.summary(),
         notes,
-        doubts: capture.doubts(),
-        preset: request.preset,
-        options: request.solver.clone(),
+        warnings: loaded.warnings.clone(),
+        preset: resolved.preset,
+        options: resolved.solver,
         grid: grid.n,
         voxel: grid.pitch.to_array(),
         volume: box_of(&grid),
@@ -148,17 +150,18 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
 /// # Errors
 /// Options out of range, no device, or a capture that the solver cannot take.
 pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<TimedSchedule>> {
-    request.solver.check()?;
+    request.settings.check()?;
     let gpu = request.open()?;
-    let Ready { capture: planned, grid, .. } = planned::to_plan(request, &loaded.capture)?;
-    let plan = request.solver.plan_within(&gpu, &request.problem(&planned, grid));
+    let resolved = request.resolved(&loaded.capture);
+    let Ready { capture: planned, grid, .. } = planned::to_plan(&resolved, &loaded.capture)?;
+    let plan = resolved.solver.plan_within(&gpu, &resolved.problem(&planned, grid));
     let plan = plan.map_err(|e| advice::advise(e, request, loaded, &gpu))?;
-    Ok(request.solver.outline(&plan))
+    Ok(resolved.solver.outline(&plan))
 }
 
 /// An error with its advice.
 fn problem(error: Error) -> Advice {
-    Advice::from(advice![(error.what) ": "]).and(error.mend)
+    Advice::from(advice![(error.what) ": "]).and(error.hint)
 }
 
 /// What most discrete GPUs offer.

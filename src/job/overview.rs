@@ -153,7 +153,7 @@ fn as_maps(truth: &Truth) -> Maps {
         normal: truth.normal.clone(),
         mask: truth.mask.clone(),
         mask_fraction: None,
-        confidence: None,
+        depth_error: None,
         behind: None,
     }
 }

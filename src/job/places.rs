@@ -20,7 +20,7 @@ const RESULTS: [&str; 11] = [
     "albedo.png",
     "depth.png",
     "normal.png",
-    "confidence.png",
+    "depth_error.png",
     "points.ply",
     "mesh.ply",
     "report.json",

@@ -2,14 +2,14 @@
 
 use std::borrow::Cow;
 
-use super::{FindPulse, Request};
 use crate::Result;
 use crate::capture::{Capture, Pulse};
+use crate::estimation::{EstimateRequest, FindPulse};
 use crate::solve::Ready;
 
 /// Whether a run finds the pulse first, whatever the trials of the model show.
-pub(super) fn finds_pulse(request: &Request, capture: &Capture) -> bool {
-    request.ask().find_pulse(capture) == FindPulse::Always
+pub(super) fn finds_pulse(request: &EstimateRequest, capture: &Capture) -> bool {
+    request.find_pulse(capture) == FindPulse::Always
 }
 
 /// What to plan for: the capture without its counts, which a plan does not need and which may be large. A pulse that is
@@ -17,7 +17,7 @@ pub(super) fn finds_pulse(request: &Request, capture: &Capture) -> bool {
 ///
 /// # Errors
 /// A bin width that makes no pulse, and those of [`Request::ready`].
-pub(super) fn to_plan(request: &Request, capture: &Capture) -> Result<Ready<'static>> {
+pub(super) fn to_plan(request: &EstimateRequest, capture: &Capture) -> Result<Ready<'static>> {
     planned(request, capture, finds_pulse(request, capture))
 }
 
@@ -25,16 +25,17 @@ pub(super) fn to_plan(request: &Request, capture: &Capture) -> Result<Ready<'sta
 ///
 /// # Errors
 /// Those of [`to_plan`].
-pub(super) fn at_most(request: &Request, capture: &Capture) -> Result<Ready<'static>> {
-    planned(request, capture, request.ask().find_pulse(capture) != FindPulse::Never)
+pub(super) fn at_most(request: &EstimateRequest, capture: &Capture) -> Result<Ready<'static>> {
+    planned(request, capture, request.find_pulse(capture) != FindPulse::Never)
 }
 
-fn planned(request: &Request, capture: &Capture, with_pulse: bool) -> Result<Ready<'static>> {
+fn planned(request: &EstimateRequest, capture: &Capture, with_pulse: bool) -> Result<Ready<'static>> {
     let pulse = match with_pulse {
         true => Some(Pulse::gaussian(4.0 * capture.bin_width)?),
         false => capture.pulse.clone(),
     };
-    let sum = request.sum(&capture.outline().with(|c| c.pulse = pulse.clone()));
+    let sum =
+        request.discretisation.sum(&request.solver, &capture.outline().with(|c| c.pulse = pulse.clone()));
     let summed = if sum == 1 { Cow::Borrowed(capture) } else { Cow::Owned(capture.binned(sum)?) };
     let grid = request.grid(&summed)?;
     Ok(Ready { capture: Cow::Owned(summed.outline().with(|c| c.pulse = pulse)), grid, sum })

@@ -7,16 +7,18 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::time::Instant;
 
+use super::Request;
 use super::places::PREVIEW;
-use super::{Request, preset_for};
 use crate::capture::Capture;
+use crate::estimation::EstimateRequest;
 use crate::export::png;
 use crate::files::atomic::create_dir;
 use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::solve::closed_form::{FbpOptions, LctOptions};
-use crate::solve::{Doing, Problem, Progress, Ready, Solver, SolverOptions, Suit, TracePoint, Watch};
-use crate::transport::Grid;
+use crate::solve::{
+    Discretisation, Doing, Problem, Progress, Ready, Solver, SolverOptions, Suit, TracePoint, Watch, pixel_of,
+};
 use crate::{Error, Kind, Result};
 
 /// Pixels of the transform's maps on a side, at most.
@@ -68,7 +70,7 @@ impl Preview {
             loss: f64::NAN,
             data_loss: f64::NAN,
         };
-        let iterations = request.solver.all_iterations();
+        let iterations = request.resolved(capture).solver.all_iterations();
         let progress =
             Progress { doing: Doing::Preview, point, iterations, remaining: None, maps: Some(maps) };
         match hear(&progress) {
@@ -98,8 +100,9 @@ impl Drop for Preview {
 /// # Errors
 /// The device fails, or no grid fits.
 pub(super) fn first_maps(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
+    let request = &request.resolved(capture);
     let common = request.solver.common();
-    let suit = Suit { preset: preset_for(capture), reflectance: common.reflectance, ..Suit::of(capture) };
+    let suit = Suit { preset: request.preset, reflectance: common.reflectance, ..Suit::of(capture) };
     // The light-cone transform is sharper than a back-projection, and sooner there.
     let transform = LctOptions::suited_to(&suit).with(|o| {
         o.lateral = common.lateral.min(TRANSFORMED);
@@ -118,26 +121,21 @@ pub(super) fn first_maps(request: &Request, capture: &Capture, gpu: &Gpu) -> Res
     closed_form(request, projection.into(), few.as_ref().unwrap_or(capture), gpu)
 }
 
-/// The maps of a closed-form method.
+/// The maps of a closed-form method, with voxels that are cubes.
 ///
 /// # Errors
 /// As its solve.
-fn closed_form(request: &Request, solver: SolverOptions, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
-    let (small, capture, grid) = small(request, solver, capture)?;
+fn closed_form(
+    request: &EstimateRequest,
+    solver: SolverOptions,
+    capture: &Capture,
+    gpu: &Gpu,
+) -> Result<Maps> {
+    let pitch = pixel_of(capture, request.discretisation.volume, solver.common().lateral);
+    let how = Discretisation { depth_pitch: Some(pitch), ..request.discretisation };
+    let Ready { capture, grid, .. } = how.ready(&solver, Cow::Borrowed(capture))?;
     let mut hear = |_: &Progress| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    let problem = Problem { with_volume: false, ..request.problem(&capture, grid) };
-    Ok(small.solver.solve(gpu, &problem, &mut watch)?.maps)
-}
-
-/// The request with another solver and voxels that are cubes, the capture in the bins for them, and their grid.
-fn small<'c>(
-    request: &Request,
-    solver: SolverOptions,
-    capture: &'c Capture,
-) -> Result<(Request, Cow<'c, Capture>, Grid)> {
-    let small = Request { volume: request.volume, bins: request.bins, ..Request::new(solver, "") };
-    let small = Request { depth_pitch: Some(small.pixel(capture)), ..small };
-    let Ready { capture, grid, .. } = small.ready(Cow::Borrowed(capture))?;
-    Ok((small, capture, grid))
+    let problem = Problem { memory: request.memory, ..Problem::new(&capture, grid) };
+    Ok(solver.solve(gpu, &problem, &mut watch)?.maps)
 }

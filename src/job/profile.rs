@@ -12,7 +12,6 @@ pub mod limits;
 mod trace;
 pub mod tune;
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
@@ -22,15 +21,15 @@ use serde::{Deserialize, Serialize};
 
 use super::report::settings;
 use super::words::{plain, write_json};
-use super::{FindPulse, Loaded, Request, places, reconstruct};
-use crate::estimation;
+use super::{Loaded, Request, places, reconstruct};
 use crate::export::{self, report};
 use crate::gpu::{Gpu, HostSpan, Recording};
+use crate::resolve::Job;
 use crate::solve::{Plan, Progress};
 use crate::transport::Grid;
 use crate::{Error, Result};
 
-pub use kernels::{Floor, Gaps, IterationProfile, KernelProfile};
+pub use kernels::{Gaps, IterationProfile, KernelProfile};
 pub use limits::DeviceLimits;
 
 /// What to profile, and the files to write. [`Request::out`] is ignored.
@@ -114,32 +113,32 @@ pub fn profile(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Profile> {
     let request = Request { timings: true, ..what.request.clone() };
-    request.solver.check()?;
+    request.settings.check()?;
     for file in [&what.json, &what.trace].into_iter().flatten() {
         places::check_file(file)?;
     }
     what.out.as_deref().map(places::check_results).transpose()?;
-    request.grid(&loaded.capture)?;
+    request.resolved(&loaded.capture).grid(&loaded.capture)?;
     let gpu = request.open()?;
     check_clock(&gpu)?;
     say(&format!("measuring the limits of {}", gpu.info.name));
     let limits = limits::measure(&gpu)?;
-    // Trials are no part of the profile.
-    let found = estimation::estimate(&request.ask(), &loaded.capture, &gpu, hear)?;
-    let (request, capture) = request.settled(&found, &loaded.capture)?;
-    let with_pulse = match capture {
-        Cow::Owned(capture) => Some(Loaded { capture, ..loaded.clone() }),
-        Cow::Borrowed(_) => None,
-    };
+    // The fits of estimates are no part of the profile.
+    let job = Job::resolve(&request.settings, &loaded.capture, &gpu, hear)?;
+    let (estimates, pulse) = (job.estimates.clone(), job.capture.pulse.clone());
+    let request = Request { settings: job.settings(&request.settings), ..request };
+    let with_pulse = estimates.pulse.is_some().then(|| {
+        let capture = loaded.capture.clone().with(|c| c.pulse = pulse);
+        Loaded { capture, ..loaded.clone() }
+    });
     let loaded = with_pulse.as_ref().unwrap_or(loaded);
-    let request = Request { find_pulse: FindPulse::Never, models: vec![], ..request };
     reconstruct::warm_up(&request, loaded, &gpu)?;
     gpu.take_recording();
 
     say("solving, with a time stamp after every command");
     let began = gpu.now();
-    let done =
-        reconstruct::Finished { found, ..reconstruct::solve(&request, loaded, &gpu, None, None, hear)? };
+    let mut done = reconstruct::solve(&request, loaded, &gpu, None, None, hear)?;
+    done.job.estimates = estimates;
     let result = &done.result;
     let start = Instant::now();
     if let Some(out) = &what.out {
@@ -150,8 +149,9 @@ pub fn profile(
 
     let mut recording = gpu.take_recording();
     let prepare_s = complete(&mut recording, began, loaded.seconds);
-    let voxels = voxels_of(&result.plan, request.solver.common().min_depth);
-    let kernels = kernels::times(&recording, &result.trace, &voxels, &limits);
+    let voxels = voxels_of(&result.plan, done.job.solver.common().min_depth);
+    let kernels =
+        kernels::times(&recording, &kernels::bytes_of(&result.plan), &result.trace, &voxels, &limits);
     let profile = Profile {
         version: env!("CARGO_PKG_VERSION").into(),
         device: device_of(&gpu),

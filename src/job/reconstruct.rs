@@ -6,19 +6,18 @@ use std::ops::ControlFlow;
 
 use super::preview::Preview;
 use super::sizes;
-use super::{Loaded, Request, SolverOptions, advice};
-use crate::estimation::{self, Estimates};
+use super::{Loaded, Request, advice};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
-use crate::solve::{Problem, Progress, Ready, Reconstruction, Watch, conclude};
-use crate::transport::Grid;
+use crate::resolve::Job;
+use crate::solve::{Progress, Ready, Reconstruction, Watch};
 use crate::{Kind, Result};
 
 /// The result of a solve, and its figures.
-pub struct Finished {
-    /// The result, with the mask that the request asks for.
+pub struct Finished<'c> {
+    /// The result, with the mask of the settings.
     pub result: Reconstruction,
     /// Figures against truth, if there is truth.
     pub metrics: Option<Metrics>,
@@ -26,14 +25,8 @@ pub struct Finished {
     pub along: BTreeMap<usize, Metrics>,
     /// The maps after the iterations that the request names.
     pub snapshots: Vec<(usize, Maps)>,
-    /// What trials found before the solve. Their time counts as solve time.
-    pub found: Estimates,
-    /// The solver with its options, for the model that was found.
-    pub solver: SolverOptions,
-    /// The grid that was solved.
-    pub grid: Grid,
-    /// How many of the capture's bins were one.
-    pub sum: usize,
+    /// What was solved.
+    pub job: Job<'c>,
 }
 
 /// Solves as `request` says. `hear` is called with the progress and may
@@ -41,37 +34,37 @@ pub struct Finished {
 ///
 /// # Errors
 /// Those of [`super::SolverOptions::solve`] and of [`metrics`].
-pub fn solve(
+pub fn solve<'c>(
     request: &Request,
-    loaded: &Loaded,
+    loaded: &'c Loaded,
     gpu: &Gpu,
     truth: Option<&Truth>,
     preview: Option<&Preview>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Finished> {
+) -> Result<Finished<'c>> {
     let step = request.trace_step();
     let mut failed = None;
     let (mut along, mut snapshots) = (BTreeMap::new(), Vec::new());
-    let found = estimation::estimate(&request.ask(), &loaded.capture, gpu, hear)?;
-    let (settled, capture) = request.settled(&found, &loaded.capture)?;
-    let request = &settled;
-    let Ready { capture, grid, sum } = request.ready(capture)?;
-    let capture = &*capture;
-    let volume = request.solver.common().iterations[0];
+    let mut job = Job::resolve(&request.settings, &loaded.capture, gpu, hear)?;
+    job.keep_volume = request.volume_file.is_some();
+    if request.tuned {
+        job.solver = sizes::with_kept(&job.solver, gpu, &job.capture);
+    }
+    let volume = job.solver.common().iterations[0];
     let previews = if preview.is_some() { vec![volume / 4, volume] } else { vec![] };
     let mut measure = |progress: &Progress| {
         let i = progress.point.iteration;
         if let Some(maps) = &progress.maps {
             if request.snapshots.contains(&i) {
-                snapshots.push((i, masked(maps, request)));
+                snapshots.push((i, masked(maps, &job)));
             }
             if let Some(preview) = preview.filter(|_| previews.contains(&i)) {
-                // The solve goes on without a picture.
+                // Preview failures are non-fatal.
                 let _ = preview.show(maps);
             }
             let due = step > 0 && i.is_multiple_of(step);
             let truth = truth.filter(|_| due);
-            let measured = truth.map(|t| metrics(&masked(maps, request), t, request.mask_fraction));
+            let measured = truth.map(|t| metrics(&masked(maps, &job), t, job.mask_fraction));
             match measured.transpose() {
                 Ok(found) => along.extend(found.map(|m| (i, m.brief()))),
                 Err(e) => {
@@ -84,28 +77,24 @@ pub fn solve(
     };
     let maps_at = [&request.snapshots[..], &previews].concat();
     let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &maps_at };
-    let solver = sizes::with_kept(request, gpu, capture);
-    let done = solver.solve(gpu, &request.problem(capture, grid), &mut watch);
+    let done = job.solve(gpu, &mut watch);
     let mut result = match failed {
         Some(e) => return Err(e),
         None => done.map_err(|e| advice::advise(e, request, loaded, gpu))?,
     };
-    let before = found.seconds;
-    result.solve_seconds += before;
-    result.trace.iter_mut().for_each(|p| p.seconds += before);
-    conclude(capture, request.mask_fraction, &mut result, &mut snapshots);
-    let metrics = truth.map(|t| metrics(&result.maps, t, request.mask_fraction)).transpose()?;
+    job.conclude(&mut result, &mut snapshots);
+    let metrics = truth.map(|t| metrics(&result.maps, t, job.mask_fraction)).transpose()?;
     if let (Some(last), Some(metrics)) = (result.trace.last(), &metrics) {
         along.insert(last.iteration, metrics.clone().brief());
     }
-    Ok(Finished { result, metrics, along, snapshots, found, solver: settled.solver, grid, sum })
+    Ok(Finished { result, metrics, along, snapshots, job })
 }
 
-/// The maps with the mask that the request asks for, or that the method told.
-fn masked(maps: &Maps, request: &Request) -> Maps {
+/// The maps with the mask of the settings, or of the method.
+fn masked(maps: &Maps, job: &Job<'_>) -> Maps {
     let mut maps = maps.clone();
-    if request.mask_fraction.is_some() || !request.solver.is_closed_form() {
-        maps.set_mask(request.mask_fraction);
+    if job.mask_fraction.is_some() || !job.solver.is_closed_form() {
+        maps.set_mask(job.mask_fraction);
     }
     maps
 }
@@ -113,18 +102,21 @@ fn masked(maps: &Maps, request: &Request) -> Maps {
 /// Begins a solve and cancels it. Drivers that compile at the first dispatch do so here, before any time is measured. A
 /// job that does not fit fails here, before hours of work.
 pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Result<()> {
-    let Ready { capture, grid, .. } = request.ready(Cow::Borrowed(&loaded.capture))?;
+    let resolved = request.resolved(&loaded.capture);
+    let Ready { capture, grid, .. } = resolved.ready(Cow::Borrowed(&loaded.capture))?;
     let mut stop = |_: &Progress| ControlFlow::Break(());
     let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
-    let solver = sizes::with_kept(request, gpu, &capture);
-    let problem = Problem { with_volume: false, ..request.problem(&capture, grid) };
-    match solver.solve(gpu, &problem, &mut watch) {
+    let solver = match request.tuned {
+        true => sizes::with_kept(&resolved.solver, gpu, &capture),
+        false => resolved.solver.clone(),
+    };
+    match solver.solve(gpu, &resolved.problem(&capture, grid), &mut watch) {
         Err(e) if e.kind != Kind::Cancelled => Err(advice::advise(e, request, loaded, gpu)),
         _ => Ok(()),
     }
 }
 
-impl Finished {
+impl Finished<'_> {
     /// Gives the result the mask with the best IoU over shares of the brightest albedo, and measures it anew: what a user
     /// without truth cannot do.
     ///

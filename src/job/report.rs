@@ -22,6 +22,7 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
             kind: plain(&gpu.info.kind),
         },
         settings: settings(request, loaded, done),
+        warnings: vec![],
         capture: loaded.summary(),
         plan: report::Plan {
             variants: result.plan.variants(),
@@ -47,31 +48,31 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
 
 /// All settings as they were resolved. They suffice to repeat the run.
 pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
-    let (result, grid) = (&done.result, &done.grid);
+    let (result, grid) = (&done.result, &done.job.grid);
     let mut all = json!({
-        "solver": done.solver.name(),
+        "solver": done.job.solver.name(),
         "model": result.plan.scene.reflectance,
-        "preset": request.preset,
-        "capture": loaded.input.path.to_string_lossy(),
-        "wall": loaded.input.wall,
-        "stride": loaded.input.stride.unwrap_or(1),
-        "subset": loaded.input.subset,
-        "subset_seed": loaded.input.subset_seed,
+        "preset": done.job.preset,
+        "capture": loaded.path.to_string_lossy(),
+        "wall": request.settings.wall,
+        "stride": request.settings.stride.unwrap_or(1),
+        "subset": request.settings.subset,
+        "seed": request.settings.seed(),
         "gate": gate_json(loaded.gate),
-        "pulse_fwhm": match &done.found.pulse {
+        "pulse_fwhm": match &done.job.estimates.pulse {
             Some(found) => Some(found.fwhm),
             None => loaded.capture.pulse.as_ref().map(Pulse::fwhm),
         },
         "spots": [loaded.capture.laser_spot, loaded.capture.sensor_spot],
-        "pulse_found": done.found.pulse,
-        "model_found": done.found.model,
-        "high_pass_found": done.found.high_pass,
+        "pulse_found": done.job.estimates.pulse,
+        "model_found": done.job.estimates.model,
+        "high_pass_found": done.job.estimates.high_pass,
         "sharpness_found": result.sharpness,
         "background_taken_off": background_of(loaded, done),
-        "trials_s": done.found.seconds,
-        "gate_was_found": loaded.gate.is_some() && loaded.input.gate.is_none(),
-        "bins": request.bins,
-        "bins_summed": done.sum,
+        "trials_s": done.job.estimates.seconds,
+        "gate_was_found": loaded.gate.is_some() && request.settings.gate.is_none(),
+        "bins": request.settings.bins.unwrap_or_default(),
+        "bins_summed": done.job.sum,
         "levels": result.plan.levels.volume.iter().map(level_json).collect::<Vec<_>>(),
         "grid": grid.n,
         "grid_reached": [result.maps.nx, result.maps.ny, grid.n[2]],
@@ -81,16 +82,18 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "voxel": grid.pitch.to_array(),
         "depth_pitch": grid.pitch.z,
         "box": box_of(grid),
-        "device": request.device,
-        "memory": request.memory,
+        "device": request.settings.device,
+        "memory": request.settings.memory,
         "truth": request.truth.as_ref().map(|path| path.to_string_lossy()),
-        "mask_fraction": request.mask_fraction,
+        "mask_fraction": done.job.mask_fraction,
         "trace_every": request.trace_step(),
         "snapshots": request.snapshots,
         "accumulation_used": result.plan.division.accumulation,
         "notes": loaded.notes,
     });
-    if let (Value::Object(all), Ok(Value::Object(options))) = (&mut all, serde_json::to_value(&done.solver)) {
+    if let (Value::Object(all), Ok(Value::Object(options))) =
+        (&mut all, serde_json::to_value(&done.job.solver))
+    {
         all.extend(options);
         // A setting that the solver chose.
         if let Some(chosen) = result.sharpness {
@@ -102,7 +105,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
 
 /// Counts per bin of every histogram that the solver took off as background; `None` if it takes none off.
 fn background_of(loaded: &Loaded, done: &Finished) -> Option<f64> {
-    match &done.solver {
+    match &done.job.solver {
         SolverOptions::Surface(o) if o.background => Some(background(&loaded.capture)),
         _ => None,
     }

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::places::{PAGE, PREVIEW};
 use super::preview::Preview;
-use super::{Loaded, Request, reconstruct, report, request};
+use super::{Loaded, Request, SolverOptions, reconstruct, report};
 use crate::Result;
 use crate::export;
 use crate::export::report::Report;
@@ -28,8 +28,10 @@ pub struct Outcome {
     pub kernels: Vec<(&'static str, KernelTime)>,
     /// Messages of the validation layer, if it was on.
     pub validation: Vec<String>,
-    /// Warnings, as sentences.
+    /// What was assumed and estimated, as sentences.
     pub notes: Vec<String>,
+    /// What looks wrong with the capture or the result, as sentences.
+    pub warnings: Vec<String>,
     /// Every file that was written, the report last; none yet in [`Solved`].
     pub files: Vec<PathBuf>,
 }
@@ -59,10 +61,10 @@ pub fn run(
     loaded: &Loaded,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
-    let truth = request.check()?;
+    let truth = request.check(&loaded.capture)?;
     request.check_places()?;
-    // What does not fit is told before a device is asked for.
-    request.grid(&loaded.capture)?;
+    // Memory is checked before a device is opened.
+    request.resolved(&loaded.capture).grid(&loaded.capture)?;
     let gpu = request.open()?;
     solve_checked(request, loaded, &gpu, truth, hear)?.write(request)
 }
@@ -78,8 +80,8 @@ pub fn solve(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solved> {
-    let truth = request.check()?;
-    request.grid(&loaded.capture)?;
+    let truth = request.check(&loaded.capture)?;
+    request.resolved(&loaded.capture).grid(&loaded.capture)?;
     solve_checked(request, loaded, gpu, truth, hear)
 }
 
@@ -91,19 +93,20 @@ fn solve_checked(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solved> {
     // A closed-form method is there as soon as a preview.
-    let preview = match request.preview && !request.solver.is_closed_form() {
+    let preview = match request.preview && !request.resolved(&loaded.capture).solver.is_closed_form() {
         true => Preview::begin(request, &loaded.capture, gpu, hear)?,
         false => None,
     };
     let done = reconstruct::solve(request, loaded, gpu, truth.as_ref(), preview.as_ref(), hear)?;
-    let mut notes: Vec<String> = done.found.notes();
-    notes.extend(request::summed_note(done.sum, done.result.plan.scene.bin_width));
-    notes.extend(notes_on(request, &done.result));
+    let mut notes: Vec<String> = done.job.notes();
+    notes.extend(notes_on(&done.job.solver, &done.result));
     let mut report = report::report_of(request, loaded, gpu, &done);
-    // Who has the report alone learns what was told.
+    // Copies the notes into the report.
     report.settings["notes"] = loaded.notes.iter().chain(&notes).cloned().collect();
     report.totals.preview_s = preview.as_ref().map(|p| p.seconds);
     let result = done.result;
+    let warnings = [&loaded.warnings[..], &result.warnings].concat();
+    report.warnings = warnings.clone();
     Ok(Solved {
         outcome: Outcome {
             report,
@@ -112,11 +115,12 @@ fn solve_checked(
             kernels: if request.timings { result.kernels } else { vec![] },
             validation: gpu.validation_messages(),
             notes,
+            warnings,
             files: vec![],
         },
         volume: result.volume,
         snapshots: done.snapshots,
-        title: title(&loaded.input.path),
+        title: title(&loaded.path),
         light: export::page::Light::of(&loaded.capture),
         preview,
     })
@@ -161,15 +165,15 @@ fn title(capture: &Path) -> String {
     capture.file_name().map_or_else(|| "capture".into(), |name| name.to_string_lossy().into_owned())
 }
 
-/// Warnings: an end before the last doubling, a surface that was not taken, an empty result.
-fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
+/// Notes: an end before the last doubling, a second surface, filled places, what lies at the border.
+fn notes_on(solver: &SolverOptions, solved: &Reconstruction) -> Vec<String> {
     let mut notes = Vec::new();
     let (reached, wanted) = (solved.lateral, solved.plan.finest().grid.n[0]);
     if reached < wanted {
         notes.push(format!(
             "{} iterations end at {reached} lateral voxels, not at {wanted}: give more iterations, double the grid \
              earlier, or start with the finest grid",
-            request.solver.common().iterations[0]
+            solver.common().iterations[0]
         ));
     }
     if let Some(behind) = &solved.maps.behind {
@@ -197,13 +201,6 @@ fn notes_on(request: &Request, solved: &Reconstruction) -> Vec<String> {
         notes.push(
             "most of what was found lies at the border of the box: the scene may lie beyond it, beside the scanned part of \
              the wall (give a wider volume)"
-                .into(),
-        );
-    }
-    if !solved.maps.mask.contains(&true) {
-        notes.push(
-            "nothing was found: the maps are empty. Check that volume and gate fit the capture (see \
-             `thirdbounce info`)"
                 .into(),
         );
     }

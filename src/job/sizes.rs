@@ -3,33 +3,32 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
+use super::SolverOptions;
 use super::words::{plain, write_json};
-use super::{Request, SolverOptions};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::solve::{Accumulation, Sizes};
 
 /// The key under which sizes are kept: device, driver, solver, kind of pairs and reflectance.
-pub fn class_of(gpu: &Gpu, request: &Request, capture: &Capture) -> String {
+pub fn class_of(gpu: &Gpu, solver: &SolverOptions, capture: &Capture) -> String {
     let kind = capture.pair_kind();
-    let model = request.solver.common().reflectance;
+    let model = solver.common().reflectance;
     let (name, driver) = (gpu.info.name.trim(), gpu.info.driver.trim());
-    format!("{name} | {driver} | {} | {} | {}", request.solver.name(), plain(&kind), plain(&model))
+    format!("{name} | {driver} | {} | {} | {}", solver.name(), plain(&kind), plain(&model))
 }
 
-/// The request's solver with the sizes that were found for it. A request for other sizes stays as it is. So does a
-/// request for the same bits on every run, because private columns change the bits.
-pub fn with_kept(request: &Request, gpu: &Gpu, capture: &Capture) -> SolverOptions {
-    let solver = &request.solver;
+/// The solver with the sizes that [`super::profile::tune`] found for it. Options that set sizes are unchanged, as are those for
+/// the same bits on every run, because private columns change the bits.
+pub fn with_kept(solver: &SolverOptions, gpu: &Gpu, capture: &Capture) -> SolverOptions {
     let repeats = matches!(
         solver.common().accumulation,
         Accumulation::Repeatable | Accumulation::Fixed | Accumulation::Fixed32
     );
-    if !request.tuned || repeats || !solver.common().sizes.is_default() {
+    if repeats || !solver.common().sizes.is_default() {
         return solver.clone();
     }
-    match kept().get(&class_of(gpu, request, capture)) {
+    match kept().get(&class_of(gpu, solver, capture)) {
         Some(sizes) => solver.with_sizes(*sizes),
         None => solver.clone(),
     }

@@ -38,8 +38,8 @@ impl Unfinished {
 /// Begins to look at a folder. Files that are there already are frames, too.
 pub(super) fn begin(folder: PathBuf, size: [usize; 2], give: SyncSender<Arrived>) -> Result<()> {
     if !folder.is_dir() {
-        let mend = "give a folder in which captures appear, a pipe, or - for the standard input";
-        return Err(Error::input(format!("{} is no folder", folder.display()), mend));
+        let hint = "give a folder in which captures appear, a pipe, or - for the standard input";
+        return Err(Error::input(format!("{} is no folder", folder.display()), hint));
     }
     begin_thread(move || {
         let (mut seen, mut number, mut unfinished) = (BTreeSet::new(), 0, None);

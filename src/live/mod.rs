@@ -9,10 +9,7 @@ use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::time::Duration;
 
-use crate::capture::Capture;
-use crate::gpu::Gpu;
-use crate::session::{Frame, Latency, Session, SessionOptions};
-use crate::solve::SolverOptions;
+use crate::session::{Frame, Latency, Session};
 use crate::{Error, Kind, Result};
 
 mod folder;
@@ -61,24 +58,20 @@ pub(crate) enum Arrived {
 /// How long to wait for something new before looking at everything again.
 const MOMENT: Duration = Duration::from_millis(5);
 
-/// Solves frames of the scan that `scan` describes as they come, until the source ends or `hear` breaks; then the frames
+/// Solves frames in a session as they come, until the source ends or `hear` breaks; then the frames
 /// that wait are solved. The newest result is shown on `page`.
 ///
 /// # Errors
-/// Those of [`Session::new`], and a source that cannot be opened. After a lost device, its error.
+/// A source that cannot be opened. After a lost device, its error.
 pub fn run(
-    gpu: &Gpu,
-    scan: &Capture,
-    solver: &SolverOptions,
-    options: SessionOptions,
+    mut session: Session,
     source: &Source,
     page: Option<&Page>,
     hear: &mut dyn FnMut(News<'_>) -> ControlFlow<()>,
 ) -> Result<Summary> {
-    let mut session = Session::new(gpu, scan, None, solver, options)?;
     // Frames wait in the session, by its rule, not here.
     let (give, take) = sync_channel(1);
-    let (pairs, bins) = (scan.pair_count(), scan.bins);
+    let [pairs, bins] = session.size();
     match source {
         Source::Folder(folder) => folder::begin(folder.clone(), [pairs, bins], give)?,
         Source::Stdin => stream::begin_stdin([pairs, bins], give)?,

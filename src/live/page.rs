@@ -191,20 +191,20 @@ fn answered(request: &str, address: SocketAddr, newest: &Mutex<Option<Shown>>) -
 
 impl Status {
     fn of(shown: &Shown) -> Status {
-        let (result, told) = (&shown.frame.result, &shown.latency);
+        let (result, reported) = (&shown.frame.result, &shown.latency);
         let ms = |time: Duration| 1e3 * time.as_secs_f64();
         Status {
             frame: shown.frame.id.0,
             warm: result.is_warm,
             iterations: result.trace.last().map_or(0, |p| p.iteration),
             solve_ms: 1e3 * result.solve_seconds,
-            last_ms: ms(told.last),
-            median_ms: ms(told.median),
-            p90_ms: ms(told.p90),
-            p99_ms: ms(told.p99),
-            frames_per_second: told.frames_per_second,
-            frames: told.frames,
-            dropped: told.dropped,
+            last_ms: ms(reported.last),
+            median_ms: ms(reported.median),
+            p90_ms: ms(reported.p90),
+            p99_ms: ms(reported.p99),
+            frames_per_second: reported.frames_per_second,
+            frames: reported.frames,
+            dropped: reported.dropped,
             age_ms: ms(shown.since.elapsed()),
         }
     }

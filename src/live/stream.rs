@@ -1,4 +1,4 @@
-//! Frames in a stream: a header and the counts, again and again. docs/live.md describes the bytes.
+//! Frames in a stream: a header and the counts, again and again. docs/batch-and-live.md describes the bytes.
 
 use std::io::{ErrorKind, Read, Write};
 use std::sync::mpsc::SyncSender;
@@ -58,11 +58,11 @@ pub struct Counts {
 fn wrong(what: impl Into<String>) -> Error {
     Error::input(
         what,
-        "send frames as docs/live.md says, with the pairs and bins of the scan; the stream is closed",
+        "send frames as docs/batch-and-live.md says, with the pairs and bins of the scan; the stream is closed",
     )
 }
 
-/// Reads the next frame, which must have so many pairs and bins; `None` at the end of the stream.
+/// Reads the next frame, which must have the given pairs and bins; `None` at the end of the stream.
 ///
 /// # Errors
 /// The stream ends within a frame, or the header is not one of such frames: nothing is known of the bytes behind it then.

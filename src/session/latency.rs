@@ -49,7 +49,7 @@ impl Latencies {
         self.last.push_back((now, now.duration_since(begun)));
     }
 
-    pub fn told(&self) -> Latency {
+    pub fn reported(&self) -> Latency {
         let mut sorted: Vec<Duration> = self.last.iter().map(|(_, took)| *took).collect();
         sorted.sort();
         // The least value that this percentage of the frames does not exceed.
@@ -80,22 +80,22 @@ mod tests {
     #[test]
     fn percentiles_are_those_of_the_last_frames() {
         let mut all = Latencies::with_room();
-        assert_eq!(all.told(), Latency::default());
+        assert_eq!(all.reported(), Latency::default());
         let begin = Instant::now();
         let ms = Duration::from_millis;
         // 100 frames that took 1 to 100 ms, 10 ms apart.
         for i in 1..=100 {
             all.add(begin + ms(10 * i - i), begin + ms(10 * i));
         }
-        let told = all.told();
-        assert_eq!([told.median, told.p90, told.p99, told.last], [50, 90, 99, 100].map(ms));
-        assert!((told.frames_per_second - 100.0).abs() < 1e-6 && told.frames == 100);
+        let reported = all.reported();
+        assert_eq!([reported.median, reported.p90, reported.p99, reported.last], [50, 90, 99, 100].map(ms));
+        assert!((reported.frames_per_second - 100.0).abs() < 1e-6 && reported.frames == 100);
         // They are forgotten after 256 others.
         for i in 101..=356 {
             all.add(begin + ms(10 * i - 7), begin + ms(10 * i));
         }
-        let told = all.told();
-        assert_eq!([told.median, told.p99], [ms(7); 2]);
-        assert_eq!(told.frames, 356);
+        let reported = all.reported();
+        assert_eq!([reported.median, reported.p99], [ms(7); 2]);
+        assert_eq!(reported.frames, 356);
     }
 }

@@ -18,21 +18,22 @@ use std::time::{Duration, Instant};
 
 use crate::capture::Capture;
 use crate::gpu::Gpu;
+use crate::resolve::Job;
 use crate::solve::surface::{self, Follow};
 use crate::solve::{Bins, Discretisation, Plan, Prepared, Problem, Progress, Reconstruction, SolverOptions};
 use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
+mod external;
 mod feed;
 mod latency;
-mod lent;
 mod submit;
 mod worker;
 
+use external::Exchange;
+pub use external::{ExternalCounts, ExternalFrame, Format};
 pub use feed::Feed;
 pub use latency::Latency;
-use lent::Exchange;
-pub use lent::{Format, LentCounts, LentFrame};
 pub use submit::Submitter;
 use worker::{Shared, Taken, Worker};
 
@@ -74,16 +75,16 @@ pub struct SessionOptions {
     pub feed: Feed,
     /// Begin a frame with the solution of the one before, and keep to a time for each frame. For the surface solver.
     pub follow: Option<Follow>,
-    /// Frames may be in buffers of the caller ([`Session::submit_lent`]).
-    pub lent: bool,
+    /// Frames may be in buffers of the caller ([`Session::submit_external`]).
+    pub external: bool,
 }
 
 /// A solver with everything that it needs to solve frames of one scan.
 pub struct Session {
     gpu: Gpu,
     plan: Arc<Plan>,
-    /// See [`SessionOptions::lent`].
-    lent: bool,
+    /// See [`SessionOptions::external`].
+    external: bool,
     submitter: Submitter,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -135,9 +136,9 @@ impl Session {
         let summed = (sum > 1).then(|| summed.outline());
         let [nx, ny, _] = plan.levels.maps.n;
         let exchange = options
-            .lent
+            .external
             .then(|| Exchange::new(gpu, [scan.pair_count() * scan.bins, nx * ny], options.memory));
-        let (exchange, lent) = (exchange.transpose()?, options.lent);
+        let (exchange, external) = (exchange.transpose()?, options.external);
         let shared = Arc::new(Shared::new(scan.pair_count(), scan.bins, options.feed));
         let feed = options.feed;
         let mask_fraction = options.mask_fraction.or(solver.usual_mask());
@@ -158,12 +159,36 @@ impl Session {
                 Error::memory(format!("a session's thread does not start ({e})"), "close programs")
             })?;
         let submitter = Submitter::new(shared.clone(), scan, feed);
-        Ok(Session { gpu: gpu.clone(), plan, lent, submitter, shared, thread: Some(thread), last: None })
+        Ok(Session { gpu: gpu.clone(), plan, external, submitter, shared, thread: Some(thread), last: None })
+    }
+
+    /// A session for frames of the scan of `frame`, as `job` resolves it.
+    ///
+    /// # Errors
+    /// Scan, memory or device do not allow the solve.
+    #[doc(hidden)]
+    pub fn of(gpu: &Gpu, frame: &Capture, job: &Job<'_>, options: SessionOptions) -> Result<Session> {
+        let options = SessionOptions {
+            sum: Some(job.sum),
+            memory: job.memory,
+            mask_fraction: job.mask_fraction,
+            with_volume: options.with_volume || job.keep_volume,
+            ..options
+        };
+        // The session sums the bins of each frame itself.
+        let mut scan = frame.clone();
+        scan.pulse.clone_from(&job.capture.pulse);
+        Session::new(gpu, &scan, Some(job.grid), &job.solver, options)
     }
 
     /// The device.
     pub fn gpu(&self) -> &Gpu {
         &self.gpu
+    }
+
+    /// Pairs, and bins of each, of a frame of counts.
+    pub fn size(&self) -> [usize; 2] {
+        self.submitter.size()
     }
 
     /// Levels, passes and buffers.
@@ -173,7 +198,7 @@ impl Session {
     }
 
     /// Begins to solve a frame of counts, `[pair * bins + bin]`, and returns. The counts are copied. What happens while
-    /// another frame is being solved, [`SessionOptions::feed`] says. The result of an earlier frame that nobody took is
+    /// another frame is being solved, [`SessionOptions::feed`] says. An earlier result that was not taken is
     /// dropped, unless every frame counts.
     ///
     /// # Errors
@@ -183,7 +208,7 @@ impl Session {
         self.submitter.submit(histograms)
     }
 
-    /// As [`Session::submit`], for a scan that goes on: only the pairs that are `measured` have new counts, `[pair]`. The
+    /// As [`Session::submit`], for a partial scan: only the pairs that are `measured` have new counts, `[pair]`. The
     /// others keep those of the frames before, from the first part on; their places in `histograms` are not used. Pairs that
     /// were never measured are dark.
     ///
@@ -194,17 +219,17 @@ impl Session {
     }
 
     /// Begins to solve a frame whose counts are in a buffer of the caller on the device, and returns. The counts are copied before
-    /// the solve. The session needs [`SessionOptions::lent`].
+    /// the solve. The session needs [`SessionOptions::external`].
     ///
     /// The moments of a frame that fails or is stopped are signalled, too, from the host. Those of a frame that is dropped because
     /// another came are not: the moments of the other are later.
     ///
     /// # Errors
-    /// [`Kind::Options`] if the session was not made for lent frames, the buffers are too small, sums are fed, or the feed
+    /// [`Kind::Options`] if the session was not made for external frames, the buffers are too small, sums are fed, or the feed
     /// refuses another frame. Nothing changes then. What is wrong with the counts shows when the frame is taken.
-    pub fn submit_lent(&mut self, frame: LentFrame) -> Result<FrameId> {
+    pub fn submit_external(&mut self, frame: ExternalFrame) -> Result<FrameId> {
         frame.check(self)?;
-        self.shared.submit_lent(frame)
+        self.shared.submit_external(frame)
     }
 
     /// Whether no frame is being solved, and none waits. A result may be there.

@@ -8,13 +8,13 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use super::external::Exchange;
 use super::feed::{Feed, Kept};
 use super::latency::{Latencies, Latency};
-use super::lent::Exchange;
-use super::{FrameId, LentFrame, SessionOptions, too_long};
+use super::{ExternalFrame, FrameId, SessionOptions, too_long};
 use crate::capture::Capture;
 use crate::gpu::Gpu;
-use crate::gpu::caller::Moment;
+use crate::gpu::external::TimelinePoint;
 use crate::maps::Maps;
 use crate::solve::{Prepared, Progress, Reconstruction, Watch, conclude};
 use crate::{Error, Kind, Result, panic_message};
@@ -41,7 +41,7 @@ struct Waiting {
 
 enum Counts {
     Host(Vec<f32>),
-    Lent(LentFrame),
+    External(ExternalFrame),
 }
 
 struct State {
@@ -67,7 +67,7 @@ struct State {
     broken: Option<Error>,
 }
 
-/// An empty list with memory for so many counts. It was written once, so that the system gives it now, not when the
+/// An empty list with memory for `count` counts. It was written once, so that the system gives it now, not when the
 /// first frame comes.
 fn touched(counts: usize) -> Vec<f32> {
     let mut list = vec![f32::NAN; counts];
@@ -149,13 +149,13 @@ impl Shared {
     }
 
     /// Gives the thread a frame that lies in a caller's buffer.
-    pub fn submit_lent(&self, frame: LentFrame) -> Result<FrameId> {
+    pub fn submit_external(&self, frame: ExternalFrame) -> Result<FrameId> {
         let mut state = self.state();
         state.admit()?;
         if let Some(old) = if state.feed == Feed::Newest { state.waiting.pop_back() } else { None } {
             state.drop_frame(old);
         }
-        let id = state.add(Counts::Lent(frame));
+        let id = state.add(Counts::External(frame));
         self.changed.notify_all();
         Ok(id)
     }
@@ -201,7 +201,7 @@ impl Shared {
 
     /// How long frames take.
     pub fn latency(&self) -> Latency {
-        self.state().latencies.told()
+        self.state().latencies.reported()
     }
 
     /// Ends the thread.
@@ -215,8 +215,8 @@ impl Shared {
         id.0 <= self.cancelled.load(Relaxed)
     }
 
-    /// Waits for a frame, and puts its counts into `scan` or returns it, if it is lent; `None` at the end of the session.
-    fn next(&self, scan: &mut Capture) -> Option<(FrameId, Option<LentFrame>)> {
+    /// Waits for a frame, and puts its counts into `scan` or returns it, if it is external; `None` at the end of the session.
+    fn next(&self, scan: &mut Capture) -> Option<(FrameId, Option<ExternalFrame>)> {
         let mut state = self.state();
         loop {
             if state.closing {
@@ -225,16 +225,16 @@ impl Shared {
             // Where every frame counts, no result is dropped.
             let may = state.done.is_none() || !matches!(state.feed, Feed::Every { .. });
             if let Some(frame) = if may { state.waiting.pop_front() } else { None } {
-                let (counts, lent) = match frame.counts {
+                let (counts, external) = match frame.counts {
                     Counts::Host(counts) => (counts, None),
-                    Counts::Lent(lent) => (state.spare.pop().unwrap_or_default(), Some(lent)),
+                    Counts::External(external) => (state.spare.pop().unwrap_or_default(), Some(external)),
                 };
                 let old = std::mem::replace(&mut scan.histograms, counts);
                 if old.capacity() > 0 {
                     state.spare.push(old);
                 }
                 state.solving = Some((frame.id, frame.since));
-                return Some((frame.id, lent));
+                return Some((frame.id, external));
             }
             state = self.changed.wait(state).unwrap_or_else(PoisonError::into_inner);
         }
@@ -243,8 +243,8 @@ impl Shared {
     /// Gives back the buffers of frames that will not be solved.
     fn release_all(&self, gpu: &Gpu) {
         for frame in std::mem::take(&mut self.state().waiting) {
-            if let Counts::Lent(mut lent) = frame.counts {
-                lent.release(gpu);
+            if let Counts::External(mut external) = frame.counts {
+                external.release(gpu);
             }
         }
     }
@@ -325,15 +325,15 @@ impl Worker {
     /// Solves frames until the session ends, or until a solve panics.
     pub fn work(mut self) {
         let shared = self.shared.clone();
-        while let Some((id, mut lent)) = shared.next(&mut self.scan) {
-            let solved = catch_unwind(AssertUnwindSafe(|| match &mut lent {
-                Some(lent) => self.solve_lent(id, lent),
+        while let Some((id, mut external)) = shared.next(&mut self.scan) {
+            let solved = catch_unwind(AssertUnwindSafe(|| match &mut external {
+                Some(external) => self.solve_external(id, external),
                 None => self.solve(id),
             }));
             match solved {
                 Ok(result) => shared.leave(id, result, None),
                 Err(panic) => {
-                    lent.iter_mut().for_each(|lent| lent.release(&self.gpu));
+                    external.iter_mut().for_each(|external| external.release(&self.gpu));
                     let error = defect(id, &*panic);
                     shared.leave(id, Err(error.clone()), Some(error));
                     break;
@@ -344,36 +344,36 @@ impl Worker {
     }
 
     /// Solves a frame in a caller's buffer, and gives its maps back.
-    fn solve_lent(&mut self, id: FrameId, lent: &mut LentFrame) -> Result<Reconstruction> {
+    fn solve_external(&mut self, id: FrameId, external: &mut ExternalFrame) -> Result<Reconstruction> {
         let solved = self
-            .wait_for(id, lent.counts.after)
-            .and_then(|()| self.take(lent))
+            .wait_for(id, external.counts.after)
+            .and_then(|()| self.take(external))
             .and_then(|()| self.solve(id))
-            .and_then(|result| self.give(lent, &result.maps).map(|()| result));
+            .and_then(|result| self.give(external, &result.maps).map(|()| result));
         if solved.is_err() {
-            lent.release(&self.gpu);
+            external.release(&self.gpu);
         }
         solved
     }
 
     /// Copies the counts of a frame from the caller's buffer, and checks them as counts of the host.
-    fn take(&mut self, lent: &mut LentFrame) -> Result<()> {
+    fn take(&mut self, external: &mut ExternalFrame) -> Result<()> {
         let Worker { exchange, scan, .. } = self;
         let number = scan.pair_count() * scan.bins;
         let mut counts = std::mem::take(&mut scan.histograms);
-        let taken = lent_only(exchange)?.take(&mut lent.counts, number, &mut counts);
+        let taken = external_only(exchange)?.take(&mut external.counts, number, &mut counts);
         let checked = taken.and_then(|()| scan.check_counts(&counts));
         scan.histograms = counts;
         checked
     }
 
     /// Writes the maps of a frame into the caller's buffer.
-    fn give(&mut self, lent: &mut LentFrame, maps: &Maps) -> Result<()> {
-        lent.give(lent_only(&mut self.exchange)?, maps, &self.gpu)
+    fn give(&mut self, external: &mut ExternalFrame, maps: &Maps) -> Result<()> {
+        external.give(external_only(&mut self.exchange)?, maps, &self.gpu)
     }
 
     /// Waits until a frame's counts are there: here, where it can be cancelled, and where no time limit of the device's runs.
-    fn wait_for(&self, id: FrameId, after: Option<Moment>) -> Result<()> {
+    fn wait_for(&self, id: FrameId, after: Option<TimelinePoint>) -> Result<()> {
         let Some(after) = after else { return Ok(()) };
         let begun = Instant::now();
         while !self.gpu.wait_for(after, LOOK)? {
@@ -419,10 +419,13 @@ impl Worker {
     }
 }
 
-/// The buffers of a session that takes lent frames; others refuse such frames when they are submitted.
-fn lent_only(exchange: &mut Option<Exchange>) -> Result<&mut Exchange> {
+/// The buffers of a session that takes external frames; others refuse such frames when they are submitted.
+fn external_only(exchange: &mut Option<Exchange>) -> Result<&mut Exchange> {
     exchange.as_mut().ok_or_else(|| {
-        Error::options("this session takes counts from the host only", "make it with `lent` in its options")
+        Error::options(
+            "this session takes counts from the host only",
+            "make it with `external` in its options",
+        )
     })
 }
 

@@ -8,12 +8,19 @@ use crate::transport::Reflectance;
 
 use super::{Reconstruction, background, variances};
 
+/// A residual ratio from here on explains hardly anything of the measurement.
+const UNEXPLAINED: f64 = 0.95;
+/// If noise has more than this share of the energy of the counts, no surface can explain them.
+const NOISY: f64 = 0.8;
+/// From this share of the pixels on, the surface is everywhere.
+const EVERYWHERE: f64 = 0.99;
+
 /// How much longer a path becomes per metre along a spot: the usual sine of its angle with the wall's normal.
 const SLANT: f64 = 0.35;
 
-/// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method told it and no share is given; and the
-/// confidence of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
-/// have. Where edges told a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
+/// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method determined it and no share is given; and the
+/// expected depth error of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
+/// have. Sets the warnings. Where edges determined a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
 /// `capture` is what was solved.
 pub fn conclude(
     capture: &Capture,
@@ -49,14 +56,34 @@ pub fn conclude(
     }
     let known = after(&result.maps, last);
     tell(&mut result.maps, &known, by_edges);
+    let measured = result.trace.last().filter(|_| result.empty_loss > 0.0);
+    let residual = measured.map(|p| (p.data_loss / result.empty_loss).sqrt());
+    result.warnings = warnings(&result.maps.mask, residual, all.noise);
 }
 
-/// Sets the confidence. If the mask is `by_edges`, small parts with uncertain depths leave it.
+/// What looks wrong with a result: its mask, its residual ratio if it has one, and the share of the counts' energy that is
+/// noise.
+fn warnings(mask: &[bool], residual: Option<f64>, noise: f64) -> Vec<String> {
+    let check = "check the unit of lengths and times, time zero, the order of the axes and the gate";
+    let unexplained = residual.filter(|r| *r > UNEXPLAINED && noise < NOISY).map(|r| {
+        format!("the maps explain hardly anything of the measurement: the residual is {r:.3}; {check}")
+    });
+    let spread = match mask.iter().filter(|m| **m).count() {
+        0 => Some(format!("no surface was found, the maps are empty: {check}")),
+        n if n as f64 >= EVERYWHERE * mask.len() as f64 => Some(format!(
+            "all of the picture counts as surface, which no scene smaller than the wall shows: {check}"
+        )),
+        _ => None,
+    };
+    unexplained.into_iter().chain(spread).collect()
+}
+
+/// Sets the expected depth error. If the mask is `by_edges`, small parts with uncertain depths leave it.
 fn tell(maps: &mut Maps, known: &Conditions, by_edges: bool) {
-    maps.set_confidence(known);
+    maps.set_depth_error(known);
     if by_edges && maps.leave_out_uncertain_parts() {
         // The brightness of the mask counts.
-        maps.set_confidence(known);
+        maps.set_depth_error(known);
     }
 }
 
@@ -102,6 +129,23 @@ mod tests {
         let mut single = row(|_| 0.0, &[1.0]);
         single.sensor = single.laser.clone();
         assert_eq!(aperture(&single), 1.0);
+    }
+
+    #[test]
+    fn a_residual_near_one_and_surface_everywhere_or_nowhere_are_warned_of() {
+        let of = |surface: usize, residual, noise| {
+            let mask: Vec<bool> = (0..400).map(|p| p < surface).collect();
+            warnings(&mask, residual, noise).join("; ")
+        };
+        assert_eq!(of(100, Some(0.7), 0.1), "");
+        assert_eq!(of(100, None, 0.1), "");
+        assert!(of(100, Some(0.987), 0.1).contains("residual is 0.987"));
+        assert_eq!(of(100, Some(0.987), 0.9), "", "noise that no surface explains");
+        assert!(of(0, Some(0.7), 0.1).contains("no surface was found"));
+        assert!(
+            of(400, Some(0.99), 0.1).contains("0.990") && of(400, None, 0.1).contains("all of the picture")
+        );
+        assert!(of(397, None, 0.1).contains("all of the picture") && of(390, None, 0.1).is_empty());
     }
 
     #[test]

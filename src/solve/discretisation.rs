@@ -41,7 +41,7 @@ impl Discretisation {
     /// Sums the bins of a capture, and says how many are one.
     ///
     /// # Errors
-    /// The capture does not have so many.
+    /// More than the capture has.
     pub fn summed<'c>(
         &self,
         solver: &SolverOptions,

@@ -69,7 +69,7 @@ const LEAST_PHOTONS: f64 = 32_768.0;
 pub const MOST_PAIRS: usize = 1_000_000_000;
 
 /// Pairs of a capture that are enough for a solve: [`LEAST_PAIRS`], or more where photons are few. Light of the sum S
-/// and variance V counts as S² / V photons: so many have its ratio of signal to noise. A capture may have fewer pairs.
+/// and variance V counts as S² / V photons: the number of photons with the same signal-to-noise ratio. A capture may have fewer pairs.
 pub fn enough_pairs(capture: &Capture) -> usize {
     let Ok(some) = capture.subset(LEAST_PAIRS.min(capture.pair_count()), 0) else { return LEAST_PAIRS };
     if some.histograms.is_empty() {

@@ -46,7 +46,7 @@ pub fn default_volume(capture: &Capture, min_depth: f64) -> Result<Volume> {
             format!(
                 "the last signal is at a path of {t_last:.d$} m, a depth of {high:.d$} m, and nothing nearer than {low:.d$} m is reconstructed"
             ),
-            advice!["give a smaller " MinDepth ", or check the capture's bin width and time zero (" [Capture] ")"],
+            advice!["check the capture's bin width, time zero and unit of length (" [Capture] "), or give the box as " Volume],
         ));
     }
     Ok(Volume { min: dvec3(x0, y0, low), max: dvec3(x1, y1, high) })

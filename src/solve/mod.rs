@@ -28,6 +28,7 @@ mod solver;
 mod solvers;
 pub mod surface;
 mod trace;
+pub mod units;
 
 pub use bins::Bins;
 pub use conditions::conclude;
@@ -39,7 +40,7 @@ pub use extent::default_volume;
 pub use on_device::{OnDevice, VolumeMap, upload};
 pub use option::{Preset, Suit};
 pub use outline::{Step, TimedSchedule, When};
-pub use paper::{Decay, NoiseTerm, PaperOptions};
+pub use paper::{Decay, NoiseTerm, PaperOptions, PaperSettings};
 pub use plan::{
     Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, PairPart, Pass, Plan, RESIDUAL_HOST,
     Sizes, Tuning, UPLOAD, Voxels, passes,
@@ -48,8 +49,8 @@ pub use prepared::Prepared;
 pub use problem::Problem;
 pub use result::{ImageNoise, Reconstruction, Sharpness};
 pub use solver::{Common, RunsOn, Solver};
-pub use solvers::{SolverOptions, check_solver, pixel_of, reflectance};
-pub use surface::{Begin, Follow, SurfaceOptions};
+pub use solvers::{Method, SolverOptions, method, pixel_of, reflectance};
+pub use surface::{Begin, Follow, SurfaceOptions, SurfaceSettings};
 pub use trace::TracePoint;
 
 /// The passes of all solvers: those that they share, then one list for each.

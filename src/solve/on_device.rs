@@ -247,7 +247,7 @@ pub(super) fn read_maps(executor: &Executor, grid: &Grid, has_normals: bool) -> 
             .collect(),
         mask: Maps::mask_of(&albedo, Maps::MASK_FRACTION),
         mask_fraction: Some(Maps::MASK_FRACTION),
-        confidence: None,
+        depth_error: None,
         behind: None,
         albedo,
     }

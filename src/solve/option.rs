@@ -8,7 +8,7 @@ use std::fmt;
 use serde::{Deserialize, Serialize};
 
 use super::estimate::LEAST_PAIRS;
-use super::{Accumulation, Sizes};
+use super::{Accumulation, Sizes, units};
 use crate::capture::Capture;
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 use crate::{Error, Result};
@@ -21,6 +21,16 @@ pub enum Preset {
     Synthetic,
     /// Captured histograms: α = 0.8 and the noise term.
     Captured,
+}
+
+impl Preset {
+    /// As text.
+    pub fn name(self) -> &'static str {
+        match self {
+            Preset::Synthetic => "synthetic",
+            Preset::Captured => "captured",
+        }
+    }
 }
 
 /// The properties of a scene that defaults depend on.
@@ -107,7 +117,9 @@ pub enum Range {
     Flag,
     /// Sizes of workgroups.
     Sizes,
-    /// Has no option of its own on the command line.
+    /// A text that the setting itself reads, and its name in the help.
+    Text(&'static str),
+    /// No option of the command line.
     Internal,
 }
 
@@ -169,7 +181,7 @@ pub trait Options {
         for row in self.rows() {
             let value = self.get(row.key).unwrap_or(OptionValue::Unset);
             if let Some(want) = row.range.refusal(&value) {
-                return Err(refused(&row.name(), &value, &want));
+                return Err(refused(row.key, &value, &want));
             }
         }
         Ok(())
@@ -178,7 +190,7 @@ pub trait Options {
 
 /// The error of an option that makes no sense.
 pub(super) fn refused(name: &str, value: impl fmt::Display, want: &str) -> Error {
-    Error::options(format!("--{name} is {value}"), format!("give {want}"))
+    Error::options(format!("{name} is {value}"), format!("give {want}"))
 }
 
 impl Row {
@@ -202,6 +214,44 @@ impl Row {
 }
 
 impl Range {
+    /// The allowed values as text.
+    fn wanted(self) -> String {
+        match self {
+            Range::Words(words) => words.join(" or "),
+            Range::Flag => "true or false".into(),
+            Range::Seed => "a whole number".into(),
+            Range::Sizes => "sizes as lanes=64,chunk=256".into(),
+            Range::Internal | Range::Text(_) => "another value".into(),
+            _ => self.refusal(&OptionValue::Number(f64::NAN)).unwrap_or_default(),
+        }
+    }
+
+    /// The values that a text may stand for, the likeliest first.
+    ///
+    /// # Errors
+    /// The allowed values, if the text is none.
+    fn read(self, text: &str) -> std::result::Result<Vec<OptionValue>, String> {
+        let text = text.trim();
+        let count = || text.parse().map(|n| vec![OptionValue::Count(n)]).map_err(|_| self.wanted());
+        let number = |read: fn(&str) -> std::result::Result<f64, String>| {
+            read(text).map(|v| vec![OptionValue::Number(v)]).map_err(|_| self.wanted())
+        };
+        match self {
+            Range::Count(..) | Range::OneOf(_) | Range::Seed => count(),
+            Range::Length => number(units::length),
+            Range::Positive | Range::NotNegative | Range::Share | Range::Fraction => number(units::number),
+            Range::Words(words) if words.contains(&text) => {
+                Ok(vec![OptionValue::Word(text.into()), OptionValue::Flag(words.get(1) == Some(&text))])
+            }
+            Range::Flag if ["true", "false"].contains(&text) => Ok(vec![OptionValue::Flag(text == "true")]),
+            Range::Sizes => text
+                .parse::<Sizes>()
+                .map(|sizes| vec![OptionValue::Word(sizes.to_string())])
+                .map_err(|e| e.to_string()),
+            Range::Words(_) | Range::Flag | Range::Internal | Range::Text(_) => Err(self.wanted()),
+        }
+    }
+
     /// The allowed values as text, if `value` is out of range.
     fn refusal(self, value: &OptionValue) -> Option<String> {
         let number = match value {
@@ -225,7 +275,9 @@ impl Range {
             }
             Range::Share => (number > 0.0 && number <= 1.0, "a positive number up to 1".into()),
             Range::Fraction => ((0.0..1.0).contains(&number), "a number from 0 to below 1".into()),
-            Range::Seed | Range::Words(_) | Range::Flag | Range::Sizes | Range::Internal => return None,
+            Range::Seed | Range::Words(_) | Range::Flag | Range::Sizes | Range::Text(_) | Range::Internal => {
+                return None;
+            }
         };
         if good && number > LARGEST {
             return Some(format!("{want}, below {LARGEST:e}"));
@@ -252,13 +304,36 @@ impl fmt::Display for OptionValue {
 
 /// The type of a field that an option sets.
 pub trait Field {
+    /// The type of a value that a caller sets.
+    type Given: Clone;
     /// The value of the field.
     fn value(&self) -> OptionValue;
     /// Sets the field. A value of another type changes nothing.
     fn put(&mut self, value: &OptionValue);
+    /// The value that a caller would set for this field; `None` if the solver chooses it.
+    fn given(&self) -> Option<Self::Given>;
+    /// The field with the value of a caller.
+    fn of(given: Self::Given) -> Self;
+}
+
+/// A field that has the type of its setting.
+macro_rules! given_as_is {
+    () => {
+        type Given = Self;
+
+        fn given(&self) -> Option<Self> {
+            Some(self.clone())
+        }
+
+        fn of(given: Self) -> Self {
+            given
+        }
+    };
 }
 
 impl Field for usize {
+    given_as_is!();
+
     fn value(&self) -> OptionValue {
         OptionValue::Count(*self)
     }
@@ -271,6 +346,8 @@ impl Field for usize {
 }
 
 impl Field for u32 {
+    given_as_is!();
+
     fn value(&self) -> OptionValue {
         OptionValue::Count(*self as usize)
     }
@@ -283,6 +360,8 @@ impl Field for u32 {
 }
 
 impl Field for f64 {
+    given_as_is!();
+
     fn value(&self) -> OptionValue {
         OptionValue::Number(*self)
     }
@@ -295,6 +374,8 @@ impl Field for f64 {
 }
 
 impl Field for bool {
+    given_as_is!();
+
     fn value(&self) -> OptionValue {
         OptionValue::Flag(*self)
     }
@@ -306,7 +387,17 @@ impl Field for bool {
     }
 }
 
-impl<T: Field + Default> Field for Option<T> {
+impl<T: Field<Given = T> + Clone + Default> Field for Option<T> {
+    type Given = T;
+
+    fn given(&self) -> Option<T> {
+        self.clone()
+    }
+
+    fn of(given: T) -> Option<T> {
+        Some(given)
+    }
+
     fn value(&self) -> OptionValue {
         self.as_ref().map_or(OptionValue::Unset, Field::value)
     }
@@ -321,6 +412,8 @@ impl<T: Field + Default> Field for Option<T> {
 }
 
 impl Field for Sizes {
+    given_as_is!();
+
     fn value(&self) -> OptionValue {
         OptionValue::Word(self.to_string())
     }
@@ -336,6 +429,8 @@ impl Field for Sizes {
 macro_rules! words {
     ($($type:ty),*) => { $(
         impl $crate::solve::option::Field for $type {
+            $crate::solve::option::given_as_is!();
+
             fn value(&self) -> $crate::solve::option::OptionValue {
                 match serde_json::to_value(self) {
                     Ok(serde_json::Value::String(word)) => $crate::solve::option::OptionValue::Word(word),
@@ -359,7 +454,7 @@ words!(Accumulation, Binning, Gradient, Reflectance, Sampling);
 /// ```text
 /// options! {
 ///     /// About the struct. `suit` names the [`Suit`] in the defaults.
-///     pub struct PaperOptions(suit) {
+///     pub struct PaperOptions: PaperSettings(suit) {
 ///         nested { domain: Domain }
 ///         "Solver" {
 ///             /// The option's text.
@@ -373,8 +468,8 @@ words!(Accumulation, Binning, Gradient, Reflectance, Sampling);
 macro_rules! options {
     (
         $(#[$about:meta])*
-        pub struct $name:ident($suit:ident) {
-            nested { $($(#[$inner_about:meta])* $inner:ident: $inner_type:ty),* $(,)? }
+        pub struct $name:ident: $settings:ident($suit:ident) {
+            nested { $($(#[$inner_about:meta])* $inner:ident: $inner_type:ident / $inner_settings:ident),* $(,)? }
             $($group:literal { $(
                 $(#[doc = $line:literal])+
                 $(#[serde($serde:meta)])*
@@ -393,6 +488,60 @@ macro_rules! options {
                 pub $field: $type,
             )*)*
             $($(#[$inner_about])* #[serde(flatten)] pub $inner: $inner_type,)*
+        }
+
+        #[doc = concat!("What a caller sets of [`", stringify!($name), "`]: `None` is the default.")]
+        #[derive(Debug, Clone, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+        #[serde(default)]
+        pub struct $settings {
+            $($(
+                $(#[doc = $line])+
+                #[serde(skip_serializing_if = "Option::is_none")]
+                $(#[serde(rename = $key)])?
+                pub $field: Option<<$type as $crate::solve::option::Field>::Given>,
+            )*)*
+            $($(#[$inner_about])* #[serde(flatten)] pub $inner: $inner_settings,)*
+        }
+
+        impl $crate::solve::option::Given for $settings {
+            type Options = $name;
+
+            fn of(options: &$name) -> $settings {
+                #[allow(unused_imports)]
+                use $crate::solve::option::Field;
+                $settings {
+                    $($($field: options.$field.given(),)*)*
+                    $($inner: $inner_settings::of(&options.$inner),)*
+                }
+            }
+
+            fn apply(&self, options: &mut $name) {
+                $($(
+                    if let Some(given) = &self.$field {
+                        options.$field = $crate::solve::option::Field::of(given.clone());
+                    }
+                )*)*
+                $(self.$inner.apply(&mut options.$inner);)*
+            }
+
+            fn put(&mut self, key: &str, value: &$crate::solve::option::OptionValue) -> Option<bool> {
+                #[allow(unused_imports)]
+                use $crate::solve::option::{Field, OptionValue};
+                #[allow(unused_variables)]
+                let mut options = $name::default();
+                $($(
+                    if key == $crate::solve::option::key_of!($field $(as $key)?) {
+                        options.$field.put(value);
+                        let taken = options.$field.value() == *value;
+                        if taken || *value == OptionValue::Unset {
+                            self.$field = if taken { options.$field.given() } else { None };
+                        }
+                        return Some(taken || *value == OptionValue::Unset);
+                    }
+                )*)*
+                $(if let Some(taken) = self.$inner.put(key, value) { return Some(taken); })*
+                None
+            }
         }
 
         impl $name {
@@ -471,7 +620,46 @@ macro_rules! key_of {
     };
 }
 
-pub(super) use {key_of, options, words};
+pub(super) use {given_as_is, key_of, options, words};
+
+/// The options that a caller sets, each or none.
+pub trait Given: Clone + Default + PartialEq {
+    /// The options with all values.
+    type Options: Clone + Default + Options;
+
+    /// Settings that set all of these options.
+    fn of(options: &Self::Options) -> Self;
+
+    /// Puts what is set into the options.
+    fn apply(&self, options: &mut Self::Options);
+
+    /// Sets an option by its key; [`OptionValue::Unset`] leaves it to the defaults. `None` if there is no option of that key,
+    /// `Some(false)` if it does not take the value, whose range is not checked.
+    fn put(&mut self, key: &str, value: &OptionValue) -> Option<bool>;
+
+    /// Sets an option by its key to a value as text, lengths and times with or without their units.
+    ///
+    /// # Errors
+    /// No option of that key, or a value that it does not take, with the values that it takes.
+    fn set_text(&mut self, key: &str, text: &str) -> Result<()> {
+        let rows = Self::Options::default().rows();
+        let row = rows.iter().find(|row| row.key == key && row.range != Range::Internal);
+        let row = row.ok_or_else(|| {
+            Error::options(format!("there is no option {key:?}"), "see `thirdbounce help` for the options")
+        })?;
+        let wrong =
+            |want: &str| Error::options(format!("{} is {}", row.key, text.trim()), format!("give {want}"));
+        let values = row.range.read(text).map_err(|want| wrong(&want))?;
+        let mut other = self.clone();
+        let taken = values.into_iter().find(|value| other.put(key, value) == Some(true));
+        let taken = taken.ok_or_else(|| wrong(&row.range.wanted()))?;
+        if let Some(want) = row.range.refusal(&taken) {
+            return Err(wrong(&want));
+        }
+        *self = other;
+        Ok(())
+    }
+}
 
 /// The default of an option as text: the usual one, then those that differ in other scenes.
 pub fn default_text(suited: impl Fn(&Suit) -> Option<OptionValue>) -> Option<String> {
@@ -506,7 +694,8 @@ mod tests {
                 let other = match (&before, row.range) {
                     (OptionValue::Flag(on), _) => OptionValue::Flag(!on),
                     (_, Range::Words(words)) => OptionValue::Word(words[words.len() - 1].into()),
-                    (_, Range::Internal) => OptionValue::Word("isotropic".into()),
+                    (OptionValue::Word(_), Range::Internal) => OptionValue::Word("isotropic".into()),
+                    (_, Range::Internal) => OptionValue::Count(4),
                     (_, Range::Sizes) => OptionValue::Word("lanes=32".into()),
                     (_, Range::Count(..) | Range::OneOf(_) | Range::Seed) => OptionValue::Count(4),
                     _ => OptionValue::Number(0.75),
@@ -538,10 +727,7 @@ mod tests {
             let before = o.get(key).unwrap();
             o.set(key, value);
             let error = o.check_ranges().unwrap_err();
-            assert!(
-                error.what.contains(&key.replace('_', "-")) && error.mend.to_string().contains(want),
-                "{error}"
-            );
+            assert!(error.what.contains(key) && error.hint.to_string().contains(want), "{error}");
             o.set(key, &before);
         }
         assert!(o.check_ranges().is_ok());

@@ -184,7 +184,7 @@ pub(super) fn gather(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPa
     }
 }
 
-/// Runs `pass` with an invocation for each active voxel of `level`, of so many `turns` at most.
+/// Runs `pass` with an invocation for each active voxel of `level`, of at most `turns` turns.
 pub(super) fn over_active<'s>(
     s: &'s mut Schedule,
     plan: &Plan,
@@ -195,7 +195,7 @@ pub(super) fn over_active<'s>(
     over(s, pass, ARGUMENTS_SAMPLE, [plan.voxels_at(level), turns]).bind(buffer::SCENE, level.scene)
 }
 
-/// Runs `pass` with an invocation for each touched voxel of `level`, of so many `turns` at most.
+/// Runs `pass` with an invocation for each touched voxel of `level`, of at most `turns` turns.
 pub(super) fn over_touched<'s>(
     s: &'s mut Schedule,
     plan: &Plan,
@@ -211,7 +211,7 @@ fn over<'s>(s: &'s mut Schedule, pass: &Pass, triple: u32, [most, turns]: [usize
         .at_most(groups(most, WORKGROUP))
 }
 
-/// Workgroups of a pulse or spot kernel that writes so many histograms.
+/// Workgroups of a pulse or spot kernel, by number of histograms.
 fn runs(histograms: usize, bins: usize) -> [u32; 3] {
     groups((histograms + 1) * runs_of_row(bins), WORKGROUP)
 }
@@ -230,7 +230,7 @@ pub(super) fn light(turns: usize) -> u64 {
     (turns as u64).div_ceil(LIGHT)
 }
 
-/// Turns of a kernel that spreads so many histograms by so many taps.
+/// Turns of a convolution kernel, by numbers of histograms and taps.
 fn turns_of_pulse(histograms: usize, bins: usize, taps: usize) -> u64 {
     let runs = (histograms + 1) * runs_of_row(bins);
     light(runs * (taps + PULSE_RUN as usize))

@@ -44,6 +44,8 @@ pub struct Reconstruction {
     pub maps: Maps,
     /// The volume, if it was asked for.
     pub volume: Option<VolumeMap>,
+    /// What looks wrong with the result, as sentences.
+    pub warnings: Vec<String>,
     /// One point for each iteration.
     pub trace: Vec<TracePoint>,
     /// The data loss of an empty volume: the mean over the bins of the squared measurement, as the solver takes it.
@@ -69,7 +71,7 @@ pub struct Reconstruction {
     /// Iterations of the volume that were done; later ones in the trace are the surface's.
     #[doc(hidden)]
     pub volume_iterations: usize,
-    /// The method told the mask of its maps: a share of the brightest albedo that it found.
+    /// The method's own mask of its maps, as a share of the brightest albedo.
     #[doc(hidden)]
     pub has_mask: bool,
     /// It began with the surface of the frame before ([`super::surface::Follow`]).
@@ -111,6 +113,7 @@ pub(super) fn finish(
     Ok(Reconstruction {
         maps: driven.maps,
         volume,
+        warnings: vec![],
         trace: driven.trace,
         empty_loss: empty_loss(&job.model),
         pairs: driven.pairs,

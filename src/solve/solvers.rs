@@ -2,15 +2,16 @@
 
 use std::ops::{Deref, DerefMut};
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::closed_form::{
-    BpOptions, DlctOptions, FbpOptions, FkOptions, LctOptions, PhasorBpOptions, PhasorOptions,
+    BpOptions, BpSettings, DlctOptions, DlctSettings, FbpOptions, FbpSettings, FkOptions, FkSettings,
+    LctOptions, LctSettings, PhasorBpOptions, PhasorBpSettings, PhasorOptions, PhasorSettings,
 };
-use super::option::{OptionValue, Row, Suit, default_text};
+use super::option::{Given, OptionValue, Row, Suit, default_text};
 use super::{
-    Common, PaperOptions, Plan, Prepared, Problem, Reconstruction, RunsOn, Sizes, Solver, SurfaceOptions,
-    TimedSchedule, Watch, default_volume, surface,
+    Common, PaperOptions, PaperSettings, Plan, Prepared, Problem, Reconstruction, RunsOn, Sizes, Solver,
+    SurfaceOptions, SurfaceSettings, TimedSchedule, Watch, default_volume, surface,
 };
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
@@ -20,11 +21,16 @@ use crate::{Error, Result};
 /// Declares the methods: one line for each.
 macro_rules! solvers {
     (
-        iterative { $($variant:ident($options:ident) in $module:ident;)* }
-        other { $($other:ident($other_options:ident);)* }
-        closed_form { $($closed:ident($closed_options:ident);)* }
+        iterative { $($variant:ident($options:ident, $settings:ident) in $module:ident;)* }
+        other { $($other:ident($other_options:ident, $other_settings:ident);)* }
+        closed_form { $($closed:ident($closed_options:ident, $closed_settings:ident);)* }
     ) => {
-        solvers! { all $($variant($options);)* $($other($other_options);)* $($closed($closed_options);)* }
+        solvers! {
+            all
+            $($variant($options, $settings);)*
+            $($other($other_options, $other_settings);)*
+            $($closed($closed_options, $closed_settings);)*
+        }
 
         impl SolverOptions {
             /// The solvers of a volume that iterate, by their names on the command line.
@@ -79,7 +85,73 @@ macro_rules! solvers {
         })*
     };
 
-    (all $($variant:ident($options:ident);)*) => {
+    (all $($variant:ident($options:ident, $settings:ident);)*) => {
+        /// A method with the options that a caller sets: the others follow from the capture.
+        #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+        #[serde(tag = "solver", rename_all = "kebab-case")]
+        #[allow(missing_docs)]
+        pub enum Method {
+            $($variant($settings),)*
+        }
+
+        $(impl From<$settings> for Method {
+            fn from(settings: $settings) -> Method {
+                Method::$variant(settings)
+            }
+        })*
+
+        impl Method {
+            /// The method of that name without settings; `None` if there is no such method.
+            pub fn named(name: &str) -> Option<Method> {
+                $(if name == $options::NAME {
+                    return Some(Method::$variant($settings::default()));
+                })*
+                None
+            }
+
+            /// The method with all options set.
+            pub fn of(options: &SolverOptions) -> Method {
+                match options {
+                    $(SolverOptions::$variant(o) => Method::$variant($settings::of(o)),)*
+                }
+            }
+
+            /// Its name.
+            pub fn name(&self) -> &'static str {
+                match self {
+                    $(Method::$variant(_) => $options::NAME,)*
+                }
+            }
+
+            /// The options of the method for a scene: those that are set, and the defaults.
+            pub fn options(&self, suit: &Suit) -> SolverOptions {
+                match self {
+                    $(Method::$variant(settings) => {
+                        let mut options = $options::suited_to(suit);
+                        settings.apply(&mut options);
+                        options.into()
+                    })*
+                }
+            }
+
+            /// Sets an option by its key: [`Given::put`].
+            pub fn put(&mut self, key: &str, value: &OptionValue) -> Option<bool> {
+                match self {
+                    $(Method::$variant(settings) => settings.put(key, value),)*
+                }
+            }
+
+            /// Sets an option by its key to a value as text: [`Given::set_text`].
+            ///
+            /// # Errors
+            /// The method has no option of that key, or it does not take the value.
+            pub fn set_text(&mut self, key: &str, text: &str) -> Result<()> {
+                match self {
+                    $(Method::$variant(settings) => settings.set_text(key, text),)*
+                }
+            }
+        }
+
         /// The options of one of the methods.
         #[derive(Debug, Clone, PartialEq, Serialize)]
         #[serde(untagged)]
@@ -139,24 +211,24 @@ macro_rules! solvers {
 
 solvers! {
     iterative {
-        Paper(PaperOptions) in paper;
+        Paper(PaperOptions, PaperSettings) in paper;
     }
     other {
-        Surface(SurfaceOptions);
+        Surface(SurfaceOptions, SurfaceSettings);
     }
     closed_form {
-        Lct(LctOptions);
-        Dlct(DlctOptions);
-        Fk(FkOptions);
-        Phasor(PhasorOptions);
-        PhasorBp(PhasorBpOptions);
-        Fbp(FbpOptions);
-        Bp(BpOptions);
+        Lct(LctOptions, LctSettings);
+        Dlct(DlctOptions, DlctSettings);
+        Fk(FkOptions, FkSettings);
+        Phasor(PhasorOptions, PhasorSettings);
+        PhasorBp(PhasorBpOptions, PhasorBpSettings);
+        Fbp(FbpOptions, FbpSettings);
+        Bp(BpOptions, BpSettings);
     }
 }
 
 impl SolverOptions {
-    /// The default solver (docs/surface.md).
+    /// The default solver (docs/methods.md).
     pub const DEFAULT: &str = SurfaceOptions::NAME;
 
     /// Sets an option to the first of `values` that it takes, and returns that one; `None` if it takes none of them.
@@ -172,7 +244,7 @@ impl SolverOptions {
         })
     }
 
-    /// Whether values that are not given are estimated (docs/surface.md): for solvers that render surfaces.
+    /// Whether values that are not given are estimated (docs/methods.md): for solvers that render surfaces.
     pub fn has_trials(&self) -> bool {
         matches!(self, SolverOptions::Surface(_))
     }
@@ -347,18 +419,25 @@ fn help_of(row: &Row) -> String {
 /// Solvers of earlier versions, each with one that takes the same captures.
 const REMOVED: &[(&str, &str)] = &[("conv", "fbp"), ("vector", "surface")];
 
-/// Checks that there is a solver of that name.
+impl Default for Method {
+    fn default() -> Method {
+        Method::Surface(SurfaceSettings::default())
+    }
+}
+
+/// The method of that name.
 ///
 /// # Errors
 /// The solver is not known, or was removed.
-pub fn check_solver(name: &str) -> Result<()> {
+pub fn method(name: &str) -> Result<Method> {
     if let Some((_, instead)) = REMOVED.iter().find(|(removed, _)| *removed == name) {
         return Err(Error::options(
             format!("the solver {name} was removed"),
             format!("use the solver {instead}, which takes the same pairs and walls"),
         ));
     }
-    choice("solver", name, SolverOptions::NAMES)
+    choice("solver", name, SolverOptions::NAMES)?;
+    Ok(Method::named(name).unwrap_or_default())
 }
 
 /// The light-transport model of that name.
@@ -375,7 +454,7 @@ fn choice(option: &str, name: &str, here: &[&str]) -> Result<()> {
         return Ok(());
     }
     Err(Error::options(
-        format!("--{option} {name} is not known"),
-        format!("use --{option} {}, or leave it out", here.join(" or ")),
+        format!("the {option} {name} is not known"),
+        format!("use {}, or leave it out", here.join(" or ")),
     ))
 }

@@ -6,7 +6,7 @@ use glam::DVec3;
 use super::{Binning, Grid, Model};
 
 /// Paths of more bins than this are computed in parts: in plain fp32 the shares of a contribution between two bins
-/// would have an error above about 1e-4 (docs/gpu.md).
+/// would have an error above about 1e-4 (docs/devices.md).
 const MOST_BINS: f64 = 700.0;
 
 /// Distances in paths of more bins than this are polished on GPUs. Vulkan allows an inverse root to be off by two units of

@@ -61,7 +61,7 @@ impl HighPass {
         answer
     }
 
-    /// Mean squares per bin of what changes slowly in `rows` of so many bins, and of what changes fast, each divided by what
+    /// Mean squares per bin of what changes slowly in `rows` of `bins` bins, and of the rest, each divided by what
     /// white noise of unit variance has there.
     pub fn bands(&self, rows: &[f64], bins: usize, bin_width: f64) -> [f64; 2] {
         let of_row = |row: &[f64]| {
@@ -77,7 +77,7 @@ impl HighPass {
         [sums[0] / of_noise(&|slow| slow) / count, sums[1] / of_noise(&|slow| 1.0 - slow) / count]
     }
 
-    /// The smoother's gain at frequency number `k` of so many bins.
+    /// The smoother's gain at frequency number `k` of `bins` bins.
     fn slow_gain(&self, k: usize, bins: usize, bin_width: f64) -> f64 {
         let half = (bin_width / self.length).powi(2);
         // Eigenvalues of L: 2 - 2 cos.

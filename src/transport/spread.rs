@@ -168,7 +168,7 @@ impl Model {
         pairs
     }
 
-    /// How many of the first pairs are enough where so many are `wanted`: the fewest of 1 in 1, 4, 16, ... that are as many,
+    /// Sufficient number of first pairs where `wanted` are required: the fewest of 1 in 1, 4, 16, ... that are as many,
     /// or nearly. Of a product they are whole rows, of at least 16 other points.
     pub fn enough(&self, wanted: usize) -> usize {
         // A few pairs of a scan may be missing: they were not measured.

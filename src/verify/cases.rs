@@ -99,7 +99,7 @@ fn surface() -> Vec<Case> {
         let solver = Solver::Surface { points, spread, long_steps };
         all.push(Case { solver, ..of("surface, steps", &base) });
     }
-    // Paths with so many bins that places are computed in parts.
+    // Paths with enough bins for places in parts.
     all.extend([Geometry::Confocal, Geometry::TwoPoints, Geometry::Product].map(|geometry| {
         let long = variant(&model(5, 4096, 9), geometry, Reflectance::Cosine, false, 23);
         Case { allowed: 1e-4, ..of("surface, long paths", &long) }

@@ -83,7 +83,7 @@ pub fn compare(
                 let all: Vec<usize> = (part..want.len()).step_by(parts).filter(at).collect();
                 let largest = all.iter().map(|i| want[*i].abs()).fold(1e-300, f64::max);
                 let differs = |i: &usize| match (got[*i] - want[*i]).abs() {
-                    // Memory that nobody wrote.
+                    // Uninitialised memory.
                     _ if got[*i].is_nan() && want[*i].is_nan() => 0.0,
                     off if is_padding(*i) && off != 0.0 => f64::INFINITY,
                     off if off.is_finite() => off / largest,

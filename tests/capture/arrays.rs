@@ -4,7 +4,8 @@ use fixtures::captures::{assert_error, capture, ramp};
 use glam::DVec3;
 use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, Gate, auto_gate, write};
-use thirdbounce::job::{Input, load};
+use thirdbounce::job::load;
+use thirdbounce::settings::Settings;
 
 #[test]
 fn a_good_capture_passes() {
@@ -173,7 +174,7 @@ fn what_a_gated_instrument_did_not_record_is_not_taken_as_dark() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("gated.npz");
     write(&c, &path).unwrap();
-    let loaded = load(&Input { path: path.clone(), ..Input::default() }).unwrap();
+    let loaded = load(&path, &Settings::default()).unwrap();
     let notes = loaded.notes.join("\n");
     assert!(
         notes.contains("8 pairs were not recorded") && notes.contains("the instrument recorded"),
@@ -184,7 +185,7 @@ fn what_a_gated_instrument_did_not_record_is_not_taken_as_dark() {
     assert!(gate.from >= edge - 1e-9 && gate.to <= end + 1e-9, "{gate}");
     assert!(loaded.capture.histograms.iter().all(|v| *v > 0.0), "no zeros of a closed detector are left");
     // Whoever asks for all bins gets the file's own counts.
-    let all = load(&Input { path, no_auto_gate: true, ..Input::default() }).unwrap();
+    let all = load(&path, &Settings::default().with(|s| s.auto_gate = Some(false))).unwrap();
     assert_eq!((all.capture.histograms, all.gate), (c.histograms, None));
 }
 

@@ -1,4 +1,4 @@
-//! Captures made smaller, written and read again: every count is kept, and doubts are reported.
+//! Captures made smaller, written and read again: every count is kept, and warnings are reported.
 
 use fixtures::captures::{assert_error, capture, place, ramp, total};
 use glam::{DVec3, dvec3};
@@ -81,23 +81,23 @@ fn the_stanford_form_comes_back() {
 }
 
 #[test]
-fn doubts_are_said_and_sound_captures_have_none() {
+fn warnings_are_said_and_sound_captures_have_none() {
     let c = one_point(12, dvec3(0.2, 0.1, 0.4));
-    assert_eq!(c.doubts(), Vec::<String>::new());
+    assert_eq!(c.warnings(), Vec::<String>::new());
     // Half the wall's width is given as the whole.
     let mut narrow = c.clone();
     narrow.set_wall(0.5).unwrap();
-    let doubts = narrow.doubts().join("\n");
-    assert!(doubts.contains("half its width") && doubts.contains("wall is larger"), "{doubts}");
+    let warnings = narrow.warnings().join("\n");
+    assert!(warnings.contains("half its width") && warnings.contains("wall is larger"), "{warnings}");
     // Time zero is far too late: light arrives before it left.
     let mut early = c.clone();
     early.laser.fill(dvec3(0.0, 0.0, 0.0));
     early.t_start = -0.8;
-    let doubts = early.doubts().join("\n");
-    assert!(doubts.contains("before light can") && doubts.contains("t_start"), "{doubts}");
+    let warnings = early.warnings().join("\n");
+    assert!(warnings.contains("before light can") && warnings.contains("t_start"), "{warnings}");
     let mut empty = c;
     empty.histograms[240 * 20..].fill(0.0);
-    assert!(empty.doubts().join("").contains("124 of 144"), "{:?}", empty.doubts());
+    assert!(empty.warnings().join("").contains("124 of 144"), "{:?}", empty.warnings());
 }
 
 #[test]

@@ -27,7 +27,7 @@ fn open(opened: &Path, given: &ReadOptions, what: &str) -> bool {
             true
         }
         Err(e) => {
-            assert!(!e.what.is_empty() && !e.mend.to_string().is_empty(), "{what}");
+            assert!(!e.what.is_empty() && !e.hint.to_string().is_empty(), "{what}");
             let place = opened.display().to_string();
             assert!(e.what.starts_with(&place), "{what}: {} does not open with the path", e.what);
             assert!(matches!(e.kind, Kind::Input | Kind::Options | Kind::Memory), "{what}: {e}");

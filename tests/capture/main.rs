@@ -4,6 +4,7 @@ mod arrays;
 mod convert;
 mod formats;
 mod hostile;
+mod inputs;
 mod kept;
 mod publications;
 mod sampling;

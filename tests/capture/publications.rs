@@ -71,9 +71,9 @@ fn the_kilometre_data_say_bins_pulse_and_spot() {
     // Their beam, exp(-r² / (radius / 2)²), is half as high at √ln 2 of radius / 2: 0.117 m wide for a radius of 0.14 m.
     let spot = c.laser_spot.unwrap();
     assert!(c.sensor_spot == Some(spot) && (spot / 2f64.sqrt() - 0.1166).abs() < 1e-3, "{spot}");
-    let told = notes.join("\n");
+    let reported = notes.join("\n");
     for words in ["width is half", "picoseconds", "notes say seconds", "radius 0.14"] {
-        assert!(told.contains(words), "{words}: {told}");
+        assert!(reported.contains(words), "{words}: {reported}");
     }
     // Seconds, as the notes of the publication say.
     let mut seconds = arrays.to_vec();
@@ -238,14 +238,14 @@ fn socr_units_are_found_beside_the_capture() {
         "%% c = 7;\nc = 3E8; delta_t = 16E-12;\nbx = 0.01; by = 0.2; bz = 1/5; % steps\nxb = xb - nbx * bx;";
     let above = path.parent().unwrap().join("experimental_setup.m");
     std::fs::write(&above, script).unwrap();
-    let told = read_with_notes(&path).unwrap();
+    let reported = read_with_notes(&path).unwrap();
     let off = |c: &Capture| {
         let apart = c.laser.iter().zip(&by_hand.laser).map(|(a, b)| a.distance(*b));
         apart.fold(0.0, f64::max)
     };
-    assert!(off(&told.capture) < 1e-9, "{}", off(&told.capture));
-    assert!((told.capture.bin_width - 16.0 * METRES_PER_PICOSECOND).abs() < 1e-12);
-    assert!(told.notes.join("\n").contains("experimental_setup.m"), "{:?}", told.notes);
+    assert!(off(&reported.capture) < 1e-9, "{}", off(&reported.capture));
+    assert!((reported.capture.bin_width - 16.0 * METRES_PER_PICOSECOND).abs() < 1e-12);
+    assert!(reported.notes.join("\n").contains("experimental_setup.m"), "{:?}", reported.notes);
     // Any of the files names the capture, and what the user gives comes first.
     let given = wall().with_wall(1.2).with_depth_unit(0.02).with_bin_width(0.01);
     let larger = read_given(&path.join("C_i.mat"), &given).unwrap().capture;
@@ -260,9 +260,9 @@ fn socr_units_are_found_beside_the_capture() {
     };
     let beside = path.join("setup.mat");
     std::fs::write(&beside, matlab5(&[setup(1.0)], Stored::Plain)).unwrap();
-    let told = read_with_notes(&path).unwrap();
-    assert!(told.notes.join("\n").contains("setup.mat"));
-    assert!(off(&told.capture) < 1e-9, "{}", off(&told.capture));
+    let reported = read_with_notes(&path).unwrap();
+    assert!(reported.notes.join("\n").contains("setup.mat"));
+    assert!(off(&reported.capture) < 1e-9, "{}", off(&reported.capture));
     let mut other = setup(1.0);
     other.values[1] += 0.05;
     std::fs::write(&beside, matlab5(&[other], Stored::Plain)).unwrap();
@@ -340,8 +340,8 @@ fn general_nlos_counts_of_the_instrument() {
             "({i}, {j})"
         );
     }
-    let told = notes.join("\n");
-    assert!(told.contains("odd rows run backwards") && told.contains("2 of 8 rows"), "{told}");
+    let reported = notes.join("\n");
+    assert!(reported.contains("odd rows run backwards") && reported.contains("2 of 8 rows"), "{reported}");
     // Counts that were put in order are those of `data`, and either finds its points.
     let worked =
         |name: &str| matrix(name, &[2, 3, BINS], |at| (1 + at[0] + 10 * at[1] + at[2]) as f64).of_counts();
@@ -376,10 +376,10 @@ fn zones_of_a_low_cost_sensor() {
     assert!((c.bin_width - 250.0 * METRES_PER_PICOSECOND).abs() < 1e-12);
     assert!((c.sensor_spot.unwrap() - 0.136).abs() < 1e-3, "{:?}", c.sensor_spot);
     assert_eq!(c.histograms[c.bins], hists[BINS] as f32);
-    let told = notes.join("\n");
+    let reported = notes.join("\n");
     assert!(
-        told.contains("250 ps") && told.contains("confocal") && told.contains("spots of 0.136"),
-        "{told}"
+        reported.contains("250 ps") && reported.contains("confocal") && reported.contains("spots of 0.136"),
+        "{reported}"
     );
     std::fs::write(&path, npz_bytes(&arrays(15)).unwrap()).unwrap();
     assert_error(read(&path), Kind::Input, &["[15, 20]", "[16, 3]"]);

@@ -126,12 +126,12 @@ fn pairs_that_were_not_measured_are_left_out_and_told() {
     c.sensor[9].y = f64::NAN;
     c.histograms[4 * 20..4 * 21].fill(f32::NAN);
     c.histograms[4 * 30..4 * 31].fill(0.0);
-    let (left, dropped, notes) = c.clone().without_missing().unwrap();
+    let (left, dropped, notes) = c.clone().without_missing(false).unwrap();
     assert_eq!((dropped, left.pair_count(), left.scan), (4, 60, [60, 1]));
     left.check().unwrap();
     assert!(notes[0].contains("2 of 64") && notes[0].contains("point"), "{notes:?}");
     assert!(notes[1].contains("1 of 64") && notes[1].contains("histogram"), "{notes:?}");
-    assert!(notes[2].contains("1 of 64") && notes[2].contains("single count"), "{notes:?}");
+    assert!(notes[2].contains("1 of 64") && notes[2].contains("no count at all"), "{notes:?}");
     // The points have not moved.
     assert_eq!((left.resolution(), left.spacing()), ([8, 8], whole.spacing()));
     assert_eq!(left.wall_extent(), whole.wall_extent());
@@ -139,21 +139,21 @@ fn pairs_that_were_not_measured_are_left_out_and_told() {
     // With few counts, or values that are not counts, a pair without signal may be real.
     let mut few = capture([8, 8], 4, |_, _| 5.0);
     few.histograms[..4].fill(0.0);
-    assert_eq!(few.clone().without_missing().unwrap(), (few, 0, vec![]));
+    assert_eq!(few.clone().without_missing(false).unwrap(), (few, 0, vec![]));
     let mut real = whole.clone();
     real.integer_counts = false;
     real.histograms[..4].fill(0.0);
-    assert_eq!(real.clone().without_missing().unwrap().1, 0);
+    assert_eq!(real.clone().without_missing(false).unwrap().1, 0);
     // A histogram with some NaN is an error, and so are infinite points.
     let mut part = whole.clone();
     part.histograms[5] = f32::NAN;
-    assert_error(part.without_missing().unwrap().0.check(), Kind::Input, &["pair 1", "bin 1", "NaN"]);
+    assert_error(part.without_missing(false).unwrap().0.check(), Kind::Input, &["pair 1", "bin 1", "NaN"]);
     let mut far = whole.clone();
     far.laser[2].x = f64::INFINITY;
-    assert_error(far.without_missing().unwrap().0.check(), Kind::Input, &["pair 2", "inf"]);
+    assert_error(far.without_missing(false).unwrap().0.check(), Kind::Input, &["pair 2", "inf"]);
     let mut none = whole;
     none.histograms.fill(f32::NAN);
-    assert_error(none.without_missing(), Kind::Input, &["64"]);
+    assert_error(none.without_missing(false), Kind::Input, &["64"]);
 }
 
 #[test]
@@ -203,7 +203,7 @@ fn a_list_of_pairs_needs_no_second_axis() {
 fn hot_pairs_are_left_out_and_told() {
     let mut c = capture([8, 8], 4, |p, b| (100 + p + b) as f32);
     c.histograms[4 * 20..4 * 21].fill(2000.0);
-    let (left, dropped, notes) = c.clone().without_missing().unwrap();
+    let (left, dropped, notes) = c.clone().without_missing(false).unwrap();
     assert_eq!((dropped, left.pair_count(), notes.len()), (1, 63, 1));
     assert!(notes[0].contains("1 of 64") && notes[0].contains("8 times the counts"), "{notes:?}");
     assert_eq!(left.sensor[20], c.sensor[21]);
@@ -212,8 +212,8 @@ fn hot_pairs_are_left_out_and_told() {
     assert_eq!(read_with_notes(&path).unwrap().dropped, 1);
     // Beside a dead pair, and where the scan is a list.
     c.histograms[..4].fill(0.0);
-    assert_eq!(c.clone().without_missing().unwrap().1, 2);
-    assert_eq!(changed(&c, |c| c.scan = [64, 1]).without_missing().unwrap().1, 2);
+    assert_eq!(c.clone().without_missing(false).unwrap().1, 2);
+    assert_eq!(changed(&c, |c| c.scan = [64, 1]).without_missing(false).unwrap().1, 2);
 }
 
 #[test]

@@ -156,7 +156,7 @@ fn the_volume_ends_where_the_longest_path_can_come_from() {
     close(volume.min.z, 0.18);
     close(volume.max.z, 0.53);
     // Nothing is left between.
-    assert_error(default_volume(&base(), 0.5), Kind::Options, &["0.900 m", "`min_depth`"]);
+    assert_error(default_volume(&base(), 0.5), Kind::Options, &["0.900 m", "bin width", "`volume`"]);
 }
 
 #[test]

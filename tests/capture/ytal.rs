@@ -24,9 +24,17 @@ fn ytal(
         0.. => file.new_dataset::<i32>().shape([1]).create("H_format").unwrap().write_raw(&[format]).unwrap(),
         _ => drop(file.new_dataset::<f64>().null().create("H_format").unwrap()),
     }
-    for (name, points) in [("laser_grid_xyz", laser), ("sensor_grid_xyz", sensor)] {
+    // Grids stand in the axes of H, lists are lists.
+    let places = |n: usize, side: usize| match *h_shape {
+        [_, x, y] if format != 4 && x * y == n => vec![x, y, 3],
+        [_, lx, ly, sx, sy] => [[lx, ly, 3], [sx, sy, 3]][side].to_vec(),
+        _ => vec![n, 3],
+    };
+    for (side, (name, points)) in
+        [("laser_grid_xyz", laser), ("sensor_grid_xyz", sensor)].into_iter().enumerate()
+    {
         file.new_dataset::<f64>()
-            .shape([points.len() / 3, 3])
+            .shape(places(points.len() / 3, side))
             .create(name)
             .unwrap()
             .write_raw(points)
@@ -70,7 +78,7 @@ fn ytal_layouts() {
     let c = read(&path).unwrap();
     assert_eq!((c.scan, c.laser[2], c.histograms[5]), ([3, 1], DVec3::new(0., 1., 2.), 5.0));
     ytal(&path, 3, &[2, 3], &count(6), &points(2), &points(3), None);
-    assert_error(read(&path), Kind::Input, &["laser_grid_xyz", "2 points"]);
+    assert_error(read(&path), Kind::Input, &["laser_grid_xyz", "[2, 3]"]);
     for (format, shape) in [(10, &[2, 3, 1][..]), (11, &[2, 1, 1, 3, 1]), (12, &[2, 3]), (13, &[2, 1, 3])] {
         ytal(&path, format, shape, &count(6), &points(1), &points(3), None);
         let words = ["frequencies", "time domain"];
@@ -95,9 +103,9 @@ fn ytal_without_a_format_is_told_by_its_axes() {
             ytal(&path, format, shape, &values, &points(lasers), &points(sensors), Some([0.1, 0.2, -0.3]));
             read(&path).unwrap()
         };
-        let told = read_as(format);
-        assert_eq!(read_as(-1), told, "{shape:?} with an empty H_format");
-        assert_eq!(read_as(0), told, "{shape:?} with H_format 0");
+        let reported = read_as(format);
+        assert_eq!(read_as(-1), reported, "{shape:?} with an empty H_format");
+        assert_eq!(read_as(0), reported, "{shape:?} with H_format 0");
     }
 }
 

@@ -103,7 +103,7 @@ fn a_bad_file_amid_good_ones_fails_alone() {
     assert!(said.errors.contains("4 captures: 2 done, 0 skipped, 2 failed"), "{}", said.errors);
     for (path, what) in [("b/bad.npz", "format"), ("b/missing.npz", "cannot be read")] {
         let line = &said.lines[path];
-        assert!(line["error"].as_str().unwrap().contains(what) && !line["remedy"].is_null(), "{line}");
+        assert!(line["error"].as_str().unwrap().contains(what) && !line["hint"].is_null(), "{line}");
         assert!(line["folder"].is_null() && line["status"] == "failed", "{line}");
     }
     let line = &said.lines["a/one.npz"];
@@ -165,14 +165,14 @@ fn shards_hold_every_capture_once() {
     let list = folder.path().join("list.txt");
     std::fs::write(&list, "# a comment\na/*.npz\n\nb/one.npz\n").unwrap();
     let out = folder.path().join("out");
-    let mut told = vec![];
+    let mut reported = vec![];
     for shard in ["1/3", "2/3", "3/3"] {
         let said = batch(&[list.to_str().unwrap()], &out, &["--shard", shard]);
         assert_eq!(said.code, Some(0), "{}", said.errors);
-        told.extend(said.lines.into_keys());
+        reported.extend(said.lines.into_keys());
     }
-    told.sort();
-    assert_eq!(told, ["a/one.npz", "a/two.npz", "b/one.npz"]);
+    reported.sort();
+    assert_eq!(reported, ["a/one.npz", "a/two.npz", "b/one.npz"]);
     assert_eq!(results(&out).len(), 3);
     // The list on stdin, in another order, finds all of it done.
     let mut child = command(&["-"], &out, &[]).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
@@ -260,7 +260,7 @@ fn a_full_disk_ends_the_batch() {
     let volume = folder.path().join("v.npz");
     std::os::unix::fs::symlink("/dev/full", &volume).unwrap();
     let out = folder.path().join("out");
-    let said = batch(&["a/*.npz", "b/one.npz"], &out, &["--volume", volume.to_str().unwrap()]);
+    let said = batch(&["a/*.npz", "b/one.npz"], &out, &["--volume-file", volume.to_str().unwrap()]);
     assert_eq!((said.code, said.summary["stopped"].as_bool()), (Some(1), Some(true)), "{}", said.errors);
     assert_eq!(said.counts(), [3, 0, 0, 1]);
     assert!(said.errors.contains("the disk is full") && said.errors.contains("2 left"), "{}", said.errors);
@@ -276,7 +276,7 @@ fn truth_and_volume_go_by_the_name_of_the_capture() {
     succeed(&[&simulate[..], &[capture.to_str().unwrap(), "--truth", truth.to_str().unwrap()]].concat());
     let [truths, volumes] = ["{}_truth.npz", "v/{}.npz"].map(|n| folder.path().join(n).display().to_string());
     let out = folder.path().join("out");
-    let said = batch(&[capture.to_str().unwrap()], &out, &["--truth", &truths, "--volume", &volumes]);
+    let said = batch(&[capture.to_str().unwrap()], &out, &["--truth", &truths, "--volume-file", &volumes]);
     assert_eq!(said.code, Some(0), "{}", said.errors);
     let line = said.lines.values().next().unwrap();
     assert!(line["figures"]["iou"].as_f64().unwrap() > 0.1, "{line}");

@@ -54,7 +54,10 @@ fn known_shifts_are_found_to_a_fraction_of_a_bin() {
             let off = found.shift / c.bin_width + bins;
             assert!(off.abs() < 1.0, "{noise:?}: {bins} bins are found with {off} off");
             let error = found.error / c.bin_width;
-            assert!(error > 0.0 && error < 0.5 && off.abs() < 5.0 * error + 0.5, "{off} off, told {error}");
+            assert!(
+                error > 0.0 && error < 0.5 && off.abs() < 5.0 * error + 0.5,
+                "{off} off, reported {error}"
+            );
             assert!(found.target.distance(dvec3(0.1, 0.05, 0.5)) < 0.01, "{}", found.target);
             // The curve has its minimum there.
             let least = found.curve.iter().min_by(|a, b| a[1].total_cmp(&b[1])).unwrap();

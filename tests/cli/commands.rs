@@ -88,7 +88,7 @@ fn from_a_simulated_capture_to_measured_maps() {
         &capture,
         &result,
         &[
-            &["--truth", &truth, "--volume", &volume_text, "--timings", "--seed", "3"],
+            &["--truth", &truth, "--volume-file", &volume_text, "--timings", "--seed", "3"],
             &["--volume", "-0.5:0.5,-0.5:0.5,0.3:1.1"][..],
         ]
         .concat(),
@@ -96,7 +96,7 @@ fn from_a_simulated_capture_to_measured_maps() {
     let (text, progress) = (stdout(&done), stderr(&done));
     assert_eq!(done.status.code(), Some(0), "{progress}");
     assert!(text.contains("IoU") && text.contains("backward"), "{text}");
-    assert!(progress.contains("--preset synthetic") && progress.contains("iteration 30/30"), "{progress}");
+    assert!(progress.contains("preset synthetic") && progress.contains("iteration 30/30"), "{progress}");
 
     let names = [
         "maps.npz",
@@ -104,7 +104,7 @@ fn from_a_simulated_capture_to_measured_maps() {
         "albedo.png",
         "depth.png",
         "normal.png",
-        "confidence.png",
+        "depth_error.png",
         "points.ply",
         "mesh.ply",
         "report.html",
@@ -117,8 +117,10 @@ fn from_a_simulated_capture_to_measured_maps() {
     assert!(volume.is_file());
 
     let maps = npz::read_maps(&result.join("maps.npz")).unwrap();
-    let told = maps.confidence.expect("a confidence");
-    assert!(told.iter().zip(&maps.depth).all(|(c, z)| c.is_nan() == z.is_nan() && (c.is_nan() || *c > 0.0)));
+    let reported = maps.depth_error.expect("a depth_error");
+    assert!(
+        reported.iter().zip(&maps.depth).all(|(c, z)| c.is_nan() == z.is_nan() && (c.is_nan() || *c > 0.0))
+    );
 
     let report = json(&result.join("report.json"));
     for key in ["version", "device", "settings", "capture", "plan", "trace", "totals", "metrics"] {
@@ -141,7 +143,7 @@ fn from_a_simulated_capture_to_measured_maps() {
 
     let again = succeed(&["evaluate", &result.display().to_string(), "--truth", &truth, "--json"]);
     let again: Value = serde_json::from_str(&again).unwrap();
-    for key in ["iou", "within_confidence", "calibration"] {
+    for key in ["iou", "within_depth_error", "calibration"] {
         assert!(!again[key].is_null() && again[key] == report["metrics"][key], "{key}");
     }
     let text = succeed(&["evaluate", &result.display().to_string(), "--truth", &truth]);
@@ -183,12 +185,12 @@ fn info_and_devices_tell_people_and_programs() {
     for words in ["adding", "left out", "buffers", "moment_first"] {
         assert!(rest.contains(words) && !short.contains(words), "{words:?} is not only in\n{rest}");
     }
-    let told: Value =
+    let reported: Value =
         serde_json::from_str(&succeed(&["info", &capture, "--lateral", "32", "--json"])).unwrap();
-    assert_eq!(told["grid"][0], 32);
-    assert_eq!(told["plan"]["levels"], serde_json::json!([32]));
-    assert!(told["plan"]["total_bytes"].as_u64().is_some_and(|b| b > 1000));
-    assert_eq!(told["capture"]["pairs"], 256);
+    assert_eq!(reported["grid"][0], 32);
+    assert_eq!(reported["plan"]["levels"], serde_json::json!([32]));
+    assert!(reported["plan"]["total_bytes"].as_u64().is_some_and(|b| b > 1000));
+    assert_eq!(reported["capture"]["pairs"], 256);
     let devices: Value = serde_json::from_str(&succeed(&["devices", "--json"])).unwrap();
     assert!(!devices.as_array().unwrap().is_empty());
     assert!(succeed(&["devices"]).starts_with("0: "));
@@ -209,16 +211,16 @@ fn photon_counts_bring_the_captured_set_and_its_gate() {
     let folder = tempfile::tempdir().unwrap();
     let counts = folder.path().join("counts.npz").display().to_string();
     succeed(&["simulate", "plane", "--out", &counts, "--scan", "8", "--photons", "50", "--dark", "0.1"]);
-    let told = |more: &[&str]| -> Value {
+    let reported = |more: &[&str]| -> Value {
         let all = [&["info", &counts, "--solver", "paper", "--lateral", "16", "--json"], more].concat();
         serde_json::from_str(&succeed(&all)).unwrap()
     };
-    let all_bins = told(&["--no-auto-gate"]);
+    let all_bins = reported(&["--no-auto-gate"]);
     assert_eq!((&all_bins["preset"], &all_bins["options"]["noise"]), (&"captured".into(), &"bin".into()));
-    let gated = told(&[]);
+    let gated = reported(&[]);
     assert!(gated["notes"][0].as_str().is_some_and(|n| n.contains("half of the bins")), "{}", gated["notes"]);
     assert_eq!(gated["capture"]["bins"].as_u64(), all_bins["capture"]["bins"].as_u64().map(|b| b / 2));
-    let synthetic = told(&["--preset", "synthetic"]);
+    let synthetic = reported(&["--preset", "synthetic"]);
     assert_eq!(synthetic["capture"]["bins"], all_bins["capture"]["bins"]);
     assert_eq!(synthetic["options"]["noise"], "off");
 }
@@ -232,8 +234,12 @@ fn convert_keeps_the_capture() {
     succeed(&["convert", &capture, &there]);
     succeed(&["convert", &there, &back]);
     let peak = |path: &str| {
-        let told: Value = serde_json::from_str(&succeed(&["info", path, "--json"])).unwrap();
-        (told["capture"]["peak"].clone(), told["capture"]["total"].clone(), told["capture"]["scan"].clone())
+        let reported: Value = serde_json::from_str(&succeed(&["info", path, "--json"])).unwrap();
+        (
+            reported["capture"]["peak"].clone(),
+            reported["capture"]["total"].clone(),
+            reported["capture"]["scan"].clone(),
+        )
     };
     assert_eq!(peak(&back), peak(&capture));
     fail(&["convert", &capture, &out.path().join("z.txt").display().to_string()], 1, "z.txt");
@@ -252,14 +258,14 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--gate", "nonsense"], 1, "no colon"),
         (&[&capture, "--gate", "2:1"], 1, "ends before it begins"),
         (&[&capture, "--gate", "50:60"], 1, "outside the recorded paths"),
-        (&[&capture, "--stride", "0"], 1, "stride of 0"),
-        (&[&capture, "--stride", "-1"], 2, "--stride"),
-        (&[&capture, "--subset", "0"], 1, "subset of 0"),
+        (&[&capture, "--stride", "0"], 1, "--stride is 0"),
+        (&[&capture, "--stride", "-1"], 1, "--stride is -1"),
+        (&[&capture, "--subset", "0"], 1, "--subset is 0"),
         (&[&capture, "--subset", "257"], 1, "from 1 to 256"),
         (&[&capture, "--wall", "NaN"], 1, "wall of NaN"),
         (&[&capture, "--device", "no such device"], 1, "no device is called"),
         (&[&capture, "--device", "0,0"], 1, "a batch one device for each capture"),
-        (&[&capture, "--solver", "lct", "--sparsity", "1"], 1, "no option of the lct solver"),
+        (&[&capture, "--solver", "lct", "--sparsity", "1"], 1, "no option of the solver lct"),
         (&[&capture, "--checkpoint", "state"], 2, "--snapshots"),
         (&[&capture, "--resume=state"], 2, "the option --resume"),
         (&[&capture, "--solver", "surface", "--iterations", "0"], 1, "--iterations is 0"),
@@ -271,7 +277,7 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--solver", "magic"], 1, "not known"),
         (&[&capture, "--solver", "conv"], 1, "use the solver fbp"),
         (&[&capture, "--prior", "sparse"], 2, "--solver fbp"),
-        (&[&capture, "--model", "mirror"], 1, "--model mirror is not known"),
+        (&[&capture, "--model", "mirror"], 1, "--model is mirror"),
         (&[&capture, "--preset", "best"], 2, "--preset"),
         (&[&capture, "--learning-rate", "NaN"], 1, "--learning-rate is NaN"),
         (&[&capture, "--learning-rate", "-1"], 1, "--learning-rate is -1"),
@@ -287,14 +293,14 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--volume", "-1:1,-1:1,-3:-1"], 1, "the volume ends at a depth of -1 m"),
         (&[&capture, "--volume", "-1:1,-1:1"], 1, "three ranges"),
         (&[&capture, "--volume", "-1:1,-1:1,0.3:x"], 1, "three ranges"),
-        (&[&capture, "--volume", "a.npz", "--volume", "b.npz"], 1, "second of its kind"),
+        (&[&capture, "--volume", "a.npz"], 1, "--volume-file"),
         (&[&capture, "--depth-pitch", "100"], 1, "no voxel of 100 m"),
         (&[&capture, "--mask-fraction", "2"], 1, "the mask fraction is 2"),
         (&[&capture, "--memory", "1M"], 1, "the memory budget is 1 MiB"),
-        (&[&capture, "--memory", "much"], 1, "the memory budget is \"much\""),
+        (&[&capture, "--memory", "much"], 1, "--memory is much"),
         (&[&capture, "--truth", "/nonexistent/truth.npz"], 1, "/nonexistent/truth.npz"),
         (&[&capture, "--truth", &capture], 1, "gt_depth"),
-        (&[&capture, "--volume", "volume.txt"], 1, "volume.txt"),
+        (&[&capture, "--volume-file", "volume.txt"], 1, "volume.txt"),
         (&[&truth], 1, "truth.npz"),
         (&[&capture, "--deterministic", "--accumulation", "float"], 2, "--deterministic"),
     ];
@@ -316,7 +322,7 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         ("--bin-width", "0", "bin width is 0"),
         ("--albedo", "-1", "albedo -1"),
         ("--noise", "NaN", "NaN"),
-        ("--pile-up", "0", "photons of a laser pulse"),
+        ("--pile-up", "0", "photons per laser pulse"),
         ("--pulse", "0.02:-1", "the tail of the pulse"),
         ("--point", "0,0", "--pairs one-laser"),
         ("--grid", "4", "--pairs exhaustive"),
@@ -358,7 +364,7 @@ fn paths_without_a_folder_mean_this_folder() {
     };
     here(&["simulate", "plane", "--out", "p.hdf5", "--scan", "8", "--bin-width", "0.04", "--noise", "0.1"]);
     let short = ["--model", "cosine", "--lateral", "8", "--iterations", "2", "--quiet"];
-    here(&[&["reconstruct", "p.hdf5", "--out", "result", "--volume", "v.npz"], &short[..]].concat());
+    here(&[&["reconstruct", "p.hdf5", "--out", "result", "--volume-file", "v.npz"], &short[..]].concat());
     here(&[&["reconstruct", "p.hdf5", "--out", "."], &short[..]].concat());
     for name in ["result/report.json", "v.npz", "report.json", "maps.npz"] {
         assert!(folder.path().join(name).is_file(), "{name}");
@@ -412,9 +418,17 @@ fn help_and_version_are_there() {
     let help = succeed(&["--help"]);
     assert!(help.contains("Examples:") && help.contains("reconstruct"), "{help}");
     let help = succeed(&["reconstruct", "--help"]);
-    for option in ["--learning-rate", "--noise-span", "--smooth-truncate", "--no-reduce", "--deterministic"] {
+    assert!(help.contains("--deterministic") && !help.contains("--learning-rate"), "{help}");
+    assert!(help.lines().count() < 100, "{} lines", help.lines().count());
+    let help = succeed(&["help", "paper"]);
+    for option in ["--learning-rate", "--noise-span", "--smooth-truncate", "--no-reduce"] {
         assert!(help.contains(option), "{option}");
     }
+    assert!(succeed(&["help", "capture"]).contains("--no-auto-gate"));
+    assert!(succeed(&["help", "info"]).contains("--png"));
+    fail(&["help", "nothing"], 1, "phasor-bp");
+    assert!(succeed(&["help", "--completions", "bash"]).contains("--deterministic"));
+    assert!(succeed(&["help", "--man"]).starts_with(".ie"));
     assert!(succeed(&["simulate", "--help"]).contains("letter-X"));
 }
 
@@ -441,5 +455,5 @@ fn the_default_solver_repeats_and_knows_both_models() {
     assert_eq!(report["settings"]["reflectance"], "lambertian");
     let out = folder.path().join("none").display().to_string();
     let refused = ["reconstruct", &capture, "--out", &out, "--solver", "paper", "--sparsity", "1"];
-    fail(&refused, 1, "no option of the paper solver");
+    fail(&refused, 1, "no option of the solver paper");
 }

@@ -155,7 +155,7 @@ fn what_makes_no_sense_is_refused() {
     fail(&arguments("-", &scan, &["--feed", "one"]), 1, "--feed");
     fail(&arguments("-", &scan, &["--budget", "-3"]), 1, "--budget");
     fail(&arguments("-", &scan, &["--budget", "3m"]), 2, "milliseconds");
-    fail(&arguments("-", &scan, &["--min-depth", "3s"]), 2, "give a length");
+    fail(&arguments("-", &scan, &["--min-depth", "3s"]), 1, "length in metres");
 
     fail(&["live", "-", "--capture", &scan, "--solver", "paper"], 1, "follow");
     fail(&["live", "--listen", "127.0.0.1:0", "--capture", &scan], 2, "`thirdbounce live -`");

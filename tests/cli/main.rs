@@ -20,3 +20,4 @@ mod pulse;
 mod scans;
 mod spot;
 mod tuning;
+mod warnings;

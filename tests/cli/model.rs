@@ -1,4 +1,4 @@
-//! The model of reflectance, chosen by trials if nobody names it.
+//! The model of reflectance, estimated if unspecified.
 
 use std::path::Path;
 
@@ -102,7 +102,7 @@ fn a_pulse_that_shows_is_found_and_the_model_with_it() {
     assert_eq!(report["settings"]["model"], "cosine", "{said}");
     let fwhm = report["settings"]["pulse_found"]["fwhm"].as_f64().expect("a pulse");
     assert!((fwhm / 0.06 - 1.0).abs() < 0.2, "{fwhm}");
-    // Nobody looks for one that is said to be none.
+    // Not estimated if set to none.
     let (report, _) = figures.solved(&capture, "none", &["--pulse", "none", "--stride", "2"]);
     assert!(report["settings"]["pulse_found"].is_null() && !tried(&report).is_empty());
 }
@@ -117,11 +117,11 @@ fn a_plan_tells_of_the_trials_and_a_named_model_skips_them() {
     };
     for auto in [&[][..], &["--model", "auto"], &["--solver", "paper", "--model", "auto"]] {
         // Options of the surface solver alone are no options of the paper's.
-        let told = match auto {
+        let reported = match auto {
             ["--solver", ..] => succeed(&[&["info", &capture, "--lateral", "32"], auto].concat()),
             _ => notes(auto),
         };
-        assert!(told.contains("a run tries models first"), "{auto:?}: {told}");
+        assert!(reported.contains("a run tries models first"), "{auto:?}: {reported}");
     }
     assert!(!notes(&["--model", "cosine"]).contains("tries models"));
     let paper = succeed(&["info", &capture, "--lateral", "32", "--solver", "paper"]);
@@ -141,8 +141,8 @@ fn a_few_pairs_cannot_tell_the_model() {
     let [capture, _] = figures.simulated("lambertian", 0.0);
     for pairs in ["1", "31"] {
         let (report, said) = figures.solved(&capture, pairs, &["--subset", pairs]);
-        let told = format!("cosine is taken: estimates need 32 pairs, the capture has {pairs}");
-        assert!(said.contains(&told), "{said}");
+        let reported = format!("cosine is taken: estimates need 32 pairs, the capture has {pairs}");
+        assert!(said.contains(&reported), "{said}");
         assert_eq!(report["settings"]["model"], "cosine");
     }
     let (report, said) = figures.solved(&capture, "32", &["--subset", "32"]);
@@ -173,8 +173,8 @@ fn a_comparison_names_the_models_that_were_found() {
     assert!(text.contains("| surface:model=cosine |") && text.contains("| auto (lambertian) |"), "{text}");
     let page = std::fs::read_to_string(Path::new(&out).join("benchmark.html")).unwrap();
     assert!(page.contains("<td>auto (lambertian)</td>"), "{page}");
-    let told = &json(&Path::new(&out).join("benchmark.json"))["cases"][0]["comparison"];
-    let [named, auto] = [0, 1].map(|i| &told["methods"][i]);
+    let reported = &json(&Path::new(&out).join("benchmark.json"))["cases"][0]["comparison"];
+    let [named, auto] = [0, 1].map(|i| &reported["methods"][i]);
     assert_eq!(auto["settings"]["model_found"]["reflectance"], "lambertian");
     assert!(named["settings"]["model_found"].is_null());
     // Trials count as solving: they come before the first point of the solver, behind that of the preview.

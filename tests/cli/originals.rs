@@ -63,7 +63,7 @@ fn parts_are_told_as_before() {
     let extent = |i: usize| wide[i].as_f64().unwrap();
     assert!((extent(3) - extent(2) - 21.0 / 19.0).abs() < 1e-9, "{wide}");
     fail(&["info", path, "--bounce", "all"], 1, "does not keep bounces apart");
-    fail(&["info", path, "--stride", "0"], 1, "stride of 0");
+    fail(&["info", path, "--stride", "0"], 1, "--stride is 0");
     fail(&["info", path, "--gate", "90:99"], 1, "outside the recorded paths");
 }
 

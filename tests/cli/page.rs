@@ -87,7 +87,22 @@ fn a_result_has_a_page_that_a_browser_shows() {
     assert!(shown("title").contains("c.npz"));
     assert!(shown("about").contains("144 pairs") && shown("about").contains("24 x 24 pixels"));
     assert!(shown("readout").contains("depth 0."), "a pixel is chosen: {}", shown("readout"));
-    assert!(shown("light").contains("measured (bars)"));
+    assert!(shown("light").contains("laser point"), "{}", shown("light"));
+    for card in ["Found", "Depth range", "Median depth error", "esidual", "Solve time", "Warnings"] {
+        assert!(dom.contains(&format!("{card}</dt>")), "the headline lacks {card}");
+    }
+    let labelled = |label: &str| dom.contains(&format!("aria-label=\"{label}"));
+    let alt = [
+        "Albedo map",
+        "Depth map",
+        "Map of surface normals",
+        "Map of the expected",
+        "Total counts",
+        "Histogram of pair",
+    ];
+    for label in alt.iter().chain(&["The surface in 3D", "Loss against"]) {
+        assert!(labelled(label), "no alternative text begins with {label}");
+    }
     assert!(
         !shown("space").contains("no 3D view") && shown("space").contains("<canvas"),
         "{}",

@@ -6,8 +6,9 @@ use fixtures::captures::{changed, place};
 use fixtures::command::{stderr, thirdbounce};
 use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, write};
-use thirdbounce::job::{Input, Loaded, PREVIEW, Request, load, run};
+use thirdbounce::job::{Loaded, PREVIEW, Request, load, run};
 use thirdbounce::measure::metrics;
+use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{Doing, PaperOptions, SolverOptions, SurfaceOptions};
 
@@ -23,7 +24,7 @@ fn capture() -> Capture {
 fn loaded(capture: &Capture) -> (tempfile::TempDir, Loaded) {
     let (folder, path) = place("c.npz");
     write(capture, &path).unwrap();
-    (folder, load(&Input { path, ..Input::default() }).unwrap())
+    (folder, load(&path, &Settings::default()).unwrap())
 }
 
 fn options() -> SolverOptions {
@@ -111,19 +112,19 @@ fn every_solver_and_kind_of_pairs_has_a_preview() {
 fn the_rest_is_expected_to_take_as_long_as_it_does() {
     let (folder, loaded) = loaded(&capture());
     let request = Request::new(options(), folder.path().join("out"));
-    let mut told = vec![];
+    let mut reported = vec![];
     run(&request, &loaded, &mut |progress| {
-        told.push((progress.point.iteration, progress.point.seconds, progress.remaining));
+        reported.push((progress.point.iteration, progress.point.seconds, progress.remaining));
         ControlFlow::Continue(())
     })
     .unwrap();
-    let (last, end, _) = *told.last().unwrap();
+    let (last, end, _) = *reported.last().unwrap();
     assert_eq!(last, 40);
-    assert_eq!(told.last().unwrap().2, Some(0.0));
-    let all: Vec<_> = told.iter().filter_map(|(i, at, left)| Some((*i, at + (*left)?))).collect();
-    assert!(all.iter().any(|(i, _)| *i <= 20), "the volume tells of the surface, too: {told:?}");
+    assert_eq!(reported.last().unwrap().2, Some(0.0));
+    let all: Vec<_> = reported.iter().filter_map(|(i, at, left)| Some((*i, at + (*left)?))).collect();
+    assert!(all.iter().any(|(i, _)| *i <= 20), "the volume reports the surface, too: {reported:?}");
     // A machine that others use may be several times as fast at one time as at another.
-    assert!(all.iter().all(|(_, expected)| (0.1..10.0).contains(&(expected / end))), "{told:?}");
+    assert!(all.iter().all(|(_, expected)| (0.1..10.0).contains(&(expected / end))), "{reported:?}");
 }
 
 #[test]
@@ -134,8 +135,8 @@ fn the_command_shows_a_preview_unless_told_not_to() {
     let [capture, out_text] = [&path, &out].map(|p| p.display().to_string());
     let mut all = vec!["reconstruct", &capture, "--out", &out_text, "--model", "cosine"];
     all.extend(["--lateral", "32", "--iterations", "20"]);
-    let told = stderr(&thirdbounce(&all));
-    assert!(told.contains("preview.png shows a first picture"), "{told}");
+    let reported = stderr(&thirdbounce(&all));
+    assert!(reported.contains("preview.png shows a first picture"), "{reported}");
     assert!(!out.join(PREVIEW).exists());
     all.push("--no-preview");
     let output = thirdbounce(&all);

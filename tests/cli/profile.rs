@@ -204,9 +204,9 @@ fn the_device_is_held_against_the_twins() {
         assert!(text.contains(words), "{words:?} is not in\n{text}");
     }
     assert!(!text.contains("WRONG"), "{text}");
-    let told = json(&file);
-    assert!(number(&told["limits"], "fma_per_s") > 0.0);
-    let checks = told["checks"].as_array().unwrap();
+    let reported = json(&file);
+    assert!(number(&reported["limits"], "fma_per_s") > 0.0);
+    let checks = reported["checks"].as_array().unwrap();
     assert!(checks.len() >= 28 && checks.iter().all(|c| number(c, "error") <= number(c, "allowed")));
 }
 
@@ -230,16 +230,19 @@ fn kernels_compile_without_a_device_to_run_them() {
     let (file, capture) = (all.path("compiled.json"), all.path("z.npz"));
     for given in [&[][..], &[capture.as_str(), "--lateral", "24"]] {
         let text = succeed(&[&["profile", "--compile", "--quiet", "--json", &file], given].concat());
-        let told = json(Path::new(&file));
-        let kernels = told["kernels"].as_array().unwrap();
+        let reported = json(Path::new(&file));
+        let kernels = reported["kernels"].as_array().unwrap();
         let of = |name: &str| kernels.iter().find(|k| k["kernel"] == name).expect("the plan has it");
         for name in ["forward", "surface_gather"] {
-            assert!(number(of(name), "slots") > 30.0 && text.contains(name), "{name}: {told}");
+            assert!(number(of(name), "slots") > 30.0 && text.contains(name), "{name}: {reported}");
         }
         assert!(of("finish")["slots"].is_null() && number(of("finish"), "seconds") > 0.0);
-        assert_eq!(told["pairs"], if given.is_empty() { 1024 } else { 144 });
+        assert_eq!(reported["pairs"], if given.is_empty() { 1024 } else { 144 });
         let silent = kernels.iter().all(|k| k["executables"].as_array().unwrap().is_empty());
-        assert_eq!((silent, text.contains("says nothing")), (told["tells"] == false, told["tells"] == false));
+        assert_eq!(
+            (silent, text.contains("says nothing")),
+            (reported["tells"] == false, reported["tells"] == false)
+        );
     }
     fail(&["profile", "--compile", "--tune"], 2, "cannot be used with");
     fail(&["profile", &capture, "--listings", &file], 2, "--compile");
@@ -263,8 +266,8 @@ fn a_driver_without_a_device_tells_of_its_kernels_and_closes() {
         run(&[&["profile", "--compile", "--quiet", "--json", &file, "--listings", &listings], &null[..]]
             .concat());
     assert_eq!(compiled.status.code(), Some(0), "{}", String::from_utf8_lossy(&compiled.stderr));
-    let told = json(Path::new(&file));
-    for kernel in told["kernels"].as_array().unwrap() {
+    let reported = json(Path::new(&file));
+    for kernel in reported["kernels"].as_array().unwrap() {
         let executable = &kernel["executables"][0];
         let of = |name: &str| number(&executable["statistics"], name);
         assert!(of("VGPRs") > 0.0 && of("Instructions") > 10.0 && of("Spilled VGPRs") == 0.0, "{kernel}");
@@ -302,8 +305,8 @@ fn kernels_are_kept_between_runs() {
     let made = |more: &[&str]| {
         let output = run(&[&compile[..], &["--json", &file.display().to_string()], more].concat());
         assert_eq!(output.status.code(), Some(0), "{}", String::from_utf8_lossy(&output.stderr));
-        let told = json(&file);
-        told["kernels"].as_array().unwrap().iter().map(|k| number(k, "seconds")).sum::<f64>()
+        let reported = json(&file);
+        reported["kernels"].as_array().unwrap().iter().map(|k| number(k, "seconds")).sum::<f64>()
     };
     let kept = |folder: &Path| -> Vec<std::path::PathBuf> {
         std::fs::read_dir(folder).map(|all| all.map(|e| e.unwrap().path()).collect()).unwrap_or_default()

@@ -12,11 +12,12 @@ use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, Gate, Pulse, read, write};
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::Array;
-use thirdbounce::job::{FindPulse, Input, Request, load, run};
+use thirdbounce::job::{Request, load, run};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{Doing, Problem, SolverOptions, SurfaceOptions, Watch, default_volume};
 use thirdbounce::transport::{Grid, Volume};
+use thirdbounce::{ImpulseResponse, Settings};
 
 const FWHM: f64 = 0.04;
 
@@ -78,7 +79,7 @@ fn a_known_pulse_makes_depths_and_normals_better() {
     let (with, without) = (solve(&known), solve(&unknown));
     println!("with {with:?} without {without:?}");
     assert!(with.0 < 0.8 * without.0 && with.1 < 0.9 * without.1 && with.2 < 0.6 * without.2);
-    assert!(without.3 <= 16 && with.3 > 16, "what is not needed is not allocated");
+    assert!(without.3 <= 16 && with.3 > 16, "unused buffers are not allocated");
 }
 
 #[test]
@@ -100,9 +101,9 @@ fn a_capture_keeps_its_pulse() {
     let taps = |n| back.binned(n).unwrap().pulse.unwrap().taps(0.01 * n as f64).unwrap().weights.len();
     assert!(taps(1) > taps(2) && taps(2) > taps(4));
     // A note says what another format cannot hold.
-    let told = |name: &str| write(&whole, &path.with_file_name(name)).unwrap();
-    assert!(told("p.npz").is_empty() && told("p.hdf5")[0].contains("pulse"));
-    assert!(told("p.mat").iter().any(|n| n.contains("pulse")));
+    let reported = |name: &str| write(&whole, &path.with_file_name(name)).unwrap();
+    assert!(reported("p.npz").is_empty() && reported("p.hdf5")[0].contains("pulse"));
+    assert!(reported("p.mat").iter().any(|n| n.contains("pulse")));
     let text = path.display().to_string();
     assert!(succeed(&["info", &text]).contains("pulse     0.03"), "{}", succeed(&["info", &text]));
     assert!(!succeed(&["info", &text, "--pulse", "none"]).contains("pulse     0."));
@@ -133,10 +134,10 @@ fn a_tail_and_pile_up_are_simulated_and_the_pulse_may_be_hidden() {
     let notes = write(&piled, &path.with_file_name("piled.hdf5")).unwrap();
     assert!(notes.iter().any(|note| note.contains("laser pulses")));
     // A solve takes the same pulse from an option.
-    let told = |more: &[&str]| -> Value {
+    let reported = |more: &[&str]| -> Value {
         serde_json::from_str(&succeed(&[&["info", &text, "--json"], more].concat())).unwrap()
     };
-    let width = told(&["--pulse", "0.06:0.1"])["capture"]["pulse_fwhm_m"].as_f64().unwrap();
+    let width = reported(&["--pulse", "0.06:0.1"])["capture"]["pulse_fwhm_m"].as_f64().unwrap();
     assert!((width / pulse.fwhm() - 1.0).abs() < 1e-9);
     fail(&["simulate", "beyond", "--out", &text, "--hide-pulse"], 2, "--pulse");
 }
@@ -187,9 +188,10 @@ fn a_pulse_that_is_none_is_refused() {
 fn trials_are_heard_and_may_be_broken_off() {
     let (_folder, path) = fixtures::captures::place("c.npz");
     write(&changed(&capture(true), |c| c.pulse = None), &path).unwrap();
-    let loaded = load(&Input { path: path.clone(), ..Input::default() }).unwrap();
+    let loaded = load(&path, &Settings::default()).unwrap();
     let out = path.with_file_name("out");
-    let request = Request { find_pulse: FindPulse::Always, ..Request::new(SurfaceOptions::default(), &out) };
+    let auto = |s: &mut Settings| s.pulse = Some(ImpulseResponse::Auto);
+    let request = Request::new(Settings::from(SurfaceOptions::default()).with(auto), &out);
     let mut heard = 0;
     let broken = run(&request, &loaded, &mut |progress| {
         assert!(progress.doing == Doing::Trial, "nothing comes before the trials");
@@ -205,7 +207,8 @@ fn trials_are_heard_and_may_be_broken_off() {
         o.iterations = 1;
     });
     let volume = Volume { min: glam::dvec3(-0.5, -0.5, 1e3), max: glam::dvec3(0.5, 0.5, 1e3 + 0.1) };
-    let request = Request { volume: Some(volume), find_pulse: FindPulse::Always, ..Request::new(far, &out) };
+    let settings = Settings::from(far).with(auto).with(|s| s.volume = Some(volume));
+    let request = Request::new(settings, &out);
     let done = run(&request, &loaded, &mut |_| ControlFlow::Continue(())).unwrap();
     assert!(
         done.notes.iter().any(|note| note.contains("pulse is not known") && note.contains("surface")),

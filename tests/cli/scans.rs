@@ -6,7 +6,7 @@ use serde_json::Value;
 #[test]
 fn every_kind_of_pairs_is_simulated_and_told() {
     let folder = tempfile::tempdir().unwrap();
-    let told = |pairs: &[&str], words: &[&str]| {
+    let reported = |pairs: &[&str], words: &[&str]| {
         let file = folder.path().join(format!("{}.npz", pairs[1])).display().to_string();
         let usual =
             ["simulate", "plane", "--out", &file, "--scan", "6", "--bin-width", "0.04", "--noise", "0.2"];
@@ -17,15 +17,18 @@ fn every_kind_of_pairs_is_simulated_and_told() {
         }
         file
     };
-    told(&["--pairs", "one-laser", "--point", "0.1,-0.2"], &["6 x 6 = 36 pairs, one laser point", "flat"]);
-    told(&["--pairs", "one-sensor"], &["36 pairs, one sensor point"]);
-    let exhaustive = told(
+    reported(
+        &["--pairs", "one-laser", "--point", "0.1,-0.2"],
+        &["6 x 6 = 36 pairs, one laser point", "flat"],
+    );
+    reported(&["--pairs", "one-sensor"], &["36 pairs, one sensor point"]);
+    let exhaustive = reported(
         &["--pairs", "exhaustive", "--grid", "3"],
         &["9 x 36 = 324 pairs, exhaustive: 9 laser points x 36", "as dense as a lattice of 6 x 6 points"],
     );
-    told(&["--pairs", "irregular"], &["36 x 1 = 36 pairs, irregular", "as dense as a lattice of"]);
+    reported(&["--pairs", "irregular"], &["36 x 1 = 36 pairs, irregular", "as dense as a lattice of"]);
     let bump = ["--pairs", "confocal", "--wall-shape", "bump", "--reflectance", "lambertian"];
-    told(&bump, &["36 pairs, confocal", "curved", "normals   known"]);
+    reported(&bump, &["36 pairs, confocal", "curved", "normals   known"]);
 
     let json = |more: &[&str]| -> Value {
         serde_json::from_str(&succeed(&[&["info", "--json"], more].concat())).unwrap()
@@ -72,9 +75,9 @@ fn what_a_file_lacks_is_told() {
     ] {
         assert!(text.contains(words), "{words:?} is not in\n{text}");
     }
-    let told: Value = serde_json::from_str(&succeed(&["info", &file, "--json"])).unwrap();
+    let reported: Value = serde_json::from_str(&succeed(&["info", &file, "--json"])).unwrap();
     assert_eq!(
-        (&told["capture"]["dropped_pairs"], &told["capture"]["normals_estimated"]),
+        (&reported["capture"]["dropped_pairs"], &reported["capture"]["normals_estimated"]),
         (&3.into(), &true.into())
     );
     fail(&["info", &file, "--stride", "2"], 1, "random subset of 64 pairs");
@@ -107,7 +110,7 @@ fn a_wall_of_a_millimetre_is_told_like_one_of_a_metre() {
     let metre: Value = serde_json::from_str(&succeed(&["info", &file, "--json"])).unwrap();
     write(&fixtures::captures::scaled(&read(&path).unwrap(), 1e-3), &path).unwrap();
     let small: Value = serde_json::from_str(&succeed(&["info", &file, "--json"])).unwrap();
-    for key in ["grid", "problems", "doubts", "plan"] {
+    for key in ["grid", "problems", "warnings", "plan"] {
         assert_eq!(small[key], metre[key], "{key}");
     }
     let ends = |found: &Value| serde_json::from_value::<Vec<f64>>(found["box"].clone()).unwrap();
@@ -135,9 +138,9 @@ fn a_background_that_was_taken_off_is_told() {
     capture.integer_counts = false;
     write(&capture, &path).unwrap();
     let without = notes();
-    let told = |words: &str| without.iter().any(|n| n.contains(words));
-    assert!(told("counts are negative, so the background was taken off"), "{without:?}");
-    assert!(told("some counts are negative: --preset captured is used"), "{without:?}");
+    let reported = |words: &str| without.iter().any(|n| n.contains(words));
+    assert!(reported("counts are negative, so the background was taken off"), "{without:?}");
+    assert!(reported("some counts are negative: the preset captured is used"), "{without:?}");
     let gates =
         |all: &[String]| -> Vec<String> { all.iter().filter(|n| n.contains("gate")).cloned().collect() };
     assert!(gates(&with).len() == 1 && gates(&with) == gates(&without), "{with:?}, {without:?}");

@@ -6,8 +6,9 @@ use fixtures::captures::changed;
 use fixtures::command::{fail, succeed};
 use fixtures::device::gpu;
 use thirdbounce::capture::{Capture, read, write};
-use thirdbounce::job::{Input, load};
+use thirdbounce::job::load;
 use thirdbounce::measure::metrics;
+use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{Problem, Progress, SolverOptions, SurfaceOptions, Watch, default_volume};
 use thirdbounce::transport::Grid;
@@ -98,12 +99,12 @@ fn captures_keep_their_spots_and_options_replace_them() {
     assert!(notes.iter().any(|n| n.contains("spots")), "{notes:?}");
     // A spot in the file is scaled with the wall; one that is given is not.
     let load =
-        |wall, spots| load(&Input { path: file("a.npz"), wall, spots, ..Input::default() }).unwrap().capture;
+        |wall, spot| load(&file("a.npz"), &Settings { wall, spot, ..Settings::default() }).unwrap().capture;
     let twice = load(Some(2.0 * 5.0 / 6.0), None);
     assert!((twice.laser_spot.unwrap() - 0.2).abs() < 1e-9, "{:?}", twice.laser_spot);
     assert_eq!(spots(&load(Some(3.0), Some([0.3, 0.0]))), [Some(0.3), Some(0.0)]);
-    let told = succeed(&["info", &text("a.npz")]);
-    assert!(told.contains("spots     laser 0.1000 m wide, sensor 0.0500 m wide"), "{told}");
+    let reported = succeed(&["info", &text("a.npz")]);
+    assert!(reported.contains("spots     laser 0.1000 m wide, sensor 0.0500 m wide"), "{reported}");
     assert!(!succeed(&["info", &text("a.npz"), "--spot", "none"]).contains("spots     laser"));
     for wrong in ["wide", "0.1,", "-1", "0.1,0.2,0.3"] {
         fail(&["info", &text("a.npz"), &format!("--spot={wrong}")], 1, "--spot is");

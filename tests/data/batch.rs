@@ -27,9 +27,10 @@ pub fn ray_shares_a_list(python: &Path) {
             let line: serde_json::Value = serde_json::from_str(line).expect("a line of JSON");
             line[key].as_str().expect("a word").to_string()
         };
-        let told: BTreeSet<_> = lines.lines().map(|line| (of("name", line), of("status", line))).collect();
-        assert_eq!(lines.lines().count(), told.len());
-        told
+        let reported: BTreeSet<_> =
+            lines.lines().map(|line| (of("name", line), of("status", line))).collect();
+        assert_eq!(lines.lines().count(), reported.len());
+        reported
     };
     let all = |status: &str| names.map(|n| (n.to_string(), status.to_string())).into_iter().collect();
     assert_eq!(run(), all("done"));

@@ -69,7 +69,7 @@ def check_result(folder):
         for window in ("dataWindow", "displayWindow"):
             low, high = header[window]
             assert tuple(low) == (0, 0) and tuple(high) == (nx - 1, ny - 1), (window, low, high)
-        wanted = {"Y": albedo, "albedo.Y": albedo, "depth.Z": depth, "confidence.Z": maps["confidence"]}
+        wanted = {"Y": albedo, "albedo.Y": albedo, "depth.Z": depth, "depth_error.Z": maps["depth_error"]}
         wanted |= {f"normal.{c}": normal[..., i] for i, c in enumerate("XYZ")}
         assert set(channels) == set(wanted), sorted(channels)
         for name, values in wanted.items():
@@ -93,7 +93,7 @@ def check_result(folder):
         facing = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         assert (facing[:, 2] < 0).all(), "triangles that face away from the wall"
 
-    for name in ("albedo.png", "depth.png", "normal.png", "confidence.png"):
+    for name in ("albedo.png", "depth.png", "normal.png", "depth_error.png"):
         picture = matplotlib.image.imread(folder / name)
         assert picture.ndim == 3 and picture.shape[0] >= 128, (name, picture.shape)
     # Beside the depth map stands a colour bar with its labels.
@@ -127,9 +127,9 @@ def check_captures(folder):
         assert file["tofgrid"].shape == counts.shape[1:] and not file["tofgrid"][:].any()
     try:
         scipy.io.loadmat(folder / "made.mat")
-    except NotImplementedError as told:
+    except NotImplementedError as reported:
         # scipy knows v7.3 by its header and sends one to an HDF5 reader.
-        assert "HDF" in str(told), told
+        assert "HDF" in str(reported), reported
 
 
 check_result(Path(sys.argv[1]))

@@ -8,6 +8,7 @@ mod native;
 mod opened;
 mod others;
 mod real;
+mod scipy;
 mod tags;
 mod ytal;
 
@@ -42,7 +43,7 @@ fn main() -> ExitCode {
         real::real_truth_is_read,
         real::normals_of_a_captured_wall_agree_with_its_own,
         real::real_captures_go_from_any_form_to_any,
-        real::real_captures_raise_no_false_doubt,
+        real::real_captures_raise_no_false_warning,
         real::captures_of_scenes_tell_no_time_zero,
         real::trials_tell_how_captured_things_reflect,
     ]);
@@ -52,6 +53,11 @@ fn main() -> ExitCode {
         "needs Python with h5py and scipy",
         with("h5py, numpy, scipy.io"),
         others::what_h5py_and_scipy_write_is_read
+    ]);
+    all.extend(trials![
+        "needs the test files of scipy (THIRDBOUNCE_SCIPY, or those of the Python)",
+        files_of_scipy(&python),
+        scipy::files_of_scipy_are_read_or_named
     ]);
     all.extend(trials!["needs Python with Ray", with("ray"), batch::ray_shares_a_list]);
     all.extend(trials!["needs Python with y-tal", with("tal"), ytal::ytal_opens_ours_and_we_open_its]);
@@ -73,6 +79,17 @@ fn trial(name: &str, needs: &'static str, path: Option<PathBuf>, test: fn(&Path)
         None => Err(Failed::from(needs)),
     };
     Trial::test(name.replace(' ', ""), run).with_kind(needs).with_ignored_flag(is_missing)
+}
+
+/// The folder of scipy's test files: named, or beside the scipy of this Python.
+fn files_of_scipy(python: &Path) -> Option<PathBuf> {
+    let installed = || {
+        let find = "import os, scipy.io.matlab as m; print(os.path.join(os.path.dirname(m.__file__), 'tests', 'data'))";
+        let found = Command::new(python).args(["-c", find]).output().ok()?;
+        Some(PathBuf::from(String::from_utf8(found.stdout).ok()?.trim_end()))
+    };
+    let named = std::env::var_os("THIRDBOUNCE_SCIPY").map(PathBuf::from);
+    named.or_else(installed).filter(|folder| folder.is_dir())
 }
 
 /// Whether this Python runs and has all of these packages.

@@ -81,8 +81,8 @@ pub fn lct_letters(data: &Path) {
 pub fn one_array_of_v73(data: &Path) {
     let plain = mirrored(data, "z_captured_confocal_64.npz");
     let path = data.join("native/z_v73.mat");
-    assert_error(read(&path), Kind::Options, &["z_v73.mat", "wall", "give the wall size"]);
-    assert_error(read_given(&path, &wall(0.8)), Kind::Options, &["bin", "give the bin width"]);
+    assert_error(read(&path), Kind::Options, &["z_v73.mat", "wall", "1m", "133ps"]);
+    assert_error(read_given(&path, &wall(0.8)), Kind::Options, &["bin", "133ps"]);
     let given = wall(0.8).with_bin_width(5.0 * 299_792_458e-12);
     assert_twins(&by_fours(open(&path, &given)), &plain, "Z");
 }
@@ -91,7 +91,7 @@ pub fn ccsocr_statue(data: &Path) {
     // CC-SOCR draws the horizontal axis to the left, along +x: its pictures show the mirror image of Stanford's.
     let plain = read(&data.join("statue_confocal_64.npz")).unwrap();
     let folder = data.join("native/ccsocr_statue");
-    assert_error(read(&folder), Kind::Options, &["CC-SOCR", "give the wall size"]);
+    assert_error(read(&folder), Kind::Options, &["CC-SOCR", "wall", "1m"]);
     for path in [folder.clone(), folder.join("sub_Sig.mat"), folder.join("C_d.mat"), folder.join("C_i.mat")] {
         assert_twins(&open(&path, &wall(2.0)), &plain, &path.display().to_string());
     }

@@ -26,7 +26,7 @@ pub fn python_opens_everything(python: &Path) {
         }
     }
     maps.set_mask(0.3);
-    maps.confidence = Some(maps.depth.iter().map(|z| 0.01 * z).collect());
+    maps.depth_error = Some(maps.depth.iter().map(|z| 0.01 * z).collect());
     export::write_maps(&result, &maps).unwrap();
     let albedo: Vec<f32> = (0..nx * ny * 20).map(|v| (v % 97) as f32).collect();
     let extent = [-0.6, 0.6, -0.4, 0.4, 0.5, 2.5];

@@ -42,23 +42,23 @@ fn maps_come_back() {
 }
 
 #[test]
-fn confidence_is_written_where_it_was_told() {
+fn depth_error_is_written_where_it_is_known() {
     let (folder, path) = place("maps.npz");
     let mut m = two_layers();
     npz::write_maps(&path, &m).unwrap();
-    assert_eq!(npz::read_maps(&path).unwrap().confidence, None, "as in files of before");
+    assert_eq!(npz::read_maps(&path).unwrap().depth_error, None, "as in files of before");
     export::write_maps(folder.path(), &m).unwrap();
-    assert!(!folder.path().join("confidence.png").exists());
+    assert!(!folder.path().join("depth_error.png").exists());
 
-    m.confidence = Some((0..8).map(|p| if p == 7 { 0.004 } else { f32::NAN }).collect());
-    m.behind.as_mut().unwrap().confidence = Some(vec![0.25; 8]);
+    m.depth_error = Some((0..8).map(|p| if p == 7 { 0.004 } else { f32::NAN }).collect());
+    m.behind.as_mut().unwrap().depth_error = Some(vec![0.25; 8]);
     let written = export::write_maps(folder.path(), &m).unwrap();
-    assert!(written.contains(&folder.path().join("confidence.png")));
+    assert!(written.contains(&folder.path().join("depth_error.png")));
     let back = npz::read_maps(&path).unwrap();
-    assert!(same(&back.confidence.unwrap(), m.confidence.as_ref().unwrap()));
-    assert_eq!(back.behind.unwrap().confidence, Some(vec![0.25; 8]));
+    assert!(same(&back.depth_error.unwrap(), m.depth_error.as_ref().unwrap()));
+    assert_eq!(back.behind.unwrap().depth_error, Some(vec![0.25; 8]));
     let mut npz = thirdbounce::files::archive::Npz::open(&path).unwrap();
-    assert_eq!(npz.get("layers_confidence").unwrap().unwrap().shape, [2, 4, 2]);
+    assert_eq!(npz.get("layers_depth_error").unwrap().unwrap().shape, [2, 4, 2]);
     let picture = exr::prelude::read_all_data_from_file(folder.path().join("maps.exr")).unwrap();
     let channels = &picture.layer_data[0].channel_data.list;
     // The pixel of largest x and y is at the left of the top row.
@@ -66,9 +66,9 @@ fn confidence_is_written_where_it_was_told() {
         let channel = channels.iter().find(|c| c.name.to_string() == name).expect(name);
         channel.sample_data.levels_as_slice()[0].value_by_flat_index(0).to_f32()
     };
-    assert_eq!([corner("confidence.Z"), corner("behind.confidence.Z")], [0.004, 0.25]);
-    m.confidence.as_mut().unwrap().pop();
-    assert_error(npz::write_maps(&path, &m), Kind::Input, &["confidence", "7 values"]);
+    assert_eq!([corner("depth_error.Z"), corner("behind.depth_error.Z")], [0.004, 0.25]);
+    m.depth_error.as_mut().unwrap().pop();
+    assert_error(npz::write_maps(&path, &m), Kind::Input, &["depth_error", "7 values"]);
 }
 
 #[test]
@@ -98,7 +98,7 @@ fn two_layers() -> Maps {
         depth: vec![f32::NAN; 8],
         normal: vec![[f32::NAN; 3]; 8],
         mask: vec![],
-        confidence: None,
+        depth_error: None,
     };
     (behind.albedo[7], behind.depth[7], behind.normal[7]) = (1.0, 2.5, [0.6, 0.0, -0.8]);
     (behind.albedo[0], behind.depth[0], behind.normal[0]) = (0.25, 1.5, [0.0, 0.0, -1.0]);
@@ -297,6 +297,7 @@ fn a_report() -> report::Report {
         version: "0.1.0".into(),
         device: report::Device { name: "made".into(), driver: "none".into(), kind: "cpu".into() },
         settings: serde_json::json!({ "iterations": 60, "solver": "surface" }),
+        warnings: vec![],
         capture: ramp().summary(),
         plan: report::Plan {
             variants: vec!["confocal".into()],
@@ -327,7 +328,7 @@ fn reports_come_back() {
     report::write(&path, &r).unwrap();
     assert!(report::read(&path).unwrap().trace[0].loss.is_nan());
     std::fs::write(&path, "{}").unwrap();
-    assert_error(report::read(&path), Kind::Input, &["report.json", "no report"]);
+    assert_error(report::read(&path), Kind::Input, &["report.json", "not a report"]);
 }
 
 #[test]

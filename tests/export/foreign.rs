@@ -98,7 +98,7 @@ fn what_is_missing_or_does_not_fit_is_said() {
     says("b.mat", &matlab5(&[depth, wide], Stored::Plain), "albedo has shape [2, 3]");
     says("c.exr", b"no picture", "cannot be read as EXR");
     says("d.npz", b"no archive", "");
-    says("e.png", b"", "no file of maps that is known");
+    says("e.png", b"", "not a known file type for maps");
     let empty = tempfile::tempdir().unwrap();
     assert!(foreign::read(empty.path(), OTHER).unwrap_err().to_string().contains("holds none of maps.npz"));
     assert!(foreign::read(&folder.path().join("gone.exr"), OTHER).is_err());

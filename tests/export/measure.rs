@@ -55,7 +55,7 @@ fn layers_are_measured_each() {
         depth: m.depth,
         normal: m.normal,
         mask: m.mask,
-        confidence: None,
+        depth_error: None,
     };
     let mut found = maps(4, |_, _| true, 1.0);
     found.depth[..6].fill(0.5);
@@ -73,22 +73,22 @@ fn layers_are_measured_each() {
 }
 
 #[test]
-fn errors_within_the_confidence_are_counted() {
-    // Sixteen pixels, 10 mm off; the left half is told to be 20 mm off, the right one 5 mm, one pixel nothing.
+fn errors_within_the_expected_one_are_counted() {
+    // Sixteen pixels, 10 mm off; the left half has an expected error of 20 mm, the right one 5 mm, one pixel none.
     let real = truth(4, |_, _| true, 0.5);
     let mut found = maps(4, |_, _| true, 0.51);
-    assert_eq!(metrics(&found, &real, None).unwrap().within_confidence, None);
-    let mut told: Vec<f32> = (0..16).map(|p| if p < 8 { 0.02 } else { 0.005 }).collect();
-    found.confidence = Some(told.clone());
+    assert_eq!(metrics(&found, &real, None).unwrap().within_depth_error, None);
+    let mut reported: Vec<f32> = (0..16).map(|p| if p < 8 { 0.02 } else { 0.005 }).collect();
+    found.depth_error = Some(reported.clone());
     let m = metrics(&found, &real, None).unwrap();
-    assert_eq!(m.within_confidence, Some(0.5));
+    assert_eq!(m.within_depth_error, Some(0.5));
     let shares: Vec<f64> = m.calibration.iter().map(|q| q[1]).collect();
     assert_eq!(shares, [0.0, 0.0, 1.0, 1.0]);
     assert!((m.calibration[0][0] - 0.005).abs() < 1e-6 && (m.calibration[3][0] - 0.02).abs() < 1e-6);
-    told[15] = f32::NAN;
-    found.confidence = Some(told);
-    assert_eq!(metrics(&found, &real, None).unwrap().within_confidence, Some(8.0 / 15.0));
-    assert!(m.clone().brief().calibration.is_empty() && m.brief().within_confidence.is_some());
+    reported[15] = f32::NAN;
+    found.depth_error = Some(reported);
+    assert_eq!(metrics(&found, &real, None).unwrap().within_depth_error, Some(8.0 / 15.0));
+    assert!(m.clone().brief().calibration.is_empty() && m.brief().within_depth_error.is_some());
 }
 
 #[test]
@@ -193,7 +193,7 @@ fn no_fraction_is_better_than_the_best() {
     let best = m.best_iou.unwrap();
     assert!(best >= most && best < most + 0.01, "{best}, {most}");
     assert!(m.sweep.iter().all(|[_, iou]| iou + 0.005 < best), "{:?}, {best}", m.sweep);
-    // The fraction that is told gives that very mask.
+    // The reported fraction reproduces the mask.
     let there = metrics(&found, &real, m.best_fraction.unwrap()).unwrap();
     assert_eq!(there.iou, m.best_iou);
 }

@@ -167,7 +167,7 @@ fn a_jump_is_not_bridged_and_nothing_gives_an_empty_file() {
 fn what_lies_behind_is_part_of_the_mesh() {
     let mut maps = empty(24, [0.0, 0.24, 0.0, 0.24]);
     let Maps { albedo, depth, normal, mask, .. } = maps.clone();
-    let mut behind = Layer { albedo, depth, normal, mask, confidence: None };
+    let mut behind = Layer { albedo, depth, normal, mask, depth_error: None };
     for p in 0..24 * 24 {
         let front = (6..18).contains(&(p / 24)) && (6..18).contains(&(p % 24));
         (maps.albedo[p], maps.normal[p]) = (1.0, [0.0, 0.0, -1.0]);

@@ -1,10 +1,8 @@
 //! Every kernel against its float64 twin, and the gradients of the twins against finite differences, by the table of
 //! cases in `src/verify/cases.rs`. `THIRDBOUNCE_CASES=WORD` runs those whose name contains the word.
 
-mod isa;
 mod place;
 mod plans;
-mod traffic;
 mod twins;
 mod wide;
 

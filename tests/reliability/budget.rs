@@ -9,7 +9,7 @@ use thirdbounce::gpu::{
 };
 use thirdbounce::job::{self, Request};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{Accumulation, Plan, Problem};
+use thirdbounce::solve::{Accumulation, Discretisation, Plan, Problem, SolverOptions};
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Error, Kind};
 
@@ -33,10 +33,11 @@ fn honoured() -> Row {
                 o.lateral = lateral;
                 o.iterations = 1;
             });
-            let request = Request::new(options, "");
+            let options = SolverOptions::from(options);
             let case = || -> Held {
-                let grid = request.grid(&loaded.capture).map_err(|e| e.to_string())?;
-                let plan = request.solver.plan(&Problem::new(&loaded.capture, grid), &gpu.abilities());
+                let grid =
+                    Discretisation::default().grid(&options, &loaded.capture).map_err(|e| e.to_string())?;
+                let plan = options.plan(&Problem::new(&loaded.capture, grid), &gpu.abilities());
                 let plan = plan.map_err(|e| e.to_string())?;
                 match thirdbounce::gpu::Arena::new(&gpu, &plan.buffers, Some(mebibytes << 20)) {
                     Ok(arena) => {
@@ -90,8 +91,8 @@ fn advice() -> Row {
     let mut suggested = 0;
     for case in cases {
         let (code, text) = run(case);
-        let mend = text.lines().nth(1).unwrap_or("").trim().to_string();
-        let options: Vec<(String, String)> = mend
+        let hint = text.lines().nth(1).unwrap_or("").trim().to_string();
+        let options: Vec<(String, String)> = hint
             .split_once("this would fit: ")
             .map_or("", |m| m.1)
             .split([',', ';'])
@@ -101,7 +102,7 @@ fn advice() -> Row {
             .collect();
         let refused = holds(code == Some(1) && !options.is_empty(), || format!("{code:?}: {text}"));
         let what = text.lines().next().unwrap_or("").trim_start_matches("error: ").to_string();
-        row.add(&format!("{case:?}"), refused.map(|()| Some((what, mend))));
+        row.add(&format!("{case:?}"), refused.map(|()| Some((what, hint))));
         for (name, value) in options {
             suggested += 1;
             let mut all: Vec<&str> = case.to_vec();

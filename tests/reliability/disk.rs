@@ -108,7 +108,7 @@ fn each((name, whole, work): &(&str, bool, Work<'_>), share: Share, salt: usize)
             let error: Error = result.err().ok_or("the fault was not noticed")?;
             holds(error.kind == Kind::Output, || format!("{:?}: {error}", error.kind))?;
             let said = if fault == DiskFault::Full { "full" } else { "folder" };
-            holds(error.mend.to_string().contains(said), || format!("{said:?} is not in: {error}"))?;
+            holds(error.hint.to_string().contains(said), || format!("{said:?} is not in: {error}"))?;
             let left = leftovers(out.path());
             holds(left.is_empty(), || format!("left behind: {left:?}"))?;
             if *whole {
@@ -146,7 +146,7 @@ fn small_disk(share: Share) -> Row {
         let script = format!("trap '' XFSZ; ulimit -f {blocks}; exec \"$@\"");
         let output = Command::new("sh")
             .args(["-c", &script, "sh", env!("CARGO_BIN_EXE_thirdbounce"), "reconstruct", &capture])
-            .args(["--out", &out, "--volume", &volume, "--model", "cosine"])
+            .args(["--out", &out, "--volume-file", &volume, "--model", "cosine"])
             .args(["--lateral", "12", "--iterations", "3", "--quiet"])
             .output()
             .expect("a shell");

@@ -22,7 +22,7 @@ fn command(out: &Path, more: &[&str]) -> Command {
     command.arg("reconstruct").arg(files().capture()).arg("--out").arg(out);
     command.args(["--model", "cosine", "--lateral", "12", "--iterations", "24"]);
     command.args(["--deterministic", "--quiet"]);
-    command.args(["--volume"]).arg(out.with_extension("hdf5")).args(more);
+    command.args(["--volume-file"]).arg(out.with_extension("hdf5")).args(more);
     command.stdout(Stdio::null()).stderr(Stdio::piped());
     command
 }

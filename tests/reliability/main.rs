@@ -1,6 +1,6 @@
 //! The engine never takes its process down: faults of device, memory and disk, killed and cancelled runs, options that make
 //! no sense. Each area runs a sample of its cases here, and all of them under `make soak`, which writes the outcome to
-//! docs/reliability.md.
+//! benches/results/reliability.tsv.
 
 mod budget;
 mod canaries;

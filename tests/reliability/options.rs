@@ -98,7 +98,7 @@ fn paths() -> Vec<String> {
         let _ = std::fs::set_permissions(&hidden, std::fs::Permissions::from_mode(0o000));
     }
     let text = |p: &Path| p.display().to_string();
-    // By a link: a program that replaces what it is told to write to then harms the link alone.
+    // By a link: a program that replaces its output then damages only the link.
     let device = folder.join("null");
     #[cfg(unix)]
     if !device.is_symlink() {
@@ -271,11 +271,14 @@ pub fn judge(folder: &Path, status: ExitStatus, text: &str) -> Held {
             holds(text.matches("error:").count() == 1, || format!("not one error: {text}"))?;
             let written: Vec<_> = tree(folder).into_keys().collect();
             holds(written.is_empty(), || format!("an error, but written: {written:?}"))?;
-            let mut lines = text.lines().filter(|l| !l.starts_with("note:")).map(|l| l.trim().to_string());
+            let mut lines = text
+                .lines()
+                .filter(|l| !["note:", "warning:"].iter().any(|begin| l.starts_with(begin)))
+                .map(|l| l.trim().to_string());
             let what = lines.next().unwrap_or_default().trim_start_matches("error: ").to_string();
-            let mend = lines.find(|l| !l.is_empty()).unwrap_or_default();
-            holds(what.len() > 8 && mend.len() > 8, || format!("it says too little: {text}"))?;
-            Ok(Some((what, mend)))
+            let hint = lines.find(|l| !l.is_empty()).unwrap_or_default();
+            holds(what.len() > 8 && hint.len() > 8, || format!("it says too little: {text}"))?;
+            Ok(Some((what, hint)))
         }
         _ => Err(format!("{status}: {text}")),
     }

@@ -151,7 +151,7 @@ fn a_device_that_hangs_is_an_error_and_not_the_end() {
         let error = solve(&gpu, options, &loaded().capture, None).expect_err("the device hangs");
         assert_eq!(error.kind, Kind::Device);
         assert!(error.what.contains("did not finish its work within 600 s"), "{error}");
-        assert!(error.mend.to_string().contains("hangs"), "{error}");
+        assert!(error.hint.to_string().contains("hangs"), "{error}");
     }
     let gpu = Gpu::open(&GpuOptions::default()).expect("another device");
     solve(&gpu, options, &loaded().capture, None).expect("it solves");
@@ -163,11 +163,11 @@ fn a_device_that_is_down_stays_down_and_says_where() {
     let (_, options) = &solvers(Accumulation::Owned)[1];
     let lost = |point, number| Faults { fail: Some((point, number)), ..Faults::default() };
     let hung = Faults { hang: Some(9), ..Faults::default() };
-    let told = Faults { told: Some(0xbad0), ..lost(Point::Wait, 9) };
+    let reported = Faults { fault_address: Some(0xbad0), ..lost(Point::Wait, 9) };
     for (faults, what) in [
         (lost(Point::Submission, 9), "was lost while submitting `"),
         (lost(Point::Wait, 9), "was lost while computing `"),
-        (told, "`; its driver tells: invalid read at 0xbad0"),
+        (reported, "`; its driver tells: invalid read at 0xbad0"),
         (hung, "did not finish its work within 600 s, computing `"),
     ] {
         let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a device");

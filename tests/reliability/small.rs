@@ -7,8 +7,10 @@ use std::sync::OnceLock;
 
 use thirdbounce::capture::{self, Capture};
 use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
-use thirdbounce::job::{self, Input, Loaded, Request, SolverOptions};
+use thirdbounce::job::{self, Loaded, SolverOptions};
+use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
+use thirdbounce::solve::Discretisation;
 use thirdbounce::solve::{
     Accumulation, NoiseTerm, PaperOptions, Preset, Problem, Progress, Reconstruction, SurfaceOptions, Watch,
 };
@@ -53,7 +55,7 @@ pub fn files() -> &'static Files {
 }
 
 pub fn loaded() -> Loaded {
-    job::load(&Input { path: files().capture(), ..Input::default() }).expect("the capture loads")
+    job::load(&files().capture(), &Settings::default()).expect("the capture loads")
 }
 
 /// Captures of every kind of pairs, on a flat and on a bumpy wall.
@@ -115,7 +117,7 @@ pub fn solve(
         if cancel.is_some_and(|at| heard > at) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    let grid = Request::new(solver.clone(), "").grid(capture)?;
+    let grid = Discretisation::default().grid(solver, capture)?;
     solver.solve(gpu, &Problem::new(capture, grid).and_volume(), &mut watch)
 }
 

@@ -1,5 +1,4 @@
-//! Passes of stiff and extreme cases against the float64 twins. `cargo bench --bench stability` has figures, `make soak` long
-//! runs.
+//! Passes of stiff and extreme cases against the float64 references.
 
 use fixtures::device::{accumulations, assert_valid, gpu};
 use fixtures::extreme::{Case, cases, passes};

@@ -4,7 +4,8 @@ use std::ops::ControlFlow;
 
 use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
 use thirdbounce::job::profile::{self, ProfileRequest, check};
-use thirdbounce::job::{self, Input, Request};
+use thirdbounce::job::{self, Request};
+use thirdbounce::settings::Settings;
 use thirdbounce::solve::Accumulation;
 
 use super::Share;
@@ -48,7 +49,7 @@ pub fn rows(share: Share) -> Vec<Row> {
                 let out = tempfile::tempdir().map_err(|e| e.to_string())?;
                 let gate =
                     gate.map(thirdbounce::capture::Gate::parse).transpose().map_err(|e| e.to_string())?;
-                let loaded = job::load(&Input { path: files().capture(), gate, ..Input::default() });
+                let loaded = job::load(&files().capture(), &Settings { gate, ..Settings::default() });
                 let request = Request {
                     validation: true,
                     timings: true,

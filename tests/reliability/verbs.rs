@@ -22,7 +22,7 @@ enum How {
     AsMeant,
     OddPaths,
     HostMemory(&'static str),
-    /// After so many milliseconds.
+    /// Delay in milliseconds.
     Terminated(u64),
 }
 
@@ -179,7 +179,7 @@ fn containers(times: usize) -> Row {
                 })?;
             }
             let left: Vec<_> = leftovers(&out);
-            // Folders of a killed container stay for a week: nobody can tell whether their process lives.
+            // Folders of a killed container stay for a week: it is unknown whether their process lives.
             holds(left.is_empty() || i % 2 == 1, || format!("left behind: {left:?}")).map(|()| None)
         };
         row.add(&format!("{} of {times}", i + 1), case());

@@ -152,7 +152,7 @@ fn surface_options() -> SurfaceOptions {
     })
 }
 
-/// The error says what, where and how to mend it.
+/// The error says what, where and how to fix it.
 #[test]
 fn a_user_is_told_iteration_kernel_and_mend() {
     let gpu = gpu();
@@ -162,10 +162,10 @@ fn a_user_is_told_iteration_kernel_and_mend() {
     let failed = by_paper(&gpu, &capture, grid, &o).unwrap_err();
     assert_eq!(failed.kind, Kind::Options);
     assert!(failed.what.contains("iteration ") && failed.what.contains("kernel "), "{failed}");
-    assert!(failed.mend.names(Setting::LearningRate), "{failed}");
+    assert!(failed.hint.names(Setting::LearningRate), "{failed}");
     let failed = by_paper(&gpu, &capture, grid, &paper_options().with(|o| o.peak = 1e25)).unwrap_err();
     assert!(failed.what.contains("iteration 1: kernel residual"), "{failed}");
-    assert!(failed.mend.names(Setting::Peak), "{failed}");
+    assert!(failed.hint.names(Setting::Peak), "{failed}");
 }
 
 #[test]

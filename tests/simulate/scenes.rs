@@ -230,9 +230,9 @@ fn errors_say_what_is_wrong_and_how_to_mend_it() {
     let unknown = Scene::named("teapot").unwrap_err();
     assert!(
         unknown.what.contains("teapot")
-            && ["figure", "letter"].iter().all(|w| unknown.mend.to_string().contains(w))
+            && ["figure", "letter"].iter().all(|w| unknown.hint.to_string().contains(w))
     );
-    assert!(Scene::named("letter-7").unwrap_err().mend.to_string().contains("A to Z"));
+    assert!(Scene::named("letter-7").unwrap_err().hint.to_string().contains("A to Z"));
     assert!(Scene::named("letters-ABCD").unwrap_err().what.contains("abcd"));
     assert!(Scene::named("no/such.obj").unwrap_err().what.contains("no/such.obj"));
 
@@ -273,5 +273,5 @@ fn a_scene_that_faces_away_is_refused() {
     std::fs::write(&path, "v 0 0 0\nv 2 0 0\nv 2 1 0\nf 1 3 2\n").unwrap();
     let scene = Scene::named(path.to_str().unwrap()).unwrap();
     let error = simulate(&scene, &RenderOptions::default()).unwrap_err();
-    assert!(error.what.contains("away") && error.mend.to_string().contains("face the wall"), "{error}");
+    assert!(error.what.contains("away") && error.hint.to_string().contains("face the wall"), "{error}");
 }

@@ -194,7 +194,7 @@ fn images_are_as_sharp_as_noise_lets_them_be() {
         assert!(soft[0] > 0.6 && soft[1] > 0.6, "{name}: {chosen:?}, {soft:?}");
         assert!(sharpest.sharpness.is_none() && chosen.value != chosen.sharpest, "{name}: {chosen:?}");
         assert!(soft[0] > 1.5 * sharp[0], "{name}: {soft:?}, sharpest {sharp:?}");
-        // The value that was told gives the same image.
+        // The reported value gives the same image.
         assert_eq!(solve(name, &dark, Some(chosen)).maps.albedo, done.maps.albedo, "{name}");
     }
     assert_valid(&gpu);
@@ -234,7 +234,7 @@ fn scans_that_break_an_assumption_are_refused() {
         let error = options(name, 16, capture).prepare(&gpu, &Problem::new(capture, grid)).err();
         error.map(|e| {
             assert_eq!(e.kind, Kind::Input, "{e}");
-            assert!(e.mend.to_string().contains("fbp"), "{e}");
+            assert!(e.hint.to_string().contains("fbp"), "{e}");
             e.what
         })
     };

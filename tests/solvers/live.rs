@@ -188,10 +188,10 @@ fn frames_that_come_too_fast_are_dropped_queued_or_summed() {
     let gpu = gpu();
     let (capture, _) = seen(&letter(0.0));
     let of = |feed: Feed| {
-        let (told, heard) = channel();
+        let (reported, heard) = channel();
         let (go_on, stays) = channel::<()>();
         let hear: thirdbounce::session::Hear = Box::new(move |id, _| {
-            let _ = told.send(id.0);
+            let _ = reported.send(id.0);
             // Frame 1 stays here until the test has submitted all others.
             let _ = stays.recv();
             ControlFlow::Continue(())
@@ -210,18 +210,18 @@ fn frames_that_come_too_fast_are_dropped_queued_or_summed() {
         }
         (submitted, solved.into_iter().map(|s| s.0).collect::<Vec<_>>(), session.latency())
     };
-    // With one slot for results, those that nobody took yet give way.
-    let (submitted, solved, told) = of(Feed::Newest);
+    // With one slot, untaken results are replaced.
+    let (submitted, solved, reported) = of(Feed::Newest);
     assert!(submitted.iter().all(Result::is_ok) && solved.last() == Some(&4), "{solved:?}");
-    assert_eq!((told.dropped, told.frames), (2, 2));
-    assert!(told.median > Duration::ZERO && told.p99 >= told.median);
-    let (submitted, solved, told) = of(Feed::Every { most: 2 });
+    assert_eq!((reported.dropped, reported.frames), (2, 2));
+    assert!(reported.median > Duration::ZERO && reported.p99 >= reported.median);
+    let (submitted, solved, reported) = of(Feed::Every { most: 2 });
     assert_eq!(submitted.iter().map(Result::is_ok).collect::<Vec<_>>(), [true, true, false]);
     assert_error(submitted.into_iter().next_back().unwrap(), Kind::Options, &["2 frames wait"]);
-    assert_eq!((solved, told.dropped, told.frames), (vec![1, 2, 3], 0, 3));
-    let (submitted, solved, told) = of(Feed::Sum { decay: 0.5 });
+    assert_eq!((solved, reported.dropped, reported.frames), (vec![1, 2, 3], 0, 3));
+    let (submitted, solved, reported) = of(Feed::Sum { decay: 0.5 });
     assert!(submitted.iter().all(Result::is_ok) && solved.last() == Some(&4), "{solved:?}");
-    assert_eq!((told.dropped, told.frames), (0, 2));
+    assert_eq!((reported.dropped, reported.frames), (0, 2));
 }
 
 #[test]

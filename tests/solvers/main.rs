@@ -1,11 +1,11 @@
 //! Whole solves: what they find, what they leave out, what stays the same.
 
+mod api;
 mod closed_form;
-mod confidence;
-mod door;
+mod depth_error;
+mod external;
 mod layers;
 mod leave_out;
-mod lent;
 mod live;
 mod outline;
 mod paper;

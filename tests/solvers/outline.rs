@@ -12,7 +12,7 @@ use thirdbounce::solve::{
 use thirdbounce::transport::Grid;
 
 /// How often the commands of all parts run.
-fn told(parts: &[TimedSchedule]) -> BTreeMap<String, usize> {
+fn reported(parts: &[TimedSchedule]) -> BTreeMap<String, usize> {
     let mut all = BTreeMap::new();
     for part in parts {
         let times = match &part.when {
@@ -54,7 +54,7 @@ fn the_outline_is_what_runs() {
     outline_is_what_runs(8, 0.02, None);
 }
 
-/// Steps that repeat for every part are told as one block.
+/// Steps repeated for every part are one block.
 #[test]
 fn the_outline_of_pairs_in_parts_is_what_runs() {
     let parts = outline_is_what_runs(24, 0.0025, Some(240 << 10));
@@ -67,7 +67,7 @@ fn the_outline_of_pairs_in_parts_is_what_runs() {
     assert_eq!(residual().map(|s| s.sizes.len()).sum::<usize>(), cut.in_parts, "{cut}");
 }
 
-/// Holds outlines of a scene with so many points to a side against runs on a device that binds so many bytes. Returns that of the surface solver.
+/// Compares outlines of a scene by scan points per side with runs on a device with the given binding limit. Returns that of the surface solver.
 fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Vec<TimedSchedule> {
     let gpu = Gpu::open(&GpuOptions { timings: true, binding, ..GpuOptions::default() }).expect("a device");
     let scene = Scene { scan, bin_width, ..Scene::named("letter-L").unwrap() };
@@ -75,7 +75,7 @@ fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Ve
     let mut hear = |_: &_| std::ops::ControlFlow::Continue(());
     let check = |done: Reconstruction, parts: &[TimedSchedule]| {
         assert_known(&done.plan, parts);
-        assert_eq!(told(parts), ran(&gpu));
+        assert_eq!(reported(parts), ran(&gpu));
     };
     let o = PaperOptions::preset(Preset::Captured).with(|o| {
         o.lateral = 16;

@@ -276,7 +276,7 @@ fn what_cannot_run_is_refused_in_words() {
         .unwrap_err()
     };
     let error = refused(&capture, &o, Some(1 << 16));
-    assert!(error.kind == Kind::Memory && error.mend.names(Setting::Memory), "{error}");
+    assert!(error.kind == Kind::Memory && error.hint.names(Setting::Memory), "{error}");
     let deep = Grid { n: [8, 8, 40_000], ..grid(&capture, &o) };
     let model = paper::model(&capture, &deep, &o);
     let error = Plan::new(&model, deep, capture.scan, &o, &gpu.abilities(), false).unwrap_err();

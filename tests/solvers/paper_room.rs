@@ -45,11 +45,11 @@ fn room_that_is_enough_changes_nothing() {
         assert_eq!([all.plan.domain.capacity, all.plan.domain.touched_capacity], [storage; 2]);
         assert!(part.plan.domain.touched_capacity < storage && part.device_bytes < all.device_bytes);
         assert!(!all.full && !part.full);
-        let told = |r: &Reconstruction| -> Vec<_> {
+        let reported = |r: &Reconstruction| -> Vec<_> {
             let point = |p: &thirdbounce::solve::TracePoint| (p.iteration, p.active, p.loss.to_bits());
             r.trace.iter().map(point).collect()
         };
-        let last = |r: &Reconstruction| *told(r).last().unwrap();
+        let last = |r: &Reconstruction| *reported(r).last().unwrap();
         assert_eq!(last(&part), last(&all), "{sampling:?}");
         assert_eq!(part.volume, all.volume, "{sampling:?}");
         assert!(all.volume.unwrap().albedo.iter().filter(|a| **a != 0.0).count() > 100);

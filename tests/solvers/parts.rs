@@ -8,8 +8,9 @@ use fixtures::device::{model, unwatched};
 use glam::{DVec3, dvec2, dvec3};
 use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::gpu::{Abilities, Accumulations, Arena, DeviceKind, Gpu, GpuOptions, Limits, Memory, check};
-use thirdbounce::job::{Request, SolverOptions};
+use thirdbounce::job::SolverOptions;
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate};
+use thirdbounce::solve::Discretisation;
 use thirdbounce::solve::surface::OfFit;
 use thirdbounce::solve::{
     Accumulation, Begin, Level, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction,
@@ -100,7 +101,7 @@ fn solve(
     memory: Option<u64>,
 ) -> Result<Reconstruction> {
     let mut hear = |_: &_| ControlFlow::Continue(());
-    let grid = Request::new(solver.clone(), "").grid(capture)?;
+    let grid = Discretisation::default().grid(solver, capture)?;
     solver.solve(gpu, &Problem { capture, grid, memory, with_volume: true }, &mut unwatched(&mut hear))
 }
 
@@ -189,7 +190,7 @@ fn a_budget_holds_what_is_on_the_device() {
     assert!(arena.taken() <= budget && parts.device_bytes <= budget, "{}", arena.taken());
     assert!(arena.stored() >= parts.plan.stored_bytes());
     // A plan that fits is the one that is made without a budget.
-    let grid = Request::new(options.clone(), "").grid(&capture).expect("a grid");
+    let grid = Discretisation::default().grid(&options, &capture).expect("a grid");
     let plan = |memory| {
         options
             .plan_within(&gpu, &Problem { capture: &capture, grid, memory, with_volume: true })

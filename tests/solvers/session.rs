@@ -11,8 +11,9 @@ use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::gpu::{Gpu, GpuOptions, Point};
-use thirdbounce::job::{Bins, Input, Request};
+use thirdbounce::job::{Bins, Request};
 use thirdbounce::session::{Session, SessionOptions, default_grid};
+use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
     Accumulation, Begin, PaperOptions, Preset, Problem, Progress, Reconstruction, SolverOptions, Suit,
@@ -177,7 +178,7 @@ fn in_turns(
     })
 }
 
-/// A session ends a frame as the command ends a run: the same grid, mask and confidence, of both layers.
+/// A session ends a frame as the command ends a run: the same grid, mask and expected depth error, of both layers.
 #[test]
 fn a_session_gives_the_maps_of_the_command() {
     let gpu = gpu();
@@ -186,11 +187,12 @@ fn a_session_gives_the_maps_of_the_command() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("plates.npz");
     thirdbounce::capture::write(&capture, &file).unwrap();
-    let input = Input { path: file, no_auto_gate: true, ..Input::default() };
-    let loaded = thirdbounce::job::load(&input).unwrap();
+    let whole = Settings { auto_gate: Some(false), ..Settings::default() };
+    let loaded = thirdbounce::job::load(&file, &whole).unwrap();
     // A session estimates nothing that is not given.
     let solver = surface(|o| (o.lateral, o.iterations, o.grow, o.high_pass) = (32, 40, true, Some(0.1)));
-    let request = Request { bins: Bins::Sum(1), ..Request::new(solver.clone(), folder.path().join("out")) };
+    let settings = Settings::from(solver.clone()).with(|s| s.bins = Some(Bins::Sum(1)));
+    let request = Request::new(settings, folder.path().join("out"));
     let mut hear = |_: &Progress| ControlFlow::Continue(());
     let of_command = thirdbounce::job::run(&request, &loaded, &mut hear).unwrap().maps;
     let mut session = session(&gpu, &loaded.capture, &solver);
@@ -198,7 +200,7 @@ fn a_session_gives_the_maps_of_the_command() {
     let maps = &session.wait().unwrap().result.maps;
     // No depth is no number, which does not equal itself: as text.
     assert!(format!("{maps:?}") == format!("{of_command:?}"));
-    assert!(maps.behind.is_some() && maps.confidence.is_some());
+    assert!(maps.behind.is_some() && maps.depth_error.is_some());
 }
 
 #[test]
@@ -282,10 +284,10 @@ fn a_cancelled_frame_leaves_the_session_usable() {
     let [a, b] = frames(&scan);
     for solver in [surface(|_| ()), paper()] {
         let want = alone(&gpu, &scan, &solver, &b);
-        let (told, heard) = channel();
+        let (reported, heard) = channel();
         let (go_on, stays) = channel::<()>();
         let hear = move |id, progress: &Progress| {
-            told.send((id, progress.point.iteration)).expect("the test listens");
+            reported.send((id, progress.point.iteration)).expect("the test listens");
             // The first frame stays here until the test has cancelled it.
             let _ = stays.recv();
             ControlFlow::Continue(())

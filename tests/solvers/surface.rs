@@ -198,7 +198,7 @@ fn it_begins_with_what_the_capture_allows() {
     let error = lct.prepare(&gpu, &Problem::new(&capture, grid(&capture, 16)));
     let error = error.err().expect("a scan that is not confocal");
     assert_eq!(error.kind, Kind::Input);
-    assert!(error.what.contains("confocal") && error.mend.to_string().contains("auto"), "{error}");
+    assert!(error.what.contains("confocal") && error.hint.to_string().contains("auto"), "{error}");
     assert!(lct.takes(&capture).is_err());
     let same = |capture: &Capture| {
         let [auto, fbp] = [Begin::Auto, Begin::Fbp].map(|b| bits(&solve(&gpu, capture, of(capture, b)).maps));

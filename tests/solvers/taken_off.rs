@@ -101,7 +101,7 @@ fn closed_forms_take_the_background_of_each_pair_off() {
     assert_valid(&gpu);
 }
 
-/// The figure over 60 counts in every bin; over as many in the mean, different from pair to pair; and that as if nobody knew
+/// The figure over 60 counts in every bin; over as many in the mean, different from pair to pair; and the same without that knowledge
 /// that it is photons, so that one background is taken off.
 fn backgrounds() -> ([Capture; 3], Truth) {
     let ([even, _], truth) = captures();

@@ -158,3 +158,23 @@ fn zones_in_an_array_are_histograms_of_points() {
     assert_error(histogram(&path, &grid(), &divided), Kind::Options, &["has divided"]);
     assert!(matches!(asked().zero, Zero::Direct));
 }
+
+#[test]
+fn light_of_the_scene_is_not_taken_for_direct_light() {
+    let (_folder, path) = place("counts.npy");
+    // Path 0 is at bin 0, and all light is that of a thing at 1 m.
+    let light = |point: i64, bin: i64| match bin - 26 - point {
+        0.. => (4000.0 * (-0.3 * (bin - 26 - point) as f64).exp()).round() as i64,
+        _ => 0,
+    };
+    let counts: Vec<i64> = (0..4 * 64).map(|i| light(i / 64, i % 64)).collect();
+    write(&path, Array::from_i64(&[4, 64], &counts).to_npy());
+    let direct = Asked { division: None, bin_width: Some(0.075), ..asked() };
+    assert_error(
+        histogram(&path, &grid(), &direct),
+        Kind::Input,
+        &["counts.npy", "path of -2.0", "`zero` 0ps"],
+    );
+    let zero = Asked { zero: Zero::At(0.0), ..direct };
+    assert_eq!(histogram(&path, &grid(), &zero).unwrap().capture.t_start, 0.0);
+}

@@ -310,8 +310,8 @@ fn the_direct_peak_is_path_zero() {
     let c = &found.capture;
     assert!(c.t_start < -2.0 && c.t_end() > 2.0, "{} {}", c.t_start, c.t_end());
     for (point, delay) in delays.iter().enumerate() {
-        let told = found.direct.as_ref().unwrap()[point % 4 * 4 + point / 4];
-        assert!((told - delay * TICK * LIGHT).abs() < 1e-3, "{told}");
+        let reported = found.direct.as_ref().unwrap()[point % 4 * 4 + point / 4];
+        assert!((reported - delay * TICK * LIGHT).abs() < 1e-3, "{reported}");
         let histogram = at(c, point % 4, point / 4);
         for path in [0.0, 500.0 * TICK * LIGHT] {
             let near = |b: &usize| (c.t_start + (*b as f64 + 0.5) * c.bin_width - path).abs() < 0.03;
@@ -373,4 +373,69 @@ fn a_detector_that_records_more_photons_of_a_pulse_has_no_pile_up() {
     let on = Asked { pile_up: PileUp::On, ..pulses };
     let made = histogram(&path, &grid(2, 2), &on);
     assert!(made.as_ref().is_err_and(|e| e.what.contains("more photons than laser pulses")) || made.is_ok());
+}
+
+#[test]
+fn lines_never_shift_where_there_are_more_than_the_header_has() {
+    // Rounds of four lines, with a pause after each; the header has three.
+    let mut made = Made::new(30_000, 11);
+    let lines = || (0..12).map(|line| 500 + line / 4 * 9000 + line % 4 * 700);
+    made.markers.extend(lines().map(|sync| (sync, 1)));
+    let (_folder, path) = place("made.ptu");
+    let header = [("ImgHdr_LineStart", 1), ("ImgHdr_PixX", 2), ("ImgHdr_PixY", 3)];
+    let image = Asked { division: None, ..asked(Division::Pulses { each: 1, before: 0 }) };
+    write(&path, made.file(0x0001_0307).0.file(TICK, PERIOD, &header));
+    assert_error(histogram(&path, &grid(2, 3), &image), Kind::Input, &["comes 4 times", "the scan has 3"]);
+    let point = |sync: i64| {
+        let begin = lines().rev().find(|begin| *begin <= sync).filter(|begin| sync < begin + 700)?;
+        Some(((begin - 500) % 9000 / 700 * 2 + (sync - begin) / 350) as usize)
+    };
+    assert_same(&histogram(&path, &grid(2, 4), &image).unwrap(), &made.wanted(8, point), 2);
+    // With a marker of frames the rest of each round is left out, and a note says so.
+    made.markers.iter_mut().step_by(4).for_each(|(_, bits)| *bits = 5);
+    let framed = [&header[..], &[("ImgHdr_Frame", 3)]].concat();
+    write(&path, made.file(0x0001_0307).0.file(TICK, PERIOD, &framed));
+    let found = histogram(&path, &grid(2, 3), &image).unwrap();
+    assert_same(&found, &made.wanted(6, |sync| point(sync).filter(|point| *point < 6)), 2);
+    assert!(
+        found.notes.iter().any(|n| n.contains("more than the 3") && n.contains("3 rounds")),
+        "{:?}",
+        found.notes
+    );
+    made.markers.clear();
+    write(&path, made.file(0x0001_0307).0.file(TICK, PERIOD, &header));
+    assert_error(histogram(&path, &grid(2, 3), &image), Kind::Input, &["no marker"]);
+}
+
+#[test]
+fn tags_out_of_order_are_counted_where_they_belong_and_noted() {
+    let made = Made::new(6 * 500, 3);
+    let wanted = made.wanted(6, |sync| Some((sync / 500) as usize));
+    let by = asked(Division::Pulses { each: 500, before: 0 });
+    let (_folder, path) = place("made.ptu");
+    let mut writer = made.file(0x0001_0307).0;
+    let pair = |w: &[u32]| w.iter().all(|w| w >> 31 == 0) && w[0] & 1023 != w[1] & 1023;
+    let at = writer.words.windows(2).position(pair).unwrap();
+    writer.words.swap(at, at + 1);
+    write(&path, writer.file(TICK, PERIOD, &[]));
+    let found = histogram(&path, &grid(3, 2), &by).unwrap();
+    assert_same(&found, &wanted, 3);
+    assert!(found.notes.iter().any(|n| n.starts_with("1 photons were out of order")), "{:?}", found.notes);
+    // A laser pulse behind a later one.
+    let text = path.with_extension("csv");
+    write(&text, "0,10\n1,12\n0,210\n0,110\n1,220\n0,310\n");
+    let tags = thirdbounce::tags::Tags::open(&text, &Inputs { sync: 0, markers: vec![] }).unwrap();
+    let notes = tags.events(|_| ()).unwrap().notes.join("\n");
+    assert!(notes.contains("1 laser pulses were out of order"), "{notes}");
+}
+
+#[test]
+fn a_measurement_mode_that_contradicts_the_records_is_refused() {
+    let (_folder, path) = place("made.ptu");
+    let made = Made::new(100, 3);
+    for (number, mode, name) in [(0x0001_0307, 2, "T2"), (0x0001_0203, 3, "T3"), (0x0001_0303, 2, "T2")] {
+        write(&path, made.file(number).0.file(TICK, PERIOD, &[("Measurement_Mode", mode)]));
+        let found = histogram(&path, &grid(3, 2), &asked(Division::Pulses { each: 5, before: 0 }));
+        assert_error(found, Kind::Input, &["contradicts itself", name, "record type"]);
+    }
 }

@@ -121,7 +121,7 @@ fn a_scene_comes_out_of_time_tags_as_of_exact_histograms() {
     write_capture(&exact, &folder.path().join("exact.npz")).unwrap();
     write_truth(&folder.path().join("truth.npz"), &truth(&scene, 64).unwrap()).unwrap();
     measure(&sharp, &folder.path().join("scan.ptu"));
-    let told = succeed(&[
+    let reported = succeed(&[
         "histogram",
         &at("scan.ptu"),
         "--scan",
@@ -141,7 +141,7 @@ fn a_scene_comes_out_of_time_tags_as_of_exact_histograms() {
     for words in
         ["generic", "channel   1", "points    250000 ", "direct    ", "16 x 16 = 256 pairs, confocal"]
     {
-        assert!(told.contains(words), "{words} is not in\n{told}");
+        assert!(reported.contains(words), "{words} is not in\n{reported}");
     }
     assert!(std::fs::metadata(at("check.png")).unwrap().len() > 5000);
     let made = read(&folder.path().join("tags.npz")).unwrap();

@@ -177,7 +177,7 @@ fn damaged_files_are_refused_and_never_panic() {
             let opened = Tags::open(&path, &Inputs::default()).map(drop);
             let error = opened.expect_err("a header that is cut");
             assert!(error.what.starts_with(&path.display().to_string()), "{error}");
-            assert!(error.kind == Kind::Input && !error.mend.to_string().is_empty());
+            assert!(error.kind == Kind::Input && !error.hint.to_string().is_empty());
         }
         for _ in 0..300 {
             let mut bad = good.clone();

@@ -1,6 +1,6 @@
-//! Advice on how to mend an error: text with typed settings in it. A front end shows the settings in its own words.
+//! Hints for fixing an error: text with typed settings in it. A front end formats the settings itself.
 //!
-//! [`std::fmt::Display`] shows a setting as the name of the library's field, in backticks. The command line shows its
+//! [`std::fmt::Display`] formats a setting as the name of the library's field, in backticks; the command line as its
 //! flag.
 
 use std::borrow::Cow;
@@ -12,7 +12,7 @@ use serde::{Serialize, Serializer};
 /// Declares the settings, each with the name of its field and its documentation.
 macro_rules! settings {
     ($($setting:ident $name:literal $what:literal)*) => {
-        /// A setting that an advice may name.
+        /// A setting that a hint may name.
         #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
         #[non_exhaustive]
         pub enum Setting {
@@ -23,14 +23,14 @@ macro_rules! settings {
             /// All settings.
             pub const ALL: &[Setting] = &[$(Setting::$setting),*];
 
-            /// The name of the field that holds it.
+            /// Name of the corresponding field.
             pub const fn name(self) -> &'static str {
                 match self {
                     $(Setting::$setting => $name,)*
                 }
             }
 
-            /// The same for C.
+            /// The same name for C.
             pub const fn c_name(self) -> &'static CStr {
                 match self {
                     $(Setting::$setting => match CStr::from_bytes_with_nul(concat!($name, "\0").as_bytes()) {
@@ -44,32 +44,36 @@ macro_rules! settings {
 }
 
 settings! {
-    Accumulation "accumulation" "How rendered values are added up on the device."
+    Accumulation "accumulation" "Accumulation path of rendered values."
+    Axes "axes" "Order of the axes of an array of counts."
+    BinWidth "bin_width" "Bin width in metres of path."
     DepthPitch "depth_pitch" "Depth of a voxel."
-    Device "device" "The device, by its index or a part of its name."
-    Gate "gate" "The interval of paths that is used."
-    HostMemory "host_memory" "Most memory of the host that the process may hold, in bytes."
+    Device "device" "Device, by index, part of its name, or UUID."
+    Gate "gate" "Interval of path lengths used."
+    HostMemory "host_memory" "Maximum host memory of the process, bytes."
     InitialAlbedo "initial_albedo" "Albedo of every voxel before the first iteration."
+    KeepEmpty "keep_empty" "Keeps pairs without any count."
     L1 "l1" "Weight of the L1 term."
     Lateral "lateral" "Voxels along x and along y."
     LearningRate "learning_rate" "Step size."
-    Memory "memory" "Budget of device memory in bytes."
-    MinDepth "min_depth" "Least distance of the reconstructed box from the wall."
+    Memory "memory" "Maximum device memory, bytes."
+    MinDepth "min_depth" "Minimum distance of the volume from the wall."
     NoiseSpan "noise_span" "Range of the learnt noise."
-    Peak "peak" "Value that the largest measurement is scaled to."
-    Stride "stride" "Every Nth point of the scan is used."
-    Volume "volume" "The box that is reconstructed."
+    Peak "peak" "Scaled value of the largest measurement."
+    Stride "stride" "Stride over scan points."
+    Volume "volume" "Reconstructed volume."
     Wall "wall" "Side of the wall."
+    Zero "zero" "Delay of path 0."
 }
 
-/// A setting to change.
+/// A change that may fix an error.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Remedy {
-    /// This setting; the text around it says how.
+    /// This setting; the surrounding text gives the value.
     Set(Setting),
-    /// Any change that makes the job smaller.
+    /// Any change that reduces the size of the problem.
     SmallerJob {
-        /// Bytes that were asked for, if known.
+        /// Bytes requested, if known.
         asked: Option<u64>,
         /// Bytes that are available, if known.
         available: Option<u64>,
@@ -77,11 +81,11 @@ pub enum Remedy {
 }
 
 impl Remedy {
-    /// A smaller job, with both byte counts unknown.
+    /// [`Remedy::SmallerJob`] without byte counts.
     pub const SMALLER_JOB: Remedy = Remedy::SmallerJob { asked: None, available: None };
 }
 
-/// Where to find more information.
+/// A source of further information.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Look {
     /// The list of devices: `gpu::devices`.
@@ -90,40 +94,40 @@ pub enum Look {
     Capture,
 }
 
-/// A part of an advice.
+/// A part of a hint.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum AdvicePart {
     /// Plain text.
     Text(Cow<'static, str>),
-    /// A change to make.
+    /// A change.
     Change(Remedy),
-    /// A place to look.
+    /// A source of information.
     Look(Look),
 }
 
-/// How to mend an error: parts in order.
+/// Hint for fixing an error: parts in order.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Advice(Vec<AdvicePart>);
 
 impl Advice {
-    /// Its parts in order.
+    /// Parts in order.
     pub fn parts(&self) -> &[AdvicePart] {
         &self.0
     }
 
-    /// The changes that it proposes.
+    /// All proposed changes.
     pub fn remedies(&self) -> impl Iterator<Item = Remedy> {
         self.0
             .iter()
             .filter_map(|part| if let AdvicePart::Change(remedy) = part { Some(*remedy) } else { None })
     }
 
-    /// Whether it proposes to change this setting.
+    /// Whether the hint proposes a change of this setting.
     pub fn names(&self, setting: Setting) -> bool {
         self.remedies().any(|r| r == Remedy::Set(setting))
     }
 
-    /// The advice as text. A front end words the changes with `changed` and the places to look with `found`.
+    /// The hint as text. `changed` formats changes, `found` sources of information.
     pub fn say(&self, changed: impl Fn(Remedy) -> String, found: impl Fn(Look) -> String) -> String {
         let said = |part: &AdvicePart| match part {
             AdvicePart::Text(text) => text.to_string(),
@@ -133,7 +137,7 @@ impl Advice {
         self.0.iter().map(said).collect()
     }
 
-    /// The same advice with `more` at the end.
+    /// The same hint with `more` appended.
     pub fn and(mut self, more: impl Into<Advice>) -> Advice {
         self.0.extend(more.into().0);
         self
@@ -154,7 +158,7 @@ impl fmt::Display for Advice {
     }
 }
 
-/// Serialized as it is displayed.
+/// Serialised as it is displayed.
 impl Serialize for Advice {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
@@ -185,8 +189,8 @@ impl From<&[AdvicePart]> for Advice {
     }
 }
 
-/// Makes the parts of an advice, in order. Text is a literal or `(expression)`, a setting is its name in [`Setting`], a
-/// [`Remedy`] is `{expression}`, a [`Look`] is `[Name]`.
+/// Parts of a hint, in order. Text is a literal or `(expression)`, a setting is its name in [`Setting`], a [`Remedy`]
+/// is `{expression}`, a [`Look`] is `[Name]`.
 #[doc(hidden)]
 #[macro_export]
 macro_rules! __advice {

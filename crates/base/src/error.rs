@@ -1,4 +1,4 @@
-//! The one error type: what is wrong, and how to mend it.
+//! Error type: problem and hint.
 
 use std::any::Any;
 
@@ -21,65 +21,65 @@ pub enum Kind {
     Cancelled,
 }
 
-/// What is wrong, and what to do about it.
+/// An error: problem and hint for fixing it.
 #[derive(Debug, Clone, thiserror::Error)]
-#[error("{what}\n  {mend}")]
+#[error("{what}\n  {hint}")]
 pub struct Error {
-    /// The subject.
+    /// Category.
     pub kind: Kind,
-    /// What is wrong, and where.
+    /// Problem and location.
     pub what: String,
-    /// What the reader can do about it.
-    pub mend: Advice,
+    /// Hint for fixing it.
+    pub hint: Advice,
 }
 
 impl Error {
     /// An error of any kind.
-    pub fn new(kind: Kind, what: impl Into<String>, mend: impl Into<Advice>) -> Self {
-        Error { kind, what: what.into(), mend: mend.into() }
+    pub fn new(kind: Kind, what: impl Into<String>, hint: impl Into<Advice>) -> Self {
+        Error { kind, what: what.into(), hint: hint.into() }
     }
 
     /// An error of [`Kind::Input`].
-    pub fn input(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
-        Error::new(Kind::Input, what, mend)
+    pub fn input(what: impl Into<String>, hint: impl Into<Advice>) -> Self {
+        Error::new(Kind::Input, what, hint)
     }
 
     /// An error of [`Kind::Options`].
-    pub fn options(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
-        Error::new(Kind::Options, what, mend)
+    pub fn options(what: impl Into<String>, hint: impl Into<Advice>) -> Self {
+        Error::new(Kind::Options, what, hint)
     }
 
     /// An error of [`Kind::Device`].
-    pub fn device(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
-        Error::new(Kind::Device, what, mend)
+    pub fn device(what: impl Into<String>, hint: impl Into<Advice>) -> Self {
+        Error::new(Kind::Device, what, hint)
     }
 
     /// An error of [`Kind::Memory`].
-    pub fn memory(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
-        Error::new(Kind::Memory, what, mend)
+    pub fn memory(what: impl Into<String>, hint: impl Into<Advice>) -> Self {
+        Error::new(Kind::Memory, what, hint)
     }
 
     /// An error of [`Kind::Output`].
-    pub fn output(what: impl Into<String>, mend: impl Into<Advice>) -> Self {
-        Error::new(Kind::Output, what, mend)
+    pub fn output(what: impl Into<String>, hint: impl Into<Advice>) -> Self {
+        Error::new(Kind::Output, what, hint)
     }
 
-    /// The same error with other advice.
-    pub fn advised(self, mend: impl Into<Advice>) -> Self {
-        Error { mend: mend.into(), ..self }
+    /// The same error with another hint.
+    pub fn advised(self, hint: impl Into<Advice>) -> Self {
+        Error { hint: hint.into(), ..self }
     }
 
-    /// The same error with its place (a file, a dataset) in front of what is wrong.
+    /// The same error with its location (a file, a dataset) prepended.
     pub fn at(mut self, place: impl std::fmt::Display) -> Self {
         self.what = format!("{place}: {}", self.what);
         self
     }
 }
 
-/// The message of a panic that was caught; `None` if it has none that is text.
+/// Message of a caught panic; `None` if it is not text.
 pub fn panic_message(panic: &(dyn Any + Send)) -> Option<&str> {
     panic.downcast_ref::<String>().map(String::as_str).or(panic.downcast_ref::<&str>().copied())
 }
 
-/// The result of everything that can fail.
+/// Result of a fallible operation.
 pub type Result<T> = std::result::Result<T, Error>;

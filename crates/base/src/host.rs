@@ -1,8 +1,7 @@
-//! Memory of the host: how much is free, asked before every array whose size a file decides.
+//! Host memory available to this process, checked before every allocation whose size a file determines.
 //!
-//! Free is the least of what the system has (`MemAvailable`), what the control groups of this process leave (version 2 or 1),
-//! what its limit of address space leaves (`ulimit -v`), and what [`set_limit`] leaves. Where the system tells none of these,
-//! nothing is refused before it is allocated.
+//! The available memory is the minimum of the system's (`MemAvailable`), the control groups' (version 2 or 1), the
+//! limit of address space (`ulimit -v`), and [`set_limit`]. Unlimited if none of these is known.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,21 +10,20 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use crate::advice::{Advice, advice};
 use crate::error::{Error, Result};
 
-/// Arrays below this many bytes are not worth the files that tell what is free.
+/// Allocations below this size, in bytes, are not checked.
 const SMALL: u64 = 1 << 20;
-/// Arrays up to this many bytes may be packed as tightly as they can be.
+/// Arrays up to this size, in bytes, may have any compression ratio.
 const ORDINARY: u64 = 64 << 20;
 
-/// Most bytes that this process may hold.
+/// Memory limit of this process, bytes.
 static LIMIT: AtomicU64 = AtomicU64::new(u64::MAX);
 
-/// Sets the most memory of the host that this process may hold, bytes, all of its memory included; `None` for as much as there
-/// is. It holds for arrays that a file asks for from now on, in all threads.
+/// Sets the memory limit of this process in bytes, or removes it. Applies to later allocations of all threads.
 pub fn set_limit(bytes: Option<u64>) {
     LIMIT.store(bytes.unwrap_or(u64::MAX), Ordering::Relaxed);
 }
 
-/// Bytes that this process may take.
+/// Available bytes.
 pub fn free() -> u64 {
     free_below(Path::new("/")).min(left_of_limit())
 }
@@ -37,7 +35,7 @@ fn left_of_limit() -> u64 {
     }
 }
 
-/// What the system, the control groups and the limit of address space leave. Their files are below `root`.
+/// Available bytes by system, control groups and limit of address space. `root` is the root of their files.
 fn free_below(root: &Path) -> u64 {
     let text = |path: &str| fs::read_to_string(root.join(path)).unwrap_or_default();
     let available = kilobytes(&text("proc/meminfo"), "MemAvailable:");
@@ -51,7 +49,7 @@ fn free_below(root: &Path) -> u64 {
     [available, space, groups].into_iter().flatten().min().unwrap_or(u64::MAX)
 }
 
-/// What this process holds, of a line of its status.
+/// Bytes held by this process, from a line of its status.
 fn held(line: &str, root: &Path) -> Option<u64> {
     kilobytes(&fs::read_to_string(root.join("proc/self/status")).ok()?, line)
 }
@@ -61,11 +59,11 @@ fn kilobytes(text: &str, line: &str) -> Option<u64> {
     Some(value.parse::<u64>().ok()?.saturating_mul(1024))
 }
 
-/// The files of a control group: its limit, its use, and the line of its statistics with cached files, which give way.
+/// Files of a control group: limit, usage, and the line of its statistics with reclaimable cache.
 type Names = [&'static str; 3];
 
-/// The control groups of memory that hold this process, and those above them. In a container the path of a group may be one of
-/// the host, which is not there: then the container sees its own group as the highest.
+/// Memory control groups of this process and their ancestors. In a container, a group's path may be that of the host
+/// and not exist; the container's root is then its group.
 fn groups(listed: &str, mounted: &Path) -> Vec<(PathBuf, Names)> {
     const TWO: Names = ["memory.max", "memory.current", "inactive_file "];
     const ONE: Names = ["memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file "];
@@ -85,7 +83,7 @@ fn groups(listed: &str, mounted: &Path) -> Vec<(PathBuf, Names)> {
     all
 }
 
-/// What a control group leaves; `None` if it has no limit.
+/// Available bytes of a control group; `None` without a limit.
 fn left_in(folder: &Path, [limit, used, cached]: &Names) -> Option<u64> {
     let text = |name: &str| fs::read_to_string(folder.join(name)).ok();
     let number = |name: &str| text(name)?.trim().parse::<u64>().ok();
@@ -95,15 +93,15 @@ fn left_in(folder: &Path, [limit, used, cached]: &Names) -> Option<u64> {
     Some(number(limit)?.saturating_sub(used))
 }
 
-/// The bytes of arrays of `count` elements of `size` bytes; the most that can be told where that is beyond 64 bits.
+/// Bytes of `count` elements of `size` bytes, saturating.
 pub fn bytes(count: usize, size: usize) -> u64 {
     (count as u64).saturating_mul(size as u64)
 }
 
-/// Asks for `bytes` of memory for `what`, before they are allocated.
+/// Checks that `bytes` of memory are available for `what`, before allocation.
 ///
 /// # Errors
-/// `Kind::Memory`, with what is needed and what there is.
+/// `Kind::Memory`, with requested and available bytes.
 pub fn ask(what: &str, bytes: u64) -> Result<()> {
     if bytes < SMALL {
         return Ok(());
@@ -113,17 +111,17 @@ pub fn ask(what: &str, bytes: u64) -> Result<()> {
 }
 
 fn refused(what: &str, bytes: u64, free: u64) -> Error {
-    let mend: Advice = match LIMIT.load(Ordering::Relaxed) {
+    let hint: Advice = match LIMIT.load(Ordering::Relaxed) {
         u64::MAX => advice!["use a smaller part of the capture, or close other programs"].into(),
         _ => advice!["use a smaller part of the capture, or allow more with " HostMemory].into(),
     };
     Error::memory(
         format!("{what} needs {} MiB of memory, and {} MiB are free", bytes >> 20, free >> 20),
-        mend,
+        hint,
     )
 }
 
-/// An empty vector with room for `count` elements.
+/// An empty vector with capacity for `count` elements.
 ///
 /// # Errors
 /// `Kind::Memory`, as [`ask`].
@@ -155,7 +153,7 @@ pub fn collected<T>(what: &str, count: usize, values: impl IntoIterator<Item = T
     Ok(all)
 }
 
-/// Whether a large array is packed more than `times` as tightly as it is read.
+/// Whether a large array has a compression ratio above `times`.
 pub fn swells(bytes: u64, packed: u64, times: u64) -> bool {
     bytes > ORDINARY && bytes / times > packed
 }
@@ -197,7 +195,7 @@ mod tests {
             ("sys/fs/cgroup/a/memory.stat", "anon 1\ninactive_file 1200\n"),
         ];
         assert_eq!(free(&two), 3200);
-        // Version 1, in a container that does not see the path of its group.
+        // Version 1, in a container where the group's path does not exist.
         let one = [
             meminfo,
             ("proc/self/cgroup", "5:cpu:/x\n4:memory:/docker/1234\n"),

@@ -1,6 +1,6 @@
-//! What every crate of thirdbounce stands on: one kind of [`Error`], and the [`advice`] in it on how to mend what is wrong.
+//! Foundation of all crates of thirdbounce: the [`Error`] type with its [`advice`].
 //!
-//! Feature `formats` adds [`files`], which appear whole or not at all, and [`host`], the memory that their arrays may take.
+//! Feature `formats` adds [`files`] (atomic writes) and [`host`] (memory checks).
 
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]

@@ -4,166 +4,34 @@
 //! wall. Its histogram counts light by the length of the path laser point → hidden point → sensor point. Bin b of width
 //! Δ collects paths in [t0 + bΔ, t0 + (b+1)Δ). The wall is near z = 0, the hidden scene at z > 0, y is up.
 //!
-//! Feature `formats` reads and writes captures as files.
+//! [`data`] is the capture itself, `readers` make captures of files (feature `formats`), and [`conditioning`] is the list of
+//! steps between a capture as recorded and one that a solver takes.
 
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
 
-mod background;
-pub mod calibrate;
-pub mod check;
-mod choose;
+pub mod conditioning;
+pub mod data;
 #[cfg(feature = "formats")]
-mod clipped;
-mod doubts;
+pub mod readers;
+
+pub use conditioning::{AutoGate, Background, Gate, Keep, Turn, auto_gate, published_gate, recorded_gate};
+#[doc(hidden)]
+pub use conditioning::{calibrate, gate, negative};
+pub use data::{
+    Capture, METRES_PER_PICOSECOND, PairKind, Product, Pulse, PulseTaps, Reflectance, Summary, Way,
+};
+#[doc(hidden)]
+pub use data::{check, lattice, median, nearest, pairs, pulse, scan, summary};
 #[cfg(feature = "formats")]
-pub mod formats;
-pub mod gate;
-mod histogram_figures;
-mod hot;
+#[doc(hidden)]
+pub use readers as formats;
 #[cfg(feature = "formats")]
-mod keep;
-pub mod lattice;
-pub mod median;
-pub mod nearest;
-pub mod negative;
-mod normals;
-pub mod pairs;
-mod pile_up;
-pub mod pulse;
-mod recorded;
-mod reflectance;
-pub mod scan;
-mod sum;
-pub mod summary;
-mod turn;
+pub use readers::{
+    AxisOrder, Bounce, Opened, ReadOptions, read, read_given, read_kept, read_with_notes, write,
+};
 
-pub use background::Background;
 #[cfg(feature = "formats")]
-pub use formats::{Bounce, Opened, ReadOptions, read, read_given, read_kept, read_with_notes, write};
-pub use gate::{AutoGate, Gate, auto_gate, published_gate};
-#[cfg(feature = "formats")]
-pub use keep::Keep;
-pub use pairs::{PairKind, Product};
-pub use pulse::{Pulse, PulseTaps, Way};
-pub use recorded::recorded_gate;
-pub use reflectance::Reflectance;
-pub use summary::Summary;
-pub use turn::Turn;
-
-use glam::DVec3;
-use thirdbounce_base::error;
-#[cfg(feature = "formats")]
-use thirdbounce_base::{files, host};
-
-/// Metres that light travels in a picosecond.
-pub const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
-
-/// Transient histograms of P pairs of wall points.
-///
-/// [`Capture::new`] takes what every capture has; the other fields are set afterwards. Nothing is checked before
-/// [`Capture::check`].
-#[derive(Debug, Clone, PartialEq)]
-#[non_exhaustive]
-pub struct Capture {
-    /// A short name: the stem of the file, or the name of the scene.
-    pub name: String,
-    /// Scan shape (X, Y), X * Y = P. Pair `ix * Y + iy` is at ix along +x and iy along +y.
-    pub scan: [usize; 2],
-    /// Laser points, one per pair, in metres.
-    pub laser: Vec<DVec3>,
-    /// Sensor points, one per pair, in metres.
-    pub sensor: Vec<DVec3>,
-    /// Unit wall normals at the laser points, one per pair, if known.
-    pub laser_normal: Option<Vec<DVec3>>,
-    /// Unit wall normals at the sensor points, one per pair, if known.
-    pub sensor_normal: Option<Vec<DVec3>>,
-    /// Number of bins T.
-    pub bins: usize,
-    /// Bin width Δ in metres of path.
-    pub bin_width: f64,
-    /// Leading edge of bin 0 in metres of path.
-    pub t_start: f64,
-    /// Counts, `[pair * bins + bin]`, P * T of them. Negative ones are counts less a background.
-    pub histograms: Vec<f32>,
-    /// Whether all counts are whole numbers and none is negative: photon counts. They remain so when pile-up is taken out.
-    pub integer_counts: bool,
-    /// The instrument's pulse, if known.
-    pub pulse: Option<Pulse>,
-    /// Full width at half maximum of what the laser lights on the wall, a Gaussian, metres; `None` or 0: a point.
-    pub laser_spot: Option<f64>,
-    /// Full width at half maximum of what the sensor sees of the wall, a Gaussian, metres; `None` or 0: a point.
-    pub sensor_spot: Option<f64>,
-    /// Laser pulses of every pair, if known, and if the detector records only the first photon of each.
-    pub cycles: Option<f64>,
-    /// The path of direct light, laser to wall point to sensor, in every pair, metres, where bins hold it and it is known: 0 in
-    /// a capture of time tags. [`auto_gate`] leaves it out however weak it is.
-    pub direct: Option<f64>,
-}
-
-impl Capture {
-    /// A capture without name, normals, pulse and spots. Its bins begin at path 0, and its counts are real numbers.
-    ///
-    /// - `scan`: points along x and along y, [X, Y]; X * Y = P pairs. A list of pairs is [P, 1].
-    /// - `laser`, `sensor`: wall points of pair `ix * Y + iy`, in metres; P of each.
-    /// - `bins`: number of bins T of every histogram.
-    /// - `bin_width`: metres of path, that is seconds times 299 792 458.
-    /// - `histograms`: counts `[pair * bins + bin]`; P * T of them.
-    pub fn new(
-        scan: [usize; 2],
-        laser: Vec<DVec3>,
-        sensor: Vec<DVec3>,
-        bins: usize,
-        bin_width: f64,
-        histograms: Vec<f32>,
-    ) -> Capture {
-        Capture {
-            name: String::new(),
-            scan,
-            laser,
-            sensor,
-            laser_normal: None,
-            sensor_normal: None,
-            bins,
-            bin_width,
-            t_start: 0.0,
-            histograms,
-            integer_counts: false,
-            pulse: None,
-            laser_spot: None,
-            sensor_spot: None,
-            cycles: None,
-            direct: None,
-        }
-    }
-
-    /// The capture after `change`.
-    #[must_use]
-    pub fn with(mut self, change: impl FnOnce(&mut Capture)) -> Capture {
-        change(&mut self);
-        self
-    }
-
-    /// The capture without its counts: points, bins and all the rest. Enough to choose pairs and to plan a solve.
-    #[doc(hidden)]
-    pub fn outline(&self) -> Capture {
-        self.with_bins(self.bins, self.bin_width, self.t_start, vec![])
-    }
-
-    /// The same pairs with other bins; `histograms` holds `bins` counts for each pair.
-    fn with_bins(&self, bins: usize, bin_width: f64, t_start: f64, histograms: Vec<f32>) -> Capture {
-        Capture {
-            bins,
-            bin_width,
-            t_start,
-            histograms,
-            name: self.name.clone(),
-            laser: self.laser.clone(),
-            sensor: self.sensor.clone(),
-            laser_normal: self.laser_normal.clone(),
-            sensor_normal: self.sensor_normal.clone(),
-            pulse: self.pulse.clone(),
-            ..*self
-        }
-    }
-}
+use thirdbounce_base::files;
+use thirdbounce_base::host;
+use thirdbounce_base::{advice, error};

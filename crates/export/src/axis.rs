@@ -1,8 +1,8 @@
-//! Axes of plots: ranges, marks and their labels, and a panel between two axes.
+//! Plot axes: ranges, ticks and labels, and a panel between two axes.
 
 use super::figure::{BODY, Colour, FRAME, Figure, GRID, INK, TITLE};
 
-/// A range of values with marks at round numbers.
+/// A range of values with ticks at round numbers.
 #[derive(Clone)]
 pub struct Axis {
     pub low: f64,
@@ -11,8 +11,7 @@ pub struct Axis {
 }
 
 impl Axis {
-    /// An axis for all `values`, with a little room around them. A logarithmic axis ignores values that are not above
-    /// zero.
+    /// An axis covering all `values` with a margin. A logarithmic axis ignores values that are not positive.
     pub fn new(values: impl Iterator<Item = f64>, logarithmic: bool) -> Axis {
         let fits = |v: &f64| v.is_finite() && (!logarithmic || *v > 0.0);
         let (low, high) = values.filter(fits).fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(v), b.max(v)));
@@ -38,14 +37,14 @@ impl Axis {
         share.clamp(0.0, 1.0)
     }
 
-    /// Marks at `multiples` of the powers of ten within a logarithmic axis.
+    /// Ticks at `multiples` of the powers of ten inside a logarithmic axis.
     fn multiples(&self, multiples: &[f64]) -> Vec<f64> {
         let powers = (self.low.log10().floor() as i32)..=(self.high.log10().ceil() as i32);
         let all = powers.flat_map(|power| multiples.iter().map(move |m| rounded(m * 10f64.powi(power))));
         all.filter(|v| (self.low..=self.high).contains(v)).collect()
     }
 
-    /// The marks of a logarithmic axis that have labels. Fewer decades get more labels.
+    /// Labelled ticks of a logarithmic axis, denser for fewer decades.
     fn labelled(&self) -> Vec<f64> {
         let marks = self.multiples(match (self.high / self.low).log10() {
             d if d > 2.2 => &[1.0],
@@ -56,11 +55,11 @@ impl Axis {
         if marks.len() > 1 {
             return marks;
         }
-        // At most one round number is on the axis, so even parts are marked.
+        // With at most one round number on the axis, equal parts are marked.
         [0.25, 0.5, 0.75].map(|part| rounded(self.low * (self.high / self.low).powf(part))).into()
     }
 
-    /// The marks of a linear axis: multiples of 1, 2 or 5 times a power of ten, seven at most.
+    /// Ticks of a linear axis: multiples of 1, 2 or 5 times a power of ten, at most seven.
     fn even(&self) -> Vec<f64> {
         let span = self.high - self.low;
         let power = 10f64.powf((span / 7.0).log10().floor());
@@ -70,12 +69,12 @@ impl Axis {
         (0..8).map(|i| (first + f64::from(i)) * step).take_while(|v| *v <= self.high).collect()
     }
 
-    /// The marks that have labels.
+    /// Labelled ticks.
     fn labels(&self) -> Vec<f64> {
         if self.logarithmic { self.labelled() } else { self.even() }
     }
 
-    /// The lines of the grid.
+    /// Grid lines.
     fn lines(&self) -> Vec<f64> {
         match self.logarithmic {
             true => {
@@ -86,7 +85,7 @@ impl Axis {
     }
 }
 
-/// The value with three digits.
+/// The value rounded to three digits.
 pub fn rounded(v: f64) -> f64 {
     format!("{v:.2e}").parse().unwrap_or(v)
 }
@@ -147,7 +146,7 @@ impl Panel<'_> {
         panel
     }
 
-    /// The place of a point.
+    /// Position of a point.
     fn at(&self, [x, y]: [f64; 2]) -> [f64; 2] {
         let [left, top, width, height] = self.place;
         [left + width * self.axes[0].share(x), top + height * (1.0 - self.axes[1].share(y))]
@@ -177,7 +176,8 @@ impl Panel<'_> {
     }
 }
 
-/// A legend's line: a stroke in a curve's colour, or dashes, and its name. `[x, y]` is the middle of the stroke's left end.
+/// A legend entry: a stroke in a curve's colour, or dashes, and its name. `[x, y]` is the middle of the stroke's left
+/// end.
 pub fn legend(figure: &mut Figure, name: &str, colour: Option<Colour>, [x, y]: [f64; 2]) {
     let [from, to] = [[x, y], [x + 34.0, y]];
     match colour {

@@ -16,39 +16,39 @@ use crate::advice::Advice;
 use crate::error::{Error, Result};
 use crate::files::atomic;
 
-/// Everything that was run.
+/// The complete benchmark.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Page {
     /// Version of thirdbounce.
     pub version: String,
-    /// Seconds of this start.
+    /// Seconds of this invocation.
     pub seconds: f64,
-    /// The cases, in order.
+    /// Cases, in order.
     pub cases: Vec<Case>,
 }
 
-/// One capture, and how the methods compare on it.
+/// One capture, and the comparison of methods on it.
 #[derive(Debug, Clone, PartialEq, Serialize)]
 pub struct Case {
     /// The scene's name.
     pub scene: String,
-    /// Photons that the strongest bin expects, if they were drawn; `None`: the capture as it is.
+    /// Mean photon count of the strongest bin, if drawn; `None`: the capture unchanged.
     pub photons: Option<f64>,
-    /// Its folder in that of the page.
+    /// Folder of the case, relative to the page.
     pub folder: String,
-    /// An earlier start made it.
+    /// Whether it was computed by an earlier invocation.
     #[serde(skip)]
     pub was_there: bool,
-    /// It went wrong.
+    /// Whether it failed.
     pub failed: bool,
-    /// It has no truth: figures say how far a method agrees with what the closed-form methods show together.
+    /// Whether it has no truth: metrics are then agreement with the closed-form methods.
     pub agreed: bool,
-    /// Why there is no comparison.
+    /// Reason for a missing comparison.
     pub why: Option<String>,
-    /// What to do about it.
+    /// Hint for fixing it.
     #[serde(skip)]
-    pub remedy: Option<Advice>,
-    /// Seconds of this start.
+    pub hint: Option<Advice>,
+    /// Seconds of this invocation.
     pub seconds: f64,
     /// The comparison.
     pub comparison: Option<Comparison>,
@@ -65,7 +65,7 @@ impl Case {
             failed,
             agreed: false,
             why: Some(why.what.clone()),
-            remedy: Some(why.mend.clone()),
+            hint: Some(why.hint.clone()),
             seconds: 0.0,
             comparison: None,
         }
@@ -84,7 +84,7 @@ impl Case {
     }
 }
 
-/// A figure of the tables.
+/// A metric in the tables.
 struct Figured {
     title: &'static str,
     digits: usize,
@@ -128,7 +128,7 @@ const FIGURES: [Figured; 7] = [
 ];
 
 impl Page {
-    /// Names of all methods, in the order in which they first come.
+    /// Names of all methods, in order of first occurrence.
     fn methods(&self) -> Vec<&str> {
         let all = self.cases.iter().filter_map(|c| c.comparison.as_ref()).flat_map(|c| &c.methods);
         let mut names: Vec<&str> = vec![];
@@ -140,7 +140,7 @@ impl Page {
         names
     }
 
-    /// A figure of every method (columns) on every case (rows), the best of a row between stars.
+    /// A metric of every method (columns) in every case (rows), the best of a row between stars.
     fn table(&self, figure: &Figured) -> Table {
         let names = self.methods();
         let row = |case: &Case| {
@@ -161,7 +161,7 @@ impl Page {
         }
     }
 
-    /// Where the first method is not the best: a sentence for each figure.
+    /// Cases where the first method is not the best: a sentence per metric.
     fn lost(&self) -> Vec<String> {
         let names = self.methods();
         let Some(first) = names.first() else { return vec![] };
@@ -185,18 +185,16 @@ impl Page {
         FIGURES.iter().filter_map(of).collect()
     }
 
-    /// Sentences about what was compared.
+    /// Sentences on the comparison.
     fn notes(&self) -> Vec<String> {
         let mut notes = vec![
-            "Time is solve time, without load, set-up, measuring and export: the median over the repeats, with the range in \
-             brackets. A pixel counts as surface above a share of the brightest albedo: every figure but the IoU of the maps' own \
-             mask is at the share with the best IoU, which only the truth tells. – : the method does not take the capture, or no \
-             pixel counts. The best of a row is bold."
+            "Time is solve time, excluding load, set-up, measurement and export: the median over the repeats, with the range in \
+             brackets. Except for the IoU of the maps' own mask, metrics use the share of the brightest albedo with the best IoU, \
+             which requires the truth. – : method not applicable, or no pixel counts. The best of a row is bold."
                 .to_string(),
-            "s to …: seconds until the figure is as good as that of the first method at its end, and stays as good; in brackets \
-             their share of its whole time. paper: …: errors over all pixels, where what is empty in the truth or outside the mask \
-             counts as depth 0 and normal (0, 0, 0) (Shim et al.). Depth and normal errors else are over pixels that are surface in \
-             the result and in the truth."
+            "s to …: seconds until the metric reaches, and keeps, the final value of the first method; in brackets the share of \
+             its total time. paper: …: errors over all pixels, where pixels without surface count as depth 0 and normal (0, 0, 0) \
+             (Shim et al.). Other depth and normal errors are over pixels that are surface in both the result and the truth."
                 .to_string(),
         ];
         let compared = || self.cases.iter().filter_map(|c| c.comparison.as_ref());
@@ -206,22 +204,22 @@ impl Page {
         });
         let places: Vec<String> = places.iter().map(|(name, place)| format!("{name}: {place}")).collect();
         if !places.is_empty() {
-            notes.push(format!("What each runs on: {}.", places.join("; ")));
+            notes.push(format!("Devices: {}.", places.join("; ")));
         }
         if self.cases.iter().any(|case| case.agreed) {
             notes.push(
-                "Agreement: the capture has no truth. Its IoU is that with the mean of lct, fk, phasor and fbp above Otsu's \
-                 threshold, its depth error the distance to their median: both favour these four."
+                "Agreement: without truth, the IoU is that with the mean of lct, fk, phasor and fbp above Otsu's threshold, and the \
+                 depth error the distance to their median. Both favour these four."
                     .into(),
             );
         }
         if compared().any(|c| c.oracle) {
-            notes.push("The truth chose every mask (oracle): no user has it.".into());
+            notes.push("Oracle masks: selected with the truth, which is not available in practice.".into());
         }
         notes
     }
 
-    /// Why methods and cases are left out, as sentences.
+    /// Omitted methods and cases with reasons, as sentences.
     fn missing(&self) -> Vec<String> {
         let mut all: Vec<String> = vec![];
         for case in &self.cases {
@@ -252,7 +250,7 @@ impl Page {
         scenes.into_iter().map(of).filter(|plot| plot.cases.len() > 1).collect()
     }
 
-    /// As Markdown: the table of the only case, else best IoU, depth errors and times.
+    /// Markdown: the table of the only case, else best IoU, depth errors and times.
     pub fn summary(&self) -> String {
         if let [Case { comparison: Some(only), .. }] = &self.cases[..] {
             return only.table().markdown();
@@ -262,7 +260,7 @@ impl Page {
         tables.join("\n")
     }
 
-    /// The page as HTML, plots and pictures inside; `root` is the folder of the cases' folders.
+    /// HTML page with embedded plots and pictures; `root` contains the cases' folders.
     ///
     /// # Errors
     /// A picture of a case cannot be read.
@@ -284,7 +282,7 @@ impl Page {
         }
         out += &format!("<h2>Where the first method is not the best</h2>\n{}", paragraphs(self.lost()));
         for plot in self.with_photons() {
-            let title = format!("{}, fewer and fewer photons", plot.scene);
+            let title = format!("{} by photon count", plot.scene);
             out += &format!("<h2>{}</h2>\n{}\n", escaped(&title), plot.figure().svg());
         }
         for (case, comparison) in compared() {
@@ -317,7 +315,7 @@ const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:2em auto;ma
                      .25em .7em;border-bottom:1px solid #e2e2e6;text-align:right}th:first-child,td:first-child{text-\
                      align:left}img,svg{max-width:100%;height:auto;display:block;margin:.5em 0}";
 
-/// Writes `benchmark.json` and `benchmark.html` into `folder`, in which are the folders of the cases. Returns the paths.
+/// Writes `benchmark.json` and `benchmark.html` into `folder`, which contains the cases' folders. Returns the paths.
 ///
 /// # Errors
 /// `Kind::Output` if a file cannot be written; a picture of a case that cannot be read.
@@ -341,7 +339,7 @@ const TOP: f64 = 90.0;
 const STEP: f64 = 385.0;
 const LINE: f64 = 26.0;
 
-/// Figures of every method against the photons of the strongest bin, of one scene.
+/// Metrics of every method against photon counts, for one scene.
 struct AgainstPhotons<'p> {
     scene: &'p str,
     cases: Vec<&'p Case>,

@@ -11,105 +11,104 @@ use crate::error::{Error, Result};
 use crate::files::atomic;
 use crate::measure::{Metrics, Reach};
 
-/// A whole comparison. The other methods are compared with the first.
+/// A complete comparison, relative to the first method.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Comparison {
     /// Version of thirdbounce.
     pub version: String,
-    /// The device that did the work.
+    /// Device used.
     pub device: Device,
-    /// The capture that all methods took.
+    /// The common capture.
     pub capture: Summary,
     /// Its file.
     #[serde(serialize_with = "as_text")]
     pub capture_file: PathBuf,
-    /// The truth's file, if there is truth.
+    /// The truth's file, if any.
     #[serde(serialize_with = "as_text_if_any")]
     pub truth: Option<PathBuf>,
-    /// Share of the brightest albedo above which a pixel is surface, if it is the same for all methods; else each has its
-    /// usual mask.
+    /// Mask threshold as a share of the brightest albedo, if common to all methods; else each method's own mask.
     pub mask_fraction: Option<f64>,
-    /// The truth chose the mask of every method: the share of the brightest albedo with the best IoU.
+    /// Whether the mask of every method is the share of the brightest albedo with the best IoU against truth.
     #[serde(default)]
     pub oracle: bool,
-    /// How often each method ran, in turns.
+    /// Number of alternating runs per method.
     pub repeats: usize,
-    /// Every method, in the order they were given.
+    /// Methods in the given order.
     pub methods: Vec<MethodReport>,
-    /// Methods that do not take this capture.
+    /// Methods not applicable to this capture.
     #[serde(default)]
     pub left_out: Vec<LeftOut>,
 }
 
-/// A method that does not take a capture.
+/// A method not applicable to a capture.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct LeftOut {
     /// Its name.
     pub name: String,
-    /// The assumption that the capture breaks.
+    /// The violated assumption.
     pub why: String,
 }
 
-/// One method. Times are medians over the repeats; figures are those of the first run.
+/// One method. Times are medians over the repeats; metrics are those of the first run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct MethodReport {
     /// Short name, unique in the comparison.
     pub name: String,
-    /// The text that asked for it; of a foreign one, where its maps are; empty if there are only figures.
+    /// Specification of the method; for foreign maps their location, or empty without maps.
     pub method: String,
-    /// Another program made it. Its times are those that its user gave.
+    /// Whether the maps were made by another program. Its times are user-supplied.
     #[serde(default)]
     pub foreign: bool,
-    /// What did the work: the Vulkan device, or the host's cores.
+    /// Vulkan device, or host cores.
     #[serde(default)]
     pub runs_on: String,
-    /// The folder of its maps, beside the file of the case; of a foreign one empty.
+    /// Folder of its maps, beside the case's file; empty for foreign maps.
     #[serde(default)]
     pub folder: String,
-    /// Share of the brightest albedo above which its pixels are surface; `None`: the method defines the mask.
+    /// Mask threshold as a share of the brightest albedo; `None`: the method's own mask.
     #[serde(default)]
     pub mask_fraction: Option<f64>,
-    /// All settings as they were resolved.
+    /// Resolved settings.
     pub settings: serde_json::Value,
     /// Iterations between measured points; 0: measured at the end only.
     pub trace_every: usize,
-    /// Iterations that ran.
+    /// Number of iterations.
     pub iterations: usize,
-    /// Solve seconds, without load, set-up, measuring and export.
+    /// Solve seconds, excluding load, set-up, measurement and export.
     pub seconds: f64,
     /// Solve seconds of each repeat.
     pub repeats_s: Vec<f64>,
-    /// Seconds until the preview, which are part of all its times; `None` without one. The trace begins with it then, as
+    /// Seconds until the preview, included in all its times; `None` without one. The trace then starts with it as
     /// iteration 0.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preview_s: Option<f64>,
     /// Active voxels at the end.
     pub active: usize,
-    /// Their share of the grid.
+    /// Active voxels as a share of the grid.
     pub active_ratio: f64,
-    /// Figures at the end.
+    /// Metrics at the end.
     pub metrics: Metrics,
-    /// When it was as good as the first method is at its end.
+    /// Times at which it reached the first method's final metrics.
     pub reach: Reached,
-    /// The measured points.
+    /// Measured points.
     pub trace: Vec<TraceEntry>,
 }
 
-/// When a method was as good as the first method is at its end, each at its best mask fraction.
+/// Times at which a method reached the first method's final metrics, each at its best mask fraction.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reached {
-    /// In depth error.
+    /// Depth error.
     pub depth_mae: Reach,
-    /// In the error of normals.
+    /// Normal error.
     pub normal_error_deg: Reach,
-    /// In the best IoU.
+    /// Best IoU.
     pub best_iou: Reach,
-    /// In all three at once.
+    /// All three.
     pub all: Reach,
 }
 
 impl MethodReport {
-    /// Its name, and in brackets the model of reflectance, if trials found it, or that another program made the maps.
+    /// Name, with the estimated reflectance model, or the origin of foreign maps, in brackets.
     pub fn name_and_model(&self) -> String {
         if self.foreign {
             return format!("{} (foreign)", self.name);
@@ -123,14 +122,14 @@ impl MethodReport {
 
 /// A table as text. The best figure of a row is between stars.
 pub struct Table {
-    /// The cells above the columns.
+    /// Column heads.
     pub head: Vec<String>,
-    /// The other cells, row by row.
+    /// Rows of cells.
     pub rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    /// As Markdown. The first column is aligned to the left, all others to the right.
+    /// Markdown, first column left-aligned, others right-aligned.
     pub fn markdown(&self) -> String {
         let cell = |text: &String| text.replace('|', "\\|").replace('\n', " ");
         let row =
@@ -139,7 +138,7 @@ impl Table {
         row(&self.head) + &line + &self.rows.iter().map(|cells| row(cells)).collect::<String>()
     }
 
-    /// As HTML.
+    /// HTML.
     pub fn html(&self) -> String {
         let cell = |tag: &str, text: &String| match text.strip_prefix("**").and_then(|t| t.strip_suffix("**"))
         {
@@ -155,7 +154,7 @@ impl Table {
 }
 
 impl Comparison {
-    /// The figures of every method.
+    /// Metrics of every method.
     pub fn table(&self) -> Table {
         let iou = if self.oracle { "IoU (oracle)" } else { "IoU" };
         let head = [
@@ -215,7 +214,7 @@ impl Comparison {
         Table { head: head.map(String::from).into(), rows: self.methods.iter().map(row).collect() }
     }
 
-    /// What was compared and what is unusual, as sentences.
+    /// Sentences on the comparison and unusual conditions.
     pub(super) fn notes(&self) -> Vec<String> {
         let capture = &self.capture;
         let name =
@@ -245,7 +244,7 @@ impl Comparison {
     }
 }
 
-/// A median and the range around it.
+/// A median and its range.
 fn spread(median: f64, all: &[f64]) -> String {
     let (low, high) = all.iter().fold((f64::MAX, f64::MIN), |(a, b), v| (a.min(*v), b.max(*v)));
     if all.len() < 2 {
@@ -255,13 +254,13 @@ fn spread(median: f64, all: &[f64]) -> String {
     }
 }
 
-/// Seconds with three figures.
+/// Seconds with three digits.
 fn short(s: f64) -> String {
     let digits = (2.0 - s.abs().max(1e-6).log10().floor()).clamp(0.0, 6.0) as usize;
     format!("{s:.digits$}")
 }
 
-/// A path may be no text; JSON is.
+/// A path may not be UTF-8; JSON is.
 fn as_text<S: Serializer>(path: &Path, to: S) -> std::result::Result<S::Ok, S::Error> {
     to.serialize_str(&path.to_string_lossy())
 }
@@ -285,13 +284,13 @@ pub fn write_json(path: &Path, comparison: &Comparison) -> Result<()> {
 /// Reads a comparison.
 ///
 /// # Errors
-/// `Kind::Input` if the file cannot be read or is no comparison.
+/// `Kind::Input` if the file cannot be read or is not a comparison.
 pub fn read_json(path: &Path) -> Result<Comparison> {
     let json = std::fs::read_to_string(path)
         .map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display()), "check the path"))?;
     serde_json::from_str(&json).map_err(|e| {
         Error::input(
-            format!("{}: is no comparison: {e}", path.display()),
+            format!("{}: is not a comparison: {e}", path.display()),
             "remove the file, and compare again",
         )
     })

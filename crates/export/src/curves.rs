@@ -9,11 +9,11 @@ const WIDTH: f64 = 1200.0;
 const PANEL: [f64; 2] = [495.0, 300.0];
 const LEFT: f64 = 90.0;
 const TOP: f64 = 108.0;
-/// Distance from a panel's corner to the next panel's corner.
+/// Offset between the corners of adjacent panels.
 const STEP: [f64; 2] = [585.0, 388.0];
 const LEGEND_LINE: f64 = 28.0;
 
-/// What a panel shows.
+/// Content of a panel.
 struct Graph {
     title: &'static str,
     logarithmic: bool,
@@ -40,8 +40,8 @@ const GRAPHS: [Graph; 4] = [
     },
 ];
 
-/// Residual, depth error, best IoU and normal error of every method over solve time. A disc marks each end. A dashed
-/// line marks the first method's final value.
+/// Residual, depth error, best IoU and normal error of every method against solve time. A disc marks each end, a
+/// dashed line the first method's final value.
 pub fn error_vs_time(comparison: &Comparison) -> Figure {
     let Comparison { capture_file, capture, device, methods, .. } = comparison;
     let below = TOP + STEP[1] + PANEL[1] + 70.0;

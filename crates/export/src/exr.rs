@@ -1,10 +1,11 @@
 //! Maps as an OpenEXR picture.
 //!
-//! One part with named layers, the way viewers and compositing programs know them (`layer.channel`):
-//! `albedo.Y`, `depth.Z`, `normal.X`, `normal.Y`, `normal.Z`, and the albedo once more as the plain channel
-//! `Y` for viewers without layers. The confidence, if it was told, is `confidence.Z`. Surfaces behind the first ones, if
-//! there are any, are `behind.albedo.Y`, `behind.depth.Z`, `behind.normal.X` to `Z` and `behind.confidence.Z`. 32-bit floats, NaN = nothing there. The top row is the largest y, the left
-//! column the largest x, as an eye at the wall sees them. The attribute `extent` (box2f) holds the extent in metres.
+//! One part with named layers in the convention of viewers and compositing programs (`layer.channel`): `albedo.Y`,
+//! `depth.Z`, `normal.X`, `normal.Y`, `normal.Z`, and the albedo again as the plain channel `Y` for viewers without
+//! layers. The expected depth error, if known, is `depth_error.Z`. A second layer, if any, is `behind.albedo.Y`,
+//! `behind.depth.Z`, `behind.normal.X` to `Z` and `behind.depth_error.Z`. 32-bit floats, NaN = no surface. The top row
+//! is the largest y, the left column the largest x, as seen from the wall. The attribute `extent` (box2f) is the
+//! extent in metres.
 
 use std::io::Cursor;
 use std::path::Path;
@@ -40,9 +41,10 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     ]
     .into_iter()
     .collect();
-    channels.extend(maps.confidence.iter().map(|told| channel("confidence.Z", &|p| told[p])));
+    channels.extend(maps.depth_error.iter().map(|values| channel("depth_error.Z", &|p| values[p])));
     if let Some(behind) = &maps.behind {
-        channels.extend(behind.confidence.iter().map(|told| channel("behind.confidence.Z", &|p| told[p])));
+        channels
+            .extend(behind.depth_error.iter().map(|values| channel("behind.depth_error.Z", &|p| values[p])));
         channels.extend([
             channel("behind.albedo.Y", &|p| behind.albedo[p]),
             channel("behind.depth.Z", &|p| behind.depth[p]),
@@ -53,14 +55,14 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     }
     let mut attributes = LayerAttributes::named("maps");
     attributes.software_name = Some(Text::from("thirdbounce"));
-    // One attribute only: the library keeps these in a hash map, whose order differs from run to run.
+    // Only one attribute: the library stores these in a hash map of random order.
     let [x0, x1, y0, y1] = maps.extent.map(|v| v as f32);
     let extent = FloatRect { min: Vec2(x0, y0), max: Vec2(x1, y1) };
     attributes.other.insert(Text::from("extent"), AttributeValue::FloatRect(extent));
     let layer =
         Layer::new((maps.nx, maps.ny), attributes, Encoding::SMALL_LOSSLESS, AnyChannels::sort(channels));
     let mut bytes = Cursor::new(Vec::new());
-    // One thread: the order of blocks, and so the bytes, must not depend on timing.
+    // One thread: the order of blocks, and hence the bytes, must not depend on timing.
     Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|e| {
         Error::output(format!("{}: cannot be packed as EXR: {e}", path.display()), "free some memory")
     })?;

@@ -1,4 +1,4 @@
-//! Plots as lists of shapes, and the same shapes as SVG and as pictures. Coordinates are pixels from the upper left corner.
+//! Plots as lists of shapes, rendered as SVG or as pictures. Coordinates are pixels from the upper left corner.
 
 use std::fmt::Write as _;
 
@@ -11,11 +11,11 @@ use super::text;
 /// Red, green and blue.
 pub(super) type Colour = [u8; 3];
 
-/// Colours that all plots share.
+/// Colours shared by all plots.
 pub(super) const INK: Colour = [40, 40, 46];
 pub(super) const GRID: Colour = [226, 226, 230];
 pub(super) const FRAME: Colour = [120, 120, 128];
-/// Colours of curves. People with any kind of colour vision can tell the first seven apart (Okabe and Ito).
+/// Colours of curves. The first seven are distinguishable with any colour vision (Okabe and Ito).
 pub(super) const COLOURS: [Colour; 11] = [
     [0, 114, 178],
     [213, 94, 0],
@@ -35,11 +35,11 @@ pub(super) const HEADING: f64 = 21.0;
 pub(super) const TITLE: f64 = 16.0;
 pub(super) const BODY: f64 = 14.0;
 
-/// Lengths of dashes and gaps.
+/// Length of dashes and gaps.
 const DASH: f64 = 7.0;
 /// Distance of a base line below the middle of a line of text, in ems.
 const DOWN: f64 = 0.27;
-/// The compiled-in font, and fonts that replace it where an SVG is shown without it.
+/// The compiled-in font, and its substitutes in SVG viewers.
 const FAMILY: &str = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif";
 
 #[derive(Debug, Clone, PartialEq)]
@@ -55,7 +55,7 @@ enum Shape {
     },
     /// Two opposite corners.
     Bar([f64; 2], [f64; 2]),
-    /// The share of the text that is left of x; y is its middle.
+    /// Share of the text to the left of x; y is its middle.
     Text {
         words: String,
         at: [f64; 2],
@@ -64,7 +64,7 @@ enum Shape {
     },
 }
 
-/// A drawing on white paper.
+/// A drawing on a white background.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
     size: [f64; 2],
@@ -72,7 +72,7 @@ pub struct Figure {
 }
 
 impl Figure {
-    /// White paper of this width and height.
+    /// A white background of this width and height.
     pub(super) fn new(size: [f64; 2]) -> Figure {
         Figure { size: size.map(f64::ceil), shapes: vec![] }
     }
@@ -93,12 +93,12 @@ impl Figure {
         self.shapes.push((Shape::Bar(from, to), colour));
     }
 
-    /// A line of text of `em` pixels per em that begins at x; its middle is at y.
+    /// A line of text of `em` pixels per em that starts at x, centred at y.
     pub(super) fn text(&mut self, words: &str, em: f64, colour: Colour, at: [f64; 2]) {
         self.label(words, em, colour, at, 0.0);
     }
 
-    /// A line of text of which the share `left` is left of x: 0, 0.5 or 1.
+    /// A line of text with the share `left` to the left of x: 0, 0.5 or 1.
     pub(super) fn label(&mut self, words: &str, em: f64, colour: Colour, at: [f64; 2], left: f64) {
         self.shapes.push((Shape::Text { words: words.into(), at, em, left }, colour));
     }
@@ -112,7 +112,7 @@ impl Figure {
         );
         for (shape, [r, g, b]) in &self.shapes {
             let colour = format!("#{r:02x}{g:02x}{b:02x}");
-            // Writing to a text does not fail.
+            // Writing to a string cannot fail.
             let _ = match shape {
                 Shape::Line { points, width, dashed } => {
                     let all: String = points.iter().map(|[x, y]| format!(" {x:.2},{y:.2}")).collect();
@@ -147,7 +147,7 @@ impl Figure {
         out + "</svg>\n"
     }
 
-    /// The figure as pixels, with smooth edges.
+    /// The figure as pixels, antialiased.
     pub fn picture(&self) -> Picture {
         let [w, h] = self.size;
         let mut picture = Picture::new(w as usize, h as usize);
@@ -220,7 +220,7 @@ mod tests {
         assert!(at(3, 9) != [255; 3] && at(10, 9) == [255; 3], "a dash and a gap");
         assert_eq!([at(10, 20), at(25, 26), at(2, 38)], [COLOURS[2], COLOURS[3], [255; 3]]);
         assert!((30..58).any(|x| at(x, 34) != [255; 3]), "text ends at the right");
-        // Nothing to draw is nothing drawn.
+        // An empty figure renders empty.
         let mut empty = Figure::new([3.0, 3.0]);
         empty.line(&[], 1.0, INK);
         empty.line(&[[1.0, 1.0]], 1.0, INK);

@@ -1,7 +1,7 @@
-//! Maps that other programs made: npz, OpenEXR or MATLAB (docs/methods.md, "Maps of other programs").
+//! Maps of other programs: npz, OpenEXR or MATLAB (docs/methods.md, "Maps of other programs").
 //!
-//! Depths suffice. Without albedo, pixels with a depth are the surface; without normals, none is measured; without an
-//! extent, the maps cover what the truth covers.
+//! Only depths are required. Without albedo, pixels with a depth are the surface; without normals, none are measured;
+//! without an extent, the maps have the truth's.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::files::archive::Npz;
 use crate::maps::Maps;
 
-/// The names of files that are looked for in a folder.
+/// File names searched in a folder.
 const NAMES: [&str; 3] = ["maps.npz", "maps.exr", "maps.mat"];
 
 const ARRAYS: &str = "depth [nx, ny] in metres, and if there are any albedo, mask [nx, ny], normal [nx, ny, 3] and \
@@ -22,8 +22,8 @@ const ARRAYS: &str = "depth [nx, ny] in metres, and if there are any albedo, mas
 const CHANNELS: &str = "the channel depth.Z or Z in metres, and if there are any albedo.Y or Y, and normal.X, normal.Y and \
                         normal.Z";
 
-/// Reads maps: of a file, or of the first of `maps.npz`, `maps.exr` and `maps.mat` in a folder. `extent` is that of maps
-/// without their own.
+/// Reads maps from a file, or from the first of `maps.npz`, `maps.exr` and `maps.mat` in a folder. `extent` is the
+/// default for maps without their own.
 ///
 /// # Errors
 /// `Kind::Input` for a file that is missing, damaged or of another kind, missing arrays, or shapes that do not agree.
@@ -38,8 +38,8 @@ pub fn read(path: &Path, extent: [f64; 4]) -> Result<Maps> {
             "mat" => of_matlab(&file)?.whole(extent),
             _ => {
                 return Err(Error::input(
-                    "is no file of maps that is known",
-                    "give maps as .npz, .exr or .mat (docs/methods.md tells the names of their arrays)",
+                    "is not a known file type for maps",
+                    "give maps as .npz, .exr or .mat (docs/methods.md lists their arrays)",
                 ));
             }
         };
@@ -61,7 +61,7 @@ fn file_of(path: &Path) -> Result<PathBuf> {
     })
 }
 
-/// What a file holds. Values are `[ix * ny + iy]`.
+/// Content of a file. Values are `[ix * ny + iy]`.
 #[derive(Default)]
 struct ForeignMaps {
     size: [usize; 2],
@@ -87,23 +87,23 @@ impl ForeignMaps {
             mask_fraction: (mask.is_none() && has_albedo).then_some(Maps::MASK_FRACTION),
             albedo,
             normal: normal.unwrap_or_else(|| vec![[f32::NAN; 3]; depth.len()]),
-            confidence: None,
+            depth_error: None,
             behind: None,
             depth,
         };
-        // Many programs write 0 where they found nothing.
+        // Many programs write 0 without surface.
         maps.depth.iter_mut().filter(|z| **z <= 0.0).for_each(|z| *z = f32::NAN);
         maps
     }
 }
 
-/// Whether an npz has all that [`npz::read_maps`] asks for.
+/// Whether an npz has all arrays required by [`npz::read_maps`].
 fn is_whole(file: &Path) -> Result<bool> {
     let there = Npz::open(file)?.names();
     Ok(["albedo", "depth", "normal", "extent"].iter().all(|name| there.iter().any(|n| n == name)))
 }
 
-/// An npz with depths and what else there is.
+/// An npz with depths and optional arrays.
 fn of_npz(file: &Path) -> Result<ForeignMaps> {
     let mut all = Npz::open(file)?;
     let depth = all.require("depth", ARRAYS)?;
@@ -113,7 +113,7 @@ fn of_npz(file: &Path) -> Result<ForeignMaps> {
     of_arrays((depth.shape.clone(), depth.to_f64()), &mut numbers)
 }
 
-/// A MATLAB file. Its arrays are [nx, ny], as one writes them in MATLAB: `depth(ix, iy)`.
+/// A MATLAB file with arrays [nx, ny], as indexed in MATLAB: `depth(ix, iy)`.
 fn of_matlab(file: &Path) -> Result<ForeignMaps> {
     let all = Variables::open(file)?;
     // Shapes come in C order, MATLAB's dimensions reversed.
@@ -131,7 +131,7 @@ fn of_matlab(file: &Path) -> Result<ForeignMaps> {
 fn turned(shape: &[usize], values: &[f64]) -> (Vec<usize>, Vec<f64>) {
     let back: Vec<usize> = shape.iter().rev().copied().collect();
     let place = |mut i: usize| {
-        // The place in C order of the turned array, as one in C order of the other.
+        // Index in C order of the transposed array, from one in C order of the original.
         let mut at = vec![0; back.len()];
         for (axis, n) in back.iter().enumerate().rev() {
             at[axis] = i % n;
@@ -185,7 +185,7 @@ fn of_exr(file: &Path) -> Result<ForeignMaps> {
     let channel = |names: &[&str]| -> Option<Vec<f32>> {
         let of = |name: &&str| layer.channel_data.list.iter().find(|c| c.name == **name);
         let values: Vec<f32> = names.iter().find_map(of)?.sample_data.values_as_f32().collect();
-        // Rows from the top down become columns of x, y upward.
+        // Rows from the top become columns of x, y upward.
         let at = |i: usize| values[(ny - 1 - i % ny) * nx + nx - 1 - i / ny];
         Some((0..nx * ny).map(at).collect())
     };

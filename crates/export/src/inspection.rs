@@ -1,4 +1,4 @@
-//! A capture in one picture: its mean histogram, and two maps of the scan with each histogram's peak and sum.
+//! A capture as a picture: mean histogram, and maps of each histogram's peak and sum over the scan.
 
 use std::path::Path;
 
@@ -13,12 +13,12 @@ use crate::maps::percentile;
 const WIDTH: f64 = 1120.0;
 const LEFT: f64 = 90.0;
 const PLOT: [f64; 4] = [LEFT, 80.0, 980.0, 250.0];
-/// Upper edge and side of the maps, and the distance from one to the next.
+/// Upper edge and side of the maps, and their spacing.
 const MAPS: [f64; 2] = [430.0, 380.0];
 const STEP: f64 = 540.0;
 
-/// Writes the picture as PNG. Maps show +x to the left and +y up, with one square for each place of the scan. A scan
-/// that is a list becomes a column.
+/// Writes the picture as PNG. Maps show +x to the left and +y up, with one square per scan place. A scan that is a
+/// list becomes a column.
 ///
 /// # Errors
 /// `Kind::Input` if the capture fails its check, `Kind::Output` if the file cannot be written.
@@ -28,10 +28,10 @@ pub fn write(path: &Path, capture: &Capture) -> Result<()> {
     png::write(path, &Overview { capture, maps, logarithmic: false }.picture())
 }
 
-/// As [`write()`], for a capture made of time tags. The mean histogram is logarithmic, because direct light is among it, and the
-/// first map shows `direct`, the direct peak of every pair as a path from the laser's trigger on, metres: over a flat wall
-/// it is smooth. Without `direct` it shows the path of the peak. If the wall is `shaped` by its own returns, a third map shows its
-/// depth.
+/// As [`write()`], for a capture made of time tags. The mean histogram is logarithmic, because it includes direct
+/// light. The first map shows `direct`, the path of each pair's direct peak from the laser's trigger in metres
+/// (smooth for a flat wall), or without it the path of the peak. If the wall is `shaped` by its own returns, a third
+/// map shows its depth.
 ///
 /// # Errors
 /// Those of [`write()`].
@@ -53,7 +53,7 @@ fn sums(capture: &Capture) -> (&'static str, Vec<f32>) {
     ("sum of the counts", capture.histograms.chunks_exact(capture.bins).map(|h| h.iter().sum()).collect())
 }
 
-/// The path of each histogram's peak, metres; NaN without signal.
+/// Path of each histogram's peak, metres; NaN without signal.
 fn peaks(capture: &Capture) -> Vec<f32> {
     let path = |bin: usize| capture.t_start + (bin as f64 + 0.5) * capture.bin_width;
     let peak = |h: &[f32]| {
@@ -63,12 +63,12 @@ fn peaks(capture: &Capture) -> Vec<f32> {
     capture.histograms.chunks_exact(capture.bins).map(peak).collect()
 }
 
-/// The mean histogram, and the maps below it.
+/// Mean histogram, and the maps below it.
 struct Overview<'a> {
     capture: &'a Capture,
-    /// Titles and values, one for each pair.
+    /// Titles and values, one per pair.
     maps: Vec<(&'static str, Vec<f32>)>,
-    /// Whether counts have a logarithmic axis.
+    /// Whether the axis of counts is logarithmic.
     logarithmic: bool,
 }
 
@@ -106,7 +106,7 @@ impl Overview<'_> {
         };
         let floor = if self.logarithmic { up.low } else { 0.0 };
         let mut panel = Panel::new(&mut figure, PLOT, ["mean histogram", "path (m)"], [along, up]);
-        // If many bins share a column of pixels, it shows the largest.
+        // If several bins share a pixel column, it shows the largest.
         let per_column = mean.len().div_ceil(PLOT[2] as usize).max(1);
         let path = |bin: usize| capture.t_start + bin as f64 * capture.bin_width;
         for (at, bins) in mean.chunks(per_column).enumerate() {
@@ -123,7 +123,7 @@ fn map(values: &[f32], [nx, ny]: [usize; 2], low: f64, high: f64) -> Picture {
     let side = MAPS[1] as usize;
     let mut picture = Picture::new(side, side);
     let longest = nx.max(ny);
-    // Squares stay square, so the shorter side leaves a margin.
+    // Squares stay square, so the shorter side has a margin.
     let (w, h) = ((side * nx / longest).max(1), (side * ny / longest).max(1));
     for row in 0..h {
         for column in 0..w {

@@ -1,5 +1,5 @@
-//! Results as files: npz, EXR, PNG, SVG, PLY, reports and tables. Every file appears whole or not at all, and equal
-//! results give equal bytes.
+//! Results as files: npz, EXR, PNG, SVG, PLY, reports and tables. Writes are atomic, and equal results give equal
+//! bytes.
 
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
@@ -8,8 +8,8 @@ mod axis;
 pub mod benchmark;
 pub mod calibration;
 pub mod comparison;
-pub mod confidence;
 pub mod curves;
+pub mod depth_difference;
 pub mod depth_error;
 pub mod exr;
 pub mod figure;
@@ -35,8 +35,9 @@ use thirdbounce_maps::{maps, measure};
 use crate::error::Result;
 use crate::maps::Maps;
 
-/// Writes the maps in every format into `folder` (made if missing): `maps.npz`, `maps.exr`, `albedo.png`,
-/// `depth.png`, `normal.png`, `points.ply`, `mesh.ply`, and `confidence.png` if the maps have it. Returns the paths.
+/// Writes the maps in every format into `folder` (created if missing): `maps.npz`, `maps.exr`, `albedo.png`,
+/// `depth.png`, `normal.png`, `points.ply`, `mesh.ply`, and `depth_error.png` if the expected depth error is known.
+/// Returns the paths.
 ///
 /// # Errors
 /// `Kind::Input` if the maps' sizes do not agree, `Kind::Output` if a file cannot be written.
@@ -48,12 +49,12 @@ pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {
         ("albedo.png", png::write_albedo),
         ("depth.png", png::write_depth),
         ("normal.png", png::write_normal),
-        ("confidence.png", confidence::write),
+        ("depth_error.png", depth_error::write),
         ("points.ply", ply::write),
         ("mesh.ply", mesh::write),
     ];
     let mut written = Vec::new();
-    let is_there = |name: &str| name != "confidence.png" || maps.confidence.is_some();
+    let is_there = |name: &str| name != "depth_error.png" || maps.depth_error.is_some();
     for (name, write) in writers.into_iter().filter(|w| is_there(w.0)) {
         let path = folder.join(name);
         write(&path, maps)?;

@@ -1,14 +1,12 @@
 //! The reconstructed surface as a triangle mesh in a binary PLY file, by screened Poisson reconstruction from the
 //! depth map's points and normals.
 //!
-//! Poisson's surface is closed: it adds backs and bridges that do not exist. Parts that no pixel saw are cut off. So
-//! are parts that face away from the wall, because a depth map sees only along +z. Points of both layers take part if
-//! the maps have two.
+//! Poisson surfaces are closed: backs and bridges that do not exist are trimmed, as are parts not observed by any
+//! pixel and parts that face away from the wall. Points of both layers contribute.
 //!
-//! Measured on the demo's figure (64 x 64 pixels of 15.6 mm), with the depth map's own grid of triangles in brackets:
-//! mesh to truth 4.5 mm (4.1), truth to mesh 4.5 mm (4.4), 97.4 % of the truth within a pixel (97.2 %), normals of
-//! triangles 15.4° off (18.2°), no holes in either. Poisson's rim reaches half a pixel farther, so its distance to
-//! truth is larger. Steps of the voxel grid are gone. The solve takes 0.1 s.
+//! Figure of the demo (64 x 64 pixels of 15.6 mm), the depth map's own triangulation in brackets: mesh to truth 4.5
+//! mm (4.1), truth to mesh 4.5 mm (4.4), 97.4 % of the truth within a pixel (97.2 %), normals of triangles 15.4° off
+//! (18.2°), no holes in either; 0.1 s. Poisson's rim extends half a pixel farther.
 
 mod nets;
 mod poisson;
@@ -23,23 +21,23 @@ use crate::error::Result;
 use crate::files::atomic;
 use crate::maps::Maps;
 
-/// A vertex is cut off if it is more than this many pixels aside of every point. The middle of four points is 0.71 from
+/// A vertex farther than this many pixels aside of every point is removed. The middle of four points is 0.71 from
 /// each.
 const NEAR: f64 = 0.8;
-/// Samples nearer than this to a vertex, in pixels squared, weigh no more.
+/// Squared distance, in pixels, below which the weight of a sample is constant.
 const LEAST_AWAY: f64 = 1e-8;
-/// Least |n_z| of a normal. A steeper surface counts as this steep: it has too few pixels to measure its slope.
+/// Minimum |n_z| of a normal; steeper surfaces have too few pixels to measure their slope.
 const STEEPEST: f64 = 0.25;
 
-/// Points farther than this many pixels from the origin are left out.
+/// Points farther than this many pixels from the origin are omitted.
 const FARTHEST: f64 = 1e8;
 
-/// A vertex: place in metres, outward unit normal, albedo.
+/// A vertex: position in metres, outward unit normal, albedo.
 type Vertex = (DVec3, DVec3, f32);
 
 /// Writes vertices (`x y z nx ny nz albedo` as float32 and the albedo as grey `red green blue`, as [`super::ply`]
-/// does) and triangles, which turn counter-clockwise as seen from the wall. Coordinates are metres in the capture's
-/// frame. If nothing was found, the file has no triangles.
+/// does) and triangles, counter-clockwise as seen from the wall. Coordinates are metres in the capture's frame.
+/// Without surface the file has no triangles.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
@@ -68,7 +66,7 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     atomic::write(path, &bytes)
 }
 
-/// Vertices and triangles of the surface that was seen.
+/// Vertices and triangles of the observed surface.
 fn surface(maps: &Maps) -> (Vec<Vertex>, Vec<[usize; 3]>) {
     let [x0, x1, y0, y1] = maps.extent;
     let pitch = [(x1 - x0) / maps.nx as f64, (y1 - y0) / maps.ny as f64];
@@ -101,7 +99,7 @@ fn surface(maps: &Maps) -> (Vec<Vertex>, Vec<[usize; 3]>) {
     (vertices, triangles)
 }
 
-/// The point of a masked pixel that has a depth. A point without a normal faces the wall.
+/// The point of a masked pixel with a depth. A point without a normal faces the wall.
 fn sample(maps: &Maps, pixel: usize, area: f64) -> Option<Sample> {
     if !maps.mask[pixel] || !maps.depth[pixel].is_finite() {
         return None;
@@ -110,16 +108,16 @@ fn sample(maps: &Maps, pixel: usize, area: f64) -> Option<Sample> {
     let normal = DVec3::from_array(maps.normal[pixel].map(f64::from));
     let normal = if normal.is_finite() { normal.normalize_or(DVec3::NEG_Z) } else { DVec3::NEG_Z };
     let at = dvec3(x, y, f64::from(maps.depth[pixel]));
-    // Indices of cells have 32 bits.
+    // Cell indices have 32 bits.
     if (at / area.sqrt()).abs().max_element() > FARTHEST {
         return None;
     }
     Some(Sample { at, normal, area: area / normal.z.abs().max(STEEPEST) })
 }
 
-/// The albedo at a place of the surface, from the pixels that saw it; `None` if none did. A pixel sees places up to
-/// [`NEAR`] pixels aside, and along z as far as its slope rises over a pixel (at least one pixel). `samples` are those
-/// of all pixels of the first layer, then of the second.
+/// Albedo at a position of the surface, from the pixels that observed it; `None` if none did. A pixel observes
+/// positions up to [`NEAR`] pixels aside, and along z within the rise of its slope over a pixel (at least one pixel).
+/// `samples` has all pixels of the first layer, then of the second.
 fn seen(layers: &[Maps], samples: &[Option<Sample>], pitch: f64, at: DVec3) -> Option<f32> {
     let maps = &layers[0];
     let [x0, x1, y0, y1] = maps.extent;

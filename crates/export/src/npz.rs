@@ -11,17 +11,17 @@ use crate::maps::{Layer, Maps, Truth};
 const MAPS: &str = "albedo, depth, normal, mask and extent, as reconstruct writes them";
 const TRUTH: &str = "gt_depth [nx, ny], gt_normal [nx, ny, 3], gt_mask [nx, ny] and gt_extent";
 
-/// Names of the confidence of the first surfaces, and of both layers.
-const CONFIDENCE: [&str; 2] = ["confidence", "layers_confidence"];
+/// Keys of the expected depth error of the first layer, and of both layers.
+const DEPTH_ERROR: [&str; 2] = ["depth_error", "layers_depth_error"];
 
-/// Names of the albedos, depths, normals and masks of both layers. Truth has no albedos.
+/// Keys of albedo, depth, normal and mask of both layers. Truth has no albedos.
 const MAPS_LAYERS: [&str; 4] = ["layers_albedo", "layers_depth", "layers_normal", "layers_mask"];
 const TRUTH_LAYERS: [&str; 4] = ["", "gt_layers_depth", "gt_layers_normal", "gt_layers_mask"];
 
-/// Writes `albedo`, `depth` [nx, ny] and `normal` [nx, ny, 3] as float32 (NaN = nothing there), `mask`
-/// [nx, ny] as bool, `extent` (xmin, xmax, ymin, ymax) as float64, and so the scalar `mask_fraction` if it was given.
-/// `confidence` [nx, ny] as float32 if it was told. If there are surfaces behind the first ones, `layers_albedo`,
-/// `layers_depth`, `layers_mask`, `layers_confidence` [2, nx, ny] and `layers_normal` [2, nx, ny, 3] hold both.
+/// Writes `albedo`, `depth` [nx, ny] and `normal` [nx, ny, 3] as float32 (NaN = no surface), `mask` [nx, ny] as bool,
+/// `extent` (xmin, xmax, ymin, ymax) as float64, the scalar `mask_fraction` as float64 if given, and `depth_error`
+/// [nx, ny] as float32 if known. With a second layer, `layers_albedo`, `layers_depth`, `layers_mask`,
+/// `layers_depth_error` [2, nx, ny] and `layers_normal` [2, nx, ny, 3] have both.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
@@ -38,11 +38,11 @@ pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {
     if let Some(fraction) = maps.mask_fraction {
         arrays.push(("mask_fraction", Array::from_f64(&[], &[fraction])));
     }
-    if let Some(confidence) = &maps.confidence {
-        arrays.push((CONFIDENCE[0], Array::from_f32(&shape, confidence)));
-        if let Some(second) = maps.behind.as_ref().and_then(|b| b.confidence.as_ref()) {
-            let both = [&confidence[..], second].concat();
-            arrays.push((CONFIDENCE[1], Array::from_f32(&[2, maps.nx, maps.ny], &both)));
+    if let Some(depth_error) = &maps.depth_error {
+        arrays.push((DEPTH_ERROR[0], Array::from_f32(&shape, depth_error)));
+        if let Some(second) = maps.behind.as_ref().and_then(|b| b.depth_error.as_ref()) {
+            let both = [&depth_error[..], second].concat();
+            arrays.push((DEPTH_ERROR[1], Array::from_f32(&[2, maps.nx, maps.ny], &both)));
         }
     }
     if let Some(behind) = &maps.behind {
@@ -54,7 +54,7 @@ pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {
     atomic::write(path, &npz_bytes(&arrays)?)
 }
 
-/// Reads maps. Without `mask`, the albedo gives it: by `mask_fraction`, else by [`Maps::MASK_FRACTION`].
+/// Reads maps. A missing `mask` is derived from the albedo by `mask_fraction` or [`Maps::MASK_FRACTION`].
 ///
 /// # Errors
 /// `Kind::Input` for a missing or damaged file, missing arrays or shapes that do not agree.
@@ -76,8 +76,8 @@ pub fn read_maps(path: &Path) -> Result<Maps> {
             normal: vectors(&npz.require("normal", MAPS)?, "normal")?,
             mask,
             mask_fraction: fraction,
-            confidence: match npz.get(CONFIDENCE[0])? {
-                Some(_) => Some(plane(&mut npz, CONFIDENCE[0], MAPS)?.1),
+            depth_error: match npz.get(DEPTH_ERROR[0])? {
+                Some(_) => Some(plane(&mut npz, DEPTH_ERROR[0], MAPS)?.1),
                 None => None,
             },
             behind: second(&mut npz, MAPS_LAYERS, shape)?,
@@ -88,8 +88,8 @@ pub fn read_maps(path: &Path) -> Result<Maps> {
 }
 
 /// Writes truth: `gt_depth` [nx, ny] and `gt_normal` [nx, ny, 3] as float32 (NaN = miss), `gt_mask` as bool,
-/// `gt_extent` as float64. If there are surfaces behind the first ones, `gt_layers_depth`, `gt_layers_mask` [2, nx, ny]
-/// and `gt_layers_normal` [2, nx, ny, 3] hold both.
+/// `gt_extent` as float64. With a second layer, `gt_layers_depth`, `gt_layers_mask` [2, nx, ny] and
+/// `gt_layers_normal` [2, nx, ny, 3] have both.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
@@ -150,13 +150,13 @@ fn layers(
     ]
 }
 
-/// The second of the layers with these names; `None` if there are none. Without albedos, the mask gives them.
+/// The second of the layers under these keys; `None` without layers. Missing albedos are derived from the mask.
 fn second(npz: &mut Npz, names: [&str; 4], [nx, ny]: [usize; 2]) -> Result<Option<Layer>> {
     if npz.get(names[1])?.is_none() {
         return Ok(None);
     }
     let count = nx * ny;
-    let is_told = !names[0].is_empty() && npz.get(CONFIDENCE[1])?.is_some();
+    let is_told = !names[0].is_empty() && npz.get(DEPTH_ERROR[1])?.is_some();
     let mut of = |name: &str, shape: &[usize]| -> Result<Array> {
         let array = npz.require(name, "arrays of both layers, [2, nx, ny]")?;
         if array.shape == shape {
@@ -173,11 +173,11 @@ fn second(npz: &mut Npz, names: [&str; 4], [nx, ny]: [usize; 2]) -> Result<Optio
         name => of(name, &[2, nx, ny])?.to_f32().split_off(count),
     };
     let normal = normal.chunks_exact(3).map(|v| [v[0], v[1], v[2]]).collect();
-    let confidence = match is_told {
-        true => Some(of(CONFIDENCE[1], &[2, nx, ny])?.to_f32().split_off(count)),
+    let depth_error = match is_told {
+        true => Some(of(DEPTH_ERROR[1], &[2, nx, ny])?.to_f32().split_off(count)),
         false => None,
     };
-    Ok(Some(Layer { albedo, depth, normal, mask, confidence }))
+    Ok(Some(Layer { albedo, depth, normal, mask, depth_error }))
 }
 
 fn plane(npz: &mut Npz, name: &str, wanted: &str) -> Result<([usize; 2], Vec<f32>)> {

@@ -29,26 +29,26 @@ pub struct Picture {
     pub rgb: Vec<u8>,
 }
 
-/// Map indices in picture order, as an eye at the wall sees them: rows from the largest y down, within a row from the
-/// largest x down.
+/// Map indices in picture order, as seen from the wall: rows from the largest y down, within a row from the largest x
+/// down.
 pub fn rows(maps: &Maps) -> Vec<usize> {
     (0..maps.ny).rev().flat_map(|iy| (0..maps.nx).rev().map(move |ix| ix * maps.ny + iy)).collect()
 }
 
-/// The whole factor by which a map is enlarged.
+/// Integer factor by which a map is enlarged.
 pub fn enlargement(maps: &Maps) -> usize {
     ((SIDE as f64 / maps.nx.max(maps.ny) as f64).round() as usize).max(1)
 }
 
-/// The colour of a unit normal, as in the normal maps of modelling programs: red for what faces right in the picture,
-/// which is -x, green for up, and light blue for what faces the wall. `None` if the normal is not known.
+/// Colour of a unit normal in the convention of normal maps: red for right in the picture (-x), green for up, light
+/// blue for facing the wall. `None` if the normal is unknown.
 pub fn normal_colour(normal: [f32; 3]) -> Option<[u8; 3]> {
     let [x, y, z] = normal;
     let part = |v: f32| (255.0 * ((v + 1.0) / 2.0).clamp(0.0, 1.0)).round() as u8;
     normal.iter().all(|v| v.is_finite()).then(|| [-x, y, -z].map(part))
 }
 
-/// The colour of a share from 0 (near, yellow) to 1 (far, purple): viridis, reversed.
+/// Colour of a share from 0 (near, yellow) to 1 (far, purple): viridis, reversed.
 pub fn colour(share: f64) -> [u8; 3] {
     colorous::VIRIDIS.eval_continuous(1.0 - share.clamp(0.0, 1.0)).as_array()
 }
@@ -59,7 +59,7 @@ impl Picture {
         Picture { width, height, rgb: BACKGROUND.repeat(width * height) }
     }
 
-    /// The maps' pixels, each as a square of `factor`, coloured by `colour` of the map index.
+    /// The maps' pixels as squares of `factor` pixels, coloured by map index.
     pub fn of_maps(maps: &Maps, factor: usize, colour: impl Fn(usize) -> [u8; 3]) -> Picture {
         let mut picture = Picture::new(maps.nx * factor, maps.ny * factor);
         for (at, &pixel) in rows(maps).iter().enumerate() {
@@ -69,7 +69,7 @@ impl Picture {
         picture
     }
 
-    /// Fills a rectangle. Parts outside the picture are left out.
+    /// Fills a rectangle, clipped to the picture.
     pub fn fill(&mut self, x: usize, y: usize, width: usize, height: usize, colour: [u8; 3]) {
         for row in y.min(self.height)..(y + height).min(self.height) {
             for column in x.min(self.width)..(x + width).min(self.width) {
@@ -79,7 +79,7 @@ impl Picture {
         }
     }
 
-    /// Copies another picture in at (x, y). Parts outside the picture are left out.
+    /// Copies another picture to (x, y), clipped.
     pub fn paste(&mut self, other: &Picture, x: usize, y: usize) {
         for (at, pixel) in other.rgb.chunks_exact(3).enumerate() {
             let (column, row) = (at % other.width, at / other.width);
@@ -87,7 +87,7 @@ impl Picture {
         }
     }
 
-    /// Mixes `colour` into the pixel `[column, row]`, if there is one. `cover` is the share of `colour`, from 0 to 1.
+    /// Blends `colour` into the pixel `[column, row]`, if inside. `cover` is the weight of `colour`, from 0 to 1.
     pub fn blend(&mut self, [column, row]: [i32; 2], colour: [u8; 3], cover: f64) {
         let within = (0..self.width as i32).contains(&column) && (0..self.height as i32).contains(&row);
         if !within {
@@ -99,7 +99,7 @@ impl Picture {
         }
     }
 
-    /// The picture shrunk by `factor`: each pixel is the mean of a square of pixels.
+    /// The picture reduced by `factor`: each pixel is the mean of a square of pixels.
     pub fn shrunk(&self, factor: usize) -> Picture {
         let (width, height) = (self.width / factor, self.height / factor);
         let mean = |at: usize| {
@@ -114,19 +114,18 @@ impl Picture {
         Picture { width, height, rgb: (0..3 * width * height).map(mean).collect() }
     }
 
-    /// Writes a line of text that begins at `[x, y]` on the base line, at `em` pixels per em. Parts outside the picture
-    /// are left out.
+    /// Writes a line of text from `[x, y]` on the base line, at `em` pixels per em, clipped.
     pub fn write(&mut self, words: &str, at: [f32; 2], em: f32, colour: [u8; 3]) {
         text::write(words, at, em, |pixel, cover| self.blend(pixel, colour, cover));
     }
 
-    /// Writes a line of text that begins at `[x, y]` on the base line.
+    /// Writes a line of text from `[x, y]` on the base line.
     pub fn text(&mut self, words: &str, [x, y]: [usize; 2]) {
         self.write(words, [x as f32, y as f32], EM, INK);
     }
 
-    /// Draws a colour bar from the row `top` to the row `bottom`, with labels at even steps beside it, from top to
-    /// bottom. Its colours are those of the shares from `first` at the top to `1 - first` at the bottom.
+    /// Draws a colour bar from row `top` to row `bottom`, with evenly spaced labels from top to bottom. Its colours
+    /// are those of the shares from `first` at the top to `1 - first` at the bottom.
     pub fn colour_bar(
         &mut self,
         x: usize,

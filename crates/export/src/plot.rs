@@ -3,7 +3,7 @@
 use super::axis::{Axis, Panel, legend};
 use super::figure::{BODY, COLOURS, Figure, HEADING, INK};
 
-/// A plot of named curves. Points that are not finite, or not above zero on a logarithmic axis, are left out.
+/// A plot of named curves. Points that are not finite, or not positive on a logarithmic axis, are omitted.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Plot {
     /// Title, above the plot.
@@ -16,7 +16,7 @@ pub struct Plot {
     pub logarithmic: [bool; 2],
     /// Name and points (x, y) of each curve.
     pub curves: Vec<(String, Vec<[f64; 2]>)>,
-    /// A dashed line at this y, with a name.
+    /// A named dashed line at this y.
     pub mark: Option<(String, f64)>,
 }
 
@@ -25,7 +25,7 @@ const PANEL: [f64; 4] = [90.0, 78.0, 640.0, 360.0];
 const LEGEND_LINE: f64 = 26.0;
 
 impl Plot {
-    /// The points of a curve that can be shown.
+    /// Visible points of a curve.
     fn shown(&self, points: &[[f64; 2]]) -> Vec<[f64; 2]> {
         let fits = |p: &&[f64; 2]| {
             p.iter().zip(self.logarithmic).all(|(v, logarithmic)| v.is_finite() && (!logarithmic || *v > 0.0))

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::files::atomic;
 use crate::maps::Maps;
 
-/// Writes one point per masked pixel with a depth, of the first surfaces and of those behind them, in the capture's frame in metres, little-endian:
+/// Writes one point per masked pixel with a depth, of both layers, in the capture's frame in metres, little-endian:
 /// `x y z nx ny nz albedo` as float32, and the albedo again as grey `red green blue` for viewers (white at its 99.9th
 /// percentile). An unknown normal is (0, 0, 0).
 ///

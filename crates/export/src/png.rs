@@ -1,5 +1,5 @@
-//! Maps as PNG pictures, as an eye at the wall sees them: +x to the left, +y up. They are enlarged by a whole factor to about 512 pixels, dark where there is
-//! nothing.
+//! Maps as PNG pictures, as seen from the wall: +x to the left, +y up. Enlarged by an integer factor to about 512
+//! pixels, dark without surface.
 
 use std::path::Path;
 
@@ -30,9 +30,8 @@ pub fn albedo_of(maps: &Maps) -> Picture {
     })
 }
 
-/// Writes the depth of the masked pixels in colour (near is yellow, far is purple) beside a colour bar with its ends in
-/// metres. The ends are the 1st and 99th percentile of the depths shown, so that a few outliers do not take most of the
-/// colours.
+/// Writes the depth of the masked pixels in colour (near is yellow, far is purple) with a colour bar in metres
+/// between the 1st and 99th percentile.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
@@ -41,7 +40,7 @@ pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {
     write(path, &depth_of(maps))
 }
 
-/// Writes the albedo, and the depth beside it, each as in its own picture.
+/// Writes albedo and depth side by side, each as in its own picture.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
@@ -97,7 +96,7 @@ pub fn normal_of(maps: &Maps) -> Picture {
     })
 }
 
-/// The picture with a colour bar at its right: far at the top, near at the bottom.
+/// The picture with a colour bar to its right: far at the top, near at the bottom.
 fn with_bar(map: &Picture, range: Option<(f64, f64)>) -> Picture {
     const MARGIN: usize = 12;
     let Some((near, far)) = range else { return map.clone() };
@@ -120,7 +119,7 @@ pub fn write(path: &Path, picture: &Picture) -> Result<()> {
 /// A picture as the bytes of an 8-bit RGB PNG.
 ///
 /// # Errors
-/// `Kind::Output` if it cannot be packed.
+/// `Kind::Output` if it cannot be encoded.
 pub fn packed(picture: &Picture) -> Result<Vec<u8>> {
     let failed =
         |e: png::EncodingError| Error::output(format!("cannot be packed as PNG: {e}"), "use smaller maps");

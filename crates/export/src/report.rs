@@ -1,4 +1,4 @@
-//! `report.json`: everything that a run did.
+//! `report.json`: complete record of a run.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,26 +15,29 @@ use crate::measure::Metrics;
 pub struct Report {
     /// Version of thirdbounce.
     pub version: String,
-    /// The device that did the work.
+    /// Device used.
     pub device: Device,
-    /// All settings as they were resolved.
+    /// Resolved settings.
     pub settings: serde_json::Value,
+    /// What looks wrong with the capture or the result, as sentences.
+    #[serde(default)]
+    pub warnings: Vec<String>,
     /// The capture.
     pub capture: Summary,
     /// The plan of the run.
     pub plan: Plan,
     /// The trace of the run.
     pub trace: Vec<TraceEntry>,
-    /// Sums over the run.
+    /// Totals of the run.
     pub totals: Totals,
-    /// Figures against truth; null without truth.
+    /// Metrics against truth; null without truth.
     pub metrics: Option<Metrics>,
 }
 
-/// The device that did the work.
+/// Device used.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Device {
-    /// Name of the device as its driver gives it.
+    /// Name given by the driver.
     pub name: String,
     /// Name and version of the driver.
     pub driver: String,
@@ -47,17 +50,17 @@ pub struct Device {
 pub struct Plan {
     /// Kernel variants chosen.
     pub variants: Vec<String>,
-    /// What this scene does not need, and what leaving it out saved.
+    /// Omitted work, with the savings.
     pub left_out: Vec<String>,
-    /// In how many parts the pairs of each level of the volume, then of the surface, were taken.
+    /// Number of parts of the pairs, per level of the volume, then of the surface.
     #[serde(default)]
     pub parts: [Vec<usize>; 2],
-    /// Bytes of histograms on the host that the device read part by part.
+    /// Bytes of histograms on the host that the device reads in parts.
     #[serde(default)]
     pub stored_bytes: u64,
     /// Bytes of each buffer by name.
     pub buffers: BTreeMap<String, u64>,
-    /// The domain was larger than its room at some time, so its dimmest voxels were left out.
+    /// Whether the domain exceeded its room at some time, so that its dimmest voxels were dropped.
     pub full: bool,
 }
 
@@ -68,11 +71,11 @@ pub struct TraceEntry {
     pub iteration: usize,
     /// Wall-clock seconds since solving began.
     pub seconds: f64,
-    /// Seconds that the device was busy; null if it has no clock or was not timed.
+    /// Device time in seconds; null without a clock or timing.
     pub gpu_seconds: Option<f64>,
     /// Lateral resolution of the grid.
     pub lateral: usize,
-    /// Laser-sensor pairs that the iteration used; the losses are means over their bins.
+    /// Laser-sensor pairs of the iteration; the losses are means over their bins.
     #[serde(default)]
     pub pairs: usize,
     /// Active voxels.
@@ -85,16 +88,16 @@ pub struct TraceEntry {
     /// Mean squared difference over the bins, without any solver's weights or regularisation.
     #[serde(default)]
     pub data_loss: Option<f64>,
-    /// ‖Av − h‖ / ‖h‖: the square root of `data_loss` over that of an empty volume. h is the measurement as the solver
-    /// uses it, without the background if the solver subtracts one. Null if nothing was measured.
+    /// ‖Av − h‖ / ‖h‖: the square root of `data_loss` over that of an empty volume. h is the measurement used by the
+    /// solver, without a subtracted background. Null if not measured.
     #[serde(default)]
     pub residual: Option<f64>,
-    /// Figures against truth, as fields beside the others; left out without truth.
+    /// Metrics against truth, as sibling fields; absent without truth.
     #[serde(flatten)]
     pub metrics: Option<Metrics>,
 }
 
-/// Sums over the whole run.
+/// Totals of the run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Totals {
     /// Seconds of reading the capture.
@@ -103,14 +106,14 @@ pub struct Totals {
     pub solve_s: f64,
     /// Seconds of writing results.
     pub export_s: f64,
-    /// Seconds until the preview of the back-projection, which are part of no other; `None` without one.
+    /// Seconds until the preview, not included in other fields; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preview_s: Option<f64>,
-    /// Voxel-pair evaluations.
+    /// Pair evaluations (one voxel or point, one pair, one direction).
     pub pairs: f64,
-    /// Voxel-pair evaluations per second of solving.
+    /// Pair evaluations per second of solving.
     pub pairs_per_s: f64,
-    /// Most bytes of device memory in use at once.
+    /// Peak device memory, bytes.
     pub peak_device_bytes: u64,
 }
 
@@ -133,13 +136,13 @@ pub fn write(path: &Path, report: &Report) -> Result<()> {
 /// Reads a report.
 ///
 /// # Errors
-/// `Kind::Input` if the file cannot be read or is no report.
+/// `Kind::Input` if the file cannot be read or is not a report.
 pub fn read(path: &Path) -> Result<Report> {
     let json = std::fs::read_to_string(path)
         .map_err(|e| Error::input(format!("{}: cannot be read: {e}", path.display()), "check the path"))?;
     serde_json::from_str(&json).map_err(|e| {
         Error::input(
-            format!("{}: is no report: {e}", path.display()),
+            format!("{}: is not a report: {e}", path.display()),
             "give a report.json that reconstruct wrote",
         )
     })

@@ -20,7 +20,7 @@ static GLYPHS: LazyLock<HashMap<char, (f32, &'static str)>> = LazyLock::new(|| {
     include_str!("../assets/DejaVuSans.txt").lines().filter_map(glyph).collect()
 });
 
-/// Advance and outline of a character; of a question mark for one that the font lacks.
+/// Advance and outline of a character; those of a question mark for missing ones.
 fn glyph(character: char) -> (f32, &'static str) {
     GLYPHS.get(&character).or_else(|| GLYPHS.get(&'?')).copied().unwrap_or_default()
 }

@@ -1,10 +1,10 @@
-//! What commands read and write, and where barriers must stand between them.
+//! Reads and writes of commands, and the barriers that their hazards require.
 
 use super::code::Binding;
 use super::names::{Buffer, Kernel};
 use super::schedule::{Command, Size};
 
-/// Buffers that commands read and write.
+/// Buffers read and written by commands.
 #[derive(Debug, Default)]
 pub(super) struct Accesses {
     pub(super) reads: Vec<Buffer>,
@@ -12,7 +12,7 @@ pub(super) struct Accesses {
 }
 
 impl Accesses {
-    /// Replaces these by those of `command`. `bound`: what a kernel binds.
+    /// Replaces the content by the accesses of `command`. `bound`: bindings of a kernel.
     pub fn take(&mut self, command: &Command, bound: impl Fn(Kernel) -> &'static [Binding]) {
         self.clear();
         match command {
@@ -34,19 +34,19 @@ impl Accesses {
         }
     }
 
-    /// Whether a barrier must stand between these and the `next` ones.
+    /// Whether a barrier is required between these and the `next` accesses.
     pub fn conflicts(&self, next: &Accesses) -> bool {
         next.reads.iter().any(|r| self.writes.contains(r))
             || next.writes.iter().any(|w| self.writes.contains(w) || self.reads.contains(w))
     }
 
-    /// Adds those of a later command.
+    /// Adds the accesses of a later command.
     pub fn add(&mut self, more: &Accesses) {
         self.reads.extend_from_slice(&more.reads);
         self.writes.extend_from_slice(&more.writes);
     }
 
-    /// Takes all out.
+    /// Removes all accesses.
     pub fn clear(&mut self) {
         self.reads.clear();
         self.writes.clear();
@@ -58,7 +58,7 @@ impl Accesses {
     }
 }
 
-/// Puts the buffers into `into` that dispatches among `commands` take their sizes from.
+/// Appends to `into` the buffers from which dispatches among `commands` read their sizes.
 pub(super) fn sizes_of(commands: &[Command], into: &mut Vec<Buffer>) {
     into.clear();
     for command in commands {
@@ -70,7 +70,7 @@ pub(super) fn sizes_of(commands: &[Command], into: &mut Vec<Buffer>) {
     }
 }
 
-/// Barriers between `commands`, which run in this order. `bound`: what a kernel binds.
+/// Number of barriers between `commands`, executed in order. `bound`: bindings of a kernel.
 pub fn barriers(commands: &[Command], bound: impl Fn(Kernel) -> &'static [Binding]) -> usize {
     let [mut now, mut pending] = [Accesses::default(), Accesses::default()];
     let mut count = 0;
@@ -114,7 +114,7 @@ mod tests {
         let mut s = Schedule::default();
         s.fill(sizes, 12, 1);
         s.fill(b, 4, 0);
-        // A kernel without buffers that waits for its size.
+        // A kernel without buffers whose size depends on the device.
         s.indirect(Kernel::named("k"), sizes, 0, 1);
         s.copy(a, b, 4);
         s.copy(b, a, 4);

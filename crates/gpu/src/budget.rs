@@ -1,4 +1,4 @@
-//! What a plan takes of a device's memory, before anything is allocated: blocks of each kind of memory, heap by heap.
+//! Memory requirements of a plan, before allocation: blocks of each memory type, heap by heap.
 
 use ash::vk;
 
@@ -12,20 +12,20 @@ use crate::{Error, Result};
 const BLOCK: u64 = 4 << 20;
 const LARGEST_BLOCK: u64 = 256 << 20;
 
-/// How buffers in one kind of memory lie in it.
+/// Layout of the buffers in one memory type.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Layout {
-    /// Buffers from this size on have memory of their own. If one block holds all buffers, they share it; else only
-    /// the small ones share a block.
+    /// Buffers from this size have dedicated allocations. If one block holds all buffers, they share it; otherwise
+    /// only smaller ones share a block.
     pub own_from: u64,
     pub block: u64,
-    /// Bytes in all.
+    /// Total bytes.
     taken: u64,
 }
 
 impl Layout {
     fn of<'b>(buffers: impl Iterator<Item = &'b BufferPlan> + Clone) -> Layout {
-        // A little over the sum, for alignment: one block then holds them all.
+        // Slightly above the sum, for alignment, so that one block holds them all.
         let block = |below: u64| {
             let small = buffers.clone().filter(|b| b.bytes < below);
             small.map(|b| b.bytes.saturating_add(256)).fold(0, u64::saturating_add)
@@ -40,9 +40,9 @@ impl Layout {
         Layout { own_from: BLOCK, block: small, taken: own.fold(small, u64::saturating_add) }
     }
 
-    /// Layouts of the device's buffers and of the host's: the same one where both lie in one kind of memory.
+    /// Layouts of device and host buffers: the same layout if both use one memory type.
     pub(super) fn both(plan: &[BufferPlan], kinds: &Kinds) -> [Layout; 2] {
-        // What is stored on the host has memory of its own, buffer by buffer.
+        // Stored buffers have dedicated allocations.
         let plan = || plan.iter().filter(|b| b.place != Place::Store);
         if kinds.one {
             return [Layout::of(plan()); 2];
@@ -50,7 +50,7 @@ impl Layout {
         let [mut device, mut host] =
             [true, false].map(|device| Layout::of(plan().filter(|b| (b.place == Place::Device) == device)));
         if kinds.device_is_mapped {
-            // The allocator has one size of blocks for all memory that the host sees.
+            // The allocator has one block size for all host-visible memory.
             let block = device.block.max(host.block);
             for layout in [&mut device, &mut host].into_iter().filter(|l| l.block > 0) {
                 layout.taken = layout.taken.saturating_add(block - layout.block);
@@ -61,19 +61,19 @@ impl Layout {
     }
 }
 
-/// The kinds of memory that buffers lie in: on the device, and where the host sees them.
+/// Memory types of device buffers and of host-visible buffers.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Kinds {
-    /// Both are one kind, as on CPUs and some integrated GPUs.
+    /// Both are one type, as on CPUs and some integrated GPUs.
     one: bool,
-    /// The host sees the device's kind, too.
+    /// The device type is host-visible as well.
     device_is_mapped: bool,
-    /// The heaps that they are parts of.
+    /// Heaps of the two types.
     pub heaps: [usize; 2],
 }
 
 impl Kinds {
-    /// The kinds that the allocator takes for [`Place::Device`], and for the other places.
+    /// Types that the allocator selects for [`Place::Device`], and for the other places.
     pub fn of(instance: &Instance, physical: vk::PhysicalDevice) -> Kinds {
         // SAFETY: the handle comes from this instance.
         let memory = unsafe { instance.raw.get_physical_device_memory_properties(physical) };
@@ -95,40 +95,40 @@ impl Kinds {
     }
 }
 
-/// The types of memory that the host sees without flushing it, as the bits of `VkMemoryRequirements::memoryTypeBits`.
+/// Host-visible, coherent memory types, as the bits of `VkMemoryRequirements::memoryTypeBits`.
 pub(super) fn coherent(types: &[vk::MemoryType]) -> u32 {
     let seen = vk::MemoryPropertyFlags::HOST_VISIBLE | vk::MemoryPropertyFlags::HOST_COHERENT;
     (0..).zip(types).filter(|(_, t)| t.property_flags.contains(seen)).map(|(i, _)| 1u32 << i).sum()
 }
 
-/// What there is of a device's memory, for [`check`].
+/// Memory of a device, for [`check`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Memory {
     /// Largest binding of one buffer in bytes.
     pub storage_range: u64,
-    /// Bytes that are free for buffers on the device, and for those that the host sees.
+    /// Free bytes for device buffers and for host-visible buffers.
     pub free: [u64; 2],
-    /// Both are the same bytes: a discrete card has heaps of its own, others share the host's.
+    /// Whether both are the same bytes: discrete GPUs have separate heaps, others share the host's.
     pub shared: bool,
-    /// Bytes of one allocation at most.
+    /// Maximum size of one allocation, bytes.
     pub(super) allocation: u64,
     pub(super) kinds: Kinds,
 }
 
 impl Memory {
-    /// A discrete card that binds `storage_range` bytes, with so many bytes free on it and on the host.
+    /// A discrete GPU with the given binding limit and free bytes on device and host.
     pub fn of_card(storage_range: u64, free: [u64; 2]) -> Memory {
         let kinds = Kinds { one: false, device_is_mapped: false, heaps: [0, 1] };
         Memory { storage_range, free, shared: false, allocation: u64::MAX, kinds }
     }
 }
 
-/// Checks a plan against a device's memory. `budget`: the bytes that a user allows for all buffers but those of
-/// [`Place::Store`]. Without one, each heap must have the bytes that lie on it. What is stored must fit on the host in any
-/// case. Allocates nothing.
+/// Checks a plan against a device's memory. `budget`: maximum bytes of all buffers except [`Place::Store`]. Without
+/// it, each heap must hold its buffers. Stored buffers must fit on the host in any case. Allocates nothing.
 ///
 /// # Errors
-/// A buffer is larger than the device can bind or allocate, or the plan is over budget (the error names the largest buffers).
+/// A buffer exceeds the device's largest binding or allocation, or the plan exceeds the budget (the error names the
+/// largest buffers).
 pub fn check(plan: &[BufferPlan], memory: &Memory, budget: Option<u64>) -> Result<()> {
     let range = memory.storage_range;
     if let Some(b) = plan.iter().find(|b| b.place == Place::Device && b.bytes > range) {
@@ -186,7 +186,7 @@ pub fn check(plan: &[BufferPlan], memory: &Memory, budget: Option<u64>) -> Resul
     Ok(())
 }
 
-/// Whose bytes are too few.
+/// Source of an insufficient limit.
 pub(super) enum Whose {
     Users,
     Device,
@@ -202,11 +202,11 @@ pub(super) fn over<'b>(
     let mut largest: Vec<_> = plan.collect();
     largest.sort_by_key(|b| std::cmp::Reverse(b.bytes));
     let names: Vec<_> = largest.iter().take(3).map(|b| format!("`{}` {}", b.buffer, size(b.bytes))).collect();
-    let mend = Advice::from(advice!["use " {smaller(total, budget)}]);
-    let (whose, mend) = match whose {
-        Whose::Users => ("the memory budget is", mend.and(advice![", or allow more with " Memory])),
-        Whose::Device => ("the device has free", mend),
-        Whose::Host => ("the host has free for copies from and to the device", mend),
+    let hint = Advice::from(advice!["use " {smaller(total, budget)}]);
+    let (whose, hint) = match whose {
+        Whose::Users => ("the memory budget is", hint.and(advice![", or allow more with " Memory])),
+        Whose::Device => ("the device has free", hint),
+        Whose::Host => ("the host has free for copies from and to the device", hint),
     };
     Error::memory(
         format!(
@@ -215,7 +215,7 @@ pub(super) fn over<'b>(
             size(budget),
             names.join(", ")
         ),
-        mend,
+        hint,
     )
 }
 
@@ -265,8 +265,8 @@ mod tests {
         assert!(check(&plan, &card(1 << 30, 8 << 20), None).is_ok(), "two blocks of 4 MiB");
         assert!(check(&plan, &card(1 << 30, 7 << 20), None).is_err());
         let error = check(&plan, &card(1 << 30, 0), Some(1 << 20)).unwrap_err();
-        assert!(error.what.contains("`raw` 5 MiB") && error.mend.names(Setting::Memory), "{error}");
-        assert!(error.mend.remedies().any(|r| r == smaller(8 << 20, 1 << 20)), "{error:?}");
+        assert!(error.what.contains("`raw` 5 MiB") && error.hint.names(Setting::Memory), "{error}");
+        assert!(error.hint.remedies().any(|r| r == smaller(8 << 20, 1 << 20)), "{error:?}");
         let error = check(&plan, &card(1 << 20, 1 << 30), None).unwrap_err();
         assert!(error.what.contains("binds at most 1 MiB"), "{error}");
     }
@@ -286,7 +286,7 @@ mod tests {
         assert!(!error.what.contains("`raw`"), "{error}");
         let error = free(7 << 20, 1 << 30).unwrap_err();
         assert!(error.what.contains("the device has free") && !error.what.contains("`upload`"), "{error}");
-        // A budget is for both together.
+        // A budget covers both together.
         let all = Memory::of_card(1 << 30, [0, 0]);
         assert!(check(&plan, &all, Some(20 << 20)).is_ok() && check(&plan, &all, Some(19 << 20)).is_err());
     }
@@ -297,12 +297,12 @@ mod tests {
             .map(|(n, b, place)| BufferPlan::new(Buffer::named(n), b, place));
         let card = |host| Memory::of_card(1 << 26, [4 << 20, host]);
         for budget in [None, Some(4 << 20)] {
-            // No kernel binds it, so it may be larger than a binding.
+            // Not bound by a kernel, so it may exceed the largest binding.
             assert!(check(&plan, &card(101 << 20), budget).is_ok(), "{budget:?}");
             let error = check(&plan, &card(99 << 20), budget).unwrap_err();
             assert!(error.what.contains("the host has free") && error.what.contains("`stored`"), "{error}");
         }
-        // Where host and device are one, both take of the same.
+        // A unified memory serves both.
         let one = |free| Memory { shared: true, ..Memory::of_card(1 << 26, [free; 2]) };
         assert!(check(&plan, &one(105 << 20), None).is_ok() && check(&plan, &one(102 << 20), None).is_err());
     }
@@ -318,7 +318,7 @@ mod tests {
                 error.what.contains("`large` needs 3 MiB, this device allocates at most 2 MiB"),
                 "{error}"
             );
-            assert!(error.mend.remedies().any(|r| r == smaller(3 << 20, 2 << 20)), "{error:?}");
+            assert!(error.hint.remedies().any(|r| r == smaller(3 << 20, 2 << 20)), "{error:?}");
         }
     }
 
@@ -326,7 +326,7 @@ mod tests {
     fn a_callers_memory_that_the_host_sees_is_coherent() {
         type Flags = vk::MemoryPropertyFlags;
         let seen = Flags::HOST_VISIBLE | Flags::HOST_COHERENT;
-        // As on phones: the first kind that the host sees is cached, and not coherent.
+        // As on phones: the first host-visible type is cached and not coherent.
         let types = [
             Flags::DEVICE_LOCAL,
             Flags::HOST_VISIBLE | Flags::HOST_CACHED,
@@ -352,7 +352,7 @@ mod tests {
         assert_eq!(Kinds::among(&card), Kinds { one: false, device_is_mapped: false, heaps: [0, 1] });
         let cpu = [kind(Flags::DEVICE_LOCAL | seen | Flags::HOST_CACHED, 0)];
         assert_eq!(Kinds::among(&cpu), Kinds { one: true, device_is_mapped: true, heaps: [0, 0] });
-        // Both kinds of an integrated GPU take blocks of the same size.
+        // Both types of an integrated GPU use blocks of the same size.
         let integrated = [kind(Flags::DEVICE_LOCAL | seen, 0), kind(seen | Flags::HOST_CACHED, 0)];
         let kinds = Kinds::among(&integrated);
         assert_eq!(kinds, Kinds { one: false, device_is_mapped: true, heaps: [0, 0] });

@@ -1,4 +1,4 @@
-//! A compiled kernel: its words, the buffers that it binds, its constants.
+//! Compiled kernels: SPIR-V words, bindings, constants.
 
 use super::names::{Buffer, Constant, Kernel};
 
@@ -9,9 +9,9 @@ pub struct KernelCode {
     pub name: &'static str,
     /// SPIR-V words, little-endian.
     pub spirv: &'static [u8],
-    /// The blocks that it binds.
+    /// Bound blocks.
     pub bindings: &'static [Binding],
-    /// Specialization constants with their numbers.
+    /// Specialization constants and their ids.
     pub constants: &'static [(Constant, u32)],
 }
 
@@ -21,7 +21,7 @@ impl From<&KernelCode> for Kernel {
     }
 }
 
-/// How a kernel sees a buffer.
+/// Descriptor type of a buffer in a kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum View {
     /// As a uniform block.
@@ -30,22 +30,22 @@ pub enum View {
     Storage,
     /// As texels of 1 or 4 floats (`imageBuffer` in GLSL).
     Texels {
-        /// Floats of a texel.
+        /// Floats per texel.
         words: u32,
     },
 }
 
-/// A buffer of a kernel. It binds the buffer of its own name unless a schedule says otherwise.
+/// A buffer binding of a kernel, by default to the buffer with the block's name.
 #[derive(Debug, Clone, Copy)]
 pub struct Binding {
     /// Name of the block.
     pub block: Buffer,
     /// Binding number in descriptor set 0.
     pub slot: u32,
-    /// How the kernel sees the buffer.
+    /// Descriptor type.
     pub view: View,
-    /// The kernel reads it.
+    /// Whether the kernel reads it.
     pub reads: bool,
-    /// The kernel writes it.
+    /// Whether the kernel writes it.
     pub writes: bool,
 }

@@ -1,4 +1,4 @@
-//! An opened device.
+//! Opened devices.
 
 use std::ops::Deref;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
@@ -23,8 +23,8 @@ use super::recording::{OpenSpan, Recorder, Recording};
 use crate::advice::{Remedy, advice};
 use crate::{Error, Result};
 
-/// A handle of an opened device with one compute queue. Clones are cheap, and any thread may use them. Executors and
-/// arenas hold one. The device closes when the last handle is gone.
+/// A handle of an opened device with one compute queue. Clones are cheap and usable from any thread. Executors and
+/// arenas hold one. The device is closed with the last handle.
 #[derive(Clone)]
 pub struct Gpu(Arc<Opened>);
 
@@ -36,56 +36,56 @@ impl Deref for Gpu {
     }
 }
 
-/// What a [`Gpu`] is a handle of.
+/// Shared state of [`Gpu`] handles.
 pub struct Opened {
     /// The device as the loader lists it.
     pub info: DeviceInfo,
-    /// How it adds to memory.
+    /// Supported accumulation paths.
     pub accumulations: Accumulations,
     /// Its limits.
     pub limits: Limits,
-    /// The timeline, if it was asked for.
+    /// The timeline, if requested.
     pub(super) recorder: Option<Recorder>,
-    /// Reads statistics of pipelines, if they were asked for and the device has them.
+    /// Pipeline statistics, if requested and supported.
     pub(super) statistics: Option<khr::pipeline_executable_properties::Device>,
-    /// Reads listings of pipelines, too.
+    /// Whether pipeline listings are read as well.
     pub(super) has_listings: bool,
-    /// The driver rounds fp32 to nearest where a kernel asks for it.
+    /// Whether the driver supports declared round-to-nearest for fp32.
     pub(super) has_rounding: bool,
-    /// Nanoseconds per timestamp tick; 0 where the queue has no timestamps.
+    /// Nanoseconds per timestamp tick; 0 without timestamps.
     pub(super) tick: f64,
-    // Vulkan lets one thread at a time use a queue: only `queue()` gives access.
+    // Queue access is externally synchronised: only through `queue()`.
     queue: Mutex<vk::Queue>,
-    /// A caller's lock of the queue, taken as well.
+    /// The application's lock of the queue, held as well.
     lock: Option<Arc<dyn QueueLock>>,
-    /// A caller's memory for buffers.
+    /// The application's allocator of buffer memory.
     pub(super) blocks: Option<Arc<dyn BlockSource>>,
-    /// Imports memory of other programs, where the device does.
+    /// Import of external memory, if supported.
     pub(super) external_memory: Option<khr::external_memory_fd::Device>,
-    /// Asks the driver about a loss, where it tells.
+    /// Fault queries after a loss, if supported.
     pub(super) device_fault: Option<ext::device_fault::Device>,
     pub(super) family: u32,
     pub(super) physical: vk::PhysicalDevice,
     pub(super) has_budget: bool,
-    /// Turns of a submission at most, if they were given.
+    /// Maximum loop turns per submission, if specified.
     pub(super) work: Option<u64>,
     pub(super) injected_faults: Option<InjectedFaults>,
-    /// Bytes of one allocation at most.
+    /// Maximum size of one allocation, bytes.
     pub(super) allocation: u64,
-    /// Where buffers lie.
+    /// Memory types of buffers.
     pub(super) kinds: Kinds,
-    /// Bytes that arenas hold.
+    /// Bytes held by arenas.
     pub(super) allocated: AtomicU64,
     pub(super) names: Option<ext::debug_utils::Device>,
-    /// Kernels as executors run them.
+    /// Pipelines shared by executors.
     pub(super) pipelines: Pipelines,
-    /// What the driver keeps of compiled kernels.
+    /// Pipeline cache.
     pub(super) cache: Cache,
     pub(super) device: Arc<OwnedDevice>,
     pub(super) instance: Arc<Instance>,
 }
 
-/// What a device is made of.
+/// Constituents of a device.
 pub(super) struct Parts {
     pub instance: Arc<Instance>,
     pub device: Arc<OwnedDevice>,
@@ -100,11 +100,10 @@ pub(super) struct Parts {
 }
 
 impl Gpu {
-    /// Opens the device that `options` name, or the best one.
+    /// Opens the device named in `options`, or the best one.
     ///
     /// # Errors
-    /// There is no loader, no device or no device of that name, or a required feature is missing. Each error says what
-    /// to do.
+    /// No loader, no device, no device of that name, or a missing required feature. The error contains the fix.
     pub fn open(options: &GpuOptions) -> Result<Gpu> {
         let instance = Arc::new(Instance::new(options.validation, options.instrumented)?);
         let all = instance.list();
@@ -134,7 +133,7 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// The device that is made of these parts.
+    /// The device made of these parts.
     pub(super) fn of(parts: Parts, options: &GpuOptions) -> Gpu {
         let Parts { instance, device, physical, info, queue, family, offered, cache, lock, blocks } = parts;
         // SAFETY: the physical device is the instance's.
@@ -186,7 +185,7 @@ impl Gpu {
         Arc::ptr_eq(&self.0, &other.0)
     }
 
-    /// What a plan must know of this device.
+    /// Properties of this device relevant to plans.
     #[doc(hidden)]
     pub fn abilities(&self) -> Abilities {
         Abilities { kind: self.info.kind, accumulations: self.accumulations, limits: self.limits }
@@ -197,21 +196,21 @@ impl Gpu {
         self.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
-    /// The queue, for this thread alone as long as the guard is held.
+    /// Exclusive access to the queue while the guard is held.
     pub(super) fn queue(&self) -> Queue<'_> {
-        // A handle cannot be left half-changed, so a thread that panicked has damaged nothing.
+        // A handle cannot be partially modified, so a panicked thread has not damaged it.
         let queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
         let lock = self.lock.as_deref();
         lock.into_iter().for_each(QueueLock::lock);
         Queue { queue, lock }
     }
 
-    /// Gives a Vulkan object the name that the plan uses, for validation messages, RenderDoc and Nsight.
+    /// Sets the debug name of a Vulkan object, for validation messages, RenderDoc and Nsight.
     pub(super) fn name<T: vk::Handle>(&self, object: T, name: &str) {
         let Some(names) = &self.names else { return };
         let Ok(text) = std::ffi::CString::new(name) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&text);
-        // SAFETY: the object belongs to this device. A name that is not taken changes nothing.
+        // SAFETY: the object belongs to this device. Failure to set a name has no effect.
         let _ = unsafe { names.set_debug_utils_object_name(&info) };
     }
 
@@ -219,12 +218,12 @@ impl Gpu {
         &self.device.raw
     }
 
-    /// The error of a device that did not come back in time from what it was `doing`. Nothing that it may still use is
-    /// destroyed after this.
-    pub(super) fn hangs(&self, waited: Duration, doing: &str) -> Error {
-        self.device.note_hung();
+    /// Error of a watchdog timeout during `doing`. Objects that the device may still use are not destroyed
+    /// afterwards.
+    pub(super) fn timed_out(&self, waited: Duration, doing: &str) -> Error {
+        self.device.record_timeout();
         let (name, waited) = (&self.info.name, waited.as_secs());
-        self.device.note_down(|| {
+        self.device.record_failure(|| {
             Error::device(
                 format!("{name} did not finish its work within {waited} s, {doing}"),
                 advice!["it or its driver hangs, or it is far slower than devices of its kind: try " {Remedy::SMALLER_JOB} ", or another " Device],
@@ -232,23 +231,23 @@ impl Gpu {
         })
     }
 
-    /// Whether the device did not come back from work in time.
+    /// Whether the watchdog timed out.
     pub(super) fn has_hung(&self) -> bool {
         self.device.has_hung()
     }
 
-    /// The error of a failed call: device lost, out of memory, or the Vulkan result. After a loss it is always that of the
+    /// Error of a failed call: device lost, out of memory, or the Vulkan result. After a loss always that of the
     /// loss.
     pub(super) fn failed(&self, doing: &str, result: vk::Result) -> Error {
         let name = &self.info.name;
         match result {
-            vk::Result::ERROR_DEVICE_LOST => self.device.note_down(|| {
+            vk::Result::ERROR_DEVICE_LOST => self.device.record_failure(|| {
                 Error::device(
                     format!(
                         "{name} was lost while {doing}{}",
-                        driver_report::text(self.faults().told, self.device_fault.as_ref())
+                        driver_report::text(self.faults().fault_address, self.device_fault.as_ref())
                     ),
-                    advice!["its driver was reset, often by a time limit for displays; what is open on it, sessions too, must be opened anew: try " {Remedy::SMALLER_JOB} ", or another " Device],
+                    advice!["its driver was reset, often by a watchdog timeout; reopen the device and its sessions, and try " {Remedy::SMALLER_JOB} ", or another " Device],
                 )
             }),
             vk::Result::ERROR_OUT_OF_DEVICE_MEMORY | vk::Result::ERROR_OUT_OF_HOST_MEMORY => Error::memory(
@@ -265,18 +264,17 @@ impl Gpu {
 
 #[doc(hidden)]
 impl Gpu {
-    /// Begins a span of the host's time. Costs nothing without `timings`.
+    /// Starts a span of host time. No-op without `timings`.
     pub fn span(&self, what: &'static str) -> OpenSpan<'_> {
         OpenSpan::begin(self.recorder.as_ref(), what)
     }
 
-    /// Takes what was recorded since the device was opened or since the last call; empty without `timings`. Kernels
-    /// stay in the recording.
+    /// Returns and clears the recording since the last call; empty without `timings`. Kernels are kept.
     pub fn take_recording(&self) -> Recording {
         self.recorder.as_ref().map(Recorder::take).unwrap_or_default()
     }
 
-    /// Whether the device's queue has time stamps.
+    /// Whether the device's queue supports timestamps.
     pub fn has_clock(&self) -> bool {
         self.tick > 0.0
     }
@@ -286,41 +284,41 @@ impl Gpu {
         self.recorder.as_ref().map_or(0.0, Recorder::now)
     }
 
-    /// Turns of kernels' main loops a second that a device of this kind may be expected to reach.
+    /// Expected loop turns per second of this kind of device.
     pub fn expected_rate(&self) -> f64 {
         rate_of(self.info.kind)
     }
 
-    /// Whether the driver promises that kernels round to nearest.
+    /// Whether the driver guarantees round-to-nearest in kernels.
     pub fn promises_rounding(&self) -> bool {
         self.has_rounding
     }
 
-    /// Called before every call that may fail: fails if the device was lost or hangs, or if the call is to fail.
+    /// Called before every fallible call: fails if the device was lost or hung, or if a fault is injected.
     pub(super) fn before_call(&self, point: Point) -> std::result::Result<(), vk::Result> {
-        if self.device.is_down() {
+        if self.device.has_failed() {
             return Err(vk::Result::ERROR_DEVICE_LOST);
         }
         self.injected_faults.as_ref().map_or(Ok(()), |s| s.before_call(point))
     }
 
-    /// Faults to produce; none on a device that was opened without.
+    /// Injected faults; none by default.
     pub(super) fn faults(&self) -> Faults {
         self.injected_faults.as_ref().map_or_else(Faults::default, |s| s.faults)
     }
 
-    /// How many calls of a kind there were; 0 on a device that was opened with no [`super::Faults`].
+    /// Number of calls of a kind; 0 without [`super::Faults`].
     pub fn reached(&self, point: Point) -> u64 {
         self.injected_faults.as_ref().map_or(0, |s| s.reached(point))
     }
 
-    /// Bytes of device memory that buffers hold at the moment.
+    /// Bytes of device memory currently held by buffers.
     pub fn allocated(&self) -> u64 {
         self.allocated.load(Relaxed)
     }
 
-    /// Gives this handle back. If it is the last one, the device closes. Returns all messages of the validation layer,
-    /// those about objects left behind included; empty without validation.
+    /// Releases this handle and closes the device if it is the last one. Returns all validation messages, including
+    /// those on leaked objects; empty without validation.
     pub fn close(self) -> Vec<String> {
         let messages = self.instance.messages.clone();
         drop(self);

@@ -1,13 +1,13 @@
-//! What a driver tells of a lost device (VK_EXT_device_fault), for the error of the loss.
+//! Fault reports of a lost device (VK_EXT_device_fault), for the error of the loss.
 
 use std::ffi::{CStr, c_char};
 
 use ash::{ext, vk};
 
-/// Addresses, and codes of the vendor, that an error names at most.
+/// Maximum number of addresses and vendor codes in an error.
 const NAMED: usize = 4;
 
-/// A fault as the driver tells it.
+/// A fault reported by the driver.
 #[derive(Debug, Default)]
 struct DriverReport {
     description: String,
@@ -15,8 +15,8 @@ struct DriverReport {
     vendor: Vec<vk::DeviceFaultVendorInfoEXT>,
 }
 
-/// The end of the error of a loss: what the driver tells of it. Empty where it tells nothing. `injected`: the address of a
-/// fault to produce, for tests.
+/// Suffix of a device loss error: the driver's report, empty without one. `injected`: address of an injected fault,
+/// for tests.
 pub(super) fn text(injected: Option<u64>, device: Option<&ext::device_fault::Device>) -> String {
     let injected = injected.map(|address| DriverReport {
         addresses: vec![vk::DeviceFaultAddressInfoEXT {
@@ -29,37 +29,37 @@ pub(super) fn text(injected: Option<u64>, device: Option<&ext::device_fault::Dev
     injected.or_else(|| device.and_then(asked)).unwrap_or_default().text()
 }
 
-/// Asks the driver; `None` if it does not answer.
+/// Queries the driver; `None` without an answer.
 fn asked(of: &ext::device_fault::Device) -> Option<DriverReport> {
     let ask = of.fp().get_device_fault_info_ext;
     let mut counts = vk::DeviceFaultCountsEXT::default();
-    // SAFETY: the device is lost, which is when this may be called. Without a second struct only counts are written.
+    // SAFETY: the device is lost, as required. Without a second struct only counts are written.
     unsafe { ask(of.device(), &mut counts, std::ptr::null_mut()) }.result().ok()?;
-    let mut told = DriverReport {
+    let mut report = DriverReport {
         addresses: vec![Default::default(); counts.address_info_count as usize],
         vendor: vec![Default::default(); counts.vendor_info_count as usize],
         ..DriverReport::default()
     };
-    // The binary for the vendor's own tools is of no use in an error.
+    // The vendor binary is not used.
     counts.vendor_binary_size = 0;
     let mut info = vk::DeviceFaultInfoEXT {
-        p_address_infos: told.addresses.as_mut_ptr(),
-        p_vendor_infos: told.vendor.as_mut_ptr(),
+        p_address_infos: report.addresses.as_mut_ptr(),
+        p_vendor_infos: report.vendor.as_mut_ptr(),
         ..Default::default()
     };
-    // SAFETY: both lists have as many members as `counts` says, and outlive the call. If there are more faults by now, the
-    // driver writes as many as there is room for and says VK_INCOMPLETE.
+    // SAFETY: both lists have the lengths in `counts` and outlive the call. If more faults occurred since, the driver
+    // fills the lists and returns VK_INCOMPLETE.
     let answer = unsafe { ask(of.device(), &mut counts, &mut info) };
     if !matches!(answer, vk::Result::SUCCESS | vk::Result::INCOMPLETE) {
         return None;
     }
-    told.description = text_of(&info.description);
-    told.addresses.truncate(counts.address_info_count as usize);
-    told.vendor.truncate(counts.vendor_info_count as usize);
-    Some(told)
+    report.description = text_of(&info.description);
+    report.addresses.truncate(counts.address_info_count as usize);
+    report.vendor.truncate(counts.vendor_info_count as usize);
+    Some(report)
 }
 
-/// A driver's text, up to its first zero.
+/// A driver's text, up to its terminating zero.
 fn text_of(chars: &[c_char]) -> String {
     let bytes: &[u8] = bytemuck::cast_slice(chars);
     let text = CStr::from_bytes_until_nul(bytes).map_or(bytes, CStr::to_bytes);
@@ -74,11 +74,11 @@ impl DriverReport {
             format!("{} {:#x} {:#x}", text_of(&v.description), v.vendor_fault_code, v.vendor_fault_data)
         });
         let all: Vec<_> = of_driver.into_iter().chain(addresses).chain(codes).collect();
-        if all.is_empty() { String::new() } else { format!("; its driver tells: {}", all.join(", ")) }
+        if all.is_empty() { String::new() } else { format!("; driver report: {}", all.join(", ")) }
     }
 }
 
-/// The address of a fault, as exactly as it is known.
+/// Address of a fault, with its known precision.
 fn place(info: &vk::DeviceFaultAddressInfoEXT) -> Option<String> {
     use vk::DeviceFaultAddressTypeEXT as Type;
     let what = match info.address_type {
@@ -90,7 +90,7 @@ fn place(info: &vk::DeviceFaultAddressInfoEXT) -> Option<String> {
         _ => return None,
     };
     let at = info.reported_address;
-    // A power of two, if the driver keeps to the specification.
+    // A power of two by specification.
     let last_bits = info.address_precision.max(1).wrapping_sub(1);
     Some(match last_bits {
         0 => format!("{what} {at:#x}"),
@@ -121,7 +121,7 @@ mod tests {
             ..DriverReport::default()
         };
         assert_eq!(none.text(), "");
-        let told = DriverReport {
+        let report = DriverReport {
             description: text_of(&chars(" MMU fault ")),
             addresses: vec![
                 at(vk::DeviceFaultAddressTypeEXT::WRITE_INVALID, 0x12_3456, 0x1000),
@@ -134,7 +134,7 @@ mod tests {
             }],
         };
         assert_eq!(
-            told.text(),
+            report.text(),
             "; its driver tells: MMU fault, invalid write at 0x123000 to 0x123fff, fault of the instruction at 0x20, engine 0xd 0xff"
         );
         let many = vec![at(vk::DeviceFaultAddressTypeEXT::READ_INVALID, 1, 1); 9];
@@ -145,7 +145,7 @@ mod tests {
                 .count(),
             NAMED
         );
-        // A text without an end is taken whole.
+        // An unterminated text is used completely.
         assert_eq!(text_of(&[b'x' as c_char; 4]), "xxxx");
     }
 }

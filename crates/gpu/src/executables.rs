@@ -1,4 +1,4 @@
-//! What a driver tells of the programs that it made of a kernel (VK_KHR_pipeline_executable_properties).
+//! Driver reports on compiled kernels (VK_KHR_pipeline_executable_properties).
 
 use std::ffi::CStr;
 
@@ -10,35 +10,35 @@ use super::names::{Constant, Kernel};
 use super::pipelines::Pipeline;
 use crate::Result;
 
-/// A kernel as the driver compiled it.
+/// A kernel compiled by the driver.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Compiled {
-    /// Seconds that it took. A driver may compile at the first dispatch instead, or have the kernel in a cache.
+    /// Compilation time, seconds. Drivers may defer compilation to the first dispatch, or find the kernel in a cache.
     pub seconds: f64,
-    /// The programs that the driver made; empty if it tells nothing of them.
+    /// Executables; empty without driver support.
     pub executables: Vec<Executable>,
 }
 
-/// A program that a driver made of a kernel. Some drivers make several, for subgroups of several sizes.
+/// An executable of a kernel. Some drivers create several, for different subgroup sizes.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Executable {
-    /// Its name in the driver's words.
+    /// Name given by the driver.
     pub name: String,
-    /// Invocations of a subgroup; 0 if the driver does not say.
+    /// Invocations per subgroup; 0 if unknown.
     pub subgroup: u32,
-    /// Registers, shared memory, spills and so on by the driver's own names.
+    /// Registers, shared memory, spills etc. under the driver's names.
     pub statistics: Vec<(String, f64)>,
-    /// Listings by the driver's own names, from its intermediate code to machine code; empty unless the device was
-    /// opened with [`super::GpuOptions::listings`].
+    /// Listings under the driver's names, from intermediate code to machine code; empty unless the device was opened
+    /// with [`super::GpuOptions::listings`].
     pub listings: Vec<(String, String)>,
 }
 
 #[doc(hidden)]
 impl Gpu {
-    /// Compiles `kernel` from `code` with these specialization constants, and drops it again. Needs no buffers.
+    /// Compiles `kernel` from `code` with these specialization constants and discards it. Needs no buffers.
     ///
     /// # Errors
-    /// The driver refuses the kernel.
+    /// The driver rejects the kernel.
     pub fn compile(
         &self,
         kernel: impl Into<Kernel>,
@@ -52,16 +52,16 @@ impl Gpu {
         Ok(Compiled { seconds, executables })
     }
 
-    /// Whether the driver tells of compiled kernels, and was asked to.
-    pub fn tells_of_kernels(&self) -> bool {
+    /// Whether statistics of compiled kernels are supported and were requested.
+    pub fn reports_kernels(&self) -> bool {
         self.statistics.is_some()
     }
 
-    /// The programs of a pipeline; empty if the driver tells nothing of them or was not asked.
+    /// Executables of a pipeline; empty if not supported or not requested.
     pub(super) fn executables(&self, pipeline: vk::Pipeline) -> Vec<Executable> {
         let Some(asked) = &self.statistics else { return vec![] };
         let info = vk::PipelineInfoKHR::default().pipeline(pipeline);
-        // SAFETY: the pipeline is alive and was made with CAPTURE_STATISTICS, as the extension is on.
+        // SAFETY: the pipeline is alive and was created with CAPTURE_STATISTICS, as the extension is enabled.
         let all = unsafe { asked.get_pipeline_executable_properties(&info) }.unwrap_or_default();
         let executable = |(index, properties): (u32, &vk::PipelineExecutablePropertiesKHR<'_>)| {
             let of = vk::PipelineExecutableInfoKHR::default().pipeline(pipeline).executable_index(index);
@@ -87,7 +87,7 @@ fn statistics(
     of: &vk::PipelineExecutableInfoKHR<'_>,
 ) -> Vec<(String, f64)> {
     // SAFETY: the caller's pipeline is alive, and has an executable of that index.
-    let told = unsafe { asked.get_pipeline_executable_statistics(of) }.unwrap_or_default();
+    let found = unsafe { asked.get_pipeline_executable_statistics(of) }.unwrap_or_default();
     let named = |s: &vk::PipelineExecutableStatisticKHR<'_>| {
         type Format = vk::PipelineExecutableStatisticFormatKHR;
         // SAFETY: `format` says which member of the union the driver wrote.
@@ -101,7 +101,7 @@ fn statistics(
         };
         (text(&s.name), value)
     };
-    told.iter().map(named).collect()
+    found.iter().map(named).collect()
 }
 
 fn listings(
@@ -110,21 +110,21 @@ fn listings(
 ) -> Vec<(String, String)> {
     // SAFETY: the caller's pipeline is alive, has an executable of that index, and was made with
     // CAPTURE_INTERNAL_REPRESENTATIONS.
-    let told = unsafe { asked.get_pipeline_executable_internal_representations(of) };
-    // The first call gives the sizes alone.
-    let mut told = told.unwrap_or_default();
-    let mut room: Vec<Vec<u8>> = told.iter().map(|t| vec![0; t.data_size]).collect();
-    for (t, bytes) in told.iter_mut().zip(&mut room) {
+    let found = unsafe { asked.get_pipeline_executable_internal_representations(of) };
+    // The first call returns the sizes only.
+    let mut found = found.unwrap_or_default();
+    let mut room: Vec<Vec<u8>> = found.iter().map(|t| vec![0; t.data_size]).collect();
+    for (t, bytes) in found.iter_mut().zip(&mut room) {
         t.p_data = bytes.as_mut_ptr().cast();
     }
-    let mut count = told.len() as u32;
-    // SAFETY: as above; `told` has `count` items, and each points to as many bytes as it says, which outlive the call.
+    let mut count = found.len() as u32;
+    // SAFETY: as above; `found` has `count` items, and each points to as many bytes as it says, which outlive the call.
     let filled = unsafe {
         (asked.fp().get_pipeline_executable_internal_representations_khr)(
             asked.device(),
             of,
             &mut count,
-            told.as_mut_ptr(),
+            found.as_mut_ptr(),
         )
     };
     if filled != vk::Result::SUCCESS {
@@ -134,5 +134,5 @@ fn listings(
         let whole = CStr::from_bytes_until_nul(bytes).map_or(&bytes[..], CStr::to_bytes);
         (t.is_text == vk::TRUE).then(|| (text(&t.name), String::from_utf8_lossy(whole).into_owned()))
     };
-    told.iter().zip(&room).filter_map(listing).collect()
+    found.iter().zip(&room).filter_map(listing).collect()
 }

@@ -1,4 +1,4 @@
-//! Runs schedules, and divides long ones.
+//! Execution of schedules and division of long ones.
 
 use super::device::Gpu;
 use super::executor::Executor;
@@ -10,10 +10,10 @@ use super::schedule::{Command, Schedule, Size};
 use crate::Result;
 
 impl Executor {
-    /// An executor for the buffers of `arena`, without kernels yet.
+    /// An executor for the buffers of `arena`, initially without kernels.
     ///
     /// # Errors
-    /// The device cannot make a queue's objects.
+    /// The device cannot create the queue's objects.
     pub fn new(gpu: &Gpu, arena: Arena) -> Result<Executor> {
         let mut executor = Executor::with(gpu, arena)?;
         executor.poison()?;
@@ -21,8 +21,8 @@ impl Executor {
         Ok(executor)
     }
 
-    /// Submits `schedule` after earlier submissions, and returns without waiting for it. A long one is divided, so that
-    /// no part of it takes as long as a driver's time limit; the ticket is that of the last part.
+    /// Submits `schedule` after earlier submissions without waiting. Long schedules are divided so that no part
+    /// approaches a driver's watchdog timeout; the ticket is that of the last part.
     ///
     /// # Errors
     /// The device fails.
@@ -48,8 +48,8 @@ impl Executor {
         Ok(last)
     }
 
-    /// Submits a schedule whose dispatches run in pieces and in another order. Reads the sizes of indirect dispatches
-    /// back first: only direct ones can begin at any workgroup.
+    /// Submits a schedule with its dispatches in pieces and in shuffled order. Reads the sizes of indirect dispatches
+    /// back first: only direct ones can start at any workgroup.
     fn submit_shuffled(&mut self, schedule: &Schedule) -> Result<Ticket> {
         let mut part = Schedule::default();
         for command in &schedule.commands {
@@ -86,7 +86,7 @@ impl Executor {
         self.wait(ticket)
     }
 
-    /// Submits what `write` adds to an empty schedule, and waits for it. Its memory is that of the last one.
+    /// Submits the commands that `write` adds to an empty schedule, and waits. Reuses the memory of the previous one.
     ///
     /// # Errors
     /// The device fails.
@@ -102,10 +102,10 @@ impl Executor {
 impl Drop for Executor {
     fn drop(&mut self) {
         if self.gpu.has_hung() {
-            // The device may still use what this holds: it stays until the process ends.
+            // The device may still use these objects: leak them.
             return;
         }
-        self.look_at_canaries();
+        self.check_canaries();
         self.destroy();
     }
 }

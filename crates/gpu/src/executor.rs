@@ -1,4 +1,4 @@
-//! An executor's submissions: command buffers, waiting, times.
+//! Submissions of an executor: command buffers, waits, timing.
 
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::sync::Arc;
@@ -9,7 +9,7 @@ use ash::vk;
 use super::access::Accesses;
 use super::device::Gpu;
 use super::faults::Point;
-use super::flight::{Flight, Moment, Ticket};
+use super::flight::{Flight, Ticket, TimelinePoint};
 use super::memory::Arena;
 use super::names::{Buffer, Kernel};
 use super::pace::Pace;
@@ -18,29 +18,29 @@ use super::pipelines::Pipeline;
 use super::schedule::{Command, Schedule};
 use crate::Result;
 
-/// Calls and device seconds of one kernel.
+/// Number and device time of a kernel's dispatches.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct KernelTime {
     /// Dispatches.
     pub calls: u64,
-    /// Device time of all of them, seconds.
+    /// Total device time, seconds.
     pub seconds: f64,
 }
 
-/// What recording works with; kept from one submission to the next, so that nothing is allocated.
+/// Scratch state of recording, kept between submissions to avoid allocation.
 #[derive(Default)]
 pub(super) struct Scratch {
-    /// Those of the command that is recorded.
+    /// Accesses of the current command.
     pub now: Accesses,
-    /// Those since the last barrier.
+    /// Accesses since the last barrier.
     pub pending: Accesses,
-    /// Those that sizes of dispatches are read from.
+    /// Buffers from which dispatch sizes are read.
     pub sizes: Vec<Buffer>,
-    /// Time stamps that were read last.
+    /// Timestamps read last.
     pub stamps: Vec<u64>,
 }
 
-/// Runs schedules over the buffers of an arena, in order of submission.
+/// Executes schedules over the buffers of an arena, in order of submission.
 pub struct Executor {
     pub(super) gpu: Gpu,
     pub(super) arena: Arena,
@@ -51,9 +51,9 @@ pub struct Executor {
     pub(super) submitted: u64,
     pub(super) flights: VecDeque<Flight>,
     pub(super) spare: Vec<vk::CommandBuffer>,
-    /// Pools of time stamps that no submission uses, with their sizes.
+    /// Unused timestamp pools with their sizes.
     spare_queries: Vec<(vk::QueryPool, u32)>,
-    /// Empty sets for [`Flight::shared`].
+    /// Unused sets for [`Flight::shared`].
     spare_shared: Vec<[HashSet<Buffer>; 2]>,
     /// See [`Executor::spare_schedule`].
     spare_schedule: Schedule,
@@ -66,16 +66,16 @@ pub struct Executor {
 }
 
 impl Executor {
-    /// An executor for the buffers of `arena` as they are, without kernels yet.
+    /// An executor for the buffers of `arena` as they are, initially without kernels.
     ///
     /// # Errors
-    /// The device cannot make a queue's objects.
+    /// The device cannot create the queue's objects.
     pub(super) fn with(gpu: &Gpu, arena: Arena) -> Result<Executor> {
         let device = gpu.raw();
         let flags = vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER;
         let info = vk::CommandPoolCreateInfo::default().queue_family_index(gpu.family).flags(flags);
         let failed = |e| gpu.failed("starting", e);
-        // SAFETY: the device is alive; what is made here is destroyed in drop.
+        // SAFETY: the device is alive; the created objects are destroyed in drop.
         let before_call = || gpu.before_call(Point::Object);
         let pool = before_call()
             .and_then(|()| unsafe { device.create_command_pool(&info, None) })
@@ -108,25 +108,25 @@ impl Executor {
         })
     }
 
-    /// The buffers it works on.
+    /// Buffers of this executor.
     pub fn arena(&self) -> &Arena {
         &self.arena
     }
 
-    /// A submission that is not launched yet.
+    /// A submission before launch.
     pub(super) fn flight(&mut self, commands: vk::CommandBuffer) -> Flight {
         let ticket = Ticket(self.submitted + 1);
         let shared = self.spare_shared.pop().unwrap_or_default();
         Flight { ticket, commands, shared, ..Flight::default() }
     }
 
-    /// Submits what is recorded.
+    /// Submits the recorded commands.
     pub(super) fn launch(&mut self, flight: Flight) -> Result<Ticket> {
         let gpu = self.gpu.clone();
         let _span = gpu.span("submit");
         let [after, before] = flight.between;
-        // Without a moment, the second of both is not used.
-        let null = Moment::NONE;
+        // Without a timeline point, the second element of both is unused.
+        let null = TimelinePoint::NONE;
         let (after, before, waits, signals) = (
             after.unwrap_or(null),
             before.unwrap_or(null),
@@ -149,12 +149,12 @@ impl Executor {
             .push_next(&mut timeline)];
         let submitted = gpu.before_call(Point::Submission).and_then(|()| {
             let queue = gpu.queue();
-            // SAFETY: the command buffer is recorded and not in flight; no other thread uses the queue meanwhile.
+            // SAFETY: the command buffer is recorded and not in flight; the queue is locked.
             unsafe { gpu.raw().queue_submit(*queue, &info, vk::Fence::null()) }
         });
         if let Err(e) = submitted {
             let doing = format!("submitting {}", flight.names());
-            self.land(flight);
+            self.recycle(flight);
             return Err(gpu.failed(&doing, e));
         }
         self.submitted = flight.ticket.0;
@@ -163,11 +163,11 @@ impl Executor {
         Ok(ticket)
     }
 
-    /// Takes back the objects of a flight that is over or never began.
-    pub(super) fn land(&mut self, mut flight: Flight) {
-        // Drivers give back here what the commands took. At the next recording it would delay work that is waited for. A
-        // failure is ignored: beginning to record resets once more.
-        // SAFETY: the commands are not in flight.
+    /// Recycles the objects of a finished or never started flight.
+    pub(super) fn recycle(&mut self, mut flight: Flight) {
+        // Resets here, where drivers free the commands' resources, rather than at the next recording, which would
+        // delay awaited work. Failure is ignored: starting to record resets again. SAFETY: the commands are not in
+        // flight.
         let _ = unsafe {
             self.gpu.raw().reset_command_buffer(flight.commands, vk::CommandBufferResetFlags::empty())
         };
@@ -179,10 +179,10 @@ impl Executor {
         }
     }
 
-    /// Waits until `ticket` and all submissions before it are done.
+    /// Waits for `ticket` and all earlier submissions.
     ///
     /// # Errors
-    /// The device fails, or takes far longer than the work in flight can take: it hangs.
+    /// The device fails, or the watchdog times out.
     pub fn wait(&mut self, ticket: Ticket) -> Result<()> {
         let gpu = self.gpu.clone();
         let _span = gpu.span("wait");
@@ -191,33 +191,33 @@ impl Executor {
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         let due = self.flights.iter().take_while(|f| f.ticket <= ticket);
         let work = due.map(|f| f.work).fold(0, u64::saturating_add);
-        let patience = self.pace.patience(work);
+        let timeout = self.pace.timeout(work);
         gpu.before_call(Point::Wait)
             // SAFETY: the semaphore is alive.
-            .and_then(|()| unsafe { gpu.raw().wait_semaphores(&info, nanoseconds(patience)) })
+            .and_then(|()| unsafe { gpu.raw().wait_semaphores(&info, nanoseconds(timeout)) })
             .map_err(|e| {
                 let doing = format!("computing {}", self.unfinished());
-                if e == vk::Result::TIMEOUT { gpu.hangs(patience, &doing) } else { gpu.failed(&doing, e) }
+                if e == vk::Result::TIMEOUT { gpu.timed_out(timeout, &doing) } else { gpu.failed(&doing, e) }
             })?;
-        // Some drivers wait only here, for the time stamps.
+        // Some drivers wait only here, for the timestamps.
         while self.flights.front().is_some_and(|f| f.ticket <= ticket) {
             let flight = self.flights.pop_front().expect("just seen");
             let read = self.read_times(&flight);
-            self.land(flight);
+            self.recycle(flight);
             read?;
         }
         Ok(())
     }
 
-    /// The commands of the submission that the device was at: the first that it has not finished.
+    /// Commands of the first unfinished submission.
     fn unfinished(&self) -> String {
-        // SAFETY: the semaphore is alive. A lost device may not tell, or tell that all is done.
+        // SAFETY: the semaphore is alive. A lost device may not answer, or report that all is done.
         let done = unsafe { self.gpu.raw().get_semaphore_counter_value(self.timeline) }.unwrap_or(0);
         let at = self.flights.iter().find(|f| f.ticket.0 > done).or(self.flights.back());
         at.map_or_else(|| "nothing".into(), Flight::names)
     }
 
-    /// Waits until everything that was submitted is done.
+    /// Waits for all submissions.
     ///
     /// # Errors
     /// As [`Executor::wait`].
@@ -225,18 +225,18 @@ impl Executor {
         self.wait(Ticket(self.submitted))
     }
 
-    /// An empty schedule with the memory of the one that was kept.
+    /// An empty schedule with the memory of a kept one.
     pub fn spare_schedule(&mut self) -> Schedule {
         std::mem::take(&mut self.spare_schedule)
     }
 
-    /// Keeps the memory of a schedule for the next one.
+    /// Keeps the memory of a schedule for reuse.
     pub fn keep_schedule(&mut self, mut schedule: Schedule) {
         schedule.clear();
         self.spare_schedule = schedule;
     }
 
-    /// Device seconds of all finished submissions; 0 where the queue has no timestamps.
+    /// Device seconds of all finished submissions; 0 without timestamps.
     pub fn gpu_seconds(&self) -> f64 {
         self.gpu_seconds
     }
@@ -246,7 +246,7 @@ impl Executor {
         &self.times
     }
 
-    /// Takes the times by kernel: later ones count from zero.
+    /// Returns and resets the times by kernel.
     pub fn take_times(&mut self) -> BTreeMap<&'static str, KernelTime> {
         std::mem::take(&mut self.times)
     }
@@ -261,12 +261,12 @@ impl Executor {
             .gpu
             .before_call(Point::Object)
             .and_then(|()| unsafe { self.gpu.raw().allocate_command_buffers(&info) });
-        let made = made.map_err(|e| self.gpu.failed("making a command buffer", e))?[0];
+        let made = made.map_err(|e| self.gpu.failed("creating a command buffer", e))?[0];
         self.gpu.name(made, "commands");
         Ok(made)
     }
 
-    /// A pool with room for the time stamps of `commands`, and its size: one that is spare, or a new one.
+    /// A timestamp pool large enough for `commands`, and its size: a spare or a new one.
     pub(super) fn query_pool(&mut self, commands: &[Command]) -> Result<(vk::QueryPool, u32)> {
         if self.gpu.tick == 0.0 {
             return Ok((vk::QueryPool::null(), 0));
@@ -294,7 +294,7 @@ impl Executor {
         stamps.clear();
         stamps.resize(flight.stamps as usize, 0);
         let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
-        // SAFETY: the submission is over and wrote so many stamps.
+        // SAFETY: the submission is finished and wrote this number of timestamps.
         unsafe { self.gpu.raw().get_query_pool_results(flight.queries, 0, &mut stamps, flags) }
             .map_err(|e| self.gpu.failed("reading timestamps", e))?;
         let seconds = |a: u64, b: u64| b.saturating_sub(a) as f64 * self.gpu.tick * 1e-9;
@@ -313,20 +313,20 @@ impl Executor {
         Ok(())
     }
 
-    /// Waits for what was submitted, and destroys everything that this made.
+    /// Waits for all submissions and destroys all objects.
     pub(super) fn destroy(&mut self) {
         let device = self.gpu.raw();
         let (semaphores, values) = ([self.timeline], [self.submitted]);
         let all = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        let patience = self.pace.patience(self.flights.iter().map(|f| f.work).fold(0, u64::saturating_add));
+        let timeout = self.pace.timeout(self.flights.iter().map(|f| f.work).fold(0, u64::saturating_add));
         // SAFETY: the semaphore is alive.
-        let waited = unsafe { device.wait_semaphores(&all, nanoseconds(patience)) };
+        let waited = unsafe { device.wait_semaphores(&all, nanoseconds(timeout)) };
         if self.gpu.has_hung() || waited == Err(vk::Result::TIMEOUT) {
-            let _ = self.gpu.hangs(patience, &format!("computing {}", self.unfinished()));
+            let _ = self.gpu.timed_out(timeout, &format!("computing {}", self.unfinished()));
             return;
         }
-        // SAFETY: nothing of this executor is in flight after the wait (a lost device counts as idle), whatever others do
-        // on the queue; all was made by this.
+        // SAFETY: nothing of this executor is in flight after the wait (a lost device counts as idle); all objects
+        // were created by it.
         unsafe {
             let flown = self.flights.drain(..).map(|f| f.queries);
             for queries in flown.chain(self.spare_queries.drain(..).map(|(queries, _)| queries)) {
@@ -339,7 +339,7 @@ impl Executor {
     }
 }
 
-/// The most time stamps that a submission of `commands` takes.
+/// Maximum number of timestamps of a submission of `commands`.
 pub(super) fn stamps(commands: &[Command], timings: bool) -> u32 {
     if timings { 2 * commands.len() as u32 + 2 } else { 2 }
 }

@@ -1,7 +1,7 @@
-//! Faults on demand, for tests: a chosen call fails, fresh memory is poisoned, workgroups run in another order, or
-//! buffers are guarded.
+//! Fault injection for tests: a chosen call fails, fresh memory is poisoned, workgroups are shuffled, or buffers are
+//! guarded.
 //!
-//! A device that was opened without faults (the default) pays one comparison where a fault could be.
+//! Without injected faults (the default) the cost is one comparison per point.
 
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
@@ -10,14 +10,14 @@ use ash::vk;
 
 use super::names::Buffer;
 
-/// A call that may fail.
+/// A fallible call.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Point {
-    /// Memory for a buffer, the buffer itself, its binding: fails as out of device memory.
+    /// Memory, creation and binding of a buffer: fails as out of device memory.
     Allocation,
-    /// Anything else that is made: kernels, pools, sets, command buffers, time stamps: fails as out of host memory.
+    /// Creation of any other object (kernels, pools, sets, command buffers, timestamps): fails as out of host memory.
     Object,
-    /// Fails as a lost device, which stays lost.
+    /// Submission: fails as a lost device, which stays lost.
     Submission,
     /// As [`Point::Submission`].
     Wait,
@@ -28,22 +28,22 @@ impl Point {
     pub const ALL: [Point; 4] = [Point::Allocation, Point::Object, Point::Submission, Point::Wait];
 }
 
-/// Faults to produce, for tests.
+/// Faults to inject, for tests.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Faults {
-    /// Fail call number N (from 0) of a kind since the device was opened. A number that is never reached only counts
+    /// Call number N (from 0) of a kind since the device was opened fails. A number that is never reached only counts
     /// the calls ([`super::Gpu::reached`]).
     pub fail: Option<(Point, u64)>,
-    /// Wait number N (from 0) since the device was opened runs out of time at once: the device hangs.
+    /// Wait number N (from 0) since the device was opened times out immediately.
     pub hang: Option<u64>,
-    /// After a loss, the driver tells of an invalid read at this address.
-    pub told: Option<u64>,
-    /// Fill fresh buffers with this word.
+    /// After a loss, the driver reports an invalid read at this address.
+    pub fault_address: Option<u64>,
+    /// Fresh buffers are filled with this word.
     pub poison: Option<u32>,
-    /// Run the workgroups of every dispatch in another order, drawn from this seed, and wait between dispatches: slow.
+    /// The workgroups of every dispatch run in an order drawn from this seed, with a wait between dispatches. Slow.
     pub shuffle: Option<u64>,
-    /// Put a canary behind every buffer, bound with it, and check all of them when an executor is dropped:
-    /// [`super::Gpu::take_guarded`]. Takes twice the memory, outside the budget.
+    /// Every buffer is followed by a canary, bound with it and checked when an executor is dropped:
+    /// [`super::Gpu::take_guarded`]. Doubles the memory, outside the budget.
     pub guard: bool,
 }
 
@@ -53,27 +53,27 @@ impl Faults {
     }
 }
 
-/// A buffer that was written past its end.
+/// A buffer with a write past its end.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Overrun {
     /// The buffer.
     pub buffer: Buffer,
     /// Its size in the plan, bytes.
     pub bytes: u64,
-    /// Byte offset of the first overwritten word, from the beginning of the buffer.
+    /// Byte offset of the first overwritten word, from the start of the buffer.
     pub at: u64,
 }
 
-/// Result of the checks of canaries, over all executors that were dropped.
+/// Result of the canary checks of all dropped executors.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Guarded {
     /// Number of buffers whose canaries were checked.
     pub buffers: usize,
-    /// Those that were written past their end.
+    /// Buffers with a write past their end.
     pub overruns: Vec<Overrun>,
 }
 
-/// The faults of a device, and what they have done so far.
+/// Injected faults of a device, and their counters.
 pub(super) struct InjectedFaults {
     pub faults: Faults,
     reached: [AtomicU64; Point::ALL.len()],
@@ -91,12 +91,12 @@ impl InjectedFaults {
         }
     }
 
-    /// How many calls of a kind there were.
+    /// Number of calls of a kind.
     pub fn reached(&self, point: Point) -> u64 {
         self.reached[point as usize].load(Relaxed)
     }
 
-    /// Called before every call that may fail.
+    /// Called before every fallible call.
     pub fn before_call(&self, point: Point) -> Result<(), vk::Result> {
         if self.lost.load(Relaxed) {
             return Err(vk::Result::ERROR_DEVICE_LOST);

@@ -1,4 +1,4 @@
-//! A submission: what it is while the device is at it, and what it waits for.
+//! Submissions in flight, and timeline points.
 
 use std::collections::HashSet;
 
@@ -7,32 +7,32 @@ use ash::vk;
 use super::names::Buffer;
 use super::schedule::Stage;
 
-/// A value of a timeline semaphore on the device: something is done when the semaphore has this value or a larger one.
+/// A value of a timeline semaphore on the device, reached when the semaphore has this value or a larger one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Moment {
+pub struct TimelinePoint {
     pub(super) semaphore: vk::Semaphore,
     pub(super) value: u64,
 }
 
-impl Moment {
-    /// No moment at all.
-    pub(super) const NONE: Moment = Moment { semaphore: vk::Semaphore::null(), value: 0 };
+impl TimelinePoint {
+    /// No timeline point.
+    pub(super) const NONE: TimelinePoint = TimelinePoint { semaphore: vk::Semaphore::null(), value: 0 };
 
-    /// The moment when `semaphore` reaches `value`.
+    /// The point at which `semaphore` reaches `value`.
     ///
     /// # Safety
-    /// It is a timeline semaphore of the device on which the moment is used, and lives until the frames that name it are
-    /// over. A value to wait for is signalled sometime; a value to signal is larger than those before.
-    pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> Moment {
-        Moment { semaphore, value }
+    /// The semaphore is a timeline semaphore of the device on which the point is used, and outlives the frames that
+    /// name it. A value to wait for is eventually signalled; a value to signal exceeds all earlier ones.
+    pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> TimelinePoint {
+        TimelinePoint { semaphore, value }
     }
 }
 
-/// A submission; [`super::Executor::wait`] waits for it.
+/// Identifies a submission for [`super::Executor::wait`].
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Ticket(pub(super) u64);
 
-/// A command's place in a submission: its stage and its time stamps.
+/// Stage and timestamps of a command in a submission.
 pub(super) struct Mark {
     pub kernel: &'static str,
     pub stage: Option<usize>,
@@ -40,33 +40,33 @@ pub(super) struct Mark {
     pub to: u32,
 }
 
-/// A submission with what it holds.
+/// A submission and its objects.
 #[derive(Default)]
 pub(super) struct Flight {
     pub ticket: Ticket,
     pub commands: vk::CommandBuffer,
-    /// Time stamps, and how many the pool has room for.
+    /// Timestamp pool and its size.
     pub queries: vk::QueryPool,
     pub room: u32,
-    /// Time stamps that it takes: one before all commands, one after, and those that `marks` name.
+    /// Number of timestamps: one before all commands, one after, and those of `marks`.
     pub stamps: u32,
-    /// Timed commands, and the stages they belong to; empty where they are not timed.
+    /// Timed commands and their stages; empty if not timed.
     pub marks: Vec<Mark>,
     pub stages: Vec<Stage>,
-    /// Whether the first stage goes on from the submission before.
-    pub goes_on: bool,
-    /// Turns of kernels' main loops at most.
+    /// Whether the first stage continues that of the previous submission.
+    pub continues_stage: bool,
+    /// Maximum loop turns.
     pub work: u64,
-    /// Its first and its last command by name.
+    /// Names of the first and the last command.
     pub ends: [&'static str; 2],
-    /// Host-visible buffers that it reads, and that it writes.
+    /// Host-visible buffers read and written.
     pub shared: [HashSet<Buffer>; 2],
-    /// A caller's moments: it begins after the first, and brings the second about.
-    pub between: [Option<Moment>; 2],
+    /// External timeline points: waited for before, signalled after.
+    pub between: [Option<TimelinePoint>; 2],
 }
 
 impl Flight {
-    /// Its commands, for errors.
+    /// Names of its commands, for errors.
     pub fn names(&self) -> String {
         match self.ends {
             [first, last] if first == last => format!("`{first}`"),

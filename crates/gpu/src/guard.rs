@@ -1,5 +1,5 @@
-//! Canaries behind buffers, for tests. Memory behind every buffer holds a known word and is bound with the buffer, so
-//! that a kernel that writes past an end is found, and the buffer named.
+//! Canaries behind buffers, for tests. Memory behind every buffer has a known content and is bound with the buffer,
+//! so that a write past the end is detected and attributed.
 
 use std::sync::PoisonError;
 
@@ -17,7 +17,7 @@ const WORD: u32 = 0xca9a_41e5;
 
 #[doc(hidden)]
 impl Gpu {
-    /// Takes the results since the device was opened or since the last call; empty without [`super::Faults::guard`].
+    /// Returns and clears the results; empty without [`super::Faults::guard`].
     pub fn take_guarded(&self) -> Guarded {
         let Some(injected_faults) = &self.injected_faults else { return Guarded::default() };
         std::mem::take(&mut injected_faults.guarded.lock().unwrap_or_else(PoisonError::into_inner))
@@ -25,7 +25,7 @@ impl Gpu {
 }
 
 impl Executor {
-    /// Writes every canary.
+    /// Writes all canaries.
     pub(super) fn set_canaries(&mut self) -> Result<()> {
         if !self.gpu.faults().guard {
             return Ok(());
@@ -35,8 +35,8 @@ impl Executor {
         Ok(())
     }
 
-    /// Checks every canary and keeps the results. If the device fails here, the rest is neither checked nor counted.
-    pub(super) fn look_at_canaries(&mut self) {
+    /// Checks all canaries and keeps the results. If the device fails, the rest is neither checked nor counted.
+    pub(super) fn check_canaries(&mut self) {
         let gpu = self.gpu.clone();
         let Some(injected_faults) = gpu.injected_faults.as_ref().filter(|_| self.guarded) else { return };
         for (buffer, made) in self.arena.buffers() {
@@ -47,18 +47,18 @@ impl Executor {
         }
     }
 
-    /// Byte offset of the first changed word of a canary, from the beginning of the buffer.
+    /// Byte offset of the first changed word of a canary, from the start of the buffer.
     fn first_overrun(&mut self, buffer: Buffer, made: &Made) -> Result<Option<u64>> {
         if made.place != Place::Device {
             // Waits for submissions in flight.
-            self.at_once([&[], &[]], |_, _| {})?;
+            self.run_now([&[], &[]], |_, _| {})?;
             return Ok(self.first_changed(buffer, [made.bytes, made.canary]).map(|at| made.bytes + at));
         }
         let (through, part) = (self.arena.get(CANARY_BACK).handle, self.arena.size(CANARY_BACK));
         for offset in (0..made.canary).step_by(part as usize) {
             let size = part.min(made.canary - offset);
             let region = [vk::BufferCopy { src_offset: made.bytes + offset, dst_offset: 0, size }];
-            self.at_once([&[], &[CANARY_BACK]], |device, c| {
+            self.run_now([&[], &[CANARY_BACK]], |device, c| {
                 // SAFETY: both buffers live as long as the executor, and the region lies within them.
                 unsafe { device.cmd_copy_buffer(c, made.handle, through, &region) }
             })?;
@@ -69,8 +69,8 @@ impl Executor {
         Ok(None)
     }
 
-    /// Byte offset, counted from `offset`, of the first word of a host-visible buffer that is not the canary's. No
-    /// submission may be in flight.
+    /// Byte offset, relative to `offset`, of the first changed canary word of a host-visible buffer. Requires that no
+    /// submission is in flight.
     fn first_changed(&self, buffer: Buffer, [offset, bytes]: [u64; 2]) -> Option<u64> {
         let mut words = vec![0u32; (bytes / 4) as usize];
         self.copy_out(buffer, offset, bytemuck::cast_slice_mut(&mut words));

@@ -1,7 +1,6 @@
-//! Host access to host-visible buffers, which the device reads and writes too.
+//! Host access to host-visible buffers, which the device also reads and writes.
 //!
-//! No reference to that memory is ever made: bytes are copied out of it and into it, and only where no submission in
-//! flight may touch them.
+//! No reference to that memory is created: bytes are copied, and only where no submission in flight may access them.
 
 use std::ops::{Bound, RangeBounds};
 
@@ -14,7 +13,7 @@ impl Executor {
     /// Reads `items` of an upload or readback buffer, counted in whole `T`s.
     ///
     /// # Panics
-    /// A submission that may write the buffer has not been waited for. There is no such buffer, or it is shorter.
+    /// A submission that may write the buffer is pending, or the buffer is missing or too short.
     pub fn read<T: bytemuck::Pod>(&self, buffer: Buffer, items: impl RangeBounds<usize>) -> Vec<T> {
         let writer = self.flights.iter().find(|f| f.shared[1].contains(&buffer));
         assert!(writer.is_none(), "`{buffer}` is read while the device may be writing it");
@@ -23,11 +22,11 @@ impl Executor {
         read
     }
 
-    /// Reads the items that the submission `done` and those before it left in a part of the buffer `into` a list, in the
-    /// place of what it holds. No later submission may write this part; later ones may be using the rest.
+    /// Reads items that the submission `done` and earlier ones wrote to a part of the buffer, replacing the content
+    /// of `into`. No later submission may write this part.
     ///
     /// # Panics
-    /// `done` has not been waited for. There is no such buffer, or it is shorter.
+    /// `done` is pending, or the buffer is missing or too short.
     pub fn read_behind<T: bytemuck::Pod>(
         &self,
         done: Ticket,
@@ -40,7 +39,7 @@ impl Executor {
         self.copy_items(buffer, items, into);
     }
 
-    /// Writes the beginning of an upload or readback buffer.
+    /// Writes the start of an upload or readback buffer.
     ///
     /// # Panics
     /// As [`Executor::write_at`].
@@ -48,11 +47,10 @@ impl Executor {
         self.write_at(buffer, 0, bytes);
     }
 
-    /// Writes an upload or readback buffer from byte `offset` on.
+    /// Writes an upload or readback buffer from byte `offset`.
     ///
     /// # Panics
-    /// A submission that may read or write the buffer has not been waited for. There is no such buffer, or it is
-    /// shorter.
+    /// A submission that may access the buffer is pending, or the buffer is missing or too short.
     pub fn write_at(&mut self, buffer: Buffer, offset: u64, bytes: &[u8]) {
         let user = self.flights.iter().find(|f| f.shared.iter().any(|all| all.contains(&buffer)));
         assert!(user.is_none(), "`{buffer}` is written while the device may be using it");
@@ -60,35 +58,35 @@ impl Executor {
         let end = offset.saturating_add(bytes.len() as u64);
         assert!(end <= room, "bytes {offset} to {end} of `{buffer}` are written, which has {room}");
         let to = self.arena.pointer(buffer);
-        // SAFETY: so many bytes are mapped there, and no submission under way touches the buffer. `bytes` is no part of
-        // it, as nobody has a reference to mapped memory.
+        // SAFETY: this range is mapped, and no submission in flight accesses the buffer. `bytes` does not overlap, as
+        // no references to mapped memory exist.
         unsafe {
             std::ptr::copy_nonoverlapping(bytes.as_ptr(), to.add(offset as usize).as_ptr(), bytes.len());
         }
     }
 
-    /// Copies a part of a host-visible buffer, from byte `offset` on, canary included. The caller makes sure that no
+    /// Copies a part of a host-visible buffer from byte `offset`, including the canary. The caller guarantees that no
     /// submission in flight writes this part.
     pub(super) fn copy_out(&self, buffer: Buffer, offset: u64, to: &mut [u8]) {
         let made = self.arena.get(buffer);
         assert!(offset + to.len() as u64 <= made.bytes + made.canary, "bytes beyond `{buffer}`");
         let from = self.arena.pointer(buffer);
-        // SAFETY: so many bytes are mapped there, and the device writes none of them, see above. `to` is no part of
-        // them, as nobody has a reference to mapped memory.
+        // SAFETY: this range is mapped and not written by the device, see above. `to` does not overlap, as no
+        // references to mapped memory exist.
         unsafe {
             std::ptr::copy_nonoverlapping(from.add(offset as usize).as_ptr(), to.as_mut_ptr(), to.len());
         }
     }
 
-    /// Fills `bytes` bytes of a host-visible buffer with `word`, from byte `offset` on, canary included. The caller
-    /// makes sure that no submission in flight uses the buffer.
+    /// Fills `bytes` bytes of a host-visible buffer with `word` from byte `offset`, including the canary. The caller
+    /// guarantees that no submission in flight uses the buffer.
     pub(super) fn fill_shared(&mut self, buffer: Buffer, [offset, bytes]: [u64; 2], word: u32) {
         let made = self.arena.get(buffer);
         assert!(offset % 4 == 0 && bytes % 4 == 0, "whole words of `{buffer}`");
         assert!(offset + bytes <= made.bytes + made.canary, "words beyond `{buffer}`");
         let to = self.arena.pointer(buffer).cast::<u32>();
         for i in offset / 4..(offset + bytes) / 4 {
-            // SAFETY: within what is mapped, see above; mapped memory begins at a multiple of its alignment.
+            // SAFETY: inside the mapped range, see above; the offset is a multiple of the alignment.
             unsafe { to.add(i as usize).write(word) };
         }
     }
@@ -115,7 +113,7 @@ impl Executor {
         self.copy_out(buffer, (from * size_of::<T>()) as u64, bytemuck::cast_slice_mut(into));
     }
 
-    /// Records which host-visible buffers a submission uses.
+    /// Records the host-visible buffers of a submission.
     pub(super) fn share(&self, flight: &mut Flight, reads: &[Buffer], writes: &[Buffer]) {
         for (uses, kept) in [reads, writes].into_iter().zip(&mut flight.shared) {
             kept.extend(uses.iter().filter(|buffer| self.arena.get(**buffer).place != Place::Device));

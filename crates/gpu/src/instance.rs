@@ -1,4 +1,4 @@
-//! The Vulkan loader, the instance and the list of devices.
+//! Vulkan loader, instance and device enumeration.
 
 use std::ffi::{CStr, c_void};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -8,19 +8,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::{Error, Result};
 
-/// The kind of a device, in order of preference.
+/// Device kind, in order of preference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum DeviceKind {
-    /// A GPU with memory of its own.
+    /// GPU with dedicated memory.
     Discrete,
-    /// A GPU in a virtual machine, or a part of one.
+    /// GPU in a virtual machine, or a part of one.
     Virtual,
-    /// A GPU that uses the host's memory.
+    /// GPU that shares the host's memory.
     Integrated,
-    /// A software implementation, such as lavapipe.
+    /// Software implementation, such as lavapipe.
     Cpu,
-    /// None of these.
+    /// Any other kind.
     Other,
 }
 
@@ -39,29 +39,28 @@ impl std::fmt::Display for DeviceKind {
 /// A Vulkan device as the loader lists it.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DeviceInfo {
-    /// Position in the list: a [`super::GpuOptions::device`].
+    /// Index in the list, accepted by [`super::GpuOptions::device`].
     pub index: usize,
-    /// Name as the driver gives it.
+    /// Name given by the driver.
     pub name: String,
-    /// What kind of device it is.
+    /// Device kind.
     pub kind: DeviceKind,
-    /// Driver name and version in the driver's own words.
+    /// Driver name and version as reported.
     pub driver: String,
     /// Vulkan version of the device, "1.3.230".
     pub api: String,
-    /// UUID of the device, 32 hexadecimal digits: the same in every program and in CUDA on this machine.
+    /// UUID of the device, 32 hexadecimal digits, identical in all programs and in CUDA on this machine.
     #[serde(default)]
     pub uuid: String,
     /// Bytes of the largest device-local heap.
     pub memory: u64,
 }
 
-/// Messages of the validation layers, shared with the callback that collects them.
+/// Validation messages, shared with the callback that collects them.
 pub(super) type Messages = Arc<Mutex<Vec<String>>>;
 
 pub(super) struct Instance {
-    /// Held because everything below calls into the library it keeps loaded. `None`: the instance is a caller's, who
-    /// keeps both.
+    /// Keeps the loader library alive. `None` for an application's instance.
     entry: Option<ash::Entry>,
     pub raw: ash::Instance,
     pub debug_names: bool,
@@ -72,40 +71,40 @@ pub(super) struct Instance {
 const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 
 impl Instance {
-    /// Creates an instance, with the validation layer if asked for. `instrumented`: the layer checks accesses inside
-    /// kernels instead of synchronisation.
+    /// Creates an instance, optionally with the validation layer. `instrumented`: GPU-assisted validation instead of
+    /// synchronisation checks.
     ///
     /// # Errors
-    /// There is no loader, layer or driver, or the loader is too old.
+    /// Missing loader, layer or driver, or an old loader.
     pub fn new(validation: bool, instrumented: bool) -> Result<Instance> {
         let validation = validation || instrumented;
-        // SAFETY: loading the system's Vulkan loader runs its initialisers, which is what it is for.
+        // SAFETY: loading the system's Vulkan loader runs its initialisers.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| {
             Error::device(
                 format!("no Vulkan loader on this machine ({e})"),
                 "install it and a driver: on Debian `apt-get install libvulkan1 mesa-vulkan-drivers` (or the vendor's driver)",
             )
         })?;
-        // SAFETY: the entry is alive; the same holds for every call through it below.
+        // SAFETY: the entry is alive, also for the calls through it below.
         let version =
             unsafe { entry.try_enumerate_instance_version() }.ok().flatten().unwrap_or(vk::API_VERSION_1_0);
         if version < vk::API_VERSION_1_2 {
             return Err(Error::device(
-                format!("the Vulkan loader is of version {}, 1.2 is needed", version_text(version)),
+                format!("the Vulkan loader has version {}, 1.2 is required", version_text(version)),
                 "update libvulkan1",
             ));
         }
         let extensions = unsafe { entry.enumerate_instance_extension_properties(None) }.unwrap_or_default();
         let offers = |name| extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name));
         let debug_names = offers(ext::debug_utils::NAME);
-        // Without it the loader hides devices that are a layer over another interface, such as MoltenVK.
+        // Without it the loader hides layered implementations such as MoltenVK.
         let with_subsets = offers(khr::portability_enumeration::NAME);
         let mut layers = Vec::new();
         if validation {
             let known = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();
             if !known.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) || !debug_names {
                 return Err(Error::device(
-                    "validation was asked for, but the Vulkan validation layer is not installed",
+                    "validation was requested, but the Vulkan validation layer is not installed",
                     "on Debian `apt-get install vulkan-validationlayers`, or run without validation",
                 ));
             }
@@ -137,7 +136,7 @@ impl Instance {
         }
         let raw = unsafe { entry.create_instance(&info, None) }.map_err(|e| {
             Error::device(
-                format!("Vulkan gives no instance ({e})"),
+                format!("no Vulkan instance can be created ({e})"),
                 "a driver is missing or broken: on Debian `apt-get install mesa-vulkan-drivers`, or check VK_ICD_FILENAMES",
             )
         })?;
@@ -155,7 +154,7 @@ impl Instance {
                 )
                 .pfn_user_callback(Some(collect))
                 .user_data(Arc::as_ptr(&messages) as *mut c_void);
-            // SAFETY: the user data lives in `messages`, which the instance keeps until the messenger is gone.
+            // SAFETY: the user data is owned by `messages`, which outlives the messenger.
             let handle = unsafe { loader.create_debug_utils_messenger(&create, None) }.ok();
             handle.map(|h| (loader, h))
         } else {
@@ -164,8 +163,8 @@ impl Instance {
         Ok(Instance { entry: Some(entry), raw, debug_names, messenger, messages })
     }
 
-    /// A caller's instance, which stays the caller's. `debug_names`: it was made with VK_EXT_debug_utils.
-    pub fn of_caller(raw: ash::Instance, debug_names: bool) -> Instance {
+    /// An application's instance, not destroyed on drop. `debug_names`: created with VK_EXT_debug_utils.
+    pub fn of_external(raw: ash::Instance, debug_names: bool) -> Instance {
         Instance { entry: None, raw, debug_names, messenger: None, messages: Arc::default() }
     }
 
@@ -176,7 +175,7 @@ impl Instance {
         all.into_iter().enumerate().map(|(index, p)| (p, self.describe(index, p))).collect()
     }
 
-    /// Describes a device, which is at `index` in the loader's list.
+    /// Describes the device at `index` in the loader's list.
     pub fn describe(&self, index: usize, physical: vk::PhysicalDevice) -> DeviceInfo {
         let mut driver = vk::PhysicalDeviceDriverProperties::default();
         let mut id = vk::PhysicalDeviceIDProperties::default();
@@ -229,10 +228,10 @@ impl Drop for Instance {
     }
 }
 
-/// Every Vulkan device of this machine.
+/// All Vulkan devices of this machine.
 ///
 /// # Errors
-/// There is no loader or no driver.
+/// No loader or no driver.
 pub fn devices() -> Result<Vec<DeviceInfo>> {
     Ok(Instance::new(false, false)?.list().into_iter().map(|(_, info)| info).collect())
 }

@@ -1,5 +1,5 @@
-//! The Vulkan pipeline cache in a file: the driver's data as it is. The file is discarded if its header names another vendor,
-//! device or driver, or if it is too large; a file that cannot be written is left out.
+//! The pipeline cache in a file: the driver's data unchanged. A file with another vendor, device or driver in its
+//! header, or above the size limit, is discarded; write failures are ignored.
 
 use std::fs::{self, File};
 use std::io::{Read, Write};
@@ -10,7 +10,7 @@ use ash::vk;
 
 use super::owned::OwnedDevice;
 
-/// Largest file, bytes.
+/// Maximum file size, bytes.
 const LARGEST: u64 = 64 << 20;
 
 /// Bytes of `VkPipelineCacheHeaderVersionOne`: header size, version, vendor, device, UUID of the pipeline cache.
@@ -24,13 +24,13 @@ pub(super) struct Cache {
     file: Option<PathBuf>,
     /// Bytes of the cache as read from the file.
     found: usize,
-    /// The cache is a caller's, who destroys it.
-    is_callers: bool,
+    /// The cache belongs to the application.
+    is_external: bool,
     device: Arc<OwnedDevice>,
 }
 
 impl Cache {
-    /// The cache of a device, with the content of the file in `folder`.
+    /// Cache of a device, initialised from the file in `folder`.
     pub fn open(
         device: Arc<OwnedDevice>,
         folder: Option<&Path>,
@@ -39,17 +39,17 @@ impl Cache {
         let file = folder.map(|folder| folder.join(FILE));
         let kept = file.as_deref().and_then(|file| read(file, &header(properties))).unwrap_or_default();
         let handle = create(&device, &kept);
-        Cache { handle, file, found: kept.len().max(HEADER), is_callers: false, device }
+        Cache { handle, file, found: kept.len().max(HEADER), is_external: false, device }
     }
 
-    /// A caller's cache. Null: one of its own, without a file.
-    pub fn of_caller(device: Arc<OwnedDevice>, handle: vk::PipelineCache) -> Cache {
-        let is_callers = handle != vk::PipelineCache::null();
-        let handle = if is_callers { handle } else { create(&device, &[]) };
-        Cache { handle, file: None, found: HEADER, is_callers, device }
+    /// An application's cache. Null: a new one without a file.
+    pub fn of_external(device: Arc<OwnedDevice>, handle: vk::PipelineCache) -> Cache {
+        let is_external = handle != vk::PipelineCache::null();
+        let handle = if is_external { handle } else { create(&device, &[]) };
+        Cache { handle, file: None, found: HEADER, is_external, device }
     }
 
-    /// Writes the file if there are more pipelines than it held.
+    /// Writes the file if pipelines were added.
     fn save(&self) {
         let Some(file) = self.file.as_ref().filter(|_| self.handle != vk::PipelineCache::null()) else {
             return;
@@ -57,7 +57,7 @@ impl Cache {
         // SAFETY: the cache is alive.
         let data = unsafe { self.device.raw.get_pipeline_cache_data(self.handle) }.unwrap_or_default();
         if data.len() > self.found && data.len() as u64 <= LARGEST {
-            // It is only a cache.
+            // Failure only costs time.
             let _ = write(file, &data);
         }
     }
@@ -65,37 +65,37 @@ impl Cache {
 
 impl Drop for Cache {
     fn drop(&mut self) {
-        if self.device.has_hung() || self.is_callers {
+        if self.device.has_hung() || self.is_external {
             return;
         }
         self.save();
-        // SAFETY: pipelines do not need the cache after they were made; a null handle is allowed.
+        // SAFETY: pipelines do not depend on the cache; a null handle is allowed.
         unsafe { self.device.raw.destroy_pipeline_cache(self.handle, None) };
     }
 }
 
-/// A cache that begins with `kept`. Null, which is no cache, if the driver refuses.
+/// A cache initialised from `kept`. Null if the driver refuses.
 fn create(device: &OwnedDevice, kept: &[u8]) -> vk::PipelineCache {
     let info = vk::PipelineCacheCreateInfo::default().initial_data(kept);
-    // SAFETY: the device is alive, and the data outlives the call. A driver takes only data with its own header.
+    // SAFETY: the device is alive, and the data outlives the call. Drivers verify the header.
     unsafe { device.raw.create_pipeline_cache(&info, None) }.unwrap_or_default()
 }
 
-/// The header that this driver writes for this device.
+/// Header written by this driver for this device.
 fn header(p: &vk::PhysicalDeviceProperties) -> Vec<u8> {
     let version = vk::PipelineCacheHeaderVersion::ONE.as_raw() as u32;
     let words = [HEADER as u32, version, p.vendor_id, p.device_id].map(u32::to_le_bytes);
     [words.as_flattened(), &p.pipeline_cache_uuid].concat()
 }
 
-/// The cache in a file; `None` if there is none with this header.
+/// Cache data in a file; `None` without a matching header.
 fn read(file: &Path, header: &[u8]) -> Option<Vec<u8>> {
     let mut all = vec![];
     File::open(file).ok()?.take(LARGEST + 1).read_to_end(&mut all).ok()?;
     (all.starts_with(header) && all.len() as u64 <= LARGEST).then_some(all)
 }
 
-/// Replaces the file: readers see the old one or the new one.
+/// Replaces the file atomically.
 fn write(file: &Path, data: &[u8]) -> std::io::Result<()> {
     let folder = file.parent().unwrap_or(Path::new("."));
     fs::create_dir_all(folder)?;

@@ -1,4 +1,4 @@
-//! Labels around commands, for validation messages and for the tools of others.
+//! Labels around commands, for validation messages and debugging tools.
 
 use std::ffi::CStr;
 use std::fmt::{self, Write};
@@ -8,18 +8,18 @@ use ash::vk;
 use super::device::Gpu;
 
 impl Gpu {
-    /// Opens a label around what is recorded into `commands` from here on: RenderDoc and Nsight show it.
+    /// Opens a label around subsequent commands of `commands`, shown by RenderDoc and Nsight.
     pub(super) fn open_label(&self, commands: vk::CommandBuffer, text: &dyn std::fmt::Display) {
         let Some(names) = &self.names else { return };
         let mut label = Label::default();
-        // A label whose text is cut off still closes as it should.
+        // A truncated label is still closed.
         let _ = write!(label, "{text}");
         let info = vk::DebugUtilsLabelEXT::default().label_name(label.text());
         // SAFETY: the caller is recording into `commands`, and the label lives through the call.
         unsafe { names.cmd_begin_debug_utils_label(commands, &info) };
     }
 
-    /// Closes the label that was opened last.
+    /// Closes the innermost label.
     pub(super) fn close_label(&self, commands: vk::CommandBuffer) {
         let Some(names) = &self.names else { return };
         // SAFETY: the caller is recording into `commands` and has opened a label in it.
@@ -27,7 +27,7 @@ impl Gpu {
     }
 }
 
-/// The text of a label, in place: there is one around every command.
+/// Inline text of a label, one per command.
 struct Label {
     bytes: [u8; 128],
     used: usize,
@@ -40,7 +40,7 @@ impl Default for Label {
 }
 
 impl Label {
-    /// What was written, up to the first zero.
+    /// Content up to the first zero.
     fn text(&self) -> &CStr {
         CStr::from_bytes_until_nul(&self.bytes).unwrap_or_default()
     }
@@ -48,7 +48,7 @@ impl Label {
 
 impl fmt::Write for Label {
     fn write_str(&mut self, text: &str) -> fmt::Result {
-        // The last byte stays zero.
+        // The last byte remains zero.
         let room = &mut self.bytes[self.used..127];
         let fits = text.len().min(room.len());
         room[..fits].copy_from_slice(&text.as_bytes()[..fits]);

@@ -1,20 +1,20 @@
-//! Vulkan compute: instance, device, memory, pipelines, schedules. Nothing here knows about light.
+//! Vulkan compute: instance, device, memory, pipelines, schedules. Independent of light transport.
 //!
-//! A [`Schedule`] is plain data over named kernels and named buffers; an [`Executor`] records it with the
-//! barriers that its hazards need and submits it. All `unsafe` of thirdbounce is in this crate, but for the C interface.
+//! A [`Schedule`] is plain data over named kernels and buffers; an [`Executor`] records it with the barriers that its
+//! hazards require and submits it. All `unsafe` of thirdbounce outside the C interface is in this crate.
 
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
 
 mod access;
 mod budget;
-pub mod caller;
 mod code;
 mod device;
 mod driver_report;
 mod executables;
 mod execute;
 mod executor;
+pub mod external;
 mod faults;
 mod flight;
 mod guard;
@@ -39,7 +39,6 @@ mod rounding;
 mod schedule;
 mod short_list;
 mod shuffle;
-pub mod spirv;
 mod state;
 
 use thirdbounce_base::{Error, Result, advice};

@@ -1,4 +1,4 @@
-//! What a device can do: the limits that plans are made against, and what no plan can do without.
+//! Device limits: those used for planning, and the minimum requirements.
 
 use ash::vk;
 
@@ -6,10 +6,10 @@ use super::instance::{DeviceKind, Instance};
 use crate::advice::advice;
 use crate::{Error, Result};
 
-/// The most storage buffers that a kernel binds. Vulkan promises 4; nearly all GPUs have 16 or more.
+/// Maximum number of storage buffers of a kernel. Vulkan guarantees 4; nearly all GPUs have 16 or more.
 pub const MOST_STORAGE: u32 = 12;
 
-/// Optional ways to add to memory that a device offers.
+/// Optional accumulation paths of a device.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Accumulations {
     /// fp32 atomic add on buffers.
@@ -18,23 +18,22 @@ pub struct Accumulations {
     pub int64: bool,
 }
 
-/// Limits that plans are made against.
+/// Limits used for planning.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Limits {
-    /// Largest binding of one buffer in bytes, which is no larger than one allocation.
+    /// Largest binding of one buffer, bytes, not above one allocation.
     pub storage_range: u64,
-    /// Largest binding of one buffer as texels, in texels.
+    /// Largest texel buffer, texels.
     pub texels: u64,
-    /// Invocations in a workgroup at most, however they are shared among x and y.
+    /// Maximum invocations per workgroup, in any shape in x and y.
     pub workgroup_invocations: u32,
-    /// Shared memory of a workgroup, bytes.
+    /// Shared memory per workgroup, bytes.
     pub shared_memory: u32,
-    /// Workgroups in a dispatch at most, along x, y and z.
+    /// Maximum workgroups per dispatch along x, y and z.
     pub groups: [u32; 3],
-    /// Invocations in a subgroup.
+    /// Invocations per subgroup.
     pub subgroup: u32,
-    /// Turns of a kernel's main loop in a dispatch at most, over all invocations, so that it ends well before a driver
-    /// takes the device for hung.
+    /// Maximum loop turns per dispatch over all invocations, well below a driver's watchdog timeout.
     pub work: u64,
 }
 
@@ -47,23 +46,23 @@ impl Limits {
     }
 }
 
-/// What a plan must know of a device.
+/// Properties of a device relevant to plans.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Abilities {
-    /// What kind of device it is.
+    /// Device kind.
     pub kind: DeviceKind,
-    /// How it adds to memory.
+    /// Supported accumulation paths.
     pub accumulations: Accumulations,
     /// Its limits.
     pub limits: Limits,
 }
 
-/// What a driver reports of a device's limits.
+/// Limits reported by the driver.
 pub(super) struct Reported {
     pub limits: vk::PhysicalDeviceLimits,
-    /// Invocations in a subgroup.
+    /// Invocations per subgroup.
     pub subgroup: u32,
-    /// Bytes of one allocation at most.
+    /// Maximum size of one allocation, bytes.
     pub allocation: u64,
 }
 
@@ -79,10 +78,10 @@ impl Reported {
         Reported { limits, subgroup: subgroup.subgroup_size, allocation: memory.max_memory_allocation_size }
     }
 
-    /// Checks what no plan can do without, for the device of this name.
+    /// Checks the minimum requirements, for the device of this name.
     ///
     /// # Errors
-    /// Kernels bind more than it takes.
+    /// Too few storage buffers per kernel.
     pub fn check(&self, name: &str) -> Result<()> {
         let l = &self.limits;
         let of_set = l.max_descriptor_set_storage_buffers;
@@ -91,12 +90,12 @@ impl Reported {
             return Ok(());
         }
         Err(Error::device(
-            format!("{name} binds at most {most} storage buffers to a kernel, {MOST_STORAGE} are needed"),
+            format!("{name} supports {most} storage buffers per kernel, {MOST_STORAGE} are required"),
             advice!["choose another device with " Device " (" [Devices] " lists them)"],
         ))
     }
 
-    /// The limits of plans, for dispatches of so many turns.
+    /// Planning limits, for dispatches of `work` turns.
     pub fn of_plans(&self, work: u64) -> Limits {
         let l = &self.limits;
         let [x, y, _] = l.max_compute_work_group_size;
@@ -117,7 +116,7 @@ mod tests {
     use super::*;
     use crate::advice::Setting;
 
-    /// A device with no more than Vulkan promises, but so many storage buffers.
+    /// A device with the guaranteed minimum limits, except for storage buffers.
     fn least(storage: u32) -> Reported {
         let limits = vk::PhysicalDeviceLimits {
             max_storage_buffer_range: 1 << 27,
@@ -138,7 +137,7 @@ mod tests {
         least(MOST_STORAGE).check("a card").expect("just enough");
         let error = least(8).check("a card").expect_err("too few");
         assert!(
-            error.what.contains("a card binds at most 8") && error.mend.names(Setting::Device),
+            error.what.contains("a card binds at most 8") && error.hint.names(Setting::Device),
             "{error}"
         );
         let mut reported = least(64);
@@ -151,11 +150,11 @@ mod tests {
         let mut reported = least(16);
         let limits = |r: &Reported| r.of_plans(7);
         assert_eq!((limits(&reported).storage_range, limits(&reported).work), (1 << 27, 7));
-        // A binding of 4 GiB is no use where an allocation has 1 GiB at most.
+        // A binding of 4 GiB is useless if an allocation has at most 1 GiB.
         reported.limits.max_storage_buffer_range = u32::MAX;
         assert_eq!(limits(&reported).storage_range, 1 << 30);
         assert_eq!(limits(&reported).binding_at_most(Some(1 << 40)).storage_range, 1 << 30);
-        // Workgroups that gather are as high as lanes share a voxel.
+        // The height of gather workgroups is the number of lanes per voxel.
         for size in [[128, 1024, 64], [1024, 128, 64], [1024, 1024, 64]] {
             reported.limits.max_compute_work_group_size = size;
             assert_eq!(limits(&reported).workgroup_invocations, 128, "{size:?}");

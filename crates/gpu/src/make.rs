@@ -1,4 +1,4 @@
-//! The kernels of an executor, made on all cores of the host.
+//! Parallel creation of an executor's kernels.
 
 use std::sync::Arc;
 
@@ -11,19 +11,19 @@ use super::pipelines::Pipeline;
 use super::recording::KernelMade;
 use crate::Result;
 
-/// A kernel to make.
+/// A kernel to create.
 #[derive(Debug, Clone)]
 pub struct Wanted<'c> {
-    /// What schedules call it.
+    /// Name in schedules.
     pub kernel: Kernel,
-    /// The module that it is made from.
+    /// Module.
     pub code: &'c KernelCode,
     /// Specialization constants with their values.
     pub constants: Vec<(Constant, u32)>,
 }
 
 impl Executor {
-    /// Makes kernels, several at once. Replaces kernels of the same names.
+    /// Creates kernels concurrently, replacing kernels of the same names.
     ///
     /// # Errors
     /// The device fails.
@@ -42,12 +42,12 @@ impl Executor {
         all
     }
 
-    /// Whether a kernel of this name is made.
+    /// Whether a kernel of this name exists.
     pub fn has_kernel(&self, kernel: Kernel) -> bool {
         self.pipelines.contains_key(&kernel)
     }
 
-    /// Makes `kernel` from `code` with these specialization constants. Replaces a kernel of the same name.
+    /// Creates `kernel` from `code` with these specialization constants, replacing a kernel of the same name.
     ///
     /// # Errors
     /// The device fails.

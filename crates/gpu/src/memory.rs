@@ -1,4 +1,4 @@
-//! Device memory: what is free, and the buffers of a job. All are declared before anything is allocated, then made at once.
+//! Device memory: free memory, and the buffers of a job, declared before allocation and created together.
 
 use std::collections::BTreeMap;
 use std::ptr::NonNull;
@@ -18,25 +18,25 @@ use super::place::{Block, BufferPlan, Place};
 use crate::advice::{Remedy, advice};
 use crate::{Error, Result};
 
-/// The buffer that a shuffled indirect dispatch reads its size through.
+/// Readback buffer for the size of a shuffled indirect dispatch.
 pub(super) const SIZE_BACK: Buffer = Buffer::named("size_back");
 
-/// The buffer that canaries on the device are read through.
+/// Readback buffer for canaries on the device.
 pub(super) const CANARY_BACK: Buffer = Buffer::named("canary_back");
 
-/// Its size, bytes. Canaries are read in parts of this size.
+/// Its size in bytes, the part size for reading canaries.
 const CANARY_PART: u64 = 1 << 20;
 
-/// The smallest canary, bytes.
+/// Minimum canary size, bytes.
 const LEAST_CANARY: u64 = 64 << 10;
 
-/// A buffer that is allocated.
+/// An allocated buffer.
 #[derive(Clone, Copy)]
 pub(super) struct Made {
     pub handle: vk::Buffer,
     /// Size in the plan.
     pub bytes: u64,
-    /// Bytes behind these that nothing may write: 0 unless the device is opened with [`super::Faults::guard`].
+    /// Bytes of the canary: 0 unless the device was opened with [`super::Faults::guard`].
     pub canary: u64,
     pub place: Place,
 }
@@ -44,15 +44,15 @@ pub(super) struct Made {
 /// The memory of a buffer.
 enum Held {
     Own(Allocation),
-    /// A caller's, with its size.
-    Callers(Block, u64),
+    /// An application's block, with its size.
+    External(Block, u64),
 }
 
 impl Held {
     fn bytes(&self) -> u64 {
         match self {
             Held::Own(own) => own.size(),
-            Held::Callers(_, bytes) => *bytes,
+            Held::External(_, bytes) => *bytes,
         }
     }
 
@@ -60,14 +60,14 @@ impl Held {
         match self {
             // SAFETY: the handle is only bound.
             Held::Own(own) => (unsafe { own.memory() }, own.offset()),
-            Held::Callers(block, _) => (block.memory, block.offset),
+            Held::External(block, _) => (block.memory, block.offset),
         }
     }
 
     fn mapped(&self) -> Option<NonNull<u8>> {
         match self {
             Held::Own(own) => own.mapped_ptr().map(NonNull::cast),
-            Held::Callers(block, _) => NonNull::new(block.mapped.cast()),
+            Held::External(block, _) => NonNull::new(block.mapped.cast()),
         }
     }
 }
@@ -81,20 +81,20 @@ pub struct Arena {
     bytes: u64,
     /// Bytes of [`Place::Store`].
     stored: u64,
-    /// Buffers from this size on have memory of their own, bytes: on the device, and on the host.
+    /// Size from which buffers have dedicated allocations, bytes: on the device, and on the host.
     own_from: [u64; 2],
 }
 
 impl Arena {
-    /// Allocates every buffer of `plan`. `budget` is in bytes of all buffers; without one, it is what the driver reports
-    /// as free on each heap.
+    /// Allocates every buffer of `plan`. `budget` limits the bytes of all buffers; default: free bytes of each heap
+    /// as reported by the driver.
     ///
     /// # Errors
-    /// A buffer is larger than the device can bind, the plan is over budget (the error names the largest buffers), or
-    /// the driver refuses an allocation. Nothing stays allocated then.
+    /// A buffer exceeds the largest binding, the plan exceeds the budget (the error names the largest buffers), or
+    /// the driver refuses an allocation. Nothing remains allocated.
     pub fn new(gpu: &Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena> {
         let _span = gpu.span("allocate");
-        if gpu.device.is_down() {
+        if gpu.device.has_failed() {
             return Err(gpu.failed("allocating", vk::Result::ERROR_DEVICE_LOST));
         }
         check(plan, &gpu.memory(), budget)?;
@@ -174,7 +174,7 @@ impl Arena {
             .map_err(|e| refused(e.to_string()))
     }
 
-    /// Memory for a buffer; else why there is none.
+    /// Memory for a buffer, or the reason for its absence.
     fn memory_for(
         &mut self,
         plan: &BufferPlan,
@@ -186,12 +186,13 @@ impl Arena {
             if plan.place != Place::Device {
                 requirements.memory_type_bits &= self.gpu.coherent_types();
             }
-            let block =
-                blocks.allocate(&requirements, plan.place).ok_or("the program has no memory for it")?;
-            let held = Held::Callers(block, requirements.size);
+            let block = blocks
+                .allocate(&requirements, plan.place)
+                .ok_or("the application's allocator returned no memory")?;
+            let held = Held::External(block, requirements.size);
             if plan.place != Place::Device && held.mapped().is_none() {
                 blocks.free(block);
-                return Err("the program gave memory that is not mapped".into());
+                return Err("the application's allocator returned unmapped memory".into());
             }
             return Ok(held);
         }
@@ -201,8 +202,8 @@ impl Arena {
             requirements,
             location: match plan.place {
                 Place::Device => MemoryLocation::GpuOnly,
-                // Uploads only pass through: they take the kind of memory that readbacks take, and share its block.
-                // The part of a card's own memory that the host sees is often as small as 256 MiB.
+                // Uploads are transient: they use the memory type of readbacks and share its block. Host-visible
+                // memory of a discrete GPU is often only 256 MiB.
                 Place::Upload | Place::Readback | Place::Store => MemoryLocation::GpuToCpu,
             },
             linear: true,
@@ -217,13 +218,13 @@ impl Arena {
         made.map(Held::Own).map_err(|e| e.to_string())
     }
 
-    /// Bytes of all buffers, host-visible ones included, canaries and [`Place::Store`] not.
+    /// Bytes of all buffers, including host-visible ones, excluding canaries and [`Place::Store`].
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
-    /// Bytes of memory blocks taken for the buffers: at least [`Arena::bytes`], as small buffers share blocks. Those of
-    /// [`Place::Store`] do not count.
+    /// Bytes of memory blocks allocated for the buffers: at least [`Arena::bytes`], as small buffers share blocks.
+    /// Excludes [`Place::Store`].
     pub fn taken(&self) -> u64 {
         match self.gpu.blocks {
             Some(_) => self.bytes,
@@ -236,7 +237,7 @@ impl Arena {
         self.stored
     }
 
-    /// Every buffer.
+    /// All buffers.
     pub(super) fn buffers(&self) -> Vec<(Buffer, Made)> {
         self.buffers.iter().map(|(buffer, (made, _))| (*buffer, *made)).collect()
     }
@@ -262,8 +263,8 @@ impl Arena {
         self.buffers.get(&buffer).unwrap_or_else(|| panic!("the plan holds no buffer `{buffer}`"))
     }
 
-    /// Where an upload or readback buffer begins in the host's memory: valid for its bytes and its canary, as
-    /// long as the arena lives. The device may be writing there.
+    /// Host address of an upload or readback buffer, valid for its bytes and its canary during the arena's lifetime.
+    /// The device may write there concurrently.
     pub(super) fn pointer(&self, buffer: Buffer) -> NonNull<u8> {
         let mapped = self.held(buffer).1.as_ref().and_then(Held::mapped);
         mapped.unwrap_or_else(|| panic!("buffer `{buffer}` is not host-visible"))
@@ -273,24 +274,24 @@ impl Arena {
 impl Drop for Arena {
     fn drop(&mut self) {
         if self.gpu.has_hung() {
-            // The device may still use them: they stay until the process ends.
+            // The device may still use these objects: leak them.
             std::mem::forget((std::mem::take(&mut self.buffers), self.allocator.take()));
             return;
         }
-        // SAFETY: the executor that used these buffers waits for its work before it is dropped.
+        // SAFETY: the executor that used these buffers waited for its work before it was dropped.
         for (_, (b, held)) in std::mem::take(&mut self.buffers) {
             unsafe { self.gpu.raw().destroy_buffer(b.handle, None) };
             let Some(held) = held else { continue };
             let bytes = held.bytes();
             let is_freed = match (held, self.allocator.as_mut(), &self.gpu.blocks) {
                 (Held::Own(own), Some(allocator), _) => allocator.free(own).is_ok(),
-                (Held::Callers(block, _), _, Some(blocks)) => {
+                (Held::External(block, _), _, Some(blocks)) => {
                     blocks.free(block);
                     true
                 }
                 _ => false,
             };
-            // Memory that is not given back still counts as allocated.
+            // Memory that is not freed still counts as allocated.
             if is_freed {
                 self.gpu.allocated.fetch_sub(bytes, Relaxed);
             }
@@ -301,14 +302,14 @@ impl Drop for Arena {
 
 #[doc(hidden)]
 impl Gpu {
-    /// The types of memory that the host sees without flushing it, as bits.
+    /// Host-visible, coherent memory types, as bits.
     pub(super) fn coherent_types(&self) -> u32 {
         // SAFETY: the physical device is the instance's.
         let memory = unsafe { self.instance.raw.get_physical_device_memory_properties(self.physical) };
         coherent(memory.memory_types_as_slice())
     }
 
-    /// What is free for this process at the moment, as the driver reports.
+    /// Currently free memory for this process, as reported by the driver.
     pub fn memory(&self) -> Memory {
         let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
         let mut memory = vk::PhysicalDeviceMemoryProperties2::default();
@@ -333,12 +334,12 @@ impl Gpu {
     }
 }
 
-/// Bytes of the canary behind a buffer of `bytes` bytes: as many, but at least [`LEAST_CANARY`].
+/// Canary size of a buffer of `bytes` bytes: the same size, but at least [`LEAST_CANARY`].
 fn canary_of(bytes: u64) -> u64 {
     bytes.max(LEAST_CANARY)
 }
 
-/// The buffers to allocate for a plan: with a canary behind each if the device guards them.
+/// Buffers to allocate for a plan, each with a canary if the device guards them.
 fn guarded(gpu: &Gpu, plan: &[BufferPlan]) -> Vec<BufferPlan> {
     let canary = |b: &BufferPlan| if gpu.faults().guard { canary_of(b.bytes) } else { 0 };
     plan.iter().map(|b| BufferPlan { bytes: b.bytes + canary(b), ..b.clone() }).collect()

@@ -1,8 +1,8 @@
-//! Names of buffers, kernels and constants as types: a name that nobody declared does not compile.
+//! Typed names of buffers, kernels and constants: undeclared names do not compile.
 
 use std::fmt;
 
-/// A buffer by its name, which is also the name of the block that kernels bind it to.
+/// A buffer name, also the name of the block that kernels bind it to.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Buffer {
     name: &'static str,
@@ -15,12 +15,12 @@ impl Buffer {
         Buffer { name, at: None }
     }
 
-    /// One of several buffers of that name, such as one for each level. It shows as `name_index`.
+    /// One of several buffers of that name, e.g. one per level. Displayed as `name_index`.
     pub const fn at(self, index: u16) -> Buffer {
         Buffer { name: self.name, at: Some(index) }
     }
 
-    /// What all buffers of that name are called, without the index.
+    /// The common name of indexed buffers.
     pub const fn family(self) -> Buffer {
         Buffer { name: self.name, at: None }
     }
@@ -35,7 +35,7 @@ impl fmt::Display for Buffer {
     }
 }
 
-/// A kernel by the name that schedules, labels and timelines use.
+/// A kernel name used by schedules, labels and timelines.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Kernel(&'static str);
 
@@ -45,7 +45,7 @@ impl Kernel {
         Kernel(name)
     }
 
-    /// Its name.
+    /// The name.
     pub const fn name(self) -> &'static str {
         self.0
     }
@@ -57,7 +57,7 @@ impl fmt::Display for Kernel {
     }
 }
 
-/// A specialization constant by its name in the sources.
+/// Name of a specialization constant in the sources.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Constant(&'static str);
 
@@ -67,7 +67,7 @@ impl Constant {
         Constant(name)
     }
 
-    /// Its name.
+    /// The name.
     pub const fn name(self) -> &'static str {
         self.0
     }

@@ -1,4 +1,4 @@
-//! The features and extensions of a device that are used: each is asked for where it is offered, and only there.
+//! Optional features and extensions, enabled where offered.
 
 use std::ffi::CStr;
 
@@ -10,32 +10,32 @@ use super::options::GpuOptions;
 use crate::advice::advice;
 use crate::{Error, Result};
 
-/// What a device offers of that which is used.
+/// Offered features, of those used.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub(super) struct Offered {
     /// fp32 atomic add on buffers.
     pub float: bool,
-    /// 64-bit integer atomic add on buffers, with the integers themselves.
+    /// 64-bit integers and their atomic add on buffers.
     pub int64: bool,
-    /// Checks of buffers' bounds, if they were asked for.
+    /// Bounds checks of buffers, if requested.
     pub robust: bool,
-    /// The free memory of every heap.
+    /// Free memory of every heap.
     pub has_budget: bool,
-    /// Statistics of compiled kernels, if they were asked for.
+    /// Statistics of compiled kernels, if requested.
     pub has_statistics: bool,
-    /// The device is no complete Vulkan, but a layer over another interface. It must then be asked for as such.
+    /// The device is a layered implementation that requires VK_KHR_portability_subset.
     pub is_subset: bool,
-    /// fp32 operations round to nearest where a kernel asks for it.
+    /// Round-to-nearest of fp32 can be declared by a kernel.
     pub rounding: bool,
-    /// Memory of other programs and interfaces by a file descriptor.
+    /// Import of external memory by file descriptor.
     pub has_external_memory: bool,
-    /// The driver tells of a fault after a loss.
+    /// Fault reports after a loss.
     pub has_device_fault: bool,
 }
 
 impl Offered {
     /// # Errors
-    /// A device of Vulkan before 1.2, without timeline semaphores, or one that binds too few buffers.
+    /// A Vulkan version before 1.2, no timeline semaphores, or too few storage buffers.
     pub fn by(
         instance: &Instance,
         physical: vk::PhysicalDevice,
@@ -46,7 +46,7 @@ impl Offered {
         let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
         if properties.api_version < vk::API_VERSION_1_2 {
             return Err(Error::device(
-                format!("{} offers Vulkan {}, 1.2 is needed", info.name, info.api),
+                format!("{} supports Vulkan {}, 1.2 is required", info.name, info.api),
                 advice!["update its driver, or choose another device with " Device " (" [Devices] " lists them)"],
             ));
         }
@@ -60,7 +60,7 @@ impl Offered {
         let mut device_fault = vk::PhysicalDeviceFaultFeaturesEXT::default();
         let mut v12 = vk::PhysicalDeviceVulkan12Features::default();
         let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12);
-        // A struct may be asked about only where its extension is there; else it stays zero.
+        // A struct may be queried only if its extension is present; otherwise it remains zero.
         if offers(ext::shader_atomic_float::NAME) {
             features = features.push_next(&mut atomic_float);
         }
@@ -75,7 +75,7 @@ impl Offered {
         let features = features.features;
         if v12.timeline_semaphore != vk::TRUE {
             return Err(Error::device(
-                format!("{} has no timeline semaphores, which are needed", info.name),
+                format!("{} does not support timeline semaphores, which are required", info.name),
                 advice!["update its driver, or choose another device with " Device],
             ));
         }
@@ -91,7 +91,7 @@ impl Offered {
             has_statistics: (options.timings || options.statistics || options.listings)
                 && statistics.pipeline_executable_info == vk::TRUE,
             is_subset: offers(khr::portability_subset::NAME),
-            // Where the modes of all widths must be the same, fp32 alone cannot declare one.
+            // If the modes of all widths must agree, fp32 alone cannot declare one.
             rounding: controls.shader_rounding_mode_rte_float32 == vk::TRUE
                 && controls.rounding_mode_independence != vk::ShaderFloatControlsIndependence::NONE,
             has_external_memory: offers(khr::external_memory_fd::NAME),
@@ -99,7 +99,7 @@ impl Offered {
         })
     }
 
-    /// The extensions to open the device with.
+    /// Extensions to enable.
     pub fn extensions(&self) -> Vec<&'static CStr> {
         let all = [
             (self.float, ext::shader_atomic_float::NAME),
@@ -112,10 +112,10 @@ impl Offered {
         all.into_iter().filter(|(offered, _)| *offered).map(|(_, name)| name).collect()
     }
 
-    /// Opens the device with all of this.
+    /// Creates the device with all offered features.
     ///
     /// # Errors
-    /// A device that does not open.
+    /// Device creation fails.
     pub fn create(
         &self,
         instance: &Instance,
@@ -126,7 +126,7 @@ impl Offered {
         let wanted: Vec<_> = self.extensions().iter().map(|name| name.as_ptr()).collect();
         let mut use_statistics = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
             .pipeline_executable_info(true);
-        // Other atomics on floats are another feature, which a device may lack.
+        // Other float atomics are separate features, which a device may lack.
         let mut use_float =
             vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
         let mut use_device_fault = vk::PhysicalDeviceFaultFeaturesEXT::default().device_fault(true);
@@ -155,7 +155,7 @@ impl Offered {
         // SAFETY: the physical device is the instance's; the chained structs outlive the call.
         unsafe { instance.raw.create_device(physical, &create, None) }.map_err(|e| {
             Error::device(
-                format!("{} does not open ({e})", info.name),
+                format!("{} cannot be opened ({e})", info.name),
                 advice!["another program may hold it, or its driver is broken; try another with " Device],
             )
         })

@@ -1,4 +1,4 @@
-//! Which device is opened, and how.
+//! Device selection and options.
 
 use std::path::PathBuf;
 
@@ -9,50 +9,49 @@ use super::instance::{DeviceInfo, Instance};
 use crate::advice::advice;
 use crate::{Error, Result};
 
-/// How to open a device.
+/// Options for opening a device.
 #[derive(Debug, Clone, Default)]
 pub struct GpuOptions {
-    /// Index in [`super::devices`], part of a name in any case, or a UUID; otherwise the best kind there is.
+    /// Index in [`super::devices`], part of a name (case-insensitive), or a UUID; default: the best kind available.
     pub device: Option<String>,
-    /// Turn on the Khronos validation layer with synchronisation checks.
+    /// Enables the Khronos validation layer with synchronisation checks.
     pub validation: bool,
-    /// Turn on the validation layer with checks of every access inside kernels (GPU-assisted validation) instead of
-    /// synchronisation checks. Slow. Needs kernels that were compiled without optimisation (`build.rs`).
+    /// Enables GPU-assisted validation (checks of every access inside kernels) instead of synchronisation checks.
+    /// Slow. Requires kernels compiled without optimisation (`build.rs`).
     #[doc(hidden)]
     pub instrumented: bool,
-    /// Have the device check the bounds of buffers where it can (`robustBufferAccess`). Costs time.
+    /// Enables bounds checks of buffers if supported (`robustBufferAccess`). Costs time.
     #[doc(hidden)]
     pub robust: bool,
-    /// Time every command by itself and record the timeline of host and device: [`super::Gpu::take_recording`].
+    /// Times every command and records the timeline of host and device: [`super::Gpu::take_recording`].
     pub timings: bool,
-    /// Ask the driver for statistics of the kernels that it compiles: [`super::Gpu::compile`].
+    /// Requests driver statistics of compiled kernels: [`super::Gpu::compile`].
     #[doc(hidden)]
     pub statistics: bool,
-    /// Ask it for their listings, too. Some drivers then compile every kernel anew, whatever a cache holds.
+    /// Requests listings as well. Some drivers then recompile every kernel regardless of caches.
     #[doc(hidden)]
     pub listings: bool,
-    /// Turns of kernels' main loops in a dispatch and in a submission at most, for a device whose driver has a shorter
-    /// time limit than others; otherwise by its kind, and submissions by how fast it is.
+    /// Maximum loop turns per dispatch and per submission, for drivers with a shorter watchdog timeout; default: by
+    /// device kind, and submissions by measured speed.
     #[doc(hidden)]
     pub work: Option<u64>,
-    /// Bytes of a buffer at most that kernels bind, to plan as for a device that binds less than this one; otherwise what it
-    /// offers.
+    /// Maximum bytes of a buffer bound by kernels, to plan as for a smaller device; default: the device's limit.
     #[doc(hidden)]
     pub binding: Option<u64>,
-    /// Folder of the file that keeps compiled kernels between runs; it is replaced when device or driver differ.
+    /// Folder of the pipeline cache file, replaced when device or driver differ.
     pub pipeline_cache: Option<PathBuf>,
-    /// Faults to produce, for tests.
+    /// Faults to inject, for tests.
     #[doc(hidden)]
     pub faults: Faults,
 }
 
-/// Whether a device has this UUID, with or without hyphens, or a name with this in it.
+/// Whether a device has this UUID, with or without hyphens, or a name containing the text.
 fn is_called(device: &DeviceInfo, text: &str) -> bool {
     let text = text.to_lowercase();
     device.uuid == text.replace('-', "") || device.name.to_lowercase().contains(&text)
 }
 
-/// The device that is `wanted`, or one of the fastest kind.
+/// The device selected by `wanted`, or one of the best kind.
 pub(super) fn choose(
     all: &[(vk::PhysicalDevice, DeviceInfo)],
     wanted: Option<&str>,
@@ -65,7 +64,7 @@ pub(super) fn choose(
                 "install a driver: on Debian `apt-get install mesa-vulkan-drivers` (lavapipe runs on any CPU), or the vendor's driver",
             ));
         }
-        // The first of several minima is taken: the loader's order decides among devices of a kind.
+        // The first minimum: the loader's order decides among devices of a kind.
         None => all.iter().min_by_key(|(_, d)| d.kind),
         Some(text) => match text.parse::<usize>() {
             Ok(index) => all.get(index),
@@ -86,7 +85,7 @@ pub(super) fn choose(
     })
 }
 
-/// A queue family that computes, one without graphics preferred, and whether it has timestamps.
+/// A compute queue family, preferably without graphics, and whether it has timestamps.
 pub(super) fn compute_family(
     instance: &Instance,
     physical: vk::PhysicalDevice,

@@ -1,4 +1,4 @@
-//! Who owns a logical device, and who may use its queue.
+//! Ownership of a logical device, and access to its queue.
 
 use std::ops::Deref;
 use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
@@ -9,42 +9,42 @@ use ash::vk;
 use super::instance::Instance;
 use crate::Error;
 
-/// A logical device that destroys itself, after everything made from it.
+/// A logical device that destroys itself, after everything created from it.
 pub(super) struct OwnedDevice {
     pub raw: ash::Device,
-    /// It did not come back from work in time, and may still be at it.
+    /// The watchdog timed out; the device may still be working.
     hung: AtomicBool,
-    /// Why nothing can be done on it any more.
+    /// Reason why every call fails.
     down: OnceLock<Error>,
-    /// A caller's device stays open.
-    is_callers: bool,
-    // The instance must outlive its device.
+    /// The device belongs to the application.
+    is_external: bool,
+    // The instance outlives its device.
     instance: Arc<Instance>,
 }
 
 impl OwnedDevice {
-    /// A device of `instance`: a caller's, or one that this value is to destroy.
-    pub fn new(raw: ash::Device, instance: Arc<Instance>, is_callers: bool) -> OwnedDevice {
-        OwnedDevice { raw, hung: AtomicBool::new(false), down: OnceLock::new(), is_callers, instance }
+    /// A device of `instance`: an application's, or one destroyed with this value.
+    pub fn new(raw: ash::Device, instance: Arc<Instance>, is_external: bool) -> OwnedDevice {
+        OwnedDevice { raw, hung: AtomicBool::new(false), down: OnceLock::new(), is_external, instance }
     }
 
-    /// Whether the device did not come back from work in time.
+    /// Whether the watchdog timed out.
     pub fn has_hung(&self) -> bool {
         self.hung.load(Relaxed)
     }
 
-    /// Whether it was lost or hangs: every call on it fails from then on.
-    pub fn is_down(&self) -> bool {
+    /// Whether the device was lost or hung: every later call fails.
+    pub fn has_failed(&self) -> bool {
         self.down.get().is_some()
     }
 
-    /// Notes why it is down. Returns the first reason that was noted.
-    pub fn note_down(&self, why: impl FnOnce() -> Error) -> Error {
+    /// Records the reason of the failure. Returns the first recorded reason.
+    pub fn record_failure(&self, why: impl FnOnce() -> Error) -> Error {
         self.down.get_or_init(why).clone()
     }
 
-    /// Notes that it did not.
-    pub fn note_hung(&self) {
+    /// Records a watchdog timeout.
+    pub fn record_timeout(&self) {
         self.hung.store(true, Relaxed);
     }
 }
@@ -52,31 +52,29 @@ impl OwnedDevice {
 impl Drop for OwnedDevice {
     fn drop(&mut self) {
         if self.has_hung() {
-            // Executors and arenas have left their objects behind, which keep the device and its instance.
+            // Executors and arenas have leaked objects, which keep the device and its instance alive.
             std::mem::forget(self.instance.clone());
             return;
         }
-        if self.is_callers {
+        if self.is_external {
             return;
         }
-        // SAFETY: the last owner is gone, so nothing made from this device is left. Every executor has waited for its own
-        // work, so the queue is idle. `vkDeviceWaitIdle` would add nothing, and RADV's null device (Mesa 22.3), which
-        // only compiles, calls through a null pointer there.
+        // SAFETY: the last owner is gone, so no object of this device remains. Every executor waited for its work, so
+        // the queue is idle. `vkDeviceWaitIdle` is redundant and crashes in RADV's null device (Mesa 22.3).
         unsafe { self.raw.destroy_device(None) };
     }
 }
 
-/// A caller's lock of its queue. Vulkan lets one thread at a time use a queue: the library takes this lock around every
-/// submission, and holds it for no longer.
+/// An application's lock of its queue, held by the library around every submission only.
 pub trait QueueLock: Send + Sync {
-    /// Waits until no other thread uses the queue.
+    /// Waits for exclusive access to the queue.
     fn lock(&self);
 
-    /// Lets others use it. Called by the thread that called [`QueueLock::lock`].
+    /// Releases the queue. Called by the thread that called [`QueueLock::lock`].
     fn unlock(&self);
 }
 
-/// The queue, while this thread alone may use it.
+/// Exclusive access to the queue.
 pub(super) struct Queue<'g> {
     pub queue: MutexGuard<'g, vk::Queue>,
     pub lock: Option<&'g dyn QueueLock>,

@@ -1,8 +1,8 @@
-//! How much work a device gets at once, and how long it may take: drivers reset a device that does not come back within
-//! some seconds (2 s on Windows, 5 to 10 s elsewhere).
+//! Work per dispatch and submission, and watchdog timeouts: drivers reset a device that does not respond within
+//! seconds (2 s on Windows, 5 to 10 s elsewhere).
 //!
-//! Work is counted in turns of kernels' main loops, over all invocations: a voxel seen by a laser-sensor pair is one, and of
-//! shorter turns several are. Every dispatch says how many turns it takes at most ([`super::Schedule::dispatch`]).
+//! Work is counted in turns of kernels' main loops over all invocations: one per voxel and laser-sensor pair, several
+//! for shorter loops. Every dispatch declares an upper bound ([`super::Schedule::dispatch`]).
 
 use std::borrow::Cow;
 use std::iter;
@@ -12,31 +12,31 @@ use std::time::Duration;
 use super::instance::DeviceKind;
 use super::schedule::{Command, Size};
 
-/// Seconds of work in a submission.
+/// Work per submission, seconds.
 const SUBMISSION: f64 = 0.1;
 
-/// A dispatch cannot be divided once it is submitted, so each takes no more than this share of a second at the kind's rate:
-/// it ends in time on a device that is ten times slower, too. The rate of integrated ones is already that of the slowest, so
-/// theirs is longer: four times as many dispatches would cost all of them.
+/// Maximum duration of a dispatch in seconds at the kind's rate. Submitted dispatches cannot be divided, so this
+/// allows for devices ten times slower. The rate of integrated devices is already that of the slowest, so their limit
+/// is four times as large.
 const DISPATCH: f64 = 0.04;
 const DISPATCH_OF_INTEGRATED: f64 = 0.16;
 
-/// A submission that takes fewer seconds says more of its overhead than of the device.
+/// Shorter submissions, in seconds, measure overhead rather than the device.
 const MEASURABLE: f64 = 1e-3;
 
-/// Seconds after which a device hangs, if it has nothing to do that counts as work: kernels are compiled, too.
-const PATIENCE: f64 = 120.0;
-/// The same for a CPU, where other programs take their share and validation may be on.
-const PATIENCE_OF_CPU: f64 = 600.0;
+/// Minimum watchdog timeout, seconds, which includes the compilation of kernels.
+const WATCHDOG: f64 = 120.0;
+/// The same for CPUs, which are shared with other programs and may run validation.
+const WATCHDOG_OF_CPU: f64 = 600.0;
 
-/// A device hangs if it takes so many times longer than its kind's rate lets expect.
-const SLOWER: f64 = 100.0;
+/// Watchdog timeout as a multiple of the time expected from the kind's rate.
+const TIMEOUT_RATIO: f64 = 100.0;
 
-/// No device counts as more than so many times faster than its kind: where bounds of the work are far above it, the rate
-/// would grow without end, and the next level would be one long submission.
-const FASTER: f64 = 16.0;
+/// Maximum ratio of the estimated rate to that of the kind. Upper bounds of work far above the actual work would
+/// otherwise increase the rate without limit, and make the next level one long submission.
+const MAX_RATE_RATIO: f64 = 16.0;
 
-/// Turns a second that a device of this kind reaches, or may be expected to.
+/// Loop turns per second, measured or expected, of a kind of device.
 pub(super) fn rate_of(kind: DeviceKind) -> f64 {
     match kind {
         DeviceKind::Discrete | DeviceKind::Virtual => 3e10,
@@ -45,7 +45,7 @@ pub(super) fn rate_of(kind: DeviceKind) -> f64 {
     }
 }
 
-/// Turns of a dispatch at most. A CPU has no time limit, and dividing its work costs time.
+/// Maximum loop turns per dispatch. CPUs have no watchdog, and division costs time.
 pub(super) fn dispatch_of(kind: DeviceKind) -> u64 {
     match kind {
         DeviceKind::Cpu => u64::MAX,
@@ -54,8 +54,8 @@ pub(super) fn dispatch_of(kind: DeviceKind) -> u64 {
     }
 }
 
-/// These commands with every dispatch of more than `most` turns in parts that have no more, if its workgroups can be so few.
-/// Together the parts run the same workgroups; of an indirect dispatch, all that its bounds allow.
+/// The commands with every dispatch above `most` turns divided, down to single workgroups. The parts run the same
+/// workgroups; for indirect dispatches, all within their bounds.
 pub(super) fn divided(commands: &[Command], most: u64) -> Cow<'_, [Command]> {
     let long = |c: &Command| match c {
         Command::Dispatch {
@@ -72,8 +72,8 @@ pub(super) fn divided(commands: &[Command], most: u64) -> Cow<'_, [Command]> {
             all.push(command.clone());
             continue;
         };
-        // The first workgroups run last: lavapipe (Mesa 22.3) adds the first workgroup of a dispatch to those of an
-        // indirect one after it.
+        // In reverse order: lavapipe (Mesa 22.3) adds the first workgroup of a dispatch to those of a subsequent
+        // indirect one.
         for [from, count] in boxes(groups, work, most).into_iter().rev() {
             let mut part = command.clone();
             if let Command::Dispatch { size, first, work: of_part, .. } = &mut part {
@@ -91,16 +91,16 @@ fn product(counts: [u32; 3]) -> u128 {
     counts.iter().map(|n| u128::from(*n)).product()
 }
 
-/// The work of some workgroups of all, rounded up.
+/// Work of a subset of the workgroups, rounded up.
 fn share([some, all]: [[u32; 3]; 2], work: u64) -> u64 {
     let turns = (u128::from(work) * product(some)).div_ceil(product(all).max(1));
     u64::try_from(turns).unwrap_or(u64::MAX)
 }
 
-/// Workgroups as boxes (first, counts) of at most `most` turns of `work`, as far as single workgroups have no more: rows
+/// Workgroups as boxes (first, counts) of at most `most` turns of `work`, unless a single workgroup exceeds it: rows
 /// along x, several or a part of one.
 fn boxes([x, y, z]: [u32; 3], work: u64, most: u64) -> Vec<[[u32; 3]; 2]> {
-    // Workgroups of a box, all those along z counted once.
+    // Workgroups of a box, those along z counted once.
     let fit = u128::from(most) * product([x, y, 1]) / u128::from(work.max(1));
     let fit = u64::try_from(fit).unwrap_or(u64::MAX);
     let columns = fit.clamp(1, u64::from(x.max(1))) as u32;
@@ -111,15 +111,15 @@ fn boxes([x, y, z]: [u32; 3], work: u64, most: u64) -> Vec<[[u32; 3]; 2]> {
     cuts(y, rows).flat_map(of_rows).collect()
 }
 
-/// The pace of a device: how fast it was so far.
+/// Estimated speed of a device.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Pace {
     kind: DeviceKind,
-    /// Turns of a submission at most, if they are given.
+    /// Maximum loop turns per submission, if specified.
     given: Option<u64>,
-    /// Turns a second. Schedules tell upper bounds of their work, so this may be more than the device's own rate.
+    /// Loop turns per second. Schedules declare upper bounds, so this may exceed the device's actual rate.
     rate: f64,
-    /// Turns and seconds of submissions that were too short to be measured one by one.
+    /// Turns and seconds of submissions too short to be measured individually.
     short: (u64, f64),
 }
 
@@ -128,7 +128,7 @@ impl Pace {
         Pace { kind, given, rate: rate_of(kind), short: (0, 0.0) }
     }
 
-    /// Turns of a submission at most.
+    /// Maximum loop turns per submission.
     fn submission(&self) -> u64 {
         match (self.given, self.kind) {
             (Some(given), _) => given,
@@ -137,15 +137,15 @@ impl Pace {
         }
     }
 
-    /// Learns from a finished submission of at most `work` turns. The rate falls at once, and rises step by step: a new
-    /// level may have more to do than the bounds before let expect. Of short submissions it learns by their sum. That holds
-    /// all of their overhead, so it is a lower bound: the rate only rises by it.
+    /// Updates the rate from a finished submission of at most `work` turns. The rate decreases immediately and
+    /// increases in steps: a new level may have tighter bounds. Short submissions are accumulated; their sum includes
+    /// all overhead and is a lower bound, so it only increases the rate.
     pub fn learn(&mut self, work: u64, seconds: f64) {
         if work == 0 || seconds <= 0.0 {
             return;
         }
         let usual = rate_of(self.kind);
-        let most = (2.0 * self.rate).min(FASTER * usual);
+        let most = (2.0 * self.rate).min(MAX_RATE_RATIO * usual);
         if seconds > MEASURABLE {
             self.rate = (work as f64 / seconds).clamp(1e-3 * usual, most);
             return;
@@ -158,14 +158,14 @@ impl Pace {
         }
     }
 
-    /// How long `work` turns may take before the device counts as hung.
-    pub fn patience(&self, work: u64) -> Duration {
-        let base = if self.kind == DeviceKind::Cpu { PATIENCE_OF_CPU } else { PATIENCE };
-        Duration::from_secs_f64(base + SLOWER * work as f64 / rate_of(self.kind))
+    /// Watchdog timeout for `work` turns.
+    pub fn timeout(&self, work: u64) -> Duration {
+        let base = if self.kind == DeviceKind::Cpu { WATCHDOG_OF_CPU } else { WATCHDOG };
+        Duration::from_secs_f64(base + TIMEOUT_RATIO * work as f64 / rate_of(self.kind))
     }
 
-    /// The parts of a schedule that are submitted one by one: each has as much work as a submission may, or a single
-    /// dispatch that has more. One empty part for an empty schedule.
+    /// Parts of a schedule to submit separately: each with the work of one submission, or a single longer dispatch.
+    /// One empty part for an empty schedule.
     pub fn parts<'c>(&self, commands: &'c [Command]) -> impl Iterator<Item = Range<usize>> + use<'c> {
         let (most, mut next) = (self.submission(), Some(0));
         iter::from_fn(move || {
@@ -223,7 +223,7 @@ mod tests {
                 for part in parts.iter() {
                     let Command::Dispatch { size: Size::Groups(count), first, .. } = part else { panic!() };
                     let runs: u32 = count.iter().product();
-                    // Those along z stay together.
+                    // Workgroups along z stay together.
                     assert!(part.work() <= 100 || runs == count[2], "{groups:?} {work}: {part:?}");
                     for i in 0..runs {
                         let at = [i % count[0], i / count[0] % count[1], i / (count[0] * count[1])];
@@ -236,7 +236,7 @@ mod tests {
                 assert!(seen.is_empty() || sum >= work, "{groups:?} {work}: {sum}");
             }
         }
-        // Nothing is copied where nothing is long, and indirect dispatches without bounds stay whole.
+        // Nothing is copied without long dispatches, and indirect dispatches without bounds stay whole.
         assert!(matches!(divided(&of([1000, 1, 1], 100), 100), Cow::Borrowed(_)));
         let indirect = |most: Option<[u32; 3]>| {
             let mut s = Schedule::default();
@@ -266,20 +266,20 @@ mod tests {
             pace.learn(work, seconds);
             at += part.len();
         }
-        // One dispatch of 0.4 s is what is left at a tenth of the kind's rate.
+        // At a tenth of the kind's rate one dispatch of 0.4 s remains.
         assert!(longest < 0.45, "{longest} s");
         let mut fast = Pace::new(DeviceKind::Discrete, None);
         fast.learn(1 << 40, 0.01);
         assert_eq!(fast.rate, 2.0 * rate_of(DeviceKind::Discrete), "it rises step by step");
         (0..20).for_each(|_| fast.learn(1 << 50, 0.01));
-        assert_eq!(fast.rate, FASTER * rate_of(DeviceKind::Discrete), "and not without end");
+        assert_eq!(fast.rate, MAX_RATE_RATIO * rate_of(DeviceKind::Discrete), "and not without end");
     }
 
     #[test]
     fn a_fast_device_is_known_by_the_sum_of_its_short_submissions() {
         let usual = rate_of(DeviceKind::Discrete);
         let mut pace = Pace::new(DeviceKind::Discrete, None);
-        // An iteration in a tenth of a millisecond, at three times the usual rate.
+        // An iteration of a tenth of a millisecond at three times the default rate.
         let work = (3.0 * usual * 1e-4) as u64;
         (0..9).for_each(|_| pace.learn(work, 1e-4));
         assert_eq!(pace.rate, usual, "a millisecond is not over yet");
@@ -287,20 +287,20 @@ mod tests {
         assert_eq!(pace.rate, 2.0 * usual, "step by step");
         (0..22).for_each(|_| pace.learn(work, 1e-4));
         assert!((pace.rate / usual - 3.0).abs() < 1e-6, "{}", pace.rate / usual);
-        // Little work in much overhead says nothing of the device.
+        // Little work with large overhead carries no information on the device.
         (0..100).for_each(|_| pace.learn(1000, 9e-4));
         assert!((pace.rate / usual - 3.0).abs() < 1e-6, "{}", pace.rate / usual);
         // A long submission does.
         pace.learn((0.1 * usual) as u64, 0.2);
         assert!((pace.rate / usual - 0.5).abs() < 1e-6, "{}", pace.rate / usual);
-        // What the device's clock does not see is not learnt from.
+        // Submissions without device time are ignored.
         pace.learn(1 << 40, 0.0);
         assert!((pace.rate / usual - 0.5).abs() < 1e-6);
     }
 
     #[test]
     fn a_dispatch_of_an_integrated_device_is_no_shorter_than_it_must_be() {
-        // 32 x 32 points and 300,000 voxels are one.
+        // 32 x 32 points and 300,000 voxels are one dispatch.
         assert!(dispatch_of(DeviceKind::Integrated) >= 1024 * 300_000);
         for kind in [DeviceKind::Discrete, DeviceKind::Virtual, DeviceKind::Integrated, DeviceKind::Other] {
             let slow = rate_of(kind) / 10.0;
@@ -311,9 +311,9 @@ mod tests {
     #[test]
     fn patience_grows_with_the_work() {
         let pace = Pace::new(DeviceKind::Discrete, None);
-        let of = |work: f64| pace.patience(work as u64).as_secs_f64();
-        assert_eq!(of(0.0), PATIENCE);
-        assert!((of(3e12) - PATIENCE - 1e4).abs() < 1.0);
-        assert!(Pace::new(DeviceKind::Cpu, None).patience(u64::MAX).as_secs_f64() > 1e9);
+        let of = |work: f64| pace.timeout(work as u64).as_secs_f64();
+        assert_eq!(of(0.0), WATCHDOG);
+        assert!((of(3e12) - WATCHDOG - 1e4).abs() < 1.0);
+        assert!(Pace::new(DeviceKind::Cpu, None).timeout(u64::MAX).as_secs_f64() > 1e9);
     }
 }

@@ -1,4 +1,4 @@
-//! Pipelines from compiled kernels, and the descriptor sets that bind buffers to them.
+//! Pipelines of compiled kernels, and their descriptor sets.
 
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -19,7 +19,7 @@ use crate::{Error, Result};
 /// Bytes of push constants, the same for every kernel.
 pub(super) const PUSH_BYTES: u32 = 4 * PUSH_WORDS as u32;
 
-/// A binding as its layout has it.
+/// The layout of a binding.
 fn slot(b: &Binding) -> vk::DescriptorSetLayoutBinding<'static> {
     vk::DescriptorSetLayoutBinding::default()
         .binding(b.slot)
@@ -28,15 +28,15 @@ fn slot(b: &Binding) -> vk::DescriptorSetLayoutBinding<'static> {
         .stage_flags(vk::ShaderStageFlags::COMPUTE)
 }
 
-/// Values of specialization constants as Vulkan takes them.
+/// Specialization constants in Vulkan's form.
 ///
 /// # Panics
-/// If the kernel has no constant of that name.
+/// The kernel has no constant of that name.
 fn specialization(
     code: &KernelCode,
     constants: &[(Constant, u32)],
 ) -> (Vec<vk::SpecializationMapEntry>, Vec<u8>) {
-    // Every constant the caller names must exist: a misspelt one would silently keep its default.
+    // Every named constant must exist: a misspelt one would silently keep its default.
     let mut entries = Vec::new();
     let mut data = Vec::new();
     for (constant, value) in constants {
@@ -51,7 +51,7 @@ fn specialization(
 }
 
 impl Pipeline {
-    /// The pipeline of a kernel on this device: one that is there, else a new one.
+    /// The pipeline of a kernel on this device, existing or new.
     ///
     /// # Errors
     /// The device fails.
@@ -72,12 +72,12 @@ impl Pipeline {
         constants: &[(Constant, u32)],
     ) -> Result<Pipeline> {
         let device = gpu.raw();
-        let doing = format!("making kernel `{name}`");
+        let doing = format!("creating kernel `{name}`");
         let failed = |e| gpu.failed(&doing, e);
         let slots: Vec<_> = code.bindings.iter().map(slot).collect();
         let (entries, data) = specialization(code, constants);
         let mut words = ash::util::read_spv(&mut std::io::Cursor::new(code.spirv)).map_err(|e| {
-            Error::device(format!("kernel `{name}` is not SPIR-V ({e})"), "build the program anew")
+            Error::device(format!("kernel `{name}` is not SPIR-V ({e})"), "rebuild the program")
         })?;
         if gpu.has_rounding {
             words = to_nearest(&words);
@@ -92,7 +92,7 @@ impl Pipeline {
             bindings: code.bindings,
             device: gpu.device.clone(),
         };
-        // SAFETY: all structs live through their call; on an error what was made is destroyed with `made`.
+        // SAFETY: all structs outlive their call; on an error created objects are destroyed with `made`.
         let result = unsafe {
             (|| {
                 gpu.before_call(Point::Object)?;
@@ -121,7 +121,7 @@ impl Pipeline {
                 if gpu.has_listings {
                     flags |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
                 }
-                // Long dispatches are divided where they are limited.
+                // Long dispatches are divided on devices with a limit.
                 if gpu.faults().shuffle.is_some() || gpu.limits.work < u64::MAX {
                     flags |= vk::PipelineCreateFlags::DISPATCH_BASE;
                 }
@@ -142,16 +142,16 @@ impl Pipeline {
     }
 }
 
-/// Descriptor sets by kernel and buffers, made on first use and kept.
+/// Descriptor sets by kernel and buffers, created on first use.
 pub(super) struct DescriptorSets {
     pools: Vec<vk::DescriptorPool>,
     views: Vec<vk::BufferView>,
     made: HashMap<Bound, vk::DescriptorSet>,
-    /// What is looked up; kept, so that looking up allocates nothing.
+    /// Lookup key, kept so that lookups do not allocate.
     wanted: Bound,
 }
 
-/// A pipeline, and the buffers that its blocks are bound to.
+/// A pipeline, and the buffers bound to its blocks.
 type Bound = (vk::Pipeline, Vec<vk::Buffer>);
 
 const SETS_PER_POOL: u32 = 64;
@@ -205,8 +205,8 @@ impl DescriptorSets {
             .iter()
             .zip(pipeline.bindings.iter().zip(buffers))
             .map(|(handle, (b, buffer))| {
-                // Binds the canary too, so that a write past the end lands in it. Kernels cannot write uniforms, whose
-                // range is limited.
+                // The canary is bound too, so that writes past the end reach it. Uniforms are read-only and have a
+                // limited range.
                 let range = if b.view == View::Uniform { arena.get(*buffer).bytes } else { vk::WHOLE_SIZE };
                 [vk::DescriptorBufferInfo::default().buffer(*handle).range(range)]
             })
@@ -234,14 +234,14 @@ impl DescriptorSets {
         Ok(set)
     }
 
-    /// The view of a buffer that is seen as texels; `None` for others.
+    /// The view of a texel buffer; `None` for others.
     fn view(&mut self, gpu: &Gpu, binding: &Binding, made: &Made) -> Result<Option<vk::BufferView>> {
         let View::Texels { words } = binding.view else { return Ok(None) };
         let format = match words {
             1 => vk::Format::R32_SFLOAT,
             _ => vk::Format::R32G32B32A32_SFLOAT,
         };
-        // With its canary, as far as the device can see it.
+        // With its canary, within the device's limit.
         let texel = 4 * u64::from(words);
         let range = ((made.bytes + made.canary) / texel).min(gpu.limits.texels) * texel;
         let info = vk::BufferViewCreateInfo::default().buffer(made.handle).format(format).range(range);

@@ -1,4 +1,4 @@
-//! Pipelines that executors of a device share.
+//! Pipelines shared by the executors of a device.
 
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex, PoisonError};
@@ -10,7 +10,7 @@ use super::names::Constant;
 use super::owned::OwnedDevice;
 use crate::Result;
 
-/// A kernel as the device runs it.
+/// A pipeline of a kernel.
 pub(super) struct Pipeline {
     pub name: &'static str,
     pub handle: vk::Pipeline,
@@ -21,18 +21,18 @@ pub(super) struct Pipeline {
     pub device: Arc<OwnedDevice>,
 }
 
-/// From so many pipelines on, a new one takes the place of all that no executor uses. A solve has some 40.
+/// Number of pipelines from which unused ones are evicted. A solve has about 40.
 const KEPT: usize = 512;
 
-/// The pipelines of a device: executors with the same kernels share them, side by side or one after the other.
+/// The pipelines of a device, shared by executors with the same kernels.
 #[derive(Default)]
 pub(super) struct Pipelines(Mutex<HashMap<Key, Arc<Pipeline>>>);
 
-/// Name, module (by its place in memory) and specialization constants.
+/// Name, module (by address) and specialization constants.
 pub(super) type Key = (&'static str, usize, Vec<(Constant, u32)>);
 
 impl Pipelines {
-    /// The pipeline with this key, or what `make` makes.
+    /// The pipeline with this key, created by `make` if absent.
     ///
     /// # Errors
     /// Those of `make`.
@@ -41,7 +41,7 @@ impl Pipelines {
         if let Some(made) = all().get(&key) {
             return Ok(made.clone());
         }
-        // Several are made at once: the lock is not held meanwhile.
+        // Pipelines are created concurrently: the lock is not held.
         let made = Arc::new(make()?);
         let mut all = all();
         if all.len() >= KEPT {
@@ -53,12 +53,12 @@ impl Pipelines {
 
 impl Drop for Pipeline {
     fn drop(&mut self) {
-        // What runs on a device that hangs may still use it.
+        // A hung device may still use it.
         if self.device.has_hung() {
             return;
         }
         let device = &self.device.raw;
-        // SAFETY: the executors that used it have waited for their work; null handles are allowed.
+        // SAFETY: the executors that used it waited for their work; null handles are allowed.
         unsafe {
             device.destroy_pipeline(self.handle, None);
             device.destroy_shader_module(self.module, None);

@@ -1,20 +1,20 @@
-//! Buffers to allocate, where they live, and memory of a caller's for them.
+//! Planned buffers, their memory places, and external memory for them.
 
 use ash::vk;
 
 use super::names::Buffer;
 
-/// Where a buffer lives.
+/// Memory place of a buffer.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
-    /// On the device; the host reaches it by copies only.
+    /// Device memory; accessed by the host through copies only.
     Device,
     /// Written by the host, read by the device.
     Upload,
     /// Written by the device, read by the host.
     Readback,
-    /// On the host, for the device to copy from and to while it computes: what does not fit on the device. A budget does
-    /// not count it.
+    /// Host memory that the device copies from and to during a solve, for data that do not fit on the device.
+    /// Excluded from budgets.
     Store,
 }
 
@@ -25,15 +25,15 @@ pub struct BufferPlan {
     pub buffer: Buffer,
     /// Its size, bytes.
     pub bytes: u64,
-    /// Where it lives.
+    /// Memory place.
     pub place: Place,
 }
 
 impl BufferPlan {
-    /// The smallest size of a buffer, bytes: Vulkan has no empty buffers.
+    /// Minimum size of a buffer, bytes: Vulkan has no empty buffers.
     pub const LEAST: u64 = 16;
 
-    /// A buffer of `bytes` bytes, but at least [`BufferPlan::LEAST`], rounded up to the whole words that copies need.
+    /// A buffer of `bytes` bytes, at least [`BufferPlan::LEAST`], rounded up to whole words for copies.
     pub fn new(buffer: Buffer, bytes: u64, place: Place) -> BufferPlan {
         BufferPlan { buffer, bytes: bytes.max(Self::LEAST).next_multiple_of(4), place }
     }
@@ -44,28 +44,27 @@ impl BufferPlan {
 pub struct Block {
     /// The memory object.
     pub memory: vk::DeviceMemory,
-    /// Where the buffer begins in it, bytes: a multiple of the alignment that was asked for.
+    /// Offset of the buffer in it, bytes, a multiple of the required alignment.
     pub offset: u64,
-    /// Where that byte is mapped; null for [`Place::Device`]. Mapped memory must be coherent.
+    /// Host address of that byte; null for [`Place::Device`]. Mapped memory must be coherent.
     pub mapped: *mut std::ffi::c_void,
 }
 
-// SAFETY: handles and an address, which the library uses from one thread at a time.
+// SAFETY: handles and an address, used by one thread at a time.
 unsafe impl Send for Block {}
-// SAFETY: as above; a shared block is only read.
+// SAFETY: as above; a shared block is read-only.
 unsafe impl Sync for Block {}
 
-/// Where the library's buffers get their memory from, in place of its own allocator.
+/// An allocator of buffer memory, in place of the library's own.
 ///
 /// # Safety
-/// A block that `allocate` returns belongs to the device, is as large and aligned as was asked for, of one of the memory
-/// types that were allowed, mapped and coherent unless it is for [`Place::Device`], and nobody else uses it before `free`
-/// gets it back.
+/// A block returned by `allocate` belongs to the device, has the required size and alignment and an allowed memory
+/// type, is mapped and coherent unless for [`Place::Device`], and is used by no one else until `free`.
 pub unsafe trait BlockSource: Send + Sync {
-    /// Gives a block for a buffer; `None` if there is no memory. The types of memory that the requirements allow are coherent
-    /// unless the buffer is for [`Place::Device`].
+    /// Allocates a block for a buffer; `None` if out of memory. The allowed memory types are coherent unless for
+    /// [`Place::Device`].
     fn allocate(&self, requirements: &vk::MemoryRequirements, place: Place) -> Option<Block>;
 
-    /// Takes a block back. No work on the device uses it any more.
+    /// Frees a block, no longer used by the device.
     fn free(&self, block: Block);
 }

@@ -1,4 +1,4 @@
-//! Writes a schedule into a command buffer and submits it: barriers where hazards are, labels, time stamps.
+//! Recording and submission of schedules: barriers at hazards, labels, timestamps.
 
 use ash::vk;
 
@@ -11,20 +11,20 @@ use super::schedule::{Binds, Command, Schedule, Size, Stage};
 use super::shuffle::pieces;
 use crate::Result;
 
-/// A step of the recording of a schedule: a command, or a label that is opened or closed.
+/// A recording step: a command, or the start or end of a label.
 #[derive(Debug, PartialEq)]
 enum Step<'s> {
-    /// Opens a label for the stage.
+    /// Starts a label for the stage.
     Enter(&'s Stage),
-    /// Opens a label.
+    /// Starts a label.
     Open(&'static str),
-    /// Closes the label that was opened last.
+    /// Ends the innermost label.
     Close,
     Run(&'s Command),
 }
 
-/// A label around every command, and one around the commands of every stage. `open`: the stage that goes on from an
-/// earlier submission.
+/// The commands with a label around each and around each stage. `open`: the stage continued from an earlier
+/// submission.
 fn steps<'s>(commands: &'s [Command], open: Option<&'s Stage>) -> impl Iterator<Item = Step<'s>> {
     let mut in_stage = open.is_some();
     let last = in_stage || commands.iter().any(|c| matches!(c, Command::Stage(_)));
@@ -40,7 +40,7 @@ fn steps<'s>(commands: &'s [Command], open: Option<&'s Stage>) -> impl Iterator<
 }
 
 impl Executor {
-    /// Submits a part of a schedule. `open`: the stage that goes on from the part before.
+    /// Submits a part of a schedule. `open`: the stage continued from the previous part.
     pub(super) fn submit_part(&mut self, part: &[Command], open: Option<&Stage>) -> Result<Ticket> {
         let commands = self.command_buffer()?;
         let (queries, room) = match self.query_pool(part) {
@@ -52,7 +52,7 @@ impl Executor {
         };
         let mut flight = self.flight(commands);
         (flight.queries, flight.room) = (queries, room);
-        flight.goes_on = open.is_some();
+        flight.continues_stage = open.is_some();
         let mut names = part.iter().filter(|c| !matches!(c, Command::Stage(_))).map(Command::name);
         let first = names.next().unwrap_or_default();
         flight.ends = [first, names.next_back().unwrap_or(first)];
@@ -65,13 +65,13 @@ impl Executor {
         match recorded {
             Ok(()) => self.launch(flight),
             Err(e) => {
-                self.land(flight);
+                self.recycle(flight);
                 Err(e)
             }
         }
     }
 
-    /// Records `commands`. `open`: the stage that goes on from an earlier submission.
+    /// Records `commands`. `open`: the stage continued from an earlier submission.
     fn record(&mut self, commands: &[Command], open: Option<&Stage>, flight: &mut Flight) -> Result<()> {
         let gpu = self.gpu.clone();
         let device = gpu.raw();
@@ -83,8 +83,8 @@ impl Executor {
         let mut taken = 0;
         let mut stamp = || {
             if timed {
-                // SAFETY: `taken` is below the pool's size, see `stamps`. A stamp waits for what is before it and
-                // holds nothing up that is behind it.
+                // SAFETY: `taken` is below the pool's size, see `stamps`. A timestamp waits for earlier commands and
+                // does not delay later ones.
                 unsafe {
                     device.cmd_write_timestamp(c, vk::PipelineStageFlags::BOTTOM_OF_PIPE, queries, taken)
                 };
@@ -92,15 +92,15 @@ impl Executor {
             }
             taken.saturating_sub(1)
         };
-        // SAFETY: the command buffer is not in flight; every handle recorded lives as long as the executor.
+        // SAFETY: the command buffer is not in flight; all recorded handles outlive it.
         unsafe {
             device.begin_command_buffer(c, &begin).map_err(failed)?;
             if timed {
                 device.cmd_reset_query_pool(c, queries, 0, stamps(commands, gpu.recorder.is_some()));
             }
-            // Makes visible what earlier submissions wrote.
+            // Makes the writes of earlier submissions visible.
             barrier(device, c, Seen::BY_SIZES);
-            // When this stamp is taken, everything that the next command may have to wait for is done.
+            // At this timestamp, all dependencies of the next command are complete.
             let mut last = stamp();
             let Scratch { mut now, mut pending, mut sizes, stamps } = std::mem::take(&mut self.scratch);
             pending.clear();
@@ -161,7 +161,7 @@ impl Executor {
         self.pipelines.get(&kernel).unwrap_or_else(|| panic!("no kernel `{kernel}` was added"))
     }
 
-    /// Makes what submitting `schedule` takes beside kernels and buffers: the sets that bind them.
+    /// Creates the descriptor sets required to submit `schedule`.
     ///
     /// # Errors
     /// The device fails.
@@ -177,7 +177,7 @@ impl Executor {
         Ok(())
     }
 
-    /// The set that binds a kernel's buffers.
+    /// The descriptor set of a kernel's buffers.
     fn set_of(&mut self, kernel: Kernel, bind: &Binds) -> Result<vk::DescriptorSet> {
         let pipeline =
             self.pipelines.get(&kernel).unwrap_or_else(|| panic!("no kernel `{kernel}` was added"));
@@ -246,8 +246,8 @@ impl Executor {
     }
 }
 
-/// What a barrier makes visible to. The host and the reader of dispatch sizes are outside the compute units: some GPUs
-/// write caches back or stop their front end for them.
+/// Destination scope of a barrier. Host and indirect reads are separate: some GPUs flush caches or stall their front
+/// end for them.
 struct Seen(vk::PipelineStageFlags, vk::AccessFlags);
 
 const UNITS: vk::PipelineStageFlags = vk::PipelineStageFlags::from_raw(
@@ -266,7 +266,7 @@ impl Seen {
                 | vk::AccessFlags::TRANSFER_WRITE.as_raw(),
         ),
     );
-    /// These, and whatever reads the sizes of dispatches.
+    /// These, and indirect reads.
     const BY_SIZES: Seen = Seen(
         vk::PipelineStageFlags::from_raw(UNITS.as_raw() | vk::PipelineStageFlags::DRAW_INDIRECT.as_raw()),
         vk::AccessFlags::from_raw(
@@ -277,7 +277,7 @@ impl Seen {
     const BY_HOST: Seen = Seen(vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_READ);
 }
 
-/// Waits for everything before, and makes it visible to `seen` after it.
+/// Waits for all earlier commands and makes their writes visible to `seen`.
 unsafe fn barrier(device: &ash::Device, c: vk::CommandBuffer, Seen(after, read): Seen) {
     let memory = [vk::MemoryBarrier::default()
         .src_access_mask(vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE)

@@ -1,4 +1,4 @@
-//! The timeline of host and device, recorded if the device was opened with `timings`.
+//! Timeline of host and device, recorded if the device was opened with `timings`.
 
 use std::collections::BTreeMap;
 use std::sync::Mutex;
@@ -8,51 +8,51 @@ use super::code::KernelCode;
 use super::flight::Flight;
 use super::schedule::Stage;
 
-/// A span of the host's work. Seconds since the device was opened.
+/// A span of host work, seconds since the device was opened.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HostSpan {
-    /// What the host did.
+    /// Activity.
     pub what: &'static str,
-    /// Begin.
+    /// Start.
     pub from: f64,
     /// End.
     pub to: f64,
 }
 
-/// A command that the device ran: a kernel, "copy" or "fill". Seconds on the host's clock.
+/// A command executed by the device: a kernel, "copy" or "fill". Seconds on the host's clock.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Ran {
     /// Name of the kernel, "copy" or "fill".
     pub kernel: &'static str,
-    /// Index in [`Recording::stages`], if a stage had begun.
+    /// Index in [`Recording::stages`], if inside a stage.
     pub stage: Option<usize>,
-    /// Commands of one submission share this.
+    /// Identifier of its submission.
     pub submission: u64,
-    /// When everything that it had to wait for was done.
+    /// Time at which all dependencies were complete.
     pub from: f64,
-    /// When the command itself was done.
+    /// Time at which the command was complete.
     pub to: f64,
 }
 
-/// A kernel as it was made.
+/// A created kernel.
 #[derive(Debug, Clone)]
 pub struct KernelMade {
-    /// The module that it was made from.
+    /// Module.
     pub code: KernelCode,
     /// Specialization constants with their values.
     pub constants: Vec<(String, u32)>,
-    /// Statistics of the compiled kernel by the driver's own names; empty if it has none.
+    /// Statistics of the compiled kernel under the driver's names; empty if unavailable.
     pub statistics: Vec<(String, f64)>,
 }
 
-/// Everything that was recorded.
+/// The complete recording.
 #[derive(Debug, Clone, Default)]
 pub struct Recording {
     /// Spans of the host.
     pub host: Vec<HostSpan>,
     /// Stages in order of submission.
     pub stages: Vec<Stage>,
-    /// Commands that the device ran.
+    /// Commands executed by the device.
     pub device: Vec<Ran>,
     /// Kernels by name.
     pub kernels: BTreeMap<&'static str, KernelMade>,
@@ -65,15 +65,15 @@ pub(super) struct Recorder {
 
 #[derive(Default)]
 struct Held {
-    /// Device times count from the first stamp that was read.
+    /// Device times are relative to the first timestamp read.
     recording: Recording,
     first_tick: Option<u64>,
-    /// Host clock minus device clock, seconds. A submission is seen to end after it ends, so the smallest difference
-    /// seen is the nearest to the truth.
+    /// Host clock minus device clock, seconds. The end of a submission is observed late, so the minimum observed
+    /// difference is the best estimate.
     offset: Option<f64>,
 }
 
-/// A span of the host's time; it ends where this is dropped.
+/// A span of host time, ended on drop.
 #[must_use]
 pub struct OpenSpan<'g> {
     recorder: Option<&'g Recorder>,
@@ -82,7 +82,7 @@ pub struct OpenSpan<'g> {
 }
 
 impl OpenSpan<'_> {
-    /// Begins a span of the host's time, if there is a recorder.
+    /// Starts a span of host time, if there is a recorder.
     pub(super) fn begin<'g>(recorder: Option<&'g Recorder>, what: &'static str) -> OpenSpan<'g> {
         OpenSpan { recorder, what, from: recorder.map_or(0.0, Recorder::now) }
     }
@@ -107,7 +107,7 @@ impl Recorder {
     }
 
     fn with<T>(&self, work: impl FnOnce(&mut Held) -> T) -> T {
-        // Every change leaves a complete recording, so a thread that panicked has damaged nothing.
+        // Every change leaves a complete recording, so a panicked thread has not damaged it.
         work(&mut self.held.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
     }
 
@@ -115,18 +115,19 @@ impl Recorder {
         self.with(|held| held.recording.kernels.insert(name, made));
     }
 
-    /// Adds a submission that was just seen to be finished. `tick` is in seconds.
+    /// Adds a submission that has just been observed to finish. `tick` is in seconds.
     pub fn ran(&self, flight: &Flight, stamps: &[u64], tick: f64) {
         let seen = self.now();
         self.with(|held| {
             let first = *held.first_tick.get_or_insert(stamps[0]);
-            // A device may restart its clock: stamps before the first one then give negative times.
+            // A device may restart its clock: timestamps before the first one are negative times.
             let seconds = |stamp: u64| stamp.wrapping_sub(first) as i64 as f64 * tick;
             let last = stamps.iter().copied().map(seconds).fold(f64::NEG_INFINITY, f64::max);
             held.offset = Some(held.offset.map_or(seen - last, |o| o.min(seen - last)));
             let known = held.recording.stages.len();
-            // The last one is the same that this submission begins with, unless it was taken in the meantime.
-            let again = usize::from(flight.goes_on && held.recording.stages.last() == flight.stages.first());
+            // The stage continued by this submission, unless it was taken in the meantime.
+            let again =
+                usize::from(flight.continues_stage && held.recording.stages.last() == flight.stages.first());
             let before = known - again;
             held.recording.stages.extend_from_slice(&flight.stages[again..]);
             held.recording.device.extend(flight.marks.iter().map(|m| Ran {
@@ -139,7 +140,7 @@ impl Recorder {
         });
     }
 
-    /// Takes what was recorded; kernels stay.
+    /// Returns and clears the recording; kernels are kept.
     pub fn take(&self) -> Recording {
         self.with(|held| {
             let kernels = held.recording.kernels.clone();
@@ -164,14 +165,14 @@ mod tests {
     #[test]
     fn device_times_lie_on_the_hosts_clock_by_the_submission_that_was_seen_soonest() {
         let recorder = Recorder::new();
-        let flight = |kernel, goes_on| Flight {
+        let flight = |kernel, continues_stage| Flight {
             marks: vec![Mark { kernel, stage: Some(0), from: 0, to: 1 }],
             stages: vec![Stage::new("s", &[("i", 3)])],
-            goes_on,
+            continues_stage,
             ..Flight::default()
         };
         let tick = 1e-9;
-        // The device's clock starts elsewhere. The first is seen late, the second soon.
+        // The device's clock has another origin. The first submission is observed late, the second immediately.
         let at = |seconds: f64| 7_000_000_000 + (seconds * 1e9) as u64;
         recorder.ran(&flight("a", false), &[at(0.0), at(1e-6)], tick);
         std::thread::sleep(std::time::Duration::from_millis(20));
@@ -180,7 +181,7 @@ mod tests {
         let taken = recorder.take();
         let [a, b] = taken.device[..] else { panic!("{:?}", taken.device) };
         assert!((b.to - a.from - 1.0).abs() < 1e-9 && (a.to - a.from - 1e-6).abs() < 1e-12, "{a:?} {b:?}");
-        // By the second alone it would end when it was seen; the first was seen 1 s of device time earlier.
+        // From the second alone it would end when observed; the first was observed 1 s of device time earlier.
         assert!((b.to - soon).abs() < 1e-3, "{b:?} seen at {soon}");
         assert_eq!((a.stage, b.stage), (Some(0), Some(1)), "stages of their own");
         assert!(recorder.take().device.is_empty(), "taken is taken");

@@ -1,14 +1,14 @@
-//! Declares in a kernel's module that fp32 operations round to nearest. Vulkan leaves the mode to the driver unless a
-//! module says so, and a module may say so only where the driver offers it.
+//! Declares round-to-nearest for fp32 in a kernel's module. The mode is implementation-defined unless declared, and
+//! declarable only where supported.
 
 const CAPABILITY: u32 = 17;
 const ENTRY_POINT: u32 = 15;
 const EXECUTION_MODE: u32 = 16;
-/// Number of the capability, and of the mode, in SPIR-V 1.4 and later.
+/// Number of the capability and of the mode, in SPIR-V 1.4 and later.
 const CAN_ROUND_TO_NEAREST: u32 = 4467;
 const ROUND_TO_NEAREST: u32 = 4462;
 
-/// The module `words` with the declaration. It must have one entry point.
+/// The module `words` with the declaration. Requires a single entry point.
 pub fn to_nearest(words: &[u32]) -> Vec<u32> {
     let header = 5.min(words.len());
     let mut all = words[..header].to_vec();

@@ -1,4 +1,4 @@
-//! A schedule: what the device does, as plain data over named kernels and buffers.
+//! Schedules: device work as plain data over named kernels and buffers.
 
 use std::fmt;
 
@@ -8,23 +8,22 @@ use super::short_list::ShortList;
 /// Words of push constants, the same for every kernel.
 pub(super) const PUSH_WORDS: usize = 7;
 
-/// How many workgroups.
+/// Workgroup counts.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum Size {
     /// Counts along x, y and z.
     Groups([u32; 3]),
-    /// Read from a buffer by the device: (buffer, byte offset of three counts, counts that they never exceed if they are
-    /// known).
+    /// Read from a buffer by the device: (buffer, byte offset of three counts, upper bounds if known).
     Indirect(Buffer, u64, Option<[u32; 3]>),
 }
 
-/// Most blocks that a dispatch binds to other buffers.
+/// Maximum number of rebound blocks of a dispatch.
 const MOST_BINDS: usize = 6;
 
-/// Most numbers of a stage.
+/// Maximum number of values of a stage.
 const MOST_NUMBERS: usize = 4;
 
-/// Blocks with the buffers that a dispatch binds them to: (block, buffer).
+/// Blocks bound to buffers of other names: (block, buffer).
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Binds(ShortList<(Buffer, Buffer), MOST_BINDS>);
 
@@ -35,13 +34,13 @@ impl Default for Binds {
 }
 
 impl Binds {
-    /// The buffer that `block` is bound to.
+    /// The buffer bound to `block`.
     pub fn buffer_of(&self, block: Buffer) -> Buffer {
         self.0.iter().find(|(b, _)| *b == block).map_or(block, |(_, buffer)| *buffer)
     }
 }
 
-/// One step of a schedule.
+/// A command of a schedule.
 #[derive(Debug, Clone, PartialEq, Eq)]
 #[expect(
     clippy::large_enum_variant,
@@ -50,17 +49,17 @@ impl Binds {
 pub enum Command {
     /// Runs a kernel.
     Dispatch {
-        /// The name by which the executor has it.
+        /// Name of the kernel in the executor.
         kernel: Kernel,
-        /// How many workgroups.
+        /// Workgroup counts.
         size: Size,
-        /// Blocks that do not bind the buffer of their own name.
+        /// Blocks bound to buffers of other names.
         bind: Binds,
         /// Push constants as words.
         push: [u32; PUSH_WORDS],
-        /// Turns of its main loop at most, over all invocations.
+        /// Upper bound of its loop turns over all invocations.
         work: u64,
-        /// The first workgroup along x, y and z. It is not the origin only where the executor divides a dispatch.
+        /// First workgroup along x, y and z. Nonzero only in dispatches divided by the executor.
         first: [u32; 3],
     },
     /// Copies between buffers.
@@ -87,32 +86,31 @@ pub enum Command {
         /// The 32-bit word.
         value: u32,
     },
-    /// Begins a stage: the commands up to the next one belong together in labels and timelines. Does nothing on the
-    /// device.
+    /// Starts a stage: a group of commands in labels and timelines, up to the next stage. No effect on the device.
     Stage(Stage),
 }
 
-/// A part of the work by name, with numbers that tell it from others of that name.
+/// A named part of the work, with identifying values.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Stage {
     /// Its name, such as "iteration".
     pub name: &'static str,
-    /// Numbers by name.
+    /// Values by name.
     pub values: ShortList<(&'static str, u64), MOST_NUMBERS>,
 }
 
 impl Stage {
-    /// A stage with up to four numbers.
+    /// A stage with up to four values.
     ///
     /// # Panics
-    /// They are more.
+    /// More than four values.
     pub fn new(name: &'static str, values: &[(&'static str, u64)]) -> Stage {
         let mut stage = Stage { name, values: ShortList::empty(("", 0)) };
         values.iter().for_each(|value| stage.values.add(*value));
         stage
     }
 
-    /// The number of that name, if there is one.
+    /// The value of that name, if present.
     pub fn value(&self, name: &str) -> Option<u64> {
         self.values.iter().find(|(n, _)| *n == name).map(|(_, v)| *v)
     }
@@ -125,8 +123,7 @@ impl fmt::Display for Stage {
     }
 }
 
-/// A list of commands in order. Barriers are not in it: the executor derives them from what each reads and
-/// writes.
+/// A list of commands in order, without barriers, which the executor derives from reads and writes.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct Schedule {
     /// The commands in order.
@@ -134,27 +131,27 @@ pub struct Schedule {
 }
 
 impl Schedule {
-    /// What `write` adds to an empty one.
+    /// The commands that `write` adds to an empty schedule.
     pub fn of(write: impl FnOnce(&mut Schedule)) -> Schedule {
         let mut s = Schedule::default();
         write(&mut s);
         s
     }
 
-    /// Takes all commands out, and keeps their memory.
+    /// Removes all commands and keeps the memory.
     pub fn clear(&mut self) {
         self.commands.clear();
     }
 
-    /// Adds a dispatch of `groups` workgroups along x, y and z. Its main loop takes so many `turns` at most, over all
-    /// invocations; a kernel without a loop takes one turn of each. The executor divides long dispatches and long schedules
-    /// by it, so that no submission meets a driver's time limit, and knows by it when a device hangs.
+    /// Adds a dispatch of `groups` workgroups along x, y and z. `turns` is an upper bound of the turns of its main
+    /// loop over all invocations (one per invocation without a loop). The executor divides long dispatches and
+    /// schedules by it, below the driver's watchdog timeout, and derives its own timeout from it.
     pub fn dispatch(&mut self, kernel: impl Into<Kernel>, groups: [u32; 3], turns: u64) -> &mut Command {
         self.sized(kernel.into(), Size::Groups(groups), turns)
     }
 
-    /// Adds a dispatch whose three counts the device reads from `buffer`, at byte `offset`. It is divided only if it has
-    /// bounds ([`Command::at_most`]). `turns` as for [`Schedule::dispatch`].
+    /// Adds a dispatch whose three counts the device reads from `buffer` at byte `offset`. Divided only with bounds
+    /// ([`Command::at_most`]). `turns` as for [`Schedule::dispatch`].
     pub fn indirect(
         &mut self,
         kernel: impl Into<Kernel>,
@@ -175,7 +172,7 @@ impl Schedule {
         self.push(Command::Copy { from, from_offset: 0, to, to_offset: 0, bytes });
     }
 
-    /// Copies `bytes` bytes, from byte `offset` of `from` on, to the beginning of `to`.
+    /// Copies `bytes` bytes of `from`, starting at byte `offset`, to the beginning of `to`.
     pub fn copy_from(&mut self, [from, to]: [Buffer; 2], offset: u64, bytes: u64) {
         self.push(Command::Copy { from, from_offset: offset, to, to_offset: 0, bytes });
     }
@@ -196,12 +193,12 @@ impl Schedule {
         self.commands.push(Command::Copy { from: buffer, from_offset, to: buffer, to_offset, bytes: 4 });
     }
 
-    /// Begins a stage.
+    /// Starts a stage.
     pub fn stage(&mut self, name: &'static str, values: &[(&'static str, u64)]) {
         self.commands.push(Command::Stage(Stage::new(name, values)));
     }
 
-    /// Moves all commands of `other` behind its own.
+    /// Moves all commands of `other` to the end.
     pub fn append(&mut self, other: &mut Schedule) {
         self.commands.append(&mut other.commands);
     }
@@ -213,7 +210,7 @@ impl Schedule {
 }
 
 impl Command {
-    /// Binds `block` to another buffer than the one of its name. For dispatches.
+    /// Binds `block` to a buffer of another name. For dispatches.
     pub fn bind(&mut self, block: Buffer, buffer: Buffer) -> &mut Command {
         if let Command::Dispatch { bind, .. } = self {
             bind.0.add((block, buffer));
@@ -221,8 +218,8 @@ impl Command {
         self
     }
 
-    /// The counts that the device reads are never above these, and workgroups beyond its counts do nothing. So the executor
-    /// can divide the dispatch if it is long. For indirect dispatches.
+    /// Upper bounds of the counts read by the device; workgroups beyond the counts have no effect. Allows the
+    /// executor to divide the dispatch. For indirect dispatches.
     pub fn at_most(&mut self, groups: [u32; 3]) -> &mut Command {
         if let Command::Dispatch { size: Size::Indirect(_, _, most), .. } = self {
             *most = Some(groups);
@@ -230,10 +227,10 @@ impl Command {
         self
     }
 
-    /// Sets the push constants, zero after those given. For dispatches.
+    /// Sets the push constants, zero-padded. For dispatches.
     ///
     /// # Panics
-    /// They are more than a kernel takes.
+    /// More words than a kernel has.
     pub fn with(&mut self, values: impl bytemuck::NoUninit) -> &mut Command {
         if let Command::Dispatch { push, .. } = self {
             let given = bytemuck::bytes_of(&values);
@@ -243,7 +240,7 @@ impl Command {
         self
     }
 
-    /// Turns of the main loop at most; 0 for all but dispatches.
+    /// Upper bound of the loop turns; 0 for all but dispatches.
     pub fn work(&self) -> u64 {
         if let Command::Dispatch { work, .. } = self { *work } else { 0 }
     }
@@ -259,7 +256,7 @@ impl Command {
     }
 }
 
-/// One line per command: what a person reads to see the whole iteration on one screen.
+/// One line per command.
 impl fmt::Display for Schedule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         for c in &self.commands {

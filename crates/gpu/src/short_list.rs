@@ -1,4 +1,4 @@
-//! A short list that lies in place: commands hold such lists, so that a schedule is one allocation.
+//! Short inline lists, so that a schedule is one allocation.
 
 use std::fmt;
 use std::ops::Deref;
@@ -6,19 +6,19 @@ use std::ops::Deref;
 /// Up to `N` items.
 #[derive(Clone, Copy)]
 pub struct ShortList<T, const N: usize> {
-    /// Those behind `count` mean nothing.
+    /// Items from `count` on are unused.
     all: [T; N],
     count: usize,
 }
 
 impl<T: Copy, const N: usize> ShortList<T, N> {
-    /// None yet; `filler` is never seen.
+    /// An empty list; `filler` is never read.
     pub(super) const fn empty(filler: T) -> ShortList<T, N> {
         ShortList { all: [filler; N], count: 0 }
     }
 
     /// # Panics
-    /// There are `N` already.
+    /// The list is full.
     pub(super) fn add(&mut self, item: T) {
         self.all[self.count] = item;
         self.count += 1;

@@ -1,6 +1,6 @@
-//! Workgroups in another order, drawn from a seed, for tests.
+//! Shuffled workgroup order, for tests.
 
-/// The most parts along one axis that a shuffled dispatch is cut into.
+/// Maximum number of parts of a shuffled dispatch along one axis.
 const PARTS: u32 = 8;
 
 /// The workgroups of a dispatch as boxes (first, counts), in an order drawn from `seed`.
@@ -19,7 +19,7 @@ pub(super) fn pieces(groups: [u32; 3], seed: u64) -> Vec<[[u32; 3]; 2]> {
         .collect()
 }
 
-/// A permutation of 0..n, the same for the same seed (Fisher-Yates over a multiplicative generator).
+/// A permutation of 0..n determined by the seed (Fisher-Yates over a multiplicative generator).
 fn shuffled(n: u32, seed: u64) -> Vec<u32> {
     let mut all: Vec<u32> = (0..n).collect();
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;

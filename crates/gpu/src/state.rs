@@ -1,17 +1,17 @@
-//! Work on whole buffers outside schedules: fills fresh memory with poison.
+//! Operations on whole buffers outside schedules: poisoning of fresh memory.
 
 use ash::vk;
 
 use super::executor::Executor;
-use super::flight::{Moment, Ticket};
+use super::flight::{Ticket, TimelinePoint};
 use super::memory::Made;
 use super::names::Buffer;
 use super::place::Place;
 use crate::Result;
 
 impl Executor {
-    /// Runs what `write` records, and waits. It uses the buffers `reads` and `writes`.
-    pub(super) fn at_once(
+    /// Executes the commands recorded by `write`, and waits. `reads` and `writes` are their buffers.
+    pub(super) fn run_now(
         &mut self,
         [reads, writes]: [&[Buffer]; 2],
         write: impl FnOnce(&ash::Device, vk::CommandBuffer),
@@ -20,11 +20,11 @@ impl Executor {
         self.wait(ticket)
     }
 
-    /// Submits what `write` records, after a caller's first moment, and before the second, which it brings about. It uses
-    /// the buffers `reads` and `writes`.
+    /// Submits the commands recorded by `write`, after the first external timeline point, and signals the second.
+    /// `reads` and `writes` are their buffers.
     pub(super) fn submit_between(
         &mut self,
-        moments: [Option<Moment>; 2],
+        moments: [Option<TimelinePoint>; 2],
         [reads, writes]: [&[Buffer]; 2],
         write: impl FnOnce(&ash::Device, vk::CommandBuffer),
     ) -> Result<Ticket> {
@@ -44,7 +44,7 @@ impl Executor {
             // SAFETY: the caller is recording into `c`.
             unsafe { device.cmd_pipeline_barrier(c, stages, stages, none, &memory, &[], &[]) };
         };
-        // SAFETY: the command buffer is not in flight; what `write` records is this executor's own.
+        // SAFETY: the command buffer is not in flight; `write` records this executor's own objects.
         let recorded = unsafe {
             device.begin_command_buffer(commands, &begin).and_then(|()| {
                 barrier(commands);
@@ -54,13 +54,13 @@ impl Executor {
             })
         };
         if let Err(e) = recorded {
-            self.land(flight);
+            self.recycle(flight);
             return Err(gpu.failed("recording", e));
         }
         self.launch(flight)
     }
 
-    /// Fills every buffer with the poison word of the tests, so that reads of unwritten memory show.
+    /// Fills every buffer with the poison word, so that reads of unwritten memory are visible.
     pub(super) fn poison(&mut self) -> Result<()> {
         let Some(word) = self.gpu.faults().poison else { return Ok(()) };
         self.fill_all(word, |b| [0, b.bytes])
@@ -72,10 +72,10 @@ impl Executor {
         for (buffer, b) in all.iter().filter(|(_, b)| b.place != Place::Device) {
             self.fill_shared(*buffer, part(b), word);
         }
-        self.at_once([&[], &[]], |device, c| {
+        self.run_now([&[], &[]], |device, c| {
             for (_, b) in all.iter().filter(|(_, b)| b.place == Place::Device) {
                 let [offset, bytes] = part(b);
-                // SAFETY: the buffers live as long as the executor, and the part lies within.
+                // SAFETY: the buffers outlive the executor, and the part is inside.
                 unsafe { device.cmd_fill_buffer(c, b.handle, offset, bytes, word) };
             }
         })

@@ -1,5 +1,5 @@
-//! Results of thirdbounce as arrays: [`maps`] of albedo, depth and normals with mask and confidence, and what they
-//! [`measure`] against truth. Files of them are written by `thirdbounce-export`.
+//! Results of thirdbounce as arrays: [`maps`] of albedo, depth and normals with mask and expected depth error, and
+//! their metrics against truth ([`measure`]). `thirdbounce-export` writes them to files.
 
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]

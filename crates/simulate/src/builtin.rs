@@ -24,9 +24,9 @@ const KNOWN: &[(&str, &str)] = &[
     ("figure", "a standing figure with a raised arm, 0.85 m high, at z = 0.7 m"),
     (
         "beyond",
-        "the figure aside, its raised arm beyond a wall of 1 m, on a floor that goes on beyond it, with a plate there",
+        "the figure aside, its raised arm beyond a wall of 1 m, on a floor that extends beyond it, with a plate there",
     ),
-    ("within", "what of beyond stands before a wall of 1 m: no raised arm, floor or plate"),
+    ("within", "the part of beyond in front of a wall of 1 m: no raised arm, floor or plate"),
 ];
 
 impl Scene {
@@ -77,14 +77,14 @@ fn named(spec: &str) -> Result<Scene> {
     Ok(Scene::new(lower.replace(':', "-"), objects(meshes)))
 }
 
-/// The figure, moved along +x and down: what of it stands before a wall of 1 m, and its raised arm beyond.
+/// The figure, shifted along +x and down: its part in front of a 1 m wall, and its raised arm beyond the edge.
 fn aside() -> (Vec<Mesh>, Vec<Mesh>) {
     let before = |mesh: &Mesh| mesh.bounds().is_some_and(|(low, _)| low.x < 0.5);
     figure(dvec3(0.34, -0.1, 0.7), 0.85).into_iter().partition(before)
 }
 
-/// A figure that stands before the wall but for its raised arm, and on a floor just below the scanned part. The floor
-/// goes on to both sides and behind, and a plate stands on it beside the scanned part.
+/// A figure in front of the wall except for its raised arm, on a floor just below the scanned area. The floor extends
+/// to both sides and behind; a plate stands on it beside the scanned area.
 fn beyond() -> Scene {
     let (before, arm) = aside();
     let plate = rectangle(dvec3(-0.85, -0.15, 1.1), DVec3::Y * 0.38, DVec3::X * 0.2);

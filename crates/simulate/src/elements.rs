@@ -13,13 +13,13 @@ use std::f64::consts::TAU;
 /// Least cosine (of 30°) between the normals of a cluster's triangles and the first one's.
 const ALIKE: f64 = 0.866;
 
-/// A small flat piece of surface.
+/// A small flat surface element.
 pub(super) struct Element {
-    /// A random point of the piece: light and visibility are evaluated here.
+    /// Random point of the element, at which light and visibility are evaluated.
     pub point: DVec3,
-    /// The piece's corners: their paths define how its light spreads over path lengths.
+    /// Corners of the element: their path lengths define the spread of its light.
     pub corners: [DVec3; 3],
-    /// Unit geometric normal: decides which wall points the element faces.
+    /// Unit geometric normal: determines the wall points that the element faces.
     pub facing: DVec3,
     /// Shading normal for the cosine: at `point`, or the mean over a cluster.
     pub normal: DVec3,
@@ -68,7 +68,7 @@ pub(super) fn elements(scene: &Scene, count: usize, seed: u64) -> Vec<Element> {
     elements
 }
 
-/// Halves a triangle across its longest edge until it is neither large nor long.
+/// Halves a triangle across its longest edge until it is small and compact.
 fn halve(piece: Piece, wanted: f64, out: &mut Vec<Piece>) {
     let mut stack = vec![piece];
     while let Some(p) = stack.pop() {

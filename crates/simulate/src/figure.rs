@@ -8,7 +8,8 @@ use glam::{DVec3, dvec3};
 /// `centre` is the middle of the figure and `height` its height from the feet to the raised hand, both in metres. It
 /// faces the wall. Each part is a separate mesh, so shadow rays skip the part that they start from.
 pub fn figure(centre: DVec3, height: f64) -> Vec<Mesh> {
-    // Coordinates in units of the height: x to the left as seen from the wall, y up from the middle, z away from the wall.
+    // Coordinates in units of the height: x to the left as seen from the wall, y up from the middle, z away from the
+    // wall.
     let at = |x: f64, y: f64, z: f64| centre + dvec3(x, y, z) * height;
     let limb = |a: DVec3, ra: f64, b: DVec3, rb: f64| capsule(a, ra * height, b, rb * height);
     let hip = -0.06;

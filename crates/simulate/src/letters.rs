@@ -15,8 +15,8 @@ const CELL: f64 = 1.0 / 80.0;
 /// Largest block of merged cells (a power of two).
 const BLOCK: usize = 8;
 
-/// The letter `name` (A–Z, either case) of the given height in metres, in the plane z = `centre.z`,
-/// centred at `centre`, facing -z. An eye at the wall reads it: +x to the left and +y up.
+/// The letter `name` (A–Z, either case) of the given height in metres, in the plane z = `centre.z`, centred at
+/// `centre`, facing -z. Readable from the wall: +x to the left and +y up.
 ///
 /// # Errors
 /// A character that is not a letter, or a height that is not a positive number.

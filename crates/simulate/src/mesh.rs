@@ -1,4 +1,4 @@
-//! A triangle mesh with a normal per corner, and how to place it.
+//! Triangle meshes with a normal per corner, and their placement.
 
 use crate::{Error, Result};
 use glam::{DMat3, DVec3, EulerRot};
@@ -10,16 +10,15 @@ pub struct Mesh {
     pub triangles: Vec<[DVec3; 3]>,
     /// Unit shading normals per corner, same length as `triangles`.
     pub normals: Vec<[DVec3; 3]>,
-    /// True if a part of the mesh can hide another part that faces the same wall point. False for convex solids and
-    /// flat shapes: they need no shadow rays against themselves.
+    /// True if a part of the mesh can occlude another part that faces the same wall point. False for convex solids
+    /// and flat shapes, which need no shadow rays against themselves.
     pub self_occluding: bool,
 }
 
-/// How to place a mesh in the scene. Applied in the order: fit, rotate, translate.
+/// Placement of a mesh in the scene, applied in the order: fit, rotate, translate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {
-    /// Scales the mesh so that the largest side of its bounding box has this length, metres, and centres it at the
-    /// origin.
+    /// Length of the largest side of the bounding box after scaling, metres, centred at the origin.
     pub fit: Option<f64>,
     /// Scale about the origin, after `fit`.
     pub scale: f64,
@@ -30,7 +29,7 @@ pub struct Placement {
 }
 
 impl Default for Placement {
-    /// Leaves the mesh where it is.
+    /// Identity placement.
     fn default() -> Self {
         Placement { fit: None, scale: 1.0, rotate: [0.0; 3], translate: DVec3::ZERO }
     }
@@ -67,10 +66,10 @@ impl Mesh {
         self
     }
 
-    /// The mesh moved to `placement`.
+    /// The mesh after `placement`.
     ///
     /// # Errors
-    /// A fit, scale, rotation or shift that is not finite, or a fit or scale that is not above zero.
+    /// A fit, scale, rotation or shift that is not finite, or a fit or scale that is not positive.
     pub fn placed(mut self, placement: &Placement) -> Result<Mesh> {
         let Placement { fit, scale, rotate, translate } = *placement;
         let positive = |v: f64| v.is_finite() && v > 0.0;
@@ -108,7 +107,7 @@ impl Mesh {
         self.self_occluding |= other.self_occluding;
     }
 
-    /// Adds a triangle, wound so that it faces along its normals. A triangle without area is dropped.
+    /// Adds a triangle, wound to face along its normals. Degenerate triangles are dropped.
     pub(super) fn push(&mut self, [a, b, c]: [DVec3; 3], [na, nb, nc]: [DVec3; 3]) {
         let cross = (b - a).cross(c - a);
         if cross.length_squared() < 1e-24 * (b - a).length_squared().max((c - a).length_squared()) {

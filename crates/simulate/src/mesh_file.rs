@@ -158,7 +158,7 @@ fn read_ply(reader: BufReader<File>) -> Result<Soup> {
             let read =
                 faces.read_payload_for_element(&mut reader, element, &header).map_err(|e| broken(&e))?;
             for face in read {
-                // A negative index becomes one that is certainly out of range, which is reported later.
+                // A negative index becomes an index out of range, which is reported later.
                 soup.faces.push(face.0.iter().map(|&i| usize::try_from(i).unwrap_or(usize::MAX)).collect());
                 soup.normals.push(None);
             }
@@ -241,10 +241,10 @@ fn smooth(mesh: &mut Mesh, missing: &[(usize, [usize; 3])], points: &[DVec3]) {
     }
 }
 
-/// The vector areas of a closed mesh sum to zero; up to this share of its area, a mesh counts as closed.
+/// Maximum ratio of the summed vector areas to the area of a mesh that counts as closed.
 const CLOSED: f64 = 0.05;
 
-/// Turns a closed mesh that encloses a negative volume inside out. An open one stays as its faces are wound.
+/// Turns a closed mesh with a negative enclosed volume inside out; open meshes are unchanged.
 fn turn_outside(mesh: &mut Mesh) {
     let Some((lo, hi)) = mesh.bounds() else { return };
     let middle = 0.5 * (lo + hi);

@@ -1,4 +1,4 @@
-//! A scene that moves: the same objects, frame by frame on a circle.
+//! Moving scenes: the same objects, frame by frame on a circle.
 
 use std::f64::consts::TAU;
 
@@ -7,21 +7,21 @@ use glam::{DVec3, dvec3};
 use super::{Object, Scene};
 use crate::{Error, Result};
 
-/// Radius of the circle, as a share of the wall's side. A letter stays in front of the wall.
+/// Radius of the circle, as a share of the wall's side, which keeps a letter in front of the wall.
 const RADIUS: f64 = 0.12;
 
-/// How far it leans: the objects come nearer on one side, by this share of the radius.
+/// Depth amplitude of the circle, as a share of the radius.
 const LEAN: f64 = 0.4;
 
-/// All scenes are in memory before the first one is rendered.
+/// Maximum number of frames; all scenes are in memory before rendering.
 const MOST: usize = 10_000;
 
 impl Scene {
-    /// `frames` scenes in which all objects move together on a circle, by `step` metres from one frame to the next. Bins are
-    /// the same in all of them: enough for all.
+    /// `frames` scenes in which all objects move on a circle by `step` metres per frame, with a common number of bins
+    /// sufficient for all.
     ///
     /// # Errors
-    /// The step is no length, there are more than 10,000 frames, or [`Scene::check`] refuses a scene.
+    /// A step that is not a length, more than 10,000 frames, or a scene refused by [`Scene::check`].
     pub fn moving(&self, frames: usize, step: f64) -> Result<Vec<Scene>> {
         if !(step.is_finite() && step >= 0.0) {
             return Err(Error::options(format!("{step} m from frame to frame"), "give a length in metres"));

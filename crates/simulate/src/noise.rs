@@ -8,7 +8,7 @@ use rand_distr::{Distribution, Poisson};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-/// Most photons or dark counts per bin: up to here integers are exact in the capture's single precision.
+/// Maximum photons or dark counts per bin: integers up to here are exact in single precision.
 const MOST_COUNTS: f64 = 1e7;
 
 /// Mean dark counts of every bin.
@@ -20,9 +20,9 @@ pub enum Dark {
     Counts(f64),
 }
 
-/// The capture as photon counts: scaled so that its strongest bin expects `photons` counts, with dark counts added, and
-/// drawn from Poisson distributions. `pile_up`: only the first photon of every laser pulse is recorded, as by
-/// [`pile_up`](super::pile_up()), after the dark counts were added. A seed gives the same counts on any number of
+/// The capture as photon counts: scaled so that its strongest bin expects `photons` counts, with dark counts added,
+/// drawn from Poisson distributions. With `pile_up`, only the first photon of every laser pulse is recorded, as by
+/// [`pile_up`](super::pile_up()), after dark counts were added. The counts depend on the seed, not on the number of
 /// threads.
 ///
 /// # Errors

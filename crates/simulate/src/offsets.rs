@@ -1,4 +1,4 @@
-//! Places in the spots of laser and sensor.
+//! Sample positions inside the laser and sensor spots.
 
 use glam::{DVec2, dvec2};
 use std::f64::consts::TAU;
@@ -6,14 +6,14 @@ use std::f64::consts::TAU;
 /// Full width at half maximum of a Gaussian over its standard deviation.
 const WIDTH: f64 = 2.354_820_045_030_949_3;
 
-/// Length of the sequence, which every pair begins at another place. A power of two.
+/// Length of the sequence, in which every pair starts at a different position. A power of two.
 const COUNT: usize = 1 << 16;
 
-/// Places of both spots that are spread evenly over both Gaussians at once, also a few of them in a row.
+/// Positions in both spots, low-discrepancy jointly over both Gaussians, also in short runs.
 pub(super) struct Offsets(Vec<[DVec2; 2]>);
 
 impl Offsets {
-    /// For spots of laser and sensor of these full widths at half maximum, metres; `None` for two points.
+    /// For spots of these full widths at half maximum, metres; `None` for two points.
     pub fn of(spots: [f64; 2]) -> Option<Offsets> {
         if spots == [0.0; 2] {
             return None;
@@ -25,20 +25,21 @@ impl Offsets {
         Some(Offsets((0..COUNT).map(one).collect()))
     }
 
-    /// The places from which a pair sees element `i`, metres from its points.
+    /// Offsets of laser and sensor at which a pair sees element `i`, metres.
     pub fn at(&self, pair: usize, i: usize) -> [DVec2; 2] {
-        // A large odd step, so that pairs begin far from each other.
+        // A large odd step, so that pairs start far apart.
         self.0[pair.wrapping_mul(40_503).wrapping_add(i) % COUNT]
     }
 }
 
-/// Number `i` of an additive sequence in four dimensions, in [0, 1): multiples of powers of the root of g⁵ = g + 1.
+/// Element `i` of an additive recurrence in four dimensions, in [0, 1): multiples of powers of the root of g⁵ = g +
+/// 1.
 fn evenly(i: usize) -> [f64; 4] {
     const ROOT: f64 = 1.167_303_978_261_418_7;
     std::array::from_fn(|d| (0.5 + (i as f64 + 1.0) * ROOT.powi(-(d as i32) - 1)).fract())
 }
 
-/// A place with the normal distribution, from two numbers in [0, 1) (Box & Muller 1958).
+/// Normally distributed point from two numbers in [0, 1) (Box & Muller 1958).
 fn gaussian(u: f64, v: f64) -> DVec2 {
     let (sin, cos) = (TAU * v).sin_cos();
     dvec2(cos, sin) * (-2.0 * (1.0 - u).ln()).sqrt()

@@ -7,7 +7,7 @@ use glam::{DVec2, DVec3, dvec2};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
-/// How a scan of n × n wall points pairs laser and sensor.
+/// Pairing of laser and sensor in a scan of n × n wall points.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 pub enum Layout {
     /// Laser and sensor together at every scan point: n² pairs.

@@ -9,10 +9,10 @@ use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-/// The accuracy of a rendering.
+/// Accuracy of a rendering.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct RenderOptions {
-    /// Wanted noise: RMS error over RMS value of the histogram bins, e.g. 0.01.
+    /// Target noise: RMS error over RMS value of the histogram bins, e.g. 0.01.
     pub noise: f64,
     /// Largest number of surface samples; each is seen from every pair.
     pub max_samples: usize,
@@ -31,17 +31,17 @@ impl Default for RenderOptions {
 pub struct Rendering {
     /// The capture.
     pub capture: Capture,
-    /// Achieved noise: RMS error over RMS value, from the difference of two independent halves of the samples. It does
-    /// not include photon noise.
+    /// Achieved noise: RMS error over RMS value, from the difference of two independent halves of the samples,
+    /// without photon noise.
     pub noise: f64,
     /// Surface samples used, both halves together.
     pub samples: usize,
-    /// True if `noise` is within the wanted bound, false if `max_samples` was reached first.
+    /// True if `noise` is within the target, false if `max_samples` was reached first.
     pub converged: bool,
 }
 
-/// Renders the scene's scan, spreads it by the instrument's pulse, piles photons up and adds photon noise, if the scene
-/// has them.
+/// Renders the scene's scan, convolves it with the impulse response, and applies pile-up and photon noise, if
+/// configured.
 ///
 /// # Errors
 /// Those of [`render`], [`pile_up`] and [`photon_noise`], and a scene that sends no light to the wall.
@@ -69,10 +69,10 @@ pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
     Ok(rendering)
 }
 
-/// Renders the scene's scan, without photon noise; see [`render_pairs`].
+/// Renders the scene's scan without photon noise; see [`render_pairs`].
 ///
 /// # Errors
-/// A scene that [`Scene::check`] refuses, or options out of range.
+/// A scene refused by [`Scene::check`], or options out of range.
 pub fn render(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
     scene.check()?;
     render_pairs(scene, &scene.pairs(), options)
@@ -114,7 +114,7 @@ pub fn render_pairs(scene: &Scene, pairs: &Pairs, options: &RenderOptions) -> Re
         sensor_scans: pairs.sensor_scans(),
     };
     let count = pairs.laser.len();
-    // A few pairs give the number of samples; then all pairs must meet the bound.
+    // A few pairs determine the number of samples; then all pairs must meet the target.
     let few: Vec<usize> = (0..count).step_by(count.div_ceil(PILOT_PAIRS)).collect();
     let all: Vec<usize> = (0..count).collect();
     let mut wanted = FIRST_SAMPLES.min(options.max_samples / 8).max(1);
@@ -162,14 +162,15 @@ struct Renderer<'a> {
     pairs: &'a Pairs,
     surfaces: Surfaces,
     bins: usize,
-    /// Laser and sensor point are one.
+    /// Whether laser and sensor point coincide.
     confocal: bool,
     offsets: Option<Offsets>,
     sensor_scans: bool,
 }
 
 impl Renderer<'_> {
-    /// Two independent sets of samples. One cuts the surfaces finer, so their difference includes the error of cutting.
+    /// Two independent sample sets, one with a finer subdivision, so that their difference includes the subdivision
+    /// error.
     fn halves(&self, count: usize, seed: u64) -> [Vec<Element>; 2] {
         [(count, 1), (2 * count, 2)].map(|(count, half)| {
             elements(self.scene, count, seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(half))
@@ -223,7 +224,7 @@ impl Renderer<'_> {
                 let r = p.distance(laser);
                 (r + if self.confocal { r } else { p.distance(sensor) } - start) / width
             };
-            // Paths are convex, so the mean of the corners' paths is too long. Shift them to the mean over the
+            // Path length is convex, so the mean of the corners' paths is too long. Shift to the mean over the
             // triangle: three quarters of the centre's path and a quarter of the corners' mean.
             let corners = e.corners.map(path);
             let centre = path((e.corners[0] + e.corners[1] + e.corners[2]) / 3.0);
@@ -241,7 +242,7 @@ impl Renderer<'_> {
         histogram
     }
 
-    /// Points of the wall beside a pair's two, with the wall's normals there.
+    /// Wall points offset from a pair's two, with the wall's normals there.
     fn beside(&self, points: [DVec3; 2], normals: [DVec3; 2], aside: [DVec2; 2]) -> ([DVec3; 2], [DVec3; 2]) {
         let (shape, side) = (self.scene.wall_shape, self.scene.wall);
         let moved: [(DVec3, DVec3); 2] = std::array::from_fn(|k| {
@@ -252,7 +253,7 @@ impl Renderer<'_> {
         (moved.map(|m| m.0), moved.map(|m| m.1))
     }
 
-    /// g / (r_l² r_s²), or g / (r_l r_s) for retroreflective surfaces. `to_l` and `to_s` lead from the surface point to
+    /// g / (r_l² r_s²), or g / (r_l r_s) for retroreflective surfaces. `to_l` and `to_s` point from the surface to
     /// the laser and the sensor point.
     fn transport(&self, n: DVec3, to_l: DVec3, to_s: DVec3, wall: [DVec3; 2]) -> f64 {
         let (l2, s2) = (to_l.length_squared(), to_s.length_squared());
@@ -278,8 +279,8 @@ impl Renderer<'_> {
     }
 }
 
-/// Adds `value` to the bins like the area of a flat triangle over path length. `path` holds the corners' paths in bins.
-/// The part outside the histogram is dropped.
+/// Adds `value` to the bins in proportion to the area of a flat triangle over path length. `path` has the corners'
+/// paths in bins. Light outside the histogram is dropped.
 fn deposit(histogram: &mut [f64], mut path: [f64; 3], value: f64) {
     path.sort_by(f64::total_cmp);
     let [a, b, c] = path;
@@ -290,7 +291,7 @@ fn deposit(histogram: &mut [f64], mut path: [f64; 3], value: f64) {
         }
         return;
     }
-    // The share of the triangle's area with a path below t.
+    // Share of the triangle's area with a path below t.
     let below = |t: f64| {
         if t <= a {
             0.0

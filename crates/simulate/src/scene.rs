@@ -1,4 +1,4 @@
-//! A scene to simulate: objects, wall, scan, bins, reflectance, noise.
+//! Scenes: objects, wall, scan, bins, reflectance, noise.
 
 use super::{Dark, Layout, Mesh, Pairs, WallShape};
 use crate::capture::{Pulse, Reflectance};
@@ -17,10 +17,10 @@ pub struct Object {
     pub albedo: f64,
 }
 
-/// A hidden scene and how it is measured. All fields may be changed after [`Scene::named`].
+/// A hidden scene and its measurement. All fields may be changed after [`Scene::named`].
 #[derive(Debug, Clone, PartialEq)]
 pub struct Scene {
-    /// A short name for readers.
+    /// Short display name.
     pub name: String,
     /// Hidden objects at z > 0, in metres.
     pub objects: Vec<Object>,
@@ -30,9 +30,9 @@ pub struct Scene {
     pub wall_shape: WallShape,
     /// Scan points per side, at the centres of scan × scan cells of the wall.
     pub scan: usize,
-    /// How laser and sensor points are paired.
+    /// Pairing of laser and sensor points.
     pub layout: Layout,
-    /// True if surfaces hide those behind them from laser and sensor. The wall hides nothing.
+    /// Whether surfaces occlude those behind them. The wall occludes nothing.
     pub occlusion: bool,
     /// Bin width in metres of path.
     pub bin_width: f64,
@@ -40,14 +40,14 @@ pub struct Scene {
     pub bins: Option<usize>,
     /// Leading edge of bin 0 in metres of path.
     pub t_start: f64,
-    /// How surfaces reflect light; [`super::render_pairs`] gives the formulas.
+    /// Reflectance model; formulas in [`super::render_pairs`].
     pub reflectance: Reflectance,
-    /// How the instrument spreads a path over time; `None`: it does not.
+    /// Impulse response of the instrument; `None`: ideal.
     pub pulse: Option<Pulse>,
-    /// Full widths at half maximum of what laser and sensor see of the wall, Gaussians, metres; 0: points.
+    /// Full widths at half maximum of the Gaussian laser and sensor spots on the wall, metres; 0: points.
     pub spots: [f64; 2],
-    /// Mean number of photons of a laser pulse that are detected of the pair with the most light, if the detector records
-    /// only the first of them; `None`: it records all.
+    /// Mean number of detected photons per laser pulse for the brightest pair, if the detector records only the first
+    /// of them; `None`: no dead time.
     pub pile_up: Option<f64>,
     /// Photons expected in the strongest bin before pile-up; `None`: no photon noise, radiometric values.
     pub photons: Option<f64>,
@@ -58,7 +58,7 @@ pub struct Scene {
 }
 
 impl Scene {
-    /// A scene of the given objects with the default setting: a flat wall of 1 m, 32 × 32 points, confocal, bins of
+    /// A scene of the given objects with the default settings: a flat wall of 1 m, 32 × 32 points, confocal, bins of
     /// 6 mm from path 0, cosine reflectance, occlusion, no noise.
     pub fn new(name: impl Into<String>, objects: Vec<Object>) -> Scene {
         Scene {
@@ -82,27 +82,26 @@ impl Scene {
         }
     }
 
-    /// Gives every object this albedo.
+    /// Sets the albedo of every object.
     pub fn set_albedo(&mut self, albedo: f64) {
         self.objects.iter_mut().for_each(|o| o.albedo = albedo);
     }
 
-    /// The number of bins of the capture: `bins`, or enough for any two points of the wall, and for the fixed point if
-    /// the layout has one.
+    /// Number of bins of the capture: `bins`, or enough for any two points of the wall and the fixed point, if any.
     pub fn bin_count(&self) -> usize {
         self.bins.unwrap_or_else(|| {
             let half = 0.5 * self.wall;
             let wall = [(-half, -half), (half, -half), (-half, half), (half, half)];
             let wall = wall.map(|(x, y)| DVec3::new(x, y, 0.0));
             let corners = || self.objects.iter().flat_map(|o| o.mesh.triangles.iter().flatten());
-            // The largest distance from a triangle to the wall is between two corners; a bump is nearer.
+            // The maximum distance from a triangle to the wall is between two corners; a bump is nearer.
             let from = |points: &[DVec3]| {
                 corners().flat_map(|p| points.iter().map(|q| p.distance(*q))).fold(0.0, f64::max)
             };
             let far = from(&wall);
             let point = self.layout.point().map(|p| from(&[DVec3::new(p.x, p.y, 0.0)]));
             let longest = far + point.map_or(far, |point| point.max(far));
-            // A spot is not cut off, but its light ends with its brightest part.
+            // Spots are not truncated, but the number of bins is determined by their core.
             let [laser, sensor] = self.spots;
             let longest = longest + 1.5 * (laser + sensor);
             let tail = self.pulse.as_ref().map_or(0.0, |p| p.end().max(0.0));
@@ -145,7 +144,10 @@ impl Scene {
         }
         if self.scan == 0 || self.bins == Some(0) {
             return Err(Error::options(
-                format!("{} x {} scan points and {:?} bins measure nothing", self.scan, self.scan, self.bins),
+                format!(
+                    "{} x {} scan points and {:?} bins contain no measurement",
+                    self.scan, self.scan, self.bins
+                ),
                 "give at least one scan point and one bin",
             ));
         }
@@ -157,7 +159,7 @@ impl Scene {
         }
         if self.layout == (Layout::Exhaustive { lasers: 0 }) {
             return Err(Error::options(
-                "0 x 0 laser points measure nothing",
+                "0 x 0 laser points contain no measurement",
                 "give at least one laser point",
             ));
         }

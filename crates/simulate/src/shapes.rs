@@ -19,7 +19,7 @@ fn surface(nu: usize, nv: usize, point: impl Fn(f64, f64) -> (DVec3, DVec3)) -> 
 }
 
 fn on_sphere(u: f64, v: f64) -> DVec3 {
-    // Exact poles: the triangles without area around them are dropped.
+    // Exact poles: the degenerate triangles around them are dropped.
     let ring = if u == 0.0 || u == 1.0 { 0.0 } else { (PI * u).sin() };
     let turn = if v == 1.0 { 0.0 } else { TAU * v };
     DVec3::new(ring * turn.cos(), (PI * u).cos(), ring * turn.sin())

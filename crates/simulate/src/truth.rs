@@ -10,16 +10,16 @@ use rayon::prelude::*;
 /// Default side of the maps, pixels.
 pub const DEFAULT_RESOLUTION: usize = 128;
 
-/// Surfaces nearer to each other than this share of the wall's side are parts of one thing, such as a limb before its
+/// Surfaces closer to each other than this share of the wall's side belong to one object, e.g. a limb in front of its
 /// body.
 const APART: f64 = 0.1;
 
-/// True depth, normals and mask over the wall's extent at n × n pixels: the first hit along +z from each pixel's centre
-/// on the wall. Normals are unit vectors toward the wall, smooth where the mesh is. The surface behind it is the next one
-/// that faces the wall, at least a tenth of the wall's side farther.
+/// True depth, normals and mask over the wall's extent at n × n pixels: the first hit along +z from each pixel's
+/// centre on the wall. Normals are unit vectors toward the wall, smooth where the mesh is. The second layer is the
+/// next surface facing the wall at least a tenth of the wall's side farther.
 ///
 /// # Errors
-/// A scene that [`Scene::check`] refuses, or a resolution of 0 or above 16384.
+/// A scene refused by [`Scene::check`], or a resolution of 0 or above 16384.
 pub fn truth(scene: &Scene, n: usize) -> Result<Truth> {
     scene.check()?;
     if n == 0 || n > 16384 {
@@ -43,7 +43,7 @@ pub fn truth(scene: &Scene, n: usize) -> Result<Truth> {
         depth: pixels.iter().map(|p| p[l].map_or(f32::NAN, |(z, _)| z as f32)).collect(),
         normal: pixels.iter().map(|p| p[l].map_or([f32::NAN; 3], |(_, n)| n.as_vec3().to_array())).collect(),
         mask: pixels.iter().map(|p| p[l].is_some()).collect(),
-        confidence: None,
+        depth_error: None,
     };
     let (Layer { depth, normal, mask, .. }, second) = (layer(0), layer(1));
     let behind = second.mask.contains(&true).then_some(second);
@@ -52,7 +52,7 @@ pub fn truth(scene: &Scene, n: usize) -> Result<Truth> {
 
 /// The first hit along +z.
 fn hit(scene: &Scene, surfaces: &Surfaces, from: DVec3) -> Option<Hit> {
-    // A ray exactly along an edge may pass between two triangles; a ray just beside it does not.
+    // A ray exactly along an edge may pass between two triangles; a slightly offset ray does not.
     let beside = DVec3::new(1.7e-6, 2.9e-6, 0.0) * scene.wall;
     surfaces.first_hit(from, DVec3::Z).or_else(|| surfaces.first_hit(from + beside, DVec3::Z))
 }
@@ -67,7 +67,7 @@ fn behind(scene: &Scene, surfaces: &Surfaces, from: DVec3, first: f64) -> Option
         if faces(&scene.objects[next.object].mesh.normals[next.triangle]) {
             return refine(scene, from, &next).map(|(z, n)| (start + z, n));
         }
-        // The back of something: on beyond it.
+        // Back of an object: continue beyond it.
         start += next.distance + 1e-6 * scene.wall;
     }
 }
@@ -78,7 +78,7 @@ fn refine(scene: &Scene, from: DVec3, hit: &Hit) -> Option<(f64, DVec3)> {
     let ([a, b, c], [na, nb, nc]) = (mesh.triangles[hit.triangle], mesh.normals[hit.triangle]);
     let plane = (b - a).cross(c - a);
     let depth = (a - from).dot(plane) / plane.z;
-    // The plane's depth is not reliable if the triangle is seen edge-on.
+    // The plane's depth is unreliable for triangles seen edge-on.
     let depth = if (depth - hit.distance).abs() < 1e-3 * scene.wall { depth } else { hit.distance };
     let p = from + DVec3::Z * depth;
     let area = plane.length_squared();
@@ -87,12 +87,12 @@ fn refine(scene: &Scene, from: DVec3, hit: &Hit) -> Option<(f64, DVec3)> {
     }
     let (u, v) = ((c - b).cross(p - b).dot(plane) / area, (a - c).cross(p - c).dot(plane) / area);
     let normal = (na * u + nb * v + nc * (1.0 - u - v)).try_normalize().unwrap_or(plane.normalize());
-    // Toward the wall, whichever way the mesh is wound.
+    // Toward the wall, for either winding.
     let normal = if plane.z > 0.0 { -normal } else { normal };
     Some((depth, towards_wall(normal)))
 }
 
-/// A smooth normal at a silhouette may point slightly away from the wall: its z component becomes zero then.
+/// A smooth normal at a silhouette may point slightly away from the wall; its z component is then zero.
 fn towards_wall(n: DVec3) -> DVec3 {
     if n.z <= 0.0 { n } else { DVec3::new(n.x, n.y, 0.0).try_normalize().unwrap_or(-DVec3::Z) }
 }

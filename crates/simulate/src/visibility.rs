@@ -21,7 +21,7 @@ struct Surface {
     self_occluding: bool,
 }
 
-/// The first triangle that a ray meets.
+/// First triangle hit by a ray.
 pub(super) struct Hit {
     pub object: usize,
     pub triangle: usize,
@@ -37,7 +37,7 @@ impl Surfaces {
         Surfaces { objects, offset: 2e-5 * size }
     }
 
-    /// True if no surface lies between `from`, a point of `object` with outward normal `normal`, and `to`.
+    /// Whether no surface lies between `from`, a point of `object` with outward normal `normal`, and `to`.
     pub fn visible(&self, from: DVec3, normal: DVec3, object: usize, to: DVec3) -> bool {
         let mut ray = None;
         for (i, surface) in self.objects.iter().enumerate() {

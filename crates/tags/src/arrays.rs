@@ -171,7 +171,7 @@ fn column(file: &mut File, name: &str) -> Result<Column> {
 }
 
 impl Column {
-    /// The next values, at most so many.
+    /// The next values, at most `count`.
     fn part(&mut self, file: Option<&Hdf5>, most: usize) -> Result<Vec<i64>> {
         let count = self.left.min(most);
         let values = match (&mut self.npy, file) {

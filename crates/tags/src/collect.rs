@@ -23,10 +23,10 @@ pub(super) struct Cells {
     pub late: u64,
 }
 
-/// Histograms that are large take at most so many times the bytes of the file. Those of a few photons with late delays take more.
+/// Maximum ratio of large histograms to the bytes of the file. Those of a few photons with late delays take more.
 const OF_FILE: u64 = 256;
 
-/// No counts, with room for them, from a file of so many bytes.
+/// An empty list with room for the counts of a file of this size.
 fn room(points: usize, cells: usize, file: u64) -> Result<Vec<u32>> {
     let what = format!("the histograms of {points} points and {cells} cells of delay");
     let all = points.saturating_mul(cells);

@@ -59,7 +59,7 @@ impl Division {
     ) -> Result<Vec<Span>> {
         let rounds = match self {
             Division::Pixels { marker, frame } => {
-                let mut rounds = rounds(survey, *marker, None, *frame, points)?;
+                let mut rounds = rounds(survey, *marker, None, *frame, points, notes)?;
                 cut_pauses(&mut rounds, notes);
                 rounds
             }
@@ -70,7 +70,7 @@ impl Division {
                         "give the scan as columns x rows, such as 64x64",
                     )
                 })?;
-                let mut lines = rounds(survey, *start, *stop, *frame, points / per_line)?;
+                let mut lines = rounds(survey, *start, *stop, *frame, points / per_line, notes)?;
                 if stop.is_none() {
                     cut_pauses(&mut lines, notes);
                 }
@@ -119,10 +119,14 @@ fn rounds(
     stop: Option<u32>,
     frame: Option<u32>,
     count: usize,
+    notes: &mut Vec<String>,
 ) -> Result<Vec<Vec<[i64; 2]>>> {
     let begins = bit(start)?;
     let ends = stop.filter(|stop| *stop != start).map(bit).transpose()?;
     let frames = frame.map(bit).transpose()?;
+    if frames.is_none() {
+        check_pauses(survey, start, begins, count)?;
+    }
     let mut rounds: Vec<Vec<[i64; 2]>> = vec![];
     let mut open: Option<i64> = None;
     let mut waits = frames.is_some();
@@ -156,6 +160,12 @@ fn rounds(
         round.push([from, survey.pulses]);
     }
     // More than the scan has, before the next frame: the first count.
+    let more = rounds.iter().filter(|round| round.len() > count).count();
+    if more > 0 {
+        notes.push(format!(
+            "marker {start} begins more than the {count} that the scan has, in {more} rounds: the rest of each is left out"
+        ));
+    }
     rounds.iter_mut().for_each(|round| round.truncate(count));
     if rounds.iter().any(|round| round.len() == count) {
         return Ok(rounds);
@@ -165,6 +175,39 @@ fn rounds(
         format!("marker {start} begins {most} of the {count} that the scan has"),
         format!(
             "check which marker begins what, and the size of the scan: the file has {}",
+            survey.marker_counts()
+        ),
+    ))
+}
+
+/// A pause between rounds is this many times as long as usual.
+const PAUSE: i64 = 3;
+
+/// Refuses a scan that pauses elsewhere than after every `count`: its rounds are not those of the header, and each would be
+/// shifted against the one before.
+fn check_pauses(survey: &Survey, start: u32, begins: u16, count: usize) -> Result<()> {
+    let starts: Vec<i64> = survey.markers.iter().filter(|m| m.1 & begins > 0).map(|m| m.0).collect();
+    let steps: Vec<i64> = starts.windows(2).map(|w| w[1] - w[0]).collect();
+    let mut sorted = steps.clone();
+    sorted.sort_unstable();
+    let Some(usual) = sorted.get(sorted.len() / 2) else { return Ok(()) };
+    let pauses: Vec<usize> =
+        (0..steps.len()).filter(|i| steps[*i] > PAUSE * (*usual).max(1)).map(|i| i + 1).collect();
+    // Single pauses tell nothing of rounds: they are alike.
+    let Some(first) =
+        pauses.first().filter(|first| pauses.len() > 1 && pauses.iter().all(|p| p % **first == 0))
+    else {
+        return Ok(());
+    };
+    if first.is_multiple_of(count) || count.is_multiple_of(*first) {
+        return Ok(());
+    }
+    Err(Error::input(
+        format!(
+            "marker {start} comes {first} times from one pause of the scanner to the next, but the scan has {count}"
+        ),
+        format!(
+            "give the size of the scan as it was recorded, or the marker of frames: the file has {}",
             survey.marker_counts()
         ),
     ))

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::collect::Cells;
 use super::{Division, Inputs, Scan, Survey, Tags, Zero, shape, stored, zero};
-use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, formats};
+use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, conditioning};
 use crate::error::{Error, Result};
 use crate::host;
 
@@ -101,8 +101,10 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     check(scan, asked)?;
     let mut notes = vec![];
     let stored = stored::read(path, scan.points(), asked.bin_width)?;
+    let mut is_stored = false;
     let (cells, ticks, instrument, survey, share) = if let Some(stored) = stored {
         let (fine, ticks) = widths(asked.bin_width, stored.tick, &mut notes)?;
+        is_stored = true;
         if asked.division.is_some() {
             return Err(Error::options(
                 "the file holds histograms: the instrument has divided the photons",
@@ -129,6 +131,9 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
         ));
     }
     let (zeros, direct) = zeros(&cells, scan, asked, &mut notes)?;
+    if is_stored && direct {
+        zero::check_scene(&cells, &zeros)?;
+    }
     let (outline, pair_of) = outline(scan, asked, &zeros, cells.width, &mut notes)?;
     notes.extend(asked.turn.note());
     let mut capture = bins(&cells, per_bin, &zeros, &pair_of, outline)?;
@@ -144,7 +149,10 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     };
     let mut direct = direct.then(|| in_pairs(&zeros));
     let measured: Vec<bool> = capture.histograms.chunks_exact(capture.bins).map(|h| !h[0].is_nan()).collect();
-    let (capture, dropped) = formats::measured(capture, &mut notes)?;
+    // The order of the points is that of the scan, and dark points stay.
+    let measured_pairs = conditioning::measured(capture, true)?;
+    let (capture, dropped) = (measured_pairs.capture, measured_pairs.dropped);
+    notes.extend(measured_pairs.notes);
     if let Some(all) = direct.as_mut().filter(|all| all.len() != capture.pair_count()) {
         let mut kept = measured.iter();
         all.retain(|_| *kept.next().unwrap_or(&false));
@@ -256,6 +264,12 @@ fn of_tags(
     let cells = (detector.longest.min(longest).max(0) / fine + 1) as usize;
     if survey.out_of_order > 0 {
         notes.push(format!("{} markers were out of order and are put in order", survey.out_of_order));
+    }
+    if survey.photons_out_of_order > 0 {
+        notes.push(format!(
+            "{} photons were out of order and are counted where they belong",
+            survey.photons_out_of_order
+        ));
     }
     Cells::of_tags(tags, detector.channel, &spans, scan.points(), fine, cells)
 }

@@ -3,7 +3,7 @@
 //! [`Tags`] reads PicoQuant's `.ptu` (every record type, T2 and T3), arrays of timestamps and channels in npz and HDF5, and text.
 //! Files are read block by block, in bounded memory. [`histogram()`] makes a capture of them, or of an instrument's own histograms in
 //! an npy or npz array, from the photons of each point ([`Division`]), the points ([`Scan`]) and the delay of path 0 ([`Zero`]).
-//! docs/tags.md describes the formats.
+//! docs/data.md describes the formats.
 
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
@@ -33,7 +33,7 @@ use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use thirdbounce_base::{error, files, host};
+use thirdbounce_base::{advice, error, files, host};
 use thirdbounce_capture as capture;
 
 use crate::error::{Error, Result};
@@ -188,12 +188,12 @@ fn open(path: &Path) -> Result<File> {
 }
 
 fn unreadable(e: std::io::Error) -> Error {
-    let mend = match e.kind() {
+    let hint = match e.kind() {
         ErrorKind::NotFound => "check the path: there is no such file",
         ErrorKind::PermissionDenied => "make the file readable for you",
         _ => "check the path and the disk",
     };
-    Error::input(format!("cannot be read: {e}"), mend)
+    Error::input(format!("cannot be read: {e}"), hint)
 }
 
 impl Tags {
@@ -263,6 +263,15 @@ impl Tags {
                 "export the file anew as one of PicoHarp 300 or 330, HydraHarp, TimeHarp 260 or MultiHarp",
             )
         })?;
+        let mode = header.whole("Measurement_Mode").filter(|mode| matches!(mode, 2 | 3));
+        if let Some(mode) = mode.filter(|mode| (*mode == 3) != layout.is_t3()) {
+            return Err(Error::input(
+                format!(
+                    "the header contradicts itself: the measurement mode is T{mode}, the record type {instrument}"
+                ),
+                "export the file anew from the instrument's software: its records cannot be reported apart",
+            ));
+        }
         if let Some(bits) = header.whole("TTResultFormat_BitsPerRecord").filter(|b| ![0, 32].contains(b)) {
             return Err(header::damaged(format!("records have {bits} bits, not 32")));
         }
@@ -324,6 +333,9 @@ impl Tags {
             })?;
             passed.without_sync = syncs.without;
             passed.period = syncs.period().map(|ticks| ticks * self.tick);
+            if syncs.late > 0 {
+                passed.notes.push(format!("{} laser pulses were out of order and are left out", syncs.late));
+            }
             passed
         };
         if passed.without_sync > 0 {

@@ -57,7 +57,7 @@ pub(super) fn read(path: &Path, points: usize, bin_width: Option<f64>) -> Result
         if !(value >= 0.0 && value.fract() == 0.0 && value <= f64::from(u32::MAX)) {
             return Err(Error::input(
                 format!("{name} holds {value}, which is no count"),
-                "store counts; for normalised histograms write a capture with hists and pt_cloud (docs/guide/formats.md)",
+                "store counts; for normalised histograms write a capture with hists and pt_cloud (docs/data.md)",
             ));
         }
         let sum = &mut counts[at % (points * bins)];

@@ -35,6 +35,8 @@ pub struct Survey {
     pub markers: Vec<(i64, u16)>,
     /// Markers that the file holds later than one of a later laser pulse.
     pub out_of_order: usize,
+    /// Photons that the file holds later than one of a later laser pulse.
+    pub photons_out_of_order: u64,
     /// Laser pulses up to the last event.
     pub pulses: i64,
     /// Seconds between laser pulses, if known.
@@ -71,6 +73,7 @@ impl Survey {
                 seen.photons += 1;
                 seen.longest = seen.longest.max(delay);
                 seen.second += u64::from(seen.last == sync);
+                survey.photons_out_of_order += u64::from(sync < seen.last);
                 seen.last = sync;
                 last = last.max(sync);
             }
@@ -96,13 +99,13 @@ impl Survey {
             ));
         }
         if survey.channels.is_empty() {
-            let mend = match passed.without_sync {
+            let hint = match passed.without_sync {
                 0 => "check that the detector was on, and that the file is the right one",
                 _ => {
                     "photons need laser pulses: record the laser's trigger, and name its channel if the file is text or arrays"
                 }
             };
-            return Err(Error::input("there is no photon with a delay", mend));
+            return Err(Error::input("there is no photon with a delay", hint));
         }
         survey.channels.sort_unstable_by_key(|seen| seen.channel);
         survey.markers.sort_by_key(|marker| marker.0);

@@ -13,6 +13,8 @@ pub(super) struct Syncs {
     before: i64,
     /// Photons without a laser pulse before them.
     pub(super) without: u64,
+    /// Laser pulses that the file holds after a later one.
+    pub(super) late: u64,
 }
 
 impl Syncs {
@@ -33,6 +35,8 @@ impl Syncs {
                 if self.count == 0 || time > self.last {
                     (self.before, self.last) = (self.last, time);
                     self.count += 1;
+                } else {
+                    self.late += 1;
                 }
                 None
             }

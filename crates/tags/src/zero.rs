@@ -6,6 +6,8 @@
 use rayon::prelude::*;
 
 use super::collect::Cells;
+use crate::advice::advice;
+use crate::capture::METRES_PER_PICOSECOND;
 use crate::capture::median::median;
 use crate::error::{Error, Result};
 
@@ -19,7 +21,7 @@ pub enum Zero {
     At(f64),
 }
 
-/// The peak must stand above all else of its point by so many standard deviations of the noise there.
+/// Minimum height of the peak above its point's other counts, standard deviations of the noise.
 const CLEAR: f64 = 6.0;
 /// Cells at least this share of the peak belong to it.
 const PART: f64 = 0.5;
@@ -49,6 +51,47 @@ pub(super) fn direct(cells: &Cells, reach: f64) -> Result<Vec<Option<f64>>> {
         return Err(none(found, first.len()));
     }
     Ok(first)
+}
+
+/// Light behind the direct peak is more than this many standard deviations above the valley between both.
+const RISES: f64 = 6.0;
+/// The direct peak has decayed below this share of its height where light of a scene is looked for.
+const DECAYED: f64 = 0.02;
+
+/// Refuses direct peaks behind which no light rises, although paths before them are recorded: they are the light of the scene.
+///
+/// # Errors
+/// `Kind::Input`.
+pub(super) fn check_scene(cells: &Cells, zeros: &[f64]) -> Result<()> {
+    let known = || zeros.iter().copied().filter(|zero| zero.is_finite());
+    let (early, late) = known().fold((f64::INFINITY, 0.0f64), |(a, b), zero| (a.min(zero), b.max(zero)));
+    let length = cells.cells.saturating_sub(late as usize);
+    // Sums over all points, from the peak on.
+    let mut sums = vec![0.0f64; length]; // bounded: the cells of a point
+    for (point, zero) in zeros.iter().enumerate().filter(|(_, zero)| zero.is_finite()) {
+        let counts = cells.of(point)[*zero as usize..].iter();
+        sums.iter_mut().zip(counts).for_each(|(sum, n)| *sum += f64::from(*n));
+    }
+    // A window's counts are enough for the spread of photons to tell.
+    let wide = (length / 64).max(3);
+    let windows: Vec<f64> = sums.windows(wide).map(|w| w.iter().sum()).collect();
+    let decayed = windows.iter().position(|w| *w <= DECAYED * windows[0]).unwrap_or(windows.len());
+    let mut valley = f64::INFINITY;
+    let rises = windows[decayed.min(windows.len())..].iter().any(|w| {
+        valley = valley.min(*w);
+        *w > valley + RISES * (valley + *w + 1.0).sqrt()
+    });
+    if rises || early < 1.0 {
+        return Ok(());
+    }
+    let path = early * cells.width * METRES_PER_PICOSECOND * 1e12;
+    Err(Error::input(
+        format!(
+            "the light that is taken as direct light is that of the scene: no light rises behind it, and the histograms would begin \
+             at a path of -{path:.2} m"
+        ),
+        advice!["if bin 0 is path 0, give the delay of path 0: " Zero " 0ps"],
+    ))
 }
 
 fn none(found: usize, points: usize) -> Error {

@@ -1,12 +1,12 @@
-"""Sees around corners: reconstructs a hidden scene from light that bounced three times.
+"""Non-line-of-sight reconstruction of hidden scenes from transient histograms.
 
     import thirdbounce as tb
     capture = tb.read("capture.npz")
     maps = tb.reconstruct(capture)
     maps.save("result")
 
-All lengths are metres. Times are metres of path: seconds times 299 792 458. The relay wall lies near z = 0, the hidden scene
-at z > 0, and y is up. The first index of arrays runs along +x, the second along +y.
+Lengths are in metres, times in metres of path (seconds times 299 792 458). The relay wall is near z = 0, the hidden scene at
+z > 0, y is up. The first index of arrays is along +x, the second along +y.
 """
 
 import atexit

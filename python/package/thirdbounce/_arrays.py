@@ -1,23 +1,24 @@
-"""Arrays of callers as flat arrays in C order."""
+"""Conversion of arrays to flat arrays in C order."""
 
 from __future__ import annotations
 
-from typing import Any, Optional, Tuple
+import os
+from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
 from ._native import OptionsError
 
 
-def refuse(what: str, remedy: str) -> OptionsError:
-    """The error of an argument."""
-    error = OptionsError(f"{what}\n  {remedy}")
-    error.what, error.where, error.remedy = what, None, remedy
+def refuse(what: str, hint: str) -> OptionsError:
+    """Error for an invalid argument."""
+    error = OptionsError(f"{what}\n  {hint}")
+    error.what, error.where, error.hint = what, None, hint
     return error
 
 
 def plain(value: Any, name: str) -> np.ndarray:
-    """The value as an array of real numbers. Arrays of other libraries are not copied if they speak DLPack."""
+    """The value as an array of real numbers. Arrays with DLPack support are not copied."""
     try:
         if not isinstance(value, np.ndarray) and hasattr(value, "__dlpack__"):
             value = np.from_dlpack(value)
@@ -26,30 +27,54 @@ def plain(value: Any, name: str) -> np.ndarray:
             raise TypeError(f"its type is {array.dtype}")
         return array
     except (TypeError, ValueError, BufferError, RuntimeError) as error:
-        remedy = "give an array of real numbers in the host's memory (torch: tensor.detach().cpu())"
-        raise refuse(f"{name} is no array of numbers: {error}", remedy) from error
+        hint = "give an array of real numbers in the host's memory (torch: tensor.detach().cpu())"
+        raise refuse(f"{name} is not an array of numbers: {error}", hint) from error
 
 
 def as_array(value: Any, dtype: Any, name: str) -> np.ndarray:
-    """The value as an array in C order. Nothing is copied if it is one of this type."""
+    """The value as an array in C order, copied only if necessary."""
     return np.ascontiguousarray(plain(value, name), dtype=dtype)
 
 
+def texts(settings: Dict[str, Any]) -> List[Tuple[str, str]]:
+    """Settings as text, by their names; those that are None are left out."""
+    return [(name, _text(name, value)) for name, value in settings.items() if value is not None]
+
+
+def _text(name: str, value: Any) -> str:
+    if isinstance(value, (bool, np.bool_)):
+        return "true" if value else "false"
+    if name == "memory" and isinstance(value, (int, np.integer)):
+        return f"{int(value) / 1024!r}K"
+    if isinstance(value, (int, np.integer)):
+        return str(int(value))
+    if isinstance(value, (float, np.floating)):
+        return repr(float(value))
+    if isinstance(value, (str, os.PathLike)):
+        return os.fspath(value)
+    if isinstance(value, (tuple, list, np.ndarray)):
+        ends = ["" if part is None else _text(name, part) for part in value]
+        # (from, to), (width, tail), or the ranges of a box.
+        between = "," if name in ("spot", "volume") and not (name == "volume" and np.isscalar(value[0])) else ":"
+        return between.join(ends)
+    raise refuse(f"{name} is a {type(value).__name__}: {value!r}", "give a number, a text, a bool or a tuple of numbers")
+
+
 def as_counts(value: Any, scan: Tuple[int, int], bins_axis: int) -> np.ndarray:
-    """Histograms as float32, (X, Y, T). Copied only if they are not in C order in this form."""
+    """Histograms as float32, (X, Y, T). Copied only if not already in C order in this form."""
     if bins_axis not in (-1, 0):
         raise refuse(f"bins_axis is {bins_axis}", "give -1 for H of shape (X, Y, T), or 0 for (T, X, Y)")
     array = plain(value, "H")
     if bins_axis == 0 and array.ndim > 1:
         array = np.moveaxis(array, 0, -1)
     if array.ndim < 2 or array.shape[:-1] not in (scan, (scan[0] * scan[1],)):
-        remedy = "H is (X, Y, T) with points (X, Y, 3), or (P, T) with (P, 3); with the bins first, bins_axis=0"
-        raise refuse(f"H has shape {np.shape(value)}, the points are {scan[0]} x {scan[1]}", remedy)
+        hint = "H is (X, Y, T) with points (X, Y, 3), or (P, T) with (P, 3); with the bins first, bins_axis=0"
+        raise refuse(f"H has shape {np.shape(value)}, the points are {scan[0]} x {scan[1]}", hint)
     return np.ascontiguousarray(array, dtype=np.float32).reshape(scan + (array.shape[-1],))
 
 
 def as_bools(value: Any) -> np.ndarray:
-    """Truth values in a row, each of them 0 or 1. A view of other bytes as bool may hold any, which the native part must not see."""
+    """Flat truth values, each 0 or 1. A view of other bytes as bool may contain any, which is undefined in the native part."""
     return np.not_equal(np.ascontiguousarray(value, dtype=np.bool_).reshape(-1).view(np.uint8), 0)
 
 
@@ -70,6 +95,11 @@ def like_points(value: Any, scan: Tuple[int, int], name: str) -> Optional[np.nda
     points = as_points(value, name)
     if points.shape[:2] == (1, 1):
         points = np.ascontiguousarray(np.broadcast_to(points, scan + (3,)))
-    if points.shape[0] * points.shape[1] != scan[0] * scan[1]:
-        raise refuse(f"{name} has {points.shape[:2]} points, the scan {scan}", "give one for each pair, or a single one")
-    return points.reshape(scan + (3,))
+    if points.shape[:2] != tuple(scan):
+        x, y = scan
+        flat = f" or ({x}, 3)" if y == 1 else ""
+        raise refuse(
+            f"{name} has shape {np.shape(value)}, the scan is {x} x {y}",
+            f"give one for each pair in the same order, ({x}, {y}, 3){flat}, or a single one, (3,)",
+        )
+    return points

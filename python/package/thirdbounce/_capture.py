@@ -9,59 +9,59 @@ from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
 import numpy as np
 
 from . import _native
-from ._arrays import as_array, as_counts, as_points, like_points
+from ._arrays import as_array, as_counts, as_points, like_points, texts
 
 Path = Union[str, "os.PathLike[str]"]
 
 
 class Pulse(NamedTuple):
-    """How an instrument spreads a path over time."""
+    """Impulse response of an instrument."""
 
     samples: np.ndarray
     """(n,) float64."""
     width: float
     """Width of a sample, metres of path."""
     start: float
-    """Leading edge of the first sample behind the path's end, metres of path."""
+    """Leading edge of the first sample relative to the path, metres of path."""
 
 
 @dataclasses.dataclass(eq=False, init=False)
 class Capture:
-    """Histograms of pairs of points on a relay wall, with the geometry of the scan.
+    """Histograms of laser-sensor pairs on a relay wall, with the geometry of the scan.
 
-    Its arrays are numpy arrays, and may be changed in place.
+    Its numpy arrays may be modified in place.
     """
 
     H: np.ndarray
-    """(X, Y, T) float32: counts of pair (ix, iy) by the length of the path. For a list of P pairs X = P and Y = 1."""
+    """(X, Y, T) float32: counts of pair (ix, iy) over path length. For a list of P pairs X = P and Y = 1."""
     sensor_xyz: np.ndarray
-    """(X, Y, 3) float64: where the sensor looks, metres."""
+    """(X, Y, 3) float64: sensor points, metres."""
     laser_xyz: np.ndarray
-    """(X, Y, 3) float64: where the laser shines, metres. Of a confocal scan the same as `sensor_xyz`."""
+    """(X, Y, 3) float64: laser points, metres. The same as `sensor_xyz` in a confocal scan."""
     bin_width: float
     """Width of a bin, metres of path."""
-    t0: float
+    t_start: float
     """Leading edge of bin 0, metres of path."""
     sensor_normal: Optional[np.ndarray]
     """(X, Y, 3) float64: the wall's unit normals at the sensor points, if known."""
     laser_normal: Optional[np.ndarray]
     """(X, Y, 3) float64: the same at the laser points."""
     photon_counts: Optional[bool]
-    """Whether the counts are photon counts; None: if all are whole and none is negative."""
+    """Whether the counts are photon counts; None: true if all are non-negative integers."""
     pulse: Optional[Pulse]
-    """The instrument's pulse, if known."""
+    """Impulse response, if known."""
     laser_spot: Optional[float]
-    """Full width at half maximum of what the laser lights on the wall, metres."""
+    """Full width at half maximum of the laser spot on the wall, metres."""
     sensor_spot: Optional[float]
-    """The same of what the sensor sees."""
+    """The same of the sensor spot."""
     cycles: Optional[float]
-    """Laser pulses of each pair, if the detector records only the first photon of each."""
+    """Laser pulses per pair, if the detector records only the first photon of each."""
     direct: Optional[float]
-    """The path of light from the wall itself in every pair, metres, if it is known."""
+    """Path of direct light in every pair, metres, if known."""
     name: str
-    """A short name."""
+    """Short name."""
     notes: List[str]
-    """What the reader assumed, as sentences."""
+    """Values assumed by the reader, as sentences."""
 
     def __init__(
         self,
@@ -70,7 +70,7 @@ class Capture:
         laser_xyz: Any = None,
         *,
         bin_width: float,
-        t0: float = 0.0,
+        t_start: float = 0.0,
         bins_axis: int = -1,
         sensor_normal: Any = None,
         laser_normal: Any = None,
@@ -82,15 +82,14 @@ class Capture:
         direct: Optional[float] = None,
         name: str = "arrays",
     ) -> None:
-        """A capture of arrays.
+        """A capture from arrays.
 
-        H: (X, Y, T) or (P, T) counts; with `bins_axis=0` (T, X, Y), as npz files have it. numpy arrays, and arrays of other
-            libraries that speak DLPack and are in the host's memory. float32 in C order is used in place, other arrays are
-            converted.
-        sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3), metres; a single point (3,) is that of every pair. Without
+        H: (X, Y, T) or (P, T) counts; with `bins_axis=0` (T, X, Y), as in npz files. numpy arrays, or arrays in host memory
+            with DLPack support. float32 in C order is used in place, other arrays are converted.
+        sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3), metres; a single point (3,) is shared by all pairs. Without
             `laser_xyz` the scan is confocal.
         bin_width: metres of path.
-        direct: the path of light that comes from the wall itself in every pair, metres, if the capture holds it.
+        direct: path of direct light in every pair, metres, if the bins contain it.
         """
         sensor = as_points(sensor_xyz, "sensor_xyz")
         laser = None if laser_xyz is None else as_points(laser_xyz, "laser_xyz")
@@ -99,7 +98,7 @@ class Capture:
         self.sensor_xyz = like_points(sensor, scan, "sensor_xyz")
         self.laser_xyz = self.sensor_xyz if laser is None else like_points(laser, scan, "laser_xyz")
         self.H = as_counts(H, scan, bins_axis)
-        self.bin_width, self.t0 = float(bin_width), float(t0)
+        self.bin_width, self.t_start = float(bin_width), float(t_start)
         self.sensor_normal = like_points(sensor_normal, scan, "sensor_normal")
         self.laser_normal = like_points(laser_normal, scan, "laser_normal")
         self.photon_counts = photon_counts
@@ -115,11 +114,11 @@ class Capture:
 
     @property
     def is_confocal(self) -> bool:
-        """Whether laser and sensor point of every pair are the same."""
+        """Whether laser and sensor point coincide in every pair."""
         return self.laser_xyz is self.sensor_xyz or np.array_equal(self.laser_xyz, self.sensor_xyz)
 
     def save(self, path: Path) -> List[str]:
-        """Writes the capture: .npz, .hdf5 (y-tal) or .mat (Stanford). Returns what the format cannot hold, as sentences."""
+        """Writes the capture: .npz, .hdf5 (y-tal) or .mat (Stanford). Returns the information lost in the format, as sentences."""
         return _native.write(self._arrays(), path)
 
     def __repr__(self) -> str:
@@ -128,7 +127,7 @@ class Capture:
         return f"<Capture {self.name!r}: {x} x {y} pairs, {pairs}, {bins} bins of {1e3 * self.bin_width:.4g} mm>"
 
     def _arrays(self) -> Dict[str, Any]:
-        """What the native part takes. A field may have been changed since the capture was made."""
+        """Arguments of the native part, checked again, as fields may have been modified."""
         scan = self.scan
 
         def flat(points: Any, name: str) -> Optional[np.ndarray]:
@@ -145,7 +144,7 @@ class Capture:
             "sensor_normal": flat(self.sensor_normal, "sensor_normal"),
             "bins": self.H.shape[2],
             "bin_width": self.bin_width,
-            "t0": self.t0,
+            "t_start": self.t_start,
             "photon_counts": self.photon_counts,
             "pulse": None if self.pulse is None else tuple(self.pulse),
             "laser_spot": self.laser_spot,
@@ -156,7 +155,7 @@ class Capture:
 
     @classmethod
     def _of(cls, arrays: Dict[str, Any], notes: List[str]) -> Capture:
-        """The capture of what the native part gives. Nothing is copied."""
+        """A capture from native arrays, without copies."""
         scan = tuple(arrays["scan"])
 
         def shaped(key: str) -> Optional[np.ndarray]:
@@ -166,7 +165,7 @@ class Capture:
         made.H = arrays["counts"].reshape(scan + (arrays["bins"],))
         made.sensor_xyz, made.laser_xyz = shaped("sensor"), shaped("laser")
         made.sensor_normal, made.laser_normal = shaped("sensor_normal"), shaped("laser_normal")
-        made.bin_width, made.t0 = arrays["bin_width"], arrays["t0"]
+        made.bin_width, made.t_start = arrays["bin_width"], arrays["t_start"]
         made.photon_counts = arrays["photon_counts"]
         made.pulse = None if arrays["pulse"] is None else Pulse(*arrays["pulse"])
         made.laser_spot, made.sensor_spot = arrays["laser_spot"], arrays["sensor_spot"]
@@ -175,25 +174,11 @@ class Capture:
         return made
 
 
-def read(
-    path: Path,
-    *,
-    wall: Optional[float] = None,
-    bin_width: Optional[float] = None,
-    wall_depth_unit: Optional[float] = None,
-    bounce: Optional[str] = None,
-    tof: Optional[Path] = None,
-    flip: Optional[str] = None,
-    rotate: Optional[int] = None,
-) -> Capture:
+def read(path: Path, **settings: Any) -> Capture:
     """Reads a capture of any format that thirdbounce knows: npz, y-tal, Z-NLOS, Stanford f-k, LCT and more.
 
-    wall: distance of the outermost scan points, metres; bin_width: metres of path; tof: the file with the times of flight: for
-        files that do not hold these.
-    wall_depth_unit: metres of a step of the wall's depth, for CC-SOCR captures of a wall that is not flat.
-    bounce: "third", "all" or a number, for rendered Z-NLOS captures.
-    flip: "x", "y" or "xy"; rotate: 90, 180 or 270 degrees: for files that do not say how the scan lies on the wall.
+    Settings complete files that lack a value: wall, bin_width, wall_depth_unit, bounce, tof, axes, keep_empty, flip, rotate, as for `reconstruct`;
+    lengths are metres or text with a unit: wall="1m", bin_width="133ps".
     """
-    which = None if bounce is None else str(bounce)
-    arrays, notes = _native.read(path, wall, bin_width, wall_depth_unit, which, tof, flip, rotate)
+    arrays, notes = _native.read(path, texts(settings))
     return Capture._of(arrays, notes)

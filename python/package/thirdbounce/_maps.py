@@ -17,7 +17,7 @@ Path = Union[str, "os.PathLike[str]"]
 
 @dataclasses.dataclass(eq=False)
 class Layer:
-    """Surfaces behind the first ones, by the same pixels."""
+    """Second layer, on the same pixels."""
 
     albedo: np.ndarray
     """(nx, ny) float32; 0 where there is no second surface."""
@@ -26,8 +26,8 @@ class Layer:
     normals: np.ndarray
     """(nx, ny, 3) float32, unit vectors; NaN where there is no second surface."""
     mask: np.ndarray
-    """(nx, ny) bool: where there is surface."""
-    confidence: Optional[np.ndarray]
+    """(nx, ny) bool: surface pixels."""
+    depth_error: Optional[np.ndarray]
     """(nx, ny) float32: expected depth error, metres."""
 
 
@@ -42,23 +42,25 @@ class Maps:
     normals: np.ndarray
     """(nx, ny, 3) float32: unit vectors towards the wall (z < 0); NaN where there is no surface."""
     mask: np.ndarray
-    """(nx, ny) bool: pixels that count as surface."""
+    """(nx, ny) bool: surface pixels."""
     extent: Tuple[float, float, float, float]
     """Outer edges of the pixels: x min, x max, y min, y max, metres."""
-    confidence: Optional[np.ndarray] = None
-    """(nx, ny) float32: the depth error that two of three such pixels do not exceed, metres; None if nobody told it."""
+    depth_error: Optional[np.ndarray] = None
+    """(nx, ny) float32: expected depth error, metres (two of three pixels with a given value have a smaller error); None if unknown."""
     behind: Optional[Layer] = None
-    """The surfaces behind the first ones; None where no pixel has two."""
+    """The second layer; None if no pixel has two surfaces."""
     mask_fraction: Optional[float] = None
-    """Share of the brightest albedo above which a pixel counts as surface; None: found at the albedo's edges."""
+    """Mask threshold as a share of the brightest albedo; None: the method's own mask."""
     report: Optional[Dict[str, Any]] = None
-    """What report.json of the command holds: settings, plan, trace, times; None of truth and of frames."""
+    """Content of report.json: settings, plan, trace, times; None for truth and frames."""
     notes: List[str] = dataclasses.field(default_factory=list)
-    """What was done to the capture, and warnings, as sentences."""
+    """What was done to the capture, as sentences."""
+    warnings: List[str] = dataclasses.field(default_factory=list)
+    """What looks wrong with the capture or the result, as sentences."""
     frame: Optional[int] = None
-    """The number of a session's frame."""
+    """Frame number of a session."""
     seconds: Optional[float] = None
-    """Seconds that solving took."""
+    """Solve time, seconds."""
 
     @property
     def shape(self) -> Tuple[int, int]:
@@ -77,12 +79,12 @@ class Maps:
 
     @property
     def layers(self) -> List[Layer]:
-        """The first surfaces, and those behind them if there are any."""
-        first = Layer(self.albedo, self.depth, self.normals, self.mask, self.confidence)
+        """The first layer, and the second if present."""
+        first = Layer(self.albedo, self.depth, self.normals, self.mask, self.depth_error)
         return [first] if self.behind is None else [first, self.behind]
 
     def points(self) -> np.ndarray:
-        """(n, 3) float32: the surface's points, x, y, z in metres."""
+        """(n, 3) float32: surface points, x, y, z in metres."""
         x, y = np.meshgrid(self.x, self.y, indexing="ij")
         return np.stack([x, y, self.depth], axis=-1)[self.mask].astype(np.float32)
 
@@ -96,7 +98,7 @@ class Maps:
         return [os.fspath(p) for p in _native.write_maps(self._arrays(), path, report)]
 
     def plot(self, axes: Any = None) -> Any:
-        """Draws albedo, depth, normals and, if it is known, the confidence, by matplotlib. Returns the figure.
+        """Draws albedo, depth, normals and, if it is known, the depth_error, by matplotlib. Returns the figure.
 
         Pictures show what an eye at the wall sees: +x to the left.
 
@@ -131,8 +133,8 @@ class Maps:
             ("depth", np.where(off, np.nan, self.depth), "viridis_r", "m"),
             ("normals", colour, None, None),
         ]
-        if self.confidence is not None:
-            shown.append(("expected depth error", np.where(off, np.nan, 1e3 * self.confidence), "magma", "mm"))
+        if self.depth_error is not None:
+            shown.append(("expected depth error", np.where(off, np.nan, 1e3 * self.depth_error), "magma", "mm"))
         return shown
 
     def _repr_png_(self) -> bytes:
@@ -152,7 +154,7 @@ class Maps:
             def array(value: Any, dtype: Any) -> Optional[np.ndarray]:
                 return None if value is None else np.ascontiguousarray(value, dtype=dtype).reshape(-1)
 
-            floats = ["albedo", "depth", "normals", "confidence"]
+            floats = ["albedo", "depth", "normals", "depth_error"]
             made = {key: array(getattr(layer, key), np.float32) for key in floats}
             made["mask"] = as_bools(layer.mask)
             return made

@@ -14,8 +14,8 @@ class Error(Exception):
     """What is wrong."""
     where: Optional[str]
     """The file that it is about, if there is one."""
-    remedy: str
-    """How to mend it."""
+    hint: str
+    """How to fix it."""
 
 class InputError(Error): ...
 class OptionsError(Error): ...
@@ -29,7 +29,7 @@ class Session:
     def __init__(
         self,
         arrays: Dict[str, Any],
-        settings: Dict[str, Any],
+        settings: List[Tuple[str, str]],
         time_limit: Optional[float],
         progress: Optional[Callable[..., Optional[bool]]],
         feed: Union[None, str, float],
@@ -42,16 +42,7 @@ class Session:
 
 _Path = Union[str, "os.PathLike[str]"]
 
-def read(
-    path: _Path,
-    wall: Optional[float],
-    bin_width: Optional[float],
-    wall_depth_unit: Optional[float],
-    bounce: Optional[str],
-    tof: Optional[_Path],
-    flip: Optional[str],
-    rotate: Optional[int],
-) -> Tuple[Dict[str, Any], List[str]]: ...
+def read(path: _Path, settings: List[Tuple[str, str]]) -> Tuple[Dict[str, Any], List[str]]: ...
 def write(arrays: Dict[str, Any], path: _Path) -> List[str]: ...
 def devices() -> List[Dict[str, Any]]: ...
 def close_devices() -> None: ...
@@ -60,7 +51,7 @@ def read_maps(path: _Path) -> Dict[str, Any]: ...
 def picture(arrays: Dict[str, Any]) -> bytes: ...
 def reconstruct(
     arrays: Dict[str, Any],
-    settings: Dict[str, Any],
+    settings: List[Tuple[str, str]],
     progress: Optional[Callable[..., Optional[bool]]],
 ) -> Dict[str, Any]: ...
 def options(solver: str) -> List[Tuple[str, str]]: ...

@@ -3,8 +3,9 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use super::super::{Choice, Input, load, reconstruct};
+use super::super::{Request, load, reconstruct};
 use crate::maps::{Maps, Truth, percentile};
+use crate::settings::Settings;
 use crate::{Error, Result};
 
 /// The methods whose mean tells where there is surface.
@@ -98,12 +99,11 @@ impl Consensus {
 /// # Errors
 /// A capture that cannot be read or solved; none of the methods takes it.
 pub fn agreed(file: &Path) -> Result<Truth> {
-    let loaded = load(&Input { path: file.into(), ..Input::default() })?;
+    let loaded = load(file, &Settings::default())?;
     let mut all = vec![];
     for name in CLOSED_FORMS {
-        let request =
-            Choice { solver: Some(name.into()), ..Choice::default() }.resolve(&loaded.capture).request();
-        if request.solver.takes(&loaded.capture).is_ok() {
+        let request = Request::new(Settings::from_texts([("solver", name)])?, "");
+        if request.resolved(&loaded.capture).solver.takes(&loaded.capture).is_ok() {
             let mut on = |_: &_| ControlFlow::Continue(());
             let done = reconstruct::solve(&request, &loaded, &request.open()?, None, None, &mut on)?;
             all.push(done.result.maps);

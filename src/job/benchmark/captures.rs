@@ -4,12 +4,13 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::super::record::Record;
-use super::super::{Input, Simulation, load, simulated};
+use super::super::{Simulation, load, simulated};
 use super::agreement::agreed;
 use super::{Benchmark, Scene, Source, family};
 use crate::capture;
 use crate::export::npz::write_truth;
 use crate::files::staging::Staging;
+use crate::settings::Settings;
 use crate::simulate::{DEFAULT_RESOLUTION, Dark, photon_noise};
 use crate::{Error, Result};
 
@@ -107,8 +108,8 @@ pub fn ready(what: &Benchmark, scene: &Scene, photons: Option<f64>) -> Result<Re
     if record.is_done(&folder.join(&name), &format!("../{name}.npz")) {
         return Ok(Ready::Files { capture, truth });
     }
-    let input = Input { path: exact.clone(), no_auto_gate: true, ..Input::default() };
-    let clean = load(&input)?.capture;
+    let whole = Settings { auto_gate: Some(false), ..Settings::default() };
+    let clean = load(&exact, &whole)?.capture;
     if clean.integer_counts {
         return Ok(Ready::None("its values are counts already, so no photons are drawn from them".into()));
     }

@@ -85,7 +85,7 @@ pub trait Caller {
     /// Reads a capture, and says what is compared on it, with this truth. Its folder is set afterwards.
     ///
     /// # Errors
-    /// The capture cannot be used: the case fails, the benchmark goes on.
+    /// The capture cannot be used: the case fails, the benchmark continues.
     fn comparison(&mut self, capture: &Path, truth: &Path) -> Result<(Loaded, Comparison)>;
 
     /// Hears that a case begins (`None`) and of its progress. May stop the benchmark.
@@ -201,7 +201,7 @@ impl Benchmark {
             check_place(&folder)?;
             let (loaded, mut comparison) = caller.comparison(&capture, &truth)?;
             comparison.out = folder.clone();
-            comparison.check()?;
+            comparison.check(&loaded.capture)?;
             // It comes last, so a folder without it is made anew.
             staging::remove(&report)?;
             record.write(&folder)?;
@@ -215,7 +215,7 @@ impl Benchmark {
             failed: false,
             agreed: wanted.scene.is_agreed(),
             why: None,
-            remedy: None,
+            hint: None,
             seconds: start.elapsed().as_secs_f64(),
             comparison: Some(comparison::read_json(&report)?),
         })

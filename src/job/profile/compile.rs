@@ -8,12 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use super::super::{Request, places, planned, sizes};
 use super::device_of;
-use super::kernels::counted;
 use crate::Result;
 use crate::capture::Capture;
 use crate::export::report;
 use crate::files::atomic;
-use crate::gpu::spirv::Counts;
 use crate::gpu::{Gpu, GpuOptions};
 use crate::simulate::{RenderOptions, Scene, simulate};
 use crate::solve::Ready;
@@ -54,12 +52,6 @@ pub struct CompiledKernel {
     pub constants: BTreeMap<String, u32>,
     /// Seconds that the driver took. It may compile at the first dispatch, or have the kernel in a cache.
     pub seconds: f64,
-    /// Issue slots of a pair, counted in the module, if the kernel evaluates pairs.
-    pub slots: Option<f64>,
-    /// Instructions of a pair, counted in the module.
-    pub counts: Option<Counts>,
-    /// Instructions that the outer loop runs once for this many pairs.
-    pub shared: Option<(Counts, u32)>,
     /// The programs that the driver made.
     pub executables: Vec<Executable>,
 }
@@ -91,22 +83,17 @@ pub fn usual_capture() -> Result<Capture> {
 /// Options out of range, no device, a capture that the solver cannot take, a kernel that the driver refuses, or a folder
 /// that cannot be written.
 pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) -> Result<CompileProfile> {
-    request.solver.check()?;
+    request.settings.check()?;
     if let Some(folder) = listings {
         places::check_folder(folder)?;
         atomic::create_dir(folder)?;
     }
-    let gpu = Gpu::open(&GpuOptions {
-        device: request.device.clone(),
-        validation: request.validation,
-        statistics: true,
-        listings: listings.is_some(),
-        pipeline_cache: request.pipeline_cache.clone(),
-        ..GpuOptions::default()
-    })?;
-    let Ready { capture, grid, .. } = planned::to_plan(request, capture)?;
-    let solver = sizes::with_kept(request, &gpu, &capture);
-    let plan = solver.plan(&request.problem(&capture, grid), &gpu.abilities())?;
+    let gpu =
+        Gpu::open(&GpuOptions { statistics: true, listings: listings.is_some(), ..request.gpu_options() })?;
+    let resolved = request.resolved(capture);
+    let Ready { capture, grid, .. } = planned::to_plan(&resolved, capture)?;
+    let solver = sizes::with_kept(&resolved.solver, &gpu, &capture);
+    let plan = solver.plan(&resolved.problem(&capture, grid), &gpu.abilities())?;
     let mut kernels = vec![];
     for pass in &plan.passes {
         let values = pass.values(&plan);
@@ -116,23 +103,18 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
             write_listings(folder, pass, &compiled.executables)?;
         }
         let constants: Vec<_> = values.iter().map(|(name, value)| (name.to_string(), *value)).collect();
-        let (counts, shared) = if pass.pairs.is_some() { counted(code, &constants) } else { (None, None) };
-        let of_shared = shared.map_or(0.0, |(c, pairs)| f64::from(c.issued()) / f64::from(pairs.max(1)));
         kernels.push(CompiledKernel {
             kernel: pass.kernel.to_string(),
             code: code.name.into(),
             constants: constants.into_iter().collect(),
             seconds: compiled.seconds,
-            slots: counts.map(|c| f64::from(c.issued()) + of_shared),
-            counts,
-            shared,
-            executables: compiled.executables.into_iter().map(told).collect(),
+            executables: compiled.executables.into_iter().map(reported).collect(),
         });
     }
     Ok(CompileProfile {
         version: env!("CARGO_PKG_VERSION").into(),
         device: device_of(&gpu),
-        tells: gpu.tells_of_kernels(),
+        tells: gpu.reports_kernels(),
         solver: solver.name().into(),
         pairs: plan.scene.pairs,
         voxels: plan.finest().grid.n,
@@ -142,7 +124,7 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
     })
 }
 
-fn told(e: crate::gpu::Executable) -> Executable {
+fn reported(e: crate::gpu::Executable) -> Executable {
     Executable { name: e.name, subgroup: e.subgroup, statistics: e.statistics.into_iter().collect() }
 }
 

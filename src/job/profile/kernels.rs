@@ -5,10 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 
 use super::limits::DeviceLimits;
-use crate::gpu::spirv::{Counts, count_loop};
-use crate::gpu::{Constant, KernelCode, Ran, Recording};
-use crate::solve::{TracePoint, Voxels, pass_of};
-use crate::transport::kernels::constant;
+use crate::gpu::{Buffer, Ran, Recording};
+use crate::solve::{Pass, Plan, TracePoint, Voxels, pass_of};
 
 /// A kernel's part in a solve. A null value is not known or does not apply: most kernels evaluate no pairs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -29,58 +27,14 @@ pub struct KernelProfile {
     pub pairs: f64,
     /// Pairs per second, if it evaluates pairs.
     pub pairs_per_s: Option<f64>,
-    /// The least time that the device's limits allow, over the time that it took.
+    /// Bytes of the buffers that its dispatches read and write, each once per dispatch.
+    pub bytes: f64,
+    /// Bytes per second.
+    pub bytes_per_s: Option<f64>,
+    /// Bytes per second over those of a copy from buffer to buffer on this device.
     pub share_of_limit: Option<f64>,
-    /// The least time that a pair can take, if it evaluates pairs.
-    pub floor: Option<Floor>,
-    /// Instructions of a pair, counted in the compiled module.
-    pub counts: Option<Counts>,
-    /// Instructions that the outer loop runs once for this many pairs: in a product, those for the scanned point's arm.
-    pub shared: Option<(Counts, u32)>,
     /// Registers, shared memory and so on, with the driver's names.
     pub statistics: BTreeMap<String, f64>,
-}
-
-/// The least seconds of a pair by the limit of each part of the device. The largest of them counts.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
-pub struct Floor {
-    /// Seconds to issue all counted instructions, at the rate of fused multiply-adds.
-    pub issue: f64,
-    /// Seconds of the special functions.
-    pub special: f64,
-    /// Seconds of the loads.
-    pub load: f64,
-    /// Seconds of the atomics.
-    pub atomic: f64,
-}
-
-impl Floor {
-    /// The floor of these instructions on a device with these limits.
-    pub fn new(c: &Counts, l: &DeviceLimits, float_atomics: bool) -> Floor {
-        let global = match l.global_atomic_float_per_s.filter(|_| float_atomics) {
-            Some(rate) => rate,
-            None => l.global_atomic_per_s,
-        };
-        Floor {
-            issue: f64::from(c.issued()) / l.fma_per_s,
-            special: f64::from(c.special) / l.special_per_s,
-            // A broadcast is issued for every lane, but takes a load's bandwidth once for a whole subgroup.
-            load: f64::from(c.loads) / l.load_per_s,
-            atomic: f64::from(c.atomics) / global + f64::from(c.shared_atomics) / l.shared_atomic_per_s,
-        }
-    }
-
-    /// Seconds of the slowest part: at best, all parts overlap.
-    pub fn seconds(&self) -> f64 {
-        self.issue.max(self.special).max(self.load).max(self.atomic)
-    }
-
-    /// Name of the slowest part.
-    pub fn bound(&self) -> &'static str {
-        let all =
-            [(self.issue, "issue"), (self.special, "special"), (self.load, "load"), (self.atomic, "atomic")];
-        all.iter().max_by(|a, b| a.0.total_cmp(&b.0)).map_or("", |(_, name)| name)
-    }
 }
 
 /// The device's idle time while it was solving.
@@ -109,10 +63,11 @@ pub struct IterationProfile {
     pub overhead_s: f64,
 }
 
-/// The profiles of all kernels, the longest first. `grid_voxels` holds the voxels beyond the least depth, by lateral
+/// The profiles of all kernels, the longest first. `bytes` holds those of a dispatch by kernel, `grid_voxels` the voxels beyond the least depth, by lateral
 /// resolution.
 pub fn times(
     recording: &Recording,
+    bytes: &BTreeMap<&str, u64>,
     trace: &[TracePoint],
     grid_voxels: &BTreeMap<u64, usize>,
     limits: &DeviceLimits,
@@ -151,16 +106,10 @@ pub fn times(
             if over_pairs && k.seconds > 0.0 {
                 k.pairs_per_s = Some(k.pairs / k.seconds);
             }
-            if let Some(made) = made.filter(|_| over_pairs) {
-                let float = made.code.name.ends_with("_float");
-                (k.counts, k.shared) = counted(&made.code, &made.constants);
-                let of = |c: &Counts| Floor::new(c, limits, float);
-                let floor = k
-                    .counts
-                    .map(|c| of(&c))
-                    .map(|f| k.shared.map_or(f, |(c, pairs)| f.and(of(&c).shared(pairs))));
-                k.share_of_limit = floor.and_then(|f| Some(f.seconds() * k.pairs_per_s?));
-                k.floor = floor;
+            k.bytes = bytes.get(kernel).map_or(0.0, |of_dispatch| (of_dispatch * k.calls) as f64);
+            if k.bytes > 0.0 && k.seconds > 0.0 {
+                k.bytes_per_s = Some(k.bytes / k.seconds);
+                k.share_of_limit = Some(k.bytes / k.seconds / limits.copy_bytes_per_s);
             }
             k
         })
@@ -169,39 +118,11 @@ pub fn times(
     list
 }
 
-/// What a turn of a kernel's main loop counts in its SPIR-V, and what the loop around it counts for so many turns.
-pub(super) fn counted(
-    code: &KernelCode,
-    constants: &[(String, u32)],
-) -> (Option<Counts>, Option<(Counts, u32)>) {
-    let at_once = [constant::OTHERS, constant::FORWARD_OTHERS].map(Constant::name);
-    let others = constants.iter().find(|c| at_once.contains(&c.0.as_str())).map_or(1, |c| c.1);
-    let counted = count_loop(code, constants);
-    let shared = counted.map(|c| (c[1], others)).filter(|s| s.0 != Counts::default());
-    (counted.map(|c| c[0]), shared)
-}
-
-impl Floor {
-    /// The sum of two floors.
-    fn and(self, o: Floor) -> Floor {
-        Floor {
-            issue: self.issue + o.issue,
-            special: self.special + o.special,
-            load: self.load + o.load,
-            atomic: self.atomic + o.atomic,
-        }
-    }
-
-    /// The floor of one pair, if a turn evaluates this many.
-    fn shared(self, pairs: u32) -> Floor {
-        let by = |v: f64| v / f64::from(pairs.max(1));
-        Floor {
-            issue: by(self.issue),
-            special: by(self.special),
-            load: by(self.load),
-            atomic: by(self.atomic),
-        }
-    }
+/// Bytes of the buffers that a dispatch of each pass reads and writes, by kernel.
+pub fn bytes_of(plan: &Plan) -> BTreeMap<&'static str, u64> {
+    let size = |buffer: Buffer| plan.buffers.iter().find(|b| b.buffer == buffer).map_or(0, |b| b.bytes);
+    let of = |pass: &Pass| pass.reads(plan).chain(pass.writes(plan)).map(size).sum();
+    plan.passes.iter().map(|pass| (pass.kernel.name(), of(pass))).collect()
 }
 
 /// Commands that belong to a stage, with the stage's index: the solver's own work.
@@ -304,10 +225,13 @@ mod tests {
 
     #[test]
     fn pairs_count_once_per_pass_with_the_voxels_of_their_iteration() {
-        let k = times(&recording(), &trace(), &[(8, 1000)].into(), &DeviceLimits::default());
+        let limits = DeviceLimits { copy_bytes_per_s: 1e3, ..DeviceLimits::default() };
+        let k = times(&recording(), &[("forward", 100)].into(), &trace(), &[(8, 1000)].into(), &limits);
         let of = |name: &str| k.iter().find(|k| k.name == name).unwrap();
         assert_eq!((of("forward").calls, of("forward").pairs, of("forward").seconds), (3, 550.0, 2.75));
         assert_eq!(of("forward").pairs_per_s, Some(200.0));
+        assert_eq!((of("forward").bytes, of("forward").share_of_limit), (300.0, Some(300.0 / 2.75 / 1e3)));
+        assert_eq!(of("finish").share_of_limit, None);
         assert_eq!(
             (of("backward_project").pairs, of("backward_project").kernel.as_str()),
             (5000.0, "backproject")
@@ -330,28 +254,5 @@ mod tests {
         // The first from the end of `backproject` at 2 to 5, the second from 7 to 8.25.
         let want = IterationProfile { count: 2, seconds: 2.125, pass_s: 1.375, overhead_s: 0.75 };
         assert_eq!(iterations(&recording()), want);
-    }
-
-    #[test]
-    fn the_scarcest_part_of_the_device_is_the_floor() {
-        let limits = DeviceLimits {
-            fma_per_s: 100.0,
-            special_per_s: 10.0,
-            load_per_s: 50.0,
-            global_atomic_per_s: 20.0,
-            global_atomic_float_per_s: Some(4.0),
-            shared_atomic_per_s: 40.0,
-            ..DeviceLimits::default()
-        };
-        let counts = Counts { fma: 10, special: 2, other: 3, loads: 5, broadcasts: 8, ..Counts::default() };
-        let floor = Floor::new(&counts, &limits, true);
-        assert_eq!((floor.issue, floor.special, floor.load, floor.atomic), (0.28, 0.2, 0.1, 0.0));
-        assert_eq!((floor.seconds(), floor.bound()), (0.28, "issue"));
-        let adding = Counts { atomics: 2, ..counts };
-        assert_eq!(Floor::new(&adding, &limits, true).bound(), "atomic");
-        assert_eq!(Floor::new(&adding, &limits, true).atomic, 0.5);
-        assert_eq!(Floor::new(&adding, &limits, false).atomic, 0.1);
-        assert_eq!(floor.shared(2).special, 0.1);
-        assert_eq!(floor.and(floor.shared(2)).issue, 0.28 + 0.14);
     }
 }

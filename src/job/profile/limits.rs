@@ -229,7 +229,7 @@ impl Bench {
         self.executor.run(&s)?;
         let got: Vec<u32> = self.executor.read(BACK, ..words as usize);
         let did = [probe.turns, x, dispatches];
-        // Atomic kernels add to so many words, whatever the number of invocations. The step is prime, so that every lane
+        // Number of words that atomic kernels add to, for any number of invocations. The step is prime, so that every lane
         // is checked.
         let owned = if probe.per_turn == 4 && probe.turns == 64 { words.min(ATOMIC_WORDS) } else { words };
         match (0..owned).step_by(61).find(|i| !(probe.right)(got[*i as usize], *i, did)) {

@@ -7,11 +7,12 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use super::super::sizes::{class_of, keep};
-use super::super::{FindPulse, Loaded, Request, reconstruct};
+use super::super::{Loaded, Request, reconstruct};
 use crate::gpu::DeviceKind;
+use crate::settings::{ImpulseResponse, Model, Settings};
 use crate::solve::Ready;
 use crate::solve::option::OptionValue;
-use crate::solve::{Problem, Sizes, pass_of};
+use crate::solve::{Method, Problem, Sizes, pass_of};
 use crate::{Kind, Result};
 
 /// One trial.
@@ -50,27 +51,24 @@ const WORTH: f64 = 0.95;
 /// # Errors
 /// Those of [`super::profile`], and a cache that cannot be written.
 pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Result<Tuned> {
-    let mut solver = request.solver.clone();
-    // No trial before each profile: the sizes do not depend on it.
-    solver.set("high_pass", &OptionValue::Number(0.0));
-    let request = Request {
-        solver,
-        timings: true,
-        tuned: false,
-        find_pulse: FindPulse::Never,
-        models: vec![],
-        ..request.clone()
-    };
-    request.solver.check()?;
-    let Ready { capture, grid, .. } = request.ready(Cow::Borrowed(&loaded.capture))?;
+    request.settings.check()?;
+    let mut resolved = request.resolved(&loaded.capture);
+    // No fits before each profile: the sizes do not depend on estimates.
+    resolved.solver.set("high_pass", &OptionValue::Number(0.0));
+    let mut request = Request { timings: true, tuned: false, ..request.clone() };
+    request.settings.model = Some(Model::Known(resolved.solver.common().reflectance));
+    request.settings.pulse.get_or_insert(ImpulseResponse::None);
+    let Ready { capture, grid, .. } = resolved.ready(Cow::Borrowed(&loaded.capture))?;
     let gpu = request.open()?;
     super::check_clock(&gpu)?;
     let mut tried: Vec<Tried> = vec![];
     let mut seen = vec![];
     // None if the device does not take the sizes, or if they divide the work as earlier sizes did.
     let mut run = |sizes: Sizes, tried: &mut Vec<Tried>| -> Result<Option<Tried>> {
-        let request = Request { solver: request.solver.with_sizes(sizes), ..request.clone() };
-        match request.solver.plan(&Problem::new(&capture, grid), &gpu.abilities()) {
+        let solver = resolved.solver.with_sizes(sizes);
+        let settings = Settings { method: Method::of(&solver), ..request.settings.clone() };
+        let request = Request { settings, ..request.clone() };
+        match solver.plan(&Problem::new(&capture, grid), &gpu.abilities()) {
             Ok(plan) if seen.contains(&plan.division.tuning) => return Ok(None),
             Ok(plan) => seen.push(plan.division.tuning),
             Err(e) if e.kind == Kind::Options && !tried.is_empty() => return Ok(None),
@@ -98,7 +96,7 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
         tried.push(best.clone());
         Ok(Some(best))
     };
-    let own = run(request.solver.common().sizes, &mut tried)?.expect("the default sizes always run");
+    let own = run(resolved.solver.common().sizes, &mut tried)?.expect("the default sizes always run");
     let (mut best, mut forward_s, mut backward_s) = (own.sizes, own.forward_s, own.backward_s);
     for (forward, set, values) in steps(gpu.info.kind) {
         for value in values {
@@ -112,7 +110,7 @@ pub fn tune(request: &Request, loaded: &Loaded, say: &mut dyn FnMut(&str)) -> Re
             }
         }
     }
-    let class = class_of(&gpu, &request, &loaded.capture);
+    let class = class_of(&gpu, &resolved.solver, &loaded.capture);
     let file = if best.is_default() { None } else { keep(&class, best)? };
     let ratio = (forward_s + backward_s) / (own.forward_s + own.backward_s).max(1e-12);
     Ok(Tuned { class, tried, best, ratio, file })

@@ -16,7 +16,7 @@ pub struct Volume {
     pub normal: Option<Vec<[f32; 3]>>,
 }
 
-/// Normals come from depths that are smoothed by a Gaussian of so many scan steps.
+/// Sigma, scan steps, of the Gaussian that smooths depths before normals are computed.
 const SMOOTH: f64 = 0.7;
 
 /// Interpolates values at the points of a scan, `[(ix * n[1] + iy) * depth + k]`, at the voxel centres of `grid`: cubic
@@ -142,7 +142,7 @@ pub fn maps(grid: &Grid, volume: &Volume, step: f64, fraction: impl FnOnce(&[f32
         normal: vec![],
         mask: Maps::mask_of(&albedo, fraction),
         mask_fraction: Some(fraction),
-        confidence: None,
+        depth_error: None,
         behind: None,
         albedo,
     };

@@ -136,7 +136,7 @@ impl Cells {
     }
 }
 
-/// Transforms planes of one frequency each, in place: their spectra go through `filter`, which is told the frequency.
+/// Transforms planes of one frequency each, in place: their spectra go through `filter`, which receives the frequency.
 /// A spectrum lies as [`Planes::spectrum`] leaves it.
 pub(super) fn filter_planes(
     scan: &RegularScan,

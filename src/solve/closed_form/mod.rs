@@ -38,13 +38,16 @@ mod upsample;
 
 use sharpness::Ladder;
 
-pub use backproject::{BpOptions, FbpOptions, Filter, OfProjection, PhasorBpOptions, hat, passes};
-pub use dlct::DlctOptions;
-pub use fk::FkOptions;
+pub use backproject::{
+    BpOptions, BpSettings, FbpOptions, FbpSettings, Filter, OfProjection, PhasorBpOptions, PhasorBpSettings,
+    hat, passes,
+};
+pub use dlct::{DlctOptions, DlctSettings};
+pub use fk::{FkOptions, FkSettings};
 pub use image::Volume;
-pub use lct::LctOptions;
-pub use options::{Between, ImageOptions};
-pub use phasor::PhasorOptions;
+pub use lct::{LctOptions, LctSettings};
+pub use options::{Between, ImageOptions, ImageSettings};
+pub use phasor::{PhasorOptions, PhasorSettings};
 pub use scan::RegularScan;
 
 /// A method that runs on the host.
@@ -196,11 +199,11 @@ fn in_one_step(
     compute: impl FnOnce() -> Result<(Volume, Option<Sharpness>)>,
 ) -> Result<Reconstruction> {
     let mut point = first_point(plan, grid);
-    let mut told = |point: &TracePoint, maps| {
+    let mut reported = |point: &TracePoint, maps| {
         let progress = Progress { doing: Doing::Solve, point: *point, iterations: 1, remaining: None, maps };
         tell(watch, &progress)
     };
-    told(&point, None)?;
+    reported(&point, None)?;
     let start = Instant::now();
     let (volume, sharpness) = compute()?;
     // What noise alone would show is no surface.
@@ -210,7 +213,7 @@ fn in_one_step(
     });
     point.seconds = start.elapsed().as_secs_f64();
     point.iteration = 1;
-    told(&point, Some(maps.clone()))?;
+    reported(&point, Some(maps.clone()))?;
     let volume = with_volume.then_some(VolumeMap { grid: *grid, albedo: volume.albedo });
     Ok(Reconstruction { sharpness, ..solved(plan, grid, maps, volume, vec![point]) })
 }
@@ -254,6 +257,7 @@ fn solved(
     Reconstruction {
         maps,
         volume,
+        warnings: vec![],
         empty_loss: 0.0,
         pairs: (plan.scene.pairs * grid.voxels()) as u64,
         solve_seconds: trace.last().map_or(0.0, |point| point.seconds),

@@ -67,13 +67,13 @@ pub fn prepare<M: HostMethod>(options: &M, gpu: &Gpu, problem: &Problem<'_>) -> 
     Ok(Box::new(OnHost { options: options.clone(), scan, grid, plan: Arc::new(plan), with_volume }))
 }
 
-/// Refuses arrays of `asked` bytes that do not fit the budget or the host's memory. `mend` says what to do, with the smaller
+/// Refuses arrays of `asked` bytes that do not fit the budget or the host's memory. `fix` says what to do, with the smaller
 /// job that would fit.
 pub fn check_host_memory<A: Into<Advice>>(
     asked: u64,
     gpu: &Gpu,
     memory: Option<u64>,
-    mend: impl FnOnce(Remedy) -> A,
+    hint: impl FnOnce(Remedy) -> A,
 ) -> Result<()> {
     let available = memory.unwrap_or(u64::MAX).min(gpu.memory().free[1]);
     if asked <= available {
@@ -82,7 +82,7 @@ pub fn check_host_memory<A: Into<Advice>>(
     let smaller = Remedy::SmallerJob { asked: Some(asked), available: Some(available) };
     Err(Error::memory(
         format!("the arrays take {} MiB, and there are {} MiB", asked >> 20, available >> 20),
-        mend(smaller),
+        hint(smaller),
     ))
 }
 

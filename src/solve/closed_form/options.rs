@@ -19,7 +19,7 @@ words!(Between);
 
 options! {
     /// Options of every closed-form method.
-    pub struct ImageOptions(suit) {
+    pub struct ImageOptions: ImageSettings(suit) {
         nested {}
         "Solver" {
             /// How surfaces reflect

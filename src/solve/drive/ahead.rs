@@ -31,7 +31,7 @@ pub(super) struct Ahead {
 }
 
 impl Ahead {
-    /// What is ahead of a run from iteration `first` at `level` up to `end`. `unused` takes schedules that nobody runs.
+    /// What is ahead of a run from iteration `first` at `level` up to `end`. `unused` receives schedules that were not run.
     pub fn new(
         steps: &Steps<'_>,
         plan: &Plan,

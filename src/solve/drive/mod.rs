@@ -124,7 +124,7 @@ struct Run<'r, 'w> {
     clock: Clock,
     reader: Reader,
     flights: VecDeque<Flight>,
-    /// Blocks that are done and not told yet, with the seconds of host and device by then.
+    /// Blocks that are done and not yet reported, with the seconds of host and device by then.
     back: Vec<(Flight, [f64; 2])>,
     /// The first iteration of the next block ([`Lists::block`]).
     block_from: usize,
@@ -284,9 +284,9 @@ impl<'r, 'w> Run<'r, 'w> {
         let ahead = self.ahead.get_or_insert_with(|| Ahead::new(&self.steps, plan, run, unused));
         let remaining = ahead.seconds(&point, self.reader.pairs);
         let progress = Progress { doing: Doing::Solve, point, iterations: self.steps.of, remaining, maps };
-        let told = progress.point.iteration;
+        let reported = progress.point.iteration;
         if (self.watch.hear)(&progress).is_break() {
-            self.cancelled = Some(told);
+            self.cancelled = Some(reported);
             return Ok(false);
         }
         let at_end = Some(&flight.level) == self.steps.levels.last();

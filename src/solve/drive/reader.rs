@@ -68,7 +68,7 @@ impl Reader {
 ///
 /// # Errors
 /// A row has a fault. The error names the iteration (from 1), the first pass in the order of an iteration, what is not
-/// finite there, and what may mend it.
+/// finite there, and what may fix it.
 fn check_faults(
     row: &[u32; TRACE_ROW as usize],
     iteration: usize,
@@ -86,6 +86,6 @@ fn check_faults(
         format!(
             "iteration {iteration}: kernel {kernel}: {what} is beyond single precision or no number; the loss is {loss}"
         ),
-        fault.mend,
+        fault.hint,
     ))
 }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use crate::maps::Maps;
 use crate::solve::trace::TracePoint;
 
-/// What a caller is told while the device works.
+/// Progress reports to a caller.
 #[derive(Debug, Clone)]
 pub struct Progress {
     /// What the solve is doing.
@@ -14,7 +14,7 @@ pub struct Progress {
     pub point: TracePoint,
     /// Iterations of the whole solve.
     pub iterations: usize,
-    /// Seconds that the rest is expected to take, as far as that can be told.
+    /// Expected remaining seconds, if known.
     pub remaining: Option<f64>,
     /// The maps after that iteration, if it is one that [`Watch`] asks for.
     pub maps: Option<Maps>,

@@ -20,7 +20,9 @@ pub mod passes;
 mod schedule;
 
 pub use domain::{compact, extract};
-pub use options::{Decay, Domain, Noise, NoiseTerm, PaperOptions};
+pub use options::{
+    Decay, Domain, DomainSettings, Noise, NoiseSettings, NoiseTerm, PaperOptions, PaperSettings,
+};
 pub use schedule::{double, due, initialise, iteration, reduce, restart};
 
 /// The model that `options` make of a capture for `grid`.

@@ -33,12 +33,12 @@ words!(NoiseTerm, Decay);
 
 options! {
     /// Options of the paper's solver.
-    pub struct PaperOptions(suit) {
+    pub struct PaperOptions: PaperSettings(suit) {
         nested {
             /// The active voxels.
-            domain: Domain,
+            domain: Domain / DomainSettings,
             /// The learnt noise term.
-            noise: Noise,
+            noise: Noise / NoiseSettings,
         }
         "Solver" {
             /// Lateral pixels of the maps, and voxels of the final grid
@@ -46,7 +46,7 @@ options! {
             /// Iterations of the optimiser
             iterations: usize = 1000, Range::Count(1, 1_000_000);
             /// Seed of the initial albedo, of the samples and of --subset
-            seed: u32 = 0, Range::Seed;
+            seed: u32 = 0, Range::Internal;
             /// How rendered values are added up: auto takes the fastest that the device has, repeatable the fastest that
             /// gives the same bits in any order
             accumulation: Accumulation = Accumulation::Auto,
@@ -97,7 +97,7 @@ options! {
 
 options! {
     /// Which voxels are active.
-    pub struct Domain(suit) {
+    pub struct Domain: DomainSettings(suit) {
         nested {}
         "Domain" {
             /// Voxels nearer than this are never active, metres [default: 0.2, times the wall's width in metres if that is
@@ -127,7 +127,7 @@ options! {
 
 options! {
     /// The noise term.
-    pub struct Noise(suit) {
+    pub struct Noise: NoiseSettings(suit) {
         nested {}
         "Light transport" {
             /// What the noise term has learnt weights for: nothing (off), every bin, or every histogram
@@ -159,7 +159,7 @@ impl PaperOptions {
         let Domain { smooth_sigma, smooth_truncate, .. } = self.domain;
         if smooth_sigma * smooth_truncate > 1000.0 {
             let want = "a Gaussian that reaches at most 1000 voxels";
-            return Err(refused("smooth-sigma", smooth_sigma, want));
+            return Err(refused("smooth_sigma", smooth_sigma, want));
         }
         Ok(())
     }

@@ -19,7 +19,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_SAMPLE,
             what: "the volume",
-            mend: &advice!["use a smaller " LearningRate " or " InitialAlbedo],
+            hint: &advice!["use a smaller " LearningRate " or " InitialAlbedo],
         }],
         ..Pass::of("sample", |_| &kernel::SAMPLE)
     };
@@ -30,7 +30,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_NOISE,
             what: "the noise term",
-            mend: &advice!["use a smaller " NoiseSpan " or " LearningRate],
+            hint: &advice!["use a smaller " NoiseSpan " or " LearningRate],
         }],
         ..Pass::of("noise", |_| &kernel::NOISE)
     };
@@ -41,7 +41,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_BACKWARD,
             what: "the gradient",
-            mend: &advice!["use a smaller " Peak ", or a larger " MinDepth " where voxels touch the wall"],
+            hint: &advice!["use a smaller " Peak ", or a larger " MinDepth " where voxels touch the wall"],
         }],
         ..Pass::of("backward", |p| p.variant(&kernel::BACKWARD, &kernel::BACKWARD_TEXELS))
     };
@@ -51,7 +51,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_UPDATE,
             what: "the next volume",
-            mend: &advice!["use a smaller " LearningRate " or " Peak],
+            hint: &advice!["use a smaller " LearningRate " or " Peak],
         }],
         ..Pass::of("update", |_| &kernel::UPDATE)
     };

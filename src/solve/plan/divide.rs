@@ -11,7 +11,7 @@ use crate::{Error, Result};
 /// Fewer pairs than this are no dispatch of a gather, however many voxels there are.
 const LEAST_GATHERED: u32 = 64;
 
-/// The most additions to one fp32 sum: more may lose 1e-4 of it, as equal addends round alike (docs/gpu.md).
+/// The most additions to one fp32 sum: more may lose 1e-4 of it, as equal addends round alike (docs/devices.md).
 const VOXELS_PER_BIN: usize = 16_384;
 
 /// How the work of a plan is divided: over invocations, over dispatches, and over parts.
@@ -63,13 +63,13 @@ impl Plan {
         self.sets_of(level, level.rendered.count)
     }
 
-    /// Dispatches that one forward pass over so many pairs takes at `level`.
+    /// Dispatches of one forward pass over `pairs` pairs at `level`.
     pub(in crate::solve) fn sets_of(&self, level: &Level, pairs: usize) -> u32 {
         let chunks = self.voxels_at(level).div_ceil(self.division.tuning.chunk as usize);
         chunks.div_ceil(self.set_chunks(pairs) as usize) as u32
     }
 
-    /// Chunks of voxels in one dispatch of a forward pass over so many pairs: one where every histogram belongs to an
+    /// Chunks of voxels in one dispatch of a forward pass over `pairs` pairs: one where every histogram belongs to an
     /// invocation, else as many as a dispatch may have work for.
     pub(in crate::solve) fn set_chunks(&self, pairs: usize) -> u32 {
         (self.set_cells() / u32::try_from(pairs.max(1)).unwrap_or(u32::MAX)).max(1)

@@ -25,7 +25,7 @@ pub struct Levels {
 }
 
 impl Levels {
-    /// The levels of `model`, scanned in so many points along x and y, on `grid`, whose lateral cells are the maps' pixels.
+    /// The levels of `model`, with the given scan points along x and y, on `grid`, whose lateral cells are the maps' pixels.
     pub(super) fn of(model: &Model, grid: Grid, scan: [usize; 2], demand: &Demand) -> Levels {
         let finest = grid.coarser(demand.pixels_per_voxel);
         let mut volume = sequence(model, finest, scan, demand.coarse_to_fine);

@@ -1,6 +1,6 @@
 //! What a solve needs of the device: levels, passes, buffers. Made before anything is allocated.
 //!
-//! A plan knows no solver. A solver's options say what they need ([`Needs`]), and the plan adds what every solver has.
+//! A plan is independent of solvers. A solver's options say what they need ([`Needs`]), and the plan adds what every solver has.
 
 use std::collections::BTreeMap;
 
@@ -236,12 +236,12 @@ fn check_sizes(model: &Model, grid: &Grid) -> Result<()> {
         ));
     }
     // Kernels walk the depth of a column and the bins of a histogram in one loop each.
-    for (what, count, mend) in [
+    for (what, count, hint) in [
         ("voxels deep", grid.n[2], &advice!["use a larger " DepthPitch " or a narrower " Gate][..]),
         ("bins long", model.bins, &advice!["use a narrower " Gate ", or add bins up before"]),
     ] {
         if count > LONGEST_LOOP {
-            return Err(Error::memory(format!("{count} {what}: at most {LONGEST_LOOP} are supported"), mend));
+            return Err(Error::memory(format!("{count} {what}: at most {LONGEST_LOOP} are supported"), hint));
         }
     }
     Ok(())

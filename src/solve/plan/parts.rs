@@ -213,7 +213,7 @@ impl Plan {
         Ok(())
     }
 
-    /// The cells of a part if all pairs are so many parts.
+    /// Cells of a part, by number of parts.
     fn cut_for(&self, parts: usize) -> usize {
         cells(self.scene.pairs.div_ceil(parts), self.scene.bins)
     }
@@ -287,7 +287,7 @@ impl Plan {
         all
     }
 
-    /// Bytes of the noise term's state for so many pairs of so many bins: weight and two moments, by bin or by histogram.
+    /// Bytes of the noise term's state by pairs and bins: weight and two moments, by bin or by histogram.
     fn noise_bytes(&self, pairs: usize, bins: usize) -> u64 {
         match self.constant(constant::NOISE) {
             Some(1) => (pairs * bins) as u64 * 12,

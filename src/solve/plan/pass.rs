@@ -44,8 +44,8 @@ pub struct Fault {
     pub bit: u32,
     /// What is not finite.
     pub what: &'static str,
-    /// What may mend it.
-    pub mend: &'static [AdvicePart],
+    /// What may fix it.
+    pub hint: &'static [AdvicePart],
 }
 
 /// Declares passes, and a list of all of them.

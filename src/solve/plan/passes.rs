@@ -17,7 +17,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_FORWARD,
             what: "the rendered histograms",
-            mend: &advice![
+            hint: &advice![
                 "use a larger " MinDepth " where voxels touch the wall, or a smaller " LearningRate " of the paper solver, and \
                  check the capture (" [Capture] ")"
             ],
@@ -42,7 +42,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_RESIDUAL,
             what: "the difference from the measurement",
-            mend: &advice!["check the counts (" [Capture] "), or use a smaller " Peak " of the paper solver"],
+            hint: &advice!["check the counts (" [Capture] "), or use a smaller " Peak " of the paper solver"],
         }],
         ..Pass::of("residual", residual)
     };

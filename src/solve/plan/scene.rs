@@ -28,7 +28,7 @@ pub struct Scene {
     pub reflectance: Reflectance,
     /// Bin positions are computed in parts: paths span more bins than fp32 resolves.
     pub fine: bool,
-    /// Distances take a step of Newton: the device's inverse roots may be too rough for so many bins.
+    /// Distances take a step of Newton: the device's inverse roots may be too inaccurate for this number of bins.
     pub polished: bool,
     /// Taps of the instrument's pulse; 0 if no pulse is known.
     pub pulse: usize,

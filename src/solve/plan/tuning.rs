@@ -46,7 +46,7 @@ pub struct Tuning {
     pub lanes: u32,
     /// Forward: voxels of a workgroup.
     pub chunk: u32,
-    /// Forward: workgroups take smaller chunks as long as the device does not get so many lanes.
+    /// Forward: lanes below which workgroups take smaller chunks.
     pub forward_fill: u32,
     /// One lane of a workgroup leaves the partial losses of all.
     pub group_losses: bool,
@@ -54,7 +54,7 @@ pub struct Tuning {
     pub voxels: u32,
     /// Gathers: lanes that share a voxel at most.
     pub slices: u32,
-    /// Gathers: fewer lanes share a voxel as long as the device still gets so many lanes.
+    /// Gathers: lanes above which fewer lanes share a voxel.
     pub fill: u32,
     /// Other points that a product's forward kernel takes at once; 1 for other pairs.
     pub others_forward: u32,
@@ -155,7 +155,7 @@ const GATHERERS: u32 = 256;
 const SLICES: u32 = 32;
 
 /// Lanes that hide the latencies of a gather on a device of a kind: about 32 warps on each of the 132 multiprocessors of an
-/// H200 (docs/gpu.md), and an eighth of that where a GPU shares the host's memory.
+/// H200 (docs/devices.md), and an eighth of that where a GPU shares the host's memory.
 fn fill_of(kind: DeviceKind) -> u32 {
     match kind {
         DeviceKind::Discrete | DeviceKind::Virtual => 1 << 17,
@@ -170,11 +170,11 @@ fn forward_fill_of(kind: DeviceKind) -> u32 {
 }
 
 /// Other points that a product's forward kernel takes at once on a GPU. With two, columns are 32 bins wide, which move
-/// seldom; with four, they would be 16 wide (docs/gpu.md).
+/// seldom; with four, they would be 16 wide (docs/devices.md).
 const OTHERS_WITH_COLUMNS: u32 = 2;
 
-/// Columns are used up to bricks so many times as wide. Counted on lists of solves: a lane of a warp then moves its
-/// column in a sixth of the turns at most (docs/gpu.md).
+/// Maximum ratio of a brick's width to a column's. Counted on lists of solves: a lane of a warp then moves its
+/// column in a sixth of the turns at most (docs/devices.md).
 const SPANS: u32 = 4;
 
 /// Bins of a lane's private histogram columns: 16 KiB of a workgroup's shared memory, or what is left of as much. A brick of
@@ -271,7 +271,7 @@ impl Tuning {
         whole.min(samples.div_ceil(lanes).max((2 * self.fill as usize).div_ceil(lanes) + 1))
     }
 
-    /// Chunks of voxels of a forward pass at most, for up to `voxels` voxels and so many `tiles`, as `chunks.glsl` divides
+    /// Chunks of voxels of a forward pass at most, for up to `voxels` voxels and `tiles` tiles, as `chunks.glsl` divides
     /// them.
     pub(in crate::solve) fn most_chunks(&self, voxels: usize, tiles: u64) -> u64 {
         // Where chunks are smaller, they are fewer than twice as many as fill the device.
@@ -279,7 +279,7 @@ impl Tuning {
         (voxels as u64).div_ceil(u64::from(self.chunk)).max(2 * wanted + 1)
     }
 
-    /// Tiles of pairs, along x, of a dispatch that renders so many pairs of so many scanned and other points.
+    /// Tiles of pairs, along x, of a rendering dispatch, by numbers of pairs, scanned and other points.
     pub(in crate::solve) fn tiles(&self, geometry: Geometry, [pairs, scanned, others]: [usize; 3]) -> u64 {
         let tiles = match geometry {
             Geometry::Product => {
@@ -312,7 +312,7 @@ impl Tuning {
     }
 
     fn check(&self, product: bool, device: &Abilities, sizes: &Sizes) -> Result<()> {
-        let bad = |what: String, mend: String| Err(Error::options(format!("sizes {sizes}: {what}"), mend));
+        let bad = |what: String, hint: String| Err(Error::options(format!("sizes {sizes}: {what}"), hint));
         let none = sizes.named().into_iter().find(|(name, v)| *v == Some(0) && *name != "window");
         if let Some((name, _)) = none {
             return bad(format!("{name} is 0"), "give 1 or more, or leave it out".into());

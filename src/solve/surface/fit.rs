@@ -209,7 +209,7 @@ pub(crate) fn cleared(s: &mut Schedule, plan: &Plan) {
     }
 }
 
-/// The steps that the driver runs, after `begin` iterations: `iterations` of a surface with so many pixels in each layer, of
+/// The steps that the driver runs, after `begin` iterations: `iterations` of a surface with the given pixels in each layer, of
 /// `of` in all. Maps on the way show the first layer.
 fn steps(
     plan: &Plan,
@@ -311,7 +311,7 @@ fn place(
     Ok(Some(Placed { pixels: pixels.len(), most: scale * most, explained, left: measured - explained }))
 }
 
-/// Renders so many pixels, and leaves the objective in row `row` of the trace.
+/// Renders `pixels` pixels and writes the objective to row `row` of the trace.
 fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: usize) {
     render(s, plan, level, pixels, objective(plan));
     s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))

@@ -187,7 +187,7 @@ pub fn merge(layers: &[Maps; 2], least: f64) -> Maps {
         put(&mut behind, is_double.then_some(far), c);
     }
     let Maps { albedo, depth, normal, mask, .. } = behind;
-    maps.behind = double.contains(&true).then_some(Layer { albedo, depth, normal, mask, confidence: None });
+    maps.behind = double.contains(&true).then_some(Layer { albedo, depth, normal, mask, depth_error: None });
     maps.set_mask(maps.mask_fraction);
     maps
 }

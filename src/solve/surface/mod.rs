@@ -43,7 +43,7 @@ pub(crate) use fit::{Fit, Quality, Run};
 pub use follow::Follow;
 use follow::Last;
 pub use needs::{OfFit, SMALL_PIXEL, pixels, points_of};
-pub use options::{Begin, LEAST_FLOOR, SurfaceOptions};
+pub use options::{Begin, LEAST_FLOOR, SurfaceOptions, SurfaceSettings};
 pub use pixels::Pixels;
 pub use schedule::{bonds, divide, extract, iteration, points, render, start as start_of};
 pub(crate) use start::Start;
@@ -380,7 +380,7 @@ impl Fits<'_> {
         Ok(Done { driven, layers, explained: quality.map_or(0.0, |q| q.explained()) })
     }
 
-    /// A fit of so many iterations, after others of its schedule that are left out.
+    /// A fit of `iterations` iterations, skipping the start of its schedule.
     fn run(&self, iterations: usize, skipped: usize) -> Run {
         Run { iterations, skipped, of: self.of, scales: true, until: self.until }
     }

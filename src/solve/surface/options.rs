@@ -29,7 +29,7 @@ words!(Begin);
 
 options! {
     /// Options of the surface solver.
-    pub struct SurfaceOptions(suit) {
+    pub struct SurfaceOptions: SurfaceSettings(suit) {
         nested {}
         "Solver" {
             /// Lateral pixels of the maps (N of N × N)
@@ -100,7 +100,7 @@ impl SurfaceOptions {
         self.check_ranges()?;
         if self.filter().is_some() && self.high_pass_floor < LEAST_FLOOR {
             return Err(crate::solve::option::refused(
-                "high-pass-floor",
+                "high_pass_floor",
                 self.high_pass_floor,
                 &format!("a share from {LEAST_FLOOR} to 1"),
             ));

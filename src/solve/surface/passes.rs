@@ -13,7 +13,7 @@ passes! {
 
     /// Computes the slopes and the points of every pixel.
     SURFACE_POINTS = Pass {
-        faults: &[Fault { bit: FAULT_SAMPLE, what: "the surface", mend: &advice!["check the counts (" [Capture] ")"] }],
+        faults: &[Fault { bit: FAULT_SAMPLE, what: "the surface", hint: &advice!["check the counts (" [Capture] ")"] }],
         ..Pass::of("surface_points", |_| &kernel::SURFACE_POINTS)
     };
 
@@ -24,7 +24,7 @@ passes! {
         faults: &[Fault {
             bit: FAULT_BACKWARD,
             what: "the surface's gradient",
-            mend: &advice!["use a larger " MinDepth " where it touches the wall, and check the counts (" [Capture] ")"],
+            hint: &advice!["use a larger " MinDepth " where it touches the wall, and check the counts (" [Capture] ")"],
         }],
         ..Pass::of("surface_gather", |p| p.variant(&kernel::SURFACE_GATHER, &kernel::SURFACE_GATHER_TEXELS))
     };
@@ -37,7 +37,7 @@ passes! {
 
     /// Updates depths and albedos by Adam, and closes the iteration.
     SURFACE_STEP = Pass {
-        faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", mend: &advice!["check the counts (" [Capture] ")"] }],
+        faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", hint: &advice!["check the counts (" [Capture] ")"] }],
         ..Pass::of("surface_step", |_| &kernel::SURFACE_STEP)
     };
 

@@ -16,7 +16,7 @@ fn along_curve(x: u32, y: u32) -> u64 {
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Pixels {
     /// Index of each among the maps' pixels, along a Morton curve: pixels that lie near each other in the list lie near
-    /// each other in the maps, so their paths fall into the same bins (docs/gpu.md). Indices of the second layer, and its
+    /// each other in the maps, so their paths fall into the same bins (docs/devices.md). Indices of the second layer, and its
     /// pixels in the list, follow after all of the first.
     pub columns: Vec<u32>,
     /// Albedo of each.

@@ -35,7 +35,7 @@ pub fn start(s: &mut Schedule, level: &Level, count: usize, points: usize) {
     bonds(s, level, count, 0);
 }
 
-/// Finds the bonds of every pixel, and the weights of the prior by what was left after so many iterations as are `done`,
+/// Finds the bonds of every pixel, and the weights of the prior by the residual after `done` iterations,
 /// if any are.
 pub fn bonds(s: &mut Schedule, level: &Level, count: usize, done: usize) {
     let push = Push { iteration: done as u32, ..push(count) };

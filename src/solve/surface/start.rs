@@ -36,7 +36,7 @@ const PROJECTED: usize = 1024;
 /// A closed-form method that is prepared to initialise surfaces of one scan.
 pub(crate) struct Start {
     method: Box<dyn Prepared>,
-    /// It takes so many of the pairs.
+    /// Number of pairs used.
     pairs: Option<usize>,
 }
 
@@ -78,7 +78,7 @@ impl Start {
     }
 }
 
-/// At most about so many pairs of a capture: a coarser scan, or pairs drawn from a list.
+/// A subset of about `most` pairs: a coarser scan, or random pairs of a list.
 fn few(capture: &Capture, pairs: Option<usize>) -> Result<Cow<'_, Capture>> {
     let Some(pairs) = pairs else { return Ok(Cow::Borrowed(capture)) };
     let stride = (capture.pair_count() as f64 / pairs as f64).sqrt().ceil() as usize;

@@ -2,7 +2,7 @@
 //!
 //! A fit of too few pixels puts the light of the missing ones on its rim, which becomes bright; a fit of too many leaves a dim
 //! rim. So between short fits the support grows by a ring around bright rims ([`grow`]), loses what is dim once its
-//! surroundings are averaged ([`settle`]), and loses islands too small to be told from noise ([`drop_islands`]). One rim pixel
+//! surroundings are averaged ([`settle`]), and loses islands indistinguishable from noise ([`drop_islands`]). One rim pixel
 //! alone has too little evidence; its smoothed surroundings have enough.
 
 use std::collections::VecDeque;

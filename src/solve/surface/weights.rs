@@ -36,7 +36,7 @@ pub struct Placed {
     pub left: f64,
 }
 
-/// The buffer `surface_weights`, for a fit of so many iterations.
+/// The buffer `surface_weights`, for a fit of `iterations` iterations.
 pub fn weights(
     model: &Model,
     level: &Level,

@@ -15,7 +15,7 @@ pub fn places(call: &Call, b: &mut [Cells]) {
     let first = f64::from(PADDING) - if m.binning == Binning::Linear { 0.5 } else { 0.0 };
     let last = m.stride() as f64 + 1.0;
     for (path, cell) in source.iter().zip(target).take(call.push.last as usize) {
-        // `max` passes over what is not a number.
+        // `max` ignores NaN.
         *cell = ((unit * path - m.t_start) / m.bin_width + first).floor().max(0.0).min(last) as u32;
     }
 }

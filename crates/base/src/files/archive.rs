@@ -13,11 +13,11 @@ use super::array::{Array, Head};
 use crate::error::{Error, Result};
 use crate::host;
 
-/// Deflate shrinks data at most 1032 times: a file that claims more is damaged.
+/// Maximum compression ratio of deflate is 1032: a larger claim indicates damage.
 const MOST_DEFLATED: u64 = 1100;
 /// Largest array, bytes. Arrays of captures and maps are far smaller.
 const LARGEST: u64 = 32 << 30;
-/// Arrays that are large and packed more than so many times as tightly hold hardly anything.
+/// Compression ratio above which a large array contains almost no information.
 const HARDLY_ANYTHING: u64 = 500;
 
 /// An npz file opened for reading; arrays are decoded on request.
@@ -62,7 +62,7 @@ impl Npz {
         let Some([size, packed]) = self.sizes(name) else { return Ok(None) };
         if host::swells(size, packed, HARDLY_ANYTHING) {
             return Err(Error::input(
-                format!("array {name} unpacks to {} MiB of hardly more than one value", size >> 20),
+                format!("array {name} unpacks to {} MiB of nearly constant data", size >> 20),
                 "the file is damaged or malicious: download or write it again",
             ));
         }
@@ -76,8 +76,8 @@ impl Npz {
         Some([entry.size(), entry.compressed_size()])
     }
 
-    /// Reads an array, however much it unpacks to; `None` if there is none of this name. The memory that its numbers take as
-    /// float64 is asked for, too.
+    /// Reads an array without a limit on its compression ratio; `None` if there is no array of this name. Also
+    /// reserves the memory of its elements as float64.
     ///
     /// # Errors
     /// As [`Npz::get`].
@@ -88,8 +88,8 @@ impl Npz {
         head.whole(&mut elements, left).map(Some).map_err(|e| e.at(place))
     }
 
-    /// The header of an array, and its elements as they follow; `None` if there is no array of this name. Several may be read
-    /// at a time.
+    /// Header of an array and a reader of its elements; `None` if there is no array of this name. Several arrays may
+    /// be read concurrently.
     ///
     /// # Errors
     /// `Kind::Input` if the entry is damaged, or is not an array of numbers.
@@ -104,7 +104,7 @@ impl Npz {
             ));
         }
         let sum = entry.crc32();
-        let start = entry.data_start().ok_or_else(|| damaged(format!("array {name} has no place")))?;
+        let start = entry.data_start().ok_or_else(|| damaged(format!("array {name} has no data offset")))?;
         drop(entry);
         let mut file = File::open(&self.path).map_err(damaged)?;
         file.seek(SeekFrom::Start(start)).map_err(damaged)?;
@@ -127,7 +127,7 @@ impl Npz {
         self.get(name)?.ok_or_else(|| self.missing(name, wanted))
     }
 
-    /// The error of an array that is missing.
+    /// Error for a missing array.
     pub fn missing(&self, name: &str, wanted: &str) -> Error {
         let there = self.names();
         let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
@@ -150,12 +150,12 @@ impl Npz {
     }
 }
 
-/// The rest of an entry of an archive. The sum of all its bytes is compared with that in the archive when the last one is read.
+/// Rest of an archive entry. The checksum is verified when the last byte is read.
 pub struct Elements {
     bytes: Box<dyn Read>,
-    /// Bytes that are left.
+    /// Remaining bytes.
     left: u64,
-    /// The sum in the archive, and that of the bytes so far.
+    /// Checksum in the archive, and of the bytes so far.
     sum: u32,
     summed: Crc,
 }
@@ -169,7 +169,7 @@ impl Read for Elements {
         if count == 0 || self.left > 0 || self.summed.sum() == self.sum {
             return Ok(count);
         }
-        Err(io::Error::new(io::ErrorKind::InvalidData, "its bytes are not those that were written (CRC-32)"))
+        Err(io::Error::new(io::ErrorKind::InvalidData, "checksum mismatch (CRC-32)"))
     }
 }
 

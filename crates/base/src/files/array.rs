@@ -58,7 +58,7 @@ impl Element {
     }
 }
 
-/// An element of an array, without loss.
+/// An array element, lossless.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Number {
     /// Without a sign.
@@ -78,7 +78,7 @@ impl Number {
         }
     }
 
-    /// The nearest whole number, if it has 64 bits and a sign.
+    /// Nearest signed 64-bit integer, if in range.
     fn whole(self) -> Option<i64> {
         match self {
             Number::Unsigned(n) => i64::try_from(n).ok(),
@@ -163,10 +163,10 @@ impl Array {
         self.convert(|v| v.real() != 0.0)
     }
 
-    /// All elements in C order, rounded to whole numbers.
+    /// All elements in C order as integers.
     ///
     /// # Errors
-    /// The first that is no whole number of 64 bits with a sign.
+    /// The first element that is not a signed 64-bit integer.
     pub fn to_i64(&self) -> std::result::Result<Vec<i64>, Number> {
         self.convert(|v| v.whole().ok_or(v))
     }
@@ -277,7 +277,7 @@ fn wrong(what: String) -> Error {
 /// Longest header of an npy file, bytes; numpy's have some hundred.
 const LONGEST: u64 = 1 << 20;
 
-/// What an npy file says before its elements.
+/// Header of an npy file.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Head {
     /// Length along each axis; empty for a single number.
@@ -291,15 +291,16 @@ pub struct Head {
 }
 
 impl Head {
-    /// Bytes of the elements; `None` if they are too many to count.
+    /// Size of the elements in bytes; `None` on overflow.
     fn size(&self) -> Option<usize> {
         self.shape.iter().try_fold(self.element.size(), |n, &d| n.checked_mul(d))
     }
 
-    /// Reads all elements, of which there are so many bytes. The memory that their numbers take as float64 is asked for, too.
+    /// Reads all elements; `left` is their size in bytes. Also reserves the memory of the elements as float64.
     ///
     /// # Errors
-    /// `Kind::Input` if they cannot be read or are not as many as the header says, `Kind::Memory` if they do not fit.
+    /// `Kind::Input` if they cannot be read or their number differs from the header's, `Kind::Memory` if they do not
+    /// fit.
     pub fn whole(self, elements: &mut impl Read, left: u64) -> Result<Array> {
         let Some(size) = self.size().filter(|size| *size as u64 == left) else {
             return Err(wrong(format!("shape {:?} does not fit {left} bytes of data", self.shape)));

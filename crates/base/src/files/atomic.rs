@@ -1,4 +1,4 @@
-//! Atomic writes: a file appears whole or not at all.
+//! Atomic writes: a file appears completely or not at all.
 
 use std::cell::Cell;
 use std::fs;
@@ -8,12 +8,12 @@ use std::path::{Path, PathBuf};
 use super::hidden::{Hidden, is_hidden};
 use crate::error::{Error, Result};
 
-/// Writes `bytes` to `path`: first to a file in a hidden folder beside it, which is then renamed to `path`. Missing
-/// folders are created. On an error nothing is left behind, and an older file at `path` does not change. A link stays: the
-/// file that it names is replaced. A device or a pipe (`/dev/null`, `/dev/stdout`) stays too, and gets the bytes.
+/// Writes `bytes` to `path` through a file in a hidden folder beside it, which is then renamed. Missing folders are
+/// created. On an error no file remains, and a previous file at `path` is unchanged. The target of a symbolic link is
+/// replaced, the link kept. Devices and pipes (`/dev/null`, `/dev/stdout`) are written directly.
 ///
 /// # Errors
-/// `Kind::Output`, naming the path and what to do.
+/// `Kind::Output`, naming the path and the fix.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     replace(path, |temporary| {
         let mut file = fs::File::create(temporary).map_err(|e| cannot(path, &e))?;
@@ -21,7 +21,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     })
 }
 
-/// As [`write()`], for writers that need a path: `fill` writes the file to the path that it gets.
+/// As [`write()`], for writers that need a path: `fill` writes the file at its argument.
 ///
 /// # Errors
 /// `Kind::Output`, naming the path, or the error of `fill`.
@@ -55,11 +55,11 @@ pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()
     }
     let moved = if stream { pour(&temporary, path) } else { fs::rename(&temporary, &target) };
     moved.map_err(|e| cannot(path, &e))?;
-    // Who moves a hidden folder's files to their places syncs these.
+    // Files of a hidden folder are synced when they are moved.
     if stream || is_hidden(&folder) { Ok(()) } else { sync_folder(&folder) }
 }
 
-/// Waits until the disk knows the names in a folder. File systems that cannot do so are left alone.
+/// Flushes a folder's entries to the disk. No-op on file systems without support.
 pub(super) fn sync_folder(folder: &Path) -> Result<()> {
     #[cfg(test)]
     SYNCED.with_borrow_mut(|all| all.push(folder.into()));
@@ -76,13 +76,13 @@ thread_local! {
     static SYNCED: std::cell::RefCell<Vec<PathBuf>> = const { std::cell::RefCell::new(vec![]) };
 }
 
-/// The folders that this thread synced since the last call.
+/// Folders synced by this thread since the last call.
 #[cfg(test)]
 pub(super) fn synced() -> Vec<PathBuf> {
     SYNCED.take()
 }
 
-/// Whether `path` takes bytes but is no file that another may replace: a device, a pipe, or an open file of a process.
+/// Whether `path` is writable but not replaceable: a device, a pipe, or an open file of a process.
 pub fn is_stream(path: &Path) -> bool {
     let open = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];
     let open = open.iter().any(|name| path.starts_with(name)) && path.exists();
@@ -111,8 +111,8 @@ thread_local! {
     static FAULT: Cell<(u64, Option<(DiskFault, u64)>)> = const { Cell::new((0, None)) };
 }
 
-/// Sets a fault for the Nth file (from 0) that this thread writes after this call, or clears it. Returns the number of
-/// files that were written since the last call. For tests.
+/// Injects a fault into the Nth file (from 0) that this thread writes after this call, or clears it. Returns the
+/// number of files written since the last call. For tests.
 pub fn inject(fault: Option<(DiskFault, u64)>) -> u64 {
     FAULT.replace((0, fault)).0
 }
@@ -127,7 +127,7 @@ fn next_fault() -> Option<DiskFault> {
 fn begin(fault: DiskFault, temporary: &Path) -> std::io::Result<()> {
     match fault {
         DiskFault::Denied => Err(ErrorKind::PermissionDenied.into()),
-        // This device is always full: writers get the real error in the middle of their work.
+        // A device that is always full: writers receive the real error during writing.
         #[cfg(unix)]
         DiskFault::Full => std::os::unix::fs::symlink("/dev/full", temporary),
         #[cfg(not(unix))]
@@ -136,12 +136,12 @@ fn begin(fault: DiskFault, temporary: &Path) -> std::io::Result<()> {
     }
 }
 
-/// Libraries pass the system's error on as text. A full disk is recognised by that text and gets its own advice.
+/// Libraries convert the system's error to text; a full disk is recognised by that text.
 fn if_full(mut error: Error) -> Error {
     // ENOSPC, EDQUOT.
     let full = [28, 122].map(std::io::Error::from_raw_os_error);
     if full.iter().any(|e| is_of_full(e.kind()) && error.what.contains(&e.to_string())) {
-        error.mend = FULL.into();
+        error.hint = FULL.into();
     }
     error
 }
@@ -150,9 +150,9 @@ fn is_of_full(kind: ErrorKind) -> bool {
     matches!(kind, ErrorKind::StorageFull | ErrorKind::QuotaExceeded)
 }
 
-/// Whether an error says that the disk, or this user's share of it, is full.
+/// Whether an error reports a full disk or an exhausted quota.
 pub fn is_full(error: &Error) -> bool {
-    error.mend == FULL.into()
+    error.hint == FULL.into()
 }
 
 /// Creates a folder and its parents, if missing.
@@ -173,7 +173,7 @@ const FULL: &str = "the disk is full: free some space or write elsewhere";
 
 /// The error of a failed write, with advice for its cause.
 pub fn cannot(path: &Path, e: &std::io::Error) -> Error {
-    let mend = match e.kind() {
+    let hint = match e.kind() {
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => {
             "choose a folder that you may write to"
         }
@@ -184,5 +184,5 @@ pub fn cannot(path: &Path, e: &std::io::Error) -> Error {
         ErrorKind::InvalidFilename => "choose a shorter or simpler name",
         _ => "check the path and the disk",
     };
-    Error::output(format!("{}: cannot be written: {e}", path.display()), mend)
+    Error::output(format!("{}: cannot be written: {e}", path.display()), hint)
 }

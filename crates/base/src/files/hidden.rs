@@ -1,4 +1,4 @@
-//! Hidden folders for files that are being written, beside their places.
+//! Hidden folders for files during writing, beside their destinations.
 
 use std::fs::{self, File, TryLockError};
 use std::io;
@@ -10,7 +10,7 @@ use tempfile::TempDir;
 const PREFIX: &str = ".thirdbounce.";
 const SUFFIX: &str = ".part";
 
-/// Age after which a hidden folder of another host, or one on a file system without locks, is left over.
+/// Age after which a hidden folder of another host, or on a file system without locks, is stale.
 const OLD: Duration = Duration::from_secs(7 * 24 * 3600);
 /// Folders that are tried: another process may sweep one before it is locked.
 const TRIES: usize = 100;
@@ -19,12 +19,12 @@ const TRIES: usize = 100;
 /// writes beside it removes it.
 pub(super) struct Hidden {
     folder: TempDir,
-    // Locked while this process lives; none on file systems without locks.
+    // Lock held by this process; `None` on file systems without locks.
     _lock: Option<File>,
 }
 
 impl Hidden {
-    /// Creates the folder inside `beside`, which must exist. Folders that killed processes left there are removed.
+    /// Creates the folder inside `beside`, which must exist, and removes stale folders of killed processes.
     ///
     /// # Errors
     /// The error of the system.
@@ -40,7 +40,7 @@ impl Hidden {
                 _ => {}
             }
         }
-        Err(io::Error::other("hidden folders are removed as soon as they are made"))
+        Err(io::Error::other("hidden folders are removed immediately after creation"))
     }
 
     pub(super) fn path(&self) -> &Path {
@@ -65,14 +65,13 @@ pub fn probe(folder: &Path) -> io::Result<()> {
     Hidden::new(folder).map(drop)
 }
 
-/// The host's name in letters and digits: locks of another host may be invisible here.
+/// Host name in letters and digits: locks of another host may be invisible.
 fn host() -> String {
     let name = fs::read_to_string("/proc/sys/kernel/hostname").or_else(|_| std::env::var("HOSTNAME"));
     name.unwrap_or_default().chars().filter(char::is_ascii_alphanumeric).take(32).collect()
 }
 
-/// Removes hidden folders in `folder` whose lock is free; those without the prefix `own` only when nothing in them has changed for
-/// long.
+/// Removes unlocked hidden folders in `folder`; those without the prefix `own` only if stale.
 fn sweep(folder: &Path, own: &str) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let (name, path) = (entry.file_name().to_string_lossy().into_owned(), entry.path());
@@ -89,7 +88,7 @@ fn sweep(folder: &Path, own: &str) {
     }
 }
 
-/// Whether nothing in a folder has changed for long; false where this is unknown.
+/// Whether a folder's content is stale; false if unknown.
 fn is_old(folder: &Path) -> bool {
     let inside = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     inside.chain([folder.to_path_buf()]).all(|path| {
@@ -105,7 +104,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_nobody_uses_is_swept() {
+    fn only_unused_folders_are_removed() {
         let folder = tempfile::tempdir().unwrap();
         let made = |name: &str, old: bool| {
             let path = folder.path().join(format!("{PREFIX}{name}{SUFFIX}"));
@@ -119,7 +118,7 @@ mod tests {
         let used = Hidden::new(folder.path()).unwrap();
         assert!(left.iter().all(|path| !path.exists()), "{left:?}");
         let young = made("elsewhere.2", false);
-        // A process elsewhere writes a file now, in a folder that it made long ago.
+        // Another host writes to a folder that it created long ago.
         let slow = made("elsewhere.3", false);
         fs::write(slow.join("maps.npz"), b"").unwrap();
         File::open(&slow).unwrap().set_modified(SystemTime::now() - 2 * OLD).unwrap();

@@ -1,4 +1,4 @@
-//! File access: atomic writes, results of several files that appear together, arrays in npz archives.
+//! File access: atomic writes, results of several files committed together, arrays in npz archives.
 
 pub mod archive;
 pub mod array;

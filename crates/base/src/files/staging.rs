@@ -1,4 +1,4 @@
-//! Results of several files: they are written to a hidden folder, then replace older ones together.
+//! Results of several files: written to a hidden folder, then moved to their destinations together.
 
 use std::collections::BTreeSet;
 use std::fs::{self, File, TryLockError};
@@ -9,10 +9,10 @@ use super::atomic::{cannot, create_dir, sync_folder};
 use super::hidden::Hidden;
 use crate::error::{Error, Result};
 
-/// How long to wait for another process to move its results, which takes milliseconds.
+/// Maximum wait for another process to commit, which takes milliseconds.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// Results of several files: they are written to a hidden folder inside the folder of the results, then moved to their
-/// places together.
+/// Results of several files: written to a hidden folder inside the results' folder, then moved to their destinations
+/// together.
 pub struct Staging {
     target: PathBuf,
     hidden: Hidden,
@@ -29,14 +29,14 @@ impl Staging {
         Ok(Staging { target: target.into(), hidden })
     }
 
-    /// The hidden folder: write the files here.
+    /// The hidden folder, to which files are written.
     pub fn path(&self) -> &Path {
         self.hidden.path()
     }
 
-    /// Moves `files` (inside [`Staging::path`]) to their places, in order, and returns their new paths. An older file
-    /// at the last place is removed first: the last file exists only when all others are in place. Other processes that
-    /// commit to the same folder wait.
+    /// Moves `files` (inside [`Staging::path`]) to their destinations, in order, and returns their new paths. A
+    /// previous file at the last destination is removed first: the last file exists only when all others are in
+    /// place. Commits of other processes to the same folder wait.
     ///
     /// # Errors
     /// `Kind::Output` if a file cannot be moved, or if another process keeps the folder locked for too long.
@@ -59,8 +59,8 @@ impl Staging {
         Ok(places)
     }
 
-    /// Moves the folder `name` (inside [`Staging::path`]) to its place in the target, whole. Where a folder with files has that
-    /// name, its files are replaced as by [`Staging::commit`], and others stay; `last` is the file that comes last.
+    /// Moves the folder `name` (inside [`Staging::path`]) to its destination in the target. In an existing folder,
+    /// files are replaced as by [`Staging::commit`] and others kept; `last` is the last file.
     ///
     /// # Errors
     /// Those of [`Staging::commit`].
@@ -78,7 +78,7 @@ impl Staging {
     }
 }
 
-/// The files in a folder and those below it.
+/// Files in a folder, recursively.
 fn list(folder: &Path, files: &mut Vec<PathBuf>) {
     for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         match entry.path() {
@@ -99,7 +99,7 @@ pub fn remove(file: &Path) -> Result<()> {
     }
 }
 
-/// A lock on `folder`; `None` where there are no such locks.
+/// Lock on `folder`; `None` on file systems without locks.
 fn alone_in(folder: &Path) -> Result<Option<File>> {
     let Ok(file) = File::open(folder) else { return Ok(None) };
     let start = Instant::now();
@@ -125,7 +125,7 @@ fn alone_in(folder: &Path) -> Result<Option<File>> {
 mod tests {
     use super::*;
 
-    /// What is renamed outlasts a loss of power when its folder is synced: once for a result, not for each file of it.
+    /// A renamed file survives a power loss when its folder is synced: once per result, not per file.
     #[test]
     fn folders_are_synced_once_for_a_result() {
         use super::super::atomic::{synced, write};
@@ -137,7 +137,7 @@ mod tests {
         let staging = Staging::new(&out).unwrap();
         let files = ["a", "b", "below/c"].map(|name| staging.path().join(name));
         files.iter().for_each(|file| write(file, b"1").unwrap());
-        assert!(synced().is_empty(), "nobody misses a hidden folder");
+        assert!(synced().is_empty(), "a hidden folder needs no sync");
         staging.commit(&files).unwrap();
         assert_eq!(synced(), [out.clone(), out.join("below"), out.clone()]);
         let staging = Staging::new(&out).unwrap();
@@ -145,7 +145,7 @@ mod tests {
         write(&staging.path().join("whole/a"), b"1").unwrap();
         assert_eq!(staging.commit_folder("whole", "a").unwrap(), out.join("whole"));
         assert_eq!(synced(), [&*out]);
-        // A folder with files keeps those of others.
+        // Foreign files in a folder are kept.
         fs::write(out.join("whole/mine"), "mine").unwrap();
         let staging = Staging::new(&out).unwrap();
         for name in ["whole/a", "whole/b", "whole/below/c"] {

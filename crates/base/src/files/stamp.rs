@@ -1,4 +1,4 @@
-//! Files by size and time of change.
+//! File stamps: size and modification time.
 
 use std::fs::{self, Metadata};
 use std::path::Path;
@@ -6,7 +6,7 @@ use std::time::UNIX_EPOCH;
 
 use serde::{Deserialize, Serialize};
 
-/// A file by its size and time of change.
+/// Size and modification time of a file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Stamp {
     bytes: u64,
@@ -15,7 +15,7 @@ pub struct Stamp {
 }
 
 impl Stamp {
-    /// That of a file; `None` if there is none at this path.
+    /// Stamp of a file; `None` if there is none at this path.
     pub fn of(path: &Path) -> Option<Stamp> {
         let meta = fs::metadata(path).ok().filter(Metadata::is_file)?;
         let changed = meta.modified().ok().and_then(|t| t.duration_since(UNIX_EPOCH).ok());

@@ -1,5 +1,5 @@
-//! The surface χ = 0 as triangles (surface nets). Every cell that the surface crosses has a vertex, at the mean of the
-//! points where the surface crosses the cell's edges. Two triangles surround every edge that the surface crosses.
+//! The surface χ = 0 as triangles (surface nets). Every crossed cell has a vertex at the mean of the crossings of its
+//! edges; two triangles surround every crossed edge.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use glam::{DVec3, IVec3};
 
 use super::poisson::{AXES, CORNERS, Field, gradient};
 
-/// Vertices in metres with their outward unit normals, and triangles that turn counter-clockwise as seen from outside.
+/// Vertices in metres with their outward unit normals, and triangles counter-clockwise as seen from outside.
 pub struct Surface {
     pub vertices: Vec<(DVec3, DVec3)>,
     pub triangles: Vec<[usize; 3]>,
@@ -35,7 +35,7 @@ pub fn surface(field: &Field) -> Surface {
             let around =
                 [IVec3::ZERO, u, u + v, v].map(|back| of_cell.get(&(*node - back).to_array()).copied());
             let [Some(a), Some(b), Some(c), Some(d)] = around else { continue };
-            // These four turn counter-clockwise about the axis; the inside lies where χ is positive.
+            // These four are counter-clockwise about the axis; χ is positive inside.
             let [a, b, c, d] = if before { [a, b, c, d] } else { [d, c, b, a] };
             let length = |a: usize, b: usize| {
                 let (a, b): (&(DVec3, DVec3), &(DVec3, DVec3)) = (&vertices[a], &vertices[b]);
@@ -49,8 +49,7 @@ pub fn surface(field: &Field) -> Surface {
     Surface { vertices, triangles }
 }
 
-/// The mean of the points where the surface crosses a cell's edges, from the cell's lowest corner. `None` if there are
-/// none.
+/// Mean of the crossings of a cell's edges, from the cell's lowest corner. `None` without crossings.
 fn middle(values: &[f64; 8]) -> Option<DVec3> {
     let (mut sum, mut count) = (DVec3::ZERO, 0);
     for (i, low) in CORNERS.iter().enumerate() {

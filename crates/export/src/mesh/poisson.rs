@@ -1,9 +1,9 @@
 //! Screened Poisson reconstruction (Kazhdan and Hoppe 2013) on a narrow band of a regular grid.
 //!
-//! Finds a function χ that is zero on the surface and positive behind it. Its gradient is close to the field V of the
+//! Finds a function χ that is zero on the surface and positive behind it, with a gradient close to the field V of the
 //! points' normals. χ minimises Σ over the grid's edges of (∂χ − V)² + α Σ over the points of area · χ(point)². Only
-//! nodes near a point take part, and the band's rim is free, because everything far from all points is cut off later. A
-//! few thousand nodes are enough; a whole box has millions.
+//! nodes near a point contribute, and the band's rim is free, because everything far from all points is trimmed
+//! later. A few thousand nodes suffice, instead of millions in the whole box.
 
 use glam::{DVec3, IVec3, dvec3, ivec3};
 
@@ -13,16 +13,16 @@ pub struct Sample {
     pub at: DVec3,
     /// Unit, outward: towards the wall.
     pub normal: DVec3,
-    /// Area of the surface that it stands for, square metres.
+    /// Area represented by the point, square metres.
     pub area: f64,
 }
 
 /// Weight α of the points against the normals, for areas in squares of the grid's pitch.
 const SCREENING: f64 = 10.0;
-/// Nodes take part up to this many cells from the cell of a point, along every axis.
+/// Extent of the band around the cell of a point along every axis, cells.
 const BAND: i32 = 3;
 const ITERATIONS: usize = 200;
-/// The iteration ends once the residual is this share of the right side.
+/// Relative residual at which the iteration ends.
 const TOLERANCE: f64 = 1e-4;
 
 pub const CORNERS: [IVec3; 8] = [
@@ -41,7 +41,7 @@ const NONE: u32 = u32::MAX;
 /// χ on the nodes of the band.
 pub struct Field {
     pitch: f64,
-    /// Places of the nodes, in order of x, y, z.
+    /// Grid coordinates of the nodes, in order of x, y, z.
     pub nodes: Vec<IVec3>,
     pub chi: Vec<f64>,
 }
@@ -51,12 +51,12 @@ impl Field {
         find(&self.nodes, at)
     }
 
-    /// Position of a node, or of a place between nodes, in metres.
+    /// Position of a node, or of a point between nodes, in metres.
     pub fn position(&self, at: DVec3) -> DVec3 {
         at * self.pitch
     }
 
-    /// The values at the corners of the cell whose lowest corner is `at`, if all are in the band.
+    /// Values at the corners of the cell whose lowest corner is `at`, if all are in the band.
     pub fn cell(&self, at: IVec3) -> Option<[f64; 8]> {
         let mut values = [0.0; 8];
         for (value, corner) in values.iter_mut().zip(CORNERS) {
@@ -70,7 +70,7 @@ fn find(nodes: &[IVec3], at: IVec3) -> Option<usize> {
     nodes.binary_search_by_key(&at.to_array(), |n| n.to_array()).ok()
 }
 
-/// The cell of a place in units of the pitch, and how far the place is into it.
+/// Cell of a position in units of the pitch, and the offset inside it.
 fn cell_of(place: DVec3) -> (IVec3, DVec3) {
     let low = place.floor();
     (low.as_ivec3(), place - low)
@@ -81,7 +81,7 @@ fn weight(corner: IVec3, into: DVec3) -> f64 {
     along(corner.x, into.x) * along(corner.y, into.y) * along(corner.z, into.z)
 }
 
-/// Solves for χ on a grid of this pitch, whose nodes lie at multiples of it.
+/// Solves for χ on a grid of this pitch, whose nodes are multiples of it.
 pub fn solve(samples: &[Sample], pitch: f64) -> Field {
     let nodes = band(samples, pitch);
     // For every node, the next node along each axis.
@@ -96,7 +96,7 @@ pub fn solve(samples: &[Sample], pitch: f64) -> Field {
         let corners = CORNERS.map(|c| (find(&nodes, cell + c).unwrap_or(0), weight(c, into)));
         screens.push((SCREENING * area, corners));
         for (axis, step) in AXES.iter().enumerate() {
-            // The normal's component along an axis belongs to the edges, half a cell further on. χ rises inward.
+            // The normal's component along an axis belongs to the edges, half a cell further. χ increases inward.
             let rise = -sample.normal[axis] * area;
             let (cell, into) = cell_of(place - 0.5 * step.as_dvec3());
             for corner in CORNERS {
@@ -146,7 +146,7 @@ fn band(samples: &[Sample], pitch: f64) -> Vec<IVec3> {
     let mut cells: Vec<[i32; 3]> = samples.iter().map(|s| cell_of(s.at / pitch).0.to_array()).collect();
     cells.sort_unstable();
     cells.dedup();
-    // One axis after the other: this makes fewer duplicates than all axes at once.
+    // Axis by axis, which produces fewer duplicates.
     for axis in 0..3 {
         let reach = -BAND..=BAND + 1;
         cells = cells.iter().flat_map(|c| reach.clone().map(move |d| shifted(*c, axis, d))).collect();
@@ -161,7 +161,7 @@ fn shifted(mut cell: [i32; 3], axis: usize, by: i32) -> [i32; 3] {
     cell
 }
 
-/// Starts from zero, with the diagonal as preconditioner.
+/// Starts from zero, with a diagonal preconditioner.
 fn conjugate_gradients(apply: impl Fn(&[f64], &mut [f64]), diagonal: &[f64], right: Vec<f64>) -> Vec<f64> {
     let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
     let scaled =

@@ -1,9 +1,10 @@
-//! `report.html`: a result as one page, opened by a double click and without a network. Pictures whose cursors are linked,
-//! the measured histograms beside the light of the maps, the surface in space, the trace, settings and notes.
+//! `report.html`: a result as one self-contained page: headline, maps with axes and linked cursors, measured
+//! histograms and the light of the maps, the surface in 3D, the trace, settings and notes. Colours follow the
+//! reader's light or dark setting.
 //!
-//! The page draws everything itself, from maps and histograms with 16 bits a number and from the report. The view in space is
-//! drawn by three.js (`assets/three.js`, MIT licence beside it: version 0.187, with its OrbitControls, bundled by
-//! `esbuild --bundle --minify --format=iife --global-name=THREE`).
+//! The page renders everything from maps and histograms quantised to 16 bits and from the report. The 3D view uses
+//! three.js (`assets/three.js`, MIT licence beside it: version 0.187 with OrbitControls, bundled by `esbuild --bundle
+//! --minify --format=iife --global-name=THREE`).
 
 use std::path::Path;
 
@@ -21,11 +22,12 @@ const PAGE: &str = include_str!("page.html");
 const SCRIPT: &str = include_str!("page.js");
 const LIBRARY: &str = include_str!("../../assets/three.js");
 
-/// Numbers of all histograms on the page, and pixels along a side of its maps, at most: a page is below 3 MB.
+/// Maximum number of histogram values on the page, and pixels along a side of its maps, which keeps the page below 3
+/// MB.
 const MOST_COUNTS: usize = 280_000;
 const MOST_PIXELS: usize = 256;
 
-/// The histograms that a page shows: fewer pairs and wider bins than a large capture has.
+/// Histograms of a page: fewer pairs and wider bins than a large capture has.
 #[derive(Debug, Clone, Serialize)]
 pub struct Light {
     all_pairs: usize,
@@ -36,17 +38,17 @@ pub struct Light {
     /// x, y, z of each pair, metres.
     laser: Vec<f32>,
     sensor: Vec<f32>,
-    /// Whether the laser is the side that scans.
+    /// Whether the laser is the scanned side.
     laser_scans: bool,
-    /// Full width at half maximum of the pulse, metres of path.
+    /// Full width at half maximum of the impulse response, metres of path.
     pulse: f64,
     counts: Numbers,
 }
 
 impl Light {
-    /// What a page shows of a capture.
+    /// The histograms of a capture, reduced.
     pub fn of(capture: &Capture) -> Light {
-        // Half as many bins before half as many pairs: a histogram's shape bears it.
+        // Bins are halved before pairs: a histogram's shape remains recognisable.
         let (mut sum, mut step) = (1, 1);
         let size = |sum: usize, step: usize| capture.bins.div_ceil(sum) * capture.pair_count().div_ceil(step);
         while size(sum, step) > MOST_COUNTS {
@@ -73,7 +75,7 @@ impl Light {
     }
 }
 
-/// Numbers with 16 bits over their range; 65535 is none.
+/// Values quantised to 16 bits over their range; 65535 is NaN.
 #[derive(Debug, Clone, Serialize)]
 struct Numbers {
     low: f32,
@@ -105,7 +107,7 @@ struct PageMaps {
     extent: [f64; 4],
     albedo: Numbers,
     depth: Numbers,
-    confidence: Option<Numbers>,
+    depth_error: Option<Numbers>,
     /// x, y, z times 127.
     normal: String,
     mask: String,
@@ -129,7 +131,7 @@ impl PageMaps {
             extent: maps.extent,
             albedo: of(&maps.albedo),
             depth: of(&maps.depth),
-            confidence: maps.confidence.as_deref().map(of),
+            depth_error: maps.depth_error.as_deref().map(of),
             normal: STANDARD.encode(normal),
             mask: STANDARD.encode(mask),
         }
@@ -144,7 +146,7 @@ struct Data<'d> {
     report: &'d Report,
 }
 
-/// Writes the page of a result. `title` names it.
+/// Writes the page of a result with the given title.
 ///
 /// # Errors
 /// `Kind::Input` if the maps' sizes do not agree, `Kind::Output` if the file cannot be written.
@@ -157,10 +159,10 @@ pub fn write(path: &Path, title: &str, maps: &Maps, light: &Light, report: &Repo
     atomic::write(path, page(title, &json).as_bytes())
 }
 
-/// The page with its gaps filled, in their order: what fills one is not searched for the next.
+/// The page with its placeholders replaced in order; inserted text is not searched for placeholders.
 fn page(title: &str, json: &str) -> String {
     let (mut page, mut rest) = (String::new(), PAGE);
-    // No text ends the element that holds it.
+    // No text may end its containing element.
     let (title, json) = (escaped(title), json.replace('<', "\\u003c"));
     for (gap, text) in [("TITLE", &*title), ("DATA", &json), ("LIBRARY", LIBRARY), ("SCRIPT", SCRIPT)] {
         let (before, after) = rest.split_once(gap).unwrap_or((rest, ""));
@@ -170,7 +172,7 @@ fn page(title: &str, json: &str) -> String {
     page + rest
 }
 
-/// Text as HTML.
+/// Text escaped for HTML.
 pub(super) fn escaped(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }

@@ -1,25 +1,36 @@
 "use strict";
-// A result as one page. `data` is written by src/export/page: maps quantised to 16 bits, histograms to 16 bits, the report.
+// The page of a result. `data` is written by crates/export/src/page: maps and histograms quantised to 16 bits, the report.
 const data = JSON.parse(document.getElementById("data").textContent);
 const element = id => document.getElementById(id);
 const bytes = text => Uint8Array.from(atob(text), c => c.charCodeAt(0)).buffer;
 
-// 16 bits over a range; the largest value means that nothing is there.
+// 16-bit values over a range; 65535 is NaN.
 function numbers({ low, high, values }) {
   const words = new Uint16Array(bytes(values));
   return Float32Array.from(words, w => w === 65535 ? NaN : low + (high - low) * w / 65534);
 }
 
-const { nx, ny, extent } = data.maps;
+const { report } = data, { nx, ny, extent } = data.maps;
 const albedo = numbers(data.maps.albedo), depth = numbers(data.maps.depth);
-const confidence = data.maps.confidence && numbers(data.maps.confidence);
+const depth_error = data.maps.depth_error && numbers(data.maps.depth_error);
 const normal = Float32Array.from(new Int8Array(bytes(data.maps.normal)), v => v / 127);
 const mask = new Uint8Array(bytes(data.maps.mask));
 const counts = numbers(data.light.counts);
 const { bins, bin_width, t_start, laser, sensor, laser_scans, pulse } = data.light;
 const pairs = laser.length / 3;
-const pixel = [(extent[1] - extent[0]) / nx, (extent[3] - extent[2]) / ny];
+const size = [extent[1] - extent[0], extent[3] - extent[2]], pixel = [size[0] / nx, size[1] / ny];
 const place = i => [extent[0] + (Math.floor(i / ny) + .5) * pixel[0], extent[2] + (i % ny + .5) * pixel[1], depth[i]];
+const isSurface = i => mask[i] === 1 && Number.isFinite(depth[i]);
+
+// Statistics.
+function quantile(values, share, keep = () => true) {
+  const sorted = Array.from(values).filter((v, i) => Number.isFinite(v) && keep(i)).sort((a, b) => a - b);
+  return sorted[Math.round(share * (sorted.length - 1))];
+}
+const range = (values, keep) => [quantile(values, .01, keep) ?? 0, quantile(values, .99, keep) ?? 1];
+const share = ([low, high], v) => high > low ? (v - low) / (high - low) : .5;
+const bright = range(albedo), far = range(depth, isSurface);
+const sure = depth_error && range(depth_error, isSurface).map(v => Math.max(v, 1e-6));
 
 // Colours.
 const VIRIDIS = [[68, 1, 84], [71, 44, 122], [59, 81, 139], [44, 113, 142], [33, 144, 141], [39, 173, 129], [92, 200, 99], [170, 220, 50], [253, 231, 37]];
@@ -27,76 +38,168 @@ function viridis(share) {
   const at = Math.min(Math.max(share, 0), 1) * (VIRIDIS.length - 1), i = Math.min(Math.floor(at), VIRIDIS.length - 2);
   return VIRIDIS[i].map((v, c) => v + (VIRIDIS[i + 1][c] - v) * (at - i));
 }
-function range(values, keep = () => true) {
-  const sorted = Array.from(values).filter((v, i) => Number.isFinite(v) && keep(i)).sort((a, b) => a - b);
-  const at = share => sorted[Math.round(share * (sorted.length - 1))];
-  return sorted.length ? [at(.01), at(.99)] : [0, 1];
-}
-const share = ([low, high], v) => high > low ? (v - low) / (high - low) : .5;
-const isSurface = i => mask[i] === 1 && Number.isFinite(depth[i]);
-const bright = range(albedo), far = range(depth, isSurface), sure = confidence && range(confidence, isSurface);
-const DARK = [20, 20, 26];
-const maps = [
-  ["Albedo", i => { const v = 255 * Math.min(Math.max(albedo[i] / bright[1], 0), 1); return [v, v, v]; }],
-  ["Depth", i => isSurface(i) ? viridis(1 - share(far, depth[i])) : DARK],
-  ["Normals", i => isSurface(i) ? [-1, 1, -1].map((sign, c) => 127.5 * (1 + sign * normal[3 * i + c])) : DARK],
-];
-if (confidence) maps.push(["Confidence", i => isSurface(i) ? viridis(share(sure.map(Math.log), Math.log(confidence[i]))) : DARK]);
+const grey = share => { const v = 255 * Math.min(Math.max(share, 0), 1); return [v, v, v]; };
+const direction = (x, y, z) => [-x, y, -z].map(v => 127.5 * (1 + v));
+const theme = name => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+const rgb = colour => `rgb(${colour.map(Math.round)})`;
 
-// The maps, as an eye at the wall sees them: x to the left, y up.
-const scale = 350 / Math.max(nx, ny);
-const column = i => nx - 1 - Math.floor(i / ny);
-let chosen = -1, kept = false, pair = 0;
-const canvases = maps.map(([name, colour]) => {
-  const figure = document.createElement("figure"), canvas = document.createElement("canvas");
-  canvas.width = nx, canvas.height = ny;
-  canvas.style.width = `${nx * scale}px`, canvas.style.height = `${ny * scale}px`;
-  const picture = new ImageData(nx, ny);
-  for (let i = 0; i < nx * ny; i++) picture.data.set([...colour(i), 255], 4 * ((ny - 1 - i % ny) * nx + column(i)));
-  const caption = document.createElement("figcaption");
-  caption.innerText = name;
-  figure.append(canvas, caption);
-  element("maps").append(figure);
-  const at = event => {
-    const box = canvas.getBoundingClientRect();
-    const x = nx - 1 - Math.floor((event.clientX - box.left) / scale), y = ny - 1 - Math.floor((event.clientY - box.top) / scale);
-    return x >= 0 && x < nx && y >= 0 && y < ny ? x * ny + y : -1;
-  };
-  canvas.onmousemove = event => { if (!kept) choose(at(event)); };
-  canvas.onclick = event => { kept = !kept || at(event) !== chosen; choose(at(event)); };
-  return [canvas, picture];
-});
-
-function drawMaps() {
-  for (const [canvas, picture] of canvases) {
+// Plots: drawn in CSS pixels, redrawn with their width, the theme and the selection.
+const plots = [];
+function plot(canvas, aspect, draw) {
+  const paint = () => {
+    const width = canvas.clientWidth, height = Math.round(aspect(width)), ratio = window.devicePixelRatio || 1;
+    if (!width) return;
+    canvas.style.height = `${height}px`;
+    canvas.width = width * ratio, canvas.height = height * ratio;
     const context = canvas.getContext("2d");
-    context.putImageData(picture, 0, 0);
-    if (chosen < 0) continue;
-    const x = column(chosen), y = ny - 1 - chosen % ny;
-    context.fillStyle = "rgba(255, 80, 60, .75)";
-    context.fillRect(x, 0, 1, y), context.fillRect(x, y + 1, 1, ny), context.fillRect(0, y, x, 1), context.fillRect(x + 1, y, nx, 1);
+    context.scale(ratio, ratio);
+    context.font = "12px system-ui, sans-serif";
+    draw(context, width, height);
+  };
+  plots.push(paint), new ResizeObserver(paint).observe(canvas);
+  return paint;
+}
+matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => { pictures(), plots.forEach(paint => paint()); });
+
+function ticks(low, high, most) {
+  const raw = (high - low) / most, power = 10 ** Math.floor(Math.log10(raw)), step = [1, 2, 5, 10].find(s => s * power >= raw) * power;
+  if (!(high > low) || !Number.isFinite(step)) return [low];
+  const first = Math.ceil(low / step - 1e-9), count = Math.floor(high / step + 1e-9) - first + 1;
+  return Array.from({ length: count }, (_, k) => Number(((first + k) * step).toPrecision(6)));
+}
+const short = v => (v !== 0 && (Math.abs(v) >= 1e5 || Math.abs(v) < 1e-3) ? v.toExponential(0) : String(Number(v.toPrecision(3)))).replace("-", "−");
+
+// Axes around `box` = [left, top, right, bottom]; `x` and `y` map values to pixels.
+function axes(context, [left, top, right, bottom], xs, x, xName, ys, y, yName) {
+  context.strokeStyle = theme("edge"), context.lineWidth = 1;
+  context.strokeRect(left - .5, top - .5, right - left + 1, bottom - top + 1);
+  context.fillStyle = theme("soft"), context.strokeStyle = theme("soft");
+  context.textAlign = "center", context.textBaseline = "top";
+  xs.forEach(v => { context.fillRect(x(v) - .5, bottom, 1, 4), context.fillText(short(v), x(v), bottom + 6); });
+  context.fillText(xName, (left + right) / 2, bottom + 20);
+  context.textAlign = "right", context.textBaseline = "middle";
+  ys.forEach(v => { context.fillRect(left - 4, y(v) - .5, 4, 1), context.fillText(short(v), left - 6, y(v)); });
+  context.save(), context.translate(9, (top + bottom) / 2), context.rotate(-Math.PI / 2);
+  context.textAlign = "center", context.fillText(yName, 0, 0), context.restore();
+}
+
+// Colour bar right of `box`; `at` maps a share from the bottom to the value there.
+function colourBar(context, [, top, right, bottom], colour, values, at, unit) {
+  const x = right + 10, height = bottom - top;
+  for (let k = 0; k < height; k++) context.fillStyle = rgb(colour(1 - k / height)), context.fillRect(x, top + k, 12, 1.5);
+  context.fillStyle = theme("soft"), context.textAlign = "left", context.textBaseline = "middle";
+  values.forEach(v => {
+    const y = bottom - height * at(v);
+    context.fillRect(x + 12, y - .5, 3, 1), context.fillText(short(v), x + 17, y);
+  });
+  context.textAlign = "right", context.textBaseline = "top";
+  context.fillText(unit, right + 60, bottom + 20);
+}
+
+function scaleBar(context, [left, , right, bottom], metres) {
+  const power = 10 ** Math.floor(Math.log10(metres / 3)), length = Number(([5, 2, 1].find(s => s * power <= metres / 3) * power).toPrecision(1)), width = length / metres * (right - left), y = bottom - 10;
+  for (const [colour, thickness] of [["#000", 5], ["#fff", 3]]) context.fillStyle = colour, context.fillRect(left + 10 - (thickness - 3) / 2, y - thickness / 2, width + thickness - 3, thickness);
+  context.textAlign = "left", context.textBaseline = "bottom", context.lineWidth = 3, context.strokeStyle = "#000", context.fillStyle = "#fff";
+  context.strokeText(`${length} m`, left + 10, y - 4), context.fillText(`${length} m`, left + 10, y - 4);
+}
+
+function ring(context, x, y) {
+  for (const [colour, width] of [["#fff", 4], [theme("mark"), 2]]) {
+    context.strokeStyle = colour, context.lineWidth = width;
+    context.beginPath(), context.arc(x, y, 6, 0, 2 * Math.PI), context.stroke();
+  }
+}
+
+// The maps as seen from the wall: +x to the left, y up.
+const metres = v => `${v.toFixed(3)} m`, millimetres = v => v < 1 ? `${Number((1000 * v).toPrecision(2))} mm` : `${v.toFixed(1)} m`;
+const nothing = () => theme("none").match(/[0-9a-f]{2}/g).map(v => parseInt(v, 16));
+const maps = [
+  { name: "Albedo", alt: `Albedo map, relative, up to ${short(bright[1])}`, colour: i => grey(albedo[i] / bright[1]),
+    bar: (c, box) => colourBar(c, box, grey, ticks(0, bright[1], 4), v => v / bright[1], "relative") },
+  { name: "Depth", alt: `Depth map, ${metres(far[0])} to ${metres(far[1])}; bright is near`, colour: i => isSurface(i) ? viridis(1 - share(far, depth[i])) : null,
+    bar: (c, box) => colourBar(c, box, s => viridis(1 - s), ticks(...far, 6), v => share(far, v), "m") },
+  { name: "Normals", alt: "Map of surface normals, coloured by direction", colour: i => isSurface(i) ? direction(normal[3 * i], normal[3 * i + 1], normal[3 * i + 2]) : null, bar: compass },
+];
+if (depth_error) {
+  const logs = sure.map(Math.log), marks = [1e-5, 2e-5, 5e-5].flatMap(v => [1, 10, 100, 1000, 1e4].map(p => v * p)).filter(v => v >= sure[0] && v <= sure[1]);
+  maps.push({ name: "Expected depth error", alt: `Map of the expected depth error, ${millimetres(sure[0])} to ${millimetres(sure[1])}`, colour: i => isSurface(i) ? viridis(share(logs, Math.log(depth_error[i]))) : null,
+    bar: (c, box) => colourBar(c, box, viridis, marks.map(v => 1000 * v), v => share(logs, Math.log(v / 1000)), "mm") });
+}
+
+// Legend of the normals: their colours on the hemisphere that faces the wall.
+function compass(context, [, top, right]) {
+  const radius = 22, x0 = right + 34, y0 = top + radius + 14;
+  for (let x = -radius; x < radius; x++) for (let y = -radius; y < radius; y++) {
+    const [u, v] = [(x + .5) / radius, (y + .5) / radius], rest = 1 - u * u - v * v;
+    if (rest > 0) context.fillStyle = rgb(direction(-u, -v, -Math.sqrt(rest))), context.fillRect(x0 + x, y0 + y, 1.2, 1.2);
+  }
+  context.fillStyle = theme("soft"), context.textAlign = "center", context.textBaseline = "bottom";
+  context.fillText("up", x0, y0 - radius - 1), context.textBaseline = "top", context.fillText("facing", x0, y0 + radius + 3), context.fillText("direction", x0, y0 + radius + 17);
+}
+
+let chosen = -1, held = false, pair = 0;
+const LEFT = 46, RIGHT = 62, TOP = 6, BOTTOM = 38;
+const mapBox = width => [LEFT, TOP, width - RIGHT, TOP + (width - LEFT - RIGHT) * size[1] / size[0]];
+for (const map of maps) {
+  const figure = document.createElement("figure"), heading = document.createElement("h3"), canvas = document.createElement("canvas");
+  heading.innerText = map.name;
+  canvas.tabIndex = 0, canvas.setAttribute("role", "img"), canvas.setAttribute("aria-label", `${map.alt}. ${nx} by ${ny} pixels. Arrow keys select a pixel.`);
+  figure.append(heading, canvas), element("maps").append(figure);
+  map.picture = document.createElement("canvas"), map.picture.width = nx, map.picture.height = ny;
+  plot(canvas, width => mapBox(width)[3] + BOTTOM, (context, width) => {
+    const box = mapBox(width), [left, top, right, bottom] = box;
+    const x = v => left + (extent[1] - v) / size[0] * (right - left), y = v => top + (extent[3] - v) / size[1] * (bottom - top);
+    context.imageSmoothingEnabled = false, context.drawImage(map.picture, left, top, right - left, bottom - top);
+    axes(context, box, ticks(extent[0], extent[1], 5), x, "x, m", ticks(extent[2], extent[3], 5), y, "y, m");
+    map.bar(context, box), scaleBar(context, box, size[0]);
+    if (chosen >= 0) ring(context, x(place(chosen)[0]), y(place(chosen)[1]));
+  });
+  const at = event => {
+    const around = canvas.getBoundingClientRect(), [left, top, right, bottom] = mapBox(canvas.clientWidth);
+    const u = (event.clientX - around.left - left) / (right - left), v = (event.clientY - around.top - top) / (bottom - top);
+    return u >= 0 && u < 1 && v >= 0 && v < 1 ? (nx - 1 - Math.floor(u * nx)) * ny + ny - 1 - Math.floor(v * ny) : -1;
+  };
+  canvas.onmousemove = event => { const i = at(event); if (!held && i >= 0) choose(i); };
+  canvas.onclick = event => { const i = at(event); if (i >= 0) held = !held || i !== chosen, choose(i); };
+  canvas.onkeydown = event => {
+    const step = arrow(event);
+    if (!step) return;
+    const n = event.shiftKey ? 8 : 1, clamp = (v, end) => Math.min(Math.max(v, 0), end - 1), from = Math.max(chosen, 0);
+    held = true, choose(clamp(Math.floor(from / ny) - n * step[0], nx) * ny + clamp(from % ny + n * step[1], ny));
+  };
+}
+// The step of an arrow key, right and up, or nothing.
+function arrow(event) {
+  const step = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+  if (step) event.preventDefault();
+  return step;
+}
+function pictures() {
+  const empty = nothing();
+  for (const { picture, colour } of maps) {
+    const image = new ImageData(nx, ny);
+    for (let i = 0; i < nx * ny; i++) image.data.set([...(colour(i) || empty), 255], 4 * ((ny - 1 - i % ny) * nx + nx - 1 - Math.floor(i / ny)));
+    picture.getContext("2d").putImageData(image, 0, 0);
   }
 }
 
 function choose(i) {
-  chosen = i;
-  drawMaps(), drawHistogram(), mark();
-  if (i < 0) return;
-  const [x, y] = place(i), metres = v => `${v.toFixed(4)} m`;
-  const angle = Math.acos(Math.min(1, -normal[3 * i + 2])) * 180 / Math.PI;
-  element("readout").innerText = `x ${metres(x)}, y ${metres(y)}, pixel ${Math.floor(i / ny)}, ${i % ny}: albedo ${albedo[i].toPrecision(3)}`
-    + (isSurface(i) ? `, depth ${metres(depth[i])}` + (confidence ? ` ± ${(1000 * confidence[i]).toFixed(1)} mm` : "")
-      + `\nnormal ${[0, 1, 2].map(c => normal[3 * i + c].toFixed(2)).join(", ")}: ${angle.toFixed(0)}° from the wall's` : ", no surface");
+  chosen = i, plots.forEach(paint => paint()), mark();
+  const [x, y] = place(i), angle = Math.acos(Math.min(1, -normal[3 * i + 2])) * 180 / Math.PI;
+  element("readout").innerText = `x ${metres(x)}, y ${metres(y)}, pixel ${Math.floor(i / ny)}, ${i % ny}: albedo ${short(albedo[i])}`
+    + (isSurface(i) ? `, depth ${depth[i].toFixed(4)} m` + (depth_error ? ` ± ${millimetres(depth_error[i])}` : "")
+      + `\nnormal ${[0, 1, 2].map(c => normal[3 * i + c].toFixed(2)).join(", ")}, ${angle.toFixed(0)}° from the wall's` : ", no surface");
 }
 
 // Light.
 const arm = (points, p, at) => Math.hypot(points[3 * p] - at[0], points[3 * p + 1] - at[1], points[3 * p + 2] - at[2]);
 const path = (p, at) => arm(laser, p, at) + arm(sensor, p, at);
 
-// The light of the surface in a pair's bins, by the reflectance that was used, without a scale.
+// Histogram of a pair rendered from the maps by the resolved reflectance model, without a scale.
+const kept = new Map();
 function rendered(p) {
-  const light = new Float32Array(bins), model = data.report.settings.model;
-  const scanned = laser_scans ? laser : sensor;
+  if (kept.has(p)) return kept.get(p);
+  const light = new Float32Array(bins), model = report.settings.model, scanned = laser_scans ? laser : sensor;
   const cosine = (points, i, at, d) => [0, 1, 2].reduce((s, c) => s + normal[3 * i + c] * (points[3 * p + c] - at[c]) / d, 0);
   for (let i = 0; i < nx * ny; i++) {
     if (!isSurface(i)) continue;
@@ -112,7 +215,8 @@ function rendered(p) {
     if (low >= 0 && low < bins) light[low] += value * (low + 1 - bin);
     if (low + 1 >= 0 && low + 1 < bins) light[low + 1] += value * (bin - low);
   }
-  return pulse > bin_width ? blurred(light, pulse / bin_width / 2.355) : light;
+  kept.set(p, pulse > bin_width ? blurred(light, pulse / bin_width / 2.355) : light);
+  return kept.get(p);
 }
 function blurred(light, sigma) {
   const reach = Math.ceil(3 * sigma), taps = [];
@@ -122,7 +226,7 @@ function blurred(light, sigma) {
 }
 const measured = p => counts.subarray(p * bins, (p + 1) * bins);
 
-// One scale for all pairs, so that each shows what is too bright or too dim.
+// One scale for all pairs, fitted to up to 49 of them.
 const fit = (() => {
   let own = 0, both = 0;
   for (let k = 0; k < Math.min(pairs, 49); k++) {
@@ -132,59 +236,69 @@ const fit = (() => {
   return own > 0 ? Math.max(both / own, 0) : 0;
 })();
 
-function drawHistogram() {
-  const canvas = element("histogram"), context = canvas.getContext("2d"), { width, height } = canvas;
-  const found = measured(pair), light = rendered(pair).map(v => fit * v);
-  const most = Math.max(...found, ...light, 1e-30), x = bin => bin / bins * width, y = v => height - 8 - (height - 20) * v / most;
-  context.clearRect(0, 0, width, height);
-  context.fillStyle = "#5f7fbf";
-  found.forEach((v, bin) => context.fillRect(x(bin), y(v), Math.max(1, width / bins - .3), height - 8 - y(v)));
-  context.strokeStyle = "#ffb347", context.lineWidth = 1.5;
-  context.beginPath();
-  light.forEach((v, bin) => context.lineTo(x(bin + .5), y(v)));
-  context.stroke();
-  if (chosen >= 0 && isSurface(chosen)) {
-    const at = (path(pair, place(chosen)) - t_start) / bin_width;
-    context.fillStyle = "#ff503c";
-    context.fillRect(x(at) - 1, 0, 2, height);
-  }
-  const points = [laser, sensor].map(p => `(${[0, 1, 2].map(c => p[3 * pair + c].toFixed(3)).join(", ")})`);
-  element("light").innerText = `Pair ${pair + 1} of ${pairs} shown, laser ${points[0]}, sensor ${points[1]} m: `
-    + `measured (bars) and light of the maps (line), ${t_start.toFixed(2)} to ${(t_start + bins * bin_width).toFixed(2)} m of path, `
-    + `at most ${most.toPrecision(3)} in a bin; red: the path over the pixel`;
-}
+plot(element("histogram"), width => Math.max(240, .5 * width), (context, width, height) => {
+  const found = measured(pair), light = rendered(pair).map(v => fit * v), most = Math.max(...found, ...light, 1e-30);
+  const box = [58, 8, width - 8, height - BOTTOM], [left, top, right, bottom] = box, end = t_start + bins * bin_width;
+  const x = t => left + (t - t_start) / (end - t_start) * (right - left), y = v => bottom - (bottom - top - 6) * v / most;
+  context.fillStyle = theme("bar");
+  found.forEach((v, bin) => context.fillRect(x(t_start + bin * bin_width), y(v), Math.max(1, (right - left) / bins - .3), bottom - y(v)));
+  context.strokeStyle = theme("line"), context.lineWidth = 1.5;
+  context.beginPath(), light.forEach((v, bin) => context.lineTo(x(t_start + (bin + .5) * bin_width), y(v))), context.stroke();
+  if (chosen >= 0 && isSurface(chosen)) context.fillStyle = theme("mark"), context.fillRect(x(path(pair, place(chosen))) - 1, top, 2, bottom - top);
+  axes(context, box, ticks(t_start, end, width / 70), x, "path length, m", ticks(0, most, 5), y, "counts per bin");
+  const points = [laser, sensor].map(p => [0, 1, 2].map(c => p[3 * pair + c].toFixed(3)).join(", "));
+  element("light").innerText = `Pair ${pair + 1} of ${pairs} shown; laser point (${points[0]}) m, sensor point (${points[1]}) m.`;
+  element("histogram").setAttribute("aria-label", `Histogram of pair ${pair + 1} over path lengths of ${metres(t_start)} to ${metres(end)}, at most ${most.toPrecision(3)} counts in a bin`);
+});
 
 // The wall.
 const wall = element("wall"), moving = laser_scans ? laser : sensor;
-const box = [0, 1].map(c => { const all = Array.from({ length: pairs }, (_, p) => moving[3 * p + c]); return [Math.min(...all), Math.max(...all)]; });
-const reach = Math.max(box[0][1] - box[0][0], box[1][1] - box[1][0]) || 1, dot = Math.max(3, .85 * 280 / Math.sqrt(pairs));
-const onWall = p => [10 + 280 * (box[0][1] - moving[3 * p]) / reach, 290 - 280 * (moving[3 * p + 1] - box[1][0]) / reach];
-const apart = (p, at) => Math.hypot(onWall(p)[0] - at[0], onWall(p)[1] - at[1]);
-const nearest = at => { let best = 0; for (let p = 0; p < pairs; p++) if (apart(p, at) < apart(best, at)) best = p; return best; };
-pair = nearest([150, 150]);
-function drawWall() {
-  const context = wall.getContext("2d"), totals = Array.from({ length: pairs }, (_, p) => measured(p).reduce((a, b) => a + b, 0));
-  const most = Math.max(...totals, 1e-30);
-  context.clearRect(0, 0, 300, 300);
+const span = [0, 1].map(c => { const all = Array.from({ length: pairs }, (_, p) => moving[3 * p + c]); return [all.reduce((a, b) => Math.min(a, b)), all.reduce((a, b) => Math.max(a, b))]; });
+const reach = Math.max(span[0][1] - span[0][0], span[1][1] - span[1][0]) || 1, dot = reach / Math.max(1, Math.sqrt(pairs) - 1) || reach;
+// Width and height of a tile: the spacing of a lattice, of which rows or columns may be left out, or that of a square scan.
+const lines = span.map((_, c) => new Set(Array.from({ length: pairs }, (_, p) => Math.round(1e4 * moving[3 * p + c] / reach))).size);
+const tile = lines[0] * lines[1] <= 1.2 * pairs ? span.map(([low, high], c) => (high - low) / (lines[c] - 1) || dot) : [dot, dot];
+const totals = Array.from({ length: pairs }, (_, p) => measured(p).reduce((a, b) => a + b, 0)), most = totals.reduce((a, b) => Math.max(a, b), 1e-30);
+const apart = (p, at) => Math.hypot(moving[3 * p] - at[0], moving[3 * p + 1] - at[1]);
+const nearest = (at, keep = () => true) => { let best = -1; for (let p = 0; p < pairs; p++) if (keep(p) && (best < 0 || apart(p, at) < apart(best, at))) best = p; return best; };
+const edges = span.map(([low, high]) => { const mid = (low + high) / 2, half = (reach + dot) / 2; return [mid - half, mid + half]; });
+const wallBox = width => [LEFT, TOP, width - RIGHT, TOP + width - LEFT - RIGHT];
+pair = nearest(span.map(([low, high]) => (low + high) / 2));
+wall.setAttribute("aria-label", `Total counts of ${pairs} wall points, at most ${short(most)}. Arrow keys select a pair.`);
+plot(wall, width => wallBox(width)[3] + BOTTOM, (context, width) => {
+  const box = wallBox(width), [left, top, right, bottom] = box, unit = (right - left) / (edges[0][1] - edges[0][0]);
+  const x = v => left + (edges[0][1] - v) * unit, y = v => top + (edges[1][1] - v) * unit, [wide, high] = tile.map(v => Math.max(2, v * unit));
+  context.fillStyle = theme("none"), context.fillRect(left, top, right - left, bottom - top);
+  context.save(), context.beginPath(), context.rect(left, top, right - left, bottom - top), context.clip();
   totals.forEach((total, p) => {
-    const [x, y] = onWall(p), v = 255 * Math.sqrt(Math.max(total, 0) / most);
-    context.fillStyle = p === pair ? "#ff503c" : `rgb(${v},${v},${v})`;
-    context.fillRect(x - dot / 2, y - dot / 2, dot, dot);
+    context.fillStyle = rgb(grey(Math.max(total, 0) / most)), context.fillRect(x(moving[3 * p]) - wide / 2, y(moving[3 * p + 1]) - high / 2, wide + 1, high + 1);
   });
+  context.restore();
+  axes(context, box, ticks(...edges[0], 5), x, "x, m", ticks(...edges[1], 5), y, "y, m");
+  colourBar(context, box, grey, ticks(0, most, 4), v => v / most, "counts"), scaleBar(context, box, edges[0][1] - edges[0][0]);
+  ring(context, x(moving[3 * pair]), y(moving[3 * pair + 1]));
+});
+function select(p) {
+  if (p >= 0) pair = p, plots.forEach(paint => paint()), mark();
 }
 wall.onclick = event => {
-  const at = wall.getBoundingClientRect();
-  pair = nearest([event.clientX - at.left, event.clientY - at.top]);
-  drawWall(), drawHistogram(), mark();
+  const around = wall.getBoundingClientRect(), [left, top, right] = wallBox(wall.clientWidth), unit = (edges[0][1] - edges[0][0]) / (right - left);
+  select(nearest([edges[0][1] - (event.clientX - around.left - left) * unit, edges[1][1] - (event.clientY - around.top - top) * unit]));
+};
+wall.onkeydown = event => {
+  const step = arrow(event), from = [moving[3 * pair], moving[3 * pair + 1]];
+  if (step) select(nearest(from, p => {
+    const d = [moving[3 * p] - from[0], moving[3 * p + 1] - from[1]], along = -step[0] * d[0] + step[1] * d[1];
+    return along > 1e-9 && along > .7 * Math.hypot(...d);
+  }));
 };
 
-// The surface in space, turned half round about y: depth runs away from the viewer, who stands at the wall.
+// The surface in 3D, rotated by 180° about y: the viewer is at the wall, depth increases away from it.
 let mark = () => {};
 function space() {
   const holder = element("space"), scene = new THREE.Scene(), renderer = new THREE.WebGLRenderer({ antialias: true });
-  renderer.setSize(700, 460);
   holder.append(renderer.domElement);
-  scene.background = new THREE.Color(0x1c1c24);
+  holder.setAttribute("aria-label", `The surface in 3D, depths of ${metres(far[0])} to ${metres(far[1])}. Arrow keys rotate, plus and minus zoom.`);
   const number = new Int32Array(nx * ny).fill(-1), positions = [], colours = [], corners = [];
   for (let i = 0; i < nx * ny; i++) {
     if (!isSurface(i)) continue;
@@ -211,18 +325,36 @@ function space() {
   cloud.visible = false;
   const [x0, x1, y0, y1] = extent, frame = new THREE.BufferGeometry();
   frame.setAttribute("position", new THREE.BufferAttribute(new Float32Array([-x0, y0, 0, -x1, y0, 0, -x1, y0, 0, -x1, y1, 0, -x1, y1, 0, -x0, y1, 0, -x0, y1, 0, -x0, y0, 0]), 3));
-  scene.add(new THREE.LineSegments(frame, new THREE.LineBasicMaterial({ color: 0x777788 })));
+  scene.add(new THREE.LineSegments(frame, new THREE.LineBasicMaterial({ color: 0x888899 })));
   const rays = new THREE.BufferGeometry(), ends = new THREE.BufferAttribute(new Float32Array(12), 3);
   rays.setAttribute("position", ends);
   const lines = new THREE.LineSegments(rays, new THREE.LineBasicMaterial({ color: 0xff503c }));
   lines.visible = false, lines.frustumCulled = false;
   scene.add(lines);
   const middle = new THREE.Vector3(-(x0 + x1) / 2, (y0 + y1) / 2, -(far[0] + far[1]) / 2), wide = Math.max(x1 - x0, y1 - y0);
-  const camera = new THREE.PerspectiveCamera(40, 700 / 460, .001 * wide, 100 * wide);
-  camera.position.set(middle.x - .6 * wide, middle.y + .4 * wide, .55 * wide);
+  const camera = new THREE.PerspectiveCamera(40, 1.5, .001 * wide, 100 * wide);
+  camera.position.set(middle.x - .6 * wide, middle.y + .3 * wide, 1.7 * wide);
   const controls = new THREE.OrbitControls(camera, renderer.domElement), draw = () => renderer.render(scene, camera);
   controls.target.copy(middle), controls.update();
   controls.addEventListener("change", draw);
+  const paint = () => {
+    const width = holder.clientWidth, height = Math.round(.66 * width);
+    renderer.setPixelRatio(window.devicePixelRatio || 1), renderer.setSize(width, height, false);
+    renderer.domElement.style.height = `${height}px`, camera.aspect = width / height, camera.updateProjectionMatrix();
+    scene.background = new THREE.Color(theme("panel"));
+    mark();
+  };
+  const turn = (about, up, zoom) => {
+    const arm = new THREE.Spherical().setFromVector3(camera.position.clone().sub(middle));
+    arm.theta += about, arm.phi = Math.min(Math.max(arm.phi + up, .05), 3.09), arm.radius *= zoom;
+    camera.position.setFromSpherical(arm).add(middle), controls.update(), draw();
+  };
+  element("nearer").onclick = () => turn(0, 0, .8), element("farther").onclick = () => turn(0, 0, 1.25);
+  holder.onkeydown = event => {
+    const step = arrow(event);
+    if (step) turn(.15 * step[0], -.15 * step[1], 1);
+    if (event.key === "+" || event.key === "-") turn(0, 0, event.key === "+" ? .8 : 1.25);
+  };
   element("as").onclick = () => {
     [cloud.visible, mesh.visible] = [mesh.visible, cloud.visible];
     element("as").innerText = mesh.visible ? "points" : "mesh";
@@ -237,46 +369,85 @@ function space() {
     }
     draw();
   };
-  draw();
+  plots.push(paint), new ResizeObserver(paint).observe(holder);
 }
 
 // The trace.
-function drawTrace() {
-  const canvas = element("trace"), context = canvas.getContext("2d"), { width, height } = canvas, trace = data.report.trace.filter(t => t.loss > 0);
+const trace = report.trace.filter(t => t.loss > 0);
+plot(element("trace"), width => Math.max(240, .66 * width), (context, width, height) => {
   if (!trace.length) return;
-  const end = trace.at(-1).seconds || 1, x = t => 8 + (width - 16) * t.seconds / end;
-  const active = Math.max(...trace.map(t => t.active)), logs = trace.map(t => Math.log(t.loss)), [low, high] = [Math.min(...logs), Math.max(...logs)];
-  context.fillStyle = "#2f4a3f";
-  context.beginPath(), context.moveTo(x(trace[0]), height - 8);
-  trace.forEach(t => context.lineTo(x(t), height - 8 - (height - 30) * t.active / active));
-  context.lineTo(x(trace.at(-1)), height - 8), context.fill();
-  context.strokeStyle = "#ffb347", context.lineWidth = 1.5;
-  context.beginPath();
-  trace.forEach((t, i) => context.lineTo(x(t), height - 8 - (height - 30) * share([low, high], logs[i])));
-  context.stroke();
-  context.fillStyle = "#b8b8c4", context.font = "12px sans-serif";
-  context.fillText(`loss ${Math.exp(high).toPrecision(2)} to ${Math.exp(low).toPrecision(2)}, at most ${active} active voxels, ${end.toFixed(2)} s`, 10, 14);
+  const begin = trace.length > 1 ? trace[0].seconds : 0, end = Math.max(trace.at(-1).seconds, begin + 1e-6), active = Math.max(...trace.map(t => t.active), 1), losses = trace.map(t => t.loss);
+  const [low, high] = [Math.min(...losses), Math.max(...losses)].map(Math.log10), span = [low - .05, Math.max(high, low + .1) + .05];
+  const box = [58, 8, width - 8, height - BOTTOM], [left, top, right, bottom] = box;
+  const x = s => left + (s - begin) / (end - begin) * (right - left), y = v => bottom - (bottom - top) * share(span, Math.log10(v));
+  context.fillStyle = theme("area");
+  context.beginPath(), context.moveTo(x(trace[0].seconds), bottom);
+  trace.forEach(t => context.lineTo(x(t.seconds), bottom - .8 * (bottom - top) * t.active / active));
+  context.lineTo(x(end), bottom), context.fill();
+  context.strokeStyle = theme("line"), context.lineWidth = 1.5;
+  context.beginPath(), trace.forEach(t => context.lineTo(x(t.seconds), y(t.loss))), context.stroke();
+  const marks = Array.from({ length: 40 }, (_, k) => k - 20).flatMap(p => [1, 2, 5].map(m => m * 10 ** p)).filter(v => Math.log10(v) >= span[0] && Math.log10(v) <= span[1]);
+  if (marks.length < 3) marks.splice(0, marks.length, ...ticks(10 ** span[0], 10 ** span[1], 4));
+  axes(context, box, ticks(begin, end, 6), x, "solve time, s", marks, y, "loss (logarithmic)");
+  element("active").innerText = `active ${report.settings.solver === "surface" ? "pixels" : "voxels"}, at most ${active.toLocaleString("en")}`;
+  element("trace").setAttribute("aria-label", `Loss against solve time, ${losses[0].toPrecision(3)} to ${losses.at(-1).toPrecision(3)} in ${end.toFixed(1)} s`);
+});
+
+// Connected parts of the mask with at least 2 % of its pixels, and the box around them, metres.
+function parts() {
+  const seen = new Uint8Array(nx * ny), all = mask.reduce((n, m) => n + m, 0), box = [Infinity, -Infinity, Infinity, -Infinity];
+  let count = 0;
+  for (let start = 0; start < nx * ny; start++) {
+    if (seen[start] || !isSurface(start)) continue;
+    const part = [start];
+    seen[start] = 1;
+    for (let k = 0; k < part.length; k++) {
+      const [x, y] = [Math.floor(part[k] / ny), part[k] % ny];
+      for (const [u, v] of [[x - 1, y], [x + 1, y], [x, y - 1], [x, y + 1]]) {
+        const i = u * ny + v;
+        if (u >= 0 && u < nx && v >= 0 && v < ny && !seen[i] && isSurface(i)) seen[i] = 1, part.push(i);
+      }
+    }
+    if (part.length < .02 * all) continue;
+    count++;
+    for (const i of part) { const [x, y] = place(i); box[0] = Math.min(box[0], x), box[1] = Math.max(box[1], x), box[2] = Math.min(box[2], y), box[3] = Math.max(box[3], y); }
+  }
+  return { count, all, width: box[1] - box[0] + pixel[0], height: box[3] - box[2] + pixel[1] };
 }
 
-// Words.
 function words() {
-  const { report } = data, surface = mask.reduce((n, m) => n + m, 0);
+  const { settings, totals, metrics } = report, found = parts(), warnings = report.warnings || settings.warnings || [];
+  const card = (name, value, more = "") => {
+    const group = document.createElement("div"), term = document.createElement("dt"), text = document.createElement("dd"), small = document.createElement("small");
+    term.innerText = name, text.innerText = value, small.innerText = more;
+    text.append(small), group.append(term, text), element("headline").append(group);
+  };
   element("title").innerText = data.title;
-  const figures = report.metrics && report.metrics.depth_mae != null ? `; against the truth: depth error ${(1000 * report.metrics.depth_mae).toFixed(1)} mm` : "";
-  element("about").innerText = `${data.light.all_pairs} pairs of ${data.light.all_bins} bins, ${nx} x ${ny} pixels, ${surface} of them surface, `
-    + `solved in ${report.totals.solve_s.toFixed(1)} s on ${report.device.name.trim()} (thirdbounce ${report.version})${figures}`;
-  const rows = (table, all) => Object.entries(all).forEach(([name, value]) => {
-    const row = table.insertRow();
-    row.insertCell().innerText = name;
+  card("Found", found.count ? `${found.count} ${found.count === 1 ? "surface" : "surfaces"}` : "nothing",
+    found.count ? `${found.width.toFixed(2)} × ${found.height.toFixed(2)} m, ${(100 * found.all / nx / ny).toFixed(1)} % of the picture` : "");
+  card("Depth range", found.count ? `${far[0].toFixed(3)} – ${far[1].toFixed(3)} m` : "–", "1st to 99th percentile");
+  const typical = depth_error && quantile(depth_error, .5, isSurface), error = metrics?.depth_mae;
+  card("Median depth error", typical ? millimetres(typical) : "–", "expected" + (error != null ? `; ${millimetres(error)} mean against truth` : ""));
+  const trials = (settings.model_found?.trials || []).filter(t => t[0] === settings.model_found.reflectance).map(t => t[2]), last = trace.at(-1)?.residual;
+  if (trials.length) card("Held-out residual", `${(100 * Math.min(...trials)).toFixed(1)} %`, "of pairs not fitted, short fit");
+  else card("Residual", last != null ? `${(100 * last).toFixed(1)} %` : "–", "of fitted pairs");
+  card("Solve time", `${totals.solve_s.toFixed(1)} s`, report.device.name.trim());
+  card("Warnings", String(warnings.length));
+  const list = (id, lines) => lines.forEach(line => { const item = document.createElement("li"); item.innerText = line, element(id).append(item); });
+  list("warnings", warnings);
+  element("about").innerText = `${data.light.all_pairs} pairs of ${data.light.all_bins} bins, ${nx} x ${ny} pixels, ${found.all} of them surface; `
+    + `solver ${settings.solver}, model ${settings.model}; thirdbounce ${report.version}.`;
+  for (const [name, value] of Object.entries(settings)) {
+    const row = element("settings").insertRow(), head = document.createElement("th");
+    head.scope = "row", head.innerText = name, row.append(head);
     row.insertCell().innerText = typeof value === "string" ? value : JSON.stringify(value);
-  });
-  rows(element("settings"), report.settings);
-  element("left").innerText = report.plan.left_out.join("\n");
-  const notes = report.settings.notes || [];
-  if (notes.length) element("notes").innerText = "Notes\n" + notes.join("\n");
+  }
+  list("left", report.plan.left_out), list("notes", settings.notes?.length ? settings.notes : ["none"]);
 }
 
-words(), drawMaps(), drawWall(), drawHistogram(), drawTrace();
+words(), pictures();
 try { space(); } catch (error) { element("space").innerText = `no 3D view: ${error.message}`; }
-const first = Array.from(albedo.keys()).filter(isSurface).sort((a, b) => albedo[b] - albedo[a])[0];
+// Initially the brightest of the more certain half of the pixels.
+const certain = depth_error ? quantile(depth_error, .5, isSurface) : 0;
+const first = Array.from(albedo.keys()).filter(i => isSurface(i) && !(depth_error && depth_error[i] > certain)).sort((a, b) => albedo[b] - albedo[a])[0];
 if (first !== undefined) choose(first);

@@ -1,15 +1,15 @@
-//! Lateral maps: the result of a reconstruction, and the truth to compare it with.
+//! Lateral maps: the result of a reconstruction, and the truth.
 //!
-//! All maps are stored `[ix * ny + iy]`, ix along +x, iy along +y. A pixel is a cell of the extent, and its value
-//! belongs to the cell's centre. NaN means that there is no surface.
+//! All maps are stored `[ix * ny + iy]`, ix along +x, iy along +y. A pixel is a cell of the extent; its value belongs
+//! to the cell's centre. NaN means no surface.
 
 use crate::error::{Error, Result};
 
-mod confidence;
+mod depth_error;
 mod parts;
 mod smooth;
 
-pub use confidence::Conditions;
+pub use depth_error::Conditions;
 
 /// Reconstructed maps.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,21 +26,21 @@ pub struct Maps {
     pub depth: Vec<f32>,
     /// Unit normals; NaN = no surface.
     pub normal: Vec<[f32; 3]>,
-    /// True for pixels that count as surface ([`Maps::set_mask`], [`Maps::leave_out_uncertain_parts`]).
+    /// True for pixels classified as surface ([`Maps::set_mask`], [`Maps::leave_out_uncertain_parts`]).
     pub mask: Vec<bool>,
-    /// Share of the albedo's 99.9th percentile above which a pixel counts as surface; `None`: [`Maps::MASK_FRACTION`].
+    /// Share of the albedo's 99.9th percentile above which a pixel is surface; `None`: [`Maps::MASK_FRACTION`].
     pub mask_fraction: Option<f64>,
-    /// Expected depth error in metres: the error that two of three pixels with this value do not exceed
-    /// ([`Maps::set_confidence`]). NaN where the mask has no surface. `None` if it is not known.
-    pub confidence: Option<Vec<f32>>,
-    /// The surfaces behind the first ones; `None` where no pixel has two.
+    /// Expected depth error in metres: two of three pixels with a given value have a smaller error
+    /// ([`Maps::set_depth_error`]). NaN without surface. `None` if unknown.
+    pub depth_error: Option<Vec<f32>>,
+    /// Surfaces behind the first ones; `None` if no pixel has two.
     pub behind: Option<Layer>,
 }
 
 /// Surfaces behind the first ones of maps or of truth, by the same pixels.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
-    /// Albedo in the scale of the maps; 0 where there is no second surface. Of truth: 1 where there is one.
+    /// Albedo in the scale of the maps; 0 where there is no second surface. In truth: 1 where there is one.
     pub albedo: Vec<f32>,
     /// Depth z in metres; NaN = no second surface.
     pub depth: Vec<f32>,
@@ -48,8 +48,8 @@ pub struct Layer {
     pub normal: Vec<[f32; 3]>,
     /// True where the albedo is above the threshold of the first surfaces.
     pub mask: Vec<bool>,
-    /// Expected depth error in metres, as in [`Maps::confidence`]; `None` of truth.
-    pub confidence: Option<Vec<f32>>,
+    /// Expected depth error in metres, as in [`Maps::depth_error`]; `None` of truth.
+    pub depth_error: Option<Vec<f32>>,
 }
 
 /// True maps of a simulated or independently rendered scene (`gt_*` in a truth file).
@@ -72,9 +72,9 @@ pub struct Truth {
 }
 
 impl Layer {
-    /// Its arrays' names and lengths.
+    /// Names and lengths of the arrays.
     fn lengths(&self) -> Vec<(&'static str, usize)> {
-        let told = self.confidence.iter().map(|c| ("the second layer's confidence", c.len()));
+        let depth_error = self.depth_error.iter().map(|c| ("the second layer's depth_error", c.len()));
         [
             ("the second layer's albedo", self.albedo.len()),
             ("the second layer's depth", self.depth.len()),
@@ -82,7 +82,7 @@ impl Layer {
             ("the second layer's mask", self.mask.len()),
         ]
         .into_iter()
-        .chain(told)
+        .chain(depth_error)
         .collect()
     }
 }
@@ -103,21 +103,20 @@ impl Maps {
             normal: vec![[f32::NAN; 3]; count],
             mask: vec![false; count],
             mask_fraction: None,
-            confidence: None,
+            depth_error: None,
             behind: None,
         }
     }
 
-    /// True for pixels that count as surface: albedo above `fraction` of [`Maps::white`] and above zero. NaN never
-    /// counts.
+    /// True for pixels with an albedo above `fraction` of [`Maps::white`] and above zero; false for NaN.
     #[doc(hidden)]
     pub fn mask_of(albedo: &[f32], fraction: f64) -> Vec<bool> {
         let threshold = (fraction * f64::from(Maps::white(albedo))) as f32;
         albedo.iter().map(|&a| a > threshold && a > 0.0).collect()
     }
 
-    /// The albedo that counts as white: the 99.9th percentile. If that is zero (less than a thousandth of the pixels is
-    /// lit), the maximum; 0 if no pixel is lit.
+    /// Reference albedo: the 99.9th percentile. If that is zero (less than a thousandth of the pixels is lit), the
+    /// maximum; 0 if no pixel is lit.
     #[doc(hidden)]
     pub fn white(albedo: &[f32]) -> f32 {
         match percentile(albedo, 99.9) {
@@ -126,7 +125,7 @@ impl Maps {
         }
     }
 
-    /// Checks a mask fraction, if there is one.
+    /// Checks a mask fraction, if given.
     ///
     /// # Errors
     /// `Kind::Options`.
@@ -144,8 +143,7 @@ impl Maps {
         }
     }
 
-    /// Sets `mask` from the albedo: pixels above `fraction` of [`Maps::white`], or without a fraction above
-    /// [`Maps::MASK_FRACTION`] of it.
+    /// Sets `mask` from the albedo: pixels above `fraction`, or [`Maps::MASK_FRACTION`], of [`Maps::white`].
     pub fn set_mask(&mut self, fraction: impl Into<Option<f64>>) {
         self.mask_fraction = fraction.into();
         let fraction = self.mask_fraction.unwrap_or(Maps::MASK_FRACTION);
@@ -157,27 +155,27 @@ impl Maps {
         }
     }
 
-    /// The maps of one layer: these without what lies behind, or what lies behind. `None` if there is no such layer.
+    /// Maps of one layer: these without the second layer, or the second layer. `None` if there is no such layer.
     pub fn layer(&self, layer: usize) -> Option<Maps> {
         let first = Maps { behind: None, ..self.clone() };
         match (layer, &self.behind) {
             (0, _) => Some(first),
-            (1, Some(Layer { albedo, depth, normal, mask, confidence })) => Some(Maps {
+            (1, Some(Layer { albedo, depth, normal, mask, depth_error })) => Some(Maps {
                 albedo: albedo.clone(),
                 depth: depth.clone(),
                 normal: normal.clone(),
                 mask: mask.clone(),
-                confidence: confidence.clone(),
+                depth_error: depth_error.clone(),
                 ..first
             }),
             _ => None,
         }
     }
 
-    /// Checks that all arrays hold nx * ny values and that the extent is valid.
+    /// Checks that all arrays have nx * ny values and that the extent is valid.
     ///
     /// # Errors
-    /// `Kind::Input` naming the array that does not fit.
+    /// `Kind::Input` naming the array.
     pub fn check(&self) -> Result<()> {
         let mut lengths = vec![
             ("albedo", self.albedo.len()),
@@ -185,15 +183,15 @@ impl Maps {
             ("normal", self.normal.len()),
             ("mask", self.mask.len()),
         ];
-        lengths.extend(self.confidence.iter().map(|c| ("confidence", c.len())));
+        lengths.extend(self.depth_error.iter().map(|c| ("depth_error", c.len())));
         lengths.extend(self.behind.iter().flat_map(Layer::lengths));
         check_grid([self.nx, self.ny], self.extent, &lengths)
     }
 
-    /// The same maps with each pixel divided into `factor` × `factor`. Albedo is interpolated bilinearly between the
-    /// centres of pixels. Depth and normal are means of the four pixels around, weighted by interpolated albedo. Only
-    /// pixels within 2.5 pixels of the heaviest pixel's depth count, so that no point lies between an edge and the
-    /// surface behind it. What lies behind the first surfaces and the confidence are left out.
+    /// The same maps with each pixel divided into `factor` × `factor`. Albedo is interpolated bilinearly between
+    /// pixel centres. Depth and normal are means of the four surrounding pixels, weighted by interpolated albedo and
+    /// restricted to 2.5 pixels of depth around the heaviest, so that no point falls between an edge and the surface
+    /// behind it. Second layer and expected depth error are omitted.
     #[doc(hidden)]
     pub fn finer(&self, factor: usize) -> Maps {
         if factor <= 1 {
@@ -203,7 +201,7 @@ impl Maps {
         let [x0, x1, y0, y1] = self.extent;
         let edge = (2.5 * (x1 - x0) / self.nx as f64).max(2.5 * (y1 - y0) / self.ny as f64) as f32;
         let white = Maps::white(&self.albedo).max(f32::MIN_POSITIVE);
-        // The two pixels around a new one along an axis, and their weights.
+        // The two neighbouring pixels along an axis, and their weights.
         let between = |i: usize, n: usize| {
             let at = ((i as f32 + 0.5) / factor as f32 - 0.5).clamp(0.0, (n - 1) as f32);
             [(at as usize, 1.0 - at.fract()), ((at as usize + 1).min(n - 1), at.fract())]
@@ -215,7 +213,7 @@ impl Maps {
             depth: vec![],
             normal: vec![],
             mask: vec![],
-            confidence: None,
+            depth_error: None,
             behind: None,
             ..*self
         };
@@ -261,10 +259,10 @@ impl Maps {
 }
 
 impl Truth {
-    /// Checks that all arrays hold nx * ny values and that the extent is valid.
+    /// Checks that all arrays have nx * ny values and that the extent is valid.
     ///
     /// # Errors
-    /// `Kind::Input` naming the array that does not fit.
+    /// `Kind::Input` naming the array.
     pub fn check(&self) -> Result<()> {
         let mut lengths = vec![
             ("gt_depth", self.depth.len()),

@@ -1,25 +1,25 @@
-//! Parts of a mask that are no surface: small ones whose depths nobody knows.
+//! Removal of small mask parts with uncertain depths.
 //!
-//! Light that the model does not explain ends up in shards: at the borders of the box, beside bright things. They are as
-//! bright as dim parts of a surface, so no threshold tells them. But their depths are rough and steep, and the expected
-//! error says so. Figures: benches/NOTES.md.
+//! Unmodelled light produces fragments at the borders of the box and beside bright objects. They are as bright as dim
+//! parts of a surface, so no threshold separates them, but their depths are rough and steep, and hence their expected
+//! error is large. Figures: benches/NOTES.md.
 
 use super::{Maps, percentile};
 
-/// A part goes if its expected depth error is above this share of its width.
+/// A part is removed if its expected depth error exceeds this share of its width.
 const OF_WIDTH: f64 = 0.25;
 
 #[doc(hidden)]
 impl Maps {
-    /// Takes out of the mask of each layer what hangs together, but whose depths are known worse than to a quarter of its own
-    /// width: the root of its area. The largest part always stays. Follows [`Maps::set_confidence`]; tells whether anything
-    /// was taken out.
+    /// Removes from the mask of each layer every connected part whose expected depth error exceeds a quarter of its
+    /// width (the root of its area). The largest part is kept. Requires [`Maps::set_depth_error`]; returns whether any
+    /// part was removed.
     pub fn leave_out_uncertain_parts(&mut self) -> bool {
         let sides = [self.nx, self.ny];
         let pixel = self.pixel();
         let mut changed = false;
-        let first = self.confidence.as_ref().map(|errors| (&mut self.mask, errors));
-        let behind = self.behind.as_mut().and_then(|b| Some((&mut b.mask, b.confidence.as_ref()?)));
+        let first = self.depth_error.as_ref().map(|errors| (&mut self.mask, errors));
+        let behind = self.behind.as_mut().and_then(|b| Some((&mut b.mask, b.depth_error.as_ref()?)));
         for (mask, errors) in first.into_iter().chain(behind) {
             let parts = parts_of(sides, mask);
             let largest = parts.iter().map(Vec::len).max().unwrap_or(0);
@@ -36,7 +36,7 @@ impl Maps {
     }
 }
 
-/// The pixels of a mask in parts that hang together, corners included.
+/// Connected parts of a mask, 8-connectivity.
 fn parts_of([nx, ny]: [usize; 2], mask: &[bool]) -> Vec<Vec<usize>> {
     let mut seen = vec![false; mask.len()];
     let mut parts = vec![];
@@ -69,7 +69,8 @@ mod tests {
     use super::*;
     use crate::maps::Layer;
 
-    /// Maps of 12 × 8 pixels of 0.1 m, whose mask is where `picture` has a letter, and the expected error in metres of each.
+    /// Maps of 12 × 8 pixels of 0.1 m, whose mask is given by the letters of `picture`, and the expected error of
+    /// each in metres.
     fn maps(picture: [&str; 8], error: impl Fn(char) -> f32) -> Maps {
         let at = |i: usize| picture[i % 8].as_bytes()[i / 8] as char;
         let all = || (0..12 * 8).map(at);
@@ -78,12 +79,12 @@ mod tests {
             depth: vec![1.0; 96],
             normal: vec![[0.0, 0.0, -1.0]; 96],
             mask: all().map(|c| c != '.').collect(),
-            confidence: Some(all().map(error).collect()),
+            depth_error: Some(all().map(error).collect()),
             ..Maps::empty([12, 8], [0.0, 1.2, 0.0, 0.8])
         }
     }
 
-    /// The letters of a picture that the mask still has.
+    /// The letters of a picture inside the mask.
     fn left(maps: &Maps, mask: &[bool], picture: [&str; 8]) -> String {
         let at = |i: usize| picture[i % 8].as_bytes()[i / 8] as char;
         let mut all: Vec<char> = (0..maps.mask.len()).filter(|i| mask[*i]).map(at).collect();
@@ -105,7 +106,7 @@ mod tests {
 
     #[test]
     fn small_parts_whose_depths_are_uncertain_go() {
-        // B and C are 0.2 m wide: a quarter is 0.05 m. D is one pixel, E two that touch at a corner: 0.14 m.
+        // B and C are 0.2 m wide: a quarter is 0.05 m. D is one pixel, E two diagonal pixels: 0.14 m.
         let error = |c: char| match c {
             'A' => 0.01,
             'B' => 0.049,
@@ -126,9 +127,9 @@ mod tests {
         assert!(all.leave_out_uncertain_parts());
         assert_eq!(left(&all, &all.mask, PICTURE), "A");
         let mut untold = maps(PICTURE, |_| 100.0);
-        untold.confidence = None;
+        untold.depth_error = None;
         assert!(!untold.leave_out_uncertain_parts());
-        // A part without any expected error has no depth.
+        // A part without expected errors has no depth.
         let mut nowhere = maps(PICTURE, |c| if c == 'B' { f32::NAN } else { 0.0 });
         nowhere.leave_out_uncertain_parts();
         assert_eq!(left(&nowhere, &nowhere.mask, PICTURE), "ACDE");
@@ -143,7 +144,7 @@ mod tests {
             depth: behind.depth,
             normal: behind.normal,
             mask: behind.mask,
-            confidence: behind.confidence,
+            depth_error: behind.depth_error,
         });
         assert!(both.leave_out_uncertain_parts());
         assert_eq!(left(&both, &both.mask, PICTURE), "ABCDE");

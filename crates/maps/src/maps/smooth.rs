@@ -1,6 +1,6 @@
 //! Slopes and smoothed values of maps.
 
-/// The slope of values along x and y at a pixel, by the pixels beside it that are `shown`; 0 where there are none.
+/// Slope of values along x and y at a pixel, from its neighbours in `shown`; 0 without neighbours.
 pub(super) fn slope([nx, ny]: [usize; 2], values: &[f64], shown: &[bool], i: usize) -> [f64; 2] {
     let along = |at: usize, count: usize, stride: usize| {
         let low = at.checked_sub(1).map(|_| i - stride).filter(|j| shown[*j]).unwrap_or(i);
@@ -11,7 +11,7 @@ pub(super) fn slope([nx, ny]: [usize; 2], values: &[f64], shown: &[bool], i: usi
     [along(i / ny, nx, ny), along(i % ny, ny, 1)]
 }
 
-/// Gaussian of `sigma` pixels; pixels beyond the edge are as those at the edge.
+/// Gaussian of `sigma` pixels; edge values are repeated beyond the edge.
 pub(super) fn smoothed([nx, ny]: [usize; 2], values: &[f64], sigma: f64) -> Vec<f64> {
     let reach = (4.0 * sigma).ceil() as isize;
     let weights: Vec<f64> =

@@ -1,29 +1,29 @@
-//! How true the confidence of maps is: expected depth errors against real ones.
+//! Calibration of expected depth errors against actual errors.
 
-/// The share of errors that are at most the confidence if it is right.
+/// Share of errors within the expected error, if calibrated.
 pub const WITHIN: f64 = 0.68;
 
-/// Pairs of (confidence, |depth error|) in metres.
+/// Pairs of (expected, actual) depth error in metres.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Calibration {
     pairs: Vec<[f64; 2]>,
 }
 
 impl Calibration {
-    /// Adds a pixel. One without confidence or without a true depth (NaN) does not count.
-    pub fn add(&mut self, confidence: f64, error: f64) {
-        if confidence.is_finite() && error.is_finite() {
-            self.pairs.push([confidence, error.abs()]);
+    /// Adds a pixel, unless a value is NaN.
+    pub fn add(&mut self, depth_error: f64, error: f64) {
+        if depth_error.is_finite() && error.is_finite() {
+            self.pairs.push([depth_error, error.abs()]);
         }
     }
 
-    /// Share of the pixels whose error is within their confidence; `None` without pixels. [`WITHIN`] if it is right.
+    /// Share of the pixels whose error is within the expected error; `None` without pixels. [`WITHIN`] if calibrated.
     pub fn within(&self) -> Option<f64> {
         within(&self.pairs)
     }
 
-    /// The pixels in four parts of equal size, from the most certain to the least: for each the median confidence in
-    /// metres and the share within. Empty with fewer than four pixels.
+    /// Four groups of equal size, from most to least certain: median expected error in metres and share within. Empty
+    /// with fewer than four pixels.
     pub fn quarters(&self) -> Vec<[f64; 2]> {
         let mut sorted = self.pairs.clone();
         sorted.sort_by(|a, b| a[0].total_cmp(&b[0]));
@@ -37,7 +37,7 @@ impl Calibration {
 }
 
 fn within(pairs: &[[f64; 2]]) -> Option<f64> {
-    let inside = pairs.iter().filter(|[confidence, error]| error <= confidence).count();
+    let inside = pairs.iter().filter(|[depth_error, error]| error <= depth_error).count();
     (!pairs.is_empty()).then(|| inside as f64 / pairs.len() as f64)
 }
 
@@ -49,11 +49,11 @@ mod tests {
     fn quarters_go_from_certain_to_uncertain() {
         let mut all = Calibration::default();
         assert_eq!((all.within(), all.quarters()), (None, vec![]));
-        // Every quarter has ten pixels; of the k-th, the errors of k + 1 exceed the confidence.
+        // Every group has ten pixels; of the k-th, k + 1 errors exceed the expected error.
         for i in (0..40).rev() {
-            let (quarter, confidence) = (i / 10, 1.0 + f64::from(i));
+            let (quarter, depth_error) = (i / 10, 1.0 + f64::from(i));
             let is_more = i % 10 <= quarter;
-            all.add(confidence, if is_more { -2.0 * confidence } else { confidence });
+            all.add(depth_error, if is_more { -2.0 * depth_error } else { depth_error });
         }
         all.add(f64::NAN, 1.0);
         all.add(1.0, f64::NAN);

@@ -7,13 +7,13 @@ use crate::maps::{Layer, Maps, Truth};
 use crate::measure::paper::{Mean, Sums};
 use crate::measure::{Calibration, PaperMeasure};
 
-/// Mask fractions that `sweep` shows.
+/// Mask fractions of `sweep`.
 pub const SWEEP: [f64; 14] = [0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8];
 
-/// Figures of a reconstruction against truth. Lengths are in metres, angles in degrees.
+/// Metrics of a reconstruction against truth. Lengths in metres, angles in degrees.
 ///
 /// *Predicted* pixels have an albedo above `fraction` of the map's 99.9th percentile and a known depth. *Hit* pixels
-/// are predicted and in the true mask. A figure over no pixels is `None` (null in JSON), never 0 or NaN.
+/// are predicted and in the true mask. A metric over no pixels is `None` (null in JSON), never 0 or NaN.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct Metrics {
     /// Mask fraction: share of the albedo's 99.9th percentile. `None`: the maps' own mask.
@@ -36,39 +36,38 @@ pub struct Metrics {
     pub depth_mae_whole: Option<f64>,
     /// Root mean square error of depth over the whole mask; missing pixels have depth 0.
     pub depth_rmse_whole: Option<f64>,
-    /// Mean angle between true and found normals over the hit pixels that have a normal.
+    /// Mean angle between true and estimated normals over the hit pixels with a normal.
     pub normal_error_deg: Option<f64>,
     /// Mean absolute error of the normals' components, over the same pixels.
     pub normal_mae: Option<f64>,
     /// The measure that fits the paper's table best.
     #[serde(default)]
     pub paper: PaperMeasure,
-    /// The best IoU over all mask fractions below 1: what the truth alone can tell.
+    /// Best IoU over all mask fractions below 1, an upper bound that requires the truth.
     pub best_iou: Option<f64>,
     /// The fraction of `best_iou`.
     pub best_fraction: Option<f64>,
-    /// The figures at `best_fraction`, for comparing methods. Their albedos fall off differently: at one fixed fraction
-    /// the errors of one method cover the whole surface, those of another its bright part only.
+    /// Metrics at `best_fraction`, for comparing methods whose albedos fall off differently: at a fixed fraction the
+    /// errors of one method cover the whole surface, those of another its bright part.
     #[serde(default)]
     pub at_best: Option<AtBest>,
-    /// Share of the hit pixels whose depth error is within the maps' confidence: 0.68 if that is right. `None`, and not
-    /// in the JSON, for maps without.
+    /// Share of the hit pixels whose depth error is within the expected error: 0.68 if calibrated. `None`, and absent
+    /// from the JSON, without expected errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub within_confidence: Option<f64>,
-    /// The same by quarters of the hit pixels, from the most certain to the least: (median confidence, share within);
-    /// not in the JSON if empty.
+    pub within_depth_error: Option<f64>,
+    /// The same by quarters of the hit pixels, from most to least certain: (median expected error, share within);
+    /// absent from the JSON if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub calibration: Vec<[f64; 2]>,
-    /// The figures of the first surfaces and of those behind them, if the truth has two layers; else empty and not in
-    /// the JSON.
+    /// Metrics of both layers, if the truth has two; else empty and absent from the JSON.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub layers: Vec<LayerMetrics>,
-    /// (fraction, IoU) over [`SWEEP`]; not in the JSON if empty.
+    /// (fraction, IoU) over [`SWEEP`]; absent from the JSON if empty.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub sweep: Vec<[f64; 2]>,
 }
 
-/// Figures over the hit pixels of the mask with the best IoU.
+/// Metrics over the hit pixels of the mask with the best IoU.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct AtBest {
     /// Hit pixels: predicted and true.
@@ -79,11 +78,11 @@ pub struct AtBest {
     pub depth_mae: Option<f64>,
     /// Root mean square error of depth.
     pub depth_rmse: Option<f64>,
-    /// Mean angle between true and found normals.
+    /// Mean angle between true and estimated normals.
     pub normal_error_deg: Option<f64>,
 }
 
-/// Figures of one layer against the same layer of the truth, at the mask fraction of the whole.
+/// Metrics of one layer against the same layer of the truth, at the common mask fraction.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct LayerMetrics {
     /// Pixels of the true mask.
@@ -96,12 +95,12 @@ pub struct LayerMetrics {
     pub iou: Option<f64>,
     /// Mean absolute error of depth over the hit pixels.
     pub depth_mae: Option<f64>,
-    /// Mean angle between true and found normals over the hit pixels that have a normal.
+    /// Mean angle between true and estimated normals over the hit pixels with a normal.
     pub normal_error_deg: Option<f64>,
 }
 
 impl Metrics {
-    /// The figures without the sweep and the quarters of the calibration, for one line of a trace.
+    /// The metrics without sweep and calibration, for one line of a trace.
     pub fn brief(mut self) -> Metrics {
         self.sweep.clear();
         self.calibration.clear();
@@ -109,9 +108,9 @@ impl Metrics {
     }
 }
 
-/// Measures maps against truth. For each pixel of the truth it reads the maps' cell that contains the pixel's centre.
-/// The extents may differ: pixels outside the maps are not predicted, and cells outside the truth are ignored. Surface
-/// is where the albedo is above `fraction` of its 99.9th percentile; without a fraction, it is the maps' mask.
+/// Measures maps against truth. Each pixel of the truth reads the maps' cell that contains its centre. The extents
+/// may differ: pixels outside the maps are not predicted, cells outside the truth ignored. Surface is where the
+/// albedo exceeds `fraction` of its 99.9th percentile, or the maps' mask without a fraction.
 ///
 /// # Errors
 /// `Kind::Options` unless `fraction` is in [0, 1); `Kind::Input` if arrays and sizes do not agree.
@@ -173,14 +172,14 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: impl Into<Option<f64>>) -> 
         best_iou: best.map(|b| b[1]),
         best_fraction: best.map(|b| b[0]),
         at_best,
-        within_confidence: errors.told.within(),
-        calibration: errors.told.quarters(),
+        within_depth_error: errors.calibration.within(),
+        calibration: errors.calibration.quarters(),
         layers: layers(maps, truth, &pixels, within),
         sweep,
     })
 }
 
-/// The mask fraction of the best IoU, over all fractions below 1 that tell pixels apart. Of equally good ones the largest.
+/// Mask fraction of the best IoU, over all fractions below 1 that separate pixels. The largest in a tie.
 fn best_fraction(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], white: f64) -> Option<f64> {
     let real = truth.mask.iter().filter(|real| **real).count();
     let lit = |(pixel, real): (&Option<usize>, &bool)| {
@@ -198,11 +197,11 @@ fn best_fraction(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], white: f6
             best = Some((fraction, iou));
         }
     }
-    // Without light, every fraction is as bad.
+    // Without light, all fractions are equal.
     best.map(|(fraction, _)| fraction).or((real > 0).then_some(0.0))
 }
 
-/// The figures of each layer, if the truth has two. `pixels` are the maps' pixels of the truth's.
+/// Metrics of each layer, if the truth has two. `pixels` maps the truth's pixels to the maps'.
 fn layers(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) -> Vec<LayerMetrics> {
     let Some(Layer { depth, normal, mask, .. }) = truth.behind.clone() else { return vec![] };
     let second = Truth { depth, normal, mask, behind: None, ..truth.clone() };
@@ -235,22 +234,22 @@ fn look_up(maps: &Maps, truth: &Truth) -> Vec<Option<usize>> {
     .collect()
 }
 
-/// The pixels that count as surface.
+/// Selection of surface pixels.
 #[derive(Clone, Copy)]
 enum Within {
-    /// Those of the maps' mask.
+    /// The maps' mask.
     Mask,
-    /// Those above an albedo.
+    /// Albedo above a threshold.
     Above(f64),
 }
 
-/// The maps' pixel, if it counts as surface.
+/// The maps' pixel, if it is surface.
 fn predicted(maps: &Maps, pixel: Option<usize>, within: Within) -> Option<usize> {
     pixel.filter(|&p| {
         let albedo = maps.albedo[p];
         let is_within = match within {
             Within::Mask => maps.mask[p],
-            // In float32 as in `Maps::mask_of`, so both agree on pixels at the threshold.
+            // In float32 as in `Maps::mask_of`, so that both agree on pixels at the threshold.
             Within::Above(threshold) => albedo > threshold as f32,
         };
         is_within && albedo > 0.0 && maps.depth[p].is_finite()
@@ -264,10 +263,10 @@ struct Errors {
     whole: Sums,
     angle: Mean,
     components: Mean,
-    told: Calibration,
+    calibration: Calibration,
 }
 
-/// The errors over these pixels.
+/// Errors over these pixels.
 fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) -> Errors {
     let mut all = Errors::default();
     for (at, pixel) in pixels.iter().enumerate().filter(|(at, _)| truth.mask[*at]) {
@@ -277,8 +276,8 @@ fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) 
         let Some(found) = found else { continue };
         let error = f64::from(maps.depth[found]) - real;
         all.hit.add(error);
-        if let Some(confidence) = &maps.confidence {
-            all.told.add(f64::from(confidence[found]), error);
+        if let Some(depth_error) = &maps.depth_error {
+            all.calibration.add(f64::from(depth_error[found]), error);
         }
         let (n, m) = (maps.normal[found].map(f64::from), truth.normal[at].map(f64::from));
         if let Some(degrees) = angle_between(n, m) {
@@ -289,7 +288,7 @@ fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) 
     all
 }
 
-/// Depth and normal of every pixel of the picture, found and true; (0, [0, 0, 0]) where there is nothing.
+/// Depth and normal of every pixel of the picture, estimated and true; (0, [0, 0, 0]) without surface.
 fn picture(
     maps: &Maps,
     truth: &Truth,
@@ -326,7 +325,7 @@ fn ratio(part: usize, whole: usize) -> Option<f64> {
     (whole > 0).then(|| part as f64 / whole as f64)
 }
 
-/// Angle in degrees, `None` if a vector is zero or not a number.
+/// Angle in degrees; `None` if a vector is zero or NaN.
 fn angle_between(a: [f64; 3], b: [f64; 3]) -> Option<f64> {
     let (a, b) = (glam::DVec3::from(a), glam::DVec3::from(b));
     // atan2 keeps small angles exact; acos of a rounded cosine does not.

@@ -1,4 +1,4 @@
-//! Compares reconstructions with true maps, and the times that methods take to reach a figure.
+//! Metrics of reconstructions against truth, and times at which methods reach a target.
 
 pub mod calibration;
 pub mod metrics;

@@ -2,8 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The paper's measure, as far as its table tells: errors over all pixels of the picture, within the mask and outside.
-/// What is empty in the truth, or not predicted, has depth 0 and the normal (0, 0, 0). `None`: not known.
+/// The paper's measure, inferred from its table: errors over all pixels of the picture, inside and outside the mask.
+/// Absent pixels have depth 0 and normal (0, 0, 0). `None`: unknown.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct PaperMeasure {
     /// Mean absolute error of depth, metres.
@@ -17,7 +17,7 @@ pub struct PaperMeasure {
 }
 
 impl PaperMeasure {
-    /// The measure over the depths and normals of pixels, found and true. A normal that is not finite is (0, 0, 0).
+    /// The measure over depths and normals of pixels, estimated and true. A normal that is not finite is (0, 0, 0).
     pub(super) fn of(pixels: impl Iterator<Item = [(f32, [f32; 3]); 2]>) -> PaperMeasure {
         let (mut depth, mut normal) = (Sums::default(), Sums::default());
         for pair in pixels {
@@ -44,7 +44,7 @@ pub(super) struct Sums {
 }
 
 impl Sums {
-    /// Adds an error. One that is not finite does not count: a pixel without a true depth (NaN inside the mask).
+    /// Adds an error, unless it is not finite (a pixel without a true depth inside the mask).
     pub fn add(&mut self, error: f64) {
         if error.is_finite() {
             self.absolute.add(error.abs());

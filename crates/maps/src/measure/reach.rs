@@ -1,20 +1,20 @@
-//! The time that a method takes to be as good as another.
+//! Time at which a method reaches another's accuracy.
 
 use serde::{Deserialize, Serialize};
 
-/// The time at which a figure was as good as a target. Times are solve seconds at points of the trace, so they are late
-/// by up to one step of the trace and never early. `None`: not within the run.
+/// Time at which a metric reaches a target: solve seconds at points of the trace, late by up to one step and never
+/// early. `None`: not within the run.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reach {
-    /// The target; `None` if there is no such figure, or if several were required together.
+    /// The target; `None` if there is none, or if several were required together.
     pub target: Option<f64>,
-    /// Seconds at the first point that is as good. Later points may be worse again, for instance if it had few pixels.
+    /// Seconds at the first point that reaches the target. Later points may be worse, e.g. if it had few pixels.
     pub first_s: Option<f64>,
-    /// Seconds at the point after which all points are as good, itself included.
+    /// Seconds at the point after which all points reach the target, inclusive.
     pub kept_s: Option<f64>,
 }
 
-/// Finds the first and the lasting good point of a trace of (seconds, good).
+/// First and lasting point of a trace of (seconds, target reached).
 pub fn reach(target: Option<f64>, trace: &[(f64, bool)]) -> Reach {
     let first = trace.iter().find(|(_, good)| *good);
     let bad = trace.iter().rposition(|(_, good)| !good).map_or(0, |last_bad| last_bad + 1);

@@ -11,7 +11,7 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::options::ImageOptions;
+use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
 use super::upsample;
 use crate::Result;
@@ -46,10 +46,10 @@ words!(Filter);
 
 options! {
     /// Options of the back-projection.
-    pub struct BpOptions(suit) {
+    pub struct BpOptions: BpSettings(suit) {
         nested {
             /// What all closed-form methods have.
-            image: ImageOptions,
+            image: ImageOptions / ImageSettings,
         }
         "Solver" {
             /// Lateral pixels of the maps; from 128 on, a voxel is two pixels wide
@@ -60,10 +60,10 @@ options! {
 
 options! {
     /// Options of the filtered back-projection.
-    pub struct FbpOptions(suit) {
+    pub struct FbpOptions: FbpSettings(suit) {
         nested {
             /// What all closed-form methods have.
-            image: ImageOptions,
+            image: ImageOptions / ImageSettings,
         }
         "Solver" {
             /// Lateral pixels of the maps; from 128 on, a voxel is two pixels wide
@@ -82,10 +82,10 @@ options! {
 
 options! {
     /// Options of the phasor field by back-projection.
-    pub struct PhasorBpOptions(suit) {
+    pub struct PhasorBpOptions: PhasorBpSettings(suit) {
         nested {
             /// What all closed-form methods have.
-            image: ImageOptions,
+            image: ImageOptions / ImageSettings,
         }
         "Solver" {
             /// Lateral pixels of the maps; from 128 on, a voxel is two pixels wide

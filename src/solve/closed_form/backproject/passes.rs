@@ -25,7 +25,7 @@ passes! {
 /// A number per voxel.
 pub const PROJECTED: Buffer = Buffer::named("projected");
 
-/// Back-projects the filtered measurement into [`PROJECTED`]; the filter has so many `taps`, its two
+/// Back-projects the filtered measurement into [`PROJECTED`]; the filter has `taps` taps, its two
 /// sides counted once.
 pub fn gather_filtered(s: &mut Schedule, plan: &Plan, level: &Level, taps: usize) {
     let voxels = level.grid.storage();

@@ -18,7 +18,7 @@ use super::fourier::{Complex, Line, transpose};
 use super::image::{Volume, on_grid_signed};
 use super::light_cone::SNR;
 use super::light_cone::{Cells, filter_planes};
-use super::options::ImageOptions;
+use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
 use super::{HostMethod, RegularScan, host_method};
 use crate::capture::Capture;
@@ -29,10 +29,10 @@ use crate::{Error, Result};
 
 options! {
     /// Options of the directional light-cone transform.
-    pub struct DlctOptions(suit) {
+    pub struct DlctOptions: DlctSettings(suit) {
         nested {
             /// What all closed-form methods have.
-            image: ImageOptions,
+            image: ImageOptions / ImageSettings,
         }
         "Solver" {
             /// Lateral pixels of the maps
@@ -192,6 +192,6 @@ mod tests {
         let mut o = DlctOptions::default();
         o.image.reflectance = Reflectance::Retroreflective;
         let error = o.scan(&random_capture(None)).unwrap_err();
-        assert!(error.what.contains("retroreflective") && error.mend.to_string().contains("lct"));
+        assert!(error.what.contains("retroreflective") && error.hint.to_string().contains("lct"));
     }
 }

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
 use super::image::{Volume, on_grid};
 use super::light_cone::plane_waves;
-use super::options::ImageOptions;
+use super::options::{ImageOptions, ImageSettings};
 use super::resample::linear;
 use super::{HostMethod, RegularScan, host_method};
 use crate::Result;
@@ -27,10 +27,10 @@ use crate::transport::{Grid, Reflectance};
 
 options! {
     /// Options of f-k migration.
-    pub struct FkOptions(suit) {
+    pub struct FkOptions: FkSettings(suit) {
         nested {
             /// What all closed-form methods have.
-            image: ImageOptions,
+            image: ImageOptions / ImageSettings,
         }
         "Solver" {
             /// Lateral pixels of the maps
@@ -230,7 +230,7 @@ struct Taps(Vec<[f32; Taps::COUNT]>);
 
 impl Taps {
     const COUNT: usize = 8;
-    /// Shares of a step that are told apart.
+    /// Resolution of fractions of a step.
     const SHARES: usize = 1024;
     const BETA: f64 = 6.0;
 

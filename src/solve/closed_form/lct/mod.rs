@@ -14,7 +14,7 @@ use super::fourier::{Complex, Line, transpose};
 use super::image::{Volume, on_grid};
 use super::light_cone::SNR;
 use super::light_cone::{Cells, filter_planes};
-use super::options::ImageOptions;
+use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
 use super::{HostMethod, RegularScan, host_method};
 use crate::Result;
@@ -25,10 +25,10 @@ use crate::transport::{Grid, Reflectance};
 
 options! {
     /// Options of the light-cone transform.
-    pub struct LctOptions(suit) {
+    pub struct LctOptions: LctSettings(suit) {
         nested {
             /// What all closed-form methods have.
-            image: ImageOptions,
+            image: ImageOptions / ImageSettings,
         }
         "Solver" {
             /// Lateral pixels of the maps

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
 use super::image::{Volume, on_grid};
 use super::light_cone::plane_waves;
-use super::options::ImageOptions;
+use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
 use super::{HostMethod, RegularScan, host_method};
 use crate::Result;
@@ -29,10 +29,10 @@ use crate::transport::Grid;
 
 options! {
     /// Options of phasor fields.
-    pub struct PhasorOptions(suit) {
+    pub struct PhasorOptions: PhasorSettings(suit) {
         nested {
             /// What all closed-form methods have.
-            image: ImageOptions,
+            image: ImageOptions / ImageSettings,
         }
         "Solver" {
             /// Lateral pixels of the maps
@@ -65,7 +65,7 @@ pub(super) const WAVELENGTHS: Ladder = Ladder { setting: "wavelength", values: &
 /// Standard deviation of the virtual pulse, as a share of its length: the published code's window.
 const OF_LENGTH: f64 = 0.15;
 
-/// Frequencies farther than so many standard deviations from the middle of the pulse are left out.
+/// Cutoff, standard deviations from the centre frequency of the pulse.
 const BAND_WIDTH: f64 = 3.0;
 
 /// The frequencies of the virtual pulse.

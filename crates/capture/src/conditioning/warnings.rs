@@ -1,0 +1,109 @@
+//! Signs that a capture is wrong: its time zero, the scale of its wall, empty histograms.
+
+use crate::data::scan::decimals;
+use crate::data::{Capture, PairKind};
+
+/// A bin counts as signal above this share of the largest bin of its histogram.
+const SIGNAL: f32 = 0.3;
+/// Up to this share of all counts may come too early without a warning: dark counts do.
+const EARLY: f64 = 0.01;
+/// First light that curves more than this many times as strongly as the light of a point is not due to rounding.
+const CURVED: f64 = 1.3;
+
+impl Capture {
+    /// Sentences that say what looks wrong about this capture; empty if nothing does. Nothing is corrected.
+    ///
+    /// Two laws are checked. Light cannot arrive before it has travelled straight from the laser point to the sensor
+    /// point. And in a confocal scan of a flat wall, the squared distance of the first light, minus the squared
+    /// position on the wall, is concave along a line: it is the minimum of functions |p|² − 2x·p of the hidden points
+    /// p. If it bends the other way over most of the scan, the wall is larger than its points say; for example, half
+    /// its width was given as the whole.
+    ///
+    /// A scene of flat faces, a wall that was given too large, and a mirrored scan break no law and are not found.
+    pub fn warnings(&self) -> Vec<String> {
+        let mut warnings = Vec::new();
+        let share = self.early_share();
+        if share > EARLY {
+            warnings.push(format!(
+                "{:.0} % of all counts come before light can travel straight from the laser point to the \
+                 sensor point: time zero (t_start) or the wall's scale is wrong, the outer legs were removed \
+                 twice, or these counts are direct light or dark counts that a gate should leave out",
+                100.0 * share
+            ));
+        }
+        if let Some(times) = self.curvature().filter(|times| *times > CURVED) {
+            let (d, b) = (decimals(3, self.span()), decimals(6, self.span()));
+            warnings.push(format!(
+                "over the scan the first light curves {times:.1} times as strongly as the light of a point: \
+                 the wall is larger than {:.d$} m (is this half its width?), a bin is narrower than {:.b$} m \
+                 of path, or time zero is later",
+                self.span(),
+                self.bin_width
+            ));
+        }
+        let empty = self.histograms.chunks_exact(self.bins).filter(|h| h.iter().all(|v| *v == 0.0)).count();
+        if 2 * empty > self.pair_count() {
+            warnings.push(format!("{empty} of {} histograms hold no count", self.pair_count()));
+        }
+        warnings
+    }
+
+    fn span(&self) -> f64 {
+        let [x0, x1, y0, y1] = self.wall_extent();
+        (x1 - x0).max(y1 - y0)
+    }
+
+    /// The share of the counts that come before light can arrive.
+    fn early_share(&self) -> f64 {
+        let (mut early, mut total) = (0.0, 0.0);
+        for (pair, histogram) in self.histograms.chunks_exact(self.bins).enumerate() {
+            let straight = self.laser[pair].distance(self.sensor[pair]);
+            // A bin that ends later may hold light.
+            let first = ((straight - self.t_start) / self.bin_width).floor().max(0.0);
+            let first = (first as usize).saturating_sub(1).min(self.bins);
+            early += histogram[..first].iter().map(|v| f64::from(*v)).sum::<f64>();
+            total += histogram.iter().map(|v| f64::from(*v)).sum::<f64>();
+        }
+        if total > 0.0 { early / total } else { 0.0 }
+    }
+
+    /// The curvature of the first light relative to that of a point: the second difference of its squared distance
+    /// along rows and columns, as the median over the scan. At most 1 in a sound capture. `None` if the scan is not a
+    /// confocal lattice of at least 8 x 8 points on a flat wall, or has too little signal.
+    fn curvature(&self) -> Option<f64> {
+        let [nx, ny] = self.scan;
+        if self.pair_kind() != PairKind::Confocal || !self.is_planar() || nx < 8 || ny < 8 {
+            return None;
+        }
+        let squared: Vec<Option<f64>> = (self.histograms.chunks_exact(self.bins))
+            .map(|h| {
+                let path = self.t_start + (first_light(h)? as f64 + 0.5) * self.bin_width;
+                Some(0.25 * path * path)
+            })
+            .collect();
+        let mut bends = Vec::new();
+        for pair in 0..nx * ny {
+            let (ix, iy) = (pair / ny, pair % ny);
+            let right = (ix + 2 * (nx / 4) < nx).then_some(nx / 4 * ny);
+            let up = (iy + 2 * (ny / 4) < ny).then_some(ny / 4);
+            for step in right.into_iter().chain(up) {
+                let [a, b, c] = [pair, pair + step, pair + 2 * step];
+                let (Some(first), Some(middle), Some(last)) = (squared[a], squared[b], squared[c]) else {
+                    continue;
+                };
+                let apart = self.sensor[a].distance_squared(self.sensor[b]);
+                bends.push((first - 2.0 * middle + last) / (2.0 * apart));
+            }
+        }
+        bends.sort_unstable_by(f64::total_cmp);
+        bends.get(bends.len() / 2).copied().filter(|_| 2 * bends.len() > nx * ny)
+    }
+}
+
+/// The first bin with signal, in a histogram that is smoothed over three bins.
+pub(super) fn first_light(histogram: &[f32]) -> Option<usize> {
+    let at = |b: usize| histogram.get(b).copied().unwrap_or(0.0);
+    let smooth = |b: usize| at(b.wrapping_sub(1)) + at(b) + at(b + 1);
+    let most = (0..histogram.len()).map(smooth).fold(0.0f32, f32::max);
+    (0..histogram.len()).find(|b| most > 0.0 && smooth(*b) >= SIGNAL * most)
+}

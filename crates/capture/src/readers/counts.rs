@@ -1,0 +1,57 @@
+//! Arrays of counts.
+
+use super::glance::{self, Glance};
+use crate::data::histogram_figures;
+use crate::error::{Error, Result};
+use crate::files::archive::Npz;
+
+/// An array of counts.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Counts {
+    /// Lengths of its axes, the slowest first.
+    pub shape: Vec<usize>,
+    /// In C order.
+    pub values: Vec<f32>,
+}
+
+impl Counts {
+    /// Whether the values are photon counts: whole and not negative, however they are stored.
+    pub fn whole(&self) -> bool {
+        histogram_figures::whole(&self.values)
+    }
+}
+
+/// The shape of an array of counts in an archive, which are not read.
+pub(super) fn shape(npz: &mut Npz, name: &str, wanted: &str) -> Result<Vec<usize>> {
+    let (head, _) = npz.stream(name)?.ok_or_else(|| npz.missing(name, wanted))?;
+    if head.shape.contains(&0) {
+        return Err(Error::input(
+            format!("{name} has shape {:?}: it holds no bin, or no pair", head.shape),
+            "write the capture again: it has to hold at least one bin of one pair",
+        ));
+    }
+    Ok(head.shape)
+}
+
+/// The values of an array of counts. What unpacks to far more than the file is looked at first.
+pub(super) fn read(npz: &mut Npz, name: &str, wanted: &str) -> Result<Vec<f32>> {
+    if npz.sizes(name).is_some_and(|[size, packed]| glance::is_wanted(size, packed))
+        && let Some((head, mut elements)) = npz.stream(name)?
+    {
+        let mut glance = Glance::default();
+        let mut left = head.shape.iter().fold(1usize, |n, d| n.saturating_mul(*d));
+        while left > 0 {
+            let part = left.min(glance::AT_ONCE);
+            glance.take(&head.part(&mut elements, part).map_err(|e| e.at(format!("array {name}")))?.to_f32());
+            left -= part;
+        }
+        glance.finish(name)?;
+    }
+    let array = npz.whole(name)?.ok_or_else(|| npz.missing(name, wanted))?;
+    Ok(array.to_f32())
+}
+
+/// The largest value, which decides the integer type to store; `None` unless all values are whole and not negative.
+pub(super) fn largest_count(values: &[f32]) -> Option<f32> {
+    values.iter().try_fold(0.0f32, |largest, &v| (v >= 0.0 && v.fract() == 0.0).then(|| largest.max(v)))
+}

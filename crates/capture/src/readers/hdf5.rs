@@ -1,0 +1,429 @@
+//! Arrays of an HDF5 file, by name. MATLAB v7.3 files are HDF5 after a user block.
+//!
+//! A dataset in a group is named `group/name`. Shapes are those of the file, in C order: MATLAB's dimensions are
+//! reversed.
+
+use std::cell::Cell;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
+
+use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error, LinkClass};
+
+use super::counts::Counts;
+use super::glance;
+use crate::error::{Error, Result};
+use crate::host;
+
+/// No HDF5 filter in use shrinks data more than this.
+const MOST_DEFLATED: u64 = 1100;
+/// Largest array of numbers that are not counts (points, normals, settings).
+const MOST_NUMBERS: usize = 1 << 28;
+/// Compression ratio above which a large dataset of points or settings contains almost no information.
+const HARDLY_ANYTHING: u64 = 500;
+/// Maximum ratio of a large chunk, which is unpacked whole, to the file.
+const OF_CHUNK: u64 = 64;
+
+/// An open file, with its length in bytes to check the sizes that its datasets claim.
+pub struct Hdf5 {
+    file: H5File,
+    path: PathBuf,
+    bytes: u64,
+}
+
+/// An array of counts in a file.
+pub(super) struct Array {
+    pub(super) name: String,
+    /// Lengths of its axes, the slowest first; at least one axis.
+    pub(super) shape: Vec<usize>,
+    /// The shape of a chunk, which is stored and compressed as one; `None` for values one after the other.
+    pub(super) chunk: Option<Vec<usize>>,
+    stored: Stored,
+}
+
+/// How numbers are stored.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Stored {
+    Float,
+    Double,
+    Integer,
+}
+
+pub(super) fn damaged(e: impl std::fmt::Display) -> Error {
+    // The names of the reader's layers say nothing about the file.
+    let text = e.to_string();
+    let text = text.rsplit_once("error: ").map_or(&text[..], |(_, what)| what);
+    Error::input(
+        format!("the HDF5 file cannot be read: {text}"),
+        "the file is damaged or cut short: copy or download it again",
+    )
+}
+
+thread_local! {
+    static GUARDED: Cell<bool> = const { Cell::new(false) };
+}
+
+/// Whether this thread is inside the HDF5 reader, which may panic on a damaged file. Such a panic becomes an error and
+/// is not shown to the user.
+pub fn is_guarded() -> bool {
+    GUARDED.get()
+}
+
+/// Turns a panic of the HDF5 reader into the error of a damaged file.
+pub(super) fn guarded<T>(read: impl FnOnce() -> Result<T>) -> Result<T> {
+    let before = GUARDED.replace(true);
+    let done = catch_unwind(AssertUnwindSafe(read));
+    GUARDED.set(before);
+    done.unwrap_or_else(|_| Err(damaged("its inner structure is not valid")))
+}
+
+impl Hdf5 {
+    /// Opens a file for reading.
+    ///
+    /// # Errors
+    /// `Kind::Input` for a damaged file.
+    pub fn open(path: &Path) -> Result<Hdf5> {
+        let bytes = std::fs::metadata(path).map_or(0, |m| m.len());
+        let file = guarded(|| H5File::options().no_locking().open(path).map_err(damaged))?;
+        Ok(Hdf5 { file, path: path.to_path_buf(), bytes })
+    }
+
+    /// Whether a program of MATLAB wrote the file, whose shapes it shows reversed: its text comes before HDF5, or its name ends
+    /// in .mat.
+    pub(super) fn in_matlab_order(&self) -> bool {
+        self.path.extension().is_some_and(|e| e.eq_ignore_ascii_case("mat"))
+            || std::fs::File::open(&self.path).is_ok_and(|mut file| {
+                let mut head = [0; 6];
+                std::io::Read::read_exact(&mut file, &mut head).is_ok() && &head == b"MATLAB"
+            })
+    }
+
+    /// The path that was opened.
+    pub(super) fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// Names of the datasets, sorted. Links to other files are among them, so that an error tells of them.
+    pub fn names(&self) -> Vec<String> {
+        let root = self.file.root_group();
+        let leaves = |name: &String| matches!(root.link_class(name), Ok(LinkClass::External { .. }));
+        let mut names = self.file.dataset_names();
+        names.extend(root.link_names().unwrap_or_default().into_iter().filter(leaves));
+        names.sort();
+        names
+    }
+
+    /// The shape of a dataset, `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// `Kind::Input` if it is damaged or claims an absurd size.
+    pub fn shape(&self, name: &str) -> Result<Option<Vec<usize>>> {
+        guarded(|| Ok(self.dataset(name)?.map(|d| d.shape())))
+    }
+
+    /// The dataset, `None` if it is missing or has an empty dataspace.
+    fn dataset(&self, name: &str) -> Result<Option<H5Dataset>> {
+        // Asked for a group, the reader tells of a link on the way before it opens the other file. For a dataset, it opens it.
+        if let Err(Hdf5Error::Unsupported(_)) = self.file.root_group().group(name) {
+            return Err(elsewhere(name, "is a link to other files"));
+        }
+        let dataset = match self.file.dataset(name) {
+            Ok(dataset) => dataset,
+            Err(Hdf5Error::NotFound(_)) => return Ok(None),
+            Err(e) => return Err(failed(name, e)),
+        };
+        // MATLAB stores the size of an empty array as its value.
+        let marked = dataset.attr("MATLAB_empty").and_then(|mark| mark.read_numeric_as::<i64>());
+        let empty = marked.is_ok_and(|mark| mark.iter().any(|mark| *mark != 0));
+        if empty || dataset.is_null() || dataset.shape().contains(&0) {
+            return Ok(None);
+        }
+        check_filters(name, &dataset)?;
+        if dataset.external_files().is_ok_and(|files| !files.is_empty())
+            || dataset.virtual_mappings().is_ok_and(|maps| !maps.is_empty())
+        {
+            return Err(elsewhere(name, "keeps its values in other files"));
+        }
+        // The HDF5 reader allocates the sizes that a file claims, and a failed allocation ends the program. So the
+        // sizes are checked first, those of chunks too.
+        let claim = |shape: &[usize]| {
+            let bytes = shape.iter().try_fold(dataset.element_size() as u64, |n, &d| n.checked_mul(d as u64));
+            bytes.is_some_and(|size| size / MOST_DEFLATED <= self.bytes)
+        };
+        if !claim(&dataset.shape()) || dataset.chunk_dims().is_some_and(|chunk| !claim(&chunk)) {
+            return Err(Error::input(
+                format!(
+                    "dataset {name} claims shape {:?}, chunks {:?}, in a file of {} bytes",
+                    dataset.shape(),
+                    dataset.chunk_dims(),
+                    self.bytes
+                ),
+                "the file is damaged or malicious: download or write it again",
+            ));
+        }
+        let chunk = dataset.chunk_dims().map_or(0, |c| c.iter().fold(1, |n: usize, d| n.saturating_mul(*d)));
+        if host::swells(host::bytes(chunk, dataset.element_size()), self.bytes, OF_CHUNK) {
+            return Err(Error::input(
+                format!(
+                    "dataset {name} has chunks of shape {:?} in a file of {} bytes",
+                    dataset.chunk_dims(),
+                    self.bytes
+                ),
+                "write it with smaller chunks (h5repack does it)",
+            ));
+        }
+        Ok(Some(dataset))
+    }
+
+    /// Asks for the memory of a part of a dataset: as it is stored, as the reader gives it, and as it is kept.
+    fn ask(&self, name: &str, dataset: &H5Dataset, counts: &[usize]) -> Result<()> {
+        let count = counts.iter().fold(1usize, |n, d| n.saturating_mul(*d));
+        host::ask(
+            &format!("dataset {name}"),
+            host::bytes(count, dataset.element_size() + size_of::<f64>() + size_of::<f32>()),
+        )
+    }
+
+    /// Whether an array unpacks to so much that it is looked at before it is kept.
+    pub(super) fn is_looked_at(&self, array: &Array) -> bool {
+        let count = array.shape.iter().fold(1usize, |n, d| n.saturating_mul(*d));
+        glance::is_wanted(host::bytes(count, size_of::<f32>()), self.bytes)
+    }
+
+    /// A dataset as float32 in C order; `None` if it is missing or empty.
+    ///
+    /// # Errors
+    /// `Kind::Input` if it is damaged, does not hold numbers, or claims an absurd size.
+    pub fn counts(&self, name: &str) -> Result<Option<Counts>> {
+        guarded(|| {
+            let Some(dataset) = self.dataset(name)? else { return Ok(None) };
+            self.ask(name, &dataset, &dataset.shape())?;
+            let values = match stored(name, &dataset)? {
+                Stored::Double => dataset.read_numeric_as().map(narrowed),
+                Stored::Float => dataset.read_numeric_as(),
+                Stored::Integer => dataset.read_numeric_as().map(counted),
+            };
+            let values = values.map_err(|e| failed(name, e))?;
+            let shape = dataset.shape();
+            check_length(name, &shape, &values)?;
+            Ok(Some(Counts { shape, values }))
+        })
+    }
+
+    /// A dataset whose counts are read block by block; `None` if it is missing, empty or a single number.
+    ///
+    /// # Errors
+    /// As [`Hdf5::counts`].
+    pub(super) fn array(&self, name: &str) -> Result<Option<Array>> {
+        guarded(|| {
+            let Some(dataset) = self.dataset(name)? else { return Ok(None) };
+            let (shape, chunk) = (dataset.shape(), dataset.chunk_dims());
+            if shape.is_empty() {
+                return Ok(None);
+            }
+            if chunk.as_ref().is_some_and(|c| c.len() != shape.len() || c.contains(&0)) {
+                return Err(damaged(format!("{name} has shape {shape:?} and chunks {chunk:?}")));
+            }
+            Ok(Some(Array { name: name.into(), shape, chunk, stored: stored(name, &dataset)? }))
+        })
+    }
+
+    /// The values of a part of an array as float32 in C order.
+    ///
+    /// # Errors
+    /// `Kind::Input` if the part is damaged.
+    pub(super) fn block(&self, array: &Array, starts: &[usize], counts: &[usize]) -> Result<Vec<f32>> {
+        guarded(|| {
+            let name = &array.name;
+            let changed = || damaged(format!("dataset {name} is gone"));
+            let dataset = self.dataset(name)?.ok_or_else(changed)?;
+            self.ask(name, &dataset, counts)?;
+            let values = match array.stored {
+                Stored::Double => dataset.read_numeric_slice_as(starts, counts).map(narrowed),
+                Stored::Float => dataset.read_numeric_slice_as(starts, counts),
+                Stored::Integer => dataset.read_numeric_slice_as(starts, counts).map(counted),
+            };
+            let values = values.map_err(|e| failed(name, e))?;
+            check_length(name, counts, &values)?;
+            Ok(values)
+        })
+    }
+
+    /// Values of a chunk of a dataset, which are stored and compressed as one; 1 where values lie one after the other.
+    ///
+    /// # Errors
+    /// As [`Hdf5::shape`].
+    pub fn chunk(&self, name: &str) -> Result<usize> {
+        guarded(|| Ok(self.dataset(name)?.and_then(|d| d.chunk_dims()).map_or(1, |c| c.iter().product())))
+    }
+
+    /// Values of a dataset of one axis as whole numbers: `count` of them from `start` on. Real numbers are rounded.
+    ///
+    /// # Errors
+    /// As [`Hdf5::counts`]; a value beyond 64 bits with a sign.
+    pub fn whole(&self, name: &str, start: usize, count: usize) -> Result<Vec<i64>> {
+        guarded(|| {
+            let gone = || damaged(format!("dataset {name} is gone"));
+            let dataset = self.dataset(name)?.ok_or_else(gone)?;
+            self.ask(name, &dataset, &[count])?;
+            let (from, to) = ([start], [count]);
+            let rounded = |values: Vec<f64>| values.into_iter().map(|v| v.round() as i64).collect();
+            let values: std::result::Result<Vec<i64>, _> = match stored(name, &dataset)? {
+                Stored::Integer => dataset.read_numeric_slice_as(&from, &to),
+                Stored::Float | Stored::Double => dataset.read_numeric_slice_as(&from, &to).map(rounded),
+            };
+            let values = values.map_err(|e| failed(name, e))?;
+            match values.len() == count {
+                true => Ok(values),
+                false => Err(damaged(format!("{name} holds {} values of {count}", values.len()))),
+            }
+        })
+    }
+
+    /// All numbers of a small dataset as float64 in C order, booleans and enums as their numbers. `None` if it is
+    /// missing or empty.
+    ///
+    /// # Errors
+    /// As [`Hdf5::counts`].
+    pub fn numbers(&self, name: &str) -> Result<Option<(Vec<usize>, Vec<f64>)>> {
+        guarded(|| {
+            let Some(dataset) = self.dataset(name)? else { return Ok(None) };
+            let shape = dataset.shape();
+            if shape.iter().product::<usize>() > MOST_NUMBERS {
+                return Err(Error::input(
+                    format!("dataset {name} has shape {shape:?}, too large for points or settings"),
+                    "check that the right file was given",
+                ));
+            }
+            if host::swells(
+                host::bytes(shape.iter().product(), dataset.element_size()),
+                self.bytes,
+                HARDLY_ANYTHING,
+            ) {
+                return Err(Error::input(
+                    format!("dataset {name} of shape {shape:?} holds hardly more than one value"),
+                    "the file is damaged or malicious: download or write it again",
+                ));
+            }
+            self.ask(name, &dataset, &shape)?;
+            let wrong = |e: Hdf5Error| failed(name, e);
+            let values: Vec<f64> = match dataset.datatype().map_err(wrong)? {
+                DatatypeMessage::FloatingPoint { .. } => dataset.read_numeric_as().map_err(wrong)?,
+                DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => {
+                    dataset.read_numeric_as::<i64>().map_err(wrong)?.into_iter().map(|v| v as f64).collect()
+                }
+                DatatypeMessage::Enum { base, .. } => {
+                    enum_values(&base, &dataset.read_raw_bytes().map_err(wrong)?)
+                }
+                other => return Err(no_number(name, &other)),
+            };
+            Ok((!values.is_empty()).then_some((shape, values)))
+        })
+    }
+}
+
+/// The error of a dataset that cannot be read: damaged, or of a form that is not supported.
+fn failed(name: &str, e: Hdf5Error) -> Error {
+    let text = e.to_string();
+    if !text.to_lowercase().contains("unsupported") {
+        return damaged(text).at(format!("dataset {name}"));
+    }
+    let what = text.rsplit_once(": ").map_or(&text[..], |(_, what)| what);
+    unsupported(name, what)
+}
+
+fn unsupported(name: &str, what: &str) -> Error {
+    Error::input(
+        format!("dataset {name} is stored with {what}, which is not supported"),
+        "repack the file: h5repack -f GZIP=6 IN OUT (with the plugin that wrote it), or read and write it with h5py",
+    )
+}
+
+/// Filters by their registered numbers.
+const FILTERS: [(u16, &str); 13] = [
+    (305, "LZO"),
+    (307, "bzip2"),
+    (32000, "LZF"),
+    (32001, "Blosc"),
+    (32004, "LZ4"),
+    (32008, "bitshuffle"),
+    (32013, "ZFP"),
+    (32015, "Zstandard"),
+    (32017, "SZ"),
+    (32019, "JPEG"),
+    (32022, "Granular BitRound"),
+    (32024, "SZ3"),
+    (32026, "Blosc2"),
+];
+/// Those that are read, beside HDF5's own, 1 to 6.
+const READ: [u16; 5] = [32000, 32001, 32004, 32008, 32015];
+/// The compression after bitshuffle that is not read.
+const ZSTD_AFTER_BITSHUFFLE: u32 = 3;
+
+/// Refuses a dataset that is packed by a filter that is not read.
+fn check_filters(name: &str, dataset: &H5Dataset) -> Result<()> {
+    for filter in dataset.filters().unwrap_or_default() {
+        let known =
+            FILTERS.iter().find(|(id, _)| *id == filter.id).map_or("an unknown filter", |(_, name)| name);
+        if !(1..=6).contains(&filter.id) && !READ.contains(&filter.id) {
+            return Err(unsupported(name, &format!("{known} (HDF5 filter {})", filter.id)));
+        }
+        if filter.id == 32008 && filter.cd_values.get(4) == Some(&ZSTD_AFTER_BITSHUFFLE) {
+            return Err(unsupported(name, "bitshuffle with Zstandard (HDF5 filter 32008)"));
+        }
+    }
+    Ok(())
+}
+
+/// The error of a dataset that is not in this file.
+fn elsewhere(name: &str, how: &str) -> Error {
+    Error::input(
+        format!("dataset {name} {how}, which are not opened"),
+        "write the values into this file (h5repack, or a copy with h5py, does it)",
+    )
+}
+
+/// How the numbers of a dataset are stored.
+fn stored(name: &str, dataset: &H5Dataset) -> Result<Stored> {
+    let datatype = dataset.datatype().map_err(|e| failed(name, e))?;
+    match datatype {
+        DatatypeMessage::FloatingPoint { .. } if dataset.element_size() == 8 => Ok(Stored::Double),
+        DatatypeMessage::FloatingPoint { .. } => Ok(Stored::Float),
+        DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => Ok(Stored::Integer),
+        other => Err(no_number(name, &other)),
+    }
+}
+
+fn narrowed(values: Vec<f64>) -> Vec<f32> {
+    values.into_iter().map(|v| v as f32).collect()
+}
+
+fn counted(values: Vec<i64>) -> Vec<f32> {
+    values.into_iter().map(|v| v as f32).collect()
+}
+
+fn check_length(name: &str, shape: &[usize], values: &[f32]) -> Result<()> {
+    if shape.iter().product::<usize>() == values.len() {
+        return Ok(());
+    }
+    Err(damaged(format!("{name} holds {} values for shape {shape:?}", values.len())))
+}
+
+fn no_number(name: &str, found: &DatatypeMessage) -> Error {
+    Error::input(
+        format!("dataset {name} is of type {found}, not a number"),
+        format!("store {name} as plain numbers"),
+    )
+}
+
+/// The numbers of an enum's raw elements (booleans are an enum of one byte).
+fn enum_values(base: &DatatypeMessage, raw: &[u8]) -> Vec<f64> {
+    let DatatypeMessage::FixedPoint { size, byte_order, .. } = base else { return Vec::new() };
+    let value = |element: &[u8]| {
+        let digit = |n: u64, byte: &u8| (n << 8) | u64::from(*byte);
+        match byte_order {
+            ByteOrder::LittleEndian => element.iter().rev().fold(0, digit) as f64,
+            ByteOrder::BigEndian => element.iter().fold(0, digit) as f64,
+        }
+    };
+    raw.chunks_exact((*size as usize).clamp(1, 8)).map(value).collect()
+}

@@ -1,0 +1,342 @@
+//! Capture files, one module per format. The contents of a file decide its format, not its name. Some formats are
+//! several files in a folder.
+
+mod blocks;
+pub mod ccsocr;
+mod contents;
+mod convolutional;
+pub mod counts;
+mod dirac;
+mod exhaustive;
+mod frame;
+pub mod general;
+mod glance;
+pub mod hdf5;
+mod kilometre;
+mod lct;
+mod listed;
+mod lit;
+pub mod matlab5;
+pub mod netf;
+pub mod npz;
+mod numbers;
+mod opened;
+pub mod phasor;
+mod points;
+mod pulse;
+mod read_options;
+mod scatter;
+pub mod set;
+mod single;
+mod socr_units;
+pub mod stanford;
+mod unread;
+pub mod variables;
+pub mod ytal;
+pub mod znlos;
+mod zones;
+
+pub use crate::conditioning::legs;
+pub use contents::HDF5;
+pub use opened::Opened;
+pub use read_options::{AxisOrder, Bounce, ReadOptions};
+
+use contents::Contents;
+use unread::Unread;
+use variables::Variables;
+
+use std::path::Path;
+
+use crate::conditioning::{self, Conditioned, Conditioning, Step};
+use crate::error::{Error, Result};
+use crate::{Capture, Keep};
+
+/// Reads a capture in any known format, leaves out pairs that were not measured (see
+/// [`Capture::without_missing`]) and checks the rest. The name is the file's stem.
+///
+/// # Errors
+/// `Kind::Input`, beginning with the path: a missing, empty, cut or damaged file, a folder without a capture, an
+/// unknown format, missing arrays, or anything that [`Capture::check`] finds. `Kind::Options` if the file lacks a value
+/// that has no usual value either (see [`ReadOptions`]). `Kind::Memory` if the counts do not fit.
+pub fn read(path: &Path) -> Result<Capture> {
+    read_given(path, &ReadOptions::default()).map(|read| read.capture)
+}
+
+/// Reads a capture as [`read`] does, and returns notes and the number of dropped pairs with it.
+///
+/// # Errors
+/// Those of [`read`].
+pub fn read_with_notes(path: &Path) -> Result<Opened> {
+    read_given(path, &ReadOptions::default())
+}
+
+/// Reads a capture as [`read`] does, with values that the file does not hold.
+///
+/// # Errors
+/// Those of [`read`]. `Kind::Options` for a bin width, a bounce or a file of times of flight if the format takes none.
+pub fn read_given(path: &Path, given: &ReadOptions) -> Result<Opened> {
+    read_kept(path, given, &Keep::default())
+}
+
+/// Reads a part of a capture, with values that the file does not hold. The result is that of [`read_given`] followed by
+/// [`Capture::stride`], [`Capture::subset`] and [`Capture::gated`]; large files take less memory. All counts of the
+/// file are checked.
+///
+/// # Errors
+/// Those of [`read_given`] and of the three.
+pub fn read_kept(path: &Path, given: &ReadOptions, keep: &Keep) -> Result<Opened> {
+    let how = Conditioning { keep: *keep, ..given.conditioning() };
+    read_through(path, given, conditioning::AS_RECORDED, &how).map(Opened::from)
+}
+
+/// Reads a capture and makes it ready for a solve, as [`conditioning::prepare`] does with one in memory.
+///
+/// # Errors
+/// Those of [`read_given`] and of [`conditioning::prepare`].
+#[doc(hidden)]
+pub fn read_prepared(path: &Path, given: &ReadOptions, how: &Conditioning) -> Result<Conditioned> {
+    read_through(path, given, conditioning::FOR_A_SOLVE, how)
+}
+
+/// Reads what is kept of a capture after these steps.
+fn read_through(path: &Path, given: &ReadOptions, steps: &[Step], how: &Conditioning) -> Result<Conditioned> {
+    let place = |e: Error| e.at(path.display());
+    let mut notes = Vec::new();
+    let name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
+    let mut set;
+    let found = match contents::of(path).map_err(place)? {
+        Contents::Zip => given
+            .no_axes("an npz file")
+            .and_then(|()| npz::read(path, given, &mut notes))
+            .map(ReadCapture::Whole),
+        Contents::Hdf5 | Contents::Matlab5 | Contents::Folder => {
+            set = set::Set::open(path).map_err(place)?;
+            read_set(&mut set, given, &mut notes)
+        }
+        Contents::Matlab4 => Err(contents::version_4()),
+        Contents::Npy => Err(alone("is a single npy array, without wall points and bin width")),
+        Contents::Unknown if is_text_of_numbers(path) => {
+            Err(alone("is a text of numbers, without wall points and bin width"))
+        }
+        Contents::Unknown => Err(unknown("the format is not known")),
+    };
+    let capture = match found.map_err(place)? {
+        ReadCapture::Unread(unread) => return unread.read(name, (steps, how), notes, &place),
+        ReadCapture::Whole(capture) => Capture { name, ..capture },
+    };
+    let mut measured = conditioning::measured(capture, how.keep_empty).map_err(place)?;
+    measured.notes.splice(0..0, notes);
+    measured.through(steps, how)
+}
+
+/// A capture as a reader of its format finds it.
+enum ReadCapture<'f> {
+    Whole(Capture),
+    /// All but the counts.
+    Unread(Unread<'f>),
+}
+
+/// Finds the format by the names of the arrays, and reads it.
+fn read_set<'s>(
+    set: &'s mut set::Set,
+    given: &ReadOptions,
+    notes: &mut Vec<String>,
+) -> Result<ReadCapture<'s>> {
+    let no_bounce = |what: &str| match given.bounce {
+        None => given.no_axes(what),
+        Some(_) => Err(Error::options(
+            format!("a bounce was given, but {what} does not keep bounces apart"),
+            "leave the bounce out",
+        )),
+    };
+    let socr = ["C_i", "C_d", "sub_Sig"].iter().any(|name| set.any(name));
+    if given.depth_unit.is_some() && !socr {
+        return Err(Error::options(
+            "a unit of the wall's depth was given, but only CC-SOCR captures need one",
+            "leave it out",
+        ));
+    }
+    if set.any("meas") || set.any("tofgrid") {
+        no_bounce("a Stanford f-k capture")?;
+        return stanford::read(set, given, notes).map(ReadCapture::Unread);
+    }
+    if given.time_of_flight.is_some() {
+        return Err(Error::options(
+            "times of flight were given, but there is no meas, the counts of a Stanford f-k capture",
+            "leave the file of times of flight out",
+        ));
+    }
+    if socr {
+        no_bounce("a CC-SOCR capture")?;
+        return ccsocr::read(set, given, notes).map(ReadCapture::Whole);
+    }
+    let positions = set.any("cameraGridPositions");
+    // The points of General-NLOS lie in a second file.
+    if !positions && general::counts_name(set).is_some() {
+        set.add_beside(&["setup.mat".into()])?;
+    }
+    if ["laserpoints", "detectpoints"].iter().any(|name| set.any(name)) {
+        no_bounce("a General-NLOS capture")?;
+        return general::read(set, given, notes).map(ReadCapture::Whole);
+    }
+    let file = match set.holding("cameraGridPositions")? {
+        Some(file) => file,
+        None => set.first().ok_or_else(|| unknown("the folder is empty"))?,
+    };
+    if positions {
+        given.no_bin_width("a file with Z-NLOS names")?;
+        given.no_axes("a file with Z-NLOS names")?;
+        let axes = file.shape("data")?.ok_or_else(|| file.missing("data"))?.len();
+        return if axes == 3 {
+            no_bounce("a NeTF capture")?;
+            netf::read(file, notes).map(ReadCapture::Whole)
+        } else {
+            znlos::read(file, given, notes).map(ReadCapture::Whole)
+        };
+    }
+    if given.bounce.is_some() {
+        no_bounce("the file")?;
+    }
+    read_single(file, given, notes)
+}
+
+/// Names by which formats of a single file are known.
+const FORMATS: [(&[&str], &str); 8] = [
+    (&["laser_grid_xyz"], "a y-tal capture"),
+    (&["data_t"], "an NLOS-Dirac capture"),
+    (&["NLOSDATA/transient"], "a file with NLOSDATA"),
+    (&["sig_in"], "a 1.43 km capture"),
+    (&["lighting"], "a surface-optimisation capture"),
+    (&["dataset/data"], "a phasor-field capture"),
+    (&["rect_data"], "an LCT or phasor-field capture"),
+    (&["total_rect_data"], "a 3D-RSD capture"),
+];
+
+/// Whether a file is y-tal's. One that holds `H` alone is a single array of anybody.
+fn is_ytal(file: &Variables) -> bool {
+    file.have(&["laser_grid_xyz"]) || (file.have(&["H"]) && file.names().len() > 1)
+}
+
+/// Finds the format of a capture that is one file, by the names of its arrays, and reads it.
+fn read_single<'s>(
+    file: &'s Variables,
+    given: &ReadOptions,
+    notes: &mut Vec<String>,
+) -> Result<ReadCapture<'s>> {
+    if let Some(format) = FORMATS.iter().find(|(names, _)| file.have(names)).map(|(_, format)| format) {
+        given.no_axes(format)?;
+    }
+    if is_ytal(file) {
+        given.no_bin_width("a y-tal capture")?;
+        return ytal::read(file, notes).map(ReadCapture::Whole);
+    }
+    if file.have(&["data_t"]) {
+        given.no_bin_width("an NLOS-Dirac capture")?;
+        return dirac::read(file, notes).map(ReadCapture::Unread);
+    }
+    if convolutional::is_one(file) {
+        given.no_bin_width("a file with NLOSDATA")?;
+        return convolutional::read(file, notes).map(ReadCapture::Unread);
+    }
+    if file.have(&["sig_in"]) {
+        return kilometre::read(file, given, notes).map(ReadCapture::Unread);
+    }
+    if lit::is_one(file) {
+        return lit::read(file, given, notes).map(ReadCapture::Unread);
+    }
+    if file.have(&["dataset/data"]) {
+        given.no_bin_width("a phasor-field capture")?;
+        return phasor::read_2019(file, notes).map(ReadCapture::Whole);
+    }
+    if file.have(&["rect_data", "width"]) {
+        return lct::read(file, given, notes).map(ReadCapture::Unread);
+    }
+    if file.have(&["rect_data", "ts"]) {
+        given.no_bin_width("a phasor-field capture")?;
+        return phasor::read_2020(file, notes).map(ReadCapture::Unread);
+    }
+    if listed::is_3d_rsd(file) {
+        given.no_bin_width("a 3D-RSD capture")?;
+        return listed::read_3d_rsd(file, notes).map(ReadCapture::Whole);
+    }
+    if let Some(capture) = listed::read(file, given, notes)? {
+        return Ok(ReadCapture::Whole(capture));
+    }
+    single::read(file, given, notes)
+}
+
+/// Writes a capture: y-tal HDF5 if the name ends in `.hdf5` or `.h5`, npz if it ends in `.npz`, Stanford v7.3 if it
+/// ends in `.mat`. The file appears whole or not at all. Returns sentences that say what the format cannot hold.
+///
+/// # Errors
+/// `Kind::Input` if the capture fails [`Capture::check`], `Kind::Options` for another ending or a capture that the
+/// format cannot hold, `Kind::Output` if the file cannot be written.
+pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
+    check_ending(path)?;
+    let mut notes = match ending(path).as_str() {
+        "npz" => return npz::write(capture, path).map(|()| vec![]),
+        "mat" => stanford::write(capture, path),
+        _ => ytal::write(capture, path).map(|()| vec![]),
+    }?;
+    if capture.pulse.is_some() {
+        notes.push(
+            "this format cannot hold the pulse: write npz, or give the pulse when the file is read".into(),
+        );
+    }
+    if capture.laser_spot.or(capture.sensor_spot).is_some() {
+        notes.push("this format cannot hold the spots: write npz, or give them when the file is read".into());
+    }
+    if capture.cycles.is_some() {
+        notes.push("this format cannot hold the number of laser pulses (cycles): write npz".into());
+    }
+    if capture.direct.is_some() {
+        notes.push("this format cannot hold the path of direct light (direct): write npz".into());
+    }
+    Ok(notes)
+}
+
+fn ending(path: &Path) -> String {
+    path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase())
+}
+
+/// Checks that a file's name has the ending of a format that [`write()`] knows.
+///
+/// # Errors
+/// `Kind::Options` if it has none.
+pub fn check_ending(path: &Path) -> Result<()> {
+    if matches!(ending(path).as_str(), "npz" | "hdf5" | "h5" | "mat") {
+        return Ok(());
+    }
+    Err(Error::options(
+        format!("{}: the ending is not that of a capture format", path.display()),
+        "name the file .npz, .hdf5 (y-tal) or .mat (Stanford)",
+    ))
+}
+
+/// The error of counts that come alone, with the lines that make a capture of them.
+fn alone(what: &str) -> Error {
+    Error::input(
+        what,
+        r#"make a capture of it: H [T, X, Y] with the bins first, points [X, Y, 3] on the wall in metres, bins in metres of path:
+    import numpy as np; H = np.load("FILE"); x, y = [np.linspace(-.5, .5, n) for n in H.shape[1:]]
+    p = np.stack(np.meshgrid(x, y, [0], indexing="ij"), -1)[:, :, 0]
+    np.savez("capture.npz", H=H, sensor_xyz=p, laser_xyz=p, delta_t=133e-12 * 299792458)
+  or, if an instrument wrote its histograms (points, bins) or time tags, use `histogram` with the points of the scan"#,
+    )
+}
+
+/// Whether a file is text of numbers, as a CSV of counts.
+fn is_text_of_numbers(path: &Path) -> bool {
+    let mut head = [0; 512];
+    let read = std::fs::File::open(path).and_then(|mut file| std::io::Read::read(&mut file, &mut head));
+    let head = &head[..read.unwrap_or(0)];
+    let of_text = |c: &u8| c.is_ascii_digit() || c.is_ascii_whitespace() || b",;.+-eE#".contains(c);
+    head.iter().any(u8::is_ascii_digit) && head.iter().all(of_text)
+}
+
+fn unknown(what: &str) -> Error {
+    Error::input(
+        what,
+        "give a capture as npz (H, sensor_xyz, laser_xyz, delta_t), y-tal or Z-NLOS HDF5, or one of the known MATLAB files",
+    )
+}

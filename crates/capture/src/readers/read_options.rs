@@ -1,0 +1,228 @@
+//! Values that a capture file may not hold: the user gives them. If a usual value is taken instead, a note says so.
+
+use std::path::PathBuf;
+
+use crate::Turn;
+use crate::advice::advice;
+use crate::conditioning::Conditioning;
+use crate::error::{Error, Result};
+
+/// The bounces of a rendered capture that are used.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bounce {
+    /// Bounce number n, from 2 on. 3 is wall, hidden scene, wall.
+    Nth(usize),
+    /// The sum of all bounces in the file.
+    All,
+}
+
+impl Bounce {
+    /// Reads `third`, `all` or a number from 2.
+    ///
+    /// # Errors
+    /// `Kind::Options` for anything else.
+    pub fn parse(text: &str) -> Result<Bounce> {
+        match (text, text.parse()) {
+            ("third", _) => Ok(Bounce::Nth(3)),
+            ("all", _) => Ok(Bounce::All),
+            (_, Ok(n)) if n >= 2 => Ok(Bounce::Nth(n)),
+            _ => Err(Error::options(
+                format!("the bounce {text:?} is not known"),
+                "give third (wall, hidden scene, wall), all, or a number from 2",
+            )),
+        }
+    }
+}
+
+/// The order of the axes of an array of counts: places of x, y and the bins, axis 0 is the slowest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct AxisOrder([usize; 3]);
+
+impl AxisOrder {
+    /// Reads the letters x, y and t in the order of the axes, as the program that wrote the file shows them: `xyt`, `txy`.
+    ///
+    /// # Errors
+    /// `Kind::Options` for anything else.
+    pub fn parse(text: &str) -> Result<AxisOrder> {
+        let place = |letter| text.find(letter).filter(|_| text.len() == 3);
+        match (place('x'), place('y'), place('t')) {
+            (Some(x), Some(y), Some(t)) => Ok(AxisOrder([x, y, t])),
+            _ => Err(Error::options(
+                format!("the axes {text:?} are not known"),
+                "give the letters x, y and t in the order of the axes, such as xyt for counts [x, y, t]",
+            )),
+        }
+    }
+
+    /// The bins at this axis in C order, then x before y.
+    pub(super) fn with_bins_at(t: usize) -> AxisOrder {
+        let others = [[1, 2], [0, 2], [0, 1]][t];
+        AxisOrder([others[0], others[1], t])
+    }
+
+    /// The same axes in C order; MATLAB shows them reversed.
+    pub(super) fn in_c_order(self, matlab: bool) -> AxisOrder {
+        if matlab { AxisOrder(self.0.map(|place| 2 - place)) } else { self }
+    }
+
+    /// The axes of x, y and the bins.
+    pub(super) fn places(self) -> [usize; 3] {
+        self.0
+    }
+}
+
+/// Values that the user gives because the file does not hold them; none by default.
+#[derive(Debug, Clone, Default, PartialEq)]
+#[non_exhaustive]
+pub struct ReadOptions {
+    /// Distance in metres of the outermost scan points along the longer side.
+    pub wall: Option<f64>,
+    /// Bin width in metres of path.
+    pub bin_width: Option<f64>,
+    /// Metres of a step of the wall's depth, for CC-SOCR captures of walls that are not flat.
+    pub depth_unit: Option<f64>,
+    /// Bounces to use, for formats that keep them apart; the third by default.
+    pub bounce: Option<Bounce>,
+    /// The file with the times of flight to the wall, for formats that keep them in a second file.
+    pub time_of_flight: Option<PathBuf>,
+    /// How to mirror and rotate the scan, for files that do not say how it lies on the wall.
+    pub turn: Turn,
+    /// Whether pairs without any count are kept, although their neighbours have many.
+    pub keep_empty: bool,
+    /// The axes of a file with a single array of counts; by default found by where the light is.
+    pub axes: Option<AxisOrder>,
+}
+
+impl ReadOptions {
+    /// With the wall's size in metres, between the outermost scan points along the longer side.
+    pub fn with_wall(self, size: impl Into<Option<f64>>) -> ReadOptions {
+        ReadOptions { wall: size.into(), ..self }
+    }
+
+    /// With the bin width in metres of path.
+    pub fn with_bin_width(self, width: impl Into<Option<f64>>) -> ReadOptions {
+        ReadOptions { bin_width: width.into(), ..self }
+    }
+
+    /// With the metres of a step of the wall's depth.
+    pub fn with_depth_unit(self, unit: impl Into<Option<f64>>) -> ReadOptions {
+        ReadOptions { depth_unit: unit.into(), ..self }
+    }
+
+    /// With the bounces to use.
+    pub fn with_bounce(self, bounce: impl Into<Option<Bounce>>) -> ReadOptions {
+        ReadOptions { bounce: bounce.into(), ..self }
+    }
+
+    /// With the file that holds the times of flight to the wall.
+    pub fn with_time_of_flight(self, file: impl Into<Option<PathBuf>>) -> ReadOptions {
+        ReadOptions { time_of_flight: file.into(), ..self }
+    }
+
+    /// With a scan that is mirrored or rotated.
+    pub fn with_turn(self, turn: Turn) -> ReadOptions {
+        ReadOptions { turn, ..self }
+    }
+
+    /// With pairs that have no count at all, as dark ones.
+    pub fn with_keep_empty(self, keep_empty: bool) -> ReadOptions {
+        ReadOptions { keep_empty, ..self }
+    }
+
+    /// With the axes of a file with a single array of counts.
+    pub fn with_axes(self, axes: impl Into<Option<AxisOrder>>) -> ReadOptions {
+        ReadOptions { axes: axes.into(), ..self }
+    }
+
+    /// The steps that follow from these values.
+    pub(super) fn conditioning(&self) -> Conditioning {
+        Conditioning { turn: self.turn, keep_empty: self.keep_empty, ..Conditioning::default() }
+    }
+
+    /// The wall's size, which the file does not hold.
+    ///
+    /// # Errors
+    /// `Kind::Options` if the user did not give it either, or if it is not a positive length.
+    pub(super) fn wall(&self, format: &str) -> Result<f64> {
+        let wall = self.wall.ok_or_else(|| {
+            Error::options(
+                format!("{format} does not hold the wall size"),
+                advice!["give it, the distance in metres between the outermost scan points: " Wall " 1m"],
+            )
+        })?;
+        if wall.is_finite() && wall > 0.0 { Ok(wall) } else { Err(bad_length("the wall size", wall)) }
+    }
+
+    /// The wall size and the bin width, neither of which the file holds.
+    ///
+    /// # Errors
+    /// `Kind::Options`, asking for all that is missing at once.
+    pub(super) fn wall_and_bin_width(&self, format: &str) -> Result<(f64, f64)> {
+        if self.wall.is_none() && self.bin_width.is_none() {
+            return Err(Error::options(
+                format!("{format} holds neither the wall size nor the bin width"),
+                advice![
+                    "give the distance between the outermost scan points and the width of a bin, as a time or a path: " Wall
+                    " 1m " BinWidth " 133ps"
+                ],
+            ));
+        }
+        Ok((self.wall(format)?, self.bin_width(format, None, &mut vec![])?))
+    }
+
+    /// The bin width in metres, which the file does not hold. If the user does not give it, the `usual` one of the
+    /// format's publication is taken, in picoseconds, and a note says so.
+    ///
+    /// # Errors
+    /// `Kind::Options` if there is neither, or if the given one is not a positive length.
+    pub(super) fn bin_width(&self, format: &str, usual: Option<f64>, notes: &mut Vec<String>) -> Result<f64> {
+        match (self.bin_width, usual) {
+            (Some(width), _) if width.is_finite() && width > 0.0 => Ok(width),
+            (Some(width), _) => Err(bad_length("the bin width", width)),
+            (None, Some(ps)) => {
+                notes.push(format!(
+                    "{format} does not hold the bin width: {ps} ps is taken, as in its publication"
+                ));
+                Ok(ps * crate::METRES_PER_PICOSECOND)
+            }
+            (None, None) => Err(Error::options(
+                format!("{format} does not hold the bin width"),
+                advice![
+                    "give the bin width, as a time or in metres of path (picoseconds times 0.000299792458): " BinWidth " 133ps"
+                ],
+            )),
+        }
+    }
+
+    /// Refuses axes where the format has its own.
+    ///
+    /// # Errors
+    /// `Kind::Options` if the user gave any.
+    pub(super) fn no_axes(&self, format: &str) -> Result<()> {
+        match self.axes {
+            None => Ok(()),
+            Some(_) => Err(Error::options(
+                format!("axes were given, but {format} has its own order"),
+                advice!["leave " Axes " out: it is for a file with a single array of counts"],
+            )),
+        }
+    }
+
+    /// Refuses a bin width where the format holds its own.
+    ///
+    /// # Errors
+    /// `Kind::Options` if the user gave one.
+    pub(super) fn no_bin_width(&self, format: &str) -> Result<()> {
+        match self.bin_width {
+            None => Ok(()),
+            Some(_) => Err(Error::options(
+                format!("a bin width was given, but {format} holds its own bin width"),
+                "leave the bin width out",
+            )),
+        }
+    }
+}
+
+fn bad_length(option: &str, value: f64) -> Error {
+    Error::options(format!("{option} is {value}"), "give a length in metres above zero")
+}

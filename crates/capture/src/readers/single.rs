@@ -1,0 +1,114 @@
+//! A MATLAB or HDF5 file with a single array of counts of a confocal scan of a flat wall. The file holds neither the wall size
+//! nor the bin width.
+//!
+//! Axes: the file does not say which are which. MATLAB programs store (y, x, t). The bins are the axis along which the sums are
+//! concentrated, as light rises and decays; where none stands out, the caller has to name the axes. The scan is read with rows
+//! from the top and columns from the left, as in the f-k migration of the ABP publication (Zhang and others) for its `tof_data`;
+//! [`crate::Turn`] mirrors and rotates it.
+
+use super::ReadCapture;
+use super::frame::{self, Axes, Run};
+use super::read_options::{AxisOrder, ReadOptions};
+use super::unread::Unread;
+use super::variables::Variables;
+use crate::Capture;
+use crate::advice::advice;
+use crate::error::{Error, Result};
+use crate::host;
+
+/// Rows from the top, columns from the left.
+const AXES: Axes = Axes { d1: Run::Down, d2: Run::Right };
+/// Half of the light lies in this share of the bins, as a ratio to that of the next axis, or less.
+const STANDS_OUT: f64 = 0.6;
+
+/// Finds a capture; see [`super::read`]. Counts whose first axis in the file are the bins are not read yet.
+///
+/// # Errors
+/// `Kind::Options` without a wall size and a bin width, or with axes that are not clear; `Kind::Input` if there is not exactly
+/// one array of three axes.
+pub(super) fn read<'f>(
+    file: &'f Variables,
+    given: &ReadOptions,
+    notes: &mut Vec<String>,
+) -> Result<ReadCapture<'f>> {
+    let mut found = Vec::new();
+    for name in file.names() {
+        if let Some(shape) =
+            file.shape(&name)?.filter(|s| s.len() == 3 && s.iter().filter(|d| **d > 1).count() > 1)
+        {
+            found.push((name, shape));
+        }
+    }
+    let [(name, shape)] = &found[..] else {
+        let there = file.names();
+        let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
+        return Err(Error::input(
+            format!("is in no known format: it holds {there}"),
+            "known formats are y-tal, Z-NLOS, NeTF, Stanford f-k, LCT, CC-SOCR, General-NLOS, phasor-field \
+             files, and a file with a single array of counts",
+        ));
+    };
+    let what = format!("a file with the single array {name}");
+    let (wall, bin_width) = given.wall_and_bin_width(&what)?;
+    let order = match given.axes {
+        Some(order) => order.in_c_order(file.in_matlab_order()),
+        None => found_order(file, name, shape)?,
+    };
+    let [x, y, t] = order.places();
+    notes.push(format!(
+        "{name} is read as {} bins of {} columns and {} rows from the top: confocal, t = 0 at the wall (the axes can be given)",
+        shape[t], shape[x], shape[y]
+    ));
+    if [t, x, y] == [0, 1, 2] {
+        return Unread::scanned(file, name, AXES, wall, bin_width).map(ReadCapture::Unread);
+    }
+    let counts = file.counts(name)?;
+    let integer_counts = counts.whole();
+    let steps = [shape[1] * shape[2], shape[2], 1];
+    let (nx, ny, bins) = (shape[x], shape[y], shape[t]);
+    let scan = AXES.scan([ny, nx]);
+    let mut histograms = host::filled("the counts", counts.values.len(), 0.0f32)?;
+    for (place, pair) in AXES.pairs([ny, nx]).into_iter().enumerate() {
+        let first = place / ny * steps[x] + place % ny * steps[y];
+        for (bin, to) in histograms[pair * bins..(pair + 1) * bins].iter_mut().enumerate() {
+            *to = counts.values[first + bin * steps[t]];
+        }
+    }
+    let points = frame::lattice(scan, wall);
+    let capture = Capture::new(scan, points.clone(), points, bins, bin_width, histograms);
+    Ok(ReadCapture::Whole(Capture { integer_counts, ..capture }))
+}
+
+/// The order of the axes in C order, by where the light is. MATLAB's (y, x, t) and C's (x, y, t) are the usual ones.
+fn found_order(file: &Variables, name: &str, shape: &[usize]) -> Result<AxisOrder> {
+    let matlab = file.in_matlab_order();
+    let shares = file.profiles(name)?.map(|profile| half_of_light(&profile));
+    let mut axes = [0, 1, 2];
+    axes.sort_by(|a, b| shares[*a].total_cmp(&shares[*b]));
+    let time = match shares[axes[0]] <= STANDS_OUT * shares[axes[1]] {
+        true => axes[0],
+        false if matlab => 0,
+        false => {
+            return Err(Error::options(
+                format!("no axis of {name} {shape:?} is clearly that of the bins"),
+                advice!["name the axes in their order, such as " Axes " xyt"],
+            ));
+        }
+    };
+    Ok(AxisOrder::with_bins_at(time))
+}
+
+/// The share of a profile's elements that holds half of what is above its least element.
+fn half_of_light(profile: &[f64]) -> f64 {
+    let least = profile.iter().copied().fold(f64::INFINITY, f64::min);
+    let mut above: Vec<f64> = profile.iter().map(|v| v - least).collect();
+    above.sort_by(|a, b| b.total_cmp(a));
+    let total: f64 = above.iter().sum();
+    let mut sum = 0.0;
+    let held = above.iter().take_while(|v| {
+        let more = sum < 0.5 * total;
+        sum += **v;
+        more
+    });
+    if profile.len() < 2 || total <= 0.0 { 1.0 } else { held.count() as f64 / profile.len() as f64 }
+}

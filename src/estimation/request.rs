@@ -1,0 +1,127 @@
+//! What the settings make of a capture before anything is estimated.
+
+use std::borrow::Cow;
+
+use super::FindPulse;
+use super::model::possible_models;
+use crate::Result;
+use crate::capture::Capture;
+use crate::settings::{ImpulseResponse, Model, Settings};
+use crate::solve::option::{OptionValue, Suit};
+use crate::solve::{Discretisation, Method, Preset, Problem, Ready, SolverOptions, enough_pairs};
+use crate::transport::{Grid, Reflectance};
+
+use super::LEAST_FOR_PULSE;
+
+/// The solver with its options for a capture, and the hypotheses that short fits compare.
+#[derive(Debug, Clone, PartialEq)]
+pub struct EstimateRequest {
+    /// The preset in force.
+    pub preset: Preset,
+    /// The reason for the preset, if it is not set.
+    pub why: Option<&'static str>,
+    /// The solver with its options, for the usual model.
+    pub solver: SolverOptions,
+    /// The options for each model of reflectance, the usual one first; empty if the model is known.
+    pub models: Vec<SolverOptions>,
+    /// Whether to estimate the impulse response, if the capture holds none.
+    pub find_pulse: FindPulse,
+    /// Bins, depth of voxels and box of the solve. Fits have pixels of their own.
+    pub discretisation: Discretisation,
+    /// Largest amount of device memory to use, bytes.
+    pub memory: Option<u64>,
+}
+
+impl EstimateRequest {
+    /// The defaults for `capture` under `settings`.
+    pub fn new(settings: &Settings, capture: &Capture) -> EstimateRequest {
+        let preset = settings.preset.unwrap_or_else(|| preset_for(capture));
+        let why = settings.preset.is_none().then_some(match preset {
+            _ if capture.integer_counts => "the counts are whole numbers",
+            Preset::Captured => "some counts are negative",
+            Preset::Synthetic => "the counts are not whole numbers",
+        });
+        let suit = Suit { preset, pairs: enough_pairs(capture), ..Suit::of(capture) };
+        let of_model = |reflectance| {
+            let mut options = settings.method.options(&Suit { reflectance, ..suit });
+            options.set("reflectance", &OptionValue::Word(reflectance.name().into()));
+            options.set("seed", &OptionValue::Count(settings.seed() as usize));
+            if settings.deterministic == Some(true) {
+                options.set("accumulation", &OptionValue::Word("repeatable".into()));
+            }
+            options
+        };
+        let estimates = matches!(settings.method, Method::Surface(_));
+        let known = match settings.model {
+            Some(Model::Known(reflectance)) => Some(reflectance),
+            // The method of the paper has the paper's model, and closed-form methods use the reflectance as given.
+            None if !estimates => Some(Reflectance::Cosine),
+            _ => None,
+        };
+        let models = match known {
+            Some(_) => vec![],
+            None => possible_models(capture.is_confocal()).map(of_model).collect(),
+        };
+        let find_pulse = match (&settings.pulse, preset) {
+            (Some(ImpulseResponse::Auto), _) => FindPulse::Always,
+            (Some(_), _) => FindPulse::Never,
+            (None, Preset::Captured) if estimates => FindPulse::Always,
+            (None, Preset::Synthetic) if estimates => FindPulse::IfItShows,
+            (None, _) => FindPulse::Never,
+        };
+        EstimateRequest {
+            preset,
+            why,
+            solver: of_model(known.unwrap_or(Reflectance::Cosine)),
+            models,
+            find_pulse,
+            discretisation: settings.discretisation(),
+            memory: settings.memory,
+        }
+    }
+
+    /// The capture in the bins of the solver, and the grid.
+    ///
+    /// # Errors
+    /// Those of [`Discretisation::ready`].
+    pub fn ready<'c>(&self, capture: Cow<'c, Capture>) -> Result<Ready<'c>> {
+        self.discretisation.ready(&self.solver, capture)
+    }
+
+    /// The grid for a capture whose bins are those of the solver.
+    ///
+    /// # Errors
+    /// Those of [`Discretisation::grid`].
+    pub fn grid(&self, capture: &Capture) -> Result<Grid> {
+        self.discretisation.grid(&self.solver, capture)
+    }
+
+    /// The solve of a capture on a grid, without the volume.
+    pub fn problem<'c>(&self, capture: &'c Capture, grid: Grid) -> Problem<'c> {
+        Problem { capture, grid, memory: self.memory, with_volume: false }
+    }
+
+    /// Whether to estimate the high-pass of the objective.
+    pub fn finds_high_pass(&self) -> bool {
+        matches!(&self.solver, SolverOptions::Surface(options) if options.high_pass.is_none())
+    }
+
+    /// Whether to estimate the impulse response of this capture: it holds none, and only fits of several models can show one.
+    pub fn find_pulse(&self, capture: &Capture) -> FindPulse {
+        match (self.find_pulse, &capture.pulse) {
+            (_, Some(_)) => FindPulse::Never,
+            (FindPulse::IfItShows, None)
+                if self.models.len() < 2 || capture.pair_count() < 2 * LEAST_FOR_PULSE =>
+            {
+                FindPulse::Never
+            }
+            (asked, None) => asked,
+        }
+    }
+}
+
+/// The published set of parameters that fits the capture: if all counts are whole numbers, or some are negative, a
+/// detector made them.
+pub fn preset_for(capture: &Capture) -> Preset {
+    if capture.is_measured() { Preset::Captured } else { Preset::Synthetic }
+}

@@ -1,0 +1,138 @@
+//! A reconstruction that is resolved: nothing is left to defaults or estimates.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+
+use crate::Result;
+use crate::capture::Capture;
+use crate::estimation::{self, EstimateRequest, Estimates};
+use crate::gpu::Gpu;
+use crate::maps::Maps;
+use crate::settings::{ImpulseResponse, Model, Settings};
+use crate::solve::{
+    Method, Preset, Problem, Progress, Ready, Reconstruction, SolverOptions, Watch, conclude,
+};
+use crate::transport::Grid;
+
+/// A capture with everything that its reconstruction needs: [`Settings`], where they are set, else defaults and estimates.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Job<'c> {
+    /// The capture in the bins of the solver, with the impulse response.
+    pub capture: Cow<'c, Capture>,
+    /// The preset in force.
+    pub preset: Preset,
+    /// The reason for the preset, if it is not set.
+    pub why: Option<&'static str>,
+    /// The solver with all its options.
+    pub solver: SolverOptions,
+    /// The grid whose lateral cells are the pixels of the maps.
+    pub grid: Grid,
+    /// Number of neighbouring bins of the capture that are one of the solver's.
+    pub sum: usize,
+    /// Estimates, with their evidence.
+    pub estimates: Estimates,
+    /// A pixel is surface above this share of the brightest albedo; `None`: the mask of the method.
+    pub mask_fraction: Option<f64>,
+    /// Largest amount of device memory to use, bytes.
+    pub memory: Option<u64>,
+    /// Whether the volume is returned.
+    pub keep_volume: bool,
+}
+
+impl<'c> Job<'c> {
+    /// Resolves the settings for a capture: by short fits on the device where an estimate is needed and the capture has light.
+    /// `hear` is called with the progress of the fits and may cancel.
+    ///
+    /// # Errors
+    /// Settings out of range, or that the capture does not allow; the device fails; `hear` cancels.
+    pub fn resolve(
+        settings: &Settings,
+        capture: &'c Capture,
+        gpu: &Gpu,
+        hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Job<'c>> {
+        settings.check()?;
+        let request = EstimateRequest::new(settings, capture);
+        // Errors of the box come before any fit.
+        request.discretisation.grid(&request.solver, capture)?;
+        let has_light = capture.histograms.iter().any(|v| *v > 0.0);
+        let estimates = match has_light {
+            true => estimation::estimate(&request, capture, gpu, hear)?,
+            false => Estimates::default(),
+        };
+        let (solver, capture) = estimates.settle(&request.solver, &request.models, capture)?;
+        let Ready { capture, grid, sum } = request.discretisation.ready(&solver, capture)?;
+        Ok(Job {
+            capture,
+            preset: request.preset,
+            why: request.why,
+            mask_fraction: settings.mask_fraction.or(solver.usual_mask()),
+            solver,
+            grid,
+            sum,
+            estimates,
+            memory: settings.memory,
+            keep_volume: settings.keep_volume == Some(true),
+        })
+    }
+
+    /// These settings with the estimates in their places: they need no fits.
+    pub fn settings(&self, settings: &Settings) -> Settings {
+        Settings {
+            preset: Some(self.preset),
+            model: Some(Model::Known(self.solver.common().reflectance)),
+            pulse: Some(ImpulseResponse::None),
+            method: Method::of(&self.solver),
+            ..settings.clone()
+        }
+    }
+
+    /// The problem that the solver takes.
+    pub fn problem(&self) -> Problem<'_> {
+        Problem {
+            capture: &self.capture,
+            grid: self.grid,
+            memory: self.memory,
+            with_volume: self.keep_volume,
+        }
+    }
+
+    /// Solves. Times of the result include those of the estimates.
+    ///
+    /// # Errors
+    /// See [`SolverOptions::solve`].
+    pub fn solve(&self, gpu: &Gpu, watch: &mut Watch<'_>) -> Result<Reconstruction> {
+        let mut result = self.solver.solve(gpu, &self.problem(), watch)?;
+        result.solve_seconds += self.estimates.seconds;
+        result.trace.iter_mut().for_each(|point| point.seconds += self.estimates.seconds);
+        Ok(result)
+    }
+
+    /// Decides on the pixels that are surface, and on the depth errors: of the result, and of the maps after earlier
+    /// iterations.
+    pub fn conclude(&self, result: &mut Reconstruction, snapshots: &mut [(usize, Maps)]) {
+        conclude(&self.capture, self.mask_fraction, result, snapshots);
+    }
+
+    /// The estimates, and the bins that are summed, as sentences.
+    pub fn notes(&self) -> Vec<String> {
+        let preset = self.why.map(|why| preset_note(self.preset, why));
+        let summed = summed_note(self.sum, self.capture.bin_width);
+        preset.into_iter().chain(self.estimates.notes()).chain(summed).collect()
+    }
+}
+
+/// The note on a preset that is not set.
+pub fn preset_note(preset: Preset, why: &str) -> String {
+    format!("{why}: the preset {} is used", preset.name())
+}
+
+/// The note on `sum` bins that are one of `width` metres of path; `None` if none were summed.
+pub fn summed_note(sum: usize, width: f64) -> Option<String> {
+    (sum > 1).then(|| {
+        format!(
+            "{sum} bins are summed into one of {:.3} mm, as pixels and impulse response blur more",
+            1e3 * width
+        )
+    })
+}

@@ -1,0 +1,131 @@
+//! The interface for programs: the maps of the command, and errors for settings out of range.
+
+use std::ops::ControlFlow;
+use std::path::Path;
+
+use fixtures::captures::{assert_error, changed};
+use fixtures::device::*;
+use glam::dvec3;
+use thirdbounce::job::{self, Request};
+use thirdbounce::simulate::{RenderOptions, Scene, simulate};
+use thirdbounce::{
+    Capture, Gpu, Kind, Model, Reflectance, Result, Session, SessionOptions, Settings, SurfaceSettings,
+    Volume, read, reconstruct, reconstruct_with, session, write,
+};
+
+/// A small solve of the same bits in every run.
+fn small() -> Settings {
+    let method = SurfaceSettings { lateral: Some(16), iterations: Some(20), ..SurfaceSettings::default() };
+    Settings { deterministic: Some(true), method: method.into(), ..Settings::default() }
+}
+
+/// Photons of a plate, in a file that is written into `folder`.
+fn simulated(folder: &Path) -> std::path::PathBuf {
+    let scene = Scene {
+        scan: 8,
+        bin_width: 0.02,
+        occlusion: false,
+        photons: Some(200.0),
+        ..Scene::named("plates-front").unwrap()
+    };
+    let simulated = simulate(&scene, &RenderOptions { noise: 0.05, ..Default::default() }).unwrap();
+    let file = folder.join("capture.npz");
+    thirdbounce::capture::write(&simulated.capture, &file).unwrap();
+    file
+}
+
+/// Estimates, solve and mask are those of the command, bit for bit; those of a session, too.
+#[test]
+fn reconstruct_returns_the_maps_of_the_command() {
+    let gpu = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let path = simulated(folder.path());
+    let capture = read(&path, &small()).unwrap();
+
+    let texts = [("lateral", "16"), ("iterations", "20"), ("deterministic", "true")];
+    let settings = Settings::from_texts(texts).unwrap();
+    assert_eq!(settings, small());
+    let loaded = job::load(&path, &settings).unwrap();
+    assert_eq!(capture, loaded.capture);
+    let request = Request::new(settings, folder.path().join("out"));
+    assert!(request.resolved(&capture).models.len() > 1, "fits choose the model");
+    let of_command = job::run(&request, &loaded, &mut |_| ControlFlow::Continue(())).unwrap();
+    // No depth is no number, which does not equal itself: as text.
+    let want = format!("{:?}", of_command.maps);
+
+    let solved = reconstruct(&gpu, &capture, &small()).unwrap();
+    assert!(format!("{:?}", solved.maps) == want);
+    assert!(solved.maps.mask.contains(&true) && solved.volume.is_none());
+    // The note on the impulse response ends with seconds. The first one of the command is on the preset.
+    let plain = |note: &String| note.split(" tried in ").next().map(str::to_owned);
+    assert_eq!(solved.notes.len(), 3, "high-pass, model and pulse");
+    assert!(solved.notes.iter().map(plain).eq(of_command.notes[1..4].iter().map(plain)));
+    let last = solved.trace.last().unwrap();
+    assert!(last.seconds > 0.0 && last.seconds <= solved.seconds);
+    let written = write(folder.path().join("maps"), &solved.maps).unwrap();
+    assert!(written.len() > 3 && written.iter().all(|file| file.is_file()));
+
+    let mut session = session_of(&gpu, &capture, &small(), SessionOptions::default()).unwrap();
+    session.submit(&capture.histograms).unwrap();
+    assert!(format!("{:?}", session.wait().unwrap().result.maps) == want);
+}
+
+fn session_of(gpu: &Gpu, frame: &Capture, settings: &Settings, options: SessionOptions) -> Result<Session> {
+    session(gpu, frame, settings, options, &mut |_| ControlFlow::Continue(())).map(|(session, _)| session)
+}
+
+/// A session without counts solves in the box, and in the bins, that were asked for.
+#[test]
+fn a_session_keeps_its_box() {
+    let gpu = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let capture = read(simulated(folder.path()), &Settings::default()).unwrap();
+    let volume = Volume { min: dvec3(-0.4, -0.3, 0.3), max: dvec3(0.4, 0.3, 0.9) };
+    let settings = small().with(|s| {
+        s.model = Some(Model::Known(Reflectance::Lambertian));
+        s.set("high_pass", "0.1").unwrap();
+        (s.volume, s.keep_volume) = (Some(volume), Some(true));
+    });
+    let scan = changed(&capture, |c| c.histograms.clear());
+    let options = SessionOptions { sum: Some(2), ..Default::default() };
+    let mut session = session_of(&gpu, &scan, &settings, options).unwrap();
+    session.submit(&capture.histograms).unwrap();
+    let result = &session.wait().unwrap().result;
+    assert_eq!(result.maps.extent, [-0.4, 0.4, -0.3, 0.3]);
+    assert!(result.maps.mask.contains(&true));
+    let grid = result.volume.as_ref().unwrap().grid;
+    assert!(grid.depth_range()[0] > 0.2 && grid.depth_range()[1] < 1.0, "{grid:?}");
+}
+
+#[test]
+fn settings_out_of_range_are_refused() {
+    let gpu = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let capture = read(simulated(folder.path()), &Settings::default()).unwrap();
+    let flat = Volume { min: dvec3(-0.5, -0.5, 0.0), max: dvec3(0.5, 0.5, 0.001) };
+    let surface = |change: fn(&mut SurfaceSettings)| {
+        let mut method = SurfaceSettings::default();
+        change(&mut method);
+        Settings { method: method.into(), ..small() }
+    };
+    let refused: [(Settings, &[&str]); 5] = [
+        (surface(|o| o.lateral = Some(0)), &["lateral is 0"]),
+        (surface(|o| o.sparsity = Some(f64::NAN)), &["sparsity is NaN"]),
+        (small().with(|s| s.mask_fraction = Some(1.5)), &["the mask fraction is 1.5"]),
+        (small().with(|s| s.mask_fraction = Some(f64::NAN)), &["the mask fraction is NaN"]),
+        (small().with(|s| s.volume = Some(flat)), &["0.001"]),
+    ];
+    for (settings, words) in refused {
+        assert_error(reconstruct(&gpu, &capture, &settings).map(drop), Kind::Options, words);
+        let session = session_of(&gpu, &capture, &settings, SessionOptions::default());
+        assert_error(session.map(drop), Kind::Options, words);
+    }
+    let bad = SessionOptions { mask_fraction: Some(-1.0), ..SessionOptions::default() };
+    assert_error(session_of(&gpu, &capture, &small(), bad).map(drop), Kind::Options, &["-1"]);
+    let broken = reconstruct_with(&gpu, &capture, &small(), &mut |_| ControlFlow::Break(()));
+    assert_error(broken.map(drop), Kind::Cancelled, &[]);
+    let cut = changed(&capture, |c| c.histograms.truncate(9));
+    assert_error(reconstruct(&gpu, &cut, &small()).map(drop), Kind::Input, &["counts"]);
+    let session = session_of(&gpu, &cut, &small(), SessionOptions::default());
+    assert_error(session.map(drop), Kind::Input, &["counts"]);
+}
