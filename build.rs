@@ -182,6 +182,8 @@ fn compile(compiler: &shaderc::Compiler, path: &Path, macros: &[&str]) -> Vec<u3
     options.set_include_callback(|wanted, _, from, _| {
         let content = if wanted == "shared.glsl" {
             shared::glsl()
+        } else if let Some(block) = wanted.strip_suffix("_block.glsl").and_then(shared::block) {
+            block
         } else {
             let path = Path::new("glsl/include").join(wanted);
             fs::read_to_string(&path).map_err(|e| format!("{from} includes {}: {e}", path.display()))?

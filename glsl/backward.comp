@@ -11,6 +11,7 @@
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require
 #include "shared.glsl"
+#include "paper_block.glsl"
 #include "grid.glsl"
 #include "surface.glsl"
 #include "transport.glsl"
@@ -42,7 +43,7 @@ void main() {
     if (REFLECTANCE == LAMBERTIAN) sum += before;
     if ((push.flags & BACKWARD_FINISH) != 0u) {
         float albedo = s.w;
-        vec4 g = vec4(sum.x + scene.l1_scale * sign(albedo), sum.yzw * albedo);
+        vec4 g = vec4(sum.x + paper.l1_scale * sign(albedo), sum.yzw * albedo);
         sum = through_surface(g, albedo, n.xyz, n.w);
         watch(finite(sum.x + sum.y + sum.z + sum.w), FAULT_BACKWARD);
     }

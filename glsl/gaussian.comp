@@ -8,6 +8,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
+#include "paper_block.glsl"
 #include "grid.glsl"
 #include "largest.glsl"
 layout(local_size_x = 64) in;
@@ -29,7 +30,7 @@ float value_at(uvec3 c) {
     if (AXIS != 0u) return source[index];
     uint slot = slot_of(index);
     if (slot == NOWHERE) return 0.0;
-    return scene.noise_base + scene.noise_span > 0.0 ? elu(raw[slot].x) : raw[slot].x;
+    return paper.noise_base + paper.noise_span > 0.0 ? elu(raw[slot].x) : raw[slot].x;
 }
 
 void main() {

@@ -4,6 +4,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
+#include "paper_block.glsl"
 #include "grid.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint PER_HISTOGRAM = 0u;
@@ -17,13 +18,13 @@ layout(std430, set = 0, binding = 3) buffer Counts { uint counts[]; };
 // residual is dLoss / d accumulated = dLoss / d rendered * render_scale.
 void learn(uint at, float gradient_of_sum) {
     float s = 1.0 / (1.0 + exp(-noise_state[at]));
-    float gradient = gradient_of_sum / scene.render_scale * scene.noise_span * s * (1.0 - s);
-    float m = mix(gradient, noise_state[at + 1u], scene.beta1);
-    float v = mix(gradient * gradient, noise_state[at + 2u], scene.beta2);
+    float gradient = gradient_of_sum / scene.render_scale * paper.noise_span * s * (1.0 - s);
+    float m = mix(gradient, noise_state[at + 1u], paper.beta1);
+    float v = mix(gradient * gradient, noise_state[at + 2u], paper.beta2);
     // Counted from the start of the solve: the noise term is not restarted with the volume's optimiser.
     float m_hat = m * push.unbias_first;
     float v_hat = v * push.unbias_second;
-    noise_state[at] -= scene.learning_rate * m_hat / (sqrt(v_hat) + scene.epsilon);
+    noise_state[at] -= paper.learning_rate * m_hat / (sqrt(v_hat) + paper.epsilon);
     watch(finite(noise_state[at]), FAULT_NOISE);
     noise_state[at + 1u] = m;
     noise_state[at + 2u] = v;

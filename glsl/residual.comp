@@ -8,6 +8,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
+#include "paper_block.glsl"
 #include "grid.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint NOISE = 0u;    // 0 none, 1 a weight per bin, 2 a weight per histogram
@@ -40,7 +41,7 @@ vec3 compare(uint cell, uint pair, uint bin) {
     float open = 1.0;
     if (NOISE != 0u) {
         float w = noise_state[3u * (NOISE == 1u ? index : pair)];
-        rendered += scene.noise_base + scene.noise_span / (1.0 + exp(-w));
+        rendered += paper.noise_base + paper.noise_span / (1.0 + exp(-w));
         open = rendered > 0.0 ? 1.0 : 0.0;
         rendered = max(rendered, 0.0);
     }

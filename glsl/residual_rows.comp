@@ -10,6 +10,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
+#include "surface_block.glsl"
 #include "grid.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 13) const uint SEEN = 0u;    // 1: compare the output of pulse.comp or spot.comp
@@ -79,7 +80,7 @@ void compare(uint bin) {
 void turn(uint bin) {
     uint cell = row + bin;
     answer = KEPT(cell) + along(bin) * answer;
-    float value = residual[cell] - scene.slow_share * answer;
+    float value = residual[cell] - surface.slow_share * answer;
     sums.x += value * value;
     before = eliminated(bins - 1u - bin, value, before);
     residual[cell] = value;
@@ -89,7 +90,7 @@ void turn(uint bin) {
 void close(uint bin) {
     uint cell = row + bin;
     answer = KEPT(cell) + along(bins - 1u - bin) * answer;
-    float value = residual[cell] - scene.slow_share * answer;
+    float value = residual[cell] - surface.slow_share * answer;
     residual[cell] = 2.0 * scene.loss_scale * scene.render_scale * root_weight(bin) * value;
     if (SPOT == 0u) histograms[cell] = ZERO;
 }
@@ -98,7 +99,7 @@ void main() {
     uint pair = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (pair >= scene.pairs) return;
     bins = scene.bins;
-    decay = scene.slow_decay;
+    decay = surface.slow_decay;
     along_decay = log2(decay);
     inverse = (1.0 - decay) * (1.0 - decay) / decay;
     last_along = 1.0 / (inverse + (bins > 1u ? 1.0 - along(bins - 2u) : 0.0));

@@ -15,7 +15,6 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("others", "uint", "other points of the wall; none in a confocal scan"),
     ("bins", "uint", "gated bins T"),
     ("stride", "uint", "cells from one histogram to the next: its bins and the padding before them"),
-    ("seed", "uint", "seed of the random samples"),
     ("capacity", "uint", "voxels that may be active at once"),
     ("touched_capacity", "uint", "voxels that may be touched at once: active ones and the rim"),
     ("origin_x", "float", "x of the centre of voxel (0, 0, 0), metres"),
@@ -55,6 +54,12 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("nearest", "float", "distance to a wall point below which a sample gives no light, metres"),
     ("render_scale", "float", "rendered value per accumulated value"),
     ("loss_scale", "float", "1 / (P T)"),
+    ("kernel_bound", "float", "upper bound of every pair's kernel"),
+];
+
+/// The paper's solver at one resolution: its objective and its optimiser.
+const PAPER: &[(&str, &str, &str)] = &[
+    ("seed", "uint", "seed of the random samples"),
     ("l1_scale", "float", "alpha / voxels"),
     ("noise_base", "float", "b * peak"),
     ("noise_span", "float", "lambda * peak"),
@@ -63,7 +68,10 @@ const SCENE: &[(&str, &str, &str)] = &[
     ("beta1", "float", "Adam: decay of the first moment"),
     ("beta2", "float", "Adam: decay of the second moment"),
     ("epsilon", "float", "Adam: added to the root of the second moment"),
-    ("kernel_bound", "float", "upper bound of every pair's kernel"),
+];
+
+/// The objective of the surface solver. Its weights and rates change from fit to fit: they are in `surface_weights`.
+const SURFACE: &[(&str, &str, &str)] = &[
     ("slow_decay", "float", "decay per bin of the smoother that the objective's high-pass takes off"),
     ("slow_share", "float", "share of its output that is taken off; 0 without a high-pass"),
 ];
@@ -188,6 +196,21 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     ("BACKWARD_FINISH", 2, "flag: this dispatch holds the last pairs"),
 ];
 
+/// The block of a solver, for the kernels that need more than the scene.
+pub fn block(name: &str) -> Option<String> {
+    let (title, binding, fields) = match name {
+        "paper" => ("Paper", 16, PAPER),
+        "surface" => ("Surface", 17, SURFACE),
+        _ => return None,
+    };
+    let mut text = format!("#ifndef BLOCK_{title}\n#define BLOCK_{title}\n");
+    text += &format!("layout(std140, set = 0, binding = {binding}) uniform {title} {{\n");
+    for (name, kind, _) in fields {
+        text += &format!("    {kind} {name};\n");
+    }
+    Some(text + &format!("}} {name};\n#endif\n"))
+}
+
 pub fn glsl() -> String {
     let mut text = String::new();
     for (name, value, _) in NUMBERS {
@@ -211,6 +234,8 @@ pub fn rust() -> String {
     }
     for (title, about, fields) in [
         ("SceneData", "The scene at one lateral resolution, as every kernel may read it.", SCENE),
+        ("PaperData", "The paper's solver at one resolution: its objective and its optimiser.", PAPER),
+        ("SurfaceData", "The objective of the surface solver.", SURFACE),
         ("Push", "Parameters of one dispatch.", PUSH),
     ] {
         text += &format!(

@@ -5,6 +5,7 @@
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
+#include "paper_block.glsl"
 layout(constant_id = 10) const uint CONTINUOUS = 1u;
 #include "grid.glsl"
 #include "random.glsl"
@@ -47,13 +48,13 @@ void main() {
     uint at = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (at >= counts[COUNT_TOUCHED]) return;
     vec4 g = CONTINUOUS != 0u ? gathered(voxel_at(active_voxels[at])) : gradient[at];
-    vec4 m = mix(g, moment_first[at], scene.beta1);
-    vec4 v = mix(g * g, moment_second[at], scene.beta2);
+    vec4 m = mix(g, moment_first[at], paper.beta1);
+    vec4 v = mix(g * g, moment_second[at], paper.beta2);
     vec4 m_hat = m * push.unbias_first;
     vec4 v_hat = v * push.unbias_second;
-    float rate = scene.learning_rate;
-    if (scene.decay_over > 0.0) rate *= 0.5 + 0.5 * cos(PI * min(float(push.iteration) / scene.decay_over, 1.0));
-    vec4 next = raw[at] - rate * m_hat / (sqrt(v_hat) + scene.epsilon);
+    float rate = paper.learning_rate;
+    if (paper.decay_over > 0.0) rate *= 0.5 + 0.5 * cos(PI * min(float(push.iteration) / paper.decay_over, 1.0));
+    vec4 next = raw[at] - rate * m_hat / (sqrt(v_hat) + paper.epsilon);
     watch(finite(next.x + next.y + next.z + next.w), FAULT_UPDATE);
     raw[at] = next;
     moment_first[at] = m;

@@ -199,6 +199,12 @@ impl<'e> Uploads<'e> {
 
     /// Adds the scenes of levels, of batches and of parts.
     pub fn add_scenes(&mut self, plan: &Plan, model: &Model) -> Result<()> {
+        for (buffer, bytes) in &plan.blocks {
+            self.add(*buffer, bytes)?;
+        }
+        if let Some(filter) = model.high_pass.filter(|_| plan.scene.high_pass) {
+            self.add(buffer::SURFACE, bytemuck::bytes_of(&filter.block(model.bin_width)))?;
+        }
         for level in plan.levels.volume.iter().chain(plan.batches_held()) {
             let scene = model.scene_of(&level.grid, level.pairs);
             self.add(level.scene, bytemuck::bytes_of(&plan.scene_of(&plan.measured(level), scene)))?;

@@ -13,6 +13,8 @@
 //! and its eigenvalues lie between the floor and 1. So whatever bounds the curvature of |S (A v - h)|² bounds that of
 //! the filtered objective, and F loses nothing but weight.
 
+use super::kernels::SurfaceData;
+
 /// A high-pass filter along time.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct HighPass {
@@ -27,6 +29,11 @@ impl HighPass {
     pub fn decay(&self, bin_width: f64) -> f64 {
         let half = (bin_width / self.length).powi(2);
         1.0 + half - (half * (half + 2.0)).sqrt()
+    }
+
+    /// The block of the kernels that filter.
+    pub fn block(&self, bin_width: f64) -> SurfaceData {
+        SurfaceData { slow_decay: self.decay(bin_width) as f32, slow_share: (1.0 - self.floor) as f32 }
     }
 
     /// Filters a row in place.

@@ -9,16 +9,6 @@ use crate::capture::check::is_small;
 use crate::capture::scan::unit_of;
 use crate::capture::{Background, Capture, PulseTaps};
 
-/// Where the sample of a voxel lies.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Sampling {
-    /// A new point within half a voxel of the centre every iteration, interpolated (the paper).
-    Continuous,
-    /// The voxel's centre (the paper's ablation).
-    Fixed,
-}
-
 /// How a contribution is added to the bins.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
@@ -29,17 +19,7 @@ pub enum Binning {
     Linear,
 }
 
-/// Which gradient the backward kernel gathers.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Gradient {
-    /// Without the distance falloff (the paper): the gradient of the objective weighted by the falloff.
-    Published,
-    /// The gradient of the objective itself.
-    Exact,
-}
-
-/// A capture, scaled, with the numbers of its reconstruction that do not depend on the lateral resolution.
+/// A capture, scaled, and the physics of its light. Nothing depends on the lateral resolution or on how a solver minimises.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {
     /// Points of the relay wall, and how they make pairs.
@@ -74,28 +54,8 @@ pub struct Model {
     pub reference: f64,
     /// Voxels nearer than this to the wall plane z = 0 are never active, metres.
     pub min_depth: f64,
-    /// Where the sample of a voxel lies.
-    pub sampling: Sampling,
     /// How a contribution is added to the bins.
     pub binning: Binning,
-    /// Which gradient the backward kernel gathers.
-    pub gradient: Gradient,
-    /// Paper's solver: weight α of the L1 term.
-    pub l1: f64,
-    /// Constant and learnt part of the noise term, relative to the peak; zero without one.
-    pub noise: [f64; 2],
-    /// Adam: learning rate.
-    pub learning_rate: f64,
-    /// Iterations over which the learning rate falls to zero; 0 for a constant rate.
-    pub decay_over: f64,
-    /// Adam: decay of the first and of the second moment.
-    pub betas: [f64; 2],
-    /// Adam: added to the root of the second moment.
-    pub epsilon: f64,
-    /// Domain reduction keeps voxels above this share of the largest smoothed albedo.
-    pub keep_above: f64,
-    /// Seed of the random samples.
-    pub seed: u32,
     /// Photon variance per measured value, and variance of an empty bin.
     pub variance: [f64; 2],
 }
@@ -114,7 +74,7 @@ pub fn cells(pairs: usize, bins: usize) -> usize {
 }
 
 impl Model {
-    /// A capture scaled to the given peak, with the paper's defaults for the rest. `general`: see [`Wall::of`]. A capture
+    /// A capture scaled to the given peak, with the paper's binning. `general`: see [`Wall::of`]. A capture
     /// without counts gives a model without measured values, which is enough for a plan.
     pub fn new(capture: &Capture, reflectance: Reflectance, peak: f64, general: bool) -> Model {
         let (mut model, rows) = Model::outline(capture, reflectance, peak, general);
@@ -150,17 +110,7 @@ impl Model {
             counts_per_unit: 1.0,
             reference: 0.25 * (capture.t_start + capture.bins as f64 * capture.bin_width),
             min_depth: 0.2,
-            sampling: Sampling::Continuous,
             binning: Binning::Nearest,
-            gradient: Gradient::Published,
-            l1: 0.001,
-            noise: [0.0; 2],
-            learning_rate: 1.0,
-            decay_over: 0.0,
-            betas: [0.9, 0.999],
-            epsilon: 1e-8,
-            keep_above: 0.05,
-            seed: 0,
             variance: [0.0; 2],
         };
         (model, Rows::of(pair_of, capture.bins))
@@ -286,7 +236,6 @@ impl Model {
             others: others as u32,
             bins: self.bins as u32,
             stride: self.stride() as u32,
-            seed: self.seed,
             capacity: grid.storage() as u32,
             touched_capacity: grid.storage() as u32,
             origin_x: grid.origin.x as f32,
@@ -310,18 +259,8 @@ impl Model {
             nearest: self.nearest(grid) as f32,
             render_scale: (grid.pitch.x * grid.pitch.y / unit_of_areas(grid).powi(2) * RENDER_FACTOR) as f32,
             loss_scale: (1.0 / elements as f64) as f32,
-            l1_scale: (self.l1 / grid.voxels() as f64) as f32,
-            noise_base: (self.noise[0] * self.peak) as f32,
-            noise_span: (self.noise[1] * self.peak) as f32,
-            learning_rate: self.learning_rate as f32,
-            decay_over: self.decay_over as f32,
-            beta1: self.betas[0] as f32,
-            beta2: self.betas[1] as f32,
-            epsilon: self.epsilon as f32,
             // A margin for rounding in the kernel.
             kernel_bound: (1.001 * (self.reference / closest).powi(self.falloff_power())) as f32,
-            slow_decay: self.high_pass.map_or(0.5, |f| f.decay(self.bin_width)) as f32,
-            slow_share: self.high_pass.map_or(0.0, |f| 1.0 - f.floor) as f32,
         }
     }
 }

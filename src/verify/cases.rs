@@ -6,7 +6,7 @@ use super::scenes::*;
 use super::{Case, Doubled, How, Paths, Sizes, Solver};
 use crate::capture::PulseTaps;
 use crate::solve::Accumulation::{Fixed, Fixed32, Owned};
-use crate::solve::NoiseTerm;
+use crate::solve::{Decay, NoiseTerm, PaperOptions};
 use crate::transport::{Binning, Geometry, Gradient, Grid, HighPass, Model, Reflectance, Sampling};
 
 /// A case of a solver, on one accumulation path.
@@ -15,11 +15,14 @@ fn case(name: &'static str, model: Model, grid: Grid, solver: Solver) -> Case {
     Case { name, model, grid, solver, how, paths, sizes, allowed: 3e-5, checks_devices: false }
 }
 
-const PAPER: Solver = Solver::Paper { noise: OFF, rooms: &[None], doubled: Doubled::No, dark: false };
+/// The paper's solver with its options of tests, or changed ones.
+const fn with(change: fn(&mut PaperOptions)) -> Solver {
+    Solver::Paper { change, rooms: &[None], doubled: Doubled::No, dark: false }
+}
+
+const SAME: fn(&mut PaperOptions) = |_| ();
 const SURFACE: Solver = Solver::Surface { points: 4, spread: 1.25, long_steps: false };
 const PROJECTION: Solver = Solver::Projection { sigma: 2.5, odd: false };
-const OFF: NoiseTerm = NoiseTerm::Off;
-const NOISE: [f64; 2] = [0.05, 0.06];
 const ONLY_FIXED: Paths = Paths::Only(&[Owned, Fixed]);
 
 /// Sizes of gathers: lanes that share a sample, more or less of them as samples fill the device.
@@ -33,55 +36,50 @@ pub fn cases() -> Vec<Case> {
 
 fn paper() -> Vec<Case> {
     let base = model(5, 64, 3);
-    let of = |name, model: Model| case(name, model, grid(), PAPER);
-    let with = |name, noise, rooms, doubled, dark| Case {
-        solver: Solver::Paper { noise, rooms, doubled, dark },
-        ..of(name, Model { noise: if noise == OFF { [0.0; 2] } else { NOISE }, ..base.clone() })
+    let nearest = Model { binning: Binning::Nearest, ..base.clone() };
+    let of = |name, change| case(name, base.clone(), grid(), with(change));
+    let then = |name, change, rooms, doubled, dark| Case {
+        solver: Solver::Paper { change, rooms, doubled, dark },
+        ..of(name, change)
     };
-    let exact = Model { gradient: Gradient::Exact, l1: 5000.0, ..base.clone() };
+    let exact: fn(&mut PaperOptions) = |o| (o.gradient, o.l1) = (Gradient::Exact, 5000.0);
+    let noise: fn(&mut PaperOptions) = |o| o.noise.term = NoiseTerm::Bin;
+    let rooms = &[Some(1.1), Some(0.5), Some(0.1), Some(0.01)];
     let mut all = vec![
-        Case { paths: Paths::All, checks_devices: true, ..of("paper", base.clone()) },
-        Case {
-            paths: Paths::All,
-            ..of("paper, nearest bins", Model { binning: Binning::Nearest, ..base.clone() })
-        },
-        of("paper, voxel centres", Model { sampling: Sampling::Fixed, decay_over: 8.0, ..base.clone() }),
-        of("paper, falling rate", Model { decay_over: 7.5, ..base.clone() }),
-        of("paper, rate of zero", Model { decay_over: 3.0, ..base.clone() }),
-        of("paper, exact gradient", exact.clone()),
-        of("paper, exact gradient, nearest bins", Model { binning: Binning::Nearest, ..exact }),
+        Case { paths: Paths::All, checks_devices: true, ..of("paper", SAME) },
+        Case { paths: Paths::All, model: nearest.clone(), ..of("paper, nearest bins", SAME) },
+        of("paper, voxel centres", |o| o.sampling = Sampling::Fixed),
+        of("paper, falling rate", |o| (o.learning_rate_decay, o.iterations) = (Decay::Cosine, 9)),
+        of("paper, exact gradient", exact),
+        Case { model: nearest, ..of("paper, exact gradient, nearest bins", exact) },
+        Case { paths: ONLY_FIXED, ..of("paper, noise of bins", noise) },
         Case {
             paths: ONLY_FIXED,
-            ..with("paper, noise of bins", NoiseTerm::Bin, &[None], Doubled::No, false)
+            ..of("paper, noise of histograms", |o| o.noise.term = NoiseTerm::Histogram)
         },
-        Case {
-            paths: ONLY_FIXED,
-            ..with("paper, noise of histograms", NoiseTerm::Histogram, &[None], Doubled::No, false)
-        },
-        with("paper, rooms", OFF, &[Some(1.1), Some(0.5), Some(0.1), Some(0.01)], Doubled::No, false),
-        with("paper, dark", OFF, &[Some(1.0), Some(0.99)], Doubled::No, true),
-        with("paper, half a rim", OFF, &[], Doubled::HalfRim, false),
-        with("paper, doubled", OFF, &[], Doubled::All, false),
-        with("paper, doubled after a reduction", NoiseTerm::Bin, &[None], Doubled::All, false),
-        with("paper, doubled in part", OFF, &[], Doubled::Brightest(0.25), false),
+        then("paper, rooms", SAME, rooms, Doubled::No, false),
+        then("paper, dark", SAME, &[Some(1.0), Some(0.99)], Doubled::No, true),
+        then("paper, half a rim", SAME, &[], Doubled::HalfRim, false),
+        then("paper, doubled", SAME, &[], Doubled::All, false),
+        then("paper, doubled after a reduction", noise, &[None], Doubled::All, false),
+        then("paper, doubled in part", SAME, &[], Doubled::Brightest(0.25), false),
     ];
-    let pulsed = Model { pulse: Some(tail()), noise: NOISE, ..base.clone() };
-    let noise = with("paper, noise and pulse", NoiseTerm::Bin, &[], Doubled::No, false);
-    all.push(Case { model: pulsed, paths: ONLY_FIXED, ..noise });
+    let pulsed = Model { pulse: Some(tail()), ..base.clone() };
+    all.push(Case { model: pulsed, paths: ONLY_FIXED, ..of("paper, noise and pulse", noise) });
     all.extend([16, 64].map(|window| Case {
         sizes: Sizes { window: Some(window), ..Sizes::default() },
         paths: Paths::Shared,
-        ..of("paper, columns", base.clone())
+        ..of("paper, columns", SAME)
     }));
     all.extend(GATHERS.map(|gather| Case {
         sizes: Sizes { gather: Some(gather), ..Sizes::default() },
-        ..of("paper, sizes of gathers", base.clone())
+        ..of("paper, sizes of gathers", SAME)
     }));
     all
 }
 
 fn surface() -> Vec<Case> {
-    let base = scene(5, 64, 3);
+    let base = model(5, 64, 3);
     let product = variant(&base, Geometry::Product, Reflectance::Lambertian, true, 7);
     let of = |name, model: &Model| case(name, model.clone(), oblong(), SURFACE);
     let mut all = vec![];
@@ -103,7 +101,7 @@ fn surface() -> Vec<Case> {
     }
     // Paths with enough bins for places in parts.
     all.extend([Geometry::Confocal, Geometry::TwoPoints, Geometry::Product].map(|geometry| {
-        let long = variant(&scene(5, 4096, 9), geometry, Reflectance::Cosine, false, 23);
+        let long = variant(&model(5, 4096, 9), geometry, Reflectance::Cosine, false, 23);
         Case { allowed: 1e-4, ..of("surface, long paths", &long) }
     }));
     all
@@ -111,7 +109,7 @@ fn surface() -> Vec<Case> {
 
 /// What an instrument does to paths, and the high-pass.
 fn instruments() -> Vec<Case> {
-    let base = scene(5, 61, 3);
+    let base = model(5, 61, 3);
     let of = |name, model: Model| case(name, model, oblong(), SURFACE);
     let pulsed = |pulse| Model { pulse: Some(pulse), ..base.clone() };
     let mut all =
@@ -140,7 +138,7 @@ fn instruments() -> Vec<Case> {
             .into_iter()
             .enumerate()
     {
-        let filtered = Model { high_pass: Some(HighPass { length, floor }), ..scene(side, bins, 3) };
+        let filtered = Model { high_pass: Some(HighPass { length, floor }), ..model(side, bins, 3) };
         let symmetric = PulseTaps { before: 1, weights: vec![0.25, 0.5, 0.25] };
         let product = variant(&filtered, Geometry::Product, Reflectance::Lambertian, true, 7);
         let spotted = spots(&filtered);
@@ -153,7 +151,7 @@ fn instruments() -> Vec<Case> {
 }
 
 fn projection() -> Vec<Case> {
-    let mut base = scene(4, 50, 19);
+    let mut base = model(4, 50, 19);
     // A subtracted background leaves negative values.
     base.measured.iter_mut().for_each(|m| *m -= 2.0);
     let of = |sigma, odd| case("projection", base.clone(), grid(), Solver::Projection { sigma, odd });
@@ -173,17 +171,21 @@ fn projection() -> Vec<Case> {
 /// dispatch walks.
 fn pairs() -> Vec<Case> {
     let mut all = vec![];
-    let solvers = [("paper, pairs", PAPER), ("surface, pairs", SURFACE), ("projection, pairs", PROJECTION)];
+    let solvers =
+        [("paper, pairs", with(SAME)), ("surface, pairs", SURFACE), ("projection, pairs", PROJECTION)];
     for (name, solver) in solvers {
         let (base, grid) = match solver {
-            Solver::Surface { .. } => (scene(5, 64, 9), oblong()),
+            Solver::Surface { .. } => (model(5, 64, 9), oblong()),
             _ => (model(5, 64, 9), grid()),
         };
         for (geometry, reflectance, curved) in variants() {
             let model = variant(&base, geometry, reflectance, curved, 20);
             let of = case(name, model, grid, solver);
             all.push(Case { sizes: Sizes { blocks: true, ..Sizes::default() }, ..of.clone() });
-            all.push(Case { paths: if solver == SURFACE { ONLY_FIXED } else { of.paths }, ..of });
+            all.push(Case {
+                paths: if matches!(solver, Solver::Surface { .. }) { ONLY_FIXED } else { of.paths },
+                ..of
+            });
         }
         for model in more_pairs_than_a_dispatch_takes() {
             // Sums of 1e5 values of both signs. The largest sum is a hundredth of the sum of magnitudes.
@@ -200,13 +202,13 @@ fn whole() -> Vec<Case> {
         allowed: 2e-3,
         ..case(name, model, grid, solver)
     };
-    let mut all = vec![Case { paths: Paths::All, ..of("paper, whole", model(4, 60, 4), grid(), PAPER) }];
+    let mut all = vec![Case { paths: Paths::All, ..of("paper, whole", model(4, 60, 4), grid(), with(SAME)) }];
     for (geometry, reflectance, curved, paths, points) in [
         (Geometry::Confocal, Reflectance::Cosine, false, Paths::Only(&[Owned]), 4),
         (Geometry::TwoPoints, Reflectance::Lambertian, true, Paths::Only(&[Fixed]), 1),
         (Geometry::Product, Reflectance::Isotropic, false, Paths::Only(&[Fixed32]), 4),
     ] {
-        let model = variant(&scene(5, 48, 9), geometry, reflectance, curved, 62);
+        let model = variant(&model(5, 48, 9), geometry, reflectance, curved, 62);
         let solver = Solver::Surface { points, spread: 1.25, long_steps: false };
         all.push(Case { paths, ..of("surface, whole", model, oblong(), solver) });
     }
@@ -225,24 +227,29 @@ fn slopes() -> Vec<Case> {
         allowed: 1e-5,
         ..case(name, model, grid, solver)
     };
-    let exact = Model { gradient: Gradient::Exact, ..model(4, 48, 21) };
+    let base = model(4, 48, 21);
     let mut all = vec![];
-    for sampling in [Sampling::Continuous, Sampling::Fixed] {
+    let exact: fn(&mut PaperOptions) = |o| o.gradient = Gradient::Exact;
+    let centres: fn(&mut PaperOptions) = |o| (o.gradient, o.sampling) = (Gradient::Exact, Sampling::Fixed);
+    let noise: fn(&mut PaperOptions) = |o| {
+        o.gradient = Gradient::Exact;
+        (o.noise.term, o.noise.base, o.noise.span) = (NoiseTerm::Bin, 0.001, 0.002);
+    };
+    for change in [exact, centres] {
         for binning in [Binning::Linear, Binning::Nearest] {
-            all.push(of("paper, slope", Model { sampling, binning, ..exact.clone() }, few, PAPER));
+            all.push(of("paper, slope", Model { binning, ..base.clone() }, few, with(change)));
         }
     }
     // Some bins are clamped.
     for pulse in [None, Some(tail())] {
-        let model = Model { noise: [0.001, 0.002], pulse, ..exact.clone() };
-        let solver = Solver::Paper { noise: NoiseTerm::Bin, rooms: &[], doubled: Doubled::No, dark: false };
-        all.push(of("paper, slope with noise", model, few, solver));
+        all.push(of("paper, slope with noise", Model { pulse, ..base.clone() }, few, with(noise)));
     }
-    let base = scene(4, 48, 51);
+    let paper = base;
+    let base = model(4, 48, 51);
     for (i, (geometry, reflectance, curved)) in variants().into_iter().enumerate() {
         for pulse in [None, Some(tail())] {
-            let model = Model { pulse, ..variant(&exact, geometry, reflectance, curved, 25) };
-            all.push(of("paper, slope of pairs", model, few, PAPER));
+            let model = Model { pulse, ..variant(&paper, geometry, reflectance, curved, 25) };
+            all.push(of("paper, slope of pairs", model, few, with(exact)));
         }
         let pulse = (i % 2 == 0).then(tail);
         let high_pass = (i % 4 < 2).then_some(HighPass { length: [0.2, 0.6][i % 2], floor: 0.1 });

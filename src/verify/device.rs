@@ -127,7 +127,8 @@ const WORDS: &[Buffer] = &[
 /// The device fails.
 pub fn decode(job: &mut OnDevice, buffer: Buffer, words: Vec<u32>) -> Result<Cells> {
     let of_level = |l: &Level| [l.reachable, l.scene, l.rendered.scene].contains(&buffer);
-    if WORDS.contains(&buffer) || job.plan.levels.volume.iter().any(of_level) {
+    let is_block = buffer == buffer::PAPER || job.plan.blocks.iter().any(|(block, _)| *block == buffer);
+    if is_block || WORDS.contains(&buffer) || job.plan.levels.volume.iter().any(of_level) {
         return Ok(Cells::Words(words));
     }
     if buffer != buffer::HISTOGRAMS || !job.plan.fixed_point() {

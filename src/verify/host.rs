@@ -75,14 +75,18 @@ impl Host {
             cells[b.slot as usize - 1] = self.buffers.remove(&buffer).unwrap_or(Cells::Words(vec![]));
         }
         let scene = bind.buffer_of(buffer::SCENE);
-        let is_seen = code.bindings.iter().any(|b| b.view == View::Uniform);
-        let words = if is_seen { self.get(job, scene)?.u().to_vec() } else { vec![] };
+        let mut uniform = |block: Buffer| -> Result<Vec<u32>> {
+            let is_bound = code.bindings.iter().any(|b| b.block == block);
+            Ok(if is_bound { self.get(job, bind.buffer_of(block))?.u().to_vec() } else { vec![] })
+        };
+        let (words, paper) = (uniform(buffer::SCENE)?, uniform(buffer::PAPER)?);
         let levels = &job.plan.levels.volume;
         let level = levels.iter().find(|l| [l.scene, l.rendered.scene].contains(&scene));
         let (grid, model): (_, &Model) = (level.unwrap_or(job.plan.finest()).grid, &job.model);
         let call = Call {
             twin: Twin { model, grid: &grid },
             scene: bytemuck::try_pod_read_unaligned(bytemuck::cast_slice(&words)).unwrap_or_default(),
+            paper: bytemuck::try_pod_read_unaligned(bytemuck::cast_slice(&paper)).unwrap_or_default(),
             push: bytemuck::cast(*push),
             constants,
         };

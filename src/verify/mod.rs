@@ -21,7 +21,7 @@ pub use solvers::place;
 
 use crate::Result;
 use crate::gpu::{Abilities, Buffer, Gpu};
-use crate::solve::{Accumulation, NoiseTerm};
+use crate::solve::{Accumulation, PaperOptions};
 use crate::transport::{Grid, Model};
 
 /// A row of the table.
@@ -48,12 +48,12 @@ pub struct Case {
 }
 
 /// The schedules of a case.
-#[derive(Debug, Clone, Copy, PartialEq)]
+#[derive(Debug, Clone, Copy)]
 pub enum Solver {
     /// The paper's: its start, iterations, reductions, a doubling, the maps.
     Paper {
-        /// The noise term.
-        noise: NoiseTerm,
+        /// Changes its options.
+        change: fn(&mut PaperOptions),
         /// The room for voxels that a reduction gets, as a share of the active ones; the plan's own if `None`.
         rooms: &'static [Option<f64>],
         /// A doubling from half the resolution.

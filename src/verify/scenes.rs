@@ -8,10 +8,7 @@ use crate::solve::surface::{OfFit, Pixels};
 use crate::solve::{
     Demand, LeftOut, Level, Needs, NoiseTerm, PaperOptions, Pass, Plan, Preset, SurfaceOptions,
 };
-use crate::transport::twin::Raw;
-use crate::transport::{
-    Binning, Geometry, Gradient, Grid, Model, Reflectance, Rendered, Sampling, Spot, Wall,
-};
+use crate::transport::{Binning, Geometry, Grid, Model, Reflectance, Rendered, Spot, Wall};
 
 /// Repeatable numbers for tests: PCG-XSH-RR (O'Neill 2014).
 pub struct Random(u64);
@@ -59,17 +56,7 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
         counts_per_unit: 1.0,
         reference: 0.6,
         min_depth: 0.25,
-        sampling: Sampling::Continuous,
         binning: Binning::Linear,
-        gradient: Gradient::Published,
-        l1: 0.01,
-        noise: [0.0; 2],
-        learning_rate: 1.0,
-        decay_over: 0.0,
-        betas: [0.9, 0.999],
-        epsilon: 1e-8,
-        keep_above: 0.05,
-        seed: 7,
         variance: [0.1, 0.02],
     }
 }
@@ -138,36 +125,20 @@ pub fn grid() -> Grid {
     Grid { n: [12, 12, 18], origin: dvec3(-0.5 + 0.5 * pitch.x, -0.5 + 0.5 * pitch.y, 5.0 * pitch.z), pitch }
 }
 
-/// Random raw variables, fp32-representable, and a random domain of about `share` of the allowed voxels.
-pub fn state(model: &Model, grid: &Grid, share: f64, seed: u64) -> (Vec<Raw>, Vec<bool>) {
-    let mut random = Random::new(seed);
-    let raw = (0..grid.storage()).map(|_| std::array::from_fn(|_| random.uniform(-1.5, 1.5))).collect();
-    let near = model.near_z(grid);
-    let mut on =
-        |i| grid.contains(grid.voxel(i)) && grid.voxel(i)[2] >= near && random.uniform(0.0, 1.0) < share;
-    (raw, (0..grid.storage()).map(&mut on).collect())
-}
-
-/// Options that give the model's settings.
+/// Options of the paper's solver for a model.
 pub fn options(model: &Model, grid: &Grid) -> PaperOptions {
     PaperOptions::preset(Preset::Synthetic).with(|o| {
         o.lateral = grid.n[0];
         o.iterations = 64;
+        o.peak = model.peak;
         o.domain.coarse_to_fine = false;
         o.domain.min_depth = model.min_depth;
-        o.l1 = model.l1;
-        o.sampling = model.sampling;
+        o.domain.keep_above = 0.05;
+        o.l1 = 0.01;
         o.binning = model.binning;
-        o.gradient = model.gradient;
-        o.domain.keep_above = model.keep_above;
-        o.noise.term = if model.noise == [0.0; 2] { NoiseTerm::Off } else { NoiseTerm::Bin };
-        o.seed = model.seed;
+        o.noise.term = NoiseTerm::Off;
+        o.seed = 7;
     })
-}
-
-/// The surface solver's model of the tests' random scene.
-pub fn scene(n: usize, bins: usize, seed: u64) -> Model {
-    Model { sampling: Sampling::Fixed, gradient: Gradient::Exact, ..model(n, bins, seed) }
 }
 
 /// A grid of few voxels.
@@ -178,9 +149,9 @@ pub fn coarse() -> Grid {
 /// Models with more pairs than one dispatch may walk. A product is split between other points, or within one that has too
 /// many scanned points.
 pub fn more_pairs_than_a_dispatch_takes() -> [Model; 3] {
-    let confocal = scene(182, 8, 14);
+    let confocal = model(182, 8, 14);
     let rows = variant(&confocal, Geometry::Product, Reflectance::Cosine, false, 22);
-    let mut long = variant(&scene(346, 8, 14), Geometry::Product, Reflectance::Lambertian, false, 23);
+    let mut long = variant(&model(346, 8, 14), Geometry::Product, Reflectance::Lambertian, false, 23);
     long.wall.others.truncate(2);
     long.measured.truncate(long.pairs() * long.bins);
     long.elements = long.measured.len();

@@ -31,20 +31,16 @@ const TRIED: usize = 60;
 pub fn slope(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<Compared>> {
     let mut steps =
         Steps { job: prepared(case, gpu, accumulation)?, compared: vec![], allowed: case.allowed };
-    let b1 = case.model.betas[0];
+    let block =
+        steps.job.plan.blocks.last().map(|(_, bytes)| bytemuck::pod_read_unaligned::<PaperData>(bytes));
+    let paper = block.unwrap_or_default();
+    let share = 1.0 - f64::from(paper.beta1);
     let is_surface = matches!(case.solver, Solver::Surface { .. });
     let raw = (buffer::MOMENT_FIRST, 4, 0);
-    let mut all =
-        vec![Variables { state: buffer::RAW, parts: 4, steps: &[1e-5; 4], moments: raw, share: 1.0 - b1 }];
+    let mut all = vec![Variables { state: buffer::RAW, parts: 4, steps: &[1e-5; 4], moments: raw, share }];
     let noise = (buffer::NOISE_STATE, 3, 1);
-    if case.model.noise != [0.0; 2] {
-        all.push(Variables {
-            state: buffer::NOISE_STATE,
-            parts: 3,
-            steps: &[1e-4],
-            moments: noise,
-            share: 1.0 - b1,
-        });
+    if paper.noise_span > 0.0 {
+        all.push(Variables { state: buffer::NOISE_STATE, parts: 3, steps: &[1e-4], moments: noise, share });
     }
     let mut s = Schedule::default();
     if is_surface {
@@ -64,17 +60,13 @@ pub fn slope(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<C
         paper::iteration(&mut s, &plan, plan.finest(), 0, 1);
     }
     zero_histograms(&mut steps.job)?;
+    // Partial sums of the surface are those of its prior.
+    let l1 = if is_surface { 1.0 } else { f64::from(paper.l1_scale) };
     let job = &mut steps.job;
-    all.iter().map(|v| compared(job, &s, v, is_surface, case.allowed)).collect()
+    all.iter().map(|v| compared(job, &s, v, l1, case.allowed)).collect()
 }
 
-fn compared(
-    job: &mut OnDevice,
-    s: &Schedule,
-    v: &Variables,
-    is_surface: bool,
-    allowed: f64,
-) -> Result<Compared> {
+fn compared(job: &mut OnDevice, s: &Schedule, v: &Variables, l1: f64, allowed: f64) -> Result<Compared> {
     const AFTER: [&str; 6] =
         ["noise", "backward", "update", "surface_gather", "surface_pull", "surface_step"];
     let mut host = Host::default();
@@ -89,7 +81,6 @@ fn compared(
     let sums =
         Schedule { commands: s.commands.iter().filter(|c| !AFTER.contains(&c.name())).cloned().collect() };
     let elements = job.model.elements as f64;
-    let l1 = if is_surface { 1.0 } else { job.model.l1 / job.plan.finest().grid.voxels() as f64 };
     let mut before = Host::before(job, &sums)?;
     // What no dispatch writes counts nothing.
     for partials in [buffer::LOSS_PARTIALS, buffer::L1_PARTIALS] {

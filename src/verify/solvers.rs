@@ -43,9 +43,9 @@ pub fn prepared(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<On
         Ok(job)
     };
     match case.solver {
-        Solver::Paper { noise, doubled, .. } => make(&options(model, grid).with(|o| {
+        Solver::Paper { change, doubled, .. } => make(&options(model, grid).with(|o| {
+            change(o);
             o.accumulation = accumulation;
-            o.noise.term = noise;
             o.domain.coarse_to_fine = !matches!(doubled, Doubled::No | Doubled::HalfRim);
             o.domain.reduce = false;
             if let Doubled::Brightest(share) = doubled {
@@ -189,7 +189,7 @@ fn paper_steps(
     if !dark {
         steps.run(|s, plan| paper::iteration(s, plan, &plan.levels.volume[0], 5, 3))?;
     }
-    let keep = steps.job.model.keep_above;
+    let keep = options(&case.model, &case.grid).domain.keep_above;
     for room in rooms {
         let active = read_words(&mut steps.job, buffer::COUNTS)?[COUNT_ACTIVE as usize];
         steps.run(|s, plan| {

@@ -46,7 +46,7 @@ fn every_float_has_a_cell_of_its_row() {
         let got: Vec<u32> = read(&mut job, buffer::GRADIENT, all.len());
         let push = Push { last: all.len() as u32, ..Default::default() };
         let twin = Twin { model: &model, grid: &grid };
-        let call = Call { twin, scene, push, constants: constants.to_vec() };
+        let call = Call { twin, scene, paper: PaperData::default(), push, constants: constants.to_vec() };
         let floats = Cells::Floats(all.iter().map(|path| f64::from(*path)).collect());
         let mut bound = [floats, Cells::Words(vec![0; all.len()])];
         twin_of("places").expect("a kernel").1(&call, &mut bound);
@@ -89,10 +89,10 @@ fn samples_that_are_nowhere_light_no_bin_and_are_told() {
     let mut random = Random::new(5);
     let residual: Vec<f64> = model.measured.iter().map(|_| random.uniform(-1.0, 1.0)).collect();
     let want = rendered(&twin, &known);
-    let gradient = gathered("backward", &twin, &samples, &residual);
+    let gradient = gathered("backward", &twin, &samples, &residual, false);
     for accumulation in accumulations(&gpu) {
         let mut o = options(&model, &grid);
-        o.accumulation = accumulation;
+        (o.accumulation, o.l1) = (accumulation, 0.0);
         let mut job = job(&gpu, &model, &grid, &o);
         write_samples(&mut job, &samples);
         set_counts(&mut job, samples.len(), 1.0);

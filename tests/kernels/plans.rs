@@ -10,7 +10,7 @@ use thirdbounce::transport::{Geometry, Model, Reflectance};
 /// A card that has no more than Vulkan promises gets narrower columns where a product's arms lie beside them.
 #[test]
 fn columns_fit_into_the_shared_memory_that_every_device_has() {
-    let (base, grid) = (scene(5, 64, 3), grid());
+    let (base, grid) = (model(5, 64, 3), grid());
     let product = variant(&base, Geometry::Product, Reflectance::Lambertian, true, 7);
     let mut card = Abilities { kind: DeviceKind::Discrete, ..gpu().abilities() };
     card.limits = Limits { shared_memory: 16_384, workgroup_invocations: 128, ..card.limits };
@@ -40,7 +40,7 @@ fn columns_fit_into_the_shared_memory_that_every_device_has() {
 fn a_gpus_distances_are_polished_where_its_root_is_too_rough() {
     let gpu = gpu();
     for (bins, polished, fine) in [(300, false, false), (500, true, false), (700, false, true)] {
-        let (model, grid) = (scene(5, bins, 9), grid());
+        let (model, grid) = (model(5, bins, 9), grid());
         for (kind, asks) in [(DeviceKind::Discrete, polished), (DeviceKind::Cpu, false)] {
             let device = Abilities { kind, ..gpu.abilities() };
             let plan = Plan::new(&model, grid, [5, 5], &Fit::of(&grid, 4), &device, false).unwrap();

@@ -67,7 +67,7 @@ fn left(job: &mut OnDevice, rows: usize, buffers: &[Buffer]) -> Vec<u32> {
 }
 
 fn of_pulse() -> Model {
-    Model { pulse: Some(tail()), noise: [0.02, 0.05], ..model(5, 48, 31) }
+    Model { pulse: Some(tail()), ..model(5, 48, 31) }
 }
 
 fn paper_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
@@ -79,7 +79,7 @@ fn paper_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
         o.domain.reduce_every = 1;
         // So that there is room for some voxels only.
         o.domain.room = Some(0.4);
-        o.noise.term = NoiseTerm::Bin;
+        (o.noise.term, o.noise.base, o.noise.span) = (NoiseTerm::Bin, 0.02, 0.05);
     });
     let mut job = job(gpu, &model, &grid, &o);
     let mut level = 0;
@@ -98,7 +98,7 @@ fn paper_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
 }
 
 fn projection(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
-    let (model, grid) = (scene(5, 110, 32), grid());
+    let (model, grid) = (model(5, 110, 32), grid());
     let mut job = job(gpu, &model, &grid, &OfProjection { pixels_per_voxel: 1 });
     write(&mut job, buffer::HAT_TAPS, &hat(2.0, model.bins));
     let s = Schedule::of(|s| gather_filtered(s, &job.plan, job.plan.finest(), 8));
@@ -109,7 +109,7 @@ fn projection(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
 fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     let grid = oblong();
     let field = field(&grid, 61);
-    let model = variant(&scene(5, 48, 9), Geometry::TwoPoints, Reflectance::Lambertian, true, 62);
+    let model = variant(&model(5, 48, 9), Geometry::TwoPoints, Reflectance::Lambertian, true, 62);
     let model = Model {
         high_pass: Some(HighPass { length: 0.05, floor: 0.1 }),
         ..spotted(&model, spots_for(Geometry::TwoPoints))

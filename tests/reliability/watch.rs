@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use fixtures::captures::scaled;
 use fixtures::device::{
-    Fit, Perform, assert_valid, field, gpu, oblong, options, scene, state, unwatched, write, write_mask,
+    Fit, Perform, assert_valid, field, gpu, model, oblong, options, state, unwatched, write, write_mask,
     write_raw,
 };
 use thirdbounce::Kind;
@@ -31,7 +31,7 @@ fn first(faults: u32) -> u32 {
 #[test]
 fn a_nan_is_found_where_it_is_read() {
     let gpu = gpu();
-    let (model, grid) = (scene(5, 48, 9), oblong());
+    let (model, grid) = (model(5, 48, 9), oblong());
     let field = field(&grid, 61);
     let fit = Fit::of(&grid, 4);
     for (broken, fault) in [

@@ -30,16 +30,7 @@ fn scene(geometry: Geometry, binning: Binning) -> Model {
     let base = model(1, BINS, 1);
     let elements = wall.pairs() * BINS;
     let measured = (0..elements).map(|i| base.measured[i % BINS]).collect();
-    Model {
-        elements,
-        wall,
-        measured,
-        binning,
-        bin_width: WIDTH,
-        t_start: START,
-        gradient: Gradient::Exact,
-        ..base
-    }
+    Model { elements, wall, measured, binning, bin_width: WIDTH, t_start: START, ..base }
 }
 
 fn ahead(position: f64) -> Sample {
@@ -62,7 +53,7 @@ fn run(job: &mut OnDevice, name: &str) {
 fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, window: u32) {
     let grid = grid();
     let twin = Twin { model, grid: &grid };
-    let o = options(model, &grid).with(|o| o.accumulation = accumulation);
+    let o = options(model, &grid).with(|o| (o.accumulation, o.gradient) = (accumulation, Gradient::Exact));
     let mut job = job_tuned(gpu, model, &grid, &o, |t| {
         (t.window, t.window_span) = (window, u32::MAX);
         t.chunk = if window > 0 { 64 } else { t.chunk };
@@ -76,7 +67,7 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
     let exact: Vec<f64> = residual.iter().map(|r| f64::from(*r)).collect();
     let inside = [ahead(7.5)];
     let most = twin::rendered(&twin, &inside).into_iter().fold(0.0, f64::max);
-    let steepest = gathered("backward", &twin, &inside, &exact)[0][0];
+    let steepest = gathered("backward", &twin, &inside, &exact, true)[0][0];
     for position in POSITIONS {
         let what =
             format!("{geometry:?} {binning:?} {accumulation:?} fine {fine} window {window} at {position}");
@@ -117,8 +108,7 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
             .with(Push { last: model.pairs() as u32, ..Default::default() });
         job.perform(&s);
         let got = read_raw(&mut job, buffer::GRADIENT, 1)[0];
-        let l1 = model.l1 / grid.voxels() as f64;
-        let want = gathered("backward", &twin, &samples, &exact)[0][0] - l1;
+        let want = gathered("backward", &twin, &samples, &exact, true)[0][0];
         assert!(!beyond || got[0] == 0.0, "{what}: backward {}", got[0]);
         let e = (got[0] - want).abs();
         assert!(e < 2e-5 * steepest, "{what}: backward {} {want}", got[0]);
@@ -159,7 +149,7 @@ fn a_voxel_on_a_wall_point_gives_nothing_to_its_pair() {
         let model = Model { elements, wall, measured, ..base };
         assert!(model.touches(&grid));
         let twin = Twin { model: &model, grid: &grid };
-        let mut job = job(&gpu, &model, &grid, &options(&model, &grid));
+        let mut job = job(&gpu, &model, &grid, &options(&model, &grid).with(|o| o.l1 = 0.0));
         assert!(job.plan.levels.touching);
         let sample = |point: DVec3| Sample { point, albedo: 1.0, normal: dvec3(0.0, 0.0, -1.0), length: 1.0 };
         let nearest = model.nearest(&grid);
@@ -178,7 +168,7 @@ fn a_voxel_on_a_wall_point_gives_nothing_to_its_pair() {
         let exact: Vec<f64> = residual.iter().map(|r| f64::from(*r)).collect();
         write_rows(&mut job, buffer::RESIDUAL, &residual, 0.0);
         run(&mut job, "backward");
-        let want = gathered("backward", &twin, &samples, &exact).concat();
+        let want = gathered("backward", &twin, &samples, &exact, false).concat();
         let e = error(read_raw(&mut job, buffer::GRADIENT, samples.len()).concat(), want);
         assert!(e < 2e-5, "{geometry:?}: {e}");
     }

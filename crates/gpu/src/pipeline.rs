@@ -183,7 +183,8 @@ impl DescriptorSets {
             let size = |ty, n| vk::DescriptorPoolSize::default().ty(ty).descriptor_count(n);
             let sizes = [
                 size(vk::DescriptorType::STORAGE_BUFFER, SETS_PER_POOL * MOST_STORAGE),
-                size(vk::DescriptorType::UNIFORM_BUFFER, SETS_PER_POOL),
+                // The scene, and the block of a solver.
+                size(vk::DescriptorType::UNIFORM_BUFFER, SETS_PER_POOL * 2),
                 size(vk::DescriptorType::STORAGE_TEXEL_BUFFER, SETS_PER_POOL * 4),
             ];
             let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);

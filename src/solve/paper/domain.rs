@@ -4,7 +4,7 @@
 //! the neighbours of active voxels that are not active. When the domain changes, the old masks and their slots stay
 //! beside the new ones until state has been moved.
 
-use super::needs::volumes;
+use super::needs::{block_of, volumes};
 use super::passes::*;
 use crate::gpu::Schedule;
 use crate::solve::over_pairs::groups;
@@ -91,13 +91,14 @@ fn remember_rim(s: &mut Schedule, plan: &Plan, level: &Level) {
 
 /// Smooths the active albedo into the first of the [`volumes`], and writes its maximum to `counts`.
 fn smooth(s: &mut Schedule, plan: &Plan, level: &Level) {
-    let [a, b] = volumes(plan);
+    let ([a, b], own) = (volumes(plan), block_of(plan, level));
     let voxels = level.grid.storage();
     // Each voxel and its neighbours on both sides.
     let turns = (voxels * (2 * plan.domain.taps.len()).saturating_sub(1)) as u64;
     for (pass, [source, target]) in [(&GAUSSIAN_X, [b, a]), (&GAUSSIAN_Y, [a, b]), (&GAUSSIAN_Z, [b, a])] {
         s.dispatch(pass, groups(voxels, WORKGROUP), turns)
             .bind(buffer::SCENE, level.scene)
+            .bind(buffer::PAPER, own)
             .bind(buffer::SOURCE, source)
             .bind(buffer::TARGET, target);
     }

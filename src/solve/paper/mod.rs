@@ -36,31 +36,8 @@ pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
 
 /// The same without measured values, and the rows that they are taken by.
 fn outline_of(capture: &Capture, grid: &Grid, options: &PaperOptions) -> (Model, Rows) {
-    let noise = if options.noise.term == NoiseTerm::Off {
-        [0.0; 2]
-    } else {
-        [options.noise.base, options.noise.span]
-    };
     let (model, mut rows) = Model::outline(capture, options.reflectance, options.peak, options.general);
-    let mut model = Model {
-        min_depth: options.domain.min_depth,
-        sampling: options.sampling,
-        binning: options.binning,
-        gradient: options.gradient,
-        l1: options.l1,
-        noise,
-        learning_rate: options.learning_rate,
-        decay_over: if options.learning_rate_decay == Decay::Cosine {
-            options.iterations as f64
-        } else {
-            0.0
-        },
-        betas: [options.beta1, options.beta2],
-        epsilon: options.epsilon,
-        keep_above: options.domain.keep_above,
-        seed: options.seed,
-        ..model
-    };
+    let mut model = Model { min_depth: options.domain.min_depth, binning: options.binning, ..model };
     if !options.general {
         rows.crop(model.trim(grid));
     }

@@ -1,18 +1,44 @@
 //! What the paper's solver needs of a plan.
 
-use super::{NoiseTerm, PaperOptions, passes};
+use super::{Decay, NoiseTerm, PaperOptions, passes};
 use crate::gpu::{Buffer, Constant};
 use crate::solve::Plan;
 use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, mebibytes};
-use crate::transport::kernels::{LEVELS, WORKGROUP, buffer, constant};
-use crate::transport::{BRICK_VOXELS, Sampling};
+use crate::transport::kernels::{LEVELS, PaperData, WORKGROUP, buffer, constant};
+use crate::transport::{BRICK_VOXELS, Grid, Sampling};
 
 /// Numbers per voxel while the domain changes.
 const SMOOTH: [Buffer; 2] = [Buffer::named("smooth"), Buffer::named("smooth_spare")];
 
 /// Bytes of state of an active voxel, and of a touched one.
 const OF_VOXEL: [u64; 2] = [32, 52];
+
+impl PaperOptions {
+    /// The block of the solver at the resolution of `grid`.
+    fn block(&self, grid: &Grid) -> PaperData {
+        let has_noise = self.noise.term != NoiseTerm::Off;
+        let noise = |share: f64| if has_noise { (share * self.peak) as f32 } else { 0.0 };
+        let decays = self.learning_rate_decay == Decay::Cosine;
+        PaperData {
+            seed: self.seed,
+            l1_scale: (self.l1 / grid.voxels() as f64) as f32,
+            noise_base: noise(self.noise.base),
+            noise_span: noise(self.noise.span),
+            learning_rate: self.learning_rate as f32,
+            decay_over: if decays { self.iterations as f32 } else { 0.0 },
+            beta1: self.beta1 as f32,
+            beta2: self.beta2 as f32,
+            epsilon: self.epsilon as f32,
+        }
+    }
+}
+
+/// The buffer of the solver's block at a level of a plan.
+pub(super) fn block_of(plan: &Plan, level: &Level) -> Buffer {
+    let at = plan.levels.volume.iter().position(|l| l.scene == level.scene).unwrap_or(0);
+    buffer::PAPER.at(at as u16)
+}
 
 impl Needs for PaperOptions {
     fn demand(&self) -> Demand {
@@ -59,6 +85,13 @@ impl Needs for PaperOptions {
             (constant::ALBEDO_SPAN, (self.initial_albedo as f32).to_bits()),
             (constant::SUMMED, WORKGROUP),
         ]
+    }
+
+    fn blocks(&self, levels: &[Level]) -> Vec<(Buffer, Vec<u8>)> {
+        let of = |(i, level): (u16, &Level)| {
+            (buffer::PAPER.at(i), bytemuck::bytes_of(&self.block(&level.grid)).to_vec())
+        };
+        (0..).zip(levels).map(of).collect()
     }
 
     fn passes(&self) -> Vec<&'static Pass> {

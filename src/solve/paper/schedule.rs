@@ -1,9 +1,9 @@
 //! The paper's solver as schedules.
 
-use super::needs::volumes;
+use super::needs::{block_of, volumes};
 use super::passes::*;
 use super::{PaperOptions, domain};
-use crate::gpu::{Buffer, Schedule};
+use crate::gpu::{Buffer, Command, Kernel, Schedule};
 use crate::solve::adam::unbiased;
 use crate::solve::over_pairs::{
     compare, forward, gather, groups, over_active, over_parts, over_touched, scene_of_sums, turns_of_finish,
@@ -16,6 +16,7 @@ use crate::transport::kernels::*;
 /// Sample, forward, residual, (noise,) backward, update, finish: iteration `iteration` of the solve (from 0),
 /// `step` of the optimiser since its restart (from 1).
 pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32, step: u32) {
+    let begin = s.commands.len();
     let push = Push { iteration, step, ..Default::default() };
     over_active(s, plan, level, &SAMPLE, 8).with(push);
     over_parts(s, plan, level, |s, part| {
@@ -35,6 +36,21 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32, s
     s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, level))
         .with(push);
+    bind_own(s, begin, plan, level);
+}
+
+/// Binds the solver's block of a level to the dispatches from number `begin` on that read it.
+pub(super) fn bind_own(s: &mut Schedule, begin: usize, plan: &Plan, level: &Level) {
+    let own = block_of(plan, level);
+    let reads = |kernel: Kernel| {
+        let pass = plan.passes.iter().find(|pass| pass.kernel == kernel);
+        pass.is_some_and(|pass| (pass.code)(plan).bindings.iter().any(|b| b.block == buffer::PAPER))
+    };
+    for command in &mut s.commands[begin..] {
+        if matches!(command, Command::Dispatch { kernel, .. } if reads(*kernel)) {
+            command.bind(buffer::PAPER, own);
+        }
+    }
 }
 
 /// Makes the first volume and the domain of all voxels that are not too near. Puts the optimiser at rest and sums to
@@ -51,7 +67,7 @@ pub fn initialise(s: &mut Schedule, plan: &Plan, level: &Level) {
         .bind(buffer::SCENE, level.scene)
         .bind(buffer::REACHABLE, level.reachable);
     domain::compact(s, plan, level);
-    over_touched(s, plan, level, &INITIALISE_RAW, 1);
+    over_touched(s, plan, level, &INITIALISE_RAW, 1).bind(buffer::PAPER, block_of(plan, level));
     restart(s, plan);
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::{Level, Plan};
-use crate::gpu::{Buffer, BufferPlan, Place, View};
+use crate::gpu::{Buffer, BufferPlan, Place};
 use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
 
@@ -50,16 +50,17 @@ impl Plan {
         all.extend(on_host.into_iter().map(|(b, bytes, place)| BufferPlan::new(b, bytes, place)));
         all.extend(self.stores().into_iter().map(|(b, bytes)| BufferPlan::new(b, bytes, Place::Store)));
         let bound = self.passes.iter().flat_map(|p| (p.code)(self).bindings);
-        let mut missing: BTreeSet<Buffer> =
-            bound.filter(|b| b.view != View::Uniform).map(|b| b.block).collect();
+        let mut missing: BTreeSet<Buffer> = bound.map(|b| b.block).collect();
         // Schedules always bind these to other buffers.
-        for block in [buffer::SOURCE, buffer::TARGET, buffer::REACHABLE, buffer::COARSE_MASK] {
+        for block in [buffer::SCENE, buffer::SOURCE, buffer::TARGET, buffer::REACHABLE, buffer::COARSE_MASK] {
             missing.remove(&block);
         }
         all.iter().for_each(|b| {
             missing.remove(&b.buffer);
         });
-        all.extend(missing.into_iter().map(|b| BufferPlan::new(b, 0, Place::Device)));
+        // A kernel that does not use a block still sees all of it.
+        let least = |b: Buffer| if b == buffer::PAPER { size_of::<PaperData>() as u64 } else { 0 };
+        all.extend(missing.into_iter().map(|b| BufferPlan::new(b, least(b), Place::Device)));
         all
     }
 
@@ -115,7 +116,9 @@ impl Plan {
         let of_level = if self.has_spots() { 2 } else { 1 };
         let levels = self.levels.volume.len();
         let of_parts = if self.is_cut() { 2 * levels } else { 0 };
-        ((levels * of_level + self.batches_held().len() + of_parts) * size_of::<SceneData>()) as u64
+        let scenes = (levels * of_level + self.batches_held().len() + of_parts) * size_of::<SceneData>();
+        let own: usize = self.blocks.iter().map(|(_, bytes)| bytes.len()).sum();
+        (scenes + own + size_of::<SurfaceData>()) as u64
     }
 
     fn level_buffers(&self) -> Vec<(Buffer, u64)> {
@@ -135,6 +138,10 @@ impl Plan {
             all.extend([(batch.scene, of_scene), (batch.wall, wall), (batch.measured, measured)]);
         }
         all.extend(self.part_buffers(of_scene));
+        all.extend(self.blocks.iter().map(|(buffer, bytes)| (*buffer, bytes.len() as u64)));
+        if self.scene.high_pass {
+            all.push((buffer::SURFACE, size_of::<SurfaceData>() as u64));
+        }
         all
     }
 

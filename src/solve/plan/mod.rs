@@ -55,6 +55,8 @@ pub struct Plan {
     pub division: Division,
     /// Values of the constants that passes share.
     pub constants: BTreeMap<Constant, u32>,
+    /// The solver's own uniform blocks, with their content.
+    pub blocks: Vec<(Buffer, Vec<u8>)>,
     /// Passes in the order in which they are made.
     pub passes: Vec<&'static Pass>,
     /// The volume can be read back.
@@ -96,11 +98,13 @@ impl Plan {
             levels,
             domain,
             constants: BTreeMap::new(),
+            blocks: vec![],
             passes: vec![],
             with_volume,
             buffers: vec![],
             left_out: vec![],
         };
+        plan.blocks = needs.blocks(&plan.levels.volume);
         plan.constants = plan.shared_constants();
         plan.constants.extend(needs.constants(&plan));
         let all = passes::ALL.iter().copied().chain(needs.passes());

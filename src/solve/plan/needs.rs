@@ -15,6 +15,11 @@ pub trait Needs {
     /// Values of the constants that its passes share.
     fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)>;
 
+    /// The content of its own uniform blocks over these levels: numbers that the scene does not have.
+    fn blocks(&self, _levels: &[Level]) -> Vec<(Buffer, Vec<u8>)> {
+        vec![]
+    }
+
     /// Its passes. The plan adds those that all solvers have, and leaves out those it does not need ([`Pass::when`]).
     fn passes(&self) -> Vec<&'static Pass>;
 

@@ -3,7 +3,7 @@
 use super::SurfaceOptions;
 use crate::capture::{Background, Capture};
 use crate::solve::estimate::variances;
-use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
+use crate::transport::{Binning, Grid, Model, Rows};
 
 /// The model of a capture for `grid` without measured values, and the rows that they are taken by: of the pairs that a fit
 /// takes, spread over the wall.
@@ -30,9 +30,7 @@ fn of_all_pairs(capture: &Capture, options: &SurfaceOptions) -> (Model, Rows) {
     let (model, rows) = Model::outline(capture, options.reflectance, PEAK, options.general);
     let model = Model {
         min_depth: options.min_depth,
-        sampling: Sampling::Fixed,
         binning: Binning::Linear,
-        gradient: Gradient::Exact,
         high_pass: options.filter(),
         ..model
     };

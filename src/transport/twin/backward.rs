@@ -2,7 +2,6 @@ use glam::{DVec3, dvec3};
 
 use super::shared::{gather, shine, watch};
 use super::{Call, Cells, Sample};
-use crate::transport::Gradient;
 use crate::transport::kernels::*;
 
 /// The gradient of the paper's solver by the raw variables at every sample; before the last pairs, by albedo and by
@@ -16,7 +15,7 @@ pub fn backward(call: &Call, b: &mut [Cells]) {
         let [mut albedo, x, y, z] = if goes_on { gradient[slot] } else { [0.0; 4] };
         let mut normal = dvec3(x, y, z);
         gather(call, &s, residual, |k, mut r, _| {
-            if m.gradient == Gradient::Exact {
+            if call.constant(constant::EXACT, 0) != 0 {
                 r *= k.falloff;
             }
             let (value, slope) = shine(m.reflectance, &k.arms, s.normal);
@@ -25,7 +24,7 @@ pub fn backward(call: &Call, b: &mut [Cells]) {
         });
         if call.push.flags & BACKWARD_FINISH != 0 {
             let sign = if s.albedo == 0.0 { 0.0 } else { s.albedo.signum() };
-            albedo += m.l1 / call.twin.grid.voxels() as f64 * sign;
+            albedo += f64::from(call.paper.l1_scale) * sign;
             // The chain rule through ELU, tanh and the normalization.
             albedo *= if s.albedo > 0.0 { 1.0 } else { s.albedo + 1.0 };
             let tanh = s.normal * s.length + DVec3::Z;

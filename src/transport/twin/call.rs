@@ -1,6 +1,6 @@
 use super::Twin;
 use crate::gpu::Constant;
-use crate::transport::kernels::{Push, SceneData};
+use crate::transport::kernels::{PaperData, Push, SceneData};
 
 /// A dispatch without its buffers.
 #[derive(Debug, Clone)]
@@ -9,6 +9,8 @@ pub struct Call<'a> {
     pub twin: Twin<'a>,
     /// The scene as kernels read it: its counts are those of the dispatch.
     pub scene: SceneData,
+    /// The block of the paper's solver, for the kernels that bind it.
+    pub paper: PaperData,
     /// Push constants.
     pub push: Push,
     /// Specialization constants that differ from the source.

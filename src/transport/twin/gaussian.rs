@@ -12,7 +12,7 @@ pub fn gaussian(call: &Call, b: &mut [Cells]) {
         counts[COUNT_PEAK_SMOOTH as usize] = 0;
         counts[COUNT_LEAST_SMOOTH as usize] = 0;
     }
-    let has_noise = call.twin.model.noise.iter().sum::<f64>() > 0.0;
+    let has_noise = call.paper.noise_base + call.paper.noise_span > 0.0;
     let value = |index: usize| match slot_of(mask, ranks, index, call.scene.capacity) {
         _ if axis > 0 => source[index],
         Some(slot) if has_noise => elu(raw[slot][0]),

@@ -1,4 +1,4 @@
-use super::shared::{adam, unbiased, watch};
+use super::shared::{adam, watch};
 use super::{Call, Cells};
 use crate::transport::kernels::*;
 
@@ -15,11 +15,11 @@ pub fn noise(call: &Call, b: &mut [Cells]) {
         }
         let of_sum: f64 = residual[call.row(pair) + bin..][..size].iter().sum();
         let sigmoid = 1.0 / (1.0 + (-*weight).exp());
-        let slope = m.noise[1] * m.peak * sigmoid * (1.0 - sigmoid);
+        let slope = f64::from(call.paper.noise_span) * sigmoid * (1.0 - sigmoid);
         let gradient = of_sum / f64::from(call.scene.render_scale) * slope;
         // Counted from the start of the solve.
-        let unbias = unbiased(m, call.push.iteration + 1);
-        adam(m, m.learning_rate, unbias, gradient, [weight, first, second]);
+        let (rate, steps) = (f64::from(call.paper.learning_rate), call.push.iteration + 1);
+        adam(&call.paper, rate, steps, gradient, [weight, first, second]);
         watch(counts, *weight, FAULT_NOISE);
     }
 }

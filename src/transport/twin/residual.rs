@@ -9,6 +9,7 @@ pub fn residual(call: &Call, b: &mut [Cells]) {
     let m = call.twin.model;
     let of = |constant| call.constant(constant, 0);
     let (render, elements) = (f64::from(call.scene.render_scale), m.elements as f64);
+    let [base, span] = [call.paper.noise_base, call.paper.noise_span].map(f64::from);
     let tile = (WORKGROUP * RESIDUAL_BINS) as usize;
     for first in (0..call.cells()).step_by(tile) {
         for lane in 0..WORKGROUP as usize {
@@ -22,7 +23,7 @@ pub fn residual(call: &Call, b: &mut [Cells]) {
                     let index = pair * m.bins + bin;
                     if of(constant::NOISE) != 0 {
                         let [w, ..] = noise_state[if of(constant::NOISE) == 1 { index } else { pair }];
-                        value += m.peak * (m.noise[0] + m.noise[1] / (1.0 + (-w).exp()));
+                        value += base + span / (1.0 + (-w).exp());
                         open = if value > 0.0 { 1.0 } else { 0.0 };
                         value = value.max(0.0);
                     }

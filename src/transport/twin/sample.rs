@@ -15,7 +15,7 @@ pub fn sample(call: &Call, b: &mut [Cells]) {
     };
     for slot in 0..counts[COUNT_ACTIVE as usize] as usize {
         let index = active_voxels[slot];
-        let g = sample_point(twin, index, call.push.iteration);
+        let g = sample_point(call, index);
         let mut v = if continuous { [0.0; 4] } else { raw[slot] };
         for (corner, weight) in corners(twin.grid, g).filter(|_| continuous) {
             let near = state(corner);

@@ -3,7 +3,7 @@ use glam::{DVec2, DVec3, dvec2, dvec3};
 use super::Call;
 pub use crate::capture::pulse::Way;
 use crate::transport::kernels::*;
-use crate::transport::{Binning, Grid, Model, Reflectance, Sampling};
+use crate::transport::{Binning, Grid, Model, Reflectance};
 
 /// A scene at one lateral resolution.
 #[derive(Debug, Clone, Copy)]
@@ -56,13 +56,14 @@ pub fn random3(index: u32, iteration: u32, stream: u32, seed: u32) -> [f64; 3] {
 }
 
 /// Position of the sample of voxel `index`, in voxels.
-pub fn sample_point(twin: &Twin, index: u32, iteration: u32) -> DVec3 {
-    let centre = DVec3::from_array(twin.grid.voxel(index as usize).map(|c| c as f64));
-    if twin.model.sampling == Sampling::Fixed {
+pub fn sample_point(call: &Call, index: u32) -> DVec3 {
+    let grid = call.twin.grid;
+    let centre = DVec3::from_array(grid.voxel(index as usize).map(|c| c as f64));
+    if call.constant(constant::CONTINUOUS, 1) == 0 {
         return centre;
     }
-    let shift = DVec3::from_array(random3(index, iteration, 1, twin.model.seed)) - 0.5;
-    let last = DVec3::from_array(twin.grid.n.map(|n| n as f64 - 1.0));
+    let shift = DVec3::from_array(random3(index, call.push.iteration, 1, call.paper.seed)) - 0.5;
+    let last = DVec3::from_array(grid.n.map(|n| n as f64 - 1.0));
     (centre + shift).clamp(DVec3::ZERO, last)
 }
 
@@ -83,23 +84,19 @@ pub(super) fn toward_wall(v: Raw) -> DVec3 {
     dvec3(v[1], v[2], v[3]).clamp(DVec3::splat(-10.0), DVec3::splat(10.0)).map(f64::tanh) - DVec3::Z
 }
 
-/// A step of Adam without bias corrections: Kingma & Ba 2015, algorithm 1. `unbias` are the factors of both moments.
+/// A step of Adam: Kingma & Ba 2015, algorithm 1. `steps`: those since the moments were zero.
 pub(super) fn adam(
-    model: &Model,
+    paper: &PaperData,
     rate: f64,
-    unbias: [f64; 2],
+    steps: u32,
     gradient: f64,
     [value, first, second]: [&mut f64; 3],
 ) {
-    let [b1, b2] = model.betas;
+    let [b1, b2] = [paper.beta1, paper.beta2].map(f64::from);
     *first = b1 * *first + (1.0 - b1) * gradient;
     *second = b2 * *second + (1.0 - b2) * gradient * gradient;
-    *value -= rate * *first * unbias[0] / ((*second * unbias[1]).sqrt() + model.epsilon);
-}
-
-/// The factors that take the bias off both moments after `steps` steps.
-pub(super) fn unbiased(model: &Model, steps: u32) -> [f64; 2] {
-    model.betas.map(|b| 1.0 / (1.0 - b.powi(steps as i32)))
+    let [first, second] = [*first / (1.0 - b1.powi(steps as i32)), *second / (1.0 - b2.powi(steps as i32))];
+    *value -= rate * first / (second.sqrt() + f64::from(paper.epsilon));
 }
 
 /// Bits of the larger of a float by its bits and of a number.

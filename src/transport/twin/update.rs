@@ -1,4 +1,4 @@
-use super::shared::{adam, corners, sample_point, unbiased, watch};
+use super::shared::{adam, corners, sample_point, watch};
 use super::{Call, Cells, Raw};
 use crate::transport::kernels::*;
 
@@ -6,21 +6,21 @@ use crate::transport::kernels::*;
 /// interpolation. Its rate is constant, or falls as half a cosine over the solve.
 pub fn update(call: &Call, b: &mut [Cells]) {
     bind!(b: counts u, active_voxels u, _ranks any, gradient v4, raw v4, first v4, second v4, _mask any);
-    let (twin, m) = (&call.twin, call.twin.model);
+    let (twin, paper) = (&call.twin, &call.paper);
     let mut sums: Vec<Raw> = vec![[0.0; 4]; twin.grid.storage()];
     for slot in 0..counts[COUNT_ACTIVE as usize] as usize {
-        for (to, weight) in corners(twin.grid, sample_point(twin, active_voxels[slot], call.push.iteration)) {
+        for (to, weight) in corners(twin.grid, sample_point(call, active_voxels[slot])) {
             (0..4).for_each(|k| sums[to][k] += weight * gradient[slot][k]);
         }
     }
-    let done = if m.decay_over > 0.0 { (f64::from(call.push.iteration) / m.decay_over).min(1.0) } else { 0.0 };
-    let rate = m.learning_rate * (0.5 + 0.5 * (std::f64::consts::PI * done).cos());
-    let unbias = unbiased(m, call.push.step);
+    let over = f64::from(paper.decay_over);
+    let done = if over > 0.0 { (f64::from(call.push.iteration) / over).min(1.0) } else { 0.0 };
+    let rate = f64::from(paper.learning_rate) * (0.5 + 0.5 * (std::f64::consts::PI * done).cos());
     for slot in 0..counts[COUNT_TOUCHED as usize] as usize {
         let g = sums[active_voxels[slot] as usize];
         for k in 0..4 {
             let state = [&mut raw[slot][k], &mut first[slot][k], &mut second[slot][k]];
-            adam(m, rate, unbias, g[k], state);
+            adam(paper, rate, call.push.step, g[k], state);
         }
         watch(counts, raw[slot].iter().sum(), FAULT_UPDATE);
     }

@@ -21,7 +21,7 @@ use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
 use crate::solve::prepared::Planned;
 use crate::solve::{OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, Sharpness, Watch, upload};
 use crate::transport::kernels::{buffer, constant};
-use crate::transport::{Binning, Gradient, Grid, Model, Rows, Sampling};
+use crate::transport::{Binning, Grid, Model, Rows};
 use crate::{Error, Result};
 
 /// Pixels that a voxel is wide in maps of `lateral` pixels. Voxels finer than the scan would only cost time.
@@ -97,9 +97,7 @@ pub(super) fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -
         rendered: None,
         pulse: None,
         min_depth: image.min_depth.min(grid.depth_range()[1]),
-        sampling: Sampling::Fixed,
         binning: Binning::Linear,
-        gradient: Gradient::Exact,
         ..model
     };
     (model, rows)
