@@ -35,7 +35,7 @@ const SEQUENCES: [(&str, &str, f64, [bool; 2]); 5] = [
 ];
 
 /// A frame with its truth.
-struct Moment {
+struct TimelinePoint {
     capture: Capture,
     truth: Truth,
 }
@@ -101,11 +101,14 @@ fn processor_seconds() -> f64 {
     1e-9 * threads.filter_map(of_thread).sum::<f64>()
 }
 
-fn moments(side: usize, (_, name, step, [appears, vanishes]): (&str, &str, f64, [bool; 2])) -> Vec<Moment> {
+fn moments(
+    side: usize,
+    (_, name, step, [appears, vanishes]): (&str, &str, f64, [bool; 2]),
+) -> Vec<TimelinePoint> {
     let scene = Scene { scan: side, photons: Some(300.0), ..Scene::named(name).unwrap() };
     let at = |changes: bool| changes.then_some(CHANGE);
     let motion = Motion { frames: FRAMES, step, appears: at(appears), vanishes: at(vanishes) };
-    let moment = |scene: &Scene| Moment {
+    let moment = |scene: &Scene| TimelinePoint {
         capture: simulate(scene, &RenderOptions { noise: 0.03, ..Default::default() }).unwrap().capture,
         truth: truth(scene, 128).unwrap(),
     };
@@ -113,7 +116,7 @@ fn moments(side: usize, (_, name, step, [appears, vanishes]): (&str, &str, f64, 
 }
 
 /// Solves all frames; the first does not count.
-fn measured(session: &mut Session, moments: &[Moment]) -> Sums {
+fn measured(session: &mut Session, moments: &[TimelinePoint]) -> Sums {
     let mut sums = Sums::default();
     for (i, moment) in moments.iter().enumerate() {
         let (begun, before) = (Instant::now(), processor_seconds());

@@ -115,7 +115,7 @@ fn source(args: &Args) -> Result<Source> {
     }
 }
 
-/// The estimates no longer hold if this many frames in a row leave more than so many times the residual of the first one.
+/// Number of consecutive frames, and ratio of their residual to that of the first, from which the estimates are stale.
 const LASTING: usize = 30;
 const RISEN: f64 = 2.0;
 const DRIFTED: &str = "note: 30 frames in a row have more than twice the relative residual of the first one. Model, impulse response or \

@@ -399,7 +399,7 @@ impl Fits<'_> {
         concluded(shown, quality)
     }
 
-    /// Fits from the surface of the frame before: at most so many rounds of so many iterations, and so many iterations after them.
+    /// Fits from the previous frame's surface: maximum rounds, iterations per round, and final iterations.
     /// `closed`: as for [`Fits::shown`]. Also takes the quality of the layers, and the reference of the frame before.
     #[allow(clippy::too_many_arguments)] // all of it is one frame
     fn warm(

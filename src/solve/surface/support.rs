@@ -185,7 +185,7 @@ fn settle(maps: &mut Maps, typical: f32, share: f32) {
 }
 
 /// The support follows the evidence of layers of this flatness: dim pixels and small islands are removed, pixels around bright rims
-/// are added first, in so many rings, if depths of new ones may be in a range.
+/// are added first, by number of rings, if depths of new ones may be in a range.
 pub fn follow(layers: &mut [Maps], [typical, flatness]: [f32; 2], grows_in: Option<([f32; 2], usize)>) {
     for maps in layers {
         if let Some((range, rings)) = grows_in {
