@@ -167,7 +167,7 @@ fn a_device_that_is_down_stays_down_and_says_where() {
     for (faults, what) in [
         (lost(Point::Submission, 9), "was lost while submitting `"),
         (lost(Point::Wait, 9), "was lost while computing `"),
-        (reported, "`; its driver tells: invalid read at 0xbad0"),
+        (reported, "`; driver report: invalid read at 0xbad0"),
         (hung, "did not finish its work within 600 s, computing `"),
     ] {
         let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::default() }).expect("a device");

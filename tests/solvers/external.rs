@@ -277,5 +277,5 @@ fn what_cannot_be_lent_is_refused() {
     vulkan.family = 77;
     assert_error(refused(&vulkan), Kind::Device, &["queue families"]);
     vulkan.api_version = 1 << 22;
-    assert_error(refused(&vulkan), Kind::Device, &["made for Vulkan 1.0"]);
+    assert_error(refused(&vulkan), Kind::Device, &["created for Vulkan 1.0"]);
 }

@@ -47,17 +47,17 @@ fn options_that_make_no_sense_are_named() {
     assert!(good().check().is_ok());
     type Spoil = fn(&mut PaperOptions);
     let bad: [(&str, Spoil); 11] = [
-        ("--lateral", |o| o.lateral = 0),
-        ("--iterations", |o| o.iterations = 0),
-        ("--double-every", |o| o.domain.double_every = 0),
-        ("--learning-rate", |o| o.learning_rate = f64::NAN),
-        ("--l1", |o| o.l1 = -1.0),
-        ("--keep-above", |o| o.domain.keep_above = 1.0),
-        ("--smooth-sigma", |o| o.domain.smooth_sigma = 1e9),
-        ("--beta1", |o| o.beta1 = 1.5),
-        ("--peak", |o| o.peak = f64::INFINITY),
-        ("--min-depth", |o| o.domain.min_depth = f64::NAN),
-        ("--room", |o| o.domain.room = Some(0.0)),
+        ("lateral", |o| o.lateral = 0),
+        ("iterations", |o| o.iterations = 0),
+        ("double_every", |o| o.domain.double_every = 0),
+        ("learning_rate", |o| o.learning_rate = f64::NAN),
+        ("l1", |o| o.l1 = -1.0),
+        ("keep_above", |o| o.domain.keep_above = 1.0),
+        ("smooth_sigma", |o| o.domain.smooth_sigma = 1e9),
+        ("beta1", |o| o.beta1 = 1.5),
+        ("peak", |o| o.peak = f64::INFINITY),
+        ("min_depth", |o| o.domain.min_depth = f64::NAN),
+        ("room", |o| o.domain.room = Some(0.0)),
     ];
     for (name, spoil) in bad {
         let mut o = good();
