@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use thirdbounce::gpu::{Gpu, GpuOptions};
-use thirdbounce::solve::{Problem, SolverOptions, Suit, When};
+use thirdbounce::solve::{Problem, SceneTraits, SolverOptions, When};
 use thirdbounce::transport::Grid;
 use thirdbounce::{Result, capture};
 
@@ -17,10 +17,10 @@ fn main() -> Result<()> {
     };
     let capture = capture::read(Path::new(&file))?;
     let gpu = Gpu::open(&GpuOptions::default())?;
-    let suit = Suit::of(&capture);
+    let suit = SceneTraits::of(&capture);
     for name in SolverOptions::NAMES {
         let solver =
-            SolverOptions::suited_to(name, &suit).expect("a solver of this version").with_lateral(64);
+            SolverOptions::defaults_for(name, &suit).expect("a solver of this version").with_lateral(64);
         let volume = solver.default_volume(&capture)?;
         let grid = Grid::new(volume, solver.common().lateral, capture.bin_width)?;
         let plan = solver.plan(&Problem::new(&capture, grid), &gpu.abilities())?;

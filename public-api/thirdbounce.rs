@@ -1,40 +1,31 @@
-#[derive(Clone, Default)]
-#[private_fields]
-pub struct Options {}
-impl Options {
-    pub fn method(mut self, name: &str) -> Options {}
-    pub fn model(mut self, name: &str) -> Options {}
-    pub fn set(mut self, name: &'static str, value: impl Into<OptionValue>) -> Options {}
-    pub fn volume(mut self, volume: Volume) -> Options {}
-    pub fn memory(mut self, bytes: u64) -> Options {}
-    pub fn mask_fraction(mut self, share: f64) -> Options {}
-    pub fn with_volume(mut self) -> Options {}
-    pub fn watch(
-        mut self,
-        hear: impl FnMut(&Progress) -> ControlFlow<()> + Send + 'static,
-    ) -> Options {}
-    pub fn session(
-        &self,
-        gpu: &Gpu,
-        frame: &Capture,
-        options: SessionOptions,
-    ) -> Result<Session> {}
-}
-impl fmt::Debug for Options {}
 #[derive(Debug, Clone)]
 #[non_exhaustive]
 pub struct Solved {
     pub maps: Maps,
     pub volume: Option<VolumeMap>,
     pub notes: Vec<String>,
+    pub warnings: Vec<String>,
     pub trace: Vec<TracePoint>,
     pub seconds: f64,
 }
-pub fn reconstruct(gpu: &Gpu, capture: &Capture, options: &Options) -> Result<Solved> {}
+pub fn reconstruct(gpu: &Gpu, capture: &Capture, settings: &Settings) -> Result<Solved> {}
+pub fn reconstruct_with(
+    gpu: &Gpu,
+    capture: &Capture,
+    settings: &Settings,
+    on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Solved> {}
+pub fn session(
+    gpu: &Gpu,
+    frame: &Capture,
+    settings: &Settings,
+    options: SessionOptions,
+    on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<(Session, Vec<String>)> {}
 #[cfg(feature = "formats")]
-pub fn prepare(capture: Capture) -> Result<Capture> {}
+pub fn prepare(capture: Capture, settings: &Settings) -> Result<Capture> {}
 #[cfg(feature = "formats")]
-pub fn read(path: impl AsRef<std::path::Path>) -> Result<Capture> {}
+pub fn read(path: impl AsRef<std::path::Path>, settings: &Settings) -> Result<Capture> {}
 #[cfg(feature = "formats")]
 pub fn write(
     folder: impl AsRef<std::path::Path>,
@@ -45,6 +36,19 @@ pub fn write(
 pub struct Canceller();
 impl Canceller {
     pub fn cancel(&self) {}
+}
+#[derive(Clone)]
+pub struct ExternalCounts {
+    pub counts: ExternalBuffer,
+    pub format: Format,
+    pub after: Option<TimelinePoint>,
+    pub taken: Option<TimelinePoint>,
+}
+#[derive(Clone)]
+pub struct ExternalFrame {
+    pub counts: ExternalCounts,
+    pub maps: Option<ExternalBuffer>,
+    pub done: Option<TimelinePoint>,
 }
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub enum Feed {
@@ -83,33 +87,21 @@ pub struct Latency {
     pub p99: Duration,
     pub frames_per_second: f64,
 }
-#[derive(Clone)]
-pub struct LentCounts {
-    pub counts: Lent,
-    pub format: Format,
-    pub after: Option<Moment>,
-    pub taken: Option<Moment>,
-}
-#[derive(Clone)]
-pub struct LentFrame {
-    pub counts: LentCounts,
-    pub maps: Option<Lent>,
-    pub done: Option<Moment>,
-}
 #[private_fields]
 pub struct Session {}
 impl Session {
-    pub fn lent_maps_bytes(&self) -> u64 {}
+    pub fn external_maps_bytes(&self) -> u64 {}
 }
 impl Session {
     pub fn gpu(&self) -> &Gpu {}
+    pub fn size(&self) -> [usize; 2] {}
     pub fn submit(&mut self, histograms: &[f32]) -> Result<FrameId> {}
     pub fn submit_part(
         &mut self,
         histograms: &[f32],
         measured: &[bool],
     ) -> Result<FrameId> {}
-    pub fn submit_lent(&mut self, frame: LentFrame) -> Result<FrameId> {}
+    pub fn submit_external(&mut self, frame: ExternalFrame) -> Result<FrameId> {}
     pub fn is_idle(&self) -> bool {}
     pub fn latency(&self) -> Latency {}
     pub fn poll(&mut self) -> Result<Option<&Frame>> {}
@@ -132,7 +124,7 @@ pub struct SessionOptions {
     pub maps_every: Option<usize>,
     pub feed: Feed,
     pub follow: Option<Follow>,
-    pub lent: bool,
+    pub external: bool,
 }
 #[derive(Clone)]
 #[private_fields]
@@ -142,19 +134,118 @@ impl Submitter {
     pub fn submit(&self, histograms: &[f32]) -> Result<FrameId> {}
     pub fn submit_part(&self, histograms: &[f32], measured: &[bool]) -> Result<FrameId> {}
 }
-#[derive(Debug, Clone, PartialEq)]
-pub enum OptionValue {
-    Count(usize),
-    Number(f64),
-    Flag(bool),
-    Word(String),
-    Unset,
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Flip {
+    X,
+    Y,
+    Xy,
 }
-impl From<usize> for OptionValue {}
-impl From<f64> for OptionValue {}
-impl From<bool> for OptionValue {}
-impl From<&str> for OptionValue {}
-impl fmt::Display for OptionValue {}
+impl Flip {
+    pub fn name(self) -> &'static str {}
+}
+#[derive(Debug, Clone, PartialEq)]
+pub enum ImpulseResponse {
+    None,
+    Auto,
+    Gaussian { fwhm: f64, tail: Option<f64> },
+    File(PathBuf),
+}
+impl ImpulseResponse {
+    pub fn samples(&self) -> Result<Option<Pulse>> {}
+}
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Model {
+    Auto,
+    Known(Reflectance),
+}
+pub struct Settings {
+    pub wall: Option<f64>,
+    pub bin_width: Option<f64>,
+    pub wall_depth_unit: Option<f64>,
+    pub bounce: Option<String>,
+    pub tof: Option<PathBuf>,
+    pub axes: Option<String>,
+    pub keep_empty: Option<bool>,
+    pub flip: Option<Flip>,
+    pub rotate: Option<usize>,
+    pub stride: Option<usize>,
+    pub subset: Option<usize>,
+    pub gate: Option<Gate>,
+    pub auto_gate: Option<bool>,
+    pub pulse: Option<ImpulseResponse>,
+    pub spot: Option<[f64; 2]>,
+    pub model: Option<Model>,
+    pub preset: Option<Preset>,
+    pub seed: Option<u32>,
+    pub deterministic: Option<bool>,
+    pub bins: Option<Bins>,
+    pub depth_pitch: Option<f64>,
+    pub volume: Option<Volume>,
+    pub keep_volume: Option<bool>,
+    pub mask_fraction: Option<f64>,
+    pub device: Option<String>,
+    pub memory: Option<u64>,
+    pub method: Method,
+}
+impl Settings {
+    pub fn from_texts<'t>(
+        texts: impl IntoIterator<Item = (&'t str, &'t str)> + Clone,
+    ) -> Result<Settings> {}
+    pub fn set(&mut self, key: &str, text: &str) -> Result<()> {}
+    pub fn all_rows() -> Vec<(&'static Row, String)> {}
+    pub fn with(mut self, change: impl FnOnce(&mut Settings)) -> Settings {}
+    pub fn seed(&self) -> u32 {}
+    pub fn discretisation(&self) -> Discretisation {}
+    pub fn check(&self) -> Result<()> {}
+}
+impl<T: Into<SolverOptions>> From<T> for Settings {}
+pub struct BpSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+}
+pub struct DlctSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+    pub snr: Option<f64>,
+}
+pub struct FbpSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+    pub filter: Option<Filter>,
+    pub filter_width: Option<f64>,
+}
+pub struct FkSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+}
+pub struct LctSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+    pub snr: Option<f64>,
+}
+pub struct PhasorBpSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+    pub wavelength: Option<f64>,
+    pub cycles: Option<f64>,
+}
+pub struct PhasorSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+    pub wavelength: Option<f64>,
+    pub cycles: Option<f64>,
+}
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Bins {
+    Auto,
+    Native,
+    Sum(usize),
+}
+impl fmt::Display for Bins {}
+impl FromStr for Bins {
+    type Err = Error;
+}
+impl Serialize for Bins {}
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Doing {
     Preview,
@@ -168,6 +259,49 @@ pub struct Follow {
     pub budget: Option<Duration>,
 }
 impl Default for Follow {}
+pub enum Method {
+    Paper(PaperSettings),
+    Surface(SurfaceSettings),
+    Lct(LctSettings),
+    Dlct(DlctSettings),
+    Fk(FkSettings),
+    Phasor(PhasorSettings),
+    PhasorBp(PhasorBpSettings),
+    Fbp(FbpSettings),
+    Bp(BpSettings),
+}
+impl Default for Method {}
+pub struct PaperSettings {
+    pub domain: DomainSettings,
+    pub noise: NoiseSettings,
+    pub lateral: Option<usize>,
+    pub iterations: Option<usize>,
+    pub seed: Option<u32>,
+    pub accumulation: Option<Accumulation>,
+    pub general: Option<bool>,
+    pub reflectance: Option<Reflectance>,
+    pub sizes: Option<Sizes>,
+    pub learning_rate: Option<f64>,
+    pub learning_rate_decay: Option<Decay>,
+    pub beta1: Option<f64>,
+    pub beta2: Option<f64>,
+    pub epsilon: Option<f64>,
+    pub restart_every: Option<usize>,
+    pub l1: Option<f64>,
+    pub peak: Option<f64>,
+    pub initial_albedo: Option<f64>,
+    pub sampling: Option<Sampling>,
+    pub binning: Option<Binning>,
+    pub gradient: Option<Gradient>,
+}
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Preset {
+    Synthetic,
+    Captured,
+}
+impl Preset {
+    pub fn name(self) -> &'static str {}
+}
 #[derive(Debug, Clone)]
 pub struct Progress {
     pub doing: Doing,
@@ -181,9 +315,27 @@ pub struct Progress {
 pub struct Reconstruction {
     pub maps: Maps,
     pub volume: Option<VolumeMap>,
+    pub warnings: Vec<String>,
     pub trace: Vec<TracePoint>,
     pub solve_seconds: f64,
     pub is_warm: bool,
+}
+pub struct SurfaceSettings {
+    pub lateral: Option<usize>,
+    pub iterations: Option<usize>,
+    pub accumulation: Option<Accumulation>,
+    pub general: Option<bool>,
+    pub reflectance: Option<Reflectance>,
+    pub sizes: Option<Sizes>,
+    pub min_depth: Option<f64>,
+    pub begin: Option<Begin>,
+    pub grow: Option<bool>,
+    pub pairs: Option<usize>,
+    pub points: Option<usize>,
+    pub high_pass: Option<f64>,
+    pub high_pass_floor: Option<f64>,
+    pub sparsity: Option<f64>,
+    pub background: Option<bool>,
 }
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct TracePoint {
@@ -268,16 +420,16 @@ impl From<&[AdvicePart]> for Advice {}
 pub struct Error {
     pub kind: Kind,
     pub what: String,
-    pub mend: Advice,
+    pub hint: Advice,
 }
 impl Error {
-    pub fn new(kind: Kind, what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-    pub fn input(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-    pub fn options(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-    pub fn device(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-    pub fn memory(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-    pub fn output(what: impl Into<String>, mend: impl Into<Advice>) -> Self {}
-    pub fn advised(self, mend: impl Into<Advice>) -> Self {}
+    pub fn new(kind: Kind, what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
+    pub fn input(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
+    pub fn options(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
+    pub fn device(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
+    pub fn memory(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
+    pub fn output(what: impl Into<String>, hint: impl Into<Advice>) -> Self {}
+    pub fn advised(self, hint: impl Into<Advice>) -> Self {}
     pub fn at(mut self, place: impl std::fmt::Display) -> Self {}
 }
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -311,20 +463,20 @@ pub struct Capture {
     pub direct: Option<f64>,
 }
 impl Capture {
+    pub fn stride(&self, n: usize) -> Result<Capture> {}
+    pub fn subset(&self, count: usize, seed: u64) -> Result<Capture> {}
+    pub fn histogram(&self, pair: usize) -> &[f32] {}
+}
+impl Capture {
+    pub fn warnings(&self) -> Vec<String> {}
+}
+impl Capture {
     pub fn check(&self) -> Result<()> {}
     pub fn check_counts(&self, histograms: &[f32]) -> Result<()> {}
     pub fn check_scan(&self) -> Result<()> {}
     pub fn t_end(&self) -> f64 {}
     pub fn mean_histogram(&self) -> Vec<f64> {}
     pub fn pair_count(&self) -> usize {}
-}
-impl Capture {
-    pub fn stride(&self, n: usize) -> Result<Capture> {}
-    pub fn subset(&self, count: usize, seed: u64) -> Result<Capture> {}
-    pub fn histogram(&self, pair: usize) -> &[f32] {}
-}
-impl Capture {
-    pub fn doubts(&self) -> Vec<String> {}
 }
 impl Capture {
     #[cfg(feature = "formats")]
@@ -372,15 +524,15 @@ pub struct Pulse {
     pub start: f64,
 }
 impl Pulse {
-    pub fn read(path: &Path) -> Result<Pulse> {}
-}
-impl Pulse {
     pub fn new(samples: Vec<f64>, width: f64, start: f64) -> Pulse {}
     pub fn gaussian(fwhm: f64) -> Result<Pulse> {}
     pub fn with_tail(&self, decay: f64) -> Result<Pulse> {}
     pub fn check(&self) -> Result<()> {}
     pub fn end(&self) -> f64 {}
     pub fn fwhm(&self) -> f64 {}
+}
+impl Pulse {
+    pub fn read(path: &Path) -> Result<Pulse> {}
 }
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Reflectance {
@@ -450,6 +602,18 @@ pub unsafe trait BlockSource: Send + Sync {
     ) -> Option<Block>;
     fn free(&self, block: Block);
 }
+#[derive(Clone)]
+#[private_fields]
+pub struct ExternalBuffer {}
+impl ExternalBuffer {
+    pub unsafe fn new(
+        buffer: vk::Buffer,
+        offset: u64,
+        bytes: u64,
+    ) -> Result<ExternalBuffer> {}
+    pub fn bytes(&self) -> u64 {}
+    pub fn is_on(&self, gpu: &Gpu) -> bool {}
+}
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Features {
     pub timeline_semaphore: bool,
@@ -476,21 +640,7 @@ impl Imported {
         memory_type: Option<u32>,
     ) -> Result<Imported> {}
     pub fn buffer(&self) -> vk::Buffer {}
-    pub fn lend(&self) -> Result<Lent> {}
-}
-#[derive(Clone)]
-#[private_fields]
-pub struct Lent {}
-impl Lent {
-    pub unsafe fn new(buffer: vk::Buffer, offset: u64, bytes: u64) -> Result<Lent> {}
-    pub fn bytes(&self) -> u64 {}
-    pub fn is_on(&self, gpu: &Gpu) -> bool {}
-}
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-#[private_fields]
-pub struct Moment {}
-impl Moment {
-    pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> Moment {}
+    pub fn lend(&self) -> Result<ExternalBuffer> {}
 }
 pub trait QueueLock: Send + Sync {
     fn lock(&self);
@@ -504,6 +654,12 @@ pub struct Requirements {
 }
 impl Requirements {
     pub fn extensions(&self) -> Vec<&'static CStr> {}
+}
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[private_fields]
+pub struct TimelinePoint {}
+impl TimelinePoint {
+    pub unsafe fn new(semaphore: vk::Semaphore, value: u64) -> TimelinePoint {}
 }
 #[derive(Clone)]
 pub struct Vulkan {
@@ -547,13 +703,6 @@ impl std::fmt::Display for DeviceKind {}
 #[derive(Clone)]
 #[private_fields]
 pub struct Gpu();
-impl Gpu {
-    pub fn wait_for(&self, moment: Moment, limit: Duration) -> Result<bool> {}
-    pub fn signal(&self, moment: Moment) -> Result<()> {}
-}
-impl Gpu {
-    pub unsafe fn of_caller(vulkan: &Vulkan) -> Result<Gpu> {}
-}
 impl Deref for Gpu {
     type Target = Opened;
 }
@@ -561,6 +710,13 @@ impl Gpu {
     pub fn open(options: &GpuOptions) -> Result<Gpu> {}
     pub fn is(&self, other: &Gpu) -> bool {}
     pub fn validation_messages(&self) -> Vec<String> {}
+}
+impl Gpu {
+    pub fn wait_for(&self, moment: TimelinePoint, limit: Duration) -> Result<bool> {}
+    pub fn signal(&self, moment: TimelinePoint) -> Result<()> {}
+}
+impl Gpu {
+    pub unsafe fn of_external(vulkan: &Vulkan) -> Result<Gpu> {}
 }
 #[derive(Debug, Clone, Default)]
 #[private_fields]
@@ -584,7 +740,7 @@ pub struct Layer {
     pub depth: Vec<f32>,
     pub normal: Vec<[f32; 3]>,
     pub mask: Vec<bool>,
-    pub confidence: Option<Vec<f32>>,
+    pub depth_error: Option<Vec<f32>>,
 }
 #[derive(Debug, Clone, PartialEq)]
 pub struct Maps {
@@ -596,7 +752,7 @@ pub struct Maps {
     pub normal: Vec<[f32; 3]>,
     pub mask: Vec<bool>,
     pub mask_fraction: Option<f64>,
-    pub confidence: Option<Vec<f32>>,
+    pub depth_error: Option<Vec<f32>>,
     pub behind: Option<Layer>,
 }
 impl Maps {

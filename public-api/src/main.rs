@@ -4,12 +4,13 @@
 //!
 //! It lists what the first crate passes on with `pub use`, wherever it or one of the other crates defines it, but for what is
 //! `#[doc(hidden)]`. The listing is made from the source, so it is the same with every compiler and needs no build. Not
-//! included: code that `build.rs` writes, and names that a macro makes.
+//! included: code that `build.rs` writes, and names that a macro makes, but for the settings.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::{env, fs};
 
+use proc_macro2::{Delimiter, TokenTree};
 use syn::{
     Attribute, Fields, FieldsNamed, FieldsUnnamed, File, ImplItem, Item, ItemImpl, ItemMod, TraitItem, Type,
     UseTree, Visibility,
@@ -34,8 +35,9 @@ fn main() {
         }
     }
     let mut listing: Vec<&Item> = vec![];
-    for path in passed_on {
-        assert_ne!(path, ["*"], "the door passes names on one by one, as they are");
+    // A single name is a crate of others.
+    for path in passed_on.into_iter().filter(|path| path.len() > 1) {
+        assert_ne!(path.last().map(String::as_str), Some("*"), "names are passed on one by one, as they are");
         let is_other = crates.contains_key(&path[0]);
         let (of, path) =
             if is_other { (&crates[&path[0]], &path[1..]) } else { (&crates["crate"], &path[..]) };
@@ -75,9 +77,80 @@ fn flatten(items: Vec<Item>, module: &[String], into: &mut Vec<Placed>) {
                 let inner = [module, &[m.ident.to_string()]].concat();
                 flatten(m.content.map_or(vec![], |c| c.1), &inner, into);
             }
+            Item::Macro(m) => into.extend(declared(&m).into_iter().map(|item| (module.to_vec(), item))),
             item => into.push((module.to_vec(), item)),
         }
     }
+}
+
+/// The settings that the macros `settings!`, `options!` and `solvers!` declare, as structs and an enum.
+fn declared(of: &syn::ItemMacro) -> Vec<Item> {
+    let tokens: Vec<TokenTree> = of.mac.tokens.clone().into_iter().collect();
+    let named = |text: String| syn::parse_str(&text).unwrap_or_else(|e| panic!("{e}: {text}"));
+    match of.mac.path.segments.last().map(|s| s.ident.to_string()).as_deref() {
+        Some("settings") if matches!(tokens.first(), Some(TokenTree::Literal(_))) => {
+            vec![named(format!("pub struct Settings {{ {} pub method: Method }}", fields(&tokens)))]
+        }
+        Some("options") => {
+            let name = tokens.iter().zip(tokens.iter().skip(1)).find_map(|(at, name)| match (at, name) {
+                (TokenTree::Punct(p), TokenTree::Ident(name)) if p.as_char() == ':' => Some(name),
+                _ => None,
+            });
+            vec![named(format!("pub struct {} {{ {} }}", name.expect("the settings"), fields(&tokens)))]
+        }
+        Some("solvers") => {
+            let groups = tokens.iter().filter_map(inner).flat_map(|group| {
+                let pairs = group.windows(2).filter_map(|pair| match pair {
+                    [TokenTree::Ident(name), TokenTree::Group(types)] => {
+                        types.stream().into_iter().nth(2).map(|settings| format!("{name}({settings})"))
+                    }
+                    _ => None,
+                });
+                pairs.collect::<Vec<_>>()
+            });
+            vec![named(format!("pub enum Method {{ {} }}", groups.collect::<Vec<_>>().join(", ")))]
+        }
+        _ => vec![],
+    }
+}
+
+/// The tokens inside braces.
+fn inner(token: &TokenTree) -> Option<Vec<TokenTree>> {
+    match token {
+        TokenTree::Group(g) if g.delimiter() == Delimiter::Brace => Some(g.stream().into_iter().collect()),
+        _ => None,
+    }
+}
+
+/// The fields `name: Type = ...`, each optional, and `name: Options / Settings` of a declaration.
+fn fields(tokens: &[TokenTree]) -> String {
+    let is = |token: Option<&TokenTree>, c| matches!(token, Some(TokenTree::Punct(p)) if p.as_char() == c);
+    let mut text = String::new();
+    for (at, token) in tokens.iter().enumerate() {
+        text += &inner(token).map_or_else(String::new, |inside| fields(&inside));
+        // The key of an option may differ from its field: `grow as "support": bool`.
+        let colon = if matches!(tokens.get(at + 1), Some(TokenTree::Ident(i)) if i == "as") {
+            at + 3
+        } else {
+            at + 1
+        };
+        let (TokenTree::Ident(name), true) = (token, is(tokens.get(colon), ':')) else { continue };
+        if is(tokens.get(colon + 1), ':') || is(tokens.get(at.wrapping_sub(1)), ':') {
+            continue;
+        }
+        let rest = &tokens[colon + 1..];
+        let end = rest.iter().position(|t| is(Some(t), '=') || is(Some(t), '/'));
+        let Some(end) = end else { continue };
+        let of = rest[..end].iter().map(ToString::to_string).collect::<String>();
+        text += &match is(rest.get(end), '/') {
+            true => format!("pub {name}: {}, ", rest[end + 1]),
+            false => match of.strip_prefix("Option<") {
+                Some(_) => format!("pub {name}: {of}, "),
+                None => format!("pub {name}: Option<{of}>, "),
+            },
+        };
+    }
+    text
 }
 
 /// The paths that a `use` names; `*` for one that names none, or renames.

@@ -1,7 +1,7 @@
 //! Settings as keyword arguments.
 
 use engine::solve::SolverOptions;
-use engine::solve::option::Suit;
+use engine::solve::option::SceneTraits;
 use engine::{Result, Settings};
 use pyo3::prelude::*;
 
@@ -20,7 +20,7 @@ pub fn settings(texts: &Texts) -> Result<Settings> {
 /// The options of a solver, with their texts.
 #[pyfunction]
 pub fn options(solver: &str) -> Vec<(&'static str, String)> {
-    let usual = SolverOptions::suited_to(solver, &Suit::USUAL);
+    let usual = SolverOptions::defaults_for(solver, &SceneTraits::DEFAULT);
     let has = |key: &str| usual.as_ref().is_some_and(|options| options.get(key).is_some());
     let all = Settings::all_rows().into_iter().map(|(row, text)| (row.key, text));
     all.filter(|(key, _)| has(key)).collect()

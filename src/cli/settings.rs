@@ -7,7 +7,8 @@ use clap::{Arg, ArgAction, ArgMatches, Args as _, Command, FromArgMatches};
 use serde::de::DeserializeOwned;
 use thirdbounce::job::{self, Loaded, Request, SolverOptions};
 use thirdbounce::settings::Settings;
-use thirdbounce::solve::option::{OptionValue, Range, Row, Suit};
+use thirdbounce::solve::Method;
+use thirdbounce::solve::option::{OptionValue, Range, Row, SceneTraits};
 use thirdbounce::{Error, Result};
 
 /// Parses one of the words that stand for values of `T` in files.
@@ -66,14 +67,11 @@ impl<const PART: u8> SettingsArgs<PART> {
 
     /// These settings, and those of `base` that are not among them and that their method has.
     pub fn over<const OTHER: u8>(&self, base: &SettingsArgs<OTHER>) -> SettingsArgs<ALL> {
-        let mut all = self.0.clone();
-        for (key, text) in base.0.iter().filter(|(key, _)| self.0.iter().all(|(own, _)| own != key)) {
-            all.push((key, text.clone()));
-            if Settings::from_texts(all.iter().map(|(key, text)| (*key, text.as_str()))).is_err() {
-                all.pop();
-            }
-        }
-        SettingsArgs(all)
+        let solver = self.solver().or(base.solver()).and_then(Method::named).unwrap_or_default();
+        let of_method = Settings { method: solver, ..Settings::default() };
+        let fits = |key: &str| key == "solver" || of_method.has(key);
+        let others = base.0.iter().filter(|(key, _)| self.0.iter().all(|(own, _)| own != key) && fits(key));
+        SettingsArgs(self.0.iter().chain(others).cloned().collect())
     }
 
     /// These settings with another one, if that is given.
@@ -123,7 +121,9 @@ fn rows(part: u8) -> Vec<(&'static Row, String)> {
 /// The flag of an option that is on or off: `name`, or `no-name` if it is on by default.
 fn flag_of(row: &Row) -> Option<String> {
     let default = || {
-        let all = SolverOptions::NAMES.iter().filter_map(|name| SolverOptions::suited_to(name, &Suit::USUAL));
+        let all = SolverOptions::NAMES
+            .iter()
+            .filter_map(|name| SolverOptions::defaults_for(name, &SceneTraits::DEFAULT));
         all.filter_map(|options| options.get(row.key)).next()
     };
     let is_on = || row.key == "auto_gate" || default() == Some(OptionValue::Flag(true));
@@ -198,7 +198,7 @@ pub fn topic(name: &str) -> Option<Command> {
         .disable_help_flag(true)
         .no_binary_name(true)
         .override_usage(format!("thirdbounce reconstruct CAPTURE --out DIR [OPTIONS]  ({name})"));
-    let method = SolverOptions::suited_to(name, &Suit::USUAL);
+    let method = SolverOptions::defaults_for(name, &SceneTraits::DEFAULT);
     let has = |row: &Row| match &method {
         Some(options) => options.get(row.key).is_some(),
         None => row.group.to_lowercase().replace(' ', "-") == name,

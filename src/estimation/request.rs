@@ -7,7 +7,7 @@ use super::model::possible_models;
 use crate::Result;
 use crate::capture::Capture;
 use crate::settings::{ImpulseResponse, Model, Settings};
-use crate::solve::option::{OptionValue, Suit};
+use crate::solve::option::{OptionValue, SceneTraits};
 use crate::solve::{Discretisation, Method, Preset, Problem, Ready, SolverOptions, enough_pairs};
 use crate::transport::{Grid, Reflectance};
 
@@ -41,9 +41,9 @@ impl EstimateRequest {
             Preset::Captured => "some counts are negative",
             Preset::Synthetic => "the counts are not whole numbers",
         });
-        let suit = Suit { preset, pairs: enough_pairs(capture), ..Suit::of(capture) };
+        let scene = SceneTraits { preset, pairs: enough_pairs(capture), ..SceneTraits::of(capture) };
         let of_model = |reflectance| {
-            let mut options = settings.method.options(&Suit { reflectance, ..suit });
+            let mut options = settings.method.options(&SceneTraits { reflectance, ..scene });
             options.set("reflectance", &OptionValue::Word(reflectance.name().into()));
             options.set("seed", &OptionValue::Count(settings.seed() as usize));
             if settings.deterministic == Some(true) {

@@ -17,7 +17,8 @@ use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::solve::closed_form::{FbpOptions, LctOptions};
 use crate::solve::{
-    Discretisation, Doing, Problem, Progress, Ready, Solver, SolverOptions, Suit, TracePoint, Watch, pixel_of,
+    Discretisation, Doing, Problem, Progress, Ready, SceneTraits, Solver, SolverOptions, TracePoint, Watch,
+    pixel_of,
 };
 use crate::{Error, Kind, Result};
 
@@ -102,9 +103,10 @@ impl Drop for Preview {
 pub(super) fn first_maps(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
     let request = &request.resolved(capture);
     let common = request.solver.common();
-    let suit = Suit { preset: request.preset, reflectance: common.reflectance, ..Suit::of(capture) };
+    let scene =
+        SceneTraits { preset: request.preset, reflectance: common.reflectance, ..SceneTraits::of(capture) };
     // The light-cone transform is sharper than a back-projection, and sooner there.
-    let transform = LctOptions::suited_to(&suit).with(|o| {
+    let transform = LctOptions::defaults_for(&scene).with(|o| {
         o.lateral = common.lateral.min(TRANSFORMED);
         o.image.min_depth = common.min_depth;
     });
@@ -113,7 +115,7 @@ pub(super) fn first_maps(request: &Request, capture: &Capture, gpu: &Gpu) -> Res
     {
         return Ok(maps);
     }
-    let projection = FbpOptions::suited_to(&suit).with(|o| {
+    let projection = FbpOptions::defaults_for(&scene).with(|o| {
         o.lateral = common.lateral.min(PROJECTED);
         o.image.min_depth = common.min_depth;
     });

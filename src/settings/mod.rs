@@ -200,10 +200,11 @@ impl Settings {
         self.method.set_text(&key, text)
     }
 
-    /// Whether the method has an option of this key.
-    fn has(&self, key: &str) -> bool {
-        let options = self.method.options(&crate::solve::Suit::USUAL);
-        options.rows().iter().any(|row| row.key == key && row.range != Range::Internal)
+    /// Whether there is a setting, or an option of the method, of this key.
+    pub fn has(&self, key: &str) -> bool {
+        let options = self.method.options(&crate::solve::SceneTraits::DEFAULT);
+        let mut rows = options.rows().into_iter().chain(Settings::ROWS);
+        rows.any(|row| row.key == key && row.range != Range::Internal)
     }
 
     /// The rows of all settings and of all options of methods, each with its text.
@@ -239,7 +240,7 @@ impl Settings {
     /// The first value out of its range.
     pub fn check(&self) -> Result<()> {
         crate::maps::Maps::check_mask_fraction(self.mask_fraction)?;
-        self.method.options(&crate::solve::Suit::USUAL).check()
+        self.method.options(&crate::solve::SceneTraits::DEFAULT).check()
     }
 }
 
@@ -331,8 +332,11 @@ mod tests {
             let settings = Settings::from_texts([("solver", *name)]).unwrap();
             assert_eq!(serde_json::to_value(&settings).unwrap()["solver"], *name);
             assert_eq!(settings.method.name(), *name);
-            let options = settings.method.options(&crate::solve::Suit::USUAL);
-            assert_eq!(Settings::from(options.clone()).method.options(&crate::solve::Suit::USUAL), options);
+            let options = settings.method.options(&crate::solve::SceneTraits::DEFAULT);
+            assert_eq!(
+                Settings::from(options.clone()).method.options(&crate::solve::SceneTraits::DEFAULT),
+                options
+            );
             let own = |key: &str| Settings::ROWS.iter().any(|row| row.key == key);
             let listed = |row: &&&Row| row.range != Range::Internal;
             assert!(

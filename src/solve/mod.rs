@@ -38,7 +38,7 @@ pub use estimate::{background, expected_noise, variance_per_count, variances};
 pub(crate) use estimate::{enough_pairs, weighted_sum};
 pub use extent::default_volume;
 pub use on_device::{OnDevice, VolumeMap, upload};
-pub use option::{Preset, Suit};
+pub use option::{Preset, SceneTraits};
 pub use outline::{Step, TimedSchedule, When};
 pub use paper::{Decay, NoiseTerm, PaperOptions, PaperSettings};
 pub use plan::{

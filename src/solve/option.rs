@@ -35,7 +35,7 @@ impl Preset {
 
 /// The properties of a scene that defaults depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Suit {
+pub struct SceneTraits {
     /// Rendered or captured histograms.
     pub preset: Preset,
     /// Laser and sensor point of a pair are the same.
@@ -48,9 +48,9 @@ pub struct Suit {
     pub pairs: usize,
 }
 
-impl Suit {
+impl SceneTraits {
     /// The scenes of the paper: rendered, confocal, one cosine, a wall of about a metre.
-    pub const USUAL: Suit = Suit {
+    pub const DEFAULT: SceneTraits = SceneTraits {
         preset: Preset::Synthetic,
         confocal: true,
         reflectance: Reflectance::Cosine,
@@ -59,8 +59,8 @@ impl Suit {
     };
 
     /// The properties that follow from a scan: its kind of pairs, the width of its wall. The rest is as usual.
-    pub fn of(capture: &Capture) -> Suit {
-        Suit { confocal: capture.is_confocal(), unit: capture.unit(), ..Suit::USUAL }
+    pub fn of(capture: &Capture) -> SceneTraits {
+        SceneTraits { confocal: capture.is_confocal(), unit: capture.unit(), ..SceneTraits::DEFAULT }
     }
 
     /// Whether histograms were captured.
@@ -453,12 +453,12 @@ words!(Accumulation, Binning, Gradient, Reflectance, Sampling);
 ///
 /// ```text
 /// options! {
-///     /// About the struct. `suit` names the [`Suit`] in the defaults.
-///     pub struct PaperOptions: PaperSettings(suit) {
+///     /// About the struct. `scene` names the [`SceneTraits`] in the defaults.
+///     pub struct PaperOptions: PaperSettings(scene) {
 ///         nested { domain: Domain }
 ///         "Solver" {
 ///             /// The option's text.
-///             iterations: usize = if suit.confocal { 900 } else { 1000 }, Range::Count(1, 1_000_000);
+///             iterations: usize = if scene.confocal { 900 } else { 1000 }, Range::Count(1, 1_000_000);
 ///             /// One whose key is not the field's name.
 ///             term as "noise": NoiseTerm = NoiseTerm::Off, Range::Words(&["off", "bin"]);
 ///         }
@@ -468,7 +468,7 @@ words!(Accumulation, Binning, Gradient, Reflectance, Sampling);
 macro_rules! options {
     (
         $(#[$about:meta])*
-        pub struct $name:ident: $settings:ident($suit:ident) {
+        pub struct $name:ident: $settings:ident($scene:ident) {
             nested { $($(#[$inner_about:meta])* $inner:ident: $inner_type:ident / $inner_settings:ident),* $(,)? }
             $($group:literal { $(
                 $(#[doc = $line:literal])+
@@ -555,10 +555,10 @@ macro_rules! options {
 
             /// The defaults for a scene.
             #[allow(unused_variables)]
-            pub fn suited_to($suit: &$crate::solve::option::Suit) -> $name {
+            pub fn defaults_for($scene: &$crate::solve::option::SceneTraits) -> $name {
                 $name {
                     $($($field: $default,)*)*
-                    $($inner: <$inner_type>::suited_to($suit),)*
+                    $($inner: <$inner_type>::defaults_for($scene),)*
                 }
             }
 
@@ -572,7 +572,7 @@ macro_rules! options {
 
         impl Default for $name {
             fn default() -> $name {
-                $name::suited_to(&$crate::solve::option::Suit::USUAL)
+                $name::defaults_for(&$crate::solve::option::SceneTraits::DEFAULT)
             }
         }
 
@@ -662,16 +662,19 @@ pub trait Given: Clone + Default + PartialEq {
 }
 
 /// The default of an option as text: the usual one, then those that differ in other scenes.
-pub fn default_text(suited: impl Fn(&Suit) -> Option<OptionValue>) -> Option<String> {
-    let usual = suited(&Suit::USUAL).filter(|v| *v != OptionValue::Unset)?;
+pub fn default_text(value_for: impl Fn(&SceneTraits) -> Option<OptionValue>) -> Option<String> {
+    let usual = value_for(&SceneTraits::DEFAULT).filter(|v| *v != OptionValue::Unset)?;
     let others = [
-        ("captured", Suit { preset: Preset::Captured, ..Suit::USUAL }),
-        ("where laser and sensor point differ", Suit { confocal: false, ..Suit::USUAL }),
-        ("lambertian", Suit { reflectance: Reflectance::Lambertian, ..Suit::USUAL }),
-        ("retroreflective", Suit { reflectance: Reflectance::Retroreflective, ..Suit::USUAL }),
+        ("captured", SceneTraits { preset: Preset::Captured, ..SceneTraits::DEFAULT }),
+        ("where laser and sensor point differ", SceneTraits { confocal: false, ..SceneTraits::DEFAULT }),
+        ("lambertian", SceneTraits { reflectance: Reflectance::Lambertian, ..SceneTraits::DEFAULT }),
+        (
+            "retroreflective",
+            SceneTraits { reflectance: Reflectance::Retroreflective, ..SceneTraits::DEFAULT },
+        ),
     ];
-    let other = |(when, suit): &(&str, Suit)| {
-        let value = suited(suit).filter(|value| *value != usual && *value != OptionValue::Unset)?;
+    let other = |(when, scene): &(&str, SceneTraits)| {
+        let value = value_for(scene).filter(|value| *value != usual && *value != OptionValue::Unset)?;
         Some(format!("{value} {when}"))
     };
     Some(
@@ -687,7 +690,7 @@ mod tests {
     #[test]
     fn every_option_is_set_and_read_by_its_key() {
         for name in SolverOptions::NAMES {
-            let mut options = SolverOptions::suited_to(name, &Suit::USUAL).unwrap();
+            let mut options = SolverOptions::defaults_for(name, &SceneTraits::DEFAULT).unwrap();
             let report = serde_json::to_value(&options).unwrap();
             for row in options.rows() {
                 let before = options.get(row.key).unwrap();
@@ -735,7 +738,7 @@ mod tests {
 
     #[test]
     fn defaults_are_told_with_what_they_depend_on() {
-        let text = |key: &str| default_text(|suit| PaperOptions::suited_to(suit).get(key)).unwrap();
+        let text = |key: &str| default_text(|scene| PaperOptions::defaults_for(scene).get(key)).unwrap();
         assert_eq!(text("l1"), "0.001, 0.8 captured");
         assert_eq!(text("epsilon"), "1e-8");
         assert_eq!(text("keep_above"), "0.05, 0.03 where laser and sensor point differ");

@@ -8,7 +8,7 @@ use super::closed_form::{
     BpOptions, BpSettings, DlctOptions, DlctSettings, FbpOptions, FbpSettings, FkOptions, FkSettings,
     LctOptions, LctSettings, PhasorBpOptions, PhasorBpSettings, PhasorOptions, PhasorSettings,
 };
-use super::option::{Given, OptionValue, Row, Suit, default_text};
+use super::option::{Given, OptionValue, Row, SceneTraits, default_text};
 use super::{
     Common, PaperOptions, PaperSettings, Plan, Prepared, Problem, Reconstruction, RunsOn, Sizes, Solver,
     SurfaceOptions, SurfaceSettings, TimedSchedule, Watch, default_volume, surface,
@@ -124,10 +124,10 @@ macro_rules! solvers {
             }
 
             /// The options of the method for a scene: those that are set, and the defaults.
-            pub fn options(&self, suit: &Suit) -> SolverOptions {
+            pub fn options(&self, scene: &SceneTraits) -> SolverOptions {
                 match self {
                     $(Method::$variant(settings) => {
-                        let mut options = $options::suited_to(suit);
+                        let mut options = $options::defaults_for(scene);
                         settings.apply(&mut options);
                         options.into()
                     })*
@@ -172,10 +172,10 @@ macro_rules! solvers {
             /// All methods of this version, by their names on the command line.
             pub const NAMES: &[&str] = &[$($options::NAME),*];
 
-            /// The options of the solver `name` with the defaults for `suit`; `None` if there is no such solver.
-            pub fn suited_to(name: &str, suit: &Suit) -> Option<SolverOptions> {
+            /// The options of the solver `name` with the defaults for `scene`; `None` if there is no such solver.
+            pub fn defaults_for(name: &str, scene: &SceneTraits) -> Option<SolverOptions> {
                 $(if name == $options::NAME {
-                    return Some($options::suited_to(suit).into());
+                    return Some($options::defaults_for(scene).into());
                 })*
                 None
             }
@@ -255,8 +255,8 @@ impl SolverOptions {
             SolverOptions::Surface(o) => o.clone(),
             other => {
                 let Common { reflectance, min_depth, .. } = other.common();
-                let suit = Suit { reflectance, ..Suit::USUAL };
-                SurfaceOptions::suited_to(&suit).with(|o| o.min_depth = min_depth)
+                let scene = SceneTraits { reflectance, ..SceneTraits::DEFAULT };
+                SurfaceOptions::defaults_for(&scene).with(|o| o.min_depth = min_depth)
             }
         }
     }
@@ -365,7 +365,7 @@ impl SolverOptions {
 
     /// The options of all solvers, each once, with its text and what it is by default.
     pub fn all_rows() -> Vec<(&'static Row, String)> {
-        let usual = Self::NAMES.iter().filter_map(|name| Self::suited_to(name, &Suit::USUAL));
+        let usual = Self::NAMES.iter().filter_map(|name| Self::defaults_for(name, &SceneTraits::DEFAULT));
         let mut rows: Vec<&'static Row> = vec![];
         for row in usual.flat_map(|options| options.rows()) {
             if rows.iter().all(|r| r.key != row.key) {
@@ -396,7 +396,8 @@ pub fn pixel_of(capture: &Capture, volume: Option<Volume>, lateral: usize) -> f6
 /// The text of an option, with its default where that is a value.
 fn help_of(row: &Row) -> String {
     let default = |name: &&'static str| {
-        let value = |suit: &Suit| Some(row.worded(SolverOptions::suited_to(name, suit)?.get(row.key)?));
+        let value =
+            |scene: &SceneTraits| Some(row.worded(SolverOptions::defaults_for(name, scene)?.get(row.key)?));
         let text = default_text(value)?;
         Some((*name, text))
     };

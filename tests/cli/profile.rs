@@ -97,10 +97,9 @@ fn the_profile_holds_every_kernel_with_its_figures() {
             let k = of(name).unwrap_or_else(|| panic!("{solver} runs {name}"));
             let (pairs, seconds, rate) = (number(k, "pairs"), number(k, "seconds"), number(k, "pairs_per_s"));
             assert!(pairs > 0.0 && (rate * seconds / pairs - 1.0).abs() < 1e-9, "{k}");
-            let share = number(k, "share_of_limit");
-            // Every limit is an upper bound, but a shared machine may have been slower while it was measured.
-            assert!(share > 0.001 && share < 5.0, "{k}");
-            assert!(number(&k["counts"], "special") >= 1.0 && number(&k["counts"], "fma") > 8.0, "{k}");
+            let (bytes, share) = (number(k, "bytes"), number(k, "share_of_limit"));
+            let copied = number(&profile["limits"], "copy_bytes_per_s");
+            assert!(bytes > 0.0 && (share * copied * seconds / bytes - 1.0).abs() < 1e-9, "{k}");
         }
         // Forward and backward see the same voxels or points: the trace's sum of pairs.
         let total = number(&profile["totals"], "pairs");
@@ -234,9 +233,8 @@ fn kernels_compile_without_a_device_to_run_them() {
         let kernels = reported["kernels"].as_array().unwrap();
         let of = |name: &str| kernels.iter().find(|k| k["kernel"] == name).expect("the plan has it");
         for name in ["forward", "surface_gather"] {
-            assert!(number(of(name), "slots") > 30.0 && text.contains(name), "{name}: {reported}");
+            assert!(number(of(name), "seconds") > 0.0 && text.contains(name), "{name}: {reported}");
         }
-        assert!(of("finish")["slots"].is_null() && number(of("finish"), "seconds") > 0.0);
         assert_eq!(reported["pairs"], if given.is_empty() { 1024 } else { 144 });
         let silent = kernels.iter().all(|k| k["executables"].as_array().unwrap().is_empty());
         assert_eq!(

@@ -11,7 +11,7 @@ use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{Dark, photon_noise};
 use thirdbounce::solve::option::OptionValue;
-use thirdbounce::solve::{Preset, Problem, Reconstruction, Sharpness, SolverOptions, Suit, Watch};
+use thirdbounce::solve::{Preset, Problem, Reconstruction, SceneTraits, Sharpness, SolverOptions, Watch};
 use thirdbounce::transport::{Grid, Volume};
 
 /// Points of the scan along x and y, and the wall's side.
@@ -51,7 +51,7 @@ fn light(laser: Vec<DVec3>, sensor: Vec<DVec3>, targets: &[DVec3]) -> Capture {
 }
 
 fn options(name: &str, lateral: usize, capture: &Capture) -> SolverOptions {
-    let mut options = SolverOptions::suited_to(name, &Suit::of(capture)).unwrap();
+    let mut options = SolverOptions::defaults_for(name, &SceneTraits::of(capture)).unwrap();
     options.set("lateral", &OptionValue::Count(lateral));
     options
 }
@@ -163,8 +163,8 @@ fn images_are_as_sharp_as_noise_lets_them_be() {
     };
     let solve = |name: &str, capture: &Capture, chosen: Option<Sharpness>| {
         let grid = Grid::new(volume, 48, BIN).unwrap();
-        let suit = Suit { preset: Preset::Captured, ..Suit::of(capture) };
-        let mut options = SolverOptions::suited_to(name, &suit).unwrap();
+        let suit = SceneTraits { preset: Preset::Captured, ..SceneTraits::of(capture) };
+        let mut options = SolverOptions::defaults_for(name, &suit).unwrap();
         options.set("lateral", &OptionValue::Count(48));
         if let Some(chosen) = chosen {
             assert!(options.set(chosen.setting, &OptionValue::Number(chosen.value)));

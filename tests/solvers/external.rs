@@ -10,7 +10,9 @@ use thirdbounce::capture::Capture;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::gpu::external::Imported;
 use thirdbounce::session::{ExternalCounts, ExternalFrame, Format, Session, SessionOptions};
-use thirdbounce::solve::{Accumulation, Follow, PaperOptions, Preset, Reconstruction, SolverOptions, Suit};
+use thirdbounce::solve::{
+    Accumulation, Follow, PaperOptions, Preset, Reconstruction, SceneTraits, SolverOptions,
+};
 use thirdbounce::{Kind, Result};
 
 use crate::session::{bits, frames, scan, surface};
@@ -78,8 +80,8 @@ fn lent_counts_give_the_bits_of_counts_on_the_host() {
         .with(|o| (o.lateral, o.iterations, o.accumulation) = (16, 12, Accumulation::Repeatable))
         .into();
     let (photons_of, not_photons) = (photons(0.03), changed(&photons(0.03).0, |c| c.integer_counts = false));
-    let lct = SolverOptions::suited_to("lct", &Suit::of(&photons_of.0)).unwrap().with_lateral(16);
-    let bp = SolverOptions::suited_to("bp", &Suit::of(&photons_of.0)).unwrap().with_lateral(16);
+    let lct = SolverOptions::defaults_for("lct", &SceneTraits::of(&photons_of.0)).unwrap().with_lateral(16);
+    let bp = SolverOptions::defaults_for("bp", &SceneTraits::of(&photons_of.0)).unwrap().with_lateral(16);
     // Of the narrowest bins, four are one for the solver.
     let narrow = photons(0.005).0;
     for (solver, scan, sum) in [

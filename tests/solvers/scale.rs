@@ -11,13 +11,14 @@ use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::option::OptionValue;
-use thirdbounce::solve::{Problem, SolverOptions, Suit, SurfaceOptions, Watch};
+use thirdbounce::solve::{Problem, SceneTraits, SolverOptions, SurfaceOptions, Watch};
 use thirdbounce::transport::Grid;
 
 const LATERAL: usize = 24;
 
 fn solved(gpu: &Gpu, solver: &str, capture: &Capture) -> Maps {
-    let mut options = SolverOptions::suited_to(solver, &Suit::of(capture)).unwrap().with_lateral(LATERAL);
+    let mut options =
+        SolverOptions::defaults_for(solver, &SceneTraits::of(capture)).unwrap().with_lateral(LATERAL);
     options.set("iterations", &OptionValue::Count(24));
     options.set("double_every", &OptionValue::Count(8));
     // Sums in a fixed order, so that rounding is all that differs.
@@ -91,8 +92,9 @@ fn the_least_depth_follows_walls_that_are_not_of_metres() {
         Capture::new(pairs.scan, pairs.laser, pairs.sensor, 4, wall, vec![1.0; 64])
     };
     for solver in SolverOptions::NAMES {
-        let least =
-            |wall: f64| SolverOptions::suited_to(solver, &Suit::of(&scan(wall))).unwrap().common().min_depth;
+        let least = |wall: f64| {
+            SolverOptions::defaults_for(solver, &SceneTraits::of(&scan(wall))).unwrap().common().min_depth
+        };
         for ordinary in [0.26, 1.0, 2.0, 7.9] {
             assert_eq!(least(ordinary), 0.2, "{solver}, {ordinary}");
         }
@@ -102,7 +104,12 @@ fn the_least_depth_follows_walls_that_are_not_of_metres() {
     }
     // The usual depth leaves nothing of a small scene.
     let small = scan(0.01);
-    let usual = SolverOptions::suited_to("surface", &Suit::USUAL).unwrap();
+    let usual = SolverOptions::defaults_for("surface", &SceneTraits::DEFAULT).unwrap();
     assert_eq!(usual.default_volume(&small).unwrap_err().kind, Kind::Options);
-    assert!(SolverOptions::suited_to("surface", &Suit::of(&small)).unwrap().default_volume(&small).is_ok());
+    assert!(
+        SolverOptions::defaults_for("surface", &SceneTraits::of(&small))
+            .unwrap()
+            .default_volume(&small)
+            .is_ok()
+    );
 }

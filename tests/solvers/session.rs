@@ -16,7 +16,7 @@ use thirdbounce::session::{Session, SessionOptions, default_grid};
 use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, Begin, PaperOptions, Preset, Problem, Progress, Reconstruction, SolverOptions, Suit,
+    Accumulation, Begin, PaperOptions, Preset, Problem, Progress, Reconstruction, SceneTraits, SolverOptions,
     SurfaceOptions,
 };
 use thirdbounce::transport::Reflectance;
@@ -136,7 +136,7 @@ fn kinds() -> Vec<(&'static str, SolverOptions, Capture)> {
     let with_pulse = changed(&plain, |c| c.pulse = Some(Pulse::gaussian(0.06).unwrap()));
     let one_laser = changed(&plain, |c| c.laser = vec![DVec3::ZERO; c.pair_count()]);
     let lambertian = |o: &mut SurfaceOptions| o.reflectance = Reflectance::Lambertian;
-    let lct = SolverOptions::suited_to("lct", &Suit::of(&plain)).unwrap().with_lateral(16);
+    let lct = SolverOptions::defaults_for("lct", &SceneTraits::of(&plain)).unwrap().with_lateral(16);
     vec![
         ("surface", surface(|_| ()), plain.clone()),
         ("surface, a support that grows", surface(|o| o.grow = true), plain.clone()),

@@ -13,7 +13,7 @@ use thirdbounce::measure::{Metrics, metrics};
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
 use thirdbounce::solve::surface::{Begin, Pixels};
 use thirdbounce::solve::{
-    Accumulation, Problem, Reconstruction, SolverOptions, Suit, SurfaceOptions, default_volume,
+    Accumulation, Problem, Reconstruction, SceneTraits, SolverOptions, SurfaceOptions, default_volume,
 };
 use thirdbounce::transport::{Grid, Reflectance};
 
@@ -117,7 +117,7 @@ fn sphere() -> &'static (Capture, Truth) {
 }
 
 fn options(capture: &Capture) -> SurfaceOptions {
-    SurfaceOptions::suited_to(&Suit::of(capture)).with(|o| {
+    SurfaceOptions::defaults_for(&SceneTraits::of(capture)).with(|o| {
         o.lateral = LATERAL;
         o.iterations = 40;
     })
@@ -169,7 +169,7 @@ fn the_fit_betters_what_it_begins_with_and_comes_near_from_a_plane() {
         (m.best_iou.unwrap(), m.depth_mae.unwrap(), m.normal_error_deg.unwrap())
     };
     let closed = |name: &str| {
-        let suited = SolverOptions::suited_to(name, &Suit::of(capture)).unwrap();
+        let suited = SolverOptions::defaults_for(name, &SceneTraits::of(capture)).unwrap();
         of(&solve(&gpu, capture, suited.with_lateral(LATERAL)))
     };
     let [of_lct, of_fbp, of_plane] = [Begin::Lct, Begin::Fbp, Begin::Plane]

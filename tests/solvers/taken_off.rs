@@ -15,7 +15,7 @@ use thirdbounce::measure::{Metrics, metrics};
 use thirdbounce::simulate::{Dark, RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::option::OptionValue;
 use thirdbounce::solve::{
-    Preset, Problem, Reconstruction, SolverOptions, Suit, Watch, background, variances,
+    Preset, Problem, Reconstruction, SceneTraits, SolverOptions, Watch, background, variances,
 };
 use thirdbounce::transport::Grid;
 
@@ -44,8 +44,8 @@ fn solved(gpu: &Gpu, solver: &str, capture: &Capture, truth: &Truth) -> Metrics 
 }
 
 fn options_of(solver: &str, capture: &Capture) -> SolverOptions {
-    let suit = Suit { preset: preset_for(capture), ..Suit::of(capture) };
-    let mut options = SolverOptions::suited_to(solver, &suit).unwrap().with_lateral(LATERAL);
+    let suit = SceneTraits { preset: preset_for(capture), ..SceneTraits::of(capture) };
+    let mut options = SolverOptions::defaults_for(solver, &suit).unwrap().with_lateral(LATERAL);
     options.set("iterations", &OptionValue::Count(if solver == "paper" { 20 } else { 40 }));
     options.set("double_every", &OptionValue::Count(10));
     options.set("accumulation", &OptionValue::Word("repeatable".into()));
@@ -86,7 +86,7 @@ fn closed_forms_take_the_background_of_each_pair_off() {
     let ([even, uneven, scaled], truth) = backgrounds();
     for (solver, upsample) in [("lct", 1), ("lct", 2), ("bp", 2)] {
         let iou = |capture: &Capture| {
-            let mut options = SolverOptions::suited_to(solver, &Suit::of(capture)).unwrap();
+            let mut options = SolverOptions::defaults_for(solver, &SceneTraits::of(capture)).unwrap();
             options.set("upsample", &OptionValue::Count(upsample));
             let done = reconstructed(&gpu, &options.with_lateral(LATERAL), capture);
             metrics(&done.maps, &truth, 0.3).unwrap().best_iou.unwrap()

@@ -31,7 +31,6 @@ pub use readers::{
     AxisOrder, Bounce, Opened, ReadOptions, read, read_given, read_kept, read_with_notes, write,
 };
 
+use thirdbounce_base::error;
 #[cfg(feature = "formats")]
-use thirdbounce_base::files;
-use thirdbounce_base::host;
-use thirdbounce_base::{advice, error};
+use thirdbounce_base::{advice, files, host};

@@ -19,15 +19,15 @@ words!(Between);
 
 options! {
     /// Options of every closed-form method.
-    pub struct ImageOptions: ImageSettings(suit) {
+    pub struct ImageOptions: ImageSettings(scene) {
         nested {}
         "Solver" {
             /// How surfaces reflect
-            reflectance: Reflectance = suit.reflectance, Range::Internal;
+            reflectance: Reflectance = scene.reflectance, Range::Internal;
         }
         "Domain" {
             /// Nothing nearer than this is reconstructed, metres
-            min_depth: f64 = 0.2 * suit.unit, Range::Length;
+            min_depth: f64 = 0.2 * scene.unit, Range::Length;
         }
         "Upsampling" {
             /// Make the scan N times finer along x and y, with points between the measured ones; closed-form

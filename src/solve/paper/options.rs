@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::Result;
-use crate::solve::option::{Options, Preset, Suit, options, refused, words};
+use crate::solve::option::{Options, Preset, SceneTraits, options, refused, words};
 use crate::solve::{Accumulation, Sizes};
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 
@@ -33,7 +33,7 @@ words!(NoiseTerm, Decay);
 
 options! {
     /// Options of the paper's solver.
-    pub struct PaperOptions: PaperSettings(suit) {
+    pub struct PaperOptions: PaperSettings(scene) {
         nested {
             /// The active voxels.
             domain: Domain / DomainSettings,
@@ -54,7 +54,7 @@ options! {
             /// Use the most general kernels, for comparison: leave nothing out, even if this scene does not need it
             general: bool = false, Range::Flag;
             /// How surfaces reflect
-            reflectance: Reflectance = suit.reflectance, Range::Internal;
+            reflectance: Reflectance = scene.reflectance, Range::Internal;
         }
         "Device" {
             /// Sizes of the work: lanes=N,chunk=N,window=N of the forward pass, voxels=N,slices=N of the backward pass
@@ -78,7 +78,7 @@ options! {
             /// Set Adam's moments to zero after every N iterations
             restart_every: usize = 100, Range::Count(1, 1_000_000);
             /// Weight α of the L1 term
-            l1: f64 = if suit.captured() { 0.8 } else { 0.001 }, Range::NotNegative;
+            l1: f64 = if scene.captured() { 0.8 } else { 0.001 }, Range::NotNegative;
             /// Scale the measurement to this largest value
             peak: f64 = 10.0, Range::Positive;
             /// The initial albedo is random, uniform from 0 to this
@@ -97,12 +97,12 @@ options! {
 
 options! {
     /// Which voxels are active.
-    pub struct Domain: DomainSettings(suit) {
+    pub struct Domain: DomainSettings(scene) {
         nested {}
         "Domain" {
             /// Voxels nearer than this are never active, metres [default: 0.2, times the wall's width in metres if that is
             /// below 0.25 or above 8]
-            min_depth: f64 = 0.2 * suit.unit, Range::Length;
+            min_depth: f64 = 0.2 * scene.unit, Range::Length;
             /// Start at the scan's resolution, and double it in steps
             coarse_to_fine: bool = true, Range::Flag;
             /// Double the lateral resolution after every N iterations
@@ -112,7 +112,7 @@ options! {
             /// Reduce the domain after every N iterations
             reduce_every: usize = 50, Range::Count(1, 1_000_000);
             /// Keep voxels above this share of the largest smoothed albedo
-            keep_above: f64 = if suit.confocal { 0.05 } else { 0.03 }, Range::Fraction;
+            keep_above: f64 = if scene.confocal { 0.05 } else { 0.03 }, Range::Fraction;
             /// Gaussian that smooths the albedo for the reduction: sigma in voxels
             smooth_sigma: f64 = 3.0, Range::Positive;
             /// The Gaussian is cut off after this many sigmas
@@ -127,16 +127,16 @@ options! {
 
 options! {
     /// The noise term.
-    pub struct Noise: NoiseSettings(suit) {
+    pub struct Noise: NoiseSettings(scene) {
         nested {}
         "Light transport" {
             /// What the noise term has learnt weights for: nothing (off), every bin, or every histogram
-            term as "noise": NoiseTerm = if suit.captured() { NoiseTerm::Bin } else { NoiseTerm::Off },
+            term as "noise": NoiseTerm = if scene.captured() { NoiseTerm::Bin } else { NoiseTerm::Off },
                 Range::Words(&["off", "bin", "histogram"]);
             /// Constant part b of the noise term, relative to the peak
-            base as "noise_base": f64 = if suit.retroreflective() { 0.004 } else { 0.05 }, Range::NotNegative;
+            base as "noise_base": f64 = if scene.retroreflective() { 0.004 } else { 0.05 }, Range::NotNegative;
             /// Learnt part λ of the noise term, relative to the peak
-            span as "noise_span": f64 = if suit.retroreflective() { 0.0012 } else { 0.06 }, Range::NotNegative;
+            span as "noise_span": f64 = if scene.retroreflective() { 0.0012 } else { 0.06 }, Range::NotNegative;
         }
     }
 }
@@ -147,7 +147,7 @@ impl PaperOptions {
 
     /// The published defaults.
     pub fn preset(preset: Preset) -> PaperOptions {
-        PaperOptions::suited_to(&Suit { preset, ..Suit::USUAL })
+        PaperOptions::defaults_for(&SceneTraits { preset, ..SceneTraits::DEFAULT })
     }
 
     /// Checks the options.

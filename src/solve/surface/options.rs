@@ -29,7 +29,7 @@ words!(Begin);
 
 options! {
     /// Options of the surface solver.
-    pub struct SurfaceOptions: SurfaceSettings(suit) {
+    pub struct SurfaceOptions: SurfaceSettings(scene) {
         nested {}
         "Solver" {
             /// Lateral pixels of the maps (N of N × N)
@@ -43,7 +43,7 @@ options! {
             /// Use the most general kernels, for comparison: leave nothing out, even if this scene does not need it
             general: bool = false, Range::Flag;
             /// How surfaces reflect
-            reflectance: Reflectance = suit.reflectance, Range::Internal;
+            reflectance: Reflectance = scene.reflectance, Range::Internal;
         }
         "Device" {
             /// Sizes of the work: lanes=N,chunk=N,window=N of the forward pass, voxels=N,slices=N of the backward pass
@@ -55,7 +55,7 @@ options! {
         }
         "Domain" {
             /// No surface is nearer than this, metres
-            min_depth: f64 = 0.2 * suit.unit, Range::Length;
+            min_depth: f64 = 0.2 * scene.unit, Range::Length;
         }
         "Surface" {
             /// Closed-form method that initialises the surface: lct, fbp, or a plane at the depth of the first returns. auto
@@ -65,7 +65,7 @@ options! {
             /// the closed form shows
             grow as "support": bool = true, Range::Words(&["fixed", "auto"]);
             /// Largest number of laser-sensor pairs that the fit uses [default: 4,096, or more where photons are few]
-            pairs: usize = suit.pairs, Range::Count(4, MOST_PAIRS);
+            pairs: usize = scene.pairs, Range::Count(4, MOST_PAIRS);
             /// Points that render a pixel: 1 or 4 [default: 1 if a pixel is no wider than 2.2 bins of path, else 4]
             points: Option<usize> = None, Range::OneOf(&[1, 4]);
             /// Reduce the weight of light that changes over more than this length along time, metres of path; 0: all

@@ -6,6 +6,7 @@ use super::choose::Order;
 use crate::data::Capture;
 
 /// Distances from (0, 0, 1), and from z = 0 in metres, below this are taken as rounding.
+#[cfg(feature = "formats")]
 const STRAIGHT: f64 = 1e-3;
 
 /// A wall that faces +z but for its shape, or for a tilt, has a larger z in the direction that it faces.
@@ -44,6 +45,7 @@ pub fn order_of(capture: &Capture) -> Option<Order> {
 /// Rotates and shifts the capture so that its wall lies near z = 0 and faces +z. `towards` is a point of the hidden
 /// scene, if the file holds one. A wall that already does so stays the same bit for bit. So does a wall without normals
 /// whose points lie on a line.
+#[cfg(feature = "formats")]
 pub fn facing_z(mut capture: Capture, towards: Option<DVec3>, notes: &mut Vec<String>) -> Capture {
     let all = || capture.laser.iter().chain(&capture.sensor).filter(|p| p.is_finite());
     let count = all().count().max(1) as f64;
@@ -112,6 +114,7 @@ fn rotated(mut capture: Capture, [centre, facing]: [DVec3; 2], notes: &mut Vec<S
 
 /// The coordinate axis along which the points spread least; `None` if they spread along fewer than two axes, or if no
 /// axis is clearly the least.
+#[cfg(feature = "formats")]
 fn thinnest(points: impl Iterator<Item = DVec3>) -> Option<DVec3> {
     let spread = points.fold(DVec3::ZERO, |s, p| s.max(p.abs()));
     let mut axes = [(spread.x, DVec3::X), (spread.y, DVec3::Y), (spread.z, DVec3::Z)];

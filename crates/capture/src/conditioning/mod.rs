@@ -11,6 +11,7 @@ pub(crate) mod frame;
 pub mod gate;
 mod hot;
 mod keep;
+#[cfg(feature = "formats")]
 pub mod legs;
 pub mod negative;
 mod normals;

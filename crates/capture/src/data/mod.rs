@@ -59,7 +59,7 @@ pub struct Capture {
     /// Laser pulses of every pair, if known, and if the detector records only the first photon of each.
     pub cycles: Option<f64>,
     /// The path of direct light, laser to wall point to sensor, in every pair, metres, where bins hold it and it is known: 0 in
-    /// a capture of time tags. [`auto_gate`] leaves it out however weak it is.
+    /// a capture of time tags. [`crate::auto_gate`] leaves it out however weak it is.
     pub direct: Option<f64>,
 }
 

@@ -261,7 +261,7 @@ impl Matlab5 {
         let flags = self.element(block, known.clone())?;
         let word = self.word(block, flags.content.start).unwrap_or(0);
         if word as u8 == OPAQUE && flags.content.len() >= 8 {
-            let (name, shape, at) = (String::new(), vec![0], known.clone());
+            let (name, shape, at) = (String::new(), vec![0], known.clone()); // bounded: one number
             let found = ArrayPlace { name, class: OPAQUE, complex: false, shape, block, at, deflated: false };
             return Ok((found, known.end));
         }

@@ -46,7 +46,7 @@ words!(Filter);
 
 options! {
     /// Options of the back-projection.
-    pub struct BpOptions: BpSettings(suit) {
+    pub struct BpOptions: BpSettings(scene) {
         nested {
             /// What all closed-form methods have.
             image: ImageOptions / ImageSettings,
@@ -60,7 +60,7 @@ options! {
 
 options! {
     /// Options of the filtered back-projection.
-    pub struct FbpOptions: FbpSettings(suit) {
+    pub struct FbpOptions: FbpSettings(scene) {
         nested {
             /// What all closed-form methods have.
             image: ImageOptions / ImageSettings,
@@ -82,7 +82,7 @@ options! {
 
 options! {
     /// Options of the phasor field by back-projection.
-    pub struct PhasorBpOptions: PhasorBpSettings(suit) {
+    pub struct PhasorBpOptions: PhasorBpSettings(scene) {
         nested {
             /// What all closed-form methods have.
             image: ImageOptions / ImageSettings,

@@ -29,7 +29,7 @@ use crate::{Error, Result};
 
 options! {
     /// Options of the directional light-cone transform.
-    pub struct DlctOptions: DlctSettings(suit) {
+    pub struct DlctOptions: DlctSettings(scene) {
         nested {
             /// What all closed-form methods have.
             image: ImageOptions / ImageSettings,
@@ -41,7 +41,7 @@ options! {
         "Light-cone transform" {
             /// Power of the signal over that of the noise, as the Wiener filter takes it: smaller values blur more. For photon
             /// counts, it is chosen by their noise, at most 0.8
-            snr: Option<f64> = (!suit.captured()).then_some(3.0), Range::Positive;
+            snr: Option<f64> = (!scene.captured()).then_some(3.0), Range::Positive;
         }
     }
 }

@@ -27,7 +27,7 @@ use crate::transport::{Grid, Reflectance};
 
 options! {
     /// Options of f-k migration.
-    pub struct FkOptions: FkSettings(suit) {
+    pub struct FkOptions: FkSettings(scene) {
         nested {
             /// What all closed-form methods have.
             image: ImageOptions / ImageSettings,

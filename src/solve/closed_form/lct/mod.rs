@@ -26,7 +26,7 @@ use crate::transport::{Grid, Reflectance};
 
 options! {
     /// Options of the light-cone transform.
-    pub struct LctOptions: LctSettings(suit) {
+    pub struct LctOptions: LctSettings(scene) {
         nested {
             /// What all closed-form methods have.
             image: ImageOptions / ImageSettings,
@@ -39,7 +39,7 @@ options! {
             /// Power of the signal over that of the noise, as the Wiener filter takes it: smaller values blur more. For photon
             /// counts, it is chosen by their noise, at most 0.8
             // 0.8 is the published code's. Rendered histograms bear more (docs/methods.md).
-            snr: Option<f64> = (!suit.captured()).then_some(3.0), Range::Positive;
+            snr: Option<f64> = (!scene.captured()).then_some(3.0), Range::Positive;
         }
     }
 }

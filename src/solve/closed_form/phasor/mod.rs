@@ -29,7 +29,7 @@ use crate::transport::Grid;
 
 options! {
     /// Options of phasor fields.
-    pub struct PhasorOptions: PhasorSettings(suit) {
+    pub struct PhasorOptions: PhasorSettings(scene) {
         nested {
             /// What all closed-form methods have.
             image: ImageOptions / ImageSettings,
