@@ -192,6 +192,7 @@ impl Settings {
         texts: impl IntoIterator<Item = (&'t str, &'t str)> + Clone,
     ) -> Result<Settings> {}
     pub fn set(&mut self, key: &str, text: &str) -> Result<()> {}
+    pub fn has(&self, key: &str) -> bool {}
     pub fn all_rows() -> Vec<(&'static Row, String)> {}
     pub fn with(mut self, change: impl FnOnce(&mut Settings)) -> Settings {}
     pub fn seed(&self) -> u32 {}
