@@ -49,7 +49,8 @@ pub fn reconstruct_with(
     on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solved> {
     capture.check()?;
-    let job = Job::resolve(settings, capture, gpu, on_progress)?;
+    let capture = settings.with_instrument(capture)?;
+    let job = Job::resolve(settings, &capture, gpu, on_progress)?;
     let mut watch = Watch { hear: on_progress, maps_every: None, maps_at: &[] };
     let mut result = job.solve(gpu, &mut watch)?;
     job.conclude(&mut result, &mut []);
@@ -84,8 +85,9 @@ pub fn session(
     settings.bins = options.sum.map(Bins::Sum).or(settings.bins);
     settings.memory = options.memory.or(settings.memory);
     settings.mask_fraction = options.mask_fraction.or(settings.mask_fraction);
-    let job = Job::resolve(&settings, frame, gpu, on_progress)?;
-    Ok((Session::of(gpu, frame, &job, options)?, job.estimates.notes()))
+    let frame = settings.for_frames(frame)?;
+    let job = Job::resolve(&settings, &frame, gpu, on_progress)?;
+    Ok((Session::of(gpu, &frame, &job, options)?, job.estimates.notes()))
 }
 
 /// Reads a capture in any known format and prepares it: see [`prepare`].

@@ -5,9 +5,9 @@ use std::ops::ControlFlow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
-use engine::Error;
 use engine::session::{Canceller, Frame, FrameId, Session, SessionOptions, Submitter};
 use engine::solve::Progress;
+use engine::{Bins, Error};
 
 use crate::error::{TbStatus, guarded, no_handle};
 use crate::scan::TbScan;
@@ -104,7 +104,7 @@ pub unsafe extern "C" fn tb_session_new(
         };
         capture.check_scan()?;
         // SAFETY: as above.
-        let chosen = unsafe { settings.as_ref().map(|s| s.settings()).transpose()?.unwrap_or_default() };
+        let mut chosen = unsafe { settings.as_ref().map(|s| s.settings()).transpose()?.unwrap_or_default() };
         let mut options = match &settings {
             // SAFETY: as above.
             Some(settings) => unsafe { settings.session_options()? },
@@ -116,6 +116,8 @@ pub unsafe extern "C" fn tb_session_new(
             Some(hear) => hear(FrameId(0), p),
             None => ControlFlow::Continue(()),
         };
+        chosen.bins = options.sum.map(Bins::Sum).or(chosen.bins);
+        let capture = chosen.for_frames(&capture)?;
         let job = engine::resolve::Job::resolve(&chosen, &capture, &device.gpu, &mut on_progress)?;
         job.estimates.notes().iter().for_each(|note| log::note(note));
         options.hear = of_session;

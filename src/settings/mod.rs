@@ -1,11 +1,12 @@
 //! The settings of a reconstruction: one struct for the command, C, Python, batches, sessions and Rust programs. A field that is
 //! not set has its default or is estimated.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
-use crate::capture::Gate;
+use crate::capture::{Capture, Gate};
 use crate::solve::option::{Range, Row};
 use crate::solve::{Bins, Discretisation, Method, Preset, SolverOptions, method, units};
 use crate::transport::Volume;
@@ -218,6 +219,47 @@ impl Settings {
     pub fn with(mut self, change: impl FnOnce(&mut Settings)) -> Settings {
         change(&mut self);
         self
+    }
+
+    /// A capture with the impulse response and the spots that are set. It is copied only if it has others.
+    ///
+    /// # Errors
+    /// An impulse response that cannot be read, or that the bins of the capture cannot hold.
+    pub fn with_instrument<'c>(&self, capture: &'c Capture) -> Result<Cow<'c, Capture>> {
+        let mut capture = Cow::Borrowed(capture);
+        if let Some(pulse) = self.pulse.as_ref().map(ImpulseResponse::samples).transpose()?
+            && capture.pulse != pulse
+        {
+            pulse.as_ref().map(|pulse| pulse.taps(capture.bin_width)).transpose()?;
+            capture.to_mut().pulse = pulse;
+        }
+        if let Some(spots) = self.spot.map(|spots| spots.map(Some))
+            && [capture.laser_spot, capture.sensor_spot] != spots
+        {
+            let capture = capture.to_mut();
+            [capture.laser_spot, capture.sensor_spot] = spots;
+        }
+        Ok(capture)
+    }
+
+    /// The scan of a session with what [`Settings::with_instrument`] sets.
+    ///
+    /// # Errors
+    /// As there; a setting that only applies where a capture is read or prepared.
+    pub fn for_frames<'c>(&self, scan: &'c Capture) -> Result<Cow<'c, Capture>> {
+        let set = serde_json::to_value(self).unwrap_or_default();
+        let of_captures =
+            |row: &&Row| row.group.starts_with("Capture") && !["pulse", "spot"].contains(&row.key);
+        if let Some(row) = Settings::ROWS.iter().filter(of_captures).find(|row| set.get(row.key).is_some()) {
+            return Err(Error::options(
+                format!(
+                    "{} applies where a capture is read; frames of a session are used unchanged",
+                    row.key
+                ),
+                "leave it out, or prepare the scan and each frame with it",
+            ));
+        }
+        self.with_instrument(scan)
     }
 
     /// The seed of all random numbers.

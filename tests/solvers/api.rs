@@ -124,6 +124,13 @@ fn settings_out_of_range_are_refused() {
     assert_error(session_of(&gpu, &capture, &small(), bad).map(drop), Kind::Options, &["-1"]);
     let broken = reconstruct_with(&gpu, &capture, &small(), &mut |_| ControlFlow::Break(()));
     assert_error(broken.map(drop), Kind::Cancelled, &[]);
+    let thinned = small().with(|s| s.stride = Some(2));
+    let thinned = session_of(&gpu, &capture, &thinned, SessionOptions::default());
+    assert_error(thinned.map(drop), Kind::Options, &["stride applies where a capture is read"]);
+    let pulse = small().with(|s| s.set("pulse", "60ps").unwrap());
+    let with_pulse = pulse.for_frames(&capture).unwrap();
+    assert!((with_pulse.pulse.as_ref().unwrap().fwhm() / 0.018 - 1.0).abs() < 0.02);
+    assert!(matches!(pulse.with_instrument(&with_pulse), Ok(std::borrow::Cow::Borrowed(_))));
     let cut = changed(&capture, |c| c.histograms.truncate(9));
     assert_error(reconstruct(&gpu, &cut, &small()).map(drop), Kind::Input, &["counts"]);
     let session = session_of(&gpu, &cut, &small(), SessionOptions::default());
