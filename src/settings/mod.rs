@@ -183,7 +183,7 @@ impl Settings {
             return set.map_err(|want| Error::options(format!("{key} is {}", text.trim()), want));
         }
         if !self.has(&key) {
-            let known = SolverOptions::all_rows().iter().any(|(row, _)| row.key == key);
+            let known = Settings::all_rows().iter().any(|(row, _)| row.key == key);
             return Err(match known {
                 true => Error::options(
                     format!("{key} is no option of the solver {}", self.method.name()),
