@@ -195,6 +195,8 @@ impl Settings {
     pub fn has(&self, key: &str) -> bool {}
     pub fn all_rows() -> Vec<(&'static Row, String)> {}
     pub fn with(mut self, change: impl FnOnce(&mut Settings)) -> Settings {}
+    pub fn with_instrument<'c>(&self, capture: &'c Capture) -> Result<Cow<'c, Capture>> {}
+    pub fn for_frames<'c>(&self, scan: &'c Capture) -> Result<Cow<'c, Capture>> {}
     pub fn seed(&self) -> u32 {}
     pub fn discretisation(&self) -> Discretisation {}
     pub fn check(&self) -> Result<()> {}
