@@ -101,6 +101,7 @@ fn found(look: Look) -> String {
     match look {
         Look::Devices => "`thirdbounce.devices()`".into(),
         Look::Capture => "`thirdbounce info` on the command line".into(),
+        Look::Options => "`thirdbounce.options()`".into(),
     }
 }
 

@@ -69,9 +69,9 @@ def test_torch_tensors_are_used_in_place():
         (counts(4)[0, 0], points(4), None, "(32,)"),
         (counts(4), points(4)[..., :2], None, "sensor_xyz"),
         (counts(4), points(4), points(3), "laser_xyz"),
-        (np.array(["a"]), points(4), None, "no array of numbers"),
-        (object(), points(4), None, "no array of numbers"),
-        (counts(4).astype(complex), points(4), None, "no array of numbers"),
+        (np.array(["a"]), points(4), None, "not an array of numbers"),
+        (object(), points(4), None, "not an array of numbers"),
+        (counts(4).astype(complex), points(4), None, "not an array of numbers"),
         (np.moveaxis(counts(4), -1, 0), points(4), None, "bins_axis=0"),
     ],
 )

@@ -104,7 +104,7 @@ def test_progress_is_told_and_may_stop_the_solve(capture):
 
     with pytest.raises(tb.CancelledError):
         tb.reconstruct(capture, on_progress=hear, model="cosine", high_pass=0, lateral=32, iterations=200)
-    assert len(reported) == 2 and isinstance(reported[0], tb.Progress) and reported[0].iterations >= 200
+    assert len(reports) == 2 and isinstance(reports[0], tb.Progress) and reports[0].iterations >= 200
 
 
 def test_what_a_progress_function_raises_comes_back(capture):
@@ -150,11 +150,11 @@ def test_other_threads_run_during_a_solve(capture):
     ("arguments", "kind", "words"),
     [
         ({"iterations": 0}, tb.OptionsError, "iterations is 0"),
-        ({"iterations": 2.5}, tb.OptionsError, "iterations does not take"),
-        ({"nonsense": 1}, tb.OptionsError, "nonsense is no option"),
-        ({"learning_rate": 0.1}, tb.OptionsError, "learning_rate is no option of the surface"),
+        ({"iterations": 2.5}, tb.OptionsError, "iterations is 2.5"),
+        ({"nonsense": 1}, tb.OptionsError, "no setting \"nonsense\""),
+        ({"learning_rate": 0.1}, tb.OptionsError, "learning_rate is no option of the solver surface"),
         ({"solver": "magic"}, tb.OptionsError, "solver magic is not known"),
-        ({"model": "shiny"}, tb.OptionsError, "model shiny is not known"),
+        ({"model": "shiny"}, tb.OptionsError, "model is shiny"),
         ({"preset": "real"}, tb.OptionsError, "preset"),
         ({"pulse": "wide"}, tb.OptionsError, "pulse"),
         ({"device": "no such device"}, tb.OptionsError, "no such device"),

@@ -91,7 +91,7 @@ def test_ctrl_c_stops_a_frame_and_the_session_lives(capture):
 def test_progress_comes_from_the_session(capture):
     reports = []
     # Rounds of the support may be fewer than there is room for.
-    with session(capture, on_progress=reported.append, support="fixed", **QUICK) as frames:
+    with session(capture, on_progress=reports.append, support="fixed", **QUICK) as frames:
         frames.solve(capture.H)
     assert reports and reports[-1].iteration == reports[-1].iterations
 
@@ -118,7 +118,7 @@ def test_a_session_that_is_dropped_while_it_solves_ends(capture):
     reported = threading.Event()
     frames = session(capture, on_progress=lambda p: reported.set(), **LONG)
     frames.submit(capture.H)
-    assert reports.wait(30)
+    assert reported.wait(30)
     start = time.monotonic()
     del frames
     assert time.monotonic() - start < 10

@@ -13,6 +13,7 @@ pub fn text(advice: &Advice) -> String {
     let found = |look| match look {
         Look::Devices => "`thirdbounce devices`".into(),
         Look::Capture => "`thirdbounce info`".into(),
+        Look::Options => "`thirdbounce help reconstruct`".into(),
     };
     advice.say(changed, found)
 }

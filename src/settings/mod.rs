@@ -6,6 +6,7 @@ use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
 
+use crate::advice::advice;
 use crate::capture::{Capture, Gate};
 use crate::solve::option::{Range, Row};
 use crate::solve::{Bins, Discretisation, Method, Preset, SolverOptions, method, units};
@@ -84,7 +85,7 @@ settings! {
         /// without the orientation of the scan
         flip: Flip = word, Range::Words(&["x", "y", "xy"]);
         /// Rotate the scan by 90, 180 or 270 degrees after the mirroring, clockwise as seen in the pictures (+x to the left, +y up)
-        rotate: usize = count, Range::OneOf(&[90, 180, 270]);
+        rotate: usize = text::quarter_turns, Range::OneOf(&[90, 180, 270]);
     }
     "Capture" {
         /// Use every Nth scan point in x and in y
@@ -187,15 +188,9 @@ impl Settings {
             return Err(match known {
                 true => Error::options(
                     format!("{key} is no option of the solver {}", self.method.name()),
-                    format!(
-                        "leave it out, or choose another solver; `thirdbounce help {}` lists the options of this one",
-                        self.method.name()
-                    ),
+                    advice!["leave it out, or choose another solver; see "[Options]],
                 ),
-                false => Error::options(
-                    format!("there is no setting {key:?}"),
-                    "`thirdbounce help reconstruct` lists all settings",
-                ),
+                false => Error::options(format!("there is no setting {key:?}"), advice!["see "[Options]]),
             });
         }
         self.method.set_text(&key, text)

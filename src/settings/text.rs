@@ -165,6 +165,11 @@ pub fn count(text: &str) -> Read<usize> {
     number.ok_or_else(|| "give a whole number, 1 or more".into())
 }
 
+pub fn quarter_turns(text: &str) -> Read<usize> {
+    let degrees = text.trim().parse().ok().filter(|degrees| [90, 180, 270].contains(degrees));
+    degrees.ok_or_else(|| "give 90, 180 or 270".into())
+}
+
 pub fn seed(text: &str) -> Read<u32> {
     text.trim().parse().map_err(|_| format!("give a whole number from 0 to {}", u32::MAX))
 }

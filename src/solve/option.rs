@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::estimate::LEAST_PAIRS;
 use super::{Accumulation, Sizes, units};
+use crate::advice::advice;
 use crate::capture::Capture;
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 use crate::{Error, Result};
@@ -644,9 +645,8 @@ pub trait Given: Clone + Default + PartialEq {
     fn set_text(&mut self, key: &str, text: &str) -> Result<()> {
         let rows = Self::Options::default().rows();
         let row = rows.iter().find(|row| row.key == key && row.range != Range::Internal);
-        let row = row.ok_or_else(|| {
-            Error::options(format!("there is no option {key:?}"), "see `thirdbounce help` for the options")
-        })?;
+        let row = row
+            .ok_or_else(|| Error::options(format!("there is no option {key:?}"), advice!["see "[Options]]))?;
         let wrong =
             |want: &str| Error::options(format!("{} is {}", row.key, text.trim()), format!("give {want}"));
         let values = row.range.read(text).map_err(|want| wrong(&want))?;

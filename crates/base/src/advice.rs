@@ -92,6 +92,8 @@ pub enum Look {
     Devices,
     /// A description of a capture: `job::inspect`.
     Capture,
+    /// The list of settings and of the options of methods.
+    Options,
 }
 
 /// A part of a hint.
@@ -153,6 +155,7 @@ impl fmt::Display for Advice {
         let found = |look| match look {
             Look::Devices => "`gpu::devices`".into(),
             Look::Capture => "`job::inspect`".into(),
+            Look::Options => "the page `docs/options.md`".into(),
         };
         f.pad(&self.say(changed, found))
     }
