@@ -392,6 +392,7 @@ impl Remedy {
 pub enum Look {
     Devices,
     Capture,
+    Options,
 }
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub enum AdvicePart {
