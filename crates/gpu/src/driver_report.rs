@@ -135,7 +135,7 @@ mod tests {
         };
         assert_eq!(
             report.text(),
-            "; its driver tells: MMU fault, invalid write at 0x123000 to 0x123fff, fault of the instruction at 0x20, engine 0xd 0xff"
+            "; driver report: MMU fault, invalid write at 0x123000 to 0x123fff, fault of the instruction at 0x20, engine 0xd 0xff"
         );
         let many = vec![at(vk::DeviceFaultAddressTypeEXT::READ_INVALID, 1, 1); 9];
         assert_eq!(

@@ -137,7 +137,7 @@ mod tests {
         least(MOST_STORAGE).check("a card").expect("just enough");
         let error = least(8).check("a card").expect_err("too few");
         assert!(
-            error.what.contains("a card binds at most 8") && error.hint.names(Setting::Device),
+            error.what.contains("a card supports 8 storage buffers") && error.hint.names(Setting::Device),
             "{error}"
         );
         let mut reported = least(64);
