@@ -90,7 +90,7 @@ fn cancels(flags: &[&str], environment: &[(&str, &str)]) {
         "3 counts for 64 pairs",
         "NaN",
         "nothing to wait for",
-        "no-such=1",
+        "no setting \"no_such\"",
         "available 1000 B",
         "cancelled",
         "as it should be",
