@@ -201,7 +201,9 @@ impl Benchmark {
             check_place(&folder)?;
             let (loaded, mut comparison) = caller.comparison(&capture, &truth)?;
             comparison.out = folder.clone();
-            comparison.check(&loaded.capture)?;
+            let (methods, _) = comparison.check(&loaded.capture)?;
+            // A missing device is an error before anything is written.
+            drop(methods[0].request.open()?);
             // It comes last, so a folder without it is made anew.
             staging::remove(&report)?;
             record.write(&folder)?;
