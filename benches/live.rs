@@ -35,7 +35,7 @@ const SEQUENCES: [(&str, &str, f64, [bool; 2]); 5] = [
 ];
 
 /// A frame with its truth.
-struct TimelinePoint {
+struct FrameWithTruth {
     capture: Capture,
     truth: Truth,
 }
@@ -104,11 +104,11 @@ fn processor_seconds() -> f64 {
 fn moments(
     side: usize,
     (_, name, step, [appears, vanishes]): (&str, &str, f64, [bool; 2]),
-) -> Vec<TimelinePoint> {
+) -> Vec<FrameWithTruth> {
     let scene = Scene { scan: side, photons: Some(300.0), ..Scene::named(name).unwrap() };
     let at = |changes: bool| changes.then_some(CHANGE);
     let motion = Motion { frames: FRAMES, step, appears: at(appears), vanishes: at(vanishes) };
-    let moment = |scene: &Scene| TimelinePoint {
+    let moment = |scene: &Scene| FrameWithTruth {
         capture: simulate(scene, &RenderOptions { noise: 0.03, ..Default::default() }).unwrap().capture,
         truth: truth(scene, 128).unwrap(),
     };
@@ -116,7 +116,7 @@ fn moments(
 }
 
 /// Solves all frames; the first does not count.
-fn measured(session: &mut Session, moments: &[TimelinePoint]) -> Sums {
+fn measured(session: &mut Session, moments: &[FrameWithTruth]) -> Sums {
     let mut sums = Sums::default();
     for (i, moment) in moments.iter().enumerate() {
         let (begun, before) = (Instant::now(), processor_seconds());

@@ -480,6 +480,7 @@ impl Capture {
     pub fn check_scan(&self) -> Result<()> {}
     pub fn t_end(&self) -> f64 {}
     pub fn mean_histogram(&self) -> Vec<f64> {}
+    pub fn set_pulse(&mut self, pulse: Option<Pulse>) -> Result<()> {}
     pub fn pair_count(&self) -> usize {}
 }
 impl Capture {

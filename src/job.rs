@@ -2,7 +2,7 @@
 //!
 //! [`load`] reads and prepares a capture. [`run()`] reconstructs it and writes every result. [`batch()`] does this with many
 //! captures. [`benchmark()`] compares methods on captures and scenes. [`evaluate()`] measures an earlier result. [`inspect()`] says what a run would
-//! do. [`demo()`] simulates a scene and reconstructs it. External only gather options and show the results.
+//! do. [`demo()`] simulates a scene and reconstructs it. Callers only gather options and show the results.
 
 mod advice;
 pub mod batch;

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use engine::session::{Canceller, Frame, FrameId, Session, SessionOptions, Submitter};
 use engine::solve::Progress;
-use engine::{Bins, Error};
+use engine::{Error, Settings};
 
 use crate::error::{TbStatus, guarded, no_handle};
 use crate::scan::TbScan;
@@ -102,26 +102,18 @@ pub unsafe extern "C" fn tb_session_new(
             let settings = if settings.is_null() { None } else { Some(sized::read(settings)?) };
             (sized::read(scan)?.capture()?, settings)
         };
-        capture.check_scan()?;
         // SAFETY: as above.
-        let mut chosen = unsafe { settings.as_ref().map(|s| s.settings()).transpose()?.unwrap_or_default() };
-        let mut options = match &settings {
-            // SAFETY: as above.
-            Some(settings) => unsafe { settings.session_options()? },
-            None => SessionOptions::default(),
+        let (chosen, options, mut hear) = match &settings {
+            Some(settings) => unsafe { (settings.settings()?, settings.session_options()?, settings.hear()) },
+            None => (Settings::default(), SessionOptions::default(), None),
         };
-        // Frame number 0 denotes the estimates. Called by the session's thread afterwards.
-        let mut of_session = options.hear.take();
-        let mut on_progress = |p: &Progress| match &mut of_session {
+        // Frame number 0 denotes the estimates.
+        let mut on_progress = |p: &Progress| match &mut hear {
             Some(hear) => hear(FrameId(0), p),
             None => ControlFlow::Continue(()),
         };
-        chosen.bins = options.sum.map(Bins::Sum).or(chosen.bins);
-        let capture = chosen.for_frames(&capture)?;
-        let job = engine::resolve::Job::resolve(&chosen, &capture, &device.gpu, &mut on_progress)?;
-        job.estimates.notes().iter().for_each(|note| log::note(note));
-        options.hear = of_session;
-        let made = Session::of(&device.gpu, &capture, &job, options)?;
+        let (made, notes) = engine::session(&device.gpu, &capture, &chosen, options, &mut on_progress)?;
+        notes.iter().for_each(|note| log::note(note));
         let megabytes = made.plan().buffers.iter().map(|b| b.bytes).sum::<u64>() / 1_000_000;
         log::note(&format!("a session of {} pairs, {megabytes} MB of buffers", made.plan().scene.pairs));
         let (submitter, canceller) = (made.submitter(), made.canceller());

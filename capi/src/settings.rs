@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use engine::session::{Feed, FrameId, Hear, SessionOptions};
 use engine::solve::{Follow, Progress};
-use engine::{Error, Result, Settings};
+use engine::{Bins, Error, Result, Settings};
 
 use crate::sized::Versioned;
 use crate::text;
@@ -132,8 +132,27 @@ impl TbSettings {
             })?;
             settings.set(name, value)?;
         }
+        settings.bins = (self.sum_bins > 0).then_some(Bins::Sum(self.sum_bins)).or(settings.bins);
         settings.memory = (self.memory_limit > 0).then_some(self.memory_limit).or(settings.memory);
         settings.check().map(|()| settings)
+    }
+
+    /// The callback for progress.
+    ///
+    /// # Safety
+    /// `progress` is callable with `user_data` by another thread.
+    pub unsafe fn hear(&self) -> Option<Hear> {
+        let user = User(self.user_data);
+        self.progress.map(|callback| -> Hear {
+            Box::new(move |id: FrameId, progress: &Progress| {
+                let report = TbProgress::of(id, progress);
+                // SAFETY: guaranteed by the caller.
+                match unsafe { callback(user.pointer(), &report) } {
+                    0 => ControlFlow::Continue(()),
+                    _ => ControlFlow::Break(()),
+                }
+            })
+        })
     }
 
     /// # Safety
@@ -151,23 +170,12 @@ impl TbSettings {
             return Err(Error::options(what, "give seconds with `warm_start` 1, or 0 for none"));
         };
         let budget = (!budget.is_zero()).then_some(budget);
-        let user = User(self.user_data);
-        let hear = self.progress.map(|callback| -> Hear {
-            Box::new(move |id: FrameId, progress: &Progress| {
-                let report = TbProgress::of(id, progress);
-                // SAFETY: guaranteed by the caller.
-                match unsafe { callback(user.pointer(), &report) } {
-                    0 => ControlFlow::Continue(()),
-                    _ => ControlFlow::Break(()),
-                }
-            })
-        });
         Ok(SessionOptions {
             time_limit: (limit > Duration::ZERO).then_some(limit),
-            hear,
+            // SAFETY: guaranteed by the caller.
+            hear: unsafe { self.hear() },
             follow: (self.warm_start != 0).then(|| Follow { budget, ..Follow::default() }),
             external: self.external_frames != 0,
-            sum: (self.sum_bins > 0).then_some(self.sum_bins),
             feed: self.feed()?,
             ..SessionOptions::default()
         })

@@ -86,8 +86,7 @@ impl<const PART: u8> SettingsArgs<PART> {
     /// # Errors
     /// Those of [`SettingsArgs::settings`].
     pub fn of_all_methods(&self) -> Result<Settings> {
-        let own = |key: &str| Settings::ROWS.iter().any(|row| row.key == key);
-        SettingsArgs::<PART>(self.0.iter().filter(|(key, _)| own(key)).cloned().collect()).settings()
+        SettingsArgs::<PART>(self.0.iter().filter(|(key, _)| is_own(key)).cloned().collect()).settings()
     }
 
     /// The name of the method, if it was given.
@@ -106,12 +105,21 @@ const SOLVER: Row = Row {
     range: Range::Text("NAME"),
 };
 
+/// Whether a key is that of a setting of all methods.
+fn is_own(key: &str) -> bool {
+    Settings::ROWS.iter().any(|row| row.key == key)
+}
+
+/// The name of a row's group as a topic.
+fn topic_of(row: &Row) -> String {
+    row.group.to_lowercase().replace(' ', "-")
+}
+
 /// The rows of a part of the settings, with their texts.
 fn rows(part: u8) -> Vec<(&'static Row, String)> {
-    let own = |row: &Row| Settings::ROWS.iter().any(|own| own.key == row.key);
     let is_in = |row: &Row| match part {
         FILE => row.group == "Capture file",
-        METHOD => !own(row) || row.group == "Solver",
+        METHOD => !is_own(row.key) || row.group == "Solver",
         _ => true,
     };
     let solver = (part != FILE).then(|| (&SOLVER, SOLVER.text()));
@@ -184,7 +192,7 @@ impl<const PART: u8> FromArgMatches for SettingsArgs<PART> {
 pub fn topics() -> Vec<String> {
     let mut groups: Vec<String> = vec![];
     for row in Settings::ROWS {
-        let name = row.group.to_lowercase().replace(' ', "-");
+        let name = topic_of(row);
         if !groups.contains(&name) {
             groups.push(name);
         }
@@ -201,7 +209,7 @@ pub fn topic(name: &str) -> Option<Command> {
     let method = SolverOptions::defaults_for(name, &SceneTraits::DEFAULT);
     let has = |row: &Row| match &method {
         Some(options) => options.get(row.key).is_some(),
-        None => row.group.to_lowercase().replace(' ', "-") == name,
+        None => topic_of(row) == name,
     };
     let listed: Vec<_> = Settings::all_rows().into_iter().filter(|(row, _)| has(row)).collect();
     let command = command.args(listed.iter().map(|(row, text)| argument(row, text)));

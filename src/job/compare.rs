@@ -181,8 +181,9 @@ impl Shown {
     /// Those of [`metrics`].
     fn first(request: &Request, loaded: &Loaded, gpu: &Gpu, truth: &Truth) -> Result<Option<Shown>> {
         let start = Instant::now();
-        // What goes wrong here is left for the solve itself to tell, as without a comparison.
-        let maps = request.preview.then(|| preview::first_maps(request, &loaded.capture, gpu).ok()).flatten();
+        // The solve itself reports errors, as without a comparison.
+        let first = || preview::first_maps(&request.resolved(&loaded.capture), &loaded.capture, gpu).ok();
+        let maps = request.preview.then(first).flatten();
         let Some(mut maps) = maps else { return Ok(None) };
         let seconds = start.elapsed().as_secs_f64();
         let mask = request.settings.mask_fraction;
@@ -285,8 +286,10 @@ impl Comparison {
             method.request.out = self.out.join(&folder);
             taken.push(folder);
             (method.request.volume_file, method.request.snapshots) = (None, vec![]);
-            let found =
-                method.request.check(capture).and_then(|found| method.request.check_places().map(|()| found));
+            let found = method
+                .request
+                .check(&method.request.resolved(capture))
+                .and_then(|found| method.request.check_places().map(|()| found));
             let found = found.map_err(|e| e.at(format!("method {:?}", method.name)))?;
             truth = truth.or(found);
         }

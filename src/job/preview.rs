@@ -4,10 +4,9 @@
 use std::borrow::Cow;
 use std::fs;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::Request;
 use super::places::PREVIEW;
 use crate::capture::Capture;
 use crate::estimation::EstimateRequest;
@@ -47,13 +46,14 @@ impl Preview {
     /// # Errors
     /// `hear` cancels.
     pub fn begin(
-        request: &Request,
+        folder: &Path,
+        request: &EstimateRequest,
         capture: &Capture,
         gpu: &Gpu,
         hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Option<Preview>> {
-        let (start, folder) = (Instant::now(), &request.out);
-        let folder_made = (!folder.exists()).then(|| folder.clone());
+        let start = Instant::now();
+        let folder_made = (!folder.exists()).then(|| folder.to_owned());
         let mut preview = Preview { file: folder.join(PREVIEW), folder: folder_made, seconds: 0.0 };
         let Ok(maps) = first_maps(request, capture, gpu) else { return Ok(None) };
         if create_dir(folder).and_then(|()| preview.show(&maps)).is_err() {
@@ -71,7 +71,7 @@ impl Preview {
             loss: f64::NAN,
             data_loss: f64::NAN,
         };
-        let iterations = request.resolved(capture).solver.all_iterations();
+        let iterations = request.solver.all_iterations();
         let progress =
             Progress { doing: Doing::Preview, point, iterations, remaining: None, maps: Some(maps) };
         match hear(&progress) {
@@ -100,8 +100,7 @@ impl Drop for Preview {
 ///
 /// # Errors
 /// The device fails, or no grid fits.
-pub(super) fn first_maps(request: &Request, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
-    let request = &request.resolved(capture);
+pub(super) fn first_maps(request: &EstimateRequest, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
     let common = request.solver.common();
     let scene =
         SceneTraits { preset: request.preset, reflectance: common.reflectance, ..SceneTraits::of(capture) };

@@ -46,7 +46,7 @@ pub fn solve<'c>(
     let mut failed = None;
     let (mut along, mut snapshots) = (BTreeMap::new(), Vec::new());
     let mut job = Job::resolve(&request.settings, &loaded.capture, gpu, hear)?;
-    job.keep_volume = request.volume_file.is_some();
+    job.keep_volume |= request.volume_file.is_some();
     if request.tuned {
         job.solver = sizes::with_kept(&job.solver, gpu, &job.capture);
     }

@@ -68,9 +68,9 @@ impl Request {
     }
 
     /// Checks everything but places that can be checked before the work begins. Returns the truth, if its file is given.
-    pub(super) fn check(&self, capture: &Capture) -> Result<Option<Truth>> {
+    pub(super) fn check(&self, resolved: &EstimateRequest) -> Result<Option<Truth>> {
         self.settings.check()?;
-        let iterations = self.resolved(capture).solver.all_iterations();
+        let iterations = resolved.solver.all_iterations();
         if let Some(beyond) = self.snapshots.iter().find(|i| !(1..=iterations).contains(*i)) {
             return Err(Error::options(
                 format!("the snapshots include iteration {beyond}"),

@@ -8,6 +8,7 @@ use super::places::{PAGE, PREVIEW};
 use super::preview::Preview;
 use super::{Loaded, Request, SolverOptions, reconstruct, report};
 use crate::Result;
+use crate::estimation::EstimateRequest;
 use crate::export;
 use crate::export::report::Report;
 use crate::files::staging::Staging;
@@ -61,12 +62,13 @@ pub fn run(
     loaded: &Loaded,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
-    let truth = request.check(&loaded.capture)?;
+    let resolved = request.resolved(&loaded.capture);
+    let truth = request.check(&resolved)?;
     request.check_places()?;
     // Memory is checked before a device is opened.
-    request.resolved(&loaded.capture).grid(&loaded.capture)?;
+    resolved.grid(&loaded.capture)?;
     let gpu = request.open()?;
-    solve_checked(request, loaded, &gpu, truth, hear)?.write(request)
+    solve_checked(request, &resolved, loaded, &gpu, truth, hear)?.write(request)
 }
 
 /// Reconstructs a capture on a device that is open. Writes nothing but the preview, if the request asks for one.
@@ -80,21 +82,23 @@ pub fn solve(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solved> {
-    let truth = request.check(&loaded.capture)?;
-    request.resolved(&loaded.capture).grid(&loaded.capture)?;
-    solve_checked(request, loaded, gpu, truth, hear)
+    let resolved = request.resolved(&loaded.capture);
+    let truth = request.check(&resolved)?;
+    resolved.grid(&loaded.capture)?;
+    solve_checked(request, &resolved, loaded, gpu, truth, hear)
 }
 
 fn solve_checked(
     request: &Request,
+    resolved: &EstimateRequest,
     loaded: &Loaded,
     gpu: &Gpu,
     truth: Option<Truth>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solved> {
     // A closed-form method is there as soon as a preview.
-    let preview = match request.preview && !request.resolved(&loaded.capture).solver.is_closed_form() {
-        true => Preview::begin(request, &loaded.capture, gpu, hear)?,
+    let preview = match request.preview && !resolved.solver.is_closed_form() {
+        true => Preview::begin(&request.out, resolved, &loaded.capture, gpu, hear)?,
         false => None,
     };
     let done = reconstruct::solve(request, loaded, gpu, truth.as_ref(), preview.as_ref(), hear)?;

@@ -225,8 +225,7 @@ impl Settings {
         if let Some(pulse) = self.pulse.as_ref().map(ImpulseResponse::samples).transpose()?
             && capture.pulse != pulse
         {
-            pulse.as_ref().map(|pulse| pulse.taps(capture.bin_width)).transpose()?;
-            capture.to_mut().pulse = pulse;
+            capture.to_mut().set_pulse(pulse)?;
         }
         if let Some(spots) = self.spot.map(|spots| spots.map(Some))
             && [capture.laser_spot, capture.sensor_spot] != spots

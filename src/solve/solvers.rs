@@ -231,24 +231,6 @@ impl SolverOptions {
     /// The default solver (docs/methods.md).
     pub const DEFAULT: &str = SurfaceOptions::NAME;
 
-    /// Sets an option to the first of `values` that it takes, and returns that one; `None` if it takes none of them.
-    pub fn set_first(
-        &mut self,
-        key: &str,
-        values: impl IntoIterator<Item = OptionValue>,
-    ) -> Option<OptionValue> {
-        // An option that does not take a value does not give it back.
-        values.into_iter().find(|value| {
-            self.set(key, value);
-            self.get(key).as_ref() == Some(value)
-        })
-    }
-
-    /// Whether values that are not given are estimated (docs/methods.md): for solvers that render surfaces.
-    pub fn has_trials(&self) -> bool {
-        matches!(self, SolverOptions::Surface(_))
-    }
-
     /// The surface solver's options for the same scene: for short fits beside the requested solve.
     pub fn as_surface(&self) -> SurfaceOptions {
         match self {

@@ -490,7 +490,7 @@ pub(crate) struct Rounds {
 }
 
 impl Rounds {
-    /// So many rounds of a solve.
+    /// Rounds of a solve, by their number.
     pub fn of(number: usize) -> Rounds {
         Rounds { number, iterations: rounds::ITERATIONS, rings: 1 }
     }

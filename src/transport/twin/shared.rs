@@ -295,7 +295,7 @@ pub(super) fn gather(call: &Call, s: &Sample, residual: &[f64], mut hear: impl F
         };
         let low = (k.bin - 0.5).floor();
         let r: f64 = shares(twin.model, k.bin).map(|(b, w)| w * residual[row + b]).sum();
-        // A path that is not finite reads no bin, and tells.
+        // A path that is not finite reads no bin and is reported.
         hear(&k, if k.bin.is_finite() { r } else { f64::NAN }, at(low + 1.0) - at(low));
     }
 }

@@ -274,8 +274,7 @@ fn automatically_gated(state: &mut Conditioned, how: &Conditioning) -> Result<()
 
 fn with_pulse(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
     if let Some(pulse) = &how.pulse {
-        pulse.as_ref().map_or(Ok(()), |pulse| pulse.taps(state.capture.bin_width).map(drop))?;
-        state.capture.pulse = pulse.clone();
+        state.capture.set_pulse(pulse.clone())?;
     }
     Ok(())
 }

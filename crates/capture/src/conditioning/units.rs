@@ -118,7 +118,7 @@ impl Sizes {
 
     /// The units of points and bins that are likely, as text; empty if none is.
     fn likely(&self) -> String {
-        // Direct light comes at path 0 and tells nothing of the scene.
+        // Direct light is at path 0 and holds no information on the scene.
         let path = if self.strongest > 4.0 * self.bin { self.strongest } else { 0.25 * self.end };
         let only_start = self.start > LATEST_LIGHT[0] * self.wall
             && self.end - self.start < LONGEST_RECORD[0] * self.wall

@@ -3,8 +3,8 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::Capture;
 use super::histogram_figures::HistogramFigures;
+use super::{Capture, Pulse};
 use crate::error::{Error, Result};
 
 /// Counts that one thread goes over before another one has woken up. On a busy machine that other one may come late by
@@ -179,6 +179,16 @@ impl Capture {
     #[doc(hidden)]
     pub fn is_measured(&self) -> bool {
         self.integer_counts || self.histograms.iter().any(|v| *v < 0.0)
+    }
+
+    /// Sets the impulse response.
+    ///
+    /// # Errors
+    /// One that the bins cannot hold.
+    pub fn set_pulse(&mut self, pulse: Option<Pulse>) -> Result<()> {
+        pulse.as_ref().map(|pulse| pulse.taps(self.bin_width)).transpose()?;
+        self.pulse = pulse;
+        Ok(())
     }
 
     /// Number of pairs P.
