@@ -118,7 +118,7 @@ pub(super) fn reference(left: f64, before: f64) -> f64 {
 }
 
 /// Pixels around a surface that grow from it, rather than from the closed form.
-const NEAR: usize = 2;
+const NEAR: isize = 2;
 
 /// Albedo of pixels that are not certain, as a share of what they would have.
 const UNCERTAIN: f32 = 0.5;
@@ -127,11 +127,8 @@ const UNCERTAIN: f32 = 0.5;
 fn near_surface(maps: &Maps) -> Vec<bool> {
     let mut near = vec![false; maps.depth.len()];
     for pixel in (0..maps.depth.len()).filter(|pixel| maps.depth[*pixel].is_finite()) {
-        let [x, y] = [pixel / maps.ny, pixel % maps.ny];
-        for x in x.saturating_sub(NEAR)..(x + NEAR + 1).min(maps.nx) {
-            let row = x * maps.ny;
-            near[row + y.saturating_sub(NEAR)..row + (y + NEAR + 1).min(maps.ny)].fill(true);
-        }
+        near[pixel] = true;
+        support::around(maps, pixel, NEAR).for_each(|(other, _)| near[other] = true);
     }
     near
 }

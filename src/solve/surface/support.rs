@@ -88,7 +88,7 @@ fn evidence(maps: &Maps, pixel: usize) -> f32 {
 }
 
 /// Pixels of a neighbourhood within `reach` of a pixel, itself excluded, with their offsets.
-fn around(maps: &Maps, pixel: usize, reach: isize) -> impl Iterator<Item = (usize, [isize; 2])> {
+pub fn around(maps: &Maps, pixel: usize, reach: isize) -> impl Iterator<Item = (usize, [isize; 2])> {
     let (nx, ny) = (maps.nx as isize, maps.ny as isize);
     let (x, y) = (pixel as isize / ny, pixel as isize % ny);
     let ways = (-reach..=reach).flat_map(move |i| (-reach..=reach).map(move |j| [i, j]));
