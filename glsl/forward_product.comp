@@ -76,6 +76,7 @@ void main() {
     uint tiles = (scene.scanned + LANES - 1u) / LANES;
     uint point = (gl_WorkGroupID.x % tiles) * LANES + lane;
     uint other = (gl_WorkGroupID.x / tiles) * FORWARD_OTHERS;
+    if (other >= scene.others) return;
     uint others = min(FORWARD_OTHERS, scene.others - other);
     bool owned = point < scene.scanned;
     uint voxels = counts[COUNT_ACTIVE];

@@ -280,7 +280,7 @@ impl Tuning {
     }
 
     /// Tiles of pairs, along x, of a rendering dispatch, by numbers of pairs, scanned and other points.
-    pub(in crate::solve) fn tiles(&self, geometry: Geometry, [pairs, scanned, others]: [usize; 3]) -> u64 {
+    pub fn tiles(&self, geometry: Geometry, [pairs, scanned, others]: [usize; 3]) -> u64 {
         let tiles = match geometry {
             Geometry::Product => {
                 scanned.div_ceil(self.lanes as usize) * others.div_ceil(self.others_forward as usize)
