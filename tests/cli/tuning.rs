@@ -91,7 +91,7 @@ fn sizes_that_no_device_takes_are_refused() {
         ("lanes=0", 1, "lanes is 0"),
         ("voxels=65536,slices=65537", 1, "voxels times slices"),
         ("lanes=1000000", 1, "more invocations"),
-        ("chunk=40000", 1, "too long"),
+        ("chunk=50000", 1, "too long"),
         ("lanes=64,window=100000", 1, "shared memory"),
         ("chunk=32768,window=64", 1, "loops longer"),
     ] {
