@@ -49,6 +49,8 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("limit_global_atomic", "limit_global_atomic.comp", &[]),
     ("limit_global_atomic_float", "limit_global_atomic.comp", &["ACCUMULATE_FLOAT"]),
     ("limit_load", "limit_load.comp", &[]),
+    ("limit_load_texels", "limit_load.comp", &["TEXELS"]),
+    ("limit_owned", "limit_owned.comp", &[]),
     ("limit_scattered_atomic", "limit_global_atomic.comp", &["SCATTERED"]),
     ("limit_scattered_atomic_float", "limit_global_atomic.comp", &["SCATTERED", "ACCUMULATE_FLOAT"]),
     ("limit_shared_atomic", "limit_shared_atomic.comp", &[]),
