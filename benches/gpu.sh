@@ -106,11 +106,11 @@ judge_speed() { if $quick; then printf 'skip  %s: a CPU, %s %s\n' "$1" "$2" "$4"
 # --- What is measured ---------------------------------------------------------------------------------------------
 
 if $smoke; then
-    size="--scan 8 --bin-width 0.02 --noise 0.1" lateral=16 paper=4 surface=10 short=2 repeats=1
+    size="--scan 8 --bin-width 0.02 --noise 0.1" lateral=16 paper=4 short=2 repeats=1
 elif $quick; then
-    size="--scan 16 --bin-width 0.012 --noise 0.05" lateral=32 paper=40 surface=30 short=4 repeats=2
+    size="--scan 16 --bin-width 0.012 --noise 0.05" lateral=32 paper=40 short=4 repeats=2
 else
-    size="--scan 32 --bin-width 0.006 --noise 0.02" lateral=128 paper=1000 surface=60 short=20 repeats=5
+    size="--scan 32 --bin-width 0.006 --noise 0.02" lateral=128 paper=1000 short=20 repeats=5
 fi
 
 if $smoke; then
