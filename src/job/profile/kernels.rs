@@ -230,7 +230,7 @@ mod tests {
         let of = |name: &str| k.iter().find(|k| k.name == name).unwrap();
         assert_eq!((of("forward").calls, of("forward").pairs, of("forward").seconds), (3, 550.0, 2.75));
         assert_eq!(of("forward").pairs_per_s, Some(200.0));
-        assert_eq!((of("forward").bytes, of("forward").share_of_limit), (300.0, Some(300.0 / 2.75 / 1e3)));
+        assert_eq!((of("forward").bytes, of("forward").share_of_limit), (300.0, Some(300.0 / 1e3 / 2.75)));
         assert_eq!((of("forward").limit, of("finish").limit), (Some(Limit::Memory), None));
         assert_eq!(of("finish").share_of_limit, None);
         assert_eq!(
