@@ -19,10 +19,10 @@ demo: build
 
 # Unit tests compute little: compiled without optimisation they are there in a third of the time.
 test: setup
-	CARGO_PROFILE_DEV_OPT_LEVEL=0 cargo test --locked --lib
-	cargo build --locked --examples
-	cargo test --locked --package thirdbounce --package thirdbounce-capi --bins --test '*'
-	cargo test --locked --doc
+	CARGO_PROFILE_DEV_OPT_LEVEL=0 .ci/timed cargo test --locked --lib
+	.ci/timed cargo build --locked --examples
+	.ci/timed cargo test --locked --package thirdbounce --package thirdbounce-capi --bins --test '*'
+	.ci/timed cargo test --locked --doc
 
 # The Python package, from its wheel in an empty virtual environment. Where there is no Python or no network, it says so.
 python-test: setup

@@ -7,13 +7,12 @@
 #    Stops here if a pass is wrong.
 # 2. Scenes, each solved with cold kernels, by a second process, and more often: seconds of the solve and of the whole command,
 #    device memory. Then once with time stamps: every kernel against the measured limits.
-# 3. Sizes of workgroups, chunks and columns by `profile --tune`, then both solvers on the paper's scene with them.
-# 4. Every accumulation path, in short runs of the paper's solver.
-# 5. One line, pass or FAIL, for each target of a GPU; exit status 1 after a FAIL.
+# 3. Every accumulation path, in short runs of the paper's solver.
+# 4. One line, pass or FAIL, for each target of a GPU; exit status 1 after a FAIL.
 # Prints tables and writes FOLDER/<device>-<driver>.json, by default to benches/results. Every part is kept as it is measured in a
 # folder of that name, so that nothing is lost if the run ends early. Scenes that no longer fit into ten minutes are left out.
-# Stops if there is only a CPU. --quick runs on a CPU too: small scenes, two repeats; --smoke is its shortest form, without parts 1,
-# 3 and 4, in which only the targets that do not depend on speed are judged. Both mark the file.
+# Stops if there is only a CPU. --quick runs on a CPU too: small scenes, two repeats; --smoke is its shortest form, without parts 1
+# and 3, in which only the targets that do not depend on speed are judged. Both mark the file.
 set -eu
 
 here=$(cd "$(dirname "$0")" && pwd)
@@ -107,11 +106,11 @@ judge_speed() { if $quick; then printf 'skip  %s: a CPU, %s %s\n' "$1" "$2" "$4"
 # --- What is measured ---------------------------------------------------------------------------------------------
 
 if $smoke; then
-    size="--scan 8 --bin-width 0.02 --noise 0.1" lateral=16 paper=4 surface=10 short=2 repeats=1
+    size="--scan 8 --bin-width 0.02 --noise 0.1" lateral=16 paper=4 short=2 repeats=1
 elif $quick; then
-    size="--scan 16 --bin-width 0.012 --noise 0.05" lateral=32 paper=40 surface=30 short=4 repeats=2
+    size="--scan 16 --bin-width 0.012 --noise 0.05" lateral=32 paper=40 short=4 repeats=2
 else
-    size="--scan 32 --bin-width 0.006 --noise 0.02" lateral=128 paper=1000 surface=60 short=20 repeats=5
+    size="--scan 32 --bin-width 0.006 --noise 0.02" lateral=128 paper=1000 short=20 repeats=5
 fi
 
 if $smoke; then
@@ -213,18 +212,6 @@ if ! $quick; then
 fi
 
 if ! $smoke; then
-    for solver in surface paper; do
-        title "sizes for the $solver solver, then with them"
-        iterations=$surface
-        [ $solver = surface ] || iterations=$((paper / 4))
-        set -- figure.npz --solver $solver --model cosine --lateral $lateral
-        run profile "$@" --iterations $iterations --tune --json tune.json
-        # Without the path of the cache.
-        sed 's|"file": ".*/|"file": "|' tune.json >"$parts/tune-$solver.json"
-        [ $solver = surface ] || iterations=$paper
-        run profile "$@" --iterations $iterations --quiet --json "$parts/tuned-$solver.json"
-    done
-    rm -rf "$XDG_CACHE_HOME"
     for path in owned float fixed fixed32 cas; do
         title "paper's solver, --accumulation $path"
         # A path that the device lacks is refused with its reason.
@@ -254,7 +241,7 @@ judge "this script" "$(($(date +%s) - began))" 600 s
     printf '"check": '
     cat "$parts/check.json"
     printf ',\n"verdicts": [%s]' "$(sed 's/"//g; s/.*/"&"/' verdicts | paste -s -d, -)"
-    for group in case- tune- tuned- accumulation-; do
+    for group in case- accumulation-; do
         printf ',\n"%s": ' "${group%-}"
         object "$group"
     done

@@ -1,9 +1,8 @@
 // Renders transients. A workgroup owns a tile of LANES consecutive pairs and a chunk of consecutive active voxels. A
 // lane owns one pair and iterates over the chunk, so lanes of a workgroup never add to the same bin, and all read the
 // same voxel at once (one broadcast load). Other workgroups share the pair, hence accumulate(), behind a private
-// column where atomics are slow (window.glsl). In the OWNED variant the chunk is the whole dispatch, so a histogram
-// belongs to one lane and a plain add suffices. Chunks stay below 65,535 loop turns, where lavapipe stops without an
-// error.
+// column where atomics are slow (window.glsl). Chunks stay below 65,535 loop turns, where lavapipe stops without an
+// error. CPUs run forward_owned.comp.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require

@@ -1,10 +1,8 @@
 // Renders transients of product scans. A workgroup owns LANES scanned points, FORWARD_OTHERS other points and a chunk
 // of active voxels. A lane owns one scanned point and its FORWARD_OTHERS histograms, and computes its arm to a voxel
-// once for all of them. The arms to the other points are common to all lanes. With SHARED the workgroup computes
-// those of BLOCK voxels jointly in shared memory: a pair then costs one sum of distances and one product, plus 1 /
-// FORWARD_OTHERS and 1 / LANES of an arm. Without SHARED every lane computes them: on a CPU a lane is a vector
-// component, one arm or eight take the same time, and barriers cost more than arms. OWNED as in forward.comp. Loop
-// turns: about CHUNK * (FORWARD_OTHERS + 1).
+// once for all of them. The arms to the other points are common to all lanes: the workgroup computes those of BLOCK
+// voxels jointly in shared memory. A pair then costs one sum of distances and one product, plus 1 / FORWARD_OTHERS and
+// 1 / LANES of an arm. Loop turns: about CHUNK * (FORWARD_OTHERS + 1). CPUs run forward_owned.comp.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require
@@ -23,7 +21,6 @@ layout(constant_id = 10) const uint LANES = 64u;
 layout(constant_id = 11) const uint CHUNK = 256u;
 layout(constant_id = 12) const uint SPLIT = 1u;
 layout(constant_id = 14) const uint FORWARD_OTHERS = 1u;
-layout(constant_id = 15) const uint SHARED = 1u;
 layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 #include "chunks.glsl"
 #include "samples.glsl"
@@ -39,8 +36,8 @@ float fixed_scale;
 #include "window.glsl"
 
 const uint BLOCK = 64u;
-shared vec2 other_arms[SHARED * BLOCK * FORWARD_OTHERS + 1u]; // distance, factor of the value
-shared float other_rests[FINE * SHARED * BLOCK * FORWARD_OTHERS + 1u];
+shared vec2 other_arms[BLOCK * FORWARD_OTHERS]; // distance, factor of the value
+shared float other_rests[FINE * BLOCK * FORWARD_OTHERS + 1u];
 
 // An arm's factor of the value, for a surface in this direction; `directed`: with the surface's cosine.
 float part(Arm arm, vec3 direction, bool directed) {
@@ -76,6 +73,7 @@ void main() {
     uint tiles = (scene.scanned + LANES - 1u) / LANES;
     uint point = (gl_WorkGroupID.x % tiles) * LANES + lane;
     uint other = (gl_WorkGroupID.x / tiles) * FORWARD_OTHERS;
+    if (other >= scene.others) return;
     uint others = min(FORWARD_OTHERS, scene.others - other);
     bool owned = point < scene.scanned;
     uint voxels = counts[COUNT_ACTIVE];
@@ -93,28 +91,6 @@ void main() {
     }
     vec3 here = owned ? wall[point].xyz : vec3(0.0);
     vec3 normal = owned && CURVED != 0u ? wall[normals + point].xyz : vec3(0.0);
-    if (SHARED == 0u) {
-        if (!owned) return;
-        vec3 there[FORWARD_OTHERS];
-        vec3 there_normal[FORWARD_OTHERS];
-        for (uint k = 0u; k < FORWARD_OTHERS; ++k) {
-            uint at = scene.scanned + other + min(k, others - 1u);
-            there[k] = wall[at].xyz;
-            there_normal[k] = CURVED != 0u ? wall[normals + at].xyz : vec3(0.0);
-        }
-        for (uint slot = begin; slot < end; ++slot) {
-            Arm a = arm_to(here, normal, point_at(slot).xyz);
-            float value = part(a, NORMALS ? normal_at(slot) : vec3(0.0), NORMALS);
-            for (uint k = 0u; k < FORWARD_OTHERS; ++k) {
-                if (k < others) meet(a, value, other_arm(there[k], there_normal[k], slot), k, row_of(other + k, point));
-            }
-            if (RUNS != 0u && slot % LONGEST_RUN == 0u) {
-                for (uint k = 0u; k < others; ++k) flush(row_of(other + k, point), runs[k]);
-            }
-        }
-        for (uint k = 0u; k < others; ++k) finish_run(column_of(k), row_of(other + k, point), runs[k]);
-        return;
-    }
     for (uint block = begin; block < end; block += BLOCK) {
         uint held = min(BLOCK, end - block);
         barrier();

@@ -100,12 +100,12 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     ("PADDING", 3, "cells before every histogram, and after the last one, that are no bins"),
     (
         "OWNED_CHUNK",
-        32768,
+        49152,
         "voxels per dispatch of the owned forward kernel: below the loop limit of lavapipe",
     ),
     ("PAIR_CHUNK", 24576, "pairs per dispatch of the backward kernel: below the loop limit of lavapipe"),
     ("PATIENCE", 16, "contributions outside a window after which it moves"),
-    ("OTHERS_FORWARD", 4, "other points that a workgroup of the forward kernel processes together"),
+    ("OTHERS_FORWARD", 2, "other points that a workgroup of the forward kernel processes together"),
     (
         "OTHERS_BACKWARD",
         4,

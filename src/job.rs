@@ -7,6 +7,7 @@
 mod advice;
 pub mod batch;
 pub mod benchmark;
+mod cache;
 pub mod compare;
 pub mod demo;
 mod evaluate;
@@ -23,7 +24,6 @@ mod report;
 mod request;
 mod run;
 mod simulated;
-mod sizes;
 mod words;
 
 use std::path::{Path, PathBuf};
@@ -43,6 +43,7 @@ pub use crate::solve::{Bins, SolverOptions, method};
 pub use advice::suggestions;
 pub use batch::{Batch, batch};
 pub use benchmark::{Benchmark, benchmark};
+pub use cache::usual_pipeline_cache;
 pub use compare::{Compared, Comparison, Foreign, ForeignResult, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
@@ -52,7 +53,6 @@ pub use places::{PREVIEW, check_file, check_inputs, check_not_input};
 pub use request::Request;
 pub use run::{Outcome, Solved, run, solve};
 pub use simulated::{Simulated, Simulation, simulate};
-pub use sizes::usual_pipeline_cache;
 pub use words::{plain, write_json};
 
 /// A capture that is ready to be reconstructed.

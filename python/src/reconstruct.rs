@@ -29,7 +29,7 @@ pub fn reconstruct<'py>(
             let device = settings.device.clone();
             let loaded = job::take(capture, &settings)?;
             let gpu = devices::open(&device)?;
-            let request = Request { tuned: true, ..Request::new(settings, "") };
+            let request = Request::new(settings, "");
             let solved = job::solve(&request, &loaded, &gpu, &mut |p| teller.hear(p));
             if solved.as_ref().is_err_and(|e| e.kind == Kind::Device) {
                 devices::forget(&device);

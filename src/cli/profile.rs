@@ -8,7 +8,7 @@ use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::job::profile::{
     self, DeviceLimits, KernelProfile, Profile, ProfileRequest, check, device_of, limits,
 };
-use thirdbounce::job::{Loaded, Request, write_json};
+use thirdbounce::job::{plain, write_json};
 use thirdbounce::{Error, Kind, Result};
 
 use super::progress::Meter;
@@ -35,13 +35,9 @@ pub struct Args {
     /// accumulation path of the device, and measure the device's limits
     #[arg(long, conflicts_with_all = ["capture", "trace", "out"])]
     pub check: bool,
-    /// Try several sizes of workgroups, chunks and columns instead of one solve, and keep the fastest for later runs
-    /// with the same device, solver, kind of pairs and model
-    #[arg(long, conflicts_with_all = ["trace", "out", "check", "sizes"])]
-    tune: bool,
     /// Compile the kernels of the solve and print what the driver says of each: registers, shared memory, spills,
     /// instructions, occupancy. Nothing runs and no buffer is made. Without a capture, for a scan of 32 x 32 points
-    #[arg(long, conflicts_with_all = ["trace", "out", "check", "tune"])]
+    #[arg(long, conflicts_with_all = ["trace", "out", "check"])]
     pub compile: bool,
     /// Folder for the driver's listings of the compiled kernels, down to machine code
     #[arg(long, value_name = "DIR", requires = "compile")]
@@ -69,9 +65,6 @@ pub fn run(args: &Args) -> Result<()> {
             say(text);
         }
     };
-    if args.tune {
-        return tune(args, &loaded, &request, &mut tell);
-    }
     let (json, trace, out) = (args.json.clone(), args.trace.clone(), args.out.clone());
     let what = ProfileRequest { request, json, trace, out };
     interrupt::stop_in_order();
@@ -87,28 +80,6 @@ pub fn run(args: &Args) -> Result<()> {
         print(&format!("wrote     {}", files.join("\n          ")));
     }
     Ok(())
-}
-
-fn tune(args: &Args, loaded: &Loaded, request: &Request, tell: &mut dyn FnMut(&str)) -> Result<()> {
-    if let Some(file) = &args.json {
-        thirdbounce::job::check_file(file)?;
-    }
-    let tuned = profile::tune::tune(request, loaded, tell)?;
-    let mut text = format!("for       {}\n", tuned.class);
-    text += &match tuned.best.is_default() {
-        true => "best      the default sizes\n".to_string(),
-        false => {
-            format!("best      --sizes {}, {:.2} of the time with the defaults\n", tuned.best, tuned.ratio)
-        }
-    };
-    if let Some(file) = &tuned.file {
-        text += &format!("kept      {}\n", file.display());
-    }
-    print(&text);
-    match &args.json {
-        Some(file) => write_json(file, &tuned, true),
-        None => Ok(()),
-    }
 }
 
 fn compile(args: &Args) -> Result<()> {
@@ -189,12 +160,14 @@ fn check_device(args: &Args) -> Result<()> {
 fn limits_text(l: &DeviceLimits) -> String {
     let float = l.global_atomic_float_per_s.map_or("none".into(), number);
     format!(
-        "limits    per second: fma {}, inversesqrt {}, cached words {}, atomics: shared {}, global {}, float {float},\n\
-        \x20         lanes in different histograms {};\n\
+        "limits    per second: fma {}, inversesqrt {}, cached words {}, as texels {}, owned additions {},\n\
+        \x20         atomics: shared {}, global {}, float {float}, lanes in different histograms {};\n\
         \x20         copies {}/s read and written, a dispatch {}\n",
         number(l.fma_per_s),
         number(l.special_per_s),
         number(l.load_per_s),
+        number(l.texel_per_s),
+        l.owned_addition_per_s.map_or("none".into(), number),
         number(l.shared_atomic_per_s),
         number(l.global_atomic_per_s),
         number(l.scattered_atomic_per_s),
@@ -211,8 +184,8 @@ fn table(p: &Profile) -> String {
     let (t, g, i) = (&p.totals, &p.gaps, &p.iterations);
     let mut out = format!("device    {} ({})\n{}\n", p.device.name, p.device.driver, limits_text(&p.limits));
     out += &format!(
-        "{:<22}{:>7}{:>11}{:>8}{:>12}{:>12}{:>9}  {}\n",
-        "kernel", "calls", "seconds", "share", "pairs", "pairs/s", "of copy", "registers, shared memory"
+        "{:<22}{:>7}{:>11}{:>8}{:>12}{:>12}{:>19}  {}\n",
+        "kernel", "calls", "seconds", "share", "pairs", "pairs/s", "of its limit", "registers, shared memory"
     );
     p.kernels.iter().for_each(|k| out += &line(k));
     out += &format!("{:<22}{:>7}{:>11.4}\n\n", "all", "", t.device_s);
@@ -247,11 +220,12 @@ fn line(k: &KernelProfile) -> String {
     let dash = || "-".to_string();
     let pairs = if k.pairs > 0.0 { format!("{:.3e}", k.pairs) } else { dash() };
     let rate = k.pairs_per_s.filter(|r| *r > 0.0).map_or_else(dash, |r| format!("{r:.3e}"));
-    let limit = k.share_of_limit.map_or_else(dash, |s| format!("{:.1} %", 100.0 * s));
+    let limit = k.limit.zip(k.share_of_limit);
+    let limit = limit.map_or_else(dash, |(name, share)| format!("{} {:.1} %", plain(&name), 100.0 * share));
     let statistics = k.statistics.iter().filter(|(n, _)| tells(n)).map(|(n, v)| format!("{n} {v}"));
     let notes: Vec<String> = statistics.collect();
     format!(
-        "{:<22}{:>7}{:>11.4}{:>6.1} %{pairs:>12}{rate:>12}{limit:>9}  {}\n",
+        "{:<22}{:>7}{:>11.4}{:>6.1} %{pairs:>12}{rate:>12}{limit:>19}  {}\n",
         k.name,
         k.calls,
         k.seconds,

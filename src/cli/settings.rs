@@ -268,7 +268,6 @@ pub fn load(path: &Path, given: &SettingsArgs<ALL>, device: &DeviceArgs) -> Resu
 /// The request without truth and without a folder of results.
 pub fn request(given: &SettingsArgs<ALL>, device: &DeviceArgs) -> Result<Request> {
     Ok(Request {
-        tuned: true,
         pipeline_cache: device.pipeline_cache(),
         validation: device.validation,
         ..Request::new(given.settings()?, "")

@@ -10,7 +10,7 @@ pub mod compile;
 mod kernels;
 pub mod limits;
 mod trace;
-pub mod tune;
+mod work;
 
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
@@ -31,6 +31,7 @@ use crate::{Error, Result};
 
 pub use kernels::{Gaps, IterationProfile, KernelProfile};
 pub use limits::DeviceLimits;
+pub use work::Limit;
 
 /// What to profile, and the files to write. [`Request::out`] is ignored.
 #[derive(Debug, Clone, PartialEq)]
@@ -150,8 +151,7 @@ pub fn profile(
     let mut recording = gpu.take_recording();
     let prepare_s = complete(&mut recording, began, loaded.seconds);
     let voxels = voxels_of(&result.plan, done.job.solver.common().min_depth);
-    let kernels =
-        kernels::times(&recording, &kernels::bytes_of(&result.plan), &result.trace, &voxels, &limits);
+    let kernels = kernels::times(&recording, &work::works_of(&result.plan), &result.trace, &voxels, &limits);
     let profile = Profile {
         version: env!("CARGO_PKG_VERSION").into(),
         device: device_of(&gpu),

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use super::preview::Preview;
-use super::sizes;
 use super::{Loaded, Request, advice};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
@@ -47,9 +46,6 @@ pub fn solve<'c>(
     let (mut along, mut snapshots) = (BTreeMap::new(), Vec::new());
     let mut job = Job::resolve(&request.settings, &loaded.capture, gpu, hear)?;
     job.keep_volume |= request.volume_file.is_some();
-    if request.tuned {
-        job.solver = sizes::with_kept(&job.solver, gpu, &job.capture);
-    }
     let volume = job.solver.common().iterations[0];
     let previews = if preview.is_some() { vec![volume / 4, volume] } else { vec![] };
     let mut measure = |progress: &Progress| {
@@ -106,11 +102,7 @@ pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Result<()> {
     let Ready { capture, grid, .. } = resolved.ready(Cow::Borrowed(&loaded.capture))?;
     let mut stop = |_: &Progress| ControlFlow::Break(());
     let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
-    let solver = match request.tuned {
-        true => sizes::with_kept(&resolved.solver, gpu, &capture),
-        false => resolved.solver.clone(),
-    };
-    match solver.solve(gpu, &resolved.problem(&capture, grid), &mut watch) {
+    match resolved.solver.solve(gpu, &resolved.problem(&capture, grid), &mut watch) {
         Err(e) if e.kind != Kind::Cancelled => Err(advice::advise(e, request, loaded, gpu)),
         _ => Ok(()),
     }

@@ -31,8 +31,6 @@ pub struct Request {
     pub preview: bool,
     /// Time every kernel, and record the work of host and device.
     pub timings: bool,
-    /// Use the sizes that [`super::profile::tune`] found for this device and kind of scene, if there are any.
-    pub tuned: bool,
     /// Folder in which compiled kernels are kept between runs, see [`super::usual_pipeline_cache`].
     pub pipeline_cache: Option<PathBuf>,
     /// Turn on the Vulkan validation layer.

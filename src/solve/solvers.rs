@@ -10,7 +10,7 @@ use super::closed_form::{
 };
 use super::option::{Given, OptionValue, Row, SceneTraits, default_text};
 use super::{
-    Common, PaperOptions, PaperSettings, Plan, Prepared, Problem, Reconstruction, RunsOn, Sizes, Solver,
+    Common, PaperOptions, PaperSettings, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver,
     SurfaceOptions, SurfaceSettings, TimedSchedule, Watch, default_volume, surface,
 };
 use crate::capture::Capture;
@@ -247,13 +247,6 @@ impl SolverOptions {
     pub fn with_lateral(&self, lateral: usize) -> SolverOptions {
         let mut other = self.clone();
         other.set("lateral", &OptionValue::Count(lateral));
-        other
-    }
-
-    /// The same options with other sizes.
-    pub fn with_sizes(&self, sizes: Sizes) -> SolverOptions {
-        let mut other = self.clone();
-        other.set("sizes", &OptionValue::Word(sizes.to_string()));
         other
     }
 

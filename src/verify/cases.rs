@@ -121,6 +121,8 @@ fn instruments() -> Vec<Case> {
     for pulse in [long, early, late, PulseTaps::identity()] {
         all.push(Case { paths: ONLY_FIXED, ..of("surface, pulses", pulsed(pulse)) });
     }
+    let blocks = Sizes { blocks: true, ..Sizes::default() };
+    all.push(Case { sizes: blocks, ..of("surface, pulses", pulsed(tail())) });
     // On a lattice, at points that form none, at both sides.
     let spots = |model: &Model| spotted(model, spots_for(model.wall.geometry));
     let lattice = of("surface, spots", spots(&base));

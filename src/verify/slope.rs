@@ -48,7 +48,7 @@ pub fn slope(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<C
         all = vec![Variables { state: buffer::HEIGHTS, parts: 2, steps: &[1e-6, 1e-3], moments, share: 0.1 }];
         let (plan, count) = (steps.job.plan.clone(), both(&case.grid, 61).len());
         let Solver::Surface { points, .. } = case.solver else { return Ok(vec![]) };
-        steps.run(|s, plan| surface::start_of(s, plan.finest(), count, points))?;
+        steps.run(|s, plan| surface::start_of(s, plan, plan.finest(), count, points))?;
         measure(&mut steps.job, count)?;
         surface::iteration(&mut s, &plan, plan.finest(), count, [0, 0, 12]);
     } else {

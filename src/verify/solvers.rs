@@ -210,7 +210,7 @@ fn paper_steps(
 
 fn surface_steps(steps: &mut Steps, pixels: &Pixels) -> Result<()> {
     let (count, points) = (pixels.len(), points_of(&steps.job.plan));
-    steps.run(|s, plan| surface::start_of(s, plan.finest(), count, points))?;
+    steps.run(|s, plan| surface::start_of(s, plan, plan.finest(), count, points))?;
     for i in 0..3 {
         steps.run(|s, plan| surface::iteration(s, plan, plan.finest(), count, [i, i, 12]))?;
     }
@@ -230,10 +230,10 @@ pub fn whole(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<C
     let mut left = vec![buffer::TRACE];
     if let Solver::Surface { points, .. } = case.solver {
         let count = both(&case.grid, 61).len();
-        perform(&mut job, &Schedule::of(|s| surface::start_of(s, level, count, points)))?;
+        perform(&mut job, &Schedule::of(|s| surface::start_of(s, &plan, level, count, points)))?;
         measure(&mut job, count)?;
         write(&mut job, buffer::COUNTS, &[0u32; COUNTS as usize])?;
-        surface::start_of(&mut s, level, count, points);
+        surface::start_of(&mut s, &plan, level, count, points);
         (0..ITERATIONS).for_each(|i| surface::iteration(&mut s, &plan, level, count, [i, i, 12]));
         left.extend([buffer::HEIGHTS, buffer::HEIGHT_MOMENTS]);
     } else {

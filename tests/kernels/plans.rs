@@ -1,11 +1,14 @@
-//! What plans give to kernels by the device: columns, polished distances.
+//! What plans give to kernels: columns and polished distances by the device, sizes by the pairs.
 
 use fixtures::device::*;
+use glam::dvec3;
 use thirdbounce::Kind;
-use thirdbounce::gpu::{Abilities, DeviceKind, Limits};
-use thirdbounce::solve::{Accumulation, Plan, Sizes};
-use thirdbounce::transport::kernels::constant;
-use thirdbounce::transport::{Geometry, Model, Reflectance};
+use thirdbounce::gpu::{Abilities, DeviceKind, Limits, Schedule};
+use thirdbounce::solve::passes::RESIDUAL;
+use thirdbounce::solve::{Accumulation, Plan, Sizes, surface};
+use thirdbounce::transport::kernels::*;
+use thirdbounce::transport::{Geometry, Model, Reflectance, Wall};
+use thirdbounce::verify::place;
 
 /// A card that has no more than Vulkan promises gets narrower columns where a product's arms lie beside them.
 #[test]
@@ -47,5 +50,35 @@ fn a_gpus_distances_are_polished_where_its_root_is_too_rough() {
             assert_eq!((plan.scene.polished, plan.scene.fine), (asks, fine), "{bins} bins, {kind}");
             assert_eq!(plan.constant(constant::POLISHED), Some(u32::from(asks)));
         }
+    }
+}
+
+/// Iterations take batches of pairs, judgements all of them: neither may run with the sizes of the other.
+#[test]
+fn passes_have_the_sizes_of_the_pairs_that_they_take() {
+    let (gpu, grid) = (gpu(), oblong());
+    let base = model(24, 32, 3);
+    let one = Wall { geometry: Geometry::Product, others: vec![dvec3(0.1, 0.0, 0.0)], ..base.wall.clone() };
+    for wall in [base.wall.clone(), one] {
+        let model = Model { wall, is_spread: true, ..base.clone() };
+        let mut job = job(&gpu, &model, &grid, &Fit::of(&grid, 1));
+        let (plan, field) = (job.plan.clone(), field(&grid, 61));
+        let level = plan.levels.pixels.expect("a surface");
+        assert_eq!(plan.levels.batches.len(), 2);
+        place(&mut job, &field).expect("uploads run");
+        zero_histograms(&mut job);
+        let tiles = |pairs: usize| plan.division.tuning.tiles(model.wall.geometry, [pairs, pairs, 1]) as u32;
+        let mut sized = |write: &dyn Fn(&mut Schedule)| {
+            job.perform(&Schedule::of(write));
+            // Residuals empty the rows of the pairs that they compare, and no others.
+            assert!(read_rows::<f32>(&mut job, buffer::HISTOGRAMS).iter().all(|v| *v == 0.0));
+            read::<u32>(&mut job, buffer::ARGUMENTS, 3 * ARGUMENTS_FORWARD as usize + 1).pop()
+        };
+        let of_batch = Some(tiles(288));
+        assert!(of_batch < Some(tiles(576)));
+        assert_eq!(sized(&|s| surface::start_of(s, &plan, &level, field.len(), 1)), of_batch);
+        assert_eq!(sized(&|s| surface::iteration(s, &plan, &level, field.len(), [0, 0, 12])), of_batch);
+        assert_eq!(sized(&|s| surface::render(s, &plan, &level, field.len(), &RESIDUAL)), of_batch);
+        assert_eq!(sized(&|s| surface::iteration(s, &plan, &level, field.len(), [1, 1, 12])), of_batch);
     }
 }

@@ -124,7 +124,7 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     // As the start of a volume does.
     let mut s = Schedule::default();
     s.fill(buffer::COUNTS, job.plan.bytes_of(buffer::COUNTS), 0);
-    surface::start_of(&mut s, job.plan.finest(), field.len(), 4);
+    surface::start_of(&mut s, &job.plan, job.plan.finest(), field.len(), 4);
     runs.run(&mut job, s);
     for i in 0..2 {
         let s =

@@ -94,7 +94,7 @@ fn a_dense_start_of_a_large_scan_is_many_dispatches() {
         let plan = surface_plan(&model, [256, 256]);
         let count = surface::pixels(&plan);
         for s in [
-            Schedule::of(|s| surface::start_of(s, plan.finest(), count, surface::points_of(&plan))),
+            Schedule::of(|s| surface::start_of(s, &plan, plan.finest(), count, surface::points_of(&plan))),
             Schedule::of(|s| surface::iteration(s, &plan, plan.finest(), count, [0, 0, 12])),
         ] {
             let long = s.commands.iter().filter(|c| c.work() > MOST);

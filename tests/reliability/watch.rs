@@ -50,7 +50,7 @@ fn a_nan_is_found_where_it_is_read() {
         for cleared in [buffer::COUNTS, buffer::HISTOGRAMS] {
             s.fill(cleared, job.plan.bytes_of(cleared), 0);
         }
-        surface::start_of(&mut s, job.plan.finest(), field.len(), 4);
+        surface::start_of(&mut s, &job.plan, job.plan.finest(), field.len(), 4);
         for i in 0..3 {
             if i == 2 {
                 // Where they are read: the first pixel, the first bin of the first pair, the first point of the wall.

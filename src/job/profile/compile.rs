@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::super::{Request, places, planned, sizes};
+use super::super::{Request, places, planned};
 use super::device_of;
 use crate::Result;
 use crate::capture::Capture;
@@ -92,7 +92,7 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
         Gpu::open(&GpuOptions { statistics: true, listings: listings.is_some(), ..request.gpu_options() })?;
     let resolved = request.resolved(capture);
     let Ready { capture, grid, .. } = planned::to_plan(&resolved, capture)?;
-    let solver = sizes::with_kept(&resolved.solver, &gpu, &capture);
+    let solver = &resolved.solver;
     let plan = solver.plan(&resolved.problem(&capture, grid), &gpu.abilities())?;
     let mut kernels = vec![];
     for pass in &plan.passes {

@@ -5,8 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 
 use super::limits::DeviceLimits;
-use crate::gpu::{Buffer, Ran, Recording};
-use crate::solve::{Pass, Plan, TracePoint, Voxels, pass_of};
+use super::work::{Limit, Work};
+use crate::gpu::{Ran, Recording};
+use crate::solve::{TracePoint, Voxels, pass_of};
 
 /// A kernel's part in a solve. A null value is not known or does not apply: most kernels evaluate no pairs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
@@ -31,7 +32,10 @@ pub struct KernelProfile {
     pub bytes: f64,
     /// Bytes per second.
     pub bytes_per_s: Option<f64>,
-    /// Bytes per second over those of a copy from buffer to buffer on this device.
+    /// The limit of the device that binds it.
+    #[serde(default)]
+    pub limit: Option<Limit>,
+    /// Least seconds that this limit allows for the kernel's operations, over the seconds taken.
     pub share_of_limit: Option<f64>,
     /// Registers, shared memory and so on, with the driver's names.
     pub statistics: BTreeMap<String, f64>,
@@ -63,11 +67,11 @@ pub struct IterationProfile {
     pub overhead_s: f64,
 }
 
-/// The profiles of all kernels, the longest first. `bytes` holds those of a dispatch by kernel, `grid_voxels` the voxels beyond the least depth, by lateral
-/// resolution.
+/// The profiles of all kernels, the longest first. `works` holds their operations, `grid_voxels` the voxels beyond the least
+/// depth, by lateral resolution.
 pub fn times(
     recording: &Recording,
-    bytes: &BTreeMap<&str, u64>,
+    works: &BTreeMap<&str, Work>,
     trace: &[TracePoint],
     grid_voxels: &BTreeMap<u64, usize>,
     limits: &DeviceLimits,
@@ -106,23 +110,18 @@ pub fn times(
             if over_pairs && k.seconds > 0.0 {
                 k.pairs_per_s = Some(k.pairs / k.seconds);
             }
-            k.bytes = bytes.get(kernel).map_or(0.0, |of_dispatch| (of_dispatch * k.calls) as f64);
+            let work = works.get(kernel).copied().unwrap_or_default();
+            k.bytes = (work.bytes * k.calls) as f64;
             if k.bytes > 0.0 && k.seconds > 0.0 {
                 k.bytes_per_s = Some(k.bytes / k.seconds);
-                k.share_of_limit = Some(k.bytes / k.seconds / limits.copy_bytes_per_s);
+                let bound = work.bound(limits, k.calls, k.pairs);
+                (k.limit, k.share_of_limit) = (bound.map(|b| b.0), bound.map(|b| b.1 / k.seconds));
             }
             k
         })
         .collect();
     list.sort_by(|a, b| b.seconds.total_cmp(&a.seconds));
     list
-}
-
-/// Bytes of the buffers that a dispatch of each pass reads and writes, by kernel.
-pub fn bytes_of(plan: &Plan) -> BTreeMap<&'static str, u64> {
-    let size = |buffer: Buffer| plan.buffers.iter().find(|b| b.buffer == buffer).map_or(0, |b| b.bytes);
-    let of = |pass: &Pass| pass.reads(plan).chain(pass.writes(plan)).map(size).sum();
-    plan.passes.iter().map(|pass| (pass.kernel.name(), of(pass))).collect()
 }
 
 /// Commands that belong to a stage, with the stage's index: the solver's own work.
@@ -226,11 +225,13 @@ mod tests {
     #[test]
     fn pairs_count_once_per_pass_with_the_voxels_of_their_iteration() {
         let limits = DeviceLimits { copy_bytes_per_s: 1e3, ..DeviceLimits::default() };
-        let k = times(&recording(), &[("forward", 100)].into(), &trace(), &[(8, 1000)].into(), &limits);
+        let works = [("forward", Work { bytes: 100, ..Work::default() })].into();
+        let k = times(&recording(), &works, &trace(), &[(8, 1000)].into(), &limits);
         let of = |name: &str| k.iter().find(|k| k.name == name).unwrap();
         assert_eq!((of("forward").calls, of("forward").pairs, of("forward").seconds), (3, 550.0, 2.75));
         assert_eq!(of("forward").pairs_per_s, Some(200.0));
-        assert_eq!((of("forward").bytes, of("forward").share_of_limit), (300.0, Some(300.0 / 2.75 / 1e3)));
+        assert_eq!((of("forward").bytes, of("forward").share_of_limit), (300.0, Some(300.0 / 1e3 / 2.75)));
+        assert_eq!((of("forward").limit, of("finish").limit), (Some(Limit::Memory), None));
         assert_eq!(of("finish").share_of_limit, None);
         assert_eq!(
             (of("backward_project").pairs, of("backward_project").kernel.as_str()),

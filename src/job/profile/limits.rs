@@ -18,6 +18,12 @@ pub struct DeviceLimits {
     pub special_per_s: f64,
     /// Words loaded per second from the nearest cache.
     pub load_per_s: f64,
+    /// Words loaded per second from the nearest cache as texels.
+    #[serde(default)]
+    pub texel_per_s: f64,
+    /// Additions per second to words that belong to a lane, on a CPU.
+    #[serde(default)]
+    pub owned_addition_per_s: Option<f64>,
     /// Atomic additions in shared memory per second.
     pub shared_atomic_per_s: f64,
     /// Atomic additions in global memory per second.
@@ -55,6 +61,9 @@ const FMA: Probe = Probe { kernel: &kernel::LIMIT_FMA, turns: 1024, per_turn: 32
 const SPECIAL: Probe =
     Probe { kernel: &kernel::LIMIT_SPECIAL, turns: 512, per_turn: 8, right: special_right };
 const LOAD: Probe = Probe { kernel: &kernel::LIMIT_LOAD, turns: 512, per_turn: 4, right: load_right };
+const TEXELS: Probe =
+    Probe { kernel: &kernel::LIMIT_LOAD_TEXELS, turns: 512, per_turn: 4, right: load_right };
+const OWNED: Probe = Probe { kernel: &kernel::LIMIT_OWNED, turns: 64, per_turn: 4, right: owned_right };
 const SHARED: Probe =
     Probe { kernel: &kernel::LIMIT_SHARED_ATOMIC, turns: 512, per_turn: 4, right: shared_right };
 const GLOBAL: Probe =
@@ -85,9 +94,13 @@ fn load_right(word: u32, i: u32, [turns, ..]: [u32; 3]) -> bool {
     word == (0..4 * turns).fold(0u32, |sum, step| sum.wrapping_add(at(step)))
 }
 
-/// Word `i` of the table that the load kernel reads.
+/// Word `i` of the table that the load kernel reads. As a float it is normal, so that texels keep its bits.
 fn table(i: u32) -> u32 {
-    i.wrapping_mul(2_654_435_761)
+    i.wrapping_mul(2_654_435_761) >> 9 | 0x3f80_0000
+}
+
+fn owned_right(word: u32, _: u32, [turns, _, dispatches]: [u32; 3]) -> bool {
+    f32::from_bits(word) == (4 * turns * dispatches) as f32
 }
 
 fn shared_right(word: u32, _: u32, [turns, ..]: [u32; 3]) -> bool {
@@ -133,10 +146,13 @@ fn scattered_float_right(word: u32, i: u32, did: [u32; 3]) -> bool {
 pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
     let mut bench = Bench::new(gpu)?;
     let float = gpu.accumulations.float;
+    let cpu = gpu.info.kind == DeviceKind::Cpu;
     Ok(DeviceLimits {
         fma_per_s: bench.rate(&FMA)?,
         special_per_s: bench.rate(&SPECIAL)?,
         load_per_s: bench.rate(&LOAD)?,
+        texel_per_s: bench.rate(&TEXELS)?,
+        owned_addition_per_s: if cpu { Some(bench.rate(&OWNED)?) } else { None },
         shared_atomic_per_s: bench.rate(&SHARED)?,
         global_atomic_per_s: bench.rate(&GLOBAL)?,
         global_atomic_float_per_s: if float { Some(bench.rate(&FLOAT)?) } else { None },
@@ -329,7 +345,9 @@ mod tests {
         let gpu = gpu();
         let mut bench = Bench::new(&gpu).unwrap();
         let float = gpu.accumulations.float.then_some([&FLOAT, &SCATTERED_FLOAT]).into_iter().flatten();
-        for probe in [&FMA, &SPECIAL, &LOAD, &SHARED, &GLOBAL, &SCATTERED].into_iter().chain(float) {
+        let cpu = (gpu.info.kind == DeviceKind::Cpu).then_some(&OWNED);
+        let all = [&FMA, &SPECIAL, &LOAD, &TEXELS, &SHARED, &GLOBAL, &SCATTERED];
+        for probe in all.into_iter().chain(cpu).chain(float) {
             bench.add(probe.kernel).unwrap();
             // More groups than there are sets of atomic words, and not a multiple of them.
             bench.check(probe, 1100).unwrap();
@@ -367,7 +385,8 @@ mod tests {
         let l = measure(&gpu).unwrap();
         println!("{l:?} in {:?}", start.elapsed());
         let atomics = [l.shared_atomic_per_s, l.global_atomic_per_s, l.scattered_atomic_per_s];
-        let rates = [[l.fma_per_s, l.special_per_s, l.load_per_s], atomics].concat();
+        let others = [l.fma_per_s, l.special_per_s, l.load_per_s, l.texel_per_s];
+        let rates = [&others[..], &atomics, l.owned_addition_per_s.as_slice()].concat();
         assert!(rates.iter().all(|r| *r > 1e6 && r.is_finite()), "{l:?}");
         assert_eq!(l.global_atomic_float_per_s.is_some(), gpu.accumulations.float);
         assert!(l.copy_bytes_per_s > 1e7 && l.dispatch_s > 1e-8 && l.dispatch_s < 0.1, "{l:?}");

@@ -58,8 +58,7 @@ options! {
         }
         "Device" {
             /// Sizes of the work: lanes=N,chunk=N,window=N of the forward pass, voxels=N,slices=N of the backward pass
-            /// [default: those that `profile --tune` found for this device and kind of scene, else those for the
-            /// device's kind]
+            /// [default: those for the device's kind]
             #[serde(default)]
             #[serde(skip_serializing_if = "Sizes::is_default")]
             sizes: Sizes = Sizes::default(), Range::Sizes;

@@ -45,6 +45,7 @@ impl Plan {
         vec![
             (constant::RUNS, u32::from(self.division.runs)),
             (constant::LANES, t.lanes),
+            (constant::HELD, t.held),
             (constant::CHUNK, t.chunk),
             (constant::WINDOW, t.window),
             (constant::VOXELS, t.voxels),
@@ -53,7 +54,6 @@ impl Plan {
             (constant::FORWARD_FILL, t.forward_fill),
             (constant::GROUPED, u32::from(t.group_losses)),
             (constant::FORWARD_OTHERS, if product { t.others_forward } else { 0 }),
-            (constant::SHARED, u32::from(t.share_arms)),
             (constant::OTHERS, t.others_backward),
             (constant::SET_CELLS, self.set_cells()),
             (constant::FORWARD_SETS, self.most_sets()),

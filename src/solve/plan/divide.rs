@@ -46,7 +46,11 @@ impl Division {
         device: &Abilities,
     ) -> Result<Division> {
         let accumulation = choose(demand.accumulation, device.kind, device.accumulations)?;
-        let mut tuning = Tuning::new(model, domain.capacity, accumulation, device, &demand.sizes)?;
+        let scanned = match levels.batches.first() {
+            Some(batch) => batch.rendered.scanned,
+            None => model.rendered_wall().scanned.len(),
+        };
+        let mut tuning = Tuning::new(model, [domain.capacity, scanned], accumulation, device, &demand.sizes)?;
         let texels = if tuning.texels && !demand.general { device.limits.texels } else { 0 };
         tuning.texels = texels_at_most(model, domain.touched_capacity) <= texels;
         // Fixed point adds without rounding, and a window already sums in two levels.

@@ -32,13 +32,17 @@ impl Plan {
                 "the second distance of a pair: laser and sensor point are one",
                 format!("{pairs} of {all} distances per voxel"),
             ),
-            Geometry::Product => out.add(
-                "distances per pair: every scanned point meets every other one",
+            Geometry::Product => out.add("distances per pair: every scanned point meets every other one", {
+                // A workgroup shares the other points' distances, or a lane the one to its other point.
+                let t = self.division.tuning;
+                let owned = self.division.accumulation == super::Accumulation::Owned;
+                let shared = if owned { t.held } else { t.lanes };
+                let of = [t.others_forward, shared];
                 format!(
                     "all but 1 / {} of the scanned points' distances, all but 1 / {} of the others'",
-                    self.division.tuning.others_forward, self.division.tuning.lanes
-                ),
-            ),
+                    of[0], of[1]
+                )
+            }),
             Geometry::TwoPoints => {}
         }
         if self.scene.unused > 0 {

@@ -59,7 +59,7 @@ passes! {
         when: |p| p.scene.pulse > 0,
         constants: &[(constant::BACK, 1)],
         // Residuals are fp32 on every accumulation path.
-        ..Pass::of("pulse_back", |_| &kernel::PULSE)
+        ..Pass::of("pulse_back", |p| p.variant(&kernel::PULSE, &kernel::PULSE_TEXELS))
     };
 
     /// Takes residuals back to the rendered pairs.
@@ -87,11 +87,8 @@ pub fn forward(plan: &Plan) -> &'static KernelCode {
         (Accumulation::Fixed32, true) => &kernel::FORWARD_PRODUCT_FIXED32,
         (Accumulation::Cas, false) => &kernel::FORWARD_CAS,
         (Accumulation::Cas, true) => &kernel::FORWARD_PRODUCT_CAS,
-        (Accumulation::Owned | Accumulation::Auto | Accumulation::Repeatable, false) => {
+        (Accumulation::Owned | Accumulation::Auto | Accumulation::Repeatable, _) => {
             plan.variant(&kernel::FORWARD_OWNED, &kernel::FORWARD_OWNED_TEXELS)
-        }
-        (Accumulation::Owned | Accumulation::Auto | Accumulation::Repeatable, true) => {
-            plan.variant(&kernel::FORWARD_PRODUCT_OWNED, &kernel::FORWARD_PRODUCT_OWNED_TEXELS)
         }
     }
 }
@@ -112,7 +109,10 @@ pub fn objective(plan: &Plan) -> &'static Pass {
 
 /// The module that applies the pulse to what was accumulated.
 fn pulse(plan: &Plan) -> &'static KernelCode {
-    if plan.fixed_point() && !plan.has_spots() { &kernel::PULSE_FIXED } else { &kernel::PULSE }
+    match plan.fixed_point() && !plan.has_spots() {
+        true => &kernel::PULSE_FIXED,
+        false => plan.variant(&kernel::PULSE, &kernel::PULSE_TEXELS),
+    }
 }
 
 /// The module that sums what was accumulated over spots.

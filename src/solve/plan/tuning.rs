@@ -1,5 +1,4 @@
-//! Sizes of workgroups, chunks and columns, by the kind of device or as measured on one (`thirdbounce profile
-//! --tune`). They change how the work is cut, not what is computed.
+//! Sizes of workgroups, chunks and columns, by the kind of device. They change how the work is cut, not what is computed.
 
 use std::fmt;
 use std::str::FromStr;
@@ -42,8 +41,10 @@ impl Accumulation {
 /// Workgroup and chunk sizes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Tuning {
-    /// Forward: pairs of a workgroup.
+    /// Forward: lanes of a workgroup, which own a pair each, or `held` pairs.
     pub lanes: u32,
+    /// Forward, owned histograms: pairs of a lane, or scanned points of a product.
+    pub held: u32,
     /// Forward: voxels of a workgroup.
     pub chunk: u32,
     /// Forward: lanes below which workgroups take smaller chunks.
@@ -65,8 +66,6 @@ pub struct Tuning {
     /// Forward: the columns are used at levels where a brick of voxels spans at most this many bins. Wider bricks
     /// would move the columns all the time, at more than the cost of atomics.
     pub window_span: u32,
-    /// A product's forward kernel finds the other points' arms together, through shared memory.
-    pub share_arms: bool,
     /// Passes over pairs see what they read as texels. A CPU driver loads these for all lanes at once, and words of
     /// blocks lane by lane.
     pub texels: bool,
@@ -169,9 +168,15 @@ fn forward_fill_of(kind: DeviceKind) -> u32 {
     fill_of(kind) / 2
 }
 
-/// Other points that a product's forward kernel takes at once on a GPU. With two, columns are 32 bins wide, which move
-/// seldom; with four, they would be 16 wide (docs/devices.md).
-const OTHERS_WITH_COLUMNS: u32 = 2;
+/// Workgroups per thread of a CPU that leave no thread idle for long.
+const GROUPS_PER_THREAD: usize = 4;
+
+/// Histograms of a lane on a CPU, of `owned` in all: two where they leave enough workgroups. Four gain another 3 % and compile
+/// twice as long.
+fn held_of(owned: usize, lanes: u32) -> u32 {
+    let threads = std::thread::available_parallelism().map_or(1, usize::from);
+    if owned.div_ceil(2 * lanes as usize) >= GROUPS_PER_THREAD * threads { 2 } else { 1 }
+}
 
 /// Maximum ratio of a brick's width to a column's. Counted on lists of solves: a lane of a warp then moves its
 /// column in a sixth of the turns at most (docs/devices.md).
@@ -185,13 +190,14 @@ const WINDOW: u32 = 64;
 const NARROWEST: u32 = 8;
 
 impl Tuning {
-    /// The sizes for a device, with those that are asked for. `capacity` is how many voxels may be active.
+    /// The sizes for a device, with those that are asked for. `capacity` is how many voxels may be active, `scanned` the number
+    /// of scanned points that a pass takes.
     ///
     /// # Errors
     /// The device or the kernels do not take the sizes.
     pub fn new(
         model: &Model,
-        capacity: usize,
+        [capacity, scanned]: [usize; 2],
         accumulation: Accumulation,
         device: &Abilities,
         sizes: &Sizes,
@@ -201,20 +207,21 @@ impl Tuning {
         let others = model.rendered_wall().others.len() as u32;
         let product = model.wall.geometry == Geometry::Product;
         let at_once = |most: u32| if product { others.min(most) } else { 1 };
-        let of_forward = if cpu { OTHERS_FORWARD } else { OTHERS_WITH_COLUMNS };
+        let of_forward = if owned { 1 } else { OTHERS_FORWARD };
         let [others_forward, others_backward] = [of_forward, OTHERS_BACKWARD].map(at_once);
         // On a CPU a workgroup is one core's work and a subgroup is one vector: small groups, long chunks.
         let (lanes, chunk) = if cpu { (8, 4096) } else { (64, 256) };
         let slices = sizes.slices.unwrap_or(if cpu { 1 } else { SLICES });
         let gatherers = GATHERERS.min(device.limits.workgroup_invocations);
         let voxels = if cpu { 64 } else { (gatherers / slices.max(1)).max(1) };
-        // A product's lane also loops over the other points, and fills shared memory.
-        let owned_chunk = if product { OWNED_CHUNK / others_forward.max(2) } else { OWNED_CHUNK };
-        let chunk = if owned { owned_chunk } else { chunk };
+        let chunk = if owned { OWNED_CHUNK } else { chunk };
         // On a CPU private memory costs the same wherever it lies.
         let window = if cpu { 0 } else { WINDOW / others_forward };
+        let lanes = sizes.lanes.unwrap_or(lanes);
+        let held = if owned && cpu { held_of(scanned, lanes) } else { 1 };
         let mut t = Tuning {
-            lanes: sizes.lanes.unwrap_or(lanes),
+            lanes,
+            held,
             chunk: sizes.chunk.unwrap_or(chunk),
             voxels: sizes.voxels.unwrap_or(voxels),
             slices,
@@ -227,7 +234,6 @@ impl Tuning {
             others_backward,
             window: sizes.window.unwrap_or(window),
             window_span: sizes.window.unwrap_or(window).saturating_mul(SPANS),
-            share_arms: !cpu,
             texels: cpu,
         };
         if sizes.window.is_none() {
@@ -240,10 +246,10 @@ impl Tuning {
             // One dispatch must hold all chunks, even if every voxel is active.
             t.chunk = t.chunk.max(capacity.div_ceil(device.limits.groups[1] as usize) as u32);
         }
-        if t.turns(product) > LOOP_LIMIT && sizes.window.is_none() {
+        if t.turns(owned, product) > LOOP_LIMIT && sizes.window.is_none() {
             t.window = 0;
         }
-        if t.turns(product) > LOOP_LIMIT {
+        if t.turns(owned, product) > LOOP_LIMIT {
             return Err(Error::options(
                 format!("sizes {sizes}: a chunk of {} voxels loops longer than drivers allow", t.chunk),
                 "use a smaller chunk or window",
@@ -280,18 +286,20 @@ impl Tuning {
     }
 
     /// Tiles of pairs, along x, of a rendering dispatch, by numbers of pairs, scanned and other points.
-    pub(in crate::solve) fn tiles(&self, geometry: Geometry, [pairs, scanned, others]: [usize; 3]) -> u64 {
+    pub fn tiles(&self, geometry: Geometry, [pairs, scanned, others]: [usize; 3]) -> u64 {
+        let wide = (self.lanes * self.held) as usize;
         let tiles = match geometry {
-            Geometry::Product => {
-                scanned.div_ceil(self.lanes as usize) * others.div_ceil(self.others_forward as usize)
-            }
-            _ => pairs.div_ceil(self.lanes as usize),
+            Geometry::Product => scanned.div_ceil(wide) * others.div_ceil(self.others_forward as usize),
+            _ => pairs.div_ceil(wide),
         };
         tiles as u64
     }
 
     /// Loop turns of an invocation of the forward kernel, at most.
-    fn turns(&self, product: bool) -> u32 {
+    fn turns(&self, owned: bool, product: bool) -> u32 {
+        if owned {
+            return self.chunk;
+        }
         let (chunk, others) = (self.chunk, self.others_forward);
         let moves = chunk.saturating_mul(others).saturating_mul(self.window) / PATIENCE;
         moves.saturating_add(if product { chunk / 4 * (5 * others + 5) } else { chunk })
@@ -365,6 +373,7 @@ mod tests {
         for (voxels, slices, fill) in sizes {
             let t = Tuning {
                 lanes: 64,
+                held: 1,
                 chunk: 256,
                 forward_fill: 0,
                 group_losses: true,
@@ -375,7 +384,6 @@ mod tests {
                 others_backward: 1,
                 window: 0,
                 window_span: 0,
-                share_arms: true,
                 texels: false,
             };
             let groups = |samples: usize| samples.div_ceil(t.samples_of_group(samples) as usize);

@@ -250,7 +250,7 @@ fn whole(plan: &Plan, iterations: usize) -> Steps<'static> {
     let level = plan.levels.pixels.expect("a fit has pixels");
     let (count, begin) = (needs::pixels(plan), plan.demand.iterations[0]);
     Steps {
-        start: Box::new(move |s, plan| start(s, &level, count, needs::points_of(plan))),
+        start: Box::new(move |s, plan| start(s, plan, &level, count, needs::points_of(plan))),
         ..steps(plan, level, [count, 0], begin, [iterations, 0, begin + iterations])
     }
 }
@@ -290,7 +290,7 @@ fn place(
     let [_, measured] = job.light();
     if let Some(left) = left {
         upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(1.0)))?;
-        job.executor.run_once(|s| start(s, level, pixels.len(), points))?;
+        job.executor.run_once(|s| start(s, &job.plan, level, pixels.len(), points))?;
         return Ok(Some((Placed { pixels: pixels.len(), most, explained: measured - left, left }, 1.0)));
     }
     // |A v - h|² and |2 A v - h|² give, with |h|², the factor of v that leaves least.
@@ -300,7 +300,7 @@ fn place(
         job.executor.run_once(|s| {
             s.stage("surface", &stage_values(level, row));
             if times == 1 {
-                start(s, level, pixels.len(), points);
+                start(s, &job.plan, level, pixels.len(), points);
             }
             compared(s, &job.plan, level, pixels.len(), row);
         })?;

@@ -26,12 +26,13 @@ fn push(count: usize) -> Push {
     Push { last: count as u32, ..Default::default() }
 }
 
-/// Puts Adam at rest, with `points` samples for each of `count` pixels, and finds the bonds at the current depths.
-pub fn start(s: &mut Schedule, level: &Level, count: usize, points: usize) {
+/// Puts Adam at rest, with `points` samples for each of `count` pixels, and finds the bonds at the current depths. Sizes the
+/// passes of iterations.
+pub fn start(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, points: usize) {
     s.fill(buffer::HEIGHT_MOMENTS, count as u64 * 16, 0);
     s.set(buffer::COUNTS, COUNT_ACTIVE, (points * count) as u32);
     s.set(buffer::COUNTS, COUNT_ARRIVED, 0);
-    size_passes(s, &level.rendered);
+    size_passes(s, &plan.batch(0).unwrap_or(level).rendered);
     bonds(s, level, count, 0);
 }
 
@@ -51,10 +52,15 @@ pub fn points(s: &mut Schedule, level: &Level, count: usize) {
         .with(push(count));
 }
 
-/// Renders the current surface and compares it by the pass `residual`.
+/// Renders the current surface for all pairs of `level` and compares it by the pass `residual`. Passes of iterations keep
+/// their sizes.
 pub fn render(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, residual: &Pass) {
     points(s, level, count);
+    size_passes(s, &level.rendered);
     over_parts(s, plan, level, |s, part| rendered(s, plan, level, part, residual));
+    if let Some(batch) = plan.batch(0) {
+        size_passes(s, &batch.rendered);
+    }
 }
 
 /// Renders the samples of the surface for a part of the pairs, and compares it.
@@ -99,15 +105,12 @@ pub(super) fn later_iteration(
         .with(unbiased(push, BETAS, done as u32 + 1));
 }
 
-/// Divides the measured histograms among the batches of pairs, and sizes the passes over one of them.
+/// Divides the measured histograms among the batches of pairs.
 pub fn divide(s: &mut Schedule, plan: &Plan) {
     for batch in plan.batches_held() {
         let [first, count] =
             [batch.first, plan.measured(batch).count].map(|n| (n * plan.scene.bins * 4) as u64);
         s.copy_from([buffer::MEASURED, batch.measured], first, count);
-    }
-    if let Some(batch) = plan.batch(0) {
-        size_passes(s, &batch.rendered);
     }
 }
 
