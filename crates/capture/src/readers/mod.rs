@@ -25,6 +25,7 @@ pub mod phasor;
 mod points;
 mod pulse;
 mod read_options;
+pub mod recognised;
 mod scatter;
 pub mod set;
 mod single;
@@ -115,10 +116,10 @@ fn read_through(path: &Path, given: &ReadOptions, steps: &[Step], how: &Conditio
         }
         Contents::Matlab4 => Err(contents::version_4()),
         Contents::Npy => Err(alone("is a single npy array, without wall points and bin width")),
-        Contents::Unknown if is_text_of_numbers(path) => {
-            Err(alone("is a text of numbers, without wall points and bin width"))
-        }
-        Contents::Unknown => Err(unknown("the format is not known")),
+        Contents::Unknown => Err(match recognised::of(path).map_err(place)? {
+            Some(known) => known.refusal(),
+            None => unknown("the format is not known"),
+        }),
     };
     let capture = match found.map_err(place)? {
         ReadCapture::Unread(unread) => return unread.read(name, (steps, how), notes, &place),
@@ -318,20 +319,11 @@ fn alone(what: &str) -> Error {
     Error::input(
         what,
         r#"make a capture of it: H [T, X, Y] with the bins first, points [X, Y, 3] on the wall in metres, bins in metres of path:
-    import numpy as np; H = np.load("FILE"); x, y = [np.linspace(-.5, .5, n) for n in H.shape[1:]]
-    p = np.stack(np.meshgrid(x, y, [0], indexing="ij"), -1)[:, :, 0]
-    np.savez("capture.npz", H=H, sensor_xyz=p, laser_xyz=p, delta_t=133e-12 * 299792458)
-  or, if an instrument wrote its histograms (points, bins) or time tags, use `histogram` with the points of the scan"#,
+import numpy as np; H = np.load("FILE"); x, y = [np.linspace(-.5, .5, n) for n in H.shape[1:]]
+p = np.stack(np.meshgrid(x, y, [0], indexing="ij"), -1)[:, :, 0]
+np.savez("capture.npz", H=H, sensor_xyz=p, laser_xyz=p, delta_t=133e-12 * 299792458)
+or, if an instrument wrote its histograms (points, bins) or time tags, use `histogram` with the points of the scan"#,
     )
-}
-
-/// Whether a file is text of numbers, as a CSV of counts.
-fn is_text_of_numbers(path: &Path) -> bool {
-    let mut head = [0; 512];
-    let read = std::fs::File::open(path).and_then(|mut file| std::io::Read::read(&mut file, &mut head));
-    let head = &head[..read.unwrap_or(0)];
-    let of_text = |c: &u8| c.is_ascii_digit() || c.is_ascii_whitespace() || b",;.+-eE#".contains(c);
-    head.iter().any(u8::is_ascii_digit) && head.iter().all(of_text)
 }
 
 fn unknown(what: &str) -> Error {
