@@ -303,6 +303,7 @@ fn laser_pulses_that_are_not_all_in_the_file_give_the_same_delays() {
     assert_placed(&with(&|_| {}), 1.0, 0.0);
     // Every eighth, in text and in T2 records whose header says so.
     write(&path, plain(&tags(|sync, _| sync % 8 == 0)));
+    assert_error(with(&|_| {}), Kind::Input, &["repeat 8 times", "`sync_divider` 8"]);
     assert_placed(&with(&|inputs| inputs.divider = Some(8)), 1.0, 0.01);
     let ptu = path.with_extension("ptu");
     let mut writer = Writer::new(0x0001_0207);

@@ -499,6 +499,14 @@ impl Tags {
             };
             return Err(Error::input(what, advice!["give the unit of the times, such as " TagUnit " 1ns"]));
         }
+        if let Some(times) = syncs.divided().filter(|_| self.inputs.divider.is_none()) {
+            return Err(Error::input(
+                format!(
+                    "the delays of photons repeat {times} times from one laser pulse of the file to the next"
+                ),
+                advice!["if the file holds every " (times.to_string()) "th pulse, say so: " SyncDivider (format!(" {times}; else 1"))],
+            ));
+        }
         if syncs.is_filtered() {
             return Err(Error::input(
                 "the file holds the laser pulse after each photon only, as a conditional filter leaves it",

@@ -82,6 +82,31 @@ impl Syncs {
         10 * beyond(0) > self.around.len() && 100 * beyond(1) < self.around.len()
     }
 
+    /// Laser pulses for each of the file, if the delays of photons repeat so many times between two pulses of the file.
+    pub(super) fn divided(&self) -> Option<usize> {
+        const CELLS: usize = 16;
+        let of = |gaps: &[i64; 2]| gaps[0] as f64 / (gaps[0].saturating_add(gaps[1])).max(1) as f64;
+        let repeats = |times: &usize| {
+            let mut counts = vec![[0.0; CELLS]; *times]; // bounded: 16
+            for phase in self.around.iter().map(of) {
+                let cell = (phase * (times * CELLS) as f64) as usize;
+                counts[(cell / CELLS).min(times - 1)][cell % CELLS] += 1.0;
+            }
+            let n = *times as f64;
+            let mean = self.around.len() as f64 / (n * CELLS as f64);
+            let (mut within, mut between) = (0.0, 0.0);
+            for cell in 0..CELLS {
+                let of_cell = counts.iter().map(|part| part[cell]).sum::<f64>() / n;
+                within += n * (of_cell - mean).powi(2) / mean;
+                between +=
+                    counts.iter().map(|part| (part[cell] - of_cell).powi(2)).sum::<f64>() / of_cell.max(1.0);
+            }
+            within > 20.0 * CELLS as f64 && between < 1.5 * (n - 1.0) * CELLS as f64
+        };
+        let is_even = self.divider == 1 && self.sparse().is_none();
+        (2..=16).rev().find(|times| is_even && self.around.len() > 1000 && repeats(times))
+    }
+
     /// The event of a record; `None` for a laser pulse, and for a photon without one before it.
     #[inline]
     pub(super) fn event(&mut self, record: Record) -> Option<Event> {

@@ -171,12 +171,13 @@ pub fn prepare(capture: Capture, how: &Conditioning) -> Result<Conditioned> {
     measured(capture, how.keep_empty)?.through(FOR_A_SOLVE, how)
 }
 
-/// Checks that times and lengths of a capture can belong together, with or without counts.
+/// Refuses a capture whose times and lengths cannot belong together, with or without counts. Returns a warning where they are unlikely
+/// to.
 ///
 /// # Errors
 /// `Kind::Input`, with the likely unit.
-pub fn check_units(capture: &Capture) -> Result<()> {
-    units::check(capture).map(drop)
+pub fn check_units(capture: &Capture) -> Result<Option<String>> {
+    units::check(capture)
 }
 
 /// Leaves out pairs that were not measured, checks the rest, and rotates a wall that clearly does not face +z.

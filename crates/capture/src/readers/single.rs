@@ -32,6 +32,9 @@ pub(super) fn read<'f>(
     notes: &mut Vec<String>,
 ) -> Result<ReadCapture<'f>> {
     let mut found = Vec::new();
+    if let Some(error) = in_a_container(file, &file.names()) {
+        return Err(error);
+    }
     for name in file.names() {
         if let Some(shape) =
             file.shape(&name)?.filter(|s| s.len() == 3 && s.iter().filter(|d| **d > 1).count() > 1)
@@ -41,9 +44,6 @@ pub(super) fn read<'f>(
     }
     let [(name, shape)] = &found[..] else {
         let there = file.names();
-        if let Some(error) = in_a_container(file, &there) {
-            return Err(error);
-        }
         let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
         return Err(Error::input(
             format!("is in no known format: it holds {there}"),
@@ -92,7 +92,9 @@ fn in_a_container(file: &Variables, names: &[String]) -> Option<Error> {
     }
     let inside = names.iter().find(|name| {
         let last = name.rsplit('/').next().unwrap_or_default();
-        name.contains('/') && ["rect_data", "meas", "data_t", "sig_in", "H"].contains(&last)
+        name.contains('/')
+            && names.len() > 1
+            && ["rect_data", "meas", "data_t", "sig_in", "H"].contains(&last)
     });
     if let Some(name) = inside {
         let group = name.split('/').next().unwrap_or_default();

@@ -51,7 +51,7 @@ pub(super) fn read<'s>(set: &'s mut Set, given: &ReadOptions, notes: &mut Vec<St
         Some(file) => file.numbers("tofgrid")?,
         None => None,
     }) else {
-        if set.any("tofgrid") {
+        if set.any("tofgrid") && file.shape("meas")?.is_some() {
             return Err(Error::input(
                 "tofgrid, the times of flight to the wall, is empty",
                 "store tofgrid in picoseconds; zeros if the histograms begin at the wall",
