@@ -58,7 +58,7 @@ pub fn instrument(path: &Path, inputs: Inputs) -> Result<Instrument> {
         duration_s: survey.period.map(|period| period * survey.pulses as f64),
         notes: survey.passed.notes.clone(),
         in_lines: Division::of_image(&tags.image).is_some(),
-        guess: survey.guess(&tags),
+        guess: Guess::of(&survey, &tags),
         inputs,
     })
 }

@@ -1,7 +1,6 @@
 //! Which photons belong to which point of the scan.
 
 use super::cuts::Span;
-use super::lines::Course;
 use super::{Image, Survey};
 use crate::error::{Error, Result};
 
@@ -32,6 +31,28 @@ pub enum Division {
         /// Laser pulses before the first point.
         before: u64,
     },
+}
+
+/// Course of a scanner along a line.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Course {
+    /// Laser pulses of the points of a line; `None`: all of them.
+    pub(super) duration: Option<i64>,
+    /// Share of a sine's quarter periods that a line takes; `None` for a constant speed.
+    pub(super) sine: Option<f64>,
+    /// Whether the points of every second line come in the reverse order of the scan's.
+    pub(super) reversed: bool,
+    /// Points by which the photons of every second line come late.
+    pub(super) late: f64,
+}
+
+impl Course {
+    /// Edges of the points of a line as shares of its time, from 0 to 1.
+    pub(super) fn edge(&self, share: f64) -> f64 {
+        let Some(sine) = self.sine else { return share };
+        let quarter = sine * std::f64::consts::FRAC_PI_2;
+        0.5 + (quarter.sin() * (2.0 * share - 1.0)).asin() / (2.0 * quarter)
+    }
 }
 
 /// Laser pulses of points or lines, round by round.

@@ -6,8 +6,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::collect::Cells;
-use super::division::Rounds;
-use super::lines::{self, Course};
+use super::division::{Course, Rounds};
+use super::lines;
 use super::{Division, Inputs, Scan, Survey, Tags, Zero, shape, stored, zero};
 use crate::advice::advice;
 use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, conditioning};

@@ -14,6 +14,7 @@ mod arrays;
 mod collect;
 mod cuts;
 mod division;
+mod guess;
 mod header;
 mod histogram;
 mod lines;
@@ -29,8 +30,9 @@ mod zero;
 
 pub use arrange::Scan;
 pub use division::Division;
+pub use guess::Guess;
 pub use histogram::{Asked, Histograms, PileUp, histogram};
-pub use survey::{Channel, Guess, Survey};
+pub use survey::{Channel, Survey};
 pub use zero::Zero;
 
 use std::fs::File;

@@ -5,19 +5,6 @@ use super::{Event, Tags};
 use crate::error::Result;
 use crate::host;
 
-/// Course of a scanner along a line.
-#[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(super) struct Course {
-    /// Laser pulses of the points of a line; `None`: all of them.
-    pub(super) duration: Option<i64>,
-    /// Share of a sine's quarter periods that a line takes; `None` for a constant speed.
-    pub(super) sine: Option<f64>,
-    /// Whether the points of every second line come in the reverse order of the scan's.
-    pub(super) reversed: bool,
-    /// Points by which the photons of every second line come late.
-    pub(super) late: f64,
-}
-
 /// Cells of a point, and points on both sides of a line, that are compared for the shift.
 const PER_POINT: usize = 8;
 const MARGIN: usize = 2;
@@ -33,15 +20,6 @@ const DARK: f64 = 0.1;
 
 /// Photons of a cell of a line, and the sums of their delays and of the squares of these.
 type Cell = [f64; 3];
-
-impl Course {
-    /// Edges of the points of a line as shares of its time, from 0 to 1.
-    pub(super) fn edge(&self, share: f64) -> f64 {
-        let Some(sine) = self.sine else { return share };
-        let quarter = sine * std::f64::consts::FRAC_PI_2;
-        0.5 + (quarter.sin() * (2.0 * share - 1.0)).asin() / (2.0 * quarter)
-    }
-}
 
 /// The laser pulses of the points of a line after which photons cease, if they do; `None` for a line without a dark return.
 pub(super) fn duration(tags: &Tags, detector: i32, lines: &Rounds, photons: u64) -> Result<Option<i64>> {

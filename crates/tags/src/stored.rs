@@ -8,7 +8,7 @@ use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use super::arrays::Holder;
-use super::tables::{self, Table};
+use super::tables::{self, MOST, Table};
 use super::{open, unreadable};
 use crate::advice::advice;
 use crate::capture::METRES_PER_PICOSECOND;
@@ -19,8 +19,6 @@ use crate::files::array::{Array, Head};
 use crate::host;
 
 const NAMES: [&str; 3] = ["hists", "histograms", "counts"];
-/// Most bins of all histograms together, and the longest npy file.
-pub(super) const MOST: usize = 1 << 30;
 
 /// Histograms of an instrument, one for each point.
 pub(super) struct Stored {

@@ -1,15 +1,12 @@
 //! The first pass over a file of time tags: what it holds, and its markers.
 
-use std::collections::BTreeMap;
-use std::path::Path;
-
-use super::{Division, Event, Format, Inputs, Passed, Record, Tags};
+use super::{Event, Passed, Tags};
 use crate::error::{Error, Result};
 
 /// Most markers that are kept: 128 MiB. Scans have thousands.
 const MOST_MARKERS: usize = 1 << 23;
 /// Most detectors. Instruments have up to 64; a file with more has its columns in another order.
-const MOST_CHANNELS: usize = 1024;
+pub(super) const MOST_CHANNELS: usize = 1024;
 /// Detectors that a message names.
 const NAMED: usize = 16;
 
@@ -153,82 +150,5 @@ impl Survey {
         let all = self.markers();
         let words: Vec<_> = all.iter().map(|(marker, count)| format!("{count} of marker {marker}")).collect();
         if words.is_empty() { "no marker".into() } else { words.join(", ") }
-    }
-
-    /// What a scan of this file is likely to be.
-    pub fn guess(&self, tags: &Tags) -> Guess {
-        let channel = self.channels.iter().max_by_key(|c| c.photons).filter(|_| self.channels.len() > 1);
-        let mut guess = Guess { channel: channel.map(|c| c.channel), ..Guess::default() };
-        let all = self.markers();
-        let square = |count: usize| Some(count.isqrt()).filter(|side| *side > 1 && side * side == count);
-        if Division::of_image(&tags.image).is_some() {
-            guess.size = tags.image.size;
-        } else if let Some((marker, side)) =
-            all.iter().find_map(|(marker, count)| Some((*marker, square(*count)?)))
-        {
-            guess.size = [Some(side); 2];
-            guess.division = Some(Division::Pixels { marker, frame: None });
-        } else if let Some((start, lines)) = all.iter().copied().max_by_key(|m| m.1) {
-            let stop = all.iter().find(|m| m.0 > start && m.1 == lines).map(|m| m.0);
-            guess.size = [None, Some(lines)];
-            guess.division = Some(Division::Lines { start, stop, frame: None });
-        }
-        guess
-    }
-}
-
-/// What a scan is likely to be, by the numbers of the tags.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct Guess {
-    /// Points along x and y, as far as known.
-    pub size: [Option<usize>; 2],
-    /// Which photons belong to which point; `None`: as the header says, or unknown.
-    pub division: Option<Division>,
-    /// The detector with the most photons, if there are several.
-    pub channel: Option<i32>,
-}
-
-impl Inputs {
-    /// The channels of laser pulses and markers that are likely in arrays or text without tags of the given channel of laser pulses:
-    /// most tags are laser pulses, and channels of few tags are markers.
-    ///
-    /// # Errors
-    /// Those of [`Tags::open`] and [`Tags::records`].
-    pub fn guessed(self, path: &Path) -> Result<Inputs> {
-        let tags = Tags::open(path, &self)?;
-        let is_told = matches!(tags.format, Format::Picoquant(_)) || tags.is_t3();
-        let mut counts = BTreeMap::new();
-        if !is_told {
-            tags.records(|record| {
-                let channel = match record {
-                    Record::Photon { channel, .. } => channel,
-                    Record::Sync { .. } => self.sync,
-                    Record::Marker { .. } => return,
-                };
-                if counts.len() < MOST_CHANNELS {
-                    *counts.entry(channel).or_insert(0u64) += 1;
-                }
-            })?;
-        }
-        if counts.len() < 2 || counts.contains_key(&self.sync) {
-            return Ok(self);
-        }
-        let most = counts.values().max().copied().unwrap_or(0);
-        let sync = counts
-            .iter()
-            .find(|(_, count)| 20 * **count > 19 * most)
-            .map_or(self.sync, |(channel, _)| *channel);
-        let photons = counts
-            .iter()
-            .filter(|(channel, _)| **channel != sync)
-            .map(|(_, count)| *count)
-            .max()
-            .unwrap_or(0);
-        let is_marker = |(channel, count): &(&i32, &u64)| **channel != sync && **count * 20 < photons;
-        let markers = match self.markers.is_empty() {
-            true => counts.iter().filter(is_marker).map(|(channel, _)| *channel).take(16).collect(),
-            false => self.markers.clone(),
-        };
-        Ok(Inputs { sync, markers, ..self })
     }
 }

@@ -22,8 +22,8 @@ pub(super) struct Syncs {
     pub(super) short: u64,
     /// The first intervals.
     intervals: Vec<i64>,
-    /// The photon after the last pulse, and how far photons are from the pulses around them: the first ones.
-    photon: Option<i64>,
+    /// Photons after the last pulse, and how far photons are from the pulses around them: the first ones.
+    photons: Vec<i64>,
     around: Vec<[i64; 2]>,
     /// Photons without a laser pulse before them.
     pub(super) without: u64,
@@ -127,7 +127,9 @@ impl Syncs {
                 None
             }
             Record::Photon { channel, time, .. } => {
-                self.photon = Some(time);
+                if self.around.len() + self.photons.len() < LOOKED_AT {
+                    self.photons.push(time);
+                }
                 let (sync, delay) = match self.count {
                     1.. if time >= self.last => (self.number, time.saturating_sub(self.last)),
                     2.. if time >= self.before => (self.previous, time.saturating_sub(self.before)),
@@ -170,9 +172,9 @@ impl Syncs {
         if self.intervals.len() < LOOKED_AT {
             self.intervals.push(interval);
         }
-        if let Some(photon) = self.photon.take().filter(|_| self.around.len() < LOOKED_AT) {
-            self.around.push([photon.saturating_sub(self.last), time.saturating_sub(photon)]);
-        }
+        let last = self.last;
+        let gaps = |photon: i64| [photon.saturating_sub(last), time.saturating_sub(photon)];
+        self.around.extend(self.photons.drain(..).map(gaps));
     }
 
     /// Ticks between the last laser pulses.

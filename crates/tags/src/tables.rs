@@ -4,7 +4,6 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
 use super::header::{self, Header};
-use super::stored::MOST;
 use super::text::{Plain, real};
 use super::{open, unreadable};
 use crate::capture::formats::recognised::Histograms;
@@ -20,6 +19,8 @@ pub(super) struct Table {
     pub(super) values: Vec<f64>,
 }
 
+/// Most bins of all histograms together, and the longest npy file.
+pub(super) const MOST: usize = 1 << 30;
 /// Longest text, bytes.
 const LONGEST: u64 = 1 << 30;
 /// Channels of a measurement of a TMF8820, the first is the reference; bytes of a count.

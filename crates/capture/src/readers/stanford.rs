@@ -51,9 +51,9 @@ pub(super) fn read<'s>(set: &'s mut Set, given: &ReadOptions, notes: &mut Vec<St
         Some(file) => file.numbers("tofgrid")?,
         None => None,
     }) else {
-        if set.any("tofgrid") && file.shape("meas")?.is_some() {
+        if set.any("tofgrid") {
             return Err(Error::input(
-                "tofgrid, the times of flight to the wall, is empty",
+                "tofgrid, the times of flight to the wall for meas, is empty",
                 "store tofgrid in picoseconds; zeros if the histograms begin at the wall",
             ));
         }
