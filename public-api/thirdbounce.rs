@@ -161,6 +161,7 @@ pub enum Model {
 pub struct Settings {
     pub wall: Option<f64>,
     pub bin_width: Option<f64>,
+    pub speed: Option<f64>,
     pub wall_depth_unit: Option<f64>,
     pub bounce: Option<String>,
     pub tof: Option<PathBuf>,
@@ -493,6 +494,8 @@ impl Capture {
     pub fn spacing(&self) -> Option<f64> {}
     pub fn resolution(&self) -> [usize; 2] {}
     pub fn is_confocal(&self) -> bool {}
+    pub fn is_nearly_confocal(&self) -> bool {}
+    pub fn offset(&self) -> Option<DVec3> {}
     pub fn is_planar(&self) -> bool {}
     pub fn set_wall(&mut self, size: f64) -> Result<()> {}
     pub fn scanned_points(&self) -> &[DVec3] {}

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use crate::Result;
-use crate::capture::Capture;
+use crate::capture::{Capture, conditioning};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::resolve::Job;
@@ -81,13 +81,15 @@ pub fn session(
     if !frame.histograms.is_empty() {
         frame.check_counts(&frame.histograms)?;
     }
+    let warning = conditioning::check_units(frame)?;
     let mut settings = settings.clone();
     settings.bins = options.sum.map(Bins::Sum).or(settings.bins);
     settings.memory = options.memory.or(settings.memory);
     settings.mask_fraction = options.mask_fraction.or(settings.mask_fraction);
     let frame = settings.for_frames(frame)?;
     let job = Job::resolve(&settings, &frame, gpu, on_progress)?;
-    Ok((Session::of(gpu, &frame, &job, options)?, job.estimates.notes()))
+    let notes = job.estimates.notes().into_iter().chain(warning).collect();
+    Ok((Session::of(gpu, &frame, &job, options)?, notes))
 }
 
 /// Reads a capture in any known format and prepares it: see [`prepare`].

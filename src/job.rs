@@ -13,6 +13,7 @@ pub mod demo;
 mod evaluate;
 mod histogram;
 pub mod inspect;
+mod instrument;
 mod overview;
 mod places;
 mod planned;
@@ -49,6 +50,7 @@ pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
 pub use histogram::{Histogramming, histogram};
 pub use inspect::{Inspection, inspect, schedule};
+pub use instrument::{Instrument, instrument};
 pub use places::{PREVIEW, check_file, check_inputs, check_not_input};
 pub use request::Request;
 pub use run::{Outcome, Solved, run, solve};
@@ -105,6 +107,7 @@ fn conditioning_of(settings: &Settings) -> Result<Conditioning> {
     Ok(Conditioning {
         turn: turn(settings)?,
         wall: settings.wall,
+        speed: settings.speed,
         keep: keep.with_subset(settings.subset, u64::from(settings.seed())).with_gate(settings.gate),
         keep_empty: settings.keep_empty == Some(true),
         no_auto_gate: settings.auto_gate == Some(false),
@@ -128,6 +131,7 @@ pub fn reading(settings: &Settings) -> Result<capture::ReadOptions> {
         .with_time_of_flight(settings.tof.clone())
         .with_axes(settings.axes.as_deref().map(capture::AxisOrder::parse).transpose()?)
         .with_keep_empty(settings.keep_empty == Some(true))
+        .with_speed(settings.speed)
         .with_turn(turn(settings)?))
 }
 

@@ -195,6 +195,7 @@ fn meshes(data: Option<&Path>) -> Result<Vec<Case>> {
     let all = names.iter().map(String::as_str).chain(built_in);
     all.map(|spec| {
         let scene = Scene::named(spec)?;
+        let scene = if built_in.contains(&spec) { scene } else { scene.fitted(0.6)? };
         Ok(matt("meshes", scene.name.clone(), scene, 0.02, None))
     })
     .collect()

@@ -2,11 +2,12 @@
 
 use std::path::PathBuf;
 
-use thirdbounce::{Result, capture, job};
+use thirdbounce::tags::{self, Inputs};
+use thirdbounce::{Error, Result, capture, job};
 
-use super::interrupt;
 use super::settings::{FILE, SettingsArgs};
 use super::terminal::{print, say};
+use super::{histogram, interrupt};
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -32,6 +33,17 @@ pub struct Args {
 pub fn run(args: &Args) -> Result<()> {
     job::check_not_input(&args.to, [args.from.as_path()])?;
     let settings = args.settings.settings()?;
+    if tags::hold_tags(&args.from) {
+        let found = job::instrument(&args.from, Inputs::default())?;
+        return Err(Error::input(
+            format!(
+                "{}: holds time tags ({}), and a capture needs the points of the scan",
+                args.from.display(),
+                found.instrument
+            ),
+            histogram::command(&found),
+        ));
+    }
     let opened = capture::read_given(&args.from, &job::reading(&settings)?)?;
     opened.notes.iter().for_each(|note| say(&format!("note: {note}")));
     let mut capture = opened.capture;

@@ -4,13 +4,14 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use thirdbounce::capture::Turn;
-use thirdbounce::job::{self, Histogramming};
-use thirdbounce::tags::{Asked, Division, Histograms, Inputs, PileUp, Scan, Zero};
+use thirdbounce::job::{self, Histogramming, Instrument, Loaded, Request};
+use thirdbounce::tags::{self, Asked, Division, Histograms, Inputs, PileUp, Scan, Zero};
 use thirdbounce::{Error, Result};
 
+use super::settings::{self, ALL, DeviceArgs, SettingsArgs};
 use super::terminal::{print, say};
 use super::{interrupt, tables};
-use thirdbounce::solve::units::{length, path, time};
+use thirdbounce::solve::units::{length, number, path, time};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -21,8 +22,8 @@ Examples:
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
 pub struct Args {
-    /// Time tags: PicoQuant .ptu, npz or HDF5 with timestamps and channels, text .csv or .txt (channel, time in ps); or
-    /// histograms of an instrument as an array: .npy or .npz
+    /// Time tags: PicoQuant .ptu, Photon-HDF5, npz or HDF5 with timestamps and channels, text (channel, time); or histograms of an
+    /// instrument: .phu, text, .npy or .npz
     tags: PathBuf,
     #[command(flatten)]
     pub from: FromTags,
@@ -64,6 +65,9 @@ pub struct FromTags {
     /// Every other row of the grid runs backwards
     #[arg(long, help_heading = "Time tags")]
     snake: bool,
+    /// The grid was measured column by column from the left, each from the lowest point; with --snake every other from the top
+    #[arg(long, help_heading = "Time tags")]
+    by_columns: bool,
     /// This marker, from 1, begins each point
     #[arg(long, value_name = "MARKER", help_heading = "Time tags")]
     pixels: Option<u32>,
@@ -77,6 +81,12 @@ pub struct FromTags {
         help_heading = "Time tags"
     )]
     lines: Vec<u32>,
+    /// Time of a line's points after its begin, where no marker ends it [default: that of the header, or until photons cease]
+    #[arg(long, value_name = "TIME", value_parser = time, help_heading = "Time tags")]
+    line_time: Option<f64>,
+    /// Points by which photons of every second line come late, in scans with --snake [default: an estimate]
+    #[arg(long, value_name = "POINTS", value_parser = number, help_heading = "Time tags")]
+    line_shift: Option<f64>,
     /// This marker begins each round of all points; rounds are added up
     #[arg(long, value_name = "MARKER", help_heading = "Time tags")]
     rounds: Option<u32>,
@@ -101,6 +111,18 @@ pub struct FromTags {
     /// Channels of markers in text and arrays: the first is marker 1
     #[arg(long, value_name = "N,N,...", value_delimiter = ',', help_heading = "Time tags")]
     marker_channels: Vec<i32>,
+    /// Unit of times in text and arrays, such as 1ns [default: that in the column's name, or 1ps]
+    #[arg(long, value_name = "TIME", value_parser = time, help_heading = "Time tags")]
+    tag_unit: Option<f64>,
+    /// Records of a .ptu file whose header is wrong
+    #[arg(long, value_name = "t2|t3", value_parser = ["t2", "t3"], help_heading = "Time tags")]
+    records: Option<String>,
+    /// The file holds every Nth laser pulse; not for T3 records [default: as the header says, or 1]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1024), help_heading = "Time tags")]
+    sync_divider: Option<u32>,
+    /// Time between laser pulses, where the file holds only the pulse after each photon (a conditional filter)
+    #[arg(long, value_name = "TIME", value_parser = time, conflicts_with = "sync_divider", help_heading = "Time tags")]
+    sync_after: Option<f64>,
     /// What is path 0: direct, each point's peak of light from the wall itself, which removes both legs; or a delay after the laser
     /// pulse, such as 12.5ns, for all points
     #[arg(long, value_name = "direct|TIME", default_value = "direct", help_heading = "Time tags")]
@@ -131,13 +153,14 @@ impl FromTags {
         let grid =
             text.split_once(['x', 'X', '×']).and_then(|(nx, ny)| Some([nx.parse().ok()?, ny.parse().ok()?]));
         match (grid, wall) {
+            (Some(grid), Some(wall)) if self.by_columns => Scan::by_columns(grid, wall, self.snake),
             (Some(grid), Some(wall)) => Scan::grid(grid, wall, self.snake),
             (Some(_), None) => Err(Error::options(
                 format!("--scan {text} does not say how large the scan is"),
                 "give the distance of its outermost points: --wall 2m",
             )),
-            (None, _) if self.snake => Err(Error::options(
-                "--snake was given with a file of points",
+            (None, _) if self.snake || self.by_columns => Err(Error::options(
+                "--snake or --by-columns was given with a file of points",
                 "leave it out: the file has the points in their order",
             )),
             (None, Some(_)) => Err(Error::options(
@@ -181,10 +204,11 @@ impl FromTags {
             "off" => PileUp::Off,
             _ => PileUp::Auto,
         };
-        let inputs = Inputs { sync: self.sync_channel, markers: self.marker_channels.clone() };
         Ok(Asked {
-            inputs,
+            inputs: self.inputs(),
             division,
+            line_time: self.line_time,
+            line_shift: self.line_shift,
             channel: self.channel,
             bin_width,
             zero,
@@ -193,6 +217,34 @@ impl FromTags {
             turn,
             seen_from: self.seen_from()?,
         })
+    }
+
+    /// How the file is to be read.
+    pub fn inputs(&self) -> Inputs {
+        Inputs {
+            sync: self.sync_channel,
+            markers: self.marker_channels.clone(),
+            unit: self.tag_unit,
+            divider: self.sync_divider,
+            filtered: self.sync_after,
+            t3: self.records.as_ref().map(|records| records == "t3"),
+        }
+    }
+
+    /// Reads a capture, or makes one of time tags, as the options say.
+    pub fn load(
+        &self,
+        path: &Path,
+        settings: &SettingsArgs<ALL>,
+        device: &DeviceArgs,
+    ) -> Result<(Loaded, Request)> {
+        if !self.are_given() && !tags::hold_tags(path) {
+            return settings::load(path, settings, device);
+        }
+        let request = settings::request(settings, device)?;
+        let scan = self.scan(request.settings.wall)?;
+        let asked = self.asked(request.settings.bin_width, job::turn(&request.settings)?)?;
+        Ok((job::load_tags(path, &request.settings, &scan, &asked)?, request))
     }
 
     /// Where laser and sensor stand.
@@ -229,6 +281,52 @@ pub fn run(args: &Args) -> Result<()> {
     let files = std::iter::once(&args.out).chain(&args.png).map(|f| f.display().to_string());
     print(&format!("wrote     {}", files.collect::<Vec<_>>().join("\n          ")));
     Ok(())
+}
+
+/// What a file of time tags holds, and the command that makes a capture of it.
+pub fn about(found: &Instrument) -> String {
+    let mut out = format!("tags      {}, {} records\n", found.instrument, found.records);
+    let rate = found.laser_hz.map_or_else(String::new, |hz| format!(", {:.4} MHz", 1e-6 * hz));
+    out += &format!("pulses    {} of the laser{rate}\n", found.pulses);
+    out += &found.duration_s.map_or_else(String::new, |s| format!("duration  {}\n", tables::seconds(s)));
+    found
+        .channels
+        .iter()
+        .for_each(|(channel, photons)| out += &format!("channel   {channel}: {photons} photons\n"));
+    found.markers.iter().for_each(|(marker, count)| out += &format!("marker    {marker}: {count}\n"));
+    found.notes.iter().for_each(|note| out += &format!("note      {note}\n"));
+    out + &format!("\na capture needs the points of the scan:\n  {}\n", command(found))
+}
+
+/// The command that makes a capture of a file, as far as its numbers say.
+pub fn command(found: &Instrument) -> String {
+    let side =
+        |size: Option<usize>, unknown: &str| size.map_or_else(|| unknown.to_string(), |n| n.to_string());
+    let [columns, rows] = found.guess.size;
+    let mut out = format!(
+        "thirdbounce histogram {} --scan {}x{} --wall SIZE",
+        found.path.display(),
+        side(columns, "COLUMNS"),
+        side(rows, "ROWS")
+    );
+    out += &match found.guess.division {
+        Some(Division::Pixels { marker, .. }) => format!(" --pixels {marker}"),
+        Some(Division::Lines { start, stop: Some(stop), .. }) => format!(" --lines {start},{stop}"),
+        Some(Division::Lines { start, .. }) => format!(" --lines {start}"),
+        _ if found.in_lines => String::new(),
+        _ => " --pulses-per-point N".into(),
+    };
+    if found.inputs.sync != 0 {
+        out += &format!(" --sync-channel {}", found.inputs.sync);
+    }
+    if !found.inputs.markers.is_empty() {
+        let all: Vec<_> = found.inputs.markers.iter().map(i32::to_string).collect();
+        out += &format!(" --marker-channels {}", all.join(","));
+    }
+    if let Some(channel) = found.guess.channel {
+        out += &format!(" --channel {channel}");
+    }
+    out + " --out capture.npz"
 }
 
 /// What the file holds, and what became of it.

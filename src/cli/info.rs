@@ -5,8 +5,9 @@ use std::process::ExitCode;
 
 use thirdbounce::capture::scan::decimals;
 use thirdbounce::job::{self, Inspection};
-use thirdbounce::{Result, export};
+use thirdbounce::{Result, export, tags};
 
+use super::histogram::{self, FromTags};
 use super::settings::CaptureArgs;
 use super::terminal::{json, print, say};
 use super::{advice, interrupt, tables};
@@ -25,11 +26,23 @@ pub struct Args {
     /// file, or into capture.png in this folder
     #[arg(long, value_name = "DIR or FILE")]
     png: Option<PathBuf>,
+    #[command(flatten)]
+    tags: FromTags,
 }
 
-/// Ends with 1 if there is a problem with the capture or the plan. Without a device it plans for a usual one.
+/// Ends with 1 if there is a problem with the capture or the plan. Without a device it plans for a usual one. Of time tags without a
+/// scan it shows what they hold.
 pub fn run(args: &Args) -> Result<ExitCode> {
-    let (loaded, request) = args.capture.load()?;
+    let CaptureArgs { capture, settings, device } = &args.capture;
+    if !args.tags.are_given() && tags::hold_tags(capture) {
+        let found = job::instrument(capture, args.tags.inputs())?;
+        print(&if args.json { json(&found)? } else { histogram::about(&found) });
+        return Ok(ExitCode::SUCCESS);
+    }
+    let (loaded, request) = match args.tags.are_given() {
+        true => args.tags.load(capture, settings, device)?,
+        false => args.capture.load()?,
+    };
     let mut found = job::inspect(&request, &loaded)?;
     found.problems.iter_mut().for_each(|problem| *problem = advice::text(problem).into());
     if let Some(place) = &args.png {

@@ -2,12 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
+use thirdbounce::Result;
 use thirdbounce::job::{self, Loaded, Request};
-use thirdbounce::{Result, tags};
 
 use super::histogram::FromTags;
 use super::progress::Meter;
-use super::settings::{CaptureArgs, load, request};
+use super::settings::CaptureArgs;
 use super::terminal::{json, print, say};
 use super::{interrupt, tables};
 
@@ -59,14 +59,7 @@ impl Args {
     /// Reads a capture, or makes one of time tags, as the options say.
     pub fn load(&self, path: &Path) -> Result<(Loaded, Request)> {
         let CaptureArgs { settings, device, .. } = &self.capture;
-        let (loaded, request) = if self.tags.are_given() || tags::is_picoquant(path) {
-            let request = request(settings, device)?;
-            let scan = self.tags.scan(request.settings.wall)?;
-            let asked = self.tags.asked(request.settings.bin_width, job::turn(&request.settings)?)?;
-            (job::load_tags(path, &request.settings, &scan, &asked)?, request)
-        } else {
-            load(path, settings, device)?
-        };
+        let (loaded, request) = self.tags.load(path, settings, device)?;
         let request = Request {
             timings: self.timings,
             truth: self.truth.clone(),

@@ -25,6 +25,9 @@ pub struct Args {
     /// Capture to write: .npz, or .hdf5 for y-tal
     #[arg(long, value_name = "CAPTURE")]
     out: PathBuf,
+    /// Scale the scene about its centre so that its largest side is this long [default: metres of the mesh are kept]
+    #[arg(long, value_name = "SIZE", value_parser = length)]
+    fit: Option<f64>,
     /// Let the scene move on a circle, and write N frames to the folder CAPTURE: frame-0000.npz and so on, with
     /// --truth their truths to the folder TRUTH.npz
     #[arg(long, value_name = "N")]
@@ -217,6 +220,9 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
 /// What the arguments ask for.
 fn simulation(args: &Args) -> Result<Simulation> {
     let mut scene = Scene::named(&args.scene)?;
+    if let Some(size) = args.fit {
+        scene = scene.fitted(size)?;
+    }
     args.albedo.into_iter().for_each(|albedo| scene.set_albedo(albedo));
     (scene.scan, scene.wall) = (args.scan, args.wall);
     (scene.bin_width, scene.bins) = (args.bin_width, args.bins);
@@ -266,6 +272,10 @@ fn one(args: &Args, simulation: &Simulation) -> Result<()> {
         done.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
     print(&done.summary.to_string());
+    if let Some(size) = simulation.scene.size() {
+        let how = if args.fit.is_some() { "fitted" } else { "not scaled" };
+        print(&format!("scene     {:.3} x {:.3} x {:.3} m, {how}", size.x, size.y, size.z));
+    }
     print(&format!(
         "rendered  in {} with {} samples, noise {:.4}",
         tables::seconds(done.seconds),

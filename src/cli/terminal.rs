@@ -12,10 +12,10 @@ pub fn say(line: &str) {
     let _ = writeln!(std::io::stderr().lock(), "{}", brief(&harmless(line, false)));
 }
 
-/// Says what is wrong, with a place in front or none, and how to fix it.
+/// Says what is wrong, with a place in front or none, and how to fix it. Lines of a hint, such as those of a program, stay.
 pub fn say_error(place: &str, what: &str, hint: &str) {
     say(&format!("error: {place}{what}"));
-    say(&format!("  {hint}"));
+    let _ = writeln!(std::io::stderr().lock(), "  {}", brief(&harmless(hint, true)));
 }
 
 /// Prints lines to stdout, names in them harmless. A closed stdout (`| head`) is not an error: the work itself is done.

@@ -60,7 +60,7 @@ impl EstimateRequest {
         };
         let models = match known {
             Some(_) => vec![],
-            None => possible_models(capture.is_confocal()).map(of_model).collect(),
+            None => possible_models(capture.is_nearly_confocal()).map(of_model).collect(),
         };
         let find_pulse = match (&settings.pulse, preset) {
             (Some(ImpulseResponse::Auto), _) => FindPulse::Always,

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use crate::Result;
 use crate::export::{self, report};
 use crate::measure::{Metrics, metrics};
+use crate::{Error, Result};
 
 /// The result of an evaluation.
 #[derive(Debug, Clone, PartialEq)]
@@ -36,6 +36,7 @@ pub fn evaluate(
     };
     let maps = export::npz::read_maps(&file)?;
     let truth = export::npz::read_truth(truth)?;
+    check_extent(maps.extent, truth.extent)?;
     let mut maps = maps;
     if mask_fraction.is_some() {
         maps.set_mask(mask_fraction);
@@ -46,4 +47,22 @@ pub fn evaluate(
         export::depth_difference::write(path, &maps, &truth)?;
     }
     Ok(Evaluation { metrics, solve_s: report.map(|r| r.totals.solve_s), picture })
+}
+
+/// Least overlap of the extents of maps and truth as a share of the larger one.
+const OVERLAP: f64 = 0.5;
+
+/// Refuses a truth of another part of the wall.
+fn check_extent(maps: [f64; 4], truth: [f64; 4]) -> Result<()> {
+    let area = |[x0, x1, y0, y1]: [f64; 4]| (x1 - x0).max(0.0) * (y1 - y0).max(0.0);
+    let [a, b] = [maps, truth];
+    let both = area([a[0].max(b[0]), a[1].min(b[1]), a[2].max(b[2]), a[3].min(b[3])]);
+    if both >= OVERLAP * area(a).max(area(b)) {
+        return Ok(());
+    }
+    let text = |[x0, x1, y0, y1]: [f64; 4]| format!("x {x0:.3} to {x1:.3} m, y {y0:.3} to {y1:.3} m");
+    Err(Error::input(
+        format!("the result covers {}, the truth {}", text(maps), text(truth)),
+        "give the truth of this scene, with the same wall",
+    ))
 }

@@ -16,7 +16,7 @@ use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::capture::Capture;
+use crate::capture::{Capture, conditioning};
 use crate::gpu::Gpu;
 use crate::resolve::Job;
 use crate::solve::surface::{self, Follow};
@@ -122,6 +122,7 @@ impl Session {
     ) -> Result<Session> {
         solver.check()?;
         scan.check_scan()?;
+        conditioning::check_units(scan)?;
         if !scan.histograms.is_empty() {
             scan.check_counts(&scan.histograms)?;
         }

@@ -70,6 +70,9 @@ settings! {
         wall: f64 = units::length, Range::Text("SIZE");
         /// Bin width, for files without it: a time (32ps) or a path (9.6mm, metres as a plain number)
         bin_width: f64 = path_of_light, Range::Text("WIDTH");
+        /// Metres that waves travel in a second, for files whose bins are seconds: 343 for sound in air, 2.25e8 for light in water. Bins
+        /// are then paths in that medium
+        speed: f64 = units::number, Range::Positive;
         /// Step of the wall's depth in a CC-SOCR capture of a wall that is not flat: 1cm, metres as a plain number
         wall_depth_unit: f64 = units::length, Range::Text("SIZE");
         /// Bounce of a rendered Z-NLOS capture that is used: third, all, or a number, 2 or more [default: third]

@@ -238,6 +238,12 @@ pub fn pulse(text: &str) -> Read<ImpulseResponse> {
     match (text, &numbers[..]) {
         ("none", _) => Ok(ImpulseResponse::None),
         ("auto", _) => Ok(ImpulseResponse::Auto),
+        // A plain number is metres.
+        (_, [Some(fwhm), ..])
+            if *fwhm >= 1.0 && units::number(text.split(':').next().unwrap_or_default()).is_ok() =>
+        {
+            Err(format!("{fwhm} m is longer than any impulse response: for picoseconds give {fwhm}ps"))
+        }
         (_, [Some(fwhm)]) => checked(ImpulseResponse::Gaussian { fwhm: *fwhm, tail: None }),
         (_, [Some(fwhm), Some(tail)]) => {
             checked(ImpulseResponse::Gaussian { fwhm: *fwhm, tail: Some(*tail) })

@@ -61,7 +61,7 @@ impl SceneTraits {
 
     /// The properties that follow from a scan: its kind of pairs, the width of its wall. The rest is as usual.
     pub fn of(capture: &Capture) -> SceneTraits {
-        SceneTraits { confocal: capture.is_confocal(), unit: capture.unit(), ..SceneTraits::DEFAULT }
+        SceneTraits { confocal: capture.is_nearly_confocal(), unit: capture.unit(), ..SceneTraits::DEFAULT }
     }
 
     /// Whether histograms were captured.

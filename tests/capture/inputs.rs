@@ -6,11 +6,15 @@ use fixtures::captures::{assert_error, changed, place};
 use fixtures::files::{Matrix, Stored, hdf5, matlab_file, matlab_matrix, matlab5, matrix, scalar};
 use glam::DVec3;
 use thirdbounce::capture::conditioning::{Conditioned, Conditioning, prepare};
-use thirdbounce::capture::{AxisOrder, Capture, METRES_PER_PICOSECOND, ReadOptions, read, read_given, write};
+use thirdbounce::capture::{
+    AxisOrder, Capture, METRES_PER_PICOSECOND, PairKind, ReadOptions, read, read_given, write,
+};
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::Array;
 use thirdbounce::job::load;
 use thirdbounce::settings::Settings;
+use thirdbounce::solve::SolverOptions;
+use thirdbounce::solve::option::SceneTraits;
 use thirdbounce::{Kind, Result};
 
 /// Photons of a small thing 0.6 m behind a wall of 1 m, in bins of 2 cm.
@@ -520,4 +524,102 @@ fn readings_of_zones_say_what_bin_width_is_assumed() {
         "{assumed}"
     );
     assert!(!notes(&ReadOptions::default().with_bin_width(0.027)).contains("TMF8820"));
+}
+
+#[test]
+fn containers_and_empty_arrays_are_refused_by_their_cause() {
+    let (_folder, path) = place("made.h5");
+    let named = |name: &str, dims: &[usize]| matrix(name, dims, |at| (1 + at.iter().sum::<usize>()) as f64);
+    for (arrays, words) in [
+        (
+            vec![named("s/rect_data", &[4, 4, 20]), scalar("s/width", 0.46875)],
+            &["s/rect_data inside the struct s", "-struct"][..],
+        ),
+        (vec![named("#refs#/a", &[20, 1]), named("#refs#/b", &[20, 1])], &["MATLAB cell array", "cell2mat"]),
+        (vec![named("data", &[6, 5, 20, 3])], &["[3, 20, 5, 6]", "colours"]),
+    ] {
+        hdf5(&path, &arrays);
+        assert_error(read_given(&path, &ReadOptions::default().with_wall(1.0)), Kind::Input, words);
+    }
+    let empty = [named("meas", &[4, 4, 20]), matrix("tofgrid", &[0, 0], |_| 0.0)];
+    std::fs::write(&path, matlab5(&empty, Stored::Plain)).unwrap();
+    assert_error(read(&path), Kind::Input, &["tofgrid", "is empty"]);
+}
+
+#[test]
+fn a_sensor_beside_the_laser_is_confocal_within_a_tenth_of_the_step() {
+    let step = 1.0 / 15.0;
+    let beside = |metres: f64| changed(&scene([16, 16]), |c| c.sensor.iter_mut().for_each(|p| p.x += metres));
+    for metres in [1e-4, 0.09 * step] {
+        let near = beside(metres);
+        assert!(near.pair_kind() == PairKind::Confocal && !near.is_confocal() && near.offset().is_none());
+    }
+    for metres in [0.01, 0.02] {
+        let apart = beside(metres);
+        assert!(
+            apart.pair_kind() == PairKind::Irregular && (apart.offset().unwrap().x - metres).abs() < 1e-12
+        );
+        let done = prepared(apart.clone()).unwrap();
+        let words = format!("{:.1} mm beside the laser point", 1e3 * metres);
+        assert!(
+            done.notes.iter().any(|n| n.contains(&words) && n.contains("wrong by up to 0.")),
+            "{:?}",
+            done.notes
+        );
+        let method = SolverOptions::defaults_for("lct", &SceneTraits::DEFAULT).unwrap();
+        method.takes(&apart).unwrap();
+    }
+    // A wide spot counts as the step does; points that are apart by other ways are no offset.
+    let wide = changed(&beside(0.01), |c| c.laser_spot = Some(0.11));
+    assert_eq!(wide.pair_kind(), PairKind::Confocal);
+    let mixed = changed(&beside(0.01), |c| c.sensor[7].x -= 0.02);
+    assert!(mixed.offset().is_none());
+}
+
+#[test]
+fn walls_units_and_totals_are_told() {
+    // ROS: x forward, z up.
+    let upright = scene([6, 5]);
+    let turned = changed(&upright, |c| {
+        c.laser.iter_mut().chain(&mut c.sensor).for_each(|p| *p = DVec3::new(p.z, -p.x, p.y));
+        (c.laser_normal, c.sensor_normal) = (Some(vec![DVec3::X; 30]), Some(vec![DVec3::X; 30]));
+    });
+    let done = prepared(turned.clone()).unwrap();
+    let note = done.notes.iter().find(|n| n.contains("y of the file is taken as up")).unwrap();
+    assert!(note.contains("a rotation of 270 degrees"), "{note}");
+    let turn = thirdbounce::capture::Turn::parse(None, Some(270)).unwrap();
+    let right =
+        prepare(turned, &Conditioning { turn, no_auto_gate: true, ..Conditioning::default() }).unwrap();
+    assert_eq!(right.capture.scan, upright.scan);
+    for (found, wanted) in right.capture.laser.iter().zip(&upright.laser) {
+        assert!(
+            found.distance(DVec3::new(-wanted.x, wanted.y, 0.0)) < 1e-9 || found.distance(*wanted) < 1e-9
+        );
+    }
+    // Sound: bins in seconds.
+    let (_folder, path) = place("sound.npz");
+    let sound = changed(&upright, |c| c.bin_width /= 343.0);
+    write(&sound, &path).unwrap();
+    let heard = Settings { speed: Some(343.0), ..Settings::default() };
+    let found = load(&path, &heard).unwrap();
+    assert!((found.capture.bin_width - upright.bin_width).abs() < 1e-12, "{}", found.capture.bin_width);
+    assert!(found.notes.iter().any(|n| n.contains("343 m/s")), "{:?}", found.notes);
+    let wrong = Settings { speed: Some(-1.0), ..Settings::default() };
+    assert!(load(&path, &wrong).is_err());
+    // A bin width beside the file's own, and a pulse without its unit.
+    let given = ReadOptions::default().with_bin_width(3.0);
+    assert_error(read_given(&path, &given), Kind::Options, &["an npz file holds its own bin width"]);
+    let mut settings = Settings::default();
+    assert_error(settings.set("pulse", "60"), Kind::Options, &["for picoseconds give 60ps"]);
+    // Histograms that were divided by their totals.
+    let same = changed(&upright, |c| {
+        c.integer_counts = false;
+        let bins = c.bins;
+        c.histograms.chunks_exact_mut(bins).for_each(|h| {
+            let total: f32 = h.iter().sum();
+            h.iter_mut().for_each(|n| *n /= total);
+        });
+    });
+    let done = prepared(same).unwrap();
+    assert!(done.notes.iter().any(|n| n.contains("the same total")), "{:?}", done.notes);
 }

@@ -74,3 +74,69 @@ fn what_cannot_be_ends_with_one() {
     // Settings of files.
     fail(&["info", &sound, "--axes", "xyz"], 1, "xyt");
 }
+
+#[test]
+fn time_tags_are_known_to_every_verb() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let writer = fixtures::tags::scanned(0x0001_0207);
+    let (ptu, csv) = (path("scan.ptu"), path("scan.csv"));
+    std::fs::write(&ptu, writer.file(4e-12, 1e-7, &[])).unwrap();
+    let shown = succeed(&["info", &ptu]);
+    for words in [
+        "tags      generic (MultiHarp, PicoHarp 330), T2",
+        "channel   2: 468 photons",
+        "marker    1: 13",
+        "marker    3: 4",
+        "11.3350 MHz",
+        "duration  ",
+        "thirdbounce histogram ",
+        " --wall SIZE --lines 1,2 ",
+    ] {
+        assert!(shown.contains(words), "{words} is not in\n{shown}");
+    }
+    let json: Value = serde_json::from_str(&succeed(&["info", &ptu, "--json"])).unwrap();
+    assert_eq!((json["channels"][0][1].as_u64(), json["markers"][0][1].as_u64()), (Some(468), Some(13)));
+    fail(&["convert", &ptu, &path("made.npz")], 1, "holds time tags (generic (MultiHarp, PicoHarp 330), T2)");
+    // Channels that are not told are guessed: laser pulses have the most tags.
+    let tags = fixtures::tags::csv(&writer.wanted).replace("\n0,", "\n1,");
+    std::fs::write(&csv, tags).unwrap();
+    let shown = succeed(&["info", &csv]);
+    assert!(shown.contains("channel   2: 468 photons") && shown.contains("--sync-channel 1"), "{shown}");
+    // With its scan, a file is inspected as a capture.
+    let scan = ["--scan", "2x2", "--wall", "1m", "--pixels", "1", "--rounds", "3"];
+    assert!(succeed(&[&["info", &ptu][..], &scan, &SHORT].concat()).contains("2 x 2 = 4 pairs, confocal"));
+    // Lines of a hint stay lines.
+    std::fs::write(path("counts.npy"), thirdbounce::files::array::Array::from_i64(&[2, 3], &[1; 6]).to_npy())
+        .unwrap();
+    let text = stderr(&thirdbounce(&["info", &path("counts.npy")]));
+    assert!(
+        text.contains("\nimport numpy as np;") && text.contains("\np = np.stack") && !text.contains("u000a"),
+        "{text}"
+    );
+}
+
+#[test]
+fn a_truth_of_another_wall_is_refused_and_meshes_keep_their_size() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name).display().to_string();
+    let small = ["--scan", "8", "--bin-width", "0.03", "--truth-resolution", "16"];
+    let (capture, truth, other) = (path("z.npz"), path("truth.npz"), path("other.npz"));
+    succeed(&[&["simulate", "letter-Z", "--out", &capture, "--truth", &truth][..], &small].concat());
+    let wide = ["--wall", "2m"];
+    succeed(
+        &[&["simulate", "letter-Z", "--out", &path("wide.npz"), "--truth", &other][..], &small, &wide]
+            .concat(),
+    );
+    succeed(&[&["reconstruct", &capture, "--out", &path("out"), "--no-preview"][..], &SHORT].concat());
+    succeed(&["evaluate", &path("out"), "--truth", &truth]);
+    fail(&["evaluate", &path("out"), "--truth", &other], 1, "the same wall");
+    let square = "v 0 0 0\nv 6 0 0\nv 6 6 0\nv 0 6 0\nf 1 2 3 4\n".replace('6', ".06");
+    std::fs::write(path("tiny.obj"), square).unwrap();
+    let mesh = ["simulate", &path("tiny.obj"), "--out", &path("tiny.npz"), "--scan", "4", "--noise", "0.3"];
+    assert!(succeed(&mesh).contains("scene     0.060 x 0.060 x 0.000 m, not scaled"));
+    assert!(
+        succeed(&[&mesh[..], &["--fit", "60cm"]].concat())
+            .contains("scene     0.600 x 0.600 x 0.000 m, fitted")
+    );
+}

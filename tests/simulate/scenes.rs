@@ -185,7 +185,13 @@ fn obj_and_ply_meshes_load_and_place() {
         let scene = Scene::named(path.to_str().unwrap()).unwrap();
         let placed = &scene.objects[0].mesh;
         let (lo, hi) = placed.bounds().unwrap();
-        assert!((hi - lo - dvec3(0.6, 0.3, 0.0)).length() < 1e-9);
+        // Metres are kept, and scaled where that is asked for.
+        assert!(
+            (hi - lo - dvec3(2.0, 1.0, 0.0)).length() < 1e-9
+                && (lo.midpoint(hi) - dvec3(0.0, 0.0, 0.8)).length() < 1e-9
+        );
+        assert!((scene.clone().fitted(0.6).unwrap().size().unwrap() - dvec3(0.6, 0.3, 0.0)).length() < 1e-9);
+        assert!(scene.clone().fitted(0.0).is_err());
         assert!((placed.geometric_normal(0) + DVec3::Z).length() < 1e-9);
         assert_eq!(scene.name, "quad");
     }

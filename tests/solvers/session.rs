@@ -425,6 +425,23 @@ fn a_session_refuses_what_a_solve_refuses() {
     assert_error(make(&changed(&scan, |c| c.bins = 0), &surface(|_| ())), Kind::Input, &["no bin"]);
     assert_error(make(&changed(&scan, |c| c.histograms = vec![1.0]), &paper()), Kind::Input, &["1 counts"]);
     assert_error(make(&scan, &surface(|o| o.iterations = 0)), Kind::Options, &["iterations"]);
+    // Bins in picoseconds, with counts and without.
+    let picoseconds = changed(&scan, |c| c.bin_width /= 0.000_299_792_458);
+    for scan in [picoseconds.outline(), picoseconds.clone()] {
+        assert_error(
+            make(&scan, &surface(|_| ())),
+            Kind::Input,
+            &["wider than the wall", "looks like picoseconds"],
+        );
+    }
+    let through_api = thirdbounce::session(
+        &gpu,
+        &picoseconds,
+        &Settings::default(),
+        SessionOptions::default(),
+        &mut |_| ControlFlow::Continue(()),
+    );
+    assert_error(through_api.map(|s| s.1), Kind::Input, &["looks like picoseconds"]);
     let few = SessionOptions { memory: Some(1000), ..SessionOptions::default() };
     let refused = Session::new(&gpu, &scan, None, &surface(|_| ()), few).map(|s| s.plan().scene.pairs);
     assert_error(refused, Kind::Memory, &["budget"]);

@@ -16,7 +16,7 @@ fn grid() -> Scan {
 
 fn asked() -> Asked {
     Asked {
-        inputs: Inputs { sync: 0, markers: vec![100, 101, 102] },
+        inputs: Inputs { sync: 0, markers: vec![100, 101, 102], ..Inputs::default() },
         division: Some(Division::Pixels { marker: 1, frame: Some(3) }),
         bin_width: Some(8.0 * METRES_PER_PICOSECOND),
         ..Asked::default()
@@ -68,7 +68,8 @@ fn elements_of_all_types_are_whole_numbers() {
     let read = |times: Array, channels: Array| {
         write(&path, npz_bytes(&[("Time", times), ("CHANNELS", channels)]).unwrap());
         let mut all = vec![];
-        Tags::open(&path, &Inputs { sync: 9, markers: vec![] })?.records(|record| all.push(record))?;
+        Tags::open(&path, &Inputs { sync: 9, markers: vec![], ..Inputs::default() })?
+            .records(|record| all.push(record))?;
         Ok(all)
     };
     let wanted: Vec<_> = times

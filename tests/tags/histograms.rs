@@ -7,7 +7,7 @@ use fixtures::tags::{Writer, arrays, csv, is_t3, npz_of, write};
 use glam::DVec3;
 use thirdbounce::capture::{Capture, Turn, read};
 use thirdbounce::files::array::Array;
-use thirdbounce::tags::{Asked, Division, Histograms, Inputs, PileUp, Record, Scan, Zero, histogram};
+use thirdbounce::tags::{Asked, Division, Event, Histograms, Inputs, PileUp, Record, Scan, Zero, histogram};
 use thirdbounce::{Kind, capture};
 
 const TICK: f64 = 4e-12;
@@ -139,7 +139,7 @@ fn pulses_of_a_point_are_divided_in_every_format() {
         let path = path.with_file_name(name);
         write(&path, bytes);
         assert_same(&histogram(&path, &grid(3, 2), &by).unwrap(), &wanted, 3);
-        let other = Asked { inputs: Inputs { sync: 5, markers: vec![] }, ..by.clone() };
+        let other = Asked { inputs: Inputs { sync: 5, markers: vec![], ..Inputs::default() }, ..by.clone() };
         assert_error(histogram(&path, &grid(3, 2), &other), Kind::Input, &[name, "laser pulses"]);
     }
     // Histograms of the instrument itself.
@@ -423,19 +423,54 @@ fn tags_out_of_order_are_counted_where_they_belong_and_noted() {
     assert!(found.notes.iter().any(|n| n.starts_with("1 photons were out of order")), "{:?}", found.notes);
     // A laser pulse behind a later one.
     let text = path.with_extension("csv");
-    write(&text, "0,10\n1,12\n0,210\n0,110\n1,220\n0,310\n");
-    let tags = thirdbounce::tags::Tags::open(&text, &Inputs { sync: 0, markers: vec![] }).unwrap();
-    let notes = tags.events(|_| ()).unwrap().notes.join("\n");
-    assert!(notes.contains("1 laser pulses were out of order"), "{notes}");
+    write(&text, "0,10000\n1,12000\n0,210000\n0,110000\n1,220000\n0,310000\n");
+    let tags =
+        thirdbounce::tags::Tags::open(&text, &Inputs { sync: 0, markers: vec![], ..Inputs::default() })
+            .unwrap();
+    let mut delays = vec![];
+    let notes = tags.events(|event| delays.push(event)).unwrap().notes.join("\n");
+    assert!(notes.contains("1 tags were out of order and are put in order"), "{notes}");
+    let photon = |sync, delay| Event::Photon { channel: 1, sync, delay };
+    assert_eq!(delays, [photon(0, 2000), photon(2, 10_000)]);
 }
 
 #[test]
-fn a_measurement_mode_that_contradicts_the_records_is_refused() {
+fn records_decide_where_the_header_contradicts_itself() {
     let (_folder, path) = place("made.ptu");
-    let made = Made::new(100, 3);
-    for (number, mode, name) in [(0x0001_0307, 2, "T2"), (0x0001_0203, 3, "T3"), (0x0001_0303, 2, "T2")] {
-        write(&path, made.file(number).0.file(TICK, PERIOD, &[("Measurement_Mode", mode)]));
-        let found = histogram(&path, &grid(3, 2), &asked(Division::Pulses { each: 5, before: 0 }));
-        assert_error(found, Kind::Input, &["contradicts itself", name, "record type"]);
+    let made = Made::new(1000, 3);
+    let wanted = made.wanted(6, |sync| Some((sync / 100) as usize).filter(|point| *point < 6));
+    let by = asked(Division::Pulses { each: 100, before: 0 });
+    let scan = |asked: &Asked| histogram(&path, &grid(3, 2), asked);
+    // The type of T3 records in the header becomes that of T2, and the other way round, with either mode.
+    for (number, of_header, mode) in [
+        (0x0001_0306, 0x0001_0206, 3),
+        (0x0001_0307, 0x0001_0307, 2),
+        (0x0001_0203, 0x0001_0303, 2),
+        (0x0001_0203, 0x0001_0203, 3),
+        (0x0001_0303, 0x0001_0303, 2),
+    ] {
+        let header = [("Measurement_Mode", mode), ("TTResultFormat_TTTRRecType", of_header)];
+        write(&path, made.file(number).0.file(TICK, PERIOD, &header));
+        let found = scan(&by).unwrap();
+        let words = format!("the records are those of T{}", number >> 8 & 15);
+        assert!(
+            found.notes.iter().any(|n| n.contains("contradicts itself") && n.contains(&words)),
+            "{:?}",
+            found.notes
+        );
+        if number != 0x0001_0303 || of_header == number {
+            let first: Vec<f32> = wanted.iter().flatten().copied().collect();
+            assert_eq!(total(&found.capture), f64::from(first.iter().sum::<f32>()), "{number:x}");
+        }
     }
+    // A header that agrees with itself and not with its records.
+    let header = [("Measurement_Mode", 2), ("TTResultFormat_TTTRRecType", 0x0001_0206)];
+    write(&path, made.file(0x0001_0306).0.file(TICK, PERIOD, &header));
+    assert_error(
+        scan(&by),
+        Kind::Input,
+        &["TimeHarp 260 P, T2", "no record is a laser pulse", "`records` t3"],
+    );
+    let inputs = Inputs { t3: Some(true), ..Inputs::default() };
+    assert!(scan(&Asked { inputs, ..by }).is_ok());
 }

@@ -4,5 +4,6 @@ mod arrays;
 mod histograms;
 mod hostile;
 mod instrument;
+mod recipes;
 mod records;
 mod wall;

@@ -5,7 +5,7 @@ use std::path::Path;
 use fixtures::captures::{assert_error, place};
 use fixtures::tags::{TYPES, Writer, csv, is_t3, varied, write};
 use thirdbounce::Kind;
-use thirdbounce::tags::{Event, Inputs, Passed, Record, Scan, Survey, Tags, is_picoquant};
+use thirdbounce::tags::{Event, Inputs, Passed, Record, Scan, Survey, Tags, hold_tags};
 
 fn all(path: &Path, inputs: &Inputs) -> (Vec<Record>, Passed) {
     let mut found = vec![];
@@ -27,7 +27,7 @@ fn every_record_type_is_read_tag_for_tag() {
         assert_eq!(tags.tick, 4e-12);
         assert_eq!(tags.period, is_t3(number).then_some(1e-7), "{name}");
         assert!(tags.instrument.starts_with(&name[..7]), "{} {name}", tags.instrument);
-        assert!(is_picoquant(&path));
+        assert!(hold_tags(&path));
     }
 }
 
@@ -37,13 +37,13 @@ fn text_is_read_tag_for_tag() {
     // One marker at a time has a channel of its own.
     let one = |r: &Record| !matches!(r, Record::Marker { bits, .. } if bits.count_ones() > 1);
     let records: Vec<_> = records.into_iter().filter(one).collect();
-    let inputs = Inputs { sync: 0, markers: (100..104).collect() };
+    let inputs = Inputs { sync: 0, markers: (100..104).collect(), ..Inputs::default() };
     let (_folder, path) = place("tags.csv");
     write(&path, csv(&records));
     assert!(all(&path, &inputs).0 == records);
-    let wrong = Inputs { sync: 1, markers: vec![1] };
+    let wrong = Inputs { sync: 1, markers: vec![1], ..Inputs::default() };
     assert_error(Tags::open(&path, &wrong).map(drop), Kind::Options, &["laser pulses channel 1"]);
-    let inputs = Inputs { sync: 0, markers: vec![7, -7] };
+    let inputs = Inputs { sync: 0, markers: vec![7, -7], ..Inputs::default() };
     let wanted = [
         Record::Sync { time: 10 },
         Record::Photon { channel: 1, time: 12, delay: 0 },
@@ -64,12 +64,12 @@ fn text_is_read_tag_for_tag() {
     for (text, words) in [
         ("0,10\n1,x\n2,3\n", "line 2"),
         ("one,two\n0,1\n", "line 1"),
-        ("0\n1\n", "line 1"),
+        ("0\n1\n", "a text of numbers"),
         (&*long, "line 1"),
-        (&*"1".repeat(5000), "line 1"),
+        (&*"1".repeat(5000), "a text of numbers"),
     ] {
         write(&path, text);
-        let read = Tags::open(&path, &inputs).unwrap().records(|_| {});
+        let read = Tags::open(&path, &inputs).and_then(|tags| tags.records(|_| {}));
         assert_error(read.map(drop), Kind::Input, &["tags.csv", words]);
     }
 }
@@ -202,8 +202,14 @@ fn damaged_files_are_refused_and_never_panic() {
     for (name, text, words) in [
         ("other.ptu", "not a file of tags", "no file of time tags"),
         ("empty.csv", "", "is empty"),
-        ("curves.phu", "PQHISTO\0", "(PHU), which are not read"),
-        ("tags.dump", "0000000000000000", "no file of time tags"),
+        ("curves.phu", "PQHISTO\0", "PicoQuant histograms (.phu)"),
+        ("tags.dump", "\u{1}0000000000", "no file of time tags"),
+        ("old.pt3", "PicoHarp 300\0", "(.pt3 or .pt2), which is not read"),
+        ("old.ht3", "HydraHarp\0", "(.ht3 or .ht2), which is not read"),
+        ("a.sdt", "\u{1}", "Becker & Hickl histograms"),
+        ("a.spc", "\u{1}", "Photon-HDF5"),
+        ("a.ttbin", "\u{1}", "getTimestamps"),
+        ("a.bin", "\u{1}", "a raw dump"),
         ("missing.ptu", "-", "no such file"),
     ] {
         let path = path.with_file_name(name);
@@ -216,7 +222,7 @@ fn damaged_files_are_refused_and_never_panic() {
     let pipe = path.with_file_name("pipe.ptu");
     if std::process::Command::new("mkfifo").arg(&pipe).status().is_ok_and(|made| made.success()) {
         assert_error(Tags::open(&pipe, &Inputs::default()).map(drop), Kind::Input, &["regular file"]);
-        assert!(!is_picoquant(&pipe));
+        assert!(!hold_tags(&pipe));
     }
     let unknown = Writer::new(0x0001_0309).file(4e-12, 1e-7, &[]);
     write(&path, unknown);

@@ -31,12 +31,42 @@ const KNOWN: &[(&str, &str)] = &[
 
 impl Scene {
     /// The scene that `spec` names: a built-in scene (see [`Scene::known`]) or the path of a .obj or .ply
-    /// mesh, which is fitted to 0.6 m, turned so that its +z side faces the wall, and centred at z = 0.8 m.
+    /// mesh in metres, which is turned so that its +z side faces the wall, and centred at z = 0.8 m.
     ///
     /// # Errors
     /// An unknown name (the error lists the known ones) or a mesh that cannot be used.
     pub fn named(spec: &str) -> Result<Scene> {
         named(spec)
+    }
+
+    /// The scene scaled about its centre so that its largest side is `size` metres.
+    ///
+    /// # Errors
+    /// `Kind::Options` for a size that is no positive length, or a scene without extent.
+    pub fn fitted(mut self, size: f64) -> Result<Scene> {
+        let [low, high] = self.bounds().unwrap_or_default();
+        let (centre, scale) = (low.midpoint(high), size / (high - low).max_element());
+        if !(scale.is_finite() && scale > 0.0 && size.is_finite()) {
+            return Err(Error::options(
+                format!("the scene cannot be {size} m large"),
+                "give a length above 0",
+            ));
+        }
+        for corner in self.objects.iter_mut().flat_map(|object| object.mesh.triangles.iter_mut().flatten()) {
+            *corner = centre + scale * (*corner - centre);
+        }
+        Ok(self)
+    }
+
+    /// Sides of the box around all objects, metres; `None` without any.
+    pub fn size(&self) -> Option<DVec3> {
+        self.bounds().map(|[low, high]| high - low)
+    }
+
+    fn bounds(&self) -> Option<[DVec3; 2]> {
+        let corners =
+            || self.objects.iter().flat_map(|object| object.mesh.triangles.iter().flatten().copied());
+        Some([corners().reduce(DVec3::min)?, corners().reduce(DVec3::max)?])
     }
 
     /// Name and one-line description of each built-in scene.

@@ -33,20 +33,24 @@ pub fn load_mesh(path: &Path) -> Result<Mesh> {
     soup.and_then(build).map_err(|e| e.at(path.display()))
 }
 
-/// The stem and the mesh of a mesh file, scaled to 0.6 m, 0.8 m in front of the wall and facing it; `None` if the path
-/// does not have the extension of a mesh file.
+/// The stem and the mesh of a mesh file in metres, 0.8 m in front of the wall and facing it; `None` if the path does not have the
+/// extension of a mesh file.
 pub(super) fn scene(path: &Path) -> Option<Result<(String, Mesh)>> {
     if !matches!(extension(path).as_str(), "obj" | "ply") {
         return None;
     }
-    let placement = Placement {
-        fit: Some(0.6),
-        rotate: [0.0, 180.0, 0.0],
-        translate: dvec3(0.0, 0.0, 0.8),
-        ..Placement::default()
+    let placement = |mesh: &Mesh| {
+        let (low, high) = mesh.bounds().unwrap_or_default();
+        let centre = low.midpoint(high);
+        let rotate = [0.0, 180.0, 0.0];
+        Placement { rotate, translate: dvec3(centre.x, -centre.y, 0.8 + centre.z), ..Placement::default() }
     };
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-    Some(load_mesh(path).and_then(|mesh| mesh.placed(&placement)).map(|mesh| (stem, mesh)))
+    let mesh = load_mesh(path).and_then(|mesh| {
+        let place = placement(&mesh);
+        mesh.placed(&place)
+    });
+    Some(mesh.map(|mesh| (stem, mesh)))
 }
 
 fn extension(path: &Path) -> String {

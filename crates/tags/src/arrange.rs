@@ -1,13 +1,19 @@
 //! The wall points of a scan, in the order in which they were measured.
 
+use std::io::Read;
 use std::path::Path;
 
 use glam::{DVec3, dvec3};
 
+use super::text::{Plain, real};
 use crate::capture::lattice::Lattice;
 use crate::capture::{Capture, Turn};
 use crate::error::{Error, Result};
 
+/// Longest file of points, bytes.
+const LONGEST: u64 = 1 << 30;
+/// Whole metres beyond which points of laser and sensor are unlikely.
+const FARTHEST: f64 = 8.0;
 /// Most points: a sane limit for a grid that is only asked for.
 const MOST: usize = 1 << 22;
 
@@ -20,6 +26,8 @@ pub struct Scan {
     pub sensor: Vec<DVec3>,
     /// Points of a line, if there are lines.
     pub per_line: Option<usize>,
+    /// Whether every second line runs backwards.
+    pub both_ways: bool,
 }
 
 impl Scan {
@@ -52,7 +60,17 @@ impl Scan {
             dvec3(at(column, columns), at(row, rows), 0.0)
         };
         let all: Vec<_> = (0..points).map(point).collect();
-        Ok(Scan { laser: all.clone(), sensor: all, per_line: Some(columns) })
+        Ok(Scan { laser: all.clone(), sensor: all, per_line: Some(columns), both_ways: snake })
+    }
+
+    /// The scan of [`Scan::grid`], measured column by column from -x, each from the lowest; `snake`: every other column from the top.
+    ///
+    /// # Errors
+    /// Those of [`Scan::grid`].
+    pub fn by_columns([columns, rows]: [usize; 2], wall: f64, snake: bool) -> Result<Scan> {
+        let mut scan = Scan::grid([rows, columns], wall, snake)?;
+        scan.laser.iter_mut().chain(&mut scan.sensor).for_each(|p| *p = dvec3(p.y, p.x, p.z));
+        Ok(scan)
     }
 
     /// Reads the points of a scan from text, a line for each in the order in which they were measured: `x, y`, or `x, y, z`
@@ -62,21 +80,31 @@ impl Scan {
     /// # Errors
     /// `Kind::Input`, beginning with the path: no such file, no points, or a line that is not one.
     pub fn read(path: &Path) -> Result<Scan> {
-        let text =
-            std::fs::read_to_string(path).map_err(super::unreadable).map_err(|e| e.at(path.display()))?;
-        Self::of_text(&text).map_err(|e| e.at(path.display()))
+        let read = || {
+            let mut text = vec![];
+            Plain::new(super::open(path)?)?
+                .take(LONGEST)
+                .read_to_end(&mut text)
+                .map_err(super::unreadable)?;
+            Self::of_text(&String::from_utf8_lossy(&text))
+        };
+        read().map_err(|e: Error| e.at(path.display()))
     }
 
     fn of_text(text: &str) -> Result<Scan> {
-        let mut scan = Scan { laser: vec![], sensor: vec![], per_line: None };
+        let mut scan = Scan { laser: vec![], sensor: vec![], per_line: None, both_ways: false };
+        let mut is_whole = true;
         for (number, line) in text.lines().enumerate() {
             let line = line.trim();
             if line.is_empty() || line.starts_with('#') {
                 continue;
             }
-            let parts = line.split([',', ';', '\t', ' ']).filter(|part| !part.is_empty());
-            let values: Option<Vec<f64>> =
-                parts.map(|part| part.parse().ok().filter(|v: &f64| v.is_finite())).collect();
+            // A comma is decimal where something else separates the numbers.
+            let decimal = line.contains([';', '\t']) || (line.contains(' ') && !line.contains(", "));
+            let parts = line.split(if decimal { &[';', '\t', ' '][..] } else { &[',', ' '] });
+            let parts = parts.map(|part| part.trim_matches('"')).filter(|part| !part.is_empty());
+            let values: Option<Vec<f64>> = parts.map(|part| real(part.as_bytes())).collect();
+            is_whole &= values.iter().flatten().all(|v| v.fract() == 0.0) && !line.contains('.');
             let (laser, sensor) = match values.as_deref() {
                 Some(&[x, y]) => (dvec3(x, y, 0.0), dvec3(x, y, 0.0)),
                 Some(&[x, y, z]) => (dvec3(x, y, z), dvec3(x, y, z)),
@@ -91,6 +119,12 @@ impl Scan {
             };
             scan.laser.push(laser);
             scan.sensor.push(sensor);
+        }
+        if is_whole && scan.sensor != scan.laser && scan.reach() > FARTHEST {
+            return Err(Error::input(
+                "lines hold six whole numbers: three numbers with decimal commas, or points many metres apart",
+                "write decimal points, or semicolons between the numbers",
+            ));
         }
         if scan.laser.is_empty() {
             return Err(Error::input("holds no point", "write a line for each: x, y, z in metres"));

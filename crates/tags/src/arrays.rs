@@ -3,6 +3,9 @@
 //!
 //! Both arrays have one axis and one length, whole numbers, timestamps in picoseconds. They are read part by part. Swabian's
 //! `event_types` (`getEventTypes`) may be a third one: 0 is a tag, all else is left out.
+//!
+//! Photon-HDF5 (photon-hdf5.readthedocs.io, version 0.5) has `photon_data/timestamps` in units of `timestamps_specs/timestamps_unit`,
+//! `nanotimes` since the laser pulse in units of `nanotimes_specs/tcspc_unit`, and `detectors`.
 
 use std::path::Path;
 
@@ -17,6 +20,8 @@ const TIMES: [&str; 8] =
     ["timestamps", "timestamp", "timestamps_ps", "times", "times_ps", "time", "time_tags", "timetags"];
 const CHANNELS: [&str; 3] = ["channels", "channel", "channel_ids"];
 const TYPES: [&str; 2] = ["event_types", "types"];
+const DETECTORS: [&str; 1] = ["detectors"];
+const NANOTIMES: [&str; 1] = ["nanotimes"];
 /// Tags that are read at once: at least, and at most where a chunk of HDF5 has more than the least.
 const PART: [usize; 2] = [1 << 16, 1 << 24];
 
@@ -43,8 +48,28 @@ impl Holder {
 pub(super) struct Named {
     holder: Holder,
     times: String,
-    channels: String,
+    channels: Option<String>,
     types: Option<String>,
+    /// Photon-HDF5.
+    pub(super) nanotimes: Option<Nanotimes>,
+}
+
+/// Delays of photons since their laser pulses.
+#[derive(Debug, Clone)]
+pub(super) struct Nanotimes {
+    name: String,
+    /// Seconds of a delay's unit, and between laser pulses.
+    pub(super) tick: f64,
+    pub(super) period: f64,
+    /// Laser pulses in a unit of the timestamps.
+    pulses: f64,
+}
+
+impl Nanotimes {
+    /// The number of the laser pulse at a time.
+    fn pulse(&self, time: i64) -> i64 {
+        (time as f64 * self.pulses).clamp(0.0, (1u64 << 61) as f64) as i64
+    }
 }
 
 enum File {
@@ -77,6 +102,27 @@ impl Named {
                 (first, _) => Ok(first.cloned()),
             }
         };
+        if let (Some(times), Some(name), Holder::Hdf5) = (one(&TIMES)?, one(&NANOTIMES)?, holder) {
+            let file = Hdf5::open(path)?;
+            let unit = |suffix: &str| -> Result<Option<f64>> {
+                let Some(name) = names.iter().find(|name| name.ends_with(suffix)) else { return Ok(None) };
+                let value = file.numbers(name)?.and_then(|(_, values)| values.first().copied());
+                Ok(value.filter(|unit| unit.is_finite() && *unit > 0.0))
+            };
+            let needed = |suffix: &str| {
+                unit(suffix)?.ok_or_else(|| {
+                    Error::input(
+                        format!("the Photon-HDF5 file has no {suffix}"),
+                        format!("store {suffix} in seconds, above 0"),
+                    )
+                })
+            };
+            let (macrotime, tick) = (needed("timestamps_unit")?, needed("tcspc_unit")?);
+            let period = unit("laser_repetition_rates")?.map_or(macrotime, |rate| 1.0 / rate);
+            let nanotimes = Nanotimes { name, tick, period, pulses: macrotime / period };
+            let channels = one(&DETECTORS)?;
+            return Ok(Named { holder, times, channels, types: None, nanotimes: Some(nanotimes) });
+        }
         let (Some(times), Some(channels)) = (one(&TIMES)?, one(&CHANNELS)?) else {
             let there = if names.is_empty() { "nothing".to_string() } else { names.join(", ") };
             return Err(Error::input(
@@ -85,7 +131,7 @@ impl Named {
                  without a scan",
             ));
         };
-        Ok(Named { holder, times, channels, types: one(&TYPES)? })
+        Ok(Named { holder, times, channels: Some(channels), types: one(&TYPES)?, nanotimes: None })
     }
 
     /// Calls `hear` with every tag.
@@ -98,9 +144,11 @@ impl Named {
     ) -> Result<()> {
         let mut file = open(self.holder, path)?;
         let mut times = column(&mut file, &self.times)?;
-        let mut channels = column(&mut file, &self.channels)?;
-        let mut types = self.types.as_ref().map(|name| column(&mut file, name)).transpose()?;
-        for other in [Some(&channels), types.as_ref()].into_iter().flatten() {
+        let mut optional = |name: Option<&String>| name.map(|name| column(&mut file, name)).transpose();
+        let mut channels = optional(self.channels.as_ref())?;
+        let mut types = optional(self.types.as_ref())?;
+        let mut nanotimes = optional(self.nanotimes.as_ref().map(|n| &n.name))?;
+        for other in [&channels, &types, &nanotimes].into_iter().flatten() {
             if other.left != times.left {
                 return Err(Error::input(
                     format!("{} holds {} values and {} {}", self.times, times.left, other.name, other.left),
@@ -112,25 +160,43 @@ impl Named {
         // No chunk is decoded twice.
         let mut part = PART[0];
         if let Some(hdf5) = hdf5 {
-            for name in [&self.times, &self.channels] {
+            for name in [Some(&self.times), self.channels.as_ref(), nanotimes.as_ref().map(|c| &c.name)]
+                .into_iter()
+                .flatten()
+            {
                 part = part.max(hdf5.chunk(name)?.min(PART[1]));
             }
         }
         let mut missed = 0;
         while times.left > 0 {
-            let (at, to) = (times.part(hdf5, part)?, channels.part(hdf5, part)?);
-            let types = types.as_mut().map(|column| column.part(hdf5, part)).transpose()?;
-            for (i, (time, channel)) in at.into_iter().zip(to).enumerate() {
+            let at = times.part(hdf5, part)?;
+            let more = |column: &mut Option<Column>| {
+                column.as_mut().map(|column| column.part(hdf5, part)).transpose()
+            };
+            let (to, types, delays) = (more(&mut channels)?, more(&mut types)?, more(&mut nanotimes)?);
+            for (i, time) in at.into_iter().enumerate() {
                 passed.records += 1;
+                let channel = to.as_ref().map_or(1, |to| to[i]);
                 let channel = i32::try_from(channel).map_err(|_| {
                     Error::input(
-                        format!("{} holds {channel}, which is no channel", self.channels),
+                        format!(
+                            "{} holds {channel}, which is no channel",
+                            self.channels.as_deref().unwrap_or_default()
+                        ),
                         "store the numbers of inputs",
                     )
                 })?;
-                match types.as_ref().map_or(0, |types| types[i]) {
-                    0 => hear(inputs.record(channel, time)),
-                    _ => missed += 1,
+                if types.as_ref().is_some_and(|types| types[i] != 0) {
+                    missed += 1;
+                    continue;
+                }
+                let Some((delays, of)) = delays.as_ref().zip(self.nanotimes.as_ref()) else {
+                    hear(inputs.record(channel, time));
+                    continue;
+                };
+                match u32::try_from(delays[i]) {
+                    Ok(delay) => hear(Record::Photon { channel, time: of.pulse(time), delay }),
+                    Err(_) => missed += 1,
                 }
             }
         }

@@ -77,7 +77,7 @@ impl Cells {
 
     /// The histograms of an instrument. `ticks` bins are a cell; those later than `last` seconds are left out.
     pub(super) fn of_stored(stored: &Stored, ticks: usize, last: Option<f64>) -> Result<Cells> {
-        let Stored { tick, bins, counts: all } = stored;
+        let Stored { tick, bins, counts: all, .. } = stored;
         let used = last.map_or(*bins, |last| ((last / tick).ceil().max(1.0) as usize).min(*bins));
         let cells = used.div_ceil(ticks);
         let mut counts = room(all.len() / bins, cells, u64::MAX)?;

@@ -33,6 +33,37 @@ pub enum Division {
     },
 }
 
+/// Course of a scanner along a line.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub(super) struct Course {
+    /// Laser pulses of the points of a line; `None`: all of them.
+    pub(super) duration: Option<i64>,
+    /// Share of a sine's quarter periods that a line takes; `None` for a constant speed.
+    pub(super) sine: Option<f64>,
+    /// Whether the points of every second line come in the reverse order of the scan's.
+    pub(super) reversed: bool,
+    /// Points by which the photons of every second line come late.
+    pub(super) late: f64,
+}
+
+impl Course {
+    /// Edges of the points of a line as shares of its time, from 0 to 1.
+    pub(super) fn edge(&self, share: f64) -> f64 {
+        let Some(sine) = self.sine else { return share };
+        let quarter = sine * std::f64::consts::FRAC_PI_2;
+        0.5 + (quarter.sin() * (2.0 * share - 1.0)).asin() / (2.0 * quarter)
+    }
+}
+
+/// Laser pulses of points or lines, round by round.
+pub(super) type Rounds = Vec<Vec<[i64; 2]>>;
+
+/// Finds the course of the scanner along these lines, if no marker ends them, and adds notes.
+pub(super) type FindCourse<'c> = dyn Fn(&Rounds, bool, &mut Vec<String>) -> Result<Course> + 'c;
+
+/// A point or line of fewer laser pulses than this share of the usual ones comes from a marker too many.
+const SHORT: f64 = 0.25;
+
 /// Most times that a point is measured, of all points together: 2^23, which take 200 MiB.
 const MOST_SPANS: i64 = 1 << 23;
 
@@ -55,12 +86,14 @@ impl Division {
         survey: &Survey,
         points: usize,
         per_line: Option<usize>,
+        course: &FindCourse,
         notes: &mut Vec<String>,
     ) -> Result<Vec<Span>> {
         let rounds = match self {
             Division::Pixels { marker, frame } => {
                 let mut rounds = rounds(survey, *marker, None, *frame, points, notes)?;
-                cut_pauses(&mut rounds, notes);
+                cut_pauses(&mut rounds, survey.pulses, notes);
+                check_short(&rounds, *marker, points, survey)?;
                 rounds
             }
             Division::Lines { start, stop, frame } => {
@@ -70,39 +103,47 @@ impl Division {
                         "give the scan as columns x rows, such as 64x64",
                     )
                 })?;
-                let mut lines = rounds(survey, *start, *stop, *frame, points / per_line, notes)?;
-                if stop.is_none() {
-                    cut_pauses(&mut lines, notes);
+                let stop = stop
+                    .filter(|stop| bit(*stop).is_ok_and(|bit| survey.markers.iter().any(|m| m.1 & bit > 0)));
+                if let (None, Division::Lines { stop: Some(stop), .. }) = (stop, self) {
+                    notes.push(format!("there is no marker {stop}, which ends a line"));
                 }
-                let parts = |line: &[i64; 2]| {
-                    let [from, to] = line.map(i128::from);
-                    let n = per_line as i128;
-                    let edge = move |i: i128| (from + ((to - from) * i + n - 1) / n) as i64;
-                    (0..n).map(move |i| [edge(i), edge(i + 1)])
+                let mut lines = rounds(survey, *start, stop, *frame, points / per_line, notes)?;
+                if stop.is_none() {
+                    cut_pauses(&mut lines, survey.pulses, notes);
+                }
+                check_short(&lines, *start, points / per_line, survey)?;
+                lines.retain(|round| round.len() == points / per_line);
+                let course = course(&lines, stop.is_some(), notes)?;
+                let parts = |(row, line): (usize, &[i64; 2])| {
+                    let [from, to] = line.map(|at| at as f64);
+                    let to = course.duration.map_or(to, |pulses| to.min(from + pulses as f64));
+                    let is_second = row % 2 == 1;
+                    let late = if is_second { course.late * (to - from) / per_line as f64 } else { 0.0 };
+                    let edge = move |i: usize| {
+                        (from + late + (to - from) * course.edge(i as f64 / per_line as f64) - 1e-6).ceil()
+                            as i64
+                    };
+                    (0..per_line).map(move |i| {
+                        let point = if is_second && course.reversed { per_line - 1 - i } else { i };
+                        (point + row * per_line, [edge(i), edge(i + 1)])
+                    })
                 };
-                lines.iter().map(|round| round.iter().flat_map(parts).collect()).collect()
+                let of_round =
+                    |round: &Vec<[i64; 2]>| round.iter().enumerate().flat_map(parts).collect::<Vec<_>>();
+                let spans = lines.iter().flat_map(of_round);
+                if lines.len() > 1 {
+                    notes.push(format!("{} rounds of the scan are added up", lines.len()));
+                }
+                return Ok(spans.map(|(point, [from, to])| Span { from, to, point: point as u32 }).collect());
             }
             Division::Pulses { each, before } => by_pulses(survey, points, *each, *before)?,
         };
-        let whole = rounds.iter().filter(|round| round.len() == points).count();
-        if whole < rounds.len() {
-            notes.push(format!(
-                "{} of {} rounds of the scan were not whole and are left out",
-                rounds.len() - whole,
-                rounds.len()
-            ));
+        if rounds.len() > 1 {
+            notes.push(format!("{} rounds of the scan are added up", rounds.len()));
         }
-        if whole > 1 {
-            notes.push(format!("{whole} rounds of the scan are added up"));
-        }
-        let frames =
-            matches!(self, Division::Pixels { frame: None, .. } | Division::Lines { frame: None, .. });
-        if frames && whole > 1 && whole < rounds.len() {
-            notes.push("rounds are reported by their number of markers alone: if each has more of them, name the marker of frames, or they shift".into());
-        }
-        let rounds = rounds.into_iter().filter(|round| round.len() == points);
         let span = |(point, [from, to]): (usize, [i64; 2])| Span { from, to, point: point as u32 };
-        Ok(rounds.flat_map(|round| round.into_iter().enumerate().map(span)).collect())
+        Ok(rounds.into_iter().flat_map(|round| round.into_iter().enumerate().map(span)).collect())
     }
 }
 
@@ -125,16 +166,19 @@ fn rounds(
     frame: Option<u32>,
     count: usize,
     notes: &mut Vec<String>,
-) -> Result<Vec<Vec<[i64; 2]>>> {
+) -> Result<Rounds> {
     let begins = bit(start)?;
     let ends = stop.filter(|stop| *stop != start).map(bit).transpose()?;
-    let frames = frame.map(bit).transpose()?;
+    let first_frame = |bit: u16| survey.markers.iter().position(|m| m.1 & bit > 0);
+    let frames = frame.map(bit).transpose()?.filter(|bit| first_frame(*bit).is_some());
+    if let (Some(frame), None) = (frame, frames) {
+        notes.push(format!("there is no marker {frame}, which begins a round"));
+    }
     if frames.is_none() {
         check_pauses(survey, start, begins, count)?;
     }
-    let mut rounds: Vec<Vec<[i64; 2]>> = vec![];
-    let mut open: Option<i64> = None;
-    let mut waits = frames.is_some();
+    let mut rounds: Rounds = vec![];
+    let (mut open, mut framed): (Option<i64>, bool) = (None, false);
     for &(sync, bits) in &survey.markers {
         let new_frame = frames.is_some_and(|f| bits & f > 0);
         let begin = bits & begins > 0;
@@ -150,10 +194,15 @@ fn rounds(
             open = None;
         }
         if new_frame {
-            waits = false;
+            // The marker of the first round may be missing. What comes earlier belongs to none.
+            if let Some(before) = rounds.last_mut().filter(|_| !framed) {
+                let early = before.len().saturating_sub(count);
+                before.drain(..early);
+            }
+            framed = true;
             rounds.push(vec![]);
         }
-        if begin && !waits {
+        if begin {
             let full = |round: &Vec<_>| frames.is_none() && round.len() == count;
             if rounds.last().is_none_or(full) {
                 rounds.push(vec![]);
@@ -172,7 +221,16 @@ fn rounds(
         ));
     }
     rounds.iter_mut().for_each(|round| round.truncate(count));
-    if rounds.iter().any(|round| round.len() == count) {
+    let (all, whole) = (rounds.len(), rounds.iter().filter(|round| round.len() == count).count());
+    if whole > 0 {
+        if whole < all {
+            notes
+                .push(format!("{} of {all} rounds of the scan were not whole and are left out", all - whole));
+        }
+        if frames.is_none() && whole > 1 && whole < all {
+            notes.push("rounds are reported by their number of markers alone: if each has more of them, name the marker of frames, or they shift".into());
+        }
+        rounds.retain(|round| round.len() == count);
         return Ok(rounds);
     }
     let most = rounds.iter().map(Vec::len).max().unwrap_or(0);
@@ -218,19 +276,22 @@ fn check_pauses(survey: &Survey, start: u32, begins: u16, count: usize) -> Resul
     ))
 }
 
-/// Ends what lasts much longer than usual after the usual duration.
-fn cut_pauses(rounds: &mut [Vec<[i64; 2]>], notes: &mut Vec<String>) {
+/// The laser pulses of most of them.
+fn usual(rounds: &Rounds) -> Option<i64> {
     let mut lengths: Vec<i64> = rounds.iter().flatten().map(|[from, to]| to - from).collect();
-    if lengths.is_empty() {
-        return;
-    }
     let middle = lengths.len() / 2;
-    let usual = *lengths.select_nth_unstable(middle).1;
+    (!lengths.is_empty()).then(|| *lengths.select_nth_unstable(middle).1)
+}
+
+/// Ends what lasts much longer than usual after the usual duration. What the file's end cuts lasts as long.
+fn cut_pauses(rounds: &mut Rounds, pulses: i64, notes: &mut Vec<String>) {
+    let Some(usual) = usual(rounds) else { return };
     let mut cut = 0;
     for [from, to] in rounds.iter_mut().flatten() {
-        if (*to - *from) as f64 > LONG * usual as f64 {
+        let is_long = (*to - *from) as f64 > LONG * usual as f64;
+        cut += usize::from(is_long);
+        if is_long || *to == pulses {
             *to = *from + usual;
-            cut += 1;
         }
     }
     if cut > 0 {
@@ -240,7 +301,28 @@ fn cut_pauses(rounds: &mut [Vec<[i64; 2]>], notes: &mut Vec<String>) {
     }
 }
 
-fn by_pulses(survey: &Survey, points: usize, each: u64, before: u64) -> Result<Vec<Vec<[i64; 2]>>> {
+/// Refuses what lasts much shorter than usual: a marker too many shifts all that follow.
+fn check_short(rounds: &Rounds, start: u32, count: usize, survey: &Survey) -> Result<()> {
+    let usual = usual(rounds).unwrap_or(0);
+    let all = rounds.iter().flatten().enumerate();
+    let short = all
+        .map(|(at, [from, to])| (at, to - from))
+        .find(|(_, pulses)| (*pulses as f64) < SHORT * usual as f64);
+    let Some((at, pulses)) = short else { return Ok(()) };
+    Err(Error::input(
+        format!(
+            "marker {start} begins something of {pulses} laser pulses, number {} of {count}, where {usual} are usual: there is a marker \
+             too many",
+            at % count + 1
+        ),
+        format!(
+            "remove it, name the marker of rounds, or give the laser pulses of a point and those before the first: the file has {}",
+            survey.marker_counts()
+        ),
+    ))
+}
+
+fn by_pulses(survey: &Survey, points: usize, each: u64, before: u64) -> Result<Rounds> {
     let wrong =
         |what: String| Err(Error::options(what, "give the laser pulses that a point was measured for"));
     let (Ok(each), Ok(before)) = (i64::try_from(each), i64::try_from(before)) else {

@@ -25,6 +25,8 @@ const FOLLOWED: [u32; 4] = [0x2001_FFFF, 0x4001_FFFF, 0x4002_FFFF, 0xFFFF_FFFF];
 pub(super) struct Header {
     whole: BTreeMap<String, i64>,
     real: BTreeMap<String, f64>,
+    /// Numbers of inputs and curves.
+    indexed: BTreeMap<(String, i32), f64>,
     /// Bytes up to the data.
     pub(super) length: u64,
 }
@@ -48,12 +50,14 @@ impl Header {
             if name == "Header_End" {
                 return Ok(header);
             }
-            // Entries with an index describe inputs and curves.
-            let is_single = entry[32..36] == [0xFF; 4];
-            if kind == FLOAT {
-                is_single.then(|| header.real.insert(name, f64::from_bits(value as u64)));
+            let index = i32::from_le_bytes([32, 33, 34, 35].map(|at| entry[at]));
+            let number = if kind == FLOAT { f64::from_bits(value as u64) } else { value as f64 };
+            if index >= 0 && (kind == FLOAT || EIGHT_BYTES.contains(&kind)) {
+                header.indexed.insert((name, index), number);
+            } else if kind == FLOAT {
+                header.real.insert(name, number);
             } else if EIGHT_BYTES.contains(&kind) {
-                is_single.then(|| header.whole.insert(name, value));
+                header.whole.insert(name, value);
             } else if FOLLOWED.contains(&kind) {
                 let length = value as u64;
                 if length > LONGEST {
@@ -74,6 +78,16 @@ impl Header {
     /// A whole number; `None` if there is none of this name.
     pub(super) fn whole(&self, name: &str) -> Option<i64> {
         self.whole.get(name).copied()
+    }
+
+    /// A number of an input or a curve.
+    pub(super) fn of_curve(&self, name: &str, curve: usize) -> Option<f64> {
+        self.indexed.get(&(name.into(), i32::try_from(curve).ok()?)).copied()
+    }
+
+    /// A number of either kind.
+    pub(super) fn number(&self, name: &str) -> Option<f64> {
+        self.real.get(name).copied().or(self.whole(name).map(|value| value as f64))
     }
 
     /// A time in seconds that must be there.

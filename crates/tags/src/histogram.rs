@@ -6,7 +6,10 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::collect::Cells;
+use super::division::{Course, Rounds};
+use super::lines;
 use super::{Division, Inputs, Scan, Survey, Tags, Zero, shape, stored, zero};
+use crate::advice::advice;
 use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, conditioning};
 use crate::error::{Error, Result};
 use crate::host;
@@ -41,6 +44,10 @@ pub struct Asked {
     pub inputs: Inputs,
     /// Which photons belong to which point; `None` takes the lines of an image, if the header has any.
     pub division: Option<Division>,
+    /// Seconds of the points of a line, where no marker ends it; `None`: as the header says, or until photons cease.
+    pub line_time: Option<f64>,
+    /// Points by which the photons of every second line of a scan in both directions come late; `None`: an estimate.
+    pub line_shift: Option<f64>,
     /// The detector; `None` takes the only one.
     pub channel: Option<i32>,
     /// Bin width in metres of path; `None` takes the instrument's ticks, or as many as 8 ps need.
@@ -100,7 +107,7 @@ pub fn histogram(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> 
 fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     check(scan, asked)?;
     let mut notes = vec![];
-    let stored = stored::read(path, scan.points(), asked.bin_width)?;
+    let stored = stored::read(path, scan.points(), asked.bin_width, &mut notes)?;
     let mut is_stored = false;
     let (cells, ticks, instrument, survey, share) = if let Some(stored) = stored {
         let (fine, ticks) = widths(asked.bin_width, stored.tick, &mut notes)?;
@@ -112,7 +119,7 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
             ));
         }
         let cells = Cells::of_stored(&stored, fine as usize, asked.until)?;
-        (cells, [fine, ticks], "histograms in an array".into(), None, 1.0)
+        (cells, [fine, ticks], format!("histograms: {}", stored.name), None, 1.0)
     } else {
         let tags = Tags::open(path, &asked.inputs)?;
         let (fine, ticks) = widths(asked.bin_width, tags.tick, &mut notes)?;
@@ -190,6 +197,13 @@ fn check(scan: &Scan, asked: &Asked) -> Result<()> {
     };
     positive("the bin width", asked.bin_width)?;
     positive("the last delay", asked.until)?;
+    positive("the time of a line", asked.line_time)?;
+    if let Some(shift) = asked.line_shift.filter(|shift| shift.is_nan() || shift.abs() > 1e3) {
+        return Err(Error::options(
+            format!("the shift of every second line is {shift} points"),
+            "give a few points or less",
+        ));
+    }
     if let Some(place) = asked.seen_from.iter().flatten().find(|place| !place.is_finite()) {
         return Err(Error::options(
             format!("laser or sensor stand at {place}"),
@@ -259,7 +273,16 @@ fn of_tags(
         )
     })?;
     let per_line = scan.per_line.or(tags.image.size[0]);
-    let spans = division.spans(survey, scan.points(), per_line, notes)?;
+    let course = |lines: &Rounds, ended: bool, notes: &mut Vec<String>| {
+        course(tags, survey, detector.channel, scan, per_line.unwrap_or(1), asked, lines, ended, notes)
+    };
+    let spans = division.spans(survey, scan.points(), per_line, &course, notes).map_err(|e| match &survey
+        .passed
+        .cut
+    {
+        Some(cut) => Error { what: format!("{cut}; {}", e.what), ..e },
+        None => e,
+    })?;
     let longest = asked.until.map_or(i64::MAX, |until| (until / tags.tick).ceil() as i64 - 1);
     let cells = (detector.longest.min(longest).max(0) / fine + 1) as usize;
     if survey.out_of_order > 0 {
@@ -272,6 +295,76 @@ fn of_tags(
         ));
     }
     Cells::of_tags(tags, detector.channel, &spans, scan.points(), fine, cells)
+}
+
+/// The course of the scanner along its lines: by the options, by the header, or by the photons.
+#[allow(clippy::too_many_arguments)]
+fn course(
+    tags: &Tags,
+    survey: &Survey,
+    detector: i32,
+    scan: &Scan,
+    per_line: usize,
+    asked: &Asked,
+    lines: &Rounds,
+    ended: bool,
+    notes: &mut Vec<String>,
+) -> Result<Course> {
+    let image = &tags.image;
+    let photons = survey.channel(Some(detector))?.photons;
+    let reversed = image.both_ways && !scan.both_ways && scan.per_line.is_some();
+    if reversed {
+        notes.push("every second line runs backwards, as the header says".into());
+    }
+    if let Some(sine) = image.sine {
+        notes.push(format!(
+            "the scanner follows a sine over {:.0} % of its amplitude, as the header says",
+            100.0 * sine
+        ));
+    }
+    let mut course = Course { sine: image.sine, reversed, ..Course::default() };
+    let stated = asked.line_time.or(image.pixel.map(|pixel| pixel * per_line as f64));
+    course.duration = match (stated, survey.period) {
+        _ if ended => None,
+        (Some(seconds), Some(period)) => Some(((seconds / period).round() as i64).max(per_line as i64)),
+        _ => {
+            let found = lines::duration(tags, detector, lines, photons)?;
+            notes.push(match found {
+                Some(pulses) => {
+                    format!("photons cease {pulses} laser pulses after a line begins: its points take these")
+                }
+                None => {
+                    "no marker ends a line: its points take all its time, a return of the scanner included"
+                        .into()
+                }
+            });
+            found
+        }
+    };
+    if reversed || scan.both_ways {
+        let lines: Rounds = lines
+            .iter()
+            .map(|round| {
+                let ends = |line: &[i64; 2]| {
+                    [line[0], course.duration.map_or(line[1], |d| line[1].min(line[0] + d))]
+                };
+                round.iter().map(ends).collect()
+            })
+            .collect();
+        course.late = asked.line_shift.map_or_else(|| lines::shift(tags, detector, &lines, per_line), Ok)?;
+        if asked.line_shift.is_none() && course.late != 0.0 {
+            notes.push(format!(
+                "photons of every second line come {:.2} points late: the lines are shifted by this",
+                course.late
+            ));
+        }
+    } else if asked.line_shift.is_some() {
+        return Err(Error::options(
+            "a shift of every second line was given, but all lines run in one direction",
+            advice!["leave " LineShift " out, or say that every second line runs backwards"],
+        ));
+    }
+    Ok(course)
 }
 
 /// Second photons of a laser pulse, as a share of those that chance would give. Above a few per cent the detector records

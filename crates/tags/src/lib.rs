@@ -1,6 +1,7 @@
 //! Time tags of photon-counting instruments as one stream of events, and captures made of them.
 //!
-//! [`Tags`] reads PicoQuant's `.ptu` (every record type, T2 and T3), arrays of timestamps and channels in npz and HDF5, and text.
+//! [`Tags`] reads PicoQuant's `.ptu` (every record type, T2 and T3), arrays of timestamps and channels in npz and HDF5, Photon-HDF5,
+//! and text.
 //! Files are read block by block, in bounded memory. [`histogram()`] makes a capture of them, or of an instrument's own histograms in
 //! an npy or npz array, from the photons of each point ([`Division`]), the points ([`Scan`]) and the delay of path 0 ([`Zero`]).
 //! docs/data.md describes the formats.
@@ -13,18 +14,23 @@ mod arrays;
 mod collect;
 mod cuts;
 mod division;
+mod guess;
 mod header;
 mod histogram;
+mod lines;
+mod order;
 mod records;
 mod shape;
 mod stored;
 mod survey;
 mod syncs;
+mod tables;
 mod text;
 mod zero;
 
 pub use arrange::Scan;
 pub use division::Division;
+pub use guess::Guess;
 pub use histogram::{Asked, Histograms, PileUp, histogram};
 pub use survey::{Channel, Survey};
 pub use zero::Zero;
@@ -32,15 +38,19 @@ pub use zero::Zero;
 use std::fs::File;
 use std::io::{ErrorKind, Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
 use thirdbounce_base::{advice, error, files, host};
 use thirdbounce_capture as capture;
+use thirdbounce_capture::formats::recognised::{self, Content};
 
+use crate::advice::advice;
 use crate::error::{Error, Result};
 use arrays::Holder;
 use header::Header;
+use order::Order;
 use records::{Layout, Word};
-use syncs::Syncs;
+use syncs::{Filtered, Syncs};
 
 /// What a file stores at one place. Times are sync numbers if the instrument counts them itself (T3), else ticks.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -89,14 +99,21 @@ pub enum Event {
     },
 }
 
-/// The channels of files that number everything alike: arrays and text. PicoQuant's files tell laser pulses, photons and
-/// markers apart themselves.
-#[derive(Debug, Clone, Default, PartialEq, Eq)]
+/// How a file is to be read where it does not say so itself.
+#[derive(Debug, Clone, Default, PartialEq)]
 pub struct Inputs {
-    /// The channel of the laser's trigger; 0 by default.
+    /// The channel of the laser's trigger in arrays and text, which number laser pulses, photons and markers alike.
     pub sync: i32,
-    /// The channels of markers: the first is marker 1.
+    /// The channels of markers in arrays and text: the first is marker 1.
     pub markers: Vec<i32>,
+    /// Seconds of the unit of times in arrays and text; `None`: picoseconds, or the unit in a column's name.
+    pub unit: Option<f64>,
+    /// Laser pulses for each that the file holds, for records of times (T2, arrays, text); `None`: as the header says, or 1.
+    pub divider: Option<u32>,
+    /// Seconds between laser pulses, where the file holds only the pulse after each photon (a conditional filter).
+    pub filtered: Option<f64>,
+    /// Whether a PicoQuant file holds T3 records (`true`) or T2 records; `None`: as the header says.
+    pub t3: Option<bool>,
 }
 
 impl Inputs {
@@ -114,7 +131,7 @@ impl Inputs {
 }
 
 /// How a scanner's markers are wired, as the header of an image says.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct Image {
     /// Markers, from 1, of a line's begin, its end, and a new frame.
     pub markers: [Option<u32>; 3],
@@ -122,11 +139,15 @@ pub struct Image {
     pub size: [Option<usize>; 2],
     /// Whether every other line runs backwards.
     pub both_ways: bool,
+    /// Seconds of a pixel.
+    pub pixel: Option<f64>,
+    /// Share of a sine's quarter periods on both sides of its zero that a line takes; `None` for a constant speed.
+    pub sine: Option<f64>,
 }
 
 enum Format {
     Picoquant(Layout),
-    Text,
+    Text(text::Layout),
     Arrays(arrays::Named),
 }
 
@@ -139,6 +160,13 @@ pub struct Tags {
     start: u64,
     /// Records, if the header says.
     count: Option<u64>,
+    /// Laser pulses for each that the file holds.
+    divider: u32,
+    /// Ticks between laser pulses where the file does not hold all of them, once found.
+    every: OnceLock<f64>,
+    /// Whether the unit of times is an assumption.
+    assumed_unit: bool,
+    notes: Vec<String>,
     /// What wrote the file.
     pub instrument: String,
     /// Seconds of a tick, the unit of delays.
@@ -160,20 +188,39 @@ pub struct Passed {
     pub without_sync: u64,
     /// Seconds between laser pulses, where the file holds them.
     pub period: Option<f64>,
+    /// Ticks between laser pulses, if the file does not hold all of them.
+    pub sparse: Option<f64>,
+    /// How the file ends too early, if it does; also among the notes.
+    pub cut: Option<String>,
     /// Sentences: an end that is missing, records that were left out.
     pub notes: Vec<String>,
+}
+
+impl Passed {
+    fn cut(&mut self, what: String) {
+        self.notes.push(what.clone());
+        self.cut = Some(what);
+    }
 }
 
 /// Bytes that are read at once.
 const BLOCK: usize = 1 << 20;
 
-/// Whether a file holds PicoQuant's time tags, by its first bytes.
-pub fn is_picoquant(path: &Path) -> bool {
-    let mut magic = [0; 6];
-    open(path).is_ok_and(|mut file| file.read_exact(&mut magic).is_ok()) && &magic == b"PQTTTR"
-}
+/// Shortest time between laser pulses, seconds.
+const SHORTEST: f64 = 0.8e-9;
 
-const TEXT: [&str; 3] = ["csv", "txt", "tsv"];
+/// Whether a file holds time tags, by its content.
+pub fn hold_tags(path: &Path) -> bool {
+    let content = || {
+        let mut magic = vec![];
+        open(path).ok()?.take(8).read_to_end(&mut magic).ok()?;
+        match Holder::of(&magic) {
+            Some(holder) => arrays::Named::find(holder, path).ok().map(|_| Content::Tags),
+            None => recognised::of(path).ok()?.map(|known| known.content),
+        }
+    };
+    content() == Some(Content::Tags)
+}
 
 fn open(path: &Path) -> Result<File> {
     // Asked before it is opened: opening a pipe waits for its writer.
@@ -219,74 +266,130 @@ impl Tags {
         let mut file = open(path)?;
         let mut magic = vec![];
         (&mut file).take(8).read_to_end(&mut magic).map_err(unreadable)?;
+        const PICOSECOND: f64 = 1e-12;
         let tags = |format, tick: f64, instrument: &str| Tags {
             path: path.into(),
             format,
             inputs: inputs.clone(),
             start: 0,
             count: None,
+            divider: inputs.divider.unwrap_or(1),
+            every: OnceLock::new(),
+            assumed_unit: inputs.unit.is_none(),
+            notes: vec![],
             instrument: instrument.into(),
             tick,
             period: None,
             image: Image::default(),
         };
-        const PICOSECOND: f64 = 1e-12;
+        let unit = inputs.unit.unwrap_or(PICOSECOND);
+        if !(unit.is_finite()
+            && unit > 0.0
+            && inputs.filtered.is_none_or(|period| period.is_finite() && period > 0.0))
+        {
+            return Err(Error::options(
+                format!("the unit of times is {unit} s, the laser's period {:?} s", inputs.filtered),
+                "give times above 0",
+            ));
+        }
         if let Some(holder) = Holder::of(&magic) {
             let named = arrays::Named::find(holder, path)?;
-            return Ok(tags(Format::Arrays(named), PICOSECOND, "arrays, picoseconds"));
+            let Some(nanotimes) = named.nanotimes.clone() else {
+                let name = format!("arrays, times in units of {:.6} ps", 1e12 * unit);
+                return Ok(tags(Format::Arrays(named), unit, &name));
+            };
+            let opened = tags(Format::Arrays(named), nanotimes.tick, "Photon-HDF5");
+            return Ok(Tags { period: Some(nanotimes.period), assumed_unit: false, ..opened });
         }
-        let ending = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
-        match &magic[..] {
-            magic if magic.starts_with(b"PQTTTR") => Self::picoquant(path, &mut file),
-            magic if magic.starts_with(b"PQHISTO") => Err(Error::input(
-                "holds histograms of the instrument (PHU), which are not read",
-                "export the histograms as an array [points, bins], npy or npz, and give the width of a bin",
-            )),
-            [] => Err(Error::input("is empty", "copy or write the file again")),
-            _ if TEXT.contains(&&ending[..]) => Ok(tags(Format::Text, PICOSECOND, "text, picoseconds")),
-            _ => Err(Error::input(
+        if magic.is_empty() {
+            return Err(Error::input("is empty", "copy or write the file again"));
+        }
+        match recognised::of(path)? {
+            Some(known) if magic.starts_with(b"PQTTTR") => {
+                debug_assert!(known.content == Content::Tags);
+                Self::picoquant(path, &mut file, inputs)
+            }
+            Some(known) if known.content == Content::Tags => {
+                let mut notes = vec![];
+                let layout = text::Layout::find(open(path)?, inputs, &mut notes)?;
+                let tick = inputs.unit.filter(|unit| text::power_of(*unit).is_none()).unwrap_or(PICOSECOND);
+                let opened = tags(Format::Text(layout), tick, "text");
+                Ok(Tags { notes, assumed_unit: opened.assumed_unit && layout.is_assumed(), ..opened })
+            }
+            Some(known) => Err(known.refusal()),
+            None => Err(Error::input(
                 "is no file of time tags that is known",
-                "give PicoQuant's .ptu, npz or HDF5 with timestamps and channels, or text named .csv or .txt (channel, time in ps); \
-                 store the tags of a raw dump as such arrays",
+                "give PicoQuant's .ptu, npz or HDF5 with timestamps and channels, or text (channel, time in ps); store the tags of a \
+                 raw dump as such arrays",
             )),
         }
     }
 
     /// Reads the header of a PTU file behind its magic.
-    fn picoquant(path: &Path, file: &mut File) -> Result<Tags> {
-        let header = Header::read(&mut std::io::BufReader::new(file))?;
+    fn picoquant(path: &Path, file: &mut File, inputs: &Inputs) -> Result<Tags> {
+        let header = Header::read(&mut std::io::BufReader::new(&mut *file))?;
         let number = header.whole("TTResultFormat_TTTRRecType");
         let number = number.ok_or_else(|| header::damaged("it has no record type".into()))?;
-        let (instrument, layout) = records::of_type(number).ok_or_else(|| {
-            Error::input(
-                format!("the record type {number:#010x} is not known"),
-                "export the file anew as one of PicoHarp 300 or 330, HydraHarp, TimeHarp 260 or MultiHarp",
-            )
-        })?;
-        let mode = header.whole("Measurement_Mode").filter(|mode| matches!(mode, 2 | 3));
-        if let Some(mode) = mode.filter(|mode| (*mode == 3) != layout.is_t3()) {
-            return Err(Error::input(
-                format!(
-                    "the header contradicts itself: the measurement mode is T{mode}, the record type {instrument}"
-                ),
-                "export the file anew from the instrument's software: its records cannot be reported apart",
-            ));
-        }
+        let known = |number| {
+            records::of_type(number).ok_or_else(|| {
+                Error::input(
+                    format!("the record type {number:#010x} is not known"),
+                    "export the file anew as one of PicoHarp 300 or 330, HydraHarp, TimeHarp 260 or MultiHarp",
+                )
+            })
+        };
+        let (name, layout) = known(number)?;
         if let Some(bits) = header.whole("TTResultFormat_BitsPerRecord").filter(|b| ![0, 32].contains(b)) {
             return Err(header::damaged(format!("records have {bits} bits, not 32")));
         }
+        let mode = header.whole("Measurement_Mode").filter(|mode| matches!(mode, 2 | 3));
+        let mut notes = vec![];
+        file.seek(SeekFrom::Start(header.length)).map_err(unreadable)?;
+        let stated = mode.is_none_or(|mode| (mode == 3) == layout.is_t3());
+        let syncs = layout.holds_syncs(file)?;
+        let holds_t3 = syncs != Some(true);
+        let t3 = match inputs.t3 {
+            Some(t3) => t3,
+            None if stated && (layout.is_t3() || syncs != Some(false)) => layout.is_t3(),
+            None if stated => {
+                return Err(Error::input(
+                    format!("the header says {name}, but no record is a laser pulse"),
+                    advice!["if these are T3 records, say so: " Records " t3; else record the laser's trigger, too"],
+                ));
+            }
+            None => {
+                notes.push(format!(
+                    "the header contradicts itself: measurement mode T{}, record type {name}; the records are those of T{}",
+                    mode.unwrap_or(0),
+                    if holds_t3 { 3 } else { 2 }
+                ));
+                holds_t3
+            }
+        };
+        let (instrument, layout) = known(number & !0xF00 | if t3 { 0x300 } else { 0x200 })?;
         let global = header.seconds("MeasDesc_GlobalResolution")?;
-        let t3 = layout.is_t3();
         let tick = if t3 { header.seconds("MeasDesc_Resolution")? } else { global };
         let marker =
             |name| header.whole(name).and_then(|m| u32::try_from(m).ok()).filter(|m| (1..=16).contains(m));
         let size = |name| header.whole(name).and_then(|n| usize::try_from(n).ok()).filter(|n| *n > 0);
+        let divider = header.whole("HWSync_Divider").and_then(|n| u32::try_from(n).ok());
+        // T3 records number laser pulses whatever the divider.
+        let divider = if t3 { 1 } else { inputs.divider.or(divider).unwrap_or(1).max(1) };
+        if divider > 1 {
+            notes.push(format!(
+                "the file holds every {divider}th laser pulse: delays are taken from the pulses between, too"
+            ));
+        }
         Ok(Tags {
             path: path.into(),
             format: Format::Picoquant(layout),
-            inputs: Inputs::default(),
+            inputs: inputs.clone(),
             start: header.length,
             count: header.whole("TTResult_NumberOfRecords").filter(|n| *n > 0).map(|n| n as u64),
+            divider,
+            every: OnceLock::new(),
+            assumed_unit: false,
+            notes,
             instrument: instrument.into(),
             tick,
             period: t3.then_some(global),
@@ -294,8 +397,23 @@ impl Tags {
                 markers: ["ImgHdr_LineStart", "ImgHdr_LineStop", "ImgHdr_Frame"].map(marker),
                 size: ["ImgHdr_PixX", "ImgHdr_PixY"].map(size),
                 both_ways: header.whole("ImgHdr_BiDirect").is_some_and(|b| b != 0),
+                // Milliseconds and per cent.
+                pixel: header.number("ImgHdr_TimePerPixel").filter(|ms| *ms > 0.0).map(|ms| 1e-3 * ms),
+                sine: header
+                    .number("ImgHdr_SinCorrection")
+                    .filter(|share| (1.0..=100.0).contains(share))
+                    .map(|share| 0.01 * share),
             },
         })
+    }
+
+    /// Whether a record holds the number of its laser pulse and the delay since.
+    fn is_t3(&self) -> bool {
+        match &self.format {
+            Format::Picoquant(layout) => layout.is_t3(),
+            Format::Arrays(named) => named.nanotimes.is_some(),
+            Format::Text(_) => false,
+        }
     }
 
     /// Calls `hear` with every record in the order of the file.
@@ -315,8 +433,7 @@ impl Tags {
     }
 
     fn read_events(&self, mut hear: impl FnMut(Event)) -> Result<Passed> {
-        let t3 = matches!(self.format, Format::Picoquant(layout) if layout.is_t3());
-        let mut passed = if t3 {
+        let mut passed = if self.is_t3() {
             self.read(|record| match record {
                 Record::Photon { channel, time, delay } => {
                     hear(Event::Photon { channel, sync: time, delay: i64::from(delay) });
@@ -324,9 +441,14 @@ impl Tags {
                 Record::Marker { bits, time } => hear(Event::Marker { bits, sync: time }),
                 Record::Sync { .. } => {}
             })?
+        } else if let Some(period) = self.inputs.filtered {
+            let mut filtered = Filtered::new(period / self.tick);
+            let passed = self.read_in_order(|record| filtered.hear(record, &mut hear))?;
+            Passed { without_sync: filtered.without, period: Some(period), ..passed }
         } else {
-            let mut syncs = Syncs::default();
-            let mut passed = self.read(|record| {
+            let mut syncs =
+                Syncs::new(self.divider, self.every.get().copied(), (SHORTEST / self.tick) as i64);
+            let mut passed = self.read_in_order(|record| {
                 if let Some(event) = syncs.event(record) {
                     hear(event);
                 }
@@ -336,6 +458,14 @@ impl Tags {
             if syncs.late > 0 {
                 passed.notes.push(format!("{} laser pulses were out of order and are left out", syncs.late));
             }
+            self.check_syncs(&syncs)?;
+            passed.sparse = syncs.sparse();
+            if let Some(period) = self.every.get() {
+                passed.notes.push(format!(
+                    "not all laser pulses are in the file: they are numbered by time, {:.4} ns apart",
+                    1e9 * period * self.tick
+                ));
+            }
             passed
         };
         if passed.without_sync > 0 {
@@ -344,7 +474,48 @@ impl Tags {
                 passed.without_sync
             ));
         }
+        passed.notes.splice(0..0, self.notes.iter().cloned());
         Ok(passed)
+    }
+
+    /// Calls `hear` with every record in the order of time, as far as the file may be out of order.
+    fn read_in_order(&self, mut hear: impl FnMut(Record)) -> Result<Passed> {
+        if matches!(self.format, Format::Picoquant(_)) {
+            return self.read(hear);
+        }
+        let mut order = Order::default();
+        let mut passed = self.read(|record| order.push(record, &mut hear))?;
+        order.end(&mut passed, &mut hear)?;
+        Ok(passed)
+    }
+
+    /// Refuses laser pulses that no laser gives, and those of a conditional filter.
+    fn check_syncs(&self, syncs: &Syncs) -> Result<()> {
+        let pulses = syncs.count().max(0) as u64;
+        let one_time = pulses == 1 && syncs.late > 10;
+        if self.assumed_unit && (20 * syncs.short > pulses || one_time) {
+            let rate = syncs.period().map_or(f64::INFINITY, |ticks| 1e-6 / (ticks * self.tick));
+            let what = match one_time {
+                true => "all laser pulses come at one time, if times are in picoseconds".into(),
+                false => format!("the laser pulses come at {rate:.0} MHz, if times are in picoseconds"),
+            };
+            return Err(Error::input(what, advice!["give the unit of the times, such as " TagUnit " 1ns"]));
+        }
+        if let Some(times) = syncs.divided().filter(|_| self.inputs.divider.is_none()) {
+            return Err(Error::input(
+                format!(
+                    "the delays of photons repeat {times} times from one laser pulse of the file to the next"
+                ),
+                advice!["if the file holds every " (times.to_string()) "th pulse, say so: " SyncDivider (format!(" {times}; else 1"))],
+            ));
+        }
+        if syncs.is_filtered() {
+            return Err(Error::input(
+                "the file holds the laser pulse after each photon only, as a conditional filter leaves it",
+                advice!["give the time between laser pulses, such as " SyncAfter " 50ns, or record without the filter"],
+            ));
+        }
+        Ok(())
     }
 
     /// Bytes of the file.
@@ -365,7 +536,7 @@ impl Tags {
         let mut passed = Passed::default();
         match &self.format {
             Format::Arrays(named) => named.read(&self.path, &self.inputs, &mut passed, hear)?,
-            Format::Text => text::read(file, &self.inputs, &mut passed, hear)?,
+            Format::Text(layout) => layout.read(file, &self.inputs, &mut passed, hear)?,
             Format::Picoquant(layout) => self.words(file, *layout, &mut passed, &mut hear)?,
         }
         if passed.unknown > 0 {
@@ -404,12 +575,12 @@ impl Tags {
             block.copy_within(end - held..end, 0);
         }
         match self.count.filter(|n| *n > passed.records) {
-            Some(count) => passed.notes.push(format!(
+            Some(count) => passed.cut(format!(
                 "the file ends after {} of its {count} records: the rest is missing",
                 passed.records
             )),
             None if held > 0 => {
-                passed.notes.push(format!("the last record is cut: its {held} bytes are left out"));
+                passed.cut(format!("the last record is cut: its {held} bytes are left out"));
             }
             None => {}
         }

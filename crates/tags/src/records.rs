@@ -4,7 +4,14 @@
 //! record by records of overflow. Detectors count from 1, as the instruments' inputs are labelled; the files of newer
 //! instruments store them from 0.
 
+use std::io::Read;
+
 use super::Record;
+use crate::error::Result;
+
+/// Bytes that show which records a file holds, and fewer records than say so.
+const LOOKED_AT: u64 = 1 << 20;
+const FEW: usize = 100;
 
 /// The layout of the records of an instrument.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -58,6 +65,20 @@ impl Layout {
     /// Whether records hold sync number and delay. Else they hold times of everything, the sync input's among them.
     pub(super) fn is_t3(self) -> bool {
         matches!(self, Layout::PicoT3 | Layout::T3 { .. })
+    }
+
+    /// Whether some of the first records are laser pulses of T2, which T3 files do not have. `None` for few records without any.
+    pub(super) fn holds_syncs(self, file: &mut impl Read) -> Result<Option<bool>> {
+        let mut block = vec![];
+        file.take(LOOKED_AT).read_to_end(&mut block).map_err(super::unreadable)?;
+        let is_sync = |word: u32| match self {
+            Layout::PicoT2 | Layout::PicoT3 => word >> 28 == 0,
+            _ => word >> 25 == 64,
+        };
+        let (words, _) = block.as_chunks::<4>();
+        let syncs = words.iter().filter(|word| is_sync(u32::from_le_bytes(**word))).count();
+        let held = syncs > words.len() / 1000;
+        Ok((held || words.len() >= FEW).then_some(held))
     }
 
     /// What a record holds. `base` is the time of the overflows so far.

@@ -1,5 +1,5 @@
-//! Histograms of an instrument as an array: npy, or npz with `hists`, `histograms` or `counts`. So people store what low-cost sensors
-//! with zones give them, such as ST's VL53L8CH and AMS's TMF8828.
+//! Histograms of an instrument: text and .phu, and arrays, npy or npz with `hists`, `histograms` or `counts`. So people store what
+//! low-cost sensors with zones give them, such as ST's VL53L8CH and AMS's TMF8828.
 //!
 //! The last axis are the bins. The axes before it are the points in their order, (points, t) or (rows, columns, t). One more axis in
 //! front of these are readings, which are added up. Counts are whole; the width of a bin is not in the file.
@@ -8,20 +8,21 @@ use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use super::arrays::Holder;
+use super::tables::{self, MOST, Table};
 use super::{open, unreadable};
 use crate::advice::advice;
 use crate::capture::METRES_PER_PICOSECOND;
+use crate::capture::formats::recognised::{self, Content};
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
 use crate::files::array::{Array, Head};
 use crate::host;
 
 const NAMES: [&str; 3] = ["hists", "histograms", "counts"];
-/// Most bins of all histograms together, and the longest npy file.
-const MOST: usize = 1 << 30;
 
 /// Histograms of an instrument, one for each point.
 pub(super) struct Stored {
+    pub(super) name: String,
     /// Seconds of a bin.
     pub(super) tick: f64,
     /// Bins of a point.
@@ -30,31 +31,43 @@ pub(super) struct Stored {
     pub(super) counts: Vec<u32>,
 }
 
-/// The histograms of these points; `None` if the file holds no such array. `bin_width` is a path, metres.
+/// The histograms of these points; `None` if the file holds no such array. `bin_width` is a path, metres. Notes say what was assumed.
 ///
 /// # Errors
 /// `Kind::Input` for an array that cannot be read or does not fit the points, or counts that are not whole; `Kind::Options`
 /// without the width of a bin.
-pub(super) fn read(path: &Path, points: usize, bin_width: Option<f64>) -> Result<Option<Stored>> {
-    let Some((name, array)) = array(path)? else { return Ok(None) };
-    let width = bin_width.ok_or_else(|| {
+pub(super) fn read(
+    path: &Path,
+    points: usize,
+    bin_width: Option<f64>,
+    notes: &mut Vec<String>,
+) -> Result<Option<Stored>> {
+    let table = match array(path)? {
+        Some((name, array)) => Table { name, tick: None, shape: array.shape.clone(), values: array.to_f64() },
+        None => match recognised::of(path)?.map(|known| known.content) {
+            Some(Content::Histograms(format)) => tables::read(path, format, points, notes)?,
+            _ => return Ok(None),
+        },
+    };
+    let Table { name, tick, shape, values } = table;
+    let tick = tick.or(bin_width.map(|width| width / (1e12 * METRES_PER_PICOSECOND))).ok_or_else(|| {
         Error::options(
             format!("{name} does not say how wide its bins are"),
             advice!["give the width of a bin, as a time or a path: " BinWidth " 250ps for a VL53L8CH, 91ps for a TMF8820"],
         )
     })?;
-    let (bins, places) = match array.shape.split_last() {
-        Some((bins, places)) if *bins > 0 && array.count() <= MOST => (*bins, places),
-        _ => return Err(misfit(&name, &array.shape, points)),
+    let (bins, places) = match shape.split_last() {
+        Some((bins, places)) if *bins > 0 && values.len() <= MOST => (*bins, places),
+        _ => return Err(misfit(&name, &shape, points)),
     };
     let of_points = |places: &[usize]| places.iter().product::<usize>() == points;
     let fits = of_points(places)
         || places.split_first().is_some_and(|(_, inner)| !inner.is_empty() && of_points(inner));
     if !fits || points == 0 {
-        return Err(misfit(&name, &array.shape, points));
+        return Err(misfit(&name, &shape, points));
     }
     let mut counts = host::filled(&name, points.saturating_mul(bins), 0u32)?;
-    for (at, value) in array.to_f64().into_iter().enumerate() {
+    for (at, value) in values.into_iter().enumerate() {
         if !(value >= 0.0 && value.fract() == 0.0 && value <= f64::from(u32::MAX)) {
             return Err(Error::input(
                 format!("{name} holds {value}, which is no count"),
@@ -64,13 +77,14 @@ pub(super) fn read(path: &Path, points: usize, bin_width: Option<f64>) -> Result
         let sum = &mut counts[at % (points * bins)];
         *sum = sum.saturating_add(value as u32);
     }
-    Ok(Some(Stored { tick: width / (1e12 * METRES_PER_PICOSECOND), bins, counts }))
+    Ok(Some(Stored { name, tick, bins, counts }))
 }
 
 fn misfit(name: &str, shape: &[usize], points: usize) -> Error {
     Error::input(
         format!("{name} has shape {shape:?}, which does not fit {points} points"),
-        "store (points, t) or (rows, columns, t), in the order of the scan; readings may come before as one more axis",
+        "store (points, t) or (rows, columns, t), in the order of the scan; readings may come before as one more axis. Columns of time \
+         tags have the names channel and time_ps in a first line",
     )
 }
 

@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 /// Most markers that are kept: 128 MiB. Scans have thousands.
 const MOST_MARKERS: usize = 1 << 23;
 /// Most detectors. Instruments have up to 64; a file with more has its columns in another order.
-const MOST_CHANNELS: usize = 1024;
+pub(super) const MOST_CHANNELS: usize = 1024;
 /// Detectors that a message names.
 const NAMED: usize = 16;
 
@@ -86,6 +86,10 @@ impl Survey {
                 }
             }
         })?;
+        if let Some(period) = passed.sparse.filter(|_| tags.every.get().is_none()) {
+            let _ = tags.every.set(period);
+            return Survey::of(tags);
+        }
         if too_many {
             return Err(Error::input(
                 format!("photons came on more than {MOST_CHANNELS} channels"),
@@ -135,10 +139,15 @@ impl Survey {
         })
     }
 
-    /// How often each marker came: its number, from 1, and a count.
-    pub(super) fn marker_counts(&self) -> String {
+    /// Markers of the file, from 1, and their numbers.
+    pub fn markers(&self) -> Vec<(u32, usize)> {
         let count = |bit: u32| self.markers.iter().filter(|m| m.1 >> bit & 1 == 1).count();
-        let all: Vec<_> = (0..16).map(|bit| (bit + 1, count(bit))).filter(|m| m.1 > 0).collect();
+        (0..16).map(|bit| (bit + 1, count(bit))).filter(|m| m.1 > 0).collect()
+    }
+
+    /// The markers and their numbers as text.
+    pub(super) fn marker_counts(&self) -> String {
+        let all = self.markers();
         let words: Vec<_> = all.iter().map(|(marker, count)| format!("{count} of marker {marker}")).collect();
         if words.is_empty() { "no marker".into() } else { words.join(", ") }
     }

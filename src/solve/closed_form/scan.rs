@@ -48,6 +48,7 @@ impl RegularScan {
     pub fn confocal(capture: &Capture, method: &str) -> Result<RegularScan> {
         match capture.pair_kind() {
             PairKind::Confocal => RegularScan::of(capture, None, method),
+            _ if capture.offset().is_some() => RegularScan::of(capture, None, method),
             other => Err(Error::input(
                 format!("{method} needs a confocal scan, and these pairs are not: {other}"),
                 OTHERS,
@@ -64,6 +65,7 @@ impl RegularScan {
             PairKind::Confocal => None,
             PairKind::OneLaser => capture.laser.first().copied(),
             PairKind::OneSensor => capture.sensor.first().copied(),
+            _ if capture.offset().is_some() => None,
             other => {
                 return Err(Error::input(
                     format!(
@@ -82,7 +84,10 @@ impl RegularScan {
         if !capture.is_planar() {
             return refuse("a flat wall, and the wall of this capture is curved");
         }
-        let points = capture.scanned_points();
+        // A sensor beside the laser sees nearly what both would see in the middle.
+        let middle =
+            || capture.laser.iter().zip(&capture.sensor).map(|(l, s)| l.midpoint(*s)).collect::<Vec<_>>();
+        let points = &spot.map_or_else(middle, |_| capture.scanned_points().to_vec());
         let lattice = Lattice::of(points);
         let (Some(places), [Some(dx), Some(dy)]) = (lattice.holed(), lattice.spacing) else {
             return refuse(

@@ -105,8 +105,17 @@ fn rotated(mut capture: Capture, [centre, facing]: [DVec3; 2], notes: &mut Vec<S
     for n in capture.laser_normal.iter_mut().chain(&mut capture.sensor_normal).flatten() {
         *n = turn * *n;
     }
+    let up = match (facing.y.abs() < 0.9, facing.x.abs() > 0.9, facing.x > 0.0) {
+        // After the turn, z of the file points along -x or +x.
+        (true, true, positive) => format!(
+            "y of the file is taken as up; if z is (as in ROS), give a rotation of {} degrees",
+            if positive { 270 } else { 90 }
+        ),
+        (true, ..) => "y of the file is taken as up".into(),
+        (false, ..) => "z of the file is taken as up".into(),
+    };
     notes.push(format!(
-        "the wall faces ({:.3}, {:.3}, {:.3}) in the file: it is rotated to face +z and moved to z = 0",
+        "the wall faces ({:.3}, {:.3}, {:.3}) in the file: it is rotated to face +z and moved to z = 0; {up}",
         facing.x, facing.y, facing.z
     ));
     capture

@@ -29,7 +29,7 @@ pub use recorded::recorded_gate;
 pub use turn::Turn;
 
 use crate::data::{Capture, Pulse};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use choose::Order;
 
 /// What the steps are to do; by default a gate is found automatically, and the rest is as the capture holds it.
@@ -39,6 +39,8 @@ pub struct Conditioning {
     pub turn: Turn,
     /// Distance of the outermost scan points along the longer side, metres: points are scaled to it.
     pub wall: Option<f64>,
+    /// Metres that waves travel in a second, for captures whose bins are seconds.
+    pub speed: Option<f64>,
     /// Pairs and bins to keep.
     pub keep: Keep,
     /// Keep pairs without any count, although their neighbours have many.
@@ -132,6 +134,7 @@ const fn step_of_counts(name: &'static str, run: fn(&mut Conditioned, &Condition
 
 /// The steps of a capture that is read, converted or calibrated: counts and points stay as recorded.
 pub const AS_RECORDED: &[Step] = &[
+    step("speed", timed),
     step("turn", turned),
     step("stride", thinned),
     step("subset", drawn),
@@ -142,6 +145,7 @@ pub const AS_RECORDED: &[Step] = &[
 /// The steps of a capture that is reconstructed. Normals and the wall's size come before the stride, as they need all points;
 /// pile-up comes before the gate, as it comes from all earlier counts; units come before automatic gates, which would hide them.
 pub const FOR_A_SOLVE: &[Step] = &[
+    step("speed", timed),
     step("turn", turned),
     step("pile-up", without_pile_up),
     step("normals", with_normals),
@@ -167,6 +171,15 @@ pub fn prepare(capture: Capture, how: &Conditioning) -> Result<Conditioned> {
     measured(capture, how.keep_empty)?.through(FOR_A_SOLVE, how)
 }
 
+/// Refuses a capture whose times and lengths cannot belong together, with or without counts. Returns a warning where they are unlikely
+/// to.
+///
+/// # Errors
+/// `Kind::Input`, with the likely unit.
+pub fn check_units(capture: &Capture) -> Result<Option<String>> {
+    units::check(capture)
+}
+
 /// Leaves out pairs that were not measured, checks the rest, and rotates a wall that clearly does not face +z.
 ///
 /// # Errors
@@ -176,6 +189,20 @@ pub fn measured(capture: Capture, keep_empty: bool) -> Result<Conditioned> {
     capture.check()?;
     let capture = frame::roughly_facing_z(capture, &mut notes);
     Ok(Conditioned::begin(capture, dropped, notes))
+}
+
+fn timed(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
+    let Some(speed) = how.speed else { return Ok(()) };
+    if !(speed.is_finite() && speed > 0.0) {
+        return Err(Error::options(
+            format!("the speed is {speed} m/s"),
+            "give a speed above 0, such as 343 for sound in air",
+        ));
+    }
+    state.capture.bin_width *= speed;
+    state.capture.t_start *= speed;
+    state.note(format!("bins are read as seconds, in which waves travel {speed} m/s"));
+    Ok(())
 }
 
 fn turned(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
@@ -290,6 +317,8 @@ fn checked(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
     state.capture.check()?;
     state.warnings.extend(state.capture.clipped_note());
     state.warnings.extend(state.capture.warnings());
+    state.notes.extend(state.capture.offset_note());
+    state.notes.extend(state.capture.normalised_note());
     Ok(())
 }
 

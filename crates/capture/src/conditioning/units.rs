@@ -44,8 +44,14 @@ struct Misfit {
 /// # Errors
 /// `Kind::Input`, with the likely unit.
 pub(super) fn checked(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
-    let Some(sizes) = Sizes::of(&state.capture) else { return Ok(()) };
-    let Some(misfit) = sizes.misfit() else { return Ok(()) };
+    state.warnings.extend(check(&state.capture)?);
+    Ok(())
+}
+
+/// Refuses times and lengths that cannot belong together; a warning where they are unlikely to.
+pub(super) fn check(capture: &Capture) -> Result<Option<String>> {
+    let Some(sizes) = Sizes::of(capture) else { return Ok(None) };
+    let Some(misfit) = sizes.misfit() else { return Ok(None) };
     let likely = sizes.likely();
     let hint = "store points in metres, and delta_t and t_start in metres of path (seconds times 299792458)";
     if misfit.refused {
@@ -53,8 +59,7 @@ pub(super) fn checked(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
         return Err(Error::input(misfit.what, hint));
     }
     let likely = if likely.is_empty() { String::new() } else { format!(": {likely}") };
-    state.warnings.push(format!("{}{likely}", misfit.what));
-    Ok(())
+    Ok(Some(format!("{}{likely}", misfit.what)))
 }
 
 /// What is compared, metres.
@@ -70,7 +75,7 @@ struct Sizes {
 }
 
 impl Sizes {
-    /// `None` for a capture whose points are all one, or without signal.
+    /// `None` for a capture whose points are all one, or whose counts hold no signal. Without counts, times of light are NaN.
     fn of(capture: &Capture) -> Option<Sizes> {
         let points = || capture.laser.iter().chain(&capture.sensor);
         let low = points().copied().reduce(|a, b| a.min(b))?;
@@ -80,7 +85,10 @@ impl Sizes {
             let bins = capture.histograms.chunks_exact(capture.bins).filter_map(bin);
             median(bins.map(|b| capture.edge(b) + 0.5 * capture.bin_width))
         };
-        let (first, strongest) = (of_pairs(super::warnings::first_light)?, of_pairs(super::gate::peak_bin)?);
+        let (first, strongest) = match capture.histograms.is_empty() {
+            true => (f64::NAN, f64::NAN),
+            false => (of_pairs(super::warnings::first_light)?, of_pairs(super::gate::peak_bin)?),
+        };
         let [bin, start, end] = [capture.bin_width, capture.t_start, capture.t_end()];
         (wall > 0.0).then_some(Sizes { wall, bin, start, end, first, strongest })
     }

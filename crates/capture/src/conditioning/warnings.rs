@@ -9,6 +9,9 @@ const SIGNAL: f32 = 0.3;
 const EARLY: f64 = 0.01;
 /// First light that curves more than this many times as strongly as the light of a point is not due to rounding.
 const CURVED: f64 = 1.3;
+/// Totals of this many histograms that differ by less than this share are the same.
+const FEW: usize = 9;
+const SAME: f64 = 1e-3;
 
 impl Capture {
     /// Sentences that say what looks wrong about this capture; empty if nothing does. Nothing is corrected.
@@ -46,6 +49,36 @@ impl Capture {
             warnings.push(format!("{empty} of {} histograms hold no count", self.pair_count()));
         }
         warnings
+    }
+
+    /// Says that the sensor sees the wall beside the laser in every pair, and what methods for confocal scans make of it.
+    pub(super) fn offset_note(&self) -> Option<String> {
+        let offset = self.offset()?;
+        let first = self.histograms.chunks_exact(self.bins).filter_map(first_light).min()?;
+        let nearest = (0.5 * (self.edge(first) + self.bin_width)).max(self.bin_width);
+        // Path by the middle: 2r; by both points: up to 2r + d²/4r.
+        let error = 0.25 * offset.length_squared() / nearest;
+        Some(format!(
+            "the sensor point is {:.1} mm beside the laser point in every pair, ({:.1}, {:.1}, {:.1}) mm: methods for confocal scans take \
+             the point between both, which makes paths wrong by up to {:.2} mm",
+            1e3 * offset.length(),
+            1e3 * offset.x,
+            1e3 * offset.y,
+            1e3 * offset.z,
+            1e3 * error
+        ))
+    }
+
+    /// Says that all histograms have the same total, as they have after a division by it.
+    pub(super) fn normalised_note(&self) -> Option<String> {
+        let totals =
+            self.histograms.chunks_exact(self.bins).map(|h| h.iter().map(|n| f64::from(*n)).sum::<f64>());
+        let totals: Vec<f64> = totals.filter(|total| *total > 0.0).collect();
+        let (least, most) = totals.iter().fold((f64::INFINITY, 0.0f64), |(a, b), t| (a.min(*t), b.max(*t)));
+        (!self.integer_counts && totals.len() >= FEW && most - least <= SAME * most).then(|| {
+            "all histograms have the same total, as if each was divided by its own: albedo and shading are lost; store the counts"
+                .to_string()
+        })
     }
 
     fn span(&self) -> f64 {

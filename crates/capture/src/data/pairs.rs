@@ -63,10 +63,11 @@ pub struct Product {
 
 #[doc(hidden)]
 impl Capture {
-    /// How laser and sensor points are combined. Points closer than a thousandth of the spacing count as one. A single
+    /// How laser and sensor points are combined. Points closer than a thousandth of the spacing count as one, those of a confocal pair if
+    /// they are closer than a tenth. A single
     /// pair is confocal or has one laser point.
     pub fn pair_kind(&self) -> PairKind {
-        if self.is_confocal() {
+        if self.is_nearly_confocal() {
             return PairKind::Confocal;
         }
         match self.product() {

@@ -10,6 +10,11 @@ use crate::error::{Error, Result};
 /// Points at most this share of the wall's size apart count as one.
 const SAME_POINT: f64 = 1e-6;
 
+/// Share of the spacing or of a spot within which laser and sensor point are one for closed forms.
+const NEARLY: f64 = 0.1;
+/// Longest constant way from laser to sensor point, as a share of the wall's size, that is an offset.
+const SHORT: f64 = 0.05;
+
 /// Walls and volumes of these widths, metres, use the metre as their unit, as the paper's do.
 const ORDINARY_WIDTHS: std::ops::RangeInclusive<f64> = 0.25..=8.0;
 
@@ -71,6 +76,25 @@ impl Capture {
     pub fn is_confocal(&self) -> bool {
         let tolerance = self.point_tolerance();
         self.laser.iter().zip(&self.sensor).all(|(l, s)| l.distance(*s) <= tolerance)
+    }
+
+    /// Whether the laser and sensor points of every pair are closer than a tenth of the spacing or of a spot: methods for confocal scans
+    /// take them as one.
+    pub fn is_nearly_confocal(&self) -> bool {
+        let spot = self.laser_spot.unwrap_or(0.0).max(self.sensor_spot.unwrap_or(0.0));
+        let reach = self.point_tolerance().max(NEARLY * self.spacing().unwrap_or(0.0).max(spot));
+        self.laser.iter().zip(&self.sensor).all(|(l, s)| l.distance(*s) <= reach)
+    }
+
+    /// The way from the laser to the sensor point, metres, if it is the same in every pair and short beside the scan; `None` for confocal
+    /// scans and others.
+    pub fn offset(&self) -> Option<DVec3> {
+        let first = *self.sensor.first()? - *self.laser.first()?;
+        let [x0, x1, y0, y1] = self.wall_extent();
+        let same = NEARLY * first.length();
+        let constant = self.laser.iter().zip(&self.sensor).all(|(l, s)| (*s - *l).distance(first) <= same);
+        let short = first.length() <= SHORT * (x1 - x0).max(y1 - y0);
+        (constant && short && self.spacing().is_some() && !self.is_nearly_confocal()).then_some(first)
     }
 
     /// Whether the wall is a plane facing +z: all points at one z (to a ten-thousandth of the wall's width)

@@ -25,6 +25,7 @@ pub mod phasor;
 mod points;
 mod pulse;
 mod read_options;
+pub mod recognised;
 mod scatter;
 pub mod set;
 mod single;
@@ -115,10 +116,10 @@ fn read_through(path: &Path, given: &ReadOptions, steps: &[Step], how: &Conditio
         }
         Contents::Matlab4 => Err(contents::version_4()),
         Contents::Npy => Err(alone("is a single npy array, without wall points and bin width")),
-        Contents::Unknown if is_text_of_numbers(path) => {
-            Err(alone("is a text of numbers, without wall points and bin width"))
-        }
-        Contents::Unknown => Err(unknown("the format is not known")),
+        Contents::Unknown => Err(match recognised::of(path).map_err(place)? {
+            Some(known) => known.refusal(),
+            None => unknown("the format is not known"),
+        }),
     };
     let capture = match found.map_err(place)? {
         ReadCapture::Unread(unread) => return unread.read(name, (steps, how), notes, &place),
@@ -200,22 +201,71 @@ fn read_set<'s>(
     read_single(file, given, notes)
 }
 
-/// Names by which formats of a single file are known.
-const FORMATS: [(&[&str], &str); 8] = [
-    (&["laser_grid_xyz"], "a y-tal capture"),
-    (&["data_t"], "an NLOS-Dirac capture"),
-    (&["NLOSDATA/transient"], "a file with NLOSDATA"),
-    (&["sig_in"], "a 1.43 km capture"),
-    (&["lighting"], "a surface-optimisation capture"),
-    (&["dataset/data"], "a phasor-field capture"),
-    (&["rect_data"], "an LCT or phasor-field capture"),
-    (&["total_rect_data"], "a 3D-RSD capture"),
-];
-
-/// Whether a file is y-tal's. One that holds `H` alone is a single array of anybody.
-fn is_ytal(file: &Variables) -> bool {
-    file.have(&["laser_grid_xyz"]) || (file.have(&["H"]) && file.names().len() > 1)
+/// A format of a single file: the criterion, its name, whether the file holds its bin width, and its reader.
+struct Format {
+    is: fn(&Variables) -> bool,
+    name: &'static str,
+    has_bin_width: bool,
+    read: for<'s> fn(&'s Variables, &ReadOptions, &mut Vec<String>) -> Result<ReadCapture<'s>>,
 }
+
+const FORMATS: [Format; 9] = [
+    Format {
+        // A file that holds `H` alone is a single array of anybody.
+        is: |file| file.have(&["laser_grid_xyz"]) || (file.have(&["H"]) && file.names().len() > 1),
+        name: "a y-tal capture",
+        has_bin_width: true,
+        read: |file, _, notes| ytal::read(file, notes).map(ReadCapture::Whole),
+    },
+    Format {
+        is: |file| file.have(&["data_t"]),
+        name: "an NLOS-Dirac capture",
+        has_bin_width: true,
+        read: |file, _, notes| dirac::read(file, notes).map(ReadCapture::Unread),
+    },
+    Format {
+        is: convolutional::is_one,
+        name: "a file with NLOSDATA",
+        has_bin_width: true,
+        read: |file, _, notes| convolutional::read(file, notes).map(ReadCapture::Unread),
+    },
+    Format {
+        is: |file| file.have(&["sig_in"]),
+        name: "a 1.43 km capture",
+        has_bin_width: false,
+        read: |file, given, notes| kilometre::read(file, given, notes).map(ReadCapture::Unread),
+    },
+    Format {
+        is: lit::is_one,
+        name: "a surface-optimisation capture",
+        has_bin_width: false,
+        read: |file, given, notes| lit::read(file, given, notes).map(ReadCapture::Unread),
+    },
+    Format {
+        is: |file| file.have(&["dataset/data"]),
+        name: "a phasor-field capture",
+        has_bin_width: true,
+        read: |file, _, notes| phasor::read_2019(file, notes).map(ReadCapture::Whole),
+    },
+    Format {
+        is: |file| file.have(&["rect_data", "width"]),
+        name: "an LCT capture",
+        has_bin_width: false,
+        read: |file, given, notes| lct::read(file, given, notes).map(ReadCapture::Unread),
+    },
+    Format {
+        is: |file| file.have(&["rect_data", "ts"]),
+        name: "a phasor-field capture",
+        has_bin_width: true,
+        read: |file, _, notes| phasor::read_2020(file, notes).map(ReadCapture::Unread),
+    },
+    Format {
+        is: listed::is_3d_rsd,
+        name: "a 3D-RSD capture",
+        has_bin_width: true,
+        read: |file, _, notes| listed::read_3d_rsd(file, notes).map(ReadCapture::Whole),
+    },
+];
 
 /// Finds the format of a capture that is one file, by the names of its arrays, and reads it.
 fn read_single<'s>(
@@ -223,41 +273,12 @@ fn read_single<'s>(
     given: &ReadOptions,
     notes: &mut Vec<String>,
 ) -> Result<ReadCapture<'s>> {
-    if let Some(format) = FORMATS.iter().find(|(names, _)| file.have(names)).map(|(_, format)| format) {
-        given.no_axes(format)?;
-    }
-    if is_ytal(file) {
-        given.no_bin_width("a y-tal capture")?;
-        return ytal::read(file, notes).map(ReadCapture::Whole);
-    }
-    if file.have(&["data_t"]) {
-        given.no_bin_width("an NLOS-Dirac capture")?;
-        return dirac::read(file, notes).map(ReadCapture::Unread);
-    }
-    if convolutional::is_one(file) {
-        given.no_bin_width("a file with NLOSDATA")?;
-        return convolutional::read(file, notes).map(ReadCapture::Unread);
-    }
-    if file.have(&["sig_in"]) {
-        return kilometre::read(file, given, notes).map(ReadCapture::Unread);
-    }
-    if lit::is_one(file) {
-        return lit::read(file, given, notes).map(ReadCapture::Unread);
-    }
-    if file.have(&["dataset/data"]) {
-        given.no_bin_width("a phasor-field capture")?;
-        return phasor::read_2019(file, notes).map(ReadCapture::Whole);
-    }
-    if file.have(&["rect_data", "width"]) {
-        return lct::read(file, given, notes).map(ReadCapture::Unread);
-    }
-    if file.have(&["rect_data", "ts"]) {
-        given.no_bin_width("a phasor-field capture")?;
-        return phasor::read_2020(file, notes).map(ReadCapture::Unread);
-    }
-    if listed::is_3d_rsd(file) {
-        given.no_bin_width("a 3D-RSD capture")?;
-        return listed::read_3d_rsd(file, notes).map(ReadCapture::Whole);
+    if let Some(format) = FORMATS.iter().find(|format| (format.is)(file)) {
+        given.no_axes(format.name)?;
+        if format.has_bin_width {
+            given.no_bin_width(format.name)?;
+        }
+        return (format.read)(file, given, notes);
     }
     if let Some(capture) = listed::read(file, given, notes)? {
         return Ok(ReadCapture::Whole(capture));
@@ -318,20 +339,11 @@ fn alone(what: &str) -> Error {
     Error::input(
         what,
         r#"make a capture of it: H [T, X, Y] with the bins first, points [X, Y, 3] on the wall in metres, bins in metres of path:
-    import numpy as np; H = np.load("FILE"); x, y = [np.linspace(-.5, .5, n) for n in H.shape[1:]]
-    p = np.stack(np.meshgrid(x, y, [0], indexing="ij"), -1)[:, :, 0]
-    np.savez("capture.npz", H=H, sensor_xyz=p, laser_xyz=p, delta_t=133e-12 * 299792458)
-  or, if an instrument wrote its histograms (points, bins) or time tags, use `histogram` with the points of the scan"#,
+import numpy as np; H = np.load("FILE"); x, y = [np.linspace(-.5, .5, n) for n in H.shape[1:]]
+p = np.stack(np.meshgrid(x, y, [0], indexing="ij"), -1)[:, :, 0]
+np.savez("capture.npz", H=H, sensor_xyz=p, laser_xyz=p, delta_t=133e-12 * 299792458)
+or, if an instrument wrote its histograms (points, bins) or time tags, use `histogram` with the points of the scan"#,
     )
-}
-
-/// Whether a file is text of numbers, as a CSV of counts.
-fn is_text_of_numbers(path: &Path) -> bool {
-    let mut head = [0; 512];
-    let read = std::fs::File::open(path).and_then(|mut file| std::io::Read::read(&mut file, &mut head));
-    let head = &head[..read.unwrap_or(0)];
-    let of_text = |c: &u8| c.is_ascii_digit() || c.is_ascii_whitespace() || b",;.+-eE#".contains(c);
-    head.iter().any(u8::is_ascii_digit) && head.iter().all(of_text)
 }
 
 fn unknown(what: &str) -> Error {

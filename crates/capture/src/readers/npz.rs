@@ -52,6 +52,7 @@ pub fn read(path: &Path, given: &ReadOptions, notes: &mut Vec<String>) -> Result
             names.join(", ")
         )));
     }
+    given.no_bin_width("an npz file")?;
     let shape = counts::shape(&mut npz, "H", WANTED)?;
     let laser = Points::read(&mut npz, "laser_xyz", "laser_normal")?;
     let sensor = Points::read(&mut npz, "sensor_xyz", "sensor_normal")?;

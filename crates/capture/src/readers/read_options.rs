@@ -89,6 +89,8 @@ pub struct ReadOptions {
     pub turn: Turn,
     /// Whether pairs without any count are kept, although their neighbours have many.
     pub keep_empty: bool,
+    /// Metres that waves travel in a second, for files whose bins are seconds.
+    pub speed: Option<f64>,
     /// The axes of a file with a single array of counts; by default found by where the light is.
     pub axes: Option<AxisOrder>,
 }
@@ -129,6 +131,11 @@ impl ReadOptions {
         ReadOptions { keep_empty, ..self }
     }
 
+    /// With bins in seconds, in which waves travel so many metres each.
+    pub fn with_speed(self, speed: impl Into<Option<f64>>) -> ReadOptions {
+        ReadOptions { speed: speed.into(), ..self }
+    }
+
     /// With the axes of a file with a single array of counts.
     pub fn with_axes(self, axes: impl Into<Option<AxisOrder>>) -> ReadOptions {
         ReadOptions { axes: axes.into(), ..self }
@@ -136,7 +143,12 @@ impl ReadOptions {
 
     /// The steps that follow from these values.
     pub(super) fn conditioning(&self) -> Conditioning {
-        Conditioning { turn: self.turn, keep_empty: self.keep_empty, ..Conditioning::default() }
+        Conditioning {
+            turn: self.turn,
+            keep_empty: self.keep_empty,
+            speed: self.speed,
+            ..Conditioning::default()
+        }
     }
 
     /// The wall's size, which the file does not hold.

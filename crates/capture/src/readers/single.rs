@@ -32,6 +32,9 @@ pub(super) fn read<'f>(
     notes: &mut Vec<String>,
 ) -> Result<ReadCapture<'f>> {
     let mut found = Vec::new();
+    if let Some(error) = in_a_container(file, &file.names()) {
+        return Err(error);
+    }
     for name in file.names() {
         if let Some(shape) =
             file.shape(&name)?.filter(|s| s.len() == 3 && s.iter().filter(|d| **d > 1).count() > 1)
@@ -77,6 +80,38 @@ pub(super) fn read<'f>(
     let points = frame::lattice(scan, wall);
     let capture = Capture::new(scan, points.clone(), points, bins, bin_width, histograms);
     Ok(ReadCapture::Whole(Capture { integer_counts, ..capture }))
+}
+
+/// The error of known arrays inside a struct, of a cell, and of counts with colours.
+fn in_a_container(file: &Variables, names: &[String]) -> Option<Error> {
+    if names.iter().any(|name| name.starts_with("#refs#")) {
+        return Some(Error::input(
+            "holds a MATLAB cell array, whose elements are arrays of their own",
+            "make one array of it before it is saved: cat(3, C{:}) or cell2mat",
+        ));
+    }
+    let inside = names.iter().find(|name| {
+        let last = name.rsplit('/').next().unwrap_or_default();
+        name.contains('/')
+            && names.len() > 1
+            && ["rect_data", "meas", "data_t", "sig_in", "H"].contains(&last)
+    });
+    if let Some(name) = inside {
+        let group = name.split('/').next().unwrap_or_default();
+        return Some(Error::input(
+            format!("holds {name} inside the struct {group}"),
+            format!("save the fields as variables of their own: save('capture.mat', '-struct', '{group}')"),
+        ));
+    }
+    let of_colours = |name: &String| {
+        let shape = file.shape(name).ok().flatten()?;
+        (shape.len() == 4 && (shape[0] == 3 || shape[3] == 3)).then_some((name.clone(), shape))
+    };
+    let (name, shape) = names.iter().find_map(of_colours)?;
+    Some(Error::input(
+        format!("{name} has shape {shape:?}: an axis of 3 that looks like colours"),
+        "store one array of three axes: the sum over the colours, or one of them",
+    ))
 }
 
 /// The order of the axes in C order, by where the light is. MATLAB's (y, x, t) and C's (x, y, t) are the usual ones.

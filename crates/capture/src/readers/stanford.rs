@@ -51,6 +51,12 @@ pub(super) fn read<'s>(set: &'s mut Set, given: &ReadOptions, notes: &mut Vec<St
         Some(file) => file.numbers("tofgrid")?,
         None => None,
     }) else {
+        if set.any("tofgrid") {
+            return Err(Error::input(
+                "tofgrid, the times of flight to the wall for meas, is empty",
+                "store tofgrid in picoseconds; zeros if the histograms begin at the wall",
+            ));
+        }
         return Err(Error::input(
             "holds meas, but neither it nor a file beside it holds tofgrid (times of flight to the wall)",
             "give the file with tofgrid as the times of flight, too; or give the folder of both",

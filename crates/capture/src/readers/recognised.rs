@@ -1,0 +1,203 @@
+//! Files of instruments by their first bytes, their first lines or the ends of their names: one table of what is no capture.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use crate::error::{Error, Result};
+
+/// Content of a file of an instrument.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Content {
+    /// Time tags that are read.
+    Tags,
+    /// Histograms that are read.
+    Histograms(Histograms),
+    /// A format that is not read.
+    Other,
+}
+
+/// Format of histograms of an instrument.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Histograms {
+    /// PicoQuant's unified format.
+    Phu,
+    /// PicoHarp's text: header lines, then a row for each bin and a column for each point.
+    PicoHarp,
+    /// LabVIEW's measurement file.
+    LabView,
+    /// Text of a TMF8820 or TMF8828: `#Raw,` lines.
+    Zones,
+    /// A table of numbers.
+    Matrix,
+}
+
+/// A row of the table.
+#[derive(Debug, Clone, Copy)]
+pub struct Recognised {
+    /// Name of the format with its article.
+    pub name: &'static str,
+    /// Its content.
+    pub content: Content,
+    is: fn(&Head) -> bool,
+    /// What to do with a format that is not read.
+    instead: &'static str,
+}
+
+/// Beginning of a file.
+struct Head {
+    bytes: Vec<u8>,
+    /// Lower-case lines of text, empty for binary files.
+    lines: Vec<String>,
+    ending: String,
+}
+
+/// Bytes that are looked at.
+const LOOKED_AT: u64 = 1 << 15;
+const CONVERT: &str =
+    "save it as .ptu in the instrument's software, or export the tags as text or arrays (channel, time)";
+const FROM_SOFTWARE: &str = "export the histograms as text (a row for each bin, a column for each point) or as an npy array [points, bins]";
+
+const fn row(
+    name: &'static str,
+    content: Content,
+    is: fn(&Head) -> bool,
+    instead: &'static str,
+) -> Recognised {
+    Recognised { name, content, is, instead }
+}
+
+const ROWS: [Recognised; 14] = [
+    row("PicoQuant time tags (.ptu)", Content::Tags, |h| h.bytes.starts_with(b"PQTTTR"), ""),
+    row(
+        "PicoQuant histograms (.phu)",
+        Content::Histograms(Histograms::Phu),
+        |h| h.bytes.starts_with(b"PQHISTO"),
+        "",
+    ),
+    row(
+        "PicoHarp 300 time tags (.pt3 or .pt2)",
+        Content::Other,
+        |h| h.bytes.starts_with(b"PicoHarp 300\0"),
+        CONVERT,
+    ),
+    row(
+        "HydraHarp time tags (.ht3 or .ht2)",
+        Content::Other,
+        |h| h.bytes.starts_with(b"HydraHarp\0"),
+        CONVERT,
+    ),
+    row("PicoHarp histograms as text", Content::Histograms(Histograms::PicoHarp), |h| h.has("#ns/bin"), ""),
+    row(
+        "a LabVIEW measurement (.lvm)",
+        Content::Histograms(Histograms::LabView),
+        |h| h.lines.first().is_some_and(|line| line.starts_with("labview measurement")),
+        "",
+    ),
+    row(
+        "histograms of a TMF8820 or TMF8828 as text",
+        Content::Histograms(Histograms::Zones),
+        |h| h.has("#raw,"),
+        "",
+    ),
+    row("time tags as text", Content::Tags, Head::names_tags, ""),
+    row("a text of numbers", Content::Tags, |h| matches!(h.columns(), 2 | 3), ""),
+    row("a text of numbers", Content::Histograms(Histograms::Matrix), |h| h.columns() > 0, ""),
+    row("Becker & Hickl histograms (.sdt)", Content::Other, |h| h.ending == "sdt", FROM_SOFTWARE),
+    row(
+        "Becker & Hickl time tags (.spc)",
+        Content::Other,
+        |h| h.ending == "spc",
+        "convert it to Photon-HDF5, as phconvert does",
+    ),
+    row(
+        "Swabian time tags (.ttbin), whose format is not public",
+        Content::Other,
+        |h| h.ending == "ttbin",
+        "read it with Swabian's FileReader and store getTimestamps and getChannels as the arrays timestamps and channels of an npz",
+    ),
+    row(
+        "a raw dump (.bin), which does not say what it holds",
+        Content::Other,
+        |h| h.ending == "bin",
+        "store the tags as the arrays timestamps (picoseconds) and channels of an npz, or histograms as an npy array [points, bins]",
+    ),
+];
+
+impl Head {
+    fn has(&self, start: &str) -> bool {
+        self.lines.iter().any(|line| line.starts_with(start))
+    }
+
+    /// Whether a line names a column of channels and one of times.
+    fn names_tags(&self) -> bool {
+        let first = self.lines.iter().position(|line| !line.starts_with('#')).unwrap_or(0);
+        let names = |line: &String| {
+            line.contains("chan")
+                && ["time", "stamp", "tag"].iter().any(|word| line.contains(word))
+                && !line.contains(':')
+        };
+        self.lines.iter().take(first + 1).any(names) && self.columns() > 0
+    }
+
+    /// Columns of the first line of numbers; 0 without one.
+    fn columns(&self) -> usize {
+        let columns = |line: &String| {
+            let separator = [';', '\t', ','].into_iter().find(|s| line.contains(*s)).unwrap_or(' ');
+            let parts = line.split(separator).map(|part| part.trim_matches([' ', '"', '\'']));
+            let parts: Vec<&str> = parts.filter(|part| !part.is_empty()).collect();
+            let is_number = |part: &&str| part.replacen(',', ".", 1).parse::<f64>().is_ok();
+            parts.iter().all(is_number).then_some(parts.len())
+        };
+        self.lines.iter().filter(|line| !line.starts_with('#')).find_map(columns).unwrap_or(0)
+    }
+}
+
+/// The row of a file; `None` if no row fits.
+///
+/// # Errors
+/// `Kind::Input` if the file cannot be read.
+pub fn of(path: &Path) -> Result<Option<Recognised>> {
+    let mut bytes = vec![];
+    File::open(path)
+        .and_then(|file| file.take(LOOKED_AT).read_to_end(&mut bytes))
+        .map_err(|e| Error::input(format!("cannot be read: {e}"), "check the path and the disk"))?;
+    // Text of 8 or 16 bits, with or without a byte-order mark.
+    let plain: Vec<u8> = bytes
+        .iter()
+        .copied()
+        .filter(|b| *b != 0)
+        .skip_while(|b| [0xEF, 0xBB, 0xBF, 0xFE, 0xFF].contains(b))
+        .collect();
+    let is_text = 2 * plain.len() + 4 > bytes.len()
+        && plain.iter().all(|b| !b.is_ascii_control() || b.is_ascii_whitespace());
+    let lines = if is_text { String::from_utf8_lossy(&plain).to_lowercase() } else { String::new() };
+    let mut lines: Vec<String> = lines
+        .split(['\n', '\r'])
+        .map(|line| line.trim().to_string())
+        .filter(|line| !line.is_empty())
+        .collect();
+    // The last line may be cut.
+    if lines.len() > 1 && bytes.len() as u64 == LOOKED_AT {
+        lines.pop();
+    }
+    let ending = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
+    let head = Head { bytes, lines, ending };
+    Ok(ROWS.into_iter().find(|row| (row.is)(&head)))
+}
+
+impl Recognised {
+    /// The error of a file that is read elsewhere or not at all.
+    pub fn refusal(&self) -> Error {
+        match self.content {
+            Content::Other => Error::input(format!("holds {}, which is not read", self.name), self.instead),
+            _ if self.name == "a text of numbers" => {
+                super::alone("is a text of numbers, without wall points and bin width")
+            }
+            _ => Error::input(
+                format!("holds {}, without the wall points of a capture", self.name),
+                "make a capture of it with the points of the scan: `histogram`",
+            ),
+        }
+    }
+}
