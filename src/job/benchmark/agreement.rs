@@ -9,24 +9,20 @@ use crate::settings::Settings;
 use crate::{Error, Result};
 
 /// The methods whose mean tells where there is surface.
-pub const CLOSED_FORMS: [&str; 4] = ["lct", "fk", "phasor", "fbp"];
-
-/// Light farther than this from the consensus is beside it, in 64ths of the picture.
-const NEAR: f64 = 3.0;
+const CLOSED_FORMS: [&str; 4] = ["lct", "fk", "phasor", "fbp"];
 
 /// What several maps show alike, over the extent and by the pixels of the first.
-#[derive(Debug, Clone)]
-pub struct Consensus {
+struct Consensus {
     /// The first map, with the consensus as mask.
     maps: Maps,
 }
 
 impl Consensus {
     /// The mean of the albedo maps, each over its 99.5th percentile, above Otsu's threshold. `None` without maps.
-    pub fn of(all: &[&Maps]) -> Option<Consensus> {
-        let mut maps = Maps::clone(all.first()?);
+    fn of(all: &[Maps]) -> Option<Consensus> {
+        let mut maps = all.first()?.clone();
         let white = |m: &Maps| percentile(&m.albedo, 99.5).unwrap_or(0.0).max(f32::MIN_POSITIVE);
-        let whites: Vec<f32> = all.iter().map(|m| white(m)).collect();
+        let whites: Vec<f32> = all.iter().map(white).collect();
         maps.albedo = centres(&maps)
             .map(|[x, y]| {
                 let at = |m: &Maps| m.pixel_at(x, y).map_or(0.0, |p| m.albedo[p]);
@@ -61,55 +57,26 @@ impl Consensus {
             behind: None,
         }
     }
-
-    /// Intersection over union of a mask with the consensus, which is dark beyond its extent.
-    pub fn agreement(&self, other: &Maps) -> f64 {
-        let (mut both, mut either) = (0.0, 0.0);
-        for (pixel, [x, y]) in centres(&self.maps).enumerate() {
-            let (here, there) = (self.maps.mask[pixel], other.pixel_at(x, y).is_some_and(|p| other.mask[p]));
-            both += f64::from(u8::from(here && there));
-            either += f64::from(u8::from(here || there));
-        }
-        let beyond =
-            |(pixel, [x, y]): (usize, [f64; 2])| other.mask[pixel] && self.maps.pixel_at(x, y).is_none();
-        let outside = centres(other).enumerate().filter(|at| beyond(*at)).count();
-        both / (either + outside as f64 * area(other) / area(&self.maps)).max(1.0)
-    }
-
-    /// Share of a mask's albedo that is not near the consensus; 1 without any.
-    pub fn beside(&self, other: &Maps) -> f64 {
-        let [x0, x1, ..] = self.maps.extent;
-        let near = NEAR * (x1 - x0) / 64.0;
-        let bright: Vec<[f64; 2]> =
-            centres(&self.maps).zip(&self.maps.mask).filter(|(_, mask)| **mask).map(|(at, _)| at).collect();
-        let (mut all, mut beside) = (0.0, 0.0);
-        for (pixel, [x, y]) in centres(other).enumerate().filter(|(pixel, _)| other.mask[*pixel]) {
-            let light = f64::from(other.albedo[pixel]);
-            all += light;
-            if !bright.iter().any(|[u, v]| (u - x).hypot(v - y) <= near) {
-                beside += light;
-            }
-        }
-        if all > 0.0 { beside / all } else { 1.0 }
-    }
 }
 
-/// What the closed-form methods that take a capture show together, in place of its truth.
+/// What the closed-form methods that take a capture, read with these settings, show together: in place of its truth.
 ///
 /// # Errors
 /// A capture that cannot be read or solved; none of the methods takes it.
-pub fn agreed(file: &Path) -> Result<Truth> {
-    let loaded = load(file, &Settings::default())?;
+pub fn agreed(file: &Path, settings: &Settings) -> Result<Truth> {
+    let loaded = load(file, settings)?;
     let mut all = vec![];
     for name in CLOSED_FORMS {
-        let request = Request::new(Settings::from_texts([("solver", name)])?, "");
+        let mut settings = settings.clone();
+        settings.set("solver", name)?;
+        let request = Request::new(settings, "");
         if request.resolved(&loaded.capture).solver.takes(&loaded.capture).is_ok() {
             let mut on = |_: &_| ControlFlow::Continue(());
             let done = reconstruct::solve(&request, &loaded, &request.open()?, None, None, &mut on)?;
             all.push(done.result.maps);
         }
     }
-    let consensus = Consensus::of(&all.iter().collect::<Vec<_>>()).ok_or_else(|| {
+    let consensus = Consensus::of(&all).ok_or_else(|| {
         Error::input(
             "no closed-form method takes it, so there is nothing to agree with",
             "give its truth beside it",
@@ -121,12 +88,6 @@ pub fn agreed(file: &Path) -> Result<Truth> {
 /// Centres of all pixels, in the order of maps.
 fn centres(maps: &Maps) -> impl Iterator<Item = [f64; 2]> + '_ {
     (0..maps.nx * maps.ny).map(|i| maps.centre(i / maps.ny, i % maps.ny))
-}
-
-/// Area of a pixel.
-fn area(maps: &Maps) -> f64 {
-    let [x0, x1, y0, y1] = maps.extent;
-    (x1 - x0) * (y1 - y0) / (maps.nx * maps.ny) as f64
 }
 
 /// The threshold between two classes of values from 0 to 1 that are farthest apart (Otsu 1979).
