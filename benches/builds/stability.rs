@@ -114,6 +114,7 @@ fn twins(figure: &Capture) -> Vec<Twin> {
         })
         .collect();
     all.extend([
+        of("the same again", figure.clone(), Some(1.0)),
         of("lengths × 1e-3", scaled(1e-3), Some(1e-3)),
         of("lengths × 100", scaled(100.0), Some(100.0)),
         of("counts × 7.3", counts(&|_, v| 7.3 * v), Some(1.0)),

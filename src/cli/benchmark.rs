@@ -102,13 +102,6 @@ fn scene_of(name: String, file: &Path) -> Result<Case> {
     Ok(Case::of_scene("", name, family::Case { hide_pulse, render, ..family::Case::plain(what.scene) }))
 }
 
-/// The cases of a folder.
-fn cases_of(folder: &Path) -> Result<Vec<Case>> {
-    let found = found_in(folder)?;
-    let there = found.captures.into_iter().map(|(name, file, truth)| Ok(Case::of_file(name, file, truth)));
-    there.chain(found.scenes.into_iter().map(|(name, file)| scene_of(name, &file))).collect()
-}
-
 /// The case of a capture.
 fn case_of(capture: &Path, truth: Option<PathBuf>) -> Case {
     let name = if capture.is_dir() { capture.file_name() } else { capture.file_stem() };
@@ -137,7 +130,7 @@ impl Args {
         let mut cases = vec![];
         for path in &self.captures {
             match path.is_dir() {
-                true => cases.extend(cases_of(path)?),
+                true => cases.extend(found_in(path, &scene_of)?),
                 false => cases.push(case_of(path, None)),
             }
         }
@@ -154,7 +147,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     // A thousand iterations of every scene would take hours.
     let usual: &[&str] = match solver {
         Some(name) => &[name],
-        None if !sets.is_empty() => &["all", "paper:time-limit=15,trace-every=2,name=paper"],
+        None if !sets.is_empty() => &["all", "paper:time-limit=15,trace-every=1,name=paper"],
         None => &["all"],
     };
     let specs = args.specs(&args.method, usual)?;

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::benchmark::{Case, finish};
+use super::benchmark::{Case, WHOLE, finish};
 use super::reconstruct::{self, Iterates, Measure};
 use super::{Loaded, Request, SolverOptions, places, preview, report};
 use crate::capture::Capture;
@@ -20,9 +20,6 @@ use crate::{Error, Kind, Result};
 
 /// Files that a comparison writes into its folder, beside a folder for each method.
 const FILES: [&str; 2] = ["pictures.png", WHOLE];
-
-/// The file that is written last.
-pub const WHOLE: &str = "case.json";
 
 /// Smallest ratio of the times of two stored samples.
 const APART: f64 = 1.1;

@@ -8,6 +8,8 @@ use std::time::{Duration, Instant, SystemTime};
 use fixtures::command::{program, stderr, stdout, succeed};
 use serde_json::Value;
 
+use crate::browser::{browser, look};
+
 /// Two tiny scenes: one to simulate, and a capture with a truth beside it. And a capture without truth.
 fn scenes() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -98,6 +100,8 @@ fn a_killed_benchmark_ends_with_one_page_of_all_cases() {
         assert!(points.len() == 1 && points[0][0].as_f64().unwrap() > 0.0, "{method}");
     }
 
+    fits_a_window(folder.path(), &html);
+
     // Nothing is left to do, and other options do all anew.
     let again = benchmark(folder.path(), &["--photons", "100"]);
     assert_eq!((again.status.code(), times(&out)), (Some(0), after.clone()), "{}", stderr(&again));
@@ -107,6 +111,25 @@ fn a_killed_benchmark_ends_with_one_page_of_all_cases() {
     let anew = times(&out);
     assert!(anew["square"] != after["square"] && anew["ball"] == after["ball"]);
     assert!(page(&out).contains("Oracle masks"));
+}
+
+/// Wide and narrow windows show the page without scrolling sideways: tables and pictures scroll inside their boxes.
+fn fits_a_window(folder: &Path, html: &str) {
+    let Some(browser) = browser() else {
+        eprintln!("skipped: no chromium is installed");
+        return;
+    };
+    let file = folder.join("measured.html");
+    let script =
+        "<script>document.title = document.documentElement.scrollWidth + ' of ' + innerWidth</script>";
+    std::fs::write(&file, html.replace("</html>", script)).unwrap();
+    for size in ["1400,1000", "420,900"] {
+        let dom =
+            stdout(&look(browser, &format!("file://{}", file.display()), size, folder, &["--dump-dom"]));
+        let title = dom.split("<title>").nth(1).and_then(|t| t.split("</title>").next()).unwrap_or_default();
+        let widths: Vec<usize> = title.split(" of ").filter_map(|n| n.parse().ok()).collect();
+        assert!(widths.len() == 2 && widths[0] <= widths[1], "{size}: {title}");
+    }
 }
 
 #[test]

@@ -11,52 +11,33 @@ use crate::{Error, Result};
 /// The methods whose mean tells where there is surface.
 const CLOSED_FORMS: [&str; 4] = ["lct", "fk", "phasor", "fbp"];
 
-/// What several maps show alike, over the extent and by the pixels of the first.
-struct Consensus {
-    /// The first map, with the consensus as mask.
-    maps: Maps,
-}
-
-impl Consensus {
-    /// The mean of the albedo maps, each over its 99.5th percentile, above Otsu's threshold. `None` without maps.
-    fn of(all: &[Maps]) -> Option<Consensus> {
-        let mut maps = all.first()?.clone();
-        let white = |m: &Maps| percentile(&m.albedo, 99.5).unwrap_or(0.0).max(f32::MIN_POSITIVE);
-        let whites: Vec<f32> = all.iter().map(white).collect();
-        maps.albedo = centres(&maps)
-            .map(|[x, y]| {
-                let at = |m: &Maps| m.pixel_at(x, y).map_or(0.0, |p| m.albedo[p]);
-                let each = all.iter().zip(&whites).map(|(m, white)| (at(m) / white).clamp(0.0, 1.0));
-                each.sum::<f32>() / all.len() as f32
-            })
-            .collect();
-        let threshold = otsu(&maps.albedo);
-        maps.mask = maps.albedo.iter().map(|a| *a > threshold).collect();
-        Some(Consensus { maps })
-    }
-
-    /// The consensus as truth: its mask, and there the median depth of `all`. It has no normals.
-    fn as_truth(&self, all: &[Maps]) -> Truth {
-        let Maps { nx, ny, extent, mask, .. } = &self.maps;
-        let depth = |[x, y]: [f64; 2]| {
-            let depths: Vec<f32> = all
-                .iter()
-                .filter_map(|m| Some(m.depth[m.pixel_at(x, y)?]))
-                .filter(|d| d.is_finite())
-                .collect();
-            percentile(&depths, 50.0).unwrap_or(f32::NAN)
-        };
-        let depth: Vec<f32> = centres(&self.maps).map(depth).collect();
-        Truth {
-            nx: *nx,
-            ny: *ny,
-            extent: *extent,
-            mask: mask.iter().zip(&depth).map(|(lit, depth)| *lit && depth.is_finite()).collect(),
-            normal: vec![[f32::NAN; 3]; depth.len()],
-            depth,
-            behind: None,
-        }
-    }
+/// What several maps show alike, over the extent and by the pixels of the first: the mean of the albedo maps, each over its 99.5th
+/// percentile, above Otsu's threshold, and there their median depth. It has no normals. `None` without maps.
+fn consensus(all: &[Maps]) -> Option<Truth> {
+    let first = all.first()?;
+    let white = |m: &Maps| percentile(&m.albedo, 99.5).unwrap_or(0.0).max(f32::MIN_POSITIVE);
+    let whites: Vec<f32> = all.iter().map(white).collect();
+    let albedo = |[x, y]: [f64; 2]| {
+        let at = |m: &Maps| m.pixel_at(x, y).map_or(0.0, |p| m.albedo[p]);
+        let each = all.iter().zip(&whites).map(|(m, white)| (at(m) / white).clamp(0.0, 1.0));
+        each.sum::<f32>() / all.len() as f32
+    };
+    let depth = |[x, y]: [f64; 2]| {
+        let depths = all.iter().filter_map(|m| Some(m.depth[m.pixel_at(x, y)?]));
+        percentile(&depths.filter(|d| d.is_finite()).collect::<Vec<f32>>(), 50.0).unwrap_or(f32::NAN)
+    };
+    let albedo: Vec<f32> = centres(first).map(albedo).collect();
+    let depth: Vec<f32> = centres(first).map(depth).collect();
+    let threshold = otsu(&albedo);
+    Some(Truth {
+        nx: first.nx,
+        ny: first.ny,
+        extent: first.extent,
+        mask: albedo.iter().zip(&depth).map(|(a, depth)| *a > threshold && depth.is_finite()).collect(),
+        normal: vec![[f32::NAN; 3]; depth.len()],
+        depth,
+        behind: None,
+    })
 }
 
 /// What the closed-form methods that take a capture, read with these settings, show together: in place of its truth.
@@ -76,13 +57,12 @@ pub fn agreed(file: &Path, settings: &Settings) -> Result<Truth> {
             all.push(done.result.maps);
         }
     }
-    let consensus = Consensus::of(&all).ok_or_else(|| {
+    consensus(&all).ok_or_else(|| {
         Error::input(
             "no closed-form method takes it, so there is nothing to agree with",
             "give its truth beside it",
         )
-    })?;
-    Ok(consensus.as_truth(&all))
+    })
 }
 
 /// Centres of all pixels, in the order of maps.

@@ -234,21 +234,12 @@ fn made(
     Ok(files)
 }
 
-/// What a folder holds for a benchmark.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct BenchmarkFolder {
-    /// Name, capture, and truth if there is one.
-    pub captures: Vec<(String, PathBuf, Option<PathBuf>)>,
-    /// Name and file of a scene to simulate.
-    pub scenes: Vec<(String, PathBuf)>,
-}
-
-/// Captures and files that describe scenes, in a folder: each sorted by name. The truth of `NAME.npz` is `NAME_truth.npz`,
-/// `truth_NAME.npz` or `truth/NAME.npz`. A scene is `NAME.scene`.
+/// The cases of a folder, captures before scenes, sorted by name. The truth of `NAME.npz` is `NAME_truth.npz`, `truth_NAME.npz` or
+/// `truth/NAME.npz`. A scene is `NAME.scene`, which `scene` reads.
 ///
 /// # Errors
-/// A folder that cannot be read.
-pub fn found_in(folder: &Path) -> Result<BenchmarkFolder> {
+/// A folder that cannot be read; those of `scene`.
+pub fn found_in(folder: &Path, scene: &dyn Fn(String, &Path) -> Result<Case>) -> Result<Vec<Case>> {
     let cannot = |e: std::io::Error| {
         Error::input(
             format!("{}: cannot be read: {e}", folder.display()),
@@ -260,19 +251,20 @@ pub fn found_in(folder: &Path) -> Result<BenchmarkFolder> {
         all.push(entry.map_err(cannot)?.path());
     }
     all.sort();
-    let mut found = BenchmarkFolder::default();
+    let (mut captures, mut scenes) = (vec![], vec![]);
     for path in all.into_iter().filter(|p| p.is_file()) {
         let ending = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
         let name = stem(&path);
         let is_truth = name.starts_with("truth_") || name.ends_with("_truth");
         if ending == "scene" {
-            found.scenes.push((name, path));
+            scenes.push(scene(name, &path)?);
         } else if CAPTURES.contains(&ending.as_str()) && !is_truth {
             let truth = truth_of(&path);
-            found.captures.push((name, path, truth));
+            captures.push(Case::of_file(name, path, truth));
         }
     }
-    Ok(found)
+    captures.append(&mut scenes);
+    Ok(captures)
 }
 
 /// The truth of `NAME.npz` beside it: `NAME_truth.npz`, `truth_NAME.npz` or `truth/NAME.npz`.

@@ -9,7 +9,6 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::compare::WHOLE;
 use super::record::{Record, check_place};
 use super::{overview, places};
 use crate::export::benchmark::{self as pages, Page, Side};
@@ -18,6 +17,9 @@ use crate::maps::{Maps, Truth};
 use crate::{Error, Kind, Result};
 use cases::Files;
 pub use cases::{Case, GROUPS, Source, found_in, truth_of};
+
+/// The file of a case, which is written last.
+pub const WHOLE: &str = "case.json";
 
 /// Cases, and where their results go.
 #[derive(Debug, Clone)]
