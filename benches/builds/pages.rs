@@ -31,7 +31,8 @@ pub fn parts(page: &Page) -> Vec<Part> {
     let picture = |path: &str| format!("![{title}]({path})");
     let limited = cases.iter().flat_map(|case| &case.sides).find(|side| side.limited);
     let limit = limited.map_or(String::new(), |side| {
-        format!("\n`{}` is stopped at a time limit; its last sample counts.\n", side.name)
+        let (name, spec) = (&side.name, &side.spec);
+        format!("\n`{name}` (`{spec}`) is stopped at its first sample after the time limit, which is then its result.\n")
     });
     vec![
         Part { file: CURVE, name: None, text: figure(&cases, &title, &[0, 1, 2, 3], true).svg() },
@@ -51,7 +52,7 @@ pub fn parts(page: &Page) -> Vec<Part> {
 /// The file lacks the comments around the part.
 pub fn replaced(text: &str, part: &Part) -> Result<(String, String), String> {
     let Some(name) = part.name else { return Ok((part.text.clone(), text.into())) };
-    let [begin, end] = [format!("<!-- {name} -->\n"), format!("<!-- end of {name} -->")];
+    let [begin, end] = [format!("<!-- {name} -->\n\n"), format!("\n<!-- end of {name} -->")];
     let found = text.split_once(&begin).and_then(|(before, rest)| Some((before, rest.split_once(&end)?)));
     let (before, (inside, after)) = found.ok_or(format!("{}: lacks {begin:?} or {end:?}", part.file))?;
     Ok((format!("{before}{begin}{}{end}{after}", part.text), inside.into()))
@@ -71,7 +72,8 @@ pub fn renew(file: &Path, stability: Vec<Stability>) -> Result<(), String> {
     if page.stability.is_empty() {
         page.stability = read_json::<Page>(&stored).map_or(vec![], |page| page.stability);
     }
-    let page = page.brief();
+    // Folders of maps are not stored.
+    page.cases.iter_mut().flat_map(|case| &mut case.sides).for_each(|side| side.folder = String::new());
     write_json(&stored, &page).map_err(text)?;
     for part in parts(&page) {
         let path = root().join(part.file);

@@ -189,7 +189,7 @@ pub fn figure(cases: &[&Case], title: &str, metrics: &[usize], with_legend: bool
         .collect();
     let width = LEFT + STEP[0] * (columns - 1) as f64 + PANEL[0] + 30.0;
     let top = if title.is_empty() { TOP } else { TOP + 34.0 };
-    let in_a_row = (width / LEGEND[0]) as usize;
+    let in_a_row = ((width - LEFT) / LEGEND[0]) as usize;
     let lines = if with_legend { named.len().div_ceil(in_a_row) + 1 } else { 0 };
     let below = top + STEP[1] * (rows - 1) as f64 + PANEL[1] + 62.0;
     let mut figure = Figure::new([width, below + LEGEND[1] * lines as f64]);

@@ -335,13 +335,14 @@ fn with_count(cases: &[&Case], name: &str) -> String {
     if there == cases.len() { name.into() } else { format!("{name} ({there} of {} cases)", cases.len()) }
 }
 
-/// Mean of a quantity over the cases. A metric of the curves counts as that of an empty map in a case without it, others do not
-/// count there.
+/// Mean of a quantity over the cases. A metric of the curves counts as that of an empty map in a case without it, unless no side has
+/// it there, as normals without truth; others do not count there.
 pub fn mean_of(cases: &[&Case], name: &str, place: usize) -> f64 {
     let worst = METRICS.iter().position(|m| m.place == place).map(|k| WORST[k] * METRICS[k].unit);
     let value = |case: &&Case| {
         let found = case.side(name).map_or(f64::NAN, |side| side.values[place]);
-        if found.is_nan() { worst.unwrap_or(f64::NAN) } else { found }
+        let is_known = place != NORMALS || case.sides.iter().any(|side| !side.values[place].is_nan());
+        if found.is_nan() && is_known { worst.unwrap_or(f64::NAN) } else { found }
     };
     mean(cases.iter().map(value))
 }
