@@ -151,11 +151,12 @@ impl Programs<'_> {
             values[results::NORMALS] = f64::NAN;
         }
         let device = |key: &str| run.report["device"][key].as_str().unwrap_or_default().to_string();
+        let last = run.report["trace"].as_array().and_then(|trace| trace.last()?["iteration"].as_u64());
         let side = Side {
             spec: format!("{}{}", build.program.display(), if run.reused { ", kept" } else { "" }),
             model: run.model(),
             runs_on: device("name"),
-            iterations: run.report["trace"].as_array().map_or(0, Vec::len),
+            iterations: last.unwrap_or(0) as usize,
             values,
             points: vec![results::Point::new(values[results::SOLVE], &values)],
             ..Side::default()

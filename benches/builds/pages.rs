@@ -73,7 +73,7 @@ pub fn renew(file: &Path, stability: Vec<Stability>) -> Result<(), String> {
         page.stability = read_json::<Page>(&stored).map_or(vec![], |page| page.stability);
     }
     // Folders of maps are not stored.
-    page.cases.iter_mut().flat_map(|case| &mut case.sides).for_each(|side| side.folder = String::new());
+    page.cases.iter_mut().flat_map(|case| &mut case.sides).for_each(|side| side.folder.clear());
     write_json(&stored, &page).map_err(text)?;
     for part in parts(&page) {
         let path = root().join(part.file);

@@ -158,7 +158,7 @@ fn apart(base: &Maps, other: &Maps, scale: f64) -> [f64; 2] {
     [count(&|a, b| a && b) / count(&|a, b| a || b).max(1.0), far]
 }
 
-/// The largest relative rise of the objective between iterations with the same pixels and pairs.
+/// The largest relative rise of the objective between points of the trace with the same pixels and pairs.
 fn rise(run: &Run) -> f64 {
     let trace = run.report["trace"].as_array().map_or(&[][..], Vec::as_slice);
     let number = |entry: &serde_json::Value, key: &str| entry[key].as_f64().unwrap_or(f64::NAN);

@@ -110,7 +110,7 @@ pub struct Stability {
     pub twin: Option<[f64; 2]>,
     /// Against the float64 reference: relative errors of the rendering and of the gradient.
     pub reference: Option<[f64; 2]>,
-    /// Largest rise of the objective between iterations with the same pixels and pairs, relative.
+    /// Largest rise of the objective between points of the trace with the same pixels and pairs, relative.
     pub rise: Option<f64>,
     /// Reason of a failed run.
     pub error: Option<String>,
@@ -296,14 +296,6 @@ impl Page {
         let device =
             self.cases.iter().map(|c| c.device.as_str()).find(|d| !d.is_empty()).unwrap_or("no device");
         format!("{}, {} cores; {device}", self.host.0, self.host.1)
-    }
-
-    /// The page without what only its folder needs, for storage beside the source.
-    pub fn brief(mut self) -> Page {
-        for side in self.cases.iter_mut().flat_map(|case| &mut case.sides) {
-            (side.folder, side.spec) = (String::new(), String::new());
-        }
-        self
     }
 
     /// Writes `benchmark.json` and `benchmark.html` into `folder`, which contains the cases' folders. Returns the paths.
