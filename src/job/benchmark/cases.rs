@@ -299,7 +299,7 @@ fn of(group: &str, seeds: Range<u64>, data: Option<&Path>) -> Result<Vec<Case>> 
 /// The cases of several groups. Those of a name that an earlier group has are left out.
 ///
 /// # Errors
-/// Those of [`of`].
+/// A mesh that cannot be read.
 pub fn all(groups: &[&'static str], seeds: Range<u64>, data: Option<&Path>) -> Result<Vec<Case>> {
     let mut all: Vec<Case> = vec![];
     for group in groups {
