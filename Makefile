@@ -1,7 +1,7 @@
 # Every target sets up what it needs first; what is there already is left alone.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: all setup build demo test python-test dist instrumented sanitize soak lint api header install bench clean
+.PHONY: all setup build demo test python-test dist instrumented sanitize soak lint api header install bench bench-page clean
 all: build
 
 setup:
@@ -90,6 +90,12 @@ install: setup
 
 bench: setup
 	cargo bench --locked
+
+# Runs the standard benchmark and the stiff cases, stores their numbers in benches/results/benchmark.json, and renews the curve and
+# the tables of README.md and docs/accuracy.md. Continues an interrupted run; `rm -r out/benchmark` begins anew.
+bench-page: build
+	target/release/thirdbounce benchmark --out out/benchmark
+	cargo bench --locked --bench builds -- stability --pages out/benchmark/benchmark.json
 
 clean:
 	cargo clean

@@ -45,7 +45,7 @@ pub use advice::suggestions;
 pub use batch::{Batch, batch};
 pub use benchmark::{Benchmark, benchmark};
 pub use cache::usual_pipeline_cache;
-pub use compare::{Compared, Comparison, Foreign, ForeignResult, Method, Turn, compare};
+pub use compare::{Comparison, Foreign, ForeignResult, Method, Turn, compare};
 pub use demo::{Demo, demo};
 pub use evaluate::{Evaluation, evaluate};
 pub use histogram::{Histogramming, histogram};

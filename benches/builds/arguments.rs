@@ -3,20 +3,30 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::cases::{GROUPS, USUAL};
+use thirdbounce::job::benchmark::GROUPS;
+
+/// The groups of `all`.
+const USUAL: [&str; 6] = ["family", "meshes", "captures", "scenes", "photons", "points"];
+
+/// The group of stiff and extreme cases, which has a table of its own.
+pub const STABILITY: &str = "stability";
 
 /// What the command line asks for.
 pub struct Arguments {
-    /// Groups in the order in which they are run.
+    /// Groups of cases.
     pub groups: Vec<&'static str>,
+    /// Whether stiff and extreme cases are run.
+    pub stability: bool,
     pub seeds: Range<u64>,
     pub program: PathBuf,
     pub against: Option<PathBuf>,
     pub keep: PathBuf,
     /// Take runs that are kept in place of new ones.
     pub reuse: bool,
-    pub sheet: Option<PathBuf>,
-    pub json: Option<PathBuf>,
+    /// Folder of the page and of the cases.
+    pub out: PathBuf,
+    /// A `benchmark.json` for the pages of the repository.
+    pub pages: Option<PathBuf>,
     /// Cases whose names contain one of these words; all without any.
     pub only: Vec<String>,
     /// For `reconstruct`.
@@ -29,13 +39,14 @@ impl Arguments {
     pub fn read(temporary: &Path) -> Result<Arguments, String> {
         let mut all = Arguments {
             groups: vec![],
+            stability: false,
             seeds: 0..20,
             program: env!("CARGO_BIN_EXE_thirdbounce").into(),
             against: None,
             keep: temporary.into(),
             reuse: false,
-            sheet: None,
-            json: None,
+            out: temporary.join("page"),
+            pages: None,
             only: vec![],
             options: vec![],
         };
@@ -44,32 +55,35 @@ impl Arguments {
         let mut groups: Vec<String> = vec![];
         while let Some(word) = words.next() {
             let mut value = || words.next().ok_or(format!("{word} needs a value"));
+            let mut folder = || std::path::absolute(value()?).map_err(|e| format!("{word}: {e}"));
             match word.as_str() {
+                "--keep" => all.keep = folder()?,
+                "--out" => all.out = folder()?,
                 "--seeds" => all.seeds = seeds(&value()?)?,
                 "--program" => all.program = value()?.into(),
                 "--against" => all.against = Some(value()?.into()),
-                "--keep" => all.keep = absolute(&value()?)?,
                 "--reuse" => all.reuse = true,
-                "--sheet" => all.sheet = Some(value()?.into()),
-                "--json" => all.json = Some(value()?.into()),
+                "--pages" => all.pages = Some(value()?.into()),
                 "--only" => all.only = value()?.split(',').map(String::from).collect(),
                 "--" => all.options = words.by_ref().collect(),
+                STABILITY => all.stability = true,
                 group if group == "all" || GROUPS.contains(&group) => groups.push(word),
-                _ => return Err(format!("{word} is none of {}, all, or an option", GROUPS.join(", "))),
+                _ => {
+                    return Err(format!(
+                        "{word} is none of {}, {STABILITY}, all, or an option",
+                        GROUPS.join(", ")
+                    ));
+                }
             }
         }
         if all.reuse && all.keep == temporary {
             return Err("--reuse needs the folder of --keep".into());
         }
-        let is_all = groups.is_empty() || groups.iter().any(|g| g == "all");
+        let is_all = groups.is_empty() && !all.stability || groups.iter().any(|g| g == "all");
         let is_wanted = |group: &&str| is_all && USUAL.contains(group) || groups.iter().any(|g| g == group);
         all.groups = GROUPS.into_iter().filter(is_wanted).collect();
         Ok(all)
     }
-}
-
-fn absolute(folder: &str) -> Result<PathBuf, String> {
-    std::path::absolute(folder).map_err(|e| format!("{folder}: {e}"))
 }
 
 fn seeds(text: &str) -> Result<Range<u64>, String> {

@@ -7,11 +7,10 @@ use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
+use thirdbounce::export::benchmark::{CPU, ESTIMATES, FILES, MEMORY, SOLVE, Values, WALL, values_of};
 use thirdbounce::export::npz::read_maps;
 use thirdbounce::maps::{Maps, Truth};
-use thirdbounce::measure::{self, Metrics};
-
-use super::summary::{self, COUNT, Values};
+use thirdbounce::measure::metrics;
 
 /// A run that takes longer fails.
 const LONGEST: Duration = Duration::from_secs(1800);
@@ -162,16 +161,6 @@ fn number(report: &Value, keys: &[&str]) -> f64 {
     keys.iter().find_map(|key| report.pointer(key)?.as_f64()).unwrap_or(f64::NAN)
 }
 
-/// Sum of the numbers named `seconds` of the values of an object whose keys have this ending.
-fn seconds_of(report: &Value, place: &str, ending: &str) -> f64 {
-    let all = report.pointer(place).and_then(Value::as_object).into_iter().flatten();
-    let seconds: Vec<f64> = all
-        .filter(|(key, _)| key.ends_with(ending))
-        .filter_map(|(_, value)| value.get("seconds")?.as_f64())
-        .collect();
-    if seconds.is_empty() { f64::NAN } else { seconds.iter().sum() }
-}
-
 impl Run {
     /// The result in a folder.
     ///
@@ -208,52 +197,24 @@ impl Run {
         Some(Run { cpu, wall, memory, again, reused: true, ..Run::read(folder).ok()? })
     }
 
-    /// The model of reflectance, wherever the report has it.
+    /// The reflectance model in use.
     pub fn model(&self) -> Option<String> {
-        let places =
-            ["/settings/model", "/settings/reflectance", "/estimates/model", "/estimates/reflectance"];
-        places.iter().find_map(|place| {
-            let value = self.report.pointer(place)?;
-            let inner = ["reflectance", "model", "value"].iter().find_map(|key| value.get(key)?.as_str());
-            Some(value.as_str().or(inner)?.to_string())
-        })
+        self.report["settings"]["model"].as_str().map(String::from)
     }
 
-    /// Seconds of estimates before the solve: one number, else the sum over the estimates.
-    fn estimates(&self) -> f64 {
-        const TOTALS: [&str; 7] = [
-            "/settings/trials_s",
-            "/settings/estimates_s",
-            "/estimates/seconds",
-            "/settings/estimates/seconds",
-            "/totals/estimates_s",
-            "/totals/estimate_s",
-            "/totals/trials_s",
-        ];
-        let sums = || [("/estimates", ""), ("/settings/estimates", ""), ("/settings", "_found")];
-        let total = number(&self.report, &TOTALS);
-        let each = || sums().into_iter().map(|(place, end)| seconds_of(&self.report, place, end));
-        if total.is_nan() { each().find(|s| !s.is_nan()).unwrap_or(f64::NAN) } else { total }
-    }
-
-    /// What the run took.
-    pub fn costs(&self) -> Values {
-        let mut values = [f64::NAN; COUNT];
-        values[summary::CPU] = self.cpu;
-        values[summary::WALL] = self.wall;
-        values[summary::ESTIMATES] = self.estimates();
-        values[summary::SOLVE] = number(&self.report, &["/totals/solve_s", "/totals/solve"]);
-        values[summary::MEMORY] = 1e-6 * self.memory;
-        values[summary::FILES] =
-            number(&self.report, &["/totals/load_s"]) + number(&self.report, &["/totals/export_s"]);
-        values
-    }
-
-    /// The metrics against a truth.
+    /// Metrics against a truth, and costs.
     ///
     /// # Errors
     /// Maps that cannot be measured.
-    pub fn metrics(&self, truth: &Truth) -> Result<Metrics, String> {
-        measure::metrics(&self.maps, truth, None).map_err(|e| e.to_string())
+    pub fn values(&self, truth: &Truth, wall: f64) -> Result<Values, String> {
+        let mut values = values_of(&metrics(&self.maps, truth, None).map_err(|e| e.to_string())?, wall);
+        values[CPU] = self.cpu;
+        values[WALL] = self.wall;
+        values[ESTIMATES] = number(&self.report, &["/settings/trials_s"]);
+        values[SOLVE] = number(&self.report, &["/totals/solve_s"]);
+        values[MEMORY] = 1e-6 * self.memory;
+        values[FILES] =
+            number(&self.report, &["/totals/load_s"]) + number(&self.report, &["/totals/export_s"]);
+        Ok(values)
     }
 }

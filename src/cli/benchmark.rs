@@ -4,10 +4,9 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use thirdbounce::export::benchmark::Case;
-use thirdbounce::export::comparison::LeftOut;
-use thirdbounce::files::atomic;
-use thirdbounce::job::benchmark::{Caller, Scene, Source, benchmark, family, found_in, truth_of};
+use thirdbounce::export::benchmark as pages;
+use thirdbounce::job::benchmark::cases::{self, Files};
+use thirdbounce::job::benchmark::{Case, GROUPS, Mark, Sides, benchmark, family, found_in, truth_of};
 use thirdbounce::job::{
     self, Benchmark, Comparison, Foreign, ForeignResult, Loaded, Method, Request, SolverOptions, Turn,
 };
@@ -26,8 +25,8 @@ const STOPPED: u8 = 130;
 const METHODS: &str = "\
 Methods:
   A method is a solver, or solver:key=value,key=value,... Keys are the solver options, depth-pitch,
-  trace-every and no-preview of reconstruct. name=... sets the name in plots and folders. Options that a method does
-  not set are taken from the options given here. The other methods are compared with the first. The curve of surface
+  trace-every and no-preview of reconstruct. name=... sets the name in plots and folders. time-limit=S stops it at its
+  first sample after S seconds. Options that a method does not set are taken from the options given here. The other methods are compared with the first. The curve of surface
   begins with the preview that reconstruct shows first, unless no-preview says otherwise.
   all stands for every method of this version that does not stand beside it; those whose assumptions the capture breaks
   are left out.
@@ -45,16 +44,16 @@ pub struct Args {
     /// True maps of the only capture
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
-    /// Scenes of the program's own, beside the captures: random ones, and two with 8 × 8 to 64 × 64 points [default: without
-    /// captures]
-    #[arg(long)]
-    own: bool,
+    /// Groups of simulated scenes, beside the captures: standard (six cases in five minutes), scenes, points, photons, meshes,
+    /// models, or random ones of the family [default: standard without captures]
+    #[arg(long, value_name = "GROUP,...", value_delimiter = ',', value_parser = GROUPS)]
+    set: Vec<String>,
     /// Folder for the page, a folder for each case, and the captures that are made [default: benchmark, in DIR if there is
     /// one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// A method (see below). May be repeated, or separate several with ; [default: --solver, or all, with
-    /// 300 iterations of paper if there are scenes of the program's own]
+    /// paper:time-limit=15 for groups of simulated scenes]
     #[arg(long, visible_alias = "methods", value_name = "METHOD", value_delimiter = ';')]
     method: Vec<String>,
     /// Maps that another program made of the same capture: a file (npz, EXR or MATLAB) or a folder with maps.npz,
@@ -86,74 +85,33 @@ pub struct Args {
     device: DeviceArgs,
 }
 
-/// The scenes of the program's own: names, and what stands in their files. Two scanned at more and more points, then others,
-/// then seeds of the random family that nothing was tuned to, without walls behind their things.
-fn own() -> Vec<(String, String)> {
-    let scanned = |n: usize| {
-        ["figure", "torus"].map(|of| {
-            (format!("{of}-{n:02}x{n:02}"), format!("{of} --scan {n} --bin-width 1cm --model lambertian\n"))
-        })
-    };
-    let mut all: Vec<_> = [8, 16, 32, 64].into_iter().flat_map(scanned).collect();
-    all.sort();
-    let others = [
-        ("letters-SU", "letters-SU --model lambertian"),
-        ("spheres", "spheres --model lambertian"),
-        ("figure-10-photons", "figure --model lambertian --photons 10 --dark 0.05"),
-    ];
-    all.extend(others.map(|(name, text)| (name.into(), format!("{text}\n"))));
-    let seeds = (40..).filter(|seed| family::Case::of(*seed).back.is_none()).take(4);
-    all.extend(seeds.map(|seed| (format!("family-{seed}"), format!("family {seed}\n"))));
-    all
-}
+/// Seeds of the family that nothing was tuned to.
+const SEEDS: std::ops::Range<u64> = 40..60;
 
-/// Writes the files of the program's own scenes, but for those that are there already.
-fn write_own(folder: &Path) -> Result<()> {
-    for (name, text) in own() {
-        let file = folder.join(format!("{name}.scene"));
-        if !std::fs::read_to_string(&file).is_ok_and(|there| there == text) {
-            atomic::write(&file, text.as_bytes())?;
-        }
-    }
-    Ok(())
-}
-
-/// What a file of a scene asks for.
-fn source_of(file: PathBuf) -> Result<Source> {
-    let text = std::fs::read_to_string(&file).unwrap_or_default();
+/// The case of a file that describes a scene.
+fn scene_of(name: String, file: &Path) -> Result<Case> {
+    let text = std::fs::read_to_string(file).unwrap_or_default();
     let words: Vec<&str> = text.split_whitespace().collect();
     if let ["family", seed] = words[..]
         && let Ok(seed) = seed.parse()
     {
-        return Ok(Source::Family { file, seed });
+        return Ok(Case::of_scene("", name, family::Case::of(seed)));
     }
-    let what = Box::new(super::simulate::scene_of(&file)?);
-    Ok(Source::Simulation { file, what })
+    let what = super::simulate::scene_of(file)?;
+    let (hide_pulse, render) = (what.hide_pulse, what.render);
+    Ok(Case::of_scene("", name, family::Case { hide_pulse, render, ..family::Case::plain(what.scene) }))
 }
 
-/// The scenes of a folder.
-fn scenes_of(folder: &Path) -> Result<Vec<Scene>> {
-    let found = found_in(folder)?;
-    let there = found
-        .captures
-        .into_iter()
-        .map(|(name, file, truth)| Ok(Scene { name, source: Source::Capture { file, truth } }));
-    let made = found.scenes.into_iter().map(|(name, file)| Ok(Scene { name, source: source_of(file)? }));
-    there.chain(made).collect()
-}
-
-/// The scene of a capture.
-fn scene_of(capture: &Path, truth: Option<PathBuf>) -> Scene {
+/// The case of a capture.
+fn case_of(capture: &Path, truth: Option<PathBuf>) -> Case {
     let name = if capture.is_dir() { capture.file_name() } else { capture.file_stem() };
-    Scene {
-        name: name.map_or_else(|| "capture".into(), |name| name.to_string_lossy().into_owned()),
-        source: Source::Capture { file: capture.into(), truth: truth.or_else(|| truth_of(capture)) },
-    }
+    let name = name.map_or_else(|| "capture".into(), |name| name.to_string_lossy().into_owned());
+    Case::of_file(name, capture.into(), truth.or_else(|| truth_of(capture)))
 }
 
 impl Args {
-    /// The scenes that the arguments name, but for the program's own.
-    fn scenes(&self) -> Result<Vec<Scene>> {
+    /// The cases that the arguments name, without those of groups.
+    fn cases(&self) -> Result<Vec<Case>> {
         let alone = |what: &str| {
             Error::options(
                 format!("{what} belongs to one capture"),
@@ -161,7 +119,7 @@ impl Args {
             )
         };
         match (&self.captures[..], &self.truth) {
-            ([capture], Some(truth)) => return Ok(vec![scene_of(capture, Some(truth.clone()))]),
+            ([capture], Some(truth)) => return Ok(vec![case_of(capture, Some(truth.clone()))]),
             (_, Some(_)) => return Err(alone("--truth")),
             _ => {}
         }
@@ -169,31 +127,47 @@ impl Args {
         if !is_one && !self.foreign.is_empty() {
             return Err(alone("--foreign"));
         }
-        let mut scenes = vec![];
+        let mut cases = vec![];
         for path in &self.captures {
             match path.is_dir() {
-                true => scenes.extend(scenes_of(path)?),
-                false => scenes.push(scene_of(path, None)),
+                true => cases.extend(found_in(path, &scene_of)?),
+                false => cases.push(case_of(path, None)),
             }
         }
-        Ok(scenes)
+        Ok(cases)
     }
 }
 
 pub fn run(args: &Args) -> Result<ExitCode> {
-    let owns = args.own || args.captures.is_empty();
+    let mut sets: Vec<&str> = args.set.iter().map(String::as_str).collect();
+    if args.captures.is_empty() && sets.is_empty() {
+        sets.push("standard");
+    }
     let solver = args.settings.solver();
     // A thousand iterations of every scene would take hours.
     let usual: &[&str] = match solver {
         Some(name) => &[name],
-        None if owns => &["all", "paper:iterations=300,name=paper"],
+        None if !sets.is_empty() => &["all", "paper:time-limit=15,trace-every=1,name=paper"],
         None => &["all"],
     };
     let specs = args.specs(&args.method, usual)?;
     let settings = args.settings.of_all_methods()?;
-    let mut scenes = args.scenes()?;
-    let single = scenes.len() == 1 && args.photons.is_empty() && !owns;
-    let repeats = args.repeats.unwrap_or(if single { 3 } else { 1 });
+    let mut cases = args.cases()?;
+    let groups: Vec<&str> = GROUPS.into_iter().filter(|group| sets.contains(group)).collect();
+    cases.extend(cases::all(&groups, SEEDS, None)?);
+    if let Some(wrong) = args.photons.iter().find(|p| !(p.is_finite() && **p > 0.0)) {
+        return Err(Error::options(
+            format!("the photons of the strongest bin are {wrong}"),
+            "give numbers above 0, for example 1000,100,10",
+        ));
+    }
+    let seed = u64::from(settings.seed());
+    let with_photons = |case: Case| {
+        let counted: Vec<Case> = args.photons.iter().filter_map(|p| case.with_photons(*p, seed)).collect();
+        std::iter::once(case).chain(counted)
+    };
+    let cases: Vec<Case> = cases.into_iter().flat_map(with_photons).collect();
+    let repeats = args.repeats.unwrap_or(if cases.len() == 1 { 3 } else { 1 });
     Comparison::check_repeats(repeats)?;
     let foreign = args.foreign.iter().map(|text| foreign(text)).collect::<Result<Vec<_>>>()?;
     let maps = |foreign: &Foreign| match &foreign.result {
@@ -205,34 +179,34 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         .out
         .clone()
         .unwrap_or_else(|| folder.map_or_else(|| "benchmark".into(), |folder| folder.join("benchmark")));
-    if owns {
-        let folder = out.join("scenes");
-        write_own(&folder)?;
-        scenes.extend(scenes_of(&folder)?);
-    }
     let mut options = args.reported(&specs);
     options.push(format!("repeats {repeats} foreign {:?}", args.foreign));
-    let what = Benchmark {
-        scenes,
-        photons: args.photons.clone(),
-        seed: u64::from(settings.seed()),
-        out,
-        options,
-        beside: foreign.iter().filter_map(maps).collect(),
-    };
+    let count = cases.len();
+    let what = Benchmark { cases, out, options, beside: foreign.iter().filter_map(maps).collect() };
     interrupt::stop_in_order();
-    let mut running = Running { args, specs, repeats, turns: Turns::new(args.quiet) };
+    let mut running = Running { args, specs, repeats, begun: 0, count, turns: Turns::new(args.quiet) };
     let done = benchmark(&what, &mut running);
     running.turns.end();
     let done = done?;
-    print(&done.page.summary());
+    print(&done.page.table().markdown());
     let files: Vec<_> = done.files.iter().map(|f| f.display().to_string()).collect();
     print(&format!("\nwrote     {}", files.join("\n          ")));
-    Ok(match done.page.cases.iter().any(|case| case.failed) {
+    Ok(match done.page.cases.iter().any(|case| case.why.as_ref().is_some_and(|(_, failed)| *failed)) {
         _ if done.stopped => ExitCode::from(STOPPED),
         true => ExitCode::from(1),
         false => ExitCode::SUCCESS,
     })
+}
+
+/// Typical seconds of a method on two cores, for forecasts.
+fn typical(spec: &methods::Spec) -> f64 {
+    let seconds: f64 = match spec.text.split(':').next().unwrap_or_default() {
+        "surface" => 4.0,
+        "paper" => 120.0,
+        "phasor-bp" | "fbp" | "bp" => 2.5,
+        _ => 0.5,
+    };
+    seconds.min(1.1 * spec.limit.unwrap_or(f64::INFINITY))
 }
 
 impl Args {
@@ -268,14 +242,21 @@ impl Args {
 
     /// Every option that changes results, as texts.
     fn reported(&self, specs: &[methods::Spec]) -> Vec<String> {
-        let of = |s: &methods::Spec| format!("method {} {:?} {}", s.name, s.settings, s.no_preview);
+        let of =
+            |s: &methods::Spec| format!("method {} {:?} {} {:?}", s.name, s.settings, s.no_preview, s.limit);
         let mut all: Vec<String> = specs.iter().map(of).collect();
         all.push(format!("trace {} oracle {}", self.trace_every, self.oracle));
         all
     }
 
     /// What is compared on a capture: once, without a folder.
-    fn comparison(&self, specs: &[methods::Spec], loaded: &Loaded, truth: &Path) -> Result<Comparison> {
+    fn comparison(
+        &self,
+        specs: &[methods::Spec],
+        case: &Case,
+        loaded: &Loaded,
+        truth: &Path,
+    ) -> Result<Comparison> {
         let method = |spec: &methods::Spec| -> Result<Method> {
             let settings = spec.settings.settings()?;
             let request = Request {
@@ -286,9 +267,10 @@ impl Args {
                 trace_every: spec.trace_every.or(Some(self.trace_every)),
                 ..Request::new(settings, "")
             };
-            Ok(Method { name: spec.name.clone(), spec: spec.text.clone(), request })
+            Ok(Method { name: spec.name.clone(), spec: spec.text.clone(), request, limit: spec.limit })
         };
         let mut comparison = Comparison {
+            case: Some(case.clone()),
             foreign: self.foreign.iter().map(|text| foreign(text)).collect::<Result<_>>()?,
             oracle: self.oracle,
             ..Comparison::default()
@@ -297,12 +279,12 @@ impl Args {
             let method = method(spec)?;
             match method.request.resolved(&loaded.capture).solver.takes(&loaded.capture) {
                 Err(e) if spec.is_optional => {
-                    comparison.left_out.push(LeftOut { name: method.name, why: e.what });
+                    comparison.left_out.push((method.name, e.what));
                 }
                 _ => comparison.methods.push(method),
             }
         }
-        let missing = comparison.left_out.iter().map(|m| format!("{} is left out: {}", m.name, m.why));
+        let missing = comparison.left_out.iter().map(|(name, why)| format!("{name} is left out: {why}"));
         self.say(&missing.collect::<Vec<_>>());
         Ok(comparison)
     }
@@ -312,41 +294,48 @@ struct Running<'a> {
     args: &'a Args,
     specs: Vec<methods::Spec>,
     repeats: usize,
+    /// Cases that have begun, and all.
+    begun: usize,
+    count: usize,
     turns: Turns,
 }
 
-impl Caller for Running<'_> {
-    fn comparison(&mut self, capture: &Path, truth: &Path) -> Result<(Loaded, Comparison)> {
-        let loaded = job::load(capture, &self.args.settings.of_all_methods()?)?;
+impl Sides for Running<'_> {
+    fn run(&mut self, case: &Case, files: &Files, folder: &Path, mark: Mark<'_>) -> Result<pages::Case> {
+        let loaded = job::load(&files.capture, &self.args.settings.of_all_methods()?)?;
         self.args.say(&loaded.notes);
-        let comparison = self.args.comparison(&self.specs, &loaded, truth)?;
-        Ok((loaded, Comparison { repeats: self.repeats, ..comparison }))
+        let comparison = self.args.comparison(&self.specs, case, &loaded, &files.truth)?;
+        let comparison = Comparison { repeats: self.repeats, out: folder.into(), ..comparison };
+        comparison.check(&loaded.capture)?;
+        mark()?;
+        job::compare(&comparison, &loaded, &mut |turn, progress| self.turns.hear(turn, progress))
     }
 
-    fn hear(&mut self, case: &str, progress: Option<(&Turn<'_>, &Progress)>) -> ControlFlow<()> {
-        match progress {
-            Some((turn, progress)) => self.turns.hear(turn, progress),
-            None => {
-                self.turns.end();
-                if !self.args.quiet {
-                    say(&format!("case {case}"));
-                }
-                interrupt::asked()
-            }
+    fn expected(&self, _: &Case) -> f64 {
+        3.0 + self.repeats as f64 * self.specs.iter().map(typical).sum::<f64>()
+    }
+
+    fn begin(&mut self, case: &Case, remaining: f64) -> ControlFlow<()> {
+        self.turns.end();
+        self.begun += 1;
+        if !self.args.quiet {
+            let (at, of, name) = (self.begun, self.count, &case.name);
+            say(&format!("case {at} of {of}: {name}; about {remaining:.0} s remain"));
         }
+        interrupt::asked()
     }
 
-    fn tell(&mut self, case: &Case) {
+    fn end(&mut self, case: &pages::Case) {
         self.turns.end();
         let quiet = self.args.quiet;
         match &case.why {
-            Some(why) if case.failed => {
+            Some((why, true)) => {
                 let hint = case.hint.as_ref().map_or_else(String::new, advice::text);
-                say_error(&format!("{}: ", case.folder), why, &hint);
+                say_error(&format!("{}: ", case.name), why, &hint);
             }
-            Some(why) if !quiet => say(&format!("note: {} is left out: {why}", case.folder)),
-            None if !quiet && case.was_there => say(&format!("{} is done already", case.folder)),
-            None if !quiet => say(&format!("{} is done after {:.1} s", case.folder, case.seconds)),
+            Some((why, false)) if !quiet => say(&format!("note: {} is left out: {why}", case.name)),
+            None if !quiet && case.was_there => say(&format!("{} is done already", case.name)),
+            None if !quiet => say(&format!("{} is done after {:.1} s", case.name, case.seconds)),
             _ => {}
         }
     }

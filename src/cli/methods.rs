@@ -16,6 +16,8 @@ pub struct Spec {
     pub trace_every: Option<usize>,
     /// Its curve does not begin with a preview.
     pub no_preview: bool,
+    /// Seconds after which it is stopped.
+    pub limit: Option<f64>,
     /// It is left out if the capture breaks an assumption of it; else that is an error.
     pub is_optional: bool,
 }
@@ -31,6 +33,8 @@ struct SpecArgs {
     trace_every: Option<usize>,
     #[arg(long)]
     no_preview: bool,
+    #[arg(long, value_parser = super::settings::number)]
+    time_limit: Option<f64>,
 }
 
 /// Reads a method. `base` holds the options of all methods; a method's own options come first.
@@ -58,12 +62,16 @@ pub fn parse(text: &str, base: &SettingsArgs<ALL>) -> Result<Spec> {
         let said = e.to_string();
         wrong(said.lines().next().unwrap_or("").trim_start_matches("error: ").to_string())
     })?;
-    let SpecArgs { settings, depth_pitch, trace_every, no_preview, .. } = args;
+    let SpecArgs { settings, depth_pitch, trace_every, no_preview, time_limit } = args;
+    if time_limit.is_some_and(|limit| !(limit.is_finite() && limit > 0.0)) {
+        return Err(wrong("the time limit is not above 0 s".into()));
+    }
     let checked = settings.settings().and_then(|_| {
         let settings = settings.over(&base.with("depth_pitch", depth_pitch));
         settings.settings().map(|_| settings)
     });
     let settings = checked.map_err(|e| e.at(format!("method {text:?}")))?;
     let name = name.filter(|n| !n.is_empty()).unwrap_or_else(|| text.to_string());
-    Ok(Spec { text: text.to_string(), name, settings, trace_every, no_preview, is_optional: false })
+    let limit = time_limit;
+    Ok(Spec { text: text.to_string(), name, settings, trace_every, no_preview, limit, is_optional: false })
 }

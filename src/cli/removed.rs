@@ -11,6 +11,7 @@ const VERBS: &[(&str, &str)] = &[
 /// (verb, or "" for all verbs; options without their dashes; replacement).
 const OPTIONS: &[(&str, &str, &str)] = &[
     ("", "checkpoint checkpoint-every resume", SNAPSHOTS),
+    ("benchmark", "own", "use --set standard"),
     ("", "prior prior-weight conv-iterations", FBP),
     ("", "surface-iterations", "use --iterations, the iterations at the resolution of the maps"),
     ("", "surface-points", "use --points"),

@@ -5,24 +5,24 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::reconstruct::{self, Finished};
-use super::{Loaded, Request, SolverOptions, overview, places, preview, report};
+use super::benchmark::{Case, WHOLE, finish};
+use super::reconstruct::{self, Iterates, Measure};
+use super::{Loaded, Request, SolverOptions, places, preview, report};
 use crate::capture::Capture;
-use crate::export::comparison::{self, LeftOut, MethodReport, Reached};
-use crate::export::report::TraceEntry;
-use crate::export::{self, curves, foreign};
+use crate::export::benchmark::{self as pages, Point, SOLVE, Side, values_of};
+use crate::export::{self, foreign};
 use crate::files::staging;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
-use crate::measure::{Metrics, PaperMeasure, Reach, median, metrics, reach};
+use crate::measure::{Metrics, PaperMeasure, median, metrics};
 use crate::solve::{Progress, RunsOn};
-use crate::{Error, Result};
+use crate::{Error, Kind, Result};
 
 /// Files that a comparison writes into its folder, beside a folder for each method.
-const FILES: [&str; 3] = ["error_vs_time.png", "pictures.png", WHOLE];
+const FILES: [&str; 2] = ["pictures.png", WHOLE];
 
-/// The file that is written last.
-pub const WHOLE: &str = "case.json";
+/// Smallest ratio of the times of two stored samples.
+const APART: f64 = 1.1;
 
 /// A method of a comparison.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,21 +31,23 @@ pub struct Method {
     pub name: String,
     /// The text that asked for it; only for the report.
     pub spec: String,
-    /// What to do. Its folder, volume file and snapshots are ignored. All methods run on the device of the first. With a
+    /// Its settings. Folder, volume file and snapshots are ignored. All methods run on the device of the first. With a
     /// preview, its curve begins with that: as soon as it would be shown.
     pub request: Request,
+    /// Seconds after which it is stopped at the next measured iterate, which is then its result.
+    pub limit: Option<f64>,
 }
 
-/// What another program made of the same capture.
+/// The result of another program for the same capture.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Foreign {
     /// Its name in plots and tables.
     pub name: String,
     /// Its maps, or its figures only.
     pub result: ForeignResult,
-    /// Seconds that it took, as its user says.
+    /// Its run time in seconds, user-supplied.
     pub seconds: f64,
-    /// What it ran on, as its user says.
+    /// Its hardware, user-supplied.
     pub hardware: String,
 }
 
@@ -54,24 +56,26 @@ pub struct Foreign {
 pub enum ForeignResult {
     /// Maps ([`foreign::read`]): a file, or a folder with a `maps.npz`, `maps.exr` or `maps.mat`.
     Maps(PathBuf),
-    /// Printed figures by the paper's measure. They stand in the table only.
+    /// Printed figures by the paper's measure, for the table only.
     Figures(PaperMeasure),
 }
 
-/// What to compare.
-#[derive(Debug, Clone, Default, PartialEq)]
+/// A comparison on one capture.
+#[derive(Debug, Clone, Default)]
 pub struct Comparison {
-    /// All methods. The others are compared with the first.
+    /// The case; `None`: a capture without a name.
+    pub case: Option<Case>,
+    /// All methods. Changes are relative to the first.
     pub methods: Vec<Method>,
     /// Results of other programs, for the same table and plot.
     pub foreign: Vec<Foreign>,
-    /// Methods that do not take the capture: name, and why.
-    pub left_out: Vec<LeftOut>,
-    /// The truth chooses the mask of every method: the share of the brightest albedo with the best IoU.
+    /// Methods not applicable to the capture: name and violated assumption.
+    pub left_out: Vec<(String, String)>,
+    /// Whether the truth chooses the mask of every method: the share of the brightest albedo with the best IoU.
     pub oracle: bool,
-    /// How often each method runs. All methods run once, then all run again.
+    /// Runs of each method. All methods run once, then all run again.
     pub repeats: usize,
-    /// Folder for plots, tables and each method's maps.
+    /// Folder for pictures, the case's file and each method's maps.
     pub out: PathBuf,
 }
 
@@ -86,19 +90,20 @@ pub struct Turn<'n> {
     pub name: &'n str,
 }
 
-/// The result of a comparison, besides its files.
-#[derive(Debug, Clone)]
-pub struct Compared {
-    /// The comparison, as `case.json` has it.
-    pub report: comparison::Comparison,
-    /// Messages of the validation layer, if it was on.
-    pub validation: Vec<String>,
-    /// Every file and folder that was written.
-    pub files: Vec<PathBuf>,
+/// The first run of a method.
+struct Outcome {
+    maps: Maps,
+    metrics: Metrics,
+    /// Metrics and seconds of measured iterates by iteration, the result included.
+    along: BTreeMap<usize, (f64, Metrics)>,
+    seconds: f64,
+    limited: bool,
+    runs_on: String,
+    report: Option<export::report::Report>,
 }
 
-/// Runs every method `repeats` times, in turns and after a short warm-up. Writes `error_vs_time.png`, `pictures.png`, each
-/// method's maps and report in a folder of its own, and last `case.json`.
+/// Runs every method `repeats` times, in turns and after a short warm-up. Writes `pictures.png`, each method's maps and report in
+/// a folder of its own, and last `case.json`.
 ///
 /// # Errors
 /// Before anything is computed: no method, no truth, options out of range, or a place that cannot be written. Later:
@@ -107,155 +112,156 @@ pub fn compare(
     what: &Comparison,
     loaded: &Loaded,
     hear: &mut dyn FnMut(&Turn<'_>, &Progress) -> ControlFlow<()>,
-) -> Result<Compared> {
+) -> Result<pages::Case> {
+    let start = Instant::now();
     let (methods, truth) = what.check(&loaded.capture)?;
-    let foreign = what.measure_foreign(&truth, same_mask(&methods))?;
+    let wall = what.case.as_ref().map_or(f64::NAN, |case| case.wall);
+    let wall = if wall.is_nan() { truth.extent[1] - truth.extent[0] } else { wall };
+    let measured = |maps: &Maps, fraction: Option<f64>| match &what.case {
+        None => metrics(maps, &truth, fraction),
+        Some(case) => {
+            let mut maps = maps.clone();
+            case.without_back(&mut maps);
+            metrics(&maps, &truth, fraction)
+        }
+    };
+    let measure: Measure<'_> = &measured;
+    let mut others = what.measure_foreign(&truth, measure, same_mask(&methods), wall)?;
     let gpu = methods[0].request.open()?;
     let turns = what.repeats * methods.len();
     for method in &methods {
         reconstruct::warm_up(&method.request, loaded, &gpu)
             .map_err(|e| e.at(format!("method {:?}", method.name)))?;
     }
-    let mut runs: Vec<Option<Runs<'_>>> = methods.iter().map(|_| None).collect();
+    let mut runs: Vec<Runs> = methods.iter().map(|_| Runs::default()).collect();
     for number in 0..turns {
         let at = number % methods.len();
         let method = &methods[at];
         let turn = Turn { number, turns, name: &method.name };
         let mut hear = |progress: &Progress| hear(&turn, progress);
-        let preview = Shown::first(&method.request, loaded, &gpu, &truth)?;
-        let solved = reconstruct::solve(&method.request, loaded, &gpu, Some(&truth), None, &mut hear);
-        let mut done = solved.map_err(|e| e.at(format!("method {:?}", method.name)))?;
-        if what.oracle {
-            done.mask_by(&truth)?;
-        }
-        match &mut runs[at] {
-            Some(runs) => runs.add(&done, preview.as_ref()),
-            none => *none = Some(Runs::new(done, preview)),
-        }
+        let shown = preview_of(&method.request, loaded, &gpu, measure)?;
+        let done = what.run(method, loaded, &gpu, measure, &mut hear);
+        runs[at].add(done.map_err(|e| e.at(format!("method {:?}", method.name)))?, shown);
     }
-    let runs: Vec<Runs<'_>> = runs.into_iter().flatten().collect();
-    let report = what.report(&methods, loaded, &gpu, &runs, &foreign);
-
-    let json = what.out.join(WHOLE);
     // An older one does not describe the files that are written from here on.
-    staging::remove(&json)?;
-    let mut files = Vec::new();
-    for (method, run) in methods.iter().zip(&runs) {
+    staging::remove(&what.out.join(WHOLE))?;
+    let mut sides = vec![];
+    for (method, run) in methods.iter().zip(runs) {
+        let Some(outcome) = &run.first else { continue };
         let folder = &method.request.out;
         staging::remove(&folder.join("report.json"))?;
-        export::write_maps(folder, &run.first.result.maps)?;
-        let report = report::report_of(&method.request, loaded, &gpu, &run.first);
-        export::report::write(&folder.join("report.json"), &report)?;
-        files.push(folder.clone());
-    }
-    let [png, pictures, _] = FILES.map(|n| what.out.join(n));
-    export::png::write(&png, &curves::error_vs_time(&report).picture())?;
-    let all =
-        runs.iter().map(|run| Some(&run.first.result.maps)).chain(foreign.iter().map(|f| f.maps.as_ref()));
-    let named = report.methods.iter().zip(all).filter_map(|(m, maps)| Some((m.name.as_str(), maps?)));
-    overview::write_all(&pictures, &named.collect::<Vec<_>>(), &truth)?;
-    comparison::write_json(&json, &report)?;
-    files.extend([png, pictures, json]);
-    Ok(Compared { report, validation: gpu.validation_messages(), files })
-}
-
-/// A result of another program: its maps, if there are any, and its figures.
-struct Measured<'f> {
-    foreign: &'f Foreign,
-    maps: Option<Maps>,
-    metrics: Metrics,
-}
-
-/// What is there to see before the solve.
-struct Shown {
-    lateral: usize,
-    /// Seconds until then, from the beginning.
-    seconds: f64,
-    metrics: Metrics,
-}
-
-impl Shown {
-    /// The preview of `request`, if it asks for one and there is one.
-    ///
-    /// # Errors
-    /// Those of [`metrics`].
-    fn first(request: &Request, loaded: &Loaded, gpu: &Gpu, truth: &Truth) -> Result<Option<Shown>> {
-        let start = Instant::now();
-        // The solve itself reports errors, as without a comparison.
-        let first = || preview::first_maps(&request.resolved(&loaded.capture), &loaded.capture, gpu).ok();
-        let maps = request.preview.then(first).flatten();
-        let Some(mut maps) = maps else { return Ok(None) };
-        let seconds = start.elapsed().as_secs_f64();
-        let mask = request.settings.mask_fraction;
-        if mask.is_some() {
-            maps.set_mask(mask);
+        export::write_maps(folder, &outcome.maps)?;
+        if let Some(report) = &outcome.report {
+            export::report::write(&folder.join("report.json"), report)?;
         }
-        let metrics = metrics(&maps, truth, mask)?.brief();
-        Ok(Some(Shown { lateral: maps.nx, seconds, metrics }))
+        let side = run.side(method, outcome, wall);
+        sides.push((side, run.first.map(|first| first.maps)));
     }
+    sides.append(&mut others);
+    let case = pages::Case {
+        seconds: start.elapsed().as_secs_f64(),
+        device: format!("{}, driver {}", gpu.info.name.trim(), gpu.info.driver.trim()),
+        left_out: what.left_out.clone(),
+        oracle: what.oracle,
+        ..what.case.as_ref().map(Case::reported).unwrap_or_default()
+    };
+    finish(&what.out, case, sides, &truth)
+}
+
+/// The preview of `request`, if it asks for one and there is one: the seconds until it is shown, and its metrics.
+///
+/// # Errors
+/// Those of `measure`.
+fn preview_of(
+    request: &Request,
+    loaded: &Loaded,
+    gpu: &Gpu,
+    measure: Measure<'_>,
+) -> Result<Option<(f64, Metrics)>> {
+    let start = Instant::now();
+    // The solve itself reports errors, as without a comparison.
+    let first = || preview::first_maps(&request.resolved(&loaded.capture), &loaded.capture, gpu).ok();
+    let Some(mut maps) = request.preview.then(first).flatten() else { return Ok(None) };
+    let seconds = start.elapsed().as_secs_f64();
+    let mask = request.settings.mask_fraction;
+    if mask.is_some() {
+        maps.set_mask(mask);
+    }
+    Ok(Some((seconds, measure(&maps, mask)?.brief())))
 }
 
 /// The runs of one method. A preview's time is part of them.
-struct Runs<'c> {
-    first: Finished<'c>,
-    /// The preview of the first run.
-    preview: Option<Shown>,
-    /// Seconds of every run at each iteration of the trace; 0: of the preview.
+#[derive(Default)]
+struct Runs {
+    first: Option<Outcome>,
+    preview: Option<Metrics>,
+    /// Seconds of every run at each measured iteration; 0: of the preview.
     at: BTreeMap<usize, Vec<f64>>,
     totals: Vec<f64>,
 }
 
-impl<'c> Runs<'c> {
-    fn new(first: Finished<'c>, preview: Option<Shown>) -> Runs<'c> {
-        let mut runs = Runs { at: BTreeMap::new(), totals: vec![], first, preview };
-        let Runs { at, totals, first, preview } = &mut runs;
-        add(at, totals, first, preview.as_ref());
-        runs
-    }
-
-    fn add(&mut self, again: &Finished<'_>, preview: Option<&Shown>) {
-        add(&mut self.at, &mut self.totals, again, preview);
-    }
-
-    /// The measured points of the first run. Times are medians over all runs that reached the point.
-    fn trace(&self) -> Vec<TraceEntry> {
-        let preview = self.preview.as_ref().map(|shown| TraceEntry {
-            lateral: shown.lateral,
-            loss: f64::NAN,
-            metrics: Some(shown.metrics.clone()),
-            ..TraceEntry::default()
-        });
-        let measured = self.first.trace().into_iter().filter(|entry| entry.metrics.is_some());
-        let mut trace: Vec<TraceEntry> = preview.into_iter().chain(measured).collect();
-        for entry in &mut trace {
-            let seconds = self.at.get(&entry.iteration).and_then(|all| median(all));
-            entry.seconds = seconds.unwrap_or(entry.seconds);
+impl Runs {
+    fn add(&mut self, done: Outcome, preview: Option<(f64, Metrics)>) {
+        let before = preview.as_ref().map_or(0.0, |(seconds, _)| *seconds);
+        preview.iter().for_each(|(seconds, _)| self.at.entry(0).or_default().push(*seconds));
+        for (iteration, (seconds, _)) in &done.along {
+            self.at.entry(*iteration).or_default().push(before + seconds);
         }
-        trace
+        self.totals.push(before + done.seconds);
+        if self.first.is_none() {
+            (self.preview, self.first) = (preview.map(|(_, metrics)| metrics), Some(done));
+        }
+    }
+
+    /// The results of the first run, with medians of the times of all that reached a point.
+    fn side(&self, method: &Method, first: &Outcome, wall: f64) -> Side {
+        let point = |iteration: &usize, metrics: &Metrics| {
+            let seconds = self.at.get(iteration).and_then(|all| median(all)).unwrap_or(f64::NAN);
+            Point::new(seconds, &values_of(metrics, wall))
+        };
+        let shown = self.preview.iter().map(|metrics| point(&0, metrics));
+        let points = shown.chain(first.along.iter().map(|(iteration, (_, m))| point(iteration, m)));
+        let mut values = values_of(&first.metrics, wall);
+        values[SOLVE] = median(&self.totals).unwrap_or(f64::NAN);
+        let found = first.report.as_ref().and_then(|r| r.settings["model_found"]["reflectance"].as_str());
+        Side {
+            name: method.name.clone(),
+            spec: method.spec.clone(),
+            runs_on: first.runs_on.clone(),
+            model: found.map(String::from),
+            folder: name_of(&method.request.out),
+            iterations: first.along.keys().last().copied().unwrap_or(0),
+            limited: first.limited,
+            repeats_s: self.totals.clone(),
+            values,
+            preview: self.preview.is_some(),
+            points: thinned(points.collect()),
+            ..Side::default()
+        }
     }
 }
 
-/// Adds the times of a run.
-fn add(
-    at: &mut BTreeMap<usize, Vec<f64>>,
-    totals: &mut Vec<f64>,
-    done: &Finished<'_>,
-    preview: Option<&Shown>,
-) {
-    let before = preview.map_or(0.0, |shown| shown.seconds);
-    let of_preview = preview.map(|shown| (0, shown.seconds));
-    let of_trace = done.result.trace.iter().map(|p| (p.iteration, before + p.seconds));
-    for (iteration, seconds) in of_preview.into_iter().chain(of_trace) {
-        at.entry(iteration).or_default().push(seconds);
+/// Points whose times differ by a ratio of at least [`APART`], the last among them.
+fn thinned(points: Vec<Point>) -> Vec<Point> {
+    let mut kept: Vec<Point> = vec![];
+    let last = points.len().saturating_sub(1);
+    for (i, point) in points.into_iter().enumerate() {
+        let is_apart = kept.last().is_none_or(|before| point.seconds >= APART * before.seconds);
+        if i == last && !is_apart && kept.len() > 1 {
+            kept.pop();
+        }
+        if is_apart || i == last {
+            kept.push(point);
+        }
     }
-    totals.push(before + done.result.solve_seconds);
+    kept
 }
 
 impl Comparison {
-    /// Checks how often every method is to run.
+    /// Checks the number of repeats.
     ///
     /// # Errors
-    /// `Kind::Options`: never, or more often than anybody waits for.
+    /// `Kind::Options`: none, or more than 1,000.
     pub fn check_repeats(repeats: usize) -> Result<()> {
         if (1..=1000).contains(&repeats) {
             return Ok(());
@@ -266,8 +272,12 @@ impl Comparison {
         ))
     }
 
-    /// Checks everything before anything is computed. Returns the methods with their folders, and the truth.
-    pub(super) fn check(&self, capture: &Capture) -> Result<(Vec<Method>, Truth)> {
+    /// Checks everything before anything is computed, and that there is a device. Returns the methods with their folders, and the
+    /// truth.
+    ///
+    /// # Errors
+    /// Those of [`compare`] before anything is computed.
+    pub fn check(&self, capture: &Capture) -> Result<(Vec<Method>, Truth)> {
         if self.methods.is_empty() {
             return Err(Error::options(
                 "there is no method to compare",
@@ -306,118 +316,97 @@ impl Comparison {
             methods[at].name = unused(&methods[at].name, &before, " #");
         }
         let missing = || Error::options("a comparison needs truth", "give the file of the true maps");
-        Ok((methods, truth.ok_or_else(missing)?))
+        let truth = truth.ok_or_else(missing)?;
+        drop(methods[0].request.open()?);
+        Ok((methods, truth))
     }
 
-    /// Reads the maps of other programs and measures them; figures stay as they are. The maps' own mask counts, or pixels
+    /// Runs a method, to its end or its time limit.
+    fn run(
+        &self,
+        method: &Method,
+        loaded: &Loaded,
+        gpu: &Gpu,
+        measure: Measure<'_>,
+        hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Outcome> {
+        let mut iterates = Iterates { limit: method.limit, ..Iterates::default() };
+        // A time limit needs samples.
+        let step = Some(method.request.trace_step()).filter(|step| *step > 0 || method.limit.is_none());
+        let request = &Request { trace_every: step.or(Some(10)), ..method.request.clone() };
+        let done =
+            reconstruct::solve_measured(request, loaded, gpu, Some(measure), None, &mut iterates, hear);
+        let Iterates { limited, mut along, last, .. } = iterates;
+        Ok(match (done, last) {
+            (Err(e), Some(maps)) if limited && e.kind == Kind::Cancelled => {
+                let (seconds, metrics) =
+                    along.last_key_value().map(|(_, found)| found.clone()).unwrap_or_default();
+                let solver = request.resolved(&loaded.capture).solver;
+                let runs_on = runs_on(&solver, gpu);
+                Outcome { maps, metrics, along, seconds, limited, runs_on, report: None }
+            }
+            (done, _) => {
+                let mut done = done?;
+                if self.oracle {
+                    done.mask_by(measure)?;
+                }
+                let report = Some(report::report_of(request, loaded, gpu, &done));
+                let metrics = done.metrics.clone().unwrap_or_default();
+                let seconds = done.result.solve_seconds;
+                if let Some(last) = done.result.trace.last() {
+                    // Until the maps are there.
+                    along.insert(last.iteration, (seconds, metrics.clone()));
+                }
+                let runs_on = runs_on(&done.job.solver, gpu);
+                Outcome { maps: done.result.maps, metrics, along, seconds, limited: false, runs_on, report }
+            }
+        })
+    }
+
+    /// Reads the maps of other programs and measures them; figures are used unchanged. The maps' own mask counts, or pixels
     /// above `fraction` of the brightest albedo, or what the truth chooses.
     ///
     /// # Errors
     /// Maps that cannot be read, with the name of the program.
-    fn measure_foreign(&self, truth: &Truth, fraction: Option<f64>) -> Result<Vec<Measured<'_>>> {
-        let mut all = vec![];
-        for foreign in &self.foreign {
-            let measured = || -> Result<Measured<'_>> {
-                let file = match &foreign.result {
-                    ForeignResult::Maps(file) => file,
-                    ForeignResult::Figures(paper) => {
-                        let metrics = Metrics { paper: *paper, ..Metrics::default() };
-                        return Ok(Measured { foreign, maps: None, metrics });
-                    }
-                };
-                let mut maps = foreign::read(file, truth.extent)?;
-                let mut found = metrics(&maps, truth, fraction)?;
-                if let Some(best) = found.best_fraction.filter(|_| self.oracle) {
-                    maps.set_mask(best);
-                    found = metrics(&maps, truth, best)?;
-                }
-                Ok(Measured { foreign, maps: Some(maps), metrics: found })
-            };
-            all.push(measured().map_err(|e| e.at(format!("foreign {:?}", foreign.name)))?);
-        }
-        Ok(all)
-    }
-
-    fn report(
+    fn measure_foreign(
         &self,
-        methods: &[Method],
-        loaded: &Loaded,
-        gpu: &Gpu,
-        runs: &[Runs<'_>],
-        foreign: &[Measured<'_>],
-    ) -> comparison::Comparison {
-        let goal = runs[0].first.metrics.clone().unwrap_or_default();
-        let whole = report::report_of(&methods[0].request, loaded, gpu, &runs[0].first);
-        let report = |(method, run): (&Method, &Runs<'_>)| {
-            let last = run.first.result.trace.last();
-            let trace = run.trace();
-            MethodReport {
-                name: method.name.clone(),
-                method: method.spec.clone(),
-                foreign: false,
-                runs_on: runs_on(&run.first.job.solver, gpu),
-                folder: name_of(&method.request.out),
-                mask_fraction: run.first.result.maps.mask_fraction,
-                settings: report::settings(&method.request, loaded, &run.first),
-                trace_every: method.request.trace_step(),
-                iterations: last.map_or(0, |p| p.iteration),
-                seconds: median(&run.totals).unwrap_or(0.0),
-                repeats_s: run.totals.clone(),
-                preview_s: run.preview.as_ref().and_then(|_| median(run.at.get(&0)?)),
-                active: last.map_or(0, |p| p.active),
-                active_ratio: last.map_or(0.0, |p| p.active_ratio),
-                metrics: run.first.metrics.clone().unwrap_or_default(),
-                reach: reached(&goal, &trace),
-                trace,
-            }
-        };
-        let other = |Measured { foreign, maps, metrics }: &Measured<'_>| {
-            let point = maps.as_ref().map(|_| TraceEntry {
-                seconds: foreign.seconds,
-                loss: f64::NAN,
-                metrics: Some(metrics.clone().brief()),
-                ..TraceEntry::default()
-            });
-            let trace: Vec<_> = point.into_iter().collect();
-            MethodReport {
-                name: foreign.name.clone(),
-                method: match &foreign.result {
-                    ForeignResult::Maps(file) => file.display().to_string(),
-                    ForeignResult::Figures(_) => String::new(),
-                },
+        truth: &Truth,
+        measure: Measure<'_>,
+        fraction: Option<f64>,
+        wall: f64,
+    ) -> Result<Vec<(Side, Option<Maps>)>> {
+        let measured = |other: &Foreign| -> Result<(Side, Option<Maps>)> {
+            let mut side = Side {
+                name: other.name.clone(),
                 foreign: true,
-                runs_on: foreign.hardware.clone(),
-                folder: String::new(),
-                mask_fraction: maps.as_ref().and_then(|maps| maps.mask_fraction),
-                settings: serde_json::Value::Null,
-                trace_every: 0,
-                iterations: 0,
-                seconds: foreign.seconds,
-                repeats_s: vec![foreign.seconds],
-                preview_s: None,
-                active: 0,
-                active_ratio: 0.0,
-                reach: reached(&goal, &trace),
-                metrics: metrics.clone(),
-                trace,
-            }
+                runs_on: other.hardware.clone(),
+                repeats_s: vec![other.seconds],
+                ..Side::default()
+            };
+            let (metrics, maps) = match &other.result {
+                ForeignResult::Figures(paper) => (Metrics { paper: *paper, ..Metrics::default() }, None),
+                ForeignResult::Maps(file) => {
+                    side.spec = file.display().to_string();
+                    let mut maps = foreign::read(file, truth.extent)?;
+                    let mut found = measure(&maps, fraction)?;
+                    if let Some(best) = found.best_fraction.filter(|_| self.oracle) {
+                        maps.set_mask(best);
+                        found = measure(&maps, Some(best))?;
+                    }
+                    (found, Some(maps))
+                }
+            };
+            side.values = values_of(&metrics, wall);
+            side.values[SOLVE] = other.seconds;
+            side.points.extend(maps.iter().map(|_| Point::new(other.seconds, &side.values)));
+            Ok((side, maps))
         };
-        comparison::Comparison {
-            version: whole.version,
-            device: whole.device,
-            capture: whole.capture,
-            capture_file: loaded.path.clone(),
-            truth: methods[0].request.truth.clone(),
-            mask_fraction: same_mask(methods),
-            oracle: self.oracle,
-            repeats: self.repeats,
-            methods: methods.iter().zip(runs).map(report).chain(foreign.iter().map(other)).collect(),
-            left_out: self.left_out.clone(),
-        }
+        let named = |other: &Foreign| measured(other).map_err(|e| e.at(format!("foreign {:?}", other.name)));
+        self.foreign.iter().map(named).collect()
     }
 }
 
-/// The share of the brightest albedo that tells all methods' masks, if there is one.
+/// The mask fraction common to all methods, if there is one.
 fn same_mask(methods: &[Method]) -> Option<f64> {
     let mut all = methods.iter().map(|m| m.request.settings.mask_fraction);
     let first = all.next().flatten();
@@ -429,28 +418,6 @@ fn runs_on(solver: &SolverOptions, gpu: &Gpu) -> String {
     match solver.common().runs_on {
         RunsOn::Device => gpu.info.name.trim().into(),
         RunsOn::Host => format!("host, {} threads", rayon::current_num_threads()),
-    }
-}
-
-/// When the trace was as good as `goal`.
-fn reached(goal: &Metrics, trace: &[TraceEntry]) -> Reached {
-    type Figure = fn(&Metrics) -> Option<f64>;
-    // Smaller is better for all of them.
-    let figures: [Figure; 3] =
-        [|m| m.at_best?.depth_mae, |m| m.at_best?.normal_error_deg, |m| m.best_iou.map(|iou| -iou)];
-    let good = |entry: &TraceEntry, figure: Figure| {
-        let found = entry.metrics.as_ref().and_then(figure);
-        found.zip(figure(goal)).is_some_and(|(found, goal)| found <= goal)
-    };
-    let of = |target: Option<f64>, figures: &[Figure]| -> Reach {
-        let trace: Vec<_> = trace.iter().map(|e| (e.seconds, figures.iter().all(|f| good(e, *f)))).collect();
-        reach(target, &trace)
-    };
-    Reached {
-        depth_mae: of(figures[0](goal), &figures[..1]),
-        normal_error_deg: of(figures[1](goal), &figures[1..2]),
-        best_iou: of(goal.best_iou, &figures[2..]),
-        all: of(None, &figures),
     }
 }
 

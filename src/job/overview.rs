@@ -14,6 +14,8 @@ const LINE: usize = 20;
 /// Side of a panel, and of one among many.
 const PANEL: usize = 288;
 const SMALL: usize = 160;
+/// Labels of the rows of many methods.
+const ROWS: [&str; 3] = ["albedo", "normals", "depth"];
 
 /// Writes albedo, normals, true normals, depth and true depth side by side. Both depths share one scale and a colour
 /// bar.
@@ -43,7 +45,7 @@ pub fn write(path: &Path, maps: &Maps, truth: &Truth) -> Result<()> {
     png::write(path, &picture)
 }
 
-/// Writes the maps of several methods side by side, the truth first: albedo above normals above depth, a column for
+/// Writes the maps of several methods side by side, the truth first: albedo above normals above depth, a labelled column for
 /// each. All depths share the truth's scale and a colour bar.
 ///
 /// # Errors
@@ -56,11 +58,15 @@ pub fn write_all(path: &Path, named: &[(&str, &Maps)], truth: &Truth) -> Result<
     let labels = scale.labels();
     let columns: Vec<(&str, &Maps)> =
         std::iter::once(("truth", &real)).chain(named.iter().copied()).collect();
-    let bar = GAP + columns.len() * (SMALL + GAP);
+    let left = GAP + ROWS.map(text_width).into_iter().fold(0, usize::max) + GAP;
+    let bar = left + columns.len() * (SMALL + GAP);
     let height = GAP + LINE + 3 * (SMALL + GAP);
     let mut picture = Picture::new(bar + Picture::bar_width(&labels) + GAP, height);
+    for (row, label) in ROWS.into_iter().enumerate() {
+        picture.text(label, [GAP, GAP + LINE + row * (SMALL + GAP) + SMALL / 2]);
+    }
     for (i, (name, maps)) in columns.into_iter().enumerate() {
-        let x = GAP + i * (SMALL + GAP);
+        let x = left + i * (SMALL + GAP);
         picture.text(&fitted(name), [x, GAP + CAPITAL]);
         let panels = [albedo_panel(maps, SMALL), normal_panel(maps, SMALL), scale.panel(maps, SMALL)];
         for (row, panel) in panels.iter().enumerate() {

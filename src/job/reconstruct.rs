@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use super::preview::Preview;
-use super::{Loaded, Request, advice};
+use super::{Loaded, Request, SolverOptions, advice};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
 use crate::resolve::Job;
-use crate::solve::{Progress, Ready, Reconstruction, Watch};
+use crate::solve::{Progress, Ready, Reconstruction, Watch, conclude_iterate};
 use crate::{Kind, Result};
 
 /// The result of a solve, and its figures.
@@ -28,6 +28,22 @@ pub struct Finished<'c> {
     pub job: Job<'c>,
 }
 
+/// Measures maps at a mask fraction.
+pub type Measure<'m> = &'m dyn Fn(&Maps, Option<f64>) -> Result<Metrics>;
+
+/// Iterates that were measured. They are there after an error, too.
+#[derive(Default)]
+pub struct Iterates {
+    /// The solve is cancelled at its first measured iterate after this many seconds, which is then the result.
+    pub limit: Option<f64>,
+    /// Whether it was.
+    pub limited: bool,
+    /// Seconds and brief metrics by iteration.
+    pub along: BTreeMap<usize, (f64, Metrics)>,
+    /// The last maps, if there is a limit.
+    pub last: Option<Maps>,
+}
+
 /// Solves as `request` says. `hear` is called with the progress and may
 /// cancel. `preview` shows the volume on its way.
 ///
@@ -41,9 +57,27 @@ pub fn solve<'c>(
     preview: Option<&Preview>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Finished<'c>> {
+    let by_truth = truth.map(|truth| move |maps: &Maps, fraction| metrics(maps, truth, fraction));
+    let measure = by_truth.as_ref().map(|measure| measure as Measure<'_>);
+    solve_measured(request, loaded, gpu, measure, preview, &mut Iterates::default(), hear)
+}
+
+/// [`solve`] with what was measured on the way.
+///
+/// # Errors
+/// Those of [`solve`].
+pub fn solve_measured<'c>(
+    request: &Request,
+    loaded: &'c Loaded,
+    gpu: &Gpu,
+    metrics_of: Option<Measure<'_>>,
+    preview: Option<&Preview>,
+    iterates: &mut Iterates,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Finished<'c>> {
     let step = request.trace_step();
     let mut failed = None;
-    let (mut along, mut snapshots) = (BTreeMap::new(), Vec::new());
+    let mut snapshots = Vec::new();
     let mut job = Job::resolve(&request.settings, &loaded.capture, gpu, hear)?;
     job.keep_volume |= request.volume_file.is_some();
     let volume = job.solver.common().iterations[0];
@@ -59,17 +93,23 @@ pub fn solve<'c>(
                 let _ = preview.show(maps);
             }
             let due = step > 0 && i.is_multiple_of(step);
-            let truth = truth.filter(|_| due);
-            let measured = truth.map(|t| metrics(&masked(maps, &job), t, job.mask_fraction));
-            match measured.transpose() {
-                Ok(found) => along.extend(found.map(|m| (i, m.brief()))),
-                Err(e) => {
-                    failed = Some(e);
-                    return ControlFlow::Break(());
+            if let Some(metrics_of) = metrics_of.filter(|_| due) {
+                let maps = as_result(maps, &job);
+                let seconds = job.estimates.seconds + progress.point.seconds;
+                match metrics_of(&maps, job.mask_fraction) {
+                    Ok(found) => drop(iterates.along.insert(i, (seconds, found.brief()))),
+                    Err(e) => {
+                        failed = Some(e);
+                        return ControlFlow::Break(());
+                    }
+                }
+                if let Some(limit) = iterates.limit {
+                    iterates.last = Some(maps);
+                    iterates.limited = seconds >= limit;
                 }
             }
         }
-        hear(progress)
+        if iterates.limited { ControlFlow::Break(()) } else { hear(progress) }
     };
     let maps_at = [&request.snapshots[..], &previews].concat();
     let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &maps_at };
@@ -79,11 +119,22 @@ pub fn solve<'c>(
         None => done.map_err(|e| advice::advise(e, request, loaded, gpu))?,
     };
     job.conclude(&mut result, &mut snapshots);
-    let metrics = truth.map(|t| metrics(&result.maps, t, job.mask_fraction)).transpose()?;
+    let metrics = metrics_of.map(|of| of(&result.maps, job.mask_fraction)).transpose()?;
+    let mut along: BTreeMap<usize, Metrics> =
+        iterates.along.iter().map(|(i, (_, metrics))| (*i, metrics.clone())).collect();
     if let (Some(last), Some(metrics)) = (result.trace.last(), &metrics) {
         along.insert(last.iteration, metrics.clone().brief());
     }
     Ok(Finished { result, metrics, along, snapshots, job })
+}
+
+/// The maps of an iterate as a user gets them from a run that ends with it.
+fn as_result(maps: &Maps, job: &Job<'_>) -> Maps {
+    let mut maps = if job.mask_fraction.is_some() { masked(maps, job) } else { maps.clone() };
+    if job.mask_fraction.is_none() && job.solver.name() == SolverOptions::DEFAULT {
+        conclude_iterate(&job.capture, job.solver.common().reflectance, &mut maps);
+    }
+    maps
 }
 
 /// The maps with the mask of the settings, or of the method.
@@ -113,11 +164,11 @@ impl Finished<'_> {
     /// without truth cannot do.
     ///
     /// # Errors
-    /// Those of [`metrics`].
-    pub fn mask_by(&mut self, truth: &Truth) -> Result<()> {
+    /// Those of `metrics_of`.
+    pub fn mask_by(&mut self, metrics_of: Measure<'_>) -> Result<()> {
         let Some(best) = self.metrics.as_ref().and_then(|m| m.best_fraction) else { return Ok(()) };
         self.result.maps.set_mask(best);
-        let found = metrics(&self.result.maps, truth, best)?;
+        let found = metrics_of(&self.result.maps, Some(best))?;
         if let Some(last) = self.result.trace.last() {
             self.along.insert(last.iteration, found.clone().brief());
         }

@@ -31,15 +31,7 @@ pub fn conclude(
     if mask_fraction.is_some() || !result.has_mask {
         result.maps.set_mask(mask_fraction);
     }
-    let pulse = capture.pulse.as_ref().map_or(0.0, Pulse::fwhm);
-    let spots = [capture.laser_spot, capture.sensor_spot].map(|spot| SLANT * spot.unwrap_or(0.0));
-    let all = Conditions {
-        noise: noise(capture),
-        width: capture.bin_width.hypot(pulse).hypot(spots[0]).hypot(spots[1]),
-        aperture: aperture(capture),
-        voxel: [0.0; 2],
-        two_cosines: result.plan.scene.reflectance == Reflectance::Lambertian,
-    };
+    let all = conditions_of(capture, result.plan.scene.reflectance);
     let last = result.trace.last().map_or(0, |p| p.iteration);
     let after = |maps: &Maps, iteration: usize| {
         let is_volume = iteration <= result.volume_iterations;
@@ -59,6 +51,25 @@ pub fn conclude(
     let measured = result.trace.last().filter(|_| result.empty_loss > 0.0);
     let residual = measured.map(|p| (p.data_loss / result.empty_loss).sqrt());
     result.warnings = warnings(&result.maps.mask, residual, all.noise);
+}
+
+/// Concludes the maps of an iterate of a surface, which has the mask of its solver, as [`conclude`] does those of a result: small
+/// parts with uncertain depths leave the mask.
+pub fn conclude_iterate(capture: &Capture, reflectance: Reflectance, maps: &mut Maps) {
+    tell(maps, &conditions_of(capture, reflectance), true);
+}
+
+/// The conditions of a capture for maps of a surface.
+fn conditions_of(capture: &Capture, reflectance: Reflectance) -> Conditions {
+    let pulse = capture.pulse.as_ref().map_or(0.0, Pulse::fwhm);
+    let spots = [capture.laser_spot, capture.sensor_spot].map(|spot| SLANT * spot.unwrap_or(0.0));
+    Conditions {
+        noise: noise(capture),
+        width: capture.bin_width.hypot(pulse).hypot(spots[0]).hypot(spots[1]),
+        aperture: aperture(capture),
+        voxel: [0.0; 2],
+        two_cosines: reflectance == Reflectance::Lambertian,
+    }
 }
 
 /// What looks wrong with a result: its mask, its residual ratio if it has one, and the share of the counts' energy that is

@@ -31,7 +31,7 @@ mod trace;
 pub mod units;
 
 pub use bins::Bins;
-pub use conditions::conclude;
+pub use conditions::{conclude, conclude_iterate};
 pub use discretisation::{Discretisation, Ready};
 pub use drive::{Doing, Progress, Watch};
 pub use estimate::{background, expected_noise, variance_per_count, variances};

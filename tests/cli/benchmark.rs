@@ -8,6 +8,8 @@ use std::time::{Duration, Instant, SystemTime};
 use fixtures::command::{program, stderr, stdout, succeed};
 use serde_json::Value;
 
+use crate::browser::{browser, look};
+
 /// Two tiny scenes: one to simulate, and a capture with a truth beside it. And a capture without truth.
 fn scenes() -> tempfile::TempDir {
     let folder = tempfile::tempdir().unwrap();
@@ -68,28 +70,37 @@ fn a_killed_benchmark_ends_with_one_page_of_all_cases() {
     assert_eq!(names, ["alone", "ball", "ball-photons-100", "square", "square-photons-100"]);
     assert!(before.iter().all(|(name, time)| after[name] == *time), "{before:?} {after:?}");
     assert!(stderr(&done).contains("alone is done already"), "{}", stderr(&done));
-    assert!(stdout(&done).contains("| case | lct | bp |"), "{}", stdout(&done));
+    assert!(stdout(&done).contains("| case | method | iterations |"), "{}", stdout(&done));
+    assert!(
+        stderr(&done).contains("case 1 of 5: ") && stderr(&done).contains(" s remain"),
+        "{}",
+        stderr(&done)
+    );
 
     let html = page(&out);
     for name in names {
-        let title = name.replace("-photons-100", ", 100 photons").replace("alone", "alone (agreement)");
+        let title = name.replace("alone", "alone (agreement)");
         assert!(html.contains(&format!("<h2>{title}</h2>")));
     }
-    assert_eq!((html.matches("data:image/png;base64,").count(), html.matches("<svg ").count()), (5, 5));
-    for part in ["Agreement: without truth", "Where the first method is not the best", "the measure of Shim"]
-    {
-        assert!(html.contains(part), "{part}");
-    }
+    // Four curves of all cases, and of each.
+    assert_eq!(
+        (html.matches("data:image/png;base64,").count(), html.matches("<svg ").count()),
+        (5, 4 + 5 * 4)
+    );
+    assert!(html.contains("Agreement: without truth") && !html.contains("Left out"));
+    let order = ["<svg ", "<table>", "data:image/png;base64,"].map(|part| html.find(part).unwrap());
+    assert!(order.is_sorted(), "curves, the table, pictures");
     let json: Value = serde_json::from_slice(&std::fs::read(out.join("benchmark.json")).unwrap()).unwrap();
     let cases = json["cases"].as_array().unwrap();
-    let methods: Vec<_> =
-        cases.iter().flat_map(|case| case["comparison"]["methods"].as_array().unwrap()).collect();
+    let methods: Vec<_> = cases.iter().flat_map(|case| case["sides"].as_array().unwrap()).collect();
     assert_eq!((cases.len(), methods.len()), (5, 10));
     for method in methods {
-        assert!(method["metrics"]["best_iou"].as_f64().unwrap() > 0.2, "{method}");
-        let trace = method["trace"].as_array().unwrap();
-        assert!(trace.iter().all(|point| point["seconds"].as_f64().unwrap() > 0.0), "{method}");
+        assert!(method["values"]["best_iou"].as_f64().unwrap() > 0.2, "{method}");
+        let points = method["points"].as_array().unwrap();
+        assert!(points.len() == 1 && points[0][0].as_f64().unwrap() > 0.0, "{method}");
     }
+
+    fits_a_window(folder.path(), &html);
 
     // Nothing is left to do, and other options do all anew.
     let again = benchmark(folder.path(), &["--photons", "100"]);
@@ -99,7 +110,26 @@ fn a_killed_benchmark_ends_with_one_page_of_all_cases() {
     assert_eq!(other.status.code(), Some(0), "{}", stderr(&other));
     let anew = times(&out);
     assert!(anew["square"] != after["square"] && anew["ball"] == after["ball"]);
-    assert!(page(&out).contains("oracle"));
+    assert!(page(&out).contains("Oracle masks"));
+}
+
+/// Wide and narrow windows show the page without scrolling sideways: tables and pictures scroll inside their boxes.
+fn fits_a_window(folder: &Path, html: &str) {
+    let Some(browser) = browser() else {
+        eprintln!("skipped: no chromium is installed");
+        return;
+    };
+    let file = folder.join("measured.html");
+    let script =
+        "<script>document.title = document.documentElement.scrollWidth + ' of ' + innerWidth</script>";
+    std::fs::write(&file, html.replace("</html>", script)).unwrap();
+    for size in ["1400,1000", "420,900"] {
+        let dom =
+            stdout(&look(browser, &format!("file://{}", file.display()), size, folder, &["--dump-dom"]));
+        let title = dom.split("<title>").nth(1).and_then(|t| t.split("</title>").next()).unwrap_or_default();
+        let widths: Vec<usize> = title.split(" of ").filter_map(|n| n.parse().ok()).collect();
+        assert!(widths.len() == 2 && widths[0] <= widths[1], "{size}: {title}");
+    }
 }
 
 #[test]
@@ -148,21 +178,21 @@ fn what_is_no_benchmark_is_refused() {
     assert!(!folder.path().join("benchmark").exists());
 }
 
-/// Fifteen scenes of the program's own and one of a folder: by the fastest methods, as all take most of an hour.
+/// Without a capture the standard cases run: here by the fastest methods.
 #[test]
 #[ignore = "long: make soak"]
 fn scenes_of_its_own_need_no_folder() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("page").display().to_string();
-    let fast = ["--methods", "lct;bp", "--lateral", "32", "--trace-every", "0", "--out", &out];
+    let fast = ["--methods", "fbp;bp", "--lateral", "32", "--trace-every", "0", "--out", &out];
     succeed(&[&["benchmark"], &fast[..]].concat());
     let html = page(&folder.path().join("page"));
-    let cases = ["figure-08x08", "torus-64x64", "letters-SU", "figure-10-photons", "family-40"];
+    let cases = ["figure-32x32", "figure-8x8", "one-laser", "10-photons", "three-before-wall", "letter-R"];
     assert!(cases.iter().all(|case| html.contains(&format!("<h2>{case}</h2>"))), "{html}");
     let scene = folder.path().join("mine.scene");
     std::fs::write(&scene, "family 3").unwrap();
     let at = folder.path().display().to_string();
-    succeed(&[&["benchmark", &at, "--own"], &fast[..]].concat());
+    succeed(&[&["benchmark", &at, "--set", "points"], &fast[..]].concat());
     let html = page(&folder.path().join("page"));
     assert!(html.contains("<h2>mine</h2>") && html.contains("<h2>torus-64x64</h2>"), "{html}");
 }

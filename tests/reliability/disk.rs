@@ -59,7 +59,7 @@ pub fn rows(share: Share) -> Vec<Row> {
             false,
             Box::new(|out| {
                 let request = Request { truth: Some(files().truth()), ..Request::new(solver(), "") };
-                let method = Method { name: "surface".into(), spec: "surface".into(), request };
+                let method = Method { name: "surface".into(), spec: "surface".into(), request, limit: None };
                 let what = Comparison {
                     methods: vec![method],
                     repeats: 1,

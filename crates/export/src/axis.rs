@@ -27,6 +27,11 @@ impl Axis {
         Axis { low, high: high + room, logarithmic }
     }
 
+    /// The axis from `low` to `high`.
+    pub fn over(self, [low, high]: [f64; 2]) -> Axis {
+        Axis { low, high, ..self }
+    }
+
     /// Position of a value on the axis: 0 at the low end, 1 at the high end.
     fn share(&self, value: f64) -> f64 {
         let share = if self.logarithmic {
@@ -157,6 +162,15 @@ impl Panel<'_> {
         self.figure.line(&points, 2.0, colour);
     }
 
+    /// A line, dashed without a colour.
+    pub fn steps(&mut self, points: &[[f64; 2]], colour: Option<Colour>) {
+        let points: Vec<_> = points.iter().map(|p| self.at(*p)).collect();
+        match colour {
+            Some(colour) => self.figure.line(&points, 1.5, colour),
+            None => self.figure.dashes(&points, FRAME),
+        }
+    }
+
     pub fn disc(&mut self, at: [f64; 2], radius: f64, colour: Colour) {
         let at = self.at(at);
         self.figure.disc(at, radius, colour);
@@ -172,7 +186,7 @@ impl Panel<'_> {
     /// A dashed line at `y` over the whole width.
     pub fn dashes(&mut self, y: f64) {
         let [from, to] = [self.axes[0].low, self.axes[0].high].map(|x| self.at([x, y]));
-        self.figure.dashes(from, to, FRAME);
+        self.figure.dashes(&[from, to], FRAME);
     }
 }
 
@@ -185,7 +199,7 @@ pub fn legend(figure: &mut Figure, name: &str, colour: Option<Colour>, [x, y]: [
             figure.line(&[from, to], 2.5, colour);
             figure.disc(to, 5.0, colour);
         }
-        None => figure.dashes(from, to, FRAME),
+        None => figure.dashes(&[from, to], FRAME),
     }
     figure.text(name, BODY, INK, [x + 50.0, y]);
 }

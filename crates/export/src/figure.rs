@@ -81,8 +81,8 @@ impl Figure {
         self.shapes.push((Shape::Line { points: points.into(), width, dashed: false }, colour));
     }
 
-    pub(super) fn dashes(&mut self, from: [f64; 2], to: [f64; 2], colour: Colour) {
-        self.shapes.push((Shape::Line { points: vec![from, to], width: 1.0, dashed: true }, colour));
+    pub(super) fn dashes(&mut self, points: &[[f64; 2]], colour: Colour) {
+        self.shapes.push((Shape::Line { points: points.into(), width: 1.0, dashed: true }, colour));
     }
 
     pub(super) fn disc(&mut self, at: [f64; 2], radius: f64, colour: Colour) {
@@ -200,7 +200,7 @@ mod tests {
     fn svg_and_picture_show_the_same_shapes() {
         let mut figure = Figure::new([60.0, 40.0]);
         figure.line(&[[5.0, 5.0], [55.0, 5.0]], 3.0, COLOURS[0]);
-        figure.dashes([0.0, 10.0], [28.0, 10.0], COLOURS[1]);
+        figure.dashes(&[[0.0, 10.0], [28.0, 10.0]], COLOURS[1]);
         figure.disc([10.0, 20.0], 4.0, COLOURS[2]);
         figure.bar([20.0, 30.0], [30.0, 22.0], COLOURS[3]);
         figure.label("<a & b>", BODY, INK, [58.0, 34.0], 1.0);

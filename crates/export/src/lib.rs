@@ -7,8 +7,6 @@
 mod axis;
 pub mod benchmark;
 pub mod calibration;
-pub mod comparison;
-pub mod curves;
 pub mod depth_difference;
 pub mod depth_error;
 pub mod exr;

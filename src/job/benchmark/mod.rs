@@ -1,225 +1,194 @@
-//! Captures × methods × photon counts: a comparison for each capture and photon count, and one page of all. What is done already is
-//! skipped.
+//! Cases × sides, where a side is a method or a build of the program: results of each case in a folder, and one page of all.
+//! Finished cases are skipped.
 
 mod agreement;
-mod captures;
+pub mod cases;
 pub mod family;
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::compare::WHOLE;
 use super::record::{Record, check_place};
-use super::{Comparison, Loaded, Simulation, Turn, compare, places};
-use crate::export::benchmark::{self as pages, Case, Page};
-use crate::export::comparison;
+use super::{overview, places};
+use crate::export::benchmark::{self as pages, Page, Side};
 use crate::files::staging;
-use crate::solve::Progress;
+use crate::maps::{Maps, Truth};
 use crate::{Error, Kind, Result};
-pub use agreement::{CLOSED_FORMS, Consensus};
-pub use captures::{found_in, truth_of};
+use cases::Files;
+pub use cases::{Case, GROUPS, Source, found_in, truth_of};
 
-/// What to run.
-#[derive(Debug, Clone, PartialEq)]
+/// The file of a case, which is written last.
+pub const WHOLE: &str = "case.json";
+
+/// Cases, and where their results go.
+#[derive(Debug, Clone)]
 pub struct Benchmark {
-    /// The scenes, with unlike names.
-    pub scenes: Vec<Scene>,
-    /// Photons that the strongest bin expects, one capture for each besides the scene's own. They are drawn from captures
-    /// whose values are not counts.
-    pub photons: Vec<f64>,
-    /// Seed of the photons.
-    pub seed: u64,
-    /// Folder for the page, the captures that are made, and a comparison's folder for each case.
+    /// The cases, with distinct names.
+    pub cases: Vec<Case>,
+    /// Folder for the page, the captures that are made, and a folder for each case.
     pub out: PathBuf,
-    /// Every option that changes results, as it was given: a case that was made with others is made anew.
+    /// Every option that changes results: a case that was made with others is made anew.
     pub options: Vec<String>,
     /// Other files on which results depend, such as maps of other programs.
     pub beside: Vec<PathBuf>,
 }
 
-/// A scene of a benchmark.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Scene {
-    /// Its name: that of its file without the ending.
-    pub name: String,
-    /// Where its capture is from.
-    pub source: Source,
-}
+/// Claims the folder of a case.
+pub type Mark<'m> = &'m dyn Fn() -> Result<()>;
 
-impl Scene {
-    /// Whether there is no truth: closed-form methods stand in for it.
-    fn is_agreed(&self) -> bool {
-        matches!(self.source, Source::Capture { truth: None, .. })
-    }
-}
-
-/// Where a capture is from.
-#[derive(Debug, Clone, PartialEq)]
-pub enum Source {
-    /// A capture that is there.
-    Capture {
-        /// The capture's file.
-        file: PathBuf,
-        /// The truth's file. Without one, methods are judged by what closed-form methods agree on.
-        truth: Option<PathBuf>,
-    },
-    /// A scene of the random family.
-    Family {
-        /// The file that names it.
-        file: PathBuf,
-        /// Its seed.
-        seed: u64,
-    },
-    /// A scene to simulate.
-    Simulation {
-        /// The file that describes it.
-        file: PathBuf,
-        /// What it describes. The files to write are set by the benchmark.
-        what: Box<Simulation>,
-    },
-}
-
-/// What a benchmark asks of its caller.
-pub trait Caller {
-    /// Reads a capture, and says what is compared on it, with this truth. Its folder is set afterwards.
+/// What is compared on a case.
+pub trait Sides {
+    /// Runs all sides on a case, writes its folder and returns it with its results ([`finish`]). `mark` claims the folder, once
+    /// everything is checked and before anything is written.
     ///
     /// # Errors
     /// The capture cannot be used: the case fails, the benchmark continues.
-    fn comparison(&mut self, capture: &Path, truth: &Path) -> Result<(Loaded, Comparison)>;
+    fn run(&mut self, case: &Case, files: &Files, folder: &Path, mark: Mark<'_>) -> Result<pages::Case>;
 
-    /// Hears that a case begins (`None`) and of its progress. May stop the benchmark.
-    fn hear(&mut self, case: &str, progress: Option<(&Turn<'_>, &Progress)>) -> ControlFlow<()>;
+    /// Expected seconds of a case on two cores, without knowledge of the machine.
+    fn expected(&self, case: &Case) -> f64;
 
-    /// Hears how a case ended.
-    fn tell(&mut self, case: &Case);
+    /// Called at the beginning of a case, with the expected seconds until the end of the benchmark. May stop it.
+    fn begin(&mut self, case: &Case, remaining: f64) -> ControlFlow<()>;
+
+    /// Called at the end of a case.
+    fn end(&mut self, case: &pages::Case);
 }
 
-/// How a benchmark ended.
-#[derive(Debug, Clone, PartialEq)]
+/// The result of a benchmark.
+#[derive(Debug, Clone)]
 pub struct Benched {
     /// All cases that were reached.
     pub page: Page,
-    /// Whether the caller stopped it.
+    /// Whether it was stopped.
     pub stopped: bool,
     /// The files of the page.
     pub files: Vec<PathBuf>,
 }
 
-/// One capture of a scene.
-struct Wanted<'b> {
-    scene: &'b Scene,
-    photons: Option<f64>,
+/// Seconds of the cases to come: their expected seconds, by the ratio of both for those that were computed.
+#[derive(Default)]
+struct Forecast {
+    expected: f64,
+    measured: f64,
 }
 
-impl Wanted<'_> {
-    fn name(&self) -> String {
-        self.photons.map_or(self.scene.name.clone(), |p| format!("{}-photons-{p}", self.scene.name))
+impl Forecast {
+    fn of(&self, rest: f64) -> f64 {
+        if self.expected > 0.0 { rest * self.measured / self.expected } else { rest }
     }
 }
 
-/// Compares the methods on every case, and writes `benchmark.json` and `benchmark.html` after each.
+/// Compares the sides on every case, and writes `benchmark.json` and `benchmark.html` after each.
 ///
 /// # Errors
-/// Before anything is computed: no scene, two of one name, photons out of range, or a folder that cannot be written.
-/// What goes wrong with a case is reported, and the benchmark continues, unless there is no other case. Later: a page that cannot
-/// be written.
-pub fn benchmark(what: &Benchmark, caller: &mut dyn Caller) -> Result<Benched> {
+/// Before anything is computed: no case, two of one name, or a folder that cannot be written. A case's errors are reported, and
+/// the benchmark continues, unless there is no other case. Later: a page that cannot be written.
+pub fn benchmark(what: &Benchmark, sides: &mut dyn Sides) -> Result<Benched> {
     what.check()?;
-    let start = Instant::now();
-    let photons: Vec<Option<f64>> =
-        std::iter::once(None).chain(what.photons.iter().copied().map(Some)).collect();
-    let all = what.scenes.iter().flat_map(|scene| photons.iter().map(move |p| Wanted { scene, photons: *p }));
-    // Photons drawn from what is measured would be judged by what was measured.
-    let all: Vec<_> = all.filter(|wanted| wanted.photons.is_none() || !wanted.scene.is_agreed()).collect();
-    let is_alone = all.len() == 1;
-    let mut page = Page { version: env!("CARGO_PKG_VERSION").into(), seconds: 0.0, cases: vec![] };
-    let mut files = vec![];
-    for wanted in all {
-        let name = wanted.name();
-        if caller.hear(&name, None).is_break() {
+    let is_alone = what.cases.len() == 1;
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    let version = env!("CARGO_PKG_VERSION").into();
+    let mut page = Page { version, host: (processor(), cores), ..Page::default() };
+    let (mut files, mut forecast) = (vec![], Forecast::default());
+    for (at, case) in what.cases.iter().enumerate() {
+        let rest = what.cases[at..].iter().filter(|case| !what.is_done(case));
+        let rest: f64 = rest.map(|case| sides.expected(case)).sum();
+        let start = Instant::now();
+        if sides.begin(case, forecast.of(rest)).is_break() {
             return Ok(Benched { page, stopped: true, files });
         }
-        let case = match what.case(&wanted, caller) {
+        let done = match what.case(case, sides) {
             Err(e) if e.kind == Kind::Cancelled => return Ok(Benched { page, stopped: true, files }),
             Err(e) if is_alone => return Err(e),
-            Err(e) => Case::left_out(&wanted.scene.name, wanted.photons, &name, true, &e),
-            Ok(case) => case,
+            Err(e) => case.reported().without(&e, true),
+            Ok(done) => done,
         };
-        caller.tell(&case);
-        page.cases.push(case);
-        page.seconds = start.elapsed().as_secs_f64();
-        files = pages::write(&what.out, &page)?;
+        if !done.was_there && done.why.is_none() {
+            forecast.expected += sides.expected(case);
+            forecast.measured += start.elapsed().as_secs_f64();
+        }
+        sides.end(&done);
+        page.seconds += done.seconds;
+        page.cases.push(done);
+        files = page.write(&what.out)?;
     }
     Ok(Benched { page, stopped: false, files })
 }
 
 impl Benchmark {
     fn check(&self) -> Result<()> {
-        if self.scenes.is_empty() {
+        if self.cases.is_empty() {
             return Err(Error::input(
                 "the benchmark has no scenes",
                 "give a capture, or a folder with captures beside their truths (NAME.npz and NAME_truth.npz) or scenes to \
                  simulate (NAME.scene with the arguments of simulate)",
             ));
         }
-        let mut names: Vec<&str> = self.scenes.iter().map(|s| s.name.as_str()).collect();
+        let mut names: Vec<&str> = self.cases.iter().map(|case| case.name.as_str()).collect();
         names.sort_unstable();
         if let Some(twice) = names.windows(2).find(|pair| pair[0] == pair[1]) {
             return Err(Error::input(
                 format!("two scenes of the benchmark have the name {:?}", twice[0]),
-                "rename one of the files",
-            ));
-        }
-        if let Some(wrong) = self.photons.iter().find(|p| !(p.is_finite() && **p > 0.0)) {
-            return Err(Error::options(
-                format!("the photons of the strongest bin are {wrong}"),
-                "give numbers above 0, for example 1000,100,10",
+                "rename one of the files, or select one of the groups",
             ));
         }
         places::check_folder(&self.out)
     }
 
-    /// Makes a case, or takes it from its folder.
-    fn case(&self, wanted: &Wanted<'_>, caller: &mut dyn Caller) -> Result<Case> {
-        let name = wanted.name();
-        let folder = self.out.join(&name);
-        let report = folder.join(WHOLE);
-        let start = Instant::now();
-        let (capture, truth) = match captures::ready(self, wanted.scene, wanted.photons)? {
-            captures::Ready::Files { capture, truth } => (capture, truth),
-            captures::Ready::None(why) => {
-                let why = Error::input(why, "");
-                return Ok(Case::left_out(&wanted.scene.name, wanted.photons, &name, false, &why));
-            }
-        };
-        let options = [&self.options[..], &[format!("truth {}", truth.display())]].concat();
-        let files = [&capture, &truth].into_iter().chain(&self.beside).map(PathBuf::as_path);
-        let record = Record::of(files, &options);
-        let was_there = record.is_done(&folder, WHOLE);
-        if !was_there {
-            check_place(&folder)?;
-            let (loaded, mut comparison) = caller.comparison(&capture, &truth)?;
-            comparison.out = folder.clone();
-            let (methods, _) = comparison.check(&loaded.capture)?;
-            // A missing device is an error before anything is written.
-            drop(methods[0].request.open()?);
-            // It comes last, so a folder without it is made anew.
-            staging::remove(&report)?;
-            record.write(&folder)?;
-            compare(&comparison, &loaded, &mut |turn, progress| caller.hear(&name, Some((turn, progress))))?;
-        }
-        Ok(Case {
-            scene: wanted.scene.name.clone(),
-            photons: wanted.photons,
-            folder: name,
-            was_there,
-            failed: false,
-            agreed: wanted.scene.is_agreed(),
-            why: None,
-            hint: None,
-            seconds: start.elapsed().as_secs_f64(),
-            comparison: Some(comparison::read_json(&report)?),
-        })
+    /// Whether an earlier invocation left results of a case; those of other options count, too.
+    fn is_done(&self, case: &Case) -> bool {
+        self.out.join(&case.name).join(WHOLE).is_file()
     }
+
+    /// Makes a case, or takes it from its folder.
+    fn case(&self, case: &Case, sides: &mut dyn Sides) -> Result<pages::Case> {
+        let start = Instant::now();
+        let folder = self.out.join(&case.name);
+        let files = match case.files(&self.out)? {
+            Ok(files) => files,
+            Err(why) => return Ok(case.reported().without(&Error::input(why, ""), false)),
+        };
+        let options =
+            [&self.options[..], &[format!("truth {} {:?}", files.truth.display(), case.options)]].concat();
+        let made_of = [&files.capture, &files.truth].into_iter().chain(&self.beside).map(PathBuf::as_path);
+        let record = Record::of(made_of, &options);
+        if record.is_done(&folder, WHOLE) {
+            let done: pages::Case = pages::read_json(&folder.join(WHOLE))?;
+            return Ok(pages::Case { was_there: true, ..done });
+        }
+        check_place(&folder)?;
+        // The case's file comes last, so a folder without it is made anew.
+        let mark = || staging::remove(&folder.join(WHOLE)).and_then(|()| record.write(&folder));
+        let done = sides.run(case, &files, &folder, &mark)?;
+        Ok(pages::Case { seconds: start.elapsed().as_secs_f64(), ..done })
+    }
+}
+
+/// Writes the pictures of all sides, and last the case itself, into its folder.
+///
+/// # Errors
+/// Files that cannot be written.
+pub fn finish(
+    folder: &Path,
+    case: pages::Case,
+    sides: Vec<(Side, Option<Maps>)>,
+    truth: &Truth,
+) -> Result<pages::Case> {
+    let named: Vec<(&str, &Maps)> =
+        sides.iter().filter_map(|(side, maps)| Some((side.name.as_str(), maps.as_ref()?))).collect();
+    if !named.is_empty() {
+        overview::write_all(&folder.join("pictures.png"), &named, truth)?;
+    }
+    let case = pages::Case { sides: sides.into_iter().map(|(side, _)| side).collect(), ..case };
+    pages::write_json(&folder.join(WHOLE), &case)?;
+    Ok(case)
+}
+
+/// The model of the processor, where the system reports it.
+fn processor() -> String {
+    let text = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
+    let model = text.lines().find_map(|line| line.strip_prefix("model name")?.split_once(": "));
+    model.map_or_else(|| std::env::consts::ARCH.to_string(), |(_, name)| name.trim().to_string())
 }

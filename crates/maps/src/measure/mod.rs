@@ -1,11 +1,11 @@
-//! Metrics of reconstructions against truth, and times at which methods reach a target.
+//! Metrics of reconstructions against truth.
 
 pub mod calibration;
+mod median;
 pub mod metrics;
 pub mod paper;
-pub mod reach;
 
 pub use calibration::Calibration;
+pub use median::median;
 pub use metrics::{AtBest, LayerMetrics, Metrics, metrics};
 pub use paper::PaperMeasure;
-pub use reach::{Reach, median, reach};

@@ -1,0 +1,85 @@
+//! The pages of the repository that show the stored benchmark.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use thirdbounce::export::benchmark::{Page, Stability, figure, read_json, write_json};
+
+/// The stored benchmark.
+pub const STORED: &str = "benches/results/benchmark.json";
+
+/// The curve.
+const CURVE: &str = "docs/benchmark.svg";
+
+/// A part of a file, between the comments `<!-- NAME -->` and `<!-- end of NAME -->`; the whole file without a name.
+pub struct Part {
+    pub file: &'static str,
+    pub name: Option<&'static str>,
+    pub text: String,
+}
+
+pub fn root() -> PathBuf {
+    env!("CARGO_MANIFEST_DIR").into()
+}
+
+/// Everything that shows the stored benchmark.
+pub fn parts(page: &Page) -> Vec<Part> {
+    let cases = page.compared();
+    let names: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
+    let title = format!("Error against run time, means over {} cases", cases.len());
+    let about = format!("*{title} ({}); {}.{}*", names.join(", "), page.machine(), page.standing());
+    let picture = |path: &str| format!("![{title}]({path})");
+    let limited = cases.iter().flat_map(|case| &case.sides).find(|side| side.limited);
+    let limit = limited.map_or(String::new(), |side| {
+        let (name, spec) = (&side.name, &side.spec);
+        format!("\n`{name}` (`{spec}`) is stopped at its first sample after the time limit, which is then its result.\n")
+    });
+    vec![
+        Part { file: CURVE, name: None, text: figure(&cases, &title, &[0, 1, 2, 3], true).svg() },
+        Part { file: "README.md", name: Some("benchmark"), text: format!("{}\n\n{about}\n", picture(CURVE)) },
+        Part {
+            file: "docs/accuracy.md",
+            name: Some("benchmark"),
+            text: format!("{}\n\n{about}\n\n{}{limit}", picture("benchmark.svg"), page.means().markdown()),
+        },
+        Part { file: "docs/accuracy.md", name: Some("stability"), text: page.stability_table().markdown() },
+    ]
+}
+
+/// A file with a part replaced, and the part that it had.
+///
+/// # Errors
+/// The file lacks the comments around the part.
+pub fn replaced(text: &str, part: &Part) -> Result<(String, String), String> {
+    let Some(name) = part.name else { return Ok((part.text.clone(), text.into())) };
+    let [begin, end] = [format!("<!-- {name} -->\n\n"), format!("\n<!-- end of {name} -->")];
+    let found = text.split_once(&begin).and_then(|(before, rest)| Some((before, rest.split_once(&end)?)));
+    let (before, (inside, after)) = found.ok_or(format!("{}: lacks {begin:?} or {end:?}", part.file))?;
+    Ok((format!("{before}{begin}{}{end}{after}", part.text), inside.into()))
+}
+
+/// Stores a benchmark with a table of stability, and renews everything that shows it. Without a new table the stored one stays.
+///
+/// # Errors
+/// Files that cannot be read or written.
+pub fn renew(file: &Path, stability: Vec<Stability>) -> Result<(), String> {
+    let text = |e: thirdbounce::Error| e.to_string();
+    let stored = root().join(STORED);
+    let mut page: Page = read_json(file).map_err(text)?;
+    if page.stability.is_empty() {
+        page.stability = stability;
+    }
+    if page.stability.is_empty() {
+        page.stability = read_json::<Page>(&stored).map_or(vec![], |page| page.stability);
+    }
+    // Folders of maps are not stored.
+    page.cases.iter_mut().flat_map(|case| &mut case.sides).for_each(|side| side.folder.clear());
+    write_json(&stored, &page).map_err(text)?;
+    for part in parts(&page) {
+        let path = root().join(part.file);
+        let at = |e: std::io::Error| format!("{}: {e}", path.display());
+        let before = if part.name.is_some() { fs::read_to_string(&path).map_err(at)? } else { String::new() };
+        fs::write(&path, replaced(&before, &part)?.0).map_err(at)?;
+    }
+    Ok(())
+}
