@@ -80,6 +80,7 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("surface_step", "surface_step.comp", &[]),
     ("threshold", "threshold.comp", &[]),
     ("update", "update.comp", &[]),
+    ("volume_step", "volume_step.comp", &[]),
 ];
 
 /// The passes of `examples/vulkan`.

@@ -73,6 +73,7 @@ void main() {
     uint tiles = (scene.scanned + LANES - 1u) / LANES;
     uint point = (gl_WorkGroupID.x % tiles) * LANES + lane;
     uint other = (gl_WorkGroupID.x / tiles) * FORWARD_OTHERS;
+    // The dispatch may be sized for more pairs. All lanes return together.
     if (other >= scene.others) return;
     uint others = min(FORWARD_OTHERS, scene.others - other);
     bool owned = point < scene.scanned;

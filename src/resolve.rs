@@ -10,12 +10,12 @@ use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::settings::{ImpulseResponse, Model, Settings};
 use crate::solve::{
-    Method, Preset, Problem, Progress, Ready, Reconstruction, SolverOptions, Watch, conclude,
+    Begun, Method, Preset, Problem, Progress, Ready, Reconstruction, SolverOptions, Watch, conclude,
 };
 use crate::transport::Grid;
 
 /// A capture with everything that its reconstruction needs: [`Settings`], where they are set, else defaults and estimates.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone)]
 pub struct Job<'c> {
     /// The capture in the bins of the solver, with the impulse response.
     pub capture: Cow<'c, Capture>,
@@ -94,6 +94,7 @@ impl<'c> Job<'c> {
             grid: self.grid,
             memory: self.memory,
             with_volume: self.keep_volume,
+            begin: self.estimates.begun.as_ref().map(|[layers, closed]| Begun { layers, closed }),
         }
     }
 

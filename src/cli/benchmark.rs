@@ -155,10 +155,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let mut cases = args.cases()?;
     let groups: Vec<&str> = GROUPS.into_iter().filter(|group| sets.contains(group)).collect();
     cases.extend(cases::all(&groups, SEEDS, None)?);
-    if let Some(wrong) = args.photons.iter().find(|p| !(p.is_finite() && **p > 0.0)) {
+    if let Some(wrong) = args.photons.iter().find(|p| !(1e-6..=1e12).contains(*p)) {
         return Err(Error::options(
             format!("the photons of the strongest bin are {wrong}"),
-            "give numbers above 0, for example 1000,100,10",
+            "give numbers from 1e-6 to 1e12, for example 1000,100,10",
         ));
     }
     let seed = u64::from(settings.seed());

@@ -4,6 +4,7 @@
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
@@ -11,27 +12,29 @@ use serde::{Deserialize, Serialize};
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
+use crate::solve::surface::start::plane;
+use crate::solve::surface::{Start, Starts};
 use crate::solve::{
-    Discretisation, Doing, Progress, Ready, SolverOptions, SurfaceOptions, Watch, default_volume,
+    Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, Watch, default_volume,
 };
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Kind, Result};
 
 mod high_pass;
-mod hold_out;
 mod model;
 mod pulse;
 mod request;
 mod spread;
 mod trial;
 
+pub use crate::solve::surface::Left;
 pub use high_pass::{FoundHighPass, usual_high_pass};
-pub use hold_out::Left;
 pub use model::{FoundModel, MODELS};
 pub use pulse::FoundPulse;
 use pulse::Shape;
 pub use request::{EstimateRequest, preset_for};
-use trial::{Fitted, Trial};
+use spread::Rows;
+use trial::{Fitted, From, Trial};
 
 /// Constants of the estimates. Evidence: benches/NOTES.md.
 mod constants {
@@ -39,14 +42,16 @@ mod constants {
     pub const LEAST_PAIRS: usize = 16;
     /// Minimum hold-out size for an impulse response of exact values: with fewer pairs, it only hides errors of the depths.
     pub const LEAST_FOR_PULSE: usize = 64;
-    /// Pairs that a fit takes; as many others judge it.
-    pub const PAIRS: usize = 256;
+    /// Pairs that a fit takes at least.
+    pub const PAIRS: usize = 512;
     /// Lateral pixels of a fit.
     pub const LATERAL: usize = 64;
     /// Rounds of the support of a fit from the closed form.
     pub const ROUNDS: usize = 5;
     /// Iterations of a round, and of the fit after the rounds or with another impulse response.
-    pub const ITERATIONS: [usize; 2] = [10, 20];
+    pub const ITERATIONS: [usize; 2] = [15, 20];
+    /// Share of the energy, beyond noise, below which a second start is not computed.
+    pub const NOTHING_LEFT: f64 = 0.01;
     /// Iterations of fits that compare tails: these differ less than widths do.
     pub const OF_TAIL: usize = 40;
     /// A model whose residual is this many times that of the best one, each with the impulse response that its sharp fit suggests,
@@ -67,7 +72,7 @@ pub enum FindPulse {
 }
 
 /// The estimates of a run.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Estimates {
     /// How surfaces reflect, if it was estimated.
     #[serde(default)]
@@ -78,8 +83,14 @@ pub struct Estimates {
     /// The instrument's impulse response, if it was estimated.
     #[serde(default)]
     pub pulse: Option<FoundPulse>,
+    /// Surfaces of sharp paths from several starts, with what decided between them.
+    #[serde(default)]
+    pub candidates: Vec<Candidate>,
     /// Seconds of all fits.
     pub seconds: f64,
+    /// Layers of the surface that the fits found, and of the closed form, on coarse pixels.
+    #[serde(skip)]
+    pub(crate) begun: Option<[Vec<Maps>; 2]>,
 }
 
 impl Estimates {
@@ -132,18 +143,29 @@ pub fn estimate(
     let finds_model = request.models.len() > 1;
     let find_pulse = request.find_pulse(capture);
     let finds_high_pass = request.finds_high_pass();
-    if !finds_model && find_pulse == FindPulse::Never && !finds_high_pass {
+    // Starts are compared where the support may leave the closed form's.
+    let finds_start = matches!(&request.solver, SolverOptions::Surface(options) if options.grow);
+    if !finds_model && find_pulse == FindPulse::Never && !finds_high_pass && !finds_start {
         return Ok(Estimates::default());
     }
     let usual = request.solver.common().reflectance;
     let mut tried = vec![];
-    let mut high_pass = None;
+    let (mut high_pass, mut begun, mut candidates) = (None, None, vec![]);
     let searched = Search::new(request, capture, gpu, hear).and_then(|mut search| {
         if finds_high_pass {
             high_pass = Some(search.find_high_pass(capture)?);
         }
         let found = search.run(usual, finds_model);
         tried = std::mem::take(&mut search.tried);
+        candidates = std::mem::take(&mut search.candidates);
+        if let Some((reflectance, _)) = found.as_ref().ok().filter(|_| search.finds_start) {
+            let of_model = candidates.iter_mut().filter(|c| c.reflectance == *reflectance);
+            if let Some(kept) = of_model.min_by(|a, b| a.cost.total_cmp(&b.cost)) {
+                kept.kept = true;
+            }
+            let best = search.sharp.iter().find(|s| s.reflectance == *reflectance);
+            begun = best.map(|s| [s.fitted.surface.layers.clone(), search.starts.layers.clone()]);
+        }
         found
     });
     let ((reflectance, pulse), failed) = match searched {
@@ -156,7 +178,55 @@ pub fn estimate(
     let seconds = start.elapsed().as_secs_f64();
     let model = finds_model.then(|| FoundModel::of(reflectance, &tried, failed.clone()));
     let pulse = pulse.map(|shape| FoundPulse::of(shape, reflectance, &tried, seconds, failed));
-    Ok(Estimates { model, high_pass, pulse, seconds })
+    Ok(Estimates { model, high_pass, pulse, candidates, seconds, begun })
+}
+
+/// A surface that short fits found, judged on the pairs that are held out.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Candidate {
+    /// How it reflects.
+    pub reflectance: Reflectance,
+    /// What it began with.
+    pub start: Begin,
+    /// Share of the squares of held-out pairs that it leaves, its standard error, and the share beyond photon noise.
+    pub left: [f64; 3],
+    /// Logarithm of what is left beyond noise, with the price of its pixels: the lowest is kept.
+    pub cost: f64,
+    /// Seconds of its fits.
+    pub seconds: f64,
+    /// The solve begins with it.
+    pub kept: bool,
+}
+
+/// A start of the surface.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Begin {
+    /// The closed form.
+    Closed,
+    /// A coarse volume.
+    Volume,
+    /// Another fit.
+    Fit,
+}
+
+impl Candidate {
+    fn of(reflectance: Reflectance, from: From<'_>, fitted: &Fitted, seconds: f64) -> Candidate {
+        let left = fitted.surface.left.as_ref();
+        let start = match from {
+            From::ClosedForm => Begin::Closed,
+            From::Volume => Begin::Volume,
+            From::Fit(..) => Begin::Fit,
+        };
+        Candidate {
+            reflectance,
+            start,
+            left: left.map_or([f64::NAN; 3], |l| [l.share(), l.standard_error(), l.excess()]),
+            cost: fitted.surface.cost(),
+            seconds,
+            kept: false,
+        }
+    }
 }
 
 /// A hypothesis, and the residual of its fit on the hold-out set.
@@ -178,6 +248,7 @@ struct Sharp {
 struct Search<'t> {
     /// One for each model, the usual one first.
     trials: Vec<Trial>,
+    starts: Arc<Starts>,
     /// The sharp fit of each model, and the impulse response that its residual suggests.
     sharp: Vec<Sharp>,
     /// Metres of path.
@@ -189,6 +260,9 @@ struct Search<'t> {
     find_pulse: FindPulse,
     hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
     tried: Vec<Tried>,
+    candidates: Vec<Candidate>,
+    /// Whether the support may leave the closed form's.
+    finds_start: bool,
 }
 
 impl<'t> Search<'t> {
@@ -215,22 +289,29 @@ impl<'t> Search<'t> {
             of_trial.ready(&options.clone().into(), Cow::Borrowed(capture))?;
         let mut watch_hear = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
         let mut watch = Watch { hear: &mut watch_hear, maps_every: None, maps_at: &[] };
-        let layers = trial::start(gpu, &whole, grid, &options, request.memory, &mut watch)?;
-        let thin = whole.subset((2 * PAIRS).min(whole.pair_count()), 0)?;
+        let problem = Problem { memory: request.memory, ..Problem::new(&whole, grid) };
+        let starts = Arc::new(match Start::new(gpu, &problem, &options)? {
+            Some(mut start) => start.layers(&whole, options.iterations, &mut watch)?,
+            None => Starts { layers: vec![plane(&whole, &grid, options.background)], light: None },
+        });
+        let whole = Arc::new(whole.into_owned());
         let of_solve =
             request.discretisation.sum(&request.solver, &capture.outline()) as f64 * capture.bin_width;
         let trial = |options: &SolverOptions| {
-            Trial::new(gpu, &thin, grid, quick(options), layers.clone(), request.memory)
+            Trial::new(gpu, whole.clone(), grid, quick(options), starts.clone(), request.memory)
         };
         Ok(Search {
             trials: all.iter().map(trial).collect(),
+            starts,
             sharp: vec![],
-            bin_width: thin.bin_width,
-            narrowest: pulse::NARROWEST * of_solve / thin.bin_width,
+            bin_width: whole.bin_width,
+            narrowest: pulse::NARROWEST * of_solve / whole.bin_width,
             known: capture.pulse.clone(),
             find_pulse: request.find_pulse(capture),
             hear,
             tried: vec![],
+            candidates: vec![],
+            finds_start: all[0].as_surface().grow,
         })
     }
 
@@ -238,20 +319,15 @@ impl<'t> Search<'t> {
     fn find_high_pass(&mut self, capture: &Capture) -> Result<FoundHighPass> {
         let length = usual_high_pass(capture);
         let first = self.trials[0].reflectance();
-        let fitted = self.fit(first, Shape::SHARP, None)?;
-        let bands = fitted.map_or([f64::NAN; 2], |fitted| fitted.unseen.bands(length));
+        let fitted = self.fit(first, Shape::SHARP, From::ClosedForm)?;
+        let bands = fitted.map_or([f64::NAN; 2], |fitted| fitted.held.bands(length));
         let found = FoundHighPass::of(length, bands);
         self.trials.iter_mut().for_each(|trial| trial.set_high_pass([found.length, found.floor]));
         Ok(found)
     }
 
-    /// Fits a hypothesis, from the surface of another fit or from the closed form. `None` if no surface is found.
-    fn fit(
-        &mut self,
-        reflectance: Reflectance,
-        shape: Shape,
-        from: Option<(&[Maps], usize)>,
-    ) -> Result<Option<Fitted>> {
+    /// Fits a hypothesis. `None` if no surface is found.
+    fn fit(&mut self, reflectance: Reflectance, shape: Shape, from: From<'_>) -> Result<Option<Fitted>> {
         let Search { trials, hear, known, .. } = self;
         let trial =
             trials.iter_mut().find(|t| t.reflectance() == reflectance).expect("a trial for every model");
@@ -266,13 +342,25 @@ impl<'t> Search<'t> {
         if let Some(at) = self.sharp.iter().position(|s| s.reflectance == reflectance) {
             return Ok(Some(at));
         }
-        let fitted = self.fit(reflectance, Shape::SHARP, None)?;
+        let mut best: Option<Fitted> = None;
+        for from in [From::ClosedForm, From::Volume] {
+            let is_enough = best.as_ref().is_some_and(|best| best.surface.excess() < NOTHING_LEFT);
+            if is_enough || best.is_some() && !self.finds_start {
+                break;
+            }
+            let clock = Instant::now();
+            let Some(fitted) = self.fit(reflectance, Shape::SHARP, from)? else { continue };
+            self.candidates.push(Candidate::of(reflectance, from, &fitted, clock.elapsed().as_secs_f64()));
+            if best.as_ref().is_none_or(|best| fitted.surface.cost() < best.surface.cost()) {
+                best = Some(fitted);
+            }
+        }
         self.tried.push(Tried {
             reflectance,
             pulse: Shape::SHARP,
-            left: fitted.as_ref().map(|f| f.left.clone()),
+            left: best.as_ref().and_then(|f| f.surface.left.clone()),
         });
-        let Some(fitted) = fitted else { return Ok(None) };
+        let Some(fitted) = best else { return Ok(None) };
         let suggested = if self.find_pulse == FindPulse::Never { None } else { self.suggested(&fitted)? };
         self.sharp.push(Sharp { reflectance, fitted, suggested });
         Ok(Some(self.sharp.len() - 1))
@@ -283,7 +371,9 @@ impl<'t> Search<'t> {
         let shapes = Shape::all(self.bin_width);
         let pulses = shapes.iter().filter_map(|shape| shape.centred().transpose());
         let taps = pulses.map(|p| p.and_then(|p| p.taps(self.bin_width))).collect::<Result<Vec<_>>>()?;
-        Ok(fitted.unseen.spread(&taps).map(|(at, left)| (shapes[at], left)))
+        let [rendered, measured] = fitted.held.sides();
+        let rows = Rows { rendered: &rendered, measured: &measured, bins: fitted.held.bins() };
+        Ok(rows.best(&taps).map(|(at, pairs)| (shapes[at], fitted.held.left_with(pairs))))
     }
 
     /// The residual of a hypothesis with an impulse response, whose fit continues the sharp one.
@@ -293,8 +383,9 @@ impl<'t> Search<'t> {
             return Ok(same.left.clone());
         }
         let Some(at) = self.sharp(reflectance)? else { return Ok(None) };
-        let from = self.sharp[at].fitted.layers.clone();
-        let left = self.fit(reflectance, pulse, Some((&from, ITERATIONS[1])))?.map(|fitted| fitted.left);
+        let from = self.sharp[at].fitted.surface.layers.clone();
+        let left =
+            self.fit(reflectance, pulse, From::Fit(&from, ITERATIONS[1]))?.and_then(|f| f.surface.left);
         self.tried.push(Tried { reflectance, pulse, left: left.clone() });
         Ok(left)
     }
@@ -312,10 +403,11 @@ impl<'t> Search<'t> {
                 continue;
             };
             let Sharp { fitted, suggested, .. } = &self.sharp[at];
-            let less = suggested.as_ref().map(|s| &s.1).filter(|left| left.share() < fitted.left.share());
-            spread.push((*model, less.unwrap_or(&fitted.left).share()));
+            let left = fitted.surface.left.as_ref().expect("trials are judged");
+            let less = suggested.as_ref().map(|s| &s.1).filter(|less| less.share() < left.share());
+            spread.push((*model, less.unwrap_or(left).share()));
             let always = self.find_pulse == FindPulse::Always;
-            residuals.push((*model, Some(less.filter(|_| always).unwrap_or(&fitted.left).clone())));
+            residuals.push((*model, Some(less.filter(|_| always).unwrap_or(left).clone())));
         }
         let no_surface =
             || Error::input("no fit found a surface", "name the model and the impulse response if known");
@@ -351,7 +443,7 @@ impl<'t> Search<'t> {
             return Ok(false);
         }
         let wide = Shape::of(pulse::FIRST * self.bin_width, 0.0);
-        let sharp = self.sharp(reflectance)?.map(|at| self.sharp[at].fitted.left.clone());
+        let sharp = self.sharp(reflectance)?.and_then(|at| self.sharp[at].fitted.surface.left.clone());
         let wide = self.left(reflectance, wide)?;
         Ok(sharp.zip(wide).is_some_and(|(sharp, wide)| wide.is_less(&sharp)))
     }
@@ -362,8 +454,9 @@ impl<'t> Search<'t> {
             return Err(Error::input("a fit found no surface", "give the instrument's impulse response"));
         };
         let Sharp { fitted, suggested, .. } = &self.sharp[at];
-        let (sharp, guess) = (fitted.left.clone(), suggested.as_ref().map(|s| s.0));
-        let from = fitted.layers.clone();
+        let sharp = fitted.surface.left.clone().expect("trials are judged");
+        let guess = suggested.as_ref().map(|s| s.0);
+        let from = fitted.surface.layers.clone();
         let length = guess.map_or(pulse::FIRST * self.bin_width, |g| g.length());
         // The tail of the suggestion is not to be trusted: the surface has moved to compensate it.
         let (bin_width, narrowest) = (self.bin_width, self.narrowest);
@@ -381,7 +474,8 @@ impl<'t> Search<'t> {
         // Tails differ less than widths, so their fits are longer. All continue the sharp fit: none has an advantage.
         let mut of_tail = |search: &mut Self, share: f64| {
             let pulse = Shape::of(length, share);
-            let left = search.fit(reflectance, pulse, Some((&from, OF_TAIL)))?.map(|fitted| fitted.left);
+            let left =
+                search.fit(reflectance, pulse, From::Fit(&from, OF_TAIL))?.and_then(|f| f.surface.left);
             search.tried.push(Tried { reflectance, pulse, left: left.clone() });
             second = left.iter().chain(&second).min_by(|a, b| a.share().total_cmp(&b.share())).cloned();
             Ok::<_, Error>(left)

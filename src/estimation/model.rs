@@ -74,12 +74,8 @@ const FIRST: [Reflectance; 4] =
 /// surface.
 pub(super) fn choose(left: &[(Reflectance, Option<Left>)]) -> Option<Reflectance> {
     let found: Vec<(Reflectance, &Left)> = left.iter().filter_map(|(m, l)| Some((*m, l.as_ref()?))).collect();
-    let least = found.iter().min_by(|a, b| a.1.share().total_cmp(&b.1.share()))?.1;
-    let by_margin = |other: &Left| {
-        let less = |of: fn(&Left) -> f64| of(least) < (1.0 - MARGIN) * of(other);
-        // An estimate of the noise above the residual says nothing.
-        less(Left::share) || less(Left::excess)
-    };
+    let least = found.iter().min_by(|a, b| a.1.excess().total_cmp(&b.1.excess()))?.1;
+    let by_margin = |other: &Left| least.excess() < (1.0 - MARGIN) * other.excess();
     let is_beaten =
         |model: &Reflectance| found.iter().all(|f| f.0 != *model || least.is_less(f.1) && by_margin(f.1));
     FIRST.into_iter().find(|model| !is_beaten(model))

@@ -98,7 +98,7 @@ impl EstimateRequest {
 
     /// The solve of a capture on a grid, without the volume.
     pub fn problem<'c>(&self, capture: &'c Capture, grid: Grid) -> Problem<'c> {
-        Problem { capture, grid, memory: self.memory, with_volume: false }
+        Problem { memory: self.memory, ..Problem::new(capture, grid) }
     }
 
     /// Whether to estimate the high-pass of the objective.

@@ -69,6 +69,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "high_pass_found": done.job.estimates.high_pass,
         "sharpness_found": result.sharpness,
         "background_taken_off": background_of(loaded, done),
+        "candidates": done.job.estimates.candidates,
         "trials_s": done.job.estimates.seconds,
         "gate_was_found": loaded.gate.is_some() && request.settings.gate.is_none(),
         "bins": request.settings.bins.unwrap_or_default(),

@@ -12,11 +12,11 @@ pub fn expected_noise(model: &Model) -> f64 {
     let [per_value, floor] = model.variance;
     // A count is its own unbiased variance; `measured` is the count less the background.
     let passed = model.high_pass.map_or(1.0, |f| f.of_noise(model.bins, model.bin_width));
-    passed * weighted_sum(model, model.pairs(), [floor, per_value, 0.0]) / model.elements as f64
+    passed * weighted_sum(model, 0..model.pairs(), [floor, per_value, 0.0]) / model.elements as f64
 }
 
-/// The objective of the first `pairs` without any light: weighted squares of the measurement, mean over bins.
-pub fn energy(model: &Model, pairs: usize) -> f64 {
+/// The objective of some pairs without any light: weighted squares of the measurement, mean over bins.
+pub fn energy(model: &Model, pairs: Range<usize>) -> f64 {
     let sum = match model.high_pass {
         Some(filter) => {
             let roots: Vec<f64> = (0..model.bins).map(|bin| model.bin_weight(bin).sqrt()).collect();
@@ -25,19 +25,22 @@ pub fn energy(model: &Model, pairs: usize) -> f64 {
                 filter.apply(&mut row, model.bin_width);
                 row.iter().map(|v| v * v).sum::<f64>()
             };
-            model.measured.par_chunks_exact(model.bins).take(pairs).map(of_row).sum()
+            {
+                let rows = &model.measured[pairs.start * model.bins..pairs.end * model.bins];
+                rows.par_chunks_exact(model.bins).map(of_row).sum()
+            }
         }
-        None => weighted_sum(model, pairs, [0.0, 0.0, 1.0]),
+        None => weighted_sum(model, pairs.clone(), [0.0, 0.0, 1.0]),
     };
-    sum / model.elements_of(pairs).max(1) as f64
+    sum / model.elements_of(pairs.len()).max(1) as f64
 }
 
-/// The sum over the measured values of the first `pairs` of what the polynomial `of` (constant, linear, quadratic) makes
+/// The sum over the measured values of some pairs of what the polynomial `of` (constant, linear, quadratic) makes
 /// of each, with the weights of their bins.
-pub fn weighted_sum(model: &Model, pairs: usize, [constant, linear, quadratic]: [f64; 3]) -> f64 {
+pub fn weighted_sum(model: &Model, pairs: Range<usize>, [constant, linear, quadratic]: [f64; 3]) -> f64 {
     let weights: Vec<f64> = (0..model.bins).map(|bin| model.bin_weight(bin)).collect();
     let of = |m: f64| constant + linear * m + quadratic * (m * m);
-    let rows = model.measured.chunks_exact(model.bins).take(pairs);
+    let rows = model.measured[pairs.start * model.bins..pairs.end * model.bins].chunks_exact(model.bins);
     rows.flat_map(|row| row.iter().zip(&weights)).map(|(m, weight)| weight * of(f64::from(*m))).sum()
 }
 

@@ -34,8 +34,8 @@ pub use bins::Bins;
 pub use conditions::{conclude, conclude_iterate};
 pub use discretisation::{Discretisation, Ready};
 pub use drive::{Doing, Progress, Watch};
+pub(crate) use estimate::enough_pairs;
 pub use estimate::{background, expected_noise, variance_per_count, variances};
-pub(crate) use estimate::{enough_pairs, weighted_sum};
 pub use extent::default_volume;
 pub use on_device::{OnDevice, VolumeMap, upload};
 pub use option::{Preset, SceneTraits};
@@ -46,10 +46,11 @@ pub use plan::{
     Sizes, Tuning, UPLOAD, Voxels, passes,
 };
 pub use prepared::Prepared;
-pub use problem::Problem;
+pub use problem::{Begun, Problem};
 pub use result::{ImageNoise, Reconstruction, Sharpness};
 pub use solver::{Common, RunsOn, Solver};
 pub use solvers::{Method, SolverOptions, method, pixel_of, reflectance};
+pub(crate) use surface::volume::start as volume_start;
 pub use surface::{Begin, Follow, SurfaceOptions, SurfaceSettings};
 pub use trace::TracePoint;
 

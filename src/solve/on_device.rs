@@ -80,7 +80,7 @@ impl OnDevice {
     /// Photon noise and energy of the counts, as data terms of the objective.
     pub(super) fn light(&mut self) -> [f64; 2] {
         let OnDevice { plan, model, light, .. } = self;
-        *light.get_or_insert_with(|| [expected_noise(model), energy(model, plan.finest().pairs)])
+        *light.get_or_insert_with(|| [expected_noise(model), energy(model, 0..plan.finest().pairs)])
     }
 
     /// Fills the buffers that hold what does not depend on the counts.
@@ -93,9 +93,10 @@ impl OnDevice {
                 all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words()));
             }
         } else {
-            all.add(buffer::WALL, bytemuck::cast_slice(&model.wall.words()))?;
+            let wall = model.wall.first(plan.finest().pairs);
+            all.add(buffer::WALL, bytemuck::cast_slice(&wall.words()))?;
         }
-        for batch in plan.batches_held() {
+        for batch in plan.stretches() {
             let wall = model.wall.stretch(batch.first, batch.pairs);
             all.add(batch.wall, bytemuck::cast_slice(&wall.words()))?;
         }
@@ -205,7 +206,7 @@ impl<'e> Uploads<'e> {
         if let Some(filter) = model.high_pass.filter(|_| plan.scene.high_pass) {
             self.add(buffer::SURFACE, bytemuck::bytes_of(&filter.block(model.bin_width)))?;
         }
-        for level in plan.levels.volume.iter().chain(plan.batches_held()) {
+        for level in plan.levels.volume.iter().chain(plan.stretches()) {
             let scene = model.scene_of(&level.grid, level.pairs);
             self.add(level.scene, bytemuck::bytes_of(&plan.scene_of(&plan.measured(level), scene)))?;
             if let Some(spots) = &plan.levels.spots {

@@ -1,6 +1,7 @@
 //! What is to be solved.
 
 use crate::capture::Capture;
+use crate::maps::Maps;
 use crate::transport::Grid;
 
 /// A capture, the grid that it is solved on, and what the solve may take and is to give.
@@ -14,12 +15,23 @@ pub struct Problem<'c> {
     pub memory: Option<u64>,
     /// The volume is read back.
     pub with_volume: bool,
+    /// What a surface begins with, if that is known; pairs are then held out of its fits.
+    pub begin: Option<Begun<'c>>,
+}
+
+/// A surface that earlier fits of the same capture found, on coarse pixels.
+#[derive(Debug, Clone, Copy)]
+pub struct Begun<'c> {
+    /// Its layers.
+    pub layers: &'c [Maps],
+    /// Those of the closed form.
+    pub closed: &'c [Maps],
 }
 
 impl<'c> Problem<'c> {
     /// The maps of a capture alone, without a budget.
     pub fn new(capture: &'c Capture, grid: Grid) -> Problem<'c> {
-        Problem { capture, grid, memory: None, with_volume: false }
+        Problem { capture, grid, memory: None, with_volume: false, begin: None }
     }
 
     /// The same, and the volume.

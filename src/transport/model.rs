@@ -30,6 +30,8 @@ pub struct Model {
     pub is_spread: bool,
     /// Pairs of the capture that are not used.
     pub unused: usize,
+    /// The last pairs, which are held out: no fit takes them ([`Model::hold_out`]).
+    pub held_out: usize,
     /// How hidden surfaces reflect light.
     pub reflectance: Reflectance,
     /// Gated bins of a histogram.
@@ -95,6 +97,7 @@ impl Model {
             wall,
             is_spread: false,
             unused: 0,
+            held_out: 0,
             reflectance,
             bins: capture.bins,
             bin_width: capture.bin_width,
@@ -140,6 +143,11 @@ impl Model {
     /// Number of laser-sensor pairs.
     pub fn pairs(&self) -> usize {
         self.wall.pairs()
+    }
+
+    /// Number of pairs that fits take, the first ones.
+    pub fn fitted(&self) -> usize {
+        self.pairs() - self.held_out
     }
 
     /// Cells from one histogram to the next on the device: its bins, and the padding before them

@@ -89,17 +89,6 @@ impl Wall {
         }
     }
 
-    /// The wall of every other pair, from `side`, 0 or 1. Both sides have as many pairs: an odd one is left out. A
-    /// product is divided along its scanned points.
-    pub fn half(&self, side: usize) -> Wall {
-        let count = self.scanned.len() / 2;
-        let own = self.geometry == Geometry::TwoPoints;
-        let pick =
-            |points: &[DVec3]| points.iter().skip(side).step_by(2).take(count).copied().collect::<Vec<_>>();
-        let other = |points: &[DVec3]| if own { pick(points) } else { points.to_vec() };
-        self.picked([&pick, &other])
-    }
-
     /// The wall of those points, with their normals, that `scanned` and `others` pick, in the order that they give.
     fn picked(&self, [scanned, others]: [&Pick; 2]) -> Wall {
         let normals = |n: &Vec<DVec3>| {
@@ -137,23 +126,6 @@ impl Wall {
 }
 
 impl Model {
-    /// The model of every other pair ([`Wall::half`]).
-    pub fn half(&self, side: usize) -> Model {
-        let wall = self.wall.half(side);
-        let (row, count) = (self.wall.scanned.len(), wall.scanned.len());
-        let rows = |first: &[f32]| -> Vec<f32> {
-            let all = first.chunks_exact(self.bins).skip(side).step_by(2).take(count);
-            all.flatten().copied().collect()
-        };
-        Model {
-            measured: self.measured.chunks(row * self.bins).flat_map(rows).collect(),
-            elements: self.elements_of(wall.pairs()),
-            rendered: self.rendered.as_ref().map(|r| Rendered::of(&wall, r.spot)),
-            wall,
-            ..self.clone()
-        }
-    }
-
     /// Reorders the pairs so that the first n are spread over the wall, for every n. In place, as histograms are large.
     /// Returns the pair that moved to each place.
     pub fn spread(&mut self) -> Vec<usize> {
@@ -166,6 +138,25 @@ impl Model {
         self.rendered = self.rendered.take().map(|r| Rendered::of(&self.wall, r.spot));
         self.is_spread = true;
         pairs
+    }
+
+    /// Moves the first `count` pairs to the end, where they are held out. Of a product with several other points: all pairs of
+    /// some of them. The model has no measured values yet. Returns the pair that moved to each place.
+    pub fn hold_out(&mut self, count: usize) -> Vec<usize> {
+        let several = self.wall.geometry == Geometry::Product && self.wall.others.len() > 1;
+        let (row, pairs) = (self.wall.scanned.len(), self.pairs());
+        let count = if several { count / row * row } else { count };
+        let rotated = |points: &[DVec3], by: usize| [&points[by..], &points[..by]].concat();
+        let by = match self.wall.geometry {
+            Geometry::Confocal => [count, 0],
+            Geometry::TwoPoints => [count, count],
+            Geometry::Product if several => [0, count / row],
+            Geometry::Product => [count, 0],
+        };
+        self.wall = self.wall.picked([&|points| rotated(points, by[0]), &|points| rotated(points, by[1])]);
+        self.rendered = self.rendered.take().map(|r| Rendered::of(&self.wall, r.spot));
+        self.held_out = count;
+        (0..pairs).map(|place| (place + count) % pairs).collect()
     }
 
     /// Sufficient number of first pairs where `wanted` are required: the fewest of 1 in 1, 4, 16, ... that are as many,
@@ -217,7 +208,7 @@ fn arrange(rows: &mut [f32], length: usize, from: &[usize]) {
 mod tests {
     use super::*;
     use crate::capture::Capture;
-    use crate::transport::{Reflectance, Spot};
+    use crate::transport::Reflectance;
     use glam::dvec3;
 
     fn lattice(nx: usize, ny: usize, jitter: f64) -> Vec<DVec3> {
@@ -331,55 +322,25 @@ mod tests {
     }
 
     #[test]
-    fn both_halves_are_all_pairs_of_every_geometry() {
-        for (geometry, scanned, others) in [
-            (Geometry::Confocal, 6, 0),
-            (Geometry::TwoPoints, 6, 6),
-            (Geometry::Product, 6, 1),
-            (Geometry::Product, 4, 3),
+    fn pairs_that_are_held_out_are_the_last_ones_with_their_points() {
+        for (geometry, scanned, others, asked, held) in [
+            (Geometry::Confocal, 6, 0, 2, 2),
+            (Geometry::TwoPoints, 6, 6, 2, 2),
+            (Geometry::Product, 6, 1, 2, 2),
+            // All pairs of an other point, or none.
+            (Geometry::Product, 4, 3, 7, 4),
+            (Geometry::Product, 4, 3, 3, 0),
         ] {
-            let whole = numbered(geometry, scanned, others);
-            let halves = [0, 1].map(|side| whole.half(side));
-            let [first, second] = halves.each_ref().map(|h| (h.pairs(), h.elements, h.measured.len()));
-            let half = whole.pairs() / 2;
-            assert_eq!(
-                (first, second),
-                ((half, 3 * half, 2 * half), (half, 3 * half, 2 * half)),
-                "{geometry:?}"
-            );
-            // Each pair keeps its points, its normals and its measured values.
-            let mut both: Vec<String> = halves.iter().flat_map(rows_of).collect();
-            let mut all = rows_of(&whole);
-            both.sort();
-            all.sort();
-            assert_eq!(both, all, "{geometry:?}");
-        }
-    }
-
-    #[test]
-    fn an_odd_pair_is_in_neither_half() {
-        for (geometry, others) in [(Geometry::Confocal, 0), (Geometry::TwoPoints, 5), (Geometry::Product, 2)]
-        {
-            let whole = numbered(geometry, 5, others);
-            let halves = [0, 1].map(|side| whole.half(side));
-            let all = rows_of(&whole);
-            let [a, b] = halves.each_ref().map(rows_of);
-            assert_eq!(a.len(), b.len());
-            assert!(a.iter().all(|row| all.contains(row) && !b.contains(row)), "{geometry:?}");
-            assert!(b.iter().all(|row| all.contains(row)), "{geometry:?}");
-        }
-    }
-
-    #[test]
-    fn half_of_the_pairs_render_for_their_own_spots() {
-        let mut whole = numbered(Geometry::Confocal, 6, 0);
-        let spot = Spot { sigma: [0.05, 0.0], coarsest: 0.01, path: 1.0 };
-        whole.rendered = Some(Rendered::of(&whole.wall, spot));
-        for side in [0, 1] {
-            let half = whole.half(side);
-            let rendered = half.rendered.as_ref().unwrap();
-            assert_eq!(*rendered, Rendered::of(&half.wall, spot));
-            assert_eq!(rendered.stages.last().unwrap().sums(), 3);
+            let mut model = numbered(geometry, scanned, others);
+            let before = rows_of(&model);
+            let order = model.hold_out(asked);
+            let pairs = order.len();
+            assert_eq!((model.held_out, model.fitted()), (held, pairs - held), "{geometry:?}");
+            // The measured values stay where they are: only points move.
+            let points = |row: &String| row.rsplit_once('[').expect("values").0.to_owned();
+            let moved: Vec<String> = order.iter().map(|from| points(&before[*from])).collect();
+            assert_eq!(rows_of(&model).iter().map(points).collect::<Vec<_>>(), moved, "{geometry:?}");
+            assert_eq!(order[pairs - held..], (0..held).collect::<Vec<_>>(), "{geometry:?}");
         }
     }
 

@@ -45,6 +45,7 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
         rendered: None,
         is_spread: false,
         unused: 0,
+        held_out: 0,
         pulse: None,
         high_pass: None,
         reflectance: Reflectance::Cosine,
@@ -185,7 +186,7 @@ impl Fit {
     }
 
     fn needs(&self) -> OfFit<'_> {
-        OfFit { options: &self.options, iterations: [0, self.iterations] }
+        OfFit { options: &self.options, iterations: [0, self.iterations], has_volume: true }
     }
 }
 

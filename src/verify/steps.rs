@@ -121,6 +121,7 @@ fn parts_of(buffer: Buffer) -> usize {
         | buffer::SAMPLE_NORMALS
         | buffer::GRADIENT
         | buffer::HEIGHT_GRADIENT
+        | buffer::VOXELS
         | buffer::HEIGHT_MOMENTS => 4,
         buffer::HEIGHTS | buffer::HEIGHT_PULL | buffer::LOSS_PARTIALS => 2,
         _ => 1,

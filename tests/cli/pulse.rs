@@ -160,7 +160,7 @@ fn a_pulse_that_is_none_is_refused() {
         ("0".to_string(), "0 m wide"),
         ("-0.01".to_string(), "wide"),
         ("nan".to_string(), "wide"),
-        ("1000".to_string(), "bins around its path"),
+        ("1000".to_string(), "for picoseconds give 1000ps"),
         ("nowhere.npz".to_string(), "cannot be read"),
         (pulse("none.npz", &[width(0.01)]), "no array pulse"),
         (pulse("unsaid.npz", &[samples(&[1.0, 2.0])]), "pulse_delta_t"),

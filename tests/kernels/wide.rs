@@ -117,7 +117,7 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     let o = Fit::of(&grid, 4).with(|o| o.accumulation = Accumulation::Fixed);
     let mut job = job(gpu, &model, &grid, &o);
     let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0, left: 2.0 };
-    let words = surface::weights(&model, job.plan.finest(), placed, &o.options, 12);
+    let words = surface::weights(&model, job.plan.finest(), placed, &o.options, 12, 1.0);
     write(&mut job, buffer::SURFACE_WEIGHTS, &words);
     place(&mut job, &field).expect("uploads run");
     zero_histograms(&mut job);
@@ -133,7 +133,13 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     }
     let maps = Schedule::of(|s| surface::extract(s, job.plan.finest(), [field.len(), 0], 0));
     runs.run(&mut job, maps);
-    left(&mut job, 2, &[buffer::HEIGHTS])
+    let voxels = vec![[0.1f32, 0.0, -1.0, 1.0]; 2 * 4 * field.len()];
+    write(&mut job, buffer::VOXELS, &voxels);
+    let step = Schedule::of(|s| {
+        surface::volume_iteration(s, &job.plan, job.plan.finest(), 4 * field.len(), 0, [0.5, 1.0]);
+    });
+    runs.run(&mut job, step);
+    left(&mut job, 2, &[buffer::HEIGHTS, buffer::VOXELS])
 }
 
 #[test]

@@ -62,7 +62,7 @@ fn grid() -> Grid {
 /// The plan of a surface on the pixels of that grid.
 fn surface_plan(model: &Model, scan: [usize; 2]) -> Plan {
     let options: SurfaceOptions = small_surface(Accumulation::Auto);
-    let needs = OfFit { options: &options, iterations: [0, 12] };
+    let needs = OfFit { options: &options, iterations: [0, 12], has_volume: false };
     Plan::new(model, grid(), scan, &needs, &card(), false).expect("a plan")
 }
 
@@ -126,6 +126,11 @@ fn solved(capture: &Capture, solver: &SolverOptions, work: Option<u64>) -> (Reco
 fn a_divided_solve_gives_the_same() {
     for (name, capture) in kinds().into_iter().filter(|(name, _)| ["confocal", "exhaustive"].contains(name)) {
         for (solver, options) in solvers(Accumulation::Fixed) {
+            // Rounding may change which round of the support is the best.
+            let options = match options {
+                SolverOptions::Surface(o) => o.with(|o| o.grow = false).into(),
+                paper => paper,
+            };
             let (whole, few) = solved(&capture, &options, None);
             let (parts, many) = solved(&capture, &options, Some(2_000));
             let of =

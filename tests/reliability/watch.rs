@@ -43,7 +43,7 @@ fn a_nan_is_found_where_it_is_read() {
     ] {
         let mut job = device::job(&gpu, &model, &grid, &fit);
         let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0, left: 2.0 };
-        let weights = surface::weights(&model, job.plan.finest(), placed, &fit.options, 12);
+        let weights = surface::weights(&model, job.plan.finest(), placed, &fit.options, 12, 1.0);
         write(&mut job, buffer::SURFACE_WEIGHTS, &weights);
         place(&mut job, &field).expect("uploads run");
         let mut s = Schedule::default();

@@ -214,7 +214,10 @@ fn the_columns_that_tell_noise_count_as_memory() {
     let memory: u64 = plan.bytes().values().sum();
     let prepare = |options: &SolverOptions| {
         options
-            .prepare(&gpu, &Problem { capture: &capture, grid, memory: Some(memory), with_volume: false })
+            .prepare(
+                &gpu,
+                &Problem { capture: &capture, grid, memory: Some(memory), with_volume: false, begin: None },
+            )
             .map(|_| ())
     };
     let refused = prepare(&options).unwrap_err();

@@ -269,7 +269,7 @@ fn what_cannot_run_is_refused_in_words() {
         let g = grid(capture, o);
         reconstruct(
             &gpu,
-            &Problem { capture, grid: g, memory, with_volume: false },
+            &Problem { capture, grid: g, memory, with_volume: false, begin: None },
             o,
             &mut unwatched(&mut |_| ControlFlow::Continue(())),
         )

@@ -102,7 +102,11 @@ fn solve(
 ) -> Result<Reconstruction> {
     let mut hear = |_: &_| ControlFlow::Continue(());
     let grid = Discretisation::default().grid(solver, capture)?;
-    solver.solve(gpu, &Problem { capture, grid, memory, with_volume: true }, &mut unwatched(&mut hear))
+    solver.solve(
+        gpu,
+        &Problem { capture, grid, memory, with_volume: true, begin: None },
+        &mut unwatched(&mut hear),
+    )
 }
 
 /// Holds a solve in parts against the whole one.
@@ -193,7 +197,7 @@ fn a_budget_holds_what_is_on_the_device() {
     let grid = Discretisation::default().grid(&options, &capture).expect("a grid");
     let plan = |memory| {
         options
-            .plan_within(&gpu, &Problem { capture: &capture, grid, memory, with_volume: true })
+            .plan_within(&gpu, &Problem { capture: &capture, grid, memory, with_volume: true, begin: None })
             .expect("a plan")
     };
     assert_eq!(plan(None), plan(Some(64 << 20)));
@@ -250,7 +254,7 @@ fn parts_of_huge_captures_cover_all_pairs_within_every_limit() {
     let grid = Grid::new(volume, 64, 0.02).expect("a grid");
     // To find what no pair reaches would take long.
     let options = SurfaceOptions::default().with(|o| (o.lateral, o.general) = (64, true));
-    let options = OfFit { options: &options, iterations: [0, 6] };
+    let options = OfFit { options: &options, iterations: [0, 6], has_volume: false };
     let cases = [
         (claimed(Geometry::Confocal, 256 * 256, 0, 1024), 256, 256 << 20),
         (claimed(Geometry::Product, 4096, 4096, 512), 64, 4 << 30),

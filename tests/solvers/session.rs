@@ -178,7 +178,8 @@ fn in_turns(
     })
 }
 
-/// A session ends a frame as the command ends a run: the same grid, mask and expected depth error, of both layers.
+/// A session ends a frame as the command ends a run whose start is not chosen by pairs that are held out: the same grid, mask and
+/// expected depth error, of both layers.
 #[test]
 fn a_session_gives_the_maps_of_the_command() {
     let gpu = gpu();
@@ -190,7 +191,7 @@ fn a_session_gives_the_maps_of_the_command() {
     let whole = Settings { auto_gate: Some(false), ..Settings::default() };
     let loaded = thirdbounce::job::load(&file, &whole).unwrap();
     // A session estimates nothing that is not given.
-    let solver = surface(|o| (o.lateral, o.iterations, o.grow, o.high_pass) = (32, 40, true, Some(0.1)));
+    let solver = surface(|o| (o.lateral, o.iterations, o.grow, o.high_pass) = (32, 40, false, Some(0.1)));
     let settings = Settings::from(solver.clone()).with(|s| s.bins = Some(Bins::Sum(1)));
     let request = Request::new(settings, folder.path().join("out"));
     let mut hear = |_: &Progress| ControlFlow::Continue(());

@@ -395,6 +395,7 @@ fn meshes(data: Option<&Path>) -> Result<Vec<Case>> {
     let built_in = ["plane", "sphere", "occluder", "plates", "within", "beyond"];
     let of = |spec: &str| {
         let scene = Scene::named(spec)?;
+        let scene = if built_in.contains(&spec) { scene } else { scene.fitted(0.6)? };
         let mut case = matt("meshes", scene.name.clone(), scene);
         if let Source::Scene(scene) = &mut case.source {
             scene.render.noise = 0.02;

@@ -58,7 +58,7 @@ pub fn prepare<M: HostMethod>(
     problem: &Problem<'_>,
     is_start: bool,
 ) -> Result<Box<dyn Prepared>> {
-    let Problem { capture, grid, memory, with_volume } = *problem;
+    let Problem { capture, grid, memory, with_volume, .. } = *problem;
     options.check_ranges()?;
     let scan = options.scan(capture)?;
     let plan = plan(options, problem, &gpu.abilities())?;

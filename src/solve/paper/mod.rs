@@ -67,7 +67,7 @@ pub fn reconstruct(
 /// Options, scan or device do not allow the solve.
 pub fn prepare(gpu: &Gpu, problem: &Problem<'_>, options: &PaperOptions) -> Result<impl Prepared + use<>> {
     options.check()?;
-    let Problem { capture, grid, memory, with_volume } = *problem;
+    let Problem { capture, grid, memory, with_volume, .. } = *problem;
     let (outline, rows) = outline_of(capture, &grid, options);
     let plan = Plan::new(&outline, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?
         .within(options, &gpu.memory(), memory)?;

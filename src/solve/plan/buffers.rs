@@ -116,7 +116,7 @@ impl Plan {
         let of_level = if self.has_spots() { 2 } else { 1 };
         let levels = self.levels.volume.len();
         let of_parts = if self.is_cut() { 2 * levels } else { 0 };
-        let scenes = (levels * of_level + self.batches_held().len() + of_parts) * size_of::<SceneData>();
+        let scenes = (levels * of_level + self.stretches().count() + of_parts) * size_of::<SceneData>();
         let own: usize = self.blocks.iter().map(|(_, bytes)| bytes.len()).sum();
         (scenes + own + size_of::<SurfaceData>()) as u64
     }
@@ -132,7 +132,7 @@ impl Plan {
             }
         }
         all.extend(self.spot_buffers());
-        for batch in self.batches_held() {
+        for batch in self.stretches() {
             let measured = (batch.pairs * self.scene.bins * 4) as u64;
             let wall = self.wall_bytes(batch);
             all.extend([(batch.scene, of_scene), (batch.wall, wall), (batch.measured, measured)]);

@@ -14,6 +14,8 @@ pub struct Levels {
     pub pixels: Option<Level>,
     /// The pairs of a surface in batches, which iterations take in turns; none if each takes all.
     pub batches: Vec<Level>,
+    /// The pairs that no fit takes; `None` without any.
+    pub held_out: Option<Level>,
     /// What is rendered; `None` where laser and sensor see points.
     pub spots: Option<Spots>,
     /// The grid whose lateral cells are the maps' pixels.
@@ -37,6 +39,7 @@ impl Levels {
         let pixels = volume.last().copied().filter(|_| demand.iterations[1] > 0);
         Levels {
             batches: in_batches(model, pixels.as_ref()),
+            held_out: held_out(model, pixels.as_ref()),
             maps: finest,
             reachable: volume.iter().map(reachable).collect(),
             touching: demand.general || volume.iter().any(|l| model.touches(&l.grid)),
@@ -45,18 +48,17 @@ impl Levels {
             spots,
         }
     }
-
-    /// The same levels for the `model` of as many other pairs: only what is rendered for their spots differs.
-    pub(super) fn cover(&mut self, model: &Model) {
-        self.spots = spots::cover(model, &mut self.volume);
-        self.pixels = self.volume.last().copied().filter(|_| self.pixels.is_some());
-    }
 }
 
 /// Measured histograms, wall points and constants of a batch of pairs.
 const BATCH_MEASURED: Buffer = Buffer::named("batch_measured");
 const BATCH_WALL: Buffer = Buffer::named("batch_wall");
 const BATCH_SCENE: Buffer = Buffer::named("batch_scene");
+
+/// The same of the pairs that are held out.
+const HELD_MEASURED: Buffer = Buffer::named("held_measured");
+const HELD_WALL: Buffer = Buffer::named("held_wall");
+const HELD_SCENE: Buffer = Buffer::named("held_scene");
 
 /// Lateral pixels of coarse maps.
 pub const AMPLE: usize = 32;
@@ -77,11 +79,11 @@ fn sequence(model: &Model, finest: Grid, scan: [usize; 2], coarse_to_fine: bool)
         Level {
             grid: finest.coarser(wide >> factor),
             first: 0,
-            pairs: model.pairs(),
+            pairs: model.fitted(),
             measured: buffer::MEASURED,
             wall: buffer::WALL,
             scene,
-            rendered: own_pairs(model, model.pairs(), buffer::WALL, scene),
+            rendered: own_pairs(model, model.fitted(), buffer::WALL, scene),
             reachable: buffer::REACHABLE.at(i),
         }
     };
@@ -95,8 +97,9 @@ const LEAST_BATCH: usize = 225;
 /// Batches of the pairs of `level`, in order. As pairs are spread over the wall, so are those of a batch. A few pairs at the end
 /// are in none.
 fn in_batches(model: &Model, level: Option<&Level>) -> Vec<Level> {
-    let batches = (model.pairs() / LEAST_BATCH).min((model.pairs() / BATCH).max(2)).max(1);
-    let pairs = model.pairs() / batches;
+    let fitted = model.fitted();
+    let batches = (fitted / LEAST_BATCH).min((fitted / BATCH).max(2)).max(1);
+    let pairs = fitted / batches;
     // The rows of a product with several other points are not cut, nor are sums over spots.
     let rows = model.wall.geometry == Geometry::Product && model.wall.others.len() > 1;
     let cuts = !rows && model.rendered.is_none();
@@ -110,6 +113,14 @@ fn in_batches(model: &Model, level: Option<&Level>) -> Vec<Level> {
         Level { first, pairs, measured, wall, scene, rendered, ..*level }
     };
     (0..batches as u16).map(batch).collect()
+}
+
+/// The pairs of a model that are held out.
+fn held_out(model: &Model, level: Option<&Level>) -> Option<Level> {
+    let (count, level) = (model.held_out, level.filter(|_| model.held_out > 0)?);
+    let rendered = own_pairs(model, count, HELD_WALL, HELD_SCENE);
+    let (measured, wall, scene) = (HELD_MEASURED, HELD_WALL, HELD_SCENE);
+    Some(Level { first: model.fitted(), pairs: count, measured, wall, scene, rendered, ..*level })
 }
 
 /// The first `pairs` of a model, with these buffers.

@@ -123,22 +123,6 @@ impl Plan {
         left_out.lines
     }
 
-    /// The same plan for the `model` of as many other pairs: only what is rendered for their spots differs.
-    pub fn of_other_pairs(&self, model: &Model, needs: &dyn Needs) -> Plan {
-        let mut plan = self.clone();
-        plan.levels.cover(model);
-        plan.buffers = plan.list_buffers(needs.buffers(&plan), false);
-        plan
-    }
-
-    /// Makes every buffer as large as that of another plan with the same buffers.
-    pub fn make_room(&mut self, other: &Plan) {
-        for own in &mut self.buffers {
-            let same = other.buffers.iter().find(|b| b.buffer == own.buffer);
-            own.bytes = same.map_or(own.bytes, |b| b.bytes.max(own.bytes));
-        }
-    }
-
     /// The passes with their modules and constants, for reports.
     pub fn variants(&self) -> Vec<String> {
         let name = |pass: &&'static Pass| {
@@ -210,6 +194,16 @@ impl Plan {
     /// The batches: none where pairs are taken in parts.
     pub(in crate::solve) fn batches_held(&self) -> &[Level] {
         if !self.is_cut() { &self.levels.batches } else { &[] }
+    }
+
+    /// The pairs that are held out: none where pairs are taken in parts.
+    pub(in crate::solve) fn held_out(&self) -> Option<&Level> {
+        self.levels.held_out.as_ref().filter(|_| !self.is_cut())
+    }
+
+    /// Stretches of pairs that have buffers of their own: batches, and pairs that are held out.
+    pub(in crate::solve) fn stretches(&self) -> impl Iterator<Item = &Level> {
+        self.batches_held().iter().chain(self.held_out())
     }
 
     /// Bytes of a buffer; 0 if the plan does not have it.

@@ -3,32 +3,49 @@
 use std::sync::Arc;
 use std::time::Instant;
 
+use super::held_out::HeldOut;
 use super::model::{outline_of, take};
-use super::schedule::{bonds, divide, extract, later_iteration, render, start};
+use super::needs::{HEIGHTS_KEPT, OF_VOXEL, VOLUME_HOST};
+use super::schedule::{Turn, bonds, divide, extract, keep, render, start, turn};
 use super::weights::{Placed, weights};
 use super::{Pixels, SurfaceOptions, needs, passes};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::{Gpu, Schedule};
+use crate::gpu::{Buffer, BufferPlan, Gpu, Place, Schedule};
 use crate::maps::Maps;
 use crate::solve::drive::{Driven, Steps, Watch, drive, stage_values};
+use crate::solve::estimate::energy;
 use crate::solve::on_device::{OnDevice, read_maps, trace_rows, upload};
 use crate::solve::outline::{self, TimedSchedule};
 use crate::solve::over_pairs::{scene_of_sums, turns_of_finish};
-use crate::solve::passes::{FINISH, objective};
+use crate::solve::passes::{FINISH, RESIDUAL, objective};
+use crate::solve::plan::RESIDUAL_HOST;
 use crate::solve::prepared::Planned;
 use crate::solve::{Level, Plan, Problem};
 use crate::transport::Rows;
 use crate::transport::kernels::*;
 
-/// Bonds and prior weights are renewed after every Nth iteration.
-const RENEW: usize = 10;
+/// Iterations between two comparisons of the objective; bonds and prior weights are renewed with them.
+const CHECK: usize = 10;
+/// A larger logarithm of the objective is a rise: batches differ by less.
+const RISE: f64 = 0.05;
+/// Factor of the steps after a rise.
+const SHORTER: f64 = 0.5;
+
+/// The present state, and the best one so far.
+const KEPT: [Buffer; 2] = [buffer::HEIGHTS, HEIGHTS_KEPT];
 
 /// A fit at one resolution, prepared for a scan.
 pub(crate) struct Fit {
     pub planned: Planned,
     rows: Rows,
     options: SurfaceOptions,
+    /// Pixels of the surface on the device.
+    pixels: usize,
+    /// Energies of the batches of pairs.
+    energies: Vec<f64>,
+    /// Whether pairs judge it.
+    is_judged: bool,
 }
 
 /// How long a fit runs.
@@ -38,12 +55,23 @@ pub(crate) struct Run {
     pub iterations: usize,
     /// Iterations of the schedule that are left out before these, of a fit that begins near its result.
     pub skipped: usize,
+    /// Iterations of the schedule, if it does not end with this fit.
+    pub scheduled: Option<usize>,
     /// Iterations of the whole solve, for progress.
     pub of: usize,
     /// The residual of the layers, if the scale of their albedos is that of the data; else the scale is found first.
     pub known: Option<f64>,
+    /// What earlier fits left, which weighs the prior at first; else what the layers leave.
+    pub level: Option<f64>,
     /// It ends at this time.
     pub until: Option<Instant>,
+}
+
+impl Run {
+    /// The fit of a round, which leaves the end of its schedule out.
+    pub fn of_round(self) -> Run {
+        Run { scheduled: Some(super::rounds_of::SCHEDULED), ..self }
+    }
 }
 
 /// Noise and model error of a fit, as data terms of the objective.
@@ -75,7 +103,8 @@ impl Quality {
 }
 
 impl Fit {
-    /// Plans a fit of at most `iterations[1]` iterations, after `iterations[0]` of other fits.
+    /// Plans a fit of at most `iterations[1]` iterations, after `iterations[0]` of other fits. If it holds pairs out, these judge it;
+    /// if it has a volume, that may begin it.
     ///
     /// # Errors
     /// Options, scan or device do not allow it.
@@ -84,13 +113,24 @@ impl Fit {
         problem: &Problem<'_>,
         options: &SurfaceOptions,
         iterations: [usize; 2],
+        holds_out: bool,
+        has_volume: bool,
     ) -> Result<Fit> {
         let Problem { capture, grid, memory, .. } = *problem;
-        let (outline, rows) = outline_of(capture, &grid, options);
-        let asked = needs::OfFit { options, iterations };
-        let plan = Plan::new(&outline, grid, capture.resolution(), &asked, &gpu.abilities(), false)?;
+        let (outline, rows) = outline_of(capture, &grid, options, holds_out);
+        let asked = needs::OfFit { options, iterations, has_volume };
+        let mut plan = Plan::new(&outline, grid, capture.resolution(), &asked, &gpu.abilities(), false)?;
+        if holds_out {
+            let cells = judge(&plan).map_or(0, |level| plan.cells_at(level));
+            plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
+        }
+        if has_volume {
+            let voxels = plan.domain.capacity as u64 * OF_VOXEL;
+            plan.buffers.push(BufferPlan::new(VOLUME_HOST, voxels, Place::Readback));
+        }
         let plan = plan.within(&asked, &gpu.memory(), memory)?;
-        Ok(Fit { planned: Planned::new(gpu, outline, plan, memory), rows, options: options.clone() })
+        let planned = Planned::new(gpu, outline, plan, memory);
+        Ok(Fit { planned, rows, options: options.clone(), pixels: 0, energies: vec![], is_judged: holds_out })
     }
 
     /// Levels, passes and buffers.
@@ -116,6 +156,7 @@ impl Fit {
         let iterations = plan.demand.iterations;
         let steps = whole(&plan, iterations[1]);
         outline::each(&plan, &steps, iterations[0]..iterations[0] + iterations[1], &mut reserve)?;
+        reserve(&Schedule::of(|s| keep(s, needs::pixels(&plan), KEPT)))?;
         reserve(&Schedule::of(|s| compared(s, &plan, &steps.levels[0], 1, 0)))
     }
 
@@ -124,10 +165,15 @@ impl Fit {
     /// # Errors
     /// The device fails.
     pub fn take(&mut self, capture: &Capture) -> Result<()> {
-        let Fit { planned, rows, options } = self;
+        let Fit { planned, rows, options, energies, .. } = self;
         let job = planned.made(|_| Ok(()))?;
         take(capture, options, rows, &mut job.model);
         job.upload_counts()?;
+        let batches = job.plan.batches_held();
+        *energies = match batches {
+            [] => vec![energy(&job.model, 0..job.plan.finest().pairs)],
+            _ => batches.iter().map(|b| energy(&job.model, b.first..b.first + b.pairs)).collect(),
+        };
         job.executor.run_once(|s| {
             cleared(s, &job.plan);
             divide(s, &job.plan);
@@ -143,69 +189,175 @@ impl Fit {
         let job = self.planned.made(|_| Ok(()))?;
         let level = job.plan.levels.pixels.expect("a fit has pixels");
         let pixels = Pixels::of(layers, needs::pixels(&job.plan));
+        self.pixels = pixels.len();
         let placed = if pixels.is_empty() { None } else { place(job, &level, &pixels, 0, None)? };
         let [noise, energy] = job.light();
         Ok(placed.map(|(placed, scale)| (scale, Quality { noise, energy, left: placed.left })))
     }
 
+    /// What the present surface leaves of the pairs that are held out, or of those that are fitted where none are. `None` where
+    /// pairs are taken in parts.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn judged(&mut self) -> Result<Option<HeldOut>> {
+        let count = self.pixels;
+        let job = self.planned.made(|_| Ok(()))?;
+        let is_judged = self.is_judged && count > 0;
+        let Some(level) = judge(&job.plan).copied().filter(|_| is_judged) else { return Ok(None) };
+        let cells = job.plan.cells_at(&level);
+        job.executor.run_once(|s| {
+            render(s, &job.plan, &level, count, &RESIDUAL);
+            s.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
+        })?;
+        let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..cells);
+        Ok(Some(HeldOut::of(&job.model, &level, &residual)))
+    }
+
     /// Fits the pixels of `layers`, and replaces the layers by the result. The quality is `None` if they explain no light.
+    ///
+    /// The objective, prior included, is compared every [`CHECK`] iterations. A rise restores the best state so far and halves
+    /// the steps; the best state is the result.
     ///
     /// # Errors
     /// The device fails, or the watch cancels.
     pub fn run(
         &mut self,
         layers: &mut [Maps],
-        how: Run,
+        Run { iterations, skipped, scheduled, of, known, level: level_before, until }: Run,
         watch: &mut Watch<'_>,
-        driven: Driven,
+        mut driven: Driven,
     ) -> Result<(Driven, Option<Quality>)> {
         let gpu = self.planned.gpu().clone();
+        let (clock, options) = (Instant::now(), &self.options);
         let job = self.planned.made(|_| Ok(()))?;
-        run(&gpu, job, &self.options, layers, how, watch, driven)
+        let gpu_before = job.executor.gpu_seconds();
+        let level = job.plan.levels.pixels.expect("a fit has pixels");
+        let pixels = Pixels::of(layers, needs::pixels(&job.plan));
+        let count = pixels.len();
+        self.pixels = count;
+        let begin = driven.trace.last().map_or(0, |p| p.iteration);
+        let placed = if pixels.is_empty() { None } else { place(job, &level, &pixels, begin, known)? };
+        let [noise, energy] = job.light();
+        let Some((mut placed, _)) = placed else {
+            driven.seconds += clock.elapsed().as_secs_f64();
+            driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
+            return Ok((driven, None));
+        };
+        let all = scheduled.unwrap_or(skipped + iterations);
+        let mut best = Objective { log: f64::INFINITY, left: placed.left / energy, losses: [f64::NAN; 2] };
+        placed.left = level_before.map_or(placed.left, |left| left.min(placed.left));
+        let mut factor = 1.0;
+        let set_weights = |job: &mut OnDevice, placed: Placed, factor: f64| {
+            let weights = weights(&job.model, &level, placed, options, all, factor);
+            upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))
+        };
+        set_weights(job, placed, factor)?;
+        upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
+        job.executor.run_once(|s| keep(s, count, KEPT))?;
+        driven.seconds += clock.elapsed().as_secs_f64();
+        driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
+        let of_layers = pixels.of_layers(layers[0].albedo.len());
+        let (mut done, mut since_rest, mut is_kept, mut restored) = (0, 0, true, false);
+        // Frames compare their end with their beginning only: each comparison allocates.
+        let check = if self.is_judged { CHECK } else { iterations };
+        while done < iterations {
+            let here = check.min(iterations - done);
+            let segment = Segment { begin: begin + done, at: skipped + done, since_rest, all, of };
+            let steps = Steps { until, ..steps(&job.plan, level, of_layers, segment) };
+            driven = drive(&gpu, job, begin + done + here, steps, watch, Some(driven))?;
+            let reached = driven.trace.last().map_or(begin, |p| p.iteration) - begin;
+            if reached == done {
+                break;
+            }
+            let [first, last] = objectives(job, &self.energies, begin + done..begin + reached);
+            if done == 0 {
+                best = Objective { left: best.left, ..first };
+            }
+            let rises = last.log.is_nan() || last.log > best.log + RISE;
+            since_rest += here;
+            if rises {
+                factor *= SHORTER;
+                (placed.left, since_rest) = (best.left * energy, 0);
+                if let Some(point) = driven.trace.last_mut() {
+                    // That of the state that is restored.
+                    [point.loss, point.data_loss] = best.losses;
+                }
+                set_weights(job, placed, factor)?;
+                let points = needs::points_of(&job.plan);
+                job.executor.run_once(|s| {
+                    keep(s, count, [KEPT[1], KEPT[0]]);
+                    start(s, &job.plan, &level, count, points);
+                })?;
+            } else if last.log <= best.log {
+                best = last;
+                job.executor.run_once(|s| keep(s, count, KEPT))?;
+            }
+            (is_kept, restored) = (rises || last.log <= best.log, rises);
+            if reached < done + here {
+                break;
+            }
+            done = reached;
+        }
+        // The driver leaves the maps of the last state.
+        if restored || !is_kept {
+            job.executor.run_once(|s| keep(s, count, [KEPT[1], KEPT[0]]))?;
+            driven.maps = shown(job, &level, &layers[0], of_layers, 0)?;
+        }
+        layers[0] = driven.maps.clone();
+        if let Some(behind) = layers.get_mut(1) {
+            *behind = shown(job, &level, behind, of_layers, 1)?;
+        }
+        Ok((driven, Some(Quality { noise, energy, left: best.left * energy })))
     }
 }
 
-/// [`Fit::run`] on a job whose counts are uploaded.
-pub(crate) fn run(
-    gpu: &Gpu,
+/// The maps with the present state of a layer; pixels without a surface keep what `maps` has.
+fn shown(
     job: &mut OnDevice,
-    options: &SurfaceOptions,
-    layers: &mut [Maps],
-    Run { iterations, skipped, of, known, until }: Run,
-    watch: &mut Watch<'_>,
-    mut driven: Driven,
-) -> Result<(Driven, Option<Quality>)> {
-    let (clock, gpu_before) = (Instant::now(), job.executor.gpu_seconds());
-    let level = job.plan.levels.pixels.expect("a fit has pixels");
-    let pixels = Pixels::of(layers, needs::pixels(&job.plan));
-    let begin = driven.trace.last().map_or(0, |p| p.iteration);
-    let placed = if pixels.is_empty() { None } else { place(job, &level, &pixels, begin, known)? };
-    if let Some((placed, _)) = placed {
-        let weights = weights(&job.model, &level, placed, options, skipped + iterations);
-        upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))?;
-        upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
-    }
-    driven.seconds += clock.elapsed().as_secs_f64();
-    driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
-    if placed.is_none() {
-        return Ok((driven, None));
-    }
-    let of_layers = pixels.of_layers(layers[0].albedo.len());
-    let steps = Steps { until, ..steps(&job.plan, level, of_layers, begin, [iterations, skipped, of]) };
-    let driven = drive(gpu, job, begin + iterations, steps, watch, Some(driven))?;
-    layers[0] = driven.maps.clone();
-    if let Some(behind) = layers.get_mut(1) {
-        upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(behind)))?;
-        job.executor.run_once(|s| extract(s, &level, of_layers, 1))?;
-        *behind = read_maps(&job.executor, &level.grid, true);
-    }
-    let [noise, energy] = job.light();
-    let quality = Quality {
-        noise,
-        energy,
-        left: objective_of(job, driven.trace.last().map_or(begin, |p| p.iteration - 1)),
+    level: &Level,
+    maps: &Maps,
+    of_layers: [usize; 2],
+    layer: usize,
+) -> Result<Maps> {
+    upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(maps)))?;
+    job.executor.run_once(|s| extract(s, level, of_layers, layer))?;
+    Ok(read_maps(&job.executor, &level.grid, true))
+}
+
+/// The pairs that judge a fit: those that are held out, or some of the fitted ones where none are. `None` where pairs are taken in
+/// parts.
+fn judge(plan: &Plan) -> Option<&Level> {
+    plan.held_out().or(plan.batch(0)).or(plan.levels.pixels.as_ref()).filter(|_| !plan.is_cut())
+}
+
+/// The objective of a state.
+#[derive(Debug, Clone, Copy)]
+struct Objective {
+    /// Logarithm of the objective over the energy, prior included.
+    log: f64,
+    /// Share of the energy that the data term is.
+    left: f64,
+    /// The objective, prior included, and the plain data loss.
+    losses: [f64; 2],
+}
+
+/// The objectives of the first of these iterations, and of the last ones, in the mean over different batches.
+fn objectives(job: &OnDevice, energies: &[f64], rows: std::ops::Range<usize>) -> [Objective; 2] {
+    let all = trace_rows(job, rows.clone());
+    let of = |(i, row): (usize, &[u32; TRACE_ROW as usize])| {
+        let [data, prior, plain] =
+            [TRACE_OBJECTIVE, TRACE_L1, TRACE_DATA].map(|at| f64::from(f32::from_bits(row[at as usize])));
+        let energy = energies[i % energies.len()].max(f64::MIN_POSITIVE);
+        [((data + prior) / energy).ln(), data / energy, data + prior, plain]
     };
-    Ok((driven, Some(quality)))
+    let each: Vec<[f64; 4]> = rows.zip(&all).map(of).collect();
+    let mean = |of: &[[f64; 4]]| {
+        let [log, left, loss, plain] =
+            [0, 1, 2, 3].map(|k| of.iter().map(|v| v[k]).sum::<f64>() / of.len() as f64);
+        Objective { log, left, losses: [loss, plain] }
+    };
+    [mean(&each[..1]), mean(&each[each.len() - each.len().min(energies.len())..])]
 }
 
 /// Sets to zero what sums begin with.
@@ -215,24 +367,41 @@ pub(crate) fn cleared(s: &mut Schedule, plan: &Plan) {
     }
 }
 
-/// The steps that the driver runs, after `begin` iterations: `iterations` of a surface with the given pixels in each layer, of
-/// `of` in all. Maps on the way show the first layer.
+/// Iterations of a fit between two comparisons of the objective.
+#[derive(Clone, Copy)]
+struct Segment {
+    /// The first one in the whole solve, from 0, and in the schedule of the fit.
+    begin: usize,
+    at: usize,
+    /// Iterations since Adam was at rest.
+    since_rest: usize,
+    /// Iterations of the schedule of the fit, and of the whole solve, for progress.
+    all: usize,
+    of: usize,
+}
+
+/// The steps that the driver runs for a segment, with the given pixels in each layer. Maps on the way show the first layer.
 fn steps(
     plan: &Plan,
     level: Level,
     of_layers: [usize; 2],
-    begin: usize,
-    [iterations, skipped, of]: [usize; 3],
+    Segment { begin, at, since_rest, all, of }: Segment,
 ) -> Steps<'static> {
     let count = of_layers.iter().sum();
     Steps {
         levels: vec![plan.batch(0).copied().unwrap_or(level)],
-        start: Box::new(|_, _| ()),
+        start: Box::new(move |s, _| {
+            if since_rest > 0 {
+                bonds(s, &level, count, begin);
+            }
+        }),
         iteration: Box::new(move |s, plan, _, i| {
-            later_iteration(s, plan, &level, count, [i, i - begin, iterations], skipped)
+            let done = i - begin;
+            let one = Turn { iteration: i, at: at + done, since_rest: since_rest + done };
+            turn(s, plan, &level, count, one, all);
         }),
         due: Box::new(move |s, _, _, done| {
-            if (done - begin).is_multiple_of(RENEW) {
+            if (done - begin).is_multiple_of(CHECK) {
                 bonds(s, &level, count, done);
             }
         }),
@@ -251,7 +420,12 @@ fn whole(plan: &Plan, iterations: usize) -> Steps<'static> {
     let (count, begin) = (needs::pixels(plan), plan.demand.iterations[0]);
     Steps {
         start: Box::new(move |s, plan| start(s, plan, &level, count, needs::points_of(plan))),
-        ..steps(plan, level, [count, 0], begin, [iterations, 0, begin + iterations])
+        ..steps(
+            plan,
+            level,
+            [count, 0],
+            Segment { begin, at: 0, since_rest: 0, all: iterations, of: begin + iterations },
+        )
     }
 }
 

@@ -28,43 +28,44 @@ use crate::transport::Grid;
 
 pub(crate) mod fit;
 mod follow;
+mod held_out;
 pub mod layers;
 pub(crate) mod model;
 mod needs;
 mod options;
 pub mod passes;
 mod pixels;
+mod rounds;
 mod schedule;
 pub(crate) mod start;
 pub(crate) mod support;
+pub(crate) mod volume;
 mod weights;
 
 pub(crate) use fit::{Fit, Quality, Run};
 pub use follow::Follow;
 use follow::{Change, Last};
+pub use held_out::{HeldOut, Left};
 pub use needs::{OfFit, SMALL_PIXEL, pixels, points_of};
 pub use options::{Begin, LEAST_FLOOR, SurfaceOptions, SurfaceSettings};
 pub use pixels::Pixels;
+pub(crate) use rounds::{Candidate, Rounds, grow};
 pub use schedule::{bonds, divide, extract, iteration, points, render, start as start_of};
-pub(crate) use start::Start;
+pub(crate) use start::{Start, Starts};
+pub use volume::iteration as volume_iteration;
 pub use weights::{Placed, weights};
 
 /// Rounds of the support. Evidence: benches/NOTES.md, "Support by evidence".
-mod rounds {
+mod rounds_of {
     /// Lateral pixels of the coarse fit.
     pub const COARSE: usize = 64;
     /// Rounds on coarse pixels, and at the resolution of the maps.
     pub const NUMBER: [usize; 2] = [12, 2];
-    /// Iterations of a round.
-    pub const ITERATIONS: usize = 10;
-    /// The model error is judged after this many rounds, or up to twice as many while a round lowers it to less than a share.
-    pub const JUDGED: usize = 4;
-    pub const FALLS: f64 = 0.9;
-    /// With a larger model error the support stays that of the closed form: haze would look like a surface. Of surfaces that bend
-    /// away, and of plates, whose support needs no growth.
-    pub const MOST_ERROR: [f64; 2] = [0.06, 0.015];
-    /// The support is stable where a round changes at most this share of the pixels, and lowers the model error by less than this.
-    pub const STABLE: [f64; 2] = [0.08, 0.03];
+    /// Iterations of a round, and of the schedule that it begins: its steps stay long.
+    pub const ITERATIONS: usize = 15;
+    pub const SCHEDULED: usize = 45;
+    /// Another support than the closed form's must lower what is left beyond noise by this factor, where the model leaves much.
+    pub const WORTH: f64 = 0.5;
     /// What noise alone adds to the share of the typical evidence above which a pixel is surface.
     pub const MASK: f32 = 0.2;
 }
@@ -73,7 +74,7 @@ impl SurfaceOptions {
     /// Pixels of the maps side by side in a pixel of the coarse fit; 1 without a coarse fit.
     fn factor(&self) -> usize {
         let mut factor = 1;
-        while self.lateral.is_multiple_of(2 * factor) && self.lateral / (2 * factor) >= rounds::COARSE {
+        while self.lateral.is_multiple_of(2 * factor) && self.lateral / (2 * factor) >= rounds_of::COARSE {
             factor *= 2;
         }
         factor
@@ -81,12 +82,13 @@ impl SurfaceOptions {
 
     /// Iterations at most: on coarse pixels, and at the resolution of the maps.
     fn most_iterations(&self) -> [usize; 2] {
-        let [coarse, fine] = rounds::NUMBER;
-        let of = |rounds: usize| if self.grow { rounds * rounds::ITERATIONS } else { 0 };
+        let [coarse, fine] = rounds_of::NUMBER;
+        let of = |rounds: usize| if self.grow { rounds * rounds_of::ITERATIONS } else { 0 };
         match (self.grow, self.factor()) {
             (false, _) => [0, self.iterations],
-            (true, 1) => [0, of(coarse) + self.iterations],
-            (true, _) => [of(coarse), of(fine) + self.iterations],
+            // The support of the closed form may be fitted, too.
+            (true, 1) => [0, of(coarse) + 2 * self.iterations],
+            (true, _) => [of(coarse), of(fine) + 2 * self.iterations],
         }
     }
 }
@@ -116,13 +118,17 @@ impl Solver for SurfaceOptions {
     fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
         let Problem { capture, grid, .. } = *problem;
         self.takes(capture)?;
-        let (outline, _) = model::outline_of(&capture.outline(), &grid, self);
-        let needs = OfFit { options: self, iterations: self.most_iterations() };
+        let (outline, _) = model::outline_of(&capture.outline(), &grid, self, false);
+        let needs = OfFit { options: self, iterations: self.most_iterations(), has_volume: false };
         Plan::new(&outline, grid, capture.resolution(), &needs, abilities, false)
     }
 
     fn within(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
-        plan.within(&OfFit { options: self, iterations: self.most_iterations() }, &gpu.memory(), memory)
+        plan.within(
+            &OfFit { options: self, iterations: self.most_iterations(), has_volume: false },
+            &gpu.memory(),
+            memory,
+        )
     }
 
     fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
@@ -144,7 +150,7 @@ pub fn prepare_for_frames(
     options: &SurfaceOptions,
     follow: Option<Follow>,
 ) -> Result<Box<dyn Prepared>> {
-    let Problem { capture, grid, memory, with_volume } = *problem;
+    let Problem { capture, grid, memory, with_volume, begin } = *problem;
     options.check()?;
     options.takes(capture)?;
     follow.map_or(Ok(()), |follow| follow.check(options))?;
@@ -160,10 +166,12 @@ pub fn prepare_for_frames(
         0 => None,
         most => {
             let coarse = Problem { capture: &first_scan, grid: first_grid, ..problem };
-            Some(Fit::new(gpu, &coarse, options, [0, most])?)
+            Some(Fit::new(gpu, &coarse, options, [0, most], begin.is_some(), false)?)
         }
     };
-    let fine = Fit::new(gpu, &problem, options, [coarse_iterations, iterations])?;
+    let fine = Fit::new(gpu, &problem, options, [coarse_iterations, iterations], begin.is_some(), false)?;
+    let fits = |maps: &Maps| [maps.nx, maps.ny] == [first_grid.n[0], first_grid.n[1]];
+    let begun = begin.filter(|begin| begin.layers.iter().chain(begin.closed).all(fits));
     let made = PreparedSurface {
         coarse,
         fine,
@@ -176,6 +184,7 @@ pub fn prepare_for_frames(
         sum,
         method: None,
         blends: start::is_light_cone(options, &first_scan),
+        begun: begun.map(|begin| [begin.layers, begin.closed].map(<[Maps]>::to_vec)),
         keeps: false,
         follow,
         last: None,
@@ -202,6 +211,8 @@ struct PreparedSurface {
     method: Option<Start>,
     /// The light-cone transform initialises the surface.
     blends: bool,
+    /// Layers that earlier fits of the capture found, and those of the closed form.
+    begun: Option<[Vec<Maps>; 2]>,
     /// Everything stays allocated.
     keeps: bool,
     /// If frames follow each other.
@@ -225,7 +236,7 @@ impl PreparedSurface {
         let gpu = self.fine.planned.gpu().clone();
         let mut own = if self.keeps { None } else { self.first_method(&gpu)? };
         let layers = match self.method.as_mut().or(own.as_mut()) {
-            Some(method) => method.layers(capture, iterations, watch)?,
+            Some(method) => method.layers(capture, iterations, watch)?.layers,
             None => vec![start::plane(capture, &self.first_grid, self.options.background)],
         };
         Ok((layers, clock.elapsed().as_secs_f64()))
@@ -238,11 +249,17 @@ impl PreparedSurface {
         until: Option<Instant>,
         watch: &mut Watch<'_>,
     ) -> Result<Done> {
-        let (closed, seconds) = self.start(captures[0], watch)?;
+        let ([layers, closed], seconds) = match self.begun.clone() {
+            Some(begun) => (begun, 0.0),
+            None => {
+                let (closed, seconds) = self.start(captures[0], watch)?;
+                ([closed.clone(), closed], seconds)
+            }
+        };
         let of = self.options.most_iterations().iter().sum();
         let fits = Fits { options: &self.options, of, blends: self.blends, until };
         let driven = Driven { seconds, ..Driven::begun(closed[0].clone(), *self.fine.plan().finest()) };
-        fits.cold(self.coarse.as_mut(), &mut self.fine, captures, closed, watch, driven)
+        fits.cold(self.coarse.as_mut(), &mut self.fine, captures, [layers, closed], watch, driven)
     }
 
     /// Solves a frame from the surface of the frame before; `None` after a scene cut. The closed form is computed only if the
@@ -348,41 +365,65 @@ struct Done {
 }
 
 impl Fits<'_> {
-    /// Fits from the closed form: rounds on coarse pixels, then at the resolution of the maps.
+    /// Fits from `layers` on coarse pixels: rounds on these, then at the resolution of the maps. `closed`: layers of the closed form.
     fn cold(
         &self,
         coarse: Option<&mut Fit>,
         fine: &mut Fit,
         [wide, capture]: [&Capture; 2],
-        closed: Vec<Maps>,
+        [mut layers, closed]: [Vec<Maps>; 2],
         watch: &mut Watch<'_>,
         mut driven: Driven,
     ) -> Result<Done> {
         let factor = self.options.factor();
         let mut grows = self.options.grow;
-        let mut layers = closed.clone();
         if let Some(coarse) = coarse {
             if !self.is_late() {
                 driven = taken(coarse, wide, driven)?;
-                let rounds = Rounds::of(rounds::NUMBER[0]);
-                (driven, grows) = self.rounds(coarse, rounds, &mut None, &mut layers, watch, driven)?;
-            }
-            if !grows {
-                layers = closed.clone();
+                let rounds = Rounds { number: rounds_of::NUMBER[0], rings: 1 };
+                (driven, grows) = self.rounds(coarse, rounds, &mut layers, watch, driven)?;
             }
             layers = layers.iter().map(|maps| support::finer(maps, factor)).collect();
         }
+        let closed_fine: Vec<Maps> = closed.iter().map(|maps| support::finer(maps, factor)).collect();
         driven = taken(fine, capture, driven)?;
         if grows && !self.is_late() {
-            let number = rounds::NUMBER[usize::from(factor > 1)];
-            (driven, grows) = self.rounds(fine, Rounds::of(number), &mut None, &mut layers, watch, driven)?;
-            if !grows {
-                layers = closed.clone();
+            let number = rounds_of::NUMBER[usize::from(factor > 1)];
+            let rounds = Rounds { number, rings: 1 };
+            (driven, grows) = self.rounds(fine, rounds, &mut layers, watch, driven)?;
+        }
+        // Where the model leaves much, haze looks like surface: the support of the closed form is a candidate.
+        let starts = match grows {
+            true => vec![layers],
+            false if !self.options.grow => vec![closed_fine.clone()],
+            false => vec![closed_fine.clone(), layers],
+        };
+        let mut best: Option<(Candidate, bool)> = None;
+        for (number, mut layers) in starts.into_iter().enumerate() {
+            if best.is_some() && self.is_late() {
+                break;
+            }
+            let run = self.run(self.options.iterations, 0);
+            let (next, quality) = fine.run(&mut layers, run, watch, driven)?;
+            driven = next;
+            let Some(quality) = quality else { continue };
+            let this = Candidate { layers, quality, left: fine.judged()?.map(|held| held.left()) };
+            // A back-projection has too much haze to be trusted with a support.
+            let worth = if self.blends { rounds_of::WORTH } else { 1.0 };
+            let is_better = |best: &Candidate| this.excess() < worth * best.excess();
+            if best.as_ref().is_none_or(|(best, _)| is_better(best)) {
+                best = Some((this, number == 0));
             }
         }
-        let run = self.run(self.options.iterations, 0);
-        let (mut driven, quality) = fine.run(&mut layers, run, watch, driven)?;
-        let closed = (!grows).then_some(closed);
+        let (layers, quality, is_closed) = match best {
+            Some((best, is_first)) => (best.layers, Some(best.quality), is_first && !grows),
+            // No fit explains light: what the closed form shows of it is all there is.
+            None => match fine.seen(&closed_fine)? {
+                Some((scale, quality)) => (follow::scaled(closed_fine, scale), Some(quality), true),
+                None => (closed_fine, None, true),
+            },
+        };
+        let closed = is_closed.then_some(closed);
         driven.maps = self.shown(&layers, closed.as_deref(), quality);
         let left = quality.map_or(1.0, |q| q.left_share());
         Ok(Done { driven, last: Last { layers, left, closed, is_whole: !self.is_late() } })
@@ -419,8 +460,13 @@ impl Fits<'_> {
             // The support is fixed.
             run = self.run((rounds * each + iterations).min(self.options.iterations), 0);
         } else if rounds > 0 {
-            let rounds = Rounds { number: rounds, iterations: each, rings: self.options.factor().min(2) };
-            (driven, _) = self.rounds(fine, rounds, &mut quality, &mut layers, watch, driven)?;
+            let how = Rounds { number: rounds, rings: self.options.factor().min(2) };
+            let of_round = |known: Option<f64>, round: usize| {
+                let known = if round == 0 { Some(seen.left) } else { known };
+                (round == 0 || !self.is_late()).then_some(Run { known, ..self.run(each, 0) })
+            };
+            let (next, best) = grow(fine, how, &mut layers, &of_round, watch, driven)?;
+            (driven, quality) = (next, best.map(|best| best.quality));
             run = self.run(iterations, iterations);
             // Rounds that took all the time leave a whole picture.
             is_done = self.is_late() && quality.is_some();
@@ -436,7 +482,7 @@ impl Fits<'_> {
 
     /// A fit of `iterations` iterations, skipping the start of its schedule.
     fn run(&self, iterations: usize, skipped: usize) -> Run {
-        Run { iterations, skipped, of: self.of, known: None, until: self.until }
+        Run { iterations, skipped, of: self.of, scheduled: None, known: None, level: None, until: self.until }
     }
 
     /// Whether the time for fits is over. Then only the last one is left, and that is short.
@@ -444,30 +490,22 @@ impl Fits<'_> {
         self.until.is_some_and(|until| Instant::now() >= until)
     }
 
-    /// Rounds of short fits, until the time for fits is over. `quality` is that of `layers`, if the scale of their albedos is that of
-    /// the data, and is replaced by that of the last fit. Returns whether the support may grow.
+    /// Rounds of short fits, until the time for fits is over. Returns whether the model explains the measurement well.
     fn rounds(
         &self,
         fit: &mut Fit,
         rounds: Rounds,
-        quality: &mut Option<Quality>,
         layers: &mut Vec<Maps>,
         watch: &mut Watch<'_>,
         driven: Driven,
     ) -> Result<(Driven, bool)> {
-        let (mut driven, mut is_first, range) = (Some(driven), true, fit.depth_range());
-        let grows = in_rounds(rounds, range, layers, &mut |layers| {
+        let run = |known: Option<f64>, round: usize| {
+            let run = Run { known, ..self.run(rounds_of::ITERATIONS, 0).of_round() };
             // The first round was in time.
-            if !std::mem::take(&mut is_first) && self.is_late() {
-                return Ok(None);
-            }
-            let before = driven.take().expect("given back");
-            let run = Run { known: quality.map(|q| q.left), ..self.run(rounds.iterations, 0) };
-            let (next, found) = fit.run(layers, run, watch, before)?;
-            (driven, *quality) = (Some(next), found);
-            Ok(found)
-        })?;
-        Ok((driven.expect("given back"), grows))
+            (round == 0 || !self.is_late()).then_some(run)
+        };
+        let (driven, best) = grow(fit, rounds, layers, &run, watch, driven)?;
+        Ok((driven, best.is_some_and(|best| best.is_coherent())))
     }
 }
 
@@ -476,70 +514,6 @@ fn taken(fit: &mut Fit, capture: &Capture, driven: Driven) -> Result<Driven> {
     let clock = Instant::now();
     fit.take(capture)?;
     Ok(Driven { seconds: driven.seconds + clock.elapsed().as_secs_f64(), ..driven })
-}
-
-/// Rounds of fits between which the support changes.
-#[derive(Clone, Copy)]
-pub(crate) struct Rounds {
-    /// Most rounds.
-    number: usize,
-    /// Iterations of each.
-    iterations: usize,
-    /// Rings of pixels that the support grows by after each.
-    rings: usize,
-}
-
-impl Rounds {
-    /// Rounds of a solve, by their number.
-    pub fn of(number: usize) -> Rounds {
-        Rounds { number, iterations: rounds::ITERATIONS, rings: 1 }
-    }
-}
-
-/// Rounds of short fits by `fit`, between which the support follows the evidence, until it is stable or all are done. Returns
-/// whether the support may grow.
-pub(crate) fn in_rounds(
-    Rounds { number, rings, .. }: Rounds,
-    range: [f32; 2],
-    layers: &mut Vec<Maps>,
-    fit: &mut dyn FnMut(&mut Vec<Maps>) -> Result<Option<Quality>>,
-) -> Result<bool> {
-    let mut before = f64::INFINITY;
-    let mut judges = number > rounds::JUDGED;
-    let lit = |layers: &[Maps]| -> Vec<bool> {
-        layers.iter().flat_map(|l| &l.depth).map(|z| z.is_finite()).collect()
-    };
-    for round in 1..=number {
-        let quality = fit(layers)?;
-        let (Some(quality), Some(typical)) = (quality, support::typical_albedo(layers)) else { break };
-        let error = quality.model_error();
-        let old = lit(layers);
-        let fitted = layers.clone();
-        let flatness = support::flatness(layers, typical);
-        support::follow(layers, [typical, flatness], (round < number).then_some((range, rings)));
-        let new = lit(layers);
-        if !new.contains(&true) {
-            // No pixel has the evidence of a surface: the support stays that of the closed form.
-            *layers = fitted;
-            return Ok(false);
-        }
-        let changed = old.iter().zip(&new).filter(|(a, b)| a != b).count() as f64;
-        let all = new.iter().filter(|l| **l).count() as f64;
-        let stable = changed <= rounds::STABLE[0] * all && error > (1.0 - rounds::STABLE[1]) * before;
-        let falls = error < rounds::FALLS * before && round < 2 * rounds::JUDGED;
-        if judges && (stable || round >= rounds::JUDGED && !falls) {
-            judges = false;
-            let [most, most_of_plates] = rounds::MOST_ERROR;
-            if error > most + (most_of_plates - most) * f64::from(flatness) {
-                return Ok(false);
-            }
-        }
-        if stable {
-            break;
-        }
-        before = error;
-    }
-    Ok(true)
 }
 
 /// The maps of fitted layers, with their mask. Layers without a quality explain no light: nothing stays of them.
@@ -551,7 +525,7 @@ fn concluded(mut layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
     }
     let noise = quality.map_or(0.0, |q| q.noise_share()) as f32;
     let typical = support::typical_albedo(&layers).unwrap_or(0.0);
-    let threshold = (support::share(support::flatness(&layers, typical)) + rounds::MASK * noise) * typical;
+    let threshold = (support::share(support::flatness(&layers, typical)) + rounds_of::MASK * noise) * typical;
     let mut maps = match <[Maps; 2]>::try_from(layers) {
         Ok(both) => layers::merge(&both, layers::least_columns(both[0].nx)),
         Err(mut one) => one.swap_remove(0),

@@ -3,20 +3,44 @@
 use super::SurfaceOptions;
 use crate::capture::{Background, Capture};
 use crate::solve::estimate::variances;
-use crate::transport::{Binning, Grid, Model, Rows};
+use crate::transport::{Binning, Geometry, Grid, Model, Rows};
 
 /// The model of a capture for `grid` without measured values, and the rows that they are taken by: of the pairs that a fit
-/// takes, spread over the wall.
-pub(crate) fn outline_of(capture: &Capture, grid: &Grid, options: &SurfaceOptions) -> (Model, Rows) {
+/// takes, spread over the wall, and of those that are held out, if there are any.
+pub(crate) fn outline_of(
+    capture: &Capture,
+    grid: &Grid,
+    options: &SurfaceOptions,
+    holds_out: bool,
+) -> (Model, Rows) {
     let (mut model, mut rows) = of_all_pairs(capture, options);
-    if !options.general && model.pairs() > SPREAD_ABOVE {
+    let held = if holds_out { held_out(&model) } else { 0 };
+    if !options.general && (model.pairs() > SPREAD_ABOVE || held > 0) {
         rows.reorder(&model.spread());
-        let used = model.enough(options.pairs);
+        let used = model.enough(options.pairs + held);
         model.use_first(used);
         rows.keep_first(used);
+        rows.reorder(&model.hold_out(held));
     }
     trim(&mut model, &mut rows, grid, options);
     (model, rows)
+}
+
+/// Fewest and most pairs that are held out, else one of so many: too few cannot tell models apart, more only cost light.
+const HELD_OUT: [usize; 2] = [16, 256];
+const ONE_OF: usize = 8;
+
+/// Number of pairs to hold out. It depends on the scan alone: pairs that one fit of a capture holds out are in no other. None of
+/// a few pairs, or where sums over spots mix pairs.
+fn held_out(model: &Model) -> usize {
+    let (pairs, others) = (model.pairs(), model.wall.others.len());
+    let several = model.wall.geometry == Geometry::Product && others > 1;
+    match several {
+        _ if model.rendered.is_some() || pairs < 2 * HELD_OUT[0] => 0,
+        true if others < 4 => 0,
+        true => (others / ONE_OF).max(1) * model.wall.scanned.len(),
+        false => (pairs / ONE_OF).clamp(HELD_OUT[0], HELD_OUT[1]),
+    }
 }
 
 /// Leaves out the bins that no voxel of `grid` reaches.
@@ -44,6 +68,7 @@ const SPREAD_ABOVE: usize = 256;
 const PEAK: f64 = 10.0;
 
 /// The model of all pairs in their order, with the counts of the capture, less their background, and their noise.
+#[cfg(test)]
 pub(crate) fn model(capture: &Capture, grid: &Grid, options: &SurfaceOptions) -> Model {
     let (mut model, mut rows) = of_all_pairs(capture, options);
     trim(&mut model, &mut rows, grid, options);

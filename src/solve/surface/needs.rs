@@ -16,6 +16,13 @@ pub const SMALL_PIXEL: f64 = 2.2;
 /// that deviation.
 const BLURRED_PIXEL: f64 = 1.5;
 
+/// Depths and albedos of the best state so far.
+pub const HEIGHTS_KEPT: Buffer = Buffer::named("heights_kept");
+/// Gradients and state of the voxels of a coarse volume, for the host.
+pub const VOLUME_HOST: Buffer = Buffer::named("volume_host");
+/// Bytes of the state of such a voxel.
+pub const OF_VOXEL: u64 = 32;
+
 /// Bytes of every pixel of the surface, by buffer.
 const OF_PIXEL: [(Buffer, u64); 7] = [
     (buffer::PIXELS, 16),
@@ -33,6 +40,8 @@ pub struct OfFit<'o> {
     pub options: &'o SurfaceOptions,
     /// Iterations of other fits, and the most of this one.
     pub iterations: [usize; 2],
+    /// Whether a coarse volume may begin it.
+    pub has_volume: bool,
 }
 
 impl Needs for OfFit<'_> {
@@ -75,6 +84,8 @@ impl Needs for OfFit<'_> {
         let columns = 2 * (plan.levels.maps.n[0] * plan.levels.maps.n[1]) as u64;
         let mut all =
             vec![(buffer::PIXEL_OF, columns * 4), (buffer::SURFACE_WEIGHTS, u64::from(SURFACE_WEIGHTS) * 4)];
+        all.push((HEIGHTS_KEPT, pixels * 8));
+        all.push((buffer::VOXELS, if self.has_volume { plan.domain.capacity as u64 * OF_VOXEL } else { 0 }));
         all.extend(OF_PIXEL.map(|(buffer, bytes)| (buffer, pixels * bytes)));
         all
     }

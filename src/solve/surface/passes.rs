@@ -41,6 +41,12 @@ passes! {
         ..Pass::of("surface_step", |_| &kernel::SURFACE_STEP)
     };
 
+    /// Moves the vectors of the coarse volume.
+    VOLUME_STEP = Pass {
+        faults: &[Fault { bit: FAULT_UPDATE, what: "the next volume", hint: &advice!["check the counts (" [Capture] ")"] }],
+        ..Pass::of("volume_step", |_| &kernel::VOLUME_STEP)
+    };
+
     /// Puts a layer of the surface into the maps.
     SURFACE_EXTRACT = Pass::of("surface_extract", |_| &kernel::SURFACE_EXTRACT);
 }

@@ -2,7 +2,7 @@
 
 use super::passes::*;
 use super::weights;
-use crate::gpu::Schedule;
+use crate::gpu::{Buffer, Schedule};
 use crate::solve::adam::unbiased;
 use crate::solve::over_pairs::{
     compare, forward, gather, groups, over_parts, scene_of_sums, size_passes, turns_of_finish,
@@ -72,19 +72,30 @@ fn rendered(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, resid
 /// Iteration `i` of the whole solve (from 0), `at` of this fit, which has `all`: points, forward, weighted residual, gather,
 /// combine, pull while gradients are spread, step, for the next batch of pairs if there are batches.
 pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, times: [usize; 3]) {
-    later_iteration(s, plan, level, count, times, 0);
+    let [iteration, at, all] = times;
+    turn(s, plan, level, count, Turn { iteration, at, since_rest: at }, all);
 }
 
-/// [`iteration`] of a fit that leaves the first `skipped` iterations of its schedule out: its steps are shorter.
-pub(super) fn later_iteration(
+/// An iteration of a fit.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Turn {
+    /// Its number in the whole solve, from 0.
+    pub iteration: usize,
+    /// Its place in the schedule of the fit, which sets the length of steps.
+    pub at: usize,
+    /// Iterations since Adam was at rest.
+    pub since_rest: usize,
+}
+
+/// [`iteration`] at any place of a fit's schedule.
+pub(super) fn turn(
     s: &mut Schedule,
     plan: &Plan,
     level: &Level,
     count: usize,
-    [i, done, left]: [usize; 3],
-    skipped: usize,
+    Turn { iteration: i, at, since_rest }: Turn,
+    all: usize,
 ) {
-    let (at, all) = (skipped + done, skipped + left);
     let scene = level.scene;
     points(s, level, count);
     let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
@@ -102,12 +113,17 @@ pub(super) fn later_iteration(
     // The step closes the iteration.
     s.dispatch(&SURFACE_STEP, own, around * pixels + turns_of_finish(plan))
         .bind(buffer::SCENE, scene_of_sums(plan, seen))
-        .with(unbiased(push, BETAS, done as u32 + 1));
+        .with(unbiased(push, BETAS, since_rest as u32 + 1));
+}
+
+/// Keeps depths and albedos of `count` pixels, or puts those that are kept back.
+pub(super) fn keep(s: &mut Schedule, count: usize, [from, to]: [Buffer; 2]) {
+    s.copy(from, to, count as u64 * 8);
 }
 
 /// Divides the measured histograms among the batches of pairs.
 pub fn divide(s: &mut Schedule, plan: &Plan) {
-    for batch in plan.batches_held() {
+    for batch in plan.stretches() {
         let [first, count] =
             [batch.first, plan.measured(batch).count].map(|n| (n * plan.scene.bins * 4) as u64);
         s.copy_from([buffer::MEASURED, batch.measured], first, count);

@@ -37,6 +37,15 @@ const DIP: f32 = 0.5;
 /// Pairs of a filtered back-projection: as many as its coarse voxels need.
 const PROJECTED: usize = 1024;
 
+/// What surfaces may begin with.
+#[derive(Debug, Clone)]
+pub(crate) struct Starts {
+    /// The layers of a closed form, with the brightest albedo 1, or of a plane.
+    pub layers: Vec<Maps>,
+    /// The volume of the closed form.
+    pub light: Option<VolumeMap>,
+}
+
 /// A closed-form method that is prepared to initialise surfaces of one scan.
 pub(crate) struct Start {
     method: Box<dyn Prepared>,
@@ -71,16 +80,11 @@ impl Start {
         self.method.allocate()
     }
 
-    /// The layers of the closed-form volume, with the brightest albedo 1. `watch` may cancel.
+    /// The layers of the closed-form volume, with the brightest albedo 1, and the volume. `watch` may cancel.
     ///
     /// # Errors
     /// Those of the method.
-    pub fn layers(
-        &mut self,
-        capture: &Capture,
-        iterations: usize,
-        watch: &mut Watch<'_>,
-    ) -> Result<Vec<Maps>> {
+    pub fn layers(&mut self, capture: &Capture, iterations: usize, watch: &mut Watch<'_>) -> Result<Starts> {
         let capture = few(capture, self.pairs)?;
         of_method(&mut *self.method, &capture, iterations, watch)
     }
@@ -139,7 +143,7 @@ pub(crate) fn is_light_cone(options: &SurfaceOptions, capture: &Capture) -> bool
     matches!(method(options, options.lateral, capture), Ok(Some(ClosedForm::Lct(_))))
 }
 
-/// The layers of a closed-form volume, with the brightest albedo 1. `watch` may cancel; it is not called for iterations.
+/// As [`Start::layers`]; `watch` is not called for iterations.
 ///
 /// # Errors
 /// Those of the method.
@@ -148,7 +152,7 @@ fn of_method(
     capture: &Capture,
     iterations: usize,
     watch: &mut Watch<'_>,
-) -> Result<Vec<Maps>> {
+) -> Result<Starts> {
     let mut ask = |progress: &Progress| -> ControlFlow<()> {
         let point = TracePoint { iteration: 0, ..progress.point };
         (watch.hear)(&Progress { doing: progress.doing, point, iterations, remaining: None, maps: None })
@@ -162,7 +166,7 @@ fn of_method(
     // Where noise outshines everything, the brightest regions are all that is known.
     let noise = solved.sharpness.and_then(|s| s.noise).map_or(0.0, |noise| NOISE * noise.floor as f32);
     let noise = if noise < most { noise } else { 0.0 };
-    let mut second = solved.volume.map(|volume| second_maxima(&first, &volume));
+    let mut second = solved.volume.as_ref().map(|volume| second_maxima(&first, volume));
     for maps in std::iter::once(&mut first).chain(&mut second) {
         for pixel in 0..maps.albedo.len() {
             let lit = maps.albedo[pixel] > threshold && maps.depth[pixel].is_finite();
@@ -178,7 +182,7 @@ fn of_method(
         retain_regions(maps, |maps, region| region.iter().any(|p| most * maps.albedo[*p] > noise));
     }
     let layers = second.and_then(|second| split(&first, &second, least_columns(first.nx)));
-    Ok(layers.map_or_else(|| vec![first], Vec::from))
+    Ok(Starts { layers: layers.map_or_else(|| vec![first], Vec::from), light: solved.volume })
 }
 
 /// The second maximum of each column of a volume: the largest value beyond the dips on both sides of the first maximum.

@@ -172,12 +172,15 @@ pub fn share(flatness: f32) -> f32 {
     STAYS + (PLATE - STAYS) * flatness
 }
 
-/// Removes pixels whose smoothed evidence is at most `share` of the typical one, and clamps the albedo of the others.
-fn settle(maps: &mut Maps, typical: f32, share: f32) {
+/// Removes pixels whose smoothed evidence is at most `share` of the typical one, and clamps the albedo of the others if the support
+/// still changes.
+fn settle(maps: &mut Maps, typical: f32, share: f32, clamps: bool) {
     let smooth = smoothed(maps, typical);
     for (pixel, smooth) in smooth.into_iter().enumerate() {
         if smooth > share * typical && maps.depth[pixel].is_finite() {
-            maps.albedo[pixel] = maps.albedo[pixel].clamp(STAYS * typical, BRIGHTEST * typical);
+            if clamps {
+                maps.albedo[pixel] = maps.albedo[pixel].clamp(STAYS * typical, BRIGHTEST * typical);
+            }
         } else {
             remove(maps, pixel);
         }
@@ -191,7 +194,7 @@ pub fn follow(layers: &mut [Maps], [typical, flatness]: [f32; 2], grows_in: Opti
         if let Some((range, rings)) = grows_in {
             (0..rings).for_each(|_| grow(maps, typical, range));
         }
-        settle(maps, typical, share(flatness));
+        settle(maps, typical, share(flatness), grows_in.is_some());
         drop_islands(maps);
     }
 }

@@ -36,13 +36,14 @@ pub struct Placed {
     pub left: f64,
 }
 
-/// The buffer `surface_weights`, for a fit of `iterations` iterations.
+/// The buffer `surface_weights`, for a fit of `iterations` iterations whose steps are shorter by `factor`.
 pub fn weights(
     model: &Model,
     level: &Level,
     placed: Placed,
     options: &SurfaceOptions,
     iterations: usize,
+    factor: f64,
 ) -> [f32; SURFACE_WEIGHTS as usize] {
     // Half of chi² is the objective over this and over what is left: noise, and what the model does not explain.
     let share = 2.0 / model.elements_of(level.pairs).max(1) as f64;
@@ -56,8 +57,8 @@ pub fn weights(
         (SURFACE_JUMP, jump * placed.left),
         (SURFACE_BEND_SHARE, bend),
         (SURFACE_JUMP_SHARE, jump),
-        (SURFACE_DEPTH_RATE, (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
-        (SURFACE_ALBEDO_RATE, ALBEDO * most),
+        (SURFACE_DEPTH_RATE, factor * (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
+        (SURFACE_ALBEDO_RATE, factor * ALBEDO * most),
         (SURFACE_ITERATIONS, iterations as f64),
         (SURFACE_SPREAD, spread(&level.grid)),
         (SURFACE_SPARSE, sparse),

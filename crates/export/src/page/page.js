@@ -442,6 +442,12 @@ function words() {
     head.scope = "row", head.innerText = name, row.append(head);
     row.insertCell().innerText = typeof value === "string" ? value : JSON.stringify(value);
   }
+  const candidates = settings.candidates || [];
+  element("candidates-box").hidden = !candidates.length;
+  for (const { reflectance, start, left, seconds, kept } of candidates) {
+    const row = element("candidates").insertRow(), [share, error, excess] = left.map(v => v == null ? "–" : (100 * v).toPrecision(3));
+    for (const text of [reflectance, start === "closed" ? "closed form" : "coarse volume", `${share} ± ${error} %`, `${excess} %`, seconds.toFixed(2), kept ? "kept" : ""]) row.insertCell().innerText = text;
+  }
   list("left", report.plan.left_out), list("notes", settings.notes?.length ? settings.notes : ["none"]);
 }
 

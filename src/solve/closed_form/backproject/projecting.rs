@@ -269,7 +269,7 @@ pub(super) fn prepared<M: Projection>(
     problem: &Problem<'_>,
     is_start: bool,
 ) -> Result<Projecting<M>> {
-    let Problem { capture, grid, memory, with_volume } = *problem;
+    let Problem { capture, grid, memory, with_volume, .. } = *problem;
     let scan = to_refine(capture, options.image(), name)?;
     let fine = pairs_on(scan.as_ref(), capture, options.image());
     let (model, rows) = outline_of(&fine, &grid, options.image());
