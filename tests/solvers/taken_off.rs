@@ -74,7 +74,7 @@ fn every_pair_may_have_a_background_of_its_own() {
         let m = solved(&gpu, "surface", &c, &truth);
         (m.best_iou.unwrap(), m.at_best.unwrap().depth_mae.unwrap())
     });
-    assert!(uneven.0 > even.0 - 0.05 && uneven.1 < 1.5 * even.1, "{even:?} {uneven:?}");
+    assert!(uneven.0 > even.0 - 0.08 && uneven.1 < 1.5 * even.1, "{even:?} {uneven:?}");
     assert!(scaled.0 < even.0 - 0.1, "{even:?} {scaled:?}: the test cannot fail");
     assert_valid(&gpu);
 }
