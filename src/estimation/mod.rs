@@ -206,18 +206,11 @@ pub enum Begin {
     Closed,
     /// A coarse volume.
     Volume,
-    /// Another fit.
-    Fit,
 }
 
 impl Candidate {
-    fn of(reflectance: Reflectance, from: From<'_>, fitted: &Fitted, seconds: f64) -> Candidate {
+    fn of(reflectance: Reflectance, start: Begin, fitted: &Fitted, seconds: f64) -> Candidate {
         let left = fitted.surface.left.as_ref();
-        let start = match from {
-            From::ClosedForm => Begin::Closed,
-            From::Volume => Begin::Volume,
-            From::Fit(..) => Begin::Fit,
-        };
         Candidate {
             reflectance,
             start,
@@ -343,14 +336,14 @@ impl<'t> Search<'t> {
             return Ok(Some(at));
         }
         let mut best: Option<Fitted> = None;
-        for from in [From::ClosedForm, From::Volume] {
+        for (start, from) in [(Begin::Closed, From::ClosedForm), (Begin::Volume, From::Volume)] {
             let is_enough = best.as_ref().is_some_and(|best| best.surface.excess() < NOTHING_LEFT);
             if is_enough || best.is_some() && !self.finds_start {
                 break;
             }
             let clock = Instant::now();
             let Some(fitted) = self.fit(reflectance, Shape::SHARP, from)? else { continue };
-            self.candidates.push(Candidate::of(reflectance, from, &fitted, clock.elapsed().as_secs_f64()));
+            self.candidates.push(Candidate::of(reflectance, start, &fitted, clock.elapsed().as_secs_f64()));
             if best.as_ref().is_none_or(|best| fitted.surface.cost() < best.surface.cost()) {
                 best = Some(fitted);
             }

@@ -99,21 +99,21 @@ impl Trial {
             }
         };
         let mut driven = Driven::begun(layers[0].clone(), *fit.plan().finest());
-        let of = |iterations: usize, known: Option<f64>| Run {
+        let of = |iterations: usize| Run {
             iterations,
             skipped: 0,
             of: all,
-            known,
+            known: None,
             level: None,
             scheduled: None,
             until: None,
         };
         if rounds > 0 {
             let how = Rounds { number: rounds, rings: 1 };
-            let run = |known: Option<f64>, _: usize| Some(of(ITERATIONS[0], known).of_round());
+            let run = |_: usize| Some(of(ITERATIONS[0]).of_round());
             (driven, _) = surface::grow(&mut fit, how, &mut layers, &run, watch, driven)?;
         }
-        let (_, quality) = fit.run(&mut layers, of(last, None), watch, driven)?;
+        let (_, quality) = fit.run(&mut layers, of(last), watch, driven)?;
         let Some((quality, held)) = quality.zip(fit.judged()?) else { return Ok(None) };
         let surface = Candidate { layers, quality, left: Some(held.left()) };
         Ok(Some(Fitted { surface, held }))

@@ -25,10 +25,8 @@ pub fn energy(model: &Model, pairs: Range<usize>) -> f64 {
                 filter.apply(&mut row, model.bin_width);
                 row.iter().map(|v| v * v).sum::<f64>()
             };
-            {
-                let rows = &model.measured[pairs.start * model.bins..pairs.end * model.bins];
-                rows.par_chunks_exact(model.bins).map(of_row).sum()
-            }
+            let rows = &model.measured[pairs.start * model.bins..pairs.end * model.bins];
+            rows.par_chunks_exact(model.bins).map(of_row).sum()
         }
         None => weighted_sum(model, pairs.clone(), [0.0, 0.0, 1.0]),
     };

@@ -461,8 +461,8 @@ impl Fits<'_> {
             run = self.run((rounds * each + iterations).min(self.options.iterations), 0);
         } else if rounds > 0 {
             let how = Rounds { number: rounds, rings: self.options.factor().min(2) };
-            let of_round = |known: Option<f64>, round: usize| {
-                let known = if round == 0 { Some(seen.left) } else { known };
+            let of_round = |round: usize| {
+                let known = (round == 0).then_some(seen.left);
                 (round == 0 || !self.is_late()).then_some(Run { known, ..self.run(each, 0) })
             };
             let (next, best) = grow(fine, how, &mut layers, &of_round, watch, driven)?;
@@ -499,10 +499,9 @@ impl Fits<'_> {
         watch: &mut Watch<'_>,
         driven: Driven,
     ) -> Result<(Driven, bool)> {
-        let run = |known: Option<f64>, round: usize| {
-            let run = Run { known, ..self.run(rounds_of::ITERATIONS, 0).of_round() };
-            // The first round was in time.
-            (round == 0 || !self.is_late()).then_some(run)
+        // The first round was in time.
+        let run = |round: usize| {
+            (round == 0 || !self.is_late()).then(|| self.run(rounds_of::ITERATIONS, 0).of_round())
         };
         let (driven, best) = grow(fit, rounds, layers, &run, watch, driven)?;
         Ok((driven, best.is_some_and(|best| best.is_coherent())))

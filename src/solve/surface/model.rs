@@ -26,7 +26,8 @@ pub(crate) fn outline_of(
     (model, rows)
 }
 
-/// Fewest and most pairs that are held out, else one of so many: too few cannot tell models apart, more only cost light.
+/// Bounds of the size of the hold-out set, pairs, and its reciprocal share between them: fewer pairs cannot separate models,
+/// more only cost light.
 const HELD_OUT: [usize; 2] = [16, 256];
 const ONE_OF: usize = 8;
 

@@ -59,7 +59,7 @@ impl Candidate {
         }
     }
 
-    /// Whether the model explains the measurement so well that dim surface can be told from haze.
+    /// Whether the model error is small enough to separate dim surface from haze.
     pub fn is_coherent(&self) -> bool {
         let flatness = support::typical_albedo(&self.layers)
             .map_or(0.0, |typical| support::flatness(&self.layers, typical));
@@ -69,7 +69,7 @@ impl Candidate {
 }
 
 /// Fits `layers` in rounds, and replaces them by the support of the best one; returns that. `None` if they explain no light.
-/// `run` gives the fit of a round from the residual of the layers, if it is known, or nothing if the time is over.
+/// `run` gives the fit of a round by its number from 0, or nothing if the time is over.
 ///
 /// # Errors
 /// The device fails, or the watch cancels.
@@ -77,7 +77,7 @@ pub(crate) fn grow(
     fit: &mut Fit,
     Rounds { number, rings }: Rounds,
     layers: &mut Vec<Maps>,
-    run: &dyn Fn(Option<f64>, usize) -> Option<Run>,
+    run: &dyn Fn(usize) -> Option<Run>,
     watch: &mut Watch<'_>,
     mut driven: Driven,
 ) -> Result<(Driven, Option<Candidate>)> {
@@ -88,7 +88,7 @@ pub(crate) fn grow(
     let mut last = None;
     let (mut best, mut worse): (Option<Candidate>, usize) = (None, 0);
     for round in 0..number {
-        let Some(how) = run(None, round) else { break };
+        let Some(how) = run(round) else { break };
         // New pixels disturb the surface: what it left before weighs its prior.
         let how = Run { level: last, ..how };
         let (next, quality) = fit.run(layers, how, watch, driven)?;
