@@ -64,6 +64,8 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("residual_fixed", "residual.comp", &["ACCUMULATE_FIXED"]),
     ("residual_rows", "residual_rows.comp", &[]),
     ("residual_rows_fixed", "residual_rows.comp", &["ACCUMULATE_FIXED"]),
+    ("residual_scan", "residual_scan.comp", &[]),
+    ("residual_scan_fixed", "residual_scan.comp", &["ACCUMULATE_FIXED"]),
     ("rim", "rim.comp", &[]),
     ("room", "room.comp", &[]),
     ("rounding", "rounding.comp", &[]),

@@ -13,22 +13,7 @@
 #include "surface_block.glsl"
 #include "grid.glsl"
 layout(local_size_x = 64) in;
-layout(constant_id = 13) const uint SEEN = 0u;    // 1: compare the output of pulse.comp or spot.comp
-layout(constant_id = 14) const uint SPOT = 0u;    // 1: rendered pairs differ from measured ones: clear nothing
-layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
-layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
-layout(std430, set = 0, binding = 3) buffer Residual { float residual[]; };
-#ifdef ACCUMULATE_FIXED
-layout(std430, set = 0, binding = 4) buffer Histograms { uvec2 histograms[]; };
-#else
-layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
-#endif
-layout(std430, set = 0, binding = 5) buffer LossPartials { vec2 loss_partials[]; }; // objective, plain
-layout(std430, set = 0, binding = 7) buffer Spread { float spread[]; };
-
-#include "weight.glsl"
-#include "faults.glsl"
-#include "accumulated.glsl"
+#include "compared.glsl"
 
 // The compared row keeps values between two walks.
 #ifdef ACCUMULATE_FIXED
@@ -55,11 +40,6 @@ float eliminated(uint at, float value, float before) {
     return (at == bins - 1u ? last_along : along(at)) * (value * inverse + before);
 }
 
-float root_weight(uint bin) {
-    float scaled = max((scene.t_start + (float(bin) + 0.5) / scene.bins_per_metre) * (0.5 / scene.reference), 0.0);
-    return REFLECTANCE == RETROREFLECTIVE ? scaled : scaled * scaled;
-}
-
 uint row;
 uint data;
 vec3 sums = vec3(0.0); // squared differences, filtered and plain, and the magnitude of rendered values
@@ -68,7 +48,7 @@ float answer = 0.0;
 
 void compare(uint bin) {
     uint cell = row + bin;
-    float rendered = (SEEN != 0u ? spread[cell] : accumulated(cell)) * scene.render_scale;
+    float rendered = compared(cell);
     float difference = rendered - measured[data + bin];
     sums.yz += vec2(difference * difference, abs(rendered));
     float value = root_weight(bin) * difference;
@@ -125,15 +105,7 @@ void main() {
     if (end < bins) close(end);
     // Padding before each row, and after the last.
     for (uint k = 0u; k < (pair == scene.pairs - 1u ? 2u : 1u); ++k) {
-        for (uint i = 0u; i < PADDING; ++i) {
-            uint cell = row - PADDING + i + k * scene.stride;
-            residual[cell] = 0.0;
-            if (SPOT == 0u) histograms[cell] = ZERO;
-        }
+        for (uint i = 0u; i < PADDING; ++i) clear_padding(row - PADDING + i + k * scene.stride);
     }
-    bool more = (push.flags & BACKWARD_CONTINUE) != 0u;
-    loss_partials[pair] = sums.xy + (more ? loss_partials[pair] : vec2(0.0));
-    bool rendered = finite(sums.z);
-    watch(rendered, FAULT_FORWARD);
-    watch(!rendered || finite(sums.x + sums.y), FAULT_RESIDUAL);
+    close_row(pair, sums.xy, finite(sums.z));
 }

@@ -4,7 +4,7 @@
 // with d from i to j; e is the deviation of j from the planes of both pixels. And for every lit pixel,
 //   sparse * faint * log(1 + a / faint)
 // which costs a bright pixel little more than a dim one and concentrates light in few pixels. surface_pull.comp
-// propagates the gradient of the slopes to the depths. One invocation owns one pixel.
+// propagates the gradient of the slopes to the depths. One invocation, or several, own one pixel (pixel_lanes.glsl).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -12,7 +12,6 @@
 #include "reflectance.glsl"
 #include "sums.glsl"
 #include "largest.glsl"
-layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint POINTS = 4u; // of a pixel: 4 or 1
 layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
 layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
@@ -24,20 +23,22 @@ layout(std430, set = 0, binding = 7) buffer SurfaceWeights { uint surface_weight
 layout(std430, set = 0, binding = 8) writeonly buffer L1Partials { float l1_partials[]; };
 
 #include "heights.glsl"
+#include "pixel_lanes.glsl"
 
 void main() {
     // Groups that only fill the last row of a dispatch (GROUPS_X) have no partial sum. All lanes return together.
     if (group_index() * WORKGROUP >= push.last) return;
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
+    bool is_first = gl_LocalInvocationID.y == 0u;
     float energy = 0.0;
-    vec2 pull = vec2(0.0); // magnitudes of the gradient by depth and by albedo
+    vec2 tilts = vec2(0.0);
+    float deeper = 0.0;
+    float brighter = 0.0;
     if (pixel < push.last) {
         vec2 height = heights[pixel];
         vec2 slope = slopes[pixel];
         vec4 points = vec4(0.0);
-        vec2 tilts = vec2(0.0);
-        float deeper = 0.0;
-        for (uint k = 0u; k < POINTS; ++k) {
+        for (uint k = 0u; k < (is_first ? POINTS : 0u); ++k) {
             vec4 g = gradient[POINTS * pixel + k];
             float along = NORMALS ? g.w : g.y;
             points += g;
@@ -45,7 +46,7 @@ void main() {
             tilts += along * part(k, POINTS);
         }
         float share = 1.0 / float(POINTS);
-        float brighter = share * points.x;
+        brighter = share * points.x;
         if (NORMALS) {
             // Per lateral area of a pixel, albedo times normal is albedo times (slope, -1).
             brighter = share * dot(vec3(slope, -1.0), points.xyz);
@@ -54,7 +55,7 @@ void main() {
         float bend = uintBitsToFloat(surface_weights[SURFACE_BEND]);
         float jump = uintBitsToFloat(surface_weights[SURFACE_JUMP]);
         float size = pixel_size();
-        for (uint k = 0u; k < 8u; ++k) {
+        for (uint k = gl_LocalInvocationID.y; k < 8u; k += PIXEL_LANES) {
             uint other = neighbour(pixel, k);
             if (other == NOWHERE) continue;
             float weight = bond(k, step_between(pixel, other));
@@ -68,18 +69,21 @@ void main() {
             energy += 0.25 * weight * (bend * off * off + jump * differs * differs);
         }
         float sparse = uintBitsToFloat(surface_weights[SURFACE_SPARSE]);
-        if (sparse > 0.0) {
+        if (is_first && sparse > 0.0) {
             float faint = uintBitsToFloat(surface_weights[SURFACE_FAINT]);
             float lit = 1.0 + height.y / faint;
             brighter += sparse / lit;
             energy += sparse * faint * log(lit);
         }
-        height_gradient[pixel] = vec4(tilts, deeper, brighter);
-        pull = abs(vec2(deeper, brighter));
     }
+    vec4 own = over_lanes(vec4(tilts, deeper, brighter));
+    if (PIXEL_LANES > 1u) barrier();
+    energy = over_lanes(vec4(energy)).x;
+    if (is_first && pixel < push.last) height_gradient[pixel] = own;
     float all = sum_over_group(vec3(energy)).x;
-    uvec2 most = largest_of_group(pull);
-    if (gl_LocalInvocationID.x != 0u) return;
+    // Magnitudes of the gradient by depth and by albedo.
+    uvec2 most = largest_of_group(is_first && pixel < push.last ? abs(own.zw) : vec2(0.0));
+    if (gl_LocalInvocationIndex != 0u) return;
     l1_partials[group_index()] = all;
     atomicMax(surface_weights[SURFACE_LARGEST], most.x);
     atomicMax(surface_weights[SURFACE_LARGEST + 1u], most.y);

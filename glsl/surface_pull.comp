@@ -1,10 +1,10 @@
 // Gradient of a pixel's depth and albedo (pull.glsl), divided by the sum of the weights with which surface_step.comp
-// averages it over surrounding pixels. Omitted once averaging has ended. One invocation owns one pixel.
+// averages it over surrounding pixels. Omitted once averaging has ended. One invocation, or several, own one pixel
+// (pixel_lanes.glsl).
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
-layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
 layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Stencils { vec2 stencils[]; };
@@ -13,14 +13,16 @@ layout(std430, set = 0, binding = 5) readonly buffer SurfaceWeights { float surf
 layout(std430, set = 0, binding = 6) writeonly buffer HeightPull { vec2 height_pull[]; };
 
 #include "heights.glsl"
+#include "pixel_lanes.glsl"
 #include "pull.glsl"
 
+// Those of one of the pixel's lanes.
 float weights_around(uint pixel, float sigma) {
     int reach = reach_of(sigma);
     uint layer = layer_start(pixel);
     ivec2 centre = pixel_xy(pixel);
     float sum = 0.0;
-    for (int x = -reach; x <= reach; ++x) {
+    for (int x = int(gl_LocalInvocationID.y) - reach; x <= reach; x += int(PIXEL_LANES)) {
         for (int y = -reach; y <= reach; ++y) {
             uint other = pixel_at(layer, centre + ivec2(x, y));
             if (other == NOWHERE) continue;
@@ -32,7 +34,9 @@ float weights_around(uint pixel, float sigma) {
 
 void main() {
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
-    if (pixel >= push.last) return;
     float sigma = spread_at(surface_weights[SURFACE_SPREAD], push.step, surface_weights[SURFACE_ITERATIONS]);
-    if (sigma > 0.0) height_pull[pixel] = pulled(pixel) / weights_around(pixel, sigma);
+    if (sigma <= 0.0) return;
+    bool owned = pixel < push.last;
+    vec4 sum = over_lanes(owned ? vec4(pulled(pixel), weights_around(pixel, sigma), 0.0) : vec4(0.0));
+    if (owned && gl_LocalInvocationID.y == 0u) height_pull[pixel] = sum.xy / sum.z;
 }

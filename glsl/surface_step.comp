@@ -1,14 +1,13 @@
 // One step of Adam (Kingma & Ba 2015) for a pixel's depth and albedo; the rate decays to zero as half a cosine. The
 // gradient is averaged (surface_pull.comp) by an edge-stopping Gaussian that narrows to the pixel itself: shapes come
-// before details. From then on it is the pixel's own (pull.glsl). One invocation owns one pixel. The last workgroup
-// to finish closes the iteration (finish.glsl): it sums results of earlier dispatches; the faults are of all
+// before details. From then on it is the pixel's own (pull.glsl). One invocation, or several, own one pixel
+// (pixel_lanes.glsl). The last workgroup to finish closes the iteration (finish.glsl): it sums results of earlier dispatches; the faults are of all
 // workgroups. The scene is that of the compared pairs.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
 #include "sums.glsl"
-layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
 layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
 layout(std430, set = 0, binding = 3) buffer Heights { vec2 heights[]; };
@@ -23,6 +22,7 @@ layout(std430, set = 0, binding = 11) readonly buffer L1Partials { float l1_part
 layout(std430, set = 0, binding = 12) writeonly buffer Trace { uint trace[]; };
 
 #include "heights.glsl"
+#include "pixel_lanes.glsl"
 #include "pull.glsl"
 #include "faults.glsl"
 #include "finish.glsl"
@@ -33,12 +33,13 @@ const float LAST_RATE = 0.02; // share of the initial rate
 const float QUIET = 1e-3;     // share of the largest gradient: smaller ones may be rounding errors and cause no full step
 const float LEAST = 1e-18;    // its square is about the smallest normal fp32 value
 
+// The part of one of the pixel's lanes.
 vec2 from_around(uint pixel, float sigma) {
     int reach = reach_of(sigma);
     uint layer = layer_start(pixel);
     ivec2 centre = pixel_xy(pixel);
     vec2 sum = vec2(0.0);
-    for (int x = -reach; x <= reach; ++x) {
+    for (int x = int(gl_LocalInvocationID.y) - reach; x <= reach; x += int(PIXEL_LANES)) {
         for (int y = -reach; y <= reach; ++y) {
             uint other = pixel_at(layer, centre + ivec2(x, y));
             if (other == NOWHERE) continue;
@@ -48,10 +49,14 @@ vec2 from_around(uint pixel, float sigma) {
     return sum;
 }
 
-void make_step(uint pixel) {
+// The part of the pixel's gradient from one of its lanes.
+vec2 gradient_of(uint pixel) {
+    float sigma = spread_at(surface_weights[SURFACE_SPREAD], push.step, surface_weights[SURFACE_ITERATIONS]);
+    return sigma > 0.0 ? from_around(pixel, sigma) : pulled(pixel);
+}
+
+void make_step(uint pixel, vec2 g) {
     float iterations = surface_weights[SURFACE_ITERATIONS];
-    float sigma = spread_at(surface_weights[SURFACE_SPREAD], push.step, iterations);
-    vec2 g = sigma > 0.0 ? from_around(pixel, sigma) : pulled(pixel);
     vec4 moments = height_moments[pixel];
     vec2 first = mix(g, moments.xy, BETA_1);
     vec2 second = mix(g * g, moments.zw, BETA_2);
@@ -72,17 +77,19 @@ void main() {
     // Groups that only fill the last row of a dispatch (GROUPS_X) have no pixels. All lanes return together.
     if (group_index() * WORKGROUP >= push.last) return;
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
-    if (pixel < push.last) make_step(pixel);
+    bool owned = pixel < push.last;
+    vec2 g = over_lanes(owned ? vec4(gradient_of(pixel), vec2(0.0)) : vec4(0.0)).xy;
+    if (owned && gl_LocalInvocationID.y == 0u) make_step(pixel, g);
     memoryBarrierBuffer();
     barrier();
-    if (gl_LocalInvocationID.x == 0u) {
+    if (gl_LocalInvocationIndex == 0u) {
         is_last = atomicAdd(counts[COUNT_ARRIVED], 1u) + 1u == (push.last + WORKGROUP - 1u) / WORKGROUP;
     }
     barrier();
     if (!is_last) return;
     memoryBarrierBuffer();
     vec3 sum = sum_of_partials();
-    if (gl_LocalInvocationID.x != 0u) return;
+    if (gl_LocalInvocationIndex != 0u) return;
     write_row(sum);
     counts[COUNT_ARRIVED] = 0u;
 }

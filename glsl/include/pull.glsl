@@ -1,9 +1,10 @@
 // Gradient of a pixel's depth and albedo: its own (surface_combine.comp), plus the gradients of all slopes that
-// depend on it, through the same coefficients. Needs heights.glsl and the buffers stencils and height_gradient.
+// depend on it, through the same coefficients. Returns the part of one of the pixel's lanes. Needs heights.glsl,
+// pixel_lanes.glsl and the buffers stencils and height_gradient.
 vec2 pulled(uint pixel) {
     vec4 own = height_gradient[pixel];
-    vec2 g = own.zw;
-    for (uint k = 0u; k < 8u; ++k) {
+    vec2 g = gl_LocalInvocationID.y == 0u ? own.zw : vec2(0.0);
+    for (uint k = gl_LocalInvocationID.y; k < 8u; k += PIXEL_LANES) {
         uint other = neighbour(pixel, k);
         if (other == NOWHERE) continue;
         g.x += dot(stencils[8u * other + 7u - k], height_gradient[other].xy) - dot(stencils[8u * pixel + k], own.xy);

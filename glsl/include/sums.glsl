@@ -1,13 +1,14 @@
-// Sums over a workgroup of WORKGROUP lanes in a fixed order, for reproducible bits.
+// Sums over the WORKGROUP lanes of a workgroup that have y = 0, in a fixed order, for reproducible bits.
 
 shared vec3 sums[WORKGROUP];
 
 vec3 sum_over_group(vec3 value) {
     uint lane = gl_LocalInvocationID.x;
-    sums[lane] = value;
+    bool is_own = gl_LocalInvocationID.y == 0u;
+    if (is_own) sums[lane] = value;
     barrier();
     for (uint stride = WORKGROUP / 2u; stride > 0u; stride >>= 1) {
-        if (lane < stride) sums[lane] += sums[lane + stride];
+        if (is_own && lane < stride) sums[lane] += sums[lane + stride];
         barrier();
     }
     return sums[0];

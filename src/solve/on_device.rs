@@ -204,7 +204,7 @@ impl<'e> Uploads<'e> {
             self.add(*buffer, bytes)?;
         }
         if let Some(filter) = model.high_pass.filter(|_| plan.scene.high_pass) {
-            self.add(buffer::SURFACE, bytemuck::bytes_of(&filter.block(model.bin_width)))?;
+            self.add(buffer::SURFACE, bytemuck::bytes_of(&filter.block(model.bins, model.bin_width)))?;
         }
         for level in plan.levels.volume.iter().chain(plan.stretches()) {
             let scene = model.scene_of(&level.grid, level.pairs);

@@ -103,9 +103,10 @@ pub(super) fn compare(
     }
     let flags = push.flags | if part.is_first() { 0 } else { BACKWARD_CONTINUE };
     let cells = cells(part.own.count, bins);
-    // Rows are walked three times.
+    // Rows are walked three times, by an invocation or a workgroup each.
+    let rows_of_group = if plan.division.tuning.row_lanes > 0 { 1 } else { WORKGROUP };
     let (all, turns) = match *residual == RESIDUAL_ROWS {
-        true => (groups(part.own.count, WORKGROUP), 3 * cells as u64),
+        true => (groups(part.own.count, rows_of_group), 3 * cells as u64),
         false => (groups(cells, WORKGROUP * RESIDUAL_BINS), cells as u64),
     };
     let compared = s

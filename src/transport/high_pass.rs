@@ -31,9 +31,17 @@ impl HighPass {
         1.0 + half - (half * (half + 2.0)).sqrt()
     }
 
-    /// The block of the kernels that filter.
-    pub fn block(&self, bin_width: f64) -> SurfaceData {
-        SurfaceData { slow_decay: self.decay(bin_width) as f32, slow_share: (1.0 - self.floor) as f32 }
+    /// The block of the kernels that filter rows of `bins` bins.
+    pub fn block(&self, bins: usize, bin_width: f64) -> SurfaceData {
+        let slow_decay = self.decay(bin_width) as f32;
+        // Of the rounded decay, whose powers the kernels sum.
+        let log = f64::from(slow_decay).log2().max(f64::from(f32::MIN_EXP));
+        SurfaceData {
+            slow_decay,
+            slow_share: (1.0 - self.floor) as f32,
+            slow_log: log as f32,
+            slow_wrap: (-(2.0 * bins as f64 * log * std::f64::consts::LN_2).exp_m1()).recip() as f32,
+        }
     }
 
     /// Filters a row in place.

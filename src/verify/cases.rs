@@ -97,7 +97,10 @@ fn surface() -> Vec<Case> {
     }
     for (points, spread, long_steps) in [(1, 1.25, false), (4, 0.0, true), (4, 1.5, true), (1, 6.0, true)] {
         let solver = Solver::Surface { points, spread, long_steps };
-        all.push(Case { solver, ..of("surface, steps", &base) });
+        for shared in [None, Some([32, 8])] {
+            let sizes = Sizes { shared, ..Sizes::default() };
+            all.push(Case { solver, sizes, ..of("surface, steps", &base) });
+        }
     }
     // Paths with enough bins for places in parts.
     all.extend([Geometry::Confocal, Geometry::TwoPoints, Geometry::Product].map(|geometry| {
@@ -145,8 +148,13 @@ fn instruments() -> Vec<Case> {
         let product = variant(&filtered, Geometry::Product, Reflectance::Lambertian, true, 7);
         let spotted = spots(&filtered);
         let paths = if i == 0 { Paths::All } else { Paths::Only(&[Owned]) };
+        // A row of an invocation, of a workgroup with lanes to spare, and of one with long runs.
         for model in [filtered, Model { pulse: Some(symmetric), ..product }, spotted] {
-            all.push(Case { paths, checks_devices: i == 0, ..of("surface, high-pass", model) });
+            for shared in [None, Some([32, 8]), Some([4, 2])] {
+                let sizes = Sizes { shared, ..Sizes::default() };
+                let checks_devices = i == 0;
+                all.push(Case { paths, sizes, checks_devices, ..of("surface, high-pass", model.clone()) });
+            }
         }
     }
     all

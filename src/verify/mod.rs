@@ -123,6 +123,8 @@ pub struct Sizes {
     pub window: Option<u32>,
     /// Voxels and lanes of a workgroup that gathers, and lanes that fill the device.
     pub gather: Option<[u32; 3]>,
+    /// Lanes that own a row of a high-pass, and that share a pixel, as on a GPU.
+    pub shared: Option<[u32; 2]>,
     /// Blocks instead of texels.
     pub blocks: bool,
     /// Distances of gathers are polished, as on devices with rough roots.

@@ -89,6 +89,9 @@ fn tune(case: &Case, t: &mut Tuning) {
     if let Some([voxels, slices, fill]) = case.sizes.gather {
         (t.voxels, t.slices, t.fill) = (voxels, slices, fill);
     }
+    if let Some(lanes) = case.sizes.shared {
+        [t.row_lanes, t.pixel_lanes] = lanes;
+    }
     t.texels &= !case.sizes.blocks;
 }
 

@@ -96,7 +96,8 @@ pub fn compare(
         _ => f64::INFINITY,
     };
     // The filter takes much off the losses of a row.
-    let is_filtered = module.starts_with("residual_rows") && buffer == buffer::LOSS_PARTIALS;
+    let is_filtered = ["residual_rows", "residual_scan"].iter().any(|name| module.starts_with(name))
+        && buffer == buffer::LOSS_PARTIALS;
     let allowed = if is_filtered { allowed.max(1e-4) } else { allowed };
     Ok(Compared { module, buffer, error, allowed, bits: hasher.finish() })
 }

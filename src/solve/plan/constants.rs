@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::tuning::row_run;
 use super::{Plan, Tuning};
 use crate::gpu::Constant;
 use crate::transport::kernels::constant;
@@ -56,6 +57,9 @@ impl Plan {
             (constant::FORWARD_OTHERS, if product { t.others_forward } else { 0 }),
             (constant::OTHERS, t.others_backward),
             (constant::SET_CELLS, self.set_cells()),
+            (constant::ROW_LANES, t.row_lanes.max(1)),
+            (constant::ROW_RUN, row_run(self.scene.bins, t.row_lanes)),
+            (constant::PIXEL_LANES, t.pixel_lanes),
             (constant::FORWARD_SETS, self.most_sets()),
         ]
     }

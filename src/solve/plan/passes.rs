@@ -99,7 +99,12 @@ pub fn residual(plan: &Plan) -> &'static KernelCode {
 }
 
 fn residual_rows(plan: &Plan) -> &'static KernelCode {
-    if plan.fixed_point() { &kernel::RESIDUAL_ROWS_FIXED } else { &kernel::RESIDUAL_ROWS }
+    match (plan.division.tuning.row_lanes > 0, plan.fixed_point()) {
+        (true, true) => &kernel::RESIDUAL_SCAN_FIXED,
+        (true, false) => &kernel::RESIDUAL_SCAN,
+        (false, true) => &kernel::RESIDUAL_ROWS_FIXED,
+        (false, false) => &kernel::RESIDUAL_ROWS,
+    }
 }
 
 /// The pass that makes a plan's objective of the difference from the measurement.

@@ -69,6 +69,10 @@ pub struct Tuning {
     /// Passes over pairs see what they read as texels. A CPU driver loads these for all lanes at once, and words of
     /// blocks lane by lane.
     pub texels: bool,
+    /// High-pass: lanes of the workgroup that owns a row; 0 where an invocation owns it.
+    pub row_lanes: u32,
+    /// Passes over pixels of a surface that read surrounding pixels: lanes that share a pixel.
+    pub pixel_lanes: u32,
 }
 
 /// Sizes that a user asks for instead of the device's own. Written `lanes=64,chunk=256`.
@@ -178,6 +182,30 @@ fn held_of(owned: usize, lanes: u32) -> u32 {
     if owned.div_ceil(2 * lanes as usize) >= GROUPS_PER_THREAD * threads { 2 } else { 1 }
 }
 
+/// Bins of a lane where a workgroup owns a row, and bounds of its lanes: more lanes take more turns of a scan.
+const BINS_OF_LANE: u32 = 4;
+const ROW_LANES: [u32; 2] = [32, 256];
+
+/// Lanes of the workgroup that owns a row of `bins` bins (`residual_scan.comp`); 0 on a CPU, or for longer rows than fit into
+/// shared memory.
+fn row_lanes_of(bins: usize, device: &Abilities) -> u32 {
+    let [least, most] = ROW_LANES;
+    let lanes = (bins as u32).div_ceil(BINS_OF_LANE).next_power_of_two().clamp(least, most);
+    let lanes = lanes.min(device.limits.workgroup_invocations);
+    // A value of every bin, twice two sums of every lane, two words.
+    let bytes = u64::from(lanes) * (4 * u64::from(row_run(bins, lanes)) + 16) + 8;
+    let fits = bytes <= u64::from(device.limits.shared_memory);
+    if device.kind != DeviceKind::Cpu && fits { lanes } else { 0 }
+}
+
+/// Bins of a lane: an odd number, so that lanes do not share memory banks.
+pub(super) fn row_run(bins: usize, lanes: u32) -> u32 {
+    (bins as u32).div_ceil(lanes.max(1)) | 1
+}
+
+/// Lanes that share a pixel on a GPU: as many as a pixel has neighbours.
+const PIXEL_LANES: u32 = 8;
+
 /// Maximum ratio of a brick's width to a column's. Counted on lists of solves: a lane of a warp then moves its
 /// column in a sixth of the turns at most (docs/devices.md).
 const SPANS: u32 = 4;
@@ -235,6 +263,12 @@ impl Tuning {
             window: sizes.window.unwrap_or(window),
             window_span: sizes.window.unwrap_or(window).saturating_mul(SPANS),
             texels: cpu,
+            row_lanes: row_lanes_of(model.bins, device),
+            pixel_lanes: if cpu {
+                1
+            } else {
+                PIXEL_LANES.min(device.limits.workgroup_invocations / WORKGROUP)
+            },
         };
         if sizes.window.is_none() {
             let narrower = t.window.min(t.widest_window(product, device));
@@ -385,6 +419,8 @@ mod tests {
                 window: 0,
                 window_span: 0,
                 texels: false,
+                row_lanes: 0,
+                pixel_lanes: 1,
             };
             let groups = |samples: usize| samples.div_ceil(t.samples_of_group(samples) as usize);
             for capacity in [1usize, 999, 8191, 70_001, 300_000, 2_000_000] {

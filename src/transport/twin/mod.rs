@@ -23,8 +23,8 @@ macro_rules! twins {
 
 twins! {
     arguments backproject backward carry compact_count compact_scan compact_scatter double_domain extract filter finish
-    forward forward_owned forward_product gaussian initialise initialise_raw levels noise places pulse residual residual_rows rim room
-    rounding sample spot surface_bonds surface_combine surface_extract surface_gather surface_points surface_pull
+    forward forward_owned forward_product gaussian initialise initialise_raw levels noise places pulse residual residual_rows
+    residual_scan rim room rounding sample spot surface_bonds surface_combine surface_extract surface_gather surface_points surface_pull
     surface_step threshold update volume_step
 }
 
