@@ -44,6 +44,7 @@ const KERNELS: &[(&str, &str, &[&str])] = &[
     ("initialise", "initialise.comp", &[]),
     ("initialise_raw", "initialise_raw.comp", &[]),
     ("levels", "levels.comp", &[]),
+    ("limit_copy", "limit_copy.comp", &[]),
     ("limit_empty", "limit_empty.comp", &[]),
     ("limit_fma", "limit_fma.comp", &[]),
     ("limit_global_atomic", "limit_global_atomic.comp", &[]),

@@ -213,7 +213,11 @@ fn complete(recording: &mut Recording, began: f64, load_seconds: f64) -> f64 {
     let after =
         |what: &str| recording.host.iter().find(|s| s.what == what && s.from >= began).map(|s| s.from);
     let planned = after("allocate").unwrap_or(began);
-    let ready = recording.host.iter().filter(|s| s.what == "upload").map(|s| s.to).fold(planned, f64::max);
+    // Later uploads are part of the solve.
+    let first =
+        recording.device.iter().filter(|r| r.stage.is_some()).map(|r| r.from).fold(f64::INFINITY, f64::min);
+    let uploads = recording.host.iter().filter(|s| s.what == "upload" && s.to <= first);
+    let ready = uploads.map(|s| s.to).fold(planned, f64::max);
     recording.host.push(HostSpan { what: "plan", from: began, to: planned });
     let opened = recording.host.iter().map(|s| s.from).fold(0.0, f64::min);
     recording.host.push(HostSpan { what: "load", from: opened - load_seconds, to: opened });

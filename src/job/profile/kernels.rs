@@ -9,6 +9,9 @@ use super::work::{Limit, Work};
 use crate::gpu::{Ran, Recording};
 use crate::solve::{TracePoint, Voxels, pass_of};
 
+/// Statistics above this are in other units than their names say: no kernel has 2³² registers or bytes of memory.
+const MOST_PLAUSIBLE: f64 = 4_294_967_296.0;
+
 /// A kernel's part in a solve. A null value is not known or does not apply: most kernels evaluate no pairs.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
 pub struct KernelProfile {
@@ -105,6 +108,7 @@ pub fn times(
             if let Some(made) = made {
                 k.code = made.code.name.into();
                 k.statistics = made.statistics.iter().cloned().collect();
+                k.statistics.retain(|_, value| value.abs() <= MOST_PLAUSIBLE);
             }
             let over_pairs = pass.is_some_and(|p| p.pairs.is_some());
             if over_pairs && k.seconds > 0.0 {

@@ -35,8 +35,22 @@ pub struct DeviceLimits {
     pub scattered_atomic_per_s: f64,
     /// Bytes per second, read and written, of a copy from buffer to buffer.
     pub copy_bytes_per_s: f64,
-    /// Seconds of an almost empty dispatch, with the barrier before it.
+    /// The same of copies within sets of [`SETS`] bytes, which caches may hold.
+    #[serde(default)]
+    pub set_bytes_per_s: [f64; SETS.len()],
+    /// Seconds of an almost empty dispatch; with the barrier before it where dispatches have no time stamps.
     pub dispatch_s: f64,
+}
+
+/// Bytes of both buffers of copies that caches may hold.
+pub const SETS: [u64; 3] = [1 << 20, 8 << 20, 64 << 20];
+
+impl DeviceLimits {
+    /// Bytes per second of a dispatch that reads and writes so many bytes: those of the next smaller set.
+    pub fn bytes_per_s(&self, bytes: u64) -> f64 {
+        let in_caches = SETS.iter().zip(self.set_bytes_per_s).filter(|(set, _)| bytes < 8 * **set);
+        in_caches.map(|(_, rate)| rate).next().unwrap_or(0.0).max(self.copy_bytes_per_s)
+    }
 }
 
 /// A kernel that measures one limit.
@@ -147,6 +161,7 @@ pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
     let mut bench = Bench::new(gpu)?;
     let float = gpu.accumulations.float;
     let cpu = gpu.info.kind == DeviceKind::Cpu;
+    let copy = bench.copy()?;
     Ok(DeviceLimits {
         fma_per_s: bench.rate(&FMA)?,
         special_per_s: bench.rate(&SPECIAL)?,
@@ -157,7 +172,12 @@ pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
         global_atomic_per_s: bench.rate(&GLOBAL)?,
         global_atomic_float_per_s: if float { Some(bench.rate(&FLOAT)?) } else { None },
         scattered_atomic_per_s: bench.rate(if float { &SCATTERED_FLOAT } else { &SCATTERED })?,
-        copy_bytes_per_s: bench.copy()?,
+        copy_bytes_per_s: copy.max(bench.copy_within(u64::MAX)?),
+        set_bytes_per_s: [
+            bench.copy_within(SETS[0])?,
+            bench.copy_within(SETS[1])?,
+            bench.copy_within(SETS[2])?,
+        ],
         dispatch_s: bench.dispatch()?,
     })
 }
@@ -165,6 +185,13 @@ pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
 /// Runs of a measurement, and the least seconds that a run takes.
 const RUNS: usize = 4;
 const LONG_ENOUGH: f64 = 0.02;
+
+/// Word that copies move.
+const PATTERN: u32 = 0x600d_c0de;
+
+/// Workgroups of a dispatch that copies, and least turns of an invocation.
+const COPY_GROUPS: u32 = 4096;
+const COPY_TURNS: u64 = 32;
 
 const FROM: Buffer = Buffer::named("from");
 const TO: Buffer = Buffer::named("to");
@@ -265,7 +292,6 @@ impl Bench {
 
     fn copy(&mut self) -> Result<f64> {
         let bytes = self.copied;
-        const PATTERN: u32 = 0x600d_c0de;
         let mut before = Schedule::default();
         before.fill(FROM, bytes, PATTERN);
         before.fill(TO, bytes, 0);
@@ -275,17 +301,48 @@ impl Bench {
             (0..n).for_each(|_| s.copy(FROM, TO, bytes));
             s
         })?;
-        let mut after = Schedule::default();
-        let seen = bytes.min(u64::from(GROUPS * LANES) * 4);
-        after.copy(TO, BACK, seen);
-        self.executor.run(&after)?;
-        let back: Vec<u32> = self.executor.read(BACK, ..seen as usize / 4);
-        if back.iter().any(|w| *w != PATTERN) {
-            return Err(self.wrong("a copy leaves other bytes"));
-        }
+        self.check_copied(bytes)?;
         Ok((2 * bytes * copies) as f64 / seconds)
     }
 
+    /// Bytes per second, read and written, of a kernel that copies within a set of so many bytes, or of as many as there are.
+    fn copy_within(&mut self, bytes: u64) -> Result<f64> {
+        self.add(&kernel::LIMIT_COPY)?;
+        let elements = (bytes / 32).min(self.copied / 16).max(1);
+        let elements = 1u64 << elements.ilog2();
+        let lanes = u64::from(COPY_GROUPS * LANES);
+        let turns = elements.div_ceil(lanes).max(COPY_TURNS);
+        let push = [turns, elements - 1, lanes, 0].map(|v| v as u32);
+        let copies = |n: u64| {
+            Schedule::of(|s| {
+                for _ in 0..n {
+                    s.dispatch(&kernel::LIMIT_COPY, [COPY_GROUPS, 1, 1], lanes * turns).with(push);
+                }
+            })
+        };
+        let mut before = Schedule::default();
+        before.fill(FROM, self.copied, PATTERN);
+        before.fill(TO, self.copied, 0);
+        self.executor.run(&before)?;
+        let (runs, seconds) = self.best(1, &copies)?;
+        self.check_copied(16 * elements)?;
+        Ok((32 * runs * turns * lanes) as f64 / seconds)
+    }
+
+    /// Checks that so many bytes were copied, or as many as the host can read.
+    fn check_copied(&mut self, bytes: u64) -> Result<()> {
+        let seen = bytes.min(u64::from(GROUPS * LANES) * 4);
+        let mut after = Schedule::default();
+        after.copy(TO, BACK, seen);
+        self.executor.run(&after)?;
+        let back: Vec<u32> = self.executor.read(BACK, ..seen as usize / 4);
+        match back.iter().all(|w| *w == PATTERN) {
+            true => Ok(()),
+            false => Err(self.wrong("a copy leaves other bytes")),
+        }
+    }
+
+    /// Seconds of a dispatch: by its own time stamps if it has any.
     fn dispatch(&mut self) -> Result<f64> {
         self.add(&kernel::LIMIT_EMPTY)?;
         let dispatches = |n: u64| {
@@ -302,7 +359,10 @@ impl Bench {
         let mut best = f64::INFINITY;
         for _ in 0..RUNS {
             self.executor.run(&zero)?;
-            best = best.min(self.seconds(&dispatches(count))?);
+            self.executor.take_times();
+            let all = self.seconds(&dispatches(count))?;
+            let stamped = self.executor.take_times().remove(kernel::LIMIT_EMPTY.name);
+            best = best.min(stamped.map_or(all, |t| t.seconds));
         }
         let mut read = Schedule::default();
         read.copy(buffer::RESULT, BACK, 4);

@@ -7,8 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use super::limits::DeviceLimits;
 use crate::gpu::Buffer;
+use crate::solve::surface::passes::SURFACE_GATHER;
 use crate::solve::{Accumulation, Pass, Plan};
-use crate::transport::{Binning, Geometry, Reflectance};
+use crate::transport::{Binning, Geometry, Gradient, Reflectance};
 
 /// A limit that may bind a kernel.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -22,6 +23,9 @@ pub enum Limit {
     Arithmetic,
     /// Bytes of buffers read and written.
     Memory,
+    /// The same where they are few enough for a cache.
+    #[serde(rename = "cached memory")]
+    Cached,
     /// Starts of dispatches.
     Launch,
 }
@@ -57,16 +61,19 @@ pub enum Target {
     Owned,
 }
 
-/// An arm (`arm_to`): difference, squared length, distance, falloff. With exact distances also `refine`.
-const ARM: f64 = 9.0;
+/// An arm (`arm_to`): difference, squared length, distance. With exact distances also `refine`.
+const ARM: f64 = 7.0;
+/// Its falloff.
+const FALLOFF: f64 = 2.0;
 const REFINED: f64 = 28.0;
 /// A place and its share; with exact distances.
 const PLACE: f64 = 5.0;
 const EXACT_PLACE: f64 = 12.0;
 /// Product of a value, and its two shares.
 const VALUE: f64 = 4.0;
-/// Gathers: interpolated residual, gradient by the vector, gradient by the depth.
-const SLOPE: f64 = 20.0;
+/// Gathers: interpolated residual and gradient by the vector; gradient by the depth.
+const SLOPE: f64 = 7.0;
+const BY_DEPTH: f64 = 13.0;
 
 impl Work {
     /// The work of a pass of a plan.
@@ -96,7 +103,9 @@ impl Work {
         let normals = if scene.reflectance.has_normals() { 3.0 } else { 0.0 };
         let cells = if plan.demand.binning == Binning::Linear { 2.0 } else { 1.0 };
         let (arm, place) = if scene.fine { (ARM + REFINED, EXACT_PLACE) } else { (ARM, PLACE) };
-        let fma = arms * arm + place + cosines + if forward { VALUE } else { SLOPE };
+        let falloff = if forward || plan.demand.gradient == Gradient::Exact { FALLOFF } else { 0.0 };
+        let gathers = if *pass == SURFACE_GATHER { SLOPE + BY_DEPTH } else { SLOPE };
+        let fma = arms * (arm + falloff) + place + cosines + if forward { VALUE } else { gathers };
         Work {
             bytes,
             additions: if forward { cells } else { 0.0 },
@@ -121,11 +130,13 @@ impl Work {
         };
         let loads = if self.texels { limits.texel_per_s } else { limits.load_per_s };
         let each = |count: f64, rate: f64| if count > 0.0 { count * evaluations / rate } else { 0.0 };
+        let bytes_per_s = limits.bytes_per_s(self.bytes);
+        let memory = if bytes_per_s > limits.copy_bytes_per_s { Limit::Cached } else { Limit::Memory };
         [
             (Limit::Additions, each(self.additions, additions)),
             (Limit::Loads, each(self.loads, loads)),
             (Limit::Arithmetic, each(self.fma, limits.fma_per_s) + each(self.special, limits.special_per_s)),
-            (Limit::Memory, (self.bytes * calls) as f64 / limits.copy_bytes_per_s),
+            (memory, (self.bytes * calls) as f64 / bytes_per_s),
             (Limit::Launch, calls as f64 * limits.dispatch_s),
         ]
         .into_iter()
