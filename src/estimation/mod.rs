@@ -240,7 +240,7 @@ struct Sharp {
 /// The fits of a capture.
 struct Search<'t> {
     /// One for each model, the usual one first.
-    trials: Vec<Trial>,
+    trials: Vec<Trial<'t>>,
     starts: Arc<Starts>,
     /// The sharp fit of each model, and the impulse response that its residual suggests.
     sharp: Vec<Sharp>,
@@ -261,7 +261,7 @@ struct Search<'t> {
 impl<'t> Search<'t> {
     fn new(
         request: &EstimateRequest,
-        capture: &Capture,
+        capture: &'t Capture,
         gpu: &'t Gpu,
         hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Search<'t>> {
@@ -287,7 +287,7 @@ impl<'t> Search<'t> {
             Some(mut start) => start.layers(&whole, options.iterations, &mut watch)?,
             None => Starts { layers: vec![plane(&whole, &grid, options.background)], light: None },
         });
-        let whole = Arc::new(whole.into_owned());
+        let whole = Arc::new(whole);
         let of_solve =
             request.discretisation.sum(&request.solver, &capture.outline()) as f64 * capture.bin_width;
         let trial = |options: &SolverOptions| {

@@ -1,5 +1,6 @@
 //! A short fit of a surface, judged on pairs that it does not take.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::constants::{ITERATIONS, ROUNDS};
@@ -13,10 +14,10 @@ use crate::solve::{Problem, volume_start};
 use crate::transport::{Grid, Reflectance};
 
 /// Fits with one model of reflectance.
-pub struct Trial {
+pub struct Trial<'c> {
     gpu: Gpu,
     /// In the bins of the fits.
-    capture: Arc<Capture>,
+    capture: Arc<Cow<'c, Capture>>,
     grid: Grid,
     options: SurfaceOptions,
     starts: Arc<Starts>,
@@ -43,16 +44,16 @@ pub struct Fitted {
     pub held: HeldOut,
 }
 
-impl Trial {
+impl<'c> Trial<'c> {
     /// Prepares fits.
     pub fn new(
         gpu: &Gpu,
-        capture: Arc<Capture>,
+        capture: Arc<Cow<'c, Capture>>,
         grid: Grid,
         options: SurfaceOptions,
         starts: Arc<Starts>,
         memory: Option<u64>,
-    ) -> Trial {
+    ) -> Trial<'c> {
         Trial { gpu: gpu.clone(), capture, grid, options, starts, memory }
     }
 

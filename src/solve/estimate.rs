@@ -20,9 +20,10 @@ pub fn energy(model: &Model, pairs: Range<usize>) -> f64 {
     let sum = match model.high_pass {
         Some(filter) => {
             let roots: Vec<f64> = (0..model.bins).map(|bin| model.bin_weight(bin).sqrt()).collect();
+            let filter = filter.rows_of(model.bins, model.bin_width);
             let of_row = |row: &[f32]| {
                 let mut row: Vec<f64> = row.iter().zip(&roots).map(|(m, s)| s * f64::from(*m)).collect();
-                filter.apply(&mut row, model.bin_width);
+                filter.apply(&mut row);
                 row.iter().map(|v| v * v).sum::<f64>()
             };
             let rows = &model.measured[pairs.start * model.bins..pairs.end * model.bins];
@@ -112,7 +113,7 @@ pub fn variance_per_count(capture: &Capture) -> f64 {
     if capture.integer_counts {
         return 1.0;
     }
-    let windows = capture.histograms.chunks_exact(capture.bins).flat_map(|h| h.windows(3));
+    let windows = capture.histograms.par_chunks_exact(capture.bins).flat_map_iter(|h| h.windows(3));
     let lit = windows.filter(|w| w.iter().all(|v| *v > 0.0)).map(bend);
     quantile(&mut lit.map(|[squared, counts]| squared / counts).collect::<Vec<_>>(), 0.5) / MEDIAN
 }

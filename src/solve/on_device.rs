@@ -233,14 +233,23 @@ impl<'e> Uploads<'e> {
     }
 }
 
-/// Copies `bytes` to a device buffer through the upload buffer, in as many parts as it takes.
+/// Copies `bytes` to a device buffer through the upload buffer, in as many parts as it takes. Returns before the device is
+/// done.
 ///
 /// # Errors
 /// The device fails.
 pub fn upload(executor: &mut Executor, buffer: Buffer, bytes: &[u8]) -> Result<()> {
-    let mut one = Uploads::begin(executor)?;
-    one.add(buffer, bytes)?;
-    one.run()
+    upload_all(executor, &[(buffer, bytes)])
+}
+
+/// As [`upload`], to several buffers. Returns before the device is done.
+///
+/// # Errors
+/// The device fails.
+pub(super) fn upload_all(executor: &mut Executor, all: &[(Buffer, &[u8])]) -> Result<()> {
+    let mut uploads = Uploads::begin(executor)?;
+    all.iter().try_for_each(|(buffer, bytes)| uploads.add(*buffer, bytes))?;
+    uploads.submit()
 }
 
 /// The maps that [`super::extract`] left in `columns_host`; without normals where the model has none.

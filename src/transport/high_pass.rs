@@ -46,34 +46,28 @@ impl HighPass {
 
     /// Filters a row in place.
     pub fn apply(&self, row: &mut [f64], bin_width: f64) {
-        let smoothed = self.smoothed(row, bin_width);
-        row.iter_mut().zip(smoothed).for_each(|(v, slow)| *v -= (1.0 - self.floor) * slow);
+        self.rows_of(row.len(), bin_width).apply(row);
     }
 
-    /// (1 + κ L)⁻¹ of a row, by elimination.
-    fn smoothed(&self, row: &[f64], bin_width: f64) -> Vec<f64> {
+    /// The filter for rows of `bins` bins.
+    pub fn rows_of(&self, bins: usize, bin_width: f64) -> RowFilter {
         let kappa = 0.5 * (self.length / bin_width).powi(2);
-        let count = row.len();
-        let neighbours = |i: usize| f64::from(u8::from(i > 0) + u8::from(i + 1 < count));
-        let mut factors = Vec::with_capacity(count);
-        let mut answer: Vec<f64> = Vec::with_capacity(count);
-        for (i, value) in row.iter().enumerate() {
-            let (factor, before) = i.checked_sub(1).map_or((0.0, 0.0), |b| (factors[b], answer[b]));
+        let neighbours = |i: usize| f64::from(u8::from(i > 0) + u8::from(i + 1 < bins));
+        let (mut steps, mut factor) = (Vec::with_capacity(bins), 0.0);
+        for i in 0..bins {
             let inverse = 1.0 / (1.0 + kappa * (neighbours(i) - factor));
-            factors.push(kappa * inverse);
-            answer.push(inverse * (value + kappa * before));
+            factor = kappa * inverse;
+            steps.push([inverse, factor]);
         }
-        for i in (1..count).rev() {
-            answer[i - 1] += factors[i - 1] * answer[i];
-        }
-        answer
+        RowFilter { kappa, steps, share: 1.0 - self.floor }
     }
 
     /// Mean squares per bin of what changes slowly in `rows` of `bins` bins, and of the rest, each divided by what
     /// white noise of unit variance has there.
     pub fn bands(&self, rows: &[f64], bins: usize, bin_width: f64) -> [f64; 2] {
+        let filter = self.rows_of(bins, bin_width);
         let of_row = |row: &[f64]| {
-            let slow = self.smoothed(row, bin_width);
+            let slow = filter.smoothed(row);
             let squares = row.iter().zip(slow).map(|(v, s)| [s * s, (v - s) * (v - s)]);
             squares.fold([0.0; 2], |a, b| [a[0] + b[0], a[1] + b[1]])
         };
@@ -96,6 +90,38 @@ impl HighPass {
     pub fn of_noise(&self, bins: usize, bin_width: f64) -> f64 {
         let gain = |k: usize| 1.0 - (1.0 - self.floor) * self.slow_gain(k, bins, bin_width);
         (0..bins).map(|k| gain(k).powi(2)).sum::<f64>() / bins.max(1) as f64
+    }
+}
+
+/// A high-pass for rows of one length.
+#[derive(Debug, Clone)]
+pub struct RowFilter {
+    kappa: f64,
+    /// Of the elimination, by bin: the inverse of the pivot, and that times κ.
+    steps: Vec<[f64; 2]>,
+    /// Share of the smoother's output that is taken off.
+    share: f64,
+}
+
+impl RowFilter {
+    /// Filters a row in place.
+    pub fn apply(&self, row: &mut [f64]) {
+        let smoothed = self.smoothed(row);
+        row.iter_mut().zip(smoothed).for_each(|(v, slow)| *v -= self.share * slow);
+    }
+
+    /// (1 + κ L)⁻¹ of a row, by elimination.
+    fn smoothed(&self, row: &[f64]) -> Vec<f64> {
+        let mut answer: Vec<f64> = Vec::with_capacity(row.len());
+        let mut before = 0.0;
+        for (value, [inverse, _]) in row.iter().zip(&self.steps) {
+            before = inverse * (value + self.kappa * before);
+            answer.push(before);
+        }
+        for i in (1..answer.len()).rev() {
+            answer[i - 1] += self.steps[i - 1][1] * answer[i];
+        }
+        answer
     }
 }
 

@@ -27,6 +27,10 @@ impl Executor {
     /// # Errors
     /// The device fails.
     pub fn submit(&mut self, schedule: &Schedule) -> Result<Ticket> {
+        let uploads = |c: &Command| matches!(c, Command::Copy { from, .. } if self.arena.get(*from).place == Place::Upload);
+        let all = !schedule.commands.is_empty() && schedule.commands.iter().all(uploads);
+        let gpu = self.gpu.clone();
+        let _span = all.then(|| gpu.span("upload"));
         if self.gpu.faults().shuffle.is_some() {
             self.submit_shuffled(schedule)
         } else {
@@ -78,10 +82,6 @@ impl Executor {
     /// # Errors
     /// The device fails.
     pub fn run(&mut self, schedule: &Schedule) -> Result<()> {
-        let uploads = |c: &Command| matches!(c, Command::Copy { from, .. } if self.arena.get(*from).place == Place::Upload);
-        let all = !schedule.commands.is_empty() && schedule.commands.iter().all(uploads);
-        let gpu = self.gpu.clone();
-        let _span = all.then(|| gpu.span("upload"));
         let ticket = self.submit(schedule)?;
         self.wait(ticket)
     }

@@ -15,7 +15,7 @@ use crate::gpu::{Buffer, BufferPlan, Gpu, Place, Schedule};
 use crate::maps::Maps;
 use crate::solve::drive::{Driven, Steps, Watch, drive, stage_values};
 use crate::solve::estimate::energy;
-use crate::solve::on_device::{OnDevice, read_maps, trace_rows, upload};
+use crate::solve::on_device::{OnDevice, read_maps, trace_rows, upload, upload_all};
 use crate::solve::outline::{self, TimedSchedule};
 use crate::solve::over_pairs::{scene_of_sums, turns_of_finish};
 use crate::solve::passes::{FINISH, RESIDUAL, objective};
@@ -458,8 +458,10 @@ fn place(
         pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
     };
     let ([x, y, _], points) = (level.grid.n, needs::points_of(&job.plan));
-    upload(&mut job.executor, buffer::PIXELS, bytemuck::cast_slice(&pixels.words()))?;
-    upload(&mut job.executor, buffer::PIXEL_OF, bytemuck::cast_slice(&pixels.places(x * y)))?;
+    let (words, places) = (pixels.words(), pixels.places(x * y));
+    let placed =
+        [(buffer::PIXELS, bytemuck::cast_slice(&words)), (buffer::PIXEL_OF, bytemuck::cast_slice(&places))];
+    upload_all(&mut job.executor, &placed)?;
     let most = f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
     let [_, measured] = job.light();
     if let Some(left) = left {

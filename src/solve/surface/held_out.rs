@@ -1,5 +1,7 @@
 //! The judge: the residual of pairs that no fit takes, with its standard error.
 
+use rayon::prelude::*;
+
 use crate::solve::Level;
 use crate::transport::{HighPass, Model};
 
@@ -36,13 +38,14 @@ impl HeldOut {
         let counts = &model.measured[level.first * model.bins..(level.first + level.pairs) * model.bins];
         let measured = counts.chunks(model.bins).flat_map(|row| lit().map(|b| f64::from(row[b])));
         let [per_value, floor] = model.variance;
-        let mean = |b: usize| {
-            counts.iter().skip(b).step_by(model.bins).map(|v| f64::from(*v)).sum::<f64>() / level.pairs as f64
-        };
+        let mut sums = vec![0.0; model.bins];
+        for row in counts.chunks(model.bins) {
+            sums.iter_mut().zip(row).for_each(|(sum, v)| *sum += f64::from(*v));
+        }
         HeldOut {
             rows: [differences.collect(), measured.collect()],
             paths: lit().map(|b| weights[b].powf(1.0 / f64::from(model.falloff_power()))).collect(),
-            variances: lit().map(|b| floor + per_value * mean(b)).collect(),
+            variances: lit().map(|b| floor + per_value * (sums[b] / level.pairs as f64)).collect(),
             bin_width: model.bin_width,
             high_pass: model.high_pass,
             power: model.falloff_power(),
@@ -67,8 +70,8 @@ impl HeldOut {
     fn weighted(&self, rows: &[f64]) -> Vec<f64> {
         let roots: Vec<f64> = (0..self.paths.len()).map(|bin| self.root(bin)).collect();
         let mut rows: Vec<f64> = rows.iter().zip(roots.iter().cycle()).map(|(v, root)| v * root).collect();
-        if let Some(filter) = self.high_pass {
-            rows.chunks_mut(self.bins()).for_each(|row| filter.apply(row, self.bin_width));
+        if let Some(filter) = self.high_pass.map(|f| f.rows_of(self.bins(), self.bin_width)) {
+            rows.par_chunks_mut(self.bins()).for_each(|row| filter.apply(row));
         }
         rows
     }

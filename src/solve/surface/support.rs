@@ -7,6 +7,8 @@
 
 use std::collections::VecDeque;
 
+use rayon::prelude::*;
+
 use crate::maps::{Maps, percentile};
 
 /// Constants of the support. Evidence: benches/NOTES.md, "Support by evidence".
@@ -41,6 +43,9 @@ mod constants {
 }
 use constants::*;
 
+/// Pixels that are worth a task of their own.
+const ROW_OF_WORK: usize = 1024;
+
 /// Mean albedo weighted by its square, with outliers clipped at twice the 75th percentile of lit pixels; `None` without light.
 pub fn typical_albedo(layers: &[Maps]) -> Option<f32> {
     let lit: Vec<f32> = layers
@@ -65,18 +70,19 @@ pub fn smoothed(maps: &Maps, typical: f32) -> Vec<f32> {
     let sum: f32 = taps.iter().sum();
     taps.iter_mut().for_each(|t| *t /= sum);
     let clipped: Vec<f32> = (0..maps.albedo.len())
+        .into_par_iter()
+        .with_min_len(ROW_OF_WORK)
         .map(|i| if maps.depth[i].is_finite() { evidence(maps, i).min(CLIPPED * typical) } else { 0.0 })
         .collect();
     let along = |from: &[f32], count: usize, stride: usize| -> Vec<f32> {
         let of = |i: usize| {
             let at = (i / stride % count) as isize;
-            (-reach..=reach)
-                .zip(&taps)
-                .filter(|(k, _)| (0..count as isize).contains(&(at + k)))
-                .map(|(k, tap)| tap * from[(i as isize + k * stride as isize) as usize])
-                .sum()
+            let [first, last] = [(-at).max(-reach), (count as isize - 1 - at).min(reach)];
+            let taps = &taps[(first + reach) as usize..=(last + reach) as usize];
+            let place = |k: isize| (i as isize + k * stride as isize) as usize;
+            (first..=last).zip(taps).map(|(k, tap)| tap * from[place(k)]).sum()
         };
-        (0..from.len()).map(of).collect()
+        (0..from.len()).into_par_iter().with_min_len(ROW_OF_WORK).map(of).collect()
     };
     along(&along(&clipped, maps.ny, 1), maps.nx, maps.ny)
 }

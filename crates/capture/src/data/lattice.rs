@@ -80,14 +80,14 @@ impl Lattice {
 
 /// Groups the points by one coordinate. Returns the group of each point and the number of groups.
 fn clusters(points: &[DVec3], axis: usize, tolerance: f64) -> (Vec<usize>, usize) {
-    let mut order: Vec<usize> = (0..points.len()).collect();
-    order.sort_by(|&a, &b| points[a][axis].total_cmp(&points[b][axis]));
+    let mut order: Vec<(f64, usize)> = points.iter().map(|p| p[axis]).zip(0..).collect();
+    order.sort_by(|a, b| a.0.total_cmp(&b.0));
     let mut group = vec![0; points.len()];
     let (mut count, mut first) = (0, f64::NEG_INFINITY);
-    for &p in &order {
-        if count == 0 || points[p][axis] - first > tolerance {
+    for (at, p) in order {
+        if count == 0 || at - first > tolerance {
             count += 1;
-            first = points[p][axis];
+            first = at;
         }
         group[p] = count - 1;
     }

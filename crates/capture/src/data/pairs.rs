@@ -185,7 +185,7 @@ impl Distinct {
         let tolerance = tolerance.max(1e-14 * largest).max(f64::MIN_POSITIVE);
         // The tolerance is added in units of cells, because in metres the sum may overflow. The shift keeps round
         // numbers, as most coordinates are, away from the edges of cells.
-        let cell = |v: f64, aside: f64| (v / (8.0 * tolerance) + 0.37 + aside).floor() as i64;
+        let place = |v: f64| v / (8.0 * tolerance) + 0.37;
         let mut cells = Buckets::new(points.len());
         let mut first: Vec<usize> = Vec::new();
         let mut index: Vec<usize> = Vec::with_capacity(points.len());
@@ -201,7 +201,8 @@ impl Distinct {
                 continue;
             }
             // Near the edge of its cell, a point may belong to one in the next cell.
-            let [lo, hi] = [-0.125, 0.125].map(|aside| p.to_array().map(|v| cell(v, aside)));
+            let at = p.to_array().map(place);
+            let [lo, hi] = [-0.125, 0.125].map(|aside| at.map(|v| (v + aside).floor() as i64));
             let around = |axis: usize| lo[axis]..=hi[axis];
             let known = around(0)
                 .flat_map(|x| around(1).flat_map(move |y| around(2).map(move |z| [x, y, z])))
@@ -210,7 +211,7 @@ impl Distinct {
                 .min();
             index.push(known.unwrap_or(first.len()));
             if known.is_none() {
-                cells.add(p.to_array().map(|v| cell(v, 0.0)), first.len());
+                cells.add(at.map(|v| v.floor() as i64), first.len());
                 first.push(i);
             }
         }

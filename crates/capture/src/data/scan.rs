@@ -48,6 +48,9 @@ impl Capture {
             let [[x, _], [y, _]] = lattice.range;
             return [x - half, x + half, y - half, y + half];
         };
+        if scanned == other {
+            return cells;
+        }
         match Lattice::of(&other).cells() {
             None => cells,
             Some(o) => [cells[0].min(o[0]), cells[1].max(o[1]), cells[2].min(o[2]), cells[3].max(o[3])],
@@ -81,6 +84,10 @@ impl Capture {
     /// Whether the laser and sensor points of every pair are closer than a tenth of the spacing or of a spot: methods for confocal scans
     /// take them as one.
     pub fn is_nearly_confocal(&self) -> bool {
+        // Without a search for the spacing.
+        if self.laser.iter().zip(&self.sensor).all(|(l, s)| l == s && l.is_finite()) {
+            return true;
+        }
         let spot = self.laser_spot.unwrap_or(0.0).max(self.sensor_spot.unwrap_or(0.0));
         let reach = self.point_tolerance().max(NEARLY * self.spacing().unwrap_or(0.0).max(spot));
         self.laser.iter().zip(&self.sensor).all(|(l, s)| l.distance(*s) <= reach)
@@ -90,11 +97,14 @@ impl Capture {
     /// scans and others.
     pub fn offset(&self) -> Option<DVec3> {
         let first = *self.sensor.first()? - *self.laser.first()?;
+        if self.is_nearly_confocal() {
+            return None;
+        }
         let [x0, x1, y0, y1] = self.wall_extent();
         let same = NEARLY * first.length();
         let constant = self.laser.iter().zip(&self.sensor).all(|(l, s)| (*s - *l).distance(first) <= same);
         let short = first.length() <= SHORT * (x1 - x0).max(y1 - y0);
-        (constant && short && self.spacing().is_some() && !self.is_nearly_confocal()).then_some(first)
+        (constant && short && self.spacing().is_some()).then_some(first)
     }
 
     /// Whether the wall is a plane facing +z: all points at one z (to a ten-thousandth of the wall's width)
