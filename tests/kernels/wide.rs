@@ -9,7 +9,7 @@ use thirdbounce::gpu::{Buffer, Command, Gpu, Schedule, Size};
 use thirdbounce::solve::closed_form::passes::{PROJECTED, gather_filtered};
 use thirdbounce::solve::closed_form::{OfProjection, hat};
 use thirdbounce::solve::surface::{self, Placed};
-use thirdbounce::solve::{Accumulation, NoiseTerm, OnDevice, paper};
+use thirdbounce::solve::{Accumulation, NoiseTerm, OnDevice, Tuning, paper};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, HighPass, Model, Reflectance};
 use thirdbounce::verify::place;
@@ -107,6 +107,15 @@ fn projection(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
 }
 
 fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
+    surface_of(gpu, runs, [0, 1])
+}
+
+/// Lanes share rows and pixels, as on a GPU.
+fn surface_of_lanes(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
+    surface_of(gpu, runs, [32, 8])
+}
+
+fn surface_of(gpu: &Gpu, runs: &mut Runs, lanes: [u32; 2]) -> Vec<u32> {
     let grid = oblong();
     let field = field(&grid, 61);
     let model = variant(&model(5, 48, 9), Geometry::TwoPoints, Reflectance::Lambertian, true, 62);
@@ -115,7 +124,8 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
         ..spotted(&model, spots_for(Geometry::TwoPoints))
     };
     let o = Fit::of(&grid, 4).with(|o| o.accumulation = Accumulation::Fixed);
-    let mut job = job(gpu, &model, &grid, &o);
+    let share = |t: &mut Tuning| [t.row_lanes, t.pixel_lanes] = lanes;
+    let mut job = thirdbounce::verify::job(gpu, &model, &grid, &o, share).expect("the device runs it");
     let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0, left: 2.0 };
     let words = surface::weights(&model, job.plan.finest(), placed, &o.options, 12, 1.0);
     write(&mut job, buffer::SURFACE_WEIGHTS, &words);
@@ -145,7 +155,7 @@ fn surface_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
 #[test]
 fn groups_beyond_the_work_write_nothing() {
     let mut seen = BTreeSet::new();
-    for solve in [paper_solve, projection, surface_solve] {
+    for solve in [paper_solve, projection, surface_solve, surface_of_lanes] {
         let [plain, wide] = [false, true].map(|wide| {
             // Dropped at the end: no canary was touched.
             let gpu = gpu();
@@ -166,7 +176,7 @@ fn groups_beyond_the_work_write_nothing() {
 #[test]
 fn passes_in_parts_leave_the_same() {
     let alone = alone();
-    for solve in [paper_solve, projection, surface_solve] {
+    for solve in [paper_solve, projection, surface_solve, surface_of_lanes] {
         let [(whole, few), (parts, many)] = [u64::MAX, 60].map(|work| {
             let gpu = gpu_of(work, &alone);
             let mut runs = Runs { wide: false, seen: BTreeSet::new() };
