@@ -25,7 +25,7 @@ pub struct Arguments {
     pub reuse: bool,
     /// Folder of the page and of the cases.
     pub out: PathBuf,
-    /// A `benchmark.json` for the pages of the repository.
+    /// A `benchmark.json` for the pages of the repository; without groups, these are renewed only.
     pub pages: Option<PathBuf>,
     /// Cases whose names contain one of these words; all without any.
     pub only: Vec<String>,
@@ -79,7 +79,8 @@ impl Arguments {
         if all.reuse && all.keep == temporary {
             return Err("--reuse needs the folder of --keep".into());
         }
-        let is_all = groups.is_empty() && !all.stability || groups.iter().any(|g| g == "all");
+        let is_all =
+            groups.is_empty() && !all.stability && all.pages.is_none() || groups.iter().any(|g| g == "all");
         let is_wanted = |group: &&str| is_all && USUAL.contains(group) || groups.iter().any(|g| g == group);
         all.groups = GROUPS.into_iter().filter(is_wanted).collect();
         Ok(all)

@@ -1,8 +1,9 @@
-//! The pages of the repository that show the stored benchmark.
+//! The pages of the repository that show the stored benchmark, and results of `benches/gpu.sh`.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use serde_json::Value;
 use thirdbounce::export::benchmark::{Page, Stability, figure, read_json, write_json};
 
 /// The stored benchmark.
@@ -10,6 +11,9 @@ pub const STORED: &str = "benches/results/benchmark.json";
 
 /// The curve.
 const CURVE: &str = "docs/benchmark.svg";
+
+/// Results of `benches/gpu.sh` that pages show.
+const GPUS: &str = "benches/results";
 
 /// A part of a file, between the comments `<!-- NAME -->` and `<!-- end of NAME -->`; the whole file without a name.
 pub struct Part {
@@ -43,7 +47,79 @@ pub fn parts(page: &Page) -> Vec<Part> {
             text: format!("{}\n\n{about}\n\n{}{limit}", picture("benchmark.svg"), page.means().markdown()),
         },
         Part { file: "docs/accuracy.md", name: Some("stability"), text: page.stability_table().markdown() },
+        Part { file: "README.md", name: Some("gpus"), text: gpus().iter().map(sentence).collect() },
+        Part {
+            file: "docs/devices.md",
+            name: Some("gpus"),
+            text: gpus().iter().map(section).collect::<Vec<_>>().join("\n"),
+        },
     ]
+}
+
+/// Whole results of GPUs, by file name.
+fn gpus() -> Vec<Value> {
+    let files = fs::read_dir(root().join(GPUS)).expect("a folder of results");
+    let mut files: Vec<PathBuf> = files.map(|file| file.expect("a file").path()).collect();
+    files.sort();
+    let read =
+        |file: &PathBuf| serde_json::from_slice::<Value>(&fs::read(file).expect("a readable file")).ok();
+    // Those of `--quick` and `--smoke` are of CPUs.
+    files
+        .iter()
+        .filter(|f| f.extension().is_some_and(|e| e == "json"))
+        .filter_map(read)
+        .filter(|v| v["quick"] == false)
+        .collect()
+}
+
+fn number(value: &Value) -> f64 {
+    value.as_f64().unwrap_or(f64::NAN)
+}
+
+/// Seconds of the default and of a named model.
+fn sentence(gpu: &Value) -> String {
+    let [default, named] = ["default", "named"].map(|case| &gpu["case"][case]);
+    format!(
+        "*{}: a simulated figure of 32 × 32 scan points on 128 × 128 pixels in {:.2} s, with a named model in {:.2} s (medians with stored \
+         kernels; [measured on GPUs](docs/devices.md#measured-on-gpus)).*\n",
+        gpu["device"].as_str().unwrap_or_default(),
+        number(&default["median_s"]),
+        number(&named["median_s"]),
+    )
+}
+
+/// A table of all cases.
+fn section(gpu: &Value) -> String {
+    let word = |key: &str| gpu[key].as_str().unwrap_or_default();
+    let checks = gpu["check"]["checks"].as_array().map_or(&[][..], Vec::as_slice);
+    let passed = checks.iter().filter(|c| number(&c["error"]) <= number(&c["allowed"])).count();
+    let mut text = format!(
+        "{} ({}): {passed} of {} comparisons of kernels with their float64 references pass.\n\n\
+         | case | solve, s | second process, s | device, s | device memory, MiB | forward, pairs/s | backward, pairs/s |\n\
+         |---|--:|--:|--:|--:|--:|--:|\n",
+        word("device"),
+        word("driver"),
+        checks.len(),
+    );
+    for (name, case) in gpu["case"].as_object().into_iter().flatten() {
+        let profile = &case["profile"];
+        let kernels = profile["kernels"].as_array().map_or(&[][..], Vec::as_slice);
+        let rate = |pass: &str| {
+            let of_pass = |k: &&Value| k["name"].as_str().is_some_and(|name| name.starts_with(pass));
+            kernels.iter().find(of_pass).map_or(f64::NAN, |k| number(&k["pairs_per_s"]))
+        };
+        text += &format!(
+            "| {name}: `{}` | {:.3} | {:.2} | {:.3} | {:.0} | {:.1e} | {:.1e} |\n",
+            case["options"].as_str().unwrap_or_default(),
+            number(&case["median_s"]),
+            number(&case["second_start_s"]),
+            number(&profile["totals"]["device_s"]),
+            number(&case["peak_device_bytes"]) / f64::from(1 << 20),
+            rate("forward"),
+            rate("backward"),
+        );
+    }
+    text
 }
 
 /// A file with a part replaced, and the part that it had.
