@@ -3,7 +3,10 @@
 
 use std::path::Path;
 
-use super::picture::{BACKGROUND, INK, Picture, SIDE, colour, enlargement, normal_colour};
+use super::axis::{Axis, plain};
+use super::picture::{
+    BACKGROUND, CAPITAL, INK, Picture, SIDE, colour, enlargement, normal_colour, text_width,
+};
 use crate::capture::scan::decimals;
 use crate::error::{Error, Result};
 use crate::files::atomic;
@@ -69,15 +72,58 @@ fn preview_of(maps: &Maps) -> Picture {
 
 /// The picture of [`write_depth`].
 pub fn depth_of(maps: &Maps) -> Picture {
-    let shown = |p: usize| maps.mask[p] && maps.depth[p].is_finite();
-    let depths: Vec<f32> = (0..maps.depth.len()).filter(|&p| shown(p)).map(|p| maps.depth[p]).collect();
+    let depths: Vec<f32> = (0..maps.depth.len()).filter(|&p| shows(maps, p)).map(|p| maps.depth[p]).collect();
     let range = percentile(&depths, 1.0).zip(percentile(&depths, 99.0));
-    let (near, far) = range.map_or((0.0, 0.0), |(a, b)| (f64::from(a), f64::from(b)));
+    let range = range.map(|(near, far)| [f64::from(near), f64::from(far)]);
+    with_bar(&depth_map(maps, range.unwrap_or_default()), range)
+}
+
+/// The depth with axes in metres, its colours and colour bar from `near` to `far` in metres whatever the maps hold: pictures of
+/// several frames are comparable.
+pub fn depth_between(maps: &Maps, [near, far]: [f64; 2]) -> Picture {
+    with_bar(&with_axes(&depth_map(maps, [near, far]), maps), Some([near, far]))
+}
+
+/// Whether a pixel has a depth to show.
+fn shows(maps: &Maps, pixel: usize) -> bool {
+    maps.mask[pixel] && maps.depth[pixel].is_finite()
+}
+
+fn depth_map(maps: &Maps, [near, far]: [f64; 2]) -> Picture {
     let share = |depth: f64| if far > near { (depth - near) / (far - near) } else { 0.0 };
-    let map = Picture::of_maps(maps, enlargement(maps), |p| {
-        if shown(p) { colour(share(f64::from(maps.depth[p]))) } else { BACKGROUND }
-    });
-    with_bar(&map, range.map(|_| (near, far)))
+    Picture::of_maps(maps, enlargement(maps), |p| {
+        if shows(maps, p) { colour(share(f64::from(maps.depth[p]))) } else { BACKGROUND }
+    })
+}
+
+/// A picture of maps with ticks in metres below it and to its left: x grows to the left, y upwards.
+pub fn with_axes(map: &Picture, maps: &Maps) -> Picture {
+    const TICK: usize = 5;
+    const GAP: usize = 6;
+    let [x0, x1, y0, y1] = maps.extent;
+    let ticks = |low: f64, high: f64| Axis::new([low, high].into_iter(), false).over([low, high]).even();
+    let up: Vec<(f64, String)> = ticks(y0, y1).into_iter().map(|y| (y, plain(y))).collect();
+    let left = up.iter().map(|(_, label)| text_width(label)).max().unwrap_or(0) + TICK + 2 * GAP;
+    let top = CAPITAL / 2 + 1;
+    let below = TICK + CAPITAL + 2 * GAP;
+    let mut picture = Picture::new(left + map.width + GAP, top + map.height + below);
+    picture.fill(left - 1, top - 1, map.width + 2, map.height + 2, INK);
+    picture.paste(map, left, top);
+    for (y, label) in up {
+        let row = top + ((y1 - y) / (y1 - y0) * (map.height - 1) as f64).round() as usize;
+        picture.fill(left - TICK, row, TICK, 1, INK);
+        picture.text(&label, [left - TICK - GAP - text_width(&label), row + CAPITAL / 2]);
+    }
+    let bottom = top + map.height;
+    for x in ticks(x0, x1) {
+        let column = left + ((x1 - x) / (x1 - x0) * (map.width - 1) as f64).round() as usize;
+        let label = if x == 0.0 { "0 m".into() } else { plain(x) };
+        picture.fill(column, bottom, 1, TICK, INK);
+        let begin = column.saturating_sub(text_width(&label) / 2);
+        let begin = begin.min((picture.width).saturating_sub(text_width(&label)));
+        picture.text(&label, [begin, bottom + TICK + GAP + CAPITAL]);
+    }
+    picture
 }
 
 /// Writes the normals of the masked pixels in the colours of [`normal_colour`].
@@ -97,9 +143,9 @@ pub fn normal_of(maps: &Maps) -> Picture {
 }
 
 /// The picture with a colour bar to its right: far at the top, near at the bottom.
-fn with_bar(map: &Picture, range: Option<(f64, f64)>) -> Picture {
+fn with_bar(map: &Picture, range: Option<[f64; 2]>) -> Picture {
     const MARGIN: usize = 12;
-    let Some((near, far)) = range else { return map.clone() };
+    let Some([near, far]) = range else { return map.clone() };
     let labels = [far, near].map(|depth| format!("{depth:.*} m", decimals(3, far)));
     let height = map.height.max(SIDE / 4);
     let mut picture = Picture::new(map.width + 2 * MARGIN + Picture::bar_width(&labels), height);
