@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::page::escaped;
+use super::text::escaped;
 use crate::error::Result;
 use crate::files::atomic;
 

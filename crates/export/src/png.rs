@@ -12,16 +12,16 @@ use crate::error::{Error, Result};
 use crate::files::atomic;
 use crate::maps::{Maps, percentile};
 
-/// Writes the albedo in grey, linear, white at its 99.9th percentile.
+/// Writes the albedo in grey, linear, white at its 99.9th percentile, with axes in metres.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {
     maps.check()?;
-    write(path, &albedo_of(maps))
+    write(path, &with_axes(&albedo_of(maps), maps))
 }
 
-/// The picture of [`write_albedo`].
+/// The picture of [`write_albedo`] without axes.
 pub fn albedo_of(maps: &Maps) -> Picture {
     let white = Maps::white(&maps.albedo);
     Picture::of_maps(maps, enlargement(maps), |p| {
@@ -33,14 +33,16 @@ pub fn albedo_of(maps: &Maps) -> Picture {
     })
 }
 
-/// Writes the depth of the masked pixels in colour (near is yellow, far is purple) with a colour bar in metres
+/// Writes the depth of the masked pixels in colour (near is yellow, far is purple) with axes and a colour bar in metres
 /// between the 1st and 99th percentile.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {
     maps.check()?;
-    write(path, &depth_of(maps))
+    let range = shown_range(maps);
+    let map = with_axes(&depth_map(maps, range.unwrap_or_default()), maps);
+    write(path, &with_bar(&map, range))
 }
 
 /// Writes albedo and depth side by side, each as in its own picture.
@@ -70,12 +72,17 @@ fn preview_of(maps: &Maps) -> Picture {
     both
 }
 
-/// The picture of [`write_depth`].
+/// The picture of [`write_depth`] without axes.
 pub fn depth_of(maps: &Maps) -> Picture {
+    let range = shown_range(maps);
+    with_bar(&depth_map(maps, range.unwrap_or_default()), range)
+}
+
+/// 1st and 99th percentile of the depths shown; `None` without any.
+fn shown_range(maps: &Maps) -> Option<[f64; 2]> {
     let depths: Vec<f32> = (0..maps.depth.len()).filter(|&p| shows(maps, p)).map(|p| maps.depth[p]).collect();
     let range = percentile(&depths, 1.0).zip(percentile(&depths, 99.0));
-    let range = range.map(|(near, far)| [f64::from(near), f64::from(far)]);
-    with_bar(&depth_map(maps, range.unwrap_or_default()), range)
+    range.map(|(near, far)| [f64::from(near), f64::from(far)])
 }
 
 /// The depth with axes in metres, its colours and colour bar from `near` to `far` in metres whatever the maps hold: pictures of
@@ -126,16 +133,16 @@ pub fn with_axes(map: &Picture, maps: &Maps) -> Picture {
     picture
 }
 
-/// Writes the normals of the masked pixels in the colours of [`normal_colour`].
+/// Writes the normals of the masked pixels in the colours of [`normal_colour`], with axes in metres.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {
     maps.check()?;
-    write(path, &normal_of(maps))
+    write(path, &with_axes(&normal_of(maps), maps))
 }
 
-/// The picture of [`write_normal`].
+/// The picture of [`write_normal`] without axes.
 pub fn normal_of(maps: &Maps) -> Picture {
     Picture::of_maps(maps, enlargement(maps), |p| {
         normal_colour(maps.normal[p]).filter(|_| maps.mask[p]).unwrap_or(BACKGROUND)
