@@ -83,7 +83,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let page = args.page.map(|address| Page::serve(address, shows)).transpose()?;
     page.iter().for_each(|page| introduce(page.address(), args.quiet));
     let (session, notes) =
-        thirdbounce::session(&gpu, &scan, &settings, options, &mut |_| interrupt::asked())?;
+        thirdbounce::session_with(&gpu, &scan, &settings, options, &mut |_| interrupt::asked())?;
     if !args.quiet {
         notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
