@@ -206,7 +206,7 @@ mod tests {
         assert!(page.contains("2 captures, 1 done, 1 failed. settings HEADS"), "{page}");
         assert!(page.contains("x/&lt;b&gt;&quot;ROWS,1&quot;.npz") && page.contains(">0.612"), "{page}");
         assert!(page.contains("Depth, median, m") && !page.contains("IoU"), "no truth, no column");
-        assert!(!page.contains("http"), "nothing is fetched");
+        assert!(!page.contains("://"), "nothing is fetched");
         let text = csv(&rows);
         let lines: Vec<&str> = text.lines().collect();
         assert!(
