@@ -72,14 +72,14 @@ api: setup
 header:
 	cbindgen --config capi/cbindgen.toml --crate thirdbounce-capi --output include/thirdbounce.h capi
 
-# Installs the C library, its headers and its pkg-config file below PREFIX. DESTDIR goes before it, for packages.
+# Installs the C library, its headers, and its files for pkg-config and CMake below PREFIX. DESTDIR goes before it, for packages.
 PREFIX ?= /usr/local
 VERSION := $(shell sed -n '/^version/{s/[^0-9.]//gp;q}' capi/Cargo.toml)
 SONAME := libthirdbounce.so.$(basename $(VERSION))
 RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
 install: setup
 	cargo build --release --locked --package thirdbounce-capi
-	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/include
+	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/lib/cmake/thirdbounce $(DESTDIR)$(PREFIX)/include
 	install -m 755 -s $(RELEASE)/libthirdbounce.so $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so.$(VERSION)
 	ln -sf libthirdbounce.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(SONAME)
 	ln -sf $(SONAME) $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so
@@ -87,6 +87,9 @@ install: setup
 	install -m 644 include/thirdbounce.h include/thirdbounce.hpp $(DESTDIR)$(PREFIX)/include
 	sed 's|@PREFIX@|$(PREFIX)|; s|@VERSION@|$(VERSION)|' capi/thirdbounce.pc.in \
 		> $(DESTDIR)$(PREFIX)/lib/pkgconfig/thirdbounce.pc
+	install -m 644 capi/cmake/thirdbounceConfig.cmake $(DESTDIR)$(PREFIX)/lib/cmake/thirdbounce
+	sed 's|@VERSION@|$(VERSION)|' capi/cmake/thirdbounceConfigVersion.cmake.in \
+		> $(DESTDIR)$(PREFIX)/lib/cmake/thirdbounce/thirdbounceConfigVersion.cmake
 
 bench: setup
 	cargo bench --locked

@@ -2,7 +2,6 @@
 //!
 //!     cargo run --release --example session
 
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use glam::{DVec3, dvec3};
@@ -24,7 +23,7 @@ fn main() -> Result<()> {
     let method = SurfaceSettings { lateral: Some(32), iterations: Some(20), ..SurfaceSettings::default() };
     let settings = Settings { method: method.into(), ..Settings::default() };
     let options = SessionOptions::default();
-    let (mut session, _) = session(&gpu, &scan, &settings, options, &mut |_| ControlFlow::Continue(()))?;
+    let (mut session, _) = session(&gpu, &scan, &settings, options)?;
     for frame in 0..3 {
         let hidden = dvec3(0.15 * frame as f64 - 0.15, 0.1, 0.6);
         let begun = Instant::now();

@@ -99,6 +99,22 @@ typedef struct tb_device tb_device;
 // A solver prepared for the frames of one scan.
 typedef struct tb_session tb_session;
 
+// A Vulkan device of this machine. Texts end with a zero byte; longer ones are cut.
+typedef struct tb_device_info {
+    // sizeof(tb_device_info): set it before the call.
+    size_t size;
+    // Bytes of the largest device-local heap.
+    uint64_t memory_bytes;
+    // Name, a part of which `tb_device_open` accepts.
+    char name[256];
+    // Name and version of the driver.
+    char driver[256];
+    // "discrete", "integrated", "virtual", "cpu" or "other".
+    char kind[16];
+    // UUID as 32 hexadecimal digits, which `tb_device_open` accepts, identical in CUDA.
+    char uuid[40];
+} tb_device_info;
+
 // Machine-readable details of an error. Set `size` before the call.
 typedef struct tb_error_info {
     // sizeof(tb_error_info).
@@ -381,6 +397,18 @@ const char *tb_device_name(const struct tb_device *device);
 // # Safety
 // `device` is open and not used concurrently or afterwards.
 void tb_device_close(struct tb_device *device);
+
+// Writes the number of Vulkan devices to `count`. Any thread.
+//
+// # Safety
+// `count` is writable.
+enum tb_status tb_device_count(uint32_t *count);
+
+// Writes the device of this index, from 0, to `info`. The index as text opens it. Any thread.
+//
+// # Safety
+// `info` begins with its size and is writable.
+enum tb_status tb_device_info_at(uint32_t index, struct tb_device_info *info);
 
 // Message of this thread's last failed call; empty without one. Valid until this thread's next failed call.
 const char *tb_last_error(void);

@@ -24,6 +24,18 @@ inline void check(tb_status status) {
     if (status != TB_OK) throw Error(status, tb_last_error(), tb_last_hint());
 }
 
+// The Vulkan devices of this machine.
+inline std::vector<tb_device_info> devices() {
+    uint32_t count = 0;
+    check(tb_device_count(&count));
+    std::vector<tb_device_info> all(count);
+    for (uint32_t i = 0; i < count; i++) {
+        all[i].size = sizeof(tb_device_info);
+        check(tb_device_info_at(i, &all[i]));
+    }
+    return all;
+}
+
 // An opened device.
 class Device {
 public:

@@ -15,7 +15,18 @@ pub fn reconstruct_with(
     settings: &Settings,
     on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Solved> {}
+pub fn render(
+    scene: &Scene,
+    options: &RenderOptions,
+    resolution: usize,
+) -> Result<(Capture, Truth)> {}
 pub fn session(
+    gpu: &Gpu,
+    frame: &Capture,
+    settings: &Settings,
+    options: SessionOptions,
+) -> Result<(Session, Vec<String>)> {}
+pub fn session_with(
     gpu: &Gpu,
     frame: &Capture,
     settings: &Settings,
@@ -23,9 +34,36 @@ pub fn session(
     on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<(Session, Vec<String>)> {}
 #[cfg(feature = "formats")]
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Written {
+    pub maps: Maps,
+    pub metrics: Option<Metrics>,
+    pub notes: Vec<String>,
+    pub warnings: Vec<String>,
+    pub files: Vec<std::path::PathBuf>,
+}
+#[cfg(feature = "formats")]
+pub fn evaluate(
+    maps: &Maps,
+    truth: &Truth,
+    mask_fraction: Option<f64>,
+) -> Result<Metrics> {}
+#[cfg(feature = "formats")]
 pub fn prepare(capture: Capture, settings: &Settings) -> Result<Capture> {}
 #[cfg(feature = "formats")]
 pub fn read(path: impl AsRef<std::path::Path>, settings: &Settings) -> Result<Capture> {}
+#[cfg(feature = "formats")]
+pub fn read_truth(path: impl AsRef<std::path::Path>) -> Result<Truth> {}
+#[cfg(feature = "formats")]
+pub fn reconstruct_file(
+    gpu: &Gpu,
+    capture: impl AsRef<std::path::Path>,
+    settings: &Settings,
+    truth: Option<&std::path::Path>,
+    folder: impl AsRef<std::path::Path>,
+    on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Written> {}
 #[cfg(feature = "formats")]
 pub fn write(
     folder: impl AsRef<std::path::Path>,
@@ -447,7 +485,7 @@ pub enum Kind {
     Cancelled,
 }
 pub type Result<T> = std::result::Result<T, Error>;
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Capture {
     pub name: String,
@@ -504,6 +542,7 @@ impl Capture {
 impl Capture {
     pub fn summary(&self) -> Summary {}
 }
+impl std::fmt::Debug for Capture {}
 impl Capture {
     pub fn new(
         scan: [usize; 2],
@@ -771,4 +810,144 @@ impl Maps {
     pub fn check(&self) -> Result<()> {}
     pub fn pixel_at(&self, x: f64, y: f64) -> Option<usize> {}
     pub fn centre(&self, ix: usize, iy: usize) -> [f64; 2] {}
+}
+#[derive(Debug, Clone, PartialEq)]
+pub struct Truth {
+    pub nx: usize,
+    pub ny: usize,
+    pub extent: [f64; 4],
+    pub depth: Vec<f32>,
+    pub normal: Vec<[f32; 3]>,
+    pub mask: Vec<bool>,
+    pub behind: Option<Layer>,
+}
+impl Truth {
+    pub fn check(&self) -> Result<()> {}
+    pub fn centre(&self, ix: usize, iy: usize) -> [f64; 2] {}
+}
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct AtBest {
+    pub hit_pixels: usize,
+    pub completeness: Option<f64>,
+    pub depth_mae: Option<f64>,
+    pub depth_rmse: Option<f64>,
+    pub normal_error_deg: Option<f64>,
+}
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct LayerMetrics {
+    pub true_pixels: usize,
+    pub hit_pixels: usize,
+    pub completeness: Option<f64>,
+    pub iou: Option<f64>,
+    pub depth_mae: Option<f64>,
+    pub normal_error_deg: Option<f64>,
+}
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct Metrics {
+    pub fraction: Option<f64>,
+    pub predicted_pixels: usize,
+    pub true_pixels: usize,
+    pub hit_pixels: usize,
+    pub completeness: Option<f64>,
+    pub iou: Option<f64>,
+    pub depth_mae: Option<f64>,
+    pub depth_rmse: Option<f64>,
+    pub depth_mae_whole: Option<f64>,
+    pub depth_rmse_whole: Option<f64>,
+    pub normal_error_deg: Option<f64>,
+    pub normal_mae: Option<f64>,
+    pub paper: PaperMeasure,
+    pub best_iou: Option<f64>,
+    pub best_fraction: Option<f64>,
+    pub at_best: Option<AtBest>,
+    pub within_depth_error: Option<f64>,
+    pub calibration: Vec<[f64; 2]>,
+    pub layers: Vec<LayerMetrics>,
+    pub sweep: Vec<[f64; 2]>,
+}
+impl Metrics {
+    pub fn brief(mut self) -> Metrics {}
+}
+#[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
+pub struct PaperMeasure {
+    pub depth_mae: Option<f64>,
+    pub depth_rmse: Option<f64>,
+    pub normal_mae: Option<f64>,
+    pub normal_rmse: Option<f64>,
+}
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Dark {
+    Fraction(f64),
+    Counts(f64),
+}
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub enum Layout {
+    Confocal,
+    OneLaser { point: DVec2 },
+    OneSensor { point: DVec2 },
+    Exhaustive { lasers: usize },
+    Irregular { seed: u64 },
+}
+impl Layout {
+    pub fn pair_count(self, scan: usize) -> f64 {}
+    pub fn point(self) -> Option<DVec2> {}
+}
+#[derive(Debug, Clone, PartialEq)]
+pub struct Object {
+    pub mesh: Mesh,
+    pub albedo: f64,
+}
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct RenderOptions {
+    pub noise: f64,
+    pub max_samples: usize,
+    pub seed: u64,
+}
+impl Default for RenderOptions {}
+#[derive(Debug, Clone, PartialEq)]
+pub struct Scene {
+    pub name: String,
+    pub objects: Vec<Object>,
+    pub wall: f64,
+    pub wall_shape: WallShape,
+    pub scan: usize,
+    pub layout: Layout,
+    pub occlusion: bool,
+    pub bin_width: f64,
+    pub bins: Option<usize>,
+    pub t_start: f64,
+    pub reflectance: Reflectance,
+    pub pulse: Option<Pulse>,
+    pub spots: [f64; 2],
+    pub pile_up: Option<f64>,
+    pub photons: Option<f64>,
+    pub dark: Dark,
+    pub seed: u64,
+}
+impl Scene {
+    pub fn named(spec: &str) -> Result<Scene> {}
+    pub fn fitted(mut self, size: f64) -> Result<Scene> {}
+    pub fn size(&self) -> Option<DVec3> {}
+    pub fn known() -> &'static [(&'static str, &'static str)] {}
+}
+impl Scene {
+    pub fn sequence(&self, motion: &Motion) -> Result<Vec<Scene>> {}
+}
+impl Scene {
+    pub fn new(name: impl Into<String>, objects: Vec<Object>) -> Scene {}
+    pub fn set_albedo(&mut self, albedo: f64) {}
+    pub fn bin_count(&self) -> usize {}
+    pub fn pairs(&self) -> Pairs {}
+    pub fn extent(&self) -> [f64; 4] {}
+    pub fn check(&self) -> Result<()> {}
+}
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum WallShape {
+    Flat,
+    Bump,
+}
+impl WallShape {
+    pub fn point(self, x: f64, y: f64, side: f64) -> DVec3 {}
+    pub fn normal(self, x: f64, y: f64, side: f64) -> Option<DVec3> {}
+    pub fn front(self, side: f64) -> f64 {}
 }

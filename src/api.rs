@@ -5,10 +5,13 @@ use std::ops::ControlFlow;
 use crate::Result;
 use crate::capture::{Capture, conditioning};
 use crate::gpu::Gpu;
-use crate::maps::Maps;
+use crate::maps::{Maps, Truth};
+#[cfg(feature = "formats")]
+use crate::measure::Metrics;
 use crate::resolve::Job;
 use crate::session::{Session, SessionOptions};
 use crate::settings::Settings;
+use crate::simulate::{RenderOptions, Scene};
 use crate::solve::{Bins, Progress, TracePoint, VolumeMap, Watch};
 
 /// A reconstructed scene.
@@ -65,12 +68,24 @@ pub fn reconstruct_with(
 }
 
 /// A session for frames of the scan of `frame`: planned, compiled and allocated once. Where `frame` has counts, they give the
-/// estimates of [`reconstruct`] for all frames; `on_progress` is called with the progress of their fits and may cancel. Returns
-/// the estimates as sentences, too.
+/// estimates of [`reconstruct`] for all frames. Returns the estimates as sentences, too.
 ///
 /// # Errors
 /// Settings, scan, memory or device do not allow the solve.
 pub fn session(
+    gpu: &Gpu,
+    frame: &Capture,
+    settings: &Settings,
+    options: SessionOptions,
+) -> Result<(Session, Vec<String>)> {
+    session_with(gpu, frame, settings, options, &mut |_| ControlFlow::Continue(()))
+}
+
+/// As [`session`], and calls `on_progress` with the progress of the fits of estimates. `Break` cancels: `Kind::Cancelled`.
+///
+/// # Errors
+/// As [`session`].
+pub fn session_with(
     gpu: &Gpu,
     frame: &Capture,
     settings: &Settings,
@@ -119,4 +134,77 @@ pub fn prepare(capture: Capture, settings: &Settings) -> Result<Capture> {
 #[cfg(feature = "formats")]
 pub fn write(folder: impl AsRef<std::path::Path>, maps: &Maps) -> Result<Vec<std::path::PathBuf>> {
     crate::export::write_maps(folder.as_ref(), maps)
+}
+
+/// A result in a folder.
+#[cfg(feature = "formats")]
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+pub struct Written {
+    /// Albedo, depth, normals, mask and depth error by pixel.
+    pub maps: Maps,
+    /// Figures against the truth, if there is one.
+    pub metrics: Option<Metrics>,
+    /// Estimates and what was done to the capture, as sentences.
+    pub notes: Vec<String>,
+    /// What looks wrong with the capture or the result, as sentences.
+    pub warnings: Vec<String>,
+    /// The files: those of [`write`], `report.html` and `report.json`.
+    pub files: Vec<std::path::PathBuf>,
+}
+
+/// Reads a capture, reconstructs it as [`reconstruct_with`] does, and writes all files of `thirdbounce reconstruct` into `folder`,
+/// with the page and the report. With a file of `truth`, both have its figures. Files appear together, after the solve.
+///
+/// # Errors
+/// Those of [`read`], [`reconstruct_with`] and [`write`]; `Kind::Input`: a truth that cannot be read.
+#[cfg(feature = "formats")]
+pub fn reconstruct_file(
+    gpu: &Gpu,
+    capture: impl AsRef<std::path::Path>,
+    settings: &Settings,
+    truth: Option<&std::path::Path>,
+    folder: impl AsRef<std::path::Path>,
+    on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Written> {
+    use crate::job::{self, Request};
+    let truth = truth.map(std::path::Path::to_path_buf);
+    let request = Request { truth, ..Request::new(settings.clone(), folder.as_ref()) };
+    job::check_results(&request.out)?;
+    let loaded = job::load(capture.as_ref(), settings)?;
+    let done = job::solve(&request, &loaded, gpu, on_progress)?.write(&request)?;
+    Ok(Written {
+        maps: done.maps,
+        metrics: done.report.metrics,
+        notes: [&loaded.notes[..], &done.notes].concat(),
+        warnings: done.warnings,
+        files: done.files,
+    })
+}
+
+/// Measures maps against truth by their own mask, or by the share `mask_fraction` of the brightest albedo.
+///
+/// # Errors
+/// `Kind::Input`: the truth covers another part of the wall. `Kind::Options`: a fraction outside 0 to 1.
+#[cfg(feature = "formats")]
+pub fn evaluate(maps: &Maps, truth: &Truth, mask_fraction: Option<f64>) -> Result<Metrics> {
+    crate::job::evaluate_maps(&mut maps.clone(), truth, mask_fraction)
+}
+
+/// Reads truth that `thirdbounce simulate --truth` wrote.
+///
+/// # Errors
+/// `Kind::Input`: a file that is missing, damaged, or no truth.
+#[cfg(feature = "formats")]
+pub fn read_truth(path: impl AsRef<std::path::Path>) -> Result<Truth> {
+    crate::export::npz::read_truth(path.as_ref())
+}
+
+/// Renders a capture of a known scene, with its truth of `resolution` pixels per side.
+///
+/// # Errors
+/// `Kind::Input` and `Kind::Options`: a scene or options out of range.
+pub fn render(scene: &Scene, options: &RenderOptions, resolution: usize) -> Result<(Capture, Truth)> {
+    let truth = crate::simulate::truth(scene, resolution)?;
+    Ok((crate::simulate::simulate(scene, options)?.capture, truth))
 }

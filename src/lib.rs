@@ -20,8 +20,6 @@
 //! scan:
 //!
 //! ```no_run
-//! use std::ops::ControlFlow;
-//!
 //! use thirdbounce::glam::DVec3;
 //! use thirdbounce::{Capture, Gpu, GpuOptions, Maps, SessionOptions, Settings, session};
 //!
@@ -36,7 +34,7 @@
 //!     let mut settings = Settings::default();
 //!     settings.set("lateral", "64")?;
 //!     let options = SessionOptions::default();
-//!     let (mut session, _) = session(&gpu, &scan, &settings, options, &mut |_| ControlFlow::Continue(()))?;
+//!     let (mut session, _) = session(&gpu, &scan, &settings, options)?;
 //!     loop {
 //!         session.submit(&counts())?;
 //!         show(&session.wait()?.result.maps); // or poll(), or wait_for(limit)
@@ -47,8 +45,6 @@
 //! [`Vulkan`] wraps the device of a program, whose buffers hold counts and maps:
 //!
 //! ```no_run
-//! use std::ops::ControlFlow;
-//!
 //! use thirdbounce::ash::{Device, Entry, Instance, vk};
 //! use thirdbounce::{
 //!     Capture, ExternalBuffer, ExternalCounts, ExternalFrame, Format, Gpu, SessionOptions, Settings,
@@ -84,7 +80,7 @@
 //!     };
 //!     let options = SessionOptions { external: true, ..SessionOptions::default() };
 //!     let settings = Settings::default();
-//!     let (mut session, _) = session(&gpu, scan, &settings, options, &mut |_| ControlFlow::Continue(()))?;
+//!     let (mut session, _) = session(&gpu, scan, &settings, options)?;
 //!     let counts_bytes = 4 * (scan.pair_count() * scan.bins) as u64;
 //!     session.submit_external(ExternalFrame {
 //!         counts: ExternalCounts {
@@ -152,9 +148,9 @@ pub use thirdbounce_simulate as simulate;
 #[doc(hidden)]
 pub use thirdbounce_tags as tags;
 
-pub use api::{Solved, reconstruct, reconstruct_with, session};
+pub use api::{Solved, reconstruct, reconstruct_with, render, session, session_with};
 #[cfg(feature = "formats")]
-pub use api::{prepare, read, write};
+pub use api::{Written, evaluate, prepare, read, read_truth, reconstruct_file, write};
 pub use session::{
     Canceller, ExternalCounts, ExternalFrame, Feed, Format, Frame, FrameId, Hear, Latency, Session,
     SessionOptions, Submitter,
@@ -185,4 +181,8 @@ pub use thirdbounce_gpu::external::{
 #[doc(inline)]
 pub use thirdbounce_gpu::{DeviceInfo, DeviceKind, Gpu, GpuOptions, Place, devices};
 #[doc(inline)]
-pub use thirdbounce_maps::maps::{Layer, Maps};
+pub use thirdbounce_maps::maps::{Layer, Maps, Truth};
+#[doc(inline)]
+pub use thirdbounce_maps::measure::{AtBest, LayerMetrics, Metrics, PaperMeasure};
+#[doc(inline)]
+pub use thirdbounce_simulate::{Dark, Layout, Object, RenderOptions, Scene, WallShape};

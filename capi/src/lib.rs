@@ -5,6 +5,7 @@
 //!
 //! `unsafe` is required for C pointers; each block states the header's precondition.
 
+mod devices;
 mod error;
 mod frames;
 mod log;
@@ -15,6 +16,7 @@ mod sized;
 mod text;
 mod vulkan;
 
+pub use devices::TbDeviceInfo;
 pub use error::{TB_ERROR_INFO_SETTINGS, TbErrorInfo, TbStatus};
 pub use frames::TbLatency;
 pub use log::{TbLevel, TbLogCallback};

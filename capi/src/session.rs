@@ -112,7 +112,7 @@ pub unsafe extern "C" fn tb_session_new(
             Some(hear) => hear(FrameId(0), p),
             None => ControlFlow::Continue(()),
         };
-        let (made, notes) = engine::session(&device.gpu, &capture, &chosen, options, &mut on_progress)?;
+        let (made, notes) = engine::session_with(&device.gpu, &capture, &chosen, options, &mut on_progress)?;
         notes.iter().for_each(|note| log::note(note));
         let megabytes = made.plan().buffers.iter().map(|b| b.bytes).sum::<u64>() / 1_000_000;
         log::note(&format!("a session of {} pairs, {megabytes} MB of buffers", made.plan().scene.pairs));

@@ -110,6 +110,56 @@ fn a_cpp_program_feeds_parts_of_a_scan() {
     feeds(&[], &[]);
 }
 
+/// As a program with CMake finds the installed package.
+#[test]
+fn a_cpp_program_finds_the_package_and_lists_devices() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let prefix = folder.path().join("usr");
+    for part in ["lib/cmake/thirdbounce", "include"] {
+        std::fs::create_dir_all(prefix.join(part)).expect("a folder");
+    }
+    let copy = |from: PathBuf, to: &str| std::fs::copy(from, prefix.join(to)).expect("a copy");
+    copy(library().join("libthirdbounce.so"), "lib/libthirdbounce.so");
+    let soname =
+        format!("libthirdbounce.so.{}.{}", env!("CARGO_PKG_VERSION_MAJOR"), env!("CARGO_PKG_VERSION_MINOR"));
+    std::os::unix::fs::symlink("libthirdbounce.so", prefix.join("lib").join(soname)).expect("a link");
+    for header in ["thirdbounce.h", "thirdbounce.hpp"] {
+        copy(root().join("include").join(header), &format!("include/{header}"));
+    }
+    let config = "lib/cmake/thirdbounce/thirdbounceConfig.cmake";
+    copy(root().join("capi/cmake/thirdbounceConfig.cmake"), config);
+    let version = std::fs::read_to_string(root().join("capi/cmake/thirdbounceConfigVersion.cmake.in"))
+        .expect("text")
+        .replace("@VERSION@", env!("CARGO_PKG_VERSION"));
+    std::fs::write(prefix.join("lib/cmake/thirdbounce/thirdbounceConfigVersion.cmake"), version)
+        .expect("a file");
+    let (source, project) = (folder.path().join("list.cpp"), folder.path().join("CMakeLists.txt"));
+    let program = "#include <cstdio>\n#include <thirdbounce.hpp>\nint main() {\n  for (const auto &d : thirdbounce::devices()) std::printf(\"%s|%s|%s\\n\", d.name, d.kind, d.uuid);\n  tb_device_info none{};\n  none.size = sizeof none;\n  return tb_device_info_at(1000, &none) == TB_ERROR_OPTIONS ? 0 : 1;\n}\n";
+    std::fs::write(&source, program).expect("a file");
+    let lines = "cmake_minimum_required(VERSION 3.13)\nproject(list CXX)\nset(CMAKE_CXX_STANDARD 17)\nfind_package(thirdbounce 0.1 REQUIRED)\nadd_executable(list list.cpp)\ntarget_link_libraries(list thirdbounce::thirdbounce)\n";
+    std::fs::write(&project, lines).expect("a file");
+    let build = folder.path().join("build");
+    if Command::new("cmake").arg("--version").output().is_ok_and(|o| o.status.success()) {
+        let prefix = format!("-DCMAKE_PREFIX_PATH={}", prefix.display());
+        run(Command::new("cmake").arg("-S").arg(folder.path()).arg("-B").arg(&build).arg(prefix));
+        run(Command::new("cmake").arg("--build").arg(&build));
+    } else {
+        eprintln!("skipped: the package is not found with CMake, as that is not installed");
+        std::fs::create_dir(&build).expect("a folder");
+        run(Command::new("c++")
+            .args(["-std=c++17", "-Wall", "-Wextra", "-Werror", "-I"])
+            .arg(prefix.join("include"))
+            .arg(&source)
+            .arg("-L")
+            .arg(prefix.join("lib"))
+            .args(["-lthirdbounce", "-o"])
+            .arg(build.join("list")));
+    }
+    let text = run(Command::new(build.join("list")).env("LD_LIBRARY_PATH", prefix.join("lib")));
+    let first: Vec<&str> = text.lines().next().expect("a device").split('|').collect();
+    assert!(!first[0].is_empty() && !first[1].is_empty() && first[2].len() == 32, "{text}");
+}
+
 #[test]
 fn a_c_program_captures() {
     captures(&[], &[]);

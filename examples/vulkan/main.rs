@@ -6,7 +6,6 @@
 mod program;
 
 use std::error::Error;
-use std::ops::ControlFlow;
 use std::time::Instant;
 
 use ash::vk;
@@ -43,8 +42,7 @@ fn main() -> Result<(), Box<dyn Error>> {
         let external = SessionOptions { external: true, ..SessionOptions::default() };
         let method = SurfaceSettings { lateral: Some(PIXELS), ..SurfaceSettings::default() }.into();
         let settings = Settings { method, ..Settings::default() };
-        let (mut session, _) =
-            thirdbounce::session(&gpu, &scan(), &settings, external, &mut |_| ControlFlow::Continue(()))?;
+        let (mut session, _) = thirdbounce::session(&gpu, &scan(), &settings, external)?;
 
         let counts = program.buffer((SIDE * SIDE * BINS * 4) as u64, false)?;
         let maps = program.buffer(session.external_maps_bytes(), false)?;

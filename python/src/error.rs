@@ -60,8 +60,13 @@ pub fn guarded<T>(
 /// The exception of an error.
 pub fn raised(py: Python<'_>, error: &EngineError, place: Option<&str>) -> PyErr {
     let named = place.and_then(|p| error.what.strip_prefix(&format!("{p}: ")));
-    let what = in_python(named.unwrap_or(&error.what));
-    let hint = in_python(&error.hint.say(changed, found));
+    // Arrays have another name in files.
+    let named_as = |text: &str| match place {
+        Some(_) => in_python(text),
+        None => in_python(text).replace("delta_t", "bin_width"),
+    };
+    let what = named_as(named.unwrap_or(&error.what));
+    let hint = named_as(&error.hint.say(changed, found));
     let text = match place {
         Some(place) => format!("{place}: {what}\n  {hint}"),
         None => format!("{what}\n  {hint}"),

@@ -27,10 +27,14 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(devices::close_devices, module)?)?;
     module.add_function(wrap_pyfunction!(maps::write_maps, module)?)?;
     module.add_function(wrap_pyfunction!(maps::read_maps, module)?)?;
+    module.add_function(wrap_pyfunction!(maps::read_truth, module)?)?;
+    module.add_function(wrap_pyfunction!(maps::evaluate, module)?)?;
     module.add_function(wrap_pyfunction!(maps::picture, module)?)?;
+    module.add_function(wrap_pyfunction!(reconstruct::metres, module)?)?;
     module.add_function(wrap_pyfunction!(reconstruct::reconstruct, module)?)?;
     module.add_function(wrap_pyfunction!(settings::options, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::scenes, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
+    module.add_class::<maps::Page>()?;
     module.add_class::<session::Session>()
 }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use engine::export;
+use engine::export::page::Light;
 use engine::maps::{Layer, Maps, Truth};
 use engine::{Error, Result};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
@@ -113,14 +114,50 @@ fn layer<'py>(
     Ok(made)
 }
 
+/// What the page of a result shows of its capture.
+#[pyclass(module = "thirdbounce._native", frozen)]
+pub struct Page {
+    pub title: String,
+    pub light: Light,
+}
+
+/// JSON, or the error of packing it.
+pub fn packed(json: serde_json::Result<String>) -> Result<String> {
+    json.map_err(|e| Error::output(format!("it cannot be packed as JSON: {e}"), "report this as a bug"))
+}
+
+/// Measures maps against truth: figures as JSON.
+#[pyfunction]
+pub fn evaluate(
+    py: Python<'_>,
+    arrays: MapArrays<'_>,
+    truth: MapArrays<'_>,
+    mask_fraction: Option<f64>,
+) -> PyResult<String> {
+    guarded(py, None, || {
+        let (mut maps, truth) = (arrays.maps()?, truth.maps()?);
+        let Maps { nx, ny, extent, depth, normal, mask, behind, .. } = truth;
+        let truth = Truth { nx, ny, extent, depth, normal, mask, behind };
+        packed(serde_json::to_string(&engine::job::evaluate_maps(&mut maps, &truth, mask_fraction)?))
+    })
+}
+
+/// Reads truth.
+#[pyfunction]
+pub fn read_truth(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
+    let place = path.display().to_string();
+    truth(py, guarded(py, Some(&place), || export::npz::read_truth(&path))?)
+}
+
 /// Writes maps: one npz file if the path ends in .npz, else a folder with everything that the command writes. `report` is
-/// the text of report.json.
+/// the text of report.json, `page` what report.html shows of the capture.
 #[pyfunction]
 pub fn write_maps(
     py: Python<'_>,
     arrays: MapArrays<'_>,
     path: PathBuf,
     report: Option<String>,
+    page: Option<PyRef<'_, Page>>,
 ) -> PyResult<Vec<PathBuf>> {
     let place = path.display().to_string();
     guarded(py, Some(&place), || {
@@ -130,6 +167,14 @@ pub fn write_maps(
         }
         let mut written = export::write_maps(&path, &maps)?;
         if let Some(report) = report {
+            if let Some(page) = page {
+                let file = path.join("report.html");
+                let of_page = serde_json::from_str(&report).map_err(|e| {
+                    Error::options(format!("the report is none: {e}"), "leave `report` as it was computed")
+                })?;
+                export::page::write(&file, &page.title, &maps, &page.light, &of_page, None)?;
+                written.push(file);
+            }
             let file = path.join("report.json");
             engine::files::atomic::write(&file, report.as_bytes())?;
             written.push(file);
@@ -138,12 +183,17 @@ pub fn write_maps(
     })
 }
 
-/// Reads the maps of an npz file.
+/// Reads the maps of an npz file, or of a folder of results with its report.
 #[pyfunction]
 pub fn read_maps(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> {
     let place = path.display().to_string();
-    let read = guarded(py, Some(&place), || export::npz::read_maps(&path))?;
-    dictionary(py, read)
+    let is_folder = path.is_dir();
+    let file = if is_folder { path.join("maps.npz") } else { path.clone() };
+    let made = dictionary(py, guarded(py, Some(&place), || export::npz::read_maps(&file))?)?;
+    if is_folder && let Ok(report) = std::fs::read_to_string(path.join("report.json")) {
+        made.set_item("report", report)?;
+    }
+    Ok(made)
 }
 
 /// Albedo and depth side by side, as PNG.

@@ -1,57 +1,92 @@
 //! A whole reconstruction, as the command does it.
 
-use engine::job::{self, Loaded, Outcome, Request};
-use engine::{Error, Kind, Result};
+use std::path::PathBuf;
+
+use engine::job::{self, Outcome, Request};
+use engine::solve::VolumeMap;
+use engine::{Error, Kind};
+use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::capture::Arrays;
 use crate::devices;
 use crate::error::guarded;
-use crate::maps;
+use crate::maps::{self, Page};
 use crate::settings::{self, Texts};
 use crate::tell::Teller;
 
-/// Reconstructs a capture: maps, with `report` as JSON and `notes` as sentences. `progress` is called with (doing,
-/// iteration, iterations, seconds, remaining, loss, lateral) and stops the solve with `False`.
+struct Done {
+    outcome: Outcome,
+    report: String,
+    notes: Vec<String>,
+    volume: Option<VolumeMap>,
+    page: Page,
+}
+
+/// Reconstructs a capture of arrays or of a file, and measures it against the truth of a file: maps, with `report` as JSON and
+/// `notes` as sentences. `progress` is called with (doing, iteration, iterations, seconds, remaining, loss, lateral, fraction) and
+/// stops the solve with `False`.
 #[pyfunction]
 pub fn reconstruct<'py>(
     py: Python<'py>,
-    arrays: Arrays<'py>,
+    arrays: Option<Arrays<'py>>,
+    path: Option<PathBuf>,
+    truth: Option<PathBuf>,
     settings: Texts,
     progress: Option<Py<PyAny>>,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let capture = guarded(py, None, || arrays.capture())?;
+    let place = path.as_ref().map(|path| path.display().to_string());
+    let capture = guarded(py, None, || arrays.map(|arrays| arrays.capture()).transpose())?;
     let teller = Teller::new(progress, true);
-    let done = guarded(py, None, || {
+    let done = guarded(py, place.as_deref(), || {
         py.detach(|| {
             let settings = settings::settings(&settings)?;
             let device = settings.device.clone();
-            let loaded = job::take(capture, &settings)?;
+            let loaded = match (capture, path) {
+                (Some(capture), _) => job::take(capture, &settings)?,
+                (None, path) => job::load(&path.unwrap_or_default(), &settings)?,
+            };
             let gpu = devices::open(&device)?;
-            let request = Request::new(settings, "");
+            let request = Request { truth, ..Request::new(settings, "") };
             let solved = job::solve(&request, &loaded, &gpu, &mut |p| teller.hear(p));
             if solved.as_ref().is_err_and(|e| e.kind == Kind::Device) {
                 devices::forget(&device);
             }
-            packed(solved?.outcome, &loaded)
+            let mut solved = solved?;
+            let (volume, light) = (solved.take_volume(), solved.light().clone());
+            let outcome = solved.outcome;
+            let report = maps::packed(serde_json::to_string_pretty(&outcome.report))?;
+            let notes = [&loaded.notes[..], &outcome.notes].concat();
+            teller.finish();
+            let page = Page { title: loaded.capture.name, light };
+            Ok(Done { outcome, report, notes, volume, page })
         })
     });
     if let Some(raised) = teller.raised().take() {
         return Err(raised);
     }
-    let (found, report, [notes, warnings]) = done?;
-    let made = maps::dictionary(py, found)?;
+    let Done { outcome, report, notes, volume, page } = done?;
+    let made = maps::dictionary(py, outcome.maps)?;
     made.set_item("report", report)?;
     made.set_item("notes", notes)?;
-    made.set_item("warnings", warnings)?;
+    made.set_item("warnings", outcome.warnings)?;
+    made.set_item("page", Bound::new(py, page)?)?;
+    set_volume(&made, volume)?;
     Ok(made)
 }
 
-/// The result with its report as text and all notes.
-fn packed(outcome: Outcome, loaded: &Loaded) -> Result<(engine::maps::Maps, String, [Vec<String>; 2])> {
-    let report = serde_json::to_string_pretty(&outcome.report)
-        .map_err(|e| Error::output(format!("the report cannot be packed: {e}"), "report this as a bug"))?;
-    let notes = [&loaded.notes[..], &outcome.notes].concat();
-    Ok((outcome.maps, report, [notes, outcome.warnings]))
+/// Adds a volume and its box.
+pub fn set_volume(made: &Bound<'_, PyDict>, volume: Option<VolumeMap>) -> PyResult<()> {
+    let Some(VolumeMap { grid, albedo }) = volume else { return Ok(()) };
+    let ([x0, x1, y0, y1], [z0, z1]) = (grid.extent(), grid.depth_range());
+    made.set_item("volume", PyArray1::from_vec(made.py(), albedo).reshape(grid.n)?)?;
+    made.set_item("volume_extent", (x0, x1, y0, y1, z0, z1))
+}
+
+/// The metres of a length, or of a path if it `is_path`, with a unit.
+#[pyfunction]
+pub fn metres(py: Python<'_>, name: &str, text: &str, is_path: bool) -> PyResult<f64> {
+    let read = if is_path { engine::solve::units::path } else { engine::solve::units::length };
+    guarded(py, None, || read(text).map_err(|hint| Error::options(format!("{name} is {text:?}"), hint)))
 }

@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use engine::maps::Maps;
 use engine::session::{self as engine_session, Canceller, Feed, Frame, Hear, SessionOptions, Submitter};
-use engine::solve::Progress;
+use engine::solve::{Follow, Progress, VolumeMap};
 use engine::{Error, Result};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
@@ -16,14 +16,15 @@ use crate::capture::{Arrays, flat};
 use crate::devices;
 use crate::error::guarded;
 use crate::maps;
+use crate::reconstruct::set_volume;
 use crate::settings::{self, Texts};
 use crate::tell::{Raised, Teller, heard};
 
 /// How often a thread that waits looks for signals.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Maps of a frame, its number, seconds of its solve, and warnings.
-type Waited = (Maps, u64, f64, Vec<String>);
+/// Maps of a frame, its number, seconds of its solve, warnings, and volume.
+type Waited = (Maps, u64, f64, Vec<String>, Option<VolumeMap>);
 
 /// A session behind a lock, so that several threads may call it. Submitting and cancelling need no lock.
 #[pyclass(module = "thirdbounce._native", frozen)]
@@ -77,7 +78,8 @@ impl Session {
         self.is_pending.store(matches!(found, Ok(None)), Relaxed);
         let packed = |frame: &Frame| {
             let result = &frame.result;
-            (result.maps.clone(), frame.id.0, result.solve_seconds, result.warnings.clone())
+            let (warnings, volume) = (result.warnings.clone(), result.volume.clone());
+            (result.maps.clone(), frame.id.0, result.solve_seconds, warnings, volume)
         };
         Ok(found?.map(packed))
     }
@@ -85,7 +87,8 @@ impl Session {
 
 #[pymethods]
 impl Session {
-    /// Compiles and allocates everything for frames of the scan that `arrays` describes.
+    /// Compiles and allocates everything for frames of the scan that `arrays` describes. `follow`: frames follow each other, with the
+    /// seconds of each, if they are limited.
     #[new]
     fn new(
         py: Python<'_>,
@@ -94,6 +97,7 @@ impl Session {
         time_limit: Option<f64>,
         progress: Option<Py<PyAny>>,
         feed: Option<FeedGiven>,
+        follow: Option<(Option<f64>,)>,
     ) -> PyResult<Session> {
         let feed = guarded(py, None, || feed.map_or(Ok(Feed::One), |given| given.feed()))?;
         let scan = guarded(py, None, || arrays.capture())?;
@@ -101,16 +105,21 @@ impl Session {
         let teller = Teller::new(progress, false);
         let raised = teller.raised();
         let session = heard(py, None, move || {
-            let limit = time_limit.map(Duration::try_from_secs_f64).transpose();
-            let time_limit =
-                limit.map_err(|e| Error::options(format!("time_limit: {e}"), "give seconds, or None"))?;
+            let time = |name: &str, seconds: Option<f64>| {
+                let time = seconds.map(Duration::try_from_secs_f64).transpose();
+                time.map_err(|e| Error::options(format!("{name}: {e}"), "give seconds, or None"))
+            };
+            let time_limit = time("time_limit", time_limit)?;
+            let follow = follow.map(|(budget,)| time("budget", budget)).transpose()?;
+            let follow = follow.map(|budget| Follow { budget, ..Follow::default() });
             let settings = settings::settings(&settings)?;
             let gpu = devices::open(&settings.device)?;
             let teller = Arc::new(teller);
             let of_session = teller.clone();
-            let hear: Hear = Box::new(move |_, p: &Progress| of_session.hear(p));
-            let options = SessionOptions { time_limit, hear: Some(hear), feed, ..SessionOptions::default() };
-            let made = engine::session(&gpu, &scan, &settings, options, &mut |p| teller.hear(p));
+            let hear: Hear = Box::new(move |id, p: &Progress| of_session.hear_frame(id.0, p));
+            let options =
+                SessionOptions { time_limit, hear: Some(hear), feed, follow, ..SessionOptions::default() };
+            let made = engine::session_with(&gpu, &scan, &settings, options, &mut |p| teller.hear(p));
             made.map(|(session, _)| session)
         })?;
         let (submitter, canceller) = (session.submitter(), session.canceller());
@@ -165,11 +174,12 @@ impl Session {
                 None => {}
             }
         };
-        let packed = |(solved, frame, seconds, warnings)| {
+        let packed = |(solved, frame, seconds, warnings, volume)| {
             let made = maps::dictionary(py, solved)?;
             made.set_item("frame", frame)?;
             made.set_item("seconds", seconds)?;
             made.set_item("warnings", warnings)?;
+            set_volume(&made, volume)?;
             Ok(made)
         };
         found.map(packed).transpose()

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use engine::solve::{Doing, Progress};
 use engine::{Error, Result};
@@ -18,7 +18,62 @@ pub struct Teller {
     /// Only the main thread receives signals.
     hears_signals: bool,
     raised: Raised,
+    pace: Mutex<Pace>,
 }
+
+/// Least time between two reports of one phase.
+const EVERY: Duration = Duration::from_millis(200);
+/// Share of the work that estimates are, where there are any.
+const OF_ESTIMATES: f64 = 0.5;
+
+/// What was reported last. Reports never go back.
+#[derive(Default)]
+struct Pace {
+    /// The frame of a session.
+    frame: u64,
+    doing: &'static str,
+    iteration: usize,
+    seconds: f64,
+    fraction: f64,
+    has_estimates: bool,
+    reported: Option<Instant>,
+}
+
+impl Pace {
+    /// The report of a progress; `None` if it is not due.
+    fn report(&mut self, progress: &Progress) -> Option<Report> {
+        let p = &progress.point;
+        let doing = match progress.doing {
+            Doing::Preview => "preview",
+            Doing::Trial => "trial",
+            Doing::Solve => "solve",
+        };
+        if doing != self.doing {
+            (self.doing, self.iteration, self.reported) = (doing, 0, None);
+            self.has_estimates |= doing == "trial";
+        }
+        let iterations = progress.iterations.max(p.iteration).max(1);
+        self.iteration = p.iteration.max(self.iteration).min(iterations);
+        let is_last = self.iteration == iterations;
+        if self.reported.is_some_and(|at| at.elapsed() < EVERY) && !is_last {
+            return None;
+        }
+        self.reported = Some(Instant::now());
+        self.seconds = self.seconds.max(p.seconds);
+        let done = self.iteration as f64 / iterations as f64;
+        let of_all = match (doing, self.has_estimates) {
+            ("trial", _) => OF_ESTIMATES * done,
+            (_, true) => OF_ESTIMATES + (1.0 - OF_ESTIMATES) * done,
+            (_, false) => done,
+        };
+        self.fraction = self.fraction.max(of_all);
+        let remaining = progress.remaining.map(|s| s.max(0.0));
+        Some((doing, self.iteration, iterations, self.seconds, remaining, p.loss, p.lateral, self.fraction))
+    }
+}
+
+/// What is being done, iterations and their largest number, seconds, seconds left, loss, lateral pixels, share of the whole.
+type Report = (&'static str, usize, usize, f64, Option<f64>, f64, usize, f64);
 
 /// Interval of signal checks during a wait.
 const LOOK: Duration = Duration::from_millis(20);
@@ -69,12 +124,23 @@ impl Raised {
 
 impl Teller {
     pub fn new(progress: Option<Py<PyAny>>, hears_signals: bool) -> Teller {
-        Teller { progress, hears_signals, raised: Raised::default() }
+        Teller { progress, hears_signals, raised: Raised::default(), pace: Mutex::default() }
     }
 
     /// Where it leaves what is raised.
     pub fn raised(&self) -> Raised {
         self.raised.clone()
+    }
+
+    /// As [`Teller::hear`], of a frame of a session.
+    pub fn hear_frame(&self, frame: u64, progress: &Progress) -> ControlFlow<()> {
+        {
+            let mut pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
+            if pace.frame != frame {
+                *pace = Pace { frame, ..Pace::default() };
+            }
+        }
+        self.hear(progress)
     }
 
     /// Breaks if a signal came, or if the function raised or returned `False`.
@@ -93,19 +159,29 @@ impl Teller {
         }
     }
 
+    /// Reports the end of a solve, which may come before its last iteration.
+    pub fn finish(&self) {
+        let Some(function) = &self.progress else { return };
+        let (seconds, is_last) = {
+            let pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
+            (pace.seconds, pace.fraction >= 1.0)
+        };
+        if !is_last {
+            let report: Report = ("done", 1, 1, seconds, Some(0.0), f64::NAN, 0, 1.0);
+            let called = Python::try_attach(|py| function.call1(py, report).map(drop));
+            if let Some(Err(raised)) = called {
+                *self.raised.slot() = Some(raised);
+            }
+        }
+    }
+
     fn ask(&self, py: Python<'_>, progress: &Progress) -> PyResult<bool> {
         if self.hears_signals {
             py.check_signals()?;
         }
         let Some(function) = &self.progress else { return Ok(true) };
-        let p = &progress.point;
-        let doing = match progress.doing {
-            Doing::Preview => "preview",
-            Doing::Trial => "trial",
-            Doing::Solve => "solve",
-        };
-        let report =
-            (doing, p.iteration, progress.iterations, p.seconds, progress.remaining, p.loss, p.lateral);
+        let report = self.pace.lock().unwrap_or_else(PoisonError::into_inner).report(progress);
+        let Some(report) = report else { return Ok(true) };
         let answer = function.call1(py, report)?;
         Ok(!answer.bind(py).is(pyo3::types::PyBool::new(py, false).to_owned()))
     }

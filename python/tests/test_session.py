@@ -64,8 +64,10 @@ def test_a_camera_thread_feeds_parts_of_a_scan(capture):
 
 @pytest.mark.parametrize("model", [None, "cosine", "lambertian"])
 def test_a_session_of_a_capture_finds_what_a_reconstruction_finds(capture, model):
-    with tb.Session(capture, model=model, **QUICK) as frames:
-        maps = tb.reconstruct(capture, model=model, **QUICK)
+    # A session has no candidates: its support is that of the closed form.
+    fixed = {"model": model, "support": "fixed", **QUICK}
+    with tb.Session(capture, **fixed) as frames:
+        maps = tb.reconstruct(capture, **fixed)
         assert frames.solve(capture.H).albedo.tobytes() == maps.albedo.tobytes()
 
 
@@ -140,7 +142,7 @@ def test_wrong_frames_change_nothing(capture):
         with pytest.raises(tb.InputError):
             frames.submit(np.nan * capture.H)
         assert frames.solve(capture.H).mask.any()
-    with pytest.raises(TypeError, match="bins"):
+    with pytest.raises(tb.OptionsError, match="bins"):
         tb.Session(capture.sensor_xyz)
 
 
@@ -157,3 +159,16 @@ def test_two_sessions_in_two_threads(capture):
     for thread in threads:
         thread.join()
     assert len({bits for all in found.values() for bits in all}) == 1
+
+
+def test_frames_follow_each_other(capture):
+    with tb.Session(capture, follow=True, budget=2.0, **QUICK) as frames:
+        first, second = frames.solve(capture.H), frames.solve(capture.H)
+    assert second.mask.sum() > 0.5 * first.mask.sum() and second.frame == 2
+    with pytest.raises(tb.OptionsError, match="follow"):
+        tb.Session(capture, follow=True, solver="paper", lateral=16)
+
+
+def test_frames_keep_their_volume(capture):
+    with tb.Session(capture, solver="lct", lateral=16, keep_volume=True) as frames:
+        assert frames.solve(capture.H).volume.shape[:2] == (16, 16)

@@ -1,19 +1,24 @@
 //! `thirdbounce batch LIST|CAPTURE|GLOB.. --out DIR`: the options of `reconstruct`, with what is different for many captures.
 
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::ops::ControlFlow;
 use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
+use std::sync::{Mutex, PoisonError};
 
 use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args as _, Command, FromArgMatches};
+use indicatif::ProgressBar;
 use serde_json::json;
-use thirdbounce::job::batch::{Caller, CaptureEnd, Listed, Tally, named};
+use thirdbounce::job::batch::{Caller, CaptureEnd, Listed, Status, Tally, named};
 use thirdbounce::job::{self, Batch, Loaded, Request};
+use thirdbounce::solve::Progress;
 use thirdbounce::{Error, Result, gpu};
 
+use super::progress::{bar, state};
 use super::terminal::{print, say, say_error};
-use super::{advice, interrupt, reconstruct};
+use super::{advice, interrupt, reconstruct, tables};
 
 /// Options of `reconstruct` that a batch does not have: a capture that was not finished begins anew.
 const NOT_HERE: [&str; 4] = ["no_preview", "open", "timings", "json"];
@@ -131,14 +136,19 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         jobs: args.own.jobs,
     };
     interrupt::stop_in_order();
-    let tally = job::batch(&batch, args, &mut |end| report(end, &batch.out, args.each.quiet))?;
+    let running =
+        Running { args, bar: bar(args.each.quiet, "{wide_msg} {elapsed}"), begun: Mutex::default() };
+    let tally = job::batch(&batch, &running, &mut |end| report(end, &running));
+    running.bar.iter().for_each(ProgressBar::finish_and_clear);
+    let tally = tally?;
     let mut summary = json!(tally);
     summary["summary"] = true.into();
     print(&summary.to_string());
     let Tally { captures, done, skipped, failed, stopped, seconds } = tally;
     let left = if stopped { format!(", {} left", captures - done - skipped - failed) } else { String::new() };
     say(&format!(
-        "{captures} captures: {done} done, {skipped} skipped, {failed} failed{left}, in {seconds:.1} s"
+        "{captures} captures: {done} done, {skipped} skipped, {failed} failed{left}, in {seconds:.1} s; all results: {}",
+        batch.out.join("index.html").display()
     ));
     Ok(match (interrupt::asked().is_break() && stopped, failed) {
         (true, _) => ExitCode::from(STOPPED),
@@ -147,9 +157,10 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     })
 }
 
-/// A line of JSON on stdout, notes and errors on stderr.
-fn report(end: &CaptureEnd, out: &Path, quiet: bool) {
-    let name = &end.capture.name;
+/// A line of JSON on stdout; where the batch is, warnings and errors on stderr.
+fn report(end: &CaptureEnd, running: &Running<'_>) {
+    let (args, name, [number, of]) = (running.args, &end.capture.name, end.number);
+    let out = &args.each.out;
     print(
         &json!({
             "capture": end.capture.path.to_string_lossy(),
@@ -164,27 +175,68 @@ fn report(end: &CaptureEnd, out: &Path, quiet: bool) {
         })
         .to_string(),
     );
-    match &end.error {
-        Some(e) => say_error(&format!("{name}: "), &e.what, &advice::text(&e.hint)),
-        None if quiet => {}
-        None => {
-            end.notes.iter().for_each(|note| say(&format!("note: {name}: {note}")));
-            end.warnings.iter().for_each(|warning| say(&format!("warning: {name}: {warning}")));
+    if let Some(e) = &end.error {
+        running.note(|| say_error(&format!("{name}: "), &e.what, &advice::text(&e.hint)));
+    }
+    if args.each.quiet {
+        return;
+    }
+    let left = match (end.remaining, of - number) {
+        (Some(seconds), 1..) => format!("; about {} left", tables::seconds(seconds)),
+        _ => String::new(),
+    };
+    let how = match end.status {
+        Status::Done => format!("done in {}", tables::seconds(end.seconds)),
+        Status::Skipped => "is there already".into(),
+        Status::Failed => "failed".into(),
+    };
+    running.note(|| {
+        say(&format!("{number} of {of}: {name} {how}{left}"));
+        end.warnings.iter().for_each(|warning| say(&format!("warning: {name}: {warning}")));
+    });
+}
+
+/// A batch that runs, with the bar of a terminal.
+struct Running<'a> {
+    args: &'a Args,
+    bar: Option<ProgressBar>,
+    /// Numbers of captures that began, by name.
+    begun: Mutex<BTreeMap<String, usize>>,
+}
+
+impl Running<'_> {
+    /// Writes lines that stay.
+    fn note(&self, write: impl FnOnce()) {
+        match &self.bar {
+            Some(bar) => bar.suspend(write),
+            None => write(),
         }
     }
 }
 
-impl Caller for Args {
+impl Caller for Running<'_> {
     fn beside(&self, capture: &Listed) -> Vec<PathBuf> {
-        self.each.truth.iter().map(|truth| with_name(truth, &capture.name)).collect()
+        self.args.each.truth.iter().map(|truth| with_name(truth, &capture.name)).collect()
     }
 
     fn load(&self, capture: &Listed) -> Result<(Loaded, Request)> {
-        let (loaded, mut request) = self.each.load(&capture.path)?;
+        let (loaded, mut request) = self.args.each.load(&capture.path)?;
         for file in [&mut request.truth, &mut request.volume_file].into_iter().flatten() {
             *file = with_name(file, &capture.name);
         }
         Ok((loaded, request))
+    }
+
+    fn progress(&self, capture: &Listed, of: usize, progress: &Progress) {
+        let Some(bar) = &self.bar else { return };
+        let mut begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner);
+        let next = begun.len() + 1;
+        let number = *begun.entry(capture.name.clone()).or_insert(next);
+        bar.set_message(format!("{number} of {of}: {}  {}", capture.name, state(progress)));
+    }
+
+    fn hint(&self, error: &Error) -> String {
+        advice::text(&error.hint)
     }
 
     fn may_continue(&self) -> ControlFlow<()> {

@@ -366,8 +366,8 @@ impl Turns {
     }
 
     fn end(&mut self) {
-        if let Some((_, _, meter)) = self.shown.take() {
-            meter.end();
+        if let Some((_, _, mut meter)) = self.shown.take() {
+            meter.end(false);
         }
     }
 }

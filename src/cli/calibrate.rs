@@ -60,19 +60,12 @@ pub fn run(args: &Args) -> Result<()> {
     interrupt::stop_in_order();
     let notes = capture::write(&fixed, &args.out)?;
     notes.iter().for_each(|note| say(&format!("note: {note}")));
-    let mut text = String::from("shift (m)   bins   residual (m)\n");
-    for [shift, residual] in &found.curve {
-        text += &format!("{shift:>9.5} {:>6.0}   {residual:.6}\n", shift / gated.bin_width);
-    }
-    if let Some(path) = &args.png {
-        export::calibration::write(path, &found)?;
-        text += &format!("wrote     {}\n", path.display());
-    }
     let p = found.target;
-    text += &format!(
+    // The answer comes first.
+    let mut text = format!(
         "shift     {:.6} m of path, {:.2} bins, standard error {:.2}: t_start is {:.6} m now\n\
          target    ({:.4}, {:.4}, {:.4}) m, paths off by {:.6} m, {} histograms\n\
-         wrote     {}",
+         wrote     {}\n",
         found.shift,
         found.shift / gated.bin_width,
         found.error / gated.bin_width,
@@ -84,6 +77,14 @@ pub fn run(args: &Args) -> Result<()> {
         found.used,
         args.out.display()
     );
+    if let Some(path) = &args.png {
+        export::calibration::write(path, &found)?;
+        text += &format!("wrote     {}\n", path.display());
+    }
+    text += "\nshift (m)   bins   residual (m)\n";
+    for [shift, residual] in &found.curve {
+        text += &format!("{shift:>9.5} {:>6.0}   {residual:.6}\n", shift / gated.bin_width);
+    }
     print(&text);
     Ok(())
 }

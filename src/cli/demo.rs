@@ -30,7 +30,7 @@ pub fn run(args: &Args) -> Result<()> {
         }
     };
     let demo = job::demo(&args.out, args.device.clone(), &mut tell, &mut |progress| meter.hear(progress));
-    meter.end();
+    meter.end(demo.is_ok());
     let demo = demo?;
     print(&tables::report(&demo.outcome.report));
     print(&format!(

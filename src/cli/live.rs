@@ -1,13 +1,20 @@
 //! `thirdbounce live SOURCE --capture SCAN`.
 
+use std::fs::File;
+use std::io::Write;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
 use std::ops::ControlFlow;
-use std::path::PathBuf;
-use std::time::Duration;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use serde_json::{Value, json};
 
 use thirdbounce::gpu::{Gpu, GpuOptions};
-use thirdbounce::live::{self, News, Page, Source, Summary};
+use thirdbounce::live::{self, Figures, News, Page, Shows, Source, Summary};
+use thirdbounce::maps::Maps;
 use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
-use thirdbounce::solve::units::milliseconds;
+use thirdbounce::solve::units::{length, milliseconds};
 use thirdbounce::solve::{Follow, Reconstruction};
 use thirdbounce::{Error, Result, capture, export, job};
 
@@ -24,9 +31,16 @@ pub struct Args {
     /// model and pulse are estimated, as in reconstruct
     #[arg(long, value_name = "CAPTURE")]
     capture: PathBuf,
-    /// Serve a page with the newest maps on this port, for a browser on this machine; 0: a free port
-    #[arg(long, value_name = "PORT")]
-    page: Option<u16>,
+    /// Serve a page with the newest maps, the totals and the last error on this port of the loopback, for a browser on this
+    /// machine; 0: a free port. With an address before it (0.0.0.0:8080) other machines reach it, too, without a password
+    #[arg(long, value_name = "[ADDRESS:]PORT", value_parser = page_address)]
+    page: Option<SocketAddr>,
+    /// Depths of the first and last colour on the page: 50cm:1.5m [default: those of the reconstructed box]
+    #[arg(long, value_name = "NEAR:FAR", requires = "page", value_parser = depths)]
+    page_depths: Option<[f64; 2]>,
+    /// Time between frames. The page is stale after three without a result [default: the median of the last frames]
+    #[arg(long, value_name = "TIME", requires = "page", value_parser = milliseconds)]
+    interval: Option<f64>,
     /// What becomes of frames that come while one is solved: newest keeps the newest, every solves all, sum:D adds all up
     /// and multiplies the sum by D before each
     #[arg(long, value_name = "newest|every|sum:D", default_value = "newest")]
@@ -37,9 +51,13 @@ pub struct Args {
     /// Solve every frame from the beginning, not from the frame before
     #[arg(long, conflicts_with = "budget")]
     cold: bool,
-    /// Write the maps of the last frame to this folder at the end
+    /// Folder for results: a line of JSON in frames.jsonl for every frame, its maps in frames/NAME.npz, and at the end all
+    /// files of the last frame. Lines and maps are written as frames are solved
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Keep the maps of every Nth solved frame; 0: of the last one only
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "out")]
+    keep: u64,
     /// End after N frames
     #[arg(long, value_name = "N")]
     frames: Option<u64>,
@@ -53,55 +71,165 @@ pub struct Args {
     settings: SettingsArgs<METHOD>,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &Args) -> Result<ExitCode> {
     let settings = args.settings.settings()?;
-    let options =
-        SessionOptions { feed: feed(&args.feed)?, follow: follow(args)?, ..SessionOptions::default() };
-    if let Some(out) = &args.out {
-        job::check_file(&out.join("maps.npz"))?;
-    }
+    let (feed, interval) = (feed(&args.feed)?, seconds("interval", args.interval)?);
+    let options = SessionOptions { feed, follow: follow(args)?, ..SessionOptions::default() };
     interrupt::stop_in_order();
     let (source, scan) = (source(args)?, capture::read(&args.capture)?);
+    let mut kept = args.out.as_deref().map(|out| Kept::open(out, args.keep)).transpose()?;
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
-    let page = args.page.map(Page::serve).transpose()?;
-    if let Some(page) = &page {
-        print(&format!("page      http://{}/", page.address()));
-    }
+    let shows = Shows { depths: args.page_depths, interval };
+    let page = args.page.map(|address| Page::serve(address, shows)).transpose()?;
+    page.iter().for_each(|page| introduce(page.address(), args.quiet));
     let (session, notes) =
-        thirdbounce::session(&gpu, &scan, &settings, options, &mut |_| interrupt::asked())?;
+        thirdbounce::session_with(&gpu, &scan, &settings, options, &mut |_| interrupt::asked())?;
     if !args.quiet {
         notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
-    let (mut last, mut drift) = (None, Drift::default());
-    let done = live::run(session, &source, page.as_ref(), &mut |news| {
-        match news {
-            News::Solved(frame, latency) => {
-                if !args.quiet {
-                    print(&line(frame, &latency));
-                    if drift.shows(&frame.result) {
-                        say(DRIFTED);
-                    }
-                }
-                if args.out.is_some() {
-                    last = Some(frame.result.maps.clone());
-                }
-                if args.frames.is_some_and(|most| latency.frames >= most) {
-                    return ControlFlow::Break(());
-                }
-            }
-            News::Wrong(error) => {
-                say_error("", &error.what, &advice::text(&error.hint));
-            }
-            News::Idle => {}
+    let (mut drift, mut unwritten) = (Drift::default(), None);
+    let mut keep = |record: &mut dyn FnMut(&mut Kept) -> Result<()>| match kept.as_mut().map(record) {
+        Some(Err(error)) => {
+            unwritten = Some(error);
+            ControlFlow::Break(())
         }
-        interrupt::asked()
+        _ => interrupt::asked(),
+    };
+    let done = live::run(session, &source, page.as_ref(), &mut |news| match news {
+        News::Solved(name, frame, latency) => {
+            if !args.quiet {
+                print(&line(name, frame, &latency));
+                if drift.shows(&frame.result) {
+                    say(DRIFTED);
+                }
+            }
+            keep(&mut |kept| kept.solved(name, frame, &latency))?;
+            match args.frames {
+                Some(most) if latency.frames >= most => ControlFlow::Break(()),
+                _ => ControlFlow::Continue(()),
+            }
+        }
+        News::Dropped(name) => {
+            let status = if matches!(feed, Feed::Sum { .. }) { "summed" } else { "dropped" };
+            keep(&mut |kept| kept.line(json!({"frame": name, "status": status})))
+        }
+        News::Failed(name, error) => {
+            let hint = advice::text(&error.hint);
+            say_error("", &error.what, &hint);
+            let failed = json!({"frame": name, "status": "failed", "error": error.what, "hint": hint});
+            keep(&mut |kept| kept.line(failed.clone()))
+        }
+        News::Idle => interrupt::asked(),
     })?;
-    if let (Some(out), Some(maps)) = (&args.out, &last) {
+    if let Some(error) = unwritten {
+        return Err(error);
+    }
+    if let Some((out, maps)) = kept.as_ref().and_then(|kept| Some((&kept.out, kept.last.as_ref()?))) {
         export::write_maps(out, maps)?;
         print(&format!("wrote     {}", out.display()));
     }
     print(&summary(&done));
-    Ok(())
+    if done.arrived + done.failed == 0 && source == Source::Stdin && interrupt::asked().is_continue() {
+        return Err(Error::input(
+            "the stream ended before its first frame",
+            "check the program that writes it: docs/batch-and-live.md describes the bytes",
+        ));
+    }
+    Ok(ExitCode::from(u8::from(done.failed > 0)))
+}
+
+/// Says where the page is, and how another machine reaches it.
+fn introduce(address: SocketAddr, quiet: bool) {
+    print(&format!("page      http://{address}/"));
+    let port = address.port();
+    match address.ip().is_loopback() {
+        true if quiet => {}
+        true => say(&format!(
+            "note: from another machine: ssh -N -L {port}:localhost:{port} USER@THIS-MACHINE, then open http://localhost:{port}/ there"
+        )),
+        false => {
+            say("warning: whoever reaches this address sees the page: it has no password and no encryption")
+        }
+    }
+}
+
+/// The files of a run.
+struct Kept {
+    out: PathBuf,
+    every: u64,
+    lines: File,
+    /// Maps of the last solved frame.
+    last: Option<Maps>,
+}
+
+impl Kept {
+    /// Adds to the lines of earlier runs.
+    fn open(out: &Path, every: u64) -> Result<Kept> {
+        job::check_file(&out.join("maps.npz"))?;
+        let path = out.join("frames.jsonl");
+        let opened = std::fs::create_dir_all(out.join("frames"));
+        let opened = opened.and_then(|()| File::options().create(true).append(true).open(&path));
+        let lines = opened.map_err(|e| unwritten(&path, &e))?;
+        Ok(Kept { out: out.into(), every, lines, last: None })
+    }
+
+    /// Writes the line of a frame, after its maps.
+    fn solved(&mut self, name: &str, frame: &Frame, latency: &Latency) -> Result<()> {
+        let mut file = Value::Null;
+        if self.every > 0 && (latency.frames - 1).is_multiple_of(self.every) {
+            // A name that comes again, in another stream or run, replaces nothing.
+            let again = |i: u32| if i == 1 { format!("{name}.npz") } else { format!("{name}-{i}.npz") };
+            let path = (1..).map(|i| self.out.join("frames").join(again(i))).find(|path| !path.exists());
+            let path = path.unwrap_or_else(|| self.out.join("frames").join(name));
+            export::npz::write_maps(&path, &frame.result.maps)?;
+            file = path.strip_prefix(&self.out).unwrap_or(&path).to_string_lossy().into();
+        }
+        self.last = Some(frame.result.maps.clone());
+        let mut line = json!({"frame": name, "status": "solved", "maps": file});
+        let times =
+            json!({"latency_ms": 1e3 * latency.last.as_secs_f64(), "warnings": frame.result.warnings});
+        for part in [json!(Figures::of(frame)), times] {
+            line.as_object_mut()
+                .into_iter()
+                .for_each(|line| line.extend(part.as_object().cloned().unwrap_or_default()));
+        }
+        self.line(line)
+    }
+
+    /// Writes a line with the time of day, which a kill does not lose.
+    fn line(&mut self, mut line: Value) -> Result<()> {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        line["unix_time"] = now.as_secs_f64().into();
+        let written = self.lines.write_all(format!("{line}\n").as_bytes());
+        written.map_err(|e| unwritten(&self.out.join("frames.jsonl"), &e))
+    }
+}
+
+fn unwritten(path: &Path, e: &std::io::Error) -> Error {
+    Error::output(
+        format!("{}: cannot be written: {e}", path.display()),
+        "give another --out, or make room on its disk",
+    )
+}
+
+/// A port of the loopback, or an address and a port.
+fn page_address(text: &str) -> std::result::Result<SocketAddr, String> {
+    let port = text.parse().map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+    let local = || {
+        text.strip_prefix("localhost:")
+            .and_then(|port| Some((IpAddr::from([127, 0, 0, 1]), port.parse().ok()?)))
+    };
+    port.ok()
+        .or_else(|| text.parse().ok())
+        .or_else(|| local().map(SocketAddr::from))
+        .ok_or_else(|| "give a port, or an IP address and a port: 8080, 0.0.0.0:8080, [::1]:8080".into())
+}
+
+/// Two lengths, the smaller one first.
+fn depths(text: &str) -> std::result::Result<[f64; 2], String> {
+    let ends = text.split_once(':').and_then(|(near, far)| Some([length(near).ok()?, length(far).ok()?]));
+    ends.filter(|[near, far]| 0.0 <= *near && near < far && far.is_finite())
+        .ok_or_else(|| "give the nearest and the farthest depth: 0.5:1.5, 50cm:1.5m".into())
 }
 
 fn source(args: &Args) -> Result<Source> {
@@ -141,16 +269,16 @@ impl Drift {
     }
 }
 
-fn line(frame: &Frame, latency: &Latency) -> String {
-    let result = &frame.result;
+fn line(name: &str, frame: &Frame, latency: &Latency) -> String {
+    let figures = Figures::of(frame);
+    let residual = figures.residual.map_or_else(String::new, |r| format!(", residual {r:.3}"));
     format!(
-        "frame {:<5} {} {:>3} iterations, {:>6.0} ms from its counts, {:.1} frames/s, {} pixels of surface",
-        frame.id.0,
-        if result.is_warm { "warm" } else { "cold" },
-        result.trace.last().map_or(0, |p| p.iteration),
+        "{name:<12} {} {:>3} iterations, {:>6.0} ms from its counts, {:.1} frames/s, {} pixels of surface{residual}",
+        if figures.warm { "warm" } else { "cold" },
+        figures.iterations,
         1e3 * latency.last.as_secs_f64(),
         latency.frames_per_second,
-        result.maps.mask.iter().filter(|m| **m).count()
+        figures.pixels,
     )
 }
 
@@ -158,11 +286,11 @@ fn summary(done: &Summary) -> String {
     let ms = |time: Duration| format!("{:.0} ms", 1e3 * time.as_secs_f64());
     let reported = &done.latency;
     format!(
-        "{} frames of {} solved, {} dropped, {} wrong; latency: median {}, 90 % {}, 99 % {}; {:.1} frames/s",
+        "{} frames of {} solved, {} dropped, {} failed; latency: median {}, 90 % {}, 99 % {}; {:.1} frames/s",
         reported.frames,
         done.arrived,
         reported.dropped,
-        done.wrong,
+        done.failed,
         ms(reported.median),
         ms(reported.p90),
         ms(reported.p99),
@@ -177,14 +305,18 @@ fn feed(text: &str) -> Result<Feed> {
 }
 
 fn follow(args: &Args) -> Result<Option<Follow>> {
-    let budget = args.budget.map(Duration::try_from_secs_f64).transpose();
-    let budget = budget.map_err(|e| {
+    let budget = seconds("budget", args.budget)?;
+    Ok((!args.cold).then(|| Follow { budget, ..Follow::default() }))
+}
+
+/// The time of an option.
+fn seconds(option: &str, value: Option<f64>) -> Result<Option<Duration>> {
+    value.map(Duration::try_from_secs_f64).transpose().map_err(|e| {
         Error::options(
-            format!("--budget is {} s: {e}", args.budget.unwrap_or(f64::NAN)),
+            format!("--{option} is {} s: {e}", value.unwrap_or(f64::NAN)),
             "give a time such as 200ms, or milliseconds as a plain number",
         )
-    })?;
-    Ok((!args.cold).then(|| Follow { budget, ..Follow::default() }))
+    })
 }
 
 #[cfg(test)]

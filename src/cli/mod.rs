@@ -149,11 +149,11 @@ fn run() -> Result<ExitCode> {
     match cli.verb {
         Verb::Batch(args) => return batch::run(&args),
         Verb::Benchmark(args) => return benchmark::run(&args),
+        Verb::Live(args) => return live::run(&args),
         Verb::Demo(args) => demo::run(&args),
         Verb::Info(args) => return info::run(&args),
         Verb::Reconstruct(args) => reconstruct::run(&args),
         Verb::Simulate(args) => simulate::run(&args),
-        Verb::Live(args) => live::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Histogram(args) => histogram::run(&args),
         Verb::Convert(args) => convert::run(&args),

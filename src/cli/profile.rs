@@ -70,7 +70,7 @@ pub fn run(args: &Args) -> Result<()> {
     interrupt::stop_in_order();
     let mut meter = Meter::new(args.quiet);
     let done = profile::profile(&what, &loaded, &mut tell, &mut |progress| meter.hear(progress));
-    meter.end();
+    meter.end(done.is_ok());
     let done = done?;
     done.validation.iter().for_each(|message| say(&format!("validation: {message}")));
     print(&table(&done));

@@ -2,46 +2,99 @@
 
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
+use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use thirdbounce::job::PREVIEW;
+use thirdbounce::simulate::RenderProgress;
 use thirdbounce::solve::{Doing, Progress};
 
 use super::interrupt;
-use super::tables::number;
+use super::tables::{number, seconds};
 use super::terminal::say;
 
 /// Least time between two plain lines.
 const EVERY: Duration = Duration::from_secs(2);
 
-/// Shows the progress of a solve.
+/// The bar of a terminal; `None` elsewhere, or if nothing is shown.
+pub fn bar(quiet: bool, template: &str) -> Option<ProgressBar> {
+    (!quiet && std::io::stderr().is_terminal()).then(|| {
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+        let style = ProgressStyle::with_template(template);
+        bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
+        bar
+    })
+}
+
+/// A solve's progress as words.
+pub fn state(progress: &Progress) -> String {
+    let p = &progress.point;
+    let left = progress.remaining.filter(|s| *s >= 1.0);
+    let left = left.map_or_else(String::new, |s| format!(", about {s:.0} s left"));
+    match progress.doing {
+        Doing::Preview => format!("{PREVIEW} shows a first picture after {:.1} s", p.seconds),
+        Doing::Trial => {
+            format!("estimates: {} of about {} iterations{left}", p.iteration, progress.iterations)
+        }
+        Doing::Solve if is_closed_form(progress) => "closed form".into(),
+        Doing::Solve => {
+            let width = progress.iterations.to_string().len();
+            format!(
+                "iteration {:>width$}/{}  lateral {:<4} active {:>6.2} %  loss {:<8}  {:.1} s{left}",
+                p.iteration,
+                progress.iterations,
+                p.lateral,
+                100.0 * p.active_ratio,
+                number(p.loss),
+                p.seconds
+            )
+        }
+    }
+}
+
+/// Whether a method computes its result in one pass, or an iterative one has not begun.
+fn is_closed_form(progress: &Progress) -> bool {
+    progress.iterations <= 1 || progress.point.iteration == 0
+}
+
+/// Shows the progress of a solve: a line for each phase that is renewed, and one at its end.
 pub struct Meter {
     bar: Option<ProgressBar>,
     quiet: bool,
     said: Option<Instant>,
-    /// Short fits of estimates that began.
-    fits: usize,
+    /// The phase, its beginning, and its iterations: done, and of how many.
+    phase: Option<(Doing, Instant, [usize; 2])>,
 }
 
 impl Meter {
     pub fn new(quiet: bool) -> Meter {
-        let bar = (!quiet && std::io::stderr().is_terminal()).then(|| {
-            let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
-            let style = ProgressStyle::with_template("{bar:16} {pos}/{len}  {wide_msg} {elapsed}");
-            bar.set_style(style.unwrap_or_else(|_| ProgressStyle::default_bar()));
-            bar
-        });
-        Meter { bar, quiet, said: None, fits: 0 }
+        let bar = bar(quiet, "{bar:16} {wide_msg} {elapsed}");
+        Meter { bar, quiet, said: None, phase: None }
     }
 
     /// Shows a point of the trace. Cancels if Ctrl-C was pressed.
     pub fn hear(&mut self, progress: &Progress) -> ControlFlow<()> {
         let p = &progress.point;
-        match progress.doing {
-            Doing::Preview => self.note(&format!("{PREVIEW} shows a first picture after {:.1} s", p.seconds)),
-            Doing::Trial => self.show_fit(p.iteration),
-            Doing::Solve => self.show(progress),
+        if progress.doing == Doing::Preview {
+            self.note(&state(progress));
+            return interrupt::asked();
+        }
+        if self.phase.is_none_or(|(doing, ..)| doing != progress.doing) {
+            self.end_phase(true);
+            self.phase = Some((progress.doing, Instant::now(), [0; 2]));
+        }
+        let reached = [p.iteration, progress.iterations];
+        self.phase.iter_mut().for_each(|(.., done)| *done = reached);
+        let is_last =
+            progress.doing == Doing::Solve && !is_closed_form(progress) && p.iteration == progress.iterations;
+        if let Some(bar) = &self.bar {
+            bar.set_length(progress.iterations as u64);
+            bar.set_position(p.iteration as u64);
+            bar.set_message(state(progress));
+        } else if !self.quiet && (is_last || self.said.is_none_or(|t| t.elapsed() >= EVERY)) {
+            say(&state(progress));
+            self.said = Some(Instant::now());
         }
         interrupt::asked()
     }
@@ -55,56 +108,66 @@ impl Meter {
         }
     }
 
-    /// Shows the number of short fits: each begins with its first iteration.
-    fn show_fit(&mut self, iteration: usize) {
-        self.fits += usize::from(iteration <= 1 || self.fits == 0);
-        let state = format!("estimates: short fit {}", self.fits);
-        if let Some(bar) = &self.bar {
-            bar.set_message(state);
-        } else if !self.quiet && self.said.is_none_or(|t| t.elapsed() >= EVERY) {
-            say(&state);
-            self.said = Some(Instant::now());
+    fn end_phase(&mut self, is_whole: bool) {
+        let Some((doing, since, [done, of])) = self.phase.take().filter(|_| is_whole) else { return };
+        let took = seconds(since.elapsed().as_secs_f64());
+        match doing {
+            Doing::Preview => {}
+            Doing::Trial => self.note(&format!("estimates done in {took}")),
+            Doing::Solve if of <= 1 => self.note(&format!("closed form done in {took}")),
+            Doing::Solve if done < of => self.note(&format!(
+                "solve done in {took}: converged at {done} of {of} iterations (the support is stable, or pairs held out improve no more)"
+            )),
+            Doing::Solve => self.note(&format!("solve done in {took}: all {of} iterations")),
         }
     }
 
-    fn show(&mut self, progress: &Progress) {
-        let p = &progress.point;
-        // The closed form before a fit has no loss.
-        if p.iteration == 0 && progress.iterations > 0 {
+    /// Ends the last phase, which `is_whole` unless the solve failed.
+    pub fn end(&mut self, is_whole: bool) {
+        self.end_phase(is_whole);
+        self.bar.iter().for_each(ProgressBar::finish_and_clear);
+    }
+}
+
+/// Shows the progress of a rendering.
+pub struct Rendering {
+    bar: Option<ProgressBar>,
+    quiet: bool,
+    place: String,
+    /// When something was shown, which begins with the rendering: quick ones show nothing.
+    said: Mutex<Instant>,
+    begun: Instant,
+}
+
+impl Rendering {
+    /// `place` precedes every line.
+    pub fn new(quiet: bool, place: &str) -> Rendering {
+        let bar = bar(quiet, "{bar:16} {wide_msg} {elapsed}");
+        Rendering { bar, quiet, place: place.into(), said: Mutex::new(Instant::now()), begun: Instant::now() }
+    }
+
+    pub fn hear(&self, progress: RenderProgress) {
+        let RenderProgress { samples, done, of } = progress;
+        let mut said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
+        let every = if self.bar.is_some() { EVERY / 10 } else { EVERY };
+        if self.quiet || said.elapsed() < every {
             return;
         }
-        let left = progress
-            .remaining
-            .filter(|s| *s >= 1.0)
-            .map_or_else(String::new, |s| format!(", about {s:.0} s left"));
-        let last = p.iteration == progress.iterations;
-        let state = format!(
-            "lateral {:<4} active {:>6.2} %  loss {:<8}",
-            p.lateral,
-            100.0 * p.active_ratio,
-            number(p.loss)
-        );
-        if let Some(bar) = &self.bar {
-            bar.set_length(progress.iterations as u64);
-            bar.set_position(p.iteration as u64);
-            bar.set_message(state + left.trim_start_matches(','));
-            if last {
-                bar.finish();
+        *said = Instant::now();
+        let left = self.begun.elapsed().as_secs_f64() * (of - done) as f64 / done as f64;
+        let left = if left >= 1.0 { format!(", about {left:.0} s left") } else { String::new() };
+        let state = format!("{}rendered {done} of {of} pairs with {samples} samples{left}", self.place);
+        match &self.bar {
+            Some(bar) => {
+                bar.set_length(of as u64);
+                bar.set_position(done as u64);
+                bar.set_message(state);
             }
-        } else if !self.quiet && (last || self.said.is_none_or(|t| t.elapsed() >= EVERY)) {
-            let width = progress.iterations.to_string().len();
-            say(&format!(
-                "iteration {:>width$}/{}  {state}  {:.1} s{left}",
-                p.iteration, progress.iterations, p.seconds
-            ));
-            self.said = Some(Instant::now());
+            None => say(&state),
         }
     }
 
-    /// Ends the bar and leaves it on the screen, so that later output starts on a line of its own.
     pub fn end(&self) {
-        if let Some(bar) = self.bar.as_ref().filter(|bar| !bar.is_finished()) {
-            bar.abandon();
-        }
+        self.bar.iter().for_each(ProgressBar::finish_and_clear);
     }
 }

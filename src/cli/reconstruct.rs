@@ -85,7 +85,7 @@ pub fn run(args: &Args) -> Result<()> {
     interrupt::stop_in_order();
     let mut meter = Meter::new(args.quiet);
     let outcome = job::run(&request, &loaded, &mut |progress| meter.hear(progress));
-    meter.end();
+    meter.end(outcome.is_ok());
     let outcome = outcome?;
     outcome.validation.iter().for_each(|message| say(&format!("validation: {message}")));
     if !args.quiet {

@@ -13,6 +13,7 @@ use thirdbounce::simulate::{
 use thirdbounce::solve::units::{length, number, path};
 use thirdbounce::{Error, Result};
 
+use super::progress::Rendering;
 use super::settings::word;
 use super::terminal::{print, say};
 use super::{interrupt, tables};
@@ -252,7 +253,10 @@ fn moving(args: &Args, all: &Simulation, frames: usize) -> Result<()> {
         let name = format!("frame-{i:04}.npz");
         let truth = all.truth.as_ref().map(|(folder, pixels)| (folder.join(&name), *pixels));
         let frame = Simulation { scene, out: all.out.join(&name), truth, ..all.clone() };
-        job::simulate(&frame, &mut || {})?;
+        let meter = Rendering::new(args.quiet, &format!("frame {} of {frames}: ", i + 1));
+        let done = job::simulate(&frame, &|progress| meter.hear(progress), &mut || {});
+        meter.end();
+        done?;
         if !args.quiet {
             print(&format!("wrote     {}", frame.out.display()));
         }
@@ -261,26 +265,30 @@ fn moving(args: &Args, all: &Simulation, frames: usize) -> Result<()> {
 }
 
 fn one(args: &Args, simulation: &Simulation) -> Result<()> {
-    let done = job::simulate(simulation, &mut interrupt::stop_in_order)?;
-    if !done.converged && !args.quiet {
+    let meter = Rendering::new(args.quiet, "");
+    let done = job::simulate(simulation, &|progress| meter.hear(progress), &mut interrupt::stop_in_order);
+    meter.end();
+    let done = done?;
+    if args.quiet {
+        return Ok(());
+    }
+    if !done.converged {
         say(&format!(
             "note: the noise is {:.4}, above the bound of {}, after the largest number of samples",
             done.noise, args.noise
         ));
     }
-    if !args.quiet {
-        done.notes.iter().for_each(|note| say(&format!("note: {note}")));
-    }
+    done.notes.iter().for_each(|note| say(&format!("note: {note}")));
     print(&done.summary.to_string());
     if let Some(size) = simulation.scene.size() {
         let how = if args.fit.is_some() { "fitted" } else { "not scaled" };
         print(&format!("scene     {:.3} x {:.3} x {:.3} m, {how}", size.x, size.y, size.z));
     }
     print(&format!(
-        "rendered  in {} with {} samples, noise {:.4}",
+        "rendered  in {} with {} samples, noise {}",
         tables::seconds(done.seconds),
         done.samples,
-        done.noise
+        tables::number(done.noise)
     ));
     let files: Vec<_> = done.files.iter().map(|f| f.display().to_string()).collect();
     print(&format!("wrote     {}", files.join("\n          ")));

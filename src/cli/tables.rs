@@ -39,7 +39,11 @@ pub fn report(report: &Report) -> String {
     let of_volume = report.settings["volume_iterations"].as_u64().unwrap_or(u64::MAX);
     let volume = report.trace.iter().rfind(|p| p.iteration as u64 <= of_volume);
     if let Some(last) = report.trace.last() {
-        let mut text = format!("iteration {}, loss {}", last.iteration, number(last.loss));
+        // A closed form minimises nothing.
+        let mut text = match last.loss.is_finite() {
+            true => format!("iteration {}, loss {}", last.iteration, number(last.loss)),
+            false => "closed form".into(),
+        };
         if let Some(volume) = volume {
             let share = 100.0 * volume.active_ratio;
             text += &format!(", {} of the grid's voxels active ({share:.2} %)", volume.active);

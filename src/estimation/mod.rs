@@ -15,7 +15,8 @@ use crate::maps::Maps;
 use crate::solve::surface::start::plane;
 use crate::solve::surface::{Start, Starts};
 use crate::solve::{
-    Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, Watch, default_volume,
+    Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, TracePoint, Watch,
+    default_volume,
 };
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Kind, Result};
@@ -237,6 +238,38 @@ struct Sharp {
     suggested: Option<(Shape, Left)>,
 }
 
+/// Progress of all fits together: iterations that are done, and how many the fits will take as far as that is known.
+struct Pace {
+    begun: Instant,
+    done: usize,
+    expected: usize,
+}
+
+impl Pace {
+    /// Fits that choose a length and then a tail.
+    const OF_PULSE: usize = 4 * ITERATIONS[1] + 3 * OF_TAIL;
+
+    /// The progress of a fit as that of all.
+    fn of(&self, progress: &Progress) -> Progress {
+        let done = self.done + progress.point.iteration;
+        let expected = self.expected.max(self.done + progress.iterations);
+        let seconds = self.begun.elapsed().as_secs_f64();
+        let remaining = (done > 0).then(|| seconds * (expected - done.min(expected)) as f64 / done as f64);
+        let point = TracePoint { iteration: done, seconds, ..progress.point };
+        Progress { doing: Doing::Trial, point, iterations: expected, remaining, maps: None }
+    }
+
+    /// A fit of these iterations is done, or is not needed.
+    fn pass(&mut self, iterations: usize) {
+        self.done += iterations;
+    }
+
+    /// Other fits than those that were expected are ahead.
+    fn expect(&mut self, ahead: usize) {
+        self.expected = self.done + ahead;
+    }
+}
+
 /// The fits of a capture.
 struct Search<'t> {
     /// One for each model, the usual one first.
@@ -252,6 +285,7 @@ struct Search<'t> {
     known: Option<Pulse>,
     find_pulse: FindPulse,
     hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    pace: Pace,
     tried: Vec<Tried>,
     candidates: Vec<Candidate>,
     /// Whether the support may leave the closed form's.
@@ -280,7 +314,17 @@ impl<'t> Search<'t> {
             Discretisation { volume: Some(volume), bins: request.discretisation.bins, depth_pitch: None };
         let Ready { capture: whole, grid, .. } =
             of_trial.ready(&options.clone().into(), Cow::Borrowed(capture))?;
-        let mut watch_hear = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
+        let finds_start = all[0].as_surface().grow;
+        let [high_pass, models] = [usize::from(request.finds_high_pass()), all.len()];
+        let starts = if finds_start { 2 } else { 1 };
+        let pulse = match request.find_pulse(capture) {
+            FindPulse::Never => 0,
+            FindPulse::IfItShows => ITERATIONS[1],
+            FindPulse::Always => Pace::OF_PULSE,
+        };
+        let expected = (high_pass + models * starts) * From::ClosedForm.iterations() + pulse;
+        let pace = Pace { begun: Instant::now(), done: 0, expected };
+        let mut watch_hear = |p: &Progress| hear(&pace.of(&Progress { iterations: 0, ..p.clone() }));
         let mut watch = Watch { hear: &mut watch_hear, maps_every: None, maps_at: &[] };
         let problem = Problem { memory: request.memory, ..Problem::new(&whole, grid) };
         let starts = Arc::new(match Start::new(gpu, &problem, &options)? {
@@ -302,9 +346,10 @@ impl<'t> Search<'t> {
             known: capture.pulse.clone(),
             find_pulse: request.find_pulse(capture),
             hear,
+            pace,
             tried: vec![],
             candidates: vec![],
-            finds_start: all[0].as_surface().grow,
+            finds_start,
         })
     }
 
@@ -321,13 +366,15 @@ impl<'t> Search<'t> {
 
     /// Fits a hypothesis. `None` if no surface is found.
     fn fit(&mut self, reflectance: Reflectance, shape: Shape, from: From<'_>) -> Result<Option<Fitted>> {
-        let Search { trials, hear, known, .. } = self;
+        let Search { trials, hear, known, pace, .. } = self;
         let trial =
             trials.iter_mut().find(|t| t.reflectance() == reflectance).expect("a trial for every model");
-        let mut reported = |p: &Progress| hear(&Progress { doing: Doing::Trial, ..p.clone() });
+        let mut reported = |p: &Progress| hear(&pace.of(p));
         let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
         let pulse = shape.centred()?.or(known.clone());
-        trial.fit(pulse.as_ref(), from, &mut watch)
+        let fitted = trial.fit(pulse.as_ref(), from, &mut watch);
+        pace.pass(from.iterations());
+        fitted
     }
 
     /// The sharp fit of a model, and the impulse response that its residual suggests.
@@ -339,6 +386,9 @@ impl<'t> Search<'t> {
         for (start, from) in [(Begin::Closed, From::ClosedForm), (Begin::Volume, From::Volume)] {
             let is_enough = best.as_ref().is_some_and(|best| best.surface.excess() < NOTHING_LEFT);
             if is_enough || best.is_some() && !self.finds_start {
+                if self.finds_start {
+                    self.pace.pass(from.iterations());
+                }
                 break;
             }
             let clock = Instant::now();
@@ -413,17 +463,20 @@ impl<'t> Search<'t> {
         if !finds_pulse {
             return Ok((model, None));
         }
+        self.pace.expect(Pace::OF_PULSE);
         let mut pulse = self.best_pulse(model)?;
         let least = spread.iter().map(|(_, share)| *share).fold(f64::INFINITY, f64::min);
         spread.retain(|(_, share)| *share <= HOPELESS * least);
         if pulse != Shape::SHARP && spread.len() > 1 {
             let mut again = vec![];
+            self.pace.expect(spread.len() * ITERATIONS[1]);
             for (model, _) in spread {
                 again.push((model, self.left(model, pulse)?));
             }
             let other = model::choose(&again).unwrap_or(model);
             if other != model {
                 model = other;
+                self.pace.expect(Pace::OF_PULSE);
                 pulse = self.best_pulse(model)?;
             }
         }

@@ -54,8 +54,16 @@ impl FoundModel {
         }
         let reported: Vec<String> =
             each.iter().map(|(m, left)| format!("{} {:.2} %", m.name(), 100.0 * left)).collect();
+        let least = each.iter().min_by(|a, b| a.1.total_cmp(&b.1));
+        let why = least.filter(|(model, _)| *model != self.reflectance).map_or_else(String::new, |(model, _)| {
+            format!(
+                "; {} leaves less, but by less than two standard errors or {:.0} % of what is beyond noise, so {name} is kept",
+                model.name(),
+                100.0 * MARGIN
+            )
+        });
         format!(
-            "the model of reflectance: {name}, by trials; of pairs that it has not seen, each leaves: {} (name a \
+            "the model of reflectance: {name}, by trials; of pairs that it has not seen, each leaves: {}{why} (name a \
              model to skip the trials)",
             reported.join(", ")
         )
@@ -135,7 +143,9 @@ mod tests {
             note.contains("lambertian, by trials") && note.contains("cosine 5.00 %, lambertian 3.00 %"),
             "{note}"
         );
-        assert!(!note.contains("retroreflective"), "{note}");
+        assert!(!note.contains("retroreflective") && !note.contains("is kept"), "{note}");
+        let simple = FoundModel { reflectance: Cosine, ..found.clone() }.note();
+        assert!(simple.contains("lambertian leaves less, but by less than two standard errors"), "{simple}");
         let failed = FoundModel { failed: Some("no surface".into()), ..found };
         assert!(
             failed.note().contains("is not known") && failed.note().contains("no surface"),

@@ -35,6 +35,16 @@ pub enum From<'l> {
     Fit(&'l [Maps], usize),
 }
 
+impl From<'_> {
+    /// Iterations of the fit at most.
+    pub fn iterations(&self) -> usize {
+        match self {
+            From::Fit(_, iterations) => *iterations,
+            _ => ROUNDS * ITERATIONS[0] + ITERATIONS[1],
+        }
+    }
+}
+
 /// A fit, judged on the pairs that are held out.
 #[derive(Debug, Clone)]
 pub struct Fitted {
@@ -81,7 +91,7 @@ impl<'c> Trial<'c> {
             From::Fit(_, iterations) => (0, iterations),
             _ => (ROUNDS, ITERATIONS[1]),
         };
-        let all = rounds * ITERATIONS[0] + last;
+        let all = from.iterations();
         let outline = self.capture.outline().with(|c| c.pulse = pulse.cloned());
         let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
         let mut fit =

@@ -1,5 +1,5 @@
 //! Many captures, one after the other on each of a few threads. A result appears whole or not at all; finished ones are
-//! skipped.
+//! skipped. The index of all results is renewed on the way and at the end.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
@@ -7,21 +7,29 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 use std::sync::mpsc::channel;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use serde::Serialize;
 use serde_json::{Value, json};
 
 use super::record::{Record, check_place};
-use super::{Loaded, Outcome, Request, places, run};
-use crate::files::atomic::is_full;
+use super::{Loaded, Request, places, run};
+use crate::export::index::{self, Row};
+use crate::export::npz;
+use crate::export::report::{self, Report};
+use crate::files::atomic::{self, is_full};
 use crate::files::staging::Staging;
 use crate::gpu::{Gpu, GpuOptions};
-use crate::maps::percentile;
+use crate::maps::{Maps, percentile};
+use crate::solve::Progress;
 use crate::{Error, Kind, Result, panic_message};
 
 /// The file of a result that is written last.
 const LAST: &str = "report.json";
+/// Notes and warnings on a capture and its result.
+const LOG: &str = "log.txt";
+/// Least time between two indices of a batch that runs.
+const BETWEEN: Duration = Duration::from_secs(10);
 
 /// A capture of a batch.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -102,10 +110,12 @@ pub struct CaptureEnd {
     pub seconds: f64,
     /// What went wrong.
     pub error: Option<Error>,
-    /// Key figures of a new result, for a line of a table; else null.
+    /// Key figures of the result, for a line of a table; else null.
     pub figures: Value,
-    /// What was done to the capture, as sentences.
-    pub notes: Vec<String>,
+    /// Captures of the shard that have ended, with this one, and all of them.
+    pub number: [usize; 2],
+    /// Expected seconds until the end of the batch, from the captures that were reconstructed.
+    pub remaining: Option<f64>,
     /// What looks wrong with the capture or the result, as sentences.
     pub warnings: Vec<String>,
 }
@@ -140,6 +150,12 @@ pub trait Caller: Sync {
 
     /// Called between captures and during solves. May stop the batch.
     fn may_continue(&self) -> ControlFlow<()>;
+
+    /// Called with the progress of a capture's solve, and the number of captures of the shard.
+    fn progress(&self, capture: &Listed, of: usize, progress: &Progress);
+
+    /// The hint of an error in the caller's words.
+    fn hint(&self, error: &Error) -> String;
 }
 
 /// Reconstructs many captures. `report` is called once for each, by this thread, in the order in which they end.
@@ -156,6 +172,7 @@ pub fn batch(what: &Batch, caller: &dyn Caller, report: &mut dyn FnMut(&CaptureE
     // Removes what a killed process left.
     drop(Staging::new(&what.out)?);
     let mut tally = Tally { captures: captures.len(), ..Tally::default() };
+    let mut rows = Rows::default();
     let (next, full) = (AtomicUsize::new(0), AtomicBool::new(false));
     let (send, ends) = channel();
     std::thread::scope(|scope| {
@@ -166,7 +183,8 @@ pub fn batch(what: &Batch, caller: &dyn Caller, report: &mut dyn FnMut(&CaptureE
                 let stopped = || full.load(Relaxed) || caller.may_continue().is_break();
                 while !stopped() {
                     let Some(capture) = captures.get(next.fetch_add(1, Relaxed)) else { return };
-                    let Some(mut end) = what.one(capture, caller, &mut gpu, &stopped) else { return };
+                    let hear = |progress: &Progress| caller.progress(capture, captures.len(), progress);
+                    let Some(mut end) = what.one(capture, caller, &mut gpu, &stopped, &hear) else { return };
                     if let Some(error) = end.error.as_mut().filter(|error| is_full(error)) {
                         full.store(true, Relaxed);
                         let more = ", then start the batch again: it continues where it ended";
@@ -178,18 +196,89 @@ pub fn batch(what: &Batch, caller: &dyn Caller, report: &mut dyn FnMut(&CaptureE
             });
         }
         drop(send);
-        for end in ends {
+        for mut end in ends {
             match end.status {
                 Status::Done => tally.done += 1,
                 Status::Skipped => tally.skipped += 1,
                 Status::Failed => tally.failed += 1,
             }
+            let ended = tally.done + tally.skipped + tally.failed;
+            end.number = [ended, tally.captures];
+            let each = start.elapsed().as_secs_f64() / tally.done as f64;
+            end.remaining = (tally.done > 0).then(|| each * (tally.captures - ended) as f64);
             report(&end);
+            rows.add(&end, caller);
+            if rows.written.is_none_or(|at| at.elapsed() > BETWEEN) {
+                // A full disk shows in the result of a capture.
+                let _ = rows.write(what);
+            }
         }
     });
     tally.stopped = tally.done + tally.skipped + tally.failed < tally.captures;
     tally.seconds = start.elapsed().as_secs_f64();
-    Ok(tally)
+    match rows.write(what) {
+        Err(error) if !is_full(&error) => Err(error),
+        _ => Ok(tally),
+    }
+}
+
+/// Rows of the index by name: those of captures that ended, and of results that are there.
+#[derive(Default)]
+struct Rows {
+    rows: BTreeMap<String, Row>,
+    written: Option<Instant>,
+}
+
+impl Rows {
+    fn add(&mut self, end: &CaptureEnd, caller: &dyn Caller) {
+        let row = Row {
+            name: end.capture.name.clone(),
+            capture: end.capture.path.to_string_lossy().into(),
+            status: if end.status == Status::Failed { "failed" } else { "done" },
+            figures: end.figures.clone(),
+            warnings: end.warnings.clone(),
+            error: end.error.as_ref().map(|error| [error.what.clone(), caller.hint(error)]),
+        };
+        self.rows.insert(row.name.clone(), row);
+    }
+
+    /// Writes the index: the captures of the batch, those of other shards, and other results in the folder.
+    fn write(&mut self, batch: &Batch) -> Result<()> {
+        let paths: BTreeMap<&str, &PathBuf> = batch.captures.iter().map(|l| (&*l.name, &l.path)).collect();
+        let folders = std::fs::read_dir(&batch.out).into_iter().flatten().flatten();
+        let folders = folders.map(|entry| entry.file_name().to_string_lossy().into_owned());
+        let names: BTreeSet<String> = folders
+            .filter(|name| !name.starts_with('.'))
+            .chain(paths.keys().map(|name| name.to_string()))
+            .collect();
+        let other = |name: String| {
+            let path = paths.get(&*name).map_or_else(String::new, |path| path.to_string_lossy().into());
+            let found = earlier(&batch.out.join(&name));
+            if found.is_none() && path.is_empty() {
+                return None;
+            }
+            let (status, (figures, warnings)) =
+                (if found.is_some() { "done" } else { "open" }, found.unwrap_or_default());
+            Some(Row { name, capture: path, status, figures, warnings, error: None })
+        };
+        for name in names {
+            let is_known = self.rows.get(&name).is_some_and(|row| row.status != "open");
+            if !is_known && let Some(row) = other(name) {
+                self.rows.insert(row.name.clone(), row);
+            }
+        }
+        self.written = Some(Instant::now());
+        let settings = format!("thirdbounce {}", env!("CARGO_PKG_VERSION"));
+        let all: Vec<Row> = self.rows.values().cloned().collect();
+        index::write(&batch.out, &all, &settings)
+    }
+}
+
+/// Figures and warnings of a result that is there.
+fn earlier(folder: &Path) -> Option<(Value, Vec<String>)> {
+    let report = report::read(&folder.join(LAST)).ok()?;
+    let maps = npz::read_maps(&folder.join("maps.npz")).ok()?;
+    Some((figures(&report, &maps), report.warnings))
 }
 
 impl Batch {
@@ -200,18 +289,20 @@ impl Batch {
         caller: &dyn Caller,
         gpu: &mut Option<Gpu>,
         stopped: &dyn Fn() -> bool,
+        hear: &dyn Fn(&Progress),
     ) -> Option<CaptureEnd> {
         let start = Instant::now();
-        let end = |status, error, figures, [notes, warnings]: [Vec<String>; 2]| {
-            let seconds = start.elapsed().as_secs_f64();
-            Some(CaptureEnd { capture: capture.clone(), status, seconds, error, figures, notes, warnings })
+        let end = |status, error, (figures, warnings): (Value, Vec<String>)| {
+            let (capture, seconds) = (capture.clone(), start.elapsed().as_secs_f64());
+            let (number, remaining) = ([0; 2], None);
+            Some(CaptureEnd { capture, status, seconds, error, figures, number, remaining, warnings })
         };
         let beside = caller.beside(capture);
         let files = std::iter::once(&capture.path).chain(&beside).map(PathBuf::as_path);
         let record = Record::of(files, &self.options);
         let folder = self.out.join(&capture.name);
         if record.is_done(&folder, LAST) {
-            return end(Status::Skipped, None, Value::Null, Default::default());
+            return end(Status::Skipped, None, earlier(&folder).unwrap_or_default());
         }
         let work = || {
             check_place(&folder)?;
@@ -221,16 +312,22 @@ impl Batch {
                 None => Gpu::open(&self.device)?,
             };
             let gpu = &*gpu.insert(open);
-            let mut hear = |_: &_| if stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
+            let mut hear = |progress: &Progress| {
+                hear(progress);
+                if stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+            };
             let mut request = Request { preview: false, ..request };
             let solved = run::solve(&request, &loaded, gpu, &mut hear)?;
             let staging = Staging::new(&self.out)?;
             request.out = staging.path().join(&capture.name);
             let outcome = solved.write(&request)?;
+            let notes = [&loaded.notes[..], &outcome.notes, &outcome.validation].concat();
+            let lines = notes.iter().map(|note| format!("note: {note}\n"));
+            let lines = lines.chain(outcome.warnings.iter().map(|warning| format!("warning: {warning}\n")));
+            atomic::write(&request.out.join(LOG), lines.collect::<String>().as_bytes())?;
             record.write(&request.out)?;
             staging.commit_folder(&capture.name, LAST)?;
-            let notes = [&loaded.notes[..], &outcome.notes, &outcome.validation].concat();
-            Ok((figures(&outcome), [notes, outcome.warnings]))
+            Ok((figures(&outcome.report, &outcome.maps), outcome.warnings))
         };
         // A defect must not end the batch.
         let done = catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|panic| {
@@ -238,20 +335,19 @@ impl Batch {
             Err(Error::device(format!("internal error: {text}"), "report it with the capture"))
         });
         match done {
-            Ok((figures, notes)) => end(Status::Done, None, figures, notes),
+            Ok(result) => end(Status::Done, None, result),
             Err(error) if error.kind == Kind::Cancelled => None,
             Err(error) => {
                 if error.kind == Kind::Device {
                     *gpu = None;
                 }
-                end(Status::Failed, Some(error), Value::Null, Default::default())
+                end(Status::Failed, Some(error), Default::default())
             }
         }
     }
 }
 
-fn figures(outcome: &Outcome) -> Value {
-    let Outcome { report, maps, .. } = outcome;
+fn figures(report: &Report, maps: &Maps) -> Value {
     let of_surface = |values: &[f32]| {
         let surface = values.iter().zip(&maps.mask).filter(|(_, m)| **m).map(|(v, _)| *v);
         percentile(&surface.collect::<Vec<_>>(), 50.0)

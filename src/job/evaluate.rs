@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use crate::export::{self, report};
+use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
 use crate::{Error, Result};
 
@@ -34,19 +35,27 @@ pub fn evaluate(
     } else {
         (folder.join("maps.npz"), report::read(&folder.join("report.json")).ok())
     };
-    let maps = export::npz::read_maps(&file)?;
+    let mut maps = export::npz::read_maps(&file)?;
     let truth = export::npz::read_truth(truth)?;
-    check_extent(maps.extent, truth.extent)?;
-    let mut maps = maps;
-    if mask_fraction.is_some() {
-        maps.set_mask(mask_fraction);
-    }
-    let metrics = metrics(&maps, &truth, maps.mask_fraction)?;
+    let metrics = evaluate_maps(&mut maps, &truth, mask_fraction)?;
     let picture = (pictures && !is_file).then(|| folder.join("depth_difference.png"));
     if let Some(path) = &picture {
         export::depth_difference::write(path, &maps, &truth)?;
     }
     Ok(Evaluation { metrics, solve_s: report.map(|r| r.totals.solve_s), picture })
+}
+
+/// Compares maps with truth, by their own mask, or by that of a share of the brightest albedo, which they then have.
+///
+/// # Errors
+/// A truth of another part of the wall, a mask fraction out of range.
+pub fn evaluate_maps(maps: &mut Maps, truth: &Truth, mask_fraction: Option<f64>) -> Result<Metrics> {
+    check_extent(maps.extent, truth.extent)?;
+    if mask_fraction.is_some() {
+        maps.set_mask(mask_fraction);
+    }
+    // The maps' own mask is that of the run, which a share of the albedo may not give.
+    metrics(maps, truth, mask_fraction)
 }
 
 /// Least overlap of the extents of maps and truth as a share of the larger one.

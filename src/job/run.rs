@@ -131,6 +131,16 @@ fn solve_checked(
 }
 
 impl Solved {
+    /// The volume, if the settings keep it.
+    pub fn take_volume(&mut self) -> Option<VolumeMap> {
+        self.volume.take()
+    }
+
+    /// What the page of a result shows of the capture.
+    pub fn light(&self) -> &export::page::Light {
+        &self.light
+    }
+
     /// Writes every file that `request` asks for, the report last.
     ///
     /// # Errors
@@ -150,7 +160,7 @@ impl Solved {
             staged.extend(export::write_maps(&folder, maps)?);
         }
         let page = staging.path().join(PAGE);
-        export::page::write(&page, &title, &outcome.maps, &light, &outcome.report)?;
+        export::page::write(&page, &title, &outcome.maps, &light, &outcome.report, outcome.truth.as_ref())?;
         staged.push(page);
         outcome.report.totals.export_s = start.elapsed().as_secs_f64();
         let path = staging.path().join("report.json");

@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::places;
 use crate::capture::{self, Summary};
 use crate::export;
-use crate::simulate::{self, RenderOptions, Scene};
+use crate::simulate::{self, RenderOptions, RenderProgress, Scene};
 use crate::{Error, Result};
 
 /// What to simulate, and the files to write.
@@ -43,12 +43,16 @@ pub struct Simulated {
     pub notes: Vec<String>,
 }
 
-/// Renders the scene. Writes its capture, and its truth if a file for it is given. `before_writing` is called once
-/// everything is computed.
+/// Renders the scene. Writes its capture, and its truth if a file for it is given. `hear` is called with the progress, by several
+/// threads, `before_writing` once everything is computed.
 ///
 /// # Errors
 /// A scene or options out of range, or a file that cannot be written.
-pub fn simulate(what: &Simulation, before_writing: &mut dyn FnMut()) -> Result<Simulated> {
+pub fn simulate(
+    what: &Simulation,
+    hear: &(dyn Fn(RenderProgress) + Sync),
+    before_writing: &mut dyn FnMut(),
+) -> Result<Simulated> {
     places::check_file(&what.out)?;
     let ending = what.out.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
     if !matches!(ending.as_str(), "npz" | "hdf5" | "h5") {
@@ -65,7 +69,7 @@ pub fn simulate(what: &Simulation, before_writing: &mut dyn FnMut()) -> Result<S
     }
     let start = Instant::now();
     let truth = what.truth.as_ref().map(|(_, n)| simulate::truth(&what.scene, *n)).transpose()?;
-    let mut rendering = simulate::simulate(&what.scene, &what.render)?;
+    let mut rendering = simulate::simulate_watched(&what.scene, &what.render, hear)?;
     if what.hide_pulse {
         rendering.capture.pulse = None;
     }

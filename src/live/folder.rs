@@ -50,8 +50,9 @@ pub(super) fn begin(folder: PathBuf, size: [usize; 2], give: SyncSender<Arrived>
             };
             // Before it is read: what comes meanwhile is a change.
             let stamp = Stamp::of(&next);
+            let name = next.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned());
             let arrived = match counts_of(&next, size, number) {
-                Ok(counts) => Arrived::Counts(counts),
+                Ok(counts) => Arrived::Counts(name, counts),
                 Err(error) => {
                     let now = Instant::now();
                     let one = unfinished.get_or_insert(Unfinished { begun: now, stamp, still: now });
@@ -59,7 +60,9 @@ pub(super) fn begin(folder: PathBuf, size: [usize; 2], give: SyncSender<Arrived>
                         std::thread::sleep(BETWEEN);
                         continue;
                     }
-                    Arrived::Wrong(error.at(next.display()))
+                    let place = format!("{}: ", next.display());
+                    let named = error.what.starts_with(&place);
+                    Arrived::Failed(Some(name), if named { error } else { error.at(next.display()) })
                 }
             };
             (number, unfinished) = (number + 1, None);

@@ -187,10 +187,10 @@ pub fn begin_stdin(size: [usize; 2], give: SyncSender<Arrived>) -> Result<()> {
         loop {
             let arrived = match read(&mut from, size) {
                 Ok(None) => return,
-                Ok(Some(counts)) => Arrived::Counts(counts),
+                Ok(Some(counts)) => Arrived::Counts(format!("frame-{}", counts.frame), counts),
                 Err(error) => {
                     // The receiver may have gone.
-                    let _ = give.send(Arrived::Wrong(error));
+                    let _ = give.send(Arrived::Failed(None, error));
                     return;
                 }
             };

@@ -89,6 +89,7 @@ pub struct Session {
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
     last: Option<Frame>,
+    taken: Option<FrameId>,
 }
 
 /// Cancels frames of a session, from any thread.
@@ -160,7 +161,16 @@ impl Session {
                 Error::memory(format!("a session's thread does not start ({e})"), "close programs")
             })?;
         let submitter = Submitter::new(shared.clone(), scan, feed);
-        Ok(Session { gpu: gpu.clone(), plan, external, submitter, shared, thread: Some(thread), last: None })
+        Ok(Session {
+            gpu: gpu.clone(),
+            plan,
+            external,
+            submitter,
+            shared,
+            thread: Some(thread),
+            last: None,
+            taken: None,
+        })
     }
 
     /// A session for frames of the scan of `frame`, as `job` resolves it.
@@ -272,6 +282,7 @@ impl Session {
     fn wait_until(&mut self, end: Option<Instant>) -> Result<Option<&Frame>> {
         match self.shared.taken(end) {
             Taken::Done(id, result) => {
+                self.taken = Some(id);
                 self.last = Some(Frame { id, result: *result? });
                 Ok(self.last.as_ref())
             }
@@ -282,6 +293,12 @@ impl Session {
     /// The frame that was taken last.
     pub fn last(&self) -> Option<&Frame> {
         self.last.as_ref()
+    }
+
+    /// Number of the frame whose result or error was taken last.
+    #[doc(hidden)]
+    pub fn taken(&self) -> Option<FrameId> {
+        self.taken
     }
 
     /// Cancels the frame that is being solved: [`Canceller::cancel`].

@@ -10,6 +10,8 @@ use fixtures::command::{program, stderr, stdout, succeed, thirdbounce};
 use serde_json::Value;
 use thirdbounce::export::npz;
 
+use crate::browser::{browser, image_colours, look};
+
 /// Options that make a run short, and its bits the same every time.
 const SHORT: [&str; 9] =
     ["--model", "cosine", "--lateral", "16", "--iterations", "16", "--deterministic", "--support", "fixed"];
@@ -83,10 +85,11 @@ impl Said {
 /// Every name in a folder of results, hidden ones included. Each result must be whole.
 fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
     let entries = std::fs::read_dir(out).into_iter().flatten().map(|e| e.unwrap().path());
+    let entries = entries.filter(|path| !path.file_name().unwrap().to_string_lossy().starts_with("index."));
     let whole = |folder: PathBuf| {
         let name = folder.file_name().unwrap().to_string_lossy().into_owned();
         let maps = std::fs::read(folder.join("maps.npz")).unwrap_or_else(|e| panic!("{name}: {e}"));
-        for file in ["report.json", "made_from.json", "mesh.ply", "depth.png"] {
+        for file in ["report.json", "made_from.json", "mesh.ply", "depth.png", "log.txt"] {
             assert!(folder.join(file).is_file(), "{name} has no {file}");
         }
         npz::read_maps(&folder.join("maps.npz")).expect("maps");
@@ -112,6 +115,59 @@ fn a_bad_file_amid_good_ones_fails_alone() {
     assert!(figures["iterations"] == 16 && figures["model"] == "cosine", "{line}");
     assert!((0.2..1.5).contains(&figures["depth"].as_f64().unwrap()), "{line}");
     assert_eq!(results(out.path()).into_keys().collect::<Vec<_>>(), ["one", "two"]);
+    // Where it is, and how long it will take; notes are in the logs.
+    assert!(said.errors.contains("2 of 4: ") && said.errors.contains(" left\n"), "{}", said.errors);
+    assert!(!said.errors.contains("note:"), "{}", said.errors);
+    let log = std::fs::read_to_string(out.path().join("one/log.txt")).unwrap();
+    assert!(log.contains("note: "), "{log}");
+}
+
+#[test]
+fn a_batch_ends_in_one_page() {
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("out");
+    // Another batch made a result in the same folder.
+    assert_eq!(batch(&["b/one.npz"], &out, &[]).counts(), [1, 1, 0, 0]);
+    std::fs::rename(out.join("one"), out.join("earlier")).unwrap();
+    let said = batch(&["a/*.npz", "b/bad.npz"], &out, &[]);
+    assert_eq!(said.counts(), [3, 2, 0, 1]);
+    assert!(said.errors.contains("index.html"), "{}", said.errors);
+    let csv = std::fs::read_to_string(out.join("index.csv")).unwrap();
+    let lines: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+    let names: Vec<_> = lines.iter().map(|cells| (cells[0], cells[2])).collect();
+    assert_eq!(
+        names,
+        [("name", "status"), ("bad", "failed"), ("earlier", "done"), ("one", "done"), ("two", "done")]
+    );
+    let residual = lines[0].iter().position(|cell| *cell == "residual").unwrap();
+    let of_line = &said.lines["a/two.npz"]["figures"]["residual"];
+    assert_eq!(lines[4][residual].parse::<f64>().ok(), of_line.as_f64());
+    // What is there already has its figures, too.
+    let again = batch(&["a/two.npz"], &out, &[]);
+    assert_eq!(&again.lines["a/two.npz"]["figures"]["residual"], of_line);
+
+    let Some(browser) = browser() else {
+        eprintln!("skipped: no chromium is installed");
+        return;
+    };
+    let page = std::fs::read_to_string(out.join("index.html")).unwrap();
+    let click = "<script>document.querySelectorAll(\"th button\")[2].click()</script></html>";
+    std::fs::write(out.join("index.sorted.html"), page.replace("</html>", click)).unwrap();
+    let address = format!("file://{}", out.join("index.sorted.html").display());
+    let text = stdout(&look(browser, &address, "1400,1000", folder.path(), &["--dump-dom"]));
+    let mut by_residual: Vec<_> =
+        lines[2..].iter().map(|c| (c[residual].parse::<f64>().unwrap(), c[0])).collect();
+    by_residual.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let places: Vec<_> =
+        by_residual.iter().map(|(_, name)| text.find(&format!("<a href=\"{name}/report.html\">"))).collect();
+    assert!(places.iter().all(Option::is_some) && places.is_sorted(), "{by_residual:?} {places:?}");
+    for width in ["1400", "420"] {
+        let picture = folder.path().join("page.png");
+        let screenshot = format!("--screenshot={}", picture.display());
+        let address = format!("file://{}", out.join("index.html").display());
+        look(browser, &address, &format!("{width},1000"), folder.path(), &[&screenshot]);
+        assert!(image_colours(&picture) > 40, "pictures of the maps are shown");
+    }
 }
 
 #[test]
@@ -132,7 +188,8 @@ fn a_killed_batch_ends_with_the_same_results() {
     assert_eq!(first["status"], "done");
     // What is visible is whole. What is hidden is not a result.
     let there = std::fs::read_dir(out.path()).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap());
-    let visible: Vec<String> = there.filter(|name| !name.starts_with('.')).collect();
+    let visible: Vec<String> =
+        there.filter(|name| !name.starts_with('.') && !name.starts_with("index.")).collect();
     assert!(visible.contains(&first["name"].as_str().unwrap().to_string()), "{visible:?}");
     for name in &visible {
         assert!(out.path().join(name).join("report.json").is_file(), "{name}");

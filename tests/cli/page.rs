@@ -40,12 +40,15 @@ fn the_page_opens_at_the_end() {
 #[test]
 fn a_result_has_a_page_that_a_browser_shows() {
     let folder = tempfile::tempdir().unwrap();
-    let [file, out] = ["c.npz", "result"].map(|n| folder.path().join(n).display().to_string());
+    let [file, truth, out] =
+        ["c.npz", "truth.npz", "result"].map(|n| folder.path().join(n).display().to_string());
     succeed(&[
         "simulate",
         "letter-Z",
         "--out",
         &file,
+        "--truth",
+        &truth,
         "--scan",
         "12",
         "--bin-width",
@@ -56,6 +59,8 @@ fn a_result_has_a_page_that_a_browser_shows() {
     succeed(&[
         "reconstruct",
         &file,
+        "--truth",
+        &truth,
         "--out",
         &out,
         "--lateral",
@@ -88,9 +93,24 @@ fn a_result_has_a_page_that_a_browser_shows() {
     assert!(shown("about").contains("144 pairs") && shown("about").contains("24 x 24 pixels"));
     assert!(shown("readout").contains("depth 0."), "a pixel is chosen: {}", shown("readout"));
     assert!(shown("light").contains("laser point"), "{}", shown("light"));
-    for card in ["Found", "Depth range", "Median depth error", "esidual", "Solve time", "Warnings"] {
+    for card in [
+        "Found",
+        "Depth range",
+        "Median depth error",
+        "esidual",
+        "Solve time",
+        "Warnings",
+        "IoU",
+        "Depth error",
+        "Normal error",
+    ] {
         assert!(dom.contains(&format!("{card}</dt>")), "the headline lacks {card}");
     }
+    assert!(
+        dom.contains("<section id=\"truth\">")
+            && shown("difference").contains("src=\"data:image/png;base64,")
+    );
+    assert!(dom.contains("Paper: depth, mean and RMS error"), "the paper's measure is on the page");
     let labelled = |label: &str| dom.contains(&format!("aria-label=\"{label}"));
     let alt = [
         "Albedo map",

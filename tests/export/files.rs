@@ -188,8 +188,11 @@ fn pictures_have_x_to_the_left_and_y_up() {
     let at = |(width, _, rgb): &(usize, usize, Vec<u8>), x: usize, y: usize| -> [u8; 3] {
         rgb[3 * (y * width + x)..][..3].try_into().unwrap()
     };
-    pictures::write_albedo(&path, &maps()).unwrap();
-    let p = decode(&path);
+    let written = |picture: picture::Picture| {
+        pictures::write(&path, &picture).unwrap();
+        decode(&path)
+    };
+    let p = written(pictures::albedo_of(&maps()));
     assert_eq!((p.0, p.1), (512, 256));
     assert_eq!(at(&p, 0, 0), [255; 3], "the largest x and y: left, top");
     assert_eq!(at(&p, 111, 100), [255; 3], "its whole square of 128");
@@ -197,13 +200,11 @@ fn pictures_have_x_to_the_left_and_y_up() {
     assert!(dim[0] > 120 && dim[0] < 135, "{dim:?}");
     assert_eq!((at(&p, 511, 0), at(&p, 0, 255)), ([0; 3], [0; 3]));
 
-    pictures::write_normal(&path, &maps()).unwrap();
-    let p = decode(&path);
+    let p = written(pictures::normal_of(&maps()));
     assert_eq!(at(&p, 0, 0), [128, 204, 230]);
     assert_eq!((at(&p, 511, 255), at(&p, 511, 0)), ([128, 128, 255], dark));
 
-    pictures::write_depth(&path, &maps()).unwrap();
-    let p = decode(&path);
+    let p = written(pictures::depth_of(&maps()));
     assert!(p.0 > 512 && p.1 == 256);
     assert_eq!(
         (at(&p, 0, 0), at(&p, 511, 255), at(&p, 511, 0)),
@@ -215,6 +216,23 @@ fn pictures_have_x_to_the_left_and_y_up() {
         rows.flat_map(|y| (560..p.0).map(move |x| (x, y))).any(|(x, y)| at(&p, x, y) == picture::INK)
     };
     assert!(ink(12..26) && ink(228..244) && !ink(100..150));
+
+    // Files have axes: the same pixels in a frame, labels to the left and below.
+    let plain = written(pictures::albedo_of(&maps()));
+    pictures::write_albedo(&path, &maps()).unwrap();
+    let p = decode(&path);
+    let (left, top) = (0..p.0 * p.1)
+        .map(|i| (i % p.0, i / p.0))
+        .find(|(x, y)| at(&p, *x, *y) == picture::INK && (0..400).all(|k| at(&p, x + k, *y) == picture::INK))
+        .map(|(x, y)| (x + 1, y + 1))
+        .unwrap();
+    for (x, y) in [(0, 0), (111, 100), (511, 255), (511, 0), (0, 255), (300, 30)] {
+        assert_eq!(at(&p, left + x, top + y), at(&plain, x, y), "{x} {y}");
+    }
+    let inked =
+        |mut area: Box<dyn Iterator<Item = (usize, usize)>>| area.any(|(x, y)| at(&p, x, y) == picture::INK);
+    assert!(inked(Box::new((0..left - 6).flat_map(|x| (0..p.1).map(move |y| (x, y))))), "labels of y");
+    assert!(inked(Box::new((top + 264..p.1).flat_map(|y| (left..p.0).map(move |x| (x, y))))), "labels of x");
 }
 
 #[test]
@@ -225,7 +243,8 @@ fn empty_and_large_maps_make_pictures() {
     empty.depth.fill(f32::NAN);
     empty.set_mask(0.2);
     export::write_maps(folder.path(), &empty).unwrap();
-    assert_eq!(decode(&folder.path().join("depth.png")).0, 512);
+    let width = |name: &str| decode(&folder.path().join(name)).0;
+    assert_eq!(width("depth.png"), width("albedo.png"), "no depth, no colour bar");
     let n = 700;
     let large = Maps {
         nx: n,
@@ -237,7 +256,7 @@ fn empty_and_large_maps_make_pictures() {
         ..empty
     };
     pictures::write_albedo(&folder.path().join("albedo.png"), &large).unwrap();
-    assert_eq!(decode(&folder.path().join("albedo.png")).0, n);
+    assert!((n..n + 100).contains(&width("albedo.png")));
 }
 
 #[test]

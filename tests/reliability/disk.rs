@@ -40,6 +40,7 @@ pub fn rows(share: Share) -> Vec<Row> {
                 let truth = Some((out.join("truth.npz"), 8));
                 job::simulate(
                     &Simulation { scene, hide_pulse: false, render, out: out.join("c.npz"), truth },
+                    &|_| {},
                     &mut || {},
                 )
                 .map(drop)

@@ -10,7 +10,7 @@ use thirdbounce::job::{self, Request};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::{
     Capture, Gpu, Kind, Model, Reflectance, Result, Session, SessionOptions, Settings, SurfaceSettings,
-    Volume, read, reconstruct, reconstruct_with, session, write,
+    Volume, evaluate, read, read_truth, reconstruct, reconstruct_file, reconstruct_with, session, write,
 };
 
 /// A small solve of the same bits in every run.
@@ -74,7 +74,7 @@ fn reconstruct_returns_the_maps_of_the_command() {
 }
 
 fn session_of(gpu: &Gpu, frame: &Capture, settings: &Settings, options: SessionOptions) -> Result<Session> {
-    session(gpu, frame, settings, options, &mut |_| ControlFlow::Continue(())).map(|(session, _)| session)
+    session(gpu, frame, settings, options).map(|(session, _)| session)
 }
 
 /// A session without counts solves in the box, and in the bins, that were asked for.
@@ -138,4 +138,30 @@ fn settings_out_of_range_are_refused() {
     assert_error(reconstruct(&gpu, &cut, &small()).map(drop), Kind::Input, &["counts"]);
     let session = session_of(&gpu, &cut, &small(), SessionOptions::default());
     assert_error(session.map(drop), Kind::Input, &["counts"]);
+}
+
+/// From a scene to figures without the command.
+#[test]
+fn a_program_simulates_reconstructs_and_measures() {
+    let gpu = gpu();
+    let folder = tempfile::tempdir().unwrap();
+    let scene = Scene { scan: 8, bin_width: 0.02, occlusion: false, ..Scene::named("plates-front").unwrap() };
+    let options = RenderOptions { noise: 0.05, ..Default::default() };
+    let (capture, truth) = thirdbounce::render(&scene, &options, 32).unwrap();
+    assert!(format!("{capture:?}").len() < 300, "a capture is shown as a summary: {capture:?}");
+    let [file, of_truth] = ["capture.npz", "truth.npz"].map(|name| folder.path().join(name));
+    thirdbounce::capture::write(&capture, &file).unwrap();
+    thirdbounce::export::npz::write_truth(&of_truth, &truth).unwrap();
+    let out = folder.path().join("out");
+    let go_on = &mut |_: &thirdbounce::Progress| ControlFlow::Continue(());
+    let done = reconstruct_file(&gpu, &file, &small(), Some(&of_truth), &out, go_on).unwrap();
+    for name in ["report.html", "report.json", "maps.npz"] {
+        assert!(done.files.contains(&out.join(name)), "{name}: {:?}", done.files);
+    }
+    let page = std::fs::read_to_string(out.join("report.html")).unwrap();
+    assert!(page.contains("\"difference\":\"iVBOR"), "the map of differences is a PNG on the page");
+    let again = evaluate(&done.maps, &read_truth(&of_truth).unwrap(), None).unwrap();
+    assert!(again.iou.unwrap() > 0.3 && done.metrics == Some(again));
+    let refused = reconstruct_file(&gpu, folder.path().join("none.npz"), &small(), None, &out, go_on);
+    assert_error(refused.map(|r| r.notes), Kind::Input, &["none.npz"]);
 }

@@ -22,7 +22,7 @@ fn two_of_three_errors_are_within_the_expected_one() {
             out: capture.clone(),
             truth: Some((truth.clone(), 64)),
         };
-        job::simulate(&what, &mut || {}).unwrap();
+        job::simulate(&what, &|_| {}, &mut || {}).unwrap();
         let loaded = job::load(&capture, &Settings::default()).unwrap();
         let options = SurfaceOptions::default().with(|o| o.lateral = 64);
         let request = Request {

@@ -435,13 +435,8 @@ fn a_session_refuses_what_a_solve_refuses() {
             &["wider than the wall", "looks like picoseconds"],
         );
     }
-    let through_api = thirdbounce::session(
-        &gpu,
-        &picoseconds,
-        &Settings::default(),
-        SessionOptions::default(),
-        &mut |_| ControlFlow::Continue(()),
-    );
+    let through_api =
+        thirdbounce::session(&gpu, &picoseconds, &Settings::default(), SessionOptions::default());
     assert_error(through_api.map(|s| s.1), Kind::Input, &["looks like picoseconds"]);
     let few = SessionOptions { memory: Some(1000), ..SessionOptions::default() };
     let refused = Session::new(&gpu, &scan, None, &surface(|_| ()), few).map(|s| s.plan().scene.pairs);

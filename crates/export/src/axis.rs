@@ -65,7 +65,7 @@ impl Axis {
     }
 
     /// Ticks of a linear axis: multiples of 1, 2 or 5 times a power of ten, at most seven.
-    fn even(&self) -> Vec<f64> {
+    pub fn even(&self) -> Vec<f64> {
         let span = self.high - self.low;
         let power = 10f64.powf((span / 7.0).log10().floor());
         let step = [1.0, 2.0, 5.0, 10.0].map(|m| m * power).into_iter().find(|step| span / step <= 7.0);

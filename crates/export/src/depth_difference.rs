@@ -38,7 +38,7 @@ enum PixelState {
     Hit(f32),
 }
 
-fn picture(maps: &Maps, truth: &Truth) -> Picture {
+pub(super) fn picture(maps: &Maps, truth: &Truth) -> Picture {
     let found = |ix: usize, iy: usize| {
         let [x, y] = truth.centre(ix, iy);
         let pixel = maps.pixel_at(x, y).filter(|&p| maps.mask[p] && maps.depth[p].is_finite());

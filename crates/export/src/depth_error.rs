@@ -30,6 +30,7 @@ fn picture(maps: &Maps) -> Picture {
         _ => 0.0,
     };
     let map = Picture::of_maps(maps, enlargement(maps), |p| error(p).map_or(BACKGROUND, |c| shade(share(c))));
+    let map = png::with_axes(&map, maps);
     let Some((least, most)) = ends else { return map };
     let labels = [most, (least * most).sqrt(), least].map(|m| format!("{} mm", millimetres(m)));
     let height = map.height.max(SIDE / 4);

@@ -4,9 +4,9 @@ use std::fmt::Write as _;
 
 use zeno::{Cap, Command, Join, Mask, PathBuilder, Stroke};
 
-use super::page::escaped;
 use super::picture::Picture;
 use super::text;
+use super::text::escaped;
 
 /// Red, green and blue.
 pub(super) type Colour = [u8; 3];

@@ -12,6 +12,7 @@ pub mod depth_error;
 pub mod exr;
 pub mod figure;
 pub mod foreign;
+pub mod index;
 pub mod inspection;
 pub mod mesh;
 pub mod npz;

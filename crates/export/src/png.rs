@@ -3,22 +3,25 @@
 
 use std::path::Path;
 
-use super::picture::{BACKGROUND, INK, Picture, SIDE, colour, enlargement, normal_colour};
+use super::axis::{Axis, plain};
+use super::picture::{
+    BACKGROUND, CAPITAL, INK, Picture, SIDE, colour, enlargement, normal_colour, text_width,
+};
 use crate::capture::scan::decimals;
 use crate::error::{Error, Result};
 use crate::files::atomic;
 use crate::maps::{Maps, percentile};
 
-/// Writes the albedo in grey, linear, white at its 99.9th percentile.
+/// Writes the albedo in grey, linear, white at its 99.9th percentile, with axes in metres.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {
     maps.check()?;
-    write(path, &albedo_of(maps))
+    write(path, &with_axes(&albedo_of(maps), maps))
 }
 
-/// The picture of [`write_albedo`].
+/// The picture of [`write_albedo`] without axes.
 pub fn albedo_of(maps: &Maps) -> Picture {
     let white = Maps::white(&maps.albedo);
     Picture::of_maps(maps, enlargement(maps), |p| {
@@ -30,14 +33,16 @@ pub fn albedo_of(maps: &Maps) -> Picture {
     })
 }
 
-/// Writes the depth of the masked pixels in colour (near is yellow, far is purple) with a colour bar in metres
+/// Writes the depth of the masked pixels in colour (near is yellow, far is purple) with axes and a colour bar in metres
 /// between the 1st and 99th percentile.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {
     maps.check()?;
-    write(path, &depth_of(maps))
+    let range = shown_range(maps);
+    let map = with_axes(&depth_map(maps, range.unwrap_or_default()), maps);
+    write(path, &with_bar(&map, range))
 }
 
 /// Writes albedo and depth side by side, each as in its own picture.
@@ -67,29 +72,77 @@ fn preview_of(maps: &Maps) -> Picture {
     both
 }
 
-/// The picture of [`write_depth`].
+/// The picture of [`write_depth`] without axes.
 pub fn depth_of(maps: &Maps) -> Picture {
-    let shown = |p: usize| maps.mask[p] && maps.depth[p].is_finite();
-    let depths: Vec<f32> = (0..maps.depth.len()).filter(|&p| shown(p)).map(|p| maps.depth[p]).collect();
-    let range = percentile(&depths, 1.0).zip(percentile(&depths, 99.0));
-    let (near, far) = range.map_or((0.0, 0.0), |(a, b)| (f64::from(a), f64::from(b)));
-    let share = |depth: f64| if far > near { (depth - near) / (far - near) } else { 0.0 };
-    let map = Picture::of_maps(maps, enlargement(maps), |p| {
-        if shown(p) { colour(share(f64::from(maps.depth[p]))) } else { BACKGROUND }
-    });
-    with_bar(&map, range.map(|_| (near, far)))
+    let range = shown_range(maps);
+    with_bar(&depth_map(maps, range.unwrap_or_default()), range)
 }
 
-/// Writes the normals of the masked pixels in the colours of [`normal_colour`].
+/// 1st and 99th percentile of the depths shown; `None` without any.
+fn shown_range(maps: &Maps) -> Option<[f64; 2]> {
+    let depths: Vec<f32> = (0..maps.depth.len()).filter(|&p| shows(maps, p)).map(|p| maps.depth[p]).collect();
+    let range = percentile(&depths, 1.0).zip(percentile(&depths, 99.0));
+    range.map(|(near, far)| [f64::from(near), f64::from(far)])
+}
+
+/// The depth with axes in metres, its colours and colour bar from `near` to `far` in metres whatever the maps hold: pictures of
+/// several frames are comparable.
+pub fn depth_between(maps: &Maps, [near, far]: [f64; 2]) -> Picture {
+    with_bar(&with_axes(&depth_map(maps, [near, far]), maps), Some([near, far]))
+}
+
+/// Whether a pixel has a depth to show.
+fn shows(maps: &Maps, pixel: usize) -> bool {
+    maps.mask[pixel] && maps.depth[pixel].is_finite()
+}
+
+fn depth_map(maps: &Maps, [near, far]: [f64; 2]) -> Picture {
+    let share = |depth: f64| if far > near { (depth - near) / (far - near) } else { 0.0 };
+    Picture::of_maps(maps, enlargement(maps), |p| {
+        if shows(maps, p) { colour(share(f64::from(maps.depth[p]))) } else { BACKGROUND }
+    })
+}
+
+/// A picture of maps with ticks in metres below it and to its left: x grows to the left, y upwards.
+pub fn with_axes(map: &Picture, maps: &Maps) -> Picture {
+    const TICK: usize = 5;
+    const GAP: usize = 6;
+    let [x0, x1, y0, y1] = maps.extent;
+    let ticks = |low: f64, high: f64| Axis::new([low, high].into_iter(), false).over([low, high]).even();
+    let up: Vec<(f64, String)> = ticks(y0, y1).into_iter().map(|y| (y, plain(y))).collect();
+    let left = up.iter().map(|(_, label)| text_width(label)).max().unwrap_or(0) + TICK + 2 * GAP;
+    let top = CAPITAL / 2 + 1;
+    let below = TICK + CAPITAL + 2 * GAP;
+    let mut picture = Picture::new(left + map.width + GAP, top + map.height + below);
+    picture.fill(left - 1, top - 1, map.width + 2, map.height + 2, INK);
+    picture.paste(map, left, top);
+    for (y, label) in up {
+        let row = top + ((y1 - y) / (y1 - y0) * (map.height - 1) as f64).round() as usize;
+        picture.fill(left - TICK, row, TICK, 1, INK);
+        picture.text(&label, [left - TICK - GAP - text_width(&label), row + CAPITAL / 2]);
+    }
+    let bottom = top + map.height;
+    for x in ticks(x0, x1) {
+        let column = left + ((x1 - x) / (x1 - x0) * (map.width - 1) as f64).round() as usize;
+        let label = if x == 0.0 { "0 m".into() } else { plain(x) };
+        picture.fill(column, bottom, 1, TICK, INK);
+        let begin = column.saturating_sub(text_width(&label) / 2);
+        let begin = begin.min((picture.width).saturating_sub(text_width(&label)));
+        picture.text(&label, [begin, bottom + TICK + GAP + CAPITAL]);
+    }
+    picture
+}
+
+/// Writes the normals of the masked pixels in the colours of [`normal_colour`], with axes in metres.
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {
     maps.check()?;
-    write(path, &normal_of(maps))
+    write(path, &with_axes(&normal_of(maps), maps))
 }
 
-/// The picture of [`write_normal`].
+/// The picture of [`write_normal`] without axes.
 pub fn normal_of(maps: &Maps) -> Picture {
     Picture::of_maps(maps, enlargement(maps), |p| {
         normal_colour(maps.normal[p]).filter(|_| maps.mask[p]).unwrap_or(BACKGROUND)
@@ -97,9 +150,9 @@ pub fn normal_of(maps: &Maps) -> Picture {
 }
 
 /// The picture with a colour bar to its right: far at the top, near at the bottom.
-fn with_bar(map: &Picture, range: Option<(f64, f64)>) -> Picture {
+fn with_bar(map: &Picture, range: Option<[f64; 2]>) -> Picture {
     const MARGIN: usize = 12;
-    let Some((near, far)) = range else { return map.clone() };
+    let Some([near, far]) = range else { return map.clone() };
     let labels = [far, near].map(|depth| format!("{depth:.*} m", decimals(3, far)));
     let height = map.height.max(SIDE / 4);
     let mut picture = Picture::new(map.width + 2 * MARGIN + Picture::bar_width(&labels), height);

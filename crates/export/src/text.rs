@@ -1,4 +1,4 @@
-//! Text on pictures, by compiled-in outlines.
+//! Text on pictures, by compiled-in outlines, and on pages.
 //!
 //! `assets/DejaVuSans.txt` has a line for each character of DejaVu Sans 2.37 (Latin, Greek, common signs): its code point, its
 //! advance, and its outline as an SVG path, in units of which an em has 2048; see `assets/README.md`.
@@ -48,6 +48,11 @@ pub fn paint(mask: &Mask<'_, '_, impl zeno::PathData>, ink: &mut impl FnMut([i32
         let [column, row] = [at % place.width as usize, at / place.width as usize].map(|v| v as i32);
         ink([place.left + column, place.top + row], f64::from(*cover) / 255.0);
     }
+}
+
+/// Text escaped for HTML.
+pub fn escaped(text: &str) -> String {
+    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]

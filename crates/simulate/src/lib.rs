@@ -53,7 +53,9 @@ pub use moving::Motion;
 pub use noise::{Dark, photon_noise};
 pub use pairs::{Layout, Pairs};
 pub use pile_up::pile_up;
-pub use render::{RenderOptions, Rendering, render, render_pairs, simulate};
+pub use render::{
+    RenderOptions, RenderProgress, Rendering, render, render_pairs, simulate, simulate_watched,
+};
 pub use scene::{Object, Scene};
 pub use shapes::{capsule, ellipsoid, rectangle, sphere, torus};
 pub use truth::{DEFAULT_RESOLUTION, truth};

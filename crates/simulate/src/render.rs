@@ -8,6 +8,7 @@ use crate::capture::Capture;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
+use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
 /// Accuracy of a rendering.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -24,6 +25,18 @@ impl Default for RenderOptions {
     fn default() -> Self {
         RenderOptions { noise: 0.01, max_samples: 1 << 20, seed: 0 }
     }
+}
+
+/// Progress of a rendering: its samples grow until few pairs have the target noise, then all pairs are rendered. If their noise is
+/// above the target, they are rendered again with more samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct RenderProgress {
+    /// Surface samples.
+    pub samples: usize,
+    /// Pairs that are rendered with these samples.
+    pub done: usize,
+    /// All pairs.
+    pub of: usize,
 }
 
 /// A rendered capture and its noise.
@@ -46,7 +59,20 @@ pub struct Rendering {
 /// # Errors
 /// Those of [`render`], [`pile_up`] and [`photon_noise`], and a scene that sends no light to the wall.
 pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
-    let mut rendering = render(scene, options)?;
+    simulate_watched(scene, options, &|_| {})
+}
+
+/// As [`simulate`]; `hear` is called with the progress of the rendering, by several threads.
+///
+/// # Errors
+/// Those of [`simulate`].
+pub fn simulate_watched(
+    scene: &Scene,
+    options: &RenderOptions,
+    hear: &(dyn Fn(RenderProgress) + Sync),
+) -> Result<Rendering> {
+    scene.check()?;
+    let mut rendering = render_watched(scene, &scene.pairs(), options, hear)?;
     if rendering.capture.histograms.iter().all(|v| *v == 0.0) {
         return Err(Error::input(
             format!("no light of {} comes back to the wall within the bins", scene.name),
@@ -101,6 +127,15 @@ pub fn render(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
 /// # Errors
 /// A scene that [`Scene::check`] refuses, pairs that [`Pairs::check`] refuses, or options out of range.
 pub fn render_pairs(scene: &Scene, pairs: &Pairs, options: &RenderOptions) -> Result<Rendering> {
+    render_watched(scene, pairs, options, &|_| {})
+}
+
+fn render_watched(
+    scene: &Scene,
+    pairs: &Pairs,
+    options: &RenderOptions,
+    hear: &(dyn Fn(RenderProgress) + Sync),
+) -> Result<Rendering> {
     scene.check()?;
     pairs.check()?;
     check(options)?;
@@ -121,8 +156,15 @@ pub fn render_pairs(scene: &Scene, pairs: &Pairs, options: &RenderOptions) -> Re
     let mut halves = renderer.halves(wanted, options.seed);
     let mut pilot = true;
     loop {
-        let (noise, histograms) = renderer.render(&halves, if pilot { &few } else { &all });
         let samples = halves[0].len() + halves[1].len();
+        let pairs = if pilot { &few } else { &all };
+        let (done, of) = (AtomicUsize::new(0), pairs.len());
+        let (noise, histograms) = renderer.render(&halves, pairs, &|| {
+            let done = done.fetch_add(1, Relaxed) + 1;
+            if !pilot {
+                hear(RenderProgress { samples, done, of });
+            }
+        });
         let good = noise <= if pilot { PILOT_MARGIN * options.noise } else { options.noise };
         if !good {
             let next = renderer.halves(2 * wanted, options.seed);
@@ -178,7 +220,12 @@ impl Renderer<'_> {
     }
 
     /// Histograms `[pair * bins + bin]` of the given pairs, the mean of both halves, and their noise.
-    fn render(&self, halves: &[Vec<Element>; 2], which: &[usize]) -> (f64, Vec<f32>) {
+    fn render(
+        &self,
+        halves: &[Vec<Element>; 2],
+        which: &[usize],
+        rendered: &(dyn Fn() + Sync),
+    ) -> (f64, Vec<f32>) {
         let bins = self.bins;
         let mut histograms = vec![0f32; which.len() * bins];
         let sums: Vec<[f64; 2]> = histograms
@@ -193,6 +240,7 @@ impl Renderer<'_> {
                     sums[0] += (0.5 * (a - b)).powi(2);
                     sums[1] += mean * mean;
                 }
+                rendered();
                 sums
             })
             .collect();

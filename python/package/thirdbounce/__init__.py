@@ -13,7 +13,7 @@ import atexit
 
 from . import _native
 from ._capture import Capture, Pulse, read
-from ._maps import Layer, Maps, load_maps
+from ._maps import Layer, Maps, evaluate, load_maps
 from ._native import (
     CancelledError,
     DefectError,
@@ -26,7 +26,7 @@ from ._native import (
     __version__,
 )
 from ._session import Latency, Session
-from ._solve import Progress, devices, options, reconstruct
+from ._solve import Progress, benchmark, devices, options, reconstruct
 from ._simulate import scenes, simulate
 
 # Compiled kernels are kept for later runs when a device closes.
@@ -49,7 +49,9 @@ __all__ = [
     "Pulse",
     "Session",
     "__version__",
+    "benchmark",
     "devices",
+    "evaluate",
     "load_maps",
     "options",
     "read",

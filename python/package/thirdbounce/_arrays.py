@@ -7,6 +7,7 @@ from typing import Any, Dict, List, Optional, Tuple
 
 import numpy as np
 
+from . import _native
 from ._native import OptionsError
 
 
@@ -15,6 +16,26 @@ def refuse(what: str, hint: str) -> OptionsError:
     error = OptionsError(f"{what}\n  {hint}")
     error.what, error.where, error.hint = what, None, hint
     return error
+
+
+def metres(value: Any, name: str, is_path: bool = False) -> float:
+    """A length in metres, or text with a unit: "2cm"; a path may be a time: "20ps"."""
+    if isinstance(value, str):
+        return _native.metres(name, value, is_path)
+    try:
+        return float(value)
+    except (TypeError, ValueError) as error:
+        raise refuse(f"{name} is {value!r}", 'give metres, or text such as "2cm"') from error
+
+
+def count(value: Any, name: str) -> int:
+    """A whole number."""
+    try:
+        if int(value) == float(value) and int(value) >= 0:
+            return int(value)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise refuse(f"{name} is {value!r}", "give a whole number")
 
 
 def plain(value: Any, name: str) -> np.ndarray:
@@ -49,7 +70,8 @@ def _text(name: str, value: Any) -> str:
     if isinstance(value, (int, np.integer)):
         return str(int(value))
     if isinstance(value, (float, np.floating)):
-        return repr(float(value))
+        # 64.0 is a number of pixels, too.
+        return str(int(value)) if float(value).is_integer() else repr(float(value))
     if isinstance(value, (str, os.PathLike)):
         return os.fspath(value)
     if isinstance(value, (tuple, list, np.ndarray)):

@@ -9,7 +9,7 @@ from typing import Any, Dict, List, NamedTuple, Optional, Tuple, Union
 import numpy as np
 
 from . import _native
-from ._arrays import as_array, as_counts, as_points, like_points, texts
+from ._arrays import as_array, as_counts, as_points, like_points, metres, refuse, texts
 
 Path = Union[str, "os.PathLike[str]"]
 
@@ -69,17 +69,17 @@ class Capture:
         sensor_xyz: Any,
         laser_xyz: Any = None,
         *,
-        bin_width: float,
-        t_start: float = 0.0,
+        bin_width: Union[float, str],
+        t_start: Union[float, str] = 0.0,
         bins_axis: int = -1,
         sensor_normal: Any = None,
         laser_normal: Any = None,
         photon_counts: Optional[bool] = None,
-        pulse: Optional[Tuple[Any, float, float]] = None,
-        laser_spot: Optional[float] = None,
-        sensor_spot: Optional[float] = None,
+        pulse: Optional[Tuple[Any, Union[float, str], Union[float, str]]] = None,
+        laser_spot: Union[None, float, str] = None,
+        sensor_spot: Union[None, float, str] = None,
         cycles: Optional[float] = None,
-        direct: Optional[float] = None,
+        direct: Union[None, float, str] = None,
         name: str = "arrays",
     ) -> None:
         """A capture from arrays.
@@ -88,7 +88,7 @@ class Capture:
             with DLPack support. float32 in C order is used in place, other arrays are converted.
         sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3), metres; a single point (3,) is shared by all pairs. Without
             `laser_xyz` the scan is confocal.
-        bin_width: metres of path.
+        bin_width: metres of path, or text: "20ps", "6mm". So are all lengths.
         direct: path of direct light in every pair, metres, if the bins contain it.
         """
         sensor = as_points(sensor_xyz, "sensor_xyz")
@@ -98,13 +98,18 @@ class Capture:
         self.sensor_xyz = like_points(sensor, scan, "sensor_xyz")
         self.laser_xyz = self.sensor_xyz if laser is None else like_points(laser, scan, "laser_xyz")
         self.H = as_counts(H, scan, bins_axis)
-        self.bin_width, self.t_start = float(bin_width), float(t_start)
+        self.bin_width, self.t_start = metres(bin_width, "bin_width", True), metres(t_start, "t_start", True)
         self.sensor_normal = like_points(sensor_normal, scan, "sensor_normal")
         self.laser_normal = like_points(laser_normal, scan, "laser_normal")
         self.photon_counts = photon_counts
-        self.pulse = None if pulse is None else Pulse(as_array(pulse[0], np.float64, "pulse"), *map(float, pulse[1:]))
-        self.laser_spot, self.sensor_spot, self.cycles = laser_spot, sensor_spot, cycles
-        self.direct = direct
+        if pulse is not None and len(pulse) != 3:
+            raise refuse(f"pulse has {len(pulse)} parts", "give (samples, width of one, start of the first)")
+        lengths = None if pulse is None else [metres(part, "pulse", True) for part in pulse[1:]]
+        self.pulse = None if pulse is None else Pulse(as_array(pulse[0], np.float64, "pulse"), *lengths)
+        spots = (("laser_spot", laser_spot), ("sensor_spot", sensor_spot))
+        self.laser_spot, self.sensor_spot = (None if spot is None else metres(spot, key) for key, spot in spots)
+        self.cycles = cycles
+        self.direct = None if direct is None else metres(direct, "direct", True)
         self.name, self.notes = name, []
 
     @property

@@ -61,6 +61,14 @@ class Maps:
     """Frame number of a session."""
     seconds: Optional[float] = None
     """Solve time, seconds."""
+    metrics: Optional[Dict[str, Any]] = None
+    """Figures against truth, if `truth` was given: iou, depth_mae, normal_error_deg and others of `evaluate`."""
+    volume: Optional[np.ndarray] = None
+    """(nx, ny, nz) float32: albedo of the voxels, with `keep_volume=True`."""
+    volume_extent: Optional[Tuple[float, ...]] = None
+    """Outer faces of the volume: x min, x max, y min, y max, z min, z max, metres."""
+    page: Any = dataclasses.field(default=None, repr=False)
+    """What report.html shows of the capture."""
 
     @property
     def shape(self) -> Tuple[int, int]:
@@ -92,10 +100,10 @@ class Maps:
         """Writes the maps, and returns the paths of the files.
 
         A path that ends in .npz is one file of arrays; any other is a folder with what the command writes: maps.npz,
-        maps.exr, pictures, points.ply, mesh.ply, and report.json if there is a report.
+        maps.exr, pictures, points.ply, mesh.ply, report.html, and report.json if there is a report.
         """
         report = None if self.report is None else json.dumps(self.report, indent=2) + "\n"
-        return [os.fspath(p) for p in _native.write_maps(self._arrays(), path, report)]
+        return [os.fspath(p) for p in _native.write_maps(self._arrays(), path, report, self.page)]
 
     def plot(self, axes: Any = None) -> Any:
         """Draws albedo, depth, normals and, if it is known, the depth_error, by matplotlib. Returns the figure.
@@ -175,6 +183,8 @@ class Maps:
         if "report" in arrays:
             arrays["report"] = json.loads(arrays["report"])
             arrays["seconds"] = arrays["report"]["totals"]["solve_s"]
+            arrays["metrics"] = arrays["report"]["metrics"]
+            arrays.setdefault("warnings", arrays["report"].get("warnings", []))
         return cls(**arrays)
 
 
@@ -183,5 +193,18 @@ def _centres(low: float, high: float, count: int) -> np.ndarray:
 
 
 def load_maps(path: Path) -> Maps:
-    """Reads maps.npz of an earlier result."""
+    """Reads an earlier result: its folder, with the report, or its maps.npz."""
     return Maps._of(_native.read_maps(path))
+
+
+def evaluate(maps: Union[Maps, Path], truth: Union[Maps, Path], mask_fraction: Optional[float] = None) -> Dict[str, Any]:
+    """Measures maps against truth, as `thirdbounce evaluate`: iou, completeness, depth_mae and depth_rmse (metres),
+    normal_error_deg, paper (the measure of Shim et al.) and others.
+
+    maps: maps, or the folder or file of a result. truth: that of `simulate`, or its file.
+    mask_fraction: a pixel is surface above this share of the brightest albedo; None: the maps' own mask.
+    """
+    maps = maps if isinstance(maps, Maps) else load_maps(maps)
+    truth = truth if isinstance(truth, Maps) else Maps._of(_native.read_truth(truth))
+    figures: Dict[str, Any] = json.loads(_native.evaluate(maps._arrays(), truth._arrays(), mask_fraction))
+    return figures

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from types import TracebackType
 from typing import Any, Dict, NamedTuple, Optional, Type, Union
 
 import numpy as np
 
 from . import _native
-from ._arrays import as_bools, as_counts, as_points, like_points, texts
-from ._capture import Capture
+from ._arrays import as_bools, as_counts, as_points, count, like_points, metres, refuse, texts
+from ._capture import Capture, read
 from ._maps import Maps
 from ._solve import OnProgress, _on_progress
 
@@ -52,26 +53,34 @@ class Session:
         laser_xyz: Any = None,
         *,
         bins: Optional[int] = None,
-        bin_width: Optional[float] = None,
-        t_start: float = 0.0,
+        bin_width: Union[None, float, str] = None,
+        t_start: Union[float, str] = 0.0,
         photon_counts: bool = False,
         time_limit: Optional[float] = None,
         on_progress: Optional[OnProgress] = None,
         feed: Union[str, float] = "one",
+        follow: bool = False,
+        budget: Optional[float] = None,
         **settings: Any,
     ) -> None:
         """Prepares a solver for frames of a scan.
 
-        sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3) points, metres, as for `Capture`; or a `Capture`, with the points, bins,
+        sensor_xyz, laser_xyz: (X, Y, 3) or (P, 3) points, metres, as for `Capture`; or a `Capture` or its file, with the points, bins,
             impulse response and spots of the frames, and counts that determine the volume, the model and the impulse response.
         bins, bin_width, t_start: number and width of the bins, and leading edge of bin 0, metres of path.
         photon_counts: whether counts are photon counts; otherwise the noise of each frame is estimated.
         time_limit: time after which a frame is cancelled, seconds.
         feed: handling of frames submitted during a solve: "one" refuses them, "newest" keeps the newest, "every" queues all; a
             number from 0 to 1 sums them, multiplying the sum by it before each.
+        follow: start each frame from the surface of the one before (solver "surface"), as `thirdbounce live` does.
+        budget: time for a frame, seconds; needs `follow`.
         on_progress: called with a `Progress` by the session's thread; the frame stops if it returns False.
         settings: as for `reconstruct`.
         """
+        if budget is not None and not follow:
+            raise refuse("budget was given without follow", "give follow=True, or time_limit, which cancels late frames")
+        if isinstance(sensor_xyz, (str, os.PathLike)):
+            sensor_xyz = read(sensor_xyz)
         if isinstance(sensor_xyz, Capture):
             arrays = sensor_xyz._arrays()
         else:
@@ -79,7 +88,7 @@ class Session:
         if arrays.get("photon_counts") is None or photon_counts:
             arrays["photon_counts"] = photon_counts
         self._scan = tuple(arrays["scan"])
-        self._native = _native.Session(arrays, texts(settings), time_limit, _on_progress(on_progress), feed)
+        self._native = _native.Session(arrays, texts(settings), time_limit, _on_progress(on_progress), feed, (budget,) if follow else None)
 
     def submit(self, H: Any, *, bins_axis: int = -1, measured: Any = None) -> int:
         """Submits a frame without waiting, and returns its number. Any thread, also during a wait of another one.
@@ -137,10 +146,11 @@ class Session:
         self.close()
 
 
-def _scan(sensor_xyz: Any, laser_xyz: Any, bins: Optional[int], bin_width: Optional[float], t_start: float) -> Dict[str, Any]:
+def _scan(sensor_xyz: Any, laser_xyz: Any, bins: Any, bin_width: Any, t_start: Any) -> Dict[str, Any]:
     """A capture without counts, in the native form."""
     if bins is None or bin_width is None:
-        raise TypeError("a session of points needs bins and bin_width")
+        missing = " and ".join(name for name, value in (("bins", bins), ("bin_width", bin_width)) if value is None)
+        raise refuse(f"{missing} missing", "give the bins of the frames with their points, or give a Capture")
     sensor = as_points(sensor_xyz, "sensor_xyz")
     laser = sensor if laser_xyz is None else as_points(laser_xyz, "laser_xyz")
     widest = sensor if sensor.size >= laser.size else laser
@@ -153,7 +163,7 @@ def _scan(sensor_xyz: Any, laser_xyz: Any, bins: Optional[int], bin_width: Optio
         "scan": scan,
         "sensor": sensor_points.reshape(-1),
         "laser": laser_points.reshape(-1),
-        "bins": bins,
-        "bin_width": float(bin_width),
-        "t_start": float(t_start),
+        "bins": count(bins, "bins"),
+        "bin_width": metres(bin_width, "bin_width", True),
+        "t_start": metres(t_start, "t_start", True),
     }

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Dict, Optional, Tuple
+from typing import Dict, Optional, Tuple, Union
 
 from . import _native
+from ._arrays import count, metres, refuse
 from ._capture import Capture
 from ._maps import Maps
 
@@ -13,8 +14,8 @@ def simulate(
     scene: str,
     *,
     scan: int = 32,
-    wall: float = 1.0,
-    bin_width: float = 0.006,
+    wall: Union[float, str] = 1.0,
+    bin_width: Union[float, str] = 0.006,
     bins: Optional[int] = None,
     pairs: str = "confocal",
     point: Tuple[float, float] = (0.0, 0.0),
@@ -22,7 +23,7 @@ def simulate(
     model: str = "cosine",
     occlusion: bool = True,
     albedo: Optional[float] = None,
-    pulse: Optional[float] = None,
+    pulse: Union[None, float, str] = None,
     photons: Optional[float] = None,
     dark: float = 0.0,
     seed: int = 0,
@@ -33,7 +34,7 @@ def simulate(
 
     scene: a name of `scenes()`, or the path of a .obj or .ply mesh.
     scan: points per side of the square wall; wall: its side, metres.
-    bin_width: metres of path; bins: None for as many as the scene's paths need.
+    bin_width: metres of path, or text: "20ps"; bins: None for as many as the scene's paths need.
     pairs: "confocal", "one-laser" or "one-sensor" (at `point`, metres), "exhaustive" (with `lasers` points per side), "irregular".
     model: how surfaces reflect: "cosine", "lambertian", "retroreflective" or "isotropic".
     pulse: full width at half maximum of the instrument's pulse, metres of path.
@@ -43,24 +44,27 @@ def simulate(
     """
     wanted = {
         "scene": scene,
-        "scan": scan,
-        "wall": wall,
-        "bin_width": bin_width,
-        "bins": bins,
+        "scan": count(scan, "scan"),
+        "wall": metres(wall, "wall"),
+        "bin_width": metres(bin_width, "bin_width", True),
+        "bins": None if bins is None else count(bins, "bins"),
         "pairs": pairs,
         "point": point,
         "lasers": lasers,
         "model": model,
         "occlusion": occlusion,
         "albedo": albedo,
-        "pulse": pulse,
+        "pulse": None if pulse is None else metres(pulse, "pulse", True),
         "photons": photons,
         "dark": dark,
         "seed": seed,
         "noise": noise,
-        "truth_pixels": truth_pixels,
+        "truth_pixels": count(truth_pixels, "truth_pixels"),
     }
-    capture, truth = _native.simulate(wanted)
+    try:
+        capture, truth = _native.simulate(wanted)
+    except (TypeError, OverflowError) as error:
+        raise refuse(f"an argument has a wrong type: {error}", "see help(thirdbounce.simulate)") from error
     return Capture._of(capture, []), Maps._of(truth)
 
 

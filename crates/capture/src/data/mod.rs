@@ -25,7 +25,7 @@ pub const METRES_PER_PICOSECOND: f64 = 299_792_458e-12;
 ///
 /// [`Capture::new`] takes what every capture has; the other fields are set afterwards. Nothing is checked before
 /// [`Capture::check`].
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Capture {
     /// A short name: the stem of the file, or the name of the scene.
@@ -61,6 +61,21 @@ pub struct Capture {
     /// The path of direct light, laser to wall point to sensor, in every pair, metres, where bins hold it and it is known: 0 in
     /// a capture of time tags. [`crate::auto_gate`] leaves it out however weak it is.
     pub direct: Option<f64>,
+}
+
+/// A line without counts and points, of which there may be millions.
+impl std::fmt::Debug for Capture {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Capture")
+            .field("name", &self.name)
+            .field("scan", &self.scan)
+            .field("pairs", &self.pair_count())
+            .field("bins", &self.bins)
+            .field("bin_width", &self.bin_width)
+            .field("t_start", &self.t_start)
+            .field("counts", &self.histograms.iter().map(|v| f64::from(*v)).sum::<f64>())
+            .finish_non_exhaustive()
+    }
 }
 
 impl Capture {

@@ -183,15 +183,17 @@ impl std::fmt::Display for Summary {
             )?,
             None => writeln!(f, "signal    none")?,
         }
+        // Whole counts are exact, others have three significant digits.
+        let count = |v: f64| if self.integer_counts { v } else { format!("{v:.2e}").parse().unwrap_or(v) };
         writeln!(
             f,
             "peak      {} in bin {} ({:.d$} m), {}",
-            self.peak,
+            count(self.peak),
             self.peak_bin,
             path(self.peak_bin as f64 + 0.5),
             place_in(self.scan, self.peak_pair)
         )?;
         let counts = if self.integer_counts { "whole counts" } else { "real numbers" };
-        write!(f, "total     {} ({counts})", self.total)
+        write!(f, "total     {} ({counts})", count(self.total))
     }
 }

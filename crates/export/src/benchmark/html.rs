@@ -6,7 +6,7 @@ use std::path::Path;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 
-use super::super::page::escaped;
+use super::super::text::escaped;
 use super::curve::coloured;
 use super::{Case, METRICS, Page, Table, changes, curves, figure, regressions, wins};
 use crate::error::{Error, Result};

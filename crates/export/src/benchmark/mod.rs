@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::page::escaped;
+use super::text::escaped;
 use crate::advice::Advice;
 use crate::error::{Error, Result};
 use crate::files::atomic;

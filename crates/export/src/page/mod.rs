@@ -13,10 +13,12 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 
 use super::report::Report;
+use super::text::escaped;
+use super::{depth_difference, png};
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 use crate::files::atomic;
-use crate::maps::Maps;
+use crate::maps::{Maps, Truth};
 
 const PAGE: &str = include_str!("page.html");
 const SCRIPT: &str = include_str!("page.js");
@@ -144,15 +146,30 @@ struct Data<'d> {
     maps: PageMaps,
     light: &'d Light,
     report: &'d Report,
+    /// PNG of the depth differences in base64.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    difference: Option<String>,
 }
 
-/// Writes the page of a result with the given title.
+/// Writes the page of a result with the given title, and the differences from truth.
 ///
 /// # Errors
 /// `Kind::Input` if the maps' sizes do not agree, `Kind::Output` if the file cannot be written.
-pub fn write(path: &Path, title: &str, maps: &Maps, light: &Light, report: &Report) -> Result<()> {
+pub fn write(
+    path: &Path,
+    title: &str,
+    maps: &Maps,
+    light: &Light,
+    report: &Report,
+    truth: Option<&Truth>,
+) -> Result<()> {
     maps.check()?;
-    let data = Data { title, maps: PageMaps::of(maps), light, report };
+    let packed = |truth: &Truth| -> Result<String> {
+        truth.check()?;
+        Ok(STANDARD.encode(png::packed(&depth_difference::picture(maps, truth))?))
+    };
+    let difference = truth.map(packed).transpose()?;
+    let data = Data { title, maps: PageMaps::of(maps), light, report, difference };
     let json = serde_json::to_string(&data).map_err(|e| {
         Error::output(format!("{}: the page has no JSON ({e})", path.display()), "report this as a defect")
     })?;
@@ -170,11 +187,6 @@ fn page(title: &str, json: &str) -> String {
         rest = after;
     }
     page + rest
-}
-
-/// Text escaped for HTML.
-pub(super) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
 #[cfg(test)]
@@ -243,7 +255,7 @@ mod tests {
             "totals": {"load_s": 0.0, "solve_s": 0.0, "export_s": 0.0, "pairs": 0.0, "pairs_per_s": 0.0, "peak_device_bytes": 0},
         }))
         .unwrap();
-        write(&file, "a </script> & \"b\"", &maps, &light, &report).unwrap();
+        write(&file, "a </script> & \"b\"", &maps, &light, &report, None).unwrap();
         let page = std::fs::read_to_string(&file).unwrap();
         assert_eq!(page.matches("</script>").count(), 3, "one for each element");
         assert!(page.contains("<title>thirdbounce: a &lt;/script&gt; &amp; &quot;b&quot;</title>"));

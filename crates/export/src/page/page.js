@@ -415,6 +415,27 @@ function parts() {
   return { count, all, width: box[1] - box[0] + pixel[0], height: box[3] - box[2] + pixel[1] };
 }
 
+// Figures against truth, and the map of differences.
+function truth(metrics, digits) {
+  element("truth").hidden = false;
+  element("difference").closest("figure").hidden = !data.difference;
+  if (data.difference) element("difference").src = `data:image/png;base64,${data.difference}`;
+  const paper = metrics.paper || {}, best = metrics.at_best || {}, of = (a, b) => `${a}, ${b}`;
+  for (const [name, value] of [
+    ["IoU, completeness", of(digits(metrics.iou), digits(metrics.completeness))],
+    ["Depth, mean and RMS error", of(digits(metrics.depth_mae, " mm", 1e3), digits(metrics.depth_rmse, " mm", 1e3))],
+    ["Normals, mean error", digits(metrics.normal_error_deg, "°")],
+    ["Paper: depth, mean and RMS error", of(digits(paper.depth_mae, " m"), digits(paper.depth_rmse, " m"))],
+    ["Paper: normals, mean and RMS error", of(digits(paper.normal_mae), digits(paper.normal_rmse))],
+    ["Within the expected depth error", metrics.within_depth_error == null ? "–" : `${digits(metrics.within_depth_error, " %", 100)} of the pixels (68 % if it is right)`],
+    ["Best IoU over mask fractions", metrics.best_iou == null ? "–" : `${digits(metrics.best_iou)} at ${digits(metrics.best_fraction)}, depth error ${digits(best.depth_mae, " mm", 1e3)}`],
+  ]) {
+    const row = element("figures").insertRow(), head = document.createElement("th");
+    head.scope = "row", head.innerText = name, row.append(head);
+    row.insertCell().innerText = value;
+  }
+}
+
 function words() {
   const { settings, totals, metrics } = report, found = parts(), warnings = report.warnings || settings.warnings || [];
   const card = (name, value, more = "") => {
@@ -426,10 +447,19 @@ function words() {
   card("Found", found.count ? `${found.count} ${found.count === 1 ? "surface" : "surfaces"}` : "nothing",
     found.count ? `${found.width.toFixed(2)} × ${found.height.toFixed(2)} m, ${(100 * found.all / nx / ny).toFixed(1)} % of the picture` : "");
   card("Depth range", found.count ? `${far[0].toFixed(3)} – ${far[1].toFixed(3)} m` : "–", "1st to 99th percentile");
-  const typical = depth_error && quantile(depth_error, .5, isSurface), error = metrics?.depth_mae;
-  card("Median depth error", typical ? millimetres(typical) : "–", "expected" + (error != null ? `; ${millimetres(error)} mean against truth` : ""));
+  const typical = depth_error && quantile(depth_error, .5, isSurface);
+  card("Median depth error", typical ? millimetres(typical) : "–", "expected" );
+  const digits = (v, unit = "", factor = 1) => v == null ? "–" : `${Number((factor * v).toPrecision(3))}${unit}`;
+  if (metrics) {
+    card("IoU", digits(metrics.iou), "of surface and true surface");
+    card("Depth error", digits(metrics.depth_mae, " mm", 1e3), `mean; ${digits(metrics.paper?.depth_mae, " mm", 1e3)} by the paper's measure`);
+    card("Normal error", digits(metrics.normal_error_deg, "°"), "mean over surface in both");
+    truth(metrics, digits);
+  }
+  const kept = (settings.candidates || []).find(c => c.kept), [held, , excess] = kept?.left || [];
+  const quality = excess == null ? "" : `${excess < .05 ? "good" : excess < .2 ? "fair" : "poor"}: noise alone leaves ${digits(Math.max(held - excess, 0), " %", 100)}; `;
   const trials = (settings.model_found?.trials || []).filter(t => t[0] === settings.model_found.reflectance).map(t => t[2]), last = trace.at(-1)?.residual;
-  if (trials.length) card("Held-out residual", `${(100 * Math.min(...trials)).toFixed(1)} %`, "of pairs not fitted, short fit");
+  if (trials.length) card("Held-out residual", `${(100 * Math.min(...trials)).toFixed(1)} %`, quality + "of pairs not fitted, short fit");
   else card("Residual", last != null ? `${(100 * last).toFixed(1)} %` : "–", "of fitted pairs");
   card("Solve time", `${totals.solve_s.toFixed(1)} s`, report.device.name.trim());
   card("Warnings", String(warnings.length));
