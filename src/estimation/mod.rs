@@ -55,8 +55,8 @@ mod constants {
     pub const NOTHING_LEFT: f64 = 0.01;
     /// Iterations of fits that compare tails: these differ less than widths do.
     pub const OF_TAIL: usize = 40;
-    /// A model whose residual is this many times that of the best one, each with the impulse response that its sharp fit suggests,
-    /// is not fitted again.
+    /// A model whose residual is this many times that of the best one is fitted neither from a second start nor, each with the
+    /// impulse response that its sharp fit suggests, again.
     pub const HOPELESS: f64 = 1.3;
 }
 use constants::*;
@@ -382,9 +382,13 @@ impl<'t> Search<'t> {
         if let Some(at) = self.sharp.iter().position(|s| s.reflectance == reflectance) {
             return Ok(Some(at));
         }
+        let least = self.sharp.iter().map(|s| s.fitted.surface.excess()).fold(f64::INFINITY, f64::min);
         let mut best: Option<Fitted> = None;
         for (start, from) in [(Begin::Closed, From::ClosedForm), (Begin::Volume, From::Volume)] {
-            let is_enough = best.as_ref().is_some_and(|best| best.surface.excess() < NOTHING_LEFT);
+            let is_enough = best.as_ref().is_some_and(|best| {
+                let excess = best.surface.excess();
+                excess < NOTHING_LEFT || excess > HOPELESS * least
+            });
             if is_enough || best.is_some() && !self.finds_start {
                 if self.finds_start {
                     self.pace.pass(from.iterations());
