@@ -146,9 +146,13 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     print(&summary.to_string());
     let Tally { captures, done, skipped, failed, stopped, seconds } = tally;
     let left = if stopped { format!(", {} left", captures - done - skipped - failed) } else { String::new() };
+    let index = if done + skipped > 0 {
+        format!("; all results: {}", batch.out.join("index.html").display())
+    } else {
+        String::new()
+    };
     say(&format!(
-        "{captures} captures: {done} done, {skipped} skipped, {failed} failed{left}, in {seconds:.1} s; all results: {}",
-        batch.out.join("index.html").display()
+        "{captures} captures: {done} done, {skipped} skipped, {failed} failed{left}, in {seconds:.1} s{index}"
     ));
     Ok(match (interrupt::asked().is_break() && stopped, failed) {
         (true, _) => ExitCode::from(STOPPED),

@@ -242,7 +242,8 @@ impl Rows {
         self.rows.insert(row.name.clone(), row);
     }
 
-    /// Writes the index: the captures of the batch, those of other shards, and other results in the folder.
+    /// Writes the index: the captures of the batch, those of other shards, and other results in the folder. Without any result
+    /// nothing is written.
     fn write(&mut self, batch: &Batch) -> Result<()> {
         let paths: BTreeMap<&str, &PathBuf> = batch.captures.iter().map(|l| (&*l.name, &l.path)).collect();
         let folders = std::fs::read_dir(&batch.out).into_iter().flatten().flatten();
@@ -268,6 +269,9 @@ impl Rows {
             }
         }
         self.written = Some(Instant::now());
+        if self.rows.values().all(|row| row.status != "done") {
+            return Ok(());
+        }
         let settings = format!("thirdbounce {}", env!("CARGO_PKG_VERSION"));
         let all: Vec<Row> = self.rows.values().cloned().collect();
         index::write(&batch.out, &all, &settings)
