@@ -149,7 +149,7 @@ pub struct Written {
     pub notes: Vec<String>,
     /// What looks wrong with the capture or the result, as sentences.
     pub warnings: Vec<String>,
-    /// The files: those of [`write`], `report.html` and `report.json`.
+    /// The files: those of [`write()`], `report.html` and `report.json`.
     pub files: Vec<std::path::PathBuf>,
 }
 
@@ -157,7 +157,7 @@ pub struct Written {
 /// with the page and the report. With a file of `truth`, both have its figures. Files appear together, after the solve.
 ///
 /// # Errors
-/// Those of [`read`], [`reconstruct_with`] and [`write`]; `Kind::Input`: a truth that cannot be read.
+/// Those of [`read`], [`reconstruct_with`] and [`write()`]; `Kind::Input`: a truth that cannot be read.
 #[cfg(feature = "formats")]
 pub fn reconstruct_file(
     gpu: &Gpu,
