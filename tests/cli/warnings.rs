@@ -98,7 +98,7 @@ fn time_tags_are_known_to_every_verb() {
     let json: Value = serde_json::from_str(&succeed(&["info", &ptu, "--json"])).unwrap();
     assert_eq!((json["channels"][0][1].as_u64(), json["markers"][0][1].as_u64()), (Some(468), Some(13)));
     fail(&["convert", &ptu, &path("made.npz")], 1, "holds time tags (generic (MultiHarp, PicoHarp 330), T2)");
-    // Channels that are not told are guessed: laser pulses have the most tags.
+    // Unspecified channels are guessed: laser pulses have the most tags.
     let tags = fixtures::tags::csv(&writer.wanted).replace("\n0,", "\n1,");
     std::fs::write(&csv, tags).unwrap();
     let shown = succeed(&["info", &csv]);

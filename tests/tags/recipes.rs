@@ -50,7 +50,7 @@ fn photons() -> Vec<Photon> {
     all
 }
 
-/// The photons by their laser pulse; `pulse` tells it from the row and the place along x, 0 to 1.
+/// The photons by their laser pulse; `pulse` returns its number from the row and the position along x, 0 to 1.
 fn in_time(pulse: impl Fn(usize, f64) -> i64) -> Vec<(i64, i64)> {
     let at = |p: &Photon| (pulse(p.y, (p.x as f64 + p.along) / SIDE as f64), p.delay);
     let mut all: Vec<_> = photons().iter().map(at).collect();

@@ -1,4 +1,4 @@
-//! What a scan is likely to be, where nobody said: for a first look at a file.
+//! Guesses unspecified properties of a scan, for a first look at a file.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -38,8 +38,8 @@ const OFF_MULTIPLE: f64 = 0.1;
 const NEARLY_ALL: f64 = 0.95;
 
 impl Syncs {
-    /// With one of so many laser pulses in the file, pulses at such times if not all are in the file, and the shortest interval of a
-    /// laser, ticks.
+    /// Creates the statistics of a file that holds one of every `divider` laser pulses, with `every` ticks between pulses if some are
+    /// missing, and `shortest` ticks as the shortest interval of a laser.
     pub(super) fn new(divider: u32, every: Option<f64>, shortest: i64) -> Syncs {
         Syncs { divider: i64::from(divider.max(1)), every, shortest, ..Syncs::default() }
     }
@@ -82,7 +82,8 @@ impl Syncs {
         10 * beyond(0) > self.around.len() && 100 * beyond(1) < self.around.len()
     }
 
-    /// Laser pulses for each of the file, if the delays of photons repeat so many times between two pulses of the file.
+    /// Number of laser pulses for each pulse in the file, from the repetitions of the photons' delays between two of these; `None`
+    /// without repetitions.
     pub(super) fn divided(&self) -> Option<usize> {
         const CELLS: usize = 16;
         let of = |gaps: &[i64; 2]| gaps[0] as f64 / (gaps[0].saturating_add(gaps[1])).max(1) as f64;

@@ -27,7 +27,7 @@ const LONGEST: u64 = 1 << 30;
 const ZONES: usize = 10;
 const BYTES: usize = 3;
 
-/// Reads histograms of a known format for so many points.
+/// Reads histograms of a known format. `points`: number of points of the scan.
 pub(super) fn read(path: &Path, format: Histograms, points: usize, notes: &mut Vec<String>) -> Result<Table> {
     if format == Histograms::Phu {
         return phu(path);

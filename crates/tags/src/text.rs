@@ -53,7 +53,7 @@ const UNITS: [(&str, i32); 12] = [
     ("s", 12),
 ];
 
-/// The power of ten of a unit of so many seconds, picoseconds being 0; `None` for other units.
+/// Returns the power of ten of a unit relative to picoseconds. `unit`: seconds. `None` unless the power is a multiple of 3 up to 12.
 pub(super) fn power_of(unit: f64) -> Option<i32> {
     [0, 3, 6, 9, 12].into_iter().find(|power| (unit / 10f64.powi(power - 12) - 1.0).abs() < 1e-9)
 }
@@ -121,7 +121,7 @@ impl Layout {
     /// Finds the layout by the first lines. Notes say what was assumed.
     ///
     /// # Errors
-    /// `Kind::Input` for columns that nothing tells apart, and for times with too few digits.
+    /// `Kind::Input` for ambiguous columns, and for times with too few digits.
     pub(super) fn find(file: impl Read, inputs: &Inputs, notes: &mut Vec<String>) -> Result<Layout> {
         let mut text = vec![];
         Plain::new(file)?.take(SAMPLE).read_to_end(&mut text).map_err(super::unreadable)?;

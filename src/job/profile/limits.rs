@@ -46,7 +46,8 @@ pub struct DeviceLimits {
 pub const SETS: [u64; 3] = [1 << 20, 8 << 20, 64 << 20];
 
 impl DeviceLimits {
-    /// Bytes per second of a dispatch that reads and writes so many bytes: those of the next smaller set.
+    /// Returns the limit of a dispatch that reads and writes `bytes` bytes, bytes per second: that of the smallest measured working set
+    /// of at least an eighth of them, and at least that of a copy in device memory.
     pub fn bytes_per_s(&self, bytes: u64) -> f64 {
         let in_caches = SETS.iter().zip(self.set_bytes_per_s).filter(|(set, _)| bytes < 8 * **set);
         in_caches.map(|(_, rate)| rate).next().unwrap_or(0.0).max(self.copy_bytes_per_s)
@@ -305,7 +306,8 @@ impl Bench {
         Ok((2 * bytes * copies) as f64 / seconds)
     }
 
-    /// Bytes per second, read and written, of a kernel that copies within a set of so many bytes, or of as many as there are.
+    /// Measures a kernel that copies within a working set of `bytes` bytes, at most the probe's buffers: bytes per second, read and
+    /// written.
     fn copy_within(&mut self, bytes: u64) -> Result<f64> {
         self.add(&kernel::LIMIT_COPY)?;
         let elements = (bytes / 32).min(self.copied / 16).max(1);
@@ -329,7 +331,7 @@ impl Bench {
         Ok((32 * runs * turns * lanes) as f64 / seconds)
     }
 
-    /// Checks that so many bytes were copied, or as many as the host can read.
+    /// Checks the first `bytes` bytes of a copy, at most those that the host can read.
     fn check_copied(&mut self, bytes: u64) -> Result<()> {
         let seen = bytes.min(u64::from(GROUPS * LANES) * 4);
         let mut after = Schedule::default();

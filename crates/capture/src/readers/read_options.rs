@@ -131,7 +131,7 @@ impl ReadOptions {
         ReadOptions { keep_empty, ..self }
     }
 
-    /// With bins in seconds, in which waves travel so many metres each.
+    /// With the speed of waves in metres per second: bin widths of the file are seconds.
     pub fn with_speed(self, speed: impl Into<Option<f64>>) -> ReadOptions {
         ReadOptions { speed: speed.into(), ..self }
     }

@@ -1,4 +1,4 @@
-//! Files of instruments by their first bytes, their first lines or the ends of their names: one table of what is no capture.
+//! Recognises files of instruments that are no captures by their first bytes, first lines or file name extension.
 
 use std::fs::File;
 use std::io::Read;
