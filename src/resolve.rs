@@ -103,13 +103,7 @@ impl<'c> Job<'c> {
     /// # Errors
     /// See [`SolverOptions::solve`].
     pub fn solve(&self, gpu: &Gpu, watch: &mut Watch<'_>) -> Result<Reconstruction> {
-        let Watch { hear, maps_every, maps_at } = watch;
-        let mut whole = |p: &Progress| {
-            // A forecast of a fit that ends later than planned is below 0.
-            hear(&Progress { remaining: p.remaining.map(|s| s.max(0.0)), ..p.clone() })
-        };
-        let mut watch = Watch { hear: &mut whole, maps_every: *maps_every, maps_at };
-        let mut result = self.solver.solve(gpu, &self.problem(), &mut watch)?;
+        let mut result = self.solver.solve(gpu, &self.problem(), watch)?;
         result.solve_seconds += self.estimates.seconds;
         result.trace.iter_mut().for_each(|point| point.seconds += self.estimates.seconds);
         Ok(result)

@@ -86,7 +86,7 @@ pub struct Estimates {
     pub pulse: Option<FoundPulse>,
     /// Surfaces of sharp paths from several starts, with what decided between them.
     #[serde(default)]
-    pub candidates: Vec<Candidate>,
+    pub candidates: Vec<FoundSurface>,
     /// Seconds of all fits.
     pub seconds: f64,
     /// Layers of the surface that the fits found, and of the closed form, on coarse pixels.
@@ -159,13 +159,11 @@ pub fn estimate(
         let found = search.run(usual, finds_model);
         tried = std::mem::take(&mut search.tried);
         candidates = std::mem::take(&mut search.candidates);
-        if let Some((reflectance, _)) = found.as_ref().ok().filter(|_| search.finds_start) {
-            let of_model = candidates.iter_mut().filter(|c| c.reflectance == *reflectance);
-            if let Some(kept) = of_model.min_by(|a, b| a.cost.total_cmp(&b.cost)) {
-                kept.kept = true;
-            }
-            let best = search.sharp.iter().find(|s| s.reflectance == *reflectance);
-            begun = best.map(|s| [s.fitted.surface.layers.clone(), search.starts.layers.clone()]);
+        if let Some((reflectance, _)) = found.as_ref().ok().filter(|_| search.finds_start)
+            && let Some(best) = search.sharp.into_iter().find(|s| s.reflectance == *reflectance)
+        {
+            candidates[best.candidate].kept = true;
+            begun = Some([best.fitted.surface.layers, search.starts.layers.clone()]);
         }
         found
     });
@@ -184,11 +182,11 @@ pub fn estimate(
 
 /// A surface that short fits found, judged on the pairs that are held out.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Candidate {
+pub struct FoundSurface {
     /// How it reflects.
     pub reflectance: Reflectance,
     /// What it began with.
-    pub start: Begin,
+    pub start: Origin,
     /// Share of the squares of held-out pairs that it leaves, its standard error, and the share beyond photon noise.
     pub left: [f64; 3],
     /// Logarithm of what is left beyond noise, with the price of its pixels: the lowest is kept.
@@ -202,17 +200,17 @@ pub struct Candidate {
 /// A start of the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Begin {
+pub enum Origin {
     /// The closed form.
     Closed,
     /// A coarse volume.
     Volume,
 }
 
-impl Candidate {
-    fn of(reflectance: Reflectance, start: Begin, fitted: &Fitted, seconds: f64) -> Candidate {
+impl FoundSurface {
+    fn of(reflectance: Reflectance, start: Origin, fitted: &Fitted, seconds: f64) -> FoundSurface {
         let left = fitted.surface.left.as_ref();
-        Candidate {
+        FoundSurface {
             reflectance,
             start,
             left: left.map_or([f64::NAN; 3], |l| [l.share(), l.standard_error(), l.excess()]),
@@ -235,6 +233,8 @@ struct Tried {
 struct Sharp {
     reflectance: Reflectance,
     fitted: Fitted,
+    /// Its number among the candidates.
+    candidate: usize,
     suggested: Option<(Shape, Left)>,
 }
 
@@ -287,7 +287,7 @@ struct Search<'t> {
     hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
     pace: Pace,
     tried: Vec<Tried>,
-    candidates: Vec<Candidate>,
+    candidates: Vec<FoundSurface>,
     /// Whether the support may leave the closed form's.
     finds_start: bool,
 }
@@ -383,9 +383,9 @@ impl<'t> Search<'t> {
             return Ok(Some(at));
         }
         let least = self.sharp.iter().map(|s| s.fitted.surface.excess()).fold(f64::INFINITY, f64::min);
-        let mut best: Option<Fitted> = None;
-        for (start, from) in [(Begin::Closed, From::ClosedForm), (Begin::Volume, From::Volume)] {
-            let is_enough = best.as_ref().is_some_and(|best| {
+        let mut best: Option<(Fitted, usize)> = None;
+        for (start, from) in [(Origin::Closed, From::ClosedForm), (Origin::Volume, From::Volume)] {
+            let is_enough = best.as_ref().is_some_and(|(best, _)| {
                 let excess = best.surface.excess();
                 excess < NOTHING_LEFT || excess > HOPELESS * least
             });
@@ -397,19 +397,24 @@ impl<'t> Search<'t> {
             }
             let clock = Instant::now();
             let Some(fitted) = self.fit(reflectance, Shape::SHARP, from)? else { continue };
-            self.candidates.push(Candidate::of(reflectance, start, &fitted, clock.elapsed().as_secs_f64()));
-            if best.as_ref().is_none_or(|best| fitted.surface.cost() < best.surface.cost()) {
-                best = Some(fitted);
+            self.candidates.push(FoundSurface::of(
+                reflectance,
+                start,
+                &fitted,
+                clock.elapsed().as_secs_f64(),
+            ));
+            if best.as_ref().is_none_or(|(best, _)| fitted.surface.cost() < best.surface.cost()) {
+                best = Some((fitted, self.candidates.len() - 1));
             }
         }
         self.tried.push(Tried {
             reflectance,
             pulse: Shape::SHARP,
-            left: best.as_ref().and_then(|f| f.surface.left.clone()),
+            left: best.as_ref().and_then(|(fitted, _)| fitted.surface.left.clone()),
         });
-        let Some(fitted) = best else { return Ok(None) };
+        let Some((fitted, candidate)) = best else { return Ok(None) };
         let suggested = if self.find_pulse == FindPulse::Never { None } else { self.suggested(&fitted)? };
-        self.sharp.push(Sharp { reflectance, fitted, suggested });
+        self.sharp.push(Sharp { reflectance, fitted, candidate, suggested });
         Ok(Some(self.sharp.len() - 1))
     }
 

@@ -9,7 +9,7 @@ use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::solve::drive::{Driven, Watch};
-use crate::solve::surface::{self, Candidate, Fit, HeldOut, Rounds, Run, Starts, SurfaceOptions};
+use crate::solve::surface::{self, Candidate, Fit, HeldOut, Judge, Rounds, Run, Starts, SurfaceOptions};
 use crate::solve::{Problem, volume_start};
 use crate::transport::{Grid, Reflectance};
 
@@ -36,12 +36,18 @@ pub enum From<'l> {
 }
 
 impl From<'_> {
+    /// Rounds of the support, and iterations of the fit after these.
+    fn parts(&self) -> [usize; 2] {
+        match self {
+            From::Fit(_, iterations) => [0, *iterations],
+            _ => [ROUNDS, ITERATIONS[1]],
+        }
+    }
+
     /// Iterations of the fit at most.
     pub fn iterations(&self) -> usize {
-        match self {
-            From::Fit(_, iterations) => *iterations,
-            _ => ROUNDS * ITERATIONS[0] + ITERATIONS[1],
-        }
+        let [rounds, last] = self.parts();
+        rounds * ITERATIONS[0] + last
     }
 }
 
@@ -87,15 +93,11 @@ impl<'c> Trial<'c> {
         from: From<'_>,
         watch: &mut Watch<'_>,
     ) -> Result<Option<Fitted>> {
-        let (rounds, last) = match from {
-            From::Fit(_, iterations) => (0, iterations),
-            _ => (ROUNDS, ITERATIONS[1]),
-        };
-        let all = from.iterations();
+        let ([rounds, last], all) = (from.parts(), from.iterations());
         let outline = self.capture.outline().with(|c| c.pulse = pulse.cloned());
         let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
-        let mut fit =
-            Fit::new(&self.gpu, &problem, &self.options, [0, all], true, matches!(from, From::Volume))?;
+        let judge = if matches!(from, From::Volume) { Judge::WithVolume } else { Judge::HeldOut };
+        let mut fit = Fit::new(&self.gpu, &problem, &self.options, [0, all], judge)?;
         fit.take(&self.capture)?;
         let mut layers = match from {
             From::ClosedForm => self.starts.layers.clone(),
@@ -110,21 +112,12 @@ impl<'c> Trial<'c> {
             }
         };
         let mut driven = Driven::begun(layers[0].clone(), *fit.plan().finest());
-        let of = |iterations: usize| Run {
-            iterations,
-            skipped: 0,
-            of: all,
-            known: None,
-            level: None,
-            scheduled: None,
-            until: None,
-        };
         if rounds > 0 {
             let how = Rounds { number: rounds, rings: 1 };
-            let run = |_: usize| Some(of(ITERATIONS[0]).of_round());
+            let run = |_: usize| Some(Run::of(ITERATIONS[0], all).of_round());
             (driven, _) = surface::grow(&mut fit, how, &mut layers, &run, watch, driven)?;
         }
-        let (_, quality) = fit.run(&mut layers, of(last), watch, driven)?;
+        let (_, quality) = fit.run(&mut layers, Run::of(last, all), watch, driven)?;
         let Some((quality, held)) = quality.zip(fit.judged()?) else { return Ok(None) };
         let surface = Candidate { layers, quality, left: Some(held.left()) };
         Ok(Some(Fitted { surface, held }))

@@ -20,7 +20,7 @@ use crate::export::report::{self, Report};
 use crate::files::atomic::{self, is_full};
 use crate::files::staging::Staging;
 use crate::gpu::{Gpu, GpuOptions};
-use crate::maps::{Maps, percentile};
+use crate::maps::Maps;
 use crate::solve::Progress;
 use crate::{Error, Kind, Result, panic_message};
 
@@ -352,19 +352,15 @@ impl Batch {
 }
 
 fn figures(report: &Report, maps: &Maps) -> Value {
-    let of_surface = |values: &[f32]| {
-        let surface = values.iter().zip(&maps.mask).filter(|(_, m)| **m).map(|(v, _)| *v);
-        percentile(&surface.collect::<Vec<_>>(), 50.0)
-    };
     let (last, metrics) = (report.trace.last(), report.metrics.as_ref());
     json!({
         "solver": report.settings["solver"],
         "model": report.settings["model"],
         "iterations": last.map_or(0, |p| p.iteration),
         "residual": last.and_then(|p| p.residual),
-        "surface": maps.mask.iter().filter(|m| **m).count() as f64 / maps.mask.len().max(1) as f64,
-        "depth": of_surface(&maps.depth),
-        "depth_error": maps.depth_error.as_deref().and_then(of_surface),
+        "surface": maps.surface_pixels() as f64 / maps.mask.len().max(1) as f64,
+        "depth": maps.median(&maps.depth),
+        "depth_error": maps.depth_error.as_deref().and_then(|values| maps.median(values)),
         "solve_s": report.totals.solve_s,
         "iou": metrics.and_then(|m| m.iou),
         "depth_mae": metrics.and_then(|m| m.depth_mae),

@@ -180,7 +180,6 @@ impl Finished<'_> {
     pub fn trace(&self) -> Vec<TraceEntry> {
         let result = &self.result;
         let timed = result.trace.iter().any(|p| p.gpu_seconds > 0.0);
-        let residual = |data: f64| (result.empty_loss > 0.0).then(|| (data / result.empty_loss).sqrt());
         let entry = |p: &crate::solve::TracePoint| TraceEntry {
             iteration: p.iteration,
             seconds: p.seconds,
@@ -191,7 +190,7 @@ impl Finished<'_> {
             active_ratio: p.active_ratio,
             loss: p.loss,
             data_loss: Some(p.data_loss),
-            residual: residual(p.data_loss),
+            residual: result.residual(p.data_loss),
             metrics: self.along.get(&p.iteration).cloned(),
         };
         result.trace.iter().map(entry).collect()

@@ -17,7 +17,7 @@ use serde::Serialize;
 use super::Summary;
 use crate::export::picture::Picture;
 use crate::export::png;
-use crate::maps::{Maps, percentile};
+use crate::maps::Maps;
 use crate::session::Frame;
 use crate::{Error, Result};
 
@@ -138,20 +138,15 @@ impl Figures {
     /// Those of a solved frame.
     pub fn of(frame: &Frame) -> Figures {
         let (result, maps) = (&frame.result, &frame.result.maps);
-        let median = |values: &[f32]| {
-            let surface = values.iter().zip(&maps.mask).filter(|(_, m)| **m).map(|(v, _)| *v);
-            percentile(&surface.collect::<Vec<_>>(), 50.0)
-        };
         let last = result.trace.last();
-        let residual = last.map(|p| (p.data_loss / result.empty_loss).sqrt());
         Figures {
             warm: result.is_warm,
             iterations: last.map_or(0, |p| p.iteration),
             solve_ms: 1e3 * result.solve_seconds,
-            residual: residual.filter(|r| r.is_finite()),
-            pixels: maps.mask.iter().filter(|m| **m).count(),
-            depth: median(&maps.depth),
-            depth_error: maps.depth_error.as_deref().and_then(median),
+            residual: last.and_then(|p| result.residual(p.data_loss)).filter(|r| r.is_finite()),
+            pixels: maps.surface_pixels(),
+            depth: maps.median(&maps.depth),
+            depth_error: maps.depth_error.as_deref().and_then(|values| maps.median(values)),
         }
     }
 }

@@ -48,8 +48,7 @@ pub fn conclude(
     }
     let known = after(&result.maps, last);
     tell(&mut result.maps, &known, by_edges);
-    let measured = result.trace.last().filter(|_| result.empty_loss > 0.0);
-    let residual = measured.map(|p| (p.data_loss / result.empty_loss).sqrt());
+    let residual = result.trace.last().and_then(|p| result.residual(p.data_loss));
     result.warnings = warnings(&result.maps.mask, residual, all.noise);
 }
 

@@ -87,6 +87,14 @@ pub struct Reconstruction {
     pub kernels: Vec<(&'static str, KernelTime)>,
 }
 
+impl Reconstruction {
+    /// Share of the light that maps with this data loss leave: ‖Av − h‖ / ‖h‖. `None` for closed forms, and without light.
+    #[doc(hidden)]
+    pub fn residual(&self, data_loss: f64) -> Option<f64> {
+        (self.empty_loss > 0.0).then(|| (data_loss / self.empty_loss).sqrt())
+    }
+}
+
 /// Makes the result from what the driver left.
 ///
 /// `volume` computes the albedo of a voxel from its state, if the volume is read back.

@@ -85,8 +85,7 @@ fn html(rows: &[Row], settings: &str) -> String {
         parts.iter().filter(|(n, what)| *n > 0 || *what == "failed").map(|(n, what)| format!("{n} {what}"));
     let summary = format!("{}. {}", parts.collect::<Vec<_>>().join(", "), escaped(settings));
     let mut heads = String::new();
-    let titles =
-        columns.iter().map(|c| if c.3.is_empty() { c.0.into() } else { format!("{}, {}", c.0, c.3) });
+    let titles = columns.iter().map(|c| headed(c.0, c.3));
     let words = ["Capture", "Status"].map(String::from).into_iter();
     for (at, title) in words.chain(titles).chain(["Warnings and errors".into()]).enumerate() {
         let kind = if (2..2 + columns.len()).contains(&at) { "number" } else { "text" };

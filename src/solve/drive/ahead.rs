@@ -71,7 +71,8 @@ impl Ahead {
         let grown =
             |lateral: usize| point.active as f64 / now * (lateral as f64 / point.lateral as f64).powf(GROWTH);
         let rest = self.iterations.iter().skip(done);
-        let left: f64 = rest.map(|(lateral, pairs, kept)| grown(*lateral) * kept * *pairs as f64).sum();
+        // The sum of nothing is -0.
+        let left = rest.fold(0.0, |sum, (lateral, pairs, kept)| sum + grown(*lateral) * kept * *pairs as f64);
         Some(left * seconds / work)
     }
 }

@@ -67,7 +67,23 @@ pub(crate) struct Run {
     pub until: Option<Instant>,
 }
 
+/// Which pairs judge a fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Judge {
+    /// None.
+    None,
+    /// Pairs that are held out.
+    HeldOut,
+    /// The same; a coarse volume may begin the fit.
+    WithVolume,
+}
+
 impl Run {
+    /// A whole fit of these iterations, in a solve of `of`.
+    pub fn of(iterations: usize, of: usize) -> Run {
+        Run { iterations, skipped: 0, scheduled: None, of, known: None, level: None, until: None }
+    }
+
     /// The fit of a round, which leaves the end of its schedule out.
     pub fn of_round(self) -> Run {
         Run { scheduled: Some(super::rounds_of::SCHEDULED), ..self }
@@ -103,8 +119,7 @@ impl Quality {
 }
 
 impl Fit {
-    /// Plans a fit of at most `iterations[1]` iterations, after `iterations[0]` of other fits. If it holds pairs out, these judge it;
-    /// if it has a volume, that may begin it.
+    /// Plans a fit of at most `iterations[1]` iterations, after `iterations[0]` of other fits.
     ///
     /// # Errors
     /// Options, scan or device do not allow it.
@@ -113,15 +128,15 @@ impl Fit {
         problem: &Problem<'_>,
         options: &SurfaceOptions,
         iterations: [usize; 2],
-        holds_out: bool,
-        has_volume: bool,
+        judge: Judge,
     ) -> Result<Fit> {
+        let (holds_out, has_volume) = (judge != Judge::None, judge == Judge::WithVolume);
         let Problem { capture, grid, memory, .. } = *problem;
         let (outline, rows) = outline_of(capture, &grid, options, holds_out);
         let asked = needs::OfFit { options, iterations, has_volume };
         let mut plan = Plan::new(&outline, grid, capture.resolution(), &asked, &gpu.abilities(), false)?;
         if holds_out {
-            let cells = judge(&plan).map_or(0, |level| plan.cells_at(level));
+            let cells = judging(&plan).map_or(0, |level| plan.cells_at(level));
             plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
         }
         if has_volume {
@@ -204,7 +219,7 @@ impl Fit {
         let count = self.pixels;
         let job = self.planned.made(|_| Ok(()))?;
         let is_judged = self.is_judged && count > 0;
-        let Some(level) = judge(&job.plan).copied().filter(|_| is_judged) else { return Ok(None) };
+        let Some(level) = judging(&job.plan).copied().filter(|_| is_judged) else { return Ok(None) };
         let cells = job.plan.cells_at(&level);
         job.executor.run_once(|s| {
             render(s, &job.plan, &level, count, &RESIDUAL);
@@ -327,7 +342,7 @@ fn shown(
 
 /// The pairs that judge a fit: those that are held out, or some of the fitted ones where none are. `None` where pairs are taken in
 /// parts.
-fn judge(plan: &Plan) -> Option<&Level> {
+fn judging(plan: &Plan) -> Option<&Level> {
     plan.held_out().or(plan.batch(0)).or(plan.levels.pixels.as_ref()).filter(|_| !plan.is_cut())
 }
 

@@ -42,7 +42,7 @@ pub(crate) mod support;
 pub(crate) mod volume;
 mod weights;
 
-pub(crate) use fit::{Fit, Quality, Run};
+pub(crate) use fit::{Fit, Judge, Quality, Run};
 pub use follow::Follow;
 use follow::{Change, Last};
 pub use held_out::{HeldOut, Left};
@@ -78,6 +78,11 @@ impl SurfaceOptions {
             factor *= 2;
         }
         factor
+    }
+
+    /// What the last fit needs.
+    fn needs(&self) -> OfFit<'_> {
+        OfFit { options: self, iterations: self.most_iterations(), has_volume: false }
     }
 
     /// Iterations at most: on coarse pixels, and at the resolution of the maps.
@@ -119,16 +124,11 @@ impl Solver for SurfaceOptions {
         let Problem { capture, grid, .. } = *problem;
         self.takes(capture)?;
         let (outline, _) = model::outline_of(&capture.outline(), &grid, self, false);
-        let needs = OfFit { options: self, iterations: self.most_iterations(), has_volume: false };
-        Plan::new(&outline, grid, capture.resolution(), &needs, abilities, false)
+        Plan::new(&outline, grid, capture.resolution(), &self.needs(), abilities, false)
     }
 
     fn within(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
-        plan.within(
-            &OfFit { options: self, iterations: self.most_iterations(), has_volume: false },
-            &gpu.memory(),
-            memory,
-        )
+        plan.within(&self.needs(), &gpu.memory(), memory)
     }
 
     fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
@@ -162,14 +162,15 @@ pub fn prepare_for_frames(
     let narrow = first_grid.pitch.x / (SMALL_PIXEL * scan.bin_width);
     let sum = if coarse_iterations > 0 { ((narrow - 1e-6).ceil() as usize).clamp(1, scan.bins) } else { 1 };
     let first_scan = if sum > 1 { scan.binned(sum)?.outline() } else { scan.clone() };
+    let judge = if begin.is_some() { Judge::HeldOut } else { Judge::None };
     let coarse = match coarse_iterations {
         0 => None,
         most => {
             let coarse = Problem { capture: &first_scan, grid: first_grid, ..problem };
-            Some(Fit::new(gpu, &coarse, options, [0, most], begin.is_some(), false)?)
+            Some(Fit::new(gpu, &coarse, options, [0, most], judge)?)
         }
     };
-    let fine = Fit::new(gpu, &problem, options, [coarse_iterations, iterations], begin.is_some(), false)?;
+    let fine = Fit::new(gpu, &problem, options, [coarse_iterations, iterations], judge)?;
     let fits = |maps: &Maps| [maps.nx, maps.ny] == [first_grid.n[0], first_grid.n[1]];
     let begun = begin.filter(|begin| begin.layers.iter().chain(begin.closed).all(fits));
     let made = PreparedSurface {
@@ -407,7 +408,7 @@ impl Fits<'_> {
             let (next, quality) = fine.run(&mut layers, run, watch, driven)?;
             driven = next;
             let Some(quality) = quality else { continue };
-            let this = Candidate { layers, quality, left: fine.judged()?.map(|held| held.left()) };
+            let this = Candidate::of(fine, layers, quality)?;
             // A back-projection has too much haze to be trusted with a support.
             let worth = if self.blends { rounds_of::WORTH } else { 1.0 };
             let is_better = |best: &Candidate| this.excess() < worth * best.excess();
@@ -482,7 +483,7 @@ impl Fits<'_> {
 
     /// A fit of `iterations` iterations, skipping the start of its schedule.
     fn run(&self, iterations: usize, skipped: usize) -> Run {
-        Run { iterations, skipped, of: self.of, scheduled: None, known: None, level: None, until: self.until }
+        Run { skipped, until: self.until, ..Run::of(iterations, self.of) }
     }
 
     /// Whether the time for fits is over. Then only the last one is left, and that is short.

@@ -40,6 +40,14 @@ pub(crate) struct Candidate {
 }
 
 impl Candidate {
+    /// The present surface of a fit, which has these layers and this quality, with its judgement.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn of(fit: &mut Fit, layers: Vec<Maps>, quality: Quality) -> Result<Candidate> {
+        Ok(Candidate { layers, quality, left: fit.judged()?.map(|held| held.left()) })
+    }
+
     /// Pixels of all layers.
     pub fn pixels(&self) -> usize {
         self.layers.iter().flat_map(|l| &l.depth).filter(|z| z.is_finite()).count()
@@ -95,8 +103,7 @@ pub(crate) fn grow(
         last = quality.map(|q| q.left);
         driven = next;
         let Some(quality) = quality else { break };
-        let left = fit.judged()?.map(|held| held.left());
-        let this = Candidate { layers: layers.clone(), quality, left };
+        let this = Candidate::of(fit, layers.clone(), quality)?;
         match &best {
             Some(best) if this.cost() >= best.cost() => worse += 1,
             _ => (best, worse) = (Some(this), 0),

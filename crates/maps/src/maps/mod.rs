@@ -125,6 +125,19 @@ impl Maps {
         }
     }
 
+    /// Number of pixels of the surface.
+    #[doc(hidden)]
+    pub fn surface_pixels(&self) -> usize {
+        self.mask.iter().filter(|m| **m).count()
+    }
+
+    /// Median of the surface's pixels of a map with these values; `None` without any.
+    #[doc(hidden)]
+    pub fn median(&self, values: &[f32]) -> Option<f32> {
+        let surface: Vec<f32> = values.iter().zip(&self.mask).filter(|(_, m)| **m).map(|(v, _)| *v).collect();
+        percentile(&surface, 50.0)
+    }
+
     /// Checks a mask fraction, if given.
     ///
     /// # Errors
