@@ -10,7 +10,7 @@ use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::settings::{ImpulseResponse, Model, Settings};
 use crate::solve::{
-    Begun, Method, Preset, Problem, Progress, Ready, Reconstruction, SolverOptions, Watch, conclude,
+    Method, Preset, Problem, Progress, Ready, Reconstruction, SolverOptions, Watch, conclude,
 };
 use crate::transport::Grid;
 
@@ -94,7 +94,7 @@ impl<'c> Job<'c> {
             grid: self.grid,
             memory: self.memory,
             with_volume: self.keep_volume,
-            begin: self.estimates.begun.as_ref().map(|[layers, closed]| Begun { layers, closed }),
+            begin: self.estimates.begun.as_ref(),
         }
     }
 

@@ -11,11 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
-use crate::maps::Maps;
 use crate::solve::surface::start::plane;
 use crate::solve::surface::{Start, Starts};
 use crate::solve::{
-    Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, TracePoint, Watch,
+    Begun, Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, TracePoint, Watch,
     default_volume,
 };
 use crate::transport::{Reflectance, Volume};
@@ -91,7 +90,7 @@ pub struct Estimates {
     pub seconds: f64,
     /// Layers of the surface that the fits found, and of the closed form, on coarse pixels.
     #[serde(skip)]
-    pub(crate) begun: Option<[Vec<Maps>; 2]>,
+    pub(crate) begun: Option<Begun>,
 }
 
 impl Estimates {
@@ -163,7 +162,8 @@ pub fn estimate(
             && let Some(best) = search.sharp.into_iter().find(|s| s.reflectance == *reflectance)
         {
             candidates[best.candidate].kept = true;
-            begun = Some([best.fitted.surface.layers, search.starts.layers.clone()]);
+            let Fitted { surface, step, .. } = best.fitted;
+            begun = Some(Begun { layers: surface.layers, closed: search.starts.layers.clone(), step });
         }
         found
     });
@@ -290,6 +290,8 @@ struct Search<'t> {
     candidates: Vec<FoundSurface>,
     /// Whether the support may leave the closed form's.
     finds_start: bool,
+    /// The length of the last steps, as a share of the longest ones.
+    step: f64,
 }
 
 impl<'t> Search<'t> {
@@ -350,6 +352,7 @@ impl<'t> Search<'t> {
             tried: vec![],
             candidates: vec![],
             finds_start,
+            step: 1.0,
         })
     }
 
@@ -366,15 +369,16 @@ impl<'t> Search<'t> {
 
     /// Fits a hypothesis. `None` if no surface is found.
     fn fit(&mut self, reflectance: Reflectance, shape: Shape, from: From<'_>) -> Result<Option<Fitted>> {
-        let Search { trials, hear, known, pace, .. } = self;
+        let Search { trials, hear, known, pace, step, .. } = self;
         let trial =
             trials.iter_mut().find(|t| t.reflectance() == reflectance).expect("a trial for every model");
         let mut reported = |p: &Progress| hear(&pace.of(p));
         let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
         let pulse = shape.centred()?.or(known.clone());
-        let fitted = trial.fit(pulse.as_ref(), from, &mut watch);
+        let fitted = trial.fit(pulse.as_ref(), from, *step, &mut watch)?;
         pace.pass(from.iterations());
-        fitted
+        *step = fitted.as_ref().map_or(*step, |fitted| fitted.step);
+        Ok(fitted)
     }
 
     /// The sharp fit of a model, and the impulse response that its residual suggests.

@@ -58,6 +58,8 @@ pub struct Fitted {
     pub surface: Candidate,
     /// The pairs that are held out, with their rendering.
     pub held: HeldOut,
+    /// The length of the last steps, as a share of the longest ones.
+    pub step: f64,
 }
 
 impl<'c> Trial<'c> {
@@ -83,7 +85,7 @@ impl<'c> Trial<'c> {
         (self.options.high_pass, self.options.high_pass_floor) = (Some(length), floor);
     }
 
-    /// Fits a surface with this impulse response; `None` if none is found, or nothing judges it.
+    /// Fits a surface with this impulse response, by steps that begin with this length; `None` if none is found, or nothing judges it.
     ///
     /// # Errors
     /// The device fails, the watch cancels, or the impulse response has no taps.
@@ -91,6 +93,7 @@ impl<'c> Trial<'c> {
         &mut self,
         pulse: Option<&Pulse>,
         from: From<'_>,
+        step: f64,
         watch: &mut Watch<'_>,
     ) -> Result<Option<Fitted>> {
         let ([rounds, last], all) = (from.parts(), from.iterations());
@@ -99,6 +102,7 @@ impl<'c> Trial<'c> {
         let judge = if matches!(from, From::Volume) { Judge::WithVolume } else { Judge::HeldOut };
         let mut fit = Fit::new(&self.gpu, &problem, &self.options, [0, all], judge)?;
         fit.take(&self.capture)?;
+        fit.step = step;
         let mut layers = match from {
             From::ClosedForm => self.starts.layers.clone(),
             From::Fit(layers, _) => layers.to_vec(),
@@ -120,6 +124,6 @@ impl<'c> Trial<'c> {
         let (_, quality) = fit.run(&mut layers, Run::of(last, all), watch, driven)?;
         let Some((quality, held)) = quality.zip(fit.judged()?) else { return Ok(None) };
         let surface = Candidate { layers, quality, left: Some(held.left()) };
-        Ok(Some(Fitted { surface, held }))
+        Ok(Some(Fitted { surface, held, step: fit.step }))
     }
 }

@@ -16,16 +16,18 @@ pub struct Problem<'c> {
     /// The volume is read back.
     pub with_volume: bool,
     /// What a surface begins with, if that is known; pairs are then held out of its fits.
-    pub begin: Option<Begun<'c>>,
+    pub begin: Option<&'c Begun>,
 }
 
 /// A surface that earlier fits of the same capture found, on coarse pixels.
-#[derive(Debug, Clone, Copy)]
-pub struct Begun<'c> {
+#[derive(Debug, Clone)]
+pub struct Begun {
     /// Its layers.
-    pub layers: &'c [Maps],
+    pub layers: Vec<Maps>,
     /// Those of the closed form.
-    pub closed: &'c [Maps],
+    pub closed: Vec<Maps>,
+    /// The length of the last steps, as a share of the longest ones.
+    pub step: f64,
 }
 
 impl<'c> Problem<'c> {

@@ -188,7 +188,7 @@ impl Model {
 
     /// The power of the distance with which a confocal value falls off.
     pub fn falloff_power(&self) -> i32 {
-        if self.reflectance == Reflectance::Retroreflective { 2 } else { 4 }
+        self.reflectance.falloff_power()
     }
 
     /// Weight of a bin's squared difference, the inverse of the confocal falloff at the bin's centre.

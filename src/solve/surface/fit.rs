@@ -29,8 +29,9 @@ use crate::transport::kernels::*;
 const CHECK: usize = 10;
 /// A larger logarithm of the objective is a rise: batches differ by less.
 const RISE: f64 = 0.05;
-/// Factor of the steps after a rise.
+/// Factors of the steps after a rise, and after a comparison without one. Evidence: benches/NOTES.md, "Lengths of steps".
 const SHORTER: f64 = 0.5;
+const LONGER: f64 = 1.2;
 
 /// The present state, and the best one so far.
 const KEPT: [Buffer; 2] = [buffer::HEIGHTS, HEIGHTS_KEPT];
@@ -46,6 +47,8 @@ pub(crate) struct Fit {
     energies: Vec<f64>,
     /// Whether pairs judge it.
     is_judged: bool,
+    /// The length of its next steps as a share of the longest ones: it stays from run to run.
+    pub step: f64,
 }
 
 /// How long a fit runs.
@@ -102,11 +105,6 @@ pub(crate) struct Quality {
 }
 
 impl Quality {
-    /// Share of photon noise in the energy of the measurement.
-    pub fn noise_share(&self) -> f64 {
-        (self.noise / self.energy).clamp(0.0, 1.0)
-    }
-
     /// Share of the measurement's energy that the surface leaves.
     pub fn left_share(&self) -> f64 {
         (self.left / self.energy).clamp(0.0, 1.0)
@@ -145,7 +143,15 @@ impl Fit {
         }
         let plan = plan.within(&asked, &gpu.memory(), memory)?;
         let planned = Planned::new(gpu, outline, plan, memory);
-        Ok(Fit { planned, rows, options: options.clone(), pixels: 0, energies: vec![], is_judged: holds_out })
+        Ok(Fit {
+            planned,
+            rows,
+            options: options.clone(),
+            pixels: 0,
+            energies: vec![],
+            is_judged: holds_out,
+            step: 1.0,
+        })
     }
 
     /// Levels, passes and buffers.
@@ -232,7 +238,7 @@ impl Fit {
     /// Fits the pixels of `layers`, and replaces the layers by the result. The quality is `None` if they explain no light.
     ///
     /// The objective, prior included, is compared every [`CHECK`] iterations. A rise restores the best state so far and halves
-    /// the steps; the best state is the result.
+    /// the steps, which grow again slowly; the best state is the result.
     ///
     /// # Errors
     /// The device fails, or the watch cancels.
@@ -262,7 +268,7 @@ impl Fit {
         let all = scheduled.unwrap_or(skipped + iterations);
         let mut best = Objective { log: f64::INFINITY, left: placed.left / energy, losses: [f64::NAN; 2] };
         placed.left = level_before.map_or(placed.left, |left| left.min(placed.left));
-        let mut factor = 1.0;
+        let mut factor = self.step;
         let set_weights = |job: &mut OnDevice, placed: Placed, factor: f64| {
             let weights = weights(&job.model, &level, placed, options, all, factor);
             upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))
@@ -299,13 +305,13 @@ impl Fit {
                     [point.loss, point.data_loss] = best.losses;
                 }
                 set_weights(job, placed, factor)?;
-                let points = needs::points_of(&job.plan);
-                job.executor.run_once(|s| {
-                    keep(s, count, [KEPT[1], KEPT[0]]);
-                    start(s, &job.plan, &level, count, points);
-                })?;
+                put_back(job, &level, count)?;
             } else if last.log <= best.log {
                 best = last;
+                if factor < 1.0 {
+                    (factor, placed.left) = ((factor * LONGER).min(1.0), best.left * energy);
+                    set_weights(job, placed, factor)?;
+                }
                 job.executor.run_once(|s| keep(s, count, KEPT))?;
             }
             (is_kept, restored) = (rises || last.log <= best.log, rises);
@@ -314,6 +320,7 @@ impl Fit {
             }
             done = reached;
         }
+        self.step = factor;
         // The driver leaves the maps of the last state.
         if restored || !is_kept {
             job.executor.run_once(|s| keep(s, count, [KEPT[1], KEPT[0]]))?;
@@ -325,6 +332,15 @@ impl Fit {
         }
         Ok((driven, Some(Quality { noise, energy, left: best.left * energy })))
     }
+}
+
+/// Puts the best state of `count` pixels back, and Adam at rest.
+fn put_back(job: &mut OnDevice, level: &Level, count: usize) -> Result<()> {
+    let points = needs::points_of(&job.plan);
+    job.executor.run_once(|s| {
+        keep(s, count, [KEPT[1], KEPT[0]]);
+        start(s, &job.plan, level, count, points);
+    })
 }
 
 /// The maps with the present state of a layer; pixels without a surface keep what `maps` has.

@@ -19,7 +19,9 @@ use std::time::Instant;
 
 use super::drive::{Driven, Watch};
 use super::result::finish;
-use super::{Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap};
+use super::{
+    Begun, Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap,
+};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
@@ -66,8 +68,6 @@ mod rounds_of {
     pub const SCHEDULED: usize = 45;
     /// Another support than the closed form's must lower what is left beyond noise by this factor, where the model leaves much.
     pub const WORTH: f64 = 0.5;
-    /// What noise alone adds to the share of the typical evidence above which a pixel is surface.
-    pub const MASK: f32 = 0.2;
 }
 
 impl SurfaceOptions {
@@ -172,7 +172,7 @@ pub fn prepare_for_frames(
     };
     let fine = Fit::new(gpu, &problem, options, [coarse_iterations, iterations], judge)?;
     let fits = |maps: &Maps| [maps.nx, maps.ny] == [first_grid.n[0], first_grid.n[1]];
-    let begun = begin.filter(|begin| begin.layers.iter().chain(begin.closed).all(fits));
+    let begun = begin.filter(|begin| begin.layers.iter().chain(&begin.closed).all(fits));
     let made = PreparedSurface {
         coarse,
         fine,
@@ -185,7 +185,7 @@ pub fn prepare_for_frames(
         sum,
         method: None,
         blends: start::is_light_cone(options, &first_scan),
-        begun: begun.map(|begin| [begin.layers, begin.closed].map(<[Maps]>::to_vec)),
+        begun: begun.cloned(),
         keeps: false,
         follow,
         last: None,
@@ -212,8 +212,8 @@ struct PreparedSurface {
     method: Option<Start>,
     /// The light-cone transform initialises the surface.
     blends: bool,
-    /// Layers that earlier fits of the capture found, and those of the closed form.
-    begun: Option<[Vec<Maps>; 2]>,
+    /// What earlier fits of the capture found.
+    begun: Option<Begun>,
     /// Everything stays allocated.
     keeps: bool,
     /// If frames follow each other.
@@ -250,17 +250,17 @@ impl PreparedSurface {
         until: Option<Instant>,
         watch: &mut Watch<'_>,
     ) -> Result<Done> {
-        let ([layers, closed], seconds) = match self.begun.clone() {
+        let (begun, seconds) = match self.begun.clone() {
             Some(begun) => (begun, 0.0),
             None => {
                 let (closed, seconds) = self.start(captures[0], watch)?;
-                ([closed.clone(), closed], seconds)
+                (Begun { layers: closed.clone(), closed, step: 1.0 }, seconds)
             }
         };
         let of = self.options.most_iterations().iter().sum();
         let fits = Fits { options: &self.options, of, blends: self.blends, until };
-        let driven = Driven { seconds, ..Driven::begun(closed[0].clone(), *self.fine.plan().finest()) };
-        fits.cold(self.coarse.as_mut(), &mut self.fine, captures, [layers, closed], watch, driven)
+        let driven = Driven { seconds, ..Driven::begun(begun.closed[0].clone(), *self.fine.plan().finest()) };
+        fits.cold(self.coarse.as_mut(), &mut self.fine, captures, begun, watch, driven)
     }
 
     /// Solves a frame from the surface of the frame before; `None` after a scene cut. The closed form is computed only if the
@@ -274,6 +274,7 @@ impl PreparedSurface {
         watch: &mut Watch<'_>,
     ) -> Result<Option<Done>> {
         let level = *self.fine.plan().finest();
+        self.fine.step = 1.0;
         let mut driven = taken(&mut self.fine, capture, Driven::begun(last.layers[0].clone(), level))?;
         let Some((scale, seen)) = self.fine.seen(&last.layers)? else { return Ok(None) };
         let change = follow.change(&last, seen.left_share());
@@ -366,13 +367,13 @@ struct Done {
 }
 
 impl Fits<'_> {
-    /// Fits from `layers` on coarse pixels: rounds on these, then at the resolution of the maps. `closed`: layers of the closed form.
+    /// Fits from layers on coarse pixels: rounds on these, then at the resolution of the maps.
     fn cold(
         &self,
         coarse: Option<&mut Fit>,
         fine: &mut Fit,
         [wide, capture]: [&Capture; 2],
-        [mut layers, closed]: [Vec<Maps>; 2],
+        Begun { mut layers, closed, mut step }: Begun,
         watch: &mut Watch<'_>,
         mut driven: Driven,
     ) -> Result<Done> {
@@ -381,13 +382,16 @@ impl Fits<'_> {
         if let Some(coarse) = coarse {
             if !self.is_late() {
                 driven = taken(coarse, wide, driven)?;
+                coarse.step = step;
                 let rounds = Rounds { number: rounds_of::NUMBER[0], rings: 1 };
                 (driven, grows) = self.rounds(coarse, rounds, &mut layers, watch, driven)?;
+                step = coarse.step;
             }
             layers = layers.iter().map(|maps| support::finer(maps, factor)).collect();
         }
         let closed_fine: Vec<Maps> = closed.iter().map(|maps| support::finer(maps, factor)).collect();
         driven = taken(fine, capture, driven)?;
+        fine.step = step;
         if grows && !self.is_late() {
             let number = rounds_of::NUMBER[usize::from(factor > 1)];
             let rounds = Rounds { number, rings: 1 };
@@ -523,9 +527,8 @@ fn concluded(mut layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
             .iter_mut()
             .for_each(|maps| (0..maps.depth.len()).for_each(|pixel| support::remove(maps, pixel)));
     }
-    let noise = quality.map_or(0.0, |q| q.noise_share()) as f32;
     let typical = support::typical_albedo(&layers).unwrap_or(0.0);
-    let threshold = (support::share(support::flatness(&layers, typical)) + rounds_of::MASK * noise) * typical;
+    let threshold = support::share(support::flatness(&layers, typical)) * typical;
     let mut maps = match <[Maps; 2]>::try_from(layers) {
         Ok(both) => layers::merge(&both, layers::least_columns(both[0].nx)),
         Err(mut one) => one.swap_remove(0),

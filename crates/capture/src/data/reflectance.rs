@@ -17,6 +17,12 @@ pub enum Reflectance {
 }
 
 impl Reflectance {
+    /// The power of the distance with which a confocal value falls off.
+    #[doc(hidden)] // of the objective's weights
+    pub fn falloff_power(self) -> i32 {
+        if self == Reflectance::Retroreflective { 2 } else { 4 }
+    }
+
     /// All of them.
     pub const ALL: [Reflectance; 4] =
         [Reflectance::Cosine, Reflectance::Lambertian, Reflectance::Retroreflective, Reflectance::Isotropic];
