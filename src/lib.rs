@@ -96,8 +96,8 @@
 //! }
 //! ```
 //!
-//! Feature `formats` reads and writes files: without it there is no [`read()`], [`prepare()`] and [`write()`]. Feature `cli` adds
-//! the command. A program that depends on thirdbounce with `default-features = false` compiles neither.
+//! Feature `formats` reads and writes files: without it there is no [`read()`], [`prepare()`] and [`write()`]. It is off by
+//! default. The command is a crate of its own, `crates/command`.
 //!
 //! Everything else that the crate holds is hidden: the command, the C and the Python interface and the tests use it, and it may
 //! change in any release. `ARCHITECTURE.md` shows it.
@@ -111,9 +111,6 @@ pub mod estimation;
 #[cfg(feature = "formats")]
 #[doc(hidden)]
 pub mod job;
-#[cfg(feature = "formats")]
-#[doc(hidden)]
-pub mod live;
 #[doc(hidden)]
 pub mod resolve;
 #[doc(hidden)]
@@ -144,9 +141,6 @@ pub use thirdbounce_gpu as gpu;
 pub use thirdbounce_maps::{maps, measure};
 #[doc(hidden)]
 pub use thirdbounce_simulate as simulate;
-#[cfg(feature = "formats")]
-#[doc(hidden)]
-pub use thirdbounce_tags as tags;
 
 pub use api::{Solved, reconstruct, reconstruct_with, render, session, session_with};
 #[cfg(feature = "formats")]

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// A module's place in the crate: `solve::plan::buffers` as its parts.
 type Module = Vec<String>;
@@ -92,7 +93,7 @@ fn paths(text: &str, mut at: usize, before: &Module, into: &mut Vec<Module>) -> 
 /// Every path of a source that begins at the crate, the module or the one above, from the crate's root on.
 fn used(source: &Source) -> Vec<Module> {
     let mut found = Vec::new();
-    for start in ["crate", "super", "self", "thirdbounce"] {
+    for start in ["crate", "super", "self"] {
         for (at, _) in source.text.match_indices(&format!("{start}::")) {
             let before = source.text[..at].chars().next_back().unwrap_or(' ');
             if !before.is_alphanumeric() && before != '_' && before != ':' && before != '$' {
@@ -103,9 +104,7 @@ fn used(source: &Source) -> Vec<Module> {
     let absolute = |path: Module| {
         let mut base = source.module.clone();
         let mut rest = path.into_iter().peekable();
-        while let Some(part) =
-            rest.next_if(|p| ["crate", "super", "self", "thirdbounce"].contains(&p.as_str()))
-        {
+        while let Some(part) = rest.next_if(|p| ["crate", "super", "self"].contains(&p.as_str())) {
             match part.as_str() {
                 "super" => drop(base.pop()),
                 "self" => {}
@@ -179,6 +178,30 @@ fn circles(uses: &Uses) -> Vec<String> {
         .filter(|(step, _)| back(step))
         .map(|((a, b), place)| format!("{a} -> {b}  ({place})"))
         .collect()
+}
+
+/// Crates that a program with the default features of thirdbounce compiles, at most.
+const MOST_CRATES: usize = 80;
+
+#[test]
+fn a_program_that_embeds_the_engine_compiles_few_crates() {
+    let arguments = [
+        "tree",
+        "--locked",
+        "--offline",
+        "--package",
+        "thirdbounce",
+        "--edges",
+        "normal",
+        "--prefix",
+        "none",
+    ];
+    let tree = Command::new(env!("CARGO")).args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output();
+    let tree = tree.expect("cargo runs");
+    assert!(tree.status.success(), "{}", String::from_utf8_lossy(&tree.stderr));
+    let text = String::from_utf8_lossy(&tree.stdout);
+    let crates: BTreeSet<_> = text.lines().map(|line| line.trim_end_matches(" (*)")).collect();
+    assert!(crates.len() > 20 && crates.len() <= MOST_CRATES, "{}: {crates:#?}", crates.len());
 }
 
 /// Unsafe code is where Vulkan is called, and where C calls.
