@@ -341,7 +341,6 @@ mod tests {
         };
         for (key, text, words) in [
             ("solver", "magic", "paper or surface"),
-            ("solver", "vector", "was removed"),
             ("nonsense", "1", "no setting"),
             ("l1", "1", "no option of the solver surface"),
             ("reflectance", "cosine", "no setting"),

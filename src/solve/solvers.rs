@@ -33,9 +33,6 @@ macro_rules! solvers {
         }
 
         impl SolverOptions {
-            /// The solvers of a volume that iterate, by their names on the command line.
-            pub const ITERATIVE: &[&str] = &[$($options::NAME),*];
-
             /// Whether it computes the volume in one step, without iterations.
             pub fn is_closed_form(&self) -> bool {
                 match self {
@@ -392,9 +389,6 @@ fn help_of(row: &Row) -> String {
     }
 }
 
-/// Solvers of earlier versions, each with one that takes the same captures.
-const REMOVED: &[(&str, &str)] = &[("conv", "fbp"), ("vector", "surface")];
-
 impl Default for Method {
     fn default() -> Method {
         Method::Surface(SurfaceSettings::default())
@@ -404,14 +398,8 @@ impl Default for Method {
 /// The method of that name.
 ///
 /// # Errors
-/// The solver is not known, or was removed.
+/// The solver is not known.
 pub fn method(name: &str) -> Result<Method> {
-    if let Some((_, instead)) = REMOVED.iter().find(|(removed, _)| *removed == name) {
-        return Err(Error::options(
-            format!("the solver {name} was removed"),
-            format!("use the solver {instead}, which takes the same pairs and walls"),
-        ));
-    }
     choice("solver", name, SolverOptions::NAMES)?;
     Ok(Method::named(name).unwrap_or_default())
 }

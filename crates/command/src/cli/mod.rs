@@ -18,7 +18,6 @@ mod methods;
 mod profile;
 mod progress;
 mod reconstruct;
-mod removed;
 mod schedule;
 mod settings;
 mod simulate;
@@ -133,11 +132,6 @@ fn run() -> Result<ExitCode> {
         Ok(cli) => cli,
         // It shows values as they were given.
         Err(e) if e.use_stderr() => {
-            let words = std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned());
-            if let Some((what, instead)) = removed::replaced(&e, words) {
-                terminal::say_error("", &what, instead);
-                return Ok(ExitCode::from(2));
-            }
             e.to_string().trim_end().lines().for_each(terminal::say);
             return Ok(ExitCode::from(2));
         }
