@@ -121,9 +121,6 @@ pub mod settings;
 pub mod solve;
 #[doc(hidden)]
 pub mod transport;
-#[cfg(feature = "formats")]
-#[doc(hidden)]
-pub mod verify;
 
 #[doc(hidden)]
 pub use thirdbounce_base::{error, panic_message};

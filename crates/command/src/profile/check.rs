@@ -1,4 +1,4 @@
-//! Compares a device's results with the float64 twins, by the cases of [`verify`](thirdbounce::verify) that are for devices.
+//! Compares a device's results with the float64 twins, by the cases of [`verify`](thirdbounce_verify) that are for devices.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use thirdbounce::Result;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::job::plain;
-use thirdbounce::verify::cases;
+use thirdbounce_verify::cases;
 
 /// A kernel that was compared with its twin.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -20,7 +20,7 @@ use thirdbounce::solve::{
 };
 use thirdbounce::transport::Grid;
 use thirdbounce::transport::kernels::*;
-use thirdbounce::verify::place;
+use thirdbounce_verify::place;
 
 /// The lowest bit: the first kernel in schedule order that found a fault.
 fn first(faults: u32) -> u32 {
