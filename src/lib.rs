@@ -146,7 +146,7 @@ pub use session::{
     Canceller, ExternalCounts, ExternalFrame, Feed, Format, Frame, FrameId, Hear, Latency, Session,
     SessionOptions, Submitter,
 };
-pub use settings::{Flip, ImpulseResponse, Model, Settings};
+pub use settings::{ImpulseResponse, Model, Settings};
 pub use solve::closed_form::{
     BpSettings, DlctSettings, FbpSettings, FkSettings, LctSettings, PhasorBpSettings, PhasorSettings,
 };
@@ -163,7 +163,7 @@ pub use thirdbounce_base::advice::{self, Advice};
 #[doc(inline)]
 pub use thirdbounce_base::{Error, Kind, Result};
 #[doc(inline)]
-pub use thirdbounce_capture::{Capture, PairKind, Pulse, Reflectance, Summary};
+pub use thirdbounce_capture::{AxisOrder, Bounce, Capture, Flip, PairKind, Pulse, Reflectance, Summary};
 #[doc(inline)]
 pub use thirdbounce_gpu::external::{
     Block, BlockSource, ExternalBuffer, Features, Imported, QueueLock, Requirements, TimelinePoint, Vulkan,

@@ -19,7 +19,7 @@ use std::time::Instant;
 use crate::Result;
 use crate::capture::conditioning::{self, Conditioning};
 use crate::capture::{self, Capture, Gate, Summary};
-use crate::settings::{Flip, Settings};
+use crate::settings::Settings;
 use crate::solve::Preset;
 
 pub use crate::estimation::{MODELS, preset_for};
@@ -97,16 +97,15 @@ fn conditioning_of(settings: &Settings) -> Result<Conditioning> {
 /// The values that complete or correct those of a file.
 ///
 /// # Errors
-/// A bounce, a rotation or an order of axes that makes no sense.
+/// A rotation that is no quarter turn.
 pub fn reading(settings: &Settings) -> Result<capture::ReadOptions> {
-    let bounce = settings.bounce.as_deref().map(capture::Bounce::parse).transpose()?;
     Ok(capture::ReadOptions::default()
         .with_wall(settings.wall)
         .with_bin_width(settings.bin_width)
         .with_depth_unit(settings.wall_depth_unit)
-        .with_bounce(bounce)
+        .with_bounce(settings.bounce)
         .with_time_of_flight(settings.tof.clone())
-        .with_axes(settings.axes.as_deref().map(capture::AxisOrder::parse).transpose()?)
+        .with_axes(settings.axes)
         .with_keep_empty(settings.keep_empty == Some(true))
         .with_speed(settings.speed)
         .with_turn(turn(settings)?))
@@ -117,8 +116,7 @@ pub fn reading(settings: &Settings) -> Result<capture::ReadOptions> {
 /// # Errors
 /// A rotation that is no quarter turn.
 pub fn turn(settings: &Settings) -> Result<capture::Turn> {
-    let degrees = settings.rotate.map(|degrees| u32::try_from(degrees).unwrap_or(u32::MAX));
-    capture::Turn::parse(settings.flip.map(Flip::name), degrees)
+    capture::Turn::of(settings.flip, settings.rotate)
 }
 
 /// Prepares a capture that is in memory as [`load`] prepares one that it reads. Values that complete a file are not used:

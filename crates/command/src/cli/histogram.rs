@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use thirdbounce::capture::Turn;
 use thirdbounce::job::{self, Loaded, Request};
+use thirdbounce::settings::Settings;
 use thirdbounce::solve::units::{length, number, path, time};
 use thirdbounce::{Error, Result};
 use thirdbounce_tags::{self as tags, Asked, Division, Histograms, Inputs, PileUp, Scan, Zero};
@@ -51,7 +52,7 @@ pub struct Args {
     flip: Option<String>,
     /// Turn the scan by 90, 180 or 270 degrees after --flip, clockwise as seen in the pictures
     #[arg(long, value_name = "DEGREES")]
-    rotate: Option<u32>,
+    rotate: Option<usize>,
 }
 
 /// How time tags become histograms.
@@ -268,7 +269,9 @@ impl FromTags {
 }
 
 pub fn run(args: &Args) -> Result<()> {
-    let turn = Turn::parse(args.flip.as_deref(), args.rotate)?;
+    let mut turn = Settings { rotate: args.rotate, ..Settings::default() };
+    args.flip.iter().try_for_each(|text| turn.set("flip", text))?;
+    let turn = job::turn(&turn)?;
     let what = Histogramming {
         tags: args.tags.clone(),
         scan: args.from.scan(args.wall)?,

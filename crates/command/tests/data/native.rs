@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fixtures::captures::{assert_error, changed};
 use thirdbounce::Kind;
-use thirdbounce::capture::{Capture, ReadOptions, Turn, read, read_given};
+use thirdbounce::capture::{Capture, Flip, ReadOptions, Turn, read, read_given};
 
 /// Same counts at the same wall points; bins as wide to a thousandth (the twins take c = 3e8).
 fn assert_twins(native: &Capture, plain: &Capture, what: &str) {
@@ -32,7 +32,7 @@ fn wall(size: f64) -> ReadOptions {
 
 /// A plain twin that is laid out for pictures with +x to the right.
 fn mirrored(data: &Path, name: &str) -> Capture {
-    read(&data.join(name)).unwrap().turned(Turn::parse(Some("x"), None).unwrap())
+    read(&data.join(name)).unwrap().turned(Turn::of(Some(Flip::X), None).unwrap())
 }
 
 fn open(path: &Path, given: &ReadOptions) -> Capture {

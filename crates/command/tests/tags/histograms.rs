@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use fixtures::captures::{assert_error, place, total};
 use fixtures::tags::{Writer, arrays, csv, is_t3, npz_of, write};
 use glam::DVec3;
-use thirdbounce::capture::{Capture, Turn, read};
+use thirdbounce::capture::{Capture, Flip, Turn, read};
 use thirdbounce::files::array::Array;
 use thirdbounce::{Kind, capture};
 use thirdbounce_tags::{Asked, Division, Event, Histograms, Inputs, PileUp, Record, Scan, Zero, histogram};
@@ -261,7 +261,7 @@ fn lines_are_divided_evenly() {
         }
     }
     // Mirrored, as captures are.
-    let turn = Turn::parse(Some("x"), Some(90)).unwrap();
+    let turn = Turn::of(Some(Flip::X), Some(90)).unwrap();
     let turned = histogram(&path, &grid(4, 3), &Asked { turn, ..image.clone() }).unwrap().capture;
     assert!(turned.histograms == found.capture.clone().turned(turn).histograms && turned.scan == [3, 4]);
     // Points of a file in any order are columns and rows, too.

@@ -7,7 +7,7 @@ use fixtures::command::{fail, succeed};
 use fixtures::tags::{Writer, write};
 use glam::DVec3;
 use thirdbounce::Kind;
-use thirdbounce::capture::{Turn, read};
+use thirdbounce::capture::{Flip, Turn, read};
 use thirdbounce_tags::{Asked, Division, Scan, Zero, histogram};
 
 const TICK: f64 = 4e-12;
@@ -97,7 +97,7 @@ fn a_bumped_wall_is_seen_by_its_own_returns() {
         seen_from: Some([DEVICE; 2]),
         ..Asked::default()
     };
-    let turn = Turn::parse(Some("x"), Some(90)).unwrap();
+    let turn = Turn::of(Some(Flip::X), Some(90)).unwrap();
     let turned = histogram(&path, &scan, &Asked { turn, ..asked.clone() }).unwrap();
     assert!(
         turned.shaped && turned.notes.iter().any(|n| n.contains("their own returns")),
