@@ -10,8 +10,8 @@ use super::closed_form::{
 };
 use super::option::{Given, OptionValue, Row, SceneTraits, default_text};
 use super::{
-    Common, PaperOptions, PaperSettings, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver,
-    SurfaceOptions, SurfaceSettings, TimedSchedule, Watch, default_volume, surface,
+    Accumulation, Common, PaperOptions, PaperSettings, Plan, Prepared, Problem, Reconstruction, RunsOn,
+    Solver, SurfaceOptions, SurfaceSettings, TimedSchedule, Watch, default_volume, surface,
 };
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
@@ -33,6 +33,24 @@ macro_rules! solvers {
         }
 
         impl SolverOptions {
+            /// The same options with another model of reflectance.
+            pub fn with_reflectance(self, reflectance: Reflectance) -> SolverOptions {
+                match self {
+                    $(SolverOptions::$variant(o) => o.with(|o| o.reflectance = reflectance).into(),)*
+                    $(SolverOptions::$other(o) => o.with(|o| o.reflectance = reflectance).into(),)*
+                    $(SolverOptions::$closed(o) => o.with(|o| o.image.reflectance = reflectance).into(),)*
+                }
+            }
+
+            /// The same options with another order of sums; without effect on methods without iterations.
+            pub fn with_accumulation(self, accumulation: Accumulation) -> SolverOptions {
+                match self {
+                    $(SolverOptions::$variant(o) => o.with(|o| o.accumulation = accumulation).into(),)*
+                    $(SolverOptions::$other(o) => o.with(|o| o.accumulation = accumulation).into(),)*
+                    closed => closed,
+                }
+            }
+
             /// Whether it computes the volume in one step, without iterations.
             pub fn is_closed_form(&self) -> bool {
                 match self {
@@ -131,13 +149,6 @@ macro_rules! solvers {
                 }
             }
 
-            /// Sets an option by its key: [`Given::put`].
-            pub fn put(&mut self, key: &str, value: &OptionValue) -> Option<bool> {
-                match self {
-                    $(Method::$variant(settings) => settings.put(key, value),)*
-                }
-            }
-
             /// Sets an option by its key to a value as text: [`Given::set_text`].
             ///
             /// # Errors
@@ -181,6 +192,13 @@ macro_rules! solvers {
             pub fn name(&self) -> &'static str {
                 match self {
                     $(SolverOptions::$variant(_) => $options::NAME,)*
+                }
+            }
+
+            /// The same options for another lateral resolution.
+            pub fn with_lateral(&self, lateral: usize) -> SolverOptions {
+                match self.clone() {
+                    $(SolverOptions::$variant(o) => o.with(|o| o.lateral = lateral).into(),)*
                 }
             }
         }
@@ -240,11 +258,9 @@ impl SolverOptions {
         }
     }
 
-    /// The same options for another lateral resolution.
-    pub fn with_lateral(&self, lateral: usize) -> SolverOptions {
-        let mut other = self.clone();
-        other.set("lateral", &OptionValue::Count(lateral));
-        other
+    /// The value of an option; `None` if the method has none of that key.
+    pub fn value(&self, key: &str) -> Option<OptionValue> {
+        self.rows().into_iter().zip(self.values()).find(|(row, _)| row.key == key).map(|(_, value)| value)
     }
 
     /// The most iterations of all fits.
@@ -369,7 +385,7 @@ pub fn pixel_of(capture: &Capture, volume: Option<Volume>, lateral: usize) -> f6
 fn help_of(row: &Row) -> String {
     let default = |name: &&'static str| {
         let value =
-            |scene: &SceneTraits| Some(row.worded(SolverOptions::defaults_for(name, scene)?.get(row.key)?));
+            |scene: &SceneTraits| Some(row.worded(SolverOptions::defaults_for(name, scene)?.value(row.key)?));
         let text = default_text(value)?;
         Some((*name, text))
     };

@@ -132,7 +132,7 @@ fn flag_of(row: &Row) -> Option<String> {
         let all = SolverOptions::NAMES
             .iter()
             .filter_map(|name| SolverOptions::defaults_for(name, &SceneTraits::DEFAULT));
-        all.filter_map(|options| options.get(row.key)).next()
+        all.filter_map(|options| options.value(row.key)).next()
     };
     let is_on = || row.key == "auto_gate" || default() == Some(OptionValue::Flag(true));
     (row.range == Range::Flag).then(|| if is_on() { format!("no-{}", row.name()) } else { row.name() })
@@ -208,7 +208,7 @@ pub fn topic(name: &str) -> Option<Command> {
         .override_usage(format!("thirdbounce reconstruct CAPTURE --out DIR [OPTIONS]  ({name})"));
     let method = SolverOptions::defaults_for(name, &SceneTraits::DEFAULT);
     let has = |row: &Row| match &method {
-        Some(options) => options.get(row.key).is_some(),
+        Some(options) => options.value(row.key).is_some(),
         None => topic_of(row) == name,
     };
     let listed: Vec<_> = Settings::all_rows().into_iter().filter(|(row, _)| has(row)).collect();

@@ -1,8 +1,6 @@
 //! Two things that may differ between runs change no result: the first content of memory and the order of workgroups.
 
 use thirdbounce::gpu::Faults;
-use thirdbounce::job::SolverOptions;
-use thirdbounce::solve::option::OptionValue;
 use thirdbounce::solve::{Accumulation, Reconstruction};
 
 use super::Share;
@@ -44,7 +42,7 @@ pub fn rows(share: Share) -> Vec<Row> {
                     row.add(&format!("{name}, {kind}, {faults:x?}"), case());
                 }
             }
-            let other = with(&solver, Accumulation::Cas);
+            let other = solver.clone().with_accumulation(Accumulation::Cas);
             let case = || -> Held {
                 let gpu = open(Faults::default(), false);
                 let run = || solve(&gpu, &other, &capture, None).map_err(|e| e.to_string());
@@ -55,13 +53,6 @@ pub fn rows(share: Share) -> Vec<Row> {
     }
     rows.push(drift);
     rows
-}
-
-fn with(solver: &SolverOptions, accumulation: Accumulation) -> SolverOptions {
-    let mut other = solver.clone();
-    let word = format!("{accumulation:?}").to_lowercase();
-    assert!(other.set("accumulation", &OptionValue::Word(word)));
-    other
 }
 
 /// The loss agrees to a thousandth throughout: fp32 sums in another order, fed back through a dozen iterations.
