@@ -347,7 +347,6 @@ fn what_makes_no_batch_is_refused_at_once() {
         (&["--jobs", "18446744073709551615"], "give 1 to 256"),
         (&["--shard", "3/2"], "the shard is \"3/2\""),
         (&["--timings"], "--timings is no option of a batch"),
-        (&["--device", "0", "--device", "1"], "--shard 1/2"),
         (&["--lateral", "0"], "--lateral is 0"),
     ] {
         let output = thirdbounce(&[&["batch", "none.npz", "--out", "nowhere"][..], more].concat());

@@ -233,8 +233,6 @@ fn what_makes_no_sense_is_refused() {
     fail(&arguments("-", &scan, &["--min-depth", "3s"]), 1, "length in metres");
 
     fail(&["live", "-", "--capture", &scan, "--solver", "paper"], 1, "follow");
-    fail(&["live", "--listen", "127.0.0.1:0", "--capture", &scan], 2, "`thirdbounce live -`");
-    fail(&["live", "scan.ptu", "--scan=8x8"], 2, "`thirdbounce histogram`");
 }
 
 /// A program that is ended with the test.
