@@ -21,7 +21,7 @@ demo: build
 test: setup
 	CARGO_PROFILE_DEV_OPT_LEVEL=0 .ci/timed cargo test --locked --lib
 	.ci/timed cargo build --locked --examples
-	.ci/timed cargo test --locked --package thirdbounce --package thirdbounce-capi --bins --test '*'
+	.ci/timed cargo test --locked --package thirdbounce --package thirdbounce-command --package thirdbounce-capi --bins --test '*'
 	.ci/timed cargo test --locked --doc
 
 # The Python package, from its wheel in an empty virtual environment. Where there is no Python or no network, it says so.
@@ -52,8 +52,8 @@ ROOTS := src/lib.rs $(sort $(wildcard crates/*/src/lib.rs))
 lint: setup
 	cargo fmt --all --check
 	cargo clippy --locked --workspace --all-targets -- -D warnings
-	cargo clippy --locked --package thirdbounce --no-default-features -- -D warnings
-	cargo clippy --locked --package thirdbounce --no-default-features --features formats -- -D warnings
+	cargo clippy --locked --package thirdbounce -- -D warnings
+	cargo clippy --locked --package thirdbounce --features formats -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
 	cargo run --locked --quiet --package public-api $(ROOTS) | diff -u public-api/thirdbounce.rs - || \
 		{ echo "the public interface changed: \`make api\`, and look at what changed"; exit 1; }

@@ -172,15 +172,6 @@ impl Submitter {
     pub fn submit(&self, histograms: &[f32]) -> Result<FrameId> {}
     pub fn submit_part(&self, histograms: &[f32], measured: &[bool]) -> Result<FrameId> {}
 }
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Flip {
-    X,
-    Y,
-    Xy,
-}
-impl Flip {
-    pub fn name(self) -> &'static str {}
-}
 #[derive(Debug, Clone, PartialEq)]
 pub enum ImpulseResponse {
     None,
@@ -201,9 +192,9 @@ pub struct Settings {
     pub bin_width: Option<f64>,
     pub speed: Option<f64>,
     pub wall_depth_unit: Option<f64>,
-    pub bounce: Option<String>,
+    pub bounce: Option<Bounce>,
     pub tof: Option<PathBuf>,
-    pub axes: Option<String>,
+    pub axes: Option<AxisOrder>,
     pub keep_empty: Option<bool>,
     pub flip: Option<Flip>,
     pub rotate: Option<usize>,
@@ -485,6 +476,22 @@ pub enum Kind {
     Cancelled,
 }
 pub type Result<T> = std::result::Result<T, Error>;
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[private_fields]
+pub struct AxisOrder();
+impl AxisOrder {
+    pub fn parse(text: &str) -> Result<AxisOrder> {}
+}
+impl fmt::Display for AxisOrder {}
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Bounce {
+    Nth(usize),
+    All,
+}
+impl Bounce {
+    pub fn parse(text: &str) -> Result<Bounce> {}
+}
+impl fmt::Display for Bounce {}
 #[derive(Clone, PartialEq)]
 #[non_exhaustive]
 pub struct Capture {
@@ -553,6 +560,12 @@ impl Capture {
         histograms: Vec<f32>,
     ) -> Capture {}
     pub fn with(mut self, change: impl FnOnce(&mut Capture)) -> Capture {}
+}
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Flip {
+    X,
+    Y,
+    Xy,
 }
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum PairKind {

@@ -96,8 +96,8 @@
 //! }
 //! ```
 //!
-//! Feature `formats` reads and writes files: without it there is no [`read()`], [`prepare()`] and [`write()`]. Feature `cli` adds
-//! the command. A program that depends on thirdbounce with `default-features = false` compiles neither.
+//! Feature `formats` reads and writes files: without it there is no [`read()`], [`prepare()`] and [`write()`]. It is off by
+//! default. The command is a crate of its own, `crates/command`.
 //!
 //! Everything else that the crate holds is hidden: the command, the C and the Python interface and the tests use it, and it may
 //! change in any release. `ARCHITECTURE.md` shows it.
@@ -111,9 +111,6 @@ pub mod estimation;
 #[cfg(feature = "formats")]
 #[doc(hidden)]
 pub mod job;
-#[cfg(feature = "formats")]
-#[doc(hidden)]
-pub mod live;
 #[doc(hidden)]
 pub mod resolve;
 #[doc(hidden)]
@@ -124,9 +121,6 @@ pub mod settings;
 pub mod solve;
 #[doc(hidden)]
 pub mod transport;
-#[cfg(feature = "formats")]
-#[doc(hidden)]
-pub mod verify;
 
 #[doc(hidden)]
 pub use thirdbounce_base::{error, panic_message};
@@ -144,9 +138,6 @@ pub use thirdbounce_gpu as gpu;
 pub use thirdbounce_maps::{maps, measure};
 #[doc(hidden)]
 pub use thirdbounce_simulate as simulate;
-#[cfg(feature = "formats")]
-#[doc(hidden)]
-pub use thirdbounce_tags as tags;
 
 pub use api::{Solved, reconstruct, reconstruct_with, render, session, session_with};
 #[cfg(feature = "formats")]
@@ -155,7 +146,7 @@ pub use session::{
     Canceller, ExternalCounts, ExternalFrame, Feed, Format, Frame, FrameId, Hear, Latency, Session,
     SessionOptions, Submitter,
 };
-pub use settings::{Flip, ImpulseResponse, Model, Settings};
+pub use settings::{ImpulseResponse, Model, Settings};
 pub use solve::closed_form::{
     BpSettings, DlctSettings, FbpSettings, FkSettings, LctSettings, PhasorBpSettings, PhasorSettings,
 };
@@ -172,7 +163,7 @@ pub use thirdbounce_base::advice::{self, Advice};
 #[doc(inline)]
 pub use thirdbounce_base::{Error, Kind, Result};
 #[doc(inline)]
-pub use thirdbounce_capture::{Capture, PairKind, Pulse, Reflectance, Summary};
+pub use thirdbounce_capture::{AxisOrder, Bounce, Capture, Flip, PairKind, Pulse, Reflectance, Summary};
 #[doc(inline)]
 pub use thirdbounce_gpu::external::{
     Block, BlockSource, ExternalBuffer, Features, Imported, QueueLock, Requirements, TimelinePoint, Vulkan,

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 /// A module's place in the crate: `solve::plan::buffers` as its parts.
 type Module = Vec<String>;
@@ -92,7 +93,7 @@ fn paths(text: &str, mut at: usize, before: &Module, into: &mut Vec<Module>) -> 
 /// Every path of a source that begins at the crate, the module or the one above, from the crate's root on.
 fn used(source: &Source) -> Vec<Module> {
     let mut found = Vec::new();
-    for start in ["crate", "super", "self", "thirdbounce"] {
+    for start in ["crate", "super", "self"] {
         for (at, _) in source.text.match_indices(&format!("{start}::")) {
             let before = source.text[..at].chars().next_back().unwrap_or(' ');
             if !before.is_alphanumeric() && before != '_' && before != ':' && before != '$' {
@@ -103,9 +104,7 @@ fn used(source: &Source) -> Vec<Module> {
     let absolute = |path: Module| {
         let mut base = source.module.clone();
         let mut rest = path.into_iter().peekable();
-        while let Some(part) =
-            rest.next_if(|p| ["crate", "super", "self", "thirdbounce"].contains(&p.as_str()))
-        {
+        while let Some(part) = rest.next_if(|p| ["crate", "super", "self"].contains(&p.as_str())) {
             match part.as_str() {
                 "super" => drop(base.pop()),
                 "self" => {}
@@ -179,6 +178,125 @@ fn circles(uses: &Uses) -> Vec<String> {
         .filter(|(step, _)| back(step))
         .map(|((a, b), place)| format!("{a} -> {b}  ({place})"))
         .collect()
+}
+
+/// Crates that a program with the default features of thirdbounce compiles, at most.
+const MOST_CRATES: usize = 80;
+
+#[test]
+fn a_program_that_embeds_the_engine_compiles_few_crates() {
+    let arguments = [
+        "tree",
+        "--locked",
+        "--offline",
+        "--package",
+        "thirdbounce",
+        "--edges",
+        "normal",
+        "--prefix",
+        "none",
+    ];
+    let tree = Command::new(env!("CARGO")).args(arguments).current_dir(env!("CARGO_MANIFEST_DIR")).output();
+    let tree = tree.expect("cargo runs");
+    assert!(tree.status.success(), "{}", String::from_utf8_lossy(&tree.stderr));
+    let text = String::from_utf8_lossy(&tree.stdout);
+    let crates: BTreeSet<_> = text.lines().map(|line| line.trim_end_matches(" (*)")).collect();
+    assert!(crates.len() > 20 && crates.len() <= MOST_CRATES, "{}: {crates:#?}", crates.len());
+}
+
+/// Files that a pattern of the page names: a file, a folder with all below it, or either with one `*`.
+fn matching(pattern: &str, into: &mut BTreeSet<PathBuf>) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let Some((before, after)) = pattern.split_once('*') else {
+        let path = root.join(pattern);
+        if path.is_file() {
+            into.insert(path);
+        } else {
+            for entry in fs::read_dir(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display())) {
+                let entry = entry.expect("an entry").path();
+                matching(entry.strip_prefix(root).expect("below the root").to_str().expect("text"), into);
+            }
+        }
+        return;
+    };
+    let (folder, start) = before.rsplit_once('/').expect("a folder");
+    for entry in fs::read_dir(root.join(folder)).expect("the folder is there") {
+        let name = entry.expect("an entry").file_name().to_string_lossy().into_owned();
+        match after.starts_with('/') {
+            true => matching(&format!("{folder}/{name}{after}"), into),
+            false if name.starts_with(start) && name.ends_with(after) => {
+                matching(&format!("{folder}/{name}"), into);
+            }
+            false => {}
+        }
+    }
+}
+
+/// Lines of a file without comments, blank lines and unit tests.
+fn code_lines(file: &Path) -> usize {
+    let text = fs::read_to_string(file).expect("text");
+    let text = text.split("#[cfg(test)]\nmod tests").next().unwrap_or_default();
+    text.lines().map(str::trim).filter(|line| !line.is_empty() && !line.starts_with("//")).count()
+}
+
+/// Sizes on the page may be off by this share.
+const SIZE_MARGIN: f64 = 0.02;
+
+#[test]
+fn the_page_shows_the_sizes_of_the_three_circles() {
+    let page =
+        fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("ARCHITECTURE.md")).expect("text");
+    let table = page.split("## ").find(|part| part.starts_with("Three circles")).expect("the section");
+    let rows: Vec<_> = table.lines().filter(|line| line.starts_with("| ") && line.contains('`')).collect();
+    assert_eq!(rows.len(), 3, "{table}");
+    let mut circle = BTreeSet::new();
+    for row in rows {
+        let [_, name, parts, files, lines, _] = row.split('|').collect::<Vec<_>>()[..] else {
+            panic!("{row}")
+        };
+        let (with, without) = parts.split_once("without").unwrap_or((parts, ""));
+        let of = |text: &str| {
+            let mut all = BTreeSet::new();
+            text.split('`').skip(1).step_by(2).for_each(|pattern| matching(pattern, &mut all));
+            all
+        };
+        let left_out = of(without);
+        circle.extend(of(with).difference(&left_out).cloned());
+        let is_code = |file: &&PathBuf| {
+            let ends = ["rs", "comp", "glsl"].iter().any(|end| file.extension().is_some_and(|e| e == *end));
+            ends && !file.ends_with("tests.rs")
+        };
+        let counted = [
+            circle.iter().filter(is_code).count(),
+            circle.iter().filter(is_code).map(|file| code_lines(file)).sum::<usize>(),
+        ];
+        let stated =
+            [files, lines].map(|text| text.trim().replace(',', "").parse::<f64>().expect("a number"));
+        let is_near = |i: usize| (stated[i] - counted[i] as f64).abs() <= SIZE_MARGIN * counted[i] as f64;
+        assert!(is_near(0) && is_near(1), "{name}has {} files, {} lines", counted[0], counted[1]);
+    }
+}
+
+/// Names of types with several definitions, at most.
+const MOST_SHARED_NAMES: usize = 75;
+
+#[test]
+fn few_names_of_types_have_several_meanings() {
+    let mut times: BTreeMap<String, usize> = BTreeMap::new();
+    for source in all().iter().flatten() {
+        for line in source.text.lines() {
+            let mut words = line.split_whitespace().skip_while(|w| w.starts_with("pub") || *w == "unsafe");
+            if words.next().is_some_and(|word| ["struct", "enum", "trait", "union"].contains(&word)) {
+                let name = words.next().unwrap_or_default();
+                let name = name.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
+                if !name.is_empty() {
+                    *times.entry(name.into()).or_default() += 1;
+                }
+            }
+        }
+    }
+    let shared: Vec<_> = times.iter().filter(|(_, times)| **times > 1).collect();
+    assert!(times.len() > 400 && shared.len() <= MOST_SHARED_NAMES, "{}: {shared:?}", shared.len());
 }
 
 /// Unsafe code is where Vulkan is called, and where C calls.

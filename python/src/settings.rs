@@ -21,7 +21,7 @@ pub fn settings(texts: &Texts) -> Result<Settings> {
 #[pyfunction]
 pub fn options(solver: &str) -> Vec<(&'static str, String)> {
     let usual = SolverOptions::defaults_for(solver, &SceneTraits::DEFAULT);
-    let has = |key: &str| usual.as_ref().is_some_and(|options| options.get(key).is_some());
+    let has = |key: &str| usual.as_ref().is_some_and(|options| options.value(key).is_some());
     let all = Settings::all_rows().into_iter().map(|(row, text)| (row.key, text));
     all.filter(|(key, _)| has(key)).collect()
 }

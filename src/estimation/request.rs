@@ -7,8 +7,10 @@ use super::model::possible_models;
 use crate::Result;
 use crate::capture::Capture;
 use crate::settings::{ImpulseResponse, Model, Settings};
-use crate::solve::option::{OptionValue, SceneTraits};
-use crate::solve::{Discretisation, Method, Preset, Problem, Ready, SolverOptions, enough_pairs};
+use crate::solve::option::SceneTraits;
+use crate::solve::{
+    Accumulation, Discretisation, Method, Preset, Problem, Ready, SolverOptions, enough_pairs,
+};
 use crate::transport::{Grid, Reflectance};
 
 use super::LEAST_FOR_PULSE;
@@ -43,13 +45,15 @@ impl EstimateRequest {
         });
         let scene = SceneTraits { preset, pairs: enough_pairs(capture), ..SceneTraits::of(capture) };
         let of_model = |reflectance| {
-            let mut options = settings.method.options(&SceneTraits { reflectance, ..scene });
-            options.set("reflectance", &OptionValue::Word(reflectance.name().into()));
-            options.set("seed", &OptionValue::Count(settings.seed() as usize));
-            if settings.deterministic == Some(true) {
-                options.set("accumulation", &OptionValue::Word("repeatable".into()));
+            let options = settings.method.options(&SceneTraits { reflectance, ..scene });
+            let mut options = options.with_reflectance(reflectance);
+            if let SolverOptions::Paper(paper) = &mut options {
+                paper.seed = settings.seed();
             }
-            options
+            match settings.deterministic {
+                Some(true) => options.with_accumulation(Accumulation::Repeatable),
+                _ => options,
+            }
         };
         let estimates = matches!(settings.method, Method::Surface(_));
         let known = match settings.model {

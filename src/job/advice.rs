@@ -9,7 +9,7 @@ use crate::solve::Ready;
 use crate::{Error, Kind};
 
 /// Replaces the advice of an error: if a job needs too much memory, the advice names options that would fit.
-pub(super) fn advise(error: Error, request: &Request, loaded: &Loaded, gpu: &Gpu) -> Error {
+pub fn advise(error: Error, request: &Request, loaded: &Loaded, gpu: &Gpu) -> Error {
     if error.kind != Kind::Memory {
         return error;
     }
@@ -31,7 +31,7 @@ pub(super) fn advise(error: Error, request: &Request, loaded: &Loaded, gpu: &Gpu
 
 /// Settings with values. Each of them alone makes the job fit, by the least change that was tried. They are tried on the
 /// capture as it was loaded, because a large file takes long to read.
-pub fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Setting, String)> {
+fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Setting, String)> {
     let fits = |request: &EstimateRequest, capture: &Capture| fits_on(request, capture, gpu);
     let capture = &loaded.capture;
     let stride = request.settings.stride.unwrap_or(1);

@@ -1,49 +1,8 @@
-//! Compares an earlier result with truth.
+//! Compares maps with truth.
 
-use std::path::{Path, PathBuf};
-
-use crate::export::{self, report};
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
 use crate::{Error, Result};
-
-/// The result of an evaluation.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Evaluation {
-    /// Figures against truth.
-    pub metrics: Metrics,
-    /// Solve seconds of the run, if it left a report.
-    pub solve_s: Option<f64>,
-    /// The picture of the depth errors, if one was drawn.
-    pub picture: Option<PathBuf>,
-}
-
-/// Compares the maps of an earlier run with truth. `folder` is the run's folder, or a maps.npz. With `pictures` and a
-/// folder, the depth errors are drawn into `depth_difference.png` in this folder.
-///
-/// # Errors
-/// Files that cannot be read, a mask fraction out of range, a picture that cannot be written.
-pub fn evaluate(
-    folder: &Path,
-    truth: &Path,
-    mask_fraction: Option<f64>,
-    pictures: bool,
-) -> Result<Evaluation> {
-    let is_file = folder.is_file();
-    let (file, report) = if is_file {
-        (folder.to_path_buf(), None)
-    } else {
-        (folder.join("maps.npz"), report::read(&folder.join("report.json")).ok())
-    };
-    let mut maps = export::npz::read_maps(&file)?;
-    let truth = export::npz::read_truth(truth)?;
-    let metrics = evaluate_maps(&mut maps, &truth, mask_fraction)?;
-    let picture = (pictures && !is_file).then(|| folder.join("depth_difference.png"));
-    if let Some(path) = &picture {
-        export::depth_difference::write(path, &maps, &truth)?;
-    }
-    Ok(Evaluation { metrics, solve_s: report.map(|r| r.totals.solve_s), picture })
-}
 
 /// Compares maps with truth, by their own mask, or by that of a share of the brightest albedo, which they then have.
 ///

@@ -8,7 +8,7 @@ use crate::estimation::{EstimateRequest, FindPulse};
 use crate::solve::Ready;
 
 /// Whether a run finds the pulse first, whatever the trials of the model show.
-pub(super) fn finds_pulse(request: &EstimateRequest, capture: &Capture) -> bool {
+pub fn finds_pulse(request: &EstimateRequest, capture: &Capture) -> bool {
     request.find_pulse(capture) == FindPulse::Always
 }
 
@@ -16,8 +16,8 @@ pub(super) fn finds_pulse(request: &EstimateRequest, capture: &Capture) -> bool 
 /// still to be found gets any width: all widths take the same memory.
 ///
 /// # Errors
-/// A bin width that makes no pulse, and those of [`Request::ready`].
-pub(super) fn to_plan(request: &EstimateRequest, capture: &Capture) -> Result<Ready<'static>> {
+/// A bin width that makes no pulse, and those of [`EstimateRequest::ready`].
+pub fn to_plan(request: &EstimateRequest, capture: &Capture) -> Result<Ready<'static>> {
     planned(request, capture, finds_pulse(request, capture))
 }
 
@@ -25,7 +25,7 @@ pub(super) fn to_plan(request: &EstimateRequest, capture: &Capture) -> Result<Re
 ///
 /// # Errors
 /// Those of [`to_plan`].
-pub(super) fn at_most(request: &EstimateRequest, capture: &Capture) -> Result<Ready<'static>> {
+pub fn at_most(request: &EstimateRequest, capture: &Capture) -> Result<Ready<'static>> {
     planned(request, capture, request.find_pulse(capture) != FindPulse::Never)
 }
 

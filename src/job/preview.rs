@@ -31,7 +31,7 @@ const PROJECTED: usize = 48;
 const PAIRS: usize = 1300;
 
 /// The picture of a run.
-pub(super) struct Preview {
+pub struct Preview {
     file: PathBuf,
     /// Its folder, if it was made for the picture.
     folder: Option<PathBuf>,
@@ -100,7 +100,7 @@ impl Drop for Preview {
 ///
 /// # Errors
 /// The device fails, or no grid fits.
-pub(super) fn first_maps(request: &EstimateRequest, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
+pub fn first_maps(request: &EstimateRequest, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
     let common = request.solver.common();
     let scene =
         SceneTraits { preset: request.preset, reflectance: common.reflectance, ..SceneTraits::of(capture) };

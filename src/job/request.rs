@@ -50,11 +50,11 @@ impl Request {
         EstimateRequest::new(&self.settings, capture)
     }
 
-    pub(super) fn open(&self) -> Result<Gpu> {
+    pub fn open(&self) -> Result<Gpu> {
         Gpu::open(&self.gpu_options())
     }
 
-    pub(super) fn gpu_options(&self) -> GpuOptions {
+    pub fn gpu_options(&self) -> GpuOptions {
         GpuOptions {
             device: self.settings.device.clone(),
             pipeline_cache: self.pipeline_cache.clone(),
@@ -66,7 +66,7 @@ impl Request {
     }
 
     /// Checks everything but places that can be checked before the work begins. Returns the truth, if its file is given.
-    pub(super) fn check(&self, resolved: &EstimateRequest) -> Result<Option<Truth>> {
+    pub fn check(&self, resolved: &EstimateRequest) -> Result<Option<Truth>> {
         self.settings.check()?;
         let iterations = resolved.solver.all_iterations();
         if let Some(beyond) = self.snapshots.iter().find(|i| !(1..=iterations).contains(*i)) {
@@ -79,7 +79,7 @@ impl Request {
     }
 
     /// Checks that the results can be written.
-    pub(super) fn check_places(&self) -> Result<()> {
+    pub fn check_places(&self) -> Result<()> {
         places::check_results(&self.out)?;
         for iteration in &self.snapshots {
             places::check_results(&Request::snapshot_folder(&self.out, *iteration))?;
@@ -88,12 +88,12 @@ impl Request {
     }
 
     /// Iterations between measured points of the trace; 0 measures only the end.
-    pub(super) fn trace_step(&self) -> usize {
+    pub fn trace_step(&self) -> usize {
         self.trace_every.unwrap_or(if self.truth.is_some() { 10 } else { 0 })
     }
 
     /// The folder below `out` for the maps after an iteration.
-    pub(super) fn snapshot_folder(out: &Path, iteration: usize) -> PathBuf {
+    pub fn snapshot_folder(out: &Path, iteration: usize) -> PathBuf {
         out.join("snapshots").join(format!("{iteration:06}"))
     }
 }

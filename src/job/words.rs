@@ -1,12 +1,6 @@
-//! Values as words and as JSON.
+//! Values as words.
 
-use std::path::Path;
-
-use serde::Serialize;
 use serde_json::Value;
-
-use crate::files::atomic;
-use crate::{Error, Result};
 
 /// The word for a value in files ("cpu", "captured").
 pub fn plain(value: &impl serde::Serialize) -> String {
@@ -14,17 +8,4 @@ pub fn plain(value: &impl serde::Serialize) -> String {
         Ok(Value::String(word)) => word,
         _ => String::new(),
     }
-}
-
-/// Writes a value as JSON, whole or not at all.
-///
-/// # Errors
-/// A file that cannot be written.
-pub fn write_json(file: &Path, value: &impl Serialize, indented: bool) -> Result<()> {
-    let packed = if indented { serde_json::to_string_pretty(value) } else { serde_json::to_string(value) };
-    let mut text = packed.map_err(|e| {
-        Error::output(format!("{}: cannot be packed as JSON: {e}", file.display()), "report this as a bug")
-    })?;
-    text.push('\n');
-    atomic::write(file, text.as_bytes())
 }

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use serde::{Deserialize, Serialize};
 
 use crate::advice::advice;
-use crate::capture::{Capture, Gate};
+use crate::capture::{AxisOrder, Bounce, Capture, Flip, Gate};
 use crate::solve::option::{Range, Row};
 use crate::solve::{Bins, Discretisation, Method, Preset, SolverOptions, method, units};
 use crate::transport::Volume;
@@ -15,7 +15,7 @@ use crate::{Error, Result};
 
 mod text;
 
-pub use text::{Flip, ImpulseResponse, Model, gate, memory_bytes};
+pub use text::{ImpulseResponse, Model, gate, memory_bytes};
 use text::{as_text, count, number, path_of_light, seed, word};
 
 /// Declares the fields of [`Settings`] that do not belong to a method: name, type, allowed values, and the function that reads
@@ -76,12 +76,14 @@ settings! {
         /// Step of the wall's depth in a CC-SOCR capture of a wall that is not flat: 1cm, metres as a plain number
         wall_depth_unit: f64 = units::length, Range::Text("SIZE");
         /// Bounce of a rendered Z-NLOS capture that is used: third, all, or a number, 2 or more [default: third]
-        bounce: String = text::bounce, Range::Text("WHICH");
+        #[serde(with = "as_text")]
+        bounce: Bounce = text::bounce, Range::Text("WHICH");
         /// File with tofgrid, for a Stanford f-k capture [default: tof.mat beside the capture]
         tof: PathBuf = text::file, Range::Text("FILE");
         /// Order of the axes of a file with a single array of counts, as the program that wrote it shows them: xyt, yxt, txy
         /// [default: found by where the light is]
-        axes: String = text::axes, Range::Text("ORDER");
+        #[serde(with = "as_text")]
+        axes: AxisOrder = text::axes, Range::Text("ORDER");
         /// Keep pairs without any count as dark ones. Without this, those beside lit pairs are left out
         keep_empty: bool = text::flag, Range::Flag;
         /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both; for files
@@ -341,7 +343,6 @@ mod tests {
         };
         for (key, text, words) in [
             ("solver", "magic", "paper or surface"),
-            ("solver", "vector", "was removed"),
             ("nonsense", "1", "no setting"),
             ("l1", "1", "no option of the solver surface"),
             ("reflectance", "cosine", "no setting"),

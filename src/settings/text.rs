@@ -2,38 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use serde::{Deserialize, Serialize, de::DeserializeOwned};
+use serde::de::DeserializeOwned;
 
-use crate::capture::{Gate, Pulse};
+use crate::capture::{AxisOrder, Bounce, Gate, Pulse};
 use crate::solve::{Bins, reflectance, units};
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Result};
 
 /// A value, or the allowed values as text.
 type Read<T> = std::result::Result<T, String>;
-
-/// How a scan is mirrored, as seen in the pictures.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum Flip {
-    /// Left and right swap.
-    X,
-    /// Top and bottom swap.
-    Y,
-    /// Both.
-    Xy,
-}
-
-impl Flip {
-    /// As text.
-    pub fn name(self) -> &'static str {
-        match self {
-            Flip::X => "x",
-            Flip::Y => "y",
-            Flip::Xy => "xy",
-        }
-    }
-}
 
 /// The reflectance of the surfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,6 +107,8 @@ macro_rules! as_read {
 as_read! {
     Gate: gate, |gate| gate.to_string();
     Bins: bins, |bins| bins.to_string();
+    Bounce: bounce, |bounce| bounce.to_string();
+    AxisOrder: axes, |axes| axes.to_string();
     Model: model, |model| match model {
         Model::Auto => "auto".into(),
         Model::Known(reflectance) => reflectance.name().into(),
@@ -195,18 +174,12 @@ pub fn file(text: &str) -> Read<PathBuf> {
     Ok(text.into())
 }
 
-pub fn bounce(text: &str) -> Read<String> {
-    match (text, text.parse()) {
-        ("third" | "all", _) => Ok(text.into()),
-        (_, Ok(2usize..)) => Ok(text.into()),
-        _ => Err("give third (wall, hidden scene, wall), all, or a number from 2".into()),
-    }
+pub fn bounce(text: &str) -> Read<Bounce> {
+    Bounce::parse(text).map_err(wanted)
 }
 
-pub fn axes(text: &str) -> Read<String> {
-    let all = text.len() == 3 && "xyt".chars().all(|axis| text.contains(axis));
-    let want = "give the letters x, y and t in the order of the axes, such as xyt for counts [x, y, t]";
-    if all { Ok(text.into()) } else { Err(want.into()) }
+pub fn axes(text: &str) -> Read<AxisOrder> {
+    AxisOrder::parse(text).map_err(wanted)
 }
 
 pub fn bins(text: &str) -> Read<Bins> {

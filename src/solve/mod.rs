@@ -43,7 +43,7 @@ pub use outline::{Step, TimedSchedule, When};
 pub use paper::{Decay, NoiseTerm, PaperOptions, PaperSettings};
 pub use plan::{
     Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, PairPart, Pass, Plan, RESIDUAL_HOST,
-    Sizes, Tuning, UPLOAD, Voxels, passes,
+    Sizes, Tuning, UPLOAD, Voxels, gaussian_weights, passes,
 };
 pub use prepared::Prepared;
 pub use problem::{Begun, Problem};

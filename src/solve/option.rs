@@ -5,6 +5,7 @@
 
 use std::fmt;
 
+use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::estimate::LEAST_PAIRS;
@@ -133,54 +134,28 @@ pub enum OptionValue {
     Number(f64),
     /// On or off.
     Flag(bool),
-    /// A word, or sizes of workgroups as text.
+    /// A word.
     Word(String),
+    /// Sizes of workgroups.
+    Sizes(Sizes),
     /// The solver chooses.
     Unset,
 }
 
-impl From<usize> for OptionValue {
-    fn from(count: usize) -> OptionValue {
-        OptionValue::Count(count)
-    }
-}
-
-impl From<f64> for OptionValue {
-    fn from(number: f64) -> OptionValue {
-        OptionValue::Number(number)
-    }
-}
-
-impl From<bool> for OptionValue {
-    fn from(on: bool) -> OptionValue {
-        OptionValue::Flag(on)
-    }
-}
-
-impl From<&str> for OptionValue {
-    fn from(word: &str) -> OptionValue {
-        OptionValue::Word(word.into())
-    }
-}
-
-/// A set of options, by their keys.
+/// A set of options.
 pub trait Options {
     /// The declarations.
     fn rows(&self) -> Vec<&'static Row>;
 
-    /// The value of an option; `None` if there is none of that key.
-    fn get(&self, key: &str) -> Option<OptionValue>;
-
-    /// Sets an option. Tells whether there is one of that key.
-    fn set(&mut self, key: &str, value: &OptionValue) -> bool;
+    /// The values, in the order of the declarations.
+    fn values(&self) -> Vec<OptionValue>;
 
     /// Checks every option against its range.
     ///
     /// # Errors
     /// The first option out of its range, by its name on the command line.
     fn check_ranges(&self) -> Result<()> {
-        for row in self.rows() {
-            let value = self.get(row.key).unwrap_or(OptionValue::Unset);
+        for (row, value) in self.rows().into_iter().zip(self.values()) {
             if let Some(want) = row.range.refusal(&value) {
                 return Err(refused(row.key, &value, &want));
             }
@@ -245,10 +220,9 @@ impl Range {
                 Ok(vec![OptionValue::Word(text.into()), OptionValue::Flag(words.get(1) == Some(&text))])
             }
             Range::Flag if ["true", "false"].contains(&text) => Ok(vec![OptionValue::Flag(text == "true")]),
-            Range::Sizes => text
-                .parse::<Sizes>()
-                .map(|sizes| vec![OptionValue::Word(sizes.to_string())])
-                .map_err(|e| e.to_string()),
+            Range::Sizes => {
+                text.parse::<Sizes>().map(|sizes| vec![OptionValue::Sizes(sizes)]).map_err(|e| e.to_string())
+            }
             Range::Words(_) | Range::Flag | Range::Internal | Range::Text(_) => Err(self.wanted()),
         }
     }
@@ -298,6 +272,7 @@ impl fmt::Display for OptionValue {
             OptionValue::Number(v) => v.fmt(f),
             OptionValue::Flag(on) => on.fmt(f),
             OptionValue::Word(word) => word.fmt(f),
+            OptionValue::Sizes(sizes) => sizes.fmt(f),
             OptionValue::Unset => f.write_str("unset"),
         }
     }
@@ -309,8 +284,6 @@ pub trait Field {
     type Given: Clone;
     /// The value of the field.
     fn value(&self) -> OptionValue;
-    /// Sets the field. A value of another type changes nothing.
-    fn put(&mut self, value: &OptionValue);
     /// The value that a caller would set for this field; `None` if the solver chooses it.
     fn given(&self) -> Option<Self::Given>;
     /// The field with the value of a caller.
@@ -338,12 +311,6 @@ impl Field for usize {
     fn value(&self) -> OptionValue {
         OptionValue::Count(*self)
     }
-
-    fn put(&mut self, value: &OptionValue) {
-        if let OptionValue::Count(n) = value {
-            *self = *n;
-        }
-    }
 }
 
 impl Field for u32 {
@@ -351,12 +318,6 @@ impl Field for u32 {
 
     fn value(&self) -> OptionValue {
         OptionValue::Count(*self as usize)
-    }
-
-    fn put(&mut self, value: &OptionValue) {
-        if let OptionValue::Count(n) = value {
-            *self = u32::try_from(*n).unwrap_or(u32::MAX);
-        }
     }
 }
 
@@ -366,12 +327,6 @@ impl Field for f64 {
     fn value(&self) -> OptionValue {
         OptionValue::Number(*self)
     }
-
-    fn put(&mut self, value: &OptionValue) {
-        if let OptionValue::Number(v) = value {
-            *self = *v;
-        }
-    }
 }
 
 impl Field for bool {
@@ -380,15 +335,9 @@ impl Field for bool {
     fn value(&self) -> OptionValue {
         OptionValue::Flag(*self)
     }
-
-    fn put(&mut self, value: &OptionValue) {
-        if let OptionValue::Flag(on) = value {
-            *self = *on;
-        }
-    }
 }
 
-impl<T: Field<Given = T> + Clone + Default> Field for Option<T> {
+impl<T: Field<Given = T> + Clone> Field for Option<T> {
     type Given = T;
 
     fn given(&self) -> Option<T> {
@@ -402,27 +351,13 @@ impl<T: Field<Given = T> + Clone + Default> Field for Option<T> {
     fn value(&self) -> OptionValue {
         self.as_ref().map_or(OptionValue::Unset, Field::value)
     }
-
-    fn put(&mut self, value: &OptionValue) {
-        *self = (*value != OptionValue::Unset).then(|| {
-            let mut given = T::default();
-            given.put(value);
-            given
-        });
-    }
 }
 
 impl Field for Sizes {
     given_as_is!();
 
     fn value(&self) -> OptionValue {
-        OptionValue::Word(self.to_string())
-    }
-
-    fn put(&mut self, value: &OptionValue) {
-        if let OptionValue::Word(text) = value {
-            *self = if text.is_empty() { Sizes::default() } else { text.parse().unwrap_or(*self) };
-        }
+        OptionValue::Sizes(*self)
     }
 }
 
@@ -436,12 +371,6 @@ macro_rules! words {
                 match serde_json::to_value(self) {
                     Ok(serde_json::Value::String(word)) => $crate::solve::option::OptionValue::Word(word),
                     _ => $crate::solve::option::OptionValue::Unset,
-                }
-            }
-
-            fn put(&mut self, value: &$crate::solve::option::OptionValue) {
-                if let $crate::solve::option::OptionValue::Word(word) = value {
-                    *self = serde_json::from_value(word.clone().into()).unwrap_or(*self);
                 }
             }
         }
@@ -524,25 +453,6 @@ macro_rules! options {
                 )*)*
                 $(self.$inner.apply(&mut options.$inner);)*
             }
-
-            fn put(&mut self, key: &str, value: &$crate::solve::option::OptionValue) -> Option<bool> {
-                #[allow(unused_imports)]
-                use $crate::solve::option::{Field, OptionValue};
-                #[allow(unused_variables)]
-                let mut options = $name::default();
-                $($(
-                    if key == $crate::solve::option::key_of!($field $(as $key)?) {
-                        options.$field.put(value);
-                        let taken = options.$field.value() == *value;
-                        if taken || *value == OptionValue::Unset {
-                            self.$field = if taken { options.$field.given() } else { None };
-                        }
-                        return Some(taken || *value == OptionValue::Unset);
-                    }
-                )*)*
-                $(if let Some(taken) = self.$inner.put(key, value) { return Some(taken); })*
-                None
-            }
         }
 
         impl $name {
@@ -583,29 +493,10 @@ macro_rules! options {
                 $name::ROWS.iter().chain(nested.iter().flatten().copied()).collect()
             }
 
-            fn get(&self, key: &str) -> Option<$crate::solve::option::OptionValue> {
-                #[allow(unused_imports)]
-                use $crate::solve::option::Field;
-                $($(
-                    if key == $crate::solve::option::key_of!($field $(as $key)?) {
-                        return Some(self.$field.value());
-                    }
-                )*)*
-                $(if let Some(value) = self.$inner.get(key) { return Some(value); })*
-                None
-            }
-
-            fn set(&mut self, key: &str, value: &$crate::solve::option::OptionValue) -> bool {
-                #[allow(unused_imports)]
-                use $crate::solve::option::Field;
-                $($(
-                    if key == $crate::solve::option::key_of!($field $(as $key)?) {
-                        self.$field.put(value);
-                        return true;
-                    }
-                )*)*
-                $(if self.$inner.set(key, value) { return true; })*
-                false
+            fn values(&self) -> Vec<$crate::solve::option::OptionValue> {
+                let own = vec![$($($crate::solve::option::Field::value(&self.$field)),*),*];
+                let nested: &[Vec<$crate::solve::option::OptionValue>] = &[$(self.$inner.values()),*];
+                [own, nested.concat()].concat()
             }
         }
     };
@@ -624,7 +515,7 @@ macro_rules! key_of {
 pub(super) use {given_as_is, key_of, options, words};
 
 /// The options that a caller sets, each or none.
-pub trait Given: Clone + Default + PartialEq {
+pub trait Given: Clone + Default + PartialEq + Serialize + DeserializeOwned {
     /// The options with all values.
     type Options: Clone + Default + Options;
 
@@ -633,10 +524,6 @@ pub trait Given: Clone + Default + PartialEq {
 
     /// Puts what is set into the options.
     fn apply(&self, options: &mut Self::Options);
-
-    /// Sets an option by its key; [`OptionValue::Unset`] leaves it to the defaults. `None` if there is no option of that key,
-    /// `Some(false)` if it does not take the value, whose range is not checked.
-    fn put(&mut self, key: &str, value: &OptionValue) -> Option<bool>;
 
     /// Sets an option by its key to a value as text, lengths and times with or without their units.
     ///
@@ -650,15 +537,29 @@ pub trait Given: Clone + Default + PartialEq {
         let wrong =
             |want: &str| Error::options(format!("{} is {}", row.key, text.trim()), format!("give {want}"));
         let values = row.range.read(text).map_err(|want| wrong(&want))?;
-        let mut other = self.clone();
-        let taken = values.into_iter().find(|value| other.put(key, value) == Some(true));
-        let taken = taken.ok_or_else(|| wrong(&row.range.wanted()))?;
-        if let Some(want) = row.range.refusal(&taken) {
+        let taken = |value: OptionValue| Some((with_value(self, row.key, &value)?, value));
+        let (other, value) = values.into_iter().find_map(taken).ok_or_else(|| wrong(&row.range.wanted()))?;
+        if let Some(want) = row.range.refusal(&value) {
             return Err(wrong(&want));
         }
         *self = other;
         Ok(())
     }
+}
+
+/// Settings with another value of an option; `None` if the option has another type.
+fn with_value<S: Serialize + DeserializeOwned>(settings: &S, key: &str, value: &OptionValue) -> Option<S> {
+    let json = match value {
+        OptionValue::Count(n) => (*n).into(),
+        OptionValue::Number(v) => (*v).into(),
+        OptionValue::Flag(on) => (*on).into(),
+        OptionValue::Word(word) => word.clone().into(),
+        OptionValue::Sizes(sizes) => serde_json::to_value(sizes).ok()?,
+        OptionValue::Unset => serde_json::Value::Null,
+    };
+    let mut all = serde_json::to_value(settings).ok()?;
+    all.as_object_mut()?.insert(key.into(), json);
+    serde_json::from_value(all).ok()
 }
 
 /// The default of an option as text: the usual one, then those that differ in other scenes.
@@ -685,60 +586,57 @@ pub fn default_text(value_for: impl Fn(&SceneTraits) -> Option<OptionValue>) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::solve::{PaperOptions, SolverOptions, SurfaceOptions};
+    use crate::solve::{Method, PaperOptions, SolverOptions, SurfaceOptions};
 
     #[test]
-    fn every_option_is_set_and_read_by_its_key() {
+    fn every_option_is_set_by_text_and_reported() {
         for name in SolverOptions::NAMES {
-            let mut options = SolverOptions::defaults_for(name, &SceneTraits::DEFAULT).unwrap();
+            let options = Method::named(name).unwrap().options(&SceneTraits::DEFAULT);
             let report = serde_json::to_value(&options).unwrap();
-            for row in options.rows() {
-                let before = options.get(row.key).unwrap();
-                let other = match (&before, row.range) {
-                    (OptionValue::Flag(on), _) => OptionValue::Flag(!on),
-                    (_, Range::Words(words)) => OptionValue::Word(words[words.len() - 1].into()),
-                    (OptionValue::Word(_), Range::Internal) => OptionValue::Word("isotropic".into()),
-                    (_, Range::Internal) => OptionValue::Count(4),
-                    (_, Range::Sizes) => OptionValue::Word("lanes=32".into()),
-                    (_, Range::Count(..) | Range::OneOf(_) | Range::Seed) => OptionValue::Count(4),
-                    _ => OptionValue::Number(0.75),
+            assert_eq!(options.rows().len(), options.values().len());
+            for (row, before) in options.rows().into_iter().zip(options.values()) {
+                let text = match (&before, row.range) {
+                    (OptionValue::Flag(on), Range::Flag) => (!on).to_string(),
+                    (OptionValue::Flag(on), Range::Words(words)) => words[usize::from(!on)].into(),
+                    (_, Range::Words(words)) => words[words.len() - 1].into(),
+                    (_, Range::Sizes) => "lanes=32".into(),
+                    (_, Range::Count(..) | Range::OneOf(_) | Range::Seed) => "4".into(),
+                    _ => "0.75".into(),
                 };
-                assert!(options.set(row.key, &other) && options.get(row.key) == Some(other), "{}", row.key);
+                let mut method = Method::named(name).unwrap();
+                let set = method.set_text(row.key, &text);
+                assert_eq!(set.is_err(), row.range == Range::Internal, "{name}, {}", row.key);
+                let after = row.worded(method.options(&SceneTraits::DEFAULT).value(row.key).unwrap());
+                assert!(set.is_err() || after.to_string() == text, "{name}, {}: {after}", row.key);
                 assert!(report.get(row.key).is_some() || row.key == "sizes", "{} is not in reports", row.key);
                 assert!(row.text().len() > 10);
             }
-            assert!(!options.set("nonsense", &OptionValue::Count(1)) && options.get("nonsense").is_none());
+            assert!(Method::named(name).unwrap().set_text("nonsense", "1").is_err());
+            assert!(options.value("nonsense").is_none());
         }
     }
 
     #[test]
     fn values_out_of_range_are_refused_by_name() {
-        let paper = [
-            ("lateral", OptionValue::Count(0), "a whole number from 1 to 4096"),
-            ("peak", OptionValue::Number(f64::NAN), "a positive number"),
-            ("l1", OptionValue::Number(-1.0), "zero or a positive number"),
-            ("keep_above", OptionValue::Number(1.0), "a number from 0 to below 1"),
-            ("room", OptionValue::Number(0.0), "a positive number up to 1"),
-        ];
-        refuses(&mut PaperOptions::default(), &paper);
-        refuses(&mut SurfaceOptions::default(), &[("points", OptionValue::Count(3), "1 or 4")]);
-    }
-
-    /// Sets each of these values, which `check_ranges` must refuse with the words that it wants.
-    fn refuses(o: &mut impl Options, values: &[(&'static str, OptionValue, &str)]) {
-        for (key, value, want) in values {
-            let before = o.get(key).unwrap();
-            o.set(key, value);
-            let error = o.check_ranges().unwrap_err();
+        let refuses = |options: &dyn Options, key: &str, want: &str| {
+            let error = options.check_ranges().unwrap_err();
             assert!(error.what.contains(key) && error.hint.to_string().contains(want), "{error}");
-            o.set(key, &before);
-        }
-        assert!(o.check_ranges().is_ok());
+        };
+        let paper = PaperOptions::default;
+        refuses(&paper().with(|o| o.lateral = 0), "lateral", "a whole number from 1 to 4096");
+        refuses(&paper().with(|o| o.peak = f64::NAN), "peak", "a positive number");
+        refuses(&paper().with(|o| o.l1 = -1.0), "l1", "zero or a positive number");
+        refuses(&paper().with(|o| o.domain.keep_above = 1.0), "keep_above", "a number from 0 to below 1");
+        refuses(&paper().with(|o| o.domain.room = Some(0.0)), "room", "a positive number up to 1");
+        refuses(&SurfaceOptions::default().with(|o| o.points = Some(3)), "points", "1 or 4");
+        assert!(paper().check_ranges().is_ok());
     }
 
     #[test]
     fn defaults_are_told_with_what_they_depend_on() {
-        let text = |key: &str| default_text(|scene| PaperOptions::defaults_for(scene).get(key)).unwrap();
+        let text = |key: &str| {
+            default_text(|scene| SolverOptions::from(PaperOptions::defaults_for(scene)).value(key)).unwrap()
+        };
         assert_eq!(text("l1"), "0.001, 0.8 captured");
         assert_eq!(text("epsilon"), "1e-8");
         assert_eq!(text("keep_above"), "0.05, 0.03 where laser and sensor point differ");

@@ -10,8 +10,8 @@ use super::closed_form::{
 };
 use super::option::{Given, OptionValue, Row, SceneTraits, default_text};
 use super::{
-    Common, PaperOptions, PaperSettings, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver,
-    SurfaceOptions, SurfaceSettings, TimedSchedule, Watch, default_volume, surface,
+    Accumulation, Common, PaperOptions, PaperSettings, Plan, Prepared, Problem, Reconstruction, RunsOn,
+    Solver, SurfaceOptions, SurfaceSettings, TimedSchedule, Watch, default_volume, surface,
 };
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
@@ -33,8 +33,23 @@ macro_rules! solvers {
         }
 
         impl SolverOptions {
-            /// The solvers of a volume that iterate, by their names on the command line.
-            pub const ITERATIVE: &[&str] = &[$($options::NAME),*];
+            /// The same options with another model of reflectance.
+            pub fn with_reflectance(self, reflectance: Reflectance) -> SolverOptions {
+                match self {
+                    $(SolverOptions::$variant(o) => o.with(|o| o.reflectance = reflectance).into(),)*
+                    $(SolverOptions::$other(o) => o.with(|o| o.reflectance = reflectance).into(),)*
+                    $(SolverOptions::$closed(o) => o.with(|o| o.image.reflectance = reflectance).into(),)*
+                }
+            }
+
+            /// The same options with another order of sums; without effect on methods without iterations.
+            pub fn with_accumulation(self, accumulation: Accumulation) -> SolverOptions {
+                match self {
+                    $(SolverOptions::$variant(o) => o.with(|o| o.accumulation = accumulation).into(),)*
+                    $(SolverOptions::$other(o) => o.with(|o| o.accumulation = accumulation).into(),)*
+                    closed => closed,
+                }
+            }
 
             /// Whether it computes the volume in one step, without iterations.
             pub fn is_closed_form(&self) -> bool {
@@ -134,13 +149,6 @@ macro_rules! solvers {
                 }
             }
 
-            /// Sets an option by its key: [`Given::put`].
-            pub fn put(&mut self, key: &str, value: &OptionValue) -> Option<bool> {
-                match self {
-                    $(Method::$variant(settings) => settings.put(key, value),)*
-                }
-            }
-
             /// Sets an option by its key to a value as text: [`Given::set_text`].
             ///
             /// # Errors
@@ -184,6 +192,13 @@ macro_rules! solvers {
             pub fn name(&self) -> &'static str {
                 match self {
                     $(SolverOptions::$variant(_) => $options::NAME,)*
+                }
+            }
+
+            /// The same options for another lateral resolution.
+            pub fn with_lateral(&self, lateral: usize) -> SolverOptions {
+                match self.clone() {
+                    $(SolverOptions::$variant(o) => o.with(|o| o.lateral = lateral).into(),)*
                 }
             }
         }
@@ -243,11 +258,9 @@ impl SolverOptions {
         }
     }
 
-    /// The same options for another lateral resolution.
-    pub fn with_lateral(&self, lateral: usize) -> SolverOptions {
-        let mut other = self.clone();
-        other.set("lateral", &OptionValue::Count(lateral));
-        other
+    /// The value of an option; `None` if the method has none of that key.
+    pub fn value(&self, key: &str) -> Option<OptionValue> {
+        self.rows().into_iter().zip(self.values()).find(|(row, _)| row.key == key).map(|(_, value)| value)
     }
 
     /// The most iterations of all fits.
@@ -372,7 +385,7 @@ pub fn pixel_of(capture: &Capture, volume: Option<Volume>, lateral: usize) -> f6
 fn help_of(row: &Row) -> String {
     let default = |name: &&'static str| {
         let value =
-            |scene: &SceneTraits| Some(row.worded(SolverOptions::defaults_for(name, scene)?.get(row.key)?));
+            |scene: &SceneTraits| Some(row.worded(SolverOptions::defaults_for(name, scene)?.value(row.key)?));
         let text = default_text(value)?;
         Some((*name, text))
     };
@@ -392,9 +405,6 @@ fn help_of(row: &Row) -> String {
     }
 }
 
-/// Solvers of earlier versions, each with one that takes the same captures.
-const REMOVED: &[(&str, &str)] = &[("conv", "fbp"), ("vector", "surface")];
-
 impl Default for Method {
     fn default() -> Method {
         Method::Surface(SurfaceSettings::default())
@@ -404,14 +414,8 @@ impl Default for Method {
 /// The method of that name.
 ///
 /// # Errors
-/// The solver is not known, or was removed.
+/// The solver is not known.
 pub fn method(name: &str) -> Result<Method> {
-    if let Some((_, instead)) = REMOVED.iter().find(|(removed, _)| *removed == name) {
-        return Err(Error::options(
-            format!("the solver {name} was removed"),
-            format!("use the solver {instead}, which takes the same pairs and walls"),
-        ));
-    }
     choice("solver", name, SolverOptions::NAMES)?;
     Ok(Method::named(name).unwrap_or_default())
 }

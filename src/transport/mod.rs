@@ -10,7 +10,6 @@ mod reach;
 mod rows;
 mod spot;
 mod spread;
-pub mod twin;
 mod variant;
 mod wall;
 

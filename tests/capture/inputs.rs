@@ -587,7 +587,7 @@ fn walls_units_and_totals_are_told() {
     let done = prepared(turned.clone()).unwrap();
     let note = done.notes.iter().find(|n| n.contains("y of the file is taken as up")).unwrap();
     assert!(note.contains("a rotation of 270 degrees"), "{note}");
-    let turn = thirdbounce::capture::Turn::parse(None, Some(270)).unwrap();
+    let turn = thirdbounce::capture::Turn::of(None, Some(270)).unwrap();
     let right =
         prepare(turned, &Conditioning { turn, no_auto_gate: true, ..Conditioning::default() }).unwrap();
     assert_eq!(right.capture.scan, upright.scan);

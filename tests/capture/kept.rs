@@ -6,7 +6,9 @@ use fixtures::captures::{assert_error, place};
 use fixtures::files::{Stored, hdf5, matlab5, matrix, scalar, vector};
 use fixtures::originals::{self, Cube};
 use fixtures::readers::every_reader;
-use thirdbounce::capture::{Bounce, Capture, Gate, Keep, Opened, ReadOptions, Turn, read_given, read_kept};
+use thirdbounce::capture::{
+    Bounce, Capture, Flip, Gate, Keep, Opened, ReadOptions, Turn, read_given, read_kept,
+};
 use thirdbounce::{Error, Kind};
 
 /// What a part must be: all of it, read, and then made smaller.
@@ -70,8 +72,8 @@ fn parts_of_every_format_are_as_if_chosen_afterwards() {
     let folder = tempfile::tempdir().unwrap();
     for (name, _, path, given) in every_reader(folder.path()) {
         assert!(assert_parts(&path, &given, name) > 10, "{name}");
-        for (flip, degrees) in [(Some("x"), None), (Some("xy"), Some(90)), (None, Some(270))] {
-            let turn = Turn::parse(flip, degrees).unwrap();
+        for (flip, degrees) in [(Some(Flip::X), None), (Some(Flip::Xy), Some(90)), (None, Some(270))] {
+            let turn = Turn::of(flip, degrees).unwrap();
             assert_parts(&path, &given.clone().with_turn(turn), &format!("{name}, {turn:?}"));
         }
         if name == "znlos.h5" {
@@ -123,7 +125,7 @@ fn pairs_that_were_not_measured_are_left_out_before_pairs_are_chosen() {
     assert_eq!((whole.dropped, whole.capture.scan), (2, [61, 1]));
     assert_eq!(whole.notes.iter().filter(|n| n.contains("left out")).count(), 2, "{:?}", whole.notes);
     assert!(assert_parts(&path, &ReadOptions::default(), "missing") > 4);
-    let turned = ReadOptions::default().with_turn(Turn::parse(Some("x"), Some(90)).unwrap());
+    let turned = ReadOptions::default().with_turn(Turn::of(Some(Flip::X), Some(90)).unwrap());
     assert!(assert_parts(&path, &turned, "missing, turned") > 4);
 
     // NLOS-Dirac keeps the coordinates of its points, in any order.

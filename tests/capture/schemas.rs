@@ -6,7 +6,7 @@ use fixtures::captures::{assert_error, place};
 use fixtures::files::{Matrix, Stored, hdf5, matlab5, matlab5_struct, matrix, scalar, vector};
 use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
-use thirdbounce::capture::{Bounce, Capture, ReadOptions, Turn, read, read_given};
+use thirdbounce::capture::{Bounce, Capture, Flip, ReadOptions, Turn, read, read_given};
 
 /// Counts of (t, x, y): all different, so that every axis that is mixed up shows.
 fn count(t: usize, x: usize, y: usize) -> f64 {
@@ -454,7 +454,7 @@ fn one_array_has_rows_from_the_top_unless_it_is_turned() {
         let given = ReadOptions::default().with_wall(1.0).with_bin_width(0.01);
         let c = read_given(path, &given).unwrap().capture;
         assert_axes(&c, 0, |ix, iy| [1 - iy, 2 - ix], what);
-        let opened = read_given(path, &given.with_turn(Turn::parse(Some("x"), Some(90)).unwrap())).unwrap();
+        let opened = read_given(path, &given.with_turn(Turn::of(Some(Flip::X), Some(90)).unwrap())).unwrap();
         assert!(opened.notes.iter().any(|n| n.contains("left to right") && n.contains("rotated by 90")));
         // Mirrored, columns run from the right; a quarter clockwise then has them run down.
         assert_eq!(opened.capture.scan, [2, 3]);

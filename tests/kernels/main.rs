@@ -1,5 +1,5 @@
 //! Every kernel against its float64 twin, and the gradients of the twins against finite differences, by the table of
-//! cases in `src/verify/cases.rs`. `THIRDBOUNCE_CASES=WORD` runs those whose name contains the word.
+//! cases in `crates/verify/src/cases.rs`. `THIRDBOUNCE_CASES=WORD` runs those whose name contains the word.
 
 mod place;
 mod plans;
@@ -13,8 +13,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use fixtures::device::{assert_valid, gpu};
 use thirdbounce::solve::Accumulation;
 use thirdbounce::transport::kernels::KERNELS;
-use thirdbounce::transport::twin::{TWINS, twin_of};
-use thirdbounce::verify::{Case, Compared, How, cases};
+use thirdbounce_verify::twin::{TWINS, twin_of};
+use thirdbounce_verify::{Case, Compared, How, cases};
 
 /// What a case compared on an accumulation path.
 type Done = (&'static str, Accumulation, Vec<Compared>);
@@ -77,7 +77,7 @@ fn kernels_compute_what_their_twins_compute() {
         let held =
             KERNELS.iter().map(|k| k.name).filter(|name| !name.starts_with("limit_") && *name != "places");
         let missing: Vec<_> = held.filter(|name| !seen.contains(name)).collect();
-        assert!(missing.is_empty(), "no case in src/verify/cases.rs runs {missing:?}");
+        assert!(missing.is_empty(), "no case in crates/verify/src/cases.rs runs {missing:?}");
     }
 }
 
@@ -92,7 +92,7 @@ fn every_kernel_has_a_twin_of_its_name() {
     };
     let kernels: BTreeSet<String> =
         names("glsl", ".comp").into_iter().filter(|name| !name.starts_with("limit_")).collect();
-    let files = names("src/transport/twin", ".rs");
+    let files = names("crates/verify/src/twin", ".rs");
     let files: BTreeSet<String> =
         files.into_iter().filter(|name| !["mod", "call", "shared"].contains(&name.as_str())).collect();
     assert_eq!(kernels, files);

@@ -5,8 +5,8 @@ use glam::DVec3;
 use thirdbounce::gpu::Schedule;
 use thirdbounce::solve::{OnDevice, Pass, paper, passes};
 use thirdbounce::transport::kernels::*;
-use thirdbounce::transport::twin::{Call, Cells, Raw, Sample, Twin, rendered, twin_of};
 use thirdbounce::transport::{Binning, Model};
+use thirdbounce_verify::twin::{Call, Cells, Raw, Sample, Twin, rendered, twin_of};
 
 /// Floats that are no path of a scene.
 fn strange() -> Vec<f32> {

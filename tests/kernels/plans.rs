@@ -8,7 +8,7 @@ use thirdbounce::solve::passes::RESIDUAL;
 use thirdbounce::solve::{Accumulation, Plan, Sizes, surface};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Model, Reflectance, Wall};
-use thirdbounce::verify::place;
+use thirdbounce_verify::place;
 
 /// A card that has no more than Vulkan promises gets narrower columns where a product's arms lie beside them.
 #[test]

@@ -2,8 +2,9 @@
 
 use fixtures::device::*;
 use glam::{DVec3, dvec3};
+use thirdbounce::solve::gaussian_weights;
 use thirdbounce::transport::kernels::{PaperData, Push};
-use thirdbounce::transport::twin::{Call, Twin, sample_point, taps};
+use thirdbounce_verify::twin::{Call, Twin, sample_point};
 
 #[test]
 fn continuous_samples_stay_within_half_a_voxel_and_cover_it() {
@@ -31,7 +32,7 @@ fn continuous_samples_stay_within_half_a_voxel_and_cover_it() {
 
 #[test]
 fn taps_are_a_truncated_gaussian_that_sums_to_one() {
-    let taps = taps(3.0, 4.0);
+    let taps = gaussian_weights(3.0, 4.0);
     assert_eq!(taps.len(), 13, "cut off at 4 sigma");
     assert!((taps[0] + 2.0 * taps[1..].iter().sum::<f64>() - 1.0).abs() < 1e-12);
     assert!((taps[3] / taps[0] - (-0.5f64).exp()).abs() < 1e-12);

@@ -12,7 +12,7 @@ use thirdbounce::solve::surface::{self, Placed};
 use thirdbounce::solve::{Accumulation, NoiseTerm, OnDevice, Tuning, paper};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, HighPass, Model, Reflectance};
-use thirdbounce::verify::place;
+use thirdbounce_verify::place;
 
 /// More than 65,535 groups, in rows.
 const WIDE: [u32; 3] = [GROUPS_X, 2, 1];
@@ -125,7 +125,7 @@ fn surface_of(gpu: &Gpu, runs: &mut Runs, lanes: [u32; 2]) -> Vec<u32> {
     };
     let o = Fit::of(&grid, 4).with(|o| o.accumulation = Accumulation::Fixed);
     let share = |t: &mut Tuning| [t.row_lanes, t.pixel_lanes] = lanes;
-    let mut job = thirdbounce::verify::job(gpu, &model, &grid, &o, share).expect("the device runs it");
+    let mut job = thirdbounce_verify::job(gpu, &model, &grid, &o, share).expect("the device runs it");
     let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0, left: 2.0 };
     let words = surface::weights(&model, job.plan.finest(), placed, &o.options, 12, 1.0);
     write(&mut job, buffer::SURFACE_WEIGHTS, &words);

@@ -10,8 +10,9 @@ use thirdbounce::capture::Capture;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{Dark, photon_noise};
-use thirdbounce::solve::option::OptionValue;
-use thirdbounce::solve::{Preset, Problem, Reconstruction, SceneTraits, Sharpness, SolverOptions, Watch};
+use thirdbounce::solve::{
+    Method, Preset, Problem, Reconstruction, SceneTraits, Sharpness, SolverOptions, Watch,
+};
 use thirdbounce::transport::{Grid, Volume};
 
 /// Points of the scan along x and y, and the wall's side.
@@ -51,9 +52,7 @@ fn light(laser: Vec<DVec3>, sensor: Vec<DVec3>, targets: &[DVec3]) -> Capture {
 }
 
 fn options(name: &str, lateral: usize, capture: &Capture) -> SolverOptions {
-    let mut options = SolverOptions::defaults_for(name, &SceneTraits::of(capture)).unwrap();
-    options.set("lateral", &OptionValue::Count(lateral));
-    options
+    SolverOptions::defaults_for(name, &SceneTraits::of(capture)).unwrap().with_lateral(lateral)
 }
 
 fn maps(gpu: &Gpu, name: &str, capture: &Capture, volume: Volume, lateral: usize) -> Maps {
@@ -164,11 +163,12 @@ fn images_are_as_sharp_as_noise_lets_them_be() {
     let solve = |name: &str, capture: &Capture, chosen: Option<Sharpness>| {
         let grid = Grid::new(volume, 48, BIN).unwrap();
         let suit = SceneTraits { preset: Preset::Captured, ..SceneTraits::of(capture) };
-        let mut options = SolverOptions::defaults_for(name, &suit).unwrap();
-        options.set("lateral", &OptionValue::Count(48));
+        let mut method = Method::named(name).unwrap();
+        method.set_text("lateral", "48").unwrap();
         if let Some(chosen) = chosen {
-            assert!(options.set(chosen.setting, &OptionValue::Number(chosen.value)));
+            method.set_text(chosen.setting, &chosen.value.to_string()).unwrap();
         }
+        let options = method.options(&suit);
         solved_with(&gpu, &options, capture, grid)
     };
     let bright = photon_noise(&exact, 2000.0, Dark::Counts(0.0), None, 1).unwrap();
@@ -224,7 +224,8 @@ fn the_columns_that_tell_noise_count_as_memory() {
     assert_eq!(refused.kind, Kind::Memory);
     assert!(refused.what.contains(&format!("there are {} MiB", memory >> 20)), "{refused}");
     // A width that is given needs no columns.
-    options.set("filter_width", &OptionValue::Number(0.5));
+    let SolverOptions::Fbp(fbp) = &mut options else { unreachable!() };
+    fbp.filter_width = Some(0.5);
     prepare(&options).unwrap();
 }
 

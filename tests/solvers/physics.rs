@@ -10,8 +10,8 @@ use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{Object, RenderOptions, Scene, rectangle, simulate};
 use thirdbounce::solve::{PaperOptions, Preset, Problem, default_volume, paper};
 use thirdbounce::transport::kernels::buffer;
-use thirdbounce::transport::twin::Sample;
 use thirdbounce::transport::{Binning, Grid, Model, Sampling};
+use thirdbounce_verify::twin::Sample;
 
 /// Histograms of the given samples on the device.
 fn render(gpu: &Gpu, model: &Model, grid: &Grid, samples: &[Sample]) -> Vec<f64> {

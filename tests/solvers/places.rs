@@ -6,8 +6,8 @@ use glam::{DVec3, dvec3};
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::solve::{Accumulation, OnDevice, paper};
 use thirdbounce::transport::kernels::{Push, buffer, constant};
-use thirdbounce::transport::twin::{self, Sample, Twin};
 use thirdbounce::transport::{Binning, Geometry, Gradient, Model, Wall};
+use thirdbounce_verify::twin::{self, Sample, Twin};
 
 const BINS: usize = 40;
 const WIDTH: f64 = 1.0 / 64.0;

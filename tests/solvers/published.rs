@@ -8,8 +8,8 @@ use fixtures::device::*;
 use thirdbounce::capture::Capture;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::paper::reconstruct;
-use thirdbounce::solve::{PaperOptions, Preset, Problem, Watch, default_volume};
-use thirdbounce::transport::{Grid, twin};
+use thirdbounce::solve::{PaperOptions, Preset, Problem, Watch, default_volume, gaussian_weights};
+use thirdbounce::transport::Grid;
 
 /// Side of the wall, metres.
 const WALL: f64 = 1.0;
@@ -174,7 +174,7 @@ impl Published<'_> {
 
     /// Keeps what is above a twentieth of the largest smoothed raw albedo.
     fn reduce(&mut self) {
-        let taps = twin::taps(3.0, 4.0);
+        let taps = gaussian_weights(3.0, 4.0);
         let mut smooth: Vec<f64> =
             self.raw.iter().zip(&self.active).map(|(r, active)| if *active { r[0] } else { 0.0 }).collect();
         for [stride, length] in [[self.n * self.n, self.layers], [self.n, self.n], [1, self.n]] {

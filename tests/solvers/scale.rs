@@ -10,19 +10,20 @@ use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::option::OptionValue;
-use thirdbounce::solve::{Problem, SceneTraits, SolverOptions, SurfaceOptions, Watch};
+use thirdbounce::solve::{Accumulation, Problem, SceneTraits, SolverOptions, SurfaceOptions, Watch};
 use thirdbounce::transport::Grid;
 
 const LATERAL: usize = 24;
 
 fn solved(gpu: &Gpu, solver: &str, capture: &Capture) -> Maps {
-    let mut options =
-        SolverOptions::defaults_for(solver, &SceneTraits::of(capture)).unwrap().with_lateral(LATERAL);
-    options.set("iterations", &OptionValue::Count(24));
-    options.set("double_every", &OptionValue::Count(8));
+    let mut options = SolverOptions::defaults_for(solver, &SceneTraits::of(capture)).unwrap();
+    match &mut options {
+        SolverOptions::Paper(o) => (o.iterations, o.domain.double_every) = (24, 8),
+        SolverOptions::Surface(o) => o.iterations = 24,
+        _ => {}
+    }
     // Sums in a fixed order, so that rounding is all that differs.
-    options.set("accumulation", &OptionValue::Word("repeatable".into()));
+    let options = options.with_lateral(LATERAL).with_accumulation(Accumulation::Repeatable);
     let volume = options.default_volume(capture).unwrap();
     let grid = Grid::new(volume, LATERAL, capture.bin_width).unwrap();
     let mut hear = |_: &_| ControlFlow::Continue(());

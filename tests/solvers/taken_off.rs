@@ -13,9 +13,8 @@ use thirdbounce::job::preset_for;
 use thirdbounce::maps::Truth;
 use thirdbounce::measure::{Metrics, metrics};
 use thirdbounce::simulate::{Dark, RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::option::OptionValue;
 use thirdbounce::solve::{
-    Preset, Problem, Reconstruction, SceneTraits, SolverOptions, Watch, background, variances,
+    Accumulation, Preset, Problem, Reconstruction, SceneTraits, SolverOptions, Watch, background, variances,
 };
 use thirdbounce::transport::Grid;
 
@@ -45,11 +44,13 @@ fn solved(gpu: &Gpu, solver: &str, capture: &Capture, truth: &Truth) -> Metrics 
 
 fn options_of(solver: &str, capture: &Capture) -> SolverOptions {
     let suit = SceneTraits { preset: preset_for(capture), ..SceneTraits::of(capture) };
-    let mut options = SolverOptions::defaults_for(solver, &suit).unwrap().with_lateral(LATERAL);
-    options.set("iterations", &OptionValue::Count(if solver == "paper" { 20 } else { 40 }));
-    options.set("double_every", &OptionValue::Count(10));
-    options.set("accumulation", &OptionValue::Word("repeatable".into()));
-    options
+    let mut options = SolverOptions::defaults_for(solver, &suit).unwrap();
+    match &mut options {
+        SolverOptions::Paper(o) => (o.iterations, o.domain.double_every) = (20, 10),
+        SolverOptions::Surface(o) => o.iterations = 40,
+        _ => {}
+    }
+    options.with_lateral(LATERAL).with_accumulation(Accumulation::Repeatable)
 }
 
 fn solved_with(gpu: &Gpu, options: &SolverOptions, capture: &Capture, truth: &Truth) -> Metrics {
@@ -87,7 +88,11 @@ fn closed_forms_take_the_background_of_each_pair_off() {
     for (solver, upsample) in [("lct", 1), ("lct", 2), ("bp", 2)] {
         let iou = |capture: &Capture| {
             let mut options = SolverOptions::defaults_for(solver, &SceneTraits::of(capture)).unwrap();
-            options.set("upsample", &OptionValue::Count(upsample));
+            match &mut options {
+                SolverOptions::Lct(o) => o.image.upsample = upsample,
+                SolverOptions::Bp(o) => o.image.upsample = upsample,
+                _ => unreachable!("{solver}"),
+            }
             let done = reconstructed(&gpu, &options.with_lateral(LATERAL), capture);
             metrics(&done.maps, &truth, 0.3).unwrap().best_iou.unwrap()
         };
@@ -133,8 +138,9 @@ fn results_are_no_worse_than_with_the_background() {
         let [with, without] = [&counts, &taken_off].map(|c| {
             let mut options = options_of(solver, c);
             // As a run finds it for such counts.
-            options.set("high_pass", &OptionValue::Number(0.1));
-            options.set("high_pass_floor", &OptionValue::Number(0.3));
+            if let SolverOptions::Surface(o) = &mut options {
+                (o.high_pass, o.high_pass_floor) = (Some(0.1), 0.3);
+            }
             let m = solved_with(&gpu, &options, c, &truth);
             let best = m.at_best.unwrap();
             [m.best_iou.unwrap(), best.depth_mae.unwrap(), best.normal_error_deg.unwrap()]

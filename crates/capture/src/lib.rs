@@ -15,11 +15,14 @@ pub mod data;
 #[cfg(feature = "formats")]
 pub mod readers;
 
-pub use conditioning::{AutoGate, Background, Gate, Keep, Turn, auto_gate, published_gate, recorded_gate};
+pub use conditioning::{
+    AutoGate, Background, Flip, Gate, Keep, Turn, auto_gate, published_gate, recorded_gate,
+};
 #[doc(hidden)]
 pub use conditioning::{calibrate, gate, negative};
 pub use data::{
-    Capture, METRES_PER_PICOSECOND, PairKind, Product, Pulse, PulseTaps, Reflectance, Summary, Way,
+    AxisOrder, Bounce, Capture, METRES_PER_PICOSECOND, PairKind, Product, Pulse, PulseTaps, Reflectance,
+    Summary, Way,
 };
 #[doc(hidden)]
 pub use data::{check, lattice, median, nearest, pairs, pulse, scan, summary};
@@ -27,9 +30,7 @@ pub use data::{check, lattice, median, nearest, pairs, pulse, scan, summary};
 #[doc(hidden)]
 pub use readers as formats;
 #[cfg(feature = "formats")]
-pub use readers::{
-    AxisOrder, Bounce, Opened, ReadOptions, read, read_given, read_kept, read_with_notes, write,
-};
+pub use readers::{Opened, ReadOptions, read, read_given, read_kept, read_with_notes, write};
 
 use thirdbounce_base::error;
 #[cfg(feature = "formats")]

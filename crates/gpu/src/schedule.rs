@@ -187,12 +187,6 @@ impl Schedule {
         self.commands.push(Command::Fill { buffer, offset: 4 * u64::from(index), bytes: 4, value });
     }
 
-    /// Copies the 32-bit word `from` of a buffer to its word `to`.
-    pub fn copy_word(&mut self, buffer: Buffer, from: u32, to: u32) {
-        let [from_offset, to_offset] = [from, to].map(|index| 4 * u64::from(index));
-        self.commands.push(Command::Copy { from: buffer, from_offset, to: buffer, to_offset, bytes: 4 });
-    }
-
     /// Starts a stage.
     pub fn stage(&mut self, name: &'static str, values: &[(&'static str, u64)]) {
         self.commands.push(Command::Stage(Stage::new(name, values)));

@@ -72,6 +72,11 @@ pub trait HostMethod: Options + Clone + Send + Sync + 'static {
         None
     }
 
+    /// The setting of the ladder.
+    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
+        None
+    }
+
     /// The volume at the voxels of `grid`. Counts are without background. A sharpness that the options leave open is the
     /// first of the ladder.
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume;

@@ -28,7 +28,7 @@ pub fn plan<M: HostMethod>(options: &M, problem: &Problem<'_>, abilities: &Abili
     // What is open is the sharpest. The softest needs more of some arrays, and less of others.
     let mut own = options.arrays(&fine, &finest, &grid);
     if let Some(ladder) = ladder {
-        let soft = with(options, ladder.setting, ladder.softest()).arrays(&fine, &finest, &grid);
+        let soft = with(options, M::sharpness, ladder.softest()).arrays(&fine, &finest, &grid);
         own.iter_mut().zip(soft).for_each(|((_, most), (_, bytes))| *most = bytes.max(*most));
     }
     let tossed = ladder.map(|_| {
@@ -128,7 +128,7 @@ impl<M: HostMethod> Prepared for OnHost<M> {
             };
             let tossed = of(&with_random_signs(capture), false);
             let (chosen, volume) = ladder.choose(|value| {
-                let options = with(options, ladder.setting, value);
+                let options = with(options, M::sharpness, value);
                 let [mut light, mut tossed] =
                     [&light, &tossed].map(|counts| options.volume(counts, &fine, grid));
                 if *is_start {

@@ -13,7 +13,6 @@ use super::image::{brightest, level_over_haze};
 use crate::Result;
 use crate::capture::Capture;
 use crate::maps::percentile;
-use crate::solve::option::{OptionValue, Options};
 use crate::solve::{ImageNoise, Sharpness};
 
 /// The setting of a method that trades sharpness for noise.
@@ -31,19 +30,17 @@ const HARMLESS: f64 = 0.67;
 /// Counts above this are tossed as a sum of this many coins, whose distribution is as good as that of all.
 const COINS: u32 = 64;
 
+/// The setting of a method that a ladder is for; `None` without one.
+pub type Setting<M> = fn(&mut M) -> Option<&mut Option<f64>>;
+
 /// The options with a value of a setting.
-pub fn with<M: Options + Clone>(options: &M, setting: &str, value: f64) -> M {
+pub fn with<M: Clone>(options: &M, setting: Setting<M>, value: f64) -> M {
     let mut options = options.clone();
-    options.set(setting, &OptionValue::Number(value));
+    setting(&mut options).into_iter().for_each(|setting| *setting = Some(value));
     options
 }
 
 impl Ladder {
-    /// The ladder, if the options leave its setting open.
-    pub fn if_open(self, options: &dyn Options) -> Option<Ladder> {
-        (options.get(self.setting) == Some(OptionValue::Unset)).then_some(self)
-    }
-
     /// The sharpest value, where noise is not known.
     pub fn sharpest(&self) -> Sharpness {
         Sharpness { setting: self.setting, value: self.values[0], sharpest: self.values[0], noise: None }

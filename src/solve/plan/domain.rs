@@ -1,7 +1,6 @@
 //! Room for active voxels.
 
 use super::{Demand, Level, Needs};
-use crate::transport::twin;
 
 /// Room for active voxels or points.
 #[derive(Debug, Clone, PartialEq)]
@@ -18,7 +17,15 @@ impl Domain {
     /// The domain of a volume with these levels.
     pub(super) fn of(levels: &[Level], needs: &dyn Needs, demand: &Demand) -> Domain {
         let [capacity, touched_capacity] = needs.capacities(levels);
-        let taps = demand.smooth.map_or(vec![], |[sigma, cut]| twin::taps(sigma, cut));
+        let taps = demand.smooth.map_or(vec![], |[sigma, cut]| gaussian_weights(sigma, cut));
         Domain { capacity, touched_capacity, taps }
     }
+}
+
+/// Weights 0..=radius of a Gaussian of `sigma` voxels, cut off at `truncate` sigmas. They sum to 1 over both sides.
+pub fn gaussian_weights(sigma: f64, truncate: f64) -> Vec<f64> {
+    let radius = (truncate * sigma + 0.5) as usize;
+    let half: Vec<f64> = (0..=radius).map(|i| (-0.5 * (i as f64 / sigma).powi(2)).exp()).collect();
+    let sum = half[0] + 2.0 * half[1..].iter().sum::<f64>();
+    half.into_iter().map(|w| w / sum).collect()
 }

@@ -29,7 +29,7 @@ mod tuning;
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, UPLOAD};
 pub use demand::Demand;
 pub use divide::Division;
-pub use domain::Domain;
+pub use domain::{Domain, gaussian_weights};
 pub use left_out::{LeftOut, mebibytes};
 pub use level::{Level, Pairs};
 pub use levels::{AMPLE, Levels};

@@ -8,6 +8,7 @@
 use std::collections::BTreeMap;
 
 use super::pixels::white;
+use super::support::{edge, regions};
 use crate::maps::{Layer, Maps};
 use crate::solve::plan::AMPLE;
 
@@ -27,9 +28,6 @@ const LEAST_CELLS: f64 = 4.0;
 pub fn least_columns(nx: usize) -> f64 {
     LEAST_CELLS * (nx as f64 / AMPLE as f64).powi(2)
 }
-
-/// Slope between neighbouring columns of a sheet, at most.
-const EDGE: f32 = 2.5;
 
 /// Divides the volume's surfaces between two layers: `first` and `second` are the brightest and the second surface of
 /// every column. `least`: the columns that two sheets share at least if they count. `None` if no second surface counts.
@@ -88,33 +86,12 @@ fn shared(sheets: &[Vec<usize>], count: usize) -> Vec<Vec<usize>> {
 /// column at most. `maps` gives the columns; `depth` is by node.
 fn sheets(maps: &Maps, depth: &[f32], there: &[bool]) -> Vec<Vec<usize>> {
     let count = maps.nx * maps.ny;
-    let [x0, x1, y0, y1] = maps.extent;
-    let edge = EDGE * (((x1 - x0) / maps.nx as f64).max((y1 - y0) / maps.ny as f64)) as f32;
-    let mut sheet_of = vec![usize::MAX; 2 * count];
-    let mut all: Vec<Vec<usize>> = vec![];
-    for begin in (0..2 * count).filter(|n| there[*n]) {
-        if sheet_of[begin] != usize::MAX {
-            continue;
-        }
-        let number = all.len();
-        let mut sheet = vec![begin];
-        sheet_of[begin] = number;
-        let mut at = 0;
-        while at < sheet.len() {
-            let node = sheet[at];
-            at += 1;
-            for next in beside(maps, node % count).flat_map(|c| [c, count + c]) {
-                let mate = (next + count) % (2 * count);
-                let near = there[next] && (depth[next] - depth[node]).abs() < edge;
-                if near && sheet_of[next] == usize::MAX && sheet_of[mate] != number {
-                    sheet_of[next] = number;
-                    sheet.push(next);
-                }
-            }
-        }
-        all.push(sheet);
-    }
-    all
+    let edge = edge(maps);
+    regions(
+        there,
+        |node| beside(maps, node % count).flat_map(move |c| [c, count + c]),
+        |node, next, is_in| (depth[next] - depth[node]).abs() < edge && !is_in((next + count) % (2 * count)),
+    )
 }
 
 /// The four neighbours of a column, fewer at borders.

@@ -281,7 +281,7 @@ impl PreparedSurface {
         if change == Change::Cut {
             return Ok(None);
         }
-        let Last { layers, left, mut closed, .. } = last;
+        let Last { layers, left, mut closed, is_whole } = last;
         let mut layers = follow::scaled(layers, scale);
         if change == Change::Some {
             let (found, seconds) = self.start(wide, watch)?;
@@ -304,7 +304,8 @@ impl PreparedSurface {
         }
         let fits = Fits { options: &self.options, of: rounds * each + wanted, blends: self.blends, until };
         let plan = [rounds, each, wanted];
-        fits.warm(&mut self.fine, layers, closed, (seen, left), plan, watch, driven).map(Some)
+        let last = Last { layers, left, closed, is_whole };
+        fits.warm(&mut self.fine, last, seen, plan, watch, driven).map(Some)
     }
 }
 
@@ -446,14 +447,12 @@ impl Fits<'_> {
     }
 
     /// Fits from the previous frame's surface: maximum rounds, iterations per round, and final iterations.
-    /// `closed`: as for [`Fits::shown`]. Also takes the quality of the layers, and the reference of the frame before.
-    #[allow(clippy::too_many_arguments)] // all of it is one frame
+    /// `seen`: quality of the layers of `last` in this frame.
     fn warm(
         &self,
         fine: &mut Fit,
-        mut layers: Vec<Maps>,
-        closed: Option<Vec<Maps>>,
-        (seen, reference): (Quality, f64),
+        Last { mut layers, left: reference, closed, .. }: Last,
+        seen: Quality,
         [rounds, each, iterations]: [usize; 3],
         watch: &mut Watch<'_>,
         mut driven: Driven,

@@ -5,8 +5,6 @@
 //! surroundings are averaged, and loses islands indistinguishable from noise. One rim pixel
 //! alone has too little evidence; its smoothed surroundings have enough.
 
-use std::collections::VecDeque;
-
 use rayon::prelude::*;
 
 use crate::maps::{Maps, percentile};
@@ -218,30 +216,54 @@ fn drop_islands(maps: &mut Maps) {
 
 /// Removes the connected regions that `is_kept` rejects. Steps in depth above [`EDGE`] separate regions.
 pub fn retain_regions(maps: &mut Maps, is_kept: impl Fn(&Maps, &[usize]) -> bool) {
+    let edge = edge(maps);
+    let there: Vec<bool> = maps.depth.iter().map(|z| z.is_finite()).collect();
+    let all = regions(
+        &there,
+        |pixel| around(maps, pixel, 1).map(|(other, _)| other),
+        |pixel, other, _| (maps.depth[other] - maps.depth[pixel]).abs() < edge,
+    );
+    let rejected: Vec<usize> = all.into_iter().filter(|region| !is_kept(maps, region)).flatten().collect();
+    rejected.into_iter().for_each(|pixel| remove(maps, pixel));
+}
+
+/// Steps in depth between neighbouring pixels of a region are below this.
+pub fn edge(maps: &Maps) -> f32 {
     let [px, py] = pixel_pitch(maps);
-    let edge = EDGE * px.max(py);
-    let mut seen: Vec<bool> = maps.depth.iter().map(|z| !z.is_finite()).collect();
-    let mut rejected = vec![];
-    for start in 0..maps.depth.len() {
-        if seen[start] {
+    EDGE * px.max(py)
+}
+
+/// Connected regions of the nodes that are `there`, each breadth first. A node joins the region of `from` where
+/// `joins(from, node, is_in)`; `is_in` says whether a node is in that region.
+pub fn regions<N: Iterator<Item = usize>>(
+    there: &[bool],
+    beside: impl Fn(usize) -> N,
+    joins: impl Fn(usize, usize, &dyn Fn(usize) -> bool) -> bool,
+) -> Vec<Vec<usize>> {
+    let mut region_of = vec![usize::MAX; there.len()];
+    let mut all: Vec<Vec<usize>> = vec![];
+    for begin in (0..there.len()).filter(|node| there[*node]) {
+        if region_of[begin] != usize::MAX {
             continue;
         }
-        seen[start] = true;
-        let (mut region, mut queue) = (vec![start], VecDeque::from([start]));
-        while let Some(pixel) = queue.pop_front() {
-            for (other, _) in around(maps, pixel, 1) {
-                if !seen[other] && (maps.depth[other] - maps.depth[pixel]).abs() < edge {
-                    seen[other] = true;
-                    region.push(other);
-                    queue.push_back(other);
+        let number = all.len();
+        let mut region = vec![begin];
+        region_of[begin] = number;
+        let mut at = 0;
+        while at < region.len() {
+            let from = region[at];
+            at += 1;
+            for node in beside(from) {
+                let is_free = there[node] && region_of[node] == usize::MAX;
+                if is_free && joins(from, node, &|other| region_of[other] == number) {
+                    region_of[node] = number;
+                    region.push(node);
                 }
             }
         }
-        if !is_kept(maps, &region) {
-            rejected.extend(region);
-        }
+        all.push(region);
     }
-    rejected.into_iter().for_each(|pixel| remove(maps, pixel));
+    all
 }
 
 /// Replaces albedos by their geometric mean with those of the closed form, which errs in other ways: where the model error is

@@ -5,4 +5,4 @@ use crate::gpu::{Binding, Buffer, Constant, KernelCode, View};
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 
 #[cfg(test)]
-pub(crate) mod tests;
+mod tests;

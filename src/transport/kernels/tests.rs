@@ -1,7 +1,5 @@
 //! The compiled modules: what they count, declare and bind, and what the device makes of them.
 
-use std::sync::Mutex;
-
 use super::{KERNELS, buffer, kernel};
 use crate::gpu::{
     Arena, Buffer, BufferPlan, Executor, Faults, Gpu, GpuOptions, Guarded, Kernel, KernelCode, MOST_STORAGE,
@@ -187,12 +185,8 @@ fn executors_share_their_kernels() {
     assert_eq!(made(&[(constant, 3)], &mut executors), 0, "it stays for who comes later");
 }
 
-/// Held by who opens a device under the validation layer: the layer's own map of devices takes no lock.
-pub(crate) static UNDER_THE_LAYER: Mutex<()> = Mutex::new(());
-
 #[test]
 fn an_instrumented_kernel_tells_of_it() {
-    let _alone = UNDER_THE_LAYER.lock();
     let messages = |groups| {
         let gpu = open(&GpuOptions { instrumented: true, ..GpuOptions::default() });
         run(&gpu, DOWN, groups);

@@ -26,7 +26,7 @@ pub use background::Background;
 pub use gate::{AutoGate, Gate, auto_gate, published_gate};
 pub use keep::Keep;
 pub use recorded::recorded_gate;
-pub use turn::Turn;
+pub use turn::{Flip, Turn};
 
 use crate::data::{Capture, Pulse};
 use crate::error::{Error, Result};

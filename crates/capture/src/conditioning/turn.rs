@@ -1,10 +1,23 @@
 //! Mirrors and rotates captures, for files that do not say how the scan lies on the wall.
 
 use glam::DVec3;
+use serde::{Deserialize, Serialize};
 
 use super::choose::Order;
 use crate::data::{Capture, PairKind};
 use crate::error::{Error, Result};
+
+/// How a scan is mirrored, as seen in the pictures.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Flip {
+    /// Left and right swap.
+    X,
+    /// Top and bottom swap.
+    Y,
+    /// Both.
+    Xy,
+}
 
 /// How a capture is mirrored and then rotated. The default changes nothing.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
@@ -18,23 +31,13 @@ pub struct Turn {
 }
 
 impl Turn {
-    /// Reads a mirroring (`x`, `y` or `xy`) and an angle in degrees (90, 180 or 270). Both are optional.
+    /// A mirroring, then a rotation by an angle in degrees: 90, 180 or 270.
     ///
     /// # Errors
-    /// `Kind::Options` for anything else.
-    pub fn parse(flip: Option<&str>, degrees: Option<u32>) -> Result<Turn> {
-        let (flip_x, flip_y) = match flip {
-            None => (false, false),
-            Some("x") => (true, false),
-            Some("y") => (false, true),
-            Some("xy") => (true, true),
-            Some(text) => {
-                return Err(Error::options(
-                    format!("the flip {text:?} is not known"),
-                    "give x to swap left and right, y to swap up and down, or xy for both",
-                ));
-            }
-        };
+    /// `Kind::Options`: another angle.
+    pub fn of(flip: Option<Flip>, degrees: Option<usize>) -> Result<Turn> {
+        let flip_x = matches!(flip, Some(Flip::X | Flip::Xy));
+        let flip_y = matches!(flip, Some(Flip::Y | Flip::Xy));
         let quarters = match degrees {
             None => 0,
             Some(degrees @ (90 | 180 | 270)) => (degrees / 90) as u8,
@@ -173,9 +176,9 @@ mod tests {
         ]
     }
 
-    fn turn(flip: &str, degrees: u32) -> Turn {
-        let flip = (!flip.is_empty()).then_some(flip);
-        Turn::parse(flip, (degrees > 0).then_some(degrees)).unwrap()
+    fn turn(flip: &str, degrees: usize) -> Turn {
+        let flip = [("x", Flip::X), ("y", Flip::Y), ("xy", Flip::Xy)].into_iter().find(|row| row.0 == flip);
+        Turn::of(flip.map(|row| row.1), (degrees > 0).then_some(degrees)).unwrap()
     }
 
     #[test]
@@ -243,8 +246,8 @@ mod tests {
         assert_eq!(turn("", 0).note(), None);
         let note = turn("y", 270).note().unwrap();
         assert!(note.contains("top to bottom") && note.contains("rotated by 270"), "{note}");
-        for (flip, degrees) in [(Some("z"), None), (Some(""), None), (None, Some(0)), (None, Some(45))] {
-            let error = Turn::parse(flip, degrees).unwrap_err();
+        for degrees in [0, 45] {
+            let error = Turn::of(None, Some(degrees)).unwrap_err();
             assert_eq!(error.kind, crate::error::Kind::Options);
         }
     }

@@ -3,6 +3,7 @@
 pub mod check;
 pub(crate) mod histogram_figures;
 pub mod lattice;
+mod layout;
 pub mod median;
 pub mod nearest;
 pub mod pairs;
@@ -11,6 +12,7 @@ pub(crate) mod reflectance;
 pub mod scan;
 pub mod summary;
 
+pub use layout::{AxisOrder, Bounce};
 pub use pairs::{PairKind, Product};
 pub use pulse::{Pulse, PulseTaps, Way};
 pub use reflectance::Reflectance;

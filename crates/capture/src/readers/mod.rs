@@ -40,7 +40,7 @@ mod zones;
 pub use crate::conditioning::legs;
 pub use contents::HDF5;
 pub use opened::Opened;
-pub use read_options::{AxisOrder, Bounce, ReadOptions};
+pub use read_options::ReadOptions;
 
 use contents::Contents;
 use unread::Unread;

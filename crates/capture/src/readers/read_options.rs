@@ -2,74 +2,10 @@
 
 use std::path::PathBuf;
 
-use crate::Turn;
 use crate::advice::advice;
 use crate::conditioning::Conditioning;
 use crate::error::{Error, Result};
-
-/// The bounces of a rendered capture that are used.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Bounce {
-    /// Bounce number n, from 2 on. 3 is wall, hidden scene, wall.
-    Nth(usize),
-    /// The sum of all bounces in the file.
-    All,
-}
-
-impl Bounce {
-    /// Reads `third`, `all` or a number from 2.
-    ///
-    /// # Errors
-    /// `Kind::Options` for anything else.
-    pub fn parse(text: &str) -> Result<Bounce> {
-        match (text, text.parse()) {
-            ("third", _) => Ok(Bounce::Nth(3)),
-            ("all", _) => Ok(Bounce::All),
-            (_, Ok(n)) if n >= 2 => Ok(Bounce::Nth(n)),
-            _ => Err(Error::options(
-                format!("the bounce {text:?} is not known"),
-                "give third (wall, hidden scene, wall), all, or a number from 2",
-            )),
-        }
-    }
-}
-
-/// The order of the axes of an array of counts: places of x, y and the bins, axis 0 is the slowest.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct AxisOrder([usize; 3]);
-
-impl AxisOrder {
-    /// Reads the letters x, y and t in the order of the axes, as the program that wrote the file shows them: `xyt`, `txy`.
-    ///
-    /// # Errors
-    /// `Kind::Options` for anything else.
-    pub fn parse(text: &str) -> Result<AxisOrder> {
-        let place = |letter| text.find(letter).filter(|_| text.len() == 3);
-        match (place('x'), place('y'), place('t')) {
-            (Some(x), Some(y), Some(t)) => Ok(AxisOrder([x, y, t])),
-            _ => Err(Error::options(
-                format!("the axes {text:?} are not known"),
-                "give the letters x, y and t in the order of the axes, such as xyt for counts [x, y, t]",
-            )),
-        }
-    }
-
-    /// The bins at this axis in C order, then x before y.
-    pub(super) fn with_bins_at(t: usize) -> AxisOrder {
-        let others = [[1, 2], [0, 2], [0, 1]][t];
-        AxisOrder([others[0], others[1], t])
-    }
-
-    /// The same axes in C order; MATLAB shows them reversed.
-    pub(super) fn in_c_order(self, matlab: bool) -> AxisOrder {
-        if matlab { AxisOrder(self.0.map(|place| 2 - place)) } else { self }
-    }
-
-    /// The axes of x, y and the bins.
-    pub(super) fn places(self) -> [usize; 3] {
-        self.0
-    }
-}
+use crate::{AxisOrder, Bounce, Turn};
 
 /// Values that the user gives because the file does not hold them; none by default.
 #[derive(Debug, Clone, Default, PartialEq)]

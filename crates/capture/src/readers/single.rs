@@ -8,9 +8,10 @@
 
 use super::ReadCapture;
 use super::frame::{self, Axes, Run};
-use super::read_options::{AxisOrder, ReadOptions};
+use super::read_options::ReadOptions;
 use super::unread::Unread;
 use super::variables::Variables;
+use crate::AxisOrder;
 use crate::Capture;
 use crate::advice::advice;
 use crate::error::{Error, Result};

@@ -124,6 +124,11 @@ pub(super) trait Projection: Options + Clone + Send + Sync + 'static {
         None
     }
 
+    /// The setting of the ladder.
+    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
+        None
+    }
+
     /// The filters, one for each projection: words of `filter.comp`. `bin` and `step` are the width of a bin and the
     /// distance of scan points, metres.
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>>;
@@ -162,7 +167,11 @@ impl Projection for FbpOptions {
 
     // A few columns cannot tell what a filter of the volume does.
     fn ladder(&self) -> Option<Ladder> {
-        WIDTHS.if_open(self).filter(|_| self.filter == Filter::Path)
+        (self.filter_width.is_none() && self.filter == Filter::Path).then_some(WIDTHS)
+    }
+
+    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
+        Some(&mut self.filter_width)
     }
 
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
@@ -205,7 +214,11 @@ impl Projection for PhasorBpOptions {
     }
 
     fn ladder(&self) -> Option<Ladder> {
-        BP_WAVELENGTHS.if_open(self)
+        self.wavelength.is_none().then_some(BP_WAVELENGTHS)
+    }
+
+    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
+        Some(&mut self.wavelength)
     }
 
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {

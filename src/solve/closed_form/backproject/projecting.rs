@@ -228,7 +228,7 @@ impl<M: Projection> Projecting<M> {
         let tossed = with_random_signs(capture);
         let mut dark = Light::of(&tossed, self.scan.as_ref(), self.options.image(), false);
         let (chosen, weights) = ladder.choose(|value| {
-            let options = with(&self.options, ladder.setting, value);
+            let options = with(&self.options, M::sharpness, value);
             dark.scale = Some(columns.take(&self.rows, light)?);
             let (grid, mut light) = columns.image(&options, capture.bin_width, step)?;
             columns.take(&self.rows, &dark)?;
@@ -249,7 +249,7 @@ impl<M: Projection> Projecting<M> {
         let (sharpness, weights) = self.sharpness(capture, &light, step)?;
         self.all.take(&self.rows, &light)?;
         let options = match sharpness {
-            Some(chosen) => with(&self.options, chosen.setting, chosen.value),
+            Some(chosen) => with(&self.options, M::sharpness, chosen.value),
             None => self.options.clone(),
         };
         let (grid, mut albedo) = self.all.image(&options, capture.bin_width, step)?;

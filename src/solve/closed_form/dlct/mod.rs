@@ -88,7 +88,11 @@ impl HostMethod for DlctOptions {
     }
 
     fn ladder(&self) -> Option<Ladder> {
-        SNR.if_open(self)
+        self.snr.is_none().then_some(SNR)
+    }
+
+    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
+        Some(&mut self.snr)
     }
 
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {

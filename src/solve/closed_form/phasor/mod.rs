@@ -147,7 +147,11 @@ impl HostMethod for PhasorOptions {
     }
 
     fn ladder(&self) -> Option<Ladder> {
-        WAVELENGTHS.if_open(self)
+        self.wavelength.is_none().then_some(WAVELENGTHS)
+    }
+
+    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
+        Some(&mut self.wavelength)
     }
 
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {

@@ -1,0 +1,69 @@
+//! `thirdbounce convert IN OUT`.
+
+use std::path::PathBuf;
+
+use thirdbounce::{Error, Result, capture, job};
+use thirdbounce_tags::{self as tags, Inputs};
+
+use crate::instrument::instrument;
+
+use super::settings::{FILE, SettingsArgs};
+use super::terminal::{print, say};
+use super::{histogram, interrupt};
+
+#[derive(clap::Args)]
+pub struct Args {
+    /// Capture to read: a file of any known format, or the folder of a capture with several files
+    #[arg(value_name = "IN")]
+    from: PathBuf,
+    /// Capture to write: .npz, .hdf5 for y-tal, or .mat for meas and tofgrid as in Stanford's f-k captures
+    #[arg(value_name = "OUT")]
+    to: PathBuf,
+    /// Sum every N neighbouring bins
+    #[arg(long, value_name = "N")]
+    bin: Option<usize>,
+    /// Keep every Nth scan point in x and in y
+    #[arg(long, value_name = "N")]
+    stride: Option<usize>,
+    /// Sum the histograms of every N x N neighbouring scan points
+    #[arg(long, value_name = "N", conflicts_with = "stride")]
+    sum: Option<usize>,
+    #[command(flatten)]
+    settings: SettingsArgs<FILE>,
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    job::check_not_input(&args.to, [args.from.as_path()])?;
+    let settings = args.settings.settings()?;
+    if tags::hold_tags(&args.from) {
+        let found = instrument(&args.from, Inputs::default())?;
+        return Err(Error::input(
+            format!(
+                "{}: holds time tags ({}), and a capture needs the points of the scan",
+                args.from.display(),
+                found.instrument
+            ),
+            histogram::command(&found),
+        ));
+    }
+    let opened = capture::read_given(&args.from, &job::reading(&settings)?)?;
+    opened.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    let mut capture = opened.capture;
+    if let Some(size) = settings.wall {
+        capture.set_wall(size)?;
+    }
+    if let Some(n) = args.stride {
+        capture = capture.stride(n)?;
+    }
+    if let Some(n) = args.sum {
+        capture = capture.summed(n)?;
+    }
+    if let Some(n) = args.bin {
+        capture = capture.binned(n)?;
+    }
+    interrupt::stop_in_order();
+    let notes = capture::write(&capture, &args.to)?;
+    notes.iter().for_each(|note| say(&format!("note: {note}")));
+    print(&format!("{}\nwrote     {}", capture.summary(), args.to.display()));
+    Ok(())
+}

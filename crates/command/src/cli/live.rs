@@ -1,0 +1,337 @@
+//! `thirdbounce live SOURCE --capture SCAN`.
+
+use std::fs::File;
+use std::io::Write;
+use std::net::{IpAddr, Ipv4Addr, SocketAddr};
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::{Duration, SystemTime, UNIX_EPOCH};
+
+use serde_json::{Value, json};
+
+use crate::live::{self, Figures, News, Page, Shows, Source, Summary};
+use thirdbounce::gpu::{Gpu, GpuOptions};
+use thirdbounce::maps::Maps;
+use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
+use thirdbounce::solve::units::{length, milliseconds};
+use thirdbounce::solve::{Follow, Reconstruction};
+use thirdbounce::{Error, Result, capture, export, job};
+
+use super::settings::{METHOD, SettingsArgs};
+use super::terminal::{print, say, say_error};
+use super::{advice, interrupt};
+
+#[derive(clap::Args)]
+pub struct Args {
+    /// Where frames come from: a folder in which npz captures appear, or - for a stream of frames (docs/batch-and-live.md) on the
+    /// standard input
+    source: PathBuf,
+    /// A capture with the points, bins, pulse and spots of all frames. If it has light, the box ends where its light does, and
+    /// model and pulse are estimated, as in reconstruct
+    #[arg(long, value_name = "CAPTURE")]
+    capture: PathBuf,
+    /// Serve a page with the newest maps, the totals and the last error on this port of the loopback, for a browser on this
+    /// machine; 0: a free port. With an address before it (0.0.0.0:8080) other machines reach it, too, without a password
+    #[arg(long, value_name = "[ADDRESS:]PORT", value_parser = page_address)]
+    page: Option<SocketAddr>,
+    /// Depths of the first and last colour on the page: 50cm:1.5m [default: those of the reconstructed box]
+    #[arg(long, value_name = "NEAR:FAR", requires = "page", value_parser = depths)]
+    page_depths: Option<[f64; 2]>,
+    /// Time between frames. The page is stale after three without a result [default: the median of the last frames]
+    #[arg(long, value_name = "TIME", requires = "page", value_parser = milliseconds)]
+    interval: Option<f64>,
+    /// What becomes of frames that come while one is solved: newest keeps the newest, every solves all, sum:D adds all up
+    /// and multiplies the sum by D before each
+    #[arg(long, value_name = "newest|every|sum:D", default_value = "newest")]
+    feed: String,
+    /// Time for a frame: 200ms, 0.2s, milliseconds as a plain number; as many iterations as fit
+    #[arg(long, value_name = "TIME", value_parser = milliseconds)]
+    budget: Option<f64>,
+    /// Solve every frame from the beginning, not from the frame before
+    #[arg(long, conflicts_with = "budget")]
+    cold: bool,
+    /// Folder for results: a line of JSON in frames.jsonl for every frame, its maps in frames/NAME.npz, and at the end all
+    /// files of the last frame. Lines and maps are written as frames are solved
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+    /// Keep the maps of every Nth solved frame; 0: of the last one only
+    #[arg(long, value_name = "N", default_value_t = 1, requires = "out")]
+    keep: u64,
+    /// End after N frames
+    #[arg(long, value_name = "N")]
+    frames: Option<u64>,
+    /// Index or part of the name of the Vulkan device [default: the best]
+    #[arg(long, value_name = "DEVICE", help_heading = "Device")]
+    device: Option<String>,
+    /// No line for each frame
+    #[arg(long, short)]
+    quiet: bool,
+    #[command(flatten)]
+    settings: SettingsArgs<METHOD>,
+}
+
+pub fn run(args: &Args) -> Result<ExitCode> {
+    let settings = args.settings.settings()?;
+    let (feed, interval) = (feed(&args.feed)?, seconds("interval", args.interval)?);
+    let options = SessionOptions { feed, follow: follow(args)?, ..SessionOptions::default() };
+    interrupt::stop_in_order();
+    let (source, scan) = (source(args)?, capture::read(&args.capture)?);
+    let mut kept = args.out.as_deref().map(|out| Kept::open(out, args.keep)).transpose()?;
+    let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
+    let shows = Shows { depths: args.page_depths, interval };
+    let page = args.page.map(|address| Page::serve(address, shows)).transpose()?;
+    page.iter().for_each(|page| introduce(page.address(), args.quiet));
+    let (session, notes) =
+        thirdbounce::session_with(&gpu, &scan, &settings, options, &mut |_| interrupt::asked())?;
+    if !args.quiet {
+        notes.iter().for_each(|note| say(&format!("note: {note}")));
+    }
+    let (mut drift, mut unwritten) = (Drift::default(), None);
+    let mut keep = |record: &mut dyn FnMut(&mut Kept) -> Result<()>| match kept.as_mut().map(record) {
+        Some(Err(error)) => {
+            unwritten = Some(error);
+            ControlFlow::Break(())
+        }
+        _ => interrupt::asked(),
+    };
+    let done = live::run(session, &source, page.as_ref(), &mut |news| match news {
+        News::Solved(name, frame, latency) => {
+            if !args.quiet {
+                print(&line(name, frame, &latency));
+                if drift.shows(&frame.result) {
+                    say(DRIFTED);
+                }
+            }
+            keep(&mut |kept| kept.solved(name, frame, &latency))?;
+            match args.frames {
+                Some(most) if latency.frames >= most => ControlFlow::Break(()),
+                _ => ControlFlow::Continue(()),
+            }
+        }
+        News::Dropped(name) => {
+            let status = if matches!(feed, Feed::Sum { .. }) { "summed" } else { "dropped" };
+            keep(&mut |kept| kept.line(json!({"frame": name, "status": status})))
+        }
+        News::Failed(name, error) => {
+            let hint = advice::text(&error.hint);
+            say_error("", &error.what, &hint);
+            let failed = json!({"frame": name, "status": "failed", "error": error.what, "hint": hint});
+            keep(&mut |kept| kept.line(failed.clone()))
+        }
+        News::Idle => interrupt::asked(),
+    })?;
+    if let Some(error) = unwritten {
+        return Err(error);
+    }
+    if let Some((out, maps)) = kept.as_ref().and_then(|kept| Some((&kept.out, kept.last.as_ref()?))) {
+        export::write_maps(out, maps)?;
+        print(&format!("wrote     {}", out.display()));
+    }
+    print(&summary(&done));
+    if done.arrived + done.failed == 0 && source == Source::Stdin && interrupt::asked().is_continue() {
+        return Err(Error::input(
+            "the stream ended before its first frame",
+            "check the program that writes it: docs/batch-and-live.md describes the bytes",
+        ));
+    }
+    Ok(ExitCode::from(u8::from(done.failed > 0)))
+}
+
+/// Says where the page is, and how another machine reaches it.
+fn introduce(address: SocketAddr, quiet: bool) {
+    print(&format!("page      http://{address}/"));
+    let port = address.port();
+    match address.ip().is_loopback() {
+        true if quiet => {}
+        true => say(&format!(
+            "note: from another machine: ssh -N -L {port}:localhost:{port} USER@THIS-MACHINE, then open http://localhost:{port}/ there"
+        )),
+        false => {
+            say("warning: whoever reaches this address sees the page: it has no password and no encryption")
+        }
+    }
+}
+
+/// The files of a run.
+struct Kept {
+    out: PathBuf,
+    every: u64,
+    lines: File,
+    /// Maps of the last solved frame.
+    last: Option<Maps>,
+}
+
+impl Kept {
+    /// Adds to the lines of earlier runs.
+    fn open(out: &Path, every: u64) -> Result<Kept> {
+        job::check_file(&out.join("maps.npz"))?;
+        let path = out.join("frames.jsonl");
+        let opened = std::fs::create_dir_all(out.join("frames"));
+        let opened = opened.and_then(|()| File::options().create(true).append(true).open(&path));
+        let lines = opened.map_err(|e| unwritten(&path, &e))?;
+        Ok(Kept { out: out.into(), every, lines, last: None })
+    }
+
+    /// Writes the line of a frame, after its maps.
+    fn solved(&mut self, name: &str, frame: &Frame, latency: &Latency) -> Result<()> {
+        let mut file = Value::Null;
+        if self.every > 0 && (latency.frames - 1).is_multiple_of(self.every) {
+            // A name that comes again, in another stream or run, replaces nothing.
+            let again = |i: u32| if i == 1 { format!("{name}.npz") } else { format!("{name}-{i}.npz") };
+            let path = (1..).map(|i| self.out.join("frames").join(again(i))).find(|path| !path.exists());
+            let path = path.unwrap_or_else(|| self.out.join("frames").join(name));
+            export::npz::write_maps(&path, &frame.result.maps)?;
+            file = path.strip_prefix(&self.out).unwrap_or(&path).to_string_lossy().into();
+        }
+        self.last = Some(frame.result.maps.clone());
+        let mut line = json!({"frame": name, "status": "solved", "maps": file});
+        let times =
+            json!({"latency_ms": 1e3 * latency.last.as_secs_f64(), "warnings": frame.result.warnings});
+        for part in [json!(Figures::of(frame)), times] {
+            line.as_object_mut()
+                .into_iter()
+                .for_each(|line| line.extend(part.as_object().cloned().unwrap_or_default()));
+        }
+        self.line(line)
+    }
+
+    /// Writes a line with the time of day, which a kill does not lose.
+    fn line(&mut self, mut line: Value) -> Result<()> {
+        let now = SystemTime::now().duration_since(UNIX_EPOCH).unwrap_or_default();
+        line["unix_time"] = now.as_secs_f64().into();
+        let written = self.lines.write_all(format!("{line}\n").as_bytes());
+        written.map_err(|e| unwritten(&self.out.join("frames.jsonl"), &e))
+    }
+}
+
+fn unwritten(path: &Path, e: &std::io::Error) -> Error {
+    Error::output(
+        format!("{}: cannot be written: {e}", path.display()),
+        "give another --out, or make room on its disk",
+    )
+}
+
+/// A port of the loopback, or an address and a port.
+fn page_address(text: &str) -> std::result::Result<SocketAddr, String> {
+    let port = text.parse().map(|port| SocketAddr::from((Ipv4Addr::LOCALHOST, port)));
+    let local = || {
+        text.strip_prefix("localhost:")
+            .and_then(|port| Some((IpAddr::from([127, 0, 0, 1]), port.parse().ok()?)))
+    };
+    port.ok()
+        .or_else(|| text.parse().ok())
+        .or_else(|| local().map(SocketAddr::from))
+        .ok_or_else(|| "give a port, or an IP address and a port: 8080, 0.0.0.0:8080, [::1]:8080".into())
+}
+
+/// Two lengths, the smaller one first.
+fn depths(text: &str) -> std::result::Result<[f64; 2], String> {
+    let ends = text.split_once(':').and_then(|(near, far)| Some([length(near).ok()?, length(far).ok()?]));
+    ends.filter(|[near, far]| 0.0 <= *near && near < far && far.is_finite())
+        .ok_or_else(|| "give the nearest and the farthest depth: 0.5:1.5, 50cm:1.5m".into())
+}
+
+fn source(args: &Args) -> Result<Source> {
+    match &args.source {
+        path if path.as_os_str() == "-" => Ok(Source::Stdin),
+        path if path.is_dir() => Ok(Source::Folder(path.clone())),
+        path => Err(Error::input(
+            format!("{} is no folder", path.display()),
+            "give a folder of captures, or - and the stream on the standard input: `thirdbounce live - ... < FILE`",
+        )),
+    }
+}
+
+/// Number of consecutive frames, and ratio of their residual to that of the first, from which the estimates are stale.
+const LASTING: usize = 30;
+const RISEN: f64 = 2.0;
+const DRIFTED: &str = "note: 30 frames in a row have more than twice the relative residual of the first one. Model, impulse response or \
+    high-pass may no longer fit: start again with a new --capture";
+
+/// Compares the residuals of frames with that of the first one.
+#[derive(Default)]
+struct Drift {
+    first: Option<f64>,
+    risen: usize,
+}
+
+impl Drift {
+    /// Whether the residual has risen for long, reported once per rise.
+    fn shows(&mut self, frame: &Reconstruction) -> bool {
+        frame.trace.last().is_some_and(|point| self.takes(point.data_loss / frame.empty_loss))
+    }
+
+    fn takes(&mut self, residual: f64) -> bool {
+        let first = *self.first.get_or_insert(residual);
+        self.risen = if residual > RISEN * first { self.risen + 1 } else { 0 };
+        self.risen == LASTING
+    }
+}
+
+fn line(name: &str, frame: &Frame, latency: &Latency) -> String {
+    let figures = Figures::of(frame);
+    let residual = figures.residual.map_or_else(String::new, |r| format!(", residual {r:.3}"));
+    format!(
+        "{name:<12} {} {:>3} iterations, {:>6.0} ms from its counts, {:.1} frames/s, {} pixels of surface{residual}",
+        if figures.warm { "warm" } else { "cold" },
+        figures.iterations,
+        1e3 * latency.last.as_secs_f64(),
+        latency.frames_per_second,
+        figures.pixels,
+    )
+}
+
+fn summary(done: &Summary) -> String {
+    let ms = |time: Duration| format!("{:.0} ms", 1e3 * time.as_secs_f64());
+    let reported = &done.latency;
+    format!(
+        "{} frames of {} solved, {} dropped, {} failed; latency: median {}, 90 % {}, 99 % {}; {:.1} frames/s",
+        reported.frames,
+        done.arrived,
+        reported.dropped,
+        done.failed,
+        ms(reported.median),
+        ms(reported.p90),
+        ms(reported.p99),
+        reported.frames_per_second
+    )
+}
+
+fn feed(text: &str) -> Result<Feed> {
+    // Sources do not wait: one at a time would refuse frames.
+    let feed = text.parse().ok().filter(|feed| *feed != Feed::One);
+    feed.ok_or_else(|| Error::options(format!("--feed is {text:?}"), "give newest, every, or sum:0.9"))
+}
+
+fn follow(args: &Args) -> Result<Option<Follow>> {
+    let budget = seconds("budget", args.budget)?;
+    Ok((!args.cold).then(|| Follow { budget, ..Follow::default() }))
+}
+
+/// The time of an option.
+fn seconds(option: &str, value: Option<f64>) -> Result<Option<Duration>> {
+    value.map(Duration::try_from_secs_f64).transpose().map_err(|e| {
+        Error::options(
+            format!("--{option} is {} s: {e}", value.unwrap_or(f64::NAN)),
+            "give a time such as 200ms, or milliseconds as a plain number",
+        )
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lasting_rise_of_the_residual_is_reported_once() {
+        let mut drift = Drift::default();
+        let mut reports =
+            |residual: f64, frames: usize| (0..frames).filter(|_| drift.takes(residual)).count();
+        assert_eq!(reports(0.1, 40), 0);
+        assert_eq!(reports(0.3, LASTING - 1), 0);
+        assert_eq!(reports(0.1, 1), 0, "an object that passes");
+        assert_eq!(reports(0.3, 3 * LASTING), 1);
+        assert_eq!(reports(f64::NAN, LASTING), 0);
+    }
+}

@@ -1,0 +1,298 @@
+//! `thirdbounce simulate SCENE --out CAPTURE`.
+
+use std::path::{Path, PathBuf};
+
+use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::{CommandFactory, FromArgMatches, Parser};
+use glam::DVec2;
+use thirdbounce::settings::Settings;
+use thirdbounce::simulate::{
+    DEFAULT_RESOLUTION, Dark, Layout, Motion, Reflectance, RenderOptions, Scene, WallShape,
+};
+use thirdbounce::solve::units::{length, number, path};
+use thirdbounce::{Error, Result};
+
+use crate::simulated::{self, Simulation};
+
+use super::progress::Rendering;
+use super::settings::word;
+use super::terminal::{print, say};
+use super::{interrupt, tables};
+
+#[derive(clap::Args)]
+#[command(after_help = scenes())]
+pub struct Args {
+    /// A built-in scene (listed below), or the path of a .obj or .ply mesh
+    scene: String,
+    /// Capture to write: .npz, or .hdf5 for y-tal
+    #[arg(long, value_name = "CAPTURE")]
+    out: PathBuf,
+    /// Scale the scene about its centre so that its largest side is this long [default: metres of the mesh are kept]
+    #[arg(long, value_name = "SIZE", value_parser = length)]
+    fit: Option<f64>,
+    /// Let the scene move on a circle, and write N frames to the folder CAPTURE: frame-0000.npz and so on, with
+    /// --truth their truths to the folder TRUTH.npz
+    #[arg(long, value_name = "N")]
+    moving: Option<usize>,
+    /// Distance that the scene moves from frame to frame: 1cm, metres as a plain number; 0: it rests
+    #[arg(long, value_name = "M", default_value_t = 0.01, value_parser = length, requires = "moving")]
+    step: f64,
+    /// First frame, from 0, in which the last object of the scene is there
+    #[arg(long, value_name = "N", requires = "moving")]
+    appear: Option<usize>,
+    /// First frame, from 0, in which the last object of the scene is gone
+    #[arg(long, value_name = "N", requires = "moving")]
+    vanish: Option<usize>,
+    /// Also write true depth, normals and mask, to this file
+    #[arg(long, value_name = "TRUTH.npz")]
+    truth: Option<PathBuf>,
+    /// Pixels per side of the truth
+    #[arg(long, value_name = "N", default_value_t = DEFAULT_RESOLUTION)]
+    truth_resolution: usize,
+    /// Scan points per side
+    #[arg(long, value_name = "N", default_value_t = 32)]
+    scan: usize,
+    /// How laser and sensor points are paired. confocal: both at every scan point; one-laser, one-sensor: one of them
+    /// fixed at --point; exhaustive: every laser point of --grid with every scan point; irregular: as many pairs as scan
+    /// points, drawn over the wall with --seed
+    #[arg(long, value_name = "KIND", default_value = "confocal",
+        value_parser = PossibleValuesParser::new(["confocal", "one-laser", "one-sensor", "exhaustive", "irregular"]))]
+    pairs: String,
+    /// The fixed laser or sensor point in metres [default: 0,0, the wall's centre]
+    #[arg(long, value_name = "X,Y", allow_hyphen_values = true)]
+    point: Option<String>,
+    /// Laser points per side of exhaustive pairs [default: as --scan]
+    #[arg(long, value_name = "L")]
+    grid: Option<usize>,
+    /// Shape of the wall; bump is a Gaussian towards the scene, with a height of a tenth of the wall's side
+    #[arg(long, value_name = "SHAPE", default_value = "flat",
+        value_parser = PossibleValuesParser::new(["flat", "bump"]).map(wall_shape))]
+    wall_shape: WallShape,
+    /// Side of the square wall: 80cm, metres as a plain number
+    #[arg(long, value_name = "SIZE", default_value_t = 1.0, value_parser = length)]
+    wall: f64,
+    /// Bin width: a time (20ps) or a path (6mm, metres as a plain number)
+    #[arg(long, value_name = "WIDTH", default_value_t = 0.006, value_parser = path)]
+    bin_width: f64,
+    /// Number of bins [default: as many as the scene's paths need]
+    #[arg(long, value_name = "N")]
+    bins: Option<usize>,
+    /// How surfaces reflect
+    #[arg(long, visible_alias = "model", value_name = "NAME", default_value = "cosine",
+        value_parser = word::<Reflectance>(&["cosine", "lambertian", "retroreflective", "isotropic"]))]
+    reflectance: Reflectance,
+    /// Whether surfaces hide what is behind them
+    #[arg(long, value_name = "ON|OFF", default_value = "on", action = clap::ArgAction::Set,
+        value_parser = PossibleValuesParser::new(["on", "off"]).map(|word| word == "on"))]
+    occlusion: bool,
+    /// Albedo of all surfaces [default: 1, except the floor of beyond]
+    #[arg(long, value_name = "A", value_parser = number)]
+    albedo: Option<f64>,
+    /// Spread every path over time as an instrument does: the full width at half maximum of a Gaussian, as a time (60ps) or
+    /// a path (metres as a plain number); the same and, behind a colon, the length over which its tail falls to 1/e; or an npz file with pulse,
+    /// pulse_delta_t and pulse_t_start. The capture then holds the pulse
+    #[arg(long, value_name = "M|M:TAIL|FILE", allow_hyphen_values = true)]
+    pulse: Option<String>,
+    /// Leave the pulse out of the capture: a reconstruction has to find it
+    #[arg(long, requires = "pulse")]
+    hide_pulse: bool,
+    /// Record only the first photon of every laser pulse, as detectors with a long dead time do. Of the pair with the
+    /// most light, MEAN photons of a laser pulse are detected on average, usually 0.01 to 0.1
+    #[arg(long, value_name = "MEAN", value_parser = number)]
+    pile_up: Option<f64>,
+    /// Let laser and sensor see areas of the wall: the full width at half maximum of a Gaussian each, in metres on the
+    /// wall; one number is both. The capture then holds the spots
+    #[arg(long, value_name = "M|LASER,SENSOR", allow_hyphen_values = true)]
+    spot: Option<String>,
+    /// Draw photon counts at random, with P expected in the strongest bin
+    #[arg(long, value_name = "P", value_parser = number)]
+    photons: Option<f64>,
+    /// Mean dark counts of every bin; needs --photons
+    #[arg(long, value_name = "D", default_value_t = 0.0, value_parser = number)]
+    dark: f64,
+    /// Seed of the samples and of the photon counts
+    #[arg(long, value_name = "S", default_value_t = 0)]
+    seed: u64,
+    /// Sample until the rendering's noise (RMS error over RMS value) is below this
+    #[arg(long, value_name = "BOUND", default_value_t = 0.01, value_parser = number)]
+    noise: f64,
+    /// Errors only
+    #[arg(long, short)]
+    quiet: bool,
+}
+
+fn wall_shape(name: String) -> WallShape {
+    if name == "bump" { WallShape::Bump } else { WallShape::Flat }
+}
+
+/// The layout that the options ask for. Refuses an option of another kind of pairs.
+fn layout(args: &Args) -> Result<Layout> {
+    let kind = args.pairs.as_str();
+    let misplaced = |option: &str, value: String, kinds: &str| {
+        Error::options(
+            format!("--{option} {value} was given with --pairs {kind}"),
+            format!("leave it out, or choose --pairs {kinds}"),
+        )
+    };
+    let fixed = matches!(kind, "one-laser" | "one-sensor");
+    if let Some(point) = args.point.as_ref().filter(|_| !fixed) {
+        return Err(misplaced("point", point.clone(), "one-laser or one-sensor"));
+    }
+    if let Some(grid) = args.grid.filter(|_| kind != "exhaustive") {
+        return Err(misplaced("grid", grid.to_string(), "exhaustive"));
+    }
+    let point = args.point.as_deref().map_or(Ok(DVec2::ZERO), point_of)?;
+    Ok(match kind {
+        "one-laser" => Layout::OneLaser { point },
+        "one-sensor" => Layout::OneSensor { point },
+        "exhaustive" => Layout::Exhaustive { lasers: args.grid.unwrap_or(args.scan) },
+        "irregular" => Layout::Irregular { seed: args.seed },
+        _ => Layout::Confocal,
+    })
+}
+
+fn point_of(text: &str) -> Result<DVec2> {
+    let numbers: Vec<Option<f64>> = text.split(',').map(|n| length(n).ok()).collect();
+    match numbers[..] {
+        [Some(x), Some(y)] => Ok(DVec2::new(x, y)),
+        _ => Err(Error::options(format!("--point is {text:?}"), "give x,y in metres: 0.1,-0.2")),
+    }
+}
+
+fn scenes() -> String {
+    let lines = Scene::known().iter().map(|(name, about)| format!("  {name:<12}{about}"));
+    format!("Scenes:\n{}", lines.collect::<Vec<_>>().join("\n"))
+}
+
+pub fn run(args: &Args) -> Result<()> {
+    let simulation = simulation(args)?;
+    match args.moving {
+        Some(frames) => moving(args, &simulation, frames),
+        None => one(args, &simulation),
+    }
+}
+
+/// Reads the file of a scene: the arguments of `simulate` but for files, over as many lines as one likes; # begins a comment.
+/// The path of a mesh is that from the file's folder.
+///
+/// # Errors
+/// A file that cannot be read, arguments that `simulate` does not take, or files among them.
+pub fn scene_of(file: &Path) -> Result<Simulation> {
+    #[derive(Parser)]
+    #[command(no_binary_name = true, disable_help_flag = true)]
+    struct Line {
+        #[command(flatten)]
+        args: Args,
+    }
+    let at = |e: Error| e.at(file.display());
+    let hint =
+        "write the arguments of simulate without files, for example: letter-Z --scan 32 --bin-width 6mm";
+    let text =
+        std::fs::read_to_string(file).map_err(|e| at(Error::input(format!("cannot be read: {e}"), hint)))?;
+    let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
+    let mut words: Vec<String> = lines.flat_map(str::split_whitespace).map(String::from).collect();
+    let is_own = |word: &String| {
+        ["--out", "--truth", "--moving", "--appear", "--vanish"].iter().any(|own| word.starts_with(own))
+    };
+    if let Some(word) = words.iter().find(|word| is_own(word)) {
+        return Err(at(Error::input(
+            format!("{word} does not fit here: the benchmark writes the files"),
+            hint,
+        )));
+    }
+    if let Some(first) = words.first_mut() {
+        let mesh = file.with_file_name(&*first);
+        if mesh.is_file() {
+            *first = mesh.display().to_string();
+        }
+    }
+    words.extend(["--out".into(), "capture.npz".into()]);
+    let command = Line::command().mut_args(|arg| {
+        let takes = arg.get_action().takes_values() && !arg.is_positional();
+        if takes { arg.allow_negative_numbers(true) } else { arg }
+    });
+    let parsed = command.try_get_matches_from(words).and_then(|m| Line::from_arg_matches(&m));
+    let line = parsed.map_err(|e| {
+        let said = e.to_string();
+        at(Error::input(said.lines().next().unwrap_or("").trim_start_matches("error: ").to_string(), hint))
+    })?;
+    simulation(&line.args).map_err(at)
+}
+
+/// What the arguments ask for.
+fn simulation(args: &Args) -> Result<Simulation> {
+    let mut scene = Scene::named(&args.scene)?;
+    if let Some(size) = args.fit {
+        scene = scene.fitted(size)?;
+    }
+    args.albedo.into_iter().for_each(|albedo| scene.set_albedo(albedo));
+    (scene.scan, scene.wall) = (args.scan, args.wall);
+    (scene.bin_width, scene.bins) = (args.bin_width, args.bins);
+    let set = |key: &str, text: &Option<String>| {
+        let mut settings = Settings::default();
+        text.as_deref().map_or(Ok(()), |text| settings.set(key, text))?;
+        Ok::<_, Error>(settings)
+    };
+    scene.pulse = set("pulse", &args.pulse)?.pulse.map_or(Ok(None), |pulse| pulse.samples())?;
+    scene.spots = set("spot", &args.spot)?.spot.unwrap_or_default();
+    (scene.photons, scene.dark, scene.pile_up) = (args.photons, Dark::Counts(args.dark), args.pile_up);
+    (scene.reflectance, scene.seed) = (args.reflectance, args.seed);
+    (scene.layout, scene.wall_shape, scene.occlusion) = (layout(args)?, args.wall_shape, args.occlusion);
+    Ok(Simulation {
+        scene,
+        hide_pulse: args.hide_pulse,
+        render: RenderOptions { noise: args.noise, seed: args.seed, ..RenderOptions::default() },
+        out: args.out.clone(),
+        truth: args.truth.clone().map(|file| (file, args.truth_resolution)),
+    })
+}
+
+/// Writes the frames of a sequence.
+fn moving(args: &Args, all: &Simulation, frames: usize) -> Result<()> {
+    let motion = Motion { frames, step: args.step, appears: args.appear, vanishes: args.vanish };
+    for (i, scene) in all.scene.sequence(&motion)?.into_iter().enumerate() {
+        let name = format!("frame-{i:04}.npz");
+        let truth = all.truth.as_ref().map(|(folder, pixels)| (folder.join(&name), *pixels));
+        let frame = Simulation { scene, out: all.out.join(&name), truth, ..all.clone() };
+        let meter = Rendering::new(args.quiet, &format!("frame {} of {frames}: ", i + 1));
+        let done = simulated::simulate(&frame, &|progress| meter.hear(progress), &mut || {});
+        meter.end();
+        done?;
+        if !args.quiet {
+            print(&format!("wrote     {}", frame.out.display()));
+        }
+    }
+    Ok(())
+}
+
+fn one(args: &Args, simulation: &Simulation) -> Result<()> {
+    let meter = Rendering::new(args.quiet, "");
+    let done =
+        simulated::simulate(simulation, &|progress| meter.hear(progress), &mut interrupt::stop_in_order);
+    meter.end();
+    let done = done?;
+    if args.quiet {
+        return Ok(());
+    }
+    if !done.converged {
+        say(&format!(
+            "note: the noise is {:.4}, above the bound of {}, after the largest number of samples",
+            done.noise, args.noise
+        ));
+    }
+    done.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    print(&done.summary.to_string());
+    if let Some(size) = simulation.scene.size() {
+        let how = if args.fit.is_some() { "fitted" } else { "not scaled" };
+        print(&format!("scene     {:.3} x {:.3} x {:.3} m, {how}", size.x, size.y, size.z));
+    }
+    print(&format!(
+        "rendered  in {} with {} samples, noise {}",
+        tables::seconds(done.seconds),
+        done.samples,
+        tables::number(done.noise)
+    ));
+    let files: Vec<_> = done.files.iter().map(|f| f.display().to_string()).collect();
+    print(&format!("wrote     {}", files.join("\n          ")));
+    Ok(())
+}

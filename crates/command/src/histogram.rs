@@ -1,0 +1,70 @@
+//! Makes a capture of time tags.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use thirdbounce::capture;
+use thirdbounce::export;
+use thirdbounce::job::{self, Loaded, places};
+use thirdbounce::settings::Settings;
+use thirdbounce::{Error, Result};
+use thirdbounce_tags::{self as tags, Asked, Histograms, Scan};
+
+/// What to make of which file.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Histogramming {
+    /// Time tags, or histograms of the instrument.
+    pub tags: PathBuf,
+    /// The points of the scan.
+    pub scan: Scan,
+    /// How tags become histograms.
+    pub asked: Asked,
+    /// The capture to write: .npz, .hdf5 or .mat.
+    pub out: PathBuf,
+    /// A picture of the mean histogram, and of the direct peaks and counts over the scan, and of the wall's depth if it is that of its
+    /// own returns.
+    pub picture: Option<PathBuf>,
+}
+
+/// Writes the capture, and the picture if it is asked for. Returns both with the seconds that it took to make them;
+/// `before_writing` is called once everything is computed.
+///
+/// # Errors
+/// Those of [`tags::histogram()`], and a file that cannot be written.
+pub fn histogram(what: &Histogramming, before_writing: &mut dyn FnMut()) -> Result<(Histograms, f64)> {
+    places::check_file(&what.out)?;
+    capture::formats::check_ending(&what.out)?;
+    what.picture.as_deref().map(places::check_file).transpose()?;
+    if what.picture.as_ref() == Some(&what.out) {
+        return Err(Error::options("capture and picture go to the same file", "give two files"));
+    }
+    for file in [Some(&what.out), what.picture.as_ref()].into_iter().flatten() {
+        places::check_not_input(file, [what.tags.as_path()])?;
+    }
+    let start = Instant::now();
+    let mut made = tags::histogram(&what.tags, &what.scan, &what.asked)?;
+    let seconds = start.elapsed().as_secs_f64();
+    before_writing();
+    made.notes.extend(capture::write(&made.capture, &what.out)?);
+    if let Some(picture) = &what.picture {
+        export::inspection::write_with_direct(picture, &made.capture, made.direct.as_deref(), made.shaped)?;
+    }
+    Ok((made, seconds))
+}
+
+/// Makes a capture of the time tags or histograms of an instrument in a file, and prepares it as [`job::load`] does. `scan` and
+/// `asked` hold the points, their mirroring and rotation; values that complete a file are not used.
+///
+/// # Errors
+/// Those of [`tags::histogram()`] and [`job::take`].
+pub fn load_tags(path: &Path, settings: &Settings, scan: &Scan, asked: &Asked) -> Result<Loaded> {
+    let start = Instant::now();
+    let made = tags::histogram(path, scan, asked)?;
+    let settings = Settings { wall: None, flip: None, rotate: None, ..settings.clone() };
+    let mut loaded = job::take(made.capture, &settings)?;
+    loaded.path = path.into();
+    loaded.notes.splice(0..0, made.notes);
+    loaded.dropped += made.dropped;
+    loaded.seconds = start.elapsed().as_secs_f64();
+    Ok(loaded)
+}

@@ -1,0 +1,180 @@
+//! Finds out what a run would do, without doing it.
+
+use std::collections::BTreeMap;
+
+use serde::Serialize;
+
+use thirdbounce::advice::{Advice, advice};
+use thirdbounce::capture::Summary;
+use thirdbounce::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, Place};
+use thirdbounce::job::report::box_of;
+use thirdbounce::job::{self, Loaded, Request, SolverOptions, planned};
+use thirdbounce::resolve::{preset_note, summed_note};
+use thirdbounce::solve::Ready;
+use thirdbounce::solve::{Accumulation, Preset, TimedSchedule};
+use thirdbounce::{Error, Kind, Result};
+
+/// A capture, the grid of its reconstruction, and the work and memory it would take.
+#[derive(Debug, Clone, Serialize)]
+pub struct Inspection {
+    /// What the capture holds.
+    pub capture: Summary,
+    /// What was done to the capture.
+    pub notes: Vec<String>,
+    /// What looks wrong in the capture.
+    pub warnings: Vec<String>,
+    /// The preset in force.
+    pub preset: Preset,
+    /// The solver's options as resolved.
+    pub options: SolverOptions,
+    /// Voxels along x, y, z.
+    pub grid: [usize; 3],
+    /// Voxel size in metres.
+    pub voxel: [f64; 3],
+    /// (xmin, xmax, ymin, ymax, zmin, zmax) in metres.
+    #[serde(rename = "box")]
+    pub volume: Vec<f64>,
+    /// The device that would do the work; null if there is none.
+    pub device: Option<DeviceInfo>,
+    /// The plan; null if the solver cannot take this capture.
+    pub plan: Option<Planned>,
+    /// Why there is no device or no plan, or why it would not run.
+    pub problems: Vec<Advice>,
+}
+
+/// What the solver would do on the device, and the memory it would need.
+#[derive(Debug, Clone, Serialize)]
+pub struct Planned {
+    /// Lateral resolutions, coarse to fine.
+    pub levels: Vec<usize>,
+    /// Pairs used at each level.
+    pub level_pairs: Vec<usize>,
+    /// In how many parts the pairs of each level of the volume, then of the surface, are taken: 1 where all are on the
+    /// device at once.
+    pub parts: [Vec<usize>; 2],
+    /// Bytes of histograms on the host that the device reads part by part.
+    pub stored_bytes: u64,
+    /// Lateral pixels of the surface, if there is one after the volume.
+    pub surface: Option<usize>,
+    /// How rendered values would be added up.
+    pub accumulation: Accumulation,
+    /// What the scene does not need, and what leaving it out saves.
+    pub left_out: Vec<String>,
+    /// Passes with their modules and constants.
+    pub variants: Vec<String>,
+    /// Bytes of every buffer, by name.
+    pub buffers: BTreeMap<String, u64>,
+    /// Bytes of all buffers but those that are stored on the host.
+    pub total_bytes: u64,
+}
+
+/// Finds out what [`job::run`] would do. Without a device it plans for a usual GPU and says so.
+///
+/// # Errors
+/// Options out of range, or a device that was named and is not there. A capture that the solver cannot take is not an
+/// error: it is listed among the problems.
+pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
+    request.settings.check()?;
+    let capture = &loaded.capture;
+    let resolved = request.resolved(capture);
+    let Ready { capture: planned, grid, sum } = planned::to_plan(&resolved, capture)?;
+    let mut problems = Vec::new();
+    let device = match request.open() {
+        Ok(gpu) => Some(gpu),
+        Err(e) if e.kind == Kind::Device && request.settings.device.is_none() => {
+            problems.push(problem(e).and(". The plan is for a usual GPU."));
+            None
+        }
+        Err(e) => return Err(e),
+    };
+    let abilities = device.as_ref().map_or_else(usual_gpu, Gpu::abilities);
+    let mut notes = loaded.notes.clone();
+    notes.extend(resolved.why.map(|why| preset_note(resolved.preset, why)));
+    notes.extend(summed_note(sum, planned.bin_width));
+    if resolved.models.len() > 1 {
+        notes.push(
+            "how surfaces reflect is not known: a run tries models first (name the model to skip this)"
+                .into(),
+        );
+    }
+    if planned::finds_pulse(&resolved, capture) {
+        notes.push(
+            "the instrument's pulse is not known: a run finds its width first (give the pulse, or none, to skip this)"
+                .into(),
+        );
+    }
+    let mut plan = match resolved.solver.plan(&resolved.problem(&planned, grid), &abilities) {
+        Ok(plan) => Some(plan),
+        Err(Error { kind: Kind::Input, what, .. }) => {
+            problems.push(what.into());
+            None
+        }
+        Err(e) => return Err(e),
+    };
+    if let (Some(gpu), Some(plan)) = (&device, &mut plan) {
+        match resolved.solver.fit(plan.clone(), gpu, resolved.memory) {
+            Ok(fits) => *plan = fits,
+            Err(e) => problems.push(problem(job::advise(e, request, loaded, gpu))),
+        }
+    }
+    let counted = plan.iter().flat_map(|plan| &plan.buffers).filter(|b| b.place != Place::Store);
+    let total: u64 = counted.map(|b| b.bytes).sum();
+    Ok(Inspection {
+        capture: loaded.summary(),
+        notes,
+        warnings: loaded.warnings.clone(),
+        preset: resolved.preset,
+        options: resolved.solver,
+        grid: grid.n,
+        voxel: grid.pitch.to_array(),
+        volume: box_of(&grid),
+        device: device.map(|gpu| gpu.info.clone()),
+        plan: plan.map(|plan| Planned {
+            levels: plan.levels.volume.iter().map(|l| l.grid.n[0]).collect(),
+            level_pairs: plan.levels.volume.iter().map(|l| l.pairs).collect(),
+            parts: plan.part_counts(),
+            stored_bytes: plan.stored_bytes(),
+            surface: plan.levels.pixels.map(|l| l.grid.n[0]),
+            accumulation: plan.division.accumulation,
+            left_out: plan.left_out.clone(),
+            variants: plan.variants(),
+            buffers: plan.bytes(),
+            total_bytes: total,
+        }),
+        problems,
+    })
+}
+
+/// The schedules that [`job::run`] would submit, in order.
+///
+/// # Errors
+/// Options out of range, no device, or a capture that the solver cannot take.
+pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<TimedSchedule>> {
+    request.settings.check()?;
+    let gpu = request.open()?;
+    let resolved = request.resolved(&loaded.capture);
+    let Ready { capture: planned, grid, .. } = planned::to_plan(&resolved, &loaded.capture)?;
+    let plan = resolved.solver.plan_within(&gpu, &resolved.problem(&planned, grid));
+    let plan = plan.map_err(|e| job::advise(e, request, loaded, &gpu))?;
+    Ok(resolved.solver.outline(&plan))
+}
+
+/// An error with its advice.
+fn problem(error: Error) -> Advice {
+    Advice::from(advice![(error.what) ": "]).and(error.hint)
+}
+
+/// What most discrete GPUs offer.
+fn usual_gpu() -> Abilities {
+    let limits = Limits {
+        storage_range: u64::from(u32::MAX),
+        texels: 1 << 27,
+        workgroup_invocations: 1024,
+        shared_memory: 48 << 10,
+        groups: [i32::MAX as u32, 65_535, 65_535],
+        subgroup: 32,
+        work: 1 << 30,
+    };
+    let accumulations = Accumulations { float: true, int64: true };
+    Abilities { kind: DeviceKind::Discrete, accumulations, limits }
+}

@@ -1,0 +1,149 @@
+//! Live frames: counts come from a folder or from the standard input, maps go to a callback and to a page.
+//!
+//! [`run`] reads frames in a thread of its own and gives them to a [`Session`]. What is wrong with a frame or a stream is one
+//! message; the session lives on. Every frame has the points and bins of one capture, the scan.
+
+use std::collections::VecDeque;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::mpsc::{RecvTimeoutError, sync_channel};
+use std::time::Duration;
+
+use thirdbounce::session::{Frame, FrameId, Latency, Session};
+use thirdbounce::{Error, Kind, Result};
+
+mod folder;
+mod page;
+mod stream;
+
+pub use page::{Figures, Page, Shows};
+pub use stream::{Counts, Format, HEADER, Header, MAGIC, VERSION, read, write};
+
+/// Where frames come from.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Source {
+    /// Captures that appear in a folder as .npz files, in the order of their names. It never ends.
+    Folder(PathBuf),
+    /// A stream of frames ([`Header`]) on the standard input.
+    Stdin,
+}
+
+/// Reports of [`run`]. A frame's name is that of its file without the ending, or `frame-` and its number in the stream.
+pub enum News<'n> {
+    /// A frame is solved.
+    Solved(&'n str, &'n Frame, Latency),
+    /// A newer frame replaced this one, or was added to it, before it was solved.
+    Dropped(&'n str),
+    /// A frame, if it has a name, or the stream failed; later frames may not.
+    Failed(Option<&'n str>, &'n Error),
+    /// Nothing happened for a moment.
+    Idle,
+}
+
+/// Totals of a run.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Summary {
+    /// Times of the last frames, and the numbers of solved and dropped ones.
+    pub latency: Latency,
+    /// Frames that arrived whole.
+    pub arrived: u64,
+    /// Frames that could not be read, streams that broke off, and solves that failed.
+    pub failed: u64,
+}
+
+/// A frame on its way to the session.
+pub(crate) enum Arrived {
+    Counts(String, Counts),
+    Failed(Option<String>, Error),
+}
+
+/// How long to wait for something new before looking at everything again.
+const MOMENT: Duration = Duration::from_millis(5);
+
+/// Solves frames in a session as they come, until the source ends or `hear` breaks; then the frames
+/// that wait are solved. `page` shows the newest result, and what failed.
+///
+/// # Errors
+/// A source that cannot be opened. After a lost device, its error.
+pub fn run(
+    mut session: Session,
+    source: &Source,
+    page: Option<&Page>,
+    hear: &mut dyn FnMut(News<'_>) -> ControlFlow<()>,
+) -> Result<Summary> {
+    // Frames wait in the session, by its rule, not here.
+    let (give, take) = sync_channel(1);
+    let size = session.size();
+    match source {
+        Source::Folder(folder) => folder::begin(folder.clone(), size, give)?,
+        Source::Stdin => stream::begin_stdin(size, give)?,
+    }
+    let depths = session.plan().finest().grid.depth_range();
+    page.into_iter().for_each(|page| page.begin(depths));
+    let mut summary = Summary { latency: session.latency(), ..Summary::default() };
+    // Names of the frames that were submitted and have no result.
+    let mut names: VecDeque<(FrameId, String)> = VecDeque::new();
+    let (mut ended, mut broken, mut held) = (false, None, None);
+    while broken.is_none() {
+        let mut failed: Vec<(Option<String>, Error)> = vec![];
+        match held.take().map_or_else(|| take.recv_timeout(MOMENT), Ok) {
+            Ok(Arrived::Counts(name, counts)) => match submit(&mut session, &counts) {
+                // Where every frame counts, it waits here until there is room.
+                Err(error) if error.kind == Kind::Options => held = Some(Arrived::Counts(name, counts)),
+                submitted => {
+                    summary.arrived += 1;
+                    match submitted {
+                        Ok(id) => names.push_back((id, name)),
+                        Err(error) => failed.push((Some(name), error)),
+                    }
+                }
+            },
+            Ok(Arrived::Failed(name, error)) => failed.push((name, error)),
+            Err(RecvTimeoutError::Timeout) => {}
+            Err(RecvTimeoutError::Disconnected) => ended = true,
+        }
+        let patience = if ended || held.is_some() { 10 * MOMENT } else { Duration::ZERO };
+        let solved = session.wait_for(patience).map(|frame| frame.map(|frame| Arc::new(frame.clone())));
+        let mut heard = ControlFlow::Continue(());
+        summary.latency = session.latency();
+        let mut name = None;
+        if !matches!(solved, Ok(None)) {
+            while names.front().is_some_and(|(id, _)| Some(*id) <= session.taken()) {
+                let before = name.replace(names.pop_front().map(|(_, name)| name).unwrap_or_default());
+                heard = before.map_or(heard, |name| hear(News::Dropped(&name)));
+            }
+        }
+        match solved {
+            Ok(Some(frame)) => {
+                let name = name.unwrap_or_default();
+                page.into_iter().for_each(|page| page.show(&name, frame.clone()));
+                heard = hear(News::Solved(&name, &frame, summary.latency));
+            }
+            Ok(None) if ended && failed.is_empty() && session.is_idle() => break,
+            Ok(None) => heard = hear(News::Idle),
+            // Nothing can be solved any more.
+            Err(error) if error.kind == Kind::Device => broken = Some(error),
+            Err(error) => failed.push((name, error)),
+        }
+        for (name, error) in &failed {
+            summary.failed += 1;
+            page.into_iter().for_each(|page| page.fail(name.as_deref(), error));
+            if hear(News::Failed(name.as_deref(), error)).is_break() {
+                heard = ControlFlow::Break(());
+            }
+        }
+        page.into_iter().for_each(|page| page.count(&summary));
+        if heard.is_break() {
+            break;
+        }
+    }
+    broken.map_or(Ok(summary), Err)
+}
+
+fn submit(session: &mut Session, counts: &Counts) -> Result<FrameId> {
+    match &counts.measured {
+        Some(measured) => session.submit_part(&counts.values, measured),
+        None => session.submit(&counts.values),
+    }
+}

@@ -1,0 +1,5 @@
+//! The command; see `cli`.
+
+fn main() -> std::process::ExitCode {
+    thirdbounce_command::cli::main()
+}

@@ -1,0 +1,94 @@
+//! Simulates a capture of a known scene, and its truth.
+
+use std::path::PathBuf;
+use std::time::Instant;
+
+use thirdbounce::capture::{self, Summary};
+use thirdbounce::export;
+use thirdbounce::job::places;
+use thirdbounce::simulate::{self, RenderOptions, RenderProgress, Scene};
+use thirdbounce::{Error, Result};
+
+/// What to simulate, and the files to write.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simulation {
+    /// The scene.
+    pub scene: Scene,
+    /// Leave the pulse out of the capture.
+    pub hide_pulse: bool,
+    /// How it is rendered.
+    pub render: RenderOptions,
+    /// The capture, .npz or .hdf5.
+    pub out: PathBuf,
+    /// The truth's file, and its pixels per side.
+    pub truth: Option<(PathBuf, usize)>,
+}
+
+/// The result of a simulation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Simulated {
+    /// What the capture holds.
+    pub summary: Summary,
+    /// Noise of the rendering: RMS error over RMS value.
+    pub noise: f64,
+    /// Whether the wanted noise was reached.
+    pub converged: bool,
+    /// Samples of every pair.
+    pub samples: usize,
+    /// Seconds that it took.
+    pub seconds: f64,
+    /// Every file that was written.
+    pub files: Vec<PathBuf>,
+    /// What the capture's format could not hold, as sentences.
+    pub notes: Vec<String>,
+}
+
+/// Renders the scene. Writes its capture, and its truth if a file for it is given. `hear` is called with the progress, by several
+/// threads, `before_writing` once everything is computed.
+///
+/// # Errors
+/// A scene or options out of range, or a file that cannot be written.
+pub fn simulate(
+    what: &Simulation,
+    hear: &(dyn Fn(RenderProgress) + Sync),
+    before_writing: &mut dyn FnMut(),
+) -> Result<Simulated> {
+    places::check_file(&what.out)?;
+    let ending = what.out.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
+    if !matches!(ending.as_str(), "npz" | "hdf5" | "h5") {
+        return Err(Error::options(
+            format!("{}: no capture format has this ending", what.out.display()),
+            "let the file's name end in .npz, or in .hdf5 for y-tal",
+        ));
+    }
+    if let Some((file, _)) = &what.truth {
+        places::check_file(file)?;
+        if file == &what.out {
+            return Err(Error::options("capture and truth go to the same file", "give two files"));
+        }
+    }
+    let start = Instant::now();
+    let truth = what.truth.as_ref().map(|(_, n)| simulate::truth(&what.scene, *n)).transpose()?;
+    let mut rendering = simulate::simulate_watched(&what.scene, &what.render, hear)?;
+    if what.hide_pulse {
+        rendering.capture.pulse = None;
+    }
+    rendering.capture.check()?;
+    let seconds = start.elapsed().as_secs_f64();
+    before_writing();
+    let mut files = vec![what.out.clone()];
+    let notes = capture::write(&rendering.capture, &what.out)?;
+    if let (Some((file, _)), Some(truth)) = (&what.truth, &truth) {
+        export::npz::write_truth(file, truth)?;
+        files.push(file.clone());
+    }
+    Ok(Simulated {
+        summary: rendering.capture.summary(),
+        noise: rendering.noise,
+        converged: rendering.converged,
+        samples: rendering.samples,
+        seconds,
+        files,
+        notes,
+    })
+}

@@ -1,0 +1,133 @@
+//! The page in a result's folder.
+
+use fixtures::command::*;
+
+use crate::browser::{browser, image_colours, look};
+
+/// A program in place of the browser's opener writes down what it is to show.
+#[test]
+#[cfg(target_os = "linux")]
+fn the_page_opens_at_the_end() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let [file, out, shown] = ["c.npz", "result", "shown"].map(|n| folder.path().join(n));
+    succeed(&["simulate", "plane", "--out", file.to_str().unwrap(), "--scan", "6", "--bin-width", "0.05"]);
+    let run = || {
+        std::process::Command::new(program())
+            .args(["reconstruct", file.to_str().unwrap(), "--out", out.to_str().unwrap(), "--open"])
+            .args(["--model", "cosine", "--lateral", "8", "--iterations", "3"])
+            .env("PATH", folder.path())
+            .output()
+            .unwrap()
+    };
+    let done = run();
+    assert!(done.status.success(), "{}", stderr(&done));
+    assert!(stderr(&done).contains("note: no program opens"), "{}", stderr(&done));
+    let opener = folder.path().join("xdg-open");
+    std::fs::write(&opener, format!("#!/bin/sh\necho \"$1\" > {}\n", shown.display())).unwrap();
+    std::fs::set_permissions(&opener, std::fs::Permissions::from_mode(0o755)).unwrap();
+    let done = run();
+    let page = out.canonicalize().unwrap().join("report.html");
+    assert!(done.status.success() && !stderr(&done).contains("no program opens"), "{}", stderr(&done));
+    let start = std::time::Instant::now();
+    while !std::fs::read_to_string(&shown).is_ok_and(|text| text.ends_with('\n')) {
+        assert!(start.elapsed().as_secs() < 10, "the opener was not started");
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    assert_eq!(std::fs::read_to_string(&shown).unwrap().trim_end(), page.to_str().unwrap());
+}
+
+#[test]
+fn a_result_has_a_page_that_a_browser_shows() {
+    let folder = tempfile::tempdir().unwrap();
+    let [file, truth, out] =
+        ["c.npz", "truth.npz", "result"].map(|n| folder.path().join(n).display().to_string());
+    succeed(&[
+        "simulate",
+        "letter-Z",
+        "--out",
+        &file,
+        "--truth",
+        &truth,
+        "--scan",
+        "12",
+        "--bin-width",
+        "0.03",
+        "--noise",
+        "0.1",
+    ]);
+    succeed(&[
+        "reconstruct",
+        &file,
+        "--truth",
+        &truth,
+        "--out",
+        &out,
+        "--lateral",
+        "24",
+        "--iterations",
+        "12",
+        "--model",
+        "cosine",
+    ]);
+    let page = std::path::Path::new(&out).join("report.html");
+    let text = std::fs::read_to_string(&page).unwrap();
+    assert!(text.len() < 3_000_000, "{} bytes", text.len());
+    for fetched in ["src=\"http", "href=\"http", "fetch(", "import("] {
+        let own =
+            text.split("<script>").filter(|script| !script.contains("three.js")).any(|s| s.contains(fetched));
+        assert!(!own, "the page needs no network: {fetched}");
+    }
+    let Some(browser) = browser() else {
+        eprintln!("skipped: no chromium is installed");
+        return;
+    };
+    let address = format!("file://{}", page.display());
+    let dom = stdout(&look(browser, &address, "1600,1700", folder.path(), &["--dump-dom"]));
+    let shown = |id: &str| {
+        let from = dom.find(&format!("id=\"{id}\"")).unwrap_or_else(|| panic!("{id}: {dom}"));
+        dom[from..].chars().take(600).collect::<String>()
+    };
+    assert!(shown("title").contains("c.npz"));
+    assert!(shown("about").contains("144 pairs") && shown("about").contains("24 x 24 pixels"));
+    assert!(shown("readout").contains("depth 0."), "a pixel is chosen: {}", shown("readout"));
+    assert!(shown("light").contains("laser point"), "{}", shown("light"));
+    for card in [
+        "Found",
+        "Depth range",
+        "Median depth error",
+        "esidual",
+        "Solve time",
+        "Warnings",
+        "IoU",
+        "Depth error",
+        "Normal error",
+    ] {
+        assert!(dom.contains(&format!("{card}</dt>")), "the headline lacks {card}");
+    }
+    assert!(
+        dom.contains("<section id=\"truth\">")
+            && shown("difference").contains("src=\"data:image/png;base64,")
+    );
+    assert!(dom.contains("Paper: depth, mean and RMS error"), "the paper's measure is on the page");
+    let labelled = |label: &str| dom.contains(&format!("aria-label=\"{label}"));
+    let alt = [
+        "Albedo map",
+        "Depth map",
+        "Map of surface normals",
+        "Map of the expected",
+        "Total counts",
+        "Histogram of pair",
+    ];
+    for label in alt.iter().chain(&["The surface in 3D", "Loss against"]) {
+        assert!(labelled(label), "no alternative text begins with {label}");
+    }
+    assert!(
+        !shown("space").contains("no 3D view") && shown("space").contains("<canvas"),
+        "{}",
+        shown("space")
+    );
+    let picture = folder.path().join("page.png");
+    look(browser, &address, "1600,1700", folder.path(), &[&format!("--screenshot={}", picture.display())]);
+    assert!(image_colours(&picture) > 200, "maps, light and surface are drawn");
+}

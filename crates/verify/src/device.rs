@@ -1,0 +1,160 @@
+//! A planned solve whose buffers can be read and written by name.
+
+use std::sync::Arc;
+
+use crate::twin::Cells;
+use thirdbounce::Result;
+use thirdbounce::gpu::{Buffer, BufferPlan, Command, Constant, Gpu, Kernel, KernelCode, Place, Schedule};
+use thirdbounce::solve::{Level, Needs, OnDevice, Plan, Tuning, UPLOAD, upload};
+use thirdbounce::transport::kernels::*;
+use thirdbounce::transport::{Grid, Model};
+
+/// The buffer through which the host reads others.
+const BACK: Buffer = Buffer::named("back");
+
+/// A job whose device buffers are filled with NaN bits, except for the content that [`OnDevice::upload`] writes. Kernels
+/// are made when a schedule runs them. `levels`: two levels of resolution instead of those that follow from the scan.
+///
+/// # Errors
+/// As [`Plan::new`] and [`OnDevice::new`].
+pub fn job(
+    gpu: &Gpu,
+    model: &Model,
+    grid: &Grid,
+    needs: &dyn Needs,
+    tune: impl FnOnce(&mut Tuning),
+) -> Result<OnDevice> {
+    // Levels follow the resolution of the grid instead of that of the scan.
+    let scan = if needs.demand().coarse_to_fine { [1, grid.n[0] / 2] } else { [1, model.pairs()] };
+    // Passes over pairs are divided as the kernels need it, not by what the device gets at once: sums keep their order.
+    let mut device = gpu.abilities();
+    device.limits.work = u64::MAX;
+    let mut plan = Plan::new(model, *grid, scan, needs, &device, false)?;
+    plan.tune(tune);
+    // Room for partial sums of smaller groups than the plan's own.
+    for b in plan.buffers.iter_mut().filter(|b| b.buffer.to_string().ends_with("_partials") && b.bytes > 0) {
+        b.bytes = b.bytes.max(grid.storage() as u64 * 4);
+    }
+    let largest = plan.buffers.iter().map(|b| b.bytes).max().unwrap_or(0);
+    plan.buffers.push(BufferPlan::new(BACK, largest, Place::Readback));
+    plan.buffers.iter_mut().filter(|b| b.buffer == UPLOAD).for_each(|b| b.bytes = largest);
+    let all = std::mem::take(&mut plan.passes);
+    let mut job = OnDevice::new(gpu, model.clone(), plan, None)?;
+    Arc::make_mut(&mut job.plan).passes = all;
+    let mut poison = Schedule::default();
+    for b in job.plan.buffers.iter().filter(|b| b.place == Place::Device) {
+        poison.fill(b.buffer, b.bytes, u32::MAX);
+    }
+    job.executor.run(&poison)?;
+    job.upload()?;
+    Ok(job)
+}
+
+/// The module of a kernel of a plan with its constants; of a kernel that no solver has, the module of its name.
+pub fn code_of(job: &OnDevice, kernel: Kernel) -> (&'static KernelCode, Vec<(Constant, u32)>) {
+    match job.plan.passes.iter().find(|pass| pass.kernel == kernel) {
+        Some(pass) => ((pass.code)(&job.plan), pass.values(&job.plan)),
+        None => {
+            let code = KERNELS.iter().find(|code| code.name == kernel.name());
+            (code.unwrap_or_else(|| unreachable!("{kernel} is no kernel")), vec![])
+        }
+    }
+}
+
+/// Makes the kernels that the schedule runs, unless they are made, and runs it.
+///
+/// # Errors
+/// The device fails.
+pub fn perform(job: &mut OnDevice, schedule: &Schedule) -> Result<()> {
+    for command in &schedule.commands {
+        let Command::Dispatch { kernel, .. } = command else { continue };
+        if !job.executor.has_kernel(*kernel) {
+            let (code, constants) = code_of(job, *kernel);
+            job.executor.add_kernel(*kernel, code, &constants)?;
+        }
+    }
+    job.executor.run(schedule)
+}
+
+/// The words of a buffer.
+///
+/// # Errors
+/// The device fails.
+pub fn read_words(job: &mut OnDevice, from: Buffer) -> Result<Vec<u32>> {
+    let bytes = job.plan.bytes_of(from) / 4 * 4;
+    let is_read = job.plan.buffers.iter().any(|b| b.buffer == from && b.place == Place::Readback);
+    if is_read || bytes == 0 {
+        return Ok(if bytes == 0 { vec![] } else { job.executor.read(from, ..bytes as usize / 4) });
+    }
+    let mut s = Schedule::default();
+    s.copy(from, BACK, bytes);
+    job.executor.run(&s)?;
+    Ok(job.executor.read(BACK, ..bytes as usize / 4))
+}
+
+/// Writes the first words of a buffer.
+///
+/// # Errors
+/// The device fails.
+pub fn write<T: bytemuck::NoUninit>(job: &mut OnDevice, to: Buffer, values: &[T]) -> Result<()> {
+    upload(&mut job.executor, to, bytemuck::cast_slice(values))
+}
+
+/// Buffers of integers, or of floats by their bits beside integers.
+const WORDS: &[Buffer] = &[
+    buffer::ACTIVE_VOXELS,
+    buffer::ARGUMENTS,
+    buffer::BRICK_OFFSETS,
+    buffer::COUNTS,
+    buffer::LEVELS,
+    buffer::MASK,
+    buffer::MASK_BEFORE,
+    buffer::PIXELS,
+    buffer::PIXEL_OF,
+    buffer::RANKS,
+    buffer::RANKS_BEFORE,
+    buffer::RIM_BEFORE,
+    buffer::RIM_MASK,
+    buffer::RIM_RANKS,
+    buffer::RIM_RANKS_BEFORE,
+    buffer::SPOT_TAPS,
+    buffer::TRACE,
+];
+
+/// The content of a buffer in float64.
+///
+/// # Errors
+/// The device fails.
+pub fn decode(job: &mut OnDevice, buffer: Buffer, words: Vec<u32>) -> Result<Cells> {
+    let of_level = |l: &Level| [l.reachable, l.scene, l.rendered.scene].contains(&buffer);
+    let is_block = buffer == buffer::PAPER || job.plan.blocks.iter().any(|(block, _)| *block == buffer);
+    if is_block || WORDS.contains(&buffer) || job.plan.levels.volume.iter().any(of_level) {
+        return Ok(Cells::Words(words));
+    }
+    if buffer != buffer::HISTOGRAMS || !job.plan.fixed_point() {
+        return Ok(Cells::Floats(words.into_iter().map(|w| f32::from_bits(w).into()).collect()));
+    }
+    // As in `glsl/include/fixed.glsl`.
+    let counts = read_words(job, buffer::COUNTS)?;
+    let exponent = |v: f32| if v == 0.0 { 0 } else { v.log2().floor() as i32 + 1 };
+    let (active, level) = (counts[COUNT_ACTIVE as usize], job.plan.finest());
+    let bound = job.model.scene_of(&level.grid, level.pairs).kernel_bound;
+    let bits = u32::BITS as i32 - active.leading_zeros() as i32;
+    let peak = f32::from_bits(counts[COUNT_PEAK_ALBEDO as usize]);
+    let scale = 2f64.powi(-(61 - exponent(peak) - exponent(bound) - bits).clamp(-120, 120));
+    let value = |[low, high]: &[u32; 2]| ((u64::from(*high) << 32 | u64::from(*low)) as i64) as f64 * scale;
+    Ok(Cells::Floats(words.as_chunks().0.iter().map(value).collect()))
+}
+
+/// Sets the bins of all histograms to zero, and all bits of their padding.
+///
+/// # Errors
+/// The device fails.
+pub fn zero_histograms(job: &mut OnDevice) -> Result<()> {
+    let words = if job.plan.fixed_point() { 2 } else { 1 };
+    let (pairs, stride) = (job.plan.finest().rendered.count, job.model.stride());
+    let cells = thirdbounce::transport::cells(pairs, job.model.bins);
+    let padding = |cell: usize| if cell % stride < PADDING as usize { u32::MAX } else { 0 };
+    let all: Vec<u32> = (0..cells * words).map(|word| padding(word / words)).collect();
+    write(job, buffer::HISTOGRAMS, &all)
+}

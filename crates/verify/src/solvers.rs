@@ -1,0 +1,274 @@
+//! The schedules of cases.
+
+use std::sync::Arc;
+
+use super::device::{job, perform, read_words, write, zero_histograms};
+use super::scenes::{Fit, Random, both, options};
+use super::steps::{Steps, compare};
+use super::{Case, Compared, Doubled, Host, Solver};
+use crate::twin::{Sample, Twin, Way, instrument, rendered};
+use thirdbounce::Result;
+use thirdbounce::gpu::{Gpu, Schedule};
+use thirdbounce::solve::closed_form::passes::gather_filtered;
+use thirdbounce::solve::closed_form::{OfProjection, hat};
+use thirdbounce::solve::surface::{Pixels, Placed, points_of};
+use thirdbounce::solve::{Accumulation, Needs, OnDevice, Plan, Tuning, paper, surface};
+use thirdbounce::transport::kernels::*;
+
+/// Runs the schedules of a case, and compares every dispatch.
+pub fn steps(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<Compared>> {
+    let job = prepared(case, gpu, accumulation)?;
+    let mut steps = Steps { job, compared: vec![], allowed: case.allowed };
+    match case.solver {
+        Solver::Paper { rooms, doubled, dark, .. } => paper_steps(&mut steps, case, rooms, doubled, dark)?,
+        Solver::Surface { .. } => surface_steps(&mut steps, &both(&case.grid, 61))?,
+        Solver::Projection { .. } => {
+            steps.run(|s, plan| gather_filtered(s, plan, plan.finest(), plan.scene.bins))?;
+        }
+        Solver::Rounding => steps.run(|s, _| {
+            s.dispatch(&kernel::ROUNDING, [1, 1, 1], 64).bind(buffer::RESULT, buffer::RESIDUAL);
+        })?,
+    }
+    Ok(steps.compared)
+}
+
+/// The job of a case, with its first state in the buffers.
+pub fn prepared(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<OnDevice> {
+    let (model, grid) = (&case.model, &case.grid);
+    let make = |needs: &dyn Needs| -> Result<OnDevice> {
+        let mut job = job(gpu, model, grid, needs, |t| tune(case, t))?;
+        if case.sizes.polished {
+            Arc::make_mut(&mut job.plan).constants.insert(constant::POLISHED, 1);
+        }
+        Ok(job)
+    };
+    match case.solver {
+        Solver::Paper { change, doubled, .. } => make(&options(model, grid).with(|o| {
+            change(o);
+            o.accumulation = accumulation;
+            o.domain.coarse_to_fine = !matches!(doubled, Doubled::No | Doubled::HalfRim);
+            o.domain.reduce = false;
+            if let Doubled::Brightest(share) = doubled {
+                o.domain.room = Some(share);
+            }
+        })),
+        Solver::Surface { points, spread, long_steps } => {
+            let fit = Fit::of(grid, points).with(|o| (o.accumulation, o.sparsity) = (accumulation, 0.05));
+            let mut job = make(&fit)?;
+            let pixels = both(grid, 61);
+            let placed = Placed { pixels: pixels.len(), most: 60.0, explained: 2.0, left: 2.0 };
+            let mut weights = surface::weights(model, job.plan.finest(), placed, &fit.options, 12, 1.0);
+            weights[SURFACE_SPREAD as usize] = spread;
+            if long_steps {
+                (weights[SURFACE_DEPTH_RATE as usize], weights[SURFACE_ALBEDO_RATE as usize]) = (0.25, 16.0);
+            }
+            write(&mut job, buffer::SURFACE_WEIGHTS, &weights)?;
+            place(&mut job, &pixels)?;
+            write(&mut job, buffer::COUNTS, &[0u32; COUNTS as usize])?;
+            zero_histograms(&mut job)?;
+            Ok(job)
+        }
+        Solver::Projection { sigma, odd } => {
+            let mut job = make(&OfProjection { pixels_per_voxel: 1 })?;
+            let mut taps = hat(sigma, model.bins);
+            taps[0] *= if odd { -1.0 } else { 1.0 };
+            write(&mut job, buffer::HAT_TAPS, &taps)?;
+            Ok(job)
+        }
+        Solver::Rounding => make(&OfProjection { pixels_per_voxel: 1 }),
+    }
+}
+
+fn tune(case: &Case, t: &mut Tuning) {
+    if let Some(window) = case.sizes.window {
+        (t.window, t.window_span) = (window, u32::MAX);
+        // Below the loop limit even if every voxel moves the window, and still several chunks. As on a GPU with columns,
+        // chunks become shorter where the device has room, and workgroups sum their losses.
+        (t.chunk, t.forward_fill, t.group_losses) = (192, u32::MAX, window == 64);
+    }
+    if let Some([voxels, slices, fill]) = case.sizes.gather {
+        (t.voxels, t.slices, t.fill) = (voxels, slices, fill);
+    }
+    if let Some(lanes) = case.sizes.shared {
+        [t.row_lanes, t.pixel_lanes] = lanes;
+    }
+    t.texels &= !case.sizes.blocks;
+}
+
+/// Writes the pixels of a surface. The depths from which bonds are computed are the kernel's to write.
+pub fn place(job: &mut OnDevice, pixels: &Pixels) -> Result<()> {
+    let [x, y, _] = job.plan.finest().grid.n;
+    let words = pixels.words().into_iter().map(|[c, a, _, _]| [c, a, u32::MAX, u32::MAX]);
+    write(job, buffer::PIXELS, &words.collect::<Vec<_>>())?;
+    write(job, buffer::PIXEL_OF, &pixels.places(x * y))?;
+    let heights: Vec<[f32; 2]> = pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, *a]).collect();
+    write(job, buffer::HEIGHTS, &heights)
+}
+
+/// Makes the measurement of a surface: close to its rendering.
+pub fn measure(job: &mut OnDevice, count: usize) -> Result<()> {
+    perform(job, &Schedule::of(|s| surface::points(s, job.plan.finest(), count)))?;
+    let points = count * points_of(&job.plan);
+    let mut read = |buffer| -> Result<Vec<[f64; 4]>> {
+        let words = read_words(job, buffer)?;
+        Ok(words.as_chunks::<4>().0.iter().map(|v| v.map(|w| f64::from(f32::from_bits(w)))).collect())
+    };
+    let (p, n) = (read(buffer::SAMPLE_POINTS)?, read(buffer::SAMPLE_NORMALS)?);
+    let (model, grid) = (&job.model, &job.plan.finest().grid);
+    let twin = Twin { model, grid };
+    let samples: Vec<Sample> = (0..points).map(|i| Sample::at(&twin, &p, &n, i)).collect();
+    let shown = instrument(model, &rendered(&twin, &samples), Way::Spread);
+    let scale = f64::from(model.scene(grid).render_scale);
+    let level = shown.iter().fold(0.0f64, |a, b| a.max(*b)) * scale;
+    let mut random = Random::new(63);
+    let mut draw = |r: &f64| (r * scale * random.uniform(0.5, 1.4) + level * random.uniform(0.0, 0.1)) as f32;
+    let measured: Vec<f32> = shown.iter().map(&mut draw).collect();
+    write(job, buffer::MEASURED, &measured)
+}
+
+/// Gives the paper's solver a random part of its domain, with random variables. A bright middle is left by reductions.
+/// `half_rim`: there is room for half of the rim.
+pub fn scatter(steps: &mut Steps, dark: bool, half_rim: bool) -> Result<()> {
+    steps.run(|s, plan| paper::initialise(s, plan, &plan.levels.volume[0]))?;
+    let job = &mut steps.job;
+    let mut random = Random::new(4);
+    let mut mask = read_words(job, buffer::MASK)?;
+    let words = job.plan.levels.volume[0].grid.storage() / 32;
+    mask[..words]
+        .iter_mut()
+        .for_each(|word| *word &= random.draw() & random.draw() | random.draw() & random.draw());
+    write(job, buffer::MASK, &mask[..words])?;
+    if half_rim {
+        let active: u32 = mask[..words].iter().map(|word| word.count_ones()).sum();
+        let domain = &mut Arc::make_mut(&mut job.plan).domain;
+        domain.touched_capacity = (active as usize + job.model.wall.pairs()).min(domain.touched_capacity);
+        job.upload()?;
+    }
+    steps.run(|s, plan| paper::compact(s, plan, &plan.levels.volume[0]))?;
+    let job = &mut steps.job;
+    let grid = job.plan.levels.volume[0].grid;
+    let (list, counts) = (read_words(job, buffer::ACTIVE_VOXELS)?, read_words(job, buffer::COUNTS)?);
+    let touched = &list[..counts[COUNT_TOUCHED as usize] as usize];
+    let raw = |i: &u32| -> [f32; 4] {
+        let c = grid.voxel(*i as usize).map(|c| c as f64);
+        let middle = grid.n.map(|n| n as f64 / 2.0);
+        let off: f64 = (0..3).map(|a| (c[a] - middle[a]).powi(2)).sum();
+        let light = if i.is_multiple_of(9) { 0.5 } else { -0.5 - f64::from(i % 7) / 8.0 };
+        let albedo = if dark { light } else { 5.0 * (-0.2 * off).exp() + random.uniform(-1.5, 1.5) };
+        [albedo as f32, 0.0, 0.0, 0.0].map(|v| if v == 0.0 { random.uniform(-1.5, 1.5) as f32 } else { v })
+    };
+    let raw: Vec<[f32; 4]> = touched.iter().map(raw).collect();
+    write(job, buffer::RAW, &raw)?;
+    move_on(job)?;
+    let noise: Vec<[f32; 3]> = (0..job.plan.bytes_of(buffer::NOISE_STATE) / 12)
+        .map(|_| {
+            [random.uniform(-3.0, 3.0), random.uniform(-1e-5, 1e-5), random.uniform(1e-11, 1e-10)]
+                .map(|v| v as f32)
+        })
+        .collect();
+    write(job, buffer::NOISE_STATE, &noise)?;
+    zero_histograms(job)
+}
+
+/// Gives all voxels moments as after some steps: the first step from rest is as long for a rounding error as for a gradient.
+fn move_on(job: &mut OnDevice) -> Result<()> {
+    let mut random = Random::new(5);
+    for (buffer, low, high) in [(buffer::MOMENT_FIRST, -1e-3, 1e-3), (buffer::MOMENT_SECOND, 1e-7, 1e-6)] {
+        let count = job.plan.bytes_of(buffer) / 4;
+        let all: Vec<f32> = (0..count).map(|_| random.uniform(low, high) as f32).collect();
+        write(job, buffer, &all)?;
+    }
+    Ok(())
+}
+
+fn paper_steps(
+    steps: &mut Steps,
+    case: &Case,
+    rooms: &[Option<f64>],
+    doubled: Doubled,
+    dark: bool,
+) -> Result<()> {
+    scatter(steps, dark, doubled == Doubled::HalfRim)?;
+    if !dark {
+        steps.run(|s, plan| paper::iteration(s, plan, &plan.levels.volume[0], 5, 3))?;
+    }
+    let keep = options(&case.model, &case.grid).domain.keep_above;
+    for room in rooms {
+        let active = read_words(&mut steps.job, buffer::COUNTS)?[COUNT_ACTIVE as usize];
+        steps.run(|s, plan| {
+            let mut plan = plan.clone();
+            plan.domain.capacity =
+                room.map_or(plan.domain.capacity, |share| (share * f64::from(active)) as usize);
+            paper::reduce(s, &plan, &plan.levels.volume[0], keep);
+        })?;
+    }
+    if steps.job.plan.levels.volume.len() > 1 {
+        let o = options(&case.model, &case.grid).with(|o| o.domain.reduce = false);
+        steps.run(|s, plan| paper::due(s, plan, &o, &mut 0, o.domain.double_every))?;
+        move_on(&mut steps.job)?;
+    }
+    steps.run(|s, plan| paper::iteration(s, plan, plan.finest(), 6, 4))?;
+    steps.run(|s, plan| paper::extract(s, plan.finest()))
+}
+
+fn surface_steps(steps: &mut Steps, pixels: &Pixels) -> Result<()> {
+    let (count, points) = (pixels.len(), points_of(&steps.job.plan));
+    steps.run(|s, plan| surface::start_of(s, plan, plan.finest(), count, points))?;
+    for i in 0..3 {
+        steps.run(|s, plan| surface::iteration(s, plan, plan.finest(), count, [i, i, 12]))?;
+    }
+    steps.run(|s, plan| surface::bonds(s, plan.finest(), count, 2))?;
+    volume_steps(steps, count * points)?;
+    let [x, y, _] = steps.job.plan.finest().grid.n;
+    let of_layers = pixels.of_layers(x * y);
+    (0..2).try_for_each(|layer| steps.run(|s, plan| surface::extract(s, plan.finest(), of_layers, layer)))
+}
+
+/// Steps of a coarse volume whose voxels are the samples: bright, dark, unbounded and outside the cone.
+fn volume_steps(steps: &mut Steps, count: usize) -> Result<()> {
+    let mut random = Random::new(66);
+    let mut voxel = |i: usize| -> [[f32; 4]; 2] {
+        let [x, y, z] = [0, 1, 2].map(|_| random.uniform(-1.0, 1.0) as f32);
+        let bound = if i.is_multiple_of(7) { 0.0 } else { random.uniform(0.5, 2.0) as f32 };
+        [[x, y, z, bound], [random.uniform(0.0, 0.2) as f32, 0.0, 0.0, 0.0]]
+    };
+    let voxels: Vec<[[f32; 4]; 2]> = (0..count).map(&mut voxel).collect();
+    write(&mut steps.job, buffer::VOXELS, voxels.as_flattened())?;
+    for momentum in [0.0, 0.5] {
+        steps.run(|s, plan| {
+            surface::volume_iteration(s, plan, plan.finest(), count, 0, [momentum, 1.5]);
+        })?;
+    }
+    Ok(())
+}
+
+/// Lets the twins and the device run several iterations, each by itself, and compares what they leave.
+pub fn whole(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<Compared>> {
+    const ITERATIONS: usize = 6;
+    let mut job = prepared(case, gpu, accumulation)?;
+    let plan: Arc<Plan> = job.plan.clone();
+    let level = plan.finest();
+    let mut s = Schedule::default();
+    let mut left = vec![buffer::TRACE];
+    if let Solver::Surface { points, .. } = case.solver {
+        let count = both(&case.grid, 61).len();
+        perform(&mut job, &Schedule::of(|s| surface::start_of(s, &plan, level, count, points)))?;
+        measure(&mut job, count)?;
+        write(&mut job, buffer::COUNTS, &[0u32; COUNTS as usize])?;
+        surface::start_of(&mut s, &plan, level, count, points);
+        (0..ITERATIONS).for_each(|i| surface::iteration(&mut s, &plan, level, count, [i, i, 12]));
+        left.extend([buffer::HEIGHTS, buffer::HEIGHT_MOMENTS]);
+    } else {
+        paper::initialise(&mut s, &plan, level);
+        (0..ITERATIONS as u32).for_each(|i| paper::iteration(&mut s, &plan, level, i, i + 1));
+    }
+    let mut host = Host::default();
+    host.run(&mut job, &s)?;
+    perform(&mut job, &s)?;
+    let mut compared = vec![];
+    for buffer in left {
+        let want = host.get(&mut job, buffer)?.clone();
+        compared.push(compare(&mut job, "iterations", buffer, &want, case.allowed)?);
+    }
+    Ok(compared)
+}
