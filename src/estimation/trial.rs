@@ -88,7 +88,7 @@ impl<'c> Trial<'c> {
     /// # Errors
     /// The device fails, the watch cancels, or the impulse response has no taps.
     pub fn fit(
-        &mut self,
+        &self,
         pulse: Option<&Pulse>,
         from: From<'_>,
         watch: &mut Watch<'_>,
@@ -121,5 +121,17 @@ impl<'c> Trial<'c> {
         let Some((quality, held)) = quality.zip(fit.judged()?) else { return Ok(None) };
         let surface = Candidate { layers, quality, left: Some(held.left()) };
         Ok(Some(Fitted { surface, held }))
+    }
+
+    /// The pairs that are held out, with the rendering of these layers by sharp paths; `None` if they explain no light.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn ideal(&self, layers: &[Maps]) -> Result<Option<HeldOut>> {
+        let outline = self.capture.outline();
+        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
+        let mut fit = Fit::new(&self.gpu, &problem, &self.options, [0, 1], Judge::HeldOut)?;
+        fit.take(&self.capture)?;
+        fit.seen(layers)?.map_or(Ok(None), |_| fit.judged())
     }
 }
