@@ -55,8 +55,6 @@ mod constants {
     pub const OF_PULSE: usize = 30;
     /// Share of the energy, beyond noise, below which a second start is not computed.
     pub const NOTHING_LEFT: f64 = 0.01;
-    /// A model whose residual is this many times that of the best one is not fitted from a second start.
-    pub const HOPELESS: f64 = 1.3;
 }
 use constants::*;
 
@@ -267,7 +265,7 @@ struct Pace {
 
 impl Pace {
     /// The fits that choose an impulse response.
-    const OF_PULSE: usize = ITERATIONS[1] + 2 * OF_PULSE;
+    const OF_PULSE: usize = ITERATIONS[1] + pulse::SHARES.len() * OF_PULSE;
 
     /// The progress of a fit as that of all.
     fn of(&self, progress: &Progress) -> Progress {
@@ -312,6 +310,10 @@ struct Search<'t> {
     pulse_seconds: f64,
     /// Whether the support may leave the closed form's.
     finds_start: bool,
+    /// The start that suits the first model better.
+    start: Option<Origin>,
+    /// The layers of a coarse volume of the first model.
+    volume: Option<Vec<Maps>>,
 }
 
 impl<'t> Search<'t> {
@@ -338,13 +340,13 @@ impl<'t> Search<'t> {
             of_trial.ready(&options.clone().into(), Cow::Borrowed(capture))?;
         let finds_start = all[0].as_surface().grow;
         let [high_pass, models] = [usize::from(request.finds_high_pass()), all.len()];
-        let starts = if finds_start { 2 } else { 1 };
         let pulse = match request.find_pulse(capture) {
             FindPulse::Never => 0,
             FindPulse::IfItShows => ITERATIONS[1],
             FindPulse::Always => Pace::OF_PULSE,
         };
-        let expected = (high_pass + models * starts) * From::ClosedForm.iterations() + pulse;
+        let expected =
+            (high_pass + models + usize::from(finds_start)) * From::ClosedForm.iterations() + pulse;
         let pace = Pace { begun: Instant::now(), done: 0, expected };
         let mut watch_hear = |p: &Progress| hear(&pace.of(&Progress { iterations: 0, ..p.clone() }));
         let mut watch = Watch { hear: &mut watch_hear, maps_every: None, maps_at: &[] };
@@ -373,6 +375,8 @@ impl<'t> Search<'t> {
             candidates: vec![],
             pulse_seconds: 0.0,
             finds_start,
+            start: None,
+            volume: None,
         })
     }
 
@@ -404,30 +408,31 @@ impl<'t> Search<'t> {
         if let Some(at) = self.sharp.iter().position(|s| s.reflectance == reflectance) {
             return Ok(Some(at));
         }
-        let least = self.sharp.iter().map(|s| s.fitted.surface.excess()).fold(f64::INFINITY, f64::min);
+        let (volume, of_first) = (self.volume.clone(), self.start);
+        let from_volume = volume.as_ref().map_or(From::Volume, |layers| From::Layers(layers));
+        // The start that suits the first model better is that of all.
+        let both = [(Origin::Closed, From::ClosedForm), (Origin::Volume, from_volume)];
+        let starts = both.into_iter().filter(|(start, _)| of_first.is_none_or(|of_first| of_first == *start));
         let mut best: Option<(Fitted, usize)> = None;
-        for (start, from) in [(Origin::Closed, From::ClosedForm), (Origin::Volume, From::Volume)] {
-            let is_enough = best.as_ref().is_some_and(|(best, _)| {
-                let excess = best.surface.excess();
-                excess < NOTHING_LEFT || excess > HOPELESS * least
-            });
-            if is_enough || best.is_some() && !self.finds_start {
-                if self.finds_start {
-                    self.pace.pass(from.iterations());
-                }
+        for (start, from) in starts {
+            let is_enough = |best: &Fitted| !self.finds_start || best.surface.excess() < NOTHING_LEFT;
+            if best.as_ref().is_some_and(|(best, _)| is_enough(best)) {
+                self.pace.pass(if self.finds_start { from.iterations() } else { 0 });
                 break;
             }
             let clock = Instant::now();
             let Some(fitted) = self.fit(reflectance, Shape::SHARP, from)? else { continue };
-            self.candidates.push(FoundSurface::of(
-                reflectance,
-                start,
-                &fitted,
-                clock.elapsed().as_secs_f64(),
-            ));
+            let seconds = clock.elapsed().as_secs_f64();
+            if start == Origin::Volume {
+                self.volume = Some(fitted.begun.clone());
+            }
+            self.candidates.push(FoundSurface::of(reflectance, start, &fitted, seconds));
             if best.as_ref().is_none_or(|(best, _)| fitted.surface.cost() < best.surface.cost()) {
                 best = Some((fitted, self.candidates.len() - 1));
             }
+        }
+        if let Some((_, at)) = &best {
+            self.start = Some(self.candidates[*at].start);
         }
         self.tried.push(Tried {
             reflectance,
@@ -556,8 +561,8 @@ impl<'t> Search<'t> {
     }
 
     /// The impulse response with this model. Convolutions of an ideal rendering suggest its length; a surface fitted with that corrects
-    /// it, as a sharp one has moved to compensate. Two fits of the corrected length, without a tail and with one, end the search: the
-    /// better one must leave less than the sharp fit.
+    /// it, as a sharp one has moved to compensate. Fits of the corrected length with several tails end the search: the best one must
+    /// leave less than the sharp fit.
     fn best_pulse(&mut self, reflectance: Reflectance) -> Result<Shape> {
         let Some(at) = self.sharp(reflectance)? else {
             return Err(Error::input("a fit found no surface", "give the instrument's impulse response"));
@@ -578,14 +583,18 @@ impl<'t> Search<'t> {
         if bins < self.narrowest || bins >= pulse::WIDEST {
             return Ok(Shape::SHARP);
         }
-        let [plain, tailed] = [0.0, pulse::TAIL].map(|share| Shape::of(length, share));
-        let (without, with) = (self.left(reflectance, plain)?, self.left(reflectance, tailed)?);
-        let has_tail = match (&without, &with) {
-            (Some(without), Some(with)) => is_worth(with, without),
-            (without, _) => without.is_none(),
-        };
-        let (shape, left) = if has_tail { (tailed, with) } else { (plain, without) };
-        Ok(if left.is_some_and(|left| is_worth(&left, &sharp)) { shape } else { Shape::SHARP })
+        let mut each = vec![];
+        for share in pulse::SHARES {
+            each.push(self.left(reflectance, Shape::of(length, share))?);
+        }
+        // A shape without a surface is no better one.
+        let shares = std::array::from_fn(|i| each[i].as_ref().map_or(f64::INFINITY, Left::share));
+        let least = each.iter().flatten().min_by(|a, b| a.share().total_cmp(&b.share()));
+        let is_tailed =
+            each[0].as_ref().is_none_or(|plain| least.is_some_and(|least| is_worth(least, plain)));
+        let share = if is_tailed { pulse::best_share(shares) } else { 0.0 };
+        let is_pulse = least.is_some_and(|least| is_worth(least, &sharp));
+        Ok(if is_pulse { Shape::of(length, share) } else { Shape::SHARP })
     }
 }
 

@@ -40,8 +40,8 @@ pub(super) const NARROWEST: f64 = 1.0;
 const TO_AN_OCTAVE: f64 = 8.0;
 const TAILS: [f64; 5] = [0.0, 0.2, 0.4, 0.6, 0.8];
 
-/// Share of the length in a tail. The share of a suggestion depends on the one that the surface was fitted with.
-pub(super) const TAIL: f64 = 0.5;
+/// Shares of the length in the tails of fits. The share of a suggestion depends on the one that the surface was fitted with.
+pub(super) const SHARES: [f64; 3] = [0.0, 0.4, 0.8];
 
 /// Share of a change of the variance that a suggestion keeps, at most.
 const MOST_KEPT: f64 = 0.6;
@@ -165,6 +165,18 @@ pub(super) fn settled(first: f64, second: f64) -> f64 {
     if kept > 0.0 { first / (1.0 - kept).sqrt() } else { second }
 }
 
+/// The share of the tail by residuals with [`SHARES`]: the vertex of their parabola, or the least where it has none.
+pub(super) fn best_share(left: [f64; SHARES.len()]) -> f64 {
+    let [[a, b, c], [fa, fb, fc]] = [SHARES, left];
+    let (first, second) = ((fb - fa) / (b - a), (fc - fb) / (c - b));
+    let bent = (second - first) / (c - a);
+    if bent > 0.0 && bent.is_finite() {
+        return (0.5 * (a + b) - 0.5 * first / bent).clamp(a, c);
+    }
+    let least = (0..left.len()).min_by(|i, j| left[*i].total_cmp(&left[*j]));
+    least.map_or(0.0, |at| SHARES[at])
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -208,6 +220,17 @@ mod tests {
         }
         assert_eq!(settled(3.0, 2.5), 2.5, "a shorter one");
         assert!(settled(1.0, 3.0) < 1.6, "no surface compensates so much");
+    }
+
+    #[test]
+    fn the_share_of_a_tail_is_at_the_vertex() {
+        for at in [0.0, 0.3, 0.55, 0.8] {
+            let found = best_share(SHARES.map(|share| 1.0 + 3.0 * (share - at) * (share - at)));
+            assert!((found - at).abs() < 1e-9, "{at}: {found}");
+        }
+        assert_eq!(best_share([3.0, 2.0, 1.5]), 0.8, "falls up to the longest");
+        assert_eq!(best_share([3.0, 2.0, 0.5]), 0.8, "bent the other way");
+        assert_eq!(best_share([3.0, 2.0, f64::INFINITY]), 0.4, "no surface");
     }
 
     #[test]

@@ -31,6 +31,8 @@ pub enum From<'l> {
     ClosedForm,
     /// A coarse volume.
     Volume,
+    /// The same with its layers, of another model.
+    Layers(&'l [Maps]),
     /// Another fit, whose support stays, for a number of iterations.
     Fit(&'l [Maps], usize),
 }
@@ -54,6 +56,8 @@ impl From<'_> {
 /// A fit, judged on the pairs that are held out.
 #[derive(Debug, Clone)]
 pub struct Fitted {
+    /// What it began with.
+    pub begun: Vec<Maps>,
     /// The surface, with its judgement.
     pub surface: Candidate,
     /// The pairs that are held out, with their rendering.
@@ -101,7 +105,7 @@ impl<'c> Trial<'c> {
         fit.take(&self.capture)?;
         let mut layers = match from {
             From::ClosedForm => self.starts.layers.clone(),
-            From::Fit(layers, _) => layers.to_vec(),
+            From::Layers(layers) | From::Fit(layers, _) => layers.to_vec(),
             From::Volume => {
                 let light = self.starts.light.as_ref();
                 let Some(layers) = light.map(|light| volume_start(&mut fit, light)).transpose()?.flatten()
@@ -111,6 +115,7 @@ impl<'c> Trial<'c> {
                 layers
             }
         };
+        let begun = layers.clone();
         let mut driven = Driven::begun(layers[0].clone(), *fit.plan().finest());
         if rounds > 0 {
             let how = Rounds { number: rounds, rings: 1 };
@@ -120,7 +125,7 @@ impl<'c> Trial<'c> {
         let (_, quality) = fit.run(&mut layers, Run::of(last, all), watch, driven)?;
         let Some((quality, held)) = quality.zip(fit.judged()?) else { return Ok(None) };
         let surface = Candidate { layers, quality, left: Some(held.left()) };
-        Ok(Some(Fitted { surface, held }))
+        Ok(Some(Fitted { begun, surface, held }))
     }
 
     /// The pairs that are held out, with the rendering of these layers by sharp paths; `None` if they explain no light.
