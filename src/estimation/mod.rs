@@ -55,6 +55,8 @@ mod constants {
     pub const OF_PULSE: usize = 30;
     /// Share of the energy, beyond noise, below which a second start is not computed.
     pub const NOTHING_LEFT: f64 = 0.01;
+    /// A model whose residual is this many times that of the best one is not fitted from a second start.
+    pub const HOPELESS: f64 = 1.3;
 }
 use constants::*;
 
@@ -310,9 +312,7 @@ struct Search<'t> {
     pulse_seconds: f64,
     /// Whether the support may leave the closed form's.
     finds_start: bool,
-    /// The start that suits the first model better.
-    start: Option<Origin>,
-    /// The layers of a coarse volume of the first model.
+    /// The layers of a coarse volume of the first model, which starts fits of all.
     volume: Option<Vec<Maps>>,
 }
 
@@ -339,14 +339,14 @@ impl<'t> Search<'t> {
         let Ready { capture: whole, grid, .. } =
             of_trial.ready(&options.clone().into(), Cow::Borrowed(capture))?;
         let finds_start = all[0].as_surface().grow;
+        let starts = if finds_start { 2 } else { 1 };
         let [high_pass, models] = [usize::from(request.finds_high_pass()), all.len()];
         let pulse = match request.find_pulse(capture) {
             FindPulse::Never => 0,
             FindPulse::IfItShows => ITERATIONS[1],
             FindPulse::Always => Pace::OF_PULSE,
         };
-        let expected =
-            (high_pass + models + usize::from(finds_start)) * From::ClosedForm.iterations() + pulse;
+        let expected = (high_pass + models * starts) * From::ClosedForm.iterations() + pulse;
         let pace = Pace { begun: Instant::now(), done: 0, expected };
         let mut watch_hear = |p: &Progress| hear(&pace.of(&Progress { iterations: 0, ..p.clone() }));
         let mut watch = Watch { hear: &mut watch_hear, maps_every: None, maps_at: &[] };
@@ -375,7 +375,6 @@ impl<'t> Search<'t> {
             candidates: vec![],
             pulse_seconds: 0.0,
             finds_start,
-            start: None,
             volume: None,
         })
     }
@@ -408,16 +407,19 @@ impl<'t> Search<'t> {
         if let Some(at) = self.sharp.iter().position(|s| s.reflectance == reflectance) {
             return Ok(Some(at));
         }
-        let (volume, of_first) = (self.volume.clone(), self.start);
+        let least = self.sharp.iter().map(|s| s.fitted.surface.excess()).fold(f64::INFINITY, f64::min);
+        let volume = self.volume.clone();
         let from_volume = volume.as_ref().map_or(From::Volume, |layers| From::Layers(layers));
-        // The start that suits the first model better is that of all.
-        let both = [(Origin::Closed, From::ClosedForm), (Origin::Volume, from_volume)];
-        let starts = both.into_iter().filter(|(start, _)| of_first.is_none_or(|of_first| of_first == *start));
         let mut best: Option<(Fitted, usize)> = None;
-        for (start, from) in starts {
-            let is_enough = |best: &Fitted| !self.finds_start || best.surface.excess() < NOTHING_LEFT;
-            if best.as_ref().is_some_and(|(best, _)| is_enough(best)) {
-                self.pace.pass(if self.finds_start { from.iterations() } else { 0 });
+        for (start, from) in [(Origin::Closed, From::ClosedForm), (Origin::Volume, from_volume)] {
+            let is_enough = best.as_ref().is_some_and(|(best, _)| {
+                let excess = best.surface.excess();
+                excess < NOTHING_LEFT || excess > HOPELESS * least
+            });
+            if is_enough || best.is_some() && !self.finds_start {
+                if self.finds_start {
+                    self.pace.pass(from.iterations());
+                }
                 break;
             }
             let clock = Instant::now();
@@ -430,9 +432,6 @@ impl<'t> Search<'t> {
             if best.as_ref().is_none_or(|(best, _)| fitted.surface.cost() < best.surface.cost()) {
                 best = Some((fitted, self.candidates.len() - 1));
             }
-        }
-        if let Some((_, at)) = &best {
-            self.start = Some(self.candidates[*at].start);
         }
         self.tried.push(Tried {
             reflectance,
@@ -459,9 +458,26 @@ impl<'t> Search<'t> {
         Ok(rows.best(&taps).map(|(at, pairs)| (shapes[at], ideal.left_with(pairs))))
     }
 
-    /// The same length without a tail, metres.
-    fn suggested_length(&self, ideal: &HeldOut) -> Result<Option<f64>> {
-        Ok(self.suggested(ideal, &Shape::plain(self.bin_width))?.map(|(shape, _)| shape.length()))
+    /// The length of those with this share in a tail, metres.
+    fn suggested_length(&self, ideal: &HeldOut, share: f64) -> Result<Option<f64>> {
+        let shapes = Shape::of_share(self.bin_width, share);
+        Ok(self.suggested(ideal, &shapes)?.map(|(shape, _)| shape.length()))
+    }
+
+    /// The length of impulse responses with this share in a tail that a surface suggests which was fitted with it, by what a sharp one
+    /// suggests and `surface`, which was fitted with `length`.
+    fn settled_length(
+        &self,
+        reflectance: Reflectance,
+        sharp: &HeldOut,
+        surface: &Candidate,
+        length: f64,
+        share: f64,
+    ) -> Result<Option<f64>> {
+        let Some(first) = self.suggested_length(sharp, share)? else { return Ok(None) };
+        let ideal = trial_of(&self.trials, reflectance).ideal(&surface.layers)?;
+        let second = ideal.map(|ideal| self.suggested_length(&ideal, share)).transpose()?.flatten();
+        Ok(second.map(|second| pulse::settled(first, length, second)))
     }
 
     /// The residual of a hypothesis with an impulse response, whose fit continues the sharp one.
@@ -569,32 +585,39 @@ impl<'t> Search<'t> {
         };
         let Sharp { fitted, .. } = &self.sharp[at];
         let sharp = fitted.surface.left.clone().expect("trials are judged");
-        let Some(first) = self.suggested_length(&fitted.held)? else { return Ok(Shape::SHARP) };
+        let held = fitted.held.clone();
+        let Some(first) = self.suggested_length(&held, 0.0)? else { return Ok(Shape::SHARP) };
         let surface = self.spread(reflectance, Shape::of(first, 0.0), ITERATIONS[1])?;
         let is_less = |surface: &Candidate| surface.left.as_ref().is_some_and(|l| l.share() < sharp.share());
         let Some(surface) = surface.filter(is_less) else { return Ok(Shape::SHARP) };
-        let ideal = trial_of(&self.trials, reflectance).ideal(&surface.layers)?;
-        let Some(second) = ideal.map(|ideal| self.suggested_length(&ideal)).transpose()?.flatten() else {
-            return Ok(Shape::SHARP);
-        };
-        let length = pulse::settled(first, second);
+        let settled = self.settled_length(reflectance, &held, &surface, first, 0.0)?;
         // A length that the solve's bins cannot show, or a residual that falls up to the longest.
-        let bins = length / self.bin_width;
-        if bins < self.narrowest || bins >= pulse::WIDEST {
-            return Ok(Shape::SHARP);
-        }
-        let mut each = vec![];
+        let range = self.narrowest * self.bin_width..pulse::WIDEST * self.bin_width;
+        let Some(length) = settled.filter(|length| range.contains(length)) else { return Ok(Shape::SHARP) };
+        let mut fits = vec![];
         for share in pulse::SHARES {
-            each.push(self.left(reflectance, Shape::of(length, share))?);
+            let pulse = Shape::of(length, share);
+            let surface = self.spread(reflectance, pulse, OF_PULSE)?;
+            let left = surface.as_ref().and_then(|surface| surface.left.clone());
+            self.tried.push(Tried { reflectance, pulse, left: left.clone() });
+            fits.push((share, surface.zip(left)));
         }
         // A shape without a surface is no better one.
-        let shares = std::array::from_fn(|i| each[i].as_ref().map_or(f64::INFINITY, Left::share));
-        let least = each.iter().flatten().min_by(|a, b| a.share().total_cmp(&b.share()));
-        let is_tailed =
-            each[0].as_ref().is_none_or(|plain| least.is_some_and(|least| is_worth(least, plain)));
-        let share = if is_tailed { pulse::best_share(shares) } else { 0.0 };
-        let is_pulse = least.is_some_and(|least| is_worth(least, &sharp));
-        Ok(if is_pulse { Shape::of(length, share) } else { Shape::SHARP })
+        let left_of = |fit: &Option<(Candidate, Left)>| fit.as_ref().map_or(f64::INFINITY, |f| f.1.share());
+        let shares = std::array::from_fn(|i| left_of(&fits[i].1));
+        let plain = fits[0].1.as_ref().map(|fit| fit.1.clone());
+        let least = fits.into_iter().min_by(|a, b| left_of(&a.1).total_cmp(&left_of(&b.1)));
+        let Some((share, Some((surface, left)))) = least else { return Ok(Shape::SHARP) };
+        if !is_worth(&left, &sharp) {
+            return Ok(Shape::SHARP);
+        }
+        if plain.is_some_and(|plain| !is_worth(&left, &plain)) {
+            return Ok(Shape::of(length, 0.0));
+        }
+        // Tails need another length.
+        let settled = self.settled_length(reflectance, &held, &surface, length, share)?;
+        let length = settled.filter(|length| range.contains(length)).unwrap_or(length);
+        Ok(Shape::of(length, pulse::best_share(shares)))
     }
 }
 

@@ -36,20 +36,21 @@ pub(super) const WIDEST: f64 = 32.0;
 /// The narrowest pulse that is worth its kernels, in bins of the solve.
 pub(super) const NARROWEST: f64 = 1.0;
 
-/// Pulses by which the light of a surface with sharp paths is spread: lengths to an octave, and shares of the tail.
-const TO_AN_OCTAVE: f64 = 8.0;
+/// Pulses by which the light of a surface with sharp paths is spread: lengths to an octave where tails are open and where they are not,
+/// and shares of the tail.
+const TO_AN_OCTAVE: [f64; 2] = [8.0, 24.0];
 const TAILS: [f64; 5] = [0.0, 0.2, 0.4, 0.6, 0.8];
 
 /// Shares of the length in the tails of fits. The share of a suggestion depends on the one that the surface was fitted with.
 pub(super) const SHARES: [f64; 3] = [0.0, 0.4, 0.8];
 
 /// Share of a change of the variance that a suggestion keeps, at most.
-const MOST_KEPT: f64 = 0.6;
+const MOST_KEPT: f64 = 0.8;
 
 /// Lengths of suggestions, bins.
-fn lengths() -> impl Iterator<Item = f64> {
-    let octaves = WIDEST.log2() * TO_AN_OCTAVE;
-    (0..=octaves as usize).map(|i| (i as f64 / TO_AN_OCTAVE).exp2())
+fn lengths(to_an_octave: f64) -> impl Iterator<Item = f64> {
+    let octaves = WIDEST.log2() * to_an_octave;
+    (0..=octaves as usize).map(move |i| (i as f64 / to_an_octave).exp2())
 }
 
 /// A pulse of a trial: a Gaussian, convolved with an exponential.
@@ -73,13 +74,13 @@ impl Shape {
 
     /// Pulses of many lengths and tails, in bins of this width.
     pub fn all(bin_width: f64) -> Vec<Shape> {
-        let lengths = lengths().map(|bins| bins * bin_width);
+        let lengths = lengths(TO_AN_OCTAVE[0]).map(|bins| bins * bin_width);
         lengths.flat_map(|length| TAILS.map(|share| Shape::of(length, share))).collect()
     }
 
-    /// Pulses of many lengths without a tail, in bins of this width.
-    pub fn plain(bin_width: f64) -> Vec<Shape> {
-        lengths().map(|bins| Shape::of(bins * bin_width, 0.0)).collect()
+    /// Pulses of many lengths, in bins of this width, with this share in their tail.
+    pub fn of_share(bin_width: f64, share: f64) -> Vec<Shape> {
+        lengths(TO_AN_OCTAVE[1]).map(|bins| Shape::of(bins * bin_width, share)).collect()
     }
 
     /// Width and tail together, metres.
@@ -158,11 +159,11 @@ pub(super) fn three_digits(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
-/// The length that a surface suggests that was fitted with it, by what a surface of sharp paths and one of the length `first` suggest.
-/// The variance that is missing has moved into the surface: it falls in proportion.
-pub(super) fn settled(first: f64, second: f64) -> f64 {
-    let kept = ((second / first).powi(2) - 1.0).min(MOST_KEPT);
-    if kept > 0.0 { first / (1.0 - kept).sqrt() } else { second }
+/// The length that a surface suggests which was fitted with it, by what a sharp surface suggests and one that was fitted with the length
+/// `given`: `first` and `second`. The variance that is missing has moved into the surface, in proportion.
+pub(super) fn settled(first: f64, given: f64, second: f64) -> f64 {
+    let kept = ((second.powi(2) - first.powi(2)) / given.powi(2)).clamp(0.0, MOST_KEPT);
+    if second > first { first / (1.0 - kept).sqrt() } else { second }
 }
 
 /// The share of the tail by residuals with [`SHARES`]: the vertex of their parabola, or the least where it has none.
@@ -214,12 +215,12 @@ mod tests {
             for kept in [0.0, 0.2, 0.5] {
                 let suggested = |given: f64| ((1.0 - kept) * truth * truth + kept * given * given).sqrt();
                 let first = suggested(0.0);
-                let settled = settled(first, suggested(first));
+                let settled = settled(first, 0.8 * truth, suggested(0.8 * truth));
                 assert!((settled / truth - 1.0).abs() < 1e-9, "{truth} {kept}: {settled}");
             }
         }
-        assert_eq!(settled(3.0, 2.5), 2.5, "a shorter one");
-        assert!(settled(1.0, 3.0) < 1.6, "no surface compensates so much");
+        assert_eq!(settled(3.0, 3.0, 2.5), 2.5, "a shorter one");
+        assert!(settled(1.0, 1.0, 3.0) < 2.3, "no surface compensates so much");
     }
 
     #[test]
