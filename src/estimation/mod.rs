@@ -458,26 +458,9 @@ impl<'t> Search<'t> {
         Ok(rows.best(&taps).map(|(at, pairs)| (shapes[at], ideal.left_with(pairs))))
     }
 
-    /// The length of those with this share in a tail, metres.
-    fn suggested_length(&self, ideal: &HeldOut, share: f64) -> Result<Option<f64>> {
-        let shapes = Shape::of_share(self.bin_width, share);
-        Ok(self.suggested(ideal, &shapes)?.map(|(shape, _)| shape.length()))
-    }
-
-    /// The length of impulse responses with this share in a tail that a surface suggests which was fitted with it, by what a sharp one
-    /// suggests and `surface`, which was fitted with `length`.
-    fn settled_length(
-        &self,
-        reflectance: Reflectance,
-        sharp: &HeldOut,
-        surface: &Candidate,
-        length: f64,
-        share: f64,
-    ) -> Result<Option<f64>> {
-        let Some(first) = self.suggested_length(sharp, share)? else { return Ok(None) };
-        let ideal = trial_of(&self.trials, reflectance).ideal(&surface.layers)?;
-        let second = ideal.map(|ideal| self.suggested_length(&ideal, share)).transpose()?.flatten();
-        Ok(second.map(|second| pulse::settled(first, length, second)))
+    /// The same length without a tail, metres.
+    fn suggested_length(&self, ideal: &HeldOut) -> Result<Option<f64>> {
+        Ok(self.suggested(ideal, &Shape::plain(self.bin_width))?.map(|(shape, _)| shape.length()))
     }
 
     /// The residual of a hypothesis with an impulse response, whose fit continues the sharp one.
@@ -585,39 +568,32 @@ impl<'t> Search<'t> {
         };
         let Sharp { fitted, .. } = &self.sharp[at];
         let sharp = fitted.surface.left.clone().expect("trials are judged");
-        let held = fitted.held.clone();
-        let Some(first) = self.suggested_length(&held, 0.0)? else { return Ok(Shape::SHARP) };
+        let Some(first) = self.suggested_length(&fitted.held)? else { return Ok(Shape::SHARP) };
         let surface = self.spread(reflectance, Shape::of(first, 0.0), ITERATIONS[1])?;
         let is_less = |surface: &Candidate| surface.left.as_ref().is_some_and(|l| l.share() < sharp.share());
         let Some(surface) = surface.filter(is_less) else { return Ok(Shape::SHARP) };
-        let settled = self.settled_length(reflectance, &held, &surface, first, 0.0)?;
+        let ideal = trial_of(&self.trials, reflectance).ideal(&surface.layers)?;
+        let Some(second) = ideal.map(|ideal| self.suggested_length(&ideal)).transpose()?.flatten() else {
+            return Ok(Shape::SHARP);
+        };
+        let length = pulse::settled(first, second);
         // A length that the solve's bins cannot show, or a residual that falls up to the longest.
-        let range = self.narrowest * self.bin_width..pulse::WIDEST * self.bin_width;
-        let Some(length) = settled.filter(|length| range.contains(length)) else { return Ok(Shape::SHARP) };
-        let mut fits = vec![];
-        for share in pulse::SHARES {
-            let pulse = Shape::of(length, share);
-            let surface = self.spread(reflectance, pulse, OF_PULSE)?;
-            let left = surface.as_ref().and_then(|surface| surface.left.clone());
-            self.tried.push(Tried { reflectance, pulse, left: left.clone() });
-            fits.push((share, surface.zip(left)));
-        }
-        // A shape without a surface is no better one.
-        let left_of = |fit: &Option<(Candidate, Left)>| fit.as_ref().map_or(f64::INFINITY, |f| f.1.share());
-        let shares = std::array::from_fn(|i| left_of(&fits[i].1));
-        let plain = fits[0].1.as_ref().map(|fit| fit.1.clone());
-        let least = fits.into_iter().min_by(|a, b| left_of(&a.1).total_cmp(&left_of(&b.1)));
-        let Some((share, Some((surface, left)))) = least else { return Ok(Shape::SHARP) };
-        if !is_worth(&left, &sharp) {
+        let bins = length / self.bin_width;
+        if bins < self.narrowest || bins >= pulse::WIDEST {
             return Ok(Shape::SHARP);
         }
-        if plain.is_some_and(|plain| !is_worth(&left, &plain)) {
-            return Ok(Shape::of(length, 0.0));
+        let mut each = vec![];
+        for share in pulse::SHARES {
+            each.push(self.left(reflectance, Shape::of(length, share))?);
         }
-        // Tails need another length.
-        let settled = self.settled_length(reflectance, &held, &surface, length, share)?;
-        let length = settled.filter(|length| range.contains(length)).unwrap_or(length);
-        Ok(Shape::of(length, pulse::best_share(shares)))
+        // A shape without a surface is no better one.
+        let shares = std::array::from_fn(|i| each[i].as_ref().map_or(f64::INFINITY, Left::share));
+        let least = each.iter().flatten().min_by(|a, b| a.share().total_cmp(&b.share()));
+        let is_tailed =
+            each[0].as_ref().is_none_or(|plain| least.is_some_and(|least| is_worth(least, plain)));
+        let share = if is_tailed { pulse::best_share(shares) } else { 0.0 };
+        let is_pulse = least.is_some_and(|least| is_worth(least, &sharp));
+        Ok(if is_pulse { Shape::of(length, share) } else { Shape::SHARP })
     }
 }
 

@@ -78,9 +78,9 @@ impl Shape {
         lengths.flat_map(|length| TAILS.map(|share| Shape::of(length, share))).collect()
     }
 
-    /// Pulses of many lengths, in bins of this width, with this share in their tail.
-    pub fn of_share(bin_width: f64, share: f64) -> Vec<Shape> {
-        lengths(TO_AN_OCTAVE[1]).map(|bins| Shape::of(bins * bin_width, share)).collect()
+    /// Pulses of many lengths without a tail, in bins of this width.
+    pub fn plain(bin_width: f64) -> Vec<Shape> {
+        lengths(TO_AN_OCTAVE[1]).map(|bins| Shape::of(bins * bin_width, 0.0)).collect()
     }
 
     /// Width and tail together, metres.
@@ -159,11 +159,11 @@ pub(super) fn three_digits(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
-/// The length that a surface suggests which was fitted with it, by what a sharp surface suggests and one that was fitted with the length
-/// `given`: `first` and `second`. The variance that is missing has moved into the surface, in proportion.
-pub(super) fn settled(first: f64, given: f64, second: f64) -> f64 {
-    let kept = ((second.powi(2) - first.powi(2)) / given.powi(2)).clamp(0.0, MOST_KEPT);
-    if second > first { first / (1.0 - kept).sqrt() } else { second }
+/// The length that a surface suggests that was fitted with it, by what a surface of sharp paths and one of the length `first` suggest.
+/// The variance that is missing has moved into the surface: it falls in proportion.
+pub(super) fn settled(first: f64, second: f64) -> f64 {
+    let kept = ((second / first).powi(2) - 1.0).min(MOST_KEPT);
+    if kept > 0.0 { first / (1.0 - kept).sqrt() } else { second }
 }
 
 /// The share of the tail by residuals with [`SHARES`]: the vertex of their parabola, or the least where it has none.
@@ -215,12 +215,12 @@ mod tests {
             for kept in [0.0, 0.2, 0.5] {
                 let suggested = |given: f64| ((1.0 - kept) * truth * truth + kept * given * given).sqrt();
                 let first = suggested(0.0);
-                let settled = settled(first, 0.8 * truth, suggested(0.8 * truth));
+                let settled = settled(first, suggested(first));
                 assert!((settled / truth - 1.0).abs() < 1e-9, "{truth} {kept}: {settled}");
             }
         }
-        assert_eq!(settled(3.0, 3.0, 2.5), 2.5, "a shorter one");
-        assert!(settled(1.0, 1.0, 3.0) < 2.3, "no surface compensates so much");
+        assert_eq!(settled(3.0, 2.5), 2.5, "a shorter one");
+        assert!(settled(1.0, 3.0) < 2.3, "no surface compensates so much");
     }
 
     #[test]
