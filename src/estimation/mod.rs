@@ -11,8 +11,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
+use crate::maps::Maps;
 use crate::solve::surface::start::plane;
-use crate::solve::surface::{Start, Starts};
+use crate::solve::surface::{Candidate, HeldOut, Start, Starts};
 use crate::solve::{
     Begun, Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, TracePoint, Watch,
     default_volume,
@@ -50,12 +51,11 @@ mod constants {
     pub const ROUNDS: usize = 5;
     /// Iterations of a round, and of the fit after the rounds or with another impulse response.
     pub const ITERATIONS: [usize; 2] = [15, 20];
+    /// Iterations of fits whose impulse responses are compared: tails differ less than widths do.
+    pub const OF_PULSE: usize = 30;
     /// Share of the energy, beyond noise, below which a second start is not computed.
     pub const NOTHING_LEFT: f64 = 0.01;
-    /// Iterations of fits that compare tails: these differ less than widths do.
-    pub const OF_TAIL: usize = 40;
-    /// A model whose residual is this many times that of the best one is fitted neither from a second start nor, each with the
-    /// impulse response that its sharp fit suggests, again.
+    /// A model whose residual is this many times that of the best one is not fitted from a second start.
     pub const HOPELESS: f64 = 1.3;
 }
 use constants::*;
@@ -88,9 +88,25 @@ pub struct Estimates {
     pub candidates: Vec<FoundSurface>,
     /// Seconds of all fits.
     pub seconds: f64,
+    /// The same by what was estimated.
+    #[serde(skip)]
+    pub stages: EstimateSeconds,
     /// Layers of the surface that the fits found, and of the closed form, on coarse pixels.
     #[serde(skip)]
     pub(crate) begun: Option<Begun>,
+}
+
+/// Seconds of estimates.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct EstimateSeconds {
+    /// The closed form that fits begin with.
+    pub start: f64,
+    /// The high-pass.
+    pub high_pass: f64,
+    /// The reflectance, and the start of the surface.
+    pub model: f64,
+    /// The impulse response.
+    pub pulse: f64,
 }
 
 impl Estimates {
@@ -151,11 +167,16 @@ pub fn estimate(
     let usual = request.solver.common().reflectance;
     let mut tried = vec![];
     let (mut high_pass, mut begun, mut candidates) = (None, None, vec![]);
+    let mut stages = EstimateSeconds::default();
     let searched = Search::new(request, capture, gpu, hear).and_then(|mut search| {
+        stages.start = start.elapsed().as_secs_f64();
         if finds_high_pass {
             high_pass = Some(search.find_high_pass(capture)?);
         }
+        stages.high_pass = start.elapsed().as_secs_f64() - stages.start;
         let found = search.run(usual, finds_model);
+        stages.pulse = search.pulse_seconds;
+        stages.model = start.elapsed().as_secs_f64() - stages.start - stages.high_pass - stages.pulse;
         tried = std::mem::take(&mut search.tried);
         candidates = std::mem::take(&mut search.candidates);
         if let Some((reflectance, _)) = found.as_ref().ok().filter(|_| search.finds_start)
@@ -176,8 +197,8 @@ pub fn estimate(
     };
     let seconds = start.elapsed().as_secs_f64();
     let model = finds_model.then(|| FoundModel::of(reflectance, &tried, failed.clone()));
-    let pulse = pulse.map(|shape| FoundPulse::of(shape, reflectance, &tried, seconds, failed));
-    Ok(Estimates { model, high_pass, pulse, candidates, seconds, begun })
+    let pulse = pulse.map(|shape| FoundPulse::of(shape, reflectance, &tried, stages.pulse, failed));
+    Ok(Estimates { model, high_pass, pulse, candidates, seconds, stages, begun })
 }
 
 /// A surface that short fits found, judged on the pairs that are held out.
@@ -246,8 +267,8 @@ struct Pace {
 }
 
 impl Pace {
-    /// Fits that choose a length and then a tail.
-    const OF_PULSE: usize = 4 * ITERATIONS[1] + 3 * OF_TAIL;
+    /// The fits that choose an impulse response.
+    const OF_PULSE: usize = ITERATIONS[1] + pulse::SHARES.len() * OF_PULSE;
 
     /// The progress of a fit as that of all.
     fn of(&self, progress: &Progress) -> Progress {
@@ -288,10 +309,14 @@ struct Search<'t> {
     pace: Pace,
     tried: Vec<Tried>,
     candidates: Vec<FoundSurface>,
+    /// Seconds spent on the impulse response.
+    pulse_seconds: f64,
     /// Whether the support may leave the closed form's.
     finds_start: bool,
     /// The length of the last steps, as a share of the longest ones.
     step: f64,
+    /// The layers of a coarse volume of the first model, which starts fits of all.
+    volume: Option<Vec<Maps>>,
 }
 
 impl<'t> Search<'t> {
@@ -317,8 +342,8 @@ impl<'t> Search<'t> {
         let Ready { capture: whole, grid, .. } =
             of_trial.ready(&options.clone().into(), Cow::Borrowed(capture))?;
         let finds_start = all[0].as_surface().grow;
-        let [high_pass, models] = [usize::from(request.finds_high_pass()), all.len()];
         let starts = if finds_start { 2 } else { 1 };
+        let [high_pass, models] = [usize::from(request.finds_high_pass()), all.len()];
         let pulse = match request.find_pulse(capture) {
             FindPulse::Never => 0,
             FindPulse::IfItShows => ITERATIONS[1],
@@ -351,8 +376,10 @@ impl<'t> Search<'t> {
             pace,
             tried: vec![],
             candidates: vec![],
+            pulse_seconds: 0.0,
             finds_start,
             step: 1.0,
+            volume: None,
         })
     }
 
@@ -370,8 +397,7 @@ impl<'t> Search<'t> {
     /// Fits a hypothesis. `None` if no surface is found.
     fn fit(&mut self, reflectance: Reflectance, shape: Shape, from: From<'_>) -> Result<Option<Fitted>> {
         let Search { trials, hear, known, pace, step, .. } = self;
-        let trial =
-            trials.iter_mut().find(|t| t.reflectance() == reflectance).expect("a trial for every model");
+        let trial = trial_of(trials, reflectance);
         let mut reported = |p: &Progress| hear(&pace.of(p));
         let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
         let pulse = shape.centred()?.or(known.clone());
@@ -387,8 +413,10 @@ impl<'t> Search<'t> {
             return Ok(Some(at));
         }
         let least = self.sharp.iter().map(|s| s.fitted.surface.excess()).fold(f64::INFINITY, f64::min);
+        let volume = self.volume.clone();
+        let from_volume = volume.as_ref().map_or(From::Volume, |layers| From::Layers(layers));
         let mut best: Option<(Fitted, usize)> = None;
-        for (start, from) in [(Origin::Closed, From::ClosedForm), (Origin::Volume, From::Volume)] {
+        for (start, from) in [(Origin::Closed, From::ClosedForm), (Origin::Volume, from_volume)] {
             let is_enough = best.as_ref().is_some_and(|(best, _)| {
                 let excess = best.surface.excess();
                 excess < NOTHING_LEFT || excess > HOPELESS * least
@@ -401,12 +429,11 @@ impl<'t> Search<'t> {
             }
             let clock = Instant::now();
             let Some(fitted) = self.fit(reflectance, Shape::SHARP, from)? else { continue };
-            self.candidates.push(FoundSurface::of(
-                reflectance,
-                start,
-                &fitted,
-                clock.elapsed().as_secs_f64(),
-            ));
+            let seconds = clock.elapsed().as_secs_f64();
+            if start == Origin::Volume {
+                self.volume = Some(fitted.begun.clone());
+            }
+            self.candidates.push(FoundSurface::of(reflectance, start, &fitted, seconds));
             if best.as_ref().is_none_or(|(best, _)| fitted.surface.cost() < best.surface.cost()) {
                 best = Some((fitted, self.candidates.len() - 1));
             }
@@ -417,19 +444,28 @@ impl<'t> Search<'t> {
             left: best.as_ref().and_then(|(fitted, _)| fitted.surface.left.clone()),
         });
         let Some((fitted, candidate)) = best else { return Ok(None) };
-        let suggested = if self.find_pulse == FindPulse::Never { None } else { self.suggested(&fitted)? };
+        let clock = Instant::now();
+        let suggested = match self.find_pulse {
+            FindPulse::Never => None,
+            _ => self.suggested(&fitted.held, &Shape::all(self.bin_width))?,
+        };
+        self.pulse_seconds += clock.elapsed().as_secs_f64();
         self.sharp.push(Sharp { reflectance, fitted, candidate, suggested });
         Ok(Some(self.sharp.len() - 1))
     }
 
-    /// The impulse response that a sharp fit's rendering of the hold-out set suggests, and the residual with it.
-    fn suggested(&self, fitted: &Fitted) -> Result<Option<(Shape, Left)>> {
-        let shapes = Shape::all(self.bin_width);
+    /// Of these impulse responses, the one that an ideal rendering of the hold-out set suggests, and the residual with it.
+    fn suggested(&self, ideal: &HeldOut, shapes: &[Shape]) -> Result<Option<(Shape, Left)>> {
         let pulses = shapes.iter().filter_map(|shape| shape.centred().transpose());
         let taps = pulses.map(|p| p.and_then(|p| p.taps(self.bin_width))).collect::<Result<Vec<_>>>()?;
-        let [rendered, measured] = fitted.held.sides();
-        let rows = Rows { rendered: &rendered, measured: &measured, bins: fitted.held.bins() };
-        Ok(rows.best(&taps).map(|(at, pairs)| (shapes[at], fitted.held.left_with(pairs))))
+        let [rendered, measured] = ideal.sides();
+        let rows = Rows { rendered: &rendered, measured: &measured, bins: ideal.bins() };
+        Ok(rows.best(&taps).map(|(at, pairs)| (shapes[at], ideal.left_with(pairs))))
+    }
+
+    /// The same length without a tail, metres.
+    fn suggested_length(&self, ideal: &HeldOut) -> Result<Option<f64>> {
+        Ok(self.suggested(ideal, &Shape::plain(self.bin_width))?.map(|(shape, _)| shape.length()))
     }
 
     /// The residual of a hypothesis with an impulse response, whose fit continues the sharp one.
@@ -438,16 +474,24 @@ impl<'t> Search<'t> {
         if let Some(same) = self.tried.iter().find(|t| (t.reflectance, t.pulse) == of) {
             return Ok(same.left.clone());
         }
-        let Some(at) = self.sharp(reflectance)? else { return Ok(None) };
-        let from = self.sharp[at].fitted.surface.layers.clone();
-        let left =
-            self.fit(reflectance, pulse, From::Fit(&from, ITERATIONS[1]))?.and_then(|f| f.surface.left);
+        let left = self.spread(reflectance, pulse, OF_PULSE)?.and_then(|surface| surface.left);
         self.tried.push(Tried { reflectance, pulse, left: left.clone() });
         Ok(left)
     }
 
-    /// Models are compared with the impulse responses that their sharp fits suggest. The best of them finds its impulse response,
-    /// and those that are not hopeless are compared again with it.
+    /// Continues the sharp fit of a model with an impulse response, for a number of iterations.
+    fn spread(
+        &mut self,
+        reflectance: Reflectance,
+        pulse: Shape,
+        iterations: usize,
+    ) -> Result<Option<Candidate>> {
+        let Some(at) = self.sharp(reflectance)? else { return Ok(None) };
+        let from = self.sharp[at].fitted.surface.layers.clone();
+        Ok(self.fit(reflectance, pulse, From::Fit(&from, iterations))?.map(|fitted| fitted.surface))
+    }
+
+    /// Models are compared with the impulse responses that their sharp fits suggest. The best of them finds its own.
     fn run(&mut self, usual: Reflectance, finds_model: bool) -> Result<(Reflectance, Option<Shape>)> {
         let models: Vec<Reflectance> =
             if finds_model { self.trials.iter().map(Trial::reflectance).collect() } else { vec![usual] };
@@ -461,13 +505,26 @@ impl<'t> Search<'t> {
             let Sharp { fitted, suggested, .. } = &self.sharp[at];
             let left = fitted.surface.left.as_ref().expect("trials are judged");
             let less = suggested.as_ref().map(|s| &s.1).filter(|less| less.share() < left.share());
-            spread.push((*model, less.unwrap_or(left).share()));
+            spread.push((*model, Some(less.unwrap_or(left).clone())));
             let always = self.find_pulse == FindPulse::Always;
             residuals.push((*model, Some(less.filter(|_| always).unwrap_or(left).clone())));
         }
         let no_surface =
             || Error::input("no fit found a surface", "name the model and the impulse response if known");
-        let mut model = model::choose(&residuals).ok_or_else(no_surface)?;
+        let model = model::choose(&residuals).ok_or_else(no_surface)?;
+        let clock = Instant::now();
+        let found = self.find_pulse(model, &spread);
+        self.pulse_seconds += clock.elapsed().as_secs_f64();
+        found
+    }
+
+    /// The impulse response with the best model, if one is to be found. Models that are not beaten, by what their sharp fits suggest,
+    /// are compared again with it.
+    fn find_pulse(
+        &mut self,
+        mut model: Reflectance,
+        spread: &[(Reflectance, Option<Left>)],
+    ) -> Result<(Reflectance, Option<Shape>)> {
         let finds_pulse = match self.find_pulse {
             FindPulse::Never => false,
             FindPulse::IfItShows => self.shows_pulse(model)?,
@@ -478,13 +535,13 @@ impl<'t> Search<'t> {
         }
         self.pace.expect(Pace::OF_PULSE);
         let mut pulse = self.best_pulse(model)?;
-        let least = spread.iter().map(|(_, share)| *share).fold(f64::INFINITY, f64::min);
-        spread.retain(|(_, share)| *share <= HOPELESS * least);
-        if pulse != Shape::SHARP && spread.len() > 1 {
-            let mut again = vec![];
-            self.pace.expect(spread.len() * ITERATIONS[1]);
-            for (model, _) in spread {
-                again.push((model, self.left(model, pulse)?));
+        let rivals: Vec<Reflectance> =
+            model::unbeaten(spread).into_iter().filter(|rival| *rival != model).collect();
+        if pulse != Shape::SHARP && !rivals.is_empty() {
+            self.pace.expect(rivals.len() * OF_PULSE);
+            let mut again = vec![(model, self.left(model, pulse)?)];
+            for rival in rivals {
+                again.push((rival, self.left(rival, pulse)?));
             }
             let other = model::choose(&again).unwrap_or(model);
             if other != model {
@@ -507,54 +564,51 @@ impl<'t> Search<'t> {
         Ok(sharp.zip(wide).is_some_and(|(sharp, wide)| wide.is_less(&sharp)))
     }
 
-    /// The impulse response with this model: its length, then the share of its tail.
+    /// The impulse response with this model. Convolutions of an ideal rendering suggest its length; a surface fitted with that corrects
+    /// it, as a sharp one has moved to compensate. Fits of the corrected length with several tails end the search: the best one must
+    /// leave less than the sharp fit.
     fn best_pulse(&mut self, reflectance: Reflectance) -> Result<Shape> {
         let Some(at) = self.sharp(reflectance)? else {
             return Err(Error::input("a fit found no surface", "give the instrument's impulse response"));
         };
-        let Sharp { fitted, suggested, .. } = &self.sharp[at];
+        let Sharp { fitted, .. } = &self.sharp[at];
         let sharp = fitted.surface.left.clone().expect("trials are judged");
-        let guess = suggested.as_ref().map(|s| s.0);
-        let from = fitted.surface.layers.clone();
-        let length = guess.map_or(pulse::FIRST * self.bin_width, |g| g.length());
-        // The tail of the suggestion is not to be trusted: the surface has moved to compensate it.
-        let (bin_width, narrowest) = (self.bin_width, self.narrowest);
-        let (mut first, mut second) = (None, None);
-        let of = |search: &mut Self, pulse: Shape, least: &mut Option<Left>| {
-            let left = search.left(reflectance, pulse)?;
-            *least = left.iter().chain(&*least).min_by(|a, b| a.share().total_cmp(&b.share())).cloned();
-            Ok(left.map(|left| left.share()))
+        let Some(first) = self.suggested_length(&fitted.held)? else { return Ok(Shape::SHARP) };
+        let surface = self.spread(reflectance, Shape::of(first, 0.0), ITERATIONS[1])?;
+        let is_less = |surface: &Candidate| surface.left.as_ref().is_some_and(|l| l.share() < sharp.share());
+        let Some(surface) = surface.filter(is_less) else { return Ok(Shape::SHARP) };
+        let ideal = trial_of(&self.trials, reflectance).ideal(&surface.layers)?;
+        let Some(second) = ideal.map(|ideal| self.suggested_length(&ideal)).transpose()?.flatten() else {
+            return Ok(Shape::SHARP);
         };
-        let best = pulse::best_length(length / bin_width, narrowest, sharp.share(), &mut |bins| {
-            of(self, Shape::of(bins * bin_width, 0.0), &mut first)
-        })?;
-        let Some([bins, left]) = best else { return Ok(Shape::SHARP) };
-        let length = bins * bin_width;
-        // Tails differ less than widths, so their fits are longer. All continue the sharp fit: none has an advantage.
-        let mut of_tail = |search: &mut Self, share: f64| {
-            let pulse = Shape::of(length, share);
-            let left =
-                search.fit(reflectance, pulse, From::Fit(&from, OF_TAIL))?.and_then(|f| f.surface.left);
-            search.tried.push(Tried { reflectance, pulse, left: left.clone() });
-            second = left.iter().chain(&second).min_by(|a, b| a.share().total_cmp(&b.share())).cloned();
-            Ok::<_, Error>(left)
-        };
-        let without = of_tail(self, 0.0)?;
-        let base = without.as_ref().map_or(left, Left::share);
-        let best =
-            pulse::best_tail(0.0, base, &mut |share| Ok(of_tail(self, share)?.map(|left| left.share())))?;
-        let is_worth = |better: &Option<Left>, than: &Left| {
-            let enough = |better: &Left| better.share() < (1.0 - pulse::WORTH) * than.share();
-            better.as_ref().is_some_and(|better| enough(better) && better.is_less(than))
-        };
-        let has_tail = without.as_ref().is_none_or(|without| is_worth(&second, without));
-        let least = first.into_iter().chain(second).min_by(|a, b| a.share().total_cmp(&b.share()));
-        Ok(if is_worth(&least, &sharp) {
-            Shape::of(length, if has_tail { best } else { 0.0 })
-        } else {
-            Shape::SHARP
-        })
+        let length = pulse::settled(first, second);
+        // A length that the solve's bins cannot show, or a residual that falls up to the longest.
+        let bins = length / self.bin_width;
+        if bins < self.narrowest || bins >= pulse::WIDEST {
+            return Ok(Shape::SHARP);
+        }
+        let mut each = vec![];
+        for share in pulse::SHARES {
+            each.push(self.left(reflectance, Shape::of(length, share))?);
+        }
+        // A shape without a surface is no better one.
+        let shares = std::array::from_fn(|i| each[i].as_ref().map_or(f64::INFINITY, Left::share));
+        let least = each.iter().flatten().min_by(|a, b| a.share().total_cmp(&b.share()));
+        let is_tailed =
+            each[0].as_ref().is_none_or(|plain| least.is_some_and(|least| is_worth(least, plain)));
+        let share = if is_tailed { pulse::best_share(shares) } else { 0.0 };
+        let is_pulse = least.is_some_and(|least| is_worth(least, &sharp));
+        Ok(if is_pulse { Shape::of(length, share) } else { Shape::SHARP })
     }
+}
+
+/// Whether a residual is smaller than another one beyond chance, and by enough to be worth a longer model.
+fn is_worth(left: &Left, than: &Left) -> bool {
+    left.share() < (1.0 - pulse::WORTH) * than.share() && left.is_less(than)
+}
+
+fn trial_of<'s, 't>(trials: &'s [Trial<'t>], reflectance: Reflectance) -> &'s Trial<'t> {
+    trials.iter().find(|t| t.reflectance() == reflectance).expect("a trial for every model")
 }
 
 /// The options of a fit.

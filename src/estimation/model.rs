@@ -78,17 +78,25 @@ const MARGIN: f64 = 0.06;
 const FIRST: [Reflectance; 4] =
     [Reflectance::Cosine, Reflectance::Retroreflective, Reflectance::Isotropic, Reflectance::Lambertian];
 
+/// The models that leave as little as any other, but for chance.
+pub(super) fn unbeaten(left: &[(Reflectance, Option<Left>)]) -> Vec<Reflectance> {
+    let found: Vec<(Reflectance, &Left)> = left.iter().filter_map(|(m, l)| Some((*m, l.as_ref()?))).collect();
+    let Some(least) = found.iter().map(|f| f.1).min_by(|a, b| a.excess().total_cmp(&b.excess())) else {
+        return vec![];
+    };
+    let by_margin = |other: &Left| least.excess() < (1.0 - MARGIN) * other.excess();
+    let is_beaten = |left: &Left| least.is_less(left) && by_margin(left);
+    found.into_iter().filter(|(_, left)| !is_beaten(left)).map(|(model, _)| model).collect()
+}
+
 /// Of the falloffs whose models leave as little as any other, but for chance, the one that comes first; of its models the one that
 /// leaves least. `None` if no trial found a surface.
 pub(super) fn choose(left: &[(Reflectance, Option<Left>)]) -> Option<Reflectance> {
-    let found: Vec<(Reflectance, &Left)> = left.iter().filter_map(|(m, l)| Some((*m, l.as_ref()?))).collect();
-    let least = found.iter().min_by(|a, b| a.1.excess().total_cmp(&b.1.excess()))?.1;
-    let by_margin = |other: &Left| least.excess() < (1.0 - MARGIN) * other.excess();
-    let is_beaten =
-        |model: &Reflectance| found.iter().all(|f| f.0 != *model || least.is_less(f.1) && by_margin(f.1));
-    let first = FIRST.into_iter().find(|model| !is_beaten(model))?;
-    let alike = found.iter().filter(|f| f.0.falloff_power() == first.falloff_power());
-    alike.min_by(|a, b| a.1.share().total_cmp(&b.1.share())).map(|f| f.0)
+    let unbeaten = unbeaten(left);
+    let first = FIRST.into_iter().find(|model| unbeaten.contains(model))?;
+    let alike = left.iter().filter(|(model, _)| model.falloff_power() == first.falloff_power());
+    let found = alike.filter_map(|(model, left)| Some((*model, left.as_ref()?.share())));
+    found.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(model, _)| model)
 }
 
 #[cfg(test)]

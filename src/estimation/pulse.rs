@@ -1,13 +1,13 @@
-//! Estimates the instrument's pulse: a Gaussian's width, then the tail of its detector. A trial fits a surface with a pulse, and the
-//! pulse with the least residual of held-out pairs is chosen. Unlike the haze of a volume, a surface cannot compensate for a wrong
-//! pulse.
+//! Estimates the instrument's pulse: a Gaussian's width, then whether its detector has a tail. Convolutions of rendered held-out pairs
+//! suggest widths; fits of surfaces confirm one by the residual of held-out pairs. Unlike the haze of a volume, a surface can compensate
+//! only a part of a wrong pulse.
 
 use serde::{Deserialize, Serialize};
 
 use super::Tried;
+use crate::Result;
 use crate::capture::{METRES_PER_PICOSECOND, Pulse};
 use crate::transport::Reflectance;
-use crate::{Error, Result};
 
 /// The result of the search.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -31,21 +31,27 @@ pub(super) const WORTH: f64 = 0.003;
 
 /// Lengths in bins of the trials: one that shows whether there is a pulse, and the longest.
 pub(super) const FIRST: f64 = 2.0;
-const WIDEST: f64 = 32.0;
-
-/// Factor between lengths that are tried.
-const STEP: f64 = 1.35;
+pub(super) const WIDEST: f64 = 32.0;
 
 /// The narrowest pulse that is worth its kernels, in bins of the solve.
 pub(super) const NARROWEST: f64 = 1.0;
 
-/// Shares of a pulse's length that a tail takes: from one trial to the next, and at most.
-const TAIL_STEP: f64 = 0.25;
-const LONGEST_TAIL: f64 = 0.8;
-
-/// Pulses by which the light of a surface with sharp paths is spread: lengths to an octave, and shares of the tail.
-const TO_AN_OCTAVE: f64 = 4.0;
+/// Pulses by which the light of a surface with sharp paths is spread: lengths to an octave where tails are open and where they are not,
+/// and shares of the tail.
+const TO_AN_OCTAVE: [f64; 2] = [8.0, 24.0];
 const TAILS: [f64; 5] = [0.0, 0.2, 0.4, 0.6, 0.8];
+
+/// Shares of the length in the tails of fits. The share of a suggestion depends on the one that the surface was fitted with.
+pub(super) const SHARES: [f64; 3] = [0.0, 0.4, 0.8];
+
+/// Share of a change of the variance that a suggestion keeps, at most.
+const MOST_KEPT: f64 = 0.8;
+
+/// Lengths of suggestions, bins.
+fn lengths(to_an_octave: f64) -> impl Iterator<Item = f64> {
+    let octaves = WIDEST.log2() * to_an_octave;
+    (0..=octaves as usize).map(move |i| (i as f64 / to_an_octave).exp2())
+}
 
 /// A pulse of a trial: a Gaussian, convolved with an exponential.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -68,9 +74,13 @@ impl Shape {
 
     /// Pulses of many lengths and tails, in bins of this width.
     pub fn all(bin_width: f64) -> Vec<Shape> {
-        let octaves = WIDEST.log2() * TO_AN_OCTAVE;
-        let lengths = (0..=octaves as usize).map(|i| bin_width * (i as f64 / TO_AN_OCTAVE).exp2());
+        let lengths = lengths(TO_AN_OCTAVE[0]).map(|bins| bins * bin_width);
         lengths.flat_map(|length| TAILS.map(|share| Shape::of(length, share))).collect()
+    }
+
+    /// Pulses of many lengths without a tail, in bins of this width.
+    pub fn plain(bin_width: f64) -> Vec<Shape> {
+        lengths(TO_AN_OCTAVE[1]).map(|bins| Shape::of(bins * bin_width, 0.0)).collect()
     }
 
     /// Width and tail together, metres.
@@ -149,154 +159,28 @@ pub(super) fn three_digits(value: f64) -> f64 {
     format!("{value:.2e}").parse().unwrap_or(value)
 }
 
-/// The length in bins with the least `misfit` and what that is, from a guess on: of a pulse whose tail has a known share. Lengths
-/// go up while that helps, else down, and a parabola ends it. `None` if no length is better than sharp paths, which leave `sharp`,
-/// if the best is below `narrowest`, or if the misfit falls up to the longest.
-pub(super) fn best_length(
-    guess: f64,
-    narrowest: f64,
-    sharp: f64,
-    misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>,
-) -> Result<Option<[f64; 2]>> {
-    // A pulse without a surface is no better one.
-    let mut at = |length: f64| Ok::<_, Error>([length, misfit(length)?.unwrap_or(f64::INFINITY)]);
-    let mut known = vec![at(guess.clamp(narrowest, WIDEST))?];
-    if known[0][1] >= sharp {
-        known = vec![at((0.5 * known[0][0]).max(narrowest))?];
-        if known[0][1] >= sharp {
-            return Ok(None);
-        }
-    }
-    for factor in [STEP, 1.0 / STEP] {
-        let mut end = known[0];
-        while (narrowest..=WIDEST).contains(&(factor * end[0])) {
-            let next = at(factor * end[0])?;
-            known.push(next);
-            if next[1] >= end[1] {
-                break;
-            }
-            end = next;
-        }
-        // The first one and the last one are the neighbours of what is between them.
-        if known.len() > 2 {
-            break;
-        }
-    }
-    known.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    let least = least_of(&known);
-    let Some(found) = vertex(&known) else {
-        return Ok((least == 0 && known[0][0] > narrowest).then_some(known[0]));
-    };
-    Ok(Some(found))
+/// The length that a surface suggests that was fitted with it, by what a surface of sharp paths and one of the length `first` suggest.
+/// The variance that is missing has moved into the surface: it falls in proportion.
+pub(super) fn settled(first: f64, second: f64) -> f64 {
+    let kept = ((second / first).powi(2) - 1.0).min(MOST_KEPT);
+    if kept > 0.0 { first / (1.0 - kept).sqrt() } else { second }
 }
 
-/// The share of a pulse's length in its tail with the least `misfit`, from one on that leaves `left`.
-pub(super) fn best_tail(
-    share: f64,
-    left: f64,
-    misfit: &mut dyn FnMut(f64) -> Result<Option<f64>>,
-) -> Result<f64> {
-    let mut at = |share: f64| Ok::<_, Error>([share, misfit(share)?.unwrap_or(f64::INFINITY)]);
-    let mut known = vec![[share, left]];
-    while let [.., [longest, _]] = known[..]
-        && longest < LONGEST_TAIL
-        && least_of(&known) + 1 == known.len()
-    {
-        known.push(at((longest + TAIL_STEP).min(LONGEST_TAIL))?);
-    }
-    if least_of(&known) == 0 {
-        let [at_least, shorter] = if share > 0.0 { [0.0, share - TAIL_STEP] } else { [0.5 * TAIL_STEP; 2] };
-        known.push(at(shorter.max(at_least))?);
-        known.sort_by(|a, b| a[0].total_cmp(&b[0]));
-    }
-    Ok(vertex(&known).map_or(known[least_of(&known)][0], |found| found[0]))
-}
-
-/// The vertex of the parabola through the least of `known` and its two neighbours, and its value. `known` is in order.
-fn vertex(known: &[[f64; 2]]) -> Option<[f64; 2]> {
-    let least = least_of(known);
-    let [[a, fa], [b, fb], [c, fc]] = known.get(least.checked_sub(1)?..least + 2)?.try_into().ok()?;
-    let (left, right) = ((b - a) * (fb - fc), (b - c) * (fb - fa));
-    let at = b - 0.5 * ((b - a) * left - (b - c) * right) / (left - right);
-    let at = at.is_finite().then(|| at.clamp(a, c))?;
-    // Newton's form of the parabola.
+/// The share of the tail by residuals with [`SHARES`]: the vertex of their parabola, or the least where it has none.
+pub(super) fn best_share(left: [f64; SHARES.len()]) -> f64 {
+    let [[a, b, c], [fa, fb, fc]] = [SHARES, left];
     let (first, second) = ((fb - fa) / (b - a), (fc - fb) / (c - b));
-    let value = fa + (at - a) * (first + (at - b) * (second - first) / (c - a));
-    Some([at, value])
-}
-
-fn least_of(known: &[[f64; 2]]) -> usize {
-    (0..known.len()).min_by(|a, b| known[*a][1].total_cmp(&known[*b][1])).unwrap_or(0)
+    let bent = (second - first) / (c - a);
+    if bent > 0.0 && bent.is_finite() {
+        return (0.5 * (a + b) - 0.5 * first / bent).clamp(a, c);
+    }
+    let least = (0..left.len()).min_by(|i, j| left[*i].total_cmp(&left[*j]));
+    least.map_or(0.0, |at| SHARES[at])
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    /// The length with the least `left` from a guess on, where sharp paths leave what a length of 0 does, and how many were tried.
-    fn found(guess: f64, left: impl Fn(f64) -> f64) -> (Option<f64>, usize) {
-        let mut calls = 0;
-        let length = best_length(guess, 0.5, left(0.0), &mut |length| {
-            calls += 1;
-            Ok(Some(left(length)))
-        });
-        (length.unwrap().map(|found| found[0]), calls)
-    }
-
-    #[test]
-    fn the_least_misfit_is_found_in_a_few_trials() {
-        for truth in [1.0, 1.3, 2.0, 3.4, 5.0, 9.0, 20.0] {
-            for guess in [0.7, 0.8, 1.0, 1.2] {
-                let left = |w: f64| 1.0 + ((w - truth) / (3.0 + truth)).powi(2);
-                let (length, calls) = found(guess * truth, left);
-                let length = length.unwrap();
-                assert!((length / truth - 1.0).abs() < 0.03 && calls <= 4, "{truth}: {length}, {calls}");
-            }
-            // Twice as steep above the true length.
-            let steep = |w: f64| if w < truth { 1.0 } else { 4.0 };
-            let (length, _) = found(0.8 * truth, |w| 1.0 + steep(w) * ((w - truth) / (3.0 + truth)).powi(2));
-            let length = length.unwrap();
-            assert!((length / truth - 1.0).abs() < 0.2, "{truth}: {length}");
-            // A guess that is far off takes longer.
-            for guess in [0.25, 3.0] {
-                let (length, calls) = found((guess * truth).max(0.5), |w| 1.0 + (w - truth).powi(2));
-                let length = length.unwrap();
-                assert!((length / truth - 1.0).abs() < 0.03 && calls <= 8, "{truth}: {length}, {calls}");
-            }
-        }
-    }
-
-    #[test]
-    fn the_value_of_the_least_is_that_of_its_parabola() {
-        let [length, left] =
-            best_length(3.0, 0.5, 10.0, &mut |w| Ok(Some(2.0 + 0.3 * (w - 4.0).powi(2)))).unwrap().unwrap();
-        assert!((length - 4.0).abs() < 1e-9 && (left - 2.0).abs() < 1e-9);
-        assert_eq!(vertex(&[[0.0, 2.0], [1.0, 3.0], [2.0, 5.0]]), None, "the least has one neighbour");
-        assert_eq!(vertex(&[[0.0, 2.0], [1.0, 1.0], [2.0, f64::INFINITY]]), None, "no surface");
-    }
-
-    #[test]
-    fn the_share_of_a_tail_is_found_in_a_few_trials() {
-        let found = |from: f64, left: &dyn Fn(f64) -> f64| {
-            let mut calls = 0;
-            let share = best_tail(from, left(from), &mut |share| {
-                calls += 1;
-                Ok(Some(left(share)))
-            });
-            (share.unwrap(), calls)
-        };
-        for share in [0.15, 0.2, 0.3, 0.45, 0.6] {
-            for from in [0.0, share - 0.1, share + 0.1] {
-                let (tail, calls) = found(from, &|s| 1.0 + 10.0 * (s - share) * (s - share));
-                assert!((tail - share).abs() < 1e-9 && calls <= 3, "{share}: {tail}, {calls}");
-            }
-        }
-        assert_eq!(found(0.0, &|s| 1.0 - s), (0.8, 4));
-        assert_eq!(found(0.6, &|s| 1.0 - s), (0.8, 1), "the longest tail");
-        assert_eq!(found(0.0, &|s| 1.0 + s), (0.0, 2), "none");
-        assert_eq!(best_tail(0.0, 1.0, &mut |_| Ok(None)).unwrap(), 0.0, "no surface");
-        assert_eq!(Shape::of(0.04, 0.25), Shape { fwhm: 0.03, tail: 0.01 });
-    }
 
     #[test]
     fn light_is_spread_by_pulses_of_all_lengths_and_tails() {
@@ -326,44 +210,32 @@ mod tests {
     }
 
     #[test]
-    fn lengths_go_up_first() {
-        let tried = |guess: f64, least: f64| {
-            let mut lengths = vec![];
-            best_length(guess, 0.5, 1e3, &mut |w| {
-                lengths.push((100.0 * w).round() / 100.0);
-                Ok(Some((w - least) * (w - least)))
-            })
-            .unwrap();
-            lengths
-        };
-        assert_eq!(tried(2.0, 2.6), [2.0, 2.7, 3.65], "what is between has both its neighbours");
-        assert_eq!(tried(2.0, 2.1), [2.0, 2.7, 1.48]);
-        assert_eq!(tried(2.0, 1.5), [2.0, 2.7, 1.48, 1.1]);
+    fn a_suggestion_settles_where_a_surface_keeps_a_part_of_the_variance() {
+        for truth in [1.0f64, 3.0, 20.0] {
+            for kept in [0.0, 0.2, 0.5] {
+                let suggested = |given: f64| ((1.0 - kept) * truth * truth + kept * given * given).sqrt();
+                let first = suggested(0.0);
+                let settled = settled(first, suggested(first));
+                assert!((settled / truth - 1.0).abs() < 1e-9, "{truth} {kept}: {settled}");
+            }
+        }
+        assert_eq!(settled(3.0, 2.5), 2.5, "a shorter one");
+        assert!(settled(1.0, 3.0) < 2.3, "no surface compensates so much");
     }
 
     #[test]
-    fn what_is_as_good_as_sharp_is_sharp() {
-        assert_eq!(found(4.0, |w| 1.0 + w), (None, 2));
-        assert_eq!(found(2.0, |_| 1.0), (None, 2));
-        assert_eq!(found(0.1, |w| 1.0 + w), (None, 2), "a guess is not shorter than the resolvable length");
-        assert_eq!(best_length(4.0, 0.5, 1.0, &mut |_| Ok(None)).unwrap(), None);
-        // A pulse is there, but the solve's bins are too wide to show it.
-        let narrow = |narrowest| {
-            let left = |w: f64| 1.0 + (w - 0.7) * (w - 0.7);
-            let found = best_length(1.6, narrowest, left(0.0), &mut |w| Ok(Some(left(w))));
-            found.unwrap().map(|found| found[0])
-        };
-        assert!(narrow(1.0).is_none() && (narrow(0.4).unwrap() - 0.7).abs() < 1e-9);
+    fn the_share_of_a_tail_is_at_the_vertex() {
+        for at in [0.0, 0.3, 0.55, 0.8] {
+            let found = best_share(SHARES.map(|share| 1.0 + 3.0 * (share - at) * (share - at)));
+            assert!((found - at).abs() < 1e-9, "{at}: {found}");
+        }
+        assert_eq!(best_share([3.0, 2.0, 1.5]), 0.8, "falls up to the longest");
+        assert_eq!(best_share([3.0, 2.0, 0.5]), 0.8, "bent the other way");
+        assert_eq!(best_share([3.0, 2.0, f64::INFINITY]), 0.4, "no surface");
     }
 
     #[test]
     fn widths_have_three_digits_of_any_size() {
         assert_eq!([0.0321489, 3.21489e-6, 123.456, 0.0].map(three_digits), [0.0321, 3.21e-6, 123.0, 0.0]);
-    }
-
-    #[test]
-    fn what_has_no_least_misfit_is_no_pulse() {
-        let (length, calls) = found(8.0, |w| 1.0 - 0.01 * w);
-        assert!(length.is_none() && calls <= 8, "{length:?} {calls}");
     }
 }

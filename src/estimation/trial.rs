@@ -31,6 +31,8 @@ pub enum From<'l> {
     ClosedForm,
     /// A coarse volume.
     Volume,
+    /// The same with its layers, of another model.
+    Layers(&'l [Maps]),
     /// Another fit, whose support stays, for a number of iterations.
     Fit(&'l [Maps], usize),
 }
@@ -54,6 +56,8 @@ impl From<'_> {
 /// A fit, judged on the pairs that are held out.
 #[derive(Debug, Clone)]
 pub struct Fitted {
+    /// What it began with.
+    pub begun: Vec<Maps>,
     /// The surface, with its judgement.
     pub surface: Candidate,
     /// The pairs that are held out, with their rendering.
@@ -90,7 +94,7 @@ impl<'c> Trial<'c> {
     /// # Errors
     /// The device fails, the watch cancels, or the impulse response has no taps.
     pub fn fit(
-        &mut self,
+        &self,
         pulse: Option<&Pulse>,
         from: From<'_>,
         step: f64,
@@ -105,7 +109,7 @@ impl<'c> Trial<'c> {
         fit.step = step;
         let mut layers = match from {
             From::ClosedForm => self.starts.layers.clone(),
-            From::Fit(layers, _) => layers.to_vec(),
+            From::Layers(layers) | From::Fit(layers, _) => layers.to_vec(),
             From::Volume => {
                 let light = self.starts.light.as_ref();
                 let Some(layers) = light.map(|light| volume_start(&mut fit, light)).transpose()?.flatten()
@@ -115,6 +119,7 @@ impl<'c> Trial<'c> {
                 layers
             }
         };
+        let begun = layers.clone();
         let mut driven = Driven::begun(layers[0].clone(), *fit.plan().finest());
         if rounds > 0 {
             let how = Rounds { number: rounds, rings: 1 };
@@ -124,6 +129,18 @@ impl<'c> Trial<'c> {
         let (_, quality) = fit.run(&mut layers, Run::of(last, all), watch, driven)?;
         let Some((quality, held)) = quality.zip(fit.judged()?) else { return Ok(None) };
         let surface = Candidate { layers, quality, left: Some(held.left()) };
-        Ok(Some(Fitted { surface, held, step: fit.step }))
+        Ok(Some(Fitted { begun, surface, held, step: fit.step }))
+    }
+
+    /// The pairs that are held out, with the rendering of these layers by sharp paths; `None` if they explain no light.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn ideal(&self, layers: &[Maps]) -> Result<Option<HeldOut>> {
+        let outline = self.capture.outline();
+        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
+        let mut fit = Fit::new(&self.gpu, &problem, &self.options, [0, 1], Judge::HeldOut)?;
+        fit.take(&self.capture)?;
+        fit.seen(layers)?.map_or(Ok(None), |_| fit.judged())
     }
 }

@@ -38,12 +38,32 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
             solve_s: result.solve_seconds,
             export_s: 0.0,
             preview_s: None,
+            stages: vec![],
             pairs: result.pairs as f64,
             pairs_per_s: result.pairs as f64 / result.solve_seconds.max(1e-9),
             peak_device_bytes: result.device_bytes,
         },
         metrics: done.metrics.clone(),
     }
+}
+
+/// Stages of a run in their order, with their seconds; those that did not run are left out.
+pub fn stages(loaded: &Loaded, done: &Finished, preview: Option<f64>) -> Vec<report::Stage> {
+    let of = done.job.estimates.stages;
+    let solve = done.result.solve_seconds - done.job.estimates.seconds;
+    let [start, rounds, fit] = done.result.stages.unwrap_or([0.0, 0.0, solve]);
+    let all = [
+        ("read", loaded.seconds),
+        ("preview", preview.unwrap_or(0.0)),
+        ("start", of.start + start),
+        ("high-pass", of.high_pass),
+        ("model", of.model),
+        ("impulse response", of.pulse),
+        ("rounds", rounds),
+        ("fit", fit),
+    ];
+    let ran = all.into_iter().filter(|(_, seconds)| *seconds > 0.0);
+    ran.map(|(name, seconds)| report::Stage { name: name.into(), seconds }).collect()
 }
 
 /// All settings as they were resolved. They suffice to repeat the run.

@@ -108,6 +108,7 @@ fn solve_checked(
     // Copies the notes into the report.
     report.settings["notes"] = loaded.notes.iter().chain(&notes).cloned().collect();
     report.totals.preview_s = preview.as_ref().map(|p| p.seconds);
+    report.totals.stages = report::stages(loaded, &done, report.totals.preview_s);
     let result = done.result;
     let warnings = [&loaded.warnings[..], &result.warnings].concat();
     report.warnings = warnings.clone();
@@ -159,10 +160,15 @@ impl Solved {
             let folder = Request::snapshot_folder(staging.path(), *iteration);
             staged.extend(export::write_maps(&folder, maps)?);
         }
+        // The page is written before the report, with the time of all files but these two.
+        let stage = |seconds| export::report::Stage { name: "export".into(), seconds };
+        outcome.report.totals.stages.push(stage(start.elapsed().as_secs_f64()));
         let page = staging.path().join(PAGE);
         export::page::write(&page, &title, &outcome.maps, &light, &outcome.report, outcome.truth.as_ref())?;
         staged.push(page);
         outcome.report.totals.export_s = start.elapsed().as_secs_f64();
+        outcome.report.totals.stages.pop();
+        outcome.report.totals.stages.push(stage(outcome.report.totals.export_s));
         let path = staging.path().join("report.json");
         export::report::write(&path, &outcome.report)?;
         staged.push(path);

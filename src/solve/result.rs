@@ -59,6 +59,9 @@ pub struct Reconstruction {
     pub pairs: u64,
     /// Solve time without measuring, seconds.
     pub solve_seconds: f64,
+    /// Seconds of the surface's start, of rounds of its support, and of its last fit; `None` for other methods.
+    #[doc(hidden)]
+    pub stages: Option<[f64; 3]>,
     /// Bytes of all buffers.
     #[doc(hidden)]
     pub device_bytes: u64,
@@ -126,6 +129,7 @@ pub(super) fn finish(
         empty_loss: empty_loss(&job.model),
         pairs: driven.pairs,
         solve_seconds: driven.seconds,
+        stages: None,
         device_bytes: job.executor.arena().bytes(),
         full,
         has_mask: false,

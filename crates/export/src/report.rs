@@ -109,12 +109,24 @@ pub struct Totals {
     /// Seconds until the preview, not included in other fields; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preview_s: Option<f64>,
+    /// Seconds of the stages of the run, in their order.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub stages: Vec<Stage>,
     /// Pair evaluations (one voxel or point, one pair, one direction).
     pub pairs: f64,
     /// Pair evaluations per second of solving.
     pub pairs_per_s: f64,
     /// Peak device memory, bytes.
     pub peak_device_bytes: u64,
+}
+
+/// A stage of a run.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Stage {
+    /// Its name.
+    pub name: String,
+    /// Wall-clock seconds.
+    pub seconds: f64,
 }
 
 fn null_is_nan<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<f64, D::Error> {

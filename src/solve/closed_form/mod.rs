@@ -266,6 +266,7 @@ fn solved(
         empty_loss: 0.0,
         pairs: (plan.scene.pairs * grid.voxels()) as u64,
         solve_seconds: trace.last().map_or(0.0, |point| point.seconds),
+        stages: None,
         trace,
         device_bytes: plan.buffers.iter().map(|b| b.bytes).sum(),
         full: false,

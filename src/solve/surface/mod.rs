@@ -345,7 +345,9 @@ impl Prepared for PreparedSurface {
         self.last = self.follow.map(|_| done.last);
         let job = self.fine.planned.made(|_| Ok(()))?;
         let solved = finish(job, done.driven, None)?;
-        Ok(Reconstruction { volume, volume_iterations: 0, has_mask: true, is_warm, ..solved })
+        let [begin, fit] = done.begun;
+        let stages = Some([begin, fit - begin, solved.solve_seconds - fit]);
+        Ok(Reconstruction { volume, volume_iterations: 0, has_mask: true, is_warm, stages, ..solved })
     }
 }
 
@@ -363,6 +365,8 @@ struct Fits<'o> {
 /// What the fits leave.
 struct Done {
     driven: Driven,
+    /// Seconds before the rounds of the support, and before the last fit.
+    begun: [f64; 2],
     /// What the next frame may begin with.
     last: Last,
 }
@@ -380,6 +384,7 @@ impl Fits<'_> {
     ) -> Result<Done> {
         let factor = self.options.factor();
         let mut grows = self.options.grow;
+        let begin = driven.seconds;
         if let Some(coarse) = coarse {
             if !self.is_late() {
                 driven = taken(coarse, wide, driven)?;
@@ -398,6 +403,7 @@ impl Fits<'_> {
             let rounds = Rounds { number, rings: 1 };
             (driven, grows) = self.rounds(fine, rounds, &mut layers, watch, driven)?;
         }
+        let begun = [begin, driven.seconds];
         // Where the model leaves much, haze looks like surface: the support of the closed form is a candidate.
         let starts = match grows {
             true => vec![layers],
@@ -432,7 +438,7 @@ impl Fits<'_> {
         let closed = is_closed.then_some(closed);
         driven.maps = self.shown(&layers, closed.as_deref(), quality);
         let left = quality.map_or(1.0, |q| q.left_share());
-        Ok(Done { driven, last: Last { layers, left, closed, is_whole: !self.is_late() } })
+        Ok(Done { driven, begun, last: Last { layers, left, closed, is_whole: !self.is_late() } })
     }
 
     /// The maps of fitted layers. `closed`: the layers of the closed form, if their support is that of the surface.
@@ -458,6 +464,7 @@ impl Fits<'_> {
         mut driven: Driven,
     ) -> Result<Done> {
         let (mut quality, mut is_done) = (Some(seen), false);
+        let mut begun = [driven.seconds; 2];
         // Steps are short where nothing changes.
         let mut run = self.run(iterations, self.options.iterations - iterations);
         if rounds > 0 && closed.is_some() {
@@ -471,6 +478,7 @@ impl Fits<'_> {
             };
             let (next, best) = grow(fine, how, &mut layers, &of_round, watch, driven)?;
             (driven, quality) = (next, best.map(|best| best.quality));
+            begun[1] = driven.seconds;
             run = self.run(iterations, iterations);
             // Rounds that took all the time leave a whole picture.
             is_done = self.is_late() && quality.is_some();
@@ -481,7 +489,7 @@ impl Fits<'_> {
         }
         driven.maps = self.shown(&layers, closed.as_deref(), quality);
         let left = follow::reference(quality.map_or(1.0, |q| q.left_share()), reference);
-        Ok(Done { driven, last: Last { layers, left, closed, is_whole: !self.is_late() } })
+        Ok(Done { driven, begun, last: Last { layers, left, closed, is_whole: !self.is_late() } })
     }
 
     /// A fit of `iterations` iterations, skipping the start of its schedule.

@@ -478,6 +478,12 @@ function words() {
     const row = element("candidates").insertRow(), [share, error, excess] = left.map(v => v == null ? "–" : (100 * v).toPrecision(3));
     for (const text of [reflectance, start === "closed" ? "closed form" : "coarse volume", `${share} ± ${error} %`, `${excess} %`, seconds.toFixed(2), kept ? "kept" : ""]) row.insertCell().innerText = text;
   }
+  const stages = totals.stages || [], spent = stages.reduce((sum, { seconds }) => sum + seconds, 0);
+  element("stages-box").hidden = !stages.length;
+  for (const { name, seconds } of stages) {
+    const row = element("stages").insertRow();
+    for (const text of [name, seconds.toFixed(2), `${Math.round(100 * seconds / spent)} %`]) row.insertCell().innerText = text;
+  }
   list("left", report.plan.left_out), list("notes", settings.notes?.length ? settings.notes : ["none"]);
 }
 
