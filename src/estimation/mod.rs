@@ -183,8 +183,8 @@ pub fn estimate(
             && let Some(best) = search.sharp.into_iter().find(|s| s.reflectance == *reflectance)
         {
             candidates[best.candidate].kept = true;
-            let Fitted { surface, step, .. } = best.fitted;
-            begun = Some(Begun { layers: surface.layers, closed: search.starts.layers.clone(), step });
+            let Candidate { layers, step, .. } = best.fitted.surface;
+            begun = Some(Begun { layers, closed: search.starts.layers.clone(), step });
         }
         found
     });
@@ -403,7 +403,7 @@ impl<'t> Search<'t> {
         let pulse = shape.centred()?.or(known.clone());
         let fitted = trial.fit(pulse.as_ref(), from, *step, &mut watch)?;
         pace.pass(from.iterations());
-        *step = fitted.as_ref().map_or(*step, |fitted| fitted.step);
+        *step = fitted.as_ref().map_or(*step, |fitted| fitted.surface.step);
         Ok(fitted)
     }
 
@@ -487,7 +487,7 @@ impl<'t> Search<'t> {
         iterations: usize,
     ) -> Result<Option<Candidate>> {
         let Some(at) = self.sharp(reflectance)? else { return Ok(None) };
-        let from = self.sharp[at].fitted.surface.layers.clone();
+        let from = self.sharp[at].fitted.surface.clone();
         Ok(self.fit(reflectance, pulse, From::Fit(&from, iterations))?.map(|fitted| fitted.surface))
     }
 

@@ -34,7 +34,7 @@ pub enum From<'l> {
     /// The same with its layers, of another model.
     Layers(&'l [Maps]),
     /// Another fit, whose support stays, for a number of iterations.
-    Fit(&'l [Maps], usize),
+    Fit(&'l Candidate, usize),
 }
 
 impl From<'_> {
@@ -62,8 +62,6 @@ pub struct Fitted {
     pub surface: Candidate,
     /// The pairs that are held out, with their rendering.
     pub held: HeldOut,
-    /// The length of the last steps, as a share of the longest ones.
-    pub step: f64,
 }
 
 impl<'c> Trial<'c> {
@@ -89,7 +87,7 @@ impl<'c> Trial<'c> {
         (self.options.high_pass, self.options.high_pass_floor) = (Some(length), floor);
     }
 
-    /// Fits a surface with this impulse response, by steps that begin with this length; `None` if none is found, or nothing judges it.
+    /// Fits a surface with this impulse response; steps begin with this length. `None` if no surface is found, or nothing judges it.
     ///
     /// # Errors
     /// The device fails, the watch cancels, or the impulse response has no taps.
@@ -109,7 +107,8 @@ impl<'c> Trial<'c> {
         fit.step = step;
         let mut layers = match from {
             From::ClosedForm => self.starts.layers.clone(),
-            From::Layers(layers) | From::Fit(layers, _) => layers.to_vec(),
+            From::Layers(layers) => layers.to_vec(),
+            From::Fit(surface, _) => surface.layers.clone(),
             From::Volume => {
                 let light = self.starts.light.as_ref();
                 let Some(layers) = light.map(|light| volume_start(&mut fit, light)).transpose()?.flatten()
@@ -128,8 +127,8 @@ impl<'c> Trial<'c> {
         }
         let (_, quality) = fit.run(&mut layers, Run::of(last, all), watch, driven)?;
         let Some((quality, held)) = quality.zip(fit.judged()?) else { return Ok(None) };
-        let surface = Candidate { layers, quality, left: Some(held.left()) };
-        Ok(Some(Fitted { begun, surface, held, step: fit.step }))
+        let surface = Candidate { layers, step: fit.step, quality, left: Some(held.left()) };
+        Ok(Some(Fitted { begun, surface, held }))
     }
 
     /// The pairs that are held out, with the rendering of these layers by sharp paths; `None` if they explain no light.

@@ -32,6 +32,8 @@ const RISE: f64 = 0.05;
 /// Factors of the steps after a rise, and after a comparison without one. Evidence: benches/NOTES.md, "Lengths of steps".
 const SHORTER: f64 = 0.5;
 const LONGER: f64 = 1.2;
+/// Beyond this model error, fits begin with the longest steps.
+const MOST_ERROR: f64 = 0.04;
 
 /// The present state, and the best one so far.
 const KEPT: [Buffer; 2] = [buffer::HEIGHTS, HEIGHTS_KEPT];
@@ -105,6 +107,11 @@ pub(crate) struct Quality {
 }
 
 impl Quality {
+    /// Share of photon noise in the energy of the measurement.
+    pub fn noise_share(&self) -> f64 {
+        (self.noise / self.energy).clamp(0.0, 1.0)
+    }
+
     /// Share of the measurement's energy that the surface leaves.
     pub fn left_share(&self) -> f64 {
         (self.left / self.energy).clamp(0.0, 1.0)
@@ -320,7 +327,9 @@ impl Fit {
             }
             done = reached;
         }
-        self.step = factor;
+        let quality = Quality { noise, energy, left: best.left * energy };
+        // Where the model leaves much, rises tell of that, not of the steps.
+        self.step = if quality.model_error() <= MOST_ERROR { factor } else { 1.0 };
         // The driver leaves the maps of the last state.
         if restored || !is_kept {
             job.executor.run_once(|s| keep(s, count, [KEPT[1], KEPT[0]]))?;
@@ -330,7 +339,7 @@ impl Fit {
         if let Some(behind) = layers.get_mut(1) {
             *behind = shown(job, &level, behind, of_layers, 1)?;
         }
-        Ok((driven, Some(Quality { noise, energy, left: best.left * energy })))
+        Ok((driven, Some(quality)))
     }
 }
 

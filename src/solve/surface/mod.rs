@@ -68,6 +68,8 @@ mod rounds_of {
     pub const SCHEDULED: usize = 45;
     /// Another support than the closed form's must lower what is left beyond noise by this factor, where the model leaves much.
     pub const WORTH: f64 = 0.5;
+    /// What noise adds to the share of the typical evidence above which a pixel of a closed form's support is surface.
+    pub const MASK: f32 = 0.2;
 }
 
 impl SurfaceOptions {
@@ -406,15 +408,16 @@ impl Fits<'_> {
         let begun = [begin, driven.seconds];
         // Where the model leaves much, haze looks like surface: the support of the closed form is a candidate.
         let starts = match grows {
-            true => vec![layers],
-            false if !self.options.grow => vec![closed_fine.clone()],
-            false => vec![closed_fine.clone(), layers],
+            true => vec![(layers, fine.step)],
+            false if !self.options.grow => vec![(closed_fine.clone(), 1.0)],
+            false => vec![(closed_fine.clone(), 1.0), (layers, fine.step)],
         };
         let mut best: Option<(Candidate, bool)> = None;
-        for (number, mut layers) in starts.into_iter().enumerate() {
+        for (number, (mut layers, step)) in starts.into_iter().enumerate() {
             if best.is_some() && self.is_late() {
                 break;
             }
+            fine.step = step;
             let run = self.run(self.options.iterations, 0);
             let (next, quality) = fine.run(&mut layers, run, watch, driven)?;
             driven = next;
@@ -449,7 +452,7 @@ impl Fits<'_> {
                 support::blend(fitted, &first.finer(fitted.nx / first.nx));
             }
         }
-        concluded(shown, quality)
+        concluded(shown, quality, closed.is_some())
     }
 
     /// Fits from the previous frame's surface: maximum rounds, iterations per round, and final iterations.
@@ -527,15 +530,17 @@ fn taken(fit: &mut Fit, capture: &Capture, driven: Driven) -> Result<Driven> {
     Ok(Driven { seconds: driven.seconds + clock.elapsed().as_secs_f64(), ..driven })
 }
 
-/// The maps of fitted layers, with their mask. Layers without a quality explain no light: nothing stays of them.
-fn concluded(mut layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
+/// The maps of fitted layers, with their mask. Layers without a quality explain no light: nothing stays of them. `is_closed`: the
+/// support is that of a closed form, whose haze photon noise amplifies.
+fn concluded(mut layers: Vec<Maps>, quality: Option<Quality>, is_closed: bool) -> Maps {
     if quality.is_none() {
         layers
             .iter_mut()
             .for_each(|maps| (0..maps.depth.len()).for_each(|pixel| support::remove(maps, pixel)));
     }
     let typical = support::typical_albedo(&layers).unwrap_or(0.0);
-    let threshold = support::share(support::flatness(&layers, typical)) * typical;
+    let noise = quality.filter(|_| is_closed).map_or(0.0, |q| q.noise_share()) as f32;
+    let threshold = (support::share(support::flatness(&layers, typical)) + rounds_of::MASK * noise) * typical;
     let mut maps = match <[Maps; 2]>::try_from(layers) {
         Ok(both) => layers::merge(&both, layers::least_columns(both[0].nx)),
         Err(mut one) => one.swap_remove(0),

@@ -34,6 +34,8 @@ pub(crate) struct Rounds {
 #[derive(Debug, Clone)]
 pub(crate) struct Candidate {
     pub layers: Vec<Maps>,
+    /// The length of the last steps, as a share of the longest ones.
+    pub step: f64,
     pub quality: Quality,
     /// What it leaves of the pairs that are held out; `None` where none are.
     pub left: Option<Left>,
@@ -45,7 +47,7 @@ impl Candidate {
     /// # Errors
     /// The device fails.
     pub fn of(fit: &mut Fit, layers: Vec<Maps>, quality: Quality) -> Result<Candidate> {
-        Ok(Candidate { layers, quality, left: fit.judged()?.map(|held| held.left()) })
+        Ok(Candidate { layers, step: fit.step, quality, left: fit.judged()?.map(|held| held.left()) })
     }
 
     /// Pixels of all layers.
