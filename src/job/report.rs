@@ -48,7 +48,7 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
 }
 
 /// Stages of a run in their order, with their seconds; those that did not run are left out.
-pub fn stages(loaded: &Loaded, done: &Finished, preview: Option<f64>) -> Vec<report::Stage> {
+pub fn stages(loaded: &Loaded, done: &Finished, preview: Option<f64>) -> Vec<report::StageSeconds> {
     let of = done.job.estimates.stages;
     let solve = done.result.solve_seconds - done.job.estimates.seconds;
     let [start, rounds, fit] = done.result.stages.unwrap_or([0.0, 0.0, solve]);
@@ -63,7 +63,7 @@ pub fn stages(loaded: &Loaded, done: &Finished, preview: Option<f64>) -> Vec<rep
         ("fit", fit),
     ];
     let ran = all.into_iter().filter(|(_, seconds)| *seconds > 0.0);
-    ran.map(|(name, seconds)| report::Stage { name: name.into(), seconds }).collect()
+    ran.map(|(name, seconds)| report::StageSeconds { name: name.into(), seconds }).collect()
 }
 
 /// All settings as they were resolved. They suffice to repeat the run.

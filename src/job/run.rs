@@ -161,7 +161,7 @@ impl Solved {
             staged.extend(export::write_maps(&folder, maps)?);
         }
         // The page is written before the report, with the time of all files but these two.
-        let stage = |seconds| export::report::Stage { name: "export".into(), seconds };
+        let stage = |seconds| export::report::StageSeconds { name: "export".into(), seconds };
         outcome.report.totals.stages.push(stage(start.elapsed().as_secs_f64()));
         let page = staging.path().join(PAGE);
         export::page::write(&page, &title, &outcome.maps, &light, &outcome.report, outcome.truth.as_ref())?;

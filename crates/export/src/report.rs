@@ -111,7 +111,7 @@ pub struct Totals {
     pub preview_s: Option<f64>,
     /// Seconds of the stages of the run, in their order.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub stages: Vec<Stage>,
+    pub stages: Vec<StageSeconds>,
     /// Pair evaluations (one voxel or point, one pair, one direction).
     pub pairs: f64,
     /// Pair evaluations per second of solving.
@@ -122,7 +122,7 @@ pub struct Totals {
 
 /// A stage of a run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Stage {
+pub struct StageSeconds {
     /// Its name.
     pub name: String,
     /// Wall-clock seconds.

@@ -179,7 +179,8 @@ const GROUPS_PER_THREAD: usize = 4;
 /// twice as long.
 fn held_of(owned: usize, lanes: u32) -> u32 {
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    if owned.div_ceil(2 * lanes as usize) >= GROUPS_PER_THREAD * threads { 2 } else { 1 }
+    // Sizes are checked later.
+    if owned.div_ceil(2 * lanes.max(1) as usize) >= GROUPS_PER_THREAD * threads { 2 } else { 1 }
 }
 
 /// Bins of a lane where a workgroup owns a row, and bounds of its lanes: more lanes take more turns of a scan.

@@ -74,4 +74,8 @@ fn sizes_that_no_device_takes_are_refused() {
         );
         assert!(!Path::new(&out).join("report.json").exists());
     }
+    // Where lanes own histograms, they divide these.
+    let short =
+        ["reconstruct", &capture, "--out", &out, "--model", "cosine", "--sizes", "lanes=0", "--quiet"];
+    fail(&short, 1, "lanes is 0");
 }
