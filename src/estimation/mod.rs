@@ -561,7 +561,12 @@ impl<'t> Search<'t> {
         let wide = Shape::of(pulse::FIRST * self.bin_width, 0.0);
         let sharp = self.sharp(reflectance)?.and_then(|at| self.sharp[at].fitted.surface.left.clone());
         let wide = self.left(reflectance, wide)?;
-        Ok(sharp.zip(wide).is_some_and(|(sharp, wide)| wide.is_less(&sharp)))
+        let Some((sharp, wide)) = sharp.zip(wide).filter(|(sharp, wide)| wide.is_less(sharp)) else {
+            return Ok(false);
+        };
+        // As many more iterations with sharp paths may do the same.
+        let longer = self.spread(reflectance, Shape::SHARP, OF_PULSE)?.and_then(|surface| surface.left);
+        Ok(wide.is_less(&longer.unwrap_or(sharp)))
     }
 
     /// The impulse response with this model. Convolutions of an ideal rendering suggest its length; a surface fitted with that corrects

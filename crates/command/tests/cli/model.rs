@@ -5,9 +5,10 @@ use std::path::Path;
 use fixtures::command::{stderr, succeed, thirdbounce};
 use serde_json::Value;
 
-/// Options that make a run short and repeat its bits. So few pairs do not tell the models apart by fast light alone.
+/// Options that make a run short and repeat its bits. So few pairs do not tell the models apart by fast light alone. Pixels much wider
+/// than bins would look like an impulse response.
 const SHORT: [&str; 9] =
-    ["--lateral", "32", "--iterations", "10", "--support", "fixed", "--high-pass", "0", "--deterministic"];
+    ["--lateral", "64", "--iterations", "10", "--support", "fixed", "--high-pass", "0", "--deterministic"];
 
 fn json(path: &Path) -> Value {
     serde_json::from_slice(&std::fs::read(path).expect("the file is there")).expect("it is JSON")
