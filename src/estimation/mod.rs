@@ -342,8 +342,8 @@ impl<'t> Search<'t> {
         let Ready { capture: whole, grid, .. } =
             of_trial.ready(&options.clone().into(), Cow::Borrowed(capture))?;
         let finds_start = all[0].as_surface().grow;
-        let starts = if finds_start { 2 } else { 1 };
         let [high_pass, models] = [usize::from(request.finds_high_pass()), all.len()];
+        let starts = if finds_start { 2 } else { 1 };
         let pulse = match request.find_pulse(capture) {
             FindPulse::Never => 0,
             FindPulse::IfItShows => ITERATIONS[1],
@@ -487,7 +487,7 @@ impl<'t> Search<'t> {
         iterations: usize,
     ) -> Result<Option<Candidate>> {
         let Some(at) = self.sharp(reflectance)? else { return Ok(None) };
-        let from = self.sharp[at].fitted.surface.clone();
+        let from = self.sharp[at].fitted.surface.layers.clone();
         Ok(self.fit(reflectance, pulse, From::Fit(&from, iterations))?.map(|fitted| fitted.surface))
     }
 

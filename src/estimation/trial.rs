@@ -34,7 +34,7 @@ pub enum From<'l> {
     /// The same with its layers, of another model.
     Layers(&'l [Maps]),
     /// Another fit, whose support stays, for a number of iterations.
-    Fit(&'l Candidate, usize),
+    Fit(&'l [Maps], usize),
 }
 
 impl From<'_> {
@@ -107,8 +107,7 @@ impl<'c> Trial<'c> {
         fit.step = step;
         let mut layers = match from {
             From::ClosedForm => self.starts.layers.clone(),
-            From::Layers(layers) => layers.to_vec(),
-            From::Fit(surface, _) => surface.layers.clone(),
+            From::Layers(layers) | From::Fit(layers, _) => layers.to_vec(),
             From::Volume => {
                 let light = self.starts.light.as_ref();
                 let Some(layers) = light.map(|light| volume_start(&mut fit, light)).transpose()?.flatten()

@@ -165,7 +165,8 @@ fn problem(error: Error) -> Advice {
 }
 
 /// What most discrete GPUs offer.
-fn usual_gpu() -> Abilities {
+#[doc(hidden)] // of plans without a device
+pub fn usual_gpu() -> Abilities {
     let limits = Limits {
         storage_range: u64::from(u32::MAX),
         texels: 1 << 27,

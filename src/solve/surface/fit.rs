@@ -32,8 +32,8 @@ const RISE: f64 = 0.05;
 /// Factors of the steps after a rise, and after a comparison without one. Evidence: benches/NOTES.md, "Lengths of steps".
 const SHORTER: f64 = 0.5;
 const LONGER: f64 = 1.2;
-/// Beyond this model error, fits begin with the longest steps.
-const MOST_ERROR: f64 = 0.04;
+/// A model explains the light up to this error. Beyond it, fits begin with the longest steps.
+pub(super) const MOST_ERROR: f64 = 0.04;
 
 /// The present state, and the best one so far.
 const KEPT: [Buffer; 2] = [buffer::HEIGHTS, HEIGHTS_KEPT];

@@ -11,7 +11,7 @@ use crate::solve::drive::{Driven, Watch};
 /// Evidence: benches/NOTES.md, "Support by evidence".
 mod constants {
     /// A larger model error means that haze looks like surface: of surfaces that bend away, and of plates.
-    pub const MOST_ERROR: [f64; 2] = [0.04, 0.01];
+    pub const MOST_ERROR: [f64; 2] = [super::super::fit::MOST_ERROR, 0.01];
     /// Rounds without a better one end the search.
     pub const PATIENCE: usize = 2;
     /// Pixels more by a factor f must lower what is left by the factor f^-GROWTH.
