@@ -183,7 +183,7 @@ impl ImpulseResponse {
     pub fn samples(&self) -> Result<Option<Pulse>> {}
 }
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Model {
+pub enum ReflectanceSetting {
     Auto,
     Known(Reflectance),
 }
@@ -204,7 +204,7 @@ pub struct Settings {
     pub auto_gate: Option<bool>,
     pub pulse: Option<ImpulseResponse>,
     pub spot: Option<[f64; 2]>,
-    pub model: Option<Model>,
+    pub model: Option<ReflectanceSetting>,
     pub preset: Option<Preset>,
     pub seed: Option<u32>,
     pub deterministic: Option<bool>,
@@ -764,7 +764,7 @@ impl std::fmt::Display for DeviceKind {}
 #[private_fields]
 pub struct Gpu();
 impl Deref for Gpu {
-    type Target = Opened;
+    type Target = DeviceState;
 }
 impl Gpu {
     pub fn open(options: &GpuOptions) -> Result<Gpu> {}

@@ -146,7 +146,7 @@ pub use session::{
     Canceller, ExternalCounts, ExternalFrame, Feed, Format, Frame, FrameId, Hear, Latency, Session,
     SessionOptions, Submitter,
 };
-pub use settings::{ImpulseResponse, Model, Settings};
+pub use settings::{ImpulseResponse, ReflectanceSetting, Settings};
 pub use solve::closed_form::{
     BpSettings, DlctSettings, FbpSettings, FkSettings, LctSettings, PhasorBpSettings, PhasorSettings,
 };

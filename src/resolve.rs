@@ -8,7 +8,7 @@ use crate::capture::Capture;
 use crate::estimation::{self, EstimateRequest, Estimates};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
-use crate::settings::{ImpulseResponse, Model, Settings};
+use crate::settings::{ImpulseResponse, ReflectanceSetting, Settings};
 use crate::solve::{
     Method, Preset, Problem, Progress, Ready, Reconstruction, SolverOptions, Watch, conclude,
 };
@@ -80,7 +80,7 @@ impl<'c> Job<'c> {
     pub fn settings(&self, settings: &Settings) -> Settings {
         Settings {
             preset: Some(self.preset),
-            model: Some(Model::Known(self.solver.common().reflectance)),
+            model: Some(ReflectanceSetting::Known(self.solver.common().reflectance)),
             pulse: Some(ImpulseResponse::None),
             method: Method::of(&self.solver),
             ..settings.clone()

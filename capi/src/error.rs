@@ -94,20 +94,20 @@ impl TbErrorInfo {
     }
 }
 
-struct Last {
+struct LastError {
     what: CString,
     hint: CString,
     info: TbErrorInfo,
 }
 
-impl Default for Last {
-    fn default() -> Last {
-        Last { what: CString::default(), hint: CString::default(), info: TbErrorInfo::none() }
+impl Default for LastError {
+    fn default() -> LastError {
+        LastError { what: CString::default(), hint: CString::default(), info: TbErrorInfo::none() }
     }
 }
 
 thread_local! {
-    static LAST: RefCell<Last> = RefCell::default();
+    static LAST: RefCell<LastError> = RefCell::default();
 }
 
 /// Message of this thread's last failed call; empty without one. Valid until this thread's next failed call.
@@ -168,7 +168,7 @@ fn status_of(kind: Kind) -> TbStatus {
 fn keep(status: TbStatus, error: &Error) -> TbStatus {
     let text = |text: &str| CString::new(text.replace('\0', "")).unwrap_or_default();
     let info = TbErrorInfo::of(status, error);
-    LAST.set(Last { what: text(&error.what), hint: text(&error.hint.to_string()), info });
+    LAST.set(LastError { what: text(&error.what), hint: text(&error.hint.to_string()), info });
     log::error(&error.what);
     status
 }

@@ -35,6 +35,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(settings::options, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::scenes, module)?)?;
     module.add_function(wrap_pyfunction!(simulate::simulate, module)?)?;
-    module.add_class::<maps::Page>()?;
+    module.add_class::<maps::PageContent>()?;
     module.add_class::<session::Session>()
 }

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use engine::export;
-use engine::export::page::Light;
+use engine::export::page::PageHistograms;
 use engine::maps::{Layer, Maps, Truth};
 use engine::{Error, Result};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
@@ -116,9 +116,9 @@ fn layer<'py>(
 
 /// What the page of a result shows of its capture.
 #[pyclass(module = "thirdbounce._native", frozen)]
-pub struct Page {
+pub struct PageContent {
     pub title: String,
-    pub light: Light,
+    pub light: PageHistograms,
 }
 
 /// JSON, or the error of packing it.
@@ -157,7 +157,7 @@ pub fn write_maps(
     arrays: MapArrays<'_>,
     path: PathBuf,
     report: Option<String>,
-    page: Option<PyRef<'_, Page>>,
+    page: Option<PyRef<'_, PageContent>>,
 ) -> PyResult<Vec<PathBuf>> {
     let place = path.display().to_string();
     guarded(py, Some(&place), || {

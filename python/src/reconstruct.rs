@@ -12,7 +12,7 @@ use pyo3::types::PyDict;
 use crate::capture::Arrays;
 use crate::devices;
 use crate::error::guarded;
-use crate::maps::{self, Page};
+use crate::maps::{self, PageContent};
 use crate::settings::{self, Texts};
 use crate::tell::Teller;
 
@@ -21,7 +21,7 @@ struct Done {
     report: String,
     notes: Vec<String>,
     volume: Option<VolumeMap>,
-    page: Page,
+    page: PageContent,
 }
 
 /// Reconstructs a capture of arrays or of a file, and measures it against the truth of a file: maps, with `report` as JSON and
@@ -59,7 +59,7 @@ pub fn reconstruct<'py>(
             let report = maps::packed(serde_json::to_string_pretty(&outcome.report))?;
             let notes = [&loaded.notes[..], &outcome.notes].concat();
             teller.finish();
-            let page = Page { title: loaded.capture.name, light };
+            let page = PageContent { title: loaded.capture.name, light };
             Ok(Done { outcome, report, notes, volume, page })
         })
     });

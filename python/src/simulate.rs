@@ -13,7 +13,7 @@ use crate::{capture, maps};
 /// What to simulate.
 #[derive(FromPyObject)]
 #[pyo3(from_item_all)]
-pub struct Wanted {
+pub struct SimulationRequest {
     scene: String,
     scan: usize,
     wall: f64,
@@ -34,7 +34,7 @@ pub struct Wanted {
     truth_pixels: usize,
 }
 
-impl Wanted {
+impl SimulationRequest {
     fn scene(&self) -> Result<Scene> {
         let mut scene = Scene::named(&self.scene)?;
         self.albedo.into_iter().for_each(|albedo| scene.set_albedo(albedo));
@@ -71,7 +71,10 @@ pub fn scenes() -> Vec<(&'static str, &'static str)> {
 
 /// Renders a scene: the capture, and its truth as maps.
 #[pyfunction]
-pub fn simulate(py: Python<'_>, wanted: Wanted) -> PyResult<(Bound<'_, PyDict>, Bound<'_, PyDict>)> {
+pub fn simulate(
+    py: Python<'_>,
+    wanted: SimulationRequest,
+) -> PyResult<(Bound<'_, PyDict>, Bound<'_, PyDict>)> {
     let (rendered, truth) = heard(py, None, move || {
         let scene = wanted.scene()?;
         let truth = engine_simulate::truth(&scene, wanted.truth_pixels)?;

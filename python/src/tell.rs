@@ -18,7 +18,7 @@ pub struct Teller {
     /// Only the main thread receives signals.
     hears_signals: bool,
     raised: Raised,
-    pace: Mutex<Pace>,
+    pace: Mutex<LastReport>,
 }
 
 /// Least time between two reports of one phase.
@@ -28,7 +28,7 @@ const OF_ESTIMATES: f64 = 0.5;
 
 /// What was reported last. Reports never go back.
 #[derive(Default)]
-struct Pace {
+struct LastReport {
     /// The frame of a session.
     frame: u64,
     doing: &'static str,
@@ -39,7 +39,7 @@ struct Pace {
     reported: Option<Instant>,
 }
 
-impl Pace {
+impl LastReport {
     /// The report of a progress; `None` if it is not due.
     fn report(&mut self, progress: &Progress) -> Option<Report> {
         let p = &progress.point;
@@ -137,7 +137,7 @@ impl Teller {
         {
             let mut pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
             if pace.frame != frame {
-                *pace = Pace { frame, ..Pace::default() };
+                *pace = LastReport { frame, ..LastReport::default() };
             }
         }
         self.hear(progress)

@@ -34,7 +34,7 @@ pub use model::{FoundModel, MODELS};
 pub use pulse::FoundPulse;
 use pulse::Shape;
 pub use request::{EstimateRequest, preset_for};
-use spread::Rows;
+use spread::ComparedRows;
 use trial::{Fitted, From, Trial};
 
 /// Constants of the estimates. Evidence: benches/NOTES.md.
@@ -260,13 +260,13 @@ struct Sharp {
 }
 
 /// Progress of all fits together: iterations that are done, and how many the fits will take as far as that is known.
-struct Pace {
+struct FitProgress {
     begun: Instant,
     done: usize,
     expected: usize,
 }
 
-impl Pace {
+impl FitProgress {
     /// The fits that choose an impulse response.
     const OF_PULSE: usize = ITERATIONS[1] + pulse::SHARES.len() * OF_PULSE;
 
@@ -306,7 +306,7 @@ struct Search<'t> {
     known: Option<Pulse>,
     find_pulse: FindPulse,
     hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
-    pace: Pace,
+    pace: FitProgress,
     tried: Vec<Tried>,
     candidates: Vec<FoundSurface>,
     /// Seconds spent on the impulse response.
@@ -347,10 +347,10 @@ impl<'t> Search<'t> {
         let pulse = match request.find_pulse(capture) {
             FindPulse::Never => 0,
             FindPulse::IfItShows => ITERATIONS[1],
-            FindPulse::Always => Pace::OF_PULSE,
+            FindPulse::Always => FitProgress::OF_PULSE,
         };
         let expected = (high_pass + models * starts) * From::ClosedForm.iterations() + pulse;
-        let pace = Pace { begun: Instant::now(), done: 0, expected };
+        let pace = FitProgress { begun: Instant::now(), done: 0, expected };
         let mut watch_hear = |p: &Progress| hear(&pace.of(&Progress { iterations: 0, ..p.clone() }));
         let mut watch = Watch { hear: &mut watch_hear, maps_every: None, maps_at: &[] };
         let problem = Problem { memory: request.memory, ..Problem::new(&whole, grid) };
@@ -459,7 +459,7 @@ impl<'t> Search<'t> {
         let pulses = shapes.iter().filter_map(|shape| shape.centred().transpose());
         let taps = pulses.map(|p| p.and_then(|p| p.taps(self.bin_width))).collect::<Result<Vec<_>>>()?;
         let [rendered, measured] = ideal.sides();
-        let rows = Rows { rendered: &rendered, measured: &measured, bins: ideal.bins() };
+        let rows = ComparedRows { rendered: &rendered, measured: &measured, bins: ideal.bins() };
         Ok(rows.best(&taps).map(|(at, pairs)| (shapes[at], ideal.left_with(pairs))))
     }
 
@@ -533,7 +533,7 @@ impl<'t> Search<'t> {
         if !finds_pulse {
             return Ok((model, None));
         }
-        self.pace.expect(Pace::OF_PULSE);
+        self.pace.expect(FitProgress::OF_PULSE);
         let mut pulse = self.best_pulse(model)?;
         let rivals: Vec<Reflectance> =
             model::unbeaten(spread).into_iter().filter(|rival| *rival != model).collect();
@@ -546,7 +546,7 @@ impl<'t> Search<'t> {
             let other = model::choose(&again).unwrap_or(model);
             if other != model {
                 model = other;
-                self.pace.expect(Pace::OF_PULSE);
+                self.pace.expect(FitProgress::OF_PULSE);
                 pulse = self.best_pulse(model)?;
             }
         }

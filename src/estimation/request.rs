@@ -6,7 +6,7 @@ use super::FindPulse;
 use super::model::possible_models;
 use crate::Result;
 use crate::capture::Capture;
-use crate::settings::{ImpulseResponse, Model, Settings};
+use crate::settings::{ImpulseResponse, ReflectanceSetting, Settings};
 use crate::solve::option::SceneTraits;
 use crate::solve::{
     Accumulation, Discretisation, Method, Preset, Problem, Ready, SolverOptions, enough_pairs,
@@ -57,7 +57,7 @@ impl EstimateRequest {
         };
         let estimates = matches!(settings.method, Method::Surface(_));
         let known = match settings.model {
-            Some(Model::Known(reflectance)) => Some(reflectance),
+            Some(ReflectanceSetting::Known(reflectance)) => Some(reflectance),
             // The method of the paper has the paper's model, and closed-form methods use the reflectance as given.
             None if !estimates => Some(Reflectance::Cosine),
             _ => None,

@@ -10,7 +10,7 @@ const MOVES: i64 = 6;
 const REACH: usize = 96;
 
 /// Rows of `bins` bins: rendered with ideal paths, and measured.
-pub(super) struct Rows<'r> {
+pub(super) struct ComparedRows<'r> {
     pub rendered: &'r [f64],
     pub measured: &'r [f64],
     pub bins: usize,
@@ -23,7 +23,7 @@ struct Suited<'t> {
     factor: f64,
 }
 
-impl Rows<'_> {
+impl ComparedRows<'_> {
     /// Of `pulses`, the one that leaves the least squares: its place, and for each row the squared differences and the squared
     /// values. Light may also move along time and change its strength. `None` if nothing is rendered.
     pub fn best(&self, pulses: &[PulseTaps]) -> Option<(usize, Vec<[f64; 2]>)> {
@@ -60,7 +60,7 @@ struct Products {
 }
 
 impl Products {
-    fn of(rows: &Rows<'_>) -> Products {
+    fn of(rows: &ComparedRows<'_>) -> Products {
         let mut products = Products { own: vec![0.0; REACH + 1], cross: vec![0.0; 2 * REACH + 1] };
         let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
         for (rendered, measured) in rows.rendered.chunks(rows.bins).zip(rows.measured.chunks(rows.bins)) {
@@ -113,7 +113,7 @@ mod tests {
         for (at, moved) in [(0, 0), (1, -4), (2, 3), (3, 6)] {
             let truth = Suited { taps: &pulses[at], moved, factor: 2.5 };
             let measured: Vec<f64> = rendered.chunks(120).flat_map(|row| truth.spread(row)).collect();
-            let rows = Rows { rendered: &rendered, measured: &measured, bins: 120 };
+            let rows = ComparedRows { rendered: &rendered, measured: &measured, bins: 120 };
             let (found, left) = rows.best(&pulses).unwrap();
             assert_eq!(found, at);
             // The tails that leave the rows, and what lies beyond the reach, are little.
@@ -124,7 +124,7 @@ mod tests {
             assert!((explained / all - 1.0).abs() < 1e-3);
         }
         let dark = vec![0.0; 240];
-        assert!(Rows { rendered: &dark, measured: &rendered, bins: 120 }.best(&pulses).is_none());
+        assert!(ComparedRows { rendered: &dark, measured: &rendered, bins: 120 }.best(&pulses).is_none());
     }
 
     #[test]
@@ -135,7 +135,7 @@ mod tests {
         // No pulse explains this.
         let measured: Vec<f64> =
             rendered.iter().enumerate().map(|(i, v)| v + 0.2 * (i as f64).sin().abs()).collect();
-        let rows = Rows { rendered: &rendered, measured: &measured, bins: 120 };
+        let rows = ComparedRows { rendered: &rendered, measured: &measured, bins: 120 };
         let (at, left) = rows.best(&pulses).unwrap();
         let products = Products::of(&rows);
         let explained: Vec<f64> = pulses.iter().map(|taps| products.suit(taps).unwrap().0).collect();

@@ -24,7 +24,7 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
         settings: settings(request, loaded, done),
         warnings: vec![],
         capture: loaded.summary(),
-        plan: report::Plan {
+        plan: report::PlanReport {
             variants: result.plan.variants(),
             left_out: result.plan.left_out.clone(),
             parts: result.plan.part_counts(),

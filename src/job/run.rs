@@ -45,7 +45,7 @@ pub struct Solved {
     snapshots: Vec<(usize, Maps)>,
     /// The capture's name, and what the page shows of it.
     title: String,
-    light: export::page::Light,
+    light: export::page::PageHistograms,
     /// It goes when the result is there.
     preview: Option<Preview>,
 }
@@ -126,7 +126,7 @@ fn solve_checked(
         volume: result.volume,
         snapshots: done.snapshots,
         title: title(&loaded.path),
-        light: export::page::Light::of(&loaded.capture),
+        light: export::page::PageHistograms::of(&loaded.capture),
         preview,
     })
 }
@@ -138,7 +138,7 @@ impl Solved {
     }
 
     /// What the page of a result shows of the capture.
-    pub fn light(&self) -> &export::page::Light {
+    pub fn light(&self) -> &export::page::PageHistograms {
         &self.light
     }
 
@@ -236,9 +236,9 @@ fn is_at_border(maps: &Maps) -> bool {
     2 * border > shown().count()
 }
 
-fn export_volume(volume: VolumeMap) -> export::volume::Volume {
+fn export_volume(volume: VolumeMap) -> export::volume::VolumeArrays {
     let ([x0, x1, y0, y1], [z0, z1]) = (volume.grid.extent(), volume.grid.depth_range());
-    export::volume::Volume {
+    export::volume::VolumeArrays {
         size: volume.grid.n,
         extent: [x0, x1, y0, y1, z0, z1],
         albedo: volume.albedo,

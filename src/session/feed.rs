@@ -67,7 +67,7 @@ impl Feed {
 }
 
 /// The last counts of every pair, or their sums.
-pub(super) struct Kept {
+pub(super) struct KeptCounts {
     bins: usize,
     /// `[pair * bins + bin]`.
     values: Vec<f64>,
@@ -77,11 +77,11 @@ pub(super) struct Kept {
     decay: f64,
 }
 
-impl Kept {
+impl KeptCounts {
     /// Of a scan that was not measured yet.
-    pub fn new([pairs, bins]: [usize; 2], feed: Feed) -> Kept {
+    pub fn new([pairs, bins]: [usize; 2], feed: Feed) -> KeptCounts {
         let decay = if let Feed::Sum { decay } = feed { decay } else { 0.0 };
-        Kept { bins, values: vec![0.0; pairs * bins], weights: vec![[0.0; 2]; pairs], decay }
+        KeptCounts { bins, values: vec![0.0; pairs * bins], weights: vec![[0.0; 2]; pairs], decay }
     }
 
     /// Takes the counts of the pairs that are `measured`, or of all.
@@ -110,7 +110,7 @@ impl Kept {
 mod tests {
     use super::*;
 
-    fn given(kept: &Kept) -> Vec<f32> {
+    fn given(kept: &KeptCounts) -> Vec<f32> {
         let mut frame = vec![];
         kept.give(&mut frame);
         frame
@@ -120,7 +120,7 @@ mod tests {
     fn a_sum_with_decay_is_that_of_its_definition() {
         let frames = [[4.0f32, 0.0, 1.0], [0.0, 2.0, 1.0], [8.0, 1.0, 0.0], [1.0, 1.0, 5.0]];
         for decay in [0.0, 0.5, 0.9, 1.0] {
-            let mut kept = Kept::new([1, 3], Feed::Sum { decay });
+            let mut kept = KeptCounts::new([1, 3], Feed::Sum { decay });
             frames.iter().for_each(|f| kept.take(f, None));
             let weight = |k: usize| f64::powi(decay, k as i32);
             let [first, second] = [1, 2].map(|p| (0..4).map(|k| weight(k).powi(p)).sum::<f64>());
@@ -131,7 +131,7 @@ mod tests {
             }
         }
         // Without decay it is the plain sum, with nothing left the newest frame.
-        let mut all = Kept::new([1, 3], Feed::Sum { decay: 1.0 });
+        let mut all = KeptCounts::new([1, 3], Feed::Sum { decay: 1.0 });
         frames.iter().for_each(|f| all.take(f, None));
         assert_eq!(given(&all), [13.0, 4.0, 7.0]);
     }
@@ -153,13 +153,13 @@ mod tests {
 
     #[test]
     fn pairs_that_are_not_measured_keep_their_counts() {
-        let mut kept = Kept::new([2, 2], Feed::Newest);
+        let mut kept = KeptCounts::new([2, 2], Feed::Newest);
         kept.take(&[1.0, 2.0, 3.0, 4.0], Some(&[true, false]));
         assert_eq!(given(&kept), [1.0, 2.0, 0.0, 0.0]);
         kept.take(&[9.0, 9.0, 5.0, 6.0], Some(&[false, true]));
         assert_eq!(given(&kept), [1.0, 2.0, 5.0, 6.0]);
         // A pair that was summed twice is as bright as one that was summed once.
-        let mut kept = Kept::new([2, 1], Feed::Sum { decay: 1.0 });
+        let mut kept = KeptCounts::new([2, 1], Feed::Sum { decay: 1.0 });
         kept.take(&[6.0, 6.0], None);
         kept.take(&[6.0, 0.0], Some(&[true, false]));
         assert_eq!(given(&kept), [9.0, 9.0]);
@@ -168,7 +168,7 @@ mod tests {
     #[test]
     fn photons_stay_photons() {
         // Whole counts of 0 to 9 with a mean of 4.5 and a variance of 8.25: the ratio stays.
-        let mut kept = Kept::new([1, 4000], Feed::Sum { decay: 0.8 });
+        let mut kept = KeptCounts::new([1, 4000], Feed::Sum { decay: 0.8 });
         let mut state = 7u64;
         for _ in 0..40 {
             let mut draw = || {

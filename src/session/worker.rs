@@ -9,7 +9,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::external::Exchange;
-use super::feed::{Feed, Kept};
+use super::feed::{Feed, KeptCounts};
 use super::latency::{Latencies, Latency};
 use super::{ExternalFrame, FrameId, SessionOptions, too_long};
 use crate::capture::Capture;
@@ -35,11 +35,11 @@ pub(super) enum Taken {
 /// A frame that waits.
 struct Waiting {
     id: FrameId,
-    counts: Counts,
+    counts: WaitingCounts,
     since: Instant,
 }
 
-enum Counts {
+enum WaitingCounts {
     Host(Vec<f32>),
     External(ExternalFrame),
 }
@@ -47,7 +47,7 @@ enum Counts {
 struct State {
     feed: Feed,
     /// The last counts of every pair, or their sums, from when they are needed on.
-    kept: Option<Kept>,
+    kept: Option<KeptCounts>,
     /// Pairs and bins.
     size: [usize; 2],
     /// Frames that wait, the oldest first.
@@ -90,7 +90,7 @@ impl Shared {
         Shared {
             state: Mutex::new(State {
                 feed,
-                kept: matches!(feed, Feed::Sum { .. }).then(|| Kept::new([pairs, bins], feed)),
+                kept: matches!(feed, Feed::Sum { .. }).then(|| KeptCounts::new([pairs, bins], feed)),
                 size: [pairs, bins],
                 waiting: VecDeque::with_capacity(2),
                 // One frame is solved while the next is submitted.
@@ -123,7 +123,7 @@ impl Shared {
                 (Feed::Sum { .. }, _) | (_, Some(_)) => scan.check_finite(histograms)?,
                 _ => scan.check_counts(histograms)?,
             }
-            kept.get_or_insert_with(|| Kept::new(*size, *feed));
+            kept.get_or_insert_with(|| KeptCounts::new(*size, *feed));
         }
         let mut counts = spare.pop().unwrap_or_default();
         counts.clear();
@@ -143,7 +143,7 @@ impl Shared {
         if let Some(old) = if replaces { state.waiting.pop_back() } else { None } {
             state.drop_frame(old);
         }
-        let id = state.add(Counts::Host(counts));
+        let id = state.add(WaitingCounts::Host(counts));
         self.changed.notify_all();
         Ok(id)
     }
@@ -155,7 +155,7 @@ impl Shared {
         if let Some(old) = if state.feed == Feed::Newest { state.waiting.pop_back() } else { None } {
             state.drop_frame(old);
         }
-        let id = state.add(Counts::External(frame));
+        let id = state.add(WaitingCounts::External(frame));
         self.changed.notify_all();
         Ok(id)
     }
@@ -226,8 +226,10 @@ impl Shared {
             let may = state.done.is_none() || !matches!(state.feed, Feed::Every { .. });
             if let Some(frame) = if may { state.waiting.pop_front() } else { None } {
                 let (counts, external) = match frame.counts {
-                    Counts::Host(counts) => (counts, None),
-                    Counts::External(external) => (state.spare.pop().unwrap_or_default(), Some(external)),
+                    WaitingCounts::Host(counts) => (counts, None),
+                    WaitingCounts::External(external) => {
+                        (state.spare.pop().unwrap_or_default(), Some(external))
+                    }
                 };
                 let old = std::mem::replace(&mut scan.histograms, counts);
                 if old.capacity() > 0 {
@@ -243,7 +245,7 @@ impl Shared {
     /// Gives back the buffers of frames that will not be solved.
     fn release_all(&self, gpu: &Gpu) {
         for frame in std::mem::take(&mut self.state().waiting) {
-            if let Counts::External(mut external) = frame.counts {
+            if let WaitingCounts::External(mut external) = frame.counts {
                 external.release(gpu);
             }
         }
@@ -265,13 +267,13 @@ impl State {
     /// A frame that another one takes the place of.
     fn drop_frame(&mut self, old: Waiting) {
         self.latencies.dropped += u64::from(self.feed == Feed::Newest);
-        if let Counts::Host(counts) = old.counts {
+        if let WaitingCounts::Host(counts) = old.counts {
             self.spare.push(counts);
         }
     }
 
     /// Lets a frame wait.
-    fn add(&mut self, counts: Counts) -> FrameId {
+    fn add(&mut self, counts: WaitingCounts) -> FrameId {
         if self.feed == Feed::One {
             self.done = None;
         }

@@ -15,7 +15,7 @@ use crate::{Error, Result};
 
 mod text;
 
-pub use text::{ImpulseResponse, Model, gate, memory_bytes};
+pub use text::{ImpulseResponse, ReflectanceSetting, gate, memory_bytes};
 use text::{as_text, count, number, path_of_light, seed, word};
 
 /// Declares the fields of [`Settings`] that do not belong to a method: name, type, allowed values, and the function that reads
@@ -117,7 +117,7 @@ settings! {
         /// Reflectance of the surfaces: cosine, lambertian, retroreflective, isotropic, or auto for the best of the first three
         /// by short fits [default: auto; paper cosine]
         #[serde(with = "as_text")]
-        model: Model = text::model, Range::Text("NAME");
+        model: ReflectanceSetting = text::model, Range::Text("NAME");
         /// Published parameters to begin with [default: captured if all counts are whole numbers or some are negative, else
         /// synthetic]
         preset: Preset = word, Range::Words(&["synthetic", "captured"]);
@@ -290,7 +290,7 @@ impl<T: Into<SolverOptions>> From<T> for Settings {
     fn from(options: T) -> Settings {
         let options = options.into();
         Settings {
-            model: Some(Model::Known(options.common().reflectance)),
+            model: Some(ReflectanceSetting::Known(options.common().reflectance)),
             preset: Some(Preset::Synthetic),
             method: Method::of(&options),
             ..Settings::default()

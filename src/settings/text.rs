@@ -14,7 +14,7 @@ type Read<T> = std::result::Result<T, String>;
 
 /// The reflectance of the surfaces.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Model {
+pub enum ReflectanceSetting {
     /// Estimated by short fits.
     Auto,
     /// As given.
@@ -109,9 +109,9 @@ as_read! {
     Bins: bins, |bins| bins.to_string();
     Bounce: bounce, |bounce| bounce.to_string();
     AxisOrder: axes, |axes| axes.to_string();
-    Model: model, |model| match model {
-        Model::Auto => "auto".into(),
-        Model::Known(reflectance) => reflectance.name().into(),
+    ReflectanceSetting: model, |model| match model {
+        ReflectanceSetting::Auto => "auto".into(),
+        ReflectanceSetting::Known(reflectance) => reflectance.name().into(),
     };
     ImpulseResponse: pulse, |pulse| match pulse {
         ImpulseResponse::None => "none".into(),
@@ -194,10 +194,10 @@ pub fn gate(text: &str) -> Read<Gate> {
     Gate::parse(&metres).map_err(|e| format!("{}; {}", e.what, e.hint))
 }
 
-pub fn model(text: &str) -> Read<Model> {
+pub fn model(text: &str) -> Read<ReflectanceSetting> {
     match text.trim() {
-        "auto" => Ok(Model::Auto),
-        name => reflectance(name).map(Model::Known).map_err(wanted),
+        "auto" => Ok(ReflectanceSetting::Auto),
+        name => reflectance(name).map(ReflectanceSetting::Known).map_err(wanted),
     }
 }
 

@@ -279,7 +279,7 @@ impl fmt::Display for OptionValue {
 }
 
 /// The type of a field that an option sets.
-pub trait Field {
+pub trait OptionField {
     /// The type of a value that a caller sets.
     type Given: Clone;
     /// The value of the field.
@@ -305,7 +305,7 @@ macro_rules! given_as_is {
     };
 }
 
-impl Field for usize {
+impl OptionField for usize {
     given_as_is!();
 
     fn value(&self) -> OptionValue {
@@ -313,7 +313,7 @@ impl Field for usize {
     }
 }
 
-impl Field for u32 {
+impl OptionField for u32 {
     given_as_is!();
 
     fn value(&self) -> OptionValue {
@@ -321,7 +321,7 @@ impl Field for u32 {
     }
 }
 
-impl Field for f64 {
+impl OptionField for f64 {
     given_as_is!();
 
     fn value(&self) -> OptionValue {
@@ -329,7 +329,7 @@ impl Field for f64 {
     }
 }
 
-impl Field for bool {
+impl OptionField for bool {
     given_as_is!();
 
     fn value(&self) -> OptionValue {
@@ -337,7 +337,7 @@ impl Field for bool {
     }
 }
 
-impl<T: Field<Given = T> + Clone> Field for Option<T> {
+impl<T: OptionField<Given = T> + Clone> OptionField for Option<T> {
     type Given = T;
 
     fn given(&self) -> Option<T> {
@@ -349,11 +349,11 @@ impl<T: Field<Given = T> + Clone> Field for Option<T> {
     }
 
     fn value(&self) -> OptionValue {
-        self.as_ref().map_or(OptionValue::Unset, Field::value)
+        self.as_ref().map_or(OptionValue::Unset, OptionField::value)
     }
 }
 
-impl Field for Sizes {
+impl OptionField for Sizes {
     given_as_is!();
 
     fn value(&self) -> OptionValue {
@@ -364,7 +364,7 @@ impl Field for Sizes {
 /// Enumerations as options: a value is the word that serde writes.
 macro_rules! words {
     ($($type:ty),*) => { $(
-        impl $crate::solve::option::Field for $type {
+        impl $crate::solve::option::OptionField for $type {
             $crate::solve::option::given_as_is!();
 
             fn value(&self) -> $crate::solve::option::OptionValue {
@@ -428,7 +428,7 @@ macro_rules! options {
                 $(#[doc = $line])+
                 #[serde(skip_serializing_if = "Option::is_none")]
                 $(#[serde(rename = $key)])?
-                pub $field: Option<<$type as $crate::solve::option::Field>::Given>,
+                pub $field: Option<<$type as $crate::solve::option::OptionField>::Given>,
             )*)*
             $($(#[$inner_about])* #[serde(flatten)] pub $inner: $inner_settings,)*
         }
@@ -438,7 +438,7 @@ macro_rules! options {
 
             fn of(options: &$name) -> $settings {
                 #[allow(unused_imports)]
-                use $crate::solve::option::Field;
+                use $crate::solve::option::OptionField;
                 $settings {
                     $($($field: options.$field.given(),)*)*
                     $($inner: $inner_settings::of(&options.$inner),)*
@@ -448,7 +448,7 @@ macro_rules! options {
             fn apply(&self, options: &mut $name) {
                 $($(
                     if let Some(given) = &self.$field {
-                        options.$field = $crate::solve::option::Field::of(given.clone());
+                        options.$field = $crate::solve::option::OptionField::of(given.clone());
                     }
                 )*)*
                 $(self.$inner.apply(&mut options.$inner);)*
@@ -494,7 +494,7 @@ macro_rules! options {
             }
 
             fn values(&self) -> Vec<$crate::solve::option::OptionValue> {
-                let own = vec![$($($crate::solve::option::Field::value(&self.$field)),*),*];
+                let own = vec![$($($crate::solve::option::OptionField::value(&self.$field)),*),*];
                 let nested: &[Vec<$crate::solve::option::OptionValue>] = &[$(self.$inner.values()),*];
                 [own, nested.concat()].concat()
             }

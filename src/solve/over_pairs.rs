@@ -2,7 +2,7 @@
 
 use super::Pass;
 use super::passes::{ARGUMENTS, PULSE, PULSE_BACK, RESIDUAL_ROWS, SPOT, SPOT_BACK, SPOT_MORE};
-use super::plan::{BETWEEN, PairPart, Pairs, SEEN, Spots};
+use super::plan::{BETWEEN, LevelPairs, PairPart, SEEN, Spots};
 use super::{Level, Plan};
 use crate::gpu::{Buffer, Command, Schedule};
 use crate::transport::kernels::*;
@@ -38,7 +38,7 @@ pub(super) fn over_parts(
 }
 
 /// Sizes the passes over these rendered pairs, by how many samples are active.
-pub(super) fn size_passes(s: &mut Schedule, rendered: &Pairs) {
+pub(super) fn size_passes(s: &mut Schedule, rendered: &LevelPairs) {
     s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, rendered.scene);
 }
 
@@ -259,7 +259,7 @@ pub(super) fn work_of(part: &Push, voxels: usize) -> u64 {
 pub(super) fn pair_chunks(
     plan: &Plan,
     part: &PairPart,
-    all: &Pairs,
+    all: &LevelPairs,
     voxels: usize,
 ) -> impl Iterator<Item = Push> + use<> {
     let (pairs, most) = (all.count as u32, plan.gathered_pairs(voxels));

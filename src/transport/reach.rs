@@ -9,17 +9,17 @@ use super::{Geometry, Grid, Model, Wall};
 
 /// An axis-aligned box, metres.
 #[derive(Debug, Clone, Copy)]
-struct Block {
+struct BoundingBox {
     min: DVec3,
     max: DVec3,
 }
 
-impl Block {
+impl BoundingBox {
     /// The voxels `low` to `high` of `grid`, with half a voxel around them, as far as samples may lie.
-    fn of(grid: &Grid, low: [usize; 3], high: [usize; 3]) -> Block {
+    fn of(grid: &Grid, low: [usize; 3], high: [usize; 3]) -> BoundingBox {
         let at =
             |c: [usize; 3], shift: f64| grid.position(dvec3(c[0] as f64, c[1] as f64, c[2] as f64) + shift);
-        Block { min: at(low, -0.5), max: at(high, 0.5) }
+        BoundingBox { min: at(low, -0.5), max: at(high, 0.5) }
     }
 
     fn nearest(&self, p: DVec3) -> f64 {
@@ -38,7 +38,7 @@ impl Block {
 }
 
 /// Lower and upper bound of the paths of all pairs over points of the box, metres.
-fn paths(wall: &Wall, block: Block) -> [f64; 2] {
+fn paths(wall: &Wall, block: BoundingBox) -> [f64; 2] {
     let side = |points: &[DVec3]| {
         let near = points.iter().map(|p| block.nearest(*p)).fold(f64::INFINITY, f64::min);
         let far = points.iter().map(|p| block.farthest(*p)).fold(0.0, f64::max);
@@ -66,7 +66,7 @@ impl Model {
             let brick = [i % bricks[0], i / bricks[0] % bricks[1], i / (bricks[0] * bricks[1])];
             let low = brick.map(|b| 8 * b);
             let high = [0, 1, 2].map(|a| (low[a] + 7).min(grid.n[a] - 1));
-            let block = Block::of(grid, low, high);
+            let block = BoundingBox::of(grid, low, high);
             (0..wall.pairs()).any(|pair| self.reaches(block.paths(wall, pair)))
         };
         (0..bricks.iter().product()).into_par_iter().map(one).collect()
@@ -75,7 +75,7 @@ impl Model {
     /// True if a sample of `grid` may be within [`Model::nearest`] of a wall point, with a margin for rounding in fp32.
     pub fn touches(&self, grid: &Grid) -> bool {
         let low = [0, 0, self.near_z(grid).min(grid.n[2] - 1)];
-        let block = Block::of(grid, low, grid.n.map(|n| n - 1));
+        let block = BoundingBox::of(grid, low, grid.n.map(|n| n - 1));
         let wall = self.rendered_wall();
         let far = wall
             .all_points()
@@ -89,7 +89,7 @@ impl Model {
     /// loss. Returns the bins that are left.
     pub fn trim(&mut self, grid: &Grid) -> Range<usize> {
         let low = [0, 0, self.near_z(grid).min(grid.n[2] - 1)];
-        let [near, far] = paths(self.rendered_wall(), Block::of(grid, low, grid.n.map(|n| n - 1)));
+        let [near, far] = paths(self.rendered_wall(), BoundingBox::of(grid, low, grid.n.map(|n| n - 1)));
         let bin = |path: f64| (path - self.t_start) / self.bin_width;
         let first = (bin(near) - 1.0).floor().max(0.0) as usize;
         let last = ((bin(far) + 2.0).ceil().max(0.0) as usize).min(self.bins);

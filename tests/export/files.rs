@@ -4,7 +4,7 @@ use std::path::Path;
 
 use fixtures::captures::{assert_error, place, ramp};
 use thirdbounce::Kind;
-use thirdbounce::export::volume::Volume;
+use thirdbounce::export::volume::VolumeArrays;
 use thirdbounce::export::{self, npz, picture, ply, png as pictures, report, volume};
 use thirdbounce::files::atomic;
 use thirdbounce::maps::{Layer, Maps, Truth};
@@ -153,7 +153,7 @@ fn both_layers_come_back() {
 #[test]
 fn volumes_come_back() {
     let (_folder, path) = place("volume.npz");
-    let mut v = Volume {
+    let mut v = VolumeArrays {
         size: [2, 3, 4],
         extent: [-1.0, 1.0, -1.0, 1.0, 0.5, 2.0],
         albedo: (0..24).map(|v| v as f32).collect(),
@@ -318,7 +318,7 @@ fn a_report() -> report::Report {
         settings: serde_json::json!({ "iterations": 60, "solver": "surface" }),
         warnings: vec![],
         capture: ramp().summary(),
-        plan: report::Plan {
+        plan: report::PlanReport {
             variants: vec!["confocal".into()],
             buffers: [("voxels".to_string(), 64)].into(),
             ..Default::default()

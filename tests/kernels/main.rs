@@ -14,13 +14,13 @@ use fixtures::device::{assert_valid, gpu};
 use thirdbounce::solve::Accumulation;
 use thirdbounce::transport::kernels::KERNELS;
 use thirdbounce_verify::twin::{TWINS, twin_of};
-use thirdbounce_verify::{Case, Compared, How, cases};
+use thirdbounce_verify::{Compared, How, KernelCase, cases};
 
 /// What a case compared on an accumulation path.
 type Done = (&'static str, Accumulation, Vec<Compared>);
 
 /// Runs cases on two devices.
-fn run(cases: &[Case]) -> Vec<(usize, Done)> {
+fn run(cases: &[KernelCase]) -> Vec<(usize, Done)> {
     let (next, done) = (AtomicUsize::new(0), Mutex::new(vec![]));
     std::thread::scope(|scope| {
         for _ in 0..2 {
@@ -46,7 +46,7 @@ fn run(cases: &[Case]) -> Vec<(usize, Done)> {
 #[test]
 fn kernels_compute_what_their_twins_compute() {
     let word = std::env::var("THIRDBOUNCE_CASES").unwrap_or_default();
-    let all: Vec<Case> = cases().into_iter().filter(|case| case.name.contains(&word)).collect();
+    let all: Vec<KernelCase> = cases().into_iter().filter(|case| case.name.contains(&word)).collect();
     let (mut wrong, mut seen, mut worst) = (vec![], BTreeSet::new(), BTreeMap::<_, f64>::new());
     let mut fixed: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
     for (i, (name, path, compared)) in run(&all) {

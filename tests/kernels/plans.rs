@@ -19,7 +19,7 @@ fn columns_fit_into_the_shared_memory_that_every_device_has() {
     card.limits = Limits { shared_memory: 16_384, workgroup_invocations: 128, ..card.limits };
     let tuning = |model: &Model, sizes: &str, card: &Abilities| {
         let sizes = if sizes.is_empty() { Sizes::default() } else { sizes.parse().expect("sizes") };
-        let o = Fit::of(&grid, 1).with(|o| (o.accumulation, o.sizes) = (Accumulation::Cas, sizes));
+        let o = FitNeeds::of(&grid, 1).with(|o| (o.accumulation, o.sizes) = (Accumulation::Cas, sizes));
         Plan::new(model, grid, [5, 5], &o, card, false).map(|plan| plan.division.tuning)
     };
     let window = |model, sizes| tuning(model, sizes, &card).expect("it fits").window;
@@ -46,7 +46,7 @@ fn a_gpus_distances_are_polished_where_its_root_is_too_rough() {
         let (model, grid) = (model(5, bins, 9), grid());
         for (kind, asks) in [(DeviceKind::Discrete, polished), (DeviceKind::Cpu, false)] {
             let device = Abilities { kind, ..gpu.abilities() };
-            let plan = Plan::new(&model, grid, [5, 5], &Fit::of(&grid, 4), &device, false).unwrap();
+            let plan = Plan::new(&model, grid, [5, 5], &FitNeeds::of(&grid, 4), &device, false).unwrap();
             assert_eq!((plan.scene.polished, plan.scene.fine), (asks, fine), "{bins} bins, {kind}");
             assert_eq!(plan.constant(constant::POLISHED), Some(u32::from(asks)));
         }
@@ -61,7 +61,7 @@ fn passes_have_the_sizes_of_the_pairs_that_they_take() {
     let one = Wall { geometry: Geometry::Product, others: vec![dvec3(0.1, 0.0, 0.0)], ..base.wall.clone() };
     for wall in [base.wall.clone(), one] {
         let model = Model { wall, is_spread: true, ..base.clone() };
-        let mut job = job(&gpu, &model, &grid, &Fit::of(&grid, 1));
+        let mut job = job(&gpu, &model, &grid, &FitNeeds::of(&grid, 1));
         let (plan, field) = (job.plan.clone(), field(&grid, 61));
         let level = plan.levels.pixels.expect("a surface");
         assert_eq!(plan.levels.batches.len(), 2);

@@ -123,7 +123,7 @@ fn surface_of(gpu: &Gpu, runs: &mut Runs, lanes: [u32; 2]) -> Vec<u32> {
         high_pass: Some(HighPass { length: 0.05, floor: 0.1 }),
         ..spotted(&model, spots_for(Geometry::TwoPoints))
     };
-    let o = Fit::of(&grid, 4).with(|o| o.accumulation = Accumulation::Fixed);
+    let o = FitNeeds::of(&grid, 4).with(|o| o.accumulation = Accumulation::Fixed);
     let share = |t: &mut Tuning| [t.row_lanes, t.pixel_lanes] = lanes;
     let mut job = thirdbounce_verify::job(gpu, &model, &grid, &o, share).expect("the device runs it");
     let placed = Placed { pixels: field.len(), most: 60.0, explained: 2.0, left: 2.0 };

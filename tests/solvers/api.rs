@@ -9,8 +9,9 @@ use glam::dvec3;
 use thirdbounce::job::{self, Request};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::{
-    Capture, Gpu, Kind, Model, Reflectance, Result, Session, SessionOptions, Settings, SurfaceSettings,
-    Volume, evaluate, read, read_truth, reconstruct, reconstruct_file, reconstruct_with, session, write,
+    Capture, Gpu, Kind, Reflectance, ReflectanceSetting, Result, Session, SessionOptions, Settings,
+    SurfaceSettings, Volume, evaluate, read, read_truth, reconstruct, reconstruct_file, reconstruct_with,
+    session, write,
 };
 
 /// A small solve of the same bits in every run.
@@ -85,7 +86,7 @@ fn a_session_keeps_its_box() {
     let capture = read(simulated(folder.path()), &Settings::default()).unwrap();
     let volume = Volume { min: dvec3(-0.4, -0.3, 0.3), max: dvec3(0.4, 0.3, 0.9) };
     let settings = small().with(|s| {
-        s.model = Some(Model::Known(Reflectance::Lambertian));
+        s.model = Some(ReflectanceSetting::Known(Reflectance::Lambertian));
         s.set("high_pass", "0.1").unwrap();
         (s.volume, s.keep_volume) = (Some(volume), Some(true));
     });

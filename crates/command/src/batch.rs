@@ -12,8 +12,8 @@ use std::time::{Duration, Instant};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-use crate::record::{Record, check_place};
-use thirdbounce::export::index::{self, Row};
+use crate::record::{ResultRecord, check_place};
+use thirdbounce::export::index::{self, IndexRow};
 use thirdbounce::export::npz;
 use thirdbounce::export::report::{self, Report};
 use thirdbounce::files::atomic::{self, is_full};
@@ -172,7 +172,7 @@ pub fn batch(what: &Batch, caller: &dyn Caller, report: &mut dyn FnMut(&CaptureE
     // Removes what a killed process left.
     drop(Staging::new(&what.out)?);
     let mut tally = Tally { captures: captures.len(), ..Tally::default() };
-    let mut rows = Rows::default();
+    let mut rows = IndexRows::default();
     let (next, full) = (AtomicUsize::new(0), AtomicBool::new(false));
     let (send, ends) = channel();
     std::thread::scope(|scope| {
@@ -224,14 +224,14 @@ pub fn batch(what: &Batch, caller: &dyn Caller, report: &mut dyn FnMut(&CaptureE
 
 /// Rows of the index by name: those of captures that ended, and of results that are there.
 #[derive(Default)]
-struct Rows {
-    rows: BTreeMap<String, Row>,
+struct IndexRows {
+    rows: BTreeMap<String, IndexRow>,
     written: Option<Instant>,
 }
 
-impl Rows {
+impl IndexRows {
     fn add(&mut self, end: &CaptureEnd, caller: &dyn Caller) {
-        let row = Row {
+        let row = IndexRow {
             name: end.capture.name.clone(),
             capture: end.capture.path.to_string_lossy().into(),
             status: if end.status == Status::Failed { "failed" } else { "done" },
@@ -260,7 +260,7 @@ impl Rows {
             }
             let (status, (figures, warnings)) =
                 (if found.is_some() { "done" } else { "open" }, found.unwrap_or_default());
-            Some(Row { name, capture: path, status, figures, warnings, error: None })
+            Some(IndexRow { name, capture: path, status, figures, warnings, error: None })
         };
         for name in names {
             let is_known = self.rows.get(&name).is_some_and(|row| row.status != "open");
@@ -273,7 +273,7 @@ impl Rows {
             return Ok(());
         }
         let settings = format!("thirdbounce {}", env!("CARGO_PKG_VERSION"));
-        let all: Vec<Row> = self.rows.values().cloned().collect();
+        let all: Vec<IndexRow> = self.rows.values().cloned().collect();
         index::write(&batch.out, &all, &settings)
     }
 }
@@ -303,7 +303,7 @@ impl Batch {
         };
         let beside = caller.beside(capture);
         let files = std::iter::once(&capture.path).chain(&beside).map(PathBuf::as_path);
-        let record = Record::of(files, &self.options);
+        let record = ResultRecord::of(files, &self.options);
         let folder = self.out.join(&capture.name);
         if record.is_done(&folder, LAST) {
             return end(Status::Skipped, None, earlier(&folder).unwrap_or_default());

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use crate::benchmark::{Case, WHOLE, finish};
 use thirdbounce::capture::Capture;
-use thirdbounce::export::benchmark::{self as pages, Point, SOLVE, Side, values_of};
+use thirdbounce::export::benchmark::{self as pages, CurvePoint, SOLVE, SideResults, values_of};
 use thirdbounce::export::{self, foreign};
 use thirdbounce::files::staging;
 use thirdbounce::gpu::Gpu;
@@ -26,7 +26,7 @@ const APART: f64 = 1.1;
 
 /// A method of a comparison.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Method {
+pub struct ComparedMethod {
     /// Its name in plots and tables. Its folder is named after it.
     pub name: String,
     /// The text that asked for it; only for the report.
@@ -66,7 +66,7 @@ pub struct Comparison {
     /// The case; `None`: a capture without a name.
     pub case: Option<Case>,
     /// All methods. Changes are relative to the first.
-    pub methods: Vec<Method>,
+    pub methods: Vec<ComparedMethod>,
     /// Results of other programs, for the same table and plot.
     pub foreign: Vec<Foreign>,
     /// Methods not applicable to the capture: name and violated assumption.
@@ -81,7 +81,7 @@ pub struct Comparison {
 
 /// The run that a progress belongs to.
 #[derive(Debug, Clone, Copy)]
-pub struct Turn<'n> {
+pub struct MethodRun<'n> {
     /// Index of the turn among all turns, from 0.
     pub number: usize,
     /// Number of all turns.
@@ -91,7 +91,7 @@ pub struct Turn<'n> {
 }
 
 /// The first run of a method.
-struct Outcome {
+struct MeasuredRun {
     maps: Maps,
     metrics: Metrics,
     /// Metrics and seconds of measured iterates by iteration, the result included.
@@ -111,8 +111,8 @@ struct Outcome {
 pub fn compare(
     what: &Comparison,
     loaded: &Loaded,
-    hear: &mut dyn FnMut(&Turn<'_>, &Progress) -> ControlFlow<()>,
-) -> Result<pages::Case> {
+    hear: &mut dyn FnMut(&MethodRun<'_>, &Progress) -> ControlFlow<()>,
+) -> Result<pages::CaseResults> {
     let start = Instant::now();
     let (methods, truth) = what.check(&loaded.capture)?;
     let wall = what.case.as_ref().map_or(f64::NAN, |case| case.wall);
@@ -137,7 +137,7 @@ pub fn compare(
     for number in 0..turns {
         let at = number % methods.len();
         let method = &methods[at];
-        let turn = Turn { number, turns, name: &method.name };
+        let turn = MethodRun { number, turns, name: &method.name };
         let mut hear = |progress: &Progress| hear(&turn, progress);
         let shown = preview_of(&method.request, loaded, &gpu, measure)?;
         let done = what.run(method, loaded, &gpu, measure, &mut hear);
@@ -158,7 +158,7 @@ pub fn compare(
         sides.push((side, run.first.map(|first| first.maps)));
     }
     sides.append(&mut others);
-    let case = pages::Case {
+    let case = pages::CaseResults {
         seconds: start.elapsed().as_secs_f64(),
         device: format!("{}, driver {}", gpu.info.name.trim(), gpu.info.driver.trim()),
         left_out: what.left_out.clone(),
@@ -193,7 +193,7 @@ fn preview_of(
 /// The runs of one method. A preview's time is part of them.
 #[derive(Default)]
 struct Runs {
-    first: Option<Outcome>,
+    first: Option<MeasuredRun>,
     preview: Option<Metrics>,
     /// Seconds of every run at each measured iteration; 0: of the preview.
     at: BTreeMap<usize, Vec<f64>>,
@@ -201,7 +201,7 @@ struct Runs {
 }
 
 impl Runs {
-    fn add(&mut self, done: Outcome, preview: Option<(f64, Metrics)>) {
+    fn add(&mut self, done: MeasuredRun, preview: Option<(f64, Metrics)>) {
         let before = preview.as_ref().map_or(0.0, |(seconds, _)| *seconds);
         preview.iter().for_each(|(seconds, _)| self.at.entry(0).or_default().push(*seconds));
         for (iteration, (seconds, _)) in &done.along {
@@ -214,17 +214,17 @@ impl Runs {
     }
 
     /// The results of the first run, with medians of the times of all that reached a point.
-    fn side(&self, method: &Method, first: &Outcome, wall: f64) -> Side {
+    fn side(&self, method: &ComparedMethod, first: &MeasuredRun, wall: f64) -> SideResults {
         let point = |iteration: &usize, metrics: &Metrics| {
             let seconds = self.at.get(iteration).and_then(|all| median(all)).unwrap_or(f64::NAN);
-            Point::new(seconds, &values_of(metrics, wall))
+            CurvePoint::new(seconds, &values_of(metrics, wall))
         };
         let shown = self.preview.iter().map(|metrics| point(&0, metrics));
         let points = shown.chain(first.along.iter().map(|(iteration, (_, m))| point(iteration, m)));
         let mut values = values_of(&first.metrics, wall);
         values[SOLVE] = median(&self.totals).unwrap_or(f64::NAN);
         let found = first.report.as_ref().and_then(|r| r.settings["model_found"]["reflectance"].as_str());
-        Side {
+        SideResults {
             name: method.name.clone(),
             spec: method.spec.clone(),
             runs_on: first.runs_on.clone(),
@@ -236,14 +236,14 @@ impl Runs {
             values,
             preview: self.preview.is_some(),
             points: thinned(points.collect()),
-            ..Side::default()
+            ..SideResults::default()
         }
     }
 }
 
 /// Points whose times differ by a ratio of at least [`APART`], the last among them.
-fn thinned(points: Vec<Point>) -> Vec<Point> {
-    let mut kept: Vec<Point> = vec![];
+fn thinned(points: Vec<CurvePoint>) -> Vec<CurvePoint> {
+    let mut kept: Vec<CurvePoint> = vec![];
     let last = points.len().saturating_sub(1);
     for (i, point) in points.into_iter().enumerate() {
         let is_apart = kept.last().is_none_or(|before| point.seconds >= APART * before.seconds);
@@ -277,7 +277,7 @@ impl Comparison {
     ///
     /// # Errors
     /// Those of [`compare`] before anything is computed.
-    pub fn check(&self, capture: &Capture) -> Result<(Vec<Method>, Truth)> {
+    pub fn check(&self, capture: &Capture) -> Result<(Vec<ComparedMethod>, Truth)> {
         if self.methods.is_empty() {
             return Err(Error::options(
                 "there is no method to compare",
@@ -324,12 +324,12 @@ impl Comparison {
     /// Runs a method, to its end or its time limit.
     fn run(
         &self,
-        method: &Method,
+        method: &ComparedMethod,
         loaded: &Loaded,
         gpu: &Gpu,
         measure: Measure<'_>,
         hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-    ) -> Result<Outcome> {
+    ) -> Result<MeasuredRun> {
         let mut iterates = Iterates { limit: method.limit, ..Iterates::default() };
         // A time limit needs samples.
         let step = Some(method.request.trace_step()).filter(|step| *step > 0 || method.limit.is_none());
@@ -343,7 +343,7 @@ impl Comparison {
                     along.last_key_value().map(|(_, found)| found.clone()).unwrap_or_default();
                 let solver = request.resolved(&loaded.capture).solver;
                 let runs_on = runs_on(&solver, gpu);
-                Outcome { maps, metrics, along, seconds, limited, runs_on, report: None }
+                MeasuredRun { maps, metrics, along, seconds, limited, runs_on, report: None }
             }
             (done, _) => {
                 let mut done = done?;
@@ -358,7 +358,15 @@ impl Comparison {
                     along.insert(last.iteration, (seconds, metrics.clone()));
                 }
                 let runs_on = runs_on(&done.job.solver, gpu);
-                Outcome { maps: done.result.maps, metrics, along, seconds, limited: false, runs_on, report }
+                MeasuredRun {
+                    maps: done.result.maps,
+                    metrics,
+                    along,
+                    seconds,
+                    limited: false,
+                    runs_on,
+                    report,
+                }
             }
         })
     }
@@ -374,14 +382,14 @@ impl Comparison {
         measure: Measure<'_>,
         fraction: Option<f64>,
         wall: f64,
-    ) -> Result<Vec<(Side, Option<Maps>)>> {
-        let measured = |other: &Foreign| -> Result<(Side, Option<Maps>)> {
-            let mut side = Side {
+    ) -> Result<Vec<(SideResults, Option<Maps>)>> {
+        let measured = |other: &Foreign| -> Result<(SideResults, Option<Maps>)> {
+            let mut side = SideResults {
                 name: other.name.clone(),
                 foreign: true,
                 runs_on: other.hardware.clone(),
                 repeats_s: vec![other.seconds],
-                ..Side::default()
+                ..SideResults::default()
             };
             let (metrics, maps) = match &other.result {
                 ForeignResult::Figures(paper) => (Metrics { paper: *paper, ..Metrics::default() }, None),
@@ -398,7 +406,7 @@ impl Comparison {
             };
             side.values = values_of(&metrics, wall);
             side.values[SOLVE] = other.seconds;
-            side.points.extend(maps.iter().map(|_| Point::new(other.seconds, &side.values)));
+            side.points.extend(maps.iter().map(|_| CurvePoint::new(other.seconds, &side.values)));
             Ok((side, maps))
         };
         let named = |other: &Foreign| measured(other).map_err(|e| e.at(format!("foreign {:?}", other.name)));
@@ -407,7 +415,7 @@ impl Comparison {
 }
 
 /// The mask fraction common to all methods, if there is one.
-fn same_mask(methods: &[Method]) -> Option<f64> {
+fn same_mask(methods: &[ComparedMethod]) -> Option<f64> {
     let mut all = methods.iter().map(|m| m.request.settings.mask_fraction);
     let first = all.next().flatten();
     first.filter(|_| all.all(|other| other == first))

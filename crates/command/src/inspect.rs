@@ -37,14 +37,14 @@ pub struct Inspection {
     /// The device that would do the work; null if there is none.
     pub device: Option<DeviceInfo>,
     /// The plan; null if the solver cannot take this capture.
-    pub plan: Option<Planned>,
+    pub plan: Option<PlanSummary>,
     /// Why there is no device or no plan, or why it would not run.
     pub problems: Vec<Advice>,
 }
 
 /// What the solver would do on the device, and the memory it would need.
 #[derive(Debug, Clone, Serialize)]
-pub struct Planned {
+pub struct PlanSummary {
     /// Lateral resolutions, coarse to fine.
     pub levels: Vec<usize>,
     /// Pairs used at each level.
@@ -129,7 +129,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         voxel: grid.pitch.to_array(),
         volume: box_of(&grid),
         device: device.map(|gpu| gpu.info.clone()),
-        plan: plan.map(|plan| Planned {
+        plan: plan.map(|plan| PlanSummary {
             levels: plan.levels.volume.iter().map(|l| l.grid.n[0]).collect(),
             level_pairs: plan.levels.volume.iter().map(|l| l.pairs).collect(),
             parts: plan.part_counts(),

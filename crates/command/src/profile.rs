@@ -66,7 +66,7 @@ pub struct Profile {
     /// Calls and seconds of each kind of work on the host while solving. Work inside other work counts in both.
     pub host: BTreeMap<String, HostTime>,
     /// Sums over the run.
-    pub totals: Totals,
+    pub totals: ProfileTotals,
     /// Messages of the validation layer, if it was on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub validation: Vec<String>,
@@ -83,7 +83,7 @@ pub struct HostTime {
 
 /// Sums over a run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Totals {
+pub struct ProfileTotals {
     /// Seconds of loading the capture.
     pub load_s: f64,
     /// Seconds of preparing: plan, memory, kernels, uploads.
@@ -160,7 +160,7 @@ pub fn profile(
         iterations: kernels::iterations(&recording),
         gaps: kernels::gaps(&recording),
         host: host_times(&recording),
-        totals: Totals {
+        totals: ProfileTotals {
             load_s: loaded.seconds,
             prepare_s,
             solve_s: result.solve_seconds,

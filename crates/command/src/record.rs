@@ -15,15 +15,15 @@ const RECORD: &str = "made_from.json";
 /// Version, options and files of a result. A file is identified by name, size and time of change: reading its contents may
 /// take longer than solving.
 #[derive(Debug, Clone, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Record {
+pub struct ResultRecord {
     version: String,
     options: Vec<String>,
     files: Vec<(String, Option<Stamp>)>,
 }
 
-impl Record {
+impl ResultRecord {
     /// The record of these files, or of the files in these folders, as they are now.
-    pub fn of<'p>(paths: impl IntoIterator<Item = &'p Path>, options: &[String]) -> Record {
+    pub fn of<'p>(paths: impl IntoIterator<Item = &'p Path>, options: &[String]) -> ResultRecord {
         let mut files = vec![];
         for path in paths {
             let inside = fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
@@ -32,13 +32,13 @@ impl Record {
             let name = |path: &Path| path.file_name().map(|n| n.to_string_lossy().into_owned());
             files.extend(all.iter().map(|path| (name(path).unwrap_or_default(), Stamp::of(path))));
         }
-        Record { version: env!("CARGO_PKG_VERSION").into(), options: options.to_vec(), files }
+        ResultRecord { version: env!("CARGO_PKG_VERSION").into(), options: options.to_vec(), files }
     }
 
     /// Whether `folder` holds a complete result of the same record. The file `last` is written last.
     pub fn is_done(&self, folder: &Path, last: &str) -> bool {
         let text = fs::read_to_string(folder.join(RECORD)).unwrap_or_default();
-        let found: Option<Record> = serde_json::from_str(&text).ok();
+        let found: Option<ResultRecord> = serde_json::from_str(&text).ok();
         found.as_ref() == Some(self) && folder.join(last).is_file()
     }
 

@@ -9,25 +9,25 @@ use thirdbounce::export::benchmark::*;
 const NAN: f64 = f64::NAN;
 
 /// A run with these values and no others.
-fn side(model: &str, values: &[(usize, f64)]) -> Side {
-    let mut side = Side { model: Some(model.into()), ..Side::default() };
+fn side(model: &str, values: &[(usize, f64)]) -> SideResults {
+    let mut side = SideResults { model: Some(model.into()), ..SideResults::default() };
     values.iter().for_each(|(place, value)| side.values[*place] = *value);
     side
 }
 
-fn row(name: &str, a: Side, b: Side) -> Case {
-    let [a, b] = [(a, "a"), (b, "b")].map(|(side, name)| Side { name: name.into(), ..side });
-    Case {
+fn row(name: &str, a: SideResults, b: SideResults) -> CaseResults {
+    let [a, b] = [(a, "a"), (b, "b")].map(|(side, name)| SideResults { name: name.into(), ..side });
+    CaseResults {
         group: "family".into(),
         name: name.into(),
         model: Some("cosine".into()),
         sides: vec![a, b],
-        ..Case::default()
+        ..CaseResults::default()
     }
 }
 
 /// Cases that differ in one quantity.
-fn rows(place: usize, values: &[[f64; 2]]) -> Vec<Case> {
+fn rows(place: usize, values: &[[f64; 2]]) -> Vec<CaseResults> {
     let of = |[a, b]: &[f64; 2]| row("0", side("cosine", &[(place, *a)]), side("cosine", &[(place, *b)]));
     values.iter().map(of).collect()
 }
@@ -94,7 +94,7 @@ fn means_are_over_cases_with_both_values() {
 fn a_row_of_one_build_changes_nothing() {
     let mut alone = rows(OWN, &[[0.5, 0.9]]);
     alone[0].sides.truncate(1);
-    let alone: Vec<&Case> = alone.iter().collect();
+    let alone: Vec<&CaseResults> = alone.iter().collect();
     assert_eq!(total(&alone, OWN).judged, 0);
     assert_eq!(regressions(&alone), [vec![] as Vec<String>, vec![]]);
 }
@@ -116,8 +116,8 @@ fn every_regression_is_named() {
         row("same", side("cosine", &quick), side("cosine", &quick)),
         row("slow", side("cosine", &quick), side("cosine", &slow)),
         row("off", side("cosine", &quick), side("lambertian", &off)),
-        row("gone", side("cosine", &quick), Side::failed("b", "out of memory")),
-        row("mended", Side::failed("a", "out of memory"), side("cosine", &quick)),
+        row("gone", side("cosine", &quick), SideResults::failed("b", "out of memory")),
+        row("mended", SideResults::failed("a", "out of memory"), side("cosine", &quick)),
     ];
     let [results, clock] = regressions(&all.iter().collect::<Vec<_>>());
     assert_eq!(
@@ -138,7 +138,7 @@ fn the_last_table_has_failures_and_models() {
     let found = [(OWN, 0.9), (CPU, 2.0)];
     let all = [
         row("right", side("lambertian", &found), side("cosine", &found)),
-        row("gone", side("cosine", &found), Side::failed("b", "no device")),
+        row("gone", side("cosine", &found), SideResults::failed("b", "no device")),
     ];
     let text = changes(&all.iter().collect::<Vec<_>>()).markdown();
     let line = |begin: &str| text.lines().find(|l| l.starts_with(begin)).unwrap_or_default();
@@ -153,16 +153,17 @@ fn the_last_table_has_failures_and_models() {
 }
 
 /// A case of an iterative method, and of a closed form unless it does not take the case.
-fn curve(iterative: &[(f64, f64)], closed: Option<(f64, f64)>) -> Case {
-    let point = |(seconds, iou): (f64, f64)| Point { seconds, values: [iou, iou, 0.1 * (1.0 - iou), 10.0] };
-    let of = |name: &str, points: Vec<Point>| {
-        let mut side = Side { name: name.into(), points, ..Side::default() };
+fn curve(iterative: &[(f64, f64)], closed: Option<(f64, f64)>) -> CaseResults {
+    let point =
+        |(seconds, iou): (f64, f64)| CurvePoint { seconds, values: [iou, iou, 0.1 * (1.0 - iou), 10.0] };
+    let of = |name: &str, points: Vec<CurvePoint>| {
+        let mut side = SideResults { name: name.into(), points, ..SideResults::default() };
         side.values[OWN] = side.points[side.points.len() - 1].values[0];
         side
     };
     let mut sides = vec![of("own", iterative.iter().copied().map(point).collect())];
     sides.extend(closed.map(|closed| of("closed", vec![point(closed)])));
-    Case { name: "c".into(), sides, ..Case::default() }
+    CaseResults { name: "c".into(), sides, ..CaseResults::default() }
 }
 
 #[test]

@@ -43,7 +43,7 @@ const DOWN: f64 = 0.27;
 const FAMILY: &str = "DejaVu Sans, Verdana, Helvetica, Arial, sans-serif";
 
 #[derive(Debug, Clone, PartialEq)]
-enum Shape {
+enum FigureShape {
     Line {
         points: Vec<[f64; 2]>,
         width: f64,
@@ -68,7 +68,7 @@ enum Shape {
 #[derive(Debug, Clone, PartialEq)]
 pub struct Figure {
     size: [f64; 2],
-    shapes: Vec<(Shape, Colour)>,
+    shapes: Vec<(FigureShape, Colour)>,
 }
 
 impl Figure {
@@ -78,19 +78,19 @@ impl Figure {
     }
 
     pub(super) fn line(&mut self, points: &[[f64; 2]], width: f64, colour: Colour) {
-        self.shapes.push((Shape::Line { points: points.into(), width, dashed: false }, colour));
+        self.shapes.push((FigureShape::Line { points: points.into(), width, dashed: false }, colour));
     }
 
     pub(super) fn dashes(&mut self, points: &[[f64; 2]], colour: Colour) {
-        self.shapes.push((Shape::Line { points: points.into(), width: 1.0, dashed: true }, colour));
+        self.shapes.push((FigureShape::Line { points: points.into(), width: 1.0, dashed: true }, colour));
     }
 
     pub(super) fn disc(&mut self, at: [f64; 2], radius: f64, colour: Colour) {
-        self.shapes.push((Shape::Disc { at, radius }, colour));
+        self.shapes.push((FigureShape::Disc { at, radius }, colour));
     }
 
     pub(super) fn bar(&mut self, from: [f64; 2], to: [f64; 2], colour: Colour) {
-        self.shapes.push((Shape::Bar(from, to), colour));
+        self.shapes.push((FigureShape::Bar(from, to), colour));
     }
 
     /// A line of text of `em` pixels per em that starts at x, centred at y.
@@ -100,7 +100,7 @@ impl Figure {
 
     /// A line of text with the share `left` to the left of x: 0, 0.5 or 1.
     pub(super) fn label(&mut self, words: &str, em: f64, colour: Colour, at: [f64; 2], left: f64) {
-        self.shapes.push((Shape::Text { words: words.into(), at, em, left }, colour));
+        self.shapes.push((FigureShape::Text { words: words.into(), at, em, left }, colour));
     }
 
     /// The figure as SVG, text as text.
@@ -114,7 +114,7 @@ impl Figure {
             let colour = format!("#{r:02x}{g:02x}{b:02x}");
             // Writing to a string cannot fail.
             let _ = match shape {
-                Shape::Line { points, width, dashed } => {
+                FigureShape::Line { points, width, dashed } => {
                     let all: String = points.iter().map(|[x, y]| format!(" {x:.2},{y:.2}")).collect();
                     let dash = if *dashed { format!(" stroke-dasharray=\"{DASH}\"") } else { String::new() };
                     writeln!(
@@ -124,10 +124,10 @@ impl Figure {
                         all.trim_start()
                     )
                 }
-                Shape::Disc { at: [x, y], radius } => {
+                FigureShape::Disc { at: [x, y], radius } => {
                     writeln!(out, "<circle cx=\"{x:.2}\" cy=\"{y:.2}\" r=\"{radius}\" fill=\"{colour}\"/>")
                 }
-                Shape::Bar([x0, y0], [x1, y1]) => writeln!(
+                FigureShape::Bar([x0, y0], [x1, y1]) => writeln!(
                     out,
                     "<rect x=\"{:.2}\" y=\"{:.2}\" width=\"{:.2}\" height=\"{:.2}\" fill=\"{colour}\"/>",
                     x0.min(*x1),
@@ -135,7 +135,7 @@ impl Figure {
                     (x1 - x0).abs(),
                     (y1 - y0).abs()
                 ),
-                Shape::Text { words, at: [x, y], em, left } => writeln!(
+                FigureShape::Text { words, at: [x, y], em, left } => writeln!(
                     out,
                     "<text x=\"{x:.2}\" y=\"{:.2}\" font-size=\"{em}\" fill=\"{colour}\" text-anchor=\"{}\">{}</text>",
                     y + DOWN * em,
@@ -157,7 +157,7 @@ impl Figure {
             let point = |[x, y]: [f64; 2]| [x as f32, y as f32];
             let mut path: Vec<Command> = vec![];
             match shape {
-                Shape::Line { points, width, dashed } => {
+                FigureShape::Line { points, width, dashed } => {
                     for (i, at) in points.iter().enumerate() {
                         if i == 0 {
                             path.move_to(point(*at))
@@ -173,16 +173,16 @@ impl Figure {
                     }
                     text::paint(Mask::new(&path).style(stroke), &mut ink);
                 }
-                Shape::Disc { at, radius } => {
+                FigureShape::Disc { at, radius } => {
                     path.add_circle(point(*at), *radius as f32);
                     text::paint(&Mask::new(&path), &mut ink);
                 }
-                Shape::Bar(from, to) => {
+                FigureShape::Bar(from, to) => {
                     let low = [from[0].min(to[0]), from[1].min(to[1])];
                     path.add_rect(point(low), (to[0] - from[0]).abs() as f32, (to[1] - from[1]).abs() as f32);
                     text::paint(&Mask::new(&path), &mut ink);
                 }
-                Shape::Text { words, at: [x, y], em, left } => {
+                FigureShape::Text { words, at: [x, y], em, left } => {
                     let x = *x as f32 - *left as f32 * text::width(words, *em as f32);
                     text::write(words, [x, (y + DOWN * em) as f32], *em as f32, ink);
                 }

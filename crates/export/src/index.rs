@@ -14,7 +14,7 @@ const PAGE: &str = include_str!("index.html");
 
 /// A capture of a batch.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Row {
+pub struct IndexRow {
     /// Name of its folder, beside the index.
     pub name: String,
     /// Path of the capture, if known.
@@ -30,18 +30,18 @@ pub struct Row {
 }
 
 /// A column with a figure: heading, key, factor, and unit.
-struct Column(&'static str, &'static str, f64, &'static str);
+struct IndexColumn(&'static str, &'static str, f64, &'static str);
 
-const COLUMNS: [Column; 9] = [
-    Column("Residual", "residual", 1.0, ""),
-    Column("Surface", "surface", 100.0, "%"),
-    Column("Depth, median", "depth", 1.0, "m"),
-    Column("Expected depth error", "depth_error", 1e3, "mm"),
-    Column("IoU", "iou", 1.0, ""),
-    Column("Depth error", "depth_mae", 1e3, "mm"),
-    Column("Normal error", "normal_error_deg", 1.0, "°"),
-    Column("Iterations", "iterations", 1.0, ""),
-    Column("Time", "solve_s", 1.0, "s"),
+const COLUMNS: [IndexColumn; 9] = [
+    IndexColumn("Residual", "residual", 1.0, ""),
+    IndexColumn("Surface", "surface", 100.0, "%"),
+    IndexColumn("Depth, median", "depth", 1.0, "m"),
+    IndexColumn("Expected depth error", "depth_error", 1e3, "mm"),
+    IndexColumn("IoU", "iou", 1.0, ""),
+    IndexColumn("Depth error", "depth_mae", 1e3, "mm"),
+    IndexColumn("Normal error", "normal_error_deg", 1.0, "°"),
+    IndexColumn("Iterations", "iterations", 1.0, ""),
+    IndexColumn("Time", "solve_s", 1.0, "s"),
 ];
 
 /// Figures of the CSV file, in SI units.
@@ -63,14 +63,14 @@ const KEYS: [&str; 11] = [
 ///
 /// # Errors
 /// `Kind::Output` if a file cannot be written.
-pub fn write(folder: &Path, rows: &[Row], settings: &str) -> Result<()> {
+pub fn write(folder: &Path, rows: &[IndexRow], settings: &str) -> Result<()> {
     atomic::write(&folder.join("index.csv"), csv(rows).as_bytes())?;
     atomic::write(&folder.join("index.html"), html(rows, settings).as_bytes())
 }
 
-fn html(rows: &[Row], settings: &str) -> String {
+fn html(rows: &[IndexRow], settings: &str) -> String {
     // Truth, where there is any.
-    let columns: Vec<&Column> =
+    let columns: Vec<&IndexColumn> =
         COLUMNS.iter().filter(|c| rows.iter().any(|row| row.figures[c.1].is_number())).collect();
     let count = |status: &str| rows.iter().filter(|row| row.status == status).count();
     let warned = rows.iter().filter(|row| !row.warnings.is_empty()).count();
@@ -110,7 +110,7 @@ fn headed(title: &str, unit: &str) -> String {
 }
 
 /// The row of a capture.
-fn line(row: &Row, columns: &[&Column]) -> String {
+fn line(row: &IndexRow, columns: &[&IndexColumn]) -> String {
     let (name, is_done) = (escaped(&row.name), row.status == "done");
     let pictures: String = ["albedo", "depth", "normal"]
         .map(|map| format!("<a href=\"{name}/{map}.png\"><img loading=\"lazy\" alt=\"{map}\" src=\"{name}/{map}.png\"></a>"))
@@ -126,7 +126,7 @@ fn line(row: &Row, columns: &[&Column]) -> String {
         "<tr><td class=\"name\" data-value=\"{name}\">{title}<td class=\"{0}\" data-label=\"Status\" data-value=\"{0}\">{0}",
         row.status
     );
-    for Column(title, key, factor, unit) in columns {
+    for IndexColumn(title, key, factor, unit) in columns {
         let _ = match row.figures[*key].as_f64() {
             Some(value) => {
                 let value = factor * value;
@@ -157,7 +157,7 @@ fn line(row: &Row, columns: &[&Column]) -> String {
     out + &format!("<td class=\"words\" data-value=\"{order}\">{failed}{warned}\n")
 }
 
-fn csv(rows: &[Row]) -> String {
+fn csv(rows: &[IndexRow]) -> String {
     let quoted = |text: &str| match text.contains([',', '"', '\n', '\r']) {
         true => format!("\"{}\"", text.replace('"', "\"\"")),
         false => text.into(),
@@ -185,7 +185,7 @@ mod tests {
 
     #[test]
     fn texts_of_captures_are_no_markup_and_no_cells() {
-        let row = Row {
+        let row = IndexRow {
             name: "a".into(),
             capture: "x/<b>\"ROWS,1\".npz".into(),
             status: "failed",
@@ -193,7 +193,7 @@ mod tests {
             warnings: vec![],
             error: Some(["<script>, SUMMARY".into(), "fix \"it\"".into()]),
         };
-        let done = Row {
+        let done = IndexRow {
             status: "done",
             figures: serde_json::json!({"depth": 0.61234, "iou": null}),
             error: None,

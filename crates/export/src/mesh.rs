@@ -16,7 +16,7 @@ use std::path::Path;
 
 use glam::{DVec3, dvec3};
 
-use self::poisson::Sample;
+use self::poisson::SurfacePoint;
 use crate::error::Result;
 use crate::files::atomic;
 use crate::maps::Maps;
@@ -71,12 +71,12 @@ fn surface(maps: &Maps) -> (Vec<Vertex>, Vec<[usize; 3]>) {
     let [x0, x1, y0, y1] = maps.extent;
     let pitch = [(x1 - x0) / maps.nx as f64, (y1 - y0) / maps.ny as f64];
     let layers: Vec<Maps> = (0..2).filter_map(|layer| maps.layer(layer)).collect();
-    let samples: Vec<Option<Sample>> = layers
+    let samples: Vec<Option<SurfacePoint>> = layers
         .iter()
         .flat_map(|maps| (0..maps.depth.len()).map(move |pixel| sample(maps, pixel, pitch[0] * pitch[1])))
         .collect();
     let pitch = pitch[0].max(pitch[1]);
-    let points: Vec<Sample> = samples.iter().flatten().copied().collect();
+    let points: Vec<SurfacePoint> = samples.iter().flatten().copied().collect();
     let whole = nets::surface(&poisson::solve(&points, pitch));
     let albedos: Vec<Option<f32>> =
         whole.vertices.iter().map(|(at, _)| seen(&layers, &samples, pitch, *at)).collect();
@@ -100,7 +100,7 @@ fn surface(maps: &Maps) -> (Vec<Vertex>, Vec<[usize; 3]>) {
 }
 
 /// The point of a masked pixel with a depth. A point without a normal faces the wall.
-fn sample(maps: &Maps, pixel: usize, area: f64) -> Option<Sample> {
+fn sample(maps: &Maps, pixel: usize, area: f64) -> Option<SurfacePoint> {
     if !maps.mask[pixel] || !maps.depth[pixel].is_finite() {
         return None;
     }
@@ -112,13 +112,13 @@ fn sample(maps: &Maps, pixel: usize, area: f64) -> Option<Sample> {
     if (at / area.sqrt()).abs().max_element() > FARTHEST {
         return None;
     }
-    Some(Sample { at, normal, area: area / normal.z.abs().max(STEEPEST) })
+    Some(SurfacePoint { at, normal, area: area / normal.z.abs().max(STEEPEST) })
 }
 
 /// Albedo at a position of the surface, from the pixels that observed it; `None` if none did. A pixel observes
 /// positions up to [`NEAR`] pixels aside, and along z within the rise of its slope over a pixel (at least one pixel).
 /// `samples` has all pixels of the first layer, then of the second.
-fn seen(layers: &[Maps], samples: &[Option<Sample>], pitch: f64, at: DVec3) -> Option<f32> {
+fn seen(layers: &[Maps], samples: &[Option<SurfacePoint>], pitch: f64, at: DVec3) -> Option<f32> {
     let maps = &layers[0];
     let [x0, x1, y0, y1] = maps.extent;
     let place = |v: f64, low: f64, high: f64, n: usize| ((v - low) / (high - low) * n as f64).floor() as i64;

@@ -25,7 +25,7 @@ pub struct Report {
     /// The capture.
     pub capture: Summary,
     /// The plan of the run.
-    pub plan: Plan,
+    pub plan: PlanReport,
     /// The trace of the run.
     pub trace: Vec<TraceEntry>,
     /// Totals of the run.
@@ -47,7 +47,7 @@ pub struct Device {
 
 /// The plan, made before solving.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Plan {
+pub struct PlanReport {
     /// Kernel variants chosen.
     pub variants: Vec<String>,
     /// Omitted work, with the savings.

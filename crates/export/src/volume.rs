@@ -11,7 +11,7 @@ use crate::files::atomic;
 
 /// Albedo and normals on a regular grid of voxels.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Volume {
+pub struct VolumeArrays {
     /// Voxels along x, y, z; voxel `(ix * ny + iy) * nz + iz`.
     pub size: [usize; 3],
     /// (xmin, xmax, ymin, ymax, zmin, zmax) in metres, outer edges of the voxels.
@@ -22,7 +22,7 @@ pub struct Volume {
     pub normal: Option<Vec<[f32; 3]>>,
 }
 
-impl Volume {
+impl VolumeArrays {
     fn check(&self) -> Result<()> {
         let voxels = self.size.iter().try_fold(1usize, |n, &d| n.checked_mul(d));
         let normals = self.normal.as_ref().map_or(self.albedo.len(), Vec::len);
@@ -41,7 +41,7 @@ impl Volume {
 ///
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
-pub fn write(path: &Path, volume: &Volume) -> Result<()> {
+pub fn write(path: &Path, volume: &VolumeArrays) -> Result<()> {
     volume.check()?;
     let ending = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
     if matches!(ending.as_str(), "hdf5" | "h5") {
@@ -63,7 +63,7 @@ pub fn write(path: &Path, volume: &Volume) -> Result<()> {
     atomic::write(path, &npz_bytes(&arrays)?)
 }
 
-fn write_hdf5(path: &Path, volume: &Volume) -> std::result::Result<(), Hdf5Error> {
+fn write_hdf5(path: &Path, volume: &VolumeArrays) -> std::result::Result<(), Hdf5Error> {
     let file = H5File::create(path)?;
     let [nx, ny, nz] = volume.size;
     let chunk = [nx.min(16), ny.min(16), nz.min(64)];
@@ -83,8 +83,8 @@ fn write_hdf5(path: &Path, volume: &Volume) -> std::result::Result<(), Hdf5Error
 ///
 /// # Errors
 /// `Kind::Input` for a missing or damaged file, missing arrays or shapes that do not agree.
-pub fn read(path: &Path) -> Result<Volume> {
-    let read = || -> Result<Volume> {
+pub fn read(path: &Path) -> Result<VolumeArrays> {
+    let read = || -> Result<VolumeArrays> {
         const WANTED: &str = "albedo [X, Y, Z], extent (6 numbers), optionally normal [X, Y, Z, 3]";
         let mut npz = Npz::open(path)?;
         let (albedo, extent) = (npz.require("albedo", WANTED)?, npz.require("extent", WANTED)?);
@@ -99,7 +99,7 @@ pub fn read(path: &Path) -> Result<Volume> {
             Some(normal) => return Err(wrong("normal", &normal)),
             None => None,
         };
-        let volume = Volume {
+        let volume = VolumeArrays {
             size: [nx, ny, nz],
             extent: extent.to_f64().try_into().map_err(|_| wrong("extent", &extent))?,
             albedo: albedo.to_f32(),

@@ -14,7 +14,7 @@ const LARGEST_BLOCK: u64 = 256 << 20;
 
 /// Layout of the buffers in one memory type.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Layout {
+pub(super) struct MemoryLayout {
     /// Buffers from this size have dedicated allocations. If one block holds all buffers, they share it; otherwise
     /// only smaller ones share a block.
     pub own_from: u64,
@@ -23,8 +23,8 @@ pub(super) struct Layout {
     taken: u64,
 }
 
-impl Layout {
-    fn of<'b>(buffers: impl Iterator<Item = &'b BufferPlan> + Clone) -> Layout {
+impl MemoryLayout {
+    fn of<'b>(buffers: impl Iterator<Item = &'b BufferPlan> + Clone) -> MemoryLayout {
         // Slightly above the sum, for alignment, so that one block holds them all.
         let block = |below: u64| {
             let small = buffers.clone().filter(|b| b.bytes < below);
@@ -33,22 +33,22 @@ impl Layout {
         let rounded = |bytes: u64| bytes.checked_next_multiple_of(BLOCK).unwrap_or(u64::MAX);
         let all = rounded(block(u64::MAX));
         if all <= LARGEST_BLOCK {
-            return Layout { own_from: u64::MAX, block: all, taken: all };
+            return MemoryLayout { own_from: u64::MAX, block: all, taken: all };
         }
         let own = buffers.clone().filter(|b| b.bytes >= BLOCK).map(|b| b.bytes.saturating_add(1 << 16));
         let small = rounded(block(BLOCK));
-        Layout { own_from: BLOCK, block: small, taken: own.fold(small, u64::saturating_add) }
+        MemoryLayout { own_from: BLOCK, block: small, taken: own.fold(small, u64::saturating_add) }
     }
 
     /// Layouts of device and host buffers: the same layout if both use one memory type.
-    pub(super) fn both(plan: &[BufferPlan], kinds: &Kinds) -> [Layout; 2] {
+    pub(super) fn both(plan: &[BufferPlan], kinds: &Kinds) -> [MemoryLayout; 2] {
         // Stored buffers have dedicated allocations.
         let plan = || plan.iter().filter(|b| b.place != Place::Store);
         if kinds.one {
-            return [Layout::of(plan()); 2];
+            return [MemoryLayout::of(plan()); 2];
         }
-        let [mut device, mut host] =
-            [true, false].map(|device| Layout::of(plan().filter(|b| (b.place == Place::Device) == device)));
+        let [mut device, mut host] = [true, false]
+            .map(|device| MemoryLayout::of(plan().filter(|b| (b.place == Place::Device) == device)));
         if kinds.device_is_mapped {
             // The allocator has one block size for all host-visible memory.
             let block = device.block.max(host.block);
@@ -154,7 +154,7 @@ pub fn check(plan: &[BufferPlan], memory: &Memory, budget: Option<u64>) -> Resul
             advice!["use " {smaller(b.bytes, most)}],
         ));
     }
-    let [device, host] = Layout::both(plan, &memory.kinds);
+    let [device, host] = MemoryLayout::both(plan, &memory.kinds);
     let total = if memory.kinds.one { device.taken } else { device.taken.saturating_add(host.taken) };
     let [on_device, on_host] = memory.free;
     let stored = plan.iter().filter(|b| b.place == Place::Store).map(|b| b.bytes.saturating_add(1 << 16));
@@ -175,7 +175,7 @@ pub fn check(plan: &[BufferPlan], memory: &Memory, budget: Option<u64>) -> Resul
             Err(over(plan.iter(), total, on_device, Whose::Device))
         };
     }
-    let host = Layout { taken: host.taken.saturating_add(stored), ..host };
+    let host = MemoryLayout { taken: host.taken.saturating_add(stored), ..host };
     let part = |of_device: bool| plan.iter().filter(move |b| (b.place == Place::Device) == of_device);
     if device.taken > on_device {
         return Err(over(part(true), device.taken, on_device, Whose::Device));
@@ -240,7 +240,7 @@ mod tests {
     #[test]
     fn buffers_share_a_block_while_it_holds_them() {
         let of = |bytes: &[u64]| {
-            Layout::of(
+            MemoryLayout::of(
                 bytes
                     .iter()
                     .map(|b| BufferPlan::new(Buffer::named("b"), *b, Place::Device))
@@ -249,8 +249,8 @@ mod tests {
             )
         };
         let mib = 1 << 20;
-        assert_eq!(of(&[]), Layout { own_from: u64::MAX, block: 0, taken: 0 });
-        assert_eq!(of(&[100, 5 * mib]), Layout { own_from: u64::MAX, block: 8 * mib, taken: 8 * mib });
+        assert_eq!(of(&[]), MemoryLayout { own_from: u64::MAX, block: 0, taken: 0 });
+        assert_eq!(of(&[100, 5 * mib]), MemoryLayout { own_from: u64::MAX, block: 8 * mib, taken: 8 * mib });
         let large = of(&[100, 300 * mib, 3 * mib]);
         assert_eq!((large.own_from, large.block), (4 * mib, 4 * mib));
         assert_eq!(large.taken, 304 * mib + (1 << 16));
@@ -358,6 +358,6 @@ mod tests {
         assert_eq!(kinds, Kinds { one: false, device_is_mapped: true, heaps: [0, 0] });
         let plan = [(1, Place::Device), (9 << 20, Place::Readback)]
             .map(|(b, place)| BufferPlan::new(Buffer::named("b"), b, place));
-        assert_eq!(Layout::both(&plan, &kinds).map(|l| (l.block, l.taken)), [(12 << 20, 12 << 20); 2]);
+        assert_eq!(MemoryLayout::both(&plan, &kinds).map(|l| (l.block, l.taken)), [(12 << 20, 12 << 20); 2]);
     }
 }

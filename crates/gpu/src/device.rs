@@ -26,18 +26,18 @@ use crate::{Error, Result};
 /// A handle of an opened device with one compute queue. Clones are cheap and usable from any thread. Executors and
 /// arenas hold one. The device is closed with the last handle.
 #[derive(Clone)]
-pub struct Gpu(Arc<Opened>);
+pub struct Gpu(Arc<DeviceState>);
 
 impl Deref for Gpu {
-    type Target = Opened;
+    type Target = DeviceState;
 
-    fn deref(&self) -> &Opened {
+    fn deref(&self) -> &DeviceState {
         &self.0
     }
 }
 
 /// Shared state of [`Gpu`] handles.
-pub struct Opened {
+pub struct DeviceState {
     /// The device as the loader lists it.
     pub info: DeviceInfo,
     /// Supported accumulation paths.
@@ -150,7 +150,7 @@ impl Gpu {
             offered.has_device_fault.then(|| ext::device_fault::Device::new(&instance.raw, &device.raw));
         let work = options.work.unwrap_or_else(|| dispatch_of(info.kind));
         let reported = Reported::by(&instance, physical);
-        Gpu(Arc::new(Opened {
+        Gpu(Arc::new(DeviceState {
             info,
             accumulations: Accumulations { float: offered.float, int64: offered.int64 },
             limits: reported.of_plans(work).binding_at_most(options.binding),

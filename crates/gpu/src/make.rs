@@ -13,7 +13,7 @@ use crate::Result;
 
 /// A kernel to create.
 #[derive(Debug, Clone)]
-pub struct Wanted<'c> {
+pub struct KernelRequest<'c> {
     /// Name in schedules.
     pub kernel: Kernel,
     /// Module.
@@ -27,10 +27,10 @@ impl Executor {
     ///
     /// # Errors
     /// The device fails.
-    pub fn add_kernels(&mut self, wanted: &[Wanted<'_>]) -> Result<()> {
+    pub fn add_kernels(&mut self, wanted: &[KernelRequest<'_>]) -> Result<()> {
         let gpu = self.gpu.clone();
         let _span = gpu.span("make kernels");
-        let make = |w: &Wanted<'_>| Pipeline::of(&gpu, w.kernel.name(), w.code, &w.constants);
+        let make = |w: &KernelRequest<'_>| Pipeline::of(&gpu, w.kernel.name(), w.code, &w.constants);
         let made: Vec<Result<Arc<Pipeline>>> = wanted.par_iter().map(make).collect();
         let mut all = Ok(());
         for (wanted, made) in wanted.iter().zip(made) {
@@ -57,10 +57,10 @@ impl Executor {
         code: &KernelCode,
         constants: &[(Constant, u32)],
     ) -> Result<()> {
-        self.add_kernels(&[Wanted { kernel: kernel.into(), code, constants: constants.to_vec() }])
+        self.add_kernels(&[KernelRequest { kernel: kernel.into(), code, constants: constants.to_vec() }])
     }
 
-    fn keep_kernel(&mut self, wanted: &Wanted<'_>, made: Arc<Pipeline>) {
+    fn keep_kernel(&mut self, wanted: &KernelRequest<'_>, made: Arc<Pipeline>) {
         if let Some(recorder) = &self.gpu.recorder {
             let constants = wanted.constants.iter().map(|(n, v)| (n.to_string(), *v)).collect();
             let executables = self.gpu.executables(made.handle);

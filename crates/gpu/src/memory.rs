@@ -10,7 +10,7 @@ use gpu_allocator::vulkan::{
 };
 use gpu_allocator::{AllocationSizes, MemoryLocation};
 
-use super::budget::{Layout, Memory, Whose, check, coherent, over, size};
+use super::budget::{Memory, MemoryLayout, Whose, check, coherent, over, size};
 use super::device::Gpu;
 use super::faults::Point;
 use super::names::Buffer;
@@ -42,32 +42,32 @@ pub(super) struct Made {
 }
 
 /// The memory of a buffer.
-enum Held {
+enum BufferMemory {
     Own(Allocation),
     /// An application's block, with its size.
     External(Block, u64),
 }
 
-impl Held {
+impl BufferMemory {
     fn bytes(&self) -> u64 {
         match self {
-            Held::Own(own) => own.size(),
-            Held::External(_, bytes) => *bytes,
+            BufferMemory::Own(own) => own.size(),
+            BufferMemory::External(_, bytes) => *bytes,
         }
     }
 
     fn place(&self) -> (vk::DeviceMemory, u64) {
         match self {
             // SAFETY: the handle is only bound.
-            Held::Own(own) => (unsafe { own.memory() }, own.offset()),
-            Held::External(block, _) => (block.memory, block.offset),
+            BufferMemory::Own(own) => (unsafe { own.memory() }, own.offset()),
+            BufferMemory::External(block, _) => (block.memory, block.offset),
         }
     }
 
     fn mapped(&self) -> Option<NonNull<u8>> {
         match self {
-            Held::Own(own) => own.mapped_ptr().map(NonNull::cast),
-            Held::External(block, _) => NonNull::new(block.mapped.cast()),
+            BufferMemory::Own(own) => own.mapped_ptr().map(NonNull::cast),
+            BufferMemory::External(block, _) => NonNull::new(block.mapped.cast()),
         }
     }
 }
@@ -75,7 +75,7 @@ impl Held {
 /// All buffers of one job.
 pub struct Arena {
     gpu: Gpu,
-    buffers: BTreeMap<Buffer, (Made, Option<Held>)>,
+    buffers: BTreeMap<Buffer, (Made, Option<BufferMemory>)>,
     // Dropped before the device, which `gpu` keeps open.
     allocator: Option<Allocator>,
     bytes: u64,
@@ -98,7 +98,7 @@ impl Arena {
             return Err(gpu.failed("allocating", vk::Result::ERROR_DEVICE_LOST));
         }
         check(plan, &gpu.memory(), budget)?;
-        let layout = Layout::both(&guarded(gpu, plan), &gpu.kinds);
+        let layout = MemoryLayout::both(&guarded(gpu, plan), &gpu.kinds);
         let own_from = layout.map(|l| l.own_from);
         let (buffers, bytes, stored) = (BTreeMap::new(), 0, 0);
         let mut arena = Arena { gpu: gpu.clone(), buffers, allocator: None, bytes, stored, own_from };
@@ -181,7 +181,7 @@ impl Arena {
         name: &str,
         handle: vk::Buffer,
         mut requirements: vk::MemoryRequirements,
-    ) -> std::result::Result<Held, String> {
+    ) -> std::result::Result<BufferMemory, String> {
         if let Some(blocks) = &self.gpu.blocks {
             if plan.place != Place::Device {
                 requirements.memory_type_bits &= self.gpu.coherent_types();
@@ -189,7 +189,7 @@ impl Arena {
             let block = blocks
                 .allocate(&requirements, plan.place)
                 .ok_or("the application's allocator returned no memory")?;
-            let held = Held::External(block, requirements.size);
+            let held = BufferMemory::External(block, requirements.size);
             if plan.place != Place::Device && held.mapped().is_none() {
                 blocks.free(block);
                 return Err("the application's allocator returned unmapped memory".into());
@@ -215,7 +215,7 @@ impl Arena {
                 AllocationScheme::DedicatedBuffer(handle)
             },
         });
-        made.map(Held::Own).map_err(|e| e.to_string())
+        made.map(BufferMemory::Own).map_err(|e| e.to_string())
     }
 
     /// Bytes of all buffers, including host-visible ones, excluding canaries and [`Place::Store`].
@@ -259,14 +259,14 @@ impl Arena {
         &self.held(buffer).0
     }
 
-    fn held(&self, buffer: Buffer) -> &(Made, Option<Held>) {
+    fn held(&self, buffer: Buffer) -> &(Made, Option<BufferMemory>) {
         self.buffers.get(&buffer).unwrap_or_else(|| panic!("the plan holds no buffer `{buffer}`"))
     }
 
     /// Host address of an upload or readback buffer, valid for its bytes and its canary during the arena's lifetime.
     /// The device may write there concurrently.
     pub(super) fn pointer(&self, buffer: Buffer) -> NonNull<u8> {
-        let mapped = self.held(buffer).1.as_ref().and_then(Held::mapped);
+        let mapped = self.held(buffer).1.as_ref().and_then(BufferMemory::mapped);
         mapped.unwrap_or_else(|| panic!("buffer `{buffer}` is not host-visible"))
     }
 }
@@ -284,8 +284,8 @@ impl Drop for Arena {
             let Some(held) = held else { continue };
             let bytes = held.bytes();
             let is_freed = match (held, self.allocator.as_mut(), &self.gpu.blocks) {
-                (Held::Own(own), Some(allocator), _) => allocator.free(own).is_ok(),
-                (Held::External(block, _), _, Some(blocks)) => {
+                (BufferMemory::Own(own), Some(allocator), _) => allocator.free(own).is_ok(),
+                (BufferMemory::External(block, _), _, Some(blocks)) => {
                     blocks.free(block);
                     true
                 }

@@ -13,7 +13,7 @@ use crate::Result;
 
 /// A recording step: a command, or the start or end of a label.
 #[derive(Debug, PartialEq)]
-enum Step<'s> {
+enum RecordingStep<'s> {
     /// Starts a label for the stage.
     Enter(&'s Stage),
     /// Starts a label.
@@ -25,18 +25,20 @@ enum Step<'s> {
 
 /// The commands with a label around each and around each stage. `open`: the stage continued from an earlier
 /// submission.
-fn steps<'s>(commands: &'s [Command], open: Option<&'s Stage>) -> impl Iterator<Item = Step<'s>> {
+fn steps<'s>(commands: &'s [Command], open: Option<&'s Stage>) -> impl Iterator<Item = RecordingStep<'s>> {
     let mut in_stage = open.is_some();
     let last = in_stage || commands.iter().any(|c| matches!(c, Command::Stage(_)));
     let of_command = move |command: &'s Command| match command {
         Command::Stage(stage) => {
-            let before = std::mem::replace(&mut in_stage, true).then_some(Step::Close);
-            [before, Some(Step::Enter(stage)), None]
+            let before = std::mem::replace(&mut in_stage, true).then_some(RecordingStep::Close);
+            [before, Some(RecordingStep::Enter(stage)), None]
         }
-        _ => [Step::Open(command.name()), Step::Run(command), Step::Close].map(Some),
+        _ => {
+            [RecordingStep::Open(command.name()), RecordingStep::Run(command), RecordingStep::Close].map(Some)
+        }
     };
     let all = commands.iter().flat_map(of_command).flatten();
-    open.map(Step::Enter).into_iter().chain(all).chain(last.then_some(Step::Close))
+    open.map(RecordingStep::Enter).into_iter().chain(all).chain(last.then_some(RecordingStep::Close))
 }
 
 impl Executor {
@@ -108,22 +110,22 @@ impl Executor {
             let mut labels = 0;
             for step in steps(commands, open) {
                 match step {
-                    Step::Enter(stage) => {
+                    RecordingStep::Enter(stage) => {
                         labels += 1;
                         gpu.open_label(c, &stage);
                         if gpu.recorder.is_some() {
                             flight.stages.push(*stage);
                         }
                     }
-                    Step::Open(name) => {
+                    RecordingStep::Open(name) => {
                         labels += 1;
                         gpu.open_label(c, &name);
                     }
-                    Step::Close => {
+                    RecordingStep::Close => {
                         labels -= 1;
                         gpu.close_label(c);
                     }
-                    Step::Run(command) => {
+                    RecordingStep::Run(command) => {
                         now.take(command, |kernel| self.pipeline(kernel).bindings);
                         self.share(flight, &now.reads, &now.writes);
                         if pending.conflicts(&now) {
@@ -303,10 +305,10 @@ mod tests {
         let (mut open, mut seen) = (vec![], vec![]);
         for step in steps(&s.commands, None) {
             match step {
-                Step::Enter(stage) => open.push(stage.to_string()),
-                Step::Open(name) => open.push(name.to_string()),
-                Step::Close => assert!(open.pop().is_some(), "closed before it was opened"),
-                Step::Run(_) => seen.push(open.join(" / ")),
+                RecordingStep::Enter(stage) => open.push(stage.to_string()),
+                RecordingStep::Open(name) => open.push(name.to_string()),
+                RecordingStep::Close => assert!(open.pop().is_some(), "closed before it was opened"),
+                RecordingStep::Run(_) => seen.push(open.join(" / ")),
             }
         }
         assert!(open.is_empty(), "left open: {open:?}");

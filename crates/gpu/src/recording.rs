@@ -60,11 +60,11 @@ pub struct Recording {
 
 pub(super) struct Recorder {
     start: Instant,
-    held: Mutex<Held>,
+    held: Mutex<RecorderState>,
 }
 
 #[derive(Default)]
-struct Held {
+struct RecorderState {
     /// Device times are relative to the first timestamp read.
     recording: Recording,
     first_tick: Option<u64>,
@@ -106,7 +106,7 @@ impl Recorder {
         self.start.elapsed().as_secs_f64()
     }
 
-    fn with<T>(&self, work: impl FnOnce(&mut Held) -> T) -> T {
+    fn with<T>(&self, work: impl FnOnce(&mut RecorderState) -> T) -> T {
         // Every change leaves a complete recording, so a panicked thread has not damaged it.
         work(&mut self.held.lock().unwrap_or_else(std::sync::PoisonError::into_inner))
     }

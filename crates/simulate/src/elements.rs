@@ -14,7 +14,7 @@ use std::f64::consts::TAU;
 const ALIKE: f64 = 0.866;
 
 /// A small flat surface element.
-pub(super) struct Element {
+pub(super) struct SurfaceElement {
     /// Random point of the element, at which light and visibility are evaluated.
     pub point: DVec3,
     /// Corners of the element: their path lengths define the spread of its light.
@@ -38,7 +38,7 @@ struct Piece {
 }
 
 /// Cuts the scene into elements: between `count` and about three times as many.
-pub(super) fn elements(scene: &Scene, count: usize, seed: u64) -> Vec<Element> {
+pub(super) fn elements(scene: &Scene, count: usize, seed: u64) -> Vec<SurfaceElement> {
     let mut rng = Pcg64::seed_from_u64(seed);
     let total: f64 = scene.objects.iter().map(|o| o.mesh.total_area()).sum();
     let wanted = total / count.max(1) as f64;
@@ -58,11 +58,18 @@ pub(super) fn elements(scene: &Scene, count: usize, seed: u64) -> Vec<Element> {
             }
         }
     }
-    let mut elements: Vec<Element> = Vec::with_capacity(cut.len() + count);
+    let mut elements: Vec<SurfaceElement> = Vec::with_capacity(cut.len() + count);
     elements.extend(cut.iter().map(|piece| {
         let (point, normal) = piece.random_point(&mut rng);
         let weight = scene.objects[piece.object].albedo * piece.area();
-        Element { point, corners: piece.corners, facing: piece.facing, normal, weight, object: piece.object }
+        SurfaceElement {
+            point,
+            corners: piece.corners,
+            facing: piece.facing,
+            normal,
+            weight,
+            object: piece.object,
+        }
     }));
     gather(scene, fine, wanted, &mut rng, &mut elements);
     elements
@@ -96,7 +103,7 @@ fn halve(piece: Piece, wanted: f64, out: &mut Vec<Piece>) {
 }
 
 /// Gathers triangles smaller than an element into clusters: neighbours on a space-filling curve with similar normals.
-fn gather(scene: &Scene, mut fine: Vec<Piece>, wanted: f64, rng: &mut Pcg64, out: &mut Vec<Element>) {
+fn gather(scene: &Scene, mut fine: Vec<Piece>, wanted: f64, rng: &mut Pcg64, out: &mut Vec<SurfaceElement>) {
     let (mut lo, mut hi) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for p in &fine {
         (lo, hi) = (lo.min(p.centre()), hi.max(p.centre()));
@@ -121,7 +128,7 @@ fn gather(scene: &Scene, mut fine: Vec<Piece>, wanted: f64, rng: &mut Pcg64, out
 
 /// One element for a cluster: its whole area, one random point, its mean normal, and a triangle with the cluster's
 /// centroid and second moments.
-fn merge(cluster: &[Piece], albedo: f64, rng: &mut Pcg64) -> Element {
+fn merge(cluster: &[Piece], albedo: f64, rng: &mut Pcg64) -> SurfaceElement {
     let area: f64 = cluster.iter().map(Piece::area).sum();
     let mut left = rng.random::<f64>() * area;
     let chosen = cluster.iter().find(|p| {
@@ -157,7 +164,14 @@ fn merge(cluster: &[Piece], albedo: f64, rng: &mut Pcg64) -> Element {
         let (sin, cos) = ((turn + k / 3.0) * TAU).sin_cos();
         mean + a * cos + b * sin
     });
-    Element { point, corners, facing: chosen.facing, normal, weight: albedo * area, object: chosen.object }
+    SurfaceElement {
+        point,
+        corners,
+        facing: chosen.facing,
+        normal,
+        weight: albedo * area,
+        object: chosen.object,
+    }
 }
 
 impl Piece {

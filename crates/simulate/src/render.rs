@@ -1,6 +1,6 @@
 //! Renders transient histograms by area sampling with true visibility.
 
-use super::elements::{Element, elements};
+use super::elements::{SurfaceElement, elements};
 use super::offsets::Offsets;
 use super::visibility::Surfaces;
 use super::{Pairs, Reflectance, Scene, photon_noise, pile_up};
@@ -213,7 +213,7 @@ struct Renderer<'a> {
 impl Renderer<'_> {
     /// Two independent sample sets, one with a finer subdivision, so that their difference includes the subdivision
     /// error.
-    fn halves(&self, count: usize, seed: u64) -> [Vec<Element>; 2] {
+    fn halves(&self, count: usize, seed: u64) -> [Vec<SurfaceElement>; 2] {
         [(count, 1), (2 * count, 2)].map(|(count, half)| {
             elements(self.scene, count, seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(half))
         })
@@ -222,7 +222,7 @@ impl Renderer<'_> {
     /// Histograms `[pair * bins + bin]` of the given pairs, the mean of both halves, and their noise.
     fn render(
         &self,
-        halves: &[Vec<Element>; 2],
+        halves: &[Vec<SurfaceElement>; 2],
         which: &[usize],
         rendered: &(dyn Fn() + Sync),
     ) -> (f64, Vec<f32>) {
@@ -248,7 +248,7 @@ impl Renderer<'_> {
         (if value > 0.0 { (error / value).sqrt() } else { 0.0 }, histograms)
     }
 
-    fn histogram(&self, elements: &[Element], pair: usize) -> Vec<f64> {
+    fn histogram(&self, elements: &[SurfaceElement], pair: usize) -> Vec<f64> {
         let mut histogram = vec![0.0; self.bins];
         let (laser, sensor) = (self.pairs.laser[pair], self.pairs.sensor[pair]);
         let normal = |normals: &Option<Vec<DVec3>>| normals.as_ref().map_or(DVec3::Z, |n| n[pair]);

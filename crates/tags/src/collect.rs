@@ -1,14 +1,14 @@
 //! The second pass over a file of time tags: photons into cells of delay, point by point.
 
 use super::cuts::{Cuts, NONE, Span};
-use super::stored::Stored;
+use super::stored::InstrumentHistograms;
 use super::{Event, Tags};
 use crate::error::{Error, Result};
 use crate::host;
 
 /// Counts of each point by delay.
 #[derive(Debug, Default)]
-pub(super) struct Cells {
+pub(super) struct PointCounts {
     /// `[point * cells + cell]`.
     pub counts: Vec<u32>,
     /// Cells of a point.
@@ -39,7 +39,7 @@ fn room(points: usize, cells: usize, file: u64) -> Result<Vec<u32>> {
     host::filled(&what, all, 0).map_err(|e| e.advised("choose an earlier last delay (until), or wider bins"))
 }
 
-impl Cells {
+impl PointCounts {
     /// The photons of a detector. `ticks` ticks are a cell.
     pub(super) fn of_tags(
         tags: &Tags,
@@ -48,7 +48,7 @@ impl Cells {
         points: usize,
         ticks: i64,
         cells: usize,
-    ) -> Result<Cells> {
+    ) -> Result<PointCounts> {
         let (cuts, pulses) = Cuts::of(spans, points);
         let mut counts = room(points, cells, tags.length()?)?;
         // A division takes longer than all the rest; most files have a power of two.
@@ -72,12 +72,23 @@ impl Cells {
             let count = &mut counts[point as usize * cells + cell];
             *count = count.saturating_add(1);
         })?;
-        Ok(Cells { counts, cells, width: ticks as f64 * tags.tick, pulses: Some(pulses), outside, late })
+        Ok(PointCounts {
+            counts,
+            cells,
+            width: ticks as f64 * tags.tick,
+            pulses: Some(pulses),
+            outside,
+            late,
+        })
     }
 
     /// The histograms of an instrument. `ticks` bins are a cell; those later than `last` seconds are left out.
-    pub(super) fn of_stored(stored: &Stored, ticks: usize, last: Option<f64>) -> Result<Cells> {
-        let Stored { tick, bins, counts: all, .. } = stored;
+    pub(super) fn of_stored(
+        stored: &InstrumentHistograms,
+        ticks: usize,
+        last: Option<f64>,
+    ) -> Result<PointCounts> {
+        let InstrumentHistograms { tick, bins, counts: all, .. } = stored;
         let used = last.map_or(*bins, |last| ((last / tick).ceil().max(1.0) as usize).min(*bins));
         let cells = used.div_ceil(ticks);
         let mut counts = room(all.len() / bins, cells, u64::MAX)?;
@@ -88,7 +99,7 @@ impl Cells {
             }
             late += from[used..].iter().map(|n| u64::from(*n)).sum::<u64>();
         }
-        Ok(Cells { counts, cells, width: ticks as f64 * tick, pulses: None, outside: 0, late })
+        Ok(PointCounts { counts, cells, width: ticks as f64 * tick, pulses: None, outside: 0, late })
     }
 
     /// The counts of a point.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use super::survey::MOST_CHANNELS;
-use super::{Division, Format, Inputs, Record, Survey, Tags};
+use super::{Division, Inputs, Record, Survey, TagFormat, Tags};
 use crate::error::Result;
 
 /// What a scan is likely to be, by the numbers of the tags.
@@ -51,7 +51,7 @@ impl Inputs {
     /// Those of [`Tags::open`] and [`Tags::records`].
     pub fn guessed(self, path: &Path) -> Result<Inputs> {
         let tags = Tags::open(path, &self)?;
-        let is_told = matches!(tags.format, Format::Picoquant(_)) || tags.is_t3();
+        let is_told = matches!(tags.format, TagFormat::Picoquant(_)) || tags.is_t3();
         let mut counts = BTreeMap::new();
         if !is_told {
             tags.records(|record| {

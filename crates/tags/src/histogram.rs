@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::collect::Cells;
+use super::collect::PointCounts;
 use super::division::{Course, Rounds};
 use super::lines;
 use super::{Division, Inputs, Scan, Survey, Tags, Zero, shape, stored, zero};
@@ -118,7 +118,7 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
                 "leave out which photons belong to which point",
             ));
         }
-        let cells = Cells::of_stored(&stored, fine as usize, asked.until)?;
+        let cells = PointCounts::of_stored(&stored, fine as usize, asked.until)?;
         (cells, [fine, ticks], format!("histograms: {}", stored.name), None, 1.0)
     } else {
         let tags = Tags::open(path, &asked.inputs)?;
@@ -260,7 +260,7 @@ fn of_tags(
     asked: &Asked,
     fine: i64,
     notes: &mut Vec<String>,
-) -> Result<Cells> {
+) -> Result<PointCounts> {
     let detector = survey.channel(asked.channel)?;
     let of_image = Division::of_image(&tags.image);
     let division = asked.division.clone().or(of_image).ok_or_else(|| {
@@ -294,7 +294,7 @@ fn of_tags(
             survey.photons_out_of_order
         ));
     }
-    Cells::of_tags(tags, detector.channel, &spans, scan.points(), fine, cells)
+    PointCounts::of_tags(tags, detector.channel, &spans, scan.points(), fine, cells)
 }
 
 /// The course of the scanner along its lines: by the options, by the header, or by the photons.
@@ -377,7 +377,12 @@ fn second_share(survey: &Survey, channel: Option<i32>) -> Result<f64> {
 }
 
 /// The delay of path 0 in cells for each point, and whether it is that of direct light. NaN without a direct peak.
-fn zeros(cells: &Cells, scan: &Scan, asked: &Asked, notes: &mut Vec<String>) -> Result<(Vec<f64>, bool)> {
+fn zeros(
+    cells: &PointCounts,
+    scan: &Scan,
+    asked: &Asked,
+    notes: &mut Vec<String>,
+) -> Result<(Vec<f64>, bool)> {
     let delay = match asked.zero {
         Zero::At(delay) => return Ok((vec![delay / cells.width; cells.points()], false)),
         Zero::Direct => zero::direct(cells, (2.0 * scan.reach() + 0.1) / (cells.width * LIGHT))?,
@@ -391,7 +396,7 @@ fn zeros(cells: &Cells, scan: &Scan, asked: &Asked, notes: &mut Vec<String>) -> 
 
 /// Cells as bins whose paths begin at each point's zero.
 fn bins(
-    cells: &Cells,
+    cells: &PointCounts,
     per_bin: usize,
     zeros: &[f64],
     pair_of: &[usize],
@@ -440,7 +445,7 @@ fn bins(
 }
 
 /// The laser pulses of a pair, if pile-up can be taken out.
-fn cycles(cells: &Cells, asked: PileUp, share: f64, notes: &mut Vec<String>) -> Result<Option<f64>> {
+fn cycles(cells: &PointCounts, asked: PileUp, share: f64, notes: &mut Vec<String>) -> Result<Option<f64>> {
     let fails = |why: String| match asked {
         PileUp::On => Err(Error::options(why, "do not ask for pile-up to be taken out")),
         _ => Ok(None),

@@ -49,7 +49,7 @@ use crate::error::{Error, Result};
 use arrays::Holder;
 use header::Header;
 use order::Order;
-use records::{Layout, Word};
+use records::{RecordLayout, Word};
 use syncs::{Filtered, Syncs};
 
 /// What a file stores at one place. Times are sync numbers if the instrument counts them itself (T3), else ticks.
@@ -145,16 +145,16 @@ pub struct Image {
     pub sine: Option<f64>,
 }
 
-enum Format {
-    Picoquant(Layout),
-    Text(text::Layout),
+enum TagFormat {
+    Picoquant(RecordLayout),
+    Text(text::TextColumns),
     Arrays(arrays::Named),
 }
 
 /// A file of time tags.
 pub struct Tags {
     path: PathBuf,
-    format: Format,
+    format: TagFormat,
     inputs: Inputs,
     /// Where the records begin, bytes.
     start: u64,
@@ -296,9 +296,9 @@ impl Tags {
             let named = arrays::Named::find(holder, path)?;
             let Some(nanotimes) = named.nanotimes.clone() else {
                 let name = format!("arrays, times in units of {:.6} ps", 1e12 * unit);
-                return Ok(tags(Format::Arrays(named), unit, &name));
+                return Ok(tags(TagFormat::Arrays(named), unit, &name));
             };
-            let opened = tags(Format::Arrays(named), nanotimes.tick, "Photon-HDF5");
+            let opened = tags(TagFormat::Arrays(named), nanotimes.tick, "Photon-HDF5");
             return Ok(Tags { period: Some(nanotimes.period), assumed_unit: false, ..opened });
         }
         if magic.is_empty() {
@@ -311,9 +311,9 @@ impl Tags {
             }
             Some(known) if known.content == Content::Tags => {
                 let mut notes = vec![];
-                let layout = text::Layout::find(open(path)?, inputs, &mut notes)?;
+                let layout = text::TextColumns::find(open(path)?, inputs, &mut notes)?;
                 let tick = inputs.unit.filter(|unit| text::power_of(*unit).is_none()).unwrap_or(PICOSECOND);
-                let opened = tags(Format::Text(layout), tick, "text");
+                let opened = tags(TagFormat::Text(layout), tick, "text");
                 Ok(Tags { notes, assumed_unit: opened.assumed_unit && layout.is_assumed(), ..opened })
             }
             Some(known) => Err(known.refusal()),
@@ -382,7 +382,7 @@ impl Tags {
         }
         Ok(Tags {
             path: path.into(),
-            format: Format::Picoquant(layout),
+            format: TagFormat::Picoquant(layout),
             inputs: inputs.clone(),
             start: header.length,
             count: header.whole("TTResult_NumberOfRecords").filter(|n| *n > 0).map(|n| n as u64),
@@ -410,9 +410,9 @@ impl Tags {
     /// Whether a record holds the number of its laser pulse and the delay since.
     fn is_t3(&self) -> bool {
         match &self.format {
-            Format::Picoquant(layout) => layout.is_t3(),
-            Format::Arrays(named) => named.nanotimes.is_some(),
-            Format::Text(_) => false,
+            TagFormat::Picoquant(layout) => layout.is_t3(),
+            TagFormat::Arrays(named) => named.nanotimes.is_some(),
+            TagFormat::Text(_) => false,
         }
     }
 
@@ -480,7 +480,7 @@ impl Tags {
 
     /// Calls `hear` with every record in the order of time, as far as the file may be out of order.
     fn read_in_order(&self, mut hear: impl FnMut(Record)) -> Result<Passed> {
-        if matches!(self.format, Format::Picoquant(_)) {
+        if matches!(self.format, TagFormat::Picoquant(_)) {
             return self.read(hear);
         }
         let mut order = Order::default();
@@ -535,9 +535,9 @@ impl Tags {
         let file = self.begin()?.take(self.count.map_or(u64::MAX, |n| n.saturating_mul(4)));
         let mut passed = Passed::default();
         match &self.format {
-            Format::Arrays(named) => named.read(&self.path, &self.inputs, &mut passed, hear)?,
-            Format::Text(layout) => layout.read(file, &self.inputs, &mut passed, hear)?,
-            Format::Picoquant(layout) => self.words(file, *layout, &mut passed, &mut hear)?,
+            TagFormat::Arrays(named) => named.read(&self.path, &self.inputs, &mut passed, hear)?,
+            TagFormat::Text(layout) => layout.read(file, &self.inputs, &mut passed, hear)?,
+            TagFormat::Picoquant(layout) => self.words(file, *layout, &mut passed, &mut hear)?,
         }
         if passed.unknown > 0 {
             passed.notes.push(format!("{} records of no known kind are left out", passed.unknown));
@@ -549,7 +549,7 @@ impl Tags {
     fn words(
         &self,
         mut file: impl Read,
-        layout: Layout,
+        layout: RecordLayout,
         passed: &mut Passed,
         hear: &mut impl FnMut(Record),
     ) -> Result<()> {

@@ -15,7 +15,7 @@ const FEW: usize = 100;
 
 /// The layout of the records of an instrument.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Layout {
+pub(super) enum RecordLayout {
     /// PicoHarp 300, T2: 28 bits of time.
     PicoT2,
     /// PicoHarp 300, T3: 16 bits of sync number, 12 of delay.
@@ -37,11 +37,11 @@ pub(super) enum Word {
 }
 
 /// Record types as files name them: number, instrument, layout.
-const TYPES: [(i64, &str, Layout); 12] = [
-    (0x0001_0203, "PicoHarp 300, T2", Layout::PicoT2),
-    (0x0001_0303, "PicoHarp 300, T3", Layout::PicoT3),
-    (0x0001_0204, "HydraHarp 1, T2", Layout::T2 { wrap: 33_552_000, counted: false }),
-    (0x0001_0304, "HydraHarp 1, T3", Layout::T3 { counted: false }),
+const TYPES: [(i64, &str, RecordLayout); 12] = [
+    (0x0001_0203, "PicoHarp 300, T2", RecordLayout::PicoT2),
+    (0x0001_0303, "PicoHarp 300, T3", RecordLayout::PicoT3),
+    (0x0001_0204, "HydraHarp 1, T2", RecordLayout::T2 { wrap: 33_552_000, counted: false }),
+    (0x0001_0304, "HydraHarp 1, T3", RecordLayout::T3 { counted: false }),
     (0x0101_0204, "HydraHarp 2, T2", NEWER_T2),
     (0x0101_0304, "HydraHarp 2, T3", NEWER_T3),
     (0x0001_0205, "TimeHarp 260 N, T2", NEWER_T2),
@@ -51,20 +51,20 @@ const TYPES: [(i64, &str, Layout); 12] = [
     (0x0001_0207, "generic (MultiHarp, PicoHarp 330), T2", NEWER_T2),
     (0x0001_0307, "generic (MultiHarp, PicoHarp 330), T3", NEWER_T3),
 ];
-const NEWER_T2: Layout = Layout::T2 { wrap: 1 << 25, counted: true };
-const NEWER_T3: Layout = Layout::T3 { counted: true };
+const NEWER_T2: RecordLayout = RecordLayout::T2 { wrap: 1 << 25, counted: true };
+const NEWER_T3: RecordLayout = RecordLayout::T3 { counted: true };
 
 /// The instrument and the layout of a record type; `None` if it is not known.
-pub(super) fn of_type(number: i64) -> Option<(&'static str, Layout)> {
+pub(super) fn of_type(number: i64) -> Option<(&'static str, RecordLayout)> {
     // The specification names TimeHarp 260 in T2 with a leading 01 in one place.
     let number = if matches!(number, 0x0101_0205 | 0x0101_0206) { number & 0x00FF_FFFF } else { number };
     TYPES.into_iter().find(|t| t.0 == number).map(|(_, name, layout)| (name, layout))
 }
 
-impl Layout {
+impl RecordLayout {
     /// Whether records hold sync number and delay. Else they hold times of everything, the sync input's among them.
     pub(super) fn is_t3(self) -> bool {
-        matches!(self, Layout::PicoT3 | Layout::T3 { .. })
+        matches!(self, RecordLayout::PicoT3 | RecordLayout::T3 { .. })
     }
 
     /// Whether some of the first records are laser pulses of T2, which T3 files do not have. `None` for few records without any.
@@ -72,7 +72,7 @@ impl Layout {
         let mut block = vec![];
         file.take(LOOKED_AT).read_to_end(&mut block).map_err(super::unreadable)?;
         let is_sync = |word: u32| match self {
-            Layout::PicoT2 | Layout::PicoT3 => word >> 28 == 0,
+            RecordLayout::PicoT2 | RecordLayout::PicoT3 => word >> 28 == 0,
             _ => word >> 25 == 64,
         };
         let (words, _) = block.as_chunks::<4>();
@@ -85,10 +85,10 @@ impl Layout {
     #[inline(always)]
     pub(super) fn record(self, word: u32, base: &mut i64) -> Word {
         match self {
-            Layout::PicoT2 => pico_t2(word, base),
-            Layout::PicoT3 => pico_t3(word, base),
-            Layout::T2 { wrap, counted } => newer(word, base, [25, 0], wrap, counted),
-            Layout::T3 { counted } => newer(word, base, [10, 15], 1 << 10, counted),
+            RecordLayout::PicoT2 => pico_t2(word, base),
+            RecordLayout::PicoT3 => pico_t3(word, base),
+            RecordLayout::T2 { wrap, counted } => newer(word, base, [25, 0], wrap, counted),
+            RecordLayout::T3 { counted } => newer(word, base, [10, 15], 1 << 10, counted),
         }
     }
 }

@@ -13,7 +13,7 @@ use crate::error::{Error, Result};
 
 /// Points of a wall as their own returns say.
 #[derive(Debug)]
-pub(super) struct Shape {
+pub(super) struct MeasuredWall {
     /// In the order of the scan; those without a return stay as they are given.
     pub points: Vec<DVec3>,
     /// How far points have moved away from laser and sensor: the least and the most, and the root of the mean square; metres.
@@ -25,7 +25,7 @@ pub(super) struct Shape {
 ///
 /// # Errors
 /// `Kind::Options` if laser or sensor stand in the wall or behind it, or a return comes from behind them.
-pub(super) fn of(scan: &Scan, [laser, sensor]: [DVec3; 2], path: &[f64]) -> Result<Shape> {
+pub(super) fn of(scan: &Scan, [laser, sensor]: [DVec3; 2], path: &[f64]) -> Result<MeasuredWall> {
     let wrong = |what: String| {
         Err(Error::options(
             what,
@@ -63,7 +63,7 @@ pub(super) fn of(scan: &Scan, [laser, sensor]: [DVec3; 2], path: &[f64]) -> Resu
         (least, most, squares) = (least.min(moved), most.max(moved), squares + moved * moved);
         *point = laser + u * s;
     }
-    Ok(Shape { points, moved: [least, most, (squares / offsets.len() as f64).sqrt()] })
+    Ok(MeasuredWall { points, moved: [least, most, (squares / offsets.len() as f64).sqrt()] })
 }
 
 #[cfg(test)]

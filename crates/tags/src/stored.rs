@@ -8,7 +8,7 @@ use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
 use super::arrays::Holder;
-use super::tables::{self, MOST, Table};
+use super::tables::{self, MOST, StoredHistograms};
 use super::{open, unreadable};
 use crate::advice::advice;
 use crate::capture::METRES_PER_PICOSECOND;
@@ -21,7 +21,7 @@ use crate::host;
 const NAMES: [&str; 3] = ["hists", "histograms", "counts"];
 
 /// Histograms of an instrument, one for each point.
-pub(super) struct Stored {
+pub(super) struct InstrumentHistograms {
     pub(super) name: String,
     /// Seconds of a bin.
     pub(super) tick: f64,
@@ -41,15 +41,17 @@ pub(super) fn read(
     points: usize,
     bin_width: Option<f64>,
     notes: &mut Vec<String>,
-) -> Result<Option<Stored>> {
+) -> Result<Option<InstrumentHistograms>> {
     let table = match array(path)? {
-        Some((name, array)) => Table { name, tick: None, shape: array.shape.clone(), values: array.to_f64() },
+        Some((name, array)) => {
+            StoredHistograms { name, tick: None, shape: array.shape.clone(), values: array.to_f64() }
+        }
         None => match recognised::of(path)?.map(|known| known.content) {
             Some(Content::Histograms(format)) => tables::read(path, format, points, notes)?,
             _ => return Ok(None),
         },
     };
-    let Table { name, tick, shape, values } = table;
+    let StoredHistograms { name, tick, shape, values } = table;
     let tick = tick.or(bin_width.map(|width| width / (1e12 * METRES_PER_PICOSECOND))).ok_or_else(|| {
         Error::options(
             format!("{name} does not say how wide its bins are"),
@@ -77,7 +79,7 @@ pub(super) fn read(
         let sum = &mut counts[at % (points * bins)];
         *sum = sum.saturating_add(value as u32);
     }
-    Ok(Some(Stored { name, tick, bins, counts }))
+    Ok(Some(InstrumentHistograms { name, tick, bins, counts }))
 }
 
 fn misfit(name: &str, shape: &[usize], points: usize) -> Error {

@@ -6,12 +6,12 @@ use std::path::Path;
 use super::header::{self, Header};
 use super::text::{Plain, real};
 use super::{open, unreadable};
-use crate::capture::formats::recognised::Histograms;
+use crate::capture::formats::recognised::HistogramFormat;
 use crate::error::{Error, Result};
 use crate::host;
 
 /// Histograms of points as a file has them.
-pub(super) struct Table {
+pub(super) struct StoredHistograms {
     pub(super) name: String,
     /// Seconds of a bin, if the file says.
     pub(super) tick: Option<f64>,
@@ -28,8 +28,13 @@ const ZONES: usize = 10;
 const BYTES: usize = 3;
 
 /// Reads histograms of a known format. `points`: number of points of the scan.
-pub(super) fn read(path: &Path, format: Histograms, points: usize, notes: &mut Vec<String>) -> Result<Table> {
-    if format == Histograms::Phu {
+pub(super) fn read(
+    path: &Path,
+    format: HistogramFormat,
+    points: usize,
+    notes: &mut Vec<String>,
+) -> Result<StoredHistograms> {
+    if format == HistogramFormat::Phu {
         return phu(path);
     }
     let mut text = vec![];
@@ -37,7 +42,7 @@ pub(super) fn read(path: &Path, format: Histograms, points: usize, notes: &mut V
     let text = String::from_utf8_lossy(&text);
     let lines: Vec<&str> = text.lines().map(str::trim).filter(|line| !line.is_empty()).collect();
     match format {
-        Histograms::PicoHarp => {
+        HistogramFormat::PicoHarp => {
             let after = |word: &str| {
                 lines.iter().position(|line| line.to_lowercase().starts_with(word)).map(|at| at + 1)
             };
@@ -47,7 +52,7 @@ pub(super) fn read(path: &Path, format: Histograms, points: usize, notes: &mut V
             let rows = rows(&lines[after("#counts").unwrap_or(0)..]);
             columns("the table below #counts", rows, width.map(|ns| 1e-9 * ns), 0, 1)
         }
-        Histograms::LabView => {
+        HistogramFormat::LabView => {
             let end =
                 lines.iter().rposition(|line| line.starts_with("***End_of_Header***")).map_or(0, |at| at + 1);
             let value = |key: &str| {
@@ -65,7 +70,7 @@ pub(super) fn read(path: &Path, format: Histograms, points: usize, notes: &mut V
             let width = value("Delta_X").and_then(|text| real(text.as_bytes())).or_else(of_times);
             columns("the table of the LabVIEW file", rows, width.filter(|width| *width > 0.0), from, step)
         }
-        Histograms::Zones => zones(&lines, notes),
+        HistogramFormat::Zones => zones(&lines, notes),
         _ => {
             let rows = rows(&lines);
             let wide = rows.first().map_or(0, Vec::len);
@@ -87,7 +92,7 @@ pub(super) fn read(path: &Path, format: Histograms, points: usize, notes: &mut V
                 notes.push("the table has as many rows as columns: a row is read as a point".into());
             }
             let shape = vec![rows.len(), wide];
-            Ok(Table { name: "the table".into(), tick: None, shape, values: rows.concat() })
+            Ok(StoredHistograms { name: "the table".into(), tick: None, shape, values: rows.concat() })
         }
     }
 }
@@ -108,18 +113,24 @@ fn rows(lines: &[&str]) -> Vec<Vec<f64>> {
 }
 
 /// Columns `from`, `from + step`, ... as points.
-fn columns(name: &str, rows: Vec<Vec<f64>>, tick: Option<f64>, from: usize, step: usize) -> Result<Table> {
+fn columns(
+    name: &str,
+    rows: Vec<Vec<f64>>,
+    tick: Option<f64>,
+    from: usize,
+    step: usize,
+) -> Result<StoredHistograms> {
     let points = rows.first().map_or(0, |row| row.len().saturating_sub(from).div_ceil(step));
     let mut values = host::room(name, points.saturating_mul(rows.len()))?;
     for point in 0..points {
         values.extend(rows.iter().map(|row| row[from + point * step]));
     }
-    Ok(Table { name: name.into(), tick, shape: vec![points, rows.len()], values })
+    Ok(StoredHistograms { name: name.into(), tick, shape: vec![points, rows.len()], values })
 }
 
 /// `#Raw,` lines: fields, a zone, and the counts of its bins. A TMF8820 sends the bytes of ten channels one after the other, the lowest
 /// first; the first channel is its reference.
-fn zones(lines: &[&str], notes: &mut Vec<String>) -> Result<Table> {
+fn zones(lines: &[&str], notes: &mut Vec<String>) -> Result<StoredHistograms> {
     let raw = lines.iter().filter(|line| line.to_lowercase().starts_with("#raw,"));
     let all: Vec<Vec<f64>> = raw.filter_map(|line| numbers(&line[5..])).collect();
     let length = all.iter().map(Vec::len).max().unwrap_or(0);
@@ -142,7 +153,7 @@ fn zones(lines: &[&str], notes: &mut Vec<String>) -> Result<Table> {
         sums.remove(0);
         notes.push("channel 0 is the reference of the sensor and is left out".into());
     }
-    Ok(Table {
+    Ok(StoredHistograms {
         name: "the #Raw lines".into(),
         tick: None,
         shape: vec![sums.len(), bins],
@@ -151,7 +162,7 @@ fn zones(lines: &[&str], notes: &mut Vec<String>) -> Result<Table> {
 }
 
 /// Curves of a PHU file: each is a point. Source: as that of [`Header`].
-fn phu(path: &Path) -> Result<Table> {
+fn phu(path: &Path) -> Result<StoredHistograms> {
     let mut file = open(path)?;
     let length = file.metadata().map_err(unreadable)?.len();
     file.seek(SeekFrom::Start(8)).map_err(unreadable)?;
@@ -187,5 +198,10 @@ fn phu(path: &Path) -> Result<Table> {
         file.read_exact(&mut counts).map_err(unreadable)?;
         values.extend(counts.as_chunks::<4>().0.iter().map(|count| f64::from(u32::from_le_bytes(*count))));
     }
-    Ok(Table { name: "the curves".into(), tick: Some(tick), shape: vec![curves, bins as usize], values })
+    Ok(StoredHistograms {
+        name: "the curves".into(),
+        tick: Some(tick),
+        shape: vec![curves, bins as usize],
+        values,
+    })
 }

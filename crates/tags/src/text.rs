@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 
 /// Columns of a text and the unit of its times.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Layout {
+pub(super) struct TextColumns {
     /// A space stands for any number of them.
     separator: u8,
     channel: usize,
@@ -112,7 +112,7 @@ impl<R: Read> Read for Plain<R> {
     }
 }
 
-impl Layout {
+impl TextColumns {
     /// Whether the unit of times is an assumption.
     pub(super) fn is_assumed(self) -> bool {
         self.assumed
@@ -122,7 +122,7 @@ impl Layout {
     ///
     /// # Errors
     /// `Kind::Input` for ambiguous columns, and for times with too few digits.
-    pub(super) fn find(file: impl Read, inputs: &Inputs, notes: &mut Vec<String>) -> Result<Layout> {
+    pub(super) fn find(file: impl Read, inputs: &Inputs, notes: &mut Vec<String>) -> Result<TextColumns> {
         let mut text = vec![];
         Plain::new(file)?.take(SAMPLE).read_to_end(&mut text).map_err(super::unreadable)?;
         let lines = || text.split(|b| *b == b'\n').map(<[u8]>::trim_ascii).filter(|line| !line.is_empty());
@@ -137,7 +137,7 @@ impl Layout {
         let separator =
             first.map_or(b',', |line| *b";\t,".iter().find(|s| line.contains(s)).unwrap_or(&b' '));
         let given = inputs.unit.map(|unit| power_of(unit).unwrap_or(0));
-        let layout = Layout {
+        let layout = TextColumns {
             separator,
             channel: 0,
             time: 1,
@@ -155,7 +155,7 @@ impl Layout {
             .collect();
         let layout = match found {
             Some(layout) => layout,
-            None if named => Layout { named: false, ..layout },
+            None if named => TextColumns { named: false, ..layout },
             None => layout.of_values(&rows, notes)?,
         };
         layout.check_digits(lines().skip(usize::from(named)).take(ROWS), notes)?;
@@ -163,7 +163,7 @@ impl Layout {
     }
 
     /// The columns by their names; `None` where a name is missing. The finest unit is taken where there are several.
-    fn of_names(&self, line: &[u8], given: Option<i32>) -> Option<Layout> {
+    fn of_names(&self, line: &[u8], given: Option<i32>) -> Option<TextColumns> {
         let names: Vec<String> =
             self.fields(line).map(|name| String::from_utf8_lossy(name).to_lowercase()).collect();
         let is_channel =
@@ -184,7 +184,7 @@ impl Layout {
         let times = names.iter().enumerate().filter(|(at, name)| *at != channel && is_time(name));
         let times = times.map(|(at, name)| (unit(name).is_none(), unit(name).map_or(0, |unit| unit.1), at));
         let (assumed, power, time) = times.min()?;
-        Some(Layout {
+        Some(TextColumns {
             channel,
             time,
             power: given.unwrap_or(power),
@@ -194,7 +194,7 @@ impl Layout {
     }
 
     /// The columns by their values.
-    fn of_values(&self, rows: &[Vec<f64>], notes: &mut Vec<String>) -> Result<Layout> {
+    fn of_values(&self, rows: &[Vec<f64>], notes: &mut Vec<String>) -> Result<TextColumns> {
         let columns = rows.iter().map(Vec::len).min().unwrap_or(0);
         let value = |column: usize| rows.iter().map(move |row| row[column]);
         let is_index = |column: &usize| {
@@ -225,7 +225,7 @@ impl Layout {
                 time + 1
             ));
         }
-        Ok(Layout { channel, time, ..*self })
+        Ok(TextColumns { channel, time, ..*self })
     }
 
     /// Refuses times with an exponent and too few digits, and reports a large step of all times.

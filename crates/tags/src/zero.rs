@@ -5,7 +5,7 @@
 
 use rayon::prelude::*;
 
-use super::collect::Cells;
+use super::collect::PointCounts;
 use crate::advice::advice;
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::capture::median::median;
@@ -30,7 +30,7 @@ const MOST: f64 = 0.5;
 
 /// The delay of each point's direct peak in cells (the middle of cell c is c + 0.5), `None` where there is none. Peaks of
 /// neighbours cannot differ by more than `reach` cells.
-pub(super) fn direct(cells: &Cells, reach: f64) -> Result<Vec<Option<f64>>> {
+pub(super) fn direct(cells: &PointCounts, reach: f64) -> Result<Vec<Option<f64>>> {
     let all = |range: Option<[f64; 2]>| -> Vec<Option<f64>> {
         (0..cells.points()).into_par_iter().map(|point| peak(cells.of(point), range)).collect()
     };
@@ -62,7 +62,7 @@ const DECAYED: f64 = 0.02;
 ///
 /// # Errors
 /// `Kind::Input`.
-pub(super) fn check_scene(cells: &Cells, zeros: &[f64]) -> Result<()> {
+pub(super) fn check_scene(cells: &PointCounts, zeros: &[f64]) -> Result<()> {
     let known = || zeros.iter().copied().filter(|zero| zero.is_finite());
     let (early, late) = known().fold((f64::INFINITY, 0.0f64), |(a, b), zero| (a.min(zero), b.max(zero)));
     let length = cells.cells.saturating_sub(late as usize);
@@ -129,8 +129,8 @@ fn peak(counts: &[u32], range: Option<[f64; 2]>) -> Option<f64> {
 mod tests {
     use super::*;
 
-    fn cells(rows: &[Vec<u32>]) -> Cells {
-        Cells { counts: rows.concat(), cells: rows[0].len(), width: 1e-12, ..Cells::default() }
+    fn cells(rows: &[Vec<u32>]) -> PointCounts {
+        PointCounts { counts: rows.concat(), cells: rows[0].len(), width: 1e-12, ..PointCounts::default() }
     }
 
     fn row(peaks: &[(usize, u32)]) -> Vec<u32> {

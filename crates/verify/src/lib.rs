@@ -27,7 +27,7 @@ use thirdbounce::transport::{Grid, Model};
 
 /// A row of the table.
 #[derive(Debug, Clone)]
-pub struct Case {
+pub struct KernelCase {
     /// What it is about.
     pub name: &'static str,
     /// The scene.
@@ -35,13 +35,13 @@ pub struct Case {
     /// Its voxels.
     pub grid: Grid,
     /// Whose schedules run.
-    pub solver: Solver,
+    pub solver: CaseSolver,
     /// What is compared.
     pub how: How,
     /// On which accumulation paths.
     pub paths: Paths,
     /// Sizes that differ from the plan's.
-    pub sizes: Sizes,
+    pub sizes: CaseSizes,
     /// The largest relative error of fp32 numbers. Integers are equal.
     pub allowed: f64,
     /// Whether `profile --check` runs it.
@@ -50,7 +50,7 @@ pub struct Case {
 
 /// The schedules of a case.
 #[derive(Debug, Clone, Copy)]
-pub enum Solver {
+pub enum CaseSolver {
     /// The paper's: its start, iterations, reductions, a doubling, the maps.
     Paper {
         /// Changes its options.
@@ -119,7 +119,7 @@ pub enum Paths {
 
 /// Sizes of a case; the plan's own where `None`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Sizes {
+pub struct CaseSizes {
     /// Bins of a private column; 0 for none. Chunks are then short enough to be several.
     pub window: Option<u32>,
     /// Voxels and lanes of a workgroup that gathers, and lanes that fill the device.
@@ -154,7 +154,7 @@ impl Compared {
     }
 }
 
-impl Case {
+impl KernelCase {
     /// The accumulation paths on which it runs.
     pub fn accumulations(&self, device: &Abilities) -> Vec<Accumulation> {
         use Accumulation::{Cas, Fixed, Fixed32, Float, Owned};

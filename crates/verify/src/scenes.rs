@@ -161,26 +161,26 @@ pub fn more_pairs_than_a_dispatch_takes() -> [Model; 3] {
 
 /// What a fit needs of a plan, with room for as many samples as the grid has voxels.
 #[derive(Debug, Clone)]
-pub struct Fit {
+pub struct FitNeeds {
     /// Options of the solver.
     pub options: SurfaceOptions,
     /// Rows of the trace.
     pub iterations: usize,
 }
 
-impl Fit {
+impl FitNeeds {
     /// A fit with `each` points per pixel.
-    pub fn of(grid: &Grid, each: usize) -> Fit {
+    pub fn of(grid: &Grid, each: usize) -> FitNeeds {
         let options = SurfaceOptions::default().with(|o| {
             o.lateral = grid.n[0];
             o.points = Some(each);
         });
-        Fit { options, iterations: 64 }
+        FitNeeds { options, iterations: 64 }
     }
 
     /// The same with changed options.
     #[must_use]
-    pub fn with(mut self, change: impl FnOnce(&mut SurfaceOptions)) -> Fit {
+    pub fn with(mut self, change: impl FnOnce(&mut SurfaceOptions)) -> FitNeeds {
         change(&mut self.options);
         self
     }
@@ -190,7 +190,7 @@ impl Fit {
     }
 }
 
-impl Needs for Fit {
+impl Needs for FitNeeds {
     fn demand(&self) -> Demand {
         self.needs().demand()
     }

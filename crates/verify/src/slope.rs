@@ -3,8 +3,8 @@
 use super::device::zero_histograms;
 use super::scenes::{Random, both};
 use super::solvers::{measure, prepared, scatter};
-use super::steps::Steps;
-use super::{Case, Compared, Host, Solver};
+use super::steps::ComparedSteps;
+use super::{CaseSolver, Compared, Host, KernelCase};
 use crate::twin::Cells;
 use thirdbounce::Result;
 use thirdbounce::gpu::{Buffer, Gpu, Schedule};
@@ -12,7 +12,7 @@ use thirdbounce::solve::{Accumulation, OnDevice, paper, surface};
 use thirdbounce::transport::kernels::*;
 
 /// What varies, and where its gradient is found.
-struct Variables {
+struct VariedState {
     state: Buffer,
     /// Numbers of an element of the state, those of them that vary, and the step of each.
     parts: usize,
@@ -28,26 +28,27 @@ const TRIED: usize = 60;
 
 /// Compares derivatives by random variables with central differences. Where those of two steps disagree there is a kink (of
 /// ELU, of a cosine, at the edge of a bin), and no derivative.
-pub fn slope(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<Compared>> {
+pub fn slope(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<Compared>> {
     let mut steps =
-        Steps { job: prepared(case, gpu, accumulation)?, compared: vec![], allowed: case.allowed };
+        ComparedSteps { job: prepared(case, gpu, accumulation)?, compared: vec![], allowed: case.allowed };
     let block =
         steps.job.plan.blocks.last().map(|(_, bytes)| bytemuck::pod_read_unaligned::<PaperData>(bytes));
     let paper = block.unwrap_or_default();
     let share = 1.0 - f64::from(paper.beta1);
-    let is_surface = matches!(case.solver, Solver::Surface { .. });
+    let is_surface = matches!(case.solver, CaseSolver::Surface { .. });
     let raw = (buffer::MOMENT_FIRST, 4, 0);
-    let mut all = vec![Variables { state: buffer::RAW, parts: 4, steps: &[1e-5; 4], moments: raw, share }];
+    let mut all = vec![VariedState { state: buffer::RAW, parts: 4, steps: &[1e-5; 4], moments: raw, share }];
     let noise = (buffer::NOISE_STATE, 3, 1);
     if paper.noise_span > 0.0 {
-        all.push(Variables { state: buffer::NOISE_STATE, parts: 3, steps: &[1e-4], moments: noise, share });
+        all.push(VariedState { state: buffer::NOISE_STATE, parts: 3, steps: &[1e-4], moments: noise, share });
     }
     let mut s = Schedule::default();
     if is_surface {
         let moments = (buffer::HEIGHT_MOMENTS, 4, 0);
-        all = vec![Variables { state: buffer::HEIGHTS, parts: 2, steps: &[1e-6, 1e-3], moments, share: 0.1 }];
+        all =
+            vec![VariedState { state: buffer::HEIGHTS, parts: 2, steps: &[1e-6, 1e-3], moments, share: 0.1 }];
         let (plan, count) = (steps.job.plan.clone(), both(&case.grid, 61).len());
-        let Solver::Surface { points, .. } = case.solver else { return Ok(vec![]) };
+        let CaseSolver::Surface { points, .. } = case.solver else { return Ok(vec![]) };
         steps.run(|s, plan| surface::start_of(s, plan, plan.finest(), count, points))?;
         measure(&mut steps.job, count)?;
         surface::iteration(&mut s, &plan, plan.finest(), count, [0, 0, 12]);
@@ -66,7 +67,7 @@ pub fn slope(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<C
     all.iter().map(|v| compared(job, &s, v, l1, case.allowed)).collect()
 }
 
-fn compared(job: &mut OnDevice, s: &Schedule, v: &Variables, l1: f64, allowed: f64) -> Result<Compared> {
+fn compared(job: &mut OnDevice, s: &Schedule, v: &VariedState, l1: f64, allowed: f64) -> Result<Compared> {
     const AFTER: [&str; 6] =
         ["noise", "backward", "update", "surface_gather", "surface_pull", "surface_step"];
     let mut host = Host::default();

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::device::{job, perform, read_words, write, zero_histograms};
-use super::scenes::{Fit, Random, both, options};
-use super::steps::{Steps, compare};
-use super::{Case, Compared, Doubled, Host, Solver};
+use super::scenes::{FitNeeds, Random, both, options};
+use super::steps::{ComparedSteps, compare};
+use super::{CaseSolver, Compared, Doubled, Host, KernelCase};
 use crate::twin::{Sample, Twin, Way, instrument, rendered};
 use thirdbounce::Result;
 use thirdbounce::gpu::{Gpu, Schedule};
@@ -16,16 +16,18 @@ use thirdbounce::solve::{Accumulation, Needs, OnDevice, Plan, Tuning, paper, sur
 use thirdbounce::transport::kernels::*;
 
 /// Runs the schedules of a case, and compares every dispatch.
-pub fn steps(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<Compared>> {
+pub fn steps(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<Compared>> {
     let job = prepared(case, gpu, accumulation)?;
-    let mut steps = Steps { job, compared: vec![], allowed: case.allowed };
+    let mut steps = ComparedSteps { job, compared: vec![], allowed: case.allowed };
     match case.solver {
-        Solver::Paper { rooms, doubled, dark, .. } => paper_steps(&mut steps, case, rooms, doubled, dark)?,
-        Solver::Surface { .. } => surface_steps(&mut steps, &both(&case.grid, 61))?,
-        Solver::Projection { .. } => {
+        CaseSolver::Paper { rooms, doubled, dark, .. } => {
+            paper_steps(&mut steps, case, rooms, doubled, dark)?
+        }
+        CaseSolver::Surface { .. } => surface_steps(&mut steps, &both(&case.grid, 61))?,
+        CaseSolver::Projection { .. } => {
             steps.run(|s, plan| gather_filtered(s, plan, plan.finest(), plan.scene.bins))?;
         }
-        Solver::Rounding => steps.run(|s, _| {
+        CaseSolver::Rounding => steps.run(|s, _| {
             s.dispatch(&kernel::ROUNDING, [1, 1, 1], 64).bind(buffer::RESULT, buffer::RESIDUAL);
         })?,
     }
@@ -33,7 +35,7 @@ pub fn steps(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<C
 }
 
 /// The job of a case, with its first state in the buffers.
-pub fn prepared(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<OnDevice> {
+pub fn prepared(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Result<OnDevice> {
     let (model, grid) = (&case.model, &case.grid);
     let make = |needs: &dyn Needs| -> Result<OnDevice> {
         let mut job = job(gpu, model, grid, needs, |t| tune(case, t))?;
@@ -43,7 +45,7 @@ pub fn prepared(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<On
         Ok(job)
     };
     match case.solver {
-        Solver::Paper { change, doubled, .. } => make(&options(model, grid).with(|o| {
+        CaseSolver::Paper { change, doubled, .. } => make(&options(model, grid).with(|o| {
             change(o);
             o.accumulation = accumulation;
             o.domain.coarse_to_fine = !matches!(doubled, Doubled::No | Doubled::HalfRim);
@@ -52,8 +54,9 @@ pub fn prepared(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<On
                 o.domain.room = Some(share);
             }
         })),
-        Solver::Surface { points, spread, long_steps } => {
-            let fit = Fit::of(grid, points).with(|o| (o.accumulation, o.sparsity) = (accumulation, 0.05));
+        CaseSolver::Surface { points, spread, long_steps } => {
+            let fit =
+                FitNeeds::of(grid, points).with(|o| (o.accumulation, o.sparsity) = (accumulation, 0.05));
             let mut job = make(&fit)?;
             let pixels = both(grid, 61);
             let placed = Placed { pixels: pixels.len(), most: 60.0, explained: 2.0, left: 2.0 };
@@ -68,18 +71,18 @@ pub fn prepared(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<On
             zero_histograms(&mut job)?;
             Ok(job)
         }
-        Solver::Projection { sigma, odd } => {
+        CaseSolver::Projection { sigma, odd } => {
             let mut job = make(&OfProjection { pixels_per_voxel: 1 })?;
             let mut taps = hat(sigma, model.bins);
             taps[0] *= if odd { -1.0 } else { 1.0 };
             write(&mut job, buffer::HAT_TAPS, &taps)?;
             Ok(job)
         }
-        Solver::Rounding => make(&OfProjection { pixels_per_voxel: 1 }),
+        CaseSolver::Rounding => make(&OfProjection { pixels_per_voxel: 1 }),
     }
 }
 
-fn tune(case: &Case, t: &mut Tuning) {
+fn tune(case: &KernelCase, t: &mut Tuning) {
     if let Some(window) = case.sizes.window {
         (t.window, t.window_span) = (window, u32::MAX);
         // Below the loop limit even if every voxel moves the window, and still several chunks. As on a GPU with columns,
@@ -128,7 +131,7 @@ pub fn measure(job: &mut OnDevice, count: usize) -> Result<()> {
 
 /// Gives the paper's solver a random part of its domain, with random variables. A bright middle is left by reductions.
 /// `half_rim`: there is room for half of the rim.
-pub fn scatter(steps: &mut Steps, dark: bool, half_rim: bool) -> Result<()> {
+pub fn scatter(steps: &mut ComparedSteps, dark: bool, half_rim: bool) -> Result<()> {
     steps.run(|s, plan| paper::initialise(s, plan, &plan.levels.volume[0]))?;
     let job = &mut steps.job;
     let mut random = Random::new(4);
@@ -182,8 +185,8 @@ fn move_on(job: &mut OnDevice) -> Result<()> {
 }
 
 fn paper_steps(
-    steps: &mut Steps,
-    case: &Case,
+    steps: &mut ComparedSteps,
+    case: &KernelCase,
     rooms: &[Option<f64>],
     doubled: Doubled,
     dark: bool,
@@ -211,7 +214,7 @@ fn paper_steps(
     steps.run(|s, plan| paper::extract(s, plan.finest()))
 }
 
-fn surface_steps(steps: &mut Steps, pixels: &Pixels) -> Result<()> {
+fn surface_steps(steps: &mut ComparedSteps, pixels: &Pixels) -> Result<()> {
     let (count, points) = (pixels.len(), points_of(&steps.job.plan));
     steps.run(|s, plan| surface::start_of(s, plan, plan.finest(), count, points))?;
     for i in 0..3 {
@@ -225,7 +228,7 @@ fn surface_steps(steps: &mut Steps, pixels: &Pixels) -> Result<()> {
 }
 
 /// Steps of a coarse volume whose voxels are the samples: bright, dark, unbounded and outside the cone.
-fn volume_steps(steps: &mut Steps, count: usize) -> Result<()> {
+fn volume_steps(steps: &mut ComparedSteps, count: usize) -> Result<()> {
     let mut random = Random::new(66);
     let mut voxel = |i: usize| -> [[f32; 4]; 2] {
         let [x, y, z] = [0, 1, 2].map(|_| random.uniform(-1.0, 1.0) as f32);
@@ -243,14 +246,14 @@ fn volume_steps(steps: &mut Steps, count: usize) -> Result<()> {
 }
 
 /// Lets the twins and the device run several iterations, each by itself, and compares what they leave.
-pub fn whole(case: &Case, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<Compared>> {
+pub fn whole(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<Compared>> {
     const ITERATIONS: usize = 6;
     let mut job = prepared(case, gpu, accumulation)?;
     let plan: Arc<Plan> = job.plan.clone();
     let level = plan.finest();
     let mut s = Schedule::default();
     let mut left = vec![buffer::TRACE];
-    if let Solver::Surface { points, .. } = case.solver {
+    if let CaseSolver::Surface { points, .. } = case.solver {
         let count = both(&case.grid, 61).len();
         perform(&mut job, &Schedule::of(|s| surface::start_of(s, &plan, level, count, points)))?;
         measure(&mut job, count)?;

@@ -13,14 +13,14 @@ use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Model, Reflectance};
 
 /// A job, and what was compared so far.
-pub struct Steps {
+pub struct ComparedSteps {
     pub job: OnDevice,
     pub compared: Vec<Compared>,
     /// The largest error of the case.
     pub allowed: f64,
 }
 
-impl Steps {
+impl ComparedSteps {
     /// Runs what `write` adds to a schedule, and compares every dispatch.
     pub fn run(&mut self, write: impl FnOnce(&mut Schedule, &Plan)) -> Result<()> {
         let plan = self.job.plan.clone();

@@ -9,7 +9,7 @@ use crate::transport::Grid;
 
 /// A value for each voxel of a grid, `[(x * n[1] + y) * n[2] + z]`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Volume {
+pub struct AlbedoVolume {
     /// What the method takes for the albedo; of any scale.
     pub albedo: Vec<f32>,
     /// The direction of the surface, not of unit length, from methods that find one. Others have it from the depths.
@@ -115,7 +115,12 @@ pub fn brightest(volume: &[f32], depths: usize) -> Vec<f32> {
 /// The brightest voxel of every column: its value is the albedo, and a parabola through it and its neighbours tells the
 /// depth. Normals that the volume does not have are those of the depths. `step` is the distance of scan points, metres.
 /// `fraction` is the share of the brightest albedo above which a pixel is surface, of all albedos; `None` without light.
-pub fn maps(grid: &Grid, volume: &Volume, step: f64, fraction: impl FnOnce(&[f32]) -> Option<f64>) -> Maps {
+pub fn maps(
+    grid: &Grid,
+    volume: &AlbedoVolume,
+    step: f64,
+    fraction: impl FnOnce(&[f32]) -> Option<f64>,
+) -> Maps {
     let [nx, ny, nz] = grid.n;
     let column = |values: &[f32]| -> (f32, f32, usize) {
         let (at, value) = values
@@ -288,7 +293,7 @@ mod tests {
             let off = (grid.origin.z + z as f64 * 0.05 - depth(column / ny, column % ny)) / 0.1;
             *v = (1.0 - off * off).max(0.0) as f32;
         }
-        let maps = maps(&grid, &Volume { albedo, normal: None }, 0.1, over_haze);
+        let maps = maps(&grid, &AlbedoVolume { albedo, normal: None }, 0.1, over_haze);
         maps.check().unwrap();
         for i in 0..nx * ny {
             assert!((f64::from(maps.depth[i]) - depth(i / ny, i % ny)).abs() < 1e-5);
@@ -296,8 +301,12 @@ mod tests {
             let found = maps.normal[i].map(f64::from);
             assert!((dvec3(found[0], found[1], found[2]) - wanted).length() < 1e-3, "{found:?}");
         }
-        let empty =
-            super::maps(&grid, &Volume { albedo: vec![0.0; grid.voxels()], normal: None }, 0.1, over_haze);
+        let empty = super::maps(
+            &grid,
+            &AlbedoVolume { albedo: vec![0.0; grid.voxels()], normal: None },
+            0.1,
+            over_haze,
+        );
         assert!(empty.depth.iter().all(|z| z.is_nan()) && !empty.mask.contains(&true));
         empty.check().unwrap();
     }

@@ -16,7 +16,7 @@ use crate::transport::Grid;
 pub const SNR: Ladder = Ladder { setting: "snr", values: &[0.8, 0.3, 0.1, 0.03, 0.01, 0.003] };
 
 /// Cells of v = (t/2)² and of u = z², which lie at the same places.
-pub(super) struct Cells {
+pub(super) struct ConeCells {
     /// Lower edge of the first cell, m².
     pub low: f64,
     /// Width of a cell, m².
@@ -27,15 +27,15 @@ pub(super) struct Cells {
     pub length: usize,
 }
 
-impl Cells {
-    pub fn of(capture: &Capture, scan: &RegularScan) -> Cells {
+impl ConeCells {
+    pub fn of(capture: &Capture, scan: &RegularScan) -> ConeCells {
         let [low, high] = [capture.t_start, capture.t_end()].map(|t| (0.5 * t.max(0.0)).powi(2));
         let count = capture.bins.max(2);
         let step = (high - low) / count as f64;
         let farthest = scan.size().map(|s| s * s).iter().sum::<f64>() / step;
         // Offsets along one axis that leave the cells are left out, so two axes reach twice the cells.
         let beyond = farthest.ceil().min(2.0 * count as f64) as usize;
-        Cells { low, step, count, length: 2 * fast_length((count + beyond).div_ceil(2)) }
+        ConeCells { low, step, count, length: 2 * fast_length((count + beyond).div_ceil(2)) }
     }
 
     /// Radians per square metre of frequency `k`.
@@ -211,7 +211,7 @@ pub(super) mod definition {
         weights: &[Weight<'_>],
         snr: f64,
     ) -> Vec<Vec<Vec<f64>>> {
-        let cells = Cells::of(capture, scan);
+        let cells = ConeCells::of(capture, scan);
         let [lx, ly] = scan.padded();
         let [nx, ny] = scan.n;
         let measured = measured(capture, scan, &cells, power);
@@ -246,7 +246,7 @@ pub(super) mod definition {
     }
 
     /// Counts per square metre of v, times v to the power, `[point * count + cell]`.
-    fn measured(capture: &Capture, scan: &RegularScan, cells: &Cells, power: f64) -> Vec<f64> {
+    fn measured(capture: &Capture, scan: &RegularScan, cells: &ConeCells, power: f64) -> Vec<f64> {
         let of = |i: usize| {
             let (point, k) = (i / cells.count, i % cells.count);
             let histogram = capture.histogram(scan.pair_of[point]);
@@ -261,7 +261,7 @@ pub(super) mod definition {
     /// The spectrum of a kernel at one frequency: a sum over all distances.
     fn kernel(
         scan: &RegularScan,
-        cells: &Cells,
+        cells: &ConeCells,
         omega: f64,
         across: &dyn Fn(f64, f64) -> f64,
         weight: Weight<'_>,
@@ -313,7 +313,7 @@ pub(super) mod definition {
         columns: &[Vec<f64>],
         factor: impl Fn(f64) -> f64,
     ) -> Vec<f64> {
-        let cells = Cells::of(capture, scan);
+        let cells = ConeCells::of(capture, scan);
         let of = |i: usize| {
             let z = grid.origin.z + (i % grid.n[2]) as f64 * grid.pitch.z - scan.z;
             let at = ((z * z - cells.low) / cells.step - 0.5).clamp(0.0, cells.count as f64 - 1.0);

@@ -44,7 +44,7 @@ pub use backproject::{
 };
 pub use dlct::{DlctOptions, DlctSettings};
 pub use fk::{FkOptions, FkSettings};
-pub use image::Volume;
+pub use image::AlbedoVolume;
 pub use lct::{LctOptions, LctSettings};
 pub use options::{Between, ImageOptions, ImageSettings};
 pub use phasor::{PhasorOptions, PhasorSettings};
@@ -79,7 +79,7 @@ pub trait HostMethod: Options + Clone + Send + Sync + 'static {
 
     /// The volume at the voxels of `grid`. Counts are without background. A sharpness that the options leave open is the
     /// first of the ladder.
-    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume;
+    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume;
 }
 
 /// The volume at the voxels of a grid.
@@ -201,7 +201,7 @@ fn in_one_step(
     [step, share]: [f64; 2],
     with_volume: bool,
     watch: &mut Watch<'_>,
-    compute: impl FnOnce() -> Result<(Volume, Option<Sharpness>)>,
+    compute: impl FnOnce() -> Result<(AlbedoVolume, Option<Sharpness>)>,
 ) -> Result<Reconstruction> {
     let mut point = first_point(plan, grid);
     let mut reported = |point: &TracePoint, maps| {

@@ -96,7 +96,7 @@ pub(crate) fn drive(
     watch: &mut Watch<'_>,
     before: Option<Driven>,
 ) -> Result<Driven> {
-    let mut run = Run::begin(gpu, device, steps, watch, before)?;
+    let mut run = RunningSolve::begin(gpu, device, steps, watch, before)?;
     run.iterations = iterations;
     // A point for every block at most.
     run.reader.trace.reserve(iterations.saturating_sub(run.first));
@@ -115,7 +115,7 @@ pub(crate) fn drive(
 }
 
 /// A solve that is running.
-struct Run<'r, 'w> {
+struct RunningSolve<'r, 'w> {
     gpu: &'r Gpu,
     device: &'r mut OnDevice,
     steps: Steps<'r>,
@@ -123,9 +123,9 @@ struct Run<'r, 'w> {
     iterations: usize,
     clock: Clock,
     reader: Reader,
-    flights: VecDeque<Flight>,
+    flights: VecDeque<SubmittedBlock>,
     /// Blocks that are done and not yet reported, with the seconds of host and device by then.
-    back: Vec<(Flight, [f64; 2])>,
+    back: Vec<(SubmittedBlock, [f64; 2])>,
     /// The first iteration of the next block ([`Lists::block`]).
     block_from: usize,
     /// The first iteration of this run, and its level.
@@ -144,25 +144,25 @@ struct Run<'r, 'w> {
 }
 
 /// A submitted block: its iterations, and the level that all of them run at.
-struct Flight {
+struct SubmittedBlock {
     ticket: Ticket,
     rows: Range<usize>,
     level: Level,
 }
 
-impl<'r, 'w> Run<'r, 'w> {
+impl<'r, 'w> RunningSolve<'r, 'w> {
     fn begin(
         gpu: &'r Gpu,
         device: &'r mut OnDevice,
         steps: Steps<'r>,
         watch: &'r mut Watch<'w>,
         before: Option<Driven>,
-    ) -> Result<Run<'r, 'w>> {
+    ) -> Result<RunningSolve<'r, 'w>> {
         let first_level = steps.levels[0];
         // A run that failed may have left something.
         device.lists.block.clear();
         device.lists.change.clear();
-        let mut run = Run {
+        let mut run = RunningSolve {
             clock: Clock::start(device.executor.gpu_seconds()),
             gpu,
             device,
@@ -242,7 +242,7 @@ impl<'r, 'w> Run<'r, 'w> {
     fn submit(&mut self, done: usize) -> Result<bool> {
         let ticket = self.device.lists.submit(&mut self.device.executor)?;
         self.reached = self.steps.levels[self.level_before];
-        self.flights.push_back(Flight { ticket, rows: self.block_from..done, level: self.reached });
+        self.flights.push_back(SubmittedBlock { ticket, rows: self.block_from..done, level: self.reached });
         self.block_from = done;
         let measured = self.is_measured(done);
         let behind = if measured || done == self.iterations { 0 } else { IN_FLIGHT };
@@ -271,7 +271,7 @@ impl<'r, 'w> Run<'r, 'w> {
 
     /// Reads the trace of a finished block and tells the watch, with the maps if they are asked for after its last
     /// iteration. Returns whether the run is late.
-    fn hear(&mut self, flight: Flight, seconds: [f64; 2], measured: Option<usize>) -> Result<bool> {
+    fn hear(&mut self, flight: SubmittedBlock, seconds: [f64; 2], measured: Option<usize>) -> Result<bool> {
         let point = self.read(&flight, seconds)?;
         self.active = point.active;
         let maps = match measured {
@@ -293,7 +293,7 @@ impl<'r, 'w> Run<'r, 'w> {
         Ok(at_end && self.steps.until.is_some_and(|until| Instant::now() >= until))
     }
 
-    fn read(&mut self, flight: &Flight, seconds: [f64; 2]) -> Result<TracePoint> {
+    fn read(&mut self, flight: &SubmittedBlock, seconds: [f64; 2]) -> Result<TracePoint> {
         let l1_weight = (self.steps.l1_weight)(&flight.level);
         let passes = &self.steps.passes;
         // Blocks in flight write other rows.

@@ -1,7 +1,7 @@
 //! How the work is divided. No dispatch of a pass over pairs has more work than a device may get at once
 //! ([`crate::gpu::Limits::work`]), or more turns than a loop may have.
 
-use super::{Accumulation, Demand, Domain, Level, Levels, Plan, Tuning};
+use super::{Accumulation, Demand, DomainCapacity, Level, Levels, Plan, Tuning};
 use crate::advice::advice;
 use crate::gpu::{Abilities, Accumulations, DeviceKind};
 use crate::transport::kernels::PAIR_CHUNK;
@@ -16,7 +16,7 @@ const VOXELS_PER_BIN: usize = 16_384;
 
 /// How the work of a plan is divided: over invocations, over dispatches, and over parts.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Division {
+pub struct WorkDivision {
     /// How rendered values are added up; never `Auto`.
     pub accumulation: Accumulation,
     /// Voxels are summed in runs before they are added to a bin: more of them go into one bin than an fp32 sum bears.
@@ -33,7 +33,7 @@ pub struct Division {
     pub cut: Option<usize>,
 }
 
-impl Division {
+impl WorkDivision {
     /// All pairs at once on one device, as it adds and as large as it may.
     ///
     /// # Errors
@@ -41,10 +41,10 @@ impl Division {
     pub(super) fn of(
         model: &Model,
         levels: &Levels,
-        domain: &Domain,
+        domain: &DomainCapacity,
         demand: &Demand,
         device: &Abilities,
-    ) -> Result<Division> {
+    ) -> Result<WorkDivision> {
         let accumulation = choose(demand.accumulation, device.kind, device.accumulations)?;
         let scanned = match levels.batches.first() {
             Some(batch) => batch.rendered.scanned,
@@ -57,7 +57,7 @@ impl Division {
         let crowded = |l: &Level| domain.capacity.min(l.grid.storage()) / model.bins > VOXELS_PER_BIN;
         let runs = !accumulation.is_fixed() && tuning.window == 0 && levels.volume.iter().any(crowded);
         let (work, tiles) = (device.limits.work, device.limits.groups[0]);
-        Ok(Division { accumulation, runs, tuning, work, tiles, texels, cut: None })
+        Ok(WorkDivision { accumulation, runs, tuning, work, tiles, texels, cut: None })
     }
 }
 

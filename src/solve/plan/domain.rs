@@ -4,7 +4,7 @@ use super::{Demand, Level, Needs};
 
 /// Room for active voxels or points.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Domain {
+pub struct DomainCapacity {
     /// Voxels or points that may be active at once.
     pub capacity: usize,
     /// Voxels that may be touched at once: active ones and, where they have state, their neighbours.
@@ -13,12 +13,12 @@ pub struct Domain {
     pub taps: Vec<f64>,
 }
 
-impl Domain {
+impl DomainCapacity {
     /// The domain of a volume with these levels.
-    pub(super) fn of(levels: &[Level], needs: &dyn Needs, demand: &Demand) -> Domain {
+    pub(super) fn of(levels: &[Level], needs: &dyn Needs, demand: &Demand) -> DomainCapacity {
         let [capacity, touched_capacity] = needs.capacities(levels);
         let taps = demand.smooth.map_or(vec![], |[sigma, cut]| gaussian_weights(sigma, cut));
-        Domain { capacity, touched_capacity, taps }
+        DomainCapacity { capacity, touched_capacity, taps }
     }
 }
 

@@ -5,7 +5,7 @@ use crate::transport::Grid;
 
 /// Pairs of wall points as passes over pairs see them.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Pairs {
+pub struct LevelPairs {
     /// How many.
     pub count: usize,
     /// Their scanned points.
@@ -34,7 +34,7 @@ pub struct Level {
     /// Buffer that holds its constants.
     pub scene: Buffer,
     /// The pairs that light is rendered for: its own, or those that cover their spots.
-    pub rendered: Pairs,
+    pub rendered: LevelPairs,
     /// Buffer that says which bricks can reach a bin.
     pub reachable: Buffer,
 }

@@ -1,6 +1,6 @@
 //! The levels of a solve: from a coarse grid to the finest.
 
-use super::{Demand, Level, Pairs, Spots, spots};
+use super::{Demand, Level, LevelPairs, Spots, spots};
 use crate::gpu::Buffer;
 use crate::transport::kernels::buffer;
 use crate::transport::{BRICK_VOXELS, Geometry, Grid, Model};
@@ -124,8 +124,8 @@ fn held_out(model: &Model, level: Option<&Level>) -> Option<Level> {
 }
 
 /// The first `pairs` of a model, with these buffers.
-fn own_pairs(model: &Model, pairs: usize, wall: Buffer, scene: Buffer) -> Pairs {
+fn own_pairs(model: &Model, pairs: usize, wall: Buffer, scene: Buffer) -> LevelPairs {
     let [scanned, others] =
         model.wall.geometry.counts(pairs, model.wall.scanned.len(), model.wall.others.len());
-    Pairs { count: pairs, scanned, others, wall, scene }
+    LevelPairs { count: pairs, scanned, others, wall, scene }
 }

@@ -28,15 +28,15 @@ mod tuning;
 
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, UPLOAD};
 pub use demand::Demand;
-pub use divide::Division;
-pub use domain::{Domain, gaussian_weights};
+pub use divide::WorkDivision;
+pub use domain::{DomainCapacity, gaussian_weights};
 pub use left_out::{LeftOut, mebibytes};
-pub use level::{Level, Pairs};
+pub use level::{Level, LevelPairs};
 pub use levels::{AMPLE, Levels};
 pub use needs::Needs;
 pub use parts::PairPart;
 pub use pass::{Fault, Pass, Voxels};
-pub use scene::Scene;
+pub use scene::ModelSizes;
 pub use spots::{BETWEEN, SEEN, Spots};
 pub use tuning::{Accumulation, Sizes, Tuning};
 
@@ -46,13 +46,13 @@ pub struct Plan {
     /// What the solver asks for.
     pub demand: Demand,
     /// What the plan has of the model.
-    pub scene: Scene,
+    pub scene: ModelSizes,
     /// Grids with their pairs, from coarse to fine.
     pub levels: Levels,
     /// Room for active voxels.
-    pub domain: Domain,
+    pub domain: DomainCapacity,
     /// How the work is divided.
-    pub division: Division,
+    pub division: WorkDivision,
     /// Values of the constants that passes share.
     pub constants: BTreeMap<Constant, u32>,
     /// The solver's own uniform blocks, with their content.
@@ -90,10 +90,10 @@ impl Plan {
         let demand = needs.demand();
         check_sizes(model, &grid)?;
         let levels = Levels::of(model, grid, scan, &demand);
-        let domain = Domain::of(&levels.volume, needs, &demand);
+        let domain = DomainCapacity::of(&levels.volume, needs, &demand);
         let mut plan = Plan {
-            scene: Scene::of(model, &grid, device.kind),
-            division: Division::of(model, &levels, &domain, &demand, device)?,
+            scene: ModelSizes::of(model, &grid, device.kind),
+            division: WorkDivision::of(model, &levels, &domain, &demand, device)?,
             demand,
             levels,
             domain,
@@ -140,14 +140,14 @@ impl Plan {
     }
 
     /// The measured pairs of a level.
-    pub fn measured(&self, level: &Level) -> Pairs {
+    pub fn measured(&self, level: &Level) -> LevelPairs {
         let count = level.pairs;
         let [scanned, others] = self.scene.geometry.counts(count, self.scene.scanned, self.scene.others);
-        Pairs { count, scanned, others, wall: level.wall, scene: level.scene }
+        LevelPairs { count, scanned, others, wall: level.wall, scene: level.scene }
     }
 
     /// The constants of a level for some pairs; `whole` are those of the model.
-    pub(in crate::solve) fn scene_of(&self, pairs: &Pairs, whole: SceneData) -> SceneData {
+    pub(in crate::solve) fn scene_of(&self, pairs: &LevelPairs, whole: SceneData) -> SceneData {
         let [capacity, touched_capacity] =
             [self.domain.capacity, self.domain.touched_capacity].map(|v| v as u32);
         let [count, scanned, others] = [pairs.count, pairs.scanned, pairs.others].map(|v| v as u32);

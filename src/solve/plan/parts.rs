@@ -4,7 +4,7 @@
 //! What a part is computed from lies in one of two slots on the device. The next part is copied into the other slot while
 //! this one is computed.
 
-use super::{Level, Needs, Pairs, Plan};
+use super::{Level, LevelPairs, Needs, Plan};
 use crate::advice::advice;
 use crate::gpu::{Buffer, Memory, check};
 use crate::transport::kernels::{PADDING, buffer, constant};
@@ -42,9 +42,9 @@ pub struct PairPart {
     /// Its first pair.
     pub first: usize,
     /// Its measured pairs.
-    pub own: Pairs,
+    pub own: LevelPairs,
     /// The pairs that light is rendered for.
-    pub rendered: Pairs,
+    pub rendered: LevelPairs,
     /// Buffer that holds its measured histograms.
     pub measured: Buffer,
     /// Buffer that holds the state of its noise term.
@@ -112,7 +112,7 @@ impl Plan {
             let slot = (number % 2) as u16;
             let [scanned, others] = self.scene.points_of(*count);
             let scene = PART_SCENE.at(2 * at + u16::from(*count < held));
-            let own = Pairs { count: *count, scanned, others, wall: PART_WALL.at(slot), scene };
+            let own = LevelPairs { count: *count, scanned, others, wall: PART_WALL.at(slot), scene };
             let histograms = (*count * self.scene.bins * 4) as u64;
             let wall = (scanned + others) as u64 * self.scene.bytes_of_point();
             let one = |host, offset, device: Buffer, bytes, changes| Stored {

@@ -8,7 +8,7 @@ use std::fmt;
 
 use super::Plan;
 use crate::advice::AdvicePart;
-use crate::gpu::{Buffer, Constant, Kernel, KernelCode, Wanted};
+use crate::gpu::{Buffer, Constant, Kernel, KernelCode, KernelRequest};
 
 /// A pass, declared as one row.
 pub struct Pass {
@@ -95,8 +95,8 @@ impl Pass {
     }
 
     /// Its kernel as an executor makes it.
-    pub fn wanted(&self, plan: &Plan) -> Wanted<'static> {
-        Wanted { kernel: self.kernel, code: (self.code)(plan), constants: self.values(plan) }
+    pub fn wanted(&self, plan: &Plan) -> KernelRequest<'static> {
+        KernelRequest { kernel: self.kernel, code: (self.code)(plan), constants: self.values(plan) }
     }
 
     /// Blocks that it reads.

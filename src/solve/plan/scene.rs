@@ -5,7 +5,7 @@ use crate::transport::{Geometry, Grid, Model, Reflectance};
 
 /// What a plan has of the model.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Scene {
+pub struct ModelSizes {
     /// Pairs of the model.
     pub pairs: usize,
     /// Pairs of the capture that it leaves out.
@@ -38,10 +38,10 @@ pub struct Scene {
     pub high_pass: bool,
 }
 
-impl Scene {
+impl ModelSizes {
     /// What `model` on `grid` is on a device of this kind.
-    pub(super) fn of(model: &Model, grid: &Grid, device: DeviceKind) -> Scene {
-        Scene {
+    pub(super) fn of(model: &Model, grid: &Grid, device: DeviceKind) -> ModelSizes {
+        ModelSizes {
             pairs: model.pairs(),
             unused: model.unused,
             scanned: model.wall.scanned.len(),

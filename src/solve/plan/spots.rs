@@ -1,6 +1,6 @@
 //! The pairs that light is rendered for where laser and sensor see more than points.
 
-use super::{Level, Pairs, Plan};
+use super::{Level, LevelPairs, Plan};
 use crate::gpu::Buffer;
 use crate::transport::kernels::buffer;
 use crate::transport::{Model, Rendered, SpotTaps};
@@ -42,7 +42,7 @@ pub(super) fn cover(model: &Model, levels: &mut [Level]) -> Option<Spots> {
     let wall = &rendered.wall;
     let [count, scanned, others] = [wall.pairs(), wall.scanned.len(), wall.others.len()];
     for (i, level) in (0..).zip(levels) {
-        level.rendered = Pairs { count, scanned, others, wall: WALL, scene: SCENE.at(i) };
+        level.rendered = LevelPairs { count, scanned, others, wall: WALL, scene: SCENE.at(i) };
     }
     Some(Spots { back: rendered.back(), rendered })
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::held_out::HeldOut;
 use super::model::{outline_of, take};
 use super::needs::{HEIGHTS_KEPT, OF_VOXEL, VOLUME_HOST};
-use super::schedule::{Turn, bonds, divide, extract, keep, render, start, turn};
+use super::schedule::{FitIteration, bonds, divide, extract, keep, render, start, turn};
 use super::weights::{Placed, weights};
 use super::{Pixels, SurfaceOptions, needs, passes};
 use crate::Result;
@@ -437,7 +437,7 @@ fn steps(
         }),
         iteration: Box::new(move |s, plan, _, i| {
             let done = i - begin;
-            let one = Turn { iteration: i, at: at + done, since_rest: since_rest + done };
+            let one = FitIteration { iteration: i, at: at + done, since_rest: since_rest + done };
             turn(s, plan, &level, count, one, all);
         }),
         due: Box::new(move |s, _, _, done| {

@@ -70,7 +70,7 @@ const CHANGED: [f64; 2] = [1.4, 0.93];
 const RISES: f64 = 1.15;
 
 /// What a frame leaves for the next.
-pub(super) struct Last {
+pub(super) struct PreviousFrame {
     /// The layers of its surface.
     pub layers: Vec<Maps>,
     /// Share of the light that the surface leaves.
@@ -83,7 +83,7 @@ pub(super) struct Last {
 
 /// How a frame differs from the one before.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Change {
+pub(super) enum FrameChange {
     /// By its noise.
     None,
     /// Objects move, appear or vanish.
@@ -94,15 +94,15 @@ pub(super) enum Change {
 
 impl Follow {
     /// How a frame differs from the one before, whose surface leaves the share `left` of its light.
-    pub(super) fn change(&self, last: &Last, left: f64) -> Change {
+    pub(super) fn change(&self, last: &PreviousFrame, left: f64) -> FrameChange {
         let [more, less] = CHANGED;
         let explained = (1.0 - left) / (1.0 - last.left).max(f64::MIN_POSITIVE);
         if explained <= 1.0 - self.cut_above {
-            Change::Cut
+            FrameChange::Cut
         } else if !last.is_whole || left > more * last.left || explained < less {
-            Change::Some
+            FrameChange::Some
         } else {
-            Change::None
+            FrameChange::None
         }
     }
 }

@@ -46,7 +46,7 @@ mod weights;
 
 pub(crate) use fit::{Fit, Judge, Quality, Run};
 pub use follow::Follow;
-use follow::{Change, Last};
+use follow::{FrameChange, PreviousFrame};
 pub use held_out::{HeldOut, Left};
 pub use needs::{OfFit, SMALL_PIXEL, pixels, points_of};
 pub use options::{Begin, LEAST_FLOOR, SurfaceOptions, SurfaceSettings};
@@ -221,7 +221,7 @@ struct PreparedSurface {
     /// If frames follow each other.
     follow: Option<Follow>,
     /// The frame before.
-    last: Option<Last>,
+    last: Option<PreviousFrame>,
 }
 
 impl PreparedSurface {
@@ -251,7 +251,7 @@ impl PreparedSurface {
         captures: [&Capture; 2],
         until: Option<Instant>,
         watch: &mut Watch<'_>,
-    ) -> Result<Done> {
+    ) -> Result<FitResult> {
         let (begun, seconds) = match self.begun.clone() {
             Some(begun) => (begun, 0.0),
             None => {
@@ -270,22 +270,22 @@ impl PreparedSurface {
     fn warm(
         &mut self,
         follow: Follow,
-        last: Last,
+        last: PreviousFrame,
         [wide, capture]: [&Capture; 2],
         until: Option<Instant>,
         watch: &mut Watch<'_>,
-    ) -> Result<Option<Done>> {
+    ) -> Result<Option<FitResult>> {
         let level = *self.fine.plan().finest();
         self.fine.step = 1.0;
         let mut driven = taken(&mut self.fine, capture, Driven::begun(last.layers[0].clone(), level))?;
         let Some((scale, seen)) = self.fine.seen(&last.layers)? else { return Ok(None) };
         let change = follow.change(&last, seen.left_share());
-        if change == Change::Cut {
+        if change == FrameChange::Cut {
             return Ok(None);
         }
-        let Last { layers, left, mut closed, is_whole } = last;
+        let PreviousFrame { layers, left, mut closed, is_whole } = last;
         let mut layers = follow::scaled(layers, scale);
-        if change == Change::Some {
+        if change == FrameChange::Some {
             let (found, seconds) = self.start(wide, watch)?;
             driven.seconds += seconds;
             if closed.is_some() {
@@ -300,13 +300,13 @@ impl PreparedSurface {
             }
         }
         let mut wanted = follow.wanted(&self.options);
-        let [rounds, each] = if change == Change::Some { follow::ROUNDS } else { [0; 2] };
+        let [rounds, each] = if change == FrameChange::Some { follow::ROUNDS } else { [0; 2] };
         if rounds > 0 {
             wanted = follow::after_rounds(wanted, self.coarse.is_some());
         }
         let fits = Fits { options: &self.options, of: rounds * each + wanted, blends: self.blends, until };
         let plan = [rounds, each, wanted];
-        let last = Last { layers, left, closed, is_whole };
+        let last = PreviousFrame { layers, left, closed, is_whole };
         fits.warm(&mut self.fine, last, seen, plan, watch, driven).map(Some)
     }
 }
@@ -365,12 +365,12 @@ struct Fits<'o> {
 }
 
 /// What the fits leave.
-struct Done {
+struct FitResult {
     driven: Driven,
     /// Seconds before the rounds of the support, and before the last fit.
     begun: [f64; 2],
     /// What the next frame may begin with.
-    last: Last,
+    last: PreviousFrame,
 }
 
 impl Fits<'_> {
@@ -383,7 +383,7 @@ impl Fits<'_> {
         Begun { mut layers, closed, mut step }: Begun,
         watch: &mut Watch<'_>,
         mut driven: Driven,
-    ) -> Result<Done> {
+    ) -> Result<FitResult> {
         let factor = self.options.factor();
         let mut grows = self.options.grow;
         let begin = driven.seconds;
@@ -441,7 +441,11 @@ impl Fits<'_> {
         let closed = is_closed.then_some(closed);
         driven.maps = self.shown(&layers, closed.as_deref(), quality);
         let left = quality.map_or(1.0, |q| q.left_share());
-        Ok(Done { driven, begun, last: Last { layers, left, closed, is_whole: !self.is_late() } })
+        Ok(FitResult {
+            driven,
+            begun,
+            last: PreviousFrame { layers, left, closed, is_whole: !self.is_late() },
+        })
     }
 
     /// The maps of fitted layers. `closed`: the layers of the closed form, if their support is that of the surface.
@@ -460,12 +464,12 @@ impl Fits<'_> {
     fn warm(
         &self,
         fine: &mut Fit,
-        Last { mut layers, left: reference, closed, .. }: Last,
+        PreviousFrame { mut layers, left: reference, closed, .. }: PreviousFrame,
         seen: Quality,
         [rounds, each, iterations]: [usize; 3],
         watch: &mut Watch<'_>,
         mut driven: Driven,
-    ) -> Result<Done> {
+    ) -> Result<FitResult> {
         let (mut quality, mut is_done) = (Some(seen), false);
         let mut begun = [driven.seconds; 2];
         // Steps are short where nothing changes.
@@ -492,7 +496,11 @@ impl Fits<'_> {
         }
         driven.maps = self.shown(&layers, closed.as_deref(), quality);
         let left = follow::reference(quality.map_or(1.0, |q| q.left_share()), reference);
-        Ok(Done { driven, begun, last: Last { layers, left, closed, is_whole: !self.is_late() } })
+        Ok(FitResult {
+            driven,
+            begun,
+            last: PreviousFrame { layers, left, closed, is_whole: !self.is_late() },
+        })
     }
 
     /// A fit of `iterations` iterations, skipping the start of its schedule.

@@ -73,12 +73,12 @@ fn rendered(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, resid
 /// combine, pull while gradients are spread, step, for the next batch of pairs if there are batches.
 pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, times: [usize; 3]) {
     let [iteration, at, all] = times;
-    turn(s, plan, level, count, Turn { iteration, at, since_rest: at }, all);
+    turn(s, plan, level, count, FitIteration { iteration, at, since_rest: at }, all);
 }
 
 /// An iteration of a fit.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Turn {
+pub(super) struct FitIteration {
     /// Its number in the whole solve, from 0.
     pub iteration: usize,
     /// Its place in the schedule of the fit, which sets the length of steps.
@@ -93,7 +93,7 @@ pub(super) fn turn(
     plan: &Plan,
     level: &Level,
     count: usize,
-    Turn { iteration: i, at, since_rest }: Turn,
+    FitIteration { iteration: i, at, since_rest }: FitIteration,
     all: usize,
 ) {
     let scene = level.scene;

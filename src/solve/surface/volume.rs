@@ -63,7 +63,7 @@ struct Voxel {
 }
 
 /// The domain of a solve.
-struct Domain {
+struct VoxelDomain {
     voxels: Vec<Voxel>,
     /// Voxels along x, y, z, the centre of the first, and their size, metres.
     n: [usize; 3],
@@ -83,7 +83,7 @@ pub(crate) fn start(fit: &mut Fit, light: &VolumeMap) -> Result<Option<Vec<Maps>
     let [noise, energy] = job.light();
     let level = plan.batch(0).copied().filter(|_| noise <= NOISY * energy).unwrap_or(pixels);
     let most = MOST.min(plan.domain.capacity);
-    let mut domain = Domain::of(light, &pixels, most, plan.scene.bin_width);
+    let mut domain = VoxelDomain::of(light, &pixels, most, plan.scene.bin_width);
     if domain.voxels.is_empty() {
         return Ok(None);
     }
@@ -119,15 +119,15 @@ pub(crate) fn start(fit: &mut Fit, light: &VolumeMap) -> Result<Option<Vec<Maps>
 }
 
 /// D and lambda of every voxel: from the rendering of all voxels at unit albedo, and from a draw of the photon noise.
-fn bounds(job: &mut OnDevice, level: &Level, domain: &mut Domain) -> Result<()> {
-    let set = |domain: &mut Domain, albedo: f64| {
+fn bounds(job: &mut OnDevice, level: &Level, domain: &mut VoxelDomain) -> Result<()> {
+    let set = |domain: &mut VoxelDomain, albedo: f64| {
         domain.voxels.iter_mut().for_each(|v| v.vector = -albedo * DVec3::Z);
     };
     let plan = job.plan.clone();
     let has_normals = plan.scene.reflectance.has_normals();
     // Along -z.
     let along = |g: &[f32; 4]| f64::from(if has_normals { -g[2] } else { g[0] });
-    let gathered = |job: &mut OnDevice, domain: &Domain, pass: &Pass| -> Result<Vec<f64>> {
+    let gathered = |job: &mut OnDevice, domain: &VoxelDomain, pass: &Pass| -> Result<Vec<f64>> {
         domain.put(job, level)?;
         let count = domain.voxels.len();
         job.executor.run_once(|s| {
@@ -201,9 +201,9 @@ pub fn iteration(
         .with(Push { iteration: row as u32, ..Default::default() });
 }
 
-impl Domain {
+impl VoxelDomain {
     /// The brightest voxels of a closed form's volume on the pixels of a fit whose bins have this width.
-    fn of(light: &VolumeMap, pixels: &Level, most: usize, bin_width: f64) -> Domain {
+    fn of(light: &VolumeMap, pixels: &Level, most: usize, bin_width: f64) -> VoxelDomain {
         let (grid, from) = (&pixels.grid, &light.grid);
         let wide = (grid.n[0] / COLUMNS).max(1);
         let deep = (0.5 * bin_width / from.pitch.z).round().max(1.0) as usize;
@@ -238,7 +238,7 @@ impl Domain {
             bound: 0.0,
             weight: 0.0,
         };
-        Domain { voxels: cells.into_iter().map(voxel).collect(), n, origin, pitch }
+        VoxelDomain { voxels: cells.into_iter().map(voxel).collect(), n, origin, pitch }
     }
 
     /// Uploads the domain, and sizes the passes over `level`.

@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3, dvec2};
 
 use super::SpotTaps;
 use super::each::around_each;
-use super::side::{Relay, Side};
+use super::side::{Relay, WallSide};
 use crate::capture::lattice::Lattice;
 
 /// A spot is cut off at this many standard deviations along x and y.
@@ -29,7 +29,7 @@ pub(super) struct Covered {
     pub stages: Vec<SpotTaps>,
 }
 
-impl Side {
+impl WallSide {
     /// Points that cover a spot of `sigma` metres around every point.
     pub fn covered(self, sigma: f64, coarsest: f64) -> Covered {
         if sigma == 0.0 {
@@ -48,7 +48,8 @@ impl Side {
     /// A lattice through the scan's own points, summed along x, then along y.
     fn on_lattice(&self, own: &Lattice, sigma: f64, coarsest: f64) -> Option<(Vec<DVec2>, Vec<SpotTaps>)> {
         let places = own.full()?;
-        let axes = [0, 1].map(|a| Axis::of(own.range[a], own.spacing[a], own.counts[a], sigma, coarsest));
+        let axes =
+            [0, 1].map(|a| LatticeAxis::of(own.range[a], own.spacing[a], own.counts[a], sigma, coarsest));
         let regular = |(p, at): (&DVec3, &[usize; 2])| {
             (0..2).all(|a| {
                 let off = (p[a] - axes[a].measured[at[a]]).abs();
@@ -80,7 +81,7 @@ impl Side {
     ) -> Option<(Vec<DVec2>, Vec<SpotTaps>)> {
         let apart = own.spacing.into_iter().flatten().fold(coarsest, f64::max);
         let step = sigma.min(apart.max(sigma / FINEST));
-        let axes = own.range.map(|range| Axis::covering(range, step, sigma));
+        let axes = own.range.map(|range| LatticeAxis::covering(range, step, sigma));
         let [wide, deep] = [0, 1].map(|a: usize| axes[a].len());
         if wide.saturating_mul(deep) > 4 * MOST * self.points.len() {
             return None;
@@ -107,24 +108,30 @@ impl Side {
 }
 
 /// One axis of a lattice: coordinates in metres.
-struct Axis {
+struct LatticeAxis {
     measured: Vec<f64>,
     rendered: Vec<f64>,
 }
 
-impl Axis {
+impl LatticeAxis {
     /// `count` measured places a `spacing` apart, and rendered ones at every or every Nth of them and beyond both ends.
-    fn of([low, high]: [f64; 2], spacing: Option<f64>, count: usize, sigma: f64, coarsest: f64) -> Axis {
+    fn of(
+        [low, high]: [f64; 2],
+        spacing: Option<f64>,
+        count: usize,
+        sigma: f64,
+        coarsest: f64,
+    ) -> LatticeAxis {
         let Some(spacing) = spacing else {
-            let rendered = Axis::covering([low, high], sigma, sigma);
-            return Axis { measured: vec![low], rendered };
+            let rendered = LatticeAxis::covering([low, high], sigma, sigma);
+            return LatticeAxis { measured: vec![low], rendered };
         };
         let every = (sigma.min(coarsest.max(sigma / FINEST)) / spacing + 1e-6).floor().max(1.0);
         let step = every * spacing;
         let beyond = (REACH * sigma / step).floor().max(1.0);
         let first = low - beyond * step;
         let places = ((high + (REACH * sigma).max(step) - first) / step + 1e-6).floor() as usize + 1;
-        Axis {
+        LatticeAxis {
             measured: (0..count).map(|i| low + i as f64 * spacing).collect(),
             rendered: (0..places).map(|i| first + i as f64 * step).collect(),
         }

@@ -6,31 +6,31 @@ use crate::capture::nearest::Tree;
 use crate::transport::Wall;
 
 /// Points of one side of a wall's pairs.
-pub(super) struct Side {
+pub(super) struct WallSide {
     pub points: Vec<DVec3>,
     pub normals: Option<Vec<DVec3>>,
 }
 
 /// The scanned points of a wall, and the others.
-pub(super) fn sides(wall: &Wall) -> (Side, Side) {
+pub(super) fn sides(wall: &Wall) -> (WallSide, WallSide) {
     let count = wall.scanned.len();
     let normals = |range: std::ops::Range<usize>| wall.normals.as_ref().map(|n| n[range].to_vec());
     let all = count + wall.others.len();
     (
-        Side { points: wall.scanned.clone(), normals: normals(0..count) },
-        Side { points: wall.others.clone(), normals: normals(count..all) },
+        WallSide { points: wall.scanned.clone(), normals: normals(0..count) },
+        WallSide { points: wall.others.clone(), normals: normals(count..all) },
     )
 }
 
 /// The wall between and beyond the points of a side.
 pub(super) struct Relay<'a> {
-    side: &'a Side,
+    side: &'a WallSide,
     /// `None` if all points have one height and no normals: the wall is flat.
     tree: Option<Tree<'a>>,
 }
 
 impl Relay<'_> {
-    pub fn of(side: &Side) -> Relay<'_> {
+    pub fn of(side: &WallSide) -> Relay<'_> {
         let flat = side.normals.is_none() && side.points.iter().all(|p| p.z == side.points[0].z);
         Relay { side, tree: (!flat).then(|| Tree::new(&side.points)) }
     }

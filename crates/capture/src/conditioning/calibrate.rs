@@ -115,7 +115,7 @@ fn check_peaks(capture: &Capture, seen: &[Peak]) -> Result<()> {
 ///
 /// # Errors
 /// The residual hardly depends on the shift.
-fn error_of(found: &Fit, beside: [f64; 2], peaks: usize, width: f64) -> Result<f64> {
+fn error_of(found: &TargetFit, beside: [f64; 2], peaks: usize, width: f64) -> Result<f64> {
     // The squared residual is a parabola over the shift. The standard error is where it has grown by residual² / peaks.
     let beside = 0.5 * (beside[0].powi(2) + beside[1].powi(2));
     let growth = (beside - found.residual.powi(2)) / (2.0 * width).powi(2);
@@ -225,7 +225,7 @@ struct Peak {
     together: f64,
 }
 
-struct Fit {
+struct TargetFit {
     residual: f64,
     /// Residual of each path, metres.
     left: Vec<f64>,
@@ -233,7 +233,7 @@ struct Fit {
 }
 
 /// Fits a point p to paths shifted by `shift`. The wall is taken as flat. Unknowns: |p|², p.x and p.y.
-fn fit(seen: &[Peak], shift: f64) -> Option<Fit> {
+fn fit(seen: &[Peak], shift: f64) -> Option<TargetFit> {
     let centre = seen.iter().map(|s| s.wall).sum::<DVec3>() / seen.len().max(1) as f64;
     let half = |t: f64| 0.5 * (t + shift);
     let (mut normal, mut right) = (glam::DMat3::ZERO, DVec3::ZERO);
@@ -260,5 +260,5 @@ fn fit(seen: &[Peak], shift: f64) -> Option<Fit> {
     let residual = (sum / counts).sqrt();
     let aside = DVec3::new(-0.5 * found.y, -0.5 * found.z, 0.0);
     let depth = (found.x - aside.length_squared()).max(0.0).sqrt();
-    Some(Fit { residual, left, target: centre + aside + DVec3::Z * depth })
+    Some(TargetFit { residual, left, target: centre + aside + DVec3::Z * depth })
 }

@@ -22,7 +22,7 @@ const DEAD_BELOW_BINS: f64 = 8.0;
 const AROUND: usize = 8;
 
 /// Pairs of a capture in a new order, and the shape of the scan that they make.
-pub(crate) struct Order {
+pub(crate) struct PairOrder {
     pub pairs: Vec<usize>,
     pub scan: [usize; 2],
 }
@@ -39,7 +39,7 @@ impl Capture {
     }
 
     /// The pairs that [`Capture::stride`] keeps; `None` for all.
-    pub(crate) fn stride_order(&self, n: usize) -> Result<Option<Order>> {
+    pub(crate) fn stride_order(&self, n: usize) -> Result<Option<PairOrder>> {
         if n == 0 {
             return Err(Error::options("a stride of 0 keeps no scan point", "use 1 to keep every point"));
         }
@@ -60,10 +60,10 @@ impl Capture {
         }
         let pairs =
             (0..nx).step_by(n).flat_map(|ix| (0..ny).step_by(n).map(move |iy| ix * ny + iy)).collect();
-        Ok(Some(Order { pairs, scan: [nx.div_ceil(n), ny.div_ceil(n)] }))
+        Ok(Some(PairOrder { pairs, scan: [nx.div_ceil(n), ny.div_ceil(n)] }))
     }
 
-    fn stride_exhaustive(&self, n: usize) -> Option<Order> {
+    fn stride_exhaustive(&self, n: usize) -> Option<PairOrder> {
         let product = self.product()?;
         let thin = |points: &[DVec3]| -> Vec<usize> {
             match Lattice::of(points).full() {
@@ -81,7 +81,7 @@ impl Capture {
         };
         let (lasers, sensors) =
             if product.laser_scanned { (scanned.len(), other.len()) } else { (other.len(), scanned.len()) };
-        Some(Order { pairs, scan: [lasers, sensors] })
+        Some(PairOrder { pairs, scan: [lasers, sensors] })
     }
 
     /// Keeps `count` pairs in their order, drawn at random by `seed`. The scan becomes a list.
@@ -94,7 +94,7 @@ impl Capture {
     }
 
     /// The pairs that [`Capture::subset`] keeps; `None` for all.
-    pub(crate) fn subset_order(&self, count: usize, seed: u64) -> Result<Option<Order>> {
+    pub(crate) fn subset_order(&self, count: usize, seed: u64) -> Result<Option<PairOrder>> {
         let pairs = self.pair_count();
         if count == 0 || count > pairs {
             return Err(Error::options(
@@ -107,7 +107,7 @@ impl Capture {
         }
         let mut kept = index::sample(&mut Pcg64::seed_from_u64(seed), pairs, count).into_vec();
         kept.sort_unstable();
-        Ok(Some(Order { pairs: kept, scan: [count, 1] }))
+        Ok(Some(PairOrder { pairs: kept, scan: [count, 1] }))
     }
 
     /// Leaves out the pairs that were not measured: pairs whose laser or sensor point is NaN, and pairs whose histogram
@@ -189,7 +189,7 @@ pub(crate) fn retain_rows(mut values: Vec<f32>, length: usize, kept: &[usize]) -
 
 /// Why a pair was not measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Fault {
+enum PairFault {
     Point,
     Histogram,
     Dead,
@@ -210,21 +210,21 @@ impl Measured {
     pub fn of(capture: &Capture, seen: &[HistogramFigures], keep_empty: bool) -> Result<Measured> {
         let faults = faults(capture, seen, keep_empty);
         let mut notes = Vec::new();
-        let mut tell = |fault: Fault, why: &str| {
+        let mut tell = |fault: PairFault, why: &str| {
             let count = faults.iter().filter(|m| **m == Some(fault)).count();
             if count > 0 {
                 notes.push(format!("{count} of {} pairs are left out: {why}", faults.len()));
             }
         };
-        tell(Fault::Point, "their laser or sensor point is not a number");
-        tell(Fault::Histogram, "their histogram is not a number in any bin");
+        tell(PairFault::Point, "their laser or sensor point is not a number");
+        tell(PairFault::Histogram, "their histogram is not a number in any bin");
         tell(
-            Fault::Dead,
+            PairFault::Dead,
             "they have no count at all beside lit pairs, as points that were never measured (keep empty pairs to use them as \
              dark)",
         );
         tell(
-            Fault::Hot,
+            PairFault::Hot,
             &format!("they have more than {} times the counts of the pairs around them", hot::TIMES),
         );
         let pairs: Vec<usize> = (0..faults.len()).filter(|&p| faults[p].is_none()).collect();
@@ -239,15 +239,15 @@ impl Measured {
 }
 
 /// Why each pair counts as not measured; `None` for measured pairs.
-fn faults(capture: &Capture, seen: &[HistogramFigures], keep_empty: bool) -> Vec<Option<Fault>> {
+fn faults(capture: &Capture, seen: &[HistogramFigures], keep_empty: bool) -> Vec<Option<PairFault>> {
     let points = capture.laser.iter().zip(&capture.sensor);
-    let mut faults: Vec<Option<Fault>> = points
+    let mut faults: Vec<Option<PairFault>> = points
         .zip(seen)
         .map(|((laser, sensor), seen)| {
             if laser.is_nan() || sensor.is_nan() {
-                Some(Fault::Point)
+                Some(PairFault::Point)
             } else if seen.nothing {
-                Some(Fault::Histogram)
+                Some(PairFault::Histogram)
             } else {
                 None
             }
@@ -255,20 +255,20 @@ fn faults(capture: &Capture, seen: &[HistogramFigures], keep_empty: bool) -> Vec
         .collect();
     if !keep_empty {
         for pair in unmeasured(capture, seen, &faults) {
-            faults[pair] = Some(Fault::Dead);
+            faults[pair] = Some(PairFault::Dead);
         }
     }
     let totals: Vec<Option<f64>> =
         faults.iter().zip(seen).map(|(fault, seen)| fault.is_none().then_some(seen.total)).collect();
     for pair in hot::pairs(capture, &totals) {
-        faults[pair] = Some(Fault::Hot);
+        faults[pair] = Some(PairFault::Hot);
     }
     faults
 }
 
 /// Pairs without any count whose nearest lit pairs have too many for a pair to be empty by chance. Pairs are near if
 /// the middles of their laser and sensor points are.
-fn unmeasured(capture: &Capture, seen: &[HistogramFigures], faults: &[Option<Fault>]) -> Vec<usize> {
+fn unmeasured(capture: &Capture, seen: &[HistogramFigures], faults: &[Option<PairFault>]) -> Vec<usize> {
     let good = |pair: &usize| faults[*pair].is_none();
     let (dark, lit): (Vec<usize>, Vec<usize>) =
         (0..seen.len()).filter(good).partition(|pair| seen[*pair].filled == 0);

@@ -2,7 +2,7 @@
 
 use glam::{DMat3, DVec3};
 
-use super::choose::Order;
+use super::choose::PairOrder;
 use crate::data::Capture;
 
 /// Distances from (0, 0, 1), and from z = 0 in metres, below this are taken as rounding.
@@ -15,13 +15,13 @@ const ROUGHLY: f64 = 0.9;
 /// Puts the pairs of a lattice scan in our order: ix along +x, iy along +y.
 pub fn in_order(capture: Capture) -> Capture {
     match order_of(&capture) {
-        Some(Order { pairs, scan }) => capture.keep(&pairs, scan),
+        Some(PairOrder { pairs, scan }) => capture.keep(&pairs, scan),
         None => capture,
     }
 }
 
 /// The order in which [`in_order`] puts the pairs; `None` if they are in order or no lattice.
-pub fn order_of(capture: &Capture) -> Option<Order> {
+pub fn order_of(capture: &Capture) -> Option<PairOrder> {
     let [a, b] = capture.scan;
     let points = capture.scanned_points();
     if a < 2 || b < 2 || points.len() != a * b {
@@ -39,7 +39,7 @@ pub fn order_of(capture: &Capture) -> Option<Order> {
     let pairs: Vec<usize> =
         (0..nx).flat_map(|ix| (0..ny).map(move |iy| (ix, iy))).map(|(x, y)| from(x, y)).collect();
     let moved = pairs.iter().enumerate().any(|(to, from)| to != *from);
-    moved.then_some(Order { pairs, scan: [nx, ny] })
+    moved.then_some(PairOrder { pairs, scan: [nx, ny] })
 }
 
 /// Rotates and shifts the capture so that its wall lies near z = 0 and faces +z. `towards` is a point of the hidden

@@ -30,7 +30,7 @@ pub use turn::{Flip, Turn};
 
 use crate::data::{Capture, Pulse};
 use crate::error::{Error, Result};
-use choose::Order;
+use choose::PairOrder;
 
 /// What the steps are to do; by default a gate is found automatically, and the rest is as the capture holds it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -92,8 +92,8 @@ impl Conditioned {
         }
     }
 
-    fn take(&mut self, order: Option<Order>) {
-        if let Some(Order { pairs, scan }) = order {
+    fn take(&mut self, order: Option<PairOrder>) {
+        if let Some(PairOrder { pairs, scan }) = order {
             self.capture = self.capture.keep(&pairs, scan);
             self.pairs = pairs.iter().map(|pair| self.pairs[*pair]).collect();
         }
@@ -107,7 +107,7 @@ impl Conditioned {
     ///
     /// # Errors
     /// The first error of a step.
-    pub(crate) fn through(mut self, steps: &[Step], how: &Conditioning) -> Result<Conditioned> {
+    pub(crate) fn through(mut self, steps: &[ConditioningStep], how: &Conditioning) -> Result<Conditioned> {
         for step in steps {
             (step.run)(&mut self, how)?;
         }
@@ -116,7 +116,7 @@ impl Conditioned {
 }
 
 /// One step.
-pub struct Step {
+pub struct ConditioningStep {
     /// A short name.
     pub name: &'static str,
     /// Whether the step needs counts. Steps without counts come first.
@@ -124,16 +124,22 @@ pub struct Step {
     run: fn(&mut Conditioned, &Conditioning) -> Result<()>,
 }
 
-const fn step(name: &'static str, run: fn(&mut Conditioned, &Conditioning) -> Result<()>) -> Step {
-    Step { name, counts: false, run }
+const fn step(
+    name: &'static str,
+    run: fn(&mut Conditioned, &Conditioning) -> Result<()>,
+) -> ConditioningStep {
+    ConditioningStep { name, counts: false, run }
 }
 
-const fn step_of_counts(name: &'static str, run: fn(&mut Conditioned, &Conditioning) -> Result<()>) -> Step {
-    Step { name, counts: true, run }
+const fn step_of_counts(
+    name: &'static str,
+    run: fn(&mut Conditioned, &Conditioning) -> Result<()>,
+) -> ConditioningStep {
+    ConditioningStep { name, counts: true, run }
 }
 
 /// The steps of a capture that is read, converted or calibrated: counts and points stay as recorded.
-pub const AS_RECORDED: &[Step] = &[
+pub const AS_RECORDED: &[ConditioningStep] = &[
     step("speed", timed),
     step("turn", turned),
     step("stride", thinned),
@@ -144,7 +150,7 @@ pub const AS_RECORDED: &[Step] = &[
 
 /// The steps of a capture that is reconstructed. Normals and the wall's size come before the stride, as they need all points;
 /// pile-up comes before the gate, as it comes from all earlier counts; units come before automatic gates, which would hide them.
-pub const FOR_A_SOLVE: &[Step] = &[
+pub const FOR_A_SOLVE: &[ConditioningStep] = &[
     step("speed", timed),
     step("turn", turned),
     step("pile-up", without_pile_up),

@@ -3,7 +3,7 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::choose::Order;
+use super::choose::PairOrder;
 use crate::data::{Capture, PairKind};
 use crate::error::{Error, Result};
 
@@ -106,7 +106,7 @@ impl Capture {
     pub fn turned(mut self, turn: Turn) -> Capture {
         self.turn_points(turn);
         match self.turned_order(turn) {
-            Some(Order { pairs, scan }) => self.keep(&pairs, scan),
+            Some(PairOrder { pairs, scan }) => self.keep(&pairs, scan),
             None => self,
         }
     }
@@ -123,14 +123,14 @@ impl Capture {
     }
 
     /// The order that pairs take after their points were turned; `None` if it stays.
-    pub(crate) fn turned_order(&self, turn: Turn) -> Option<Order> {
+    pub(crate) fn turned_order(&self, turn: Turn) -> Option<PairOrder> {
         let [nx, ny] = self.scan;
         let list = || ny == 1 && nx > 1 && !self.resolution().contains(&1);
         if turn == Turn::default() || list() || matches!(self.pair_kind(), PairKind::Exhaustive { .. }) {
             return None;
         }
         let (scan, pairs) = turn.order(self.scan);
-        Some(Order { pairs, scan })
+        Some(PairOrder { pairs, scan })
     }
 }
 

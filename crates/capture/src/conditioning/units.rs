@@ -50,7 +50,7 @@ pub(super) fn checked(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
 
 /// Refuses times and lengths that cannot belong together; a warning where they are unlikely to.
 pub(super) fn check(capture: &Capture) -> Result<Option<String>> {
-    let Some(sizes) = Sizes::of(capture) else { return Ok(None) };
+    let Some(sizes) = ComparedLengths::of(capture) else { return Ok(None) };
     let Some(misfit) = sizes.misfit() else { return Ok(None) };
     let likely = sizes.likely();
     let hint = "store points in metres, and delta_t and t_start in metres of path (seconds times 299792458)";
@@ -63,7 +63,7 @@ pub(super) fn check(capture: &Capture) -> Result<Option<String>> {
 }
 
 /// What is compared, metres.
-struct Sizes {
+struct ComparedLengths {
     /// Longest side of the box around all points.
     wall: f64,
     bin: f64,
@@ -74,9 +74,9 @@ struct Sizes {
     strongest: f64,
 }
 
-impl Sizes {
+impl ComparedLengths {
     /// `None` for a capture whose points are all one, or whose counts hold no signal. Without counts, times of light are NaN.
-    fn of(capture: &Capture) -> Option<Sizes> {
+    fn of(capture: &Capture) -> Option<ComparedLengths> {
         let points = || capture.laser.iter().chain(&capture.sensor);
         let low = points().copied().reduce(|a, b| a.min(b))?;
         let high = points().copied().reduce(|a, b| a.max(b))?;
@@ -90,11 +90,11 @@ impl Sizes {
             false => (of_pairs(super::warnings::first_light)?, of_pairs(super::gate::peak_bin)?),
         };
         let [bin, start, end] = [capture.bin_width, capture.t_start, capture.t_end()];
-        (wall > 0.0).then_some(Sizes { wall, bin, start, end, first, strongest })
+        (wall > 0.0).then_some(ComparedLengths { wall, bin, start, end, first, strongest })
     }
 
     fn misfit(&self) -> Option<Misfit> {
-        let Sizes { wall, bin, start, end, first, .. } = *self;
+        let ComparedLengths { wall, bin, start, end, first, .. } = *self;
         let misfit = |what: String, refused: bool| Some(Misfit { what, refused });
         let record = end - start;
         if bin > WIDEST_BIN * wall {

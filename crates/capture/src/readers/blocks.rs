@@ -7,8 +7,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread;
 
 use super::glance::{self, Glance};
-use super::hdf5::{Array, Hdf5, guarded};
-use super::scatter::{ArrayPart, Filled, Scattered, Wanted};
+use super::hdf5::{Hdf5, Hdf5Array, guarded};
+use super::scatter::{ArrayPart, ArraySelection, Filled, Scattered};
 use crate::error::Result;
 
 /// Values of all blocks in work at a time, unless a chunk is larger: at most, and at least. They take up to 20 bytes each
@@ -34,7 +34,7 @@ struct Cut {
 ///
 /// # Errors
 /// `Kind::Input` if a part of the array is damaged.
-pub(super) fn read(file: &Hdf5, array: &Array, wanted: &Wanted) -> Result<Scattered> {
+pub(super) fn read(file: &Hdf5, array: &Hdf5Array, wanted: &ArraySelection) -> Result<Scattered> {
     let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
     let [most, least] = AT_ONCE;
     let kept = wanted.from.len() * wanted.bins.len();
@@ -44,8 +44,8 @@ pub(super) fn read(file: &Hdf5, array: &Array, wanted: &Wanted) -> Result<Scatte
 /// Reads as [`read`] does, on at most this many threads, with `at_once` values in work.
 fn read_with(
     file: &Hdf5,
-    array: &Array,
-    wanted: &Wanted,
+    array: &Hdf5Array,
+    wanted: &ArraySelection,
     threads: usize,
     at_once: usize,
 ) -> Result<Scattered> {
@@ -86,7 +86,7 @@ fn read_with(
 ///
 /// # Errors
 /// `Kind::Input` if a part of the array is damaged, or if there is no signal.
-pub(super) fn look(file: &Hdf5, array: &Array) -> Result<()> {
+pub(super) fn look(file: &Hdf5, array: &Hdf5Array) -> Result<()> {
     let mut glance = Glance::default();
     parts(file, array, &mut |_, counts| glance.take(counts))?;
     glance.finish(&array.name)
@@ -96,7 +96,7 @@ pub(super) fn look(file: &Hdf5, array: &Array) -> Result<()> {
 ///
 /// # Errors
 /// `Kind::Input` if a part of the array is damaged.
-pub(super) fn visit(file: &Hdf5, array: &Array, visit: &mut dyn FnMut([usize; 3], f32)) -> Result<()> {
+pub(super) fn visit(file: &Hdf5, array: &Hdf5Array, visit: &mut dyn FnMut([usize; 3], f32)) -> Result<()> {
     parts(file, array, &mut |ranges, counts| {
         let [first, rows, columns] = ranges else { return };
         let inner = rows.len() * columns.len();
@@ -115,7 +115,7 @@ pub(super) fn visit(file: &Hdf5, array: &Array, visit: &mut dyn FnMut([usize; 3]
 type Take<'t> = dyn FnMut(&[Range<usize>], &[f32]) + 't;
 
 /// Calls `take` with all counts of an array, of which only a block is in memory at a time, and where the block lies.
-fn parts(file: &Hdf5, array: &Array, take: &mut Take) -> Result<()> {
+fn parts(file: &Hdf5, array: &Hdf5Array, take: &mut Take) -> Result<()> {
     let cut = Cut::of(array, glance::AT_ONCE);
     let wide: usize = (1..cut.shape.len()).map(|axis| cut.cells(axis)).product();
     for cell in 0..wide {
@@ -131,7 +131,7 @@ fn parts(file: &Hdf5, array: &Array, take: &mut Take) -> Result<()> {
 
 impl Cut {
     /// Blocks of whole chunks with about `most` values, at least one chunk.
-    fn of(array: &Array, most: usize) -> Cut {
+    fn of(array: &Hdf5Array, most: usize) -> Cut {
         let shape = array.shape.clone();
         let mut block: Vec<usize> = match &array.chunk {
             Some(chunk) => chunk.iter().zip(&shape).map(|(c, s)| *c.min(s)).collect(),
@@ -205,7 +205,7 @@ impl Cut {
     }
 
     /// Reads the blocks of a part.
-    fn fill(&self, file: &Hdf5, array: &Array, mut part: ArrayPart) -> Result<Filled> {
+    fn fill(&self, file: &Hdf5, array: &Hdf5Array, mut part: ArrayPart) -> Result<Filled> {
         let ranges = self.ranges(part.index / self.cuts());
         for first in part.bins.clone().step_by(self.block[0]) {
             let bins = first..(first + self.block[0]).min(part.bins.end);
@@ -218,7 +218,7 @@ impl Cut {
     fn block(
         &self,
         file: &Hdf5,
-        array: &Array,
+        array: &Hdf5Array,
         bins: &Range<usize>,
         ranges: &[Range<usize>],
     ) -> Result<Vec<f32>> {
@@ -259,7 +259,7 @@ mod tests {
         (0..SHAPE[0]).map(|bin| value([bin, place / SHAPE[2], place % SHAPE[2]]) as f32).collect()
     }
 
-    fn made(folder: &tempfile::TempDir, chunk: [usize; 3], kind: Kind) -> (PathBuf, Hdf5, Array) {
+    fn made(folder: &tempfile::TempDir, chunk: [usize; 3], kind: Kind) -> (PathBuf, Hdf5, Hdf5Array) {
         let path = folder.path().join("made.mat");
         write(&path, &Cube { name: "a", shape: SHAPE, chunk, kind, repeat: usize::MAX }, &value, &[]);
         let file = Hdf5::open(&path).unwrap();
@@ -293,7 +293,8 @@ mod tests {
             for ((threads, at_once), shifts) in WORK.iter().flat_map(|w| [(*w, None), (*w, Some(&shifts))]) {
                 let what = format!("{chunk:?} {kind:?}, {threads} threads, {at_once} at once");
                 let bins = if shifts.is_some() { 2..17 } else { 5..36 };
-                let wanted = Wanted { stored: [SHAPE[0], PLACES], from: &from, bins: bins.clone(), shifts };
+                let wanted =
+                    ArraySelection { stored: [SHAPE[0], PLACES], from: &from, bins: bins.clone(), shifts };
                 let read = read_with(&file, &array, &wanted, threads, at_once).unwrap();
                 let all: Vec<Vec<f32>> = (0..PLACES)
                     .map(|place| if shifts.is_some() { shifted(place) } else { histogram(place) })
@@ -322,7 +323,8 @@ mod tests {
     fn integers_are_counts_and_what_is_damaged_is_one_error() {
         let folder = tempfile::tempdir().unwrap();
         let from: Vec<usize> = (0..PLACES).collect();
-        let wanted = Wanted { stored: [SHAPE[0], PLACES], from: &from, bins: 0..SHAPE[0], shifts: None };
+        let wanted =
+            ArraySelection { stored: [SHAPE[0], PLACES], from: &from, bins: 0..SHAPE[0], shifts: None };
         for chunk in CHUNKS {
             let (path, file, array) = made(&folder, chunk, Kind::Counts);
             let good = read_with(&file, &array, &wanted, 2, 100).unwrap();

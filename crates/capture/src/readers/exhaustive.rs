@@ -6,7 +6,7 @@ use super::super::lattice::Lattice;
 use crate::{Capture, PairKind};
 
 /// One side of an exhaustive capture as it is stored.
-pub struct Side {
+pub struct StoredSide {
     /// Points along x and along y; [n, 1] for points that form no lattice.
     pub shape: [usize; 2],
     /// `[ix * Y + iy]`, metres.
@@ -16,7 +16,7 @@ pub struct Side {
 
 /// The laser's and the sensor's side of an exhaustive capture whose pairs are ordered laser point by laser point, each
 /// with all sensor points in the same order. `None` for any other capture, which is stored pair by pair.
-pub fn sides(capture: &Capture) -> Option<[Side; 2]> {
+pub fn sides(capture: &Capture) -> Option<[StoredSide; 2]> {
     let PairKind::Exhaustive { lasers, sensors } = capture.pair_kind() else { return None };
     if capture.scan != [lasers, sensors] {
         return None;
@@ -35,7 +35,7 @@ fn side(
     count: usize,
     pair_of: impl Fn(usize) -> usize,
     place: impl Fn(usize) -> usize,
-) -> Option<Side> {
+) -> Option<StoredSide> {
     let list = |values: &Vec<DVec3>| {
         let picked: Vec<DVec3> = (0..count).map(|k| values[pair_of(k)]).collect();
         values.iter().enumerate().all(|(pair, v)| *v == picked[place(pair)]).then_some(picked)
@@ -45,7 +45,7 @@ fn side(
         Some(normals) => Some(list(normals)?),
         None => None,
     };
-    Some(Side { shape: shape_of(&points), points, normals })
+    Some(StoredSide { shape: shape_of(&points), points, normals })
 }
 
 /// [X, Y] if the points are a lattice, column by column, else [n, 1].

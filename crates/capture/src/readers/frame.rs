@@ -17,7 +17,7 @@ pub fn lattice([nx, ny]: [usize; 2], wall: f64) -> Vec<DVec3> {
 
 /// A direction over the wall, as an eye at the wall sees it and as our pictures show it: +x to the left, +y up.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Run {
+pub enum WallDirection {
     Left,
     Right,
     Up,
@@ -27,8 +27,8 @@ pub enum Run {
 /// Directions of the two scan axes of an array that MATLAB stores as (d1, d2, t). One is along x, the other along y.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Axes {
-    pub d1: Run,
-    pub d2: Run,
+    pub d1: WallDirection,
+    pub d2: WallDirection,
 }
 
 impl Axes {
@@ -39,7 +39,8 @@ impl Axes {
 
     /// The pair (`ix * Y + iy`) of every stored point, d1 fastest, as HDF5 and MATLAB files have them.
     pub fn pairs(self, [n1, n2]: [usize; 2]) -> Vec<usize> {
-        let along = |run, i, n| if matches!(run, Run::Left | Run::Up) { i } else { n - 1 - i };
+        let along =
+            |run, i, n| if matches!(run, WallDirection::Left | WallDirection::Up) { i } else { n - 1 - i };
         let pair = |i1, i2| {
             let (a, b) = (along(self.d1, i1, n1), along(self.d2, i2, n2));
             if self.d1_along_x() { a * n2 + b } else { b * n1 + a }
@@ -48,7 +49,7 @@ impl Axes {
     }
 
     fn d1_along_x(self) -> bool {
-        matches!(self.d1, Run::Right | Run::Left)
+        matches!(self.d1, WallDirection::Right | WallDirection::Left)
     }
 }
 

@@ -31,18 +31,18 @@ pub struct Hdf5 {
 }
 
 /// An array of counts in a file.
-pub(super) struct Array {
+pub(super) struct Hdf5Array {
     pub(super) name: String,
     /// Lengths of its axes, the slowest first; at least one axis.
     pub(super) shape: Vec<usize>,
     /// The shape of a chunk, which is stored and compressed as one; `None` for values one after the other.
     pub(super) chunk: Option<Vec<usize>>,
-    stored: Stored,
+    stored: StoredType,
 }
 
 /// How numbers are stored.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Stored {
+enum StoredType {
     Float,
     Double,
     Integer,
@@ -184,7 +184,7 @@ impl Hdf5 {
     }
 
     /// Whether an array unpacks to so much that it is looked at before it is kept.
-    pub(super) fn is_looked_at(&self, array: &Array) -> bool {
+    pub(super) fn is_looked_at(&self, array: &Hdf5Array) -> bool {
         let count = array.shape.iter().fold(1usize, |n, d| n.saturating_mul(*d));
         glance::is_wanted(host::bytes(count, size_of::<f32>()), self.bytes)
     }
@@ -198,9 +198,9 @@ impl Hdf5 {
             let Some(dataset) = self.dataset(name)? else { return Ok(None) };
             self.ask(name, &dataset, &dataset.shape())?;
             let values = match stored(name, &dataset)? {
-                Stored::Double => dataset.read_numeric_as().map(narrowed),
-                Stored::Float => dataset.read_numeric_as(),
-                Stored::Integer => dataset.read_numeric_as().map(counted),
+                StoredType::Double => dataset.read_numeric_as().map(narrowed),
+                StoredType::Float => dataset.read_numeric_as(),
+                StoredType::Integer => dataset.read_numeric_as().map(counted),
             };
             let values = values.map_err(|e| failed(name, e))?;
             let shape = dataset.shape();
@@ -213,7 +213,7 @@ impl Hdf5 {
     ///
     /// # Errors
     /// As [`Hdf5::counts`].
-    pub(super) fn array(&self, name: &str) -> Result<Option<Array>> {
+    pub(super) fn array(&self, name: &str) -> Result<Option<Hdf5Array>> {
         guarded(|| {
             let Some(dataset) = self.dataset(name)? else { return Ok(None) };
             let (shape, chunk) = (dataset.shape(), dataset.chunk_dims());
@@ -223,7 +223,7 @@ impl Hdf5 {
             if chunk.as_ref().is_some_and(|c| c.len() != shape.len() || c.contains(&0)) {
                 return Err(damaged(format!("{name} has shape {shape:?} and chunks {chunk:?}")));
             }
-            Ok(Some(Array { name: name.into(), shape, chunk, stored: stored(name, &dataset)? }))
+            Ok(Some(Hdf5Array { name: name.into(), shape, chunk, stored: stored(name, &dataset)? }))
         })
     }
 
@@ -231,16 +231,16 @@ impl Hdf5 {
     ///
     /// # Errors
     /// `Kind::Input` if the part is damaged.
-    pub(super) fn block(&self, array: &Array, starts: &[usize], counts: &[usize]) -> Result<Vec<f32>> {
+    pub(super) fn block(&self, array: &Hdf5Array, starts: &[usize], counts: &[usize]) -> Result<Vec<f32>> {
         guarded(|| {
             let name = &array.name;
             let changed = || damaged(format!("dataset {name} is gone"));
             let dataset = self.dataset(name)?.ok_or_else(changed)?;
             self.ask(name, &dataset, counts)?;
             let values = match array.stored {
-                Stored::Double => dataset.read_numeric_slice_as(starts, counts).map(narrowed),
-                Stored::Float => dataset.read_numeric_slice_as(starts, counts),
-                Stored::Integer => dataset.read_numeric_slice_as(starts, counts).map(counted),
+                StoredType::Double => dataset.read_numeric_slice_as(starts, counts).map(narrowed),
+                StoredType::Float => dataset.read_numeric_slice_as(starts, counts),
+                StoredType::Integer => dataset.read_numeric_slice_as(starts, counts).map(counted),
             };
             let values = values.map_err(|e| failed(name, e))?;
             check_length(name, counts, &values)?;
@@ -268,8 +268,10 @@ impl Hdf5 {
             let (from, to) = ([start], [count]);
             let rounded = |values: Vec<f64>| values.into_iter().map(|v| v.round() as i64).collect();
             let values: std::result::Result<Vec<i64>, _> = match stored(name, &dataset)? {
-                Stored::Integer => dataset.read_numeric_slice_as(&from, &to),
-                Stored::Float | Stored::Double => dataset.read_numeric_slice_as(&from, &to).map(rounded),
+                StoredType::Integer => dataset.read_numeric_slice_as(&from, &to),
+                StoredType::Float | StoredType::Double => {
+                    dataset.read_numeric_slice_as(&from, &to).map(rounded)
+                }
             };
             let values = values.map_err(|e| failed(name, e))?;
             match values.len() == count {
@@ -383,12 +385,12 @@ fn elsewhere(name: &str, how: &str) -> Error {
 }
 
 /// How the numbers of a dataset are stored.
-fn stored(name: &str, dataset: &H5Dataset) -> Result<Stored> {
+fn stored(name: &str, dataset: &H5Dataset) -> Result<StoredType> {
     let datatype = dataset.datatype().map_err(|e| failed(name, e))?;
     match datatype {
-        DatatypeMessage::FloatingPoint { .. } if dataset.element_size() == 8 => Ok(Stored::Double),
-        DatatypeMessage::FloatingPoint { .. } => Ok(Stored::Float),
-        DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => Ok(Stored::Integer),
+        DatatypeMessage::FloatingPoint { .. } if dataset.element_size() == 8 => Ok(StoredType::Double),
+        DatatypeMessage::FloatingPoint { .. } => Ok(StoredType::Float),
+        DatatypeMessage::FixedPoint { .. } | DatatypeMessage::BitField { .. } => Ok(StoredType::Integer),
         other => Err(no_number(name, &other)),
     }
 }

@@ -8,14 +8,14 @@
 //! Axes: d1 runs to the left and d2 up. Their `draw3D.m` shows depth, d1 and d2 as x, y and z of a right-handed plot; seen from
 //! the wall, its y points to the left.
 
-use super::frame::{Axes, Run};
+use super::frame::{Axes, WallDirection};
 use super::read_options::ReadOptions;
 use super::unread::Unread;
 use super::variables::Variables;
 use crate::error::{Error, Result};
 use crate::{METRES_PER_PICOSECOND, Pulse};
 
-const AXES: Axes = Axes { d1: Run::Left, d2: Run::Up };
+const AXES: Axes = Axes { d1: WallDirection::Left, d2: WallDirection::Up };
 /// A `pulsewidth` below this is in seconds, as their notes say; no pulse is as long as a millisecond or as short as a
 /// femtosecond.
 const SECONDS_BELOW: f64 = 1e-3;

@@ -7,14 +7,14 @@
 //! Axes: d1 runs to the left and d2 down. The front view of their `cnlos_reconstruction.m` has d2 as rows from the top
 //! and d1 as columns from the right. This way the letters S and U and the word EXIT are readable.
 
-use super::frame::{Axes, Run};
+use super::frame::{Axes, WallDirection};
 use super::read_options::ReadOptions;
 use super::unread::Unread;
 use super::variables::Variables;
 use crate::error::{Error, Result};
 
 const PICOSECONDS: f64 = 4.0;
-const AXES: Axes = Axes { d1: Run::Left, d2: Run::Down };
+const AXES: Axes = Axes { d1: WallDirection::Left, d2: WallDirection::Down };
 
 /// Finds a capture without reading its counts; see [`super::read`].
 ///

@@ -13,7 +13,7 @@ use flate2::read::ZlibDecoder;
 use super::counts::Counts;
 use super::glance::{self, Glance};
 use super::numbers::{Numbers, damaged};
-use super::scatter::{Scattered, Wanted};
+use super::scatter::{ArraySelection, Scattered};
 use crate::error::{Error, Result};
 use crate::host;
 
@@ -60,7 +60,7 @@ struct ArrayPlace {
 }
 
 /// A tag, the content behind it, and where the next element begins.
-struct Element {
+struct MatlabElement {
     kind: u32,
     content: Range<usize>,
     next: usize,
@@ -181,7 +181,7 @@ impl Matlab5 {
     ///
     /// # Errors
     /// As [`Matlab5::counts`].
-    pub(super) fn scatter(&self, name: &str, wanted: &Wanted) -> Result<Option<Scattered>> {
+    pub(super) fn scatter(&self, name: &str, wanted: &ArraySelection) -> Result<Option<Scattered>> {
         let Some(found) = self.find(name) else { return Ok(None) };
         let [bins, places] = wanted.stored;
         let at_once = (AT_ONCE / places).max(1);
@@ -232,27 +232,27 @@ impl Matlab5 {
     }
 
     /// The element that begins at the start of `within`, its content wholly inside.
-    fn element(&self, block: usize, within: Range<usize>) -> Result<Element> {
+    fn element(&self, block: usize, within: Range<usize>) -> Result<MatlabElement> {
         self.tag(block, within.clone())
             .filter(|e| e.content.end <= within.end)
             .ok_or_else(|| damaged(format!("the element at byte {} goes beyond the end", within.start)))
     }
 
     /// The element that begins at the start of `within`; its content may go beyond.
-    fn tag(&self, block: usize, within: Range<usize>) -> Option<Element> {
+    fn tag(&self, block: usize, within: Range<usize>) -> Option<MatlabElement> {
         let at = within.start;
         let first = self.word(block, at)?;
         if first >> 16 != 0 {
             // Content of up to four bytes lies inside the tag.
             let size = (first >> 16) as usize;
             let content = at + 4..at + 4 + size;
-            return (size <= 4).then_some(Element { kind: first & 0xffff, content, next: at + 8 });
+            return (size <= 4).then_some(MatlabElement { kind: first & 0xffff, content, next: at + 8 });
         }
         let size = self.word(block, at.checked_add(4)?)? as usize;
         let content = at + 8..(at + 8).checked_add(size)?;
         // Compressed elements are not padded.
         let next = if first == COMPRESSED { content.end } else { content.end.checked_next_multiple_of(8)? };
-        Some(Element { kind: first, content, next })
+        Some(MatlabElement { kind: first, content, next })
     }
 
     /// Flags, dimensions and name of a matrix element's content, and where its values begin. Only these must lie within

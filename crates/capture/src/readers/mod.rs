@@ -48,7 +48,7 @@ use variables::Variables;
 
 use std::path::Path;
 
-use crate::conditioning::{self, Conditioned, Conditioning, Step};
+use crate::conditioning::{self, Conditioned, Conditioning, ConditioningStep};
 use crate::error::{Error, Result};
 use crate::{Capture, Keep};
 
@@ -100,7 +100,12 @@ pub fn read_prepared(path: &Path, given: &ReadOptions, how: &Conditioning) -> Re
 }
 
 /// Reads what is kept of a capture after these steps.
-fn read_through(path: &Path, given: &ReadOptions, steps: &[Step], how: &Conditioning) -> Result<Conditioned> {
+fn read_through(
+    path: &Path,
+    given: &ReadOptions,
+    steps: &[ConditioningStep],
+    how: &Conditioning,
+) -> Result<Conditioned> {
     let place = |e: Error| e.at(path.display());
     let mut notes = Vec::new();
     let name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
@@ -202,64 +207,64 @@ fn read_set<'s>(
 }
 
 /// A format of a single file: the criterion, its name, whether the file holds its bin width, and its reader.
-struct Format {
+struct FileFormat {
     is: fn(&Variables) -> bool,
     name: &'static str,
     has_bin_width: bool,
     read: for<'s> fn(&'s Variables, &ReadOptions, &mut Vec<String>) -> Result<ReadCapture<'s>>,
 }
 
-const FORMATS: [Format; 9] = [
-    Format {
+const FORMATS: [FileFormat; 9] = [
+    FileFormat {
         // A file that holds `H` alone is a single array of anybody.
         is: |file| file.have(&["laser_grid_xyz"]) || (file.have(&["H"]) && file.names().len() > 1),
         name: "a y-tal capture",
         has_bin_width: true,
         read: |file, _, notes| ytal::read(file, notes).map(ReadCapture::Whole),
     },
-    Format {
+    FileFormat {
         is: |file| file.have(&["data_t"]),
         name: "an NLOS-Dirac capture",
         has_bin_width: true,
         read: |file, _, notes| dirac::read(file, notes).map(ReadCapture::Unread),
     },
-    Format {
+    FileFormat {
         is: convolutional::is_one,
         name: "a file with NLOSDATA",
         has_bin_width: true,
         read: |file, _, notes| convolutional::read(file, notes).map(ReadCapture::Unread),
     },
-    Format {
+    FileFormat {
         is: |file| file.have(&["sig_in"]),
         name: "a 1.43 km capture",
         has_bin_width: false,
         read: |file, given, notes| kilometre::read(file, given, notes).map(ReadCapture::Unread),
     },
-    Format {
+    FileFormat {
         is: lit::is_one,
         name: "a surface-optimisation capture",
         has_bin_width: false,
         read: |file, given, notes| lit::read(file, given, notes).map(ReadCapture::Unread),
     },
-    Format {
+    FileFormat {
         is: |file| file.have(&["dataset/data"]),
         name: "a phasor-field capture",
         has_bin_width: true,
         read: |file, _, notes| phasor::read_2019(file, notes).map(ReadCapture::Whole),
     },
-    Format {
+    FileFormat {
         is: |file| file.have(&["rect_data", "width"]),
         name: "an LCT capture",
         has_bin_width: false,
         read: |file, given, notes| lct::read(file, given, notes).map(ReadCapture::Unread),
     },
-    Format {
+    FileFormat {
         is: |file| file.have(&["rect_data", "ts"]),
         name: "a phasor-field capture",
         has_bin_width: true,
         read: |file, _, notes| phasor::read_2020(file, notes).map(ReadCapture::Unread),
     },
-    Format {
+    FileFormat {
         is: listed::is_3d_rsd,
         name: "a 3D-RSD capture",
         has_bin_width: true,

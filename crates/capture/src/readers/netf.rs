@@ -27,8 +27,9 @@ const LONGEST_SECONDS: f64 = 1e-6;
 /// # Errors
 /// `Kind::Input` for missing arrays or shapes that do not agree.
 pub fn read(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
-    let sensors = znlos::Grid::read(file, "camera")?.ok_or_else(|| file.missing("cameraGridPositions"))?;
-    let lasers = znlos::Grid::read(file, "laser")?;
+    let sensors =
+        znlos::SidePoints::read(file, "camera")?.ok_or_else(|| file.missing("cameraGridPositions"))?;
+    let lasers = znlos::SidePoints::read(file, "laser")?;
     let shape = file.counts_shape("data")?;
     // MATLAB's (t, i, j) is read as [j, i, t].
     let [nj, ni, bins] = shape[..] else {

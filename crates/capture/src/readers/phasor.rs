@@ -15,7 +15,7 @@
 use glam::DVec3;
 
 use super::frame;
-use super::frame::{Axes, Run};
+use super::frame::{Axes, WallDirection};
 use super::points::{per_pair, unit};
 use super::unread::Unread;
 use super::variables::Variables;
@@ -27,7 +27,7 @@ use crate::files::array::transpose;
 use crate::host;
 
 /// Rows from the top, columns from the right.
-const AXES: Axes = Axes { d1: Run::Down, d2: Run::Left };
+const AXES: Axes = Axes { d1: WallDirection::Down, d2: WallDirection::Left };
 
 /// The index of a pair's point in its list, from the pair and the number of camera points.
 type Place = fn(usize, usize) -> usize;

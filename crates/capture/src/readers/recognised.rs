@@ -12,14 +12,14 @@ pub enum Content {
     /// Time tags that are read.
     Tags,
     /// Histograms that are read.
-    Histograms(Histograms),
+    Histograms(HistogramFormat),
     /// A format that is not read.
     Other,
 }
 
 /// Format of histograms of an instrument.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Histograms {
+pub enum HistogramFormat {
     /// PicoQuant's unified format.
     Phu,
     /// PicoHarp's text: header lines, then a row for each bin and a column for each point.
@@ -39,13 +39,13 @@ pub struct Recognised {
     pub name: &'static str,
     /// Its content.
     pub content: Content,
-    is: fn(&Head) -> bool,
+    is: fn(&FileStart) -> bool,
     /// What to do with a format that is not read.
     instead: &'static str,
 }
 
 /// Beginning of a file.
-struct Head {
+struct FileStart {
     bytes: Vec<u8>,
     /// Lower-case lines of text, empty for binary files.
     lines: Vec<String>,
@@ -61,7 +61,7 @@ const FROM_SOFTWARE: &str = "export the histograms as text (a row for each bin, 
 const fn row(
     name: &'static str,
     content: Content,
-    is: fn(&Head) -> bool,
+    is: fn(&FileStart) -> bool,
     instead: &'static str,
 ) -> Recognised {
     Recognised { name, content, is, instead }
@@ -71,7 +71,7 @@ const ROWS: [Recognised; 14] = [
     row("PicoQuant time tags (.ptu)", Content::Tags, |h| h.bytes.starts_with(b"PQTTTR"), ""),
     row(
         "PicoQuant histograms (.phu)",
-        Content::Histograms(Histograms::Phu),
+        Content::Histograms(HistogramFormat::Phu),
         |h| h.bytes.starts_with(b"PQHISTO"),
         "",
     ),
@@ -87,22 +87,27 @@ const ROWS: [Recognised; 14] = [
         |h| h.bytes.starts_with(b"HydraHarp\0"),
         CONVERT,
     ),
-    row("PicoHarp histograms as text", Content::Histograms(Histograms::PicoHarp), |h| h.has("#ns/bin"), ""),
+    row(
+        "PicoHarp histograms as text",
+        Content::Histograms(HistogramFormat::PicoHarp),
+        |h| h.has("#ns/bin"),
+        "",
+    ),
     row(
         "a LabVIEW measurement (.lvm)",
-        Content::Histograms(Histograms::LabView),
+        Content::Histograms(HistogramFormat::LabView),
         |h| h.lines.first().is_some_and(|line| line.starts_with("labview measurement")),
         "",
     ),
     row(
         "histograms of a TMF8820 or TMF8828 as text",
-        Content::Histograms(Histograms::Zones),
+        Content::Histograms(HistogramFormat::Zones),
         |h| h.has("#raw,"),
         "",
     ),
-    row("time tags as text", Content::Tags, Head::names_tags, ""),
+    row("time tags as text", Content::Tags, FileStart::names_tags, ""),
     row("a text of numbers", Content::Tags, |h| matches!(h.columns(), 2 | 3), ""),
-    row("a text of numbers", Content::Histograms(Histograms::Matrix), |h| h.columns() > 0, ""),
+    row("a text of numbers", Content::Histograms(HistogramFormat::Matrix), |h| h.columns() > 0, ""),
     row("Becker & Hickl histograms (.sdt)", Content::Other, |h| h.ending == "sdt", FROM_SOFTWARE),
     row(
         "Becker & Hickl time tags (.spc)",
@@ -124,7 +129,7 @@ const ROWS: [Recognised; 14] = [
     ),
 ];
 
-impl Head {
+impl FileStart {
     fn has(&self, start: &str) -> bool {
         self.lines.iter().any(|line| line.starts_with(start))
     }
@@ -182,7 +187,7 @@ pub fn of(path: &Path) -> Result<Option<Recognised>> {
         lines.pop();
     }
     let ending = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
-    let head = Head { bytes, lines, ending };
+    let head = FileStart { bytes, lines, ending };
     Ok(ROWS.into_iter().find(|row| (row.is)(&head)))
 }
 

@@ -9,7 +9,7 @@ use crate::host;
 
 /// Bytes that every place takes while its counts are read, beside them.
 const OF_PLACE: usize =
-    size_of::<Column>() + 2 * size_of::<(HistogramFigures, f64)>() + 2 * size_of::<usize>();
+    size_of::<FilledHistogram>() + 2 * size_of::<(HistogramFigures, f64)>() + 2 * size_of::<usize>();
 /// Bins and places that are transposed together: a part of both arrays that stays in the nearest cache.
 const TILE: [usize; 2] = [128, 16];
 
@@ -24,7 +24,7 @@ pub(super) struct Shifts {
 }
 
 /// What is wanted of an array.
-pub(super) struct Wanted<'w> {
+pub(super) struct ArraySelection<'w> {
     /// Bins and places of the array.
     pub(super) stored: [usize; 2],
     /// The place of every pair that is kept.
@@ -52,13 +52,13 @@ pub(super) struct ArrayPart<'h> {
     pub(super) bins: Range<usize>,
     /// The place of each histogram, in the order of the values.
     places: Vec<usize>,
-    columns: Vec<Column<'h>>,
+    columns: Vec<FilledHistogram<'h>>,
     /// Whether all values so far are photon counts.
     whole: bool,
 }
 
 /// A histogram as it is filled.
-struct Column<'h> {
+struct FilledHistogram<'h> {
     /// Bins of the array that are in the histogram after the shift.
     inside: Range<usize>,
     /// The bins that are kept, and the array's bin of the first.
@@ -76,7 +76,7 @@ pub(super) struct Filled {
     whole: bool,
 }
 
-impl Wanted<'_> {
+impl ArraySelection<'_> {
     /// Bins after the shift.
     fn shifted_bins(&self) -> usize {
         self.shifts.map_or(self.stored[0], |s| s.bins)
@@ -164,7 +164,7 @@ impl Wanted<'_> {
                 if row.is_empty() { 0 } else { bins.end.saturating_sub(begin).min(self.bins.len() - filled) };
             let (row, rest) = row.split_at_mut(left);
             rows[*place] = rest;
-            Column { inside, row, begin, seen: HistogramFigures::EMPTY, late: 0.0 }
+            FilledHistogram { inside, row, begin, seen: HistogramFigures::EMPTY, late: 0.0 }
         };
         let columns = places.iter().map(column).collect();
         ArrayPart { bins, index, places, columns, whole: true }
@@ -201,7 +201,7 @@ impl ArrayPart<'_> {
     }
 }
 
-impl Column<'_> {
+impl FilledHistogram<'_> {
     /// Takes the values of some bins of the array.
     fn take(&mut self, bins: &Range<usize>, values: &[f32]) {
         let common = |a: &Range<usize>| a.start.max(bins.start)..a.end.min(bins.end);

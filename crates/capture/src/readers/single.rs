@@ -7,7 +7,7 @@
 //! [`crate::Turn`] mirrors and rotates it.
 
 use super::ReadCapture;
-use super::frame::{self, Axes, Run};
+use super::frame::{self, Axes, WallDirection};
 use super::read_options::ReadOptions;
 use super::unread::Unread;
 use super::variables::Variables;
@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::host;
 
 /// Rows from the top, columns from the left.
-const AXES: Axes = Axes { d1: Run::Down, d2: Run::Right };
+const AXES: Axes = Axes { d1: WallDirection::Down, d2: WallDirection::Right };
 /// Half of the light lies in this share of the bins, as a ratio to that of the next axis, or less.
 const STANDS_OUT: f64 = 0.6;
 

@@ -12,7 +12,7 @@ use std::path::Path;
 
 use rust_hdf5::{DatatypeMessage, H5File, Hdf5Error};
 
-use super::frame::{self, Axes, Run};
+use super::frame::{self, Axes, WallDirection};
 use super::read_options::ReadOptions;
 use super::scatter::Shifts;
 use super::set::Set;
@@ -25,7 +25,7 @@ use crate::{Capture, PairKind};
 
 const PICOSECONDS: f64 = 32.0;
 const WALL: f64 = 2.0;
-const AXES: Axes = Axes { d1: Run::Up, d2: Run::Left };
+const AXES: Axes = Axes { d1: WallDirection::Up, d2: WallDirection::Left };
 /// Bins that the published code keeps.
 const KEPT: usize = 512;
 

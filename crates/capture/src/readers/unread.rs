@@ -3,10 +3,10 @@
 use glam::DVec3;
 
 use super::frame::{self, Axes};
-use super::scatter::{Scattered, Shifts, Wanted};
+use super::scatter::{ArraySelection, Scattered, Shifts};
 use super::variables::Variables;
-use crate::conditioning::choose::{Measured, Order, retain_rows, scan_of};
-use crate::conditioning::{Conditioned, Conditioning, Step};
+use crate::conditioning::choose::{Measured, PairOrder, retain_rows, scan_of};
+use crate::conditioning::{Conditioned, Conditioning, ConditioningStep};
 use crate::error::{Error, Result};
 use crate::{Capture, host};
 
@@ -62,7 +62,7 @@ impl<'f> Unread<'f> {
     /// Puts the pairs of a lattice scan in our order: ix along +x, iy along +y.
     pub(super) fn in_our_order(self) -> Unread<'f> {
         match frame::order_of(&self.outline) {
-            Some(Order { pairs, scan }) => Unread {
+            Some(PairOrder { pairs, scan }) => Unread {
                 from: pairs.iter().map(|pair| self.from[*pair]).collect(),
                 outline: self.outline.keep(&pairs, scan),
                 ..self
@@ -79,7 +79,7 @@ impl<'f> Unread<'f> {
     pub(super) fn read(
         mut self,
         name: String,
-        (steps, how): (&[Step], &Conditioning),
+        (steps, how): (&[ConditioningStep], &Conditioning),
         mut notes: Vec<String>,
         place: &dyn Fn(Error) -> Error,
     ) -> Result<Conditioned> {
@@ -137,7 +137,7 @@ impl<'f> Unread<'f> {
     }
 
     fn fill(&self, kept: &Conditioned, from: &[usize]) -> Result<Scattered> {
-        let wanted = Wanted {
+        let wanted = ArraySelection {
             stored: [self.bins, self.from.len()],
             from,
             bins: kept.first_bin..kept.first_bin + kept.capture.bins,

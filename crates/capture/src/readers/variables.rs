@@ -11,7 +11,7 @@ use super::contents::{self, Contents};
 use super::counts::Counts;
 use super::hdf5::Hdf5;
 use super::matlab5::Matlab5;
-use super::scatter::{Scattered, Wanted};
+use super::scatter::{ArraySelection, Scattered};
 use crate::error::{Error, Result};
 
 /// How to fix an array in place of a number: bins may differ by pixel where a sensor has a table of their widths.
@@ -109,7 +109,7 @@ impl Variables {
     ///
     /// # Errors
     /// As [`Variables::counts`].
-    pub(super) fn scatter(&self, name: &str, wanted: &Wanted) -> Result<Scattered> {
+    pub(super) fn scatter(&self, name: &str, wanted: &ArraySelection) -> Result<Scattered> {
         let scattered = match self {
             Variables::Hdf5(file) => {
                 file.array(name)?.map(|array| blocks::read(file, &array, wanted)).transpose()?

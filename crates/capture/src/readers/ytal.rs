@@ -243,7 +243,7 @@ type Vectors = (Vec<usize>, Vec<f64>);
 fn stored(capture: &Capture) -> ([Option<Vectors>; 4], Vec<usize>) {
     if let Some([laser, sensor]) = exhaustive::sides(capture) {
         let shape = laser.shape.into_iter().chain(sensor.shape).collect();
-        let flat = |side: &exhaustive::Side, values: &[DVec3]| {
+        let flat = |side: &exhaustive::StoredSide, values: &[DVec3]| {
             ([&side.shape[..], &[3]].concat(), values.iter().flat_map(|v| v.to_array()).collect())
         };
         let all = [

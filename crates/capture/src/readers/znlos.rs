@@ -32,10 +32,10 @@ use crate::host;
 pub fn read(file: &Variables, given: &ReadOptions, notes: &mut Vec<String>) -> Result<Capture> {
     let number = |name: &str| -> Result<f64> { file.number(name)?.ok_or_else(|| file.missing(name)) };
     let shape = file.counts_shape("data")?;
-    let sensors = Grid::read(file, "camera")?.ok_or_else(|| file.missing("cameraGridPositions"))?;
-    let lasers = Grid::read(file, "laser")?;
+    let sensors = SidePoints::read(file, "camera")?.ok_or_else(|| file.missing("cameraGridPositions"))?;
+    let lasers = SidePoints::read(file, "laser")?;
     let bins = file.number("t")?.map(|t| t as usize);
-    let axes = Axes::of(&shape, [&sensors, lasers.as_ref().unwrap_or(&sensors)], bins)?;
+    let axes = DataAxes::of(&shape, [&sensors, lasers.as_ref().unwrap_or(&sensors)], bins)?;
     let confocal = axes.size.len() == 5;
     let kept = kept_bounces(given.bounce, axes.size[2], notes)?;
     let counts = file.counts("data")?;
@@ -128,7 +128,7 @@ fn kept_bounces(given: Option<Bounce>, bounces: usize, notes: &mut Vec<String>) 
 }
 
 /// The points of one side as the file has them.
-pub(super) struct Grid {
+pub(super) struct SidePoints {
     /// Points along the two axes in the order of the file.
     pub shape: [usize; 2],
     /// Whether the coordinates are the first axis, [3, ., .], as in a file in the order of the format.
@@ -140,9 +140,9 @@ pub(super) struct Grid {
 /// Numbers of points along the two axes of the file, whether the coordinates come first, and the vectors.
 type Vectors = ([usize; 2], bool, Vec<DVec3>);
 
-impl Grid {
+impl SidePoints {
     /// `{side}GridPositions` and `{side}GridNormals`, `None` without positions.
-    pub fn read(file: &Variables, side: &str) -> Result<Option<Grid>> {
+    pub fn read(file: &Variables, side: &str) -> Result<Option<SidePoints>> {
         let vectors = |name: &str| -> Result<Option<Vectors>> {
             let Some((shape, values)) = file.numbers(name)? else { return Ok(None) };
             let n = values.len() / 3;
@@ -177,7 +177,7 @@ impl Grid {
             }
             None => None,
         };
-        Ok(Some(Grid { shape, first, points, normals }))
+        Ok(Some(SidePoints { shape, first, points, normals }))
     }
 
     /// Numbers of points along the first and the second axis of the scan; `reversed` if the axes of `data` are.
@@ -194,7 +194,7 @@ impl Grid {
     }
 
     /// The points in the order of the scan, first axis slowest. `scan` is the scan's shape by `data`.
-    fn ordered(&self, reversed: bool, scan: [usize; 2]) -> Grid {
+    fn ordered(&self, reversed: bool, scan: [usize; 2]) -> SidePoints {
         let own = self.scan(reversed);
         let is_list = own != scan && self.fits(reversed, scan);
         let [x, y] = if is_list { scan } else { own };
@@ -202,7 +202,7 @@ impl Grid {
         let swapped = reversed && (is_list || !self.first);
         let from = |p: usize| if swapped { (p % y) * x + p / y } else { p };
         let pick = |all: &[DVec3]| (0..all.len()).map(|p| all[from(p)]).collect::<Vec<_>>();
-        Grid {
+        SidePoints {
             shape: [x, y],
             first: self.first,
             points: pick(&self.points),
@@ -212,14 +212,14 @@ impl Grid {
 }
 
 /// The axes of `data`.
-struct Axes {
+struct DataAxes {
     reversed: bool,
     /// Sizes of colour, t, bounce, sx, sy and, non-confocal, lx, ly.
     size: Vec<usize>,
 }
 
-impl Axes {
-    fn of(shape: &[usize], [sensors, lasers]: [&Grid; 2], bins: Option<usize>) -> Result<Axes> {
+impl DataAxes {
+    fn of(shape: &[usize], [sensors, lasers]: [&SidePoints; 2], bins: Option<usize>) -> Result<DataAxes> {
         if !(4..=7).contains(&shape.len()) {
             return Err(Error::input(
                 format!("data has {} axes: {shape:?}", shape.len()),
@@ -238,7 +238,7 @@ impl Axes {
             let lasers = size.len() == 5 || lasers.fits(reversed, [size[5], size[6]]);
             let sensors = sensors.fits(reversed, [size[3], size[4]]);
             let good = sensors && lasers && bins.is_none_or(|t| t == size[1]);
-            good.then_some(Axes { reversed, size })
+            good.then_some(DataAxes { reversed, size })
         };
         match (fits(false), fits(true)) {
             (Some(axes), None) | (None, Some(axes)) => Ok(axes),

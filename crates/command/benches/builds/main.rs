@@ -35,7 +35,7 @@ use std::process::ExitCode;
 
 use arguments::Arguments;
 use run::{Build, Run};
-use thirdbounce::export::benchmark::{self as results, Page, Side};
+use thirdbounce::export::benchmark::{self as results, Page, SideResults};
 use thirdbounce::export::npz::read_truth;
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce_command::benchmark::cases::{self, Case, Files};
@@ -135,7 +135,13 @@ impl Programs<'_> {
     }
 
     /// Runs a build on a case, and measures the result.
-    fn side(&self, build: &Build, case: &Case, files: &Files, truth: &Truth) -> Result<(Side, Maps), String> {
+    fn side(
+        &self,
+        build: &Build,
+        case: &Case,
+        files: &Files,
+        truth: &Truth,
+    ) -> Result<(SideResults, Maps), String> {
         let own = case
             .options
             .iter()
@@ -151,14 +157,14 @@ impl Programs<'_> {
         }
         let device = |key: &str| run.report["device"][key].as_str().unwrap_or_default().to_string();
         let last = run.report["trace"].as_array().and_then(|trace| trace.last()?["iteration"].as_u64());
-        let side = Side {
+        let side = SideResults {
             spec: format!("{}{}", build.program.display(), if run.reused { ", kept" } else { "" }),
             model: run.model(),
             runs_on: device("name"),
             iterations: last.unwrap_or(0) as usize,
             values,
-            points: vec![results::Point::new(values[results::SOLVE], &values)],
-            ..Side::default()
+            points: vec![results::CurvePoint::new(values[results::SOLVE], &values)],
+            ..SideResults::default()
         };
         Ok((side, run.maps))
     }
@@ -171,16 +177,16 @@ impl Sides for Programs<'_> {
         files: &Files,
         folder: &Path,
         mark: Mark<'_>,
-    ) -> thirdbounce::Result<results::Case> {
+    ) -> thirdbounce::Result<results::CaseResults> {
         mark()?;
         let truth = read_truth(&files.truth)?;
         let side = |(name, build): (&&str, &Build)| match self.side(build, case, files, &truth) {
-            Ok((side, maps)) => (Side { name: (*name).into(), ..side }, Some(maps)),
-            Err(e) => (Side::failed(name, e), None),
+            Ok((side, maps)) => (SideResults { name: (*name).into(), ..side }, Some(maps)),
+            Err(e) => (SideResults::failed(name, e), None),
         };
         let sides: Vec<_> = ["a", "b"].iter().zip(self.builds).map(side).collect();
         let device = sides.iter().map(|(side, _)| side.runs_on.clone()).next().unwrap_or_default();
-        finish(folder, results::Case { device, ..case.reported() }, sides, &truth)
+        finish(folder, results::CaseResults { device, ..case.reported() }, sides, &truth)
     }
 
     fn expected(&self, _: &Case) -> f64 {
@@ -192,7 +198,7 @@ impl Sides for Programs<'_> {
         ControlFlow::Continue(())
     }
 
-    fn end(&mut self, case: &results::Case) {
+    fn end(&mut self, case: &results::CaseResults) {
         case.why.iter().for_each(|(why, _)| eprintln!("{} is left out: {why}", case.name));
     }
 }

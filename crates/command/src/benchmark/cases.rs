@@ -9,7 +9,7 @@ use glam::{DVec2, DVec3, dvec3};
 
 use super::agreement::agreed;
 use super::family;
-use crate::record::Record;
+use crate::record::ResultRecord;
 use thirdbounce::capture::{self, Pulse};
 use thirdbounce::export::benchmark as pages;
 use thirdbounce::export::npz::write_truth;
@@ -59,7 +59,7 @@ pub struct Case {
 #[derive(Debug, Clone)]
 pub enum Source {
     /// A scene to simulate.
-    Scene(Box<family::Case>),
+    Scene(Box<family::FamilyCase>),
     /// A file.
     File {
         /// The capture.
@@ -88,7 +88,7 @@ impl Case {
     }
 
     /// A scene to simulate.
-    pub fn of_scene(group: &'static str, name: impl Into<String>, scene: family::Case) -> Case {
+    pub fn of_scene(group: &'static str, name: impl Into<String>, scene: family::FamilyCase) -> Case {
         let s = &scene.scene;
         let light = s.photons.map_or("exact values".into(), |photons| format!("{photons} photons"));
         let words = match scene.words.is_empty() {
@@ -136,14 +136,14 @@ impl Case {
     }
 
     /// The case of the page, without results.
-    pub fn reported(&self) -> pages::Case {
-        pages::Case {
+    pub fn reported(&self) -> pages::CaseResults {
+        pages::CaseResults {
             group: self.group.into(),
             name: self.name.clone(),
             words: self.words.clone(),
             model: self.model.map(String::from),
             agreed: self.is_agreed(),
-            ..pages::Case::default()
+            ..pages::CaseResults::default()
         }
     }
 
@@ -177,7 +177,7 @@ impl Case {
         };
         let agreed = || -> Result<PathBuf> {
             let name = format!("{}_agreed", self.name);
-            let record = Record::of([&**file], &[format!("{:?}", self.options)]);
+            let record = ResultRecord::of([&**file], &[format!("{:?}", self.options)]);
             let make = |staged: &[PathBuf]| write_truth(&staged[0], &agreed(file, &self.settings()?)?);
             Ok(made(&folder, &name, &record, &[""], make)?.remove(0))
         };
@@ -188,7 +188,7 @@ impl Case {
         if exact.integer_counts {
             return counts();
         }
-        let record = Record::of([&**file], &[format!("photons {mean} seed {seed}")]);
+        let record = ResultRecord::of([&**file], &[format!("photons {mean} seed {seed}")]);
         let capture = made(&folder, &self.name, &record, &[""], |staged| {
             let noisy = photon_noise(&exact, mean, Dark::Counts(0.0), None, seed);
             capture::write(&noisy.map_err(|e| e.at(file.display()))?, &staged[0]).map(drop)
@@ -196,8 +196,8 @@ impl Case {
         Ok(Ok(Files { capture: capture[0].clone(), truth }))
     }
 
-    fn simulated(&self, folder: &Path, scene: &family::Case) -> Result<Files> {
-        let record = Record::of([], &[digest(scene)]);
+    fn simulated(&self, folder: &Path, scene: &family::FamilyCase) -> Result<Files> {
+        let record = ResultRecord::of([], &[digest(scene)]);
         let files = made(folder, &self.name, &record, &["_truth", ""], |staged| {
             write_truth(&staged[0], &scene.truth()?)?;
             capture::write(&scene.capture()?, &staged[1]).map(drop)
@@ -217,7 +217,7 @@ pub fn digest(what: &impl std::fmt::Debug) -> String {
 fn made(
     folder: &Path,
     name: &str,
-    record: &Record,
+    record: &ResultRecord,
     endings: &[&str],
     make: impl FnOnce(&[PathBuf]) -> Result<()>,
 ) -> Result<Vec<PathBuf>> {
@@ -283,7 +283,7 @@ fn stem(path: &Path) -> String {
 /// # Errors
 /// A mesh that cannot be read.
 fn of(group: &str, seeds: Range<u64>, data: Option<&Path>) -> Result<Vec<Case>> {
-    let random = |seed| Case::of_scene("family", format!("family-{seed}"), family::Case::of(seed));
+    let random = |seed| Case::of_scene("family", format!("family-{seed}"), family::FamilyCase::of(seed));
     Ok(match group {
         "standard" => standard()?,
         "family" => seeds.map(random).collect(),
@@ -314,7 +314,11 @@ pub fn all(groups: &[&'static str], seeds: Range<u64>, data: Option<&Path>) -> R
 
 /// A scene of diffuse surfaces.
 fn matt(group: &'static str, name: impl Into<String>, scene: Scene) -> Case {
-    Case::of_scene(group, name, family::Case::plain(Scene { reflectance: Reflectance::Lambertian, ..scene }))
+    Case::of_scene(
+        group,
+        name,
+        family::FamilyCase::plain(Scene { reflectance: Reflectance::Lambertian, ..scene }),
+    )
 }
 
 /// A built-in scene by number of points.
@@ -335,15 +339,15 @@ fn irregular(scene: Scene) -> Scene {
 }
 
 /// The scene with another object, which the truth does not show: a wall behind its things, or a floor below them.
-fn with_room(scene: Scene, mesh: Mesh, back: Option<f64>) -> family::Case {
-    let mut case = family::Case { back, ..family::Case::plain(scene) };
+fn with_room(scene: Scene, mesh: Mesh, back: Option<f64>) -> family::FamilyCase {
+    let mut case = family::FamilyCase { back, ..family::FamilyCase::plain(scene) };
     case.scene.reflectance = Reflectance::Lambertian;
     case.scene.objects.push(Object { mesh, albedo: 0.4 });
     case
 }
 
 /// A wall behind the things at a depth.
-fn before_wall(scene: Scene, depth: f64) -> family::Case {
+fn before_wall(scene: Scene, depth: f64) -> family::FamilyCase {
     with_room(scene, rectangle(dvec3(0.0, 0.0, depth), DVec3::Y * 0.8, DVec3::X * 0.8), Some(depth))
 }
 
@@ -520,7 +524,7 @@ fn models() -> Result<Vec<Case>> {
         let models = [Cosine, Lambertian, Retroreflective].into_iter();
         // A retroreflective surface sends no light to another point of the wall.
         for model in models.filter(|m| *m != Retroreflective || scene.layout == Layout::Confocal) {
-            let scene = family::Case::plain(Scene { reflectance: model, ..scene.clone() });
+            let scene = family::FamilyCase::plain(Scene { reflectance: model, ..scene.clone() });
             all.push(Case::of_scene("models", format!("{name}-{}", model.name()), scene));
         }
     }
@@ -534,7 +538,11 @@ fn models() -> Result<Vec<Case>> {
     ];
     for (name, scene) in others {
         let hide_pulse = scene.pulse.is_some();
-        all.push(Case::of_scene("models", name, family::Case { hide_pulse, ..family::Case::plain(scene) }));
+        all.push(Case::of_scene(
+            "models",
+            name,
+            family::FamilyCase { hide_pulse, ..family::FamilyCase::plain(scene) },
+        ));
     }
     all.extend(conditions("models", "figure-lambertian", &figure)?);
     Ok(all)

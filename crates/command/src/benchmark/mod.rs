@@ -10,10 +10,10 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::overview;
-use crate::record::{Record, check_place};
+use crate::record::{ResultRecord, check_place};
 use cases::Files;
 pub use cases::{Case, GROUPS, Source, found_in, truth_of};
-use thirdbounce::export::benchmark::{self as pages, Page, Side};
+use thirdbounce::export::benchmark::{self as pages, Page, SideResults};
 use thirdbounce::files::staging;
 use thirdbounce::job::places;
 use thirdbounce::maps::{Maps, Truth};
@@ -45,7 +45,13 @@ pub trait Sides {
     ///
     /// # Errors
     /// The capture cannot be used: the case fails, the benchmark continues.
-    fn run(&mut self, case: &Case, files: &Files, folder: &Path, mark: Mark<'_>) -> Result<pages::Case>;
+    fn run(
+        &mut self,
+        case: &Case,
+        files: &Files,
+        folder: &Path,
+        mark: Mark<'_>,
+    ) -> Result<pages::CaseResults>;
 
     /// Expected seconds of a case on two cores, without knowledge of the machine.
     fn expected(&self, case: &Case) -> f64;
@@ -54,7 +60,7 @@ pub trait Sides {
     fn begin(&mut self, case: &Case, remaining: f64) -> ControlFlow<()>;
 
     /// Called at the end of a case.
-    fn end(&mut self, case: &pages::Case);
+    fn end(&mut self, case: &pages::CaseResults);
 }
 
 /// The result of a benchmark.
@@ -144,7 +150,7 @@ impl Benchmark {
     }
 
     /// Makes a case, or takes it from its folder.
-    fn case(&self, case: &Case, sides: &mut dyn Sides) -> Result<pages::Case> {
+    fn case(&self, case: &Case, sides: &mut dyn Sides) -> Result<pages::CaseResults> {
         let start = Instant::now();
         let folder = self.out.join(&case.name);
         let files = match case.files(&self.out)? {
@@ -154,16 +160,16 @@ impl Benchmark {
         let options =
             [&self.options[..], &[format!("truth {} {:?}", files.truth.display(), case.options)]].concat();
         let made_of = [&files.capture, &files.truth].into_iter().chain(&self.beside).map(PathBuf::as_path);
-        let record = Record::of(made_of, &options);
+        let record = ResultRecord::of(made_of, &options);
         if record.is_done(&folder, WHOLE) {
-            let done: pages::Case = pages::read_json(&folder.join(WHOLE))?;
-            return Ok(pages::Case { was_there: true, ..done });
+            let done: pages::CaseResults = pages::read_json(&folder.join(WHOLE))?;
+            return Ok(pages::CaseResults { was_there: true, ..done });
         }
         check_place(&folder)?;
         // The case's file comes last, so a folder without it is made anew.
         let mark = || staging::remove(&folder.join(WHOLE)).and_then(|()| record.write(&folder));
         let done = sides.run(case, &files, &folder, &mark)?;
-        Ok(pages::Case { seconds: start.elapsed().as_secs_f64(), ..done })
+        Ok(pages::CaseResults { seconds: start.elapsed().as_secs_f64(), ..done })
     }
 }
 
@@ -173,16 +179,16 @@ impl Benchmark {
 /// Files that cannot be written.
 pub fn finish(
     folder: &Path,
-    case: pages::Case,
-    sides: Vec<(Side, Option<Maps>)>,
+    case: pages::CaseResults,
+    sides: Vec<(SideResults, Option<Maps>)>,
     truth: &Truth,
-) -> Result<pages::Case> {
+) -> Result<pages::CaseResults> {
     let named: Vec<(&str, &Maps)> =
         sides.iter().filter_map(|(side, maps)| Some((side.name.as_str(), maps.as_ref()?))).collect();
     if !named.is_empty() {
         overview::write_all(&folder.join("pictures.png"), &named, truth)?;
     }
-    let case = pages::Case { sides: sides.into_iter().map(|(side, _)| side).collect(), ..case };
+    let case = pages::CaseResults { sides: sides.into_iter().map(|(side, _)| side).collect(), ..case };
     pages::write_json(&folder.join(WHOLE), &case)?;
     Ok(case)
 }

@@ -31,7 +31,7 @@ const MOST_JOBS: usize = 256;
 /// Exit code after Ctrl-C, as for the other verbs.
 const STOPPED: u8 = 130;
 
-pub struct Args {
+pub struct BatchArgs {
     /// Captures, patterns and lists.
     captures: Vec<PathBuf>,
     /// Every option that changes results, as given.
@@ -39,7 +39,7 @@ pub struct Args {
     /// An option that a batch does not have.
     unfit: Option<&'static str>,
     own: Own,
-    each: reconstruct::Args,
+    each: reconstruct::ReconstructArgs,
 }
 
 #[derive(clap::Args)]
@@ -52,9 +52,9 @@ struct Own {
     shard: Option<String>,
 }
 
-impl clap::Args for Args {
+impl clap::Args for BatchArgs {
     fn augment_args(command: Command) -> Command {
-        let command = Own::augment_args(reconstruct::Args::augment_args(command))
+        let command = Own::augment_args(reconstruct::ReconstructArgs::augment_args(command))
             .mut_arg("capture", |arg| {
                 arg.value_name("CAPTURE|GLOB|LIST.txt").num_args(1..).action(ArgAction::Append).help(
                     "Captures, or patterns such as 'scans/*.npz', or text files (.txt, or - for stdin) with a capture \
@@ -74,9 +74,9 @@ impl clap::Args for Args {
     }
 }
 
-impl FromArgMatches for Args {
-    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<Args, clap::Error> {
-        let all = reconstruct::Args::augment_args(Command::new("reconstruct"));
+impl FromArgMatches for BatchArgs {
+    fn from_arg_matches(matches: &ArgMatches) -> std::result::Result<BatchArgs, clap::Error> {
+        let all = reconstruct::ReconstructArgs::augment_args(Command::new("reconstruct"));
         let was_given = |id: &str| matches.value_source(id) == Some(ValueSource::CommandLine);
         let mut options = vec![];
         for id in all.get_arguments().map(|arg| arg.get_id().as_str()).filter(|id| was_given(id)) {
@@ -86,22 +86,22 @@ impl FromArgMatches for Args {
             }
         }
         options.sort();
-        Ok(Args {
+        Ok(BatchArgs {
             captures: matches.get_many("capture").into_iter().flatten().cloned().collect(),
             options,
             unfit: NOT_HERE.into_iter().find(|id| was_given(id)),
             own: Own::from_arg_matches(matches)?,
-            each: reconstruct::Args::from_arg_matches(matches)?,
+            each: reconstruct::ReconstructArgs::from_arg_matches(matches)?,
         })
     }
 
     fn update_from_arg_matches(&mut self, matches: &ArgMatches) -> std::result::Result<(), clap::Error> {
-        *self = Args::from_arg_matches(matches)?;
+        *self = BatchArgs::from_arg_matches(matches)?;
         Ok(())
     }
 }
 
-pub fn run(args: &Args) -> Result<ExitCode> {
+pub fn run(args: &BatchArgs) -> Result<ExitCode> {
     let wrong = |what: String, hint: &'static str| Err(Error::options(what, hint));
     if let Some(option) = args.unfit {
         let option = option.replace('_', "-");
@@ -138,7 +138,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     };
     interrupt::stop_in_order();
     let running =
-        Running { args, bar: bar(args.each.quiet, "{wide_msg} {elapsed}"), begun: Mutex::default() };
+        RunningBatch { args, bar: bar(args.each.quiet, "{wide_msg} {elapsed}"), begun: Mutex::default() };
     let tally = batch::batch(&batch, &running, &mut |end| report(end, &running));
     running.bar.iter().for_each(ProgressBar::finish_and_clear);
     let tally = tally?;
@@ -163,7 +163,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
 }
 
 /// A line of JSON on stdout; where the batch is, warnings and errors on stderr.
-fn report(end: &CaptureEnd, running: &Running<'_>) {
+fn report(end: &CaptureEnd, running: &RunningBatch<'_>) {
     let (args, name, [number, of]) = (running.args, &end.capture.name, end.number);
     let out = &args.each.out;
     print(
@@ -202,14 +202,14 @@ fn report(end: &CaptureEnd, running: &Running<'_>) {
 }
 
 /// A batch that runs, with the bar of a terminal.
-struct Running<'a> {
-    args: &'a Args,
+struct RunningBatch<'a> {
+    args: &'a BatchArgs,
     bar: Option<ProgressBar>,
     /// Numbers of captures that began, by name.
     begun: Mutex<BTreeMap<String, usize>>,
 }
 
-impl Running<'_> {
+impl RunningBatch<'_> {
     /// Writes lines that stay.
     fn note(&self, write: impl FnOnce()) {
         match &self.bar {
@@ -219,7 +219,7 @@ impl Running<'_> {
     }
 }
 
-impl Caller for Running<'_> {
+impl Caller for RunningBatch<'_> {
     fn beside(&self, capture: &Listed) -> Vec<PathBuf> {
         self.args.each.truth.iter().map(|truth| with_name(truth, &capture.name)).collect()
     }

@@ -12,7 +12,7 @@ use thirdbounce::{Error, Result};
 
 use crate::benchmark::cases::{self, Files};
 use crate::benchmark::{Benchmark, Case, GROUPS, Mark, Sides, benchmark, family, found_in, truth_of};
-use crate::compare::{Comparison, Foreign, ForeignResult, Method, Turn, compare};
+use crate::compare::{ComparedMethod, Comparison, Foreign, ForeignResult, MethodRun, compare};
 
 use super::progress::Meter;
 use super::settings::{ALL, DeviceArgs, SettingsArgs};
@@ -35,7 +35,7 @@ Methods:
 
 #[derive(clap::Args)]
 #[command(after_help = METHODS)]
-pub struct Args {
+pub struct BenchmarkArgs {
     /// Captures, and folders of captures and scenes. The truth of NAME.npz is NAME_truth.npz, truth_NAME.npz or
     /// truth/NAME.npz; without one, methods are judged by what closed-form methods agree on. NAME.scene has the arguments of
     /// simulate, or family and the seed of a random scene, whose captures are made
@@ -95,11 +95,15 @@ fn scene_of(name: String, file: &Path) -> Result<Case> {
     if let ["family", seed] = words[..]
         && let Ok(seed) = seed.parse()
     {
-        return Ok(Case::of_scene("", name, family::Case::of(seed)));
+        return Ok(Case::of_scene("", name, family::FamilyCase::of(seed)));
     }
     let what = super::simulate::scene_of(file)?;
     let (hide_pulse, render) = (what.hide_pulse, what.render);
-    Ok(Case::of_scene("", name, family::Case { hide_pulse, render, ..family::Case::plain(what.scene) }))
+    Ok(Case::of_scene(
+        "",
+        name,
+        family::FamilyCase { hide_pulse, render, ..family::FamilyCase::plain(what.scene) },
+    ))
 }
 
 /// The case of a capture.
@@ -109,7 +113,7 @@ fn case_of(capture: &Path, truth: Option<PathBuf>) -> Case {
     Case::of_file(name, capture.into(), truth.or_else(|| truth_of(capture)))
 }
 
-impl Args {
+impl BenchmarkArgs {
     /// The cases that the arguments name, without those of groups.
     fn cases(&self) -> Result<Vec<Case>> {
         let alone = |what: &str| {
@@ -138,7 +142,7 @@ impl Args {
     }
 }
 
-pub fn run(args: &Args) -> Result<ExitCode> {
+pub fn run(args: &BenchmarkArgs) -> Result<ExitCode> {
     let mut sets: Vec<&str> = args.set.iter().map(String::as_str).collect();
     if args.captures.is_empty() && sets.is_empty() {
         sets.push("standard");
@@ -184,7 +188,8 @@ pub fn run(args: &Args) -> Result<ExitCode> {
     let count = cases.len();
     let what = Benchmark { cases, out, options, beside: foreign.iter().filter_map(maps).collect() };
     interrupt::stop_in_order();
-    let mut running = Running { args, specs, repeats, begun: 0, count, turns: Turns::new(args.quiet) };
+    let mut running =
+        RunningBenchmark { args, specs, repeats, begun: 0, count, turns: Turns::new(args.quiet) };
     let done = benchmark(&what, &mut running);
     running.turns.end();
     let done = done?;
@@ -209,7 +214,7 @@ fn typical(spec: &methods::Spec) -> f64 {
     seconds.min(1.1 * spec.limit.unwrap_or(f64::INFINITY))
 }
 
-impl Args {
+impl BenchmarkArgs {
     /// Says notes, unless it is to be quiet.
     fn say(&self, notes: &[String]) {
         if !self.quiet {
@@ -257,7 +262,7 @@ impl Args {
         loaded: &Loaded,
         truth: &Path,
     ) -> Result<Comparison> {
-        let method = |spec: &methods::Spec| -> Result<Method> {
+        let method = |spec: &methods::Spec| -> Result<ComparedMethod> {
             let settings = spec.settings.settings()?;
             let request = Request {
                 preview: !spec.no_preview && settings.method.name() == SolverOptions::DEFAULT,
@@ -267,7 +272,12 @@ impl Args {
                 trace_every: spec.trace_every.or(Some(self.trace_every)),
                 ..Request::new(settings, "")
             };
-            Ok(Method { name: spec.name.clone(), spec: spec.text.clone(), request, limit: spec.limit })
+            Ok(ComparedMethod {
+                name: spec.name.clone(),
+                spec: spec.text.clone(),
+                request,
+                limit: spec.limit,
+            })
         };
         let mut comparison = Comparison {
             case: Some(case.clone()),
@@ -290,8 +300,8 @@ impl Args {
     }
 }
 
-struct Running<'a> {
-    args: &'a Args,
+struct RunningBenchmark<'a> {
+    args: &'a BenchmarkArgs,
     specs: Vec<methods::Spec>,
     repeats: usize,
     /// Cases that have begun, and all.
@@ -300,8 +310,14 @@ struct Running<'a> {
     turns: Turns,
 }
 
-impl Sides for Running<'_> {
-    fn run(&mut self, case: &Case, files: &Files, folder: &Path, mark: Mark<'_>) -> Result<pages::Case> {
+impl Sides for RunningBenchmark<'_> {
+    fn run(
+        &mut self,
+        case: &Case,
+        files: &Files,
+        folder: &Path,
+        mark: Mark<'_>,
+    ) -> Result<pages::CaseResults> {
         let loaded = job::load(&files.capture, &self.args.settings.of_all_methods()?)?;
         self.args.say(&loaded.notes);
         let comparison = self.args.comparison(&self.specs, case, &loaded, &files.truth)?;
@@ -325,7 +341,7 @@ impl Sides for Running<'_> {
         interrupt::asked()
     }
 
-    fn end(&mut self, case: &pages::Case) {
+    fn end(&mut self, case: &pages::CaseResults) {
         self.turns.end();
         let quiet = self.args.quiet;
         match &case.why {
@@ -352,7 +368,7 @@ impl Turns {
         Turns { quiet, shown: None }
     }
 
-    fn hear(&mut self, turn: &Turn<'_>, progress: &Progress) -> ControlFlow<()> {
+    fn hear(&mut self, turn: &MethodRun<'_>, progress: &Progress) -> ControlFlow<()> {
         let is_shown =
             |(name, number, _): &(String, usize, Meter)| name == turn.name && *number == turn.number;
         if !self.shown.as_ref().is_some_and(is_shown) {

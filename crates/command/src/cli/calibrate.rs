@@ -12,7 +12,7 @@ use super::settings::{FILE, SettingsArgs};
 use super::terminal::{print, say};
 
 #[derive(clap::Args)]
-pub struct Args {
+pub struct CalibrateArgs {
     /// Confocal capture of one small bright target, made with the instrument to calibrate
     capture: PathBuf,
     /// Capture to write, with time zero corrected: .npz or .hdf5
@@ -34,7 +34,7 @@ pub struct Args {
     settings: SettingsArgs<FILE>,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &CalibrateArgs) -> Result<()> {
     let inputs = || std::iter::once(args.capture.as_path()).chain(args.apply_to.as_deref());
     let files = std::iter::once(&args.out).chain(&args.png);
     files.into_iter().try_for_each(|file| job::check_not_input(file, inputs()))?;

@@ -1,6 +1,6 @@
 //! The table of `thirdbounce profile --compile`.
 
-use crate::profile::compile::{CompileProfile, CompiledKernel, Executable};
+use crate::profile::compile::{CompileProfile, CompiledExecutable, CompiledKernel};
 use thirdbounce::job::plain;
 
 /// What drivers call the figures of a column: any of these words in lower case, in order of preference.
@@ -37,14 +37,14 @@ pub fn table(p: &CompileProfile) -> String {
     out += &format!("{:>9}\n", "subgroup");
     for k in &p.kernels {
         match &k.executables[..] {
-            [] => out += &line(k, &Executable::default()),
+            [] => out += &line(k, &CompiledExecutable::default()),
             all => all.iter().for_each(|e| out += &line(k, e)),
         }
     }
     out + "\nwaves: subgroups that a SIMD unit holds at once.\n"
 }
 
-fn line(k: &CompiledKernel, e: &Executable) -> String {
+fn line(k: &CompiledKernel, e: &CompiledExecutable) -> String {
     let dash = || "-".to_string();
     let mut out = format!("{:<24}{:<26}{:>8.1}", k.kernel, k.code, 1e3 * k.seconds);
     for (_, names) in COLUMNS {
@@ -56,7 +56,7 @@ fn line(k: &CompiledKernel, e: &Executable) -> String {
 }
 
 /// The statistic that has one of these names.
-fn figure(e: &Executable, names: &[&str]) -> Option<f64> {
+fn figure(e: &CompiledExecutable, names: &[&str]) -> Option<f64> {
     names.iter().find_map(|name| {
         let found = e.statistics.iter().find(|(n, _)| n.to_lowercase() == *name);
         found.map(|(_, v)| *v)
@@ -69,9 +69,9 @@ mod tests {
 
     #[test]
     fn a_column_takes_the_drivers_own_name() {
-        let of = |named: &[(&str, f64)]| Executable {
+        let of = |named: &[(&str, f64)]| CompiledExecutable {
             statistics: named.iter().map(|(n, v)| (n.to_string(), *v)).collect(),
-            ..Executable::default()
+            ..CompiledExecutable::default()
         };
         let radv = of(&[("VGPRs", 24.0), ("SGPRs", 32.0), ("Spilled VGPRs", 1.0)]);
         assert_eq!([COLUMNS[0].1, COLUMNS[2].1].map(|n| figure(&radv, n)), [Some(24.0), Some(1.0)]);

@@ -12,7 +12,7 @@ use super::terminal::{print, say};
 use super::{histogram, interrupt};
 
 #[derive(clap::Args)]
-pub struct Args {
+pub struct ConvertArgs {
     /// Capture to read: a file of any known format, or the folder of a capture with several files
     #[arg(value_name = "IN")]
     from: PathBuf,
@@ -32,7 +32,7 @@ pub struct Args {
     settings: SettingsArgs<FILE>,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &ConvertArgs) -> Result<()> {
     job::check_not_input(&args.to, [args.from.as_path()])?;
     let settings = args.settings.settings()?;
     if tags::hold_tags(&args.from) {

@@ -11,7 +11,7 @@ use super::terminal::{print, say};
 use super::{interrupt, tables};
 
 #[derive(clap::Args)]
-pub struct Args {
+pub struct DemoArgs {
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
     out: PathBuf,
@@ -23,7 +23,7 @@ pub struct Args {
     quiet: bool,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &DemoArgs) -> Result<()> {
     interrupt::stop_in_order();
     let mut meter = Meter::new(args.quiet);
     let mut tell = |line: &str| {

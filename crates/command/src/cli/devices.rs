@@ -6,13 +6,13 @@ use super::tables;
 use super::terminal::{json, print};
 
 #[derive(clap::Args)]
-pub struct Args {
+pub struct DevicesArgs {
     /// Print JSON
     #[arg(long)]
     json: bool,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &DevicesArgs) -> Result<()> {
     let all = gpu::devices()?;
     if args.json {
         print(&json(&all)?);

@@ -11,7 +11,7 @@ use super::tables;
 use super::terminal::{json, print};
 
 #[derive(clap::Args)]
-pub struct Args {
+pub struct EvaluateArgs {
     /// Folder that reconstruct wrote, or a maps.npz file
     dir: PathBuf,
     /// True maps: npz with gt_depth, gt_normal, gt_mask, gt_extent
@@ -28,7 +28,7 @@ pub struct Args {
     json: bool,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &EvaluateArgs) -> Result<()> {
     let found = evaluate(&args.dir, &args.truth, args.mask_fraction, !args.no_pictures)?;
     if args.json {
         print(&json(&found.metrics)?);

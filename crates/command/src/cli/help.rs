@@ -6,7 +6,7 @@ use super::settings::{topic, topics};
 use super::terminal::print;
 
 #[derive(clap::Args)]
-pub struct Args {
+pub struct HelpArgs {
     /// A verb, a group of settings (capture-file, capture, solver, volume, result, device), or a method for its options
     topic: Option<String>,
     /// Print completions for a shell
@@ -17,7 +17,7 @@ pub struct Args {
     man: bool,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &HelpArgs) -> Result<()> {
     let mut command = super::command();
     if let Some(shell) = args.completions {
         clap_complete::generate(shell, &mut command, "thirdbounce", &mut std::io::stdout());

@@ -25,7 +25,7 @@ Examples:
 
 #[derive(clap::Args)]
 #[command(after_help = EXAMPLES)]
-pub struct Args {
+pub struct HistogramArgs {
     /// Time tags: PicoQuant .ptu, Photon-HDF5, npz or HDF5 with timestamps and channels, text (channel, time); or histograms of an
     /// instrument: .phu, text, .npy or .npz
     tags: PathBuf,
@@ -268,7 +268,7 @@ impl FromTags {
     }
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &HistogramArgs) -> Result<()> {
     let mut turn = Settings { rotate: args.rotate, ..Settings::default() };
     args.flip.iter().try_for_each(|text| turn.set("flip", text))?;
     let turn = job::turn(&turn)?;

@@ -17,7 +17,7 @@ use super::terminal::{json, print, say};
 use super::{advice, interrupt, tables};
 
 #[derive(clap::Args)]
-pub struct Args {
+pub struct InfoArgs {
     #[command(flatten)]
     capture: CaptureArgs,
     /// Print JSON
@@ -36,7 +36,7 @@ pub struct Args {
 
 /// Ends with 1 if there is a problem with the capture or the plan. Without a device it plans for a usual one. Of time tags without a
 /// scan it shows what they hold.
-pub fn run(args: &Args) -> Result<ExitCode> {
+pub fn run(args: &InfoArgs) -> Result<ExitCode> {
     let CaptureArgs { capture, settings, device } = &args.capture;
     if !args.tags.are_given() && tags::hold_tags(capture) {
         let found = instrument(capture, args.tags.inputs())?;

@@ -10,7 +10,7 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde_json::{Value, json};
 
-use crate::live::{self, Figures, News, Page, Shows, Source, Summary};
+use crate::live::{self, Figures, FrameSource, LivePage, LiveTotals, News, Shows};
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::maps::Maps;
 use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
@@ -23,7 +23,7 @@ use super::terminal::{print, say, say_error};
 use super::{advice, interrupt};
 
 #[derive(clap::Args)]
-pub struct Args {
+pub struct LiveArgs {
     /// Where frames come from: a folder in which npz captures appear, or - for a stream of frames (docs/batch-and-live.md) on the
     /// standard input
     source: PathBuf,
@@ -71,16 +71,16 @@ pub struct Args {
     settings: SettingsArgs<METHOD>,
 }
 
-pub fn run(args: &Args) -> Result<ExitCode> {
+pub fn run(args: &LiveArgs) -> Result<ExitCode> {
     let settings = args.settings.settings()?;
     let (feed, interval) = (feed(&args.feed)?, seconds("interval", args.interval)?);
     let options = SessionOptions { feed, follow: follow(args)?, ..SessionOptions::default() };
     interrupt::stop_in_order();
     let (source, scan) = (source(args)?, capture::read(&args.capture)?);
-    let mut kept = args.out.as_deref().map(|out| Kept::open(out, args.keep)).transpose()?;
+    let mut kept = args.out.as_deref().map(|out| RunFiles::open(out, args.keep)).transpose()?;
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
     let shows = Shows { depths: args.page_depths, interval };
-    let page = args.page.map(|address| Page::serve(address, shows)).transpose()?;
+    let page = args.page.map(|address| LivePage::serve(address, shows)).transpose()?;
     page.iter().for_each(|page| introduce(page.address(), args.quiet));
     let (session, notes) =
         thirdbounce::session_with(&gpu, &scan, &settings, options, &mut |_| interrupt::asked())?;
@@ -88,7 +88,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
     let (mut drift, mut unwritten) = (Drift::default(), None);
-    let mut keep = |record: &mut dyn FnMut(&mut Kept) -> Result<()>| match kept.as_mut().map(record) {
+    let mut keep = |record: &mut dyn FnMut(&mut RunFiles) -> Result<()>| match kept.as_mut().map(record) {
         Some(Err(error)) => {
             unwritten = Some(error);
             ControlFlow::Break(())
@@ -129,7 +129,7 @@ pub fn run(args: &Args) -> Result<ExitCode> {
         print(&format!("wrote     {}", out.display()));
     }
     print(&summary(&done));
-    if done.arrived + done.failed == 0 && source == Source::Stdin && interrupt::asked().is_continue() {
+    if done.arrived + done.failed == 0 && source == FrameSource::Stdin && interrupt::asked().is_continue() {
         return Err(Error::input(
             "the stream ended before its first frame",
             "check the program that writes it: docs/batch-and-live.md describes the bytes",
@@ -154,7 +154,7 @@ fn introduce(address: SocketAddr, quiet: bool) {
 }
 
 /// The files of a run.
-struct Kept {
+struct RunFiles {
     out: PathBuf,
     every: u64,
     lines: File,
@@ -162,15 +162,15 @@ struct Kept {
     last: Option<Maps>,
 }
 
-impl Kept {
+impl RunFiles {
     /// Adds to the lines of earlier runs.
-    fn open(out: &Path, every: u64) -> Result<Kept> {
+    fn open(out: &Path, every: u64) -> Result<RunFiles> {
         job::check_file(&out.join("maps.npz"))?;
         let path = out.join("frames.jsonl");
         let opened = std::fs::create_dir_all(out.join("frames"));
         let opened = opened.and_then(|()| File::options().create(true).append(true).open(&path));
         let lines = opened.map_err(|e| unwritten(&path, &e))?;
-        Ok(Kept { out: out.into(), every, lines, last: None })
+        Ok(RunFiles { out: out.into(), every, lines, last: None })
     }
 
     /// Writes the line of a frame, after its maps.
@@ -232,10 +232,10 @@ fn depths(text: &str) -> std::result::Result<[f64; 2], String> {
         .ok_or_else(|| "give the nearest and the farthest depth: 0.5:1.5, 50cm:1.5m".into())
 }
 
-fn source(args: &Args) -> Result<Source> {
+fn source(args: &LiveArgs) -> Result<FrameSource> {
     match &args.source {
-        path if path.as_os_str() == "-" => Ok(Source::Stdin),
-        path if path.is_dir() => Ok(Source::Folder(path.clone())),
+        path if path.as_os_str() == "-" => Ok(FrameSource::Stdin),
+        path if path.is_dir() => Ok(FrameSource::Folder(path.clone())),
         path => Err(Error::input(
             format!("{} is no folder", path.display()),
             "give a folder of captures, or - and the stream on the standard input: `thirdbounce live - ... < FILE`",
@@ -282,7 +282,7 @@ fn line(name: &str, frame: &Frame, latency: &Latency) -> String {
     )
 }
 
-fn summary(done: &Summary) -> String {
+fn summary(done: &LiveTotals) -> String {
     let ms = |time: Duration| format!("{:.0} ms", 1e3 * time.as_secs_f64());
     let reported = &done.latency;
     format!(
@@ -304,7 +304,7 @@ fn feed(text: &str) -> Result<Feed> {
     feed.ok_or_else(|| Error::options(format!("--feed is {text:?}"), "give newest, every, or sum:0.9"))
 }
 
-fn follow(args: &Args) -> Result<Option<Follow>> {
+fn follow(args: &LiveArgs) -> Result<Option<Follow>> {
     let budget = seconds("budget", args.budget)?;
     Ok((!args.cold).then(|| Follow { budget, ..Follow::default() }))
 }

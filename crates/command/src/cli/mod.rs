@@ -67,36 +67,36 @@ fn version() -> String {
 #[derive(Subcommand)]
 enum Verb {
     /// Simulate a scene, reconstruct it, measure the result and write pictures, in less than a minute.
-    Demo(demo::Args),
+    Demo(demo::DemoArgs),
     /// Show what a capture holds, what looks wrong in it, and what a reconstruction would do and need.
-    Info(Box<info::Args>),
+    Info(Box<info::InfoArgs>),
     /// Reconstruct a capture: maps, pictures, points and a report.
-    Reconstruct(Box<reconstruct::Args>),
+    Reconstruct(Box<reconstruct::ReconstructArgs>),
     /// Reconstruct many captures. Skips those that are done; one line of JSON each.
-    Batch(Box<batch::Args>),
+    Batch(Box<batch::BatchArgs>),
     /// Make a capture of a known scene, and its truth.
-    Simulate(Box<simulate::Args>),
+    Simulate(Box<simulate::SimulateArgs>),
     /// Reconstruct frames as they come, from a folder or the standard input; show them on a page.
-    Live(Box<live::Args>),
+    Live(Box<live::LiveArgs>),
     /// Measure an earlier result against truth.
-    Evaluate(evaluate::Args),
+    Evaluate(evaluate::EvaluateArgs),
     /// Compare methods on captures and scenes, at several photon counts: error against run time, as one page. Skips what is
     /// done.
-    Benchmark(Box<benchmark::Args>),
+    Benchmark(Box<benchmark::BenchmarkArgs>),
     /// Make a capture of time tags: PicoQuant .ptu, arrays, text.
-    Histogram(Box<histogram::Args>),
+    Histogram(Box<histogram::HistogramArgs>),
     /// Convert a capture of any known format to npz, y-tal HDF5 or Stanford MATLAB; sum or thin it on request.
-    Convert(convert::Args),
+    Convert(convert::ConvertArgs),
     /// Find the shift of time zero from a capture of one small target, and write a corrected capture.
-    Calibrate(calibrate::Args),
+    Calibrate(calibrate::CalibrateArgs),
     /// Show where the time of a reconstruction goes: kernels and their limits on the device, idle time, a timeline.
-    Profile(Box<profile::Args>),
+    Profile(Box<profile::ProfileArgs>),
     /// Print what a reconstruction would run, dispatch by dispatch: sizes, buffers read -> buffers written.
-    Schedule(Box<schedule::Args>),
+    Schedule(Box<schedule::ScheduleArgs>),
     /// List the Vulkan devices.
-    Devices(devices::Args),
+    Devices(devices::DevicesArgs),
     /// Show the options of a verb, of a group of settings, or of a method.
-    Help(help::Args),
+    Help(help::HelpArgs),
 }
 
 /// Runs the verb that the command line names.

@@ -18,7 +18,7 @@ use super::terminal::{print, say};
 use super::{compiled, interrupt};
 
 #[derive(clap::Args)]
-pub struct Args {
+pub struct ProfileArgs {
     /// Capture: a file (npz, HDF5 or MATLAB), or the folder of a capture with several files
     #[arg(required_unless_present_any = ["check", "compile"])]
     capture: Option<PathBuf>,
@@ -51,7 +51,7 @@ pub struct Args {
     device: DeviceArgs,
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &ProfileArgs) -> Result<()> {
     if args.compile {
         return compile(args);
     }
@@ -82,7 +82,7 @@ pub fn run(args: &Args) -> Result<()> {
     Ok(())
 }
 
-fn compile(args: &Args) -> Result<()> {
+fn compile(args: &ProfileArgs) -> Result<()> {
     if let Some(file) = &args.json {
         thirdbounce::job::check_file(file)?;
     }
@@ -113,7 +113,7 @@ struct CheckReport {
     checks: Vec<check::Checked>,
 }
 
-fn check_device(args: &Args) -> Result<()> {
+fn check_device(args: &ProfileArgs) -> Result<()> {
     if let Some(file) = &args.json {
         thirdbounce::job::check_file(file)?;
     }

@@ -130,7 +130,7 @@ impl Meter {
 }
 
 /// Shows the progress of a rendering.
-pub struct Rendering {
+pub struct RenderingProgress {
     bar: Option<ProgressBar>,
     quiet: bool,
     place: String,
@@ -139,11 +139,17 @@ pub struct Rendering {
     begun: Instant,
 }
 
-impl Rendering {
+impl RenderingProgress {
     /// `place` precedes every line.
-    pub fn new(quiet: bool, place: &str) -> Rendering {
+    pub fn new(quiet: bool, place: &str) -> RenderingProgress {
         let bar = bar(quiet, "{bar:16} {wide_msg} {elapsed}");
-        Rendering { bar, quiet, place: place.into(), said: Mutex::new(Instant::now()), begun: Instant::now() }
+        RenderingProgress {
+            bar,
+            quiet,
+            place: place.into(),
+            said: Mutex::new(Instant::now()),
+            begun: Instant::now(),
+        }
     }
 
     pub fn hear(&self, progress: RenderProgress) {

@@ -12,7 +12,7 @@ use super::terminal::{json, print, say};
 use super::{interrupt, tables};
 
 #[derive(clap::Args)]
-pub struct Args {
+pub struct ReconstructArgs {
     #[command(flatten)]
     pub capture: CaptureArgs,
     /// Folder for the results: maps.npz, maps.exr, pictures, points.ply, mesh.ply, report.html, report.json
@@ -50,7 +50,7 @@ pub struct Args {
     tags: FromTags,
 }
 
-impl Args {
+impl ReconstructArgs {
     /// Refuses options that no capture makes good.
     pub fn check(&self) -> Result<()> {
         self.capture.settings.settings().map(drop)
@@ -74,7 +74,7 @@ impl Args {
     }
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &ReconstructArgs) -> Result<()> {
     let inputs = || std::iter::once(args.capture.capture.as_path()).chain(args.truth.as_deref());
     job::check_inputs(inputs(), &args.out)?;
     let (loaded, request) = args.load(&args.capture.capture)?;

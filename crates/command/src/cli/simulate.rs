@@ -14,14 +14,14 @@ use thirdbounce::{Error, Result};
 
 use crate::simulated::{self, Simulation};
 
-use super::progress::Rendering;
+use super::progress::RenderingProgress;
 use super::settings::word;
 use super::terminal::{print, say};
 use super::{interrupt, tables};
 
 #[derive(clap::Args)]
 #[command(after_help = scenes())]
-pub struct Args {
+pub struct SimulateArgs {
     /// A built-in scene (listed below), or the path of a .obj or .ply mesh
     scene: String,
     /// Capture to write: .npz, or .hdf5 for y-tal
@@ -126,7 +126,7 @@ fn wall_shape(name: String) -> WallShape {
 }
 
 /// The layout that the options ask for. Refuses an option of another kind of pairs.
-fn layout(args: &Args) -> Result<Layout> {
+fn layout(args: &SimulateArgs) -> Result<Layout> {
     let kind = args.pairs.as_str();
     let misplaced = |option: &str, value: String, kinds: &str| {
         Error::options(
@@ -164,7 +164,7 @@ fn scenes() -> String {
     format!("Scenes:\n{}", lines.collect::<Vec<_>>().join("\n"))
 }
 
-pub fn run(args: &Args) -> Result<()> {
+pub fn run(args: &SimulateArgs) -> Result<()> {
     let simulation = simulation(args)?;
     match args.moving {
         Some(frames) => moving(args, &simulation, frames),
@@ -180,9 +180,9 @@ pub fn run(args: &Args) -> Result<()> {
 pub fn scene_of(file: &Path) -> Result<Simulation> {
     #[derive(Parser)]
     #[command(no_binary_name = true, disable_help_flag = true)]
-    struct Line {
+    struct SceneLine {
         #[command(flatten)]
-        args: Args,
+        args: SimulateArgs,
     }
     let at = |e: Error| e.at(file.display());
     let hint =
@@ -207,11 +207,11 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
         }
     }
     words.extend(["--out".into(), "capture.npz".into()]);
-    let command = Line::command().mut_args(|arg| {
+    let command = SceneLine::command().mut_args(|arg| {
         let takes = arg.get_action().takes_values() && !arg.is_positional();
         if takes { arg.allow_negative_numbers(true) } else { arg }
     });
-    let parsed = command.try_get_matches_from(words).and_then(|m| Line::from_arg_matches(&m));
+    let parsed = command.try_get_matches_from(words).and_then(|m| SceneLine::from_arg_matches(&m));
     let line = parsed.map_err(|e| {
         let said = e.to_string();
         at(Error::input(said.lines().next().unwrap_or("").trim_start_matches("error: ").to_string(), hint))
@@ -220,7 +220,7 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
 }
 
 /// What the arguments ask for.
-fn simulation(args: &Args) -> Result<Simulation> {
+fn simulation(args: &SimulateArgs) -> Result<Simulation> {
     let mut scene = Scene::named(&args.scene)?;
     if let Some(size) = args.fit {
         scene = scene.fitted(size)?;
@@ -248,13 +248,13 @@ fn simulation(args: &Args) -> Result<Simulation> {
 }
 
 /// Writes the frames of a sequence.
-fn moving(args: &Args, all: &Simulation, frames: usize) -> Result<()> {
+fn moving(args: &SimulateArgs, all: &Simulation, frames: usize) -> Result<()> {
     let motion = Motion { frames, step: args.step, appears: args.appear, vanishes: args.vanish };
     for (i, scene) in all.scene.sequence(&motion)?.into_iter().enumerate() {
         let name = format!("frame-{i:04}.npz");
         let truth = all.truth.as_ref().map(|(folder, pixels)| (folder.join(&name), *pixels));
         let frame = Simulation { scene, out: all.out.join(&name), truth, ..all.clone() };
-        let meter = Rendering::new(args.quiet, &format!("frame {} of {frames}: ", i + 1));
+        let meter = RenderingProgress::new(args.quiet, &format!("frame {} of {frames}: ", i + 1));
         let done = simulated::simulate(&frame, &|progress| meter.hear(progress), &mut || {});
         meter.end();
         done?;
@@ -265,8 +265,8 @@ fn moving(args: &Args, all: &Simulation, frames: usize) -> Result<()> {
     Ok(())
 }
 
-fn one(args: &Args, simulation: &Simulation) -> Result<()> {
-    let meter = Rendering::new(args.quiet, "");
+fn one(args: &SimulateArgs, simulation: &Simulation) -> Result<()> {
+    let meter = RenderingProgress::new(args.quiet, "");
     let done =
         simulated::simulate(simulation, &|progress| meter.hear(progress), &mut interrupt::stop_in_order);
     meter.end();

@@ -6,7 +6,7 @@ use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
 use super::Arrived;
-use super::stream::{Counts, begin as begin_thread};
+use super::stream::{FrameCounts, begin as begin_thread};
 use thirdbounce::files::stamp::Stamp;
 use thirdbounce::{Error, Result, capture};
 
@@ -80,7 +80,7 @@ fn first_unseen(folder: &Path, seen: &BTreeSet<PathBuf>) -> Option<PathBuf> {
     files.filter(|file| file.extension().is_some_and(|e| e == "npz") && !seen.contains(file)).min()
 }
 
-fn counts_of(file: &Path, [pairs, bins]: [usize; 2], number: u64) -> Result<Counts> {
+fn counts_of(file: &Path, [pairs, bins]: [usize; 2], number: u64) -> Result<FrameCounts> {
     let capture = capture::read(file)?;
     if [capture.pair_count(), capture.bins] != [pairs, bins] {
         return Err(Error::input(
@@ -92,5 +92,5 @@ fn counts_of(file: &Path, [pairs, bins]: [usize; 2], number: u64) -> Result<Coun
             "let only frames of the scan appear in the folder",
         ));
     }
-    Ok(Counts { frame: number, values: capture.histograms, measured: None })
+    Ok(FrameCounts { frame: number, values: capture.histograms, measured: None })
 }

@@ -17,15 +17,15 @@ mod folder;
 mod page;
 mod stream;
 
-pub use page::{Figures, Page, Shows};
-pub use stream::{Counts, Format, HEADER, Header, MAGIC, VERSION, read, write};
+pub use page::{Figures, LivePage, Shows};
+pub use stream::{CountFormat, FrameCounts, FrameHeader, HEADER, MAGIC, VERSION, read, write};
 
 /// Where frames come from.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Source {
+pub enum FrameSource {
     /// Captures that appear in a folder as .npz files, in the order of their names. It never ends.
     Folder(PathBuf),
-    /// A stream of frames ([`Header`]) on the standard input.
+    /// A stream of frames ([`FrameHeader`]) on the standard input.
     Stdin,
 }
 
@@ -43,7 +43,7 @@ pub enum News<'n> {
 
 /// Totals of a run.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Summary {
+pub struct LiveTotals {
     /// Times of the last frames, and the numbers of solved and dropped ones.
     pub latency: Latency,
     /// Frames that arrived whole.
@@ -54,7 +54,7 @@ pub struct Summary {
 
 /// A frame on its way to the session.
 pub(crate) enum Arrived {
-    Counts(String, Counts),
+    Counts(String, FrameCounts),
     Failed(Option<String>, Error),
 }
 
@@ -68,20 +68,20 @@ const MOMENT: Duration = Duration::from_millis(5);
 /// A source that cannot be opened. After a lost device, its error.
 pub fn run(
     mut session: Session,
-    source: &Source,
-    page: Option<&Page>,
+    source: &FrameSource,
+    page: Option<&LivePage>,
     hear: &mut dyn FnMut(News<'_>) -> ControlFlow<()>,
-) -> Result<Summary> {
+) -> Result<LiveTotals> {
     // Frames wait in the session, by its rule, not here.
     let (give, take) = sync_channel(1);
     let size = session.size();
     match source {
-        Source::Folder(folder) => folder::begin(folder.clone(), size, give)?,
-        Source::Stdin => stream::begin_stdin(size, give)?,
+        FrameSource::Folder(folder) => folder::begin(folder.clone(), size, give)?,
+        FrameSource::Stdin => stream::begin_stdin(size, give)?,
     }
     let depths = session.plan().finest().grid.depth_range();
     page.into_iter().for_each(|page| page.begin(depths));
-    let mut summary = Summary { latency: session.latency(), ..Summary::default() };
+    let mut summary = LiveTotals { latency: session.latency(), ..LiveTotals::default() };
     // Names of the frames that were submitted and have no result.
     let mut names: VecDeque<(FrameId, String)> = VecDeque::new();
     let (mut ended, mut broken, mut held) = (false, None, None);
@@ -141,7 +141,7 @@ pub fn run(
     broken.map_or(Ok(summary), Err)
 }
 
-fn submit(session: &mut Session, counts: &Counts) -> Result<FrameId> {
+fn submit(session: &mut Session, counts: &FrameCounts) -> Result<FrameId> {
     match &counts.measured {
         Some(measured) => session.submit_part(&counts.values, measured),
         None => session.submit(&counts.values),

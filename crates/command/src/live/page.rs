@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::Summary;
+use super::LiveTotals;
 use thirdbounce::export::picture::Picture;
 use thirdbounce::export::png;
 use thirdbounce::maps::Maps;
@@ -44,9 +44,9 @@ pub struct Shows {
 }
 
 /// A page that is served. It ends with the program.
-pub struct Page {
+pub struct LivePage {
     address: SocketAddr,
-    state: Arc<Mutex<State>>,
+    state: Arc<Mutex<PageState>>,
 }
 
 /// One of the open connections; released when dropped.
@@ -65,7 +65,7 @@ impl Drop for Slot {
     }
 }
 
-struct State {
+struct PageState {
     shows: Shows,
     /// Depths of the box.
     depths: [f64; 2],
@@ -73,13 +73,13 @@ struct State {
     newest: Option<(String, Arc<Frame>)>,
     /// Times of the last results.
     results: VecDeque<Instant>,
-    totals: Summary,
+    totals: LiveTotals,
     failure: Option<(Option<String>, String, Instant)>,
 }
 
 /// Content of `status.json`. Times are in milliseconds, lengths in metres.
 #[derive(Serialize)]
-struct Status {
+struct PageStatus {
     /// `waiting` for a first frame, `live`, or `stale`: no result for three expected intervals.
     state: &'static str,
     arrived: u64,
@@ -151,12 +151,12 @@ impl Figures {
     }
 }
 
-impl Page {
+impl LivePage {
     /// Serves the page; port 0 is a free one.
     ///
     /// # Errors
     /// The address is not of this machine, the port is taken, or no thread starts.
-    pub fn serve(address: SocketAddr, shows: Shows) -> Result<Page> {
+    pub fn serve(address: SocketAddr, shows: Shows) -> Result<LivePage> {
         let failed = |e: std::io::Error| {
             Error::options(
                 format!("the page cannot be served on {address}: {e}"),
@@ -165,13 +165,13 @@ impl Page {
         };
         let listener = TcpListener::bind(address).map_err(failed)?;
         let address = listener.local_addr().map_err(failed)?;
-        let state = Arc::new(Mutex::new(State {
+        let state = Arc::new(Mutex::new(PageState {
             shows,
             depths: [0.0, 1.0],
             begun: Instant::now(),
             newest: None,
             results: VecDeque::new(),
-            totals: Summary::default(),
+            totals: LiveTotals::default(),
             failure: None,
         }));
         let (shown, open) = (state.clone(), Arc::new(AtomicUsize::new(0)));
@@ -195,7 +195,7 @@ impl Page {
                 let _ = std::thread::Builder::new().name("thirdbounce page".into()).spawn(answer);
             }
         })?;
-        Ok(Page { address, state })
+        Ok(LivePage { address, state })
     }
 
     /// Its address.
@@ -226,16 +226,16 @@ impl Page {
     }
 
     /// Shows these totals.
-    pub(super) fn count(&self, totals: &Summary) {
+    pub(super) fn count(&self, totals: &LiveTotals) {
         locked(&self.state).totals = totals.clone();
     }
 }
 
-fn locked(state: &Mutex<State>) -> MutexGuard<'_, State> {
+fn locked(state: &Mutex<PageState>) -> MutexGuard<'_, PageState> {
     state.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-fn answer(mut stream: TcpStream, address: SocketAddr, state: &Mutex<State>) -> std::io::Result<()> {
+fn answer(mut stream: TcpStream, address: SocketAddr, state: &Mutex<PageState>) -> std::io::Result<()> {
     stream.set_read_timeout(Some(PATIENCE))?;
     stream.set_write_timeout(Some(PATIENCE))?;
     let Some(request) = request_of(&mut stream)? else { return Ok(()) };
@@ -269,7 +269,7 @@ fn request_of(stream: &mut TcpStream) -> std::io::Result<Option<String>> {
 type Answer = (&'static str, &'static str, Vec<u8>);
 
 /// The answer to a request: status, type and content.
-fn answered(request: &str, address: SocketAddr, state: &Mutex<State>) -> Answer {
+fn answered(request: &str, address: SocketAddr, state: &Mutex<PageState>) -> Answer {
     let mut lines = request.lines();
     let mut words = lines.next().unwrap_or_default().split(' ');
     let (method, path) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
@@ -314,7 +314,7 @@ fn is_own(host: &str, address: SocketAddr) -> bool {
     name == "localhost" || ip.is_ok_and(|ip| ip.is_loopback() || !address.ip().is_loopback())
 }
 
-impl State {
+impl PageState {
     /// Expected interval between results.
     fn interval(&self) -> Option<Duration> {
         let mut between: Vec<Duration> =
@@ -323,7 +323,7 @@ impl State {
         self.shows.interval.or_else(|| between.get(between.len() / 2).copied())
     }
 
-    fn status(&self) -> Status {
+    fn status(&self) -> PageStatus {
         let ms = |time: Duration| 1e3 * time.as_secs_f64();
         let (interval, latency) = (self.interval(), self.totals.latency);
         let age = self.results.back().unwrap_or(&self.begun).elapsed();
@@ -342,7 +342,7 @@ impl State {
             what: what.clone(),
             age_ms: ms(since.elapsed()),
         };
-        Status {
+        PageStatus {
             state: match (interval.is_some_and(|interval| age > STALE * interval), &self.newest) {
                 (true, _) => "stale",
                 (false, None) => "waiting",
@@ -365,7 +365,7 @@ impl State {
 mod tests {
     use super::*;
 
-    fn asked(page: &Page, request: &str) -> String {
+    fn asked(page: &LivePage, request: &str) -> String {
         let mut stream = TcpStream::connect(page.address()).unwrap();
         stream.write_all(request.as_bytes()).unwrap();
         let mut answer = vec![];
@@ -375,7 +375,7 @@ mod tests {
 
     #[test]
     fn it_answers_its_own_machine_and_nothing_else() {
-        let page = Page::serve(([127, 0, 0, 1], 0).into(), Shows::default()).unwrap();
+        let page = LivePage::serve(([127, 0, 0, 1], 0).into(), Shows::default()).unwrap();
         let host = format!("Host: {}\r\n\r\n", page.address());
         let begins = |request: &str, with: &str| {
             let answer = asked(&page, request);
@@ -405,7 +405,7 @@ mod tests {
     fn a_page_is_stale_after_three_expected_intervals() {
         let second = Duration::from_secs(1);
         let shows = Shows { interval: Some(second), ..Shows::default() };
-        let page = Page::serve(([127, 0, 0, 1], 0).into(), shows).unwrap();
+        let page = LivePage::serve(([127, 0, 0, 1], 0).into(), shows).unwrap();
         let state = || locked(&page.state).status().state;
         assert_eq!(state(), "waiting");
         locked(&page.state).begun -= 4 * second;

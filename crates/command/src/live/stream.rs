@@ -20,7 +20,7 @@ const PARTIAL: u32 = 1;
 
 /// The type of the counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Format {
+pub enum CountFormat {
     /// 32-bit floats.
     Float,
     /// Unsigned numbers of 16 bits.
@@ -31,9 +31,9 @@ pub enum Format {
 
 /// What stands before the counts of a frame. All numbers are little-endian.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Header {
-    /// Type of the counts: 0, 1, 2 in the order of [`Format`].
-    pub format: Format,
+pub struct FrameHeader {
+    /// Type of the counts: 0, 1, 2 in the order of [`CountFormat`].
+    pub format: CountFormat,
     /// The sender's number of the frame.
     pub frame: u64,
     /// Pairs.
@@ -46,7 +46,7 @@ pub struct Header {
 
 /// A frame.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Counts {
+pub struct FrameCounts {
     /// The sender's number of it.
     pub frame: u64,
     /// `[pair * bins + bin]`.
@@ -66,7 +66,7 @@ fn wrong(what: impl Into<String>) -> Error {
 ///
 /// # Errors
 /// The stream ends within a frame, or the header is not one of such frames: nothing is known of the bytes behind it then.
-pub fn read(from: &mut impl Read, [pairs, bins]: [usize; 2]) -> Result<Option<Counts>> {
+pub fn read(from: &mut impl Read, [pairs, bins]: [usize; 2]) -> Result<Option<FrameCounts>> {
     let mut bytes = [0; HEADER];
     let got = fill(from, &mut bytes)?;
     if got == 0 {
@@ -75,7 +75,7 @@ pub fn read(from: &mut impl Read, [pairs, bins]: [usize; 2]) -> Result<Option<Co
     if got < HEADER {
         return Err(wrong(format!("the stream ends after {got} bytes of a header of {HEADER}")));
     }
-    let header = Header::of(&bytes)?;
+    let header = FrameHeader::of(&bytes)?;
     if [header.pairs as usize, header.bins as usize] != [pairs, bins] {
         return Err(wrong(format!(
             "frame {} has {} pairs of {} bins, the scan {pairs} of {bins}",
@@ -96,7 +96,7 @@ pub fn read(from: &mut impl Read, [pairs, bins]: [usize; 2]) -> Result<Option<Co
         false => None,
     };
     let values = header.format.values(&part(pairs * bins * header.format.bytes())?);
-    Ok(Some(Counts { frame: header.frame, values, measured }))
+    Ok(Some(FrameCounts { frame: header.frame, values, measured }))
 }
 
 /// Writes a frame of 32-bit floats, `[pair * bins + bin]`.
@@ -105,7 +105,7 @@ pub fn read(from: &mut impl Read, [pairs, bins]: [usize; 2]) -> Result<Option<Co
 /// The target does not take it.
 pub fn write(to: &mut impl Write, frame: u64, bins: usize, values: &[f32]) -> std::io::Result<()> {
     let (pairs, bins) = ((values.len() / bins) as u32, bins as u32);
-    let header = Header { format: Format::Float, frame, pairs, bins, is_partial: false };
+    let header = FrameHeader { format: CountFormat::Float, frame, pairs, bins, is_partial: false };
     to.write_all(&header.bytes())?;
     to.write_all(&values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<_>>())?;
     to.flush()
@@ -125,8 +125,8 @@ fn fill(from: &mut impl Read, bytes: &mut [u8]) -> Result<usize> {
     Ok(got)
 }
 
-impl Header {
-    fn of(bytes: &[u8; HEADER]) -> Result<Header> {
+impl FrameHeader {
+    fn of(bytes: &[u8; HEADER]) -> Result<FrameHeader> {
         let short = |at: usize| u16::from_le_bytes([bytes[at], bytes[at + 1]]);
         let word = |at: usize| u32::from(short(at)) | u32::from(short(at + 2)) << 16;
         if bytes[..4] != MAGIC {
@@ -136,9 +136,9 @@ impl Header {
             return Err(wrong(format!("a frame of version {}, this program reads {VERSION}", short(4))));
         }
         let format = match short(6) {
-            0 => Format::Float,
-            1 => Format::Short,
-            2 => Format::Word,
+            0 => CountFormat::Float,
+            1 => CountFormat::Short,
+            2 => CountFormat::Word,
             other => return Err(wrong(format!("a frame of format {other}, known are 0 to 2"))),
         };
         let flags = word(24);
@@ -146,7 +146,7 @@ impl Header {
             return Err(wrong(format!("a frame with flags {flags:#x}, known is 1")));
         }
         let frame = u64::from(word(8)) | u64::from(word(12)) << 32;
-        Ok(Header { format, frame, pairs: word(16), bins: word(20), is_partial: flags & PARTIAL != 0 })
+        Ok(FrameHeader { format, frame, pairs: word(16), bins: word(20), is_partial: flags & PARTIAL != 0 })
     }
 
     /// Its bytes.
@@ -163,19 +163,19 @@ impl Header {
     }
 }
 
-impl Format {
+impl CountFormat {
     fn bytes(self) -> usize {
-        if self == Format::Short { 2 } else { 4 }
+        if self == CountFormat::Short { 2 } else { 4 }
     }
 
     fn values(self, bytes: &[u8]) -> Vec<f32> {
         let words = bytes.as_chunks::<4>().0;
         match self {
-            Format::Float => words.iter().map(|w| f32::from_le_bytes(*w)).collect(),
-            Format::Short => {
+            CountFormat::Float => words.iter().map(|w| f32::from_le_bytes(*w)).collect(),
+            CountFormat::Short => {
                 bytes.as_chunks::<2>().0.iter().map(|w| f32::from(u16::from_le_bytes(*w))).collect()
             }
-            Format::Word => words.iter().map(|w| u32::from_le_bytes(*w) as f32).collect(),
+            CountFormat::Word => words.iter().map(|w| u32::from_le_bytes(*w) as f32).collect(),
         }
     }
 }
@@ -217,7 +217,8 @@ mod tests {
     }
 
     fn header(format: u16, pairs: u32, bins: u32, flags: u32) -> Vec<u8> {
-        let mut all = Header { format: Format::Float, frame: 7, pairs, bins, is_partial: false }.bytes();
+        let mut all =
+            FrameHeader { format: CountFormat::Float, frame: 7, pairs, bins, is_partial: false }.bytes();
         all[6..8].copy_from_slice(&format.to_le_bytes());
         all[24..].copy_from_slice(&flags.to_le_bytes());
         all.to_vec()
@@ -235,7 +236,7 @@ mod tests {
         ]));
         let mut from = &bytes[..];
         let mut next = || read(&mut from, [2, 2]).unwrap();
-        assert_eq!(next(), Some(Counts { frame: 3, values: vec![1.0, 2.5, -3.0, 4.0], measured: None }));
+        assert_eq!(next(), Some(FrameCounts { frame: 3, values: vec![1.0, 2.5, -3.0, 4.0], measured: None }));
         assert_eq!(next().unwrap().values, [1.0, 2.0, 3.0, 256.0]);
         let partial = next().unwrap();
         assert_eq!(partial.values, [1.0, 2.0, 3.0, 65536.0]);

@@ -53,12 +53,12 @@ pub struct CompiledKernel {
     /// Seconds that the driver took. It may compile at the first dispatch, or have the kernel in a cache.
     pub seconds: f64,
     /// The programs that the driver made.
-    pub executables: Vec<Executable>,
+    pub executables: Vec<CompiledExecutable>,
 }
 
 /// A program that the driver made of a kernel.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Executable {
+pub struct CompiledExecutable {
     /// Its name in the driver's words.
     pub name: String,
     /// Invocations of a subgroup; 0 if the driver does not say.
@@ -124,8 +124,8 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
     })
 }
 
-fn reported(e: thirdbounce::gpu::Executable) -> Executable {
-    Executable { name: e.name, subgroup: e.subgroup, statistics: e.statistics.into_iter().collect() }
+fn reported(e: thirdbounce::gpu::Executable) -> CompiledExecutable {
+    CompiledExecutable { name: e.name, subgroup: e.subgroup, statistics: e.statistics.into_iter().collect() }
 }
 
 /// Writes the listings of a kernel, each to a file of its own.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use fixtures::command::succeed;
-use fixtures::family::Case;
+use fixtures::family::FamilyCase;
 use thirdbounce::capture::write;
 use thirdbounce::export::npz::read_maps;
 use thirdbounce::measure::metrics;
@@ -29,7 +29,7 @@ fn things_of_random_scenes_are_found_whole() {
 
 /// Intersection over union of the mask, and the depth error as a share of the wall.
 fn solved(seed: u64, folder: &Path) -> [f64; 2] {
-    let case = Case::of(seed).small(16, 96);
+    let case = FamilyCase::of(seed).small(16, 96);
     let [file, out] = ["capture.npz", "out"].map(|name| folder.join(name).display().to_string());
     write(&case.capture().expect("light"), Path::new(&file)).expect("it is written");
     succeed(&["reconstruct", &file, "--out", &out, "--lateral", "32", "--no-preview", "--quiet"]);

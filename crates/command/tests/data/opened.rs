@@ -30,7 +30,7 @@ pub fn python_opens_everything(python: &Path) {
     export::write_maps(&result, &maps).unwrap();
     let albedo: Vec<f32> = (0..nx * ny * 20).map(|v| (v % 97) as f32).collect();
     let extent = [-0.6, 0.6, -0.4, 0.4, 0.5, 2.5];
-    let voxels = volume::Volume { size: [nx, ny, 20], extent, albedo, normal: None };
+    let voxels = volume::VolumeArrays { size: [nx, ny, 20], extent, albedo, normal: None };
     for name in ["volume.npz", "volume.hdf5"] {
         volume::write(&result.join(name), &voxels).unwrap();
     }

@@ -8,7 +8,7 @@ use thirdbounce::job::{self, Request};
 use thirdbounce::simulate::{RenderOptions, Scene};
 use thirdbounce::solve::Accumulation;
 use thirdbounce::{Error, Kind, Result, capture};
-use thirdbounce_command::compare::{Comparison, Method, compare};
+use thirdbounce_command::compare::{ComparedMethod, Comparison, compare};
 use thirdbounce_command::profile::{self, ProfileRequest};
 use thirdbounce_command::simulated::{Simulation, simulate};
 
@@ -62,7 +62,8 @@ pub fn rows(share: Share) -> Vec<Row> {
             false,
             Box::new(|out| {
                 let request = Request { truth: Some(files().truth()), ..Request::new(solver(), "") };
-                let method = Method { name: "surface".into(), spec: "surface".into(), request, limit: None };
+                let method =
+                    ComparedMethod { name: "surface".into(), spec: "surface".into(), request, limit: None };
                 let what = Comparison {
                     methods: vec![method],
                     repeats: 1,

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use fixtures::captures::scaled;
 use fixtures::device::{
-    Fit, Perform, assert_valid, field, gpu, model, oblong, options, state, unwatched, write, write_mask,
+    FitNeeds, Perform, assert_valid, field, gpu, model, oblong, options, state, unwatched, write, write_mask,
     write_raw,
 };
 use thirdbounce::Kind;
@@ -33,7 +33,7 @@ fn a_nan_is_found_where_it_is_read() {
     let gpu = gpu();
     let (model, grid) = (model(5, 48, 9), oblong());
     let field = field(&grid, 61);
-    let fit = Fit::of(&grid, 4);
+    let fit = FitNeeds::of(&grid, 4);
     for (broken, fault) in [
         (buffer::HEIGHTS, FAULT_SAMPLE),
         (buffer::HISTOGRAMS, FAULT_FORWARD),

@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::super::axis::{Axis, Panel, legend};
 use super::super::figure::{BODY, COLOURS, Colour, FRAME, Figure, HEADING, INK};
-use super::{BEST, Case, DEPTH, NORMALS, OWN, Values, names};
+use super::{BEST, CaseResults, DEPTH, NORMALS, OWN, Values, names};
 
 /// Start of the time axis, seconds.
 const FROM: f64 = 0.02;
@@ -39,35 +39,38 @@ pub const WORST: [f64; 4] = [0.0, 0.0, 1.0, 90.0];
 /// The metrics at a time.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
 #[serde(from = "[f64; 5]", into = "[f64; 5]")]
-pub struct Point {
+pub struct CurvePoint {
     /// Seconds since the start of the method.
     pub seconds: f64,
     /// Values of [`METRICS`].
     pub values: [f64; 4],
 }
 
-impl From<[f64; 5]> for Point {
-    fn from([seconds, a, b, c, d]: [f64; 5]) -> Point {
-        Point { seconds, values: [a, b, c, d] }
+impl From<[f64; 5]> for CurvePoint {
+    fn from([seconds, a, b, c, d]: [f64; 5]) -> CurvePoint {
+        CurvePoint { seconds, values: [a, b, c, d] }
     }
 }
 
-impl From<Point> for [f64; 5] {
-    fn from(Point { seconds, values: [a, b, c, d] }: Point) -> [f64; 5] {
+impl From<CurvePoint> for [f64; 5] {
+    fn from(CurvePoint { seconds, values: [a, b, c, d] }: CurvePoint) -> [f64; 5] {
         [seconds, a, b, c, d]
     }
 }
 
-impl Point {
+impl CurvePoint {
     /// The metrics at a time, rounded for storage; those of an empty map where there are none.
-    pub fn new(seconds: f64, values: &Values) -> Point {
+    pub fn new(seconds: f64, values: &Values) -> CurvePoint {
         let rounded = |v: f64| (1e5 * v).round() / 1e5;
         let of = |(metric, worst): (&Metric, f64)| {
             let value = values[metric.place] / metric.unit;
             rounded(if value.is_finite() { value } else { worst })
         };
         let mut all = METRICS.iter().zip(WORST).map(of);
-        Point { seconds: rounded(seconds), values: std::array::from_fn(|_| all.next().unwrap_or(f64::NAN)) }
+        CurvePoint {
+            seconds: rounded(seconds),
+            values: std::array::from_fn(|_| all.next().unwrap_or(f64::NAN)),
+        }
     }
 }
 
@@ -82,14 +85,14 @@ pub struct Curve {
     /// Its name.
     pub name: String,
     /// The preview, if it shows one: the first of its points, or the mean of those.
-    pub preview: Option<Point>,
+    pub preview: Option<CurvePoint>,
     /// Samples in order of time; one for a closed form. Values last until the next sample.
-    pub points: Vec<Point>,
+    pub points: Vec<CurvePoint>,
     is_iterative: bool,
 }
 
 /// The last of `points` until a time; an empty map before the first.
-fn at(points: &[Point], seconds: f64) -> [f64; 4] {
+fn at(points: &[CurvePoint], seconds: f64) -> [f64; 4] {
     points.iter().rev().find(|p| p.seconds <= seconds).map_or(WORST, |p| p.values)
 }
 
@@ -99,29 +102,31 @@ fn mean(all: impl Iterator<Item = [f64; 4]>, count: usize) -> [f64; 4] {
 }
 
 /// Means over curves of cases, at all their times.
-fn means(all: &[Vec<Point>]) -> Vec<Point> {
+fn means(all: &[Vec<CurvePoint>]) -> Vec<CurvePoint> {
     let mut times: Vec<f64> = all.iter().flatten().map(|p| p.seconds).collect();
     times.sort_by(f64::total_cmp);
     times.dedup();
-    let point =
-        |seconds| Point { seconds, values: mean(all.iter().map(|points| at(points, seconds)), all.len()) };
+    let point = |seconds| CurvePoint {
+        seconds,
+        values: mean(all.iter().map(|points| at(points, seconds)), all.len()),
+    };
     times.into_iter().map(point).collect()
 }
 
 /// The mean point of points of `count` cases. Cases without one count as empty maps.
-fn middle(points: &[Point], count: usize) -> Option<Point> {
+fn middle(points: &[CurvePoint], count: usize) -> Option<CurvePoint> {
     let seconds = points.iter().map(|p| p.seconds).sum::<f64>() / points.len() as f64;
     let missing = std::iter::repeat_n(WORST, count - points.len());
     let values = mean(points.iter().map(|p| p.values).chain(missing), count);
-    (!points.is_empty()).then_some(Point { seconds, values })
+    (!points.is_empty()).then_some(CurvePoint { seconds, values })
 }
 
 /// The curves of all sides: of a single case, or their means over the cases, in which a side that does not take a case counts as an
 /// empty map.
-pub fn curves(cases: &[&Case]) -> Vec<Curve> {
+pub fn curves(cases: &[&CaseResults]) -> Vec<Curve> {
     let of = |name: &str| {
         let sides: Vec<_> = cases.iter().filter_map(|case| case.side(name)).collect();
-        let previews: Vec<Point> =
+        let previews: Vec<CurvePoint> =
             sides.iter().filter(|s| s.preview).filter_map(|s| s.points.first().copied()).collect();
         let is_iterative = sides.iter().any(|side| side.points.len() > 1);
         let points = match is_iterative {
@@ -129,7 +134,7 @@ pub fn curves(cases: &[&Case]) -> Vec<Curve> {
                 &cases.iter().map(|c| c.side(name).map_or(vec![], |s| s.points.clone())).collect::<Vec<_>>(),
             ),
             false => {
-                let each: Vec<Point> = sides.iter().filter_map(|s| s.points.last().copied()).collect();
+                let each: Vec<CurvePoint> = sides.iter().filter_map(|s| s.points.last().copied()).collect();
                 middle(&each, cases.len()).into_iter().collect()
             }
         };
@@ -140,10 +145,10 @@ pub fn curves(cases: &[&Case]) -> Vec<Curve> {
 }
 
 /// The best that any side has at a time, for each metric; its mean over the cases. `closed`: of closed forms only.
-pub fn hull(cases: &[&Case], closed: bool) -> Vec<Point> {
-    let of = |case: &&Case| {
+pub fn hull(cases: &[&CaseResults], closed: bool) -> Vec<CurvePoint> {
+    let of = |case: &&CaseResults| {
         let sides = case.sides.iter().filter(|s| !(s.foreign || closed && s.points.len() > 1));
-        let mut points: Vec<Point> = sides.flat_map(|s| s.points.iter().copied()).collect();
+        let mut points: Vec<CurvePoint> = sides.flat_map(|s| s.points.iter().copied()).collect();
         points.sort_by(|a, b| a.seconds.total_cmp(&b.seconds));
         let mut best = WORST;
         for point in &mut points {
@@ -165,7 +170,7 @@ pub struct Wins {
 }
 
 /// The mean over the cases of the first side against the hull of the closed forms.
-pub fn wins(cases: &[&Case]) -> Option<Wins> {
+pub fn wins(cases: &[&CaseResults]) -> Option<Wins> {
     let first = curves(cases).into_iter().next()?;
     let others = hull(cases, true);
     let end = others.last()?.seconds.max(first.points.last()?.seconds);
@@ -179,7 +184,7 @@ pub fn wins(cases: &[&Case]) -> Option<Wins> {
 
 /// Graphs of these of [`METRICS`] over one logarithmic time axis: staircases with a disc at every sample for iterative methods, a
 /// disc for each closed form, a ring for the preview, and the dashed hull.
-pub fn figure(cases: &[&Case], title: &str, metrics: &[usize], with_legend: bool) -> Figure {
+pub fn figure(cases: &[&CaseResults], title: &str, metrics: &[usize], with_legend: bool) -> Figure {
     let (curves, hull) = (curves(cases), hull(cases, false));
     let columns = metrics.len().min(2);
     let rows = metrics.len().div_ceil(2);
@@ -243,7 +248,7 @@ pub(super) fn coloured(curves: &[Curve]) -> impl Iterator<Item = (&Curve, Colour
 }
 
 /// The corners of the steps of metric `k`, until a time.
-fn staircase(points: &[Point], k: usize, until: f64) -> Vec<[f64; 2]> {
+fn staircase(points: &[CurvePoint], k: usize, until: f64) -> Vec<[f64; 2]> {
     let mut corners: Vec<[f64; 2]> = vec![];
     for point in points {
         if let Some(last) = corners.last().copied() {

@@ -8,7 +8,7 @@ use base64::engine::general_purpose::STANDARD;
 
 use super::super::text::escaped;
 use super::curve::coloured;
-use super::{Case, METRICS, Page, Table, changes, curves, figure, regressions, wins};
+use super::{CaseResults, METRICS, Page, Table, changes, curves, figure, regressions, wins};
 use crate::error::{Error, Result};
 
 const STYLE: &str = "body{font:15px/1.45 system-ui,sans-serif;margin:1.5em auto;max-width:1280px;padding:0 1em;color:#282828;\
@@ -134,7 +134,7 @@ fn scrolling(table: &Table) -> String {
 }
 
 /// The curves of cases, one drawing for each metric, and their legend.
-fn graphs(cases: &[&Case]) -> String {
+fn graphs(cases: &[&CaseResults]) -> String {
     let all: String = (0..METRICS.len()).map(|k| figure(cases, "", &[k], false).svg()).collect();
     let curves = curves(cases);
     let named = coloured(&curves).map(|(curve, [r, g, b])| {
@@ -148,7 +148,7 @@ fn graphs(cases: &[&Case]) -> String {
 }
 
 /// The pictures of a case.
-fn pictures(root: &Path, case: &Case) -> Result<String> {
+fn pictures(root: &Path, case: &CaseResults) -> Result<String> {
     let file = root.join(&case.name).join("pictures.png");
     if !file.exists() && case.sides.iter().all(|side| side.error.is_some()) {
         return Ok(String::new());

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::files::atomic;
 use crate::measure::Metrics;
 
-pub use curve::{Curve, METRICS, Metric, Point, WORST, Wins, curves, figure, hull, wins};
+pub use curve::{Curve, CurvePoint, METRICS, Metric, WORST, Wins, curves, figure, hull, wins};
 pub use quantities::*;
 
 /// The complete benchmark.
@@ -29,7 +29,7 @@ pub struct Page {
     /// Seconds of all cases, with those of earlier invocations.
     pub seconds: f64,
     /// Cases, in order.
-    pub cases: Vec<Case>,
+    pub cases: Vec<CaseResults>,
     /// Stiff and extreme cases; empty unless they were run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stability: Vec<Stability>,
@@ -37,7 +37,7 @@ pub struct Page {
 
 /// One capture, and the results of all sides.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Case {
+pub struct CaseResults {
     /// Group of cases; empty for a capture of the caller.
     pub group: String,
     /// Unique name, which is that of its folder.
@@ -64,14 +64,14 @@ pub struct Case {
     /// Vulkan device and driver.
     pub device: String,
     /// Results in the given order; changes are relative to the first.
-    pub sides: Vec<Side>,
+    pub sides: Vec<SideResults>,
     /// Methods not applicable to this capture: name and violated assumption.
     pub left_out: Vec<(String, String)>,
 }
 
 /// Results of a method or a build. Times are medians over the repeats, results those of the first run.
 #[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct Side {
+pub struct SideResults {
     /// Short name, unique in its case.
     pub name: String,
     /// Specification of the method; location of the maps or the build.
@@ -98,7 +98,7 @@ pub struct Side {
     /// Whether the first point is that of the preview, whose time is part of all others.
     pub preview: bool,
     /// Errors against run time.
-    pub points: Vec<Point>,
+    pub points: Vec<CurvePoint>,
 }
 
 /// A stiff or extreme case, relative to its twin scene or to the float64 reference.
@@ -116,7 +116,7 @@ pub struct Stability {
     pub error: Option<String>,
 }
 
-impl Side {
+impl SideResults {
     /// Name, with the reflectance model, or the origin of foreign maps, in brackets.
     pub fn title(&self) -> String {
         let limit = if self.limited { ", stopped" } else { "" };
@@ -129,17 +129,17 @@ impl Side {
     }
 
     /// A run that failed: an empty map, without costs.
-    pub fn failed(name: &str, error: impl Into<String>) -> Side {
-        let mut side = Side { name: name.into(), error: Some(error.into()), ..Side::default() };
+    pub fn failed(name: &str, error: impl Into<String>) -> SideResults {
+        let mut side = SideResults { name: name.into(), error: Some(error.into()), ..SideResults::default() };
         (side.values[OWN], side.values[BEST]) = (0.0, 0.0);
         side
     }
 }
 
-impl Case {
+impl CaseResults {
     /// A case without results.
-    pub fn without(self, why: &Error, failed: bool) -> Case {
-        Case { why: Some((why.what.clone(), failed)), hint: Some(why.hint.clone()), ..self }
+    pub fn without(self, why: &Error, failed: bool) -> CaseResults {
+        CaseResults { why: Some((why.what.clone(), failed)), hint: Some(why.hint.clone()), ..self }
     }
 
     /// Name, or that it is judged by agreement.
@@ -148,7 +148,7 @@ impl Case {
     }
 
     /// The side of this name.
-    pub fn side(&self, name: &str) -> Option<&Side> {
+    pub fn side(&self, name: &str) -> Option<&SideResults> {
         self.sides.iter().find(|side| side.name == name)
     }
 }
@@ -209,7 +209,7 @@ impl Table {
 
 impl Page {
     /// Cases with results.
-    pub fn compared(&self) -> Vec<&Case> {
+    pub fn compared(&self) -> Vec<&CaseResults> {
         self.cases.iter().filter(|case| !case.sides.is_empty()).collect()
     }
 
@@ -311,7 +311,7 @@ impl Page {
 }
 
 /// Names of all sides, in order of first occurrence.
-pub fn names<'c>(cases: &[&'c Case]) -> Vec<&'c str> {
+pub fn names<'c>(cases: &[&'c CaseResults]) -> Vec<&'c str> {
     let mut names: Vec<&str> = vec![];
     for side in cases.iter().flat_map(|case| &case.sides) {
         if !names.contains(&side.name.as_str()) {
@@ -322,16 +322,16 @@ pub fn names<'c>(cases: &[&'c Case]) -> Vec<&'c str> {
 }
 
 /// The name of a side, with its number of cases if it lacks some.
-fn with_count(cases: &[&Case], name: &str) -> String {
+fn with_count(cases: &[&CaseResults], name: &str) -> String {
     let there = cases.iter().filter(|case| case.side(name).is_some()).count();
     if there == cases.len() { name.into() } else { format!("{name} ({there} of {} cases)", cases.len()) }
 }
 
 /// Mean of a quantity over the cases. A metric of the curves counts as that of an empty map in a case without it, unless no side has
 /// it there, as normals without truth; others do not count there.
-pub fn mean_of(cases: &[&Case], name: &str, place: usize) -> f64 {
+pub fn mean_of(cases: &[&CaseResults], name: &str, place: usize) -> f64 {
     let worst = METRICS.iter().position(|m| m.place == place).map(|k| WORST[k] * METRICS[k].unit);
-    let value = |case: &&Case| {
+    let value = |case: &&CaseResults| {
         let found = case.side(name).map_or(f64::NAN, |side| side.values[place]);
         let is_known = place != NORMALS || case.sides.iter().any(|side| !side.values[place].is_nan());
         if found.is_nan() && is_known { worst.unwrap_or(f64::NAN) } else { found }

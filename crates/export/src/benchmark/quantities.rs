@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::{Case, Table};
+use super::{CaseResults, Table};
 
 /// What counts as a change.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -56,13 +56,13 @@ const COST: Option<Margin> = Some(Margin::Relative(0.1));
 macro_rules! quantities {
     ($($place:ident: $what:expr;)*) => {
         #[allow(non_camel_case_types, clippy::upper_case_acronyms, clippy::enum_variant_names)]
-        enum Place { $($place,)* COUNT }
+        enum QuantityPlace { $($place,)* COUNT }
         $(
             #[allow(missing_docs)] // its quantity has its name
-            pub const $place: usize = Place::$place as usize;
+            pub const $place: usize = QuantityPlace::$place as usize;
         )*
         /// Number of [`QUANTITIES`].
-        pub const COUNT: usize = Place::COUNT as usize;
+        pub const COUNT: usize = QuantityPlace::COUNT as usize;
         /// All quantities, by their places.
         pub const QUANTITIES: [Quantity; COUNT] = [$($what),*];
     };
@@ -207,13 +207,13 @@ pub struct Total {
 }
 
 /// The first two sides of a case.
-fn pair(case: &Case, place: usize) -> Option<[f64; 2]> {
+fn pair(case: &CaseResults, place: usize) -> Option<[f64; 2]> {
     let [a, b] = &case.sides[..] else { return None };
     Some([a.values[place], b.values[place]])
 }
 
 /// The totals of a quantity. Cases without exactly two sides do not count.
-pub fn total(cases: &[&Case], place: usize) -> Total {
+pub fn total(cases: &[&CaseResults], place: usize) -> Total {
     let pairs: Vec<[f64; 2]> = cases.iter().filter_map(|case| pair(case, place)).collect();
     let both: Vec<[f64; 2]> = pairs.iter().copied().filter(|p| p.iter().all(|v| !v.is_nan())).collect();
     let changes: Vec<Change> = pairs.iter().filter_map(|[a, b]| QUANTITIES[place].change(*a, *b)).collect();
@@ -247,15 +247,15 @@ fn worst_tenth(place: usize, values: impl Iterator<Item = f64>) -> f64 {
 }
 
 /// Whether the model of a side is the true one; `None` if that is unknown.
-fn is_right(case: &Case, side: usize) -> Option<bool> {
+fn is_right(case: &CaseResults, side: usize) -> Option<bool> {
     let (side, known) = (case.sides.get(side)?, case.model.as_deref());
     if side.error.is_some() { known.map(|_| false) } else { Some(side.model.as_deref()? == known?) }
 }
 
 /// Every regression from the first to the second side as a sentence, by quantity, the largest change first: those of results, CPU
 /// seconds and memory, and those of wall-clock seconds. Failed runs and models that are no longer right come first.
-pub fn regressions(cases: &[&Case]) -> [Vec<String>; 2] {
-    let name = |case: &Case| format!("{} {}", case.group, case.name);
+pub fn regressions(cases: &[&CaseResults]) -> [Vec<String>; 2] {
+    let name = |case: &CaseResults| format!("{} {}", case.group, case.name);
     let (mut all, mut clock) = (vec![], vec![]);
     for case in cases {
         if let [a, b] = &case.sides[..]
@@ -271,7 +271,7 @@ pub fn regressions(cases: &[&Case]) -> [Vec<String>; 2] {
         }
     }
     for (place, quantity) in QUANTITIES.iter().enumerate() {
-        let worse = |case: &&Case| {
+        let worse = |case: &&CaseResults| {
             let [a, b] = pair(case, place)?;
             if case.sides[1].error.is_some() || quantity.change(a, b) != Some(Change::Worse) {
                 return None;
@@ -290,7 +290,7 @@ pub fn regressions(cases: &[&Case]) -> [Vec<String>; 2] {
 }
 
 /// Changes from the first to the second side: a row for each judged quantity, then models and failures.
-pub fn changes(cases: &[&Case]) -> Table {
+pub fn changes(cases: &[&CaseResults]) -> Table {
     let head = [
         "quantity",
         "cases",

@@ -8,12 +8,12 @@ use glam::{DVec3, IVec3};
 use super::poisson::{AXES, CORNERS, Field, gradient};
 
 /// Vertices in metres with their outward unit normals, and triangles counter-clockwise as seen from outside.
-pub struct Surface {
+pub struct SurfaceMesh {
     pub vertices: Vec<(DVec3, DVec3)>,
     pub triangles: Vec<[usize; 3]>,
 }
 
-pub fn surface(field: &Field) -> Surface {
+pub fn surface(field: &Field) -> SurfaceMesh {
     let mut vertices = Vec::new();
     let mut of_cell: BTreeMap<[i32; 3], usize> = BTreeMap::new();
     for node in &field.nodes {
@@ -46,7 +46,7 @@ pub fn surface(field: &Field) -> Surface {
             triangles.extend(halves);
         }
     }
-    Surface { vertices, triangles }
+    SurfaceMesh { vertices, triangles }
 }
 
 /// Mean of the crossings of a cell's edges, from the cell's lowest corner. `None` without crossings.

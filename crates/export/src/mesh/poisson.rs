@@ -9,7 +9,7 @@ use glam::{DVec3, IVec3, dvec3, ivec3};
 
 /// A point of the surface.
 #[derive(Debug, Clone, Copy)]
-pub struct Sample {
+pub struct SurfacePoint {
     pub at: DVec3,
     /// Unit, outward: towards the wall.
     pub normal: DVec3,
@@ -82,7 +82,7 @@ fn weight(corner: IVec3, into: DVec3) -> f64 {
 }
 
 /// Solves for χ on a grid of this pitch, whose nodes are multiples of it.
-pub fn solve(samples: &[Sample], pitch: f64) -> Field {
+pub fn solve(samples: &[SurfacePoint], pitch: f64) -> Field {
     let nodes = band(samples, pitch);
     // For every node, the next node along each axis.
     let next: Vec<[u32; 3]> =
@@ -142,7 +142,7 @@ pub fn solve(samples: &[Sample], pitch: f64) -> Field {
 }
 
 /// The nodes near the points, in order.
-fn band(samples: &[Sample], pitch: f64) -> Vec<IVec3> {
+fn band(samples: &[SurfacePoint], pitch: f64) -> Vec<IVec3> {
     let mut cells: Vec<[i32; 3]> = samples.iter().map(|s| cell_of(s.at / pitch).0.to_array()).collect();
     cells.sort_unstable();
     cells.dedup();

@@ -31,7 +31,7 @@ const MOST_PIXELS: usize = 256;
 
 /// Histograms of a page: fewer pairs and wider bins than a large capture has.
 #[derive(Debug, Clone, Serialize)]
-pub struct Light {
+pub struct PageHistograms {
     all_pairs: usize,
     all_bins: usize,
     bins: usize,
@@ -44,12 +44,12 @@ pub struct Light {
     laser_scans: bool,
     /// Full width at half maximum of the impulse response, metres of path.
     pulse: f64,
-    counts: Numbers,
+    counts: QuantisedValues,
 }
 
-impl Light {
+impl PageHistograms {
     /// The histograms of a capture, reduced.
-    pub fn of(capture: &Capture) -> Light {
+    pub fn of(capture: &Capture) -> PageHistograms {
         // Bins are halved before pairs: a histogram's shape remains recognisable.
         let (mut sum, mut step) = (1, 1);
         let size = |sum: usize, step: usize| capture.bins.div_ceil(sum) * capture.pair_count().div_ceil(step);
@@ -62,7 +62,7 @@ impl Light {
             pairs.clone().flat_map(|p| all[p].to_array().map(|v| v as f32)).collect()
         };
         let counts: Vec<f32> = pairs.clone().flat_map(row).collect();
-        Light {
+        PageHistograms {
             all_pairs: capture.pair_count(),
             all_bins: capture.bins,
             bins: capture.bins.div_ceil(sum),
@@ -72,22 +72,22 @@ impl Light {
             sensor: points(&capture.sensor),
             laser_scans: capture.laser_scans(),
             pulse: capture.pulse.as_ref().map_or(0.0, |p| p.fwhm()),
-            counts: Numbers::of(counts.into_iter()),
+            counts: QuantisedValues::of(counts.into_iter()),
         }
     }
 }
 
 /// Values quantised to 16 bits over their range; 65535 is NaN.
 #[derive(Debug, Clone, Serialize)]
-struct Numbers {
+struct QuantisedValues {
     low: f32,
     high: f32,
     /// Little-endian words in base64.
     values: String,
 }
 
-impl Numbers {
-    fn of(values: impl Iterator<Item = f32> + Clone) -> Numbers {
+impl QuantisedValues {
+    fn of(values: impl Iterator<Item = f32> + Clone) -> QuantisedValues {
         let finite = || values.clone().filter(|v| v.is_finite());
         let low = finite().fold(f32::INFINITY, f32::min);
         let high = finite().fold(f32::NEG_INFINITY, f32::max);
@@ -98,7 +98,7 @@ impl Numbers {
             false => u16::MAX,
         };
         let bytes: Vec<u8> = values.flat_map(|v| word(v).to_le_bytes()).collect();
-        Numbers { low, high, values: STANDARD.encode(bytes) }
+        QuantisedValues { low, high, values: STANDARD.encode(bytes) }
     }
 }
 
@@ -107,9 +107,9 @@ struct PageMaps {
     nx: usize,
     ny: usize,
     extent: [f64; 4],
-    albedo: Numbers,
-    depth: Numbers,
-    depth_error: Option<Numbers>,
+    albedo: QuantisedValues,
+    depth: QuantisedValues,
+    depth_error: Option<QuantisedValues>,
     /// x, y, z times 127.
     normal: String,
     mask: String,
@@ -123,7 +123,7 @@ impl PageMaps {
             .flat_map(|x| (0..ny).map(move |y| (x, y)))
             .map(|(x, y)| x * step * maps.ny + y * step)
             .collect();
-        let of = |all: &[f32]| Numbers::of(pixels.iter().map(|p| all[*p]));
+        let of = |all: &[f32]| QuantisedValues::of(pixels.iter().map(|p| all[*p]));
         let normal = pixels.iter().flat_map(|p| maps.normal[*p]);
         let normal: Vec<u8> = normal.map(|v| (v * 127.0).round() as i8 as u8).collect();
         let mask: Vec<u8> = pixels.iter().map(|p| maps.mask[*p].into()).collect();
@@ -144,7 +144,7 @@ impl PageMaps {
 struct Data<'d> {
     title: &'d str,
     maps: PageMaps,
-    light: &'d Light,
+    light: &'d PageHistograms,
     report: &'d Report,
     /// PNG of the depth differences in base64.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -159,7 +159,7 @@ pub fn write(
     path: &Path,
     title: &str,
     maps: &Maps,
-    light: &Light,
+    light: &PageHistograms,
     report: &Report,
     truth: Option<&Truth>,
 ) -> Result<()> {
@@ -207,13 +207,13 @@ mod tests {
 
     #[test]
     fn numbers_are_words_over_their_range() {
-        let numbers = Numbers::of([1.0, f32::NAN, 3.0, 2.0].into_iter());
+        let numbers = QuantisedValues::of([1.0, f32::NAN, 3.0, 2.0].into_iter());
         assert_eq!((numbers.low, numbers.high), (1.0, 3.0));
         let words = STANDARD.decode(numbers.values).unwrap();
         assert_eq!(words, [0u16, 65535, 65534, 32767].map(u16::to_le_bytes).concat());
-        let none = Numbers::of([f32::NAN].into_iter());
+        let none = QuantisedValues::of([f32::NAN].into_iter());
         assert_eq!((none.low, none.high), (0.0, 0.0));
-        let same = Numbers::of([5.0; 2].into_iter());
+        let same = QuantisedValues::of([5.0; 2].into_iter());
         assert_eq!(STANDARD.decode(same.values).unwrap(), [0; 4]);
     }
 
@@ -222,7 +222,7 @@ mod tests {
         let points: Vec<DVec3> = (0..10_000).map(|i| DVec3::new(f64::from(i), 0.0, 0.0)).collect();
         let mut capture = Capture::new([100, 100], points.clone(), points, 600, 0.01, vec![1.0; 6_000_000]);
         capture.t_start = 0.5;
-        let light = Light::of(&capture);
+        let light = PageHistograms::of(&capture);
         let pairs = light.laser.len() / 3;
         assert!(
             pairs * light.bins <= MOST_COUNTS && pairs > 1000 && light.bins >= 64,
@@ -246,8 +246,14 @@ mod tests {
             mask: vec![true],
             ..Maps::empty([1, 1], [0.0, 1.0, 0.0, 1.0])
         };
-        let light =
-            Light::of(&Capture::new([1, 1], vec![DVec3::ZERO], vec![DVec3::ZERO], 2, 0.5, vec![1.0, 0.0]));
+        let light = PageHistograms::of(&Capture::new(
+            [1, 1],
+            vec![DVec3::ZERO],
+            vec![DVec3::ZERO],
+            2,
+            0.5,
+            vec![1.0, 0.0],
+        ));
         let report: Report = serde_json::from_value(serde_json::json!({
             "version": "0", "device": {"name": "d", "driver": "", "kind": ""}, "settings": {"notes": ["</script><b>"]}, "trace": [], "metrics": null,
             "capture": crate::capture::Summary::of(&Capture::new([1, 1], vec![DVec3::ZERO], vec![DVec3::ZERO], 1, 0.5, vec![1.0])),

@@ -58,9 +58,9 @@ impl ExternalBuffer {
 /// imported by file descriptor. Clones are handles of the same buffer, which is destroyed with the last one and the
 /// last frame that uses it.
 #[derive(Clone)]
-pub struct Imported(Arc<Memory>);
+pub struct Imported(Arc<ImportedMemory>);
 
-struct Memory {
+struct ImportedMemory {
     gpu: Gpu,
     buffer: vk::Buffer,
     memory: vk::DeviceMemory,
@@ -116,7 +116,8 @@ impl Imported {
         unsafe {
             let buffer = device.create_buffer(&info, None).map_err(refused)?;
             // Destroys the buffer, and the memory once imported, on every failure from here.
-            let mut made = Memory { gpu: gpu.clone(), buffer, memory: vk::DeviceMemory::null(), bytes };
+            let mut made =
+                ImportedMemory { gpu: gpu.clone(), buffer, memory: vk::DeviceMemory::null(), bytes };
             let needs = device.get_buffer_memory_requirements(buffer);
             let lowest = needs.memory_type_bits.trailing_zeros();
             let memory_type = memory_type.unwrap_or(lowest);
@@ -178,7 +179,7 @@ fn copied(fd: RawFd) -> Result<OwnedFd> {
     unsafe { BorrowedFd::borrow_raw(fd) }.try_clone_to_owned().map_err(none)
 }
 
-impl Drop for Memory {
+impl Drop for ImportedMemory {
     fn drop(&mut self) {
         if self.gpu.has_hung() {
             return;

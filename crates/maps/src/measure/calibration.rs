@@ -5,11 +5,11 @@ pub const WITHIN: f64 = 0.68;
 
 /// Pairs of (expected, actual) depth error in metres.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Calibration {
+pub struct ErrorCalibration {
     pairs: Vec<[f64; 2]>,
 }
 
-impl Calibration {
+impl ErrorCalibration {
     /// Adds a pixel, unless a value is NaN.
     pub fn add(&mut self, depth_error: f64, error: f64) {
         if depth_error.is_finite() && error.is_finite() {
@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn quarters_go_from_certain_to_uncertain() {
-        let mut all = Calibration::default();
+        let mut all = ErrorCalibration::default();
         assert_eq!((all.within(), all.quarters()), (None, vec![]));
         // Every group has ten pixels; of the k-th, k + 1 errors exceed the expected error.
         for i in (0..40).rev() {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::maps::{Layer, Maps, Truth};
 use crate::measure::paper::{Mean, Sums};
-use crate::measure::{Calibration, PaperMeasure};
+use crate::measure::{ErrorCalibration, PaperMeasure};
 
 /// Mask fractions of `sweep`.
 pub const SWEEP: [f64; 14] = [0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8];
@@ -263,7 +263,7 @@ struct Errors {
     whole: Sums,
     angle: Mean,
     components: Mean,
-    calibration: Calibration,
+    calibration: ErrorCalibration,
 }
 
 /// Errors over these pixels.

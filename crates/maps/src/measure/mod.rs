@@ -5,7 +5,7 @@ mod median;
 pub mod metrics;
 pub mod paper;
 
-pub use calibration::Calibration;
+pub use calibration::ErrorCalibration;
 pub use median::median;
 pub use metrics::{AtBest, LayerMetrics, Metrics, metrics};
 pub use paper::PaperMeasure;

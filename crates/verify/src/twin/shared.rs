@@ -177,7 +177,7 @@ pub(super) struct Arm {
 }
 
 /// A pair as a sample sees it: the arms to the scanned point and to the other point.
-pub(super) struct Kernel {
+pub(super) struct PairGeometry {
     pub arms: [Arm; 2],
     pub falloff: f64,
     /// Path in bins from the leading edge of bin 0.
@@ -185,7 +185,7 @@ pub(super) struct Kernel {
 }
 
 /// The arms of a pair: value = albedo · cosines · falloff, at path r_l + r_s.
-fn kernel(twin: &Twin, pair: usize, s: &Sample) -> Kernel {
+fn kernel(twin: &Twin, pair: usize, s: &Sample) -> PairGeometry {
     let m = twin.model;
     let wall = m.rendered_wall();
     let arms = wall.points_of(pair).map(|number| {
@@ -200,7 +200,7 @@ fn kernel(twin: &Twin, pair: usize, s: &Sample) -> Kernel {
         Arm { toward, distance: r, falloff, wall: (-normal.dot(toward)).max(0.0), wall_normal: normal }
     });
     let falloff = arms[0].falloff * arms[1].falloff;
-    Kernel { falloff, bin: (arms[0].distance + arms[1].distance - m.t_start) / m.bin_width, arms }
+    PairGeometry { falloff, bin: (arms[0].distance + arms[1].distance - m.t_start) / m.bin_width, arms }
 }
 
 /// Light that a surface vector (unit, or of any length) sends to a pair, without the falloff, and its derivative by the
@@ -277,7 +277,12 @@ pub fn instrument(model: &Model, values: &[f64], way: Way) -> Vec<f64> {
 
 /// Calls `hear` with the kernel of every pair of a dispatch and a sample, with the residual at its path, and with the
 /// rise of the residual between the two bins around the path.
-pub(super) fn gather(call: &Call, s: &Sample, residual: &[f64], mut hear: impl FnMut(&Kernel, f64, f64)) {
+pub(super) fn gather(
+    call: &Call,
+    s: &Sample,
+    residual: &[f64],
+    mut hear: impl FnMut(&PairGeometry, f64, f64),
+) {
     let twin = &call.twin;
     for pair in call.push.first..call.push.last {
         let pair = pair as usize;
@@ -302,13 +307,13 @@ pub(super) const AROUND: [[i32; 2]; 8] =
     [[-1, -1], [-1, 0], [-1, 1], [0, -1], [0, 1], [1, -1], [1, 0], [1, 1]];
 
 /// The pixels of a surface: the buffers `pixels` and `pixel_of`.
-pub(super) struct Pixels<'a> {
+pub(super) struct PixelBuffers<'a> {
     pub grid: &'a Grid,
     pub pixels: &'a [[u32; 4]],
     pub pixel_of: &'a [u32],
 }
 
-impl Pixels<'_> {
+impl PixelBuffers<'_> {
     /// Columns before those of a pixel's layer, and its lateral position.
     pub fn place(&self, pixel: usize) -> (usize, [i32; 2]) {
         let [x, y] = [self.grid.n[0], self.grid.n[1]];

@@ -1,6 +1,6 @@
 use glam::{DMat3, DVec3, dvec3};
 
-use super::shared::{AROUND, Pixels};
+use super::shared::{AROUND, PixelBuffers};
 use super::{Call, Cells};
 use thirdbounce::transport::kernels::*;
 
@@ -21,7 +21,7 @@ pub fn surface_bonds(call: &Call, b: &mut [Cells]) {
     for pixel in 0..count {
         pixels[pixel][2] = (heights[pixel][0] as f32).to_bits();
     }
-    let field = Pixels { grid: call.twin.grid, pixels, pixel_of };
+    let field = PixelBuffers { grid: call.twin.grid, pixels, pixel_of };
     for pixel in 0..count {
         // A plane's value at a neighbour, as coefficients of its depth at the pixel and its two slopes.
         let row = |k: usize| dvec3(1.0, AROUND[k][0].into(), AROUND[k][1].into());

@@ -1,6 +1,6 @@
 use glam::{DVec2, DVec3, dvec2, dvec3};
 
-use super::shared::{AROUND, Pixels, facing, stretch};
+use super::shared::{AROUND, PixelBuffers, facing, stretch};
 use super::{Call, Cells};
 use thirdbounce::transport::kernels::*;
 
@@ -12,7 +12,7 @@ use thirdbounce::transport::kernels::*;
 pub fn surface_combine(call: &Call, b: &mut [Cells]) {
     bind!(b: pixels u4, pixel_of u, heights v2, slopes v2, gradient v4, height_gradient v4, weights f, l1_partials f);
     let (twin, count) = (&call.twin, call.push.last as usize);
-    let field = Pixels { grid: twin.grid, pixels, pixel_of };
+    let field = PixelBuffers { grid: twin.grid, pixels, pixel_of };
     let points = call.constant(constant::POINTS, 4) as usize;
     let of = |i: u32, w: &[f64]| w[i as usize];
     let [bend, jump] = [SURFACE_BEND, SURFACE_JUMP].map(|i| of(i, weights));

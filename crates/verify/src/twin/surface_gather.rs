@@ -1,6 +1,6 @@
 use glam::DVec3;
 
-use super::shared::{Kernel, gather, shine, watch};
+use super::shared::{PairGeometry, gather, shine, watch};
 use super::{Call, Cells, Sample, Twin};
 use thirdbounce::transport::Reflectance;
 use thirdbounce::transport::kernels::*;
@@ -34,7 +34,7 @@ pub fn surface_gather(call: &Call, b: &mut [Cells]) {
 }
 
 /// Derivative by depth of a pair's kernel for a sample of unit albedo: the product rule over its factors.
-fn deeper(twin: &Twin, k: &Kernel, normal: DVec3) -> f64 {
+fn deeper(twin: &Twin, k: &PairGeometry, normal: DVec3) -> f64 {
     let model = twin.model;
     let power = f64::from(model.falloff_power()) / 2.0;
     // Derivatives of an arm's direction and falloff as the sample moves along z.

@@ -1,6 +1,6 @@
 use glam::{DVec2, dvec3};
 
-use super::shared::{Pixels, depth_limits, facing, larger, stretch, watch};
+use super::shared::{PixelBuffers, depth_limits, facing, larger, stretch, watch};
 use super::{Call, Cells};
 use thirdbounce::transport::kernels::*;
 
@@ -8,7 +8,7 @@ use thirdbounce::transport::kernels::*;
 pub fn surface_points(call: &Call, b: &mut [Cells]) {
     bind!(b: pixels u4, pixel_of u, heights v2, stencils v2, slopes v2, points v4, normals v4, counts u);
     let twin = &call.twin;
-    let field = Pixels { grid: twin.grid, pixels, pixel_of };
+    let field = PixelBuffers { grid: twin.grid, pixels, pixel_of };
     let each = call.constant(constant::POINTS, 4) as usize;
     let [near, far] = depth_limits(twin);
     for pixel in 0..call.push.last as usize {

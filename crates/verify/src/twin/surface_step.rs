@@ -1,4 +1,4 @@
-use super::shared::{Pixels, close, covered, depth_limits, sigma_at, watch};
+use super::shared::{PixelBuffers, close, covered, depth_limits, sigma_at, watch};
 use super::{Call, Cells};
 use thirdbounce::transport::kernels::*;
 
@@ -12,7 +12,7 @@ pub fn surface_step(call: &Call, b: &mut [Cells]) {
         b: pixels u4, pixel_of u, heights v2, height_pull v2, weights f, moments v4, counts u, stencils v2,
         height_gradient v4, loss_partials v2, l1_partials f, trace u
     );
-    let field = Pixels { grid: call.twin.grid, pixels, pixel_of };
+    let field = PixelBuffers { grid: call.twin.grid, pixels, pixel_of };
     let sigma = sigma_at(weights, call.push.step);
     let at = |i: u32| weights[i as usize];
     let done = f64::from(call.push.step - 1) / at(SURFACE_ITERATIONS);

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::super::image::{Volume, on_grid};
+use super::super::image::{AlbedoVolume, on_grid};
 use super::super::on_host::check_host_memory;
 use super::super::options::ImageOptions;
 use super::super::sharpness::{Ladder, even_weights, noise, weigh, with, with_random_signs};
@@ -116,29 +116,29 @@ pub(super) fn plan(model: &Model, capture: &Capture, grid: Grid, abilities: &Abi
 }
 
 /// Counts of a capture's pairs, less their background.
-struct Light<'c> {
+struct CorrectedCounts<'c> {
     capture: Cow<'c, Capture>,
     background: Background,
     /// What they are multiplied with; `None`: so that the largest becomes the model's peak.
     scale: Option<f64>,
 }
 
-impl Light<'_> {
+impl CorrectedCounts<'_> {
     /// The light of a capture, on the finer scan if there is one.
     fn of<'c>(
         capture: &'c Capture,
         scan: Option<&RegularScan>,
         image: &ImageOptions,
         with_background: bool,
-    ) -> Light<'c> {
+    ) -> CorrectedCounts<'c> {
         if let Some(scan) = scan {
             // Points between the measured ones have no background of their own: it goes first.
             let light = scan.light(capture, with_background);
             let fine = upsample::finer(&light, scan, image).into_owned();
-            Light { capture: Cow::Owned(fine), background: Background::NONE, scale: None }
+            CorrectedCounts { capture: Cow::Owned(fine), background: Background::NONE, scale: None }
         } else {
             let background = Background::of(capture, with_background);
-            Light { capture: Cow::Borrowed(capture), background, scale: None }
+            CorrectedCounts { capture: Cow::Borrowed(capture), background, scale: None }
         }
     }
 }
@@ -152,7 +152,7 @@ impl Projector {
     }
 
     /// Gives the device counts. Returns what they were multiplied with.
-    fn take(&mut self, rows: &Rows, light: &Light<'_>) -> Result<f64> {
+    fn take(&mut self, rows: &Rows, light: &CorrectedCounts<'_>) -> Result<f64> {
         let job = self.made()?;
         match light.scale {
             Some(scale) => job.model.take_times(rows, &light.capture, &light.background, scale),
@@ -218,7 +218,7 @@ impl<M: Projection> Projecting<M> {
     fn sharpness(
         &mut self,
         capture: &Capture,
-        light: &Light<'_>,
+        light: &CorrectedCounts<'_>,
         step: f64,
     ) -> Result<(Option<Sharpness>, Option<Vec<f32>>)> {
         let (ladder, columns) = match &mut self.columns {
@@ -226,7 +226,7 @@ impl<M: Projection> Projecting<M> {
             open => return Ok((open.as_ref().map(|(ladder, _)| ladder.sharpest()), None)),
         };
         let tossed = with_random_signs(capture);
-        let mut dark = Light::of(&tossed, self.scan.as_ref(), self.options.image(), false);
+        let mut dark = CorrectedCounts::of(&tossed, self.scan.as_ref(), self.options.image(), false);
         let (chosen, weights) = ladder.choose(|value| {
             let options = with(&self.options, M::sharpness, value);
             dark.scale = Some(columns.take(&self.rows, light)?);
@@ -243,9 +243,9 @@ impl<M: Projection> Projecting<M> {
     }
 
     /// The volume of a capture, and how sharp it is.
-    fn volume(&mut self, capture: &Capture, step: f64) -> Result<(Volume, Option<Sharpness>)> {
+    fn volume(&mut self, capture: &Capture, step: f64) -> Result<(AlbedoVolume, Option<Sharpness>)> {
         let image = self.options.image();
-        let light = Light::of(capture, self.scan.as_ref(), image, image.background);
+        let light = CorrectedCounts::of(capture, self.scan.as_ref(), image, image.background);
         let (sharpness, weights) = self.sharpness(capture, &light, step)?;
         self.all.take(&self.rows, &light)?;
         let options = match sharpness {
@@ -257,7 +257,7 @@ impl<M: Projection> Projecting<M> {
             weigh(&mut albedo, &weights);
         }
         let lattice = RegularScan::of_columns(&grid);
-        Ok((Volume { albedo: on_grid(&lattice, &albedo, &self.grid), normal: None }, sharpness))
+        Ok((AlbedoVolume { albedo: on_grid(&lattice, &albedo, &self.grid), normal: None }, sharpness))
     }
 }
 

@@ -15,9 +15,9 @@
 use rayon::prelude::*;
 
 use super::fourier::{Complex, Line, transpose};
-use super::image::{Volume, on_grid_signed};
+use super::image::{AlbedoVolume, on_grid_signed};
 use super::light_cone::SNR;
-use super::light_cone::{Cells, filter_planes};
+use super::light_cone::{ConeCells, filter_planes};
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
 use super::{HostMethod, RegularScan, host_method};
@@ -76,7 +76,7 @@ impl HostMethod for DlctOptions {
     }
 
     fn arrays(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<(Buffer, u64)> {
-        let spectra = 8 * (scan.points() * Cells::of(capture, scan).frequencies()) as u64;
+        let spectra = 8 * (scan.points() * ConeCells::of(capture, scan).frequencies()) as u64;
         let at_points = 4 * (scan.points() * grid.n[2]) as u64;
         let at_voxels = 4 * grid.voxels() as u64;
         vec![
@@ -95,7 +95,7 @@ impl HostMethod for DlctOptions {
         Some(&mut self.snr)
     }
 
-    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {
+    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume {
         let [x, y, z] = self.at_points(capture, scan, grid).map(|values| on_grid_signed(scan, &values, grid));
         let vector = |i: usize| [x[i], y[i], z[i]];
         let normal: Vec<[f32; 3]> = (0..z.len()).into_par_iter().map(vector).collect();
@@ -103,14 +103,14 @@ impl HostMethod for DlctOptions {
         let length = |v: &[f32; 3]| {
             if v[2] < 0.0 { v.iter().map(|c| c * c).sum::<f32>().sqrt() } else { 0.0 }
         };
-        Volume { albedo: normal.par_iter().map(length).collect(), normal: Some(normal) }
+        AlbedoVolume { albedo: normal.par_iter().map(length).collect(), normal: Some(normal) }
     }
 }
 
 impl DlctOptions {
     /// The vector albedo at the scan's points and the grid's depths, `[point * depths + depth]` for each component.
     fn at_points(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> [Vec<f32>; 3] {
-        let cells = Cells::of(capture, scan);
+        let cells = ConeCells::of(capture, scan);
         let usual = usual_distances(&cells, scan);
         let size = [scan.points(), cells.frequencies()];
         // v² τ, of the integral of τ dt = τ dv / √v over a cell.
@@ -132,7 +132,7 @@ impl DlctOptions {
     }
 
     /// Turns each frequency's plane into that of one component.
-    fn invert(&self, cells: &Cells, scan: &RegularScan, planes: &mut [Complex], component: usize) {
+    fn invert(&self, cells: &ConeCells, scan: &RegularScan, planes: &mut [Complex], component: usize) {
         let padded = scan.padded();
         let lines = padded.map(Line::forward);
         let usual = usual_distances(cells, scan);
@@ -157,7 +157,7 @@ impl DlctOptions {
 }
 
 /// Root mean square of the distances in the kernel along x and along y, metres.
-fn usual_distances(cells: &Cells, scan: &RegularScan) -> [f64; 2] {
+fn usual_distances(cells: &ConeCells, scan: &RegularScan) -> [f64; 2] {
     [0, 1].map(|a| {
         let squares = (0..scan.n[a]).map(|i| (i as f64 * scan.step[a]).powi(2));
         let within: Vec<f64> = squares.take_while(|s| *s <= cells.count as f64 * cells.step).collect();
@@ -179,7 +179,7 @@ mod tests {
         let o = DlctOptions::default();
         let scan = o.scan(&capture).unwrap();
         let grid = random_grid(&scan);
-        let usual = usual_distances(&Cells::of(&capture, &scan), &scan);
+        let usual = usual_distances(&ConeCells::of(&capture, &scan), &scan);
         let (x, y) = (|x: f64, _: f64| x / usual[0], |_: f64, y: f64| y / usual[1]);
         let columns = definition::least_squares(&capture, &scan, 2.5, &[&x, &y, &|_, _| 1.0], o.snr.unwrap());
         let found = o.at_points(&capture, &scan, &grid);

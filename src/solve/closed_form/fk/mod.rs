@@ -14,7 +14,7 @@ use std::f64::consts::PI;
 use rayon::prelude::*;
 
 use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
-use super::image::{Volume, on_grid};
+use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::plane_waves;
 use super::options::{ImageOptions, ImageSettings};
 use super::resample::linear;
@@ -103,7 +103,7 @@ impl HostMethod for FkOptions {
         vec![(WAVE, wave), (BY_COLUMN, wave), (AT_POINTS, at_points)]
     }
 
-    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {
+    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume {
         let half = HalfPaths::of(capture);
         let intensity = self.intensity(capture, scan, &half);
         let deep = grid.n[2];
@@ -116,7 +116,7 @@ impl HostMethod for FkOptions {
                 *value = linear(|i| intensity[i * points + point], half.count, at);
             }
         });
-        Volume { albedo: on_grid(scan, &values, grid), normal: None }
+        AlbedoVolume { albedo: on_grid(scan, &values, grid), normal: None }
     }
 }
 

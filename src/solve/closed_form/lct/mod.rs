@@ -11,9 +11,9 @@
 //! without padding.
 
 use super::fourier::{Complex, Line, transpose};
-use super::image::{Volume, on_grid};
+use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::SNR;
-use super::light_cone::{Cells, filter_planes};
+use super::light_cone::{ConeCells, filter_planes};
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
 use super::{HostMethod, RegularScan, host_method, on_host};
@@ -65,7 +65,7 @@ impl HostMethod for LctOptions {
     }
 
     fn arrays(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<(Buffer, u64)> {
-        let spectra = 8 * (scan.points() * Cells::of(capture, scan).frequencies()) as u64;
+        let spectra = 8 * (scan.points() * ConeCells::of(capture, scan).frequencies()) as u64;
         let at_points = 4 * (scan.points() * grid.n[2]) as u64;
         vec![(SPECTRA, spectra), (BY_FREQUENCY, spectra), (AT_POINTS, at_points)]
     }
@@ -78,8 +78,8 @@ impl HostMethod for LctOptions {
         Some(&mut self.snr)
     }
 
-    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {
-        Volume { albedo: on_grid(scan, &self.at_points(capture, scan, grid), grid), normal: None }
+    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume {
+        AlbedoVolume { albedo: on_grid(scan, &self.at_points(capture, scan, grid), grid), normal: None }
     }
 }
 
@@ -94,7 +94,7 @@ impl LctOptions {
 
     /// The albedo at the scan's points and the grid's depths, `[point * depths + depth]`.
     fn at_points(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<f32> {
-        let cells = Cells::of(capture, scan);
+        let cells = ConeCells::of(capture, scan);
         // v^(3/2) τ or v^(1/2) τ, of the integral of τ dt = τ dv / √v over a cell.
         let power = match self.image.reflectance {
             Reflectance::Retroreflective => 1.0,
@@ -111,7 +111,7 @@ impl LctOptions {
     }
 
     /// Divides each frequency's plane by the spectrum of the kernel, as the Wiener filter does.
-    fn invert(&self, cells: &Cells, scan: &RegularScan, planes: &mut [Complex]) {
+    fn invert(&self, cells: &ConeCells, scan: &RegularScan, planes: &mut [Complex]) {
         let padded = scan.padded();
         let lines = padded.map(Line::forward);
         // The kernel's mean power over lateral frequencies, as in the published code: the number of its points.

@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 use rayon::prelude::*;
 
 use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
-use super::image::{Volume, on_grid};
+use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::plane_waves;
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
@@ -154,8 +154,8 @@ impl HostMethod for PhasorOptions {
         Some(&mut self.wavelength)
     }
 
-    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Volume {
-        Volume { albedo: on_grid(scan, &self.at_points(capture, scan, grid), grid), normal: None }
+    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume {
+        AlbedoVolume { albedo: on_grid(scan, &self.at_points(capture, scan, grid), grid), normal: None }
     }
 }
 

@@ -21,7 +21,7 @@ const LEAST_SEEN: f64 = 0.06;
 
 /// A capture to come, with its truth.
 #[derive(Debug, Clone)]
-pub struct Case {
+pub struct FamilyCase {
     /// Things, room and scan. The things come first.
     pub scene: Scene,
     /// Number of the objects that are parts of things. The truth shows these alone; the others are the room, and what
@@ -86,17 +86,26 @@ fn evenly(seed: u64) -> [f64; 3] {
     std::array::from_fn(|d| (0.5 + (seed % (1 << 32)) as f64 * ROOT.powi(-(d as i32) - 1)).fract())
 }
 
-impl Case {
+impl FamilyCase {
     /// A scene of which all objects are things, rendered without noise of its own.
-    pub fn plain(scene: Scene) -> Case {
+    pub fn plain(scene: Scene) -> FamilyCase {
         let render = RenderOptions::default();
         let (parts, words) = (scene.objects.len(), String::new());
-        Case { scene, parts, back: None, ambient: 0.0, hide_pulse: false, hide_cycles: false, render, words }
+        FamilyCase {
+            scene,
+            parts,
+            back: None,
+            ambient: 0.0,
+            hide_pulse: false,
+            hide_cycles: false,
+            render,
+            words,
+        }
     }
 
     /// The case of a seed. Any twenty seeds in a row have all kinds of pairs, of reflectance and of light, each about as
     /// often as in the whole family.
-    pub fn of(seed: u64) -> Case {
+    pub fn of(seed: u64) -> FamilyCase {
         let mut dice = Dice(Pcg64::seed_from_u64(seed ^ 0x6661_6d69_6c79));
         let (mut objects, mut words) = things(&mut dice);
         while seen(&objects) < LEAST_SEEN {
@@ -124,13 +133,13 @@ impl Case {
         let [hide_pulse, hide_cycles] = [0.6, 0.5].map(|share| dice.so_often(share));
         let back = back.map(|z| z * scene.wall);
         let render = RenderOptions { noise: 0.02, max_samples: 1 << 17, seed: scene.seed };
-        let mut case = Case { scene, parts, back, ambient, hide_pulse, hide_cycles, render, words };
+        let mut case = FamilyCase { scene, parts, back, ambient, hide_pulse, hide_cycles, render, words };
         case.words = format!("{}; {}", conditions(&case), case.words);
         case
     }
 
     /// The same scene, scanned by fewer points, and with fewer and wider bins if they are more than `bins`.
-    pub fn small(mut self, scan: usize, bins: usize) -> Case {
+    pub fn small(mut self, scan: usize, bins: usize) -> FamilyCase {
         let all = self.scene.bin_count();
         let wider = (all as f64 / bins as f64).max(1.0);
         self.scene.scan = scan;
@@ -315,7 +324,7 @@ pub fn kind(scene: &Scene) -> &'static str {
 }
 
 /// Scan and noise in a few words.
-fn conditions(case: &Case) -> String {
+fn conditions(case: &FamilyCase) -> String {
     let s = &case.scene;
     let kind = kind(s);
     let mut words = format!(
