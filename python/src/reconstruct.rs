@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use engine::job::{self, Outcome, Request};
+use engine::job::{self, Request};
 use engine::solve::VolumeMap;
 use engine::{Error, Kind};
 use numpy::{PyArray1, PyArrayMethods};
@@ -15,14 +15,6 @@ use crate::error::guarded;
 use crate::maps::{self, PageContent};
 use crate::settings::{self, Texts};
 use crate::tell::Teller;
-
-struct Done {
-    outcome: Outcome,
-    report: String,
-    notes: Vec<String>,
-    volume: Option<VolumeMap>,
-    page: PageContent,
-}
 
 /// Reconstructs a capture of arrays or of a file, and measures it against the truth of a file: maps, with `report` as JSON and
 /// `notes` as sentences. `progress` is called with (doing, iteration, iterations, seconds, remaining, loss, lateral, fraction) and
@@ -53,26 +45,22 @@ pub fn reconstruct<'py>(
             if solved.as_ref().is_err_and(|e| e.kind == Kind::Device) {
                 devices::forget(&device);
             }
-            let mut solved = solved?;
-            let (volume, light) = (solved.take_volume(), solved.light().clone());
-            let outcome = solved.outcome;
+            let outcome = solved?;
             let report = maps::packed(serde_json::to_string_pretty(&outcome.report))?;
-            let notes = [&loaded.notes[..], &outcome.notes].concat();
             teller.finish();
-            let page = PageContent { title: loaded.capture.name, light };
-            Ok(Done { outcome, report, notes, volume, page })
+            Ok((outcome, report, loaded))
         })
     });
     if let Some(raised) = teller.raised().take() {
         return Err(raised);
     }
-    let Done { outcome, report, notes, volume, page } = done?;
+    let (outcome, report, loaded) = done?;
     let made = maps::dictionary(py, outcome.maps)?;
     made.set_item("report", report)?;
-    made.set_item("notes", notes)?;
+    made.set_item("notes", [loaded.notes, outcome.notes].concat())?;
     made.set_item("warnings", outcome.warnings)?;
-    made.set_item("page", Bound::new(py, page)?)?;
-    set_volume(&made, volume)?;
+    made.set_item("page", Bound::new(py, PageContent { title: loaded.capture.name, light: outcome.light })?)?;
+    set_volume(&made, outcome.volume)?;
     Ok(made)
 }
 

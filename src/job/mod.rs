@@ -31,7 +31,7 @@ pub use cache::usual_pipeline_cache;
 pub use evaluate::evaluate_maps;
 pub use places::{PREVIEW, check_file, check_inputs, check_not_input, check_results};
 pub use request::Request;
-pub use run::{Outcome, Solved, run, solve};
+pub use run::{Outcome, run, solve};
 pub use words::plain;
 
 /// A capture that is ready to be reconstructed.

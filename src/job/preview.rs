@@ -31,6 +31,7 @@ const PROJECTED: usize = 48;
 const PAIRS: usize = 1300;
 
 /// The picture of a run.
+#[derive(Debug)]
 pub struct Preview {
     file: PathBuf,
     /// Its folder, if it was made for the picture.

@@ -10,19 +10,24 @@ use super::{Loaded, Request, SolverOptions, reconstruct, report};
 use crate::Result;
 use crate::estimation::EstimateRequest;
 use crate::export;
+use crate::export::page::PageHistograms;
 use crate::export::report::Report;
 use crate::files::staging::Staging;
 use crate::gpu::{Gpu, KernelTime};
 use crate::maps::{Maps, Truth};
 use crate::solve::{Progress, Reconstruction, VolumeMap};
 
-/// The result of a run, besides its files.
-#[derive(Debug, Clone)]
+/// The result of a run.
+#[derive(Debug)]
 pub struct Outcome {
-    /// The report, as `report.json` has it.
+    /// The report, as `report.json` has it; without the time of the export until that is done.
     pub report: Report,
     /// Albedo, depth, normals and mask.
     pub maps: Maps,
+    /// The volume, if the settings keep it or the request names a file for it; `None` once it is written.
+    pub volume: Option<VolumeMap>,
+    /// Histograms for the page of the result.
+    pub light: PageHistograms,
     /// The truth, if its file was given.
     pub truth: Option<Truth>,
     /// Time per kernel, if it was asked for.
@@ -33,20 +38,12 @@ pub struct Outcome {
     pub notes: Vec<String>,
     /// What looks wrong with the capture or the result, as sentences.
     pub warnings: Vec<String>,
-    /// Every file that was written, the report last; none yet in [`Solved`].
+    /// Every file that was written, the report last; none before [`Outcome::write`].
     pub files: Vec<PathBuf>,
-}
-
-/// A capture that is reconstructed. Nothing is written yet.
-pub struct Solved {
-    /// The result. Its report is without the time of the export.
-    pub outcome: Outcome,
-    volume: Option<VolumeMap>,
     snapshots: Vec<(usize, Maps)>,
-    /// The capture's name, and what the page shows of it.
+    /// The capture's name.
     title: String,
-    light: export::page::PageHistograms,
-    /// It goes when the result is there.
+    /// Deleted once results are written.
     preview: Option<Preview>,
 }
 
@@ -81,7 +78,7 @@ pub fn solve(
     loaded: &Loaded,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Solved> {
+) -> Result<Outcome> {
     let resolved = request.resolved(&loaded.capture);
     let truth = request.check(&resolved)?;
     resolved.grid(&loaded.capture)?;
@@ -95,7 +92,7 @@ fn solve_checked(
     gpu: &Gpu,
     truth: Option<Truth>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Solved> {
+) -> Result<Outcome> {
     // A closed-form method is there as soon as a preview.
     let preview = match request.preview && !resolved.solver.is_closed_form() {
         true => Preview::begin(&request.out, resolved, &loaded.capture, gpu, hear)?,
@@ -112,71 +109,58 @@ fn solve_checked(
     let result = done.result;
     let warnings = [&loaded.warnings[..], &result.warnings].concat();
     report.warnings = warnings.clone();
-    Ok(Solved {
-        outcome: Outcome {
-            report,
-            maps: result.maps,
-            truth,
-            kernels: if request.timings { result.kernels } else { vec![] },
-            validation: gpu.validation_messages(),
-            notes,
-            warnings,
-            files: vec![],
-        },
+    Ok(Outcome {
+        report,
+        maps: result.maps,
         volume: result.volume,
+        light: PageHistograms::of(&loaded.capture),
+        truth,
+        kernels: if request.timings { result.kernels } else { vec![] },
+        validation: gpu.validation_messages(),
+        notes,
+        warnings,
+        files: vec![],
         snapshots: done.snapshots,
         title: title(&loaded.path),
-        light: export::page::PageHistograms::of(&loaded.capture),
         preview,
     })
 }
 
-impl Solved {
-    /// The volume, if the settings keep it.
-    pub fn take_volume(&mut self) -> Option<VolumeMap> {
-        self.volume.take()
-    }
-
-    /// What the page of a result shows of the capture.
-    pub fn light(&self) -> &export::page::PageHistograms {
-        &self.light
-    }
-
+impl Outcome {
     /// Writes every file that `request` asks for, the report last.
     ///
     /// # Errors
     /// A file that cannot be written. No report is written then.
-    pub fn write(self, request: &Request) -> Result<Outcome> {
+    pub fn write(mut self, request: &Request) -> Result<Outcome> {
         let start = Instant::now();
-        let Solved { mut outcome, volume, snapshots, title, light, preview } = self;
         // An older result stays whole until the new one is complete.
         let staging = Staging::new(&request.out)?;
-        let mut staged = export::write_maps(staging.path(), &outcome.maps)?;
-        if let (Some(file), Some(volume)) = (&request.volume_file, volume) {
+        let mut staged = export::write_maps(staging.path(), &self.maps)?;
+        if let (Some(file), Some(volume)) = (&request.volume_file, self.volume.take()) {
             export::volume::write(file, &export_volume(volume))?;
-            outcome.files.push(file.clone());
+            self.files.push(file.clone());
         }
-        for (iteration, maps) in &snapshots {
+        for (iteration, maps) in &self.snapshots {
             let folder = Request::snapshot_folder(staging.path(), *iteration);
             staged.extend(export::write_maps(&folder, maps)?);
         }
         // The page is written before the report, with the time of all files but these two.
         let stage = |seconds| export::report::StageSeconds { name: "export".into(), seconds };
-        outcome.report.totals.stages.push(stage(start.elapsed().as_secs_f64()));
+        self.report.totals.stages.push(stage(start.elapsed().as_secs_f64()));
         let page = staging.path().join(PAGE);
-        export::page::write(&page, &title, &outcome.maps, &light, &outcome.report, outcome.truth.as_ref())?;
+        export::page::write(&page, &self.title, &self.maps, &self.light, &self.report, self.truth.as_ref())?;
         staged.push(page);
-        outcome.report.totals.export_s = start.elapsed().as_secs_f64();
-        outcome.report.totals.stages.pop();
-        outcome.report.totals.stages.push(stage(outcome.report.totals.export_s));
+        self.report.totals.export_s = start.elapsed().as_secs_f64();
+        self.report.totals.stages.pop();
+        self.report.totals.stages.push(stage(self.report.totals.export_s));
         let path = staging.path().join("report.json");
-        export::report::write(&path, &outcome.report)?;
+        export::report::write(&path, &self.report)?;
         staged.push(path);
-        outcome.files.splice(0..0, staging.commit(&staged)?);
+        self.files.splice(0..0, staging.commit(&staged)?);
         // The result shows more. One that a killed run left goes, too.
-        drop(preview);
+        drop(self.preview.take());
         let _ = std::fs::remove_file(request.out.join(PREVIEW));
-        Ok(outcome)
+        Ok(self)
     }
 }
 

@@ -14,7 +14,7 @@ use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
 use thirdbounce::solve::{Progress, SurfaceOptions};
 
 /// The result of the demo.
-#[derive(Debug, Clone)]
+#[derive(Debug)]
 pub struct Demo {
     /// The reconstruction.
     pub outcome: Outcome,
