@@ -24,7 +24,7 @@ pub trait Prepared: Send {
     /// counts only. After an error, the next capture is solved as if nothing had happened, if the device still works.
     ///
     /// # Errors
-    /// See [`super::paper::reconstruct`].
+    /// See [`super::Solver::solve`].
     fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction>;
 }
 

@@ -1,7 +1,7 @@
 //! What every method can do that turns a capture into maps.
 
 use super::option::Options;
-use super::{Accumulation, Plan, Prepared, Problem, Sizes, TimedSchedule};
+use super::{Accumulation, Plan, Prepared, Problem, Reconstruction, Sizes, TimedSchedule, Watch};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu, check};
@@ -49,11 +49,22 @@ pub trait Solver: Options {
     /// The schedules of a whole solve with `plan`; none if the device has no part in it.
     fn outline(&self, plan: &Plan) -> Vec<TimedSchedule>;
 
-    /// Prepares the method for captures of one scan.
+    /// Prepares the method for captures of one scan; counts are not used.
     ///
     /// # Errors
-    /// See [`super::paper::prepare`].
+    /// Options, scan, memory or device do not allow the solve.
     fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>>;
+
+    /// Solves a problem.
+    ///
+    /// # Errors
+    /// Options, capture, memory or device do not allow the solve; the watch cancels ([`crate::Kind::Cancelled`]); a loss is not
+    /// finite.
+    fn solve(&self, gpu: &Gpu, problem: &Problem<'_>, watch: &mut Watch<'_>) -> Result<Reconstruction> {
+        self.check()?;
+        problem.capture.check()?;
+        self.prepare(gpu, problem)?.solve(problem.capture, watch)
+    }
 }
 
 /// What the options of all methods have.

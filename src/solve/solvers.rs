@@ -10,25 +10,23 @@ use super::closed_form::{
 };
 use super::option::{Given, OptionValue, Row, SceneTraits, default_text};
 use super::{
-    Accumulation, Common, PaperOptions, PaperSettings, Plan, Prepared, Problem, Reconstruction, RunsOn,
-    Solver, SurfaceOptions, SurfaceSettings, TimedSchedule, Watch, default_volume, surface,
+    Accumulation, Common, PaperOptions, PaperSettings, Plan, Problem, Solver, SurfaceOptions,
+    SurfaceSettings, default_volume, surface,
 };
 use crate::capture::Capture;
-use crate::gpu::{Abilities, Gpu};
+use crate::gpu::Gpu;
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Result};
 
 /// Declares the methods: one line for each.
 macro_rules! solvers {
     (
-        iterative { $($variant:ident($options:ident, $settings:ident) in $module:ident;)* }
-        other { $($other:ident($other_options:ident, $other_settings:ident);)* }
+        iterative { $($variant:ident($options:ident, $settings:ident);)* }
         closed_form { $($closed:ident($closed_options:ident, $closed_settings:ident);)* }
     ) => {
         solvers! {
             all
             $($variant($options, $settings);)*
-            $($other($other_options, $other_settings);)*
             $($closed($closed_options, $closed_settings);)*
         }
 
@@ -37,7 +35,6 @@ macro_rules! solvers {
             pub fn with_reflectance(self, reflectance: Reflectance) -> SolverOptions {
                 match self {
                     $(SolverOptions::$variant(o) => o.with(|o| o.reflectance = reflectance).into(),)*
-                    $(SolverOptions::$other(o) => o.with(|o| o.reflectance = reflectance).into(),)*
                     $(SolverOptions::$closed(o) => o.with(|o| o.image.reflectance = reflectance).into(),)*
                 }
             }
@@ -46,7 +43,6 @@ macro_rules! solvers {
             pub fn with_accumulation(self, accumulation: Accumulation) -> SolverOptions {
                 match self {
                     $(SolverOptions::$variant(o) => o.with(|o| o.accumulation = accumulation).into(),)*
-                    $(SolverOptions::$other(o) => o.with(|o| o.accumulation = accumulation).into(),)*
                     closed => closed,
                 }
             }
@@ -55,49 +51,10 @@ macro_rules! solvers {
             pub fn is_closed_form(&self) -> bool {
                 match self {
                     $(SolverOptions::$variant(_) => false,)*
-                    $(SolverOptions::$other(_) => false,)*
                     $(SolverOptions::$closed(_) => true,)*
                 }
             }
         }
-
-        $(impl Solver for $options {
-            fn common(&self) -> Common {
-                Common {
-                    lateral: self.lateral,
-                    iterations: super::Needs::demand(self).iterations,
-                    reflectance: self.reflectance,
-                    accumulation: self.accumulation,
-                    sizes: self.sizes,
-                    min_depth: self.domain.min_depth,
-                    pixels_per_voxel: super::Needs::demand(self).pixels_per_voxel,
-                    runs_on: RunsOn::Device,
-                }
-            }
-
-            fn check(&self) -> Result<()> {
-                $options::check(self)
-            }
-
-            fn within(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
-                plan.within(self, &gpu.memory(), memory)
-            }
-
-            fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
-                // The counts are as large as all the rest, and a plan is the same without them.
-                let Problem { capture, grid, with_volume, .. } = *problem;
-                let model = super::$module::model(&capture.outline(), &grid, self);
-                Plan::new(&model, grid, capture.resolution(), self, abilities, with_volume)
-            }
-
-            fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
-                super::$module::outline(plan, self)
-            }
-
-            fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
-                Ok(Box::new(super::$module::prepare(gpu, problem, self)?))
-            }
-        })*
     };
 
     (all $($variant:ident($options:ident, $settings:ident);)*) => {
@@ -226,9 +183,7 @@ macro_rules! solvers {
 
 solvers! {
     iterative {
-        Paper(PaperOptions, PaperSettings) in paper;
-    }
-    other {
+        Paper(PaperOptions, PaperSettings);
         Surface(SurfaceOptions, SurfaceSettings);
     }
     closed_form {
@@ -325,30 +280,12 @@ impl SolverOptions {
         }
     }
 
-    /// A plan as it fits on a device: as it is, or in parts of pairs. `memory` is a budget in bytes.
-    ///
-    /// # Errors
-    /// It does not fit.
-    pub fn fit(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
-        self.within(plan, gpu, memory)
-    }
-
     /// The plan of a solve on a device as it is, in parts of pairs where all do not fit.
     ///
     /// # Errors
     /// As [`Solver::plan`], and it does not fit.
     pub fn plan_within(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Plan> {
-        self.fit(self.plan(problem, &gpu.abilities())?, gpu, problem.memory)
-    }
-
-    /// Runs the solver.
-    ///
-    /// # Errors
-    /// See [`super::paper::reconstruct`].
-    pub fn solve(&self, gpu: &Gpu, problem: &Problem<'_>, watch: &mut Watch<'_>) -> Result<Reconstruction> {
-        self.check()?;
-        problem.capture.check()?;
-        self.prepare(gpu, problem)?.solve(problem.capture, watch)
+        self.within(self.plan(problem, &gpu.abilities())?, gpu, problem.memory)
     }
 
     /// The options of all solvers, each once, with its text and what it is by default.

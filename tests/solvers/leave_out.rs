@@ -8,8 +8,8 @@ use glam::{DVec3, dvec3};
 use thirdbounce::capture::{Capture, Gate};
 use thirdbounce::gpu::Gpu;
 use thirdbounce::solve::{
-    Accumulation, Begin, PaperOptions, Plan, Preset, Problem, Reconstruction, SolverOptions, SurfaceOptions,
-    default_volume, paper,
+    Accumulation, Begin, PaperOptions, Plan, Preset, Problem, Reconstruction, Solver, SolverOptions,
+    SurfaceOptions, default_volume,
 };
 use thirdbounce::transport::{Geometry, Grid, Reflectance, Sampling};
 
@@ -85,13 +85,7 @@ fn solve_paper(gpu: &Gpu, capture: &Capture, reflectance: Reflectance, general: 
         o.accumulation = Accumulation::Repeatable;
     });
     let mut hear = |_: &_| ControlFlow::Continue(());
-    paper::reconstruct(
-        gpu,
-        &Problem::new(capture, grid_of(capture)).and_volume(),
-        &o,
-        &mut unwatched(&mut hear),
-    )
-    .unwrap()
+    o.solve(gpu, &Problem::new(capture, grid_of(capture)).and_volume(), &mut unwatched(&mut hear)).unwrap()
 }
 
 /// Both solves agree: in the data term at every point, and in the volume where both have one.
@@ -173,13 +167,7 @@ fn unreached_bins_and_bricks_change_nothing() {
     };
     let mut hear = |_: &_| ControlFlow::Continue(());
     let [short, general] = [false, true].map(|general| {
-        paper::reconstruct(
-            &gpu,
-            &Problem::new(&gated, deep).and_volume(),
-            &o(general),
-            &mut unwatched(&mut hear),
-        )
-        .unwrap()
+        o(general).solve(&gpu, &Problem::new(&gated, deep).and_volume(), &mut unwatched(&mut hear)).unwrap()
     });
     let dark = short.plan.levels.reachable[0].iter().filter(|r| !**r).count();
     assert!(dark > 0 && general.plan.levels.reachable[0].iter().all(|r| *r));

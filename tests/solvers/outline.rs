@@ -6,8 +6,8 @@ use fixtures::device::unwatched;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    PaperOptions, Plan, Preset, Problem, Reconstruction, SolverOptions, SurfaceOptions, TimedSchedule, When,
-    default_volume, paper,
+    PaperOptions, Plan, Preset, Problem, Reconstruction, Solver, SolverOptions, SurfaceOptions,
+    TimedSchedule, When, default_volume,
 };
 use thirdbounce::transport::Grid;
 
@@ -86,9 +86,8 @@ fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Ve
     });
     let grid = Grid::new(default_volume(&capture, o.domain.min_depth).unwrap(), o.lateral, 0.02).unwrap();
     gpu.take_recording();
-    let done =
-        paper::reconstruct(&gpu, &Problem::new(&capture, grid), &o, &mut unwatched(&mut hear)).unwrap();
-    let parts = paper::outline(&done.plan, &o);
+    let done = o.solve(&gpu, &Problem::new(&capture, grid), &mut unwatched(&mut hear)).unwrap();
+    let parts = o.outline(&done.plan);
     assert!(parts.iter().any(|p| matches!(&p.when, When::After(times) if times.len() > 1)));
     check(done, &parts);
 

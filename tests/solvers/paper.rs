@@ -9,9 +9,10 @@ use thirdbounce::advice::Setting;
 use thirdbounce::gpu::{Buffer, Gpu, Schedule};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::paper::{self, reconstruct};
+use thirdbounce::solve::paper;
 use thirdbounce::solve::{
-    Accumulation, Decay, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, default_volume,
+    Accumulation, Decay, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, Solver,
+    default_volume,
 };
 use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::{Binning, Gradient, Grid, Sampling};
@@ -86,10 +87,9 @@ fn grid(capture: &thirdbounce::capture::Capture, o: &PaperOptions) -> Grid {
 }
 
 fn run(gpu: &Gpu, capture: &thirdbounce::capture::Capture, o: &PaperOptions) -> Reconstruction {
-    reconstruct(
+    o.solve(
         gpu,
         &Problem::new(capture, grid(capture, o)).and_volume(),
-        o,
         &mut unwatched(&mut |_| ControlFlow::Continue(())),
     )
     .unwrap()
@@ -253,8 +253,7 @@ fn a_caller_can_break_off() {
         heard += 1;
         ControlFlow::Break(())
     };
-    let result =
-        reconstruct(&gpu, &Problem::new(&capture, grid(&capture, &o)), &o, &mut unwatched(&mut hear));
+    let result = o.solve(&gpu, &Problem::new(&capture, grid(&capture, &o)), &mut unwatched(&mut hear));
     assert_eq!(result.unwrap_err().kind, Kind::Cancelled);
     assert_eq!(heard, 1);
     assert_valid(&gpu);
@@ -267,10 +266,9 @@ fn what_cannot_run_is_refused_in_words() {
     let o = small(10);
     let refused = |capture: &thirdbounce::capture::Capture, o: &PaperOptions, memory| {
         let g = grid(capture, o);
-        reconstruct(
+        o.solve(
             &gpu,
             &Problem { capture, grid: g, memory, with_volume: false, begin: None },
-            o,
             &mut unwatched(&mut |_| ControlFlow::Continue(())),
         )
         .unwrap_err()

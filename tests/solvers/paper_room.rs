@@ -7,7 +7,7 @@ use fixtures::device::*;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::{
-    Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, default_volume, paper,
+    Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, Solver, default_volume,
 };
 use thirdbounce::transport::{Grid, Sampling, Volume};
 
@@ -17,7 +17,7 @@ fn solve(gpu: &Gpu, o: &PaperOptions) -> Reconstruction {
     let volume = default_volume(&capture, o.domain.min_depth).unwrap();
     let grid = Grid::new(volume, o.lateral, capture.bin_width).unwrap();
     let mut hear = |_: &_| ControlFlow::Continue(());
-    paper::reconstruct(gpu, &Problem::new(&capture, grid).and_volume(), o, &mut unwatched(&mut hear)).unwrap()
+    o.solve(gpu, &Problem::new(&capture, grid).and_volume(), &mut unwatched(&mut hear)).unwrap()
 }
 
 fn options_of(sampling: Sampling) -> PaperOptions {

@@ -8,7 +8,7 @@ use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{Object, RenderOptions, Scene, rectangle, simulate};
-use thirdbounce::solve::{PaperOptions, Preset, Problem, default_volume, paper};
+use thirdbounce::solve::{PaperOptions, Preset, Problem, Solver, default_volume, paper};
 use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::{Binning, Grid, Model, Sampling};
 use thirdbounce_verify::twin::Sample;
@@ -119,14 +119,9 @@ fn solve(gpu: &Gpu, capture: &Capture, lateral: usize, iterations: usize) -> Map
     });
     let grid =
         Grid::new(default_volume(capture, o.domain.min_depth).unwrap(), lateral, capture.bin_width).unwrap();
-    paper::reconstruct(
-        gpu,
-        &Problem::new(capture, grid),
-        &o,
-        &mut unwatched(&mut |_| ControlFlow::Continue(())),
-    )
-    .unwrap()
-    .maps
+    o.solve(gpu, &Problem::new(capture, grid), &mut unwatched(&mut |_| ControlFlow::Continue(())))
+        .unwrap()
+        .maps
 }
 
 /// A plate of 15 cm in front of a 0.8 m wall.

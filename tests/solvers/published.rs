@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use fixtures::device::*;
 use thirdbounce::capture::Capture;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::paper::reconstruct;
+use thirdbounce::solve::Solver;
 use thirdbounce::solve::{PaperOptions, Preset, Problem, Watch, default_volume, gaussian_weights};
 use thirdbounce::transport::Grid;
 
@@ -232,7 +232,7 @@ fn the_domain_is_as_small_and_the_loss_as_low_as_in_the_published_arithmetic() {
     let grid = Grid::new(default_volume(&capture, o.domain.min_depth).unwrap(), o.lateral, capture.bin_width);
     let mut hear = |_: &_| ControlFlow::Continue(());
     let mut watch = Watch { hear: &mut hear, maps_every: Some(1), maps_at: &[] };
-    let ours = reconstruct(&gpu, &Problem::new(&capture, grid.unwrap()), &o, &mut watch).unwrap();
+    let ours = o.solve(&gpu, &Problem::new(&capture, grid.unwrap()), &mut watch).unwrap();
 
     let most = capture.histograms.iter().copied().fold(0.0, f32::max);
     let target: Vec<f64> = capture.histograms.iter().map(|v| 10.0 * f64::from(*v / most)).collect();

@@ -112,7 +112,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     if let (Some(gpu), Some(plan)) = (&device, &mut plan) {
-        match resolved.solver.fit(plan.clone(), gpu, resolved.memory) {
+        match resolved.solver.within(plan.clone(), gpu, resolved.memory) {
             Ok(fits) => *plan = fits,
             Err(e) => problems.push(problem(job::advise(e, request, loaded, gpu))),
         }

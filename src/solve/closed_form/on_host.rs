@@ -1,15 +1,106 @@
-//! Plan and run of a method on the host.
+//! Methods that run on the host: what each defines, their plan and their run.
 
 use std::sync::Arc;
 
-use super::sharpness::{even_weights, noise, weigh, with, with_random_signs};
-use super::{COUNTS, FINER, HostMethod, NoPasses, RegularScan, TOSSED, VOLUME, in_one_step, upsample};
+use super::image::AlbedoVolume;
+use super::one_step::{NoPasses, in_one_step};
+use super::options::ImageOptions;
+use super::sharpness::{Ladder, even_weights, noise, weigh, with, with_random_signs};
+use super::{RegularScan, upsample};
 use crate::advice::{Advice, Remedy, advice};
 use crate::capture::Capture;
-use crate::gpu::{Abilities, BufferPlan, Gpu, Place};
+use crate::gpu::{Abilities, Buffer, BufferPlan, Gpu, Place};
+use crate::solve::option::Options;
 use crate::solve::{Plan, Prepared, Problem, Reconstruction, Watch};
 use crate::transport::{Grid, Model};
 use crate::{Error, Result};
+
+/// A method that runs on the host.
+pub trait HostMethod: Options + Clone + Send + Sync + 'static {
+    /// What the options of all closed-form methods have.
+    fn image(&self) -> &ImageOptions;
+
+    /// Its share of [`super::image::level_over_haze`], fitted on simulated scenes (benches/NOTES.md).
+    const MASK_SHARE: f64;
+
+    /// The scan of a capture.
+    ///
+    /// # Errors
+    /// `Kind::Input`: the capture breaks an assumption of the method.
+    fn scan(&self, capture: &Capture) -> Result<RegularScan>;
+
+    /// Names and bytes of the arrays that it holds at the same time, at most.
+    fn arrays(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<(Buffer, u64)>;
+
+    /// What there is to choose from where the options leave its sharpness open; `None` if they do not.
+    fn ladder(&self) -> Option<Ladder> {
+        None
+    }
+
+    /// The setting of the ladder.
+    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
+        None
+    }
+
+    /// The volume at the voxels of `grid`. Counts are without background. A sharpness that the options leave open is the
+    /// first of the ladder.
+    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume;
+}
+
+/// The volume at the voxels of a grid.
+pub(super) const VOLUME: Buffer = Buffer::named("volume");
+/// The measured histograms, less their background.
+pub(super) const COUNTS: Buffer = Buffer::named("counts");
+/// The same with points between the measured ones.
+const FINER: Buffer = Buffer::named("finer_counts");
+/// Counts with a sign for every photon, and their volume.
+const TOSSED: Buffer = Buffer::named("tossed_counts_and_volume");
+
+/// Writes what every host method is to the rest of the engine.
+macro_rules! host_method {
+    ($options:ident, $name:literal) => {
+        impl $options {
+            /// Its name on the command line.
+            pub const NAME: &'static str = $name;
+        }
+
+        impl $crate::solve::Solver for $options {
+            fn common(&self) -> $crate::solve::Common {
+                $crate::solve::closed_form::one_step::common(self.lateral, self.image())
+            }
+
+            fn check(&self) -> $crate::Result<()> {
+                $crate::solve::option::Options::check_ranges(self)
+            }
+
+            fn takes(&self, capture: &$crate::capture::Capture) -> $crate::Result<()> {
+                self.scan(capture).map(|_| ())
+            }
+
+            fn plan(
+                &self,
+                problem: &$crate::solve::Problem<'_>,
+                abilities: &$crate::gpu::Abilities,
+            ) -> $crate::Result<$crate::solve::Plan> {
+                $crate::solve::closed_form::on_host::plan(self, problem, abilities)
+            }
+
+            fn outline(&self, _plan: &$crate::solve::Plan) -> Vec<$crate::solve::TimedSchedule> {
+                vec![]
+            }
+
+            fn prepare(
+                &self,
+                gpu: &$crate::gpu::Gpu,
+                problem: &$crate::solve::Problem<'_>,
+            ) -> $crate::Result<Box<dyn $crate::solve::Prepared>> {
+                $crate::solve::closed_form::on_host::prepare(self, gpu, problem, false)
+            }
+        }
+    };
+}
+
+pub(super) use host_method;
 
 /// The plan of a host method: its arrays, and no pass.
 ///

@@ -7,10 +7,10 @@ use super::on_device::OnDevice;
 use super::outline::{self, TimedSchedule};
 use super::prepared::{Planned, Prepared};
 use super::result::{Reconstruction, finish};
-use super::{Plan, Problem};
+use super::{Common, Needs, Plan, Problem, RunsOn, Solver};
 use crate::Result;
 use crate::capture::{Background, Capture};
-use crate::gpu::{Gpu, Schedule};
+use crate::gpu::{Abilities, Gpu, Schedule};
 use crate::transport::{Grid, Model, Rows};
 
 mod domain;
@@ -44,35 +44,47 @@ fn outline_of(capture: &Capture, grid: &Grid, options: &PaperOptions) -> (Model,
     (model, rows)
 }
 
-/// Runs the solver.
-///
-/// # Errors
-/// Options, capture, memory or device do not allow the solve; the watch cancels ([`crate::Kind::Cancelled`]); a loss
-/// is not finite.
-pub fn reconstruct(
-    gpu: &Gpu,
-    problem: &Problem<'_>,
-    options: &PaperOptions,
-    watch: &mut Watch<'_>,
-) -> Result<Reconstruction> {
-    options.check()?;
-    problem.capture.check()?;
-    prepare(gpu, problem, options)?.solve(problem.capture, watch)
-}
+impl Solver for PaperOptions {
+    fn common(&self) -> Common {
+        Common {
+            lateral: self.lateral,
+            iterations: self.demand().iterations,
+            reflectance: self.reflectance,
+            accumulation: self.accumulation,
+            sizes: self.sizes,
+            min_depth: self.domain.min_depth,
+            pixels_per_voxel: self.demand().pixels_per_voxel,
+            runs_on: RunsOn::Device,
+        }
+    }
 
-/// Prepares the solver for captures of one scan. Takes the arguments of [`reconstruct`]; the capture's counts may be
-/// left out.
-///
-/// # Errors
-/// Options, scan or device do not allow the solve.
-pub fn prepare(gpu: &Gpu, problem: &Problem<'_>, options: &PaperOptions) -> Result<impl Prepared + use<>> {
-    options.check()?;
-    let Problem { capture, grid, memory, with_volume, .. } = *problem;
-    let (outline, rows) = outline_of(capture, &grid, options);
-    let plan = Plan::new(&outline, grid, capture.resolution(), options, &gpu.abilities(), with_volume)?
-        .within(options, &gpu.memory(), memory)?;
-    let planned = Planned::new(gpu, outline, plan, memory);
-    Ok(PreparedPaper { planned, rows, options: options.clone(), with_volume })
+    fn check(&self) -> Result<()> {
+        PaperOptions::check(self)
+    }
+
+    fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
+        // The counts are as large as all the rest, and a plan is the same without them.
+        let Problem { capture, grid, with_volume, .. } = *problem;
+        let (outline, _) = outline_of(&capture.outline(), &grid, self);
+        Plan::new(&outline, grid, capture.resolution(), self, abilities, with_volume)
+    }
+
+    fn within(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
+        plan.within(self, &gpu.memory(), memory)
+    }
+
+    fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
+        outline::of("volume", plan, &steps(plan, self), 0..self.iterations)
+    }
+
+    fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
+        PaperOptions::check(self)?;
+        let Problem { capture, grid, memory, with_volume, .. } = *problem;
+        let (outline, rows) = outline_of(capture, &grid, self);
+        let plan = Plan::new(&outline, grid, capture.resolution(), self, &gpu.abilities(), with_volume)?;
+        let planned = Planned::new(gpu, outline, self.within(plan, gpu, memory)?, memory);
+        Ok(Box::new(PreparedPaper { planned, rows, options: self.clone(), with_volume }))
+    }
 }
 
 struct PreparedPaper {
@@ -123,11 +135,6 @@ fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
         shrinks: true,
         until: None,
     }
-}
-
-/// The schedules of a whole solve.
-pub fn outline(plan: &Plan, options: &PaperOptions) -> Vec<TimedSchedule> {
-    outline::of("volume", plan, &steps(plan, options), 0..options.iterations)
 }
 
 /// Albedo of a voxel from its raw variables: ELU.

@@ -11,7 +11,7 @@ use serde_json::Value;
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::paper::reconstruct;
+use thirdbounce::solve::Solver;
 use thirdbounce::solve::{PaperOptions, Preset, Problem, Progress, Reconstruction, Watch, default_volume};
 use thirdbounce::transport::Grid;
 
@@ -276,7 +276,7 @@ fn sleepy(
     };
     let mut watch = Watch { hear: &mut hear, maps_every, maps_at: &[] };
     let start = Instant::now();
-    let done = reconstruct(gpu, &Problem::new(capture, grid), &o, &mut watch).unwrap();
+    let done = o.solve(gpu, &Problem::new(capture, grid), &mut watch).unwrap();
     (done, asleep, start.elapsed().as_secs_f64())
 }
 

@@ -15,7 +15,7 @@ use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::surface::{self, Placed};
 use thirdbounce::solve::{
-    Accumulation, PaperOptions, Preset, Problem, Reconstruction, SolverOptions, SurfaceOptions,
+    Accumulation, PaperOptions, Preset, Problem, Reconstruction, Solver, SolverOptions, SurfaceOptions,
     default_volume, paper,
 };
 use thirdbounce::transport::Grid;
@@ -117,10 +117,9 @@ fn by_paper(
     grid: Grid,
     o: &PaperOptions,
 ) -> thirdbounce::Result<Reconstruction> {
-    paper::reconstruct(
+    o.solve(
         gpu,
         &Problem::new(capture, grid).and_volume(),
-        o,
         &mut unwatched(&mut |_| ControlFlow::Continue(())),
     )
 }

@@ -28,7 +28,7 @@ mod hat;
 pub mod passes;
 mod projecting;
 
-use projecting::{outline_of, pairs_on, pixels_per_voxel, plan, prepared, to_refine};
+use projecting::{Projection, outline_of, pairs_on, pixels_per_voxel, plan, prepared, to_refine};
 
 /// What is filtered, and how.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -106,36 +106,6 @@ const BP_WAVELENGTHS: Ladder = Ladder { setting: "wavelength", values: &[3.0, 4.
 
 /// Widths of the filter to choose from.
 const WIDTHS: Ladder = Ladder { setting: "filter_width", values: &[0.5, 0.7, 1.0, 1.4, 2.0, 2.8] };
-
-/// A method that back-projects on the device.
-pub(super) trait Projection: Options + Clone + Send + Sync + 'static {
-    /// As that of [`super::HostMethod`].
-    const MASK_SHARE: f64;
-
-    fn image(&self) -> &ImageOptions;
-
-    /// As [`Solver::detail`].
-    fn detail(&self) -> Option<f64> {
-        None
-    }
-
-    /// As that of [`super::HostMethod`].
-    fn ladder(&self) -> Option<Ladder> {
-        None
-    }
-
-    /// The setting of the ladder.
-    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
-        None
-    }
-
-    /// The filters, one for each projection: words of `filter.comp`. `bin` and `step` are the width of a bin and the
-    /// distance of scan points, metres.
-    fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>>;
-
-    /// What it makes of the projections, `[(x * n[1] + y) * n[2] + z]` each.
-    fn join(&self, projected: Vec<Vec<f32>>, grid: &Grid, step: f64) -> Vec<f32>;
-}
 
 impl Projection for BpOptions {
     const MASK_SHARE: f64 = 1.0;
@@ -277,7 +247,7 @@ macro_rules! projection {
                 Common {
                     runs_on: RunsOn::Device,
                     pixels_per_voxel: pixels_per_voxel(self.lateral),
-                    ..super::common(self.lateral, &self.image)
+                    ..super::one_step::common(self.lateral, &self.image)
                 }
             }
 

@@ -9,20 +9,51 @@ use rayon::prelude::*;
 
 use super::super::image::{AlbedoVolume, on_grid};
 use super::super::on_host::check_host_memory;
+use super::super::one_step::{NoPasses, in_one_step};
 use super::super::options::ImageOptions;
 use super::super::sharpness::{Ladder, even_weights, noise, weigh, with, with_random_signs};
-use super::super::{NoPasses, RegularScan, in_one_step, upsample};
-use super::Projection;
+use super::super::{RegularScan, upsample};
 use super::passes::{BACKPROJECT, FILTER, PROJECTED, gather_filtered};
 use crate::advice::advice;
 use crate::capture::{Background, Capture};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
+use crate::solve::option::Options;
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
 use crate::solve::prepared::Planned;
 use crate::solve::{OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, Sharpness, Watch, upload};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Grid, Model, Rows};
 use crate::{Error, Result};
+
+/// A method that back-projects on the device.
+pub(super) trait Projection: Options + Clone + Send + Sync + 'static {
+    /// As that of [`super::super::on_host::HostMethod`].
+    const MASK_SHARE: f64;
+
+    fn image(&self) -> &ImageOptions;
+
+    /// As [`crate::solve::Solver::detail`].
+    fn detail(&self) -> Option<f64> {
+        None
+    }
+
+    /// As that of [`super::super::on_host::HostMethod`].
+    fn ladder(&self) -> Option<Ladder> {
+        None
+    }
+
+    /// The setting of the ladder.
+    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
+        None
+    }
+
+    /// The filters, one for each projection: words of `filter.comp`. `bin` and `step` are the width of a bin and the
+    /// distance of scan points, metres.
+    fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>>;
+
+    /// What it makes of the projections, `[(x * n[1] + y) * n[2] + z]` each.
+    fn join(&self, projected: Vec<Vec<f32>>, grid: &Grid, step: f64) -> Vec<f32>;
+}
 
 /// Pixels that a voxel is wide in maps of `lateral` pixels. Voxels finer than the scan would only cost time.
 pub(super) fn pixels_per_voxel(lateral: usize) -> usize {

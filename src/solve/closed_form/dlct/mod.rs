@@ -14,13 +14,14 @@
 
 use rayon::prelude::*;
 
+use super::RegularScan;
 use super::fourier::{Complex, Line, transpose};
 use super::image::{AlbedoVolume, on_grid_signed};
 use super::light_cone::SNR;
 use super::light_cone::{ConeCells, filter_planes};
+use super::on_host::{HostMethod, host_method};
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
-use super::{HostMethod, RegularScan, host_method};
 use crate::capture::Capture;
 use crate::gpu::Buffer;
 use crate::solve::option::options;

@@ -10,13 +10,14 @@
 //! of one factor for x and one for y. Each frequency is a plane of its own, so memory holds the counts' spectrum
 //! without padding.
 
+use super::RegularScan;
 use super::fourier::{Complex, Line, transpose};
 use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::SNR;
 use super::light_cone::{ConeCells, filter_planes};
+use super::on_host::{self, HostMethod, host_method};
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
-use super::{HostMethod, RegularScan, host_method, on_host};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Buffer, Gpu};

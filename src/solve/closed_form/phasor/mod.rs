@@ -15,12 +15,13 @@ use std::f64::consts::TAU;
 
 use rayon::prelude::*;
 
+use super::RegularScan;
 use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
 use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::plane_waves;
+use super::on_host::{HostMethod, host_method};
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
-use super::{HostMethod, RegularScan, host_method};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Buffer;
