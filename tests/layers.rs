@@ -299,6 +299,41 @@ fn few_names_of_types_have_several_meanings() {
     assert!(times.len() > 400 && shared.len() <= MOST_SHARED_NAMES, "{}: {shared:?}", shared.len());
 }
 
+/// Uses of items that are defined in a folder's `mod.rs` by modules of the folder, at most: these point up.
+const MOST_UPWARD_USES: usize = 17;
+
+/// Whether a source defines an item of this name.
+fn defines(source: &Source, name: &str) -> bool {
+    let kinds = ["struct", "enum", "trait", "type", "fn", "const", "static"];
+    let is_word = |rest: &str| !rest.starts_with(|c: char| c.is_alphanumeric() || c == '_');
+    kinds.iter().any(|kind| {
+        let item = format!("{kind} {name}");
+        let mut places = source.text.match_indices(&item);
+        // A lifetime is no keyword: &'static Item.
+        places.any(|(at, _)| !source.text[..at].ends_with('\'') && is_word(&source.text[at + item.len()..]))
+    })
+}
+
+#[test]
+fn few_modules_use_the_folder_around_them() {
+    let mut upward = BTreeSet::new();
+    for all in all() {
+        for source in &all {
+            for path in used(source) {
+                for depth in (1..source.module.len()).filter(|d| path.len() > *d) {
+                    let folder = &source.module[..depth];
+                    let is_module = all.iter().any(|s| s.module.starts_with(&path[..depth + 1]));
+                    let of_folder = |s: &&Source| s.module == folder && defines(s, &path[depth]);
+                    if path.starts_with(folder) && !is_module && all.iter().any(|s| of_folder(&s)) {
+                        upward.insert((source.file.clone(), folder.join("::")));
+                    }
+                }
+            }
+        }
+    }
+    assert!(upward.len() <= MOST_UPWARD_USES, "{}: {upward:#?}", upward.len());
+}
+
 /// Unsafe code is where Vulkan is called, and where C calls.
 #[test]
 fn unsafe_code_stays_in_its_place() {

@@ -1,6 +1,7 @@
 //! Finds options that make a job fit into memory. Each is tried on a plan of its own.
 
-use super::{Loaded, Request, planned};
+use super::load::Loaded;
+use super::{Request, planned};
 use crate::advice::{Advice, Remedy, Setting, advice};
 use crate::capture::{Capture, Gate};
 use crate::estimation::EstimateRequest;

@@ -4,6 +4,7 @@
 mod advice;
 mod cache;
 mod evaluate;
+mod load;
 pub mod places;
 pub mod planned;
 pub mod preview;
@@ -13,15 +14,6 @@ mod request;
 mod run;
 mod words;
 
-use std::path::{Path, PathBuf};
-use std::time::Instant;
-
-use crate::Result;
-use crate::capture::conditioning::{self, Conditioning};
-use crate::capture::{self, Capture, Gate, Summary};
-use crate::settings::Settings;
-use crate::solve::Preset;
-
 pub use crate::estimation::{MODELS, preset_for};
 pub use crate::settings::memory_bytes;
 pub use crate::solve::{Bins, SolverOptions, method};
@@ -29,115 +21,8 @@ pub use crate::solve::{Bins, SolverOptions, method};
 pub use advice::advise;
 pub use cache::usual_pipeline_cache;
 pub use evaluate::evaluate_maps;
+pub use load::{Loaded, load, reading, take, turn};
 pub use places::{PREVIEW, check_file, check_inputs, check_not_input, check_results};
 pub use request::Request;
 pub use run::{Outcome, run, solve};
 pub use words::plain;
-
-/// A capture that is ready to be reconstructed.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Loaded {
-    /// The file, or the folder of several; empty for a capture that was in memory.
-    pub path: PathBuf,
-    /// The capture, ready to be reconstructed.
-    pub capture: Capture,
-    /// The gate in force, given or found.
-    pub gate: Option<Gate>,
-    /// Pairs of the file that were left out because they were not measured.
-    pub dropped: usize,
-    /// Whether wall normals were estimated from neighbouring points.
-    pub normals_estimated: bool,
-    /// What was done to the capture, as sentences.
-    pub notes: Vec<String>,
-    /// What looks wrong and was not corrected.
-    pub warnings: Vec<String>,
-    /// Seconds that loading took.
-    pub seconds: f64,
-}
-
-impl Loaded {
-    /// What the capture holds. Also counts the pairs that were left out, and says whether normals were estimated.
-    pub fn summary(&self) -> Summary {
-        let mut summary = self.capture.summary();
-        (summary.dropped_pairs, summary.normals_estimated) = (self.dropped, self.normals_estimated);
-        summary
-    }
-}
-
-/// Reads a capture by the groups `Capture file` and `Capture` of the settings and makes it ready
-/// ([`conditioning::FOR_A_SOLVE`]).
-///
-/// # Errors
-/// Those of [`capture::read_kept`]; a wall size that does not fit the capture; units that cannot be.
-pub fn load(path: &Path, settings: &Settings) -> Result<Loaded> {
-    let start = Instant::now();
-    let done = capture::formats::read_prepared(path, &reading(settings)?, &conditioning_of(settings)?);
-    Ok(loaded(path, start, done.map_err(|e| placed(e, path))?))
-}
-
-/// What a capture goes through before a solve.
-///
-/// # Errors
-/// A rotation that is no quarter turn, or an impulse response that cannot be read.
-fn conditioning_of(settings: &Settings) -> Result<Conditioning> {
-    let keep = capture::Keep::default().with_stride(settings.stride);
-    Ok(Conditioning {
-        turn: turn(settings)?,
-        wall: settings.wall,
-        speed: settings.speed,
-        keep: keep.with_subset(settings.subset, u64::from(settings.seed())).with_gate(settings.gate),
-        keep_empty: settings.keep_empty == Some(true),
-        no_auto_gate: settings.auto_gate == Some(false),
-        published_gate: settings.preset.map(|preset| preset == Preset::Captured),
-        pulse: settings.pulse.as_ref().map(|given| given.samples()).transpose()?,
-        spots: settings.spot,
-    })
-}
-
-/// The values that complete or correct those of a file.
-///
-/// # Errors
-/// A rotation that is no quarter turn.
-pub fn reading(settings: &Settings) -> Result<capture::ReadOptions> {
-    Ok(capture::ReadOptions::default()
-        .with_wall(settings.wall)
-        .with_bin_width(settings.bin_width)
-        .with_depth_unit(settings.wall_depth_unit)
-        .with_bounce(settings.bounce)
-        .with_time_of_flight(settings.tof.clone())
-        .with_axes(settings.axes)
-        .with_keep_empty(settings.keep_empty == Some(true))
-        .with_speed(settings.speed)
-        .with_turn(turn(settings)?))
-}
-
-/// How the scan is mirrored and rotated.
-///
-/// # Errors
-/// A rotation that is no quarter turn.
-pub fn turn(settings: &Settings) -> Result<capture::Turn> {
-    capture::Turn::of(settings.flip, settings.rotate)
-}
-
-/// Prepares a capture that is in memory as [`load`] prepares one that it reads. Values that complete a file are not used:
-/// `bin_width`, `wall_depth_unit`, `bounce`, `tof` and `axes`.
-///
-/// # Errors
-/// Those of [`conditioning::prepare`].
-pub fn take(capture: Capture, settings: &Settings) -> Result<Loaded> {
-    let start = Instant::now();
-    Ok(loaded(Path::new(""), start, conditioning::prepare(capture, &conditioning_of(settings)?)?))
-}
-
-fn loaded(path: &Path, start: Instant, done: conditioning::Conditioned) -> Loaded {
-    let conditioning::Conditioned { capture, gate, dropped, normals_estimated, notes, warnings, .. } = done;
-    let seconds = start.elapsed().as_secs_f64();
-    Loaded { path: path.into(), capture, gate, dropped, normals_estimated, notes, warnings, seconds }
-}
-
-/// An error of the contents of a file begins with its path.
-fn placed(error: crate::Error, path: &Path) -> crate::Error {
-    let text = path.display().to_string();
-    let is_placed = error.what.starts_with(&text) || error.kind != crate::Kind::Input;
-    if is_placed { error } else { error.at(text) }
-}

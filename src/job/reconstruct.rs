@@ -4,8 +4,9 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
+use super::load::Loaded;
 use super::preview::Preview;
-use super::{Loaded, Request, SolverOptions, advice};
+use super::{Request, SolverOptions, advice};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::maps::{Maps, Truth};

@@ -2,9 +2,10 @@
 
 use serde_json::{Value, json};
 
+use super::Request;
+use super::load::Loaded;
 use super::reconstruct::Finished;
 use super::words::plain;
-use super::{Loaded, Request};
 use crate::capture::{Gate, Pulse};
 use crate::export::report;
 use crate::gpu::Gpu;

@@ -4,9 +4,10 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use super::load::Loaded;
 use super::places::{PAGE, PREVIEW};
 use super::preview::Preview;
-use super::{Loaded, Request, SolverOptions, reconstruct, report};
+use super::{Request, SolverOptions, reconstruct, report};
 use crate::Result;
 use crate::estimation::EstimateRequest;
 use crate::export;

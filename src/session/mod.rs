@@ -11,7 +11,6 @@
 //! buffers and a thread of its own.
 
 use std::borrow::Cow;
-use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -19,14 +18,15 @@ use std::time::{Duration, Instant};
 use crate::capture::{Capture, conditioning};
 use crate::gpu::Gpu;
 use crate::resolve::Job;
-use crate::solve::surface::{self, Follow};
-use crate::solve::{Bins, Discretisation, Plan, Prepared, Problem, Progress, Reconstruction, SolverOptions};
+use crate::solve::surface;
+use crate::solve::{Bins, Discretisation, Plan, Prepared, Problem, Reconstruction, SolverOptions};
 use crate::transport::Grid;
-use crate::{Error, Kind, Result};
+use crate::{Error, Result};
 
 mod external;
 mod feed;
 mod latency;
+mod options;
 mod submit;
 mod worker;
 
@@ -34,12 +34,9 @@ use external::Exchange;
 pub use external::{ExternalCounts, ExternalFrame, Format};
 pub use feed::Feed;
 pub use latency::Latency;
+pub use options::{FrameId, Hear, SessionOptions};
 pub use submit::Submitter;
 use worker::{Shared, Taken, Worker};
-
-/// Number of a frame, from 1, in the order of submission.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct FrameId(pub u64);
 
 /// A solved frame.
 #[derive(Debug, Clone)]
@@ -48,35 +45,6 @@ pub struct Frame {
     pub id: FrameId,
     /// Its maps, and how they were found.
     pub result: Reconstruction,
-}
-
-/// Called with the progress of a frame, by the session's thread. May stop the frame.
-pub type Hear = Box<dyn FnMut(FrameId, &Progress) -> ControlFlow<()> + Send>;
-
-/// What a session may take and tell.
-#[derive(Default)]
-pub struct SessionOptions {
-    /// How many neighbouring bins are one for the solver; `None`: as many as the command takes
-    /// ([`SolverOptions::usual_sum`]).
-    pub sum: Option<usize>,
-    /// Most device memory to use, in bytes.
-    pub memory: Option<u64>,
-    /// A pixel is surface above this share of the brightest albedo; `None`: as [`SolverOptions::usual_mask`] says.
-    pub mask_fraction: Option<f64>,
-    /// Read the volume of every frame back.
-    pub with_volume: bool,
-    /// A frame that takes longer is stopped.
-    pub time_limit: Option<Duration>,
-    /// Hears of the progress.
-    pub hear: Option<Hear>,
-    /// Give `hear` the maps after every Nth iteration.
-    pub maps_every: Option<usize>,
-    /// What becomes of frames that are submitted while another one is being solved.
-    pub feed: Feed,
-    /// Begin a frame with the solution of the one before, and keep to a time for each frame. For the surface solver.
-    pub follow: Option<Follow>,
-    /// Frames may be in buffers of the caller ([`Session::submit_external`]).
-    pub external: bool,
 }
 
 /// A solver with everything that it needs to solve frames of one scan.
@@ -356,10 +324,4 @@ fn prepared(
             "use the surface solver, or leave `follow` out",
         )),
     }
-}
-
-/// The error of a frame that was stopped by its time limit, after what `cancelled` says.
-fn too_long(limit: Duration, cancelled: Error) -> Error {
-    let what = format!("{}: the frame took longer than its limit of {limit:?}", cancelled.what);
-    Error::new(Kind::Cancelled, what, "give a longer limit, fewer iterations or fewer pixels")
 }

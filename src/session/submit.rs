@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use super::options::FrameId;
 use super::worker::Shared;
-use super::{Feed, FrameId, Latency};
+use super::{Feed, Latency};
 use crate::capture::Capture;
 use crate::{Error, Result};
 

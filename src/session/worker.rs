@@ -8,10 +8,11 @@ use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use super::ExternalFrame;
 use super::external::Exchange;
 use super::feed::{Feed, KeptCounts};
 use super::latency::{Latencies, Latency};
-use super::{ExternalFrame, FrameId, SessionOptions, too_long};
+use super::options::{FrameId, SessionOptions, too_long};
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::gpu::external::TimelinePoint;

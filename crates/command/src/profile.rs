@@ -19,11 +19,13 @@ use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
 
+pub use compile::device_of;
+
 use crate::json::write_json;
 use thirdbounce::export::{self, report};
 use thirdbounce::gpu::{Gpu, HostSpan, Recording};
 use thirdbounce::job::report::settings;
-use thirdbounce::job::{Loaded, Request, places, plain, reconstruct};
+use thirdbounce::job::{Loaded, Request, places, reconstruct};
 use thirdbounce::resolve::Job;
 use thirdbounce::solve::{Plan, Progress};
 use thirdbounce::transport::Grid;
@@ -199,12 +201,6 @@ fn check_clock(gpu: &Gpu) -> Result<()> {
         format!("{} has no time stamps", gpu.info.name),
         "choose another device: without time stamps, kernels cannot be timed one by one",
     ))
-}
-
-/// The device in the form of reports.
-pub fn device_of(gpu: &Gpu) -> report::Device {
-    let (name, driver) = (gpu.info.name.clone(), gpu.info.driver.clone());
-    report::Device { name, driver, kind: plain(&gpu.info.kind) }
 }
 
 /// Adds the spans that were not recorded: loading, before the device was opened, and planning, from the start of the

@@ -1,6 +1,6 @@
 //! How long the rest of a solve takes.
 
-use super::Steps;
+use super::steps::Steps;
 use crate::gpu::Schedule;
 use crate::solve::{Plan, TracePoint};
 

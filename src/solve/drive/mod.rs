@@ -5,11 +5,10 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::time::Instant;
 
-use super::Pass;
 use super::lists::Lists;
 use super::on_device::{OnDevice, read_maps};
-use super::{Level, Plan, TracePoint};
-use crate::gpu::{Gpu, Schedule, Ticket};
+use super::{Level, TracePoint};
+use crate::gpu::{Gpu, Ticket};
 use crate::maps::Maps;
 use crate::transport::kernels::buffer;
 use crate::{Error, Kind, Result};
@@ -17,49 +16,14 @@ use crate::{Error, Kind, Result};
 mod ahead;
 mod clock;
 mod reader;
+mod steps;
 mod watch;
 
 use ahead::Ahead;
 use clock::Clock;
 use reader::Reader;
+pub(crate) use steps::Steps;
 pub use watch::{Doing, Progress, Watch};
-
-/// Adds what runs before the first iteration.
-type Start<'s> = Box<dyn Fn(&mut Schedule, &Plan) + 's>;
-
-/// Adds iteration i (from 0) at a level.
-type Iteration<'s> = Box<dyn Fn(&mut Schedule, &Plan, &Level, usize) + 's>;
-
-/// Adds what is due after N iterations, before the next one. It may move to the next level.
-type Due<'s> = Box<dyn Fn(&mut Schedule, &Plan, &mut usize, usize) + 's>;
-
-/// Adds what leaves the maps of a level in `columns_host`.
-type Extract<'s> = Box<dyn Fn(&mut Schedule, &Level) + 's>;
-
-/// A solver as its driver sees it. What it adds goes into schedules that live as long as the device's buffers, so an
-/// iteration allocates nothing.
-pub(crate) struct Steps<'s> {
-    /// Its levels in order.
-    pub levels: Vec<Level>,
-    /// Runs before the first iteration.
-    pub start: Start<'s>,
-    /// Iteration i (from 0) at a level.
-    pub iteration: Iteration<'s>,
-    /// What is due after N iterations, before the next one. It may move to the next level.
-    pub due: Due<'s>,
-    /// Leaves the level's maps in `columns_host`.
-    pub extract: Extract<'s>,
-    /// Passes whose faults may show in the trace.
-    pub passes: [&'static [&'static Pass]; 2],
-    /// Weight of the trace's L1 column in the loss at a level.
-    pub l1_weight: Box<dyn Fn(&Level) -> f64 + 's>,
-    /// Iterations of the whole solve, for progress.
-    pub of: usize,
-    /// Whether active voxels become fewer from iteration to iteration.
-    pub shrinks: bool,
-    /// Stop at the last level at this time. Blocks are short then.
-    pub until: Option<Instant>,
-}
 
 /// The result of driving a solver.
 pub(crate) struct Driven {

@@ -38,6 +38,7 @@ pub use parts::PairPart;
 pub use pass::{Fault, Pass, Voxels};
 pub use scene::ModelSizes;
 pub use spots::{BETWEEN, SEEN, Spots};
+use tuning::LONGEST_LOOP;
 pub use tuning::{Accumulation, Sizes, Tuning};
 
 /// Levels, passes and buffers of one solve. Each part is made from those above it.
@@ -66,12 +67,6 @@ pub struct Plan {
     /// What this scene does not need and what that saves, in words.
     pub left_out: Vec<String>,
 }
-
-/// lavapipe silently stops an invocation after this many loop turns in all.
-const LOOP_LIMIT: u32 = 65_535;
-
-/// The most bins of a histogram and voxels of a column: a kernel may pass over them twice.
-const LONGEST_LOOP: usize = 32_767;
 
 impl Plan {
     /// Plans a solver for `model` on `grid`, whose lateral cells are the maps' pixels, for a device with these

@@ -5,11 +5,16 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
 
-use super::{LONGEST_LOOP, LOOP_LIMIT};
 use crate::gpu::{Abilities, DeviceKind};
 use crate::transport::kernels::*;
 use crate::transport::{Geometry, Model};
 use crate::{Error, Result};
+
+/// lavapipe silently stops an invocation after this many loop turns in all.
+const LOOP_LIMIT: u32 = 65_535;
+
+/// The most bins of a histogram and voxels of a column: a kernel may pass over them twice.
+pub(super) const LONGEST_LOOP: usize = 32_767;
 
 /// How rendered values are added up in the histograms.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]

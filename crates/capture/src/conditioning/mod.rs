@@ -160,7 +160,7 @@ pub const FOR_A_SOLVE: &[ConditioningStep] = &[
     step("subset", drawn),
     step("gate", gated),
     step_of_counts("negative counts", negative),
-    step_of_counts("units", units::checked),
+    step_of_counts("units", units_checked),
     step_of_counts("automatic gate", automatically_gated),
     step_of_counts("impulse response", with_pulse),
     step_of_counts("spots", with_spots),
@@ -316,6 +316,15 @@ fn with_spots(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
     if let Some(spots) = how.spots {
         [state.capture.laser_spot, state.capture.sensor_spot] = spots.map(Some);
     }
+    Ok(())
+}
+
+/// Refuses a capture whose times and lengths cannot belong together, and warns where they are unlikely to.
+///
+/// # Errors
+/// `Kind::Input`, with the likely unit.
+fn units_checked(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
+    state.warnings.extend(units::check(&state.capture)?);
     Ok(())
 }
 

@@ -1,6 +1,5 @@
 //! Units of lengths and times: whether arrival times, wall and bins fit each other, and which unit is likely where they do not.
 
-use super::{Conditioned, Conditioning};
 use crate::data::median::median;
 use crate::data::{Capture, METRES_PER_PICOSECOND};
 use crate::error::{Error, Result};
@@ -37,15 +36,6 @@ const TIMES: [Unit; 7] = [
 struct Misfit {
     what: String,
     refused: bool,
-}
-
-/// Refuses a capture whose times and lengths cannot belong together, and warns where they are unlikely to.
-///
-/// # Errors
-/// `Kind::Input`, with the likely unit.
-pub(super) fn checked(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
-    state.warnings.extend(check(&state.capture)?);
-    Ok(())
 }
 
 /// Refuses times and lengths that cannot belong together; a warning where they are unlikely to.

@@ -55,3 +55,15 @@ pub(super) fn read(npz: &mut Npz, name: &str, wanted: &str) -> Result<Vec<f32>> 
 pub(super) fn largest_count(values: &[f32]) -> Option<f32> {
     values.iter().try_fold(0.0f32, |largest, &v| (v >= 0.0 && v.fract() == 0.0).then(|| largest.max(v)))
 }
+
+/// The error of counts that come alone, with the lines that make a capture of them.
+pub(super) fn alone(what: &str) -> Error {
+    Error::input(
+        what,
+        r#"make a capture of it: H [T, X, Y] with the bins first, points [X, Y, 3] on the wall in metres, bins in metres of path:
+import numpy as np; H = np.load("FILE"); x, y = [np.linspace(-.5, .5, n) for n in H.shape[1:]]
+p = np.stack(np.meshgrid(x, y, [0], indexing="ij"), -1)[:, :, 0]
+np.savez("capture.npz", H=H, sensor_xyz=p, laser_xyz=p, delta_t=133e-12 * 299792458)
+or, if an instrument wrote its histograms (points, bins) or time tags, use `histogram` with the points of the scan"#,
+    )
+}

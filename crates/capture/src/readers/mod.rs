@@ -43,7 +43,7 @@ pub use opened::Opened;
 pub use read_options::ReadOptions;
 
 use contents::Contents;
-use unread::Unread;
+use unread::ReadCapture;
 use variables::Variables;
 
 use std::path::Path;
@@ -120,7 +120,7 @@ fn read_through(
             read_set(&mut set, given, &mut notes)
         }
         Contents::Matlab4 => Err(contents::version_4()),
-        Contents::Npy => Err(alone("is a single npy array, without wall points and bin width")),
+        Contents::Npy => Err(counts::alone("is a single npy array, without wall points and bin width")),
         Contents::Unknown => Err(match recognised::of(path).map_err(place)? {
             Some(known) => known.refusal(),
             None => unknown("the format is not known"),
@@ -133,13 +133,6 @@ fn read_through(
     let mut measured = conditioning::measured(capture, how.keep_empty).map_err(place)?;
     measured.notes.splice(0..0, notes);
     measured.through(steps, how)
-}
-
-/// A capture as a reader of its format finds it.
-enum ReadCapture<'f> {
-    Whole(Capture),
-    /// All but the counts.
-    Unread(Unread<'f>),
 }
 
 /// Finds the format by the names of the arrays, and reads it.
@@ -337,18 +330,6 @@ pub fn check_ending(path: &Path) -> Result<()> {
         format!("{}: the ending is not that of a capture format", path.display()),
         "name the file .npz, .hdf5 (y-tal) or .mat (Stanford)",
     ))
-}
-
-/// The error of counts that come alone, with the lines that make a capture of them.
-fn alone(what: &str) -> Error {
-    Error::input(
-        what,
-        r#"make a capture of it: H [T, X, Y] with the bins first, points [X, Y, 3] on the wall in metres, bins in metres of path:
-import numpy as np; H = np.load("FILE"); x, y = [np.linspace(-.5, .5, n) for n in H.shape[1:]]
-p = np.stack(np.meshgrid(x, y, [0], indexing="ij"), -1)[:, :, 0]
-np.savez("capture.npz", H=H, sensor_xyz=p, laser_xyz=p, delta_t=133e-12 * 299792458)
-or, if an instrument wrote its histograms (points, bins) or time tags, use `histogram` with the points of the scan"#,
-    )
 }
 
 fn unknown(what: &str) -> Error {

@@ -47,7 +47,7 @@ pub fn read(path: &Path, given: &ReadOptions, notes: &mut Vec<String>) -> Result
     }
     let names = npz.names();
     if !names.iter().any(|name| name == "H" || name.ends_with("_xyz")) {
-        return Err(super::alone(&format!(
+        return Err(super::counts::alone(&format!(
             "holds {}, but no H, sensor_xyz, laser_xyz and delta_t",
             names.join(", ")
         )));

@@ -197,7 +197,7 @@ impl Recognised {
         match self.content {
             Content::Other => Error::input(format!("holds {}, which is not read", self.name), self.instead),
             _ if self.name == "a text of numbers" => {
-                super::alone("is a text of numbers, without wall points and bin width")
+                super::counts::alone("is a text of numbers, without wall points and bin width")
             }
             _ => Error::input(
                 format!("holds {}, without the wall points of a capture", self.name),

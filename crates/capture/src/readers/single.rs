@@ -6,10 +6,9 @@
 //! from the top and columns from the left, as in the f-k migration of the ABP publication (Zhang and others) for its `tof_data`;
 //! [`crate::Turn`] mirrors and rotates it.
 
-use super::ReadCapture;
 use super::frame::{self, Axes, WallDirection};
 use super::read_options::ReadOptions;
-use super::unread::Unread;
+use super::unread::{ReadCapture, Unread};
 use super::variables::Variables;
 use crate::AxisOrder;
 use crate::Capture;

@@ -10,6 +10,13 @@ use crate::conditioning::{Conditioned, Conditioning, ConditioningStep};
 use crate::error::{Error, Result};
 use crate::{Capture, host};
 
+/// A capture as a reader of its format finds it.
+pub(super) enum ReadCapture<'f> {
+    Whole(Capture),
+    /// All but the counts.
+    Unread(Unread<'f>),
+}
+
 /// A capture whose counts are not read yet.
 pub(super) struct Unread<'f> {
     /// All but the counts, with the bins after the shift. Whether counts are whole is found when they are read.

@@ -5,8 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
-use super::Arrived;
-use super::stream::{FrameCounts, begin as begin_thread};
+use super::stream::{Arrived, FrameCounts, begin as begin_thread};
 use thirdbounce::files::stamp::Stamp;
 use thirdbounce::{Error, Result, capture};
 

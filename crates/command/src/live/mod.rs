@@ -17,7 +17,8 @@ mod folder;
 mod page;
 mod stream;
 
-pub use page::{Figures, LivePage, Shows};
+pub use page::{Figures, LivePage, LiveTotals, Shows};
+use stream::Arrived;
 pub use stream::{CountFormat, FrameCounts, FrameHeader, HEADER, MAGIC, VERSION, read, write};
 
 /// Where frames come from.
@@ -39,23 +40,6 @@ pub enum News<'n> {
     Failed(Option<&'n str>, &'n Error),
     /// Nothing happened for a moment.
     Idle,
-}
-
-/// Totals of a run.
-#[derive(Debug, Clone, Default, PartialEq)]
-pub struct LiveTotals {
-    /// Times of the last frames, and the numbers of solved and dropped ones.
-    pub latency: Latency,
-    /// Frames that arrived whole.
-    pub arrived: u64,
-    /// Frames that could not be read, streams that broke off, and solves that failed.
-    pub failed: u64,
-}
-
-/// A frame on its way to the session.
-pub(crate) enum Arrived {
-    Counts(String, FrameCounts),
-    Failed(Option<String>, Error),
 }
 
 /// How long to wait for something new before looking at everything again.

@@ -14,11 +14,10 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
-use super::LiveTotals;
 use thirdbounce::export::picture::Picture;
 use thirdbounce::export::png;
 use thirdbounce::maps::Maps;
-use thirdbounce::session::Frame;
+use thirdbounce::session::{Frame, Latency};
 use thirdbounce::{Error, Result};
 
 const MOST_BYTES: usize = 4096;
@@ -41,6 +40,17 @@ pub struct Shows {
     pub depths: Option<[f64; 2]>,
     /// Expected interval between results; `None`: the median of the last ones.
     pub interval: Option<Duration>,
+}
+
+/// Totals of a run.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct LiveTotals {
+    /// Times of the last frames, and the numbers of solved and dropped ones.
+    pub latency: Latency,
+    /// Frames that arrived whole.
+    pub arrived: u64,
+    /// Frames that could not be read, streams that broke off, and solves that failed.
+    pub failed: u64,
 }
 
 /// A page that is served. It ends with the program.

@@ -3,7 +3,6 @@
 use std::io::{ErrorKind, Read, Write};
 use std::sync::mpsc::SyncSender;
 
-use super::Arrived;
 use thirdbounce::{Error, Result};
 
 /// The first bytes of every frame.
@@ -53,6 +52,12 @@ pub struct FrameCounts {
     pub values: Vec<f32>,
     /// Which pairs were measured; `None`: all.
     pub measured: Option<Vec<bool>>,
+}
+
+/// A frame on its way to the session.
+pub(crate) enum Arrived {
+    Counts(String, FrameCounts),
+    Failed(Option<String>, Error),
 }
 
 fn wrong(what: impl Into<String>) -> Error {

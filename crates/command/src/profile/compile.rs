@@ -6,13 +6,12 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
-use super::device_of;
 use thirdbounce::Result;
 use thirdbounce::capture::Capture;
 use thirdbounce::export::report;
 use thirdbounce::files::atomic;
 use thirdbounce::gpu::{Gpu, GpuOptions};
-use thirdbounce::job::{Request, places, planned};
+use thirdbounce::job::{Request, places, plain, planned};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::Ready;
 use thirdbounce::solve::{Accumulation, Pass};
@@ -65,6 +64,12 @@ pub struct CompiledExecutable {
     pub subgroup: u32,
     /// Registers, shared memory and so on, with the driver's names.
     pub statistics: BTreeMap<String, f64>,
+}
+
+/// The device in the form of reports.
+pub fn device_of(gpu: &Gpu) -> report::Device {
+    let (name, driver) = (gpu.info.name.clone(), gpu.info.driver.clone());
+    report::Device { name, driver, kind: plain(&gpu.info.kind) }
 }
 
 /// A capture of the paper's size, for a plan without a capture of one's own: 32 x 32 points of a 1 m wall, bins of 6 mm.

@@ -5,8 +5,8 @@
 //! are smoothed, which makes roughness less informative. The expected error is a product of powers of these factors,
 //! in pixels, from a quantile regression over reconstructions with truth (benches/NOTES.md).
 
+use super::lateral::{Layer, Maps};
 use super::smooth::{slope, smoothed};
-use super::{Layer, Maps};
 
 /// The error, in pixels, where all factors are 1.
 const USUAL: f64 = 0.88;

@@ -4,7 +4,7 @@
 //! parts of a surface, so no threshold separates them, but their depths are rough and steep, and hence their expected
 //! error is large. Figures: benches/NOTES.md.
 
-use super::{Maps, percentile};
+use super::lateral::{Maps, percentile};
 
 /// A part is removed if its expected depth error exceeds this share of its width.
 const OF_WIDTH: f64 = 0.25;

@@ -1,12 +1,14 @@
 //! A family of random hidden scenes and of ways to measure them: every seed is one capture with truth. Nobody chose them, so
 //! they cannot be tuned to.
 
+mod dice;
 mod things;
 
 use std::f64::consts::TAU;
 
+use dice::{Dice, one_at};
 use glam::{DVec2, DVec3, dvec2, dvec3};
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use thirdbounce::Result;
 use thirdbounce::capture::{Capture, Pulse};
@@ -39,45 +41,6 @@ pub struct FamilyCase {
     pub render: RenderOptions,
     /// What it is, in a few words.
     pub words: String,
-}
-
-/// Random numbers of one seed.
-struct Dice(Pcg64);
-
-impl Dice {
-    /// Evenly spread from `low` to `high`.
-    pub fn of(&mut self, low: f64, high: f64) -> f64 {
-        low + (high - low) * self.0.random::<f64>()
-    }
-
-    /// Spread from `low` to `high` evenly in the logarithm.
-    pub fn log(&mut self, low: f64, high: f64) -> f64 {
-        self.of(low.ln(), high.ln()).exp()
-    }
-
-    /// True so often, from 0 to 1.
-    pub fn so_often(&mut self, share: f64) -> bool {
-        self.of(0.0, 1.0) < share
-    }
-
-    /// One of these, each as often as its weight says.
-    pub fn one<T: Clone>(&mut self, weighed: &[(f64, T)]) -> T {
-        one_at(self.of(0.0, 1.0), weighed)
-    }
-
-    fn sign(&mut self) -> f64 {
-        if self.so_often(0.5) { 1.0 } else { -1.0 }
-    }
-}
-
-/// The one of these that lies at a share from 0 to 1 of all weights.
-fn one_at<T: Clone>(share: f64, weighed: &[(f64, T)]) -> T {
-    let mut left = share * weighed.iter().map(|w| w.0).sum::<f64>();
-    let chosen = weighed.iter().find(|(weight, _)| {
-        left -= weight;
-        left < 0.0
-    });
-    chosen.or(weighed.last()).expect("something to choose").1.clone()
 }
 
 /// Three shares from 0 to 1 that are spread evenly over seeds in a row: multiples of powers of the root of g⁴ = g + 1.

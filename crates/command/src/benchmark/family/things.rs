@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use glam::{DVec3, dvec3};
 use thirdbounce::simulate::{Mesh, Placement, capsule, ellipsoid, letter, rectangle, torus};
 
-use super::Dice;
+use super::dice::Dice;
 
 /// Any thing, turned at random: its name and parts.
 pub fn any(dice: &mut Dice) -> (&'static str, Vec<Mesh>) {

@@ -1,0 +1,48 @@
+//! Options of a session, and the numbers of its frames.
+
+use std::ops::ControlFlow;
+use std::time::Duration;
+
+use super::feed::Feed;
+use crate::solve::Progress;
+use crate::solve::surface::Follow;
+use crate::{Error, Kind};
+
+/// Number of a frame, from 1, in the order of submission.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct FrameId(pub u64);
+
+/// Called with the progress of a frame, by the session's thread. May stop the frame.
+pub type Hear = Box<dyn FnMut(FrameId, &Progress) -> ControlFlow<()> + Send>;
+
+/// What a session may take and tell.
+#[derive(Default)]
+pub struct SessionOptions {
+    /// How many neighbouring bins are one for the solver; `None`: as many as the command takes
+    /// ([`crate::solve::SolverOptions::usual_sum`]).
+    pub sum: Option<usize>,
+    /// Most device memory to use, in bytes.
+    pub memory: Option<u64>,
+    /// A pixel is surface above this share of the brightest albedo; `None`: as [`crate::solve::SolverOptions::usual_mask`] says.
+    pub mask_fraction: Option<f64>,
+    /// Read the volume of every frame back.
+    pub with_volume: bool,
+    /// A frame that takes longer is stopped.
+    pub time_limit: Option<Duration>,
+    /// Hears of the progress.
+    pub hear: Option<Hear>,
+    /// Give `hear` the maps after every Nth iteration.
+    pub maps_every: Option<usize>,
+    /// What becomes of frames that are submitted while another one is being solved.
+    pub feed: Feed,
+    /// Begin a frame with the solution of the one before, and keep to a time for each frame. For the surface solver.
+    pub follow: Option<Follow>,
+    /// Frames may be in buffers of the caller ([`super::Session::submit_external`]).
+    pub external: bool,
+}
+
+/// The error of a frame that was stopped by its time limit, after what `cancelled` says.
+pub(super) fn too_long(limit: Duration, cancelled: Error) -> Error {
+    let what = format!("{}: the frame took longer than its limit of {limit:?}", cancelled.what);
+    Error::new(Kind::Cancelled, what, "give a longer limit, fewer iterations or fewer pixels")
+}
