@@ -1,4 +1,4 @@
-//! Compiles every kernel variant of the table below to SPIR-V, and writes Rust code for the crate to include. The code
+//! Compiles every kernel and every variant of the table below to SPIR-V, and writes Rust code for the crate to include. The code
 //! has a typed value for every module, for every block that a module binds and for every specialization constant, so a
 //! wrong name does not compile. It also has the Rust side of the structs that host and kernels share. The output
 //! depends only on the sources.
@@ -14,77 +14,47 @@ mod shared;
 #[path = "glsl/spirv.rs"]
 mod spirv;
 
-/// (variant, source in glsl/, macros). A variant is a separate module only where it needs other extensions or types;
-/// every other choice is a specialization constant.
-const KERNELS: &[(&str, &str, &[&str])] = &[
-    ("arguments", "arguments.comp", &[]),
-    ("backproject", "backproject.comp", &[]),
-    ("backproject_texels", "backproject.comp", &["TEXELS"]),
-    ("backward", "backward.comp", &[]),
-    ("backward_texels", "backward.comp", &["TEXELS"]),
-    ("carry", "carry.comp", &[]),
-    ("compact_count", "compact_count.comp", &[]),
-    ("compact_scan", "compact_scan.comp", &[]),
-    ("compact_scatter", "compact_scatter.comp", &[]),
-    ("double_domain", "double_domain.comp", &[]),
-    ("extract", "extract.comp", &[]),
-    ("filter", "filter.comp", &[]),
-    ("finish", "finish.comp", &[]),
-    ("forward_cas", "forward.comp", &["ACCUMULATE_CAS"]),
-    ("forward_fixed32", "forward.comp", &["ACCUMULATE_FIXED32"]),
-    ("forward_fixed64", "forward.comp", &["ACCUMULATE_FIXED64"]),
-    ("forward_float", "forward.comp", &["ACCUMULATE_FLOAT"]),
-    ("forward_owned", "forward_owned.comp", &[]),
-    ("forward_owned_texels", "forward_owned.comp", &["TEXELS"]),
-    ("forward_product_cas", "forward_product.comp", &["ACCUMULATE_CAS"]),
-    ("forward_product_fixed32", "forward_product.comp", &["ACCUMULATE_FIXED32"]),
-    ("forward_product_fixed64", "forward_product.comp", &["ACCUMULATE_FIXED64"]),
-    ("forward_product_float", "forward_product.comp", &["ACCUMULATE_FLOAT"]),
-    ("gaussian", "gaussian.comp", &[]),
-    ("initialise", "initialise.comp", &[]),
-    ("initialise_raw", "initialise_raw.comp", &[]),
-    ("levels", "levels.comp", &[]),
-    ("limit_copy", "limit_copy.comp", &[]),
-    ("limit_empty", "limit_empty.comp", &[]),
-    ("limit_fma", "limit_fma.comp", &[]),
-    ("limit_global_atomic", "limit_global_atomic.comp", &[]),
-    ("limit_global_atomic_float", "limit_global_atomic.comp", &["ACCUMULATE_FLOAT"]),
-    ("limit_load", "limit_load.comp", &[]),
-    ("limit_load_texels", "limit_load.comp", &["TEXELS"]),
-    ("limit_owned", "limit_owned.comp", &[]),
-    ("limit_scattered_atomic", "limit_global_atomic.comp", &["SCATTERED"]),
-    ("limit_scattered_atomic_float", "limit_global_atomic.comp", &["SCATTERED", "ACCUMULATE_FLOAT"]),
-    ("limit_shared_atomic", "limit_shared_atomic.comp", &[]),
-    ("limit_special", "limit_special.comp", &[]),
-    ("noise", "noise.comp", &[]),
-    ("places", "places.comp", &[]),
-    ("pulse", "pulse.comp", &[]),
-    ("pulse_fixed", "pulse.comp", &["ACCUMULATE_FIXED"]),
-    ("pulse_texels", "pulse.comp", &["TEXELS"]),
-    ("residual", "residual.comp", &[]),
-    ("residual_fixed", "residual.comp", &["ACCUMULATE_FIXED"]),
-    ("residual_rows", "residual_rows.comp", &[]),
-    ("residual_rows_fixed", "residual_rows.comp", &["ACCUMULATE_FIXED"]),
-    ("residual_scan", "residual_scan.comp", &[]),
-    ("residual_scan_fixed", "residual_scan.comp", &["ACCUMULATE_FIXED"]),
-    ("rim", "rim.comp", &[]),
-    ("room", "room.comp", &[]),
-    ("rounding", "rounding.comp", &[]),
-    ("sample", "sample.comp", &[]),
-    ("spot", "spot.comp", &[]),
-    ("spot_fixed", "spot.comp", &["ACCUMULATE_FIXED"]),
-    ("surface_bonds", "surface_bonds.comp", &[]),
-    ("surface_combine", "surface_combine.comp", &[]),
-    ("surface_extract", "surface_extract.comp", &[]),
-    ("surface_gather", "surface_gather.comp", &[]),
-    ("surface_gather_texels", "surface_gather.comp", &["TEXELS"]),
-    ("surface_points", "surface_points.comp", &[]),
-    ("surface_pull", "surface_pull.comp", &[]),
-    ("surface_step", "surface_step.comp", &[]),
-    ("threshold", "threshold.comp", &[]),
-    ("update", "update.comp", &[]),
-    ("volume_step", "volume_step.comp", &[]),
+/// (variant, source in glsl/, macros): modules beside the one that every source is by itself. A variant is a separate module only
+/// where it needs other extensions or types; every other choice is a specialization constant.
+const VARIANTS: &[(&str, &str, &[&str])] = &[
+    ("backproject_texels", "backproject", &["TEXELS"]),
+    ("backward_texels", "backward", &["TEXELS"]),
+    ("forward_cas", "forward", &["ACCUMULATE_CAS"]),
+    ("forward_fixed32", "forward", &["ACCUMULATE_FIXED32"]),
+    ("forward_fixed64", "forward", &["ACCUMULATE_FIXED64"]),
+    ("forward_float", "forward", &["ACCUMULATE_FLOAT"]),
+    ("forward_owned_texels", "forward_owned", &["TEXELS"]),
+    ("forward_product_cas", "forward_product", &["ACCUMULATE_CAS"]),
+    ("forward_product_fixed32", "forward_product", &["ACCUMULATE_FIXED32"]),
+    ("forward_product_fixed64", "forward_product", &["ACCUMULATE_FIXED64"]),
+    ("forward_product_float", "forward_product", &["ACCUMULATE_FLOAT"]),
+    ("limit_global_atomic_float", "limit_global_atomic", &["ACCUMULATE_FLOAT"]),
+    ("limit_load_texels", "limit_load", &["TEXELS"]),
+    ("limit_scattered_atomic", "limit_global_atomic", &["SCATTERED"]),
+    ("limit_scattered_atomic_float", "limit_global_atomic", &["SCATTERED", "ACCUMULATE_FLOAT"]),
+    ("pulse_fixed", "pulse", &["ACCUMULATE_FIXED"]),
+    ("pulse_texels", "pulse", &["TEXELS"]),
+    ("residual_fixed", "residual", &["ACCUMULATE_FIXED"]),
+    ("residual_rows_fixed", "residual_rows", &["ACCUMULATE_FIXED"]),
+    ("residual_scan_fixed", "residual_scan", &["ACCUMULATE_FIXED"]),
+    ("spot_fixed", "spot", &["ACCUMULATE_FIXED"]),
+    ("surface_gather_texels", "surface_gather", &["TEXELS"]),
 ];
+
+/// Sources that make a module only with the macros of a variant.
+const ONLY_VARIANTS: [&str; 2] = ["forward", "forward_product"];
+
+/// Every module in order: variant, source, macros.
+fn kernels() -> Vec<(String, String, &'static [&'static str])> {
+    let files = fs::read_dir("glsl").expect("the kernels").map(|entry| entry.expect("an entry").path());
+    let sources = files.filter(|path| path.extension().is_some_and(|end| end == "comp"));
+    let stems = sources.map(|path| path.file_stem().expect("a name").to_string_lossy().into_owned());
+    let plain = stems.filter(|stem| !ONLY_VARIANTS.contains(&stem.as_str())).map(|stem| (stem.clone(), stem, &[][..]));
+    let varied = VARIANTS.iter().map(|(name, source, macros)| (name.to_string(), source.to_string(), *macros));
+    let mut all: Vec<_> = plain.chain(varied).collect();
+    all.sort();
+    all
+}
 
 /// The passes of `examples/vulkan`.
 const EXAMPLES: &[&str] = &["light", "colour"];
@@ -104,10 +74,12 @@ fn main() {
 
     let mut rust = String::from("// Written by build.rs.\n\n");
     rust.push_str(&shared::rust());
+    let kernels = kernels();
     let mut modules = String::new();
     let (mut blocks, mut constants) = (BTreeSet::new(), BTreeSet::new());
-    for (name, source, macros) in KERNELS {
-        let words = compile(&compiler, &Path::new("glsl").join(source), macros);
+    for (name, source, macros) in &kernels {
+        let source = format!("{source}.comp");
+        let words = compile(&compiler, &Path::new("glsl").join(&source), macros);
         let file = out.join(format!("{name}.spv"));
         let bytes: Vec<u8> = words.iter().flat_map(|w| w.to_le_bytes()).collect();
         fs::write(&file, bytes).expect("OUT_DIR is writable");
@@ -138,7 +110,7 @@ fn main() {
         modules.push_str("        ],\n    };\n");
     }
     rust.push_str("/// All compiled modules.\npub static KERNELS: &[&KernelCode] = &[\n");
-    for (name, ..) in KERNELS {
+    for (name, ..) in &kernels {
         let _ = writeln!(rust, "    &kernel::{},", name.to_uppercase());
     }
     rust.push_str("];\n\n/// Compiled modules.\npub mod kernel {\n    use super::{Binding, KernelCode, View, buffer, constant};\n\n");
