@@ -39,6 +39,8 @@ const VARIANTS: &[(&str, &str, &[&str])] = &[
     ("residual_scan_fixed", "residual_scan", &["ACCUMULATE_FIXED"]),
     ("spot_fixed", "spot", &["ACCUMULATE_FIXED"]),
     ("surface_gather_texels", "surface_gather", &["TEXELS"]),
+    ("surface_pull_texels", "surface_pull", &["TEXELS"]),
+    ("surface_step_texels", "surface_step", &["TEXELS"]),
 ];
 
 /// Sources that make a module only with the macros of a variant.
@@ -49,8 +51,11 @@ fn kernels() -> Vec<(String, String, &'static [&'static str])> {
     let files = fs::read_dir("glsl").expect("the kernels").map(|entry| entry.expect("an entry").path());
     let sources = files.filter(|path| path.extension().is_some_and(|end| end == "comp"));
     let stems = sources.map(|path| path.file_stem().expect("a name").to_string_lossy().into_owned());
-    let plain = stems.filter(|stem| !ONLY_VARIANTS.contains(&stem.as_str())).map(|stem| (stem.clone(), stem, &[][..]));
-    let varied = VARIANTS.iter().map(|(name, source, macros)| (name.to_string(), source.to_string(), *macros));
+    let plain = stems
+        .filter(|stem| !ONLY_VARIANTS.contains(&stem.as_str()))
+        .map(|stem| (stem.clone(), stem, &[][..]));
+    let varied =
+        VARIANTS.iter().map(|(name, source, macros)| (name.to_string(), source.to_string(), *macros));
     let mut all: Vec<_> = plain.chain(varied).collect();
     all.sort();
     all

@@ -34,7 +34,8 @@ const NON_READABLE: u32 = 25;
 const BINDING: u32 = 33;
 const CLASS_UNIFORM: u32 = 2;
 /// Formats of images in SPIR-V, and the corresponding view.
-const FORMATS: [(u32, &str); 2] = [(1, "View::Texels { words: 4 }"), (3, "View::Texels { words: 1 }")];
+const FORMATS: [(u32, &str); 3] =
+    [(1, "View::Texels { words: 4 }"), (3, "View::Texels { words: 1 }"), (33, "View::WordTexels")];
 
 /// Bindings and constants of the module `words`, which must contain names (debug information).
 pub fn reflect(words: &[u32]) -> Module {
@@ -64,7 +65,7 @@ pub fn reflect(words: &[u32]) -> Module {
             OP_MEMBER_DECORATE if w[3] == NON_WRITABLE => unwritten.push(w[1]),
             OP_MEMBER_DECORATE if w[3] == NON_READABLE => unread.push(w[1]),
             OP_TYPE_IMAGE => {
-                let view = FORMATS.iter().find(|f| f.0 == w[8]).expect("a format of floats");
+                let view = FORMATS.iter().find(|f| f.0 == w[8]).expect("a format that pipelines know");
                 texels.insert(w[1], view.1);
             }
             OP_TYPE_POINTER => {

@@ -8,14 +8,15 @@
 #include "shared.glsl"
 #include "grid.glsl"
 layout(local_size_x = 64) in;
-layout(std430, set = 0, binding = 1) buffer Pixels { uvec4 pixels[]; }; // column, albedo, depth for the bonds
-layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
+layout(std430, set = 0, binding = 1) readonly buffer Pixels { uint pixels[]; }; // columns
 layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; }; // depth, albedo
 layout(std430, set = 0, binding = 4) writeonly buffer Stencils { vec2 stencils[]; };
 layout(std430, set = 0, binding = 5) buffer SurfaceWeights { float surface_weights[]; };
 layout(std430, set = 0, binding = 6) readonly buffer Trace { uint trace[]; };
+layout(std430, set = 0, binding = 7) writeonly buffer BondDepths { float bond_depths[]; };
 
 #include "heights.glsl"
+#include "neighbours.glsl"
 
 void main() {
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
@@ -48,5 +49,5 @@ void main() {
         vec2 c = vec2(spread[1][1] * d.x - spread[1][0] * d.y, spread[0][0] * d.y - spread[0][1] * d.x) / area;
         stencils[8u * pixel + k] = c / pixel_pitch();
     }
-    pixels[pixel].z = floatBitsToUint(depth);
+    bond_depths[pixels[pixel]] = depth;
 }

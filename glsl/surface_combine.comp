@@ -13,16 +13,17 @@
 #include "sums.glsl"
 #include "largest.glsl"
 layout(constant_id = 10) const uint POINTS = 4u; // of a pixel: 4 or 1
-layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
-layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
+layout(std430, set = 0, binding = 1) readonly buffer Pixels { uint pixels[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Slopes { vec2 slopes[]; };
 layout(std430, set = 0, binding = 5) readonly buffer Gradient { vec4 gradient[]; };
 layout(std430, set = 0, binding = 6) writeonly buffer HeightGradient { vec4 height_gradient[]; }; // slopes, depth, albedo
 layout(std430, set = 0, binding = 7) buffer SurfaceWeights { uint surface_weights[]; }; // bits of floats
 layout(std430, set = 0, binding = 8) writeonly buffer L1Partials { float l1_partials[]; };
+layout(std430, set = 0, binding = 9) readonly buffer BondDepths { float bond_depths[]; };
 
 #include "heights.glsl"
+#include "neighbours.glsl"
 #include "pixel_lanes.glsl"
 
 void main() {
@@ -56,9 +57,10 @@ void main() {
         float jump = uintBitsToFloat(surface_weights[SURFACE_JUMP]);
         float size = pixel_size();
         for (uint k = gl_LocalInvocationID.y; k < 8u; k += PIXEL_LANES) {
-            uint other = neighbour(pixel, k);
+            uint column = column_beside(pixel, k);
+            uint other = column == NOWHERE ? NOWHERE : pixel_at(column);
             if (other == NOWHERE) continue;
-            float weight = bond(k, step_between(pixel, other));
+            float weight = bond(k, bond_depths[column] - bond_depths[pixels[pixel]]);
             vec2 d = vec2(AROUND[k]) * pixel_pitch();
             float off = (heights[other].x - height.x - 0.5 * dot(slope + slopes[other], d)) / size;
             float differs = height.y - heights[other].y;

@@ -6,11 +6,10 @@
 #include "grid.glsl"
 #include "reflectance.glsl"
 layout(local_size_x = 64) in;
-layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
-layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
-layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; };
-layout(std430, set = 0, binding = 4) readonly buffer Slopes { vec2 slopes[]; };
-layout(std430, set = 0, binding = 5) buffer Columns { vec4 columns[]; };
+layout(std430, set = 0, binding = 1) readonly buffer Pixels { uint pixels[]; };
+layout(std430, set = 0, binding = 2) readonly buffer Heights { vec2 heights[]; };
+layout(std430, set = 0, binding = 3) readonly buffer Slopes { vec2 slopes[]; };
+layout(std430, set = 0, binding = 4) buffer Columns { vec4 columns[]; };
 
 #include "heights.glsl"
 

@@ -8,8 +8,7 @@
 #include "largest.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 10) const uint POINTS = 4u; // of a pixel: 4 or 1
-layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
-layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
+layout(std430, set = 0, binding = 1) readonly buffer Pixels { uint pixels[]; };
 layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; };
 layout(std430, set = 0, binding = 4) readonly buffer Stencils { vec2 stencils[]; };
 layout(std430, set = 0, binding = 5) writeonly buffer Slopes { vec2 slopes[]; };
@@ -18,6 +17,7 @@ layout(std430, set = 0, binding = 7) writeonly buffer SampleNormals { vec4 sampl
 layout(std430, set = 0, binding = 8) buffer Counts { uint counts[]; };
 
 #include "heights.glsl"
+#include "neighbours.glsl"
 #include "faults.glsl"
 
 // Writes the samples of a pixel. Returns their albedo.

@@ -5,28 +5,33 @@
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
 #include "grid.glsl"
-layout(std430, set = 0, binding = 1) readonly buffer Pixels { uvec4 pixels[]; };
-layout(std430, set = 0, binding = 2) readonly buffer PixelOf { uint pixel_of[]; };
-layout(std430, set = 0, binding = 3) readonly buffer Stencils { vec2 stencils[]; };
-layout(std430, set = 0, binding = 4) readonly buffer HeightGradient { vec4 height_gradient[]; };
+layout(std430, set = 0, binding = 1) readonly buffer Pixels { uint pixels[]; };
 layout(std430, set = 0, binding = 5) readonly buffer SurfaceWeights { float surface_weights[]; };
-layout(std430, set = 0, binding = 6) writeonly buffer HeightPull { vec2 height_pull[]; };
+layout(std430, set = 0, binding = 6) writeonly buffer HeightPull { vec4 height_pull[]; }; // by column; depth for bonds, 1
+#ifdef TEXELS
+layout(set = 0, binding = 7, r32f) readonly uniform imageBuffer bond_depths;
+float bond_depth_at(uint column) { return imageLoad(bond_depths, int(column)).x; }
+#else
+layout(std430, set = 0, binding = 7) readonly buffer BondDepths { float bond_depths[]; };
+float bond_depth_at(uint column) { return bond_depths[column]; }
+#endif
 
 #include "heights.glsl"
+#include "neighbours.glsl"
 #include "pixel_lanes.glsl"
 #include "pull.glsl"
 
 // Those of one of the pixel's lanes.
-float weights_around(uint pixel, float sigma) {
+float weights_around(uint pixel, float depth, float sigma) {
     int reach = reach_of(sigma);
     uint layer = layer_start(pixel);
     ivec2 centre = pixel_xy(pixel);
     float sum = 0.0;
     for (int x = int(gl_LocalInvocationID.y) - reach; x <= reach; x += int(PIXEL_LANES)) {
         for (int y = -reach; y <= reach; ++y) {
-            uint other = pixel_at(layer, centre + ivec2(x, y));
-            if (other == NOWHERE) continue;
-            sum += bond(ivec2(x, y), 0.5 / (sigma * sigma), step_between(pixel, other));
+            uint column = column_at(layer, centre + ivec2(x, y));
+            if (column == NOWHERE) continue;
+            sum += bond(ivec2(x, y), 0.5 / (sigma * sigma), bond_depth_at(column) - depth);
         }
     }
     return sum;
@@ -37,6 +42,7 @@ void main() {
     float sigma = spread_at(surface_weights[SURFACE_SPREAD], push.step, surface_weights[SURFACE_ITERATIONS]);
     if (sigma <= 0.0) return;
     bool owned = pixel < push.last;
-    vec4 sum = over_lanes(owned ? vec4(pulled(pixel), weights_around(pixel, sigma), 0.0) : vec4(0.0));
-    if (owned && gl_LocalInvocationID.y == 0u) height_pull[pixel] = sum.xy / sum.z;
+    float depth = owned ? bond_depth_at(pixels[pixel]) : 0.0;
+    vec4 sum = over_lanes(owned ? vec4(pulled(pixel), weights_around(pixel, depth, sigma), 0.0) : vec4(0.0));
+    if (owned && gl_LocalInvocationID.y == 0u) height_pull[pixels[pixel]] = vec4(sum.xy / sum.z, depth, 1.0);
 }

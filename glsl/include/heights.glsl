@@ -1,6 +1,7 @@
 // The surface as height fields: each pixel of the lateral maps has a depth, an albedo, and bonds to its neighbours.
 // Two surfaces behind each other form two layers: the columns of the second follow those of the first, and neighbours
-// are in the same layer. Needs the buffers pixels and pixel_of. Neighbours are numbered 0 to 7; seen from neighbour
+// are in the same layer. Needs the buffers pixels and pixel_of. Without a pixel, the depth of a column for the bonds is so large that none is left (FAR in
+// solve/surface/schedule.rs). Neighbours are numbered 0 to 7; seen from neighbour
 // k, the pixel itself is neighbour 7 - k.
 
 const ivec2 AROUND[8] = ivec2[8](
@@ -10,25 +11,25 @@ const ivec2 AROUND[8] = ivec2[8](
 // Columns before those of the pixel's layer.
 uint layer_start(uint pixel) {
     uint layer = scene.grid_x * scene.grid_y;
-    return pixels[pixel].x < layer ? 0u : layer;
+    return pixels[pixel] < layer ? 0u : layer;
 }
 
 // A pixel's column in its layer, which is its index in the maps.
-uint pixel_column(uint pixel) { return pixels[pixel].x - layer_start(pixel); }
+uint pixel_column(uint pixel) { return pixels[pixel] - layer_start(pixel); }
 
 ivec2 pixel_xy(uint pixel) {
     uint column = pixel_column(pixel);
     return ivec2(column / scene.grid_y, column % scene.grid_y);
 }
 
-// Number of the pixel at a lateral position of the layer that starts at column `layer`, or NOWHERE.
-uint pixel_at(uint layer, ivec2 at) {
+// Column of a lateral position of the layer that starts at column `layer`, or NOWHERE.
+uint column_at(uint layer, ivec2 at) {
     if (any(lessThan(at, ivec2(0))) || at.x >= int(scene.grid_x) || at.y >= int(scene.grid_y)) return NOWHERE;
-    return pixel_of[layer + uint(at.x) * scene.grid_y + uint(at.y)];
+    return layer + uint(at.x) * scene.grid_y + uint(at.y);
 }
 
-// Number of a pixel's k-th neighbour, or NOWHERE.
-uint neighbour(uint pixel, uint k) { return pixel_at(layer_start(pixel), pixel_xy(pixel) + AROUND[k]); }
+// Column of a pixel's k-th neighbour, or NOWHERE outside the maps.
+uint column_beside(uint pixel, uint k) { return column_at(layer_start(pixel), pixel_xy(pixel) + AROUND[k]); }
 
 // Metres between neighbouring pixels.
 vec2 pixel_pitch() { return vec2(scene.pitch_x, scene.pitch_y); }
@@ -49,9 +50,6 @@ float bond(ivec2 d, float narrow, float step) {
 
 // Bond of a pixel and its k-th neighbour.
 float bond(uint k, float step) { return bond(AROUND[k], 0.5, step); }
-
-// Depth of `other` minus depth of `pixel`, metres, at the last update of bonds.
-float step_between(uint pixel, uint other) { return uintBitsToFloat(pixels[other].z) - uintBitsToFloat(pixels[pixel].z); }
 
 // Sigma in pixels of the Gaussian that averages gradients at step `number` (from 1); 0 for none. `first`: at step 1.
 float spread_at(float first, uint number, float iterations) {

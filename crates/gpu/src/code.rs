@@ -33,6 +33,8 @@ pub enum View {
         /// Floats per texel.
         words: u32,
     },
+    /// As texels of an unsigned integer (`uimageBuffer` in GLSL).
+    WordTexels,
 }
 
 /// A buffer binding of a kernel, by default to the buffer with the block's name.

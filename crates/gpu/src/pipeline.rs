@@ -236,13 +236,13 @@ impl DescriptorSets {
 
     /// The view of a texel buffer; `None` for others.
     fn view(&mut self, gpu: &Gpu, binding: &Binding, made: &Made) -> Result<Option<vk::BufferView>> {
-        let View::Texels { words } = binding.view else { return Ok(None) };
-        let format = match words {
-            1 => vk::Format::R32_SFLOAT,
-            _ => vk::Format::R32G32B32A32_SFLOAT,
+        let (format, texel) = match binding.view {
+            View::Uniform | View::Storage => return Ok(None),
+            View::WordTexels => (vk::Format::R32_UINT, 4),
+            View::Texels { words: 1 } => (vk::Format::R32_SFLOAT, 4),
+            View::Texels { .. } => (vk::Format::R32G32B32A32_SFLOAT, 16),
         };
         // With its canary, within the device's limit.
-        let texel = 4 * u64::from(words);
         let range = ((made.bytes + made.canary) / texel).min(gpu.limits.texels) * texel;
         let info = vk::BufferViewCreateInfo::default().buffer(made.handle).format(format).range(range);
         // SAFETY: the buffer is alive as long as the executor, and has this usage. Views are destroyed with the executor.
@@ -275,6 +275,6 @@ fn descriptor_type(b: &Binding) -> vk::DescriptorType {
     match b.view {
         View::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
         View::Storage => vk::DescriptorType::STORAGE_BUFFER,
-        View::Texels { .. } => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
+        View::Texels { .. } | View::WordTexels => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
     }
 }

@@ -98,11 +98,10 @@ fn tune(case: &KernelCase, t: &mut Tuning) {
     t.texels &= !case.sizes.blocks;
 }
 
-/// Writes the pixels of a surface. The depths from which bonds are computed are the kernel's to write.
+/// Writes the pixels of a surface.
 pub fn place(job: &mut OnDevice, pixels: &Pixels) -> Result<()> {
     let [x, y, _] = job.plan.finest().grid.n;
-    let words = pixels.words().into_iter().map(|[c, a, _, _]| [c, a, u32::MAX, u32::MAX]);
-    write(job, buffer::PIXELS, &words.collect::<Vec<_>>())?;
+    write(job, buffer::PIXELS, &pixels.columns)?;
     write(job, buffer::PIXEL_OF, &pixels.places(x * y))?;
     let heights: Vec<[f32; 2]> = pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, *a]).collect();
     write(job, buffer::HEIGHTS, &heights)

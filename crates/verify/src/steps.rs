@@ -123,8 +123,9 @@ fn parts_of(buffer: Buffer) -> usize {
         | buffer::GRADIENT
         | buffer::HEIGHT_GRADIENT
         | buffer::VOXELS
+        | buffer::HEIGHT_PULL
         | buffer::HEIGHT_MOMENTS => 4,
-        buffer::HEIGHTS | buffer::HEIGHT_PULL | buffer::LOSS_PARTIALS => 2,
+        buffer::HEIGHTS | buffer::LOSS_PARTIALS => 2,
         _ => 1,
     }
 }

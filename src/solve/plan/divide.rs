@@ -52,7 +52,7 @@ impl WorkDivision {
         };
         let mut tuning = Tuning::new(model, [domain.capacity, scanned], accumulation, device, &demand.sizes)?;
         let texels = if tuning.texels && !demand.general { device.limits.texels } else { 0 };
-        tuning.texels = texels_at_most(model, domain.touched_capacity) <= texels;
+        tuning.texels = texels_at_most(model, texels_of(levels, domain)) <= texels;
         // Fixed point adds without rounding, and a window already sums in two levels.
         let crowded = |l: &Level| domain.capacity.min(l.grid.storage()) / model.bins > VOXELS_PER_BIN;
         let runs = !accumulation.is_fixed() && tuning.window == 0 && levels.volume.iter().any(crowded);
@@ -107,14 +107,19 @@ impl Plan {
     }
 }
 
-/// The most texels that a buffer has as passes over pairs see it.
-fn texels_at_most(model: &Model, voxels: usize) -> u64 {
+/// Texels of what a solver keeps by voxels or pixels: the slopes of a pixel have four, and it has a point at least.
+pub(super) fn texels_of(levels: &Levels, domain: &DomainCapacity) -> usize {
+    domain.touched_capacity * if levels.pixels.is_some() { 4 } else { 1 }
+}
+
+/// The most texels that a buffer has as kernels see it; `own` of them are the solver's.
+fn texels_at_most(model: &Model, own: usize) -> u64 {
     let wall = model.rendered_wall();
     let points = wall.scanned.len() + wall.others.len();
     let normals = wall.normals.as_ref().map_or(0, Vec::len);
     // Half as many again: levels with a part of the pairs may render for more points than all have.
     let rendered = if model.rendered.is_some() { cells(wall.pairs(), model.bins) / 2 * 3 } else { 0 };
-    model.cells().max(rendered).max(voxels).max(points + normals) as u64
+    model.cells().max(rendered).max(own).max(points + normals) as u64
 }
 
 fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Result<Accumulation> {

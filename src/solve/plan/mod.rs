@@ -168,7 +168,7 @@ impl Plan {
         self.division.accumulation.is_fixed()
     }
 
-    /// The variant of a module that sees what it reads for every pair as this plan does ([`Tuning::texels`]).
+    /// The variant of a module that sees what it reads as this plan does ([`Tuning::texels`]).
     pub fn variant(&self, blocks: &'static KernelCode, texels: &'static KernelCode) -> &'static KernelCode {
         if self.division.tuning.texels { texels } else { blocks }
     }

@@ -4,6 +4,7 @@
 //! What a part is computed from lies in one of two slots on the device. The next part is copied into the other slot while
 //! this one is computed.
 
+use super::divide::texels_of;
 use super::{Level, LevelPairs, Needs, Plan};
 use crate::advice::advice;
 use crate::gpu::{Buffer, Memory, check};
@@ -224,11 +225,11 @@ impl Plan {
         self.buffers = self.list_buffers(needs.buffers(self), self.with_volume);
     }
 
-    /// The most texels that a buffer has as passes over pairs see it.
+    /// The most texels that a buffer has as kernels see it.
     fn largest_view(&self) -> u64 {
         let of_pairs = cells(self.held(), self.scene.bins);
         let points = (self.scene.scanned + self.scene.others) * if self.scene.curved { 2 } else { 1 };
-        of_pairs.max(points).max(self.domain.touched_capacity) as u64
+        of_pairs.max(points).max(texels_of(&self.levels, &self.domain)) as u64
     }
 
     /// What kernels cannot index; `None` if all parts are small enough.

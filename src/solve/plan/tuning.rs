@@ -71,7 +71,7 @@ pub struct Tuning {
     /// Forward: the columns are used at levels where a brick of voxels spans at most this many bins. Wider bricks
     /// would move the columns all the time, at more than the cost of atomics.
     pub window_span: u32,
-    /// Passes over pairs see what they read as texels. A CPU driver loads these for all lanes at once, and words of
+    /// Passes over pairs and over surroundings of pixels see what they read as texels. A CPU driver loads these for all lanes at once, and words of
     /// blocks lane by lane.
     pub texels: bool,
     /// High-pass: lanes of the workgroup that owns a row; 0 where an invocation owns it.

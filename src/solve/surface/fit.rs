@@ -498,9 +498,11 @@ fn place(
         pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
     };
     let ([x, y, _], points) = (level.grid.n, needs::points_of(&job.plan));
-    let (words, places) = (pixels.words(), pixels.places(x * y));
-    let placed =
-        [(buffer::PIXELS, bytemuck::cast_slice(&words)), (buffer::PIXEL_OF, bytemuck::cast_slice(&places))];
+    let places = pixels.places(x * y);
+    let placed = [
+        (buffer::PIXELS, bytemuck::cast_slice(&pixels.columns)),
+        (buffer::PIXEL_OF, bytemuck::cast_slice(&places)),
+    ];
     upload_all(&mut job.executor, &placed)?;
     let most = f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
     let [_, measured] = job.light();

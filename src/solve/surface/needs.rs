@@ -24,13 +24,12 @@ pub const VOLUME_HOST: Buffer = Buffer::named("volume_host");
 pub const OF_VOXEL: u64 = 32;
 
 /// Bytes of every pixel of the surface, by buffer.
-const OF_PIXEL: [(Buffer, u64); 7] = [
-    (buffer::PIXELS, 16),
+const OF_PIXEL: [(Buffer, u64); 6] = [
+    (buffer::PIXELS, 4),
     (buffer::HEIGHTS, 8),
     (buffer::SLOPES, 8),
     (buffer::STENCILS, 64),
     (buffer::HEIGHT_GRADIENT, 16),
-    (buffer::HEIGHT_PULL, 8),
     (buffer::HEIGHT_MOMENTS, 16),
 ];
 
@@ -82,9 +81,13 @@ impl Needs for OfFit<'_> {
         let pixels = pixels(plan) as u64;
         // Of two layers.
         let columns = 2 * (plan.levels.maps.n[0] * plan.levels.maps.n[1]) as u64;
-        let mut all =
-            vec![(buffer::PIXEL_OF, columns * 4), (buffer::SURFACE_WEIGHTS, u64::from(SURFACE_WEIGHTS) * 4)];
-        all.push((HEIGHTS_KEPT, pixels * 8));
+        let mut all = vec![
+            (buffer::PIXEL_OF, columns * 4),
+            (buffer::BOND_DEPTHS, columns * 4),
+            (buffer::HEIGHT_PULL, columns * 16),
+            (buffer::SURFACE_WEIGHTS, u64::from(SURFACE_WEIGHTS) * 4),
+            (HEIGHTS_KEPT, pixels * 8),
+        ];
         all.push((buffer::VOXELS, if self.has_volume { plan.domain.capacity as u64 * OF_VOXEL } else { 0 }));
         all.extend(OF_PIXEL.map(|(buffer, bytes)| (buffer, pixels * bytes)));
         all

@@ -33,12 +33,12 @@ passes! {
     SURFACE_COMBINE = Pass::of("surface_combine", |_| &kernel::SURFACE_COMBINE);
 
     /// Adds the gradients of the prior and of the neighbours' slopes.
-    SURFACE_PULL = Pass::of("surface_pull", |_| &kernel::SURFACE_PULL);
+    SURFACE_PULL = Pass::of("surface_pull", |p| p.variant(&kernel::SURFACE_PULL, &kernel::SURFACE_PULL_TEXELS));
 
     /// Updates depths and albedos by Adam, and closes the iteration.
     SURFACE_STEP = Pass {
         faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", hint: &advice!["check the counts (" [Capture] ")"] }],
-        ..Pass::of("surface_step", |_| &kernel::SURFACE_STEP)
+        ..Pass::of("surface_step", |p| p.variant(&kernel::SURFACE_STEP, &kernel::SURFACE_STEP_TEXELS))
     };
 
     /// Moves the vectors of the coarse volume.

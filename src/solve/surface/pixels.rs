@@ -69,12 +69,6 @@ impl Pixels {
         self.columns.is_empty()
     }
 
-    /// The buffer `pixels`.
-    pub fn words(&self) -> Vec<[u32; 4]> {
-        let word = |(c, (a, z)): (&u32, (&f32, &f32))| [*c, a.to_bits(), z.to_bits(), 0];
-        self.columns.iter().zip(self.albedo.iter().zip(&self.depth)).map(word).collect()
-    }
-
     /// The buffer `pixel_of`, for maps of `maps` pixels; without the second layer if that is empty.
     pub fn places(&self, maps: usize) -> Vec<u32> {
         let layers = if self.of_layers(maps)[1] == 0 { 1 } else { 2 };

@@ -16,6 +16,9 @@ use crate::transport::kernels::*;
 /// Turns of a kernel for a pixel: its eight neighbours and its four points.
 const NEAR: u64 = 8 + 4;
 
+/// Depth of a column without a pixel for the bonds, metres: none is left over such a step.
+const FAR: f32 = 1e6;
+
 /// Share of the iterations after which a pixel uses its own gradient only, as in `heights.glsl`.
 const NARROWED: f64 = 0.6;
 
@@ -30,6 +33,10 @@ fn push(count: usize) -> Push {
 /// passes of iterations.
 pub fn start(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, points: usize) {
     s.fill(buffer::HEIGHT_MOMENTS, count as u64 * 16, 0);
+    // Columns without a pixel: no depth, no gradient.
+    let [depths, pulls] = [buffer::BOND_DEPTHS, buffer::HEIGHT_PULL].map(|buffer| plan.bytes_of(buffer));
+    s.fill(buffer::BOND_DEPTHS, depths, FAR.to_bits());
+    s.fill(buffer::HEIGHT_PULL, pulls, 0);
     s.set(buffer::COUNTS, COUNT_ACTIVE, (points * count) as u32);
     s.set(buffer::COUNTS, COUNT_ARRIVED, 0);
     size_passes(s, &plan.batch(0).unwrap_or(level).rendered);

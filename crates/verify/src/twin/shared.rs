@@ -309,7 +309,7 @@ pub(super) const AROUND: [[i32; 2]; 8] =
 /// The pixels of a surface: the buffers `pixels` and `pixel_of`.
 pub(super) struct PixelBuffers<'a> {
     pub grid: &'a Grid,
-    pub pixels: &'a [[u32; 4]],
+    pub pixels: &'a [u32],
     pub pixel_of: &'a [u32],
 }
 
@@ -317,7 +317,7 @@ impl PixelBuffers<'_> {
     /// Columns before those of a pixel's layer, and its lateral position.
     pub fn place(&self, pixel: usize) -> (usize, [i32; 2]) {
         let [x, y] = [self.grid.n[0], self.grid.n[1]];
-        let column = self.pixels[pixel][0] as usize;
+        let column = self.pixels[pixel] as usize;
         let at = column % (x * y);
         (column - at, [at / y, at % y].map(|v| v as i32))
     }
@@ -344,8 +344,8 @@ impl PixelBuffers<'_> {
     }
 
     /// Difference of depths at the last renewal of bonds.
-    pub fn step(&self, from: usize, to: usize) -> f64 {
-        let depth = |pixel: usize| f64::from(f32::from_bits(self.pixels[pixel][2]));
+    pub fn step(&self, bond_depths: &[f64], from: usize, to: usize) -> f64 {
+        let depth = |pixel: usize| bond_depths[self.pixels[pixel] as usize];
         depth(to) - depth(from)
     }
 

@@ -10,7 +10,7 @@ const LEVEL: f64 = 1e-3;
 /// Slopes of every pixel as coefficients of its neighbours' depths: those of the plane that fits the pixel (with a weight
 /// of one) and its neighbours best. Renews the weights of the prior by the objective that is left.
 pub fn surface_bonds(call: &Call, b: &mut [Cells]) {
-    bind!(b: pixels u4, pixel_of u, heights v2, stencils v2, weights f, trace u);
+    bind!(b: pixels u, pixel_of u, heights v2, stencils v2, weights f, trace u, bond_depths f);
     if call.push.iteration > 0 {
         let left = trace[((call.push.iteration - 1) * TRACE_ROW + TRACE_OBJECTIVE) as usize];
         for (weight, share) in [(SURFACE_BEND, SURFACE_BEND_SHARE), (SURFACE_JUMP, SURFACE_JUMP_SHARE)] {
@@ -19,7 +19,7 @@ pub fn surface_bonds(call: &Call, b: &mut [Cells]) {
     }
     let count = call.push.last as usize;
     for pixel in 0..count {
-        pixels[pixel][2] = (heights[pixel][0] as f32).to_bits();
+        bond_depths[pixels[pixel] as usize] = heights[pixel][0];
     }
     let field = PixelBuffers { grid: call.twin.grid, pixels, pixel_of };
     for pixel in 0..count {

@@ -10,7 +10,10 @@ use thirdbounce::transport::kernels::*;
 /// where `off` is the distance along z of one pixel from the plane through the other with the mean slopes of both; and
 /// for every pixel the term that keeps few of them lit. Keeps the largest gradients, and sums the prior by workgroups.
 pub fn surface_combine(call: &Call, b: &mut [Cells]) {
-    bind!(b: pixels u4, pixel_of u, heights v2, slopes v2, gradient v4, height_gradient v4, weights f, l1_partials f);
+    bind!(
+        b: pixels u, pixel_of u, heights v2, slopes v2, gradient v4, height_gradient v4, weights f, l1_partials f,
+        bond_depths f
+    );
     let (twin, count) = (&call.twin, call.push.last as usize);
     let field = PixelBuffers { grid: twin.grid, pixels, pixel_of };
     let points = call.constant(constant::POINTS, 4) as usize;
@@ -38,7 +41,7 @@ pub fn surface_combine(call: &Call, b: &mut [Cells]) {
             tilts += by_depth * field.part(k, points);
         }
         for (k, other) in field.neighbours(pixel) {
-            let weight = field.bond(AROUND[k], 1.0, field.step(pixel, other));
+            let weight = field.bond(AROUND[k], 1.0, field.step(bond_depths, pixel, other));
             let d = dvec2(AROUND[k][0].into(), AROUND[k][1].into()) * field.pitch();
             let plane = 0.5 * (slope + DVec2::from_array(slopes[other])).dot(d);
             let off = (heights[other][0] - depth - plane) / field.size();

@@ -6,7 +6,7 @@ use thirdbounce::transport::kernels::*;
 
 /// Slopes of every pixel, and its samples: 1 or 4 points of its tilted square, with depths limited to the grid's.
 pub fn surface_points(call: &Call, b: &mut [Cells]) {
-    bind!(b: pixels u4, pixel_of u, heights v2, stencils v2, slopes v2, points v4, normals v4, counts u);
+    bind!(b: pixels u, pixel_of u, heights v2, stencils v2, slopes v2, points v4, normals v4, counts u);
     let twin = &call.twin;
     let field = PixelBuffers { grid: twin.grid, pixels, pixel_of };
     let each = call.constant(constant::POINTS, 4) as usize;

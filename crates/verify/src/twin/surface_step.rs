@@ -9,8 +9,8 @@ const BETAS: [f64; 2] = [0.9, 0.99];
 /// iteration.
 pub fn surface_step(call: &Call, b: &mut [Cells]) {
     bind!(
-        b: pixels u4, pixel_of u, heights v2, height_pull v2, weights f, moments v4, counts u, stencils v2,
-        height_gradient v4, loss_partials v2, l1_partials f, trace u
+        b: pixels u, pixel_of u, stencils v2, height_gradient v4, weights f, moments v4, counts u, heights v2,
+        height_pull v4, loss_partials v2, l1_partials f, trace u
     );
     let field = PixelBuffers { grid: call.twin.grid, pixels, pixel_of };
     let sigma = sigma_at(weights, call.push.step);
@@ -23,8 +23,9 @@ pub fn surface_step(call: &Call, b: &mut [Cells]) {
         let around = |sigma: f64| {
             let one = |d: [i32; 2]| {
                 let other = field.beside(pixel, d)?;
-                let weight = field.bond(d, sigma, field.step(pixel, other));
-                Some(height_pull[other].map(|g| weight * g))
+                let [from, to] = [pixel, other].map(|pixel| height_pull[pixels[pixel] as usize]);
+                let weight = field.bond(d, sigma, to[2] - from[2]);
+                Some([weight * to[0], weight * to[1]])
             };
             covered(sigma).filter_map(one).fold([0.0; 2], |sum, g| [sum[0] + g[0], sum[1] + g[1]])
         };
