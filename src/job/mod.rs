@@ -2,7 +2,6 @@
 //! every result.
 
 mod advice;
-mod cache;
 mod evaluate;
 mod load;
 pub mod places;
@@ -12,17 +11,15 @@ pub mod reconstruct;
 pub mod report;
 mod request;
 mod run;
-mod words;
 
 pub use crate::estimation::{MODELS, preset_for};
 pub use crate::settings::memory_bytes;
 pub use crate::solve::{Bins, SolverOptions, method};
 
 pub use advice::advise;
-pub use cache::usual_pipeline_cache;
 pub use evaluate::evaluate_maps;
 pub use load::{Loaded, load, reading, take, turn};
 pub use places::{PREVIEW, check_file, check_inputs, check_not_input, check_results};
-pub use request::Request;
+pub use report::plain;
+pub use request::{Request, usual_pipeline_cache};
 pub use run::{Outcome, run, solve};
-pub use words::plain;

@@ -5,7 +5,6 @@ use serde_json::{Value, json};
 use super::Request;
 use super::load::Loaded;
 use super::reconstruct::Finished;
-use super::words::plain;
 use crate::capture::{Gate, Pulse};
 use crate::export::report;
 use crate::gpu::Gpu;
@@ -151,4 +150,12 @@ fn gate_json(gate: Option<Gate>) -> Value {
     gate.map_or(Value::Null, |g| {
         json!([g.from.is_finite().then_some(g.from), g.to.is_finite().then_some(g.to)])
     })
+}
+
+/// The word for a value in files ("cpu", "captured").
+pub fn plain(value: &impl serde::Serialize) -> String {
+    match serde_json::to_value(value) {
+        Ok(Value::String(word)) => word,
+        _ => String::new(),
+    }
 }

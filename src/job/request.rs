@@ -31,7 +31,7 @@ pub struct Request {
     pub preview: bool,
     /// Time every kernel, and record the work of host and device.
     pub timings: bool,
-    /// Folder in which compiled kernels are kept between runs, see [`super::usual_pipeline_cache`].
+    /// Folder in which compiled kernels are kept between runs, see [`usual_pipeline_cache`].
     pub pipeline_cache: Option<PathBuf>,
     /// Turn on the Vulkan validation layer.
     pub validation: bool,
@@ -96,4 +96,11 @@ impl Request {
     pub fn snapshot_folder(out: &Path, iteration: usize) -> PathBuf {
         out.join("snapshots").join(format!("{iteration:06}"))
     }
+}
+
+/// The folder in which the command keeps compiled kernels; `None` if no cache folder is known.
+pub fn usual_pipeline_cache() -> Option<PathBuf> {
+    let absolute = |name: &str| std::env::var_os(name).map(PathBuf::from).filter(|p| p.is_absolute());
+    let folder = absolute("XDG_CACHE_HOME").or_else(|| absolute("HOME").map(|home| home.join(".cache")))?;
+    Some(folder.join("thirdbounce/kernels"))
 }

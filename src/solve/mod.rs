@@ -13,7 +13,6 @@ mod discretisation;
 pub(crate) mod drive;
 mod estimate;
 mod extent;
-mod lists;
 mod on_device;
 pub mod option;
 mod outline;
@@ -21,19 +20,17 @@ mod over_pairs;
 pub mod paper;
 mod plan;
 pub(crate) mod prepared;
-mod problem;
 mod result;
 mod rounding;
 mod solver;
 mod solvers;
 pub mod surface;
-mod trace;
 pub mod units;
 
 pub use bins::Bins;
 pub use conditions::{conclude, conclude_iterate};
 pub use discretisation::{Discretisation, Ready};
-pub use drive::{Doing, Progress, Watch};
+pub use drive::{Doing, Progress, TracePoint, Watch};
 pub(crate) use estimate::enough_pairs;
 pub use estimate::{background, expected_noise, variance_per_count, variances};
 pub use extent::default_volume;
@@ -46,13 +43,11 @@ pub use plan::{
     Sizes, Tuning, UPLOAD, Voxels, gaussian_weights, passes,
 };
 pub use prepared::Prepared;
-pub use problem::{Begun, Problem};
 pub use result::{ImageNoise, Reconstruction, Sharpness};
-pub use solver::{Common, RunsOn, Solver};
+pub use solver::{Begun, Common, Problem, RunsOn, Solver};
 pub use solvers::{Method, SolverOptions, method, pixel_of, reflectance};
 pub(crate) use surface::volume::start as volume_start;
 pub use surface::{Begin, Follow, SurfaceOptions, SurfaceSettings};
-pub use trace::TracePoint;
 
 /// The passes of all solvers: those that they share, then one list for each.
 pub static PASSES: &[&[&Pass]] =

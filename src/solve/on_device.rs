@@ -4,11 +4,10 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::estimate::{energy, expected_noise};
-use super::lists::Lists;
 use super::plan::{COLUMNS_HOST, MASK_HOST, PairPart, RAW_HOST, UPLOAD};
 use super::{Plan, rounding};
 use crate::Result;
-use crate::gpu::{Arena, Buffer, Command, Executor, Gpu, Schedule};
+use crate::gpu::{Arena, Buffer, Command, Executor, Gpu, Schedule, Ticket};
 use crate::maps::Maps;
 use crate::transport::kernels::{TRACE_ROW, buffer};
 use crate::transport::{Grid, Model};
@@ -296,4 +295,26 @@ pub(super) fn read_volume(executor: &Executor, grid: &Grid, albedo: fn([f32; 4])
         all[(x * grid.n[1] + y) * grid.n[2] + z] = albedo(state);
     }
     VolumeMap { grid: *grid, albedo: all }
+}
+
+/// What runs work with. It stays from one run to the next, so that later ones allocate nothing for an iteration.
+#[derive(Default)]
+pub(super) struct Lists {
+    /// The iterations that are submitted next.
+    pub block: Schedule,
+    /// What is due before the iteration after them.
+    pub change: Schedule,
+    /// Schedules that only show what is ahead.
+    pub unused: Schedule,
+    /// The rows of the trace that were read last.
+    pub rows: Vec<[u32; TRACE_ROW as usize]>,
+}
+
+impl Lists {
+    /// Submits the block, and empties it.
+    pub fn submit(&mut self, executor: &mut Executor) -> Result<Ticket> {
+        let submitted = executor.submit(&self.block);
+        self.block.clear();
+        submitted
+    }
 }

@@ -1,11 +1,12 @@
-//! What every method can do that turns a capture into maps.
+//! What every method can do that turns a capture into maps, and the problem that it is given.
 
 use super::option::Options;
-use super::{Accumulation, Plan, Prepared, Problem, Reconstruction, Sizes, TimedSchedule, Watch};
+use super::{Accumulation, Plan, Prepared, Reconstruction, Sizes, TimedSchedule, Watch};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu, check};
-use crate::transport::Reflectance;
+use crate::maps::Maps;
+use crate::transport::{Grid, Reflectance};
 
 /// A method, as its options.
 pub trait Solver: Options {
@@ -95,4 +96,42 @@ pub enum RunsOn {
     Device,
     /// On the cores of the host.
     Host,
+}
+
+/// A capture, the grid that it is solved on, and what the solve may take and is to give.
+#[derive(Debug, Clone, Copy)]
+pub struct Problem<'c> {
+    /// The capture. For plans and preparations its counts do not matter.
+    pub capture: &'c Capture,
+    /// The grid whose lateral cells are the maps' pixels.
+    pub grid: Grid,
+    /// The most bytes that each device may hold, if there is a budget.
+    pub memory: Option<u64>,
+    /// The volume is read back.
+    pub with_volume: bool,
+    /// What a surface begins with, if that is known; pairs are then held out of its fits.
+    pub begin: Option<&'c Begun>,
+}
+
+/// A surface that earlier fits of the same capture found, on coarse pixels.
+#[derive(Debug, Clone)]
+pub struct Begun {
+    /// Its layers.
+    pub layers: Vec<Maps>,
+    /// Those of the closed form.
+    pub closed: Vec<Maps>,
+    /// The length of the last steps, as a share of the longest ones.
+    pub step: f64,
+}
+
+impl<'c> Problem<'c> {
+    /// The maps of a capture alone, without a budget.
+    pub fn new(capture: &'c Capture, grid: Grid) -> Problem<'c> {
+        Problem { capture, grid, memory: None, with_volume: false, begin: None }
+    }
+
+    /// The same, and the volume.
+    pub fn and_volume(self) -> Problem<'c> {
+        Problem { with_volume: true, ..self }
+    }
 }

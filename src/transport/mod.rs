@@ -10,15 +10,13 @@ mod reach;
 mod rows;
 mod spot;
 mod spread;
-mod variant;
 mod wall;
 
 pub use crate::capture::Reflectance;
 pub use grid::{BRICK_VOXELS, Grid, Volume};
 pub use high_pass::HighPass;
-pub use model::{Binning, Model, cells};
+pub use model::{Binning, Gradient, Model, Sampling, cells};
 pub use rows::Rows;
 pub use spot::{Rendered, Spot, SpotTaps};
 pub use spread::spread_order;
-pub use variant::{Gradient, Sampling};
 pub use wall::{Geometry, Wall};

@@ -19,6 +19,26 @@ pub enum Binning {
     Linear,
 }
 
+/// Where the sample of a voxel lies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Sampling {
+    /// A new point within half a voxel of the centre every iteration, interpolated (the paper).
+    Continuous,
+    /// The voxel's centre (the paper's ablation).
+    Fixed,
+}
+
+/// Which gradient the backward kernel gathers.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Gradient {
+    /// Without the distance falloff (the paper): the gradient of the objective weighted by the falloff.
+    Published,
+    /// The gradient of the objective itself.
+    Exact,
+}
+
 /// A capture, scaled, and the physics of its light. Nothing depends on the lateral resolution or on how a solver minimises.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Model {

@@ -5,9 +5,8 @@ use std::collections::VecDeque;
 use std::ops::Range;
 use std::time::Instant;
 
-use super::lists::Lists;
-use super::on_device::{OnDevice, read_maps};
-use super::{Level, TracePoint};
+use super::Level;
+use super::on_device::{Lists, OnDevice, read_maps};
 use crate::gpu::{Gpu, Ticket};
 use crate::maps::Maps;
 use crate::transport::kernels::buffer;
@@ -23,7 +22,7 @@ use ahead::Ahead;
 use clock::Clock;
 use reader::Reader;
 pub(crate) use steps::Steps;
-pub use watch::{Doing, Progress, Watch};
+pub use watch::{Doing, Progress, TracePoint, Watch};
 
 /// The result of driving a solver.
 pub(crate) struct Driven {

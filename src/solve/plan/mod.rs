@@ -12,7 +12,6 @@ use crate::{Error, Result};
 
 mod buffers;
 mod constants;
-mod demand;
 mod divide;
 mod domain;
 mod left_out;
@@ -27,13 +26,12 @@ mod spots;
 mod tuning;
 
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, UPLOAD};
-pub use demand::Demand;
 pub use divide::WorkDivision;
 pub use domain::{DomainCapacity, gaussian_weights};
 pub use left_out::{LeftOut, mebibytes};
 pub use level::{Level, LevelPairs};
 pub use levels::{AMPLE, Levels};
-pub use needs::Needs;
+pub use needs::{Demand, Needs};
 pub use parts::PairPart;
 pub use pass::{Fault, Pass, Voxels};
 pub use scene::ModelSizes;
