@@ -1,38 +1,3 @@
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct Solved {
-    pub maps: Maps,
-    pub volume: Option<VolumeMap>,
-    pub notes: Vec<String>,
-    pub warnings: Vec<String>,
-    pub trace: Vec<TracePoint>,
-    pub seconds: f64,
-}
-pub fn reconstruct(gpu: &Gpu, capture: &Capture, settings: &Settings) -> Result<Solved> {}
-pub fn reconstruct_with(
-    gpu: &Gpu,
-    capture: &Capture,
-    settings: &Settings,
-    on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Solved> {}
-pub fn render(
-    scene: &Scene,
-    options: &RenderOptions,
-    resolution: usize,
-) -> Result<(Capture, Truth)> {}
-pub fn session(
-    gpu: &Gpu,
-    frame: &Capture,
-    settings: &Settings,
-    options: SessionOptions,
-) -> Result<(Session, Vec<String>)> {}
-pub fn session_with(
-    gpu: &Gpu,
-    frame: &Capture,
-    settings: &Settings,
-    options: SessionOptions,
-    on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<(Session, Vec<String>)> {}
 #[cfg(feature = "formats")]
 #[derive(Debug, Clone)]
 #[non_exhaustive]
@@ -69,6 +34,35 @@ pub fn write(
     folder: impl AsRef<std::path::Path>,
     maps: &Maps,
 ) -> Result<Vec<std::path::PathBuf>> {}
+pub fn reconstruct(
+    gpu: &Gpu,
+    capture: &Capture,
+    settings: &Settings,
+) -> Result<Reconstruction> {}
+pub fn reconstruct_with(
+    gpu: &Gpu,
+    capture: &Capture,
+    settings: &Settings,
+    on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Reconstruction> {}
+pub fn render(
+    scene: &Scene,
+    options: &RenderOptions,
+    resolution: usize,
+) -> Result<(Capture, Truth)> {}
+pub fn session(
+    gpu: &Gpu,
+    frame: &Capture,
+    settings: &Settings,
+    options: SessionOptions,
+) -> Result<(Session, Vec<String>)> {}
+pub fn session_with(
+    gpu: &Gpu,
+    frame: &Capture,
+    settings: &Settings,
+    options: SessionOptions,
+    on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<(Session, Vec<String>)> {}
 #[derive(Clone)]
 #[private_fields]
 pub struct Canceller();
@@ -344,10 +338,12 @@ pub struct Progress {
     pub maps: Option<Maps>,
 }
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 #[private_fields]
 pub struct Reconstruction {
     pub maps: Maps,
     pub volume: Option<VolumeMap>,
+    pub notes: Vec<String>,
     pub warnings: Vec<String>,
     pub trace: Vec<TracePoint>,
     pub solve_seconds: f64,
@@ -520,6 +516,18 @@ impl Capture {
 impl Capture {
     pub fn warnings(&self) -> Vec<String> {}
 }
+impl std::fmt::Debug for Capture {}
+impl Capture {
+    pub fn new(
+        scan: [usize; 2],
+        laser: Vec<DVec3>,
+        sensor: Vec<DVec3>,
+        bins: usize,
+        bin_width: f64,
+        histograms: Vec<f32>,
+    ) -> Capture {}
+    pub fn with(mut self, change: impl FnOnce(&mut Capture)) -> Capture {}
+}
 impl Capture {
     pub fn check(&self) -> Result<()> {}
     pub fn check_counts(&self, histograms: &[f32]) -> Result<()> {}
@@ -548,18 +556,6 @@ impl Capture {
 }
 impl Capture {
     pub fn summary(&self) -> Summary {}
-}
-impl std::fmt::Debug for Capture {}
-impl Capture {
-    pub fn new(
-        scan: [usize; 2],
-        laser: Vec<DVec3>,
-        sensor: Vec<DVec3>,
-        bins: usize,
-        bin_width: f64,
-        histograms: Vec<f32>,
-    ) -> Capture {}
-    pub fn with(mut self, change: impl FnOnce(&mut Capture)) -> Capture {}
 }
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Flip {

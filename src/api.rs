@@ -12,32 +12,14 @@ use crate::resolve::Job;
 use crate::session::{Session, SessionOptions};
 use crate::settings::Settings;
 use crate::simulate::{RenderOptions, Scene};
-use crate::solve::{Bins, Progress, TracePoint, VolumeMap, Watch};
-
-/// A reconstructed scene.
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-pub struct Solved {
-    /// Albedo, depth, normals, mask and depth error by pixel.
-    pub maps: Maps,
-    /// The volume, with [`Settings::keep_volume`].
-    pub volume: Option<VolumeMap>,
-    /// Estimates, as sentences.
-    pub notes: Vec<String>,
-    /// What looks wrong with the capture or the result, as sentences.
-    pub warnings: Vec<String>,
-    /// A point for each iteration of the solve.
-    pub trace: Vec<TracePoint>,
-    /// Seconds of estimates and solve.
-    pub seconds: f64,
-}
+use crate::solve::{Bins, Progress, Reconstruction, Watch};
 
 /// Reconstructs a capture that [`read`] or [`prepare`] has made ready.
 ///
 /// # Errors
 /// `Kind::Options` and `Kind::Input`: settings that are out of range or do not fit the capture. `Kind::Memory`: more than there
 /// is. `Kind::Device`: the device fails.
-pub fn reconstruct(gpu: &Gpu, capture: &Capture, settings: &Settings) -> Result<Solved> {
+pub fn reconstruct(gpu: &Gpu, capture: &Capture, settings: &Settings) -> Result<Reconstruction> {
     reconstruct_with(gpu, capture, settings, &mut |_| ControlFlow::Continue(()))
 }
 
@@ -50,21 +32,16 @@ pub fn reconstruct_with(
     capture: &Capture,
     settings: &Settings,
     on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Solved> {
+) -> Result<Reconstruction> {
     capture.check()?;
     let capture = settings.with_instrument(capture)?;
     let job = Job::resolve(settings, &capture, gpu, on_progress)?;
     let mut watch = Watch { hear: on_progress, maps_every: None, maps_at: &[] };
     let mut result = job.solve(gpu, &mut watch)?;
     job.conclude(&mut result, &mut []);
-    Ok(Solved {
-        maps: result.maps,
-        volume: result.volume,
-        notes: job.estimates.notes(),
-        warnings: [capture.warnings(), result.warnings].concat(),
-        trace: result.trace,
-        seconds: result.solve_seconds,
-    })
+    result.notes = job.estimates.notes();
+    result.warnings.splice(0..0, capture.warnings());
+    Ok(result)
 }
 
 /// A session for frames of the scan of `frame`: planned, compiled and allocated once. Where `frame` has counts, they give the

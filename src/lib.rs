@@ -139,9 +139,9 @@ pub use thirdbounce_maps::{maps, measure};
 #[doc(hidden)]
 pub use thirdbounce_simulate as simulate;
 
-pub use api::{Solved, reconstruct, reconstruct_with, render, session, session_with};
 #[cfg(feature = "formats")]
 pub use api::{Written, evaluate, prepare, read, read_truth, reconstruct_file, write};
+pub use api::{reconstruct, reconstruct_with, render, session, session_with};
 pub use session::{
     Canceller, ExternalCounts, ExternalFrame, Feed, Format, Frame, FrameId, Hear, Latency, Session,
     SessionOptions, Submitter,

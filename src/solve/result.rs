@@ -39,12 +39,15 @@ pub struct ImageNoise {
 
 /// What a solve yields.
 #[derive(Debug, Clone)]
+#[non_exhaustive]
 pub struct Reconstruction {
     /// Albedo, depth, normal and mask by pixel.
     pub maps: Maps,
     /// The volume, if it was asked for.
     pub volume: Option<VolumeMap>,
-    /// What looks wrong with the result, as sentences.
+    /// Estimates, as sentences; none for a frame of a session, which returns its own when it is made.
+    pub notes: Vec<String>,
+    /// What looks wrong with the capture or the result, as sentences.
     pub warnings: Vec<String>,
     /// One point for each iteration.
     pub trace: Vec<TracePoint>,
@@ -124,6 +127,7 @@ pub(super) fn finish(
     Ok(Reconstruction {
         maps: driven.maps,
         volume,
+        notes: vec![],
         warnings: vec![],
         trace: driven.trace,
         empty_loss: empty_loss(&job.model),

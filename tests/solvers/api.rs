@@ -62,7 +62,7 @@ fn reconstruct_returns_the_maps_of_the_command() {
     assert_eq!(solved.notes.len(), 3, "high-pass, model and pulse");
     assert!(solved.notes.iter().map(plain).eq(of_command.notes[1..4].iter().map(plain)));
     let last = solved.trace.last().unwrap();
-    assert!(last.seconds > 0.0 && last.seconds <= solved.seconds);
+    assert!(last.seconds > 0.0 && last.seconds <= solved.solve_seconds);
     let written = write(folder.path().join("maps"), &solved.maps).unwrap();
     assert!(written.len() > 3 && written.iter().all(|file| file.is_file()));
 

@@ -141,6 +141,7 @@ fn solved(
     Reconstruction {
         maps,
         volume,
+        notes: vec![],
         warnings: vec![],
         empty_loss: 0.0,
         pairs: (plan.scene.pairs * grid.voxels()) as u64,
