@@ -499,8 +499,10 @@ fn place(
     };
     let ([x, y, _], points) = (level.grid.n, needs::points_of(&job.plan));
     let places = pixels.places(x * y);
-    let placed =
-        [(buffer::PIXELS, bytemuck::cast_slice(&pixels.columns)), (buffer::PIXEL_OF, bytemuck::cast_slice(&places))];
+    let placed = [
+        (buffer::PIXELS, bytemuck::cast_slice(&pixels.columns)),
+        (buffer::PIXEL_OF, bytemuck::cast_slice(&places)),
+    ];
     upload_all(&mut job.executor, &placed)?;
     let most = f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
     let [_, measured] = job.light();

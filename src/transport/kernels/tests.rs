@@ -70,7 +70,9 @@ fn a_device_binds_what_the_largest_kernel_binds() {
     let storage = KERNELS.iter().map(|k| of(k, &|view| view == View::Storage)).max();
     assert_eq!(storage, Some(MOST_STORAGE as usize));
     // Storage texel buffers, of which Vulkan promises four, and uniform buffers.
-    assert!(KERNELS.iter().all(|k| of(k, &|view| matches!(view, View::Texels { .. } | View::WordTexels)) <= 4));
+    assert!(
+        KERNELS.iter().all(|k| of(k, &|view| matches!(view, View::Texels { .. } | View::WordTexels)) <= 4)
+    );
     // The scene, and the block of a solver.
     assert!(KERNELS.iter().all(|k| of(k, &|view| view == View::Uniform) <= 2));
 }
