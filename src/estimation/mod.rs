@@ -48,7 +48,7 @@ mod constants {
     /// Lateral pixels of a fit.
     pub const LATERAL: usize = 64;
     /// Rounds of the support of a fit from the closed form.
-    pub const ROUNDS: usize = 5;
+    pub const ROUNDS: usize = 3;
     /// Iterations of a round, and of the fit after the rounds or with another impulse response.
     pub const ITERATIONS: [usize; 2] = [15, 20];
     /// Iterations of fits whose impulse responses are compared: tails differ less than widths do.
@@ -315,8 +315,6 @@ struct Search<'t> {
     finds_start: bool,
     /// The length of the last steps, as a share of the longest ones.
     step: f64,
-    /// The layers of a coarse volume of the first model, which starts fits of all.
-    volume: Option<Vec<Maps>>,
 }
 
 impl<'t> Search<'t> {
@@ -379,7 +377,6 @@ impl<'t> Search<'t> {
             pulse_seconds: 0.0,
             finds_start,
             step: 1.0,
-            volume: None,
         })
     }
 
@@ -407,51 +404,67 @@ impl<'t> Search<'t> {
         Ok(fitted)
     }
 
-    /// The sharp fit of a model, and the impulse response that its residual suggests.
-    fn sharp(&mut self, reflectance: Reflectance) -> Result<Option<usize>> {
-        if let Some(at) = self.sharp.iter().position(|s| s.reflectance == reflectance) {
-            return Ok(Some(at));
+    /// Fits every model with sharp paths: from the closed form, then from a coarse volume where the model may still be the best.
+    fn fit_sharp(&mut self) -> Result<()> {
+        let models: Vec<Reflectance> = self.trials.iter().map(Trial::reflectance).collect();
+        let mut best: Vec<Option<(Fitted, usize)>> = vec![];
+        for model in &models {
+            best.push(self.candidate(*model, Origin::Closed, From::ClosedForm)?);
         }
-        let least = self.sharp.iter().map(|s| s.fitted.surface.excess()).fold(f64::INFINITY, f64::min);
-        let volume = self.volume.clone();
-        let from_volume = volume.as_ref().map_or(From::Volume, |layers| From::Layers(layers));
-        let mut best: Option<(Fitted, usize)> = None;
-        for (start, from) in [(Origin::Closed, From::ClosedForm), (Origin::Volume, from_volume)] {
-            let is_enough = best.as_ref().is_some_and(|(best, _)| {
-                let excess = best.surface.excess();
-                excess < NOTHING_LEFT || excess > HOPELESS * least
+        if self.finds_start {
+            let excess = |fit: &Option<(Fitted, usize)>| fit.as_ref().map(|(fit, _)| fit.surface.excess());
+            let least = best.iter().filter_map(excess).fold(f64::INFINITY, f64::min);
+            // The volume is that of the best model so far.
+            let mut order: Vec<usize> = (0..models.len()).collect();
+            order.sort_by(|a, b| {
+                excess(&best[*a]).unwrap_or(least).total_cmp(&excess(&best[*b]).unwrap_or(least))
             });
-            if is_enough || best.is_some() && !self.finds_start {
-                if self.finds_start {
+            let mut volume: Option<Vec<Maps>> = None;
+            for at in order {
+                let from = volume.as_deref().map_or(From::Volume, From::Layers);
+                if excess(&best[at]).is_some_and(|excess| excess < NOTHING_LEFT || excess > HOPELESS * least)
+                {
                     self.pace.pass(from.iterations());
+                    continue;
                 }
-                break;
-            }
-            let clock = Instant::now();
-            let Some(fitted) = self.fit(reflectance, Shape::SHARP, from)? else { continue };
-            let seconds = clock.elapsed().as_secs_f64();
-            if start == Origin::Volume {
-                self.volume = Some(fitted.begun.clone());
-            }
-            self.candidates.push(FoundSurface::of(reflectance, start, &fitted, seconds));
-            if best.as_ref().is_none_or(|(best, _)| fitted.surface.cost() < best.surface.cost()) {
-                best = Some((fitted, self.candidates.len() - 1));
+                let Some(other) = self.candidate(models[at], Origin::Volume, from)? else { continue };
+                volume = Some(other.0.begun.clone());
+                if best[at].as_ref().is_none_or(|(best, _)| other.0.surface.cost() < best.surface.cost()) {
+                    best[at] = Some(other);
+                }
             }
         }
-        self.tried.push(Tried {
-            reflectance,
-            pulse: Shape::SHARP,
-            left: best.as_ref().and_then(|(fitted, _)| fitted.surface.left.clone()),
-        });
-        let Some((fitted, candidate)) = best else { return Ok(None) };
+        for (reflectance, best) in models.into_iter().zip(best) {
+            let left = best.as_ref().and_then(|(fitted, _)| fitted.surface.left.clone());
+            self.tried.push(Tried { reflectance, pulse: Shape::SHARP, left });
+            let Some((fitted, candidate)) = best else { continue };
+            let clock = Instant::now();
+            let suggested = match self.find_pulse {
+                FindPulse::Never => None,
+                _ => self.suggested(&fitted.held, &Shape::all(self.bin_width))?,
+            };
+            self.pulse_seconds += clock.elapsed().as_secs_f64();
+            self.sharp.push(Sharp { reflectance, fitted, candidate, suggested });
+        }
+        Ok(())
+    }
+
+    /// A sharp fit of a model, and its number among the candidates.
+    fn candidate(
+        &mut self,
+        model: Reflectance,
+        start: Origin,
+        from: From<'_>,
+    ) -> Result<Option<(Fitted, usize)>> {
         let clock = Instant::now();
-        let suggested = match self.find_pulse {
-            FindPulse::Never => None,
-            _ => self.suggested(&fitted.held, &Shape::all(self.bin_width))?,
-        };
-        self.pulse_seconds += clock.elapsed().as_secs_f64();
-        self.sharp.push(Sharp { reflectance, fitted, candidate, suggested });
-        Ok(Some(self.sharp.len() - 1))
+        let Some(fitted) = self.fit(model, Shape::SHARP, from)? else { return Ok(None) };
+        self.candidates.push(FoundSurface::of(model, start, &fitted, clock.elapsed().as_secs_f64()));
+        Ok(Some((fitted, self.candidates.len() - 1)))
+    }
+
+    /// The sharp fit of a model, if it found a surface.
+    fn sharp(&self, reflectance: Reflectance) -> Option<&Sharp> {
+        self.sharp.iter().find(|s| s.reflectance == reflectance)
     }
 
     /// Of these impulse responses, the one that an ideal rendering of the hold-out set suggests, and the residual with it.
@@ -486,23 +499,23 @@ impl<'t> Search<'t> {
         pulse: Shape,
         iterations: usize,
     ) -> Result<Option<Candidate>> {
-        let Some(at) = self.sharp(reflectance)? else { return Ok(None) };
-        let from = self.sharp[at].fitted.surface.layers.clone();
+        let Some(sharp) = self.sharp(reflectance) else { return Ok(None) };
+        let from = sharp.fitted.surface.layers.clone();
         Ok(self.fit(reflectance, pulse, From::Fit(&from, iterations))?.map(|fitted| fitted.surface))
     }
 
     /// Models are compared with the impulse responses that their sharp fits suggest. The best of them finds its own.
     fn run(&mut self, usual: Reflectance, finds_model: bool) -> Result<(Reflectance, Option<Shape>)> {
+        self.fit_sharp()?;
         let models: Vec<Reflectance> =
             if finds_model { self.trials.iter().map(Trial::reflectance).collect() } else { vec![usual] };
         // With the suggested impulse response, and as the choice needs it.
         let (mut spread, mut residuals) = (vec![], vec![]);
         for model in &models {
-            let Some(at) = self.sharp(*model)? else {
+            let Some(Sharp { fitted, suggested, .. }) = self.sharp(*model) else {
                 residuals.push((*model, None));
                 continue;
             };
-            let Sharp { fitted, suggested, .. } = &self.sharp[at];
             let left = fitted.surface.left.as_ref().expect("trials are judged");
             let less = suggested.as_ref().map(|s| &s.1).filter(|less| less.share() < left.share());
             spread.push((*model, Some(less.unwrap_or(left).clone())));
@@ -559,7 +572,7 @@ impl<'t> Search<'t> {
             return Ok(false);
         }
         let wide = Shape::of(pulse::FIRST * self.bin_width, 0.0);
-        let sharp = self.sharp(reflectance)?.and_then(|at| self.sharp[at].fitted.surface.left.clone());
+        let sharp = self.sharp(reflectance).and_then(|sharp| sharp.fitted.surface.left.clone());
         let wide = self.left(reflectance, wide)?;
         let Some((sharp, wide)) = sharp.zip(wide).filter(|(sharp, wide)| wide.is_less(sharp)) else {
             return Ok(false);
@@ -573,10 +586,9 @@ impl<'t> Search<'t> {
     /// it, as a sharp one has moved to compensate. Fits of the corrected length with several tails end the search: the best one must
     /// leave less than the sharp fit.
     fn best_pulse(&mut self, reflectance: Reflectance) -> Result<Shape> {
-        let Some(at) = self.sharp(reflectance)? else {
+        let Some(Sharp { fitted, .. }) = self.sharp(reflectance) else {
             return Err(Error::input("a fit found no surface", "give the instrument's impulse response"));
         };
-        let Sharp { fitted, .. } = &self.sharp[at];
         let sharp = fitted.surface.left.clone().expect("trials are judged");
         let Some(first) = self.suggested_length(&fitted.held)? else { return Ok(Shape::SHARP) };
         let surface = self.spread(reflectance, Shape::of(first, 0.0), ITERATIONS[1])?;

@@ -68,6 +68,8 @@ mod rounds_of {
     pub const SCHEDULED: usize = 45;
     /// Another support than the closed form's must lower what is left beyond noise by this factor, where the model leaves much.
     pub const WORTH: f64 = 0.5;
+    /// Iterations of a fit of the closed form's support that judges it.
+    pub const OF_CLOSED: usize = 30;
     /// What noise adds to the share of the typical evidence above which a pixel of a closed form's support is surface.
     pub const MASK: f32 = 0.2;
 }
@@ -90,12 +92,12 @@ impl SurfaceOptions {
     /// Iterations at most: on coarse pixels, and at the resolution of the maps.
     fn most_iterations(&self) -> [usize; 2] {
         let [coarse, fine] = rounds_of::NUMBER;
-        let of = |rounds: usize| if self.grow { rounds * rounds_of::ITERATIONS } else { 0 };
+        // The support of the closed form may be judged, too.
+        let of = |rounds: usize| rounds * rounds_of::ITERATIONS + rounds_of::OF_CLOSED;
         match (self.grow, self.factor()) {
             (false, _) => [0, self.iterations],
-            // The support of the closed form may be fitted, too.
-            (true, 1) => [0, of(coarse) + 2 * self.iterations],
-            (true, _) => [of(coarse), of(fine) + 2 * self.iterations],
+            (true, 1) => [0, of(coarse) + self.iterations],
+            (true, _) => [of(coarse), of(fine) + self.iterations],
         }
     }
 }
@@ -364,6 +366,17 @@ struct Fits<'o> {
     until: Option<Instant>,
 }
 
+/// The support of the last fit.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Support {
+    /// What the evidence supports; the model explains the measurement well.
+    Open,
+    /// The same; the model leaves much.
+    Grown,
+    /// That of the closed form.
+    Closed,
+}
+
 /// What the fits leave.
 struct FitResult {
     driven: Driven,
@@ -385,14 +398,14 @@ impl Fits<'_> {
         mut driven: Driven,
     ) -> Result<FitResult> {
         let factor = self.options.factor();
-        let mut grows = self.options.grow;
+        let mut support = if self.options.grow { Support::Open } else { Support::Closed };
         let begin = driven.seconds;
         if let Some(coarse) = coarse {
             if !self.is_late() {
                 driven = taken(coarse, wide, driven)?;
                 coarse.step = step;
-                let rounds = Rounds { number: rounds_of::NUMBER[0], rings: 1 };
-                (driven, grows) = self.rounds(coarse, rounds, &mut layers, watch, driven)?;
+                (driven, support) =
+                    self.rounds(coarse, rounds_of::NUMBER[0], &closed, &mut layers, watch, driven)?;
                 step = coarse.step;
             }
             layers = layers.iter().map(|maps| support::finer(maps, factor)).collect();
@@ -400,44 +413,24 @@ impl Fits<'_> {
         let closed_fine: Vec<Maps> = closed.iter().map(|maps| support::finer(maps, factor)).collect();
         driven = taken(fine, capture, driven)?;
         fine.step = step;
-        if grows && !self.is_late() {
+        if support == Support::Open && !self.is_late() {
             let number = rounds_of::NUMBER[usize::from(factor > 1)];
-            let rounds = Rounds { number, rings: 1 };
-            (driven, grows) = self.rounds(fine, rounds, &mut layers, watch, driven)?;
+            (driven, support) = self.rounds(fine, number, &closed_fine, &mut layers, watch, driven)?;
         }
         let begun = [begin, driven.seconds];
-        // Where the model leaves much, haze looks like surface: the support of the closed form is a candidate.
-        let starts = match grows {
-            true => vec![(layers, fine.step)],
-            false if !self.options.grow => vec![(closed_fine.clone(), 1.0)],
-            false => vec![(closed_fine.clone(), 1.0), (layers, fine.step)],
-        };
-        let mut best: Option<(Candidate, bool)> = None;
-        for (number, (mut layers, step)) in starts.into_iter().enumerate() {
-            if best.is_some() && self.is_late() {
-                break;
-            }
-            fine.step = step;
-            let run = self.run(self.options.iterations, 0);
-            let (next, quality) = fine.run(&mut layers, run, watch, driven)?;
-            driven = next;
-            let Some(quality) = quality else { continue };
-            let this = Candidate::of(fine, layers, quality)?;
-            // A back-projection has too much haze to be trusted with a support.
-            let worth = if self.blends { rounds_of::WORTH } else { 1.0 };
-            let is_better = |best: &Candidate| this.excess() < worth * best.excess();
-            if best.as_ref().is_none_or(|(best, _)| is_better(best)) {
-                best = Some((this, number == 0));
-            }
+        let mut is_closed = support == Support::Closed;
+        if is_closed {
+            (layers, fine.step) = (closed_fine.clone(), 1.0);
         }
-        let (layers, quality, is_closed) = match best {
-            Some((best, is_first)) => (best.layers, Some(best.quality), is_first && !grows),
+        let (next, mut quality) =
+            fine.run(&mut layers, self.run(self.options.iterations, 0), watch, driven)?;
+        driven = next;
+        if quality.is_none() {
             // No fit explains light: what the closed form shows of it is all there is.
-            None => match fine.seen(&closed_fine)? {
-                Some((scale, quality)) => (follow::scaled(closed_fine, scale), Some(quality), true),
-                None => (closed_fine, None, true),
-            },
-        };
+            let seen = fine.seen(&closed_fine)?;
+            (layers, is_closed) = (follow::scaled(closed_fine, seen.map_or(1.0, |seen| seen.0)), true);
+            quality = seen.map(|seen| seen.1);
+        }
         let closed = is_closed.then_some(closed);
         driven.maps = self.shown(&layers, closed.as_deref(), quality);
         let left = quality.map_or(1.0, |q| q.left_share());
@@ -513,21 +506,37 @@ impl Fits<'_> {
         self.until.is_some_and(|until| Instant::now() >= until)
     }
 
-    /// Rounds of short fits, until the time for fits is over. Returns whether the model explains the measurement well.
+    /// Rounds of short fits, until the time for fits is over, and which support the last fit has. Where the model leaves much,
+    /// haze looks like surface: then the support of the closed form is judged, too.
     fn rounds(
         &self,
         fit: &mut Fit,
-        rounds: Rounds,
+        number: usize,
+        closed: &[Maps],
         layers: &mut Vec<Maps>,
         watch: &mut Watch<'_>,
         driven: Driven,
-    ) -> Result<(Driven, bool)> {
+    ) -> Result<(Driven, Support)> {
         // The first round was in time.
         let run = |round: usize| {
             (round == 0 || !self.is_late()).then(|| self.run(rounds_of::ITERATIONS, 0).of_round())
         };
-        let (driven, best) = grow(fit, rounds, layers, &run, watch, driven)?;
-        Ok((driven, best.is_some_and(|best| best.is_coherent())))
+        let (driven, grown) = grow(fit, Rounds { number, rings: 1 }, layers, &run, watch, driven)?;
+        let Some(grown) = grown else { return Ok((driven, Support::Closed)) };
+        if grown.is_coherent() {
+            return Ok((driven, Support::Open));
+        }
+        if self.is_late() {
+            return Ok((driven, Support::Closed));
+        }
+        let (mut closed, step) = (closed.to_vec(), std::mem::replace(&mut fit.step, 1.0));
+        let (driven, quality) = fit.run(&mut closed, self.run(rounds_of::OF_CLOSED, 0), watch, driven)?;
+        let closed = quality.map(|quality| Candidate::of(fit, closed, quality)).transpose()?;
+        fit.step = step;
+        // A back-projection has too much haze to be trusted with a support.
+        let worth = if self.blends { rounds_of::WORTH } else { 1.0 };
+        let is_grown = closed.is_none_or(|closed| grown.excess() < worth * closed.excess());
+        Ok((driven, if is_grown { Support::Grown } else { Support::Closed }))
     }
 }
 
