@@ -13,7 +13,7 @@ use crate::solve::{
     Accumulation, Common, Doing, Pass, Plan, Progress, Reconstruction, RunsOn, Sharpness, Sizes, TracePoint,
     VolumeMap, Watch,
 };
-use crate::transport::{Binning, Gradient, Grid};
+use crate::transport::Grid;
 use crate::{Error, Kind, Result};
 
 /// What the options of all methods have, of a host method.
@@ -35,19 +35,7 @@ pub(super) struct NoPasses;
 
 impl Needs for NoPasses {
     fn demand(&self) -> Demand {
-        Demand {
-            accumulation: Accumulation::Auto,
-            sizes: Sizes::default(),
-            general: false,
-            coarse_to_fine: false,
-            iterations: [1, 0],
-            pixels_per_voxel: 1,
-            binning: Binning::Linear,
-            gradient: Gradient::Exact,
-            has_rim: false,
-            smooth: None,
-            betas: [0.0; 2],
-        }
+        Demand::default()
     }
 
     fn capacities(&self, _levels: &[Level]) -> [usize; 2] {

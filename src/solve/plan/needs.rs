@@ -32,6 +32,25 @@ pub struct Demand {
     pub betas: [f64; 2],
 }
 
+/// What methods without iterations ask: one level and exact gradients.
+impl Default for Demand {
+    fn default() -> Demand {
+        Demand {
+            accumulation: Accumulation::Auto,
+            sizes: Sizes::default(),
+            general: false,
+            coarse_to_fine: false,
+            iterations: [1, 0],
+            pixels_per_voxel: 1,
+            binning: Binning::Linear,
+            gradient: Gradient::Exact,
+            has_rim: false,
+            smooth: None,
+            betas: [0.0; 2],
+        }
+    }
+}
+
 /// What a solver needs of a plan. Its options implement this.
 pub trait Needs {
     /// The plain part.

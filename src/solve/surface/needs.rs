@@ -6,7 +6,6 @@ use crate::solve::Plan;
 use crate::solve::plan::pass::Pass;
 use crate::solve::plan::{Demand, LeftOut, Level, Needs};
 use crate::transport::kernels::{SURFACE_WEIGHTS, WORKGROUP, buffer, constant};
-use crate::transport::{Binning, Gradient};
 
 /// A pixel no wider than this many bins of path is rendered as one point: paths over it differ by about as many bins
 /// (benches/NOTES.md).
@@ -46,19 +45,7 @@ pub struct OfFit<'o> {
 impl Needs for OfFit<'_> {
     fn demand(&self) -> Demand {
         let SurfaceOptions { accumulation, sizes, general, .. } = *self.options;
-        Demand {
-            accumulation,
-            sizes,
-            general,
-            coarse_to_fine: false,
-            iterations: self.iterations,
-            pixels_per_voxel: 1,
-            binning: Binning::Linear,
-            gradient: Gradient::Exact,
-            has_rim: false,
-            smooth: None,
-            betas: [0.0; 2],
-        }
+        Demand { accumulation, sizes, general, iterations: self.iterations, ..Demand::default() }
     }
 
     /// Points of all pixels of both layers.

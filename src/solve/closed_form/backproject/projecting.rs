@@ -74,7 +74,7 @@ pub struct OfProjection {
 
 impl Needs for OfProjection {
     fn demand(&self) -> Demand {
-        Demand { pixels_per_voxel: self.pixels_per_voxel, ..NoPasses.demand() }
+        Demand { pixels_per_voxel: self.pixels_per_voxel, ..Demand::default() }
     }
 
     fn capacities(&self, levels: &[Level]) -> [usize; 2] {
