@@ -5,7 +5,9 @@ use std::ops::ControlFlow;
 use crate::Result;
 use crate::capture::{Capture, conditioning};
 use crate::gpu::Gpu;
-use crate::maps::{Maps, Truth};
+#[cfg(feature = "formats")]
+use crate::maps::Maps;
+use crate::maps::Truth;
 #[cfg(feature = "formats")]
 use crate::measure::Metrics;
 use crate::resolve::Job;
