@@ -101,7 +101,7 @@ impl<'c> Job<'c> {
     /// Solves. Times of the result include those of the estimates.
     ///
     /// # Errors
-    /// See [`SolverOptions::solve`].
+    /// See [`crate::solve::Solver::solve`].
     pub fn solve(&self, gpu: &Gpu, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         let mut result = self.solver.solve(gpu, &self.problem(), watch)?;
         result.solve_seconds += self.estimates.seconds;

@@ -1,4 +1,4 @@
-//! Whole jobs, from a capture file to result files: [`load`] reads and prepares a capture, [`run()`] reconstructs it and writes
+//! Whole jobs, from a capture file to result files: [`load()`] reads and prepares a capture, [`run()`] reconstructs it and writes
 //! every result.
 
 mod advice;

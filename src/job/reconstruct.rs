@@ -49,7 +49,7 @@ pub struct Iterates {
 /// cancel. `preview` shows the volume on its way.
 ///
 /// # Errors
-/// Those of [`super::SolverOptions::solve`] and of [`metrics()`].
+/// Those of [`crate::solve::Solver::solve`] and of [`metrics()`].
 pub fn solve<'c>(
     request: &Request,
     loaded: &'c Loaded,

@@ -53,7 +53,7 @@ pub struct Outcome {
 ///
 /// # Errors
 /// Before anything is computed: options out of range, a truth that cannot be read, or a place that cannot be written.
-/// Later: the errors of [`SolverOptions::solve`](super::SolverOptions::solve), or a file that cannot be written. No report
+/// Later: the errors of [`crate::solve::Solver::solve`], or a file that cannot be written. No report
 /// is written then.
 pub fn run(
     request: &Request,
@@ -73,7 +73,7 @@ pub fn run(
 ///
 /// # Errors
 /// Options out of range, a truth that cannot be read, and the errors of
-/// [`SolverOptions::solve`](super::SolverOptions::solve).
+/// [`crate::solve::Solver::solve`].
 pub fn solve(
     request: &Request,
     loaded: &Loaded,

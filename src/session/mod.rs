@@ -6,7 +6,7 @@
 //! up whenever a camera or a window keeps that thread busy. So [`Session::submit`] only copies the counts, and
 //! [`Session::poll`] only looks.
 //!
-//! One frame is solved at a time; [`Feed`] says what becomes of others meanwhile. With [`Follow`], a frame begins with the
+//! One frame is solved at a time; [`Feed`] says what becomes of others meanwhile. With [`crate::solve::Follow`], a frame begins with the
 //! solution of the one before. A session may move between threads. Several sessions may share a device, each with
 //! buffers and a thread of its own.
 
@@ -65,7 +65,7 @@ pub struct Session {
 pub struct Canceller(Arc<Shared>);
 
 impl Canceller {
-    /// Cancels the frame that is being solved, if there is one. It ends with [`Kind::Cancelled`] after the block of
+    /// Cancels the frame that is being solved, if there is one. It ends with [`crate::Kind::Cancelled`] after the block of
     /// iterations that the device is at, or with its result if that was the last block.
     pub fn cancel(&self) {
         self.0.cancel();
@@ -181,8 +181,8 @@ impl Session {
     /// dropped, unless every frame counts.
     ///
     /// # Errors
-    /// [`Kind::Input`] if there are too few or too many counts, one is not finite, or there is no signal; single frames of a
-    /// sum may be dark, the sum may not. [`Kind::Options`] if the feed refuses another frame. Nothing changes then.
+    /// [`crate::Kind::Input`] if there are too few or too many counts, one is not finite, or there is no signal; single frames of a
+    /// sum may be dark, the sum may not. [`crate::Kind::Options`] if the feed refuses another frame. Nothing changes then.
     pub fn submit(&mut self, histograms: &[f32]) -> Result<FrameId> {
         self.submitter.submit(histograms)
     }
@@ -192,7 +192,7 @@ impl Session {
     /// were never measured are dark.
     ///
     /// # Errors
-    /// As [`Session::submit`]; [`Kind::Input`] if `measured` does not say so for every pair.
+    /// As [`Session::submit`]; [`crate::Kind::Input`] if `measured` does not say so for every pair.
     pub fn submit_part(&mut self, histograms: &[f32], measured: &[bool]) -> Result<FrameId> {
         self.submitter.submit_part(histograms, measured)
     }
@@ -204,7 +204,7 @@ impl Session {
     /// another came are not: the moments of the other are later.
     ///
     /// # Errors
-    /// [`Kind::Options`] if the session was not made for external frames, the buffers are too small, sums are fed, or the feed
+    /// [`crate::Kind::Options`] if the session was not made for external frames, the buffers are too small, sums are fed, or the feed
     /// refuses another frame. Nothing changes then. What is wrong with the counts shows when the frame is taken.
     pub fn submit_external(&mut self, frame: ExternalFrame) -> Result<FrameId> {
         frame.check(self)?;
@@ -224,7 +224,7 @@ impl Session {
     /// A frame that is solved by now and was not taken before: the last one, or the oldest if every frame counts.
     ///
     /// # Errors
-    /// The frame failed, or was stopped ([`Kind::Cancelled`]). The next one can be submitted.
+    /// The frame failed, or was stopped ([`crate::Kind::Cancelled`]). The next one can be submitted.
     pub fn poll(&mut self) -> Result<Option<&Frame>> {
         self.wait_until(Some(Instant::now()))
     }
@@ -232,7 +232,7 @@ impl Session {
     /// Waits for the next result.
     ///
     /// # Errors
-    /// As [`Session::poll`]; [`Kind::Options`] if no frame was submitted, or its result was taken before.
+    /// As [`Session::poll`]; [`crate::Kind::Options`] if no frame was submitted, or its result was taken before.
     pub fn wait(&mut self) -> Result<&Frame> {
         self.wait_until(None)?.ok_or_else(|| {
             Error::options("no frame is being solved: there is nothing to wait for", "submit a frame first")
