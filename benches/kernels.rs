@@ -1,21 +1,21 @@
 //! Times the passes over pairs on a synthetic scene by the device's clock, every accumulation path in one process.
 //!
-//!     cargo bench --bench kernels [-- FILTER]        THIRDBOUNCE_DEVICE names another device
+//!     cargo bench --bench kernels        THIRDBOUNCE_DEVICE names another device
 //!
-//! Throughput is in pairs: one voxel seen by one laser-sensor pair, in one direction (forward or backward).
+//! Prints pairs per second: one voxel seen by one laser-sensor pair, in one direction (forward or backward).
 
 mod scene;
 
-use std::time::Duration;
-
-use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
-use scene::{ACCUMULATIONS, gpu, job, spent};
+use scene::{ACCUMULATIONS, gpu, job, median, spent};
 use thirdbounce::gpu::Schedule;
 use thirdbounce::solve::{Accumulation, Tuning, paper};
 
-fn kernels(c: &mut Criterion) {
+/// Iterations of which the median is reported.
+const SAMPLES: u32 = 15;
+
+fn main() {
     let gpu = gpu(true);
-    println!("{} ({})", gpu.info.name, gpu.info.driver);
+    println!("{} ({}): pairs per second, median (least to most)", gpu.info.name, gpu.info.driver);
     let (side, active) = (32, 20_480);
     // Straight to the histograms, or through private columns. Chunks for columns stay below lavapipe's loop limit.
     let ways = |a| [(a, 0), (a, 64)].into_iter().filter(|w| w.1 == 0 || w.0 != Accumulation::Owned);
@@ -34,30 +34,25 @@ fn kernels(c: &mut Criterion) {
         let level = *job.plan.finest();
         let start = Schedule::of(|s| paper::initialise(s, &job.plan, &level));
         job.executor.run(&start).expect("the start runs");
-        let pairs = (job.plan.scene.pairs * level.grid.voxels()) as u64;
+        let pairs = (job.plan.scene.pairs * level.grid.voxels()) as f64;
         let kernels: &[&str] = if window == 0 { &["forward", "backward"] } else { &["forward"] };
         for kernel in kernels {
-            let mut group = c.benchmark_group(*kernel);
-            group.throughput(Throughput::Elements(pairs)).sample_size(10);
-            group.warm_up_time(Duration::from_millis(300)).measurement_time(Duration::from_secs(2));
-            let mut name = format!("{accumulation:?}").to_lowercase();
-            if window > 0 {
-                name += &format!("-window-{window}");
-            }
-            group.bench_function(BenchmarkId::from_parameter(name), |b| {
-                b.iter_custom(|count| {
-                    let before = spent(&job, kernel);
-                    for i in 0..count as u32 {
-                        let s = Schedule::of(|s| paper::iteration(s, &job.plan, &level, i % 64, 1));
-                        job.executor.run(&s).expect("an iteration runs");
-                    }
-                    Duration::from_secs_f64(spent(&job, kernel) - before)
-                });
-            });
-            group.finish();
+            let mut rate = |i: u32| {
+                let before = spent(&job, kernel);
+                let s = Schedule::of(|s| paper::iteration(s, &job.plan, &level, i, 1));
+                job.executor.run(&s).expect("an iteration runs");
+                pairs / (spent(&job, kernel) - before)
+            };
+            // The first one compiles, on some drivers.
+            rate(0);
+            let rates: Vec<f64> = (1..=SAMPLES).map(rate).collect();
+            let [least, most] = [f64::min, f64::max].map(|of| rates.iter().copied().reduce(of).unwrap_or(0.0));
+            let columns = if window > 0 { format!(", columns of {window} bins") } else { String::new() };
+            println!(
+                "{kernel:<9} {:<28} {:.2e} ({least:.2e} to {most:.2e})",
+                format!("{accumulation:?}{columns}").to_lowercase(),
+                median(rates),
+            );
         }
     }
 }
-
-criterion_group!(benches, kernels);
-criterion_main!(benches);
