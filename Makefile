@@ -36,11 +36,11 @@ dist: setup
 
 # Kernels and solvers under GPU-assisted validation: the layer checks every access inside the kernels.
 instrumented: setup
-	THIRDBOUNCE_UNOPTIMISED=1 THIRDBOUNCE_TEST_INSTRUMENTED=1 cargo test --locked --test kernels --test solvers
+	THIRDBOUNCE_UNOPTIMISED=1 THIRDBOUNCE_TEST_INSTRUMENTED=1 cargo test --release --locked --test kernels --test solvers
 
 # The C and C++ programs under the address, undefined-behaviour and thread sanitizers.
 sanitize: setup
-	cargo test --locked --package thirdbounce-capi -- --ignored
+	cargo test --release --locked --package thirdbounce-capi -- --ignored
 
 # The long tests: long runs, every injected fault, whole solves of every kind. Those of reliability write benches/results/reliability.tsv.
 soak: setup
