@@ -46,7 +46,8 @@ fn main() {
             // The first one compiles, on some drivers.
             rate(0);
             let rates: Vec<f64> = (1..=SAMPLES).map(rate).collect();
-            let [least, most] = [f64::min, f64::max].map(|of| rates.iter().copied().reduce(of).unwrap_or(0.0));
+            let [least, most] =
+                [f64::min, f64::max].map(|of| rates.iter().copied().reduce(of).unwrap_or(0.0));
             let columns = if window > 0 { format!(", columns of {window} bins") } else { String::new() };
             println!(
                 "{kernel:<9} {:<28} {:.2e} ({least:.2e} to {most:.2e})",
