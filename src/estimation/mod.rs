@@ -604,12 +604,20 @@ impl<'t> Search<'t> {
         if bins < self.narrowest || bins >= pulse::WIDEST {
             return Ok(Shape::SHARP);
         }
-        let mut each = vec![];
+        let mut each: Vec<Option<Left>> = vec![];
         for share in pulse::SHARES {
             each.push(self.left(reflectance, Shape::of(length, share))?);
+            // Longer tails are worse than one that is worse than none.
+            if let [Some(plain), Some(tailed)] = &each[..]
+                && tailed.share() >= plain.share()
+            {
+                break;
+            }
         }
         // A shape without a surface is no better one.
-        let shares = std::array::from_fn(|i| each[i].as_ref().map_or(f64::INFINITY, Left::share));
+        let share_of =
+            |left: Option<&Option<Left>>| left.and_then(Option::as_ref).map_or(f64::INFINITY, Left::share);
+        let shares = std::array::from_fn(|i| share_of(each.get(i)));
         let least = each.iter().flatten().min_by(|a, b| a.share().total_cmp(&b.share()));
         let is_tailed =
             each[0].as_ref().is_none_or(|plain| least.is_some_and(|least| is_worth(least, plain)));
