@@ -530,7 +530,11 @@ impl Fits<'_> {
             return Ok((driven, Support::Closed));
         }
         let (mut closed, step) = (closed.to_vec(), std::mem::replace(&mut fit.step, 1.0));
-        let (driven, quality) = fit.run(&mut closed, self.run(rounds_of::OF_CLOSED, 0), watch, driven)?;
+        let points = driven.trace.len();
+        let run = self.run(rounds_of::OF_CLOSED, 0);
+        let (mut driven, quality) = fit.run(&mut closed, run, watch, driven)?;
+        // It only judges: the trace is that of what becomes the result.
+        driven.trace.truncate(points);
         let closed = quality.map(|quality| Candidate::of(fit, closed, quality)).transpose()?;
         fit.step = step;
         // A back-projection has too much haze to be trusted with a support.

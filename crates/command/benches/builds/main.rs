@@ -42,6 +42,9 @@ use thirdbounce_command::benchmark::cases::{self, Case, Files};
 use thirdbounce_command::benchmark::{Benchmark, Mark, Sides, benchmark, finish};
 
 fn main() -> ExitCode {
+    // Cargo runs benches in the folder of their package; paths are given from the repository's.
+    std::env::set_current_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/../.."))
+        .expect("the repository is there");
     let done = tempfile::tempdir().map_err(|e| e.to_string()).and_then(|temporary| {
         let arguments = Arguments::read(temporary.path())?;
         compare(&arguments, temporary.path())
