@@ -68,8 +68,6 @@ mod rounds_of {
     pub const SCHEDULED: usize = 45;
     /// Another support than the closed form's must lower what is left beyond noise by this factor, where the model leaves much.
     pub const WORTH: f64 = 0.5;
-    /// Iterations of a fit of the closed form's support that judges it.
-    pub const OF_CLOSED: usize = 30;
     /// What noise adds to the share of the typical evidence above which a pixel of a closed form's support is surface.
     pub const MASK: f32 = 0.2;
 }
@@ -93,7 +91,7 @@ impl SurfaceOptions {
     fn most_iterations(&self) -> [usize; 2] {
         let [coarse, fine] = rounds_of::NUMBER;
         // The support of the closed form may be judged, too.
-        let of = |rounds: usize| rounds * rounds_of::ITERATIONS + rounds_of::OF_CLOSED;
+        let of = |rounds: usize| rounds * rounds_of::ITERATIONS + self.iterations;
         match (self.grow, self.factor()) {
             (false, _) => [0, self.iterations],
             (true, 1) => [0, of(coarse) + self.iterations],
@@ -531,7 +529,7 @@ impl Fits<'_> {
         }
         let (mut closed, step) = (closed.to_vec(), std::mem::replace(&mut fit.step, 1.0));
         let points = driven.trace.len();
-        let run = self.run(rounds_of::OF_CLOSED, 0);
+        let run = self.run(self.options.iterations, 0);
         let (mut driven, quality) = fit.run(&mut closed, run, watch, driven)?;
         // It only judges: the trace is that of what becomes the result.
         driven.trace.truncate(points);
