@@ -310,6 +310,19 @@ fn captures_without_light_leave_nothing_behind() {
 
 /// Few pairs, few bins, few pixels: every solve ends with maps that hold.
 #[test]
+fn a_fixed_support_has_the_resolution_of_the_maps() {
+    let (capture, _) = sphere();
+    let volume = default_volume(capture, 0.2).unwrap();
+    for lateral in [64, 128] {
+        let o = SolverOptions::from(short(capture).with(|o| (o.lateral, o.grow) = (lateral, false)));
+        let grid = Grid::new(volume, lateral, 0.015).unwrap();
+        let mut hear = |_: &_| ControlFlow::Continue(());
+        let done = o.solve(&gpu(), &Problem::new(capture, grid), &mut unwatched(&mut hear)).unwrap();
+        assert!(done.maps.nx == lateral && done.maps.mask.contains(&true));
+    }
+}
+
+#[test]
 fn small_and_odd_inputs_end_well() {
     let gpu = gpu();
     let (capture, _) = sphere();

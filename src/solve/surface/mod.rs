@@ -395,7 +395,8 @@ impl Fits<'_> {
         watch: &mut Watch<'_>,
         mut driven: Driven,
     ) -> Result<FitResult> {
-        let factor = self.options.factor();
+        // Without rounds the closed form has the resolution of the maps.
+        let factor = if coarse.is_some() { self.options.factor() } else { 1 };
         let mut support = if self.options.grow { Support::Open } else { Support::Closed };
         let begin = driven.seconds;
         if let Some(coarse) = coarse {
