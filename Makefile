@@ -19,9 +19,9 @@ demo: build
 
 # With the dependencies and the library that `make demo` built. Unit tests compute little: compiled without optimisation, and with
 # the checks of a debug build, they are there in a third of the time.
-UNCHECKED := CARGO_PROFILE_RELEASE_OPT_LEVEL=0 CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS=true
+UNOPTIMISED := CARGO_PROFILE_RELEASE_OPT_LEVEL=0 CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS=true
 test: setup
-	$(UNCHECKED) .ci/timed cargo test --release --locked --lib
+	$(UNOPTIMISED) .ci/timed cargo test --release --locked --lib
 	.ci/timed cargo build --release --locked --examples
 	.ci/timed cargo test --release --locked --package thirdbounce --package thirdbounce-command --package thirdbounce-capi --bins --test '*'
 	.ci/timed cargo test --release --locked --doc

@@ -58,7 +58,7 @@ void main() {
         float size = pixel_size();
         for (uint k = gl_LocalInvocationID.y; k < 8u; k += PIXEL_LANES) {
             uint column = column_beside(pixel, k);
-            uint other = column == NOWHERE ? NOWHERE : pixel_at(column);
+            uint other = pixel_at(column);
             if (other == NOWHERE) continue;
             float weight = bond(k, bond_depths[column] - bond_depths[pixels[pixel]]);
             vec2 d = vec2(AROUND[k]) * pixel_pitch();

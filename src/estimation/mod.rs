@@ -412,18 +412,16 @@ impl<'t> Search<'t> {
             best.push(self.candidate(*model, Origin::Closed, From::ClosedForm)?);
         }
         if self.finds_start {
-            let excess = |fit: &Option<(Fitted, usize)>| fit.as_ref().map(|(fit, _)| fit.surface.excess());
-            let least = best.iter().filter_map(excess).fold(f64::INFINITY, f64::min);
+            let excesses: Vec<Option<f64>> =
+                best.iter().map(|fit| fit.as_ref().map(|(fit, _)| fit.surface.excess())).collect();
+            let least = excesses.iter().copied().flatten().fold(f64::INFINITY, f64::min);
             // The volume is that of the best model so far.
             let mut order: Vec<usize> = (0..models.len()).collect();
-            order.sort_by(|a, b| {
-                excess(&best[*a]).unwrap_or(least).total_cmp(&excess(&best[*b]).unwrap_or(least))
-            });
+            order.sort_by(|a, b| excesses[*a].unwrap_or(least).total_cmp(&excesses[*b].unwrap_or(least)));
             let mut volume: Option<Vec<Maps>> = None;
             for at in order {
                 let from = volume.as_deref().map_or(From::Volume, From::Layers);
-                if excess(&best[at]).is_some_and(|excess| excess < NOTHING_LEFT || excess > HOPELESS * least)
-                {
+                if excesses[at].is_some_and(|excess| excess < NOTHING_LEFT || excess > HOPELESS * least) {
                     self.pace.pass(from.iterations());
                     continue;
                 }
@@ -615,9 +613,8 @@ impl<'t> Search<'t> {
             }
         }
         // A shape without a surface is no better one.
-        let share_of =
-            |left: Option<&Option<Left>>| left.and_then(Option::as_ref).map_or(f64::INFINITY, Left::share);
-        let shares = std::array::from_fn(|i| share_of(each.get(i)));
+        let shares =
+            std::array::from_fn(|i| each.get(i).and_then(Option::as_ref).map_or(f64::INFINITY, Left::share));
         let least = each.iter().flatten().min_by(|a, b| a.share().total_cmp(&b.share()));
         let is_tailed =
             each[0].as_ref().is_none_or(|plain| least.is_some_and(|least| is_worth(least, plain)));

@@ -29,7 +29,7 @@ pub struct SessionOptions {
     pub with_volume: bool,
     /// A frame that takes longer is stopped.
     pub time_limit: Option<Duration>,
-    /// Hears of the progress.
+    /// Is called with the progress.
     pub hear: Option<Hear>,
     /// Give `hear` the maps after every Nth iteration.
     pub maps_every: Option<usize>,

@@ -32,7 +32,7 @@ pub trait HostMethod: Options + Clone + Send + Sync + 'static {
     /// Names and bytes of the arrays that it holds at the same time, at most.
     fn arrays(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<(Buffer, u64)>;
 
-    /// What there is to choose from where the options leave its sharpness open; `None` if they do not.
+    /// The parameter of the sharpness and its candidates; `None` if the options give it.
     fn ladder(&self) -> Option<Ladder> {
         None
     }

@@ -57,7 +57,7 @@ impl Needs for NoPasses {
     fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
 }
 
-/// Computes the volume, with the sharpness that was chosen for it, tells the watch before and after, and makes the maps.
+/// Computes the volume with the chosen sharpness, reports progress before and after, and makes the maps.
 /// `step` is the distance of scan points, metres, and `share` that of the mask.
 ///
 /// # Errors
@@ -105,7 +105,7 @@ fn first_point(plan: &Plan, grid: &Grid) -> TracePoint {
     }
 }
 
-/// Tells the watch.
+/// Reports progress to the watch.
 ///
 /// # Errors
 /// It cancels ([`Kind::Cancelled`]).
