@@ -12,7 +12,8 @@ use serde::{Deserialize, Serialize};
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
-use crate::solve::surface::start::plane;
+use crate::solve::learned::SURE;
+use crate::solve::surface::start::{self, plane};
 use crate::solve::surface::{Candidate, HeldOut, Start, Starts};
 use crate::solve::{
     Begun, Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, TracePoint, Watch,
@@ -83,6 +84,10 @@ pub struct Estimates {
     /// The instrument's impulse response, if it was estimated.
     #[serde(default)]
     pub pulse: Option<FoundPulse>,
+    /// The share of the union of the network's mask and the true one that both have, as the network expects, if the surface begins
+    /// with what it sees.
+    #[serde(default)]
+    pub expected_iou: Option<f64>,
     /// Surfaces of sharp paths from several starts, with what decided between them.
     #[serde(default)]
     pub candidates: Vec<FoundSurface>,
@@ -112,8 +117,16 @@ pub struct EstimateSeconds {
 impl Estimates {
     /// The estimates as sentences.
     pub fn notes(&self) -> Vec<String> {
+        let start = self.expected_iou.map(|iou| {
+            format!(
+                "the surface begins with what the network sees; it expects an IoU of {iou:.2} (`--begin lct` or `fbp` begins \
+                 with a closed form)"
+            )
+        });
         let high_pass = self.high_pass.iter().map(FoundHighPass::note);
-        high_pass
+        start
+            .into_iter()
+            .chain(high_pass)
             .chain(self.model.iter().map(FoundModel::note))
             .chain(self.pulse.iter().map(FoundPulse::note))
             .collect()
@@ -166,10 +179,11 @@ pub fn estimate(
     }
     let usual = request.solver.common().reflectance;
     let mut tried = vec![];
-    let (mut high_pass, mut begun, mut candidates) = (None, None, vec![]);
+    let (mut high_pass, mut begun, mut candidates, mut expected_iou) = (None, None, vec![], None);
     let mut stages = EstimateSeconds::default();
     let searched = Search::new(request, capture, gpu, hear).and_then(|mut search| {
         stages.start = start.elapsed().as_secs_f64();
+        expected_iou = search.starts.seen.as_ref().map(|seen| seen.expected_iou());
         if finds_high_pass {
             high_pass = Some(search.find_high_pass(capture)?);
         }
@@ -184,7 +198,8 @@ pub fn estimate(
         {
             candidates[best.candidate].kept = true;
             let Candidate { layers, step, .. } = best.fitted.surface;
-            begun = Some(Begun { layers, closed: search.starts.layers.clone(), step });
+            let Starts { layers: closed, seen, .. } = Starts::clone(&search.starts);
+            begun = Some(Begun { layers, closed, seen, step });
         }
         found
     });
@@ -198,7 +213,7 @@ pub fn estimate(
     let seconds = start.elapsed().as_secs_f64();
     let model = finds_model.then(|| FoundModel::of(reflectance, &tried, failed.clone()));
     let pulse = pulse.map(|shape| FoundPulse::of(shape, reflectance, &tried, stages.pulse, failed));
-    Ok(Estimates { model, high_pass, pulse, candidates, seconds, stages, begun })
+    Ok(Estimates { model, high_pass, pulse, expected_iou, candidates, seconds, stages, begun })
 }
 
 /// A surface that short fits found, judged on the pairs that are held out.
@@ -222,6 +237,8 @@ pub struct FoundSurface {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Origin {
+    /// The network.
+    Learned,
     /// The closed form.
     Closed,
     /// A coarse volume.
@@ -347,14 +364,20 @@ impl<'t> Search<'t> {
             FindPulse::IfItShows => ITERATIONS[1],
             FindPulse::Always => FitProgress::OF_PULSE,
         };
-        let expected = (high_pass + models * starts) * From::ClosedForm.iterations() + pulse;
+        let expected = (high_pass + models * starts) * From::Start.iterations() + pulse;
         let pace = FitProgress { begun: Instant::now(), done: 0, expected };
         let mut watch_hear = |p: &Progress| hear(&pace.of(&Progress { iterations: 0, ..p.clone() }));
         let mut watch = Watch { hear: &mut watch_hear, maps_every: None, maps_at: &[] };
         let problem = Problem { memory: request.memory, ..Problem::new(&whole, grid) };
-        let starts = Arc::new(match Start::new(gpu, &problem, &options)? {
-            Some(mut start) => start.layers(&whole, options.iterations, &mut watch)?,
-            None => Starts { layers: vec![plane(&whole, &grid, options.background)], light: None },
+        let starts = Arc::new(match start::seen(&options, capture, &grid)? {
+            Some(seen) => Starts { layers: vec![seen.maps(&grid, SURE)], seen: Some(seen), light: None },
+            None => match Start::new(gpu, &problem, &options)? {
+                Some(mut start) => start.layers(&whole, options.iterations, &mut watch)?,
+                None => {
+                    let layers = vec![plane(&whole, &grid, options.background)];
+                    Starts { layers, seen: None, light: None }
+                }
+            },
         });
         let whole = Arc::new(whole);
         let of_solve =
@@ -384,7 +407,7 @@ impl<'t> Search<'t> {
     fn find_high_pass(&mut self, capture: &Capture) -> Result<FoundHighPass> {
         let length = usual_high_pass(capture);
         let first = self.trials[0].reflectance();
-        let fitted = self.fit(first, Shape::SHARP, From::ClosedForm)?;
+        let fitted = self.fit(first, Shape::SHARP, From::Start)?;
         let bands = fitted.map_or([f64::NAN; 2], |fitted| fitted.held.bands(length));
         let found = FoundHighPass::of(length, bands);
         self.trials.iter_mut().for_each(|trial| trial.set_high_pass([found.length, found.floor]));
@@ -408,10 +431,11 @@ impl<'t> Search<'t> {
     fn fit_sharp(&mut self) -> Result<()> {
         let models: Vec<Reflectance> = self.trials.iter().map(Trial::reflectance).collect();
         let mut best: Vec<Option<(Fitted, usize)>> = vec![];
+        let origin = if self.starts.seen.is_some() { Origin::Learned } else { Origin::Closed };
         for model in &models {
-            best.push(self.candidate(*model, Origin::Closed, From::ClosedForm)?);
+            best.push(self.candidate(*model, origin, From::Start)?);
         }
-        if self.finds_start {
+        if self.finds_start && self.starts.seen.is_none() {
             let excesses: Vec<Option<f64>> =
                 best.iter().map(|fit| fit.as_ref().map(|(fit, _)| fit.surface.excess())).collect();
             let least = excesses.iter().copied().flatten().fold(f64::INFINITY, f64::min);

@@ -27,8 +27,8 @@ pub struct Trial<'c> {
 /// What a fit begins with.
 #[derive(Debug, Clone, Copy)]
 pub enum From<'l> {
-    /// The closed form.
-    ClosedForm,
+    /// The network or the closed form.
+    Start,
     /// A coarse volume.
     Volume,
     /// The same with its layers, of another model.
@@ -106,7 +106,7 @@ impl<'c> Trial<'c> {
         fit.take(&self.capture)?;
         fit.step = step;
         let mut layers = match from {
-            From::ClosedForm => self.starts.layers.clone(),
+            From::Start => self.starts.layers.clone(),
             From::Layers(layers) | From::Fit(layers, _) => layers.to_vec(),
             From::Volume => {
                 let light = self.starts.light.as_ref();

@@ -89,6 +89,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "high_pass_found": done.job.estimates.high_pass,
         "sharpness_found": result.sharpness,
         "background_taken_off": background_of(loaded, done),
+        "expected_iou": done.job.estimates.expected_iou,
         "candidates": done.job.estimates.candidates,
         "trials_s": done.job.estimates.seconds,
         "gate_was_found": loaded.gate.is_some() && request.settings.gate.is_none(),

@@ -13,6 +13,8 @@ mod discretisation;
 pub(crate) mod drive;
 mod estimate;
 mod extent;
+#[doc(hidden)]
+pub mod learned;
 mod on_device;
 pub mod option;
 mod outline;

@@ -46,6 +46,8 @@ pub struct SceneTraits {
     pub reflectance: Reflectance,
     /// Unit of defaults that are lengths, metres ([`Capture::unit`]).
     pub unit: f64,
+    /// Width of the scanned wall, metres.
+    pub wall: f64,
     /// Pairs that hold enough light: 1,024, or more where photons are few.
     pub pairs: usize,
 }
@@ -57,12 +59,24 @@ impl SceneTraits {
         confocal: true,
         reflectance: Reflectance::Cosine,
         unit: 1.0,
+        wall: 1.0,
         pairs: LEAST_PAIRS,
     };
 
+    /// No surface is nearer than this by default, metres: a tenth of the wall, where the box of the network begins.
+    pub fn near(&self) -> f64 {
+        crate::solve::learned::NEAR * self.wall
+    }
+
     /// The properties that follow from a scan: its kind of pairs, the width of its wall. The rest is as usual.
     pub fn of(capture: &Capture) -> SceneTraits {
-        SceneTraits { confocal: capture.is_nearly_confocal(), unit: capture.unit(), ..SceneTraits::DEFAULT }
+        let [x0, x1, y0, y1] = capture.wall_extent();
+        SceneTraits {
+            confocal: capture.is_nearly_confocal(),
+            unit: capture.unit(),
+            wall: (x1 - x0).max(y1 - y0),
+            ..SceneTraits::DEFAULT
+        }
     }
 
     /// Whether histograms were captured.

@@ -1,5 +1,8 @@
 //! What every method can do that turns a capture into maps, and the problem that it is given.
 
+use std::sync::Arc;
+
+use super::learned::LearnedStart;
 use super::option::Options;
 use super::{Accumulation, Plan, Prepared, Reconstruction, Sizes, TimedSchedule, Watch};
 use crate::Result;
@@ -118,8 +121,10 @@ pub struct Problem<'c> {
 pub struct Begun {
     /// Its layers.
     pub layers: Vec<Maps>,
-    /// Those of the closed form.
+    /// Those of its start.
     pub closed: Vec<Maps>,
+    /// What the network sees, if that is the start.
+    pub seen: Option<Arc<LearnedStart>>,
     /// The length of the last steps, as a share of the longest ones.
     pub step: f64,
 }

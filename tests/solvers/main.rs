@@ -5,6 +5,7 @@ mod closed_form;
 mod depth_error;
 mod external;
 mod layers;
+mod learned;
 mod leave_out;
 mod live;
 mod outline;

@@ -27,7 +27,7 @@ options! {
         }
         "Domain" {
             /// Nothing nearer than this is reconstructed, metres
-            min_depth: f64 = 0.2 * scene.unit, Range::Length;
+            min_depth: f64 = scene.near(), Range::Length;
         }
         "Upsampling" {
             /// Make the scan N times finer along x and y, with points between the measured ones; closed-form

@@ -18,6 +18,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::drive::{Driven, Watch};
+use super::learned::{self, LearnedStart};
 use super::result::finish;
 use super::{
     Begun, Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap,
@@ -255,12 +256,20 @@ impl PreparedSurface {
         let (begun, seconds) = match self.begun.clone() {
             Some(begun) => (begun, 0.0),
             None => {
-                let (closed, seconds) = self.start(captures[0], watch)?;
-                (Begun { layers: closed.clone(), closed, step: 1.0 }, seconds)
+                let clock = Instant::now();
+                let seen = start::seen(&self.options, captures[1], &self.first_grid)?;
+                let (closed, seconds) = match &seen {
+                    Some(seen) => {
+                        (vec![seen.maps(&self.first_grid, learned::SURE)], clock.elapsed().as_secs_f64())
+                    }
+                    None => self.start(captures[0], watch)?,
+                };
+                (Begun { layers: closed.clone(), closed, seen, step: 1.0 }, seconds)
             }
         };
         let of = self.options.most_iterations().iter().sum();
-        let fits = Fits { options: &self.options, of, blends: self.blends, until };
+        let seen = begun.seen.clone();
+        let fits = Fits { options: &self.options, of, blends: self.blends, seen, until };
         let driven = Driven { seconds, ..Driven::begun(begun.closed[0].clone(), *self.fine.plan().finest()) };
         fits.cold(self.coarse.as_mut(), &mut self.fine, captures, begun, watch, driven)
     }
@@ -304,7 +313,8 @@ impl PreparedSurface {
         if rounds > 0 {
             wanted = follow::after_rounds(wanted, self.coarse.is_some());
         }
-        let fits = Fits { options: &self.options, of: rounds * each + wanted, blends: self.blends, until };
+        let of = rounds * each + wanted;
+        let fits = Fits { options: &self.options, of, blends: self.blends, seen: None, until };
         let plan = [rounds, each, wanted];
         let last = PreviousFrame { layers, left, closed, is_whole };
         fits.warm(&mut self.fine, last, seen, plan, watch, driven).map(Some)
@@ -358,6 +368,8 @@ struct Fits<'o> {
     options: &'o SurfaceOptions,
     /// The closed form is the light-cone transform. A back-projection has too much haze to tell where a surface ends.
     blends: bool,
+    /// What the network sees, if that is the start.
+    seen: Option<Arc<LearnedStart>>,
     /// Iterations in all, at most.
     of: usize,
     /// Fits end at this time.
@@ -391,7 +403,7 @@ impl Fits<'_> {
         coarse: Option<&mut Fit>,
         fine: &mut Fit,
         [wide, capture]: [&Capture; 2],
-        Begun { mut layers, closed, mut step }: Begun,
+        Begun { mut layers, closed, mut step, .. }: Begun,
         watch: &mut Watch<'_>,
         mut driven: Driven,
     ) -> Result<FitResult> {
@@ -399,6 +411,7 @@ impl Fits<'_> {
         let factor = if coarse.is_some() { self.options.factor() } else { 1 };
         let mut support = if self.options.grow { Support::Open } else { Support::Closed };
         let begin = driven.seconds;
+        let fitted: Vec<Maps> = layers.iter().map(|maps| support::finer(maps, factor)).collect();
         if let Some(coarse) = coarse {
             if !self.is_late() {
                 driven = taken(coarse, wide, driven)?;
@@ -409,7 +422,15 @@ impl Fits<'_> {
             }
             layers = layers.iter().map(|maps| support::finer(maps, factor)).collect();
         }
-        let closed_fine: Vec<Maps> = closed.iter().map(|maps| support::finer(maps, factor)).collect();
+        let closed_fine: Vec<Maps> = match &self.seen {
+            // On the depths that fits found.
+            Some(seen) => {
+                let mut maps = seen.maps(&fine.plan().levels.maps, learned::POSSIBLE);
+                support::take_over(&mut maps, &fitted);
+                vec![maps]
+            }
+            None => closed.iter().map(|maps| support::finer(maps, factor)).collect(),
+        };
         driven = taken(fine, capture, driven)?;
         fine.step = step;
         if support == Support::Open && !self.is_late() {
@@ -424,6 +445,11 @@ impl Fits<'_> {
         let (next, mut quality) =
             fine.run(&mut layers, self.run(self.options.iterations, 0), watch, driven)?;
         driven = next;
+        if quality.is_none() && self.seen.is_some() && !is_closed {
+            // What grew explains no light: what the network sees may.
+            (layers, fine.step, is_closed) = (closed_fine.clone(), 1.0, true);
+            (driven, quality) = fine.run(&mut layers, self.run(self.options.iterations, 0), watch, driven)?;
+        }
         if quality.is_none() {
             // No fit explains light: what the closed form shows of it is all there is.
             let seen = fine.seen(&closed_fine)?;
@@ -443,12 +469,20 @@ impl Fits<'_> {
     /// The maps of fitted layers. `closed`: the layers of the closed form, if their support is that of the surface.
     fn shown(&self, layers: &[Maps], closed: Option<&[Maps]>, quality: Option<Quality>) -> Maps {
         let mut shown = layers.to_vec();
-        if let Some(closed) = closed.filter(|_| self.options.grow && self.blends) {
+        if let Some(closed) = closed.filter(|_| self.options.grow && self.blends && self.seen.is_none()) {
             for (fitted, first) in shown.iter_mut().zip(closed) {
                 support::blend(fitted, &first.finer(fitted.nx / first.nx));
             }
         }
-        concluded(shown, quality, closed.is_some())
+        let mut maps = concluded(shown, quality, closed.is_some());
+        if let Some(seen) = self.seen.as_ref().filter(|_| closed.is_some() && quality.is_some()) {
+            maps.mask = support::weighed(&maps, &seen.probabilities(&maps));
+        }
+        // No fit explains light: what the network sees is all there is.
+        if let Some(seen) = self.seen.as_ref().filter(|_| !maps.mask.contains(&true)) {
+            maps = seen.maps_like(&maps);
+        }
+        maps
     }
 
     /// Fits from the previous frame's surface: maximum rounds, iterations per round, and final iterations.
@@ -525,7 +559,7 @@ impl Fits<'_> {
         if grown.is_coherent() {
             return Ok((driven, Support::Open));
         }
-        if self.is_late() {
+        if self.is_late() || self.seen.is_some() {
             return Ok((driven, Support::Closed));
         }
         let (mut closed, step) = (closed.to_vec(), std::mem::replace(&mut fit.step, 1.0));

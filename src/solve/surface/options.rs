@@ -11,12 +11,15 @@ use crate::transport::{HighPass, Reflectance};
 /// The least floor of a high-pass. With none, the amount of slowly changing light would be undetermined.
 pub const LEAST_FLOOR: f64 = 0.1;
 
-/// The closed-form method that initialises the surface.
+/// What initialises the surface.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Begin {
-    /// The light-cone transform where the capture allows it, else the filtered back-projection.
+    /// The network where it sees a surface; else the light-cone transform where the capture allows it, and the filtered
+    /// back-projection where it does not.
     Auto,
+    /// The network.
+    Learned,
     /// The light-cone transform.
     Lct,
     /// The filtered back-projection.
@@ -54,12 +57,12 @@ options! {
         }
         "Domain" {
             /// No surface is nearer than this, metres
-            min_depth: f64 = 0.2 * scene.unit, Range::Length;
+            min_depth: f64 = scene.near(), Range::Length;
         }
         "Surface" {
-            /// Closed-form method that initialises the surface: lct, fbp, or a plane at the depth of the first returns. auto
-            /// is lct where the capture allows it, else fbp
-            begin: Begin = Begin::Auto, Range::Words(&["auto", "lct", "fbp", "plane"]);
+            /// What initialises the surface: learned (a network that looks at back-projections), lct, fbp, or a plane at the
+            /// depth of the first returns. auto is learned where the network sees a surface, else lct or fbp
+            begin: Begin = Begin::Auto, Range::Words(&["auto", "learned", "lct", "fbp", "plane"]);
             /// Support of the surface: auto grows and shrinks it by the evidence of the data, fixed keeps the pixels that
             /// the closed form shows
             grow as "support": bool = true, Range::Words(&["fixed", "auto"]);

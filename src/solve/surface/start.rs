@@ -2,6 +2,7 @@
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use super::layers::{least_columns, split};
 use super::support::{remove, retain_regions};
@@ -10,6 +11,7 @@ use crate::capture::{Background, Capture};
 use crate::gpu::Gpu;
 use crate::maps::{Maps, percentile};
 use crate::solve::closed_form::{FbpOptions, LctOptions};
+use crate::solve::learned::{self, LearnedStart};
 use crate::solve::{Prepared, Problem, Progress, Solver, TracePoint, VolumeMap, Watch};
 use crate::transport::Grid;
 use crate::{Error, Result};
@@ -37,13 +39,44 @@ const DIP: f32 = 0.5;
 /// Pairs of a filtered back-projection: as many as its coarse voxels need.
 const PROJECTED: usize = 1024;
 
+/// Expected IoU below which the network is not trusted.
+const TRUSTED: f64 = 0.3;
+
 /// What surfaces may begin with.
 #[derive(Debug, Clone)]
 pub(crate) struct Starts {
-    /// The layers of a closed form, with the brightest albedo 1, or of a plane.
+    /// The layers of the network or of a closed form, with the brightest albedo 1, or of a plane.
     pub layers: Vec<Maps>,
+    /// What the network sees, if that is the start.
+    pub seen: Option<Arc<LearnedStart>>,
     /// The volume of the closed form.
     pub light: Option<VolumeMap>,
+}
+
+/// What the network sees of a capture on a grid, if it is to begin with that; `None`: a closed form or a plane begins.
+///
+/// # Errors
+/// `Kind::Input`: the network is requested, and has too few pairs or sees nothing.
+pub(crate) fn seen(
+    options: &SurfaceOptions,
+    capture: &Capture,
+    grid: &Grid,
+) -> Result<Option<Arc<LearnedStart>>> {
+    let is_asked = options.begin == Begin::Learned;
+    if !is_asked && options.begin != Begin::Auto {
+        return Ok(None);
+    }
+    let seen = LearnedStart::of(capture)?.filter(|seen| {
+        let is_trusted = is_asked || seen.expected_iou() >= TRUSTED;
+        is_trusted && seen.maps(grid, learned::SURE).mask.contains(&true)
+    });
+    if is_asked && seen.is_none() {
+        return Err(Error::input(
+            format!("the network sees no surface in {} pairs", capture.pair_count()),
+            "begin with lct or fbp, or with auto",
+        ));
+    }
+    Ok(seen.map(Arc::new))
 }
 
 /// A closed-form method that is prepared to initialise surfaces of one scan.
@@ -130,8 +163,8 @@ pub(crate) fn method(
             takes.map_err(|e| Error::input(e.what, "begin with fbp, with a plane, or with auto"))?;
             Some(ClosedForm::Lct(lct))
         }
-        Begin::Auto if takes.is_ok() => Some(ClosedForm::Lct(lct)),
-        Begin::Auto | Begin::Fbp => Some(ClosedForm::Fbp(FbpOptions::default().with(|o| {
+        Begin::Auto | Begin::Learned if takes.is_ok() => Some(ClosedForm::Lct(lct)),
+        Begin::Auto | Begin::Learned | Begin::Fbp => Some(ClosedForm::Fbp(FbpOptions::default().with(|o| {
             o.lateral = lateral;
             o.image = lct.image;
         }))),
@@ -182,7 +215,7 @@ fn of_method(
         retain_regions(maps, |maps, region| region.iter().any(|p| most * maps.albedo[*p] > noise));
     }
     let layers = second.and_then(|second| split(&first, &second, least_columns(first.nx)));
-    Ok(Starts { layers: layers.map_or_else(|| vec![first], Vec::from), light: solved.volume })
+    Ok(Starts { layers: layers.map_or_else(|| vec![first], Vec::from), seen: None, light: solved.volume })
 }
 
 /// The second maximum of each column of a volume: the largest value beyond the dips on both sides of the first maximum.

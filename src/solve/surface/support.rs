@@ -36,6 +36,8 @@ mod constants {
     pub const SMOOTH: f64 = 1.0 / 80.0;
     /// Smallest island as a share of the maps' pixels.
     pub const ISLAND: f64 = 16.0 / 4096.0;
+    /// Weight of the logarithm of a pixel's evidence beside the logarithm of its odds.
+    pub const EVIDENCE: f32 = 1.0;
     /// Pixels of one island differ by at most this slope.
     pub const EDGE: f32 = 2.5;
 }
@@ -277,6 +279,49 @@ pub fn blend(maps: &mut Maps, first: &Maps) {
     for (albedo, first) in maps.albedo.iter_mut().zip(&first.albedo) {
         *albedo = (*albedo * first.max(0.0) * own / other).sqrt();
     }
+}
+
+/// Pixels that have a surface in fitted layers, too, take it over; the others have the typical albedo of these.
+pub fn take_over(maps: &mut Maps, fitted: &[Maps]) {
+    let typical = typical_albedo(fitted).unwrap_or(1.0);
+    for pixel in (0..maps.depth.len()).filter(|p| maps.depth[*p].is_finite()).collect::<Vec<_>>() {
+        maps.albedo[pixel] = typical;
+        if let Some(from) = fitted.iter().find(|from| from.depth[pixel].is_finite()) {
+            maps.albedo[pixel] = from.albedo[pixel];
+            (maps.depth[pixel], maps.normal[pixel]) = (from.depth[pixel], from.normal[pixel]);
+        }
+    }
+}
+
+/// The mask of a surface by the probabilities of its pixels, changed by their evidence: smoothed albedo against the typical one of
+/// the same object, the brightest object does not decide on others.
+pub fn weighed(maps: &Maps, probability: &[f32]) -> Vec<bool> {
+    let edge = edge(maps);
+    let there: Vec<bool> = maps.depth.iter().map(|z| z.is_finite()).collect();
+    let objects = regions(
+        &there,
+        |pixel| around(maps, pixel, 1).map(|(other, _)| other),
+        |pixel, other, _| (maps.depth[other] - maps.depth[pixel]).abs() < edge,
+    );
+    let mut mask = vec![false; there.len()];
+    for object in objects {
+        let mut alone = Maps { mask_fraction: None, ..Maps::empty([maps.nx, maps.ny], maps.extent) };
+        for pixel in &object {
+            alone.albedo[*pixel] = maps.albedo[*pixel];
+            alone.depth[*pixel] = maps.depth[*pixel];
+            alone.normal[*pixel] = maps.normal[*pixel];
+        }
+        let one = std::slice::from_ref(&alone);
+        let Some(typical) = typical_albedo(one) else { continue };
+        let least = share(flatness(one, typical)) * typical;
+        let smooth = smoothed(&alone, typical);
+        for pixel in object {
+            let p = probability[pixel].clamp(1e-4, 1.0 - 1e-4);
+            let evidence = (smooth[pixel] / least).max(1e-4).ln();
+            mask[pixel] = (p / (1.0 - p)).ln() + EVIDENCE * evidence > 0.0;
+        }
+    }
+    mask
 }
 
 /// A layer on a grid with `factor` × `factor` pixels for each of its own: depths follow the slopes.

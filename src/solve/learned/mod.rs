@@ -1,0 +1,190 @@
+//! A learned start: a small network looks at filtered back-projections of a capture and says where surface is, and how deep.
+//!
+//! It was trained on simulated scenes alone, crowded and noisy ones. All lengths are in walls, so units do not matter: its box is one
+//! wall wide and reaches from [`NEAR`] to 1.6 walls. It knows the light of rooms and of noise, which a fit explains by surfaces.
+
+use glam::dvec3;
+use rayon::prelude::*;
+
+use crate::Result;
+use crate::capture::{Capture, PairKind};
+use crate::maps::Maps;
+use crate::transport::Grid;
+
+mod bands;
+mod network;
+mod project;
+mod sizes;
+mod tensor;
+
+use bands::Bands;
+use network::{Answer, Network};
+use project::{Pair, project};
+pub use sizes::NEAR;
+use sizes::*;
+use tensor::Tensor;
+
+/// Pairs that it looks at, at most; and at least, as it has seen no coarser scan.
+pub const MOST_PAIRS: usize = 1024;
+pub const LEAST_PAIRS: usize = 200;
+
+/// Probabilities above which pixels are the first surface of a fit, and of a fit whose support stays.
+pub const SURE: f32 = 0.3;
+pub const POSSIBLE: f32 = 0.2;
+
+/// Voxels on each side of the most probable one that give its depth.
+const AROUND: usize = 2;
+
+/// What the network says of a capture.
+#[derive(Debug, Clone)]
+pub struct LearnedStart {
+    /// Probability of surface, [x][y] of 2 [`SIDE`] pixels.
+    mask: Vec<f32>,
+    /// Depth, metres, [x][y] of [`SIDE`] pixels.
+    depth: Vec<f32>,
+    /// x and y of the box's near corner and its width, metres.
+    corner: [f64; 2],
+    wall: f64,
+}
+
+impl LearnedStart {
+    /// Looks at a capture, which has counts. `None`: too few pairs.
+    ///
+    /// # Errors
+    /// Pairs cannot be chosen.
+    pub fn of(capture: &Capture) -> Result<Option<LearnedStart>> {
+        if capture.pair_count() < LEAST_PAIRS {
+            return Ok(None);
+        }
+        let few;
+        let capture = if capture.pair_count() > MOST_PAIRS {
+            few = capture.subset(MOST_PAIRS, 0)?;
+            &few
+        } else {
+            capture
+        };
+        let [x0, x1, y0, y1] = capture.wall_extent();
+        let wall = (x1 - x0).max(y1 - y0);
+        let points = || capture.laser.iter().chain(&capture.sensor);
+        let base = points().map(|p| p.z).sum::<f64>() / points().count() as f64;
+        let centre = dvec3(0.5 * (x0 + x1), 0.5 * (y0 + y1), base);
+        let bands = Bands::new();
+        let bins = [capture.t_start / wall, capture.bin_width / wall];
+        let pairs: Vec<Pair> = (0..capture.pair_count())
+            .into_par_iter()
+            .map(|pair| Pair {
+                laser: (capture.laser[pair] - centre) / wall,
+                sensor: (capture.sensor[pair] - centre) / wall,
+                bands: bands.of(capture.histogram(pair), bins),
+            })
+            .collect();
+        let kind = match capture.pair_kind() {
+            PairKind::Confocal => 0,
+            PairKind::OneLaser | PairKind::OneSensor => 1,
+            PairKind::Exhaustive { .. } | PairKind::Irregular => 2,
+        };
+        let Answer { depth, mask } = answer(project(&pairs, CHANNELS), kind);
+        let metres = |index: f32| base as f32 + ((NEAR + (f64::from(index) + 0.5) * PITCH) * wall) as f32;
+        Ok(Some(LearnedStart {
+            mask: mask.into_iter().map(|logit| 1.0 / (1.0 + (-logit).exp())).collect(),
+            depth: depth.chunks(DEEP).map(|logits| metres(index(logits))).collect(),
+            corner: [centre.x - 0.5 * wall, centre.y - 0.5 * wall],
+            wall,
+        }))
+    }
+
+    /// The share of the union of its mask and the true one that both have, as it expects.
+    pub fn expected_iou(&self) -> f64 {
+        let [both, one] = self.mask.iter().fold([0.0f64; 2], |[both, one], p| {
+            let p = f64::from(*p);
+            if p > 0.5 { [both + p, one + 1.0] } else { [both, one + p] }
+        });
+        if one > 0.0 { both / one } else { 0.0 }
+    }
+
+    /// The surface on the pixels of a grid, with albedo 1: all pixels of at least a probability.
+    pub fn maps(&self, grid: &Grid, least: f32) -> Maps {
+        let [near, far] = grid.depth_range().map(|z| z as f32);
+        self.surface(Maps::empty([grid.n[0], grid.n[1]], grid.extent()), |p, z| {
+            p > least && (near..=far).contains(&z)
+        })
+    }
+
+    /// The surface on the pixels of other maps, at any depth.
+    pub fn maps_like(&self, maps: &Maps) -> Maps {
+        self.surface(Maps::empty([maps.nx, maps.ny], maps.extent), |p, _| p > 0.5)
+    }
+
+    fn surface(&self, mut maps: Maps, is_surface: impl Fn(f32, f32) -> bool) -> Maps {
+        for pixel in 0..maps.depth.len() {
+            let at = maps.centre(pixel / maps.ny, pixel % maps.ny);
+            let Some((_, depth)) = self.at(at).filter(|(p, z)| is_surface(*p, *z)) else { continue };
+            (maps.albedo[pixel], maps.depth[pixel], maps.normal[pixel]) = (1.0, depth, [0.0, 0.0, -1.0]);
+            maps.mask[pixel] = true;
+        }
+        maps
+    }
+
+    /// Probability of surface at the pixels of maps; 0 beside the box.
+    pub fn probabilities(&self, maps: &Maps) -> Vec<f32> {
+        let of =
+            |pixel: usize| self.at(maps.centre(pixel / maps.ny, pixel % maps.ny)).map_or(0.0, |(p, _)| p);
+        (0..maps.depth.len()).map(of).collect()
+    }
+
+    /// Probability of surface, and its depth, at a lateral position.
+    fn at(&self, position: [f64; 2]) -> Option<(f32, f32)> {
+        let [x, y]: [f64; 2] = std::array::from_fn(|k| (position[k] - self.corner[k]) / self.wall);
+        if ![x, y].iter().all(|u| (0.0..1.0).contains(u)) {
+            return None;
+        }
+        let n = 2 * SIDE;
+        let place = |u: f64| {
+            let at = (u * n as f64 - 0.5).clamp(0.0, (n - 1) as f64);
+            (at as usize, at.fract() as f32)
+        };
+        let ((i, a), (j, b)) = (place(x), place(y));
+        let mask = |i: usize, j: usize| self.mask[i.min(n - 1) * n + j.min(n - 1)];
+        let row = |i: usize| mask(i, j) * (1.0 - b) + mask(i, j + 1) * b;
+        let column = |u: f64| (u * SIDE as f64) as usize;
+        Some((row(i) * (1.0 - a) + row(i + 1) * a, self.depth[column(x) * SIDE + column(y)]))
+    }
+}
+
+/// The network's answer for a volume of bands: logits of depths and of the mask. The other channels say what kind of pairs they are
+/// from, and how deep a voxel lies.
+fn answer(mut input: Tensor, kind: usize) -> Answer {
+    input.fill(|channel, _, _, row| match channel.checked_sub(BANDS) {
+        None => {}
+        Some(KINDS) => {
+            let scale = 2.0 / (DEEP - 1) as f32;
+            row.iter_mut().enumerate().for_each(|(z, v)| *v = z as f32 * scale - 1.0);
+        }
+        Some(of) => row.fill(if of == kind { 1.0 } else { 0.0 }),
+    });
+    Network::new().answer(&input)
+}
+
+/// As [`answer`], of bands [band][x][y][z].
+#[doc(hidden)]
+pub fn logits(bands: &[f32], kind: usize) -> [Vec<f32>; 2] {
+    let mut input = Tensor::zeros(CHANNELS, [SIDE, SIDE, DEEP]);
+    input.fill(|band, x, y, row| {
+        if band < BANDS {
+            row.copy_from_slice(&bands[((band * SIDE + x) * SIDE + y) * DEEP..][..DEEP]);
+        }
+    });
+    let Answer { depth, mask } = answer(input, kind);
+    [depth, mask]
+}
+
+/// The most probable voxel, with its fraction.
+fn index(logits: &[f32]) -> f32 {
+    let top = (0..logits.len()).max_by(|a, b| logits[*a].total_cmp(&logits[*b])).expect("voxels");
+    let near = top.saturating_sub(AROUND)..(top + AROUND + 1).min(logits.len());
+    let [sum, all] = near.fold([0.0; 2], |[sum, all], i| {
+        let p = (logits[i] - logits[top]).exp();
+        [sum + p * i as f32, all + p]
+    });
+    sum / all
+}

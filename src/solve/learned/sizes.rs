@@ -1,0 +1,22 @@
+//! Sizes of the network's input, and how its loops run.
+
+/// Voxels of the box along x and y, and along z.
+pub const SIDE: usize = 64;
+pub const DEEP: usize = 96;
+/// A voxel, and the near end of the box, walls.
+pub const PITCH: f64 = 1.0 / SIDE as f64;
+pub const NEAR: f64 = 0.1;
+/// Bands of light, and their samples along the path, each of this many walls.
+pub const BANDS: usize = 5;
+pub const SAMPLES: usize = 560;
+pub const STEP: f64 = 0.5 * PITCH;
+/// Kinds of pairs that it tells apart.
+pub const KINDS: usize = 3;
+/// Channels of the input: bands, kinds, depth.
+pub const CHANNELS: usize = BANDS + KINDS + 1;
+
+/// Runs a piece of code, whose loops the compiler makes as wide as the processor allows.
+#[inline(always)]
+pub fn wide<R>(run: impl FnOnce() -> R) -> R {
+    pulp::Arch::new().dispatch(run)
+}

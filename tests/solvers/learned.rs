@@ -1,0 +1,146 @@
+//! The learned start: the network against PyTorch, and what solves make of it.
+
+use fixtures::device::*;
+use glam::dvec3;
+use thirdbounce::Kind;
+use thirdbounce::capture::Capture;
+use thirdbounce::solve::learned::{LearnedStart, logits};
+use thirdbounce::solve::{Begin, Problem, Solver, SurfaceOptions, default_volume};
+use thirdbounce::transport::{Grid, Reflectance};
+
+/// Bands of a tilted plate and some haze, [band][x][y][z].
+fn bands() -> Vec<f32> {
+    (0..5 * 64 * 64 * 96i64)
+        .map(|i| {
+            let [z, y, x, b] =
+                [i % 96, i / 96 % 64, i / (96 * 64) % 64, i / (96 * 64 * 64)].map(|v| v as f64);
+            let off = z - (40.0 + 0.25 * x);
+            let is_inside = (x - 32.0).abs() < 16.0 && (y - 30.0).abs() < 12.0;
+            let plate = if is_inside { 6.0 / (1.0 + off * off) } else { 0.0 };
+            let haze = ((i.wrapping_mul(2_654_435_761)) % 1000) as f64 / 5000.0 - 0.1;
+            (plate * (1.0 - 0.3 * b) + haze) as f32
+        })
+        .collect()
+}
+
+/// Expected values are those of PyTorch 2.9 with the same weights in float32.
+#[test]
+fn the_network_has_the_logits_of_pytorch() {
+    type Expected = (usize, [(usize, usize, f32); 6], [(usize, usize, usize, f32); 3], usize);
+    let each: [Expected; 2] = [
+        (
+            0,
+            [
+                (0, 0, -9.6114),
+                (5, 100, -11.1218),
+                (64, 60, 0.4534),
+                (90, 70, 4.7931),
+                (100, 64, -3.5963),
+                (127, 127, -8.6979),
+            ],
+            [(17, 19, 44, 7.7288), (40, 25, 50, 7.0499), (47, 41, 57, 5.2762)],
+            1862,
+        ),
+        (
+            2,
+            [
+                (0, 0, -9.1014),
+                (5, 100, -10.6788),
+                (64, 60, 2.0152),
+                (90, 70, 4.4878),
+                (100, 64, -2.8109),
+                (127, 127, -8.5722),
+            ],
+            [(17, 19, 44, 6.5846), (40, 25, 50, 6.4885), (47, 41, 57, 6.1027)],
+            2584,
+        ),
+    ];
+    for (kind, mask_at, depth_at, surface) in each {
+        let [depth, mask] = logits(&bands(), kind);
+        for (x, y, expected) in mask_at {
+            let found = mask[128 * x + y];
+            assert!((found - expected).abs() < 2e-3, "mask of {kind} at {x}, {y}: {found}, {expected}");
+        }
+        for (x, y, deepest, expected) in depth_at {
+            let column = &depth[(64 * x + y) * 96..][..96];
+            let top = (0..96).max_by(|a, b| column[*a].total_cmp(&column[*b])).unwrap();
+            assert_eq!(top, deepest, "depth of {kind} at {x}, {y}");
+            assert!((column[top] - expected).abs() < 2e-3, "depth of {kind} at {x}, {y}: {}", column[top]);
+        }
+        let found = mask.iter().filter(|v| **v > 0.0).count();
+        assert!(found.abs_diff(surface) <= 2, "{found} pixels of surface, {surface}");
+    }
+}
+
+/// A square plate that faces the wall, of points, in a confocal scan; all lengths times `unit`.
+fn plate(points: usize, unit: f64, side: f64) -> Capture {
+    let at = |i: usize, n: usize| ((i as f64 + 0.5) / n as f64 - 0.5) * unit;
+    let wall: Vec<_> =
+        (0..points * points).map(|i| dvec3(at(i / points, points), at(i % points, points), 0.0)).collect();
+    let (bins, width) = (320, 0.008 * unit);
+    let mut counts = vec![0.0f32; bins * wall.len()];
+    for (row, l) in counts.chunks_mut(bins).zip(&wall) {
+        for i in 0..40 * 40 {
+            let x = dvec3(side * at(i / 40, 40), side * at(i % 40, 40), 0.6 * unit);
+            let r = l.distance(x);
+            row[(2.0 * r / width) as usize] += (x.z.powi(4) / r.powi(8) * unit.powi(4)) as f32;
+        }
+    }
+    let mut capture = Capture::new([points, points], wall.clone(), wall, bins, width, counts);
+    capture.name = "plate".into();
+    capture
+}
+
+fn grid(capture: &Capture) -> Grid {
+    Grid::new(default_volume(capture, 0.1).unwrap(), 64, capture.bin_width).unwrap()
+}
+
+#[test]
+fn a_plate_is_seen_where_it_is_in_any_unit_of_length() {
+    let of = |unit: f64| {
+        let capture = plate(16, unit, 0.4);
+        let seen = LearnedStart::of(&capture).unwrap().unwrap();
+        (seen.expected_iou(), seen.maps(&grid(&capture), 0.5))
+    };
+    let (expected, maps) = of(1.0);
+    let inside = |pixel: usize| {
+        let [x, y] = maps.centre(pixel / maps.ny, pixel % maps.ny);
+        x.abs().max(y.abs()) < 0.2
+    };
+    let (mut both, mut either) = (0, 0);
+    for (pixel, is_surface) in maps.mask.iter().enumerate() {
+        both += usize::from(*is_surface && inside(pixel));
+        either += usize::from(*is_surface || inside(pixel));
+        assert!(!is_surface || (maps.depth[pixel] - 0.6).abs() < 0.02, "{}", maps.depth[pixel]);
+    }
+    let iou = both as f64 / either as f64;
+    assert!(iou > 0.75 && expected > 0.75, "IoU {iou}, expected {expected}");
+    // A wall of 7.3 m looks the same.
+    let (_, large) = of(7.3);
+    assert_eq!(maps.mask, large.mask);
+    for (a, b) in maps.depth.iter().zip(&large.depth).filter(|(a, _)| a.is_finite()) {
+        assert!((7.3 * a - b).abs() < 1e-3 * b, "{a} {b}");
+    }
+}
+
+#[test]
+fn the_network_is_not_asked_for_what_it_has_never_seen() {
+    let gpu = gpu();
+    let few = plate(8, 1.0, 0.4);
+    assert!(LearnedStart::of(&few).unwrap().is_none());
+    let options = SurfaceOptions::default().with(|o| {
+        (o.lateral, o.iterations, o.reflectance) = (16, 2, Reflectance::Cosine);
+        o.begin = Begin::Learned;
+    });
+    let grid = Grid::new(default_volume(&few, 0.1).unwrap(), 16, few.bin_width).unwrap();
+    let solve = |options: &SurfaceOptions| {
+        let mut hear = |_: &thirdbounce::solve::Progress| std::ops::ControlFlow::Continue(());
+        let mut watch = thirdbounce::solve::Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+        options.solve(&gpu, &Problem::new(&few, grid), &mut watch)
+    };
+    let error = solve(&options).unwrap_err();
+    assert!(error.kind == Kind::Input && error.what.contains("64 pairs"), "{error}");
+    // A closed form begins where nobody asks for the network.
+    let maps = solve(&options.with(|o| o.begin = Begin::Auto)).unwrap().maps;
+    assert!(maps.mask.contains(&true));
+}
