@@ -175,8 +175,9 @@ pub fn silu(x: f32) -> f32 {
     let y = (-x * std::f32::consts::LOG2_E).clamp(-60.0, 60.0);
     let whole = (y + 12_582_912.0) - 12_582_912.0;
     let f = y - whole;
-    let power =
-        1.0 + f * (0.693_147_2 + f * (0.240_226_5 + f * (0.055_504_1 + f * (0.009_618_1 + f * 0.001_333_4))));
+    let power = 1.0
+        + f * (std::f32::consts::LN_2
+            + f * (0.240_226_5 + f * (0.055_504_1 + f * (0.009_618_1 + f * 0.001_333_4))));
     let scale = f32::from_bits((((whole as i32) + 127) << 23) as u32);
     x / (1.0 + power * scale)
 }
