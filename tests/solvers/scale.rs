@@ -10,7 +10,9 @@ use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Accumulation, Problem, SceneTraits, SolverOptions, SurfaceOptions, Watch};
+use thirdbounce::solve::{
+    Accumulation, PaperOptions, Problem, SceneTraits, SolverOptions, SurfaceOptions, Watch,
+};
 use thirdbounce::transport::Grid;
 
 const LATERAL: usize = 24;
@@ -96,6 +98,12 @@ fn the_least_depth_follows_walls_that_are_not_of_metres() {
         let least = |wall: f64| {
             SolverOptions::defaults_for(solver, &SceneTraits::of(&scan(wall))).unwrap().common().min_depth
         };
+        if solver != PaperOptions::NAME {
+            for wall in [1e-3, 0.1, 0.26, 1.0, 7.9, 1e3] {
+                assert!((least(wall) / wall - 0.1).abs() < 1e-12, "{solver}, {wall}");
+            }
+            continue;
+        }
         for ordinary in [0.26, 1.0, 2.0, 7.9] {
             assert_eq!(least(ordinary), 0.2, "{solver}, {ordinary}");
         }

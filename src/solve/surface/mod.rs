@@ -257,7 +257,11 @@ impl PreparedSurface {
             Some(begun) => (begun, 0.0),
             None => {
                 let clock = Instant::now();
-                let seen = start::seen(&self.options, captures[1], &self.first_grid)?;
+                // Frames have no time for the network, unless it is asked for.
+                let seen = match self.options.begin {
+                    Begin::Learned => start::seen(&self.options, captures[1], &self.first_grid)?,
+                    _ => None,
+                };
                 let (closed, seconds) = match &seen {
                     Some(seen) => {
                         (vec![seen.maps(&self.first_grid, learned::SURE)], clock.elapsed().as_secs_f64())
