@@ -16,8 +16,8 @@ use crate::solve::learned::SURE;
 use crate::solve::surface::start::{self, plane};
 use crate::solve::surface::{Candidate, HeldOut, Start, Starts};
 use crate::solve::{
-    Begun, Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, TracePoint, Watch,
-    default_volume,
+    Begin, Begun, Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, TracePoint,
+    Watch, default_volume,
 };
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Kind, Result};
@@ -369,15 +369,27 @@ impl<'t> Search<'t> {
         let mut watch_hear = |p: &Progress| hear(&pace.of(&Progress { iterations: 0, ..p.clone() }));
         let mut watch = Watch { hear: &mut watch_hear, maps_every: None, maps_at: &[] };
         let problem = Problem { memory: request.memory, ..Problem::new(&whole, grid) };
-        let starts = Arc::new(match start::seen(&options, capture, &grid)? {
-            Some(seen) => Starts { layers: vec![seen.maps(&grid, SURE)], seen: Some(seen), light: None },
-            None => match Start::new(gpu, &problem, &options)? {
+        let mut closed = || {
+            Ok::<_, Error>(match Start::new(gpu, &problem, &options)? {
                 Some(mut start) => start.layers(&whole, options.iterations, &mut watch)?,
                 None => {
                     let layers = vec![plane(&whole, &grid, options.background)];
                     Starts { layers, seen: None, light: None }
                 }
-            },
+            })
+        };
+        // The network sees one surface. A light-cone transform, which costs little, may show two.
+        let is_asked = options.begin == Begin::Learned;
+        let light_cone = match !is_asked && start::is_light_cone(&options, &whole) {
+            true => Some(closed()?),
+            false => None,
+        };
+        let shows_two = light_cone.as_ref().is_some_and(|starts| starts.layers.len() > 1);
+        let seen = if shows_two { None } else { start::seen(&options, capture, &grid)? };
+        let starts = Arc::new(match (seen, light_cone) {
+            (Some(seen), _) => Starts { layers: vec![seen.maps(&grid, SURE)], seen: Some(seen), light: None },
+            (None, Some(starts)) => starts,
+            (None, None) => closed()?,
         });
         let whole = Arc::new(whole);
         let of_solve =
