@@ -77,6 +77,7 @@ fn surface_with(accumulation: Accumulation) -> SolverOptions {
         o.lateral = 12;
         o.iterations = 3;
         o.begin = Begin::Plane;
+        o.min_depth = 0.2;
         o.grow = false;
         o.accumulation = accumulation;
     });

@@ -98,7 +98,7 @@ fn the_least_depth_follows_walls_that_are_not_of_metres() {
         let least = |wall: f64| {
             SolverOptions::defaults_for(solver, &SceneTraits::of(&scan(wall))).unwrap().common().min_depth
         };
-        if solver != PaperOptions::NAME {
+        if *solver != PaperOptions::NAME {
             for wall in [1e-3, 0.1, 0.26, 1.0, 7.9, 1e3] {
                 assert!((least(wall) / wall - 0.1).abs() < 1e-12, "{solver}, {wall}");
             }

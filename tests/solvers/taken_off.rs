@@ -47,7 +47,7 @@ fn options_of(solver: &str, capture: &Capture) -> SolverOptions {
     let mut options = SolverOptions::defaults_for(solver, &suit).unwrap();
     match &mut options {
         SolverOptions::Paper(o) => (o.iterations, o.domain.double_every) = (20, 10),
-        SolverOptions::Surface(o) => o.iterations = 40,
+        SolverOptions::Surface(o) => (o.iterations, o.min_depth) = (40, 0.2),
         _ => {}
     }
     options.with_lateral(LATERAL).with_accumulation(Accumulation::Repeatable)
