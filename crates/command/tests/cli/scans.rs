@@ -118,7 +118,7 @@ fn a_wall_of_a_millimetre_is_told_like_one_of_a_metre() {
     assert!(ends(&small).iter().zip(ends(&metre)).all(|(s, m)| (1e3 * s - m).abs() < 1e-9));
     let text = succeed(&["info", &file]);
     assert!(text.contains("wall      x -0.0005000 to 0.0005000 m"), "{text}");
-    assert!(text.contains("of 0.000040000 m"), "{text}");
+    assert!(text.contains("of 0.000043000 m"), "{text}");
 }
 
 #[test]

@@ -96,7 +96,8 @@ fn measure(sharp: &thirdbounce::capture::Capture, to: &Path) {
 /// Errors of depth and normals of a capture's reconstruction.
 fn figures(folder: &Path, capture: &str, out: &str, gate: &[&str]) -> [f64; 2] {
     let at = |name: &str| folder.join(name).display().to_string();
-    let options = ["--lateral", "64", "--model", "cosine", "--pulse", "60ps", "--no-preview", "-q"];
+    let options =
+        ["--lateral", "64", "--model", "cosine", "--pulse", "60ps", "--begin", "lct", "--no-preview", "-q"];
     let mut arguments = vec!["reconstruct".to_string(), at(capture), "--out".into(), at(out)];
     arguments.extend(["--truth".to_string(), at("truth.npz")]);
     arguments.extend(options.iter().chain(gate).map(|option| option.to_string()));
