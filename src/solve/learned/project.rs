@@ -3,12 +3,14 @@
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::sizes::{BANDS, DEEP, NEAR, PITCH, SAMPLES, SIDE, STEP, wide};
+use super::sizes::{BANDS, DEEP, NEAR, PITCH, SAMPLES, SIDE, STEP};
 use super::tensor::Tensor;
 
 /// Columns of a tile along x and y, and voxels of it along z: what stays in the nearest cache.
-const TILE: usize = 4;
+const TILE: usize = 8;
 const RUN: usize = 24;
+/// Adding this to a small whole number gives a float with the number in its last bits.
+const WHOLE: f32 = 8_388_608.0;
 
 /// A pair: laser and sensor point from the middle of the box's face, in walls, and its bands.
 pub struct Pair {
@@ -24,10 +26,7 @@ pub fn project(pairs: &[Pair], channels: usize) -> Tensor {
         .map(|tile| {
             let [column, run] = [tile / (DEEP / RUN), tile % (DEEP / RUN)];
             let at = [column / (SIDE / TILE) * TILE, column % (SIDE / TILE) * TILE, run * RUN];
-            wide(
-                #[inline(always)]
-                || of_tile(pairs, at),
-            )
+            pulp::Arch::new().dispatch(Tile { pairs, at })
         })
         .collect();
     let cells = (SIDE * SIDE * DEEP) as f64;
@@ -52,47 +51,67 @@ pub fn project(pairs: &[Pair], channels: usize) -> Tensor {
 }
 
 /// The sums over all pairs at the voxels of a tile, [x][y][z].
-#[inline(always)]
-fn of_tile(pairs: &[Pair], at: [usize; 3]) -> Vec<[f32; 8]> {
-    let lateral = |k: usize, i: usize| (((at[k] + i) as f64 + 0.5) * PITCH - 0.5) as f32;
-    let mut sums = vec![[0.0f32; 8]; TILE * TILE * RUN];
-    for Pair { laser, sensor, bands } in pairs {
-        let bands: &[[f32; 8]; SAMPLES + 2] = bands.as_slice().try_into().expect("all samples");
-        let [l, s] = [laser, sensor].map(|p| [p.x as f32, p.y as f32, p.z as f32]);
-        let is_one = l == s;
-        let depth = |z: usize| (NEAR + ((at[2] + z) as f64 + 0.5) * PITCH) as f32;
-        let deep: [[f32; RUN]; 2] = [l, s].map(|p| std::array::from_fn(|z| (depth(z) - p[2]).powi(2)));
-        for (column, sums) in sums.chunks_exact_mut(RUN).enumerate() {
-            let [x, y] = [lateral(0, column / TILE), lateral(1, column % TILE)];
-            let aside = [l, s].map(|p| (x - p[0]).powi(2) + (y - p[1]).powi(2));
-            let mut paths = [0.0f32; RUN];
-            if is_one {
+struct Tile<'p> {
+    pairs: &'p [Pair],
+    at: [usize; 3],
+}
+
+impl pulp::WithSimd for Tile<'_> {
+    type Output = Vec<[f32; 8]>;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> Vec<[f32; 8]> {
+        let Tile { pairs, at } = self;
+        let lateral = |k: usize| std::array::from_fn(|i| (((at[k] + i) as f64 + 0.5) * PITCH - 0.5) as f32);
+        let (xs, ys): ([f32; TILE], [f32; TILE]) = (lateral(0), lateral(1));
+        let zs: [f32; RUN] = std::array::from_fn(|z| (NEAR + ((at[2] + z) as f64 + 0.5) * PITCH) as f32);
+        let mut sums = vec![[0.0f32; 8]; TILE * TILE * RUN];
+        for Pair { laser, sensor, bands } in pairs {
+            let bands: &[[f32; 8]; SAMPLES + 2] = bands.as_slice().try_into().expect("all samples");
+            let ends = [laser, sensor].map(|p| [p.x as f32, p.y as f32, p.z as f32]);
+            let is_one = ends[0] == ends[1];
+            let mut deep = [[0.0f32; RUN]; 2];
+            for (deep, end) in deep.iter_mut().zip(&ends) {
                 for z in 0..RUN {
-                    paths[z] = 2.0 * (aside[0] + deep[0][z]).sqrt();
-                }
-            } else {
-                for z in 0..RUN {
-                    paths[z] = (aside[0] + deep[0][z]).sqrt() + (aside[1] + deep[1][z]).sqrt();
+                    deep[z] = (zs[z] - end[2]) * (zs[z] - end[2]);
                 }
             }
-            let mut whole = [0i32; RUN];
-            for z in 0..RUN {
-                paths[z] *= (1.0 / STEP) as f32;
-                // Beyond the last sample there is nothing.
-                paths[z] = if paths[z] < (SAMPLES - 1) as f32 { paths[z] } else { SAMPLES as f32 };
-                whole[z] = paths[z] as i32;
-                paths[z] -= whole[z] as f32;
-            }
-            for (z, sum) in sums.iter_mut().enumerate() {
-                let i = (whole[z] as usize).min(SAMPLES);
-                let [a, b] = [bands[i], bands[i + 1]];
-                for k in 0..8 {
-                    sum[k] += a[k] + paths[z] * (b[k] - a[k]);
+            for (column, sums) in sums.as_chunks_mut::<RUN>().0.iter_mut().enumerate() {
+                let [x, y] = [xs[column / TILE], ys[column % TILE]];
+                let aside = ends.map(|p| (x - p[0]) * (x - p[0]) + (y - p[1]) * (y - p[1]));
+                let mut paths = [0.0f32; RUN];
+                if is_one {
+                    for z in 0..RUN {
+                        paths[z] = 2.0 * (aside[0] + deep[0][z]).sqrt();
+                    }
+                } else {
+                    for z in 0..RUN {
+                        paths[z] = (aside[0] + deep[0][z]).sqrt() + (aside[1] + deep[1][z]).sqrt();
+                    }
+                }
+                let mut whole = [0u32; RUN];
+                for z in 0..RUN {
+                    let path = paths[z] * (1.0 / STEP) as f32;
+                    // Beyond the last sample there is nothing.
+                    let path = if path < (SAMPLES - 1) as f32 { path } else { SAMPLES as f32 };
+                    // Rounded in the sum, whose last bits are the whole number: faster than a conversion with its checks.
+                    let rounded = path - 0.5 + WHOLE;
+                    whole[z] = rounded.to_bits() & 0x3ff;
+                    paths[z] = path - (rounded - WHOLE);
+                }
+                for z in 0..RUN {
+                    let i = (whole[z] as usize).min(SAMPLES);
+                    let [a, b] = [bands[i], bands[i + 1]];
+                    let mut sum = sums[z];
+                    for k in 0..8 {
+                        sum[k] = paths[z].mul_add(b[k] - a[k], sum[k] + a[k]);
+                    }
+                    sums[z] = sum;
                 }
             }
         }
+        sums
     }
-    sums
 }
 
 #[cfg(test)]
