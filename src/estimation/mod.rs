@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
-use crate::maps::Maps;
 use crate::solve::learned::SURE;
 use crate::solve::surface::start::{self, plane};
 use crate::solve::surface::{Candidate, HeldOut, Start, Starts};
@@ -54,10 +53,6 @@ mod constants {
     pub const ITERATIONS: [usize; 2] = [15, 20];
     /// Iterations of fits whose impulse responses are compared: tails differ less than widths do.
     pub const OF_PULSE: usize = 30;
-    /// Share of the energy, beyond noise, below which a second start is not computed.
-    pub const NOTHING_LEFT: f64 = 0.01;
-    /// A model whose residual is this many times that of the best one is not fitted from a second start.
-    pub const HOPELESS: f64 = 1.3;
 }
 use constants::*;
 
@@ -241,8 +236,6 @@ pub enum Origin {
     Learned,
     /// The closed form.
     Closed,
-    /// A coarse volume.
-    Volume,
 }
 
 impl FoundSurface {
@@ -358,13 +351,12 @@ impl<'t> Search<'t> {
             of_trial.ready(&options.clone().into(), Cow::Borrowed(capture))?;
         let finds_start = all[0].as_surface().grow;
         let [high_pass, models] = [usize::from(request.finds_high_pass()), all.len()];
-        let starts = if finds_start { 2 } else { 1 };
         let pulse = match request.find_pulse(capture) {
             FindPulse::Never => 0,
             FindPulse::IfItShows => ITERATIONS[1],
             FindPulse::Always => FitProgress::OF_PULSE,
         };
-        let expected = (high_pass + models * starts) * From::Start.iterations() + pulse;
+        let expected = (high_pass + models) * From::Start.iterations() + pulse;
         let pace = FitProgress { begun: Instant::now(), done: 0, expected };
         let mut watch_hear = |p: &Progress| hear(&pace.of(&Progress { iterations: 0, ..p.clone() }));
         let mut watch = Watch { hear: &mut watch_hear, maps_every: None, maps_at: &[] };
@@ -374,7 +366,7 @@ impl<'t> Search<'t> {
                 Some(mut start) => start.layers(&whole, options.iterations, &mut watch)?,
                 None => {
                     let layers = vec![plane(&whole, &grid, options.background)];
-                    Starts { layers, seen: None, light: None }
+                    Starts { layers, seen: None }
                 }
             })
         };
@@ -387,7 +379,7 @@ impl<'t> Search<'t> {
         let shows_two = light_cone.as_ref().is_some_and(|starts| starts.layers.len() > 1);
         let seen = if shows_two { None } else { start::seen(&options, capture, &grid)? };
         let starts = Arc::new(match (seen, light_cone) {
-            (Some(seen), _) => Starts { layers: vec![seen.maps(&grid, SURE)], seen: Some(seen), light: None },
+            (Some(seen), _) => Starts { layers: vec![seen.maps(&grid, SURE)], seen: Some(seen) },
             (None, Some(starts)) => starts,
             (None, None) => closed()?,
         });
@@ -439,36 +431,11 @@ impl<'t> Search<'t> {
         Ok(fitted)
     }
 
-    /// Fits every model with sharp paths: from the closed form, then from a coarse volume where the model may still be the best.
+    /// Fits every model with sharp paths.
     fn fit_sharp(&mut self) -> Result<()> {
         let models: Vec<Reflectance> = self.trials.iter().map(Trial::reflectance).collect();
-        let mut best: Vec<Option<(Fitted, usize)>> = vec![];
-        let origin = if self.starts.seen.is_some() { Origin::Learned } else { Origin::Closed };
-        for model in &models {
-            best.push(self.candidate(*model, origin, From::Start)?);
-        }
-        if self.finds_start && self.starts.seen.is_none() {
-            let excesses: Vec<Option<f64>> =
-                best.iter().map(|fit| fit.as_ref().map(|(fit, _)| fit.surface.excess())).collect();
-            let least = excesses.iter().copied().flatten().fold(f64::INFINITY, f64::min);
-            // The volume is that of the best model so far.
-            let mut order: Vec<usize> = (0..models.len()).collect();
-            order.sort_by(|a, b| excesses[*a].unwrap_or(least).total_cmp(&excesses[*b].unwrap_or(least)));
-            let mut volume: Option<Vec<Maps>> = None;
-            for at in order {
-                let from = volume.as_deref().map_or(From::Volume, From::Layers);
-                if excesses[at].is_some_and(|excess| excess < NOTHING_LEFT || excess > HOPELESS * least) {
-                    self.pace.pass(from.iterations());
-                    continue;
-                }
-                let Some(other) = self.candidate(models[at], Origin::Volume, from)? else { continue };
-                volume = Some(other.0.begun.clone());
-                if best[at].as_ref().is_none_or(|(best, _)| other.0.surface.cost() < best.surface.cost()) {
-                    best[at] = Some(other);
-                }
-            }
-        }
-        for (reflectance, best) in models.into_iter().zip(best) {
+        for reflectance in models {
+            let best = self.candidate(reflectance)?;
             let left = best.as_ref().and_then(|(fitted, _)| fitted.surface.left.clone());
             self.tried.push(Tried { reflectance, pulse: Shape::SHARP, left });
             let Some((fitted, candidate)) = best else { continue };
@@ -484,14 +451,10 @@ impl<'t> Search<'t> {
     }
 
     /// A sharp fit of a model, and its number among the candidates.
-    fn candidate(
-        &mut self,
-        model: Reflectance,
-        start: Origin,
-        from: From<'_>,
-    ) -> Result<Option<(Fitted, usize)>> {
+    fn candidate(&mut self, model: Reflectance) -> Result<Option<(Fitted, usize)>> {
         let clock = Instant::now();
-        let Some(fitted) = self.fit(model, Shape::SHARP, from)? else { return Ok(None) };
+        let Some(fitted) = self.fit(model, Shape::SHARP, From::Start)? else { return Ok(None) };
+        let start = if self.starts.seen.is_some() { Origin::Learned } else { Origin::Closed };
         self.candidates.push(FoundSurface::of(model, start, &fitted, clock.elapsed().as_secs_f64()));
         Ok(Some((fitted, self.candidates.len() - 1)))
     }

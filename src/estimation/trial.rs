@@ -8,9 +8,9 @@ use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
+use crate::solve::Problem;
 use crate::solve::drive::{Driven, Watch};
 use crate::solve::surface::{self, Candidate, Fit, HeldOut, Judge, Rounds, Run, Starts, SurfaceOptions};
-use crate::solve::{Problem, volume_start};
 use crate::transport::{Grid, Reflectance};
 
 /// Fits with one model of reflectance.
@@ -29,10 +29,6 @@ pub struct Trial<'c> {
 pub enum From<'l> {
     /// The network or the closed form.
     Start,
-    /// A coarse volume.
-    Volume,
-    /// The same with its layers, of another model.
-    Layers(&'l [Maps]),
     /// Another fit, whose support stays, for a number of iterations.
     Fit(&'l [Maps], usize),
 }
@@ -56,8 +52,6 @@ impl From<'_> {
 /// A fit, judged on the pairs that are held out.
 #[derive(Debug, Clone)]
 pub struct Fitted {
-    /// What it began with.
-    pub begun: Vec<Maps>,
     /// The surface, with its judgement.
     pub surface: Candidate,
     /// The pairs that are held out, with their rendering.
@@ -101,23 +95,13 @@ impl<'c> Trial<'c> {
         let ([rounds, last], all) = (from.parts(), from.iterations());
         let outline = self.capture.outline().with(|c| c.pulse = pulse.cloned());
         let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
-        let judge = if matches!(from, From::Volume) { Judge::WithVolume } else { Judge::HeldOut };
-        let mut fit = Fit::new(&self.gpu, &problem, &self.options, [0, all], judge)?;
+        let mut fit = Fit::new(&self.gpu, &problem, &self.options, [0, all], Judge::HeldOut)?;
         fit.take(&self.capture)?;
         fit.step = step;
         let mut layers = match from {
             From::Start => self.starts.layers.clone(),
-            From::Layers(layers) | From::Fit(layers, _) => layers.to_vec(),
-            From::Volume => {
-                let light = self.starts.light.as_ref();
-                let Some(layers) = light.map(|light| volume_start(&mut fit, light)).transpose()?.flatten()
-                else {
-                    return Ok(None);
-                };
-                layers
-            }
+            From::Fit(layers, _) => layers.to_vec(),
         };
-        let begun = layers.clone();
         let mut driven = Driven::begun(layers[0].clone(), *fit.plan().finest());
         if rounds > 0 {
             let how = Rounds { number: rounds, rings: 1 };
@@ -127,7 +111,7 @@ impl<'c> Trial<'c> {
         let (_, quality) = fit.run(&mut layers, Run::of(last, all), watch, driven)?;
         let Some((quality, held)) = quality.zip(fit.judged()?) else { return Ok(None) };
         let surface = Candidate { layers, step: fit.step, quality, left: Some(held.left()) };
-        Ok(Some(Fitted { begun, surface, held }))
+        Ok(Some(Fitted { surface, held }))
     }
 
     /// The pairs that are held out, with the rendering of these layers by sharp paths; `None` if they explain no light.

@@ -48,7 +48,6 @@ pub use prepared::Prepared;
 pub use result::{ImageNoise, Reconstruction, Sharpness};
 pub use solver::{Begun, Common, Problem, RunsOn, Solver};
 pub use solvers::{Method, SolverOptions, method, pixel_of, reflectance};
-pub(crate) use surface::volume::start as volume_start;
 pub use surface::{Begin, Follow, SurfaceOptions, SurfaceSettings};
 
 /// The passes of all solvers: those that they share, then one list for each.

@@ -131,7 +131,6 @@ fn surface_of(gpu: &Gpu, runs: &mut Runs, lanes: [u32; 2]) -> Vec<u32> {
     write(&mut job, buffer::SURFACE_WEIGHTS, &words);
     place(&mut job, &field).expect("uploads run");
     zero_histograms(&mut job);
-    // As the start of a volume does.
     let mut s = Schedule::default();
     s.fill(buffer::COUNTS, job.plan.bytes_of(buffer::COUNTS), 0);
     surface::start_of(&mut s, &job.plan, job.plan.finest(), field.len(), 4);
@@ -143,13 +142,7 @@ fn surface_of(gpu: &Gpu, runs: &mut Runs, lanes: [u32; 2]) -> Vec<u32> {
     }
     let maps = Schedule::of(|s| surface::extract(s, job.plan.finest(), [field.len(), 0], 0));
     runs.run(&mut job, maps);
-    let voxels = vec![[0.1f32, 0.0, -1.0, 1.0]; 2 * 4 * field.len()];
-    write(&mut job, buffer::VOXELS, &voxels);
-    let step = Schedule::of(|s| {
-        surface::volume_iteration(s, &job.plan, job.plan.finest(), 4 * field.len(), 0, [0.5, 1.0]);
-    });
-    runs.run(&mut job, step);
-    left(&mut job, 2, &[buffer::HEIGHTS, buffer::VOXELS])
+    left(&mut job, 2, &[buffer::HEIGHTS])
 }
 
 #[test]

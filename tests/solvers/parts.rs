@@ -255,7 +255,7 @@ fn parts_of_huge_captures_cover_all_pairs_within_every_limit() {
     let grid = Grid::new(volume, 64, 0.02).expect("a grid");
     // To find what no pair reaches would take long.
     let options = SurfaceOptions::default().with(|o| (o.lateral, o.general) = (64, true));
-    let options = OfFit { options: &options, iterations: [0, 6], has_volume: false };
+    let options = OfFit { options: &options, iterations: [0, 6] };
     let cases = [
         (claimed(Geometry::Confocal, 256 * 256, 0, 1024), 256, 256 << 20),
         (claimed(Geometry::Product, 4096, 4096, 512), 64, 4 << 30),

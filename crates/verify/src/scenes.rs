@@ -186,7 +186,7 @@ impl FitNeeds {
     }
 
     fn needs(&self) -> OfFit<'_> {
-        OfFit { options: &self.options, iterations: [0, self.iterations], has_volume: true }
+        OfFit { options: &self.options, iterations: [0, self.iterations] }
     }
 }
 

@@ -220,28 +220,9 @@ fn surface_steps(steps: &mut ComparedSteps, pixels: &Pixels) -> Result<()> {
         steps.run(|s, plan| surface::iteration(s, plan, plan.finest(), count, [i, i, 12]))?;
     }
     steps.run(|s, plan| surface::bonds(s, plan.finest(), count, 2))?;
-    volume_steps(steps, count * points)?;
     let [x, y, _] = steps.job.plan.finest().grid.n;
     let of_layers = pixels.of_layers(x * y);
     (0..2).try_for_each(|layer| steps.run(|s, plan| surface::extract(s, plan.finest(), of_layers, layer)))
-}
-
-/// Steps of a coarse volume whose voxels are the samples: bright, dark, unbounded and outside the cone.
-fn volume_steps(steps: &mut ComparedSteps, count: usize) -> Result<()> {
-    let mut random = Random::new(66);
-    let mut voxel = |i: usize| -> [[f32; 4]; 2] {
-        let [x, y, z] = [0, 1, 2].map(|_| random.uniform(-1.0, 1.0) as f32);
-        let bound = if i.is_multiple_of(7) { 0.0 } else { random.uniform(0.5, 2.0) as f32 };
-        [[x, y, z, bound], [random.uniform(0.0, 0.2) as f32, 0.0, 0.0, 0.0]]
-    };
-    let voxels: Vec<[[f32; 4]; 2]> = (0..count).map(&mut voxel).collect();
-    write(&mut steps.job, buffer::VOXELS, voxels.as_flattened())?;
-    for momentum in [0.0, 0.5] {
-        steps.run(|s, plan| {
-            surface::volume_iteration(s, plan, plan.finest(), count, 0, [momentum, 1.5]);
-        })?;
-    }
-    Ok(())
 }
 
 /// Lets the twins and the device run several iterations, each by itself, and compares what they leave.

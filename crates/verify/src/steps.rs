@@ -122,7 +122,6 @@ fn parts_of(buffer: Buffer) -> usize {
         | buffer::SAMPLE_NORMALS
         | buffer::GRADIENT
         | buffer::HEIGHT_GRADIENT
-        | buffer::VOXELS
         | buffer::HEIGHT_PULL
         | buffer::HEIGHT_MOMENTS => 4,
         buffer::HEIGHTS | buffer::LOSS_PARTIALS => 2,

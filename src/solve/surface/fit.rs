@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::held_out::HeldOut;
 use super::model::{outline_of, take};
-use super::needs::{HEIGHTS_KEPT, OF_VOXEL, VOLUME_HOST};
+use super::needs::HEIGHTS_KEPT;
 use super::schedule::{FitIteration, bonds, divide, extract, keep, render, start, turn};
 use super::weights::{Placed, weights};
 use super::{Pixels, SurfaceOptions, needs, passes};
@@ -79,8 +79,6 @@ pub(crate) enum Judge {
     None,
     /// Pairs that are held out.
     HeldOut,
-    /// The same; a coarse volume may begin the fit.
-    WithVolume,
 }
 
 impl Run {
@@ -135,18 +133,14 @@ impl Fit {
         iterations: [usize; 2],
         judge: Judge,
     ) -> Result<Fit> {
-        let (holds_out, has_volume) = (judge != Judge::None, judge == Judge::WithVolume);
+        let holds_out = judge != Judge::None;
         let Problem { capture, grid, memory, .. } = *problem;
         let (outline, rows) = outline_of(capture, &grid, options, holds_out);
-        let asked = needs::OfFit { options, iterations, has_volume };
+        let asked = needs::OfFit { options, iterations };
         let mut plan = Plan::new(&outline, grid, capture.resolution(), &asked, &gpu.abilities(), false)?;
         if holds_out {
             let cells = judging(&plan).map_or(0, |level| plan.cells_at(level));
             plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
-        }
-        if has_volume {
-            let voxels = plan.domain.capacity as u64 * OF_VOXEL;
-            plan.buffers.push(BufferPlan::new(VOLUME_HOST, voxels, Place::Readback));
         }
         let plan = plan.within(&asked, &gpu.memory(), memory)?;
         let planned = Planned::new(gpu, outline, plan, memory);

@@ -42,7 +42,6 @@ mod rounds;
 mod schedule;
 pub(crate) mod start;
 pub(crate) mod support;
-pub(crate) mod volume;
 mod weights;
 
 pub(crate) use fit::{Fit, Judge, Quality, Run};
@@ -55,7 +54,6 @@ pub use pixels::Pixels;
 pub(crate) use rounds::{Candidate, Rounds, grow};
 pub use schedule::{bonds, divide, extract, iteration, points, render, start as start_of};
 pub(crate) use start::{Start, Starts};
-pub use volume::iteration as volume_iteration;
 pub use weights::{Placed, weights};
 
 /// Rounds of the support. Evidence: benches/NOTES.md, "Support by evidence".
@@ -85,7 +83,7 @@ impl SurfaceOptions {
 
     /// What the last fit needs.
     fn needs(&self) -> OfFit<'_> {
-        OfFit { options: self, iterations: self.most_iterations(), has_volume: false }
+        OfFit { options: self, iterations: self.most_iterations() }
     }
 
     /// Iterations at most: on coarse pixels, and at the resolution of the maps.

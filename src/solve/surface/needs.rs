@@ -17,10 +17,6 @@ const BLURRED_PIXEL: f64 = 1.5;
 
 /// Depths and albedos of the best state so far.
 pub const HEIGHTS_KEPT: Buffer = Buffer::named("heights_kept");
-/// Gradients and state of the voxels of a coarse volume, for the host.
-pub const VOLUME_HOST: Buffer = Buffer::named("volume_host");
-/// Bytes of the state of such a voxel.
-pub const OF_VOXEL: u64 = 32;
 
 /// Bytes of every pixel of the surface, by buffer.
 const OF_PIXEL: [(Buffer, u64); 6] = [
@@ -38,8 +34,6 @@ pub struct OfFit<'o> {
     pub options: &'o SurfaceOptions,
     /// Iterations of other fits, and the most of this one.
     pub iterations: [usize; 2],
-    /// Whether a coarse volume may begin it.
-    pub has_volume: bool,
 }
 
 impl Needs for OfFit<'_> {
@@ -75,7 +69,6 @@ impl Needs for OfFit<'_> {
             (buffer::SURFACE_WEIGHTS, u64::from(SURFACE_WEIGHTS) * 4),
             (HEIGHTS_KEPT, pixels * 8),
         ];
-        all.push((buffer::VOXELS, if self.has_volume { plan.domain.capacity as u64 * OF_VOXEL } else { 0 }));
         all.extend(OF_PIXEL.map(|(buffer, bytes)| (buffer, pixels * bytes)));
         all
     }

@@ -41,12 +41,6 @@ passes! {
         ..Pass::of("surface_step", |p| p.variant(&kernel::SURFACE_STEP, &kernel::SURFACE_STEP_TEXELS))
     };
 
-    /// Moves the vectors of the coarse volume.
-    VOLUME_STEP = Pass {
-        faults: &[Fault { bit: FAULT_UPDATE, what: "the next volume", hint: &advice!["check the counts (" [Capture] ")"] }],
-        ..Pass::of("volume_step", |_| &kernel::VOLUME_STEP)
-    };
-
     /// Puts a layer of the surface into the maps.
     SURFACE_EXTRACT = Pass::of("surface_extract", |_| &kernel::SURFACE_EXTRACT);
 }

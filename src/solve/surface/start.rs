@@ -49,8 +49,6 @@ pub(crate) struct Starts {
     pub layers: Vec<Maps>,
     /// What the network sees, if that is the start.
     pub seen: Option<Arc<LearnedStart>>,
-    /// The volume of the closed form.
-    pub light: Option<VolumeMap>,
 }
 
 /// What the network sees of a capture on a grid, if it is to begin with that; `None`: a closed form or a plane begins.
@@ -215,7 +213,7 @@ fn of_method(
         retain_regions(maps, |maps, region| region.iter().any(|p| most * maps.albedo[*p] > noise));
     }
     let layers = second.and_then(|second| split(&first, &second, least_columns(first.nx)));
-    Ok(Starts { layers: layers.map_or_else(|| vec![first], Vec::from), seen: None, light: solved.volume })
+    Ok(Starts { layers: layers.map_or_else(|| vec![first], Vec::from), seen: None })
 }
 
 /// The second maximum of each column of a volume: the largest value beyond the dips on both sides of the first maximum.

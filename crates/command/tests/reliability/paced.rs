@@ -53,7 +53,7 @@ fn grid() -> Grid {
 /// The plan of a surface on the pixels of that grid.
 fn surface_plan(model: &Model, scan: [usize; 2]) -> Plan {
     let options: SurfaceOptions = small_surface(Accumulation::Auto);
-    let needs = OfFit { options: &options, iterations: [0, 12], has_volume: false };
+    let needs = OfFit { options: &options, iterations: [0, 12] };
     Plan::new(model, grid(), scan, &needs, &card(), false).expect("a plan")
 }
 

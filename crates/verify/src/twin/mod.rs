@@ -25,7 +25,7 @@ twins! {
     arguments backproject backward carry compact_count compact_scan compact_scatter double_domain extract filter finish
     forward forward_owned forward_product gaussian initialise initialise_raw levels noise places pulse residual residual_rows
     residual_scan rim room rounding sample spot surface_bonds surface_combine surface_extract surface_gather surface_points surface_pull
-    surface_step threshold update volume_step
+    surface_step threshold update
 }
 
 /// The twin of a module: that of the longest name with which the module's begins.
