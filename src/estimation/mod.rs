@@ -11,12 +11,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
-use crate::solve::learned::SURE;
-use crate::solve::surface::start::{self, plane};
-use crate::solve::surface::{Candidate, HeldOut, Start, Starts};
+use crate::solve::surface::{Candidate, HeldOut, Starts};
 use crate::solve::{
-    Begin, Begun, Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, TracePoint,
-    Watch, default_volume,
+    Begun, Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, TracePoint, Watch,
+    default_volume,
 };
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Kind, Result};
@@ -47,7 +45,7 @@ mod constants {
     pub const PAIRS: usize = 512;
     /// Lateral pixels of a fit.
     pub const LATERAL: usize = 64;
-    /// Rounds of the support of a fit from the closed form.
+    /// Rounds of the support of a fit from the start.
     pub const ROUNDS: usize = 3;
     /// Iterations of a round, and of the fit after the rounds or with another impulse response.
     pub const ITERATIONS: [usize; 2] = [15, 20];
@@ -83,7 +81,7 @@ pub struct Estimates {
     /// with what it sees.
     #[serde(default)]
     pub expected_iou: Option<f64>,
-    /// Surfaces of sharp paths from several starts, with what decided between them.
+    /// A surface of sharp paths for each model, with what judges it.
     #[serde(default)]
     pub candidates: Vec<FoundSurface>,
     /// Seconds of all fits.
@@ -91,7 +89,7 @@ pub struct Estimates {
     /// The same by what was estimated.
     #[serde(skip)]
     pub stages: EstimateSeconds,
-    /// Layers of the surface that the fits found, and of the closed form, on coarse pixels.
+    /// Layers of the surface that the fits found, and of its start, on coarse pixels.
     #[serde(skip)]
     pub(crate) begun: Option<Begun>,
 }
@@ -99,7 +97,7 @@ pub struct Estimates {
 /// Seconds of estimates.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct EstimateSeconds {
-    /// The closed form that fits begin with.
+    /// The network or the closed form that fits begin with.
     pub start: f64,
     /// The high-pass.
     pub high_pass: f64,
@@ -114,8 +112,8 @@ impl Estimates {
     pub fn notes(&self) -> Vec<String> {
         let start = self.expected_iou.map(|iou| {
             format!(
-                "the surface begins with what the network sees; it expects an IoU of {iou:.2} (`--begin lct` or `fbp` begins \
-                 with a closed form)"
+                "the surface begins with what the network sees; it expects an IoU of {iou:.2} (begin with lct or fbp for a \
+                 closed form)"
             )
         });
         let high_pass = self.high_pass.iter().map(FoundHighPass::note);
@@ -167,7 +165,7 @@ pub fn estimate(
     let finds_model = request.models.len() > 1;
     let find_pulse = request.find_pulse(capture);
     let finds_high_pass = request.finds_high_pass();
-    // Starts are compared where the support may leave the closed form's.
+    // The solve begins with the surface of the fits where its support may leave that of the start.
     let finds_start = matches!(&request.solver, SolverOptions::Surface(options) if options.grow);
     if !finds_model && find_pulse == FindPulse::Never && !finds_high_pass && !finds_start {
         return Ok(Estimates::default());
@@ -220,7 +218,7 @@ pub struct FoundSurface {
     pub start: Origin,
     /// Share of the squares of held-out pairs that it leaves, its standard error, and the share beyond photon noise.
     pub left: [f64; 3],
-    /// Logarithm of what is left beyond noise, with the price of its pixels: the lowest is kept.
+    /// Logarithm of what is left beyond noise, with the price of its pixels.
     pub cost: f64,
     /// Seconds of its fits.
     pub seconds: f64,
@@ -321,7 +319,7 @@ struct Search<'t> {
     candidates: Vec<FoundSurface>,
     /// Seconds spent on the impulse response.
     pulse_seconds: f64,
-    /// Whether the support may leave the closed form's.
+    /// Whether the support may leave that of the start.
     finds_start: bool,
     /// The length of the last steps, as a share of the longest ones.
     step: f64,
@@ -361,28 +359,7 @@ impl<'t> Search<'t> {
         let mut watch_hear = |p: &Progress| hear(&pace.of(&Progress { iterations: 0, ..p.clone() }));
         let mut watch = Watch { hear: &mut watch_hear, maps_every: None, maps_at: &[] };
         let problem = Problem { memory: request.memory, ..Problem::new(&whole, grid) };
-        let mut closed = || {
-            Ok::<_, Error>(match Start::new(gpu, &problem, &options)? {
-                Some(mut start) => start.layers(&whole, options.iterations, &mut watch)?,
-                None => {
-                    let layers = vec![plane(&whole, &grid, options.background)];
-                    Starts { layers, seen: None }
-                }
-            })
-        };
-        // The network sees one surface. A light-cone transform, which costs little, may show two.
-        let is_asked = options.begin == Begin::Learned;
-        let light_cone = match !is_asked && start::is_light_cone(&options, &whole) {
-            true => Some(closed()?),
-            false => None,
-        };
-        let shows_two = light_cone.as_ref().is_some_and(|starts| starts.layers.len() > 1);
-        let seen = if shows_two { None } else { start::seen(&options, capture, &grid)? };
-        let starts = Arc::new(match (seen, light_cone) {
-            (Some(seen), _) => Starts { layers: vec![seen.maps(&grid, SURE)], seen: Some(seen) },
-            (None, Some(starts)) => starts,
-            (None, None) => closed()?,
-        });
+        let starts = Arc::new(Starts::of(gpu, [capture, &whole], &problem, &options, &mut watch)?);
         let whole = Arc::new(whole);
         let of_solve =
             request.discretisation.sum(&request.solver, &capture.outline()) as f64 * capture.bin_width;

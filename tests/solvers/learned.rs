@@ -140,7 +140,7 @@ fn the_network_is_not_asked_for_what_it_has_never_seen() {
     };
     let error = solve(&options).unwrap_err();
     assert!(error.kind == Kind::Input && error.what.contains("64 pairs"), "{error}");
-    // A closed form begins where nobody asks for the network.
+    // Without an explicit request a closed form begins.
     let maps = solve(&options.with(|o| o.begin = Begin::Auto)).unwrap().maps;
     assert!(maps.mask.contains(&true));
 }

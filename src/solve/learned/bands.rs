@@ -7,7 +7,7 @@ const WIDTHS: [f64; 2] = [1.5, 4.0];
 const BROAD: f64 = 5.0;
 /// Taps on each side.
 const REACH: usize = 24;
-/// The background of a pair is this quantile of its bins, of which so many are looked at.
+/// The background of a pair is this quantile of its bins, computed from about this many of them.
 const QUANTILE: f64 = 0.2;
 const LOOKED_AT: usize = 512;
 

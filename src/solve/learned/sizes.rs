@@ -10,7 +10,7 @@ pub const NEAR: f64 = 0.1;
 pub const BANDS: usize = 5;
 pub const SAMPLES: usize = 560;
 pub const STEP: f64 = 0.5 * PITCH;
-/// Kinds of pairs that it tells apart.
+/// Kinds of pairs in the input: confocal, one laser or sensor point, other.
 pub const KINDS: usize = 3;
 /// Channels of the input: bands, kinds, depth.
 pub const CHANNELS: usize = BANDS + KINDS + 1;

@@ -8,7 +8,7 @@
 use std::collections::BTreeMap;
 
 use super::pixels::white;
-use super::support::{edge, regions};
+use super::support::{edge, put, regions};
 use crate::maps::{Layer, Maps};
 use crate::solve::plan::AMPLE;
 
@@ -125,12 +125,6 @@ fn assigned(sheets: &[Vec<usize>], count: usize) -> Vec<Option<bool>> {
 /// Maps of that size without any surface.
 fn nothing(maps: &Maps) -> Maps {
     Maps { mask_fraction: maps.mask_fraction, ..Maps::empty([maps.nx, maps.ny], maps.extent) }
-}
-
-/// Gives a column the surface that `from` has there; none without `from`.
-fn put(to: &mut Maps, from: Option<&Maps>, c: usize) {
-    (to.albedo[c], to.depth[c], to.normal[c]) =
-        from.map_or((0.0, f32::NAN, [f32::NAN; 3]), |m| (m.albedo[c], m.depth[c], m.normal[c]));
 }
 
 /// The maps of two refined layers: the nearer surface of every column, and the other one behind it. Where the dimmer of

@@ -1,4 +1,4 @@
-//! The surface solver, the default: a closed form, then a surface with data-driven support, fitted by differentiable rendering
+//! The surface solver, the default: a start, then a surface with data-driven support, fitted by differentiable rendering
 //! (in the manner of Tsai, Sankaranarayanan, Gkioulekas: *Beyond Volumetric Albedo*, CVPR 2019, and of Plack, Callenberg,
 //! Schneider, Hullin: *Fast Differentiable Transient Rendering for Non-Line-of-Sight Reconstruction*, WACV 2023).
 //!
@@ -10,7 +10,7 @@
 //! and have similar albedos, weighted by what the fit leaves of the data. Adam minimises it; its gradients are averaged over their
 //! surroundings at first, and iterations take batches of the pairs in turns.
 //!
-//! A solve has three parts: the closed form's layers (`start.rs`), rounds of short fits on coarse
+//! A solve has three parts: the layers of a network or a closed form (`start.rs`), rounds of short fits on coarse
 //! pixels between which the support follows the evidence (`support.rs`), and a fit at the resolution of the maps.
 
 use std::borrow::Cow;
@@ -413,7 +413,18 @@ impl Fits<'_> {
         let factor = if coarse.is_some() { self.options.factor() } else { 1 };
         let mut support = if self.options.grow { Support::Open } else { Support::Closed };
         let begin = driven.seconds;
-        let fitted: Vec<Maps> = layers.iter().map(|maps| support::finer(maps, factor)).collect();
+        let finer = |layers: &[Maps]| -> Vec<Maps> {
+            layers.iter().map(|maps| support::finer(maps, factor)).collect()
+        };
+        let closed_fine = match &self.seen {
+            // On the depths that the trials found.
+            Some(seen) => {
+                let mut maps = seen.maps(&fine.plan().levels.maps, learned::POSSIBLE);
+                support::take_over(&mut maps, &finer(&layers));
+                vec![maps]
+            }
+            None => finer(&closed),
+        };
         if let Some(coarse) = coarse {
             if !self.is_late() {
                 driven = taken(coarse, wide, driven)?;
@@ -422,17 +433,8 @@ impl Fits<'_> {
                     self.rounds(coarse, rounds_of::NUMBER[0], &closed, &mut layers, watch, driven)?;
                 step = coarse.step;
             }
-            layers = layers.iter().map(|maps| support::finer(maps, factor)).collect();
+            layers = finer(&layers);
         }
-        let closed_fine: Vec<Maps> = match &self.seen {
-            // On the depths that fits found.
-            Some(seen) => {
-                let mut maps = seen.maps(&fine.plan().levels.maps, learned::POSSIBLE);
-                support::take_over(&mut maps, &fitted);
-                vec![maps]
-            }
-            None => closed.iter().map(|maps| support::finer(maps, factor)).collect(),
-        };
         driven = taken(fine, capture, driven)?;
         fine.step = step;
         if support == Support::Open && !self.is_late() {

@@ -51,6 +51,41 @@ pub(crate) struct Starts {
     pub seen: Option<Arc<LearnedStart>>,
 }
 
+impl Starts {
+    /// The start of fits of a capture, given in its own bins and in those of `problem`: the network, or a closed form where the
+    /// network sees nothing, or one surface of two.
+    ///
+    /// # Errors
+    /// Those of [`seen`] and [`Start::layers`].
+    pub fn of(
+        gpu: &Gpu,
+        [capture, summed]: [&Capture; 2],
+        problem: &Problem<'_>,
+        options: &SurfaceOptions,
+        watch: &mut Watch<'_>,
+    ) -> Result<Starts> {
+        let grid = &problem.grid;
+        let mut closed = || {
+            Ok::<_, Error>(match Start::new(gpu, problem, options)? {
+                Some(mut start) => start.layers(summed, options.iterations, watch)?,
+                None => Starts { layers: vec![plane(summed, grid, options.background)], seen: None },
+            })
+        };
+        // The network sees one surface. A light-cone transform, which costs little, may show two.
+        let light_cone = match options.begin != Begin::Learned && is_light_cone(options, summed) {
+            true => Some(closed()?),
+            false => None,
+        };
+        let shows_two = light_cone.as_ref().is_some_and(|starts| starts.layers.len() > 1);
+        let seen = if shows_two { None } else { seen(options, capture, grid)? };
+        Ok(match (seen, light_cone) {
+            (Some(seen), _) => Starts { layers: vec![seen.maps(grid, learned::SURE)], seen: Some(seen) },
+            (None, Some(starts)) => starts,
+            (None, None) => closed()?,
+        })
+    }
+}
+
 /// What the network sees of a capture on a grid, if it is to begin with that; `None`: a closed form or a plane begins.
 ///
 /// # Errors

@@ -207,7 +207,13 @@ pub fn follow(layers: &mut [Maps], [typical, flatness]: [f32; 2], grows_in: Opti
 
 /// Removes a pixel's surface.
 pub fn remove(maps: &mut Maps, pixel: usize) {
-    (maps.albedo[pixel], maps.depth[pixel], maps.normal[pixel]) = (0.0, f32::NAN, [f32::NAN; 3]);
+    put(maps, None, pixel);
+}
+
+/// Gives a pixel the surface that `from` has there; none without `from`.
+pub fn put(to: &mut Maps, from: Option<&Maps>, pixel: usize) {
+    (to.albedo[pixel], to.depth[pixel], to.normal[pixel]) =
+        from.map_or((0.0, f32::NAN, [f32::NAN; 3]), |m| (m.albedo[pixel], m.depth[pixel], m.normal[pixel]));
 }
 
 /// Removes connected regions smaller than [`ISLAND`] of the maps.
@@ -216,17 +222,22 @@ fn drop_islands(maps: &mut Maps) {
     retain_regions(maps, |_, region| region.len() >= least);
 }
 
-/// Removes the connected regions that `is_kept` rejects. Steps in depth above [`EDGE`] separate regions.
+/// Removes the objects that `is_kept` rejects.
 pub fn retain_regions(maps: &mut Maps, is_kept: impl Fn(&Maps, &[usize]) -> bool) {
+    let rejected: Vec<usize> =
+        objects(maps).into_iter().filter(|region| !is_kept(maps, region)).flatten().collect();
+    rejected.into_iter().for_each(|pixel| remove(maps, pixel));
+}
+
+/// Connected pixels of the surface. Steps in depth above [`EDGE`] separate objects.
+fn objects(maps: &Maps) -> Vec<Vec<usize>> {
     let edge = edge(maps);
     let there: Vec<bool> = maps.depth.iter().map(|z| z.is_finite()).collect();
-    let all = regions(
+    regions(
         &there,
         |pixel| around(maps, pixel, 1).map(|(other, _)| other),
         |pixel, other, _| (maps.depth[other] - maps.depth[pixel]).abs() < edge,
-    );
-    let rejected: Vec<usize> = all.into_iter().filter(|region| !is_kept(maps, region)).flatten().collect();
-    rejected.into_iter().for_each(|pixel| remove(maps, pixel));
+    )
 }
 
 /// Steps in depth between neighbouring pixels of a region are below this.
@@ -284,33 +295,24 @@ pub fn blend(maps: &mut Maps, first: &Maps) {
 /// Pixels that have a surface in fitted layers, too, take it over; the others have the typical albedo of these.
 pub fn take_over(maps: &mut Maps, fitted: &[Maps]) {
     let typical = typical_albedo(fitted).unwrap_or(1.0);
-    for pixel in (0..maps.depth.len()).filter(|p| maps.depth[*p].is_finite()).collect::<Vec<_>>() {
-        maps.albedo[pixel] = typical;
-        if let Some(from) = fitted.iter().find(|from| from.depth[pixel].is_finite()) {
-            maps.albedo[pixel] = from.albedo[pixel];
-            (maps.depth[pixel], maps.normal[pixel]) = (from.depth[pixel], from.normal[pixel]);
+    for pixel in 0..maps.depth.len() {
+        if !maps.depth[pixel].is_finite() {
+            continue;
+        }
+        match fitted.iter().find(|from| from.depth[pixel].is_finite()) {
+            Some(from) => put(maps, Some(from), pixel),
+            None => maps.albedo[pixel] = typical,
         }
     }
 }
 
 /// The mask of a surface by the probabilities of its pixels, changed by their evidence: smoothed albedo against the typical one of
-/// the same object, the brightest object does not decide on others.
+/// the same object, so that the brightest object does not decide on others.
 pub fn weighed(maps: &Maps, probability: &[f32]) -> Vec<bool> {
-    let edge = edge(maps);
-    let there: Vec<bool> = maps.depth.iter().map(|z| z.is_finite()).collect();
-    let objects = regions(
-        &there,
-        |pixel| around(maps, pixel, 1).map(|(other, _)| other),
-        |pixel, other, _| (maps.depth[other] - maps.depth[pixel]).abs() < edge,
-    );
-    let mut mask = vec![false; there.len()];
-    for object in objects {
-        let mut alone = Maps { mask_fraction: None, ..Maps::empty([maps.nx, maps.ny], maps.extent) };
-        for pixel in &object {
-            alone.albedo[*pixel] = maps.albedo[*pixel];
-            alone.depth[*pixel] = maps.depth[*pixel];
-            alone.normal[*pixel] = maps.normal[*pixel];
-        }
+    let mut mask = vec![false; maps.depth.len()];
+    for object in objects(maps) {
+        let mut alone = Maps::empty([maps.nx, maps.ny], maps.extent);
+        object.iter().for_each(|pixel| put(&mut alone, Some(maps), *pixel));
         let one = std::slice::from_ref(&alone);
         let Some(typical) = typical_albedo(one) else { continue };
         let least = share(flatness(one, typical)) * typical;
