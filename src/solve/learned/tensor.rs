@@ -4,11 +4,11 @@ use rayon::prelude::*;
 
 use super::sizes::wide;
 
-/// Outputs along z of a step of [`Tensor::convolved`], in eights.
-const EIGHTS: usize = 3;
-const BLOCK: usize = 8 * EIGHTS;
-/// Output channels of a step.
+/// Vectors along z and output channels of a step of [`Tensor::convolved`]: with inputs and a weight they fill sixteen registers.
+const VECTORS: usize = 3;
 const OUTPUTS: usize = 4;
+/// Cells along z of a step in the widest vectors, of sixteen.
+const BLOCK: usize = 16 * VECTORS;
 
 /// Channels of a volume of n cells, [x + 1][channel][y + 1][z + 1]: a slab along x lies together, and a rim of zeros is around
 /// all cells.
@@ -66,10 +66,8 @@ impl Tensor {
         let (slab, nx) = (to.slab(), to.n[0]);
         let like = Tensor { values: vec![], ..to };
         to.values.par_chunks_mut(slab).enumerate().skip(1).take(nx).for_each(|(x, values)| {
-            wide(
-                #[inline(always)]
-                || slab_of(inputs, &packed, weights, &like, x, values),
-            );
+            let slab = Slab { inputs, packed: &packed, weights, like: &like, x, to: values };
+            pulp::Arch::new().dispatch(slab);
         });
         Tensor { values: to.values, ..like }
     }
@@ -173,12 +171,13 @@ fn sums(row: &[f32]) -> [f32; 2] {
 #[inline(always)]
 pub fn silu(x: f32) -> f32 {
     let y = (-x * std::f32::consts::LOG2_E).clamp(-60.0, 60.0);
-    let whole = (y + 12_582_912.0) - 12_582_912.0;
-    let f = y - whole;
+    // Rounded in the sum, whose last bits are the whole number: a conversion with its checks is not made wide.
+    let rounded = y + 12_582_912.0;
+    let f = y - (rounded - 12_582_912.0);
     let power = 1.0
         + f * (std::f32::consts::LN_2
             + f * (0.240_226_5 + f * (0.055_504_1 + f * (0.009_618_1 + f * 0.001_333_4))));
-    let scale = f32::from_bits((((whole as i32) + 127) << 23) as u32);
+    let scale = f32::from_bits(rounded.to_bits().wrapping_add(127) << 23);
     x / (1.0 + power * scale)
 }
 
@@ -213,70 +212,61 @@ fn packed(inputs: &[&Tensor], weights: &Weights<'_>) -> Vec<[f32; OUTPUTS]> {
 }
 
 /// All outputs of a slab at `x`, counted from the rim.
-#[inline(always)]
-fn slab_of(
-    inputs: &[&Tensor],
-    packed: &[[f32; OUTPUTS]],
-    weights: &Weights<'_>,
-    like: &Tensor,
+struct Slab<'s> {
+    inputs: &'s [&'s Tensor],
+    packed: &'s [[f32; OUTPUTS]],
+    weights: &'s Weights<'s>,
+    like: &'s Tensor,
     x: usize,
-    to: &mut [f32],
-) {
-    let [_, ny, nz] = like.n;
-    let row = like.row;
-    let each: Vec<[usize; 3]> = taps(weights.reach).collect();
-    let channels: usize = inputs.iter().map(|t| t.channels).sum();
-    let lines: Vec<[usize; 2]> = {
-        let mut lines: Vec<[usize; 2]> = each.iter().map(|[i, j, _]| [*i, *j]).collect();
-        lines.dedup();
-        lines
-    };
-    let deep = 2 * weights.reach[2] + 1;
-    for y in 1..=ny {
-        for z in (0..nz).step_by(BLOCK) {
-            for group in (0..weights.bias.len()).step_by(OUTPUTS) {
-                let mut sums = [[[0.0f32; 8]; EIGHTS]; OUTPUTS];
-                for (o, sums) in sums.iter_mut().enumerate() {
-                    let bias = weights.bias.get(group + o).copied().unwrap_or(0.0);
-                    sums.iter_mut().for_each(|eight| *eight = [bias; 8]);
-                }
-                let mut next = group / OUTPUTS * channels * each.len();
-                for input in inputs {
-                    let slab = input.slab();
-                    for channel in 0..input.channels {
-                        for [i, j] in &lines {
-                            let at = (x + i - 1) * slab + (channel * (ny + 2) + y + j - 1) * row + z;
-                            let from = &input.values[at..at + BLOCK + 2];
-                            if deep == 3 {
-                                let w: &[[f32; OUTPUTS]; 3] =
-                                    packed[next..].first_chunk().expect("three taps");
-                                step(&mut sums, &w[0], &from[..BLOCK]);
-                                step(&mut sums, &w[1], &from[1..=BLOCK]);
-                                step(&mut sums, &w[2], &from[2..]);
-                            } else {
-                                step(&mut sums, &packed[next], &from[1..=BLOCK]);
+    to: &'s mut [f32],
+}
+
+impl pulp::WithSimd for Slab<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) {
+        let Slab { inputs, packed, weights, like: &Tensor { n: [_, ny, nz], row, .. }, x, to } = self;
+        let [each, deep] = [taps(weights.reach).count(), 2 * weights.reach[2] + 1];
+        let lines: Vec<[usize; 2]> =
+            taps(weights.reach).step_by(deep).map(|[i, j, _]| [x + i - 1, j]).collect();
+        let channels: usize = inputs.iter().map(|t| t.channels).sum();
+        let block = VECTORS * S::F32_LANES;
+        for y in 1..=ny {
+            for z in (0..nz).step_by(block) {
+                for group in (0..weights.bias.len()).step_by(OUTPUTS) {
+                    let bias = |o: usize| weights.bias.get(group + o).copied().unwrap_or(0.0);
+                    let mut sums: [[S::f32s; VECTORS]; OUTPUTS] =
+                        std::array::from_fn(|o| [simd.splat_f32s(bias(o)); VECTORS]);
+                    let mut next = group / OUTPUTS * channels * each;
+                    for input in inputs {
+                        for channel in 0..input.channels {
+                            for [x, j] in &lines {
+                                let at = x * input.slab() + (channel * (ny + 2) + y + j - 1) * row + z;
+                                let from = &input.values[at + 1 - weights.reach[2]..][..block + deep - 1];
+                                for (tap, weights) in packed[next..next + deep].iter().enumerate() {
+                                    let (of, _) = S::as_simd_f32s(&from[tap..tap + block]);
+                                    let of: [S::f32s; VECTORS] = std::array::from_fn(|v| of[v]);
+                                    for (sums, weight) in sums.iter_mut().zip(weights) {
+                                        let weight = simd.splat_f32s(*weight);
+                                        for (sum, of) in sums.iter_mut().zip(of) {
+                                            *sum = simd.mul_add_e_f32s(of, weight, *sum);
+                                        }
+                                    }
+                                }
+                                next += deep;
                             }
-                            next += deep;
+                        }
+                    }
+                    for (o, sums) in sums.iter().enumerate().take(weights.bias.len() - group) {
+                        let at = ((group + o) * (ny + 2) + y) * row + 1 + z;
+                        for (v, sum) in sums.iter().enumerate() {
+                            let from = v * S::F32_LANES;
+                            let to = &mut to[at + from..at + block.min(nz - z).max(from)];
+                            simd.partial_store_f32s(to, *sum);
                         }
                     }
                 }
-                let count = BLOCK.min(nz - z);
-                for (o, sums) in sums.iter().enumerate().take(weights.bias.len() - group) {
-                    let at = ((group + o) * (ny + 2) + y) * row + 1 + z;
-                    to[at..at + count].copy_from_slice(&sums.as_flattened()[..count]);
-                }
-            }
-        }
-    }
-}
-
-#[inline(always)]
-fn step(sums: &mut [[[f32; 8]; EIGHTS]; OUTPUTS], weights: &[f32; OUTPUTS], from: &[f32]) {
-    let from: &[f32; BLOCK] = from.try_into().expect("a block");
-    for o in 0..OUTPUTS {
-        for e in 0..EIGHTS {
-            for k in 0..8 {
-                sums[o][e][k] = from[8 * e + k].mul_add(weights[o], sums[o][e][k]);
             }
         }
     }
