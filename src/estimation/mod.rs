@@ -11,6 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
+use crate::solve::option::SceneTraits;
 use crate::solve::surface::{Candidate, HeldOut, Starts};
 use crate::solve::{
     Begun, Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, TracePoint, Watch,
@@ -51,6 +52,8 @@ mod constants {
     pub const ITERATIONS: [usize; 2] = [15, 20];
     /// Iterations of fits whose impulse responses are compared: tails differ less than widths do.
     pub const OF_PULSE: usize = 30;
+    /// Rounds are left out where the model error exceeds that up to which the support follows the evidence by this factor.
+    pub const FAR: f64 = 2.0;
 }
 use constants::*;
 
@@ -190,9 +193,10 @@ pub fn estimate(
             && let Some(best) = search.sharp.into_iter().find(|s| s.reflectance == *reflectance)
         {
             candidates[best.candidate].kept = true;
+            let is_far = !best.fitted.surface.is_coherent(FAR);
             let Candidate { layers, step, .. } = best.fitted.surface;
-            let Starts { layers: closed, seen, .. } = Starts::clone(&search.starts);
-            begun = Some(Begun { layers, closed, seen, step });
+            let Starts { layers: closed, light, seen } = Starts::clone(&search.starts);
+            begun = Some(Begun { layers, closed, is_far: is_far && seen.is_some(), seen, light, step });
         }
         found
     });
@@ -310,6 +314,8 @@ struct Search<'t> {
     bin_width: f64,
     /// The narrowest impulse response that the solve, whose bins may be narrower, models: in bins of the fits.
     narrowest: f64,
+    /// The length of the longest suggestion, metres.
+    longest: f64,
     /// The impulse response of the capture, if it has one.
     known: Option<Pulse>,
     find_pulse: FindPulse,
@@ -372,6 +378,7 @@ impl<'t> Search<'t> {
             sharp: vec![],
             bin_width: whole.bin_width,
             narrowest: pulse::NARROWEST * of_solve / whole.bin_width,
+            longest: pulse::longest(whole.bin_width, SceneTraits::of(capture).wall),
             known: capture.pulse.clone(),
             find_pulse: request.find_pulse(capture),
             hear,
@@ -419,7 +426,7 @@ impl<'t> Search<'t> {
             let clock = Instant::now();
             let suggested = match self.find_pulse {
                 FindPulse::Never => None,
-                _ => self.suggested(&fitted.held, &Shape::all(self.bin_width))?,
+                _ => self.suggested(&fitted.held, &Shape::all(self.bin_width, self.longest))?,
             };
             self.pulse_seconds += clock.elapsed().as_secs_f64();
             self.sharp.push(Sharp { reflectance, fitted, candidate, suggested });
@@ -452,7 +459,8 @@ impl<'t> Search<'t> {
 
     /// The same length without a tail, metres.
     fn suggested_length(&self, ideal: &HeldOut) -> Result<Option<f64>> {
-        Ok(self.suggested(ideal, &Shape::plain(self.bin_width))?.map(|(shape, _)| shape.length()))
+        let plain = Shape::plain(self.bin_width, self.longest);
+        Ok(self.suggested(ideal, &plain)?.map(|(shape, _)| shape.length()))
     }
 
     /// The residual of a hypothesis with an impulse response, whose fit continues the sharp one.
@@ -574,8 +582,7 @@ impl<'t> Search<'t> {
         };
         let length = pulse::settled(first, second);
         // A length that the solve's bins cannot show, or a residual that falls up to the longest.
-        let bins = length / self.bin_width;
-        if bins < self.narrowest || bins >= pulse::WIDEST {
+        if length < self.narrowest * self.bin_width || !pulse::is_below(length, self.longest) {
             return Ok(Shape::SHARP);
         }
         let mut each: Vec<Option<Left>> = vec![];

@@ -29,9 +29,11 @@ pub struct FoundPulse {
 /// A pulse is taken only if it lowers what is left by more than this share.
 pub(super) const WORTH: f64 = 0.003;
 
-/// Lengths in bins of the trials: one that shows whether there is a pulse, and the longest.
+/// Length in bins of a trial that shows whether there is a pulse.
 pub(super) const FIRST: f64 = 2.0;
-pub(super) const WIDEST: f64 = 32.0;
+/// The longest pulse, bins and walls. Pulses of measured captures have up to .11 walls; what seems longer is light of a room.
+const WIDEST: f64 = 32.0;
+const OF_WALL: f64 = 0.15;
 
 /// The narrowest pulse that is worth its kernels, in bins of the solve.
 pub(super) const NARROWEST: f64 = 1.0;
@@ -47,10 +49,20 @@ pub(super) const SHARES: [f64; 3] = [0.0, 0.4, 0.8];
 /// Share of a change of the variance that a suggestion keeps, at most.
 const MOST_KEPT: f64 = 0.8;
 
-/// Lengths of suggestions, bins.
-fn lengths(to_an_octave: f64) -> impl Iterator<Item = f64> {
-    let octaves = WIDEST.log2() * to_an_octave;
-    (0..=octaves as usize).map(move |i| (i as f64 / to_an_octave).exp2())
+/// The length of the longest suggestion for bins and a wall of these widths, metres.
+pub(super) fn longest(bin_width: f64, wall: f64) -> f64 {
+    (WIDEST * bin_width).min(OF_WALL * wall)
+}
+
+/// Whether a length is less than the longest, which suggests itself where a residual falls without end.
+pub(super) fn is_below(length: f64, longest: f64) -> bool {
+    length < longest * (-1.0 / TO_AN_OCTAVE[0]).exp2()
+}
+
+/// Lengths of suggestions, from the longest to a bin, bins.
+fn lengths(to_an_octave: f64, longest: f64) -> impl Iterator<Item = f64> {
+    let octaves = (longest.log2() * to_an_octave).floor() as isize;
+    (0..=octaves).rev().map(move |i| longest * (-i as f64 / to_an_octave).exp2())
 }
 
 /// A pulse of a trial: a Gaussian, convolved with an exponential.
@@ -72,15 +84,16 @@ impl Shape {
         Shape { fwhm, tail }
     }
 
-    /// Pulses of many lengths and tails, in bins of this width.
-    pub fn all(bin_width: f64) -> Vec<Shape> {
-        let lengths = lengths(TO_AN_OCTAVE[0]).map(|bins| bins * bin_width);
+    /// Pulses of many lengths and tails, in bins of this width, up to a length in metres.
+    pub fn all(bin_width: f64, longest: f64) -> Vec<Shape> {
+        let lengths = lengths(TO_AN_OCTAVE[0], longest / bin_width).map(|bins| bins * bin_width);
         lengths.flat_map(|length| TAILS.map(|share| Shape::of(length, share))).collect()
     }
 
-    /// Pulses of many lengths without a tail, in bins of this width.
-    pub fn plain(bin_width: f64) -> Vec<Shape> {
-        lengths(TO_AN_OCTAVE[1]).map(|bins| Shape::of(bins * bin_width, 0.0)).collect()
+    /// The same without tails.
+    pub fn plain(bin_width: f64, longest: f64) -> Vec<Shape> {
+        let lengths = lengths(TO_AN_OCTAVE[1], longest / bin_width);
+        lengths.map(|bins| Shape::of(bins * bin_width, 0.0)).collect()
     }
 
     /// Width and tail together, metres.
@@ -184,7 +197,11 @@ mod tests {
 
     #[test]
     fn light_is_spread_by_pulses_of_all_lengths_and_tails() {
-        let all = Shape::all(0.01);
+        assert_eq!([longest(0.01, 4.0), longest(0.01, 1.0)], [0.32, 0.15]);
+        assert!(Shape::plain(0.01, 0.009).is_empty());
+        let most = Shape::plain(0.01, 0.15).iter().map(Shape::length).fold(0.0, f64::max);
+        assert!(!is_below(most, 0.15) && is_below(0.8 * most, 0.15));
+        let all = Shape::all(0.01, 0.32);
         let reaches = |of: fn(&Shape) -> f64| {
             let of = || all.iter().map(of);
             [of().fold(f64::INFINITY, f64::min), of().fold(0.0, f64::max)]

@@ -1,6 +1,8 @@
 //! The pulse that light with sharp paths asks for: rendered rows are spread by pulses, and compared with measured ones. Sums of
 //! products of the rows, one moved against the other, tell what every pulse leaves, so no row is spread but for the best one.
 
+use rayon::prelude::*;
+
 use crate::capture::{PulseTaps, Way};
 
 /// Bins by which light may move, each way: a surface that was fitted with a wrong pulse lies before or behind its place.
@@ -61,16 +63,19 @@ struct Products {
 
 impl Products {
     fn of(rows: &ComparedRows<'_>) -> Products {
-        let mut products = Products { own: vec![0.0; REACH + 1], cross: vec![0.0; 2 * REACH + 1] };
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        for (rendered, measured) in rows.rendered.chunks(rows.bins).zip(rows.measured.chunks(rows.bins)) {
-            for by in 0..=REACH.min(rows.bins) {
-                products.own[by] += dot(rendered, &rendered[by..]);
-                products.cross[REACH + by] += dot(rendered, &measured[by..]);
-                products.cross[REACH - by] += if by > 0 { dot(&rendered[by..], measured) } else { 0.0 };
-            }
-        }
-        products
+        let ComparedRows { rendered, measured, bins } = *rows;
+        let sum = |earlier: &[f64], later: &[f64], by: usize| -> f64 {
+            let dot = |(a, b): (&[f64], &[f64])| a.iter().zip(&b[by..]).map(|(a, b)| a * b).sum::<f64>();
+            if by > bins { 0.0 } else { earlier.chunks(bins).zip(later.chunks(bins)).map(dot).sum() }
+        };
+        let lags = || (0..=REACH).into_par_iter();
+        let own = lags().map(|by| sum(rendered, rendered, by)).collect();
+        let cross = (0..=2 * REACH).into_par_iter().map(|lag| match lag.checked_sub(REACH) {
+            Some(later) => sum(rendered, measured, later),
+            None => sum(measured, rendered, REACH - lag),
+        });
+        let cross = cross.collect();
+        Products { own, cross }
     }
 
     /// The squares that rows spread by these taps explain, with the best move. `None` if nothing is rendered.

@@ -7,7 +7,7 @@ use crate::Result;
 use crate::capture::conditioning::{self, Conditioning};
 use crate::capture::{self, Capture, Gate, Summary};
 use crate::settings::Settings;
-use crate::solve::Preset;
+use crate::solve::{Method, Preset};
 
 /// A capture that is ready to be reconstructed.
 #[derive(Debug, Clone, PartialEq)]
@@ -63,7 +63,8 @@ fn conditioning_of(settings: &Settings) -> Result<Conditioning> {
         keep: keep.with_subset(settings.subset, u64::from(settings.seed())).with_gate(settings.gate),
         keep_empty: settings.keep_empty == Some(true),
         no_auto_gate: settings.auto_gate == Some(false),
-        published_gate: settings.preset.map(|preset| preset == Preset::Captured),
+        is_captured: settings.preset.map(|preset| preset == Preset::Captured),
+        has_published_gate: matches!(settings.method, Method::Paper(_)),
         pulse: settings.pulse.as_ref().map(|given| given.samples()).transpose()?,
         spots: settings.spot,
     })

@@ -100,8 +100,8 @@ settings! {
         /// Use only these paths; one end may be left out: 0.8:2.4 or 80cm:240cm or 2.7ns:8ns, 0.8:, :2.4
         #[serde(with = "as_text")]
         gate: Gate = text::gate, Range::Text("FROM:TO");
-        /// Find a gate where none is set: direct light is left out, and captured histograms keep the half of the bins with the
-        /// most counts
+        /// Find a gate where none is set: direct light is left out, and of captured histograms the bins behind nearly all light;
+        /// for paper, the half of the bins with the most counts is kept
         auto_gate: bool = text::flag, Range::Flag;
         /// Impulse response of the instrument: the full width at half maximum of a Gaussian, as a time (60ps) or a path (18mm,
         /// metres as a plain number); the same and, behind a colon, the length over which its tail falls to 1/e; an npz file

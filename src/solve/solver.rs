@@ -125,8 +125,19 @@ pub struct Begun {
     pub closed: Vec<Maps>,
     /// What the network sees, if that is the start.
     pub seen: Option<Arc<LearnedStart>>,
+    /// A light-cone transform beside it: the brightest surface of every column.
+    pub light: Option<Maps>,
     /// The length of the last steps, as a share of the longest ones.
     pub step: f64,
+    /// It explains so little of the light that rounds of fits would not change that.
+    pub is_far: bool,
+}
+
+impl Begun {
+    /// A start without earlier fits.
+    pub(crate) fn of(closed: Vec<Maps>, seen: Option<Arc<LearnedStart>>) -> Begun {
+        Begun { layers: closed.clone(), closed, seen, light: None, step: 1.0, is_far: false }
+    }
 }
 
 impl<'c> Problem<'c> {

@@ -1,9 +1,9 @@
 //! Captures: checks, thinning, gates, summary.
 
-use fixtures::captures::{assert_error, capture, ramp};
+use fixtures::captures::{assert_error, capture, changed, ramp};
 use glam::DVec3;
 use thirdbounce::Kind;
-use thirdbounce::capture::{Capture, Gate, auto_gate, write};
+use thirdbounce::capture::{Capture, Gate, auto_gate, light_gate, write};
 use thirdbounce::job::load;
 use thirdbounce::settings::Settings;
 
@@ -181,7 +181,7 @@ fn what_a_gated_instrument_did_not_record_is_not_taken_as_dark() {
         "{notes}"
     );
     let gate = loaded.gate.expect("a gate");
-    // Of them, captured counts keep the half of all bins with the most counts.
+    // Of them, captured counts keep what is not behind nearly all light.
     assert!(gate.from >= edge - 1e-9 && gate.to <= end + 1e-9, "{gate}");
     assert!(loaded.capture.histograms.iter().all(|v| *v > 0.0), "no zeros of a closed detector are left");
     // Whoever asks for all bins gets the file's own counts.
@@ -199,6 +199,42 @@ fn the_summary_says_what_there_is() {
     assert!(text.contains("3 x 2 = 6 pairs, confocal") && text.contains("pair 5 (ix 2, iy 1)"), "{text}");
     let json = serde_json::to_string(&s).unwrap();
     assert_eq!(serde_json::from_str::<thirdbounce::capture::Summary>(&json).unwrap(), s);
+}
+
+#[test]
+fn the_end_of_the_light_does_not_depend_on_the_record() {
+    // Light of two surfaces over a background, and noise.
+    let count = |p: usize, b: usize| {
+        let light = if (20..26).contains(&b) {
+            40.0
+        } else if (60..66).contains(&b) {
+            10.0
+        } else {
+            0.0
+        };
+        light + 5.0 + ((7 * p + 13 * b + b * b) % 5) as f32
+    };
+    let ends = [128, 512, 2048].map(|bins| {
+        let c = capture([8, 8], bins, count);
+        let gate = light_gate(&c, None).expect("an end").gate;
+        assert_eq!(gate.from, f64::NEG_INFINITY);
+        ((gate.to - c.t_start) / c.bin_width).round() as usize
+    });
+    assert!(ends.iter().all(|end| (62..70).contains(end)), "{ends:?}");
+    // Light in front of that does not count.
+    let c = capture([8, 8], 512, |p, b| if b < 4 { 9000.0 } else { count(p, b) });
+    let end = |after| ((light_gate(&c, after).unwrap().gate.to - c.t_start) / c.bin_width).round() as usize;
+    assert!(end(None) <= 26 && end(Some(c.edge(8))) > 60, "{} {}", end(None), end(Some(c.edge(8))));
+    // Where it goes on to the end of the record, nothing is left out.
+    assert_eq!(light_gate(&capture([8, 8], 128, |_, b| b as f32), None), None);
+}
+
+#[test]
+fn direct_light_is_found_over_a_background() {
+    let c = capture([8, 8], 256, |p, b| 2000.0 * (-(b as f32) / 5.0).exp() + indirect(p, b) + 25.0);
+    let c = changed(&c, |c| c.t_start = 0.0);
+    let found = auto_gate(&c).expect("a gate");
+    assert!(found.gate.from > 0.15 && found.gate.from < 1.0, "{found:?}");
 }
 
 #[test]

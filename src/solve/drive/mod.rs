@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use super::Level;
 use super::on_device::{Lists, OnDevice, read_maps};
-use crate::gpu::{Gpu, Ticket};
+use crate::gpu::{Gpu, Schedule, Ticket};
 use crate::maps::Maps;
 use crate::transport::kernels::buffer;
 use crate::{Error, Kind, Result};
@@ -27,6 +27,7 @@ pub use watch::{Doing, Progress, TracePoint, Watch};
 /// The result of driving a solver.
 pub(crate) struct Driven {
     pub trace: Vec<TracePoint>,
+    /// Those of the run before where this one was to leave none ([`Steps::has_maps`]).
     pub maps: Maps,
     /// The level that the last iteration ran at.
     pub level: Level,
@@ -104,6 +105,8 @@ struct RunningSolve<'r, 'w> {
     ahead: Option<Ahead>,
     /// The iterations that the watch had heard of when it cancelled.
     cancelled: Option<usize>,
+    /// The maps of the run before, if they stay.
+    maps: Option<Maps>,
 }
 
 /// A submitted block: its iterations, and the level that all of them run at.
@@ -145,17 +148,18 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
             // At first every voxel may be active.
             active: first_level.grid.voxels(),
             ahead: None,
+            maps: None,
         };
-        run.start(before)?;
+        run.start(before);
         run.reached = run.steps.levels[run.level];
         (run.first_level, run.level_before) = (run.level, run.level);
         Ok(run)
     }
 
-    /// Begins with the start schedule, after `before` if it is given. The device works on it while the first block is
-    /// recorded.
-    fn start(&mut self, before: Option<Driven>) -> Result<()> {
-        if let Some(Driven { trace, pairs, seconds, gpu_seconds, .. }) = before {
+    /// Begins with the start schedule, after `before` if it is given.
+    fn start(&mut self, before: Option<Driven>) {
+        if let Some(Driven { trace, maps, pairs, seconds, gpu_seconds, .. }) = before {
+            self.maps = Some(maps).filter(|_| !self.steps.has_maps);
             if let Some(last) = trace.last() {
                 (self.first, self.active) = (last.iteration, last.active);
             }
@@ -166,7 +170,6 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
         let OnDevice { plan, lists: Lists { block, .. }, .. } = &mut *self.device;
         block.stage("start", &stage_values(&self.steps.levels[self.level], self.first));
         (self.steps.start)(block, plan);
-        self.device.lists.submit(&mut self.device.executor).map(drop)
     }
 
     /// Adds iteration `i` to the block, and finds what is due after it.
@@ -268,7 +271,7 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
     /// The maps at a level. Waits for the device.
     fn maps(&mut self, level: &Level) -> Result<Maps> {
         self.device.executor.run_once(|s| {
-            s.stage("maps", &[("lateral", level.grid.n[0] as u64)]);
+            maps_stage(s, level);
             (self.steps.extract)(s, level);
         })?;
         // A surface has the normals of its depths even where light does not depend on them.
@@ -286,11 +289,16 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
             self.read(&flight, seconds)?;
         }
         let reached = self.reached;
-        let maps = self.maps(&reached)?;
+        let maps = self.maps.take().map_or_else(|| self.maps(&reached), Ok)?;
         let [seconds, gpu_seconds] = self.clock.now(self.device.executor.gpu_seconds());
         let Reader { trace, pairs } = self.reader;
         Ok(Driven { trace, maps, level: reached, pairs, seconds, gpu_seconds })
     }
+}
+
+/// Begins the stage that leaves the maps of a level.
+pub(super) fn maps_stage(s: &mut Schedule, level: &Level) {
+    s.stage("maps", &[("lateral", level.grid.n[0] as u64)]);
 }
 
 /// The values of a stage for labels and timelines: the next iteration (from 0) and its level.

@@ -30,6 +30,8 @@ pub(crate) struct Steps<'s> {
     pub due: Due<'s>,
     /// Leaves the level's maps in `columns_host`.
     pub extract: Extract<'s>,
+    /// The result has the maps; else those of the run before stay.
+    pub has_maps: bool,
     /// Passes whose faults may show in the trace.
     pub passes: [&'static [&'static Pass]; 2],
     /// Weight of the trace's L1 column in the loss at a level.

@@ -9,6 +9,8 @@ use super::tensor::Tensor;
 /// Columns of a tile along x and y, and voxels of it along z: what stays in the nearest cache.
 const TILE: usize = 8;
 const RUN: usize = 24;
+/// Pairs whose bands are added to a voxel at a time.
+const TOGETHER: usize = 4;
 /// Adding this to a small whole number gives a float with the number in its last bits.
 const WHOLE: f32 = 8_388_608.0;
 
@@ -66,51 +68,70 @@ impl pulp::WithSimd for Tile<'_> {
         let (xs, ys): ([f32; TILE], [f32; TILE]) = (lateral(0), lateral(1));
         let zs: [f32; RUN] = std::array::from_fn(|z| (NEAR + ((at[2] + z) as f64 + 0.5) * PITCH) as f32);
         let mut sums = vec![[0.0f32; 8]; TILE * TILE * RUN];
-        for Pair { laser, sensor, bands } in pairs {
-            let bands: &[[f32; 8]; SAMPLES + 2] = bands.as_slice().try_into().expect("all samples");
-            let ends = [laser, sensor].map(|p| [p.x as f32, p.y as f32, p.z as f32]);
-            let is_one = ends[0] == ends[1];
-            let mut deep = [[0.0f32; RUN]; 2];
-            for (deep, end) in deep.iter_mut().zip(&ends) {
-                for z in 0..RUN {
-                    deep[z] = (zs[z] - end[2]) * (zs[z] - end[2]);
-                }
-            }
-            for (column, sums) in sums.as_chunks_mut::<RUN>().0.iter_mut().enumerate() {
-                let [x, y] = [xs[column / TILE], ys[column % TILE]];
-                let aside = ends.map(|p| (x - p[0]) * (x - p[0]) + (y - p[1]) * (y - p[1]));
-                let mut paths = [0.0f32; RUN];
-                if is_one {
-                    for z in 0..RUN {
-                        paths[z] = 2.0 * (aside[0] + deep[0][z]).sqrt();
-                    }
-                } else {
-                    for z in 0..RUN {
-                        paths[z] = (aside[0] + deep[0][z]).sqrt() + (aside[1] + deep[1][z]).sqrt();
-                    }
-                }
-                let mut whole = [0u32; RUN];
-                for z in 0..RUN {
-                    let path = paths[z] * (1.0 / STEP) as f32;
-                    // Beyond the last sample there is nothing.
-                    let path = if path < (SAMPLES - 1) as f32 { path } else { SAMPLES as f32 };
-                    // Rounded in the sum, whose last bits are the whole number: faster than a conversion with its checks.
-                    let rounded = path - 0.5 + WHOLE;
-                    whole[z] = rounded.to_bits() & 0x3ff;
-                    paths[z] = path - (rounded - WHOLE);
-                }
-                for z in 0..RUN {
-                    let i = (whole[z] as usize).min(SAMPLES);
-                    let [a, b] = [bands[i], bands[i + 1]];
-                    let mut sum = sums[z];
-                    for k in 0..8 {
-                        sum[k] = paths[z].mul_add(b[k] - a[k], sum[k] + a[k]);
-                    }
-                    sums[z] = sum;
-                }
-            }
+        let (together, alone) = pairs.as_chunks::<TOGETHER>();
+        for pairs in together {
+            add(pairs, [&xs, &ys], &zs, &mut sums);
+        }
+        for pair in alone {
+            add(std::array::from_ref(pair), [&xs, &ys], &zs, &mut sums);
         }
         sums
+    }
+}
+
+/// Adds the bands of some pairs to the sums of a tile.
+#[inline(always)]
+fn add<const N: usize>(
+    pairs: &[Pair; N],
+    [xs, ys]: [&[f32; TILE]; 2],
+    zs: &[f32; RUN],
+    sums: &mut [[f32; 8]],
+) {
+    let bands: [&[[f32; 8]; SAMPLES + 2]; N] =
+        std::array::from_fn(|p| pairs[p].bands.as_slice().try_into().expect("all samples"));
+    let ends = pairs.each_ref().map(|p| [p.laser, p.sensor].map(|p| [p.x as f32, p.y as f32, p.z as f32]));
+    let mut deep = [[[0.0f32; RUN]; 2]; N];
+    for (deep, end) in deep.as_flattened_mut().iter_mut().zip(ends.as_flattened()) {
+        for z in 0..RUN {
+            deep[z] = (zs[z] - end[2]) * (zs[z] - end[2]);
+        }
+    }
+    for (column, sums) in sums.as_chunks_mut::<RUN>().0.iter_mut().enumerate() {
+        let [x, y] = [xs[column / TILE], ys[column % TILE]];
+        let (mut whole, mut share) = ([[0u32; RUN]; N], [[0.0f32; RUN]; N]);
+        for p in 0..N {
+            let aside = ends[p].map(|p| (x - p[0]) * (x - p[0]) + (y - p[1]) * (y - p[1]));
+            let mut paths = [0.0f32; RUN];
+            if ends[p][0] == ends[p][1] {
+                for z in 0..RUN {
+                    paths[z] = 2.0 * (aside[0] + deep[p][0][z]).sqrt();
+                }
+            } else {
+                for z in 0..RUN {
+                    paths[z] = (aside[0] + deep[p][0][z]).sqrt() + (aside[1] + deep[p][1][z]).sqrt();
+                }
+            }
+            for z in 0..RUN {
+                let path = paths[z] * (1.0 / STEP) as f32;
+                // Beyond the last sample there is nothing.
+                let path = if path < (SAMPLES - 1) as f32 { path } else { SAMPLES as f32 };
+                // Rounded in the sum, whose last bits are the whole number: faster than a conversion with its checks.
+                let rounded = path - 0.5 + WHOLE;
+                whole[p][z] = rounded.to_bits() & 0x3ff;
+                share[p][z] = path - (rounded - WHOLE);
+            }
+        }
+        for z in 0..RUN {
+            let mut sum = sums[z];
+            for p in 0..N {
+                let i = (whole[p][z] as usize).min(SAMPLES);
+                let [a, b] = [bands[p][i], bands[p][i + 1]];
+                for k in 0..8 {
+                    sum[k] = share[p][z].mul_add(b[k] - a[k], sum[k] + a[k]);
+                }
+            }
+            sums[z] = sum;
+        }
     }
 }
 

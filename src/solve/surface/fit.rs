@@ -13,7 +13,7 @@ use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Buffer, BufferPlan, Gpu, Place, Schedule};
 use crate::maps::Maps;
-use crate::solve::drive::{Driven, Steps, Watch, drive, stage_values};
+use crate::solve::drive::{Driven, Steps, Watch, drive, maps_stage, stage_values};
 use crate::solve::estimate::energy;
 use crate::solve::on_device::{OnDevice, read_maps, trace_rows, upload, upload_all};
 use crate::solve::outline::{self, TimedSchedule};
@@ -212,8 +212,11 @@ impl Fit {
         let level = job.plan.levels.pixels.expect("a fit has pixels");
         let pixels = Pixels::of(layers, needs::pixels(&job.plan));
         self.pixels = pixels.len();
-        let placed = if pixels.is_empty() { None } else { place(job, &level, &pixels, 0, None)? };
         let [noise, energy] = job.light();
+        let placed = match pixels.is_empty() {
+            true => None,
+            false => place(job, &level, &pixels, (level, energy), 0)?,
+        };
         Ok(placed.map(|(placed, scale)| (scale, Quality { noise, energy, left: placed.left })))
     }
 
@@ -259,8 +262,14 @@ impl Fit {
         let count = pixels.len();
         self.pixels = count;
         let begin = driven.trace.last().map_or(0, |p| p.iteration);
-        let placed = if pixels.is_empty() { None } else { place(job, &level, &pixels, begin, known)? };
         let [noise, energy] = job.light();
+        // One batch of pairs tells the scale of the albedos: rendering all of them would take longer than the iterations.
+        let compared = job.plan.batch(0).copied().unwrap_or(level);
+        let placed = match known {
+            _ if pixels.is_empty() => None,
+            Some(left) => Some((place_known(job, &level, &pixels, [energy, left])?, 1.0)),
+            None => place(job, &level, &pixels, (compared, self.energies[0]), begin)?,
+        };
         let Some((mut placed, _)) = placed else {
             driven.seconds += clock.elapsed().as_secs_f64();
             driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
@@ -324,15 +333,13 @@ impl Fit {
         let quality = Quality { noise, energy, left: best.left * energy };
         // Where the model leaves much, rises tell of that, not of the steps.
         self.step = if quality.model_error() <= MOST_ERROR { factor } else { 1.0 };
-        // The driver leaves the maps of the last state.
         if restored || !is_kept {
             job.executor.run_once(|s| keep(s, count, [KEPT[1], KEPT[0]]))?;
-            driven.maps = shown(job, &level, &layers[0], of_layers, 0)?;
         }
-        layers[0] = driven.maps.clone();
-        if let Some(behind) = layers.get_mut(1) {
-            *behind = shown(job, &level, behind, of_layers, 1)?;
+        for (layer, maps) in layers.iter_mut().enumerate() {
+            *maps = shown(job, &level, maps, of_layers, layer)?;
         }
+        driven.maps = layers[0].clone();
         Ok((driven, Some(quality)))
     }
 }
@@ -355,7 +362,10 @@ fn shown(
     layer: usize,
 ) -> Result<Maps> {
     upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(maps)))?;
-    job.executor.run_once(|s| extract(s, level, of_layers, layer))?;
+    job.executor.run_once(|s| {
+        maps_stage(s, level);
+        extract(s, level, of_layers, layer);
+    })?;
     Ok(read_maps(&job.executor, &level.grid, true))
 }
 
@@ -440,6 +450,7 @@ fn steps(
             }
         }),
         extract: Box::new(move |s, level| extract(s, level, of_layers, 0)),
+        has_maps: false,
         passes: [crate::solve::passes::ALL, passes::ALL],
         l1_weight: Box::new(|_| 1.0),
         of,
@@ -479,42 +490,63 @@ fn columns(maps: &Maps) -> Vec<[f32; 8]> {
     maps.albedo.iter().zip(&maps.depth).zip(&maps.normal).map(of_pixel).collect()
 }
 
-/// Uploads the pixels. Their albedos are scaled so that they explain most of the data, unless the residual `left` of their scale
-/// is known; `None` if they explain none. Also returns the scale. Overwrites row `row` of the trace.
-fn place(
-    job: &mut OnDevice,
-    level: &Level,
-    pixels: &Pixels,
-    row: usize,
-    left: Option<f64>,
-) -> Result<Option<(Placed, f64)>> {
-    let heights = |scale: f64| -> Vec<[f32; 2]> {
-        pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, (scale * f64::from(*a)) as f32]).collect()
-    };
-    let ([x, y, _], points) = (level.grid.n, needs::points_of(&job.plan));
+/// Uploads the columns and places of pixels.
+fn upload_pixels(job: &mut OnDevice, level: &Level, pixels: &Pixels) -> Result<()> {
+    let [x, y, _] = level.grid.n;
     let places = pixels.places(x * y);
     let placed = [
         (buffer::PIXELS, bytemuck::cast_slice(&pixels.columns)),
         (buffer::PIXEL_OF, bytemuck::cast_slice(&places)),
     ];
-    upload_all(&mut job.executor, &placed)?;
-    let most = f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)));
-    let [_, measured] = job.light();
-    if let Some(left) = left {
-        upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(1.0)))?;
-        job.executor.run_once(|s| start(s, &job.plan, level, pixels.len(), points))?;
-        return Ok(Some((Placed { pixels: pixels.len(), most, explained: measured - left, left }, 1.0)));
-    }
+    upload_all(&mut job.executor, &placed)
+}
+
+/// Depths, and albedos times a scale.
+fn upload_heights(job: &mut OnDevice, pixels: &Pixels, scale: f64) -> Result<()> {
+    let of = |(z, a): (&f32, &f32)| [*z, (scale * f64::from(*a)) as f32];
+    let heights: Vec<[f32; 2]> = pixels.depth.iter().zip(&pixels.albedo).map(of).collect();
+    upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights))
+}
+
+fn brightest(pixels: &Pixels) -> f64 {
+    f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)))
+}
+
+/// Uploads pixels whose albedos have the scale of the data, of which they leave `left`.
+fn place_known(
+    job: &mut OnDevice,
+    level: &Level,
+    pixels: &Pixels,
+    [energy, left]: [f64; 2],
+) -> Result<Placed> {
+    let points = needs::points_of(&job.plan);
+    upload_pixels(job, level, pixels)?;
+    upload_heights(job, pixels, 1.0)?;
+    job.executor.run_once(|s| start(s, &job.plan, level, pixels.len(), points))?;
+    Ok(Placed { pixels: pixels.len(), most: brightest(pixels), explained: energy - left, left })
+}
+
+/// Uploads pixels, with their albedos scaled so that they explain most of the pairs that are `compared`, whose energy is given;
+/// `None` if they explain none. Also returns the scale. Overwrites row `row` of the trace.
+fn place(
+    job: &mut OnDevice,
+    level: &Level,
+    pixels: &Pixels,
+    (of, measured): (Level, f64),
+    row: usize,
+) -> Result<Option<(Placed, f64)>> {
+    let points = needs::points_of(&job.plan);
+    upload_pixels(job, level, pixels)?;
     // |A v - h|² and |2 A v - h|² give, with |h|², the factor of v that leaves least.
     let mut residuals = [0.0; 2];
     for (times, residual) in (1..).zip(&mut residuals) {
-        upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(f64::from(times))))?;
+        upload_heights(job, pixels, f64::from(times))?;
         job.executor.run_once(|s| {
             s.stage("surface", &stage_values(level, row));
             if times == 1 {
                 start(s, &job.plan, level, pixels.len(), points);
             }
-            compared(s, &job.plan, level, pixels.len(), row);
+            compared(s, &job.plan, &of, pixels.len(), row);
         })?;
         *residual = objective_of(job, row);
     }
@@ -524,10 +556,11 @@ fn place(
     if !(scale.is_finite() && scale > 0.0) {
         return Ok(None);
     }
-    upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights(scale)))?;
-    let explained = scale * scale * rendered;
-    let left = measured - explained;
-    Ok(Some((Placed { pixels: pixels.len(), most: scale * most, explained, left }, scale)))
+    upload_heights(job, pixels, scale)?;
+    let [_, energy] = job.light();
+    let explained = energy * scale * scale * rendered / measured;
+    let most = scale * brightest(pixels);
+    Ok(Some((Placed { pixels: pixels.len(), most, explained, left: energy - explained }, scale)))
 }
 
 /// Renders `pixels` pixels and writes the objective to row `row` of the trace.

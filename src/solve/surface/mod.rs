@@ -65,8 +65,6 @@ mod rounds_of {
     /// Iterations of a round, and of the schedule that it begins: its steps stay long.
     pub const ITERATIONS: usize = 15;
     pub const SCHEDULED: usize = 45;
-    /// Another support than the closed form's must lower what is left beyond noise by this factor, where the model leaves much.
-    pub const WORTH: f64 = 0.5;
     /// What noise adds to the share of the typical evidence above which a pixel of a closed form's support is surface.
     pub const MASK: f32 = 0.2;
 }
@@ -88,13 +86,11 @@ impl SurfaceOptions {
 
     /// Iterations at most: on coarse pixels, and at the resolution of the maps.
     fn most_iterations(&self) -> [usize; 2] {
-        let [coarse, fine] = rounds_of::NUMBER;
-        // The support of the closed form may be judged, too.
-        let of = |rounds: usize| rounds * rounds_of::ITERATIONS + self.iterations;
+        let [coarse, fine] = rounds_of::NUMBER.map(|rounds| rounds * rounds_of::ITERATIONS);
         match (self.grow, self.factor()) {
             (false, _) => [0, self.iterations],
-            (true, 1) => [0, of(coarse) + self.iterations],
-            (true, _) => [of(coarse), of(fine) + self.iterations],
+            (true, 1) => [0, coarse + self.iterations],
+            (true, _) => [coarse, fine + self.iterations],
         }
     }
 }
@@ -266,12 +262,12 @@ impl PreparedSurface {
                     }
                     None => self.start(captures[0], watch)?,
                 };
-                (Begun { layers: closed.clone(), closed, seen, step: 1.0 }, seconds)
+                (Begun::of(closed, seen), seconds)
             }
         };
         let of = self.options.most_iterations().iter().sum();
-        let seen = begun.seen.clone();
-        let fits = Fits { options: &self.options, of, blends: self.blends, seen, until };
+        let (seen, light) = (begun.seen.clone(), begun.light.clone());
+        let fits = Fits { options: &self.options, of, blends: self.blends, seen, light, until };
         let driven = Driven { seconds, ..Driven::begun(begun.closed[0].clone(), *self.fine.plan().finest()) };
         fits.cold(self.coarse.as_mut(), &mut self.fine, captures, begun, watch, driven)
     }
@@ -316,7 +312,7 @@ impl PreparedSurface {
             wanted = follow::after_rounds(wanted, self.coarse.is_some());
         }
         let of = rounds * each + wanted;
-        let fits = Fits { options: &self.options, of, blends: self.blends, seen: None, until };
+        let fits = Fits { options: &self.options, of, blends: self.blends, seen: None, light: None, until };
         let plan = [rounds, each, wanted];
         let last = PreviousFrame { layers, left, closed, is_whole };
         fits.warm(&mut self.fine, last, seen, plan, watch, driven).map(Some)
@@ -370,23 +366,13 @@ struct Fits<'o> {
     options: &'o SurfaceOptions,
     /// The closed form is the light-cone transform. A back-projection has too much haze to tell where a surface ends.
     blends: bool,
-    /// What the network sees, if that is the start.
+    /// What the network sees, if that is the start, and the light-cone transform beside it.
     seen: Option<Arc<LearnedStart>>,
+    light: Option<Maps>,
     /// Iterations in all, at most.
     of: usize,
     /// Fits end at this time.
     until: Option<Instant>,
-}
-
-/// The support of the last fit.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Support {
-    /// What the evidence supports; the model explains the measurement well.
-    Open,
-    /// The same; the model leaves much.
-    Grown,
-    /// That of the closed form.
-    Closed,
 }
 
 /// What the fits leave.
@@ -405,13 +391,14 @@ impl Fits<'_> {
         coarse: Option<&mut Fit>,
         fine: &mut Fit,
         [wide, capture]: [&Capture; 2],
-        Begun { mut layers, closed, mut step, .. }: Begun,
+        Begun { mut layers, closed, mut step, is_far, .. }: Begun,
         watch: &mut Watch<'_>,
         mut driven: Driven,
     ) -> Result<FitResult> {
         // Without rounds the closed form has the resolution of the maps.
         let factor = if coarse.is_some() { self.options.factor() } else { 1 };
-        let mut support = if self.options.grow { Support::Open } else { Support::Closed };
+        // Whether the support follows the evidence: while the model explains the light.
+        let mut is_open = self.options.grow && !is_far;
         let begin = driven.seconds;
         let finer = |layers: &[Maps]| -> Vec<Maps> {
             layers.iter().map(|maps| support::finer(maps, factor)).collect()
@@ -426,23 +413,24 @@ impl Fits<'_> {
             None => finer(&closed),
         };
         if let Some(coarse) = coarse {
-            if !self.is_late() {
+            if is_open && !self.is_late() {
                 driven = taken(coarse, wide, driven)?;
                 coarse.step = step;
-                (driven, support) =
-                    self.rounds(coarse, rounds_of::NUMBER[0], &closed, &mut layers, watch, driven)?;
+                (driven, is_open) = self.rounds(coarse, rounds_of::NUMBER[0], &mut layers, watch, driven)?;
                 step = coarse.step;
             }
             layers = finer(&layers);
         }
         driven = taken(fine, capture, driven)?;
         fine.step = step;
-        if support == Support::Open && !self.is_late() {
+        if is_open && !self.is_late() {
             let number = rounds_of::NUMBER[usize::from(factor > 1)];
-            (driven, support) = self.rounds(fine, number, &closed_fine, &mut layers, watch, driven)?;
+            (driven, is_open) = self.rounds(fine, number, &mut layers, watch, driven)?;
         }
         let begun = [begin, driven.seconds];
-        let mut is_closed = support == Support::Closed;
+        // A back-projection has too much haze to be trusted with a support.
+        let is_trusted = !self.options.grow || self.seen.is_some() || self.blends;
+        let mut is_closed = !is_open && is_trusted;
         if is_closed {
             (layers, fine.step) = (closed_fine.clone(), 1.0);
         }
@@ -473,14 +461,19 @@ impl Fits<'_> {
     /// The maps of fitted layers. `closed`: the layers of the closed form, if their support is that of the surface.
     fn shown(&self, layers: &[Maps], closed: Option<&[Maps]>, quality: Option<Quality>) -> Maps {
         let mut shown = layers.to_vec();
-        if let Some(closed) = closed.filter(|_| self.options.grow && self.blends && self.seen.is_none()) {
-            for (fitted, first) in shown.iter_mut().zip(closed) {
+        let others = match &self.seen {
+            Some(_) => self.light.as_slice(),
+            None => closed.unwrap_or_default(),
+        };
+        let blends = closed.is_some() && self.options.grow && self.blends && shown.len() == others.len();
+        if blends {
+            for (fitted, first) in shown.iter_mut().zip(others) {
                 support::blend(fitted, &first.finer(fitted.nx / first.nx));
             }
         }
         let mut maps = concluded(shown, quality, closed.is_some());
         if let Some(seen) = self.seen.as_ref().filter(|_| closed.is_some() && quality.is_some()) {
-            maps.mask = support::weighed(&maps, &seen.probabilities(&maps));
+            maps.mask = support::weighed(&maps, &seen.probabilities(&maps), 1 + usize::from(blends));
         }
         // No fit explains light: what the network sees is all there is.
         if let Some(seen) = self.seen.as_ref().filter(|_| !maps.mask.contains(&true)) {
@@ -543,41 +536,22 @@ impl Fits<'_> {
         self.until.is_some_and(|until| Instant::now() >= until)
     }
 
-    /// Rounds of short fits, until the time for fits is over, and which support the last fit has. Where the model leaves much,
-    /// haze looks like surface: then the support of the closed form is judged, too.
+    /// Rounds of short fits, until the time for fits is over, and whether the model then explains the light: else haze looks like
+    /// surface.
     fn rounds(
         &self,
         fit: &mut Fit,
         number: usize,
-        closed: &[Maps],
         layers: &mut Vec<Maps>,
         watch: &mut Watch<'_>,
         driven: Driven,
-    ) -> Result<(Driven, Support)> {
+    ) -> Result<(Driven, bool)> {
         // The first round was in time.
         let run = |round: usize| {
             (round == 0 || !self.is_late()).then(|| self.run(rounds_of::ITERATIONS, 0).of_round())
         };
         let (driven, grown) = grow(fit, Rounds { number, rings: 1 }, layers, &run, watch, driven)?;
-        let Some(grown) = grown else { return Ok((driven, Support::Closed)) };
-        if grown.is_coherent() {
-            return Ok((driven, Support::Open));
-        }
-        if self.is_late() || self.seen.is_some() {
-            return Ok((driven, Support::Closed));
-        }
-        let (mut closed, step) = (closed.to_vec(), std::mem::replace(&mut fit.step, 1.0));
-        let points = driven.trace.len();
-        let run = self.run(self.options.iterations, 0);
-        let (mut driven, quality) = fit.run(&mut closed, run, watch, driven)?;
-        // It only judges: the trace is that of what becomes the result.
-        driven.trace.truncate(points);
-        let closed = quality.map(|quality| Candidate::of(fit, closed, quality)).transpose()?;
-        fit.step = step;
-        // A back-projection has too much haze to be trusted with a support.
-        let worth = if self.blends { rounds_of::WORTH } else { 1.0 };
-        let is_grown = closed.is_none_or(|closed| grown.excess() < worth * closed.excess());
-        Ok((driven, if is_grown { Support::Grown } else { Support::Closed }))
+        Ok((driven, grown.is_some_and(|grown| grown.is_coherent(1.0))))
     }
 }
 

@@ -69,12 +69,12 @@ impl Candidate {
         }
     }
 
-    /// Whether the model error is small enough to separate dim surface from haze.
-    pub fn is_coherent(&self) -> bool {
+    /// Whether the model error is small enough to separate dim surface from haze, up to a factor.
+    pub fn is_coherent(&self, factor: f64) -> bool {
         let flatness = support::typical_albedo(&self.layers)
             .map_or(0.0, |typical| support::flatness(&self.layers, typical));
         let [most, most_of_plates] = MOST_ERROR;
-        self.quality.model_error() <= most + (most_of_plates - most) * f64::from(flatness)
+        self.quality.model_error() <= factor * (most + (most_of_plates - most) * f64::from(flatness))
     }
 }
 

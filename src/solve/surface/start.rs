@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::layers::{least_columns, split};
-use super::support::{remove, retain_regions};
+use super::support::{self, put, remove, retain_regions};
 use super::{Begin, SurfaceOptions};
 use crate::capture::{Background, Capture};
 use crate::gpu::Gpu;
@@ -47,6 +47,8 @@ const TRUSTED: f64 = 0.3;
 pub(crate) struct Starts {
     /// The layers of the network or of a closed form, with the brightest albedo 1, or of a plane.
     pub layers: Vec<Maps>,
+    /// The brightest surface of every column of a light-cone transform, its haze, too.
+    pub light: Option<Maps>,
     /// What the network sees, if that is the start.
     pub seen: Option<Arc<LearnedStart>>,
 }
@@ -68,22 +70,38 @@ impl Starts {
         let mut closed = || {
             Ok::<_, Error>(match Start::new(gpu, problem, options)? {
                 Some(mut start) => start.layers(summed, options.iterations, watch)?,
-                None => Starts { layers: vec![plane(summed, grid, options.background)], seen: None },
+                None => {
+                    Starts { layers: vec![plane(summed, grid, options.background)], light: None, seen: None }
+                }
             })
         };
-        // The network sees one surface. A light-cone transform, which costs little, may show two.
-        let light_cone = match options.begin != Begin::Learned && is_light_cone(options, summed) {
-            true => Some(closed()?),
-            false => None,
-        };
-        let shows_two = light_cone.as_ref().is_some_and(|starts| starts.layers.len() > 1);
-        let seen = if shows_two { None } else { seen(options, capture, grid)? };
-        Ok(match (seen, light_cone) {
-            (Some(seen), _) => Starts { layers: vec![seen.maps(grid, learned::SURE)], seen: Some(seen) },
-            (None, Some(starts)) => starts,
-            (None, None) => closed()?,
-        })
+        let Some(seen) = seen(options, capture, grid)? else { return closed() };
+        let mut starts =
+            Starts { layers: vec![seen.maps(grid, learned::SURE)], light: None, seen: Some(seen) };
+        // A light-cone transform, which costs little, errs in other ways, and the network sees one surface where it may show two.
+        if options.begin != Begin::Learned && is_light_cone(options, summed) {
+            let light_cone = closed()?;
+            let other = other_surface(&starts.layers[0], &light_cone.layers, least_columns(grid.n[0]));
+            starts.layers.extend(other);
+            starts.light = light_cone.light;
+        }
+        Ok(starts)
     }
+}
+
+/// Of two layers, the surface that is not that of `seen`, where both are and it has one; `None` if it has fewer than `least` pixels.
+fn other_surface(seen: &Maps, layers: &[Maps], least: f64) -> Option<Maps> {
+    let [one, two] = layers else { return None };
+    let edge = support::edge(seen);
+    let mut other = Maps::empty([seen.nx, seen.ny], seen.extent);
+    for pixel in 0..seen.depth.len() {
+        let off = [one, two].map(|layer| (layer.depth[pixel] - seen.depth[pixel]).abs());
+        if off.iter().all(|off| off.is_finite()) && off[0].max(off[1]) > edge {
+            put(&mut other, Some(if off[0] > off[1] { one } else { two }), pixel);
+        }
+    }
+    let count = other.depth.iter().filter(|z| z.is_finite()).count();
+    (count as f64 >= least).then_some(other)
 }
 
 /// What the network sees of a capture on a grid, if it is to begin with that; `None`: a closed form or a plane begins.
@@ -232,6 +250,7 @@ fn of_method(
     // Where noise outshines everything, the brightest regions are all that is known.
     let noise = solved.sharpness.and_then(|s| s.noise).map_or(0.0, |noise| NOISE * noise.floor as f32);
     let noise = if noise < most { noise } else { 0.0 };
+    let light = first.clone();
     let mut second = solved.volume.as_ref().map(|volume| second_maxima(&first, volume));
     for maps in std::iter::once(&mut first).chain(&mut second) {
         for pixel in 0..maps.albedo.len() {
@@ -248,7 +267,7 @@ fn of_method(
         retain_regions(maps, |maps, region| region.iter().any(|p| most * maps.albedo[*p] > noise));
     }
     let layers = second.and_then(|second| split(&first, &second, least_columns(first.nx)));
-    Ok(Starts { layers: layers.map_or_else(|| vec![first], Vec::from), seen: None })
+    Ok(Starts { layers: layers.map_or_else(|| vec![first], Vec::from), light: Some(light), seen: None })
 }
 
 /// The second maximum of each column of a volume: the largest value beyond the dips on both sides of the first maximum.

@@ -307,8 +307,9 @@ pub fn take_over(maps: &mut Maps, fitted: &[Maps]) {
 }
 
 /// The mask of a surface by the probabilities of its pixels, changed by their evidence: smoothed albedo against the typical one of
-/// the same object, so that the brightest object does not decide on others.
-pub fn weighed(maps: &Maps, probability: &[f32]) -> Vec<bool> {
+/// the same object, so that the brightest object does not decide on others. `albedos`: how many independent albedos the maps' one is
+/// the mean of; their evidence adds up.
+pub fn weighed(maps: &Maps, probability: &[f32], albedos: usize) -> Vec<bool> {
     let mut mask = vec![false; maps.depth.len()];
     for object in objects(maps) {
         let mut alone = Maps::empty([maps.nx, maps.ny], maps.extent);
@@ -320,7 +321,7 @@ pub fn weighed(maps: &Maps, probability: &[f32]) -> Vec<bool> {
         for pixel in object {
             let p = probability[pixel].clamp(1e-4, 1.0 - 1e-4);
             let evidence = (smooth[pixel] / least).max(1e-4).ln();
-            mask[pixel] = (p / (1.0 - p)).ln() + EVIDENCE * evidence > 0.0;
+            mask[pixel] = (p / (1.0 - p)).ln() + albedos as f32 * EVIDENCE * evidence > 0.0;
         }
     }
     mask

@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 
+use super::negative::quiet_bins;
 use crate::data::Capture;
 use crate::data::scan::decimals;
 use crate::error::{Error, Result};
@@ -202,8 +203,11 @@ fn strong_direct(capture: &Capture) -> Option<AutoGate> {
     if (together as f64) < SAME_BIN * peaks.len() as f64 || peak_path.abs() > NEAR_ZERO * capture.t_end() {
         return None;
     }
-    let mean = smooth_mean(capture);
-    // Where the background was taken off, noise leaves means around zero, of which a multiple is no threshold.
+    // Above the background, of which a multiple is no threshold.
+    let mut mean = smooth_mean(capture);
+    let dark = quiet_bins(&mean).map_or(0.0, |(_, level)| level);
+    mean.iter_mut().for_each(|m| *m -= dark);
+    // Where the background was taken off, noise leaves means around zero.
     let noise = capture.negatives().map_or(0.0, |n| (n.variance / (5 * peaks.len()) as f64).sqrt());
     // The valley is the lowest bin before the mean rises clearly above it.
     let mut valley = peak;
@@ -251,6 +255,41 @@ fn smooth_mean(capture: &Capture) -> Vec<f64> {
         .collect()
 }
 
+/// Share of the light up to whose path bins are used.
+const LIGHT: f64 = 0.98;
+/// A mean that exceeds the background by this multiple of its noise is light.
+const ABOVE_NOISE: f64 = 3.0;
+
+/// The gate that ends where nearly all light has come back, whatever the length of the record. Light of paths below `after` is direct
+/// light and does not count. `None` without bins that are dark enough to tell the background.
+pub fn light_gate(capture: &Capture, after: Option<f64>) -> Option<AutoGate> {
+    let mean = smooth_mean(capture);
+    let (quiet, level) = quiet_bins(&mean)?;
+    let variance = mean[quiet.clone()].iter().map(|m| (m - level).powi(2)).sum::<f64>() / quiet.len() as f64;
+    let least = level + ABOVE_NOISE * variance.sqrt();
+    let first = after.map_or(0, |after| bin_at(capture, after));
+    let light = |b: usize| if mean[b] > least { mean[b] - level } else { 0.0 };
+    let all: f64 = (first..mean.len()).map(light).sum();
+    let mut sum = 0.0;
+    let last = (first..mean.len()).find(|b| {
+        sum += light(*b);
+        sum >= LIGHT * all
+    })?;
+    let to = capture.edge(last + 1);
+    let d = decimals(3, capture.unit());
+    let reason = format!(
+        "{:.0} % of the light has come back by path {to:.d$} m, and later bins are left out",
+        100.0 * LIGHT
+    );
+    (all > 0.0 && last + 1 < mean.len())
+        .then_some(AutoGate { gate: Gate { from: f64::NEG_INFINITY, to }, reason })
+}
+
+/// The first bin that does not begin before a path.
+fn bin_at(capture: &Capture, path: f64) -> usize {
+    ((path - capture.t_start) / capture.bin_width).ceil().clamp(0.0, capture.bins as f64) as usize
+}
+
 /// Share of the bins that the published gate drops at the start.
 const PUBLISHED_START: f64 = 0.15;
 
@@ -267,8 +306,8 @@ pub fn published_gate(capture: &Capture, after: Option<f64>) -> AutoGate {
             *m += f64::from(v);
         }
     }
-    let direct = after.map_or(0.0, |a| ((a - capture.t_start) / capture.bin_width).ceil());
-    let dropped = ((bins as f64 * PUBLISHED_START) as usize).max(direct as usize).min(bins - 1);
+    let direct = after.map_or(0, |after| bin_at(capture, after));
+    let dropped = ((bins as f64 * PUBLISHED_START) as usize).max(direct).min(bins - 1);
     for b in 0..bins {
         sums[b + 1] = sums[b] + if b < dropped { 0.0 } else { counts[b] };
     }

@@ -23,7 +23,7 @@ mod units;
 mod warnings;
 
 pub use background::Background;
-pub use gate::{AutoGate, Gate, auto_gate, published_gate};
+pub use gate::{AutoGate, Gate, auto_gate, light_gate, published_gate};
 pub use keep::Keep;
 pub use recorded::recorded_gate;
 pub use turn::{Flip, Turn};
@@ -47,8 +47,10 @@ pub struct Conditioning {
     pub keep_empty: bool,
     /// Do not look for a gate where [`Keep::gate`] is `None`: use every path.
     pub no_auto_gate: bool,
-    /// Whether the automatic gate includes the published one for captured data; `None`: if the counts were measured.
-    pub published_gate: Option<bool>,
+    /// Whether the counts were measured, so that bins without light of the scene are left out; `None`: as they look.
+    pub is_captured: Option<bool>,
+    /// Leave them out by the gate of the paper's code.
+    pub has_published_gate: bool,
     /// The impulse response in place of the capture's; `Some(None)`: none.
     pub pulse: Option<Option<Pulse>>,
     /// Spots of laser and sensor in place of the capture's: full widths at half maximum, metres, 0 for points.
@@ -277,12 +279,12 @@ fn negative(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
     Ok(())
 }
 
-/// The gate of the instrument first, as it fills what the others are found by; then direct light; then the published gate.
+/// The gate of the instrument first, as it fills what the others are found by; then direct light; then the end of the light.
 fn automatically_gated(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
     if state.gate.is_some() || how.no_auto_gate {
         return Ok(());
     }
-    let captured = how.published_gate.unwrap_or_else(|| state.capture.is_measured());
+    let is_captured = how.is_captured.unwrap_or_else(|| state.capture.is_measured());
     let recorded = recorded_gate(&mut state.capture).map(|(found, filled)| {
         if filled > 0 {
             state.notes.push(format!(
@@ -293,10 +295,15 @@ fn automatically_gated(state: &mut Conditioned, how: &Conditioning) -> Result<()
         found
     });
     let direct = auto_gate(&state.capture);
-    let published = captured.then(|| published_gate(&state.capture, direct.as_ref().map(|d| d.gate.from)));
-    // Half of the bins may be more than were recorded.
-    let published = published.filter(|p| recorded.as_ref().is_none_or(|r| !p.gate.holds(r.gate)));
-    for found in recorded.into_iter().chain(direct).chain(published) {
+    let after = direct.as_ref().map(|d| d.gate.from);
+    let lit = match (is_captured, how.has_published_gate) {
+        (false, _) => None,
+        (true, false) => light_gate(&state.capture, after),
+        (true, true) => Some(published_gate(&state.capture, after)),
+    };
+    // It may hold more than was recorded.
+    let lit = lit.filter(|lit| recorded.as_ref().is_none_or(|r| !lit.gate.holds(r.gate)));
+    for found in recorded.into_iter().chain(direct).chain(lit) {
         state
             .notes
             .push(format!("automatic gate: {} (turn the automatic gate off to use all)", found.reason));
