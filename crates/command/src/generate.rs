@@ -57,6 +57,8 @@ struct Description {
     kind: usize,
     pairs: String,
     reflectance: String,
+    /// The part of the wall that the capture covers, xmin, xmax, ymin, ymax; its larger side is the width of the network's box.
+    extent: [f64; 4],
     /// Side of the wall and depth of a wall behind the things, metres.
     wall: f64,
     back: Option<f64>,
@@ -120,10 +122,10 @@ fn scene(what: &Generation, seed: u64) -> Result<bool> {
         return Ok(false);
     }
     let GenerationOptions { coarse, ideal, scan } = what.options;
-    let mut case = FamilyCase::of(seed);
-    case.scene.scan = scan.unwrap_or(case.scene.scan);
-    case = if ideal { case.ideal() } else { case };
-    case = if coarse { case.coarse() } else { case };
+    let case = FamilyCase::of(seed);
+    let case = scan.map_or(case.clone(), |scan| case.scanned(scan));
+    let case = if ideal { case.ideal() } else { case };
+    let case = if coarse { case.coarse() } else { case };
     let (truth, measured) = (case.truth()?, case.capture()?);
     measured.check()?;
     if what.inputs {
@@ -138,6 +140,7 @@ fn scene(what: &Generation, seed: u64) -> Result<bool> {
         kind: learned::kind(&measured),
         pairs: kind(s).into(),
         reflectance: s.reflectance.name().into(),
+        extent: measured.wall_extent(),
         wall: s.wall,
         back: case.back,
         words: case.words.clone(),

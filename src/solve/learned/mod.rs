@@ -18,7 +18,7 @@ mod sizes;
 mod tensor;
 
 use bands::Bands;
-use network::{Answer, Network};
+use network::{Answer, FILE, Network};
 use project::{Pair, project};
 use sizes::*;
 pub use sizes::{BANDS, DEEP, NEAR, SIDE};
@@ -119,7 +119,7 @@ impl LearnedStart {
             return Ok(None);
         }
         let View { volume, kind, centre, wall } = View::of(capture)?;
-        let Answer { depth, mask } = answer(volume, kind);
+        let Answer { depth, mask } = answer(&Network::of(FILE), volume, kind);
         let base = centre.z;
         let metres = |index: f32| base as f32 + ((NEAR + (f64::from(index) + 0.5) * PITCH) * wall) as f32;
         Ok(Some(LearnedStart {
@@ -190,7 +190,7 @@ impl LearnedStart {
 
 /// The network's answer for a volume of bands: logits of depths and of the mask. The other channels say what kind of pairs they are
 /// from, and how deep a voxel lies.
-fn answer(mut input: Tensor, kind: usize) -> Answer {
+fn answer(network: &Network<'_>, mut input: Tensor, kind: usize) -> Answer {
     input.fill(|channel, _, _, row| match channel.checked_sub(BANDS) {
         None => {}
         Some(KINDS) => {
@@ -199,19 +199,19 @@ fn answer(mut input: Tensor, kind: usize) -> Answer {
         }
         Some(of) => row.fill(if of == kind { 1.0 } else { 0.0 }),
     });
-    Network::new().answer(&input)
+    network.answer(&input)
 }
 
-/// As [`answer`], of bands [band][x][y][z].
+/// As [`answer`], of bands [band][x][y][z], by a file of weights or by those of the program.
 #[doc(hidden)]
-pub fn logits(bands: &[f32], kind: usize) -> [Vec<f32>; 2] {
+pub fn logits(weights: Option<&[u8]>, bands: &[f32], kind: usize) -> [Vec<f32>; 2] {
     let mut input = Tensor::zeros(CHANNELS, [SIDE, SIDE, DEEP]);
     input.fill(|band, x, y, row| {
         if band < BANDS {
             row.copy_from_slice(&bands[((band * SIDE + x) * SIDE + y) * DEEP..][..DEEP]);
         }
     });
-    let Answer { depth, mask } = answer(input, kind);
+    let Answer { depth, mask } = answer(&Network::of(weights.unwrap_or(FILE)), input, kind);
     [depth, mask]
 }
 

@@ -45,7 +45,7 @@ pub struct BenchmarkArgs {
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
     /// Groups of simulated scenes, beside the captures: standard (six cases in five minutes), scenes, points, photons, meshes,
-    /// models, or random ones of the family [default: standard without captures]
+    /// models, or random ones of the family, each also without room and noise [default: standard without captures]
     #[arg(long, value_name = "GROUP,...", value_delimiter = ',', value_parser = GROUPS)]
     set: Vec<String>,
     /// Folder for the page, a folder for each case, and the captures that are made [default: benchmark, in DIR if there is
@@ -158,7 +158,7 @@ pub fn run(args: &BenchmarkArgs) -> Result<ExitCode> {
     let settings = args.settings.of_all_methods()?;
     let mut cases = args.cases()?;
     let groups: Vec<&str> = GROUPS.into_iter().filter(|group| sets.contains(group)).collect();
-    cases.extend(cases::all(&groups, SEEDS, None)?);
+    cases.extend(cases::all(&groups, SEEDS, None)?.into_iter().flat_map(Case::with_ideal));
     if let Some(wrong) = args.photons.iter().find(|p| !(1e-6..=1e12).contains(*p)) {
         return Err(Error::options(
             format!("the photons of the strongest bin are {wrong}"),

@@ -173,6 +173,21 @@ impl FamilyCase {
         (self.back, self.ambient) = (None, 0.0);
         let Scene { photons, dark, pile_up, pulse, .. } = &mut self.scene;
         (*photons, *dark, *pile_up, *pulse) = (None, Dark::Counts(0.0), None, None);
+        self.described()
+    }
+
+    /// The same case, scanned by other points: so many per side.
+    pub fn scanned(mut self, scan: usize) -> FamilyCase {
+        self.scene.scan = scan;
+        self.described()
+    }
+
+    /// With the words of what it is now.
+    fn described(mut self) -> FamilyCase {
+        let things = self.words.split_once("; ").map_or("", |(_, things)| things);
+        let things =
+            if self.scene.objects.len() > self.parts { Some(things) } else { things.split(" + ").next() };
+        self.words = format!("{}; {}", conditions(&self), things.unwrap_or_default());
         self
     }
 
