@@ -46,6 +46,8 @@ pub struct Generated {
     pub there: usize,
     /// Seeds without a scene, and why.
     pub failed: Vec<(u64, Error)>,
+    /// Whether it was stopped; the same call goes on.
+    pub stopped: bool,
 }
 
 /// The description of a scene. Its file is written last.
@@ -69,36 +71,25 @@ struct Description {
 /// go on.
 ///
 /// # Errors
-/// A file that cannot be written, or `Kind::Cancelled`. A seed whose scene cannot be measured is in the result.
+/// A file that cannot be written. A seed whose scene cannot be measured is in the result.
 pub fn generate(
     what: &Generation,
     hear: &(dyn Fn(usize, usize) -> ControlFlow<()> + Sync),
 ) -> Result<Generated> {
     let (done, of) = (AtomicUsize::new(0), (what.seeds.end - what.seeds.start) as usize);
-    let is_over = AtomicBool::new(false);
-    let all: Vec<(u64, Result<bool>)> = what
-        .seeds
-        .clone()
-        .into_par_iter()
-        .map(|seed| {
-            if is_over.load(Relaxed) {
-                return (
-                    seed,
-                    Err(Error::new(
-                        Kind::Cancelled,
-                        "the scenes were cancelled",
-                        "go on with the same command",
-                    )),
-                );
-            }
-            let made = scene(what, seed);
-            if hear(done.fetch_add(1, Relaxed) + 1, of).is_break() {
-                is_over.store(true, Relaxed);
-            }
-            (seed, made)
-        })
-        .collect();
-    let mut made = Generated::default();
+    let stopped = AtomicBool::new(false);
+    let one = |seed| {
+        if stopped.load(Relaxed) {
+            return None;
+        }
+        let made = scene(what, seed);
+        if hear(done.fetch_add(1, Relaxed) + 1, of).is_break() {
+            stopped.store(true, Relaxed);
+        }
+        Some((seed, made))
+    };
+    let all: Vec<(u64, Result<bool>)> = what.seeds.clone().into_par_iter().filter_map(one).collect();
+    let mut made = Generated { stopped: stopped.into_inner(), ..Generated::default() };
     for (seed, one) in all {
         match one {
             Ok(true) => made.written += 1,

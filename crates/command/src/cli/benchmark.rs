@@ -3,15 +3,19 @@
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Instant;
 
 use thirdbounce::export::benchmark as pages;
+use thirdbounce::export::npz::write_maps;
 use thirdbounce::job::{self, Loaded, Request, SolverOptions};
 use thirdbounce::measure::PaperMeasure;
+use thirdbounce::simulate::DEFAULT_RESOLUTION;
 use thirdbounce::solve::Progress;
-use thirdbounce::{Error, Result};
+use thirdbounce::solve::learned::LearnedStart;
+use thirdbounce::{Capture, Error, Maps, Result};
 
 use crate::benchmark::cases::{self, Files};
-use crate::benchmark::{Benchmark, Case, GROUPS, Mark, Sides, benchmark, family, found_in, truth_of};
+use crate::benchmark::{Benchmark, Case, GROUPS, Mark, Sides, Source, benchmark, family, found_in, truth_of};
 use crate::compare::{ComparedMethod, Comparison, Foreign, ForeignResult, MethodRun, compare};
 
 use super::progress::Meter;
@@ -321,7 +325,10 @@ impl Sides for RunningBenchmark<'_> {
         let loaded = job::load(&files.capture, &self.args.settings.of_all_methods()?)?;
         self.args.say(&loaded.notes);
         let comparison = self.args.comparison(&self.specs, case, &loaded, &files.truth)?;
-        let comparison = Comparison { repeats: self.repeats, out: folder.into(), ..comparison };
+        let mut comparison = Comparison { repeats: self.repeats, out: folder.into(), ..comparison };
+        if let (Source::Scene(scene), "family") = (&case.source, case.group) {
+            comparison.foreign.extend(network_alone(&loaded.capture, scene.scene.extent(), &files.capture)?);
+        }
         comparison.check(&loaded.capture)?;
         mark()?;
         compare(&comparison, &loaded, &mut |turn, progress| self.turns.hear(turn, progress))
@@ -355,6 +362,21 @@ impl Sides for RunningBenchmark<'_> {
             _ => {}
         }
     }
+}
+
+/// What the network of the learned start says alone, beside the capture that was made. `None`: too few pairs.
+fn network_alone(capture: &Capture, extent: [f64; 4], file: &Path) -> Result<Option<Foreign>> {
+    let start = Instant::now();
+    let Some(seen) = LearnedStart::of(capture)? else { return Ok(None) };
+    let maps = seen.maps_like(&Maps::empty([DEFAULT_RESOLUTION; 2], extent));
+    let folder = file.with_extension("network");
+    write_maps(&folder.join("maps.npz"), &maps)?;
+    Ok(Some(Foreign {
+        name: "network".into(),
+        result: ForeignResult::Maps(folder),
+        seconds: start.elapsed().as_secs_f64(),
+        hardware: "host".into(),
+    }))
 }
 
 /// The progress of the turns of a comparison.

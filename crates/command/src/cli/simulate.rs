@@ -2,6 +2,7 @@
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, FromArgMatches, Parser};
@@ -192,7 +193,7 @@ fn scenes() -> String {
     format!("Scenes:\n{}", lines.collect::<Vec<_>>().join("\n"))
 }
 
-pub fn run(args: &SimulateArgs) -> Result<()> {
+pub fn run(args: &SimulateArgs) -> Result<ExitCode> {
     if let Some(seeds) = &args.family {
         return family(args, seeds.clone());
     }
@@ -201,6 +202,7 @@ pub fn run(args: &SimulateArgs) -> Result<()> {
         Some(frames) => moving(args, &simulation, frames),
         None => one(args, &simulation),
     }
+    .map(|()| ExitCode::SUCCESS)
 }
 
 /// Reads the file of a scene: the arguments of `simulate` but for files, over as many lines as one likes; # begins a comment.
@@ -281,7 +283,7 @@ fn simulation(args: &SimulateArgs) -> Result<Simulation> {
 }
 
 /// Writes scenes of the random family.
-fn family(args: &SimulateArgs, seeds: Range<u64>) -> Result<()> {
+fn family(args: &SimulateArgs, seeds: Range<u64>) -> Result<ExitCode> {
     let generation = Generation {
         options: GenerationOptions { coarse: args.coarse, ideal: args.ideal, scan: args.scan },
         seeds,
@@ -298,7 +300,9 @@ fn family(args: &SimulateArgs, seeds: Range<u64>) -> Result<()> {
         }
         interrupt::asked()
     });
-    bar.inspect(|bar| bar.finish_and_clear());
+    if let Some(bar) = bar {
+        bar.finish_and_clear();
+    }
     let made = made?;
     made.failed.iter().for_each(|(seed, e)| say(&format!("seed {seed}: left out: {e}")));
     if !args.quiet {
@@ -308,7 +312,11 @@ fn family(args: &SimulateArgs, seeds: Range<u64>) -> Result<()> {
             args.out.display()
         ));
     }
-    Ok(())
+    if made.stopped {
+        say("stopped: the same command goes on");
+        return Ok(ExitCode::from(130));
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Writes the frames of a sequence.
