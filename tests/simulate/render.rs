@@ -170,6 +170,37 @@ fn stated_noise_holds_against_a_finer_rendering() {
 }
 
 #[test]
+fn a_coarse_rendering_has_the_light_of_an_accurate_one() {
+    // Arms before a trunk: without shadows some tenth of the light would be too much.
+    let mut scene = Scene::named("figure").unwrap();
+    scene.objects.push(Object { mesh: rectangle(dvec3(0.0, 0.0, 1.2), DVec3::Y, DVec3::X), albedo: 1.0 });
+    (scene.scan, scene.bin_width) = (6, 0.03);
+    let coarse = RenderOptions { max_samples: 1 << 14, coarse: Some(12), ..RenderOptions::default() };
+    let point = glam::dvec2(0.3, -0.2);
+    let cases = [
+        (Layout::Confocal, Reflectance::Lambertian),
+        (Layout::OneLaser { point }, Reflectance::Cosine),
+        (Layout::OneSensor { point }, Reflectance::Isotropic),
+        (Layout::Irregular { seed: 1 }, Reflectance::Lambertian),
+        (Layout::Confocal, Reflectance::Retroreflective),
+    ];
+    for (layout, reflectance) in cases {
+        (scene.layout, scene.reflectance) = (layout, reflectance);
+        let [exact, quick] =
+            [fine(&scene, 0.02), render(&scene, &coarse).unwrap()].map(|r| r.capture.histograms);
+        let open = render(&Scene { occlusion: false, ..scene.clone() }, &coarse).unwrap().capture.histograms;
+        let [shadowed, unshadowed] = [&quick, &open].map(|h| distance(h, &exact));
+        let light = sum(&quick) / sum(&exact);
+        assert!(shadowed < 0.05 && unshadowed > 2.0 * shadowed, "{layout:?} {shadowed} {unshadowed}");
+        assert!((light - 1.0).abs() < 0.02, "{layout:?} {light}");
+    }
+    scene.spots = [0.1; 2];
+    assert!(render(&scene, &coarse).is_err());
+    scene.spots = [0.0; 2];
+    assert!(render(&scene, &RenderOptions { coarse: Some(1), ..coarse }).is_err());
+}
+
+#[test]
 fn same_seed_same_capture_on_any_number_of_threads() {
     let mut scene = Scene::named("letters-SU").unwrap();
     scene.scan = 4;

@@ -23,7 +23,7 @@ fn bands() -> Vec<f32> {
         .collect()
 }
 
-/// Expected values are those of PyTorch 2.9 with the same weights in float32.
+/// Expected values are those of PyTorch 2.9 with the same weights in float32; `learn/export.py` prints them.
 #[test]
 fn the_network_has_the_logits_of_pytorch() {
     type Expected = (usize, [(usize, usize, f32); 6], [(usize, usize, usize, f32); 3], usize);
@@ -56,7 +56,7 @@ fn the_network_has_the_logits_of_pytorch() {
         ),
     ];
     for (kind, mask_at, depth_at, surface) in each {
-        let [depth, mask] = logits(&bands(), kind);
+        let [depth, mask] = logits(None, &bands(), kind);
         for (x, y, expected) in mask_at {
             let found = mask[128 * x + y];
             assert!((found - expected).abs() < 2e-3, "mask of {kind} at {x}, {y}: {found}, {expected}");

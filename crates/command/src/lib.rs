@@ -9,6 +9,7 @@ pub mod cli;
 pub mod compare;
 pub mod demo;
 pub mod evaluate;
+pub mod generate;
 pub mod histogram;
 pub mod inspect;
 pub mod instrument;

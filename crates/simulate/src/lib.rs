@@ -21,6 +21,7 @@
 #![warn(clippy::too_many_lines)]
 
 mod builtin;
+mod coarse;
 mod elements;
 mod figure;
 mod letters;

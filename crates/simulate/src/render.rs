@@ -3,7 +3,7 @@
 use super::elements::{SurfaceElement, elements};
 use super::offsets::Offsets;
 use super::visibility::Surfaces;
-use super::{Pairs, Reflectance, Scene, photon_noise, pile_up};
+use super::{Pairs, Reflectance, Scene, coarse, photon_noise, pile_up};
 use crate::capture::Capture;
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
@@ -19,11 +19,15 @@ pub struct RenderOptions {
     pub max_samples: usize,
     /// Seed of the samples; the photon noise has its own, [`Scene::seed`].
     pub seed: u64,
+    /// `Some(n)`: a coarse rendering, for many scenes. One draw of about `max_samples` samples, without a measure of its noise, which is
+    /// then NaN. Shadows are traced to n × n points of the wall, at least 2 × 2, and interpolated between them; a fixed laser or
+    /// sensor point is traced, too. Scenes with spots are refused.
+    pub coarse: Option<usize>,
 }
 
 impl Default for RenderOptions {
     fn default() -> Self {
-        RenderOptions { noise: 0.01, max_samples: 1 << 20, seed: 0 }
+        RenderOptions { noise: 0.01, max_samples: 1 << 20, seed: 0, coarse: None }
     }
 }
 
@@ -139,6 +143,9 @@ fn render_watched(
     scene.check()?;
     pairs.check()?;
     check(options)?;
+    if let Some(nodes) = options.coarse {
+        return rendered_coarsely(scene, pairs, options, nodes);
+    }
     let renderer = Renderer {
         scene,
         pairs,
@@ -157,9 +164,9 @@ fn render_watched(
     let mut pilot = true;
     loop {
         let samples = halves[0].len() + halves[1].len();
-        let pairs = if pilot { &few } else { &all };
-        let (done, of) = (AtomicUsize::new(0), pairs.len());
-        let (noise, histograms) = renderer.render(&halves, pairs, &|| {
+        let which = if pilot { &few } else { &all };
+        let (done, of) = (AtomicUsize::new(0), which.len());
+        let (noise, histograms) = renderer.render(&halves, which, &|| {
             let done = done.fetch_add(1, Relaxed) + 1;
             if !pilot {
                 hear(RenderProgress { samples, done, of });
@@ -177,9 +184,43 @@ fn render_watched(
             pilot = false;
             continue;
         }
-        let capture = renderer.capture(histograms);
+        let capture = capture(scene, pairs, histograms);
         return Ok(Rendering { capture, noise, samples, converged: good });
     }
+}
+
+fn rendered_coarsely(
+    scene: &Scene,
+    pairs: &Pairs,
+    options: &RenderOptions,
+    nodes: usize,
+) -> Result<Rendering> {
+    if nodes < 2 || scene.spots != [0.0; 2] {
+        return Err(Error::options(
+            format!(
+                "a coarse rendering with {nodes} x {nodes} points of shadows and spots of {:?} m",
+                scene.spots
+            ),
+            "give at least 2 x 2 points, and no spots",
+        ));
+    }
+    // The scene is cut into up to three times as many elements.
+    let elements = elements(scene, options.max_samples.div_ceil(2), half_seed(options.seed, 1));
+    let histograms = coarse::histograms(scene, pairs, &elements, nodes, scene.bin_count());
+    let capture = capture(scene, pairs, histograms);
+    Ok(Rendering { capture, noise: f64::NAN, samples: elements.len(), converged: true })
+}
+
+fn capture(scene: &Scene, pairs: &Pairs, histograms: Vec<f32>) -> Capture {
+    pairs.capture(scene.bin_count(), scene.bin_width, histograms).with(|c| {
+        c.name = scene.name.clone();
+        c.t_start = scene.t_start;
+    })
+}
+
+/// The seed of a half of the samples.
+fn half_seed(seed: u64, half: u64) -> u64 {
+    seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(half)
 }
 
 const PILOT_PAIRS: usize = 48;
@@ -214,9 +255,7 @@ impl Renderer<'_> {
     /// Two independent sample sets, one with a finer subdivision, so that their difference includes the subdivision
     /// error.
     fn halves(&self, count: usize, seed: u64) -> [Vec<SurfaceElement>; 2] {
-        [(count, 1), (2 * count, 2)].map(|(count, half)| {
-            elements(self.scene, count, seed.wrapping_mul(0x9e37_79b9_7f4a_7c15).wrapping_add(half))
-        })
+        [(count, 1), (2 * count, 2)].map(|(count, half)| elements(self.scene, count, half_seed(seed, half)))
     }
 
     /// Histograms `[pair * bins + bin]` of the given pairs, the mean of both halves, and their noise.
@@ -317,13 +356,6 @@ impl Renderer<'_> {
             Reflectance::Retroreflective => falloff.sqrt(),
             Reflectance::Isotropic => falloff,
         }
-    }
-
-    fn capture(&self, histograms: Vec<f32>) -> Capture {
-        self.pairs.capture(self.bins, self.scene.bin_width, histograms).with(|c| {
-            c.name = self.scene.name.clone();
-            c.t_start = self.scene.t_start;
-        })
     }
 }
 

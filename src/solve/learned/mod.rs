@@ -3,7 +3,7 @@
 //! It was trained on simulated scenes alone, crowded and noisy ones. All lengths are in walls, so units do not matter: its box is one
 //! wall wide and reaches from [`NEAR`] to 1.6 walls. It knows the light of rooms and of noise, which a fit explains by surfaces.
 
-use glam::dvec3;
+use glam::{DVec3, dvec3};
 use rayon::prelude::*;
 
 use crate::Result;
@@ -18,10 +18,10 @@ mod sizes;
 mod tensor;
 
 use bands::Bands;
-use network::{Answer, Network};
+use network::{Answer, FILE, Network};
 use project::{Pair, project};
-pub use sizes::NEAR;
 use sizes::*;
+pub use sizes::{BANDS, DEEP, NEAR, SIDE};
 use tensor::Tensor;
 
 /// Pairs that it looks at, at most; and at least, as it has seen no coarser scan.
@@ -35,27 +35,19 @@ pub const POSSIBLE: f32 = 0.2;
 /// Voxels on each side of the most probable one that give its depth.
 const AROUND: usize = 2;
 
-/// What the network says of a capture.
-#[derive(Debug, Clone)]
-pub struct LearnedStart {
-    /// Probability of surface, [x][y] of 2 [`SIDE`] pixels.
-    mask: Vec<f32>,
-    /// Depth, metres, [x][y] of [`SIDE`] pixels.
-    depth: Vec<f32>,
-    /// x and y of the box's near corner and its width, metres.
-    corner: [f64; 2],
+/// A capture as the network sees it.
+struct NetworkView {
+    /// Bands at the voxels of the box, in the first of [`CHANNELS`].
+    volume: Tensor,
+    /// As [`kind()`].
+    kind: usize,
+    /// The middle of the box's face, and its width, metres.
+    centre: DVec3,
     wall: f64,
 }
 
-impl LearnedStart {
-    /// Looks at a capture, which has counts. `None`: too few pairs.
-    ///
-    /// # Errors
-    /// Pairs cannot be chosen.
-    pub fn of(capture: &Capture) -> Result<Option<LearnedStart>> {
-        if capture.pair_count() < LEAST_PAIRS {
-            return Ok(None);
-        }
+impl NetworkView {
+    fn of(capture: &Capture) -> Result<NetworkView> {
         let few;
         let capture = if capture.pair_count() > MOST_PAIRS {
             few = capture.subset(MOST_PAIRS, 0)?;
@@ -78,12 +70,57 @@ impl LearnedStart {
                 bands: bands.of(capture.histogram(pair), bins),
             })
             .collect();
-        let kind = match capture.pair_kind() {
-            PairKind::Confocal => 0,
-            PairKind::OneLaser | PairKind::OneSensor => 1,
-            PairKind::Exhaustive { .. } | PairKind::Irregular => 2,
-        };
-        let Answer { depth, mask } = answer(project(&pairs, CHANNELS), kind);
+        Ok(NetworkView { volume: project(&pairs, CHANNELS), kind: kind(capture), centre, wall })
+    }
+}
+
+/// Kind of the pairs for the network: 0 confocal, 1 one laser or sensor point, 2 other.
+#[doc(hidden)]
+pub fn kind(capture: &Capture) -> usize {
+    match capture.pair_kind() {
+        PairKind::Confocal => 0,
+        PairKind::OneLaser | PairKind::OneSensor => 1,
+        PairKind::Exhaustive { .. } | PairKind::Irregular => 2,
+    }
+}
+
+/// Bands of a capture at the voxels of the box, [band][x][y][z]: [`BANDS`] of [`SIDE`] x [`SIDE`] x [`DEEP`]. The network is trained on
+/// them.
+///
+/// # Errors
+/// Pairs cannot be chosen.
+#[doc(hidden)]
+pub fn input(capture: &Capture) -> Result<Vec<f32>> {
+    let volume = NetworkView::of(capture)?.volume;
+    let rows =
+        (0..BANDS * SIDE * SIDE).flat_map(|i| volume.along_z(i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE));
+    Ok(rows.copied().collect())
+}
+
+/// What the network says of a capture.
+#[derive(Debug, Clone)]
+pub struct LearnedStart {
+    /// Probability of surface, [x][y] of 2 [`SIDE`] pixels.
+    mask: Vec<f32>,
+    /// Depth, metres, [x][y] of [`SIDE`] pixels.
+    depth: Vec<f32>,
+    /// x and y of the box's near corner and its width, metres.
+    corner: [f64; 2],
+    wall: f64,
+}
+
+impl LearnedStart {
+    /// Looks at a capture, which has counts. `None`: too few pairs.
+    ///
+    /// # Errors
+    /// Pairs cannot be chosen.
+    pub fn of(capture: &Capture) -> Result<Option<LearnedStart>> {
+        if capture.pair_count() < LEAST_PAIRS {
+            return Ok(None);
+        }
+        let NetworkView { volume, kind, centre, wall } = NetworkView::of(capture)?;
+        let Answer { depth, mask } = answer(&Network::of(FILE), volume, kind);
+        let base = centre.z;
         let metres = |index: f32| base as f32 + ((NEAR + (f64::from(index) + 0.5) * PITCH) * wall) as f32;
         Ok(Some(LearnedStart {
             mask: mask.into_iter().map(|logit| 1.0 / (1.0 + (-logit).exp())).collect(),
@@ -153,7 +190,7 @@ impl LearnedStart {
 
 /// The network's answer for a volume of bands: logits of depths and of the mask. The other channels say what kind of pairs they are
 /// from, and how deep a voxel lies.
-fn answer(mut input: Tensor, kind: usize) -> Answer {
+fn answer(network: &Network<'_>, mut input: Tensor, kind: usize) -> Answer {
     input.fill(|channel, _, _, row| match channel.checked_sub(BANDS) {
         None => {}
         Some(KINDS) => {
@@ -162,19 +199,19 @@ fn answer(mut input: Tensor, kind: usize) -> Answer {
         }
         Some(of) => row.fill(if of == kind { 1.0 } else { 0.0 }),
     });
-    Network::new().answer(&input)
+    network.answer(&input)
 }
 
-/// As [`answer`], of bands [band][x][y][z].
+/// As [`answer`], of bands [band][x][y][z], by a file of weights or by those of the program.
 #[doc(hidden)]
-pub fn logits(bands: &[f32], kind: usize) -> [Vec<f32>; 2] {
+pub fn logits(weights: Option<&[u8]>, bands: &[f32], kind: usize) -> [Vec<f32>; 2] {
     let mut input = Tensor::zeros(CHANNELS, [SIDE, SIDE, DEEP]);
     input.fill(|band, x, y, row| {
         if band < BANDS {
             row.copy_from_slice(&bands[((band * SIDE + x) * SIDE + y) * DEEP..][..DEEP]);
         }
     });
-    let Answer { depth, mask } = answer(input, kind);
+    let Answer { depth, mask } = answer(&Network::of(weights.unwrap_or(FILE)), input, kind);
     [depth, mask]
 }
 

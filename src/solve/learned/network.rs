@@ -8,7 +8,7 @@ use super::sizes::{DEEP, SIDE};
 use super::tensor::{Tensor, Weights, silu};
 
 /// Trained weights ([`super`]).
-static FILE: &[u8] = include_bytes!("weights.safetensors");
+pub static FILE: &[u8] = include_bytes!("weights.safetensors");
 
 /// Groups of channels that are normalised together.
 const GROUPS: usize = 4;
@@ -23,13 +23,12 @@ pub struct Answer {
 
 pub struct Network<'f>(SafeTensors<'f>);
 
-impl Network<'static> {
-    pub fn new() -> Network<'static> {
-        Network(SafeTensors::deserialize(FILE).expect("the file of weights is part of the program"))
-    }
-}
-
 impl Network<'_> {
+    /// The network of a file of weights, which has all its layers in half precision.
+    pub fn of(file: &[u8]) -> Network<'_> {
+        Network(SafeTensors::deserialize(file).expect("a file of weights"))
+    }
+
     fn values(&self, name: &str) -> Vec<f32> {
         let tensor = self.0.tensor(name).expect("the file of weights has all layers");
         tensor.data().chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect()

@@ -3,6 +3,8 @@
 use std::fmt;
 use std::io::Read;
 
+use half::f16;
+
 use crate::error::{Error, Result};
 use crate::host;
 
@@ -27,6 +29,8 @@ pub enum Element {
     I32,
     /// Signed, 64 bits.
     I64,
+    /// Floating point, 16 bits.
+    F16,
     /// Floating point, 32 bits.
     F32,
     /// Floating point, 64 bits.
@@ -34,7 +38,7 @@ pub enum Element {
 }
 
 impl Element {
-    const ALL: [(Element, &'static str, usize); 11] = [
+    const ALL: [(Element, &'static str, usize); 12] = [
         (Element::Bool, "b1", 1),
         (Element::U8, "u1", 1),
         (Element::U16, "u2", 2),
@@ -44,6 +48,7 @@ impl Element {
         (Element::I16, "i2", 2),
         (Element::I32, "i4", 4),
         (Element::I64, "i8", 8),
+        (Element::F16, "f2", 2),
         (Element::F32, "f4", 4),
         (Element::F64, "f8", 8),
     ];
@@ -137,6 +142,12 @@ impl Array {
     from_slice!(from_u32, u32, U32);
     from_slice!(from_i64, i64, I64);
 
+    /// A C-order array of half precision: the values are rounded.
+    pub fn from_f16(shape: &[usize], values: &[f32]) -> Array {
+        let bytes = values.iter().flat_map(|v| f16::from_f32(*v).to_le_bytes()).collect();
+        Array { shape: shape.to_vec(), element: Element::F16, big_endian: false, fortran: false, bytes }
+    }
+
     /// A C-order array of booleans.
     pub fn from_bool(shape: &[usize], values: &[bool]) -> Array {
         let bytes = values.iter().map(|&v| u8::from(v)).collect();
@@ -202,6 +213,7 @@ impl Array {
             Element::I16 => decode!(i16, Number::Signed),
             Element::I32 => decode!(i32, Number::Signed),
             Element::I64 => decode!(i64, Number::Signed),
+            Element::F16 => decode!(f16, Number::Real),
             Element::F32 => decode!(f32, Number::Real),
             Element::F64 => decode!(f64, Number::Real),
         }

@@ -273,15 +273,19 @@ impl PulseTaps {
 
     /// Passes one histogram, or one residual, through the instrument. Light that leaves the bins is lost.
     pub fn through(&self, histogram: &[f64], way: Way) -> Vec<f64> {
-        let at = |bin: usize, tap: usize| {
-            let from = match way {
-                Way::Spread => (bin + self.before).checked_sub(tap),
-                Way::Back => (bin + tap).checked_sub(self.before),
+        let (bins, mut through) = (histogram.len(), vec![0.0; histogram.len()]);
+        // Tap by tap: the sum of a bin is in the order of the taps.
+        for (tap, weight) in self.weights.iter().enumerate() {
+            let ahead = match way {
+                Way::Spread => tap as isize - self.before as isize,
+                Way::Back => self.before as isize - tap as isize,
             };
-            from.and_then(|from| histogram.get(from)).copied().unwrap_or(0.0)
-        };
-        let of_bin = |bin| self.weights.iter().enumerate().map(|(i, w)| w * at(bin, i)).sum();
-        (0..histogram.len()).map(of_bin).collect()
+            let (to, from) = (ahead.max(0) as usize, (-ahead).max(0) as usize);
+            if to.max(from) < bins {
+                through[to..].iter_mut().zip(&histogram[from..]).for_each(|(to, v)| *to += weight * v);
+            }
+        }
+        through
     }
 }
 

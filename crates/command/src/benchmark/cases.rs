@@ -121,6 +121,19 @@ impl Case {
         matches!(self.source, Source::File { truth: None, .. })
     }
 
+    /// The case; of the family, also the same things alone and measured exactly: what is wrong there is not for want of light.
+    pub fn with_ideal(self) -> Vec<Case> {
+        let ideal = match &self.source {
+            Source::Scene(scene) if self.group == "family" => Some(Case::of_scene(
+                self.group,
+                format!("{}-ideal", self.name),
+                scene.as_ref().clone().ideal(),
+            )),
+            _ => None,
+        };
+        std::iter::once(self).chain(ideal).collect()
+    }
+
     /// The same case with photon counts. `None`: it is judged by agreement, which the counts would change.
     pub fn with_photons(&self, mean: f64, seed: u64) -> Option<Case> {
         let mut case = Case { name: format!("{}-photons-{mean}", self.name), ..self.clone() };

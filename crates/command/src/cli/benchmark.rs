@@ -3,15 +3,19 @@
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Instant;
 
 use thirdbounce::export::benchmark as pages;
+use thirdbounce::export::npz::write_maps;
 use thirdbounce::job::{self, Loaded, Request, SolverOptions};
 use thirdbounce::measure::PaperMeasure;
+use thirdbounce::simulate::DEFAULT_RESOLUTION;
 use thirdbounce::solve::Progress;
-use thirdbounce::{Error, Result};
+use thirdbounce::solve::learned::LearnedStart;
+use thirdbounce::{Capture, Error, Maps, Result};
 
 use crate::benchmark::cases::{self, Files};
-use crate::benchmark::{Benchmark, Case, GROUPS, Mark, Sides, benchmark, family, found_in, truth_of};
+use crate::benchmark::{Benchmark, Case, GROUPS, Mark, Sides, Source, benchmark, family, found_in, truth_of};
 use crate::compare::{ComparedMethod, Comparison, Foreign, ForeignResult, MethodRun, compare};
 
 use super::progress::Meter;
@@ -45,7 +49,7 @@ pub struct BenchmarkArgs {
     #[arg(long, value_name = "FILE")]
     truth: Option<PathBuf>,
     /// Groups of simulated scenes, beside the captures: standard (six cases in five minutes), scenes, points, photons, meshes,
-    /// models, or random ones of the family [default: standard without captures]
+    /// models, or random ones of the family, each also without room and noise [default: standard without captures]
     #[arg(long, value_name = "GROUP,...", value_delimiter = ',', value_parser = GROUPS)]
     set: Vec<String>,
     /// Folder for the page, a folder for each case, and the captures that are made [default: benchmark, in DIR if there is
@@ -158,7 +162,7 @@ pub fn run(args: &BenchmarkArgs) -> Result<ExitCode> {
     let settings = args.settings.of_all_methods()?;
     let mut cases = args.cases()?;
     let groups: Vec<&str> = GROUPS.into_iter().filter(|group| sets.contains(group)).collect();
-    cases.extend(cases::all(&groups, SEEDS, None)?);
+    cases.extend(cases::all(&groups, SEEDS, None)?.into_iter().flat_map(Case::with_ideal));
     if let Some(wrong) = args.photons.iter().find(|p| !(1e-6..=1e12).contains(*p)) {
         return Err(Error::options(
             format!("the photons of the strongest bin are {wrong}"),
@@ -321,7 +325,10 @@ impl Sides for RunningBenchmark<'_> {
         let loaded = job::load(&files.capture, &self.args.settings.of_all_methods()?)?;
         self.args.say(&loaded.notes);
         let comparison = self.args.comparison(&self.specs, case, &loaded, &files.truth)?;
-        let comparison = Comparison { repeats: self.repeats, out: folder.into(), ..comparison };
+        let mut comparison = Comparison { repeats: self.repeats, out: folder.into(), ..comparison };
+        if let (Source::Scene(scene), "family") = (&case.source, case.group) {
+            comparison.foreign.extend(network_alone(&loaded.capture, scene.scene.extent(), &files.capture)?);
+        }
         comparison.check(&loaded.capture)?;
         mark()?;
         compare(&comparison, &loaded, &mut |turn, progress| self.turns.hear(turn, progress))
@@ -355,6 +362,21 @@ impl Sides for RunningBenchmark<'_> {
             _ => {}
         }
     }
+}
+
+/// What the network of the learned start says alone, beside the capture that was made. `None`: too few pairs.
+fn network_alone(capture: &Capture, extent: [f64; 4], file: &Path) -> Result<Option<Foreign>> {
+    let start = Instant::now();
+    let Some(seen) = LearnedStart::of(capture)? else { return Ok(None) };
+    let maps = seen.maps_like(&Maps::empty([DEFAULT_RESOLUTION; 2], extent));
+    let folder = file.with_extension("network");
+    write_maps(&folder.join("maps.npz"), &maps)?;
+    Ok(Some(Foreign {
+        name: "network".into(),
+        result: ForeignResult::Maps(folder),
+        seconds: start.elapsed().as_secs_f64(),
+        hardware: "host".into(),
+    }))
 }
 
 /// The progress of the turns of a comparison.

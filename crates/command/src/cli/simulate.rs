@@ -1,6 +1,8 @@
 //! `thirdbounce simulate SCENE --out CAPTURE`.
 
+use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, FromArgMatches, Parser};
@@ -12,9 +14,10 @@ use thirdbounce::simulate::{
 use thirdbounce::solve::units::{length, number, path};
 use thirdbounce::{Error, Result};
 
+use crate::generate::{self, Generation, GenerationOptions};
 use crate::simulated::{self, Simulation};
 
-use super::progress::RenderingProgress;
+use super::progress::{self, RenderingProgress};
 use super::settings::word;
 use super::terminal::{print, say};
 use super::{interrupt, tables};
@@ -23,10 +26,26 @@ use super::{interrupt, tables};
 #[command(after_help = scenes())]
 pub struct SimulateArgs {
     /// A built-in scene (listed below), or the path of a .obj or .ply mesh
-    scene: String,
-    /// Capture to write: .npz, or .hdf5 for y-tal
+    #[arg(required_unless_present = "family")]
+    scene: Option<String>,
+    /// Capture to write: .npz, or .hdf5 for y-tal. With --family a folder
     #[arg(long, value_name = "CAPTURE")]
     out: PathBuf,
+    /// Random scenes of the seeds from A to B - 1, each measured in a random way, for training. Of seed 7, the folder gets the
+    /// capture c7.npz, the truth t7.npz, and last s7.json, a description. Seeds that are there already are left alone
+    #[arg(long, value_name = "A..B", value_parser = seeds, conflicts_with_all = ["scene", "fit", "moving", "truth", "truth_resolution",
+        "pairs", "point", "grid", "wall_shape", "wall", "bin_width", "bins", "reflectance", "occlusion", "albedo", "pulse", "pile_up",
+        "spot", "photons", "dark", "seed", "noise"])]
+    family: Option<Range<u64>>,
+    /// Render scenes of --family coarsely: in hundredths of a second
+    #[arg(long, requires = "family", conflicts_with = "scene")]
+    coarse: bool,
+    /// Measure scenes of --family exactly, and without room: no noise, no impulse response, no other light
+    #[arg(long, requires = "family", conflicts_with = "scene")]
+    ideal: bool,
+    /// Also write what the learned start sees of scenes of --family: i7.npy, float16 [5][64][64][96]
+    #[arg(long, requires = "family", conflicts_with = "scene")]
+    inputs: bool,
     /// Scale the scene about its centre so that its largest side is this long [default: metres of the mesh are kept]
     #[arg(long, value_name = "SIZE", value_parser = length)]
     fit: Option<f64>,
@@ -49,9 +68,9 @@ pub struct SimulateArgs {
     /// Pixels per side of the truth
     #[arg(long, value_name = "N", default_value_t = DEFAULT_RESOLUTION)]
     truth_resolution: usize,
-    /// Scan points per side
-    #[arg(long, value_name = "N", default_value_t = 32)]
-    scan: usize,
+    /// Scan points per side [default: 32; of --family random]
+    #[arg(long, value_name = "N")]
+    scan: Option<usize>,
     /// How laser and sensor points are paired. confocal: both at every scan point; one-laser, one-sensor: one of them
     /// fixed at --point; exhaustive: every laser point of --grid with every scan point; irregular: as many pairs as scan
     /// points, drawn over the wall with --seed
@@ -125,6 +144,12 @@ fn wall_shape(name: String) -> WallShape {
     if name == "bump" { WallShape::Bump } else { WallShape::Flat }
 }
 
+fn seeds(text: &str) -> std::result::Result<Range<u64>, String> {
+    let ends = text.split_once("..").and_then(|(a, b)| Some(a.parse().ok()?..b.parse().ok()?));
+    ends.filter(|seeds| !seeds.is_empty())
+        .ok_or_else(|| "give seeds as A..B, for example 100000..100100".into())
+}
+
 /// The layout that the options ask for. Refuses an option of another kind of pairs.
 fn layout(args: &SimulateArgs) -> Result<Layout> {
     let kind = args.pairs.as_str();
@@ -145,10 +170,14 @@ fn layout(args: &SimulateArgs) -> Result<Layout> {
     Ok(match kind {
         "one-laser" => Layout::OneLaser { point },
         "one-sensor" => Layout::OneSensor { point },
-        "exhaustive" => Layout::Exhaustive { lasers: args.grid.unwrap_or(args.scan) },
+        "exhaustive" => Layout::Exhaustive { lasers: args.grid.unwrap_or(scan_of(args)) },
         "irregular" => Layout::Irregular { seed: args.seed },
         _ => Layout::Confocal,
     })
+}
+
+fn scan_of(args: &SimulateArgs) -> usize {
+    args.scan.unwrap_or(32)
 }
 
 fn point_of(text: &str) -> Result<DVec2> {
@@ -164,12 +193,16 @@ fn scenes() -> String {
     format!("Scenes:\n{}", lines.collect::<Vec<_>>().join("\n"))
 }
 
-pub fn run(args: &SimulateArgs) -> Result<()> {
+pub fn run(args: &SimulateArgs) -> Result<ExitCode> {
+    if let Some(seeds) = &args.family {
+        return family(args, seeds.clone());
+    }
     let simulation = simulation(args)?;
     match args.moving {
         Some(frames) => moving(args, &simulation, frames),
         None => one(args, &simulation),
     }
+    .map(|()| ExitCode::SUCCESS)
 }
 
 /// Reads the file of a scene: the arguments of `simulate` but for files, over as many lines as one likes; # begins a comment.
@@ -192,7 +225,9 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     let mut words: Vec<String> = lines.flat_map(str::split_whitespace).map(String::from).collect();
     let is_own = |word: &String| {
-        ["--out", "--truth", "--moving", "--appear", "--vanish"].iter().any(|own| word.starts_with(own))
+        ["--out", "--truth", "--moving", "--appear", "--vanish", "--family"]
+            .iter()
+            .any(|own| word.starts_with(own))
     };
     if let Some(word) = words.iter().find(|word| is_own(word)) {
         return Err(at(Error::input(
@@ -221,12 +256,12 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
 
 /// What the arguments ask for.
 fn simulation(args: &SimulateArgs) -> Result<Simulation> {
-    let mut scene = Scene::named(&args.scene)?;
+    let mut scene = Scene::named(args.scene.as_deref().unwrap_or_default())?;
     if let Some(size) = args.fit {
         scene = scene.fitted(size)?;
     }
     args.albedo.into_iter().for_each(|albedo| scene.set_albedo(albedo));
-    (scene.scan, scene.wall) = (args.scan, args.wall);
+    (scene.scan, scene.wall) = (scan_of(args), args.wall);
     (scene.bin_width, scene.bins) = (args.bin_width, args.bins);
     let set = |key: &str, text: &Option<String>| {
         let mut settings = Settings::default();
@@ -245,6 +280,43 @@ fn simulation(args: &SimulateArgs) -> Result<Simulation> {
         out: args.out.clone(),
         truth: args.truth.clone().map(|file| (file, args.truth_resolution)),
     })
+}
+
+/// Writes scenes of the random family.
+fn family(args: &SimulateArgs, seeds: Range<u64>) -> Result<ExitCode> {
+    let generation = Generation {
+        options: GenerationOptions { coarse: args.coarse, ideal: args.ideal, scan: args.scan },
+        seeds,
+        inputs: args.inputs,
+        out: args.out.clone(),
+    };
+    let bar = progress::bar(args.quiet, "{bar:16} {wide_msg} {elapsed}");
+    interrupt::stop_in_order();
+    let made = generate::generate(&generation, &|done, of| {
+        if let Some(bar) = &bar {
+            bar.set_length(of as u64);
+            bar.set_position(done as u64);
+            bar.set_message(format!("{done} of {of} scenes"));
+        }
+        interrupt::asked()
+    });
+    if let Some(bar) = bar {
+        bar.finish_and_clear();
+    }
+    let made = made?;
+    made.failed.iter().for_each(|(seed, e)| say(&format!("seed {seed}: left out: {e}")));
+    if !args.quiet {
+        let [written, there, failed] = [made.written, made.there, made.failed.len()];
+        print(&format!(
+            "wrote     {}: {written} scenes, {there} were there, {failed} left out",
+            args.out.display()
+        ));
+    }
+    if made.stopped {
+        say("stopped: the same command goes on");
+        return Ok(ExitCode::from(130));
+    }
+    Ok(ExitCode::SUCCESS)
 }
 
 /// Writes the frames of a sequence.

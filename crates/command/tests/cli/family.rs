@@ -2,11 +2,13 @@
 
 use std::path::Path;
 
-use fixtures::command::succeed;
-use fixtures::family::FamilyCase;
-use thirdbounce::capture::write;
-use thirdbounce::export::npz::read_maps;
+use fixtures::command::{fail, succeed};
+use fixtures::family::{FamilyCase, TRAINING};
+use thirdbounce::capture::{read, write};
+use thirdbounce::export::npz::{read_maps, read_truth};
+use thirdbounce::files::array::Array;
 use thirdbounce::measure::metrics;
+use thirdbounce_command::benchmark::{Case, Source, cases};
 
 /// An animal and a box, a hand, an animal seen by irregular pairs, a letter and a figure: seeds with .42, .74, .40 and .67.
 const SEEDS: [u64; 4] = [7, 16, 26, 40];
@@ -38,4 +40,68 @@ fn solved(seed: u64, folder: &Path) -> [f64; 2] {
     let figures = metrics(&maps, &case.truth().expect("a truth"), None).expect("figures");
     // Whoever finds nothing is a tenth of the wall off.
     [figures.iou.unwrap_or(0.0), figures.depth_mae.map_or(0.1, |error| error / case.scene.wall)]
+}
+
+/// Figures of the benchmark stay comparable.
+#[test]
+fn scenes_to_measure_with_never_change() {
+    let words = [
+        (
+            0,
+            "one laser 24², 0.99 m, 220 x 13.7 mm, 2154 ph, pulse hidden, dark 0.0028; animal, figure, animal",
+        ),
+        (3, "confocal 24², 0.61 m, 1702 x 1.1 mm, 10 ph, dark 0.0068; animal, box (partly outside)"),
+        (
+            7,
+            "confocal 24², 0.58 m, 381 x 5.4 mm, 209 ph, pulse hidden; animal (partly outside), box + side wall",
+        ),
+    ];
+    words.into_iter().for_each(|(seed, words)| assert_eq!(FamilyCase::of(seed).words, words));
+}
+
+#[test]
+fn scenes_to_train_on_are_written_once() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().display().to_string();
+    let seeds = format!("{TRAINING}..{}", TRAINING + 2);
+    let command = ["simulate", "--family", &seeds, "--scan", "4", "--coarse", "--inputs", "--out", &out];
+    assert!(succeed(&command).contains("2 scenes, 0 were there, 0 left out"));
+    let file = |name: &str| folder.path().join(format!("{name}{TRAINING}"));
+    let capture = read(&file("c").with_extension("npz")).expect("a capture");
+    // Pairs without light are left out.
+    assert!((9..=16).contains(&capture.pair_count()), "{}", capture.pair_count());
+    let truth = read_truth(&file("t").with_extension("npz")).expect("a truth");
+    let exact = FamilyCase::of(TRAINING).truth().expect("a truth");
+    assert_eq!((truth.mask, truth.nx), (exact.mask, exact.nx));
+    let input = std::fs::read(file("i").with_extension("npy")).expect("an input");
+    let input = Array::parse(&input).expect("an array");
+    assert_eq!(input.shape, [5, 64, 64, 96]);
+    // Every band has a mean square of a ninth.
+    for band in input.to_f32().chunks(64 * 64 * 96) {
+        let mean = band.iter().map(|v| f64::from(*v).powi(2)).sum::<f64>() / band.len() as f64;
+        assert!((9.0 * mean - 1.0).abs() < 0.01, "{mean}");
+    }
+    assert!(succeed(&command).contains("0 scenes, 2 were there, 0 left out"));
+    // Measured in another way they are others; what is cut short is written again.
+    let ideal = [&command[..], &["--ideal"]].concat();
+    assert!(succeed(&ideal).contains("2 scenes, 0 were there"));
+    std::fs::remove_file(file("t").with_extension("npz")).expect("a file");
+    assert!(succeed(&ideal).contains("1 scenes, 1 were there"));
+    fail(&[&command[..], &["--photons", "10"]].concat(), 2, "--photons");
+    fail(&["simulate", "letter-Z", "--coarse", "--out", "z.npz"], 2, "--coarse");
+}
+
+#[test]
+fn a_benchmark_of_random_scenes_has_each_twice() {
+    let all = cases::all(&["family", "points"], 3..4, None).expect("cases");
+    let points = all.len() - 1;
+    let all: Vec<Case> = all.into_iter().flat_map(Case::with_ideal).collect();
+    assert_eq!((all[0].name.as_str(), all[1].name.as_str()), ("family-3", "family-3-ideal"));
+    assert_eq!(all.len(), points + 2);
+    let (Source::Scene(drawn), Source::Scene(ideal)) = (&all[0].source, &all[1].source) else {
+        panic!("scenes");
+    };
+    assert_eq!(drawn.truth().expect("a truth").mask, ideal.truth().expect("a truth").mask);
+    assert_eq!(ideal.scene.photons, None);
+    assert_eq!(ideal.words, "confocal 24², 0.61 m, 1702 x 1.1 mm, exact; animal, box (partly outside)");
 }

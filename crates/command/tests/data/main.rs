@@ -4,6 +4,7 @@
 //! THIRDBOUNCE_PYTHON a Python (else `python3`).
 
 mod batch;
+mod learn;
 mod native;
 mod opened;
 mod others;
@@ -60,6 +61,11 @@ fn main() -> ExitCode {
         scipy::files_of_scipy_are_read_or_named
     ]);
     all.extend(trials!["needs Python with Ray", with("ray"), batch::ray_shares_a_list]);
+    all.extend(trials![
+        "needs Python with the packages of learn/requirements.txt",
+        with("torch, numpy, safetensors"),
+        learn::two_steps_train_what_the_engine_reads
+    ]);
     all.extend(trials!["needs Python with y-tal", with("tal"), ytal::ytal_opens_ours_and_we_open_its]);
     all.extend(trials![
         "needs Python with ptufile",

@@ -22,6 +22,11 @@ impl Dice {
         self.of(0.0, 1.0) < share
     }
 
+    /// As [`Dice::so_often`]; what never happens needs no random number.
+    pub fn maybe(&mut self, share: f64) -> bool {
+        share > 0.0 && self.so_often(share)
+    }
+
     /// One of these, each as often as its weight says.
     pub fn one<T: Clone>(&mut self, weighed: &[(f64, T)]) -> T {
         one_at(self.of(0.0, 1.0), weighed)

@@ -18,8 +18,59 @@ use thirdbounce::simulate::*;
 /// Most values of a capture: with more, a reconstruction by the defaults takes longer than some 15 s on two CPU cores.
 const MOST_VALUES: f64 = 1e6;
 
-/// Smallest share of the truth's pixels that show something.
-const LEAST_SEEN: f64 = 0.06;
+/// Seeds from here on are to train on: more kinds of scenes and of scans. Those below are to measure with, and never change.
+pub const TRAINING: u64 = 100_000;
+
+/// What the scenes are drawn from.
+struct Ranges {
+    /// Smallest share of the truth's pixels that show something.
+    least_seen: f64,
+    /// Numbers of things, by weights.
+    counts: &'static [(f64, usize)],
+    /// Sizes of a thing that is the only one; the nearest depth, and how much deeper others are; the least depth of any point; walls.
+    size: [f64; 2],
+    depths: [f64; 2],
+    clear: f64,
+    /// Shares of scenes of flat things only, and of scenes without room.
+    flat: f64,
+    alone: f64,
+    /// Scan points per side, by weights.
+    scans: &'static [(f64, usize)],
+    /// Most photons of the strongest bin.
+    photons: f64,
+    /// Widths of impulse responses, walls.
+    pulse: [f64; 2],
+}
+
+const TO_MEASURE: Ranges = Ranges {
+    least_seen: 0.06,
+    counts: &[(0.3, 1), (0.35, 2), (0.2, 3), (0.15, 4)],
+    size: [0.5, 0.9],
+    depths: [0.45, 0.75],
+    clear: 0.3,
+    flat: 0.0,
+    alone: 0.0,
+    scans: &[(0.3, 24), (0.6, 32), (0.07, 48), (0.03, 64)],
+    photons: 1e5,
+    pulse: [0.01, 0.06],
+};
+
+const TO_TRAIN: Ranges = Ranges {
+    least_seen: 0.02,
+    counts: &[(0.45, 1), (0.3, 2), (0.15, 3), (0.1, 4)],
+    size: [0.3, 1.0],
+    depths: [0.25, 1.25],
+    clear: 0.12,
+    flat: 0.15,
+    alone: 0.3,
+    scans: &[(0.1, 8), (0.15, 12), (0.2, 16), (0.25, 24), (0.2, 32), (0.06, 48), (0.04, 64)],
+    photons: 1e6,
+    pulse: [0.005, 0.08],
+};
+
+/// Samples of a coarse rendering, and points per side of the wall that shadows are traced to.
+const COARSE_SAMPLES: usize = 2048;
+const COARSE_NODES: usize = 6;
 
 /// A capture to come, with its truth.
 #[derive(Debug, Clone)]
@@ -70,32 +121,37 @@ impl FamilyCase {
     /// often as in the whole family.
     pub fn of(seed: u64) -> FamilyCase {
         let mut dice = Dice(Pcg64::seed_from_u64(seed ^ 0x6661_6d69_6c79));
-        let (mut objects, mut words) = things(&mut dice);
-        while seen(&objects) < LEAST_SEEN {
-            (objects, words) = things(&mut dice);
+        let ranges = if seed < TRAINING { TO_MEASURE } else { TO_TRAIN };
+        let (mut objects, mut words) = things(&mut dice, &ranges);
+        while seen(&objects) < ranges.least_seen {
+            (objects, words) = things(&mut dice, &ranges);
         }
         let parts = objects.len();
-        let (room, back) = room(&mut dice, &objects, &mut words);
+        let (room, back) = match dice.maybe(ranges.alone) {
+            true => (vec![], None),
+            false => room(&mut dice, &objects, &mut words),
+        };
         let mut scene = Scene::new(format!("family-{seed}"), objects);
         scene.seed = seed;
-        scan(&mut dice, &mut scene, !room.is_empty());
+        scan(&mut dice, &mut scene, ranges.scans, !room.is_empty());
         scene.objects.extend(room);
         scene.objects.iter_mut().for_each(|o| o.mesh = scaled(&o.mesh, scene.wall));
         let ambient = if dice.so_often(0.4) { dice.log(3e-4, 0.05) } else { 0.0 };
         let light = evenly(seed)[2];
         if light < 0.75 {
-            scene.photons = Some(1e5f64.powf(light / 0.75));
+            scene.photons = Some(ranges.photons.powf(light / 0.75));
             scene.dark = Dark::Fraction(if dice.so_often(0.5) { dice.log(1e-4, 0.03) } else { 0.0 });
             scene.pile_up = dice.so_often(0.25).then(|| dice.log(0.02, 0.5));
         }
         if dice.so_often(0.45) {
-            let pulse = Pulse::gaussian(scene.wall * dice.log(0.01, 0.06)).expect("a pulse");
+            let pulse =
+                Pulse::gaussian(scene.wall * dice.log(ranges.pulse[0], ranges.pulse[1])).expect("a pulse");
             let tailed = |dice: &mut Dice| pulse.with_tail(16.0 * pulse.width * dice.of(0.2, 0.8));
             scene.pulse = Some(if dice.so_often(0.5) { tailed(&mut dice).expect("a tail") } else { pulse });
         }
         let [hide_pulse, hide_cycles] = [0.6, 0.5].map(|share| dice.so_often(share));
         let back = back.map(|z| z * scene.wall);
-        let render = RenderOptions { noise: 0.02, max_samples: 1 << 17, seed: scene.seed };
+        let render = RenderOptions { noise: 0.02, max_samples: 1 << 17, seed: scene.seed, coarse: None };
         let mut case = FamilyCase { scene, parts, back, ambient, hide_pulse, hide_cycles, render, words };
         case.words = format!("{}; {}", conditions(&case), case.words);
         case
@@ -108,6 +164,37 @@ impl FamilyCase {
         self.scene.scan = scan;
         self.scene.bin_width *= wider;
         self.scene.bins = Some((all as f64 / wider).ceil() as usize);
+        self
+    }
+
+    /// The same things alone, without room, measured exactly: no noise, no light of the room, no impulse response.
+    pub fn ideal(mut self) -> FamilyCase {
+        self.scene.objects.truncate(self.parts);
+        (self.back, self.ambient) = (None, 0.0);
+        let Scene { photons, dark, pile_up, pulse, .. } = &mut self.scene;
+        (*photons, *dark, *pile_up, *pulse) = (None, Dark::Counts(0.0), None, None);
+        self.described()
+    }
+
+    /// The same case, scanned by other points: so many per side.
+    pub fn scanned(mut self, scan: usize) -> FamilyCase {
+        self.scene.scan = scan;
+        self.described()
+    }
+
+    /// With the words of what it is now.
+    fn described(mut self) -> FamilyCase {
+        let things = self.words.split_once("; ").map_or("", |(_, things)| things);
+        let things =
+            if self.scene.objects.len() > self.parts { Some(things) } else { things.split(" + ").next() };
+        self.words = format!("{}; {}", conditions(&self), things.unwrap_or_default());
+        self
+    }
+
+    /// The same case rendered coarsely, in about a tenth of a second.
+    pub fn coarse(mut self) -> FamilyCase {
+        self.render =
+            RenderOptions { max_samples: COARSE_SAMPLES, coarse: Some(COARSE_NODES), ..self.render };
         self
     }
 
@@ -157,15 +244,16 @@ impl FamilyCase {
 }
 
 /// Things before a wall of 1 m, each of one albedo, and their names.
-fn things(dice: &mut Dice) -> (Vec<Object>, String) {
-    let count = dice.one(&[(0.3, 1), (0.35, 2), (0.2, 3), (0.15, 4usize)]);
+fn things(dice: &mut Dice, ranges: &Ranges) -> (Vec<Object>, String) {
+    let count = dice.one(ranges.counts);
+    let is_flat = dice.maybe(ranges.flat);
     let (mut objects, mut names) = (vec![], vec![]);
     // Side by side, in any order, each at a depth of its own.
     let from = dice.of(0.0, 1.0);
     for i in 0..count {
-        let (name, parts) = things::any(dice);
+        let (name, parts) = if is_flat { things::flat(dice) } else { things::any(dice) };
         let size = match count {
-            1 => dice.of(0.5, 0.9),
+            1 => dice.of(ranges.size[0], ranges.size[1]),
             2 => dice.of(0.3, 0.6),
             _ => dice.of(0.22, 0.42),
         };
@@ -175,8 +263,9 @@ fn things(dice: &mut Dice) -> (Vec<Object>, String) {
         if aside {
             at[usize::from(dice.so_often(0.5))] = dice.sign() * dice.of(0.38, 0.5);
         }
-        let depth = 0.45 + 0.75 * ((from + i as f64 / count as f64 + dice.of(0.0, 0.2)) % 1.0);
-        let parts = things::placed(&parts, size, at.extend(depth), 0.3);
+        let [near, deeper] = ranges.depths;
+        let depth = near + deeper * ((from + i as f64 / count as f64 + dice.of(0.0, 0.2)) % 1.0);
+        let parts = things::placed(&parts, size, at.extend(depth), ranges.clear);
         let albedo = dice.of(0.3, 1.0);
         objects.extend(parts.into_iter().map(|mesh| Object { mesh, albedo }));
         names.push(format!("{name}{}", if aside { " (partly outside)" } else { "" }));
@@ -236,9 +325,9 @@ fn room(dice: &mut Dice, things: &[Object], words: &mut String) -> (Vec<Object>,
 }
 
 /// Sets wall, scan, bins and reflectance of things that stand before a wall of 1 m.
-fn scan(dice: &mut Dice, scene: &mut Scene, room: bool) {
+fn scan(dice: &mut Dice, scene: &mut Scene, scans: &[(f64, usize)], room: bool) {
     let wall = dice.log(0.4, 2.0);
-    scene.scan = dice.one(&[(0.3, 24), (0.6, 32), (0.07, 48), (0.03, 64)]);
+    scene.scan = dice.one(scans);
     let [reflectance, layout, _] = evenly(scene.seed);
     let models =
         [(0.65, Reflectance::Lambertian), (0.2, Reflectance::Cosine), (0.15, Reflectance::Retroreflective)];

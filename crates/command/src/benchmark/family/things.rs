@@ -8,11 +8,17 @@ use thirdbounce::simulate::{Mesh, Placement, capsule, ellipsoid, letter, rectang
 
 use super::dice::Dice;
 
+/// Weight; name; what builds it; the largest tilt about x and z, and the largest turn about y, degrees.
+type Kind = (f64, (&'static str, fn(&mut Dice) -> Vec<Mesh>, f64, f64));
+
+/// A plate or a letter.
+pub fn flat(dice: &mut Dice) -> (&'static str, Vec<Mesh>) {
+    built(dice, &[(0.5, ("plate", plate, 35.0, 60.0)), (0.5, ("letter", one_letter, 10.0, 30.0))])
+}
+
 /// Any thing, turned at random: its name and parts.
 pub fn any(dice: &mut Dice) -> (&'static str, Vec<Mesh>) {
-    type Build = fn(&mut Dice) -> Vec<Mesh>;
-    // Weight; name; what builds it; the largest tilt about x and z, and the largest turn about y, degrees.
-    let (name, build, tilt, turn) = dice.one::<(&str, Build, f64, f64)>(&[
+    const KINDS: [Kind; 10] = [
         (0.22, ("animal", animal, 10.0, 180.0)),
         (0.22, ("figure", figure, 10.0, 70.0)),
         (0.09, ("hand", hand, 40.0, 50.0)),
@@ -23,7 +29,12 @@ pub fn any(dice: &mut Dice) -> (&'static str, Vec<Mesh>) {
         (0.06, ("chair", chair, 10.0, 180.0)),
         (0.04, ("letter", one_letter, 10.0, 30.0)),
         (0.04, ("star", star, 60.0, 60.0)),
-    ]);
+    ];
+    built(dice, &KINDS)
+}
+
+fn built(dice: &mut Dice, kinds: &[Kind]) -> (&'static str, Vec<Mesh>) {
+    let (name, build, tilt, turn) = dice.one(kinds);
     let parts = build(dice);
     let rotate = [tilt, turn, tilt].map(|most| dice.of(-most, most));
     (name, parts.into_iter().map(|mesh| turned(mesh, rotate, 1.0, DVec3::ZERO)).collect())

@@ -1,0 +1,74 @@
+//! Training: scenes, two steps, weights, and what the engine says with them.
+
+use std::path::Path;
+use std::process::Command;
+
+use fixtures::command::succeed;
+use thirdbounce::solve::learned::logits;
+
+/// Bands as `learn/export.py` makes them.
+fn bands() -> Vec<f32> {
+    let value = |i: usize| {
+        let [z, y, x, b] = [i % 96, i / 96 % 64, i / (96 * 64) % 64, i / (96 * 64 * 64)].map(|v| v as f64);
+        let is_inside = (x - 32.0).abs() < 16.0 && (y - 30.0).abs() < 12.0;
+        let plate = if is_inside { 6.0 / (1.0 + (z - (40.0 + 0.25 * x)).powi(2)) } else { 0.0 };
+        let haze = (i * 2_654_435_761 % 1000) as f64 / 5000.0 - 0.1;
+        (plate * (1.0 - 0.3 * b) + haze) as f32
+    };
+    (0..5 * 64 * 64 * 96).map(value).collect()
+}
+
+pub fn two_steps_train_what_the_engine_reads(python: &Path) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (scenes, out, weights) = (at("scenes"), at("out"), at("weights.safetensors"));
+    succeed(&[
+        "simulate",
+        "--family",
+        "100000..100002",
+        "--scan",
+        "4",
+        "--coarse",
+        "--inputs",
+        "--out",
+        &scenes,
+    ]);
+    let learn = |script: &str, arguments: &[&str]| {
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../learn").join(script);
+        let said = Command::new(python).arg("-B").arg(&script).args(arguments).output().expect("Python");
+        let errors = String::from_utf8_lossy(&said.stderr);
+        assert!(said.status.success(), "{}: {errors}", script.display());
+        String::from_utf8(said.stdout).expect("text")
+    };
+    let few = ["--batch", "1", "--workers", "0", "--widths", "4", "4", "8", "8"];
+    let train = |more: &[&str]| learn("train.py", &[&[&*scenes, "--out", &out], &few[..], more].concat());
+    assert!(train(&["--steps", "1"]).contains("from step 0"));
+    assert!(train(&["--steps", "2"]).contains("from step 1"));
+    let said = learn("export.py", &[&at("out/checkpoint.pt"), &weights]);
+    let kept = std::fs::read(&weights).expect("weights");
+    let numbers = |text: &str| -> Vec<f32> {
+        text.split(|c: char| !(c.is_ascii_digit() || ".-".contains(c)))
+            .filter_map(|n| n.parse().ok())
+            .collect()
+    };
+    // A line of every kind of pairs: the kind, six pixels of the mask, and three columns of depth.
+    assert_eq!(said.lines().count(), 2, "{said}");
+    for line in said.lines().map(numbers) {
+        let [depth, mask] = logits(Some(&kept), &bands(), line[0] as usize);
+        for pixel in line[1..19].chunks(3) {
+            let found = mask[128 * pixel[0] as usize + pixel[1] as usize];
+            assert!((found - pixel[2]).abs() < 2e-3, "mask at {pixel:?}: {found}");
+        }
+        for column in line[19..31].chunks(4) {
+            let from = (64 * column[0] as usize + column[1] as usize) * 96;
+            let found = depth[from..from + 96].iter().copied().fold(f32::MIN, f32::max);
+            assert!((found - column[3]).abs() < 2e-3, "depth at {column:?}: {found}");
+        }
+    }
+    // The layers of the mask alone: what the volume's layers are stays.
+    let head = at("head");
+    let on = [&*scenes, "--out", &head, "--from", &weights, "--head", "--steps", "1"];
+    learn("train.py", &[&on[..], &few[..4]].concat());
+    let measured = learn("evaluate.py", &[&at("head/weights.safetensors"), &scenes]);
+    assert!(measured.contains("100001") && measured.contains("calibration"), "{measured}");
+}
