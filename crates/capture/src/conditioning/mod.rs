@@ -7,6 +7,7 @@ pub(crate) mod background;
 pub mod calibrate;
 pub(crate) mod choose;
 mod clipped;
+mod faults;
 pub(crate) mod frame;
 pub mod gate;
 mod hot;
@@ -71,6 +72,8 @@ pub struct Conditioned {
     pub notes: Vec<String>,
     /// What looks wrong and was not corrected.
     pub warnings: Vec<String>,
+    /// What is wrong for certain and cannot be undone; `warnings` holds it, too.
+    pub faults: Vec<String>,
     /// The pair of the capture before these steps, for each pair.
     pub(crate) pairs: Vec<usize>,
     /// The first bin that is kept, of those before these steps.
@@ -89,6 +92,7 @@ impl Conditioned {
             normals_estimated: false,
             notes,
             warnings: vec![],
+            faults: vec![],
         }
     }
 
@@ -101,6 +105,11 @@ impl Conditioned {
 
     fn note(&mut self, note: impl Into<String>) {
         self.notes.push(note.into());
+    }
+
+    fn fault(&mut self, fault: String) {
+        self.warnings.push(fault.clone());
+        self.faults.push(fault);
     }
 
     /// Runs steps in order.
@@ -159,6 +168,7 @@ pub const FOR_A_SOLVE: &[ConditioningStep] = &[
     step("stride", thinned),
     step("subset", drawn),
     step("gate", gated),
+    step_of_counts("faults", faults_found),
     step_of_counts("negative counts", negative),
     step_of_counts("units", units_checked),
     step_of_counts("automatic gate", automatically_gated),
@@ -270,6 +280,10 @@ fn gated(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
         state.gate = Some(gate);
     }
     Ok(())
+}
+
+fn faults_found(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
+    faults::found(state)
 }
 
 fn negative(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
