@@ -2,12 +2,16 @@
 
 use crate::data::Capture;
 
-/// Minimum number of steps of half the range between neighbouring bins: a wrapped counter makes two for each peak.
+/// Minimum number of steps of half the range between neighbouring bins.
 const LEAST_STEPS: usize = 16;
 /// Share of these steps that may stay once the numbers are right.
 const MOST_LEFT: f64 = 0.25;
-/// Share of the histograms that may not end where they begin once they are unwrapped.
-const MOST_ODD: f64 = 0.03;
+/// Histograms that must be smoother with multiples of the range.
+const LEAST_WRAPPED: usize = 16;
+/// Multiples of the range that are tried, 0 included.
+const TURNS: usize = 4;
+/// Counts up to this multiple of the range are undone: steps between larger ones are too large to tell.
+const BARELY: f32 = 1.6;
 /// Bits of counters.
 const BITS: [u32; 4] = [8, 10, 12, 16];
 
@@ -43,8 +47,7 @@ impl Capture {
         ))
     }
 
-    /// Undoes counters that begin again at zero, where all steps between bins say how; else says that they do. `None` without a sign of
-    /// it.
+    /// Undoes counters that begin again at zero, where counts barely do; else says that they do. `None` without a sign of it.
     pub(super) fn undo_wraps(&mut self) -> Option<Result<String, String>> {
         if !self.integer_counts {
             return None;
@@ -56,60 +59,57 @@ impl Capture {
         if high < range - 1.0 - range / 64.0 {
             return None;
         }
-        let mut unwrapped = self.histograms.clone();
-        let (mut stepped, mut odd, mut steps) = (0usize, 0usize, 0usize);
-        for row in unwrapped.chunks_exact_mut(self.bins) {
-            let first = row[0];
-            let (mut turns, mut least, mut own) = (0.0f32, 0.0f32, 0);
-            for bin in 1..row.len() {
-                let step = row[bin] + turns * range - row[bin - 1];
-                let turn = -(step / range).round();
-                own += usize::from(turn != 0.0);
-                turns += turn;
-                row[bin] += turns * range;
-                least = least.min(row[bin]);
-            }
-            steps += own;
-            stepped += usize::from(own > 0);
-            odd += usize::from(own > 0 && (turns != 0.0 || least < 0.0 || first > 0.5 * range));
-        }
-        if steps < LEAST_STEPS || stepped < LEAST_STEPS {
+        let large = |row: &[f32]| row.windows(2).any(|w| (w[1] - w[0]).abs() > 0.5 * range);
+        let rows = self.histograms.chunks_exact(self.bins).enumerate().filter(|(_, row)| large(row));
+        let unwrapped: Vec<(usize, Vec<f32>)> =
+            rows.filter_map(|(pair, row)| Some((pair, unwrapped(row, range)?))).collect();
+        if unwrapped.len() < LEAST_WRAPPED {
             return None;
         }
-        if odd as f64 <= MOST_ODD * stepped as f64 {
-            for (row, made) in
-                self.histograms.chunks_exact_mut(self.bins).zip(unwrapped.chunks_exact(self.bins))
-            {
-                let ends_well = made[made.len() - 1] == row[row.len() - 1] && made.iter().all(|v| *v >= 0.0);
-                if ends_well {
-                    row.copy_from_slice(made);
-                }
-            }
-            return Some(Ok(format!(
-                "counters of {bits} bits began again at 0 in {stepped} histograms: steps of the range of {range} are undone (use wider \
-                 counters)"
+        let most = unwrapped.iter().flat_map(|(_, row)| row).copied().fold(0.0f32, f32::max);
+        let count = unwrapped.len();
+        if most > BARELY * range {
+            return Some(Err(format!(
+                "counters of {bits} bits began again at 0, in {count} histograms or more: counts reach {high} and fall to the lowest ones \
+                 in the next bin (store counts in a wider type, or measure for a shorter time)"
             )));
         }
-        self.is_wrapped(range).then(|| {
-            Err(format!(
-                "counters of {bits} bits began again at 0: counts reach {high} and fall to the lowest ones in the next bin (store counts \
-                 in a wider type, or measure for a shorter time)"
-            ))
-        })
+        for (pair, row) in unwrapped {
+            self.histograms[pair * self.bins..][..self.bins].copy_from_slice(&row);
+        }
+        Some(Ok(format!(
+            "counters of {bits} bits began again at 0 in {count} histograms: {range} is added where that makes them smooth (use wider \
+             counters)"
+        )))
     }
+}
 
-    /// Whether large counts are as frequent as those below them, end at the last number without a pile there, and stand beside small ones.
-    fn is_wrapped(&self, range: f32) -> bool {
-        let share = |from: f32, to: f32| {
-            self.histograms.iter().filter(|v| (from * range..to * range).contains(v)).count()
-        };
-        let full = self.histograms.iter().filter(|v| **v == range - 1.0).count();
-        let [top, below] = [share(0.875, 1.0), share(0.625, 0.75)];
-        let beside = |w: &&[f32]| w[0].max(w[1]) > 0.75 * range && w[0].min(w[1]) < 0.25 * range;
-        let rows = || self.histograms.chunks_exact(self.bins);
-        let crossings: usize = rows().map(|row| row.windows(2).filter(beside).count()).sum();
-        top >= 4 * LEAST_STEPS && 3 * top > 2 * below && 8 * full < top && 4 * crossings > top
+/// The histogram with the multiples of `range` added that make the sum of its squared steps least: none at its ends, where there is
+/// little light. `None` if none are added. Peaks that rise and fall by themselves need none, however steep they are.
+fn unwrapped(row: &[f32], range: f32) -> Option<Vec<f32>> {
+    let value = |bin: usize, turns: usize| f64::from(row[bin]) + turns as f64 * f64::from(range);
+    let mut cost = [f64::INFINITY; TURNS];
+    cost[0] = 0.0;
+    let mut before = vec![[0usize; TURNS]; row.len()];
+    for bin in 1..row.len() {
+        let mut next = [f64::INFINITY; TURNS];
+        for to in 0..TURNS {
+            for from in 0..TURNS {
+                let total = cost[from] + (value(bin, to) - value(bin - 1, from)).powi(2);
+                if total < next[to] {
+                    (next[to], before[bin][to]) = (total, from);
+                }
+            }
+        }
+        cost = next;
     }
+    let (mut turns, mut made, mut any) = (0, row.to_vec(), false);
+    for bin in (0..row.len()).rev() {
+        made[bin] = value(bin, turns) as f32;
+        any |= turns > 0;
+        turns = before[bin][turns];
+    }
+    any.then_some(made)
 }
 
 #[cfg(test)]
@@ -146,12 +146,12 @@ mod tests {
 
     #[test]
     fn counters_that_began_again_are_undone_or_named() {
-        let right = peak(400.0, 20.0);
+        let right = peak(340.0, 20.0);
         let mut wrapped = right.clone();
         wrapped.histograms.iter_mut().for_each(|v| *v %= 256.0);
         assert!(wrapped.undo_wraps().is_some_and(|found| found.is_ok_and(|n| n.contains("8 bits"))));
         assert!(wrapped.histograms == right.histograms);
-        // Steps of more than half the range: which turn they are is not known.
+        // Large steps: which turn they are is not known.
         let mut steep = peak(4000.0, 12.0);
         steep.histograms.iter_mut().for_each(|v| *v %= 256.0);
         let before = steep.clone();

@@ -6,12 +6,10 @@ use crate::data::Capture;
 
 /// Fewer lines, or points of a line, prove nothing.
 const LEAST: usize = 8;
-/// Every second line is backwards if turning it leaves at most this share of the differences between neighbouring lines, ...
+/// Every second line is backwards if turning it leaves at most this share of the differences between neighbouring lines, by more than
+/// this number of standard errors, and lines two apart differ less as they are.
 const TURNED: f64 = 0.8;
-/// ... in this share of the neighbours, ...
-const NEARLY_ALL: f64 = 0.9;
-/// ... and lines two apart differ less as they are, by this factor.
-const NEXT: f64 = 0.9;
+const BEYOND_CHANCE: f64 = 2.5;
 /// Histograms are compared in this many bins at most.
 const COMPARED_BINS: usize = 64;
 
@@ -62,17 +60,17 @@ fn are_backwards(
         };
         (0..points).map(squares).sum::<f64>()
     };
-    let of = |apart: usize| {
-        (apart..lines)
-            .map(|line| [false, true].map(|turned| difference(line - apart, line, turned)))
-            .collect::<Vec<_>>()
+    let of = |apart: usize| -> Vec<[f64; 2]> {
+        let pairs = (apart..lines).map(|line| (line - apart, line));
+        pairs.map(|(a, b)| [false, true].map(|turned| difference(a, b, turned))).collect()
     };
     let sum = |each: &[[f64; 2]], at: usize| each.iter().map(|d| d[at]).sum::<f64>();
     let [beside, next] = [of(1), of(2)];
-    let less = beside.iter().filter(|d| d[1] < d[0]).count();
-    less as f64 >= NEARLY_ALL * beside.len() as f64
+    let gain = sum(&beside, 0) - sum(&beside, 1);
+    let spread = beside.iter().map(|d| (d[0] - d[1]).powi(2)).sum::<f64>().sqrt();
+    gain > BEYOND_CHANCE * spread
         && sum(&beside, 1) < TURNED * sum(&beside, 0)
-        && sum(&next, 0) < NEXT * sum(&next, 1)
+        && sum(&next, 0) < sum(&next, 1)
 }
 
 impl Capture {
