@@ -4,8 +4,6 @@ use crate::Result;
 use crate::capture::{Capture, METRES_PER_PICOSECOND};
 use crate::estimation::{HeldOut, Left, Shown};
 
-use super::is_proven;
-
 /// Fewer lines have no pattern.
 const LEAST_LINES: usize = 4;
 /// Longest delay, as a share of the bins, and in bins of the fits.
@@ -16,6 +14,14 @@ const WORTH: f64 = 0.2;
 /// factor.
 const ROUNDS: usize = 4;
 const LESS: f64 = 0.93;
+
+/// A cause is proven if less than this share is left once it is undone, and less beyond chance.
+const PROVEN: f64 = 0.6;
+
+/// Whether undoing a cause explains more of the same pairs, beyond doubt.
+pub(super) fn is_proven(after: &Left, before: &Left) -> bool {
+    after.excess() < PROVEN * before.excess() && after.is_less(before)
+}
 
 /// The lines of a scan.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

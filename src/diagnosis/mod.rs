@@ -7,6 +7,7 @@ use crate::Result;
 use crate::capture::Capture;
 use crate::estimation::{self, EstimateRequest, Estimates, Left, Shown};
 use crate::gpu::Gpu;
+use crate::settings::{Calibrate, Settings};
 use crate::solve::Progress;
 use crate::{Grade, Verdict};
 
@@ -14,6 +15,7 @@ mod lines;
 mod scale;
 
 pub use lines::LineDelays;
+use lines::is_proven;
 
 /// Bands of the verdict. Evidence: benches/NOTES.md, "Verdict".
 mod bands {
@@ -24,8 +26,6 @@ mod bands {
     pub const EXPECTED_IOU: f64 = 0.4;
     /// Share beyond noise, less two standard errors, from which other points are tried, with fits each.
     pub const SCALED: f64 = 0.5;
-    /// A cause is proven if less than this share is left once it is undone, and less beyond chance.
-    pub const PROVEN: f64 = 0.6;
 }
 
 /// What is wrong with a capture.
@@ -67,23 +67,19 @@ fn certain(left: &Left) -> f64 {
     left.excess() - 2.0 * left.standard_error()
 }
 
-/// Whether undoing a cause explains more of the same pairs, beyond doubt.
-fn is_proven(after: &Left, before: &Left) -> bool {
-    after.excess() < bands::PROVEN * before.excess() && after.is_less(before)
-}
-
 /// Tries hypotheses on a capture whose `estimates` leave much of the held-out pairs. Delays are undone if it `calibrates`.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
 pub fn diagnose(
+    settings: &Settings,
     request: &EstimateRequest,
     capture: &Capture,
     estimates: &Estimates,
-    calibrates: bool,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Diagnosis> {
+    let calibrates = settings.calibrate.unwrap_or_default() == Calibrate::Auto;
     let Some(shown) = &estimates.shown else { return Ok(Diagnosis::default()) };
     let before = shown.held.left();
     let mut trial = |capture: &Capture| estimation::shown(request, Some(estimates), capture, gpu, hear);
@@ -103,8 +99,9 @@ pub fn diagnose(
     }
     let mut best: Option<(Cause, f64)> = None;
     for edit in scale::edits(capture) {
-        // What a wrong surface leaves decided on the high-pass.
-        let Some(after) = estimation::shown(request, None, &edit.capture, gpu, hear)? else { continue };
+        // Defaults depend on the width of the wall, and what a wrong surface leaves decided on the high-pass.
+        let request = EstimateRequest::new(settings, &edit.capture);
+        let Some(after) = estimation::shown(&request, None, &edit.capture, gpu, hear)? else { continue };
         let after = after.held.left();
         let excess = after.excess();
         if is_proven(&after, &before) && best.as_ref().is_none_or(|(_, least)| excess < *least) {

@@ -107,11 +107,6 @@ impl Conditioned {
         self.notes.push(note.into());
     }
 
-    fn fault(&mut self, fault: String) {
-        self.warnings.push(fault.clone());
-        self.faults.push(fault);
-    }
-
     /// Runs steps in order.
     ///
     /// # Errors
@@ -283,7 +278,12 @@ fn gated(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
 }
 
 fn faults_found(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
-    faults::found(state)
+    let faults::Found { notes, faults, dropped } = faults::undo(&mut state.capture)?;
+    state.notes.extend(notes);
+    state.warnings.extend(faults.iter().cloned());
+    state.faults.extend(faults);
+    state.dropped += dropped;
+    Ok(())
 }
 
 fn negative(state: &mut Conditioned, _: &Conditioning) -> Result<()> {

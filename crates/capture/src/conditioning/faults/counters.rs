@@ -10,6 +10,8 @@ const MOST_LEFT: f64 = 0.25;
 const LEAST_WRAPPED: usize = 16;
 /// Multiples of the range that are tried, 0 included.
 const TURNS: usize = 4;
+/// A step that a change of the multiple must save, as a share of the range: the end of a full counter saves none.
+const TURN: f64 = 0.25;
 /// Counts up to this multiple of the range are undone: steps between larger ones are too large to tell.
 const BARELY: f32 = 1.6;
 /// Bits of counters.
@@ -95,7 +97,8 @@ fn unwrapped(row: &[f32], range: f32) -> Option<Vec<f32>> {
         let mut next = [f64::INFINITY; TURNS];
         for to in 0..TURNS {
             for from in 0..TURNS {
-                let total = cost[from] + (value(bin, to) - value(bin - 1, from)).powi(2);
+                let turn = if to == from { 0.0 } else { (TURN * f64::from(range)).powi(2) };
+                let total = cost[from] + (value(bin, to) - value(bin - 1, from)).powi(2) + turn;
                 if total < next[to] {
                     (next[to], before[bin][to]) = (total, from);
                 }

@@ -1,7 +1,5 @@
 //! Lines of a scan that a scanner measured in turn forwards and backwards, and that were stored as they came.
 
-use crate::conditioning::Conditioned;
-use crate::conditioning::choose::PairOrder;
 use crate::data::Capture;
 
 /// Fewer lines, or points of a line, prove nothing.
@@ -13,14 +11,14 @@ const BEYOND_CHANCE: f64 = 2.5;
 /// Histograms are compared in this many bins at most.
 const COMPARED_BINS: usize = 64;
 
-impl Conditioned {
+impl Capture {
     /// Turns every second line round where the lines beside it show that it is stored backwards. Lines run along y, or along x.
-    pub(super) fn lines_turned(&mut self) -> Option<String> {
-        let [nx, ny] = self.capture.scan;
+    pub(super) fn turn_lines(&mut self) -> Option<String> {
+        let [nx, ny] = self.scan;
         if nx < LEAST || ny < LEAST {
             return None;
         }
-        let rows = self.capture.coarse_rows();
+        let rows = self.coarse_rows();
         for (along, (lines, points)) in [("y", (nx, ny)), ("x", (ny, nx))] {
             let pair = |line: usize, at: usize| if along == "y" { line * ny + at } else { at * ny + line };
             if !are_backwards(&rows, lines, points, pair) {
@@ -31,11 +29,7 @@ impl Conditioned {
                 (0..points).for_each(|at| order[pair(line, at)] = pair(line, points - 1 - at));
             }
             // Counts move, points stay.
-            let scan = self.capture.scan;
-            let points_of = self.capture.outline();
-            self.take(Some(PairOrder { pairs: order, scan }));
-            let histograms = std::mem::take(&mut self.capture.histograms);
-            self.capture = Capture { histograms, ..points_of };
+            self.histograms = order.iter().flat_map(|pair| self.histogram(*pair)).copied().collect();
             return Some(format!(
                 "every second line of the scan along {along} is stored backwards, as the lines beside it show: it is turned round (store \
                  points in one direction, or with their own coordinates)"
@@ -106,18 +100,18 @@ mod tests {
     fn lines_stored_backwards_are_turned_round() {
         let proper = noisy();
         for along_y in [true, false] {
-            let mut state = Conditioned::begin(turned(&proper, along_y), 0, vec![]);
-            let note = state.lines_turned().expect("lines are backwards");
+            let mut stored = turned(&proper, along_y);
+            let note = stored.turn_lines().expect("lines are backwards");
             assert!(note.contains(if along_y { "along y" } else { "along x" }));
-            assert_eq!(state.capture, proper);
+            assert_eq!(stored, proper);
         }
         // A proper scan, a scene that is symmetric, and one that is the same everywhere.
         let light = |far: f64, bin: usize| (300.0 - (bin as f64 - 20.0 - far).powi(2)).max(0.0) as f32;
         let symmetric = scan(|_, iy, bin| light((2.0 * iy as f64 - SIDE as f64 + 1.0).abs(), bin));
         for proper in [proper, symmetric, scan(|_, _, bin| light(3.0, bin))] {
-            let mut state = Conditioned::begin(proper.clone(), 0, vec![]);
-            assert_eq!(state.lines_turned(), None);
-            assert_eq!(state.capture, proper);
+            let mut stored = proper.clone();
+            assert_eq!(stored.turn_lines(), None);
+            assert_eq!(stored, proper);
         }
     }
 }

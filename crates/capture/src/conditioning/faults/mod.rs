@@ -7,47 +7,57 @@ mod lines;
 mod repeated;
 mod single_bins;
 
-use crate::conditioning::Conditioned;
-use crate::data::PairKind;
+use crate::data::{Capture, PairKind};
 use crate::error::Result;
 
 /// Fewer pairs or bins prove nothing.
 const LEAST_PAIRS: usize = 16;
 const LEAST_BINS: usize = 16;
 
+/// What was found in a capture.
+#[derive(Debug, Default)]
+pub(super) struct Found {
+    /// What was undone.
+    pub notes: Vec<String>,
+    /// What could not be undone.
+    pub faults: Vec<String>,
+    /// Pairs that were left out.
+    pub dropped: usize,
+}
+
 /// Finds the faults of a capture in the order in which they hide each other: wrong numbers, wrong pairs, wrong bins.
-pub(super) fn found(state: &mut Conditioned) -> Result<()> {
-    if state.capture.pair_count() < LEAST_PAIRS || state.capture.bins < LEAST_BINS {
-        return Ok(());
+pub(super) fn undo(capture: &mut Capture) -> Result<Found> {
+    let mut found = Found::default();
+    if capture.pair_count() < LEAST_PAIRS || capture.bins < LEAST_BINS {
+        return Ok(found);
     }
-    state.notes.extend(state.capture.undo_sign());
-    match state.capture.undo_wraps() {
-        Some(Ok(note)) => state.note(note),
-        Some(Err(fault)) => state.fault(fault),
+    found.notes.extend(capture.undo_sign());
+    match capture.undo_wraps() {
+        Some(Ok(note)) => found.notes.push(note),
+        Some(Err(fault)) => found.faults.push(fault),
         None => {}
     }
-    if let Some(kept) = state.capture.without_repeats() {
-        let all = state.capture.pair_count();
-        state.note(format!(
+    if let Some(kept) = capture.without_repeats() {
+        let all = capture.pair_count();
+        found.dropped = all - kept.pairs.len();
+        found.notes.push(format!(
             "{} of {all} pairs are left out: their histograms are exact copies of the one before, as of a scan that stopped and \
              was filled with its last counts",
-            all - kept.pairs.len()
+            found.dropped
         ));
-        state.take(Some(kept));
+        *capture = capture.keep(&kept.pairs, kept.scan);
     }
     let is_scan =
-        matches!(state.capture.pair_kind(), PairKind::Confocal | PairKind::OneLaser | PairKind::OneSensor);
+        matches!(capture.pair_kind(), PairKind::Confocal | PairKind::OneLaser | PairKind::OneSensor);
     if is_scan {
-        let note = state.lines_turned();
-        state.notes.extend(note);
+        found.notes.extend(capture.turn_lines());
     }
-    state.notes.extend(state.capture.undo_roll());
-    let note = state.capture.without_overflow()?;
-    state.notes.extend(note);
+    found.notes.extend(capture.undo_roll());
+    found.notes.extend(capture.without_overflow()?);
     if is_scan {
-        state.notes.extend(state.capture.mend_single_bins());
+        found.notes.extend(capture.mend_single_bins());
     }
-    Ok(())
+    Ok(found)
 }
 
 #[cfg(test)]
@@ -58,7 +68,6 @@ mod tests {
     use rand_pcg::Pcg64;
 
     use super::*;
-    use crate::data::Capture;
 
     pub const SIDE: usize = 16;
     pub const BINS: usize = 100;
@@ -89,8 +98,8 @@ mod tests {
 
     #[test]
     fn a_proper_capture_has_no_fault() {
-        let mut state = Conditioned::begin(noisy(), 0, vec![]);
-        found(&mut state).unwrap();
-        assert_eq!((state.capture, state.notes.len(), state.faults.len()), (noisy(), 0, 0));
+        let mut capture = noisy();
+        let found = undo(&mut capture).unwrap();
+        assert_eq!((capture, found.notes.len(), found.faults.len(), found.dropped), (noisy(), 0, 0, 0));
     }
 }
