@@ -175,7 +175,7 @@ pub unsafe extern "C" fn tb_session_wait(
         let limit = Duration::try_from_secs_f64(seconds.max(0.0)).unwrap_or(Duration::MAX);
         let found = if seconds < 0.0 { Some(session.wait()?) } else { session.wait_for(limit)? };
         there = found.is_some();
-        for found in &found {
+        if let Some(found) = &found {
             found.result.warnings.iter().for_each(|warning| log::warning(warning));
             let poor = found.result.verdict.iter().filter(|verdict| verdict.grade == engine::Grade::Poor);
             poor.for_each(|verdict| log::warning(&format!("verdict {verdict}")));
