@@ -279,8 +279,8 @@ typedef struct tb_frame {
     size_t voxels[3];
     // 1 if started from the previous frame's solution.
     uint32_t warm_started;
-    // Reserved: 0.
-    uint32_t reserved;
+    // The verdict on the result: 1 good, 2 fair, 3 poor. The reasons of a poor one are warnings of the log.
+    uint32_t verdict;
 } tb_frame;
 
 // Generic function pointer: PFN_vkVoidFunction.

@@ -5,6 +5,7 @@ pub struct Written {
     pub maps: Maps,
     pub metrics: Option<Metrics>,
     pub notes: Vec<String>,
+    pub verdict: crate::Verdict,
     pub warnings: Vec<String>,
     pub files: Vec<std::path::PathBuf>,
 }
@@ -166,6 +167,20 @@ impl Submitter {
     pub fn submit(&self, histograms: &[f32]) -> Result<FrameId> {}
     pub fn submit_part(&self, histograms: &[f32], measured: &[bool]) -> Result<FrameId> {}
 }
+#[derive(
+    Debug,
+    Clone,
+    Copy,
+    Default,
+    PartialEq,
+    Eq,
+    serde::Serialize,
+    serde::Deserialize
+)]
+pub enum Calibrate {
+    None,
+    Auto,
+}
 #[derive(Debug, Clone, PartialEq)]
 pub enum ImpulseResponse {
     None,
@@ -196,6 +211,7 @@ pub struct Settings {
     pub subset: Option<usize>,
     pub gate: Option<Gate>,
     pub auto_gate: Option<bool>,
+    pub calibrate: Option<Calibrate>,
     pub pulse: Option<ImpulseResponse>,
     pub spot: Option<[f64; 2]>,
     pub model: Option<ReflectanceSetting>,
@@ -345,6 +361,7 @@ pub struct Reconstruction {
     pub volume: Option<VolumeMap>,
     pub notes: Vec<String>,
     pub warnings: Vec<String>,
+    pub verdict: Option<Arc<Verdict>>,
     pub trace: Vec<TracePoint>,
     pub solve_seconds: f64,
     pub is_warm: bool,
@@ -884,6 +901,32 @@ pub struct PaperMeasure {
     pub normal_mae: Option<f64>,
     pub normal_rmse: Option<f64>,
 }
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub enum Grade {
+    Good,
+    Fair,
+    Poor,
+}
+impl Grade {
+    pub fn name(self) -> &'static str {}
+}
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Verdict {
+    pub grade: Grade,
+    pub reasons: Vec<String>,
+    pub left: Option<[f64; 2]>,
+    pub expected_iou: Option<f64>,
+}
+impl Verdict {
+    pub const GOOD: Verdict = Verdict {
+        grade: Grade::Good,
+        reasons: vec![],
+        left: None,
+        expected_iou: None,
+    };
+    pub fn add(&mut self, grade: Grade, reason: impl Into<String>) {}
+}
+impl fmt::Display for Verdict {}
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub enum Dark {
     Fraction(f64),

@@ -10,9 +10,9 @@ use crate::maps::Maps;
 use crate::maps::Truth;
 #[cfg(feature = "formats")]
 use crate::measure::Metrics;
-use crate::resolve::Job;
+use crate::resolve::{Job, with_warnings};
 use crate::session::{Session, SessionOptions};
-use crate::settings::Settings;
+use crate::settings::{Calibrate, Settings};
 use crate::simulate::{RenderOptions, Scene};
 use crate::solve::{Bins, Progress, Reconstruction, Watch};
 
@@ -42,7 +42,9 @@ pub fn reconstruct_with(
     let mut result = job.solve(gpu, &mut watch)?;
     job.conclude(&mut result, &mut []);
     result.notes = job.estimates.notes();
-    result.warnings.splice(0..0, capture.warnings());
+    let warnings = capture.warnings();
+    result.verdict = Some(with_warnings(&job.verdict, &[&warnings[..], &result.warnings].concat()));
+    result.warnings.splice(0..0, warnings);
     Ok(result)
 }
 
@@ -78,6 +80,8 @@ pub fn session_with(
     let warning = conditioning::check_units(frame)?;
     let mut settings = settings.clone();
     settings.bins = options.sum.map(Bins::Sum).or(settings.bins);
+    // Frames are used unchanged.
+    settings.calibrate = Some(Calibrate::None);
     settings.memory = options.memory.or(settings.memory);
     settings.mask_fraction = options.mask_fraction.or(settings.mask_fraction);
     let frame = settings.for_frames(frame)?;
@@ -126,6 +130,8 @@ pub struct Written {
     pub metrics: Option<Metrics>,
     /// Estimates and what was done to the capture, as sentences.
     pub notes: Vec<String>,
+    /// The verdict on the result.
+    pub verdict: crate::Verdict,
     /// What looks wrong with the capture or the result, as sentences.
     pub warnings: Vec<String>,
     /// The files: those of [`write()`], `report.html` and `report.json`.
@@ -156,6 +162,7 @@ pub fn reconstruct_file(
         maps: done.maps,
         metrics: done.report.metrics,
         notes: [&loaded.notes[..], &done.notes].concat(),
+        verdict: done.verdict,
         warnings: done.warnings,
         files: done.files,
     })

@@ -107,6 +107,8 @@
 
 mod api;
 #[doc(hidden)]
+pub mod diagnosis;
+#[doc(hidden)]
 pub mod estimation;
 #[cfg(feature = "formats")]
 #[doc(hidden)]
@@ -146,7 +148,7 @@ pub use session::{
     Canceller, ExternalCounts, ExternalFrame, Feed, Format, Frame, FrameId, Hear, Latency, Session,
     SessionOptions, Submitter,
 };
-pub use settings::{ImpulseResponse, ReflectanceSetting, Settings};
+pub use settings::{Calibrate, ImpulseResponse, ReflectanceSetting, Settings};
 pub use solve::closed_form::{
     BpSettings, DlctSettings, FbpSettings, FkSettings, LctSettings, PhasorBpSettings, PhasorSettings,
 };
@@ -175,5 +177,7 @@ pub use thirdbounce_gpu::{DeviceInfo, DeviceKind, Gpu, GpuOptions, Place, device
 pub use thirdbounce_maps::maps::{Layer, Maps, Truth};
 #[doc(inline)]
 pub use thirdbounce_maps::measure::{AtBest, LayerMetrics, Metrics, PaperMeasure};
+#[doc(inline)]
+pub use thirdbounce_maps::verdict::{Grade, Verdict};
 #[doc(inline)]
 pub use thirdbounce_simulate::{Dark, Layout, Object, RenderOptions, Scene, WallShape};

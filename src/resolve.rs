@@ -2,9 +2,11 @@
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use crate::Result;
 use crate::capture::Capture;
+use crate::diagnosis;
 use crate::estimation::{self, EstimateRequest, Estimates};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
@@ -13,6 +15,7 @@ use crate::solve::{
     Method, Preset, Problem, Progress, Ready, Reconstruction, SolverOptions, Watch, conclude,
 };
 use crate::transport::Grid;
+use crate::{Grade, Verdict};
 
 /// A capture with everything that its reconstruction needs: [`Settings`], where they are set, else defaults and estimates.
 #[derive(Debug, Clone)]
@@ -31,6 +34,8 @@ pub struct Job<'c> {
     pub sum: usize,
     /// Estimates, with their evidence.
     pub estimates: Estimates,
+    /// The verdict by estimates and held-out pairs, without what the maps say.
+    pub verdict: Arc<Verdict>,
     /// A pixel is surface above this share of the brightest albedo; `None`: the mask of the method.
     pub mask_fraction: Option<f64>,
     /// Largest amount of device memory to use, bytes.
@@ -52,15 +57,27 @@ impl<'c> Job<'c> {
         hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Job<'c>> {
         settings.check()?;
-        let request = EstimateRequest::new(settings, capture);
+        let mut request = EstimateRequest::new(settings, capture);
         // Errors of the box come before any fit.
         request.discretisation.grid(&request.solver, capture)?;
         let has_light = capture.histograms.iter().any(|v| *v > 0.0);
-        let estimates = match has_light {
+        let mut estimates = match has_light {
             true => estimation::estimate(&request, capture, gpu, hear)?,
             false => Estimates::default(),
         };
-        let (solver, capture) = estimates.settle(&request.solver, &request.models, capture)?;
+        let mut diagnosis = diagnosis::diagnose(settings, &request, capture, &estimates, gpu, hear)?;
+        let (solver, capture) = match diagnosis.calibrated.take() {
+            Some(calibrated) => {
+                let before = estimates.seconds;
+                request = EstimateRequest::new(settings, &calibrated);
+                estimates = estimation::estimate(&request, &calibrated, gpu, hear)?;
+                estimates.seconds += before;
+                let (solver, capture) = estimates.settle(&request.solver, &request.models, &calibrated)?;
+                (solver, Cow::Owned(capture.into_owned()))
+            }
+            None => estimates.settle(&request.solver, &request.models, capture)?,
+        };
+        let verdict = Arc::new(diagnosis::verdict(&estimates, &diagnosis));
         let Ready { capture, grid, sum } = request.discretisation.ready(&solver, capture)?;
         Ok(Job {
             capture,
@@ -71,6 +88,7 @@ impl<'c> Job<'c> {
             grid,
             sum,
             estimates,
+            verdict,
             memory: settings.memory,
             keep_volume: settings.keep_volume == Some(true),
         })
@@ -113,6 +131,7 @@ impl<'c> Job<'c> {
     /// iterations.
     pub fn conclude(&self, result: &mut Reconstruction, snapshots: &mut [(usize, Maps)]) {
         conclude(&self.capture, self.mask_fraction, result, snapshots);
+        result.verdict = Some(with_warnings(&self.verdict, &result.warnings));
     }
 
     /// The estimates, and the bins that are summed, as sentences.
@@ -121,6 +140,15 @@ impl<'c> Job<'c> {
         let summed = summed_note(self.sum, self.capture.bin_width);
         preset.into_iter().chain(self.estimates.notes()).chain(summed).collect()
     }
+}
+
+/// The verdict with what the maps say: it is poor if they have warnings.
+pub fn with_warnings(verdict: &Arc<Verdict>, warnings: &[String]) -> Arc<Verdict> {
+    let mut verdict = verdict.clone();
+    for warning in warnings {
+        Arc::make_mut(&mut verdict).add(Grade::Poor, warning);
+    }
+    verdict
 }
 
 /// The note on a preset that is not set.

@@ -56,8 +56,8 @@ pub struct TbFrame {
     pub voxels: [usize; 3],
     /// 1 if started from the previous frame's solution.
     pub warm_started: u32,
-    /// Reserved: 0.
-    pub reserved: u32,
+    /// The verdict on the result: 1 good, 2 fair, 3 poor. The reasons of a poor one are warnings of the log.
+    pub verdict: u32,
 }
 
 // SAFETY: `repr(C)`, begins with its size; zero is valid for all fields.
@@ -175,7 +175,11 @@ pub unsafe extern "C" fn tb_session_wait(
         let limit = Duration::try_from_secs_f64(seconds.max(0.0)).unwrap_or(Duration::MAX);
         let found = if seconds < 0.0 { Some(session.wait()?) } else { session.wait_for(limit)? };
         there = found.is_some();
-        found.iter().flat_map(|found| &found.result.warnings).for_each(|warning| log::warning(warning));
+        if let Some(found) = &found {
+            found.result.warnings.iter().for_each(|warning| log::warning(warning));
+            let poor = found.result.verdict.iter().filter(|verdict| verdict.grade == engine::Grade::Poor);
+            poor.for_each(|verdict| log::warning(&format!("verdict {verdict}")));
+        }
         match found {
             // SAFETY: the caller provides a struct that begins with its size.
             Some(found) => unsafe { sized::write(frame, &TbFrame::of(found)) },
@@ -244,7 +248,7 @@ impl TbFrame {
             volume_max: [x1, y1, z1],
             voxels: grid.n,
             warm_started: result.is_warm.into(),
-            reserved: 0,
+            verdict: result.verdict.as_ref().map_or(0, |verdict| verdict.grade as u32 + 1),
         }
     }
 }

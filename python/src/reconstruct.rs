@@ -59,6 +59,7 @@ pub fn reconstruct<'py>(
     made.set_item("report", report)?;
     made.set_item("notes", [loaded.notes, outcome.notes].concat())?;
     made.set_item("warnings", outcome.warnings)?;
+    made.set_item("verdict", outcome.verdict.grade.name())?;
     made.set_item("page", Bound::new(py, PageContent { title: loaded.capture.name, light: outcome.light })?)?;
     set_volume(&made, outcome.volume)?;
     Ok(made)

@@ -23,8 +23,8 @@ use crate::tell::{Raised, Teller, heard};
 /// How often a thread that waits looks for signals.
 const LOOK: Duration = Duration::from_millis(20);
 
-/// Maps of a frame, its number, seconds of its solve, warnings, and volume.
-type Waited = (Maps, u64, f64, Vec<String>, Option<VolumeMap>);
+/// Maps of a frame, its number, seconds of its solve, warnings with the verdict, and volume.
+type Waited = (Maps, u64, f64, (Vec<String>, Option<&'static str>), Option<VolumeMap>);
 
 /// A session behind a lock, so that several threads may call it. Submitting and cancelling need no lock.
 #[pyclass(module = "thirdbounce._native", frozen)]
@@ -79,7 +79,8 @@ impl Session {
         let packed = |frame: &Frame| {
             let result = &frame.result;
             let (warnings, volume) = (result.warnings.clone(), result.volume.clone());
-            (result.maps.clone(), frame.id.0, result.solve_seconds, warnings, volume)
+            let verdict = result.verdict.as_ref().map(|verdict| verdict.grade.name());
+            (result.maps.clone(), frame.id.0, result.solve_seconds, (warnings, verdict), volume)
         };
         Ok(found?.map(packed))
     }
@@ -174,11 +175,12 @@ impl Session {
                 None => {}
             }
         };
-        let packed = |(solved, frame, seconds, warnings, volume)| {
+        let packed = |(solved, frame, seconds, (warnings, verdict), volume)| {
             let made = maps::dictionary(py, solved)?;
             made.set_item("frame", frame)?;
             made.set_item("seconds", seconds)?;
             made.set_item("warnings", warnings)?;
+            made.set_item("verdict", verdict)?;
             set_volume(&made, volume)?;
             Ok(made)
         };

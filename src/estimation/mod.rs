@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
 use crate::solve::option::SceneTraits;
-use crate::solve::surface::{Candidate, HeldOut, Starts};
+use crate::solve::surface::{Candidate, Starts};
 use crate::solve::{
     Begun, Discretisation, Doing, Problem, Progress, Ready, SolverOptions, SurfaceOptions, TracePoint, Watch,
     default_volume,
@@ -27,7 +27,7 @@ mod request;
 mod spread;
 mod trial;
 
-pub use crate::solve::surface::Left;
+pub use crate::solve::surface::{HeldOut, Left};
 pub use high_pass::{FoundHighPass, usual_high_pass};
 pub use model::{FoundModel, MODELS};
 pub use pulse::FoundPulse;
@@ -92,6 +92,9 @@ pub struct Estimates {
     /// The same by what was estimated.
     #[serde(skip)]
     pub stages: EstimateSeconds,
+    /// What the surface of the chosen model shows of the pairs.
+    #[serde(skip)]
+    pub shown: Option<Shown>,
     /// Layers of the surface that the fits found, and of its start, on coarse pixels.
     #[serde(skip)]
     pub(crate) begun: Option<Begun>,
@@ -176,6 +179,7 @@ pub fn estimate(
     let usual = request.solver.common().reflectance;
     let mut tried = vec![];
     let (mut high_pass, mut begun, mut candidates, mut expected_iou) = (None, None, vec![], None);
+    let mut shown = None;
     let mut stages = EstimateSeconds::default();
     let searched = Search::new(request, capture, gpu, hear).and_then(|mut search| {
         stages.start = start.elapsed().as_secs_f64();
@@ -194,6 +198,7 @@ pub fn estimate(
         {
             candidates[best.candidate].kept = true;
             let is_far = !best.fitted.surface.is_coherent(FAR);
+            shown = Some(Shown::of(trial_of(&search.trials, *reflectance), best.fitted.clone())?);
             let Candidate { layers, step, .. } = best.fitted.surface;
             let Starts { layers: closed, light, seen } = Starts::clone(&search.starts);
             begun = Some(Begun { layers, closed, is_far: is_far && seen.is_some(), seen, light, step });
@@ -210,7 +215,59 @@ pub fn estimate(
     let seconds = start.elapsed().as_secs_f64();
     let model = finds_model.then(|| FoundModel::of(reflectance, &tried, failed.clone()));
     let pulse = pulse.map(|shape| FoundPulse::of(shape, reflectance, &tried, stages.pulse, failed));
-    Ok(Estimates { model, high_pass, pulse, expected_iou, candidates, seconds, stages, begun })
+    Ok(Estimates { model, high_pass, pulse, expected_iou, candidates, seconds, stages, shown, begun })
+}
+
+/// What a short fit of a capture shows of its pairs.
+#[derive(Debug, Clone)]
+pub struct Shown {
+    /// The pairs that it does not take.
+    pub held: HeldOut,
+    /// All pairs, if much of those that are held out is left.
+    pub all: Option<HeldOut>,
+}
+
+/// Share beyond noise, less two standard errors, from which the residual of all pairs may show a cause.
+pub const DOUBTFUL: f64 = 0.08;
+
+impl Shown {
+    fn of(trial: &Trial<'_>, fitted: Fitted) -> Result<Shown> {
+        let left = fitted.held.left();
+        let is_doubtful = left.excess() - 2.0 * left.standard_error() > DOUBTFUL;
+        let all = if is_doubtful { trial.all(&fitted.surface.layers)? } else { None };
+        Ok(Shown { held: fitted.held, all })
+    }
+}
+
+/// What a short fit of another version of the capture shows, with sharp paths; by the model and the high-pass that were `found`, or,
+/// without them, by the usual model and a high-pass of its own. `None` if it finds no surface.
+///
+/// # Errors
+/// The device fails, or `hear` cancels.
+pub fn shown(
+    request: &EstimateRequest,
+    found: Option<&Estimates>,
+    capture: &Capture,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Option<Shown>> {
+    let solver = match found {
+        Some(found) => found.settle(&request.solver, &request.models, capture)?.0,
+        None => request.solver.clone(),
+    };
+    let request = EstimateRequest { solver, models: vec![], find_pulse: FindPulse::Never, ..request.clone() };
+    let searched = Search::new(&request, capture, gpu, hear).and_then(|mut search| {
+        if request.finds_high_pass() {
+            search.find_high_pass(capture)?;
+        }
+        let model = search.trials[0].reflectance();
+        let fitted = search.fit(model, Shape::SHARP, From::Start)?;
+        fitted.map(|fitted| Shown::of(&search.trials[0], fitted)).transpose()
+    });
+    match searched {
+        Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => Err(e),
+        searched => Ok(searched.unwrap_or(None)),
+    }
 }
 
 /// A surface that short fits found, judged on the pairs that are held out.

@@ -114,6 +114,19 @@ impl<'c> Trial<'c> {
         Ok(Some(Fitted { surface, held }))
     }
 
+    /// All pairs, with the rendering of these layers; `None` if they explain no light, or pairs are taken in parts.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn all(&self, layers: &[Maps]) -> Result<Option<HeldOut>> {
+        let outline = self.capture.outline();
+        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
+        let options = self.options.clone().with(|o| o.pairs = outline.pair_count());
+        let mut fit = Fit::new(&self.gpu, &problem, &options, [0, 1], Judge::All)?;
+        fit.take(&self.capture)?;
+        fit.seen(layers)?.map_or(Ok(None), |_| fit.judged())
+    }
+
     /// The pairs that are held out, with the rendering of these layers by sharp paths; `None` if they explain no light.
     ///
     /// # Errors

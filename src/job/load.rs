@@ -26,6 +26,8 @@ pub struct Loaded {
     pub notes: Vec<String>,
     /// What looks wrong and was not corrected.
     pub warnings: Vec<String>,
+    /// What is wrong for certain; `warnings` holds it, too.
+    pub faults: Vec<String>,
     /// Seconds that loading took.
     pub seconds: f64,
 }
@@ -106,9 +108,11 @@ pub fn take(capture: Capture, settings: &Settings) -> Result<Loaded> {
 }
 
 fn loaded(path: &Path, start: Instant, done: conditioning::Conditioned) -> Loaded {
-    let conditioning::Conditioned { capture, gate, dropped, normals_estimated, notes, warnings, .. } = done;
+    let conditioning::Conditioned {
+        capture, gate, dropped, normals_estimated, notes, warnings, faults, ..
+    } = done;
     let seconds = start.elapsed().as_secs_f64();
-    Loaded { path: path.into(), capture, gate, dropped, normals_estimated, notes, warnings, seconds }
+    Loaded { path: path.into(), capture, gate, dropped, normals_estimated, notes, warnings, faults, seconds }
 }
 
 /// An error of the contents of a file begins with its path.

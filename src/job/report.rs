@@ -15,6 +15,7 @@ use crate::transport::Grid;
 pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished) -> report::Report {
     let result = &done.result;
     report::Report {
+        verdict: None,
         version: env!("CARGO_PKG_VERSION").into(),
         device: report::Device {
             name: gpu.info.name.clone(),

@@ -8,7 +8,6 @@ use super::load::Loaded;
 use super::places::{PAGE, PREVIEW};
 use super::preview::Preview;
 use super::{Request, SolverOptions, reconstruct, report};
-use crate::Result;
 use crate::estimation::EstimateRequest;
 use crate::export;
 use crate::export::page::PageHistograms;
@@ -17,6 +16,7 @@ use crate::files::staging::Staging;
 use crate::gpu::{Gpu, KernelTime};
 use crate::maps::{Maps, Truth};
 use crate::solve::{Progress, Reconstruction, VolumeMap};
+use crate::{Grade, Result, Verdict};
 
 /// The result of a run.
 #[derive(Debug)]
@@ -39,6 +39,8 @@ pub struct Outcome {
     pub notes: Vec<String>,
     /// What looks wrong with the capture or the result, as sentences.
     pub warnings: Vec<String>,
+    /// The verdict on the result.
+    pub verdict: Verdict,
     /// Every file that was written, the report last; none before [`Outcome::write`].
     pub files: Vec<PathBuf>,
     snapshots: Vec<(usize, Maps)>,
@@ -108,8 +110,13 @@ fn solve_checked(
     report.totals.preview_s = preview.as_ref().map(|p| p.seconds);
     report.totals.stages = report::stages(loaded, &done, report.totals.preview_s);
     let result = done.result;
-    let warnings = [&loaded.warnings[..], &result.warnings].concat();
-    report.warnings = warnings.clone();
+    let mut warnings = [&loaded.warnings[..], &result.warnings].concat();
+    let of_maps = result.verdict.as_deref().cloned().unwrap_or(Verdict::GOOD);
+    let verdict = verdict_of(loaded, of_maps);
+    // A poor result is never without a warning.
+    let first = verdict.reasons.first().filter(|r| verdict.grade == Grade::Poor && !warnings.contains(r));
+    warnings.extend(first.cloned());
+    (report.warnings, report.verdict) = (warnings.clone(), Some(verdict.clone()));
     Ok(Outcome {
         report,
         maps: result.maps,
@@ -120,11 +127,19 @@ fn solve_checked(
         validation: gpu.validation_messages(),
         notes,
         warnings,
+        verdict,
         files: vec![],
         snapshots: done.snapshots,
         title: title(&loaded.path),
         preview,
     })
+}
+
+/// The verdict with what is known of the capture: faults that are certain, and what looks wrong.
+fn verdict_of(loaded: &Loaded, mut verdict: Verdict) -> Verdict {
+    loaded.warnings.iter().for_each(|warning| verdict.add(Grade::Fair, warning));
+    loaded.faults.iter().for_each(|fault| verdict.add(Grade::Poor, fault));
+    verdict
 }
 
 impl Outcome {

@@ -16,12 +16,14 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::capture::{Capture, conditioning};
+use crate::diagnosis::{self, Diagnosis};
+use crate::estimation::Estimates;
 use crate::gpu::Gpu;
 use crate::resolve::Job;
 use crate::solve::surface;
 use crate::solve::{Bins, Discretisation, Plan, Prepared, Problem, Reconstruction, SolverOptions};
 use crate::transport::Grid;
-use crate::{Error, Result};
+use crate::{Error, Result, Verdict};
 
 mod external;
 mod feed;
@@ -89,6 +91,19 @@ impl Session {
         solver: &SolverOptions,
         options: SessionOptions,
     ) -> Result<Session> {
+        let verdict = diagnosis::verdict(&Estimates::default(), &Diagnosis::default());
+        Session::judged(gpu, scan, grid, solver, options, Arc::new(verdict))
+    }
+
+    /// As [`Session::new`], with the verdict on the capture that the estimates are of.
+    fn judged(
+        gpu: &Gpu,
+        scan: &Capture,
+        grid: Option<Grid>,
+        solver: &SolverOptions,
+        options: SessionOptions,
+        verdict: Arc<Verdict>,
+    ) -> Result<Session> {
         solver.check()?;
         scan.check_scan()?;
         conditioning::check_units(scan)?;
@@ -120,6 +135,7 @@ impl Session {
             summed,
             exchange,
             mask_fraction,
+            verdict,
             options,
         };
         let thread = std::thread::Builder::new()
@@ -157,7 +173,7 @@ impl Session {
         // The session sums the bins of each frame itself.
         let mut scan = frame.clone();
         scan.pulse.clone_from(&job.capture.pulse);
-        Session::new(gpu, &scan, Some(job.grid), &job.solver, options)
+        Session::judged(gpu, &scan, Some(job.grid), &job.solver, options, job.verdict.clone())
     }
 
     /// The device.

@@ -17,8 +17,9 @@ use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::gpu::external::TimelinePoint;
 use crate::maps::Maps;
+use crate::resolve::with_warnings;
 use crate::solve::{Prepared, Progress, Reconstruction, Watch, conclude};
-use crate::{Error, Kind, Result, panic_message};
+use crate::{Error, Kind, Result, Verdict, panic_message};
 
 /// How often a frame that waits for its counts looks whether it was cancelled.
 const LOOK: Duration = Duration::from_millis(20);
@@ -321,6 +322,8 @@ pub(super) struct Worker {
     pub exchange: Option<Exchange>,
     /// See [`conclude`].
     pub mask_fraction: Option<f64>,
+    /// The verdict on the capture that the session was made with.
+    pub verdict: Arc<Verdict>,
     pub options: SessionOptions,
 }
 
@@ -394,7 +397,7 @@ impl Worker {
     }
 
     fn solve(&mut self, id: FrameId) -> Result<Reconstruction> {
-        let Worker { shared, prepared, scan, summed, mask_fraction, options, .. } = self;
+        let Worker { shared, prepared, scan, summed, mask_fraction, verdict, options, .. } = self;
         let begun = Instant::now();
         let scan = match summed {
             Some(summed) => {
@@ -418,6 +421,7 @@ impl Worker {
             (solved, _) => solved?,
         };
         conclude(scan, *mask_fraction, &mut result, &mut []);
+        result.verdict = Some(with_warnings(verdict, &result.warnings));
         Ok(result)
     }
 }

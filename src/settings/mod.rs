@@ -15,7 +15,7 @@ use crate::{Error, Result};
 
 mod text;
 
-pub use text::{ImpulseResponse, ReflectanceSetting, gate, memory_bytes};
+pub use text::{Calibrate, ImpulseResponse, ReflectanceSetting, gate, memory_bytes};
 use text::{as_text, count, number, path_of_light, seed, word};
 
 /// Declares the fields of [`Settings`] that do not belong to a method: name, type, allowed values, and the function that reads
@@ -103,6 +103,8 @@ settings! {
         /// Find a gate where none is set: direct light is left out, and of captured histograms the bins behind nearly all light;
         /// for paper, the half of the bins with the most counts is kept
         auto_gate: bool = text::flag, Range::Flag;
+        /// Undo delays of the rows or columns of the scan where held-out pairs prove them: auto or none [default: auto]
+        calibrate: Calibrate = word, Range::Words(&["none", "auto"]);
         /// Impulse response of the instrument: the full width at half maximum of a Gaussian, as a time (60ps) or a path (18mm,
         /// metres as a plain number); the same and, behind a colon, the length over which its tail falls to 1/e; an npz file
         /// with pulse, pulse_delta_t and pulse_t_start; none for sharp paths; or auto for an estimate [default: that of the
@@ -247,8 +249,9 @@ impl Settings {
     /// As there; a setting that only applies where a capture is read or prepared.
     pub fn for_frames<'c>(&self, scan: &'c Capture) -> Result<Cow<'c, Capture>> {
         let set = serde_json::to_value(self).unwrap_or_default();
-        let of_captures =
-            |row: &&Row| row.group.starts_with("Capture") && !["pulse", "spot"].contains(&row.key);
+        let of_captures = |row: &&Row| {
+            row.group.starts_with("Capture") && !["pulse", "spot", "calibrate"].contains(&row.key)
+        };
         if let Some(row) = Settings::ROWS.iter().filter(of_captures).find(|row| set.get(row.key).is_some()) {
             return Err(Error::options(
                 format!(

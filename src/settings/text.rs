@@ -157,6 +157,17 @@ pub fn flag(text: &str) -> Read<bool> {
     text.trim().parse().map_err(|_| "give true or false".into())
 }
 
+/// Whether delays of the lines of a scan are undone.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Calibrate {
+    /// They are named only.
+    None,
+    /// They are undone where held-out pairs prove them.
+    #[default]
+    Auto,
+}
+
 /// A word that serde knows.
 pub fn word<T: DeserializeOwned>(text: &str) -> Read<T> {
     serde_json::from_value(serde_json::Value::String(text.trim().into())).map_err(|e| {

@@ -89,15 +89,15 @@ impl OnDevice {
         if plan.is_cut() {
             for part in plan.parts(plan.finest()) {
                 let wall = model.wall.stretch(part.first, part.own.count);
-                all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words()));
+                all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words(model.centre)));
             }
         } else {
             let wall = model.wall.first(plan.finest().pairs);
-            all.add(buffer::WALL, bytemuck::cast_slice(&wall.words()))?;
+            all.add(buffer::WALL, bytemuck::cast_slice(&wall.words(model.centre)))?;
         }
         for batch in plan.stretches() {
             let wall = model.wall.stretch(batch.first, batch.pairs);
-            all.add(batch.wall, bytemuck::cast_slice(&wall.words()))?;
+            all.add(batch.wall, bytemuck::cast_slice(&wall.words(model.centre)))?;
         }
         if let Some(radius) = plan.domain.taps.len().checked_sub(1) {
             let words: Vec<f32> =
@@ -108,7 +108,10 @@ impl OnDevice {
             all.add(buffer::PULSE_TAPS, bytemuck::cast_slice(&pulse.words()))?;
         }
         if let Some(spots) = &plan.levels.spots {
-            all.add(plan.finest().rendered.wall, bytemuck::cast_slice(&spots.rendered.wall.words()))?;
+            all.add(
+                plan.finest().rendered.wall,
+                bytemuck::cast_slice(&spots.rendered.wall.words(model.centre)),
+            )?;
             all.add(buffer::SPOT_TAPS, bytemuck::cast_slice(&spots.words()))?;
         }
         for (level, reachable) in plan.levels.volume.iter().zip(&plan.levels.reachable) {

@@ -10,6 +10,7 @@ use super::drive::Driven;
 use super::on_device::{OnDevice, VolumeMap, read_volume, trace_rows};
 use super::plan::{MASK_HOST, RAW_HOST};
 use crate::Result;
+use crate::Verdict;
 use crate::gpu::KernelTime;
 use crate::maps::Maps;
 use crate::transport::Model;
@@ -49,6 +50,8 @@ pub struct Reconstruction {
     pub notes: Vec<String>,
     /// What looks wrong with the capture or the result, as sentences.
     pub warnings: Vec<String>,
+    /// The verdict, once it is given.
+    pub verdict: Option<Arc<Verdict>>,
     /// One point for each iteration.
     pub trace: Vec<TracePoint>,
     /// The data loss of an empty volume: the mean over the bins of the squared measurement, as the solver takes it.
@@ -129,6 +132,7 @@ pub(super) fn finish(
         volume,
         notes: vec![],
         warnings: vec![],
+        verdict: None,
         trace: driven.trace,
         empty_loss: empty_loss(&job.model),
         pairs: driven.pairs,

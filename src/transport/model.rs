@@ -1,5 +1,6 @@
 //! The model of a capture: what kernels and their twins need to know of it.
 
+use glam::DVec3;
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
@@ -52,6 +53,9 @@ pub struct Model {
     pub unused: usize,
     /// The last pairs, which are held out: no fit takes them ([`Model::hold_out`]).
     pub held_out: usize,
+    /// Where kernels have their origin in x and y, metres: the wall's centre if the wall is far from 0, as coordinates of a survey are,
+    /// which single precision does not resolve.
+    pub centre: DVec3,
     /// How hidden surfaces reflect light.
     pub reflectance: Reflectance,
     /// Gated bins of a histogram.
@@ -95,6 +99,19 @@ pub fn cells(pairs: usize, bins: usize) -> usize {
     pairs * (bins + PADDING as usize) + PADDING as usize
 }
 
+/// Walls farther from 0 than this many times their width have an origin of their own.
+const FAR: f64 = 16.0;
+
+/// See [`Model::centre`].
+fn centre_of(capture: &Capture) -> DVec3 {
+    let points = || capture.laser.iter().chain(&capture.sensor);
+    let (low, high) =
+        points().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(*p), high.max(*p)));
+    let (middle, size) = (0.5 * (low + high), (high - low).truncate().max_element());
+    let is_far = size > 0.0 && middle.truncate().abs().max_element() > FAR * size;
+    if is_far { middle.with_z(0.0) } else { DVec3::ZERO }
+}
+
 impl Model {
     /// A capture scaled to the given peak, with the paper's binning. `general`: see [`Wall::of`]. A capture
     /// without counts gives a model without measured values, which is enough for a plan.
@@ -118,6 +135,7 @@ impl Model {
             is_spread: false,
             unused: 0,
             held_out: 0,
+            centre: centre_of(capture),
             reflectance,
             bins: capture.bins,
             bin_width: capture.bin_width,
@@ -266,8 +284,8 @@ impl Model {
             stride: self.stride() as u32,
             capacity: grid.storage() as u32,
             touched_capacity: grid.storage() as u32,
-            origin_x: grid.origin.x as f32,
-            origin_y: grid.origin.y as f32,
+            origin_x: (grid.origin.x - self.centre.x) as f32,
+            origin_y: (grid.origin.y - self.centre.y) as f32,
             origin_z: grid.origin.z as f32,
             pitch_x: grid.pitch.x as f32,
             pitch_y: grid.pitch.y as f32,

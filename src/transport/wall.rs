@@ -124,9 +124,10 @@ impl Wall {
         self.scanned.iter().chain(&self.others)
     }
 
-    /// The wall as kernels read it: scanned points, other points, then normals if there are any; (x, y, z, 0) each.
-    pub fn words(&self) -> Vec<[f32; 4]> {
-        let all = self.all_points().chain(self.normals.iter().flatten());
+    /// The wall as kernels read it: scanned points, other points, both from `centre` on, then normals if there are any; (x, y, z, 0) each.
+    pub fn words(&self, centre: DVec3) -> Vec<[f32; 4]> {
+        let points = self.all_points().map(|p| *p - centre);
+        let all = points.chain(self.normals.iter().flatten().copied());
         all.map(|p| [p.x as f32, p.y as f32, p.z as f32, 0.0]).collect()
     }
 }

@@ -313,6 +313,7 @@ fn a_report() -> report::Report {
     };
     let metrics = Metrics { fraction: Some(0.2), iou: Some(0.8), ..Default::default() };
     report::Report {
+        verdict: None,
         version: "0.1.0".into(),
         device: report::Device { name: "made".into(), driver: "none".into(), kind: "cpu".into() },
         settings: serde_json::json!({ "iterations": 60, "solver": "surface" }),

@@ -3,6 +3,7 @@
 mod api;
 mod closed_form;
 mod depth_error;
+mod diagnosis;
 mod external;
 mod layers;
 mod learned;

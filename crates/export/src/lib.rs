@@ -29,7 +29,7 @@ use std::path::{Path, PathBuf};
 
 use thirdbounce_base::{advice, error, files};
 use thirdbounce_capture as capture;
-use thirdbounce_maps::{maps, measure};
+use thirdbounce_maps::{maps, measure, verdict};
 
 use crate::error::Result;
 use crate::maps::Maps;

@@ -9,10 +9,14 @@ use crate::capture::Summary;
 use crate::error::{Error, Result};
 use crate::files::atomic;
 use crate::measure::Metrics;
+use crate::verdict::Verdict;
 
 /// The whole report.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Report {
+    /// The verdict on the result.
+    #[serde(default)]
+    pub verdict: Option<Verdict>,
     /// Version of thirdbounce.
     pub version: String,
     /// Device used.

@@ -6,5 +6,6 @@
 
 pub mod maps;
 pub mod measure;
+pub mod verdict;
 
 use thirdbounce_base::error;

@@ -57,6 +57,8 @@ class Maps:
     """What was done to the capture, as sentences."""
     warnings: List[str] = dataclasses.field(default_factory=list)
     """What looks wrong with the capture or the result, as sentences."""
+    verdict: Optional[str] = None
+    """good, fair or poor; the reasons are in report["verdict"]. None for truth and earlier maps."""
     frame: Optional[int] = None
     """Frame number of a session."""
     seconds: Optional[float] = None
@@ -185,6 +187,7 @@ class Maps:
             arrays["seconds"] = arrays["report"]["totals"]["solve_s"]
             arrays["metrics"] = arrays["report"]["metrics"]
             arrays.setdefault("warnings", arrays["report"].get("warnings", []))
+            arrays.setdefault("verdict", (arrays["report"].get("verdict") or {}).get("grade"))
         return cls(**arrays)
 
 

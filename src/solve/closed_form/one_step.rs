@@ -131,6 +131,7 @@ fn solved(
         volume,
         notes: vec![],
         warnings: vec![],
+        verdict: None,
         empty_loss: 0.0,
         pairs: (plan.scene.pairs * grid.voxels()) as u64,
         solve_seconds: trace.last().map_or(0.0, |point| point.seconds),

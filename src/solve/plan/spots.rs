@@ -62,7 +62,12 @@ impl Plan {
         let words: usize = stages.iter().chain(&spots.back).map(SpotTaps::len_of_words).sum();
         vec![
             (buffer::SPOT_TAPS, words as u64 * 4),
-            (WALL, (spots.rendered.wall.words().len() * 16) as u64),
+            (
+                WALL,
+                ((spots.rendered.wall.all_points().count()
+                    + spots.rendered.wall.normals.as_ref().map_or(0, Vec::len))
+                    * 16) as u64,
+            ),
             (SEEN, cells(self.scene.pairs.max(spots.rendered.wall.pairs()))),
             (BETWEEN, inner.map_or(0, cells)),
         ]

@@ -47,8 +47,8 @@ pub(crate) struct Fit {
     pixels: usize,
     /// Energies of the batches of pairs.
     energies: Vec<f64>,
-    /// Whether pairs judge it.
-    is_judged: bool,
+    /// Which pairs judge it.
+    judge: Judge,
     /// The length of its next steps as a share of the longest ones: it stays from run to run.
     pub step: f64,
 }
@@ -79,6 +79,8 @@ pub(crate) enum Judge {
     None,
     /// Pairs that are held out.
     HeldOut,
+    /// All pairs, which it takes, too.
+    All,
 }
 
 impl Run {
@@ -133,26 +135,18 @@ impl Fit {
         iterations: [usize; 2],
         judge: Judge,
     ) -> Result<Fit> {
-        let holds_out = judge != Judge::None;
+        let holds_out = judge == Judge::HeldOut;
         let Problem { capture, grid, memory, .. } = *problem;
         let (outline, rows) = outline_of(capture, &grid, options, holds_out);
         let asked = needs::OfFit { options, iterations };
         let mut plan = Plan::new(&outline, grid, capture.resolution(), &asked, &gpu.abilities(), false)?;
-        if holds_out {
-            let cells = judging(&plan).map_or(0, |level| plan.cells_at(level));
+        if judge != Judge::None {
+            let cells = judging(&plan, judge).map_or(0, |level| plan.cells_at(level));
             plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
         }
         let plan = plan.within(&asked, &gpu.memory(), memory)?;
         let planned = Planned::new(gpu, outline, plan, memory);
-        Ok(Fit {
-            planned,
-            rows,
-            options: options.clone(),
-            pixels: 0,
-            energies: vec![],
-            is_judged: holds_out,
-            step: 1.0,
-        })
+        Ok(Fit { planned, rows, options: options.clone(), pixels: 0, energies: vec![], judge, step: 1.0 })
     }
 
     /// Levels, passes and buffers.
@@ -220,7 +214,7 @@ impl Fit {
         Ok(placed.map(|(placed, scale)| (scale, Quality { noise, energy, left: placed.left })))
     }
 
-    /// What the present surface leaves of the pairs that are held out, or of those that are fitted where none are. `None` where
+    /// What the present surface leaves of the pairs that judge it: of those that are fitted where none are held out. `None` where
     /// pairs are taken in parts.
     ///
     /// # Errors
@@ -228,15 +222,18 @@ impl Fit {
     pub fn judged(&mut self) -> Result<Option<HeldOut>> {
         let count = self.pixels;
         let job = self.planned.made(|_| Ok(()))?;
-        let is_judged = self.is_judged && count > 0;
-        let Some(level) = judging(&job.plan).copied().filter(|_| is_judged) else { return Ok(None) };
+        let is_judged = self.judge != Judge::None && count > 0;
+        let Some(level) = judging(&job.plan, self.judge).copied().filter(|_| is_judged) else {
+            return Ok(None);
+        };
         let cells = job.plan.cells_at(&level);
         job.executor.run_once(|s| {
             render(s, &job.plan, &level, count, &RESIDUAL);
             s.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
         })?;
         let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..cells);
-        Ok(Some(HeldOut::of(&job.model, &level, &residual)))
+        let pairs = &self.rows.pairs()[level.first..level.first + level.pairs];
+        Ok(Some(HeldOut::of(&job.model, &level, pairs, &residual)))
     }
 
     /// Fits the pixels of `layers`, and replaces the layers by the result. The quality is `None` if they explain no light.
@@ -291,7 +288,7 @@ impl Fit {
         let of_layers = pixels.of_layers(layers[0].albedo.len());
         let (mut done, mut since_rest, mut is_kept, mut restored) = (0, 0, true, false);
         // Frames compare their end with their beginning only: each comparison allocates.
-        let check = if self.is_judged { CHECK } else { iterations };
+        let check = if self.judge != Judge::None { CHECK } else { iterations };
         while done < iterations {
             let here = check.min(iterations - done);
             let segment = Segment { begin: begin + done, at: skipped + done, since_rest, all, of };
@@ -371,8 +368,10 @@ fn shown(
 
 /// The pairs that judge a fit: those that are held out, or some of the fitted ones where none are. `None` where pairs are taken in
 /// parts.
-fn judging(plan: &Plan) -> Option<&Level> {
-    plan.held_out().or(plan.batch(0)).or(plan.levels.pixels.as_ref()).filter(|_| !plan.is_cut())
+fn judging(plan: &Plan, judge: Judge) -> Option<&Level> {
+    let all = plan.levels.pixels.as_ref();
+    let some = if judge == Judge::All { all } else { plan.held_out().or(plan.batch(0)).or(all) };
+    some.filter(|_| !plan.is_cut())
 }
 
 /// The objective of a state.

@@ -14,6 +14,8 @@ const LEAST_SIGNAL: f64 = 0.01;
 /// Pairs that are held out, compared with what a surface shows of them: bins with a weight.
 #[derive(Debug, Clone)]
 pub struct HeldOut {
+    /// The pair of the capture for each row.
+    pub pairs: Vec<usize>,
     /// Differences, and measured values, `[pair * bins + bin]`.
     rows: [Vec<f64>; 2],
     /// Paths of the bins in units of the model, and the photon variance of a bin in the mean over pairs.
@@ -26,8 +28,8 @@ pub struct HeldOut {
 }
 
 impl HeldOut {
-    /// From the residual of plain differences of the pairs of `level`: the derivative of the weighted squares by what is accumulated.
-    pub fn of(model: &Model, level: &Level, residual: &[f32]) -> HeldOut {
+    /// From the residual of plain differences of the pairs of `level`, which are these `pairs` of the capture: the derivative of the weighted squares by what is accumulated.
+    pub fn of(model: &Model, level: &Level, pairs: &[usize], residual: &[f32]) -> HeldOut {
         let scene = model.scene_of(&level.grid, level.pairs);
         let unit = 1.0 / (2.0 * f64::from(scene.loss_scale) * f64::from(scene.render_scale));
         let weights: Vec<f64> = (0..model.bins).map(|b| model.bin_weight(b)).collect();
@@ -43,6 +45,7 @@ impl HeldOut {
             sums.iter_mut().zip(row).for_each(|(sum, v)| *sum += f64::from(*v));
         }
         HeldOut {
+            pairs: pairs.to_vec(),
             rows: [differences.collect(), measured.collect()],
             paths: lit().map(|b| weights[b].powf(1.0 / f64::from(model.falloff_power()))).collect(),
             variances: lit().map(|b| floor + per_value * (sums[b] / level.pairs as f64)).collect(),

@@ -22,6 +22,7 @@ const DEAD_BELOW_BINS: f64 = 8.0;
 const AROUND: usize = 8;
 
 /// Pairs of a capture in a new order, and the shape of the scan that they make.
+#[derive(Debug, PartialEq)]
 pub(crate) struct PairOrder {
     pub pairs: Vec<usize>,
     pub scan: [usize; 2],
@@ -187,12 +188,16 @@ pub(crate) fn retain_rows(mut values: Vec<f32>, length: usize, kept: &[usize]) -
     values
 }
 
+/// Fewer bins hold one value by chance.
+const CONSTANT_FROM: usize = 16;
+
 /// Why a pair was not measured.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum PairFault {
     Point,
     Histogram,
     Dead,
+    Constant,
     Hot,
 }
 
@@ -222,6 +227,10 @@ impl Measured {
             PairFault::Dead,
             "they have no count at all beside lit pairs, as points that were never measured (keep empty pairs to use them as \
              dark)",
+        );
+        tell(
+            PairFault::Constant,
+            "all their bins hold one value beside pairs that vary, as a fill value of points that were never measured",
         );
         tell(
             PairFault::Hot,
@@ -256,6 +265,12 @@ fn faults(capture: &Capture, seen: &[HistogramFigures], keep_empty: bool) -> Vec
     if !keep_empty {
         for pair in unmeasured(capture, seen, &faults) {
             faults[pair] = Some(PairFault::Dead);
+        }
+    }
+    let is_constant = |seen: &HistogramFigures| seen.filled > 0 && seen.range[0] == seen.range[1];
+    if capture.bins >= CONSTANT_FROM && seen.iter().any(|seen| seen.range[0] < seen.range[1]) {
+        for (fault, seen) in faults.iter_mut().zip(seen).filter(|(fault, _)| fault.is_none()) {
+            *fault = is_constant(seen).then_some(PairFault::Constant);
         }
     }
     let totals: Vec<Option<f64>> =

@@ -7,6 +7,7 @@ pub(crate) mod background;
 pub mod calibrate;
 pub(crate) mod choose;
 mod clipped;
+mod faults;
 pub(crate) mod frame;
 pub mod gate;
 mod hot;
@@ -73,6 +74,8 @@ pub struct Conditioned {
     pub notes: Vec<String>,
     /// What looks wrong and was not corrected.
     pub warnings: Vec<String>,
+    /// What is wrong for certain and cannot be undone; `warnings` holds it, too.
+    pub faults: Vec<String>,
     /// The pair of the capture before these steps, for each pair.
     pub(crate) pairs: Vec<usize>,
     /// The first bin that is kept, of those before these steps.
@@ -91,6 +94,7 @@ impl Conditioned {
             normals_estimated: false,
             notes,
             warnings: vec![],
+            faults: vec![],
         }
     }
 
@@ -161,6 +165,7 @@ pub const FOR_A_SOLVE: &[ConditioningStep] = &[
     step("stride", thinned),
     step("subset", drawn),
     step("gate", gated),
+    step_of_counts("faults", faults_found),
     step_of_counts("negative counts", negative),
     step_of_counts("units", units_checked),
     step_of_counts("automatic gate", automatically_gated),
@@ -271,6 +276,15 @@ fn gated(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
         state.capture.set_gate(gate)?;
         state.gate = Some(gate);
     }
+    Ok(())
+}
+
+fn faults_found(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
+    let faults::Found { notes, faults, dropped } = faults::undo(&mut state.capture)?;
+    state.notes.extend(notes);
+    state.warnings.extend(faults.iter().cloned());
+    state.faults.extend(faults);
+    state.dropped += dropped;
     Ok(())
 }
 

@@ -14,12 +14,19 @@ pub(crate) struct HistogramFigures {
     pub(crate) nothing: bool,
     /// Bins whose count is not zero.
     pub(crate) filled: u32,
+    /// The least and the largest count.
+    pub(crate) range: [f32; 2],
 }
 
 impl HistogramFigures {
     /// A histogram without bins.
-    pub(crate) const EMPTY: HistogramFigures =
-        HistogramFigures { total: 0.0, wrong: None, nothing: true, filled: 0 };
+    pub(crate) const EMPTY: HistogramFigures = HistogramFigures {
+        total: 0.0,
+        wrong: None,
+        nothing: true,
+        filled: 0,
+        range: [f32::INFINITY, f32::NEG_INFINITY],
+    };
 
     /// The figures of a histogram.
     pub(crate) fn of(histogram: &[f32]) -> HistogramFigures {
@@ -34,6 +41,8 @@ impl HistogramFigures {
         let (valid, filled) =
             counts.iter().fold((true, 0), |(v, n), c| (v & c.is_finite(), n + u32::from(*c != 0.0)));
         self.filled += filled;
+        let [low, high] = self.range;
+        self.range = counts.iter().fold([low, high], |[a, b], c| [a.min(*c), b.max(*c)]);
         if valid {
             self.nothing &= counts.is_empty();
             if filled > 0 {
@@ -54,6 +63,7 @@ impl HistogramFigures {
         self.wrong = self.wrong.or(later.wrong);
         self.nothing &= later.nothing;
         self.filled += later.filled;
+        self.range = [self.range[0].min(later.range[0]), self.range[1].max(later.range[1])];
     }
 }
 

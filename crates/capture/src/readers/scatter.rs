@@ -123,12 +123,13 @@ impl ArraySelection<'_> {
             wrong: Some((0, f32::NAN)),
             nothing: true,
             filled: self.shifted_bins() as u32,
+            range: HistogramFigures::EMPTY.range,
         };
         let begin = |place| match self.shifts.map(|s| s.of_place[place]) {
             Some(None) => unmeasured,
             // Bins that the array does not have are zeros.
             _ if self.inside(place).len() < self.shifted_bins() => {
-                HistogramFigures { nothing: false, ..HistogramFigures::EMPTY }
+                HistogramFigures { nothing: false, range: [0.0; 2], ..HistogramFigures::EMPTY }
             }
             _ => HistogramFigures::EMPTY,
         };

@@ -272,8 +272,9 @@ impl Drift {
 fn line(name: &str, frame: &Frame, latency: &Latency) -> String {
     let figures = Figures::of(frame);
     let residual = figures.residual.map_or_else(String::new, |r| format!(", residual {r:.3}"));
+    let verdict = figures.verdict.map_or_else(String::new, |verdict| format!(", {verdict}"));
     format!(
-        "{name:<12} {} {:>3} iterations, {:>6.0} ms from its counts, {:.1} frames/s, {} pixels of surface{residual}",
+        "{name:<12} {} {:>3} iterations, {:>6.0} ms from its counts, {:.1} frames/s, {} pixels of surface{residual}{verdict}",
         if figures.warm { "warm" } else { "cold" },
         figures.iterations,
         1e3 * latency.last.as_secs_f64(),

@@ -17,6 +17,9 @@ pub fn report(report: &Report) -> String {
         false => format!(", a surface of {} pixels", maps[..maps.len().min(2)].join(" x ")),
     };
     let line = |out: &mut String, name: &str, text: String| *out += &format!("{name:<10}{text}\n");
+    if let Some(verdict) = &report.verdict {
+        line(&mut out, "verdict", verdict.to_string());
+    }
     line(&mut out, "grid", format!("{} voxels{surface}", grid.join(" x ")));
     line(&mut out, "device", format!("{} ({})", report.device.name, report.device.kind));
     line(

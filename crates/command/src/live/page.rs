@@ -134,6 +134,8 @@ pub struct Figures {
     pub iterations: usize,
     /// Milliseconds of the solve.
     pub solve_ms: f64,
+    /// The verdict: good, fair or poor.
+    pub verdict: Option<&'static str>,
     /// Share of the light that the maps do not explain: ‖Av − h‖ / ‖h‖. `None` for closed forms.
     pub residual: Option<f64>,
     /// Pixels of surface.
@@ -153,6 +155,7 @@ impl Figures {
             warm: result.is_warm,
             iterations: last.map_or(0, |p| p.iteration),
             solve_ms: 1e3 * result.solve_seconds,
+            verdict: result.verdict.as_ref().map(|verdict| verdict.grade.name()),
             residual: last.and_then(|p| result.residual(p.data_loss)).filter(|r| r.is_finite()),
             pixels: maps.surface_pixels(),
             depth: maps.median(&maps.depth),

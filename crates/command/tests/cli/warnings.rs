@@ -26,6 +26,14 @@ fn warnings_reach_every_output() {
     let report: Value =
         serde_json::from_slice(&std::fs::read(folder.path().join("result/report.json")).unwrap()).unwrap();
     assert!(report["warnings"].to_string().contains(words), "{}", report["warnings"]);
+    // The verdict has the same words everywhere, and is the first line.
+    let grade = report["verdict"]["grade"].as_str().unwrap();
+    assert!(
+        grade != "good" && report["verdict"]["reasons"].to_string().contains(words),
+        "{}",
+        report["verdict"]
+    );
+    assert!(stdout(&done).starts_with(&format!("verdict   {grade}: ")), "{}", stdout(&done));
     assert!(std::fs::read_to_string(folder.path().join("result/report.html")).unwrap().contains(words));
     let all = path("batch");
     let batch = [&["batch", &capture, "--out", &all], &half[..], &SHORT[..]].concat();

@@ -444,6 +444,8 @@ function words() {
     text.append(small), group.append(term, text), element("headline").append(group);
   };
   element("title").innerText = data.title;
+  const { verdict } = report;
+  if (verdict) card("Verdict", verdict.grade, verdict.reasons.join("; "));
   card("Found", found.count ? `${found.count} ${found.count === 1 ? "surface" : "surfaces"}` : "nothing",
     found.count ? `${found.width.toFixed(2)} × ${found.height.toFixed(2)} m, ${(100 * found.all / nx / ny).toFixed(1)} % of the picture` : "");
   card("Depth range", found.count ? `${far[0].toFixed(3)} – ${far[1].toFixed(3)} m` : "–", "1st to 99th percentile");
@@ -457,7 +459,7 @@ function words() {
     truth(metrics, digits);
   }
   const kept = (settings.candidates || []).find(c => c.kept), [held, , excess] = kept?.left || [];
-  const quality = excess == null ? "" : `${excess < .05 ? "good" : excess < .2 ? "fair" : "poor"}: noise alone leaves ${digits(Math.max(held - excess, 0), " %", 100)}; `;
+  const quality = excess == null ? "" : `noise alone leaves ${digits(Math.max(held - excess, 0), " %", 100)}; `;
   const trials = (settings.model_found?.trials || []).filter(t => t[0] === settings.model_found.reflectance).map(t => t[2]), last = trace.at(-1)?.residual;
   if (trials.length) card("Held-out residual", `${(100 * Math.min(...trials)).toFixed(1)} %`, quality + "of pairs not fitted, short fit");
   else card("Residual", last != null ? `${(100 * last).toFixed(1)} %` : "–", "of fitted pairs");

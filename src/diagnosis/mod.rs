@@ -1,0 +1,179 @@
+//! What is wrong with a capture, by the pairs that no fit takes: a hypothesis is right if a surface explains far more of them once it
+//! is undone. And the verdict on a result, which these causes, the residual and the network's expectation decide.
+
+use std::ops::ControlFlow;
+
+use crate::Result;
+use crate::capture::Capture;
+use crate::estimation::{self, EstimateRequest, Estimates, Left, Shown};
+use crate::gpu::Gpu;
+use crate::settings::{Calibrate, Settings};
+use crate::solve::Progress;
+use crate::{Grade, Verdict};
+
+mod lines;
+mod scale;
+
+pub use lines::LineDelays;
+use lines::is_proven;
+
+/// Bands of the verdict. Evidence: benches/NOTES.md, "Verdict".
+mod bands {
+    /// Least share beyond noise, less two standard errors, of results that are fair, and of poor ones. Measured scenes with light that no
+    /// surface sends leave up to a half and are right.
+    pub const LEFT: [f64; 2] = [0.25, 0.75];
+    /// Expected IoU below which results are fair.
+    pub const EXPECTED_IOU: f64 = 0.4;
+    /// Share beyond noise, less two standard errors, from which other points are tried, with fits each.
+    pub const SCALED: f64 = 0.5;
+}
+
+/// What is wrong with a capture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cause {
+    /// What it is.
+    pub what: String,
+    /// The option or edit that undoes it.
+    pub hint: String,
+    /// Shares of held-out pairs beyond noise, as the capture is and once the cause is undone.
+    pub left: [f64; 2],
+    /// Whether it is undone.
+    pub undone: bool,
+}
+
+impl Cause {
+    /// The cause as a sentence.
+    pub fn sentence(&self) -> String {
+        let [before, after] = self.left.map(|share| 100.0 * share);
+        let done = if self.undone { "undone here; " } else { "" };
+        format!(
+            "{} (of held-out pairs {before:.0} % is left beyond noise, {after:.0} % once it is undone): {done}{}",
+            self.what, self.hint
+        )
+    }
+}
+
+/// What hypotheses on a capture say.
+#[derive(Debug, Clone, Default)]
+pub struct Diagnosis {
+    /// The cause that held-out pairs prove.
+    pub cause: Option<Cause>,
+    /// The capture without the delays of its lines.
+    pub calibrated: Option<Capture>,
+}
+
+/// The share that is certainly left beyond noise.
+fn certain(left: &Left) -> f64 {
+    left.excess() - 2.0 * left.standard_error()
+}
+
+/// Tries hypotheses on a capture whose `estimates` leave much of the held-out pairs. Delays are undone if it `calibrates`.
+///
+/// # Errors
+/// The device fails, or `hear` cancels.
+pub fn diagnose(
+    settings: &Settings,
+    request: &EstimateRequest,
+    capture: &Capture,
+    estimates: &Estimates,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Diagnosis> {
+    let calibrates = settings.calibrate.unwrap_or_default() == Calibrate::Auto;
+    let Some(shown) = &estimates.shown else { return Ok(Diagnosis::default()) };
+    let before = shown.held.left();
+    let mut trial = |capture: &Capture| estimation::shown(request, Some(estimates), capture, gpu, hear);
+    if let Some((delays, after)) = lines::calibrate(shown, capture, &mut trial)? {
+        let cause = Cause {
+            what: delays.what(),
+            hint: "measure the delay of each line, or correct the times before they are binned".into(),
+            left: [before.excess(), after.excess()],
+            undone: calibrates,
+        };
+        let calibrated = calibrates.then(|| delays.undone(capture));
+        return Ok(Diagnosis { cause: Some(cause), calibrated });
+    }
+    // A box that is given has the scale of the points.
+    if certain(&before) < bands::SCALED || request.discretisation.volume.is_some() {
+        return Ok(Diagnosis::default());
+    }
+    let mut best: Option<(Cause, f64)> = None;
+    for edit in scale::edits(capture) {
+        // Defaults depend on the width of the wall, and what a wrong surface leaves decided on the high-pass.
+        let request = EstimateRequest::new(settings, &edit.capture);
+        let Some(after) = estimation::shown(&request, None, &edit.capture, gpu, hear)? else { continue };
+        let after = after.held.left();
+        let excess = after.excess();
+        if is_proven(&after, &before) && best.as_ref().is_none_or(|(_, least)| excess < *least) {
+            let left = [before.excess(), excess];
+            best = Some((Cause { what: edit.what, hint: edit.hint, left, undone: false }, excess));
+        }
+    }
+    Ok(Diagnosis { cause: best.map(|(cause, _)| cause), calibrated: None })
+}
+
+/// The verdict on estimates: before a solve, without what the maps say.
+pub fn verdict(estimates: &Estimates, diagnosis: &Diagnosis) -> Verdict {
+    let mut verdict = Verdict { expected_iou: estimates.expected_iou, ..Verdict::GOOD };
+    if let Some(cause) = &diagnosis.cause {
+        verdict.add(if cause.undone { Grade::Fair } else { Grade::Poor }, cause.sentence());
+    }
+    match estimates.shown.as_ref().map(|shown: &Shown| shown.held.left()) {
+        None => verdict.add(
+            Grade::Fair,
+            match estimates.candidates.is_empty()
+                && estimates.model.as_ref().is_some_and(|m| m.failed.is_some())
+            {
+                true => "no fit found a surface that explains the counts",
+                false => "no pairs were held out to judge it",
+            },
+        ),
+        Some(left) => {
+            let (least, share) = (certain(&left), 100.0 * left.excess());
+            verdict.left = Some([left.excess(), left.standard_error()]);
+            let grade = match least {
+                least if least > bands::LEFT[1] => Grade::Poor,
+                least if least > bands::LEFT[0] => Grade::Fair,
+                _ => Grade::Good,
+            };
+            if grade > Grade::Good {
+                verdict.add(
+                    grade,
+                    format!(
+                        "the surface leaves {share:.0} % of the light of held-out pairs beyond noise: light that is not of the scene, or a \
+                         fault without a name"
+                    ),
+                );
+            }
+        }
+    }
+    if let Some(iou) = estimates.expected_iou.filter(|iou| *iou < bands::EXPECTED_IOU) {
+        verdict.add(Grade::Fair, format!("the learned start expects an IoU of only {iou:.2}"));
+    }
+    verdict
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn estimates(iou: f64) -> Estimates {
+        Estimates { expected_iou: Some(iou), ..Estimates::default() }
+    }
+
+    #[test]
+    fn causes_and_doubts_lower_the_grade() {
+        let of =
+            |cause: Option<Cause>, iou: f64| verdict(&estimates(iou), &Diagnosis { cause, calibrated: None });
+        let cause = |undone| Cause { what: "feet".into(), hint: "scale".into(), left: [0.9, 0.02], undone };
+        let poor = of(Some(cause(false)), 0.8);
+        assert_eq!(poor.grade, Grade::Poor);
+        assert!(
+            poor.to_string().starts_with("poor: feet (of held-out pairs 90 %")
+                && poor.to_string().contains("scale")
+        );
+        assert_eq!(of(Some(cause(true)), 0.8).grade, Grade::Fair);
+        let doubt = of(None, 0.2);
+        assert!(doubt.grade == Grade::Fair && doubt.reasons.iter().any(|r| r.contains("IoU of only 0.20")));
+    }
+}
