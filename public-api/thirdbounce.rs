@@ -911,6 +911,7 @@ pub struct RenderOptions {
     pub noise: f64,
     pub max_samples: usize,
     pub seed: u64,
+    pub coarse: Option<usize>,
 }
 impl Default for RenderOptions {}
 #[derive(Debug, Clone, PartialEq)]

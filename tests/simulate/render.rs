@@ -175,7 +175,7 @@ fn a_coarse_rendering_has_the_light_of_an_accurate_one() {
     let mut scene = Scene::named("figure").unwrap();
     scene.objects.push(Object { mesh: rectangle(dvec3(0.0, 0.0, 1.2), DVec3::Y, DVec3::X), albedo: 1.0 });
     (scene.scan, scene.bin_width) = (6, 0.03);
-    let coarse = RenderOptions { max_samples: 8192, coarse: Some(8), ..RenderOptions::default() };
+    let coarse = RenderOptions { max_samples: 1 << 14, coarse: Some(12), ..RenderOptions::default() };
     let point = glam::dvec2(0.3, -0.2);
     let cases = [
         (Layout::Confocal, Reflectance::Lambertian),

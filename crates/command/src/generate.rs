@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 use thirdbounce::files::{array::Array, atomic};
 use thirdbounce::solve::learned::{self, BANDS, DEEP, SIDE};
-use thirdbounce::{Error, Kind, Result, capture, export};
+use thirdbounce::{Error, Kind, Result, Settings, capture, export, job};
 
 use crate::benchmark::family::{FamilyCase, kind};
 use crate::json::write_json;
@@ -119,19 +119,21 @@ fn scene(what: &Generation, seed: u64) -> Result<bool> {
     let case = if coarse { case.coarse() } else { case };
     let (truth, measured) = (case.truth()?, case.capture()?);
     measured.check()?;
-    if what.inputs {
-        let input = Array::from_f16(&[BANDS, SIDE, SIDE, DEEP], &learned::input(&measured)?);
-        atomic::write(&input_file, &input.to_npy())?;
-    }
     export::npz::write_truth(&truth_file, &truth)?;
     capture::write(&measured, &capture_file)?;
+    // As a reconstruction sees it: without dead pairs and what else is taken off first.
+    let seen = job::load(&capture_file, &Settings::default())?.capture;
+    if what.inputs {
+        let input = Array::from_f16(&[BANDS, SIDE, SIDE, DEEP], &learned::input(&seen)?);
+        atomic::write(&input_file, &input.to_npy())?;
+    }
     let s = &case.scene;
     let said = Description {
         options: what.options,
-        kind: learned::kind(&measured),
+        kind: learned::kind(&seen),
         pairs: kind(s).into(),
         reflectance: s.reflectance.name().into(),
-        extent: measured.wall_extent(),
+        extent: seen.wall_extent(),
         wall: s.wall,
         back: case.back,
         words: case.words.clone(),

@@ -36,7 +36,7 @@ pub const POSSIBLE: f32 = 0.2;
 const AROUND: usize = 2;
 
 /// A capture as the network sees it.
-struct View {
+struct NetworkView {
     /// Bands at the voxels of the box, in the first of [`CHANNELS`].
     volume: Tensor,
     /// As [`kind()`].
@@ -46,8 +46,8 @@ struct View {
     wall: f64,
 }
 
-impl View {
-    fn of(capture: &Capture) -> Result<View> {
+impl NetworkView {
+    fn of(capture: &Capture) -> Result<NetworkView> {
         let few;
         let capture = if capture.pair_count() > MOST_PAIRS {
             few = capture.subset(MOST_PAIRS, 0)?;
@@ -70,7 +70,7 @@ impl View {
                 bands: bands.of(capture.histogram(pair), bins),
             })
             .collect();
-        Ok(View { volume: project(&pairs, CHANNELS), kind: kind(capture), centre, wall })
+        Ok(NetworkView { volume: project(&pairs, CHANNELS), kind: kind(capture), centre, wall })
     }
 }
 
@@ -91,7 +91,7 @@ pub fn kind(capture: &Capture) -> usize {
 /// Pairs cannot be chosen.
 #[doc(hidden)]
 pub fn input(capture: &Capture) -> Result<Vec<f32>> {
-    let volume = View::of(capture)?.volume;
+    let volume = NetworkView::of(capture)?.volume;
     let rows =
         (0..BANDS * SIDE * SIDE).flat_map(|i| volume.along_z(i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE));
     Ok(rows.copied().collect())
@@ -118,7 +118,7 @@ impl LearnedStart {
         if capture.pair_count() < LEAST_PAIRS {
             return Ok(None);
         }
-        let View { volume, kind, centre, wall } = View::of(capture)?;
+        let NetworkView { volume, kind, centre, wall } = NetworkView::of(capture)?;
         let Answer { depth, mask } = answer(&Network::of(FILE), volume, kind);
         let base = centre.z;
         let metres = |index: f32| base as f32 + ((NEAR + (f64::from(index) + 0.5) * PITCH) * wall) as f32;

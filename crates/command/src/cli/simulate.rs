@@ -38,13 +38,13 @@ pub struct SimulateArgs {
         "spot", "photons", "dark", "seed", "noise"])]
     family: Option<Range<u64>>,
     /// Render scenes of --family coarsely: in hundredths of a second
-    #[arg(long, requires = "family")]
+    #[arg(long, requires = "family", conflicts_with = "scene")]
     coarse: bool,
     /// Measure scenes of --family exactly, and without room: no noise, no impulse response, no other light
-    #[arg(long, requires = "family")]
+    #[arg(long, requires = "family", conflicts_with = "scene")]
     ideal: bool,
     /// Also write what the learned start sees of scenes of --family: i7.npy, float16 [5][64][64][96]
-    #[arg(long, requires = "family")]
+    #[arg(long, requires = "family", conflicts_with = "scene")]
     inputs: bool,
     /// Scale the scene about its centre so that its largest side is this long [default: metres of the mesh are kept]
     #[arg(long, value_name = "SIZE", value_parser = length)]
