@@ -88,7 +88,7 @@ fn scenes_to_train_on_are_written_once() {
     std::fs::remove_file(file("t").with_extension("npz")).expect("a file");
     assert!(succeed(&ideal).contains("1 scenes, 1 were there"));
     fail(&[&command[..], &["--photons", "10"]].concat(), 2, "--photons");
-    fail(&["simulate", "letter-Z", "--coarse", "--out", "z.npz"], 2, "--coarse");
+    fail(&["simulate", "letter-Z", "--coarse", "--out", &out], 2, "--coarse");
 }
 
 #[test]
