@@ -3,7 +3,6 @@
 mod api;
 mod closed_form;
 mod depth_error;
-mod diagnosis;
 mod external;
 mod layers;
 mod learned;

@@ -122,28 +122,3 @@ fn the_least_depth_follows_walls_that_are_not_of_metres() {
             .is_ok()
     );
 }
-
-#[test]
-fn coordinates_of_a_survey_change_no_maps() {
-    let gpu = gpu();
-    let scene = Scene { scan: 12, bin_width: 0.02, ..Scene::named("figure").unwrap() };
-    let near = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
-    // A power of two, so that float64 rounds no point differently.
-    let offset = glam::dvec3(524_288.0, 4_194_304.0, 0.0);
-    let far = near.clone().with(|c| c.laser.iter_mut().chain(&mut c.sensor).for_each(|p| *p += offset));
-    for solver in ["surface", "paper", "fbp"] {
-        let [near, far] = [&near, &far].map(|capture| solved(&gpu, solver, capture));
-        let [x0, _, y0, _] = far.extent;
-        assert!(
-            (x0 - near.extent[0] - offset.x).abs() < 1e-6 && (y0 - near.extent[2] - offset.y).abs() < 1e-6
-        );
-        let both = |(a, b): &(&f32, &f32)| a.is_finite() && b.is_finite();
-        let depths = || near.depth.iter().zip(&far.depth).filter(both);
-        let apart = depths().filter(|(a, b)| (**a - **b).abs() > 1e-3).count();
-        assert!(
-            depths().count() > 50 && 10 * apart < depths().count(),
-            "{solver}: {apart} of {}",
-            depths().count()
-        );
-    }
-}
