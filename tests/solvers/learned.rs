@@ -4,7 +4,8 @@ use fixtures::device::*;
 use glam::dvec3;
 use thirdbounce::Kind;
 use thirdbounce::capture::Capture;
-use thirdbounce::solve::learned::{LearnedStart, logits};
+use thirdbounce::maps::Maps;
+use thirdbounce::solve::learned::{LearnedStart, logits, logits_on};
 use thirdbounce::solve::{Begin, Problem, Solver, SurfaceOptions, default_volume};
 use thirdbounce::transport::{Grid, Reflectance};
 
@@ -55,8 +56,10 @@ fn the_network_has_the_logits_of_pytorch() {
             2584,
         ),
     ];
-    for (kind, mask_at, depth_at, surface) in each {
-        let [depth, mask] = logits(&bands(), kind);
+    let gpu = gpu();
+    let on_both = |kind| [logits(&bands(), kind), logits_on(&gpu, &bands(), kind).expect("the kernels run")];
+    let each = each.iter().flat_map(|of| on_both(of.0).map(|found| (of, found)));
+    for ((kind, mask_at, depth_at, surface), [depth, mask]) in each {
         for (x, y, expected) in mask_at {
             let found = mask[128 * x + y];
             assert!((found - expected).abs() < 2e-3, "mask of {kind} at {x}, {y}: {found}, {expected}");
@@ -68,7 +71,7 @@ fn the_network_has_the_logits_of_pytorch() {
             assert!((column[top] - expected).abs() < 2e-3, "depth of {kind} at {x}, {y}: {}", column[top]);
         }
         let found = mask.iter().filter(|v| **v > 0.0).count();
-        assert!(found.abs_diff(surface) <= 2, "{found} pixels of surface, {surface}");
+        assert!(found.abs_diff(*surface) <= 2, "{found} pixels of surface, {surface}");
     }
 }
 
@@ -99,7 +102,7 @@ fn grid(capture: &Capture) -> Grid {
 fn a_plate_is_seen_where_it_is_in_any_unit_of_length() {
     let of = |unit: f64| {
         let capture = plate(16, unit, 0.4);
-        let seen = LearnedStart::of(&capture).unwrap().unwrap();
+        let seen = LearnedStart::on_host(&capture).unwrap().unwrap();
         (seen.expected_iou(), seen.maps(&grid(&capture), 0.5))
     };
     let (expected, maps) = of(1.0);
@@ -124,10 +127,36 @@ fn a_plate_is_seen_where_it_is_in_any_unit_of_length() {
 }
 
 #[test]
+fn kernels_see_what_the_host_sees() {
+    let gpu = gpu();
+    // One laser point, and bins wider than the samples of the path.
+    let mut one_laser = plate(15, 2.0, 0.5).with(|c| c.laser.fill(dvec3(0.3, -0.2, 0.05)));
+    one_laser.t_start = 0.4;
+    for (capture, width) in [(plate(16, 1.0, 0.4), 1.0), (one_laser, 2.0)] {
+        let host = LearnedStart::on_host(&capture).unwrap().unwrap();
+        let device = LearnedStart::on_device(&gpu, &capture, None).unwrap().unwrap();
+        let all = Maps::empty([128; 2], grid(&capture).extent());
+        let [a, b] = [&host, &device].map(|seen| seen.probabilities(&all));
+        let off = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(off < 2e-3, "probabilities differ by {off}");
+        assert!(a.iter().filter(|p| **p > 0.5).count() > 1000, "a plate is seen");
+        let [a, b] = [&host, &device].map(|seen| seen.maps(&grid(&capture), 0.1));
+        assert_eq!(a.mask, b.mask);
+        let pairs = a.depth.iter().zip(&b.depth).filter(|(a, _)| a.is_finite());
+        let off = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) * 64.0 / width;
+        assert!(off < 1e-2, "depths differ by {off} voxels");
+    }
+    assert_valid(&gpu);
+    // What does not fit is an error, upon which the host is asked.
+    let error = LearnedStart::on_device(&gpu, &plate(16, 1.0, 0.4), Some(1 << 20)).unwrap_err();
+    assert_eq!(error.kind, Kind::Memory, "{error}");
+}
+
+#[test]
 fn the_network_is_not_asked_for_what_it_has_never_seen() {
     let gpu = gpu();
     let few = plate(8, 1.0, 0.4);
-    assert!(LearnedStart::of(&few).unwrap().is_none());
+    assert!(LearnedStart::of(&gpu, &few, None).unwrap().is_none());
     let options = SurfaceOptions::default().with(|o| {
         (o.lateral, o.iterations, o.reflectance) = (16, 2, Reflectance::Cosine);
         o.begin = Begin::Learned;

@@ -3,22 +3,30 @@
 //! It was trained on simulated scenes alone, crowded and noisy ones. All lengths are in walls, so units do not matter: its box is one
 //! wall wide and reaches from [`NEAR`] to 1.6 walls. It knows the light of rooms and of noise, which a fit explains by surfaces.
 
-use glam::dvec3;
+use std::borrow::Cow;
+
+use glam::{DVec3, dvec3};
 use rayon::prelude::*;
 
-use crate::Result;
 use crate::capture::{Capture, PairKind};
+use crate::gpu::{DeviceKind, Gpu};
 use crate::maps::Maps;
 use crate::transport::Grid;
+use crate::{Kind, Result};
 
 mod bands;
+mod device;
 mod network;
 mod project;
+pub mod schedule;
 mod sizes;
 mod tensor;
 
 use bands::Bands;
-use network::{Answer, Network};
+use device::answer_on;
+pub use device::{LearnedScan, logits_on};
+use network::Answer;
+pub use network::Network;
 use project::{Pair, project};
 pub use sizes::NEAR;
 use sizes::*;
@@ -48,49 +56,56 @@ pub struct LearnedStart {
 }
 
 impl LearnedStart {
-    /// Looks at a capture, which has counts. `None`: too few pairs.
+    /// Looks at a capture, which has counts: with kernels, or on the host where these are slower or do not fit. `None`: too few
+    /// pairs. `memory` is a budget in bytes.
+    ///
+    /// # Errors
+    /// Pairs cannot be chosen, or the device fails.
+    pub fn of(gpu: &Gpu, capture: &Capture, memory: Option<u64>) -> Result<Option<LearnedStart>> {
+        if gpu.info.kind == DeviceKind::Cpu {
+            return LearnedStart::on_host(capture);
+        }
+        match LearnedStart::on_device(gpu, capture, memory) {
+            Err(e) if e.kind == Kind::Memory => LearnedStart::on_host(capture),
+            seen => seen,
+        }
+    }
+
+    /// As [`LearnedStart::of`], on the host.
     ///
     /// # Errors
     /// Pairs cannot be chosen.
-    pub fn of(capture: &Capture) -> Result<Option<LearnedStart>> {
-        if capture.pair_count() < LEAST_PAIRS {
-            return Ok(None);
-        }
-        let few;
-        let capture = if capture.pair_count() > MOST_PAIRS {
-            few = capture.subset(MOST_PAIRS, 0)?;
-            &few
-        } else {
-            capture
-        };
-        let [x0, x1, y0, y1] = capture.wall_extent();
-        let wall = (x1 - x0).max(y1 - y0);
-        let points = || capture.laser.iter().chain(&capture.sensor);
-        let base = points().map(|p| p.z).sum::<f64>() / points().count() as f64;
-        let centre = dvec3(0.5 * (x0 + x1), 0.5 * (y0 + y1), base);
+    pub fn on_host(capture: &Capture) -> Result<Option<LearnedStart>> {
+        let Some(capture) = looked_at(capture)? else { return Ok(None) };
+        let wall = BoxOfWall::of(&capture);
         let bands = Bands::new();
-        let bins = [capture.t_start / wall, capture.bin_width / wall];
         let pairs: Vec<Pair> = (0..capture.pair_count())
             .into_par_iter()
-            .map(|pair| Pair {
-                laser: (capture.laser[pair] - centre) / wall,
-                sensor: (capture.sensor[pair] - centre) / wall,
-                bands: bands.of(capture.histogram(pair), bins),
+            .map(|pair| {
+                let [laser, sensor] = wall.ends(&capture, pair);
+                Pair { laser, sensor, bands: bands.of(capture.histogram(pair), wall.bins(&capture)) }
             })
             .collect();
-        let kind = match capture.pair_kind() {
-            PairKind::Confocal => 0,
-            PairKind::OneLaser | PairKind::OneSensor => 1,
-            PairKind::Exhaustive { .. } | PairKind::Irregular => 2,
+        let Answer { depth, mask } = answer(project(&pairs, CHANNELS), kind_of(&capture));
+        let voxels = depth.chunks(DEEP).map(index).collect();
+        Ok(Some(wall.start(voxels, mask)))
+    }
+
+    /// As [`LearnedStart::of`], with kernels.
+    ///
+    /// # Errors
+    /// Pairs cannot be chosen, or the device or its memory fails.
+    pub fn on_device(gpu: &Gpu, capture: &Capture, memory: Option<u64>) -> Result<Option<LearnedStart>> {
+        let Some(capture) = looked_at(capture)? else { return Ok(None) };
+        let wall = BoxOfWall::of(&capture);
+        let scan = LearnedScan {
+            pairs: (0..capture.pair_count()).map(|pair| wall.ends(&capture, pair)).collect(),
+            counts: &capture.histograms,
+            bins: wall.bins(&capture),
+            pitch: PITCH,
         };
-        let Answer { depth, mask } = answer(project(&pairs, CHANNELS), kind);
-        let metres = |index: f32| base as f32 + ((NEAR + (f64::from(index) + 0.5) * PITCH) * wall) as f32;
-        Ok(Some(LearnedStart {
-            mask: mask.into_iter().map(|logit| 1.0 / (1.0 + (-logit).exp())).collect(),
-            depth: depth.chunks(DEEP).map(|logits| metres(index(logits))).collect(),
-            corner: [centre.x - 0.5 * wall, centre.y - 0.5 * wall],
-            wall,
-        }))
+        let [voxels, mask] = answer_on(gpu, &scan, kind_of(&capture), memory)?;
+        Ok(Some(wall.start(voxels, mask)))
     }
 
     /// The share of the union of its mask and the true one that both have, as it expects.
@@ -148,6 +163,61 @@ impl LearnedStart {
         let row = |i: usize| mask(i, j) * (1.0 - b) + mask(i, j + 1) * b;
         let column = |u: f64| (u * SIDE as f64) as usize;
         Some((row(i) * (1.0 - a) + row(i + 1) * a, self.depth[column(x) * SIDE + column(y)]))
+    }
+}
+
+/// The pairs that the network looks at; `None`: too few.
+fn looked_at(capture: &Capture) -> Result<Option<Cow<'_, Capture>>> {
+    Ok(match capture.pair_count() {
+        ..LEAST_PAIRS => None,
+        LEAST_PAIRS..=MOST_PAIRS => Some(Cow::Borrowed(capture)),
+        _ => Some(Cow::Owned(capture.subset(MOST_PAIRS, 0)?)),
+    })
+}
+
+/// The number of a kind of pairs in the input.
+fn kind_of(capture: &Capture) -> usize {
+    match capture.pair_kind() {
+        PairKind::Confocal => 0,
+        PairKind::OneLaser | PairKind::OneSensor => 1,
+        PairKind::Exhaustive { .. } | PairKind::Irregular => 2,
+    }
+}
+
+/// Where the network's box lies: the middle of its face, and the width of the wall, metres.
+struct BoxOfWall {
+    centre: DVec3,
+    wall: f64,
+}
+
+impl BoxOfWall {
+    fn of(capture: &Capture) -> BoxOfWall {
+        let [x0, x1, y0, y1] = capture.wall_extent();
+        let points = || capture.laser.iter().chain(&capture.sensor);
+        let base = points().map(|p| p.z).sum::<f64>() / points().count() as f64;
+        BoxOfWall { centre: dvec3(0.5 * (x0 + x1), 0.5 * (y0 + y1), base), wall: (x1 - x0).max(y1 - y0) }
+    }
+
+    /// Laser and sensor point of a pair, in walls from the middle of the face.
+    fn ends(&self, capture: &Capture, pair: usize) -> [DVec3; 2] {
+        [capture.laser[pair], capture.sensor[pair]].map(|p| (p - self.centre) / self.wall)
+    }
+
+    /// Path at which the first bin begins, and width of a bin, walls.
+    fn bins(&self, capture: &Capture) -> [f64; 2] {
+        [capture.t_start / self.wall, capture.bin_width / self.wall]
+    }
+
+    /// The start of voxels by column, and of the mask's logits.
+    fn start(&self, voxels: Vec<f32>, mask: Vec<f32>) -> LearnedStart {
+        let BoxOfWall { centre, wall } = *self;
+        let metres = |index: f32| centre.z as f32 + ((NEAR + (f64::from(index) + 0.5) * PITCH) * wall) as f32;
+        LearnedStart {
+            mask: mask.into_iter().map(|logit| 1.0 / (1.0 + (-logit).exp())).collect(),
+            depth: voxels.into_iter().map(metres).collect(),
+            corner: [centre.x - 0.5 * wall, centre.y - 0.5 * wall],
+            wall,
+        }
     }
 }
 

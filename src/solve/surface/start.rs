@@ -77,7 +77,7 @@ impl Starts {
             false => None,
         };
         let shows_two = light_cone.as_ref().is_some_and(|starts| starts.layers.len() > 1);
-        let seen = if shows_two { None } else { seen(options, capture, grid)? };
+        let seen = if shows_two { None } else { seen(gpu, options, capture, grid, problem.memory)? };
         Ok(match (seen, light_cone) {
             (Some(seen), _) => Starts { layers: vec![seen.maps(grid, learned::SURE)], seen: Some(seen) },
             (None, Some(starts)) => starts,
@@ -89,17 +89,19 @@ impl Starts {
 /// What the network sees of a capture on a grid, if it is to begin with that; `None`: a closed form or a plane begins.
 ///
 /// # Errors
-/// `Kind::Input`: the network is requested, and has too few pairs or sees nothing.
+/// `Kind::Input`: the network is requested, and has too few pairs or sees nothing. The device fails.
 pub(crate) fn seen(
+    gpu: &Gpu,
     options: &SurfaceOptions,
     capture: &Capture,
     grid: &Grid,
+    memory: Option<u64>,
 ) -> Result<Option<Arc<LearnedStart>>> {
     let is_asked = options.begin == Begin::Learned;
     if !is_asked && options.begin != Begin::Auto {
         return Ok(None);
     }
-    let seen = LearnedStart::of(capture)?.filter(|seen| {
+    let seen = LearnedStart::of(gpu, capture, memory)?.filter(|seen| {
         let is_trusted = is_asked || seen.expected_iou() >= TRUSTED;
         is_trusted && seen.maps(grid, learned::SURE).mask.contains(&true)
     });
