@@ -4,6 +4,7 @@
 // cells for the normalisation.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 #include "learned_block.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 40) const uint REACH_X = 1u; // neighbours on each side along x
@@ -28,11 +29,6 @@ vec4 four_weights(uint i) {
     return vec4(unpackHalf2x16(learned_weights[i >> 1]), unpackHalf2x16(learned_weights[(i >> 1) + 1u]));
 }
 
-float value_at(uint channel, uint cells, uint cell) {
-    if (channel < layer.inputs) return learned_in[channel * cells + cell];
-    return learned_more[(channel - layer.inputs) * cells + cell];
-}
-
 void main() {
     uint lane = gl_LocalInvocationID.x;
     uint cells = cell_count();
@@ -46,7 +42,15 @@ void main() {
     uint packed = (layer.outputs + LEARNED_RUN - 1u) / LEARNED_RUN * all * taps * LEARNED_RUN;
     vec4 bias = four_weights(layer.weights + packed + first);
     vec4 sums[LEARNED_RUN];
-    for (uint r = 0u; r < LEARNED_RUN; ++r) sums[r] = bias;
+    [[unroll]] for (uint r = 0u; r < LEARNED_RUN; ++r) sums[r] = bias;
+    // Cells along y from the one before the run on. Below zero is large.
+    uint rows[LEARNED_RUN + 2u];
+    bool is_row[LEARNED_RUN + 2u];
+    [[unroll]] for (uint r = 0u; r < LEARNED_RUN + 2u; ++r) {
+        uint y = at.y + r - 1u;
+        is_row[r] = y < layer.n_y;
+        rows[r] = min(y, layer.n_y - 1u) * layer.n_z;
+    }
     for (uint from = 0u; from < all; from += CHANNELS) {
         uint count = min(CHANNELS, all - from);
         barrier();
@@ -59,38 +63,50 @@ void main() {
             for (uint line = 0u; line < WIDE_X * WIDE; ++line) {
                 uint x = at.x + line / WIDE - REACH_X;
                 uint z = at.z + line % WIDE - REACH;
-                // Below zero is large.
                 if (x >= layer.n_x || z >= layer.n_z) continue;
+                uint from_cell = x * layer.n_y * layer.n_z + z;
                 float values[LEARNED_RUN + 2u];
-                for (uint r = 0u; r < LEARNED_RUN + 2u; ++r) {
-                    uint y = at.y + r - 1u;
-                    bool is_read = y < layer.n_y && (REACH > 0u || (r > 0u && r <= LEARNED_RUN));
-                    values[r] = is_read ? value_at(from + channel, cells, (x * layer.n_y + y) * layer.n_z + z) : 0.0;
+                // One branch for all lanes.
+                if (from + channel < layer.inputs) {
+                    uint base = (from + channel) * cells + from_cell;
+                    [[unroll]] for (uint r = 0u; r < LEARNED_RUN + 2u; ++r) values[r] = learned_in[base + rows[r]];
+                } else {
+                    uint base = (from + channel - layer.inputs) * cells + from_cell;
+                    [[unroll]] for (uint r = 0u; r < LEARNED_RUN + 2u; ++r) values[r] = learned_more[base + rows[r]];
                 }
+                [[unroll]] for (uint r = 0u; r < LEARNED_RUN + 2u; ++r) values[r] = is_row[r] ? values[r] : 0.0;
                 uint w = channel * taps + line * WIDE;
-                for (uint j = 0u; j < WIDE; ++j) {
-                    for (uint r = 0u; r < LEARNED_RUN; ++r) sums[r] += values[r + j + 1u - REACH] * pool[w + j];
+                if (REACH == 0u) {
+                    [[unroll]] for (uint r = 0u; r < LEARNED_RUN; ++r) sums[r] += values[r + 1u] * pool[w];
+                } else {
+                    [[unroll]] for (uint j = 0u; j < 3u; ++j) {
+                        vec4 tap = pool[w + j];
+                        [[unroll]] for (uint r = 0u; r < LEARNED_RUN; ++r) sums[r] += values[r + j] * tap;
+                    }
                 }
             }
         }
     }
-    vec4 both[2] = vec4[2](vec4(0.0), vec4(0.0));
-    for (uint r = 0u; r < LEARNED_RUN; ++r) {
-        if (!is_in || at.y + r >= layer.n_y) continue;
-        both[0] += sums[r];
-        both[1] += sums[r] * sums[r];
-        uint cell = (at.x * layer.n_y + at.y + r) * layer.n_z + at.z;
-        for (uint o = 0u; o < LEARNED_RUN; ++o) {
-            if (first + o >= layer.outputs) continue;
-            float value = FINISH >= ACTIVATE ? silu(sums[r][o]) : sums[r][o];
-            if (FINISH == ADD_INPUT) value += learned_in[(first + o) * cells + cell];
-            learned_out[(first + o) * cells + cell] = value;
+    vec4 sum = vec4(0.0);
+    vec4 squares = vec4(0.0);
+    [[unroll]] for (uint r = 0u; r < LEARNED_RUN; ++r) {
+        if (is_in && at.y + r < layer.n_y) {
+            sum += sums[r];
+            squares += sums[r] * sums[r];
+            uint cell = (at.x * layer.n_y + at.y + r) * layer.n_z + at.z;
+            [[unroll]] for (uint o = 0u; o < LEARNED_RUN; ++o) {
+                if (first + o < layer.outputs) {
+                    float value = FINISH >= ACTIVATE ? silu(sums[r][o]) : sums[r][o];
+                    if (FINISH == ADD_INPUT) value += learned_in[(first + o) * cells + cell];
+                    learned_out[(first + o) * cells + cell] = value;
+                }
+            }
         }
     }
     if (FINISH != MOMENTS) return;
     barrier();
-    pool[lane] = both[0];
-    pool[64u + lane] = both[1];
+    pool[lane] = sum;
+    pool[64u + lane] = squares;
     barrier();
     for (uint stride = 32u; stride > 0u; stride /= 2u) {
         if (lane < stride) {

@@ -2,6 +2,7 @@
 // voxels, a workgroup apart along z; points of 64 pairs at a time are staged in shared memory. layer: inputs = pairs.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 #include "learned_block.glsl"
 layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) readonly buffer LearnedScan { float learned_scan[]; };
@@ -25,7 +26,7 @@ void main() {
     vec3 at[LEARNED_RUN];
     vec4 sums[LEARNED_RUN];
     float broad[LEARNED_RUN];
-    for (uint r = 0u; r < LEARNED_RUN; ++r) {
+    [[unroll]] for (uint r = 0u; r < LEARNED_RUN; ++r) {
         at[r] = (vec3(cell_at(first + 64u * r)) + 0.5) * pitch + vec3(-0.5, -0.5, learned_scan[SCAN_NEAR]);
         sums[r] = vec4(0.0);
         broad[r] = 0.0;
@@ -39,27 +40,31 @@ void main() {
             vec3 laser = points[2u * p].xyz;
             vec3 sensor = points[2u * p + 1u].xyz;
             uint row = (from + p) * LEARNED_SAMPLES;
-            for (uint r = 0u; r < LEARNED_RUN; ++r) {
+            [[unroll]] for (uint r = 0u; r < LEARNED_RUN; ++r) {
                 float path = (distance(at[r], laser) + distance(at[r], sensor)) * per_step;
                 // Beyond the last sample there is nothing.
-                if (!(path < float(LEARNED_SAMPLES - 1u))) continue;
-                uint i = row + uint(path);
-                float share = fract(path);
-                sums[r] += mix(learned_bands[i], learned_bands[i + 1u], share);
-                broad[r] += mix(learned_broad[i], learned_broad[i + 1u], share);
+                if (path < float(LEARNED_SAMPLES - 1u)) {
+                    uint i = row + uint(path);
+                    float share = fract(path);
+                    sums[r] += mix(learned_bands[i], learned_bands[i + 1u], share);
+                    broad[r] += mix(learned_broad[i], learned_broad[i + 1u], share);
+                }
             }
         }
     }
-    squares[lane] = vec4(0.0);
-    broad_squares[lane] = 0.0;
-    for (uint r = 0u; r < LEARNED_RUN; ++r) {
+    vec4 own = vec4(0.0);
+    float broad_own = 0.0;
+    [[unroll]] for (uint r = 0u; r < LEARNED_RUN; ++r) {
         uint cell = first + 64u * r;
-        if (cell >= cells) continue;
-        for (uint band = 0u; band < 4u; ++band) learned_out[band * cells + cell] = sums[r][band];
-        learned_out[4u * cells + cell] = broad[r];
-        squares[lane] += sums[r] * sums[r];
-        broad_squares[lane] += broad[r] * broad[r];
+        if (cell < cells) {
+            [[unroll]] for (uint band = 0u; band < 4u; ++band) learned_out[band * cells + cell] = sums[r][band];
+            learned_out[4u * cells + cell] = broad[r];
+            own += sums[r] * sums[r];
+            broad_own += broad[r] * broad[r];
+        }
     }
+    squares[lane] = own;
+    broad_squares[lane] = broad_own;
     barrier();
     for (uint stride = 32u; stride > 0u; stride /= 2u) {
         if (lane < stride) {

@@ -2,6 +2,7 @@
 // the file, [output][input][8] or, of the transpose, [input][output][8], biases behind them.
 #version 460
 #extension GL_GOOGLE_include_directive : require
+#extension GL_EXT_control_flow_attributes : require
 #include "learned_block.glsl"
 layout(local_size_x = 64) in;
 layout(constant_id = 40) const uint TRANSPOSED = 0u;
@@ -19,17 +20,17 @@ void main() {
     uint fine = (at.x * 2u * layer.n_y + at.y) * 2u * layer.n_z + at.z;
     float bias = weight(layer.weights + 8u * layer.inputs * layer.outputs + o);
     float sums[8];
-    for (uint t = 0u; t < 8u; ++t) sums[t] = 0.0;
+    [[unroll]] for (uint t = 0u; t < 8u; ++t) sums[t] = 0.0;
     for (uint i = 0u; i < layer.inputs; ++i) {
         uint w = layer.weights + 8u * (TRANSPOSED != 0u ? i * layer.outputs + o : o * layer.inputs + i);
-        for (uint t = 0u; t < 8u; ++t) {
+        [[unroll]] for (uint t = 0u; t < 8u; ++t) {
             uint inside = ((t >> 2) * 2u * layer.n_y + (t >> 1 & 1u)) * 2u * layer.n_z + (t & 1u);
             uint from = TRANSPOSED != 0u ? i * cells + cell : i * 8u * cells + fine + inside;
             sums[t] += weight(w + t) * learned_in[from];
         }
     }
     float sum = bias;
-    for (uint t = 0u; t < 8u; ++t) {
+    [[unroll]] for (uint t = 0u; t < 8u; ++t) {
         uint inside = ((t >> 2) * 2u * layer.n_y + (t >> 1 & 1u)) * 2u * layer.n_z + (t & 1u);
         if (TRANSPOSED != 0u) learned_out[o * 8u * cells + fine + inside] = bias + sums[t];
         sum += sums[t];

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::bands::{Bands, quantile};
 use super::network::Network;
-use super::schedule::{Features, LEARNED_KERNELS, LEARNED_MASK, LearnedSchedule};
+use super::schedule::{FeatureVolume, LEARNED_KERNELS, LEARNED_MASK, LearnedSchedule};
 use super::sizes::{BANDS, DEEP, NEAR, SIDE, STEP};
 use crate::Result;
 use crate::gpu::{Arena, Buffer, BufferPlan, Executor, Gpu, KernelRequest, Place, Schedule};
@@ -88,7 +88,7 @@ fn run(
     gpu: &Gpu,
     made: &LearnedSchedule,
     content: &[(Buffer, Vec<f32>)],
-    asked: Option<Features>,
+    asked: Option<FeatureVolume>,
     memory: Option<u64>,
 ) -> Result<[Vec<f32>; 3]> {
     let _span = gpu.span("learned start");

@@ -72,14 +72,14 @@ const GROUP: usize = 64;
 
 /// Channels of a volume in an arena, [channel][x][y][z].
 #[derive(Debug, Clone, Copy)]
-pub struct Features {
+pub struct FeatureVolume {
     /// The arena.
     pub arena: Buffer,
     channels: usize,
     n: [usize; 3],
 }
 
-impl Features {
+impl FeatureVolume {
     fn cells(&self) -> usize {
         self.n.iter().product()
     }
@@ -110,7 +110,7 @@ pub struct LearnedSchedule {
     /// Weights in the order of the kernels.
     pub weights: Vec<u16>,
     /// Back-projected bands, [band][x][y][z], and the logits of depths.
-    pub ends: [Features; 2],
+    pub ends: [FeatureVolume; 2],
 }
 
 impl LearnedSchedule {
@@ -175,7 +175,7 @@ struct Writing<'n> {
 
 impl Writing<'_> {
     /// A free arena: the smallest that suffices, or the largest, which grows.
-    fn take(&mut self, channels: usize, n: [usize; 3]) -> Features {
+    fn take(&mut self, channels: usize, n: [usize; 3]) -> FeatureVolume {
         let words = channels * n.iter().product::<usize>();
         let free = || self.arenas.iter().enumerate().filter(|(_, (_, taken))| !taken);
         let fits = free().filter(|(_, (size, _))| *size >= words).min_by_key(|(_, (size, _))| *size);
@@ -185,11 +185,11 @@ impl Writing<'_> {
             self.arenas.push((0, false));
         }
         self.arenas[i] = (self.arenas[i].0.max(words), true);
-        Features { arena: ARENA.at(i as u16), channels, n }
+        FeatureVolume { arena: ARENA.at(i as u16), channels, n }
     }
 
     /// Gives an arena free.
-    fn give(&mut self, of: Features) {
+    fn give(&mut self, of: FeatureVolume) {
         let arenas = (0..).zip(&mut self.arenas);
         arenas.filter(|(i, _)| ARENA.at(*i) == of.arena).for_each(|(_, (_, taken))| *taken = false);
     }
@@ -241,7 +241,7 @@ impl Writing<'_> {
     }
 
     /// The bands of all pairs, and their back-projection, with its moments.
-    fn projected(&mut self, n: [usize; 3], pairs: Option<[usize; 2]>) -> Features {
+    fn projected(&mut self, n: [usize; 3], pairs: Option<[usize; 2]>) -> FeatureVolume {
         let Some([pairs, bins]) = pairs else { return self.take(BANDS, n) };
         let bands = self.take(4, [pairs, SAMPLES, 1]);
         let broad = self.take(1, [pairs, SAMPLES, 1]);
@@ -266,9 +266,9 @@ impl Writing<'_> {
         &mut self,
         kernel: &LearnedKernel,
         name: &str,
-        inputs: &[Features],
+        inputs: &[FeatureVolume],
         to: Option<Buffer>,
-    ) -> Features {
+    ) -> FeatureVolume {
         let first = inputs[0];
         // As in the kernel, a reach is 1 unless set.
         let wide = |constant| kernel.2.iter().find(|c| c.0 == constant).map_or(3, |c| 2 * c.1 as usize + 1);
@@ -276,7 +276,7 @@ impl Writing<'_> {
         let channels: usize = inputs.iter().map(|f| f.channels).sum();
         let [weights, outputs] = self.packed(name, channels, wide);
         let to = match to {
-            Some(arena) => Features { arena, channels: outputs, n: first.n },
+            Some(arena) => FeatureVolume { arena, channels: outputs, n: first.n },
             None => self.take(outputs, first.n),
         };
         self.moments = self.moments.max(outputs.next_multiple_of(RUN) * to.groups());
@@ -294,7 +294,12 @@ impl Writing<'_> {
     }
 
     /// `[source, added, target]`.
-    fn elementwise(&mut self, kernel: &LearnedKernel, push: LearnedPush, [from, with, to]: [Features; 3]) {
+    fn elementwise(
+        &mut self,
+        kernel: &LearnedKernel,
+        push: LearnedPush,
+        [from, with, to]: [FeatureVolume; 3],
+    ) {
         let binds = [
             (buffer::LEARNED_IN, from.arena),
             (buffer::LEARNED_MORE, with.arena),
@@ -305,7 +310,7 @@ impl Writing<'_> {
     }
 
     /// Normalises and activates channels in place, with others added in between.
-    fn activate(&mut self, name: &str, of: Features, with: Option<Features>) {
+    fn activate(&mut self, name: &str, of: FeatureVolume, with: Option<FeatureVolume>) {
         let [weights, _] = self.plain(name);
         self.scales = self.scales.max(of.channels);
         let each = of.channels / GROUPS;
@@ -325,7 +330,7 @@ impl Writing<'_> {
         );
     }
 
-    fn block(&mut self, name: &str, inputs: &[Features]) -> Features {
+    fn block(&mut self, name: &str, inputs: &[FeatureVolume]) -> FeatureVolume {
         let of = |part: &str| format!("{name}.{part}");
         let first = self.convolved(&VOLUME, &of("a"), inputs, None);
         self.activate(&of("na"), first, None);
@@ -342,7 +347,7 @@ impl Writing<'_> {
         second
     }
 
-    fn resized(&mut self, kernel: &LearnedKernel, name: &str, from: Features) -> Features {
+    fn resized(&mut self, kernel: &LearnedKernel, name: &str, from: FeatureVolume) -> FeatureVolume {
         let [weights, outputs] = self.plain(name);
         let is_halved = std::ptr::eq(kernel, &HALVE);
         let n = if is_halved { from.n.map(|n| n / 2) } else { from.n.map(|n| 2 * n) };
@@ -361,7 +366,7 @@ impl Writing<'_> {
     }
 
     /// The features of all voxels, and the logits of depths, from the channels of the input.
-    fn network(&mut self, input: Features) -> (Features, Features) {
+    fn network(&mut self, input: FeatureVolume) -> (FeatureVolume, FeatureVolume) {
         let mut last = self.convolved(&VOLUME, "inp", &[input], None);
         self.give(input);
         last = self.block("e0", &[last]);
@@ -385,7 +390,7 @@ impl Writing<'_> {
     }
 
     /// Depths, and the mask's logits from what columns say.
-    fn mask(&mut self, features: Features, logits: Features) {
+    fn mask(&mut self, features: FeatureVolume, logits: FeatureVolume) {
         let [x, y, z] = features.n;
         let seen = self.take(2 * features.channels + 2, [1, x, y]);
         let binds = [
