@@ -153,7 +153,7 @@ fn kernels_see_what_the_host_sees() {
 
 #[test]
 fn kernels_need_little_memory_and_what_does_not_fit_is_an_error() {
-    let made = LearnedSchedule::new(&Network::new(), [64, 64, 96], Some([1024, 512]), 0);
+    let made = LearnedSchedule::new(&Network::trained(), [64, 64, 96], Some([1024, 512]), 0);
     let on_device = made.buffers.iter().filter(|b| b.place == Place::Device);
     let bytes: u64 = on_device.map(|b| b.bytes).sum();
     let dispatches = made.commands.commands.iter().filter(|c| matches!(c, Command::Dispatch { .. })).count();

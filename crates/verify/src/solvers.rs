@@ -107,7 +107,7 @@ fn learned() -> (LearnedSchedule, [(Buffer, Vec<f32>); 3]) {
     pairs[3][1] = pairs[3][0];
     let counts: Vec<f32> = (0..pairs.len() * 90).map(|_| random.uniform(0.0, 4.0).powi(3) as f32).collect();
     let scan = LearnedScan { pairs, counts: &counts, bins: [0.3, 0.04], pitch: 0.125 };
-    (LearnedSchedule::new(&Network::new(), [8, 8, 16], Some(scan.sizes()), 1), scan.content())
+    (LearnedSchedule::new(&Network::trained(), [8, 8, 16], Some(scan.sizes()), 1), scan.content())
 }
 
 fn tune(case: &KernelCase, t: &mut Tuning) {

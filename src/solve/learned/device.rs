@@ -66,7 +66,7 @@ pub fn answer_on(
     kind: usize,
     memory: Option<u64>,
 ) -> Result<[Vec<f32>; 2]> {
-    let made = LearnedSchedule::new(&Network::new(), [SIDE, SIDE, DEEP], Some(scan.sizes()), kind);
+    let made = LearnedSchedule::new(&Network::trained(), [SIDE, SIDE, DEEP], Some(scan.sizes()), kind);
     let [depth, mask, _] = run(gpu, &made, &scan.content(), None, memory)?;
     Ok([depth, mask])
 }
@@ -76,7 +76,7 @@ pub fn answer_on(
 /// # Errors
 /// The device fails.
 pub fn logits_on(gpu: &Gpu, bands: &[f32], kind: usize) -> Result<[Vec<f32>; 2]> {
-    let made = LearnedSchedule::new(&Network::new(), [SIDE, SIDE, DEEP], None, kind);
+    let made = LearnedSchedule::new(&Network::trained(), [SIDE, SIDE, DEEP], None, kind);
     let [input, logits] = made.ends;
     let content = [(input.arena, bands.to_vec()), (buffer::LEARNED_SCALES, [1.0, 0.0].repeat(BANDS))];
     let [_, mask, depth] = run(gpu, &made, &content, Some(logits), None)?;

@@ -232,7 +232,7 @@ fn answer(mut input: Tensor, kind: usize) -> Answer {
         }
         Some(of) => row.fill(if of == kind { 1.0 } else { 0.0 }),
     });
-    Network::new().answer(&input)
+    Network::trained().answer(&input)
 }
 
 /// As [`answer`], of bands [band][x][y][z].

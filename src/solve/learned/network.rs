@@ -24,7 +24,7 @@ pub struct Answer {
 pub struct Network<'f>(SafeTensors<'f>);
 
 impl Network<'static> {
-    pub fn new() -> Network<'static> {
+    pub fn trained() -> Network<'static> {
         Network(SafeTensors::deserialize(FILE).expect("the file of weights is part of the program"))
     }
 }
