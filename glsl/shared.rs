@@ -97,6 +97,17 @@ const PUSH: &[(&str, &str, &str)] = &[
     ("unbias_second", "float", "Adam: 1 / (1 - beta2^age), which takes the bias off a second moment"),
 ];
 
+/// Parameters of one dispatch of the learned start, in the place of [`PUSH`].
+const LEARNED: &[(&str, &str, &str)] = &[
+    ("n_x", "uint", "cells along x of what is read; of two layers, of the coarser one"),
+    ("n_y", "uint", "cells along y"),
+    ("n_z", "uint", "cells along z"),
+    ("inputs", "uint", "channels that are read; of some kernels another number"),
+    ("more", "uint", "channels that are read after them; of some kernels another number"),
+    ("outputs", "uint", "channels that are written; of some kernels another number"),
+    ("weights", "uint", "first of the layer's weights"),
+];
+
 /// Numbers shared by both sides.
 const NUMBERS: &[(&str, u32, &str)] = &[
     ("GROUPS_X", 32768, "workgroups along x before a dispatch continues along y"),
@@ -200,10 +211,27 @@ const NUMBERS: &[(&str, u32, &str)] = &[
     ("FORWARD_DIRECT", 4, "flag: add straight to the histograms"),
     ("BACKWARD_CONTINUE", 1, "flag: add to the sums of the previous dispatch"),
     ("BACKWARD_FINISH", 2, "flag: this dispatch holds the last pairs"),
+    ("LEARNED_SAMPLES", 560, "samples of a pair's light along the path, for the network"),
+    ("LEARNED_TAPS", 24, "taps on each side of the filters over these samples"),
+    ("LEARNED_BANDS", 5, "filters"),
+    (
+        "LEARNED_RUN",
+        4,
+        "cells of an invocation of the network's kernels, and channels that it computes together",
+    ),
+    ("SCAN_START", 0, "index in `learned_scan`: path at which the first bin begins, walls"),
+    ("SCAN_WIDTH", 1, "index in `learned_scan`: width of a bin, walls"),
+    ("SCAN_STEP", 2, "index in `learned_scan`: path from sample to sample, walls"),
+    ("SCAN_PITCH", 3, "index in `learned_scan`: width of a voxel, walls"),
+    ("SCAN_NEAR", 4, "index in `learned_scan`: near end of the box, walls"),
+    ("SCAN_TAPS", 5, "index in `learned_scan`: first of the taps of all bands"),
 ];
 
 /// The block of a solver, for the kernels that need more than the scene.
 pub fn block(name: &str) -> Option<String> {
+    if name == "learned" {
+        return Some(numbers() + &push("Learned", "layer", LEARNED));
+    }
     let (title, binding, fields) = match name {
         "paper" => ("Paper", 16, PAPER),
         "surface" => ("Surface", 17, SURFACE),
@@ -217,20 +245,22 @@ pub fn block(name: &str) -> Option<String> {
     Some(text + &format!("}} {name};\n#endif\n"))
 }
 
+fn numbers() -> String {
+    NUMBERS.iter().map(|(name, value, _)| format!("const uint {name} = {value}u;\n")).collect()
+}
+
+fn push(title: &str, name: &str, fields: &[(&str, &str, &str)]) -> String {
+    let all: String = fields.iter().map(|(name, kind, _)| format!("    {kind} {name};\n")).collect();
+    format!("layout(push_constant) uniform {title} {{\n{all}}} {name};\n")
+}
+
 pub fn glsl() -> String {
-    let mut text = String::new();
-    for (name, value, _) in NUMBERS {
-        text += &format!("const uint {name} = {value}u;\n");
-    }
+    let mut text = numbers();
     text += "layout(std140, set = 0, binding = 0) uniform Scene {\n";
     for (name, kind, _) in SCENE {
         text += &format!("    {kind} {name};\n");
     }
-    text += "} scene;\nlayout(push_constant) uniform Push {\n";
-    for (name, kind, _) in PUSH {
-        text += &format!("    {kind} {name};\n");
-    }
-    text + "} push;\n"
+    text + "} scene;\n" + &push("Push", "push", PUSH)
 }
 
 pub fn rust() -> String {
@@ -243,6 +273,7 @@ pub fn rust() -> String {
         ("PaperData", "The paper's solver at one resolution: its objective and its optimiser.", PAPER),
         ("SurfaceData", "The objective of the surface solver.", SURFACE),
         ("Push", "Parameters of one dispatch.", PUSH),
+        ("LearnedPush", "Parameters of one dispatch of the learned start.", LEARNED),
     ] {
         text += &format!(
             "\n/// {about}\n#[repr(C)]\n#[derive(Debug, Clone, Copy, PartialEq, Default, bytemuck::Pod, bytemuck::Zeroable)]\npub struct {title} {{\n"

@@ -4,7 +4,10 @@ use fixtures::device::*;
 use glam::dvec3;
 use thirdbounce::Kind;
 use thirdbounce::capture::Capture;
-use thirdbounce::solve::learned::{LearnedStart, logits};
+use thirdbounce::gpu::{Command, Place};
+use thirdbounce::maps::Maps;
+use thirdbounce::solve::learned::schedule::LearnedSchedule;
+use thirdbounce::solve::learned::{LearnedStart, Network, logits, logits_on};
 use thirdbounce::solve::{Begin, Problem, Solver, SurfaceOptions, default_volume};
 use thirdbounce::transport::{Grid, Reflectance};
 
@@ -55,8 +58,12 @@ fn the_network_has_the_logits_of_pytorch() {
             2584,
         ),
     ];
-    for (kind, mask_at, depth_at, surface) in each {
-        let [depth, mask] = logits(None, &bands(), kind);
+    let gpu = gpu();
+    let on_host = each.iter().map(|of| (of, logits(None, &bands(), of.0)));
+    // Kernels are slow on a CPU: one kind.
+    let on_device =
+        each[1..].iter().map(|of| (of, logits_on(&gpu, &bands(), of.0).expect("the kernels run")));
+    for ((kind, mask_at, depth_at, surface), [depth, mask]) in on_host.chain(on_device) {
         for (x, y, expected) in mask_at {
             let found = mask[128 * x + y];
             assert!((found - expected).abs() < 2e-3, "mask of {kind} at {x}, {y}: {found}, {expected}");
@@ -64,11 +71,11 @@ fn the_network_has_the_logits_of_pytorch() {
         for (x, y, deepest, expected) in depth_at {
             let column = &depth[(64 * x + y) * 96..][..96];
             let top = (0..96).max_by(|a, b| column[*a].total_cmp(&column[*b])).unwrap();
-            assert_eq!(top, deepest, "depth of {kind} at {x}, {y}");
+            assert_eq!(top, *deepest, "depth of {kind} at {x}, {y}");
             assert!((column[top] - expected).abs() < 2e-3, "depth of {kind} at {x}, {y}: {}", column[top]);
         }
         let found = mask.iter().filter(|v| **v > 0.0).count();
-        assert!(found.abs_diff(surface) <= 2, "{found} pixels of surface, {surface}");
+        assert!(found.abs_diff(*surface) <= 2, "{found} pixels of surface, {surface}");
     }
 }
 
@@ -99,7 +106,7 @@ fn grid(capture: &Capture) -> Grid {
 fn a_plate_is_seen_where_it_is_in_any_unit_of_length() {
     let of = |unit: f64| {
         let capture = plate(16, unit, 0.4);
-        let seen = LearnedStart::of(&capture).unwrap().unwrap();
+        let seen = LearnedStart::on_host(&capture).unwrap().unwrap();
         (seen.expected_iou(), seen.maps(&grid(&capture), 0.5))
     };
     let (expected, maps) = of(1.0);
@@ -124,10 +131,44 @@ fn a_plate_is_seen_where_it_is_in_any_unit_of_length() {
 }
 
 #[test]
+fn kernels_see_what_the_host_sees() {
+    let gpu = gpu();
+    let width = 2.0;
+    let capture = plate(15, width, 0.4);
+    let host = LearnedStart::on_host(&capture).unwrap().unwrap();
+    let device = LearnedStart::on_device(&gpu, &capture, None).unwrap().unwrap();
+    assert_valid(&gpu);
+    let all = Maps::empty([128; 2], grid(&capture).extent());
+    let [a, b] = [&host, &device].map(|seen| seen.probabilities(&all));
+    let off = a.iter().zip(&b).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    println!("probabilities differ by {off}");
+    assert!(off < 2e-3, "probabilities differ by {off}");
+    assert!(a.iter().filter(|p| **p > 0.5).count() > 1000, "a plate is seen");
+    let [a, b] = [&host, &device].map(|seen| seen.maps(&grid(&capture), 0.1));
+    let pairs = a.depth.iter().zip(&b.depth).filter(|(a, b)| a.is_finite() && b.is_finite());
+    let off = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f32::max) * 64.0 / width as f32;
+    println!("depths differ by {off} voxels");
+    assert!(off < 1e-2, "depths differ by {off} voxels");
+}
+
+#[test]
+fn kernels_need_little_memory_and_what_does_not_fit_is_an_error() {
+    let made = LearnedSchedule::new(&Network::trained(), [64, 64, 96], Some([1024, 512]), 0);
+    let on_device = made.buffers.iter().filter(|b| b.place == Place::Device);
+    let bytes: u64 = on_device.map(|b| b.bytes).sum();
+    let dispatches = made.commands.commands.iter().filter(|c| matches!(c, Command::Dispatch { .. })).count();
+    println!("{bytes} bytes, {dispatches} dispatches");
+    assert!(bytes < 64 << 20, "{bytes} bytes");
+    // Upon this the host is asked.
+    let error = LearnedStart::on_device(&gpu(), &plate(16, 1.0, 0.4), Some(1 << 20)).unwrap_err();
+    assert_eq!(error.kind, Kind::Memory, "{error}");
+}
+
+#[test]
 fn the_network_is_not_asked_for_what_it_has_never_seen() {
     let gpu = gpu();
     let few = plate(8, 1.0, 0.4);
-    assert!(LearnedStart::of(&few).unwrap().is_none());
+    assert!(LearnedStart::of(&gpu, &few, None).unwrap().is_none());
     let options = SurfaceOptions::default().with(|o| {
         (o.lateral, o.iterations, o.reflectance) = (16, 2, Reflectance::Cosine);
         o.begin = Begin::Learned;

@@ -177,6 +177,7 @@ fn projection() -> Vec<KernelCase> {
     let sizes = |gather| CaseSizes { gather: Some(gather), ..CaseSizes::default() };
     let mut all = vec![
         KernelCase { checks_devices: true, ..of(2.5, false) },
+        KernelCase { checks_devices: true, ..case("learned", base.clone(), grid(), CaseSolver::Learned) },
         KernelCase { checks_devices: true, ..case("rounding", base.clone(), grid(), CaseSolver::Rounding) },
         of(0.2, false),
         of(40.0, false),

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::twin::Cells;
 use thirdbounce::Result;
 use thirdbounce::gpu::{Buffer, BufferPlan, Command, Constant, Gpu, Kernel, KernelCode, Place, Schedule};
+use thirdbounce::solve::learned::schedule::LEARNED_KERNELS;
 use thirdbounce::solve::{Level, Needs, OnDevice, Plan, Tuning, UPLOAD, upload};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Grid, Model};
@@ -24,6 +25,21 @@ pub fn job(
     needs: &dyn Needs,
     tune: impl FnOnce(&mut Tuning),
 ) -> Result<OnDevice> {
+    job_with(gpu, model, grid, needs, &[], tune)
+}
+
+/// As [`job`], with more buffers.
+///
+/// # Errors
+/// As [`job`].
+pub(crate) fn job_with(
+    gpu: &Gpu,
+    model: &Model,
+    grid: &Grid,
+    needs: &dyn Needs,
+    more: &[BufferPlan],
+    tune: impl FnOnce(&mut Tuning),
+) -> Result<OnDevice> {
     // Levels follow the resolution of the grid instead of that of the scan.
     let scan = if needs.demand().coarse_to_fine { [1, grid.n[0] / 2] } else { [1, model.pairs()] };
     // Passes over pairs are divided as the kernels need it, not by what the device gets at once: sums keep their order.
@@ -35,6 +51,7 @@ pub fn job(
     for b in plan.buffers.iter_mut().filter(|b| b.buffer.to_string().ends_with("_partials") && b.bytes > 0) {
         b.bytes = b.bytes.max(grid.storage() as u64 * 4);
     }
+    plan.buffers.extend(more.iter().map(|b| BufferPlan { place: Place::Device, ..b.clone() }));
     let largest = plan.buffers.iter().map(|b| b.bytes).max().unwrap_or(0);
     plan.buffers.push(BufferPlan::new(BACK, largest, Place::Readback));
     plan.buffers.iter_mut().filter(|b| b.buffer == UPLOAD).for_each(|b| b.bytes = largest);
@@ -52,6 +69,9 @@ pub fn job(
 
 /// The module of a kernel of a plan with its constants; of a kernel that no solver has, the module of its name.
 pub fn code_of(job: &OnDevice, kernel: Kernel) -> (&'static KernelCode, Vec<(Constant, u32)>) {
+    if let Some((_, code, constants)) = LEARNED_KERNELS.iter().find(|k| k.0 == kernel) {
+        return (code, constants.to_vec());
+    }
     match job.plan.passes.iter().find(|pass| pass.kernel == kernel) {
         Some(pass) => ((pass.code)(&job.plan), pass.values(&job.plan)),
         None => {
@@ -106,6 +126,7 @@ const WORDS: &[Buffer] = &[
     buffer::ARGUMENTS,
     buffer::BRICK_OFFSETS,
     buffer::COUNTS,
+    buffer::LEARNED_WEIGHTS,
     buffer::LEVELS,
     buffer::MASK,
     buffer::MASK_BEFORE,

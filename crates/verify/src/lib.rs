@@ -78,6 +78,8 @@ pub enum CaseSolver {
         /// Whether its two sides differ in sign.
         odd: bool,
     },
+    /// The learned start, on a small box.
+    Learned,
     /// The test of how a device rounds.
     Rounding,
 }

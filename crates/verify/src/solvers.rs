@@ -2,15 +2,19 @@
 
 use std::sync::Arc;
 
-use super::device::{job, perform, read_words, write, zero_histograms};
+use glam::dvec3;
+
+use super::device::{job, job_with, perform, read_words, write, zero_histograms};
 use super::scenes::{FitNeeds, Random, both, options};
 use super::steps::{ComparedSteps, compare};
 use super::{CaseSolver, Compared, Doubled, Host, KernelCase};
 use crate::twin::{Sample, Twin, Way, instrument, rendered};
 use thirdbounce::Result;
-use thirdbounce::gpu::{Gpu, Schedule};
+use thirdbounce::gpu::{Buffer, Gpu, Schedule};
 use thirdbounce::solve::closed_form::passes::gather_filtered;
 use thirdbounce::solve::closed_form::{OfProjection, hat};
+use thirdbounce::solve::learned::schedule::LearnedSchedule;
+use thirdbounce::solve::learned::{LearnedScan, Network};
 use thirdbounce::solve::surface::{Pixels, Placed, points_of};
 use thirdbounce::solve::{Accumulation, Needs, OnDevice, Plan, Tuning, paper, surface};
 use thirdbounce::transport::kernels::*;
@@ -26,6 +30,10 @@ pub fn steps(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Result
         CaseSolver::Surface { .. } => surface_steps(&mut steps, &both(&case.grid, 61))?,
         CaseSolver::Projection { .. } => {
             steps.run(|s, plan| gather_filtered(s, plan, plan.finest(), plan.scene.bins))?;
+        }
+        CaseSolver::Learned => {
+            let (made, _) = learned();
+            steps.run(|s, _| s.append(&mut made.commands.clone()))?;
         }
         CaseSolver::Rounding => steps.run(|s, _| {
             s.dispatch(&kernel::ROUNDING, [1, 1, 1], 64).bind(buffer::RESULT, buffer::RESIDUAL);
@@ -78,8 +86,28 @@ pub fn prepared(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Res
             write(&mut job, buffer::HAT_TAPS, &taps)?;
             Ok(job)
         }
+        CaseSolver::Learned => {
+            let (made, content) = learned();
+            let needs = OfProjection { pixels_per_voxel: 1 };
+            let mut job = job_with(gpu, model, grid, &needs, &made.buffers, |_| {})?;
+            write(&mut job, buffer::LEARNED_WEIGHTS, &made.weights)?;
+            content.iter().try_for_each(|(to, values)| write(&mut job, *to, values))?;
+            Ok(job)
+        }
         CaseSolver::Rounding => make(&OfProjection { pixels_per_voxel: 1 }),
     }
+}
+
+/// The learned start of random pairs, in a box whose far end light does not reach, and the content of its buffers.
+fn learned() -> (LearnedSchedule, [(Buffer, Vec<f32>); 3]) {
+    let mut random = Random::new(71);
+    let mut end = || dvec3(random.uniform(-0.5, 0.5), random.uniform(-0.5, 0.5), random.uniform(-0.02, 0.02));
+    // More than are staged at once, with one at which both ends are one point.
+    let mut pairs: Vec<_> = (0..70).map(|_| [end(), end()]).collect();
+    pairs[3][1] = pairs[3][0];
+    let counts: Vec<f32> = (0..pairs.len() * 90).map(|_| random.uniform(0.0, 4.0).powi(3) as f32).collect();
+    let scan = LearnedScan { pairs, counts: &counts, bins: [0.3, 0.04], pitch: 0.125 };
+    (LearnedSchedule::new(&Network::trained(), [8, 8, 16], Some(scan.sizes()), 1), scan.content())
 }
 
 fn tune(case: &KernelCase, t: &mut Tuning) {

@@ -124,7 +124,7 @@ fn parts_of(buffer: Buffer) -> usize {
         | buffer::HEIGHT_GRADIENT
         | buffer::HEIGHT_PULL
         | buffer::HEIGHT_MOMENTS => 4,
-        buffer::HEIGHTS | buffer::LOSS_PARTIALS => 2,
+        buffer::HEIGHTS | buffer::LOSS_PARTIALS | buffer::LEARNED_MOMENTS | buffer::LEARNED_SCALES => 2,
         _ => 1,
     }
 }

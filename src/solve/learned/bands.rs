@@ -1,19 +1,20 @@
 //! Light of a pair along the path, in five bands: what voxels at this path hear of it, at two scales and with either sign.
 
 use super::sizes::{BANDS, SAMPLES, STEP, wide};
+use crate::transport::kernels::LEARNED_TAPS;
 
 /// Widths of the Mexican hats and of their odd partners, and of a Gaussian, samples.
 const WIDTHS: [f64; 2] = [1.5, 4.0];
 const BROAD: f64 = 5.0;
 /// Taps on each side.
-const REACH: usize = 24;
+const REACH: usize = LEARNED_TAPS as usize;
 /// The background of a pair is this quantile of its bins, computed from about this many of them.
 const QUANTILE: f64 = 0.2;
 const LOOKED_AT: usize = 512;
 
 /// The taps of the bands.
 pub struct Bands {
-    taps: [[f32; 2 * REACH + 1]; BANDS],
+    pub taps: [[f32; 2 * REACH + 1]; BANDS],
 }
 
 impl Bands {
@@ -77,7 +78,7 @@ impl Bands {
 }
 
 /// A low quantile of the bins.
-fn quantile(counts: &[f32]) -> f32 {
+pub fn quantile(counts: &[f32]) -> f32 {
     let mut some: Vec<f32> = counts.iter().copied().step_by((counts.len() / LOOKED_AT).max(1)).collect();
     some.sort_unstable_by(f32::total_cmp);
     let at = QUANTILE * (some.len() - 1) as f64;

@@ -3,22 +3,30 @@
 //! It was trained on simulated scenes alone, crowded and noisy ones. All lengths are in walls, so units do not matter: its box is one
 //! wall wide and reaches from [`NEAR`] to 1.6 walls. It knows the light of rooms and of noise, which a fit explains by surfaces.
 
+use std::borrow::Cow;
+
 use glam::{DVec3, dvec3};
 use rayon::prelude::*;
 
-use crate::Result;
 use crate::capture::{Capture, PairKind};
+use crate::gpu::{DeviceKind, Gpu};
 use crate::maps::Maps;
 use crate::transport::Grid;
+use crate::{Kind, Result};
 
 mod bands;
+mod device;
 mod network;
 mod project;
+pub mod schedule;
 mod sizes;
 mod tensor;
 
 use bands::Bands;
-use network::{Answer, FILE, Network};
+use device::answer_on;
+pub use device::{LearnedScan, logits_on};
+use network::Answer;
+pub use network::Network;
 use project::{Pair, project};
 use sizes::*;
 pub use sizes::{BANDS, DEEP, NEAR, SIDE};
@@ -35,68 +43,6 @@ pub const POSSIBLE: f32 = 0.2;
 /// Voxels on each side of the most probable one that give its depth.
 const AROUND: usize = 2;
 
-/// A capture as the network sees it.
-struct NetworkView {
-    /// Bands at the voxels of the box, in the first of [`CHANNELS`].
-    volume: Tensor,
-    /// As [`kind()`].
-    kind: usize,
-    /// The middle of the box's face, and its width, metres.
-    centre: DVec3,
-    wall: f64,
-}
-
-impl NetworkView {
-    fn of(capture: &Capture) -> Result<NetworkView> {
-        let few;
-        let capture = if capture.pair_count() > MOST_PAIRS {
-            few = capture.subset(MOST_PAIRS, 0)?;
-            &few
-        } else {
-            capture
-        };
-        let [x0, x1, y0, y1] = capture.wall_extent();
-        let wall = (x1 - x0).max(y1 - y0);
-        let points = || capture.laser.iter().chain(&capture.sensor);
-        let base = points().map(|p| p.z).sum::<f64>() / points().count() as f64;
-        let centre = dvec3(0.5 * (x0 + x1), 0.5 * (y0 + y1), base);
-        let bands = Bands::new();
-        let bins = [capture.t_start / wall, capture.bin_width / wall];
-        let pairs: Vec<Pair> = (0..capture.pair_count())
-            .into_par_iter()
-            .map(|pair| Pair {
-                laser: (capture.laser[pair] - centre) / wall,
-                sensor: (capture.sensor[pair] - centre) / wall,
-                bands: bands.of(capture.histogram(pair), bins),
-            })
-            .collect();
-        Ok(NetworkView { volume: project(&pairs, CHANNELS), kind: kind(capture), centre, wall })
-    }
-}
-
-/// Kind of the pairs for the network: 0 confocal, 1 one laser or sensor point, 2 other.
-#[doc(hidden)]
-pub fn kind(capture: &Capture) -> usize {
-    match capture.pair_kind() {
-        PairKind::Confocal => 0,
-        PairKind::OneLaser | PairKind::OneSensor => 1,
-        PairKind::Exhaustive { .. } | PairKind::Irregular => 2,
-    }
-}
-
-/// Bands of a capture at the voxels of the box, [band][x][y][z]: [`BANDS`] of [`SIDE`] x [`SIDE`] x [`DEEP`]. The network is trained on
-/// them.
-///
-/// # Errors
-/// Pairs cannot be chosen.
-#[doc(hidden)]
-pub fn input(capture: &Capture) -> Result<Vec<f32>> {
-    let volume = NetworkView::of(capture)?.volume;
-    let rows =
-        (0..BANDS * SIDE * SIDE).flat_map(|i| volume.along_z(i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE));
-    Ok(rows.copied().collect())
-}
-
 /// What the network says of a capture.
 #[derive(Debug, Clone)]
 pub struct LearnedStart {
@@ -110,24 +56,48 @@ pub struct LearnedStart {
 }
 
 impl LearnedStart {
-    /// Looks at a capture, which has counts. `None`: too few pairs.
+    /// Looks at a capture, which has counts: with kernels, or on the host where these are slower or do not fit. `None`: too few
+    /// pairs. `memory` is a budget in bytes.
+    ///
+    /// # Errors
+    /// Pairs cannot be chosen, or the device fails.
+    pub fn of(gpu: &Gpu, capture: &Capture, memory: Option<u64>) -> Result<Option<LearnedStart>> {
+        if gpu.info.kind == DeviceKind::Cpu {
+            return LearnedStart::on_host(capture);
+        }
+        match LearnedStart::on_device(gpu, capture, memory) {
+            Err(e) if e.kind == Kind::Memory => LearnedStart::on_host(capture),
+            seen => seen,
+        }
+    }
+
+    /// As [`LearnedStart::of`], on the host.
     ///
     /// # Errors
     /// Pairs cannot be chosen.
-    pub fn of(capture: &Capture) -> Result<Option<LearnedStart>> {
-        if capture.pair_count() < LEAST_PAIRS {
-            return Ok(None);
-        }
-        let NetworkView { volume, kind, centre, wall } = NetworkView::of(capture)?;
-        let Answer { depth, mask } = answer(&Network::of(FILE), volume, kind);
-        let base = centre.z;
-        let metres = |index: f32| base as f32 + ((NEAR + (f64::from(index) + 0.5) * PITCH) * wall) as f32;
-        Ok(Some(LearnedStart {
-            mask: mask.into_iter().map(|logit| 1.0 / (1.0 + (-logit).exp())).collect(),
-            depth: depth.chunks(DEEP).map(|logits| metres(index(logits))).collect(),
-            corner: [centre.x - 0.5 * wall, centre.y - 0.5 * wall],
-            wall,
-        }))
+    pub fn on_host(capture: &Capture) -> Result<Option<LearnedStart>> {
+        let Some(capture) = looked_at(capture)? else { return Ok(None) };
+        let wall = BoxOfWall::of(&capture);
+        let Answer { depth, mask } = answer(&Network::trained(), wall.bands(&capture), kind(&capture));
+        let voxels = depth.chunks(DEEP).map(index).collect();
+        Ok(Some(wall.start(voxels, mask)))
+    }
+
+    /// As [`LearnedStart::of`], with kernels.
+    ///
+    /// # Errors
+    /// Pairs cannot be chosen, or the device or its memory fails.
+    pub fn on_device(gpu: &Gpu, capture: &Capture, memory: Option<u64>) -> Result<Option<LearnedStart>> {
+        let Some(capture) = looked_at(capture)? else { return Ok(None) };
+        let wall = BoxOfWall::of(&capture);
+        let scan = LearnedScan {
+            pairs: (0..capture.pair_count()).map(|pair| wall.ends(&capture, pair)).collect(),
+            counts: &capture.histograms,
+            bins: wall.bins(&capture),
+            pitch: PITCH,
+        };
+        let [voxels, mask] = answer_on(gpu, &scan, kind(&capture), memory)?;
+        Ok(Some(wall.start(voxels, mask)))
     }
 
     /// The share of the union of its mask and the true one that both have, as it expects.
@@ -188,6 +158,89 @@ impl LearnedStart {
     }
 }
 
+/// The pairs that the network looks at; `None`: too few.
+fn looked_at(capture: &Capture) -> Result<Option<Cow<'_, Capture>>> {
+    Ok(if capture.pair_count() < LEAST_PAIRS { None } else { Some(some_of(capture)?) })
+}
+
+/// At most [`MOST_PAIRS`].
+fn some_of(capture: &Capture) -> Result<Cow<'_, Capture>> {
+    let is_few = capture.pair_count() <= MOST_PAIRS;
+    Ok(if is_few { Cow::Borrowed(capture) } else { Cow::Owned(capture.subset(MOST_PAIRS, 0)?) })
+}
+
+/// Kind of the pairs for the network: 0 confocal, 1 one laser or sensor point, 2 other.
+#[doc(hidden)]
+pub fn kind(capture: &Capture) -> usize {
+    match capture.pair_kind() {
+        PairKind::Confocal => 0,
+        PairKind::OneLaser | PairKind::OneSensor => 1,
+        PairKind::Exhaustive { .. } | PairKind::Irregular => 2,
+    }
+}
+
+/// Bands of a capture at the voxels of the box, [band][x][y][z]: [`BANDS`] of [`SIDE`] x [`SIDE`] x [`DEEP`]. The network is trained on
+/// them.
+///
+/// # Errors
+/// Pairs cannot be chosen.
+#[doc(hidden)]
+pub fn input(capture: &Capture) -> Result<Vec<f32>> {
+    let capture = some_of(capture)?;
+    let volume = BoxOfWall::of(&capture).bands(&capture);
+    let rows =
+        (0..BANDS * SIDE * SIDE).flat_map(|i| volume.along_z(i / (SIDE * SIDE), i / SIDE % SIDE, i % SIDE));
+    Ok(rows.copied().collect())
+}
+
+/// Where the network's box lies: the middle of its face, and the width of the wall, metres.
+struct BoxOfWall {
+    centre: DVec3,
+    wall: f64,
+}
+
+impl BoxOfWall {
+    fn of(capture: &Capture) -> BoxOfWall {
+        let [x0, x1, y0, y1] = capture.wall_extent();
+        let points = || capture.laser.iter().chain(&capture.sensor);
+        let base = points().map(|p| p.z).sum::<f64>() / points().count() as f64;
+        BoxOfWall { centre: dvec3(0.5 * (x0 + x1), 0.5 * (y0 + y1), base), wall: (x1 - x0).max(y1 - y0) }
+    }
+
+    /// Laser and sensor point of a pair, in walls from the middle of the face.
+    fn ends(&self, capture: &Capture, pair: usize) -> [DVec3; 2] {
+        [capture.laser[pair], capture.sensor[pair]].map(|p| (p - self.centre) / self.wall)
+    }
+
+    /// Path at which the first bin begins, and width of a bin, walls.
+    fn bins(&self, capture: &Capture) -> [f64; 2] {
+        [capture.t_start / self.wall, capture.bin_width / self.wall]
+    }
+
+    /// Bands of all pairs at the voxels of the box, in the first of [`CHANNELS`].
+    fn bands(&self, capture: &Capture) -> Tensor {
+        let bands = Bands::new();
+        let of_pair = |pair| {
+            let [laser, sensor] = self.ends(capture, pair);
+            Pair { laser, sensor, bands: bands.of(capture.histogram(pair), self.bins(capture)) }
+        };
+        let pairs: Vec<Pair> = (0..capture.pair_count()).into_par_iter().map(of_pair).collect();
+        project(&pairs, CHANNELS)
+    }
+
+    /// The start of voxels by column, and of the mask's logits.
+    fn start(&self, voxels: Vec<f32>, mask: Vec<f32>) -> LearnedStart {
+        let BoxOfWall { centre, wall } = *self;
+        let metres = |index: f32| centre.z as f32 + ((NEAR + (f64::from(index) + 0.5) * PITCH) * wall) as f32;
+        LearnedStart {
+            mask: mask.into_iter().map(|logit| 1.0 / (1.0 + (-logit).exp())).collect(),
+            depth: voxels.into_iter().map(metres).collect(),
+            corner: [centre.x - 0.5 * wall, centre.y - 0.5 * wall],
+            wall,
+        }
+    }
+}
+
 /// The network's answer for a volume of bands: logits of depths and of the mask. The other channels say what kind of pairs they are
 /// from, and how deep a voxel lies.
 fn answer(network: &Network<'_>, mut input: Tensor, kind: usize) -> Answer {
@@ -211,7 +264,11 @@ pub fn logits(weights: Option<&[u8]>, bands: &[f32], kind: usize) -> [Vec<f32>; 
             row.copy_from_slice(&bands[((band * SIDE + x) * SIDE + y) * DEEP..][..DEEP]);
         }
     });
-    let Answer { depth, mask } = answer(&Network::of(weights.unwrap_or(FILE)), input, kind);
+    let network = match weights {
+        Some(file) => Network::of(file),
+        None => Network::trained(),
+    };
+    let Answer { depth, mask } = answer(&network, input, kind);
     [depth, mask]
 }
 

@@ -8,10 +8,10 @@ use super::sizes::{DEEP, SIDE};
 use super::tensor::{Tensor, Weights, silu};
 
 /// Trained weights ([`super`]).
-pub static FILE: &[u8] = include_bytes!("weights.safetensors");
+static FILE: &[u8] = include_bytes!("weights.safetensors");
 
 /// Groups of channels that are normalised together.
-const GROUPS: usize = 4;
+pub const GROUPS: usize = 4;
 
 /// What the network says of every column: logits of its voxels, and of surface on pixels half as wide.
 pub struct Answer {
@@ -29,13 +29,27 @@ impl Network<'_> {
         Network(SafeTensors::deserialize(file).expect("a file of weights"))
     }
 
-    fn values(&self, name: &str) -> Vec<f32> {
-        let tensor = self.0.tensor(name).expect("the file of weights has all layers");
-        tensor.data().chunks_exact(2).map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect()
+    /// That of the program.
+    pub fn trained() -> Network<'static> {
+        Network::of(FILE)
+    }
+
+    /// Weights and biases of a layer in half precision, as bits.
+    pub fn halves(&self, name: &str) -> [Vec<u16>; 2] {
+        ["weight", "bias"].map(|part| {
+            let tensor =
+                self.0.tensor(&format!("{name}.{part}")).expect("the file of weights has all layers");
+            tensor.data().chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect()
+        })
+    }
+
+    /// Output channels of a layer.
+    pub fn outputs(&self, name: &str) -> usize {
+        self.halves(name)[1].len()
     }
 
     fn layer(&self, name: &str) -> [Vec<f32>; 2] {
-        ["weight", "bias"].map(|part| self.values(&format!("{name}.{part}")))
+        self.halves(name).map(|all| all.into_iter().map(|bits| f16::from_bits(bits).to_f32()).collect())
     }
 
     fn convolved(&self, name: &str, inputs: &[&Tensor], reach: [usize; 3]) -> Tensor {

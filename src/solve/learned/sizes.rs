@@ -1,5 +1,7 @@
 //! Sizes of the network's input, and how its loops run.
 
+use crate::transport::kernels::{LEARNED_BANDS, LEARNED_SAMPLES};
+
 /// Voxels of the box along x and y, and along z.
 pub const SIDE: usize = 64;
 pub const DEEP: usize = 96;
@@ -7,8 +9,8 @@ pub const DEEP: usize = 96;
 pub const PITCH: f64 = 1.0 / SIDE as f64;
 pub const NEAR: f64 = 0.1;
 /// Bands of light, and their samples along the path, each of this many walls.
-pub const BANDS: usize = 5;
-pub const SAMPLES: usize = 560;
+pub const BANDS: usize = LEARNED_BANDS as usize;
+pub const SAMPLES: usize = LEARNED_SAMPLES as usize;
 pub const STEP: f64 = 0.5 * PITCH;
 /// Kinds of pairs in the input: confocal, one laser or sensor point, other.
 pub const KINDS: usize = 3;

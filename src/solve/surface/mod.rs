@@ -253,7 +253,10 @@ impl PreparedSurface {
                 let clock = Instant::now();
                 // Frames have no time for the network, unless it is asked for.
                 let seen = match self.options.begin {
-                    Begin::Learned => start::seen(&self.options, captures[1], &self.first_grid)?,
+                    Begin::Learned => {
+                        let gpu = self.fine.planned.gpu();
+                        start::seen(gpu, &self.options, captures[1], &self.first_grid, self.memory)?
+                    }
                     _ => None,
                 };
                 let (closed, seconds) = match &seen {

@@ -75,7 +75,7 @@ impl Starts {
                 }
             })
         };
-        let Some(seen) = seen(options, capture, grid)? else { return closed() };
+        let Some(seen) = seen(gpu, options, capture, grid, problem.memory)? else { return closed() };
         let mut starts =
             Starts { layers: vec![seen.maps(grid, learned::SURE)], light: None, seen: Some(seen) };
         // A light-cone transform, which costs little, errs in other ways, and the network sees one surface where it may show two.
@@ -107,17 +107,19 @@ fn other_surface(seen: &Maps, layers: &[Maps], least: f64) -> Option<Maps> {
 /// What the network sees of a capture on a grid, if it is to begin with that; `None`: a closed form or a plane begins.
 ///
 /// # Errors
-/// `Kind::Input`: the network is requested, and has too few pairs or sees nothing.
+/// `Kind::Input`: the network is requested, and has too few pairs or sees nothing. The device fails.
 pub(crate) fn seen(
+    gpu: &Gpu,
     options: &SurfaceOptions,
     capture: &Capture,
     grid: &Grid,
+    memory: Option<u64>,
 ) -> Result<Option<Arc<LearnedStart>>> {
     let is_asked = options.begin == Begin::Learned;
     if !is_asked && options.begin != Begin::Auto {
         return Ok(None);
     }
-    let seen = LearnedStart::of(capture)?.filter(|seen| {
+    let seen = LearnedStart::of(gpu, capture, memory)?.filter(|seen| {
         let is_trusted = is_asked || seen.expected_iou() >= TRUSTED;
         is_trusted && seen.maps(grid, learned::SURE).mask.contains(&true)
     });

@@ -10,11 +10,11 @@ use thirdbounce::Result;
 use thirdbounce::capture::Capture;
 use thirdbounce::export::report;
 use thirdbounce::files::atomic;
-use thirdbounce::gpu::{Gpu, GpuOptions};
+use thirdbounce::gpu::{Gpu, GpuOptions, Kernel};
 use thirdbounce::job::{Request, places, plain, planned};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::Ready;
-use thirdbounce::solve::{Accumulation, Pass};
+use thirdbounce::solve::learned::schedule::LEARNED_KERNELS;
+use thirdbounce::solve::{Accumulation, Ready, SolverOptions};
 
 /// The compiled kernels of a solve.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -33,7 +33,7 @@ pub struct CompileProfile {
     pub voxels: [usize; 3],
     /// How rendered values are added up.
     pub accumulation: Accumulation,
-    /// All kernels, in the order of the plan.
+    /// All kernels, in the order of the plan, then those of the learned start.
     pub kernels: Vec<CompiledKernel>,
     /// Messages of the validation layer, if it was on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
@@ -100,16 +100,18 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
     let solver = &resolved.solver;
     let plan = solver.plan(&resolved.problem(&capture, grid), &gpu.abilities())?;
     let mut kernels = vec![];
-    for pass in &plan.passes {
-        let values = pass.values(&plan);
-        let code = (pass.code)(&plan);
-        let compiled = gpu.compile(*pass, code, &values)?;
+    let passes = plan.passes.iter().map(|pass| (pass.kernel, (pass.code)(&plan), pass.values(&plan)));
+    let is_surface = matches!(solver, SolverOptions::Surface(_));
+    let learned =
+        LEARNED_KERNELS.iter().filter(|_| is_surface).map(|(k, code, values)| (*k, *code, values.to_vec()));
+    for (kernel, code, values) in passes.chain(learned) {
+        let compiled = gpu.compile(kernel, code, &values)?;
         if let Some(folder) = listings {
-            write_listings(folder, pass, &compiled.executables)?;
+            write_listings(folder, kernel, &compiled.executables)?;
         }
         let constants: Vec<_> = values.iter().map(|(name, value)| (name.to_string(), *value)).collect();
         kernels.push(CompiledKernel {
-            kernel: pass.kernel.to_string(),
+            kernel: kernel.to_string(),
             code: code.name.into(),
             constants: constants.into_iter().collect(),
             seconds: compiled.seconds,
@@ -134,11 +136,11 @@ fn reported(e: thirdbounce::gpu::Executable) -> CompiledExecutable {
 }
 
 /// Writes the listings of a kernel, each to a file of its own.
-fn write_listings(folder: &Path, pass: &Pass, executables: &[thirdbounce::gpu::Executable]) -> Result<()> {
+fn write_listings(folder: &Path, kernel: Kernel, executables: &[thirdbounce::gpu::Executable]) -> Result<()> {
     let plain = |text: &str| text.to_lowercase().replace(|c: char| !c.is_ascii_alphanumeric(), "-");
     for (i, executable) in executables.iter().enumerate() {
         for (name, text) in &executable.listings {
-            let file = folder.join(format!("{}.{i}.{}.txt", pass.kernel, plain(name)));
+            let file = folder.join(format!("{kernel}.{i}.{}.txt", plain(name)));
             atomic::write(&file, text.as_bytes())?;
         }
     }

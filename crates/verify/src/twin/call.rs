@@ -1,6 +1,6 @@
 use super::Twin;
 use thirdbounce::gpu::Constant;
-use thirdbounce::transport::kernels::{PaperData, Push, SceneData};
+use thirdbounce::transport::kernels::{LearnedPush, PaperData, Push, SceneData};
 
 /// A dispatch without its buffers.
 #[derive(Debug, Clone)]
@@ -24,6 +24,23 @@ impl Call<'_> {
     /// A specialization constant, whose value in the source is `usual`.
     pub fn constant(&self, constant: Constant, usual: u32) -> u32 {
         self.constants.iter().find(|c| c.0 == constant).map_or(usual, |c| c.1)
+    }
+
+    /// Parameters of a dispatch of the learned start.
+    pub(super) fn learned(&self) -> LearnedPush {
+        bytemuck::cast(self.push)
+    }
+
+    /// Number of cells of its layer.
+    pub(super) fn learned_cells(&self) -> usize {
+        let layer = self.learned();
+        [layer.n_x, layer.n_y, layer.n_z].iter().map(|n| *n as usize).product()
+    }
+
+    /// A cell of its layer along x, y, z.
+    pub(super) fn learned_cell(&self, cell: usize) -> [usize; 3] {
+        let [ny, nz] = [self.learned().n_y, self.learned().n_z].map(|n| n as usize);
+        [cell / (ny * nz), cell / nz % ny, cell % nz]
     }
 
     /// Number of cells of all histograms.

@@ -23,7 +23,8 @@ macro_rules! twins {
 
 twins! {
     arguments backproject backward carry compact_count compact_scan compact_scatter double_domain extract filter finish
-    forward forward_owned forward_product gaussian initialise initialise_raw levels noise places pulse residual residual_rows
+    forward forward_owned forward_product gaussian initialise initialise_raw learned_activate learned_bands learned_convolve
+    learned_head learned_moments learned_project learned_resize levels noise places pulse residual residual_rows
     residual_scan rim room rounding sample spot surface_bonds surface_combine surface_extract surface_gather surface_points surface_pull
     surface_step threshold update
 }

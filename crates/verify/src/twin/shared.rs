@@ -436,3 +436,16 @@ pub(super) fn close(
     }
     counts[COUNT_PEAK_ALBEDO as usize] = 0;
 }
+
+/// Number `i` of two in each word, in half precision.
+pub(super) fn half(words: &[u32], i: usize) -> f64 {
+    let bits = words[i / 2] >> (16 * (i % 2)) & 0xffff;
+    let (exponent, rest) = ((bits >> 10 & 31) as i32, f64::from(bits & 1023));
+    let size = if exponent == 0 { rest * 2f64.powi(-24) } else { (1024.0 + rest) * 2f64.powi(exponent - 25) };
+    if bits >> 15 == 1 { -size } else { size }
+}
+
+/// x sigmoid(x).
+pub(super) fn silu(x: f64) -> f64 {
+    x / (1.0 + (-x).exp())
+}

@@ -100,7 +100,6 @@ impl Capture {
 #[cfg(test)]
 mod tests {
     use super::super::tests::{BINS, noisy, scan};
-    use super::*;
 
     #[test]
     fn what_a_counter_adds_to_its_last_bin_is_left_out() {
