@@ -142,11 +142,13 @@ impl<'c> Job<'c> {
     }
 }
 
-/// The verdict with what the maps say: it is poor if they have warnings.
+/// The verdict with what the maps say: it is poor if they have warnings, and fair if the network sees the scene well all the same, as
+/// before a wall that sends most of the light.
 pub fn with_warnings(verdict: &Arc<Verdict>, warnings: &[String]) -> Arc<Verdict> {
     let mut verdict = verdict.clone();
+    let is_seen = verdict.expected_iou.is_some_and(|iou| iou >= diagnosis::EXPECTED_IOU);
     for warning in warnings {
-        Arc::make_mut(&mut verdict).add(Grade::Poor, warning);
+        Arc::make_mut(&mut verdict).add(if is_seen { Grade::Fair } else { Grade::Poor }, warning);
     }
     verdict
 }

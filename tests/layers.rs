@@ -122,6 +122,10 @@ fn passed_on(all: &[Source], parent: &[String]) -> BTreeMap<String, String> {
     let mut names = BTreeMap::new();
     for source in all.iter().filter(|s| s.module == parent) {
         for (at, _) in source.text.match_indices("use ") {
+            // The end of another word is none.
+            if source.text[..at].ends_with(|c: char| c.is_alphanumeric() || c == '_') {
+                continue;
+            }
             let mut found = Vec::new();
             paths(&source.text, at + 4, &vec![], &mut found);
             for path in found.into_iter().filter(|p| p.len() > 1) {
@@ -376,6 +380,7 @@ fn uses_are_seen_however_they_are_written() {
         source(&["solve", "plan"], "use super::run;"),
         source(&["solve", "drive", "clock"], "fn f(p: &crate::solve::Plan) {}"),
         source(&["gpu"], "use crate::{Error, solve::{plan::Plan, drive}};"),
+        source(&[], "mod gpu;\nstruct Cause { what: String }"),
         source(&["error"], "fn f() { supercrate::gpu::x(); super::gpu::x() }"),
     ];
     let steps = |parent: &[String]| {

@@ -12,20 +12,17 @@ use crate::solve::Progress;
 use crate::{Grade, Verdict};
 
 mod lines;
-mod scale;
 
+pub use bands::EXPECTED_IOU;
 pub use lines::LineDelays;
-use lines::is_proven;
 
 /// Bands of the verdict. Evidence: benches/NOTES.md, "Verdict".
 mod bands {
     /// Least share beyond noise, less two standard errors, of results that are fair, and of poor ones. Measured scenes with light that no
     /// surface sends leave up to a half and are right.
-    pub const LEFT: [f64; 2] = [0.25, 0.75];
+    pub const LEFT: [f64; 2] = [0.25, 0.95];
     /// Expected IoU below which results are fair.
     pub const EXPECTED_IOU: f64 = 0.4;
-    /// Share beyond noise, less two standard errors, from which other points are tried, with fits each.
-    pub const SCALED: f64 = 0.5;
 }
 
 /// What is wrong with a capture.
@@ -82,7 +79,7 @@ pub fn diagnose(
     let calibrates = settings.calibrate.unwrap_or_default() == Calibrate::Auto;
     let Some(shown) = &estimates.shown else { return Ok(Diagnosis::default()) };
     let before = shown.held.left();
-    let mut trial = |capture: &Capture| estimation::shown(request, Some(estimates), capture, gpu, hear);
+    let mut trial = |capture: &Capture| estimation::shown(request, estimates, capture, gpu, hear);
     if let Some((delays, after)) = lines::calibrate(shown, capture, &mut trial)? {
         let cause = Cause {
             what: delays.what(),
@@ -93,23 +90,7 @@ pub fn diagnose(
         let calibrated = calibrates.then(|| delays.undone(capture));
         return Ok(Diagnosis { cause: Some(cause), calibrated });
     }
-    // A box that is given has the scale of the points.
-    if certain(&before) < bands::SCALED || request.discretisation.volume.is_some() {
-        return Ok(Diagnosis::default());
-    }
-    let mut best: Option<(Cause, f64)> = None;
-    for edit in scale::edits(capture) {
-        // Defaults depend on the width of the wall, and what a wrong surface leaves decided on the high-pass.
-        let request = EstimateRequest::new(settings, &edit.capture);
-        let Some(after) = estimation::shown(&request, None, &edit.capture, gpu, hear)? else { continue };
-        let after = after.held.left();
-        let excess = after.excess();
-        if is_proven(&after, &before) && best.as_ref().is_none_or(|(_, least)| excess < *least) {
-            let left = [before.excess(), excess];
-            best = Some((Cause { what: edit.what, hint: edit.hint, left, undone: false }, excess));
-        }
-    }
-    Ok(Diagnosis { cause: best.map(|(cause, _)| cause), calibrated: None })
+    Ok(Diagnosis::default())
 }
 
 /// The verdict on estimates: before a solve, without what the maps say.
@@ -147,7 +128,7 @@ pub fn verdict(estimates: &Estimates, diagnosis: &Diagnosis) -> Verdict {
             }
         }
     }
-    if let Some(iou) = estimates.expected_iou.filter(|iou| *iou < bands::EXPECTED_IOU) {
+    if let Some(iou) = estimates.expected_iou.filter(|iou| *iou < EXPECTED_IOU) {
         verdict.add(Grade::Fair, format!("the learned start expects an IoU of only {iou:.2}"));
     }
     verdict

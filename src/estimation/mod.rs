@@ -239,27 +239,21 @@ impl Shown {
     }
 }
 
-/// What a short fit of another version of the capture shows, with sharp paths; by the model and the high-pass that were `found`, or,
-/// without them, by the usual model and a high-pass of its own. `None` if it finds no surface.
+/// What a short fit of another version of the capture shows, with sharp paths, by the model and the high-pass that were `found`.
+/// `None` if it finds no surface.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
 pub fn shown(
     request: &EstimateRequest,
-    found: Option<&Estimates>,
+    found: &Estimates,
     capture: &Capture,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Option<Shown>> {
-    let solver = match found {
-        Some(found) => found.settle(&request.solver, &request.models, capture)?.0,
-        None => request.solver.clone(),
-    };
+    let (solver, _) = found.settle(&request.solver, &request.models, capture)?;
     let request = EstimateRequest { solver, models: vec![], find_pulse: FindPulse::Never, ..request.clone() };
     let searched = Search::new(&request, capture, gpu, hear).and_then(|mut search| {
-        if request.finds_high_pass() {
-            search.find_high_pass(capture)?;
-        }
         let model = search.trials[0].reflectance();
         let fitted = search.fit(model, Shape::SHARP, From::Start)?;
         fitted.map(|fitted| Shown::of(&search.trials[0], fitted)).transpose()

@@ -166,8 +166,9 @@ fn without_a_direct_peak_there_is_no_gate() {
 fn what_a_gated_instrument_did_not_record_is_not_taken_as_dark() {
     let late = |pair: usize| pair / 8 == 5;
     let recorded = |pair: usize, bin: usize| (if late(pair) { 130 } else { 40 }..200).contains(&bin);
-    let count =
-        |p: usize, b: usize| if recorded(p, b) { (20.0 * indirect(p, b)).round() + 10.0 } else { 0.0 };
+    let count = |p: usize, b: usize| {
+        if recorded(p, b) { (20.0 * indirect(p, b)).round() + 10.0 + (p / 8) as f32 } else { 0.0 }
+    };
     let mut c = capture([8, 8], 256, count);
     c.integer_counts = true;
     let (edge, end) = (c.t_start + 40.0 * c.bin_width, c.t_start + 200.0 * c.bin_width);
