@@ -131,6 +131,7 @@ fn a_plate_is_seen_where_it_is_in_any_unit_of_length() {
 }
 
 #[test]
+#[ignore = "half a minute on a CPU: make soak"]
 fn kernels_see_what_the_host_sees() {
     let gpu = gpu();
     let width = 2.0;
