@@ -59,10 +59,10 @@ pub(super) fn is_below(length: f64, longest: f64) -> bool {
     length < longest * (-1.0 / TO_AN_OCTAVE[0]).exp2()
 }
 
-/// Lengths of suggestions, from the longest to a bin, bins.
+/// Lengths of suggestions, bins.
 fn lengths(to_an_octave: f64, longest: f64) -> impl Iterator<Item = f64> {
     let octaves = (longest.log2() * to_an_octave).floor() as isize;
-    (0..=octaves).rev().map(move |i| longest * (-i as f64 / to_an_octave).exp2())
+    (0..=octaves).map(move |i| (i as f64 / to_an_octave).exp2())
 }
 
 /// A pulse of a trial: a Gaussian, convolved with an exponential.

@@ -32,7 +32,7 @@ impl Grade {
 pub struct Verdict {
     /// The worst grade of the reasons.
     pub grade: Grade,
-    /// Sentences; those of the worst grade first.
+    /// Sentences; the first one has the worst grade.
     pub reasons: Vec<String>,
     /// What the surface leaves of held-out pairs beyond photon noise, as a share of the signal, and its standard error; null if no pairs
     /// are held out.
@@ -47,11 +47,8 @@ impl Verdict {
 
     /// Adds a reason. The grade is the worst one of all reasons.
     pub fn add(&mut self, grade: Grade, reason: impl Into<String>) {
-        match grade > self.grade {
-            true => self.reasons.insert(0, reason.into()),
-            false if grade == self.grade => self.reasons.push(reason.into()),
-            false => return,
-        }
+        let at = if grade > self.grade { 0 } else { self.reasons.len() };
+        self.reasons.insert(at, reason.into());
         self.grade = self.grade.max(grade);
     }
 }
@@ -79,6 +76,6 @@ mod tests {
         verdict.add(Grade::Poor, "b");
         verdict.add(Grade::Fair, "c");
         verdict.add(Grade::Poor, "d");
-        assert_eq!(verdict.to_string(), "poor: b; a; d");
+        assert_eq!(verdict.to_string(), "poor: b; a; c; d");
     }
 }

@@ -35,6 +35,9 @@ const LONGER: f64 = 1.2;
 /// A model explains the light up to this error. Beyond it, fits begin with the longest steps.
 pub(super) const MOST_ERROR: f64 = 0.04;
 
+/// Batches that are all rendered for the scale of the albedos.
+const FEW: usize = 4;
+
 /// The present state, and the best one so far.
 const KEPT: [Buffer; 2] = [buffer::HEIGHTS, HEIGHTS_KEPT];
 
@@ -260,12 +263,15 @@ impl Fit {
         self.pixels = count;
         let begin = driven.trace.last().map_or(0, |p| p.iteration);
         let [noise, energy] = job.light();
-        // One batch of pairs tells the scale of the albedos: rendering all of them would take longer than the iterations.
-        let compared = job.plan.batch(0).copied().unwrap_or(level);
+        // One batch of many tells the scale of the albedos: rendering all pairs would take longer than the iterations.
+        let (compared, of_scale) = match job.plan.batches_held() {
+            all if all.len() > FEW => (all[0], self.energies[0]),
+            _ => (level, energy),
+        };
         let placed = match known {
             _ if pixels.is_empty() => None,
             Some(left) => Some((place_known(job, &level, &pixels, [energy, left])?, 1.0)),
-            None => place(job, &level, &pixels, (compared, self.energies[0]), begin)?,
+            None => place(job, &level, &pixels, (compared, of_scale), begin)?,
         };
         let Some((mut placed, _)) = placed else {
             driven.seconds += clock.elapsed().as_secs_f64();
