@@ -18,7 +18,7 @@ const LOGITS: Buffer = Buffer::named("learned_logits");
 pub struct LearnedScan<'c> {
     /// Laser and sensor points from the middle of the box's face, walls.
     pub pairs: Vec<[DVec3; 2]>,
-    /// [pair][bin].
+    /// `[pair][bin]`.
     pub counts: &'c [f32],
     /// Path at which the first bin begins, and width of a bin, walls.
     pub bins: [f64; 2],
@@ -55,7 +55,7 @@ impl LearnedScan<'_> {
     }
 }
 
-/// What the network says of every column: the most probable voxel with its fraction, [x][y], and logits of surface on pixels half
+/// What the network says of every column: the most probable voxel with its fraction, `[x][y]`, and logits of surface on pixels half
 /// as wide. `memory` is a budget in bytes.
 ///
 /// # Errors
@@ -71,7 +71,7 @@ pub fn answer_on(
     Ok([depth, mask])
 }
 
-/// Logits of depths, [x][y][z], and of surface, from bands as of [`super::logits`].
+/// Logits of depths, `[x][y][z]`, and of surface, from bands as of [`super::logits`].
 ///
 /// # Errors
 /// The device fails.

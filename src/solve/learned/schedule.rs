@@ -70,7 +70,7 @@ const RUN: usize = LEARNED_RUN as usize;
 /// Invocations of a workgroup.
 const GROUP: usize = 64;
 
-/// Channels of a volume in an arena, [channel][x][y][z].
+/// Channels of a volume in an arena, `[channel][x][y][z]`.
 #[derive(Debug, Clone, Copy)]
 pub struct FeatureVolume {
     /// The arena.
@@ -109,7 +109,7 @@ pub struct LearnedSchedule {
     pub buffers: Vec<BufferPlan>,
     /// Weights in the order of the kernels.
     pub weights: Vec<u16>,
-    /// Back-projected bands, [band][x][y][z], and the logits of depths.
+    /// Back-projected bands, `[band][x][y][z]`, and the logits of depths.
     pub ends: [FeatureVolume; 2],
 }
 

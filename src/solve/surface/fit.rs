@@ -263,17 +263,8 @@ impl Fit {
         self.pixels = count;
         let begin = driven.trace.last().map_or(0, |p| p.iteration);
         let [noise, energy] = job.light();
-        // One batch of many tells the scale of the albedos: rendering all pairs would take longer than the iterations.
-        let (compared, of_scale) = match job.plan.batches_held() {
-            all if all.len() > FEW => (all[0], self.energies[0]),
-            _ => (level, energy),
-        };
-        let placed = match known {
-            _ if pixels.is_empty() => None,
-            Some(left) => Some((place_known(job, &level, &pixels, [energy, left])?, 1.0)),
-            None => place(job, &level, &pixels, (compared, of_scale), begin)?,
-        };
-        let Some((mut placed, _)) = placed else {
+        let placed = placed(job, &level, &pixels, &self.energies, known, begin)?;
+        let Some(mut placed) = placed else {
             driven.seconds += clock.elapsed().as_secs_f64();
             driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
             return Ok((driven, None));
@@ -493,6 +484,31 @@ fn columns(maps: &Maps) -> Vec<[f32; 8]> {
         [*a, of(*z), 0.0, found, of(n[0]), of(n[1]), of(n[2]), 0.0]
     };
     maps.albedo.iter().zip(&maps.depth).zip(&maps.normal).map(of_pixel).collect()
+}
+
+/// Uploads pixels for a fit, with the scale that explains most of the data unless the residual with theirs is `known`; `None` if they
+/// explain none. Overwrites row `row` of the trace.
+fn placed(
+    job: &mut OnDevice,
+    level: &Level,
+    pixels: &Pixels,
+    energies: &[f64],
+    known: Option<f64>,
+    row: usize,
+) -> Result<Option<Placed>> {
+    let [_, energy] = job.light();
+    if pixels.is_empty() {
+        return Ok(None);
+    }
+    if let Some(left) = known {
+        return place_known(job, level, pixels, [energy, left]).map(Some);
+    }
+    // One batch of many tells the scale: rendering all pairs would take longer than the iterations.
+    let compared = match job.plan.batches_held() {
+        all if all.len() > FEW => (all[0], energies[0]),
+        _ => (*level, energy),
+    };
+    Ok(place(job, level, pixels, compared, row)?.map(|(placed, _)| placed))
 }
 
 /// Uploads the columns and places of pixels.

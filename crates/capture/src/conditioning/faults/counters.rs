@@ -93,14 +93,14 @@ fn unwrapped(row: &[f32], range: f32) -> Option<Vec<f32>> {
     let mut cost = [f64::INFINITY; TURNS];
     cost[0] = 0.0;
     let mut before = vec![[0usize; TURNS]; row.len()];
-    for bin in 1..row.len() {
+    for (bin, before) in before.iter_mut().enumerate().skip(1) {
         let mut next = [f64::INFINITY; TURNS];
-        for to in 0..TURNS {
-            for from in 0..TURNS {
+        for (to, (next, before)) in next.iter_mut().zip(before).enumerate() {
+            for (from, cost) in cost.iter().enumerate() {
                 let turn = if to == from { 0.0 } else { (TURN * f64::from(range)).powi(2) };
-                let total = cost[from] + (value(bin, to) - value(bin - 1, from)).powi(2) + turn;
-                if total < next[to] {
-                    (next[to], before[bin][to]) = (total, from);
+                let total = cost + (value(bin, to) - value(bin - 1, from)).powi(2) + turn;
+                if total < *next {
+                    (*next, *before) = (total, from);
                 }
             }
         }
