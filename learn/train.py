@@ -1,4 +1,4 @@
-"""Trains the network. `train.py SCENES... --out FOLDER` goes on from FOLDER/checkpoint.pt, if there is one, and writes FOLDER/weights.safetensors."""
+"""Trains the network: `train.py SCENES... --out FOLDER`. Resumes from FOLDER/checkpoint.pt if it exists. Writes FOLDER/weights.safetensors."""
 
 import argparse
 import math

@@ -10,7 +10,7 @@ use crate::diagnosis;
 use crate::estimation::{self, EstimateRequest, Estimates};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
-use crate::settings::{ImpulseResponse, ReflectanceSetting, Settings};
+use crate::settings::{Calibrate, ImpulseResponse, ReflectanceSetting, Settings};
 use crate::solve::{
     Method, Preset, Problem, Progress, Ready, Reconstruction, SolverOptions, Watch, conclude,
 };
@@ -65,7 +65,8 @@ impl<'c> Job<'c> {
             true => estimation::estimate(&request, capture, gpu, hear)?,
             false => Estimates::default(),
         };
-        let mut diagnosis = diagnosis::diagnose(settings, &request, capture, &estimates, gpu, hear)?;
+        let calibrates = settings.calibrate.unwrap_or_default() == Calibrate::Auto;
+        let mut diagnosis = diagnosis::diagnose(&request, capture, &estimates, calibrates, gpu, hear)?;
         let (solver, capture) = match diagnosis.calibrated.take() {
             Some(calibrated) => {
                 let before = estimates.seconds;

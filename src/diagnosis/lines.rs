@@ -19,7 +19,7 @@ const LESS: f64 = 0.93;
 const PROVEN: f64 = 0.6;
 
 /// Whether undoing a cause explains more of the same pairs, beyond doubt.
-pub(super) fn is_proven(after: &Left, before: &Left) -> bool {
+fn is_proven(after: &Left, before: &Left) -> bool {
     after.excess() < PROVEN * before.excess() && after.is_less(before)
 }
 
@@ -65,7 +65,7 @@ fn found(held: &HeldOut, scan: [usize; 2], lines: Lines) -> Option<(LineDelays, 
     }
     let farthest = (bins / FARTHEST[0]).min(FARTHEST[1]);
     let [rendered, measured] = held.sides();
-    // Products of what is rendered and what is measured so many bins later, for each line.
+    // By line and lag in bins: sums of rendered values times measured ones.
     let mut products = vec![vec![0.0; 2 * farthest + 1]; count];
     let mut seen = vec![false; count];
     let rows = rendered.chunks(bins).zip(measured.chunks(bins));

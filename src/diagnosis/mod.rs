@@ -1,13 +1,12 @@
-//! What is wrong with a capture, by the pairs that no fit takes: a hypothesis is right if a surface explains far more of them once it
-//! is undone. And the verdict on a result, which these causes, the residual and the network's expectation decide.
+//! What is wrong with a capture, by the pairs that no fit takes: a cause is right if a surface explains far more of them once it is
+//! undone. And the verdict on a result, which the cause, the residual and the network's expectation decide.
 
 use std::ops::ControlFlow;
 
 use crate::Result;
 use crate::capture::Capture;
-use crate::estimation::{self, EstimateRequest, Estimates, Left, Shown};
+use crate::estimation::{self, EstimateRequest, Estimates, Shown};
 use crate::gpu::Gpu;
-use crate::settings::{Calibrate, Settings};
 use crate::solve::Progress;
 use crate::{Grade, Verdict};
 
@@ -50,7 +49,7 @@ impl Cause {
     }
 }
 
-/// What hypotheses on a capture say.
+/// What was found in a capture.
 #[derive(Debug, Clone, Default)]
 pub struct Diagnosis {
     /// The cause that held-out pairs prove.
@@ -59,38 +58,30 @@ pub struct Diagnosis {
     pub calibrated: Option<Capture>,
 }
 
-/// The share that is certainly left beyond noise.
-fn certain(left: &Left) -> f64 {
-    left.excess() - 2.0 * left.standard_error()
-}
-
-/// Tries hypotheses on a capture whose `estimates` leave much of the held-out pairs. Delays are undone if it `calibrates`.
+/// Tries delays of lines on a capture whose `estimates` leave much of the held-out pairs. They are undone if it `calibrates`.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
 pub fn diagnose(
-    settings: &Settings,
     request: &EstimateRequest,
     capture: &Capture,
     estimates: &Estimates,
+    calibrates: bool,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Diagnosis> {
-    let calibrates = settings.calibrate.unwrap_or_default() == Calibrate::Auto;
     let Some(shown) = &estimates.shown else { return Ok(Diagnosis::default()) };
-    let before = shown.held.left();
     let mut trial = |capture: &Capture| estimation::shown(request, estimates, capture, gpu, hear);
-    if let Some((delays, after)) = lines::calibrate(shown, capture, &mut trial)? {
-        let cause = Cause {
-            what: delays.what(),
-            hint: "measure the delay of each line, or correct the times before they are binned".into(),
-            left: [before.excess(), after.excess()],
-            undone: calibrates,
-        };
-        let calibrated = calibrates.then(|| delays.undone(capture));
-        return Ok(Diagnosis { cause: Some(cause), calibrated });
-    }
-    Ok(Diagnosis::default())
+    let Some((delays, after)) = lines::calibrate(shown, capture, &mut trial)? else {
+        return Ok(Diagnosis::default());
+    };
+    let cause = Cause {
+        what: delays.what(),
+        hint: "measure the delay of each line, or correct the times before they are binned".into(),
+        left: [shown.held.left().excess(), after.excess()],
+        undone: calibrates,
+    };
+    Ok(Diagnosis { cause: Some(cause), calibrated: calibrates.then(|| delays.undone(capture)) })
 }
 
 /// The verdict on estimates: before a solve, without what the maps say.
@@ -110,12 +101,15 @@ pub fn verdict(estimates: &Estimates, diagnosis: &Diagnosis) -> Verdict {
             },
         ),
         Some(left) => {
-            let (least, share) = (certain(&left), 100.0 * left.excess());
+            let (least, share) = (left.certain(), 100.0 * left.excess());
             verdict.left = Some([left.excess(), left.standard_error()]);
-            let grade = match least {
-                least if least > bands::LEFT[1] => Grade::Poor,
-                least if least > bands::LEFT[0] => Grade::Fair,
-                _ => Grade::Good,
+            let [fair, poor] = bands::LEFT.map(|band| least > band);
+            let grade = if poor {
+                Grade::Poor
+            } else if fair {
+                Grade::Fair
+            } else {
+                Grade::Good
             };
             if grade > Grade::Good {
                 verdict.add(

@@ -227,13 +227,12 @@ pub struct Shown {
     pub all: Option<HeldOut>,
 }
 
-/// Share beyond noise, less two standard errors, from which the residual of all pairs may show a cause.
-pub const DOUBTFUL: f64 = 0.08;
+/// Share that is certainly left beyond noise, from which the residual of all pairs may show a cause.
+const DOUBTFUL: f64 = 0.08;
 
 impl Shown {
     fn of(trial: &Trial<'_>, fitted: Fitted) -> Result<Shown> {
-        let left = fitted.held.left();
-        let is_doubtful = left.excess() - 2.0 * left.standard_error() > DOUBTFUL;
+        let is_doubtful = fitted.held.left().certain() > DOUBTFUL;
         let all = if is_doubtful { trial.all(&fitted.surface.layers)? } else { None };
         Ok(Shown { held: fitted.held, all })
     }

@@ -119,12 +119,8 @@ impl<'c> Trial<'c> {
     /// # Errors
     /// The device fails.
     pub fn all(&self, layers: &[Maps]) -> Result<Option<HeldOut>> {
-        let outline = self.capture.outline();
-        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
-        let options = self.options.clone().with(|o| o.pairs = outline.pair_count());
-        let mut fit = Fit::new(&self.gpu, &problem, &options, [0, 1], Judge::All)?;
-        fit.take(&self.capture)?;
-        fit.seen(layers)?.map_or(Ok(None), |_| fit.judged())
+        let options = self.options.clone().with(|o| o.pairs = self.capture.pair_count());
+        self.rendered(layers, &options, Judge::All)
     }
 
     /// The pairs that are held out, with the rendering of these layers by sharp paths; `None` if they explain no light.
@@ -132,9 +128,13 @@ impl<'c> Trial<'c> {
     /// # Errors
     /// The device fails.
     pub fn ideal(&self, layers: &[Maps]) -> Result<Option<HeldOut>> {
+        self.rendered(layers, &self.options, Judge::HeldOut)
+    }
+
+    fn rendered(&self, layers: &[Maps], options: &SurfaceOptions, judge: Judge) -> Result<Option<HeldOut>> {
         let outline = self.capture.outline();
         let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
-        let mut fit = Fit::new(&self.gpu, &problem, &self.options, [0, 1], Judge::HeldOut)?;
+        let mut fit = Fit::new(&self.gpu, &problem, options, [0, 1], judge)?;
         fit.take(&self.capture)?;
         fit.seen(layers)?.map_or(Ok(None), |_| fit.judged())
     }

@@ -226,7 +226,7 @@ fn the_end_of_the_light_does_not_depend_on_the_record() {
     let c = capture([8, 8], 512, |p, b| if b < 4 { 9000.0 } else { count(p, b) });
     let end = |after| ((light_gate(&c, after).unwrap().gate.to - c.t_start) / c.bin_width).round() as usize;
     assert!(end(None) <= 26 && end(Some(c.edge(8))) > 60, "{} {}", end(None), end(Some(c.edge(8))));
-    // Where it goes on to the end of the record, nothing is left out.
+    // With light up to the end of the record, nothing is left out.
     assert_eq!(light_gate(&capture([8, 8], 128, |_, b| b as f32), None), None);
 }
 

@@ -46,7 +46,7 @@ pub struct Generated {
     pub there: usize,
     /// Seeds without a scene, and why.
     pub failed: Vec<(u64, Error)>,
-    /// Whether it was stopped; the same call goes on.
+    /// Whether it was stopped. The same call continues.
     pub stopped: bool,
 }
 

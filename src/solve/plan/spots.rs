@@ -1,5 +1,7 @@
 //! The pairs that light is rendered for where laser and sensor see more than points.
 
+use glam::DVec3;
+
 use super::{Level, LevelPairs, Plan};
 use crate::gpu::Buffer;
 use crate::transport::kernels::buffer;
@@ -62,12 +64,7 @@ impl Plan {
         let words: usize = stages.iter().chain(&spots.back).map(SpotTaps::len_of_words).sum();
         vec![
             (buffer::SPOT_TAPS, words as u64 * 4),
-            (
-                WALL,
-                ((spots.rendered.wall.all_points().count()
-                    + spots.rendered.wall.normals.as_ref().map_or(0, Vec::len))
-                    * 16) as u64,
-            ),
+            (WALL, (spots.rendered.wall.words(DVec3::ZERO).len() * 16) as u64),
             (SEEN, cells(self.scene.pairs.max(spots.rendered.wall.pairs()))),
             (BETWEEN, inner.map_or(0, cells)),
         ]

@@ -278,7 +278,10 @@ impl Fit {
             upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))
         };
         set_weights(job, placed, factor)?;
-        upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
+        // Maps on the way show pixels without a surface as they were; those at the end have their own.
+        if watch.maps_every.is_some() || !watch.maps_at.is_empty() {
+            upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
+        }
         job.executor.run_once(|s| keep(s, count, KEPT))?;
         driven.seconds += clock.elapsed().as_secs_f64();
         driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
@@ -503,7 +506,7 @@ fn placed(
     if let Some(left) = known {
         return place_known(job, level, pixels, [energy, left]).map(Some);
     }
-    // One batch of many tells the scale: rendering all pairs would take longer than the iterations.
+    // With many batches one is enough for the scale: rendering all pairs would take longer than the iterations.
     let compared = match job.plan.batches_held() {
         all if all.len() > FEW => (all[0], energies[0]),
         _ => (*level, energy),

@@ -135,7 +135,12 @@ impl Left {
         self.beyond_noise().sum::<f64>().max(0.0)
     }
 
-    /// The same by pair.
+    /// The share that is left beyond noise and beyond chance: less two standard errors.
+    pub fn certain(&self) -> f64 {
+        self.excess() - 2.0 * self.standard_error()
+    }
+
+    /// What is left beyond noise by pair.
     fn beyond_noise(&self) -> impl Iterator<Item = f64> {
         let signal = self.signal();
         let noise = self.noise / self.pairs.len().max(1) as f64;

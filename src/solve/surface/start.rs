@@ -54,8 +54,8 @@ pub(crate) struct Starts {
 }
 
 impl Starts {
-    /// The start of fits of a capture, given in its own bins and in those of `problem`: the network, or a closed form where the
-    /// network sees nothing, or one surface of two.
+    /// The start of fits of a capture, given in its own bins and in those of `problem`: the network, with what a light-cone transform
+    /// shows beside it, or a closed form where the network sees nothing.
     ///
     /// # Errors
     /// Those of [`seen`] and [`Start::layers`].

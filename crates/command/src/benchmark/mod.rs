@@ -119,7 +119,7 @@ pub fn benchmark(what: &Benchmark, sides: &mut dyn Sides) -> Result<Benched> {
         sides.end(&done);
         page.seconds += done.seconds;
         page.cases.push(done);
-        // Nobody chose random scenes: the worst ones show what to do next.
+        // Random scenes by quality, worst first.
         if page.cases.iter().all(|case| case.group == "family") {
             let own = |case: &pages::CaseResults| {
                 case.sides.first().map_or(f64::INFINITY, |side| side.values[pages::OWN])

@@ -48,8 +48,8 @@ impl Capture {
         )))
     }
 
-    /// Puts the beginning of a record behind its end where light goes on from one to the other: paths longer than the laser's period
-    /// come again at 0.
+    /// Moves the beginning of a record behind its end where the light of both is the same: the counts of paths longer than the laser's
+    /// period are recorded from 0 on.
     pub(super) fn undo_roll(&mut self) -> Option<String> {
         let mean = self.mean_histogram();
         let most = mean.iter().copied().fold(0.0, f64::max);

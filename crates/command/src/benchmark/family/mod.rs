@@ -176,7 +176,7 @@ impl FamilyCase {
         self.described()
     }
 
-    /// The same case, scanned by other points: so many per side.
+    /// The same case with another number of scan points per side.
     pub fn scanned(mut self, scan: usize) -> FamilyCase {
         self.scene.scan = scan;
         self.described()
