@@ -202,6 +202,10 @@ pub fn estimate(
             let Candidate { layers, step, .. } = best.fitted.surface;
             let Starts { layers: closed, light, seen } = Starts::clone(&search.starts);
             begun = Some(Begun { layers, closed, is_far: is_far && seen.is_some(), seen, light, step });
+        } else if search.finds_start && search.starts.seen.is_some() {
+            // No trial found a surface: what the network sees may still explain light at full resolution.
+            let Starts { layers, light, seen } = Starts::clone(&search.starts);
+            begun = Some(Begun { light, is_far: true, ..Begun::of(layers, seen) });
         }
         found
     });
