@@ -32,9 +32,9 @@ use sizes::*;
 pub use sizes::{BANDS, DEEP, NEAR, SIDE};
 use tensor::Tensor;
 
-/// Pairs that it looks at, at most; and at least, as it has seen no coarser scan.
+/// Pairs that it looks at, at most; and at least, as it has seen no scan coarser than 8 × 8 points.
 pub const MOST_PAIRS: usize = 1024;
-pub const LEAST_PAIRS: usize = 200;
+pub const LEAST_PAIRS: usize = 49;
 
 /// Probabilities above which pixels are the first surface of a fit, and of a fit whose support stays.
 pub const SURE: f32 = 0.3;

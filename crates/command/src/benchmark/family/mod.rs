@@ -34,6 +34,9 @@ struct Ranges {
     /// Shares of scenes of flat things only, and of scenes without room.
     flat: f64,
     alone: f64,
+    /// Shares of things that are signs, and of other things whose parts differ in albedo.
+    signs: f64,
+    pieced: f64,
     /// Scan points per side, by weights.
     scans: &'static [(f64, usize)],
     /// Most photons of the strongest bin.
@@ -50,6 +53,8 @@ const TO_MEASURE: Ranges = Ranges {
     clear: 0.3,
     flat: 0.0,
     alone: 0.0,
+    signs: 0.0,
+    pieced: 0.0,
     scans: &[(0.3, 24), (0.6, 32), (0.07, 48), (0.03, 64)],
     photons: 1e5,
     pulse: [0.01, 0.06],
@@ -63,6 +68,8 @@ const TO_TRAIN: Ranges = Ranges {
     clear: 0.12,
     flat: 0.15,
     alone: 0.3,
+    signs: 0.12,
+    pieced: 0.25,
     scans: &[(0.1, 8), (0.15, 12), (0.2, 16), (0.25, 24), (0.2, 32), (0.06, 48), (0.04, 64)],
     photons: 1e6,
     pulse: [0.005, 0.08],
@@ -243,7 +250,7 @@ impl FamilyCase {
     }
 }
 
-/// Things before a wall of 1 m, each of one albedo, and their names.
+/// Things before a wall of 1 m, and their names.
 fn things(dice: &mut Dice, ranges: &Ranges) -> (Vec<Object>, String) {
     let count = dice.one(ranges.counts);
     let is_flat = dice.maybe(ranges.flat);
@@ -251,7 +258,12 @@ fn things(dice: &mut Dice, ranges: &Ranges) -> (Vec<Object>, String) {
     // Side by side, in any order, each at a depth of its own.
     let from = dice.of(0.0, 1.0);
     for i in 0..count {
-        let (name, parts) = if is_flat { things::flat(dice) } else { things::any(dice) };
+        let is_sign = dice.maybe(ranges.signs);
+        let (name, parts) = match is_sign {
+            true => things::sign(dice),
+            false if is_flat => things::flat(dice),
+            false => things::any(dice),
+        };
         let size = match count {
             1 => dice.of(ranges.size[0], ranges.size[1]),
             2 => dice.of(0.3, 0.6),
@@ -267,7 +279,11 @@ fn things(dice: &mut Dice, ranges: &Ranges) -> (Vec<Object>, String) {
         let depth = near + deeper * ((from + i as f64 / count as f64 + dice.of(0.0, 0.2)) % 1.0);
         let parts = things::placed(&parts, size, at.extend(depth), ranges.clear);
         let albedo = dice.of(0.3, 1.0);
-        objects.extend(parts.into_iter().map(|mesh| Object { mesh, albedo }));
+        let is_pieced = is_sign || dice.maybe(ranges.pieced);
+        objects.extend(parts.into_iter().enumerate().map(|(part, mesh)| {
+            let share = if is_pieced && part > 0 { dice.log(0.05, 1.5) } else { 1.0 };
+            Object { mesh, albedo: (albedo * share).min(1.0) }
+        }));
         names.push(format!("{name}{}", if aside { " (partly outside)" } else { "" }));
     }
     (objects, names.join(", "))

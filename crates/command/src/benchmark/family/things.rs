@@ -3,7 +3,7 @@
 
 use std::f64::consts::TAU;
 
-use glam::{DVec3, dvec3};
+use glam::{DVec3, dvec2, dvec3};
 use thirdbounce::simulate::{Mesh, Placement, capsule, ellipsoid, letter, rectangle, torus};
 
 use super::dice::Dice;
@@ -14,6 +14,11 @@ type Kind = (f64, (&'static str, fn(&mut Dice) -> Vec<Mesh>, f64, f64));
 /// A plate or a letter.
 pub fn flat(dice: &mut Dice) -> (&'static str, Vec<Mesh>) {
     built(dice, &[(0.5, ("plate", plate, 35.0, 60.0)), (0.5, ("letter", one_letter, 10.0, 30.0))])
+}
+
+/// A plate with patches of other albedos in front of it, turned at random: its name, and the plate before its patches.
+pub fn sign(dice: &mut Dice) -> (&'static str, Vec<Mesh>) {
+    built(dice, &[(1.0, ("sign", painted, 35.0, 60.0))])
 }
 
 /// Any thing, turned at random: its name and parts.
@@ -189,6 +194,17 @@ fn ring(dice: &mut Dice) -> Vec<Mesh> {
 
 fn plate(dice: &mut Dice) -> Vec<Mesh> {
     vec![rectangle(DVec3::ZERO, DVec3::Y * 0.5, DVec3::X * dice.of(0.12, 0.5))]
+}
+
+fn painted(dice: &mut Dice) -> Vec<Mesh> {
+    let half = dvec2(0.5, dice.of(0.25, 0.5));
+    let mut parts = vec![rectangle(DVec3::ZERO, DVec3::Y * half.y, DVec3::X * half.x)];
+    for _ in 0..dice.one(&[(0.4, 1), (0.3, 2), (0.2, 3), (0.1, 5)]) {
+        let size = half * dvec2(dice.of(0.1, 0.6), dice.of(0.1, 0.6));
+        let at = (half - size) * dvec2(dice.of(-1.0, 1.0), dice.of(-1.0, 1.0));
+        parts.push(rectangle(at.extend(-0.005), DVec3::Y * size.y, DVec3::X * size.x));
+    }
+    parts
 }
 
 fn block(dice: &mut Dice) -> Vec<Mesh> {
