@@ -1,6 +1,7 @@
 //! A capture to maps in one call, and sessions for frames of one scan.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 
 use crate::Result;
 use crate::capture::{Capture, conditioning};
@@ -10,7 +11,7 @@ use crate::maps::Maps;
 use crate::maps::Truth;
 #[cfg(feature = "formats")]
 use crate::measure::Metrics;
-use crate::resolve::{Job, with_warnings};
+use crate::resolve::{Job, with_capture};
 use crate::session::{Session, SessionOptions};
 use crate::settings::{Calibrate, Settings};
 use crate::simulate::{RenderOptions, Scene};
@@ -43,7 +44,7 @@ pub fn reconstruct_with(
     job.conclude(&mut result, &mut []);
     result.notes = job.estimates.notes();
     let warnings = capture.warnings();
-    result.verdict = Some(with_warnings(&job.verdict, &[&warnings[..], &result.warnings].concat()));
+    result.verdict = result.verdict.map(|of_maps| Arc::new(with_capture((*of_maps).clone(), &warnings, &[])));
     result.warnings.splice(0..0, warnings);
     Ok(result)
 }

@@ -154,6 +154,13 @@ pub fn with_warnings(verdict: &Arc<Verdict>, warnings: &[String]) -> Arc<Verdict
     verdict
 }
 
+/// The verdict of maps with what is known of their capture: faults that are certain make it poor, what looks wrong fair.
+pub fn with_capture(mut verdict: Verdict, warnings: &[String], faults: &[String]) -> Verdict {
+    warnings.iter().for_each(|warning| verdict.add(Grade::Fair, warning));
+    faults.iter().for_each(|fault| verdict.add(Grade::Poor, fault));
+    verdict
+}
+
 /// The note on a preset that is not set.
 pub fn preset_note(preset: Preset, why: &str) -> String {
     format!("{why}: the preset {} is used", preset.name())
@@ -167,4 +174,22 @@ pub fn summed_note(sum: usize, width: f64) -> Option<String> {
             1e3 * width
         )
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_suspicious_capture_is_fair_and_a_certain_fault_poor() {
+        let [odd, broken] = ["odd", "broken"].map(|text| vec![text.to_owned()]);
+        let graded = |warnings: &[String], faults: &[String]| {
+            let verdict = with_capture(Verdict::GOOD, warnings, faults);
+            (verdict.grade, verdict.reasons)
+        };
+        assert_eq!(graded(&odd, &[]), (Grade::Fair, odd.clone()));
+        let (grade, reasons) = graded(&odd, &broken);
+        assert_eq!(grade, Grade::Poor);
+        assert!(reasons.contains(&broken[0]));
+    }
 }

@@ -15,6 +15,7 @@ use crate::export::report::Report;
 use crate::files::staging::Staging;
 use crate::gpu::{Gpu, KernelTime};
 use crate::maps::{Maps, Truth};
+use crate::resolve::with_capture;
 use crate::solve::{Progress, Reconstruction, VolumeMap};
 use crate::{Grade, Result, Verdict};
 
@@ -112,7 +113,7 @@ fn solve_checked(
     let result = done.result;
     let mut warnings = [&loaded.warnings[..], &result.warnings].concat();
     let of_maps = result.verdict.as_deref().cloned().unwrap_or(Verdict::GOOD);
-    let verdict = verdict_of(loaded, of_maps);
+    let verdict = with_capture(of_maps, &loaded.warnings, &loaded.faults);
     // A poor result is never without a warning.
     let first = verdict.reasons.first().filter(|r| verdict.grade == Grade::Poor && !warnings.contains(r));
     warnings.extend(first.cloned());
@@ -133,13 +134,6 @@ fn solve_checked(
         title: title(&loaded.path),
         preview,
     })
-}
-
-/// The verdict with what is known of the capture: faults that are certain, and what looks wrong.
-fn verdict_of(loaded: &Loaded, mut verdict: Verdict) -> Verdict {
-    loaded.warnings.iter().for_each(|warning| verdict.add(Grade::Fair, warning));
-    loaded.faults.iter().for_each(|fault| verdict.add(Grade::Poor, fault));
-    verdict
 }
 
 impl Outcome {

@@ -57,6 +57,7 @@ fn reconstruct_returns_the_maps_of_the_command() {
     let solved = reconstruct(&gpu, &capture, &small()).unwrap();
     assert!(format!("{:?}", solved.maps) == want);
     assert!(solved.maps.mask.contains(&true) && solved.volume.is_none());
+    assert_eq!(solved.verdict.as_deref(), Some(&of_command.verdict));
     // The note on the impulse response ends with seconds. The first one of the command is on the preset.
     let plain = |note: &String| note.split(" tried in ").next().map(str::to_owned);
     assert_eq!(solved.notes.len(), 3, "high-pass, model and pulse");

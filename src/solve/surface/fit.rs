@@ -259,9 +259,8 @@ impl Fit {
         let gpu_before = job.executor.gpu_seconds();
         let level = job.plan.levels.pixels.expect("a fit has pixels");
         let pixels = Pixels::of(layers, needs::pixels(&job.plan));
-        let count = pixels.len();
+        let [count, begin] = [pixels.len(), driven.trace.last().map_or(0, |p| p.iteration)];
         self.pixels = count;
-        let begin = driven.trace.last().map_or(0, |p| p.iteration);
         let [noise, energy] = job.light();
         let placed = placed(job, &level, &pixels, &self.energies, known, begin)?;
         let Some(mut placed) = placed else {
