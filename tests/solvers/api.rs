@@ -60,15 +60,16 @@ fn reconstruct_returns_the_maps_of_the_command() {
     assert_eq!(solved.verdict.as_deref(), Some(&of_command.verdict));
     // The note on the impulse response ends with seconds. The first one of the command is on the preset.
     let plain = |note: &String| note.split(" tried in ").next().map(str::to_owned);
-    assert_eq!(solved.notes.len(), 3, "high-pass, model and pulse");
-    assert!(solved.notes.iter().map(plain).eq(of_command.notes[1..4].iter().map(plain)));
+    assert_eq!(solved.notes.len(), 4, "start, high-pass, model and pulse");
+    assert!(solved.notes.iter().map(plain).eq(of_command.notes[1..5].iter().map(plain)));
     let last = solved.trace.last().unwrap();
     assert!(last.seconds > 0.0 && last.seconds <= solved.solve_seconds);
     let written = write(folder.path().join("maps"), &solved.maps).unwrap();
     assert!(written.len() > 3 && written.iter().all(|file| file.is_file()));
 
-    // A session has no candidates: its frames are those of a run whose support is the closed form's.
-    let fixed = Settings::from_texts([texts[0], texts[1], texts[2], ("support", "fixed")]).unwrap();
+    // A session has no candidates and no network: its frames are those of a run whose support is the closed form's.
+    let fixed = [texts[0], texts[1], texts[2], ("support", "fixed"), ("begin", "lct")];
+    let fixed = Settings::from_texts(fixed).unwrap();
     let want = format!("{:?}", reconstruct(&gpu, &capture, &fixed).unwrap().maps);
     let mut session = session_of(&gpu, &capture, &fixed, SessionOptions::default()).unwrap();
     session.submit(&capture.histograms).unwrap();

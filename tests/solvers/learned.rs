@@ -168,7 +168,7 @@ fn kernels_need_little_memory_and_what_does_not_fit_is_an_error() {
 #[test]
 fn the_network_is_not_asked_for_what_it_has_never_seen() {
     let gpu = gpu();
-    let few = plate(8, 1.0, 0.4);
+    let few = plate(6, 1.0, 0.4);
     assert!(LearnedStart::of(&gpu, &few, None).unwrap().is_none());
     let options = SurfaceOptions::default().with(|o| {
         (o.lateral, o.iterations, o.reflectance) = (16, 2, Reflectance::Cosine);
@@ -181,7 +181,7 @@ fn the_network_is_not_asked_for_what_it_has_never_seen() {
         options.solve(&gpu, &Problem::new(&few, grid), &mut watch)
     };
     let error = solve(&options).unwrap_err();
-    assert!(error.kind == Kind::Input && error.what.contains("64 pairs"), "{error}");
+    assert!(error.kind == Kind::Input && error.what.contains("36 pairs"), "{error}");
     // Without an explicit request a closed form begins.
     let maps = solve(&options.with(|o| o.begin = Begin::Auto)).unwrap().maps;
     assert!(maps.mask.contains(&true));
