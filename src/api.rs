@@ -44,7 +44,8 @@ pub fn reconstruct_with(
     job.conclude(&mut result, &mut []);
     result.notes = job.estimates.notes();
     let warnings = capture.warnings();
-    result.verdict = result.verdict.map(|of_maps| Arc::new(with_capture((*of_maps).clone(), &warnings, &[])));
+    result.verdict =
+        result.verdict.map(|of_maps| Arc::new(with_capture(Arc::unwrap_or_clone(of_maps), &warnings, &[])));
     result.warnings.splice(0..0, warnings);
     Ok(result)
 }
