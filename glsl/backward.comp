@@ -2,9 +2,9 @@
 // one or two bins that the voxel reaches in each: no atomics, sums in registers. Neighbouring lanes own neighbours in
 // brick order and read neighbouring bins of a histogram. With few voxels several lanes share one (slices.glsl).
 // Writes dLoss / d(raw variables at the sample point): the chain rule through ELU, tanh and normalize is applied
-// here, the adjoint of the interpolation in update.comp. With pairs in parts, sums continue from the previous part: a
-// lane that owns its voxel alone adds in the order of the whole, so parts are bit-identical to it. Adam amplifies
-// rounding errors where a gradient is near zero. Lambertian sums are completed at the end of every part, hence added.
+// here, the adjoint of the interpolation in update.comp. Several dispatches over pairs continue their sums: a lane
+// that owns its voxel alone adds in the order of one dispatch, to the same bits. Lambertian sums are completed at the end
+// of each, hence added.
 // EXACT = 0 omits the falloff from the gradient, as the paper does: the exact gradient of the objective weighted by
 // the falloff.
 #version 460

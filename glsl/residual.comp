@@ -3,8 +3,7 @@
 // backward kernel. It then clears the sum for the next iteration, which saves a pass. Padding (place.glsl) adds no
 // loss and becomes zero in both. Squared differences are summed in a fixed order: here per invocation or, with
 // GROUPED, per workgroup; then in finish.comp. Not GROUPED on CPUs, where a tree over a workgroup costs twenty times
-// as much as its bins. With pairs in parts, every part but the first has BACKWARD_CONTINUE and adds to the previous
-// sums.
+// as much as its bins.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -74,13 +73,11 @@ void main() {
             ++pair;
         }
     }
-    bool more = (push.flags & BACKWARD_CONTINUE) != 0u;
     if (GROUPED != 0u) {
         vec3 all = sum_over_group(vec3(squared.xy, 0.0));
-        if (gl_LocalInvocationID.x == 0u) loss_partials[group] = all.xy + (more ? loss_partials[group] : vec2(0.0));
+        if (gl_LocalInvocationID.x == 0u) loss_partials[group] = all.xy;
     } else {
-        uint own = group * WORKGROUP + gl_LocalInvocationID.x;
-        loss_partials[own] = squared.xy + (more ? loss_partials[own] : vec2(0.0));
+        loss_partials[group * WORKGROUP + gl_LocalInvocationID.x] = squared.xy;
     }
     bool rendered = finite(squared.z);
     watch(rendered, FAULT_FORWARD);

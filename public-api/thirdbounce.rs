@@ -804,7 +804,6 @@ pub enum Place {
     Device,
     Upload,
     Readback,
-    Store,
 }
 pub fn devices() -> Result<Vec<DeviceInfo>> {}
 #[derive(Debug, Clone, PartialEq)]

@@ -31,10 +31,9 @@ void clear_padding(uint cell) {
     if (SPOT == 0u) histograms[cell] = ZERO;
 }
 
-// Writes or continues the partial sums of a row: squared differences, filtered and plain.
+// Writes the partial sums of a row: squared differences, filtered and plain.
 void close_row(uint pair, vec2 sums, bool is_rendered) {
-    bool more = (push.flags & BACKWARD_CONTINUE) != 0u;
-    loss_partials[pair] = sums + (more ? loss_partials[pair] : vec2(0.0));
+    loss_partials[pair] = sums;
     watch(is_rendered, FAULT_FORWARD);
     watch(!is_rendered || finite(sums.x + sums.y), FAULT_RESIDUAL);
 }

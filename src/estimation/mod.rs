@@ -212,8 +212,8 @@ pub fn estimate(
     let ((reflectance, pulse), failed) = match searched {
         Ok(answer) => (answer, None),
         Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
-        // The device refuses what is less than the solve needs. A budget may allow the solve in parts.
-        Err(e) if e.kind == Kind::Memory && request.memory.is_none() => return Err(e),
+        // A fit needs less than the solve.
+        Err(e) if e.kind == Kind::Memory => return Err(e),
         Err(e) => ((usual, (find_pulse == FindPulse::Always).then_some(Shape::SHARP)), Some(e.what)),
     };
     let seconds = start.elapsed().as_secs_f64();

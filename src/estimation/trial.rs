@@ -4,7 +4,6 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::constants::{ITERATIONS, ROUNDS};
-use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
@@ -12,6 +11,7 @@ use crate::solve::Problem;
 use crate::solve::drive::{Driven, Watch};
 use crate::solve::surface::{self, Candidate, Fit, HeldOut, Judge, Rounds, Run, Starts, SurfaceOptions};
 use crate::transport::{Grid, Reflectance};
+use crate::{Kind, Result};
 
 /// Fits with one model of reflectance.
 pub struct Trial<'c> {
@@ -114,13 +114,16 @@ impl<'c> Trial<'c> {
         Ok(Some(Fitted { surface, held }))
     }
 
-    /// All pairs, with the rendering of these layers; `None` if they explain no light, or pairs are taken in parts.
+    /// All pairs, with the rendering of these layers; `None` if they explain no light, or all pairs do not fit.
     ///
     /// # Errors
     /// The device fails.
     pub fn all(&self, layers: &[Maps]) -> Result<Option<HeldOut>> {
         let options = self.options.clone().with(|o| o.pairs = self.capture.pair_count());
-        self.rendered(layers, &options, Judge::All)
+        match self.rendered(layers, &options, Judge::All) {
+            Err(e) if e.kind == Kind::Memory => Ok(None),
+            rendered => rendered,
+        }
     }
 
     /// The pairs that are held out, with the rendering of these layers by sharp paths; `None` if they explain no light.

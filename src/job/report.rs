@@ -28,8 +28,6 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
         plan: report::PlanReport {
             variants: result.plan.variants(),
             left_out: result.plan.left_out.clone(),
-            parts: result.plan.part_counts(),
-            stored_bytes: result.plan.stored_bytes(),
             buffers: result.plan.bytes(),
             full: result.full,
         },

@@ -150,8 +150,8 @@ settings! {
     "Device" {
         /// Index or part of the name of the device (see `thirdbounce devices`) [default: the best kind available]
         device: String = text::words, Range::Text("DEVICE");
-        /// Largest amount of device memory to use: bytes in Rust; as text a number in MiB, or with K, M or G behind it. Pairs
-        /// whose histograms do not fit are processed in parts [default: all free memory]
+        /// Largest amount of device memory to use: bytes in Rust; as text a number in MiB, or with K, M or G behind it
+        /// [default: all free memory]
         memory: u64 = text::memory, Range::Text("SIZE");
     }
 }

@@ -4,7 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::estimate::{energy, expected_noise};
-use super::plan::{COLUMNS_HOST, MASK_HOST, PairPart, RAW_HOST, UPLOAD};
+use super::plan::{COLUMNS_HOST, MASK_HOST, RAW_HOST, UPLOAD};
 use super::{Plan, rounding};
 use crate::Result;
 use crate::gpu::{Arena, Buffer, Command, Executor, Gpu, Schedule, Ticket};
@@ -86,15 +86,8 @@ impl OnDevice {
     fn upload_scan(&mut self) -> Result<()> {
         let OnDevice { plan, model, executor, .. } = self;
         let mut all = Uploads::begin(executor)?;
-        if plan.is_cut() {
-            for part in plan.parts(plan.finest()) {
-                let wall = model.wall.stretch(part.first, part.own.count);
-                all.store(&part, part.own.wall, bytemuck::cast_slice(&wall.words(model.centre)));
-            }
-        } else {
-            let wall = model.wall.first(plan.finest().pairs);
-            all.add(buffer::WALL, bytemuck::cast_slice(&wall.words(model.centre)))?;
-        }
+        let wall = model.wall.first(plan.finest().pairs);
+        all.add(buffer::WALL, bytemuck::cast_slice(&wall.words(model.centre)))?;
         for batch in plan.stretches() {
             let wall = model.wall.stretch(batch.first, batch.pairs);
             all.add(batch.wall, bytemuck::cast_slice(&wall.words(model.centre)))?;
@@ -186,21 +179,13 @@ impl<'e> Uploads<'e> {
         submitted.map(|_| ())
     }
 
-    /// Adds the scenes and the measured values. Stores those of parts.
+    /// Adds the scenes and the measured values.
     fn add_counts(&mut self, plan: &Plan, model: &Model) -> Result<()> {
         self.add_scenes(plan, model)?;
-        if !plan.is_cut() {
-            return self.add(buffer::MEASURED, bytemuck::cast_slice(&model.measured));
-        }
-        // An outline has no counts yet.
-        for part in plan.parts(plan.finest()).filter(|_| !model.measured.is_empty()) {
-            let bins = part.first * model.bins..(part.first + part.own.count) * model.bins;
-            self.store(&part, part.measured, bytemuck::cast_slice(&model.measured[bins]));
-        }
-        Ok(())
+        self.add(buffer::MEASURED, bytemuck::cast_slice(&model.measured))
     }
 
-    /// Adds the scenes of levels, of batches and of parts.
+    /// Adds the scenes of levels and of batches.
     pub fn add_scenes(&mut self, plan: &Plan, model: &Model) -> Result<()> {
         for (buffer, bytes) in &plan.blocks {
             self.add(*buffer, bytes)?;
@@ -215,23 +200,8 @@ impl<'e> Uploads<'e> {
                 let scene = model.scene_of_rendered(&level.grid, level.pairs, &spots.rendered);
                 self.add(level.rendered.scene, bytemuck::bytes_of(&plan.scene_of(&level.rendered, scene)))?;
             }
-            let mut added = None;
-            for part in plan.parts(level).filter(PairPart::is_cut) {
-                // All but the last part have the same.
-                if added != Some(part.own.scene) {
-                    self.add(part.own.scene, bytemuck::bytes_of(&plan.scene_of(&part.own, scene)))?;
-                    added = Some(part.own.scene);
-                }
-            }
         }
         Ok(())
-    }
-
-    /// Writes what the device copies to `device` for a part.
-    fn store(&mut self, part: &PairPart, device: Buffer, bytes: &[u8]) {
-        for stored in part.stored.iter().filter(|stored| stored.device == device) {
-            self.executor.write_at(stored.host, stored.offset, bytes);
-        }
     }
 }
 

@@ -23,8 +23,6 @@ pub struct TimedSchedule {
     pub lateral: usize,
     /// Pairs of that level.
     pub pairs: usize,
-    /// In how many parts they are taken: 1 if all are on the device at once.
-    pub in_parts: usize,
     /// Barriers between its commands.
     pub barriers: usize,
     /// Its commands in order.
@@ -69,9 +67,8 @@ pub(super) fn of(
         when,
         lateral: level.grid.n[0],
         pairs: level.pairs,
-        in_parts: plan.parts(level).count(),
         barriers: barriers_of(plan, schedule),
-        steps: folded(steps_of(plan, schedule)),
+        steps: steps_of(plan, schedule),
     };
     let mut level = 0;
     let start = Schedule::of(|s| (steps.start)(s, plan));
@@ -123,7 +120,6 @@ pub(super) fn of_start(
         when: When::Start,
         lateral: level.grid.n[0],
         pairs: level.pairs,
-        in_parts: plan.parts(level).count(),
         barriers: barriers_of(plan, schedule),
         steps,
     }]
@@ -165,47 +161,6 @@ fn steps_of(plan: &Plan, schedule: &Schedule) -> Vec<Step> {
 fn barriers_of(plan: &Plan, schedule: &Schedule) -> usize {
     let pass = |kernel| plan.passes.iter().find(|p| p.kernel == kernel);
     barriers(&schedule.commands, |kernel| pass(kernel).map_or(&[], |p| (p.code)(plan).bindings))
-}
-
-/// The most steps of a part of the pairs.
-const STEPS_OF_PART: usize = 24;
-
-/// The steps with those that repeat for each part of the pairs as one block, with the sizes of all.
-fn folded(steps: Vec<Step>) -> Vec<Step> {
-    let same = |a: &[Buffer], b: &[Buffer]| {
-        a.len() == b.len() && a.iter().zip(b).all(|(a, b)| Plan::of_same_kind(*a, *b))
-    };
-    let alike =
-        |a: &Step, b: &Step| a.name == b.name && same(&a.reads, &b.reads) && same(&a.writes, &b.writes);
-    let mut all: Vec<Step> = vec![];
-    let mut rest = &steps[..];
-    while let Some(first) = rest.first() {
-        let repeats = |wide: &usize| {
-            let block = rest.get(..*wide)?;
-            let times =
-                rest.chunks_exact(*wide).take_while(|b| b.iter().zip(block).all(|(a, b)| alike(a, b)));
-            Some((*wide, times.count())).filter(|(_, times)| *times > 1)
-        };
-        // Other steps may repeat, too, but mean something each.
-        let is_part = first.name == "copy" && is_stored(first);
-        let Some((wide, times)) = (2..=STEPS_OF_PART).find_map(|w| repeats(&w).filter(|_| is_part)) else {
-            all.push(first.clone());
-            rest = &rest[1..];
-            continue;
-        };
-        let (block, more) = rest.split_at(wide * times);
-        for at in 0..wide {
-            let sizes = block.iter().skip(at).step_by(wide).flat_map(|s| s.sizes.clone()).collect();
-            all.push(Step { sizes, ..block[at].clone() });
-        }
-        rest = more;
-    }
-    all
-}
-
-/// Whether a step copies what is stored on the host.
-fn is_stored(step: &Step) -> bool {
-    step.reads.iter().any(|b| *b != b.family() && Plan::of_same_kind(*b, b.family().at(u16::MAX)))
 }
 
 /// A command with what it reads and writes; `None` for a stage.
@@ -282,11 +237,10 @@ impl fmt::Display for When {
 /// One line for each command.
 impl fmt::Display for TimedSchedule {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let TimedSchedule { of, when, lateral, pairs, in_parts, barriers, steps } = self;
-        let parts = if *in_parts > 1 { format!(" in {in_parts} parts") } else { String::new() };
+        let TimedSchedule { of, when, lateral, pairs, barriers, steps } = self;
         writeln!(
             f,
-            "{of}, {when} ({lateral} x {lateral}, {pairs} pairs{parts}): {} commands, {barriers} barriers",
+            "{of}, {when} ({lateral} x {lateral}, {pairs} pairs): {} commands, {barriers} barriers",
             steps.iter().map(|s| s.sizes.len()).sum::<usize>()
         )?;
         let names = |all: &[Buffer]| all.iter().map(|b| b.to_string()).collect::<Vec<_>>().join(" ");

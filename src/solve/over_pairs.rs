@@ -2,89 +2,41 @@
 
 use super::Pass;
 use super::passes::{ARGUMENTS, PULSE, PULSE_BACK, RESIDUAL_ROWS, SPOT, SPOT_BACK, SPOT_MORE};
-use super::plan::{BETWEEN, LevelPairs, PairPart, SEEN, Spots};
+use super::plan::{BETWEEN, LevelPairs, SEEN, Spots};
 use super::{Level, Plan};
 use crate::gpu::{Buffer, Command, Schedule};
 use crate::transport::kernels::*;
 use crate::transport::{Geometry, SpotTaps, cells};
-
-/// Runs what `each` adds for a part of the pairs of `level`, for all its parts in order. Where there are several, the next
-/// one is copied to the device while one is computed: no barrier stands between the copies and what renders.
-pub(super) fn over_parts(
-    s: &mut Schedule,
-    plan: &Plan,
-    level: &Level,
-    mut each: impl FnMut(&mut Schedule, &PairPart),
-) {
-    let mut parts = plan.parts(level).peekable();
-    if let Some(first) = parts.peek() {
-        bring(s, first);
-    }
-    let mut sized = None;
-    while let Some(part) = parts.next() {
-        if let Some(next) = parts.peek() {
-            bring(s, next);
-        }
-        // The last part may be smaller.
-        if part.is_cut() && sized != Some(part.rendered.scene) {
-            size_passes(s, &part.rendered);
-            sized = Some(part.rendered.scene);
-        }
-        each(s, &part);
-        for stored in part.stored.iter().filter(|stored| stored.changes) {
-            s.copy(stored.device, stored.host, stored.bytes);
-        }
-    }
-}
 
 /// Sizes the passes over these rendered pairs, by how many samples are active.
 pub(super) fn size_passes(s: &mut Schedule, rendered: &LevelPairs) {
     s.dispatch(&ARGUMENTS, [1, 1, 1], 1).bind(buffer::SCENE, rendered.scene);
 }
 
-/// Copies what a part is computed from to its slot on the device.
-fn bring(s: &mut Schedule, part: &PairPart) {
-    for stored in &part.stored {
-        s.copy_from([stored.host, stored.device], stored.offset, stored.bytes);
-    }
-}
-
-/// Sums that go over all parts of a level's pairs end by this scene: its first part has the most partial sums.
-pub(super) fn scene_of_sums(plan: &Plan, level: &Level) -> Buffer {
-    plan.parts(level).next().map_or(level.scene, |part| part.own.scene)
-}
-
-/// A forward pass by `pass` over a part of the pairs, in as many dispatches as its accumulation takes.
-pub(super) fn forward(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, pass: &Pass) {
+/// A forward pass by `pass` over the pairs of `level`, in as many dispatches as its accumulation takes.
+pub(super) fn forward(s: &mut Schedule, plan: &Plan, level: &Level, pass: &Pass) {
     let flags = if plan.forward_direct(level) { FORWARD_DIRECT } else { 0 };
-    let chunks = plan.set_chunks(part.rendered.count);
+    let rendered = &level.rendered;
+    let chunks = plan.set_chunks(rendered.count);
     let of_set =
         (u64::from(chunks) * u64::from(plan.division.tuning.chunk)).min(plan.voxels_at(level) as u64);
-    let rendered = &part.rendered;
     let tiles =
         plan.division.tuning.tiles(plan.scene.geometry, [rendered.count, rendered.scanned, rendered.others]);
     let most = plan.division.tuning.most_chunks(plan.voxels_at(level), tiles).min(chunks.into());
-    for set in 0..plan.sets_of(level, part.rendered.count) {
-        let turns = of_set * part.rendered.count as u64;
+    for set in 0..plan.forward_sets(level) {
+        let turns = of_set * rendered.count as u64;
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_FORWARD + set), turns)
             .at_most([tiles as u32, most as u32, 1])
-            .bind(buffer::SCENE, part.rendered.scene)
-            .bind(buffer::WALL, part.rendered.wall)
+            .bind(buffer::SCENE, rendered.scene)
+            .bind(buffer::WALL, rendered.wall)
             .with(Push { first: set * chunks, flags, ..Default::default() });
     }
 }
 
-/// Compares the rendered histograms of a part of the pairs with the measurement by the pass `residual`, as the instrument
+/// Compares the rendered histograms of a level's pairs with the measurement by the pass `residual`, as the instrument
 /// shows them: summed over spots, spread by the pulse. Takes the residuals back through both for [`Plan::residual`].
-pub(super) fn compare(
-    s: &mut Schedule,
-    plan: &Plan,
-    level: &Level,
-    part: &PairPart,
-    residual: &Pass,
-    push: Push,
-) {
-    let bins = plan.scene.bins;
+pub(super) fn compare(s: &mut Schedule, plan: &Plan, level: &Level, residual: &Pass, push: Push) {
+    let (bins, own) = (plan.scene.bins, plan.measured(level));
     // Only the first pass after rendering may read fixed point.
     let mut sharp = (!plan.fixed_point()).then_some(buffer::HISTOGRAMS);
     if let Some(spots) = &plan.levels.spots {
@@ -94,43 +46,40 @@ pub(super) fn compare(
         sharp = Some(SEEN);
     }
     if plan.scene.pulse > 0 {
-        let turns = turns_of_pulse(part.own.count, bins, plan.scene.pulse);
-        let spread = s.dispatch(&PULSE, runs(part.own.count, bins), turns);
-        spread.bind(buffer::SCENE, part.own.scene);
+        let turns = turns_of_pulse(own.count, bins, plan.scene.pulse);
+        let spread = s.dispatch(&PULSE, runs(own.count, bins), turns);
+        spread.bind(buffer::SCENE, own.scene);
         if let Some(sharp) = sharp {
             spread.bind(buffer::SOURCE, sharp);
         }
     }
-    let flags = push.flags | if part.is_first() { 0 } else { BACKWARD_CONTINUE };
-    let cells = cells(part.own.count, bins);
+    let cells = cells(own.count, bins);
     // Rows are walked three times, by an invocation or a workgroup each.
     let rows_of_group = if plan.division.tuning.row_lanes > 0 { 1 } else { WORKGROUP };
     let (all, turns) = match *residual == RESIDUAL_ROWS {
-        true => (groups(part.own.count, rows_of_group), 3 * cells as u64),
+        true => (groups(own.count, rows_of_group), 3 * cells as u64),
         false => (groups(cells, WORKGROUP * RESIDUAL_BINS), cells as u64),
     };
     let compared = s
         .dispatch(residual, all, turns)
-        .bind(buffer::SCENE, part.own.scene)
-        .bind(buffer::MEASURED, part.measured)
-        .with(Push { flags, ..push });
-    if part.noise != buffer::NOISE_STATE && plan.has_noise() {
-        compared.bind(buffer::NOISE_STATE, part.noise);
-    }
+        .bind(buffer::SCENE, own.scene)
+        .bind(buffer::MEASURED, level.measured)
+        .with(push);
     if plan.scene.pulse == 0 && plan.has_spots() {
         compared.bind(buffer::SPREAD, SEEN);
     }
-    instrument_back(s, plan, level, part);
+    instrument_back(s, plan, level);
 }
 
-/// Takes the buffer `residual` of a part of the pairs back to the paths, into [`Plan::residual`]: through the pulse, then
+/// Takes the buffer `residual` of a level's pairs back to the paths, into [`Plan::residual`]: through the pulse, then
 /// through the spots. Nothing where paths are sharp and spots are points.
-fn instrument_back(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart) {
+fn instrument_back(s: &mut Schedule, plan: &Plan, level: &Level) {
+    let own = plan.measured(level);
     let mut from = buffer::RESIDUAL;
     if plan.scene.pulse > 0 {
-        let turns = turns_of_pulse(part.own.count, plan.scene.bins, plan.scene.pulse);
-        s.dispatch(&PULSE_BACK, runs(part.own.count, plan.scene.bins), turns)
-            .bind(buffer::SCENE, part.own.scene)
+        let turns = turns_of_pulse(own.count, plan.scene.bins, plan.scene.pulse);
+        s.dispatch(&PULSE_BACK, runs(own.count, plan.scene.bins), turns)
+            .bind(buffer::SCENE, own.scene)
             .bind(buffer::SOURCE, buffer::RESIDUAL);
         from = buffer::SPREAD;
     }
@@ -171,15 +120,15 @@ fn spot(
     }
 }
 
-/// Gathers [`Plan::residual`] over the rendered pairs of a part by `pass`.
-pub(super) fn gather(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, pass: &Pass) {
+/// Gathers [`Plan::residual`] over the rendered pairs of `level` by `pass`.
+pub(super) fn gather(s: &mut Schedule, plan: &Plan, level: &Level, pass: &Pass) {
     let voxels = plan.voxels_at(level);
-    for chunk in pair_chunks(plan, part, &part.rendered, voxels) {
+    for chunk in pair_chunks(plan, &level.rendered, voxels) {
         let turns = work_of(&chunk, voxels);
         s.indirect(pass, buffer::ARGUMENTS, arguments(ARGUMENTS_BACKWARD), turns)
             .at_most(groups(plan.division.tuning.most_groups(voxels), 1))
-            .bind(buffer::SCENE, part.rendered.scene)
-            .bind(buffer::WALL, part.rendered.wall)
+            .bind(buffer::SCENE, level.rendered.scene)
+            .bind(buffer::WALL, level.rendered.wall)
             .bind(buffer::RESIDUAL, plan.residual())
             .with(chunk);
     }
@@ -248,17 +197,16 @@ pub(super) fn turns_of_finish(plan: &Plan) -> u64 {
     (plan.bytes_of(buffer::LOSS_PARTIALS) + plan.bytes_of(buffer::L1_PARTIALS)) / 4
 }
 
-/// Evaluations of a part of a gather for `voxels` voxels.
-pub(super) fn work_of(part: &Push, voxels: usize) -> u64 {
-    u64::from(part.last - part.first) * voxels as u64
+/// Evaluations of a chunk of a gather for `voxels` voxels.
+pub(super) fn work_of(chunk: &Push, voxels: usize) -> u64 {
+    u64::from(chunk.last - chunk.first) * voxels as u64
 }
 
-/// Push constants of a gather over the measured or rendered pairs of a part, `all`, for `voxels` voxels, in as many
+/// Push constants of a gather over the measured or rendered pairs `all` for `voxels` voxels, in as many
 /// dispatches as the limits of loops and of the work of a dispatch need. A product is cut into whole rows of scanned
 /// points where they fit, else into stretches of one row.
 pub(super) fn pair_chunks(
     plan: &Plan,
-    part: &PairPart,
     all: &LevelPairs,
     voxels: usize,
 ) -> impl Iterator<Item = Push> + use<> {
@@ -266,7 +214,6 @@ pub(super) fn pair_chunks(
     let several = plan.scene.geometry == Geometry::Product && all.others > 1;
     let row = if several { all.scanned as u32 } else { pairs };
     let whole = row * (most / row).max(1);
-    let (goes_on, is_last) = (!part.is_first(), part.is_last());
     let mut first = 0;
     std::iter::from_fn(move || {
         if first == pairs {
@@ -276,8 +223,8 @@ pub(super) fn pair_chunks(
             true => (first + whole).min(pairs),
             false => (first + most).min((first / row + 1) * row),
         };
-        let more = if first > 0 || goes_on { BACKWARD_CONTINUE } else { 0 };
-        let end = if last == pairs && is_last { BACKWARD_FINISH } else { 0 };
+        let more = if first > 0 { BACKWARD_CONTINUE } else { 0 };
+        let end = if last == pairs { BACKWARD_FINISH } else { 0 };
         let chunk = Push { first, last, flags: more | end, ..Default::default() };
         first = last;
         Some(chunk)

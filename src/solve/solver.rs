@@ -7,7 +7,7 @@ use super::option::Options;
 use super::{Accumulation, Plan, Prepared, Reconstruction, Sizes, TimedSchedule, Watch};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::{Abilities, Gpu, check};
+use crate::gpu::{Abilities, Gpu};
 use crate::maps::Maps;
 use crate::transport::{Grid, Reflectance};
 
@@ -41,14 +41,6 @@ pub trait Solver: Options {
     /// # Errors
     /// The method does not take the capture (`Kind::Input`), or the grid exceeds the limits of the device.
     fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan>;
-
-    /// A plan of its own as it fits on a device, with `memory` bytes if that is given: as it is, or in parts of pairs.
-    ///
-    /// # Errors
-    /// It does not fit.
-    fn within(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
-        check(&plan.buffers, &gpu.memory(), memory).map(|()| plan)
-    }
 
     /// The schedules of a whole solve with `plan`; none if the device has no part in it.
     fn outline(&self, plan: &Plan) -> Vec<TimedSchedule>;

@@ -14,7 +14,7 @@ use super::{
     SurfaceSettings, default_volume, surface,
 };
 use crate::capture::Capture;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, check};
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Result};
 
@@ -280,12 +280,13 @@ impl SolverOptions {
         }
     }
 
-    /// The plan of a solve on a device as it is, in parts of pairs where all do not fit.
+    /// The plan of a solve on a device.
     ///
     /// # Errors
     /// As [`Solver::plan`], and it does not fit.
     pub fn plan_within(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Plan> {
-        self.within(self.plan(problem, &gpu.abilities())?, gpu, problem.memory)
+        let plan = self.plan(problem, &gpu.abilities())?;
+        check(&plan.buffers, &gpu.memory(), problem.memory).map(|()| plan)
     }
 
     /// The options of all solvers, each once, with its text and what it is by default.

@@ -11,7 +11,6 @@ mod live;
 mod outline;
 mod paper;
 mod paper_room;
-mod parts;
 mod physics;
 mod places;
 mod published;

@@ -51,26 +51,8 @@ fn assert_known(plan: &Plan, parts: &[TimedSchedule]) {
 
 #[test]
 fn the_outline_is_what_runs() {
-    outline_is_what_runs(8, 0.02, None);
-}
-
-/// Steps repeated for every part are one block.
-#[test]
-fn the_outline_of_pairs_in_parts_is_what_runs() {
-    let parts = outline_is_what_runs(24, 0.0025, Some(240 << 10));
-    let cut = parts.iter().find(|p| p.in_parts > 3 && matches!(p.when, When::Iterations(..)));
-    let cut = cut.expect("pairs in several parts");
-    assert!(cut.to_string().contains(&format!("pairs in {} parts)", cut.in_parts)), "{cut}");
-    let residual = || cut.steps.iter().filter(|s| s.name == "residual");
-    // The first part, those between, and the last, which may be smaller.
-    assert!(residual().count() <= 3, "{cut}");
-    assert_eq!(residual().map(|s| s.sizes.len()).sum::<usize>(), cut.in_parts, "{cut}");
-}
-
-/// Compares outlines of a scene by scan points per side with runs on a device with the given binding limit. Returns that of the surface solver.
-fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Vec<TimedSchedule> {
-    let gpu = Gpu::open(&GpuOptions { timings: true, binding, ..GpuOptions::default() }).expect("a device");
-    let scene = Scene { scan, bin_width, ..Scene::named("letter-L").unwrap() };
+    let gpu = Gpu::open(&GpuOptions { timings: true, ..GpuOptions::default() }).expect("a device");
+    let scene = Scene { scan: 8, bin_width: 0.02, ..Scene::named("letter-L").unwrap() };
     let capture = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
     let mut hear = |_: &_| std::ops::ControlFlow::Continue(());
     let check = |done: Reconstruction, parts: &[TimedSchedule]| {
@@ -109,9 +91,6 @@ fn outline_is_what_runs(scan: usize, bin_width: f64, binding: Option<u64>) -> Ve
         kernels.map(|step| step.sizes.len()).sum::<usize>()
     });
     // Points, forward, residual, gather, combine, pull and step; no pull once gradients are no longer spread.
-    if done.plan.parts(done.plan.finest()).count() == 1 {
-        assert_eq!(dispatches.collect::<Vec<_>>(), [7, 6]);
-    }
+    assert_eq!(dispatches.collect::<Vec<_>>(), [7, 6]);
     check(done, &rest);
-    rest
 }

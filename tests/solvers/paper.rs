@@ -2,7 +2,6 @@
 
 use std::ops::ControlFlow;
 
-use fixtures::captures::changed;
 use fixtures::device::*;
 use thirdbounce::Kind;
 use thirdbounce::advice::Setting;
@@ -279,17 +278,12 @@ fn what_cannot_run_is_refused_in_words() {
     let model = paper::model(&capture, &deep, &o);
     let error = Plan::new(&model, deep, capture.scan, &o, &gpu.abilities(), false).unwrap_err();
     assert!(error.what.contains("40000 voxels deep"), "{error}");
-    // Few workgroups make long chunks, but none too long. Where they are too few for the pairs, these are taken in parts,
-    // and refused where spots mix them.
+    // Few workgroups make long chunks, but none too long. Where they are too few for the pairs, these are refused.
     let mut few = gpu.abilities();
     few.limits.groups = [2, 3, 1];
     let cas = o.clone().with(|o| o.accumulation = Accumulation::Cas);
-    let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap();
-    assert!(plan.parts(plan.finest()).all(|part| part.own.count < 64));
-    let with_spot = changed(&capture, |c| c.sensor_spot = Some(0.1));
-    let mixed = paper::model(&with_spot, &grid(&capture, &o), &o);
-    let error = Plan::new(&mixed, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap_err();
-    assert!(error.what.contains("pairs"), "{error}");
+    let error = Plan::new(&model, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap_err();
+    assert!(error.what.contains("64 pairs are more"), "{error}");
     few.limits.groups = [8, 3, 1];
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap();
     assert!(3 * plan.division.tuning.chunk as usize >= plan.finest().grid.storage());

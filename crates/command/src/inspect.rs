@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use thirdbounce::advice::{Advice, advice};
 use thirdbounce::capture::Summary;
-use thirdbounce::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, Place};
+use thirdbounce::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, check};
 use thirdbounce::job::report::box_of;
 use thirdbounce::job::{self, Loaded, Request, SolverOptions, planned};
 use thirdbounce::resolve::{preset_note, summed_note};
@@ -49,11 +49,6 @@ pub struct PlanSummary {
     pub levels: Vec<usize>,
     /// Pairs used at each level.
     pub level_pairs: Vec<usize>,
-    /// In how many parts the pairs of each level of the volume, then of the surface, are taken: 1 where all are on the
-    /// device at once.
-    pub parts: [Vec<usize>; 2],
-    /// Bytes of histograms on the host that the device reads part by part.
-    pub stored_bytes: u64,
     /// Lateral pixels of the surface, if there is one after the volume.
     pub surface: Option<usize>,
     /// How rendered values would be added up.
@@ -112,13 +107,11 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     if let (Some(gpu), Some(plan)) = (&device, &mut plan) {
-        match resolved.solver.within(plan.clone(), gpu, resolved.memory) {
-            Ok(fits) => *plan = fits,
-            Err(e) => problems.push(problem(job::advise(e, request, loaded, gpu))),
+        if let Err(e) = check(&plan.buffers, &gpu.memory(), resolved.memory) {
+            problems.push(problem(job::advise(e, request, loaded, gpu)));
         }
     }
-    let counted = plan.iter().flat_map(|plan| &plan.buffers).filter(|b| b.place != Place::Store);
-    let total: u64 = counted.map(|b| b.bytes).sum();
+    let total: u64 = plan.iter().flat_map(|plan| &plan.buffers).map(|b| b.bytes).sum();
     Ok(Inspection {
         capture: loaded.summary(),
         notes,
@@ -132,8 +125,6 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         plan: plan.map(|plan| PlanSummary {
             levels: plan.levels.volume.iter().map(|l| l.grid.n[0]).collect(),
             level_pairs: plan.levels.volume.iter().map(|l| l.pairs).collect(),
-            parts: plan.part_counts(),
-            stored_bytes: plan.stored_bytes(),
             surface: plan.levels.pixels.map(|l| l.grid.n[0]),
             accumulation: plan.division.accumulation,
             left_out: plan.left_out.clone(),

@@ -56,12 +56,6 @@ pub struct PlanReport {
     pub variants: Vec<String>,
     /// Omitted work, with the savings.
     pub left_out: Vec<String>,
-    /// Number of parts of the pairs, per level of the volume, then of the surface.
-    #[serde(default)]
-    pub parts: [Vec<usize>; 2],
-    /// Bytes of histograms on the host that the device reads in parts.
-    #[serde(default)]
-    pub stored_bytes: u64,
     /// Bytes of each buffer by name.
     pub buffers: BTreeMap<String, u64>,
     /// Whether the domain exceeded its room at some time, so that its dimmest voxels were dropped.

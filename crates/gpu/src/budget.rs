@@ -42,13 +42,11 @@ impl MemoryLayout {
 
     /// Layouts of device and host buffers: the same layout if both use one memory type.
     pub(super) fn both(plan: &[BufferPlan], kinds: &Kinds) -> [MemoryLayout; 2] {
-        // Stored buffers have dedicated allocations.
-        let plan = || plan.iter().filter(|b| b.place != Place::Store);
         if kinds.one {
-            return [MemoryLayout::of(plan()); 2];
+            return [MemoryLayout::of(plan.iter()); 2];
         }
         let [mut device, mut host] = [true, false]
-            .map(|device| MemoryLayout::of(plan().filter(|b| (b.place == Place::Device) == device)));
+            .map(|device| MemoryLayout::of(plan.iter().filter(|b| (b.place == Place::Device) == device)));
         if kinds.device_is_mapped {
             // The allocator has one block size for all host-visible memory.
             let block = device.block.max(host.block);
@@ -123,8 +121,8 @@ impl Memory {
     }
 }
 
-/// Checks a plan against a device's memory. `budget`: maximum bytes of all buffers except [`Place::Store`]. Without
-/// it, each heap must hold its buffers. Stored buffers must fit on the host in any case. Allocates nothing.
+/// Checks a plan against a device's memory. `budget`: maximum bytes of all buffers. Without it,
+/// each heap must hold its buffers. Allocates nothing.
 ///
 /// # Errors
 /// A buffer exceeds the device's largest binding or allocation, or the plan exceeds the budget (the error names the
@@ -157,25 +155,16 @@ pub fn check(plan: &[BufferPlan], memory: &Memory, budget: Option<u64>) -> Resul
     let [device, host] = MemoryLayout::both(plan, &memory.kinds);
     let total = if memory.kinds.one { device.taken } else { device.taken.saturating_add(host.taken) };
     let [on_device, on_host] = memory.free;
-    let stored = plan.iter().filter(|b| b.place == Place::Store).map(|b| b.bytes.saturating_add(1 << 16));
-    let stored = stored.fold(0, u64::saturating_add);
-    if stored > on_host {
-        let stores = plan.iter().filter(|b| b.place == Place::Store);
-        return Err(over(stores, stored, on_host, Whose::Host));
-    }
     if let Some(budget) = budget {
-        let counted = plan.iter().filter(|b| b.place != Place::Store);
-        return if total <= budget { Ok(()) } else { Err(over(counted, total, budget, Whose::Users)) };
+        return if total <= budget { Ok(()) } else { Err(over(plan.iter(), total, budget, Whose::Users)) };
     }
     if memory.shared {
-        let total = total.saturating_add(stored);
         return if total <= on_device {
             Ok(())
         } else {
             Err(over(plan.iter(), total, on_device, Whose::Device))
         };
     }
-    let host = MemoryLayout { taken: host.taken.saturating_add(stored), ..host };
     let part = |of_device: bool| plan.iter().filter(move |b| (b.place == Place::Device) == of_device);
     if device.taken > on_device {
         return Err(over(part(true), device.taken, on_device, Whose::Device));
@@ -292,25 +281,9 @@ mod tests {
     }
 
     #[test]
-    fn what_is_stored_counts_on_the_host_and_in_no_budget() {
-        let plan = [("raw", 3 << 20, Place::Device), ("stored", 100 << 20, Place::Store)]
-            .map(|(n, b, place)| BufferPlan::new(Buffer::named(n), b, place));
-        let card = |host| Memory::of_card(1 << 26, [4 << 20, host]);
-        for budget in [None, Some(4 << 20)] {
-            // Not bound by a kernel, so it may exceed the largest binding.
-            assert!(check(&plan, &card(101 << 20), budget).is_ok(), "{budget:?}");
-            let error = check(&plan, &card(99 << 20), budget).unwrap_err();
-            assert!(error.what.contains("the host has free") && error.what.contains("`stored`"), "{error}");
-        }
-        // A unified memory serves both.
-        let one = |free| Memory { shared: true, ..Memory::of_card(1 << 26, [free; 2]) };
-        assert!(check(&plan, &one(105 << 20), None).is_ok() && check(&plan, &one(102 << 20), None).is_err());
-    }
-
-    #[test]
     fn no_buffer_is_larger_than_an_allocation() {
         let plan = |place| [BufferPlan::new(Buffer::named("large"), 3 << 20, place)];
-        for place in [Place::Device, Place::Upload, Place::Store] {
+        for place in [Place::Device, Place::Upload] {
             let card = |allocation| Memory { allocation, ..Memory::of_card(1 << 30, [1 << 40; 2]) };
             assert!(check(&plan(place), &card(3 << 20), None).is_ok());
             let error = check(&plan(place), &card(2 << 20), None).unwrap_err();

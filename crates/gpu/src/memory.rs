@@ -79,8 +79,6 @@ pub struct Arena {
     // Dropped before the device, which `gpu` keeps open.
     allocator: Option<Allocator>,
     bytes: u64,
-    /// Bytes of [`Place::Store`].
-    stored: u64,
     /// Size from which buffers have dedicated allocations, bytes: on the device, and on the host.
     own_from: [u64; 2],
 }
@@ -100,8 +98,8 @@ impl Arena {
         check(plan, &gpu.memory(), budget)?;
         let layout = MemoryLayout::both(&guarded(gpu, plan), &gpu.kinds);
         let own_from = layout.map(|l| l.own_from);
-        let (buffers, bytes, stored) = (BTreeMap::new(), 0, 0);
-        let mut arena = Arena { gpu: gpu.clone(), buffers, allocator: None, bytes, stored, own_from };
+        let mut arena =
+            Arena { gpu: gpu.clone(), buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
         arena.allocator = Some(
             Allocator::new(&AllocatorCreateDesc {
                 instance: gpu.instance.raw.clone(),
@@ -161,10 +159,7 @@ impl Arena {
         before_call().map_err(|e| refused(e.to_string()))?;
         let held = self.memory_for(plan, &name, handle, requirements).map_err(refused)?;
         let (memory, offset) = held.place();
-        match plan.place {
-            Place::Store => self.stored += held.bytes(),
-            _ => self.bytes += held.bytes() - canary,
-        }
+        self.bytes += held.bytes() - canary;
         self.gpu.allocated.fetch_add(held.bytes(), Relaxed);
         if let Some((_, of_buffer)) = self.buffers.get_mut(&plan.buffer) {
             *of_buffer = Some(held);
@@ -204,12 +199,10 @@ impl Arena {
                 Place::Device => MemoryLocation::GpuOnly,
                 // Uploads are transient: they use the memory type of readbacks and share its block. Host-visible
                 // memory of a discrete GPU is often only 256 MiB.
-                Place::Upload | Place::Readback | Place::Store => MemoryLocation::GpuToCpu,
+                Place::Upload | Place::Readback => MemoryLocation::GpuToCpu,
             },
             linear: true,
-            allocation_scheme: if plan.place != Place::Store
-                && plan.bytes < self.own_from[usize::from(plan.place != Place::Device)]
-            {
+            allocation_scheme: if plan.bytes < self.own_from[usize::from(plan.place != Place::Device)] {
                 AllocationScheme::GpuAllocatorManaged
             } else {
                 AllocationScheme::DedicatedBuffer(handle)
@@ -218,23 +211,17 @@ impl Arena {
         made.map(BufferMemory::Own).map_err(|e| e.to_string())
     }
 
-    /// Bytes of all buffers, including host-visible ones, excluding canaries and [`Place::Store`].
+    /// Bytes of all buffers, including host-visible ones, excluding canaries.
     pub fn bytes(&self) -> u64 {
         self.bytes
     }
 
     /// Bytes of memory blocks allocated for the buffers: at least [`Arena::bytes`], as small buffers share blocks.
-    /// Excludes [`Place::Store`].
     pub fn taken(&self) -> u64 {
         match self.gpu.blocks {
             Some(_) => self.bytes,
-            None => self.allocator.as_ref().map_or(0, Allocator::capacity).saturating_sub(self.stored),
+            None => self.allocator.as_ref().map_or(0, Allocator::capacity),
         }
-    }
-
-    /// Bytes of [`Place::Store`].
-    pub fn stored(&self) -> u64 {
-        self.stored
     }
 
     /// All buffers.

@@ -13,9 +13,6 @@ pub enum Place {
     Upload,
     /// Written by the device, read by the host.
     Readback,
-    /// Host memory that the device copies from and to during a solve, for data that do not fit on the device.
-    /// Excluded from budgets.
-    Store,
 }
 
 /// A buffer to allocate.

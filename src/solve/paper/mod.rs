@@ -10,7 +10,7 @@ use super::result::{Reconstruction, finish};
 use super::{Common, Needs, Plan, Problem, RunsOn, Solver};
 use crate::Result;
 use crate::capture::{Background, Capture};
-use crate::gpu::{Abilities, Gpu, Schedule};
+use crate::gpu::{Abilities, Gpu, Schedule, check};
 use crate::transport::{Grid, Model, Rows};
 
 mod domain;
@@ -69,10 +69,6 @@ impl Solver for PaperOptions {
         Plan::new(&outline, grid, capture.resolution(), self, abilities, with_volume)
     }
 
-    fn within(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
-        plan.within(self, &gpu.memory(), memory)
-    }
-
     fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
         outline::of("volume", plan, &steps(plan, self), 0..self.iterations)
     }
@@ -82,7 +78,8 @@ impl Solver for PaperOptions {
         let Problem { capture, grid, memory, with_volume, .. } = *problem;
         let (outline, rows) = outline_of(capture, &grid, self);
         let plan = Plan::new(&outline, grid, capture.resolution(), self, &gpu.abilities(), with_volume)?;
-        let planned = Planned::new(gpu, outline, self.within(plan, gpu, memory)?, memory);
+        check(&plan.buffers, &gpu.memory(), memory)?;
+        let planned = Planned::new(gpu, outline, plan, memory);
         Ok(Box::new(PreparedPaper { planned, rows, options: self.clone(), with_volume }))
     }
 }

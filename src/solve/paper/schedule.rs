@@ -6,7 +6,7 @@ use super::{PaperOptions, domain};
 use crate::gpu::{Buffer, Command, Kernel, Schedule};
 use crate::solve::adam::unbiased;
 use crate::solve::over_pairs::{
-    compare, forward, gather, groups, over_active, over_parts, over_touched, scene_of_sums, turns_of_finish,
+    compare, forward, gather, groups, over_active, over_touched, turns_of_finish,
 };
 use crate::solve::passes::*;
 use crate::solve::plan::pass::Pass;
@@ -19,23 +19,17 @@ pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, iteration: u32, s
     let begin = s.commands.len();
     let push = Push { iteration, step, ..Default::default() };
     over_active(s, plan, level, &SAMPLE, 8).with(push);
-    over_parts(s, plan, level, |s, part| {
-        forward(s, plan, level, part, &FORWARD);
-        compare(s, plan, level, part, &RESIDUAL, push);
-        if plan.passes.contains(&&NOISE) {
-            let push = unbiased(push, plan.demand.betas, iteration + 1);
-            s.dispatch(&NOISE, groups(part.own.count, 1), (part.own.count * plan.scene.bins) as u64)
-                .bind(buffer::SCENE, part.own.scene)
-                .bind(buffer::NOISE_STATE, part.noise)
-                .with(push);
-        }
-        gather(s, plan, level, part, &BACKWARD);
-    });
+    forward(s, plan, level, &FORWARD);
+    compare(s, plan, level, &RESIDUAL, push);
+    if plan.passes.contains(&&NOISE) {
+        s.dispatch(&NOISE, groups(level.pairs, 1), (level.pairs * plan.scene.bins) as u64)
+            .bind(buffer::SCENE, level.scene)
+            .with(unbiased(push, plan.demand.betas, iteration + 1));
+    }
+    gather(s, plan, level, &BACKWARD);
     // A touched voxel adds up what 27 samples may leave to it.
     over_touched(s, plan, level, &UPDATE, 27).with(unbiased(push, plan.demand.betas, step));
-    s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
-        .bind(buffer::SCENE, scene_of_sums(plan, level))
-        .with(push);
+    s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan)).bind(buffer::SCENE, level.scene).with(push);
     bind_own(s, begin, plan, level);
 }
 
@@ -59,9 +53,6 @@ pub fn initialise(s: &mut Schedule, plan: &Plan, level: &Level) {
     s.fill(buffer::COUNTS, plan.bytes_of(buffer::COUNTS), 0);
     s.fill(buffer::HISTOGRAMS, plan.bytes_of(buffer::HISTOGRAMS), 0);
     s.fill(buffer::NOISE_STATE, plan.bytes_of(buffer::NOISE_STATE), 0);
-    for stored in plan.parts(level).flat_map(|part| part.stored).filter(|stored| stored.changes) {
-        s.fill(stored.host, plan.bytes_of(stored.host), 0);
-    }
     let voxels = level.grid.storage();
     s.dispatch(&INITIALISE, groups(voxels / 32, WORKGROUP), voxels as u64)
         .bind(buffer::SCENE, level.scene)

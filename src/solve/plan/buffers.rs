@@ -26,8 +26,6 @@ impl Plan {
         let mut all: Vec<BufferPlan> = vec![];
         for (buffer, bytes) in self.shared_buffers(columns).into_iter().chain(own).chain(self.level_buffers())
         {
-            // The noise term of cut pairs is stored part by part.
-            let bytes = if buffer == buffer::NOISE_STATE && self.is_cut() { 0 } else { bytes };
             let made = BufferPlan::new(buffer, bytes, Place::Device);
             // A solver may need a shared one to be larger.
             match all.iter_mut().find(|b| b.buffer == buffer) {
@@ -36,10 +34,8 @@ impl Plan {
             }
         }
         let rows = self.demand.iterations.iter().sum::<usize>() * TRACE_ROW as usize;
-        // Parts are copied from where they are stored.
-        let uploaded = if self.is_cut() { self.cells_held() * 4 } else { self.measured_bytes() };
         let mut on_host = vec![
-            (UPLOAD, uploaded + self.scene_bytes(), Place::Upload),
+            (UPLOAD, self.measured_bytes() + self.scene_bytes(), Place::Upload),
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),
             (COLUMNS_HOST, columns, Place::Readback),
         ];
@@ -48,7 +44,6 @@ impl Plan {
             on_host.push((MASK_HOST, self.finest().grid.storage() as u64 / 8, Place::Readback));
         }
         all.extend(on_host.into_iter().map(|(b, bytes, place)| BufferPlan::new(b, bytes, place)));
-        all.extend(self.stores().into_iter().map(|(b, bytes)| BufferPlan::new(b, bytes, Place::Store)));
         let bound = self.passes.iter().flat_map(|p| (p.code)(self).bindings);
         let mut missing: BTreeSet<Buffer> = bound.map(|b| b.block).collect();
         // Schedules always bind these to other buffers.
@@ -71,18 +66,14 @@ impl Plan {
 
     fn shared_buffers(&self, columns: u64) -> Vec<(Buffer, u64)> {
         let slots = self.domain.capacity as u64;
-        let cells = self.cells_held();
-        let rendered = if self.is_cut() {
-            cells
-        } else {
-            super::cells(self.finest().rendered.count, self.scene.bins) as u64
-        };
+        let [cells, rendered] = [self.scene.pairs, self.finest().rendered.count]
+            .map(|pairs| super::cells(pairs, self.scene.bins) as u64);
         let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
-        let losses = if self.scene.high_pass { losses.max(self.held() as u64) } else { losses };
+        let losses = if self.scene.high_pass { losses.max(self.scene.pairs as u64) } else { losses };
         let mut all = vec![
-            (buffer::WALL, if self.is_cut() { 0 } else { self.wall_bytes(self.finest()) }),
-            (buffer::MEASURED, if self.is_cut() { 0 } else { self.measured_bytes() }),
+            (buffer::WALL, self.wall_bytes(self.finest())),
+            (buffer::MEASURED, self.measured_bytes()),
             (buffer::HISTOGRAMS, rendered * if self.fixed_point() { 8 } else { 4 }),
             (buffer::RESIDUAL, cells * 4),
             (buffer::SAMPLE_POINTS, slots * 16),
@@ -101,11 +92,6 @@ impl Plan {
         all
     }
 
-    /// Cells of the histograms that are on the device at once.
-    fn cells_held(&self) -> u64 {
-        super::cells(self.held(), self.scene.bins) as u64
-    }
-
     /// Bytes of the measured histograms of all pairs.
     fn measured_bytes(&self) -> u64 {
         (self.scene.pairs * self.scene.bins * 4) as u64
@@ -115,8 +101,7 @@ impl Plan {
     fn scene_bytes(&self) -> u64 {
         let of_level = if self.has_spots() { 2 } else { 1 };
         let levels = self.levels.volume.len();
-        let of_parts = if self.is_cut() { 2 * levels } else { 0 };
-        let scenes = (levels * of_level + self.stretches().count() + of_parts) * size_of::<SceneData>();
+        let scenes = (levels * of_level + self.stretches().count()) * size_of::<SceneData>();
         let own: usize = self.blocks.iter().map(|(_, bytes)| bytes.len()).sum();
         (scenes + own + size_of::<SurfaceData>()) as u64
     }
@@ -137,7 +122,6 @@ impl Plan {
             let wall = self.wall_bytes(batch);
             all.extend([(batch.scene, of_scene), (batch.wall, wall), (batch.measured, measured)]);
         }
-        all.extend(self.part_buffers(of_scene));
         all.extend(self.blocks.iter().map(|(buffer, bytes)| (*buffer, bytes.len() as u64)));
         if self.scene.high_pass {
             all.push((buffer::SURFACE, size_of::<SurfaceData>() as u64));

@@ -1,5 +1,5 @@
 //! How the work is divided. No dispatch of a pass over pairs has more work than a device may get at once
-//! ([`crate::gpu::Limits::work`]), or more turns than a loop may have.
+//! ([`crate::gpu::Limits::work`]), or more turns than a loop may have, and no buffer more values than kernels index.
 
 use super::{Accumulation, Demand, DomainCapacity, Level, Levels, Plan, Tuning};
 use crate::advice::advice;
@@ -14,7 +14,10 @@ const LEAST_GATHERED: u32 = 64;
 /// The most additions to one fp32 sum: more may lose 1e-4 of it, as equal addends round alike (docs/devices.md).
 const VOXELS_PER_BIN: usize = 16_384;
 
-/// How the work of a plan is divided: over invocations, over dispatches, and over parts.
+/// The most values of histograms that kernels index: they count three words of noise for a bin.
+const MOST_VALUES: u64 = 1 << 30;
+
+/// How the work of a plan is divided: over invocations and over dispatches.
 #[derive(Debug, Clone, PartialEq)]
 pub struct WorkDivision {
     /// How rendered values are added up; never `Auto`.
@@ -27,10 +30,6 @@ pub struct WorkDivision {
     pub work: u64,
     /// The most workgroups of a dispatch along x.
     pub tiles: u32,
-    /// The most texels that passes over pairs may see in a buffer; 0 if they are to see none.
-    pub texels: u64,
-    /// The most cells of a part where the pairs of large levels are cut into parts ([`Plan::within`]); `None`: no level is.
-    pub cut: Option<usize>,
 }
 
 impl WorkDivision {
@@ -57,20 +56,38 @@ impl WorkDivision {
         let crowded = |l: &Level| domain.capacity.min(l.grid.storage()) / model.bins > VOXELS_PER_BIN;
         let runs = !accumulation.is_fixed() && tuning.window == 0 && levels.volume.iter().any(crowded);
         let (work, tiles) = (device.limits.work, device.limits.groups[0]);
-        Ok(WorkDivision { accumulation, runs, tuning, work, tiles, texels, cut: None })
+        Ok(WorkDivision { accumulation, runs, tuning, work, tiles })
     }
 }
 
 impl Plan {
-    /// Dispatches that one forward pass over all pairs takes at `level`.
-    pub fn forward_sets(&self, level: &Level) -> u32 {
-        self.sets_of(level, level.rendered.count)
+    /// Checks that kernels can index all pairs.
+    ///
+    /// # Errors
+    /// There are too many.
+    pub(super) fn check_pairs(&self, model: &Model) -> Result<()> {
+        let (rendered, bins) = (model.rendered_wall(), model.bins);
+        let pairs = model.pairs().max(rendered.pairs());
+        if (pairs as u64 * bins as u64) > MOST_VALUES || cells(pairs, bins) as u64 >= 1 << 31 {
+            return Err(Error::memory(
+                format!("{pairs} pairs of {bins} bins are beyond 2^30 values"),
+                advice!["use a larger " Stride " or a narrower " Gate],
+            ));
+        }
+        let points = [pairs, rendered.scanned.len(), rendered.others.len()];
+        if self.division.tuning.tiles(self.scene.geometry, points) > u64::from(self.division.tiles) {
+            return Err(Error::memory(
+                format!("{pairs} pairs are more than this device's workgroup counts reach"),
+                advice!["use a larger " Stride],
+            ));
+        }
+        Ok(())
     }
 
-    /// Dispatches of one forward pass over `pairs` pairs at `level`.
-    pub(in crate::solve) fn sets_of(&self, level: &Level, pairs: usize) -> u32 {
+    /// Dispatches that one forward pass over all pairs takes at `level`.
+    pub fn forward_sets(&self, level: &Level) -> u32 {
         let chunks = self.voxels_at(level).div_ceil(self.division.tuning.chunk as usize);
-        chunks.div_ceil(self.set_chunks(pairs) as usize) as u32
+        chunks.div_ceil(self.set_chunks(level.rendered.count) as usize) as u32
     }
 
     /// Chunks of voxels in one dispatch of a forward pass over `pairs` pairs: one where every histogram belongs to an

@@ -18,7 +18,6 @@ mod left_out;
 mod level;
 mod levels;
 mod needs;
-pub(in crate::solve) mod parts;
 pub(in crate::solve) mod pass;
 pub mod passes;
 mod scene;
@@ -32,7 +31,6 @@ pub use left_out::{LeftOut, mebibytes};
 pub use level::{Level, LevelPairs};
 pub use levels::{AMPLE, Levels};
 pub use needs::{Demand, Needs};
-pub use parts::PairPart;
 pub use pass::{Fault, Pass, Voxels};
 pub use scene::ModelSizes;
 pub use spots::{BETWEEN, SEEN, Spots};
@@ -102,7 +100,7 @@ impl Plan {
         plan.constants.extend(needs.constants(&plan));
         let all = passes::ALL.iter().copied().chain(needs.passes());
         plan.passes = all.filter(|pass| (pass.when)(&plan)).collect();
-        plan.cut_to_indices(model)?;
+        plan.check_pairs(model)?;
         plan.buffers = plan.list_buffers(needs.buffers(&plan), with_volume);
         plan.left_out = plan.lines_of_left_out(needs);
         Ok(plan)
@@ -180,23 +178,13 @@ impl Plan {
 
     /// The pairs that iteration `at` of the surface takes, if it does not take all.
     pub(in crate::solve) fn batch(&self, at: usize) -> Option<&Level> {
-        let all = self.batches_held();
+        let all = &self.levels.batches;
         all.get(at % all.len().max(1))
-    }
-
-    /// The batches: none where pairs are taken in parts.
-    pub(in crate::solve) fn batches_held(&self) -> &[Level] {
-        if !self.is_cut() { &self.levels.batches } else { &[] }
-    }
-
-    /// The pairs that are held out: none where pairs are taken in parts.
-    pub(in crate::solve) fn held_out(&self) -> Option<&Level> {
-        self.levels.held_out.as_ref().filter(|_| !self.is_cut())
     }
 
     /// Stretches of pairs that have buffers of their own: batches, and pairs that are held out.
     pub(in crate::solve) fn stretches(&self) -> impl Iterator<Item = &Level> {
-        self.batches_held().iter().chain(self.held_out())
+        self.levels.batches.iter().chain(&self.levels.held_out)
     }
 
     /// Bytes of a buffer; 0 if the plan does not have it.
@@ -210,7 +198,7 @@ impl Plan {
     }
 }
 
-/// Checks sizes against the limits of kernels, but those of pairs ([`Plan::cut_to_indices`]).
+/// Checks sizes against the limits of kernels, but those of pairs ([`Plan::check_pairs`]).
 ///
 /// # Errors
 /// Sizes beyond what kernels index or loop over.

@@ -65,19 +65,6 @@ impl ModelSizes {
         self.pairs + self.unused
     }
 
-    /// Pairs of one other point of a product with several.
-    pub(super) fn row(&self) -> Option<usize> {
-        (self.geometry == Geometry::Product && self.others > 1).then_some(self.scanned)
-    }
-
-    /// Scanned and other points of `count` pairs that follow each other: whole rows, or a part of one.
-    pub(super) fn points_of(&self, count: usize) -> [usize; 2] {
-        match self.row() {
-            Some(row) if count < row => [count, 1],
-            _ => self.geometry.counts(count, self.scanned, self.others),
-        }
-    }
-
     /// Bytes of a wall point with its normal, if normals are used.
     pub(super) fn bytes_of_point(&self) -> u64 {
         if self.curved { 32 } else { 16 }

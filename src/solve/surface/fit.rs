@@ -11,13 +11,13 @@ use super::weights::{Placed, weights};
 use super::{Pixels, SurfaceOptions, needs, passes};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::{Buffer, BufferPlan, Gpu, Place, Schedule};
+use crate::gpu::{Buffer, BufferPlan, Gpu, Place, Schedule, check};
 use crate::maps::Maps;
 use crate::solve::drive::{Driven, Steps, Watch, drive, maps_stage, stage_values};
 use crate::solve::estimate::energy;
 use crate::solve::on_device::{OnDevice, read_maps, trace_rows, upload, upload_all};
 use crate::solve::outline::{self, TimedSchedule};
-use crate::solve::over_pairs::{scene_of_sums, turns_of_finish};
+use crate::solve::over_pairs::turns_of_finish;
 use crate::solve::passes::{FINISH, RESIDUAL, objective};
 use crate::solve::plan::RESIDUAL_HOST;
 use crate::solve::prepared::Planned;
@@ -147,7 +147,7 @@ impl Fit {
             let cells = judging(&plan, judge).map_or(0, |level| plan.cells_at(level));
             plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
         }
-        let plan = plan.within(&asked, &gpu.memory(), memory)?;
+        check(&plan.buffers, &gpu.memory(), memory)?;
         let planned = Planned::new(gpu, outline, plan, memory);
         Ok(Fit { planned, rows, options: options.clone(), pixels: 0, energies: vec![], judge, step: 1.0 })
     }
@@ -188,8 +188,8 @@ impl Fit {
         let job = planned.made(|_| Ok(()))?;
         take(capture, options, rows, &mut job.model);
         job.upload_counts()?;
-        let batches = job.plan.batches_held();
-        *energies = match batches {
+        let batches = &job.plan.levels.batches;
+        *energies = match &batches[..] {
             [] => vec![energy(&job.model, 0..job.plan.finest().pairs)],
             _ => batches.iter().map(|b| energy(&job.model, b.first..b.first + b.pairs)).collect(),
         };
@@ -217,8 +217,7 @@ impl Fit {
         Ok(placed.map(|(placed, scale)| (scale, Quality { noise, energy, left: placed.left })))
     }
 
-    /// What the present surface leaves of the pairs that judge it: of those that are fitted where none are held out. `None` where
-    /// pairs are taken in parts.
+    /// What the present surface leaves of the pairs that judge it: of those that are fitted where none are held out.
     ///
     /// # Errors
     /// The device fails.
@@ -365,12 +364,10 @@ fn shown(
     Ok(read_maps(&job.executor, &level.grid, true))
 }
 
-/// The pairs that judge a fit: those that are held out, or some of the fitted ones where none are. `None` where pairs are taken in
-/// parts.
+/// The pairs that judge a fit: those that are held out, or some of the fitted ones where none are.
 fn judging(plan: &Plan, judge: Judge) -> Option<&Level> {
     let all = plan.levels.pixels.as_ref();
-    let some = if judge == Judge::All { all } else { plan.held_out().or(plan.batch(0)).or(all) };
-    some.filter(|_| !plan.is_cut())
+    if judge == Judge::All { all } else { plan.levels.held_out.as_ref().or(plan.batch(0)).or(all) }
 }
 
 /// The objective of a state.
@@ -506,7 +503,7 @@ fn placed(
         return place_known(job, level, pixels, [energy, left]).map(Some);
     }
     // With many batches one is enough for the scale: rendering all pairs would take longer than the iterations.
-    let compared = match job.plan.batches_held() {
+    let compared = match &job.plan.levels.batches {
         all if all.len() > FEW => (all[0], energies[0]),
         _ => (*level, energy),
     };
@@ -590,7 +587,7 @@ fn place(
 fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: usize) {
     render(s, plan, level, pixels, objective(plan));
     s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
-        .bind(buffer::SCENE, scene_of_sums(plan, level))
+        .bind(buffer::SCENE, level.scene)
         .with(Push { iteration: row as u32, ..Default::default() });
 }
 

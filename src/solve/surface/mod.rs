@@ -124,10 +124,6 @@ impl Solver for SurfaceOptions {
         Plan::new(&outline, grid, capture.resolution(), &self.needs(), abilities, false)
     }
 
-    fn within(&self, plan: Plan, gpu: &Gpu, memory: Option<u64>) -> Result<Plan> {
-        plan.within(&self.needs(), &gpu.memory(), memory)
-    }
-
     fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
         fit::outline(plan)
     }

@@ -4,12 +4,10 @@ use super::passes::*;
 use super::weights;
 use crate::gpu::{Buffer, Schedule};
 use crate::solve::adam::unbiased;
-use crate::solve::over_pairs::{
-    compare, forward, gather, groups, over_parts, scene_of_sums, size_passes, turns_of_finish,
-};
+use crate::solve::over_pairs::{compare, forward, gather, groups, size_passes, turns_of_finish};
 use crate::solve::passes::{FORWARD, objective};
+use crate::solve::plan::COLUMNS_HOST;
 use crate::solve::plan::pass::Pass;
-use crate::solve::plan::{COLUMNS_HOST, PairPart};
 use crate::solve::{Level, Plan};
 use crate::transport::kernels::*;
 
@@ -64,16 +62,16 @@ pub fn points(s: &mut Schedule, level: &Level, count: usize) {
 pub fn render(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, residual: &Pass) {
     points(s, level, count);
     size_passes(s, &level.rendered);
-    over_parts(s, plan, level, |s, part| rendered(s, plan, level, part, residual));
+    rendered(s, plan, level, residual);
     if let Some(batch) = plan.batch(0) {
         size_passes(s, &batch.rendered);
     }
 }
 
-/// Renders the samples of the surface for a part of the pairs, and compares it.
-fn rendered(s: &mut Schedule, plan: &Plan, level: &Level, part: &PairPart, residual: &Pass) {
-    forward(s, plan, level, part, &FORWARD);
-    compare(s, plan, level, part, residual, Push::default());
+/// Renders the samples of the surface for the pairs of `level`, and compares it.
+fn rendered(s: &mut Schedule, plan: &Plan, level: &Level, residual: &Pass) {
+    forward(s, plan, level, &FORWARD);
+    compare(s, plan, level, residual, Push::default());
 }
 
 /// Iteration `i` of the whole solve (from 0), `at` of this fit, which has `all`: points, forward, weighted residual, gather,
@@ -108,10 +106,8 @@ pub(super) fn turn(
     let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
     let batch = plan.batch(i);
     let seen = batch.unwrap_or(level);
-    over_parts(s, plan, seen, |s, part| {
-        rendered(s, plan, seen, part, objective(plan));
-        gather(s, plan, seen, part, &SURFACE_GATHER);
-    });
+    rendered(s, plan, seen, objective(plan));
+    gather(s, plan, seen, &SURFACE_GATHER);
     let (own, pixels, around) = (groups(count, WORKGROUP), count as u64, weights::around(level));
     s.dispatch(&SURFACE_COMBINE, own, NEAR * pixels).bind(buffer::SCENE, scene).with(push);
     if (at as f64) < NARROWED * all as f64 {
@@ -119,7 +115,7 @@ pub(super) fn turn(
     }
     // The step closes the iteration.
     s.dispatch(&SURFACE_STEP, own, around * pixels + turns_of_finish(plan))
-        .bind(buffer::SCENE, scene_of_sums(plan, seen))
+        .bind(buffer::SCENE, seen.scene)
         .with(unbiased(push, BETAS, since_rest as u32 + 1));
 }
 

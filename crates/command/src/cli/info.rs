@@ -84,15 +84,12 @@ fn text(found: &Inspection, with_plan: bool) -> String {
     if plan.level_pairs.iter().any(|n| *n < found.capture.pairs) {
         out += &format!(", with {} pairs", list(&plan.level_pairs));
     }
-    if plan.parts[0].iter().any(|n| *n > 1) {
-        out += &format!(", in {} parts", list(&plan.parts[0]));
-    }
     if let Some(pixels) = plan.surface {
         out += &format!("; then a surface of {pixels} x {pixels} pixels");
     }
     out += "\n";
-    let [device, host] = [tables::bytes(plan.total_bytes), tables::stored(plan.stored_bytes)];
-    out += &format!("memory    {device} on the device and for copies to and from it{host}\n");
+    let device = tables::bytes(plan.total_bytes);
+    out += &format!("memory    {device} on the device and for copies to and from it\n");
     if !with_plan {
         return out;
     }

@@ -37,8 +37,7 @@ pub fn report(report: &Report) -> String {
         "work",
         format!("{:.3e} voxel-pair evaluations, {:.3e} per second", t.pairs, t.pairs_per_s),
     );
-    let stored = stored(report.plan.stored_bytes);
-    line(&mut out, "memory", format!("{} on the device{stored}", bytes(t.peak_device_bytes)));
+    line(&mut out, "memory", format!("{} on the device", bytes(t.peak_device_bytes)));
     let of_volume = report.settings["volume_iterations"].as_u64().unwrap_or(u64::MAX);
     let volume = report.trace.iter().rfind(|p| p.iteration as u64 <= of_volume);
     if let Some(last) = report.trace.last() {
@@ -66,11 +65,6 @@ pub fn report(report: &Report) -> String {
         out += &self::metrics(metrics);
     }
     out
-}
-
-/// What is stored on the host, if pairs are taken in parts.
-pub fn stored(stored: u64) -> String {
-    if stored > 0 { format!(", {} on the host for pairs in parts", bytes(stored)) } else { String::new() }
 }
 
 /// Figures against truth.

@@ -21,9 +21,7 @@ pub fn residual_rows(call: &Call, b: &mut [Cells]) {
         let mut values: Vec<f64> = plain.iter().enumerate().map(|(bin, d)| root(bin) * d).collect();
         filter(&mut values);
         let squares = |values: &[f64]| values.iter().map(|v| v * v).sum::<f64>();
-        let goes_on = call.push.flags & BACKWARD_CONTINUE != 0;
-        let before = if goes_on { loss_partials[pair] } else { [0.0; 2] };
-        loss_partials[pair] = [before[0] + squares(&values), before[1] + squares(&plain)];
+        loss_partials[pair] = [squares(&values), squares(&plain)];
         watch(counts, magnitude, FAULT_FORWARD);
         filter(&mut values);
         let scaled = values.iter().enumerate().map(|(bin, v)| 2.0 / elements * render * root(bin) * v);

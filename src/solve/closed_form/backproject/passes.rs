@@ -1,7 +1,7 @@
 //! The passes of back-projections, and their schedule.
 
 use crate::gpu::{Buffer, Schedule};
-use crate::solve::over_pairs::{groups, light, over_parts, pair_chunks, work_of};
+use crate::solve::over_pairs::{groups, light, pair_chunks, work_of};
 use crate::solve::plan::pass::{Pass, Voxels, passes};
 use crate::solve::{Level, Plan};
 use crate::transport::cells;
@@ -29,18 +29,17 @@ pub const PROJECTED: Buffer = Buffer::named("projected");
 /// sides counted once.
 pub fn gather_filtered(s: &mut Schedule, plan: &Plan, level: &Level, taps: usize) {
     let voxels = level.grid.storage();
-    over_parts(s, plan, level, |s, part| {
-        let cells = cells(part.own.count, plan.scene.bins);
-        s.dispatch(&FILTER, groups(cells, WORKGROUP), light(cells * 2 * taps))
-            .bind(buffer::SCENE, part.own.scene)
-            .bind(buffer::MEASURED, part.measured);
-        for push in pair_chunks(plan, part, &part.own, voxels) {
-            let all = groups(voxels, plan.division.tuning.samples_of_group(voxels));
-            s.dispatch(&BACKPROJECT, all, work_of(&push, voxels))
-                .with(push)
-                .bind(buffer::SCENE, part.own.scene)
-                .bind(buffer::WALL, part.own.wall)
-                .bind(buffer::TARGET, PROJECTED);
-        }
-    });
+    let own = plan.measured(level);
+    let cells = cells(own.count, plan.scene.bins);
+    s.dispatch(&FILTER, groups(cells, WORKGROUP), light(cells * 2 * taps))
+        .bind(buffer::SCENE, own.scene)
+        .bind(buffer::MEASURED, level.measured);
+    for push in pair_chunks(plan, &own, voxels) {
+        let all = groups(voxels, plan.division.tuning.samples_of_group(voxels));
+        s.dispatch(&BACKPROJECT, all, work_of(&push, voxels))
+            .with(push)
+            .bind(buffer::SCENE, own.scene)
+            .bind(buffer::WALL, own.wall)
+            .bind(buffer::TARGET, PROJECTED);
+    }
 }
