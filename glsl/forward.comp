@@ -9,7 +9,7 @@
 #ifdef ACCUMULATE_FLOAT
 #extension GL_EXT_shader_atomic_float : require
 #endif
-#ifdef ACCUMULATE_FIXED64
+#ifdef ACCUMULATE_FIXED
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_EXT_shader_atomic_int64 : require
 #endif
@@ -25,7 +25,7 @@ layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 #include "samples.glsl"
 layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
 
-#if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
+#ifdef ACCUMULATE_FIXED
 #include "fixed.glsl"
 float fixed_scale;
 #endif
@@ -42,7 +42,7 @@ void main() {
     uint chunk = chunk_of(voxels, parts(scene.pairs, LANES));
     uint begin = (push.first + gl_WorkGroupID.y) * chunk;
     uint end = min(begin + chunk, voxels);
-#if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
+#ifdef ACCUMULATE_FIXED
     fixed_scale = ldexp(1.0, fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, voxels));
 #endif
     // Loaded once: the compiler cannot know that writes to histograms do not change the wall.

@@ -9,7 +9,7 @@
 #ifdef ACCUMULATE_FLOAT
 #extension GL_EXT_shader_atomic_float : require
 #endif
-#ifdef ACCUMULATE_FIXED64
+#ifdef ACCUMULATE_FIXED
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_EXT_shader_atomic_int64 : require
 #endif
@@ -26,7 +26,7 @@ layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 #include "samples.glsl"
 layout(std430, set = 0, binding = 5) readonly buffer Wall { vec4 wall[]; };
 
-#if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
+#ifdef ACCUMULATE_FIXED
 #include "fixed.glsl"
 float fixed_scale;
 #endif
@@ -82,7 +82,7 @@ void main() {
     uint chunk = chunk_of(voxels, tiles * parts(scene.others, FORWARD_OTHERS));
     uint begin = (push.first + gl_WorkGroupID.y) * chunk;
     uint end = min(begin + chunk, voxels);
-#if defined(ACCUMULATE_FIXED32) || defined(ACCUMULATE_FIXED64)
+#ifdef ACCUMULATE_FIXED
     fixed_scale = ldexp(1.0, fixed_exponent(uintBitsToFloat(counts[COUNT_PEAK_ALBEDO]), scene.kernel_bound, voxels));
 #endif
     uint normals = scene.scanned + scene.others;

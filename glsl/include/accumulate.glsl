@@ -1,9 +1,8 @@
-// One interface, accumulate(index, value), to five accumulation paths, selected by a macro ACCUMULATE_*:
+// One interface, accumulate(index, value), to four accumulation paths, selected by a macro ACCUMULATE_*:
 //
 //   FLOAT    native fp32 atomic add.
 //   CAS      compare-and-swap on the bits: available everywhere, slow under contention.
-//   FIXED64  64-bit integer atomic add of a scaled value: bit-identical in any order.
-//   FIXED32  the same sum by two 32-bit atomics with a carry, without 64-bit atomics.
+//   FIXED    64-bit integer atomic add of a scaled value: bit-identical in any order.
 //   OWNED    plain add: the dispatch assigns each histogram to one invocation.
 
 #if defined(ACCUMULATE_FLOAT)
@@ -33,28 +32,10 @@ void accumulate(uint index, float value) {
     }
 }
 
-#elif defined(ACCUMULATE_FIXED64)
+#elif defined(ACCUMULATE_FIXED)
 layout(std430, set = 0, binding = 4) buffer Histograms { int64_t histograms[]; };
 void accumulate(uint index, float value) {
     if (value != 0.0) atomicAdd(histograms[index], int64_t(value * fixed_scale));
-}
-
-#elif defined(ACCUMULATE_FIXED32)
-layout(std430, set = 0, binding = 4) buffer Histograms { uint histograms[]; };
-void accumulate(uint index, float value) {
-    if (value == 0.0) return;
-    // Split by magnitude: both words are then exact in fp32, and truncation is toward zero as in int64_t().
-    float magnitude = trunc(abs(value) * fixed_scale);
-    float upper = floor(magnitude * (1.0 / 4294967296.0));
-    uint hi = uint(upper);
-    uint lo = uint(magnitude - upper * 4294967296.0);
-    if (value < 0.0) {
-        lo = ~lo + 1u;
-        hi = ~hi + (lo == 0u ? 1u : 0u);
-    }
-    uint before = atomicAdd(histograms[2u * index], lo);
-    hi += before + lo < before ? 1u : 0u;
-    if (hi != 0u) atomicAdd(histograms[2u * index + 1u], hi);
 }
 #endif
 

@@ -5,7 +5,7 @@ use glam::dvec3;
 use super::scenes::*;
 use super::{CaseSizes, CaseSolver, Doubled, How, KernelCase, Paths};
 use thirdbounce::capture::PulseTaps;
-use thirdbounce::solve::Accumulation::{Fixed, Fixed32, Owned};
+use thirdbounce::solve::Accumulation::{Cas, Fixed, Owned};
 use thirdbounce::solve::{Decay, NoiseTerm, PaperOptions};
 use thirdbounce::transport::{Binning, Geometry, Gradient, Grid, HighPass, Model, Reflectance, Sampling};
 
@@ -227,7 +227,7 @@ fn whole() -> Vec<KernelCase> {
     for (geometry, reflectance, curved, paths, points) in [
         (Geometry::Confocal, Reflectance::Cosine, false, Paths::Only(&[Owned]), 4),
         (Geometry::TwoPoints, Reflectance::Lambertian, true, Paths::Only(&[Fixed]), 1),
-        (Geometry::Product, Reflectance::Isotropic, false, Paths::Only(&[Fixed32]), 4),
+        (Geometry::Product, Reflectance::Isotropic, false, Paths::Only(&[Cas]), 4),
     ] {
         let model = variant(&model(5, 48, 9), geometry, reflectance, curved, 62);
         let solver = CaseSolver::Surface { points, spread: 1.25, long_steps: false };

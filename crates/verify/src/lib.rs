@@ -159,15 +159,15 @@ impl Compared {
 impl KernelCase {
     /// The accumulation paths on which it runs.
     pub fn accumulations(&self, device: &Abilities) -> Vec<Accumulation> {
-        use Accumulation::{Cas, Fixed, Fixed32, Float, Owned};
+        use Accumulation::{Cas, Fixed, Float, Owned};
         let has = |path: &Accumulation| match path {
             Float => device.accumulations.float,
             Fixed => device.accumulations.int64,
             _ => true,
         };
         let wanted: &[_] = match self.paths {
-            Paths::All => &[Float, Fixed, Fixed32, Cas, Owned],
-            Paths::Shared => &[Float, Fixed, Fixed32, Cas],
+            Paths::All => &[Float, Fixed, Cas, Owned],
+            Paths::Shared => &[Float, Fixed, Cas],
             Paths::Only(these) => these,
         };
         wanted.iter().copied().filter(has).collect()

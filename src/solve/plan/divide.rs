@@ -142,16 +142,22 @@ fn texels_at_most(model: &Model, own: usize) -> u64 {
 fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Result<Accumulation> {
     Ok(match wanted {
         Accumulation::Auto | Accumulation::Repeatable if kind == DeviceKind::Cpu => Accumulation::Owned,
+        Accumulation::Repeatable if !offered.int64 => Accumulation::Owned,
         Accumulation::Auto if offered.float => Accumulation::Float,
         // Lanes that meet at one bin cost an integer atomic once each; compare-and-swap turns again for each of them.
         Accumulation::Auto if offered.int64 => Accumulation::Fixed,
         Accumulation::Auto => Accumulation::Cas,
-        Accumulation::Fixed | Accumulation::Repeatable if !offered.int64 => Accumulation::Fixed32,
         Accumulation::Repeatable => Accumulation::Fixed,
         Accumulation::Float if !offered.float => {
             return Err(Error::options(
                 "float accumulation was asked for: this device has no fp32 atomics (VK_EXT_shader_atomic_float)",
                 advice!["leave " Accumulation " out, or choose fixed or cas"],
+            ));
+        }
+        Accumulation::Fixed if !offered.int64 => {
+            return Err(Error::options(
+                "fixed accumulation was asked for: this device has no 64-bit atomics (VK_KHR_shader_atomic_int64)",
+                advice!["leave " Accumulation " out, or choose cas or owned"],
             ));
         }
         other => other,
@@ -173,7 +179,10 @@ mod tests {
             choose(Accumulation::Repeatable, kind, Accumulations { float: true, int64 }).unwrap()
         };
         assert_eq!(repeatable(DeviceKind::Discrete, true), Accumulation::Fixed);
-        assert_eq!(repeatable(DeviceKind::Integrated, false), Accumulation::Fixed32);
+        assert_eq!(repeatable(DeviceKind::Integrated, false), Accumulation::Owned);
+        let without = Accumulations { float: true, int64: false };
+        let error = choose(Accumulation::Fixed, DeviceKind::Integrated, without).unwrap_err();
+        assert!(error.what.contains("no 64-bit atomics"), "{error}");
         assert_eq!(repeatable(DeviceKind::Cpu, true), Accumulation::Owned);
         let cpu = choose(Accumulation::Auto, DeviceKind::Cpu, Accumulations { float: true, int64: true });
         assert_eq!(cpu.unwrap(), Accumulation::Owned);

@@ -81,10 +81,8 @@ pub fn forward(plan: &Plan) -> &'static KernelCode {
     match (plan.division.accumulation, product) {
         (Accumulation::Float, false) => &kernel::FORWARD_FLOAT,
         (Accumulation::Float, true) => &kernel::FORWARD_PRODUCT_FLOAT,
-        (Accumulation::Fixed, false) => &kernel::FORWARD_FIXED64,
-        (Accumulation::Fixed, true) => &kernel::FORWARD_PRODUCT_FIXED64,
-        (Accumulation::Fixed32, false) => &kernel::FORWARD_FIXED32,
-        (Accumulation::Fixed32, true) => &kernel::FORWARD_PRODUCT_FIXED32,
+        (Accumulation::Fixed, false) => &kernel::FORWARD_FIXED,
+        (Accumulation::Fixed, true) => &kernel::FORWARD_PRODUCT_FIXED,
         (Accumulation::Cas, false) => &kernel::FORWARD_CAS,
         (Accumulation::Cas, true) => &kernel::FORWARD_PRODUCT_CAS,
         (Accumulation::Owned | Accumulation::Auto | Accumulation::Repeatable, _) => {

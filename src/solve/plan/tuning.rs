@@ -22,14 +22,12 @@ pub(super) const LONGEST_LOOP: usize = 32_767;
 pub enum Accumulation {
     /// The fastest that the device offers.
     Auto,
-    /// The fastest of those that give the same bits in any order of workgroups: owned on CPUs, fixed elsewhere.
+    /// The fastest of those that give the same bits in any order of workgroups: fixed on GPUs with 64-bit atomics, owned elsewhere.
     Repeatable,
     /// Native fp32 atomics.
     Float,
-    /// Fixed point: the same bits in any order; 64-bit atomics where there are any.
+    /// Fixed point by 64-bit atomics: the same bits in any order.
     Fixed,
-    /// Fixed point by pairs of 32-bit atomics, also where there are 64-bit ones.
-    Fixed32,
     /// Compare and swap.
     Cas,
     /// Every histogram belongs to one invocation, no atomics: for CPUs.
@@ -39,7 +37,7 @@ pub enum Accumulation {
 impl Accumulation {
     /// Whether values are added up in fixed point.
     pub fn is_fixed(self) -> bool {
-        matches!(self, Accumulation::Fixed | Accumulation::Fixed32)
+        self == Accumulation::Fixed
     }
 }
 

@@ -42,7 +42,7 @@ options! {
             /// How rendered values are added up: auto takes the fastest that the device has, repeatable the fastest that
             /// gives the same bits in any order
             accumulation: Accumulation = Accumulation::Auto,
-                Range::Words(&["auto", "repeatable", "float", "fixed", "fixed32", "cas", "owned"]);
+                Range::Words(&["auto", "repeatable", "float", "fixed", "cas", "owned"]);
             /// Use the most general kernels, for comparison: leave nothing out, even if this scene does not need it
             general: bool = false, Range::Flag;
             /// How surfaces reflect

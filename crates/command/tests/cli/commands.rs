@@ -165,7 +165,7 @@ fn the_same_seed_gives_the_same_bits() {
         let settings = &json(&result.join("report.json"))["settings"];
         assert_eq!(settings["accumulation"], "repeatable");
         let used = settings["accumulation_used"].as_str().unwrap();
-        assert!(["owned", "fixed", "fixed32"].contains(&used), "{used}");
+        assert!(["owned", "fixed"].contains(&used), "{used}");
         std::fs::read(result.join("maps.npz")).unwrap()
     };
     let first = maps("first", "7");

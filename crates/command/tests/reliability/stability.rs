@@ -23,7 +23,7 @@ fn hold(gpu: &Gpu, case: &Case, paths: &[Accumulation]) {
 fn passes_of_every_case() {
     let gpu = gpu();
     for case in cases::all() {
-        hold(&gpu, &case, &[Accumulation::Owned, Accumulation::Fixed32]);
+        hold(&gpu, &case, &[Accumulation::Owned, Accumulation::Fixed]);
     }
     assert_valid(&gpu);
 }
