@@ -36,7 +36,7 @@ pub use drive::{Doing, Progress, TracePoint, Watch};
 pub(crate) use estimate::enough_pairs;
 pub use estimate::{background, expected_noise, variance_per_count, variances};
 pub use extent::default_volume;
-pub use on_device::{OnDevice, VolumeMap, upload};
+pub use on_device::{OnDevice, VolumeMap};
 pub use option::{Preset, SceneTraits};
 pub use outline::{Step, TimedSchedule, When};
 pub use paper::{Decay, NoiseTerm, PaperOptions, PaperSettings};

@@ -20,6 +20,8 @@ pub struct OnDevice {
     pub model: Model,
     /// Runs schedules over the buffers.
     pub executor: Executor,
+    /// What it does first.
+    pub(super) queue: Queue,
     /// What the driver works with.
     pub(super) lists: Lists,
     /// Photon noise and energy of the counts, once computed.
@@ -38,7 +40,8 @@ impl OnDevice {
         let mut executor = Executor::new(gpu, arena)?;
         let kernels: Vec<_> = plan.passes.iter().map(|pass| pass.wanted(&plan)).collect();
         executor.add_kernels(&kernels)?;
-        let mut made = OnDevice { plan, model, executor, lists: Lists::default(), light: None };
+        let (queue, lists) = (Queue::default(), Lists::default());
+        let mut made = OnDevice { plan, model, executor, queue, lists, light: None };
         made.upload()?;
         Ok(made)
     }
@@ -52,28 +55,52 @@ impl OnDevice {
         self.upload()
     }
 
+    /// Queues a copy of `bytes` to the beginning of a buffer.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn add(&mut self, to: Buffer, bytes: &[u8]) -> Result<()> {
+        self.queue.add(&mut self.executor, to, bytes)
+    }
+
+    /// Queues commands whose results are not awaited.
+    pub(super) fn queue(&mut self, write: impl FnOnce(&mut Schedule, &Plan)) {
+        write(&mut self.queue.schedule, &self.plan);
+    }
+
+    /// Runs what is queued and what `write` adds as one submission, and waits.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn run(&mut self, write: impl FnOnce(&mut Schedule, &Plan)) -> Result<()> {
+        let OnDevice { plan, executor, queue, .. } = self;
+        let mut schedule = executor.spare_schedule();
+        queue.move_into(&mut schedule);
+        write(&mut schedule, plan);
+        let done = executor.run(&schedule);
+        executor.keep_schedule(schedule);
+        done
+    }
+
     /// Fills the buffers that hold the capture and the constants.
     ///
     /// # Errors
     /// The device fails.
     pub fn upload(&mut self) -> Result<()> {
-        self.light = None;
-        self.upload_scan()?;
-        let mut counts = Uploads::begin(&mut self.executor)?;
-        counts.add_counts(&self.plan, &self.model)?;
-        counts.run()
+        self.queue_scan()?;
+        self.queue_counts()?;
+        self.run(|_, _| ())
     }
 
-    /// Follows a change of the model's measured values and their variance. Returns before the device is done.
+    /// Follows a change of the model's measured values and their variance.
     ///
     /// # Errors
     /// The device fails.
-    pub(super) fn upload_counts(&mut self) -> Result<()> {
+    pub(super) fn queue_counts(&mut self) -> Result<()> {
         self.light = None;
-        let OnDevice { plan, model, executor, .. } = self;
-        let mut counts = Uploads::begin(executor)?;
-        counts.add_counts(plan, model)?;
-        counts.submit()
+        let OnDevice { plan, model, executor, queue, .. } = self;
+        queue.add_scenes(executor, plan, model)?;
+        queue.add(executor, buffer::MEASURED, bytemuck::cast_slice(&model.measured))
     }
 
     /// Photon noise and energy of the counts, as data terms of the objective.
@@ -83,35 +110,32 @@ impl OnDevice {
     }
 
     /// Fills the buffers that hold what does not depend on the counts.
-    fn upload_scan(&mut self) -> Result<()> {
-        let OnDevice { plan, model, executor, .. } = self;
-        let mut all = Uploads::begin(executor)?;
+    fn queue_scan(&mut self) -> Result<()> {
+        let OnDevice { plan, model, executor, queue, .. } = self;
+        let mut add = |to, bytes: &[u8]| queue.add(executor, to, bytes);
         let wall = model.wall.first(plan.finest().pairs);
-        all.add(buffer::WALL, bytemuck::cast_slice(&wall.words(model.centre)))?;
+        add(buffer::WALL, bytemuck::cast_slice(&wall.words(model.centre)))?;
         for batch in plan.stretches() {
             let wall = model.wall.stretch(batch.first, batch.pairs);
-            all.add(batch.wall, bytemuck::cast_slice(&wall.words(model.centre)))?;
+            add(batch.wall, bytemuck::cast_slice(&wall.words(model.centre)))?;
         }
         if let Some(radius) = plan.domain.taps.len().checked_sub(1) {
             let words: Vec<f32> =
                 std::iter::once(radius as f32).chain(plan.domain.taps.iter().map(|w| *w as f32)).collect();
-            all.add(buffer::TAPS, bytemuck::cast_slice(&words))?;
+            add(buffer::TAPS, bytemuck::cast_slice(&words))?;
         }
         if let Some(pulse) = &model.pulse {
-            all.add(buffer::PULSE_TAPS, bytemuck::cast_slice(&pulse.words()))?;
+            add(buffer::PULSE_TAPS, bytemuck::cast_slice(&pulse.words()))?;
         }
         if let Some(spots) = &plan.levels.spots {
-            all.add(
-                plan.finest().rendered.wall,
-                bytemuck::cast_slice(&spots.rendered.wall.words(model.centre)),
-            )?;
-            all.add(buffer::SPOT_TAPS, bytemuck::cast_slice(&spots.words()))?;
+            add(plan.finest().rendered.wall, bytemuck::cast_slice(&spots.rendered.wall.words(model.centre)))?;
+            add(buffer::SPOT_TAPS, bytemuck::cast_slice(&spots.words()))?;
         }
         for (level, reachable) in plan.levels.volume.iter().zip(&plan.levels.reachable) {
             let bricks: Vec<u32> = reachable.iter().map(|r| u32::from(*r)).collect();
-            all.add(level.reachable, bytemuck::cast_slice(&bricks))?;
+            add(level.reachable, bytemuck::cast_slice(&bricks))?;
         }
-        all.run()
+        Ok(())
     }
 }
 
@@ -124,104 +148,65 @@ pub struct VolumeMap {
     pub albedo: Vec<f32>,
 }
 
-/// Copies to device buffers through the upload buffer: as many in one schedule as it has room for.
-pub(super) struct Uploads<'e> {
-    executor: &'e mut Executor,
+/// What the device does before anything else that it is given: copies through the upload buffer, and commands whose results
+/// are not awaited.
+#[derive(Default)]
+pub(super) struct Queue {
     /// Bytes of the upload buffer that are taken.
     at: u64,
-    /// The copies that are not submitted yet.
     schedule: Schedule,
 }
 
-impl<'e> Uploads<'e> {
-    /// Waits for what is under way: it may use the upload buffer.
-    pub fn begin(executor: &'e mut Executor) -> Result<Uploads<'e>> {
-        executor.settle()?;
-        let schedule = executor.spare_schedule();
-        Ok(Uploads { executor, at: 0, schedule })
-    }
-
-    fn add(&mut self, to: Buffer, bytes: &[u8]) -> Result<()> {
-        let size = self.executor.arena().size(UPLOAD);
+impl Queue {
+    /// Adds a copy of `bytes` to the beginning of `to`. Waits where what is under way may read the upload buffer, and where
+    /// that is full.
+    fn add(&mut self, executor: &mut Executor, to: Buffer, bytes: &[u8]) -> Result<()> {
+        let size = executor.arena().size(UPLOAD);
         let (mut rest, mut to_offset) = (bytes, 0);
         while !rest.is_empty() {
             if self.at == size {
-                self.executor.run(&self.schedule)?;
+                executor.run(&self.schedule)?;
                 self.schedule.clear();
                 self.at = 0;
             }
+            if self.at == 0 {
+                executor.settle()?;
+            }
             let (part, more) = rest.split_at(rest.len().min((size - self.at) as usize));
-            self.executor.write_at(UPLOAD, self.at, part);
-            let bytes = part.len() as u64;
-            self.schedule.commands.push(Command::Copy {
-                from: UPLOAD,
-                from_offset: self.at,
-                to,
-                to_offset,
-                bytes,
-            });
+            executor.write_at(UPLOAD, self.at, part);
+            let (from_offset, bytes) = (self.at, part.len() as u64);
+            self.schedule.commands.push(Command::Copy { from: UPLOAD, from_offset, to, to_offset, bytes });
             (self.at, to_offset, rest) = (self.at + bytes, to_offset + bytes, more);
         }
         Ok(())
     }
 
-    /// Runs what is left, and waits for it.
-    pub fn run(self) -> Result<()> {
-        let done = self.executor.run(&self.schedule);
-        self.executor.keep_schedule(self.schedule);
-        done
-    }
-
-    /// Submits what is left, and returns before it is done.
-    fn submit(self) -> Result<()> {
-        let submitted = self.executor.submit(&self.schedule);
-        self.executor.keep_schedule(self.schedule);
-        submitted.map(|_| ())
-    }
-
-    /// Adds the scenes and the measured values.
-    fn add_counts(&mut self, plan: &Plan, model: &Model) -> Result<()> {
-        self.add_scenes(plan, model)?;
-        self.add(buffer::MEASURED, bytemuck::cast_slice(&model.measured))
-    }
-
     /// Adds the scenes of levels and of batches.
-    pub fn add_scenes(&mut self, plan: &Plan, model: &Model) -> Result<()> {
+    fn add_scenes(&mut self, executor: &mut Executor, plan: &Plan, model: &Model) -> Result<()> {
         for (buffer, bytes) in &plan.blocks {
-            self.add(*buffer, bytes)?;
+            self.add(executor, *buffer, bytes)?;
         }
         if let Some(filter) = model.high_pass.filter(|_| plan.scene.high_pass) {
-            self.add(buffer::SURFACE, bytemuck::bytes_of(&filter.block(model.bins, model.bin_width)))?;
+            let block = filter.block(model.bins, model.bin_width);
+            self.add(executor, buffer::SURFACE, bytemuck::bytes_of(&block))?;
         }
         for level in plan.levels.volume.iter().chain(plan.stretches()) {
-            let scene = model.scene_of(&level.grid, level.pairs);
-            self.add(level.scene, bytemuck::bytes_of(&plan.scene_of(&plan.measured(level), scene)))?;
+            let scene = plan.scene_of(&plan.measured(level), model.scene_of(&level.grid, level.pairs));
+            self.add(executor, level.scene, bytemuck::bytes_of(&scene))?;
             if let Some(spots) = &plan.levels.spots {
                 let scene = model.scene_of_rendered(&level.grid, level.pairs, &spots.rendered);
-                self.add(level.rendered.scene, bytemuck::bytes_of(&plan.scene_of(&level.rendered, scene)))?;
+                let scene = plan.scene_of(&level.rendered, scene);
+                self.add(executor, level.rendered.scene, bytemuck::bytes_of(&scene))?;
             }
         }
         Ok(())
     }
-}
 
-/// Copies `bytes` to a device buffer through the upload buffer, in as many parts as it takes. Returns before the device is
-/// done.
-///
-/// # Errors
-/// The device fails.
-pub fn upload(executor: &mut Executor, buffer: Buffer, bytes: &[u8]) -> Result<()> {
-    upload_all(executor, &[(buffer, bytes)])
-}
-
-/// As [`upload`], to several buffers. Returns before the device is done.
-///
-/// # Errors
-/// The device fails.
-pub(super) fn upload_all(executor: &mut Executor, all: &[(Buffer, &[u8])]) -> Result<()> {
-    let mut uploads = Uploads::begin(executor)?;
-    all.iter().try_for_each(|(buffer, bytes)| uploads.add(*buffer, bytes))?;
-    uploads.submit()
+    /// Moves what is queued into a schedule that is submitted next.
+    pub fn move_into(&mut self, block: &mut Schedule) {
+        block.append(&mut self.schedule);
+        self.at = 0;
+    }
 }
 
 /// The maps that [`super::extract`] left in `columns_host`; without normals where the model has none.

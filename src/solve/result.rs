@@ -117,8 +117,8 @@ pub(super) fn finish(
 ) -> Result<Reconstruction> {
     let volume = if let Some(albedo) = volume {
         let storage = driven.level.grid.storage() as u64;
-        job.executor.run_once(|s| {
-            s.copy(buffer::RAW, RAW_HOST, job.plan.domain.capacity as u64 * 16);
+        job.run(|s, plan| {
+            s.copy(buffer::RAW, RAW_HOST, plan.domain.capacity as u64 * 16);
             s.copy(buffer::MASK, MASK_HOST, storage / 8);
         })?;
         Some(read_volume(&job.executor, &driven.level.grid, albedo))

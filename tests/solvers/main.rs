@@ -18,3 +18,4 @@ mod scale;
 mod session;
 mod surface;
 mod taken_off;
+mod traffic;

@@ -76,6 +76,8 @@ pub struct DeviceState {
     pub(super) kinds: Kinds,
     /// Bytes held by arenas.
     pub(super) allocated: AtomicU64,
+    /// See [`Gpu::traffic`].
+    pub(super) traffic: [AtomicU64; 2],
     pub(super) names: Option<ext::debug_utils::Device>,
     /// Pipelines shared by executors.
     pub(super) pipelines: Pipelines,
@@ -172,6 +174,7 @@ impl Gpu {
             injected_faults: options.faults.any().then(|| InjectedFaults::new(options.faults)),
             kinds: Kinds::of(&instance, physical),
             allocated: AtomicU64::new(0),
+            traffic: Default::default(),
             names,
             pipelines: Pipelines::default(),
             cache,
@@ -315,6 +318,11 @@ impl Gpu {
     /// Bytes of device memory currently held by buffers.
     pub fn allocated(&self) -> u64 {
         self.allocated.load(Relaxed)
+    }
+
+    /// Submissions so far, and waits of the host for them.
+    pub fn traffic(&self) -> [u64; 2] {
+        [0, 1].map(|at| self.traffic[at].load(Relaxed))
     }
 
     /// Releases this handle and closes the device if it is the last one. Returns all validation messages, including

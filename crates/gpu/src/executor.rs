@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet, VecDeque};
 use std::sync::Arc;
+use std::sync::atomic::Ordering::Relaxed;
 use std::time::Duration;
 
 use ash::vk;
@@ -158,6 +159,7 @@ impl Executor {
             return Err(gpu.failed(&doing, e));
         }
         self.submitted = flight.ticket.0;
+        self.gpu.traffic[0].fetch_add(1, Relaxed);
         let ticket = flight.ticket;
         self.flights.push_back(flight);
         Ok(ticket)
@@ -184,7 +186,11 @@ impl Executor {
     /// # Errors
     /// The device fails, or the watchdog times out.
     pub fn wait(&mut self, ticket: Ticket) -> Result<()> {
+        if self.flights.front().is_none_or(|f| f.ticket > ticket) {
+            return Ok(());
+        }
         let gpu = self.gpu.clone();
+        gpu.traffic[1].fetch_add(1, Relaxed);
         let _span = gpu.span("wait");
         let semaphores = [self.timeline];
         let values = [ticket.0];

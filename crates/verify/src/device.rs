@@ -6,7 +6,7 @@ use crate::twin::Cells;
 use thirdbounce::Result;
 use thirdbounce::gpu::{Buffer, BufferPlan, Command, Constant, Gpu, Kernel, KernelCode, Place, Schedule};
 use thirdbounce::solve::learned::schedule::LEARNED_KERNELS;
-use thirdbounce::solve::{Level, Needs, OnDevice, Plan, Tuning, UPLOAD, upload};
+use thirdbounce::solve::{Level, Needs, OnDevice, Plan, Tuning, UPLOAD};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Grid, Model};
 
@@ -117,7 +117,8 @@ pub fn read_words(job: &mut OnDevice, from: Buffer) -> Result<Vec<u32>> {
 /// # Errors
 /// The device fails.
 pub fn write<T: bytemuck::NoUninit>(job: &mut OnDevice, to: Buffer, values: &[T]) -> Result<()> {
-    upload(&mut job.executor, to, bytemuck::cast_slice(values))
+    job.add(to, bytemuck::cast_slice(values))?;
+    job.run(|_, _| ())
 }
 
 /// Buffers of integers, or of floats by their bits beside integers.

@@ -167,7 +167,8 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
             self.reader = Reader { trace, pairs };
             self.clock.resume_from([seconds, gpu_seconds]);
         }
-        let OnDevice { plan, lists: Lists { block, .. }, .. } = &mut *self.device;
+        let OnDevice { plan, queue, lists: Lists { block, .. }, .. } = &mut *self.device;
+        queue.move_into(block);
         block.stage("start", &stage_values(&self.steps.levels[self.level], self.first));
         (self.steps.start)(block, plan);
     }
@@ -270,7 +271,7 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
 
     /// The maps at a level. Waits for the device.
     fn maps(&mut self, level: &Level) -> Result<Maps> {
-        self.device.executor.run_once(|s| {
+        self.device.run(|s, _| {
             maps_stage(s, level);
             (self.steps.extract)(s, level);
         })?;

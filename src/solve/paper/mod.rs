@@ -108,7 +108,7 @@ impl Prepared for PreparedPaper {
         let gpu = planned.gpu().clone();
         let job = planned.made(|_| Ok(()))?;
         job.model.take(rows, capture, &Background::NONE);
-        job.upload_counts()?;
+        job.queue_counts()?;
         let plan = job.plan.clone();
         let steps = steps(&plan, options);
         let driven = drive(&gpu, job, options.iterations, steps, watch, None)?;

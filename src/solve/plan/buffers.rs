@@ -33,7 +33,8 @@ impl Plan {
                 None => all.push(made),
             }
         }
-        let rows = self.demand.iterations.iter().sum::<usize>() * TRACE_ROW as usize;
+        // One more: a surface is compared twice before its first iteration.
+        let rows = (self.demand.iterations.iter().sum::<usize>() + 1) * TRACE_ROW as usize;
         let mut on_host = vec![
             (UPLOAD, self.measured_bytes() + self.scene_bytes(), Place::Upload),
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),

@@ -15,7 +15,7 @@ use crate::gpu::{Buffer, BufferPlan, Gpu, Place, Schedule, check};
 use crate::maps::Maps;
 use crate::solve::drive::{Driven, Steps, Watch, drive, maps_stage, stage_values};
 use crate::solve::estimate::energy;
-use crate::solve::on_device::{OnDevice, read_maps, trace_rows, upload, upload_all};
+use crate::solve::on_device::{OnDevice, read_maps, trace_rows};
 use crate::solve::outline::{self, TimedSchedule};
 use crate::solve::over_pairs::turns_of_finish;
 use crate::solve::passes::{FINISH, RESIDUAL, objective};
@@ -52,6 +52,8 @@ pub(crate) struct Fit {
     energies: Vec<f64>,
     /// Which pairs judge it.
     judge: Judge,
+    /// The residual of the present surface is there for the host.
+    is_compared: bool,
     /// The length of its next steps as a share of the longest ones: it stays from run to run.
     pub step: f64,
 }
@@ -143,13 +145,22 @@ impl Fit {
         let (outline, rows) = outline_of(capture, &grid, options, holds_out);
         let asked = needs::OfFit { options, iterations };
         let mut plan = Plan::new(&outline, grid, capture.resolution(), &asked, &gpu.abilities(), false)?;
-        if judge != Judge::None {
-            let cells = judging(&plan, judge).map_or(0, |level| plan.cells_at(level));
+        if let Some(level) = judging(&plan, judge) {
+            let cells = plan.cells_at(level);
             plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
         }
         check(&plan.buffers, &gpu.memory(), memory)?;
         let planned = Planned::new(gpu, outline, plan, memory);
-        Ok(Fit { planned, rows, options: options.clone(), pixels: 0, energies: vec![], judge, step: 1.0 })
+        Ok(Fit {
+            planned,
+            rows,
+            options: options.clone(),
+            pixels: 0,
+            energies: vec![],
+            judge,
+            is_compared: false,
+            step: 1.0,
+        })
     }
 
     /// Levels, passes and buffers.
@@ -184,18 +195,19 @@ impl Fit {
     /// # Errors
     /// The device fails.
     pub fn take(&mut self, capture: &Capture) -> Result<()> {
+        self.is_compared = false;
         let Fit { planned, rows, options, energies, .. } = self;
         let job = planned.made(|_| Ok(()))?;
         take(capture, options, rows, &mut job.model);
-        job.upload_counts()?;
+        job.queue_counts()?;
         let batches = &job.plan.levels.batches;
         *energies = match &batches[..] {
             [] => vec![energy(&job.model, 0..job.plan.finest().pairs)],
             _ => batches.iter().map(|b| energy(&job.model, b.first..b.first + b.pairs)).collect(),
         };
-        job.executor.run_once(|s| {
-            cleared(s, &job.plan);
-            divide(s, &job.plan);
+        job.run(|s, plan| {
+            cleared(s, plan);
+            divide(s, plan);
         })
     }
 
@@ -208,7 +220,7 @@ impl Fit {
         let job = self.planned.made(|_| Ok(()))?;
         let level = job.plan.levels.pixels.expect("a fit has pixels");
         let pixels = Pixels::of(layers, needs::pixels(&job.plan));
-        self.pixels = pixels.len();
+        (self.pixels, self.is_compared) = (pixels.len(), false);
         let [noise, energy] = job.light();
         let placed = match pixels.is_empty() {
             true => None,
@@ -224,16 +236,13 @@ impl Fit {
     pub fn judged(&mut self) -> Result<Option<HeldOut>> {
         let count = self.pixels;
         let job = self.planned.made(|_| Ok(()))?;
-        let is_judged = self.judge != Judge::None && count > 0;
-        let Some(level) = judging(&job.plan, self.judge).copied().filter(|_| is_judged) else {
+        let Some(level) = judging(&job.plan, self.judge).copied().filter(|_| count > 0) else {
             return Ok(None);
         };
-        let cells = job.plan.cells_at(&level);
-        job.executor.run_once(|s| {
-            render(s, &job.plan, &level, count, &RESIDUAL);
-            s.copy(buffer::RESIDUAL, RESIDUAL_HOST, cells as u64 * 4);
-        })?;
-        let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..cells);
+        if !self.is_compared {
+            job.run(|s, plan| residual(s, plan, &level, count))?;
+        }
+        let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..job.plan.cells_at(&level));
         let pairs = &self.rows.pairs()[level.first..level.first + level.pairs];
         Ok(Some(HeldOut::of(&job.model, &level, pairs, &residual)))
     }
@@ -259,7 +268,7 @@ impl Fit {
         let level = job.plan.levels.pixels.expect("a fit has pixels");
         let pixels = Pixels::of(layers, needs::pixels(&job.plan));
         let [count, begin] = [pixels.len(), driven.trace.last().map_or(0, |p| p.iteration)];
-        self.pixels = count;
+        (self.pixels, self.is_compared) = (count, false);
         let [noise, energy] = job.light();
         let placed = placed(job, &level, &pixels, &self.energies, known, begin)?;
         let Some(mut placed) = placed else {
@@ -273,14 +282,14 @@ impl Fit {
         let mut factor = self.step;
         let set_weights = |job: &mut OnDevice, placed: Placed, factor: f64| {
             let weights = weights(&job.model, &level, placed, options, all, factor);
-            upload(&mut job.executor, buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))
+            job.add(buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))
         };
         set_weights(job, placed, factor)?;
         // Maps on the way show pixels without a surface as they were; those at the end have their own.
         if watch.maps_every.is_some() || !watch.maps_at.is_empty() {
-            upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
+            job.add(buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
         }
-        job.executor.run_once(|s| keep(s, count, KEPT))?;
+        job.queue(|s, _| keep(s, count, KEPT));
         driven.seconds += clock.elapsed().as_secs_f64();
         driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
         let of_layers = pixels.of_layers(layers[0].albedo.len());
@@ -310,14 +319,14 @@ impl Fit {
                     [point.loss, point.data_loss] = best.losses;
                 }
                 set_weights(job, placed, factor)?;
-                put_back(job, &level, count)?;
+                put_back(job, &level, count);
             } else if last.log <= best.log {
                 best = last;
                 if factor < 1.0 {
                     (factor, placed.left) = ((factor * LONGER).min(1.0), best.left * energy);
                     set_weights(job, placed, factor)?;
                 }
-                job.executor.run_once(|s| keep(s, count, KEPT))?;
+                job.queue(|s, _| keep(s, count, KEPT));
             }
             (is_kept, restored) = (rises || last.log <= best.log, rises);
             if reached < done + here {
@@ -329,23 +338,32 @@ impl Fit {
         // Where the model leaves much, rises tell of that, not of the steps.
         self.step = if quality.model_error() <= MOST_ERROR { factor } else { 1.0 };
         if restored || !is_kept {
-            job.executor.run_once(|s| keep(s, count, [KEPT[1], KEPT[0]]))?;
+            job.queue(|s, _| keep(s, count, [KEPT[1], KEPT[0]]));
+        }
+        if let Some(judging) = judging(&job.plan, self.judge).copied() {
+            job.queue(|s, plan| residual(s, plan, &judging, count));
         }
         for (layer, maps) in layers.iter_mut().enumerate() {
             *maps = shown(job, &level, maps, of_layers, layer)?;
         }
+        self.is_compared = true;
         driven.maps = layers[0].clone();
         Ok((driven, Some(quality)))
     }
 }
 
 /// Puts the best state of `count` pixels back, and Adam at rest.
-fn put_back(job: &mut OnDevice, level: &Level, count: usize) -> Result<()> {
-    let points = needs::points_of(&job.plan);
-    job.executor.run_once(|s| {
+fn put_back(job: &mut OnDevice, level: &Level, count: usize) {
+    job.queue(|s, plan| {
         keep(s, count, [KEPT[1], KEPT[0]]);
-        start(s, &job.plan, level, count, points);
-    })
+        start(s, plan, level, count, needs::points_of(plan));
+    });
+}
+
+/// Renders the pairs of `level` that judge a fit, and leaves the residual for the host.
+fn residual(s: &mut Schedule, plan: &Plan, level: &Level, count: usize) {
+    render(s, plan, level, count, &RESIDUAL);
+    s.copy(buffer::RESIDUAL, RESIDUAL_HOST, plan.cells_at(level) as u64 * 4);
 }
 
 /// The maps with the present state of a layer; pixels without a surface keep what `maps` has.
@@ -356,8 +374,8 @@ fn shown(
     of_layers: [usize; 2],
     layer: usize,
 ) -> Result<Maps> {
-    upload(&mut job.executor, buffer::COLUMNS, bytemuck::cast_slice(&columns(maps)))?;
-    job.executor.run_once(|s| {
+    job.add(buffer::COLUMNS, bytemuck::cast_slice(&columns(maps)))?;
+    job.run(|s, _| {
         maps_stage(s, level);
         extract(s, level, of_layers, layer);
     })?;
@@ -367,7 +385,11 @@ fn shown(
 /// The pairs that judge a fit: those that are held out, or some of the fitted ones where none are.
 fn judging(plan: &Plan, judge: Judge) -> Option<&Level> {
     let all = plan.levels.pixels.as_ref();
-    if judge == Judge::All { all } else { plan.levels.held_out.as_ref().or(plan.batch(0)).or(all) }
+    match judge {
+        Judge::None => None,
+        Judge::HeldOut => plan.levels.held_out.as_ref().or(plan.batch(0)).or(all),
+        Judge::All => all,
+    }
 }
 
 /// The objective of a state.
@@ -485,8 +507,8 @@ fn columns(maps: &Maps) -> Vec<[f32; 8]> {
     maps.albedo.iter().zip(&maps.depth).zip(&maps.normal).map(of_pixel).collect()
 }
 
-/// Uploads pixels for a fit, with the scale that explains most of the data unless the residual with theirs is `known`; `None` if they
-/// explain none. Overwrites row `row` of the trace.
+/// Places pixels for a fit, with the scale that explains most of the data unless the residual with theirs is `known`; `None` if they
+/// explain none. Overwrites the trace from row `row` on.
 fn placed(
     job: &mut OnDevice,
     level: &Level,
@@ -510,44 +532,40 @@ fn placed(
     Ok(place(job, level, pixels, compared, row)?.map(|(placed, _)| placed))
 }
 
-/// Uploads the columns and places of pixels.
-fn upload_pixels(job: &mut OnDevice, level: &Level, pixels: &Pixels) -> Result<()> {
+/// Queues the columns and places of pixels.
+fn add_pixels(job: &mut OnDevice, level: &Level, pixels: &Pixels) -> Result<()> {
     let [x, y, _] = level.grid.n;
     let places = pixels.places(x * y);
-    let placed = [
-        (buffer::PIXELS, bytemuck::cast_slice(&pixels.columns)),
-        (buffer::PIXEL_OF, bytemuck::cast_slice(&places)),
-    ];
-    upload_all(&mut job.executor, &placed)
+    job.add(buffer::PIXELS, bytemuck::cast_slice(&pixels.columns))?;
+    job.add(buffer::PIXEL_OF, bytemuck::cast_slice(&places))
 }
 
-/// Depths, and albedos times a scale.
-fn upload_heights(job: &mut OnDevice, pixels: &Pixels, scale: f64) -> Result<()> {
+/// Queues depths, and albedos times a scale.
+fn add_heights(job: &mut OnDevice, pixels: &Pixels, scale: f64) -> Result<()> {
     let of = |(z, a): (&f32, &f32)| [*z, (scale * f64::from(*a)) as f32];
     let heights: Vec<[f32; 2]> = pixels.depth.iter().zip(&pixels.albedo).map(of).collect();
-    upload(&mut job.executor, buffer::HEIGHTS, bytemuck::cast_slice(&heights))
+    job.add(buffer::HEIGHTS, bytemuck::cast_slice(&heights))
 }
 
 fn brightest(pixels: &Pixels) -> f64 {
     f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)))
 }
 
-/// Uploads pixels whose albedos have the scale of the data, of which they leave `left`.
+/// Places pixels whose albedos have the scale of the data, of which they leave `left`.
 fn place_known(
     job: &mut OnDevice,
     level: &Level,
     pixels: &Pixels,
     [energy, left]: [f64; 2],
 ) -> Result<Placed> {
-    let points = needs::points_of(&job.plan);
-    upload_pixels(job, level, pixels)?;
-    upload_heights(job, pixels, 1.0)?;
-    job.executor.run_once(|s| start(s, &job.plan, level, pixels.len(), points))?;
+    add_pixels(job, level, pixels)?;
+    add_heights(job, pixels, 1.0)?;
+    job.queue(|s, plan| start(s, plan, level, pixels.len(), needs::points_of(plan)));
     Ok(Placed { pixels: pixels.len(), most: brightest(pixels), explained: energy - left, left })
 }
 
-/// Uploads pixels, with their albedos scaled so that they explain most of the pairs that are `compared`, whose energy is given;
-/// `None` if they explain none. Also returns the scale. Overwrites row `row` of the trace.
+/// Places pixels, with their albedos scaled so that they explain most of the pairs that are `compared`, whose energy is given;
+/// `None` if they explain none. Also returns the scale. Overwrites the trace from row `row` on: two rows.
 fn place(
     job: &mut OnDevice,
     level: &Level,
@@ -555,28 +573,25 @@ fn place(
     (of, measured): (Level, f64),
     row: usize,
 ) -> Result<Option<(Placed, f64)>> {
-    let points = needs::points_of(&job.plan);
-    upload_pixels(job, level, pixels)?;
+    add_pixels(job, level, pixels)?;
     // |A v - h|² and |2 A v - h|² give, with |h|², the factor of v that leaves least.
-    let mut residuals = [0.0; 2];
-    for (times, residual) in (1..).zip(&mut residuals) {
-        upload_heights(job, pixels, f64::from(times))?;
-        job.executor.run_once(|s| {
-            s.stage("surface", &stage_values(level, row));
-            if times == 1 {
-                start(s, &job.plan, level, pixels.len(), points);
-            }
-            compared(s, &job.plan, &of, pixels.len(), row);
-        })?;
-        *residual = objective_of(job, row);
-    }
-    let [once, twice] = residuals;
+    add_heights(job, pixels, 1.0)?;
+    job.queue(|s, plan| {
+        s.stage("surface", &stage_values(level, row));
+        start(s, plan, level, pixels.len(), needs::points_of(plan));
+        compared(s, plan, &of, pixels.len(), row);
+    });
+    add_heights(job, pixels, 2.0)?;
+    job.run(|s, plan| compared(s, plan, &of, pixels.len(), row + 1))?;
+    let objective =
+        |row: &[u32; TRACE_ROW as usize]| f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));
+    let [once, twice] = [row, row + 1].map(|row| objective(&trace_rows(job, row..row + 1)[0]));
     let rendered = 0.5 * (measured - 2.0 * once + twice);
     let scale = 0.5 * (rendered + measured - once) / rendered;
     if !(scale.is_finite() && scale > 0.0) {
         return Ok(None);
     }
-    upload_heights(job, pixels, scale)?;
+    add_heights(job, pixels, scale)?;
     let [_, energy] = job.light();
     let explained = energy * scale * scale * rendered / measured;
     let most = scale * brightest(pixels);
@@ -589,9 +604,4 @@ fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: us
     s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
         .bind(buffer::SCENE, level.scene)
         .with(Push { iteration: row as u32, ..Default::default() });
-}
-
-/// The data term in row `row` of the trace.
-fn objective_of(job: &OnDevice, row: usize) -> f64 {
-    f64::from(f32::from_bits(trace_rows(job, row..row + 1)[0][TRACE_OBJECTIVE as usize]))
 }

@@ -5,7 +5,7 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use thirdbounce::gpu::{Arena, Buffer, BufferPlan, DeviceKind, Executor, Gpu, KernelCode, Place, Schedule};
-use thirdbounce::solve::{UPLOAD, upload};
+use thirdbounce::solve::UPLOAD;
 use thirdbounce::transport::kernels::{buffer, kernel};
 use thirdbounce::{Error, Result};
 
@@ -221,7 +221,8 @@ impl Bench {
         ];
         let mut executor = Executor::new(gpu, Arena::new(gpu, &plan, None)?)?;
         let words: Vec<u32> = (0..TABLE_WORDS).map(table).collect();
-        upload(&mut executor, buffer::TABLE, bytemuck::cast_slice(&words))?;
+        executor.write(UPLOAD, bytemuck::cast_slice(&words));
+        executor.run_once(|s| s.copy(UPLOAD, buffer::TABLE, u64::from(TABLE_WORDS) * 4))?;
         Ok(Bench { gpu: gpu.clone(), executor, copied })
     }
 

@@ -20,7 +20,7 @@ use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
 use crate::solve::option::Options;
 use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
 use crate::solve::prepared::Planned;
-use crate::solve::{OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, Sharpness, Watch, upload};
+use crate::solve::{OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, Sharpness, Watch};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Grid, Model, Rows};
 use crate::{Error, Result};
@@ -189,7 +189,7 @@ impl Projector {
             Some(scale) => job.model.take_times(rows, &light.capture, &light.background, scale),
             None => job.model.take(rows, &light.capture, &light.background),
         }
-        job.upload_counts()?;
+        job.queue_counts()?;
         Ok(1.0 / job.model.counts_per_unit)
     }
 
@@ -201,9 +201,9 @@ impl Projector {
         let [_, ny, nz] = grid.n;
         let mut projected = vec![];
         for filter in filters {
-            upload(&mut job.executor, buffer::HAT_TAPS, bytemuck::cast_slice(filter))?;
-            job.executor.run_once(|s| {
-                gather_filtered(s, &job.plan, &level, filter.len());
+            job.add(buffer::HAT_TAPS, bytemuck::cast_slice(filter))?;
+            job.run(|s, plan| {
+                gather_filtered(s, plan, &level, filter.len());
                 s.copy(PROJECTED, RAW_HOST, grid.storage() as u64 * 4);
             })?;
             let stored: Vec<f32> = job.executor.read(RAW_HOST, ..grid.storage());
