@@ -6,6 +6,7 @@ mod formats;
 mod hostile;
 mod inputs;
 mod kept;
+mod libraries;
 mod publications;
 mod sampling;
 mod schemas;

@@ -1,9 +1,10 @@
 //! Maps as an OpenEXR picture.
 //!
 //! One part with named layers in the convention of viewers and compositing programs (`layer.channel`): `albedo.Y`,
-//! `depth.Z`, `normal.X`, `normal.Y`, `normal.Z`, and the albedo again as the plain channel `Y` for viewers without
-//! layers. The expected depth error, if known, is `depth_error.Z`. A second layer, if any, is `behind.albedo.Y`,
-//! `behind.depth.Z`, `behind.normal.X` to `Z` and `behind.depth_error.Z`. 32-bit floats, NaN = no surface. The top row
+//! `depth.Z`, `normal.X`, `normal.Y`, `normal.Z`, `mask.Y` (1 = surface, else 0), and the albedo again as the plain channel
+//! `Y` for viewers without layers. The expected depth error, if known, is `depth_error.Z`. A second layer, if any, is
+//! `behind.albedo.Y`, `behind.depth.Z`, `behind.normal.X` to `Z`, `behind.mask.Y` and `behind.depth_error.Z`. 32-bit floats,
+//! NaN = no depth. The top row
 //! is the largest y, the left column the largest x, as seen from the wall. The attribute `extent` (box2f) is the
 //! extent in metres.
 
@@ -38,6 +39,7 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
         channel("normal.X", &|p| maps.normal[p][0]),
         channel("normal.Y", &|p| maps.normal[p][1]),
         channel("normal.Z", &|p| maps.normal[p][2]),
+        channel("mask.Y", &|p| f32::from(maps.mask[p])),
     ]
     .into_iter()
     .collect();
@@ -51,6 +53,7 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
             channel("behind.normal.X", &|p| behind.normal[p][0]),
             channel("behind.normal.Y", &|p| behind.normal[p][1]),
             channel("behind.normal.Z", &|p| behind.normal[p][2]),
+            channel("behind.mask.Y", &|p| f32::from(behind.mask[p])),
         ]);
     }
     let mut attributes = LayerAttributes::named("maps");

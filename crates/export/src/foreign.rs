@@ -12,6 +12,7 @@ use super::npz;
 use crate::capture::formats::variables::Variables;
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
+use crate::files::array::c_order;
 use crate::maps::Maps;
 
 /// File names searched in a folder.
@@ -130,16 +131,7 @@ fn of_matlab(file: &Path) -> Result<ForeignMaps> {
 /// An array with its axes in the opposite order.
 fn turned(shape: &[usize], values: &[f64]) -> (Vec<usize>, Vec<f64>) {
     let back: Vec<usize> = shape.iter().rev().copied().collect();
-    let place = |mut i: usize| {
-        // Index in C order of the transposed array, from one in C order of the original.
-        let mut at = vec![0; back.len()];
-        for (axis, n) in back.iter().enumerate().rev() {
-            at[axis] = i % n;
-            i /= n;
-        }
-        at.iter().rev().zip(shape).fold(0, |place, (at, n)| place * n + at)
-    };
-    let moved = (0..values.len()).map(|i| values[place(i)]).collect();
+    let moved = c_order(&back).map(|i| values[i]).collect();
     (back, moved)
 }
 

@@ -47,10 +47,10 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     let white = Maps::white(&maps.albedo).max(f32::MIN_POSITIVE);
     let mut bytes = format!(
         "ply\nformat binary_little_endian 1.0\ncomment thirdbounce, metres\nelement vertex {}\n{}{}\
-         element face {}\nproperty list uchar int vertex_indices\nend_header\n",
+         element face {}\nproperty list uint8 int32 vertex_indices\nend_header\n",
         vertices.len(),
-        ["x", "y", "z", "nx", "ny", "nz", "albedo"].map(|n| format!("property float {n}\n")).concat(),
-        ["red", "green", "blue"].map(|n| format!("property uchar {n}\n")).concat(),
+        ["x", "y", "z", "nx", "ny", "nz", "albedo"].map(|n| format!("property float32 {n}\n")).concat(),
+        ["red", "green", "blue"].map(|n| format!("property uint8 {n}\n")).concat(),
         triangles.len()
     )
     .into_bytes();

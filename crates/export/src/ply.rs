@@ -32,11 +32,12 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     let mut header = format!(
         "ply\nformat binary_little_endian 1.0\ncomment thirdbounce, metres\nelement vertex {count}\n"
     );
+    // Sized names: meshio takes `uchar` for a signed type.
     for name in ["x", "y", "z", "nx", "ny", "nz", "albedo"] {
-        let _ = writeln!(header, "property float {name}");
+        let _ = writeln!(header, "property float32 {name}");
     }
     for name in ["red", "green", "blue"] {
-        let _ = writeln!(header, "property uchar {name}");
+        let _ = writeln!(header, "property uint8 {name}");
     }
     header.push_str("end_header\n");
     let mut bytes = header.into_bytes();

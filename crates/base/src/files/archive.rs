@@ -119,6 +119,13 @@ impl Npz {
         Ok(Some((head, elements)))
     }
 
+    /// Whether an array holds Python objects, such as `None` or an enum, in place of numbers.
+    pub fn is_object(&mut self, name: &str) -> bool {
+        let Ok(entry) = self.zip.by_name(&format!("{name}.npy")) else { return false };
+        let mut head = vec![];
+        entry.take(256).read_to_end(&mut head).is_ok() && head.windows(4).any(|word| word == b"'|O'")
+    }
+
     /// Reads a required array.
     ///
     /// # Errors

@@ -196,7 +196,7 @@ impl Array {
                     }
                 };
                 if self.fortran && self.shape.len() > 1 {
-                    self.c_order()
+                    c_order(&self.shape)
                         .map(|i| to($number(element(&self.bytes[i * SIZE..(i + 1) * SIZE]).into())))
                         .collect()
                 } else {
@@ -217,29 +217,6 @@ impl Array {
             Element::F32 => decode!(f32, Number::Real),
             Element::F64 => decode!(f64, Number::Real),
         }
-    }
-
-    /// Positions of the elements in the Fortran-ordered bytes, in C order.
-    fn c_order(&self) -> impl Iterator<Item = usize> + '_ {
-        let mut strides = vec![1usize; self.shape.len()];
-        for axis in 1..self.shape.len() {
-            strides[axis] = strides[axis - 1] * self.shape[axis - 1];
-        }
-        let mut index = vec![0usize; self.shape.len()]; // bounded: axes
-        let mut at = 0usize;
-        (0..self.count()).map(move |_| {
-            let here = at;
-            for axis in (0..index.len()).rev() {
-                index[axis] += 1;
-                at += strides[axis];
-                if index[axis] < self.shape[axis] {
-                    break;
-                }
-                at -= strides[axis] * index[axis];
-                index[axis] = 0;
-            }
-            here
-        })
     }
 
     /// Reads the contents of an npy file (versions 1 to 3).
@@ -400,6 +377,29 @@ fn layout(header: &str) -> Option<(bool, Vec<usize>)> {
     let dims = shape.split(',').map(str::trim).filter(|d| !d.is_empty());
     let dims = dims.map(|d| d.trim_end_matches('L').parse().ok()).collect::<Option<Vec<usize>>>()?;
     Some((fortran, dims))
+}
+
+/// Positions of the elements of an array whose first index runs fastest, in C order. `shape`: length along each axis.
+pub fn c_order(shape: &[usize]) -> impl Iterator<Item = usize> + '_ {
+    let mut strides = vec![1usize; shape.len()]; // bounded: axes
+    for axis in 1..shape.len() {
+        strides[axis] = strides[axis - 1] * shape[axis - 1];
+    }
+    let mut index = vec![0usize; shape.len()]; // bounded: axes
+    let mut at = 0usize;
+    (0..shape.iter().product()).map(move |_: usize| {
+        let here = at;
+        for axis in (0..index.len()).rev() {
+            index[axis] += 1;
+            at += strides[axis];
+            if index[axis] < shape[axis] {
+                break;
+            }
+            at -= strides[axis] * index[axis];
+            index[axis] = 0;
+        }
+        here
+    })
 }
 
 /// Transposes `rows` x `columns` values, in tiles that fit the cache.

@@ -1,9 +1,15 @@
 //! Arrays of counts.
 
+use std::fs::File;
+use std::io::BufReader;
+use std::path::Path;
+
 use super::glance::{self, Glance};
+use super::points::squeezed;
 use crate::data::histogram_figures;
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
+use crate::files::array::Head;
 
 /// An array of counts.
 #[derive(Debug, Clone, PartialEq)]
@@ -56,14 +62,94 @@ pub(super) fn largest_count(values: &[f32]) -> Option<f32> {
     values.iter().try_fold(0.0f32, |largest, &v| (v >= 0.0 && v.fract() == 0.0).then(|| largest.max(v)))
 }
 
-/// The error of counts that come alone, with the lines that make a capture of them.
-pub(super) fn alone(what: &str) -> Error {
+/// The error of an npy file.
+pub(super) fn alone_in_npy(path: &Path) -> Error {
+    let head = File::open(path)
+        .map_err(|e| Error::input(format!("cannot be read: {e}"), "check the path and the disk"))
+        .and_then(|file| Head::read(&mut BufReader::new(file)));
+    let what = "is a single npy array, without wall points and bin width";
+    head.map_or_else(|e| e, |head| alone(what, r#"np.load("FILE")"#, &head.shape))
+}
+
+/// The error of an npz file without points. Its largest array is taken as the counts.
+pub(super) fn alone_in_npz(npz: &mut Npz) -> Error {
+    let names = npz.names();
+    let mut largest = ("H".to_string(), vec![]);
+    for name in &names {
+        let count = |shape: &[usize]| shape.iter().fold(1usize, |n, d| n.saturating_mul(*d));
+        if let Ok(Some((head, _))) = npz.stream(name)
+            && count(&head.shape) > count(&largest.1)
+        {
+            largest = (name.clone(), head.shape);
+        }
+    }
+    let what = format!("holds {}, but no sensor_xyz and laser_xyz beside H and delta_t", names.join(", "));
+    alone(&what, &format!(r#"np.load("FILE")["{}"]"#, largest.0), &largest.1)
+}
+
+/// The expression for H of a tensor of mitransient: [Y, X, T, C], or exhaustive [Sy, Sx, Ly, Lx, T, C]; `None` for other shapes. Four
+/// channels are a Stokes vector, of which the first is the intensity (mitransient 1.3.1, `TransientImageBlock` and `TransientHDRFilm`).
+fn of_tensor(name: &str, shape: &[usize]) -> Option<String> {
+    let order = match shape.len() {
+        4 => "2, 1, 0",
+        6 => "4, 3, 2, 1, 0",
+        _ => return None,
+    };
+    match shape.last() {
+        Some(1 | 3) => Some(format!("{name}.sum(-1).transpose({order})")),
+        Some(4) => Some(format!("{name}[..., 0].transpose({order})")),
+        _ => None,
+    }
+}
+
+/// How to fix an `H` of a shape that does not fit its points. `laser`, `sensor`: lengths of the axes of the points; `in_npz`: with
+/// the lines that rewrite an npz file.
+pub(super) fn layout_hint(shape: &[usize], laser: &[usize], sensor: &[usize], in_npz: bool) -> String {
+    let is_of = |places: &[usize], rows: &[usize]| {
+        let places = squeezed(places);
+        places.is_empty() || places == squeezed(&[rows[1], rows[0]]) || places == [rows[0] * rows[1]]
+    };
+    let is_tensor = match shape.len() {
+        4 => is_of(laser, shape) && is_of(sensor, shape),
+        6 => is_of(laser, &shape[2..]) && is_of(sensor, shape),
+        _ => false,
+    };
+    match of_tensor("H", shape).filter(|_| is_tensor) {
+        Some(h) if in_npz => format!(
+            r#"H has the axes of mitransient; bins come first here:
+import numpy as np; c = dict(np.load("FILE")); H = c["H"]; H = {h}
+np.savez("capture.npz", **{{**c, "H": H}})"#
+        ),
+        Some(h) => format!("H has the axes of mitransient; bins come first here: H = {h}"),
+        None => "store H as [T, X, Y] (bins, then the scan along x and y), or, with every combination of laser and sensor points, as \
+                 [T, Lx, Ly, Sx, Sy] with laser_xyz [Lx, Ly, 3] and sensor_xyz [Sx, Sy, 3]"
+            .into(),
+    }
+}
+
+/// The error of counts that come alone, with the lines of Python that make a capture of them. `load`: the expression that reads
+/// them, of this shape.
+pub(super) fn alone(what: &str, load: &str, shape: &[usize]) -> Error {
+    let known = of_tensor("t", shape).map(|h| format!("t = {load}; H = {h}"));
+    let h = known.unwrap_or_else(|| format!("H = {load}"));
+    let points = match shape.len() {
+        0..=2 => {
+            r#"p = np.loadtxt("POINTS", delimiter=",")  # H is [T, P]: a line x,y,z for each of P, metres
+l = s = p"#
+        }
+        _ => {
+            r#"p = lambda n: np.stack(np.meshgrid(*[np.linspace(-.5, .5, k) for k in n], [0], indexing="ij"), -1)[:, :, 0]
+l, s = p(H.shape[1:3]), p(H.shape[-2:])  # of one laser point: l = [[x, y, z]]"#
+        }
+    };
     Error::input(
         what,
-        r#"make a capture of it: H [T, X, Y] with the bins first, points [X, Y, 3] on the wall in metres, bins in metres of path:
-import numpy as np; H = np.load("FILE"); x, y = [np.linspace(-.5, .5, n) for n in H.shape[1:]]
-p = np.stack(np.meshgrid(x, y, [0], indexing="ij"), -1)[:, :, 0]
-np.savez("capture.npz", H=H, sensor_xyz=p, laser_xyz=p, delta_t=133e-12 * 299792458)
-or, if an instrument wrote its histograms (points, bins) or time tags, use `histogram` with the points of the scan"#,
+        format!(
+            r#"make a capture of it: H [T, X, Y] with the bins first, or [T, Lx, Ly, Sx, Sy]; points [X, Y, 3] on the wall in metres, bins in metres of path:
+import numpy as np; {h}
+{points}
+np.savez("capture.npz", H=H, sensor_xyz=s, laser_xyz=l, delta_t=133e-12 * 299792458)
+or, if an instrument wrote its histograms (points, bins) or time tags, use `histogram` with the points of the scan"#
+        ),
     )
 }

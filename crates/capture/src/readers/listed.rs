@@ -61,21 +61,21 @@ struct List {
     points: Vec<DVec3>,
 }
 
-impl List {
-    /// The axis of x, y, z of an array of this shape: the first in the order of MATLAB, the last in that of C.
-    fn axis(file: &Variables, shape: &[usize]) -> Option<usize> {
-        let [first, last] = [shape.first() == Some(&3), shape.last() == Some(&3)];
-        match (first, last, file.in_matlab_order()) {
-            (true, true, matlab) => Some(if matlab { 0 } else { shape.len() - 1 }),
-            (true, false, _) => Some(0),
-            (false, true, _) => Some(shape.len() - 1),
-            (false, false, _) => None,
-        }
+/// The axis of x, y, z of an array of this shape: the first in the order of MATLAB, the last in that of C.
+pub(super) fn axis_of_xyz(file: &Variables, shape: &[usize]) -> Option<usize> {
+    let [first, last] = [shape.first() == Some(&3), shape.last() == Some(&3)];
+    match (first, last, file.in_matlab_order()) {
+        (true, true, matlab) => Some(if matlab { 0 } else { shape.len() - 1 }),
+        (true, false, _) => Some(0),
+        (false, true, _) => Some(shape.len() - 1),
+        (false, false, _) => None,
     }
+}
 
+impl List {
     fn read(file: &Variables, name: &str) -> Result<Option<List>> {
         let Some((shape, values)) = file.numbers(name)? else { return Ok(None) };
-        let axis = List::axis(file, &shape).ok_or_else(|| {
+        let axis = axis_of_xyz(file, &shape).ok_or_else(|| {
             Error::input(
                 format!("{name} has shape {shape:?}, without x, y, z along the first or the last axis"),
                 format!("store {name} as (points, 3), metres"),
@@ -126,7 +126,7 @@ pub(super) fn read(
     let mut lists = Vec::new();
     for (name, shape) in shapes.iter().filter(|(name, _)| *name != array) {
         let named = [&LASERS[..], &SENSORS, &POINTS].iter().any(|parts| has(name, parts));
-        let holds_points = List::axis(file, shape).is_some() && size(shape) >= 3;
+        let holds_points = axis_of_xyz(file, shape).is_some() && size(shape) >= 3;
         if holds_points && (named || of_pairs(size(shape) / 3)) {
             lists.extend(List::read(file, name)?);
         }

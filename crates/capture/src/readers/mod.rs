@@ -7,6 +7,7 @@ mod contents;
 mod convolutional;
 pub mod counts;
 mod dirac;
+mod documented;
 mod exhaustive;
 mod frame;
 pub mod general;
@@ -120,7 +121,7 @@ fn read_through(
             read_set(&mut set, given, &mut notes)
         }
         Contents::Matlab4 => Err(contents::version_4()),
-        Contents::Npy => Err(counts::alone("is a single npy array, without wall points and bin width")),
+        Contents::Npy => Err(counts::alone_in_npy(path)),
         Contents::Unknown => Err(match recognised::of(path).map_err(place)? {
             Some(known) => known.refusal(),
             None => unknown("the format is not known"),
@@ -207,13 +208,19 @@ struct FileFormat {
     read: for<'s> fn(&'s Variables, &ReadOptions, &mut Vec<String>) -> Result<ReadCapture<'s>>,
 }
 
-const FORMATS: [FileFormat; 9] = [
+const FORMATS: [FileFormat; 10] = [
     FileFormat {
-        // A file that holds `H` alone is a single array of anybody.
-        is: |file| file.have(&["laser_grid_xyz"]) || (file.have(&["H"]) && file.names().len() > 1),
+        is: |file| file.have(&["laser_grid_xyz"]) || file.have(&[ytal::SENSOR_POINTS]),
         name: "a y-tal capture",
         has_bin_width: true,
-        read: |file, _, notes| ytal::read(file, notes).map(ReadCapture::Whole),
+        read: |file, _, notes| ytal::read_variables(file, notes).map(ReadCapture::Whole),
+    },
+    FileFormat {
+        // A file that holds `H` alone is a single array of anybody.
+        is: |file| file.have(&["H"]) && file.names().len() > 1,
+        name: "a file with the arrays of the npz form",
+        has_bin_width: true,
+        read: |file, _, notes| npz::read_variables(file, notes).map(ReadCapture::Whole),
     },
     FileFormat {
         is: |file| file.have(&["data_t"]),

@@ -1,4 +1,4 @@
-//! The plain form of a capture: an npz file.
+//! The plain form of a capture: an npz file, or an HDF5 or MATLAB file with the same arrays.
 //!
 //! `H` [T, X, Y] counts (ix along +x, iy along +y); `sensor_xyz` and `laser_xyz` [X, Y, 3] pair by pair or [1, 3] for a
 //! single point, metres; optional `sensor_normal` and `laser_normal` of the same shapes; scalars `delta_t` (bin width,
@@ -22,10 +22,11 @@ use std::path::Path;
 use glam::DVec3;
 
 use super::counts::{self, largest_count};
+use super::documented::Documented;
 use super::points::{check_places, compact, per_pair, squeezed, triples, unit};
 use super::read_options::ReadOptions;
-use super::variables::one_width;
-use super::{exhaustive, zones};
+use super::variables::Variables;
+use super::{exhaustive, ytal, zones};
 use crate::data::histogram_figures;
 use crate::error::{Error, Result};
 use crate::files::archive::{Npz, npz_bytes};
@@ -36,7 +37,7 @@ use crate::{Capture, Pulse};
 
 const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse, laser_spot, sensor_spot, sensor_fov, laser_fov, device_xyz, cycles, direct; other arrays are ignored";
 
-/// Reads a capture without checking its values; see [`super::read`].
+/// Reads a capture from an npz file without checking its values; see [`super::read`].
 ///
 /// # Errors
 /// `Kind::Input` for a damaged archive, a missing array or shapes that do not agree.
@@ -46,16 +47,28 @@ pub fn read(path: &Path, given: &ReadOptions, notes: &mut Vec<String>) -> Result
         return zones::read(&mut npz, given, notes);
     }
     let names = npz.names();
-    if !names.iter().any(|name| name == "H" || name.ends_with("_xyz")) {
-        return Err(super::counts::alone(&format!(
-            "holds {}, but no H, sensor_xyz, laser_xyz and delta_t",
-            names.join(", ")
-        )));
+    if !names.iter().any(|name| name.ends_with("_xyz")) {
+        return Err(counts::alone_in_npz(&mut npz));
     }
     given.no_bin_width("an npz file")?;
-    let shape = counts::shape(&mut npz, "H", WANTED)?;
-    let laser = Points::read(&mut npz, "laser_xyz", "laser_normal")?;
-    let sensor = Points::read(&mut npz, "sensor_xyz", "sensor_normal")?;
+    if names.iter().any(|name| name == ytal::SENSOR_POINTS) {
+        return ytal::read(&Documented::of_npz(npz, ytal::WANTED), notes);
+    }
+    read_documented(&Documented::of_npz(npz, WANTED), notes)
+}
+
+/// Reads a capture from an HDF5 or MATLAB file with the arrays of the npz form, without checking its values.
+///
+/// # Errors
+/// `Kind::Input` for a missing array or shapes that do not agree.
+pub(super) fn read_variables(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
+    read_documented(&Documented::of_file(file, &["laser_xyz", "sensor_xyz"], WANTED)?, notes)
+}
+
+fn read_documented(file: &Documented, notes: &mut Vec<String>) -> Result<Capture> {
+    let shape = file.counts_shape("H")?;
+    let laser = Points::read(file, "laser_xyz", "laser_normal")?;
+    let sensor = Points::read(file, "sensor_xyz", "sensor_normal")?;
     let bins = shape.first().copied().unwrap_or(0);
     let in_pairs = |side: Points, scan: &[usize], pairs: usize| {
         check_places(side.names[0], &side.shape, scan, &shape)?;
@@ -77,28 +90,16 @@ pub fn read(path: &Path, given: &ReadOptions, notes: &mut Vec<String>) -> Result
                 "H has shape {shape:?} with laser_xyz {:?} and sensor_xyz {:?}, which do not agree",
                 laser.shape, sensor.shape
             ),
-            "store H as [T, X, Y] (bins, then the scan along x and y), or, with every combination of laser and \
-             sensor points, as [T, Lx, Ly, Sx, Sy] with laser_xyz [Lx, Ly, 3] and sensor_xyz [Sx, Sy, 3]",
+            counts::layout_hint(&shape, laser.places(), sensor.places(), file.is_npz()),
         ));
     };
     let pairs = scan[0] * scan[1];
-    for name in ["delta_t", "t_start"] {
-        if let Some(array) = npz.get(name)?.filter(|array| array.count() > 1) {
-            return Err(Error::input(
-                format!("{name} has shape {:?}, not a single number", array.shape),
-                one_width(name),
-            ));
-        }
-    }
-    let Some(bin_width) = npz.scalar("delta_t")? else {
-        npz.require("delta_t", WANTED)?;
-        return Err(Error::input("delta_t is missing", WANTED));
-    };
-    let t_start = npz.scalar("t_start")?.unwrap_or(0.0);
-    let laser_spot = spot(&mut npz, ["laser_spot", "laser_fov"], &laser.0, notes)?;
-    let sensor_spot = spot(&mut npz, ["sensor_spot", "sensor_fov"], &sensor.0, notes)?;
-    let pulse = Pulse::read_from(&mut npz)?;
-    let histograms = transpose(&counts::read(&mut npz, "H", WANTED)?, bins, pairs)?;
+    let bin_width = file.number("delta_t")?.ok_or_else(|| file.missing("delta_t"))?;
+    let t_start = file.number("t_start")?.unwrap_or(0.0);
+    let laser_spot = spot(file, ["laser_spot", "laser_fov"], &laser.0, notes)?;
+    let sensor_spot = spot(file, ["sensor_spot", "sensor_fov"], &sensor.0, notes)?;
+    let pulse = Pulse::read_from(file)?;
+    let histograms = transpose(&file.counts("H")?, bins, pairs)?;
     Ok(Capture {
         laser_normal: laser.1,
         sensor_normal: sensor.1,
@@ -107,26 +108,28 @@ pub fn read(path: &Path, given: &ReadOptions, notes: &mut Vec<String>) -> Result
         pulse,
         laser_spot,
         sensor_spot,
-        cycles: npz.scalar("cycles")?,
-        direct: npz.scalar("direct")?,
+        cycles: file.number("cycles")?,
+        direct: file.number("direct")?,
         ..Capture::new(scan, laser.0, sensor.0, bins, bin_width, histograms)
     })
 }
 
 /// The spot of one side: as the file stores it, or that of a field of view.
 fn spot(
-    npz: &mut Npz,
+    file: &Documented,
     [width, angle]: [&str; 2],
     points: &[DVec3],
     notes: &mut Vec<String>,
 ) -> Result<Option<f64>> {
-    let (stored, degrees) = (npz.scalar(width)?, npz.scalar(angle)?);
+    let (stored, degrees) = (file.number(width)?, file.number(angle)?);
     let (None, Some(degrees)) = (stored, degrees) else { return Ok(stored) };
-    let device =
-        npz.require("device_xyz", "x, y, z of the device in metres, from where the field of view is seen")?;
-    let &[x, y, z] = &device.to_f64()[..] else {
+    let (shape, device) = file.numbers("device_xyz")?.ok_or_else(|| {
+        file.missing("device_xyz")
+            .advised("wanted: x, y, z of the device in metres, from where the field of view is seen")
+    })?;
+    let [x, y, z] = device[..] else {
         return Err(Error::input(
-            format!("device_xyz has shape {:?}, not x, y, z", device.shape),
+            format!("device_xyz has shape {shape:?}, not x, y, z"),
             "store it as three numbers in metres",
         ));
     };
@@ -147,20 +150,16 @@ struct Points {
 type PerPair = (Vec<DVec3>, Option<Vec<DVec3>>);
 
 impl Points {
-    fn read(npz: &mut Npz, name: &'static str, normal: &'static str) -> Result<Points> {
-        let array = npz.require(name, WANTED)?;
-        let shape = array.shape.clone();
-        let points = triples(name, &shape, &array.to_f64())?;
-        let normals = match npz.get(normal)? {
+    fn read(file: &Documented, name: &'static str, normal: &'static str) -> Result<Points> {
+        let (shape, values) = file.require(name)?;
+        let points = triples(name, &shape, &values)?;
+        let normals = match file.numbers(normal)? {
             None => None,
-            Some(array) => {
-                let given = triples(normal, &array.shape, &array.to_f64())?;
-                if given.len() > 1 && squeezed(&array.shape) != squeezed(&shape) {
+            Some((found, values)) => {
+                let given = triples(normal, &found, &values)?;
+                if given.len() > 1 && squeezed(&found) != squeezed(&shape) {
                     return Err(Error::input(
-                        format!(
-                            "{normal} has shape {:?} and {name} {shape:?}, which do not agree",
-                            array.shape
-                        ),
+                        format!("{normal} has shape {found:?} and {name} {shape:?}, which do not agree"),
                         format!("store {normal} in the shape of {name}, or a single one as [1, 3]"),
                     ));
                 }

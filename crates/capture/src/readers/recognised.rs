@@ -56,6 +56,8 @@ struct FileStart {
 const LOOKED_AT: u64 = 1 << 15;
 const CONVERT: &str =
     "save it as .ptu in the instrument's software, or export the tags as text or arrays (channel, time)";
+/// Reads a table of numbers between commas, spaces or tabulators.
+const LOAD_TEXT: &str = r#"np.loadtxt([line.replace(",", " ") for line in open("FILE")], ndmin=2)"#;
 const FROM_SOFTWARE: &str = "export the histograms as text (a row for each bin, a column for each point) or as an npy array [points, bins]";
 
 const fn row(
@@ -196,9 +198,11 @@ impl Recognised {
     pub fn refusal(&self) -> Error {
         match self.content {
             Content::Other => Error::input(format!("holds {}, which is not read", self.name), self.instead),
-            _ if self.name == "a text of numbers" => {
-                super::counts::alone("is a text of numbers, without wall points and bin width")
-            }
+            _ if self.name == "a text of numbers" => super::counts::alone(
+                "is a text of numbers, without wall points and bin width",
+                LOAD_TEXT,
+                &[0, 0],
+            ),
             _ => Error::input(
                 format!("holds {}, without the wall points of a capture", self.name),
                 "make a capture of it with the points of the scan: `histogram`",

@@ -1,11 +1,14 @@
-//! y-tal HDF5 captures.
+//! y-tal captures: HDF5, or its arrays in an npz or MATLAB file.
 //!
 //! `H` in one of the layouts of `H_format` (1 = T_Sx_Sy, 2 = T_Lx_Ly_Sx_Sy, 3 = T_Si, 4 = T_Li_Si);
 //! `{laser,sensor}_grid_xyz` are the wall points, `{laser,sensor}_grid_normals` their normals, `{laser,sensor}_xyz` the
-//! **devices**; `delta_t` and `t_start` in metres of path. A missing value is an empty dataspace. If
+//! **devices**; `delta_t` and `t_start` in metres of path. A missing value is an empty dataspace, in npz a Python object. If
 //! `t_accounts_first_and_last_bounces` is set, the legs between devices and wall are removed. If `H_format` is missing
 //! or 0 (unknown), the numbers of axes and of points decide. 10 to 13 are the same four layouts in frequencies. These
 //! are refused, because y-tal does not store the frequencies.
+//!
+//! Normals of another grid than the points' (y-tal's `downscale` thins points and counts alone) are averaged over the points' blocks,
+//! else left out.
 //!
 //! In layouts 1 and 3 the laser points and the sensor points are paired one by one if there are as many of both
 //! (confocal); otherwise all pairs share a single point. Layouts 2 and 4 hold every combination: the scan becomes
@@ -20,23 +23,38 @@ use glam::DVec3;
 use rust_hdf5::types::HBool;
 use rust_hdf5::{H5File, Hdf5Error};
 
-use super::counts::{Counts, largest_count};
+use super::counts::largest_count;
+use super::documented::Documented;
 use super::exhaustive;
 use super::points::{check_places, compact, per_pair, squeezed, triples, unit};
 use super::variables::Variables;
 use crate::Capture;
 use crate::conditioning::legs;
+use crate::data::histogram_figures;
 use crate::error::{Error, Result};
 use crate::files::array::transpose;
 use crate::files::atomic;
 use crate::host;
+
+/// The array that shows y-tal's content.
+pub(super) const SENSOR_POINTS: &str = "sensor_grid_xyz";
+pub(super) const WANTED: &str = "y-tal's H, H_format, laser_grid_xyz, sensor_grid_xyz and delta_t, and optionally t_start, laser_grid_normals, \
+                                 sensor_grid_normals, laser_xyz, sensor_xyz, t_accounts_first_and_last_bounces";
+
+/// Reads a capture from an HDF5 or MATLAB file, as [`read`] does.
+///
+/// # Errors
+/// Those of [`read`].
+pub(super) fn read_variables(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
+    read(&Documented::of_file(file, &[SENSOR_POINTS, "laser_grid_xyz"], WANTED)?, notes)
+}
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///
 /// # Errors
 /// `Kind::Input` for a damaged file, a missing dataset, an unknown layout, shapes that do not agree, or paths that
 /// include the outer legs if the file does not hold the positions of the devices.
-pub fn read(source: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
+pub(super) fn read(source: &Documented, notes: &mut Vec<String>) -> Result<Capture> {
     let stored = source.counts_shape("H")?;
     let (laser_shape, laser) =
         vectors(source, "laser_grid_xyz")?.ok_or_else(|| source.missing("laser_grid_xyz"))?;
@@ -46,14 +64,7 @@ pub fn read(source: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     let format = source.number("H_format")?.unwrap_or(0.0) as i64;
     let with_stokes = holds_stokes(format, &stored, l.max(s));
     let shape = if with_stokes { stored[..stored.len() - 1].to_vec() } else { stored };
-    let format = match (format, &shape[..]) {
-        (0, &[_, _]) => 3,
-        // A list of laser points by a list of sensor points, unless a grid has as many points.
-        (0, &[_, a, b]) if [a, b] == [l, s] && a.checked_mul(b) != Some(l.max(s)) => 4,
-        (0, &[_, _, _]) => 1,
-        (0, &[_, _, _, _, _]) => 2,
-        (format, _) => format,
-    };
+    let format = known_format(format, &shape, [l, s]);
     let (scan, exhaustive) = layout(format, &shape, [&laser_shape, &sensor_shape])?;
     let pairs = scan[0] * scan[1];
     if exhaustive && l.checked_mul(s) != Some(pairs) {
@@ -90,22 +101,27 @@ pub fn read(source: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
             host::collected(what, pairs, (0..l).flat_map(|_| given.iter().copied()))
         }
     };
-    let normals = |what: &str, side| -> Result<Option<Vec<DVec3>>> {
-        let Some((found, given)) = vectors(source, what)? else { return Ok(None) };
-        places(what, &found, side)?;
+    let normals = |what: &str, side, notes: &mut Vec<String>| -> Result<Option<Vec<DVec3>>> {
+        let Some((found, values)) = source.numbers(what)? else { return Ok(None) };
+        let given = match triples(what, &found, &values) {
+            Ok(given) if places(what, &found, side).is_ok() => given,
+            given => match of_blocks(what, &found, given.unwrap_or_default(), &axes(side), notes) {
+                Some(means) => means,
+                None => return Ok(None),
+            },
+        };
         spread(what, side, given.into_iter().map(unit).collect()).map(Some)
     };
     let laser = spread("laser_grid_xyz", Side::Laser, laser)?;
     let sensor = spread("sensor_grid_xyz", Side::Sensor, sensor)?;
     let bin_width = source.number("delta_t")?.ok_or_else(|| source.missing("delta_t"))?;
     let h = counts(source, with_stokes, notes)?;
-    let integer_counts = h.whole();
-    let histograms = transpose(&h.values, shape[0], pairs)?;
+    let histograms = transpose(&h, shape[0], pairs)?;
     let capture = Capture {
-        laser_normal: normals("laser_grid_normals", Side::Laser)?,
-        sensor_normal: normals("sensor_grid_normals", Side::Sensor)?,
+        laser_normal: normals("laser_grid_normals", Side::Laser, notes)?,
+        sensor_normal: normals("sensor_grid_normals", Side::Sensor, notes)?,
         t_start: source.number("t_start")?.unwrap_or(0.0),
-        integer_counts,
+        integer_counts: histogram_figures::whole(&h),
         ..Capture::new(scan, laser, sensor, shape[0], bin_width, histograms)
     };
     if source.number("t_accounts_first_and_last_bounces")?.is_none_or(|flag| flag == 0.0) {
@@ -115,6 +131,19 @@ pub fn read(source: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
     legs::check_measured(&capture)?;
     let legs = outer_legs(source, &capture)?;
     legs::remove(&capture, &legs)
+}
+
+/// The layout of an `H_format`; of an unknown one, 0, by the axes of `H` and the numbers of laser and sensor points.
+fn known_format(format: i64, shape: &[usize], points: [usize; 2]) -> i64 {
+    let is_grid = |n: usize| n == points[0].max(points[1]);
+    match (format, shape) {
+        (0, &[_, _]) => 3,
+        // A list of laser points by a list of sensor points, unless a grid has as many points.
+        (0, &[_, a, b]) if [a, b] == points && !a.checked_mul(b).is_some_and(is_grid) => 4,
+        (0, &[_, _, _]) => 1,
+        (0, &[_, _, _, _, _]) => 2,
+        (format, _) => format,
+    }
 }
 
 /// Whether a polarised render has a Stokes vector in place of each count, of which the first number is the intensity.
@@ -129,13 +158,38 @@ fn holds_stokes(format: i64, shape: &[usize], points: usize) -> bool {
 }
 
 /// The counts, or the intensities of Stokes vectors.
-fn counts(source: &Variables, with_stokes: bool, notes: &mut Vec<String>) -> Result<Counts> {
-    let mut h = source.counts("H")?;
-    if with_stokes {
-        notes.push("H holds Stokes vectors: the intensity, the first of each, is used".into());
-        h.values = host::collected("the counts", h.values.len() / 4, h.values.iter().step_by(4).copied())?;
+fn counts(source: &Documented, with_stokes: bool, notes: &mut Vec<String>) -> Result<Vec<f32>> {
+    let h = source.counts("H")?;
+    if !with_stokes {
+        return Ok(h);
     }
-    Ok(h)
+    notes.push("H holds Stokes vectors: the intensity, the first of each, is used".into());
+    host::collected("the counts", h.len() / 4, h.iter().step_by(4).copied())
+}
+
+/// Normals of shape `found` for points along `axes`: the mean of each block if the grid is a whole multiple of theirs, else `None`.
+fn of_blocks(
+    what: &str,
+    found: &[usize],
+    given: Vec<DVec3>,
+    axes: &[usize],
+    notes: &mut Vec<String>,
+) -> Option<Vec<DVec3>> {
+    let misfit = format!("{what} has shape {found:?} for points along {axes:?}");
+    match (found, axes) {
+        (&[nx, ny, 3], &[x, y]) if !given.is_empty() && nx.is_multiple_of(x) && ny.is_multiple_of(y) => {
+            let mut sums = vec![DVec3::ZERO; x * y]; // bounded: fewer than the normals
+            for (place, normal) in given.into_iter().enumerate() {
+                sums[place / ny / (nx / x) * y + place % ny / (ny / y)] += normal;
+            }
+            notes.push(format!("{misfit}: the mean of each {} x {} of them is used", nx / x, ny / y));
+            Some(sums.into_iter().map(DVec3::normalize).collect())
+        }
+        _ => {
+            notes.push(format!("{misfit}, which do not agree: left out, the points show the wall's normals"));
+            None
+        }
+    }
 }
 
 /// The scan of a layout, and whether it holds every combination of laser and sensor points.
@@ -179,7 +233,7 @@ fn grid_of(n: usize, shapes: &[&[usize]]) -> [usize; 2] {
     grid.unwrap_or([n, 1])
 }
 
-fn outer_legs(source: &Variables, capture: &Capture) -> Result<Vec<f64>> {
+fn outer_legs(source: &Documented, capture: &Capture) -> Result<Vec<f64>> {
     let device = |name: &str| -> Result<DVec3> {
         match vectors(source, name)?.map(|(_, points)| points) {
             Some(points) if points.len() == 1 => Ok(points[0]),
@@ -198,7 +252,7 @@ fn outer_legs(source: &Variables, capture: &Capture) -> Result<Vec<f64>> {
 }
 
 /// The vectors of an array, and its shape.
-fn vectors(source: &Variables, name: &str) -> Result<Option<(Vec<usize>, Vec<DVec3>)>> {
+fn vectors(source: &Documented, name: &str) -> Result<Option<(Vec<usize>, Vec<DVec3>)>> {
     let Some((shape, values)) = source.numbers(name)? else { return Ok(None) };
     let vectors = triples(name, &shape, &values)?;
     Ok(Some((shape, vectors)))

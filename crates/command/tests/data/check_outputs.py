@@ -35,7 +35,7 @@ def read_ply(path):
             elements.append((words[1], int(words[2]), []))
         elif words[0] == "property":
             elements[-1][2].append(words[1:])
-    types = {"float": "<f4", "uchar": "u1", "int": "<i4"}
+    types = {"float32": "<f4", "uint8": "u1", "int32": "<i4"}
     found, at = {}, 0
     for name, count, properties in elements:
         if properties[0][0] == "list":
@@ -69,7 +69,7 @@ def check_result(folder):
         for window in ("dataWindow", "displayWindow"):
             low, high = header[window]
             assert tuple(low) == (0, 0) and tuple(high) == (nx - 1, ny - 1), (window, low, high)
-        wanted = {"Y": albedo, "albedo.Y": albedo, "depth.Z": depth, "depth_error.Z": maps["depth_error"]}
+        wanted = {"Y": albedo, "albedo.Y": albedo, "depth.Z": depth, "depth_error.Z": maps["depth_error"], "mask.Y": mask}
         wanted |= {f"normal.{c}": normal[..., i] for i, c in enumerate("XYZ")}
         assert set(channels) == set(wanted), sorted(channels)
         for name, values in wanted.items():

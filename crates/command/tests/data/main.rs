@@ -9,6 +9,7 @@ mod native;
 mod opened;
 mod others;
 mod real;
+mod recipes;
 mod scipy;
 mod tags;
 mod ytal;
@@ -50,6 +51,8 @@ fn main() -> ExitCode {
     ]);
     let scientific = with("h5py, matplotlib, numpy, OpenEXR, scipy");
     all.extend(trials!["needs Python packages", scientific, opened::python_opens_everything]);
+    let viewers = with("cv2, imageio, meshio, numpy, plyfile, pyexr, trimesh, vtk");
+    all.extend(trials!["needs Python with the programs of docs/results.md", viewers, opened::viewers_agree]);
     all.extend(trials![
         "needs Python with h5py and scipy",
         with("h5py, numpy, scipy.io"),
@@ -60,6 +63,7 @@ fn main() -> ExitCode {
         files_of_scipy(&python),
         scipy::files_of_scipy_are_read_or_named
     ]);
+    all.extend(trials!["needs Python with numpy", with("numpy"), recipes::printed_recipes_make_captures]);
     all.extend(trials!["needs Python with Ray", with("ray"), batch::ray_shares_a_list]);
     all.extend(trials![
         "needs Python with the packages of learn/requirements.txt",

@@ -8,10 +8,8 @@ use thirdbounce::capture::write;
 use thirdbounce::export::{self, volume};
 use thirdbounce::maps::Maps;
 
-pub fn python_opens_everything(python: &Path) {
-    let folder = tempfile::tempdir().unwrap();
-    let (result, captures) = (folder.path().join("result"), folder.path().join("captures"));
-    // A dome over a floor that lies far behind, and nothing at its edge.
+/// A dome over a floor that lies far behind, and nothing at its edge; written into `result`.
+fn write_result(result: &Path) -> [usize; 2] {
     let (nx, ny) = (24, 16);
     let mut maps = Maps { mask_fraction: Some(0.0), ..Maps::empty([nx, ny], [-0.6, 0.6, -0.4, 0.4]) };
     for p in 0..nx * ny {
@@ -27,7 +25,29 @@ pub fn python_opens_everything(python: &Path) {
     }
     maps.set_mask(0.3);
     maps.depth_error = Some(maps.depth.iter().map(|z| 0.01 * z).collect());
-    export::write_maps(&result, &maps).unwrap();
+    export::write_maps(result, &maps).unwrap();
+    [nx, ny]
+}
+
+/// Runs a script on folders; it prints these words where all is well.
+fn check(python: &Path, script: &str, folders: &[&Path], words: &str) {
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data").join(script);
+    let output = Command::new(python).arg(script).args(folders).output().expect("Python runs");
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && text.contains(words), "{text}{errors}");
+}
+
+pub fn viewers_agree(python: &Path) {
+    let folder = tempfile::tempdir().unwrap();
+    write_result(folder.path());
+    check(python, "check_viewers.py", &[folder.path()], "all viewers agree");
+}
+
+pub fn python_opens_everything(python: &Path) {
+    let folder = tempfile::tempdir().unwrap();
+    let (result, captures) = (folder.path().join("result"), folder.path().join("captures"));
+    let [nx, ny] = write_result(&result);
     let albedo: Vec<f32> = (0..nx * ny * 20).map(|v| (v % 97) as f32).collect();
     let extent = [-0.6, 0.6, -0.4, 0.4, 0.5, 2.5];
     let voxels = volume::VolumeArrays { size: [nx, ny, 20], extent, albedo, normal: None };
@@ -43,9 +63,5 @@ pub fn python_opens_everything(python: &Path) {
     for name in ["made.npz", "made.hdf5", "made.mat"] {
         write(&made, &captures.join(name)).unwrap();
     }
-    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/data/check_outputs.py");
-    let output = Command::new(python).arg(script).args([&result, &captures]).output().expect("Python runs");
-    let text = String::from_utf8_lossy(&output.stdout).into_owned();
-    let errors = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && text.contains("all outputs open"), "{text}{errors}");
+    check(python, "check_outputs.py", &[&result, &captures], "all outputs open");
 }
