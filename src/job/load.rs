@@ -84,6 +84,7 @@ pub fn reading(settings: &Settings) -> Result<capture::ReadOptions> {
         .with_bounce(settings.bounce)
         .with_time_of_flight(settings.tof.clone())
         .with_axes(settings.axes)
+        .with_array(settings.array.clone())
         .with_keep_empty(settings.keep_empty == Some(true))
         .with_speed(settings.speed)
         .with_turn(turn(settings)?))
@@ -98,7 +99,7 @@ pub fn turn(settings: &Settings) -> Result<capture::Turn> {
 }
 
 /// Prepares a capture that is in memory as [`load`] prepares one that it reads. Values that complete a file are not used:
-/// `bin_width`, `wall_depth_unit`, `bounce`, `tof` and `axes`.
+/// `bin_width`, `wall_depth_unit`, `bounce`, `tof`, `axes` and `array`.
 ///
 /// # Errors
 /// Those of [`conditioning::prepare`].

@@ -78,12 +78,15 @@ settings! {
         /// Bounce of a rendered Z-NLOS capture that is used: third, all, or a number, 2 or more [default: third]
         #[serde(with = "as_text")]
         bounce: Bounce = text::bounce, Range::Text("WHICH");
-        /// File with tofgrid, for a Stanford f-k capture [default: tof.mat beside the capture]
+        /// File with tofgrid, for a Stanford f-k capture; none if its histograms begin at the wall [default: tof.mat beside the
+        /// capture, if there is one]
         tof: PathBuf = text::file, Range::Text("FILE");
         /// Order of the axes of a file with a single array of counts, as the program that wrote it shows them: xyt, yxt, txy
         /// [default: found by where the light is]
         #[serde(with = "as_text")]
         axes: AxisOrder = text::axes, Range::Text("ORDER");
+        /// Name of the array of counts, for a file in no known format with several arrays of three axes
+        array: String = text::words, Range::Text("NAME");
         /// Keep pairs without any count as dark ones. Without this, those beside lit pairs are left out
         keep_empty: bool = text::flag, Range::Flag;
         /// Mirror the scan: x swaps left and right as seen in the pictures, y swaps up and down, xy does both; for files

@@ -6,7 +6,9 @@ use fixtures::captures::{assert_error, place};
 use fixtures::files::{Matrix, Stored, hdf5, matlab5, matlab5_struct, matrix, scalar, vector};
 use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
-use thirdbounce::capture::{Bounce, Capture, Flip, ReadOptions, Turn, read, read_given};
+use thirdbounce::capture::{
+    Bounce, Capture, Flip, METRES_PER_PICOSECOND, ReadOptions, Turn, read, read_given,
+};
 
 /// Counts of (t, x, y): all different, so that every axis that is mixed up shows.
 fn count(t: usize, x: usize, y: usize) -> f64 {
@@ -419,6 +421,57 @@ fn lct_of_every_storage_has_d1_to_the_left_and_d2_down() {
         let c = read(path).unwrap_or_else(|e| panic!("{what}: {e}"));
         assert_eq!((c.scan, c.bins, c.integer_counts), ([2, 3], BINS, true));
         assert_axes(&c, 0, |ix, iy| [ix, 2 - iy], what);
+    });
+}
+
+/// What a MATLAB user's file states is used, quoted where it is not clear, and asked for where it is missing.
+#[test]
+fn counts_alone_are_read_by_what_the_file_and_the_user_say() {
+    let given = || ReadOptions::default().with_wall(1.0).with_bin_width(0.01);
+    every_file(&[scanned("meas")], |path, what| {
+        assert_error(
+            read(path),
+            Kind::Options,
+            &["meas", "tofgrid", "neither the wall size nor the bin width"],
+        );
+        let c = read_given(path, &given()).unwrap_or_else(|e| panic!("{what}: {e}"));
+        assert_eq!((c.capture.bins, c.capture.pair_count()), (BINS, 6), "{what}");
+        assert!(c.notes.iter().any(|note| note.contains("no tofgrid")), "{:?}", c.notes);
+        let none = read_given(path, &given().with_time_of_flight(PathBuf::from("none"))).unwrap();
+        assert!(none.notes.iter().all(|note| !note.contains("tofgrid")), "{:?}", none.notes);
+        assert_eq!(none.capture.histograms, c.capture.histograms);
+        let seconds = read_given(path, &given().with_bin_width(32e-12));
+        assert_error(seconds, Kind::Options, &["3.2e-11 m", "32ps"]);
+    });
+    let stated = [scanned("meas"), scalar("bin_resolution", 3.2e-11), scalar("wall_size", 2.0)];
+    every_file(&stated, |path, what| {
+        let c = read_given(path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{what}: {e}"));
+        assert!((c.capture.bin_width - 32.0 * METRES_PER_PICOSECOND).abs() < 1e-12);
+        assert!((c.capture.wall_extent()[1] - c.capture.wall_extent()[0]) > 1.0, "{what}");
+        for words in ["bin_resolution 3.2e-11", "32.00 ps", "wall_size 2"] {
+            assert!(c.notes.iter().any(|note| note.contains(words)), "{words}: {:?}", c.notes);
+        }
+        // What the user gives goes before it.
+        assert_eq!(read_given(path, &given()).unwrap().capture.bin_width, 0.01);
+    });
+    every_file(&[scanned("meas"), scalar("width", 0.5), scalar("dt", 32.0)], |path, _| {
+        assert_error(read(path), Kind::Options, &["width = 0.5", "dt = 32"]);
+    });
+    every_file(&[scanned("signal"), scanned("noise"), scalar("gain", 2.0)], |path, _| {
+        assert_error(read_given(path, &given()), Kind::Options, &["signal", "noise", "name one"]);
+        let c = read_given(path, &given().with_array(String::from("noise"))).unwrap();
+        assert!(c.notes.iter().any(|note| note.starts_with("noise is read")), "{:?}", c.notes);
+    });
+    every_file(
+        &[scanned("rect_data"), scalar("width", 0.5), scalar("bin_resolution", 3.2e-11)],
+        |path, _| {
+            assert!((read(path).unwrap().bin_width - 32.0 * METRES_PER_PICOSECOND).abs() < 1e-12);
+        },
+    );
+    let fewer = [scanned("measlr"), matrix("tofgridlr", &[2, 3], |_| 0.0)];
+    every_file(&fewer, |path, what| {
+        let c = read_given(path, &ReadOptions::default().with_wall(1.0)).unwrap();
+        assert_axes(&c.capture, 0, |ix, iy| [iy, ix], what);
     });
 }
 

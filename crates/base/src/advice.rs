@@ -45,6 +45,7 @@ macro_rules! settings {
 
 settings! {
     Accumulation "accumulation" "Accumulation path of rendered values."
+    Array "array" "Name of the array of counts."
     Axes "axes" "Order of the axes of an array of counts."
     BinWidth "bin_width" "Bin width in metres of path."
     DepthPitch "depth_pitch" "Depth of a voxel."

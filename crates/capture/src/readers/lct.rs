@@ -1,7 +1,7 @@
 //! Captures of the light-cone transform (O'Toole, Lindell, Wetzstein 2018), MATLAB v5 or v7.3.
 //!
 //! `rect_data` (d1, d2, t) counts; `width` is **half** the wall in metres, the distance of the outermost points from
-//! the middle. The bin width, 4 ps, is not in the file. The file holds the direct light: their code sets the first 600
+//! the middle. The bin width, 4 ps, is not in the published files; one that a file states is used. The file holds the direct light: their code sets the first 600
 //! bins to zero, here the automatic gate leaves it out.
 //!
 //! Axes: d1 runs to the left and d2 down. The front view of their `cnlos_reconstruction.m` has d2 as rows from the top
@@ -9,6 +9,7 @@
 
 use super::frame::{Axes, WallDirection};
 use super::read_options::ReadOptions;
+use super::stated;
 use super::unread::Unread;
 use super::variables::Variables;
 use crate::error::{Error, Result};
@@ -36,6 +37,7 @@ pub(super) fn read<'f>(
         "width is half the wall, as in its publication: the outermost points are {} m apart",
         2.0 * half
     ));
-    let bin_width = given.bin_width("an LCT capture", Some(PICOSECONDS), notes)?;
+    let bin_width =
+        stated::completed(file, given, notes).bin_width("an LCT capture", Some(PICOSECONDS), notes)?;
     Unread::scanned(file, "rect_data", AXES, 2.0 * half, bin_width)
 }

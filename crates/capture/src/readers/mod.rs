@@ -32,6 +32,7 @@ pub mod set;
 mod single;
 mod socr_units;
 pub mod stanford;
+mod stated;
 mod unread;
 pub mod variables;
 pub mod ytal;
@@ -156,9 +157,14 @@ fn read_set<'s>(
             "leave it out",
         ));
     }
-    if set.any("meas") || set.any("tofgrid") {
-        no_bounce("a Stanford f-k capture")?;
-        return stanford::read(set, given, notes).map(ReadCapture::Unread);
+    if ["meas", "tofgrid", "measlr"].iter().any(|name| set.any(name)) {
+        return match stanford::times_of_flight(set, given)? {
+            Some(tof) => {
+                no_bounce("a Stanford f-k capture")?;
+                stanford::read(set, given, tof, notes).map(ReadCapture::Unread)
+            }
+            None => stanford::read_rectified(set, given, notes),
+        };
     }
     if given.time_of_flight.is_some() {
         return Err(Error::options(

@@ -29,6 +29,8 @@ pub struct ReadOptions {
     pub speed: Option<f64>,
     /// The axes of a file with a single array of counts; by default found by where the light is.
     pub axes: Option<AxisOrder>,
+    /// The array of counts among several of three axes, for files in no known format.
+    pub array: Option<String>,
 }
 
 impl ReadOptions {
@@ -75,6 +77,11 @@ impl ReadOptions {
     /// With the axes of a file with a single array of counts.
     pub fn with_axes(self, axes: impl Into<Option<AxisOrder>>) -> ReadOptions {
         ReadOptions { axes: axes.into(), ..self }
+    }
+
+    /// With the name of the array of counts.
+    pub fn with_array(self, name: impl Into<Option<String>>) -> ReadOptions {
+        ReadOptions { array: name.into(), ..self }
     }
 
     /// The steps that follow from these values.
@@ -125,6 +132,10 @@ impl ReadOptions {
     /// `Kind::Options` if there is neither, or if the given one is not a positive length.
     pub(super) fn bin_width(&self, format: &str, usual: Option<f64>, notes: &mut Vec<String>) -> Result<f64> {
         match (self.bin_width, usual) {
+            (Some(width), _) if (f64::MIN_POSITIVE..SHORTEST).contains(&width) => Err(Error::options(
+                format!("the bin width is {width:e} m of path"),
+                advice!["if these are seconds, write the unit: " BinWidth " " (format!("{}ps", 1e12 * width))],
+            )),
             (Some(width), _) if width.is_finite() && width > 0.0 => Ok(width),
             (Some(width), _) => Err(bad_length("the bin width", width)),
             (None, Some(ps)) => {
@@ -170,6 +181,9 @@ impl ReadOptions {
         }
     }
 }
+
+/// No bin is shorter, metres: a thousandth of a wavelength of light.
+const SHORTEST: f64 = 1e-9;
 
 fn bad_length(option: &str, value: f64) -> Error {
     Error::options(format!("{option} is {value}"), "give a length in metres above zero")

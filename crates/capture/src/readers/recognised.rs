@@ -69,7 +69,13 @@ const fn row(
     Recognised { name, content, is, instead }
 }
 
-const ROWS: [Recognised; 14] = [
+const ROWS: [Recognised; 15] = [
+    row(
+        "a pointer of Git LFS in place of the file",
+        Content::Other,
+        |h| h.bytes.starts_with(b"version https://git-lfs"),
+        "fetch the file itself: git lfs pull",
+    ),
     row("PicoQuant time tags (.ptu)", Content::Tags, |h| h.bytes.starts_with(b"PQTTTR"), ""),
     row(
         "PicoQuant histograms (.phu)",

@@ -9,8 +9,10 @@ use crate::error::{Error, Result};
 const MOST_FILES: usize = 256;
 
 /// A file of a folder belongs to a capture if it has an array of one of these names.
-const KNOWN: [&str; 12] = [
+const KNOWN: [&str; 14] = [
     "meas",
+    "measlr",
+    "tofgridlr",
     "tofgrid",
     "C_i",
     "C_d",

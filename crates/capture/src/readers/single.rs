@@ -1,5 +1,5 @@
-//! A MATLAB or HDF5 file with a single array of counts of a confocal scan of a flat wall. The file holds neither the wall size
-//! nor the bin width.
+//! A MATLAB or HDF5 file with a single array of counts of a confocal scan of a flat wall, or one that the user names. The file
+//! holds neither the wall size nor the bin width, or under a name of its own ([`super::stated`]).
 //!
 //! Axes: the file does not say which are which. MATLAB programs store (y, x, t). The bins are the axis along which the sums are
 //! concentrated, as light rises and decays; where none stands out, the caller has to name the axes. The scan is read with rows
@@ -8,6 +8,7 @@
 
 use super::frame::{self, Axes, WallDirection};
 use super::read_options::ReadOptions;
+use super::stated;
 use super::unread::{ReadCapture, Unread};
 use super::variables::Variables;
 use crate::AxisOrder;
@@ -24,8 +25,8 @@ const STANDS_OUT: f64 = 0.6;
 /// Finds a capture; see [`super::read`]. Counts whose first axis in the file are the bins are not read yet.
 ///
 /// # Errors
-/// `Kind::Options` without a wall size and a bin width, or with axes that are not clear; `Kind::Input` if there is not exactly
-/// one array of three axes.
+/// `Kind::Options` without a wall size and a bin width, with axes that are not clear, or if several arrays have three axes;
+/// `Kind::Input` if none has.
 pub(super) fn read<'f>(
     file: &'f Variables,
     given: &ReadOptions,
@@ -42,6 +43,16 @@ pub(super) fn read<'f>(
             found.push((name, shape));
         }
     }
+    if let Some(array) = &given.array {
+        found.retain(|(name, _)| name == array);
+    }
+    if found.len() > 1 {
+        let all: Vec<_> = found.iter().map(|(name, shape)| format!("{name} {shape:?}")).collect();
+        return Err(Error::options(
+            format!("several arrays may be the counts: {}", all.join(", ")),
+            advice!["name one: " Array " " (found[0].0.clone())],
+        ));
+    }
     let [(name, shape)] = &found[..] else {
         let there = file.names();
         let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
@@ -51,7 +62,8 @@ pub(super) fn read<'f>(
              files, and a file with a single array of counts",
         ));
     };
-    let what = format!("a file with the single array {name}");
+    let given = &stated::completed(file, given, notes);
+    let what = format!("a file with the array of counts {name}{}", stated::quoted(file));
     let (wall, bin_width) = given.wall_and_bin_width(&what)?;
     let order = match given.axes {
         Some(order) => order.in_c_order(file.in_matlab_order()),

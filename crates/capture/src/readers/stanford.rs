@@ -16,7 +16,8 @@ use super::frame::{self, Axes, WallDirection};
 use super::read_options::ReadOptions;
 use super::scatter::Shifts;
 use super::set::Set;
-use super::unread::Unread;
+use super::unread::{ReadCapture, Unread};
+use super::{single, stated};
 use crate::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
 use crate::files::atomic;
@@ -29,43 +30,88 @@ const AXES: Axes = Axes { d1: WallDirection::Up, d2: WallDirection::Left };
 /// Bins that the published code keeps.
 const KEPT: usize = 512;
 
+/// Counts and times of flight, of the whole scan or of fewer points.
+const NAMES: [[&str; 2]; 2] = [["meas", "tofgrid"], ["measlr", "tofgridlr"]];
+
+/// Times of flight: the name of their counts, the shape, and picoseconds.
+pub(super) type TimesOfFlight = (&'static str, Vec<usize>, Vec<f64>);
+
+fn names(set: &Set) -> [&'static str; 2] {
+    *NAMES.iter().find(|names| names.iter().any(|name| set.any(name))).unwrap_or(&NAMES[0])
+}
+
+/// The times of flight that belong to the counts of `set`; `None` where there are none, or none are to be used.
+///
+/// # Errors
+/// `Kind::Input` if their file cannot be read or they are empty.
+pub(super) fn times_of_flight(set: &mut Set, given: &ReadOptions) -> Result<Option<TimesOfFlight>> {
+    if given.time_of_flight.as_ref().is_some_and(|path| path.as_os_str() == "none") {
+        return Ok(None);
+    }
+    let [counts, times] = names(set);
+    if let Some(path) = &given.time_of_flight {
+        set.add(path)?;
+    } else if !(set.any(counts) && set.any(times)) {
+        let name = set.name();
+        set.add_beside(&["tof.mat".into(), name.replace("meas", "tof"), name.replace("tof", "meas")])?;
+    }
+    let Some(file) = set.holding(times)? else { return Ok(None) };
+    let (shape, tof) = file.numbers(times)?.ok_or_else(|| {
+        Error::input(
+            format!("{times}, the times of flight to the wall for {counts}, is empty"),
+            "store it in picoseconds; zeros if the histograms begin at the wall",
+        )
+    })?;
+    Ok(Some((counts, shape, tof)))
+}
+
+/// Reads counts without times of flight as a single array of a rectified scan: t = 0 is at the wall.
+///
+/// # Errors
+/// As [`single::read`].
+pub(super) fn read_rectified<'s>(
+    set: &'s Set,
+    given: &ReadOptions,
+    notes: &mut Vec<String>,
+) -> Result<ReadCapture<'s>> {
+    let [counts, times] = names(set);
+    let file = set.holding(counts)?.ok_or_else(|| no_counts([counts, times]))?;
+    let asked = given.clone().with_array(given.array.clone().or_else(|| Some(counts.into())));
+    let without = format!(
+        "{counts} has no {times} (times of flight to the wall) beside it: its histograms are taken to begin at the wall"
+    );
+    if given.time_of_flight.is_some() {
+        return single::read(file, &asked, notes);
+    }
+    notes.push(format!("{without} (give the file of the times if they do not)"));
+    single::read(file, &asked, notes).map_err(|e| Error { what: format!("{}; {without}", e.what), ..e })
+}
+
+fn no_counts([counts, times]: [&str; 2]) -> Error {
+    Error::input(
+        format!("holds {times} (times of flight), but no file beside it holds {counts} (counts)"),
+        format!(
+            "give the file with {counts}, and this one as its times of flight; or give the folder of both"
+        ),
+    )
+}
+
 /// Finds a capture without reading its counts; see [`super::read`].
 ///
 /// # Errors
-/// `Kind::Input` if counts or times of flight are missing, or do not fit each other.
-pub(super) fn read<'s>(set: &'s mut Set, given: &ReadOptions, notes: &mut Vec<String>) -> Result<Unread<'s>> {
-    if let Some(path) = &given.time_of_flight {
-        set.add(path)?;
-    } else if !(set.any("meas") && set.any("tofgrid")) {
-        let name = set.name();
-        let beside = ["tof.mat".into(), name.replace("meas", "tof"), name.replace("tof", "meas")];
-        set.add_beside(&beside)?;
-    }
-    let Some(file) = set.holding("meas")? else {
-        return Err(Error::input(
-            "holds tofgrid (times of flight), but no file beside it holds meas (counts)",
-            "give the file with meas, and this one as its times of flight; or give the folder of both",
-        ));
-    };
-    let Some((tof_shape, tof)) = (match set.holding("tofgrid")? {
-        Some(file) => file.numbers("tofgrid")?,
-        None => None,
-    }) else {
-        if set.any("tofgrid") {
-            return Err(Error::input(
-                "tofgrid, the times of flight to the wall for meas, is empty",
-                "store tofgrid in picoseconds; zeros if the histograms begin at the wall",
-            ));
-        }
-        return Err(Error::input(
-            "holds meas, but neither it nor a file beside it holds tofgrid (times of flight to the wall)",
-            "give the file with tofgrid as the times of flight, too; or give the folder of both",
-        ));
-    };
-    let counts = file.counts_shape("meas")?;
+/// `Kind::Input` if there are no counts, or they do not fit the times of flight.
+pub(super) fn read<'s>(
+    set: &'s Set,
+    given: &ReadOptions,
+    (name, tof_shape, tof): TimesOfFlight,
+    notes: &mut Vec<String>,
+) -> Result<Unread<'s>> {
+    let file = set.holding(name)?.ok_or_else(|| no_counts(names(set)))?;
+    let given = &stated::completed(file, given, notes);
+    let counts = file.counts_shape(name)?;
     if counts.len() != 3 || counts[1..] != tof_shape[..] {
         return Err(Error::input(
-            format!("meas has shape {counts:?} and tofgrid {tof_shape:?}, which do not agree"),
+            format!("{name} has shape {counts:?} and its times of flight {tof_shape:?}, which do not agree"),
             "meas is (d1, d2, t) in MATLAB and tofgrid (d1, d2), of the same scan",
         ));
     }
@@ -79,7 +125,7 @@ pub(super) fn read<'s>(set: &'s mut Set, given: &ReadOptions, notes: &mut Vec<St
             WALL
         }
     };
-    shifted(Unread::scanned(file, "meas", AXES, wall, bin_width)?, &tof)
+    shifted(Unread::scanned(file, name, AXES, wall, bin_width)?, &tof)
 }
 
 /// Shifts every histogram to the left by its time of flight in picoseconds, in whole bins. `tof` is in the order of the

@@ -65,7 +65,7 @@ pub fn stanford_statue(data: &Path) {
     );
     std::fs::rename(two.path().join("tof.mat"), two.path().join("times.mat")).unwrap();
     let meas = two.path().join("meas_10min.mat");
-    assert_error(read(&meas), Kind::Input, &["meas_10min.mat", "tofgrid", "as the times of flight"]);
+    assert_error(read(&meas), Kind::Options, &["meas_10min.mat", "tofgrid", "wall size"]);
     let given = wall(1.0).with_time_of_flight(two.path().join("times.mat"));
     let narrow = open(&meas, &given);
     assert!((narrow.laser[0].x + 0.5).abs() < 1e-12);
