@@ -52,8 +52,9 @@ mod constants {
     pub const ITERATIONS: [usize; 2] = [15, 20];
     /// Iterations of fits whose impulse responses are compared: tails differ less than widths do.
     pub const OF_PULSE: usize = 30;
-    /// Rounds are left out where the model error exceeds that up to which the support follows the evidence by this factor.
-    pub const FAR: f64 = 2.0;
+    /// Rounds are left out where a trial's model error exceeds this multiple of that up to which the support follows the evidence:
+    /// light of a room or of another instrument draws surface where there is none.
+    pub const FAR: f64 = 0.75;
 }
 use constants::*;
 
