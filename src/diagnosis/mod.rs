@@ -11,15 +11,19 @@ use crate::solve::Progress;
 use crate::{Grade, Verdict};
 
 mod lines;
+mod scale;
 
 pub use bands::EXPECTED_IOU;
 pub use lines::LineDelays;
+pub use scale::Rescaled;
 
 /// Bands of the verdict. Evidence: benches/NOTES.md, "Verdict".
 mod bands {
     /// Least share beyond noise, less two standard errors, of results that are fair, and of poor ones. Measured scenes with light that no
     /// surface sends leave up to a half and are right.
     pub const LEFT: [f64; 2] = [0.25, 0.95];
+    /// Least share beyond noise, less two standard errors, from which other scales are tried: proper captures leave less, but for rooms.
+    pub const DOUBTED: f64 = 0.15;
     /// Expected IoU below which results are fair.
     pub const EXPECTED_IOU: f64 = 0.4;
 }
@@ -54,11 +58,14 @@ impl Cause {
 pub struct Diagnosis {
     /// The cause that held-out pairs prove.
     pub cause: Option<Cause>,
+    /// The scale at which closed forms are sharper.
+    pub scale: Option<Rescaled>,
     /// The capture without the delays of its lines.
     pub calibrated: Option<Capture>,
 }
 
-/// Tries delays of lines on a capture whose `estimates` leave much of the held-out pairs. They are undone if it `calibrates`.
+/// Tries delays of lines and other scales on a capture whose `estimates` leave much of the held-out pairs. Delays are undone if it
+/// `calibrates`.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
@@ -70,10 +77,16 @@ pub fn diagnose(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Diagnosis> {
-    let Some(shown) = &estimates.shown else { return Ok(Diagnosis::default()) };
+    let is_doubtful = match &estimates.shown {
+        Some(shown) => shown.held.left().certain() > bands::DOUBTED,
+        None => found_nothing(estimates),
+    };
+    let scale = if is_doubtful { scale::rescaled(request, capture, gpu) } else { None };
+    let found = Diagnosis { scale, ..Diagnosis::default() };
+    let Some(shown) = &estimates.shown else { return Ok(found) };
     let mut trial = |capture: &Capture| estimation::shown(request, estimates, capture, gpu, hear);
     let Some((delays, after)) = lines::calibrate(shown, capture, &mut trial)? else {
-        return Ok(Diagnosis::default());
+        return Ok(found);
     };
     let cause = Cause {
         what: delays.what(),
@@ -81,7 +94,12 @@ pub fn diagnose(
         left: [shown.held.left().excess(), after.excess()],
         undone: calibrates,
     };
-    Ok(Diagnosis { cause: Some(cause), calibrated: calibrates.then(|| delays.undone(capture)) })
+    Ok(Diagnosis { cause: Some(cause), calibrated: calibrates.then(|| delays.undone(capture)), ..found })
+}
+
+/// Whether fits were tried and none found a surface.
+fn found_nothing(estimates: &Estimates) -> bool {
+    estimates.candidates.is_empty() && estimates.model.as_ref().is_some_and(|m| m.failed.is_some())
 }
 
 /// The verdict on estimates: before a solve, without what the maps say.
@@ -90,12 +108,13 @@ pub fn verdict(estimates: &Estimates, diagnosis: &Diagnosis) -> Verdict {
     if let Some(cause) = &diagnosis.cause {
         verdict.add(if cause.undone { Grade::Fair } else { Grade::Poor }, cause.sentence());
     }
+    if let Some(scale) = &diagnosis.scale {
+        verdict.add(Grade::Poor, scale.sentence());
+    }
     match estimates.shown.as_ref().map(|shown: &Shown| shown.held.left()) {
         None => verdict.add(
             Grade::Fair,
-            match estimates.candidates.is_empty()
-                && estimates.model.as_ref().is_some_and(|m| m.failed.is_some())
-            {
+            match found_nothing(estimates) {
                 true => "no fit found a surface that explains the counts",
                 false => "no pairs were held out to judge it",
             },
@@ -138,8 +157,9 @@ mod tests {
 
     #[test]
     fn causes_and_doubts_lower_the_grade() {
-        let of =
-            |cause: Option<Cause>, iou: f64| verdict(&estimates(iou), &Diagnosis { cause, calibrated: None });
+        let of = |cause: Option<Cause>, iou: f64| {
+            verdict(&estimates(iou), &Diagnosis { cause, ..Diagnosis::default() })
+        };
         let cause = |undone| Cause { what: "feet".into(), hint: "scale".into(), left: [0.9, 0.02], undone };
         let poor = of(Some(cause(false)), 0.8);
         assert_eq!(poor.grade, Grade::Poor);

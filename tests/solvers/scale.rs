@@ -2,11 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use fixtures::captures::scaled;
+use fixtures::captures::{changed, scaled};
 use fixtures::device::*;
-use thirdbounce::Kind;
 use thirdbounce::capture::Capture;
-use thirdbounce::gpu::Gpu;
+use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
@@ -14,6 +13,7 @@ use thirdbounce::solve::{
     Accumulation, PaperOptions, Problem, SceneTraits, SolverOptions, SurfaceOptions, Watch,
 };
 use thirdbounce::transport::Grid;
+use thirdbounce::{Grade, Kind, Settings, reconstruct};
 
 const LATERAL: usize = 24;
 
@@ -121,4 +121,24 @@ fn the_least_depth_follows_walls_that_are_not_of_metres() {
             .default_volume(&small)
             .is_ok()
     );
+}
+
+/// Half or twice the wall, and points in feet, are named with the factor; the right wall has no such reason.
+#[test]
+fn a_wall_of_the_wrong_size_is_named() {
+    let gpu = Gpu::open(&GpuOptions::default()).expect("a device");
+    let scene = Scene { scan: 16, bin_width: 0.01, photons: Some(1000.0), ..Scene::named("figure").unwrap() };
+    let capture = simulate(&scene, &RenderOptions::default()).unwrap().capture;
+    let settings = Settings::from_texts([("lateral", "32"), ("deterministic", "true")]).unwrap();
+    for (wrong, words) in [(1.0, None), (0.5, Some("points 2 times")), (3.28084, Some("points in feet"))] {
+        let taken = changed(&capture, |c| {
+            c.laser.iter_mut().chain(&mut c.sensor).for_each(|point| *point *= wrong);
+        });
+        let verdict = reconstruct(&gpu, &taken, &settings).unwrap().verdict.unwrap();
+        let named = verdict.reasons.iter().find(|reason| reason.contains("wrong by a factor"));
+        assert_eq!(named.is_some(), words.is_some(), "{wrong}: {verdict:?}");
+        if let Some((reason, words)) = named.zip(words) {
+            assert!(reason.contains(words) && verdict.grade == Grade::Poor, "{wrong}: {reason}");
+        }
+    }
 }

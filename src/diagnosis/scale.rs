@@ -1,0 +1,97 @@
+//! A wall size or a bin width that is wrong by a factor. Paths of points that are too far apart, or of bins that are too narrow, meet
+//! in no surface: a light-cone transform (O'Toole and others 2018) is sharp at the true scale alone.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+
+use crate::Result;
+use crate::capture::Capture;
+use crate::estimation::EstimateRequest;
+use crate::gpu::Gpu;
+use crate::maps::Maps;
+use crate::solve::closed_form::LctOptions;
+use crate::solve::{
+    Discretisation, Problem, Progress, Ready, SceneTraits, Solver, SolverOptions, Watch, pixel_of,
+};
+
+/// Factors of the distances between points that are tried, and what each may come from: feet, a half, a double.
+const FACTORS: [(f64, &str); 3] = [
+    (0.3048, "as of points in feet"),
+    (0.5, "as of a wall given twice as wide, or of paths one way"),
+    (2.0, "as of half the wall given as its size"),
+];
+
+/// Another scale is right if its image is this many times as sharp. Evidence: benches/NOTES.md, "Verdict".
+const SHARPER: f64 = 2.5;
+
+/// Pixels of the images on a side.
+const PIXELS: usize = 64;
+
+/// A scale at which a capture is sharper.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Rescaled {
+    /// The factor of the distances between points, or of the reciprocal of the bin width.
+    pub factor: f64,
+    /// What it may come from.
+    what: &'static str,
+    /// How many times as sharp the image is.
+    pub sharper: f64,
+}
+
+impl Rescaled {
+    /// The scale as a sentence.
+    pub fn sentence(&self) -> String {
+        let Rescaled { factor, what, sharper } = self;
+        format!(
+            "the wall's size or the bin width is wrong by a factor: with points {factor} times as far apart, or bins {:.2} times as wide, \
+             a light-cone transform is {sharper:.1} times as sharp, {what}: give the wall's size or the bin width",
+            1.0 / factor
+        )
+    }
+}
+
+/// The scale at which a light-cone transform of a capture is clearly sharper than at its own; `None` if there is none, or the transform
+/// does not take the capture.
+pub fn rescaled(request: &EstimateRequest, capture: &Capture, gpu: &Gpu) -> Option<Rescaled> {
+    let own = sharpness(&image(request, capture, gpu, 1.0).ok()?)?;
+    let tried = FACTORS.into_iter().filter_map(|(factor, what)| {
+        let there = sharpness(&image(request, capture, gpu, factor).ok()?)?;
+        Some(Rescaled { factor, what, sharper: there / own })
+    });
+    tried.filter(|scale| scale.sharper >= SHARPER).max_by(|a, b| a.sharper.total_cmp(&b.sharper))
+}
+
+/// How few pixels hold the light: mean fourth power of the albedo over the square of its mean square.
+fn sharpness(maps: &Maps) -> Option<f64> {
+    let [squares, fourths] = maps.albedo.iter().fold([0.0; 2], |[two, four], a| {
+        let square = f64::from(a.max(0.0)).powi(2);
+        [two + square, four + square * square]
+    });
+    (squares > 0.0).then(|| maps.albedo.len() as f64 * fourths / (squares * squares))
+}
+
+/// A light-cone transform of a capture whose points lie `factor` times as far apart.
+fn image(request: &EstimateRequest, capture: &Capture, gpu: &Gpu, factor: f64) -> Result<Maps> {
+    let scaled = match factor == 1.0 {
+        true => Cow::Borrowed(capture),
+        false => Cow::Owned(capture.clone().with(|c| {
+            c.laser.iter_mut().chain(&mut c.sensor).for_each(|point| *point *= factor);
+        })),
+    };
+    let common = request.solver.common();
+    let traits =
+        SceneTraits { preset: request.preset, reflectance: common.reflectance, ..SceneTraits::of(capture) };
+    let transform = LctOptions::defaults_for(&traits).with(|o| {
+        o.lateral = PIXELS.min(common.lateral);
+        o.image.min_depth = common.min_depth;
+    });
+    transform.takes(&scaled)?;
+    let transform = SolverOptions::from(transform);
+    let pitch = pixel_of(&scaled, None, transform.common().lateral);
+    let how = Discretisation { depth_pitch: Some(pitch), volume: None, ..request.discretisation };
+    let Ready { capture, grid, .. } = how.ready(&transform, scaled)?;
+    let mut hear = |_: &Progress| ControlFlow::Continue(());
+    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+    let problem = Problem { memory: request.memory, ..Problem::new(&capture, grid) };
+    Ok(transform.solve(gpu, &problem, &mut watch)?.maps)
+}
