@@ -21,7 +21,7 @@ pub struct OnDevice {
     /// Runs schedules over the buffers.
     pub executor: Executor,
     /// What it does first.
-    pub(super) queue: Queue,
+    pub(super) queue: Queued,
     /// What the driver works with.
     pub(super) lists: Lists,
     /// Photon noise and energy of the counts, once computed.
@@ -40,7 +40,7 @@ impl OnDevice {
         let mut executor = Executor::new(gpu, arena)?;
         let kernels: Vec<_> = plan.passes.iter().map(|pass| pass.wanted(&plan)).collect();
         executor.add_kernels(&kernels)?;
-        let (queue, lists) = (Queue::default(), Lists::default());
+        let (queue, lists) = (Queued::default(), Lists::default());
         let mut made = OnDevice { plan, model, executor, queue, lists, light: None };
         made.upload()?;
         Ok(made)
@@ -151,13 +151,13 @@ pub struct VolumeMap {
 /// What the device does before anything else that it is given: copies through the upload buffer, and commands whose results
 /// are not awaited.
 #[derive(Default)]
-pub(super) struct Queue {
+pub(super) struct Queued {
     /// Bytes of the upload buffer that are taken.
     at: u64,
     schedule: Schedule,
 }
 
-impl Queue {
+impl Queued {
     /// Adds a copy of `bytes` to the beginning of `to`. Waits where what is under way may read the upload buffer, and where
     /// that is full.
     fn add(&mut self, executor: &mut Executor, to: Buffer, bytes: &[u8]) -> Result<()> {
