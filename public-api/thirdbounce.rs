@@ -204,6 +204,7 @@ pub struct Settings {
     pub bounce: Option<Bounce>,
     pub tof: Option<PathBuf>,
     pub axes: Option<AxisOrder>,
+    pub array: Option<String>,
     pub keep_empty: Option<bool>,
     pub flip: Option<Flip>,
     pub rotate: Option<usize>,

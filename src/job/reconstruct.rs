@@ -79,7 +79,8 @@ pub fn solve_measured<'c>(
     let step = request.trace_step();
     let mut failed = None;
     let mut snapshots = Vec::new();
-    let mut job = Job::resolve(&request.settings, &loaded.capture, gpu, hear)?;
+    let advised = |e| advice::advise(e, request, loaded, gpu);
+    let mut job = Job::resolve(&request.settings, &loaded.capture, gpu, hear).map_err(advised)?;
     job.keep_volume |= request.volume_file.is_some();
     let volume = job.solver.common().iterations[0];
     let previews = if preview.is_some() { vec![volume / 4, volume] } else { vec![] };
@@ -117,7 +118,7 @@ pub fn solve_measured<'c>(
     let done = job.solve(gpu, &mut watch);
     let mut result = match failed {
         Some(e) => return Err(e),
-        None => done.map_err(|e| advice::advise(e, request, loaded, gpu))?,
+        None => done.map_err(advised)?,
     };
     job.conclude(&mut result, &mut snapshots);
     let metrics = metrics_of.map(|of| of(&result.maps, job.mask_fraction)).transpose()?;

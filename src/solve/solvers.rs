@@ -286,7 +286,11 @@ impl SolverOptions {
     /// As [`Solver::plan`], and it does not fit.
     pub fn plan_within(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Plan> {
         let plan = self.plan(problem, &gpu.abilities())?;
-        check(&plan.buffers, &gpu.memory(), problem.memory).map(|()| plan)
+        check(&plan.buffers, &gpu.memory(), problem.memory)?;
+        if let SolverOptions::Surface(options) = self {
+            options.check_judged(gpu, problem)?;
+        }
+        Ok(plan)
     }
 
     /// The options of all solvers, each once, with its text and what it is by default.

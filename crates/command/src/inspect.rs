@@ -98,7 +98,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
                 .into(),
         );
     }
-    let mut plan = match resolved.solver.plan(&resolved.problem(&planned, grid), &abilities) {
+    let plan = match resolved.solver.plan(&resolved.problem(&planned, grid), &abilities) {
         Ok(plan) => Some(plan),
         Err(Error { kind: Kind::Input, what, .. }) => {
             problems.push(what.into());
@@ -106,10 +106,10 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         }
         Err(e) => return Err(e),
     };
-    if let (Some(gpu), Some(plan)) = (&device, &mut plan) {
-        if let Err(e) = check(&plan.buffers, &gpu.memory(), resolved.memory) {
-            problems.push(problem(job::advise(e, request, loaded, gpu)));
-        }
+    if let (Some(gpu), Some(plan)) = (&device, &plan)
+        && let Err(e) = check(&plan.buffers, &gpu.memory(), resolved.memory)
+    {
+        problems.push(problem(job::advise(e, request, loaded, gpu)));
     }
     let total: u64 = plan.iter().flat_map(|plan| &plan.buffers).map(|b| b.bytes).sum();
     Ok(Inspection {

@@ -340,12 +340,7 @@ impl Fit {
         if restored || !is_kept {
             job.queue(|s, _| keep(s, count, [KEPT[1], KEPT[0]]));
         }
-        if let Some(judging) = judging(&job.plan, self.judge).copied() {
-            job.queue(|s, plan| residual(s, plan, &judging, count));
-        }
-        for (layer, maps) in layers.iter_mut().enumerate() {
-            *maps = shown(job, &level, maps, of_layers, layer)?;
-        }
+        leave(job, self.judge, &level, of_layers, layers)?;
         self.is_compared = true;
         driven.maps = layers[0].clone();
         Ok((driven, Some(quality)))
@@ -364,6 +359,23 @@ fn put_back(job: &mut OnDevice, level: &Level, count: usize) {
 fn residual(s: &mut Schedule, plan: &Plan, level: &Level, count: usize) {
     render(s, plan, level, count, &RESIDUAL);
     s.copy(buffer::RESIDUAL, RESIDUAL_HOST, plan.cells_at(level) as u64 * 4);
+}
+
+/// Leaves the residual of the pairs that judge the present state for the host, and the state in the layers.
+fn leave(
+    job: &mut OnDevice,
+    judge: Judge,
+    level: &Level,
+    of_layers: [usize; 2],
+    layers: &mut [Maps],
+) -> Result<()> {
+    if let Some(judging) = judging(&job.plan, judge).copied() {
+        job.queue(|s, plan| residual(s, plan, &judging, of_layers.iter().sum()));
+    }
+    for (layer, maps) in layers.iter_mut().enumerate() {
+        *maps = shown(job, level, maps, of_layers, layer)?;
+    }
+    Ok(())
 }
 
 /// The maps with the present state of a layer; pixels without a surface keep what `maps` has.
@@ -582,7 +594,10 @@ fn place(
         compared(s, plan, &of, pixels.len(), row);
     });
     add_heights(job, pixels, 2.0)?;
-    job.run(|s, plan| compared(s, plan, &of, pixels.len(), row + 1))?;
+    job.run(|s, plan| {
+        s.stage("surface", &stage_values(level, row));
+        compared(s, plan, &of, pixels.len(), row + 1);
+    })?;
     let objective =
         |row: &[u32; TRACE_ROW as usize]| f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));
     let [once, twice] = [row, row + 1].map(|row| objective(&trace_rows(job, row..row + 1)[0]));

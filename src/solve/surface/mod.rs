@@ -93,6 +93,14 @@ impl SurfaceOptions {
             (true, _) => [coarse, fine + self.iterations],
         }
     }
+
+    /// Checks the memory of a solve that begins with estimates: its fit also has pairs that are held out.
+    ///
+    /// # Errors
+    /// As [`Fit::new`].
+    pub(super) fn check_judged(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<()> {
+        Fit::new(gpu, problem, self, self.most_iterations(), Judge::HeldOut).map(drop)
+    }
 }
 
 impl Solver for SurfaceOptions {
