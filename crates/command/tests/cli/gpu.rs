@@ -19,6 +19,7 @@ fn measured(binary: &str) -> (bool, String, Option<Value>) {
 }
 
 #[test]
+#[ignore = "long: make soak"]
 fn the_script_for_gpus_measures_and_judges() {
     let (succeeds, text, result) = measured(env!("CARGO_BIN_EXE_thirdbounce"));
     assert!(

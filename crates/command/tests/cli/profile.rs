@@ -226,6 +226,7 @@ fn what_is_wrong_is_said() {
 }
 
 #[test]
+#[ignore = "long: make soak"]
 fn kernels_compile_without_a_device_to_run_them() {
     let all = profiled();
     let (file, capture) = (all.path("compiled.json"), all.path("z.npz"));
@@ -285,6 +286,7 @@ fn a_driver_without_a_device_tells_of_its_kernels_and_closes() {
 /// The file of compiled kernels: written by the first run, read by the second, and replaced where it is of another driver. With
 /// Mesa's driver for AMD, where it is installed: lavapipe keeps no kernels.
 #[test]
+#[ignore = "long: make soak"]
 fn kernels_are_kept_between_runs() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let [file, cache] = ["k.json", "cache"].map(|name| folder.path().join(name));

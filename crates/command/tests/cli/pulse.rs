@@ -218,6 +218,7 @@ fn trials_are_heard_and_may_be_broken_off() {
 }
 
 #[test]
+#[ignore = "long: make soak"]
 fn the_tail_of_a_detector_is_found_and_told() {
     let (_folder, path) = fixtures::captures::place("c.npz");
     let file = path.display().to_string();
