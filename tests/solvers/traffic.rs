@@ -22,7 +22,7 @@ fn a_solve_submits_rarely_and_waits_rarely() {
     let gpu = Gpu::open(&GpuOptions::default()).expect("a device");
     let scene = Scene { scan: 16, bin_width: 0.02, photons: Some(1000.0), ..Scene::named("figure").unwrap() };
     let capture = simulate(&scene, &RenderOptions::default()).unwrap().capture;
-    let settings = Settings::from_texts([("lateral", "32")]).unwrap();
+    let settings = Settings::from_texts([("lateral", "64")]).unwrap();
     let solve = || drop(reconstruct(&gpu, &capture, &settings).unwrap());
     let [cold, warm] = [traffic(&gpu, solve), traffic(&gpu, solve)];
     let (mut frames, _) = session(&gpu, &capture, &settings, Default::default()).unwrap();
