@@ -1,18 +1,12 @@
 //! A wall size or a bin width that is wrong by a factor. Paths of points that are too far apart, or of bins that are too narrow, meet
 //! in no surface: a light-cone transform (O'Toole and others 2018) is sharp at the true scale alone.
 
-use std::borrow::Cow;
-use std::ops::ControlFlow;
-
 use crate::Result;
 use crate::capture::Capture;
 use crate::estimation::EstimateRequest;
 use crate::gpu::Gpu;
 use crate::maps::Maps;
-use crate::solve::closed_form::LctOptions;
-use crate::solve::{
-    Discretisation, Problem, Progress, Ready, SceneTraits, Solver, SolverOptions, Watch, pixel_of,
-};
+use crate::solve::Discretisation;
 
 /// Factors of the distances between points that are tried, and what each may come from: feet, a half, a double.
 const FACTORS: [(f64, &str); 3] = [
@@ -70,28 +64,12 @@ fn sharpness(maps: &Maps) -> Option<f64> {
     (squares > 0.0).then(|| maps.albedo.len() as f64 * fourths / (squares * squares))
 }
 
-/// A light-cone transform of a capture whose points lie `factor` times as far apart.
+/// A light-cone transform of a capture whose points lie `factor` times as far apart. A box that is set is for points as they are.
 fn image(request: &EstimateRequest, capture: &Capture, gpu: &Gpu, factor: f64) -> Result<Maps> {
-    let scaled = match factor == 1.0 {
-        true => Cow::Borrowed(capture),
-        false => Cow::Owned(capture.clone().with(|c| {
-            c.laser.iter_mut().chain(&mut c.sensor).for_each(|point| *point *= factor);
-        })),
-    };
-    let common = request.solver.common();
-    let traits =
-        SceneTraits { preset: request.preset, reflectance: common.reflectance, ..SceneTraits::of(capture) };
-    let transform = LctOptions::defaults_for(&traits).with(|o| {
-        o.lateral = PIXELS.min(common.lateral);
-        o.image.min_depth = common.min_depth;
+    let scaled = capture.clone().with(|c| {
+        c.laser.iter_mut().chain(&mut c.sensor).for_each(|point| *point *= factor);
     });
-    transform.takes(&scaled)?;
-    let transform = SolverOptions::from(transform);
-    let pitch = pixel_of(&scaled, None, transform.common().lateral);
-    let how = Discretisation { depth_pitch: Some(pitch), volume: None, ..request.discretisation };
-    let Ready { capture, grid, .. } = how.ready(&transform, scaled)?;
-    let mut hear = |_: &Progress| ControlFlow::Continue(());
-    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    let problem = Problem { memory: request.memory, ..Problem::new(&capture, grid) };
-    Ok(transform.solve(gpu, &problem, &mut watch)?.maps)
+    let discretisation = Discretisation { volume: None, ..request.discretisation };
+    let request = EstimateRequest { discretisation, ..request.clone() };
+    request.closed_form(request.light_cone(&scaled, PIXELS).into(), &scaled, gpu)
 }

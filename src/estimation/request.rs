@@ -1,15 +1,20 @@
 //! What the settings make of a capture before anything is estimated.
 
 use std::borrow::Cow;
+use std::ops::ControlFlow;
 
 use super::FindPulse;
 use super::model::possible_models;
 use crate::Result;
 use crate::capture::Capture;
+use crate::gpu::Gpu;
+use crate::maps::Maps;
 use crate::settings::{ImpulseResponse, ReflectanceSetting, Settings};
+use crate::solve::closed_form::LctOptions;
 use crate::solve::option::SceneTraits;
 use crate::solve::{
-    Accumulation, Discretisation, Method, Preset, Problem, Ready, SolverOptions, enough_pairs,
+    Accumulation, Discretisation, Method, Preset, Problem, Progress, Ready, SolverOptions, Watch,
+    enough_pairs, pixel_of,
 };
 use crate::transport::{Grid, Reflectance};
 
@@ -35,6 +40,35 @@ pub struct EstimateRequest {
 }
 
 impl EstimateRequest {
+    /// What the defaults of a closed form depend on.
+    pub fn traits(&self, capture: &Capture) -> SceneTraits {
+        let reflectance = self.solver.common().reflectance;
+        SceneTraits { preset: self.preset, reflectance, ..SceneTraits::of(capture) }
+    }
+
+    /// A light-cone transform with at most so many pixels on a side.
+    pub fn light_cone(&self, capture: &Capture, most: usize) -> LctOptions {
+        let common = self.solver.common();
+        LctOptions::defaults_for(&self.traits(capture)).with(|o| {
+            o.lateral = common.lateral.min(most);
+            o.image.min_depth = common.min_depth;
+        })
+    }
+
+    /// The maps of a closed-form method, with voxels that are cubes.
+    ///
+    /// # Errors
+    /// As its solve.
+    pub fn closed_form(&self, solver: SolverOptions, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
+        let pitch = pixel_of(capture, self.discretisation.volume, solver.common().lateral);
+        let how = Discretisation { depth_pitch: Some(pitch), ..self.discretisation };
+        let Ready { capture, grid, .. } = how.ready(&solver, Cow::Borrowed(capture))?;
+        let mut hear = |_: &Progress| ControlFlow::Continue(());
+        let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+        let problem = Problem { memory: self.memory, ..Problem::new(&capture, grid) };
+        Ok(solver.solve(gpu, &problem, &mut watch)?.maps)
+    }
+
     /// The defaults for `capture` under `settings`.
     pub fn new(settings: &Settings, capture: &Capture) -> EstimateRequest {
         let preset = settings.preset.unwrap_or_else(|| preset_for(capture));

@@ -1,7 +1,6 @@
 //! `preview.png`: what there is to see while a solve runs. It shows the light-cone transform first, or the back-projection where
 //! the capture breaks an assumption of the transform; then maps on the way. It goes when the result is there.
 
-use std::borrow::Cow;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
@@ -14,11 +13,8 @@ use crate::export::png;
 use crate::files::atomic::create_dir;
 use crate::gpu::Gpu;
 use crate::maps::Maps;
-use crate::solve::closed_form::{FbpOptions, LctOptions};
-use crate::solve::{
-    Discretisation, Doing, Problem, Progress, Ready, SceneTraits, Solver, SolverOptions, TracePoint, Watch,
-    pixel_of,
-};
+use crate::solve::closed_form::FbpOptions;
+use crate::solve::{Doing, Progress, Solver, TracePoint};
 use crate::{Error, Kind, Result};
 
 /// Pixels of the transform's maps on a side, at most.
@@ -103,41 +99,17 @@ impl Drop for Preview {
 /// The device fails, or no grid fits.
 pub fn first_maps(request: &EstimateRequest, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
     let common = request.solver.common();
-    let scene =
-        SceneTraits { preset: request.preset, reflectance: common.reflectance, ..SceneTraits::of(capture) };
     // The light-cone transform is sharper than a back-projection, and sooner there.
-    let transform = LctOptions::defaults_for(&scene).with(|o| {
-        o.lateral = common.lateral.min(TRANSFORMED);
-        o.image.min_depth = common.min_depth;
-    });
+    let transform = request.light_cone(capture, TRANSFORMED);
     if transform.takes(capture).is_ok()
-        && let Ok(maps) = closed_form(request, transform.into(), capture, gpu)
+        && let Ok(maps) = request.closed_form(transform.into(), capture, gpu)
     {
         return Ok(maps);
     }
-    let projection = FbpOptions::defaults_for(&scene).with(|o| {
+    let projection = FbpOptions::defaults_for(&request.traits(capture)).with(|o| {
         o.lateral = common.lateral.min(PROJECTED);
         o.image.min_depth = common.min_depth;
     });
     let few = (capture.pair_count() > PAIRS).then(|| capture.subset(PAIRS, 0)).transpose()?;
-    closed_form(request, projection.into(), few.as_ref().unwrap_or(capture), gpu)
-}
-
-/// The maps of a closed-form method, with voxels that are cubes.
-///
-/// # Errors
-/// As its solve.
-fn closed_form(
-    request: &EstimateRequest,
-    solver: SolverOptions,
-    capture: &Capture,
-    gpu: &Gpu,
-) -> Result<Maps> {
-    let pitch = pixel_of(capture, request.discretisation.volume, solver.common().lateral);
-    let how = Discretisation { depth_pitch: Some(pitch), ..request.discretisation };
-    let Ready { capture, grid, .. } = how.ready(&solver, Cow::Borrowed(capture))?;
-    let mut hear = |_: &Progress| ControlFlow::Continue(());
-    let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    let problem = Problem { memory: request.memory, ..Problem::new(&capture, grid) };
-    Ok(solver.solve(gpu, &problem, &mut watch)?.maps)
+    request.closed_form(projection.into(), few.as_ref().unwrap_or(capture), gpu)
 }

@@ -27,7 +27,7 @@ fn the_same_keys_in_every_container() {
         let pulse = Pulse::read(&file(name)).unwrap();
         assert_eq!((pulse.samples, pulse.width), (vec![1.0, 2.0, 1.0], 0.01), "{name}");
     }
-    // A missing array is named, and what there is.
+    // The error names the missing array and those of the file.
     let (_folder, path) = place("made.h5");
     let h = matrix("H", &[2, 3, 5], |_| 1.0);
     let points = matrix("sensor_xyz", &[3, 2, 3], |at| 0.1 * at[at[0] % 2 + 1] as f64);

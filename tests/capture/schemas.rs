@@ -443,6 +443,15 @@ fn counts_alone_are_read_by_what_the_file_and_the_user_say() {
         let seconds = read_given(path, &given().with_bin_width(32e-12));
         assert_error(seconds, Kind::Options, &["3.2e-11 m", "32ps"]);
     });
+    // A file that is given as the times of flight holds them.
+    every_file(&[scanned("meas")], |path, _| {
+        let (_folder, other) = place("times.mat");
+        hdf5(&other, &[scalar("gain", 2.0)]);
+        let times = given().with_time_of_flight(other);
+        assert_error(read_given(path, &times), Kind::Input, &["times.mat", "holds no tofgrid"]);
+        let bounce = given().with_bounce(Bounce::All);
+        assert_error(read_given(path, &bounce), Kind::Options, &["a bounce was given"]);
+    });
     let stated = [scanned("meas"), scalar("bin_resolution", 3.2e-11), scalar("wall_size", 2.0)];
     every_file(&stated, |path, what| {
         let c = read_given(path, &ReadOptions::default()).unwrap_or_else(|e| panic!("{what}: {e}"));
@@ -468,6 +477,11 @@ fn counts_alone_are_read_by_what_the_file_and_the_user_say() {
             assert!((read(path).unwrap().bin_width - 32.0 * METRES_PER_PICOSECOND).abs() < 1e-12);
         },
     );
+    // The width of an LCT file is its wall.
+    every_file(&[scanned("rect_data"), scalar("width", 0.5), scalar("wall_size", 7.0)], |path, _| {
+        let c = read_given(path, &ReadOptions::default()).unwrap();
+        assert!(c.notes.iter().all(|note| !note.contains("wall_size")), "{:?}", c.notes);
+    });
     let fewer = [scanned("measlr"), matrix("tofgridlr", &[2, 3], |_| 0.0)];
     every_file(&fewer, |path, what| {
         let c = read_given(path, &ReadOptions::default().with_wall(1.0)).unwrap();

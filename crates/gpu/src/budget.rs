@@ -121,8 +121,8 @@ impl Memory {
     }
 }
 
-/// Checks a plan against a device's memory. `budget`: maximum bytes of all buffers. Without it,
-/// each heap must hold its buffers. Allocates nothing.
+/// Checks a plan against a device's memory. `budget`: maximum bytes of all buffers. Without it, each heap
+/// must hold its buffers. Allocates nothing.
 ///
 /// # Errors
 /// A buffer exceeds the device's largest binding or allocation, or the plan exceeds the budget (the error names the

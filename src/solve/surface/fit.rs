@@ -340,7 +340,7 @@ impl Fit {
         if restored || !is_kept {
             job.queue(|s, _| keep(s, count, [KEPT[1], KEPT[0]]));
         }
-        leave(job, self.judge, &level, of_layers, layers)?;
+        extract_layers(job, self.judge, &level, of_layers, layers)?;
         self.is_compared = true;
         driven.maps = layers[0].clone();
         Ok((driven, Some(quality)))
@@ -362,7 +362,7 @@ fn residual(s: &mut Schedule, plan: &Plan, level: &Level, count: usize) {
 }
 
 /// Leaves the residual of the pairs that judge the present state for the host, and the state in the layers.
-fn leave(
+fn extract_layers(
     job: &mut OnDevice,
     judge: Judge,
     level: &Level,

@@ -37,7 +37,10 @@ pub(super) fn read<'f>(
         "width is half the wall, as in its publication: the outermost points are {} m apart",
         2.0 * half
     ));
-    let bin_width =
-        stated::completed(file, given, notes).bin_width("an LCT capture", Some(PICOSECONDS), notes)?;
+    let bin_width = stated::with_bin_width(file, given.clone(), notes).bin_width(
+        "an LCT capture",
+        Some(PICOSECONDS),
+        notes,
+    )?;
     Unread::scanned(file, "rect_data", AXES, 2.0 * half, bin_width)
 }

@@ -163,7 +163,12 @@ fn read_set<'s>(
                 no_bounce("a Stanford f-k capture")?;
                 stanford::read(set, given, tof, notes).map(ReadCapture::Unread)
             }
-            None => stanford::read_rectified(set, given, notes),
+            None => {
+                if given.bounce.is_some() {
+                    no_bounce("meas")?;
+                }
+                stanford::read_rectified(set, given, notes)
+            }
         };
     }
     if given.time_of_flight.is_some() {

@@ -62,7 +62,7 @@ pub(super) fn read<'f>(
              files, and a file with a single array of counts",
         ));
     };
-    let given = &stated::completed(file, given, notes);
+    let given = &stated::with_bin_width(file, stated::with_wall(file, given.clone(), notes), notes);
     let what = format!("a file with the array of counts {name}{}", stated::quoted(file));
     let (wall, bin_width) = given.wall_and_bin_width(&what)?;
     let order = match given.axes {

@@ -43,7 +43,7 @@ fn names(set: &Set) -> [&'static str; 2] {
 /// The times of flight that belong to the counts of `set`; `None` where there are none, or none are to be used.
 ///
 /// # Errors
-/// `Kind::Input` if their file cannot be read or they are empty.
+/// `Kind::Input` if their file cannot be read or holds none, or they are empty.
 pub(super) fn times_of_flight(set: &mut Set, given: &ReadOptions) -> Result<Option<TimesOfFlight>> {
     if given.time_of_flight.as_ref().is_some_and(|path| path.as_os_str() == "none") {
         return Ok(None);
@@ -55,7 +55,18 @@ pub(super) fn times_of_flight(set: &mut Set, given: &ReadOptions) -> Result<Opti
         let name = set.name();
         set.add_beside(&["tof.mat".into(), name.replace("meas", "tof"), name.replace("tof", "meas")])?;
     }
-    let Some(file) = set.holding(times)? else { return Ok(None) };
+    let Some(file) = set.holding(times)? else {
+        return match &given.time_of_flight {
+            None => Ok(None),
+            Some(path) => Err(Error::input(
+                format!("holds no {times} (times of flight to the wall)"),
+                format!(
+                    "give the file with {times}, or none if the histograms of {counts} begin at the wall"
+                ),
+            )
+            .at(path.display())),
+        };
+    };
     let (shape, tof) = file.numbers(times)?.ok_or_else(|| {
         Error::input(
             format!("{times}, the times of flight to the wall for {counts}, is empty"),
@@ -107,7 +118,7 @@ pub(super) fn read<'s>(
     notes: &mut Vec<String>,
 ) -> Result<Unread<'s>> {
     let file = set.holding(name)?.ok_or_else(|| no_counts(names(set)))?;
-    let given = &stated::completed(file, given, notes);
+    let given = &stated::with_bin_width(file, stated::with_wall(file, given.clone(), notes), notes);
     let counts = file.counts_shape(name)?;
     if counts.len() != 3 || counts[1..] != tof_shape[..] {
         return Err(Error::input(

@@ -16,23 +16,28 @@ const SECONDS: std::ops::Range<f64> = 1e-14..1e-7;
 /// Sizes of walls, metres.
 const METRES: std::ops::Range<f64> = 0.01..1e4;
 
-/// The options with what the file states clearly and the user does not give; notes say what is taken.
-pub(super) fn completed(file: &Variables, given: &ReadOptions, notes: &mut Vec<String>) -> ReadOptions {
-    let mut all = given.clone();
-    if let Some((name, value)) = first_of(file, &WALLS, METRES).filter(|_| given.wall.is_none()) {
-        notes.push(format!(
-            "{name} {value} is taken as the wall's size in metres (a given wall size goes before it)"
-        ));
-        all.wall = Some(value);
-    }
-    if let Some((name, value)) = first_of(file, &BIN_WIDTHS, SECONDS).filter(|_| given.bin_width.is_none()) {
-        let ps = 1e12 * value;
-        notes.push(format!(
-            "{name} {value:e} is taken as seconds: bins of {ps:.2} ps (a given bin width goes before it)"
-        ));
-        all.bin_width = Some(ps * METRES_PER_PICOSECOND);
-    }
-    all
+/// The options with the wall's size that the file states, if the user gives none; a note says what is taken.
+pub(super) fn with_wall(file: &Variables, given: ReadOptions, notes: &mut Vec<String>) -> ReadOptions {
+    let Some((name, value)) = first_of(file, &WALLS, METRES).filter(|_| given.wall.is_none()) else {
+        return given;
+    };
+    notes.push(format!(
+        "{name} {value} is taken as the wall's size in metres (a given wall size goes before it)"
+    ));
+    given.with_wall(value)
+}
+
+/// The options with the bin width that the file states in seconds, if the user gives none; a note says what is taken.
+pub(super) fn with_bin_width(file: &Variables, given: ReadOptions, notes: &mut Vec<String>) -> ReadOptions {
+    let Some((name, value)) = first_of(file, &BIN_WIDTHS, SECONDS).filter(|_| given.bin_width.is_none())
+    else {
+        return given;
+    };
+    let ps = 1e12 * value;
+    notes.push(format!(
+        "{name} {value:e} is taken as seconds: bins of {ps:.2} ps (a given bin width goes before it)"
+    ));
+    given.with_bin_width(ps * METRES_PER_PICOSECOND)
 }
 
 /// Numbers of the file that may be a bin width or a wall size, for an error that asks for these; empty without any.
