@@ -109,11 +109,10 @@ impl<'c> Job<'c> {
     /// The problem that the solver takes.
     pub fn problem(&self) -> Problem<'_> {
         Problem {
-            capture: &self.capture,
-            grid: self.grid,
             memory: self.memory,
             with_volume: self.keep_volume,
             begin: self.estimates.begun.as_ref(),
+            ..Problem::new(&self.capture, self.grid)
         }
     }
 

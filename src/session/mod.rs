@@ -331,7 +331,7 @@ fn prepared(
     options: &SessionOptions,
 ) -> Result<Box<dyn Prepared>> {
     let SessionOptions { memory, with_volume, .. } = *options;
-    let problem = Problem { capture: scan, grid, memory, with_volume, begin: None };
+    let problem = Problem { memory, with_volume, ..Problem::new(scan, grid) };
     match solver {
         _ if options.follow.is_none() => solver.prepare(gpu, &problem),
         SolverOptions::Surface(o) => surface::prepare_for_frames(gpu, &problem, o, options.follow),

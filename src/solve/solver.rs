@@ -104,6 +104,8 @@ pub struct Problem<'c> {
     pub memory: Option<u64>,
     /// The volume is read back.
     pub with_volume: bool,
+    /// A closed form is to initialise a surface: photon noise is alike at all depths.
+    pub is_start: bool,
     /// What a surface begins with, if that is known; pairs are then held out of its fits.
     pub begin: Option<&'c Begun>,
 }
@@ -135,7 +137,7 @@ impl Begun {
 impl<'c> Problem<'c> {
     /// The maps of a capture alone, without a budget.
     pub fn new(capture: &'c Capture, grid: Grid) -> Problem<'c> {
-        Problem { capture, grid, memory: None, with_volume: false, begin: None }
+        Problem { capture, grid, memory: None, with_volume: false, is_start: false, begin: None }
     }
 
     /// The same, and the volume.

@@ -5,8 +5,8 @@ use std::ops::{Deref, DerefMut};
 use serde::{Deserialize, Serialize};
 
 use super::closed_form::{
-    BpOptions, BpSettings, DlctOptions, DlctSettings, FbpOptions, FbpSettings, FkOptions, FkSettings,
-    LctOptions, LctSettings, PhasorBpOptions, PhasorBpSettings, PhasorOptions, PhasorSettings,
+    BpOptions, BpSettings, ClosedForm, DlctOptions, DlctSettings, FbpOptions, FbpSettings, FkOptions,
+    FkSettings, LctOptions, LctSettings, PhasorBpOptions, PhasorBpSettings, PhasorOptions, PhasorSettings,
 };
 use super::option::{Given, OptionValue, Row, SceneTraits, default_text};
 use super::{

@@ -213,12 +213,7 @@ fn the_columns_that_tell_noise_count_as_memory() {
     let plan = options.plan(&Problem::new(&capture, grid), &gpu.abilities()).unwrap();
     let memory: u64 = plan.bytes().values().sum();
     let prepare = |options: &SolverOptions| {
-        options
-            .prepare(
-                &gpu,
-                &Problem { capture: &capture, grid, memory: Some(memory), with_volume: false, begin: None },
-            )
-            .map(|_| ())
+        options.prepare(&gpu, &Problem { memory: Some(memory), ..Problem::new(&capture, grid) }).map(|_| ())
     };
     let refused = prepare(&options).unwrap_err();
     assert_eq!(refused.kind, Kind::Memory);

@@ -265,7 +265,7 @@ fn what_cannot_run_is_refused_in_words() {
         let g = grid(capture, o);
         o.solve(
             &gpu,
-            &Problem { capture, grid: g, memory, with_volume: false, begin: None },
+            &Problem { memory, ..Problem::new(capture, g) },
             &mut unwatched(&mut |_| ControlFlow::Continue(())),
         )
         .unwrap_err()

@@ -10,8 +10,8 @@ pub mod fourier;
 pub mod image;
 mod lct;
 mod light_cone;
+mod method;
 mod on_host;
-mod one_step;
 mod options;
 mod phasor;
 #[cfg(test)]
@@ -29,6 +29,7 @@ pub use dlct::{DlctOptions, DlctSettings};
 pub use fk::{FkOptions, FkSettings};
 pub use image::AlbedoVolume;
 pub use lct::{LctOptions, LctSettings};
+pub use method::ClosedForm;
 pub use options::{Between, ImageOptions, ImageSettings};
 pub use phasor::{PhasorOptions, PhasorSettings};
 pub use scan::RegularScan;

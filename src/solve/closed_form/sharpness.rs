@@ -30,16 +30,6 @@ const HARMLESS: f64 = 0.67;
 /// Counts above this are tossed as a sum of this many coins, whose distribution is as good as that of all.
 const COINS: u32 = 64;
 
-/// The setting of a method that a ladder is for; `None` without one.
-pub type Setting<M> = fn(&mut M) -> Option<&mut Option<f64>>;
-
-/// The options with a value of a setting.
-pub fn with<M: Clone>(options: &M, setting: Setting<M>, value: f64) -> M {
-    let mut options = options.clone();
-    setting(&mut options).into_iter().for_each(|setting| *setting = Some(value));
-    options
-}
-
 impl Ladder {
     /// The sharpest value, where noise is not known.
     pub fn sharpest(&self) -> Sharpness {

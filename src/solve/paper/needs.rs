@@ -49,6 +49,7 @@ impl Needs for PaperOptions {
             coarse_to_fine: self.domain.coarse_to_fine,
             iterations: [self.iterations, 0],
             pixels_per_voxel: 1,
+            renders: true,
             binning: self.binning,
             gradient: self.gradient,
             has_rim: self.sampling == Sampling::Continuous,

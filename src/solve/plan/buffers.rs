@@ -75,7 +75,6 @@ impl Plan {
         let mut all = vec![
             (buffer::WALL, self.wall_bytes(self.finest())),
             (buffer::MEASURED, self.measured_bytes()),
-            (buffer::HISTOGRAMS, rendered * if self.fixed_point() { 8 } else { 4 }),
             (buffer::RESIDUAL, cells * 4),
             (buffer::SAMPLE_POINTS, slots * 16),
             (buffer::SAMPLE_NORMALS, if self.scene.reflectance.has_normals() { slots * 16 } else { 0 }),
@@ -86,6 +85,9 @@ impl Plan {
             (buffer::LOSS_PARTIALS, losses * 8),
             (buffer::COLUMNS, columns),
         ];
+        if self.demand.renders {
+            all.push((buffer::HISTOGRAMS, rendered * if self.fixed_point() { 8 } else { 4 }));
+        }
         if self.scene.pulse > 0 {
             all.push((buffer::SPREAD, cells * 4));
             all.push((buffer::PULSE_TAPS, (self.scene.pulse as u64 + 2) * 4));

@@ -30,7 +30,7 @@ pub use domain::{DomainCapacity, gaussian_weights};
 pub use left_out::{LeftOut, mebibytes};
 pub use level::{Level, LevelPairs};
 pub use levels::{AMPLE, Levels};
-pub use needs::{Demand, Needs};
+pub use needs::{Demand, Needs, OneLevel};
 pub use pass::{Fault, Pass, Voxels};
 pub use scene::ModelSizes;
 pub use spots::{BETWEEN, SEEN, Spots};
@@ -98,7 +98,8 @@ impl Plan {
         plan.blocks = needs.blocks(&plan.levels.volume);
         plan.constants = plan.shared_constants();
         plan.constants.extend(needs.constants(&plan));
-        let all = passes::ALL.iter().copied().chain(needs.passes());
+        let shared = if plan.demand.renders { passes::ALL } else { &[] };
+        let all = shared.iter().copied().chain(needs.passes());
         plan.passes = all.filter(|pass| (pass.when)(&plan)).collect();
         plan.check_pairs(model)?;
         plan.buffers = plan.list_buffers(needs.buffers(&plan), with_volume);
@@ -109,7 +110,9 @@ impl Plan {
     /// What this scene does not need, in words.
     fn lines_of_left_out(&self, needs: &dyn Needs) -> Vec<String> {
         let mut left_out = LeftOut::default();
-        self.list_left_out(&mut left_out);
+        if self.demand.renders {
+            self.list_left_out(&mut left_out);
+        }
         needs.left_out(self, &mut left_out);
         left_out.lines
     }

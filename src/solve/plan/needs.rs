@@ -12,6 +12,8 @@ pub struct Demand {
     pub accumulation: Accumulation,
     /// Workgroup sizes that were asked for.
     pub sizes: Sizes,
+    /// Histograms are rendered and compared.
+    pub renders: bool,
     /// Leave nothing out.
     pub general: bool,
     /// Start at the scan's resolution and double.
@@ -32,12 +34,13 @@ pub struct Demand {
     pub betas: [f64; 2],
 }
 
-/// What methods without iterations ask: one level and exact gradients.
+/// One level and exact gradients.
 impl Default for Demand {
     fn default() -> Demand {
         Demand {
             accumulation: Accumulation::Auto,
             sizes: Sizes::default(),
+            renders: true,
             general: false,
             coarse_to_fine: false,
             iterations: [1, 0],
@@ -57,10 +60,14 @@ pub trait Needs {
     fn demand(&self) -> Demand;
 
     /// Voxels that may be active at once, and touched at once, over these levels.
-    fn capacities(&self, levels: &[Level]) -> [usize; 2];
+    fn capacities(&self, _levels: &[Level]) -> [usize; 2] {
+        [1; 2]
+    }
 
     /// Values of the constants that its passes share.
-    fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)>;
+    fn constants(&self, _plan: &Plan) -> Vec<(Constant, u32)> {
+        vec![]
+    }
 
     /// The content of its own uniform blocks over these levels: numbers that the scene does not have.
     fn blocks(&self, _levels: &[Level]) -> Vec<(Buffer, Vec<u8>)> {
@@ -68,11 +75,27 @@ pub trait Needs {
     }
 
     /// Its passes. The plan adds those that all solvers have, and leaves out those it does not need ([`Pass::when`]).
-    fn passes(&self) -> Vec<&'static Pass>;
+    fn passes(&self) -> Vec<&'static Pass> {
+        vec![]
+    }
 
     /// Its device buffers with their bytes. The plan adds those that all solvers have.
-    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)>;
+    fn buffers(&self, _plan: &Plan) -> Vec<(Buffer, u64)> {
+        vec![]
+    }
 
     /// Lists what it does not need, and what that saves.
-    fn left_out(&self, plan: &Plan, out: &mut LeftOut);
+    fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
+}
+
+/// What a method without iterations asks: one level, and nothing is rendered.
+pub struct OneLevel {
+    /// As [`Demand::pixels_per_voxel`].
+    pub pixels_per_voxel: usize,
+}
+
+impl Needs for OneLevel {
+    fn demand(&self) -> Demand {
+        Demand { renders: false, pixels_per_voxel: self.pixels_per_voxel, ..Demand::default() }
+    }
 }

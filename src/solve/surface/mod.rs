@@ -151,7 +151,7 @@ pub fn prepare_for_frames(
     options: &SurfaceOptions,
     follow: Option<Follow>,
 ) -> Result<Box<dyn Prepared>> {
-    let Problem { capture, grid, memory, with_volume, begin } = *problem;
+    let Problem { capture, grid, memory, with_volume, begin, .. } = *problem;
     options.check()?;
     options.takes(capture)?;
     follow.map_or(Ok(()), |follow| follow.check(options))?;

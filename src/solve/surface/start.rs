@@ -12,7 +12,7 @@ use crate::gpu::Gpu;
 use crate::maps::{Maps, percentile};
 use crate::solve::closed_form::{FbpOptions, LctOptions};
 use crate::solve::learned::{self, LearnedStart};
-use crate::solve::{Prepared, Problem, Progress, Solver, TracePoint, VolumeMap, Watch};
+use crate::solve::{Prepared, Problem, Progress, Solver, SolverOptions, TracePoint, VolumeMap, Watch};
 use crate::transport::Grid;
 use crate::{Error, Result};
 
@@ -147,15 +147,11 @@ impl Start {
     pub fn new(gpu: &Gpu, problem: &Problem<'_>, options: &SurfaceOptions) -> Result<Option<Start>> {
         let Problem { capture, grid, .. } = *problem;
         let Some(closed) = method(options, grid.n[0], capture)? else { return Ok(None) };
-        let projects = matches!(closed, ClosedForm::Fbp(_));
+        let projects = matches!(closed, SolverOptions::Fbp(_));
         let pairs = Some(PROJECTED).filter(|most| projects && capture.pair_count() > *most);
         let scan = few(capture, pairs)?.outline();
-        let problem = Problem { capture: &scan, ..*problem };
-        let method = match closed {
-            ClosedForm::Lct(lct) => lct.prepare_start(gpu, &problem)?,
-            ClosedForm::Fbp(fbp) => fbp.prepare_start(gpu, &problem)?,
-        };
-        Ok(Some(Start { method, pairs }))
+        let problem = Problem { capture: &scan, is_start: true, ..problem.and_volume() };
+        Ok(Some(Start { method: closed.prepare(gpu, &problem)?, pairs }))
     }
 
     /// Makes all kernels and buffers now.
@@ -186,12 +182,6 @@ fn few(capture: &Capture, pairs: Option<usize>) -> Result<Cow<'_, Capture>> {
     }))
 }
 
-/// A closed-form method that initialises a surface.
-pub(crate) enum ClosedForm {
-    Lct(LctOptions),
-    Fbp(FbpOptions),
-}
-
 /// The closed-form method that initialises a surface on `lateral` pixels; `None`: a plane does.
 ///
 /// # Errors
@@ -200,7 +190,7 @@ pub(crate) fn method(
     options: &SurfaceOptions,
     lateral: usize,
     capture: &Capture,
-) -> Result<Option<ClosedForm>> {
+) -> Result<Option<SolverOptions>> {
     let counted = capture.integer_counts || capture.histograms.iter().any(|v| *v < 0.0);
     let lct = LctOptions::default().with(|o| {
         o.lateral = lateral;
@@ -214,19 +204,22 @@ pub(crate) fn method(
         Begin::Plane => None,
         Begin::Lct => {
             takes.map_err(|e| Error::input(e.what, "begin with fbp, with a plane, or with auto"))?;
-            Some(ClosedForm::Lct(lct))
+            Some(lct.into())
         }
-        Begin::Auto | Begin::Learned if takes.is_ok() => Some(ClosedForm::Lct(lct)),
-        Begin::Auto | Begin::Learned | Begin::Fbp => Some(ClosedForm::Fbp(FbpOptions::default().with(|o| {
-            o.lateral = lateral;
-            o.image = lct.image;
-        }))),
+        Begin::Auto | Begin::Learned if takes.is_ok() => Some(lct.into()),
+        Begin::Auto | Begin::Learned | Begin::Fbp => {
+            let fbp = FbpOptions::default().with(|o| {
+                o.lateral = lateral;
+                o.image = lct.image;
+            });
+            Some(fbp.into())
+        }
     })
 }
 
 /// Whether the light-cone transform initialises surfaces of this scan.
 pub(crate) fn is_light_cone(options: &SurfaceOptions, capture: &Capture) -> bool {
-    matches!(method(options, options.lateral, capture), Ok(Some(ClosedForm::Lct(_))))
+    matches!(method(options, options.lateral, capture), Ok(Some(SolverOptions::Lct(_))))
 }
 
 /// As [`Start::layers`]; `watch` is not called for iterations.

@@ -11,24 +11,19 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
+use super::method::ClosedForm;
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
-use super::upsample;
-use crate::Result;
-use crate::capture::Capture;
-use crate::gpu::{Abilities, Gpu, Schedule};
-use crate::solve::option::{Options, options, words};
-use crate::solve::{Common, Plan, Prepared, Problem, RunsOn, Solver, TimedSchedule, outline};
+use crate::solve::option::{options, words};
 use crate::transport::Grid;
 pub use hat::hat;
-pub use passes::gather_filtered;
-pub use projecting::OfProjection;
+pub use projecting::{OfProjection, Projecting};
 
 mod hat;
 pub mod passes;
 mod projecting;
 
-use projecting::{Projection, outline_of, pairs_on, pixels_per_voxel, plan, prepared, to_refine};
+use projecting::Projection;
 
 /// What is filtered, and how.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -107,13 +102,18 @@ const BP_WAVELENGTHS: Ladder = Ladder { setting: "wavelength", values: &[3.0, 4.
 /// Widths of the filter to choose from.
 const WIDTHS: Ladder = Ladder { setting: "filter_width", values: &[0.5, 0.7, 1.0, 1.4, 2.0, 2.8] };
 
-impl Projection for BpOptions {
+impl ClosedForm for BpOptions {
+    const NAME: &'static str = "bp";
     const MASK_SHARE: f64 = 1.0;
 
-    fn image(&self) -> &ImageOptions {
-        &self.image
-    }
+    type By = Projecting;
 
+    fn shared(&self) -> (usize, &ImageOptions) {
+        (self.lateral, &self.image)
+    }
+}
+
+impl Projection for BpOptions {
     fn filters(&self, _bins: usize, _bin: f64, _step: f64) -> Vec<Vec<f32>> {
         vec![vec![0.0, 1.0]]
     }
@@ -123,27 +123,28 @@ impl Projection for BpOptions {
     }
 }
 
-impl Projection for FbpOptions {
+impl ClosedForm for FbpOptions {
+    const NAME: &'static str = "fbp";
     const MASK_SHARE: f64 = 0.66;
 
-    fn image(&self) -> &ImageOptions {
-        &self.image
+    type By = Projecting;
+
+    fn shared(&self) -> (usize, &ImageOptions) {
+        (self.lateral, &self.image)
     }
 
     // A standard deviation of the filter. Peaks that are sampled coarser have no place between voxels.
-    fn detail(&self) -> Option<f64> {
+    fn finest_detail(&self) -> Option<f64> {
         (self.filter == Filter::Path).then_some(0.5 * self.width())
     }
 
     // A few columns cannot tell what a filter of the volume does.
-    fn ladder(&self) -> Option<Ladder> {
-        (self.filter_width.is_none() && self.filter == Filter::Path).then_some(WIDTHS)
+    fn sharpness(&mut self) -> Option<(Ladder, &mut Option<f64>)> {
+        (self.filter == Filter::Path).then_some((WIDTHS, &mut self.filter_width))
     }
+}
 
-    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
-        Some(&mut self.filter_width)
-    }
-
+impl Projection for FbpOptions {
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
         match self.filter {
             Filter::Path => vec![hat(self.width() * step / bin, bins)],
@@ -162,35 +163,28 @@ impl Projection for FbpOptions {
 }
 
 impl FbpOptions {
-    /// Prepares it to initialise a surface: the volume too, and photon noise alike at all depths.
-    ///
-    /// # Errors
-    /// Those of [`Solver::prepare`].
-    pub(crate) fn prepare_start(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
-        Ok(Box::new(prepared(self, Self::NAME, gpu, &problem.and_volume(), true)?))
-    }
-
     /// Standard deviation of the filter's Gaussian, in distances of scan points.
     fn width(&self) -> f64 {
         self.filter_width.unwrap_or(WIDTHS.values[0])
     }
 }
 
-impl Projection for PhasorBpOptions {
+impl ClosedForm for PhasorBpOptions {
+    const NAME: &'static str = "phasor-bp";
     const MASK_SHARE: f64 = 0.70;
 
-    fn image(&self) -> &ImageOptions {
-        &self.image
+    type By = Projecting;
+
+    fn shared(&self) -> (usize, &ImageOptions) {
+        (self.lateral, &self.image)
     }
 
-    fn ladder(&self) -> Option<Ladder> {
-        self.wavelength.is_none().then_some(BP_WAVELENGTHS)
+    fn sharpness(&mut self) -> Option<(Ladder, &mut Option<f64>)> {
+        Some((BP_WAVELENGTHS, &mut self.wavelength))
     }
+}
 
-    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
-        Some(&mut self.wavelength)
-    }
-
+impl Projection for PhasorBpOptions {
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
         let wavelength = self.wavelength.unwrap_or(BP_WAVELENGTHS.values[0]);
         super::phasor::pulse(wavelength * step / bin, self.cycles, bins).into()
@@ -233,64 +227,6 @@ fn smooth(volume: &mut Vec<f32>, n: [usize; 3], axis: usize, sigma: f64) {
     };
     *volume = (0..volume.len()).into_par_iter().map(of).collect();
 }
-
-/// Writes what every back-projection is to the rest of the engine.
-macro_rules! projection {
-    ($options:ident, $name:literal) => {
-        impl $options {
-            /// Its name on the command line.
-            pub const NAME: &'static str = $name;
-        }
-
-        impl Solver for $options {
-            fn common(&self) -> Common {
-                Common {
-                    runs_on: RunsOn::Device,
-                    pixels_per_voxel: pixels_per_voxel(self.lateral),
-                    ..super::one_step::common(self.lateral, &self.image)
-                }
-            }
-
-            fn check(&self) -> Result<()> {
-                self.check_ranges()?;
-                upsample::check_sum(&self.image, $name)
-            }
-
-            fn takes(&self, capture: &Capture) -> Result<()> {
-                to_refine(capture, &self.image, $name).map(|_| ())
-            }
-
-            fn detail(&self) -> Option<f64> {
-                Projection::detail(self)
-            }
-
-            fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
-                let Problem { capture, grid, .. } = *problem;
-                let scan = to_refine(capture, &self.image, $name)?;
-                let fine = pairs_on(scan.as_ref(), capture, &self.image);
-                plan(&outline_of(&fine, &grid, &self.image).0, &fine, grid, abilities)
-            }
-
-            fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
-                outline::of_start(
-                    "volume",
-                    plan,
-                    plan.finest(),
-                    &Schedule::of(|s| gather_filtered(s, plan, plan.finest(), plan.scene.bins)),
-                )
-            }
-
-            fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
-                self.check()?;
-                Ok(Box::new(prepared(self, $name, gpu, problem, false)?))
-            }
-        }
-    };
-}
-
-projection!(BpOptions, "bp");
-projection!(FbpOptions, "fbp");
-projection!(PhasorBpOptions, "phasor-bp");
 
 #[cfg(test)]
 mod tests {

@@ -1,4 +1,4 @@
-//! Preparation and run of a back-projection: the counts on the device, a projection for each filter, and the choice of
+//! Volumes of a back-projection: the counts on the device, a projection for each filter, and the choice of
 //! sharpness.
 
 use std::borrow::Cow;
@@ -8,45 +8,26 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::super::image::{AlbedoVolume, on_grid};
+use super::super::method::{ClosedForm, Imager};
 use super::super::on_host::check_host_memory;
-use super::super::one_step::{NoPasses, in_one_step};
 use super::super::options::ImageOptions;
-use super::super::sharpness::{Ladder, even_weights, noise, weigh, with, with_random_signs};
+use super::super::sharpness::{Ladder, even_weights, noise, weigh, with_random_signs};
 use super::super::{RegularScan, upsample};
 use super::passes::{BACKPROJECT, FILTER, PROJECTED, gather_filtered};
 use crate::advice::advice;
 use crate::capture::{Background, Capture};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
-use crate::solve::option::Options;
-use crate::solve::plan::{Demand, LeftOut, Level, Needs, RAW_HOST};
+use crate::solve::plan::{Demand, Needs, OneLevel, RAW_HOST};
 use crate::solve::prepared::Planned;
-use crate::solve::{OnDevice, Pass, Plan, Prepared, Problem, Reconstruction, Sharpness, Watch};
+use crate::solve::{
+    OnDevice, Pass, Plan, Problem, Reconstruction, RunsOn, Sharpness, TimedSchedule, outline,
+};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Grid, Model, Rows};
 use crate::{Error, Result};
 
 /// A method that back-projects on the device.
-pub(super) trait Projection: Options + Clone + Send + Sync + 'static {
-    /// As that of [`super::super::on_host::HostMethod`].
-    const MASK_SHARE: f64;
-
-    fn image(&self) -> &ImageOptions;
-
-    /// As [`crate::solve::Solver::detail`].
-    fn detail(&self) -> Option<f64> {
-        None
-    }
-
-    /// As that of [`super::super::on_host::HostMethod`].
-    fn ladder(&self) -> Option<Ladder> {
-        None
-    }
-
-    /// The setting of the ladder.
-    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
-        None
-    }
-
+pub trait Projection: ClosedForm<By = Projecting> {
     /// The filters, one for each projection: words of `filter.comp`. `bin` and `step` are the width of a bin and the
     /// distance of scan points, metres.
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>>;
@@ -56,7 +37,7 @@ pub(super) trait Projection: Options + Clone + Send + Sync + 'static {
 }
 
 /// Pixels that a voxel is wide in maps of `lateral` pixels. Voxels finer than the scan would only cost time.
-pub(super) fn pixels_per_voxel(lateral: usize) -> usize {
+fn pixels_per_voxel(lateral: usize) -> usize {
     1 + usize::from(lateral.is_multiple_of(2) && lateral / 2 >= FEWEST)
 }
 
@@ -74,11 +55,7 @@ pub struct OfProjection {
 
 impl Needs for OfProjection {
     fn demand(&self) -> Demand {
-        Demand { pixels_per_voxel: self.pixels_per_voxel, ..Demand::default() }
-    }
-
-    fn capacities(&self, levels: &[Level]) -> [usize; 2] {
-        NoPasses.capacities(levels)
+        OneLevel { pixels_per_voxel: self.pixels_per_voxel }.demand()
     }
 
     fn constants(&self, _plan: &Plan) -> Vec<(Constant, u32)> {
@@ -95,19 +72,16 @@ impl Needs for OfProjection {
             (PROJECTED, plan.finest().grid.storage() as u64 * 4),
         ]
     }
-
-    fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
 }
 
 /// The scan that the options ask to make finer, if they do.
 ///
 /// # Errors
 /// The scan cannot be made finer: it is not regular, the wall is not flat, or the points would be empty.
-pub(super) fn to_refine(capture: &Capture, image: &ImageOptions, name: &str) -> Result<Option<RegularScan>> {
+fn to_refine(capture: &Capture, image: &ImageOptions) -> Result<Option<RegularScan>> {
     if image.upsample == 1 {
         return Ok(None);
     }
-    upsample::check_sum(image, name)?;
     let scan =
         RegularScan::with_one_spot(capture, "a scan with points between the measured ones").map_err(|e| {
             Error::input(e.what, "leave the upsampling out: the method takes the pairs as they are")
@@ -116,13 +90,13 @@ pub(super) fn to_refine(capture: &Capture, image: &ImageOptions, name: &str) -> 
 }
 
 /// The pairs of a capture, on the finer scan if there is one.
-pub(super) fn pairs_on(scan: Option<&RegularScan>, capture: &Capture, image: &ImageOptions) -> Capture {
+fn pairs_on(scan: Option<&RegularScan>, capture: &Capture, image: &ImageOptions) -> Capture {
     let outline = capture.outline();
     scan.map(|scan| upsample::finer(&outline, scan, image).into_owned()).unwrap_or(outline)
 }
 
 /// The capture as kernels see it, without counts: all bins, laser and sensor as points, paths sharp.
-pub(super) fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -> (Model, Rows) {
+fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -> (Model, Rows) {
     let (model, rows) = Model::outline(capture, image.reflectance, 1.0, false);
     let model = Model {
         rendered: None,
@@ -134,15 +108,11 @@ pub(super) fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -
     (model, rows)
 }
 
-pub(super) fn plan(model: &Model, capture: &Capture, grid: Grid, abilities: &Abilities) -> Result<Plan> {
+fn plan(model: &Model, capture: &Capture, grid: Grid, abilities: &Abilities) -> Result<Plan> {
     let needs = OfProjection { pixels_per_voxel: pixels_per_voxel(grid.n[0]) };
     let mut plan = Plan::new(model, grid, capture.resolution(), &needs, abilities, false)?;
-    plan.passes.retain(|pass| [&FILTER, &BACKPROJECT].contains(pass));
-    // What only rendering needs.
-    plan.buffers.retain(|b| b.buffer != buffer::HISTOGRAMS);
     let voxels = plan.finest().grid.storage() as u64;
     plan.buffers.push(BufferPlan::new(RAW_HOST, voxels * 4, Place::Readback));
-    plan.left_out.clear();
     Ok(plan)
 }
 
@@ -221,9 +191,8 @@ impl Projector {
     }
 }
 
-/// A back-projection that is prepared for a scan.
-pub struct Projecting<M> {
-    options: M,
+/// A back-projection for captures of one scan.
+pub struct Projecting {
     all: Projector,
     /// A few columns, for the choice of sharpness; `None` where the options tell it.
     columns: Option<(Ladder, Projector)>,
@@ -231,23 +200,14 @@ pub struct Projecting<M> {
     /// The scan that is made finer, if one is.
     scan: Option<RegularScan>,
     grid: Grid,
-    with_volume: bool,
-    /// It initialises a surface: photon noise is alike at all depths.
     is_start: bool,
 }
 
-impl<M: Projection> Projecting<M> {
-    /// Makes kernels and buffers, unless they are there.
-    pub fn make(&mut self, capture: &Capture) -> Result<()> {
-        if let Some((_, columns)) = self.columns.as_mut().filter(|_| capture.integer_counts) {
-            columns.made()?;
-        }
-        self.all.made().map(|_| ())
-    }
-
+impl Projecting {
     /// Chooses the sharpness by the noise of a few columns, if the options leave it open; and the weights of depths, if there are.
-    fn sharpness(
+    fn sharpness<M: Projection>(
         &mut self,
+        options: &M,
         capture: &Capture,
         light: &CorrectedCounts<'_>,
         step: f64,
@@ -257,9 +217,9 @@ impl<M: Projection> Projecting<M> {
             open => return Ok((open.as_ref().map(|(ladder, _)| ladder.sharpest()), None)),
         };
         let tossed = with_random_signs(capture);
-        let mut dark = CorrectedCounts::of(&tossed, self.scan.as_ref(), self.options.image(), false);
+        let mut dark = CorrectedCounts::of(&tossed, self.scan.as_ref(), options.image(), false);
         let (chosen, weights) = ladder.choose(|value| {
-            let options = with(&self.options, M::sharpness, value);
+            let options = options.with_sharpness(value);
             dark.scale = Some(columns.take(&self.rows, light)?);
             let (grid, mut light) = columns.image(&options, capture.bin_width, step)?;
             columns.take(&self.rows, &dark)?;
@@ -272,60 +232,6 @@ impl<M: Projection> Projecting<M> {
         })?;
         Ok((Some(chosen), weights))
     }
-
-    /// The volume of a capture, and how sharp it is.
-    fn volume(&mut self, capture: &Capture, step: f64) -> Result<(AlbedoVolume, Option<Sharpness>)> {
-        let image = self.options.image();
-        let light = CorrectedCounts::of(capture, self.scan.as_ref(), image, image.background);
-        let (sharpness, weights) = self.sharpness(capture, &light, step)?;
-        self.all.take(&self.rows, &light)?;
-        let options = match sharpness {
-            Some(chosen) => with(&self.options, M::sharpness, chosen.value),
-            None => self.options.clone(),
-        };
-        let (grid, mut albedo) = self.all.image(&options, capture.bin_width, step)?;
-        if let Some(weights) = weights {
-            weigh(&mut albedo, &weights);
-        }
-        let lattice = RegularScan::of_columns(&grid);
-        Ok((AlbedoVolume { albedo: on_grid(&lattice, &albedo, &self.grid), normal: None }, sharpness))
-    }
-}
-
-/// A projection that is prepared for a scan.
-pub(super) fn prepared<M: Projection>(
-    options: &M,
-    name: &str,
-    gpu: &Gpu,
-    problem: &Problem<'_>,
-    is_start: bool,
-) -> Result<Projecting<M>> {
-    let Problem { capture, grid, memory, with_volume, .. } = *problem;
-    let scan = to_refine(capture, options.image(), name)?;
-    let fine = pairs_on(scan.as_ref(), capture, options.image());
-    let (model, rows) = outline_of(&fine, &grid, options.image());
-    let planned = |grid: Grid| {
-        let plan = plan(&model, &fine, grid, &gpu.abilities())?;
-        Ok(Projector(Planned::new(gpu, model.clone(), plan, memory)))
-    };
-    let all = planned(grid)?;
-    let columns = match options.ladder() {
-        Some(ladder) => {
-            let columns = planned(columns_of(&grid))?;
-            let asked = [&all, &columns].iter().flat_map(|p| p.0.plan().bytes().into_values()).sum();
-            if capture.integer_counts && memory.is_some() {
-                check_host_memory(
-                    asked,
-                    gpu,
-                    memory,
-                    |smaller| advice!["choose " {smaller} " or more " Memory],
-                )?;
-            }
-            Some((ladder, columns))
-        }
-        None => None,
-    };
-    Ok(Projecting { options: options.clone(), all, columns, rows, scan, grid, with_volume, is_start })
 }
 
 /// A few columns of a grid, with all its depths.
@@ -337,7 +243,51 @@ fn columns_of(grid: &Grid) -> Grid {
     Grid { n, origin: corner + 0.5 * pitch, pitch }
 }
 
-impl<M: Projection> Prepared for Projecting<M> {
+impl<M: Projection> Imager<M> for Projecting {
+    const RUNS_ON: RunsOn = RunsOn::Device;
+
+    fn pixels_per_voxel(lateral: usize) -> usize {
+        pixels_per_voxel(lateral)
+    }
+
+    fn check(options: &M, capture: Option<&Capture>) -> Result<()> {
+        upsample::check_sum(options.image(), M::NAME)?;
+        capture.map_or(Ok(()), |capture| to_refine(capture, options.image()).map(|_| ()))
+    }
+
+    fn plan_for(options: &M, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
+        let Problem { capture, grid, .. } = *problem;
+        let scan = to_refine(capture, options.image())?;
+        let fine = pairs_on(scan.as_ref(), capture, options.image());
+        plan(&outline_of(&fine, &grid, options.image()).0, &fine, grid, abilities)
+    }
+
+    fn outline(plan: &Plan) -> Vec<TimedSchedule> {
+        let schedule = Schedule::of(|s| gather_filtered(s, plan, plan.finest(), plan.scene.bins));
+        outline::of_start("volume", plan, plan.finest(), &schedule)
+    }
+
+    fn new(options: &M, gpu: &Gpu, problem: &Problem<'_>) -> Result<Projecting> {
+        let Problem { capture, grid, memory, is_start, .. } = *problem;
+        let scan = to_refine(capture, options.image())?;
+        let fine = pairs_on(scan.as_ref(), capture, options.image());
+        let (model, rows) = outline_of(&fine, &grid, options.image());
+        let planned = |grid: Grid| {
+            let plan = plan(&model, &fine, grid, &gpu.abilities())?;
+            Ok::<_, Error>(Projector(Planned::new(gpu, model.clone(), plan, memory)))
+        };
+        let all = planned(grid)?;
+        let columns = options
+            .ladder()
+            .map(|ladder| Ok::<_, Error>((ladder, planned(columns_of(&grid))?)))
+            .transpose()?;
+        if let Some((_, columns)) = columns.as_ref().filter(|_| capture.integer_counts && memory.is_some()) {
+            let asked = [&all, columns].iter().flat_map(|p| p.0.plan().bytes().into_values()).sum();
+            check_host_memory(asked, gpu, memory, |smaller| advice!["choose " {smaller} " or more " Memory])?;
+        }
+        Ok(Projecting { all, columns, rows, scan, grid, is_start })
+    }
+
     fn plan(&self) -> &Arc<Plan> {
         self.all.0.plan()
     }
@@ -353,18 +303,40 @@ impl<M: Projection> Prepared for Projecting<M> {
         Ok(())
     }
 
-    fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
-        // Kernels and buffers are made before the time begins.
-        self.make(capture)?;
-        let (plan, grid, with_volume) = (self.all.0.plan().clone(), self.grid, self.with_volume);
-        let step = capture.spacing().unwrap_or(grid.pitch.x);
-        let mut done = in_one_step(&plan, &grid, [step, M::MASK_SHARE], with_volume, watch, || {
-            self.volume(capture, step)
-        })?;
+    fn make(&mut self, capture: &Capture) -> Result<()> {
+        if let Some((_, columns)) = self.columns.as_mut().filter(|_| capture.integer_counts) {
+            columns.made()?;
+        }
+        self.all.made().map(|_| ())
+    }
+
+    fn step(&self, capture: &Capture) -> Option<f64> {
+        capture.spacing()
+    }
+
+    fn volume(&mut self, options: &M, capture: &Capture) -> Result<(AlbedoVolume, Option<Sharpness>)> {
+        let step = capture.spacing().unwrap_or(self.grid.pitch.x);
+        let image = options.image();
+        let light = CorrectedCounts::of(capture, self.scan.as_ref(), image, image.background);
+        let (sharpness, weights) = self.sharpness(options, capture, &light, step)?;
+        self.all.take(&self.rows, &light)?;
+        let options = match sharpness {
+            Some(chosen) => options.with_sharpness(chosen.value),
+            None => options.clone(),
+        };
+        let (grid, mut albedo) = self.all.image(&options, capture.bin_width, step)?;
+        if let Some(weights) = weights {
+            weigh(&mut albedo, &weights);
+        }
+        let lattice = RegularScan::of_columns(&grid);
+        Ok((AlbedoVolume { albedo: on_grid(&lattice, &albedo, &self.grid), normal: None }, sharpness))
+    }
+
+    fn conclude(&mut self, done: &mut Reconstruction) -> Result<()> {
         done.filled = self.scan.as_ref().map_or(0, |scan| scan.gaps.len());
         let executor = &mut self.all.made()?.executor;
         done.device_bytes = executor.arena().bytes();
         done.kernels = executor.take_times().into_iter().collect();
-        Ok(done)
+        Ok(())
     }
 }

@@ -19,7 +19,8 @@ use super::fourier::{Complex, Line, transpose};
 use super::image::{AlbedoVolume, on_grid_signed};
 use super::light_cone::SNR;
 use super::light_cone::{ConeCells, filter_planes};
-use super::on_host::{HostMethod, host_method};
+use super::method::ClosedForm;
+use super::on_host::{HostMethod, OnHost};
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
 use crate::capture::Capture;
@@ -47,8 +48,6 @@ options! {
     }
 }
 
-host_method!(DlctOptions, "dlct");
-
 /// Spectra of all histograms over v, frequency by frequency.
 const BY_FREQUENCY: Buffer = Buffer::named("spectra_by_frequency");
 /// One component of the vector, frequency by frequency, and then point by point.
@@ -58,13 +57,22 @@ const AT_POINTS: Buffer = Buffer::named("components_at_points");
 /// The components at the voxels.
 const VECTORS: Buffer = Buffer::named("vectors");
 
-impl HostMethod for DlctOptions {
+impl ClosedForm for DlctOptions {
+    const NAME: &'static str = "dlct";
     const MASK_SHARE: f64 = 0.70;
 
-    fn image(&self) -> &ImageOptions {
-        &self.image
+    type By = OnHost;
+
+    fn shared(&self) -> (usize, &ImageOptions) {
+        (self.lateral, &self.image)
     }
 
+    fn sharpness(&mut self) -> Option<(Ladder, &mut Option<f64>)> {
+        Some((SNR, &mut self.snr))
+    }
+}
+
+impl HostMethod for DlctOptions {
     fn scan(&self, capture: &Capture) -> Result<RegularScan> {
         if self.image.reflectance == Reflectance::Retroreflective {
             return Err(Error::input(
@@ -86,14 +94,6 @@ impl HostMethod for DlctOptions {
             (AT_POINTS, 3 * at_points),
             (VECTORS, 6 * at_voxels),
         ]
-    }
-
-    fn ladder(&self) -> Option<Ladder> {
-        self.snr.is_none().then_some(SNR)
-    }
-
-    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
-        Some(&mut self.snr)
     }
 
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume {

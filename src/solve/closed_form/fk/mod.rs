@@ -17,7 +17,8 @@ use super::RegularScan;
 use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
 use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::plane_waves;
-use super::on_host::{HostMethod, host_method};
+use super::method::ClosedForm;
+use super::on_host::{HostMethod, OnHost};
 use super::options::{ImageOptions, ImageSettings};
 use super::resample::linear;
 use crate::Result;
@@ -39,8 +40,6 @@ options! {
         }
     }
 }
-
-host_method!(FkOptions, "fk");
 
 /// The wave's spectra, frequency by frequency, and later depth by depth.
 const WAVE: Buffer = Buffer::named("wave");
@@ -85,13 +84,18 @@ impl HalfPaths {
     }
 }
 
-impl HostMethod for FkOptions {
+impl ClosedForm for FkOptions {
+    const NAME: &'static str = "fk";
     const MASK_SHARE: f64 = 0.64;
 
-    fn image(&self) -> &ImageOptions {
-        &self.image
-    }
+    type By = OnHost;
 
+    fn shared(&self) -> (usize, &ImageOptions) {
+        (self.lateral, &self.image)
+    }
+}
+
+impl HostMethod for FkOptions {
     fn scan(&self, capture: &Capture) -> Result<RegularScan> {
         RegularScan::confocal(capture, "f-k migration")
     }

@@ -15,14 +15,14 @@ use super::fourier::{Complex, Line, transpose};
 use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::SNR;
 use super::light_cone::{ConeCells, filter_planes};
-use super::on_host::{self, HostMethod, host_method};
+use super::method::ClosedForm;
+use super::on_host::{HostMethod, OnHost};
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::Buffer;
 use crate::solve::option::options;
-use crate::solve::{Prepared, Problem};
 use crate::transport::{Grid, Reflectance};
 
 options! {
@@ -45,8 +45,6 @@ options! {
     }
 }
 
-host_method!(LctOptions, "lct");
-
 /// Spectra of all histograms over v.
 const SPECTRA: Buffer = Buffer::named("spectra");
 /// The same, frequency by frequency.
@@ -54,13 +52,22 @@ const BY_FREQUENCY: Buffer = Buffer::named("spectra_by_frequency");
 /// The volume at the scan's points.
 const AT_POINTS: Buffer = Buffer::named("volume_at_points");
 
-impl HostMethod for LctOptions {
+impl ClosedForm for LctOptions {
+    const NAME: &'static str = "lct";
     const MASK_SHARE: f64 = 0.66;
 
-    fn image(&self) -> &ImageOptions {
-        &self.image
+    type By = OnHost;
+
+    fn shared(&self) -> (usize, &ImageOptions) {
+        (self.lateral, &self.image)
     }
 
+    fn sharpness(&mut self) -> Option<(Ladder, &mut Option<f64>)> {
+        Some((SNR, &mut self.snr))
+    }
+}
+
+impl HostMethod for LctOptions {
     fn scan(&self, capture: &Capture) -> Result<RegularScan> {
         RegularScan::confocal(capture, "the light-cone transform")
     }
@@ -71,28 +78,12 @@ impl HostMethod for LctOptions {
         vec![(SPECTRA, spectra), (BY_FREQUENCY, spectra), (AT_POINTS, at_points)]
     }
 
-    fn ladder(&self) -> Option<Ladder> {
-        self.snr.is_none().then_some(SNR)
-    }
-
-    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
-        Some(&mut self.snr)
-    }
-
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume {
         AlbedoVolume { albedo: on_grid(scan, &self.at_points(capture, scan, grid), grid), normal: None }
     }
 }
 
 impl LctOptions {
-    /// Prepares it to initialise a surface: the volume too, and photon noise alike at all depths.
-    ///
-    /// # Errors
-    /// Those of [`crate::solve::Solver::prepare`].
-    pub(crate) fn prepare_start(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
-        on_host::prepare(self, gpu, &problem.and_volume(), true)
-    }
-
     /// The albedo at the scan's points and the grid's depths, `[point * depths + depth]`.
     fn at_points(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<f32> {
         let cells = ConeCells::of(capture, scan);

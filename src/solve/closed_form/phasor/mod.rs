@@ -19,7 +19,8 @@ use super::RegularScan;
 use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
 use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::plane_waves;
-use super::on_host::{HostMethod, host_method};
+use super::method::ClosedForm;
+use super::on_host::{HostMethod, OnHost};
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
 use crate::Result;
@@ -48,8 +49,6 @@ options! {
         }
     }
 }
-
-host_method!(PhasorOptions, "phasor");
 
 /// The filtered histograms' spectra, frequency by frequency.
 const BAND: Buffer = Buffer::named("band");
@@ -123,13 +122,22 @@ pub(super) fn pulse(wavelength: f64, cycles: f64, bins: usize) -> [Vec<f32>; 2] 
         .map(|(side, taps)| std::iter::once(side * reach as f64).chain(taps).map(|v| v as f32).collect())
 }
 
-impl HostMethod for PhasorOptions {
+impl ClosedForm for PhasorOptions {
+    const NAME: &'static str = "phasor";
     const MASK_SHARE: f64 = 0.50;
 
-    fn image(&self) -> &ImageOptions {
-        &self.image
+    type By = OnHost;
+
+    fn shared(&self) -> (usize, &ImageOptions) {
+        (self.lateral, &self.image)
     }
 
+    fn sharpness(&mut self) -> Option<(Ladder, &mut Option<f64>)> {
+        Some((WAVELENGTHS, &mut self.wavelength))
+    }
+}
+
+impl HostMethod for PhasorOptions {
     fn scan(&self, capture: &Capture) -> Result<RegularScan> {
         RegularScan::with_one_spot(capture, "the phasor field")
     }
@@ -145,14 +153,6 @@ impl HostMethod for PhasorOptions {
             (BY_DEPTH, if scan.spot.is_none() { bytes(2 * wide * deep) } else { 0 }),
             (AT_POINTS, 4 * (points * deep) as u64),
         ]
-    }
-
-    fn ladder(&self) -> Option<Ladder> {
-        self.wavelength.is_none().then_some(WAVELENGTHS)
-    }
-
-    fn sharpness(&mut self) -> Option<&mut Option<f64>> {
-        Some(&mut self.wavelength)
     }
 
     fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume {
