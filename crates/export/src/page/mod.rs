@@ -2,9 +2,7 @@
 //! histograms and the light of the maps, the surface in 3D, the trace, settings and notes. Colours follow the
 //! reader's light or dark setting.
 //!
-//! The page renders everything from maps and histograms quantised to 16 bits and from the report. The 3D view uses
-//! three.js (`assets/three.js`, MIT licence beside it: version 0.187 with OrbitControls, bundled by `esbuild --bundle
-//! --minify --format=iife --global-name=THREE`).
+//! The page renders everything from maps and histograms quantised to 16 bits and from the report.
 
 use std::path::Path;
 
@@ -22,9 +20,8 @@ use crate::maps::{Maps, Truth};
 
 const PAGE: &str = include_str!("page.html");
 const SCRIPT: &str = include_str!("page.js");
-const LIBRARY: &str = include_str!("../../assets/three.js");
 
-/// Maximum number of histogram values on the page, and pixels along a side of its maps, which keeps the page below 3
+/// Maximum number of histogram values on the page, and pixels along a side of its maps, which keeps the page below 2.4
 /// MB.
 const MOST_COUNTS: usize = 280_000;
 const MOST_PIXELS: usize = 256;
@@ -181,7 +178,7 @@ fn page(title: &str, json: &str) -> String {
     let (mut page, mut rest) = (String::new(), PAGE);
     // No text may end its containing element.
     let (title, json) = (escaped(title), json.replace('<', "\\u003c"));
-    for (gap, text) in [("TITLE", &*title), ("DATA", &json), ("LIBRARY", LIBRARY), ("SCRIPT", SCRIPT)] {
+    for (gap, text) in [("TITLE", &*title), ("DATA", &json), ("SCRIPT", SCRIPT)] {
         let (before, after) = rest.split_once(gap).unwrap_or((rest, ""));
         page.extend([before, text]);
         rest = after;
@@ -263,9 +260,9 @@ mod tests {
         .unwrap();
         write(&file, "a </script> & \"b\"", &maps, &light, &report, None).unwrap();
         let page = std::fs::read_to_string(&file).unwrap();
-        assert_eq!(page.matches("</script>").count(), 3, "one for each element");
+        assert_eq!(page.matches("</script>").count(), 2, "one for each element");
         assert!(page.contains("<title>thirdbounce: a &lt;/script&gt; &amp; &quot;b&quot;</title>"));
         assert!(!page.contains("http://") || !page.contains("src=\"http"), "nothing is fetched");
-        assert!(page.len() < 3_000_000);
+        assert!(page.len() < 2_400_000);
     }
 }

@@ -295,16 +295,51 @@ wall.onkeydown = event => {
 
 // The surface in 3D, rotated by 180° about y: the viewer is at the wall, depth increases away from it.
 let mark = () => {};
-function space() {
-  const holder = element("space"), scene = new THREE.Scene(), renderer = new THREE.WebGLRenderer({ antialias: true });
-  holder.append(renderer.domElement);
-  holder.setAttribute("aria-label", `The surface in 3D, depths of ${metres(far[0])} to ${metres(far[1])}. Arrow keys rotate, plus and minus zoom.`);
-  const number = new Int32Array(nx * ny).fill(-1), positions = [], colours = [], corners = [];
+
+// A WebGL program for vertices of place, colour and normal; a normal of zero is not lit.
+function painter(gl) {
+  const program = gl.createProgram();
+  for (const [kind, source] of [
+    [gl.VERTEX_SHADER, `attribute vec3 place, colour, normal; uniform mat4 camera; uniform float dot_size; varying vec3 paint, up;
+      void main() { gl_Position = camera * vec4(place, 1.); gl_PointSize = max(dot_size / gl_Position.w, 1.); paint = colour; up = normal; }`],
+    [gl.FRAGMENT_SHADER, `precision mediump float; varying vec3 paint, up;
+      void main() {
+        float sun = dot(normalize(up + 1e-9), normalize(vec3(-.6, .8, 1.5))) * (gl_FrontFacing ? 1. : -1.);
+        gl_FragColor = vec4(pow(paint * (length(up) > 0. ? .16 + .7 * max(sun, 0.) : 1.), vec3(.4545)), 1.);
+      }`],
+  ]) {
+    const shader = gl.createShader(kind);
+    gl.shaderSource(shader, source), gl.compileShader(shader), gl.attachShader(program, shader);
+  }
+  gl.linkProgram(program);
+  if (!gl.getProgramParameter(program, gl.LINK_STATUS)) throw new Error(gl.getProgramInfoLog(program) || "the WebGL program does not link");
+  gl.useProgram(program), gl.enable(gl.DEPTH_TEST);
+  const uniform = name => gl.getUniformLocation(program, name);
+  // Vertices of nine numbers each, and what draws them.
+  const shape = vertices => {
+    const buffer = gl.createBuffer(), fill = all => (gl.bindBuffer(gl.ARRAY_BUFFER, buffer), gl.bufferData(gl.ARRAY_BUFFER, new Float32Array(all), gl.STATIC_DRAW));
+    const bind = lit => {
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
+      ["place", "colour", "normal"].forEach((name, k) => {
+        const at = gl.getAttribLocation(program, name);
+        if (k === 2 && !lit) return gl.disableVertexAttribArray(at), gl.vertexAttrib3f(at, 0, 0, 0);
+        gl.enableVertexAttribArray(at), gl.vertexAttribPointer(at, 3, gl.FLOAT, false, 36, 12 * k);
+      });
+    };
+    fill(vertices);
+    return { fill, bind };
+  };
+  return { shape, camera: uniform("camera"), dots: uniform("dot_size") };
+}
+
+// Vertices of the surface, and corners of its triangles: no triangle bridges a step in depth.
+function surface() {
+  const number = new Int32Array(nx * ny).fill(-1), vertices = [], corners = [];
   for (let i = 0; i < nx * ny; i++) {
     if (!isSurface(i)) continue;
-    number[i] = positions.length / 3;
+    number[i] = vertices.length / 9;
     const [x, y, z] = place(i), v = .25 + .75 * Math.sqrt(Math.min(Math.max(albedo[i] / bright[1], 0), 1));
-    positions.push(-x, y, -z), colours.push(v, v, v);
+    vertices.push(-x, y, -z, v, v, v, 0, 0, 0);
   }
   const step = 4 * Math.max(...pixel), near = (...all) => all.every(i => number[i] >= 0) && Math.max(...all.map(i => depth[i])) - Math.min(...all.map(i => depth[i])) < step;
   for (let x = 0; x + 1 < nx; x++) for (let y = 0; y + 1 < ny; y++) {
@@ -312,60 +347,76 @@ function space() {
     if (near(a, b, c)) corners.push(number[a], number[c], number[b]);
     if (near(a, c, d)) corners.push(number[a], number[d], number[c]);
   }
-  const shape = new THREE.BufferGeometry();
-  shape.setAttribute("position", new THREE.BufferAttribute(new Float32Array(positions), 3));
-  shape.setAttribute("color", new THREE.BufferAttribute(new Float32Array(colours), 3));
-  const cloud = new THREE.Points(shape, new THREE.PointsMaterial({ size: .8 * Math.min(...pixel), vertexColors: true }));
-  const solid = shape.clone();
-  solid.setIndex(corners), solid.computeVertexNormals();
-  const mesh = new THREE.Mesh(solid, new THREE.MeshLambertMaterial({ vertexColors: true, side: THREE.DoubleSide }));
-  const sun = new THREE.DirectionalLight(0xffffff, 2.2);
-  sun.position.set(-.6, .8, 1.5);
-  scene.add(cloud, mesh, sun, new THREE.AmbientLight(0xffffff, .5));
-  cloud.visible = false;
-  const [x0, x1, y0, y1] = extent, frame = new THREE.BufferGeometry();
-  frame.setAttribute("position", new THREE.BufferAttribute(new Float32Array([-x0, y0, 0, -x1, y0, 0, -x1, y0, 0, -x1, y1, 0, -x1, y1, 0, -x0, y1, 0, -x0, y1, 0, -x0, y0, 0]), 3));
-  scene.add(new THREE.LineSegments(frame, new THREE.LineBasicMaterial({ color: 0x888899 })));
-  const rays = new THREE.BufferGeometry(), ends = new THREE.BufferAttribute(new Float32Array(12), 3);
-  rays.setAttribute("position", ends);
-  const lines = new THREE.LineSegments(rays, new THREE.LineBasicMaterial({ color: 0xff503c }));
-  lines.visible = false, lines.frustumCulled = false;
-  scene.add(lines);
-  const middle = new THREE.Vector3(-(x0 + x1) / 2, (y0 + y1) / 2, -(far[0] + far[1]) / 2), wide = Math.max(x1 - x0, y1 - y0);
-  const camera = new THREE.PerspectiveCamera(40, 1.5, .001 * wide, 100 * wide);
-  camera.position.set(middle.x - .6 * wide, middle.y + .3 * wide, 1.7 * wide);
-  const controls = new THREE.OrbitControls(camera, renderer.domElement), draw = () => renderer.render(scene, camera);
-  controls.target.copy(middle), controls.update();
-  controls.addEventListener("change", draw);
+  for (let k = 0; k < corners.length; k += 3) {
+    const [p, q, r] = [0, 1, 2].map(j => corners[k + j] * 9), [u, v] = [q, r].map(end => [0, 1, 2].map(c => vertices[end + c] - vertices[p + c]));
+    [0, 1, 2].forEach(c => { const [d, e] = [(c + 1) % 3, (c + 2) % 3], across = u[d] * v[e] - u[e] * v[d]; for (const at of [p, q, r]) vertices[at + 6 + c] += across; });
+  }
+  return { vertices, corners: new Uint16Array(corners) };
+}
+
+function space() {
+  const holder = element("space"), canvas = document.createElement("canvas"), gl = canvas.getContext("webgl");
+  holder.setAttribute("aria-label", `The surface in 3D, depths of ${metres(far[0])} to ${metres(far[1])}. Arrow keys rotate, plus and minus zoom.`);
+  if (!gl) throw new Error("the browser has no WebGL");
+  holder.append(canvas);
+  const { shape, camera, dots } = painter(gl), { vertices, corners } = surface(), [x0, x1, y0, y1] = extent;
+  const solid = shape(vertices), grey = [.25, .25, .32, 0, 0, 0], red = [1, .08, .045, 0, 0, 0];
+  const frame = shape([[x0, y0], [x1, y0], [x1, y0], [x1, y1], [x1, y1], [x0, y1], [x0, y1], [x0, y0]].flatMap(([x, y]) => [-x, y, 0, ...grey])), rays = shape([]);
+  gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer()), gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, corners, gl.STATIC_DRAW);
+  // The eye looks at the middle of the surface, from an arm of this length; its angles are those about y and from it.
+  const middle = [-(x0 + x1) / 2, (y0 + y1) / 2, -(far[0] + far[1]) / 2], wide = Math.max(x1 - x0, y1 - y0), from = [-.6 * wide, .3 * wide, 1.7 * wide - middle[2]];
+  let arm = Math.hypot(...from), about = Math.atan2(from[0], from[2]), down = Math.acos(from[1] / arm), solidly = true, marked = false;
+  const draw = () => {
+    const [width, height] = [canvas.width, canvas.height], focal = 1 / Math.tan(20 * Math.PI / 180), [near, end] = [.001 * wide, 100 * wide];
+    const [s, c, t, u] = [Math.sin(about), Math.cos(about), Math.sin(down), Math.cos(down)], back = [t * s, u, t * c];
+    const rows = [[c, 0, -s].map(v => v * focal * height / width), [-u * s, t, -u * c].map(v => v * focal), back.map(v => v * (end + near) / (near - end)), back.map(v => -v)];
+    const eye = middle.map((v, k) => v + arm * back[k]), shift = [0, 0, 2 * end * near / (near - end), 0];
+    const columns = [0, 1, 2].flatMap(k => rows.map(row => row[k])), last = rows.map((row, k) => shift[k] - row.reduce((sum, v, j) => sum + v * eye[j], 0));
+    gl.viewport(0, 0, width, height);
+    // The page shows through, light or dark.
+    gl.clearColor(0, 0, 0, 0), gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    gl.uniformMatrix4fv(camera, false, [...columns, ...last]), gl.uniform1f(dots, .4 * Math.min(...pixel) * focal * height);
+    solid.bind(solidly);
+    if (solidly) gl.drawElements(gl.TRIANGLES, corners.length, gl.UNSIGNED_SHORT, 0);
+    else gl.drawArrays(gl.POINTS, 0, vertices.length / 9);
+    frame.bind(false), gl.drawArrays(gl.LINES, 0, 8);
+    if (marked) rays.bind(false), gl.drawArrays(gl.LINES, 0, 4);
+  };
   const paint = () => {
-    const width = holder.clientWidth, height = Math.round(.66 * width);
-    renderer.setPixelRatio(window.devicePixelRatio || 1), renderer.setSize(width, height, false);
-    renderer.domElement.style.height = `${height}px`, camera.aspect = width / height, camera.updateProjectionMatrix();
-    scene.background = new THREE.Color(theme("panel"));
+    const width = holder.clientWidth, height = Math.round(.66 * width), ratio = window.devicePixelRatio || 1;
+    if (!width) return;
+    canvas.width = width * ratio, canvas.height = height * ratio, canvas.style.height = `${height}px`;
     mark();
   };
-  const turn = (about, up, zoom) => {
-    const arm = new THREE.Spherical().setFromVector3(camera.position.clone().sub(middle));
-    arm.theta += about, arm.phi = Math.min(Math.max(arm.phi + up, .05), 3.09), arm.radius *= zoom;
-    camera.position.setFromSpherical(arm).add(middle), controls.update(), draw();
+  const turn = (round, up, zoom) => {
+    about += round, down = Math.min(Math.max(down + up, .05), 3.09), arm = Math.min(Math.max(arm * zoom, .01 * wide), 50 * wide);
+    draw();
   };
+  // One pointer rotates, two zoom by their distance.
+  const held = new Map(), distance = () => { const [a, b] = held.values(); return Math.hypot(a[0] - b[0], a[1] - b[1]) || 1; };
+  canvas.style.touchAction = "none";
+  canvas.onpointerdown = event => { canvas.setPointerCapture(event.pointerId), held.set(event.pointerId, [event.clientX, event.clientY]); };
+  canvas.onpointerup = canvas.onpointercancel = event => { held.delete(event.pointerId); };
+  canvas.onpointermove = event => {
+    if (!held.has(event.pointerId)) return;
+    const [x, y] = held.get(event.pointerId), before = held.size > 1 && distance(), unit = 2 * Math.PI / canvas.clientHeight;
+    held.set(event.pointerId, [event.clientX, event.clientY]);
+    if (before) turn(0, 0, before / distance());
+    else turn((x - event.clientX) * unit, (y - event.clientY) * unit, 1);
+  };
+  canvas.addEventListener("wheel", event => { event.preventDefault(), turn(0, 0, Math.exp(.001 * Math.sign(event.deltaY) * Math.min(Math.abs(event.deltaY), 200))); }, { passive: false });
   element("nearer").onclick = () => turn(0, 0, .8), element("farther").onclick = () => turn(0, 0, 1.25);
   holder.onkeydown = event => {
     const step = arrow(event);
     if (step) turn(.15 * step[0], -.15 * step[1], 1);
     if (event.key === "+" || event.key === "-") turn(0, 0, event.key === "+" ? .8 : 1.25);
   };
-  element("as").onclick = () => {
-    [cloud.visible, mesh.visible] = [mesh.visible, cloud.visible];
-    element("as").innerText = mesh.visible ? "points" : "mesh";
-    draw();
-  };
+  element("as").onclick = () => { solidly = !solidly, element("as").innerText = solidly ? "points" : "mesh", draw(); };
   mark = () => {
-    lines.visible = chosen >= 0 && isSurface(chosen);
-    if (lines.visible) {
+    marked = chosen >= 0 && isSurface(chosen);
+    if (marked) {
       const [x, y, z] = place(chosen);
-      [laser, sensor].forEach((points, k) => ends.array.set([-points[3 * pair], points[3 * pair + 1], -points[3 * pair + 2], -x, y, -z], 6 * k));
-      ends.needsUpdate = true;
+      rays.fill([laser, sensor].flatMap(points => [-points[3 * pair], points[3 * pair + 1], -points[3 * pair + 2], ...red, -x, y, -z, ...red]));
     }
     draw();
   };
