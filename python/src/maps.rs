@@ -149,8 +149,8 @@ pub fn read_truth(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> 
     truth(py, guarded(py, Some(&place), || export::npz::read_truth(&path))?)
 }
 
-/// Writes maps: one npz file if the path ends in .npz, else a folder with everything that the command writes. `report` is
-/// the text of report.json, `page` what report.html shows of the capture.
+/// Writes maps: one file if the path has an ending, else a folder with everything that the command writes. `report` is the text
+/// of report.json, `page` what report.html shows of the capture.
 #[pyfunction]
 pub fn write_maps(
     py: Python<'_>,
@@ -162,11 +162,8 @@ pub fn write_maps(
     let place = path.display().to_string();
     guarded(py, Some(&place), || {
         let maps = arrays.maps()?;
-        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz")) {
-            return export::npz::write_maps(&path, &maps).map(|()| vec![path]);
-        }
-        let mut written = export::write_maps(&path, &maps)?;
-        if let Some(report) = report {
+        let mut written = export::save(&path, &maps)?;
+        if let Some(report) = report.filter(|_| path.is_dir()) {
             if let Some(page) = page {
                 let file = path.join("report.html");
                 let of_page = serde_json::from_str(&report).map_err(|e| {

@@ -81,6 +81,20 @@ def test_maps_are_saved_and_loaded(tmp_path, maps):
     assert maps._repr_png_().startswith(b"\x89PNG")
 
 
+def test_the_ending_of_a_name_says_what_is_saved(tmp_path, maps):
+    heads = {"npz": b"PK", "mat": b"MATLAB 5.0", "exr": b"\x76\x2f\x31\x01", "ply": b"ply", "png": b"\x89PNG", "svg": b"<svg"}
+    for ending, head in heads.items():
+        file = tmp_path / f"x.{ending}"
+        assert maps.save(file) == [str(file)] and file.read_bytes().startswith(head)
+    with pytest.raises(tb.OptionsError, match=r"\.tiff\n.*\.mat"):
+        maps.save(tmp_path / "x.tiff")
+    scipy = pytest.importorskip("scipy.io")
+    again = scipy.loadmat(tmp_path / "x.mat")
+    np.testing.assert_array_equal(again["depth"], maps.depth)
+    np.testing.assert_array_equal(again["normal"], maps.normals)
+    np.testing.assert_array_equal(again["extent"][0], maps.extent)
+
+
 def test_drawing_needs_matplotlib(tmp_path, maps):
     try:
         import matplotlib

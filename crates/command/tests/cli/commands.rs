@@ -100,7 +100,9 @@ fn from_a_simulated_capture_to_measured_maps() {
 
     let names = [
         "maps.npz",
+        "maps.mat",
         "maps.exr",
+        "maps.svg",
         "albedo.png",
         "depth.png",
         "normal.png",

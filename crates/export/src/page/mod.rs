@@ -14,7 +14,7 @@ use serde::Serialize;
 
 use super::report::Report;
 use super::text::escaped;
-use super::{depth_difference, png};
+use super::{depth_difference, png, print};
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 use crate::files::atomic;
@@ -149,6 +149,8 @@ struct Data<'d> {
     /// PNG of the depth differences in base64.
     #[serde(skip_serializing_if = "Option::is_none")]
     difference: Option<String>,
+    /// SVG of [`print::figure`].
+    figure: String,
 }
 
 /// Writes the page of a result with the given title, and the differences from truth.
@@ -169,7 +171,8 @@ pub fn write(
         Ok(STANDARD.encode(png::packed(&depth_difference::picture(maps, truth))?))
     };
     let difference = truth.map(packed).transpose()?;
-    let data = Data { title, maps: PageMaps::of(maps), light, report, difference };
+    let figure = print::figure(maps, MOST_PIXELS)?.svg();
+    let data = Data { title, maps: PageMaps::of(maps), light, report, difference, figure };
     let json = serde_json::to_string(&data).map_err(|e| {
         Error::output(format!("{}: the page has no JSON ({e})", path.display()), "report this as a defect")
     })?;
