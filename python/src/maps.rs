@@ -8,7 +8,7 @@ use engine::maps::{Layer, Maps, Truth};
 use engine::{Error, Result};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyType};
 
 use crate::capture::flat;
 use crate::error::guarded;
@@ -119,6 +119,29 @@ fn layer<'py>(
 pub struct PageContent {
     pub title: String,
     pub light: PageHistograms,
+}
+
+#[pymethods]
+impl PageContent {
+    #[new]
+    fn new(py: Python<'_>, title: String, light: &str) -> PyResult<PageContent> {
+        guarded(py, None, || {
+            let light = serde_json::from_str(light);
+            light.map(|light| PageContent { title, light }).map_err(|e| {
+                Error::options(
+                    format!("the content of a page is none: {e}"),
+                    "leave `page` as it was computed",
+                )
+            })
+        })
+    }
+
+    /// For pickle and copy.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, (String, String))> {
+        let page = slf.get();
+        let light = guarded(slf.py(), None, || packed(serde_json::to_string(&page.light)))?;
+        Ok((slf.get_type(), (page.title.clone(), light)))
+    }
 }
 
 /// JSON, or the error of packing it.

@@ -112,9 +112,11 @@ fn first_point(plan: &Plan, grid: &Grid) -> TracePoint {
 fn tell(watch: &mut Watch<'_>, progress: &Progress) -> Result<()> {
     match (watch.hear)(progress) {
         ControlFlow::Continue(()) => Ok(()),
-        ControlFlow::Break(()) => {
-            Err(Error::new(Kind::Cancelled, "cancelled before the volume was there", "run it again"))
-        }
+        ControlFlow::Break(()) => Err(Error::new(
+            Kind::Cancelled,
+            "cancelled by the caller before the volume was there",
+            "run it again",
+        )),
     }
 }
 

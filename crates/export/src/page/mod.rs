@@ -10,7 +10,7 @@ use std::path::Path;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::report::Report;
 use super::text::escaped;
@@ -30,7 +30,7 @@ const MOST_COUNTS: usize = 280_000;
 const MOST_PIXELS: usize = 256;
 
 /// Histograms of a page: fewer pairs and wider bins than a large capture has.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct PageHistograms {
     all_pairs: usize,
     all_bins: usize,
@@ -78,7 +78,7 @@ impl PageHistograms {
 }
 
 /// Values quantised to 16 bits over their range; 65535 is NaN.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct QuantisedValues {
     low: f32,
     high: f32,
