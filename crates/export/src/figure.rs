@@ -7,9 +7,8 @@ use base64::engine::general_purpose::STANDARD;
 use zeno::{Cap, Command, Join, Mask, PathBuilder, Stroke};
 
 use super::picture::Picture;
+use super::text;
 use super::text::escaped;
-use super::{png, text};
-use crate::error::Result;
 
 /// Red, green and blue.
 pub(super) type Colour = [u8; 3];
@@ -102,14 +101,10 @@ impl Figure {
         self.shapes.push((FigureShape::Bar(from, to), colour));
     }
 
-    /// A picture at left, top, width and height.
-    ///
-    /// # Errors
-    /// Those of [`png::packed`].
-    pub(super) fn image(&mut self, picture: Picture, place: [f64; 4]) -> Result<()> {
-        let packed = STANDARD.encode(png::packed(&picture)?);
+    /// A picture at left, top, width and height; `packed` is its PNG.
+    pub(super) fn image(&mut self, picture: Picture, packed: &[u8], place: [f64; 4]) {
+        let packed = STANDARD.encode(packed);
         self.shapes.push((FigureShape::Image { picture, place, packed }, INK));
-        Ok(())
     }
 
     /// A line of text of `em` pixels per em that starts at x, centred at y.
@@ -234,7 +229,7 @@ mod tests {
         figure.bar([20.0, 30.0], [30.0, 22.0], COLOURS[3]);
         let mut image = Picture::new(2, 1);
         image.fill(1, 0, 1, 1, COLOURS[4]);
-        figure.image(image, [40.0, 12.0, 10.0, 6.0]).unwrap();
+        figure.image(image, b"PNG", [40.0, 12.0, 10.0, 6.0]);
         figure.label("<a & b>", BODY, INK, [58.0, 34.0], 1.0);
         let svg = figure.svg();
         for part in [

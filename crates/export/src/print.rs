@@ -25,7 +25,7 @@ const BAR: f64 = 14.0;
 const GAP: usize = 16;
 
 /// A map: its title, its colours, and the labels of its colour bar by their shares from the bottom.
-struct View<'m> {
+struct PrintedMap<'m> {
     title: &'static str,
     colour: Box<dyn Fn(usize) -> Option<Colour> + 'm>,
     bar: Option<(fn(f64) -> Colour, Vec<(f64, String)>)>,
@@ -70,7 +70,8 @@ pub fn figure(maps: &Maps, most: usize) -> Result<Figure> {
         if longer > most {
             shown = shown.shrunk(longer.div_ceil(most));
         }
-        figure.image(shown, [left, TOP, WIDTH, height])?;
+        let packed = png::packed(&shown)?;
+        figure.image(shown, &packed, [left, TOP, WIDTH, height]);
         let bottom = TOP + height;
         frame(&mut figure, [left, TOP, right, bottom]);
         figure.label(view.title, TITLE, INK, [left + 0.5 * WIDTH, 0.5 * TOP], 0.5);
@@ -111,7 +112,8 @@ fn colour_bar(
     const STEPS: usize = 128;
     let mut bar = Picture::new(1, STEPS);
     (0..STEPS).for_each(|row| bar.fill(0, row, 1, 1, shade(1.0 - (row as f64 + 0.5) / STEPS as f64)));
-    figure.image(bar, [left, top, BAR, height])?;
+    let packed = png::packed(&bar)?;
+    figure.image(bar, &packed, [left, top, BAR, height]);
     let right = left + BAR;
     frame(figure, [left, top, right, top + height]);
     for (share, label) in labels {
@@ -122,12 +124,12 @@ fn colour_bar(
     Ok(())
 }
 
-fn picture(maps: &Maps, view: &View<'_>, factor: usize) -> Picture {
+fn picture(maps: &Maps, view: &PrintedMap<'_>, factor: usize) -> Picture {
     Picture::of_maps(maps, factor, |p| (view.colour)(p).unwrap_or(WHITE))
 }
 
 /// Albedo, depth, normals and, if it is known, the expected depth error.
-fn views(maps: &Maps) -> Vec<View<'_>> {
+fn views(maps: &Maps) -> Vec<PrintedMap<'_>> {
     let grey = |share: f64| [(255.0 * share.clamp(0.0, 1.0)).round() as u8; 3];
     let white = f64::from(Maps::white(&maps.albedo)).max(f64::MIN_POSITIVE);
     let range = png::shown_range(maps).unwrap_or_default();
@@ -135,12 +137,12 @@ fn views(maps: &Maps) -> Vec<View<'_>> {
     let along = move |depth: f64| if far > near { (depth - near) / (far - near) } else { 0.0 };
     let depths = Axis::new(range.into_iter(), false).over(range).even();
     let mut all = vec![
-        View {
+        PrintedMap {
             title: "Albedo",
             colour: Box::new(move |p| Some(grey(f64::from(maps.albedo[p]) / white))),
             bar: None,
         },
-        View {
+        PrintedMap {
             title: "Depth",
             colour: Box::new(move |p| png::shows(maps, p).then(|| colour(along(f64::from(maps.depth[p]))))),
             // Near, as in depth.png, at the bottom.
@@ -148,7 +150,7 @@ fn views(maps: &Maps) -> Vec<View<'_>> {
                 (colour as _, depths.iter().map(|z| (along(*z), format!("{} m", plain(*z)))).collect())
             }),
         },
-        View {
+        PrintedMap {
             title: "Normals",
             colour: Box::new(|p| normal_colour(maps.normal[p]).filter(|_| maps.mask[p])),
             bar: None,
@@ -159,7 +161,7 @@ fn views(maps: &Maps) -> Vec<View<'_>> {
             move |error: f64| if most > least { (error / least).ln() / (most / least).ln() } else { 0.0 };
         let labels =
             [least, (least * most).sqrt(), most].map(|m| (share(m), format!("{} mm", millimetres(m))));
-        all.push(View {
+        all.push(PrintedMap {
             title: "Expected depth error",
             colour: Box::new(move |p| depth_error::of(maps, p).map(|error| shade(share(f64::from(error))))),
             bar: (most > least).then(|| (shade as _, labels.into())),

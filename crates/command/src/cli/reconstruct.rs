@@ -45,7 +45,7 @@ pub struct ReconstructArgs {
     pub quiet: bool,
     /// Print the report as JSON in place of a table
     #[arg(long)]
-    json: bool,
+    pub json: bool,
     /// Write the volume to this file, .npz or .hdf5
     #[arg(long, value_name = "FILE")]
     pub volume_file: Option<PathBuf>,

@@ -127,6 +127,10 @@ fn a_result_has_a_page_that_a_browser_shows() {
         "{}",
         shown("space")
     );
+    assert!(
+        shown("resolutions").contains("change of resolution, at which the loss rises"),
+        "the loss is explained"
+    );
     // Both kinds of files for papers are saved by buttons.
     let pressed = folder.path().join("pressed.html");
     let press = "<script>HTMLAnchorElement.prototype.click = function () { document.body.append(`[${this.download}:${this.href.slice(0, 14)}]`); }; \

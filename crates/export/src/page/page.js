@@ -404,6 +404,11 @@ plot(element("trace"), width => Math.max(240, .66 * width), (context, width, hei
   context.lineTo(x(end), bottom), context.fill();
   context.strokeStyle = theme("line"), context.lineWidth = 1.5;
   context.beginPath(), trace.forEach(t => context.lineTo(x(t.seconds), y(t.loss))), context.stroke();
+  const changes = trace.filter((t, k) => k > 0 && (t.lateral !== trace[k - 1].lateral || t.pairs !== trace[k - 1].pairs));
+  element("resolutions").hidden = !changes.length;
+  context.strokeStyle = theme("soft"), context.setLineDash([4, 4]);
+  changes.forEach(t => { context.beginPath(), context.moveTo(x(t.seconds), top), context.lineTo(x(t.seconds), bottom), context.stroke(); });
+  context.setLineDash([]);
   const marks = Array.from({ length: 40 }, (_, k) => k - 20).flatMap(p => [1, 2, 5].map(m => m * 10 ** p)).filter(v => Math.log10(v) >= span[0] && Math.log10(v) <= span[1]);
   if (marks.length < 3) marks.splice(0, marks.length, ...ticks(10 ** span[0], 10 ** span[1], 4));
   axes(context, box, ticks(begin, end, 6), x, "solve time, s", marks, y, "loss (logarithmic)");
