@@ -21,14 +21,17 @@ const RIGHT: f64 = 104.0;
 const TOP: f64 = 36.0;
 const BOTTOM: f64 = 54.0;
 /// Width of a colour bar, and space between the maps of [`write_plain`].
-const BAR: f64 = 14.0;
+const BAR_WIDTH: f64 = 14.0;
 const GAP: usize = 16;
 
-/// A map: its title, its colours, and the labels of its colour bar by their shares from the bottom.
+/// Colours of a bar, and its labels by their shares from the bottom.
+type Bar = (fn(f64) -> Colour, Vec<(f64, String)>);
+
+/// A map: its title, its colours, and its colour bar.
 struct PrintedMap<'m> {
     title: &'static str,
     colour: Box<dyn Fn(usize) -> Option<Colour> + 'm>,
-    bar: Option<(fn(f64) -> Colour, Vec<(f64, String)>)>,
+    bar: Option<Bar>,
 }
 
 /// Writes [`figure`] as SVG, text as text.
@@ -88,8 +91,8 @@ pub fn figure(maps: &Maps, most: usize) -> Result<Figure> {
         }
         figure.label("x, m", BODY, INK, [left + 0.5 * WIDTH, bottom + 38.0], 0.5);
         figure.label("y, m", BODY, INK, [left - 9.0, 0.5 * TOP], 1.0);
-        if let Some((shade, labels)) = &view.bar {
-            colour_bar(&mut figure, [right + 12.0, TOP, height], *shade, labels)?;
+        if let Some(bar) = &view.bar {
+            colour_bar(&mut figure, [right + 12.0, TOP, height], bar)?;
         }
     }
     Ok(figure)
@@ -103,18 +106,13 @@ fn frame(figure: &mut Figure, [left, top, right, bottom]: [f64; 4]) {
     figure.line(&[[left, top], [right, top], [right, bottom], [left, bottom], [left, top]], 1.0, FRAME);
 }
 
-fn colour_bar(
-    figure: &mut Figure,
-    [left, top, height]: [f64; 3],
-    shade: fn(f64) -> Colour,
-    labels: &[(f64, String)],
-) -> Result<()> {
+fn colour_bar(figure: &mut Figure, [left, top, height]: [f64; 3], (shade, labels): &Bar) -> Result<()> {
     const STEPS: usize = 128;
     let mut bar = Picture::new(1, STEPS);
     (0..STEPS).for_each(|row| bar.fill(0, row, 1, 1, shade(1.0 - (row as f64 + 0.5) / STEPS as f64)));
     let packed = png::packed(&bar)?;
-    figure.image(bar, &packed, [left, top, BAR, height]);
-    let right = left + BAR;
+    figure.image(bar, &packed, [left, top, BAR_WIDTH, height]);
+    let right = left + BAR_WIDTH;
     frame(figure, [left, top, right, top + height]);
     for (share, label) in labels {
         let at = top + height * (1.0 - share);
