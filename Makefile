@@ -10,7 +10,11 @@ setup:
 # Shown by --version.
 export THIRDBOUNCE_COMMIT := $(shell git rev-parse --short HEAD 2>/dev/null)
 
+# What cargo built, here or in the folder of its variable.
+RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
+
 build: setup
+	@[ -x $(RELEASE)/thirdbounce ] || echo "build: the first time takes about ten minutes on two cores"
 	cargo build --release --locked
 
 # Simulates a scene, reconstructs it, evaluates it against the truth and writes pictures to out/demo.
@@ -21,6 +25,7 @@ demo: build
 # the checks of a debug build, they are there in a third of the time.
 UNOPTIMISED := CARGO_PROFILE_RELEASE_OPT_LEVEL=0 CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS=true
 test: setup
+	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about half an hour on two cores the first time"
 	$(UNOPTIMISED) .ci/timed cargo test --release --locked --lib
 	.ci/timed cargo build --release --locked --examples
 	.ci/timed cargo test --release --locked --package thirdbounce --package thirdbounce-command --package thirdbounce-capi --bins --test '*'
@@ -32,6 +37,7 @@ python-test: setup
 
 # A tarball, a wheel and a Debian package, for Linux with glibc 2.28 or later, in dist/.
 dist: setup
+	@echo "dist: everything is built anew for an older glibc: about ten minutes on two cores the first time"
 	@.ci/dist
 
 # Kernels and solvers under GPU-assisted validation: the layer checks every access inside the kernels.
@@ -74,13 +80,16 @@ api: setup
 header:
 	cbindgen --config capi/cbindgen.toml --crate thirdbounce-capi --output include/thirdbounce.h capi
 
-# Installs the C library, its headers, and its files for pkg-config and CMake below PREFIX. DESTDIR goes before it, for packages.
+# Installs the command with a manual page for every verb and completions for shells, the C library, its headers, and its files
+# for pkg-config and CMake below PREFIX. DESTDIR goes before it, for packages.
 PREFIX ?= /usr/local
 VERSION := $(shell sed -n '/^version/{s/[^0-9.]//gp;q}' capi/Cargo.toml)
 SONAME := libthirdbounce.so.$(basename $(VERSION))
-RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
-install: setup
+install: build
 	cargo build --release --locked --package thirdbounce-capi
+	install -d $(DESTDIR)$(PREFIX)/bin
+	install -m 755 -s $(RELEASE)/thirdbounce $(DESTDIR)$(PREFIX)/bin
+	.ci/shares $(RELEASE)/thirdbounce $(DESTDIR)$(PREFIX)/share
 	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/lib/cmake/thirdbounce $(DESTDIR)$(PREFIX)/include
 	install -m 755 -s $(RELEASE)/libthirdbounce.so $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so.$(VERSION)
 	ln -sf libthirdbounce.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(SONAME)

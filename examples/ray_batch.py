@@ -20,7 +20,7 @@ import ray
 def reconstruct(program, part, parts, captures, out, options):
     """Reconstructs one part of the captures; one dictionary for each, the summary last."""
     command = [program, "batch", captures, "--out", out]
-    command += ["--shard", f"{part}/{parts}", "--quiet", *options]
+    command += ["--part", f"{part}/{parts}", "--quiet", *options]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     # 1: some captures failed, and their lines say why. A worker that was killed comes again.
     if done.returncode not in (0, 1) or not done.stdout:

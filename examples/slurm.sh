@@ -23,4 +23,4 @@ part=${SLURM_ARRAY_TASK_ID:-1}
 parts=${SLURM_ARRAY_TASK_MAX:-1}
 log=$results/part-$part-of-$parts.jsonl
 mkdir -p "$results"
-exec "${THIRDBOUNCE:-thirdbounce}" batch "$list" --out "$results/maps" --shard "$part/$parts" --quiet "$@" >"$log"
+exec "${THIRDBOUNCE:-thirdbounce}" batch "$list" --out "$results/maps" --part "$part/$parts" --quiet "$@" >"$log"

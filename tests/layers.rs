@@ -391,3 +391,42 @@ fn uses_are_seen_however_they_are_written() {
     assert_eq!(circles(&uses(&all, &[])), Vec::<String>::new());
     assert_eq!(circles(&uses(&all, &["solve".into()])).len(), 2);
 }
+
+/// What `make build` built serves `pip install ./python`: both link the same packages with the same features.
+#[test]
+fn the_python_package_takes_over_what_the_command_built() {
+    let linked = |more: &[&str]| -> BTreeMap<String, BTreeSet<String>> {
+        let tree = [
+            "tree",
+            "--locked",
+            "--offline",
+            "--edges",
+            "normal,build",
+            "--prefix",
+            "none",
+            "--format",
+            "{p}|{f}",
+        ];
+        let output = Command::new(env!("CARGO"))
+            .args(tree)
+            .args(more)
+            .current_dir(env!("CARGO_MANIFEST_DIR"))
+            .output();
+        let output = output.expect("cargo runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for line in String::from_utf8_lossy(&output.stdout).lines() {
+            if let Some((package, features)) = line.split_once('|') {
+                let features = features.trim_end_matches(" (*)").trim_end();
+                found.entry(package.into()).or_default().insert(features.into());
+            }
+        }
+        found
+    };
+    let (command, python) = (linked(&[]), linked(&["--package", "thirdbounce-python"]));
+    let both: Vec<&String> = python.keys().filter(|package| command.contains_key(*package)).collect();
+    assert!(both.len() > 80, "{both:?}");
+    for package in both {
+        assert_eq!(command[package], python[package], "{package}: see python/Cargo.toml");
+    }
+}

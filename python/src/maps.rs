@@ -8,7 +8,7 @@ use engine::maps::{Layer, Maps, Truth};
 use engine::{Error, Result};
 use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray1};
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict};
+use pyo3::types::{PyBytes, PyDict, PyType};
 
 use crate::capture::flat;
 use crate::error::guarded;
@@ -121,6 +121,29 @@ pub struct PageContent {
     pub light: PageHistograms,
 }
 
+#[pymethods]
+impl PageContent {
+    #[new]
+    fn new(py: Python<'_>, title: String, light: &str) -> PyResult<PageContent> {
+        guarded(py, None, || {
+            let light = serde_json::from_str(light);
+            light.map(|light| PageContent { title, light }).map_err(|e| {
+                Error::options(
+                    format!("the content of a page is none: {e}"),
+                    "leave `page` as it was computed",
+                )
+            })
+        })
+    }
+
+    /// For pickle and copy.
+    fn __reduce__<'py>(slf: &Bound<'py, Self>) -> PyResult<(Bound<'py, PyType>, (String, String))> {
+        let page = slf.get();
+        let light = guarded(slf.py(), None, || packed(serde_json::to_string(&page.light)))?;
+        Ok((slf.get_type(), (page.title.clone(), light)))
+    }
+}
+
 /// JSON, or the error of packing it.
 pub fn packed(json: serde_json::Result<String>) -> Result<String> {
     json.map_err(|e| Error::output(format!("it cannot be packed as JSON: {e}"), "report this as a bug"))
@@ -149,8 +172,8 @@ pub fn read_truth(py: Python<'_>, path: PathBuf) -> PyResult<Bound<'_, PyDict>> 
     truth(py, guarded(py, Some(&place), || export::npz::read_truth(&path))?)
 }
 
-/// Writes maps: one npz file if the path ends in .npz, else a folder with everything that the command writes. `report` is
-/// the text of report.json, `page` what report.html shows of the capture.
+/// Writes maps: one file if the path has an ending, else a folder with everything that the command writes. `report` is the text
+/// of report.json, `page` what report.html shows of the capture.
 #[pyfunction]
 pub fn write_maps(
     py: Python<'_>,
@@ -162,11 +185,8 @@ pub fn write_maps(
     let place = path.display().to_string();
     guarded(py, Some(&place), || {
         let maps = arrays.maps()?;
-        if path.extension().is_some_and(|e| e.eq_ignore_ascii_case("npz")) {
-            return export::npz::write_maps(&path, &maps).map(|()| vec![path]);
-        }
-        let mut written = export::write_maps(&path, &maps)?;
-        if let Some(report) = report {
+        let mut written = export::save(&path, &maps)?;
+        if let Some(report) = report.filter(|_| path.is_dir()) {
             if let Some(page) = page {
                 let file = path.join("report.html");
                 let of_page = serde_json::from_str(&report).map_err(|e| {

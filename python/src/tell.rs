@@ -27,19 +27,36 @@ const EVERY: Duration = Duration::from_millis(200);
 const OF_ESTIMATES: f64 = 0.5;
 
 /// What was reported last. Reports never go back.
-#[derive(Default)]
 struct LastReport {
     /// The frame of a session.
     frame: u64,
+    began: Instant,
     doing: &'static str,
     iteration: usize,
-    seconds: f64,
+    iterations: usize,
+    loss: f64,
+    lateral: usize,
     fraction: f64,
     has_estimates: bool,
     reported: Option<Instant>,
 }
 
 impl LastReport {
+    fn new(frame: u64) -> LastReport {
+        LastReport {
+            frame,
+            began: Instant::now(),
+            doing: "",
+            iteration: 0,
+            iterations: 1,
+            loss: f64::NAN,
+            lateral: 0,
+            fraction: 0.0,
+            has_estimates: false,
+            reported: None,
+        }
+    }
+
     /// The report of a progress; `None` if it is not due.
     fn report(&mut self, progress: &Progress) -> Option<Report> {
         let p = &progress.point;
@@ -49,26 +66,30 @@ impl LastReport {
             Doing::Solve => "solve",
         };
         if doing != self.doing {
-            (self.doing, self.iteration, self.reported) = (doing, 0, None);
+            (self.doing, self.iteration, self.iterations, self.reported) = (doing, 0, 1, None);
             self.has_estimates |= doing == "trial";
         }
-        let iterations = progress.iterations.max(p.iteration).max(1);
-        self.iteration = p.iteration.max(self.iteration).min(iterations);
-        let is_last = self.iteration == iterations;
+        self.iteration = p.iteration.max(self.iteration);
+        self.iterations = progress.iterations.max(self.iteration).max(1);
+        (self.loss, self.lateral) = (p.loss, p.lateral);
+        let is_last = self.iteration == self.iterations;
         if self.reported.is_some_and(|at| at.elapsed() < EVERY) && !is_last {
             return None;
         }
         self.reported = Some(Instant::now());
-        self.seconds = self.seconds.max(p.seconds);
-        let done = self.iteration as f64 / iterations as f64;
+        let done = self.iteration as f64 / self.iterations as f64;
         let of_all = match (doing, self.has_estimates) {
             ("trial", _) => OF_ESTIMATES * done,
             (_, true) => OF_ESTIMATES + (1.0 - OF_ESTIMATES) * done,
             (_, false) => done,
         };
         self.fraction = self.fraction.max(of_all);
-        let remaining = progress.remaining.map(|s| s.max(0.0));
-        Some((doing, self.iteration, iterations, self.seconds, remaining, p.loss, p.lateral, self.fraction))
+        Some(self.now(doing, progress.remaining.map(|s| s.max(0.0))))
+    }
+
+    fn now(&self, doing: &'static str, remaining: Option<f64>) -> Report {
+        let seconds = self.began.elapsed().as_secs_f64();
+        (doing, self.iteration, self.iterations, seconds, remaining, self.loss, self.lateral, self.fraction)
     }
 }
 
@@ -124,7 +145,7 @@ impl Raised {
 
 impl Teller {
     pub fn new(progress: Option<Py<PyAny>>, hears_signals: bool) -> Teller {
-        Teller { progress, hears_signals, raised: Raised::default(), pace: Mutex::default() }
+        Teller { progress, hears_signals, raised: Raised::default(), pace: Mutex::new(LastReport::new(0)) }
     }
 
     /// Where it leaves what is raised.
@@ -137,7 +158,7 @@ impl Teller {
         {
             let mut pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
             if pace.frame != frame {
-                *pace = LastReport { frame, ..LastReport::default() };
+                *pace = LastReport::new(frame);
             }
         }
         self.hear(progress)
@@ -159,19 +180,17 @@ impl Teller {
         }
     }
 
-    /// Reports the end of a solve, which may come before its last iteration.
+    /// Reports the end of a solve, which may come before its last iteration, with what was done.
     pub fn finish(&self) {
         let Some(function) = &self.progress else { return };
-        let (seconds, is_last) = {
-            let pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
-            (pace.seconds, pace.fraction >= 1.0)
+        let report = {
+            let mut pace = self.pace.lock().unwrap_or_else(PoisonError::into_inner);
+            pace.fraction = 1.0;
+            pace.now("done", Some(0.0))
         };
-        if !is_last {
-            let report: Report = ("done", 1, 1, seconds, Some(0.0), f64::NAN, 0, 1.0);
-            let called = Python::try_attach(|py| function.call1(py, report).map(drop));
-            if let Some(Err(raised)) = called {
-                *self.raised.slot() = Some(raised);
-            }
+        let called = Python::try_attach(|py| function.call1(py, report).map(drop));
+        if let Some(Err(raised)) = called {
+            *self.raised.slot() = Some(raised);
         }
     }
 

@@ -23,4 +23,4 @@ def test_an_interrupt_is_heard_while_a_scene_is_rendered():
     threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGINT)).start()
     with pytest.raises(KeyboardInterrupt):
         for _ in range(100):
-            thirdbounce.simulate("figure", scan=64, wall=1.0)
+            thirdbounce.simulate("figure", scan=16, wall=1.0)

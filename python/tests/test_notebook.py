@@ -16,6 +16,9 @@ NOTEBOOK = Path(__file__).parents[2] / "examples/notebook.ipynb"
 
 def test_the_notebook_runs(tmp_path):
     book = nbformat.read(NOTEBOOK, as_version=4)
+    # Who reads it on a page sees what it shows.
+    stored = [output for cell in book.cells if cell.cell_type == "code" for output in cell.outputs]
+    assert sum("image/png" in o.get("data", {}) for o in stored) >= 4
     nbclient.NotebookClient(book, timeout=300, kernel_name="python3", resources={"metadata": {"path": tmp_path}}).execute()
     outputs = [output for cell in book.cells if cell.cell_type == "code" for output in cell.outputs]
     shown = [o["data"]["image/png"] for o in outputs if "image/png" in o.get("data", {})]

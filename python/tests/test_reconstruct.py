@@ -1,7 +1,9 @@
 """Reconstruction: the same maps as the command, and a solve that stops on request."""
 
+import copy
 import json
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -81,6 +83,20 @@ def test_maps_are_saved_and_loaded(tmp_path, maps):
     assert maps._repr_png_().startswith(b"\x89PNG")
 
 
+def test_the_ending_of_a_name_says_what_is_saved(tmp_path, maps):
+    heads = {"npz": b"PK", "mat": b"MATLAB 5.0", "exr": b"\x76\x2f\x31\x01", "ply": b"ply", "png": b"\x89PNG", "svg": b"<svg"}
+    for ending, head in heads.items():
+        file = tmp_path / f"x.{ending}"
+        assert maps.save(file) == [str(file)] and file.read_bytes().startswith(head)
+    with pytest.raises(tb.OptionsError, match=r"\.tiff\n.*\.mat"):
+        maps.save(tmp_path / "x.tiff")
+    scipy = pytest.importorskip("scipy.io")
+    again = scipy.loadmat(tmp_path / "x.mat")
+    np.testing.assert_array_equal(again["depth"], maps.depth)
+    np.testing.assert_array_equal(again["normal"], maps.normals)
+    np.testing.assert_array_equal(again["extent"][0], maps.extent)
+
+
 def test_drawing_needs_matplotlib(tmp_path, maps):
     try:
         import matplotlib
@@ -102,9 +118,9 @@ def test_progress_is_told_and_may_stop_the_solve(capture):
         reports.append(progress)
         return len(reports) < 2
 
-    with pytest.raises(tb.CancelledError):
+    with pytest.raises(tb.CancelledError, match="^cancelled by the caller"):
         tb.reconstruct(capture, on_progress=hear, model="cosine", high_pass=0, lateral=32, iterations=200)
-    assert len(reports) == 2 and isinstance(reports[0], tb.Progress) and reports[0].iterations > 100
+    assert len(reports) == 2 and isinstance(reports[0], tb.Progress) and reports[0].iterations > 50
 
 
 def test_what_a_progress_function_raises_comes_back(capture):
@@ -114,6 +130,74 @@ def test_what_a_progress_function_raises_comes_back(capture):
     with pytest.raises(KeyError, match="mine"):
         tb.reconstruct(capture, on_progress=hear, **SHORT)
     assert tb.reconstruct(capture, **SHORT).mask.any()
+
+
+def test_progress_never_goes_back_and_the_end_says_what_was_done(capture):
+    reports, start = [], time.monotonic()
+    maps = tb.reconstruct(capture, on_progress=lambda p: reports.append((time.monotonic() - start, p)), lateral=32)
+    taken = time.monotonic() - start
+    *before, (_, last) = reports
+    assert {p.doing for _, p in before} == {"trial", "solve"}
+    for name in ["fraction", "seconds"]:
+        values = [getattr(p, name) for _, p in reports]
+        assert values == sorted(values), name
+    for doing in ["trial", "solve"]:
+        done = [p.iteration for _, p in before if p.doing == doing]
+        assert done == sorted(done) and all(p.iteration <= p.iterations for _, p in before)
+    # Seconds are those of the clock on the wall.
+    assert all(at - 0.5 < p.seconds <= at for at, p in reports) and taken - 1 < last.seconds <= taken
+    solved = [p for _, p in before if p.doing == "solve"][-1]
+    assert last.doing == "done" and last.fraction == 1.0 and last.remaining == 0.0
+    assert last.iteration >= solved.iteration and last.iterations == solved.iterations
+    assert last.iteration == maps.report["trace"][-1]["iteration"]
+
+
+def test_ctrl_c_of_paper_answers_at_once_and_its_first_block_is_seen():
+    """An iteration takes longer than a second."""
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 32), np.linspace(-0.5, 0.5, 32), indexing="ij")
+    points = np.stack([x, y, np.zeros_like(x)], axis=-1)
+    counts = np.random.default_rng(1).random((32, 32, 512), dtype=np.float32)
+    waits = []
+    for _ in range(3):
+        after, reports = [], []
+        interrupt = lambda: (after.append(time.monotonic()), os.kill(os.getpid(), signal.SIGINT))  # noqa: E731
+        threading.Timer(1.2, interrupt).start()
+        with pytest.raises(KeyboardInterrupt):
+            tb.reconstruct(counts, points, bin_width=0.006, solver="paper", on_progress=reports.append)
+        waits.append(time.monotonic() - after[0])
+        assert reports and reports[0].seconds < 1.2 and reports[0].doing == "solve"
+        # Another program may take the processors meanwhile.
+        if waits[-1] < 0.3:
+            return
+    raise AssertionError(waits)
+
+
+def test_what_a_benchmark_leaves_out_is_said():
+    capture, truth = tb.simulate("plane", scan=6, bin_width=0.04, noise=0.3, pairs="one-laser")
+    with pytest.warns(UserWarning, match="lct is left out: .+"):
+        results = tb.benchmark(capture, truth, ["lct", "fbp"], lateral=16)
+    assert list(results) == ["fbp"]
+
+
+def test_maps_and_captures_can_be_pickled_and_copied(tmp_path, capture, maps):
+    for copied in [copy.deepcopy(maps), pickle.loads(pickle.dumps(maps))]:
+        assert copied.depth.tobytes() == maps.depth.tobytes() and copied.report == maps.report
+        copied.save(tmp_path / "copied")
+        assert (tmp_path / "copied/report.html").stat().st_size > 100000
+    for copied in [copy.deepcopy(capture), pickle.loads(pickle.dumps(capture))]:
+        assert copied.H.tobytes() == capture.H.tobytes() and copied.is_confocal
+        assert tb.reconstruct(copied, **SHORT).depth.tobytes() == maps.depth.tobytes()
+
+
+@pytest.mark.parametrize(("name", "like"), [("laterl", "lateral"), ("iteration", "iterations"), ("on_progres", "on_progress")])
+def test_similar_names_are_named(capture, name, like):
+    with pytest.raises(tb.OptionsError, match=f"did you mean {like}"):
+        tb.reconstruct(capture, **{name: 1})
+
+
+def test_names_and_words_may_be_of_any_case(capture, maps):
+    assert tb.reconstruct(capture, **{**SHORT, "model": "Cosine", "Stride": 1}).depth.tobytes() == maps.depth.tobytes()
+    assert tb.reconstruct(capture, solver="LCT", lateral=16).report["settings"]["solver"] == "lct"
 
 
 LONG = {"model": "cosine", "lateral": 64, "iterations": 100000}

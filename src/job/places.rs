@@ -14,8 +14,10 @@ pub const PREVIEW: &str = "preview.png";
 pub const PAGE: &str = "report.html";
 
 /// Files that a run writes into its folder, the preview among them.
-const RESULTS: [&str; 11] = [
+const RESULTS: [&str; 13] = [
     "maps.npz",
+    "maps.mat",
+    "maps.svg",
     "maps.exr",
     "albedo.png",
     "depth.png",

@@ -74,7 +74,7 @@ impl Preview {
         match hear(&progress) {
             ControlFlow::Continue(()) => Ok(Some(preview)),
             ControlFlow::Break(()) => {
-                Err(Error::new(Kind::Cancelled, "cancelled before the solve", "run it again"))
+                Err(Error::new(Kind::Cancelled, "cancelled by the caller before the solve", "run it again"))
             }
         }
     }

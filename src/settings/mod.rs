@@ -167,22 +167,29 @@ impl Settings {
     pub fn from_texts<'t>(texts: impl IntoIterator<Item = (&'t str, &'t str)> + Clone) -> Result<Settings> {
         let mut settings = Settings::default();
         // The method decides on the keys that there are.
-        for (_, text) in texts.clone().into_iter().filter(|(key, _)| *key == "solver") {
-            settings.set("solver", text)?;
+        let is_solver = |key: &str| key.eq_ignore_ascii_case("solver");
+        for (key, text) in texts.clone().into_iter().filter(|(key, _)| is_solver(key)) {
+            settings.set(key, text)?;
         }
-        for (key, text) in texts.into_iter().filter(|(key, _)| *key != "solver") {
+        for (key, text) in texts.into_iter().filter(|(key, _)| !is_solver(key)) {
             settings.set(key, text)?;
         }
         Ok(settings)
     }
 
-    /// Sets a field, or an option of the method, by its key (with underscores or dashes) to a value as text. `solver` chooses
-    /// the method, and drops options of another one.
+    /// Sets a field, or an option of the method, by its key (with underscores or dashes) to a value as text. Keys and words may
+    /// be of any case. `solver` chooses the method, and drops options of another one.
     ///
     /// # Errors
     /// A key that neither the settings nor the method have, or a value that it does not take, with the values that it takes.
     pub fn set(&mut self, key: &str, text: &str) -> Result<()> {
-        let key = key.replace('-', "_");
+        let key = key.replace('-', "_").to_lowercase();
+        let rows = Settings::all_rows();
+        let row = rows.iter().map(|(row, _)| row).find(|row| row.key == key);
+        let is_word =
+            matches!(&*key, "solver" | "model") || row.is_some_and(|r| matches!(r.range, Range::Words(_)));
+        let lowered = is_word.then(|| text.to_lowercase());
+        let text = lowered.as_deref().unwrap_or(text);
         if key == "solver" {
             let named = method(text.trim())?;
             if named.name() != self.method.name() {
@@ -194,13 +201,18 @@ impl Settings {
             return set.map_err(|want| Error::options(format!("{key} is {}", text.trim()), want));
         }
         if !self.has(&key) {
-            let known = Settings::all_rows().iter().any(|(row, _)| row.key == key);
-            return Err(match known {
+            let mut known: Vec<&str> = rows.iter().map(|(row, _)| row.key).chain(["solver"]).collect();
+            known.sort_by_key(|name| text::distance(name, &key));
+            let similar = known.first().filter(|name| 3 * text::distance(name, &key) <= key.len());
+            let meant = similar.map_or_else(String::new, |name| format!("did you mean {name}? "));
+            return Err(match row.is_some() {
                 true => Error::options(
                     format!("{key} is no option of the solver {}", self.method.name()),
                     advice!["leave it out, or choose another solver; see "[Options]],
                 ),
-                false => Error::options(format!("there is no setting {key:?}"), advice!["see "[Options]]),
+                false => {
+                    Error::options(format!("there is no setting {key:?}"), advice![(meant) "see "[Options]])
+                }
             });
         }
         self.method.set_text(&key, text)
@@ -337,6 +349,10 @@ mod tests {
         assert_eq!((paper.domain.reduce, paper.learning_rate), (Some(false), Some(0.5)));
         assert_eq!(settings.volume.unwrap().max.to_array(), [0.5, 0.5, 1.2]);
         assert_eq!(settings.memory, Some(2 << 30));
+        let in_capitals =
+            Settings::from_texts([("Solver", "LCT"), ("LATERAL", "32"), ("Model", "Lambertian")]);
+        let as_usual = Settings::from_texts([("solver", "lct"), ("lateral", "32"), ("model", "lambertian")]);
+        assert_eq!(in_capitals.unwrap(), as_usual.unwrap());
     }
 
     #[test]
@@ -350,6 +366,8 @@ mod tests {
         for (key, text, words) in [
             ("solver", "magic", "paper or surface"),
             ("nonsense", "1", "no setting"),
+            ("laterl", "64", "did you mean lateral?"),
+            ("iteration", "64", "did you mean iterations?"),
             ("l1", "1", "no option of the solver surface"),
             ("reflectance", "cosine", "no setting"),
             ("lateral", "wide", "a whole number from 1 to 4096"),

@@ -130,6 +130,19 @@ fn wanted(error: Error) -> String {
     error.hint.to_string()
 }
 
+/// Letters to add, drop or replace between two names.
+pub fn distance(a: &str, b: &str) -> usize {
+    let mut row: Vec<usize> = (0..=b.len()).collect();
+    for (i, from) in a.bytes().enumerate() {
+        let mut corner = std::mem::replace(&mut row[0], i + 1);
+        for (j, to) in b.bytes().enumerate() {
+            let all = [row[j] + 1, row[j + 1] + 1, corner + usize::from(from != to)];
+            corner = std::mem::replace(&mut row[j + 1], all.into_iter().min().unwrap_or(0));
+        }
+    }
+    row[b.len()]
+}
+
 pub fn number(text: &str) -> Read<f64> {
     units::number(text).map_err(|why| format!("give a number: {why}"))
 }

@@ -1,6 +1,6 @@
 //! A planned solve on the device: its buffers and kernels, what is uploaded before it and read after it.
 
-use std::ops::Range;
+use std::ops::{ControlFlow, Range};
 use std::sync::Arc;
 
 use super::estimate::{energy, expected_noise};
@@ -269,9 +269,16 @@ pub(super) struct Lists {
 }
 
 impl Lists {
-    /// Submits the block, and empties it.
-    pub fn submit(&mut self, executor: &mut Executor) -> Result<Ticket> {
-        let submitted = executor.submit(&self.block);
+    /// Submits the block, and empties it. `hear` is called on the way ([`Executor::submit_heard`]), if it is given.
+    pub fn submit(
+        &mut self,
+        executor: &mut Executor,
+        hear: Option<&mut dyn FnMut() -> ControlFlow<()>>,
+    ) -> Result<Option<Ticket>> {
+        let submitted = match hear {
+            Some(hear) => executor.submit_heard(&self.block, hear),
+            None => executor.submit(&self.block).map(Some),
+        };
         self.block.clear();
         submitted
     }

@@ -5,7 +5,7 @@ use std::path::Path;
 use fixtures::captures::{assert_error, place, ramp};
 use thirdbounce::Kind;
 use thirdbounce::export::volume::VolumeArrays;
-use thirdbounce::export::{self, npz, picture, ply, png as pictures, report, volume};
+use thirdbounce::export::{self, foreign, npz, picture, ply, png as pictures, report, volume};
 use thirdbounce::files::atomic;
 use thirdbounce::maps::{Layer, Maps, Truth};
 use thirdbounce::measure::Metrics;
@@ -39,6 +39,50 @@ fn maps_come_back() {
     assert_error(npz::read_truth(&path), Kind::Input, &["maps.npz", "gt_depth", "it holds albedo"]);
     assert_error(npz::read_maps(path.parent().unwrap()), Kind::Input, &["folder"]);
     assert_error(npz::read_maps(Path::new("missing.npz")), Kind::Input, &["missing.npz", "cannot be read"]);
+}
+
+/// `maps.save("x.mat")` and its like write that one file; MATLAB's indices are those of the npz.
+#[test]
+fn maps_are_saved_as_the_file_that_the_name_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let mut m = maps();
+    m.depth_error = Some((0..8).map(|p| 0.001 * (p + 1) as f32).collect());
+    for (name, head) in [
+        ("x.npz", &b"PK"[..]),
+        ("x.mat", b"MATLAB 5.0"),
+        ("x.exr", b"\x76\x2f\x31\x01"),
+        ("x.ply", b"ply\n"),
+        ("x.PNG", b"\x89PNG"),
+        ("x.svg", b"<svg"),
+    ] {
+        assert_eq!(export::save(&at(name), &m).unwrap(), [at(name)]);
+        assert!(std::fs::read(at(name)).unwrap().starts_with(head), "{name}");
+    }
+    let back = foreign::read(&at("x.mat"), [0.0; 4]).unwrap();
+    assert!(same(&back.depth, &m.depth) && same(&back.albedo, &m.albedo) && back.mask == m.mask);
+    assert!(same(back.normal.as_flattened(), m.normal.as_flattened()) && back.extent == m.extent);
+    assert_error(export::save(&at("x.tiff"), &m), Kind::Options, &[".tiff", ".mat", "folder"]);
+    assert!(!at("x.tiff").exists());
+    assert!(export::save(&at("folder"), &m).unwrap().contains(&at("folder").join("maps.svg")));
+    // A folder that is there may have any name.
+    std::fs::create_dir(at("run.2")).unwrap();
+    assert!(export::save(&at("run.2"), &m).unwrap().len() > 5);
+
+    // The figure for papers is white with text as text; the maps alone have white where there is no surface.
+    let svg = std::fs::read_to_string(at("x.svg")).unwrap();
+    for part in ["fill=\"#fff\"", ">Albedo<", ">Depth<", ">Normals<", ">Expected depth error<", ">x, m<"] {
+        assert!(svg.contains(part), "{part}");
+    }
+    let file = std::io::BufReader::new(std::fs::File::open(at("x.PNG")).unwrap());
+    let mut reader = png::Decoder::new(file).read_info().unwrap();
+    let mut rgb = vec![0; reader.output_buffer_size().unwrap()];
+    let (width, height) =
+        (reader.info().width as usize, reader.next_frame(&mut rgb).unwrap().height as usize);
+    assert_eq!((width, height), (4 * 512 + 3 * 16, 256));
+    let pixel = |x: usize, y: usize| [0, 1, 2].map(|c| rgb[3 * (y * width + x) + c]);
+    // In the depths (3, 1) is at the upper left, and (2, 1) beside it is no surface.
+    assert!(pixel(528, 0) != [255; 3] && pixel(528 + 200, 0) == [255; 3]);
 }
 
 #[test]

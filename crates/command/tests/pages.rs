@@ -93,6 +93,23 @@ fn links_lead_somewhere() {
     assert!(broken.is_empty(), "links that lead nowhere:\n{}", broken.join("\n"));
 }
 
+/// Packages hold the pages for users, whose links lead to each other or to the web.
+#[test]
+fn links_of_packaged_pages_lead_somewhere() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let copy = Command::new("python3").arg(".ci/pages.py").arg(folder.path()).current_dir(root()).output();
+    let Ok(copied) = copy else {
+        eprintln!("skipped: there is no python3");
+        return;
+    };
+    assert!(copied.status.success(), "{}", stderr(&copied));
+    let pages = files(folder.path(), &[".md"]);
+    assert!(pages.len() > 12 && folder.path().join("docs/demo.png").is_file());
+    assert!(pages.iter().map(|page| links(&read(page)).len()).sum::<usize>() > 50, "links stay");
+    let broken = broken(&pages);
+    assert!(broken.is_empty(), "links that lead nowhere:\n{}", broken.join("\n"));
+}
+
 #[test]
 fn broken_links_are_seen() {
     let folder = tempfile::tempdir().expect("a folder");

@@ -20,16 +20,26 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     png::write(path, &picture(maps))
 }
 
-fn picture(maps: &Maps) -> Picture {
-    let error = |p: usize| maps.depth_error.as_ref().map(|c| c[p]).filter(|c| maps.mask[p] && c.is_finite());
-    let all: Vec<f32> = (0..maps.depth.len()).filter_map(error).collect();
+/// The expected depth error of a masked pixel.
+pub(super) fn of(maps: &Maps, pixel: usize) -> Option<f32> {
+    maps.depth_error.as_ref().map(|all| all[pixel]).filter(|error| maps.mask[pixel] && error.is_finite())
+}
+
+/// 1st and 99th percentile of the errors shown.
+pub(super) fn range(maps: &Maps) -> Option<(f64, f64)> {
+    let all: Vec<f32> = (0..maps.depth.len()).filter_map(|p| of(maps, p)).collect();
     let ends = percentile(&all, 1.0).zip(percentile(&all, 99.0)).filter(|(least, _)| *least > 0.0);
-    let ends = ends.map(|(least, most)| (f64::from(least), f64::from(most)));
+    ends.map(|(least, most)| (f64::from(least), f64::from(most)))
+}
+
+fn picture(maps: &Maps) -> Picture {
+    let ends = range(maps);
     let share = |c: f32| match ends {
         Some((least, most)) if most > least => (f64::from(c) / least).ln() / (most / least).ln(),
         _ => 0.0,
     };
-    let map = Picture::of_maps(maps, enlargement(maps), |p| error(p).map_or(BACKGROUND, |c| shade(share(c))));
+    let map =
+        Picture::of_maps(maps, enlargement(maps), |p| of(maps, p).map_or(BACKGROUND, |c| shade(share(c))));
     let map = png::with_axes(&map, maps);
     let Some((least, most)) = ends else { return map };
     let labels = [most, (least * most).sqrt(), least].map(|m| format!("{} mm", millimetres(m)));

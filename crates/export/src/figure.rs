@@ -2,6 +2,8 @@
 
 use std::fmt::Write as _;
 
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
 use zeno::{Cap, Command, Join, Mask, PathBuilder, Stroke};
 
 use super::picture::Picture;
@@ -55,6 +57,12 @@ enum FigureShape {
     },
     /// Two opposite corners.
     Bar([f64; 2], [f64; 2]),
+    /// Left, top, width and height of a picture, whose pixels become rectangles; and the picture as PNG in base64.
+    Image {
+        picture: Picture,
+        place: [f64; 4],
+        packed: String,
+    },
     /// Share of the text to the left of x; y is its middle.
     Text {
         words: String,
@@ -91,6 +99,12 @@ impl Figure {
 
     pub(super) fn bar(&mut self, from: [f64; 2], to: [f64; 2], colour: Colour) {
         self.shapes.push((FigureShape::Bar(from, to), colour));
+    }
+
+    /// A picture at left, top, width and height; `packed` is its PNG.
+    pub(super) fn image(&mut self, picture: Picture, packed: &[u8], place: [f64; 4]) {
+        let packed = STANDARD.encode(packed);
+        self.shapes.push((FigureShape::Image { picture, place, packed }, INK));
     }
 
     /// A line of text of `em` pixels per em that starts at x, centred at y.
@@ -135,6 +149,11 @@ impl Figure {
                     (x1 - x0).abs(),
                     (y1 - y0).abs()
                 ),
+                FigureShape::Image { place: [x, y, w, h], packed, .. } => writeln!(
+                    out,
+                    "<image x=\"{x}\" y=\"{y}\" width=\"{w}\" height=\"{h}\" preserveAspectRatio=\"none\" \
+                     style=\"image-rendering:pixelated\" href=\"data:image/png;base64,{packed}\"/>"
+                ),
                 FigureShape::Text { words, at: [x, y], em, left } => writeln!(
                     out,
                     "<text x=\"{x:.2}\" y=\"{:.2}\" font-size=\"{em}\" fill=\"{colour}\" text-anchor=\"{}\">{}</text>",
@@ -153,6 +172,10 @@ impl Figure {
         let mut picture = Picture::new(w as usize, h as usize);
         picture.fill(0, 0, w as usize, h as usize, [255; 3]);
         for (shape, colour) in &self.shapes {
+            if let FigureShape::Image { picture: image, place, .. } = shape {
+                picture.stretch(image, place.map(|v| v.round() as usize));
+                continue;
+            }
             let mut ink = |at, cover| picture.blend(at, *colour, cover);
             let point = |[x, y]: [f64; 2]| [x as f32, y as f32];
             let mut path: Vec<Command> = vec![];
@@ -182,6 +205,7 @@ impl Figure {
                     path.add_rect(point(low), (to[0] - from[0]).abs() as f32, (to[1] - from[1]).abs() as f32);
                     text::paint(&Mask::new(&path), &mut ink);
                 }
+                FigureShape::Image { .. } => {}
                 FigureShape::Text { words, at: [x, y], em, left } => {
                     let x = *x as f32 - *left as f32 * text::width(words, *em as f32);
                     text::write(words, [x, (y + DOWN * em) as f32], *em as f32, ink);
@@ -203,6 +227,9 @@ mod tests {
         figure.dashes(&[[0.0, 10.0], [28.0, 10.0]], COLOURS[1]);
         figure.disc([10.0, 20.0], 4.0, COLOURS[2]);
         figure.bar([20.0, 30.0], [30.0, 22.0], COLOURS[3]);
+        let mut image = Picture::new(2, 1);
+        image.fill(1, 0, 1, 1, COLOURS[4]);
+        figure.image(image, b"PNG", [40.0, 12.0, 10.0, 6.0]);
         figure.label("<a & b>", BODY, INK, [58.0, 34.0], 1.0);
         let svg = figure.svg();
         for part in [
@@ -210,6 +237,7 @@ mod tests {
             "stroke-dasharray",
             "<circle cx=\"10.00\"",
             "y=\"22.00\" width=\"10.00\" height=\"8.00\"",
+            "<image x=\"40\" y=\"12\" width=\"10\" height=\"6\"",
             ">&lt;a &amp; b&gt;</text>",
         ] {
             assert!(svg.contains(part), "{part}: {svg}");
@@ -219,6 +247,7 @@ mod tests {
         assert_eq!(at(30, 5), COLOURS[0]);
         assert!(at(3, 9) != [255; 3] && at(10, 9) == [255; 3], "a dash and a gap");
         assert_eq!([at(10, 20), at(25, 26), at(2, 38)], [COLOURS[2], COLOURS[3], [255; 3]]);
+        assert_eq!([at(44, 15), at(45, 15)], [super::super::picture::BACKGROUND, COLOURS[4]]);
         assert!((30..58).any(|x| at(x, 34) != [255; 3]), "text ends at the right");
         // An empty figure renders empty.
         let mut empty = Figure::new([3.0, 3.0]);

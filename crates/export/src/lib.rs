@@ -14,6 +14,7 @@ pub mod figure;
 pub mod foreign;
 pub mod index;
 pub mod inspection;
+pub mod mat;
 pub mod mesh;
 pub mod npz;
 pub mod page;
@@ -21,6 +22,7 @@ pub mod picture;
 pub mod plot;
 pub mod ply;
 pub mod png;
+pub mod print;
 pub mod report;
 mod text;
 pub mod volume;
@@ -31,20 +33,23 @@ use thirdbounce_base::{advice, error, files};
 use thirdbounce_capture as capture;
 use thirdbounce_maps::{maps, measure, verdict};
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::maps::Maps;
 
-/// Writes the maps in every format into `folder` (created if missing): `maps.npz`, `maps.exr`, `albedo.png`,
-/// `depth.png`, `normal.png`, `points.ply`, `mesh.ply`, and `depth_error.png` if the expected depth error is known.
-/// Returns the paths.
+type Writer = fn(&Path, &Maps) -> Result<()>;
+
+/// Writes the maps in every format into `folder` (created if missing): `maps.npz`, `maps.mat`, `maps.exr`, `maps.svg`,
+/// `albedo.png`, `depth.png`, `normal.png`, `points.ply`, `mesh.ply`, and `depth_error.png` if the expected depth error is
+/// known. Returns the paths.
 ///
 /// # Errors
 /// `Kind::Input` if the maps' sizes do not agree, `Kind::Output` if a file cannot be written.
 pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {
-    type Writer = fn(&Path, &Maps) -> Result<()>;
-    let writers: [(&str, Writer); 8] = [
+    let writers: [(&str, Writer); 10] = [
         ("maps.npz", npz::write_maps),
+        ("maps.mat", mat::write),
         ("maps.exr", exr::write),
+        ("maps.svg", print::write),
         ("albedo.png", png::write_albedo),
         ("depth.png", png::write_depth),
         ("normal.png", png::write_normal),
@@ -60,4 +65,31 @@ pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {
         written.push(path);
     }
     Ok(written)
+}
+
+/// Formats that hold maps in one file.
+const FILES: [(&str, Writer); 6] = [
+    ("npz", npz::write_maps),
+    ("mat", mat::write),
+    ("exr", exr::write),
+    ("ply", ply::write),
+    ("png", print::write_plain),
+    ("svg", print::write),
+];
+
+/// Writes maps to `path`: one file of the format of its ending, or into a folder ([`write_maps`]) if it has no ending or
+/// is a folder. Returns the paths.
+///
+/// # Errors
+/// `Kind::Options` for an unknown ending, and those of [`write_maps`].
+pub fn save(path: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {
+    let Some(ending) = path.extension().filter(|_| !path.is_dir()) else { return write_maps(path, maps) };
+    let Some((_, write)) = FILES.iter().find(|(known, _)| ending.eq_ignore_ascii_case(known)) else {
+        let known = FILES.map(|(ending, _)| format!(".{ending}")).join(", ");
+        return Err(Error::options(
+            format!("maps are not saved as .{}", ending.display()),
+            format!("give a file that ends in {known}, or a folder: a name without an ending"),
+        ));
+    };
+    write(path, maps).map(|()| vec![path.into()])
 }

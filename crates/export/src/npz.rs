@@ -26,6 +26,11 @@ const TRUTH_LAYERS: [&str; 4] = ["", "gt_layers_depth", "gt_layers_normal", "gt_
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {
+    atomic::write(path, &npz_bytes(&arrays(maps)?)?)
+}
+
+/// The arrays of [`write_maps`] with their names.
+pub(super) fn arrays(maps: &Maps) -> Result<Vec<(&'static str, Array)>> {
     maps.check()?;
     let shape = [maps.nx, maps.ny];
     let mut arrays = vec![
@@ -51,7 +56,7 @@ pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {
         let first = [&maps.depth[..], maps.normal.as_flattened()];
         arrays.extend(layers(MAPS_LAYERS, shape, first, &maps.mask, behind));
     }
-    atomic::write(path, &npz_bytes(&arrays)?)
+    Ok(arrays)
 }
 
 /// Reads maps. A missing `mask` is derived from the albedo by `mask_fraction` or [`Maps::MASK_FRACTION`].

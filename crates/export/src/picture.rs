@@ -87,6 +87,14 @@ impl Picture {
         }
     }
 
+    /// Copies another picture, stretched to left, top, width and height.
+    pub fn stretch(&mut self, other: &Picture, [x, y, width, height]: [usize; 4]) {
+        for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
+            let at = 3 * (row * other.height / height * other.width + column * other.width / width);
+            self.fill(x + column, y + row, 1, 1, [other.rgb[at], other.rgb[at + 1], other.rgb[at + 2]]);
+        }
+    }
+
     /// Blends `colour` into the pixel `[column, row]`, if inside. `cover` is the weight of `colour`, from 0 to 1.
     pub fn blend(&mut self, [column, row]: [i32; 2], colour: [u8; 3], cover: f64) {
         let within = (0..self.width as i32).contains(&column) && (0..self.height as i32).contains(&row);

@@ -79,7 +79,7 @@ pub fn depth_of(maps: &Maps) -> Picture {
 }
 
 /// 1st and 99th percentile of the depths shown; `None` without any.
-fn shown_range(maps: &Maps) -> Option<[f64; 2]> {
+pub(super) fn shown_range(maps: &Maps) -> Option<[f64; 2]> {
     let depths: Vec<f32> = (0..maps.depth.len()).filter(|&p| shows(maps, p)).map(|p| maps.depth[p]).collect();
     let range = percentile(&depths, 1.0).zip(percentile(&depths, 99.0));
     range.map(|(near, far)| [f64::from(near), f64::from(far)])
@@ -92,7 +92,7 @@ pub fn depth_between(maps: &Maps, [near, far]: [f64; 2]) -> Picture {
 }
 
 /// Whether a pixel has a depth to show.
-fn shows(maps: &Maps, pixel: usize) -> bool {
+pub(super) fn shows(maps: &Maps, pixel: usize) -> bool {
     maps.mask[pixel] && maps.depth[pixel].is_finite()
 }
 

@@ -1,10 +1,13 @@
 //! Execution of schedules and division of long ones.
 
+use std::ops::ControlFlow;
+
 use super::device::Gpu;
 use super::executor::Executor;
 use super::flight::Ticket;
+use super::instance::DeviceKind;
 use super::memory::{Arena, SIZE_BACK};
-use super::pace::divided;
+use super::pace::{divided, parts};
 use super::place::Place;
 use super::schedule::{Command, Schedule, Size};
 use crate::Result;
@@ -38,18 +41,54 @@ impl Executor {
         }
     }
 
+    /// As [`Executor::submit`]. Where the host's processors are the device, the schedule runs in parts of about a tenth of a
+    /// second, and `hear` is called after each: `None` if it breaks, which leaves the rest out.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn submit_heard(
+        &mut self,
+        schedule: &Schedule,
+        hear: &mut dyn FnMut() -> ControlFlow<()>,
+    ) -> Result<Option<Ticket>> {
+        if self.gpu.info.kind != DeviceKind::Cpu || self.gpu.faults().shuffle.is_some() {
+            return self.submit(schedule).map(Some);
+        }
+        let most = self.pace.heard().min(self.gpu.limits.work).min(self.pace.submission());
+        self.submit_parts(&schedule.commands, [most; 2], &mut |executor, part| {
+            executor.wait(part)?;
+            Ok(hear())
+        })
+    }
+
     fn submit_as_it_is(&mut self, commands: &[Command]) -> Result<Ticket> {
-        let commands = &*divided(commands, self.gpu.limits.work);
+        let most = [self.gpu.limits.work, self.pace.submission()];
+        let last = self.submit_parts(commands, most, &mut |_, _| Ok(ControlFlow::Continue(())))?;
+        Ok(last.unwrap_or(Ticket(self.submitted)))
+    }
+
+    /// Submits commands with at most these loop turns in a dispatch and in a part, and calls `after` after each part: `None` if
+    /// it breaks.
+    fn submit_parts(
+        &mut self,
+        commands: &[Command],
+        [of_dispatch, of_part]: [u64; 2],
+        after: &mut dyn FnMut(&mut Executor, Ticket) -> Result<ControlFlow<()>>,
+    ) -> Result<Option<Ticket>> {
+        let commands = &*divided(commands, of_dispatch);
         let mut open = None;
         let mut last = Ticket(self.submitted);
-        for part in self.pace.parts(commands) {
+        for part in parts(commands, of_part) {
             let commands = &commands[part];
             last = self.submit_part(commands, open)?;
+            if after(self, last)?.is_break() {
+                return Ok(None);
+            }
             let mut stages =
                 commands.iter().filter_map(|c| if let Command::Stage(s) = c { Some(s) } else { None });
             open = stages.next_back().or(open);
         }
-        Ok(last)
+        Ok(Some(last))
     }
 
     /// Submits a schedule with its dispatches in pieces and in shuffled order. Reads the sizes of indirect dispatches

@@ -21,6 +21,9 @@ const SUBMISSION: f64 = 0.1;
 const DISPATCH: f64 = 0.04;
 const DISPATCH_OF_INTEGRATED: f64 = 0.16;
 
+/// Work between two calls of who hears of a run on the host's processors, seconds.
+const HEARD: f64 = 0.1;
+
 /// Shorter submissions, in seconds, measure overhead rather than the device.
 const MEASURABLE: f64 = 1e-3;
 
@@ -129,12 +132,17 @@ impl Pace {
     }
 
     /// Maximum loop turns per submission.
-    fn submission(&self) -> u64 {
+    pub fn submission(&self) -> u64 {
         match (self.given, self.kind) {
             (Some(given), _) => given,
             (None, DeviceKind::Cpu) => u64::MAX,
             _ => (SUBMISSION * self.rate) as u64,
         }
+    }
+
+    /// Loop turns between two calls of who hears of a run.
+    pub fn heard(&self) -> u64 {
+        (HEARD * self.rate) as u64
     }
 
     /// Updates the rate from a finished submission of at most `work` turns. The rate decreases immediately and
@@ -163,25 +171,25 @@ impl Pace {
         let base = if self.kind == DeviceKind::Cpu { WATCHDOG_OF_CPU } else { WATCHDOG };
         Duration::from_secs_f64(base + TIMEOUT_RATIO * work as f64 / rate_of(self.kind))
     }
+}
 
-    /// Parts of a schedule to submit separately: each with the work of one submission, or a single longer dispatch.
-    /// One empty part for an empty schedule.
-    pub fn parts<'c>(&self, commands: &'c [Command]) -> impl Iterator<Item = Range<usize>> + use<'c> {
-        let (most, mut next) = (self.submission(), Some(0));
-        iter::from_fn(move || {
-            let from = next.take()?;
-            let mut sum = 0u64;
-            for (i, command) in commands.iter().enumerate().skip(from) {
-                let work = command.work();
-                if sum > 0 && work > 0 && sum.saturating_add(work) > most {
-                    next = Some(i);
-                    return Some(from..i);
-                }
-                sum = sum.saturating_add(work);
+/// Parts of a schedule to submit separately: each with at most `most` loop turns, or a single longer dispatch. One empty
+/// part for an empty schedule.
+pub(super) fn parts(commands: &[Command], most: u64) -> impl Iterator<Item = Range<usize>> {
+    let mut next = Some(0);
+    iter::from_fn(move || {
+        let from = next.take()?;
+        let mut sum = 0u64;
+        for (i, command) in commands.iter().enumerate().skip(from) {
+            let work = command.work();
+            if sum > 0 && work > 0 && sum.saturating_add(work) > most {
+                next = Some(i);
+                return Some(from..i);
             }
-            Some(from..commands.len())
-        })
-    }
+            sum = sum.saturating_add(work);
+        }
+        Some(from..commands.len())
+    })
 }
 
 #[cfg(test)]
@@ -200,7 +208,7 @@ mod tests {
     #[test]
     fn a_submission_holds_as_much_work_as_it_may() {
         let pace = Pace::new(DeviceKind::Discrete, Some(10));
-        let parts = |pace: &Pace, works: &[u64]| pace.parts(&of(works)).collect::<Vec<_>>();
+        let parts = |pace: &Pace, works: &[u64]| parts(&of(works), pace.submission()).collect::<Vec<_>>();
         assert_eq!(parts(&pace, &[]), vec![Range { start: 0, end: 0 }]);
         assert_eq!(parts(&pace, &[0, 4, 6, 0, 1, 0]), [0..4, 4..6]);
         assert_eq!(parts(&pace, &[30, 0, 30]), [0..2, 2..3], "a dispatch is not divided here");
@@ -257,7 +265,7 @@ mod tests {
         let mut longest = 0.0f64;
         let mut at = 0;
         while at < all.len() {
-            let part = pace.parts(&all[at..]).next().expect("one at least");
+            let part = parts(&all[at..], pace.submission()).next().expect("one at least");
             let work: u64 = all[at..][part.clone()].iter().map(Command::work).sum();
             let seconds = work as f64 / slow;
             if at > 0 {

@@ -114,16 +114,13 @@ impl Pipeline {
                     .module(made.module)
                     .name(c"main")
                     .specialization_info(&special);
-                let mut flags = vk::PipelineCreateFlags::empty();
+                // Long dispatches are divided.
+                let mut flags = vk::PipelineCreateFlags::DISPATCH_BASE;
                 if gpu.statistics.is_some() {
                     flags |= vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR;
                 }
                 if gpu.has_listings {
                     flags |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
-                }
-                // Long dispatches are divided on devices with a limit.
-                if gpu.faults().shuffle.is_some() || gpu.limits.work < u64::MAX {
-                    flags |= vk::PipelineCreateFlags::DISPATCH_BASE;
                 }
                 let info =
                     [vk::ComputePipelineCreateInfo::default().stage(stage).layout(made.layout).flags(flags)];

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
 import os
-from typing import Any, Dict, List, Optional, Tuple
+from typing import Any, Dict, List, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -57,8 +58,13 @@ def as_array(value: Any, dtype: Any, name: str) -> np.ndarray:
     return np.ascontiguousarray(plain(value, name), dtype=dtype)
 
 
-def texts(settings: Dict[str, Any]) -> List[Tuple[str, str]]:
-    """Settings as text, by their names; those that are None are left out."""
+def texts(settings: Dict[str, Any], arguments: Sequence[str] = ()) -> List[Tuple[str, str]]:
+    """Settings as text, by their names; those that are None are left out. A name like one of the function's own arguments is
+    refused; those like a setting the native part refuses."""
+    for name in settings:
+        meant = difflib.get_close_matches(name.lower(), arguments, 1, 0.8)
+        if meant:
+            raise refuse(f"there is no argument {name}", f"did you mean {meant[0]}?")
     return [(name, _text(name, value)) for name, value in settings.items() if value is not None]
 
 

@@ -101,8 +101,10 @@ class Maps:
     def save(self, path: Path) -> List[str]:
         """Writes the maps, and returns the paths of the files.
 
-        A path that ends in .npz is one file of arrays; any other is a folder with what the command writes: maps.npz,
-        maps.exr, pictures, points.ply, mesh.ply, report.html, and report.json if there is a report.
+        A path with an ending is one file: .npz, .mat (MATLAB) and .exr hold all arrays, .ply the surface points; .svg is a
+        figure of all maps with axes on white, .png shows them side by side without axes. A path without an ending is a folder
+        with what the command writes: maps.npz, maps.mat, maps.exr, maps.svg, pictures, points.ply, mesh.ply, report.html,
+        and report.json if there is a report.
         """
         report = None if self.report is None else json.dumps(self.report, indent=2) + "\n"
         return [os.fspath(p) for p in _native.write_maps(self._arrays(), path, report, self.page)]

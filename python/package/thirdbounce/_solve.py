@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from typing import Any, Callable, Dict, List, NamedTuple, Optional, Sequence, Union
 
 from . import _native
@@ -15,13 +16,13 @@ class Progress(NamedTuple):
     """Progress of a solve."""
 
     doing: str
-    """"trial" during the short fits of estimates, "solve" afterwards, "done" at an end before the last iteration."""
+    """"trial" during the short fits of estimates, "solve" afterwards, "done" once at the end."""
     iteration: int
-    """Iterations done of the estimates or of the solve. They never decrease."""
+    """Iterations done of the estimates or of the solve, in which they never decrease. Of "done": those of the solve."""
     iterations: int
-    """Largest number of iterations; for estimates, as many as are expected."""
+    """Largest number of iterations, which a solve that converges does not reach; for estimates, as many as are expected."""
     seconds: float
-    """Seconds since the start of the solve."""
+    """Seconds since the call, or since the frame began."""
     remaining: Optional[float]
     """Seconds left, if known."""
     loss: float
@@ -31,6 +32,9 @@ class Progress(NamedTuple):
     fraction: float
     """Share of the whole that is done, estimates included, from 0 to 1. It never decreases."""
 
+
+# Arguments that are no settings.
+_ARGUMENTS = ("sensor_xyz", "laser_xyz", "bin_width", "t_start", "bins_axis", "photon_counts", "truth", "on_progress")
 
 OnProgress = Callable[[Progress], Optional[bool]]
 
@@ -78,7 +82,7 @@ def reconstruct(
 
     Ctrl-C cancels the solve with KeyboardInterrupt. The GIL is released meanwhile.
     """
-    path, capture, given = None, None, texts(settings)
+    path, capture, given = None, None, texts(settings, _ARGUMENTS)
     if isinstance(H, (str, os.PathLike)):
         if sensor_xyz is not None or laser_xyz is not None:
             raise refuse("points were given with a file", "the file holds them: leave them out")
@@ -122,7 +126,8 @@ def benchmark(
 
     capture: as for `reconstruct`; truth: that of `simulate`, or its file.
     methods: names, or settings with a `solver` each: {"solver": "paper", "iterations": 500}. settings: those of all.
-    A method that does not take the capture is left out. Pages, curves and other programs: `thirdbounce benchmark`.
+    A method that does not take the capture is left out with a warning that says why. Pages, curves and other programs:
+    `thirdbounce benchmark`.
     """
     results: Dict[str, Maps] = {}
     for method in methods:
@@ -130,9 +135,10 @@ def benchmark(
         name = ", ".join([str(own["solver"])] + [f"{key}={value}" for key, value in own.items() if key != "solver"])
         try:
             results[name] = reconstruct(capture, truth=truth, **{**settings, **own})
-        except _native.InputError:
-            if isinstance(method, str) and method in ("surface", "paper"):
+        except _native.InputError as error:
+            if own["solver"] in ("surface", "paper"):
                 raise
+            warnings.warn(f"{name} is left out: {error.what}", stacklevel=2)
     return results
 
 

@@ -72,7 +72,8 @@ pub(crate) fn drive(
     }
     match run.cancelled {
         Some(after) => {
-            Err(Error::new(Kind::Cancelled, format!("cancelled after {after} iterations"), "run it again"))
+            let what = format!("cancelled by the caller after {after} iterations");
+            Err(Error::new(Kind::Cancelled, what, "run it again"))
         }
         None => run.end(),
     }
@@ -103,6 +104,8 @@ struct RunningSolve<'r, 'w> {
     /// Active voxels in the last block that was read.
     active: usize,
     ahead: Option<Ahead>,
+    /// What the watch heard last, with the seconds that remained.
+    last: (TracePoint, Option<f64>),
     /// The iterations that the watch had heard of when it cancelled.
     cancelled: Option<usize>,
     /// The maps of the run before, if they stay.
@@ -148,6 +151,7 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
             // At first every voxel may be active.
             active: first_level.grid.voxels(),
             ahead: None,
+            last: (TracePoint::before(&first_level), None),
             maps: None,
         };
         run.start(before);
@@ -161,7 +165,7 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
         if let Some(Driven { trace, maps, pairs, seconds, gpu_seconds, .. }) = before {
             self.maps = Some(maps).filter(|_| !self.steps.has_maps);
             if let Some(last) = trace.last() {
-                (self.first, self.active) = (last.iteration, last.active);
+                (self.first, self.active, self.last.0) = (last.iteration, last.active, *last);
             }
             self.block_from = self.first;
             self.reader = Reader { trace, pairs };
@@ -207,7 +211,7 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
     /// Submits the block, which ends after `done` iterations, and reads the blocks before it. Returns whether the run
     /// is late.
     fn submit(&mut self, done: usize) -> Result<bool> {
-        let ticket = self.device.lists.submit(&mut self.device.executor)?;
+        let Some(ticket) = self.submit_block()? else { return Ok(true) };
         self.reached = self.steps.levels[self.level_before];
         self.flights.push_back(SubmittedBlock { ticket, rows: self.block_from..done, level: self.reached });
         self.block_from = done;
@@ -236,6 +240,30 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
         Ok(late)
     }
 
+    /// Submits the block. Iterations of a volume may take minutes on the host's processors: there the watch hears of their parts,
+    /// and `None` says that it cancelled.
+    fn submit_block(&mut self) -> Result<Option<Ticket>> {
+        let RunningSolve { clock, watch, last: (last, left), steps, .. } = self;
+        let mut hear = || {
+            let seconds = clock.now(0.0)[0].max(last.seconds);
+            let remaining = left.map(|left| (left - seconds + last.seconds).max(0.0));
+            let point = TracePoint { seconds, ..*last };
+            (watch.hear)(&Progress {
+                doing: Doing::Solve,
+                point,
+                iterations: steps.of,
+                remaining,
+                maps: None,
+            })
+        };
+        let hear = steps.shrinks.then_some(&mut hear as _);
+        let submitted = self.device.lists.submit(&mut self.device.executor, hear)?;
+        if submitted.is_none() {
+            self.cancelled = Some(self.last.0.iteration);
+        }
+        Ok(submitted)
+    }
+
     /// Reads the trace of a finished block and tells the watch, with the maps if they are asked for after its last
     /// iteration. Returns whether the run is late.
     fn hear(&mut self, flight: SubmittedBlock, seconds: [f64; 2], measured: Option<usize>) -> Result<bool> {
@@ -250,6 +278,7 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
         let run = [self.first, self.first_level, self.iterations];
         let ahead = self.ahead.get_or_insert_with(|| Ahead::new(&self.steps, plan, run, unused));
         let remaining = ahead.seconds(&point, self.reader.pairs);
+        self.last = (point, remaining);
         let progress = Progress { doing: Doing::Solve, point, iterations: self.steps.of, remaining, maps };
         let reported = progress.point.iteration;
         if (self.watch.hear)(&progress).is_break() {

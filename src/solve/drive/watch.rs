@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 
 use crate::maps::Maps;
+use crate::solve::Level;
 
 /// Progress reports to a caller.
 #[derive(Debug, Clone)]
@@ -62,4 +63,21 @@ pub struct TracePoint {
     pub loss: f64,
     /// The mean over the bins of the squared difference, without any solver's weights or regularisation.
     pub data_loss: f64,
+}
+
+impl TracePoint {
+    /// Before the first iteration at a level.
+    pub(super) fn before(level: &Level) -> TracePoint {
+        TracePoint {
+            iteration: 0,
+            seconds: 0.0,
+            gpu_seconds: 0.0,
+            lateral: level.grid.n[0],
+            pairs: level.pairs,
+            active: level.grid.voxels(),
+            active_ratio: 1.0,
+            loss: f64::NAN,
+            data_loss: f64::NAN,
+        }
+    }
 }

@@ -10,6 +10,7 @@ use glam::{DVec2, DVec3, dvec3};
 use super::agreement::agreed;
 use super::family;
 use crate::record::ResultRecord;
+use thirdbounce::capture::formats::set::Set;
 use thirdbounce::capture::{self, Pulse};
 use thirdbounce::export::benchmark as pages;
 use thirdbounce::export::npz::write_truth;
@@ -253,31 +254,61 @@ fn made(
 /// # Errors
 /// A folder that cannot be read; those of `scene`.
 pub fn found_in(folder: &Path, scene: &dyn Fn(String, &Path) -> Result<Case>) -> Result<Vec<Case>> {
+    let scenes = entries(folder)?.into_iter().filter(|path| path.is_file() && ending(path) == "scene");
+    let scenes = scenes.map(|path| scene(stem(&path), &path)).collect::<Result<Vec<_>>>()?;
+    let captures = captures_in(folder)?.into_iter().map(|path| {
+        let truth = truth_of(&path);
+        Case::of_file(stem(&path), path, truth)
+    });
+    Ok(captures.chain(scenes).collect())
+}
+
+/// The captures of a folder, sorted: files, without truths, and folders that are one capture each.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub fn captures_in(folder: &Path) -> Result<Vec<PathBuf>> {
+    let is_truth = |name: &str| name.starts_with("truth_") || name.ends_with("_truth");
+    let is_one = |path: &PathBuf| match path.is_dir() {
+        true => is_capture(path),
+        false => CAPTURES.contains(&ending(path).as_str()) && !is_truth(&stem(path)),
+    };
+    Ok(entries(folder)?.into_iter().filter(is_one).collect())
+}
+
+/// Whether a folder is one capture: a few files of a format that has several.
+pub fn is_capture(folder: &Path) -> bool {
+    const MOST_FILES: usize = 8;
+    let files = entries(folder).unwrap_or_default();
+    let files: Vec<String> = files.iter().filter(|path| path.is_file()).map(|path| ending(path)).collect();
+    let held = files.iter().filter(|ending| CAPTURES.contains(&ending.as_str())).count();
+    if !(1..=MOST_FILES).contains(&held) || files.iter().any(|ending| ending == "npz") {
+        return false;
+    }
+    Set::open(folder).is_ok_and(|set| {
+        let alone = |name: &str| matches!(set.holding(name), Ok(Some(_)));
+        ["laserpoints", "C_i"].into_iter().any(alone) || (alone("meas") && alone("tofgrid"))
+    })
+}
+
+/// What a folder holds, sorted.
+fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
     let cannot = |e: std::io::Error| {
         Error::input(
             format!("{}: cannot be read: {e}", folder.display()),
             "give a folder with captures or scenes",
         )
     };
-    let mut all: Vec<PathBuf> = vec![];
+    let mut all = vec![];
     for entry in fs::read_dir(folder).map_err(cannot)? {
         all.push(entry.map_err(cannot)?.path());
     }
     all.sort();
-    let (mut captures, mut scenes) = (vec![], vec![]);
-    for path in all.into_iter().filter(|p| p.is_file()) {
-        let ending = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
-        let name = stem(&path);
-        let is_truth = name.starts_with("truth_") || name.ends_with("_truth");
-        if ending == "scene" {
-            scenes.push(scene(name, &path)?);
-        } else if CAPTURES.contains(&ending.as_str()) && !is_truth {
-            let truth = truth_of(&path);
-            captures.push(Case::of_file(name, path, truth));
-        }
-    }
-    captures.append(&mut scenes);
-    Ok(captures)
+    Ok(all)
+}
+
+fn ending(path: &Path) -> String {
+    path.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_lowercase())
 }
 
 /// The truth of `NAME.npz` beside it: `NAME_truth.npz`, `truth_NAME.npz` or `truth/NAME.npz`.

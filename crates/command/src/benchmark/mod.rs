@@ -101,7 +101,8 @@ pub fn benchmark(what: &Benchmark, sides: &mut dyn Sides) -> Result<Benched> {
     let (mut files, mut forecast) = (vec![], Forecast::default());
     for (at, case) in what.cases.iter().enumerate() {
         let rest = what.cases[at..].iter().filter(|case| !what.is_done(case));
-        let rest: f64 = rest.map(|case| sides.expected(case)).sum();
+        // The sum of nothing is -0.
+        let rest = rest.fold(0.0, |sum, case| sum + sides.expected(case));
         let start = Instant::now();
         if sides.begin(case, forecast.of(rest)).is_break() {
             return Ok(Benched { page, stopped: true, files });

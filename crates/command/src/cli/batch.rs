@@ -1,7 +1,7 @@
 //! `thirdbounce batch LIST|CAPTURE|GLOB.. --out DIR`: the options of `reconstruct`, with what is different for many captures.
 
 use std::collections::BTreeMap;
-use std::io::Read;
+use std::io::{IsTerminal, Read};
 use std::ops::ControlFlow;
 use std::path::{Component, Path, PathBuf};
 use std::process::ExitCode;
@@ -16,16 +16,17 @@ use thirdbounce::solve::Progress;
 use thirdbounce::{Error, Result, gpu};
 
 use crate::batch::{self, Batch, Caller, CaptureEnd, Listed, Status, Tally, named};
+use crate::benchmark::cases::{captures_in, is_capture};
 
-use super::progress::{bar, state};
+use super::progress::{Phase, bar};
 use super::terminal::{print, say, say_error};
 use super::{advice, interrupt, reconstruct, tables};
 
 /// Options of `reconstruct` that a batch does not have: a capture that was not finished begins anew.
-const NOT_HERE: [&str; 4] = ["no_preview", "open", "timings", "json"];
+const NOT_HERE: [&str; 3] = ["no_preview", "open", "timings"];
 /// Arguments that do not change results.
-const NO_DIFFERENCE: [&str; 7] =
-    ["capture", "out", "device", "memory", "pipeline_cache", "validation", "quiet"];
+const NO_DIFFERENCE: [&str; 8] =
+    ["capture", "out", "device", "memory", "pipeline_cache", "validation", "quiet", "json"];
 /// Most threads.
 const MOST_JOBS: usize = 256;
 /// Exit code after Ctrl-C, as for the other verbs.
@@ -48,22 +49,25 @@ struct Own {
     #[arg(long, value_name = "N", default_value_t = 1)]
     jobs: usize,
     /// Reconstruct every Nth capture of the list, beginning with the Kth: for the tasks of a Slurm array or of GNU parallel
-    #[arg(long, value_name = "K/N")]
-    shard: Option<String>,
+    #[arg(long, visible_alias = "shard", value_name = "K/N")]
+    part: Option<String>,
 }
 
 impl clap::Args for BatchArgs {
     fn augment_args(command: Command) -> Command {
         let command = Own::augment_args(reconstruct::ReconstructArgs::augment_args(command))
             .mut_arg("capture", |arg| {
-                arg.value_name("CAPTURE|GLOB|LIST.txt").num_args(1..).action(ArgAction::Append).help(
-                    "Captures, or patterns such as 'scans/*.npz', or text files (.txt, or - for stdin) with a capture \
-                     or a pattern a line",
+                arg.value_name("CAPTURE|FOLDER|GLOB|LIST.txt").num_args(1..).action(ArgAction::Append).help(
+                    "Captures, folders of captures, patterns such as 'scans/*.npz', or text files (.txt, or - for stdin) \
+                     with one of these a line",
                 )
             })
             .mut_arg("out", |arg| arg.help("Folder for the results: one folder for each capture, named after it"))
             .mut_arg("truth", |arg| {
                 arg.help("Measure the results against these truths; {} stands for the capture's name: truth/{}.npz")
+            })
+            .mut_arg("json", |arg| {
+                arg.help("Print a line of JSON for each capture on a terminal, too; elsewhere they are always printed")
             })
             .mut_arg("quiet", |arg| arg.help("Only errors and the summary on stderr"));
         NOT_HERE.into_iter().fold(command, |command, id| command.mut_arg(id, |arg| arg.hide(true)))
@@ -113,11 +117,11 @@ pub fn run(args: &BatchArgs) -> Result<ExitCode> {
     if !(1..=MOST_JOBS).contains(&args.own.jobs) {
         return wrong(format!("--jobs is {}", args.own.jobs), "give 1 to 256");
     }
-    let shard = args.own.shard.as_deref().unwrap_or("1/1");
+    let shard = args.own.part.as_deref().unwrap_or("1/1");
     let parts = shard.split_once('/').and_then(|(part, of)| Some((part.parse().ok()?, of.parse().ok()?)));
     let Some(parts) = parts.filter(|(part, of)| (1..=*of).contains(part)) else {
         return wrong(
-            format!("the shard is {shard:?}"),
+            format!("the part is {shard:?}"),
             "give a part and the number of parts: 1/8, 2/8, and so on to 8/8",
         );
     };
@@ -142,9 +146,11 @@ pub fn run(args: &BatchArgs) -> Result<ExitCode> {
     let tally = batch::batch(&batch, &running, &mut |end| report(end, &running));
     running.bar.iter().for_each(ProgressBar::finish_and_clear);
     let tally = tally?;
-    let mut summary = json!(tally);
-    summary["summary"] = true.into();
-    print(&summary.to_string());
+    if running.prints_json() {
+        let mut summary = json!(tally);
+        summary["summary"] = true.into();
+        print(&summary.to_string());
+    }
     let Tally { captures, done, skipped, failed, stopped, seconds } = tally;
     let left = if stopped { format!(", {} left", captures - done - skipped - failed) } else { String::new() };
     let index = if done + skipped > 0 {
@@ -165,21 +171,9 @@ pub fn run(args: &BatchArgs) -> Result<ExitCode> {
 /// A line of JSON on stdout; where the batch is, warnings and errors on stderr.
 fn report(end: &CaptureEnd, running: &RunningBatch<'_>) {
     let (args, name, [number, of]) = (running.args, &end.capture.name, end.number);
-    let out = &args.each.out;
-    print(
-        &json!({
-            "capture": end.capture.path.to_string_lossy(),
-            "name": name,
-            "status": end.status,
-            "seconds": end.seconds,
-            "error": end.error.as_ref().map(|e| &e.what),
-            "hint": end.error.as_ref().map(|e| advice::text(&e.hint)),
-            "folder": end.error.is_none().then(|| out.join(name).to_string_lossy().into_owned()),
-            "figures": end.figures,
-            "warnings": end.warnings,
-        })
-        .to_string(),
-    );
+    if running.prints_json() {
+        print(&line(end, &args.each.out));
+    }
     if let Some(e) = &end.error {
         running.note(|| say_error(&format!("{name}: "), &e.what, &advice::text(&e.hint)));
     }
@@ -201,15 +195,36 @@ fn report(end: &CaptureEnd, running: &RunningBatch<'_>) {
     });
 }
 
+fn line(end: &CaptureEnd, out: &Path) -> String {
+    let name = &end.capture.name;
+    json!({
+        "capture": end.capture.path.to_string_lossy(),
+        "name": name,
+        "status": end.status,
+        "seconds": end.seconds,
+        "error": end.error.as_ref().map(|e| &e.what),
+        "hint": end.error.as_ref().map(|e| advice::text(&e.hint)),
+        "folder": end.error.is_none().then(|| out.join(name).to_string_lossy().into_owned()),
+        "figures": end.figures,
+        "warnings": end.warnings,
+    })
+    .to_string()
+}
+
 /// A batch that runs, with the bar of a terminal.
 struct RunningBatch<'a> {
     args: &'a BatchArgs,
     bar: Option<ProgressBar>,
-    /// Numbers of captures that began, by name.
-    begun: Mutex<BTreeMap<String, usize>>,
+    /// Numbers and phases of captures that began, by name.
+    begun: Mutex<BTreeMap<String, (usize, Phase)>>,
 }
 
 impl RunningBatch<'_> {
+    /// Whether lines of JSON are for a program, or asked for.
+    fn prints_json(&self) -> bool {
+        self.args.each.json || !std::io::stdout().is_terminal()
+    }
+
     /// Writes lines that stay.
     fn note(&self, write: impl FnOnce()) {
         match &self.bar {
@@ -236,8 +251,8 @@ impl Caller for RunningBatch<'_> {
         let Some(bar) = &self.bar else { return };
         let mut begun = self.begun.lock().unwrap_or_else(PoisonError::into_inner);
         let next = begun.len() + 1;
-        let number = *begun.entry(capture.name.clone()).or_insert(next);
-        bar.set_message(format!("{number} of {of}: {}  {}", capture.name, state(progress)));
+        let (number, phase) = begun.entry(capture.name.clone()).or_insert((next, Phase::default()));
+        bar.set_message(format!("{number} of {of}: {}  {}", capture.name, phase.state(progress)));
     }
 
     fn hint(&self, error: &Error) -> String {
@@ -301,6 +316,15 @@ fn add(path: &Path, all: &mut Vec<PathBuf>) -> Result<()> {
             )
         })?;
         all.extend(found.flatten());
+    }
+    if path.is_dir() && !is_capture(path) {
+        all.extend(captures_in(path)?);
+        if all.len() == before {
+            return Err(Error::input(
+                format!("{}: there is no capture in the folder", path.display()),
+                "give a folder of captures, or a pattern: 'scans/*/*.npz'",
+            ));
+        }
     }
     if all.len() == before {
         all.push(path.into());

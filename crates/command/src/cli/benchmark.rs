@@ -32,8 +32,8 @@ Methods:
   trace-every and no-preview of reconstruct. name=... sets the name in plots and folders. time-limit=S stops it at its
   first sample after S seconds. Options that a method does not set are taken from the options given here. The other methods are compared with the first. The curve of surface
   begins with the preview that reconstruct shows first, unless no-preview says otherwise.
-  all stands for every method of this version that does not stand beside it; those whose assumptions the capture breaks
-  are left out.
+  all stands for every method of this version that does not stand beside it, fast for all but paper; those whose
+  assumptions the capture breaks are left out.
     --method paper --method paper:learning-rate=0.3,name=slow --method paper:sampling=fixed,no-reduce
     --method 'paper;paper:iterations=300,double-every=50'";
 
@@ -56,7 +56,7 @@ pub struct BenchmarkArgs {
     /// one]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// A method (see below). May be repeated, or separate several with ; [default: --solver, or all, with
+    /// A method (see below). May be repeated, or separate several with ; [default: --solver, or fast, with
     /// paper:time-limit=15 for groups of simulated scenes]
     #[arg(long, visible_alias = "methods", value_name = "METHOD", value_delimiter = ';')]
     method: Vec<String>,
@@ -71,9 +71,9 @@ pub struct BenchmarkArgs {
     /// each P
     #[arg(long, value_name = "P,...", value_delimiter = ',')]
     photons: Vec<f64>,
-    /// Run every method R times, in turns; times are medians [default: 3 for a single case, else 1]
-    #[arg(long, value_name = "R")]
-    repeats: Option<usize>,
+    /// Run every method R times, in turns; times are medians
+    #[arg(long, value_name = "R", default_value_t = 1)]
+    repeats: usize,
     /// Measure after every Nth iteration; measuring does not count as solving
     #[arg(long, value_name = "N", default_value_t = 10)]
     trace_every: usize,
@@ -88,6 +88,9 @@ pub struct BenchmarkArgs {
     #[command(flatten)]
     device: DeviceArgs,
 }
+
+/// The method that takes minutes.
+const SLOW: &str = "paper";
 
 /// Seeds of the family that nothing was tuned to.
 const SEEDS: std::ops::Range<u64> = 40..60;
@@ -156,7 +159,7 @@ pub fn run(args: &BenchmarkArgs) -> Result<ExitCode> {
     let usual: &[&str] = match solver {
         Some(name) => &[name],
         None if !sets.is_empty() => &["all", "paper:time-limit=15,trace-every=1,name=paper"],
-        None => &["all"],
+        None => &["fast"],
     };
     let specs = args.specs(&args.method, usual)?;
     let settings = args.settings.of_all_methods()?;
@@ -175,7 +178,7 @@ pub fn run(args: &BenchmarkArgs) -> Result<ExitCode> {
         std::iter::once(case).chain(counted)
     };
     let cases: Vec<Case> = cases.into_iter().flat_map(with_photons).collect();
-    let repeats = args.repeats.unwrap_or(if cases.len() == 1 { 3 } else { 1 });
+    let repeats = args.repeats;
     Comparison::check_repeats(repeats)?;
     let foreign = args.foreign.iter().map(|text| foreign(text)).collect::<Result<Vec<_>>>()?;
     let maps = |foreign: &Foreign| match &foreign.result {
@@ -197,7 +200,7 @@ pub fn run(args: &BenchmarkArgs) -> Result<ExitCode> {
     let done = benchmark(&what, &mut running);
     running.turns.end();
     let done = done?;
-    print(&done.page.table().markdown());
+    print(&done.page.brief());
     let files: Vec<_> = done.files.iter().map(|f| f.display().to_string()).collect();
     print(&format!("\nwrote     {}", files.join("\n          ")));
     Ok(match done.page.cases.iter().any(|case| case.why.as_ref().is_some_and(|(_, failed)| *failed)) {
@@ -236,12 +239,15 @@ impl BenchmarkArgs {
         let mut specs = vec![];
         let asked_for = if named.is_empty() { usual.to_vec() } else { named };
         for &text in &asked_for {
-            if text != "all" {
+            if !matches!(text, "all" | "fast") {
                 specs.push(methods::parse(text, base)?);
                 continue;
             }
             // What stands beside all by itself is not run twice.
-            let alone = |name: &&str| !asked_for.iter().any(|text| text.split(':').next() == Some(*name));
+            let alone = |name: &&str| {
+                let is_slow = text == "fast" && *name == SLOW;
+                !is_slow && !asked_for.iter().any(|text| text.split(':').next() == Some(*name))
+            };
             for name in every().filter(alone) {
                 specs.push(methods::Spec { is_optional: true, ..methods::parse(name, base)? });
             }

@@ -53,7 +53,7 @@ struct Cli {
     #[command(subcommand)]
     verb: Verb,
     /// Most memory of the host to hold: a number in MiB, or with K, M or G after it [default: all that is free]
-    #[arg(long, value_name = "SIZE", global = true)]
+    #[arg(long, value_name = "SIZE", global = true, display_order = 1000, help_heading = "Host")]
     host_memory: Option<String>,
 }
 
@@ -116,7 +116,7 @@ pub fn main() -> ExitCode {
     match std::panic::catch_unwind(run) {
         Ok(Ok(code)) => code,
         Ok(Err(e)) if e.kind == Kind::Cancelled => {
-            terminal::say(&format!("{}, no result was written", e.what));
+            terminal::say(&format!("{}, no result was written", e.what.replace(" by the caller", "")));
             ExitCode::from(130)
         }
         Ok(Err(e)) => {

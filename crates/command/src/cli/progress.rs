@@ -27,35 +27,49 @@ pub fn bar(quiet: bool, template: &str) -> Option<ProgressBar> {
     })
 }
 
-/// A solve's progress as words.
-pub fn state(progress: &Progress) -> String {
-    let p = &progress.point;
-    let left = progress.remaining.filter(|s| *s >= 1.0);
-    let left = left.map_or_else(String::new, |s| format!(", about {s:.0} s left"));
-    match progress.doing {
-        Doing::Preview => format!("{PREVIEW} shows a first picture after {:.1} s", p.seconds),
-        Doing::Trial => {
-            format!("estimates: {} of about {} iterations{left}", p.iteration, progress.iterations)
+/// The phase of a solve, and the largest share of it that was shown: the expected number of iterations may grow.
+#[derive(Default)]
+pub struct Phase {
+    doing: Option<Doing>,
+    share: f64,
+}
+
+impl Phase {
+    /// A solve's progress as words that begin with the phase.
+    pub fn state(&mut self, progress: &Progress) -> String {
+        let p = &progress.point;
+        if self.doing != Some(progress.doing) {
+            *self = Phase { doing: Some(progress.doing), share: 0.0 };
         }
-        Doing::Solve if is_closed_form(progress) => "closed form".into(),
-        Doing::Solve => {
-            let width = progress.iterations.to_string().len();
-            format!(
-                "iteration {:>width$}/{}  lateral {:<4} active {:>6.2} %  loss {:<8}  {:.1} s{left}",
-                p.iteration,
-                progress.iterations,
-                p.lateral,
-                100.0 * p.active_ratio,
-                number(p.loss),
-                p.seconds
-            )
+        self.share = self.share.max(p.iteration as f64 / progress.iterations.max(1) as f64).min(1.0);
+        let left = progress.remaining.filter(|s| *s >= 1.0);
+        let left = left.map_or_else(String::new, |s| format!(", about {s:.0} s left"));
+        match progress.doing {
+            Doing::Preview => format!("preview: {PREVIEW} shows a first picture after {:.1} s", p.seconds),
+            Doing::Trial => format!("estimates: {:.0} %{left}", (100.0 * self.share).floor()),
+            Doing::Solve if is_closed_form(progress) => "closed form".into(),
+            Doing::Solve if p.iteration == 0 => {
+                format!("solve: first iteration of {}, {:.1} s", progress.iterations, p.seconds)
+            }
+            Doing::Solve => {
+                let width = progress.iterations.to_string().len();
+                format!(
+                    "solve: iteration {:>width$}/{}  lateral {:<4} active {:>6.2} %  loss {:<8}  {:.1} s{left}",
+                    p.iteration,
+                    progress.iterations,
+                    p.lateral,
+                    100.0 * p.active_ratio,
+                    number(p.loss),
+                    p.seconds
+                )
+            }
         }
     }
 }
 
-/// Whether a method computes its result in one pass, or an iterative one has not begun.
+/// Whether a method computes its result in one pass.
 fn is_closed_form(progress: &Progress) -> bool {
-    progress.iterations <= 1 || progress.point.iteration == 0
+    progress.iterations <= 1
 }
 
 /// Shows the progress of a solve: a line for each phase that is renewed, and one at its end.
@@ -63,6 +77,7 @@ pub struct Meter {
     bar: Option<ProgressBar>,
     quiet: bool,
     said: Option<Instant>,
+    shown: Phase,
     /// The phase, its beginning, and its iterations: done, and of how many.
     phase: Option<(Doing, Instant, [usize; 2])>,
 }
@@ -70,14 +85,15 @@ pub struct Meter {
 impl Meter {
     pub fn new(quiet: bool) -> Meter {
         let bar = bar(quiet, "{bar:16} {wide_msg} {elapsed}");
-        Meter { bar, quiet, said: None, phase: None }
+        Meter { bar, quiet, said: None, shown: Phase::default(), phase: None }
     }
 
     /// Shows a point of the trace. Cancels if Ctrl-C was pressed.
     pub fn hear(&mut self, progress: &Progress) -> ControlFlow<()> {
         let p = &progress.point;
+        let state = self.shown.state(progress);
         if progress.doing == Doing::Preview {
-            self.note(&state(progress));
+            self.note(&state);
             return interrupt::asked();
         }
         if self.phase.is_none_or(|(doing, ..)| doing != progress.doing) {
@@ -89,11 +105,11 @@ impl Meter {
         let is_last =
             progress.doing == Doing::Solve && !is_closed_form(progress) && p.iteration == progress.iterations;
         if let Some(bar) = &self.bar {
-            bar.set_length(progress.iterations as u64);
-            bar.set_position(p.iteration as u64);
-            bar.set_message(state(progress));
+            bar.set_length(1000);
+            bar.set_position((1000.0 * self.shown.share) as u64);
+            bar.set_message(state);
         } else if !self.quiet && (is_last || self.said.is_none_or(|t| t.elapsed() >= EVERY)) {
-            say(&state(progress));
+            say(&state);
             self.said = Some(Instant::now());
         }
         interrupt::asked()

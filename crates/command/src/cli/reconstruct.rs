@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use thirdbounce::Result;
 use thirdbounce::job::{self, Loaded, Request};
+use thirdbounce::{Error, Result};
 
 use super::histogram::FromTags;
 use super::progress::Meter;
@@ -11,11 +11,14 @@ use super::settings::CaptureArgs;
 use super::terminal::{json, print, say};
 use super::{interrupt, tables};
 
+/// Endings of files in the folder of a result.
+const FILES: [&str; 8] = ["npz", "mat", "exr", "svg", "png", "ply", "html", "json"];
+
 #[derive(clap::Args)]
 pub struct ReconstructArgs {
     #[command(flatten)]
     pub capture: CaptureArgs,
-    /// Folder for the results: maps.npz, maps.exr, pictures, points.ply, mesh.ply, report.html, report.json
+    /// Folder for the results: maps.npz, maps.mat, maps.exr, maps.svg, pictures, points.ply, mesh.ply, report.html, report.json
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
     /// Measure the result against this truth
@@ -42,7 +45,7 @@ pub struct ReconstructArgs {
     pub quiet: bool,
     /// Print the report as JSON in place of a table
     #[arg(long)]
-    json: bool,
+    pub json: bool,
     /// Write the volume to this file, .npz or .hdf5
     #[arg(long, value_name = "FILE")]
     pub volume_file: Option<PathBuf>,
@@ -53,6 +56,16 @@ pub struct ReconstructArgs {
 impl ReconstructArgs {
     /// Refuses options that no capture makes good.
     pub fn check(&self) -> Result<()> {
+        let ending = self.out.extension().filter(|_| !self.out.is_dir()).and_then(|ending| ending.to_str());
+        if let Some(ending) = ending.filter(|ending| FILES.contains(ending)) {
+            return Err(Error::options(
+                format!("--out {} has the name of a file", self.out.display()),
+                format!(
+                    "give the name of a folder, which will hold a .{ending}: --out {}",
+                    self.out.with_extension("").display()
+                ),
+            ));
+        }
         self.capture.settings.settings().map(drop)
     }
 
@@ -75,6 +88,7 @@ impl ReconstructArgs {
 }
 
 pub fn run(args: &ReconstructArgs) -> Result<()> {
+    args.check()?;
     let inputs = || std::iter::once(args.capture.capture.as_path()).chain(args.truth.as_deref());
     job::check_inputs(inputs(), &args.out)?;
     let (loaded, request) = args.load(&args.capture.capture)?;

@@ -217,14 +217,14 @@ fn files_of_one_name_have_folders_of_their_own() {
 }
 
 #[test]
-fn shards_hold_every_capture_once() {
+fn parts_hold_every_capture_once() {
     let folder = tempfile::tempdir().unwrap();
     let list = folder.path().join("list.txt");
     std::fs::write(&list, "# a comment\na/*.npz\n\nb/one.npz\n").unwrap();
     let out = folder.path().join("out");
     let mut reported = vec![];
-    for shard in ["1/3", "2/3", "3/3"] {
-        let said = batch(&[list.to_str().unwrap()], &out, &["--shard", shard]);
+    for part in ["1/3", "2/3", "3/3"] {
+        let said = batch(&[list.to_str().unwrap()], &out, &["--part", part]);
         assert_eq!(said.code, Some(0), "{}", said.errors);
         reported.extend(said.lines.into_keys());
     }
@@ -340,12 +340,58 @@ fn truth_and_volume_go_by_the_name_of_the_capture() {
     assert!(folder.path().join("v/z.npz").is_file());
 }
 
+/// Tasks of an array of 16 over 40 captures: each capture belongs to one, and none is left out.
+#[test]
+fn sixteen_parts_are_disjoint_and_complete() {
+    let folder = tempfile::tempdir().unwrap();
+    let list = folder.path().join("list.txt");
+    let names: Vec<String> = (0..40).map(|i| format!("missing-{i}.npz")).collect();
+    std::fs::write(&list, names.join("\n")).unwrap();
+    let mut reported = vec![];
+    for part in 1..=16 {
+        let said = batch(&[list.to_str().unwrap()], folder.path(), &["--part", &format!("{part}/16")]);
+        assert!((2..=3).contains(&said.lines.len()), "{part}: {:?}", said.lines.keys());
+        reported.extend(said.lines.into_keys());
+    }
+    reported.sort();
+    let all: BTreeSet<&String> = names.iter().collect();
+    assert!(reported.iter().eq(all), "{reported:?}");
+}
+
+#[test]
+fn a_folder_gives_its_captures_and_a_terminal_gets_no_json() {
+    let out = tempfile::tempdir().unwrap();
+    let said = batch(&["a"], out.path(), &[]);
+    assert_eq!(said.lines.keys().collect::<Vec<_>>(), ["a/one.npz", "a/two.npz"]);
+    let output = command(&["."], out.path(), &[]).output().unwrap();
+    assert!(stderr(&output).contains("there is no capture in the folder"), "{}", stderr(&output));
+    // util-linux's script gives the command a terminal.
+    let on_terminal = |more: &str| {
+        let line = format!(
+            "{} batch a --out {} {} {more}",
+            program().display(),
+            out.path().display(),
+            SHORT.join(" ")
+        );
+        Command::new("script").args(["-qec", &line, "/dev/null"]).current_dir(captures()).output()
+    };
+    let Ok(output) = on_terminal("") else {
+        eprintln!("skipped: there is no script");
+        return;
+    };
+    assert!(stdout(&output).contains("2 skipped") && !stdout(&output).contains('{'), "{}", stdout(&output));
+    let output = on_terminal("--json").unwrap();
+    assert!(
+        stdout(&output).contains("\"status\":\"skipped\"") && stdout(&output).contains("\"summary\":true")
+    );
+}
+
 #[test]
 fn what_makes_no_batch_is_refused_at_once() {
     for (more, words) in [
         (&["--jobs", "0"][..], "--jobs is 0"),
         (&["--jobs", "18446744073709551615"], "give 1 to 256"),
-        (&["--shard", "3/2"], "the shard is \"3/2\""),
+        (&["--part", "3/2"], "the part is \"3/2\""),
         (&["--timings"], "--timings is no option of a batch"),
         (&["--lateral", "0"], "--lateral is 0"),
     ] {

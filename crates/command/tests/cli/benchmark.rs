@@ -70,12 +70,17 @@ fn a_killed_benchmark_ends_with_one_page_of_all_cases() {
     assert_eq!(names, ["alone", "ball", "ball-photons-100", "square", "square-photons-100"]);
     assert!(before.iter().all(|(name, time)| after[name] == *time), "{before:?} {after:?}");
     assert!(stderr(&done).contains("alone is done already"), "{}", stderr(&done));
-    assert!(stdout(&done).contains("| case | method | iterations |"), "{}", stdout(&done));
+    // Five columns within a terminal, and a warning on what agreement favours.
+    let said = stdout(&done);
+    let head = said.lines().next().unwrap();
     assert!(
-        stderr(&done).contains("case 1 of 5: ") && stderr(&done).contains(" s remain"),
-        "{}",
-        stderr(&done)
+        head.split_whitespace().eq("alone (agreement) solve s own IoU depth, mm normals, °".split(' ')),
+        "{said}"
     );
+    assert!(said.lines().all(|line| line.chars().count() <= 80 || line.contains("/")), "{said}");
+    assert!(said.contains("mean of 5 cases") && said.contains("That favours\nclosed forms"), "{said}");
+    let said = stderr(&done);
+    assert!(said.contains("case 1 of 5: ") && said.contains(" s remain") && !said.contains("-0"), "{said}");
 
     let html = page(&out);
     for name in names {
@@ -105,6 +110,7 @@ fn a_killed_benchmark_ends_with_one_page_of_all_cases() {
     // Nothing is left to do, and other options do all anew.
     let again = benchmark(folder.path(), &["--photons", "100"]);
     assert_eq!((again.status.code(), times(&out)), (Some(0), after.clone()), "{}", stderr(&again));
+    assert!(stderr(&again).contains("about 0 s remain"), "{}", stderr(&again));
     std::fs::remove_file(folder.path().join("ball.npz")).unwrap();
     let other = benchmark(folder.path(), &["--oracle"]);
     assert_eq!(other.status.code(), Some(0), "{}", stderr(&other));
@@ -154,6 +160,33 @@ fn a_case_that_fails_stops_no_other() {
     assert_eq!(all, ["alone", "counts", "square", "square-photons-10"]);
     let html = page(&folder.path().join("results"));
     assert!(html.contains("<h2>Left out</h2>") && html.contains("bad failed:"), "{html}");
+}
+
+/// A capture of one's own: every fast method once; `paper`, which takes minutes, on request.
+#[test]
+fn a_capture_alone_is_compared_by_fast_methods_once() {
+    let folder = scenes();
+    let capture = folder.path().join("ball.npz").display().to_string();
+    let out = folder.path().join("own").display().to_string();
+    let done = succeed(&[
+        "benchmark",
+        &capture,
+        "--out",
+        &out,
+        "--lateral",
+        "16",
+        "--iterations",
+        "4",
+        "--model",
+        "cosine",
+    ]);
+    let rows: Vec<&str> = done.lines().filter_map(|line| line.split_whitespace().next()).collect();
+    assert!(["surface", "lct", "fk", "phasor", "fbp"].iter().all(|name| rows.contains(name)), "{done}");
+    assert!(!rows.contains(&"paper") && !done.contains("favours"), "{done}");
+    let case: Value =
+        serde_json::from_slice(&std::fs::read(folder.path().join("own/ball/case.json")).unwrap()).unwrap();
+    let sides = case["sides"].as_array().unwrap();
+    assert!(sides.iter().all(|side| side["repeats_s"].as_array().unwrap().len() == 1), "{case}");
 }
 
 #[test]

@@ -100,7 +100,9 @@ fn from_a_simulated_capture_to_measured_maps() {
 
     let names = [
         "maps.npz",
+        "maps.mat",
         "maps.exr",
+        "maps.svg",
         "albedo.png",
         "depth.png",
         "normal.png",
@@ -423,6 +425,45 @@ fn help_and_version_are_there() {
     fail(&["help", "nothing"], 1, "phasor-bp");
     assert!(succeed(&["help", "--completions", "bash"]).contains("--deterministic"));
     assert!(succeed(&["help", "--man"]).starts_with(".ie"));
+    let verbs = [
+        "demo",
+        "info",
+        "reconstruct",
+        "batch",
+        "simulate",
+        "live",
+        "evaluate",
+        "benchmark",
+        "histogram",
+        "convert",
+        "calibrate",
+        "profile",
+        "schedule",
+        "devices",
+        "help",
+    ];
+    for verb in verbs {
+        let page = succeed(&["help", verb, "--man"]);
+        assert!(page.contains(&format!(".TH thirdbounce-{verb} 1")), "{verb}: {page}");
+        // What every verb has is last, below the verb's own.
+        let help = succeed(&[verb, "--help"]);
+        let behind = help.split("\nHost:\n").nth(1).expect("a section");
+        let options: Vec<&str> = behind.lines().filter(|line| line.starts_with("      --")).collect();
+        assert!(options.len() == 1 && options[0].contains("--host-memory"), "{verb}: {help}");
+    }
+    fail(&["help", "nothing", "--man"], 1, "give one of demo, info");
+    // A reader that stops early, as head does, is no error.
+    for arguments in [&["help", "--completions", "zsh"][..], &["help", "--man"]] {
+        let mut child = Command::new(program())
+            .args(arguments)
+            .stdout(std::process::Stdio::piped())
+            .stderr(std::process::Stdio::piped())
+            .spawn()
+            .unwrap();
+        drop(child.stdout.take());
+        let done = child.wait_with_output().unwrap();
+        assert!(done.status.success() && done.stderr.is_empty(), "{arguments:?}: {}", stderr(&done));
+    }
     assert!(succeed(&["simulate", "--help"]).contains("letter-X"));
 }
 

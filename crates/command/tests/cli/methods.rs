@@ -162,7 +162,9 @@ fn a_trace_with_figures_and_snapshots() {
                 "depth.png",
                 "depth_error.png",
                 "maps.exr",
+                "maps.mat",
                 "maps.npz",
+                "maps.svg",
                 "mesh.ply",
                 "normal.png",
                 "points.ply"

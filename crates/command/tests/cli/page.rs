@@ -125,6 +125,27 @@ fn a_result_has_a_page_that_a_browser_shows() {
         "{}",
         shown("space")
     );
+    assert!(
+        shown("resolutions").contains("change of resolution, at which the loss rises"),
+        "the loss is explained"
+    );
+    // Both kinds of files for papers are saved by buttons.
+    let pressed = folder.path().join("pressed.html");
+    let press = "<script>HTMLAnchorElement.prototype.click = function () { document.body.append(`[${this.download}:${this.href.slice(0, 14)}]`); }; \
+                 document.querySelectorAll('#figure, #maps button').forEach(button => button.click());</script></html>";
+    std::fs::write(&pressed, text.replace("</html>", press)).unwrap();
+    let dom = stdout(&look(
+        browser,
+        &format!("file://{}", pressed.display()),
+        "900,900",
+        folder.path(),
+        &["--dump-dom"],
+    ));
+    for file in
+        ["[c maps.svg:blob:", "[c depth.png:data:image/png", "[c expected depth error.png:data:image/png"]
+    {
+        assert!(dom.contains(file), "{file}: {}", &dom[dom.rfind("<script").unwrap_or(0)..]);
+    }
     let picture = folder.path().join("page.png");
     look(browser, &address, "1600,1700", folder.path(), &[&format!("--screenshot={}", picture.display())]);
     assert!(image_colours(&picture) > 200, "maps, light and surface are drawn");

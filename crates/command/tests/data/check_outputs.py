@@ -64,6 +64,11 @@ def check_result(folder):
     assert depth.shape == mask.shape == (nx, ny) and normal.shape == (nx, ny, 3)
     assert mask.dtype == bool and maps["extent"].shape == (4,)
 
+    matlab = scipy.io.loadmat(folder / "maps.mat")
+    assert set(maps) == {name for name in matlab if not name.startswith("__")}
+    assert all(same(matlab[name].reshape(maps[name].shape), maps[name]) for name in maps)
+    assert matlab["depth"].shape == (nx, ny) and matlab["mask"].dtype == np.uint8 and matlab["depth"].dtype == np.float32
+
     with OpenEXR.File(str(folder / "maps.exr"), separate_channels=True) as exr:
         header, channels = exr.header(), exr.channels()
         for window in ("dataWindow", "displayWindow"):

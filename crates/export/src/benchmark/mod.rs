@@ -250,6 +250,45 @@ impl Page {
         Table { head: head.map(String::from).collect(), rows }
     }
 
+    /// The most important figures as text of at most 80 columns: method, seconds, IoU, depth and normals, case by case.
+    pub fn brief(&self) -> String {
+        const NAME: usize = 36;
+        let shown = [SOLVE, OWN, DEPTH_MM, NORMALS];
+        let head = ["solve s", "own IoU", "depth, mm", "normals, °"];
+        let row = |name: &str, cells: &mut dyn Iterator<Item = String>| {
+            let name = match name.chars().count() > NAME {
+                true => name.chars().take(NAME - 1).chain(['…']).collect(),
+                false => name.to_string(),
+            };
+            let cells: String = cells.map(|cell| format!("{cell:>11}")).collect();
+            format!("{name:<NAME$}{cells}\n")
+        };
+        let cases = self.compared();
+        let mut text = String::new();
+        for case in &cases {
+            text += &row(&case.title(), &mut head.iter().map(ToString::to_string));
+            for side in &case.sides {
+                text +=
+                    &row(&side.title(), &mut shown.map(|p| QUANTITIES[p].text(side.values[p])).into_iter());
+            }
+            text.push('\n');
+        }
+        if cases.len() > 1 {
+            text +=
+                &row(&format!("mean of {} cases", cases.len()), &mut head.iter().map(ToString::to_string));
+            for name in names(&cases) {
+                let mean = |p: usize| QUANTITIES[p].text(mean_of(&cases, name, p));
+                text += &row(&with_count(&cases, name), &mut shown.map(mean).into_iter());
+            }
+            text.push('\n');
+        }
+        if cases.iter().any(|case| case.agreed) {
+            text += "Without truth, methods are judged by what closed forms agree on. That favours\n\
+                     closed forms: a method that shows more than they do counts as wrong there.\n\n";
+        }
+        text + "The page has all figures, curves and pictures.\n"
+    }
+
     /// The means over the cases: a row for each side.
     pub fn means(&self) -> Table {
         let cases = self.compared();

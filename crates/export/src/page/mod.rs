@@ -8,11 +8,11 @@ use std::path::Path;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::report::Report;
 use super::text::escaped;
-use super::{depth_difference, png};
+use super::{depth_difference, png, print};
 use crate::capture::Capture;
 use crate::error::{Error, Result};
 use crate::files::atomic;
@@ -27,7 +27,7 @@ const MOST_COUNTS: usize = 280_000;
 const MOST_PIXELS: usize = 256;
 
 /// Histograms of a page: fewer pairs and wider bins than a large capture has.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 pub struct PageHistograms {
     all_pairs: usize,
     all_bins: usize,
@@ -75,7 +75,7 @@ impl PageHistograms {
 }
 
 /// Values quantised to 16 bits over their range; 65535 is NaN.
-#[derive(Debug, Clone, Serialize)]
+#[derive(Debug, Clone, Serialize, Deserialize)]
 struct QuantisedValues {
     low: f32,
     high: f32,
@@ -146,6 +146,8 @@ struct Data<'d> {
     /// PNG of the depth differences in base64.
     #[serde(skip_serializing_if = "Option::is_none")]
     difference: Option<String>,
+    /// SVG of [`print::figure`].
+    figure: String,
 }
 
 /// Writes the page of a result with the given title, and the differences from truth.
@@ -166,7 +168,8 @@ pub fn write(
         Ok(STANDARD.encode(png::packed(&depth_difference::picture(maps, truth))?))
     };
     let difference = truth.map(packed).transpose()?;
-    let data = Data { title, maps: PageMaps::of(maps), light, report, difference };
+    let figure = print::figure(maps, MOST_PIXELS)?.svg();
+    let data = Data { title, maps: PageMaps::of(maps), light, report, difference, figure };
     let json = serde_json::to_string(&data).map_err(|e| {
         Error::output(format!("{}: the page has no JSON ({e})", path.display()), "report this as a defect")
     })?;

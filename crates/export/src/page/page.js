@@ -144,8 +144,9 @@ for (const map of maps) {
   const figure = document.createElement("figure"), heading = document.createElement("h3"), canvas = document.createElement("canvas");
   heading.innerText = map.name;
   canvas.tabIndex = 0, canvas.setAttribute("role", "img"), canvas.setAttribute("aria-label", `${map.alt}. ${nx} by ${ny} pixels. Arrow keys select a pixel.`);
-  figure.append(heading, canvas), element("maps").append(figure);
-  map.picture = document.createElement("canvas"), map.picture.width = nx, map.picture.height = ny;
+  const button = document.createElement("button");
+  button.innerText = "Save without axes (PNG)", button.onclick = () => save(`${map.name.toLowerCase()}.png`, plain(map));
+  figure.append(heading, canvas, button), element("maps").append(figure);
   plot(canvas, width => mapBox(width)[3] + BOTTOM, (context, width) => {
     const box = mapBox(width), [left, top, right, bottom] = box;
     const x = v => left + (extent[1] - v) / size[0] * (right - left), y = v => top + (extent[3] - v) / size[1] * (bottom - top);
@@ -174,14 +175,31 @@ function arrow(event) {
   if (step) event.preventDefault();
   return step;
 }
+// A map without axes, pixel by pixel; `empty` where there is no surface.
+function drawn({ colour }, empty) {
+  const canvas = document.createElement("canvas"), image = new ImageData(nx, ny);
+  canvas.width = nx, canvas.height = ny;
+  for (let i = 0; i < nx * ny; i++) image.data.set([...(colour(i) || empty), 255], 4 * ((ny - 1 - i % ny) * nx + nx - 1 - Math.floor(i / ny)));
+  canvas.getContext("2d").putImageData(image, 0, 0);
+  return canvas;
+}
 function pictures() {
   const empty = nothing();
-  for (const { picture, colour } of maps) {
-    const image = new ImageData(nx, ny);
-    for (let i = 0; i < nx * ny; i++) image.data.set([...(colour(i) || empty), 255], 4 * ((ny - 1 - i % ny) * nx + nx - 1 - Math.floor(i / ny)));
-    picture.getContext("2d").putImageData(image, 0, 0);
-  }
+  for (const map of maps) map.picture = drawn(map, empty);
 }
+
+// Files for papers: white where there is no surface.
+function plain(map) {
+  const canvas = document.createElement("canvas"), context = canvas.getContext("2d"), factor = Math.ceil(512 / Math.max(nx, ny));
+  canvas.width = factor * nx, canvas.height = factor * ny, context.imageSmoothingEnabled = false;
+  context.drawImage(drawn(map, [255, 255, 255]), 0, 0, canvas.width, canvas.height);
+  return canvas.toDataURL();
+}
+function save(name, address) {
+  const link = document.createElement("a");
+  link.download = `${data.title.replace(/\.[^.]*$/, "")} ${name}`, link.href = address, link.click();
+}
+element("figure").onclick = () => save("maps.svg", URL.createObjectURL(new Blob([data.figure], { type: "image/svg+xml" })));
 
 function choose(i) {
   chosen = i, plots.forEach(paint => paint()), mark();
@@ -437,6 +455,11 @@ plot(element("trace"), width => Math.max(240, .66 * width), (context, width, hei
   context.lineTo(x(end), bottom), context.fill();
   context.strokeStyle = theme("line"), context.lineWidth = 1.5;
   context.beginPath(), trace.forEach(t => context.lineTo(x(t.seconds), y(t.loss))), context.stroke();
+  const changes = trace.filter((t, k) => k > 0 && (t.lateral !== trace[k - 1].lateral || t.pairs !== trace[k - 1].pairs));
+  element("resolutions").hidden = !changes.length;
+  context.strokeStyle = theme("soft"), context.setLineDash([4, 4]);
+  changes.forEach(t => { context.beginPath(), context.moveTo(x(t.seconds), top), context.lineTo(x(t.seconds), bottom), context.stroke(); });
+  context.setLineDash([]);
   const marks = Array.from({ length: 40 }, (_, k) => k - 20).flatMap(p => [1, 2, 5].map(m => m * 10 ** p)).filter(v => Math.log10(v) >= span[0] && Math.log10(v) <= span[1]);
   if (marks.length < 3) marks.splice(0, marks.length, ...ticks(10 ** span[0], 10 ** span[1], 4));
   axes(context, box, ticks(begin, end, 6), x, "solve time, s", marks, y, "loss (logarithmic)");
