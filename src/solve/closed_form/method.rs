@@ -170,7 +170,7 @@ impl<M: ClosedForm> Prepared for OneStep<M> {
         let OneStep { options, by, grid, with_volume } = self;
         by.make(capture)?;
         let plan = by.plan().clone();
-        let mut point = first_point(&plan, grid);
+        let mut point = TracePoint::before(grid, plan.scene.pairs);
         tell(watch, &point, None)?;
         let start = Instant::now();
         let (volume, sharpness) = by.volume(options, capture)?;
@@ -207,21 +207,6 @@ impl<M: ClosedForm> Prepared for OneStep<M> {
         };
         by.conclude(&mut done)?;
         Ok(done)
-    }
-}
-
-/// The trace before the first iteration.
-fn first_point(plan: &Plan, grid: &Grid) -> TracePoint {
-    TracePoint {
-        iteration: 0,
-        seconds: 0.0,
-        gpu_seconds: 0.0,
-        lateral: grid.n[0],
-        pairs: plan.scene.pairs,
-        active: grid.voxels(),
-        active_ratio: 1.0,
-        loss: f64::NAN,
-        data_loss: f64::NAN,
     }
 }
 

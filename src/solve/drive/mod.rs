@@ -151,7 +151,7 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
             // At first every voxel may be active.
             active: first_level.grid.voxels(),
             ahead: None,
-            last: (TracePoint::before(&first_level), None),
+            last: (TracePoint::before(&first_level.grid, first_level.pairs), None),
             maps: None,
         };
         run.start(before);

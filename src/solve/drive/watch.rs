@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 
 use crate::maps::Maps;
-use crate::solve::Level;
+use crate::transport::Grid;
 
 /// Progress reports to a caller.
 #[derive(Debug, Clone)]
@@ -66,15 +66,15 @@ pub struct TracePoint {
 }
 
 impl TracePoint {
-    /// Before the first iteration at a level.
-    pub(super) fn before(level: &Level) -> TracePoint {
+    /// Before the first iteration on a grid.
+    pub(crate) fn before(grid: &Grid, pairs: usize) -> TracePoint {
         TracePoint {
             iteration: 0,
             seconds: 0.0,
             gpu_seconds: 0.0,
-            lateral: level.grid.n[0],
-            pairs: level.pairs,
-            active: level.grid.voxels(),
+            lateral: grid.n[0],
+            pairs,
+            active: grid.voxels(),
             active_ratio: 1.0,
             loss: f64::NAN,
             data_loss: f64::NAN,

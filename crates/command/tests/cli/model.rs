@@ -151,6 +151,7 @@ fn a_few_pairs_cannot_tell_the_model() {
 }
 
 #[test]
+#[ignore = "takes long: make soak"]
 fn trials_know_the_spot() {
     let figures = Figures::new();
     // As wide as two steps of the scan.
@@ -171,7 +172,7 @@ fn a_comparison_names_the_models_that_were_found() {
     let all =
         ["benchmark", &capture, "--truth", &truth, "--out", &out, "--method", methods, "--repeats", "1"];
     let text = succeed(&[&all[..], &SHORT, &["--quiet"]].concat());
-    assert!(text.contains("| surface:model=cosine |") && text.contains("| auto (lambertian) |"), "{text}");
+    assert!(text.contains("surface:model=cosine") && text.contains("auto (lambertian)"), "{text}");
     let page = std::fs::read_to_string(Path::new(&out).join("benchmark.html")).unwrap();
     assert!(page.contains("<td>auto (lambertian)</td>"), "{page}");
     let case = &json(&Path::new(&out).join("benchmark.json"))["cases"][0];
