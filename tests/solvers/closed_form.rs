@@ -140,7 +140,7 @@ fn places_without_a_pair_are_filled() {
 }
 
 #[test]
-#[ignore = "takes long: make soak"]
+#[ignore = "long: make soak"]
 fn images_are_as_sharp_as_noise_lets_them_be() {
     let gpu = gpu();
     // A plate over a background, and what its light makes of a picture: [shares of the mask that are plate, of the plate

@@ -135,7 +135,7 @@ fn the_order_of_events_is_the_papers() {
 }
 
 #[test]
-#[ignore = "takes long: make soak"]
+#[ignore = "long: make soak"]
 fn a_simulated_letter_end_to_end() {
     let gpu = gpu();
     let (scene, capture) = letter(16);

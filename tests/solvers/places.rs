@@ -116,7 +116,7 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
 }
 
 #[test]
-#[ignore = "takes long: make soak"]
+#[ignore = "long: make soak"]
 fn edges_centres_and_what_lies_beyond() {
     let gpu = gpu();
     for geometry in [Geometry::Confocal, Geometry::TwoPoints, Geometry::Product] {

@@ -129,7 +129,7 @@ fn backgrounds() -> ([Capture; 3], Truth) {
 }
 
 #[test]
-#[ignore = "takes long: make soak"]
+#[ignore = "long: make soak"]
 fn results_are_no_worse_than_with_the_background() {
     let gpu = gpu();
     let ([counts, taken_off], truth) = captures();

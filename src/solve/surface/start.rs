@@ -12,7 +12,7 @@ use crate::gpu::Gpu;
 use crate::maps::{Maps, percentile};
 use crate::solve::closed_form::{FbpOptions, LctOptions};
 use crate::solve::learned::{self, LearnedStart};
-use crate::solve::{Prepared, Problem, Progress, Solver, SolverOptions, TracePoint, VolumeMap, Watch};
+use crate::solve::{Prepared, Problem, Progress, RunsOn, Solver, TracePoint, VolumeMap, Watch};
 use crate::transport::Grid;
 use crate::{Error, Result};
 
@@ -147,7 +147,7 @@ impl Start {
     pub fn new(gpu: &Gpu, problem: &Problem<'_>, options: &SurfaceOptions) -> Result<Option<Start>> {
         let Problem { capture, grid, .. } = *problem;
         let Some(closed) = method(options, grid.n[0], capture)? else { return Ok(None) };
-        let projects = matches!(closed, SolverOptions::Fbp(_));
+        let projects = closed.common().runs_on == RunsOn::Device;
         let pairs = Some(PROJECTED).filter(|most| projects && capture.pair_count() > *most);
         let scan = few(capture, pairs)?.outline();
         let problem = Problem { capture: &scan, is_start: true, ..problem.and_volume() };
@@ -190,7 +190,7 @@ pub(crate) fn method(
     options: &SurfaceOptions,
     lateral: usize,
     capture: &Capture,
-) -> Result<Option<SolverOptions>> {
+) -> Result<Option<Box<dyn Solver>>> {
     let counted = capture.integer_counts || capture.histograms.iter().any(|v| *v < 0.0);
     let lct = LctOptions::default().with(|o| {
         o.lateral = lateral;
@@ -204,22 +204,22 @@ pub(crate) fn method(
         Begin::Plane => None,
         Begin::Lct => {
             takes.map_err(|e| Error::input(e.what, "begin with fbp, with a plane, or with auto"))?;
-            Some(lct.into())
+            Some(Box::new(lct))
         }
-        Begin::Auto | Begin::Learned if takes.is_ok() => Some(lct.into()),
+        Begin::Auto | Begin::Learned if takes.is_ok() => Some(Box::new(lct)),
         Begin::Auto | Begin::Learned | Begin::Fbp => {
             let fbp = FbpOptions::default().with(|o| {
                 o.lateral = lateral;
                 o.image = lct.image;
             });
-            Some(fbp.into())
+            Some(Box::new(fbp))
         }
     })
 }
 
 /// Whether the light-cone transform initialises surfaces of this scan.
 pub(crate) fn is_light_cone(options: &SurfaceOptions, capture: &Capture) -> bool {
-    matches!(method(options, options.lateral, capture), Ok(Some(SolverOptions::Lct(_))))
+    matches!(method(options, options.lateral, capture), Ok(Some(closed)) if closed.common().runs_on == RunsOn::Host)
 }
 
 /// As [`Start::layers`]; `watch` is not called for iterations.

@@ -21,7 +21,7 @@ fn solved(folder: &Path, simulated: &[&str], more: &[&str]) -> (String, Value) {
 }
 
 #[test]
-#[ignore = "takes long: make soak"]
+#[ignore = "long: make soak"]
 fn slow_light_counts_by_what_a_fit_leaves_of_it_over_noise() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     // Little noise: most of what is left is what the model does not explain.

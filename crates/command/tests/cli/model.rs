@@ -151,7 +151,7 @@ fn a_few_pairs_cannot_tell_the_model() {
 }
 
 #[test]
-#[ignore = "takes long: make soak"]
+#[ignore = "long: make soak"]
 fn trials_know_the_spot() {
     let figures = Figures::new();
     // As wide as two steps of the scan.

@@ -197,7 +197,7 @@ fn assert_nested(solver: &str, lane: &[&Value]) {
 }
 
 #[test]
-#[ignore = "takes long: make soak"]
+#[ignore = "long: make soak"]
 fn the_device_is_held_against_the_twins() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("check.json");
