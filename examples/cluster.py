@@ -5,7 +5,7 @@
 
 Without --scheduler workers start on this machine. Those of a cluster (`dask worker tcp://head:8786 --nthreads 1`, one per
 device) need thirdbounce, the captures and the folder of results, by the same paths. A capture whose folder has a report.json
-is done and is skipped: an interrupted run goes on where it ended. The task of a worker that dies runs again on another one.
+is skipped, so an interrupted run can be continued. The task of a worker that dies is run again by another worker.
 Prints a line of JSON for each capture; ends with 1 if one failed.
 """
 

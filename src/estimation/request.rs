@@ -46,7 +46,7 @@ impl EstimateRequest {
         SceneTraits { preset: self.preset, reflectance, ..SceneTraits::of(capture) }
     }
 
-    /// A light-cone transform with at most so many pixels on a side.
+    /// A light-cone transform of at most `most` lateral pixels.
     pub fn light_cone(&self, capture: &Capture, most: usize) -> LctOptions {
         let common = self.solver.common();
         LctOptions::defaults_for(&self.traits(capture)).with(|o| {

@@ -184,8 +184,7 @@ impl Settings {
     /// A key that neither the settings nor the method have, or a value that it does not take, with the values that it takes.
     pub fn set(&mut self, key: &str, text: &str) -> Result<()> {
         let key = key.replace('-', "_").to_lowercase();
-        let rows = Settings::all_rows();
-        let row = rows.iter().map(|(row, _)| row).find(|row| row.key == key);
+        let row = self.row(&key);
         let is_word =
             matches!(&*key, "solver" | "model") || row.is_some_and(|r| matches!(r.range, Range::Words(_)));
         let lowered = is_word.then(|| text.to_lowercase());
@@ -200,29 +199,38 @@ impl Settings {
         if let Some(set) = self.set_own(&key, text) {
             return set.map_err(|want| Error::options(format!("{key} is {}", text.trim()), want));
         }
-        if !self.has(&key) {
-            let mut known: Vec<&str> = rows.iter().map(|(row, _)| row.key).chain(["solver"]).collect();
-            known.sort_by_key(|name| text::distance(name, &key));
-            let similar = known.first().filter(|name| 3 * text::distance(name, &key) <= key.len());
-            let meant = similar.map_or_else(String::new, |name| format!("did you mean {name}? "));
-            return Err(match row.is_some() {
-                true => Error::options(
-                    format!("{key} is no option of the solver {}", self.method.name()),
-                    advice!["leave it out, or choose another solver; see "[Options]],
-                ),
-                false => {
-                    Error::options(format!("there is no setting {key:?}"), advice![(meant) "see "[Options]])
-                }
-            });
+        match row {
+            Some(_) => self.method.set_text(&key, text),
+            None => Err(self.unknown(&key)),
         }
-        self.method.set_text(&key, text)
+    }
+
+    /// The error of a key that neither the settings nor the method have.
+    fn unknown(&self, key: &str) -> Error {
+        let rows = Settings::all_rows();
+        let known = || rows.iter().map(|(row, _)| row.key);
+        if known().any(|name| name == key) {
+            return Error::options(
+                format!("{key} is no option of the solver {}", self.method.name()),
+                advice!["leave it out, or choose another solver; see "[Options]],
+            );
+        }
+        let off = |name: &&str| text::distance(name, key);
+        let similar = known().chain(["solver"]).min_by_key(off).filter(|name| 3 * off(name) <= key.len());
+        let meant = similar.map_or_else(String::new, |name| format!("did you mean {name}? "));
+        Error::options(format!("there is no setting {key:?}"), advice![(meant) "see "[Options]])
+    }
+
+    /// The declaration of a setting, or of an option of the method.
+    fn row(&self, key: &str) -> Option<&'static Row> {
+        let options = self.method.options(&crate::solve::SceneTraits::DEFAULT);
+        let mut rows = options.rows().into_iter().chain(Settings::ROWS);
+        rows.find(|row| row.key == key && row.range != Range::Internal)
     }
 
     /// Whether there is a setting, or an option of the method, of this key.
     pub fn has(&self, key: &str) -> bool {
-        let options = self.method.options(&crate::solve::SceneTraits::DEFAULT);
-        let mut rows = options.rows().into_iter().chain(Settings::ROWS);
-        rows.any(|row| row.key == key && row.range != Range::Internal)
+        self.row(key).is_some()
     }
 
     /// The rows of all settings and of all options of methods, each with its text.

@@ -172,10 +172,6 @@ impl Figure {
         let mut picture = Picture::new(w as usize, h as usize);
         picture.fill(0, 0, w as usize, h as usize, [255; 3]);
         for (shape, colour) in &self.shapes {
-            if let FigureShape::Image { picture: image, place, .. } = shape {
-                picture.stretch(image, place.map(|v| v.round() as usize));
-                continue;
-            }
             let mut ink = |at, cover| picture.blend(at, *colour, cover);
             let point = |[x, y]: [f64; 2]| [x as f32, y as f32];
             let mut path: Vec<Command> = vec![];
@@ -205,7 +201,9 @@ impl Figure {
                     path.add_rect(point(low), (to[0] - from[0]).abs() as f32, (to[1] - from[1]).abs() as f32);
                     text::paint(&Mask::new(&path), &mut ink);
                 }
-                FigureShape::Image { .. } => {}
+                FigureShape::Image { picture: image, place, .. } => {
+                    picture.stretch(image, place.map(|v| v.round() as usize));
+                }
                 FigureShape::Text { words, at: [x, y], em, left } => {
                     let x = *x as f32 - *left as f32 * text::width(words, *em as f32);
                     text::write(words, [x, (y + DOWN * em) as f32], *em as f32, ink);

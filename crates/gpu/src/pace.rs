@@ -21,7 +21,7 @@ const SUBMISSION: f64 = 0.1;
 const DISPATCH: f64 = 0.04;
 const DISPATCH_OF_INTEGRATED: f64 = 0.16;
 
-/// Work between two calls of who hears of a run on the host's processors, seconds.
+/// Time between two progress reports on the host's processors, seconds.
 const HEARD: f64 = 0.1;
 
 /// Shorter submissions, in seconds, measure overhead rather than the device.
@@ -140,7 +140,7 @@ impl Pace {
         }
     }
 
-    /// Loop turns between two calls of who hears of a run.
+    /// Loop turns between two progress reports.
     pub fn heard(&self) -> u64 {
         (HEARD * self.rate) as u64
     }

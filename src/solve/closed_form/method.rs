@@ -42,12 +42,12 @@ pub trait ClosedForm: Options + Clone + Send + Sync + 'static {
         None
     }
 
-    /// The setting of the sharpness, if the method has one, and what there is to choose from.
+    /// The candidates of the sharpness and its setting, if the method has one.
     fn sharpness(&mut self) -> Option<(Ladder, &mut Option<f64>)> {
         None
     }
 
-    /// What there is to choose from, if the options leave the sharpness open.
+    /// The candidates, if the options leave the sharpness open.
     fn ladder(&self) -> Option<Ladder> {
         self.clone().sharpness().filter(|(_, set)| set.is_none()).map(|(ladder, _)| ladder)
     }
@@ -95,8 +95,8 @@ pub trait Imager<M>: Send + Sized {
         Ok(())
     }
 
-    /// The distance of scan points, metres; `None` if there is none.
-    fn step(&self, capture: &Capture) -> Option<f64>;
+    /// The distance of scan points, metres.
+    fn step(&self, capture: &Capture) -> f64;
 
     /// The volume of a capture, and how sharp it is.
     fn volume(&mut self, options: &M, capture: &Capture) -> Result<(AlbedoVolume, Option<Sharpness>)>;
@@ -176,8 +176,7 @@ impl<M: ClosedForm> Prepared for OneStep<M> {
         let (volume, sharpness) = by.volume(options, capture)?;
         // What noise alone would show is no surface.
         let floor = sharpness.and_then(|chosen| chosen.noise).map_or(0.0, |noise| noise.floor);
-        let step = by.step(capture).unwrap_or(grid.pitch.x);
-        let maps = image::maps(grid, &volume, step, |albedo| {
+        let maps = image::maps(grid, &volume, by.step(capture), |albedo| {
             image::share_of_white(image::level_over_haze(albedo, M::MASK_SHARE)?.max(floor), albedo)
         });
         point.seconds = start.elapsed().as_secs_f64();

@@ -95,8 +95,8 @@ impl<M: HostMethod> Imager<M> for OnHost {
         &self.plan
     }
 
-    fn step(&self, _capture: &Capture) -> Option<f64> {
-        Some(self.scan.step[0].min(self.scan.step[1]))
+    fn step(&self, _capture: &Capture) -> f64 {
+        self.scan.step[0].min(self.scan.step[1])
     }
 
     fn volume(&mut self, options: &M, capture: &Capture) -> Result<(AlbedoVolume, Option<Sharpness>)> {

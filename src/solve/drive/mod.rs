@@ -240,8 +240,8 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
         Ok(late)
     }
 
-    /// Submits the block. Iterations of a volume may take minutes on the host's processors: there the watch hears of their parts,
-    /// and `None` says that it cancelled.
+    /// Submits the block; `None` if the watch cancels. An iteration of a volume may take minutes on the host's processors, so
+    /// progress is reported within it there.
     fn submit_block(&mut self) -> Result<Option<Ticket>> {
         let RunningSolve { clock, watch, last: (last, left), steps, .. } = self;
         let mut hear = || {

@@ -10,8 +10,8 @@ use thirdbounce::export::npz::write_maps;
 use thirdbounce::job::{self, Loaded, Request, SolverOptions};
 use thirdbounce::measure::PaperMeasure;
 use thirdbounce::simulate::DEFAULT_RESOLUTION;
-use thirdbounce::solve::Progress;
 use thirdbounce::solve::learned::LearnedStart;
+use thirdbounce::solve::{PaperOptions, Progress};
 use thirdbounce::{Capture, Error, Maps, Result};
 
 use crate::benchmark::cases::{self, Files};
@@ -90,7 +90,7 @@ pub struct BenchmarkArgs {
 }
 
 /// The method that takes minutes.
-const SLOW: &str = "paper";
+const SLOW: &str = PaperOptions::NAME;
 
 /// Seeds of the family that nothing was tuned to.
 const SEEDS: std::ops::Range<u64> = 40..60;

@@ -310,12 +310,12 @@ impl<M: Projection> Imager<M> for Projecting {
         self.all.made().map(|_| ())
     }
 
-    fn step(&self, capture: &Capture) -> Option<f64> {
-        capture.spacing()
+    fn step(&self, capture: &Capture) -> f64 {
+        capture.spacing().unwrap_or(self.grid.pitch.x)
     }
 
     fn volume(&mut self, options: &M, capture: &Capture) -> Result<(AlbedoVolume, Option<Sharpness>)> {
-        let step = capture.spacing().unwrap_or(self.grid.pitch.x);
+        let step = Imager::<M>::step(self, capture);
         let image = options.image();
         let light = CorrectedCounts::of(capture, self.scan.as_ref(), image, image.background);
         let (sharpness, weights) = self.sharpness(options, capture, &light, step)?;
