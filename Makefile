@@ -21,12 +21,10 @@ build: setup
 demo: build
 	target/release/thirdbounce demo --out out/demo
 
-# With the dependencies and the library that `make demo` built. Unit tests compute little: compiled without optimisation, and with
-# the checks of a debug build, they are there in a third of the time.
-UNOPTIMISED := CARGO_PROFILE_RELEASE_OPT_LEVEL=0 CARGO_PROFILE_RELEASE_DEBUG_ASSERTIONS=true CARGO_PROFILE_RELEASE_OVERFLOW_CHECKS=true
+# With the dependencies and the library that `make demo` built.
 test: setup
 	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about half an hour on two cores the first time"
-	$(UNOPTIMISED) .ci/timed cargo test --release --locked --lib
+	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml --lib
 	.ci/timed cargo build --release --locked --examples
 	.ci/timed cargo test --release --locked --package thirdbounce --package thirdbounce-command --package thirdbounce-capi --bins --test '*'
 	.ci/timed cargo test --release --locked --doc
@@ -56,13 +54,14 @@ soak: setup
 # from the list or changes in it breaks who depends on it: raise the version's second number. cargo-semver-checks and
 # cargo-public-api would judge that themselves, but install for minutes, build the crate twice, and the latter needs a nightly
 # compiler; the list is read from the source in seconds, the same with every compiler.
+# In the profile of releases, macros and the programs of builds are those that `make demo` built. The library alone, without its
+# features: public-api asks for no other features of crates than all parts together do, so that few are compiled again.
 ROOTS := src/lib.rs $(sort $(wildcard crates/*/src/lib.rs))
 lint: setup
 	cargo fmt --all --check
-	cargo clippy --locked --workspace --all-targets -- -D warnings
-	cargo clippy --locked --package thirdbounce -- -D warnings
-	cargo clippy --locked --package thirdbounce --features formats -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps
+	cargo clippy --release --locked --workspace --all-targets -- -D warnings
+	cargo clippy --release --locked --package thirdbounce --package public-api -- -D warnings
+	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps
 	cargo run --locked --quiet --package public-api $(ROOTS) | diff -u public-api/thirdbounce.rs - || \
 		{ echo "the public interface changed: \`make api\`, and look at what changed"; exit 1; }
 	@if command -v cbindgen >/dev/null; then \
