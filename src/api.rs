@@ -1,7 +1,6 @@
 //! A capture to maps in one call, and sessions for frames of one scan.
 
 use std::ops::ControlFlow;
-use std::sync::Arc;
 
 use crate::Result;
 use crate::capture::{Capture, conditioning};
@@ -11,7 +10,7 @@ use crate::maps::Maps;
 use crate::maps::Truth;
 #[cfg(feature = "formats")]
 use crate::measure::Metrics;
-use crate::resolve::{Job, with_capture};
+use crate::resolve::Job;
 use crate::session::{Session, SessionOptions};
 use crate::settings::{Calibrate, Settings};
 use crate::simulate::{RenderOptions, Scene};
@@ -41,12 +40,8 @@ pub fn reconstruct_with(
     let job = Job::resolve(settings, &capture, gpu, on_progress)?;
     let mut watch = Watch { hear: on_progress, maps_every: None, maps_at: &[] };
     let mut result = job.solve(gpu, &mut watch)?;
-    job.conclude(&mut result, &mut []);
+    job.conclude(&mut result, &mut [], [&capture.warnings(), &[]]);
     result.notes = job.estimates.notes();
-    let warnings = capture.warnings();
-    result.verdict =
-        result.verdict.map(|of_maps| Arc::new(with_capture(Arc::unwrap_or_clone(of_maps), &warnings, &[])));
-    result.warnings.splice(0..0, warnings);
     Ok(result)
 }
 

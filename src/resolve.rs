@@ -128,10 +128,21 @@ impl<'c> Job<'c> {
     }
 
     /// Decides on the pixels that are surface, and on the depth errors: of the result, and of the maps after earlier
-    /// iterations.
-    pub fn conclude(&self, result: &mut Reconstruction, snapshots: &mut [(usize, Maps)]) {
+    /// iterations. Gives the verdict, with what looks wrong with the capture (`warnings`) and what is wrong for certain (`faults`).
+    pub fn conclude(
+        &self,
+        result: &mut Reconstruction,
+        snapshots: &mut [(usize, Maps)],
+        [warnings, faults]: [&[String]; 2],
+    ) {
         conclude(&self.capture, self.mask_fraction, result, snapshots);
-        result.verdict = Some(with_warnings(&self.verdict, &result.warnings));
+        let mut verdict = with_warnings(&self.verdict, &result.warnings);
+        with_capture(Arc::make_mut(&mut verdict), warnings, faults);
+        result.warnings.splice(0..0, warnings.iter().cloned());
+        // A poor result is never without a warning.
+        let first = verdict.reasons.first().filter(|_| verdict.grade == Grade::Poor);
+        result.warnings.extend(first.filter(|reason| !result.warnings.contains(reason)).cloned());
+        result.verdict = Some(verdict);
     }
 
     /// The estimates, and the bins that are summed, as sentences.
@@ -153,11 +164,10 @@ pub fn with_warnings(verdict: &Arc<Verdict>, warnings: &[String]) -> Arc<Verdict
     verdict
 }
 
-/// The verdict of maps with what is known of their capture: faults that are certain make it poor, what looks wrong fair.
-pub fn with_capture(mut verdict: Verdict, warnings: &[String], faults: &[String]) -> Verdict {
+/// Adds what is known of the capture: faults that are certain make a verdict poor, what looks wrong fair.
+fn with_capture(verdict: &mut Verdict, warnings: &[String], faults: &[String]) {
     warnings.iter().for_each(|warning| verdict.add(Grade::Fair, warning));
     faults.iter().for_each(|fault| verdict.add(Grade::Poor, fault));
-    verdict
 }
 
 /// The note on a preset that is not set.
@@ -183,7 +193,8 @@ mod tests {
     fn a_suspicious_capture_is_fair_and_a_certain_fault_poor() {
         let [odd, broken] = ["odd", "broken"].map(|text| vec![text.to_owned()]);
         let graded = |warnings: &[String], faults: &[String]| {
-            let verdict = with_capture(Verdict::GOOD, warnings, faults);
+            let mut verdict = Verdict::GOOD;
+            with_capture(&mut verdict, warnings, faults);
             (verdict.grade, verdict.reasons)
         };
         assert_eq!(graded(&odd, &[]), (Grade::Fair, odd.clone()));

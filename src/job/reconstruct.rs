@@ -120,7 +120,7 @@ pub fn solve_measured<'c>(
         Some(e) => return Err(e),
         None => done.map_err(advised)?,
     };
-    job.conclude(&mut result, &mut snapshots);
+    job.conclude(&mut result, &mut snapshots, [&loaded.warnings, &loaded.faults]);
     let metrics = metrics_of.map(|of| of(&result.maps, job.mask_fraction)).transpose()?;
     let mut along: BTreeMap<usize, Metrics> =
         iterates.along.iter().map(|(i, (_, metrics))| (*i, metrics.clone())).collect();

@@ -15,7 +15,7 @@ use crate::transport::Grid;
 pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished) -> report::Report {
     let result = &done.result;
     report::Report {
-        verdict: None,
+        verdict: result.verdict.as_deref().cloned(),
         version: env!("CARGO_PKG_VERSION").into(),
         device: report::Device {
             name: gpu.info.name.clone(),
@@ -23,7 +23,7 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
             kind: plain(&gpu.info.kind),
         },
         settings: settings(request, loaded, done),
-        warnings: vec![],
+        warnings: result.warnings.clone(),
         capture: loaded.summary(),
         plan: report::PlanReport {
             variants: result.plan.variants(),

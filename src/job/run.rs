@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::load::Loaded;
@@ -15,9 +16,8 @@ use crate::export::report::Report;
 use crate::files::staging::Staging;
 use crate::gpu::{Gpu, KernelTime};
 use crate::maps::{Maps, Truth};
-use crate::resolve::with_capture;
 use crate::solve::{Progress, Reconstruction, VolumeMap};
-use crate::{Grade, Result, Verdict};
+use crate::{Result, Verdict};
 
 /// The result of a run.
 #[derive(Debug)]
@@ -111,13 +111,6 @@ fn solve_checked(
     report.totals.preview_s = preview.as_ref().map(|p| p.seconds);
     report.totals.stages = report::stages(loaded, &done, report.totals.preview_s);
     let result = done.result;
-    let mut warnings = [&loaded.warnings[..], &result.warnings].concat();
-    let of_maps = result.verdict.as_deref().cloned().unwrap_or(Verdict::GOOD);
-    let verdict = with_capture(of_maps, &loaded.warnings, &loaded.faults);
-    // A poor result is never without a warning.
-    let first = verdict.reasons.first().filter(|r| verdict.grade == Grade::Poor && !warnings.contains(r));
-    warnings.extend(first.cloned());
-    (report.warnings, report.verdict) = (warnings.clone(), Some(verdict.clone()));
     Ok(Outcome {
         report,
         maps: result.maps,
@@ -127,8 +120,8 @@ fn solve_checked(
         kernels: if request.timings { result.kernels } else { vec![] },
         validation: gpu.validation_messages(),
         notes,
-        warnings,
-        verdict,
+        warnings: result.warnings,
+        verdict: result.verdict.map_or(Verdict::GOOD, Arc::unwrap_or_clone),
         files: vec![],
         snapshots: done.snapshots,
         title: title(&loaded.path),

@@ -57,17 +57,16 @@ impl Planned {
         self.made = None;
     }
 
-    /// The solve on the device, where nothing is under way. `first` runs when it is made.
+    /// The solve on the device, where nothing is under way.
     ///
     /// # Errors
     /// As [`OnDevice::new`].
-    pub fn made(&mut self, first: impl FnOnce(&mut OnDevice) -> Result<()>) -> Result<&mut OnDevice> {
-        if self.made.is_none() {
-            let mut made = OnDevice::new(&self.gpu, self.outline.clone(), self.plan.clone(), self.memory)?;
-            first(&mut made)?;
-            self.made = Some(Box::new(made));
-        }
-        let job = self.made.as_mut().expect("made above");
+    pub fn made(&mut self) -> Result<&mut OnDevice> {
+        let made = self.made.take().map_or_else(
+            || OnDevice::new(&self.gpu, self.outline.clone(), self.plan.clone(), self.memory).map(Box::new),
+            Ok,
+        )?;
+        let job = self.made.insert(made);
         // A solve that failed or was cancelled may have left work behind.
         job.executor.settle()?;
         Ok(job)

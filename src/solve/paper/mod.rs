@@ -98,7 +98,7 @@ impl Prepared for PreparedPaper {
 
     fn allocate(&mut self) -> Result<()> {
         let PreparedPaper { planned, options, .. } = self;
-        let OnDevice { plan, executor, .. } = planned.made(|_| Ok(()))?;
+        let OnDevice { plan, executor, .. } = planned.made()?;
         let mut reserve = |schedule: &Schedule| executor.reserve(schedule);
         outline::each(plan, &steps(plan, options), 0..options.iterations, &mut reserve)
     }
@@ -106,7 +106,7 @@ impl Prepared for PreparedPaper {
     fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         let PreparedPaper { planned, rows, options, with_volume } = self;
         let gpu = planned.gpu().clone();
-        let job = planned.made(|_| Ok(()))?;
+        let job = planned.made()?;
         job.model.take(rows, capture, &Background::NONE);
         job.queue_counts()?;
         let plan = job.plan.clone();

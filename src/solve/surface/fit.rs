@@ -178,7 +178,7 @@ impl Fit {
     /// # Errors
     /// Memory or device do not allow it.
     pub fn allocate(&mut self) -> Result<()> {
-        let job = self.planned.made(|_| Ok(()))?;
+        let job = self.planned.made()?;
         let (plan, executor) = (job.plan.clone(), &mut job.executor);
         let mut reserve = |s: &Schedule| executor.reserve(s);
         reserve(&Schedule::of(|s| cleared(s, &plan)))?;
@@ -197,7 +197,7 @@ impl Fit {
     pub fn take(&mut self, capture: &Capture) -> Result<()> {
         self.is_compared = false;
         let Fit { planned, rows, options, energies, .. } = self;
-        let job = planned.made(|_| Ok(()))?;
+        let job = planned.made()?;
         take(capture, options, rows, &mut job.model);
         job.queue_counts()?;
         let batches = &job.plan.levels.batches;
@@ -217,7 +217,7 @@ impl Fit {
     /// # Errors
     /// The device fails.
     pub fn seen(&mut self, layers: &[Maps]) -> Result<Option<(f64, Quality)>> {
-        let job = self.planned.made(|_| Ok(()))?;
+        let job = self.planned.made()?;
         let level = job.plan.levels.pixels.expect("a fit has pixels");
         let pixels = Pixels::of(layers, needs::pixels(&job.plan));
         (self.pixels, self.is_compared) = (pixels.len(), false);
@@ -235,7 +235,7 @@ impl Fit {
     /// The device fails.
     pub fn judged(&mut self) -> Result<Option<HeldOut>> {
         let count = self.pixels;
-        let job = self.planned.made(|_| Ok(()))?;
+        let job = self.planned.made()?;
         let Some(level) = judging(&job.plan, self.judge).copied().filter(|_| count > 0) else {
             return Ok(None);
         };
@@ -263,7 +263,7 @@ impl Fit {
     ) -> Result<(Driven, Option<Quality>)> {
         let gpu = self.planned.gpu().clone();
         let (clock, options) = (Instant::now(), &self.options);
-        let job = self.planned.made(|_| Ok(()))?;
+        let job = self.planned.made()?;
         let gpu_before = job.executor.gpu_seconds();
         let level = job.plan.levels.pixels.expect("a fit has pixels");
         let pixels = Pixels::of(layers, needs::pixels(&job.plan));

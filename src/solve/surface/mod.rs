@@ -360,7 +360,7 @@ impl Prepared for PreparedSurface {
         }
         let volume = self.with_volume.then(|| as_volume(&done.driven.maps, &self.grid));
         self.last = self.follow.map(|_| done.last);
-        let job = self.fine.planned.made(|_| Ok(()))?;
+        let job = self.fine.planned.made()?;
         let solved = finish(job, done.driven, None)?;
         let [begin, fit] = done.begun;
         let stages = Some([begin, fit - begin, solved.solve_seconds - fit]);

@@ -149,7 +149,7 @@ struct Projector(Planned);
 
 impl Projector {
     fn made(&mut self) -> Result<&mut OnDevice> {
-        self.0.made(|_| Ok(()))
+        self.0.made()
     }
 
     /// Gives the device counts. Returns what they were multiplied with.
