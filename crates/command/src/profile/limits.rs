@@ -26,10 +26,6 @@ pub struct DeviceLimits {
     pub owned_addition_per_s: Option<f64>,
     /// Atomic additions in shared memory per second.
     pub shared_atomic_per_s: f64,
-    /// Atomic additions in global memory per second.
-    pub global_atomic_per_s: f64,
-    /// fp32 atomic additions in global memory per second; null if the device has none.
-    pub global_atomic_float_per_s: Option<f64>,
     /// Atomic additions in global memory per second with lanes in histograms of their own, fp32 if the device has such.
     #[serde(default)]
     pub scattered_atomic_per_s: f64,
@@ -81,10 +77,6 @@ const TEXELS: Probe =
 const OWNED: Probe = Probe { kernel: &kernel::LIMIT_OWNED, turns: 64, per_turn: 4, right: owned_right };
 const SHARED: Probe =
     Probe { kernel: &kernel::LIMIT_SHARED_ATOMIC, turns: 512, per_turn: 4, right: shared_right };
-const GLOBAL: Probe =
-    Probe { kernel: &kernel::LIMIT_GLOBAL_ATOMIC, turns: 64, per_turn: 4, right: global_right };
-const FLOAT: Probe =
-    Probe { kernel: &kernel::LIMIT_GLOBAL_ATOMIC_FLOAT, turns: 64, per_turn: 4, right: global_float_right };
 const SCATTERED: Probe =
     Probe { kernel: &kernel::LIMIT_SCATTERED_ATOMIC, turns: 64, per_turn: 4, right: scattered_right };
 const SCATTERED_FLOAT: Probe = Probe {
@@ -122,21 +114,6 @@ fn shared_right(word: u32, _: u32, [turns, ..]: [u32; 3]) -> bool {
     word == 4 * turns
 }
 
-/// Number of additions to a word: four per turn from every workgroup that owns it.
-fn additions(i: u32, [turns, groups, dispatches]: [u32; 3]) -> u32 {
-    let owners = ATOMIC_WORDS / LANES;
-    let mine = groups / owners + u32::from(i / LANES < groups % owners);
-    4 * turns * mine * dispatches
-}
-
-fn global_right(word: u32, i: u32, did: [u32; 3]) -> bool {
-    word == additions(i, did)
-}
-
-fn global_float_right(word: u32, i: u32, did: [u32; 3]) -> bool {
-    f32::from_bits(word) == additions(i, did) as f32
-}
-
 /// Number of additions to a word of histograms of 512 words, of which workgroups own 64 each: one from every workgroup
 /// that owns it, from the 256th word down.
 fn scattered(i: u32, [turns, groups, dispatches]: [u32; 3]) -> u32 {
@@ -170,8 +147,6 @@ pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
         texel_per_s: bench.rate(&TEXELS)?,
         owned_addition_per_s: if cpu { Some(bench.rate(&OWNED)?) } else { None },
         shared_atomic_per_s: bench.rate(&SHARED)?,
-        global_atomic_per_s: bench.rate(&GLOBAL)?,
-        global_atomic_float_per_s: if float { Some(bench.rate(&FLOAT)?) } else { None },
         scattered_atomic_per_s: bench.rate(if float { &SCATTERED_FLOAT } else { &SCATTERED })?,
         copy_bytes_per_s: copy.max(bench.copy_within(u64::MAX)?),
         set_bytes_per_s: [
