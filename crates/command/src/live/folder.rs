@@ -55,7 +55,7 @@ impl FrameFolder {
 type Stamps = Vec<Option<Stamp>>;
 
 /// What was found at a path.
-enum Seen {
+enum FileState {
     /// A frame.
     Frame,
     /// Incomplete, or no capture, and unchanged since.
@@ -64,18 +64,18 @@ enum Seen {
     GivenUp(Stamps),
 }
 
-struct Watch {
+struct FolderWatch {
     frames: FrameFolder,
-    seen: BTreeMap<PathBuf, Seen>,
+    seen: BTreeMap<PathBuf, FileState>,
     number: u64,
 }
 
 /// Begins to look at a folder.
 pub(super) fn begin(frames: FrameFolder, give: SyncSender<Arrived>) -> Result<()> {
     begin_thread(move || {
-        let seen = frames.left_out.iter().map(|path| (path.clone(), Seen::Frame)).collect();
+        let seen = frames.left_out.iter().map(|path| (path.clone(), FileState::Frame)).collect();
         let mut heard = give.send(Arrived::Skipped(frames.left_out.len() as u64));
-        let mut watch = Watch { frames, seen, number: 0 };
+        let mut watch = FolderWatch { frames, seen, number: 0 };
         while heard.is_ok() {
             let mut others = vec![];
             for path in entries(&watch.frames.folder).unwrap_or_default() {
@@ -93,17 +93,17 @@ pub(super) fn begin(frames: FrameFolder, give: SyncSender<Arrived>) -> Result<()
     })
 }
 
-impl Watch {
+impl FolderWatch {
     /// What has come of a path since the last look.
     fn look(&mut self, path: &Path) -> Option<Arrived> {
         let seen = self.seen.get(path);
-        if matches!(seen, Some(Seen::Frame)) {
+        if matches!(seen, Some(FileState::Frame)) {
             return None;
         }
         let stamps = stamps(path);
         let settled = match seen {
-            Some(Seen::GivenUp(before)) if *before == stamps => return None,
-            Some(Seen::Waiting(before, since)) if *before == stamps => {
+            Some(FileState::GivenUp(before)) if *before == stamps => return None,
+            Some(FileState::Waiting(before, since)) if *before == stamps => {
                 if since.elapsed() < STILL {
                     return None;
                 }
@@ -117,18 +117,18 @@ impl Watch {
         let (seen, arrived) = match read {
             Some(Ok((counts, warning))) if !is_changed => {
                 self.number += 1;
-                (Seen::Frame, Some(Arrived::Counts(stem(path), counts, warning)))
+                (FileState::Frame, Some(Arrived::Counts(stem(path), counts, warning)))
             }
             Some(Err(error)) if !is_changed && (settled || is_complete(path)) => {
                 let place = format!("{}: ", path.display());
                 let error = if error.what.starts_with(&place) { error } else { error.at(path.display()) };
-                (Seen::GivenUp(stamps), Some(Arrived::Failed(Some(stem(path)), error)))
+                (FileState::GivenUp(stamps), Some(Arrived::Failed(Some(stem(path)), error)))
             }
             None if settled && !is_changed => {
                 let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-                (Seen::GivenUp(stamps), Some(Arrived::Others(vec![name])))
+                (FileState::GivenUp(stamps), Some(Arrived::Others(vec![name])))
             }
-            _ => (Seen::Waiting(stamps, Instant::now()), None),
+            _ => (FileState::Waiting(stamps, Instant::now()), None),
         };
         self.seen.insert(path.into(), seen);
         arrived
