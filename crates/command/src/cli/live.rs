@@ -95,7 +95,7 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
     if !args.quiet {
         opened.notes.iter().chain(&notes).for_each(|note| say(&format!("note: {note}")));
     }
-    let (mut drift, mut moved, mut unwritten) = (Drift::default(), false, None);
+    let (mut drift, mut warned, mut unwritten) = (Drift::default(), false, None);
     let mut keep = |record: &mut dyn FnMut(&mut RunFiles) -> Result<()>| match kept.as_mut().map(record) {
         Some(Err(error)) => {
             unwritten = Some(error);
@@ -106,10 +106,10 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
     let done = live::run(session, &source, page.as_ref(), &mut |news| match news {
         News::Solved(name, frame, latency, warning) => {
             // Once for all frames of which it is true.
-            if let Some(warning) = warning.filter(|_| !moved) {
-                say(&format!("warning: {name}: {warning}. {MOVED}"));
+            if let Some(warning) = warning.filter(|_| !warned) {
+                say(&format!("warning: {name}: {warning}"));
             }
-            moved = warning.is_some();
+            warned = warning.is_some();
             if !args.quiet {
                 print(&line(name, frame, &latency));
                 if drift.shows(&frame.result) {
@@ -260,8 +260,6 @@ fn source(args: &LiveArgs, scan: &Capture, reading: ReadOptions) -> Result<Frame
     }
     Ok(FrameSource::Stdin)
 }
-
-const MOVED: &str = "If the setup was moved, start again with a new --capture";
 
 /// Files that are no frames, the first of them by name.
 fn no_frames(names: &[String]) -> String {

@@ -1,6 +1,6 @@
 //! Frames as captures that appear in a folder.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
@@ -137,7 +137,18 @@ impl FolderWatch {
     /// The counts of a frame, and what differs from the scan.
     fn read(&self, path: &Path) -> Result<(FrameCounts, Option<String>)> {
         let frame = read_frame(path, &self.frames.reading)?.capture;
-        let scan = &self.frames.scan;
+        let (scan, number) = (&self.frames.scan, self.number);
+        let warning = moved(scan, &frame);
+        let differs = warning.is_some() || frame.pair_count() != scan.pair_count();
+        let partial = differs.then(|| of_pairs(scan, &frame)).flatten();
+        if let Some((values, measured)) = partial.filter(|(_, measured)| measured.contains(&false)) {
+            let missing = measured.iter().filter(|measured| !**measured).count();
+            let warning = format!(
+                "{missing} of its {} pairs were not measured and keep earlier counts",
+                measured.len()
+            );
+            return Ok((FrameCounts { frame: number, values, measured: Some(measured) }, Some(warning)));
+        }
         let [pairs, bins] = [scan.pair_count(), scan.bins];
         if [frame.pair_count(), frame.bins] != [pairs, bins] {
             return Err(Error::input(
@@ -149,8 +160,7 @@ impl FolderWatch {
                 "let only frames of the scan appear in the folder",
             ));
         }
-        let warning = moved(scan, &frame);
-        Ok((FrameCounts { frame: self.number, values: frame.histograms, measured: None }, warning))
+        Ok((FrameCounts { frame: number, values: frame.histograms, measured: None }, warning))
     }
 }
 
@@ -184,7 +194,22 @@ fn moved(scan: &Capture, frame: &Capture) -> Option<String> {
         ),
         () => return None,
     };
-    Some(format!("{what}, with which it is solved"))
+    Some(format!(
+        "{what}, with which it is solved. If the setup was moved, start again with a new capture of the scan"
+    ))
+}
+
+/// The counts of the scan's pairs in a frame that lacks some, such as dead ones that the reader left out, and which it has; `None` where
+/// most differ.
+fn of_pairs(scan: &Capture, frame: &Capture) -> Option<(Vec<f32>, Vec<bool>)> {
+    let key = |of: &Capture, p: usize| [of.laser[p], of.sensor[p]].map(|v| v.to_array().map(f64::to_bits));
+    let places: HashMap<_, usize> = (0..frame.pair_count()).map(|p| (key(frame, p), p)).collect();
+    let found: Vec<_> = (0..scan.pair_count()).map(|p| places.get(&key(scan, p)).copied()).collect();
+    let measured: Vec<bool> = found.iter().map(Option::is_some).collect();
+    let is_scan = frame.bins == scan.bins && 2 * measured.iter().filter(|m| **m).count() > measured.len();
+    let dark = vec![0.0; scan.bins];
+    let counts = found.iter().flat_map(|place| place.map_or(&dark[..], |p| frame.histogram(p)));
+    is_scan.then(|| (counts.copied().collect(), measured))
 }
 
 /// What a folder holds, sorted, without hidden files.
@@ -202,11 +227,13 @@ fn is_frame(path: &Path) -> bool {
 
 /// The stamps of a path; none of a file that is no capture by its name.
 fn stamps(path: &Path) -> Stamps {
-    match path.is_dir() {
-        true => entries(path).unwrap_or_default().iter().take(MOST_STAMPS).map(|p| Stamp::of(p)).collect(),
-        false if is_capture_file(path) => vec![Stamp::of(path)],
-        false => vec![],
+    if !path.is_dir() {
+        return if is_capture_file(path) { vec![Stamp::of(path)] } else { vec![] };
     }
+    let inside = std::fs::read_dir(path).into_iter().flatten().flatten().take(MOST_STAMPS);
+    let mut all: Stamps = inside.map(|entry| Stamp::of(&entry.path())).collect();
+    all.sort();
+    all
 }
 
 /// Whether the file was written to its end: its archive, or its list of arrays, is whole.
@@ -216,4 +243,35 @@ fn is_complete(path: &Path) -> bool {
 
 fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn half_a_bin_of_wall_or_of_time_is_a_warning() {
+        let points = || vec![DVec3::ZERO, DVec3::X];
+        let scan = Capture::new([2, 1], points(), points(), 100, 0.01, vec![]);
+        assert_eq!(moved(&scan, &scan), None);
+        let changed = |change: &dyn Fn(&mut Capture)| {
+            let mut frame = scan.clone();
+            change(&mut frame);
+            moved(&scan, &frame).unwrap_or_default()
+        };
+        assert_eq!(changed(&|frame| frame.sensor[1].y += 0.004), "");
+        assert!(changed(&|frame| frame.sensor[1].y += 0.006).contains("wall points are up to 6.0 mm"));
+        assert!(changed(&|frame| frame.t_start = 0.1).contains("10.000 mm wide from 0.1000 m"));
+        assert!(changed(&|frame| frame.bin_width = 0.011).contains("11.000 mm wide"));
+    }
+
+    #[test]
+    fn a_frame_without_a_dead_pair_has_the_others() {
+        let points: Vec<DVec3> = (0..4).map(|i| DVec3::X * f64::from(i)).collect();
+        let scan = Capture::new([4, 1], points.clone(), points, 2, 0.01, (0..8).map(|i| i as f32).collect());
+        let frame = scan.keep(&[0, 1, 3], [3, 1]);
+        let of_three = Some((vec![0.0, 1.0, 2.0, 3.0, 0.0, 0.0, 6.0, 7.0], vec![true, true, false, true]));
+        assert_eq!(of_pairs(&scan, &frame), of_three);
+        assert_eq!(of_pairs(&scan, &scan.keep(&[0, 3], [2, 1])), None, "half of the pairs");
+    }
 }
