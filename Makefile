@@ -1,7 +1,7 @@
 # Every target sets up what it needs first; what is there already is left alone.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: all setup build demo test python-test dist instrumented sanitize soak lint api header install bench bench-page clean
+.PHONY: all setup build libraries demo test python-test dist instrumented sanitize soak lint api header install bench bench-page clean
 all: build
 
 setup:
@@ -19,7 +19,7 @@ build: setup
 
 # Simulates a scene, reconstructs it, evaluates it against the truth and writes pictures to out/demo.
 demo: build
-	target/release/thirdbounce demo --out out/demo
+	$(RELEASE)/thirdbounce demo --out out/demo
 
 # With the dependencies and the library that `make demo` built.
 test: setup
@@ -79,13 +79,18 @@ api: setup
 header:
 	cbindgen --config capi/cbindgen.toml --crate thirdbounce-capi --output include/thirdbounce.h capi
 
+# The C library, with the features of `make build`: nothing else is compiled anew.
+libraries: build
+	cargo build --release --locked --workspace --exclude thirdbounce-python --exclude fixtures --exclude public-api
+
 # Installs the command with a manual page for every verb and completions for shells, the C library, its headers, and its files
-# for pkg-config and CMake below PREFIX. DESTDIR goes before it, for packages.
+# for pkg-config and CMake below PREFIX. DESTDIR goes before it, for packages. With sudo, the user who
+# called it compiles: root may have no Rust.
 PREFIX ?= /usr/local
 VERSION := $(shell sed -n '/^version/{s/[^0-9.]//gp;q}' capi/Cargo.toml)
 SONAME := libthirdbounce.so.$(basename $(VERSION))
-install: build
-	cargo build --release --locked --package thirdbounce-capi
+install:
+	$(if $(SUDO_USER),sudo -H -u $(SUDO_USER)) $(MAKE) libraries
 	install -d $(DESTDIR)$(PREFIX)/bin
 	install -m 755 -s $(RELEASE)/thirdbounce $(DESTDIR)$(PREFIX)/bin
 	.ci/shares $(RELEASE)/thirdbounce $(DESTDIR)$(PREFIX)/share
@@ -107,7 +112,7 @@ bench: setup
 # Runs the standard benchmark and the stiff cases, stores their numbers in benches/results/benchmark.json, and renews the curve and
 # the tables of README.md and docs/accuracy.md. Continues an interrupted run; `rm -r out/benchmark` begins anew.
 bench-page: build
-	target/release/thirdbounce benchmark --out out/benchmark
+	$(RELEASE)/thirdbounce benchmark --out out/benchmark
 	cargo bench --locked --bench builds -- stability --pages out/benchmark/benchmark.json
 
 clean:

@@ -93,6 +93,9 @@ typedef enum tb_frame_policy {
 // A buffer over imported external memory.
 typedef struct tb_buffer tb_buffer;
 
+// A capture that was read from a file.
+typedef struct tb_capture tb_capture;
+
 // An opened Vulkan device, usable from any thread and by any number of sessions.
 typedef struct tb_device tb_device;
 
@@ -181,6 +184,8 @@ typedef struct tb_scan {
     // and unspecified reflectance model and impulse response are estimated. NULL: the volume ends with the bins, and
     // the model is cosine unless set in `options` of tb_settings.
     const float *counts;
+    // A capture of `tb_read` in place of all fields above; NULL: none. `tb_capture_scan` sets it.
+    const struct tb_capture *capture;
 } tb_scan;
 
 // Progress of a frame.
@@ -196,6 +201,8 @@ typedef struct tb_progress {
     double loss;
     // Seconds since the start of the frame.
     double seconds;
+    // Share of the total iterations of the frame, or of the estimates: 0 to 1, never falling. A fit that converges ends before 1.
+    double fraction;
 } tb_progress;
 
 // Receives progress reports. Returns 0 to continue; any other value cancels the frame.
@@ -423,6 +430,23 @@ const char *tb_last_hint(void);
 // `info` begins with its size and is writable.
 enum tb_status tb_last_error_info(struct tb_error_info *info);
 
+// Reads a capture of any format and prepares it as `thirdbounce reconstruct` does. `options` are those of the capture as
+// "name=value name=value", with names of the command line ("wall=2m stride=2"); NULL: none. Any thread.
+//
+// # Safety
+// `path` and `options` are NULL or zero-terminated strings; `capture` is writable.
+enum tb_status tb_read(const char *path,
+                       const char *options,
+                       struct tb_capture **capture);
+
+// Saves the maps of the last frame that `tb_session_wait` returned into `folder`, which is created: maps.npz, maps.mat,
+// maps.exr, pictures, points and mesh. Any thread; calls on one session are serialised.
+//
+// # Safety
+// `session` is valid. `folder` is a zero-terminated string.
+enum tb_status tb_save(const struct tb_session *session,
+                       const char *folder);
+
 // As `tb_session_submit`, for a partial scan: only pairs whose byte in `measured` (`pairs` bytes) is nonzero have
 // new counts. Other pairs keep their previous counts; their values in `counts` are ignored but must be finite. Pairs
 // never measured are dark.
@@ -449,6 +473,20 @@ enum tb_status tb_session_latency(const struct tb_session *session, struct tb_la
 // `log` remains callable with `user_data` until it is replaced.
 void tb_set_log_callback(tb_log_callback log,
                          void *user_data);
+
+// Writes the scan of a capture with its counts to `scan`, with the lifetime of `capture`. A session of it also has the
+// capture's impulse response and wall normals.
+//
+// # Safety
+// `capture` is valid. `scan` begins with its size and is writable.
+enum tb_status tb_capture_scan(const struct tb_capture *capture,
+                               struct tb_scan *scan);
+
+// Frees a capture; NULL is ignored. Sessions do not need it after `tb_session_new`. Any thread, once.
+//
+// # Safety
+// `capture` is valid and not used concurrently or afterwards.
+void tb_capture_free(struct tb_capture *capture);
 
 // Creates a session, including compilation and allocation. Any thread.
 //

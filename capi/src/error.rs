@@ -141,6 +141,14 @@ pub fn no_handle(what: &str) -> Error {
     Error::options(format!("`{what}` is NULL"), "give a valid handle")
 }
 
+/// Names what is NULL, with its verb; `None` if nothing is.
+pub fn null_of<const N: usize>(all: [(bool, &str); N]) -> Option<String> {
+    let names: Vec<String> =
+        all.iter().filter(|(null, _)| *null).map(|(_, name)| format!("`{name}`")).collect();
+    let verb = if names.len() > 1 { "are" } else { "is" };
+    (!names.is_empty()).then(|| format!("{} {verb}", names.join(" and ")))
+}
+
 /// Runs the body of a call, records its error for the thread, and converts panics.
 pub fn guarded(body: impl FnOnce() -> Result<()>) -> TbStatus {
     let done = catch_unwind(AssertUnwindSafe(|| match body() {

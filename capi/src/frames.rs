@@ -5,7 +5,7 @@ use std::mem::offset_of;
 use engine::Error;
 use engine::session::Latency;
 
-use crate::error::{TbStatus, guarded, no_handle};
+use crate::error::{TbStatus, guarded, no_handle, null_of};
 use crate::session::TbSession;
 use crate::sized::{self, Versioned};
 
@@ -67,8 +67,8 @@ pub unsafe extern "C" fn tb_session_submit_partial(
     guarded(|| {
         // SAFETY: the caller provides a valid session, or NULL.
         let session = unsafe { session.as_ref() }.ok_or_else(|| no_handle("session"))?;
-        if counts.is_null() || measured.is_null() {
-            return Err(Error::options("`counts` or `measured` is NULL", "give both"));
+        if let Some(what) = null_of([(counts.is_null(), "counts"), (measured.is_null(), "measured")]) {
+            return Err(Error::options(format!("{what} NULL"), "give the counts, and a byte for every pair"));
         }
         // SAFETY: the arrays have these lengths, as the caller guarantees.
         let (counts, measured) = unsafe {

@@ -7,6 +7,7 @@
 
 mod devices;
 mod error;
+mod files;
 mod frames;
 mod log;
 mod scan;
@@ -20,7 +21,7 @@ pub use devices::TbDeviceInfo;
 pub use error::{TB_ERROR_INFO_SETTINGS, TbErrorInfo, TbStatus};
 pub use frames::TbLatency;
 pub use log::{TbLevel, TbLogCallback};
-pub use scan::TbScan;
+pub use scan::{TbCapture, TbScan};
 pub use session::{TbFrame, TbSession};
 pub use settings::{TbFramePolicy, TbProgress, TbProgressCallback, TbSettings};
 pub use vulkan::{

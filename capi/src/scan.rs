@@ -1,12 +1,17 @@
 //! Scan of a session.
 
+use std::borrow::Cow;
 use std::mem::offset_of;
 
 use engine::capture::{Capture, Pulse};
 use engine::{Error, Result};
 use glam::DVec3;
 
-use crate::sized::Versioned;
+use crate::error::{TbStatus, guarded, no_handle};
+use crate::sized::{self, Versioned};
+
+/// A capture that was read from a file.
+pub struct TbCapture(pub Capture);
 
 /// Laser-sensor pairs and histogram layout. Zero-initialise, then set `size`; zero is the default of every optional
 /// field.
@@ -41,6 +46,8 @@ pub struct TbScan {
     /// and unspecified reflectance model and impulse response are estimated. NULL: the volume ends with the bins, and
     /// the model is cosine unless set in `options` of tb_settings.
     pub counts: *const f32,
+    /// A capture of `tb_read` in place of all fields above; NULL: none. `tb_capture_scan` sets it.
+    pub capture: *const TbCapture,
 }
 
 // SAFETY: `repr(C)`, begins with its size; zero is valid for all fields.
@@ -50,18 +57,57 @@ unsafe impl Versioned for TbScan {
 }
 
 impl TbScan {
+    /// The scan of a capture.
+    pub fn of(from: &TbCapture) -> TbScan {
+        let capture = &from.0;
+        TbScan {
+            size: size_of::<TbScan>(),
+            points_x: capture.scan[0],
+            points_y: capture.scan[1],
+            laser_xyz: capture.laser.as_ptr().cast(),
+            sensor_xyz: capture.sensor.as_ptr().cast(),
+            bins: capture.bins,
+            bin_width: capture.bin_width,
+            t_start: capture.t_start,
+            photon_counts: capture.integer_counts.into(),
+            reserved: 0,
+            pulse_fwhm: 0.0,
+            laser_spot_fwhm: capture.laser_spot.unwrap_or(0.0),
+            sensor_spot_fwhm: capture.sensor_spot.unwrap_or(0.0),
+            counts: capture.histograms.as_ptr(),
+            capture: from,
+        }
+    }
+
     /// The scan as a capture, with its counts.
     ///
     /// # Safety
-    /// The arrays are NULL or have three values per pair, `counts` one value per bin and pair.
-    pub unsafe fn capture(&self) -> Result<Capture> {
-        let pairs = self.points_x.checked_mul(self.points_y).filter(|n| *n > 0 && *n < 1 << 31);
-        let Some(pairs) = pairs.filter(|_| !self.laser_xyz.is_null()) else {
+    /// `capture` is NULL or valid. The arrays are NULL or have three values per pair, `counts` one value per bin and pair.
+    pub unsafe fn capture<'c>(&self) -> Result<Cow<'c, Capture>> {
+        // SAFETY: guaranteed by the caller.
+        match unsafe { self.capture.as_ref() } {
+            Some(read) => Ok(Cow::Borrowed(&read.0)),
+            // SAFETY: guaranteed by the caller.
+            None => unsafe { self.of_arrays() }.map(Cow::Owned),
+        }
+    }
+
+    /// # Safety
+    /// As [`TbScan::capture`].
+    unsafe fn of_arrays(&self) -> Result<Capture> {
+        if self.laser_xyz.is_null() {
+            let sensor =
+                if self.sensor_xyz.is_null() { ", and so is `sensor_xyz`" } else { "; `sensor_xyz` is set" };
             return Err(Error::options(
-                format!("a scan of {} x {} points, or without laser points", self.points_x, self.points_y),
-                "give `points_x`, `points_y` and `laser_xyz`",
+                format!("`laser_xyz` of tb_scan is NULL{sensor}"),
+                "give the laser points; `sensor_xyz` alone may be NULL, for a confocal scan",
             ));
-        };
+        }
+        let pairs = self.points_x.checked_mul(self.points_y).filter(|n| *n > 0 && *n < 1 << 31);
+        let pairs = pairs.ok_or_else(|| {
+            let what = format!("a scan of {} x {} points", self.points_x, self.points_y);
+            Error::options(what, "give `points_x` and `points_y`; `points_y` is 1 for a list of pairs")
+        })?;
         // SAFETY: the array has this length, as the caller guarantees.
         let laser = points(unsafe { std::slice::from_raw_parts(self.laser_xyz, 3 * pairs) });
         let sensor = match self.sensor_xyz.is_null() {
@@ -93,6 +139,36 @@ impl TbScan {
     }
 }
 
+/// Writes the scan of a capture with its counts to `scan`, with the lifetime of `capture`. A session of it also has the
+/// capture's impulse response and wall normals.
+///
+/// # Safety
+/// `capture` is valid. `scan` begins with its size and is writable.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tb_capture_scan(capture: *const TbCapture, scan: *mut TbScan) -> TbStatus {
+    guarded(|| {
+        // SAFETY: the caller provides a valid capture, or NULL.
+        let capture = unsafe { capture.as_ref() }.ok_or_else(|| no_handle("capture"))?;
+        // SAFETY: the caller provides a struct that begins with its size.
+        unsafe { sized::write(scan, &TbScan::of(capture)) }
+    })
+}
+
+/// Frees a capture; NULL is ignored. Sessions do not need it after `tb_session_new`. Any thread, once.
+///
+/// # Safety
+/// `capture` is valid and not used concurrently or afterwards.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn tb_capture_free(capture: *mut TbCapture) {
+    let _ = guarded(|| {
+        if !capture.is_null() {
+            // SAFETY: created by `tb_read` and freed once.
+            drop(unsafe { Box::from_raw(capture) });
+        }
+        Ok(())
+    });
+}
+
 fn points(numbers: &[f64]) -> Vec<DVec3> {
     numbers.as_chunks::<3>().0.iter().map(|p| DVec3::from_array(*p)).collect()
 }
@@ -111,5 +187,17 @@ mod tests {
         // SAFETY: the laser array has two points; the counts are refused before they are read.
         let error = unsafe { scan.capture() }.unwrap_err();
         assert!(error.what.contains("do not fit any memory"), "{error}");
+        scan.laser_xyz = std::ptr::null();
+        for (sensor, words) in
+            [(std::ptr::null(), "and so is `sensor_xyz`"), (point.as_ptr(), "`sensor_xyz` is set")]
+        {
+            scan.sensor_xyz = sensor;
+            // SAFETY: the points are refused before they are read.
+            let error = unsafe { scan.capture() }.unwrap_err();
+            assert!(
+                error.what.starts_with("`laser_xyz` of tb_scan is NULL") && error.what.contains(words),
+                "{error}"
+            );
+        }
     }
 }

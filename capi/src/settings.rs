@@ -44,6 +44,8 @@ pub struct TbProgress {
     pub loss: f64,
     /// Seconds since the start of the frame.
     pub seconds: f64,
+    /// Share of the total iterations of the frame, or of the estimates: 0 to 1, never falling. A fit that converges ends before 1.
+    pub fraction: f64,
 }
 
 /// Receives progress reports. Returns 0 to continue; any other value cancels the frame.
@@ -109,6 +111,23 @@ impl User {
     }
 }
 
+/// Sets options that are written as "name=value name=value".
+///
+/// # Errors
+/// Another form, an unknown name, an invalid value.
+pub fn set_all(settings: &mut Settings, options: &str) -> Result<()> {
+    for option in options.split_whitespace() {
+        let (name, value) = option.split_once('=').ok_or_else(|| {
+            Error::options(
+                format!("the option \"{option}\" is not name=value"),
+                "write lateral=64, for example",
+            )
+        })?;
+        settings.set(name, value)?;
+    }
+    Ok(())
+}
+
 impl TbSettings {
     /// The settings of the engine.
     ///
@@ -123,15 +142,7 @@ impl TbSettings {
         if self.lateral > 0 {
             settings.set("lateral", &self.lateral.to_string())?;
         }
-        for option in options.unwrap_or_default().split_whitespace() {
-            let (name, value) = option.split_once('=').ok_or_else(|| {
-                Error::options(
-                    format!("the option \"{option}\" is not name=value"),
-                    "write lateral=64, for example",
-                )
-            })?;
-            settings.set(name, value)?;
-        }
+        set_all(&mut settings, options.unwrap_or_default())?;
         settings.bins = (self.sum_bins > 0).then_some(Bins::Sum(self.sum_bins)).or(settings.bins);
         settings.memory = (self.memory_limit > 0).then_some(self.memory_limit).or(settings.memory);
         settings.check().map(|()| settings)
@@ -144,8 +155,11 @@ impl TbSettings {
     pub unsafe fn hear(&self) -> Option<Hear> {
         let user = User(self.user_data);
         self.progress.map(|callback| -> Hear {
+            let mut last = (FrameId(u64::MAX), 0.0);
             Box::new(move |id: FrameId, progress: &Progress| {
-                let report = TbProgress::of(id, progress);
+                let before = if last.0 == id { last.1 } else { 0.0 };
+                let report = TbProgress::of(id, progress, before);
+                last = (id, report.fraction);
                 // SAFETY: guaranteed by the caller.
                 match unsafe { callback(user.pointer(), &report) } {
                     0 => ControlFlow::Continue(()),
@@ -203,7 +217,8 @@ impl TbSettings {
 }
 
 impl TbProgress {
-    fn of(id: FrameId, progress: &Progress) -> TbProgress {
+    fn of(id: FrameId, progress: &Progress, before: f64) -> TbProgress {
+        let done = progress.point.iteration as f64 / progress.iterations.max(1) as f64;
         TbProgress {
             size: size_of::<TbProgress>(),
             frame: id.0,
@@ -211,6 +226,7 @@ impl TbProgress {
             iterations: progress.iterations,
             loss: progress.point.loss,
             seconds: progress.point.seconds,
+            fraction: done.clamp(before, 1.0),
         }
     }
 }

@@ -4,6 +4,15 @@ use std::ffi::{CStr, c_char};
 
 use engine::{Error, Result};
 
+/// The string at `text`.
+///
+/// # Safety
+/// As [`of`].
+pub unsafe fn required<'a>(text: *const c_char, what: &str) -> Result<&'a str> {
+    // SAFETY: guaranteed by the caller.
+    unsafe { of(text, what)? }.ok_or_else(|| Error::options(format!("`{what}` is NULL"), "give a string"))
+}
+
 /// The string at `text`; `None` for NULL.
 ///
 /// # Safety

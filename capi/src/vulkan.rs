@@ -12,7 +12,7 @@ use engine::gpu::external::{
 use engine::session::{ExternalCounts, ExternalFrame, Format};
 use engine::{Error, Result};
 
-use crate::error::{TbStatus, guarded, no_handle};
+use crate::error::{TbStatus, guarded, no_handle, null_of};
 use crate::sized::{self, Versioned};
 use crate::{TbDevice, TbSession};
 
@@ -217,11 +217,14 @@ pub unsafe extern "C" fn tb_device_from_vulkan(
         // SAFETY: the caller provides a struct that begins with its size.
         let vulkan = unsafe { sized::read(vulkan)? };
         let (load, instance) = vulkan.loader()?;
-        if vulkan.device.is_null() || vulkan.queue.is_null() || vulkan.physical_device.is_null() {
-            return Err(Error::options(
-                "a handle of `tb_vulkan` is NULL",
-                "give physical device, device and queue",
-            ));
+        let handles = [
+            (vulkan.physical_device.is_null(), "physical_device"),
+            (vulkan.device.is_null(), "device"),
+            (vulkan.queue.is_null(), "queue"),
+        ];
+        if let Some(what) = null_of(handles) {
+            let hint = "give physical device, device and queue";
+            return Err(Error::options(format!("{what} NULL in tb_vulkan"), hint));
         }
         let lock = vulkan.lock()?;
         let vulkan = Vulkan {
@@ -379,9 +382,12 @@ fn features_of(all: u32) -> Features {
 
 impl TbVulkan {
     fn loader(&self) -> Result<(vk::PFN_vkGetInstanceProcAddr, vk::Instance)> {
-        let Some(load) = self.get_instance_proc_addr.filter(|_| !self.instance.is_null()) else {
+        let load = self.get_instance_proc_addr;
+        let given = [(self.instance.is_null(), "instance"), (load.is_none(), "get_instance_proc_addr")];
+        let (None, Some(load)) = (null_of(given), load) else {
+            let what = null_of(given).unwrap_or_default();
             return Err(Error::options(
-                "`tb_vulkan` has no instance, or no vkGetInstanceProcAddr",
+                format!("{what} NULL in tb_vulkan"),
                 "give both: vkGetInstanceProcAddr as a function of the loader",
             ));
         };

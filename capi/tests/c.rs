@@ -40,6 +40,15 @@ fn run(command: &mut Command) -> String {
 
 /// Compiles an example with `flags`, and runs it in `folder`.
 fn example(source: &str, flags: &[&str], environment: &[(&str, &str)]) -> (tempfile::TempDir, String) {
+    example_with(source, flags, environment, &["last.pgm"])
+}
+
+fn example_with(
+    source: &str,
+    flags: &[&str],
+    environment: &[(&str, &str)],
+    arguments: &[&str],
+) -> (tempfile::TempDir, String) {
     let folder = tempfile::tempdir().expect("a folder");
     let program = folder.path().join("program");
     let (compiler, standard) =
@@ -50,7 +59,7 @@ fn example(source: &str, flags: &[&str], environment: &[(&str, &str)]) -> (tempf
     std::os::unix::fs::symlink(library().join("libthirdbounce.so"), folder.path().join(soname))
         .expect("a link");
     run(Command::new(compiler)
-        .args([standard, "-Wall", "-Wextra", "-Werror", "-pedantic", "-O1", "-g", "-I"])
+        .args([standard, "-Wall", "-Wextra", "-Wshadow", "-Werror", "-pedantic", "-O1", "-g", "-I"])
         .arg(root().join("include"))
         .args(flags)
         .arg(root().join("examples").join(source))
@@ -60,7 +69,7 @@ fn example(source: &str, flags: &[&str], environment: &[(&str, &str)]) -> (tempf
         .args(["-lthirdbounce", "-lpthread", "-lm", "-o"])
         .arg(&program));
     let mut command = Command::new(&program);
-    command.arg("last.pgm").current_dir(folder.path()).env("LD_LIBRARY_PATH", folder.path());
+    command.args(arguments).current_dir(folder.path()).env("LD_LIBRARY_PATH", folder.path());
     let text = run(command.envs(environment.iter().copied()));
     (folder, text)
 }
@@ -92,6 +101,9 @@ fn cancels(flags: &[&str], environment: &[(&str, &str)]) {
         "nothing to wait for",
         "no setting \"no_such\"",
         "available 1000 B",
+        "`laser_xyz` of tb_scan is NULL; `sensor_xyz` is set",
+        "the size of tb_vulkan is 0",
+        "`counts` is NULL",
         "cancelled",
         "as it should be",
     ] {
@@ -163,6 +175,24 @@ fn a_cpp_program_finds_the_package_and_lists_devices() {
 #[test]
 fn a_c_program_captures() {
     captures(&[], &[]);
+}
+
+#[test]
+fn a_c_program_goes_from_a_file_to_maps() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("capture.npz");
+    let scene =
+        engine::Scene { scan: 12, bin_width: 0.02, ..engine::Scene::named("letter:T").expect("a scene") };
+    let options = engine::RenderOptions { noise: 0.05, ..engine::RenderOptions::default() };
+    let (capture, truth) = engine::render(&scene, &options, 16).expect("a capture");
+    engine::capture::write(&capture, &file).expect("a file");
+    let arguments = [file.to_str().expect("a path"), "result"];
+    let (folder, text) = example_with("c/file.c", &[], &[], &arguments);
+    assert!(text.contains(" pixels of surface in result") && !text.contains("\n0 pixels"), "{text}");
+    let maps = engine::export::npz::read_maps(&folder.path().join("result/maps.npz")).expect("maps");
+    let metrics = engine::evaluate(&maps, &truth, None).expect("figures");
+    assert!(metrics.iou > Some(0.4) && metrics.depth_mae < Some(0.05), "{metrics:?}");
+    assert!(folder.path().join("result/maps.mat").exists());
 }
 
 #[test]

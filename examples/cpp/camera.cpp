@@ -46,7 +46,7 @@ int main() {
                     counts[pair * bins + std::size_t(2.0 * std::sqrt(far) / bin_width)] += float(std::floor(9.0 / (far * far)));
                 }
             }
-            session.submit_part(counts, measured);
+            session.submit_partial(counts.data(), counts.size(), measured.data(), measured.size());
             std::this_thread::sleep_for(std::chrono::milliseconds(5));
         }
         ended = true;

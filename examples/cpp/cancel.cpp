@@ -38,17 +38,23 @@ int main() {
         wall.insert(wall.end(), {x, y, 0.0});
         counts[pair * bins + std::size_t(2.0 * std::sqrt(x * x + y * y + 0.49) / bin_width)] += 500.0f;
     }
+    std::atomic<int> errors{0};
+    set_log([&](tb_level level, const char *) { errors += level == TB_LEVEL_ERROR; });
     const Device device;
     tb_scan scan{};
     scan.size = sizeof scan, scan.points_x = scan.points_y = side, scan.laser_xyz = wall.data();
     scan.bins = bins, scan.bin_width = bin_width;
-    // The first report of a frame lets the main thread go on.
-    std::atomic<int> reports{0};
+    // The first report of a frame lets the main thread go on. `fraction` never falls.
+    static std::atomic<int> reports{0}, falls{0};
     tb_settings settings{};
     settings.size = sizeof settings, settings.lateral = 16;
-    settings.user_data = &reports;
-    settings.progress = [](void *user, const tb_progress *) -> int32_t {
-        static_cast<std::atomic<int> *>(user)->fetch_add(1);
+    tb_progress newest{};
+    settings.user_data = &newest;
+    settings.progress = [](void *user, const tb_progress *progress) -> int32_t {
+        tb_progress &last = *static_cast<tb_progress *>(user);
+        falls += (progress->frame == last.frame && progress->fraction < last.fraction) || progress->fraction > 1.0;
+        last = *progress;
+        reports++;
         std::this_thread::sleep_for(std::chrono::milliseconds(2));
         return 0;
     };
@@ -65,11 +71,17 @@ int main() {
 
     tb_settings small = settings;
     small.memory_limit = 1000;
-    good &= refused([&] { Session(device, scan, small); }) == TB_ERROR_MEMORY;
-    tb_error_info problem{};
-    problem.size = sizeof problem;
-    good &= tb_last_error_info(&problem) == TB_OK && problem.status == TB_ERROR_MEMORY;
-    std::printf("requested %d MB, available %d B\n", int(problem.requested_bytes >> 20), int(problem.available_bytes));
+    try {
+        Session(device, scan, small);
+        good = false;
+    } catch (const Error &error) {
+        good &= error.status == TB_ERROR_MEMORY && error.info.status == TB_ERROR_MEMORY && !error.settings().empty();
+        std::printf("requested %d MB, available %d B\n", int(error.info.requested_bytes >> 20), int(error.info.available_bytes));
+    }
+    tb_scan without = scan;
+    without.laser_xyz = nullptr, without.sensor_xyz = wall.data();
+    good &= refused([&] { Session(device, without, settings); }) == TB_ERROR_OPTIONS;
+    good &= refused([&] { Device(tb_vulkan{}); }) == TB_ERROR_OPTIONS;
 
     session.submit(counts);
     while (reports == 0) std::this_thread::yield();
@@ -85,6 +97,9 @@ int main() {
         good &= !frame.mask[i] || frame.depth_error[i] > 0.0f;
     }
     std::printf("frame %d: %zu pixels of surface\n", int(frame.id), lit);
+    good &= falls == 0 && newest.frame == frame.id && newest.fraction > 0.0;
+    set_log({});
+    good &= errors == 8 && refused([&] { session.submit(nullptr, 3); }) == TB_ERROR_OPTIONS && errors == 8;
     std::puts(good && lit > 0 ? "as it should be" : "not as it should be");
     return good && lit > 0 ? 0 : 1;
 }

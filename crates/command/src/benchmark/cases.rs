@@ -268,12 +268,14 @@ pub fn found_in(folder: &Path, scene: &dyn Fn(String, &Path) -> Result<Case>) ->
 /// # Errors
 /// A folder that cannot be read.
 pub fn captures_in(folder: &Path) -> Result<Vec<PathBuf>> {
-    let is_truth = |name: &str| name.starts_with("truth_") || name.ends_with("_truth");
-    let is_one = |path: &PathBuf| match path.is_dir() {
-        true => is_capture(path),
-        false => CAPTURES.contains(&ending(path).as_str()) && !is_truth(&stem(path)),
-    };
+    let is_one = |path: &PathBuf| if path.is_dir() { is_capture(path) } else { is_capture_file(path) };
     Ok(entries(folder)?.into_iter().filter(is_one).collect())
+}
+
+/// Whether a file is a capture by its name, and no truth.
+pub fn is_capture_file(file: &Path) -> bool {
+    let name = stem(file);
+    CAPTURES.contains(&ending(file).as_str()) && !name.starts_with("truth_") && !name.ends_with("_truth")
 }
 
 /// Whether a folder is one capture: a few files of a format that has several.

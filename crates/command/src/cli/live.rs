@@ -10,22 +10,23 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde_json::{Value, json};
 
-use crate::live::{self, Figures, FrameSource, LivePage, LiveTotals, News, Shows};
+use crate::live::{self, Figures, FrameFolder, FrameSource, LivePage, LiveTotals, News, Shows, read_frame};
+use thirdbounce::capture::formats::ReadOptions;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::maps::Maps;
 use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
 use thirdbounce::solve::units::{length, milliseconds};
 use thirdbounce::solve::{Follow, Reconstruction};
-use thirdbounce::{Error, Result, capture, export, job};
+use thirdbounce::{Capture, Error, Result, export, job};
 
-use super::settings::{METHOD, SettingsArgs};
+use super::settings::{FILE, METHOD, SettingsArgs};
 use super::terminal::{print, say, say_error};
 use super::{advice, interrupt};
 
 #[derive(clap::Args)]
 pub struct LiveArgs {
-    /// Where frames come from: a folder in which npz captures appear, or - for a stream of frames (docs/batch-and-live.md) on the
-    /// standard input
+    /// Where frames come from: a folder in which captures of any format appear, or - for a stream of frames
+    /// (docs/batch-and-live.md) on the standard input
     source: PathBuf,
     /// A capture with the points, bins, pulse and spots of all frames. If it has light, the box ends where its light does, and
     /// model and pulse are estimated, as in reconstruct
@@ -61,6 +62,9 @@ pub struct LiveArgs {
     /// End after N frames
     #[arg(long, value_name = "N")]
     frames: Option<u64>,
+    /// Leave out the frames that are in the folder at the start
+    #[arg(long)]
+    new_only: bool,
     /// Index or part of the name of the Vulkan device [default: the best]
     #[arg(long, value_name = "DEVICE", help_heading = "Device")]
     device: Option<String>,
@@ -69,6 +73,8 @@ pub struct LiveArgs {
     quiet: bool,
     #[command(flatten)]
     settings: SettingsArgs<METHOD>,
+    #[command(flatten)]
+    file: SettingsArgs<FILE>,
 }
 
 pub fn run(args: &LiveArgs) -> Result<ExitCode> {
@@ -76,7 +82,9 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
     let (feed, interval) = (feed(&args.feed)?, seconds("interval", args.interval)?);
     let options = SessionOptions { feed, follow: follow(args)?, ..SessionOptions::default() };
     interrupt::stop_in_order();
-    let (source, scan) = (source(args)?, capture::read(&args.capture)?);
+    let reading = job::reading(&args.file.settings()?)?;
+    let opened = read_frame(&args.capture, &reading)?;
+    let (source, scan) = (source(args, &opened.capture, reading)?, opened.capture);
     let mut kept = args.out.as_deref().map(|out| RunFiles::open(out, args.keep)).transpose()?;
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
     let shows = Shows { depths: args.page_depths, interval };
@@ -85,9 +93,9 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
     let (session, notes) =
         thirdbounce::session_with(&gpu, &scan, &settings, options, &mut |_| interrupt::asked())?;
     if !args.quiet {
-        notes.iter().for_each(|note| say(&format!("note: {note}")));
+        opened.notes.iter().chain(&notes).for_each(|note| say(&format!("note: {note}")));
     }
-    let (mut drift, mut unwritten) = (Drift::default(), None);
+    let (mut drift, mut warned, mut unwritten) = (Drift::default(), false, None);
     let mut keep = |record: &mut dyn FnMut(&mut RunFiles) -> Result<()>| match kept.as_mut().map(record) {
         Some(Err(error)) => {
             unwritten = Some(error);
@@ -96,14 +104,19 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
         _ => interrupt::asked(),
     };
     let done = live::run(session, &source, page.as_ref(), &mut |news| match news {
-        News::Solved(name, frame, latency) => {
+        News::Solved(name, frame, latency, warning) => {
+            // Once for all frames of which it is true.
+            if let Some(warning) = warning.filter(|_| !warned) {
+                say(&format!("warning: {name}: {warning}"));
+            }
+            warned = warning.is_some();
             if !args.quiet {
                 print(&line(name, frame, &latency));
                 if drift.shows(&frame.result) {
                     say(DRIFTED);
                 }
             }
-            keep(&mut |kept| kept.solved(name, frame, &latency))?;
+            keep(&mut |kept| kept.solved(name, frame, &latency, warning))?;
             match args.frames {
                 Some(most) if latency.frames >= most => ControlFlow::Break(()),
                 _ => ControlFlow::Continue(()),
@@ -119,6 +132,10 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
             let failed = json!({"frame": name, "status": "failed", "error": error.what, "hint": hint});
             keep(&mut |kept| kept.line(failed.clone()))
         }
+        News::Others(names) => {
+            say(&format!("note: {}", no_frames(names)));
+            interrupt::asked()
+        }
         News::Idle => interrupt::asked(),
     })?;
     if let Some(error) = unwritten {
@@ -128,8 +145,8 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
         export::write_maps(out, maps)?;
         print(&format!("wrote     {}", out.display()));
     }
-    print(&summary(&done));
-    if done.arrived + done.failed == 0 && source == FrameSource::Stdin && interrupt::asked().is_continue() {
+    print(&summary(&done, feed));
+    if done.arrived == 0 && source == FrameSource::Stdin && interrupt::asked().is_continue() {
         return Err(Error::input(
             "the stream ended before its first frame",
             "check the program that writes it: docs/batch-and-live.md describes the bytes",
@@ -174,7 +191,7 @@ impl RunFiles {
     }
 
     /// Writes the line of a frame, after its maps.
-    fn solved(&mut self, name: &str, frame: &Frame, latency: &Latency) -> Result<()> {
+    fn solved(&mut self, name: &str, frame: &Frame, latency: &Latency, warning: Option<&str>) -> Result<()> {
         let mut file = Value::Null;
         if self.every > 0 && (latency.frames - 1).is_multiple_of(self.every) {
             // A name that comes again, in another stream or run, replaces nothing.
@@ -186,8 +203,9 @@ impl RunFiles {
         }
         self.last = Some(frame.result.maps.clone());
         let mut line = json!({"frame": name, "status": "solved", "maps": file});
-        let times =
-            json!({"latency_ms": 1e3 * latency.last.as_secs_f64(), "warnings": frame.result.warnings});
+        let warnings: Vec<&str> =
+            warning.into_iter().chain(frame.result.warnings.iter().map(String::as_str)).collect();
+        let times = json!({"latency_ms": 1e3 * latency.last.as_secs_f64(), "warnings": warnings});
         for part in [json!(Figures::of(frame)), times] {
             line.as_object_mut()
                 .into_iter()
@@ -232,14 +250,28 @@ fn depths(text: &str) -> std::result::Result<[f64; 2], String> {
         .ok_or_else(|| "give the nearest and the farthest depth: 0.5:1.5, 50cm:1.5m".into())
 }
 
-fn source(args: &LiveArgs) -> Result<FrameSource> {
-    match &args.source {
-        path if path.as_os_str() == "-" => Ok(FrameSource::Stdin),
-        path if path.is_dir() => Ok(FrameSource::Folder(path.clone())),
-        path => Err(Error::input(
-            format!("{} is no folder", path.display()),
-            "give a folder of captures, or - and the stream on the standard input: `thirdbounce live - ... < FILE`",
-        )),
+fn source(args: &LiveArgs, scan: &Capture, reading: ReadOptions) -> Result<FrameSource> {
+    if args.source.as_os_str() != "-" {
+        let folder = FrameFolder::new(&args.source, scan, reading, args.new_only)?;
+        return Ok(FrameSource::Folder(Box::new(folder)));
+    }
+    if args.new_only {
+        return Err(Error::options("--new-only with a stream, which has no files", "leave --new-only out"));
+    }
+    Ok(FrameSource::Stdin)
+}
+
+/// Files that are no frames, the first of them by name.
+fn no_frames(names: &[String]) -> String {
+    const NAMED: usize = 3;
+    let first = names.iter().take(NAMED).map(String::as_str).collect::<Vec<_>>().join(", ");
+    match names {
+        [_] => format!("1 file is no frame: {first}"),
+        _ => format!(
+            "{} files are no frames: {first}{}",
+            names.len(),
+            if names.len() > NAMED { ", ..." } else { "" }
+        ),
     }
 }
 
@@ -283,20 +315,30 @@ fn line(name: &str, frame: &Frame, latency: &Latency) -> String {
     )
 }
 
-fn summary(done: &LiveTotals) -> String {
+/// Every frame that was seen is in one of the numbers.
+fn summary(done: &LiveTotals, feed: Feed) -> String {
     let ms = |time: Duration| format!("{:.0} ms", 1e3 * time.as_secs_f64());
-    let reported = &done.latency;
-    format!(
-        "{} frames of {} solved, {} dropped, {} failed; latency: median {}, 90 % {}, 99 % {}; {:.1} frames/s",
-        reported.frames,
-        done.arrived,
-        reported.dropped,
-        done.failed,
-        ms(reported.median),
-        ms(reported.p90),
-        ms(reported.p99),
-        reported.frames_per_second
-    )
+    let left = done.arrived - done.solved - done.replaced - done.failed;
+    let replaced = if matches!(feed, Feed::Sum { .. }) { "summed" } else { "dropped" };
+    let mut text = format!(
+        "{} frames: {} solved, {} {replaced}, {} failed",
+        done.arrived + done.skipped,
+        done.solved,
+        done.replaced,
+        done.failed
+    );
+    for (count, what) in [(left, "not solved at the end"), (done.skipped, "skipped by --new-only")] {
+        text += &(if count > 0 { format!(", {count} {what}") } else { String::new() });
+    }
+    let latency = &done.latency;
+    text += &format!(
+        "; latency: median {}, 90 % {}, 99 % {}; {:.1} frames/s",
+        ms(latency.median),
+        ms(latency.p90),
+        ms(latency.p99),
+        latency.frames_per_second
+    );
+    text + &(if done.others.is_empty() { String::new() } else { format!("; {}", no_frames(&done.others)) })
 }
 
 fn feed(text: &str) -> Result<Feed> {

@@ -141,9 +141,11 @@ fn check_device(args: &ProfileArgs) -> Result<()> {
         text +=
             &format!("{:<22}{:<10}{:<30}{error:>14}{:>10.0e}\n", c.solver, c.accumulation, c.pass, c.allowed);
     }
-    print(&(text + &limits_text(&limits)));
+    let (all, wrong) = (checks.len(), checks.iter().filter(|c| !c.passed()).count());
+    text += &limits_text(&limits);
+    text += &format!("checked   {} of {all} comparisons with float64 references pass", all - wrong);
+    print(&text);
     gpu.validation_messages().iter().for_each(|message| say(&format!("validation: {message}")));
-    let wrong = checks.iter().filter(|c| !c.passed()).count();
     if let Some(file) = &args.json {
         write_json(file, &CheckReport { device: device_of(&gpu), limits, checks }, true)?;
     }

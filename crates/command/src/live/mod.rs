@@ -5,7 +5,6 @@
 
 use std::collections::VecDeque;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
 use std::time::Duration;
@@ -17,6 +16,7 @@ mod folder;
 mod page;
 mod stream;
 
+pub use folder::{FrameFolder, read_frame};
 pub use page::{Figures, LivePage, LiveTotals, Shows};
 use stream::Arrived;
 pub use stream::{CountFormat, FrameCounts, FrameHeader, HEADER, MAGIC, VERSION, read, write};
@@ -24,20 +24,22 @@ pub use stream::{CountFormat, FrameCounts, FrameHeader, HEADER, MAGIC, VERSION, 
 /// Where frames come from.
 #[derive(Debug, Clone, PartialEq)]
 pub enum FrameSource {
-    /// Captures that appear in a folder as .npz files, in the order of their names. It never ends.
-    Folder(PathBuf),
+    /// Captures that appear in a folder, in the order of their names. It never ends.
+    Folder(Box<FrameFolder>),
     /// A stream of frames ([`FrameHeader`]) on the standard input.
     Stdin,
 }
 
 /// Reports of [`run`]. A frame's name is that of its file without the ending, or `frame-` and its number in the stream.
 pub enum News<'n> {
-    /// A frame is solved.
-    Solved(&'n str, &'n Frame, Latency),
+    /// A frame is solved, with what differs from the scan.
+    Solved(&'n str, &'n Frame, Latency, Option<&'n str>),
     /// A newer frame replaced this one, or was added to it, before it was solved.
     Dropped(&'n str),
     /// A frame, if it has a name, or the stream failed; later frames may not.
     Failed(Option<&'n str>, &'n Error),
+    /// Files of the folder that are no frames, by their names.
+    Others(&'n [String]),
     /// Nothing happened for a moment.
     Idle,
 }
@@ -58,71 +60,86 @@ pub fn run(
 ) -> Result<LiveTotals> {
     // Frames wait in the session, by its rule, not here.
     let (give, take) = sync_channel(1);
-    let size = session.size();
     match source {
-        FrameSource::Folder(folder) => folder::begin(folder.clone(), size, give)?,
-        FrameSource::Stdin => stream::begin_stdin(size, give)?,
+        FrameSource::Folder(frames) => folder::begin((**frames).clone(), give)?,
+        FrameSource::Stdin => stream::begin_stdin(session.size(), give)?,
     }
     let depths = session.plan().finest().grid.depth_range();
     page.into_iter().for_each(|page| page.begin(depths));
-    let mut summary = LiveTotals { latency: session.latency(), ..LiveTotals::default() };
-    // Names of the frames that were submitted and have no result.
-    let mut names: VecDeque<(FrameId, String)> = VecDeque::new();
+    let mut totals = LiveTotals { latency: session.latency(), ..LiveTotals::default() };
+    // Frames that were submitted and have no result.
+    let mut waiting: VecDeque<(FrameId, FrameLabel)> = VecDeque::new();
     let (mut ended, mut broken, mut held) = (false, None, None);
     while broken.is_none() {
         let mut failed: Vec<(Option<String>, Error)> = vec![];
+        let mut heard = ControlFlow::Continue(());
         match held.take().map_or_else(|| take.recv_timeout(MOMENT), Ok) {
-            Ok(Arrived::Counts(name, counts)) => match submit(&mut session, &counts) {
+            Ok(Arrived::Counts(name, counts, warning)) => match submit(&mut session, &counts) {
                 // Where every frame counts, it waits here until there is room.
-                Err(error) if error.kind == Kind::Options => held = Some(Arrived::Counts(name, counts)),
+                Err(error) if error.kind == Kind::Options => {
+                    held = Some(Arrived::Counts(name, counts, warning));
+                }
                 submitted => {
-                    summary.arrived += 1;
+                    totals.arrived += 1;
                     match submitted {
-                        Ok(id) => names.push_back((id, name)),
+                        Ok(id) => waiting.push_back((id, FrameLabel { name, warning })),
                         Err(error) => failed.push((Some(name), error)),
                     }
                 }
             },
-            Ok(Arrived::Failed(name, error)) => failed.push((name, error)),
+            Ok(Arrived::Failed(name, error)) => {
+                totals.arrived += 1;
+                failed.push((name, error));
+            }
+            Ok(Arrived::Skipped(count)) => totals.skipped = count,
+            Ok(Arrived::Others(names)) => heard = totals.take_others(names, hear),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => ended = true,
         }
         let patience = if ended || held.is_some() { 10 * MOMENT } else { Duration::ZERO };
         let solved = session.wait_for(patience).map(|frame| frame.map(|frame| Arc::new(frame.clone())));
-        let mut heard = ControlFlow::Continue(());
-        summary.latency = session.latency();
-        let mut name = None;
+        totals.latency = session.latency();
+        let mut label = None;
         if !matches!(solved, Ok(None)) {
-            while names.front().is_some_and(|(id, _)| Some(*id) <= session.taken()) {
-                let before = name.replace(names.pop_front().map(|(_, name)| name).unwrap_or_default());
-                heard = before.map_or(heard, |name| hear(News::Dropped(&name)));
+            while waiting.front().is_some_and(|(id, _)| Some(*id) <= session.taken()) {
+                let before = label.replace(waiting.pop_front().map(|(_, label)| label).unwrap_or_default());
+                totals.replaced += u64::from(before.is_some());
+                heard = before.map_or(heard, |before| hear(News::Dropped(&before.name)));
             }
         }
         match solved {
             Ok(Some(frame)) => {
-                let name = name.unwrap_or_default();
+                let FrameLabel { name, warning } = label.unwrap_or_default();
+                totals.solved += 1;
                 page.into_iter().for_each(|page| page.show(&name, frame.clone()));
-                heard = hear(News::Solved(&name, &frame, summary.latency));
+                heard = hear(News::Solved(&name, &frame, totals.latency, warning.as_deref()));
             }
             Ok(None) if ended && failed.is_empty() && session.is_idle() => break,
-            Ok(None) => heard = hear(News::Idle),
+            Ok(None) => heard = if heard.is_break() { heard } else { hear(News::Idle) },
             // Nothing can be solved any more.
             Err(error) if error.kind == Kind::Device => broken = Some(error),
-            Err(error) => failed.push((name, error)),
+            Err(error) => failed.push((label.map(|label| label.name), error)),
         }
         for (name, error) in &failed {
-            summary.failed += 1;
+            totals.failed += 1;
             page.into_iter().for_each(|page| page.fail(name.as_deref(), error));
             if hear(News::Failed(name.as_deref(), error)).is_break() {
                 heard = ControlFlow::Break(());
             }
         }
-        page.into_iter().for_each(|page| page.count(&summary));
+        page.into_iter().for_each(|page| page.count(&totals));
         if heard.is_break() {
             break;
         }
     }
-    broken.map_or(Ok(summary), Err)
+    broken.map_or(Ok(totals), Err)
+}
+
+/// Name of a frame, and what differs from the scan.
+#[derive(Default)]
+struct FrameLabel {
+    name: String,
+    warning: Option<String>,
 }
 
 fn submit(session: &mut Session, counts: &FrameCounts) -> Result<FrameId> {

@@ -8,6 +8,7 @@
 use std::collections::VecDeque;
 use std::io::{Read, Write};
 use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -19,6 +20,8 @@ use thirdbounce::export::png;
 use thirdbounce::maps::Maps;
 use thirdbounce::session::{Frame, Latency};
 use thirdbounce::{Error, Result};
+
+use super::News;
 
 const MOST_BYTES: usize = 4096;
 const MOST_CONNECTIONS: usize = 16;
@@ -47,10 +50,30 @@ pub struct Shows {
 pub struct LiveTotals {
     /// Times of the last frames, and the numbers of solved and dropped ones.
     pub latency: Latency,
-    /// Frames that arrived whole.
+    /// Frames that arrived, whole or not: solved, replaced, failed, or not solved at the end.
     pub arrived: u64,
+    pub solved: u64,
+    /// Frames that newer ones replaced, or were added to, before they were solved.
+    pub replaced: u64,
     /// Frames that could not be read, streams that broke off, and solves that failed.
     pub failed: u64,
+    /// Frames of the folder that were left out, as they were there at the start.
+    pub skipped: u64,
+    /// Names of files of the folder that are no frames.
+    pub others: Vec<String>,
+}
+
+impl LiveTotals {
+    /// Adds and reports files that are no frames, and were not before.
+    pub(super) fn take_others(
+        &mut self,
+        mut names: Vec<String>,
+        hear: &mut dyn FnMut(News<'_>) -> ControlFlow<()>,
+    ) -> ControlFlow<()> {
+        names.retain(|name| !self.others.contains(name));
+        self.others.extend_from_slice(&names);
+        if names.is_empty() { ControlFlow::Continue(()) } else { hear(News::Others(&names)) }
+    }
 }
 
 /// A page that is served. It ends with the program.

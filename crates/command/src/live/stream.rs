@@ -56,8 +56,13 @@ pub struct FrameCounts {
 
 /// A frame on its way to the session.
 pub(crate) enum Arrived {
-    Counts(String, FrameCounts),
+    /// Its name, and what differs from the scan.
+    Counts(String, FrameCounts, Option<String>),
     Failed(Option<String>, Error),
+    /// Frames that are left out.
+    Skipped(u64),
+    /// Names of files that are no frames.
+    Others(Vec<String>),
 }
 
 fn wrong(what: impl Into<String>) -> Error {
@@ -192,7 +197,7 @@ pub fn begin_stdin(size: [usize; 2], give: SyncSender<Arrived>) -> Result<()> {
         loop {
             let arrived = match read(&mut from, size) {
                 Ok(None) => return,
-                Ok(Some(counts)) => Arrived::Counts(format!("frame-{}", counts.frame), counts),
+                Ok(Some(counts)) => Arrived::Counts(format!("frame-{}", counts.frame), counts, None),
                 Err(error) => {
                     // The receiver may have gone.
                     let _ = give.send(Arrived::Failed(None, error));

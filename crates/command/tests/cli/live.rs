@@ -1,6 +1,6 @@
 //! `thirdbounce live`: frames from a folder and from the standard input, good and broken, and the page in a browser.
 
-use std::io::{BufRead, BufReader, Write};
+use std::io::{BufRead, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::Duration;
@@ -66,7 +66,8 @@ fn frames_of_a_folder_are_solved_in_order() {
     let [source, scan, out] = [frames.clone(), frames.join("frame-0000.npz"), folder.path().join("out")]
         .map(|p| p.to_string_lossy().into_owned());
     // A file that is no capture is one error.
-    std::fs::write(frames.join("frame-0001b.npz"), b"no capture").unwrap();
+    let truth = folder.path().join("truth/frame-0001.npz");
+    std::fs::copy(&truth, frames.join("frame-0001b.npz")).unwrap();
     // Nobody names the model.
     let more = ["live", &source, "--capture", &scan, "--feed", "every", "--frames", "3", "--out", &out];
     let output = Command::new(program()).args(more).args(QUICK).output().unwrap();
@@ -76,14 +77,16 @@ fn frames_of_a_folder_are_solved_in_order() {
     assert!(lines.len() == 3 && lines[0].contains(" cold ") && lines[2].contains(" warm "), "{text}");
     assert!(errors.contains("the model of reflectance: ") && errors.contains(", by trials"), "{errors}");
     assert!(errors.matches("error:").count() == 1 && errors.contains("frame-0001b.npz"), "{errors}");
-    assert!(text.contains("3 frames of 3 solved, 0 dropped, 1 failed; latency: median"), "{text}");
+    assert!(text.contains("4 frames: 3 solved, 0 dropped, 1 failed; latency: median"), "{text}");
     assert!(Path::new(&out).join("maps.npz").exists());
     let lines = kept(&out);
     let names: Vec<_> =
         lines.iter().map(|l| (l["frame"].as_str().unwrap(), l["status"].as_str().unwrap())).collect();
     let solved = |name| (name, "solved");
+    let mut sorted = names.clone();
+    sorted.sort_unstable();
     assert_eq!(
-        names,
+        sorted,
         [solved("frame-0000"), solved("frame-0001"), ("frame-0001b", "failed"), solved("frame-0002")]
     );
     for line in lines.iter().filter(|l| l["status"] == "solved") {
@@ -94,9 +97,67 @@ fn frames_of_a_folder_are_solved_in_order() {
             "{line}"
         );
     }
+    let failed = lines.iter().find(|l| l["status"] == "failed").unwrap();
+    assert!(failed["error"].as_str().unwrap().contains("frame-0001b.npz: ") && failed["hint"].is_string());
+}
+
+/// A script copies files into the folder: bad ones fail at once and block nothing, a cut one is corrected later, another format is a
+/// frame, the wall moves, files that are no frames are named, and the numbers of the summary add up.
+#[test]
+fn bad_files_block_nothing_and_are_read_again_when_they_change() {
+    let (folder, frames) = frames();
+    let [source, scan, out] =
+        [folder.path().join("in"), frames.join("frame-0000.npz"), folder.path().join("out")]
+            .map(|p| p.to_string_lossy().into_owned());
+    std::fs::create_dir(&source).unwrap();
+    let place = |name: &str| Path::new(&source).join(name);
+    let copy = |from: &str, to: &str| std::fs::copy(folder.path().join(from), place(to)).unwrap();
+    copy("frames/frame-0000.npz", "a-old.npz");
+    std::fs::write(place("notes.txt"), "Tuesday").unwrap();
+    let more = ["--feed", "every", "--frames", "4", "--new-only", "--out", &out];
+    let mut command = Command::new(program());
+    let child = command.args(arguments(&source, &scan, &more)).stdout(Stdio::piped()).stderr(Stdio::piped());
+    let mut child = Running(child.spawn().unwrap());
+    let mut errors = BufReader::new(child.0.stderr.take().unwrap()).lines().map(|l| l.unwrap());
+    let mut heard = vec![errors.next().expect("notes of the first capture")];
+    let whole = std::fs::read(frames.join("frame-0001.npz")).unwrap();
+    std::fs::write(place("b-cut.npz"), &whole[..whole.len() / 2]).unwrap();
+    for i in 0..3 {
+        copy("truth/frame-0000.npz", &format!("c-bad{i}.npz"));
+    }
+    copy("frames/frame-0000.npz", "d-good.npz");
+    let mut moved = capture::read(&frames.join("frame-0002.npz")).unwrap();
+    capture::write(&moved, &place("e-good.hdf5")).unwrap();
+    moved.laser.iter_mut().chain(&mut moved.sensor).for_each(|point| point.x += 0.05);
+    capture::write(&moved, &place("f-moved.npz")).unwrap();
+    heard.extend(errors.by_ref().take_while(|line| !line.contains("b-cut.npz")));
+    std::fs::write(place("b-cut.npz"), &whole).unwrap();
+    heard.extend(errors);
+    let mut text = String::new();
+    child.0.stdout.take().unwrap().read_to_string(&mut text).unwrap();
+    let heard = heard.join("\n");
     assert!(
-        lines[2]["error"].as_str().unwrap().contains("frame-0001b.npz: ") && lines[2]["hint"].is_string()
+        text.contains("9 frames: 4 solved, 0 dropped, 4 failed, 1 skipped by --new-only; "),
+        "{text}{heard}"
     );
+    assert!(text.contains("frames/s; 1 file is no frame: notes.txt"), "{text}");
+    assert!(heard.contains("note: 1 file is no frame: notes.txt"), "{heard}");
+    let warning = "f-moved: its wall points are up to 50.0 mm from those of the scan";
+    assert_eq!(heard.matches(warning).count(), 1, "{heard}");
+    let lines = kept(&out);
+    let of = |name: &str, status: &str| {
+        let line = lines.iter().position(|l| l["frame"] == name && l["status"] == status);
+        line.unwrap_or_else(|| panic!("{name} {status}: {text}{heard}"))
+    };
+    let times = [0, 1, 2].map(|i| lines[of(&format!("c-bad{i}"), "failed")]["unix_time"].as_f64().unwrap());
+    assert!(times[2] - times[0] < 1.0, "three bad files fail at once: {times:?}");
+    let good = ["d-good", "e-good", "f-moved"].map(|name| of(name, "solved"));
+    assert!(
+        good.into_iter().all(|line| line < of("b-cut", "failed")),
+        "the cut file blocks no other: {lines:?}"
+    );
+    assert!(of("b-cut", "failed") < of("b-cut", "solved"));
+    assert!(lines[good[2]]["warnings"][0].as_str().unwrap().contains("50.0 mm"), "{lines:?}");
 }
 
 /// A writer that pauses, as one over a network does.
@@ -121,7 +182,7 @@ fn a_frame_that_is_written_for_seconds_is_waited_for() {
     std::fs::copy(frames.join("frame-0002.npz"), place("frame-0002.npz")).unwrap();
     let output = child.wait_with_output().unwrap();
     let text = stdout(&output);
-    assert!(text.contains("2 frames of 2 solved, 0 dropped, 0 failed"), "{text}{}", stderr(&output));
+    assert!(text.contains("2 frames: 2 solved, 0 dropped, 0 failed"), "{text}{}", stderr(&output));
 }
 
 /// The output of `live -` with these bytes on its standard input.
@@ -156,7 +217,9 @@ fn a_stream_that_breaks_off_is_one_error_and_its_frames_are_solved() {
         assert_eq!(output.status.code(), Some(i32::from(!words.is_empty())), "{errors}");
         assert_eq!(errors.matches("error:").count(), usize::from(!words.is_empty()), "{errors}");
         assert!(errors.contains(words), "{errors}");
-        assert!(text.contains(&format!("{solved} frames of {solved} solved")), "{text}");
+        let failed = usize::from(!words.is_empty());
+        let all = format!("{} frames: {solved} solved, 0 dropped, {failed} failed", solved + failed);
+        assert!(text.contains(&all), "{text}");
     }
 }
 
@@ -213,7 +276,10 @@ fn frames_may_be_summed_in_time() {
     let more = ["--feed", "sum:0.5", "--budget", "0.2s", "--min-depth", "20cm", "-q"];
     let output = piped(&stream(&frames), &scan, &more);
     let text = stdout(&output);
-    assert!(output.status.success() && text.contains("of 3 solved, 0 dropped, 0 failed"), "{text}");
+    assert!(
+        output.status.success() && text.contains("3 frames: ") && text.contains(" summed, 0 failed; "),
+        "{text}"
+    );
     assert_eq!(text.lines().count(), 1, "{text}");
 }
 
@@ -223,6 +289,7 @@ fn what_makes_no_sense_is_refused() {
     let scan = frames.join("frame-0000.npz").to_string_lossy().into_owned();
     fail(&arguments("no-such-pipe", &scan, &[]), 1, "no-such-pipe");
     fail(&arguments("-", &scan, &["--feed", "some"]), 1, "--feed");
+    fail(&arguments("-", &scan, &["--new-only"]), 1, "--new-only");
     fail(&arguments("-", &scan, &["--feed", "one"]), 1, "--feed");
     fail(&arguments("-", &scan, &["--budget", "-3"]), 1, "--budget");
     fail(&arguments("-", &scan, &["--budget", "3m"]), 2, "milliseconds");
@@ -254,7 +321,7 @@ fn a_browser_shows_the_newest_maps() {
     let (folder, frames) = frames();
     let [source, scan] =
         [frames.clone(), frames.join("frame-0000.npz")].map(|p| p.to_string_lossy().into_owned());
-    std::fs::write(frames.join("frame-0001b.npz"), b"no capture").unwrap();
+    std::fs::copy(folder.path().join("truth/frame-0001.npz"), frames.join("frame-0001b.npz")).unwrap();
     let more = ["--feed", "every", "--page", "0", "--page-depths", "20cm:1.2", "--interval", "100ms"];
     let child = Command::new(program())
         .args(arguments(&source, &scan, &more))

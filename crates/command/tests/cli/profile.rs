@@ -210,6 +210,8 @@ fn the_device_is_held_against_the_twins() {
     assert!(number(&reported["limits"], "fma_per_s") > 0.0);
     let checks = reported["checks"].as_array().unwrap();
     assert!(checks.len() >= 28 && checks.iter().all(|c| number(c, "error") <= number(c, "allowed")));
+    let last = format!("checked   {0} of {0} comparisons with float64 references pass", checks.len());
+    assert!(text.trim_end().ends_with(&last), "{text}");
 }
 
 #[test]
