@@ -21,12 +21,12 @@ build: setup
 demo: build
 	$(RELEASE)/thirdbounce demo --out out/demo
 
-# With the dependencies and the library that `make demo` built.
+# With the dependencies and the library that `make demo` built. COMMAND: how cargo builds the command, if not as for users.
 test: setup
 	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about half an hour on two cores the first time"
 	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml --lib
-	.ci/timed cargo build --release --locked --examples
-	.ci/timed cargo test --release --locked --package thirdbounce --package thirdbounce-command --package thirdbounce-capi --bins --test '*'
+	.ci/timed cargo build --release --locked $(COMMAND) --examples
+	.ci/timed cargo test --release --locked $(COMMAND) --package thirdbounce --package thirdbounce-command --package thirdbounce-capi --bins --test '*'
 	.ci/timed cargo test --release --locked --doc
 
 # The Python package, from its wheel in an empty virtual environment. Where there is no Python or no network, it says so.
