@@ -29,6 +29,18 @@ fn bands() -> Vec<f32> {
 /// Expected values are those of PyTorch 2.9 with the same weights in float32; `learn/export.py` prints them.
 #[test]
 fn the_network_has_the_logits_of_pytorch() {
+    compare_with_pytorch(|of| logits(None, &bands(), of));
+}
+
+/// Every kernel is compared with its twin in `kernels`; this is all of them in their order.
+#[test]
+#[ignore = "kernels are slow on a CPU: make soak"]
+fn the_kernels_have_the_logits_of_pytorch() {
+    let gpu = gpu();
+    compare_with_pytorch(|of| logits_on(&gpu, &bands(), of).expect("the kernels run"));
+}
+
+fn compare_with_pytorch(logits: impl Fn(usize) -> [Vec<f32>; 2]) {
     type Expected = (usize, [(usize, usize, f32); 6], [(usize, usize, usize, f32); 3], usize);
     let each: [Expected; 2] = [
         (
@@ -58,12 +70,8 @@ fn the_network_has_the_logits_of_pytorch() {
             2561,
         ),
     ];
-    let gpu = gpu();
-    let on_host = each.iter().map(|of| (of, logits(None, &bands(), of.0)));
-    // Kernels are slow on a CPU: one kind.
-    let on_device =
-        each[1..].iter().map(|of| (of, logits_on(&gpu, &bands(), of.0).expect("the kernels run")));
-    for ((kind, mask_at, depth_at, surface), [depth, mask]) in on_host.chain(on_device) {
+    for (kind, mask_at, depth_at, surface) in &each {
+        let [depth, mask] = logits(*kind);
         for (x, y, expected) in mask_at {
             let found = mask[128 * x + y];
             assert!((found - expected).abs() < 2e-3, "mask of {kind} at {x}, {y}: {found}, {expected}");

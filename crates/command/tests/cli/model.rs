@@ -95,6 +95,7 @@ fn trials_find_how_a_surface_reflects() {
 }
 
 #[test]
+#[ignore = "long: make soak"]
 fn a_pulse_that_shows_is_found_and_the_model_with_it() {
     let figures = Figures::new();
     let pulse = ["--noise", "0.02", "--pulse", "0.06", "--hide-pulse"];

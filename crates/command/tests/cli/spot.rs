@@ -60,6 +60,7 @@ fn a_simulated_spot_spreads_paths_as_its_points_do() {
 }
 
 #[test]
+#[ignore = "long: make soak"]
 fn a_known_spot_makes_depths_and_normals_better() {
     let scene = scene([WIDE; 2]);
     let capture = capture(&scene);
