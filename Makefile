@@ -35,7 +35,7 @@ python-test: setup
 
 # A tarball, a wheel and a Debian package, for Linux with glibc 2.28 or later, in dist/.
 dist: setup
-	@echo "dist: everything is built anew for an older glibc: about ten minutes on two cores the first time"
+	@echo "dist: everything is built anew for an older glibc: about twenty minutes on two cores the first time"
 	@.ci/dist
 
 # Kernels and solvers under GPU-assisted validation: the layer checks every access inside the kernels.
