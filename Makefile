@@ -27,7 +27,7 @@ test: setup
 	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml --lib
 	.ci/timed cargo build --release --locked $(COMMAND) --examples
 	.ci/timed cargo test --release --locked $(COMMAND) --package thirdbounce --package thirdbounce-command --package thirdbounce-capi --bins --test '*'
-	.ci/timed cargo test --release --locked --doc
+	.ci/timed cargo test --release --locked $(COMMAND) --doc
 
 # The Python package, from its wheel in an empty virtual environment. Where there is no Python or no network, it says so.
 python-test: setup

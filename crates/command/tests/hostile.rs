@@ -13,7 +13,7 @@ use thirdbounce_tags::{self as tags, Asked, Division, Scan, Zero};
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;
 
-const FILES: u64 = 200;
+const FILES: u64 = 100;
 /// Most bytes that a refused file may take.
 const MOST: u64 = 200 << 20;
 

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::Mutex;
 
 use fixtures::command::{program, stderr, thirdbounce};
 
@@ -267,24 +268,31 @@ fn made_cheaper(call: &[String]) -> Vec<String> {
 
 #[test]
 fn commands_run() {
-    let mut ran = BTreeSet::new();
-    for page in files(&root().join("docs"), &[".md"]) {
-        let text = read(&page).replace("\\\n", " ");
-        let folder = tempfile::tempdir().expect("a folder");
-        for (line, mut call) in calls(&text) {
-            if !folder.path().join("capture.npz").exists() {
-                inputs(folder.path());
-            }
-            if is_left_out(&call, folder.path()) || !ran.insert(call.clone()) {
-                continue;
-            }
-            call.extend(made_cheaper(&call));
-            let run = Command::new(program()).args(&call).current_dir(folder.path()).output();
-            let output = run.expect("the program runs");
-            assert!(output.status.success(), "{}: {line}\n{}", page.display(), stderr(&output));
-        }
-    }
+    let ran = Mutex::new(BTreeSet::new());
+    let pages = Mutex::new(files(&root().join("docs"), &[".md"]));
+    let next = || pages.lock().expect("no panic").pop();
+    let run_pages = || std::iter::from_fn(next).for_each(|page| run_commands(&page, &ran));
+    std::thread::scope(|scope| (0..2).for_each(|_| drop(scope.spawn(run_pages))));
+    let ran = ran.into_inner().expect("no panic");
     assert!(ran.len() > 25, "only {} commands ran", ran.len());
+}
+
+/// Runs the commands of a page that did not run before.
+fn run_commands(page: &Path, ran: &Mutex<BTreeSet<Vec<String>>>) {
+    let text = read(page).replace("\\\n", " ");
+    let folder = tempfile::tempdir().expect("a folder");
+    for (line, mut call) in calls(&text) {
+        if !folder.path().join("capture.npz").exists() {
+            inputs(folder.path());
+        }
+        if is_left_out(&call, folder.path()) || !ran.lock().expect("no panic").insert(call.clone()) {
+            continue;
+        }
+        call.extend(made_cheaper(&call));
+        let run = Command::new(program()).args(&call).current_dir(folder.path()).output();
+        let output = run.expect("the program runs");
+        assert!(output.status.success(), "{}: {line}\n{}", page.display(), stderr(&output));
+    }
 }
 
 #[test]
