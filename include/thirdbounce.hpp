@@ -59,6 +59,14 @@ inline tb_requirements requirements(const tb_vulkan &vulkan) {
     return found;
 }
 
+// A handle that `free_handle` frees.
+template <typename T, void (*free_handle)(T *)>
+struct Freeing {
+    void operator()(T *handle) const { free_handle(handle); }
+};
+template <typename T, void (*free_handle)(T *)>
+using Handle = std::unique_ptr<T, Freeing<T, free_handle>>;
+
 // An opened device.
 class Device {
 public:
@@ -78,10 +86,7 @@ public:
     const tb_device *handle() const { return handle_.get(); }
 
 private:
-    struct Close {
-        void operator()(tb_device *device) const { tb_device_close(device); }
-    };
-    std::unique_ptr<tb_device, Close> handle_;
+    Handle<tb_device, tb_device_close> handle_;
 };
 
 // Imported external memory: see tb_buffer_import_fd.
@@ -96,10 +101,7 @@ public:
     const tb_buffer *handle() const { return handle_.get(); }
 
 private:
-    struct Free {
-        void operator()(tb_buffer *buffer) const { tb_buffer_free(buffer); }
-    };
-    std::unique_ptr<tb_buffer, Free> handle_;
+    Handle<tb_buffer, tb_buffer_free> handle_;
 };
 
 // A capture of a file, with options such as "wall=2m stride=2".
@@ -119,10 +121,7 @@ public:
     }
 
 private:
-    struct Free {
-        void operator()(tb_capture *capture) const { tb_capture_free(capture); }
-    };
-    std::unique_ptr<tb_capture, Free> handle_;
+    Handle<tb_capture, tb_capture_free> handle_;
 };
 
 // A solver prepared for the frames of one scan.
@@ -182,10 +181,7 @@ public:
     tb_session *handle() const { return handle_.get(); }
 
 private:
-    struct Free {
-        void operator()(tb_session *session) const { tb_session_free(session); }
-    };
-    std::unique_ptr<tb_session, Free> handle_;
+    Handle<tb_session, tb_session_free> handle_;
 };
 
 }  // namespace thirdbounce

@@ -392,43 +392,48 @@ fn uses_are_seen_however_they_are_written() {
     assert_eq!(circles(&uses(&all, &["solve".into()])).len(), 2);
 }
 
-/// What `make build` built serves `pip install ./python`, the tests and the lints: all link the same packages with the same features.
+/// Packages that cargo links for a choice of packages, each with its features.
+fn linked(edges: &str, chosen: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
+    let tree = ["tree", "--locked", "--offline", "--prefix", "none", "--format", "{p}|{f}", "--edges", edges];
+    let output =
+        Command::new(env!("CARGO")).args(tree).args(chosen).current_dir(env!("CARGO_MANIFEST_DIR")).output();
+    let output = output.expect("cargo runs");
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+    for line in String::from_utf8_lossy(&output.stdout).lines() {
+        if let Some((package, features)) = line.split_once('|') {
+            let features = features.trim_end_matches(" (*)").trim_end();
+            found.entry(package.into()).or_default().insert(features.into());
+        }
+    }
+    found
+}
+
+/// What `make build` built serves `pip install ./python` and the tests: all link the same packages with the same features.
 #[test]
-fn later_builds_take_over_what_the_command_built() {
-    let linked = |edges: &str, packages: &str| -> BTreeMap<String, BTreeSet<String>> {
-        let tree =
-            ["tree", "--locked", "--offline", "--prefix", "none", "--format", "{p}|{f}", "--edges", edges];
-        let output = Command::new(env!("CARGO"))
-            .args(tree)
-            .args(packages.split_whitespace())
-            .current_dir(env!("CARGO_MANIFEST_DIR"))
-            .output();
-        let output = output.expect("cargo runs");
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let mut found: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
-        for line in String::from_utf8_lossy(&output.stdout).lines() {
-            // Parts of this workspace are compiled for their features.
-            if let Some((package, features)) = line.split_once('|').filter(|(p, _)| !p.contains("(/")) {
-                let features = features.trim_end_matches(" (*)").trim_end();
-                found.entry(package.into()).or_default().insert(features.into());
-            }
-        }
-        found
-    };
-    let command = linked("normal,build", "");
-    for (edges, packages, mend) in [
-        ("normal,build", "-p thirdbounce-python", "python"),
-        ("normal,build,dev", "-p thirdbounce -p thirdbounce-command -p thirdbounce-capi", "tests/fixtures"),
-        ("normal,build,dev", "--workspace", "python and public-api"),
-        ("normal,build", "-p thirdbounce -p public-api", "public-api"),
-    ] {
-        let other = linked(edges, packages);
+fn the_python_package_and_the_tests_take_over_what_the_command_built() {
+    let command = linked("normal,build", &[]);
+    let python = linked("normal,build", &["--package=thirdbounce-python"]);
+    let tested = ["--package=thirdbounce", "--package=thirdbounce-command", "--package=thirdbounce-capi"];
+    let tests = linked("normal,build,dev", &tested);
+    for (other, manifest) in [(python, "python"), (tests, "tests/fixtures")] {
         let both: Vec<&String> = other.keys().filter(|package| command.contains_key(*package)).collect();
-        assert!(both.len() > 60, "{packages}: {both:?}");
+        assert!(both.len() > 80, "{both:?}");
         for package in both {
-            let is_same =
-                command[package].is_subset(&other[package]) || other[package].is_subset(&command[package]);
-            assert!(is_same, "{packages}: {package} has {:?}: see Cargo.toml of {mend}", other[package]);
+            assert_eq!(command[package], other[package], "{package}: see {manifest}/Cargo.toml");
         }
+    }
+}
+
+/// The library alone is checked for lints with crates that the walk over the whole workspace checked.
+#[test]
+fn lints_of_the_library_alone_take_over_those_of_the_workspace() {
+    let all = linked("normal,build,dev", &["--workspace"]);
+    let alone = linked("normal,build", &["--package=thirdbounce", "--package=public-api"]);
+    // Parts of this workspace are compiled for their features.
+    let others: Vec<_> = alone.iter().filter(|(package, _)| !package.contains("(/")).collect();
+    assert!(others.len() > 60, "{others:?}");
+    for (package, features) in others {
+        assert!(features.is_subset(&all[package]), "{package}: {features:?}: see public-api/Cargo.toml");
     }
 }

@@ -162,6 +162,20 @@ pub fn guarded(body: impl FnOnce() -> Result<()>) -> TbStatus {
     })
 }
 
+/// Frees a handle; NULL is ignored.
+///
+/// # Safety
+/// `handle` is NULL, or comes from [`sized::give_handle`] and is not used concurrently or afterwards.
+pub unsafe fn free_handle<T>(handle: *mut T) {
+    let _ = guarded(|| {
+        if !handle.is_null() {
+            // SAFETY: guaranteed by the caller.
+            drop(unsafe { Box::from_raw(handle) });
+        }
+        Ok(())
+    });
+}
+
 fn status_of(kind: Kind) -> TbStatus {
     match kind {
         Kind::Input => TbStatus::TbErrorInput,

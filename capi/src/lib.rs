@@ -35,7 +35,7 @@ use std::ffi::{CStr, CString, c_char};
 
 use engine::Error;
 use engine::gpu::{Gpu, GpuOptions};
-use error::guarded;
+use error::{free_handle, guarded};
 
 /// Version of this interface. Structs may grow at their end within a version: they begin with their size.
 pub const TB_API_VERSION: u32 = 1;
@@ -111,11 +111,6 @@ pub unsafe extern "C" fn tb_device_name(device: *const TbDevice) -> *const c_cha
 /// `device` is open and not used concurrently or afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_device_close(device: *mut TbDevice) {
-    let _ = guarded(|| {
-        if !device.is_null() {
-            // SAFETY: created by `tb_device_open` and closed once.
-            drop(unsafe { Box::from_raw(device) });
-        }
-        Ok(())
-    });
+    // SAFETY: created by `tb_device_open` and closed once.
+    unsafe { free_handle(device) };
 }

@@ -7,7 +7,7 @@ use engine::capture::{Capture, Pulse};
 use engine::{Error, Result};
 use glam::DVec3;
 
-use crate::error::{TbStatus, guarded, no_handle};
+use crate::error::{TbStatus, free_handle, guarded, no_handle};
 use crate::sized::{self, Versioned};
 
 /// A capture that was read from a file.
@@ -160,13 +160,8 @@ pub unsafe extern "C" fn tb_capture_scan(capture: *const TbCapture, scan: *mut T
 /// `capture` is valid and not used concurrently or afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_capture_free(capture: *mut TbCapture) {
-    let _ = guarded(|| {
-        if !capture.is_null() {
-            // SAFETY: created by `tb_read` and freed once.
-            drop(unsafe { Box::from_raw(capture) });
-        }
-        Ok(())
-    });
+    // SAFETY: created by `tb_read` and freed once.
+    unsafe { free_handle(capture) };
 }
 
 fn points(numbers: &[f64]) -> Vec<DVec3> {

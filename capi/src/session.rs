@@ -9,7 +9,7 @@ use engine::session::{Canceller, Frame, FrameId, Session, SessionOptions, Submit
 use engine::solve::Progress;
 use engine::{Error, Settings};
 
-use crate::error::{TbStatus, guarded, no_handle};
+use crate::error::{TbStatus, free_handle, guarded, no_handle};
 use crate::scan::TbScan;
 use crate::settings::TbSettings;
 use crate::sized::{self, Versioned};
@@ -210,13 +210,8 @@ pub unsafe extern "C" fn tb_session_cancel(session: *const TbSession) -> TbStatu
 /// `session` is valid and not used concurrently or afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_session_free(session: *mut TbSession) {
-    let _ = guarded(|| {
-        if !session.is_null() {
-            // SAFETY: created by `tb_session_new` and freed once.
-            drop(unsafe { Box::from_raw(session) });
-        }
-        Ok(())
-    });
+    // SAFETY: created by `tb_session_new` and freed once.
+    unsafe { free_handle(session) };
 }
 
 impl TbFrame {

@@ -12,7 +12,7 @@ use engine::gpu::external::{
 use engine::session::{ExternalCounts, ExternalFrame, Format};
 use engine::{Error, Result};
 
-use crate::error::{TbStatus, guarded, no_handle, null_of};
+use crate::error::{TbStatus, free_handle, guarded, no_handle, null_of};
 use crate::sized::{self, Versioned};
 use crate::{TbDevice, TbSession};
 
@@ -347,13 +347,8 @@ unsafe fn import(
 /// `buffer` is valid and not used concurrently or afterwards.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_buffer_free(buffer: *mut TbBuffer) {
-    let _ = guarded(|| {
-        if !buffer.is_null() {
-            // SAFETY: created by `tb_buffer_import_fd` and freed once.
-            drop(unsafe { Box::from_raw(buffer) });
-        }
-        Ok(())
-    });
+    // SAFETY: created by `tb_buffer_import_fd` and freed once.
+    unsafe { free_handle(buffer) };
 }
 
 /// Features and their bits.

@@ -62,10 +62,13 @@ impl Planned {
     /// # Errors
     /// As [`OnDevice::new`].
     pub fn made(&mut self) -> Result<&mut OnDevice> {
-        let made = self.made.take().map_or_else(
-            || OnDevice::new(&self.gpu, self.outline.clone(), self.plan.clone(), self.memory).map(Box::new),
-            Ok,
-        )?;
+        let made = match self.made.take() {
+            Some(made) => made,
+            None => {
+                let outline = self.outline.clone();
+                Box::new(OnDevice::new(&self.gpu, outline, self.plan.clone(), self.memory)?)
+            }
+        };
         let job = self.made.insert(made);
         // A solve that failed or was cancelled may have left work behind.
         job.executor.settle()?;

@@ -169,7 +169,7 @@ fn groups_beyond_the_work_write_nothing() {
 #[test]
 fn passes_in_parts_leave_the_same() {
     let alone = alone();
-    for solve in [paper_solve, projection, surface_of_lanes] {
+    for solve in [paper_solve, projection, surface_solve, surface_of_lanes] {
         let [(whole, few), (parts, many)] = [u64::MAX, 60].map(|work| {
             let gpu = gpu_of(work, &alone);
             let mut runs = Runs { wide: false, seen: BTreeSet::new() };

@@ -293,7 +293,6 @@ pub fn is_capture(folder: &Path) -> bool {
     })
 }
 
-/// What a folder holds, sorted.
 fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
     let cannot = |e: std::io::Error| {
         Error::input(
@@ -301,10 +300,15 @@ fn entries(folder: &Path) -> Result<Vec<PathBuf>> {
             "give a folder with captures or scenes",
         )
     };
-    let mut all = vec![];
-    for entry in fs::read_dir(folder).map_err(cannot)? {
-        all.push(entry.map_err(cannot)?.path());
-    }
+    paths_in(folder).map_err(cannot)
+}
+
+/// What a folder holds, sorted.
+///
+/// # Errors
+/// A folder that cannot be read.
+pub fn paths_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut all = fs::read_dir(folder)?.map(|e| Ok(e?.path())).collect::<std::io::Result<Vec<_>>>()?;
     all.sort();
     Ok(all)
 }
@@ -320,7 +324,8 @@ pub fn truth_of(capture: &Path) -> Option<PathBuf> {
     truths.iter().map(|truth| capture.with_file_name(truth)).find(|truth| truth.is_file())
 }
 
-fn stem(path: &Path) -> String {
+/// The name of a file without its ending.
+pub fn stem(path: &Path) -> String {
     path.file_stem().map_or_else(String::new, |name| name.to_string_lossy().into_owned())
 }
 

@@ -318,7 +318,7 @@ fn line(name: &str, frame: &Frame, latency: &Latency) -> String {
 /// Every frame that was seen is in one of the numbers.
 fn summary(done: &LiveTotals, feed: Feed) -> String {
     let ms = |time: Duration| format!("{:.0} ms", 1e3 * time.as_secs_f64());
-    let left = done.arrived - done.solved - done.replaced - done.failed;
+    let left = done.arrived.saturating_sub(done.solved + done.replaced + done.failed);
     let replaced = if matches!(feed, Feed::Sum { .. }) { "summed" } else { "dropped" };
     let mut text = format!(
         "{} frames: {} solved, {} {replaced}, {} failed",
@@ -328,7 +328,9 @@ fn summary(done: &LiveTotals, feed: Feed) -> String {
         done.failed
     );
     for (count, what) in [(left, "not solved at the end"), (done.skipped, "skipped by --new-only")] {
-        text += &(if count > 0 { format!(", {count} {what}") } else { String::new() });
+        if count > 0 {
+            text += &format!(", {count} {what}");
+        }
     }
     let latency = &done.latency;
     text += &format!(
@@ -338,7 +340,10 @@ fn summary(done: &LiveTotals, feed: Feed) -> String {
         ms(latency.p99),
         latency.frames_per_second
     );
-    text + &(if done.others.is_empty() { String::new() } else { format!("; {}", no_frames(&done.others)) })
+    if !done.others.is_empty() {
+        text += &format!("; {}", no_frames(&done.others));
+    }
+    text
 }
 
 fn feed(text: &str) -> Result<Feed> {

@@ -6,7 +6,7 @@ use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
 use super::stream::{Arrived, FrameCounts, begin as begin_thread};
-use crate::benchmark::cases::{is_capture, is_capture_file};
+use crate::benchmark::cases::{is_capture, is_capture_file, paths_in, stem};
 use thirdbounce::capture::formats::variables::Variables;
 use thirdbounce::capture::formats::{Opened, ReadOptions};
 use thirdbounce::capture::{self, Capture};
@@ -181,18 +181,18 @@ fn moved(scan: &Capture, frame: &Capture) -> Option<String> {
     let apart = apart(&scan.laser, &frame.laser).max(apart(&scan.sensor, &frame.sensor));
     let last = |c: &Capture| c.t_start + c.bin_width * c.bins as f64;
     let bins = [frame.t_start - scan.t_start, last(frame) - last(scan)].map(f64::abs);
-    let what = match () {
-        () if apart > limit => {
-            format!("its wall points are up to {:.1} mm from those of the scan", 1e3 * apart)
-        }
-        () if bins.iter().any(|off| *off > limit) => format!(
+    let what = if apart > limit {
+        format!("its wall points are up to {:.1} mm from those of the scan", 1e3 * apart)
+    } else if bins.iter().any(|off| *off > limit) {
+        format!(
             "its bins are {:.3} mm wide from {:.4} m, those of the scan {:.3} mm from {:.4} m",
             1e3 * frame.bin_width,
             frame.t_start,
             1e3 * scan.bin_width,
             scan.t_start
-        ),
-        () => return None,
+        )
+    } else {
+        return None;
     };
     Some(format!(
         "{what}, with which it is solved. If the setup was moved, start again with a new capture of the scan"
@@ -214,10 +214,9 @@ fn of_pairs(scan: &Capture, frame: &Capture) -> Option<(Vec<f32>, Vec<bool>)> {
 
 /// What a folder holds, sorted, without hidden files.
 fn entries(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
-    let mut all = std::fs::read_dir(folder)?.map(|e| Ok(e?.path())).collect::<std::io::Result<Vec<_>>>()?;
+    let mut all = paths_in(folder)?;
     let is_hidden = |path: &PathBuf| path.file_name().is_some_and(|n| n.as_encoded_bytes().starts_with(b"."));
     all.retain(|path| !is_hidden(path));
-    all.sort();
     Ok(all)
 }
 
@@ -239,10 +238,6 @@ fn stamps(path: &Path) -> Stamps {
 /// Whether the file was written to its end: its archive, or its list of arrays, is whole.
 fn is_complete(path: &Path) -> bool {
     path.is_file() && (Npz::open(path).is_ok() || Variables::open(path).is_ok())
-}
-
-fn stem(path: &Path) -> String {
-    path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
 }
 
 #[cfg(test)]

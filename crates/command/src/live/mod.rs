@@ -92,7 +92,14 @@ pub fn run(
                 failed.push((name, error));
             }
             Ok(Arrived::Skipped(count)) => totals.skipped = count,
-            Ok(Arrived::Others(names)) => heard = totals.take_others(names, hear),
+            Ok(Arrived::Others(mut names)) => {
+                // One that changes is found again.
+                names.retain(|name| !totals.others.contains(name));
+                if !names.is_empty() {
+                    heard = hear(News::Others(&names));
+                    totals.others.append(&mut names);
+                }
+            }
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => ended = true,
         }

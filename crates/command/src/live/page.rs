@@ -8,7 +8,6 @@
 use std::collections::VecDeque;
 use std::io::{Read, Write};
 use std::net::{IpAddr, SocketAddr, TcpListener, TcpStream};
-use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -20,8 +19,6 @@ use thirdbounce::export::png;
 use thirdbounce::maps::Maps;
 use thirdbounce::session::{Frame, Latency};
 use thirdbounce::{Error, Result};
-
-use super::News;
 
 const MOST_BYTES: usize = 4096;
 const MOST_CONNECTIONS: usize = 16;
@@ -61,19 +58,6 @@ pub struct LiveTotals {
     pub skipped: u64,
     /// Names of files of the folder that are no frames.
     pub others: Vec<String>,
-}
-
-impl LiveTotals {
-    /// Adds and reports files that are no frames, and were not before.
-    pub(super) fn take_others(
-        &mut self,
-        mut names: Vec<String>,
-        hear: &mut dyn FnMut(News<'_>) -> ControlFlow<()>,
-    ) -> ControlFlow<()> {
-        names.retain(|name| !self.others.contains(name));
-        self.others.extend_from_slice(&names);
-        if names.is_empty() { ControlFlow::Continue(()) } else { hear(News::Others(&names)) }
-    }
 }
 
 /// A page that is served. It ends with the program.
