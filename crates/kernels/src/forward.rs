@@ -1,0 +1,62 @@
+use rayon::prelude::*;
+
+use super::arguments::chunks;
+use super::light::{Block, Ends, LANES, Light, Numbers, Pair, convert, place};
+use super::shared::{COUNT_ACTIVE, PADDING};
+use super::{Call, Cells, Real};
+
+/// Renders the samples of a dispatch into the histograms. A pair is one task.
+pub fn forward<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
+    bind!(b: counts u, points v4, normals v4, histograms f, wall v4);
+    let active = counts[COUNT_ACTIVE as usize];
+    let [_, chunk, of_set] = chunks(call, active);
+    let at = |chunks: u32| chunks.saturating_mul(chunk).min(active) as usize;
+    let slots = at(call.push.first)..at(call.push.first + of_set);
+    let normals = normals.get(slots.clone()).unwrap_or_default();
+    with_arithmetic!(call, F, render(call, &points[slots], normals, wall, histograms));
+}
+
+fn render<F: Real, A: Real>(
+    call: &Call<'_>,
+    points: &[[F; 4]],
+    normals: &[[F; 4]],
+    wall: &[[F; 4]],
+    histograms: &mut [F],
+) {
+    let light = Light::<F, A>::of(call, wall);
+    let blocks = Block::<A>::all(points, normals);
+    let (stride, pairs) = (call.stride(), call.scene.pairs as usize);
+    // The row's padding before its bins, and two cells after them.
+    let scratch = || vec![A::zero(); stride + 2];
+    histograms[PADDING as usize..].par_chunks_mut(stride).take(pairs).enumerate().for_each_init(scratch, |row, (pair, to)| {
+        row.fill(A::zero());
+        let ends = light.ends(pair);
+        with_light!(light, render_pair[A](&light.numbers, &ends, &blocks, row));
+        to.iter_mut().zip(&row[PADDING as usize..stride]).for_each(|(to, sum)| *to = *to + convert(*sum));
+    });
+}
+
+/// Adds the light of all samples to a pair's row.
+#[inline(always)]
+fn render_pair<A: Real, const COSINES: u32, const TWO: bool>(
+    n: &Numbers<A>,
+    ends: &Ends<A>,
+    blocks: &[Block<A>],
+    row: &mut [A],
+) {
+    let mut cells = [0u32; LANES];
+    let mut values = [[A::zero(); 2]; LANES];
+    for b in blocks {
+        for j in 0..LANES {
+            let (value, metres) = Pair::<A, COSINES, TWO>::new(b, j, ends, n).light(b, j);
+            let (cell, share) = place(metres, n);
+            cells[j] = cell;
+            values[j] = [value - value * share, value * share];
+        }
+        for (cell, [low, high]) in cells.iter().zip(&values) {
+            let [first, second] = &mut row[*cell as usize..][..2] else { unreachable!("two cells") };
+            *first = *first + *low;
+            *second = *second + *high;
+        }
+    }
+}

@@ -1,0 +1,127 @@
+//! Gradients at samples, gathered over pairs from their residuals.
+
+use rayon::prelude::*;
+
+use super::light::{Block, COSINE, Ends, LAMBERTIAN, LANES, Light, Numbers, PLAIN, Pair, convert, place};
+use super::{Call, Real};
+
+/// Sums over pairs at the samples of a block, component by component.
+pub struct Sums<A> {
+    /// By albedo.
+    pub albedo: [A; LANES],
+    /// By albedo times normal.
+    pub vector: [[A; LANES]; 3],
+    /// By depth.
+    pub depth: [A; LANES],
+}
+
+/// How a gather differs.
+#[derive(Debug, Clone, Copy)]
+pub struct Gather {
+    /// Residuals are interpolated between two bins.
+    pub split: bool,
+    /// Values include the falloff.
+    pub exact: bool,
+}
+
+/// Calls `hear` in parallel with the sums over the pairs of a dispatch at the samples of each block: (cosines, block, sums, its
+/// part of `out`). A block is one task.
+pub fn gather<F: Real, A: Real>(
+    call: &Call<'_>,
+    how: Gather,
+    [points, normals]: [&[[F; 4]]; 2],
+    [wall, residual]: [&[F]; 2],
+    out: &mut [[F; 4]],
+    hear: impl Fn(u32, &Block<A>, &Sums<A>, &mut [[F; 4]]) + Sync,
+) {
+    let light = Light::<F, A>::of(call, wall.as_chunks().0);
+    let blocks = Block::<A>::all(points, normals);
+    blocks.par_iter().zip(out[..points.len()].par_chunks_mut(LANES)).for_each(|(block, out)| {
+        let mut sums =
+            Sums { albedo: [A::zero(); LANES], vector: [[A::zero(); LANES]; 3], depth: [A::zero(); LANES] };
+        with_light!(light, over_pairs[F, A](call, how, &light, block, residual, &mut sums));
+        hear(light.cosines, block, &sums, out);
+    });
+}
+
+/// Adds all pairs of a dispatch to the sums of a block.
+#[inline(always)]
+fn over_pairs<F: Real, A: Real, const COSINES: u32, const TWO: bool>(
+    call: &Call<'_>,
+    how: Gather,
+    light: &Light<'_, F, A>,
+    b: &Block<A>,
+    residual: &[F],
+    sums: &mut Sums<A>,
+) {
+    let (mut cells, mut shares) = ([0u32; LANES], [A::zero(); LANES]);
+    let mut around = [[A::zero(); LANES]; 2];
+    let (stride, split) = (call.stride(), if how.split { A::one() } else { A::zero() });
+    for pair in call.push.first..call.push.last {
+        let ends = light.ends(pair as usize);
+        for j in 0..LANES {
+            let metres = Pair::<A, PLAIN, TWO>::new(b, j, &ends, &light.numbers).metres();
+            (cells[j], shares[j]) = place(metres, &light.numbers);
+        }
+        let row = &residual[pair as usize * stride..][..stride + 2];
+        for j in 0..LANES {
+            let [low, high] = row[cells[j] as usize..][..2] else { unreachable!("two cells") };
+            (around[0][j], around[1][j]) = (convert(low), convert(high));
+        }
+        for j in 0..LANES {
+            let rise = (around[1][j] - around[0][j]) * split;
+            let seen = Pair::<A, COSINES, TWO>::new(b, j, &ends, &light.numbers);
+            add(how, &light.numbers, &ends, b, j, &seen, [around[0][j] + shares[j] * rise, rise], sums);
+        }
+    }
+}
+
+/// Adds a pair with the residual `r` at its path and its `rise` per bin to the sums of lane `j`: the product rule over the
+/// factors of the pair's value.
+#[inline(always)]
+fn add<A: Real, const COSINES: u32, const TWO: bool>(
+    how: Gather,
+    n: &Numbers<A>,
+    ends: &Ends<A>,
+    b: &Block<A>,
+    j: usize,
+    seen: &Pair<A, COSINES, TWO>,
+    [r, rise]: [A; 2],
+    sums: &mut Sums<A>,
+) {
+    let zero = A::zero();
+    let [first, second] = seen.arms;
+    let falloff = if how.exact { seen.falloff } else { A::one() };
+    let (cosines, lit) = (seen.cosines(), r * falloff);
+    let shown = if cosines > zero { lit } else { zero };
+    sums.albedo[j] = sums.albedo[j] + lit * cosines;
+    // By the normal; and by depth through the directions of the arms, without the falloff.
+    let turned =
+        |arm: &super::light::Arm<A>, cosine: A, normal: A| (cosine * arm.toward.z - normal) * arm.inverse;
+    let normal_z = b.normal[2][j];
+    let [a, c] = seen.surface;
+    let mut turns = zero;
+    if COSINES == COSINE {
+        turns = turned(&first, a, normal_z);
+        for (k, toward) in [first.toward.x, first.toward.y, first.toward.z].into_iter().enumerate() {
+            sums.vector[k][j] = sums.vector[k][j] + shown * toward;
+        }
+    }
+    if COSINES == LAMBERTIAN {
+        let walls = seen.wall[0] * seen.wall[1];
+        let at_surface = turned(&first, a, normal_z) * c + a * turned(&second, c, normal_z);
+        let at_wall = |k: usize| turned(&seen.arms[k], seen.wall[k], -ends.normals[k].z);
+        turns = walls * at_surface + (at_wall(0) * seen.wall[1] + seen.wall[0] * at_wall(1)) * (a * c);
+        let toward = [first.toward, second.toward].map(|t| [t.x, t.y, t.z]);
+        for k in 0..3 {
+            let slope = c * toward[0][k] + a * toward[1][k] - a * c * b.normal[k][j];
+            sums.vector[k][j] = sums.vector[k][j] + shown * walls * slope;
+        }
+    }
+    let steep = first.toward.z + second.toward.z;
+    let power = if n.retro { A::one() } else { A::one() + A::one() };
+    let falls = power * (first.toward.z * first.inverse + second.toward.z * second.inverse);
+    let longer = -steep * n.bins_per_metre;
+    let by_value = falls * cosines + if cosines > zero { turns } else { zero };
+    sums.depth[j] = sums.depth[j] + (lit * by_value + rise * falloff * cosines * longer);
+}

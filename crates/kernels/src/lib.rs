@@ -1,0 +1,72 @@
+//! The kernels of `glsl/` as functions on host memory, one file per kernel, of the same name. A function takes the buffers
+//! of a dispatch in the order of their bindings and changes what the kernel writes.
+//!
+//! All are generic over the float type ([`Real`]). In f32 they are the kernels of the host: parallel over chunks that depend on
+//! sizes alone, so that the bits are the same in every run and for any number of threads. In f64 they are the reference
+//! of tests and of `profile --check`. Independent of Vulkan.
+
+#![forbid(unsafe_code)]
+
+#[macro_use]
+mod call;
+#[macro_use]
+mod light;
+mod gather;
+mod grid;
+mod real;
+mod vector;
+
+/// Structs and numbers that kernels share with their callers: `glsl/shared.rs`.
+pub mod shared {
+    include!(concat!(env!("OUT_DIR"), "/shared.rs"));
+}
+
+pub use call::{Call, Cells, Function};
+pub use grid::{BRICK_VOXELS, Grid, index, voxel};
+pub use real::Real;
+pub use vector::{V2, V3};
+
+/// A kernel by name, for both float types.
+#[derive(Debug, Clone, Copy)]
+pub struct Row {
+    /// Name of its source in `glsl/`.
+    pub name: &'static str,
+    /// On the host.
+    pub host: Function<f32>,
+    /// As reference.
+    pub reference: Function<f64>,
+}
+
+/// Declares the files, and lists their functions by name.
+macro_rules! kernels {
+    ($($name:ident)*) => {
+        $(mod $name;)*
+
+        /// Every kernel.
+        pub static KERNELS: &[Row] = &[$(Row {
+            name: stringify!($name),
+            host: $name::$name::<f32>,
+            reference: $name::$name::<f64>,
+        }),*];
+    };
+}
+
+kernels! {
+    arguments backproject backward forward surface_gather
+}
+
+/// The kernel of a module: the one of the longest name with which the module's begins.
+pub fn kernel_of(module: &str) -> Option<&'static Row> {
+    let of =
+        |name: &str| module.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
+    KERNELS.iter().filter(|row| of(row.name)).max_by_key(|row| row.name.len())
+}
+
+/// Sets a fault bit if a number is not finite.
+fn watch<F: Real>(counts: &mut [u32], fault: u32, all: &[F]) {
+    // One sum that any of them makes NaN; in float64, where fp32 does not overflow.
+    let sum: f64 = all.iter().map(|v| v.wide() * 0.0).sum();
+    if sum != 0.0 || sum.is_nan() {
+        counts[shared::COUNT_FAULTS as usize] |= fault;
+    }
+}
