@@ -11,15 +11,24 @@
 mod call;
 #[macro_use]
 mod light;
+mod adam;
+mod domain;
 mod gather;
 mod grid;
+mod learned;
 mod real;
+mod sampling;
+mod surface;
+mod trace;
 mod vector;
+mod weight;
 
 /// Structs and numbers that kernels share with their callers: `glsl/shared.rs`.
 pub mod shared {
     include!(concat!(env!("OUT_DIR"), "/shared.rs"));
 }
+
+use rayon::prelude::*;
 
 pub use call::{Call, Cells, Function};
 pub use grid::{BRICK_VOXELS, Grid, index, voxel};
@@ -52,7 +61,10 @@ macro_rules! kernels {
 }
 
 kernels! {
-    arguments backproject backward forward surface_gather
+    arguments backproject backward carry compact_count compact_scan compact_scatter double_domain extract filter finish
+    forward forward_owned forward_product gaussian initialise initialise_raw learned_activate learned_bands learned_convolve
+    learned_head learned_moments learned_project learned_resize levels noise places residual rim room rounding sample spot
+    surface_gather threshold update
 }
 
 /// The kernel of a module: the one of the longest name with which the module's begins.
@@ -64,9 +76,13 @@ pub fn kernel_of(module: &str) -> Option<&'static Row> {
 
 /// Sets a fault bit if a number is not finite.
 fn watch<F: Real>(counts: &mut [u32], fault: u32, all: &[F]) {
-    // One sum that any of them makes NaN; in float64, where fp32 does not overflow.
-    let sum: f64 = all.iter().map(|v| v.wide() * 0.0).sum();
-    if sum != 0.0 || sum.is_nan() {
+    let is_finite = |chunk: &[F]| chunk.iter().fold(true, |is_finite, v| is_finite & v.is_finite());
+    if !all.par_chunks(1 << 14).all(is_finite) {
         counts[shared::COUNT_FAULTS as usize] |= fault;
     }
+}
+
+/// Bits of the larger of a float by its bits and of a number.
+fn larger<F: Real>(bits: u32, value: F) -> u32 {
+    bits.max((value.wide().max(0.0) as f32).to_bits())
 }
