@@ -13,8 +13,12 @@ mod call;
 mod light;
 mod gather;
 mod grid;
+mod pixels;
 mod real;
+mod surroundings;
+mod trace;
 mod vector;
+mod weight;
 
 /// Structs and numbers that kernels share with their callers: `glsl/shared.rs`.
 pub mod shared {
@@ -52,7 +56,8 @@ macro_rules! kernels {
 }
 
 kernels! {
-    arguments backproject backward forward surface_gather
+    arguments backproject backward forward pulse residual_rows surface_bonds surface_combine surface_extract surface_gather
+    surface_points surface_pull surface_step
 }
 
 /// The kernel of a module: the one of the longest name with which the module's begins.
@@ -69,4 +74,9 @@ fn watch<F: Real>(counts: &mut [u32], fault: u32, all: &[F]) {
     if sum != 0.0 || sum.is_nan() {
         counts[shared::COUNT_FAULTS as usize] |= fault;
     }
+}
+
+/// Bits of the larger of a float by its bits and of a number.
+fn larger<F: Real>(bits: u32, value: F) -> u32 {
+    bits.max((value.at_least(F::zero()).wide() as f32).to_bits())
 }
