@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use super::light::{Block, Ends, LANES, Light, Pair, PLAIN, convert, place};
+use super::light::{Block, Ends, LANES, Light, Loop, Pair, PLAIN, convert, place};
 use super::shared::*;
 use super::{Call, Cells, Real};
 
@@ -24,7 +24,7 @@ fn voxels<F: Real, A: Real>(call: &Call<'_>, [wall, residual]: [&[F]; 2], projec
                 grid.position(super::V3 { x: c[0], y: c[1], z: c[2] }).with(A::one())
             });
             let block = Block::all(&points, &[]).remove(0);
-            with_light!(light, over_pairs[F, A](call, &light, &block, residual, &mut sums));
+            light.run(Project { call, light: &light, block: &block, residual, sums: &mut sums });
         }
         for (j, (out, sum)) in out.iter_mut().zip(&sums).enumerate() {
             let before = if goes_on { *out } else { F::zero() };
@@ -33,30 +33,36 @@ fn voxels<F: Real, A: Real>(call: &Call<'_>, [wall, residual]: [&[F]; 2], projec
     });
 }
 
-#[inline(always)]
-fn over_pairs<F: Real, A: Real, const COSINES: u32, const TWO: bool>(
-    call: &Call<'_>,
-    light: &Light<'_, F, A>,
-    b: &Block<A>,
-    residual: &[F],
-    sums: &mut [A; LANES],
-) {
-    let (mut cells, mut shares, mut cosines) = ([0u32; LANES], [A::zero(); LANES], [A::one(); LANES]);
-    let stride = call.stride();
-    for pair in call.push.first..call.push.last {
-        let ends: Ends<A> = light.ends(pair as usize);
-        for j in 0..LANES {
-            let seen = Pair::<A, PLAIN, TWO>::new(b, j, &ends, &light.numbers);
-            (cells[j], shares[j]) = place(seen.metres(), &light.numbers);
-            if COSINES != PLAIN {
-                cosines[j] = (-seen.arms[0].toward.z).at_least(A::zero());
+/// Adds the residuals of all pairs of a dispatch to the sums of a block.
+struct Project<'r, 'w, F, A> {
+    call: &'r Call<'r>,
+    light: &'r Light<'w, F, A>,
+    block: &'r Block<A>,
+    residual: &'r [F],
+    sums: &'r mut [A; LANES],
+}
+
+impl<F: Real, A: Real> Loop for Project<'_, '_, F, A> {
+    #[inline(always)]
+    fn run<const COSINES: u32, const TWO: bool>(self) {
+        let Project { call, light, block: b, residual, sums } = self;
+        let (mut cells, mut shares, mut cosines) = ([0u32; LANES], [A::zero(); LANES], [A::one(); LANES]);
+        let stride = call.stride();
+        for pair in call.push.first..call.push.last {
+            let ends: Ends<A> = light.ends(pair as usize);
+            for j in 0..LANES {
+                let seen = Pair::<A, PLAIN, TWO>::new(b, j, &ends, &light.numbers);
+                (cells[j], shares[j]) = place(seen.metres(), &light.numbers);
+                if COSINES != PLAIN {
+                    cosines[j] = (-seen.arms[0].toward.z).at_least(A::zero());
+                }
             }
-        }
-        let row = &residual[pair as usize * stride..][..stride + 2];
-        for j in 0..LANES {
-            let [low, high] = row[cells[j] as usize..][..2] else { unreachable!("two cells") };
-            let low: A = convert(low);
-            sums[j] = sums[j] + cosines[j] * (low + shares[j] * (convert::<F, A>(high) - low));
+            let row = &residual[pair as usize * stride..][..stride + 2];
+            for j in 0..LANES {
+                let [low, high] = row[cells[j] as usize..][..2] else { unreachable!("two cells") };
+                let low: A = convert(low);
+                sums[j] = sums[j] + cosines[j] * (low + shares[j] * (convert::<F, A>(high) - low));
+            }
         }
     }
 }

@@ -115,6 +115,9 @@ pub enum Cells<F> {
 }
 
 impl<F: Real> Cells<F> {
+    /// A number that a kernel may leave in any state: an intermediate result.
+    pub const ANY: f64 = f64::INFINITY;
+
     /// No buffer.
     pub const NONE: Cells<F> = Cells::Words(vec![]);
 

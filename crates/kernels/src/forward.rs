@@ -1,7 +1,7 @@
 use rayon::prelude::*;
 
 use super::arguments::chunks;
-use super::light::{Block, Ends, LANES, Light, Numbers, Pair, convert, place};
+use super::light::{Block, Ends, LANES, Light, Loop, Numbers, Pair, convert, place};
 use super::shared::{COUNT_ACTIVE, PADDING};
 use super::{Call, Cells, Real};
 
@@ -30,33 +30,36 @@ fn render<F: Real, A: Real>(
     let scratch = || vec![A::zero(); stride + 2];
     histograms[PADDING as usize..].par_chunks_mut(stride).take(pairs).enumerate().for_each_init(scratch, |row, (pair, to)| {
         row.fill(A::zero());
-        let ends = light.ends(pair);
-        with_light!(light, render_pair[A](&light.numbers, &ends, &blocks, row));
+        light.run(RenderPair { numbers: &light.numbers, ends: light.ends(pair), blocks: &blocks, row });
         to.iter_mut().zip(&row[PADDING as usize..stride]).for_each(|(to, sum)| *to = *to + convert(*sum));
     });
 }
 
 /// Adds the light of all samples to a pair's row.
-#[inline(always)]
-fn render_pair<A: Real, const COSINES: u32, const TWO: bool>(
-    n: &Numbers<A>,
-    ends: &Ends<A>,
-    blocks: &[Block<A>],
-    row: &mut [A],
-) {
-    let mut cells = [0u32; LANES];
-    let mut values = [[A::zero(); 2]; LANES];
-    for b in blocks {
-        for j in 0..LANES {
-            let (value, metres) = Pair::<A, COSINES, TWO>::new(b, j, ends, n).light(b, j);
-            let (cell, share) = place(metres, n);
-            cells[j] = cell;
-            values[j] = [value - value * share, value * share];
-        }
-        for (cell, [low, high]) in cells.iter().zip(&values) {
-            let [first, second] = &mut row[*cell as usize..][..2] else { unreachable!("two cells") };
-            *first = *first + *low;
-            *second = *second + *high;
+struct RenderPair<'r, A> {
+    numbers: &'r Numbers<A>,
+    ends: Ends<A>,
+    blocks: &'r [Block<A>],
+    row: &'r mut [A],
+}
+
+impl<A: Real> Loop for RenderPair<'_, A> {
+    #[inline(always)]
+    fn run<const COSINES: u32, const TWO: bool>(self) {
+        let mut cells = [0u32; LANES];
+        let mut values = [[A::zero(); 2]; LANES];
+        for b in self.blocks {
+            for j in 0..LANES {
+                let (value, metres) = Pair::<A, COSINES, TWO>::new(b, j, &self.ends, self.numbers).light(b, j);
+                let (cell, share) = place(metres, self.numbers);
+                cells[j] = cell;
+                values[j] = [value - value * share, value * share];
+            }
+            for (cell, [low, high]) in cells.iter().zip(&values) {
+                let [first, second] = &mut self.row[*cell as usize..][..2] else { unreachable!("two cells") };
+                *first = *first + *low;
+                *second = *second + *high;
+            }
         }
     }
 }

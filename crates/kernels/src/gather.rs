@@ -2,7 +2,9 @@
 
 use rayon::prelude::*;
 
-use super::light::{Block, COSINE, Ends, LAMBERTIAN, LANES, Light, Numbers, PLAIN, Pair, convert, place};
+use super::light::{
+    Arm, Block, COSINE, Ends, LAMBERTIAN, LANES, Light, Loop, Numbers, PLAIN, Pair, convert, place,
+};
 use super::{Call, Real};
 
 /// Sums over pairs at the samples of a block, component by component.
@@ -39,39 +41,53 @@ pub fn gather<F: Real, A: Real>(
     blocks.par_iter().zip(out[..points.len()].par_chunks_mut(LANES)).for_each(|(block, out)| {
         let mut sums =
             Sums { albedo: [A::zero(); LANES], vector: [[A::zero(); LANES]; 3], depth: [A::zero(); LANES] };
-        with_light!(light, over_pairs[F, A](call, how, &light, block, residual, &mut sums));
+        light.run(OverPairs { call, how, light: &light, block, residual, sums: &mut sums });
         hear(light.cosines, block, &sums, out);
     });
 }
 
 /// Adds all pairs of a dispatch to the sums of a block.
-#[inline(always)]
-fn over_pairs<F: Real, A: Real, const COSINES: u32, const TWO: bool>(
-    call: &Call<'_>,
+struct OverPairs<'r, 'w, F, A> {
+    call: &'r Call<'r>,
     how: Gather,
-    light: &Light<'_, F, A>,
-    b: &Block<A>,
-    residual: &[F],
-    sums: &mut Sums<A>,
-) {
-    let (mut cells, mut shares) = ([0u32; LANES], [A::zero(); LANES]);
-    let mut around = [[A::zero(); LANES]; 2];
-    let (stride, split) = (call.stride(), if how.split { A::one() } else { A::zero() });
-    for pair in call.push.first..call.push.last {
-        let ends = light.ends(pair as usize);
-        for j in 0..LANES {
-            let metres = Pair::<A, PLAIN, TWO>::new(b, j, &ends, &light.numbers).metres();
-            (cells[j], shares[j]) = place(metres, &light.numbers);
-        }
-        let row = &residual[pair as usize * stride..][..stride + 2];
-        for j in 0..LANES {
-            let [low, high] = row[cells[j] as usize..][..2] else { unreachable!("two cells") };
-            (around[0][j], around[1][j]) = (convert(low), convert(high));
-        }
-        for j in 0..LANES {
-            let rise = (around[1][j] - around[0][j]) * split;
-            let seen = Pair::<A, COSINES, TWO>::new(b, j, &ends, &light.numbers);
-            add(how, &light.numbers, &ends, b, j, &seen, [around[0][j] + shares[j] * rise, rise], sums);
+    light: &'r Light<'w, F, A>,
+    block: &'r Block<A>,
+    residual: &'r [F],
+    sums: &'r mut Sums<A>,
+}
+
+impl<F: Real, A: Real> Loop for OverPairs<'_, '_, F, A> {
+    #[inline(always)]
+    fn run<const COSINES: u32, const TWO: bool>(self) {
+        let OverPairs { call, how, light, block: b, residual, sums } = self;
+        let mut arms = [[[A::zero(); LANES]; 4]; 2];
+        let (mut cells, mut shares) = ([0u32; LANES], [A::zero(); LANES]);
+        let mut around = [[A::zero(); 2]; LANES];
+        let (stride, split) = (call.stride(), if how.split { A::one() } else { A::zero() });
+        for pair in call.push.first..call.push.last {
+            let ends = light.ends(pair as usize);
+            for j in 0..LANES {
+                let first = Arm::new(b, j, ends.points[0], &light.numbers);
+                let second = if TWO { Arm::new(b, j, ends.points[1], &light.numbers) } else { first };
+                (cells[j], shares[j]) = place(first.distance + second.distance, &light.numbers);
+                first.keep(&mut arms[0], j);
+                if TWO {
+                    second.keep(&mut arms[1], j);
+                }
+            }
+            let row = &residual[pair as usize * stride..][..stride + 2];
+            for j in 0..LANES {
+                let [low, high] = row[cells[j] as usize..][..2] else { unreachable!("two cells") };
+                around[j] = [convert(low), convert(high)];
+            }
+            for j in 0..LANES {
+                let [low, high] = around[j];
+                let rise = (high - low) * split;
+                let first = Arm::kept(&arms[0], j, &light.numbers);
+                let second = if TWO { Arm::kept(&arms[1], j, &light.numbers) } else { first };
+                let seen = Pair::<A, COSINES, TWO>::by([first, second], b, j, &ends);
+                add(how, &light.numbers, &ends, b, j, &seen, [low + shares[j] * rise, rise], sums);
+            }
         }
     }
 }
@@ -94,10 +110,11 @@ fn add<A: Real, const COSINES: u32, const TWO: bool>(
     let falloff = if how.exact { seen.falloff } else { A::one() };
     let (cosines, lit) = (seen.cosines(), r * falloff);
     let shown = if cosines > zero { lit } else { zero };
-    sums.albedo[j] = sums.albedo[j] + lit * cosines;
+    if COSINES == PLAIN {
+        sums.albedo[j] = sums.albedo[j] + lit;
+    }
     // By the normal; and by depth through the directions of the arms, without the falloff.
-    let turned =
-        |arm: &super::light::Arm<A>, cosine: A, normal: A| (cosine * arm.toward.z - normal) * arm.inverse;
+    let turned = |arm: &Arm<A>, cosine: A, normal: A| (cosine * arm.toward.z - normal) * arm.inverse;
     let normal_z = b.normal[2][j];
     let [a, c] = seen.surface;
     let mut turns = zero;

@@ -16,9 +16,11 @@ mod domain;
 mod gather;
 mod grid;
 mod learned;
+mod pixels;
 mod real;
 mod sampling;
 mod surface;
+mod surroundings;
 mod trace;
 mod vector;
 mod weight;
@@ -62,9 +64,10 @@ macro_rules! kernels {
 
 kernels! {
     arguments backproject backward carry compact_count compact_scan compact_scatter double_domain extract filter finish
-    forward forward_owned forward_product gaussian initialise initialise_raw learned_activate learned_bands learned_convolve
-    learned_head learned_moments learned_project learned_resize levels noise places residual rim room rounding sample spot
-    surface_gather threshold update
+    forward forward_owned forward_product gaussian initialise initialise_raw learned_activate learned_bands
+    learned_convolve learned_head learned_moments learned_project learned_resize levels noise places pulse residual
+    residual_rows residual_scan rim room rounding sample spot surface_bonds surface_combine surface_extract
+    surface_gather surface_points surface_pull surface_step threshold update
 }
 
 /// The kernel of a module: the one of the longest name with which the module's begins.
@@ -84,5 +87,5 @@ fn watch<F: Real>(counts: &mut [u32], fault: u32, all: &[F]) {
 
 /// Bits of the larger of a float by its bits and of a number.
 fn larger<F: Real>(bits: u32, value: F) -> u32 {
-    bits.max((value.wide().max(0.0) as f32).to_bits())
+    bits.max((value.at_least(F::zero()).wide() as f32).to_bits())
 }

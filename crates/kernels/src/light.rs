@@ -165,9 +165,29 @@ impl<A: Real> Arm<A> {
         let distance = squared.sqrt();
         let inverse = A::one() / distance;
         let inverse = if squared < n.nearest { A::zero() } else { inverse };
+        Arm { distance, ..Arm::by(way * inverse, inverse, n) }
+    }
+
+    #[inline(always)]
+    fn by(toward: V3<A>, inverse: A, n: &Numbers<A>) -> Arm<A> {
         let scaled = n.reference * inverse;
         let falloff = scaled * if n.retro { A::one() } else { scaled };
-        Arm { toward: way * inverse, distance, inverse, falloff }
+        Arm { toward, distance: A::zero(), inverse, falloff }
+    }
+
+    /// Puts direction and inverse length of lane `j` into arrays.
+    #[inline(always)]
+    pub fn keep(&self, to: &mut [[A; LANES]; 4], j: usize) {
+        to[0][j] = self.toward.x;
+        to[1][j] = self.toward.y;
+        to[2][j] = self.toward.z;
+        to[3][j] = self.inverse;
+    }
+
+    /// The arm that was kept for lane `j`, without its distance.
+    #[inline(always)]
+    pub fn kept(from: &[[A; LANES]; 4], j: usize, n: &Numbers<A>) -> Arm<A> {
+        Arm::by(V3 { x: from[0][j], y: from[1][j], z: from[2][j] }, from[3][j], n)
     }
 }
 
@@ -187,7 +207,12 @@ impl<A: Real, const COSINES: u32, const TWO: bool> Pair<A, COSINES, TWO> {
     #[inline(always)]
     pub fn new(b: &Block<A>, j: usize, ends: &Ends<A>, n: &Numbers<A>) -> Self {
         let first = Arm::new(b, j, ends.points[0], n);
-        let arms = [first, if TWO { Arm::new(b, j, ends.points[1], n) } else { first }];
+        Pair::by([first, if TWO { Arm::new(b, j, ends.points[1], n) } else { first }], b, j, ends)
+    }
+
+    /// The pair with these arms.
+    #[inline(always)]
+    pub fn by(arms: [Arm<A>; 2], b: &Block<A>, j: usize, ends: &Ends<A>) -> Self {
         let normal = V3 { x: b.normal[0][j], y: b.normal[1][j], z: b.normal[2][j] };
         let (zero, one) = (A::zero(), A::one());
         let cosine = |k: usize| normal.dot(arms[k].toward).at_least(zero);
@@ -231,22 +256,39 @@ pub fn place<A: Real>(metres: A, n: &Numbers<A>) -> (u32, A) {
     (metres * n.bins_per_metre + n.start).at_least(A::one()).at_most(n.last).split()
 }
 
-/// Runs a function of a block with the cosines and arms of a light as constants, in the widest vectors of the processor.
-macro_rules! with_light {
-    ($light:expr, $call:ident[$($type:ty),*]($($argument:expr),* $(,)?)) => {{
-        use $crate::light::{COSINE, LAMBERTIAN, PLAIN};
-        pulp::Arch::new().dispatch(
-            #[inline(always)]
-            || match ($light.cosines, $light.two_arms) {
-                (PLAIN, false) => $call::<$($type,)* PLAIN, false>($($argument),*),
-                (PLAIN, true) => $call::<$($type,)* PLAIN, true>($($argument),*),
-                (COSINE, false) => $call::<$($type,)* COSINE, false>($($argument),*),
-                (COSINE, true) => $call::<$($type,)* COSINE, true>($($argument),*),
-                (_, false) => $call::<$($type,)* LAMBERTIAN, false>($($argument),*),
-                (_, true) => $call::<$($type,)* LAMBERTIAN, true>($($argument),*),
-            }
-        )
-    }};
+/// A loop over pairs and blocks, compiled for every kind of cosines and for one or two arms.
+pub trait Loop {
+    /// Runs the loop. Implementations are always inlined.
+    fn run<const COSINES: u32, const TWO: bool>(self);
+}
+
+impl<F: Real, A: Real> Light<'_, F, A> {
+    /// Runs a loop in the widest vectors of the processor.
+    pub fn run(&self, inner: impl Loop) {
+        pulp::Arch::new().dispatch(Wide { inner, cosines: self.cosines, two_arms: self.two_arms });
+    }
+}
+
+struct Wide<L> {
+    inner: L,
+    cosines: u32,
+    two_arms: bool,
+}
+
+impl<L: Loop> pulp::WithSimd for Wide<L> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) {
+        match (self.cosines, self.two_arms) {
+            (PLAIN, false) => self.inner.run::<PLAIN, false>(),
+            (PLAIN, true) => self.inner.run::<PLAIN, true>(),
+            (COSINE, false) => self.inner.run::<COSINE, false>(),
+            (COSINE, true) => self.inner.run::<COSINE, true>(),
+            (_, false) => self.inner.run::<LAMBERTIAN, false>(),
+            (_, true) => self.inner.run::<LAMBERTIAN, true>(),
+        }
+    }
 }
 
 /// Runs a function for a dispatch with the float type of its arithmetic: float64 for paths of more bins than fp32 resolves.

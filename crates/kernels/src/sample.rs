@@ -1,7 +1,7 @@
 use rayon::prelude::*;
 
 use super::domain::{Touched, is_continuous};
-use super::light::LAMBERTIAN;
+use super::pixels::has_normals;
 use super::sampling::{corners, sample_point};
 use super::shared::*;
 use super::surface::{elu, safe_length, toward_wall};
@@ -23,7 +23,7 @@ pub fn sample<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
         continuous: is_continuous(call),
     };
     // Of a scene without normals the buffer is empty.
-    let has_normals = call.constant("REFLECTANCE", 0) <= LAMBERTIAN;
+    let has_normals = has_normals(call);
     let normals = if has_normals { &mut normals[..active] } else { &mut [] };
     let mut normals: Vec<_> = normals.chunks_mut(EACH).collect();
     normals.resize_with(active.div_ceil(EACH), Default::default);

@@ -1,0 +1,157 @@
+use rayon::prelude::*;
+
+use super::shared::*;
+use super::weight::root_weights;
+use super::{Call, Cells, Real};
+
+/// Rows that are filtered together: the lanes of a vector.
+const ROWS: usize = 16;
+
+/// As `residual`, weighted, with the high-pass applied to weighted differences: the loss is |F S d|² and the residual S F F S d,
+/// F = 1 - share (1 + κ L)⁻¹ with L the second difference with free ends. A partial sum is that of a pair. Leaves the
+/// compared rows undefined. [`ROWS`] rows are one task: a solve of their tridiagonal systems is a recurrence along bins,
+/// for all of them at once.
+pub fn residual_rows<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
+    bind!(b: counts u, measured f, residual f, histograms f, loss_partials v2, _6 any, spread f);
+    let (bins, stride, pairs) = (call.bins(), call.stride(), call.scene.pairs as usize);
+    let [seen, spots] = ["SEEN", "SPOT"].map(|name| call.is(name));
+    let filter = RowFilter::of(call);
+    let first = PADDING as usize;
+    residual[..first].fill(F::zero());
+    let compared = if seen { &spread[first..] } else { &histograms[first..] };
+    let faults: Vec<u32> = residual[first..]
+        .par_chunks_mut(ROWS * stride)
+        .zip(compared.par_chunks(ROWS * stride))
+        .zip(measured[..pairs * bins].par_chunks(ROWS * bins))
+        .zip(loss_partials[..pairs].par_chunks_mut(ROWS))
+        .map_init(
+            || [vec![[F::zero(); ROWS]; bins], vec![[F::zero(); ROWS]; bins]],
+            |[values, kept], (((residual, compared), measured), losses)| {
+                let rows = Rows { filter: &filter, stride, compared, measured, values, kept, residual, losses };
+                pulp::Arch::new().dispatch(rows)
+            },
+        )
+        .collect();
+    counts[COUNT_FAULTS as usize] |= faults.into_iter().fold(0, |all, some| all | some);
+    if seen {
+        spread[..call.cells()].par_chunks_mut(1 << 14).for_each(|part| part.fill(F::of(Cells::<F>::ANY)));
+    }
+    if !spots {
+        histograms[..call.cells()].par_chunks_mut(1 << 14).for_each(|part| part.fill(F::zero()));
+    }
+}
+
+/// What all rows share.
+struct RowFilter<F> {
+    render: F,
+    /// Residual per weighted and filtered difference.
+    scale: F,
+    share: F,
+    /// 1 / κ.
+    inverse: F,
+    /// Factor of the elimination at every bin, from the first on; from the last on it is the same table backward.
+    factors: Vec<F>,
+    /// Roots of the bins' weights.
+    roots: Vec<F>,
+}
+
+impl<F: Real> RowFilter<F> {
+    fn of(call: &Call<'_>) -> RowFilter<F> {
+        let (scene, bins) = (&call.scene, call.bins());
+        let decay = f64::from(call.surface.slow_decay);
+        let kappa = decay / (1.0 - decay).powi(2);
+        let mut factor = 0.0;
+        let step = |bin: usize| {
+            let neighbours = f64::from(u8::from(bin > 0) + u8::from(bin + 1 < bins));
+            factor = kappa / (1.0 + kappa * (neighbours - factor));
+            F::of(factor)
+        };
+        RowFilter {
+            render: F::from32(scene.render_scale),
+            scale: F::of(2.0 * f64::from(scene.loss_scale) * f64::from(scene.render_scale)),
+            share: F::from32(call.surface.slow_share),
+            inverse: F::of(1.0 / kappa),
+            factors: (0..bins).map(step).collect(),
+            roots: root_weights(call),
+        }
+    }
+}
+
+/// A task: up to [`ROWS`] rows, without the padding before the first.
+struct Rows<'r, F> {
+    filter: &'r RowFilter<F>,
+    stride: usize,
+    compared: &'r [F],
+    measured: &'r [F],
+    /// Right-hand sides and results of eliminations, by bin.
+    values: &'r mut [[F; ROWS]],
+    kept: &'r mut [[F; ROWS]],
+    residual: &'r mut [F],
+    losses: &'r mut [[F; 2]],
+}
+
+impl<F: Real> pulp::WithSimd for Rows<'_, F> {
+    type Output = u32;
+
+    /// Returns the faults.
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, _: S) -> u32 {
+        let Rows { filter, stride, compared, measured, values, kept, residual, losses } = self;
+        let (zero, bins) = (F::zero(), values.len());
+        let (mut magnitudes, mut plain, mut filtered) = ([zero; ROWS], [zero; ROWS], [zero; ROWS]);
+        for (lane, measured) in measured.chunks_exact(bins).enumerate() {
+            let row = &compared[lane * stride..][..bins];
+            for (bin, (sum, count)) in row.iter().zip(measured).enumerate() {
+                values[bin][lane] = *sum * filter.render;
+                kept[bin][lane] = *count;
+            }
+        }
+        // Weighted differences, and their elimination from the first bin on.
+        let mut before = [zero; ROWS];
+        for (bin, (value, kept)) in values.iter_mut().zip(kept.iter_mut()).enumerate() {
+            let (root, factor) = (filter.roots[bin], filter.factors[bin]);
+            for lane in 0..ROWS {
+                let difference = value[lane] - kept[lane];
+                magnitudes[lane] = magnitudes[lane] + value[lane].abs();
+                plain[lane] = plain[lane] + difference * difference;
+                value[lane] = root * difference;
+                before[lane] = factor * (value[lane] * filter.inverse + before[lane]);
+                kept[lane] = before[lane];
+            }
+        }
+        // Their solution, backward; and at once the elimination of what is left, from the last bin on.
+        let mut answer = [zero; ROWS];
+        before = [zero; ROWS];
+        for (bin, (value, kept)) in values.iter_mut().zip(kept.iter_mut()).enumerate().rev() {
+            let (along, factor) = (filter.factors[bin], filter.factors[bins - 1 - bin]);
+            for lane in 0..ROWS {
+                answer[lane] = kept[lane] + along * answer[lane];
+                value[lane] = value[lane] - filter.share * answer[lane];
+                filtered[lane] = filtered[lane] + value[lane] * value[lane];
+                before[lane] = factor * (value[lane] * filter.inverse + before[lane]);
+                kept[lane] = before[lane];
+            }
+        }
+        answer = [zero; ROWS];
+        for (bin, (value, kept)) in values.iter_mut().zip(kept.iter()).enumerate() {
+            let (along, scale) = (filter.factors[bins - 1 - bin], filter.scale * filter.roots[bin]);
+            for lane in 0..ROWS {
+                answer[lane] = kept[lane] + along * answer[lane];
+                value[lane] = scale * (value[lane] - filter.share * answer[lane]);
+            }
+        }
+        let mut faults = 0;
+        for (lane, row) in residual.chunks_mut(stride).enumerate() {
+            let (own, padding) = row.split_at_mut(bins);
+            own.iter_mut().zip(values.iter()).for_each(|(to, value)| *to = value[lane]);
+            padding.fill(zero);
+            losses[lane] = [filtered[lane], plain[lane]];
+            if !magnitudes[lane].is_finite() {
+                faults |= FAULT_FORWARD;
+            } else if !(filtered[lane] + plain[lane]).is_finite() {
+                faults |= FAULT_RESIDUAL;
+            }
+        }
+        faults
+    }
+}
