@@ -57,6 +57,15 @@ impl<F: Real> Grid<F> {
         }
     }
 
+    /// The voxels of half the lateral resolution.
+    pub fn coarser(&self) -> Grid<F> {
+        let n = [self.n[0] / 2, self.n[1] / 2, self.n[2]];
+        let two = F::of(2.0);
+        let pitch = V3 { x: self.pitch.x * two, y: self.pitch.y * two, z: self.pitch.z };
+        let shift = V3 { x: self.pitch.x / two, y: self.pitch.y / two, z: F::zero() };
+        Grid { n, bricks: n.map(|n| n.div_ceil(8)), origin: self.origin + shift, pitch, ..*self }
+    }
+
     /// Number of voxels of the storage, including those of bricks beyond the grid.
     pub fn storage(&self) -> usize {
         self.bricks.iter().product::<usize>() * BRICK_VOXELS

@@ -11,10 +11,15 @@
 mod call;
 #[macro_use]
 mod light;
+mod adam;
+mod domain;
 mod gather;
 mod grid;
+mod learned;
 mod pixels;
 mod real;
+mod sampling;
+mod surface;
 mod surroundings;
 mod trace;
 mod vector;
@@ -24,6 +29,8 @@ mod weight;
 pub mod shared {
     include!(concat!(env!("OUT_DIR"), "/shared.rs"));
 }
+
+use rayon::prelude::*;
 
 pub use call::{Call, Cells, Function};
 pub use grid::{BRICK_VOXELS, Grid, index, voxel};
@@ -56,8 +63,11 @@ macro_rules! kernels {
 }
 
 kernels! {
-    arguments backproject backward forward pulse residual_rows surface_bonds surface_combine surface_extract surface_gather
-    surface_points surface_pull surface_step
+    arguments backproject backward carry compact_count compact_scan compact_scatter double_domain extract filter finish
+    forward forward_owned forward_product gaussian initialise initialise_raw learned_activate learned_bands
+    learned_convolve learned_head learned_moments learned_project learned_resize levels noise places pulse residual
+    residual_rows residual_scan rim room rounding sample spot surface_bonds surface_combine surface_extract
+    surface_gather surface_points surface_pull surface_step threshold update
 }
 
 /// The kernel of a module: the one of the longest name with which the module's begins.
@@ -69,9 +79,8 @@ pub fn kernel_of(module: &str) -> Option<&'static Row> {
 
 /// Sets a fault bit if a number is not finite.
 fn watch<F: Real>(counts: &mut [u32], fault: u32, all: &[F]) {
-    // One sum that any of them makes NaN; in float64, where fp32 does not overflow.
-    let sum: f64 = all.iter().map(|v| v.wide() * 0.0).sum();
-    if sum != 0.0 || sum.is_nan() {
+    let is_finite = |chunk: &[F]| chunk.iter().fold(true, |is_finite, v| is_finite & v.is_finite());
+    if !all.par_chunks(1 << 14).all(is_finite) {
         counts[shared::COUNT_FAULTS as usize] |= fault;
     }
 }

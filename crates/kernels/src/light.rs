@@ -17,7 +17,7 @@ pub const LAMBERTIAN: u32 = 2;
 
 /// Reflectance models by their number in `glsl/include/reflectance.glsl`.
 const MODELS: [u32; 4] = [COSINE, LAMBERTIAN, PLAIN, PLAIN];
-const RETROREFLECTIVE: u32 = 2;
+pub const RETROREFLECTIVE: u32 = 2;
 
 /// Ways in which wall points make pairs, by their number in `glsl/include/transport.glsl`.
 const CONFOCAL: u32 = 0;

@@ -1,5 +1,7 @@
 //! The end of an iteration: sums of partial losses, and the row of the trace.
 
+use rayon::prelude::*;
+
 use super::shared::*;
 use super::{Call, Real};
 
@@ -15,8 +17,11 @@ pub fn close<F: Real>(
     let tile = (WORKGROUP * RESIDUAL_BINS) as usize;
     let groups = call.cells().div_ceil(tile) * if of("GROUPED", 0) == 0 { WORKGROUP as usize } else { 1 };
     let partials = if of("ROWS", 0) == 0 { groups } else { call.scene.pairs as usize };
-    let losses = &losses[..partials];
-    let mean = |k: usize| losses.iter().map(|l| l[k].wide()).sum::<f64>() * f64::from(call.scene.loss_scale);
+    let of_chunk =
+        |all: &[[F; 2]]| all.iter().fold([0.0; 2], |s, l| [s[0] + l[0].wide(), s[1] + l[1].wide()]);
+    // There may be millions.
+    let chunks: Vec<[f64; 2]> = losses[..partials].par_chunks(4096).map(of_chunk).collect();
+    let mean = |k: usize| chunks.iter().map(|sum| sum[k]).sum::<f64>() * f64::from(call.scene.loss_scale);
     let active = counts[COUNT_ACTIVE as usize];
     let summed = active.div_ceil(of("SUMMED", WORKGROUP)) as usize;
     let row = &mut trace[(call.push.iteration * TRACE_ROW) as usize..][..TRACE_ROW as usize];
