@@ -1,5 +1,5 @@
 //! Compiles every kernel and every variant of the table below to SPIR-V, and writes Rust code for the crate to include. The code
-//! has a typed value for every module, for every block that a module binds and for every specialization constant, so a
+//! has a typed value for every module with the host's function of the kernel, for every block that a module binds and for every specialization constant, so a
 //! wrong name does not compile. It also has the Rust side of the structs that host and kernels share. The output
 //! depends only on the sources.
 extern crate shaderc_link;
@@ -57,6 +57,11 @@ fn kernels() -> Vec<(String, String, &'static [&'static str])> {
     all
 }
 
+/// The kernel of a source as a function of the host, as Rust code. Probes of a device's limits have none.
+fn host_function(source: &str) -> String {
+    if source.starts_with("limit_") { "None".into() } else { format!("Some(thirdbounce_kernels::{source}::<f32>)") }
+}
+
 /// The passes of `examples/vulkan`.
 const EXAMPLES: &[&str] = &["light", "colour"];
 
@@ -74,7 +79,6 @@ fn main() {
     });
 
     let mut rust = String::from("// Written by build.rs.\n\n");
-    rust.push_str(&shared::rust());
     let kernels = kernels();
     let mut modules = String::new();
     let (mut blocks, mut constants) = (BTreeSet::new(), BTreeSet::new());
@@ -87,9 +91,10 @@ fn main() {
         let module = spirv::reflect(&words);
         let _ = writeln!(
             modules,
-            "    /// `glsl/{source}`{}.\n    pub static {}: KernelCode = KernelCode {{\n        name: \"{name}\",\n        spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")),\n        bindings: &[",
+            "    /// `glsl/{source}`{}.\n    pub static {}: KernelCode = KernelCode {{\n        name: \"{name}\",\n        host: {},\n        spirv: include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\")),\n        bindings: &[",
             if macros.is_empty() { String::new() } else { format!(" with {}", macros.join(", ")) },
             name.to_uppercase(),
+            host_function(source.trim_end_matches(".comp")),
         );
         for b in module.bindings {
             let _ = writeln!(

@@ -1,6 +1,6 @@
-//! Foundation of all crates of thirdbounce: the [`Error`] type with its [`advice`].
+//! Foundation of all crates of thirdbounce: the [`Error`] type with its [`advice`], memory of the [`host`].
 //!
-//! Feature `formats` adds [`files`] (atomic writes) and [`host`] (memory checks).
+//! Feature `formats` adds [`files`] (atomic writes).
 
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
@@ -9,7 +9,6 @@ pub mod advice;
 pub mod error;
 #[cfg(feature = "formats")]
 pub mod files;
-#[cfg(feature = "formats")]
 pub mod host;
 
 pub use error::{Error, Kind, Result, panic_message};

@@ -114,6 +114,13 @@ pub struct Memory {
 }
 
 impl Memory {
+    /// Memory of the host as a device, with the given largest buffer.
+    pub(super) fn of_host(storage_range: u64) -> Memory {
+        let free = thirdbounce_base::host::free();
+        let kinds = Kinds { one: true, device_is_mapped: true, heaps: [0, 0] };
+        Memory { storage_range, free: [free; 2], shared: true, allocation: u64::MAX, kinds }
+    }
+
     /// A discrete GPU with the given binding limit and free bytes on device and host.
     pub fn of_card(storage_range: u64, free: [u64; 2]) -> Memory {
         let kinds = Kinds { one: false, device_is_mapped: false, heaps: [0, 1] };

@@ -1,4 +1,4 @@
-//! Compiled kernels: SPIR-V words, bindings, constants.
+//! Kernels: SPIR-V words, functions of the host, bindings, constants.
 
 use super::names::{Buffer, Constant, Kernel};
 
@@ -7,6 +7,8 @@ use super::names::{Buffer, Constant, Kernel};
 pub struct KernelCode {
     /// Name of the variant, unique among all modules.
     pub name: &'static str,
+    /// The kernel as a function on host memory; `None` for a module that runs on Vulkan devices only.
+    pub host: Option<thirdbounce_kernels::Function<f32>>,
     /// SPIR-V words, little-endian.
     pub spirv: &'static [u8],
     /// Bound blocks.

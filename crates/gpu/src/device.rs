@@ -10,7 +10,8 @@ use ash::{ext, khr, vk};
 use super::budget::Kinds;
 use super::driver_report;
 use super::faults::{Faults, InjectedFaults, Point};
-use super::instance::{DeviceInfo, Instance};
+use super::host_device as host;
+use super::instance::{DeviceInfo, DeviceKind, Instance};
 use super::kept::Cache;
 use super::limits::{Abilities, Accumulations, Limits, Reported};
 use super::offered::Offered;
@@ -38,7 +39,7 @@ impl Deref for Gpu {
 
 /// Shared state of [`Gpu`] handles.
 pub struct DeviceState {
-    /// The device as the loader lists it.
+    /// The device as [`super::devices`] lists it.
     pub info: DeviceInfo,
     /// Supported accumulation paths.
     pub accumulations: Accumulations,
@@ -46,45 +47,51 @@ pub struct DeviceState {
     pub limits: Limits,
     /// The timeline, if requested.
     pub(super) recorder: Option<Recorder>,
+    /// Maximum loop turns per submission, if specified.
+    pub(super) work: Option<u64>,
+    pub(super) injected_faults: Option<InjectedFaults>,
+    /// Bytes held by arenas.
+    pub(super) allocated: AtomicU64,
+    /// See [`Gpu::traffic`].
+    pub(super) traffic: [AtomicU64; 2],
+    /// `None`: the device is the host.
+    vulkan: Option<VulkanDevice>,
+}
+
+/// An opened Vulkan device.
+pub(super) struct VulkanDevice {
     /// Pipeline statistics, if requested and supported.
-    pub(super) statistics: Option<khr::pipeline_executable_properties::Device>,
+    pub statistics: Option<khr::pipeline_executable_properties::Device>,
     /// Whether pipeline listings are read as well.
-    pub(super) has_listings: bool,
+    pub has_listings: bool,
     /// Whether the driver supports declared round-to-nearest for fp32.
-    pub(super) has_rounding: bool,
+    pub has_rounding: bool,
     /// Nanoseconds per timestamp tick; 0 without timestamps.
-    pub(super) tick: f64,
+    pub tick: f64,
     // Queue access is externally synchronised: only through `queue()`.
     queue: Mutex<vk::Queue>,
     /// The application's lock of the queue, held as well.
     lock: Option<Arc<dyn QueueLock>>,
     /// The application's allocator of buffer memory.
-    pub(super) blocks: Option<Arc<dyn BlockSource>>,
+    pub blocks: Option<Arc<dyn BlockSource>>,
     /// Import of external memory, if supported.
-    pub(super) external_memory: Option<khr::external_memory_fd::Device>,
+    pub external_memory: Option<khr::external_memory_fd::Device>,
     /// Fault queries after a loss, if supported.
-    pub(super) device_fault: Option<ext::device_fault::Device>,
-    pub(super) family: u32,
-    pub(super) physical: vk::PhysicalDevice,
-    pub(super) has_budget: bool,
-    /// Maximum loop turns per submission, if specified.
-    pub(super) work: Option<u64>,
-    pub(super) injected_faults: Option<InjectedFaults>,
+    pub device_fault: Option<ext::device_fault::Device>,
+    pub family: u32,
+    pub physical: vk::PhysicalDevice,
+    pub has_budget: bool,
     /// Maximum size of one allocation, bytes.
-    pub(super) allocation: u64,
+    pub allocation: u64,
     /// Memory types of buffers.
-    pub(super) kinds: Kinds,
-    /// Bytes held by arenas.
-    pub(super) allocated: AtomicU64,
-    /// See [`Gpu::traffic`].
-    pub(super) traffic: [AtomicU64; 2],
-    pub(super) names: Option<ext::debug_utils::Device>,
+    pub kinds: Kinds,
+    pub names: Option<ext::debug_utils::Device>,
     /// Pipelines shared by executors.
-    pub(super) pipelines: Pipelines,
+    pub pipelines: Pipelines,
     /// Pipeline cache.
-    pub(super) cache: Cache,
-    pub(super) device: Arc<OwnedDevice>,
-    pub(super) instance: Arc<Instance>,
+    pub cache: Cache,
+    pub device: Arc<OwnedDevice>,
+    pub instance: Arc<Instance>,
 }
 
 /// Constituents of a device.
@@ -102,14 +109,25 @@ pub(super) struct Parts {
 }
 
 impl Gpu {
-    /// Opens the device named in `options`, or the best one.
+    /// Opens the device named in `options`, or the best one: a GPU, else the host itself.
     ///
     /// # Errors
-    /// No loader, no device, no device of that name, or a missing required feature. The error contains the fix.
+    /// No device of that name, or a missing required feature; no loader, if a Vulkan device is asked for. The error contains
+    /// the fix.
     pub fn open(options: &GpuOptions) -> Result<Gpu> {
-        let instance = Arc::new(Instance::new(options.validation, options.instrumented)?);
-        let all = instance.list();
+        let instance = match Instance::new(options.validation, options.instrumented) {
+            Ok(instance) => Arc::new(instance),
+            Err(e) if options.needs_vulkan() || !host::is_chosen(options, 0) => return Err(e),
+            Err(_) => return Ok(Gpu::host(options, 0)),
+        };
+        let mut all = instance.list();
+        if !options.needs_vulkan() {
+            all.push((vk::PhysicalDevice::null(), host::info(all.len())));
+        }
         let (physical, info) = choose(&all, options.device.as_deref())?;
+        if info.kind == DeviceKind::Host {
+            return Ok(Gpu::host(options, info.index));
+        }
         let properties = unsafe { instance.raw.get_physical_device_properties(physical) };
         let (family, _) = compute_family(&instance, physical, &info)?;
         let offered = Offered::by(&instance, physical, &info, options)?;
@@ -135,6 +153,22 @@ impl Gpu {
         Ok(gpu)
     }
 
+    /// The host as a device, at this index of [`super::devices`].
+    fn host(options: &GpuOptions, index: usize) -> Gpu {
+        Gpu(Arc::new(DeviceState {
+            info: host::info(index),
+            // One thread owns a histogram: no atomics.
+            accumulations: Accumulations { float: false, int64: false },
+            limits: host::LIMITS.binding_at_most(options.binding),
+            recorder: options.timings.then(Recorder::new),
+            work: options.work,
+            injected_faults: None,
+            allocated: AtomicU64::new(0),
+            traffic: Default::default(),
+            vulkan: None,
+        }))
+    }
+
     /// The device made of these parts.
     pub(super) fn of(parts: Parts, options: &GpuOptions) -> Gpu {
         let Parts { instance, device, physical, info, queue, family, offered, cache, lock, blocks } = parts;
@@ -152,13 +186,18 @@ impl Gpu {
             offered.has_device_fault.then(|| ext::device_fault::Device::new(&instance.raw, &device.raw));
         let work = options.work.unwrap_or_else(|| dispatch_of(info.kind));
         let reported = Reported::by(&instance, physical);
-        Gpu(Arc::new(DeviceState {
+        let state = DeviceState {
             info,
             accumulations: Accumulations { float: offered.float, int64: offered.int64 },
             limits: reported.of_plans(work).binding_at_most(options.binding),
-            allocation: reported.allocation,
-            work: options.work,
             recorder: options.timings.then(Recorder::new),
+            work: options.work,
+            injected_faults: options.faults.any().then(|| InjectedFaults::new(options.faults)),
+            allocated: AtomicU64::new(0),
+            traffic: Default::default(),
+            vulkan: None,
+        };
+        let vulkan = VulkanDevice {
             has_listings: options.listings && statistics.is_some(),
             has_rounding: offered.rounding,
             statistics,
@@ -171,16 +210,28 @@ impl Gpu {
             family,
             physical,
             has_budget: offered.has_budget,
-            injected_faults: options.faults.any().then(|| InjectedFaults::new(options.faults)),
+            allocation: reported.allocation,
             kinds: Kinds::of(&instance, physical),
-            allocated: AtomicU64::new(0),
-            traffic: Default::default(),
             names,
             pipelines: Pipelines::default(),
             cache,
             device,
             instance,
-        }))
+        };
+        Gpu(Arc::new(DeviceState { vulkan: Some(vulkan), ..state }))
+    }
+
+    /// The Vulkan device.
+    ///
+    /// # Panics
+    /// The device is the host.
+    pub(super) fn vulkan(&self) -> &VulkanDevice {
+        self.vulkan.as_ref().expect("only executors of a Vulkan device call this")
+    }
+
+    /// Whether the device is the host itself.
+    pub fn is_host(&self) -> bool {
+        self.vulkan.is_none()
     }
 
     /// Whether both are handles of one opened device.
@@ -196,21 +247,22 @@ impl Gpu {
 
     /// Messages of the validation layer since the device was opened; empty without validation.
     pub fn validation_messages(&self) -> Vec<String> {
-        self.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        let Some(vulkan) = &self.vulkan else { return vec![] };
+        vulkan.instance.messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }
 
     /// Exclusive access to the queue while the guard is held.
     pub(super) fn queue(&self) -> Queue<'_> {
         // A handle cannot be partially modified, so a panicked thread has not damaged it.
-        let queue = self.queue.lock().unwrap_or_else(PoisonError::into_inner);
-        let lock = self.lock.as_deref();
+        let queue = self.vulkan().queue.lock().unwrap_or_else(PoisonError::into_inner);
+        let lock = self.vulkan().lock.as_deref();
         lock.into_iter().for_each(QueueLock::lock);
         Queue { queue, lock }
     }
 
     /// Sets the debug name of a Vulkan object, for validation messages, RenderDoc and Nsight.
     pub(super) fn name<T: vk::Handle>(&self, object: T, name: &str) {
-        let Some(names) = &self.names else { return };
+        let Some(names) = &self.vulkan().names else { return };
         let Ok(text) = std::ffi::CString::new(name) else { return };
         let info = vk::DebugUtilsObjectNameInfoEXT::default().object_handle(object).object_name(&text);
         // SAFETY: the object belongs to this device. Failure to set a name has no effect.
@@ -218,15 +270,15 @@ impl Gpu {
     }
 
     pub(super) fn raw(&self) -> &ash::Device {
-        &self.device.raw
+        &self.vulkan().device.raw
     }
 
     /// Error of a watchdog timeout during `doing`. Objects that the device may still use are not destroyed
     /// afterwards.
     pub(super) fn timed_out(&self, waited: Duration, doing: &str) -> Error {
-        self.device.record_timeout();
+        self.vulkan().device.record_timeout();
         let (name, waited) = (&self.info.name, waited.as_secs());
-        self.device.record_failure(|| {
+        self.vulkan().device.record_failure(|| {
             Error::device(
                 format!("{name} did not finish its work within {waited} s, {doing}"),
                 advice!["it or its driver hangs, or it is far slower than devices of its kind: try " {Remedy::SMALLER_JOB} ", or another " Device],
@@ -236,7 +288,7 @@ impl Gpu {
 
     /// Whether the watchdog timed out.
     pub(super) fn has_hung(&self) -> bool {
-        self.device.has_hung()
+        self.vulkan.as_ref().is_some_and(|v| v.device.has_hung())
     }
 
     /// Error of a failed call: device lost, out of memory, or the Vulkan result. After a loss always that of the
@@ -244,11 +296,11 @@ impl Gpu {
     pub(super) fn failed(&self, doing: &str, result: vk::Result) -> Error {
         let name = &self.info.name;
         match result {
-            vk::Result::ERROR_DEVICE_LOST => self.device.record_failure(|| {
+            vk::Result::ERROR_DEVICE_LOST => self.vulkan().device.record_failure(|| {
                 Error::device(
                     format!(
                         "{name} was lost while {doing}{}",
-                        driver_report::text(self.faults().fault_address, self.device_fault.as_ref())
+                        driver_report::text(self.faults().fault_address, self.vulkan().device_fault.as_ref())
                     ),
                     advice!["its driver was reset, often by a watchdog timeout; reopen the device and its sessions, and try " {Remedy::SMALLER_JOB} ", or another " Device],
                 )
@@ -277,9 +329,9 @@ impl Gpu {
         self.recorder.as_ref().map(Recorder::take).unwrap_or_default()
     }
 
-    /// Whether the device's queue supports timestamps.
+    /// Whether device time is measured: by timestamps of the queue, or on the host's clock.
     pub fn has_clock(&self) -> bool {
-        self.tick > 0.0
+        self.vulkan.as_ref().is_none_or(|v| v.tick > 0.0)
     }
 
     /// Seconds since the device was opened; 0 without `timings`.
@@ -294,12 +346,12 @@ impl Gpu {
 
     /// Whether the driver guarantees round-to-nearest in kernels.
     pub fn promises_rounding(&self) -> bool {
-        self.has_rounding
+        self.vulkan.as_ref().is_none_or(|v| v.has_rounding)
     }
 
     /// Called before every fallible call: fails if the device was lost or hung, or if a fault is injected.
     pub(super) fn before_call(&self, point: Point) -> std::result::Result<(), vk::Result> {
-        if self.device.has_failed() {
+        if self.vulkan().device.has_failed() {
             return Err(vk::Result::ERROR_DEVICE_LOST);
         }
         self.injected_faults.as_ref().map_or(Ok(()), |s| s.before_call(point))
@@ -328,7 +380,7 @@ impl Gpu {
     /// Releases this handle and closes the device if it is the last one. Returns all validation messages, including
     /// those on leaked objects; empty without validation.
     pub fn close(self) -> Vec<String> {
-        let messages = self.instance.messages.clone();
+        let messages = self.vulkan.as_ref().map(|v| v.instance.messages.clone()).unwrap_or_default();
         drop(self);
         messages.lock().unwrap_or_else(PoisonError::into_inner).clone()
     }

@@ -13,7 +13,8 @@ use crate::Result;
 /// A kernel compiled by the driver.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Compiled {
-    /// Compilation time, seconds. Drivers may defer compilation to the first dispatch, or find the kernel in a cache.
+    /// Compilation time, seconds; 0 on the host. Drivers may defer compilation to the first dispatch, or find the kernel in a
+    /// cache.
     pub seconds: f64,
     /// Executables; empty without driver support.
     pub executables: Vec<Executable>,
@@ -45,6 +46,9 @@ impl Gpu {
         code: &KernelCode,
         constants: &[(Constant, u32)],
     ) -> Result<Compiled> {
+        if self.is_host() {
+            return Ok(Compiled::default());
+        }
         let start = std::time::Instant::now();
         let made = Pipeline::new(self, kernel.into().name(), code, constants)?;
         let seconds = start.elapsed().as_secs_f64();
@@ -54,12 +58,12 @@ impl Gpu {
 
     /// Whether statistics of compiled kernels are supported and were requested.
     pub fn reports_kernels(&self) -> bool {
-        self.statistics.is_some()
+        !self.is_host() && self.vulkan().statistics.is_some()
     }
 
     /// Executables of a pipeline; empty if not supported or not requested.
     pub(super) fn executables(&self, pipeline: vk::Pipeline) -> Vec<Executable> {
-        let Some(asked) = &self.statistics else { return vec![] };
+        let Some(asked) = &self.vulkan().statistics else { return vec![] };
         let info = vk::PipelineInfoKHR::default().pipeline(pipeline);
         // SAFETY: the pipeline is alive and was created with CAPTURE_STATISTICS, as the extension is enabled.
         let all = unsafe { asked.get_pipeline_executable_properties(&info) }.unwrap_or_default();
@@ -69,7 +73,7 @@ impl Gpu {
                 name: text(&properties.name),
                 subgroup: properties.subgroup_size,
                 statistics: statistics(asked, &of),
-                listings: if self.has_listings { listings(asked, &of) } else { vec![] },
+                listings: if self.vulkan().has_listings { listings(asked, &of) } else { vec![] },
             }
         };
         (0..).zip(&all).map(executable).collect()

@@ -3,22 +3,22 @@
 use std::ops::ControlFlow;
 
 use super::device::Gpu;
-use super::executor::Executor;
+use super::executor::DeviceExecutor;
 use super::flight::Ticket;
 use super::instance::DeviceKind;
-use super::memory::{Arena, SIZE_BACK};
+use super::memory::{DeviceArena, SIZE_BACK};
 use super::pace::{divided, parts};
 use super::place::Place;
 use super::schedule::{Command, Schedule, Size};
 use crate::Result;
 
-impl Executor {
+impl DeviceExecutor {
     /// An executor for the buffers of `arena`, initially without kernels.
     ///
     /// # Errors
     /// The device cannot create the queue's objects.
-    pub fn new(gpu: &Gpu, arena: Arena) -> Result<Executor> {
-        let mut executor = Executor::with(gpu, arena)?;
+    pub fn new(gpu: &Gpu, arena: DeviceArena) -> Result<DeviceExecutor> {
+        let mut executor = DeviceExecutor::with(gpu, arena)?;
         executor.poison()?;
         executor.set_canaries()?;
         Ok(executor)
@@ -41,7 +41,7 @@ impl Executor {
         }
     }
 
-    /// As [`Executor::submit`]. Where the host's processors are the device, the schedule runs in parts of about a tenth of a
+    /// As [`DeviceExecutor::submit`]. Where the host's processors are the device, the schedule runs in parts of about a tenth of a
     /// second, and `hear` is called after each: `None` if it breaks, which leaves the rest out.
     ///
     /// # Errors
@@ -73,7 +73,7 @@ impl Executor {
         &mut self,
         commands: &[Command],
         [of_dispatch, of_part]: [u64; 2],
-        after: &mut dyn FnMut(&mut Executor, Ticket) -> Result<ControlFlow<()>>,
+        after: &mut dyn FnMut(&mut DeviceExecutor, Ticket) -> Result<ControlFlow<()>>,
     ) -> Result<Option<Ticket>> {
         let commands = &*divided(commands, of_dispatch);
         let mut open = None;
@@ -115,30 +115,9 @@ impl Executor {
         }
         self.submit_as_it_is(&part.commands)
     }
-
-    /// Submits a schedule and waits for it.
-    ///
-    /// # Errors
-    /// The device fails.
-    pub fn run(&mut self, schedule: &Schedule) -> Result<()> {
-        let ticket = self.submit(schedule)?;
-        self.wait(ticket)
-    }
-
-    /// Submits the commands that `write` adds to an empty schedule, and waits. Reuses the memory of the previous one.
-    ///
-    /// # Errors
-    /// The device fails.
-    pub fn run_once(&mut self, write: impl FnOnce(&mut Schedule)) -> Result<()> {
-        let mut schedule = self.spare_schedule();
-        write(&mut schedule);
-        let done = self.run(&schedule);
-        self.keep_schedule(schedule);
-        done
-    }
 }
 
-impl Drop for Executor {
+impl Drop for DeviceExecutor {
     fn drop(&mut self) {
         if self.gpu.has_hung() {
             // The device may still use these objects: leak them.

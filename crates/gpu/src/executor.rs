@@ -11,7 +11,7 @@ use super::access::Accesses;
 use super::device::Gpu;
 use super::faults::Point;
 use super::flight::{Flight, Ticket, TimelinePoint};
-use super::memory::Arena;
+use super::memory::DeviceArena;
 use super::names::{Buffer, Kernel};
 use super::pace::Pace;
 use super::pipeline::DescriptorSets;
@@ -42,9 +42,9 @@ pub(super) struct Scratch {
 }
 
 /// Executes schedules over the buffers of an arena, in order of submission.
-pub struct Executor {
+pub struct DeviceExecutor {
     pub(super) gpu: Gpu,
-    pub(super) arena: Arena,
+    pub(super) arena: DeviceArena,
     pub(super) pipelines: HashMap<Kernel, Arc<Pipeline>>,
     pub(super) sets: DescriptorSets,
     pool: vk::CommandPool,
@@ -56,7 +56,7 @@ pub struct Executor {
     spare_queries: Vec<(vk::QueryPool, u32)>,
     /// Unused sets for [`Flight::shared`].
     spare_shared: Vec<[HashSet<Buffer>; 2]>,
-    /// See [`Executor::spare_schedule`].
+    /// See [`DeviceExecutor::spare_schedule`].
     spare_schedule: Schedule,
     /// Whether canaries were written.
     pub(super) guarded: bool,
@@ -66,15 +66,15 @@ pub struct Executor {
     pub(super) scratch: Scratch,
 }
 
-impl Executor {
+impl DeviceExecutor {
     /// An executor for the buffers of `arena` as they are, initially without kernels.
     ///
     /// # Errors
     /// The device cannot create the queue's objects.
-    pub(super) fn with(gpu: &Gpu, arena: Arena) -> Result<Executor> {
+    pub(super) fn with(gpu: &Gpu, arena: DeviceArena) -> Result<DeviceExecutor> {
         let device = gpu.raw();
         let flags = vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER;
-        let info = vk::CommandPoolCreateInfo::default().queue_family_index(gpu.family).flags(flags);
+        let info = vk::CommandPoolCreateInfo::default().queue_family_index(gpu.vulkan().family).flags(flags);
         let failed = |e| gpu.failed("starting", e);
         // SAFETY: the device is alive; the created objects are destroyed in drop.
         let before_call = || gpu.before_call(Point::Object);
@@ -88,7 +88,7 @@ impl Executor {
             timeline.inspect_err(|_| unsafe { device.destroy_command_pool(pool, None) }).map_err(failed)?;
         gpu.name(pool, "command pool");
         gpu.name(timeline, "timeline");
-        Ok(Executor {
+        Ok(DeviceExecutor {
             gpu: gpu.clone(),
             arena,
             pipelines: HashMap::new(),
@@ -110,7 +110,7 @@ impl Executor {
     }
 
     /// Buffers of this executor.
-    pub fn arena(&self) -> &Arena {
+    pub fn arena(&self) -> &DeviceArena {
         &self.arena
     }
 
@@ -226,7 +226,7 @@ impl Executor {
     /// Waits for all submissions.
     ///
     /// # Errors
-    /// As [`Executor::wait`].
+    /// As [`DeviceExecutor::wait`].
     pub fn settle(&mut self) -> Result<()> {
         self.wait(Ticket(self.submitted))
     }
@@ -274,7 +274,7 @@ impl Executor {
 
     /// A timestamp pool large enough for `commands`, and its size: a spare or a new one.
     pub(super) fn query_pool(&mut self, commands: &[Command]) -> Result<(vk::QueryPool, u32)> {
-        if self.gpu.tick == 0.0 {
+        if self.gpu.vulkan().tick == 0.0 {
             return Ok((vk::QueryPool::null(), 0));
         }
         let count = stamps(commands, self.gpu.recorder.is_some());
@@ -303,7 +303,7 @@ impl Executor {
         // SAFETY: the submission is finished and wrote this number of timestamps.
         unsafe { self.gpu.raw().get_query_pool_results(flight.queries, 0, &mut stamps, flags) }
             .map_err(|e| self.gpu.failed("reading timestamps", e))?;
-        let seconds = |a: u64, b: u64| b.saturating_sub(a) as f64 * self.gpu.tick * 1e-9;
+        let seconds = |a: u64, b: u64| b.saturating_sub(a) as f64 * self.gpu.vulkan().tick * 1e-9;
         let whole = seconds(stamps[0], stamps[stamps.len() - 1]);
         self.gpu_seconds += whole;
         self.pace.learn(flight.work, whole);
@@ -313,7 +313,7 @@ impl Executor {
             t.seconds += seconds(stamps[m.from as usize], stamps[m.to as usize]);
         }
         if let Some(recorder) = &self.gpu.recorder {
-            recorder.ran(flight, &stamps, self.gpu.tick * 1e-9);
+            recorder.ran(flight, &stamps, self.gpu.vulkan().tick * 1e-9);
         }
         self.scratch.stamps = stamps;
         Ok(())

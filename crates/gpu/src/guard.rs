@@ -6,7 +6,7 @@ use std::sync::PoisonError;
 use ash::vk;
 
 use super::device::Gpu;
-use super::executor::Executor;
+use super::executor::DeviceExecutor;
 use super::faults::{Guarded, Overrun};
 use super::memory::{CANARY_BACK, Made};
 use super::names::Buffer;
@@ -24,7 +24,7 @@ impl Gpu {
     }
 }
 
-impl Executor {
+impl DeviceExecutor {
     /// Writes all canaries.
     pub(super) fn set_canaries(&mut self) -> Result<()> {
         if !self.gpu.faults().guard {

@@ -2,14 +2,14 @@
 //!
 //! No reference to that memory is created: bytes are copied, and only where no submission in flight may access them.
 
-use std::ops::{Bound, RangeBounds};
+use std::ops::{Bound, Range, RangeBounds};
 
-use super::executor::Executor;
+use super::executor::DeviceExecutor;
 use super::flight::{Flight, Ticket};
 use super::names::Buffer;
 use super::place::Place;
 
-impl Executor {
+impl DeviceExecutor {
     /// Reads `items` of an upload or readback buffer, counted in whole `T`s.
     ///
     /// # Panics
@@ -42,7 +42,7 @@ impl Executor {
     /// Writes the start of an upload or readback buffer.
     ///
     /// # Panics
-    /// As [`Executor::write_at`].
+    /// As [`DeviceExecutor::write_at`].
     pub fn write(&mut self, buffer: Buffer, bytes: &[u8]) {
         self.write_at(buffer, 0, bytes);
     }
@@ -97,18 +97,8 @@ impl Executor {
         items: impl RangeBounds<usize>,
         into: &mut Vec<T>,
     ) {
-        let all = self.arena.size(buffer) as usize / size_of::<T>();
-        let from = match items.start_bound() {
-            Bound::Included(i) => *i,
-            Bound::Excluded(i) => i + 1,
-            Bound::Unbounded => 0,
-        };
-        let to = match items.end_bound() {
-            Bound::Included(i) => i + 1,
-            Bound::Excluded(i) => *i,
-            Bound::Unbounded => all,
-        };
-        assert!(from <= to && to <= all, "items {from} to {to} of `{buffer}`, which has {all}");
+        let Range { start: from, end: to } =
+            range_of(buffer, items, self.arena.size(buffer) as usize / size_of::<T>());
         into.resize(to - from, T::zeroed());
         self.copy_out(buffer, (from * size_of::<T>()) as u64, bytemuck::cast_slice_mut(into));
     }
@@ -119,6 +109,25 @@ impl Executor {
             kept.extend(uses.iter().filter(|buffer| self.arena.get(**buffer).place != Place::Device));
         }
     }
+}
+
+/// The range of `items` of a buffer that has `all`.
+///
+/// # Panics
+/// It has fewer.
+pub(super) fn range_of(buffer: Buffer, items: impl RangeBounds<usize>, all: usize) -> Range<usize> {
+    let from = match items.start_bound() {
+        Bound::Included(i) => *i,
+        Bound::Excluded(i) => i + 1,
+        Bound::Unbounded => 0,
+    };
+    let to = match items.end_bound() {
+        Bound::Included(i) => i + 1,
+        Bound::Excluded(i) => *i,
+        Bound::Unbounded => all,
+    };
+    assert!(from <= to && to <= all, "items {from} to {to} of `{buffer}`, which has {all}");
+    from..to
 }
 
 #[cfg(test)]
@@ -134,7 +143,7 @@ mod tests {
 
     #[test]
     fn what_is_under_way_is_neither_read_nor_written() {
-        let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device: `make setup` installs lavapipe");
+        let gpu = Gpu::open(&GpuOptions::vulkan()).expect("a Vulkan device: `make setup` installs lavapipe");
         let plan = [
             BufferPlan::new(UP, 64, Place::Upload),
             BufferPlan::new(STATE, 64, Place::Device),

@@ -18,7 +18,9 @@ pub enum DeviceKind {
     Virtual,
     /// GPU that shares the host's memory.
     Integrated,
-    /// Software implementation, such as lavapipe.
+    /// The host itself, without Vulkan: kernels are functions on host memory.
+    Host,
+    /// Vulkan driver that runs on the host's processors, such as lavapipe.
     Cpu,
     /// Any other kind.
     Other,
@@ -30,13 +32,14 @@ impl std::fmt::Display for DeviceKind {
             DeviceKind::Discrete => "discrete GPU",
             DeviceKind::Integrated => "integrated GPU",
             DeviceKind::Virtual => "virtual GPU",
+            DeviceKind::Host => "host",
             DeviceKind::Cpu => "CPU",
             DeviceKind::Other => "other",
         })
     }
 }
 
-/// A Vulkan device as the loader lists it.
+/// A device: of Vulkan as the loader lists it, or the host.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct DeviceInfo {
     /// Index in the list, accepted by [`super::GpuOptions::device`].
@@ -45,14 +48,14 @@ pub struct DeviceInfo {
     pub name: String,
     /// Device kind.
     pub kind: DeviceKind,
-    /// Driver name and version as reported.
+    /// Driver name and version as reported; of the host, vectors and threads.
     pub driver: String,
-    /// Vulkan version of the device, "1.3.230".
+    /// Vulkan version of the device, "1.3.230"; empty for the host.
     pub api: String,
-    /// UUID of the device, 32 hexadecimal digits, identical in all programs and in CUDA on this machine.
+    /// UUID of the device, 32 hexadecimal digits, identical in all programs and in CUDA on this machine; empty for the host.
     #[serde(default)]
     pub uuid: String,
-    /// Bytes of the largest device-local heap.
+    /// Bytes of the largest device-local heap; of the host, bytes that are available.
     pub memory: u64,
 }
 
@@ -228,12 +231,12 @@ impl Drop for Instance {
     }
 }
 
-/// All Vulkan devices of this machine.
-///
-/// # Errors
-/// No loader or no driver.
-pub fn devices() -> Result<Vec<DeviceInfo>> {
-    Ok(Instance::new(false, false)?.list().into_iter().map(|(_, info)| info).collect())
+/// All devices of this machine: those of Vulkan, if there is a loader, and the host.
+pub fn devices() -> Vec<DeviceInfo> {
+    let of_vulkan = Instance::new(false, false).map_or_else(|_| vec![], |instance| instance.list());
+    let mut all: Vec<_> = of_vulkan.into_iter().map(|(_, info)| info).collect();
+    all.push(super::host_device::info(all.len()));
+    all
 }
 
 pub(super) fn version_text(v: u32) -> String {

@@ -10,7 +10,7 @@ use super::device::Gpu;
 impl Gpu {
     /// Opens a label around subsequent commands of `commands`, shown by RenderDoc and Nsight.
     pub(super) fn open_label(&self, commands: vk::CommandBuffer, text: &dyn std::fmt::Display) {
-        let Some(names) = &self.names else { return };
+        let Some(names) = &self.vulkan().names else { return };
         let mut label = Label::default();
         // A truncated label is still closed.
         let _ = write!(label, "{text}");
@@ -21,7 +21,7 @@ impl Gpu {
 
     /// Closes the innermost label.
     pub(super) fn close_label(&self, commands: vk::CommandBuffer) {
-        let Some(names) = &self.names else { return };
+        let Some(names) = &self.vulkan().names else { return };
         // SAFETY: the caller is recording into `commands` and has opened a label in it.
         unsafe { names.cmd_end_debug_utils_label(commands) };
     }

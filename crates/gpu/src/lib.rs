@@ -1,7 +1,7 @@
-//! Vulkan compute: instance, device, memory, pipelines, schedules. Independent of light transport.
+//! Compute on a Vulkan device or on the host: devices, memory, kernels, schedules. Independent of light transport.
 //!
-//! A [`Schedule`] is plain data over named kernels and buffers; an [`Executor`] records it with the barriers that its
-//! hazards require and submits it. All `unsafe` of thirdbounce outside the C interface is in this crate.
+//! A [`Schedule`] is plain data over named kernels and buffers. On a Vulkan device an [`Executor`] records it with the
+//! barriers that its hazards require and submits it; on the host it calls a function for every command. All `unsafe` of thirdbounce outside the C interface is in this crate.
 
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
@@ -17,8 +17,11 @@ mod executor;
 pub mod external;
 mod faults;
 mod flight;
+mod front;
 mod guard;
 mod host;
+mod host_device;
+mod host_executor;
 mod instance;
 mod kept;
 mod label;
@@ -48,13 +51,13 @@ pub use budget::{Memory, check};
 pub use code::{Binding, KernelCode, View};
 pub use device::{DeviceState, Gpu};
 pub use executables::{Compiled, Executable};
-pub use executor::{Executor, KernelTime};
+pub use executor::KernelTime;
 pub use faults::{Faults, Guarded, Overrun, Point};
 pub use flight::Ticket;
+pub use front::{Arena, Executor};
 pub use instance::{DeviceInfo, DeviceKind, devices};
 pub use limits::{Abilities, Accumulations, Limits, MOST_STORAGE};
 pub use make::KernelRequest;
-pub use memory::Arena;
 pub use names::{Buffer, Constant, Kernel};
 pub use options::GpuOptions;
 pub use place::{BufferPlan, Place};

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::code::KernelCode;
-use super::executor::Executor;
+use super::executor::DeviceExecutor;
 use super::names::{Constant, Kernel};
 use super::pipelines::Pipeline;
 use super::recording::KernelMade;
@@ -22,7 +22,7 @@ pub struct KernelRequest<'c> {
     pub constants: Vec<(Constant, u32)>,
 }
 
-impl Executor {
+impl DeviceExecutor {
     /// Creates kernels concurrently, replacing kernels of the same names.
     ///
     /// # Errors
@@ -45,19 +45,6 @@ impl Executor {
     /// Whether a kernel of this name exists.
     pub fn has_kernel(&self, kernel: Kernel) -> bool {
         self.pipelines.contains_key(&kernel)
-    }
-
-    /// Creates `kernel` from `code` with these specialization constants, replacing a kernel of the same name.
-    ///
-    /// # Errors
-    /// The device fails.
-    pub fn add_kernel(
-        &mut self,
-        kernel: impl Into<Kernel>,
-        code: &KernelCode,
-        constants: &[(Constant, u32)],
-    ) -> Result<()> {
-        self.add_kernels(&[KernelRequest { kernel: kernel.into(), code, constants: constants.to_vec() }])
     }
 
     fn keep_kernel(&mut self, wanted: &KernelRequest<'_>, made: Arc<Pipeline>) {

@@ -73,7 +73,7 @@ impl BufferMemory {
 }
 
 /// All buffers of one job.
-pub struct Arena {
+pub struct DeviceArena {
     gpu: Gpu,
     buffers: BTreeMap<Buffer, (Made, Option<BufferMemory>)>,
     // Dropped before the device, which `gpu` keeps open.
@@ -83,28 +83,28 @@ pub struct Arena {
     own_from: [u64; 2],
 }
 
-impl Arena {
+impl DeviceArena {
     /// Allocates every buffer of `plan`. `budget` limits the bytes of all buffers; default: free bytes of each heap
     /// as reported by the driver.
     ///
     /// # Errors
     /// A buffer exceeds the largest binding, the plan exceeds the budget (the error names the largest buffers), or
     /// the driver refuses an allocation. Nothing remains allocated.
-    pub fn new(gpu: &Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena> {
+    pub fn new(gpu: &Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<DeviceArena> {
         let _span = gpu.span("allocate");
-        if gpu.device.has_failed() {
+        if gpu.vulkan().device.has_failed() {
             return Err(gpu.failed("allocating", vk::Result::ERROR_DEVICE_LOST));
         }
         check(plan, &gpu.memory(), budget)?;
-        let layout = MemoryLayout::both(&guarded(gpu, plan), &gpu.kinds);
+        let layout = MemoryLayout::both(&guarded(gpu, plan), &gpu.vulkan().kinds);
         let own_from = layout.map(|l| l.own_from);
         let mut arena =
-            Arena { gpu: gpu.clone(), buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
+            DeviceArena { gpu: gpu.clone(), buffers: BTreeMap::new(), allocator: None, bytes: 0, own_from };
         arena.allocator = Some(
             Allocator::new(&AllocatorCreateDesc {
-                instance: gpu.instance.raw.clone(),
+                instance: gpu.vulkan().instance.raw.clone(),
                 device: gpu.raw().clone(),
-                physical_device: gpu.physical,
+                physical_device: gpu.vulkan().physical,
                 debug_settings: Default::default(),
                 buffer_device_address: false,
                 allocation_sizes: AllocationSizes::new(layout[0].block, layout[1].block),
@@ -177,7 +177,7 @@ impl Arena {
         handle: vk::Buffer,
         mut requirements: vk::MemoryRequirements,
     ) -> std::result::Result<BufferMemory, String> {
-        if let Some(blocks) = &self.gpu.blocks {
+        if let Some(blocks) = &self.gpu.vulkan().blocks {
             if plan.place != Place::Device {
                 requirements.memory_type_bits &= self.gpu.coherent_types();
             }
@@ -216,9 +216,9 @@ impl Arena {
         self.bytes
     }
 
-    /// Bytes of memory blocks allocated for the buffers: at least [`Arena::bytes`], as small buffers share blocks.
+    /// Bytes of memory blocks allocated for the buffers: at least [`DeviceArena::bytes`], as small buffers share blocks.
     pub fn taken(&self) -> u64 {
-        match self.gpu.blocks {
+        match self.gpu.vulkan().blocks {
             Some(_) => self.bytes,
             None => self.allocator.as_ref().map_or(0, Allocator::capacity),
         }
@@ -258,7 +258,7 @@ impl Arena {
     }
 }
 
-impl Drop for Arena {
+impl Drop for DeviceArena {
     fn drop(&mut self) {
         if self.gpu.has_hung() {
             // The device may still use these objects: leak them.
@@ -270,7 +270,7 @@ impl Drop for Arena {
             unsafe { self.gpu.raw().destroy_buffer(b.handle, None) };
             let Some(held) = held else { continue };
             let bytes = held.bytes();
-            let is_freed = match (held, self.allocator.as_mut(), &self.gpu.blocks) {
+            let is_freed = match (held, self.allocator.as_mut(), &self.gpu.vulkan().blocks) {
                 (BufferMemory::Own(own), Some(allocator), _) => allocator.free(own).is_ok(),
                 (BufferMemory::External(block, _), _, Some(blocks)) => {
                     blocks.free(block);
@@ -292,31 +292,37 @@ impl Gpu {
     /// Host-visible, coherent memory types, as bits.
     pub(super) fn coherent_types(&self) -> u32 {
         // SAFETY: the physical device is the instance's.
-        let memory = unsafe { self.instance.raw.get_physical_device_memory_properties(self.physical) };
+        let memory = unsafe {
+            self.vulkan().instance.raw.get_physical_device_memory_properties(self.vulkan().physical)
+        };
         coherent(memory.memory_types_as_slice())
     }
 
-    /// Currently free memory for this process, as reported by the driver.
+    /// Currently free memory for this process, as reported by the driver or the system.
     pub fn memory(&self) -> Memory {
+        if self.is_host() {
+            return Memory::of_host(self.limits.storage_range);
+        }
+        let vulkan = self.vulkan();
         let mut budget = vk::PhysicalDeviceMemoryBudgetPropertiesEXT::default();
         let mut memory = vk::PhysicalDeviceMemoryProperties2::default();
-        if self.has_budget {
+        if vulkan.has_budget {
             memory = memory.push_next(&mut budget);
         }
         // SAFETY: the extension is enabled on this device if its struct is asked for.
-        unsafe { self.instance.raw.get_physical_device_memory_properties2(self.physical, &mut memory) };
+        unsafe { vulkan.instance.raw.get_physical_device_memory_properties2(vulkan.physical, &mut memory) };
         let heaps = memory.memory_properties.memory_heaps;
-        let free = |heap: usize| match self.has_budget {
+        let free = |heap: usize| match vulkan.has_budget {
             true => budget.heap_budget[heap].saturating_sub(budget.heap_usage[heap]),
             false => heaps[heap].size,
         };
-        let [device, host] = self.kinds.heaps;
+        let [device, host] = vulkan.kinds.heaps;
         Memory {
             storage_range: self.limits.storage_range,
             free: [free(device), free(host)],
             shared: device == host,
-            allocation: self.allocation,
-            kinds: self.kinds,
+            allocation: vulkan.allocation,
+            kinds: vulkan.kinds,
         }
     }
 }

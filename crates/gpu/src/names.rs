@@ -20,6 +20,11 @@ impl Buffer {
         Buffer { name: self.name, at: Some(index) }
     }
 
+    /// The common name, without an index.
+    pub const fn name(self) -> &'static str {
+        self.name
+    }
+
     /// The common name of indexed buffers.
     pub const fn family(self) -> Buffer {
         Buffer { name: self.name, at: None }

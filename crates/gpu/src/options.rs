@@ -5,14 +5,15 @@ use std::path::PathBuf;
 use ash::vk;
 
 use super::faults::Faults;
-use super::instance::{DeviceInfo, Instance};
+use super::instance::{DeviceInfo, DeviceKind, Instance};
 use crate::advice::advice;
 use crate::{Error, Result};
 
 /// Options for opening a device.
 #[derive(Debug, Clone, Default)]
 pub struct GpuOptions {
-    /// Index in [`super::devices`], part of a name (case-insensitive), or a UUID; default: the best kind available.
+    /// Index in [`super::devices`], part of a name (case-insensitive), or a UUID; `vulkan` for the best Vulkan device, also where
+    /// that is a CPU driver; default (`auto`): a GPU, else the host.
     pub device: Option<String>,
     /// Enables the Khronos validation layer with synchronisation checks.
     pub validation: bool,
@@ -45,10 +46,26 @@ pub struct GpuOptions {
     pub faults: Faults,
 }
 
+impl GpuOptions {
+    /// The best Vulkan device, also where that is a CPU driver.
+    pub fn vulkan() -> GpuOptions {
+        GpuOptions { device: Some("vulkan".into()), ..GpuOptions::default() }
+    }
+}
+
+impl GpuOptions {
+    /// Whether they ask for something that only a Vulkan device has.
+    pub(super) fn needs_vulkan(&self) -> bool {
+        let GpuOptions { validation, instrumented, robust, statistics, listings, .. } = self;
+        *validation || *instrumented || *robust || *statistics || *listings || self.faults.any()
+    }
+}
+
 /// Whether a device has this UUID, with or without hyphens, or a name containing the text.
-fn is_called(device: &DeviceInfo, text: &str) -> bool {
+pub(super) fn is_called(device: &DeviceInfo, text: &str) -> bool {
     let text = text.to_lowercase();
-    device.uuid == text.replace('-', "") || device.name.to_lowercase().contains(&text)
+    let is_uuid = !device.uuid.is_empty() && device.uuid == text.replace('-', "");
+    is_uuid || device.name.to_lowercase().contains(&text)
 }
 
 /// The device selected by `wanted`, or one of the best kind.
@@ -65,7 +82,8 @@ pub(super) fn choose(
             ));
         }
         // The first minimum: the loader's order decides among devices of a kind.
-        None => all.iter().min_by_key(|(_, d)| d.kind),
+        None | Some("auto") => all.iter().min_by_key(|(_, d)| d.kind),
+        Some("vulkan") => all.iter().filter(|(_, d)| d.kind != DeviceKind::Host).min_by_key(|(_, d)| d.kind),
         Some(text) => match text.parse::<usize>() {
             Ok(index) => all.get(index),
             Err(_) => all.iter().find(|(_, d)| is_called(d, text)),
@@ -109,11 +127,10 @@ pub(super) fn compute_family(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::DeviceKind;
 
     #[test]
     fn the_fastest_kind_of_device_is_taken() {
-        use DeviceKind::{Cpu, Discrete, Integrated, Other, Virtual};
+        use DeviceKind::{Cpu, Discrete, Host, Integrated, Other, Virtual};
         let info = |index, kind| DeviceInfo {
             index,
             name: format!("{kind}"),
@@ -131,6 +148,8 @@ mod tests {
         assert_eq!(taken(&[Other, Cpu, Integrated, Virtual, Discrete, Discrete]), 4);
         assert_eq!(taken(&[Other, Cpu, Integrated, Virtual]), 3, "a part of a card is faster than a chip");
         assert_eq!(taken(&[Other, Cpu, Integrated]), 2);
+        assert_eq!(taken(&[Other, Cpu, Host]), 2, "no emulation of a GPU");
+        assert_eq!(taken(&[Cpu, Integrated, Host]), 1);
         assert_eq!(taken(&[Other, Cpu]), 1);
     }
 }

@@ -44,6 +44,7 @@ pub(super) fn rate_of(kind: DeviceKind) -> f64 {
     match kind {
         DeviceKind::Discrete | DeviceKind::Virtual => 3e10,
         DeviceKind::Integrated | DeviceKind::Other => 2e9,
+        DeviceKind::Host => 1e9,
         DeviceKind::Cpu => 1e8,
     }
 }
@@ -51,7 +52,7 @@ pub(super) fn rate_of(kind: DeviceKind) -> f64 {
 /// Maximum loop turns per dispatch. CPUs have no watchdog, and division costs time.
 pub(super) fn dispatch_of(kind: DeviceKind) -> u64 {
     match kind {
-        DeviceKind::Cpu => u64::MAX,
+        DeviceKind::Host | DeviceKind::Cpu => u64::MAX,
         DeviceKind::Integrated => (DISPATCH_OF_INTEGRATED * rate_of(kind)) as u64,
         _ => (DISPATCH * rate_of(kind)) as u64,
     }

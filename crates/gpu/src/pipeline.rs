@@ -9,7 +9,7 @@ use super::code::{Binding, KernelCode, View};
 use super::device::Gpu;
 use super::faults::Point;
 use super::limits::MOST_STORAGE;
-use super::memory::{Arena, Made};
+use super::memory::{DeviceArena, Made};
 use super::names::{Buffer, Constant};
 use super::pipelines::Pipeline;
 use super::rounding::to_nearest;
@@ -62,7 +62,7 @@ impl Pipeline {
         constants: &[(Constant, u32)],
     ) -> Result<Arc<Pipeline>> {
         let key = (name, code.spirv.as_ptr() as usize, constants.to_vec());
-        gpu.pipelines.get(key, || Pipeline::new(gpu, name, code, constants))
+        gpu.vulkan().pipelines.get(key, || Pipeline::new(gpu, name, code, constants))
     }
 
     pub fn new(
@@ -79,7 +79,7 @@ impl Pipeline {
         let mut words = ash::util::read_spv(&mut std::io::Cursor::new(code.spirv)).map_err(|e| {
             Error::device(format!("kernel `{name}` is not SPIR-V ({e})"), "rebuild the program")
         })?;
-        if gpu.has_rounding {
+        if gpu.vulkan().has_rounding {
             words = to_nearest(&words);
         }
 
@@ -90,7 +90,7 @@ impl Pipeline {
             set_layout: vk::DescriptorSetLayout::null(),
             module: vk::ShaderModule::null(),
             bindings: code.bindings,
-            device: gpu.device.clone(),
+            device: gpu.vulkan().device.clone(),
         };
         // SAFETY: all structs outlive their call; on an error created objects are destroyed with `made`.
         let result = unsafe {
@@ -116,16 +116,16 @@ impl Pipeline {
                     .specialization_info(&special);
                 // Long dispatches are divided.
                 let mut flags = vk::PipelineCreateFlags::DISPATCH_BASE;
-                if gpu.statistics.is_some() {
+                if gpu.vulkan().statistics.is_some() {
                     flags |= vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR;
                 }
-                if gpu.has_listings {
+                if gpu.vulkan().has_listings {
                     flags |= vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
                 }
                 let info =
                     [vk::ComputePipelineCreateInfo::default().stage(stage).layout(made.layout).flags(flags)];
                 gpu.before_call(Point::Object)?;
-                let made_pipelines = device.create_compute_pipelines(gpu.cache.handle, &info, None);
+                let made_pipelines = device.create_compute_pipelines(gpu.vulkan().cache.handle, &info, None);
                 made.handle = made_pipelines.map_err(|(_, e)| e)?[0];
                 Ok(())
             })()
@@ -161,7 +161,7 @@ impl DescriptorSets {
     pub fn get(
         &mut self,
         gpu: &Gpu,
-        arena: &Arena,
+        arena: &DeviceArena,
         pipeline: &Pipeline,
         bind: &Binds,
     ) -> Result<vk::DescriptorSet> {

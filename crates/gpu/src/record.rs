@@ -3,7 +3,7 @@
 use ash::vk;
 
 use super::access::sizes_of;
-use super::executor::{Executor, Scratch, stamps};
+use super::executor::{DeviceExecutor, Scratch, stamps};
 use super::flight::{Flight, Mark, Ticket};
 use super::names::Kernel;
 use super::pipelines::Pipeline;
@@ -41,7 +41,7 @@ fn steps<'s>(commands: &'s [Command], open: Option<&'s Stage>) -> impl Iterator<
     open.map(RecordingStep::Enter).into_iter().chain(all).chain(last.then_some(RecordingStep::Close))
 }
 
-impl Executor {
+impl DeviceExecutor {
     /// Submits a part of a schedule. `open`: the stage continued from the previous part.
     pub(super) fn submit_part(&mut self, part: &[Command], open: Option<&Stage>) -> Result<Ticket> {
         let commands = self.command_buffer()?;

@@ -140,6 +140,27 @@ impl Recorder {
         });
     }
 
+    /// Adds a submission that ran on the host: (command, its stage, start and end on this clock).
+    pub fn ran_on_host(
+        &self,
+        submission: u64,
+        stages: &[Stage],
+        ran: &[(&'static str, Option<usize>, [f64; 2])],
+    ) {
+        self.with(|held| {
+            let before = held.recording.stages.len();
+            held.recording.stages.extend_from_slice(stages);
+            let all = ran.iter().map(|(kernel, stage, [from, to])| Ran {
+                kernel,
+                stage: stage.map(|s| before + s),
+                submission,
+                from: *from,
+                to: *to,
+            });
+            held.recording.device.extend(all);
+        });
+    }
+
     /// Returns and clears the recording; kernels are kept.
     pub fn take(&self) -> Recording {
         self.with(|held| {

@@ -2,14 +2,14 @@
 
 use ash::vk;
 
-use super::executor::Executor;
+use super::executor::DeviceExecutor;
 use super::flight::{Ticket, TimelinePoint};
 use super::memory::Made;
 use super::names::Buffer;
 use super::place::Place;
 use crate::Result;
 
-impl Executor {
+impl DeviceExecutor {
     /// Executes the commands recorded by `write`, and waits. `reads` and `writes` are their buffers.
     pub(super) fn run_now(
         &mut self,
@@ -85,7 +85,7 @@ impl Executor {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{Arena, BufferPlan, Faults, Gpu, GpuOptions, Schedule};
+    use crate::{Arena, BufferPlan, Executor, Faults, Gpu, GpuOptions, Schedule};
 
     const STATE: Buffer = Buffer::named("state");
     const UP: Buffer = Buffer::named("up");

@@ -89,3 +89,14 @@ fn watch<F: Real>(counts: &mut [u32], fault: u32, all: &[F]) {
 fn larger<F: Real>(bits: u32, value: F) -> u32 {
     bits.max((value.at_least(F::zero()).wide() as f32).to_bits())
 }
+
+/// Name of the widest vectors that the processor has and kernels use.
+pub fn vectors() -> &'static str {
+    #[cfg(target_arch = "x86_64")]
+    match pulp::Arch::new() {
+        pulp::x86::Arch::V4(_) => return "AVX-512",
+        pulp::x86::Arch::V3(_) => return "AVX2",
+        _ => {}
+    }
+    if cfg!(target_arch = "aarch64") { "NEON" } else { "scalar code" }
+}

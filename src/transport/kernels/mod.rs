@@ -2,6 +2,8 @@
 
 use crate::gpu::{Binding, Buffer, Constant, KernelCode, View};
 
+pub use thirdbounce_kernels::shared::*;
+
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 
 #[cfg(test)]

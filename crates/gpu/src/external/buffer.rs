@@ -7,7 +7,7 @@ use std::time::Duration;
 use ash::vk;
 
 use crate::device::Gpu;
-use crate::executor::Executor;
+use crate::executor::DeviceExecutor;
 use crate::flight::{Ticket, TimelinePoint};
 use crate::names::Buffer;
 use crate::{Error, Result};
@@ -90,7 +90,7 @@ impl Imported {
                 "export it from the same GPU as an opaque file descriptor, and give its whole size",
             )
         };
-        if gpu.external_memory.is_none() {
+        if gpu.vulkan().external_memory.is_none() {
             return Err(Error::device(
                 format!(
                     "{} cannot import memory: VK_KHR_external_memory_fd is missing or not enabled",
@@ -221,7 +221,7 @@ impl Gpu {
     }
 }
 
-impl Executor {
+impl DeviceExecutor {
     /// Copies an external range to the start of the device buffer `to`, after all earlier submissions and the
     /// timeline point `after`. Signals `taken` once copied. Does not block.
     ///
