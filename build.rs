@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::{env, fs};
 
 #[path = "glsl/shared.rs"]
+#[expect(dead_code, reason = "the Rust side is for the crate of the kernels")]
 mod shared;
 #[path = "glsl/spirv.rs"]
 mod spirv;
