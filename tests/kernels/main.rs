@@ -1,9 +1,9 @@
-//! Every kernel against its float64 twin, and the gradients of the twins against finite differences, by the table of
+//! Every kernel against its float64 reference, and the gradients of the reference against finite differences, by the table of
 //! cases in `crates/verify/src/cases.rs`. `THIRDBOUNCE_CASES=WORD` runs those whose name contains the word.
 
 mod place;
 mod plans;
-mod twins;
+mod reference;
 mod wide;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -13,7 +13,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use fixtures::device::{assert_valid, gpu};
 use thirdbounce::solve::Accumulation;
 use thirdbounce::transport::kernels::KERNELS;
-use thirdbounce_verify::twin::{TWINS, twin_of};
+use thirdbounce_kernels as host;
 use thirdbounce_verify::{Compared, How, KernelCase, cases};
 
 /// What a case compared on an accumulation path.
@@ -44,7 +44,7 @@ fn run(cases: &[KernelCase]) -> Vec<(usize, Done)> {
 }
 
 #[test]
-fn kernels_compute_what_their_twins_compute() {
+fn kernels_compute_what_their_reference_computes() {
     let word = std::env::var("THIRDBOUNCE_CASES").unwrap_or_default();
     let all: Vec<KernelCase> = cases().into_iter().filter(|case| case.name.contains(&word)).collect();
     let (mut wrong, mut seen, mut worst) = (vec![], BTreeSet::new(), BTreeMap::<_, f64>::new());
@@ -81,23 +81,16 @@ fn kernels_compute_what_their_twins_compute() {
     }
 }
 
-/// The kernels of `glsl/` and the files of twins have the same names, except for those that measure a device's limits.
+/// The kernels of `glsl/` and those of the host have the same names, except for those that measure a device's limits.
 #[test]
-fn every_kernel_has_a_twin_of_its_name() {
-    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
-    let names = |folder: &str, end: &str| -> BTreeSet<String> {
-        let entries = std::fs::read_dir(root.join(folder)).expect("a folder of sources");
-        let files = entries.map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned());
-        files.filter_map(|file| file.strip_suffix(end).map(String::from)).collect()
-    };
-    let kernels: BTreeSet<String> =
-        names("glsl", ".comp").into_iter().filter(|name| !name.starts_with("limit_")).collect();
-    let files = names("crates/verify/src/twin", ".rs");
-    let files: BTreeSet<String> =
-        files.into_iter().filter(|name| !["mod", "call", "shared"].contains(&name.as_str())).collect();
-    assert_eq!(kernels, files);
-    assert_eq!(kernels, TWINS.iter().map(|t| t.0.to_string()).collect());
-    let of = |module: &str| twin_of(module).map(|t| t.0);
+fn every_kernel_is_one_of_the_host() {
+    let glsl = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl");
+    let entries = std::fs::read_dir(glsl).expect("a folder of sources");
+    let files = entries.map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned());
+    let names = files.filter_map(|file| file.strip_suffix(".comp").map(String::from));
+    let kernels: BTreeSet<String> = names.filter(|name| !name.starts_with("limit_")).collect();
+    assert_eq!(kernels, host::KERNELS.iter().map(|row| row.name.to_string()).collect());
+    let of = |module: &str| host::kernel_of(module).map(|row| row.name);
     assert_eq!(
         ["forward_product_cas", "residual_rows_fixed", "limit_fma"].map(of),
         [Some("forward_product"), Some("residual_rows"), None]

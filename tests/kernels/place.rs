@@ -6,7 +6,8 @@ use thirdbounce::gpu::Schedule;
 use thirdbounce::solve::{OnDevice, Pass, paper, passes};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Binning, Model};
-use thirdbounce_verify::twin::{Call, Cells, Raw, Sample, Twin, rendered, twin_of};
+use thirdbounce_kernels::Cells;
+use thirdbounce_verify::{Raw, Sample, reference, rendered};
 
 /// Floats that are no path of a scene.
 fn strange() -> Vec<f32> {
@@ -45,11 +46,9 @@ fn every_float_has_a_cell_of_its_row() {
         job.perform(&s);
         let got: Vec<u32> = read(&mut job, buffer::GRADIENT, all.len());
         let push = Push { last: all.len() as u32, ..Default::default() };
-        let twin = Twin { model: &model, grid: &grid };
-        let call = Call { twin, scene, paper: PaperData::default(), push, constants: constants.to_vec() };
         let floats = Cells::Floats(all.iter().map(|path| f64::from(*path)).collect());
         let mut bound = [floats, Cells::Words(vec![0; all.len()])];
-        twin_of("places").expect("a kernel").1(&call, &mut bound);
+        reference::run("places", (&model, &grid), &[("FINE", fine)], push, &mut bound);
         let want = bound[1].u().to_vec();
         // The first of two cells may be the last one before bin 0.
         let bins = PADDING - split..PADDING + model.bins as u32;
@@ -83,13 +82,12 @@ fn perform(job: &mut OnDevice, pass: &Pass) {
 fn samples_that_are_nowhere_light_no_bin_and_are_told() {
     let gpu = gpu();
     let (model, grid) = (model(5, 64, 3), grid());
-    let twin = Twin { model: &model, grid: &grid };
-    let known = away_from_edges(&twin, &samples(&model, &grid, 0.5, 4));
+    let known = away_from_edges(&model, &samples(&model, &grid, 0.5, 4));
     let samples = some_nowhere(&known);
     let mut random = Random::new(5);
     let residual: Vec<f64> = model.measured.iter().map(|_| random.uniform(-1.0, 1.0)).collect();
-    let want = rendered(&twin, &known);
-    let gradient = gathered("backward", &twin, &samples, &residual, false);
+    let want = rendered(&model, &grid, &known);
+    let gradient = gathered("backward", (&model, &grid), &samples, &residual, false);
     for accumulation in accumulations(&gpu) {
         let mut o = options(&model, &grid);
         (o.accumulation, o.l1) = (accumulation, 0.0);
@@ -109,7 +107,7 @@ fn samples_that_are_nowhere_light_no_bin_and_are_told() {
         for (i, s) in samples.iter().enumerate() {
             let (is_known, is_finite) = (s.point.is_finite(), got[i].iter().all(|g| g.is_finite()));
             assert_eq!(is_known, is_finite, "{accumulation:?}: sample {i} at {}", s.point);
-            assert_eq!(is_known, gradient[i].iter().all(|g| g.is_finite()), "the twin of sample {i}");
+            assert_eq!(is_known, gradient[i].iter().all(|g| g.is_finite()), "the reference of sample {i}");
         }
         let of_known = |all: &[Raw]| {
             let pairs = all.iter().zip(&samples).filter(|(_, s)| s.point.is_finite());

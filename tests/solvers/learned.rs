@@ -32,7 +32,7 @@ fn the_network_has_the_logits_of_pytorch() {
     compare_with_pytorch(|of| logits(None, &bands(), of));
 }
 
-/// Every kernel is compared with its twin in `kernels`; this is all of them in their order.
+/// Every kernel is compared with its reference in `kernels`; this is all of them in their order.
 #[test]
 #[ignore = "kernels are slow on a CPU: make soak"]
 fn the_kernels_have_the_logits_of_pytorch() {

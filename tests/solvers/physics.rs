@@ -11,7 +11,7 @@ use thirdbounce::simulate::{Object, RenderOptions, Scene, rectangle, simulate};
 use thirdbounce::solve::{PaperOptions, Preset, Problem, Solver, default_volume, paper};
 use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::{Binning, Grid, Model, Sampling};
-use thirdbounce_verify::twin::Sample;
+use thirdbounce_verify::Sample;
 
 /// Histograms of the given samples on the device.
 fn render(gpu: &Gpu, model: &Model, grid: &Grid, samples: &[Sample]) -> Vec<f64> {

@@ -7,7 +7,7 @@ use thirdbounce::gpu::{Gpu, Schedule};
 use thirdbounce::solve::{Accumulation, OnDevice, paper};
 use thirdbounce::transport::kernels::{Push, buffer, constant};
 use thirdbounce::transport::{Binning, Geometry, Gradient, Model, Wall};
-use thirdbounce_verify::twin::{self, Sample, Twin};
+use thirdbounce_verify::{Sample, rendered};
 
 const BINS: usize = 40;
 const WIDTH: f64 = 1.0 / 64.0;
@@ -52,7 +52,7 @@ fn run(job: &mut OnDevice, name: &str) {
 
 fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, window: u32) {
     let grid = grid();
-    let twin = Twin { model, grid: &grid };
+    let scene = (model, &grid);
     let o = options(model, &grid).with(|o| (o.accumulation, o.gradient) = (accumulation, Gradient::Exact));
     let mut job = job_tuned(gpu, model, &grid, &o, |t| {
         (t.window, t.window_span) = (window, u32::MAX);
@@ -66,8 +66,8 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
     let residual: Vec<f32> = (0..model.elements).map(|_| random.uniform(0.5, 1.0) as f32).collect();
     let exact: Vec<f64> = residual.iter().map(|r| f64::from(*r)).collect();
     let inside = [ahead(7.5)];
-    let most = twin::rendered(&twin, &inside).into_iter().fold(0.0, f64::max);
-    let steepest = gathered("backward", &twin, &inside, &exact, true)[0][0];
+    let most = rendered(model, &grid, &inside).into_iter().fold(0.0, f64::max);
+    let steepest = gathered("backward", scene, &inside, &exact, true)[0][0];
     for position in POSITIONS {
         let what =
             format!("{geometry:?} {binning:?} {accumulation:?} fine {fine} window {window} at {position}");
@@ -76,7 +76,7 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
         set_counts(&mut job, 1, 0.75);
         zero_histograms(&mut job);
         run(&mut job, "forward");
-        let want = twin::rendered(&twin, &samples);
+        let want = rendered(model, &grid, &samples);
         let got: Vec<f64> = if job.plan.fixed_point() {
             let sums: Vec<i64> = read_rows(&mut job, buffer::HISTOGRAMS);
             let light = job.model.scene(&grid).kernel_bound;
@@ -108,7 +108,7 @@ fn check(gpu: &Gpu, model: &Model, accumulation: Accumulation, fine: bool, windo
             .with(Push { last: model.pairs() as u32, ..Default::default() });
         job.perform(&s);
         let got = read_raw(&mut job, buffer::GRADIENT, 1)[0];
-        let want = gathered("backward", &twin, &samples, &exact, true)[0][0];
+        let want = gathered("backward", scene, &samples, &exact, true)[0][0];
         assert!(!beyond || got[0] == 0.0, "{what}: backward {}", got[0]);
         let e = (got[0] - want).abs();
         assert!(e < 2e-5 * steepest, "{what}: backward {} {want}", got[0]);
@@ -149,7 +149,7 @@ fn a_voxel_on_a_wall_point_gives_nothing_to_its_pair() {
         let measured = (0..elements).map(|i| base.measured[i % 64]).collect();
         let model = Model { elements, wall, measured, ..base };
         assert!(model.touches(&grid));
-        let twin = Twin { model: &model, grid: &grid };
+        let scene = (&model, &grid);
         let mut job = job(&gpu, &model, &grid, &options(&model, &grid).with(|o| o.l1 = 0.0));
         assert!(job.plan.levels.touching);
         let sample = |point: DVec3| Sample { point, albedo: 1.0, normal: dvec3(0.0, 0.0, -1.0), length: 1.0 };
@@ -162,14 +162,14 @@ fn a_voxel_on_a_wall_point_gives_nothing_to_its_pair() {
         run(&mut job, "forward");
         let got: Vec<f64> =
             read_rows::<f32>(&mut job, buffer::HISTOGRAMS).into_iter().map(f64::from).collect();
-        let e = error(got, twin::rendered(&twin, &samples));
+        let e = error(got, rendered(&model, &grid, &samples));
         assert!(e < 2e-5, "{geometry:?}: {e}");
         let mut random = Random::new(6);
         let residual: Vec<f32> = (0..model.elements).map(|_| random.uniform(-1.0, 1.0) as f32).collect();
         let exact: Vec<f64> = residual.iter().map(|r| f64::from(*r)).collect();
         write_rows(&mut job, buffer::RESIDUAL, &residual, 0.0);
         run(&mut job, "backward");
-        let want = gathered("backward", &twin, &samples, &exact, false).concat();
+        let want = gathered("backward", scene, &samples, &exact, false).concat();
         let e = error(read_raw(&mut job, buffer::GRADIENT, samples.len()).concat(), want);
         assert!(e < 2e-5, "{geometry:?}: {e}");
     }

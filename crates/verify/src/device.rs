@@ -2,13 +2,13 @@
 
 use std::sync::Arc;
 
-use crate::twin::Cells;
 use thirdbounce::Result;
 use thirdbounce::gpu::{Buffer, BufferPlan, Command, Constant, Gpu, Kernel, KernelCode, Place, Schedule};
 use thirdbounce::solve::learned::schedule::LEARNED_KERNELS;
 use thirdbounce::solve::{Level, Needs, OnDevice, Plan, Tuning, UPLOAD};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Grid, Model};
+use thirdbounce_kernels::Cells;
 
 /// The buffer through which the host reads others.
 const BACK: Buffer = Buffer::named("back");
@@ -147,7 +147,7 @@ const WORDS: &[Buffer] = &[
 ///
 /// # Errors
 /// The device fails.
-pub fn decode(job: &mut OnDevice, buffer: Buffer, words: Vec<u32>) -> Result<Cells> {
+pub fn decode(job: &mut OnDevice, buffer: Buffer, words: Vec<u32>) -> Result<Cells<f64>> {
     let of_level = |l: &Level| [l.reachable, l.scene, l.rendered.scene].contains(&buffer);
     let is_block = buffer == buffer::PAPER || job.plan.blocks.iter().any(|(block, _)| *block == buffer);
     if is_block || WORDS.contains(&buffer) || job.plan.levels.volume.iter().any(of_level) {

@@ -1,25 +1,23 @@
-//! Schedules on the CPU, in float64, by the twins.
+//! Schedules on the CPU, in float64, by the reference of each kernel.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 
 use super::device::{code_of, decode, read_words};
-use crate::twin::{Call, Cells, Twin, twin_of};
 use thirdbounce::Result;
-use thirdbounce::gpu::{Buffer, Command, KernelCode, Schedule, View};
+use thirdbounce::gpu::{Binding, Buffer, Command, KernelCode, Schedule, View};
 use thirdbounce::solve::OnDevice;
-use thirdbounce::transport::Model;
-use thirdbounce::transport::kernels::buffer;
+use thirdbounce_kernels::{Call, Cells, kernel_of};
 
 /// The buffers of a plan in float64, as they were on the device when they were first used.
 #[derive(Debug, Clone, Default)]
 pub struct Host {
-    buffers: BTreeMap<Buffer, Cells>,
+    buffers: BTreeMap<Buffer, Cells<f64>>,
 }
 
 impl Host {
     /// A buffer, read from the device if it is new.
-    pub fn get(&mut self, job: &mut OnDevice, buffer: Buffer) -> Result<&mut Cells> {
+    pub fn get(&mut self, job: &mut OnDevice, buffer: Buffer) -> Result<&mut Cells<f64>> {
         match self.buffers.entry(buffer) {
             Entry::Occupied(known) => Ok(known.into_mut()),
             Entry::Vacant(new) => {
@@ -56,7 +54,7 @@ impl Host {
         })
     }
 
-    /// Runs a dispatch by its twin. Returns the kernel and the buffers that it writes.
+    /// Runs a dispatch by its reference. Returns the kernel and the buffers that it writes.
     pub fn dispatch(
         &mut self,
         job: &mut OnDevice,
@@ -64,35 +62,29 @@ impl Host {
     ) -> Result<(&'static KernelCode, Vec<Buffer>)> {
         let Command::Dispatch { kernel, bind, push, .. } = command else { unreachable!("a dispatch") };
         let (code, constants) = code_of(job, *kernel);
-        let (_, twin) = twin_of(code.name).unwrap_or_else(|| unreachable!("{} has no twin", code.name));
-        let bound: Vec<_> = code.bindings.iter().filter(|b| b.view != View::Uniform).collect();
+        let row = kernel_of(code.name).unwrap_or_else(|| unreachable!("{} has no reference", code.name));
+        let (uniform, bound): (Vec<&Binding>, Vec<&Binding>) =
+            code.bindings.iter().partition(|b| b.view == View::Uniform);
         let slots = bound.iter().map(|b| b.slot as usize).max().unwrap_or(0);
-        // Twins name buffers that only some variants bind.
-        let mut cells = vec![Cells::Words(vec![]); slots];
+        // References name buffers that only some variants bind.
+        let mut cells = vec![Cells::NONE; slots];
         for b in &bound {
             let buffer = bind.buffer_of(b.block);
             self.get(job, buffer)?;
-            cells[b.slot as usize - 1] = self.buffers.remove(&buffer).unwrap_or(Cells::Words(vec![]));
+            cells[b.slot as usize - 1] = self.buffers.remove(&buffer).unwrap_or(Cells::NONE);
         }
-        let scene = bind.buffer_of(buffer::SCENE);
-        let mut uniform = |block: Buffer| -> Result<Vec<u32>> {
-            let is_bound = code.bindings.iter().any(|b| b.block == block);
-            Ok(if is_bound { self.get(job, bind.buffer_of(block))?.u().to_vec() } else { vec![] })
-        };
-        let (words, paper) = (uniform(buffer::SCENE)?, uniform(buffer::PAPER)?);
-        let levels = &job.plan.levels.volume;
-        let level = levels.iter().find(|l| [l.scene, l.rendered.scene].contains(&scene));
-        let (grid, model): (_, &Model) = (level.unwrap_or(job.plan.finest()).grid, &job.model);
-        let call = Call {
-            twin: Twin { model, grid: &grid },
-            scene: bytemuck::try_pod_read_unaligned(bytemuck::cast_slice(&words)).unwrap_or_default(),
-            paper: bytemuck::try_pod_read_unaligned(bytemuck::cast_slice(&paper)).unwrap_or_default(),
-            push: bytemuck::cast(*push),
-            constants,
-        };
-        twin(&call, &mut cells);
+        let mut blocks = vec![];
+        for b in uniform {
+            let words = self.get(job, bind.buffer_of(b.block))?.u().to_vec();
+            blocks.push((b.block.to_string(), words));
+        }
+        let constants: Vec<_> = constants.iter().map(|(constant, value)| (constant.name(), *value)).collect();
+        let call = Call::new(&constants, *push, |name| {
+            blocks.iter().find(|(block, _)| block == name).map(|(_, words)| words.as_slice())
+        });
+        (row.reference)(&call, &mut cells);
         for b in &bound {
-            let cells = std::mem::replace(&mut cells[b.slot as usize - 1], Cells::Words(vec![]));
+            let cells = std::mem::replace(&mut cells[b.slot as usize - 1], Cells::NONE);
             self.buffers.insert(bind.buffer_of(b.block), cells);
         }
         let writes = bound.iter().filter(|b| b.writes).map(|b| bind.buffer_of(b.block));

@@ -1,23 +1,25 @@
-//! Kernels against their float64 twins, by one table of cases (`cases.rs`). The tests run all of it, `thirdbounce profile
+//! Kernels against their float64 reference (`crates/kernels`), by one table of cases (`cases.rs`). The tests run all of it, `thirdbounce profile
 //! --check` the part that shows what a device computes wrong.
 //!
-//! A case runs the schedules of a solver on a random scene. Before each dispatch the twin gets what the kernel's buffers
-//! hold, and after it every buffer that the kernel writes is compared with the twin's ([`How::Steps`]). Or the twins run a
-//! whole schedule by themselves ([`How::Whole`]), or their gradient is compared with finite differences of their objective
+//! A case runs the schedules of a solver on a random scene. Before each dispatch the reference gets what the kernel's buffers
+//! hold, and after it every buffer that the kernel writes is compared with the reference's ([`How::Steps`]). Or the reference runs a
+//! whole schedule by itself ([`How::Whole`]), or their gradient is compared with finite differences of their objective
 //! ([`How::Slope`]).
 
 mod cases;
 mod device;
 mod host;
+mod physics;
+pub mod reference;
 pub mod scenes;
 mod slope;
 mod solvers;
 mod steps;
-pub mod twin;
 
 pub use cases::cases;
 pub use device::{job, perform, read_words, write, zero_histograms};
 pub use host::Host;
+pub use physics::{Raw, Sample, Way, instrument, rendered};
 pub use solvers::place;
 
 use thirdbounce::Result;
@@ -100,11 +102,11 @@ pub enum Doubled {
 /// What a case compares.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum How {
-    /// Every dispatch with its twin.
+    /// Every dispatch with its reference.
     Steps,
     /// The result of several iterations.
     Whole,
-    /// The gradient of the twins with finite differences.
+    /// The gradient of the reference with finite differences.
     Slope,
 }
 

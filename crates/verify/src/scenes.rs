@@ -1,4 +1,4 @@
-//! Random scenes, small enough for the float64 twins.
+//! Random scenes, small enough for float64.
 
 use glam::{DVec3, dvec3};
 

@@ -1,15 +1,15 @@
-//! The gradient of the twins against finite differences of their objective.
+//! The gradient of the reference against finite differences of their objective.
 
 use super::device::zero_histograms;
 use super::scenes::{Random, both};
 use super::solvers::{measure, prepared, scatter};
 use super::steps::ComparedSteps;
 use super::{CaseSolver, Compared, Host, KernelCase};
-use crate::twin::Cells;
 use thirdbounce::Result;
 use thirdbounce::gpu::{Buffer, Gpu, Schedule};
 use thirdbounce::solve::{Accumulation, OnDevice, paper, surface};
 use thirdbounce::transport::kernels::*;
+use thirdbounce_kernels::Cells;
 
 /// What varies, and where its gradient is found.
 struct VariedState {

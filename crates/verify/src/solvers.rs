@@ -8,7 +8,7 @@ use super::device::{job, job_with, perform, read_words, write, zero_histograms};
 use super::scenes::{FitNeeds, Random, both, options};
 use super::steps::{ComparedSteps, compare};
 use super::{CaseSolver, Compared, Doubled, Host, KernelCase};
-use crate::twin::{Sample, Twin, Way, instrument, rendered};
+use crate::{Sample, Way, instrument, rendered};
 use thirdbounce::Result;
 use thirdbounce::gpu::{Buffer, Gpu, Schedule};
 use thirdbounce::solve::closed_form::passes::gather_filtered;
@@ -145,9 +145,8 @@ pub fn measure(job: &mut OnDevice, count: usize) -> Result<()> {
     };
     let (p, n) = (read(buffer::SAMPLE_POINTS)?, read(buffer::SAMPLE_NORMALS)?);
     let (model, grid) = (&job.model, &job.plan.finest().grid);
-    let twin = Twin { model, grid };
-    let samples: Vec<Sample> = (0..points).map(|i| Sample::at(&twin, &p, &n, i)).collect();
-    let shown = instrument(model, &rendered(&twin, &samples), Way::Spread);
+    let samples: Vec<Sample> = (0..points).map(|i| Sample::at(model, &p, &n, i)).collect();
+    let shown = instrument(model, &rendered(model, grid, &samples), Way::Spread);
     let scale = f64::from(model.scene(grid).render_scale);
     let level = shown.iter().fold(0.0f64, |a, b| a.max(*b)) * scale;
     let mut random = Random::new(63);
@@ -253,7 +252,7 @@ fn surface_steps(steps: &mut ComparedSteps, pixels: &Pixels) -> Result<()> {
     (0..2).try_for_each(|layer| steps.run(|s, plan| surface::extract(s, plan.finest(), of_layers, layer)))
 }
 
-/// Lets the twins and the device run several iterations, each by itself, and compares what they leave.
+/// Lets the reference and the device run several iterations, each by itself, and compares what they leave.
 pub fn whole(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<Compared>> {
     const ITERATIONS: usize = 6;
     let mut job = prepared(case, gpu, accumulation)?;

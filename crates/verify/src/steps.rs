@@ -1,16 +1,17 @@
-//! Dispatch by dispatch: a device beside the twins.
+//! Dispatch by dispatch: a device beside the reference.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
 use super::Compared;
 use super::device::{decode, perform, read_words, write};
 use super::host::Host;
-use crate::twin::{Cells, Sample, Twin};
+use crate::Sample;
 use thirdbounce::Result;
 use thirdbounce::gpu::{Buffer, Command, Schedule};
 use thirdbounce::solve::{OnDevice, Plan};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Model, Reflectance};
+use thirdbounce_kernels::Cells;
 
 /// A job, and what was compared so far.
 pub struct ComparedSteps {
@@ -46,12 +47,12 @@ impl ComparedSteps {
     }
 }
 
-/// Compares a buffer of the device with the twin's.
+/// Compares a buffer of the device with the reference's.
 pub fn compare(
     job: &mut OnDevice,
     module: &'static str,
     buffer: Buffer,
-    want: &Cells,
+    want: &Cells<f64>,
     allowed: f64,
 ) -> Result<Compared> {
     let words = read_words(job, buffer)?;
@@ -79,7 +80,7 @@ pub fn compare(
         (Cells::Floats(got), Cells::Floats(want)) => {
             let parts = parts_of(buffer);
             let of_part = |part: usize| {
-                let at = |i: &usize| want[*i] != Cells::ANY && (rows != Some(0) || !is_padding(*i));
+                let at = |i: &usize| want[*i] != Cells::<f64>::ANY && (rows != Some(0) || !is_padding(*i));
                 let all: Vec<usize> = (part..want.len()).step_by(parts).filter(at).collect();
                 let largest = all.iter().map(|i| want[*i].abs()).fold(1e-300, f64::max);
                 let differs = |i: &usize| match (got[*i] - want[*i]).abs() {
@@ -142,8 +143,8 @@ fn settle(job: &mut OnDevice) -> Result<()> {
     let mut normals = if directed { read(buffer::SAMPLE_NORMALS)? } else { vec![] };
     let wide = |v: &[[f32; 4]]| v.iter().map(|v| v.map(f64::from)).collect::<Vec<_>>();
     let (p, n) = (wide(&points), wide(&normals));
-    let twin = Twin { model: &job.model, grid: &job.plan.finest().grid };
-    let clear: Vec<bool> = (0..active).map(|i| is_clear(&job.model, &Sample::at(&twin, &p, &n, i))).collect();
+    let clear: Vec<bool> =
+        (0..active).map(|i| is_clear(&job.model, &Sample::at(&job.model, &p, &n, i))).collect();
     let Some(first) = clear.iter().position(|clear| *clear) else { return Ok(()) };
     for i in (0..active).filter(|i| !clear[*i]) {
         points[i] = points[first];

@@ -1,6 +1,0 @@
-use super::{Call, Cells, forward};
-
-/// As [`forward`](forward::forward): the kernel differs in how it divides the work.
-pub fn forward_product(call: &Call, b: &mut [Cells]) {
-    forward::forward(call, b);
-}
