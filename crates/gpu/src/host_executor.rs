@@ -38,7 +38,8 @@ impl HostArena {
     pub fn new(gpu: &Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<HostArena> {
         let _span = gpu.span("allocate");
         check(plan, &gpu.memory(), budget)?;
-        let words = |b: &BufferPlan| (b.buffer, Cells::Words(vec![0; b.bytes.div_ceil(4) as usize]));
+        let fresh = gpu.faults().poison.unwrap_or(0);
+        let words = |b: &BufferPlan| (b.buffer, Cells::Words(vec![fresh; b.bytes.div_ceil(4) as usize]));
         let bytes = plan.iter().map(|b| b.bytes).sum();
         gpu.allocated.fetch_add(bytes, Relaxed);
         Ok(HostArena { gpu: gpu.clone(), buffers: plan.iter().map(words).collect(), bytes })
