@@ -3,7 +3,7 @@
 //!
 //! [`profile`] solves as [`thirdbounce::job::run`] does, with a time stamp after every command. Nothing else is different, so the
 //! device's work is the same. [`limits::measure`] measures the device's limits. [`check::check`] compares the device's
-//! results with the float64 twins.
+//! results with the float64 reference.
 
 pub mod check;
 pub mod compile;

@@ -31,7 +31,7 @@ pub struct ProfileArgs {
     /// Folder for the maps [default: they are not written]
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Check the device, without a capture: compare the kernels of all solvers with their float64 twins, on every
+    /// Check the device, without a capture: compare the kernels of all solvers with their float64 reference, on every
     /// accumulation path of the device, and measure the device's limits
     #[arg(long, conflicts_with_all = ["capture", "trace", "out"])]
     pub check: bool,

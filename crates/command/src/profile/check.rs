@@ -1,4 +1,4 @@
-//! Compares a device's results with the float64 twins, by the cases of [`verify`](thirdbounce_verify) that are for devices.
+//! Compares a device's results with the float64 reference, by the cases of [`verify`](thirdbounce_verify) that are for devices.
 
 use std::collections::BTreeMap;
 
@@ -9,7 +9,7 @@ use thirdbounce::gpu::Gpu;
 use thirdbounce::job::plain;
 use thirdbounce_verify::cases;
 
-/// A kernel that was compared with its twin.
+/// A kernel that was compared with its reference.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct Checked {
     /// The case: the solver, and what is particular.
