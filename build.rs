@@ -60,7 +60,11 @@ fn kernels() -> Vec<(String, String, &'static [&'static str])> {
 
 /// The kernel of a source as a function of the host, as Rust code. Probes of a device's limits have none.
 fn host_function(source: &str) -> String {
-    if source.starts_with("limit_") { "None".into() } else { format!("Some(thirdbounce_kernels::{source}::<f32>)") }
+    if source.starts_with("limit_") {
+        "None".into()
+    } else {
+        format!("Some(thirdbounce_kernels::{source}::<f32>)")
+    }
 }
 
 /// The passes of `examples/vulkan`.

@@ -183,7 +183,11 @@ impl HostExecutor {
             }
             Command::Copy { from, from_offset, to, to_offset, bytes } => {
                 let [from_at, to_at, count] = [*from_offset, *to_offset, *bytes].map(|n| n as usize / 4);
-                // Taken out for the time of the copy: source and target may not be borrowed from one map together.
+                if from == to {
+                    self.arena.words_mut(*to).copy_within(from_at..from_at + count, to_at);
+                    return;
+                }
+                // Taken out for the time of the copy: both may not be borrowed from one map together.
                 let source = self.take(*from);
                 if let Cells::Words(words) = &source {
                     self.arena.words_mut(*to)[to_at..to_at + count]

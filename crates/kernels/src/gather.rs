@@ -9,7 +9,7 @@ use super::{Call, Real};
 
 /// Sums over pairs at the samples of a block, component by component.
 pub struct Sums<A> {
-    /// By albedo.
+    /// By albedo; without cosines only.
     pub albedo: [A; LANES],
     /// By albedo times normal.
     pub vector: [[A; LANES]; 3],

@@ -21,7 +21,7 @@ pub const RETROREFLECTIVE: u32 = 2;
 
 /// Ways in which wall points make pairs, by their number in `glsl/include/transport.glsl`.
 const CONFOCAL: u32 = 0;
-const PRODUCT: u32 = 2;
+pub const PRODUCT: u32 = 2;
 
 /// Samples of a block, component by component: position (metres), albedo, unit normal.
 #[derive(Debug, Clone)]
