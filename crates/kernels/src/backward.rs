@@ -27,7 +27,7 @@ fn gathered<F: Real, A: Real>(
     gradient: &mut [[F; 4]],
 ) {
     let goes_on = call.push.flags & BACKWARD_CONTINUE != 0;
-    let how = Gather { split: call.constant("SPLIT", 1) != 0, exact: call.is("EXACT") };
+    let how = Gather { exact: call.is("EXACT") };
     gather::<F, A>(call, how, samples, tables, gradient, |cosines, block, sums, out| {
         for (j, out) in out.iter_mut().enumerate() {
             let [x, y, z] = sums.vector.map(|part| part[j]);
