@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::{env, fs};
 
 #[path = "glsl/shared.rs"]
+#[expect(dead_code, reason = "the Rust side is for the crate of the kernels")]
 mod shared;
 #[path = "glsl/spirv.rs"]
 mod spirv;
@@ -59,7 +60,11 @@ fn kernels() -> Vec<(String, String, &'static [&'static str])> {
 
 /// The kernel of a source as a function of the host, as Rust code. Probes of a device's limits have none.
 fn host_function(source: &str) -> String {
-    if source.starts_with("limit_") { "None".into() } else { format!("Some(thirdbounce_kernels::{source}::<f32>)") }
+    if source.starts_with("limit_") {
+        "None".into()
+    } else {
+        format!("Some(thirdbounce_kernels::{source}::<f32>)")
+    }
 }
 
 /// The passes of `examples/vulkan`.

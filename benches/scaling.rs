@@ -3,11 +3,16 @@
 //!
 //!     cargo bench --bench scaling [-- --most PAIRS]      leaves out scenes of more voxel-pairs than this
 //!                                                        [default: 3e7 on a CPU, 1e11 elsewhere]
+//!     cargo bench --bench scaling -- start               the learned start on the host instead
 
 mod scene;
 
+use std::time::Instant;
+
 use scene::{gpu, job, median, spent};
 use thirdbounce::gpu::{DeviceKind, Schedule};
+use thirdbounce::simulate::{RenderOptions, Scene, simulate};
+use thirdbounce::solve::learned::LearnedStart;
 use thirdbounce::solve::{Accumulation, paper};
 
 const SIDES: [usize; 6] = [8, 16, 32, 64, 128, 256];
@@ -15,6 +20,9 @@ const ACTIVE: [usize; 5] = [10_000, 30_000, 100_000, 300_000, 1_000_000];
 
 fn main() {
     let arguments: Vec<String> = std::env::args().collect();
+    if arguments.iter().any(|a| a == "start") {
+        return [32, 64].into_iter().for_each(start);
+    }
     let gpu = gpu(true);
     let usual = if gpu.info.kind == DeviceKind::Cpu { 3e7 } else { 1e11 };
     let at = arguments.iter().position(|a| a == "--most");
@@ -74,4 +82,17 @@ fn measure(gpu: &thirdbounce::gpu::Gpu, side: usize, active: usize) -> Option<(f
         }
     }
     Some((pairs, cost.map(median)))
+}
+
+/// The least time from a capture in memory to the network's answer on the host, for a scan of side x side points.
+fn start(side: usize) {
+    let scene = Scene { scan: side, photons: Some(300.0), ..Scene::named("figure").expect("a scene") };
+    let capture = simulate(&scene, &RenderOptions::default()).expect("the scene renders").capture;
+    let time = || {
+        let begun = Instant::now();
+        LearnedStart::on_host(&capture).expect("pairs can be chosen").expect("enough pairs");
+        1e3 * begun.elapsed().as_secs_f64()
+    };
+    let least = (0..15).map(|_| time()).fold(f64::INFINITY, f64::min);
+    println!("learned start of {} pairs: {least:.0} ms", capture.pair_count());
 }

@@ -62,7 +62,7 @@ fn of_later_frames(gpu: &Gpu, scan: &Capture, solver: &SolverOptions, follow: Op
 
 #[test]
 fn a_later_frame_allocates_nothing_for_an_iteration() {
-    let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device: `make setup` installs lavapipe");
+    let gpu = Gpu::open(&GpuOptions::vulkan()).expect("a Vulkan device: `make setup` installs lavapipe");
     let plain = scan();
     let with_pulse = changed(&plain, |c| c.pulse = Pulse::gaussian(0.06).ok());
     let surface = |iterations: usize| -> SolverOptions {

@@ -9,19 +9,19 @@ use engine::{Error, Result};
 use crate::error::{TbStatus, guarded};
 use crate::sized::{self, Versioned};
 
-/// A Vulkan device of this machine. Texts end with a zero byte; longer ones are cut.
+/// A device of this machine: of Vulkan, or the host. Texts end with a zero byte; longer ones are cut.
 #[derive(Clone, Copy)]
 #[repr(C)]
 pub struct TbDeviceInfo {
     /// sizeof(tb_device_info): set it before the call.
     pub size: usize,
-    /// Bytes of the largest device-local heap.
+    /// Bytes of the largest device-local heap; of the host, bytes that are available.
     pub memory_bytes: u64,
     /// Name, a part of which `tb_device_open` accepts.
     pub name: [c_char; 256],
     /// Name and version of the driver.
     pub driver: [c_char; 256],
-    /// "discrete", "integrated", "virtual", "cpu" or "other".
+    /// "discrete GPU", "integrated GPU", "virtual GPU", "host", "CPU" or "other".
     pub kind: [c_char; 16],
     /// UUID as 32 hexadecimal digits, which `tb_device_open` accepts, identical in CUDA.
     pub uuid: [c_char; 40],
@@ -56,14 +56,14 @@ fn chars<const N: usize>(text: &str) -> [c_char; N] {
     out
 }
 
-/// Writes the number of Vulkan devices to `count`. Any thread.
+/// Writes the number of devices to `count`. Any thread.
 ///
 /// # Safety
 /// `count` is writable.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_device_count(count: *mut u32) -> TbStatus {
     guarded(|| {
-        let all = devices()?;
+        let all = devices();
         // SAFETY: the caller provides a writable pointer, or NULL.
         match unsafe { count.as_mut() } {
             Some(count) => *count = u32::try_from(all.len()).unwrap_or(u32::MAX),
@@ -80,7 +80,7 @@ pub unsafe extern "C" fn tb_device_count(count: *mut u32) -> TbStatus {
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn tb_device_info_at(index: u32, info: *mut TbDeviceInfo) -> TbStatus {
     guarded(|| {
-        let all = devices()?;
+        let all = devices();
         let found: Result<&DeviceInfo> = all.iter().find(|d| d.index == index as usize).ok_or_else(|| {
             Error::options(
                 format!("there is no device {index}, there are {}", all.len()),

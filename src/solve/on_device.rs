@@ -161,7 +161,7 @@ impl Queued {
     /// Adds a copy of `bytes` to the beginning of `to`. Waits where what is under way may read the upload buffer, and where
     /// that is full.
     fn add(&mut self, executor: &mut Executor, to: Buffer, bytes: &[u8]) -> Result<()> {
-        let size = executor.arena().size(UPLOAD);
+        let size = executor.size(UPLOAD);
         let (mut rest, mut to_offset) = (bytes, 0);
         while !rest.is_empty() {
             if self.at == size {

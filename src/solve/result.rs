@@ -138,7 +138,7 @@ pub(super) fn finish(
         pairs: driven.pairs,
         solve_seconds: driven.seconds,
         stages: None,
-        device_bytes: job.executor.arena().bytes(),
+        device_bytes: job.executor.bytes(),
         full,
         has_mask: false,
         is_warm: false,

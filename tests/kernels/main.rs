@@ -7,25 +7,27 @@ mod reference;
 mod wide;
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::ops::Deref;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use fixtures::device::{assert_valid, gpu};
+use fixtures::device::{assert_valid, gpu, host};
+use thirdbounce::gpu::Gpu;
 use thirdbounce::solve::Accumulation;
 use thirdbounce::transport::kernels::KERNELS;
-use thirdbounce_kernels as host;
+use thirdbounce_kernels::{KERNELS as HOST, kernel_of};
 use thirdbounce_verify::{Compared, How, KernelCase, cases};
 
 /// What a case compared on an accumulation path.
 type Done = (&'static str, Accumulation, Vec<Compared>);
 
-/// Runs cases on two devices.
-fn run(cases: &[KernelCase]) -> Vec<(usize, Done)> {
+/// Runs cases on two devices that `open` opens.
+fn run<G: Deref<Target = Gpu>>(cases: &[KernelCase], open: impl Fn() -> G + Sync) -> Vec<(usize, Done)> {
     let (next, done) = (AtomicUsize::new(0), Mutex::new(vec![]));
     std::thread::scope(|scope| {
         for _ in 0..2 {
             scope.spawn(|| {
-                let gpu = gpu();
+                let gpu = open();
                 while let Some((i, case)) =
                     Some(next.fetch_add(1, Ordering::Relaxed)).and_then(|i| Some((i, cases.get(i)?)))
                 {
@@ -45,11 +47,30 @@ fn run(cases: &[KernelCase]) -> Vec<(usize, Done)> {
 
 #[test]
 fn kernels_compute_what_their_reference_computes() {
+    compare(gpu, |name| !name.starts_with("limit_"));
+}
+
+#[test]
+fn kernels_of_the_host_compute_what_their_reference_computes() {
+    // Its network has code of its own (`src/solve/learned/tensor.rs`), and one way to add up.
+    let others =
+        ["limit_", "forward_", "residual_scan", "pulse_", "spot_", "residual_fixed", "residual_rows_fixed"];
+    compare(
+        || Box::new(host()),
+        |name| {
+            !name.ends_with("_texels") && !others.iter().any(|other| name.starts_with(other))
+                || name == "forward_owned"
+        },
+    );
+}
+
+/// Runs all cases on devices that `open` opens. They must run the modules that are `wanted`.
+fn compare<G: Deref<Target = Gpu>>(open: impl Fn() -> G + Sync, wanted: impl Fn(&str) -> bool) {
     let word = std::env::var("THIRDBOUNCE_CASES").unwrap_or_default();
     let all: Vec<KernelCase> = cases().into_iter().filter(|case| case.name.contains(&word)).collect();
     let (mut wrong, mut seen, mut worst) = (vec![], BTreeSet::new(), BTreeMap::<_, f64>::new());
     let mut fixed: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
-    for (i, (name, path, compared)) in run(&all) {
+    for (i, (name, path, compared)) in run(&all, open) {
         assert!(!compared.is_empty(), "{name} compares nothing");
         for c in &compared {
             seen.insert(c.module);
@@ -74,8 +95,7 @@ fn kernels_compute_what_their_reference_computes() {
     assert!(fixed.values().all(|bits| bits.len() == 1), "fixed point depends on the atomics");
     if word.is_empty() {
         // `place.rs` compares places, whose ends have several cells.
-        let held =
-            KERNELS.iter().map(|k| k.name).filter(|name| !name.starts_with("limit_") && *name != "places");
+        let held = KERNELS.iter().map(|k| k.name).filter(|name| wanted(name) && *name != "places");
         let missing: Vec<_> = held.filter(|name| !seen.contains(name)).collect();
         assert!(missing.is_empty(), "no case in crates/verify/src/cases.rs runs {missing:?}");
     }
@@ -89,8 +109,8 @@ fn every_kernel_is_one_of_the_host() {
     let files = entries.map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned());
     let names = files.filter_map(|file| file.strip_suffix(".comp").map(String::from));
     let kernels: BTreeSet<String> = names.filter(|name| !name.starts_with("limit_")).collect();
-    assert_eq!(kernels, host::KERNELS.iter().map(|row| row.name.to_string()).collect());
-    let of = |module: &str| host::kernel_of(module).map(|row| row.name);
+    assert_eq!(kernels, HOST.iter().map(|row| row.name.to_string()).collect());
+    let of = |module: &str| kernel_of(module).map(|row| row.name);
     assert_eq!(
         ["forward_product_cas", "residual_rows_fixed", "limit_fma"].map(of),
         [Some("forward_product"), Some("residual_rows"), None]

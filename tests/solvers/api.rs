@@ -38,7 +38,7 @@ fn simulated(folder: &Path) -> std::path::PathBuf {
 /// Estimates, solve and mask are those of the command, bit for bit; those of a session, too, on a fixed support.
 #[test]
 fn reconstruct_returns_the_maps_of_the_command() {
-    let gpu = gpu();
+    let gpu = host();
     let folder = tempfile::tempdir().unwrap();
     let path = simulated(folder.path());
     let capture = read(&path, &small()).unwrap();
@@ -83,7 +83,7 @@ fn session_of(gpu: &Gpu, frame: &Capture, settings: &Settings, options: SessionO
 /// A session without counts solves in the box, and in the bins, that were asked for.
 #[test]
 fn a_session_keeps_its_box() {
-    let gpu = gpu();
+    let gpu = host();
     let folder = tempfile::tempdir().unwrap();
     let capture = read(simulated(folder.path()), &Settings::default()).unwrap();
     let volume = Volume { min: dvec3(-0.4, -0.3, 0.3), max: dvec3(0.4, 0.3, 0.9) };
@@ -105,7 +105,7 @@ fn a_session_keeps_its_box() {
 
 #[test]
 fn settings_out_of_range_are_refused() {
-    let gpu = gpu();
+    let gpu = host();
     let folder = tempfile::tempdir().unwrap();
     let capture = read(simulated(folder.path()), &Settings::default()).unwrap();
     let flat = Volume { min: dvec3(-0.5, -0.5, 0.0), max: dvec3(0.5, 0.5, 0.001) };
@@ -146,7 +146,7 @@ fn settings_out_of_range_are_refused() {
 /// From a scene to figures without the command.
 #[test]
 fn a_program_simulates_reconstructs_and_measures() {
-    let gpu = gpu();
+    let gpu = host();
     let folder = tempfile::tempdir().unwrap();
     let scene = Scene { scan: 8, bin_width: 0.02, occlusion: false, ..Scene::named("plates-front").unwrap() };
     let options = RenderOptions { noise: 0.05, ..Default::default() };

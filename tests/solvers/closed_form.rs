@@ -85,7 +85,7 @@ fn place(maps: &Maps) -> DVec3 {
 
 #[test]
 fn points_come_back_at_their_places() {
-    let gpu = gpu();
+    let gpu = host();
     // A third of the distance of scan points, and of half a bin.
     let [across, along] = [WALL / SCAN as f64 / 3.0, BIN / 2.0 / 3.0];
     let mut off = vec![];
@@ -121,7 +121,7 @@ fn points_come_back_at_their_places() {
 
 #[test]
 fn places_without_a_pair_are_filled() {
-    let gpu = gpu();
+    let gpu = host();
     let target = dvec3(0.1131, -0.0723, 0.557);
     let near = dvec3(0.18, 0.18, 0.12);
     let volume = Volume { min: target - near, max: target + near };
@@ -142,7 +142,7 @@ fn places_without_a_pair_are_filled() {
 #[test]
 #[ignore = "long: make soak"]
 fn images_are_as_sharp_as_noise_lets_them_be() {
-    let gpu = gpu();
+    let gpu = host();
     // A plate over a background, and what its light makes of a picture: [shares of the mask that are plate, of the plate
     // that are mask].
     let (middle, half) = (dvec3(0.08, 0.06, 0.6), 0.15);
@@ -203,7 +203,7 @@ fn images_are_as_sharp_as_noise_lets_them_be() {
 
 #[test]
 fn the_columns_that_tell_noise_count_as_memory() {
-    let gpu = gpu();
+    let gpu = host();
     let capture =
         photon_noise(&light(wall(), wall(), &[dvec3(0.1, 0.0, 0.6)]), 100.0, Dark::Counts(0.0), None, 1);
     let (capture, grid) = (
@@ -227,7 +227,7 @@ fn the_columns_that_tell_noise_count_as_memory() {
 
 #[test]
 fn scans_that_break_an_assumption_are_refused() {
-    let gpu = gpu();
+    let gpu = host();
     let target = [dvec3(0.0, 0.1, 0.6)];
     let refusal = |name: &str, capture: &Capture| {
         let grid = Grid::new(options(name, 16, capture).default_volume(capture).unwrap(), 16, 0.02).unwrap();

@@ -7,8 +7,8 @@ use std::time::Duration;
 use fixtures::caller::{Blocks, Caller, moment};
 use fixtures::captures::{assert_error, changed};
 use thirdbounce::capture::Capture;
-use thirdbounce::gpu::Gpu;
 use thirdbounce::gpu::external::Imported;
+use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::session::{ExternalCounts, ExternalFrame, Format, Session, SessionOptions};
 use thirdbounce::solve::{
     Accumulation, Follow, PaperOptions, Preset, Reconstruction, SceneTraits, SolverOptions,
@@ -48,7 +48,7 @@ fn of_lent(
 #[test]
 fn a_callers_device_gives_the_bits_of_an_own_one() {
     let (scan, [counts, _]) = photons(0.03);
-    let own = Gpu::open(&Default::default()).unwrap();
+    let own = Gpu::open(&GpuOptions::vulkan()).unwrap();
     let want = bits(&of_host(
         &mut Session::new(&own, &scan, None, &surface(|_| ()), SessionOptions::default()).unwrap(),
         &counts,
@@ -230,7 +230,7 @@ fn memory_of_another_device_is_imported() {
     let shared = other.buffer(counts.len() as u64 * 4, true);
     shared.write(bytemuck::cast_slice(&counts));
     // The library's own device.
-    let gpu = Gpu::open(&Default::default()).unwrap();
+    let gpu = Gpu::open(&GpuOptions::vulkan()).unwrap();
     // SAFETY: the descriptor is of so much memory.
     let imported =
         unsafe { Imported::by_fd(&gpu, shared.fd(), [shared.memory_bytes, shared.bytes], None) }.unwrap();
@@ -243,7 +243,7 @@ fn memory_of_another_device_is_imported() {
     drop(imported);
     session.submit_external(frame.clone()).unwrap();
     assert!(bits(&session.wait().unwrap().result) == bits(&want));
-    let elsewhere = Gpu::open(&Default::default()).unwrap();
+    let elsewhere = Gpu::open(&GpuOptions::vulkan()).unwrap();
     let mut session = Session::new(&elsewhere, &scan, None, &surface(|_| ()), lending()).unwrap();
     assert_error(session.submit_external(frame), Kind::Options, &["another device"]);
 }

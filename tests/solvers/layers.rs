@@ -118,7 +118,7 @@ fn run(gpu: &Gpu, scene: Scene) -> Reconstruction {
 /// Each within 1.5 × of the errors that it has alone, and the second layer takes no more than room in the plan.
 #[test]
 fn two_plates_are_as_exact_as_each_alone() {
-    let gpu = gpu();
+    let gpu = host();
     let scene = || Scene::named("plates").unwrap();
     let real = truth(&scene(), 32).unwrap();
     let found = run(&gpu, scene());

@@ -130,7 +130,7 @@ fn assert_same(what: &str, short: &Reconstruction, general: &Reconstruction) {
 
 #[test]
 fn every_variant_agrees_with_the_general_one() {
-    let gpu = gpu();
+    let gpu = host();
     for (geometry, reflectance, curved) in variants() {
         let capture = capture(geometry, curved);
         let what = format!("{geometry:?} {reflectance:?} curved {curved}");
@@ -148,7 +148,7 @@ fn every_variant_agrees_with_the_general_one() {
 
 #[test]
 fn unreached_bins_and_bricks_change_nothing() {
-    let gpu = gpu();
+    let gpu = host();
     let capture = capture(Geometry::Confocal, false);
     let gated = capture.gated(Gate { from: 0.0, to: 1.3 }).unwrap();
     let deep = Grid::new(default_volume(&capture, 0.3).unwrap(), 16, 0.02).unwrap();
@@ -178,7 +178,7 @@ fn unreached_bins_and_bricks_change_nothing() {
 
 #[test]
 fn the_plan_says_what_it_leaves_out_and_leaves_it_unallocated() {
-    let gpu = gpu();
+    let gpu = host();
     let plan = |geometry, reflectance, general| -> Plan {
         let capture = capture(geometry, false);
         let problem = Problem::new(&capture, grid_of(&capture));

@@ -56,7 +56,7 @@ fn quality(done: &Reconstruction, truth: &Truth) -> [f64; 2] {
 
 #[test]
 fn the_same_frame_again_is_as_good_in_a_third_of_the_iterations() {
-    let gpu = gpu();
+    let gpu = host();
     let (capture, truth) = seen(&letter(0.0));
     let mut session = following(&gpu, &capture, Follow::default());
     let cold = solved(&mut session, &capture.histograms);
@@ -78,7 +78,7 @@ fn the_same_frame_again_is_as_good_in_a_third_of_the_iterations() {
 
 #[test]
 fn a_thing_that_appears_where_nothing_was_is_found_within_two_frames() {
-    let gpu = gpu();
+    let gpu = host();
     // A plate far from the other: its place had no surface for two frames.
     let near = Scene { scan: 16, bin_width: 0.02, bins: Some(192), ..Scene::named("plane").unwrap() };
     let [mut alone, mut both] = [near.clone(), near];
@@ -120,7 +120,7 @@ fn a_thing_that_appears_where_nothing_was_is_found_within_two_frames() {
 
 #[test]
 fn a_scene_cut_begins_cold_and_gives_the_bits_of_a_frame_of_its_own() {
-    let gpu = gpu();
+    let gpu = host();
     let (one, _) = seen(&letter(-0.15));
     let far = Scene { scan: 16, bin_width: 0.02, bins: Some(192), ..Scene::named("plane").unwrap() };
     let (other, _) = seen(&far);
@@ -142,7 +142,7 @@ fn a_scene_cut_begins_cold_and_gives_the_bits_of_a_frame_of_its_own() {
 
 #[test]
 fn frames_that_change_are_followed_and_others_need_no_closed_form() {
-    let gpu = gpu();
+    let gpu = host();
     let sequence: Vec<(Capture, Truth)> =
         [0.0, 0.012, 0.024, 0.036, 0.036].map(|x| seen(&letter(x))).to_vec();
     let mut session = following(&gpu, &sequence[0].0, Follow::default());
@@ -172,7 +172,7 @@ fn frames_that_change_are_followed_and_others_need_no_closed_form() {
 
 #[test]
 fn a_fixed_support_follows_in_as_few_iterations_as_there_are() {
-    let gpu = gpu();
+    let gpu = host();
     let sequence = [0.0, 0.05].map(|x| seen(&letter(x)).0);
     let solver: SolverOptions = options().with(|o| (o.iterations, o.grow) = (6, false)).into();
     let options = SessionOptions { follow: Some(Follow::default()), ..SessionOptions::default() };
@@ -185,7 +185,7 @@ fn a_fixed_support_follows_in_as_few_iterations_as_there_are() {
 
 #[test]
 fn results_do_not_depend_on_when_frames_come() {
-    let gpu = gpu();
+    let gpu = host();
     let sequence = [0.0, 0.012, 0.012, 0.03].map(|x| seen(&letter(x)).0);
     let solver: SolverOptions =
         options().with(|o| o.accumulation = thirdbounce::solve::Accumulation::Repeatable).into();
@@ -203,7 +203,7 @@ fn results_do_not_depend_on_when_frames_come() {
 
 #[test]
 fn a_frame_that_was_cancelled_is_followed_by_a_cold_one() {
-    let gpu = gpu();
+    let gpu = host();
     let (capture, _) = seen(&letter(0.0));
     let options = SessionOptions {
         follow: Some(Follow::default()),
@@ -223,7 +223,7 @@ fn a_frame_that_was_cancelled_is_followed_by_a_cold_one() {
 
 #[test]
 fn a_short_time_still_gives_a_whole_picture() {
-    let gpu = gpu();
+    let gpu = host();
     let (capture, truth) = seen(&letter(0.0));
     let budget = Some(Duration::from_millis(1));
     let mut session = following(&gpu, &capture, Follow { budget, ..Follow::default() });
@@ -246,7 +246,7 @@ fn a_short_time_still_gives_a_whole_picture() {
 
 #[test]
 fn frames_that_come_too_fast_are_dropped_queued_or_summed() {
-    let gpu = gpu();
+    let gpu = host();
     let (capture, _) = seen(&letter(0.0));
     let of = |feed: Feed| {
         let (reported, heard) = channel();
@@ -287,7 +287,7 @@ fn frames_that_come_too_fast_are_dropped_queued_or_summed() {
 
 #[test]
 fn dark_frames_are_summed_and_parts_of_a_scan_are_kept() {
-    let gpu = gpu();
+    let gpu = host();
     let (capture, truth) = seen(&letter(0.0));
     let dark = vec![0.0; capture.histograms.len()];
     let mut summing = session(
@@ -326,7 +326,7 @@ fn dark_frames_are_summed_and_parts_of_a_scan_are_kept() {
 
 #[test]
 fn what_cannot_follow_is_refused() {
-    let gpu = gpu();
+    let gpu = host();
     let (capture, _) = seen(&letter(0.0));
     let make = |solver: SolverOptions, follow: Follow, feed: Feed| {
         let options = SessionOptions { follow: Some(follow), feed, ..SessionOptions::default() };

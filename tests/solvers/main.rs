@@ -3,6 +3,7 @@
 mod api;
 mod closed_form;
 mod depth_error;
+mod devices;
 mod external;
 mod layers;
 mod learned;

@@ -51,7 +51,7 @@ fn assert_known(plan: &Plan, parts: &[TimedSchedule]) {
 
 #[test]
 fn the_outline_is_what_runs() {
-    let gpu = Gpu::open(&GpuOptions { timings: true, ..GpuOptions::default() }).expect("a device");
+    let gpu = Gpu::open(&GpuOptions { timings: true, ..GpuOptions::vulkan() }).expect("a device");
     let scene = Scene { scan: 8, bin_width: 0.02, ..Scene::named("letter-L").unwrap() };
     let capture = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
     let mut hear = |_: &_| std::ops::ControlFlow::Continue(());

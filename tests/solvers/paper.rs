@@ -96,7 +96,7 @@ fn run(gpu: &Gpu, capture: &thirdbounce::capture::Capture, o: &PaperOptions) -> 
 
 #[test]
 fn the_order_of_events_is_the_papers() {
-    let gpu = gpu();
+    let gpu = host();
     let (_, capture) = letter(8);
     let o = small(1000);
     let model = paper::model(&capture, &grid(&capture, &o), &o);
@@ -137,7 +137,7 @@ fn the_order_of_events_is_the_papers() {
 #[test]
 #[ignore = "long: make soak"]
 fn a_simulated_letter_end_to_end() {
-    let gpu = gpu();
+    let gpu = host();
     let (scene, capture) = letter(16);
     let truth = truth(&scene, 64).unwrap();
     let result = run(&gpu, &capture, &small(160));
@@ -188,7 +188,7 @@ fn a_simulated_letter_end_to_end() {
 #[test]
 #[ignore = "long: make soak"]
 fn the_noise_term_finds_the_letter_through_dark_counts() {
-    let gpu = gpu();
+    let gpu = host();
     let mut scene = Scene::named("letter-l").unwrap();
     (scene.scan, scene.bin_width) = (16, 0.01);
     scene.photons = Some(50.0);
@@ -213,7 +213,7 @@ fn the_noise_term_finds_the_letter_through_dark_counts() {
 
 #[test]
 fn fixed_point_repeats_bit_by_bit_and_agrees_with_the_others() {
-    let gpu = gpu();
+    let gpu = host();
     let (_, capture) = letter(8);
     let solve = |accumulation, seed| {
         let o = small(24).with(|o| {
@@ -243,7 +243,7 @@ fn fixed_point_repeats_bit_by_bit_and_agrees_with_the_others() {
 
 #[test]
 fn a_caller_can_break_off() {
-    let gpu = gpu();
+    let gpu = host();
     let (_, capture) = letter(8);
     let o = small(100);
     let mut heard = 0;

@@ -37,7 +37,7 @@ fn options_of(sampling: Sampling) -> PaperOptions {
 #[test]
 #[ignore = "long: make soak"]
 fn room_that_is_enough_changes_nothing() {
-    let gpu = gpu();
+    let gpu = host();
     for sampling in [Sampling::Continuous, Sampling::Fixed] {
         let all = solve(&gpu, &options_of(sampling));
         let part = solve(&gpu, &options_of(sampling).with(|o| o.domain.room = Some(0.4)));
@@ -60,7 +60,7 @@ fn room_that_is_enough_changes_nothing() {
 /// A whole solve with too little room stays within it, still finds the letter, and says that voxels were left out.
 #[test]
 fn a_solve_beyond_its_room_stays_within_it() {
-    let gpu = gpu();
+    let gpu = host();
     let all = solve(&gpu, &options_of(Sampling::Continuous));
     let o = options_of(Sampling::Continuous).with(|o| o.domain.room = Some(0.0625));
     let small = solve(&gpu, &o);
@@ -82,7 +82,7 @@ fn a_solve_beyond_its_room_stays_within_it() {
 /// The paper's scene: 32 x 32 confocal points, 128 x 128 x 333 voxels. The paper's code takes 1,659 MB for it.
 #[test]
 fn the_papers_scene_takes_less_than_150_megabytes() {
-    let gpu = gpu();
+    let gpu = host();
     let volume = Volume { min: glam::dvec3(-0.5, -0.5, 0.25), max: glam::dvec3(0.5, 0.5, 1.4) };
     let grid = Grid::new(volume, 128, (volume.max.z - volume.min.z) / 333.0).unwrap();
     assert_eq!(grid.n, [128, 128, 333]);

@@ -31,7 +31,7 @@ fn facing(point: DVec3) -> Sample {
 
 #[test]
 fn a_voxel_at_a_known_distance_peaks_in_the_right_bin() {
-    let gpu = gpu();
+    let gpu = host();
     for binning in [Binning::Linear, Binning::Nearest] {
         let mut m = model(4, 200, 1);
         m.binning = binning;
@@ -58,7 +58,7 @@ fn a_voxel_at_a_known_distance_peaks_in_the_right_bin() {
 
 #[test]
 fn energy_is_conserved_inside_the_gate_and_dropped_outside() {
-    let gpu = gpu();
+    let gpu = host();
     for binning in [Binning::Linear, Binning::Nearest] {
         let mut m = model(4, 100, 2);
         m.binning = binning;
@@ -93,7 +93,7 @@ fn energy_is_conserved_inside_the_gate_and_dropped_outside() {
 
 #[test]
 fn light_behind_a_surface_and_on_a_wall_point_is_nothing() {
-    let gpu = gpu();
+    let gpu = host();
     let m = model(4, 100, 3);
     let g = grid();
     let away = Sample { normal: dvec3(0.0, 0.0, 1.0), ..facing(dvec3(0.0, 0.0, 0.6)) };
@@ -149,7 +149,7 @@ fn centroid(maps: &Maps) -> DVec3 {
 
 #[test]
 fn a_mirrored_scene_gives_the_mirrored_result() {
-    let gpu = gpu();
+    let gpu = host();
     let capture = plate(0.125, -0.075);
     let mut mirrored = capture.clone();
     let [nx, ny] = capture.scan;
@@ -185,7 +185,7 @@ fn a_mirrored_scene_gives_the_mirrored_result() {
 
 #[test]
 fn a_scene_shifted_by_one_voxel_gives_the_result_shifted_by_one_voxel() {
-    let gpu = gpu();
+    let gpu = host();
     let pitch = 0.8 / 16.0;
     let a = centroid(&solve(&gpu, &plate(-0.025, 0.025), 16, 100));
     let b = centroid(&solve(&gpu, &plate(-0.025 + pitch, 0.025), 16, 100));

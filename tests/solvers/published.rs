@@ -224,7 +224,7 @@ impl Published<'_> {
 
 #[test]
 fn the_domain_is_as_small_and_the_loss_as_low_as_in_the_published_arithmetic() {
-    let gpu = gpu();
+    let gpu = host();
     let mut scene = Scene::named("letter-Z").unwrap();
     (scene.scan, scene.bin_width) = (8, 0.02);
     let capture = simulate(&scene, &RenderOptions::default()).unwrap().capture;

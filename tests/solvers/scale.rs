@@ -45,7 +45,7 @@ fn resized(truth: &Truth, scale: f64) -> Truth {
 #[test]
 #[ignore = "long: make soak"]
 fn default_settings_know_no_unit() {
-    let gpu = gpu();
+    let gpu = host();
     let scene = Scene { scan: 12, bin_width: 0.02, ..Scene::named("figure").unwrap() };
     let metre = simulate(&scene, &RenderOptions { noise: 0.1, ..Default::default() }).unwrap().capture;
     let truth = truth(&scene, LATERAL).unwrap();

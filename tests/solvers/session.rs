@@ -113,7 +113,7 @@ fn alone(gpu: &Gpu, scan: &Capture, solver: &SolverOptions, counts: &[f32]) -> V
 
 #[test]
 fn narrow_bins_are_summed_as_the_command_sums_them() {
-    let gpu = gpu();
+    let gpu = host();
     let scan = scan(12, 0.0125);
     let [counts, _] = frames(&scan);
     let solver = surface(|o| o.lateral = 16);
@@ -154,7 +154,7 @@ fn kinds() -> Vec<(&'static str, SolverOptions, Capture)> {
 
 #[test]
 fn a_frame_gives_the_bits_of_a_solve_of_its_own_whatever_was_solved_before() {
-    let gpu = gpu();
+    let gpu = host();
     for (kind, solver, scan) in kinds() {
         in_turns(&gpu, kind, &solver, &scan, &frames(&scan));
     }
@@ -182,7 +182,7 @@ fn in_turns(
 /// expected depth error, of both layers.
 #[test]
 fn a_session_gives_the_maps_of_the_command() {
-    let gpu = gpu();
+    let gpu = host();
     let scene = Scene { scan: 16, bin_width: 0.02, occlusion: false, ..Scene::named("plates").unwrap() };
     let capture = simulate(&scene, &RenderOptions { noise: 0.02, ..Default::default() }).unwrap().capture;
     let folder = tempfile::tempdir().unwrap();
@@ -206,7 +206,7 @@ fn a_session_gives_the_maps_of_the_command() {
 
 #[test]
 fn a_second_layer_comes_and_goes() {
-    let gpu = gpu();
+    let gpu = host();
     let of = |name: &str| {
         let scene = Scene { scan: 16, bin_width: 0.02, occlusion: false, ..Scene::named(name).unwrap() };
         simulate(&scene, &RenderOptions { noise: 0.02, ..Default::default() }).unwrap().capture
@@ -225,7 +225,7 @@ fn a_second_layer_comes_and_goes() {
 /// another session.
 #[test]
 fn frames_of_wide_spots_leave_nothing_behind() {
-    let gpu = gpu();
+    let gpu = host();
     let scan = changed(&scan(12, 0.03), |c| (c.laser_spot, c.sensor_spot) = (Some(0.08), Some(0.08)));
     let solver = surface(|_| ());
     let [a, b] = frames(&scan);
@@ -259,7 +259,7 @@ fn later_frames_make_nothing_on_the_device() {
 
 #[test]
 fn two_threads_with_a_session_each_give_the_bits_of_one_after_the_other() {
-    let gpu = gpu();
+    let gpu = host();
     let scan = scan(12, 0.03);
     let frames = frames(&scan);
     let solvers = [surface(|_| ()), paper()];
@@ -280,7 +280,7 @@ fn two_threads_with_a_session_each_give_the_bits_of_one_after_the_other() {
 
 #[test]
 fn a_cancelled_frame_leaves_the_session_usable() {
-    let gpu = gpu();
+    let gpu = host();
     let scan = scan(12, 0.03);
     let [a, b] = frames(&scan);
     for solver in [surface(|_| ()), paper()] {
@@ -319,7 +319,7 @@ fn a_cancelled_frame_leaves_the_session_usable() {
 
 #[test]
 fn a_frame_ends_at_its_time_limit_and_when_the_caller_says_so() {
-    let gpu = gpu();
+    let gpu = host();
     let scan = scan(8, 0.04);
     let [a, _] = frames(&scan);
     let limit = Some(Duration::ZERO);
@@ -345,7 +345,7 @@ fn a_frame_ends_at_its_time_limit_and_when_the_caller_says_so() {
 
 #[test]
 fn frames_that_are_no_counts_are_refused_and_the_session_goes_on() {
-    let gpu = gpu();
+    let gpu = host();
     let scan = scan(8, 0.04);
     let [a, b] = frames(&scan);
     let mut session = session(&gpu, &scan, &surface(|_| ()));
@@ -373,7 +373,7 @@ fn frames_that_are_no_counts_are_refused_and_the_session_goes_on() {
 
 #[test]
 fn another_thread_submits_while_one_waits() {
-    let gpu = gpu();
+    let gpu = host();
     let scan = scan(8, 0.04);
     let [counts, _] = frames(&scan);
     let mut session = session(&gpu, &scan, &surface(|_| ()));
@@ -398,7 +398,7 @@ fn another_thread_submits_while_one_waits() {
 
 #[test]
 fn sessions_that_are_dropped_leave_no_memory_behind() {
-    let gpu = Gpu::open(&GpuOptions::default()).expect("a Vulkan device: `make setup` installs lavapipe");
+    let gpu = Gpu::open(&GpuOptions::vulkan()).expect("a Vulkan device: `make setup` installs lavapipe");
     let scan = scan(4, 0.1);
     let [a, _] = frames(&scan);
     let small = surface(|o| (o.lateral, o.iterations) = (4, 4));
@@ -418,7 +418,7 @@ fn sessions_that_are_dropped_leave_no_memory_behind() {
 
 #[test]
 fn a_session_refuses_what_a_solve_refuses() {
-    let gpu = gpu();
+    let gpu = host();
     let scan = scan(4, 0.1);
     let make = |scan: &Capture, solver: &SolverOptions| {
         Session::new(&gpu, scan, None, solver, SessionOptions::default()).map(|s| s.plan().scene.pairs)

@@ -159,7 +159,7 @@ fn bits(maps: &Maps) -> Vec<u32> {
 
 #[test]
 fn the_fit_betters_what_it_begins_with_and_comes_near_from_a_plane() {
-    let gpu = gpu();
+    let gpu = host();
     let (capture, truth) = sphere();
     let of = |done: &Reconstruction| {
         let m = figures(done, truth);
@@ -188,7 +188,7 @@ fn the_fit_betters_what_it_begins_with_and_comes_near_from_a_plane() {
 
 #[test]
 fn it_begins_with_what_the_capture_allows() {
-    let gpu = gpu();
+    let gpu = host();
     let spot = Layout::OneLaser { point: dvec2(0.1, -0.1) };
     let capture = rendered(&Scene { scan: 12, layout: spot, ..scene("sphere") });
     let of = |capture: &Capture, begin| short(capture).with(|o| o.begin = begin);
@@ -209,7 +209,7 @@ fn it_begins_with_what_the_capture_allows() {
 /// Every kind of pairs on flat and curved walls: overlap with the true mask, and depth errors in metres.
 #[test]
 fn every_kind_of_pairs_finds_the_scene() {
-    let gpu = gpu();
+    let gpu = host();
     let point = dvec2(0.1, -0.1);
     let figure = || Scene { scan: 12, bin_width: 0.015, ..Scene::named("figure").unwrap() };
     let of = |layout| Scene { layout, ..figure() };
@@ -235,7 +235,7 @@ fn every_kind_of_pairs_finds_the_scene() {
 /// A support that grows finds what the closed form misses.
 #[test]
 fn the_support_follows_the_evidence() {
-    let gpu = gpu();
+    let gpu = host();
     let torus = scene("torus");
     let (capture, truth) = (rendered(&torus), truth(&torus, LATERAL).unwrap());
     let [fixed, auto] =
@@ -251,7 +251,7 @@ fn the_support_follows_the_evidence() {
 /// Rounds on pixels of twice the width come before those of the maps.
 #[test]
 fn many_pixels_begin_with_coarse_ones() {
-    let gpu = gpu();
+    let gpu = host();
     let (capture, _) = sphere();
     let o = short(capture).with(|o| o.lateral = 128);
     let done = solve(&gpu, capture, o);
@@ -265,7 +265,7 @@ fn many_pixels_begin_with_coarse_ones() {
 
 #[test]
 fn repeatable_sums_give_the_same_bits_twice() {
-    let gpu = gpu();
+    let gpu = host();
     let (capture, _) = sphere();
     for accumulation in [Accumulation::Repeatable, Accumulation::Fixed] {
         let o = short(capture).with(|o| o.accumulation = accumulation);
@@ -279,7 +279,7 @@ fn repeatable_sums_give_the_same_bits_twice() {
 
 #[test]
 fn captures_without_light_leave_nothing_behind() {
-    let gpu = gpu();
+    let gpu = host();
     let (capture, _) = sphere();
     let mut dark = capture.clone();
     dark.histograms.fill(0.0);
@@ -317,14 +317,14 @@ fn a_fixed_support_has_the_resolution_of_the_maps() {
         let o = SolverOptions::from(short(capture).with(|o| (o.lateral, o.grow) = (lateral, false)));
         let grid = Grid::new(volume, lateral, 0.015).unwrap();
         let mut hear = |_: &_| ControlFlow::Continue(());
-        let done = o.solve(&gpu(), &Problem::new(capture, grid), &mut unwatched(&mut hear)).unwrap();
+        let done = o.solve(&host(), &Problem::new(capture, grid), &mut unwatched(&mut hear)).unwrap();
         assert!(done.maps.nx == lateral && done.maps.mask.contains(&true));
     }
 }
 
 #[test]
 fn small_and_odd_inputs_end_well() {
-    let gpu = gpu();
+    let gpu = host();
     let (capture, _) = sphere();
     let one_bin = {
         let sum: Vec<f32> = capture.histograms.chunks(capture.bins).map(|h| h.iter().sum()).collect();
@@ -379,7 +379,7 @@ fn small_and_odd_inputs_end_well() {
 /// More than 256 pairs are spread over the wall and taken in batches.
 #[test]
 fn a_large_scan_is_fitted_in_batches() {
-    let gpu = gpu();
+    let gpu = host();
     let large = Scene { scan: 32, bin_width: 0.02, ..scene("sphere") };
     let capture = rendered(&large);
     let done = solve(&gpu, &capture, short(&capture));
@@ -398,7 +398,7 @@ fn a_large_scan_is_fitted_in_batches() {
 /// The impulse response and its tail are part of the model: results are as with sharp paths.
 #[test]
 fn an_impulse_response_is_part_of_the_model() {
-    let gpu = gpu();
+    let gpu = host();
     let sharp = Scene { scan: 12, ..scene("figure") };
     let truth = truth(&sharp, LATERAL).unwrap();
     for (name, pulse) in [

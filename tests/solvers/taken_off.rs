@@ -69,7 +69,7 @@ fn reconstructed(gpu: &Gpu, options: &SolverOptions, capture: &Capture) -> Recon
 /// Points of the wall that stand in different light: half of a picture is lost if all pairs have one background.
 #[test]
 fn every_pair_may_have_a_background_of_its_own() {
-    let gpu = gpu();
+    let gpu = host();
     let ([even, uneven, scaled], truth) = backgrounds();
     let [even, uneven, scaled] = [even, uneven, scaled].map(|c| {
         let m = solved(&gpu, "surface", &c, &truth);
@@ -83,7 +83,7 @@ fn every_pair_may_have_a_background_of_its_own() {
 /// A finer scan has pairs between the measured ones.
 #[test]
 fn closed_forms_take_the_background_of_each_pair_off() {
-    let gpu = gpu();
+    let gpu = host();
     let ([even, uneven, scaled], truth) = backgrounds();
     for (solver, upsample) in [("lct", 1), ("lct", 2), ("bp", 2)] {
         let iou = |capture: &Capture| {
@@ -131,7 +131,7 @@ fn backgrounds() -> ([Capture; 3], Truth) {
 #[test]
 #[ignore = "long: make soak"]
 fn results_are_no_worse_than_with_the_background() {
-    let gpu = gpu();
+    let gpu = host();
     let ([counts, taken_off], truth) = captures();
     assert!(taken_off.check().is_ok() && preset_for(&taken_off) == Preset::Captured);
     // The paper's solver has no background of its own: it explains dark counts by its noise term, and starts anew here.
@@ -156,7 +156,7 @@ fn results_are_no_worse_than_with_the_background() {
 
 #[test]
 fn results_are_as_without_pile_up_where_the_laser_pulses_are_known() {
-    let gpu = gpu();
+    let gpu = host();
     let scene = |pile_up| Scene {
         scan: 16,
         bin_width: 0.015,

@@ -19,7 +19,7 @@ fn frame_of(session: &mut Session, counts: &[f32]) {
 
 #[test]
 fn a_solve_submits_rarely_and_waits_rarely() {
-    let gpu = Gpu::open(&GpuOptions::default()).expect("a device");
+    let gpu = Gpu::open(&GpuOptions::vulkan()).expect("a device");
     let scene = Scene { scan: 16, bin_width: 0.02, photons: Some(1000.0), ..Scene::named("figure").unwrap() };
     let capture = simulate(&scene, &RenderOptions::default()).unwrap().capture;
     let settings = Settings::from_texts([("lateral", "64")]).unwrap();

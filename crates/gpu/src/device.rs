@@ -162,7 +162,7 @@ impl Gpu {
             limits: host::LIMITS.binding_at_most(options.binding),
             recorder: options.timings.then(Recorder::new),
             work: options.work,
-            injected_faults: None,
+            injected_faults: options.faults.any().then(|| InjectedFaults::new(options.faults)),
             allocated: AtomicU64::new(0),
             traffic: Default::default(),
             vulkan: None,

@@ -40,5 +40,6 @@ fn processor() -> String {
 /// Whether the host is the device that `options` ask for, if it has this index.
 pub(super) fn is_chosen(options: &GpuOptions, index: usize) -> bool {
     let text = options.device.as_deref().unwrap_or("auto");
-    text == "auto" || text.parse::<usize>().map_or_else(|_| is_called(&info(index), text), |wanted| wanted == index)
+    text == "auto"
+        || text.parse::<usize>().map_or_else(|_| is_called(&info(index), text), |wanted| wanted == index)
 }

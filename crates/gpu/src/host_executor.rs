@@ -38,7 +38,8 @@ impl HostArena {
     pub fn new(gpu: &Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<HostArena> {
         let _span = gpu.span("allocate");
         check(plan, &gpu.memory(), budget)?;
-        let words = |b: &BufferPlan| (b.buffer, Cells::Words(vec![0; b.bytes.div_ceil(4) as usize]));
+        let fresh = gpu.faults().poison.unwrap_or(0);
+        let words = |b: &BufferPlan| (b.buffer, Cells::Words(vec![fresh; b.bytes.div_ceil(4) as usize]));
         let bytes = plan.iter().map(|b| b.bytes).sum();
         gpu.allocated.fetch_add(bytes, Relaxed);
         Ok(HostArena { gpu: gpu.clone(), buffers: plan.iter().map(words).collect(), bytes })
@@ -182,7 +183,11 @@ impl HostExecutor {
             }
             Command::Copy { from, from_offset, to, to_offset, bytes } => {
                 let [from_at, to_at, count] = [*from_offset, *to_offset, *bytes].map(|n| n as usize / 4);
-                // Taken out for the time of the copy: source and target may not be borrowed from one map together.
+                if from == to {
+                    self.arena.words_mut(*to).copy_within(from_at..from_at + count, to_at);
+                    return;
+                }
+                // Taken out for the time of the copy: both may not be borrowed from one map together.
                 let source = self.take(*from);
                 if let Cells::Words(words) = &source {
                     self.arena.words_mut(*to)[to_at..to_at + count]

@@ -27,11 +27,10 @@ fn render<F: Real, A: Real>(
     let blocks = Block::<A>::all(points, normals);
     let (stride, pairs) = (call.stride(), call.scene.pairs as usize);
     // The row's padding before its bins, and two cells after them.
-    let split = if call.constant("SPLIT", 1) != 0 { A::one() } else { A::zero() };
     let scratch = || vec![A::zero(); stride + 2];
     histograms[PADDING as usize..].par_chunks_mut(stride).take(pairs).enumerate().for_each_init(scratch, |row, (pair, to)| {
         row.fill(A::zero());
-        light.run(RenderPair { numbers: &light.numbers, ends: light.ends(pair), blocks: &blocks, split, row });
+        light.run(RenderPair { numbers: &light.numbers, ends: light.ends(pair), blocks: &blocks, row });
         to.iter_mut().zip(&row[PADDING as usize..stride]).for_each(|(to, sum)| *to = *to + convert(*sum));
     });
 }
@@ -41,8 +40,6 @@ struct RenderPair<'r, A> {
     numbers: &'r Numbers<A>,
     ends: Ends<A>,
     blocks: &'r [Block<A>],
-    /// 0 if values are not shared between bins.
-    split: A,
     row: &'r mut [A],
 }
 
@@ -55,7 +52,7 @@ impl<A: Real> Loop for RenderPair<'_, A> {
             for j in 0..LANES {
                 let (value, metres) = Pair::<A, COSINES, TWO>::new(b, j, &self.ends, self.numbers).light(b, j);
                 let (cell, share) = place(metres, self.numbers);
-                let later = value * (share * self.split);
+                let later = value * share;
                 cells[j] = cell;
                 values[j] = [value - later, later];
             }

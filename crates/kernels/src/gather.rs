@@ -9,7 +9,7 @@ use super::{Call, Real};
 
 /// Sums over pairs at the samples of a block, component by component.
 pub struct Sums<A> {
-    /// By albedo.
+    /// By albedo; without cosines only.
     pub albedo: [A; LANES],
     /// By albedo times normal.
     pub vector: [[A; LANES]; 3],
@@ -20,8 +20,6 @@ pub struct Sums<A> {
 /// How a gather differs.
 #[derive(Debug, Clone, Copy)]
 pub struct Gather {
-    /// Residuals are interpolated between two bins.
-    pub split: bool,
     /// Values include the falloff.
     pub exact: bool,
 }
@@ -63,7 +61,7 @@ impl<F: Real, A: Real> Loop for OverPairs<'_, '_, F, A> {
         let mut arms = [[[A::zero(); LANES]; 4]; 2];
         let (mut cells, mut shares) = ([0u32; LANES], [A::zero(); LANES]);
         let mut around = [[A::zero(); 2]; LANES];
-        let (stride, split) = (call.stride(), if how.split { A::one() } else { A::zero() });
+        let stride = call.stride();
         for pair in call.push.first..call.push.last {
             let ends = light.ends(pair as usize);
             for j in 0..LANES {
@@ -82,7 +80,7 @@ impl<F: Real, A: Real> Loop for OverPairs<'_, '_, F, A> {
             }
             for j in 0..LANES {
                 let [low, high] = around[j];
-                let rise = (high - low) * split;
+                let rise = high - low;
                 let first = Arm::kept(&arms[0], j, &light.numbers);
                 let second = if TWO { Arm::kept(&arms[1], j, &light.numbers) } else { first };
                 let seen = Pair::<A, COSINES, TWO>::by([first, second], b, j, &ends);

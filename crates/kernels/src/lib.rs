@@ -51,7 +51,7 @@ pub struct Row {
 /// Declares the files, and lists their functions by name.
 macro_rules! kernels {
     ($($name:ident)*) => {
-        $(mod $name;)*
+        $(mod $name; pub use $name::$name;)*
 
         /// Every kernel.
         pub static KERNELS: &[Row] = &[$(Row {

@@ -21,7 +21,10 @@ pub const RETROREFLECTIVE: u32 = 2;
 
 /// Ways in which wall points make pairs, by their number in `glsl/include/transport.glsl`.
 const CONFOCAL: u32 = 0;
-const PRODUCT: u32 = 2;
+pub const PRODUCT: u32 = 2;
+
+/// Share of a row that paths are moved up where they are not shared between bins.
+const EDGE: f64 = 1.0 / 4_194_304.0;
 
 /// Samples of a block, component by component: position (metres), albedo, unit normal.
 #[derive(Debug, Clone)]
@@ -97,6 +100,8 @@ pub struct Numbers<A> {
     start: A,
     /// Last cell of a place.
     last: A,
+    /// Contributions are shared between two bins.
+    split: bool,
 }
 
 impl<'w, F: Real, A: Real> Light<'w, F, A> {
@@ -108,6 +113,9 @@ impl<'w, F: Real, A: Real> Light<'w, F, A> {
         let grain = f64::from(s.grain);
         let per_metre = (f64::from(s.bins_per_grain) + f64::from(s.bins_per_grain_rest)) / grain;
         let before = f64::from(s.start_bins) + f64::from(s.start_bins_rest);
+        let split = call.constant("SPLIT", 1) != 0;
+        // A path on an edge belongs to the bin that begins there, though fp32 may round it a little lower.
+        let edge = if split { 0.0 } else { EDGE * f64::from(s.stride) };
         let nearest = f64::from(s.nearest).powi(2).max(f64::from(f32::MIN_POSITIVE));
         let geometry = call.constant("GEOMETRY", 0);
         let numbers = Numbers {
@@ -115,8 +123,9 @@ impl<'w, F: Real, A: Real> Light<'w, F, A> {
             nearest: A::of(nearest),
             retro: reflectance == RETROREFLECTIVE,
             bins_per_metre: A::of(per_metre),
-            start: A::of(f64::from(PADDING) - before),
+            start: A::of(f64::from(PADDING) - before + edge),
             last: A::of(f64::from(s.stride)),
+            split,
         };
         Light {
             wall,
@@ -149,7 +158,7 @@ impl<'w, F: Real, A: Real> Light<'w, F, A> {
 pub struct Arm<A> {
     /// Unit vector to the wall point.
     pub toward: V3<A>,
-    /// Metres, and its inverse, which is 0 for a degenerate pair.
+    /// Metres, and the inverse; both are 0 for a degenerate pair.
     pub distance: A,
     pub inverse: A,
     /// (reference / distance)², or its root for retroreflective surfaces.
@@ -163,8 +172,9 @@ impl<A: Real> Arm<A> {
         let way = point - V3 { x: b.point[0][j], y: b.point[1][j], z: b.point[2][j] };
         let squared = way.dot(way);
         let distance = squared.sqrt();
-        let inverse = A::one() / distance;
-        let inverse = if squared < n.nearest { A::zero() } else { inverse };
+        let is_near = squared < n.nearest;
+        let inverse = if is_near { A::zero() } else { A::one() / distance };
+        let distance = if is_near { A::zero() } else { distance };
         Arm { distance, ..Arm::by(way * inverse, inverse, n) }
     }
 
@@ -249,11 +259,17 @@ impl<A: Real, const COSINES: u32, const TWO: bool> Pair<A, COSINES, TWO> {
     }
 }
 
-/// Place of a path of `metres` in a row: its cell (the first of the two whose centres bracket it), and the share of the next
-/// cell. Every path is in the row or in the padding at its ends, a NaN path in its first padding.
+/// Place of a path of `metres` in a row: its cell, and the share of the next cell. Where contributions are shared, the cell is
+/// the first of the two whose centres bracket the path. Every path is in the row or in the padding at its ends, a NaN path in
+/// its first padding.
 #[inline(always)]
 pub fn place<A: Real>(metres: A, n: &Numbers<A>) -> (u32, A) {
-    (metres * n.bins_per_metre + n.start).at_least(A::one()).at_most(n.last).split()
+    let (cell, share) = (metres * n.bins_per_metre + n.start).at_least(A::one()).at_most(n.last).split();
+    match n.split {
+        true => (cell, share),
+        // An integer may be the one before it and 1.
+        false => (cell + u32::from(share >= A::one()), A::zero()),
+    }
 }
 
 /// A loop over pairs and blocks, compiled for every kind of cosines and for one or two arms.

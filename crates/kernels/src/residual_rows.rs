@@ -19,7 +19,7 @@ pub fn residual_rows<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     let first = PADDING as usize;
     residual[..first].fill(F::zero());
     let compared = if seen { &spread[first..] } else { &histograms[first..] };
-    let faults: Vec<u32> = residual[first..]
+    let faults: Vec<u32> = residual[first..call.cells()]
         .par_chunks_mut(ROWS * stride)
         .zip(compared.par_chunks(ROWS * stride))
         .zip(measured[..pairs * bins].par_chunks(ROWS * bins))

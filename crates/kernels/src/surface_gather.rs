@@ -21,7 +21,7 @@ fn gathered<F: Real, A: Real>(
     gradient: &mut [[F; 4]],
 ) {
     let goes_on = call.push.flags & BACKWARD_CONTINUE != 0;
-    let how = Gather { split: true, exact: true };
+    let how = Gather { exact: true };
     gather::<F, A>(call, how, samples, tables, gradient, |cosines, block, sums, out| {
         for (j, out) in out.iter_mut().enumerate() {
             let depth = block.albedo[j] * sums.depth[j];

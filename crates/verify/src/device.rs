@@ -149,7 +149,8 @@ const WORDS: &[Buffer] = &[
 /// The device fails.
 pub fn decode(job: &mut OnDevice, buffer: Buffer, words: Vec<u32>) -> Result<Cells<f64>> {
     let of_level = |l: &Level| [l.reachable, l.scene, l.rendered.scene].contains(&buffer);
-    let is_block = buffer == buffer::PAPER || job.plan.blocks.iter().any(|(block, _)| *block == buffer);
+    let is_block = [buffer::PAPER, buffer::SURFACE].contains(&buffer)
+        || job.plan.blocks.iter().any(|(block, _)| *block == buffer);
     if is_block || WORDS.contains(&buffer) || job.plan.levels.volume.iter().any(of_level) {
         return Ok(Cells::Words(words));
     }

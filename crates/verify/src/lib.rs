@@ -23,7 +23,7 @@ pub use physics::{Raw, Sample, Way, instrument, rendered};
 pub use solvers::place;
 
 use thirdbounce::Result;
-use thirdbounce::gpu::{Abilities, Buffer, Gpu};
+use thirdbounce::gpu::{Abilities, Buffer, DeviceKind, Gpu};
 use thirdbounce::solve::{Accumulation, PaperOptions};
 use thirdbounce::transport::{Grid, Model};
 
@@ -172,7 +172,14 @@ impl KernelCase {
             Paths::Shared => &[Float, Fixed, Cas],
             Paths::Only(these) => these,
         };
-        wanted.iter().copied().filter(has).collect()
+        match device.kind {
+            // A task owns a histogram there. What the other paths alone have, it has not.
+            DeviceKind::Host if self.paths == Paths::Shared => vec![],
+            // Its network is no schedule.
+            DeviceKind::Host if matches!(self.solver, CaseSolver::Learned) => vec![],
+            DeviceKind::Host => vec![Owned],
+            _ => wanted.iter().copied().filter(has).collect(),
+        }
     }
 
     /// Runs it.

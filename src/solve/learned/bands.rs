@@ -1,5 +1,6 @@
 //! Light of a pair along the path, in five bands: what voxels at this path hear of it, at two scales and with either sign.
 
+use super::project::ROWS;
 use super::sizes::{BANDS, SAMPLES, STEP, wide};
 use crate::transport::kernels::LEARNED_TAPS;
 
@@ -11,6 +12,9 @@ const REACH: usize = LEARNED_TAPS as usize;
 /// The background of a pair is this quantile of its bins, computed from about this many of them.
 const QUANTILE: f64 = 0.2;
 const LOOKED_AT: usize = 512;
+/// Samples whose bands are computed together: those of all bands fit registers.
+const BLOCK: usize = 16;
+const _: () = assert!(SAMPLES.is_multiple_of(BLOCK));
 
 /// The taps of the bands.
 pub struct Bands {
@@ -40,7 +44,7 @@ impl Bands {
 
     /// The bands of a histogram whose first bin begins at path `start`, with bins of `width`, both in walls: [sample][band], where
     /// sample i is at path i [`STEP`]. Light counts by the cube of its path.
-    pub fn of(&self, counts: &[f32], [start, width]: [f64; 2]) -> Vec<[f32; 8]> {
+    pub fn of(&self, counts: &[f32], [start, width]: [f64; 2]) -> Vec<f32> {
         let level = quantile(counts);
         let mut sums = vec![0.0f64];
         sums.extend(counts.iter().scan(0.0, |sum, v| {
@@ -52,38 +56,52 @@ impl Bands {
             let i = (x as usize).min(counts.len() - 1);
             sums[i] + (x - i as f64) * (sums[i + 1] - sums[i])
         };
+        let edges: [f64; SAMPLES + 1] = std::array::from_fn(|i| until((i as f64 - 0.5) * STEP));
         let mut light = vec![0.0f32; SAMPLES + 2 * REACH];
         for (i, v) in light[REACH..REACH + SAMPLES].iter_mut().enumerate() {
-            let path = i as f64 * STEP;
-            *v = ((until(path + 0.5 * STEP) - until(path - 0.5 * STEP)) * path.powi(3)) as f32;
+            *v = ((edges[i + 1] - edges[i]) * (i as f64 * STEP).powi(3)) as f32;
         }
         // Nothing is beyond the last sample.
-        let mut bands = vec![[0.0f32; 8]; SAMPLES + 2];
-        let mut one = vec![0.0f32; SAMPLES];
-        for (band, taps) in self.taps.iter().enumerate() {
-            one.fill(0.0);
-            wide(
+        let mut bands = vec![0.0f32; ROWS * BANDS];
+        for from in (0..SAMPLES).step_by(BLOCK) {
+            let light = &light[from..from + BLOCK + 2 * REACH];
+            let block = wide(
                 #[inline(always)]
-                || {
-                    for (k, tap) in taps.iter().enumerate() {
-                        let from = &light[2 * REACH - k..][..SAMPLES];
-                        one.iter_mut().zip(from).for_each(|(to, v)| *to += tap * v);
-                    }
-                },
+                || self.block(light),
             );
-            bands.iter_mut().zip(&one).for_each(|(to, v)| to[band] = *v);
+            for (i, to) in bands[from * BANDS..].chunks_exact_mut(BANDS).take(BLOCK).enumerate() {
+                for (to, of) in to.iter_mut().zip(&block) {
+                    *to = of[i];
+                }
+            }
         }
         bands
+    }
+
+    /// The bands of a block of samples, from the light around them.
+    #[inline(always)]
+    fn block(&self, light: &[f32]) -> [[f32; BLOCK]; BANDS] {
+        let [mut a, mut b, mut c, mut d, mut e] = [[0.0f32; BLOCK]; BANDS];
+        for k in 0..2 * REACH + 1 {
+            let light: &[f32; BLOCK] = light[2 * REACH - k..].first_chunk().expect("a block");
+            for (to, taps) in [&mut a, &mut b, &mut c, &mut d, &mut e].into_iter().zip(&self.taps) {
+                for (to, light) in to.iter_mut().zip(light) {
+                    *to += taps[k] * light;
+                }
+            }
+        }
+        [a, b, c, d, e]
     }
 }
 
 /// A low quantile of the bins.
 pub fn quantile(counts: &[f32]) -> f32 {
     let mut some: Vec<f32> = counts.iter().copied().step_by((counts.len() / LOOKED_AT).max(1)).collect();
-    some.sort_unstable_by(f32::total_cmp);
     let at = QUANTILE * (some.len() - 1) as f64;
     let (i, share) = (at as usize, at.fract() as f32);
-    some[i] + share * (some[(i + 1).min(some.len() - 1)] - some[i])
+    let (_, low, above) = some.select_nth_unstable_by(i, f32::total_cmp);
+    let next = above.iter().copied().min_by(f32::total_cmp).unwrap_or(*low);
+    *low + share * (next - *low)
 }
 
 #[cfg(test)]
@@ -100,7 +118,7 @@ mod tests {
         // The bin lies in the samples around this one.
         let path = start + (at as f64 + 0.5) * width;
         let middle = (path / STEP).round() as usize;
-        let of = |band: usize| bands.iter().map(move |b| f64::from(b[band])).collect::<Vec<f64>>();
+        let of = |band: usize| bands.chunks(BANDS).map(move |b| f64::from(b[band])).collect::<Vec<f64>>();
         let all = 10.0 * path.powi(3);
         for band in [0, 2, 4] {
             let top = of(band).iter().enumerate().max_by(|a, b| a.1.total_cmp(b.1)).unwrap().0;
@@ -115,7 +133,7 @@ mod tests {
         for band in [1, 3] {
             assert!(of(band)[middle + 2] > 0.0 && of(band)[middle - 2] < 0.0);
         }
-        assert_eq!((bands.len(), bands[SAMPLES], bands[SAMPLES + 1]), (SAMPLES + 2, [0.0; 8], [0.0; 8]));
+        assert!(bands.len() == ROWS * BANDS && bands[SAMPLES * BANDS..].iter().all(|v| *v == 0.0));
     }
 
     #[test]

@@ -62,7 +62,7 @@ impl LearnedStart {
     /// # Errors
     /// Pairs cannot be chosen, or the device fails.
     pub fn of(gpu: &Gpu, capture: &Capture, memory: Option<u64>) -> Result<Option<LearnedStart>> {
-        if gpu.info.kind == DeviceKind::Cpu {
+        if matches!(gpu.info.kind, DeviceKind::Host | DeviceKind::Cpu) {
             return LearnedStart::on_host(capture);
         }
         match LearnedStart::on_device(gpu, capture, memory) {

@@ -4,15 +4,16 @@ use rayon::prelude::*;
 
 use super::sizes::wide;
 
-/// Vectors along z and output channels of a step of [`Tensor::convolved`]: with inputs and a weight they fill sixteen registers.
+/// Vectors along z of a step of [`Tensor::convolve`], at most, and its output channels: sums, inputs and weights of 3 and 8 fill 32
+/// registers of [`LANES`] values, of 2 and 4 sixteen narrower ones.
 const VECTORS: usize = 3;
-const OUTPUTS: usize = 4;
-/// Cells along z of a step in the widest vectors, of sixteen.
-const BLOCK: usize = 16 * VECTORS;
+const OUTPUTS: usize = 8;
+const FEWER: usize = 4;
+/// Values of the widest vectors.
+const LANES: usize = 16;
 
 /// Channels of a volume of n cells, [x + 1][channel][y + 1][z + 1]: a slab along x lies together, and a rim of zeros is around
 /// all cells.
-#[derive(Clone)]
 pub struct Tensor {
     pub channels: usize,
     pub n: [usize; 3],
@@ -31,7 +32,7 @@ pub struct Weights<'w> {
 
 impl Tensor {
     pub fn zeros(channels: usize, n: [usize; 3]) -> Tensor {
-        let row = n[2].next_multiple_of(BLOCK) + 2;
+        let row = n[2].next_multiple_of(LANES) + 2;
         Tensor { channels, n, row, values: vec![0.0; (n[0] + 2) * channels * (n[1] + 2) * row] }
     }
 
@@ -58,76 +59,87 @@ impl Tensor {
         });
     }
 
-    /// The convolution of the channels of all `inputs` one after another.
-    pub fn convolved(inputs: &[&Tensor], weights: &Weights<'_>) -> Tensor {
-        let outputs = weights.bias.len();
-        let mut to = Tensor::zeros(outputs, inputs[0].n);
+    /// Becomes the convolution of the channels of all `inputs` one after another. Returns, by channel, sums of its values and of their
+    /// squares.
+    pub fn convolve(&mut self, inputs: &[&Tensor], weights: &Weights<'_>) -> Vec<[f64; 2]> {
         let packed = packed(inputs, weights);
-        let (slab, nx) = (to.slab(), to.n[0]);
-        let like = Tensor { values: vec![], ..to };
-        to.values.par_chunks_mut(slab).enumerate().skip(1).take(nx).for_each(|(x, values)| {
-            let slab = Slab { inputs, packed: &packed, weights, like: &like, x, to: values };
-            pulp::Arch::new().dispatch(slab);
-        });
-        Tensor { values: to.values, ..like }
-    }
-
-    /// Convolution of 2 x 2 x 2 cells to one; weights [output][input][2][2][2].
-    pub fn halved(&self, weights: &[f32], bias: &[f32]) -> Tensor {
-        let mut to = Tensor::zeros(bias.len(), self.n.map(|n| n / 2));
-        to.fill(|output, x, y, row| {
-            row.fill(bias[output]);
-            for input in 0..self.channels {
-                for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-                    let from = self.along_z(input, 2 * x + i, 2 * y + j);
-                    let at = (output * self.channels + input) * 8 + 4 * i + 2 * j;
-                    for (to, pair) in row.iter_mut().zip(from.chunks_exact(2)) {
-                        *to += weights[at] * pair[0] + weights[at + 1] * pair[1];
-                    }
-                }
-            }
-        });
-        to
-    }
-
-    /// Transposed convolution of a cell to 2 x 2 x 2; weights [input][output][2][2][2].
-    pub fn doubled(&self, weights: &[f32], bias: &[f32]) -> Tensor {
-        let mut to = Tensor::zeros(bias.len(), self.n.map(|n| 2 * n));
-        to.fill(|output, x, y, row| {
-            row.fill(bias[output]);
-            for input in 0..self.channels {
-                let at = (input * bias.len() + output) * 8 + 4 * (x % 2) + 2 * (y % 2);
-                let from = self.along_z(input, x / 2, y / 2);
-                for (pair, value) in row.chunks_exact_mut(2).zip(from) {
-                    pair[0] += weights[at] * value;
-                    pair[1] += weights[at + 1] * value;
-                }
-            }
-        });
-        to
-    }
-
-    /// x sigmoid(x) of these channels, normalised in groups (Wu & He 2018) and scaled by weights; `with` is added in between.
-    pub fn activated(mut self, groups: usize, weight: &[f32], bias: &[f32], with: Option<&Tensor>) -> Tensor {
-        let each = self.channels / groups;
-        let cells = self.n.iter().product::<usize>() as f64;
-        let moments: Vec<[f64; 2]> = (0..self.channels)
-            .into_par_iter()
-            .map(|channel| {
-                let rows = (0..self.n[0]).flat_map(|x| (0..self.n[1]).map(move |y| (x, y)));
-                rows.fold([0.0; 2], |[sum, squares], (x, y)| {
-                    let row = self.along_z(channel, x, y);
-                    let [a, b] = wide(
-                        #[inline(always)]
-                        || sums(row),
-                    );
-                    [sum + f64::from(a), squares + f64::from(b)]
-                })
+        let (slab, nx) = (self.slab(), self.n[0]);
+        let mut values = std::mem::take(&mut self.values);
+        let like = &*self;
+        let sums: Vec<Vec<[f64; 2]>> = values
+            .par_chunks_mut(slab)
+            .skip(1)
+            .take(nx)
+            .enumerate()
+            .map(|(x, to)| {
+                let slab = Slab { inputs, packed: &packed, weights, like, x: x + 1, to };
+                pulp::Arch::new().dispatch(slab)
             })
             .collect();
+        self.values = values;
+        let of = |channel: usize| {
+            sums.iter().fold([0.0; 2], |[a, b], of| [a + of[channel][0], b + of[channel][1]])
+        };
+        (0..self.channels).map(of).collect()
+    }
+
+    /// Becomes the convolution of 2 x 2 x 2 cells of `fine` to one; weights [output][input][2][2][2].
+    pub fn halve(&mut self, fine: &Tensor, weights: &[f32], bias: &[f32]) {
+        self.fill(|output, x, y, row| {
+            row.fill(bias[output]);
+            for input in 0..fine.channels {
+                for (i, j) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                    let from = fine.along_z(input, 2 * x + i, 2 * y + j);
+                    let at = (output * fine.channels + input) * 8 + 4 * i + 2 * j;
+                    let [a, b] = [weights[at], weights[at + 1]];
+                    wide(
+                        #[inline(always)]
+                        || {
+                            for (to, pair) in row.iter_mut().zip(from.as_chunks::<2>().0) {
+                                *to += a * pair[0] + b * pair[1];
+                            }
+                        },
+                    );
+                }
+            }
+        });
+    }
+
+    /// Becomes the transposed convolution of a cell of `coarse` to 2 x 2 x 2; weights [input][output][2][2][2].
+    pub fn double(&mut self, coarse: &Tensor, weights: &[f32], bias: &[f32]) {
+        self.fill(|output, x, y, row| {
+            row.fill(bias[output]);
+            for input in 0..coarse.channels {
+                let at = (input * bias.len() + output) * 8 + 4 * (x % 2) + 2 * (y % 2);
+                let [a, b] = [weights[at], weights[at + 1]];
+                let from = coarse.along_z(input, x / 2, y / 2);
+                wide(
+                    #[inline(always)]
+                    || {
+                        for (pair, value) in row.as_chunks_mut::<2>().0.iter_mut().zip(from) {
+                            pair[0] += a * value;
+                            pair[1] += b * value;
+                        }
+                    },
+                );
+            }
+        });
+    }
+
+    /// x sigmoid(x) of these channels, normalised in groups (Wu & He 2018) by their `sums` and scaled by weights; `with` is added in
+    /// between.
+    pub fn activate(
+        &mut self,
+        sums: &[[f64; 2]],
+        groups: usize,
+        [weight, bias]: [&[f32]; 2],
+        with: Option<&Tensor>,
+    ) {
+        let each = self.channels / groups;
+        let cells = self.n.iter().product::<usize>() as f64;
         let scales: Vec<[f32; 2]> = (0..self.channels)
             .map(|channel| {
-                let of = &moments[channel / each * each..][..each];
+                let of = &sums[channel / each * each..][..each];
                 let [sum, squares] = of.iter().fold([0.0; 2], |[a, b], m| [a + m[0], b + m[1]]);
                 let mean = sum / (cells * each as f64);
                 let variance = (squares / (cells * each as f64) - mean * mean).max(0.0);
@@ -151,7 +163,6 @@ impl Tensor {
                 }
             }
         });
-        self
     }
 }
 
@@ -191,7 +202,11 @@ fn taps(reach: [usize; 3]) -> impl Iterator<Item = [usize; 3]> {
     })
 }
 
-/// Weights in the order of [`slab_of`]: by group of outputs, input, tap; those of a group together.
+const fn vectors<S: pulp::Simd>() -> usize {
+    if S::F32_LANES == LANES { VECTORS } else { 2 }
+}
+
+/// Weights in the order of [`Slab::step`]: by group of outputs, input, tap; those of a group together.
 fn packed(inputs: &[&Tensor], weights: &Weights<'_>) -> Vec<[f32; OUTPUTS]> {
     let outputs = weights.bias.len();
     let channels: usize = inputs.iter().map(|t| t.channels).sum();
@@ -222,52 +237,103 @@ struct Slab<'s> {
 }
 
 impl pulp::WithSimd for Slab<'_> {
-    type Output = ();
+    type Output = Vec<[f64; 2]>;
 
     #[inline(always)]
-    fn with_simd<S: pulp::Simd>(self, simd: S) {
-        let Slab { inputs, packed, weights, like: &Tensor { n: [_, ny, nz], row, .. }, x, to } = self;
-        let [each, deep] = [taps(weights.reach).count(), 2 * weights.reach[2] + 1];
-        let lines: Vec<[usize; 2]> =
-            taps(weights.reach).step_by(deep).map(|[i, j, _]| [x + i - 1, j]).collect();
-        let channels: usize = inputs.iter().map(|t| t.channels).sum();
-        let block = VECTORS * S::F32_LANES;
-        for y in 1..=ny {
-            for z in (0..nz).step_by(block) {
-                for group in (0..weights.bias.len()).step_by(OUTPUTS) {
-                    let bias = |o: usize| weights.bias.get(group + o).copied().unwrap_or(0.0);
-                    let mut sums: [[S::f32s; VECTORS]; OUTPUTS] =
-                        std::array::from_fn(|o| [simd.splat_f32s(bias(o)); VECTORS]);
-                    let mut next = group / OUTPUTS * channels * each;
-                    for input in inputs {
-                        for channel in 0..input.channels {
-                            for [x, j] in &lines {
-                                let at = x * input.slab() + (channel * (ny + 2) + y + j - 1) * row + z;
-                                let from = &input.values[at + 1 - weights.reach[2]..][..block + deep - 1];
-                                for (tap, weights) in packed[next..next + deep].iter().enumerate() {
-                                    let (of, _) = S::as_simd_f32s(&from[tap..tap + block]);
-                                    let of: [S::f32s; VECTORS] = std::array::from_fn(|v| of[v]);
-                                    for (sums, weight) in sums.iter_mut().zip(weights) {
-                                        let weight = simd.splat_f32s(*weight);
-                                        for (sum, of) in sums.iter_mut().zip(of) {
-                                            *sum = simd.mul_add_e_f32s(of, weight, *sum);
-                                        }
-                                    }
-                                }
-                                next += deep;
-                            }
-                        }
+    fn with_simd<S: pulp::Simd>(mut self, simd: S) -> Vec<[f64; 2]> {
+        let [_, ny, nz] = self.like.n;
+        let outputs = self.weights.bias.len();
+        let deep = 2 * self.weights.reach[2] + 1;
+        let mut rows = vec![];
+        for input in self.inputs {
+            for channel in 0..input.channels {
+                for [i, j, _] in taps(self.weights.reach).step_by(deep) {
+                    let row = channel * (ny + 2) + j;
+                    rows.push(
+                        &input.values[(self.x + i - 1) * input.slab() + row * input.row + 1 - deep / 2..],
+                    );
+                }
+            }
+        }
+        for y in 0..ny {
+            for z in (0..nz).step_by(vectors::<S>() * S::F32_LANES) {
+                if S::F32_LANES == LANES {
+                    for group in (0..outputs).step_by(OUTPUTS) {
+                        self.some::<S, OUTPUTS>(simd, &rows, [y, z, group]);
                     }
-                    for (o, sums) in sums.iter().enumerate().take(weights.bias.len() - group) {
-                        let at = ((group + o) * (ny + 2) + y) * row + 1 + z;
-                        for (v, sum) in sums.iter().enumerate() {
-                            let from = v * S::F32_LANES;
-                            let to = &mut to[at + from..at + block.min(nz - z).max(from)];
-                            simd.partial_store_f32s(to, *sum);
-                        }
+                } else {
+                    for group in (0..outputs).step_by(FEWER) {
+                        self.some::<S, FEWER>(simd, &rows, [y, z, group]);
                     }
                 }
             }
+        }
+        let mut all = Vec::with_capacity(outputs);
+        for channel in self.to.chunks(self.like.row * (ny + 2)) {
+            let mut of = [0.0; 2];
+            for row in channel.chunks(self.like.row).skip(1).take(ny) {
+                let [a, b] = sums(&row[1..=nz]);
+                of = [of[0] + f64::from(a), of[1] + f64::from(b)];
+            }
+            all.push(of);
+        }
+        all
+    }
+}
+
+impl Slab<'_> {
+    /// Some outputs of as many vectors of a row as there are.
+    #[inline(always)]
+    fn some<S: pulp::Simd, const O: usize>(&mut self, simd: S, rows: &[&[f32]], at: [usize; 3]) {
+        match ((self.like.n[2] - at[1]).div_ceil(S::F32_LANES).min(vectors::<S>()), self.weights.reach[2]) {
+            (1, 0) => self.step::<S, 1, O, 1>(simd, rows, at),
+            (2, 0) => self.step::<S, 2, O, 1>(simd, rows, at),
+            (_, 0) => self.step::<S, VECTORS, O, 1>(simd, rows, at),
+            (1, _) => self.step::<S, 1, O, 3>(simd, rows, at),
+            (2, _) => self.step::<S, 2, O, 3>(simd, rows, at),
+            _ => self.step::<S, VECTORS, O, 3>(simd, rows, at),
+        }
+    }
+
+    /// V vectors of O outputs, which read D cells along z.
+    #[inline(always)]
+    fn step<S: pulp::Simd, const V: usize, const O: usize, const D: usize>(
+        &mut self,
+        simd: S,
+        rows: &[&[f32]],
+        [y, z, group]: [usize; 3],
+    ) {
+        let Slab { packed, weights, like: &Tensor { n: [_, ny, nz], row, .. }, .. } = *self;
+        let packed = &packed[group / OUTPUTS * rows.len() * D..];
+        let mut sums = [[simd.splat_f32s(0.0); V]; O];
+        for (o, sums) in sums.iter_mut().enumerate() {
+            *sums = [simd.splat_f32s(weights.bias.get(group + o).copied().unwrap_or(0.0)); V];
+        }
+        for (from, weights) in rows.iter().zip(packed.as_chunks::<D>().0) {
+            let from = &from[y * row + z..][..V * S::F32_LANES + D - 1];
+            for d in 0..D {
+                let (of, _) = S::as_simd_f32s(&from[d..d + V * S::F32_LANES]);
+                let of: &[S::f32s; V] = of.first_chunk().expect("some vectors");
+                let weights: &[f32; O] = weights[d][group % OUTPUTS..].first_chunk().expect("outputs");
+                for o in 0..O {
+                    let weight = simd.splat_f32s(weights[o]);
+                    for v in 0..V {
+                        sums[o][v] = simd.mul_add_e_f32s(of[v], weight, sums[o][v]);
+                    }
+                }
+            }
+        }
+        // Copied by constant indices alone, so that the sums above stay in registers.
+        let mut made = [[simd.splat_f32s(0.0); V]; O];
+        for o in 0..O {
+            for v in 0..V {
+                made[o][v] = sums[o][v];
+            }
+        }
+        let count = (nz - z).min(V * S::F32_LANES);
+        for (o, made) in made.iter().enumerate().take(weights.bias.len() - group) {
+            let at = ((group + o) * (ny + 2) + y + 1) * row + 1 + z;
+            self.to[at..at + count].copy_from_slice(&bytemuck::cast_slice(made)[..count]);
         }
     }
 }
@@ -308,7 +374,8 @@ mod tests {
             let (a, b) = (filled(2, n, 1), filled(3, n, 2));
             let each: Vec<[usize; 3]> = taps(reach).collect();
             let (weights, bias) = (random(outputs * 5 * each.len(), 3), random(outputs, 4));
-            let made = Tensor::convolved(&[&a, &b], &Weights { weights: &weights, bias: &bias, reach });
+            let mut made = Tensor::zeros(outputs, n);
+            made.convolve(&[&a, &b], &Weights { weights: &weights, bias: &bias, reach });
             for (o, bias) in bias.iter().enumerate() {
                 for cell in 0..n.iter().product() {
                     let at = [cell / (n[1] * n[2]), cell / n[2] % n[1], cell % n[2]].map(|v| v as isize);
@@ -331,8 +398,9 @@ mod tests {
     fn doubling_is_the_transpose_of_halving() {
         let (fine, coarse) = (filled(2, [4, 6, 8], 1), filled(3, [2, 3, 4], 2));
         let weights = random(3 * 2 * 8, 3);
-        let halved = fine.halved(&weights, &[0.0; 3]);
-        let doubled = coarse.doubled(&weights, &[0.0; 2]);
+        let (mut halved, mut doubled) = (Tensor::zeros(3, [2, 3, 4]), Tensor::zeros(2, [4, 6, 8]));
+        halved.halve(&fine, &weights, &[0.0; 3]);
+        doubled.double(&coarse, &weights, &[0.0; 2]);
         let product = |a: &Tensor, b: &Tensor| -> f64 {
             let rows = (0..a.channels)
                 .flat_map(|c| (0..a.n[0]).flat_map(move |x| (0..a.n[1]).map(move |y| (c, x, y))));
@@ -347,7 +415,8 @@ mod tests {
         let mut one = vec![0.0; 8];
         one[5] = 1.0;
         let point = filled(1, [1, 1, 1], 5);
-        let made = point.doubled(&one, &[0.0]);
+        let mut made = Tensor::zeros(1, [2; 3]);
+        made.double(&point, &one, &[0.0]);
         assert_eq!(value(&made, 0, [1, 0, 1]), value(&point, 0, [0; 3]));
     }
 
@@ -356,7 +425,10 @@ mod tests {
         let tensor = filled(4, [3, 4, 9], 1);
         let with = filled(4, [3, 4, 9], 2);
         let (weight, bias) = (random(4, 3), random(4, 4));
-        let made = tensor.clone().activated(2, &weight, &bias, Some(&with));
+        let mut made = Tensor::zeros(4, [3, 4, 9]);
+        let same: Vec<f32> = (0..16).map(|i| if i % 5 == 0 { 1.0 } else { 0.0 }).collect();
+        let sums = made.convolve(&[&tensor], &Weights { weights: &same, bias: &[0.0; 4], reach: [0; 3] });
+        made.activate(&sums, 2, [&weight, &bias], Some(&with));
         let cells: Vec<[isize; 3]> = (0..108).map(|i| [i / 36, i / 9 % 4, i % 9].map(|v: isize| v)).collect();
         for channel in 0..4 {
             let of: Vec<f64> = (channel / 2 * 2..channel / 2 * 2 + 2)

@@ -141,6 +141,8 @@ fn texels_at_most(model: &Model, own: usize) -> u64 {
 
 fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Result<Accumulation> {
     Ok(match wanted {
+        // A task owns a histogram there.
+        _ if kind == DeviceKind::Host => Accumulation::Owned,
         Accumulation::Auto | Accumulation::Repeatable if kind == DeviceKind::Cpu => Accumulation::Owned,
         Accumulation::Repeatable if !offered.int64 => Accumulation::Owned,
         Accumulation::Auto if offered.float => Accumulation::Float,

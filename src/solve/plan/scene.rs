@@ -53,7 +53,7 @@ impl ModelSizes {
             bin_width: model.bin_width,
             reflectance: model.reflectance,
             fine: model.is_fine(grid),
-            polished: device != DeviceKind::Cpu && model.is_polished(grid),
+            polished: !matches!(device, DeviceKind::Host | DeviceKind::Cpu) && model.is_polished(grid),
             pulse: model.pulse.as_ref().map_or(0, |p| p.weights.len()),
             pulse_deviation: model.pulse.as_ref().map_or(0.0, |p| p.deviation() * model.bin_width),
             high_pass: model.high_pass.is_some(),

@@ -166,7 +166,7 @@ fn fill_of(kind: DeviceKind) -> u32 {
     match kind {
         DeviceKind::Discrete | DeviceKind::Virtual => 1 << 17,
         DeviceKind::Integrated | DeviceKind::Other => 1 << 14,
-        DeviceKind::Cpu => 0,
+        DeviceKind::Host | DeviceKind::Cpu => 0,
     }
 }
 

@@ -335,7 +335,7 @@ impl<M: Projection> Imager<M> for Projecting {
     fn conclude(&mut self, done: &mut Reconstruction) -> Result<()> {
         done.filled = self.scan.as_ref().map_or(0, |scan| scan.gaps.len());
         let executor = &mut self.all.made()?.executor;
-        done.device_bytes = executor.arena().bytes();
+        done.device_bytes = executor.bytes();
         done.kernels = executor.take_times().into_iter().collect();
         Ok(())
     }
