@@ -3,7 +3,7 @@
 use fixtures::device::*;
 use thirdbounce::solve::gaussian_weights;
 use thirdbounce::transport::kernels::{COUNT_ACTIVE, COUNTS, Push, constant};
-use thirdbounce::transport::{Binning, Model};
+use thirdbounce::transport::{Binning, Model, Reflectance};
 use thirdbounce_kernels::Cells;
 use thirdbounce_verify::{Sample, reference, rendered};
 
@@ -21,22 +21,26 @@ fn forward(model: &Model, samples: &[Sample]) -> Vec<f64> {
     model.bins_of(b[3].f())
 }
 
-/// Largest difference of all pairs, walls, reflectances and kinds of bins over the largest value: the scene of kernels is
-/// in fp32.
+/// Largest difference over the largest value. All numbers of the scene are exact in fp32 except for the normals of a curved wall.
 #[test]
 fn forward_renders_what_the_model_says() {
     let grid = grid();
-    let mut worst = 0.0f64;
     for (geometry, reflectance, curved) in variants() {
+        let allowed = if curved && reflectance == Reflectance::Lambertian { 1e-7 } else { 1e-9 };
         for binning in [Binning::Linear, Binning::Nearest] {
-            let model = variant(&Model { binning, ..model(4, 64, 9) }, geometry, reflectance, curved, 10);
+            let exact = Model {
+                binning,
+                reference: 0.625,
+                t_start: 0.3125,
+                bin_width: 2.5 / 64.0,
+                ..model(4, 64, 9)
+            };
+            let model = variant(&exact, geometry, reflectance, curved, 10);
             let samples = away_from_edges(&model, &samples(&model, &grid, 0.2, 11));
             let e = error(forward(&model, &samples), rendered(&model, &grid, &samples));
-            println!("{geometry:?} {reflectance:?} {curved} {binning:?}: {e:e}");
-            worst = worst.max(e);
+            assert!(e < allowed, "{geometry:?} {reflectance:?} {binning:?}, curved {curved}: {e:e}");
         }
     }
-    assert!(worst < 1e-9, "{worst:e}");
 }
 
 #[test]
