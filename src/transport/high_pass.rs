@@ -67,9 +67,13 @@ impl HighPass {
     pub fn factors(&self, weights: &[f64], bin_width: f64) -> Vec<[f32; 4]> {
         let decay = f64::from(self.decay(bin_width) as f32);
         let steps = self.rows_of(weights.len(), bin_width).steps;
-        let of_bins = weights.iter().zip(steps).map(|(weight, [inverse, factor])| [weight.sqrt(), inverse, factor]);
+        let of_bins =
+            weights.iter().zip(steps).map(|(weight, [inverse, factor])| [weight.sqrt(), inverse, factor]);
         let all = of_bins.chain([[0.0; 3]]).enumerate();
-        all.map(|(i, [root, inverse, factor])| [root, inverse, factor, decay.powi(i as i32)].map(|v| v as f32)).collect()
+        all.map(|(i, [root, inverse, factor])| {
+            [root, inverse, factor, decay.powi(i as i32)].map(|v| v as f32)
+        })
+        .collect()
     }
 
     /// Filters a row in place.

@@ -99,7 +99,7 @@ fn every_kernel_has_a_twin_of_its_name() {
     assert_eq!(kernels, TWINS.iter().map(|t| t.0.to_string()).collect());
     let of = |module: &str| twin_of(module).map(|t| t.0);
     assert_eq!(
-        ["forward_product_cas", "residual_rows_fixed", "limit_fma"].map(of),
+        ["forward_product_float", "residual_rows_fixed", "limit_fma"].map(of),
         [Some("forward_product"), Some("residual_rows"), None]
     );
 }

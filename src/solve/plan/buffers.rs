@@ -70,7 +70,7 @@ impl Plan {
         let [cells, rendered] = [self.scene.pairs, self.finest().rendered.count]
             .map(|pairs| super::cells(pairs, self.scene.bins) as u64);
         let sets = self.most_sets();
-        let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
+        let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS));
         let losses = if self.scene.high_pass { losses.max(self.scene.pairs as u64) } else { losses };
         let mut all = vec![
             (buffer::WALL, self.wall_bytes(self.finest())),

@@ -37,9 +37,8 @@ pub fn residual(call: &Call, b: &mut [Cells]) {
                     histograms[cell] = 0.0;
                 }
             }
-            let grouped = of(constant::GROUPED) != 0;
-            let own = first / tile * if grouped { 1 } else { WORKGROUP as usize } + if grouped { 0 } else { lane };
-            let before = if grouped && lane > 0 { loss_partials[own] } else { [0.0; 2] };
+            let own = first / tile;
+            let before = if lane > 0 { loss_partials[own] } else { [0.0; 2] };
             loss_partials[own] = [before[0] + sums[0], before[1] + sums[1]];
             watch(counts, magnitude, FAULT_FORWARD);
             watch(counts, if magnitude.is_finite() { sums[0] + sums[1] } else { 0.0 }, FAULT_RESIDUAL);

@@ -414,9 +414,8 @@ pub(super) fn close(
 ) {
     let of = |constant, usual| call.constant(constant, usual);
     let tile = (WORKGROUP * RESIDUAL_BINS) as usize;
-    let groups =
-        call.cells().div_ceil(tile) * if of(constant::GROUPED, 0) == 0 { WORKGROUP as usize } else { 1 };
-    let partials = if of(constant::ROWS, 0) == 0 { groups } else { call.scene.pairs as usize };
+    let partials =
+        if of(constant::ROWS, 0) == 0 { call.cells().div_ceil(tile) } else { call.scene.pairs as usize };
     let mean =
         |k: usize| losses[..partials].iter().map(|l| l[k]).sum::<f64>() / call.twin.model.elements as f64;
     let active = counts[COUNT_ACTIVE as usize];
