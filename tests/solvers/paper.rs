@@ -281,8 +281,10 @@ fn what_cannot_run_is_refused_in_words() {
     let mut few = gpu.abilities();
     few.limits.groups = [2, 3, 1];
     let fixed = o.clone().with(|o| o.accumulation = Accumulation::Fixed);
-    let error = Plan::new(&model, grid(&capture, &o), capture.scan, &fixed, &few, false).unwrap_err();
-    assert!(error.what.contains("64 pairs are more"), "{error}");
+    let (_, many) = letter(16);
+    let g = grid(&many, &o);
+    let error = Plan::new(&paper::model(&many, &g, &o), g, many.scan, &fixed, &few, false).unwrap_err();
+    assert!(error.what.contains("256 pairs are more"), "{error}");
     few.limits.groups = [8, 3, 1];
     let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &fixed, &few, false).unwrap();
     assert!(3 * plan.division.tuning.chunk as usize >= plan.finest().grid.storage());
