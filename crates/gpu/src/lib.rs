@@ -52,6 +52,7 @@ pub use executor::{Executor, KernelTime};
 pub use faults::{Faults, Guarded, Overrun, Point};
 pub use flight::Ticket;
 pub use instance::{DeviceInfo, DeviceKind, devices};
+pub use kept::kernels_are_kept;
 pub use limits::{Abilities, Accumulations, Limits, MOST_STORAGE};
 pub use make::KernelRequest;
 pub use memory::Arena;
