@@ -264,7 +264,7 @@ impl Capture {
         }
         if highest <= 0.0 {
             return Err(Error::input(
-                "there is no signal: no count is above zero, as of a digitiser whose pulses are upside down",
+                "there is no signal: no count is above zero, as of a digitiser of negative pulses: it is upside down",
                 "store it with the opposite sign: H = -H",
             ));
         }
