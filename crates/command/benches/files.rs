@@ -17,6 +17,8 @@ use thirdbounce::settings::Settings;
 
 const TIMES: usize = 7;
 
+type Writer = fn(&Path, &thirdbounce::Maps) -> thirdbounce::Result<()>;
+
 fn main() {
     let given: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with("--")).collect();
     let Some(capture) = given.first().map(Path::new) else {
@@ -34,7 +36,7 @@ fn main() {
     let report = report::read(&result.join("report.json")).expect("a report");
     let light = PageHistograms::of(&loaded.capture);
     let out = tempfile::tempdir_in(result).expect("a folder");
-    let writers: [(&str, fn(&Path, &thirdbounce::Maps) -> thirdbounce::Result<()>); 10] = [
+    let writers: [(&str, Writer); 10] = [
         ("maps.npz", npz::write_maps),
         ("maps.mat", mat::write),
         ("maps.exr", exr::write),
