@@ -84,10 +84,8 @@ impl<'s, F: Real> Around<'s, F> {
                     let point = self.points[slot];
                     let near = |a: usize| (F::one() - (point[a] - at[a]).abs()).at_least(F::zero());
                     let weight = near(0) * near(1) * near(2);
-                    if weight > F::zero() {
-                        let gradient = self.gradient[slot];
-                        (0..4).for_each(|k| sum[k] = sum[k] + weight * gradient[k]);
-                    }
+                    let gradient = self.gradient[slot];
+                    (0..4).for_each(|k| sum[k] = sum[k] + weight * gradient[k]);
                 }
             }
         }
