@@ -18,26 +18,16 @@ mod spirv;
 /// (variant, source in glsl/, macros): modules beside the one that every source is by itself. A variant is a separate module only
 /// where it needs other extensions or types; every other choice is a specialization constant.
 const VARIANTS: &[(&str, &str, &[&str])] = &[
-    ("backproject_texels", "backproject", &["TEXELS"]),
-    ("backward_texels", "backward", &["TEXELS"]),
-    ("forward_cas", "forward", &["ACCUMULATE_CAS"]),
     ("forward_fixed", "forward", &["ACCUMULATE_FIXED"]),
     ("forward_float", "forward", &["ACCUMULATE_FLOAT"]),
-    ("forward_owned_texels", "forward_owned", &["TEXELS"]),
-    ("forward_product_cas", "forward_product", &["ACCUMULATE_CAS"]),
     ("forward_product_fixed", "forward_product", &["ACCUMULATE_FIXED"]),
     ("forward_product_float", "forward_product", &["ACCUMULATE_FLOAT"]),
-    ("limit_load_texels", "limit_load", &["TEXELS"]),
     ("limit_scattered_atomic_float", "limit_scattered_atomic", &["ACCUMULATE_FLOAT"]),
     ("pulse_fixed", "pulse", &["ACCUMULATE_FIXED"]),
-    ("pulse_texels", "pulse", &["TEXELS"]),
     ("residual_fixed", "residual", &["ACCUMULATE_FIXED"]),
     ("residual_rows_fixed", "residual_rows", &["ACCUMULATE_FIXED"]),
     ("residual_scan_fixed", "residual_scan", &["ACCUMULATE_FIXED"]),
     ("spot_fixed", "spot", &["ACCUMULATE_FIXED"]),
-    ("surface_gather_texels", "surface_gather", &["TEXELS"]),
-    ("surface_pull_texels", "surface_pull", &["TEXELS"]),
-    ("surface_step_texels", "surface_step", &["TEXELS"]),
 ];
 
 /// Sources that make a module only with the macros of a variant.

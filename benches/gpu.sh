@@ -212,7 +212,7 @@ if ! $quick; then
 fi
 
 if ! $smoke; then
-    for path in owned float fixed cas; do
+    for path in auto repeatable; do
         title "paper's solver, --accumulation $path"
         # A path that the device lacks is refused with its reason.
         run profile figure.npz --solver paper --lateral $lateral --no-coarse-to-fine --iterations $short \

@@ -2,7 +2,7 @@
 // lane owns one pair and iterates over the chunk, so lanes of a workgroup never add to the same bin, and all read the
 // same voxel at once (one broadcast load). Other workgroups share the pair, hence accumulate(), behind a private
 // column where atomics are slow (window.glsl). Chunks stay below 65,535 loop turns, where lavapipe stops without an
-// error. CPUs run forward_owned.comp.
+// error. Devices without such atomics run forward_owned.comp.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require

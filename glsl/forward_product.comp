@@ -2,7 +2,7 @@
 // of active voxels. A lane owns one scanned point and its FORWARD_OTHERS histograms, and computes its arm to a voxel
 // once for all of them. The arms to the other points are common to all lanes: the workgroup computes those of BLOCK
 // voxels jointly in shared memory. A pair then costs one sum of distances and one product, plus 1 / FORWARD_OTHERS and
-// 1 / LANES of an arm. Loop turns: about CHUNK * (FORWARD_OTHERS + 1). CPUs run forward_owned.comp.
+// 1 / LANES of an arm. Loop turns: about CHUNK * (FORWARD_OTHERS + 1). Devices without atomics run forward_owned.comp.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_EXT_spirv_intrinsics : require

@@ -1,7 +1,6 @@
 // Convolves histograms along time with the impulse response. BACK: the adjoint, for residuals. One invocation owns
 // PULSE_RUN neighbouring cells of a row, so it reads each surrounding cell once. Padding (place.glsl) is written as
 // zero and ignored when read. pulse_taps: number of taps before the path's own bin, number of taps, then weights.
-// Texels as in tables.glsl.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -13,20 +12,11 @@ layout(std430, set = 0, binding = 1) readonly buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Histograms { uvec2 histograms[]; };
 #include "accumulated.glsl"
 float value_of(uint cell) { return accumulated(cell); }
-#elif defined(TEXELS)
-layout(set = 0, binding = 2, r32f) readonly uniform imageBuffer source;
-float value_of(uint cell) { return imageLoad(source, int(cell)).x; }
 #else
 layout(std430, set = 0, binding = 2) readonly buffer Source { float source[]; };
 float value_of(uint cell) { return source[cell]; }
 #endif
-#ifdef TEXELS
-layout(set = 0, binding = 3, r32f) readonly uniform imageBuffer pulse_taps;
-float tap_at(int i) { return imageLoad(pulse_taps, i).x; }
-#else
 layout(std430, set = 0, binding = 3) readonly buffer PulseTaps { float pulse_taps[]; };
-float tap_at(int i) { return pulse_taps[i]; }
-#endif
 layout(std430, set = 0, binding = 4) writeonly buffer Spread { float spread[]; };
 
 void main() {
@@ -40,13 +30,13 @@ void main() {
     int row = int(pair * scene.stride + PADDING);
     vec4 sums = vec4(0.0);
     if (pair < scene.pairs) {
-        int before = int(tap_at(0));
-        int count = int(tap_at(1));
+        int before = int(pulse_taps[0]);
+        int count = int(pulse_taps[1]);
         int first = BACK != 0u ? bin - before : bin + before - (count - 1);
         // Taps from the current cell to each of the four cells.
         vec4 taps = vec4(0.0);
         for (int i = 0; i < count + int(PULSE_RUN) - 1; ++i) {
-            float tap = i < count ? tap_at(2 + (BACK != 0u ? i : count - 1 - i)) : 0.0;
+            float tap = i < count ? pulse_taps[2 + (BACK != 0u ? i : count - 1 - i)] : 0.0;
             taps = vec4(tap, taps.xyz);
             int at = first + i;
             if (at >= 0 && at < bins) sums += taps * value_of(uint(row + at));

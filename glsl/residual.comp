@@ -1,9 +1,7 @@
 // One invocation owns RESIDUAL_BINS cells, a workgroup apart. For each it converts the accumulated sum to the
 // rendered value, adds the noise term, compares with the measurement and writes dLoss / d(accumulated value) for the
 // backward kernel. It then clears the sum for the next iteration, which saves a pass. Padding (place.glsl) adds no
-// loss and becomes zero in both. Squared differences are summed in a fixed order: here per invocation or, with
-// GROUPED, per workgroup; then in finish.comp. Not GROUPED on CPUs, where a tree over a workgroup costs twenty times
-// as much as its bins.
+// loss and becomes zero in both. Squared differences are summed in a fixed order: per workgroup here, then in finish.comp.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -14,7 +12,6 @@ layout(constant_id = 10) const uint NOISE = 0u;    // 0 none, 1 a weight per bin
 layout(constant_id = 11) const uint WEIGHTED = 0u; // weigh squared differences by the inverse falloff
 layout(constant_id = 13) const uint SEEN = 0u;     // 1: compare the output of pulse.comp or spot.comp
 layout(constant_id = 14) const uint SPOT = 0u;     // 1: rendered pairs differ from measured ones: clear nothing
-layout(constant_id = 15) const uint GROUPED = 0u;  // 1: one partial sum per workgroup
 layout(std430, set = 0, binding = 1) buffer Counts { uint counts[]; };
 layout(std430, set = 0, binding = 2) readonly buffer Measured { float measured[]; };
 layout(std430, set = 0, binding = 3) writeonly buffer Residual { float residual[]; };
@@ -57,7 +54,7 @@ void main() {
     if (group * WORKGROUP * RESIDUAL_BINS >= end) return;
     uint first = group * WORKGROUP * RESIDUAL_BINS + gl_LocalInvocationID.x;
     vec3 squared = vec3(0.0);
-    // A remainder is expensive on a CPU: computed once, then updated by subtraction.
+    // Remainders are computed once, then updated by subtraction.
     uint pair = first / scene.stride;
     uint at = first % scene.stride;
     uint rows = WORKGROUP / scene.stride;
@@ -73,12 +70,8 @@ void main() {
             ++pair;
         }
     }
-    if (GROUPED != 0u) {
-        vec3 all = sum_over_group(vec3(squared.xy, 0.0));
-        if (gl_LocalInvocationID.x == 0u) loss_partials[group] = all.xy;
-    } else {
-        loss_partials[group * WORKGROUP + gl_LocalInvocationID.x] = squared.xy;
-    }
+    vec3 all = sum_over_group(vec3(squared.xy, 0.0));
+    if (gl_LocalInvocationID.x == 0u) loss_partials[group] = all.xy;
     bool rendered = finite(squared.z);
     watch(rendered, FAULT_FORWARD);
     watch(!rendered || finite(squared.x + squared.y), FAULT_RESIDUAL);

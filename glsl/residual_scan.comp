@@ -1,10 +1,8 @@
-// Comparison and high-pass of residual_rows.comp for GPUs: one workgroup owns a row, which stays in shared memory between
-// one read of its inputs and one write of its residual. (1 + k L)^-1 with free ends is a two-sided exponential over the
-// row mirrored at its ends, with period 2 N:
-//   slow_i = (1 - a) / (1 + a) (c_i + d_i - x_i),   c_i = x_i + a c_(i-1),   d_i = x_i + a d_(i+1).
-// Each lane owns a run of ROW_RUN bins, an odd number against bank conflicts. It computes both recurrences over its run
-// from zero, a scan over lanes adds the runs before and behind, and the mirrored row adds a geometric series to both ends
-// (surface.slow_wrap). The order of sums is fixed.
+// Comparison and high-pass of residual_rows.comp: one workgroup owns a row, which stays in shared memory between one read of
+// its inputs and one write of its residual. The smoother is summed as the two recurrences c and d of transport/high_pass.rs.
+// Each lane owns a run of ROW_RUN bins, an odd number against bank conflicts. It computes both over its run from zero, a scan
+// over lanes adds the runs before and behind, and the mirrored row adds to both ends (surface.slow_wrap). The order of sums
+// is fixed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -25,8 +23,8 @@ uint first; // bin of the lane's run
 uint count; // bins of the lane's run
 uint last;  // lane of the last run
 
-// Decay over a number of bins.
-float decay(uint over) { return exp2(surface.slow_log * float(over)); }
+// Decay over a number of bins. More than a row has are those of lanes beyond its end, whose sums are zero or unused.
+float decay(uint over) { return row_factors[min(over, scene.bins)].w; }
 
 // Subtracts slow_share of the slow part from the row. Afterwards a lane may read its own run only.
 void high_pass() {
@@ -89,7 +87,7 @@ void main() {
         good = good && finite(rendered);
         float difference = rendered - measured[pair * scene.bins + bin];
         sums.y += difference * difference;
-        values[bin] = root_weight(bin) * difference;
+        values[bin] = row_factors[bin].x * difference;
         if (SPOT == 0u) histograms[row + bin] = ZERO;
     }
     if (!good) atomicAnd(is_rendered, 0u);
@@ -100,7 +98,7 @@ void main() {
     high_pass();
     barrier();
     for (uint bin = lane; bin < scene.bins; bin += ROW_LANES) {
-        residual[row + bin] = 2.0 * scene.loss_scale * scene.render_scale * root_weight(bin) * values[bin];
+        residual[row + bin] = 2.0 * scene.loss_scale * scene.render_scale * row_factors[bin].x * values[bin];
     }
     // Padding before each row, and after the last.
     if (lane < PADDING) {

@@ -74,7 +74,6 @@ const PAPER: &[(&str, &str, &str)] = &[
 const SURFACE: &[(&str, &str, &str)] = &[
     ("slow_decay", "float", "decay per bin of the smoother that the objective's high-pass takes off"),
     ("slow_share", "float", "share of its output that is taken off; 0 without a high-pass"),
-    ("slow_log", "float", "binary logarithm of slow_decay"),
     (
         "slow_wrap",
         "float",

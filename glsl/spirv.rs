@@ -23,7 +23,6 @@ pub struct Module {
 }
 
 const OP_NAME: u32 = 5;
-const OP_TYPE_IMAGE: u32 = 25;
 const OP_TYPE_POINTER: u32 = 32;
 const OP_VARIABLE: u32 = 59;
 const OP_DECORATE: u32 = 71;
@@ -33,9 +32,6 @@ const NON_WRITABLE: u32 = 24;
 const NON_READABLE: u32 = 25;
 const BINDING: u32 = 33;
 const CLASS_UNIFORM: u32 = 2;
-/// Formats of images in SPIR-V, and the corresponding view.
-const FORMATS: [(u32, &str); 3] =
-    [(1, "View::Texels { words: 4 }"), (3, "View::Texels { words: 1 }"), (33, "View::WordTexels")];
 
 /// Bindings and constants of the module `words`, which must contain names (debug information).
 pub fn reflect(words: &[u32]) -> Module {
@@ -44,7 +40,6 @@ pub fn reflect(words: &[u32]) -> Module {
     let mut spec_ids = BTreeMap::new();
     let (mut unwritten, mut unread) = (Vec::new(), Vec::new());
     let mut pointees = BTreeMap::new();
-    let mut texels = BTreeMap::new();
     let mut variables = Vec::new();
     let mut at = 5;
     while at < words.len() {
@@ -64,10 +59,6 @@ pub fn reflect(words: &[u32]) -> Module {
             OP_DECORATE if w[2] == NON_READABLE => unread.push(w[1]),
             OP_MEMBER_DECORATE if w[3] == NON_WRITABLE => unwritten.push(w[1]),
             OP_MEMBER_DECORATE if w[3] == NON_READABLE => unread.push(w[1]),
-            OP_TYPE_IMAGE => {
-                let view = FORMATS.iter().find(|f| f.0 == w[8]).expect("a format that pipelines know");
-                texels.insert(w[1], view.1);
-            }
             OP_TYPE_POINTER => {
                 pointees.insert(w[1], w[3]);
             }
@@ -83,15 +74,10 @@ pub fn reflect(words: &[u32]) -> Module {
             let block = pointees[pointer];
             let has = |list: &[u32]| list.contains(&block) || list.contains(variable);
             let is_uniform = *class == CLASS_UNIFORM;
-            // A block is named by its type, texels by their variable.
-            let (view, named) = match texels.get(&block) {
-                Some(view) => (*view, variable),
-                None => (if is_uniform { "View::Uniform" } else { "View::Storage" }, &block),
-            };
             Some(Binding {
-                name: snake(&names[named]),
+                name: snake(&names[&block]),
                 slot,
-                view,
+                view: if is_uniform { "View::Uniform" } else { "View::Storage" },
                 reads: !has(&unread),
                 writes: !is_uniform && !has(&unwritten),
             })

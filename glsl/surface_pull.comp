@@ -8,13 +8,7 @@
 layout(std430, set = 0, binding = 1) readonly buffer Pixels { uint pixels[]; };
 layout(std430, set = 0, binding = 5) readonly buffer SurfaceWeights { float surface_weights[]; };
 layout(std430, set = 0, binding = 6) writeonly buffer HeightPull { vec4 height_pull[]; }; // by column; depth for bonds, 1
-#ifdef TEXELS
-layout(set = 0, binding = 7, r32f) readonly uniform imageBuffer bond_depths;
-float bond_depth_at(uint column) { return imageLoad(bond_depths, int(column)).x; }
-#else
 layout(std430, set = 0, binding = 7) readonly buffer BondDepths { float bond_depths[]; };
-float bond_depth_at(uint column) { return bond_depths[column]; }
-#endif
 
 #include "heights.glsl"
 #include "neighbours.glsl"
@@ -31,7 +25,7 @@ float weights_around(uint pixel, float depth, float sigma) {
         for (int y = -reach; y <= reach; ++y) {
             uint column = column_at(layer, centre + ivec2(x, y));
             if (column == NOWHERE) continue;
-            sum += bond(ivec2(x, y), 0.5 / (sigma * sigma), bond_depth_at(column) - depth);
+            sum += bond(ivec2(x, y), 0.5 / (sigma * sigma), bond_depths[column] - depth);
         }
     }
     return sum;
@@ -42,7 +36,7 @@ void main() {
     float sigma = spread_at(surface_weights[SURFACE_SPREAD], push.step, surface_weights[SURFACE_ITERATIONS]);
     if (sigma <= 0.0) return;
     bool owned = pixel < push.last;
-    float depth = owned ? bond_depth_at(pixels[pixel]) : 0.0;
+    float depth = owned ? bond_depths[pixels[pixel]] : 0.0;
     vec4 sum = over_lanes(owned ? vec4(pulled(pixel), weights_around(pixel, depth, sigma), 0.0) : vec4(0.0));
     if (owned && gl_LocalInvocationID.y == 0u) height_pull[pixels[pixel]] = vec4(sum.xy / sum.z, depth, 1.0);
 }

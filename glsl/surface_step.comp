@@ -13,13 +13,7 @@ layout(std430, set = 0, binding = 8) buffer Heights { vec2 heights[]; };
 layout(std430, set = 0, binding = 5) readonly buffer SurfaceWeights { float surface_weights[]; };
 layout(std430, set = 0, binding = 6) buffer HeightMoments { vec4 height_moments[]; }; // xy first, zw second
 layout(std430, set = 0, binding = 7) buffer Counts { uint counts[]; };
-#ifdef TEXELS
-layout(set = 0, binding = 9, rgba32f) readonly uniform imageBuffer height_pull;
-vec4 height_pull_at(uint column) { return imageLoad(height_pull, int(column)); }
-#else
 layout(std430, set = 0, binding = 9) readonly buffer HeightPull { vec4 height_pull[]; };
-vec4 height_pull_at(uint column) { return height_pull[column]; }
-#endif
 layout(std430, set = 0, binding = 10) readonly buffer LossPartials { vec2 loss_partials[]; };
 layout(std430, set = 0, binding = 11) readonly buffer L1Partials { float l1_partials[]; };
 layout(std430, set = 0, binding = 12) writeonly buffer Trace { uint trace[]; };
@@ -42,14 +36,14 @@ vec2 from_around(uint pixel, float sigma) {
     int reach = reach_of(sigma);
     uint layer = layer_start(pixel);
     ivec2 centre = pixel_xy(pixel);
-    float depth = height_pull_at(pixels[pixel]).z;
+    float depth = height_pull[pixels[pixel]].z;
     vec2 sum = vec2(0.0);
     for (int x = int(gl_LocalInvocationID.y) - reach; x <= reach; x += int(PIXEL_LANES)) {
         for (int y = -reach; y <= reach; ++y) {
             uint column = column_at(layer, centre + ivec2(x, y));
             if (column == NOWHERE) continue;
             // Columns without a pixel are zero.
-            vec4 other = height_pull_at(column);
+            vec4 other = height_pull[column];
             sum += bond(ivec2(x, y), 0.5 / (sigma * sigma), other.z - depth) * other.xy;
         }
     }

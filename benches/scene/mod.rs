@@ -7,8 +7,7 @@ use thirdbounce::gpu::{Gpu, GpuOptions, KernelTime};
 use thirdbounce::solve::{Accumulation, OnDevice, PaperOptions, Plan, Preset, Tuning};
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume};
 
-pub const ACCUMULATIONS: [Accumulation; 4] =
-    [Accumulation::Owned, Accumulation::Float, Accumulation::Fixed, Accumulation::Cas];
+pub const ACCUMULATIONS: [Accumulation; 3] = [Accumulation::Owned, Accumulation::Float, Accumulation::Fixed];
 
 /// The device that THIRDBOUNCE_DEVICE names, by index or part of its name; otherwise the best one.
 pub fn gpu(timings: bool) -> Gpu {

@@ -1,7 +1,6 @@
-// One interface, accumulate(index, value), to four accumulation paths, selected by a macro ACCUMULATE_*:
+// One interface, accumulate(index, value), to three accumulation paths, selected by a macro ACCUMULATE_*:
 //
 //   FLOAT    native fp32 atomic add.
-//   CAS      compare-and-swap on the bits: available everywhere, slow under contention.
 //   FIXED    64-bit integer atomic add of a scaled value: bit-identical in any order.
 //   OWNED    plain add: the dispatch assigns each histogram to one invocation.
 
@@ -9,28 +8,9 @@
 layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
 void accumulate(uint index, float value) { atomicAdd(histograms[index], value); }
 
-#elif defined(ACCUMULATE_OWNED) && defined(TEXELS)
-layout(set = 0, binding = 4, r32f) uniform imageBuffer histograms;
-void accumulate(uint index, float value) {
-    float before = imageLoad(histograms, int(index)).x;
-    imageStore(histograms, int(index), vec4(before + value));
-}
-
 #elif defined(ACCUMULATE_OWNED)
 layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
 void accumulate(uint index, float value) { histograms[index] += value; }
-
-#elif defined(ACCUMULATE_CAS)
-layout(std430, set = 0, binding = 4) buffer Histograms { uint histograms[]; };
-void accumulate(uint index, float value) {
-    uint seen = histograms[index];
-    // At most one turn per colliding lane, as one of them succeeds in each.
-    for (;;) {
-        uint old = atomicCompSwap(histograms[index], seen, floatBitsToUint(uintBitsToFloat(seen) + value));
-        if (old == seen) break;
-        seen = old;
-    }
-}
 
 #elif defined(ACCUMULATE_FIXED)
 layout(std430, set = 0, binding = 4) buffer Histograms { int64_t histograms[]; };

@@ -1,7 +1,6 @@
 // Converts counts to indirect dispatch arguments, so that the host never reads a count back. Single invocation. Needs
 // the buffers counts and arguments.
 layout(constant_id = 11) const uint LANES = 64u;   // forward: lanes per workgroup
-layout(constant_id = 13) const uint HELD = 1u;     // forward: pairs per lane, of a product scanned points
 layout(constant_id = 12) const uint CHUNK = 256u;  // forward: voxels per workgroup
 layout(constant_id = 14) const uint FORWARD_SETS = 1u;
 layout(constant_id = 15) const uint FORWARD_OTHERS = 0u;   // forward: other points per workgroup; 0: not a product
@@ -24,9 +23,8 @@ void write_arguments() {
     write_groups(ARGUMENTS_SAMPLE, parts(voxels, WORKGROUP));
     write_groups(ARGUMENTS_BACKWARD, parts(voxels, samples_of_group(slices_of(voxels))));
     write_groups(ARGUMENTS_UPDATE, parts(counts[COUNT_TOUCHED], WORKGROUP));
-    uint wide = LANES * HELD;
-    uint tiles = FORWARD_OTHERS == 0u ? parts(scene.pairs, wide)
-                              : parts(scene.scanned, wide) * parts(scene.others, FORWARD_OTHERS);
+    uint tiles = FORWARD_OTHERS == 0u ? parts(scene.pairs, LANES)
+                              : parts(scene.scanned, LANES) * parts(scene.others, FORWARD_OTHERS);
     uint chunks = parts(voxels, chunk_of(voxels, tiles));
     uint of_set = chunks_of_set();
     for (uint i = 0u; i < FORWARD_SETS; ++i) {

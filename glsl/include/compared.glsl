@@ -11,20 +11,16 @@ layout(std430, set = 0, binding = 4) buffer Histograms { uvec2 histograms[]; };
 layout(std430, set = 0, binding = 4) buffer Histograms { float histograms[]; };
 #endif
 layout(std430, set = 0, binding = 5) buffer LossPartials { vec2 loss_partials[]; }; // objective, plain
+// By bin: root of its weight; elimination of the smoother: inverse of the pivot, that times kappa; slow_decay to the power of
+// the bin's number. The last one is that of the row's end (transport/high_pass.rs).
+layout(std430, set = 0, binding = 6) readonly buffer RowFactors { vec4 row_factors[]; };
 layout(std430, set = 0, binding = 7) buffer Spread { float spread[]; };
 
-#include "weight.glsl"
 #include "faults.glsl"
 #include "accumulated.glsl"
 
 // Rendered value of a cell.
 float compared(uint cell) { return (SEEN != 0u ? spread[cell] : accumulated(cell)) * scene.render_scale; }
-
-// Root of the weight of a bin.
-float root_weight(uint bin) {
-    float scaled = max((scene.t_start + (float(bin) + 0.5) / scene.bins_per_metre) * (0.5 / scene.reference), 0.0);
-    return REFLECTANCE == RETROREFLECTIVE ? scaled : scaled * scaled;
-}
 
 void clear_padding(uint cell) {
     residual[cell] = 0.0;

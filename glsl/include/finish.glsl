@@ -1,17 +1,15 @@
 // End of an iteration: sums of partial losses, and the row of the trace, by one workgroup of 64 lanes. Needs
 // grid.glsl, sums.glsl, and the buffers counts, loss_partials, l1_partials and trace.
 layout(constant_id = 11) const uint SUMMED = WORKGROUP; // samples per partial sum
-layout(constant_id = 12) const uint GROUPED = 0u; // 1: one partial loss per workgroup of residual.comp
-layout(constant_id = 14) const uint ROWS = 0u;    // 1: one partial loss per row of residual_rows.comp
+layout(constant_id = 14) const uint ROWS = 0u; // 1: one partial loss per row of residual_rows.comp, else per workgroup of residual.comp
 
 // Objective, plain loss and L1 term as sums in a fixed order, for all lanes.
 vec3 sum_of_partials() {
     uint lane = gl_LocalInvocationID.x;
     vec3 sum = vec3(0.0);
     uint tile = WORKGROUP * RESIDUAL_BINS;
-    uint losses = (cell_count() + tile - 1u) / tile * (GROUPED != 0u ? 1u : WORKGROUP);
-    if (ROWS != 0u) losses = scene.pairs;
-    // Unrolled 32 times: otherwise lavapipe's limit of 65,535 loop turns would end the sum after 2^26 bins in total.
+    uint losses = ROWS != 0u ? scene.pairs : (cell_count() + tile - 1u) / tile;
+    // Unrolled 32 times: otherwise lavapipe's limit of 65,535 loop turns would end the sum after 2^22 rows.
 #define ADD(k) if (i + k * WORKGROUP < losses) sum.xy += loss_partials[i + k * WORKGROUP];
 #define ADD_4(k) ADD((k)) ADD((k + 1u)) ADD((k + 2u)) ADD((k + 3u))
     uint sample_groups = (counts[COUNT_ACTIVE] + SUMMED - 1u) / SUMMED;

@@ -1,5 +1,5 @@
-// Lanes that share a pixel. A workgroup owns WORKGROUP pixels, along x, with PIXEL_LANES lanes each, along y: on a GPU
-// the few pixels of a surface leave most lanes without work, and a lane that reads all surroundings of a pixel waits for
+// Lanes that share a pixel. A workgroup owns WORKGROUP pixels, along x, with PIXEL_LANES lanes each, along y: the few
+// pixels of a surface leave most lanes without work, and a lane that reads all surroundings of a pixel waits for
 // each load. Every lane takes some of the surroundings; the first one of a pixel adds their sums in a fixed order.
 layout(constant_id = 37) const uint PIXEL_LANES = 1u;
 layout(local_size_x = 64, local_size_y_id = 37) in;

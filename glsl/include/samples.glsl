@@ -1,13 +1,6 @@
-// Samples of active voxels, read by renderings for every pair. Typed as in tables.glsl.
+// Samples of active voxels, read by renderings for every pair.
 
-#ifdef TEXELS
-layout(set = 0, binding = 2, rgba32f) readonly uniform imageBuffer sample_points;
-layout(set = 0, binding = 3, rgba32f) readonly uniform imageBuffer sample_normals;
-vec4 point_at(uint slot) { return imageLoad(sample_points, int(slot)); }
-vec3 normal_at(uint slot) { return imageLoad(sample_normals, int(slot)).xyz; }
-#else
 layout(std430, set = 0, binding = 2) readonly buffer SamplePoints { vec4 sample_points[]; };
 layout(std430, set = 0, binding = 3) readonly buffer SampleNormals { vec4 sample_normals[]; };
 vec4 point_at(uint slot) { return sample_points[slot]; }
 vec3 normal_at(uint slot) { return sample_normals[slot].xyz; }
-#endif

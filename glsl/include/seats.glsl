@@ -13,8 +13,6 @@ struct Seat {
 };
 
 Seat seat_of(uint samples) {
-    // On a CPU one lane per sample, known at compile time.
-    if (SLICES == 1u) return Seat(group_index() * VOXELS + gl_LocalInvocationID.x, gl_LocalInvocationID.x, 0u, 1u, VOXELS);
     uint slices = slices_of(samples);
     uint wide = samples_of_group(slices);
     uint lane = gl_LocalInvocationIndex;
@@ -23,7 +21,6 @@ Seat seat_of(uint samples) {
 
 // Sum over the lanes that share a sample, returned to the first of them. All lanes of the workgroup participate.
 vec4 together(Seat seat, vec4 sum) {
-    if (SLICES == 1u) return sum;
     parts[gl_LocalInvocationIndex] = sum;
     barrier();
     if (seat.slice == 0u) {

@@ -11,9 +11,7 @@ layout(constant_id = 32) const uint FILL = 0xffffffffu;
 
 uint slices_of(uint samples) {
     uint slices = SLICES;
-    if (SLICES > 1u) {
-        while (slices % 2u == 0u && samples >= FILL / (slices / 2u)) slices /= 2u;
-    }
+    while (slices % 2u == 0u && samples >= FILL / (slices / 2u)) slices /= 2u;
     return slices;
 }
 

@@ -56,11 +56,11 @@ pub fn default_volume(capture: &Capture, min_depth: f64) -> Result<Volume> {
 fn deepest(capture: &Capture) -> (f64, f64) {
     let mut longest = capture.t_start + capture.bin_width;
     let mut deepest = f64::NEG_INFINITY;
-    for pair in 0..capture.pair_count() {
-        let last = match capture.histograms.is_empty() {
-            true => capture.bins.checked_sub(1),
-            false => capture.histogram(pair).iter().rposition(|v| *v > 0.0),
-        };
+    let lasts = match capture.histograms.is_empty() {
+        true => vec![capture.bins.checked_sub(1); capture.pair_count()],
+        false => capture.of_rows(|counts| counts.iter().rposition(|v| *v > 0.0)),
+    };
+    for (pair, last) in lasts.into_iter().enumerate() {
         let Some(last) = last else { continue };
         let t = capture.t_start + (last + 1) as f64 * capture.bin_width;
         longest = longest.max(t);

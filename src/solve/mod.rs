@@ -41,8 +41,8 @@ pub use option::{Preset, SceneTraits};
 pub use outline::{Step, TimedSchedule, When};
 pub use paper::{Decay, NoiseTerm, PaperOptions, PaperSettings};
 pub use plan::{
-    Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, Pass, Plan, RESIDUAL_HOST, Sizes,
-    Tuning, UPLOAD, Voxels, gaussian_weights, passes,
+    Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, Pass, Plan, RESIDUAL_HOST, Tuning,
+    UPLOAD, Voxels, gaussian_weights, passes,
 };
 pub use prepared::Prepared;
 pub use result::{ImageNoise, Reconstruction, Sharpness};

@@ -127,6 +127,11 @@ impl OnDevice {
         if let Some(pulse) = &model.pulse {
             add(buffer::PULSE_TAPS, bytemuck::cast_slice(&pulse.words()))?;
         }
+        if let Some(filter) = model.high_pass.filter(|_| plan.scene.high_pass) {
+            let weights: Vec<f64> = (0..model.bins).map(|bin| model.bin_weight(bin)).collect();
+            add(buffer::SURFACE, bytemuck::bytes_of(&filter.block(model.bins, model.bin_width)))?;
+            add(buffer::ROW_FACTORS, bytemuck::cast_slice(&filter.factors(&weights, model.bin_width)))?;
+        }
         if let Some(spots) = &plan.levels.spots {
             add(plan.finest().rendered.wall, bytemuck::cast_slice(&spots.rendered.wall.words(model.centre)))?;
             add(buffer::SPOT_TAPS, bytemuck::cast_slice(&spots.words()))?;
@@ -185,10 +190,6 @@ impl Queued {
     fn add_scenes(&mut self, executor: &mut Executor, plan: &Plan, model: &Model) -> Result<()> {
         for (buffer, bytes) in &plan.blocks {
             self.add(executor, *buffer, bytes)?;
-        }
-        if let Some(filter) = model.high_pass.filter(|_| plan.scene.high_pass) {
-            let block = filter.block(model.bins, model.bin_width);
-            self.add(executor, buffer::SURFACE, bytemuck::bytes_of(&block))?;
         }
         for level in plan.levels.volume.iter().chain(plan.stretches()) {
             let scene = plan.scene_of(&plan.measured(level), model.scene_of(&level.grid, level.pairs));

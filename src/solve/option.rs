@@ -9,7 +9,7 @@ use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use super::estimate::LEAST_PAIRS;
-use super::{Accumulation, Sizes, units};
+use super::{Accumulation, units};
 use crate::advice::advice;
 use crate::capture::Capture;
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
@@ -131,8 +131,6 @@ pub enum Range {
     Words(&'static [&'static str]),
     /// On or off. The command line has a flag for the value that is not the default: `--name` or `--no-name`.
     Flag,
-    /// Sizes of workgroups.
-    Sizes,
     /// A text that the setting itself reads, and its name in the help.
     Text(&'static str),
     /// No option of the command line.
@@ -150,8 +148,6 @@ pub enum OptionValue {
     Flag(bool),
     /// A word.
     Word(String),
-    /// Sizes of workgroups.
-    Sizes(Sizes),
     /// The solver chooses.
     Unset,
 }
@@ -210,7 +206,6 @@ impl Range {
             Range::Words(words) => words.join(" or "),
             Range::Flag => "true or false".into(),
             Range::Seed => "a whole number".into(),
-            Range::Sizes => "sizes as lanes=64,chunk=256".into(),
             Range::Internal | Range::Text(_) => "another value".into(),
             _ => self.refusal(&OptionValue::Number(f64::NAN)).unwrap_or_default(),
         }
@@ -234,9 +229,6 @@ impl Range {
                 Ok(vec![OptionValue::Word(text.into()), OptionValue::Flag(words.get(1) == Some(&text))])
             }
             Range::Flag if ["true", "false"].contains(&text) => Ok(vec![OptionValue::Flag(text == "true")]),
-            Range::Sizes => {
-                text.parse::<Sizes>().map(|sizes| vec![OptionValue::Sizes(sizes)]).map_err(|e| e.to_string())
-            }
             Range::Words(_) | Range::Flag | Range::Internal | Range::Text(_) => Err(self.wanted()),
         }
     }
@@ -264,9 +256,7 @@ impl Range {
             }
             Range::Share => (number > 0.0 && number <= 1.0, "a positive number up to 1".into()),
             Range::Fraction => ((0.0..1.0).contains(&number), "a number from 0 to below 1".into()),
-            Range::Seed | Range::Words(_) | Range::Flag | Range::Sizes | Range::Text(_) | Range::Internal => {
-                return None;
-            }
+            Range::Seed | Range::Words(_) | Range::Flag | Range::Text(_) | Range::Internal => return None,
         };
         if good && number > LARGEST {
             return Some(format!("{want}, below {LARGEST:e}"));
@@ -286,7 +276,6 @@ impl fmt::Display for OptionValue {
             OptionValue::Number(v) => v.fmt(f),
             OptionValue::Flag(on) => on.fmt(f),
             OptionValue::Word(word) => word.fmt(f),
-            OptionValue::Sizes(sizes) => sizes.fmt(f),
             OptionValue::Unset => f.write_str("unset"),
         }
     }
@@ -364,14 +353,6 @@ impl<T: OptionField<Given = T> + Clone> OptionField for Option<T> {
 
     fn value(&self) -> OptionValue {
         self.as_ref().map_or(OptionValue::Unset, OptionField::value)
-    }
-}
-
-impl OptionField for Sizes {
-    given_as_is!();
-
-    fn value(&self) -> OptionValue {
-        OptionValue::Sizes(*self)
     }
 }
 
@@ -568,7 +549,6 @@ fn with_value<S: Serialize + DeserializeOwned>(settings: &S, key: &str, value: &
         OptionValue::Number(v) => (*v).into(),
         OptionValue::Flag(on) => (*on).into(),
         OptionValue::Word(word) => word.clone().into(),
-        OptionValue::Sizes(sizes) => serde_json::to_value(sizes).ok()?,
         OptionValue::Unset => serde_json::Value::Null,
     };
     let mut all = serde_json::to_value(settings).ok()?;
@@ -613,7 +593,6 @@ mod tests {
                     (OptionValue::Flag(on), Range::Flag) => (!on).to_string(),
                     (OptionValue::Flag(on), Range::Words(words)) => words[usize::from(!on)].into(),
                     (_, Range::Words(words)) => words[words.len() - 1].into(),
-                    (_, Range::Sizes) => "lanes=32".into(),
                     (_, Range::Count(..) | Range::OneOf(_) | Range::Seed) => "4".into(),
                     _ => "0.75".into(),
                 };
@@ -622,7 +601,7 @@ mod tests {
                 assert_eq!(set.is_err(), row.range == Range::Internal, "{name}, {}", row.key);
                 let after = row.worded(method.options(&SceneTraits::DEFAULT).value(row.key).unwrap());
                 assert!(set.is_err() || after.to_string() == text, "{name}, {}: {after}", row.key);
-                assert!(report.get(row.key).is_some() || row.key == "sizes", "{} is not in reports", row.key);
+                assert!(report.get(row.key).is_some(), "{} is not in reports", row.key);
                 assert!(row.text().len() > 10);
             }
             assert!(Method::named(name).unwrap().set_text("nonsense", "1").is_err());

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::learned::LearnedStart;
 use super::option::Options;
-use super::{Accumulation, Plan, Prepared, Reconstruction, Sizes, TimedSchedule, Watch};
+use super::{Accumulation, Plan, Prepared, Reconstruction, TimedSchedule, Watch};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
@@ -74,8 +74,6 @@ pub struct Common {
     pub reflectance: Reflectance,
     /// How rendered values are to be added up.
     pub accumulation: Accumulation,
-    /// Sizes that are asked for.
-    pub sizes: Sizes,
     /// Nothing nearer than this is reconstructed, metres.
     pub min_depth: f64,
     /// Pixels of the maps side by side in a voxel of the finest grid.

@@ -12,6 +12,25 @@
 //! smoother of Whittaker (1923) with first differences: a two-sided exponential of standard deviation σ. F is symmetric
 //! and its eigenvalues lie between the floor and 1. So whatever bounds the curvature of |S (A v - h)|² bounds that of
 //! the filtered objective, and F loses nothing but weight.
+//!
+//! The smoother's output y for a row x of N bins is computed in two ways, by factors that all rows share ([`HighPass::factors`]).
+//!
+//! *Elimination* (`glsl/residual_rows.comp`): 1 + κ L is tridiagonal, with -κ beside its diagonal of 1 + κ times the number of
+//! neighbours. With pivots p and f = κ / p,
+//!
+//! ```text
+//! p_i = 1 + κ (neighbours_i - f_(i-1)),   e_i = x_i / p_i + f_i e_(i-1),   y_i = e_i + f_i y_(i+1).
+//! ```
+//!
+//! *Recurrences* (`glsl/residual_scan.comp`): free ends are those of a row that its mirror images continue, with period 2 N. Of a
+//! row without ends, κ (1 - a)² = a makes y a sum with weights a^|i - j|:
+//!
+//! ```text
+//! y_i = (1 - a) / (1 + a) (c_i + d_i - x_i),   c_i = x_i + a c_(i-1),   d_i = x_i + a d_(i+1).
+//! ```
+//!
+//! With c and d from zero at the row's ends, the images add aⁱ⁺¹ w (d_0 + a^N c_(N-1)) to c_i and a^(N-i) w (c_(N-1) + a^N d_0) to
+//! d_i: what one period gives, times w = 1 + a^(2N) + a^(4N) + … = 1 / (1 - a^(2N)) for all before it.
 
 use super::kernels::SurfaceData;
 
@@ -35,13 +54,26 @@ impl HighPass {
     pub fn block(&self, bins: usize, bin_width: f64) -> SurfaceData {
         let slow_decay = self.decay(bin_width) as f32;
         // Of the rounded decay, whose powers the kernels sum.
-        let log = f64::from(slow_decay).log2().max(f64::from(f32::MIN_EXP));
+        let over_both = f64::from(slow_decay).powi(2 * bins as i32);
         SurfaceData {
             slow_decay,
             slow_share: (1.0 - self.floor) as f32,
-            slow_log: log as f32,
-            slow_wrap: (-(2.0 * bins as f64 * log * std::f64::consts::LN_2).exp_m1()).recip() as f32,
+            slow_wrap: (1.0 - over_both).recip() as f32,
         }
+    }
+
+    /// What all rows of bins with these weights share (`glsl/include/compared.glsl`): by bin the root of its weight, 1 / p, f and
+    /// aⁱ, and a^N for their end.
+    pub fn factors(&self, weights: &[f64], bin_width: f64) -> Vec<[f32; 4]> {
+        let decay = f64::from(self.decay(bin_width) as f32);
+        let steps = self.rows_of(weights.len(), bin_width).steps;
+        let of_bins =
+            weights.iter().zip(steps).map(|(weight, [inverse, factor])| [weight.sqrt(), inverse, factor]);
+        let all = of_bins.chain([[0.0; 3]]).enumerate();
+        all.map(|(i, [root, inverse, factor])| {
+            [root, inverse, factor, decay.powi(i as i32)].map(|v| v as f32)
+        })
+        .collect()
     }
 
     /// Filters a row in place.

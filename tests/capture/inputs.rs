@@ -159,7 +159,7 @@ fn lists_of_points_beside_counts_are_read_or_refused_never_ignored() {
     let unnamed: [(&str, &[usize]); 2] = [("points_a", &[20, 3]), ("points_b", &[20, 3])];
     assert_error(of(&listed(20, &unnamed)), Kind::Input, &["points_a", "laser_points"]);
     std::fs::write(&path, matlab5(&listed(20, &both), Stored::Plain)).unwrap();
-    assert_error(read(&path), Kind::Options, &["bin_width", "133ps"]);
+    assert_error(read(&path), Kind::Options, &["bin_width", "32ps"]);
 }
 
 #[test]
@@ -229,7 +229,7 @@ fn the_bins_of_a_single_array_are_where_light_rises_and_decays() {
         assert_error(AxisOrder::parse(wrong), Kind::Options, &["xyt"]);
     }
     // All that is missing is asked for at once.
-    assert_error(read(&path), Kind::Options, &["wall", "1m", "bin_width", "133ps"]);
+    assert_error(read(&path), Kind::Options, &["wall", "1m", "bin_width", "32ps"]);
     let known = folder.path().join("known.npz");
     write(&c, &known).unwrap();
     let axes = ReadOptions::default().with_axes(AxisOrder::parse("xyt").unwrap());
@@ -623,4 +623,58 @@ fn walls_units_and_totals_are_told() {
     });
     let done = prepared(same).unwrap();
     assert!(done.notes.iter().any(|n| n.contains("the same total")), "{:?}", done.notes);
+}
+
+#[test]
+fn scans_that_were_enlarged_are_told() {
+    let proper = scene([16, 16]);
+    let is_told =
+        |c: Capture| prepared(c).unwrap().notes.iter().any(|note| note.contains("enlarged by repeating"));
+    assert!(!is_told(proper.clone()));
+    let from = |p: usize| p / 16 / 2 * 2 * 16 + p % 16 / 2 * 2;
+    let doubled = (0..256).flat_map(|p| proper.histogram(from(p)).to_vec()).collect();
+    assert!(is_told(changed(&proper, |c| c.histograms = doubled)));
+}
+
+#[test]
+fn what_is_no_capture_is_named_with_the_way_to_one() {
+    let (folder, path) = place("made.npz");
+    // A picture by its first bytes.
+    let picture = folder.path().join("scan.mat");
+    std::fs::write(&picture, b"\x89PNG\r\n\x1a\n and more").unwrap();
+    assert_error(read(&picture), Kind::Input, &["a picture", "holds none"]);
+    // Times and counts are a histogram, channels and times are tags.
+    let text = folder.path().join("one.txt");
+    let lines =
+        |line: fn(usize) -> String| std::fs::write(&text, (0..40).map(line).collect::<String>()).unwrap();
+    lines(|i| format!("{:.3}\t{}\n", 0.032 * i as f64, i % 7));
+    assert_error(read(&text), Kind::Input, &["table of times and counts", "histogram"]);
+    lines(|i| format!("{}\t{}\n", i % 2, 1000 * i));
+    assert_error(read(&text), Kind::Input, &["a text of numbers"]);
+    // A digitiser's negative pulses.
+    let mut upside_down = scene([9, 9]);
+    upside_down.histograms.iter_mut().for_each(|v| *v = -*v);
+    assert_error(upside_down.check(), Kind::Input, &["upside down", "H = -H"]);
+    // Arrays in a folder of the archive, and results.
+    let one = || Array::from_f32(&[2, 2, 2], &[1.0; 8]);
+    let packed = |names: [&str; 2]| {
+        std::fs::write(&path, npz_bytes(&names.map(|name| (name, one()))).unwrap()).unwrap()
+    };
+    packed(["scan/H", "scan/laser_xyz"]);
+    assert_error(read(&path), Kind::Input, &["folder scan", "zip -0"]);
+    packed(["albedo", "extent"]);
+    assert_error(read(&path), Kind::Input, &["a result or a truth", "capture that it was made from"]);
+    // A matrix of pairs and bins.
+    let matrices = folder.path().join("matrix.mat");
+    let made = |rows: usize, bins: usize| {
+        let m = matrix("Confocal_signal", &[rows, bins], |at| f64::from(u8::from(at[1] == 9)));
+        std::fs::write(&matrices, matlab5(&[m], Stored::Plain)).unwrap();
+        read(&matrices)
+    };
+    assert_error(
+        made(256, 40),
+        Kind::Input,
+        &["Confocal_signal is a matrix of 256 x 40", "--scan 16x16", "writematrix"],
+    );
+    assert_error(made(250, 40), Kind::Input, &["250 x 40", "columns x rows"]);
 }

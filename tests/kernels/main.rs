@@ -112,7 +112,7 @@ fn every_kernel_is_one_of_the_host() {
     assert_eq!(kernels, HOST.iter().map(|row| row.name.to_string()).collect());
     let of = |module: &str| kernel_of(module).map(|row| row.name);
     assert_eq!(
-        ["forward_product_cas", "residual_rows_fixed", "limit_fma"].map(of),
+        ["forward_product_float", "residual_rows_fixed", "limit_fma"].map(of),
         [Some("forward_product"), Some("residual_rows"), None]
     );
 }

@@ -2,10 +2,9 @@
 
 use fixtures::device::*;
 use glam::dvec3;
-use thirdbounce::Kind;
 use thirdbounce::gpu::{Abilities, DeviceKind, Limits, Schedule};
 use thirdbounce::solve::passes::RESIDUAL;
-use thirdbounce::solve::{Accumulation, Plan, Sizes, surface};
+use thirdbounce::solve::{Accumulation, Plan, surface};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Model, Reflectance, Wall};
 use thirdbounce_verify::place;
@@ -17,26 +16,25 @@ fn columns_fit_into_the_shared_memory_that_every_device_has() {
     let product = variant(&base, Geometry::Product, Reflectance::Lambertian, true, 7);
     let mut card = Abilities { kind: DeviceKind::Discrete, ..gpu().abilities() };
     card.limits = Limits { shared_memory: 16_384, workgroup_invocations: 128, ..card.limits };
-    let tuning = |model: &Model, sizes: &str, card: &Abilities| {
-        let sizes = if sizes.is_empty() { Sizes::default() } else { sizes.parse().expect("sizes") };
-        let o = FitNeeds::of(&grid, 1).with(|o| (o.accumulation, o.sizes) = (Accumulation::Cas, sizes));
-        Plan::new(model, grid, [5, 5], &o, card, false).map(|plan| plan.division.tuning)
+    let tuning = |model: &Model, accumulation, card: &Abilities| {
+        let o = FitNeeds::of(&grid, 1).with(|o| o.accumulation = accumulation);
+        Plan::new(model, grid, [5, 5], &o, card, false).expect("it fits").division.tuning
     };
-    let window = |model, sizes| tuning(model, sizes, &card).expect("it fits").window;
-    assert_eq!([window(&base, ""), window(&base, "lanes=128")], [64, 32]);
-    assert_eq!([window(&product, ""), window(&product, "lanes=32")], [28, 32]);
-    for (model, sizes) in [(&base, "window=65"), (&product, "window=29"), (&base, "lanes=129")] {
-        let error = tuning(model, sizes, &card).expect_err("asked for more than there is");
-        assert!(error.what.contains(sizes) && error.kind == Kind::Options, "{error}");
-    }
+    let of = |model| tuning(model, Accumulation::Fixed, &card);
+    assert_eq!([of(&base).window, of(&product).window], [64, 28]);
+    // Nothing is added to the histograms of other lanes.
+    assert_eq!(tuning(&base, Accumulation::Owned, &card).window, 0);
     // Gathers have as many lanes as the device allows.
-    let fitted = tuning(&base, "", &card).expect("it fits");
-    assert_eq!(fitted.voxels * fitted.slices, 128);
+    assert_eq!(of(&base).voxels * of(&base).slices, 128);
     // What has more keeps the usual columns; what has hardly any adds straight to the histograms.
     for (shared_memory, want) in [(18 << 10, 32), (3 << 10, 0)] {
         let other = Abilities { limits: Limits { shared_memory, ..card.limits }, ..card };
-        assert_eq!(tuning(&product, "", &other).expect("it fits").window, want);
+        assert_eq!(tuning(&product, Accumulation::Fixed, &other).window, want);
     }
+    // A CPU driver gets the sizes of a GPU that shares the host's memory.
+    let [shared, cpu] = [DeviceKind::Integrated, DeviceKind::Cpu].map(|kind| Abilities { kind, ..card });
+    assert_eq!(tuning(&base, Accumulation::Fixed, &shared), tuning(&base, Accumulation::Fixed, &cpu));
+    assert!(tuning(&base, Accumulation::Fixed, &cpu).fill < of(&base).fill);
 }
 
 #[test]

@@ -195,6 +195,18 @@ fn obj_and_ply_meshes_load_and_place() {
         assert!((placed.geometric_normal(0) + DVec3::Z).length() < 1e-9);
         assert_eq!(scene.name, "quad");
     }
+    // In front of the wall it stays, unless it is to be centred.
+    let front = write("front.obj", "v 0 0 0.5\nv 0 1 0.5\nv 2 1 0.75\nv 2 0 0.75\nf 1 2 3 4\n");
+    let of = |centred| Scene::placed(front.to_str().unwrap(), centred).unwrap();
+    let bounds = |scene: &Scene| scene.objects[0].mesh.bounds().unwrap();
+    let (kept, place) = of(false);
+    assert_eq!(
+        (bounds(&kept), place),
+        ((dvec3(0.0, 0.0, 0.5), dvec3(2.0, 1.0, 0.75)), Some(MeshPlace::OfFile))
+    );
+    let (moved, place) = of(true);
+    let (lo, hi) = bounds(&moved);
+    assert!((lo.midpoint(hi) - dvec3(0.0, 0.0, 0.8)).length() < 1e-9 && place == Some(MeshPlace::Centred));
     // A cube that is wound inside out is turned and keeps its creases.
     let mut cube = String::new();
     for i in 0..8 {

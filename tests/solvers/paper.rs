@@ -280,11 +280,13 @@ fn what_cannot_run_is_refused_in_words() {
     // Few workgroups make long chunks, but none too long. Where they are too few for the pairs, these are refused.
     let mut few = gpu.abilities();
     few.limits.groups = [2, 3, 1];
-    let cas = o.clone().with(|o| o.accumulation = Accumulation::Cas);
-    let error = Plan::new(&model, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap_err();
-    assert!(error.what.contains("64 pairs are more"), "{error}");
+    let fixed = o.clone().with(|o| o.accumulation = Accumulation::Fixed);
+    let (_, many) = letter(16);
+    let g = grid(&many, &o);
+    let error = Plan::new(&paper::model(&many, &g, &o), g, many.scan, &fixed, &few, false).unwrap_err();
+    assert!(error.what.contains("256 pairs are more"), "{error}");
     few.limits.groups = [8, 3, 1];
-    let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &cas, &few, false).unwrap();
+    let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &fixed, &few, false).unwrap();
     assert!(3 * plan.division.tuning.chunk as usize >= plan.finest().grid.storage());
     let error = refused(&capture, &small(40).with(|o| o.learning_rate = 1e30), None);
     assert!(error.what.contains("loss"), "{error}");

@@ -143,6 +143,15 @@ pub fn filled<T: Clone>(what: &str, count: usize, value: T) -> Result<Vec<T>> {
     Ok(all)
 }
 
+/// A vector of `count` zeros, whose pages the system provides as they are written.
+///
+/// # Errors
+/// `Kind::Memory`, as [`ask`].
+pub fn zeros(what: &str, count: usize) -> Result<Vec<f32>> {
+    room::<f32>(what, count)?;
+    Ok(vec![0.0; count])
+}
+
 /// A vector of `count` elements of an iterator.
 ///
 /// # Errors

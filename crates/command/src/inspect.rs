@@ -160,7 +160,6 @@ fn problem(error: Error) -> Advice {
 pub fn usual_gpu() -> Abilities {
     let limits = Limits {
         storage_range: u64::from(u32::MAX),
-        texels: 1 << 27,
         workgroup_invocations: 1024,
         shared_memory: 48 << 10,
         groups: [i32::MAX as u32, 65_535, 65_535],

@@ -16,8 +16,12 @@ const MARGIN: usize = 12;
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write(path: &Path, maps: &Maps) -> Result<()> {
-    maps.check()?;
-    png::write(path, &picture(maps))
+    super::put(path, maps, bytes)
+}
+
+/// The file of [`write`].
+pub(super) fn bytes(maps: &Maps) -> Result<Vec<u8>> {
+    png::packed(&picture(maps))
 }
 
 /// The expected depth error of a masked pixel.

@@ -19,7 +19,6 @@ use exr::prelude::{
 
 use super::picture;
 use crate::error::{Error, Result};
-use crate::files::atomic;
 use crate::maps::Maps;
 
 /// Writes the maps.
@@ -27,7 +26,11 @@ use crate::maps::Maps;
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write(path: &Path, maps: &Maps) -> Result<()> {
-    maps.check()?;
+    super::put(path, maps, bytes)
+}
+
+/// The file of [`write`].
+pub(super) fn bytes(maps: &Maps) -> Result<Vec<u8>> {
     let rows = picture::rows(maps);
     let channel = |name: &str, value: &dyn Fn(usize) -> f32| {
         AnyChannel::new(name, FlatSamples::F32(rows.iter().map(|&p| value(p)).collect()))
@@ -66,8 +69,10 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
         Layer::new((maps.nx, maps.ny), attributes, Encoding::SMALL_LOSSLESS, AnyChannels::sort(channels));
     let mut bytes = Cursor::new(Vec::new());
     // One thread: the order of blocks, and hence the bytes, must not depend on timing.
-    Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(|e| {
-        Error::output(format!("{}: cannot be packed as EXR: {e}", path.display()), "free some memory")
-    })?;
-    atomic::write(path, &bytes.into_inner())
+    Image::from_layer(layer)
+        .write()
+        .non_parallel()
+        .to_buffered(&mut bytes)
+        .map_err(|e| Error::output(format!("cannot be packed as EXR: {e}"), "free some memory"))?;
+    Ok(bytes.into_inner())
 }

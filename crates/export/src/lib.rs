@@ -29,14 +29,17 @@ pub mod volume;
 
 use std::path::{Path, PathBuf};
 
+use rayon::prelude::*;
 use thirdbounce_base::{advice, error, files};
 use thirdbounce_capture as capture;
 use thirdbounce_maps::{maps, measure, verdict};
 
 use crate::error::{Error, Result};
+use crate::files::atomic;
 use crate::maps::Maps;
 
-type Writer = fn(&Path, &Maps) -> Result<()>;
+/// The bytes of a file of checked maps.
+type Pack = fn(&Maps) -> Result<Vec<u8>>;
 
 /// Writes the maps in every format into `folder` (created if missing): `maps.npz`, `maps.mat`, `maps.exr`, `maps.svg`,
 /// `albedo.png`, `depth.png`, `normal.png`, `points.ply`, `mesh.ply`, and `depth_error.png` if the expected depth error is
@@ -45,36 +48,51 @@ type Writer = fn(&Path, &Maps) -> Result<()>;
 /// # Errors
 /// `Kind::Input` if the maps' sizes do not agree, `Kind::Output` if a file cannot be written.
 pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {
-    let writers: [(&str, Writer); 10] = [
-        ("maps.npz", npz::write_maps),
-        ("maps.mat", mat::write),
-        ("maps.exr", exr::write),
-        ("maps.svg", print::write),
-        ("albedo.png", png::write_albedo),
-        ("depth.png", png::write_depth),
-        ("normal.png", png::write_normal),
-        ("depth_error.png", depth_error::write),
-        ("points.ply", ply::write),
-        ("mesh.ply", mesh::write),
+    const FILES: [(&str, Pack); 9] = [
+        ("maps.npz", npz::bytes),
+        ("maps.mat", mat::bytes),
+        ("maps.exr", exr::bytes),
+        ("maps.svg", print::bytes),
+        ("albedo.png", png::albedo_bytes),
+        ("depth.png", png::depth_bytes),
+        ("normal.png", png::normal_bytes),
+        ("depth_error.png", depth_error::bytes),
+        ("points.ply", ply::bytes),
     ];
-    let mut written = Vec::new();
+    maps.check()?;
     let is_there = |name: &str| name != "depth_error.png" || maps.depth_error.is_some();
-    for (name, write) in writers.into_iter().filter(|w| is_there(w.0)) {
+    let files: Vec<(&str, Pack)> = FILES.into_iter().filter(|(name, _)| is_there(name)).collect();
+    // The mesh takes as long as all others. Only packing is parallel: files are written in their order.
+    let (mesh, mut packed) = rayon::join(
+        || mesh::bytes(maps),
+        || files.par_iter().map(|(name, pack)| (*name, pack(maps))).collect::<Vec<_>>(),
+    );
+    packed.push(("mesh.ply", mesh));
+    let write = |(name, packed)| {
         let path = folder.join(name);
-        write(&path, maps)?;
-        written.push(path);
-    }
-    Ok(written)
+        put_packed(&path, packed).map(|()| path)
+    };
+    packed.into_iter().map(write).collect()
+}
+
+/// Writes checked maps to a file.
+fn put(path: &Path, maps: &Maps, pack: Pack) -> Result<()> {
+    maps.check()?;
+    put_packed(path, pack(maps))
+}
+
+fn put_packed(path: &Path, packed: Result<Vec<u8>>) -> Result<()> {
+    atomic::write(path, &packed.map_err(|e| e.at(path.display()))?)
 }
 
 /// Formats that hold maps in one file.
-const FILES: [(&str, Writer); 6] = [
-    ("npz", npz::write_maps),
-    ("mat", mat::write),
-    ("exr", exr::write),
-    ("ply", ply::write),
-    ("png", print::write_plain),
-    ("svg", print::write),
+const FILES: [(&str, Pack); 6] = [
+    ("npz", npz::bytes),
+    ("mat", mat::bytes),
+    ("exr", exr::bytes),
+    ("ply", ply::bytes),
+    ("png", print::plain_bytes),
+    ("svg", print::bytes),
 ];
 
 /// Writes maps to `path`: one file of the format of its ending, or into a folder ([`write_maps`]) if it has no ending or
@@ -84,12 +102,12 @@ const FILES: [(&str, Writer); 6] = [
 /// `Kind::Options` for an unknown ending, and those of [`write_maps`].
 pub fn save(path: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {
     let Some(ending) = path.extension().filter(|_| !path.is_dir()) else { return write_maps(path, maps) };
-    let Some((_, write)) = FILES.iter().find(|(known, _)| ending.eq_ignore_ascii_case(known)) else {
+    let Some((_, pack)) = FILES.iter().find(|(known, _)| ending.eq_ignore_ascii_case(known)) else {
         let known = FILES.map(|(ending, _)| format!(".{ending}")).join(", ");
         return Err(Error::options(
             format!("maps are not saved as .{}", ending.display()),
             format!("give a file that ends in {known}, or a folder: a name without an ending"),
         ));
     };
-    write(path, maps).map(|()| vec![path.into()])
+    put(path, maps, *pack).map(|()| vec![path.into()])
 }

@@ -9,7 +9,6 @@ use flate2::write::ZlibEncoder;
 use super::npz;
 use crate::error::{Error, Result};
 use crate::files::array::{Array, Element, c_order};
-use crate::files::atomic;
 use crate::maps::Maps;
 
 /// Types of elements: characters, dimensions, flags, matrices, deflated ones.
@@ -24,17 +23,21 @@ const COMPRESSED: u32 = 15;
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write(path: &Path, maps: &Maps) -> Result<()> {
+    super::put(path, maps, bytes)
+}
+
+/// The file of [`write`].
+pub(super) fn bytes(maps: &Maps) -> Result<Vec<u8>> {
     let mut bytes = format!("{:<116}", "MATLAB 5.0 MAT-file, maps of thirdbounce").into_bytes();
     // No subsystem, version 1.0, little-endian.
     bytes.extend([[0; 8].as_slice(), &[0, 1], b"IM"].concat());
     for (name, array) in npz::arrays(maps)? {
-        let deflated = deflated(&element(MATRIX, &matrix(name, &array))).map_err(|e| {
-            Error::output(format!("{}: cannot be packed: {e}", path.display()), "free some memory")
-        })?;
+        let deflated = deflated(&element(MATRIX, &matrix(name, &array)))
+            .map_err(|e| Error::output(format!("cannot be packed: {e}"), "free some memory"))?;
         bytes.extend(tag(COMPRESSED, deflated.len()));
         bytes.extend(deflated);
     }
-    atomic::write(path, &bytes)
+    Ok(bytes)
 }
 
 fn deflated(bytes: &[u8]) -> std::io::Result<Vec<u8>> {

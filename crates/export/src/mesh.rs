@@ -11,14 +11,12 @@
 mod nets;
 mod poisson;
 
-use std::collections::BTreeMap;
 use std::path::Path;
 
 use glam::{DVec3, dvec3};
 
 use self::poisson::SurfacePoint;
 use crate::error::Result;
-use crate::files::atomic;
 use crate::maps::Maps;
 
 /// A vertex farther than this many pixels aside of every point is removed. The middle of four points is 0.71 from
@@ -42,7 +40,11 @@ type Vertex = (DVec3, DVec3, f32);
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write(path: &Path, maps: &Maps) -> Result<()> {
-    maps.check()?;
+    super::put(path, maps, bytes)
+}
+
+/// The file of [`write`].
+pub(super) fn bytes(maps: &Maps) -> Result<Vec<u8>> {
     let (vertices, triangles) = surface(maps);
     let white = Maps::white(&maps.albedo).max(f32::MIN_POSITIVE);
     let mut bytes = format!(
@@ -63,7 +65,7 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
         bytes.push(3);
         triangle.iter().for_each(|v| bytes.extend_from_slice(&(*v as u32).to_le_bytes()));
     }
-    atomic::write(path, &bytes)
+    Ok(bytes)
 }
 
 /// Vertices and triangles of the observed surface.
@@ -84,12 +86,12 @@ fn surface(maps: &Maps) -> (Vec<Vertex>, Vec<[usize; 3]>) {
         let [a, b, c] = t.map(|v| whole.vertices[v].0);
         t.iter().all(|v| albedos[*v].is_some()) && (b - a).cross(c - a).z < 0.0
     };
-    let mut number = BTreeMap::new();
+    let mut number = vec![None; whole.vertices.len()];
     let mut vertices = Vec::new();
     let mut triangles = Vec::new();
     for triangle in whole.triangles.into_iter().filter(kept) {
         triangles.push(triangle.map(|v| {
-            *number.entry(v).or_insert_with(|| {
+            *number[v].get_or_insert_with(|| {
                 let (at, normal) = whole.vertices[v];
                 vertices.push((at, normal, albedos[v].unwrap_or(0.0)));
                 vertices.len() - 1

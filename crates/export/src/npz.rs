@@ -26,7 +26,12 @@ const TRUTH_LAYERS: [&str; 4] = ["", "gt_layers_depth", "gt_layers_normal", "gt_
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_maps(path: &Path, maps: &Maps) -> Result<()> {
-    atomic::write(path, &npz_bytes(&arrays(maps)?)?)
+    super::put(path, maps, bytes)
+}
+
+/// The file of [`write_maps`].
+pub(super) fn bytes(maps: &Maps) -> Result<Vec<u8>> {
+    npz_bytes(&arrays(maps)?)
 }
 
 /// The arrays of [`write_maps`] with their names.

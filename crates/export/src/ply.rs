@@ -4,7 +4,6 @@ use std::fmt::Write as _;
 use std::path::Path;
 
 use crate::error::Result;
-use crate::files::atomic;
 use crate::maps::Maps;
 
 /// Writes one point per masked pixel with a depth, of both layers, in the capture's frame in metres, little-endian:
@@ -14,7 +13,11 @@ use crate::maps::Maps;
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write(path: &Path, maps: &Maps) -> Result<()> {
-    maps.check()?;
+    super::put(path, maps, bytes)
+}
+
+/// The file of [`write`].
+pub(super) fn bytes(maps: &Maps) -> Result<Vec<u8>> {
     let white = Maps::white(&maps.albedo).max(f32::MIN_POSITIVE);
     let (mut points, mut count) = (Vec::new(), 0usize);
     let layers: Vec<Maps> = (0..2).filter_map(|layer| maps.layer(layer)).collect();
@@ -42,5 +45,5 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
     header.push_str("end_header\n");
     let mut bytes = header.into_bytes();
     bytes.extend_from_slice(&points);
-    atomic::write(path, &bytes)
+    Ok(bytes)
 }

@@ -17,8 +17,12 @@ use crate::maps::{Maps, percentile};
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_albedo(path: &Path, maps: &Maps) -> Result<()> {
-    maps.check()?;
-    write(path, &with_axes(&albedo_of(maps), maps))
+    super::put(path, maps, albedo_bytes)
+}
+
+/// The file of [`write_albedo`].
+pub(super) fn albedo_bytes(maps: &Maps) -> Result<Vec<u8>> {
+    packed(&with_axes(&albedo_of(maps), maps))
 }
 
 /// The picture of [`write_albedo`] without axes.
@@ -39,10 +43,14 @@ pub fn albedo_of(maps: &Maps) -> Picture {
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_depth(path: &Path, maps: &Maps) -> Result<()> {
-    maps.check()?;
+    super::put(path, maps, depth_bytes)
+}
+
+/// The file of [`write_depth`].
+pub(super) fn depth_bytes(maps: &Maps) -> Result<Vec<u8>> {
     let range = shown_range(maps);
     let map = with_axes(&depth_map(maps, range.unwrap_or_default()), maps);
-    write(path, &with_bar(&map, range))
+    packed(&with_bar(&map, range))
 }
 
 /// Writes albedo and depth side by side, each as in its own picture.
@@ -138,8 +146,12 @@ pub fn with_axes(map: &Picture, maps: &Maps) -> Picture {
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_normal(path: &Path, maps: &Maps) -> Result<()> {
-    maps.check()?;
-    write(path, &with_axes(&normal_of(maps), maps))
+    super::put(path, maps, normal_bytes)
+}
+
+/// The file of [`write_normal`].
+pub(super) fn normal_bytes(maps: &Maps) -> Result<Vec<u8>> {
+    packed(&with_axes(&normal_of(maps), maps))
 }
 
 /// The picture of [`write_normal`] without axes.

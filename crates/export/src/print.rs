@@ -9,7 +9,6 @@ use super::figure::{BODY, Colour, FRAME, Figure, INK, TITLE};
 use super::picture::{Picture, colour, enlargement, normal_colour};
 use super::{depth_error, png};
 use crate::error::Result;
-use crate::files::atomic;
 use crate::maps::Maps;
 
 /// Where there is no surface.
@@ -39,8 +38,12 @@ struct PrintedMap<'m> {
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write(path: &Path, maps: &Maps) -> Result<()> {
-    maps.check()?;
-    atomic::write(path, figure(maps, usize::MAX)?.svg().as_bytes())
+    super::put(path, maps, bytes)
+}
+
+/// The file of [`write`].
+pub(super) fn bytes(maps: &Maps) -> Result<Vec<u8>> {
+    Ok(figure(maps, usize::MAX)?.svg().into_bytes())
 }
 
 /// Writes the maps side by side without axes as PNG.
@@ -48,13 +51,17 @@ pub fn write(path: &Path, maps: &Maps) -> Result<()> {
 /// # Errors
 /// `Kind::Input` if the sizes do not agree, `Kind::Output` if the file cannot be written.
 pub fn write_plain(path: &Path, maps: &Maps) -> Result<()> {
-    maps.check()?;
+    super::put(path, maps, plain_bytes)
+}
+
+/// The file of [`write_plain`].
+pub(super) fn plain_bytes(maps: &Maps) -> Result<Vec<u8>> {
     let all: Vec<Picture> = views(maps).iter().map(|view| picture(maps, view, enlargement(maps))).collect();
     let (wide, high) = (all[0].width + GAP, all[0].height);
     let mut row = Picture::new(wide * all.len() - GAP, high);
     row.fill(0, 0, row.width, high, WHITE);
     all.iter().enumerate().for_each(|(at, map)| row.paste(map, at * wide, 0));
-    png::write(path, &row)
+    png::packed(&row)
 }
 
 /// All maps with axes in metres and colour bars. Maps have at most `most` pixels along a side.

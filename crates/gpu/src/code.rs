@@ -30,13 +30,6 @@ pub enum View {
     Uniform,
     /// As a storage block.
     Storage,
-    /// As texels of 1 or 4 floats (`imageBuffer` in GLSL).
-    Texels {
-        /// Floats per texel.
-        words: u32,
-    },
-    /// As texels of an unsigned integer (`uimageBuffer` in GLSL).
-    WordTexels,
 }
 
 /// A buffer binding of a kernel, by default to the buffer with the block's name.

@@ -7,7 +7,6 @@ use super::options::{GpuOptions, is_called};
 /// Limits for planning. Functions have no workgroups, shared memory or watchdog: these bound sizes of schedules only.
 pub(super) const LIMITS: Limits = Limits {
     storage_range: 1 << 46,
-    texels: u64::MAX,
     workgroup_invocations: 1024,
     shared_memory: 32 << 10,
     groups: [u32::MAX; 3],

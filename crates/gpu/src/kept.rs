@@ -18,6 +18,12 @@ const HEADER: usize = 32;
 
 const FILE: &str = "pipelines.bin";
 
+/// Whether a folder holds the kernels of an earlier run.
+#[doc(hidden)]
+pub fn kernels_are_kept(folder: &Path) -> bool {
+    folder.join(FILE).is_file()
+}
+
 /// A device's pipeline cache, with or without a file.
 pub(super) struct Cache {
     pub handle: vk::PipelineCache,

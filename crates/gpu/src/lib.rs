@@ -56,6 +56,7 @@ pub use faults::{Faults, Guarded, Overrun, Point};
 pub use flight::Ticket;
 pub use front::{Arena, Executor};
 pub use instance::{DeviceInfo, DeviceKind, devices};
+pub use kept::kernels_are_kept;
 pub use limits::{Abilities, Accumulations, Limits, MOST_STORAGE};
 pub use make::KernelRequest;
 pub use names::{Buffer, Constant, Kernel};

@@ -23,8 +23,6 @@ pub struct Accumulations {
 pub struct Limits {
     /// Largest binding of one buffer, bytes, not above one allocation.
     pub storage_range: u64,
-    /// Largest texel buffer, texels.
-    pub texels: u64,
     /// Maximum invocations per workgroup, in any shape in x and y.
     pub workgroup_invocations: u32,
     /// Shared memory per workgroup, bytes.
@@ -101,7 +99,6 @@ impl Reported {
         let [x, y, _] = l.max_compute_work_group_size;
         Limits {
             storage_range: u64::from(l.max_storage_buffer_range).min(self.allocation),
-            texels: u64::from(l.max_texel_buffer_elements),
             workgroup_invocations: l.max_compute_work_group_invocations.min(x).min(y),
             shared_memory: l.max_compute_shared_memory_size,
             groups: l.max_compute_work_group_count,
@@ -120,7 +117,6 @@ mod tests {
     fn least(storage: u32) -> Reported {
         let limits = vk::PhysicalDeviceLimits {
             max_storage_buffer_range: 1 << 27,
-            max_texel_buffer_elements: 1 << 16,
             max_compute_work_group_invocations: 128,
             max_compute_work_group_size: [128, 128, 64],
             max_compute_shared_memory_size: 16_384,

@@ -9,7 +9,7 @@ use super::code::{Binding, KernelCode, View};
 use super::device::Gpu;
 use super::faults::Point;
 use super::limits::MOST_STORAGE;
-use super::memory::{DeviceArena, Made};
+use super::memory::DeviceArena;
 use super::names::{Buffer, Constant};
 use super::pipelines::Pipeline;
 use super::rounding::to_nearest;
@@ -142,7 +142,6 @@ impl Pipeline {
 /// Descriptor sets by kernel and buffers, created on first use.
 pub(super) struct DescriptorSets {
     pools: Vec<vk::DescriptorPool>,
-    views: Vec<vk::BufferView>,
     made: HashMap<Bound, vk::DescriptorSet>,
     /// Lookup key, kept so that lookups do not allocate.
     wanted: Bound,
@@ -155,7 +154,7 @@ const SETS_PER_POOL: u32 = 64;
 
 impl DescriptorSets {
     pub fn new() -> DescriptorSets {
-        DescriptorSets { pools: vec![], views: vec![], made: HashMap::new(), wanted: Bound::default() }
+        DescriptorSets { pools: vec![], made: HashMap::new(), wanted: Bound::default() }
     }
 
     pub fn get(
@@ -182,7 +181,6 @@ impl DescriptorSets {
                 size(vk::DescriptorType::STORAGE_BUFFER, SETS_PER_POOL * MOST_STORAGE),
                 // The scene, and the block of a solver.
                 size(vk::DescriptorType::UNIFORM_BUFFER, SETS_PER_POOL * 2),
-                size(vk::DescriptorType::STORAGE_TEXEL_BUFFER, SETS_PER_POOL * 4),
             ];
             let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);
             // SAFETY: the device is alive; pools are destroyed with the executor.
@@ -208,22 +206,16 @@ impl DescriptorSets {
                 [vk::DescriptorBufferInfo::default().buffer(*handle).range(range)]
             })
             .collect();
-        let seen = pipeline.bindings.iter().zip(buffers);
-        let views =
-            seen.map(|(b, buffer)| self.view(gpu, b, arena.get(*buffer))).collect::<Result<Vec<_>>>()?;
         let writes: Vec<_> = pipeline
             .bindings
             .iter()
-            .zip(infos.iter().zip(&views))
-            .map(|(b, (info, view))| {
-                let write = vk::WriteDescriptorSet::default()
+            .zip(&infos)
+            .map(|(b, info)| {
+                vk::WriteDescriptorSet::default()
                     .dst_set(set)
                     .dst_binding(b.slot)
-                    .descriptor_type(descriptor_type(b));
-                match view {
-                    Some(view) => write.texel_buffer_view(std::slice::from_ref(view)),
-                    None => write.buffer_info(info),
-                }
+                    .descriptor_type(descriptor_type(b))
+                    .buffer_info(info)
             })
             .collect();
         unsafe { device.update_descriptor_sets(&writes, &[]) };
@@ -231,31 +223,7 @@ impl DescriptorSets {
         Ok(set)
     }
 
-    /// The view of a texel buffer; `None` for others.
-    fn view(&mut self, gpu: &Gpu, binding: &Binding, made: &Made) -> Result<Option<vk::BufferView>> {
-        let (format, texel) = match binding.view {
-            View::Uniform | View::Storage => return Ok(None),
-            View::WordTexels => (vk::Format::R32_UINT, 4),
-            View::Texels { words: 1 } => (vk::Format::R32_SFLOAT, 4),
-            View::Texels { .. } => (vk::Format::R32G32B32A32_SFLOAT, 16),
-        };
-        // With its canary, within the device's limit.
-        let range = ((made.bytes + made.canary) / texel).min(gpu.limits.texels) * texel;
-        let info = vk::BufferViewCreateInfo::default().buffer(made.handle).format(format).range(range);
-        // SAFETY: the buffer is alive as long as the executor, and has this usage. Views are destroyed with the executor.
-        let view = gpu
-            .before_call(Point::Object)
-            .and_then(|()| unsafe { gpu.raw().create_buffer_view(&info, None) })
-            .map_err(|e| gpu.failed("binding buffers", e))?;
-        self.views.push(view);
-        Ok(Some(view))
-    }
-
     pub fn destroy(&mut self, gpu: &Gpu) {
-        for view in self.views.drain(..) {
-            // SAFETY: the executor waits for its work first.
-            unsafe { gpu.raw().destroy_buffer_view(view, None) };
-        }
         for pool in self.pools.drain(..) {
             // SAFETY: the executor waits for its work first.
             unsafe { gpu.raw().destroy_descriptor_pool(pool, None) };
@@ -272,6 +240,5 @@ fn descriptor_type(b: &Binding) -> vk::DescriptorType {
     match b.view {
         View::Uniform => vk::DescriptorType::UNIFORM_BUFFER,
         View::Storage => vk::DescriptorType::STORAGE_BUFFER,
-        View::Texels { .. } | View::WordTexels => vk::DescriptorType::STORAGE_TEXEL_BUFFER,
     }
 }

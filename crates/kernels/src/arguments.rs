@@ -38,10 +38,9 @@ pub(super) fn chunks(call: &Call<'_>, active: u32) -> [u32; 3] {
     const LEAST: u32 = 64;
     let of = |constant, usual| call.constant(constant, usual);
     let (lanes, others) = (of("LANES", 64), of("FORWARD_OTHERS", 0));
-    let wide = lanes * of("HELD", 1);
     let tiles = match others {
-        0 => call.scene.pairs.div_ceil(wide),
-        _ => call.scene.scanned.div_ceil(wide) * call.scene.others.div_ceil(others),
+        0 => call.scene.pairs.div_ceil(lanes),
+        _ => call.scene.scanned.div_ceil(lanes) * call.scene.others.div_ceil(others),
     };
     let of_set = (of("SET_CELLS", 0) / call.scene.pairs.max(1)).max(1);
     let wanted = of("FORWARD_FILL", 0).div_ceil(tiles.max(1) * lanes);

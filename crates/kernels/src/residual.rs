@@ -4,22 +4,22 @@ use super::shared::*;
 use super::weight::bin_weights;
 use super::{Call, Cells, Real};
 
-/// Neighbouring cells, each of another partial sum.
+/// Neighbouring cells, each of another sum.
 const LANES: usize = WORKGROUP as usize;
 /// Cells of a task.
 const TILE: usize = LANES * RESIDUAL_BINS as usize;
 
 /// Compares rendered histograms with the measurement: dLoss / d(accumulated value) of every bin, and the partial sums of
-/// weighted and plain squared differences, `RESIDUAL_BINS` cells each.
+/// weighted and plain squared differences, one of each task.
 pub fn residual<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     bind!(b: counts u, measured f, residual f, histograms f, loss_partials v2, noise_state v3, spread f);
     let comparison = Comparison::of(call, measured, noise_state);
     let spread = call.is("SEEN").then_some(&*spread);
-    let (clears, grouped) = (!call.is("SPOT"), call.is("GROUPED"));
+    let clears = !call.is("SPOT");
     let cells = call.cells();
-    let partials = loss_partials.par_chunks_mut(if grouped { 1 } else { LANES });
+    let partials = loss_partials.par_iter_mut();
     let tiles = residual[..cells].par_chunks_mut(TILE).zip(histograms[..cells].par_chunks_mut(TILE)).zip(partials);
-    let faults = tiles.enumerate().map(|(tile, ((residual, histograms), partials))| {
+    let faults = tiles.enumerate().map(|(tile, ((residual, histograms), partial))| {
         let accumulated = spread.map_or(&*histograms, |spread| &spread[tile * TILE..][..residual.len()]);
         let mut sums = [[F::zero(); LANES]; 3];
         pulp::Arch::new().dispatch(
@@ -30,11 +30,7 @@ pub fn residual<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
             histograms.fill(F::zero());
         }
         let [weighted, plain, magnitude] = sums;
-        if grouped {
-            partials[0] = [weighted.into_iter().sum(), plain.into_iter().sum()];
-        } else {
-            (0..LANES).for_each(|lane| partials[lane] = [weighted[lane], plain[lane]]);
-        }
+        *partial = [weighted.into_iter().sum(), plain.into_iter().sum()];
         let fault = |lane: usize| match magnitude[lane].is_finite() {
             false => FAULT_FORWARD,
             true if !(weighted[lane] + plain[lane]).is_finite() => FAULT_RESIDUAL,

@@ -1,7 +1,6 @@
 use rayon::prelude::*;
 
 use super::shared::*;
-use super::weight::root_weights;
 use super::{Call, Cells, Real};
 
 /// Rows that are filtered together: the lanes of a vector.
@@ -12,10 +11,10 @@ const ROWS: usize = 16;
 /// compared rows undefined. [`ROWS`] rows are one task: a solve of their tridiagonal systems is a recurrence along bins,
 /// for all of them at once.
 pub fn residual_rows<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
-    bind!(b: counts u, measured f, residual f, histograms f, loss_partials v2, _6 any, spread f);
+    bind!(b: counts u, measured f, residual f, histograms f, loss_partials v2, factors v4, spread f);
     let (bins, stride, pairs) = (call.bins(), call.stride(), call.scene.pairs as usize);
     let [seen, spots] = ["SEEN", "SPOT"].map(|name| call.is(name));
-    let filter = RowFilter::of(call);
+    let filter = RowFilter::of(call, factors);
     let first = PADDING as usize;
     residual[..first].fill(F::zero());
     let compared = if seen { &spread[first..] } else { &histograms[first..] };
@@ -42,44 +41,31 @@ pub fn residual_rows<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
 }
 
 /// What all rows share.
-struct RowFilter<F> {
+struct RowFilter<'f, F> {
     render: F,
     /// Residual per weighted and filtered difference.
     scale: F,
     share: F,
-    /// 1 / κ.
-    inverse: F,
-    /// Factor of the elimination at every bin, from the first on; from the last on it is the same table backward.
-    factors: Vec<F>,
-    /// Roots of the bins' weights.
-    roots: Vec<F>,
+    /// By bin, from the first on, for elimination from the first on; for that from the last on the same table backward: root of
+    /// its weight, inverse of the pivot, that times κ (`glsl/include/compared.glsl`).
+    factors: &'f [[F; 4]],
 }
 
-impl<F: Real> RowFilter<F> {
-    fn of(call: &Call<'_>) -> RowFilter<F> {
-        let (scene, bins) = (&call.scene, call.bins());
-        let decay = f64::from(call.surface.slow_decay);
-        let kappa = decay / (1.0 - decay).powi(2);
-        let mut factor = 0.0;
-        let step = |bin: usize| {
-            let neighbours = f64::from(u8::from(bin > 0) + u8::from(bin + 1 < bins));
-            factor = kappa / (1.0 + kappa * (neighbours - factor));
-            F::of(factor)
-        };
+impl<'f, F: Real> RowFilter<'f, F> {
+    fn of(call: &Call<'_>, factors: &'f [[F; 4]]) -> RowFilter<'f, F> {
+        let scene = &call.scene;
         RowFilter {
             render: F::from32(scene.render_scale),
             scale: F::of(2.0 * f64::from(scene.loss_scale) * f64::from(scene.render_scale)),
             share: F::from32(call.surface.slow_share),
-            inverse: F::of(1.0 / kappa),
-            factors: (0..bins).map(step).collect(),
-            roots: root_weights(call),
+            factors: &factors[..call.bins()],
         }
     }
 }
 
 /// A task: up to [`ROWS`] rows, without the padding before the first.
 struct Rows<'r, F> {
-    filter: &'r RowFilter<F>,
+    filter: &'r RowFilter<'r, F>,
     stride: usize,
     compared: &'r [F],
     measured: &'r [F],
@@ -109,13 +95,13 @@ impl<F: Real> pulp::WithSimd for Rows<'_, F> {
         // Weighted differences, and their elimination from the first bin on.
         let mut before = [zero; ROWS];
         for (bin, (value, kept)) in values.iter_mut().zip(kept.iter_mut()).enumerate() {
-            let (root, factor) = (filter.roots[bin], filter.factors[bin]);
+            let [root, inverse, factor, _] = filter.factors[bin];
             for lane in 0..ROWS {
                 let difference = value[lane] - kept[lane];
                 magnitudes[lane] = magnitudes[lane] + value[lane].abs();
                 plain[lane] = plain[lane] + difference * difference;
                 value[lane] = root * difference;
-                before[lane] = factor * (value[lane] * filter.inverse + before[lane]);
+                before[lane] = inverse * value[lane] + factor * before[lane];
                 kept[lane] = before[lane];
             }
         }
@@ -123,18 +109,19 @@ impl<F: Real> pulp::WithSimd for Rows<'_, F> {
         let mut answer = [zero; ROWS];
         before = [zero; ROWS];
         for (bin, (value, kept)) in values.iter_mut().zip(kept.iter_mut()).enumerate().rev() {
-            let (along, factor) = (filter.factors[bin], filter.factors[bins - 1 - bin]);
+            let along = filter.factors[bin][2];
+            let [_, inverse, factor, _] = filter.factors[bins - 1 - bin];
             for lane in 0..ROWS {
                 answer[lane] = kept[lane] + along * answer[lane];
                 value[lane] = value[lane] - filter.share * answer[lane];
                 filtered[lane] = filtered[lane] + value[lane] * value[lane];
-                before[lane] = factor * (value[lane] * filter.inverse + before[lane]);
+                before[lane] = inverse * value[lane] + factor * before[lane];
                 kept[lane] = before[lane];
             }
         }
         answer = [zero; ROWS];
         for (bin, (value, kept)) in values.iter_mut().zip(kept.iter()).enumerate() {
-            let (along, scale) = (filter.factors[bins - 1 - bin], filter.scale * filter.roots[bin]);
+            let (along, scale) = (filter.factors[bins - 1 - bin][2], filter.scale * filter.factors[bin][0]);
             for lane in 0..ROWS {
                 answer[lane] = kept[lane] + along * answer[lane];
                 value[lane] = scale * (value[lane] - filter.share * answer[lane]);

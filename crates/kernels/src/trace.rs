@@ -15,8 +15,7 @@ pub fn close<F: Real>(
 ) {
     let of = |constant, usual| call.constant(constant, usual);
     let tile = (WORKGROUP * RESIDUAL_BINS) as usize;
-    let groups = call.cells().div_ceil(tile) * if of("GROUPED", 0) == 0 { WORKGROUP as usize } else { 1 };
-    let partials = if of("ROWS", 0) == 0 { groups } else { call.scene.pairs as usize };
+    let partials = if of("ROWS", 0) == 0 { call.cells().div_ceil(tile) } else { call.scene.pairs as usize };
     let of_chunk =
         |all: &[[F; 2]]| all.iter().fold([0.0; 2], |s, l| [s[0] + l[0].wide(), s[1] + l[1].wide()]);
     // There may be millions.

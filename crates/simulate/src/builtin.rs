@@ -29,14 +29,34 @@ const KNOWN: &[(&str, &str)] = &[
     ("within", "the part of beyond in front of a wall of 1 m: no raised arm, floor or plate"),
 ];
 
+/// Where the mesh of a file is.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MeshPlace {
+    /// Where the file has it.
+    OfFile,
+    /// Turned so that its +z side faces the wall, and its centre at (0, 0, 0.8 m).
+    Centred,
+}
+
 impl Scene {
     /// The scene that `spec` names: a built-in scene (see [`Scene::known`]) or the path of a .obj or .ply
-    /// mesh in metres, which is turned so that its +z side faces the wall, and centred at z = 0.8 m.
+    /// mesh in metres. A mesh in front of the wall, z > 0, keeps its coordinates; others are turned so that their
+    /// +z side faces the wall, and centred at z = 0.8 m.
     ///
     /// # Errors
     /// An unknown name (the error lists the known ones) or a mesh that cannot be used.
     pub fn named(spec: &str) -> Result<Scene> {
-        named(spec)
+        named(spec, false).map(|(scene, _)| scene)
+    }
+
+    /// [`Scene::named`] with the place of a mesh, which is [`MeshPlace::Centred`] if `centred`; `None` for a built-in scene.
+    ///
+    /// # Errors
+    /// Those of [`Scene::named`].
+    #[doc(hidden)]
+    pub fn placed(spec: &str, centred: bool) -> Result<(Scene, Option<MeshPlace>)> {
+        named(spec, centred)
     }
 
     /// The scene scaled about its centre so that its largest side is `size` metres.
@@ -75,11 +95,13 @@ impl Scene {
     }
 }
 
-fn named(spec: &str) -> Result<Scene> {
+fn named(spec: &str, centred: bool) -> Result<(Scene, Option<MeshPlace>)> {
+    #[cfg(not(feature = "formats"))]
+    let _ = centred;
     let name = spec.trim();
     #[cfg(feature = "formats")]
-    if let Some(mesh) = super::mesh_file::scene(std::path::Path::new(name)) {
-        return mesh.map(|(stem, mesh)| Scene::new(stem, objects(vec![mesh])));
+    if let Some(mesh) = super::mesh_file::scene(std::path::Path::new(name), centred) {
+        return mesh.map(|(stem, mesh, place)| (Scene::new(stem, objects(vec![mesh])), Some(place)));
     }
     let lower = name.to_ascii_lowercase();
     let after = |stem: &str| lower.strip_prefix(stem).and_then(|rest| rest.strip_prefix(['-', ':']));
@@ -99,12 +121,12 @@ fn named(spec: &str) -> Result<Scene> {
             "plates-front" => vec![front_plate()],
             "plates-back" => vec![back_plate()],
             "figure" => figure(dvec3(0.0, 0.0, 0.7), 0.85),
-            "beyond" => return Ok(beyond()),
+            "beyond" => return Ok((beyond(), None)),
             "within" => aside().0,
             _ => return Err(unknown(spec)),
         }
     };
-    Ok(Scene::new(lower.replace(':', "-"), objects(meshes)))
+    Ok((Scene::new(lower.replace(':', "-"), objects(meshes)), None))
 }
 
 /// The figure, shifted along +x and down: its part in front of a 1 m wall, and its raised arm beyond the edge.

@@ -44,6 +44,7 @@ use thirdbounce_base::{Error, Kind, Result};
 use thirdbounce_capture as capture;
 use thirdbounce_maps::maps;
 
+pub use builtin::MeshPlace;
 pub use capture::Reflectance;
 pub use figure::figure;
 pub use letters::letter;

@@ -1,6 +1,6 @@
 //! Meshes from OBJ and PLY files.
 
-use super::{Mesh, Placement};
+use super::{Mesh, MeshPlace, Placement};
 use crate::{Error, Result};
 use glam::{DVec3, dvec3};
 use ply_rs_bw::parser::{Parser, Reader};
@@ -33,9 +33,9 @@ pub fn load_mesh(path: &Path) -> Result<Mesh> {
     soup.and_then(build).map_err(|e| e.at(path.display()))
 }
 
-/// The stem and the mesh of a mesh file in metres, 0.8 m in front of the wall and facing it; `None` if the path does not have the
-/// extension of a mesh file.
-pub(super) fn scene(path: &Path) -> Option<Result<(String, Mesh)>> {
+/// The stem and the mesh of a mesh file in metres, and where it is; `None` if the path does not have the extension of a mesh file.
+/// A mesh in front of the wall, z > 0, stays unless it is to be `centred`.
+pub(super) fn scene(path: &Path, centred: bool) -> Option<Result<(String, Mesh, MeshPlace)>> {
     if !matches!(extension(path).as_str(), "obj" | "ply") {
         return None;
     }
@@ -47,10 +47,13 @@ pub(super) fn scene(path: &Path) -> Option<Result<(String, Mesh)>> {
     };
     let stem = path.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let mesh = load_mesh(path).and_then(|mesh| {
+        if !centred && mesh.bounds().is_some_and(|(low, _)| low.z > 0.0) {
+            return Ok((mesh, MeshPlace::OfFile));
+        }
         let place = placement(&mesh);
-        mesh.placed(&place)
+        Ok((mesh.placed(&place)?, MeshPlace::Centred))
     });
-    Some(mesh.map(|mesh| (stem, mesh)))
+    Some(mesh.map(|(mesh, place)| (stem, mesh, place)))
 }
 
 fn extension(path: &Path) -> String {

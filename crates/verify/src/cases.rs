@@ -5,7 +5,7 @@ use glam::dvec3;
 use super::scenes::*;
 use super::{CaseSizes, CaseSolver, Doubled, How, KernelCase, Paths};
 use thirdbounce::capture::PulseTaps;
-use thirdbounce::solve::Accumulation::{Cas, Fixed, Owned};
+use thirdbounce::solve::Accumulation::{Fixed, Float, Owned};
 use thirdbounce::solve::{Decay, NoiseTerm, PaperOptions};
 use thirdbounce::transport::{Binning, Geometry, Gradient, Grid, HighPass, Model, Reflectance, Sampling};
 
@@ -101,7 +101,7 @@ fn surface() -> Vec<KernelCase> {
     }
     for (points, spread, long_steps) in [(1, 1.25, false), (4, 0.0, true), (4, 1.5, true), (1, 6.0, true)] {
         let solver = CaseSolver::Surface { points, spread, long_steps };
-        for shared in [None, Some([32, 8])] {
+        for shared in [None, Some([0, 1])] {
             let sizes = CaseSizes { shared, ..CaseSizes::default() };
             all.push(KernelCase { solver, sizes, ..of("surface, steps", &base) });
         }
@@ -128,8 +128,6 @@ fn instruments() -> Vec<KernelCase> {
     for pulse in [long, early, late, PulseTaps::identity()] {
         all.push(KernelCase { paths: ONLY_FIXED, ..of("surface, pulses", pulsed(pulse)) });
     }
-    let blocks = CaseSizes { blocks: true, ..CaseSizes::default() };
-    all.push(KernelCase { sizes: blocks, ..of("surface, pulses", pulsed(tail())) });
     // On a lattice, at points that form none, at both sides.
     let spots = |model: &Model| spotted(model, spots_for(model.wall.geometry));
     let lattice = of("surface, spots", spots(&base));
@@ -154,7 +152,7 @@ fn instruments() -> Vec<KernelCase> {
         let paths = if i == 0 { Paths::All } else { Paths::Only(&[Owned]) };
         // A row of an invocation, of a workgroup with lanes to spare, and of one with long runs.
         for model in [filtered, Model { pulse: Some(symmetric), ..product }, spotted] {
-            for shared in [None, Some([32, 8]), Some([4, 2])] {
+            for shared in [Some([0, 1]), Some([32, 8]), Some([4, 2])] {
                 let sizes = CaseSizes { shared, ..CaseSizes::default() };
                 let checks_devices = i == 0;
                 all.push(KernelCase {
@@ -187,8 +185,7 @@ fn projection() -> Vec<KernelCase> {
     all
 }
 
-/// Every kind of pairs, reflectance and wall, with what kernels read seen as texels and as blocks, and more pairs than a
-/// dispatch walks.
+/// Every kind of pairs, reflectance and wall, and more pairs than a dispatch walks.
 fn pairs() -> Vec<KernelCase> {
     let mut all = vec![];
     let solvers =
@@ -201,7 +198,6 @@ fn pairs() -> Vec<KernelCase> {
         for (geometry, reflectance, curved) in variants() {
             let model = variant(&base, geometry, reflectance, curved, 20);
             let of = case(name, model, grid, solver);
-            all.push(KernelCase { sizes: CaseSizes { blocks: true, ..CaseSizes::default() }, ..of.clone() });
             all.push(KernelCase {
                 paths: if matches!(solver, CaseSolver::Surface { .. }) { ONLY_FIXED } else { of.paths },
                 ..of
@@ -227,7 +223,7 @@ fn whole() -> Vec<KernelCase> {
     for (geometry, reflectance, curved, paths, points) in [
         (Geometry::Confocal, Reflectance::Cosine, false, Paths::Only(&[Owned]), 4),
         (Geometry::TwoPoints, Reflectance::Lambertian, true, Paths::Only(&[Fixed]), 1),
-        (Geometry::Product, Reflectance::Isotropic, false, Paths::Only(&[Cas]), 4),
+        (Geometry::Product, Reflectance::Isotropic, false, Paths::Only(&[Float]), 4),
     ] {
         let model = variant(&model(5, 48, 9), geometry, reflectance, curved, 62);
         let solver = CaseSolver::Surface { points, spread: 1.25, long_steps: false };

@@ -128,10 +128,8 @@ pub struct CaseSizes {
     pub window: Option<u32>,
     /// Voxels and lanes of a workgroup that gathers, and lanes that fill the device.
     pub gather: Option<[u32; 3]>,
-    /// Lanes that own a row of a high-pass, and that share a pixel, as on a GPU.
+    /// Lanes that own a row of a high-pass, or 0, and lanes that share a pixel.
     pub shared: Option<[u32; 2]>,
-    /// Blocks instead of texels.
-    pub blocks: bool,
     /// Distances of gathers are polished, as on devices with rough roots.
     pub polished: bool,
 }
@@ -161,15 +159,15 @@ impl Compared {
 impl KernelCase {
     /// The accumulation paths on which it runs.
     pub fn accumulations(&self, device: &Abilities) -> Vec<Accumulation> {
-        use Accumulation::{Cas, Fixed, Float, Owned};
+        use Accumulation::{Fixed, Float, Owned};
         let has = |path: &Accumulation| match path {
             Float => device.accumulations.float,
             Fixed => device.accumulations.int64,
             _ => true,
         };
         let wanted: &[_] = match self.paths {
-            Paths::All => &[Float, Fixed, Cas, Owned],
-            Paths::Shared => &[Float, Fixed, Cas],
+            Paths::All => &[Float, Fixed, Owned],
+            Paths::Shared => &[Float, Fixed],
             Paths::Only(these) => these,
         };
         match device.kind {

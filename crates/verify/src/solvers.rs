@@ -113,9 +113,9 @@ fn learned() -> (LearnedSchedule, [(Buffer, Vec<f32>); 3]) {
 fn tune(case: &KernelCase, t: &mut Tuning) {
     if let Some(window) = case.sizes.window {
         (t.window, t.window_span) = (window, u32::MAX);
-        // Below the loop limit even if every voxel moves the window, and still several chunks. As on a GPU with columns,
-        // chunks become shorter where the device has room, and workgroups sum their losses.
-        (t.chunk, t.forward_fill, t.group_losses) = (192, u32::MAX, window == 64);
+        // Below the loop limit even if every voxel moves the window, and still several chunks. Few enough lanes for the shared
+        // memory of most devices.
+        (t.chunk, t.forward_fill, t.lanes) = (192, u32::MAX, t.lanes.min(32));
     }
     if let Some([voxels, slices, fill]) = case.sizes.gather {
         (t.voxels, t.slices, t.fill) = (voxels, slices, fill);
@@ -123,7 +123,6 @@ fn tune(case: &KernelCase, t: &mut Tuning) {
     if let Some(lanes) = case.sizes.shared {
         [t.row_lanes, t.pixel_lanes] = lanes;
     }
-    t.texels &= !case.sizes.blocks;
 }
 
 /// Writes the pixels of a surface.

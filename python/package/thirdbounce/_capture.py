@@ -183,7 +183,7 @@ def read(path: Path, **settings: Any) -> Capture:
     """Reads a capture of any format that thirdbounce knows: npz, y-tal, Z-NLOS, Stanford f-k, LCT and more.
 
     Settings complete files that lack a value: wall, bin_width, wall_depth_unit, bounce, tof, axes, array, keep_empty, flip, rotate, as for `reconstruct`;
-    lengths are metres or text with a unit: wall="1m", bin_width="133ps".
+    lengths are metres or text with a unit: wall="1m", bin_width="32ps".
     """
     arrays, notes = _native.read(path, texts(settings))
     return Capture._of(arrays, notes)

@@ -61,7 +61,7 @@ def reconstruct(
     truth: measure the result against this truth, that of `simulate` or its file: `Maps.metrics`, and in the report.
     photon_counts: whether counts are photon counts; None: true if all are non-negative integers.
     on_progress: called with a `Progress` about five times a second; the solve stops if it returns False.
-    settings: those of the command, by their names with underscores. Lengths are metres, or text with a unit: "2m", "133ps".
+    settings: those of the command, by their names with underscores. Lengths are metres, or text with a unit: "2m", "32ps".
         None is the default or an estimate. The most useful ones:
 
         solver: "surface", "paper", or a closed form: "lct", "dlct", "fk", "phasor", "phasor-bp", "fbp", "bp".

@@ -12,7 +12,7 @@ use crate::gpu::{Abilities, Gpu};
 use crate::maps::Maps;
 use crate::solve::option::Options;
 use crate::solve::{
-    Accumulation, Common, Doing, Plan, Prepared, Problem, Progress, Reconstruction, RunsOn, Sharpness, Sizes,
+    Accumulation, Common, Doing, Plan, Prepared, Problem, Progress, Reconstruction, RunsOn, Sharpness,
     Solver, TimedSchedule, TracePoint, VolumeMap, Watch,
 };
 use crate::transport::Grid;
@@ -113,7 +113,6 @@ impl<M: ClosedForm> Solver for M {
             iterations: [1, 0],
             reflectance: image.reflectance,
             accumulation: Accumulation::Auto,
-            sizes: Sizes::default(),
             min_depth: image.min_depth,
             pixels_per_voxel: M::By::pixels_per_voxel(lateral),
             runs_on: M::By::RUNS_ON,

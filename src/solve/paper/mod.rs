@@ -51,7 +51,6 @@ impl Solver for PaperOptions {
             iterations: self.demand().iterations,
             reflectance: self.reflectance,
             accumulation: self.accumulation,
-            sizes: self.sizes,
             min_depth: self.domain.min_depth,
             pixels_per_voxel: self.demand().pixels_per_voxel,
             runs_on: RunsOn::Device,

@@ -44,7 +44,6 @@ impl Needs for PaperOptions {
     fn demand(&self) -> Demand {
         Demand {
             accumulation: self.accumulation,
-            sizes: self.sizes,
             general: self.general,
             coarse_to_fine: self.domain.coarse_to_fine,
             iterations: [self.iterations, 0],

@@ -3,8 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use crate::Result;
+use crate::solve::Accumulation;
 use crate::solve::option::{Options, Preset, SceneTraits, options, refused, words};
-use crate::solve::{Accumulation, Sizes};
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
 
 /// What the noise term has a weight for.
@@ -50,18 +50,11 @@ options! {
             /// How rendered values are added up: auto takes the fastest that the device has, repeatable the fastest that
             /// gives the same bits in any order
             accumulation: Accumulation = Accumulation::Auto,
-                Range::Words(&["auto", "repeatable", "float", "fixed", "cas", "owned"]);
+                Range::Words(&["auto", "repeatable"]);
             /// Use the most general kernels, for comparison: leave nothing out, even if this scene does not need it
             general: bool = false, Range::Flag;
             /// How surfaces reflect
             reflectance: Reflectance = scene.reflectance, Range::Internal;
-        }
-        "Device" {
-            /// Sizes of the work: lanes=N,chunk=N,window=N of the forward pass, voxels=N,slices=N of the backward pass
-            /// [default: those for the device's kind]
-            #[serde(default)]
-            #[serde(skip_serializing_if = "Sizes::is_default")]
-            sizes: Sizes = Sizes::default(), Range::Sizes;
         }
         "Optimiser" {
             /// Step size of Adam

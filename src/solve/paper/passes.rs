@@ -43,7 +43,7 @@ passes! {
             what: "the gradient",
             hint: &advice!["use a smaller " Peak ", or a larger " MinDepth " where voxels touch the wall"],
         }],
-        ..Pass::of("backward", |p| p.variant(&kernel::BACKWARD, &kernel::BACKWARD_TEXELS))
+        ..Pass::of("backward", |_| &kernel::BACKWARD)
     };
 
     /// Updates the raw variables by Adam.

@@ -70,7 +70,7 @@ impl Plan {
         let [cells, rendered] = [self.scene.pairs, self.finest().rendered.count]
             .map(|pairs| super::cells(pairs, self.scene.bins) as u64);
         let sets = self.most_sets();
-        let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS)) * u64::from(WORKGROUP);
+        let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS));
         let losses = if self.scene.high_pass { losses.max(self.scene.pairs as u64) } else { losses };
         let mut all = vec![
             (buffer::WALL, self.wall_bytes(self.finest())),
@@ -106,7 +106,7 @@ impl Plan {
         let levels = self.levels.volume.len();
         let scenes = (levels * of_level + self.stretches().count()) * size_of::<SceneData>();
         let own: usize = self.blocks.iter().map(|(_, bytes)| bytes.len()).sum();
-        (scenes + own + size_of::<SurfaceData>()) as u64
+        (scenes + own) as u64
     }
 
     fn level_buffers(&self) -> Vec<(Buffer, u64)> {
@@ -128,6 +128,7 @@ impl Plan {
         all.extend(self.blocks.iter().map(|(buffer, bytes)| (*buffer, bytes.len() as u64)));
         if self.scene.high_pass {
             all.push((buffer::SURFACE, size_of::<SurfaceData>() as u64));
+            all.push((buffer::ROW_FACTORS, (self.scene.bins as u64 + 1) * 16));
         }
         all
     }

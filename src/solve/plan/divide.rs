@@ -3,7 +3,7 @@
 
 use super::{Accumulation, Demand, DomainCapacity, Level, Levels, Plan, Tuning};
 use crate::advice::advice;
-use crate::gpu::{Abilities, Accumulations, DeviceKind};
+use crate::gpu::{Abilities, Accumulations};
 use crate::transport::kernels::PAIR_CHUNK;
 use crate::transport::{Model, cells};
 use crate::{Error, Result};
@@ -36,7 +36,7 @@ impl WorkDivision {
     /// All pairs at once on one device, as it adds and as large as it may.
     ///
     /// # Errors
-    /// The device does not offer the accumulation, or does not take the sizes.
+    /// The device does not offer the accumulation, or a kernel would loop longer than drivers allow.
     pub(super) fn of(
         model: &Model,
         levels: &Levels,
@@ -44,14 +44,8 @@ impl WorkDivision {
         demand: &Demand,
         device: &Abilities,
     ) -> Result<WorkDivision> {
-        let accumulation = choose(demand.accumulation, device.kind, device.accumulations)?;
-        let scanned = match levels.batches.first() {
-            Some(batch) => batch.rendered.scanned,
-            None => model.rendered_wall().scanned.len(),
-        };
-        let mut tuning = Tuning::new(model, [domain.capacity, scanned], accumulation, device, &demand.sizes)?;
-        let texels = if tuning.texels && !demand.general { device.limits.texels } else { 0 };
-        tuning.texels = texels_at_most(model, texels_of(levels, domain)) <= texels;
+        let accumulation = choose(demand.accumulation, device.accumulations)?;
+        let tuning = Tuning::new(model, domain.capacity, accumulation, device)?;
         // Fixed point adds without rounding, and a window already sums in two levels.
         let crowded = |l: &Level| domain.capacity.min(l.grid.storage()) / model.bins > VOXELS_PER_BIN;
         let runs = !accumulation.is_fixed() && tuning.window == 0 && levels.volume.iter().any(crowded);
@@ -124,46 +118,22 @@ impl Plan {
     }
 }
 
-/// Texels of what a solver keeps by voxels or pixels: the slopes of a pixel have four, and it has a point at least.
-pub(super) fn texels_of(levels: &Levels, domain: &DomainCapacity) -> usize {
-    domain.touched_capacity * if levels.pixels.is_some() { 4 } else { 1 }
-}
-
-/// The most texels that a buffer has as kernels see it; `own` of them are the solver's.
-fn texels_at_most(model: &Model, own: usize) -> u64 {
-    let wall = model.rendered_wall();
-    let points = wall.scanned.len() + wall.others.len();
-    let normals = wall.normals.as_ref().map_or(0, Vec::len);
-    // Half as many again: levels with a part of the pairs may render for more points than all have.
-    let rendered = if model.rendered.is_some() { cells(wall.pairs(), model.bins) / 2 * 3 } else { 0 };
-    model.cells().max(rendered).max(own).max(points + normals) as u64
-}
-
-fn choose(wanted: Accumulation, kind: DeviceKind, offered: Accumulations) -> Result<Accumulation> {
-    Ok(match wanted {
-        // A task owns a histogram there.
-        _ if kind == DeviceKind::Host => Accumulation::Owned,
-        Accumulation::Auto | Accumulation::Repeatable if kind == DeviceKind::Cpu => Accumulation::Owned,
-        Accumulation::Repeatable if !offered.int64 => Accumulation::Owned,
-        Accumulation::Auto if offered.float => Accumulation::Float,
-        // Lanes that meet at one bin cost an integer atomic once each; compare-and-swap turns again for each of them.
-        Accumulation::Auto if offered.int64 => Accumulation::Fixed,
-        Accumulation::Auto => Accumulation::Cas,
-        Accumulation::Repeatable => Accumulation::Fixed,
-        Accumulation::Float if !offered.float => {
-            return Err(Error::options(
-                "float accumulation was asked for: this device has no fp32 atomics (VK_EXT_shader_atomic_float)",
-                advice!["leave " Accumulation " out, or choose fixed or cas"],
-            ));
-        }
-        Accumulation::Fixed if !offered.int64 => {
-            return Err(Error::options(
-                "fixed accumulation was asked for: this device has no 64-bit atomics (VK_KHR_shader_atomic_int64)",
-                advice!["leave " Accumulation " out, or choose cas or owned"],
-            ));
-        }
-        other => other,
-    })
+/// How a device adds that offers these atomics.
+fn choose(wanted: Accumulation, offered: Accumulations) -> Result<Accumulation> {
+    let lacks = |what: &str| {
+        Err(Error::options(
+            format!("this device has no {what}"),
+            advice!["leave " Accumulation " out, or choose repeatable"],
+        ))
+    };
+    match wanted {
+        Accumulation::Float if !offered.float => lacks("fp32 atomics (VK_EXT_shader_atomic_float)"),
+        Accumulation::Fixed if !offered.int64 => lacks("64-bit atomics (VK_KHR_shader_atomic_int64)"),
+        Accumulation::Auto if offered.float => Ok(Accumulation::Float),
+        Accumulation::Auto | Accumulation::Repeatable if offered.int64 => Ok(Accumulation::Fixed),
+        Accumulation::Auto | Accumulation::Repeatable => Ok(Accumulation::Owned),
+        other => Ok(other),
+    }
 }
 
 #[cfg(test)]
@@ -172,21 +142,14 @@ mod tests {
 
     #[test]
     fn a_device_adds_as_it_can() {
-        let gpu =
-            |float, int64| choose(Accumulation::Auto, DeviceKind::Discrete, Accumulations { float, int64 });
-        assert_eq!(gpu(true, true).unwrap(), Accumulation::Float);
-        assert_eq!(gpu(false, true).unwrap(), Accumulation::Fixed);
-        assert_eq!(gpu(false, false).unwrap(), Accumulation::Cas);
-        let repeatable = |kind, int64| {
-            choose(Accumulation::Repeatable, kind, Accumulations { float: true, int64 }).unwrap()
-        };
-        assert_eq!(repeatable(DeviceKind::Discrete, true), Accumulation::Fixed);
-        assert_eq!(repeatable(DeviceKind::Integrated, false), Accumulation::Owned);
-        let without = Accumulations { float: true, int64: false };
-        let error = choose(Accumulation::Fixed, DeviceKind::Integrated, without).unwrap_err();
+        use Accumulation::{Auto, Fixed, Float, Owned, Repeatable};
+        let of = |wanted, [float, int64]: [bool; 2]| choose(wanted, Accumulations { float, int64 });
+        let auto = [[true, true], [true, false], [false, true], [false, false]].map(|o| of(Auto, o).unwrap());
+        assert_eq!(auto, [Float, Float, Fixed, Owned]);
+        let repeatable = [[true, true], [true, false]].map(|o| of(Repeatable, o).unwrap());
+        assert_eq!(repeatable, [Fixed, Owned]);
+        let error = of(Fixed, [true, false]).unwrap_err();
         assert!(error.what.contains("no 64-bit atomics"), "{error}");
-        assert_eq!(repeatable(DeviceKind::Cpu, true), Accumulation::Owned);
-        let cpu = choose(Accumulation::Auto, DeviceKind::Cpu, Accumulations { float: true, int64: true });
-        assert_eq!(cpu.unwrap(), Accumulation::Owned);
+        assert!(of(Float, [false, true]).is_err() && of(Owned, [false, false]).is_ok());
     }
 }

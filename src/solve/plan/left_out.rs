@@ -36,7 +36,7 @@ impl Plan {
                 // A workgroup shares the other points' distances, or a lane the one to its other point.
                 let t = self.division.tuning;
                 let owned = self.division.accumulation == super::Accumulation::Owned;
-                let shared = if owned { t.held } else { t.lanes };
+                let shared = if owned { 1 } else { t.lanes };
                 let of = [t.others_forward, shared];
                 format!(
                     "all but 1 / {} of the scanned points' distances, all but 1 / {} of the others'",

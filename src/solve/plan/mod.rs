@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 
 use crate::advice::advice;
-use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, KernelCode};
+use crate::gpu::{Abilities, Buffer, BufferPlan, Constant};
 use crate::transport::kernels::{SceneData, buffer};
 use crate::transport::{Grid, Model, Rendered, cells};
 use crate::{Error, Result};
@@ -35,7 +35,7 @@ pub use pass::{Fault, Pass, Voxels};
 pub use scene::ModelSizes;
 pub use spots::{BETWEEN, SEEN, Spots};
 use tuning::LONGEST_LOOP;
-pub use tuning::{Accumulation, Sizes, Tuning};
+pub use tuning::{Accumulation, Tuning};
 
 /// Levels, passes and buffers of one solve. Each part is made from those above it.
 #[derive(Debug, Clone, PartialEq)]
@@ -165,11 +165,6 @@ impl Plan {
     /// Whether rendered values are added up in fixed point.
     pub fn fixed_point(&self) -> bool {
         self.division.accumulation.is_fixed()
-    }
-
-    /// The variant of a module that sees what it reads as this plan does ([`Tuning::texels`]).
-    pub fn variant(&self, blocks: &'static KernelCode, texels: &'static KernelCode) -> &'static KernelCode {
-        if self.division.tuning.texels { texels } else { blocks }
     }
 
     /// Whether the forward kernel's private columns would be too narrow at `level`.

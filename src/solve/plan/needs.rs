@@ -1,7 +1,7 @@
 //! What a plan asks a solver.
 
 use super::pass::Pass;
-use super::{Accumulation, LeftOut, Level, Plan, Sizes};
+use super::{Accumulation, LeftOut, Level, Plan};
 use crate::gpu::{Buffer, Constant};
 use crate::transport::{Binning, Gradient};
 
@@ -10,8 +10,6 @@ use crate::transport::{Binning, Gradient};
 pub struct Demand {
     /// How rendered values are added up.
     pub accumulation: Accumulation,
-    /// Workgroup sizes that were asked for.
-    pub sizes: Sizes,
     /// Histograms are rendered and compared.
     pub renders: bool,
     /// Leave nothing out.
@@ -39,7 +37,6 @@ impl Default for Demand {
     fn default() -> Demand {
         Demand {
             accumulation: Accumulation::Auto,
-            sizes: Sizes::default(),
             renders: true,
             general: false,
             coarse_to_fine: false,

@@ -59,7 +59,7 @@ passes! {
         when: |p| p.scene.pulse > 0,
         constants: &[(constant::BACK, 1)],
         // Residuals are fp32 on every accumulation path.
-        ..Pass::of("pulse_back", |p| p.variant(&kernel::PULSE, &kernel::PULSE_TEXELS))
+        ..Pass::of("pulse_back", |_| &kernel::PULSE)
     };
 
     /// Takes residuals back to the rendered pairs.
@@ -83,11 +83,7 @@ pub fn forward(plan: &Plan) -> &'static KernelCode {
         (Accumulation::Float, true) => &kernel::FORWARD_PRODUCT_FLOAT,
         (Accumulation::Fixed, false) => &kernel::FORWARD_FIXED,
         (Accumulation::Fixed, true) => &kernel::FORWARD_PRODUCT_FIXED,
-        (Accumulation::Cas, false) => &kernel::FORWARD_CAS,
-        (Accumulation::Cas, true) => &kernel::FORWARD_PRODUCT_CAS,
-        (Accumulation::Owned | Accumulation::Auto | Accumulation::Repeatable, _) => {
-            plan.variant(&kernel::FORWARD_OWNED, &kernel::FORWARD_OWNED_TEXELS)
-        }
+        (Accumulation::Owned | Accumulation::Auto | Accumulation::Repeatable, _) => &kernel::FORWARD_OWNED,
     }
 }
 
@@ -114,7 +110,7 @@ pub fn objective(plan: &Plan) -> &'static Pass {
 fn pulse(plan: &Plan) -> &'static KernelCode {
     match plan.fixed_point() && !plan.has_spots() {
         true => &kernel::PULSE_FIXED,
-        false => plan.variant(&kernel::PULSE, &kernel::PULSE_TEXELS),
+        false => &kernel::PULSE,
     }
 }
 

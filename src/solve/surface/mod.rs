@@ -110,7 +110,6 @@ impl Solver for SurfaceOptions {
             iterations: [0, self.most_iterations().iter().sum()],
             reflectance: self.reflectance,
             accumulation: self.accumulation,
-            sizes: self.sizes,
             min_depth: self.min_depth,
             pixels_per_voxel: self.factor().min(2),
             runs_on: RunsOn::Device,

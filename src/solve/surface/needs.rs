@@ -38,8 +38,8 @@ pub struct OfFit<'o> {
 
 impl Needs for OfFit<'_> {
     fn demand(&self) -> Demand {
-        let SurfaceOptions { accumulation, sizes, general, .. } = *self.options;
-        Demand { accumulation, sizes, general, iterations: self.iterations, ..Demand::default() }
+        let SurfaceOptions { accumulation, general, .. } = *self.options;
+        Demand { accumulation, general, iterations: self.iterations, ..Demand::default() }
     }
 
     /// Points of all pixels of both layers.

@@ -3,9 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::Result;
+use crate::solve::Accumulation;
 use crate::solve::estimate::MOST_PAIRS;
 use crate::solve::option::{Options, options, words};
-use crate::solve::{Accumulation, Sizes};
 use crate::transport::{HighPass, Reflectance};
 
 /// The least floor of a high-pass. With none, the amount of slowly changing light would be undetermined.
@@ -42,18 +42,11 @@ options! {
             /// How rendered values are added up: auto takes the fastest that the device has, repeatable the fastest that
             /// gives the same bits in any order
             accumulation: Accumulation = Accumulation::Auto,
-                Range::Words(&["auto", "repeatable", "float", "fixed", "cas", "owned"]);
+                Range::Words(&["auto", "repeatable"]);
             /// Use the most general kernels, for comparison: leave nothing out, even if this scene does not need it
             general: bool = false, Range::Flag;
             /// How surfaces reflect
             reflectance: Reflectance = scene.reflectance, Range::Internal;
-        }
-        "Device" {
-            /// Sizes of the work: lanes=N,chunk=N,window=N of the forward pass, voxels=N,slices=N of the backward pass
-            /// [default: those for the device's kind]
-            #[serde(default)]
-            #[serde(skip_serializing_if = "Sizes::is_default")]
-            sizes: Sizes = Sizes::default(), Range::Sizes;
         }
         "Domain" {
             /// No surface is nearer than this, metres

@@ -26,19 +26,19 @@ passes! {
             what: "the surface's gradient",
             hint: &advice!["use a larger " MinDepth " where it touches the wall, and check the counts (" [Capture] ")"],
         }],
-        ..Pass::of("surface_gather", |p| p.variant(&kernel::SURFACE_GATHER, &kernel::SURFACE_GATHER_TEXELS))
+        ..Pass::of("surface_gather", |_| &kernel::SURFACE_GATHER)
     };
 
     /// Sums the gradients of the points of every pixel.
     SURFACE_COMBINE = Pass::of("surface_combine", |_| &kernel::SURFACE_COMBINE);
 
     /// Adds the gradients of the prior and of the neighbours' slopes.
-    SURFACE_PULL = Pass::of("surface_pull", |p| p.variant(&kernel::SURFACE_PULL, &kernel::SURFACE_PULL_TEXELS));
+    SURFACE_PULL = Pass::of("surface_pull", |_| &kernel::SURFACE_PULL);
 
     /// Updates depths and albedos by Adam, and closes the iteration.
     SURFACE_STEP = Pass {
         faults: &[Fault { bit: FAULT_UPDATE, what: "the next surface", hint: &advice!["check the counts (" [Capture] ")"] }],
-        ..Pass::of("surface_step", |p| p.variant(&kernel::SURFACE_STEP, &kernel::SURFACE_STEP_TEXELS))
+        ..Pass::of("surface_step", |_| &kernel::SURFACE_STEP)
     };
 
     /// Puts a layer of the surface into the maps.

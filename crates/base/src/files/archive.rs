@@ -2,10 +2,12 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Cursor, Read, Seek, SeekFrom, Write};
+use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
 
 use flate2::Crc;
 use flate2::read::DeflateDecoder;
+use rayon::prelude::*;
 use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipArchive, ZipWriter};
 
@@ -95,8 +97,15 @@ impl Npz {
     /// `Kind::Input` if the entry is damaged, or is not an array of numbers.
     pub fn stream(&mut self, name: &str) -> Result<Option<(Head, Elements)>> {
         let Some(index) = self.zip.index_for_name(&format!("{name}.npy")) else { return Ok(None) };
+        let method = self.zip.by_index_raw(index).map_err(damaged)?.compression();
+        if !matches!(method, CompressionMethod::Stored | CompressionMethod::Deflated) {
+            return Err(Error::input(
+                format!("array {name} is packed by {method}, which is not read"),
+                "write it again with numpy: np.savez_compressed, or unpack the archive and zip -0 its .npy files",
+            ));
+        }
         let entry = self.zip.by_index(index).map_err(damaged)?;
-        let (size, stored, method) = (entry.size(), entry.compressed_size(), entry.compression());
+        let (size, stored) = (entry.size(), entry.compressed_size());
         if size > LARGEST || size / MOST_DEFLATED > self.bytes {
             return Err(Error::input(
                 format!("array {name} claims {size} bytes, but the file has {}", self.bytes),
@@ -107,12 +116,13 @@ impl Npz {
         let start = entry.data_start().ok_or_else(|| damaged(format!("array {name} has no data offset")))?;
         drop(entry);
         let mut file = File::open(&self.path).map_err(damaged)?;
-        file.seek(SeekFrom::Start(start)).map_err(damaged)?;
-        let stored = BufReader::with_capacity(1 << 16, file.take(stored));
-        let bytes: Box<dyn Read> = match method {
-            CompressionMethod::Stored => Box::new(stored),
-            CompressionMethod::Deflated => Box::new(DeflateDecoder::new(stored)),
-            other => return Err(damaged(format!("array {name} is packed by {other}, not deflated"))),
+        let bytes = match method {
+            CompressionMethod::Stored => EntryBytes::Stored { file, at: start, end: start + stored },
+            _ => {
+                file.seek(SeekFrom::Start(start)).map_err(damaged)?;
+                let stored = BufReader::with_capacity(1 << 16, file.take(stored));
+                EntryBytes::Deflated(Box::new(DeflateDecoder::new(stored)))
+            }
         };
         let mut elements = Elements { bytes, left: size, sum, summed: Crc::new() };
         let head = Head::read(&mut elements).map_err(|e| e.at(format!("array {name}")))?;
@@ -159,7 +169,7 @@ impl Npz {
 
 /// Rest of an archive entry. The checksum is verified when the last byte is read.
 pub struct Elements {
-    bytes: Box<dyn Read>,
+    bytes: EntryBytes,
     /// Remaining bytes.
     left: u64,
     /// Checksum in the archive, and of the bytes so far.
@@ -167,16 +177,87 @@ pub struct Elements {
     summed: Crc,
 }
 
+/// The bytes of an entry from here on.
+enum EntryBytes {
+    /// Between two positions of the file.
+    Stored {
+        file: File,
+        at: u64,
+        end: u64,
+    },
+    Deflated(Box<dyn Read>),
+}
+
+impl Elements {
+    /// Bytes that are left.
+    pub fn left(&self) -> u64 {
+        self.left
+    }
+
+    /// Reads the next `count` bytes on all threads: `take` gets every piece of `size` bytes, the last may be smaller, with its number.
+    ///
+    /// # Errors
+    /// Those of [`Read::read_exact`].
+    pub fn pieces(
+        &mut self,
+        count: usize,
+        size: usize,
+        take: &(dyn Fn(usize, &[u8]) + Sync),
+    ) -> io::Result<()> {
+        let EntryBytes::Stored { file, at, end } = &mut self.bytes else {
+            let mut bytes = vec![0; count]; // bounded: by the caller, as what `take` makes of it
+            self.read_exact(&mut bytes)?;
+            bytes.par_chunks(size).enumerate().for_each(|(number, piece)| take(number, piece));
+            return Ok(());
+        };
+        if count as u64 > self.left.min(*end - *at) {
+            return Err(io::ErrorKind::UnexpectedEof.into());
+        }
+        let begin = *at;
+        let one = |bytes: &mut Vec<u8>, number: usize| -> io::Result<Crc> {
+            let from = number * size;
+            bytes.resize(size.min(count - from), 0);
+            file.read_exact_at(bytes, begin + from as u64)?;
+            let mut sum = Crc::new();
+            sum.update(bytes);
+            take(number, bytes);
+            Ok(sum)
+        };
+        let pieces = (0..count.div_ceil(size)).into_par_iter();
+        let sums: io::Result<Vec<Crc>> = pieces.map_init(Vec::new, one).collect();
+        sums?.iter().for_each(|sum| self.summed.combine(sum));
+        *at += count as u64;
+        self.left -= count as u64;
+        self.check()
+    }
+
+    /// Compares the checksums after the last byte.
+    fn check(&self) -> io::Result<()> {
+        if self.left > 0 || self.summed.sum() == self.sum {
+            return Ok(());
+        }
+        Err(io::Error::new(io::ErrorKind::InvalidData, "checksum mismatch (CRC-32)"))
+    }
+}
+
 impl Read for Elements {
     fn read(&mut self, to: &mut [u8]) -> io::Result<usize> {
         let most = to.len().min(usize::try_from(self.left).unwrap_or(usize::MAX));
-        let count = self.bytes.read(&mut to[..most])?;
+        let count = match &mut self.bytes {
+            EntryBytes::Stored { file, at, end } => {
+                let most = most.min(usize::try_from(*end - *at).unwrap_or(usize::MAX));
+                let count = file.read_at(&mut to[..most], *at)?;
+                *at += count as u64;
+                count
+            }
+            EntryBytes::Deflated(bytes) => bytes.read(&mut to[..most])?,
+        };
         self.summed.update(&to[..count]);
         self.left -= count as u64;
-        if count == 0 || self.left > 0 || self.summed.sum() == self.sum {
-            return Ok(count);
+        if count > 0 {
+            self.check()?;
         }
-        Err(io::Error::new(io::ErrorKind::InvalidData, "checksum mismatch (CRC-32)"))
+        Ok(count)
     }
 }
 

@@ -255,7 +255,8 @@ impl Array {
     }
 }
 
-fn unread(e: std::io::Error) -> Error {
+/// The error of elements that cannot be read.
+pub fn unread(e: std::io::Error) -> Error {
     Error::input(format!("cannot be read: {e}"), "the file is damaged or cut short: copy or write it again")
 }
 
@@ -291,9 +292,8 @@ impl Head {
     /// `Kind::Input` if they cannot be read or their number differs from the header's, `Kind::Memory` if they do not
     /// fit.
     pub fn whole(self, elements: &mut impl Read, left: u64) -> Result<Array> {
-        let Some(size) = self.size().filter(|size| *size as u64 == left) else {
-            return Err(wrong(format!("shape {:?} does not fit {left} bytes of data", self.shape)));
-        };
+        self.check(left)?;
+        let size = left as usize;
         let count = size / self.element.size();
         host::ask("the array", host::bytes(count, self.element.size() + size_of::<f64>()))?;
         let mut bytes = host::filled("the array", size, 0)?;
@@ -304,6 +304,35 @@ impl Head {
     fn array(self, bytes: Vec<u8>) -> Array {
         let Head { shape, element, big_endian, fortran } = self;
         Array { shape, element, big_endian, fortran, bytes }
+    }
+
+    /// Whether its elements are this many bytes.
+    ///
+    /// # Errors
+    /// `Kind::Input` if they are not.
+    pub fn check(&self, left: u64) -> Result<()> {
+        match self.size() {
+            Some(size) if size as u64 == left => Ok(()),
+            _ => Err(wrong(format!("shape {:?} does not fit {left} bytes of data", self.shape))),
+        }
+    }
+
+    /// The numbers of these bytes in their order, as [`Array::to_f32`].
+    pub fn decode(&self, bytes: &[u8], to: &mut [f32]) {
+        match self.element {
+            Element::F32 if !self.big_endian => {
+                let (all, _) = bytes.as_chunks();
+                to.iter_mut().zip(all).for_each(|(to, from)| *to = f32::from_le_bytes(*from));
+            }
+            Element::U16 if !self.big_endian => {
+                let (all, _) = bytes.as_chunks();
+                to.iter_mut().zip(all).for_each(|(to, from)| *to = f32::from(u16::from_le_bytes(*from)));
+            }
+            _ => {
+                let list = Head { shape: vec![to.len()], fortran: false, ..self.clone() };
+                to.iter_mut().zip(list.array(bytes.to_vec()).to_f32()).for_each(|(to, from)| *to = from);
+            }
+        }
     }
 
     /// The next `count` elements as a list.

@@ -47,22 +47,30 @@ pub fn replace(path: &Path, fill: impl FnOnce(&Path) -> Result<()>) -> Result<()
         begin(fault, &temporary).map_err(|e| cannot(path, &e))?;
     }
     fill(&temporary).map_err(if_full)?;
-    let file = fs::OpenOptions::new().write(true).open(&temporary).map_err(|e| cannot(path, &e))?;
-    file.sync_all().map_err(|e| cannot(path, &e))?;
-    drop(file);
+    // Files of a hidden folder are synced before they are moved, all at once.
+    let is_staged = !stream && is_hidden(&folder);
+    if !is_staged {
+        #[cfg(test)]
+        record(&target);
+        sync_file(&temporary).map_err(|e| cannot(path, &e))?;
+    }
     if fault == Some(DiskFault::Unmoved) {
         return Err(cannot(path, &ErrorKind::PermissionDenied.into()));
     }
     let moved = if stream { pour(&temporary, path) } else { fs::rename(&temporary, &target) };
     moved.map_err(|e| cannot(path, &e))?;
-    // Files of a hidden folder are synced when they are moved.
-    if stream || is_hidden(&folder) { Ok(()) } else { sync_folder(&folder) }
+    if stream || is_staged { Ok(()) } else { sync_folder(&folder) }
+}
+
+/// Flushes a file's content to the disk.
+pub(super) fn sync_file(file: &Path) -> std::io::Result<()> {
+    fs::OpenOptions::new().write(true).open(file)?.sync_all()
 }
 
 /// Flushes a folder's entries to the disk. No-op on file systems without support.
 pub(super) fn sync_folder(folder: &Path) -> Result<()> {
     #[cfg(test)]
-    SYNCED.with_borrow_mut(|all| all.push(folder.into()));
+    record(folder);
     match fs::File::open(folder).map(|f| f.sync_all()) {
         Ok(Err(e)) if !matches!(e.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => {
             Err(cannot(folder, &e))
@@ -76,7 +84,13 @@ thread_local! {
     static SYNCED: std::cell::RefCell<Vec<PathBuf>> = const { std::cell::RefCell::new(vec![]) };
 }
 
-/// Folders synced by this thread since the last call.
+/// Records that a file or folder is synced.
+#[cfg(test)]
+pub(super) fn record(path: &Path) {
+    SYNCED.with_borrow_mut(|all| all.push(path.into()));
+}
+
+/// Files and folders synced for this thread since the last call.
 #[cfg(test)]
 pub(super) fn synced() -> Vec<PathBuf> {
     SYNCED.take()

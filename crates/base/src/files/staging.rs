@@ -5,7 +5,7 @@ use std::fs::{self, File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use super::atomic::{cannot, create_dir, sync_folder};
+use super::atomic::{cannot, create_dir, sync_file, sync_folder};
 use super::hidden::Hidden;
 use crate::error::{Error, Result};
 
@@ -41,6 +41,7 @@ impl Staging {
     /// # Errors
     /// `Kind::Output` if a file cannot be moved, or if another process keeps the folder locked for too long.
     pub fn commit(self, files: &[PathBuf]) -> Result<Vec<PathBuf>> {
+        sync(files)?;
         let _lock = alone_in(&self.target)?;
         let place = |file: &PathBuf| {
             let inside = file.strip_prefix(self.path()).unwrap_or(file);
@@ -66,16 +67,36 @@ impl Staging {
     /// Those of [`Staging::commit`].
     pub fn commit_folder(self, name: &str, last: &str) -> Result<PathBuf> {
         let (from, place) = (self.path().join(name), self.target.join(name));
+        let mut files = vec![];
+        list(&from, &mut files);
+        sync(&files)?;
         let lock = alone_in(&self.target)?;
         if fs::rename(&from, &place).is_ok() {
             return sync_folder(&self.target).map(|()| place);
         }
         drop(lock);
-        let mut files = vec![];
-        list(&from, &mut files);
         files.sort_by_key(|file| *file == from.join(last));
         self.commit(&files).map(|_| place)
     }
+}
+
+/// Threads that flush files: a disk takes several at the cost of one.
+const FLUSHING: usize = 16;
+
+/// Flushes the content of files to the disk.
+fn sync(files: &[PathBuf]) -> Result<()> {
+    #[cfg(test)]
+    files.iter().for_each(|file| super::atomic::record(file));
+    let each =
+        |files: &[PathBuf]| files.iter().try_for_each(|file| sync_file(file).map_err(|e| cannot(file, &e)));
+    std::thread::scope(|scope| {
+        let parts = files.chunks(files.len().div_ceil(FLUSHING).max(1));
+        let threads: Vec<_> = parts.map(|part| scope.spawn(move || each(part))).collect();
+        threads.into_iter().try_for_each(|thread| match thread.join() {
+            Ok(done) => done,
+            Err(panic) => std::panic::resume_unwind(panic),
+        })
+    })
 }
 
 /// Files in a folder, recursively.
@@ -125,26 +146,27 @@ fn alone_in(folder: &Path) -> Result<Option<File>> {
 mod tests {
     use super::*;
 
-    /// A renamed file survives a power loss when its folder is synced: once per result, not per file.
+    /// A renamed file survives a power loss when it was synced before and its folder is synced after: once per result.
     #[test]
-    fn folders_are_synced_once_for_a_result() {
+    fn files_and_folders_are_synced_once_for_a_result() {
         use super::super::atomic::{synced, write};
         let folder = tempfile::tempdir().unwrap();
         let out = folder.path().join("out");
         synced();
         write(&folder.path().join("alone"), b"1").unwrap();
-        assert_eq!(synced(), [folder.path()]);
+        assert_eq!(synced(), [folder.path().join("alone"), folder.path().into()]);
         let staging = Staging::new(&out).unwrap();
         let files = ["a", "b", "below/c"].map(|name| staging.path().join(name));
         files.iter().for_each(|file| write(file, b"1").unwrap());
         assert!(synced().is_empty(), "a hidden folder needs no sync");
         staging.commit(&files).unwrap();
-        assert_eq!(synced(), [out.clone(), out.join("below"), out.clone()]);
+        assert_eq!(synced(), [&files[..], &[out.clone(), out.join("below"), out.clone()]].concat());
         let staging = Staging::new(&out).unwrap();
         fs::create_dir(staging.path().join("whole")).unwrap();
         write(&staging.path().join("whole/a"), b"1").unwrap();
+        let inside = staging.path().join("whole/a");
         assert_eq!(staging.commit_folder("whole", "a").unwrap(), out.join("whole"));
-        assert_eq!(synced(), [&*out]);
+        assert_eq!(synced(), [inside, out.clone()]);
         // Foreign files in a folder are kept.
         fs::write(out.join("whole/mine"), "mine").unwrap();
         let staging = Staging::new(&out).unwrap();

@@ -59,12 +59,16 @@ impl Capture {
     /// Of photon counts it is that of each pair, if pairs differ by more than chance and by enough to harm: some stand in
     /// more ambient light than others. Chance is taken out of it by shrinking it toward the mean (James & Stein 1961).
     pub fn background(&self) -> Background {
-        let mean = self.mean_histogram();
-        let Some((_, level)) = quiet_bins(&mean) else { return Background::NONE };
+        self.background_by(&self.mean_histogram())
+    }
+
+    /// As [`Capture::background`], by the mean histogram.
+    pub(super) fn background_by(&self, mean: &[f64]) -> Background {
+        let Some((_, level)) = quiet_bins(mean) else { return Background::NONE };
         let strongest = mean.iter().copied().fold(0.0, f64::max) - level;
         // Cheap for dark captures: nothing can differ by so much.
         let may_differ = self.integer_counts && level > HARMS * strongest && self.pair_count() >= LEAST_PAIRS;
-        let pairs = if may_differ { self.levels(&mean, [level, strongest]) } else { None };
+        let pairs = if may_differ { self.levels(mean, [level, strongest]) } else { None };
         Background { level, pairs }
     }
 
@@ -76,8 +80,7 @@ impl Capture {
         if bins < LASTS * self.bins as f64 {
             return None;
         }
-        let means: Vec<f64> =
-            self.histograms.chunks_exact(self.bins).map(|counts| of_pair(counts) / bins).collect();
+        let means = self.of_rows(|counts| of_pair(counts) / bins);
         let count = means.len() as f64;
         let average = means.iter().sum::<f64>() / count;
         let variance = means.iter().map(|m| (m - average).powi(2)).sum::<f64>() / (count - 1.0);

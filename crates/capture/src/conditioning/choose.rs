@@ -121,17 +121,26 @@ impl Capture {
     /// `Kind::Input` if no pair is left.
     #[doc(hidden)]
     pub fn without_missing(self, keep_empty: bool) -> Result<(Capture, usize, Vec<String>)> {
+        self.without_missing_seen(keep_empty).map(|(capture, gone, notes, _)| (capture, gone, notes))
+    }
+
+    /// As [`Capture::without_missing`], with the figures of the histograms that are left; `None` if lengths do not agree.
+    #[expect(clippy::type_complexity)]
+    pub(super) fn without_missing_seen(
+        self,
+        keep_empty: bool,
+    ) -> Result<(Capture, usize, Vec<String>, Option<Vec<HistogramFigures>>)> {
         // If the lengths do not agree, the check reports it.
         let pairs = self.laser.len();
         if self.bins == 0 || self.sensor.len() != pairs || self.histograms.len() / self.bins != pairs {
-            return Ok((self, 0, vec![]));
+            return Ok((self, 0, vec![], None));
         }
-        let seen: Vec<HistogramFigures> =
-            self.histograms.chunks_exact(self.bins).map(HistogramFigures::of).collect();
+        let seen = self.of_rows(HistogramFigures::of);
         let measured = Measured::of(&self, &seen, keep_empty)?;
         let gone = pairs - measured.pairs.len();
         let capture = if gone == 0 { self } else { self.retain(&measured.pairs) };
-        Ok((capture, gone, measured.notes))
+        let seen = measured.pairs.iter().map(|pair| seen[*pair]).collect();
+        Ok((capture, gone, measured.notes, Some(seen)))
     }
 
     /// The histogram of a pair; empty if the capture has no counts ([`Capture::outline`]).

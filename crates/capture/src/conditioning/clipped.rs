@@ -14,8 +14,10 @@ impl Capture {
         if !self.integer_counts {
             return None;
         }
-        let most = self.histograms.iter().copied().fold(0.0f32, f32::max);
-        let holds = |value: f32| self.histograms.iter().filter(|v| **v == value).count();
+        let [_, most] = self.range();
+        let holds = |value: f32| -> usize {
+            self.of_rows(|row| row.iter().filter(|v| **v == value).count()).into_iter().sum()
+        };
         // Most captures end here, after one look at their counts for each.
         let at = if most < 2.0 { 0 } else { holds(most) };
         let clipped = at >= LEAST && at > TIMES * holds(most - 1.0);

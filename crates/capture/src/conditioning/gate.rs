@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::negative::quiet_bins;
 use crate::data::Capture;
+use crate::data::rows::range_from;
 use crate::data::scan::decimals;
 use crate::error::{Error, Result};
 
@@ -156,15 +157,20 @@ const RESIDUE: f64 = 0.03;
 /// indirect signal. Where the capture knows the path of direct light, it need not be strong. Returns a gate that leaves the
 /// peak out, or `None` if there is none.
 pub fn auto_gate(capture: &Capture) -> Option<AutoGate> {
-    strong_direct(capture).or_else(|| known_direct(capture, capture.direct?))
+    direct(capture, &capture.mean_histogram())
+}
+
+/// [`auto_gate`] by the mean histogram.
+pub(super) fn direct(capture: &Capture, mean: &[f64]) -> Option<AutoGate> {
+    strong_direct(capture, mean).or_else(|| known_direct(capture, mean, capture.direct?))
 }
 
 /// Maximum distance, bins, of the peak of direct light from its known path.
 const OFF: usize = 2;
 
 /// The gate behind direct light whose path is known, `None` if no bin holds it.
-fn known_direct(capture: &Capture, path: f64) -> Option<AutoGate> {
-    let mean = smooth_mean(capture);
+fn known_direct(capture: &Capture, mean: &[f64], path: f64) -> Option<AutoGate> {
+    let mean = smooth(mean);
     let at = ((path - capture.t_start) / capture.bin_width).floor();
     if !(at >= -(OFF as f64) && at < capture.bins as f64) {
         return None;
@@ -190,9 +196,9 @@ fn known_direct(capture: &Capture, path: f64) -> Option<AutoGate> {
 }
 
 /// The gate behind a strong peak near path 0, `None` without one.
-fn strong_direct(capture: &Capture) -> Option<AutoGate> {
+fn strong_direct(capture: &Capture, mean: &[f64]) -> Option<AutoGate> {
     let bins = capture.bins;
-    let mut peaks: Vec<usize> = capture.histograms.chunks_exact(bins).filter_map(peak_bin).collect();
+    let mut peaks: Vec<usize> = capture.of_rows(peak_bin).into_iter().flatten().collect();
     if peaks.is_empty() || bins < 8 {
         return None;
     }
@@ -204,7 +210,7 @@ fn strong_direct(capture: &Capture) -> Option<AutoGate> {
         return None;
     }
     // Above the background, of which a multiple is no threshold.
-    let mut mean = smooth_mean(capture);
+    let mut mean = smooth(mean);
     let dark = quiet_bins(&mean).map_or(0.0, |(_, level)| level);
     mean.iter_mut().for_each(|m| *m -= dark);
     // Where the background was taken off, noise leaves means around zero.
@@ -240,13 +246,12 @@ fn strong_direct(capture: &Capture) -> Option<AutoGate> {
 
 /// The strongest bin, `None` without signal.
 pub(super) fn peak_bin(histogram: &[f32]) -> Option<usize> {
-    let best = (0..histogram.len()).reduce(|a, b| if histogram[b] > histogram[a] { b } else { a })?;
-    (histogram[best] > 0.0).then_some(best)
+    let [_, most] = range_from([0.0; 2], histogram);
+    histogram.iter().position(|count| *count == most).filter(|_| most > 0.0)
 }
 
 /// The mean histogram over all pairs, averaged over five bins so that single photons do not make valleys.
-fn smooth_mean(capture: &Capture) -> Vec<f64> {
-    let mean = capture.mean_histogram();
+fn smooth(mean: &[f64]) -> Vec<f64> {
     (0..mean.len())
         .map(|b| {
             let window = &mean[b.saturating_sub(2)..(b + 3).min(mean.len())];
@@ -263,7 +268,12 @@ const ABOVE_NOISE: f64 = 3.0;
 /// The gate that ends where nearly all light has come back, whatever the length of the record. Light of paths below `after` is direct
 /// light and does not count. `None` without bins that are dark enough to tell the background.
 pub fn light_gate(capture: &Capture, after: Option<f64>) -> Option<AutoGate> {
-    let mean = smooth_mean(capture);
+    lit(capture, &capture.mean_histogram(), after)
+}
+
+/// [`light_gate`] by the mean histogram.
+pub(super) fn lit(capture: &Capture, mean: &[f64], after: Option<f64>) -> Option<AutoGate> {
+    let mean = smooth(mean);
     let (quiet, level) = quiet_bins(&mean)?;
     let variance = mean[quiet.clone()].iter().map(|m| (m - level).powi(2)).sum::<f64>() / quiet.len() as f64;
     let least = level + ABOVE_NOISE * variance.sqrt();

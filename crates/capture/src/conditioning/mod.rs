@@ -14,6 +14,7 @@ mod hot;
 mod keep;
 #[cfg(feature = "formats")]
 pub mod legs;
+mod mean;
 pub mod negative;
 mod normals;
 mod pile_up;
@@ -32,6 +33,7 @@ pub use turn::{Flip, Turn};
 use crate::data::{Capture, Pulse};
 use crate::error::{Error, Result};
 use choose::PairOrder;
+use mean::MeanOnce;
 
 /// What the steps are to do; by default a gate is found automatically, and the rest is as the capture holds it.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -80,6 +82,7 @@ pub struct Conditioned {
     pub(crate) pairs: Vec<usize>,
     /// The first bin that is kept, of those before these steps.
     pub(crate) first_bin: usize,
+    mean: MeanOnce,
 }
 
 impl Conditioned {
@@ -88,6 +91,7 @@ impl Conditioned {
         Conditioned {
             pairs: (0..capture.pair_count()).collect(),
             first_bin: 0,
+            mean: MeanOnce::default(),
             capture,
             gate: None,
             dropped,
@@ -198,8 +202,13 @@ pub fn check_units(capture: &Capture) -> Result<Option<String>> {
 /// # Errors
 /// Those of [`Capture::check`].
 pub fn measured(capture: Capture, keep_empty: bool) -> Result<Conditioned> {
-    let (capture, dropped, mut notes) = capture.without_missing(keep_empty)?;
-    capture.check()?;
+    let (capture, dropped, mut notes, seen) = capture.without_missing_seen(keep_empty)?;
+    match seen {
+        Some(seen) if capture.histograms.len() == seen.len() * capture.bins => {
+            capture.check_scan().and_then(|()| capture.check_seen(seen.into_iter()))?
+        }
+        _ => capture.check()?,
+    }
     let capture = frame::roughly_facing_z(capture, &mut notes);
     Ok(Conditioned::begin(capture, dropped, notes))
 }
@@ -280,7 +289,7 @@ fn gated(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
 }
 
 fn faults_found(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
-    let faults::Found { notes, faults, dropped } = faults::undo(&mut state.capture)?;
+    let faults::Found { notes, faults, dropped } = faults::undo(&mut state.capture, &mut state.mean)?;
     state.notes.extend(notes);
     state.warnings.extend(faults.iter().cloned());
     state.faults.extend(faults);
@@ -299,7 +308,7 @@ fn automatically_gated(state: &mut Conditioned, how: &Conditioning) -> Result<()
         return Ok(());
     }
     let is_captured = how.is_captured.unwrap_or_else(|| state.capture.is_measured());
-    let recorded = recorded_gate(&mut state.capture).map(|(found, filled)| {
+    let recorded = recorded::gate(&mut state.capture, &mut state.mean).map(|(found, filled)| {
         if filled > 0 {
             state.notes.push(format!(
                 "{filled} pairs were not recorded, or not as long as the others: the mean of their neighbours in the scan \
@@ -308,11 +317,12 @@ fn automatically_gated(state: &mut Conditioned, how: &Conditioning) -> Result<()
         }
         found
     });
-    let direct = auto_gate(&state.capture);
+    let mean = state.mean.of(&state.capture);
+    let direct = gate::direct(&state.capture, mean);
     let after = direct.as_ref().map(|d| d.gate.from);
     let lit = match (is_captured, how.has_published_gate) {
         (false, _) => None,
-        (true, false) => light_gate(&state.capture, after),
+        (true, false) => gate::lit(&state.capture, mean, after),
         (true, true) => Some(published_gate(&state.capture, after)),
     };
     // It may hold more than was recorded.
@@ -323,7 +333,9 @@ fn automatically_gated(state: &mut Conditioned, how: &Conditioning) -> Result<()
             .push(format!("automatic gate: {} (turn the automatic gate off to use all)", found.reason));
         state.gate = Some(state.gate.map_or(found.gate, |before| before.within(found.gate)));
     }
-    state.gate.map_or(Ok(()), |gate| state.capture.set_gate(gate))
+    let Some(gate) = state.gate else { return Ok(()) };
+    state.mean.keep(state.capture.bins_of(gate)?);
+    state.capture.set_gate(gate)
 }
 
 fn with_pulse(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
@@ -355,11 +367,13 @@ fn checked(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
     state.warnings.extend(state.capture.warnings());
     state.notes.extend(state.capture.offset_note());
     state.notes.extend(state.capture.normalised_note());
+    state.notes.extend(state.capture.repeated_note());
     Ok(())
 }
 
 fn background_noted(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
-    if let Some([low, high]) = state.capture.background().range() {
+    let mean = state.mean.of(&state.capture);
+    if let Some([low, high]) = state.capture.background_by(mean).range() {
         state.note(format!(
             "the background differs from pair to pair: {low:.2} to {high:.2} counts in a bin; all methods but paper take \
              off that of each pair"

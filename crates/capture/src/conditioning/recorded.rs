@@ -2,6 +2,7 @@
 //! time when they were closed. These zeros say nothing of the scene: taken as measured, they are light that ends at once.
 
 use super::gate::{AutoGate, Gate};
+use super::mean::MeanOnce;
 use crate::data::Capture;
 use crate::data::scan::decimals;
 
@@ -28,10 +29,9 @@ const LACKS: f32 = 16.0;
 
 /// The first and the last bin with counts, of every pair that has any: sorted.
 fn ends(capture: &Capture) -> [Vec<usize>; 2] {
-    let pairs = || capture.histograms.chunks_exact(capture.bins);
-    let first = pairs().filter_map(|h| h.iter().position(|v| *v != 0.0));
-    let last = pairs().filter_map(|h| h.iter().rposition(|v| *v != 0.0));
-    let mut ends: [Vec<usize>; 2] = [first.collect(), last.collect()];
+    let lit = |h: &[f32]| Some([h.iter().position(|v| *v != 0.0)?, h.iter().rposition(|v| *v != 0.0)?]);
+    let pairs = capture.of_rows(lit);
+    let mut ends = [0, 1].map(|end| pairs.iter().flatten().map(|ends| ends[end]).collect::<Vec<_>>());
     ends.iter_mut().for_each(|of| of.sort_unstable());
     ends
 }
@@ -41,6 +41,11 @@ fn ends(capture: &Capture) -> [Vec<usize>; 2] {
 /// `None` if nothing shows a gate. Whole counts of pairs that were not recorded, or not as long as the others, become the
 /// mean of their neighbours in the scan first; the number is how many.
 pub fn recorded_gate(capture: &mut Capture) -> Option<(AutoGate, usize)> {
+    gate(capture, &mut MeanOnce::default())
+}
+
+/// [`recorded_gate`] with the mean histogram.
+pub(super) fn gate(capture: &mut Capture, mean: &mut MeanOnce) -> Option<(AutoGate, usize)> {
     let bins = capture.bins;
     let [_, last] = ends(capture);
     if last.len() < LEAST_PAIRS || bins < LEAST_BINS {
@@ -49,15 +54,21 @@ pub fn recorded_gate(capture: &mut Capture) -> Option<(AutoGate, usize)> {
     let rest = (REST * last.len() as f64) as usize;
     let near = (TOGETHER * bins as f64).max(4.0) as usize;
     let (closes, latest) = (last[rest] + 1, last[last.len() - 1] + 1);
-    if latest == bins || latest - closes > near || !is_light(capture, closes.saturating_sub(BESIDE), closes) {
+    if latest == bins
+        || latest - closes > near
+        || !is_light(mean.of(capture), closes.saturating_sub(BESIDE), closes)
+    {
         return None;
     }
     let filled = capture.fill_unrecorded();
+    if filled > 0 {
+        mean.changed();
+    }
     let [first, _] = ends(capture);
     let (opens, earliest) = (first[first.len() - 1 - rest], first[0]);
     let opened = earliest > 0
         && opens - earliest <= near
-        && is_light(capture, opens, (opens + BESIDE).min(bins))
+        && is_light(mean.of(capture), opens, (opens + BESIDE).min(bins))
         && opens_at_once(capture);
     let from = if opened { capture.edge(opens) } else { f64::NEG_INFINITY };
     let to = capture.edge(closes);
@@ -68,8 +79,7 @@ pub fn recorded_gate(capture: &mut Capture) -> Option<(AutoGate, usize)> {
 }
 
 /// Whether these bins hold more than what fades.
-fn is_light(capture: &Capture, from: usize, to: usize) -> bool {
-    let mean = capture.mean_histogram();
+fn is_light(mean: &[f64], from: usize, to: usize) -> bool {
     let peak = mean.iter().copied().fold(0.0, f64::max);
     from < to && mean[from..to].iter().sum::<f64>() >= LEVEL * peak * (to - from) as f64
 }
@@ -174,26 +184,26 @@ mod tests {
         capture
     }
 
-    fn gate(capture: &Capture) -> Option<[i64; 2]> {
+    fn found(capture: &Capture) -> Option<[i64; 2]> {
         let bin = |t: f64| if t.is_finite() { (t / 0.01).round() as i64 } else { -1 };
         recorded_gate(&mut capture.clone()).map(|(found, _)| [bin(found.gate.from), bin(found.gate.to)])
     }
 
     #[test]
     fn a_gate_of_the_instrument_is_found_where_light_ends_at_once() {
-        assert_eq!(gate(&capture(|_| 50, 180)), Some([50, 180]));
-        assert_eq!(gate(&capture(|ix| 50 + ix % 3, 180)), Some([52, 180]));
+        assert_eq!(found(&capture(|_| 50, 180)), Some([50, 180]));
+        assert_eq!(found(&capture(|ix| 50 + ix % 3, 180)), Some([52, 180]));
         // It opens before all light, and has no counts there.
         let mut dark = capture(|_| 0, 180);
         dark.histograms.iter_mut().for_each(|v| *v = (*v - 20.0).max(0.0));
-        assert_eq!(gate(&dark), None, "the light fades before the end");
+        assert_eq!(found(&dark), None, "the light fades before the end");
         let rises = |bin: usize| (bin as f32 - 20.0).max(0.0);
         let mut rising = capture(|_| 0, 180);
         rising.histograms.iter_mut().enumerate().for_each(|(i, v)| {
             *v = if i % BINS < 180 { rises(i % BINS) } else { 0.0 };
         });
-        assert_eq!(gate(&rising), Some([-1, 180]), "light that rises is no gate that opens");
-        assert_eq!(gate(&capture(|_| 50, BINS)), None, "counts up to the last bin");
+        assert_eq!(found(&rising), Some([-1, 180]), "light that rises is no gate that opens");
+        assert_eq!(found(&capture(|_| 50, BINS)), None, "counts up to the last bin");
     }
 
     #[test]
@@ -202,7 +212,7 @@ mod tests {
         for (pair, counts) in scene.histograms.chunks_exact_mut(BINS).enumerate() {
             counts[100 + pair..].fill(0.0);
         }
-        assert_eq!(gate(&scene), None);
+        assert_eq!(found(&scene), None);
     }
 
     #[test]
@@ -210,7 +220,7 @@ mod tests {
         let whole = capture(|_| 50, 180);
         let mut late = capture(|ix| if ix == 3 { 110 } else { 50 }, 180);
         late.histograms[..BINS].fill(0.0);
-        assert_eq!(gate(&late), Some([50, 180]));
+        assert_eq!(found(&late), Some([50, 180]));
         assert_eq!(late.fill_unrecorded(), 9);
         assert_eq!(late, whole);
         // Where all see what the scene is, nothing is filled.

@@ -71,13 +71,15 @@ impl ComparedLengths {
         let low = points().copied().reduce(|a, b| a.min(b))?;
         let high = points().copied().reduce(|a, b| a.max(b))?;
         let wall = (high - low).max_element();
-        let of_pairs = |bin: fn(&[f32]) -> Option<usize>| {
-            let bins = capture.histograms.chunks_exact(capture.bins).filter_map(bin);
-            median(bins.map(|b| capture.edge(b) + 0.5 * capture.bin_width))
-        };
         let (first, strongest) = match capture.histograms.is_empty() {
             true => (f64::NAN, f64::NAN),
-            false => (of_pairs(super::warnings::first_light)?, of_pairs(super::gate::peak_bin)?),
+            false => {
+                let light = |row: &[f32]| (super::warnings::first_light(row), super::gate::peak_bin(row));
+                let (first, strongest): (Vec<_>, Vec<_>) = capture.of_rows(light).into_iter().unzip();
+                let middle = |b: usize| capture.edge(b) + 0.5 * capture.bin_width;
+                let of_pairs = |bins: Vec<Option<usize>>| median(bins.into_iter().flatten().map(middle));
+                (of_pairs(first)?, of_pairs(strongest)?)
+            }
         };
         let [bin, start, end] = [capture.bin_width, capture.t_start, capture.t_end()];
         (wall > 0.0).then_some(ComparedLengths { wall, bin, start, end, first, strongest })

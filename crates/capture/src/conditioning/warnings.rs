@@ -1,5 +1,9 @@
 //! Signs that a capture is wrong: its time zero, the scale of its wall, empty histograms.
 
+use rayon::prelude::*;
+
+use crate::data::histogram_figures::sum;
+use crate::data::rows::largest_of_three;
 use crate::data::scan::decimals;
 use crate::data::{Capture, PairKind};
 
@@ -9,6 +13,8 @@ const SIGNAL: f32 = 0.3;
 const EARLY: f64 = 0.01;
 /// First light that curves more than this many times as strongly as the light of a point is not due to rounding.
 const CURVED: f64 = 1.3;
+/// Share of pairs with the histogram of the pair before them that no symmetric scene reaches.
+const REPEATED: f64 = 0.25;
 /// Totals of this many histograms that differ by less than this share are the same.
 const FEW: usize = 9;
 const SAME: f64 = 1e-3;
@@ -44,7 +50,7 @@ impl Capture {
                 self.bin_width
             ));
         }
-        let empty = self.histograms.chunks_exact(self.bins).filter(|h| h.iter().all(|v| *v == 0.0)).count();
+        let empty = self.of_rows(|h| h.iter().all(|v| *v == 0.0)).into_iter().filter(|dark| *dark).count();
         if 2 * empty > self.pair_count() {
             warnings.push(format!("{empty} of {} histograms hold no count", self.pair_count()));
         }
@@ -54,7 +60,7 @@ impl Capture {
     /// Says that the sensor sees the wall beside the laser in every pair, and what methods for confocal scans make of it.
     pub(super) fn offset_note(&self) -> Option<String> {
         let offset = self.offset()?;
-        let first = self.histograms.chunks_exact(self.bins).filter_map(first_light).min()?;
+        let first = self.of_rows(first_light).into_iter().flatten().min()?;
         let nearest = (0.5 * (self.edge(first) + self.bin_width)).max(self.bin_width);
         // Path by the middle: 2r; by both points: up to 2r + d²/4r.
         let error = 0.25 * offset.length_squared() / nearest;
@@ -69,13 +75,36 @@ impl Capture {
         ))
     }
 
+    /// Says that many pairs have exactly the histogram of the pair before them, as they have in a scan that was enlarged.
+    pub(super) fn repeated_note(&self) -> Option<String> {
+        let copies = |apart: usize| {
+            let is_copy = |pair: &usize| {
+                let (row, before) = (self.histogram(*pair), pair - apart);
+                let is_one =
+                    self.laser[*pair] == self.laser[before] && self.sensor[*pair] == self.sensor[before];
+                !is_one && row == self.histogram(before) && row.iter().any(|v| *v != 0.0)
+            };
+            (apart..self.pair_count()).into_par_iter().filter(is_copy).count()
+        };
+        let most = [1, self.scan[1]].map(copies).into_iter().max().unwrap_or(0);
+        (most as f64 > REPEATED * self.pair_count() as f64).then(|| {
+            format!(
+                "{most} of {} pairs have exactly the histogram of a pair beside them, as of a scan that was enlarged by repeating its \
+                 points: give the points as measured, or a stride",
+                self.pair_count()
+            )
+        })
+    }
+
     /// Says that all histograms have the same total, as they have after a division by it.
     pub(super) fn normalised_note(&self) -> Option<String> {
-        let totals =
-            self.histograms.chunks_exact(self.bins).map(|h| h.iter().map(|n| f64::from(*n)).sum::<f64>());
+        if self.integer_counts {
+            return None;
+        }
+        let totals = self.of_rows(sum).into_iter();
         let totals: Vec<f64> = totals.filter(|total| *total > 0.0).collect();
         let (least, most) = totals.iter().fold((f64::INFINITY, 0.0f64), |(a, b), t| (a.min(*t), b.max(*t)));
-        (!self.integer_counts && totals.len() >= FEW && most - least <= SAME * most).then(|| {
+        (totals.len() >= FEW && most - least <= SAME * most).then(|| {
             "all histograms have the same total, as if each was divided by its own: albedo and shading are lost; store the counts"
                 .to_string()
         })
@@ -89,13 +118,14 @@ impl Capture {
     /// The share of the counts that come before light can arrive.
     fn early_share(&self) -> f64 {
         let (mut early, mut total) = (0.0, 0.0);
+        let totals = self.of_rows(sum);
         for (pair, histogram) in self.histograms.chunks_exact(self.bins).enumerate() {
             let straight = self.laser[pair].distance(self.sensor[pair]);
             // A bin that ends later may hold light.
             let first = ((straight - self.t_start) / self.bin_width).floor().max(0.0);
             let first = (first as usize).saturating_sub(1).min(self.bins);
             early += histogram[..first].iter().map(|v| f64::from(*v)).sum::<f64>();
-            total += histogram.iter().map(|v| f64::from(*v)).sum::<f64>();
+            total += totals[pair];
         }
         if total > 0.0 { early / total } else { 0.0 }
     }
@@ -108,12 +138,10 @@ impl Capture {
         if self.pair_kind() != PairKind::Confocal || !self.is_planar() || nx < 8 || ny < 8 {
             return None;
         }
-        let squared: Vec<Option<f64>> = (self.histograms.chunks_exact(self.bins))
-            .map(|h| {
-                let path = self.t_start + (first_light(h)? as f64 + 0.5) * self.bin_width;
-                Some(0.25 * path * path)
-            })
-            .collect();
+        let squared: Vec<Option<f64>> = self.of_rows(|h| {
+            let path = self.t_start + (first_light(h)? as f64 + 0.5) * self.bin_width;
+            Some(0.25 * path * path)
+        });
         let mut bends = Vec::new();
         for pair in 0..nx * ny {
             let (ix, iy) = (pair / ny, pair % ny);
@@ -137,6 +165,11 @@ impl Capture {
 pub(super) fn first_light(histogram: &[f32]) -> Option<usize> {
     let at = |b: usize| histogram.get(b).copied().unwrap_or(0.0);
     let smooth = |b: usize| at(b.wrapping_sub(1)) + at(b) + at(b + 1);
-    let most = (0..histogram.len()).map(smooth).fold(0.0f32, f32::max);
-    (0..histogram.len()).find(|b| most > 0.0 && smooth(*b) >= SIGNAL * most)
+    let most = largest_of_three(histogram);
+    let is_lit = |sum: f32| most > 0.0 && sum >= SIGNAL * most;
+    let (last, inner) = (histogram.len().saturating_sub(1), histogram.windows(3));
+    let end = |bin: usize| is_lit(smooth(bin)).then_some(bin);
+    end(0)
+        .or_else(|| Some(inner.map(|w| is_lit(w[0] + w[1] + w[2])).position(|lit| lit)? + 1))
+        .or_else(|| end(last))
 }

@@ -11,6 +11,9 @@ use crate::error::{Error, Result};
 /// milliseconds.
 const SMALL: usize = 1 << 20;
 
+/// Bins that a thread adds up at least: a few lines of the cache.
+const LEAST_RUN: usize = 128;
+
 /// Whether it does not pay to divide work on `counts` between threads.
 pub fn is_small(counts: &[f32]) -> bool {
     counts.len() <= SMALL
@@ -157,20 +160,23 @@ impl Capture {
 
     /// Mean histogram over the pairs, `[bin]`.
     pub fn mean_histogram(&self) -> Vec<f64> {
-        /// Bins that are added up together: a few lines of the cache.
-        const RUN: usize = 128;
+        // Long runs of a histogram are read faster, and each thread needs one.
+        let run = match is_small(&self.histograms) {
+            true => self.bins,
+            false => self.bins.div_ceil(rayon::current_num_threads()).next_multiple_of(LEAST_RUN),
+        };
         let mut mean = vec![0.0f64; self.bins];
         // Every bin adds the pairs in their order.
-        let add_up = |(run, mean): (usize, &mut [f64])| {
-            let first = run * RUN;
+        let add_up = |(part, mean): (usize, &mut [f64])| {
+            let first = part * run;
             for histogram in self.histograms.chunks_exact(self.bins) {
                 mean.iter_mut().zip(&histogram[first..]).for_each(|(m, v)| *m += f64::from(*v));
             }
             mean.iter_mut().for_each(|m| *m /= self.pair_count() as f64);
         };
         match is_small(&self.histograms) {
-            true => mean.chunks_mut(RUN).enumerate().for_each(add_up),
-            false => mean.par_chunks_mut(RUN).enumerate().for_each(add_up),
+            true => mean.chunks_mut(run).enumerate().for_each(add_up),
+            false => mean.par_chunks_mut(run).enumerate().for_each(add_up),
         }
         mean
     }
@@ -178,7 +184,7 @@ impl Capture {
     /// Whether an instrument measured the counts: photons, or photons less a background.
     #[doc(hidden)]
     pub fn is_measured(&self) -> bool {
-        self.integer_counts || self.histograms.iter().any(|v| *v < 0.0)
+        self.integer_counts || self.any_row(|row| row.iter().fold(false, |any, v| any | (*v < 0.0)))
     }
 
     /// Sets the impulse response.
@@ -233,7 +239,7 @@ impl Capture {
 
     /// Checks the counts by what each pair's histogram holds.
     pub(crate) fn check_seen(&self, seen: impl Iterator<Item = HistogramFigures>) -> Result<()> {
-        let (mut total, mut dark) = (0.0, true);
+        let (mut total, mut dark, mut highest) = (0.0, true, f32::NEG_INFINITY);
         for (pair, seen) in seen.enumerate() {
             if let Some((bin, value)) = seen.wrong {
                 return Err(Error::input(
@@ -243,6 +249,7 @@ impl Capture {
             }
             total += seen.total;
             dark &= seen.filled == 0;
+            highest = highest.max(seen.range[1]);
         }
         if dark {
             return Err(Error::input(
@@ -253,6 +260,12 @@ impl Capture {
                     self.t_end()
                 ),
                 "check the gate, or that the right file was given",
+            ));
+        }
+        if highest <= 0.0 {
+            return Err(Error::input(
+                "there is no signal: no count is above zero, as of a digitiser of negative pulses: it is upside down",
+                "store it with the opposite sign: H = -H",
             ));
         }
         // NaN must fail too: the sum of numbers beyond fp64.

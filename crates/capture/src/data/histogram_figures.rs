@@ -2,6 +2,7 @@
 //! also for histograms that are read bin by bin and not kept.
 
 use super::Capture;
+use super::rows::range_from;
 
 /// Figures of one histogram.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -41,8 +42,7 @@ impl HistogramFigures {
         let (valid, filled) =
             counts.iter().fold((true, 0), |(v, n), c| (v & c.is_finite(), n + u32::from(*c != 0.0)));
         self.filled += filled;
-        let [low, high] = self.range;
-        self.range = counts.iter().fold([low, high], |[a, b], c| [a.min(*c), b.max(*c)]);
+        self.range = range_from(self.range, counts);
         if valid {
             self.nothing &= counts.is_empty();
             if filled > 0 {
@@ -68,7 +68,7 @@ impl HistogramFigures {
 }
 
 /// The sum, by eight sums side by side: one after the other would wait for each addition.
-fn sum(counts: &[f32]) -> f64 {
+pub(crate) fn sum(counts: &[f32]) -> f64 {
     let (runs, rest) = counts.as_chunks::<8>();
     let mut sums = [0.0f64; 8];
     for run in runs {

@@ -10,6 +10,7 @@ pub mod nearest;
 pub mod pairs;
 pub mod pulse;
 pub(crate) mod reflectance;
+pub(crate) mod rows;
 pub mod scan;
 pub mod summary;
 

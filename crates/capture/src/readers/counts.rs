@@ -3,13 +3,19 @@
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::Relaxed;
+use std::sync::{Mutex, PoisonError};
+
+use rayon::prelude::*;
 
 use super::glance::{self, Glance};
 use super::points::squeezed;
 use crate::data::histogram_figures;
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
-use crate::files::array::Head;
+use crate::files::array::{Element, Head, transpose, unread};
+use crate::host;
 
 /// An array of counts.
 #[derive(Debug, Clone, PartialEq)]
@@ -41,6 +47,12 @@ pub(super) fn shape(npz: &mut Npz, name: &str, wanted: &str) -> Result<Vec<usize
 
 /// The values of an array of counts. What unpacks to far more than the file is looked at first.
 pub(super) fn read(npz: &mut Npz, name: &str, wanted: &str) -> Result<Vec<f32>> {
+    look(npz, name)?;
+    let array = npz.whole(name)?.ok_or_else(|| npz.missing(name, wanted))?;
+    Ok(array.to_f32())
+}
+
+fn look(npz: &mut Npz, name: &str) -> Result<()> {
     if npz.sizes(name).is_some_and(|[size, packed]| glance::is_wanted(size, packed))
         && let Some((head, mut elements)) = npz.stream(name)?
     {
@@ -53,8 +65,73 @@ pub(super) fn read(npz: &mut Npz, name: &str, wanted: &str) -> Result<Vec<f32>> 
         }
         glance.finish(name)?;
     }
-    let array = npz.whole(name)?.ok_or_else(|| npz.missing(name, wanted))?;
-    Ok(array.to_f32())
+    Ok(())
+}
+
+/// Values that are in memory beside the histograms while an array is turned: some bins of all pairs, in pieces that fit a cache.
+const TURNED: usize = 1 << 22;
+const PIECE: usize = 1 << 17;
+/// Pairs and bins that are transposed together: a part of both arrays that stays in the nearest cache.
+const TILE: [usize; 2] = [32, 64];
+
+/// The histograms `[pair * bins + bin]` of an array [T, ...] of counts, and whether all are photon counts.
+pub(super) fn histograms(
+    npz: &mut Npz,
+    name: &str,
+    wanted: &str,
+    [bins, pairs]: [usize; 2],
+) -> Result<(Vec<f32>, bool)> {
+    look(npz, name)?;
+    let (head, mut elements) = npz.stream(name)?.ok_or_else(|| npz.missing(name, wanted))?;
+    let place = |e: Error| e.at(format!("array {name}"));
+    if head.fortran {
+        let left = elements.left();
+        let array = head.whole(&mut elements, left).map_err(place)?;
+        let turned = transpose(&array.to_f32(), bins, pairs)?;
+        let whole = histogram_figures::whole(&turned);
+        return Ok((turned, whole));
+    }
+    head.check(elements.left()).map_err(place)?;
+    let mut turned = host::zeros("the counts", pairs * bins)?;
+    let at_once = (TURNED / pairs.max(1)).clamp(1, bins);
+    let mut part = host::zeros("a part of the counts", at_once * pairs)?;
+    let size = head.element.size();
+    let is_unsigned =
+        matches!(head.element, Element::Bool | Element::U8 | Element::U16 | Element::U32 | Element::U64);
+    let whole = AtomicBool::new(true);
+    for first in (0..bins).step_by(at_once) {
+        let count = at_once.min(bins - first);
+        let slots: Vec<_> = part[..count * pairs].chunks_mut(PIECE).map(Mutex::new).collect();
+        let take = |number: usize, bytes: &[u8]| {
+            let mut slot = slots[number].lock().unwrap_or_else(PoisonError::into_inner);
+            head.decode(bytes, &mut slot);
+            if !is_unsigned && whole.load(Relaxed) && !histogram_figures::whole(&slot) {
+                whole.store(false, Relaxed);
+            }
+        };
+        elements.pieces(count * pairs * size, PIECE * size, &take).map_err(|e| place(unread(e)))?;
+        drop(slots);
+        let rows = turned.par_chunks_mut(TILE[0] * bins).enumerate();
+        rows.for_each(|(group, rows)| {
+            turn_into(rows, bins, first, &part[..count * pairs], pairs, group * TILE[0])
+        });
+    }
+    Ok((turned, whole.into_inner()))
+}
+
+/// Writes the counts `part` [bin, pair] to the bins from `first` on of the `rows` of the pairs from `pair` on.
+fn turn_into(rows: &mut [f32], bins: usize, first: usize, part: &[f32], pairs: usize, pair: usize) {
+    let here = rows.len() / bins;
+    let mut tile = [[0.0f32; TILE[1]]; TILE[0]];
+    for (number, lines) in part.chunks(TILE[1] * pairs).enumerate() {
+        let count = lines.len() / pairs;
+        for (bin, line) in lines.chunks_exact(pairs).enumerate() {
+            tile.iter_mut().zip(&line[pair..pair + here]).for_each(|(row, value)| row[bin] = *value);
+        }
+        let at = first + number * TILE[1];
+        let to = rows.chunks_exact_mut(bins).zip(&tile);
+        to.for_each(|(row, tile)| row[at..at + count].copy_from_slice(&tile[..count]));
+    }
 }
 
 /// The largest value, which decides the integer type to store; `None` unless all values are whole and not negative.
@@ -74,6 +151,23 @@ pub(super) fn alone_in_npy(path: &Path) -> Error {
 /// The error of an npz file without points. Its largest array is taken as the counts.
 pub(super) fn alone_in_npz(npz: &mut Npz) -> Error {
     let names = npz.names();
+    let is_in_a_folder =
+        |name: &String| name.rsplit_once('/').is_some_and(|(_, last)| last == "H" || last.ends_with("_xyz"));
+    if let Some((folder, _)) =
+        names.iter().find(|name| is_in_a_folder(name)).and_then(|name| name.rsplit_once('/'))
+    {
+        return Error::input(
+            format!("holds its arrays in the folder {folder} of the archive"),
+            format!("pack them without it: (cd {folder} && zip -0 ../capture.npz *.npy)"),
+        );
+    }
+    let has = |wanted: &[&str]| wanted.iter().all(|name| names.iter().any(|other| other == name));
+    if has(&["albedo", "extent"]) || has(&["gt_depth"]) {
+        return Error::input(
+            format!("holds {}: a result or a truth, not histograms", names.join(", ")),
+            "give the capture that it was made from",
+        );
+    }
     let mut largest = ("H".to_string(), vec![]);
     for name in &names {
         let count = |shape: &[usize]| shape.iter().fold(1usize, |n, d| n.saturating_mul(*d));
@@ -148,7 +242,7 @@ l, s = p(H.shape[1:3]), p(H.shape[-2:])  # of one laser point: l = [[x, y, z]]"#
             r#"make a capture of it: H [T, X, Y] with the bins first, or [T, Lx, Ly, Sx, Sy]; points [X, Y, 3] on the wall in metres, bins in metres of path:
 import numpy as np; {h}
 {points}
-np.savez("capture.npz", H=H, sensor_xyz=s, laser_xyz=l, delta_t=133e-12 * 299792458)
+np.savez("capture.npz", H=H, sensor_xyz=s, laser_xyz=l, delta_t=32e-12 * 299792458)
 or, if an instrument wrote its histograms (points, bins) or time tags, use `histogram` with the points of the scan"#
         ),
     )

@@ -8,9 +8,10 @@ use std::cell::RefCell;
 use super::counts;
 use super::listed::axis_of_xyz;
 use super::variables::{Variables, one_width};
+use crate::data::histogram_figures;
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
-use crate::files::array::c_order;
+use crate::files::array::{c_order, transpose};
 use crate::host;
 
 /// Arrays of a file by their documented names.
@@ -114,6 +115,16 @@ impl<'f> Documented<'f> {
                 host::collected("the counts", counts.values.len(), all)
             }
         }
+    }
+
+    /// The histograms `[pair * bins + bin]` of a required array [T, ...] of counts, and whether all are photon counts.
+    pub(super) fn histograms(&self, name: &str, [bins, pairs]: [usize; 2]) -> Result<(Vec<f32>, bool)> {
+        if let Container::Npz(npz) = &self.file {
+            return counts::histograms(&mut npz.borrow_mut(), name, self.wanted, [bins, pairs]);
+        }
+        let turned = transpose(&self.counts(name)?, bins, pairs)?;
+        let whole = histogram_figures::whole(&turned);
+        Ok((turned, whole))
     }
 
     /// The error of a missing array.

@@ -27,7 +27,6 @@ use super::points::{check_places, compact, per_pair, squeezed, triples, unit};
 use super::read_options::ReadOptions;
 use super::variables::Variables;
 use super::{exhaustive, ytal, zones};
-use crate::data::histogram_figures;
 use crate::error::{Error, Result};
 use crate::files::archive::{Npz, npz_bytes};
 use crate::files::array::{Array, transpose};
@@ -47,7 +46,7 @@ pub fn read(path: &Path, given: &ReadOptions, notes: &mut Vec<String>) -> Result
         return zones::read(&mut npz, given, notes);
     }
     let names = npz.names();
-    if !names.iter().any(|name| name.ends_with("_xyz")) {
+    if !names.iter().any(|name| name.ends_with("_xyz") && !name.contains('/')) {
         return Err(counts::alone_in_npz(&mut npz));
     }
     given.no_bin_width("an npz file")?;
@@ -99,12 +98,12 @@ fn read_documented(file: &Documented, notes: &mut Vec<String>) -> Result<Capture
     let laser_spot = spot(file, ["laser_spot", "laser_fov"], &laser.0, notes)?;
     let sensor_spot = spot(file, ["sensor_spot", "sensor_fov"], &sensor.0, notes)?;
     let pulse = Pulse::read_from(file)?;
-    let histograms = transpose(&file.counts("H")?, bins, pairs)?;
+    let (histograms, integer_counts) = file.histograms("H", [bins, pairs])?;
     Ok(Capture {
         laser_normal: laser.1,
         sensor_normal: sensor.1,
         t_start,
-        integer_counts: histogram_figures::whole(&histograms),
+        integer_counts,
         pulse,
         laser_spot,
         sensor_spot,

@@ -118,7 +118,7 @@ impl ReadOptions {
                 format!("{format} holds neither the wall size nor the bin width"),
                 advice![
                     "give the distance between the outermost scan points and the width of a bin, as a time or a path: " Wall
-                    " 1m " BinWidth " 133ps"
+                    " 1m " BinWidth " 32ps"
                 ],
             ));
         }
@@ -147,7 +147,7 @@ impl ReadOptions {
             (None, None) => Err(Error::options(
                 format!("{format} does not hold the bin width"),
                 advice![
-                    "give the bin width, as a time or in metres of path (picoseconds times 0.000299792458): " BinWidth " 133ps"
+                    "give the bin width, as a time or in metres of path (picoseconds times 0.000299792458): " BinWidth " 32ps"
                 ],
             )),
         }

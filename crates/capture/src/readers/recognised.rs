@@ -52,6 +52,14 @@ struct FileStart {
     ending: String,
 }
 
+/// First bytes of PNG, JPEG, GIF, TIFF (two orders) and OpenEXR.
+const PICTURES: [&[u8]; 6] =
+    [b"\x89PNG\r\n", b"\xff\xd8\xff", b"GIF8", b"II*\0", b"MM\0*", b"\x76\x2f\x31\x01"];
+
+/// Times of a table: as many at least, and steps that differ by a smaller share.
+const LEAST_TIMES: usize = 16;
+const EVEN: f64 = 0.01;
+
 /// Bytes that are looked at.
 const LOOKED_AT: u64 = 1 << 15;
 const CONVERT: &str =
@@ -69,12 +77,18 @@ const fn row(
     Recognised { name, content, is, instead }
 }
 
-const ROWS: [Recognised; 15] = [
+const ROWS: [Recognised; 17] = [
     row(
         "a pointer of Git LFS in place of the file",
         Content::Other,
         |h| h.bytes.starts_with(b"version https://git-lfs"),
         "fetch the file itself: git lfs pull",
+    ),
+    row(
+        "a picture",
+        Content::Other,
+        |h| PICTURES.iter().any(|start| h.bytes.starts_with(start)),
+        "give the histograms of the scan: a picture holds none",
     ),
     row("PicoQuant time tags (.ptu)", Content::Tags, |h| h.bytes.starts_with(b"PQTTTR"), ""),
     row(
@@ -114,6 +128,12 @@ const ROWS: [Recognised; 15] = [
         "",
     ),
     row("time tags as text", Content::Tags, FileStart::names_tags, ""),
+    row(
+        "a table of times and counts",
+        Content::Histograms(HistogramFormat::Matrix),
+        FileStart::is_of_times,
+        "",
+    ),
     row("a text of numbers", Content::Tags, |h| matches!(h.columns(), 2 | 3), ""),
     row("a text of numbers", Content::Histograms(HistogramFormat::Matrix), |h| h.columns() > 0, ""),
     row("Becker & Hickl histograms (.sdt)", Content::Other, |h| h.ending == "sdt", FROM_SOFTWARE),
@@ -155,14 +175,26 @@ impl FileStart {
 
     /// Columns of the first line of numbers; 0 without one.
     fn columns(&self) -> usize {
-        let columns = |line: &String| {
+        self.rows().next().map_or(0, |row| row.len())
+    }
+
+    /// Whether the first of two columns rises evenly: times of bins, not of photons, and no channel.
+    fn is_of_times(&self) -> bool {
+        let times: Vec<f64> = self.rows().filter_map(|row| row.first().copied()).collect();
+        let step = times.get(1).zip(times.first()).map_or(0.0, |(b, a)| b - a);
+        let is_even = |w: &[f64]| ((w[1] - w[0]) / step - 1.0).abs() < EVEN;
+        self.columns() == 2 && times.len() >= LEAST_TIMES && step > 0.0 && times.windows(2).all(is_even)
+    }
+
+    /// Lines of numbers.
+    fn rows(&self) -> impl Iterator<Item = Vec<f64>> {
+        let row = |line: &String| -> Option<Vec<f64>> {
             let separator = [';', '\t', ','].into_iter().find(|s| line.contains(*s)).unwrap_or(' ');
             let parts = line.split(separator).map(|part| part.trim_matches([' ', '"', '\'']));
-            let parts: Vec<&str> = parts.filter(|part| !part.is_empty()).collect();
-            let is_number = |part: &&str| part.replacen(',', ".", 1).parse::<f64>().is_ok();
-            parts.iter().all(is_number).then_some(parts.len())
+            let parts = parts.filter(|part| !part.is_empty());
+            parts.map(|part| part.replacen(',', ".", 1).parse().ok()).collect()
         };
-        self.lines.iter().filter(|line| !line.starts_with('#')).find_map(columns).unwrap_or(0)
+        self.lines.iter().filter(|line| !line.starts_with('#')).filter_map(row)
     }
 }
 

@@ -54,6 +54,9 @@ pub(super) fn read<'f>(
         ));
     }
     let [(name, shape)] = &found[..] else {
+        if let Some(error) = of_a_matrix(file)? {
+            return Err(error);
+        }
         let there = file.names();
         let there = if there.is_empty() { "nothing".to_string() } else { there.join(", ") };
         return Err(Error::input(
@@ -92,6 +95,38 @@ pub(super) fn read<'f>(
     let points = frame::lattice(scan, wall);
     let capture = Capture::new(scan, points.clone(), points, bins, bin_width, histograms);
     Ok(ReadCapture::Whole(Capture { integer_counts, ..capture }))
+}
+
+/// Elements of a matrix that may be histograms of a scan, and bins of one at least.
+const MATRIX: [usize; 2] = [1024, 16];
+
+/// The error of the largest matrix of a file without an array of three axes, as of pairs x bins.
+fn of_a_matrix(file: &Variables) -> Result<Option<Error>> {
+    let mut largest: Option<(String, [usize; 2])> = None;
+    for name in file.names() {
+        let sides: Vec<usize> = file.shape(&name)?.into_iter().flatten().filter(|n| *n > 1).collect();
+        let [a, b] = sides[..] else { continue };
+        let is_larger = largest.as_ref().is_none_or(|(_, [c, d])| a.saturating_mul(b) > c * d);
+        if is_larger && a.min(b) >= MATRIX[1] && a.saturating_mul(b) >= MATRIX[0] {
+            largest = Some((name, [a, b]));
+        }
+    }
+    Ok(largest.map(|(name, [a, b])| {
+        let [first, second] = if file.in_matlab_order() { [b, a] } else { [a, b] };
+        let side = |n: usize| Some(n.isqrt()).filter(|side| side * side == n);
+        let scan = match (side(first), side(second)) {
+            (Some(n), _) | (None, Some(n)) => format!("--scan {n}x{n}"),
+            _ => "--scan with columns x rows, or a file with the points".into(),
+        };
+        let last = name.rsplit('/').next().unwrap_or(&name).to_string();
+        Error::input(
+            format!("{name} is a matrix of {first} x {second}, as of pairs and bins, without the points of the scan"),
+            format!(
+                "save it as text or as an npy array [points, bins] (in MATLAB: writematrix({last}, 'counts.txt')), and make a capture of \
+                 it with `histogram`, {scan}, --wall and --bin-width"
+            ),
+        )
+    }))
 }
 
 /// The error of known arrays inside a struct, of a cell, and of counts with colours.

@@ -163,15 +163,9 @@ fn limits_text(l: &DeviceLimits) -> String {
     let of_set = |(set, rate): (&u64, f64)| format!("{} {}/s", bytes(*set), bytes(rate as u64));
     let sets: Vec<String> = limits::SETS.iter().zip(l.set_bytes_per_s).map(of_set).collect();
     format!(
-        "limits    per second: fma {}, inversesqrt {}, cached words {}, as texels {}, owned additions {},\n\
-        \x20         atomics: shared {}, to histograms {};\n\
+        "limits    per second: fma {}, atomics to histograms {};\n\
         \x20         copies {}/s read and written, within {}; a dispatch {}\n",
         number(l.fma_per_s),
-        number(l.special_per_s),
-        number(l.load_per_s),
-        number(l.texel_per_s),
-        l.owned_addition_per_s.map_or("none".into(), number),
-        number(l.shared_atomic_per_s),
         number(l.scattered_atomic_per_s),
         bytes(l.copy_bytes_per_s as u64),
         sets.join(", "),

@@ -2,10 +2,12 @@
 
 use std::io::IsTerminal;
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use thirdbounce::gpu::kernels_are_kept;
 use thirdbounce::job::PREVIEW;
 use thirdbounce::simulate::RenderProgress;
 use thirdbounce::solve::{Doing, Progress};
@@ -27,11 +29,16 @@ pub fn bar(quiet: bool, template: &str) -> Option<ProgressBar> {
     })
 }
 
+/// Share of a phase before which its rest is not forecast: the first steps also make kernels.
+const FORECAST_FROM: f64 = 0.1;
+
 /// The phase of a solve, and the largest share of it that was shown: the expected number of iterations may grow.
 #[derive(Default)]
 pub struct Phase {
     doing: Option<Doing>,
     share: f64,
+    /// Whether no kernels are stored: the driver compiles them.
+    compiles: bool,
 }
 
 impl Phase {
@@ -39,11 +46,16 @@ impl Phase {
     pub fn state(&mut self, progress: &Progress) -> String {
         let p = &progress.point;
         if self.doing != Some(progress.doing) {
-            *self = Phase { doing: Some(progress.doing), share: 0.0 };
+            *self = Phase { doing: Some(progress.doing), share: 0.0, ..*self };
         }
         self.share = self.share.max(p.iteration as f64 / progress.iterations.max(1) as f64).min(1.0);
-        let left = progress.remaining.filter(|s| *s >= 1.0);
-        let left = left.map_or_else(String::new, |s| format!(", about {s:.0} s left"));
+        let left = match progress.remaining.filter(|s| *s >= 1.0) {
+            Some(s) if self.share >= FORECAST_FROM => format!(", about {s:.0} s left"),
+            _ if self.share < FORECAST_FROM && self.compiles => {
+                ", kernels are compiled for the first time".into()
+            }
+            _ => String::new(),
+        };
         match progress.doing {
             Doing::Preview => format!("preview: {PREVIEW} shows a first picture after {:.1} s", p.seconds),
             Doing::Trial => format!("estimates: {:.0} %{left}", (100.0 * self.share).floor()),
@@ -86,6 +98,12 @@ impl Meter {
     pub fn new(quiet: bool) -> Meter {
         let bar = bar(quiet, "{bar:16} {wide_msg} {elapsed}");
         Meter { bar, quiet, said: None, shown: Phase::default(), phase: None }
+    }
+
+    /// The meter of a run whose kernels are kept in this folder.
+    pub fn with_kernels(self, cache: Option<&Path>) -> Meter {
+        let compiles = cache.is_some_and(|folder| !kernels_are_kept(folder));
+        Meter { shown: Phase { compiles, ..self.shown }, ..self }
     }
 
     /// Shows a point of the trace. Cancels if Ctrl-C was pressed.
@@ -177,7 +195,8 @@ impl RenderingProgress {
         }
         *said = Instant::now();
         let left = self.begun.elapsed().as_secs_f64() * (of - done) as f64 / done as f64;
-        let left = if left >= 1.0 { format!(", about {left:.0} s left") } else { String::new() };
+        let is_known = left >= 1.0 && done as f64 >= FORECAST_FROM * of as f64;
+        let left = if is_known { format!(", about {left:.0} s left") } else { String::new() };
         let state = format!("{}rendered {done} of {of} pairs with {samples} samples{left}", self.place);
         match &self.bar {
             Some(bar) => {
@@ -191,5 +210,39 @@ impl RenderingProgress {
 
     pub fn end(&self) {
         self.bar.iter().for_each(ProgressBar::finish_and_clear);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use thirdbounce::solve::TracePoint;
+
+    use super::*;
+
+    #[test]
+    fn the_rest_is_forecast_from_a_tenth_on_and_first_kernels_are_named_before() {
+        let progress = |iteration| Progress {
+            doing: Doing::Trial,
+            point: TracePoint {
+                iteration,
+                seconds: 0.0,
+                gpu_seconds: 0.0,
+                lateral: 8,
+                pairs: 1,
+                active: 1,
+                active_ratio: 1.0,
+                loss: 1.0,
+                data_loss: 1.0,
+            },
+            iterations: 100,
+            remaining: Some(527.0),
+            maps: None,
+        };
+        let mut kept = Phase::default();
+        assert_eq!(kept.state(&progress(9)), "estimates: 9 %");
+        assert_eq!(kept.state(&progress(10)), "estimates: 10 %, about 527 s left");
+        let mut first = Phase { compiles: true, ..Phase::default() };
+        assert_eq!(first.state(&progress(0)), "estimates: 0 %, kernels are compiled for the first time");
+        assert_eq!(first.state(&progress(10)), "estimates: 10 %, about 527 s left");
     }
 }

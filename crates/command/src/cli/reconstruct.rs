@@ -97,7 +97,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     }
     request.volume_file.iter().try_for_each(|file| job::check_not_input(file, inputs()))?;
     interrupt::stop_in_order();
-    let mut meter = Meter::new(args.quiet);
+    let mut meter = Meter::new(args.quiet).with_kernels(request.pipeline_cache.as_deref());
     let outcome = job::run(&request, &loaded, &mut |progress| meter.hear(progress));
     meter.end(outcome.is_ok());
     let outcome = outcome?;

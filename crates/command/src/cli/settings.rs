@@ -149,7 +149,6 @@ fn argument(row: &'static Row, text: &str) -> Arg {
         Range::Text(name) => valued(name),
         Range::Words(words) => arg.value_name("WORD").value_parser(PossibleValuesParser::new(words)),
         Range::Length => valued("LENGTH"),
-        Range::Sizes => valued("NAME=N,..."),
         Range::Count(..) | Range::OneOf(_) | Range::Seed => valued("N"),
         Range::Positive | Range::NotNegative | Range::Share | Range::Fraction => valued("X"),
         Range::Flag | Range::Internal => arg.action(ArgAction::SetTrue),

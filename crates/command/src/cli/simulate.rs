@@ -9,7 +9,7 @@ use clap::{CommandFactory, FromArgMatches, Parser};
 use glam::DVec2;
 use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{
-    DEFAULT_RESOLUTION, Dark, Layout, Motion, Reflectance, RenderOptions, Scene, WallShape,
+    DEFAULT_RESOLUTION, Dark, Layout, MeshPlace, Motion, Reflectance, RenderOptions, Scene, WallShape,
 };
 use thirdbounce::solve::units::{length, number, path};
 use thirdbounce::{Error, Result};
@@ -46,7 +46,8 @@ pub struct SimulateArgs {
     /// Also write what the learned start sees of scenes of --family: i7.npy, float16 [5][64][64][96]
     #[arg(long, requires = "family", conflicts_with = "scene")]
     inputs: bool,
-    /// Scale the scene about its centre so that its largest side is this long [default: metres of the mesh are kept]
+    /// Scale the scene about its centre so that its largest side is this long. A mesh is turned so that its +z side faces the wall, and
+    /// centred at z = 0.8 m [default: a mesh keeps its metres, and its place if it is in front of the wall, z > 0]
     #[arg(long, value_name = "SIZE", value_parser = length)]
     fit: Option<f64>,
     /// Let the scene move on a circle, and write N frames to the folder CAPTURE: frame-0000.npz and so on, with
@@ -254,9 +255,14 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
     simulation(&line.args).map_err(at)
 }
 
+/// The scene, which is not scaled yet, and where a mesh is.
+fn scene_and_place(args: &SimulateArgs) -> Result<(Scene, Option<MeshPlace>)> {
+    Scene::placed(args.scene.as_deref().unwrap_or_default(), args.fit.is_some())
+}
+
 /// What the arguments ask for.
 fn simulation(args: &SimulateArgs) -> Result<Simulation> {
-    let mut scene = Scene::named(args.scene.as_deref().unwrap_or_default())?;
+    let (mut scene, _) = scene_and_place(args)?;
     if let Some(size) = args.fit {
         scene = scene.fitted(size)?;
     }
@@ -356,6 +362,11 @@ fn one(args: &SimulateArgs, simulation: &Simulation) -> Result<()> {
     print(&done.summary.to_string());
     if let Some(size) = simulation.scene.size() {
         let how = if args.fit.is_some() { "fitted" } else { "not scaled" };
+        let how = match scene_and_place(args)?.1 {
+            None => how.into(),
+            Some(MeshPlace::OfFile) => format!("{how}, where the file has it"),
+            Some(MeshPlace::Centred) => format!("{how}, turned to the wall and centred at z = 0.8 m"),
+        };
         print(&format!("scene     {:.3} x {:.3} x {:.3} m, {how}", size.x, size.y, size.z));
     }
     print(&format!(

@@ -5,7 +5,6 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use thirdbounce::gpu::{Arena, Buffer, BufferPlan, DeviceKind, Executor, Gpu, KernelCode, Place, Schedule};
-use thirdbounce::solve::UPLOAD;
 use thirdbounce::transport::kernels::{buffer, kernel};
 use thirdbounce::{Error, Result};
 
@@ -14,18 +13,6 @@ use thirdbounce::{Error, Result};
 pub struct DeviceLimits {
     /// Fused multiply-adds per second.
     pub fma_per_s: f64,
-    /// Inverse square roots per second. They stand for all special functions.
-    pub special_per_s: f64,
-    /// Words loaded per second from the nearest cache.
-    pub load_per_s: f64,
-    /// Words loaded per second from the nearest cache as texels.
-    #[serde(default)]
-    pub texel_per_s: f64,
-    /// Additions per second to words that belong to a lane, on a CPU.
-    #[serde(default)]
-    pub owned_addition_per_s: Option<f64>,
-    /// Atomic additions in shared memory per second.
-    pub shared_atomic_per_s: f64,
     /// Atomic additions in global memory per second with lanes in histograms of their own, fp32 if the device has such.
     #[serde(default)]
     pub scattered_atomic_per_s: f64,
@@ -34,7 +21,7 @@ pub struct DeviceLimits {
     /// The same of copies within sets of [`SETS`] bytes, which caches may hold.
     #[serde(default)]
     pub set_bytes_per_s: [f64; SETS.len()],
-    /// Seconds of an almost empty dispatch; with the barrier before it where dispatches have no time stamps.
+    /// Seconds of a dispatch with almost no work; with the barrier before it where dispatches have no time stamps.
     pub dispatch_s: f64,
 }
 
@@ -64,19 +51,10 @@ struct Probe {
 const LANES: u32 = 64;
 /// Most workgroups of one dispatch.
 const GROUPS: u32 = 32_768;
-/// Words that the atomic kernels add to, and words that the load kernel reads. The kernels have the same numbers.
+/// Words that the atomic kernels add to. They have the same number.
 const ATOMIC_WORDS: u32 = 65_536;
-const TABLE_WORDS: u32 = 2_048;
 
 const FMA: Probe = Probe { kernel: &kernel::LIMIT_FMA, turns: 1024, per_turn: 32, right: fma_right };
-const SPECIAL: Probe =
-    Probe { kernel: &kernel::LIMIT_SPECIAL, turns: 512, per_turn: 8, right: special_right };
-const LOAD: Probe = Probe { kernel: &kernel::LIMIT_LOAD, turns: 512, per_turn: 4, right: load_right };
-const TEXELS: Probe =
-    Probe { kernel: &kernel::LIMIT_LOAD_TEXELS, turns: 512, per_turn: 4, right: load_right };
-const OWNED: Probe = Probe { kernel: &kernel::LIMIT_OWNED, turns: 64, per_turn: 4, right: owned_right };
-const SHARED: Probe =
-    Probe { kernel: &kernel::LIMIT_SHARED_ATOMIC, turns: 512, per_turn: 4, right: shared_right };
 const SCATTERED: Probe =
     Probe { kernel: &kernel::LIMIT_SCATTERED_ATOMIC, turns: 64, per_turn: 4, right: scattered_right };
 const SCATTERED_FLOAT: Probe = Probe {
@@ -89,29 +67,6 @@ const SCATTERED_FLOAT: Probe = Probe {
 fn fma_right(word: u32, _: u32, [turns, ..]: [u32; 3]) -> bool {
     // 16 chains add 2 per turn. Eight start at 0 to 7, four at 0 and four at 1: 32 in all.
     f32::from_bits(word) == (32 * turns + 32) as f32
-}
-
-fn special_right(word: u32, _: u32, [turns, ..]: [u32; 3]) -> bool {
-    let sum: f64 = (1..=8).flat_map(|s| (0..turns).map(move |i| f64::from(s + i).sqrt().recip())).sum();
-    (f64::from(f32::from_bits(word)) / sum - 1.0).abs() < 1e-4
-}
-
-fn load_right(word: u32, i: u32, [turns, ..]: [u32; 3]) -> bool {
-    let at = |step: u32| table((i % LANES + 64 * step) % TABLE_WORDS);
-    word == (0..4 * turns).fold(0u32, |sum, step| sum.wrapping_add(at(step)))
-}
-
-/// Word `i` of the table that the load kernel reads. As a float it is normal, so that texels keep its bits.
-fn table(i: u32) -> u32 {
-    i.wrapping_mul(2_654_435_761) >> 9 | 0x3f80_0000
-}
-
-fn owned_right(word: u32, _: u32, [turns, _, dispatches]: [u32; 3]) -> bool {
-    f32::from_bits(word) == (4 * turns * dispatches) as f32
-}
-
-fn shared_right(word: u32, _: u32, [turns, ..]: [u32; 3]) -> bool {
-    word == 4 * turns
 }
 
 /// Number of additions to a word of histograms of 512 words, of which workgroups own 64 each: one from every workgroup
@@ -138,15 +93,9 @@ fn scattered_float_right(word: u32, i: u32, did: [u32; 3]) -> bool {
 pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
     let mut bench = Bench::new(gpu)?;
     let float = gpu.accumulations.float;
-    let cpu = gpu.info.kind == DeviceKind::Cpu;
     let copy = bench.copy()?;
     Ok(DeviceLimits {
         fma_per_s: bench.rate(&FMA)?,
-        special_per_s: bench.rate(&SPECIAL)?,
-        load_per_s: bench.rate(&LOAD)?,
-        texel_per_s: bench.rate(&TEXELS)?,
-        owned_addition_per_s: if cpu { Some(bench.rate(&OWNED)?) } else { None },
-        shared_atomic_per_s: bench.rate(&SHARED)?,
         scattered_atomic_per_s: bench.rate(if float { &SCATTERED_FLOAT } else { &SCATTERED })?,
         copy_bytes_per_s: copy.max(bench.copy_within(u64::MAX)?),
         set_bytes_per_s: [
@@ -188,16 +137,11 @@ impl Bench {
         let copied = copied.max(4096);
         let plan = [
             BufferPlan::new(buffer::RESULT, result, Place::Device),
-            BufferPlan::new(buffer::TABLE, u64::from(TABLE_WORDS) * 4, Place::Device),
             BufferPlan::new(FROM, copied, Place::Device),
             BufferPlan::new(TO, copied, Place::Device),
-            BufferPlan::new(UPLOAD, u64::from(TABLE_WORDS) * 4, Place::Upload),
             BufferPlan::new(BACK, result, Place::Readback),
         ];
-        let mut executor = Executor::new(gpu, Arena::new(gpu, &plan, None)?)?;
-        let words: Vec<u32> = (0..TABLE_WORDS).map(table).collect();
-        executor.write(UPLOAD, bytemuck::cast_slice(&words));
-        executor.run_once(|s| s.copy(UPLOAD, buffer::TABLE, u64::from(TABLE_WORDS) * 4))?;
+        let executor = Executor::new(gpu, Arena::new(gpu, &plan, None)?)?;
         Ok(Bench { gpu: gpu.clone(), executor, copied })
     }
 
@@ -320,36 +264,21 @@ impl Bench {
         }
     }
 
-    /// Seconds of a dispatch: by its own time stamps if it has any.
+    /// Seconds of a dispatch of one workgroup: by its own time stamps if it has any.
     fn dispatch(&mut self) -> Result<f64> {
-        self.add(&kernel::LIMIT_EMPTY)?;
-        let dispatches = |n: u64| {
-            let mut s = Schedule::default();
-            for _ in 0..n {
-                s.dispatch(&kernel::LIMIT_EMPTY, [1, 1, 1], 1).with([1u32, 0, 0, 0]);
-            }
-            s
-        };
-        let mut zero = Schedule::default();
-        zero.fill(buffer::RESULT, 4, 0);
-        self.seconds(&dispatches(1))?;
-        let count = 500;
+        const COUNT: u32 = 500;
+        let short = Probe { turns: 1, ..FMA };
+        self.add(short.kernel)?;
+        let all = Schedule::of(|s| (0..COUNT).for_each(|_| passes(s, &short, 1)));
+        self.seconds(&all)?;
         let mut best = f64::INFINITY;
         for _ in 0..RUNS {
-            self.executor.run(&zero)?;
             self.executor.take_times();
-            let all = self.seconds(&dispatches(count))?;
-            let stamped = self.executor.take_times().remove(kernel::LIMIT_EMPTY.name);
-            best = best.min(stamped.map_or(all, |t| t.seconds));
+            let seconds = self.seconds(&all)?;
+            let stamped = self.executor.take_times().remove(short.kernel.name);
+            best = best.min(stamped.map_or(seconds, |t| t.seconds));
         }
-        let mut read = Schedule::default();
-        read.copy(buffer::RESULT, BACK, 4);
-        self.executor.run(&read)?;
-        let counted = self.executor.read::<u32>(BACK, ..1)[0];
-        if u64::from(counted) != count {
-            return Err(self.wrong(&format!("{counted} of {count} dispatches ran in order")));
-        }
-        Ok(best / count as f64)
+        Ok(best / f64::from(COUNT))
     }
 }
 
@@ -385,9 +314,7 @@ mod tests {
         let gpu = gpu();
         let mut bench = Bench::new(&gpu).unwrap();
         let float = gpu.accumulations.float.then_some(&SCATTERED_FLOAT);
-        let cpu = (gpu.info.kind == DeviceKind::Cpu).then_some(&OWNED);
-        let all = [&FMA, &SPECIAL, &LOAD, &TEXELS, &SHARED, &SCATTERED];
-        for probe in all.into_iter().chain(cpu).chain(float) {
+        for probe in [&FMA, &SCATTERED].into_iter().chain(float) {
             bench.add(probe.kernel).unwrap();
             // More groups than there are sets of atomic words, and not a multiple of them.
             bench.check(probe, 1100).unwrap();
@@ -425,11 +352,7 @@ mod tests {
         let start = Instant::now();
         let l = measure(&gpu).unwrap();
         println!("{l:?} in {:?}", start.elapsed());
-        let atomics = [l.shared_atomic_per_s, l.scattered_atomic_per_s];
-        let others = [l.fma_per_s, l.special_per_s, l.load_per_s, l.texel_per_s];
-        let rates = [&others[..], &atomics, l.owned_addition_per_s.as_slice()].concat();
-        assert!(rates.iter().all(|r| *r > 1e6 && r.is_finite()), "{l:?}");
+        assert!([l.fma_per_s, l.scattered_atomic_per_s].iter().all(|r| *r > 1e6 && r.is_finite()), "{l:?}");
         assert!(l.copy_bytes_per_s > 1e7 && l.dispatch_s > 1e-8 && l.dispatch_s < 0.1, "{l:?}");
-        assert!(l.fma_per_s > l.special_per_s, "{l:?}");
     }
 }

@@ -15,10 +15,8 @@ use thirdbounce::transport::{Binning, Geometry, Gradient, Reflectance};
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Limit {
-    /// Additions to histograms or columns.
+    /// Atomic additions to histograms.
     Additions,
-    /// Words loaded from the nearest cache.
-    Loads,
     /// Multiply-adds and inverse square roots.
     Arithmetic,
     /// Bytes of buffers read and written.
@@ -35,34 +33,16 @@ pub enum Limit {
 pub struct Work {
     /// Bytes of the buffers that a dispatch reads and writes.
     pub bytes: u64,
-    /// Additions to histograms or columns.
+    /// Atomic additions to histograms.
     pub additions: f64,
-    /// Where they go.
-    pub target: Target,
-    /// Words loaded.
-    pub loads: f64,
-    /// Whether they are loaded as texels.
-    pub texels: bool,
     /// Multiply-adds.
     pub fma: f64,
-    /// Inverse square roots.
-    pub special: f64,
 }
 
-/// Memory that a pass adds to.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub enum Target {
-    /// Histograms, by atomics.
-    #[default]
-    Histograms,
-    /// Shared memory.
-    Shared,
-    /// Histograms that belong to a lane.
-    Owned,
-}
-
+/// Multiply-adds in the time of an inverse square root: 6.7 on an H100 (`benches/results`).
+const ROOT: f64 = 7.0;
 /// An arm (`arm_to`): difference, squared length, distance. With exact distances also `refine`.
-const ARM: f64 = 7.0;
+const ARM: f64 = 7.0 + ROOT;
 /// Its falloff.
 const FALLOFF: f64 = 2.0;
 const REFINED: f64 = 28.0;
@@ -86,12 +66,11 @@ impl Work {
         let (scene, t) = (&plan.scene, &plan.division.tuning);
         let owned = plan.division.accumulation == Accumulation::Owned;
         let forward = pass.report.starts_with("forward");
-        let [lanes, held, others, gathered] =
-            [t.lanes, t.held, t.others_forward, t.others_backward].map(f64::from);
+        let [lanes, others, gathered] = [t.lanes, t.others_forward, t.others_backward].map(f64::from);
         let arms = match (scene.geometry, forward) {
             (Geometry::Confocal, _) => 1.0,
             (Geometry::TwoPoints, _) => 2.0,
-            (Geometry::Product, true) if owned => 1.0 + 1.0 / held,
+            (Geometry::Product, true) if owned => 2.0,
             (Geometry::Product, true) => 1.0 / others + 1.0 / lanes,
             (Geometry::Product, false) => 1.0 / gathered,
         };
@@ -100,42 +79,22 @@ impl Work {
             Reflectance::Lambertian => 14.0,
             _ => 0.0,
         };
-        let normals = if scene.reflectance.has_normals() { 3.0 } else { 0.0 };
         let cells = if plan.demand.binning == Binning::Linear { 2.0 } else { 1.0 };
         let (arm, place) = if scene.fine { (ARM + REFINED, EXACT_PLACE) } else { (ARM, PLACE) };
         let falloff = if forward || plan.demand.gradient == Gradient::Exact { FALLOFF } else { 0.0 };
         let gathers = if *pass == SURFACE_GATHER { SLOPE + BY_DEPTH } else { SLOPE };
         let fma = arms * (arm + falloff) + place + cosines + if forward { VALUE } else { gathers };
-        Work {
-            bytes,
-            additions: if forward { cells } else { 0.0 },
-            target: match owned {
-                true => Target::Owned,
-                false if t.window > 0 => Target::Shared,
-                _ => Target::Histograms,
-            },
-            loads: if forward { (4.0 + normals) / held } else { 3.0 * arms + cells },
-            texels: t.texels,
-            fma,
-            special: arms,
-        }
+        Work { bytes, additions: if forward && !owned && t.window == 0 { cells } else { 0.0 }, fma }
     }
 
     /// The limit that binds `calls` dispatches with `evaluations` in all, and the least seconds that it allows.
     pub fn bound(&self, limits: &DeviceLimits, calls: u64, evaluations: f64) -> Option<(Limit, f64)> {
-        let additions = match self.target {
-            Target::Histograms => limits.scattered_atomic_per_s,
-            Target::Shared => limits.shared_atomic_per_s,
-            Target::Owned => limits.owned_addition_per_s.unwrap_or(limits.scattered_atomic_per_s),
-        };
-        let loads = if self.texels { limits.texel_per_s } else { limits.load_per_s };
         let each = |count: f64, rate: f64| if count > 0.0 { count * evaluations / rate } else { 0.0 };
         let bytes_per_s = limits.bytes_per_s(self.bytes);
         let memory = if bytes_per_s > limits.copy_bytes_per_s { Limit::Cached } else { Limit::Memory };
         [
-            (Limit::Additions, each(self.additions, additions)),
-            (Limit::Loads, each(self.loads, loads)),
-            (Limit::Arithmetic, each(self.fma, limits.fma_per_s) + each(self.special, limits.special_per_s)),
+            (Limit::Additions, each(self.additions, limits.scattered_atomic_per_s)),
+            (Limit::Arithmetic, each(self.fma, limits.fma_per_s)),
             (memory, (self.bytes * calls) as f64 / bytes_per_s),
             (Limit::Launch, calls as f64 * limits.dispatch_s),
         ]
@@ -158,18 +117,15 @@ mod tests {
     fn the_slowest_of_all_limits_binds() {
         let limits = DeviceLimits {
             fma_per_s: 100.0,
-            special_per_s: 10.0,
-            load_per_s: 50.0,
             scattered_atomic_per_s: 20.0,
             copy_bytes_per_s: 1e3,
             dispatch_s: 0.5,
             ..DeviceLimits::default()
         };
-        let work = Work { bytes: 10, additions: 2.0, loads: 4.0, fma: 20.0, special: 1.0, ..Work::default() };
-        assert_eq!(work.bound(&limits, 1, 100.0), Some((Limit::Arithmetic, 30.0)));
-        let work = Work { fma: 4.0, special: 0.0, ..work };
+        let work = Work { bytes: 10, additions: 2.0, fma: 20.0 };
+        assert_eq!(work.bound(&limits, 1, 100.0), Some((Limit::Arithmetic, 20.0)));
+        let work = Work { fma: 4.0, ..work };
         assert_eq!(work.bound(&limits, 1, 100.0), Some((Limit::Additions, 10.0)));
-        assert_eq!(Work { additions: 0.0, ..work }.bound(&limits, 1, 100.0), Some((Limit::Loads, 8.0)));
         assert_eq!(work.bound(&limits, 4, 1.0), Some((Limit::Launch, 2.0)));
         let moved = Work { bytes: 1 << 20, ..Work::default() };
         assert_eq!(moved.bound(&limits, 1, 0.0), Some((Limit::Memory, 1048.576)));

@@ -298,7 +298,7 @@ fn what_is_wrong_is_said_before_anything_is_written() {
         (&[&capture, "--truth", &capture], 1, "gt_depth"),
         (&[&capture, "--volume-file", "volume.txt"], 1, "volume.txt"),
         (&[&truth], 1, "truth.npz"),
-        (&[&capture, "--deterministic", "--accumulation", "float"], 2, "--deterministic"),
+        (&[&capture, "--deterministic", "--accumulation", "repeatable"], 2, "--deterministic"),
     ];
     for (arguments, code, words) in cases {
         let mut all = vec!["reconstruct", "--out", &out, "--quiet"];

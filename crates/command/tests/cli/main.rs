@@ -20,5 +20,4 @@ mod profile;
 mod pulse;
 mod scans;
 mod spot;
-mod tuning;
 mod warnings;

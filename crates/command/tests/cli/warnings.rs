@@ -144,7 +144,7 @@ fn a_truth_of_another_wall_is_refused_and_meshes_keep_their_size() {
     let square = "v 0 0 0\nv 6 0 0\nv 6 6 0\nv 0 6 0\nf 1 2 3 4\n".replace('6', ".06");
     std::fs::write(path("tiny.obj"), square).unwrap();
     let mesh = ["simulate", &path("tiny.obj"), "--out", &path("tiny.npz"), "--scan", "4", "--noise", "0.3"];
-    assert!(succeed(&mesh).contains("scene     0.060 x 0.060 x 0.000 m, not scaled"));
+    assert!(succeed(&mesh).contains("scene     0.060 x 0.060 x 0.000 m, not scaled, turned to the wall"));
     assert!(
         succeed(&[&mesh[..], &["--fit", "60cm"]].concat())
             .contains("scene     0.600 x 0.600 x 0.000 m, fitted")

@@ -81,8 +81,8 @@ pub fn lct_letters(data: &Path) {
 pub fn one_array_of_v73(data: &Path) {
     let plain = mirrored(data, "z_captured_confocal_64.npz");
     let path = data.join("native/z_v73.mat");
-    assert_error(read(&path), Kind::Options, &["z_v73.mat", "wall", "1m", "133ps"]);
-    assert_error(read_given(&path, &wall(0.8)), Kind::Options, &["bin", "133ps"]);
+    assert_error(read(&path), Kind::Options, &["z_v73.mat", "wall", "1m", "32ps"]);
+    assert_error(read_given(&path, &wall(0.8)), Kind::Options, &["bin", "32ps"]);
     let given = wall(0.8).with_bin_width(5.0 * 299_792_458e-12);
     assert_twins(&by_fours(open(&path, &given)), &plain, "Z");
 }

@@ -128,7 +128,6 @@ fn abilities(limits: Limits) -> Abilities {
 }
 
 const USUAL: Limits = Limits {
-    texels: 1 << 27,
     storage_range: u32::MAX as u64,
     workgroup_invocations: 1024,
     shared_memory: 48 << 10,

@@ -11,7 +11,7 @@ use super::Share;
 use super::ledger::{Held, Row, holds};
 use super::small::{bits, kinds, loaded, open, paper, solve, solvers, surface};
 
-const ACCUMULATIONS: [Accumulation; 3] = [Accumulation::Fixed, Accumulation::Cas, Accumulation::Owned];
+const ACCUMULATIONS: [Accumulation; 3] = [Accumulation::Fixed, Accumulation::Float, Accumulation::Owned];
 
 /// Solves, and looks whether anything was written past an end.
 fn guarded(solver: &SolverOptions, capture: &Capture) -> Held {

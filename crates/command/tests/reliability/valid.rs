@@ -21,7 +21,7 @@ pub fn rows(share: Share) -> Vec<Row> {
     let mut solves = Row::new("both solvers, every kind of pairs, every accumulation path");
     let mut i = 0;
     for (kind, capture) in kinds() {
-        for accumulation in [Accumulation::Fixed, Accumulation::Cas, Accumulation::Owned] {
+        for accumulation in [Accumulation::Fixed, Accumulation::Float, Accumulation::Owned] {
             for (name, solver) in solvers(accumulation) {
                 i += 1;
                 if !share.takes(i, i / 4) {

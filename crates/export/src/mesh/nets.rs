@@ -1,8 +1,6 @@
 //! The surface χ = 0 as triangles (surface nets). Every crossed cell has a vertex at the mean of the crossings of its
 //! edges; two triangles surround every crossed edge.
 
-use std::collections::BTreeMap;
-
 use glam::{DVec3, IVec3};
 
 use super::poisson::{AXES, CORNERS, Field, gradient};
@@ -15,25 +13,26 @@ pub struct SurfaceMesh {
 
 pub fn surface(field: &Field) -> SurfaceMesh {
     let mut vertices = Vec::new();
-    let mut of_cell: BTreeMap<[i32; 3], usize> = BTreeMap::new();
-    for node in &field.nodes {
-        let Some(values) = field.cell(*node) else { continue };
+    // Of the cell whose lowest corner is each node.
+    let mut of_cell: Vec<Option<usize>> = vec![None; field.nodes.len()];
+    for (low, node) in field.nodes.iter().enumerate() {
+        let Some(values) = field.cell(low) else { continue };
         let Some(into) = middle(&values) else { continue };
         let outward = -gradient(&values, into).normalize_or_zero();
-        of_cell.insert(node.to_array(), vertices.len());
+        of_cell[low] = Some(vertices.len());
         vertices.push((field.position(node.as_dvec3() + into), outward));
     }
     let mut triangles = Vec::new();
     for (low, node) in field.nodes.iter().enumerate() {
-        for (axis, step) in AXES.iter().enumerate() {
-            let Some(high) = field.node(*node + *step) else { continue };
+        for axis in 0..3 {
+            let Some(high) = field.next(low, axis) else { continue };
             let (before, after) = (field.chi[low] > 0.0, field.chi[high] > 0.0);
             if before == after {
                 continue;
             }
             let (u, v) = (AXES[(axis + 1) % 3], AXES[(axis + 2) % 3]);
-            let around =
-                [IVec3::ZERO, u, u + v, v].map(|back| of_cell.get(&(*node - back).to_array()).copied());
+            let around = [IVec3::ZERO, u, u + v, v]
+                .map(|back| field.node(*node - back).and_then(|cell| of_cell[cell]));
             let [Some(a), Some(b), Some(c), Some(d)] = around else { continue };
             // These four are counter-clockwise about the axis; χ is positive inside.
             let [a, b, c, d] = if before { [a, b, c, d] } else { [d, c, b, a] };

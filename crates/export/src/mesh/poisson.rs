@@ -44,11 +44,18 @@ pub struct Field {
     /// Grid coordinates of the nodes, in order of x, y, z.
     pub nodes: Vec<IVec3>,
     pub chi: Vec<f64>,
+    places: Places,
+    next: Vec<[u32; 3]>,
 }
 
 impl Field {
     pub fn node(&self, at: IVec3) -> Option<usize> {
-        find(&self.nodes, at)
+        self.places.find(at)
+    }
+
+    /// The next node along an axis.
+    pub fn next(&self, node: usize, axis: usize) -> Option<usize> {
+        Some(self.next[node][axis]).filter(|next| *next != NONE).map(|next| next as usize)
     }
 
     /// Position of a node, or of a point between nodes, in metres.
@@ -56,18 +63,63 @@ impl Field {
         at * self.pitch
     }
 
-    /// Values at the corners of the cell whose lowest corner is `at`, if all are in the band.
-    pub fn cell(&self, at: IVec3) -> Option<[f64; 8]> {
+    /// Values at the corners of the cell whose lowest corner is `node`, if all are in the band.
+    pub fn cell(&self, node: usize) -> Option<[f64; 8]> {
+        let [x, y] = [self.next(node, 0)?, self.next(node, 1)?];
+        let columns = [node, y, x, self.next(x, 1)?];
         let mut values = [0.0; 8];
-        for (value, corner) in values.iter_mut().zip(CORNERS) {
-            *value = self.chi[self.node(at + corner)?];
+        for (pair, low) in values.chunks_exact_mut(2).zip(columns) {
+            pair.copy_from_slice(&[self.chi[low], self.chi[self.next(low, 2)?]]);
         }
         Some(values)
     }
 }
 
-fn find(nodes: &[IVec3], at: IVec3) -> Option<usize> {
-    nodes.binary_search_by_key(&at.to_array(), |n| n.to_array()).ok()
+/// Numbers of the nodes by their coordinates: the distinct x, of each the distinct y, of each the z.
+struct Places {
+    x: Vec<i32>,
+    /// Where the y of each x begin, and their end.
+    of_x: Vec<usize>,
+    y: Vec<i32>,
+    of_y: Vec<usize>,
+    z: Vec<i32>,
+}
+
+impl Places {
+    /// Of sorted nodes.
+    fn of(nodes: &[IVec3]) -> Places {
+        let mut places = Places { x: vec![], of_x: vec![], y: vec![], of_y: vec![], z: vec![] };
+        let mut last = None;
+        for node in nodes {
+            if last != Some([node.x, node.y]) {
+                if last.is_none_or(|[x, _]| x != node.x) {
+                    places.of_x.push(places.y.len());
+                    places.x.push(node.x);
+                }
+                places.of_y.push(places.z.len());
+                places.y.push(node.y);
+                last = Some([node.x, node.y]);
+            }
+            places.z.push(node.z);
+        }
+        places.of_x.push(places.y.len());
+        places.of_y.push(places.z.len());
+        places
+    }
+
+    fn find(&self, at: IVec3) -> Option<usize> {
+        let x = place(&self.x, at.x)?;
+        let (from, to) = (self.of_x[x], self.of_x[x + 1]);
+        let y = from + place(&self.y[from..to], at.y)?;
+        let (from, to) = (self.of_y[y], self.of_y[y + 1]);
+        Some(from + place(&self.z[from..to], at.z)?)
+    }
+}
+
+/// Where a value is in a sorted list, which mostly has no gaps.
+fn place(sorted: &[i32], value: i32) -> Option<usize> {
+    let guess = usize::try_from(i64::from(value) - i64::from(*sorted.first()?)).ok()?;
+    if sorted.get(guess) == Some(&value) { Some(guess) } else { sorted.binary_search(&value).ok() }
 }
 
 /// Cell of a position in units of the pitch, and the offset inside it.
@@ -85,22 +137,23 @@ fn weight(corner: IVec3, into: DVec3) -> f64 {
 pub fn solve(samples: &[SurfacePoint], pitch: f64) -> Field {
     let nodes = band(samples, pitch);
     // For every node, the next node along each axis.
+    let places = Places::of(&nodes);
     let next: Vec<[u32; 3]> =
-        (nodes.iter()).map(|n| AXES.map(|axis| find(&nodes, *n + axis).map_or(NONE, |i| i as u32))).collect();
+        (nodes.iter()).map(|n| AXES.map(|axis| places.find(*n + axis).map_or(NONE, |i| i as u32))).collect();
     let mut field = vec![[0.0f64; 3]; nodes.len()];
     let mut screens = Vec::with_capacity(samples.len());
     for sample in samples {
         let place = sample.at / pitch;
         let area = sample.area / (pitch * pitch);
         let (cell, into) = cell_of(place);
-        let corners = CORNERS.map(|c| (find(&nodes, cell + c).unwrap_or(0), weight(c, into)));
+        let corners = CORNERS.map(|c| (places.find(cell + c).unwrap_or(0), weight(c, into)));
         screens.push((SCREENING * area, corners));
         for (axis, step) in AXES.iter().enumerate() {
             // The normal's component along an axis belongs to the edges, half a cell further. χ increases inward.
             let rise = -sample.normal[axis] * area;
             let (cell, into) = cell_of(place - 0.5 * step.as_dvec3());
             for corner in CORNERS {
-                if let Some(node) = find(&nodes, cell + corner) {
+                if let Some(node) = places.find(cell + corner) {
                     field[node][axis] += rise * weight(corner, into);
                 }
             }
@@ -125,12 +178,16 @@ pub fn solve(samples: &[SurfacePoint], pitch: f64) -> Field {
     for (alpha, corners) in &screens {
         corners.iter().for_each(|(node, w)| diagonal[*node] += alpha * w * w);
     }
+    // Nodes before and after each one, itself where there is none: no rise.
+    let mut around: Vec<[u32; 6]> = (0..nodes.len() as u32).map(|i| [i; 6]).collect();
+    for (low, high, axis) in edges() {
+        around[high][axis] = low as u32;
+        around[low][3 + axis] = high as u32;
+    }
     let apply = |x: &[f64], y: &mut [f64]| {
-        y.fill(0.0);
-        for (low, high, _) in edges() {
-            let rise = x[high] - x[low];
-            y[high] += rise;
-            y[low] -= rise;
+        for ((y, own), around) in y.iter_mut().zip(x).zip(&around) {
+            let [x0, y0, z0, x1, y1, z1] = around.map(|node| x[node as usize]);
+            *y = 0.0 + (own - x0) + (own - y0) + (own - z0) - (x1 - own) - (y1 - own) - (z1 - own);
         }
         for (alpha, corners) in &screens {
             let value: f64 = corners.iter().map(|(node, w)| w * x[*node]).sum();
@@ -138,7 +195,7 @@ pub fn solve(samples: &[SurfacePoint], pitch: f64) -> Field {
         }
     };
     let chi = conjugate_gradients(apply, &diagonal, right);
-    Field { pitch, nodes, chi }
+    Field { pitch, nodes, chi, places, next }
 }
 
 /// The nodes near the points, in order.

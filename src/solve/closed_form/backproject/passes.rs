@@ -18,7 +18,7 @@ passes! {
     BACKPROJECT = Pass {
         report: "backward_project",
         pairs: Some(Voxels::Grid),
-        ..Pass::of("backproject", |p| p.variant(&kernel::BACKPROJECT, &kernel::BACKPROJECT_TEXELS))
+        ..Pass::of("backproject", |_| &kernel::BACKPROJECT)
     };
 }
 

@@ -21,7 +21,7 @@ impl Capture {
     /// Adds the range of the type to negative numbers of unsigned counts that were read as signed ones. A peak above the largest signed
     /// number falls by the whole range from one bin to the next, which no background and no noise does.
     pub(super) fn undo_sign(&mut self) -> Option<String> {
-        let (low, high) = self.histograms.iter().fold((0.0f32, 0.0f32), |(a, b), v| (a.min(*v), b.max(*v)));
+        let [low, high] = self.range();
         let bits = [8u32, 16].into_iter().find(|bits| {
             let half = (1u32 << (bits - 1)) as f32;
             (-half..=-0.5 * half).contains(&low) && (0.5 * half..half).contains(&high)
@@ -54,7 +54,7 @@ impl Capture {
         if !self.integer_counts {
             return None;
         }
-        let high = self.histograms.iter().copied().fold(0.0f32, f32::max);
+        let [_, high] = self.range();
         let bits = BITS.into_iter().find(|bits| high < (1u32 << bits) as f32)?;
         let range = (1u32 << bits) as f32;
         // Bins of a wrapped counter reach up to its last number.

@@ -23,8 +23,8 @@ const DARK: f64 = 0.02;
 
 impl Capture {
     /// Leaves the last bin out if it holds what came after it. Light of a scene does not rise so from one bin to the next in all pairs.
-    pub(super) fn without_overflow(&mut self) -> Result<Option<String>> {
-        let (mean, last) = (self.mean_histogram(), self.bins - 1);
+    pub(super) fn without_overflow(&mut self, mean: &[f64]) -> Result<Option<String>> {
+        let last = self.bins - 1;
         let most = |row: &[f64]| row.iter().copied().fold(0.0, f64::max);
         let before = last - BEFORE.min(last)..last;
         let scene = most(&mean[..last]);
@@ -50,10 +50,9 @@ impl Capture {
 
     /// Moves the beginning of a record behind its end where the light of both is the same: the counts of paths longer than the laser's
     /// period are recorded from 0 on.
-    pub(super) fn undo_roll(&mut self) -> Option<String> {
-        let mean = self.mean_histogram();
+    pub(super) fn undo_roll(&mut self, mean: &[f64]) -> Option<String> {
         let most = mean.iter().copied().fold(0.0, f64::max);
-        let mut sorted = mean.clone();
+        let mut sorted = mean.to_vec();
         sorted.sort_unstable_by(f64::total_cmp);
         let background = sorted[self.bins / 20];
         let level = most - background;
@@ -106,17 +105,19 @@ mod tests {
         let proper = noisy();
         let mut full = proper.clone();
         full.histograms.iter_mut().skip(BINS - 1).step_by(BINS).for_each(|v| *v = 1500.0);
-        assert!(full.without_overflow().unwrap().is_some_and(|n| n.contains("1500 counts")));
+        assert!(
+            full.without_overflow(&full.mean_histogram()).unwrap().is_some_and(|n| n.contains("1500 counts"))
+        );
         assert_eq!(
             (full.bins, full.mean_histogram()),
             (BINS - 1, proper.mean_histogram()[..BINS - 1].to_vec())
         );
         let mut capture = proper.clone();
-        assert_eq!(capture.without_overflow().unwrap(), None);
+        assert_eq!(capture.without_overflow(&capture.mean_histogram()).unwrap(), None);
         assert_eq!(capture, proper);
         // A scene that begins near the end does so in different bins.
         let mut late = scan(|ix, iy, bin| if bin + (ix + iy) / 6 >= BINS { 90.0 } else { 0.0 });
-        assert_eq!(late.without_overflow().unwrap(), None);
+        assert_eq!(late.without_overflow(&late.mean_histogram()).unwrap(), None);
     }
 
     #[test]
@@ -128,14 +129,14 @@ mod tests {
         };
         let whole = |bin: usize| move |ix: usize, iy: usize, b: usize| light(ix, iy, b + bin);
         let mut rolled = scan(|ix, iy, bin| light(ix, iy, bin) + light(ix, iy, bin + BINS));
-        assert!(rolled.undo_roll().is_some_and(|n| n.contains("paths below")));
+        assert!(rolled.undo_roll(&rolled.mean_histogram()).is_some_and(|n| n.contains("paths below")));
         let cut = (rolled.t_start / rolled.bin_width).round() as usize;
         assert_eq!(rolled.histograms, scan(whole(cut)).histograms);
         // Direct light at the beginning, and light that the end cuts off.
         let cut_off = |ix: usize, iy: usize, bin: usize| if bin < 3 { 90.0 } else { light(ix, iy, bin) };
         for proper in [noisy(), scan(light), scan(cut_off)] {
             let mut capture = proper.clone();
-            assert_eq!(capture.undo_roll(), None);
+            assert_eq!(capture.undo_roll(&capture.mean_histogram()), None);
             assert_eq!(capture, proper);
         }
     }

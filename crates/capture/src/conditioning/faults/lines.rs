@@ -1,5 +1,7 @@
 //! Lines of a scan that a scanner measured in turn forwards and backwards, and that were stored as they came.
 
+use rayon::prelude::*;
+
 use crate::data::Capture;
 
 /// Fewer lines, or points of a line, prove nothing.
@@ -44,7 +46,7 @@ fn are_backwards(
     rows: &[Vec<f64>],
     lines: usize,
     points: usize,
-    pair: impl Fn(usize, usize) -> usize,
+    pair: impl Fn(usize, usize) -> usize + Sync,
 ) -> bool {
     let difference = |a: usize, b: usize, turned: bool| {
         let other = |at: usize| if turned { points - 1 - at } else { at };
@@ -55,7 +57,7 @@ fn are_backwards(
         (0..points).map(squares).sum::<f64>()
     };
     let of = |apart: usize| -> Vec<[f64; 2]> {
-        let pairs = (apart..lines).map(|line| (line - apart, line));
+        let pairs = (apart..lines).into_par_iter().map(|line| (line - apart, line));
         pairs.map(|(a, b)| [false, true].map(|turned| difference(a, b, turned))).collect()
     };
     let sum = |each: &[[f64; 2]], at: usize| each.iter().map(|d| d[at]).sum::<f64>();
@@ -71,9 +73,7 @@ impl Capture {
     /// Histograms of a few bins each, `[pair][bin]`.
     fn coarse_rows(&self) -> Vec<Vec<f64>> {
         let width = self.bins.div_ceil(COMPARED_BINS);
-        let coarse =
-            |row: &[f32]| row.chunks(width).map(|run| run.iter().map(|v| f64::from(*v)).sum()).collect();
-        self.histograms.chunks_exact(self.bins).map(coarse).collect()
+        self.of_rows(|row| row.chunks(width).map(|run| run.iter().map(|v| f64::from(*v)).sum()).collect())
     }
 }
 

@@ -7,6 +7,7 @@ mod lines;
 mod repeated;
 mod single_bins;
 
+use super::mean::MeanOnce;
 use crate::data::{Capture, PairKind};
 use crate::error::Result;
 
@@ -26,7 +27,7 @@ pub(super) struct Found {
 }
 
 /// Finds the faults of a capture in the order in which they hide each other: wrong numbers, wrong pairs, wrong bins.
-pub(super) fn undo(capture: &mut Capture) -> Result<Found> {
+pub(super) fn undo(capture: &mut Capture, mean: &mut MeanOnce) -> Result<Found> {
     let mut found = Found::default();
     if capture.pair_count() < LEAST_PAIRS || capture.bins < LEAST_BINS {
         return Ok(found);
@@ -52,11 +53,21 @@ pub(super) fn undo(capture: &mut Capture) -> Result<Found> {
     if is_scan {
         found.notes.extend(capture.turn_lines());
     }
-    found.notes.extend(capture.undo_roll());
-    found.notes.extend(capture.without_overflow()?);
-    if is_scan {
-        found.notes.extend(capture.mend_single_bins());
+    // The mean histogram of what is right so far.
+    mean.changed();
+    let rolled = capture.undo_roll(mean.of(capture));
+    if rolled.is_some() {
+        mean.changed();
     }
+    let overflown = capture.without_overflow(mean.of(capture))?;
+    if overflown.is_some() {
+        mean.keep(0..capture.bins);
+    }
+    let mended = if is_scan { capture.mend_single_bins() } else { None };
+    if mended.is_some() {
+        mean.changed();
+    }
+    found.notes.extend(rolled.into_iter().chain(overflown).chain(mended));
     Ok(found)
 }
 
@@ -99,7 +110,7 @@ mod tests {
     #[test]
     fn a_proper_capture_has_no_fault() {
         let mut capture = noisy();
-        let found = undo(&mut capture).unwrap();
+        let found = undo(&mut capture, &mut MeanOnce::default()).unwrap();
         assert_eq!((capture, found.notes.len(), found.faults.len(), found.dropped), (noisy(), 0, 0, 0));
     }
 }

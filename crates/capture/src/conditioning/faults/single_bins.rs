@@ -26,14 +26,13 @@ impl Capture {
         let times = TIMES as f32;
         let stands_out = |row: &[f32], bin: usize| {
             let beside =
-                (bin.saturating_sub(BESIDE)..(bin + BESIDE + 1).min(row.len())).filter(|b| *b != bin);
-            row[bin] > CHANCE && beside.into_iter().all(|b| row[bin] > times * row[b])
+                || (bin.saturating_sub(BESIDE)..(bin + BESIDE + 1).min(row.len())).filter(|b| *b != bin);
+            row[bin] > CHANCE && beside().all(|b| row[bin] > times * row[b])
         };
-        let rows = self.histograms.chunks_exact(self.bins).enumerate();
-        let suspects: Vec<(usize, usize)> = rows
-            .flat_map(|(pair, row)| {
-                (0..row.len()).filter(|bin| stands_out(row, *bin)).map(move |b| (pair, b))
-            })
+        let of_rows =
+            self.of_rows(|row| (0..row.len()).filter(|bin| stands_out(row, *bin)).collect::<Vec<_>>());
+        let suspects: Vec<(usize, usize)> = (of_rows.iter().enumerate())
+            .flat_map(|(pair, bins)| bins.iter().map(move |bin| (pair, *bin)))
             .collect();
         if suspects.is_empty() {
             return None;
