@@ -98,7 +98,7 @@ pub struct Numbers<A> {
     pub bins_per_metre: A,
     /// Cell of path 0 in a row, less half a bin where contributions are shared.
     start: A,
-    /// Last cell of a place.
+    /// Last place.
     last: A,
     /// Contributions are shared between two bins.
     split: bool,
@@ -124,7 +124,8 @@ impl<'w, F: Real, A: Real> Light<'w, F, A> {
             retro: reflectance == RETROREFLECTIVE,
             bins_per_metre: A::of(per_metre),
             start: A::of(f64::from(PADDING) - before + edge),
-            last: A::of(f64::from(s.stride)),
+            // Both of its cells are padding; an integer might be the one before it, the last bin, and 1.
+            last: A::of(f64::from(s.stride) + 0.5),
             split,
         };
         Light {
