@@ -2,7 +2,8 @@
 
 use std::collections::{BTreeMap, HashMap};
 use std::ops::{ControlFlow, RangeBounds};
-use std::sync::atomic::Ordering::Relaxed;
+use std::sync::atomic::AtomicBool;
+use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
 use std::time::{Duration, Instant};
 
 use thirdbounce_kernels::{Call, Cells, Function};
@@ -17,7 +18,7 @@ use super::make::KernelRequest;
 use super::names::{Buffer, Kernel};
 use super::place::BufferPlan;
 use super::recording::KernelMade;
-use super::schedule::{Binds, Command, PUSH_WORDS, Schedule, Size};
+use super::schedule::{Binds, Command, PUSH_WORDS, Schedule, Size, Stage};
 use crate::Result;
 
 /// Time between two progress reports.
@@ -74,6 +75,44 @@ impl HostArena {
 impl Drop for HostArena {
     fn drop(&mut self) {
         self.gpu.allocated.fetch_sub(self.bytes, Relaxed);
+    }
+}
+
+/// What a run leaves in the timeline.
+#[derive(Default)]
+struct Log {
+    stages: Vec<Stage>,
+    /// (command, its stage, start and end)
+    ran: Vec<(&'static str, Option<usize>, [f64; 2])>,
+}
+
+/// Runs `work` on a thread of the pool, while the others look for parts of it without going to sleep: waking one takes as long as a
+/// small kernel.
+fn awake<R: Send>(work: impl FnOnce() -> R + Send) -> R {
+    let is_done = AtomicBool::new(false);
+    rayon::scope(|scope| {
+        let (own, is_done) = (rayon::current_thread_index(), &is_done);
+        scope.spawn_broadcast(move |_, context| {
+            let mut idle = 0;
+            while Some(context.index()) != own && !is_done.load(Acquire) {
+                idle = if rayon::yield_now() == Some(rayon::Yield::Executed) { 0 } else { idle + 1 };
+                if idle < SPINS { std::hint::spin_loop() } else { std::thread::yield_now() }
+            }
+        });
+        // Also where `work` panics: the scope waits for the others.
+        let _end = OnDrop(|| is_done.store(true, Release));
+        work()
+    })
+}
+
+/// Turns without work after which a thread offers its processor to others.
+const SPINS: u32 = 1 << 12;
+
+struct OnDrop<F: Fn()>(F);
+
+impl<F: Fn()> Drop for OnDrop<F> {
+    fn drop(&mut self) {
+        (self.0)();
     }
 }
 
@@ -135,36 +174,43 @@ impl HostExecutor {
     /// Runs a schedule. `hear` is called about ten times a second; if it breaks, the rest is left out.
     pub fn run(&mut self, schedule: &Schedule, hear: &mut dyn FnMut() -> ControlFlow<()>) -> Option<Ticket> {
         let began = Instant::now();
-        let mut heard = began;
-        let mut stages = vec![];
-        let mut ran = vec![];
+        let mut log = Log::default();
         self.submitted += 1;
         self.gpu.traffic[0].fetch_add(1, Relaxed);
-        for command in &schedule.commands {
+        let mut rest = &schedule.commands[..];
+        while !rest.is_empty() {
+            rest = awake(|| self.run_until(rest, Instant::now() + HEARD, &mut log));
+            if !rest.is_empty() && hear().is_break() {
+                return None;
+            }
+        }
+        self.seconds += began.elapsed().as_secs_f64();
+        if let Some(recorder) = &self.gpu.recorder {
+            recorder.ran_on_host(self.submitted, &log.stages, &log.ran);
+        }
+        Some(Ticket(self.submitted))
+    }
+
+    /// Runs commands until a time. Returns the rest.
+    fn run_until<'c>(&mut self, commands: &'c [Command], until: Instant, log: &mut Log) -> &'c [Command] {
+        for (i, command) in commands.iter().enumerate() {
             if let Command::Stage(stage) = command {
-                stages.push(*stage);
+                log.stages.push(*stage);
                 continue;
             }
             let from = self.gpu.now();
             self.perform(command);
             if self.gpu.recorder.is_some() {
                 let to = self.gpu.now();
-                ran.push((command.name(), stages.len().checked_sub(1), [from, to]));
+                log.ran.push((command.name(), log.stages.len().checked_sub(1), [from, to]));
                 let time = self.times.entry(command.name()).or_default();
                 (time.calls, time.seconds) = (time.calls + 1, time.seconds + to - from);
             }
-            if heard.elapsed() > HEARD {
-                heard = Instant::now();
-                if hear().is_break() {
-                    return None;
-                }
+            if Instant::now() > until {
+                return &commands[i + 1..];
             }
         }
-        self.seconds += began.elapsed().as_secs_f64();
-        if let Some(recorder) = &self.gpu.recorder {
-            recorder.ran_on_host(self.submitted, &stages, &ran);
-        }
-        Some(Ticket(self.submitted))
+        &[]
     }
 
     fn perform(&mut self, command: &Command) {

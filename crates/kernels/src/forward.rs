@@ -26,12 +26,13 @@ fn render<F: Real, A: Real>(
     let light = Light::<F, A>::of(call, wall);
     let blocks = Block::<A>::all(points, normals);
     let (stride, pairs) = (call.stride(), call.scene.pairs as usize);
-    // The row's padding before its bins, and two cells after them.
-    let scratch = || vec![A::zero(); stride + 2];
+    // Sums by place, of its cell and of the next one: one addition for both.
+    let scratch = || vec![[A::zero(); 2]; stride + 1];
     histograms[PADDING as usize..].par_chunks_mut(stride).take(pairs).enumerate().for_each_init(scratch, |row, (pair, to)| {
-        row.fill(A::zero());
+        row.fill([A::zero(); 2]);
         light.run(RenderPair { numbers: &light.numbers, ends: light.ends(pair), blocks: &blocks, row });
-        to.iter_mut().zip(&row[PADDING as usize..stride]).for_each(|(to, sum)| *to = *to + convert(*sum));
+        let around = row[PADDING as usize - 1..stride].windows(2);
+        to.iter_mut().zip(around).for_each(|(to, sums)| *to = *to + convert(sums[0][1] + sums[1][0]));
     });
 }
 
@@ -40,7 +41,7 @@ struct RenderPair<'r, A> {
     numbers: &'r Numbers<A>,
     ends: Ends<A>,
     blocks: &'r [Block<A>],
-    row: &'r mut [A],
+    row: &'r mut [[A; 2]],
 }
 
 impl<A: Real> Loop for RenderPair<'_, A> {
@@ -57,9 +58,8 @@ impl<A: Real> Loop for RenderPair<'_, A> {
                 values[j] = [value - later, later];
             }
             for (cell, [low, high]) in cells.iter().zip(&values) {
-                let [first, second] = &mut self.row[*cell as usize..][..2] else { unreachable!("two cells") };
-                *first = *first + *low;
-                *second = *second + *high;
+                let sums = &mut self.row[*cell as usize];
+                *sums = [sums[0] + *low, sums[1] + *high];
             }
         }
     }

@@ -100,8 +100,8 @@ pub struct Numbers<A> {
     start: A,
     /// Last place.
     last: A,
-    /// Contributions are shared between two bins.
-    split: bool,
+    /// 1 if contributions are shared between two bins, else 0.
+    shared: A,
 }
 
 impl<'w, F: Real, A: Real> Light<'w, F, A> {
@@ -126,7 +126,7 @@ impl<'w, F: Real, A: Real> Light<'w, F, A> {
             start: A::of(f64::from(PADDING) - before + edge),
             // Both of its cells are padding; an integer might be the one before it, the last bin, and 1.
             last: A::of(f64::from(s.stride) + 0.5),
-            split,
+            shared: if split { A::one() } else { A::zero() },
         };
         Light {
             wall,
@@ -266,11 +266,7 @@ impl<A: Real, const COSINES: u32, const TWO: bool> Pair<A, COSINES, TWO> {
 #[inline(always)]
 pub fn place<A: Real>(metres: A, n: &Numbers<A>) -> (u32, A) {
     let (cell, share) = (metres * n.bins_per_metre + n.start).at_least(A::one()).at_most(n.last).split();
-    match n.split {
-        true => (cell, share),
-        // An integer may be the one before it and 1.
-        false => (cell + u32::from(share >= A::one()), A::zero()),
-    }
+    (cell, share * n.shared)
 }
 
 /// A loop over pairs and blocks, compiled for every kind of cosines and for one or two arms.
