@@ -53,8 +53,16 @@ fn kernels_compute_what_their_reference_computes() {
 #[test]
 fn kernels_of_the_host_compute_what_their_reference_computes() {
     // Its network has code of its own (`src/solve/learned/tensor.rs`), and one way to add up.
-    let others =
-        ["limit_", "forward_", "residual_scan", "pulse_", "spot_", "residual_fixed", "residual_rows_fixed"];
+    let others = [
+        "learned_",
+        "limit_",
+        "forward_",
+        "residual_scan",
+        "pulse_",
+        "spot_",
+        "residual_fixed",
+        "residual_rows_fixed",
+    ];
     compare(
         || Box::new(host()),
         |name| {

@@ -117,8 +117,9 @@ mod tests {
 
     #[test]
     fn numbers_are_split_at_integers() {
-        for i in 3..4000u32 {
-            let exact = f64::from(i) * 0.37;
+        for i in 4..4000u32 {
+            // No integers.
+            let exact = f64::from(i) * std::f64::consts::FRAC_1_PI;
             let (low, rest) = (exact as f32).split();
             assert!(
                 f64::from(low) + f64::from(rest) == f64::from(exact as f32) && (0.0..=1.0).contains(&rest)

@@ -86,9 +86,8 @@ mod tests {
         for g in [[2.0, 3.0, 4.0], [2.25, 3.5, 4.0], [0.1, 0.2, 0.3]] {
             let all: Vec<_> = corners::<f64>(g).collect();
             assert!((all.iter().map(|c| c.1).sum::<f64>() - 1.0).abs() < 1e-12);
-            for a in 0..3 {
-                assert!((all.iter().map(|c| c.0[a] as f64 * c.1).sum::<f64>() - g[a]).abs() < 1e-12);
-            }
+            let sum = |a: usize| all.iter().map(|c| c.0[a] as f64 * c.1).sum::<f64>();
+            assert!(g.iter().enumerate().all(|(a, g)| (sum(a) - g).abs() < 1e-12));
         }
         assert_eq!(corners([2.0, 3.0, 4.0]).count(), 1);
     }

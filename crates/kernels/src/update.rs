@@ -23,26 +23,21 @@ pub fn update<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     let [active, touched] = [COUNT_ACTIVE, COUNT_TOUCHED].map(|i| counts[i as usize] as usize);
     let slots = Slots { mask, ranks, room: call.scene.capacity };
     let around = is_continuous(call).then(|| Around::of(call, slots, &active_voxels[..active], gradient));
-    let state = raw[..touched].par_chunks_mut(EACH).zip(first.par_chunks_mut(EACH)).zip(second.par_chunks_mut(EACH));
-    let tasks = active_voxels[..touched].par_chunks(EACH).zip(state).enumerate();
-    let step = |(task, (voxels, ((raw, first), second))): (usize, (&[u32], ((&mut [[F; 4]], &mut [[F; 4]]), &mut [[F; 4]])))| {
+    let state = raw[..touched].par_chunks_mut(EACH).zip(first.par_chunks_mut(EACH));
+    let tasks = active_voxels[..touched].par_chunks(EACH).zip(state).zip(second.par_chunks_mut(EACH));
+    let all = tasks.enumerate().map(|(task, ((voxels, (raw, first)), second))| {
+        // Of centres the active voxels alone are touched, by slot.
+        let of = |i: usize| around.as_ref().map_or_else(|| gradient[task * EACH + i], |a| a.gathered(voxels[i]));
         pulp::Arch::new().dispatch(
             #[inline(always)]
-            || {
-                let mut is_finite = true;
-                for (i, index) in voxels.iter().enumerate() {
-                    let own = || gradient[task * EACH + i];
-                    let g = around.as_ref().map_or_else(own, |around| around.gathered(*index));
-                    for k in 0..4 {
-                        adam.step(g[k], [&mut raw[i][k], &mut first[i][k], &mut second[i][k]]);
-                    }
-                    is_finite &= raw[i].iter().copied().sum::<F>().is_finite();
-                }
-                is_finite
-            },
+            || (0..voxels.len()).fold(true, |is_finite, i| {
+                let g = of(i);
+                (0..4).for_each(|k| adam.step(g[k], [&mut raw[i][k], &mut first[i][k], &mut second[i][k]]));
+                is_finite & raw[i].iter().copied().sum::<F>().is_finite()
+            }),
         )
-    };
-    if !tasks.map(step).reduce(|| true, |a, b| a & b) {
+    });
+    if !all.reduce(|| true, |a, b| a & b) {
         counts[COUNT_FAULTS as usize] |= FAULT_UPDATE;
     }
 }
