@@ -160,13 +160,14 @@ fn check_device(args: &ProfileArgs) -> Result<()> {
 }
 
 fn limits_text(l: &DeviceLimits) -> String {
+    let known = |rate: f64| if rate > 0.0 { number(rate) } else { "-".into() };
     let of_set = |(set, rate): (&u64, f64)| format!("{} {}/s", bytes(*set), bytes(rate as u64));
     let sets: Vec<String> = limits::SETS.iter().zip(l.set_bytes_per_s).map(of_set).collect();
     format!(
         "limits    per second: fma {}, atomics to histograms {};\n\
         \x20         copies {}/s read and written, within {}; a dispatch {}\n",
-        number(l.fma_per_s),
-        number(l.scattered_atomic_per_s),
+        known(l.fma_per_s),
+        known(l.scattered_atomic_per_s),
         bytes(l.copy_bytes_per_s as u64),
         sets.join(", "),
         micro(l.dispatch_s),

@@ -8,7 +8,7 @@ use thirdbounce::gpu::{Arena, Buffer, BufferPlan, DeviceKind, Executor, Gpu, Ker
 use thirdbounce::transport::kernels::{buffer, kernel};
 use thirdbounce::{Error, Result};
 
-/// The highest rates of a device. A fused multiply-add counts once.
+/// The highest rates of a device; 0 if not measured. A fused multiply-add counts once.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Serialize, Deserialize)]
 pub struct DeviceLimits {
     /// Fused multiply-adds per second.
@@ -92,6 +92,9 @@ fn scattered_float_right(word: u32, i: u32, did: [u32; 3]) -> bool {
 /// The device fails, or its results are wrong.
 pub fn measure(gpu: &Gpu) -> Result<DeviceLimits> {
     let mut bench = Bench::new(gpu)?;
+    if gpu.is_host() {
+        return bench.of_host();
+    }
     let float = gpu.accumulations.float;
     let copy = bench.copy()?;
     Ok(DeviceLimits {
@@ -143,6 +146,22 @@ impl Bench {
         ];
         let executor = Executor::new(gpu, Arena::new(gpu, &plan, None)?)?;
         Ok(Bench { gpu: gpu.clone(), executor, copied })
+    }
+
+    /// The limits of the host: copies, and a command that does next to nothing. The others are zero, as probes are modules of
+    /// Vulkan devices.
+    fn of_host(&mut self) -> Result<DeviceLimits> {
+        let copy_bytes_per_s = self.copy()?;
+        let mut of_set = |bytes: u64| -> Result<f64> {
+            let copies = |n: u64| Schedule::of(|s| (0..n).for_each(|_| s.copy(FROM, TO, bytes / 2)));
+            let (copies, seconds) = self.best(1, &copies)?;
+            Ok((bytes * copies) as f64 / seconds)
+        };
+        let set_bytes_per_s = [of_set(SETS[0])?, of_set(SETS[1])?, of_set(SETS[2])?];
+        let (commands, seconds) =
+            self.best(1024, &|n| Schedule::of(|s| (0..n).for_each(|_| s.fill(TO, 4, 0))))?;
+        let dispatch_s = seconds / commands as f64;
+        Ok(DeviceLimits { copy_bytes_per_s, set_bytes_per_s, dispatch_s, ..DeviceLimits::default() })
     }
 
     fn add(&mut self, code: &'static KernelCode) -> Result<()> {
