@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, HashMap};
 use std::ops::{ControlFlow, RangeBounds};
 use std::sync::atomic::AtomicBool;
-use std::sync::atomic::Ordering::{Acquire, Relaxed, Release};
+use std::sync::atomic::Ordering::{AcqRel, Acquire, Relaxed, Release};
 use std::time::{Duration, Instant};
 
 use thirdbounce_kernels::{Call, Cells, Function};
@@ -86,12 +86,24 @@ struct Log {
     ran: Vec<(&'static str, Option<usize>, [f64; 2])>,
 }
 
+/// Whether some executor keeps the threads of the pool awake.
+static KEPT_AWAKE: AtomicBool = AtomicBool::new(false);
+
 /// Runs `work` on a thread of the pool, while the others look for parts of it without going to sleep: waking one takes as long as a
-/// small kernel.
+/// small kernel. Where another executor does so already, the threads are awake: two that waited for each other's end would wait
+/// for ever.
 fn awake<R: Send>(work: impl FnOnce() -> R + Send) -> R {
     let is_done = AtomicBool::new(false);
     rayon::scope(|scope| {
+        if KEPT_AWAKE.swap(true, AcqRel) {
+            return work();
+        }
         let (own, is_done) = (rayon::current_thread_index(), &is_done);
+        // Also where `work` panics: the scope waits for the others.
+        let _end = OnDrop(|| {
+            is_done.store(true, Release);
+            KEPT_AWAKE.store(false, Release);
+        });
         scope.spawn_broadcast(move |_, context| {
             let mut idle = 0;
             while Some(context.index()) != own && !is_done.load(Acquire) {
@@ -99,8 +111,6 @@ fn awake<R: Send>(work: impl FnOnce() -> R + Send) -> R {
                 if idle < SPINS { std::hint::spin_loop() } else { std::thread::yield_now() }
             }
         });
-        // Also where `work` panics: the scope waits for the others.
-        let _end = OnDrop(|| is_done.store(true, Release));
         work()
     })
 }

@@ -7,6 +7,9 @@ use super::{Cells, Function, Row};
 
 /// A float type of kernels: f32 on the host as on a GPU, f64 as reference.
 pub trait Real: num_traits::Float + Sum + Debug + Default + Send + Sync + 'static {
+    /// Whether this is the type of references: intermediate results that a kernel leaves undefined are marked.
+    const IS_REFERENCE: bool;
+
     /// The nearest number to a constant.
     fn of(value: f64) -> Self;
 
@@ -44,6 +47,8 @@ const WHOLE_32: f32 = 8_388_608.0;
 const WHOLE_64: f64 = 4_503_599_627_370_496.0;
 
 impl Real for f32 {
+    const IS_REFERENCE: bool = false;
+
     #[inline(always)]
     fn of(value: f64) -> f32 {
         value as f32
@@ -78,6 +83,8 @@ impl Real for f32 {
 }
 
 impl Real for f64 {
+    const IS_REFERENCE: bool = true;
+
     #[inline(always)]
     fn of(value: f64) -> f64 {
         value

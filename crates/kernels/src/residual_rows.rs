@@ -32,8 +32,8 @@ pub fn residual_rows<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
         )
         .collect();
     counts[COUNT_FAULTS as usize] |= faults.into_iter().fold(0, |all, some| all | some);
-    if seen {
-        spread[..call.cells()].par_chunks_mut(1 << 14).for_each(|part| part.fill(F::of(Cells::<F>::ANY)));
+    if seen && F::IS_REFERENCE {
+        spread[..call.cells()].fill(F::of(Cells::<F>::ANY));
     }
     if !spots {
         histograms[..call.cells()].par_chunks_mut(1 << 14).for_each(|part| part.fill(F::zero()));

@@ -42,7 +42,8 @@ pub fn surface_points<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
         .enumerate()
         .map(|(i, points)| {
             let all = (i * group..).zip(points.chunks_exact_mut(each));
-            all.map(|(pixel, points)| of_pixel(pixel, points)).fold(F::zero(), F::max)
+            let larger = |most: F, albedo: F| if albedo <= most { most } else { albedo };
+            all.map(|(pixel, points)| of_pixel(pixel, points)).fold(F::zero(), larger)
         })
         .collect();
     if directed {
