@@ -19,7 +19,7 @@ use crate::{Error, Result};
 /// All buffers of one job.
 pub enum Arena {
     /// Of a Vulkan device.
-    Device(DeviceArena),
+    Device(Box<DeviceArena>),
     /// Of the host.
     Host(HostArena),
 }
@@ -34,7 +34,7 @@ impl Arena {
     pub fn new(gpu: &Gpu, plan: &[BufferPlan], budget: Option<u64>) -> Result<Arena> {
         Ok(match gpu.is_host() {
             true => Arena::Host(HostArena::new(gpu, plan, budget)?),
-            false => Arena::Device(DeviceArena::new(gpu, plan, budget)?),
+            false => Arena::Device(Box::new(DeviceArena::new(gpu, plan, budget)?)),
         })
     }
 
@@ -91,7 +91,7 @@ impl Executor {
     /// The arena is of another kind of device.
     pub fn new(gpu: &Gpu, arena: Arena) -> Result<Executor> {
         Ok(Executor(match arena {
-            Arena::Device(arena) => Kind::Device(Box::new(DeviceExecutor::new(gpu, arena)?)),
+            Arena::Device(arena) => Kind::Device(Box::new(DeviceExecutor::new(gpu, *arena)?)),
             Arena::Host(arena) => Kind::Host(Box::new(HostExecutor::new(gpu, arena))),
         }))
     }

@@ -64,6 +64,7 @@ impl<F: Real, A: Real> Loop for OverPairs<'_, '_, F, A> {
         let stride = call.stride();
         for pair in call.push.first..call.push.last {
             let ends = light.ends(pair as usize);
+            let term = Term { how, numbers: &light.numbers, ends: &ends, block: b };
             for j in 0..LANES {
                 let first = Arm::new(b, j, ends.points[0], &light.numbers);
                 let second = if TWO { Arm::new(b, j, ends.points[1], &light.numbers) } else { first };
@@ -84,59 +85,66 @@ impl<F: Real, A: Real> Loop for OverPairs<'_, '_, F, A> {
                 let first = Arm::kept(&arms[0], j, &light.numbers);
                 let second = if TWO { Arm::kept(&arms[1], j, &light.numbers) } else { first };
                 let seen = Pair::<A, COSINES, TWO>::by([first, second], b, j, &ends);
-                add(how, &light.numbers, &ends, b, j, &seen, [low + shares[j] * rise, rise], sums);
+                term.add(&seen, j, [low + shares[j] * rise, rise], sums);
             }
         }
     }
 }
 
-/// Adds a pair with the residual `r` at its path and its `rise` per bin to the sums of lane `j`: the product rule over the
-/// factors of the pair's value.
-#[inline(always)]
-fn add<A: Real, const COSINES: u32, const TWO: bool>(
+/// A pair's part of the sums of a block.
+struct Term<'t, A> {
     how: Gather,
-    n: &Numbers<A>,
-    ends: &Ends<A>,
-    b: &Block<A>,
-    j: usize,
-    seen: &Pair<A, COSINES, TWO>,
-    [r, rise]: [A; 2],
-    sums: &mut Sums<A>,
-) {
-    let zero = A::zero();
-    let [first, second] = seen.arms;
-    let falloff = if how.exact { seen.falloff } else { A::one() };
-    let (cosines, lit) = (seen.cosines(), r * falloff);
-    let shown = if cosines > zero { lit } else { zero };
-    if COSINES == PLAIN {
-        sums.albedo[j] = sums.albedo[j] + lit;
-    }
-    // By the normal; and by depth through the directions of the arms, without the falloff.
-    let turned = |arm: &Arm<A>, cosine: A, normal: A| (cosine * arm.toward.z - normal) * arm.inverse;
-    let normal_z = b.normal[2][j];
-    let [a, c] = seen.surface;
-    let mut turns = zero;
-    if COSINES == COSINE {
-        turns = turned(&first, a, normal_z);
-        for (k, toward) in [first.toward.x, first.toward.y, first.toward.z].into_iter().enumerate() {
-            sums.vector[k][j] = sums.vector[k][j] + shown * toward;
+    numbers: &'t Numbers<A>,
+    ends: &'t Ends<A>,
+    block: &'t Block<A>,
+}
+
+impl<A: Real> Term<'_, A> {
+    /// Adds the pair as lane `j` sees it, with the residual `r` at its path and its `rise` per bin: the product rule over the
+    /// factors of the pair's value.
+    #[inline(always)]
+    fn add<const COSINES: u32, const TWO: bool>(
+        &self,
+        seen: &Pair<A, COSINES, TWO>,
+        j: usize,
+        [r, rise]: [A; 2],
+        sums: &mut Sums<A>,
+    ) {
+        let zero = A::zero();
+        let [first, second] = seen.arms;
+        let falloff = if self.how.exact { seen.falloff } else { A::one() };
+        let (cosines, lit) = (seen.cosines(), r * falloff);
+        let shown = if cosines > zero { lit } else { zero };
+        if COSINES == PLAIN {
+            sums.albedo[j] = sums.albedo[j] + lit;
         }
-    }
-    if COSINES == LAMBERTIAN {
-        let walls = seen.wall[0] * seen.wall[1];
-        let at_surface = turned(&first, a, normal_z) * c + a * turned(&second, c, normal_z);
-        let at_wall = |k: usize| turned(&seen.arms[k], seen.wall[k], -ends.normals[k].z);
-        turns = walls * at_surface + (at_wall(0) * seen.wall[1] + seen.wall[0] * at_wall(1)) * (a * c);
-        let toward = [first.toward, second.toward].map(|t| [t.x, t.y, t.z]);
-        for k in 0..3 {
-            let slope = c * toward[0][k] + a * toward[1][k] - a * c * b.normal[k][j];
-            sums.vector[k][j] = sums.vector[k][j] + shown * walls * slope;
+        // By the normal; and by depth through the directions of the arms, without the falloff.
+        let turned = |arm: &Arm<A>, cosine: A, normal: A| (cosine * arm.toward.z - normal) * arm.inverse;
+        let normal_z = self.block.normal[2][j];
+        let [a, c] = seen.surface;
+        let mut turns = zero;
+        if COSINES == COSINE {
+            turns = turned(&first, a, normal_z);
+            for (k, toward) in [first.toward.x, first.toward.y, first.toward.z].into_iter().enumerate() {
+                sums.vector[k][j] = sums.vector[k][j] + shown * toward;
+            }
         }
+        if COSINES == LAMBERTIAN {
+            let walls = seen.wall[0] * seen.wall[1];
+            let at_surface = turned(&first, a, normal_z) * c + a * turned(&second, c, normal_z);
+            let at_wall = |k: usize| turned(&seen.arms[k], seen.wall[k], -self.ends.normals[k].z);
+            turns = walls * at_surface + (at_wall(0) * seen.wall[1] + seen.wall[0] * at_wall(1)) * (a * c);
+            let toward = [first.toward, second.toward].map(|t| [t.x, t.y, t.z]);
+            for (k, sums) in sums.vector.iter_mut().enumerate() {
+                let slope = c * toward[0][k] + a * toward[1][k] - a * c * self.block.normal[k][j];
+                sums[j] = sums[j] + shown * walls * slope;
+            }
+        }
+        let steep = first.toward.z + second.toward.z;
+        let power = if self.numbers.retro { A::one() } else { A::one() + A::one() };
+        let falls = power * (first.toward.z * first.inverse + second.toward.z * second.inverse);
+        let longer = -steep * self.numbers.bins_per_metre;
+        let by_value = falls * cosines + if cosines > zero { turns } else { zero };
+        sums.depth[j] = sums.depth[j] + (lit * by_value + rise * falloff * cosines * longer);
     }
-    let steep = first.toward.z + second.toward.z;
-    let power = if n.retro { A::one() } else { A::one() + A::one() };
-    let falls = power * (first.toward.z * first.inverse + second.toward.z * second.inverse);
-    let longer = -steep * n.bins_per_metre;
-    let by_value = falls * cosines + if cosines > zero { turns } else { zero };
-    sums.depth[j] = sums.depth[j] + (lit * by_value + rise * falloff * cosines * longer);
 }

@@ -45,11 +45,11 @@ fn plane<F: Real>(weights: &[F; 8], field: &Pixels<'_, F>) -> [[F; 2]; 8] {
     xx = xx - all * mean.x * mean.x;
     xy = xy - all * mean.x * mean.y;
     yy = yy - all * mean.y * mean.y;
-    for k in 0..8 {
+    for (k, weight) in weights.iter().enumerate() {
         let d = offset(k);
-        xx = xx + weights[k] * d.x * d.x;
-        xy = xy + weights[k] * d.x * d.y;
-        yy = yy + weights[k] * d.y * d.y;
+        xx = xx + *weight * d.x * d.x;
+        xy = xy + *weight * d.x * d.y;
+        yy = yy + *weight * d.y * d.y;
     }
     let area = xx * yy - xy * xy;
     std::array::from_fn(|k| {
