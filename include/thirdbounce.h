@@ -44,7 +44,7 @@ typedef enum tb_status {
     TB_ERROR_INPUT = 1,
     // Invalid argument or setting, or a call not allowed in the session's state.
     TB_ERROR_OPTIONS = 2,
-    // No Vulkan device, a missing feature, or a lost device.
+    // No such device, a missing feature, or a lost device.
     TB_ERROR_DEVICE = 3,
     // Out of host or device memory.
     TB_ERROR_MEMORY = 4,
@@ -96,23 +96,23 @@ typedef struct tb_buffer tb_buffer;
 // A capture that was read from a file.
 typedef struct tb_capture tb_capture;
 
-// An opened Vulkan device, usable from any thread and by any number of sessions.
+// An opened device (of Vulkan, or the host), usable from any thread and by any number of sessions.
 typedef struct tb_device tb_device;
 
 // A solver prepared for the frames of one scan.
 typedef struct tb_session tb_session;
 
-// A Vulkan device of this machine. Texts end with a zero byte; longer ones are cut.
+// A device of this machine: of Vulkan, or the host. Texts end with a zero byte; longer ones are cut.
 typedef struct tb_device_info {
     // sizeof(tb_device_info): set it before the call.
     size_t size;
-    // Bytes of the largest device-local heap.
+    // Bytes of the largest device-local heap; of the host, bytes that are available.
     uint64_t memory_bytes;
     // Name, a part of which `tb_device_open` accepts.
     char name[256];
     // Name and version of the driver.
     char driver[256];
-    // "discrete", "integrated", "virtual", "cpu" or "other".
+    // "discrete GPU", "integrated GPU", "virtual GPU", "host", "CPU" or "other".
     char kind[16];
     // UUID as 32 hexadecimal digits, which `tb_device_open` accepts, identical in CUDA.
     char uuid[40];
@@ -405,7 +405,7 @@ const char *tb_device_name(const struct tb_device *device);
 // `device` is open and not used concurrently or afterwards.
 void tb_device_close(struct tb_device *device);
 
-// Writes the number of Vulkan devices to `count`. Any thread.
+// Writes the number of devices to `count`. Any thread.
 //
 // # Safety
 // `count` is writable.

@@ -39,7 +39,7 @@ inline void set_log(std::function<void(tb_level, const char *)> receiver) {
     if (current) tb_set_log_callback([](void *, tb_level level, const char *text) { current(level, text); }, nullptr);
 }
 
-// The Vulkan devices of this machine.
+// The devices of this machine: of Vulkan, and the host.
 inline std::vector<tb_device_info> devices() {
     uint32_t count = 0;
     check(tb_device_count(&count));

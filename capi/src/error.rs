@@ -21,7 +21,7 @@ pub enum TbStatus {
     TbErrorInput = 1,
     /// Invalid argument or setting, or a call not allowed in the session's state.
     TbErrorOptions = 2,
-    /// No Vulkan device, a missing feature, or a lost device.
+    /// No such device, a missing feature, or a lost device.
     TbErrorDevice = 3,
     /// Out of host or device memory.
     TbErrorMemory = 4,

@@ -40,7 +40,7 @@ use error::{free_handle, guarded};
 /// Version of this interface. Structs may grow at their end within a version: they begin with their size.
 pub const TB_API_VERSION: u32 = 1;
 
-/// An opened Vulkan device, usable from any thread and by any number of sessions.
+/// An opened device (of Vulkan, or the host), usable from any thread and by any number of sessions.
 pub struct TbDevice {
     gpu: Gpu,
     name: CString,

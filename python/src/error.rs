@@ -23,7 +23,7 @@ create_exception!(
     Error,
     "An argument that is not valid, alone or with the capture."
 );
-create_exception!(thirdbounce, DeviceError, Error, "No Vulkan device, a missing feature, a lost device.");
+create_exception!(thirdbounce, DeviceError, Error, "No such device, a missing feature, a lost device.");
 create_exception!(thirdbounce, OutOfMemoryError, Error, "Not enough memory on the host or the device.");
 create_exception!(thirdbounce, OutputError, Error, "A file that could not be written.");
 create_exception!(thirdbounce, CancelledError, Error, "The solve was stopped.");

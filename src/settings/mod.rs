@@ -151,7 +151,8 @@ settings! {
         mask_fraction: f64 = number, Range::Text("X");
     }
     "Device" {
-        /// Index or part of the name of the device (see `thirdbounce devices`) [default: the best kind available]
+        /// Index or part of the name of the device (see `thirdbounce devices`), vulkan (the best Vulkan device) or host [default: a
+        /// GPU, else the host]
         device: String = text::words, Range::Text("DEVICE");
         /// Largest amount of device memory to use: bytes in Rust; as text a number in MiB, or with K, M or G behind it
         /// [default: all free memory]

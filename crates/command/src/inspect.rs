@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use thirdbounce::advice::{Advice, advice};
 use thirdbounce::capture::Summary;
-use thirdbounce::gpu::{Abilities, Accumulations, DeviceInfo, DeviceKind, Gpu, Limits, check};
+use thirdbounce::gpu::{DeviceInfo, check};
 use thirdbounce::job::report::box_of;
 use thirdbounce::job::{self, Loaded, Request, SolverOptions, planned};
 use thirdbounce::resolve::{preset_note, summed_note};
@@ -34,11 +34,11 @@ pub struct Inspection {
     /// (xmin, xmax, ymin, ymax, zmin, zmax) in metres.
     #[serde(rename = "box")]
     pub volume: Vec<f64>,
-    /// The device that would do the work; null if there is none.
-    pub device: Option<DeviceInfo>,
+    /// The device that would do the work.
+    pub device: DeviceInfo,
     /// The plan; null if the solver cannot take this capture.
     pub plan: Option<PlanSummary>,
-    /// Why there is no device or no plan, or why it would not run.
+    /// Why there is no plan, or why it would not run.
     pub problems: Vec<Advice>,
 }
 
@@ -63,10 +63,10 @@ pub struct PlanSummary {
     pub total_bytes: u64,
 }
 
-/// Finds out what [`job::run`] would do. Without a device it plans for a usual GPU and says so.
+/// Finds out what [`job::run`] would do.
 ///
 /// # Errors
-/// Options out of range, or a device that was named and is not there. A capture that the solver cannot take is not an
+/// Options out of range, or a device that is not there. A capture that the solver cannot take is not an
 /// error: it is listed among the problems.
 pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     request.settings.check()?;
@@ -74,15 +74,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     let resolved = request.resolved(capture);
     let Ready { capture: planned, grid, sum } = planned::to_plan(&resolved, capture)?;
     let mut problems = Vec::new();
-    let device = match request.open() {
-        Ok(gpu) => Some(gpu),
-        Err(e) if e.kind == Kind::Device && request.settings.device.is_none() => {
-            problems.push(problem(e).and(". The plan is for a usual GPU."));
-            None
-        }
-        Err(e) => return Err(e),
-    };
-    let abilities = device.as_ref().map_or_else(usual_gpu, Gpu::abilities);
+    let gpu = request.open()?;
     let mut notes = loaded.notes.clone();
     notes.extend(resolved.why.map(|why| preset_note(resolved.preset, why)));
     notes.extend(summed_note(sum, planned.bin_width));
@@ -98,7 +90,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
                 .into(),
         );
     }
-    let plan = match resolved.solver.plan(&resolved.problem(&planned, grid), &abilities) {
+    let plan = match resolved.solver.plan(&resolved.problem(&planned, grid), &gpu.abilities()) {
         Ok(plan) => Some(plan),
         Err(Error { kind: Kind::Input, what, .. }) => {
             problems.push(what.into());
@@ -106,10 +98,10 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         }
         Err(e) => return Err(e),
     };
-    if let (Some(gpu), Some(plan)) = (&device, &plan)
+    if let Some(plan) = &plan
         && let Err(e) = check(&plan.buffers, &gpu.memory(), resolved.memory)
     {
-        problems.push(problem(job::advise(e, request, loaded, gpu)));
+        problems.push(problem(job::advise(e, request, loaded, &gpu)));
     }
     let total: u64 = plan.iter().flat_map(|plan| &plan.buffers).map(|b| b.bytes).sum();
     Ok(Inspection {
@@ -121,7 +113,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         grid: grid.n,
         voxel: grid.pitch.to_array(),
         volume: box_of(&grid),
-        device: device.map(|gpu| gpu.info.clone()),
+        device: gpu.info.clone(),
         plan: plan.map(|plan| PlanSummary {
             levels: plan.levels.volume.iter().map(|l| l.grid.n[0]).collect(),
             level_pairs: plan.levels.volume.iter().map(|l| l.pairs).collect(),
@@ -153,19 +145,4 @@ pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<TimedSchedule>
 /// An error with its advice.
 fn problem(error: Error) -> Advice {
     Advice::from(advice![(error.what) ": "]).and(error.hint)
-}
-
-/// What most discrete GPUs offer.
-#[doc(hidden)] // of plans without a device
-pub fn usual_gpu() -> Abilities {
-    let limits = Limits {
-        storage_range: u64::from(u32::MAX),
-        workgroup_invocations: 1024,
-        shared_memory: 48 << 10,
-        groups: [i32::MAX as u32, 65_535, 65_535],
-        subgroup: 32,
-        work: 1 << 30,
-    };
-    let accumulations = Accumulations { float: true, int64: true };
-    Abilities { kind: DeviceKind::Discrete, accumulations, limits }
 }

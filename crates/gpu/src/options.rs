@@ -74,17 +74,18 @@ pub(super) fn choose(
     all: &[(vk::PhysicalDevice, DeviceInfo)],
     wanted: Option<&str>,
 ) -> Result<(vk::PhysicalDevice, DeviceInfo)> {
+    let is_vulkan = |d: &DeviceInfo| d.kind != DeviceKind::Host;
     let list = || all.iter().map(|(_, d)| format!("{}: {}", d.index, d.name)).collect::<Vec<_>>().join(", ");
     let found = match wanted {
-        _ if all.is_empty() => {
+        _ if all.is_empty() || wanted == Some("vulkan") && !all.iter().any(|(_, d)| is_vulkan(d)) => {
             return Err(Error::device(
                 "no Vulkan device on this machine",
-                "install a driver: on Debian `apt-get install mesa-vulkan-drivers` (lavapipe runs on any CPU), or the vendor's driver",
+                "install a driver: on Debian `apt-get install mesa-vulkan-drivers` (lavapipe runs on any CPU), or the vendor's driver; the host itself needs none",
             ));
         }
         // The first minimum: the loader's order decides among devices of a kind.
         None | Some("auto") => all.iter().min_by_key(|(_, d)| d.kind),
-        Some("vulkan") => all.iter().filter(|(_, d)| d.kind != DeviceKind::Host).min_by_key(|(_, d)| d.kind),
+        Some("vulkan") => all.iter().filter(|(_, d)| is_vulkan(d)).min_by_key(|(_, d)| d.kind),
         Some(text) => match text.parse::<usize>() {
             Ok(index) => all.get(index),
             Err(_) => all.iter().find(|(_, d)| is_called(d, text)),
@@ -141,16 +142,20 @@ mod tests {
             uuid: String::new(),
             memory: 0,
         };
-        let taken = |kinds: &[DeviceKind]| {
+        let chosen = |kinds: &[DeviceKind], wanted| {
             let all: Vec<_> =
                 kinds.iter().enumerate().map(|(i, k)| (vk::PhysicalDevice::null(), info(i, *k))).collect();
-            choose(&all, None).expect("a device").1.index
+            choose(&all, wanted).map(|(_, info)| info.index)
         };
+        let taken = |kinds: &[DeviceKind]| chosen(kinds, None).expect("a device");
         assert_eq!(taken(&[Other, Cpu, Integrated, Virtual, Discrete, Discrete]), 4);
         assert_eq!(taken(&[Other, Cpu, Integrated, Virtual]), 3, "a part of a card is faster than a chip");
         assert_eq!(taken(&[Other, Cpu, Integrated]), 2);
         assert_eq!(taken(&[Other, Cpu, Host]), 2, "no emulation of a GPU");
         assert_eq!(taken(&[Cpu, Integrated, Host]), 1);
         assert_eq!(taken(&[Other, Cpu]), 1);
+        assert_eq!(chosen(&[Other, Cpu, Host], Some("vulkan")).expect("a device"), 1);
+        let error = chosen(&[Host], Some("vulkan")).expect_err("no driver");
+        assert!(error.what.contains("no Vulkan device"), "{error}");
     }
 }

@@ -35,7 +35,7 @@ struct Cut {
 /// # Errors
 /// `Kind::Input` if a part of the array is damaged.
 pub(super) fn read(file: &Hdf5, array: &Hdf5Array, wanted: &ArraySelection) -> Result<Scattered> {
-    let threads = thread::available_parallelism().map_or(1, usize::from).min(MOST_THREADS);
+    let threads = rayon::current_num_threads().min(MOST_THREADS);
     let [most, least] = AT_ONCE;
     let kept = wanted.from.len() * wanted.bins.len();
     read_with(file, array, wanted, threads, (kept / OF_KEPT).clamp(least, most))

@@ -15,7 +15,7 @@ pub struct DemoArgs {
     /// Folder for the results
     #[arg(long, value_name = "DIR", default_value = "out/demo")]
     out: PathBuf,
-    /// Index or part of the name of the device [default: the best kind available]
+    /// Index or part of the name of the device, vulkan or host [default: a GPU, else the host]
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
     /// No progress, errors only

@@ -34,8 +34,7 @@ pub struct InfoArgs {
     tags: FromTags,
 }
 
-/// Ends with 1 if there is a problem with the capture or the plan. Without a device it plans for a usual one. Of time tags without a
-/// scan it shows what they hold.
+/// Ends with 1 if there is a problem with the capture or the plan. Of time tags without a scan it shows what they hold.
 pub fn run(args: &InfoArgs) -> Result<ExitCode> {
     let CaptureArgs { capture, settings, device } = &args.capture;
     if !args.tags.are_given() && tags::hold_tags(capture) {
@@ -57,8 +56,7 @@ pub fn run(args: &InfoArgs) -> Result<ExitCode> {
         say(&format!("wrote {}", path.display()));
     }
     print(&if args.json { json(&found)? } else { text(&found, args.plan) });
-    let others = found.problems.len() - usize::from(found.device.is_none()).min(found.problems.len());
-    Ok(if others == 0 { ExitCode::SUCCESS } else { ExitCode::from(1) })
+    Ok(if found.problems.is_empty() { ExitCode::SUCCESS } else { ExitCode::from(1) })
 }
 
 fn text(found: &Inspection, with_plan: bool) -> String {
@@ -74,9 +72,8 @@ fn text(found: &Inspection, with_plan: bool) -> String {
         "box       x {:.d$} to {:.d$} m, y {:.d$} to {:.d$} m, z {:.d$} to {:.d$} m\n",
         b[0], b[1], b[2], b[3], b[4], b[5]
     );
-    if let Some(device) = &found.device {
-        out += &format!("device    {} ({})\n", device.name, device.kind);
-    }
+    let on = &found.device;
+    out += &format!("device    {}\n", tables::device(&on.name, &on.kind.to_string(), &on.driver));
     found.problems.iter().for_each(|problem| out += &format!("problem   {problem}\n"));
     let Some(plan) = &found.plan else { return out };
     let list = |all: &[usize]| all.iter().map(|n| n.to_string()).collect::<Vec<_>>().join(", ");

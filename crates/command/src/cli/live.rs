@@ -65,7 +65,7 @@ pub struct LiveArgs {
     /// Leave out the frames that are in the folder at the start
     #[arg(long)]
     new_only: bool,
-    /// Index or part of the name of the Vulkan device [default: the best]
+    /// Index or part of the name of the device, vulkan or host [default: a GPU, else the host]
     #[arg(long, value_name = "DEVICE", help_heading = "Device")]
     device: Option<String>,
     /// No line for each frame

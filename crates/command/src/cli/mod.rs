@@ -27,7 +27,7 @@ mod terminal;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
-use thirdbounce::{Kind, Result};
+use thirdbounce::{Error, Kind, Result};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -46,7 +46,7 @@ Lengths are metres, times are metres of path (seconds times 299792458), unless a
 /// Sees around corners: reconstructs a hidden scene from light that bounced three times.
 ///
 /// Reads transient histograms captured at a relay wall. Computes albedo, depth and surface normals of the hidden scene,
-/// on any Vulkan device.
+/// on any Vulkan device or on the host's processors.
 #[derive(Parser)]
 #[command(name = "thirdbounce", version = version(), after_help = EXAMPLES, subcommand_required = true, disable_help_subcommand = true)]
 struct Cli {
@@ -55,7 +55,14 @@ struct Cli {
     /// Most memory of the host to hold: a number in MiB, or with K, M or G after it [default: all that is free]
     #[arg(long, value_name = "SIZE", global = true, display_order = 1000, help_heading = "Host")]
     host_memory: Option<String>,
+    /// Threads of the host: its kernels where it is the device, readers, writers [default: one per processor]
+    #[arg(long, value_name = "N", global = true, display_order = 1001, help_heading = "Host")]
+    #[arg(value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
+    threads: Option<u16>,
 }
+
+/// Most threads of `--threads`.
+const MOST_THREADS: i64 = 1024;
 
 /// The version, with the commit if the build names one.
 fn version() -> String {
@@ -93,7 +100,7 @@ enum Verb {
     Profile(Box<profile::ProfileArgs>),
     /// Print what a reconstruction would run, dispatch by dispatch: sizes, buffers read -> buffers written.
     Schedule(Box<schedule::ScheduleArgs>),
-    /// List the Vulkan devices.
+    /// List the devices: those of Vulkan, and the host.
     Devices(devices::DevicesArgs),
     /// Show the options of a verb, of a group of settings, or of a method.
     Help(help::HelpArgs),
@@ -139,6 +146,7 @@ fn run() -> Result<ExitCode> {
         Err(e) => e.exit(),
     };
     interrupt::listen()?;
+    set_threads(cli.threads)?;
     thirdbounce::host::set_limit(cli.host_memory.as_deref().map(thirdbounce::job::memory_bytes).transpose()?);
     match cli.verb {
         Verb::Batch(args) => return batch::run(&args),
@@ -158,6 +166,14 @@ fn run() -> Result<ExitCode> {
         Verb::Help(args) => help::run(&args),
     }?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Starts the threads that all parallel work of the process shares; `None`: at first use, one per processor.
+fn set_threads(threads: Option<u16>) -> Result<()> {
+    let Some(threads) = threads else { return Ok(()) };
+    rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global().map_err(|e| {
+        Error::options(format!("{threads} threads cannot be started: {e}"), "give fewer with --threads")
+    })
 }
 
 /// The command. It accepts negative numbers, because later checks explain better which values are allowed.

@@ -4,6 +4,11 @@ use thirdbounce::export::report::Report;
 use thirdbounce::gpu::KernelTime;
 use thirdbounce::measure::{LayerMetrics, Metrics};
 
+/// A device by name and kind; the host by name, vectors and threads.
+pub fn device(name: &str, kind: &str, driver: &str) -> String {
+    if kind == "host" { format!("{name}, {driver}") } else { format!("{name} ({kind})") }
+}
+
 /// The summary of a run.
 pub fn report(report: &Report) -> String {
     let t = &report.totals;
@@ -21,7 +26,7 @@ pub fn report(report: &Report) -> String {
         line(&mut out, "verdict", verdict.to_string());
     }
     line(&mut out, "grid", format!("{} voxels{surface}", grid.join(" x ")));
-    line(&mut out, "device", format!("{} ({})", report.device.name, report.device.kind));
+    line(&mut out, "device", device(&report.device.name, &report.device.kind, &report.device.driver));
     line(
         &mut out,
         "time",

@@ -196,16 +196,44 @@ fn info_and_devices_tell_people_and_programs() {
     let devices: Value = serde_json::from_str(&succeed(&["devices", "--json"])).unwrap();
     assert!(!devices.as_array().unwrap().is_empty());
     assert!(succeed(&["devices"]).starts_with("0: "));
+}
 
-    // Without any driver the plan is for a usual GPU, and the text says so.
-    let missing = Command::new(env!("CARGO_BIN_EXE_thirdbounce"))
-        .args(["info", &capture, "--solver", "paper", "--plan"])
-        .env("VK_ICD_FILENAMES", "/nonexistent/icd.json")
-        .env("VK_DRIVER_FILES", "/nonexistent/icd.json")
-        .output()
-        .unwrap();
-    assert_eq!(missing.status.code(), Some(0), "{}", stderr(&missing));
-    assert!(stdout(&missing).contains("usual GPU") && stdout(&missing).contains("moment_first"));
+/// Without a Vulkan driver the host is the device of every verb, with the threads that are asked for.
+#[test]
+fn the_host_needs_no_driver() {
+    let capture = small().path("z.npz");
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("z").display().to_string();
+    let run = |arguments: &[&str]| {
+        Command::new(program())
+            .args(arguments)
+            .args(["--threads", "3"])
+            .env("VK_ICD_FILENAMES", "/nonexistent/icd.json")
+            .env("VK_DRIVER_FILES", "/nonexistent/icd.json")
+            .output()
+            .unwrap()
+    };
+    let succeed = |arguments: &[&str]| {
+        let output = run(arguments);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        stdout(&output)
+    };
+    let devices: Value = serde_json::from_str(&succeed(&["devices", "--json"])).unwrap();
+    assert_eq!((devices.as_array().unwrap().len(), &devices[0]["kind"]), (1, &"host".into()));
+    let named = devices[0]["name"].as_str().unwrap();
+    for text in [succeed(&["devices"]), succeed(&["info", &capture])] {
+        assert!(text.contains(named) && text.contains(", 3 threads"), "{text}");
+    }
+    let text = succeed(&["reconstruct", &capture, "--lateral", "16", "--iterations", "8", "--out", &out]);
+    assert!(text.contains(named) && text.contains(", 3 threads"), "{text}");
+    let report: Value =
+        serde_json::from_str(&std::fs::read_to_string(format!("{out}/report.json")).unwrap()).unwrap();
+    assert_eq!(report["device"]["kind"], "host");
+    assert!(report["device"]["driver"].as_str().unwrap().ends_with(", 3 threads"), "{}", report["device"]);
+    let refused = run(&["info", &capture, "--device", "vulkan"]);
+    assert_eq!(refused.status.code(), Some(1));
+    assert!(stderr(&refused).contains("Vulkan"), "{}", stderr(&refused));
+    fail(&["devices", "--threads", "0"], 2, "0 is not in 1..=1024");
 }
 
 #[test]
@@ -449,7 +477,8 @@ fn help_and_version_are_there() {
         let help = succeed(&[verb, "--help"]);
         let behind = help.split("\nHost:\n").nth(1).expect("a section");
         let options: Vec<&str> = behind.lines().filter(|line| line.starts_with("      --")).collect();
-        assert!(options.len() == 1 && options[0].contains("--host-memory"), "{verb}: {help}");
+        let [memory, threads] = options[..] else { panic!("{verb}: {help}") };
+        assert!(memory.contains("--host-memory") && threads.contains("--threads"), "{verb}: {help}");
     }
     fail(&["help", "nothing", "--man"], 1, "give one of demo, info");
     // A reader that stops early, as head does, is no error.

@@ -5,22 +5,31 @@ use std::collections::BTreeSet;
 use thirdbounce::Kind;
 use thirdbounce::capture::Capture;
 use thirdbounce::gpu::{
-    Abilities, Arena, Buffer, BufferPlan, Command, Faults, Gpu, GpuOptions, Limits, Place, Point, Schedule,
+    Abilities, Accumulations, Arena, Buffer, BufferPlan, Command, DeviceKind, Faults, Gpu, GpuOptions,
+    Limits, Place, Point, Schedule,
 };
 use thirdbounce::job::SolverOptions;
 use thirdbounce::solve::surface::{self, OfFit};
 use thirdbounce::solve::{Accumulation, Plan, Reconstruction, SurfaceOptions, paper};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
-use thirdbounce_command::inspect::usual_gpu;
 
 use super::small::{kinds, loaded, solve, solvers, surface as small_surface};
 
 /// Turns of a dispatch that a discrete card gets at most.
 const MOST: u64 = 1_200_000_000;
 
+/// What most discrete GPUs offer.
 fn card() -> Abilities {
-    let usual = usual_gpu();
-    Abilities { limits: Limits { work: MOST, ..usual.limits }, ..usual }
+    let limits = Limits {
+        storage_range: u64::from(u32::MAX),
+        workgroup_invocations: 1024,
+        shared_memory: 48 << 10,
+        groups: [i32::MAX as u32, 65_535, 65_535],
+        subgroup: 32,
+        work: MOST,
+    };
+    let accumulations = Accumulations { float: true, int64: true };
+    Abilities { kind: DeviceKind::Discrete, accumulations, limits }
 }
 
 /// A confocal scan of 256 x 256 points, or as many pairs of a product, without their histograms.
