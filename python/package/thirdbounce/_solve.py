@@ -154,5 +154,5 @@ def options(solver: str = "surface") -> Dict[str, str]:
 
 
 def devices() -> List[Dict[str, Any]]:
-    """Vulkan devices of this machine: index, name, kind, memory in bytes, driver."""
+    """Devices of this machine, of Vulkan and the host: index, name, kind, memory in bytes, driver."""
     return _native.devices()
