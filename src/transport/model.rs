@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use super::kernels::{PADDING, SceneData};
 use super::{Geometry, Grid, HighPass, Reflectance, Rendered, Rows, Spot, Wall};
-use crate::capture::check::is_small;
+use crate::capture::rows::is_small;
 use crate::capture::scan::unit_of;
 use crate::capture::{Background, Capture, PulseTaps};
 

@@ -4,7 +4,7 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
-use crate::capture::check::is_small;
+use crate::capture::rows::is_small;
 use crate::capture::{Background, Capture};
 
 /// The pairs and bins of captures of one scan that are the rows of a model's measured values.

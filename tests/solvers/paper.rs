@@ -213,7 +213,7 @@ fn the_noise_term_finds_the_letter_through_dark_counts() {
 
 #[test]
 fn fixed_point_repeats_bit_by_bit_and_agrees_with_the_others() {
-    let gpu = host();
+    let gpu = gpu();
     let (_, capture) = letter(8);
     let solve = |accumulation, seed| {
         let o = small(24).with(|o| {

@@ -265,7 +265,7 @@ fn many_pixels_begin_with_coarse_ones() {
 
 #[test]
 fn repeatable_sums_give_the_same_bits_twice() {
-    let gpu = host();
+    let gpu = gpu();
     let (capture, _) = sphere();
     for accumulation in [Accumulation::Fixed, Accumulation::Owned] {
         let o = short(capture).with(|o| o.accumulation = accumulation);

@@ -23,9 +23,14 @@ pub fn set_limit(bytes: Option<u64>) {
     LIMIT.store(bytes.unwrap_or(u64::MAX), Ordering::Relaxed);
 }
 
-/// Available bytes.
+/// Available bytes, at most those that [`set_limit`] leaves.
 pub fn free() -> u64 {
-    free_below(Path::new("/")).min(left_of_limit())
+    available().min(left_of_limit())
+}
+
+/// Available bytes without the limit of [`set_limit`].
+pub fn available() -> u64 {
+    free_below(Path::new("/"))
 }
 
 fn left_of_limit() -> u64 {

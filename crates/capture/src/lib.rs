@@ -25,7 +25,7 @@ pub use data::{
     Summary, Way,
 };
 #[doc(hidden)]
-pub use data::{check, lattice, median, nearest, pairs, pulse, scan, summary};
+pub use data::{check, lattice, median, nearest, pairs, pulse, rows, scan, summary};
 #[cfg(feature = "formats")]
 #[doc(hidden)]
 pub use readers as formats;

@@ -116,7 +116,8 @@ pub struct Memory {
 impl Memory {
     /// Memory of the host as a device, with the given largest buffer.
     pub(super) fn of_host(storage_range: u64) -> Memory {
-        let free = thirdbounce_base::host::free();
+        // `--host-memory` bounds arrays of files and results; `--memory` these.
+        let free = thirdbounce_base::host::available();
         let kinds = Kinds { one: true, device_is_mapped: true, heaps: [0, 0] };
         Memory { storage_range, free: [free; 2], shared: true, allocation: u64::MAX, kinds }
     }

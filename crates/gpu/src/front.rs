@@ -64,9 +64,9 @@ impl Arena {
 }
 
 /// Executes schedules over the buffers of an arena, in order of submission.
-pub struct Executor(Kind);
+pub struct Executor(ExecutorKind);
 
-enum Kind {
+enum ExecutorKind {
     Device(Box<DeviceExecutor>),
     Host(Box<HostExecutor>),
 }
@@ -75,8 +75,8 @@ enum Kind {
 macro_rules! both {
     ($self:ident, $executor:ident => $call:expr) => {
         match &mut $self.0 {
-            Kind::Device($executor) => $call,
-            Kind::Host($executor) => $call,
+            ExecutorKind::Device($executor) => $call,
+            ExecutorKind::Host($executor) => $call,
         }
     };
 }
@@ -91,16 +91,16 @@ impl Executor {
     /// The arena is of another kind of device.
     pub fn new(gpu: &Gpu, arena: Arena) -> Result<Executor> {
         Ok(Executor(match arena {
-            Arena::Device(arena) => Kind::Device(Box::new(DeviceExecutor::new(gpu, *arena)?)),
-            Arena::Host(arena) => Kind::Host(Box::new(HostExecutor::new(gpu, arena))),
+            Arena::Device(arena) => ExecutorKind::Device(Box::new(DeviceExecutor::new(gpu, *arena)?)),
+            Arena::Host(arena) => ExecutorKind::Host(Box::new(HostExecutor::new(gpu, arena))),
         }))
     }
 
     /// Bytes of all its buffers, including host-visible ones.
     pub fn bytes(&self) -> u64 {
         match &self.0 {
-            Kind::Device(executor) => executor.arena().bytes(),
-            Kind::Host(executor) => executor.arena.bytes(),
+            ExecutorKind::Device(executor) => executor.arena().bytes(),
+            ExecutorKind::Host(executor) => executor.arena.bytes(),
         }
     }
 
@@ -110,8 +110,8 @@ impl Executor {
     /// The plan has no such buffer.
     pub fn size(&self, buffer: Buffer) -> u64 {
         match &self.0 {
-            Kind::Device(executor) => executor.arena().size(buffer),
-            Kind::Host(executor) => 4 * executor.arena.words(buffer).len() as u64,
+            ExecutorKind::Device(executor) => executor.arena().size(buffer),
+            ExecutorKind::Host(executor) => 4 * executor.arena.words(buffer).len() as u64,
         }
     }
 
@@ -121,8 +121,8 @@ impl Executor {
     /// The device fails.
     pub fn add_kernels(&mut self, wanted: &[KernelRequest<'_>]) -> Result<()> {
         match &mut self.0 {
-            Kind::Device(executor) => executor.add_kernels(wanted),
-            Kind::Host(executor) => {
+            ExecutorKind::Device(executor) => executor.add_kernels(wanted),
+            ExecutorKind::Host(executor) => {
                 executor.add_kernels(wanted);
                 Ok(())
             }
@@ -145,8 +145,8 @@ impl Executor {
     /// Whether a kernel of this name exists.
     pub fn has_kernel(&self, kernel: Kernel) -> bool {
         match &self.0 {
-            Kind::Device(executor) => executor.has_kernel(kernel),
-            Kind::Host(executor) => executor.has_kernel(kernel),
+            ExecutorKind::Device(executor) => executor.has_kernel(kernel),
+            ExecutorKind::Host(executor) => executor.has_kernel(kernel),
         }
     }
 
@@ -159,8 +159,8 @@ impl Executor {
     /// A kernel was not added, or a buffer is not in the arena.
     pub fn reserve(&mut self, schedule: &Schedule) -> Result<()> {
         match &mut self.0 {
-            Kind::Device(executor) => executor.reserve(schedule),
-            Kind::Host(_) => Ok(()),
+            ExecutorKind::Device(executor) => executor.reserve(schedule),
+            ExecutorKind::Host(_) => Ok(()),
         }
     }
 
@@ -171,8 +171,8 @@ impl Executor {
     /// The device fails.
     pub fn submit(&mut self, schedule: &Schedule) -> Result<Ticket> {
         match &mut self.0 {
-            Kind::Device(executor) => executor.submit(schedule),
-            Kind::Host(executor) => {
+            ExecutorKind::Device(executor) => executor.submit(schedule),
+            ExecutorKind::Host(executor) => {
                 executor.run(schedule, &mut || ControlFlow::Continue(()));
                 Ok(executor.submitted())
             }
@@ -190,8 +190,8 @@ impl Executor {
         hear: &mut dyn FnMut() -> ControlFlow<()>,
     ) -> Result<Option<Ticket>> {
         match &mut self.0 {
-            Kind::Device(executor) => executor.submit_heard(schedule, hear),
-            Kind::Host(executor) => Ok(executor.run(schedule, hear)),
+            ExecutorKind::Device(executor) => executor.submit_heard(schedule, hear),
+            ExecutorKind::Host(executor) => Ok(executor.run(schedule, hear)),
         }
     }
 
@@ -222,8 +222,8 @@ impl Executor {
     /// The device fails, or the watchdog times out.
     pub fn wait(&mut self, ticket: Ticket) -> Result<()> {
         match &mut self.0 {
-            Kind::Device(executor) => executor.wait(ticket),
-            Kind::Host(_) => Ok(()),
+            ExecutorKind::Device(executor) => executor.wait(ticket),
+            ExecutorKind::Host(_) => Ok(()),
         }
     }
 
@@ -233,8 +233,8 @@ impl Executor {
     /// As [`Executor::wait`].
     pub fn settle(&mut self) -> Result<()> {
         match &mut self.0 {
-            Kind::Device(executor) => executor.settle(),
-            Kind::Host(_) => Ok(()),
+            ExecutorKind::Device(executor) => executor.settle(),
+            ExecutorKind::Host(_) => Ok(()),
         }
     }
 
@@ -251,16 +251,16 @@ impl Executor {
     /// Device seconds of all finished submissions; 0 without timestamps.
     pub fn gpu_seconds(&self) -> f64 {
         match &self.0 {
-            Kind::Device(executor) => executor.gpu_seconds(),
-            Kind::Host(executor) => executor.seconds(),
+            ExecutorKind::Device(executor) => executor.gpu_seconds(),
+            ExecutorKind::Host(executor) => executor.seconds(),
         }
     }
 
     /// Times by kernel of finished submissions; empty unless the device was opened with `timings`.
     pub fn times(&self) -> &BTreeMap<&'static str, KernelTime> {
         match &self.0 {
-            Kind::Device(executor) => executor.times(),
-            Kind::Host(executor) => executor.times(),
+            ExecutorKind::Device(executor) => executor.times(),
+            ExecutorKind::Host(executor) => executor.times(),
         }
     }
 
@@ -275,8 +275,8 @@ impl Executor {
     /// A submission that may write the buffer is pending, or the buffer is missing or too short.
     pub fn read<T: bytemuck::Pod>(&self, buffer: Buffer, items: impl RangeBounds<usize>) -> Vec<T> {
         match &self.0 {
-            Kind::Device(executor) => executor.read(buffer, items),
-            Kind::Host(executor) => {
+            ExecutorKind::Device(executor) => executor.read(buffer, items),
+            ExecutorKind::Host(executor) => {
                 let mut read = vec![];
                 executor.read_into(buffer, items, &mut read);
                 read
@@ -297,8 +297,8 @@ impl Executor {
         into: &mut Vec<T>,
     ) {
         match &self.0 {
-            Kind::Device(executor) => executor.read_behind(done, buffer, items, into),
-            Kind::Host(executor) => executor.read_into(buffer, items, into),
+            ExecutorKind::Device(executor) => executor.read_behind(done, buffer, items, into),
+            ExecutorKind::Host(executor) => executor.read_into(buffer, items, into),
         }
     }
 
@@ -333,8 +333,8 @@ impl Executor {
         moments: [Option<TimelinePoint>; 2],
     ) -> Result<Ticket> {
         match &mut self.0 {
-            Kind::Device(executor) => executor.copy_external(from, to, moments),
-            Kind::Host(_) => Err(no_external()),
+            ExecutorKind::Device(executor) => executor.copy_external(from, to, moments),
+            ExecutorKind::Host(_) => Err(no_external()),
         }
     }
 
@@ -354,8 +354,8 @@ impl Executor {
         done: Option<TimelinePoint>,
     ) -> Result<()> {
         match &mut self.0 {
-            Kind::Device(executor) => executor.write_external(content, through, to, done),
-            Kind::Host(_) => Err(no_external()),
+            ExecutorKind::Device(executor) => executor.write_external(content, through, to, done),
+            ExecutorKind::Host(_) => Err(no_external()),
         }
     }
 }

@@ -1,6 +1,6 @@
 //! The host as a device: kernels are functions on host memory (`thirdbounce-kernels`), and a schedule is a list of calls.
 
-use super::instance::{DeviceInfo, DeviceKind};
+use super::instance::{DeviceInfo, DeviceKind, Instance};
 use super::limits::Limits;
 use super::options::{GpuOptions, is_called};
 
@@ -25,7 +25,7 @@ pub(super) fn info(index: usize) -> DeviceInfo {
         driver: format!("{}, {threads}", thirdbounce_kernels::vectors()),
         api: String::new(),
         uuid: String::new(),
-        memory: thirdbounce_base::host::free(),
+        memory: thirdbounce_base::host::available(),
     }
 }
 
@@ -41,4 +41,12 @@ pub(super) fn is_chosen(options: &GpuOptions, index: usize) -> bool {
     let text = options.device.as_deref().unwrap_or("auto");
     text == "auto"
         || text.parse::<usize>().map_or_else(|_| is_called(&info(index), text), |wanted| wanted == index)
+}
+
+/// All devices of this machine: those of Vulkan, if there is a loader, and the host.
+pub fn devices() -> Vec<DeviceInfo> {
+    let of_vulkan = Instance::new(false, false).map_or_else(|_| vec![], |instance| instance.list());
+    let mut all: Vec<_> = of_vulkan.into_iter().map(|(_, info)| info).collect();
+    all.push(info(all.len()));
+    all
 }

@@ -231,14 +231,6 @@ impl Drop for Instance {
     }
 }
 
-/// All devices of this machine: those of Vulkan, if there is a loader, and the host.
-pub fn devices() -> Vec<DeviceInfo> {
-    let of_vulkan = Instance::new(false, false).map_or_else(|_| vec![], |instance| instance.list());
-    let mut all: Vec<_> = of_vulkan.into_iter().map(|(_, info)| info).collect();
-    all.push(super::host_device::info(all.len()));
-    all
-}
-
 pub(super) fn version_text(v: u32) -> String {
     format!("{}.{}.{}", vk::api_version_major(v), vk::api_version_minor(v), vk::api_version_patch(v))
 }

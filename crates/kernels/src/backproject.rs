@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use super::light::{Block, Ends, LANES, Light, Loop, Pair, PLAIN, convert, place};
+use super::light::{SampleBlock, Ends, LANES, WallLight, Loop, PairView, PLAIN, convert, place};
 use super::shared::*;
 use super::{Call, Cells, Real};
 
@@ -13,7 +13,7 @@ pub fn backproject<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
 }
 
 fn voxels<F: Real, A: Real>(call: &Call<'_>, [wall, residual]: [&[F]; 2], projected: &mut [F]) {
-    let (grid, light) = (call.grid::<A>(), Light::<F, A>::of(call, wall.as_chunks().0));
+    let (grid, light) = (call.grid::<A>(), WallLight::<F, A>::of(call, wall.as_chunks().0));
     let goes_on = call.push.flags & BACKWARD_CONTINUE != 0;
     projected.par_chunks_mut(LANES).enumerate().for_each(|(i, out)| {
         let inside = |j: usize| grid.may_be_active(grid.voxel(i * LANES + j));
@@ -23,7 +23,7 @@ fn voxels<F: Real, A: Real>(call: &Call<'_>, [wall, residual]: [&[F]; 2], projec
                 let c = grid.voxel(i * LANES + j).map(|c| A::of(c as f64));
                 grid.position(super::V3 { x: c[0], y: c[1], z: c[2] }).with(A::one())
             });
-            let block = Block::all(&points, &[]).remove(0);
+            let block = SampleBlock::all(&points, &[]).remove(0);
             light.run(Project { call, light: &light, block: &block, residual, sums: &mut sums });
         }
         for (j, (out, sum)) in out.iter_mut().zip(&sums).enumerate() {
@@ -36,8 +36,8 @@ fn voxels<F: Real, A: Real>(call: &Call<'_>, [wall, residual]: [&[F]; 2], projec
 /// Adds the residuals of all pairs of a dispatch to the sums of a block.
 struct Project<'r, 'w, F, A> {
     call: &'r Call<'r>,
-    light: &'r Light<'w, F, A>,
-    block: &'r Block<A>,
+    light: &'r WallLight<'w, F, A>,
+    block: &'r SampleBlock<A>,
     residual: &'r [F],
     sums: &'r mut [A; LANES],
 }
@@ -51,7 +51,7 @@ impl<F: Real, A: Real> Loop for Project<'_, '_, F, A> {
         for pair in call.push.first..call.push.last {
             let ends: Ends<A> = light.ends(pair as usize);
             for j in 0..LANES {
-                let seen = Pair::<A, PLAIN, TWO>::new(b, j, &ends, &light.numbers);
+                let seen = PairView::<A, PLAIN, TWO>::new(b, j, &ends, &light.numbers);
                 (cells[j], shares[j]) = place(seen.metres(), &light.numbers);
                 if COSINES != PLAIN {
                     cosines[j] = (-seen.arms[0].toward.z).at_least(A::zero());

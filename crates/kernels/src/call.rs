@@ -1,5 +1,5 @@
 use super::shared::{LearnedPush, PADDING, PaperData, Push, SceneData, SurfaceData};
-use super::{Grid, Real};
+use super::{Real, SceneGrid};
 
 /// A dispatch without its buffers.
 #[derive(Debug, Clone)]
@@ -51,8 +51,8 @@ impl<'c> Call<'c> {
     }
 
     /// The voxels.
-    pub fn grid<F: Real>(&self) -> Grid<F> {
-        Grid::of(&self.scene)
+    pub fn grid<F: Real>(&self) -> SceneGrid<F> {
+        SceneGrid::of(&self.scene)
     }
 
     /// Parameters of a dispatch of the learned start.
@@ -123,7 +123,10 @@ impl<F: Real> Cells<F> {
 
     /// All floats.
     pub fn f(&mut self) -> &mut [F] {
-        F::floats(self)
+        match self {
+            Cells::Floats(all) => all,
+            Cells::Words(all) => F::of_words(all),
+        }
     }
 
     /// Floats in twos.

@@ -1,6 +1,6 @@
 //! The active domain: sets of voxels as bits in storage order, and slots of their state.
 
-use super::{BRICK_VOXELS, Call, Grid, Real};
+use super::{BRICK_VOXELS, Call, Real, SceneGrid};
 
 /// Words of a set per brick.
 pub const WORDS: usize = BRICK_VOXELS / 32;
@@ -21,7 +21,7 @@ pub fn bits_of(mut word: u32) -> impl Iterator<Item = usize> {
 }
 
 /// The voxels of a brick in the grid from layer `near` on.
-pub fn inside<F: Real>(grid: &Grid<F>, brick: usize, near: usize) -> [u32; WORDS] {
+pub fn inside<F: Real>(grid: &SceneGrid<F>, brick: usize, near: usize) -> [u32; WORDS] {
     let corner = grid.voxel(brick * BRICK_VOXELS);
     if grid.contains(corner.map(|c| c + 7)) && corner[2] >= near {
         return [u32::MAX; WORDS];

@@ -1,7 +1,7 @@
 use rayon::prelude::*;
 
 use super::arguments::chunks;
-use super::light::{Block, Ends, LANES, Light, Loop, Numbers, Pair, convert, place};
+use super::light::{SampleBlock, Ends, LANES, WallLight, Loop, LightNumbers, PairView, convert, place};
 use super::shared::{COUNT_ACTIVE, PADDING};
 use super::{Call, Cells, Real};
 
@@ -23,8 +23,8 @@ fn render<F: Real, A: Real>(
     wall: &[[F; 4]],
     histograms: &mut [F],
 ) {
-    let light = Light::<F, A>::of(call, wall);
-    let blocks = Block::<A>::all(points, normals);
+    let light = WallLight::<F, A>::of(call, wall);
+    let blocks = SampleBlock::<A>::all(points, normals);
     let (stride, pairs) = (call.stride(), call.scene.pairs as usize);
     // Sums by place, of its cell and of the next one: one addition for both.
     let scratch = || vec![[A::zero(); 2]; stride + 1];
@@ -38,9 +38,9 @@ fn render<F: Real, A: Real>(
 
 /// Adds the light of all samples to a pair's row.
 struct RenderPair<'r, A> {
-    numbers: &'r Numbers<A>,
+    numbers: &'r LightNumbers<A>,
     ends: Ends<A>,
-    blocks: &'r [Block<A>],
+    blocks: &'r [SampleBlock<A>],
     row: &'r mut [[A; 2]],
 }
 
@@ -51,7 +51,7 @@ impl<A: Real> Loop for RenderPair<'_, A> {
         let mut values = [[A::zero(); 2]; LANES];
         for b in self.blocks {
             for j in 0..LANES {
-                let (value, metres) = Pair::<A, COSINES, TWO>::new(b, j, &self.ends, self.numbers).light(b, j);
+                let (value, metres) = PairView::<A, COSINES, TWO>::new(b, j, &self.ends, self.numbers).light(b, j);
                 let (cell, share) = place(metres, self.numbers);
                 let later = value * share;
                 cells[j] = cell;

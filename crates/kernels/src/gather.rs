@@ -3,12 +3,13 @@
 use rayon::prelude::*;
 
 use super::light::{
-    Arm, Block, COSINE, Ends, LAMBERTIAN, LANES, Light, Loop, Numbers, PLAIN, Pair, convert, place,
+    COSINE, Ends, LAMBERTIAN, LANES, LightArm, LightNumbers, Loop, PLAIN, PairView, SampleBlock, WallLight,
+    convert, place,
 };
 use super::{Call, Real};
 
 /// Sums over pairs at the samples of a block, component by component.
-pub struct Sums<A> {
+pub struct GradientSums<A> {
     /// By albedo; without cosines only.
     pub albedo: [A; LANES],
     /// By albedo times normal.
@@ -32,13 +33,16 @@ pub fn gather<F: Real, A: Real>(
     [points, normals]: [&[[F; 4]]; 2],
     [wall, residual]: [&[F]; 2],
     out: &mut [[F; 4]],
-    hear: impl Fn(u32, &Block<A>, &Sums<A>, &mut [[F; 4]]) + Sync,
+    hear: impl Fn(u32, &SampleBlock<A>, &GradientSums<A>, &mut [[F; 4]]) + Sync,
 ) {
-    let light = Light::<F, A>::of(call, wall.as_chunks().0);
-    let blocks = Block::<A>::all(points, normals);
+    let light = WallLight::<F, A>::of(call, wall.as_chunks().0);
+    let blocks = SampleBlock::<A>::all(points, normals);
     blocks.par_iter().zip(out[..points.len()].par_chunks_mut(LANES)).for_each(|(block, out)| {
-        let mut sums =
-            Sums { albedo: [A::zero(); LANES], vector: [[A::zero(); LANES]; 3], depth: [A::zero(); LANES] };
+        let mut sums = GradientSums {
+            albedo: [A::zero(); LANES],
+            vector: [[A::zero(); LANES]; 3],
+            depth: [A::zero(); LANES],
+        };
         light.run(OverPairs { call, how, light: &light, block, residual, sums: &mut sums });
         hear(light.cosines, block, &sums, out);
     });
@@ -48,10 +52,10 @@ pub fn gather<F: Real, A: Real>(
 struct OverPairs<'r, 'w, F, A> {
     call: &'r Call<'r>,
     how: Gather,
-    light: &'r Light<'w, F, A>,
-    block: &'r Block<A>,
+    light: &'r WallLight<'w, F, A>,
+    block: &'r SampleBlock<A>,
     residual: &'r [F],
-    sums: &'r mut Sums<A>,
+    sums: &'r mut GradientSums<A>,
 }
 
 impl<F: Real, A: Real> Loop for OverPairs<'_, '_, F, A> {
@@ -66,8 +70,8 @@ impl<F: Real, A: Real> Loop for OverPairs<'_, '_, F, A> {
             let ends = light.ends(pair as usize);
             let term = Term { how, numbers: &light.numbers, ends: &ends, block: b };
             for j in 0..LANES {
-                let first = Arm::new(b, j, ends.points[0], &light.numbers);
-                let second = if TWO { Arm::new(b, j, ends.points[1], &light.numbers) } else { first };
+                let first = LightArm::new(b, j, ends.points[0], &light.numbers);
+                let second = if TWO { LightArm::new(b, j, ends.points[1], &light.numbers) } else { first };
                 (cells[j], shares[j]) = place(first.distance + second.distance, &light.numbers);
                 first.keep(&mut arms[0], j);
                 if TWO {
@@ -82,9 +86,9 @@ impl<F: Real, A: Real> Loop for OverPairs<'_, '_, F, A> {
             for j in 0..LANES {
                 let [low, high] = around[j];
                 let rise = high - low;
-                let first = Arm::kept(&arms[0], j, &light.numbers);
-                let second = if TWO { Arm::kept(&arms[1], j, &light.numbers) } else { first };
-                let seen = Pair::<A, COSINES, TWO>::by([first, second], b, j, &ends);
+                let first = LightArm::kept(&arms[0], j, &light.numbers);
+                let second = if TWO { LightArm::kept(&arms[1], j, &light.numbers) } else { first };
+                let seen = PairView::<A, COSINES, TWO>::by([first, second], b, j, &ends);
                 term.add(&seen, j, [low + shares[j] * rise, rise], sums);
             }
         }
@@ -94,9 +98,9 @@ impl<F: Real, A: Real> Loop for OverPairs<'_, '_, F, A> {
 /// A pair's part of the sums of a block.
 struct Term<'t, A> {
     how: Gather,
-    numbers: &'t Numbers<A>,
+    numbers: &'t LightNumbers<A>,
     ends: &'t Ends<A>,
-    block: &'t Block<A>,
+    block: &'t SampleBlock<A>,
 }
 
 impl<A: Real> Term<'_, A> {
@@ -105,10 +109,10 @@ impl<A: Real> Term<'_, A> {
     #[inline(always)]
     fn add<const COSINES: u32, const TWO: bool>(
         &self,
-        seen: &Pair<A, COSINES, TWO>,
+        seen: &PairView<A, COSINES, TWO>,
         j: usize,
         [r, rise]: [A; 2],
-        sums: &mut Sums<A>,
+        sums: &mut GradientSums<A>,
     ) {
         let zero = A::zero();
         let [first, second] = seen.arms;
@@ -119,7 +123,7 @@ impl<A: Real> Term<'_, A> {
             sums.albedo[j] = sums.albedo[j] + lit;
         }
         // By the normal; and by depth through the directions of the arms, without the falloff.
-        let turned = |arm: &Arm<A>, cosine: A, normal: A| (cosine * arm.toward.z - normal) * arm.inverse;
+        let turned = |arm: &LightArm<A>, cosine: A, normal: A| (cosine * arm.toward.z - normal) * arm.inverse;
         let normal_z = self.block.normal[2][j];
         let [a, c] = seen.surface;
         let mut turns = zero;

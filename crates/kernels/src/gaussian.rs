@@ -3,7 +3,7 @@ use rayon::prelude::*;
 use super::domain::Slots;
 use super::shared::*;
 use super::surface::elu;
-use super::{BRICK_VOXELS, Call, Cells, Grid, Real, larger, voxel};
+use super::{BRICK_VOXELS, Call, Cells, SceneGrid, Real, larger, voxel};
 
 /// Voxels of a brick at one position along an axis.
 const ACROSS: usize = 64;
@@ -42,7 +42,7 @@ pub fn gaussian<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
 }
 
 struct Smooth<'t, F> {
-    grid: Grid<F>,
+    grid: SceneGrid<F>,
     axis: usize,
     /// Weights at 0, 1, 2, ... voxels to either side.
     taps: &'t [F],

@@ -30,7 +30,7 @@ fn gather(v: usize) -> usize {
 
 /// The voxels of a scene.
 #[derive(Debug, Clone, Copy)]
-pub struct Grid<F> {
+pub struct SceneGrid<F> {
     /// Voxels along x, y, z.
     pub n: [usize; 3],
     /// Bricks along x, y, z.
@@ -43,12 +43,12 @@ pub struct Grid<F> {
     pub pitch: V3<F>,
 }
 
-impl<F: Real> Grid<F> {
+impl<F: Real> SceneGrid<F> {
     /// The grid that a scene has.
-    pub fn of(s: &SceneData) -> Grid<F> {
+    pub fn of(s: &SceneData) -> SceneGrid<F> {
         let count = |all: [u32; 3]| all.map(|n| n as usize);
         let vector = |[x, y, z]: [f32; 3]| V3 { x: F::from32(x), y: F::from32(y), z: F::from32(z) };
-        Grid {
+        SceneGrid {
             n: count([s.grid_x, s.grid_y, s.grid_z]),
             bricks: count([s.bricks_x, s.bricks_y, s.bricks_z]),
             near_z: s.near_z as usize,
@@ -58,12 +58,12 @@ impl<F: Real> Grid<F> {
     }
 
     /// The voxels of half the lateral resolution.
-    pub fn coarser(&self) -> Grid<F> {
+    pub fn coarser(&self) -> SceneGrid<F> {
         let n = [self.n[0] / 2, self.n[1] / 2, self.n[2]];
         let two = F::of(2.0);
         let pitch = V3 { x: self.pitch.x * two, y: self.pitch.y * two, z: self.pitch.z };
         let shift = V3 { x: self.pitch.x / two, y: self.pitch.y / two, z: F::zero() };
-        Grid { n, bricks: n.map(|n| n.div_ceil(8)), origin: self.origin + shift, pitch, ..*self }
+        SceneGrid { n, bricks: n.map(|n| n.div_ceil(8)), origin: self.origin + shift, pitch, ..*self }
     }
 
     /// Number of voxels of the storage, including those of bricks beyond the grid.

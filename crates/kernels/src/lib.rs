@@ -33,13 +33,13 @@ pub mod shared {
 use rayon::prelude::*;
 
 pub use call::{Call, Cells, Function};
-pub use grid::{BRICK_VOXELS, Grid, index, voxel};
+pub use grid::{BRICK_VOXELS, SceneGrid, index, voxel};
 pub use real::Real;
 pub use vector::{V2, V3};
 
 /// A kernel by name, for both float types.
 #[derive(Debug, Clone, Copy)]
-pub struct Row {
+pub struct HostKernelRow {
     /// Name of its source in `glsl/`.
     pub name: &'static str,
     /// On the host.
@@ -54,7 +54,7 @@ macro_rules! kernels {
         $(mod $name; pub use $name::$name;)*
 
         /// Every kernel.
-        pub static KERNELS: &[Row] = &[$(Row {
+        pub static KERNELS: &[HostKernelRow] = &[$(HostKernelRow {
             name: stringify!($name),
             host: $name::$name::<f32>,
             reference: $name::$name::<f64>,
@@ -71,7 +71,7 @@ kernels! {
 }
 
 /// The kernel of a module: the one of the longest name with which the module's begins.
-pub fn kernel_of(module: &str) -> Option<&'static Row> {
+pub fn kernel_of(module: &str) -> Option<&'static HostKernelRow> {
     let of =
         |name: &str| module.strip_prefix(name).is_some_and(|rest| rest.is_empty() || rest.starts_with('_'));
     KERNELS.iter().filter(|row| of(row.name)).max_by_key(|row| row.name.len())

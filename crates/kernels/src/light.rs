@@ -28,16 +28,16 @@ const EDGE: f64 = 1.0 / 4_194_304.0;
 
 /// Samples of a block, component by component: position (metres), albedo, unit normal.
 #[derive(Debug, Clone)]
-pub struct Block<A> {
+pub struct SampleBlock<A> {
     pub point: [[A; LANES]; 3],
     pub albedo: [A; LANES],
     pub normal: [[A; LANES]; 3],
 }
 
-impl<A: Real> Block<A> {
+impl<A: Real> SampleBlock<A> {
     /// Blocks of the samples in `points` and `normals`, empty without normals. The last block is filled up by copies of the
     /// last sample with albedo 0.
-    pub fn all<F: Real>(points: &[[F; 4]], normals: &[[F; 4]]) -> Vec<Block<A>> {
+    pub fn all<F: Real>(points: &[[F; 4]], normals: &[[F; 4]]) -> Vec<SampleBlock<A>> {
         let blocks = points.chunks(LANES).enumerate();
         blocks
             .map(|(i, points)| {
@@ -47,7 +47,7 @@ impl<A: Real> Block<A> {
                     normals.get(i * LANES + lane.min(points.len() - 1)).copied().unwrap_or(facing)
                 };
                 let part = |of: &dyn Fn(usize) -> F| std::array::from_fn(|lane| convert(of(lane)));
-                Block {
+                SampleBlock {
                     point: std::array::from_fn(|k| part(&|lane| at(lane)[k])),
                     albedo: part(&|lane| if lane < points.len() { points[lane][3] } else { F::zero() }),
                     normal: std::array::from_fn(|k| part(&|lane| normal(lane)[k])),
@@ -72,7 +72,7 @@ pub struct Ends<A> {
 
 /// Wall points and how they make pairs, and the numbers of arms and places.
 #[derive(Debug, Clone, Copy)]
-pub struct Light<'w, F, A> {
+pub struct WallLight<'w, F, A> {
     wall: &'w [[F; 4]],
     geometry: u32,
     scanned: usize,
@@ -82,12 +82,12 @@ pub struct Light<'w, F, A> {
     pub cosines: u32,
     /// Whether a pair has two arms.
     pub two_arms: bool,
-    pub numbers: Numbers<A>,
+    pub numbers: LightNumbers<A>,
 }
 
 /// Numbers of arms and places.
 #[derive(Debug, Clone, Copy)]
-pub struct Numbers<A> {
+pub struct LightNumbers<A> {
     /// Length that scales distances in the falloff, metres.
     reference: A,
     /// Square of the distance below which a sample gives no light.
@@ -104,9 +104,9 @@ pub struct Numbers<A> {
     shared: A,
 }
 
-impl<'w, F: Real, A: Real> Light<'w, F, A> {
+impl<'w, F: Real, A: Real> WallLight<'w, F, A> {
     /// The light of a dispatch to its wall points.
-    pub fn of(call: &Call<'_>, wall: &'w [[F; 4]]) -> Light<'w, F, A> {
+    pub fn of(call: &Call<'_>, wall: &'w [[F; 4]]) -> WallLight<'w, F, A> {
         let s = &call.scene;
         let reflectance = call.constant("REFLECTANCE", 0);
         // In float64 as on the host that made the parts: their sums have more bits than fp32.
@@ -118,7 +118,7 @@ impl<'w, F: Real, A: Real> Light<'w, F, A> {
         let edge = if split { 0.0 } else { EDGE * f64::from(s.stride) };
         let nearest = f64::from(s.nearest).powi(2).max(f64::from(f32::MIN_POSITIVE));
         let geometry = call.constant("GEOMETRY", 0);
-        let numbers = Numbers {
+        let numbers = LightNumbers {
             reference: A::from32(s.reference),
             nearest: A::of(nearest),
             retro: reflectance == RETROREFLECTIVE,
@@ -128,7 +128,7 @@ impl<'w, F: Real, A: Real> Light<'w, F, A> {
             last: A::of(f64::from(s.stride) + 0.5),
             shared: if split { A::one() } else { A::zero() },
         };
-        Light {
+        WallLight {
             wall,
             geometry,
             scanned: s.scanned as usize,
@@ -156,7 +156,7 @@ impl<'w, F: Real, A: Real> Light<'w, F, A> {
 
 /// An arm from a sample to a wall point.
 #[derive(Debug, Clone, Copy)]
-pub struct Arm<A> {
+pub struct LightArm<A> {
     /// Unit vector to the wall point.
     pub toward: V3<A>,
     /// Metres, and the inverse; both are 0 for a degenerate pair.
@@ -166,24 +166,24 @@ pub struct Arm<A> {
     pub falloff: A,
 }
 
-impl<A: Real> Arm<A> {
+impl<A: Real> LightArm<A> {
     /// The arm of lane `j` of a block to `point`.
     #[inline(always)]
-    pub fn new(b: &Block<A>, j: usize, point: V3<A>, n: &Numbers<A>) -> Arm<A> {
+    pub fn new(b: &SampleBlock<A>, j: usize, point: V3<A>, n: &LightNumbers<A>) -> LightArm<A> {
         let way = point - V3 { x: b.point[0][j], y: b.point[1][j], z: b.point[2][j] };
         let squared = way.dot(way);
         let distance = squared.sqrt();
         let is_near = squared < n.nearest;
         let inverse = if is_near { A::zero() } else { A::one() / distance };
         let distance = if is_near { A::zero() } else { distance };
-        Arm { distance, ..Arm::by(way * inverse, inverse, n) }
+        LightArm { distance, ..LightArm::by(way * inverse, inverse, n) }
     }
 
     #[inline(always)]
-    fn by(toward: V3<A>, inverse: A, n: &Numbers<A>) -> Arm<A> {
+    fn by(toward: V3<A>, inverse: A, n: &LightNumbers<A>) -> LightArm<A> {
         let scaled = n.reference * inverse;
         let falloff = scaled * if n.retro { A::one() } else { scaled };
-        Arm { toward, distance: A::zero(), inverse, falloff }
+        LightArm { toward, distance: A::zero(), inverse, falloff }
     }
 
     /// Puts direction and inverse length of lane `j` into arrays.
@@ -197,15 +197,15 @@ impl<A: Real> Arm<A> {
 
     /// The arm that was kept for lane `j`, without its distance.
     #[inline(always)]
-    pub fn kept(from: &[[A; LANES]; 4], j: usize, n: &Numbers<A>) -> Arm<A> {
-        Arm::by(V3 { x: from[0][j], y: from[1][j], z: from[2][j] }, from[3][j], n)
+    pub fn kept(from: &[[A; LANES]; 4], j: usize, n: &LightNumbers<A>) -> LightArm<A> {
+        LightArm::by(V3 { x: from[0][j], y: from[1][j], z: from[2][j] }, from[3][j], n)
     }
 }
 
 /// The arms from a sample to a pair, and the cosines at both of their ends.
 #[derive(Debug, Clone, Copy)]
-pub struct Pair<A, const COSINES: u32, const TWO: bool> {
-    pub arms: [Arm<A>; 2],
+pub struct PairView<A, const COSINES: u32, const TWO: bool> {
+    pub arms: [LightArm<A>; 2],
     /// Product of both falloffs.
     pub falloff: A,
     /// Cosines of the surface toward both points, and of the wall toward the sample; none below zero.
@@ -213,17 +213,17 @@ pub struct Pair<A, const COSINES: u32, const TWO: bool> {
     pub wall: [A; 2],
 }
 
-impl<A: Real, const COSINES: u32, const TWO: bool> Pair<A, COSINES, TWO> {
+impl<A: Real, const COSINES: u32, const TWO: bool> PairView<A, COSINES, TWO> {
     /// The pair at `ends` as lane `j` of a block sees it.
     #[inline(always)]
-    pub fn new(b: &Block<A>, j: usize, ends: &Ends<A>, n: &Numbers<A>) -> Self {
-        let first = Arm::new(b, j, ends.points[0], n);
-        Pair::by([first, if TWO { Arm::new(b, j, ends.points[1], n) } else { first }], b, j, ends)
+    pub fn new(b: &SampleBlock<A>, j: usize, ends: &Ends<A>, n: &LightNumbers<A>) -> Self {
+        let first = LightArm::new(b, j, ends.points[0], n);
+        PairView::by([first, if TWO { LightArm::new(b, j, ends.points[1], n) } else { first }], b, j, ends)
     }
 
     /// The pair with these arms.
     #[inline(always)]
-    pub fn by(arms: [Arm<A>; 2], b: &Block<A>, j: usize, ends: &Ends<A>) -> Self {
+    pub fn by(arms: [LightArm<A>; 2], b: &SampleBlock<A>, j: usize, ends: &Ends<A>) -> Self {
         let normal = V3 { x: b.normal[0][j], y: b.normal[1][j], z: b.normal[2][j] };
         let (zero, one) = (A::zero(), A::one());
         let cosine = |k: usize| normal.dot(arms[k].toward).at_least(zero);
@@ -234,7 +234,7 @@ impl<A: Real, const COSINES: u32, const TWO: bool> Pair<A, COSINES, TWO> {
         };
         let at_wall = |k: usize| (-ends.normals[k].dot(arms[k].toward)).at_least(zero);
         let wall = if COSINES == LAMBERTIAN { [at_wall(0), at_wall(1)] } else { [one; 2] };
-        Pair { arms, falloff: arms[0].falloff * arms[1].falloff, surface, wall }
+        PairView { arms, falloff: arms[0].falloff * arms[1].falloff, surface, wall }
     }
 
     /// All cosines.
@@ -255,7 +255,7 @@ impl<A: Real, const COSINES: u32, const TWO: bool> Pair<A, COSINES, TWO> {
 
     /// The value that the lane's sample adds, and its path.
     #[inline(always)]
-    pub fn light(&self, b: &Block<A>, j: usize) -> (A, A) {
+    pub fn light(&self, b: &SampleBlock<A>, j: usize) -> (A, A) {
         (b.albedo[j] * self.falloff * self.cosines(), self.metres())
     }
 }
@@ -264,7 +264,7 @@ impl<A: Real, const COSINES: u32, const TWO: bool> Pair<A, COSINES, TWO> {
 /// the first of the two whose centres bracket the path. Every path is in the row or in the padding at its ends, a NaN path in
 /// its first padding.
 #[inline(always)]
-pub fn place<A: Real>(metres: A, n: &Numbers<A>) -> (u32, A) {
+pub fn place<A: Real>(metres: A, n: &LightNumbers<A>) -> (u32, A) {
     let (cell, share) = (metres * n.bins_per_metre + n.start).at_least(A::one()).at_most(n.last).split();
     (cell, share * n.shared)
 }
@@ -275,7 +275,7 @@ pub trait Loop {
     fn run<const COSINES: u32, const TWO: bool>(self);
 }
 
-impl<F: Real, A: Real> Light<'_, F, A> {
+impl<F: Real, A: Real> WallLight<'_, F, A> {
     /// Runs a loop in the widest vectors of the processor.
     pub fn run(&self, inner: impl Loop) {
         pulp::Arch::new().dispatch(Wide { inner, cosines: self.cosines, two_arms: self.two_arms });

@@ -1,7 +1,7 @@
 //! The surface as height fields (`glsl/include/heights.glsl`): pixels with a depth and an albedo, in one or two layers. The
 //! columns of the second layer follow those of the first.
 
-use super::{Call, Grid, Real, V2, V3};
+use super::{Call, Real, SceneGrid, V2, V3};
 
 /// Slope between two pixels that halves their bond.
 const EDGE: f64 = 2.5;
@@ -20,8 +20,8 @@ pub const NOWHERE: u32 = u32::MAX;
 
 /// The pixels of a surface: the buffers `pixels` and `pixel_of`.
 #[derive(Debug, Clone, Copy)]
-pub struct Pixels<'p, F> {
-    pub grid: Grid<F>,
+pub struct PixelField<'p, F> {
+    pub grid: SceneGrid<F>,
     /// Column of every pixel.
     pub pixels: &'p [u32],
     /// Pixel of every column.
@@ -32,11 +32,11 @@ pub struct Pixels<'p, F> {
     pub size: F,
 }
 
-impl<'p, F: Real> Pixels<'p, F> {
-    pub fn new(call: &Call<'_>, pixels: &'p [u32], pixel_of: &'p [u32]) -> Pixels<'p, F> {
+impl<'p, F: Real> PixelField<'p, F> {
+    pub fn new(call: &Call<'_>, pixels: &'p [u32], pixel_of: &'p [u32]) -> PixelField<'p, F> {
         let grid = call.grid::<F>();
         let pitch = V2 { x: grid.pitch.x, y: grid.pitch.y };
-        Pixels { grid, pixels, pixel_of, pitch, size: (pitch.x * pitch.y).sqrt() }
+        PixelField { grid, pixels, pixel_of, pitch, size: (pitch.x * pitch.y).sqrt() }
     }
 
     /// Columns of a layer.

@@ -3,8 +3,6 @@
 use std::fmt::Debug;
 use std::iter::Sum;
 
-use super::{Cells, Function, Row};
-
 /// A float type of kernels: f32 on the host as on a GPU, f64 as reference.
 pub trait Real: num_traits::Float + Sum + Debug + Default + Send + Sync + 'static {
     /// Whether this is the type of references: intermediate results that a kernel leaves undefined are marked.
@@ -35,11 +33,8 @@ pub trait Real: num_traits::Float + Sum + Debug + Default + Send + Sync + 'stati
         if self < other { self } else { other }
     }
 
-    /// The floats of a buffer.
-    fn floats(cells: &mut Cells<Self>) -> &mut [Self];
-
-    /// A kernel's function for this type.
-    fn function(row: &Row) -> Function<Self>;
+    /// Words of a buffer as numbers; none for a type of another size.
+    fn of_words(words: &mut [u32]) -> &mut [Self];
 }
 
 /// 2^23 and 2^52: floats from there upward are integers.
@@ -70,15 +65,8 @@ impl Real for f32 {
         (whole.to_bits() & 0x3f_ffff, self - (whole - WHOLE_32))
     }
 
-    fn floats(cells: &mut Cells<f32>) -> &mut [f32] {
-        match cells {
-            Cells::Floats(all) => all,
-            Cells::Words(all) => bytemuck::cast_slice_mut(all),
-        }
-    }
-
-    fn function(row: &Row) -> Function<f32> {
-        row.host
+    fn of_words(words: &mut [u32]) -> &mut [f32] {
+        bytemuck::cast_slice_mut(words)
     }
 }
 
@@ -106,15 +94,8 @@ impl Real for f64 {
         (whole.to_bits() as u32 & 0x3f_ffff, self - (whole - WHOLE_64))
     }
 
-    fn floats(cells: &mut Cells<f64>) -> &mut [f64] {
-        match cells {
-            Cells::Floats(all) => all,
-            Cells::Words(_) => &mut [],
-        }
-    }
-
-    fn function(row: &Row) -> Function<f64> {
-        row.reference
+    fn of_words(_: &mut [u32]) -> &mut [f64] {
+        &mut []
     }
 }
 

@@ -13,7 +13,7 @@ const TILE: usize = LANES * RESIDUAL_BINS as usize;
 /// weighted and plain squared differences, one of each task.
 pub fn residual<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     bind!(b: counts u, measured f, residual f, histograms f, loss_partials v2, noise_state v3, spread f);
-    let comparison = Comparison::of(call, measured, noise_state);
+    let comparison = CellComparison::of(call, measured, noise_state);
     let spread = call.is("SEEN").then_some(&*spread);
     let clears = !call.is("SPOT");
     let cells = call.cells();
@@ -42,7 +42,7 @@ pub fn residual<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
 }
 
 /// How cells are compared.
-struct Comparison<'m, F> {
+struct CellComparison<'m, F> {
     pairs: usize,
     stride: usize,
     bins: usize,
@@ -52,23 +52,23 @@ struct Comparison<'m, F> {
     /// Rendered value per accumulated value, and dLoss / d(accumulated value) per weighted difference.
     render: F,
     slope: F,
-    noise: Option<Noise<'m, F>>,
+    noise: Option<NoiseTerms<'m, F>>,
 }
 
 /// The noise term.
-struct Noise<'m, F> {
+struct NoiseTerms<'m, F> {
     state: &'m [[F; 3]],
     by_bin: bool,
     base: F,
     span: F,
 }
 
-impl<'m, F: Real> Comparison<'m, F> {
-    fn of(call: &Call<'_>, measured: &'m [F], state: &'m [[F; 3]]) -> Comparison<'m, F> {
+impl<'m, F: Real> CellComparison<'m, F> {
+    fn of(call: &Call<'_>, measured: &'m [F], state: &'m [[F; 3]]) -> CellComparison<'m, F> {
         let render = F::from32(call.scene.render_scale);
         let [base, span] = [call.paper.noise_base, call.paper.noise_span].map(F::from32);
         let noise = call.constant("NOISE", 0);
-        Comparison {
+        CellComparison {
             pairs: call.scene.pairs as usize,
             stride: call.stride(),
             bins: call.bins(),
@@ -76,7 +76,7 @@ impl<'m, F: Real> Comparison<'m, F> {
             weights: if call.is("WEIGHTED") { bin_weights(call) } else { vec![F::one(); call.bins()] },
             render,
             slope: F::of(2.0) * F::from32(call.scene.loss_scale) * render,
-            noise: (noise != 0).then_some(Noise { state, by_bin: noise == 1, base, span }),
+            noise: (noise != 0).then_some(NoiseTerms { state, by_bin: noise == 1, base, span }),
         }
     }
 

@@ -14,7 +14,7 @@ pub fn residual_rows<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     bind!(b: counts u, measured f, residual f, histograms f, loss_partials v2, factors v4, spread f);
     let (bins, stride, pairs) = (call.bins(), call.stride(), call.scene.pairs as usize);
     let [seen, spots] = ["SEEN", "SPOT"].map(|name| call.is(name));
-    let filter = RowFilter::of(call, factors);
+    let filter = SharedFilter::of(call, factors);
     let first = PADDING as usize;
     residual[..first].fill(F::zero());
     let compared = if seen { &spread[first..] } else { &histograms[first..] };
@@ -26,7 +26,7 @@ pub fn residual_rows<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
         .map_init(
             || [vec![[F::zero(); ROWS]; bins], vec![[F::zero(); ROWS]; bins]],
             |[values, kept], (((residual, compared), measured), losses)| {
-                let rows = Rows { filter: &filter, stride, compared, measured, values, kept, residual, losses };
+                let rows = FilteredRows { filter: &filter, stride, compared, measured, values, kept, residual, losses };
                 pulp::Arch::new().dispatch(rows)
             },
         )
@@ -41,7 +41,7 @@ pub fn residual_rows<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
 }
 
 /// What all rows share.
-struct RowFilter<'f, F> {
+struct SharedFilter<'f, F> {
     render: F,
     /// Residual per weighted and filtered difference.
     scale: F,
@@ -51,10 +51,10 @@ struct RowFilter<'f, F> {
     factors: &'f [[F; 4]],
 }
 
-impl<'f, F: Real> RowFilter<'f, F> {
-    fn of(call: &Call<'_>, factors: &'f [[F; 4]]) -> RowFilter<'f, F> {
+impl<'f, F: Real> SharedFilter<'f, F> {
+    fn of(call: &Call<'_>, factors: &'f [[F; 4]]) -> SharedFilter<'f, F> {
         let scene = &call.scene;
-        RowFilter {
+        SharedFilter {
             render: F::from32(scene.render_scale),
             scale: F::of(2.0 * f64::from(scene.loss_scale) * f64::from(scene.render_scale)),
             share: F::from32(call.surface.slow_share),
@@ -64,8 +64,8 @@ impl<'f, F: Real> RowFilter<'f, F> {
 }
 
 /// A task: up to [`ROWS`] rows, without the padding before the first.
-struct Rows<'r, F> {
-    filter: &'r RowFilter<'r, F>,
+struct FilteredRows<'r, F> {
+    filter: &'r SharedFilter<'r, F>,
     stride: usize,
     compared: &'r [F],
     measured: &'r [F],
@@ -76,13 +76,13 @@ struct Rows<'r, F> {
     losses: &'r mut [[F; 2]],
 }
 
-impl<F: Real> pulp::WithSimd for Rows<'_, F> {
+impl<F: Real> pulp::WithSimd for FilteredRows<'_, F> {
     type Output = u32;
 
     /// Returns the faults.
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> u32 {
-        let Rows { filter, stride, compared, measured, values, kept, residual, losses } = self;
+        let FilteredRows { filter, stride, compared, measured, values, kept, residual, losses } = self;
         let (zero, bins) = (F::zero(), values.len());
         let (mut magnitudes, mut plain, mut filtered) = ([zero; ROWS], [zero; ROWS], [zero; ROWS]);
         for (lane, measured) in measured.chunks_exact(bins).enumerate() {

@@ -5,7 +5,7 @@ use super::pixels::has_normals;
 use super::sampling::{corners, sample_point};
 use super::shared::*;
 use super::surface::{elu, safe_length, toward_wall};
-use super::{Call, Cells, Grid, Real, V3, larger};
+use super::{Call, Cells, SceneGrid, Real, V3, larger};
 
 /// The samples of the active voxels: raw variables interpolated at a random point, or those at the centre. Those of a partial
 /// sum are one task.
@@ -15,7 +15,7 @@ pub fn sample<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
         b: counts u, active_voxels u, raw v4, points v4, normals v4, l1_partials f, mask u, ranks u, rim u, rim_ranks u
     );
     let active = counts[COUNT_ACTIVE as usize] as usize;
-    let state = State {
+    let state = RawState {
         call,
         grid: call.grid(),
         raw,
@@ -43,15 +43,15 @@ pub fn sample<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
 }
 
 /// The raw variables of touched voxels.
-struct State<'s, F> {
+struct RawState<'s, F> {
     call: &'s Call<'s>,
-    grid: Grid<F>,
+    grid: SceneGrid<F>,
     raw: &'s [[F; 4]],
     touched: Touched<'s>,
     continuous: bool,
 }
 
-impl<F: Real> State<'_, F> {
+impl<F: Real> RawState<'_, F> {
     /// Writes the samples of `voxels`, whose slots begin at `first`, and the sum of their magnitudes. Returns the largest
     /// one, and whether all raw variables are finite.
     #[inline(always)]

@@ -1,6 +1,6 @@
 //! Samples of voxels.
 
-use super::{Call, Grid, Real};
+use super::{Call, Real, SceneGrid};
 
 /// Three numbers in [0, 1) from a voxel's storage index, the iteration and a stream: the same bits as in the kernels of a GPU.
 /// PCG3D, Jarzynski & Olano 2020, "Hash functions for GPU rendering".
@@ -21,7 +21,7 @@ pub fn random3<F: Real>(index: u32, iteration: u32, stream: u32, seed: u32) -> [
 
 /// The random point of voxel `index` in an iteration, in voxels: within half a voxel of its centre and in the grid.
 #[inline(always)]
-pub fn sample_point<F: Real>(call: &Call<'_>, grid: &Grid<F>, index: u32) -> [F; 3] {
+pub fn sample_point<F: Real>(call: &Call<'_>, grid: &SceneGrid<F>, index: u32) -> [F; 3] {
     let random: [F; 3] = random3(index, call.push.iteration, 1, call.paper.seed);
     let c = grid.voxel(index as usize);
     std::array::from_fn(|a| {

@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use super::pixels::{AROUND, NOWHERE, Pixels};
+use super::pixels::{AROUND, NOWHERE, PixelField};
 use super::shared::*;
 use super::{Call, Cells, Real, V2};
 
@@ -21,7 +21,7 @@ pub fn surface_bonds<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     for (pixel, column) in pixels[..count].iter().enumerate() {
         bond_depths[*column as usize] = heights[pixel][0];
     }
-    let field = Pixels::<F>::new(call, pixels, pixel_of);
+    let field = PixelField::<F>::new(call, pixels, pixel_of);
     let stencils = stencils[..8 * count].as_chunks_mut::<8>().0;
     stencils.par_iter_mut().with_min_len(WORKGROUP as usize).enumerate().for_each(|(pixel, stencil)| {
         let neighbours = field.neighbours(pixel);
@@ -35,7 +35,7 @@ pub fn surface_bonds<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
 }
 
 /// Coefficients of the slopes of the plane through a pixel and neighbours of these weights.
-fn plane<F: Real>(weights: &[F; 8], field: &Pixels<'_, F>) -> [[F; 2]; 8] {
+fn plane<F: Real>(weights: &[F; 8], field: &PixelField<'_, F>) -> [[F; 2]; 8] {
     let offset = |k: usize| V2::of(AROUND[k].map(|d| F::of(d.into())));
     // The pixel itself has a weight of one, at zero.
     let all = weights.iter().fold(F::one(), |sum, weight| sum + *weight);

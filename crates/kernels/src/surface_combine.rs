@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use super::pixels::{NOWHERE, Pixels, has_normals};
+use super::pixels::{NOWHERE, PixelField, has_normals};
 use super::shared::*;
 use super::{Call, Cells, Real, V2};
 
@@ -15,7 +15,7 @@ pub fn surface_combine<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
         bond_depths f
     );
     let count = call.push.last as usize;
-    let field = Pixels::<F>::new(call, pixels, pixel_of);
+    let field = PixelField::<F>::new(call, pixels, pixel_of);
     let prior = Prior {
         field: &field,
         heights,
@@ -75,7 +75,7 @@ struct PixelGradient<F> {
 }
 
 struct Prior<'p, F> {
-    field: &'p Pixels<'p, F>,
+    field: &'p PixelField<'p, F>,
     heights: &'p [[F; 2]],
     slopes: &'p [[F; 2]],
     bond_depths: &'p [F],

@@ -1,13 +1,13 @@
 use rayon::prelude::*;
 
-use super::pixels::{NOWHERE, Pixels, facing, has_normals, stretch};
+use super::pixels::{NOWHERE, PixelField, facing, has_normals, stretch};
 use super::shared::*;
 use super::{Call, Cells, Real, V2, larger, watch};
 
 /// Slopes of every pixel, and its samples: 1 or 4 points of its tilted square, with depths limited to the grid's.
 pub fn surface_points<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     bind!(b: pixels u, pixel_of u, heights v2, stencils v2, slopes v2, points v4, normals v4, counts u);
-    let (field, count) = (Pixels::<F>::new(call, pixels, pixel_of), call.push.last as usize);
+    let (field, count) = (PixelField::<F>::new(call, pixels, pixel_of), call.push.last as usize);
     let each = call.constant("POINTS", 4) as usize;
     let directed = has_normals(call);
     let [near, far] = field.grid.depth_limits();

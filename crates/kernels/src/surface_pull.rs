@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use super::pixels::{Pixels, sigma_at};
+use super::pixels::{PixelField, sigma_at};
 use super::shared::*;
 use super::surroundings::Surroundings;
 use super::{Call, Cells, Real};
@@ -9,7 +9,7 @@ use super::{Call, Cells, Real};
 pub fn surface_pull<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     bind!(b: pixels u, pixel_of u, stencils v2, height_gradient v4, weights f, height_pull v4, bond_depths f);
     let count = call.push.last as usize;
-    let field = Pixels::<F>::new(call, &pixels[..count], pixel_of);
+    let field = PixelField::<F>::new(call, &pixels[..count], pixel_of);
     let spread = [SURFACE_SPREAD, SURFACE_ITERATIONS].map(|i| weights[i as usize]);
     let Some(sigma) = sigma_at(spread, call.push.step) else { return };
     let whole = Surroundings::new(&field, sigma, |column| bond_depths[column]).weights();

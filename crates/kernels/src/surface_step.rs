@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use super::pixels::{NOWHERE, Pixels, sigma_at};
+use super::pixels::{NOWHERE, PixelField, sigma_at};
 use super::shared::*;
 use super::surroundings::Surroundings;
 use super::trace::close;
@@ -23,7 +23,7 @@ pub fn surface_step<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
         height_pull v4, loss_partials v2, l1_partials f, trace u
     );
     let count = call.push.last as usize;
-    let field = Pixels::<F>::new(call, &pixels[..count], pixel_of);
+    let field = PixelField::<F>::new(call, &pixels[..count], pixel_of);
     let at = |i: u32| weights[i as usize];
     let done = f64::from(call.push.step - 1) / at(SURFACE_ITERATIONS).wide();
     let rate = 0.5 + 0.5 * (std::f64::consts::PI * done).cos() + LAST_RATE;

@@ -4,7 +4,7 @@
 use rayon::prelude::*;
 
 use super::Real;
-use super::pixels::{Pixels, stops};
+use super::pixels::{PixelField, stops};
 
 /// Columns along y that are averaged together.
 pub const RUN: usize = 16;
@@ -61,7 +61,7 @@ pub struct Surroundings<F> {
 
 impl<F: Real> Surroundings<F> {
     /// Those within two `sigma` pixels. `depths`: of all columns, for the bonds.
-    pub fn new(field: &Pixels<'_, F>, sigma: f64, depths: impl Fn(usize) -> F + Sync) -> Surroundings<F> {
+    pub fn new(field: &PixelField<'_, F>, sigma: f64, depths: impl Fn(usize) -> F + Sync) -> Surroundings<F> {
         // The margin keeps rounding of sigma from adding a pixel.
         let reach = (2.0 * sigma - 1e-3).ceil() as usize;
         let narrow = 0.5 / (sigma * sigma);
@@ -99,7 +99,7 @@ impl<F: Real> Surroundings<F> {
         all.par_chunks_mut(ny).enumerate().for_each(|(row, out)| {
             for (i, out) in out.chunks_mut(RUN).enumerate() {
                 let at = [row / nx, row % nx, i * RUN];
-                let run = Run { around: self, values, at };
+                let run = ColumnRun { around: self, values, at };
                 let [first, second] = pulp::Arch::new().dispatch(run);
                 out.iter_mut().zip(first.into_iter().zip(second)).for_each(|(out, (a, b))| *out = [a, b]);
             }
@@ -109,18 +109,18 @@ impl<F: Real> Surroundings<F> {
 }
 
 /// The sums around a run of columns.
-struct Run<'r, F> {
+struct ColumnRun<'r, F> {
     around: &'r Surroundings<F>,
     values: Option<&'r [Rimmed<F>; 2]>,
     at: [usize; 3],
 }
 
-impl<F: Real> pulp::WithSimd for Run<'_, F> {
+impl<F: Real> pulp::WithSimd for ColumnRun<'_, F> {
     type Output = [[F; RUN]; 2];
 
     #[inline(always)]
     fn with_simd<S: pulp::Simd>(self, _: S) -> [[F; RUN]; 2] {
-        let Run { around, values, at } = self;
+        let ColumnRun { around, values, at } = self;
         let side = 2 * around.reach + 1;
         let mut sums = [[F::zero(); RUN]; 2];
         let own = around.depths.run(at, [around.reach; 2]);

@@ -6,7 +6,7 @@ use super::adam::Adam;
 use super::domain::{Slots, is_continuous};
 use super::sampling::sample_point;
 use super::shared::*;
-use super::{Call, Cells, Grid, Real, grid};
+use super::{Call, Cells, SceneGrid, Real, grid};
 
 /// Voxels of a task.
 const EACH: usize = 256;
@@ -44,7 +44,7 @@ pub fn update<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
 
 /// Samples around voxels.
 struct Around<'s, F> {
-    grid: Grid<F>,
+    grid: SceneGrid<F>,
     slots: Slots<'s>,
     gradient: &'s [[F; 4]],
     /// Where the samples are, in voxels, by slot.

@@ -1,6 +1,6 @@
 //! The built-in scenes.
 
-use super::{Mesh, Object, Scene, figure, letter, rectangle, sphere, torus};
+use super::{Mesh, MeshPlace, Object, Scene, figure, letter, rectangle, sphere, torus};
 use crate::{Error, Result};
 use glam::{DVec3, dvec3};
 
@@ -28,16 +28,6 @@ const KNOWN: &[(&str, &str)] = &[
     ),
     ("within", "the part of beyond in front of a wall of 1 m: no raised arm, floor or plate"),
 ];
-
-/// Where the mesh of a file is.
-#[doc(hidden)]
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum MeshPlace {
-    /// Where the file has it.
-    OfFile,
-    /// Turned so that its +z side faces the wall, and its centre at (0, 0, 0.8 m).
-    Centred,
-}
 
 impl Scene {
     /// The scene that `spec` names: a built-in scene (see [`Scene::known`]) or the path of a .obj or .ply

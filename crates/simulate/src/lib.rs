@@ -44,11 +44,10 @@ use thirdbounce_base::{Error, Kind, Result};
 use thirdbounce_capture as capture;
 use thirdbounce_maps::maps;
 
-pub use builtin::MeshPlace;
 pub use capture::Reflectance;
 pub use figure::figure;
 pub use letters::letter;
-pub use mesh::{Mesh, Placement};
+pub use mesh::{Mesh, MeshPlace, Placement};
 #[cfg(feature = "formats")]
 pub use mesh_file::load_mesh;
 pub use moving::Motion;

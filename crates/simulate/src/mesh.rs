@@ -15,6 +15,16 @@ pub struct Mesh {
     pub self_occluding: bool,
 }
 
+/// Where the mesh of a file is.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MeshPlace {
+    /// Where the file has it.
+    OfFile,
+    /// Turned so that its +z side faces the wall, and its centre at (0, 0, 0.8 m).
+    Centred,
+}
+
 /// Placement of a mesh in the scene, applied in the order: fit, rotate, translate.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Placement {

@@ -59,7 +59,7 @@ impl Network<'_> {
         name: &str,
         inputs: &[&Tensor],
         reach: [usize; 3],
-        spare: &mut Spare,
+        spare: &mut SpareTensors,
     ) -> (Tensor, Vec<[f64; 2]>) {
         let [weights, bias] = self.layer(name);
         let mut to = spare.take(bias.len(), inputs[0].n);
@@ -73,7 +73,7 @@ impl Network<'_> {
         [name, norm]: [String; 2],
         inputs: &[&Tensor],
         with: Option<&Tensor>,
-        spare: &mut Spare,
+        spare: &mut SpareTensors,
     ) -> Tensor {
         let (mut to, sums) = self.convolved(&name, inputs, [1; 3], spare);
         let [weight, bias] = self.layer(&norm);
@@ -82,7 +82,7 @@ impl Network<'_> {
     }
 
     /// Two convolutions, around which the input is added (He et al. 2016).
-    fn block(&self, name: &str, inputs: &[&Tensor], spare: &mut Spare) -> Tensor {
+    fn block(&self, name: &str, inputs: &[&Tensor], spare: &mut SpareTensors) -> Tensor {
         let of = |part: &str| format!("{name}.{part}");
         let first = self.layered([of("a"), of("na")], inputs, None, spare);
         let names = [of("b"), of("nb")];
@@ -100,7 +100,7 @@ impl Network<'_> {
     }
 
     /// A block at half as many cells along each axis.
-    fn down(&self, names: [&str; 2], fine: &Tensor, spare: &mut Spare) -> Tensor {
+    fn down(&self, names: [&str; 2], fine: &Tensor, spare: &mut SpareTensors) -> Tensor {
         let [weights, bias] = self.layer(names[0]);
         let mut coarse = spare.take(bias.len(), fine.n.map(|n| n / 2));
         coarse.halve(fine, &weights, &bias);
@@ -110,7 +110,7 @@ impl Network<'_> {
     }
 
     /// A block at twice as many cells along each axis, of these and those that were kept.
-    fn up(&self, names: [&str; 2], coarse: Tensor, kept: Tensor, spare: &mut Spare) -> Tensor {
+    fn up(&self, names: [&str; 2], coarse: Tensor, kept: Tensor, spare: &mut SpareTensors) -> Tensor {
         let [weights, bias] = self.layer(names[0]);
         let mut fine = spare.take(bias.len(), kept.n);
         fine.double(&coarse, &weights, &bias);
@@ -121,7 +121,7 @@ impl Network<'_> {
 
     /// The answer for bands, kind of scan and depth in the channels of `input`.
     pub fn answer(&self, input: &Tensor) -> Answer {
-        let spare = &mut Spare::default();
+        let spare = &mut SpareTensors::default();
         let (first, _) = self.convolved("inp", &[input], [1; 3], spare);
         let x0 = self.block("e0", &[&first], spare);
         spare.give(first);
@@ -163,7 +163,7 @@ impl Network<'_> {
         seen.fill(|channel, x, _, row| {
             row.iter_mut().zip(columns[x].chunks(2 * count + 2)).for_each(|(to, of)| *to = of[channel]);
         });
-        let spare = &mut Spare::default();
+        let spare = &mut SpareTensors::default();
         let mut layer = |name: &str, input: &Tensor| {
             let (mut made, _) = self.convolved(name, &[input], [1, 0, 1], spare);
             made.fill(|_, _, _, row| row.iter_mut().for_each(|v| *v = silu(*v)));
@@ -186,9 +186,9 @@ impl Network<'_> {
 
 /// Tensors that are read no more, to be written anew: fresh memory takes as long as a pass over it.
 #[derive(Default)]
-struct Spare(Vec<Tensor>);
+struct SpareTensors(Vec<Tensor>);
 
-impl Spare {
+impl SpareTensors {
     /// A tensor of any values with a rim of zeros.
     fn take(&mut self, channels: usize, n: [usize; 3]) -> Tensor {
         let at = self.0.iter().position(|of| (of.channels, of.n) == (channels, n));

@@ -25,7 +25,7 @@ pub const ROWS: usize = SAMPLES + WINDOW + 4;
 /// The bands of a sample and of the next one: a line of the cache.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-struct Line([f32; 16]);
+struct SampleLine([f32; 16]);
 
 /// A pair: laser and sensor point from the middle of the box's face, in walls, and its bands, [[`ROWS`]][band].
 pub struct Pair {
@@ -89,7 +89,7 @@ impl pulp::WithSimd for Tile<'_> {
         let lateral = |k: usize| std::array::from_fn(|i| (((at[k] + i) as f64 + 0.5) * PITCH - 0.5) as f32);
         let (xs, ys): ([f32; TILE], [f32; TILE]) = (lateral(0), lateral(1));
         let zs: [f32; TILE] = std::array::from_fn(|z| (NEAR + ((at[2] + z) as f64 + 0.5) * PITCH) as f32);
-        let none = Line([0.0; 16]);
+        let none = SampleLine([0.0; 16]);
         let mut sums = vec![none; TILE * TILE * TILE];
         let mut lines = vec![[none; WINDOW + APART]; TOGETHER];
         let (together, alone) = pairs.as_chunks::<TOGETHER>();
@@ -99,7 +99,7 @@ impl pulp::WithSimd for Tile<'_> {
         for pair in alone {
             add(simd, std::array::from_ref(pair), [&xs, &ys], &zs, &mut lines, &mut sums);
         }
-        sums.iter().map(|Line(both)| std::array::from_fn(|k| both[k] + both[k + BANDS])).collect()
+        sums.iter().map(|SampleLine(both)| std::array::from_fn(|k| both[k] + both[k + BANDS])).collect()
     }
 }
 
@@ -110,10 +110,10 @@ fn add<S: pulp::Simd, const N: usize>(
     pairs: &[Pair; N],
     [xs, ys]: [&[f32; TILE]; 2],
     zs: &[f32; TILE],
-    lines: &mut [[Line; WINDOW + APART]],
-    sums: &mut [Line],
+    lines: &mut [[SampleLine; WINDOW + APART]],
+    sums: &mut [SampleLine],
 ) {
-    let lines: &mut [[Line; WINDOW + APART]; N] = lines.first_chunk_mut().expect("lines of all pairs");
+    let lines: &mut [[SampleLine; WINDOW + APART]; N] = lines.first_chunk_mut().expect("lines of all pairs");
     let mut firsts = [0; N];
     let mut ends = [[[0.0f32; 3]; 2]; N];
     let mut deep = [[[0.0f32; TILE]; 2]; N];
@@ -134,7 +134,7 @@ fn add<S: pulp::Simd, const N: usize>(
     }
     // Weights of a sample and the next one: 1 - share and share. What follows them in a line is not used.
     let vectors = (2 * BANDS).div_ceil(S::F32_LANES);
-    let of = |values: [f32; 2]| Line(std::array::from_fn(|k| values[usize::from(k >= BANDS)]));
+    let of = |values: [f32; 2]| SampleLine(std::array::from_fn(|k| values[usize::from(k >= BANDS)]));
     let (signs, ones) = (of([-1.0, 1.0]), of([1.0, 0.0]));
     let (signs, ones) = (S::as_simd_f32s(&signs.0).0, S::as_simd_f32s(&ones.0).0);
     for (column, sums) in sums.as_chunks_mut::<TILE>().0.iter_mut().enumerate() {

@@ -5,7 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::data::Capture;
-use crate::data::check::is_small;
+use crate::data::rows::is_small;
 
 /// The negative counts of a capture.
 #[derive(Debug, Clone, Copy, PartialEq)]

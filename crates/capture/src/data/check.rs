@@ -4,20 +4,12 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 use super::histogram_figures::HistogramFigures;
+use super::rows::is_small;
 use super::{Capture, Pulse};
 use crate::error::{Error, Result};
 
-/// Counts that one thread goes over before another one has woken up. On a busy machine that other one may come late by
-/// milliseconds.
-const SMALL: usize = 1 << 20;
-
 /// Bins that a thread adds up at least: a few lines of the cache.
 const LEAST_RUN: usize = 128;
-
-/// Whether it does not pay to divide work on `counts` between threads.
-pub fn is_small(counts: &[f32]) -> bool {
-    counts.len() <= SMALL
-}
 
 impl Capture {
     /// Checks everything that the solvers rely on: array lengths, bin width, points, unit normals, finite counts, and

@@ -10,7 +10,8 @@ pub mod nearest;
 pub mod pairs;
 pub mod pulse;
 pub(crate) mod reflectance;
-pub(crate) mod rows;
+#[doc(hidden)]
+pub mod rows;
 pub mod scan;
 pub mod summary;
 

@@ -3,10 +3,18 @@
 use rayon::prelude::*;
 
 use super::Capture;
-use super::check::is_small;
+
+/// Counts that one thread goes over before another one has woken up. On a busy machine that other one may come late by
+/// milliseconds.
+const SMALL: usize = 1 << 20;
 
 /// Counts that are compared side by side: one after the other would wait for each comparison.
 const LANES: usize = 16;
+
+/// Whether it does not pay to divide work on `counts` between threads.
+pub fn is_small(counts: &[f32]) -> bool {
+    counts.len() <= SMALL
+}
 
 impl Capture {
     /// `of` each histogram, in the order of the pairs; on all threads if there are many counts.

@@ -56,7 +56,18 @@ fn profiled() -> &'static Profiled {
             let name = |ending: &str| all.folder.path().join(format!("{solver}{ending}"));
             let (profile, trace) = (name(".json"), name(".trace.json"));
             let files = [profile.display().to_string(), trace.display().to_string()];
-            let short = ["profile", &capture, "--solver", solver, "--lateral", "24", "--iterations", "16"];
+            let short = [
+                "profile",
+                &capture,
+                "--device",
+                "vulkan",
+                "--solver",
+                solver,
+                "--lateral",
+                "24",
+                "--iterations",
+                "16",
+            ];
             let out = name("-maps").display().to_string();
             let out = ["--json", &files[0], "--trace", &files[1], "--out", &out, "--quiet"];
             let text = succeed(&[&short[..], more, &out[..]].concat());

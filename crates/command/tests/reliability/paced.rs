@@ -112,7 +112,7 @@ fn a_dense_start_of_a_large_scan_is_many_dispatches() {
 
 /// A solve in parts of at most `work` turns; how many submissions it took.
 fn solved(capture: &Capture, solver: &SolverOptions, work: Option<u64>) -> (Reconstruction, usize) {
-    let gpu = Gpu::open(&GpuOptions { work, timings: true, ..GpuOptions::default() }).expect("a device");
+    let gpu = Gpu::open(&GpuOptions { work, timings: true, ..GpuOptions::vulkan() }).expect("a device");
     let result = solve(&gpu, &solver.clone(), capture, None).expect("it solves");
     let ran = gpu.take_recording();
     let submissions: BTreeSet<u64> = ran.device.iter().map(|r| r.submission).collect();
