@@ -768,6 +768,7 @@ pub enum DeviceKind {
     Discrete,
     Virtual,
     Integrated,
+    Host,
     Cpu,
     Other,
 }
@@ -780,6 +781,7 @@ impl Deref for Gpu {
 }
 impl Gpu {
     pub fn open(options: &GpuOptions) -> Result<Gpu> {}
+    pub fn is_host(&self) -> bool {}
     pub fn is(&self, other: &Gpu) -> bool {}
     pub fn validation_messages(&self) -> Vec<String> {}
 }
@@ -798,13 +800,16 @@ pub struct GpuOptions {
     pub timings: bool,
     pub pipeline_cache: Option<PathBuf>,
 }
+impl GpuOptions {
+    pub fn vulkan() -> GpuOptions {}
+}
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Place {
     Device,
     Upload,
     Readback,
 }
-pub fn devices() -> Result<Vec<DeviceInfo>> {}
+pub fn devices() -> Vec<DeviceInfo> {}
 #[derive(Debug, Clone, PartialEq)]
 pub struct Layer {
     pub albedo: Vec<f32>,

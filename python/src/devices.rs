@@ -9,8 +9,6 @@ use engine::job::usual_pipeline_cache;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::error::guarded;
-
 /// Open devices by the names that were asked for.
 static OPEN: Mutex<BTreeMap<Option<String>, Gpu>> = Mutex::new(BTreeMap::new());
 

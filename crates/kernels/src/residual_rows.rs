@@ -8,7 +8,7 @@ const ROWS: usize = 16;
 
 /// As `residual`, weighted, with the high-pass applied to weighted differences: the loss is |F S d|² and the residual S F F S d,
 /// F = 1 - share (1 + κ L)⁻¹ with L the second difference with free ends. A partial sum is that of a pair. Leaves the
-/// compared rows undefined. [`ROWS`] rows are one task: a solve of their tridiagonal systems is a recurrence along bins,
+/// compared rows undefined. Sixteen rows are one task: a solve of their tridiagonal systems is a recurrence along bins,
 /// for all of them at once.
 pub fn residual_rows<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     bind!(b: counts u, measured f, residual f, histograms f, loss_partials v2, factors v4, spread f);
