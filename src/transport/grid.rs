@@ -5,8 +5,7 @@ use glam::{DVec3, dvec3};
 use crate::advice::advice;
 use crate::{Error, Result};
 
-/// Voxels of a brick: 8 × 8 × 8.
-pub const BRICK_VOXELS: usize = 512;
+pub use thirdbounce_kernels::BRICK_VOXELS;
 
 /// The box that is reconstructed, up to the outer faces of its voxels.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -19,8 +18,7 @@ pub struct Volume {
 
 /// A regular grid of voxels.
 ///
-/// Storage is brick by brick (x fastest among bricks), in Morton order inside a brick, as in
-/// `glsl/include/grid.glsl`. The last bricks may extend beyond the grid.
+/// The order of storage is that of kernels ([`thirdbounce_kernels::index`]). The last bricks may extend beyond the grid.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {
     /// Voxels along x, y, z.
@@ -101,17 +99,12 @@ impl Grid {
 
     /// Storage index of voxel `c`.
     pub fn index(&self, c: [usize; 3]) -> usize {
-        let b = self.bricks();
-        let brick = ((c[2] / 8) * b[1] + c[1] / 8) * b[0] + c[0] / 8;
-        brick * BRICK_VOXELS + (spread(c[0] % 8) | spread(c[1] % 8) << 1 | spread(c[2] % 8) << 2)
+        thirdbounce_kernels::index(self.bricks(), c)
     }
 
     /// Voxel of a storage index. It may lie outside the grid, as the last bricks may.
     pub fn voxel(&self, index: usize) -> [usize; 3] {
-        let b = self.bricks();
-        let (brick, inside) = (index / BRICK_VOXELS, index % BRICK_VOXELS);
-        let at = [brick % b[0], brick / b[0] % b[1], brick / (b[0] * b[1])];
-        std::array::from_fn(|a| at[a] * 8 + gather(inside >> a))
+        thirdbounce_kernels::voxel(self.bricks(), index)
     }
 
     /// Position in metres from a position in voxels (0 = centre of the first voxel).
@@ -130,14 +123,6 @@ impl Grid {
         let low = self.origin.z - 0.5 * self.pitch.z;
         [low, low + self.pitch.z * self.n[2] as f64]
     }
-}
-
-fn spread(v: usize) -> usize {
-    (v & 1) | (v & 2) << 2 | (v & 4) << 4
-}
-
-fn gather(v: usize) -> usize {
-    (v & 1) | v >> 2 & 2 | v >> 4 & 4
 }
 
 #[cfg(test)]

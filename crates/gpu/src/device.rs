@@ -155,17 +155,28 @@ impl Gpu {
 
     /// The host as a device, at this index of [`super::devices`].
     fn host(options: &GpuOptions, index: usize) -> Gpu {
+        // One thread owns a histogram: no atomics.
+        let accumulations = Accumulations { float: false, int64: false };
+        Gpu::with(host::info(index), accumulations, host::LIMITS, options, None)
+    }
+
+    fn with(
+        info: DeviceInfo,
+        accumulations: Accumulations,
+        limits: Limits,
+        options: &GpuOptions,
+        vulkan: Option<VulkanDevice>,
+    ) -> Gpu {
         Gpu(Arc::new(DeviceState {
-            info: host::info(index),
-            // One thread owns a histogram: no atomics.
-            accumulations: Accumulations { float: false, int64: false },
-            limits: host::LIMITS.binding_at_most(options.binding),
+            info,
+            accumulations,
+            limits: limits.binding_at_most(options.binding),
             recorder: options.timings.then(Recorder::new),
             work: options.work,
             injected_faults: options.faults.any().then(|| InjectedFaults::new(options.faults)),
             allocated: AtomicU64::new(0),
             traffic: Default::default(),
-            vulkan: None,
+            vulkan,
         }))
     }
 
@@ -186,17 +197,8 @@ impl Gpu {
             offered.has_device_fault.then(|| ext::device_fault::Device::new(&instance.raw, &device.raw));
         let work = options.work.unwrap_or_else(|| dispatch_of(info.kind));
         let reported = Reported::by(&instance, physical);
-        let state = DeviceState {
-            info,
-            accumulations: Accumulations { float: offered.float, int64: offered.int64 },
-            limits: reported.of_plans(work).binding_at_most(options.binding),
-            recorder: options.timings.then(Recorder::new),
-            work: options.work,
-            injected_faults: options.faults.any().then(|| InjectedFaults::new(options.faults)),
-            allocated: AtomicU64::new(0),
-            traffic: Default::default(),
-            vulkan: None,
-        };
+        let accumulations = Accumulations { float: offered.float, int64: offered.int64 };
+        let limits = reported.of_plans(work);
         let vulkan = VulkanDevice {
             has_listings: options.listings && statistics.is_some(),
             has_rounding: offered.rounding,
@@ -218,7 +220,7 @@ impl Gpu {
             device,
             instance,
         };
-        Gpu(Arc::new(DeviceState { vulkan: Some(vulkan), ..state }))
+        Gpu::with(info, accumulations, limits, options, Some(vulkan))
     }
 
     /// The Vulkan device.

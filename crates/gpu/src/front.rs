@@ -53,14 +53,6 @@ impl Arena {
             Arena::Host(arena) => arena.bytes(),
         }
     }
-
-    /// Bytes of every buffer.
-    pub fn sizes(&self) -> BTreeMap<Buffer, u64> {
-        match self {
-            Arena::Device(arena) => arena.sizes(),
-            Arena::Host(arena) => arena.sizes(),
-        }
-    }
 }
 
 /// Executes schedules over the buffers of an arena, in order of submission.

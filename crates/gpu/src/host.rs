@@ -10,10 +10,7 @@ use super::names::Buffer;
 use super::place::Place;
 
 impl DeviceExecutor {
-    /// Reads `items` of an upload or readback buffer, counted in whole `T`s.
-    ///
-    /// # Panics
-    /// A submission that may write the buffer is pending, or the buffer is missing or too short.
+    /// As [`crate::Executor::read`].
     pub fn read<T: bytemuck::Pod>(&self, buffer: Buffer, items: impl RangeBounds<usize>) -> Vec<T> {
         let writer = self.flights.iter().find(|f| f.shared[1].contains(&buffer));
         assert!(writer.is_none(), "`{buffer}` is read while the device may be writing it");
@@ -22,11 +19,7 @@ impl DeviceExecutor {
         read
     }
 
-    /// Reads items that the submission `done` and earlier ones wrote to a part of the buffer, replacing the content
-    /// of `into`. No later submission may write this part.
-    ///
-    /// # Panics
-    /// `done` is pending, or the buffer is missing or too short.
+    /// As [`crate::Executor::read_behind`].
     pub fn read_behind<T: bytemuck::Pod>(
         &self,
         done: Ticket,
@@ -39,18 +32,12 @@ impl DeviceExecutor {
         self.copy_items(buffer, items, into);
     }
 
-    /// Writes the start of an upload or readback buffer.
-    ///
-    /// # Panics
-    /// As [`DeviceExecutor::write_at`].
+    /// As [`crate::Executor::write`].
     pub fn write(&mut self, buffer: Buffer, bytes: &[u8]) {
         self.write_at(buffer, 0, bytes);
     }
 
-    /// Writes an upload or readback buffer from byte `offset`.
-    ///
-    /// # Panics
-    /// A submission that may access the buffer is pending, or the buffer is missing or too short.
+    /// As [`crate::Executor::write_at`].
     pub fn write_at(&mut self, buffer: Buffer, offset: u64, bytes: &[u8]) {
         let user = self.flights.iter().find(|f| f.shared.iter().any(|all| all.contains(&buffer)));
         assert!(user.is_none(), "`{buffer}` is written while the device may be using it");

@@ -51,11 +51,6 @@ impl HostArena {
         self.bytes
     }
 
-    /// Bytes of every buffer.
-    pub fn sizes(&self) -> BTreeMap<Buffer, u64> {
-        self.buffers.keys().map(|buffer| (*buffer, 4 * self.words(*buffer).len() as u64)).collect()
-    }
-
     /// The content of a buffer.
     ///
     /// # Panics
@@ -67,8 +62,22 @@ impl HostArena {
         }
     }
 
+    fn held(&mut self, buffer: Buffer) -> &mut Cells<f32> {
+        self.buffers.get_mut(&buffer).unwrap_or_else(|| panic!("the plan holds no buffer `{buffer}`"))
+    }
+
     fn words_mut(&mut self, buffer: Buffer) -> &mut [u32] {
-        self.buffers.get_mut(&buffer).unwrap_or_else(|| panic!("the plan holds no buffer `{buffer}`")).u()
+        self.held(buffer).u()
+    }
+
+    /// Takes the content of a buffer out of the arena, for the time of a command.
+    fn take(&mut self, buffer: Buffer) -> Cells<f32> {
+        std::mem::replace(self.held(buffer), Cells::NONE)
+    }
+
+    /// Puts content that was taken back.
+    fn put(&mut self, buffer: Buffer, content: Cells<f32>) {
+        *self.held(buffer) = content;
     }
 }
 
@@ -244,12 +253,12 @@ impl HostExecutor {
                     return;
                 }
                 // Taken out for the time of the copy: both may not be borrowed from one map together.
-                let source = self.take(*from);
+                let source = self.arena.take(*from);
                 if let Cells::Words(words) = &source {
                     self.arena.words_mut(*to)[to_at..to_at + count]
                         .copy_from_slice(&words[from_at..from_at + count]);
                 }
-                self.arena.buffers.insert(*from, source);
+                self.arena.put(*from, source);
             }
             Command::Fill { buffer, offset, bytes, value } => {
                 let [at, count] = [*offset, *bytes].map(|n| n as usize / 4);
@@ -257,13 +266,6 @@ impl HostExecutor {
             }
             Command::Stage(_) => {}
         }
-    }
-
-    /// Takes a buffer out of the arena.
-    fn take(&mut self, buffer: Buffer) -> Cells<f32> {
-        let held = self.arena.buffers.get_mut(&buffer);
-        let held = held.unwrap_or_else(|| panic!("the plan holds no buffer `{buffer}`"));
-        std::mem::replace(held, Cells::NONE)
     }
 
     fn dispatch(&mut self, kernel: Kernel, bind: &Binds, push: [u32; PUSH_WORDS]) {
@@ -277,18 +279,14 @@ impl HostExecutor {
         });
         let mut cells = std::mem::take(&mut self.cells);
         let bound = || bindings.iter().filter(|b| b.view != View::Uniform);
-        cells.resize(bound().map(|b| b.slot as usize).max().unwrap_or(0).max(cells.len()), Cells::NONE);
+        cells.resize(bound().map(|b| b.slot as usize).max().unwrap_or(0), Cells::NONE);
         for b in bound() {
-            let buffer = bind.buffer_of(b.block);
-            let held = self.arena.buffers.get_mut(&buffer);
-            let held = held.unwrap_or_else(|| panic!("the plan holds no buffer `{buffer}`"));
-            cells[b.slot as usize - 1] = std::mem::replace(held, Cells::NONE);
+            cells[b.slot as usize - 1] = self.arena.take(bind.buffer_of(b.block));
         }
-        let slots = bound().map(|b| b.slot as usize).max().unwrap_or(0);
-        function(&call, &mut cells[..slots]);
+        function(&call, &mut cells);
         for b in bound() {
-            let held = std::mem::replace(&mut cells[b.slot as usize - 1], Cells::NONE);
-            self.arena.buffers.insert(bind.buffer_of(b.block), held);
+            let content = std::mem::replace(&mut cells[b.slot as usize - 1], Cells::NONE);
+            self.arena.put(bind.buffer_of(b.block), content);
         }
         self.cells = cells;
     }

@@ -228,11 +228,6 @@ impl DeviceArena {
         self.buffers.iter().map(|(buffer, (made, _))| (*buffer, *made)).collect()
     }
 
-    /// Bytes of every buffer.
-    pub fn sizes(&self) -> BTreeMap<Buffer, u64> {
-        self.buffers.iter().map(|(buffer, (made, _))| (*buffer, made.bytes)).collect()
-    }
-
     /// Bytes of a buffer.
     ///
     /// # Panics

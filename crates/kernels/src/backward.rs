@@ -1,5 +1,5 @@
-use super::gather::{Gather, gather};
-use super::light::{PLAIN, convert};
+use super::gather::gather;
+use super::light::PLAIN;
 use super::shared::*;
 use super::{Call, Cells, Real, V3, watch};
 
@@ -26,18 +26,11 @@ fn gathered<F: Real, A: Real>(
     tables: [&[F]; 2],
     gradient: &mut [[F; 4]],
 ) {
-    let goes_on = call.push.flags & BACKWARD_CONTINUE != 0;
-    let how = Gather { exact: call.is("EXACT") };
-    gather::<F, A>(call, how, samples, tables, gradient, |cosines, block, sums, out| {
-        for (j, out) in out.iter_mut().enumerate() {
-            let [x, y, z] = sums.vector.map(|part| part[j]);
-            // Values are homogeneous in the vector, whose slope then has them along the normal.
-            let [nx, ny, nz] = block.normal.map(|part| part[j]);
-            let albedo = if cosines == PLAIN { sums.albedo[j] } else { nx * x + ny * y + nz * z };
-            let before = if goes_on { *out } else { [F::zero(); 4] };
-            let sum = [albedo, x, y, z];
-            *out = std::array::from_fn(|k| before[k] + convert(sum[k]));
-        }
+    gather::<F, A>(call, call.is("EXACT"), samples, tables, gradient, |cosines, block, sums, j| {
+        let [x, y, z] = sums.vector.map(|part| part[j]);
+        // Values are homogeneous in the vector, whose slope then has them along the normal.
+        let [nx, ny, nz] = block.normal.map(|part| part[j]);
+        [if cosines == PLAIN { sums.albedo[j] } else { nx * x + ny * y + nz * z }, x, y, z]
     });
 }
 

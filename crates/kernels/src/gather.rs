@@ -6,6 +6,7 @@ use super::light::{
     COSINE, Ends, LAMBERTIAN, LANES, LightArm, LightNumbers, Loop, PLAIN, PairView, SampleBlock, WallLight,
     convert, place,
 };
+use super::shared::BACKWARD_CONTINUE;
 use super::{Call, Real};
 
 /// Sums over pairs at the samples of a block, component by component.
@@ -18,40 +19,38 @@ pub struct GradientSums<A> {
     pub depth: [A; LANES],
 }
 
-/// How a gather differs.
-#[derive(Debug, Clone, Copy)]
-pub struct Gather {
-    /// Values include the falloff.
-    pub exact: bool,
-}
-
-/// Calls `hear` in parallel with the sums over the pairs of a dispatch at the samples of each block: (cosines, block, sums, its
-/// part of `out`). A block is one task.
+/// Gathers over the pairs of a dispatch, a task for each block of samples. Writes what `shown` makes of a lane's sums, by cosines
+/// and block, to `gradient`, or adds it there where the dispatch continues. `exact`: values include the falloff.
 pub fn gather<F: Real, A: Real>(
     call: &Call<'_>,
-    how: Gather,
+    exact: bool,
     [points, normals]: [&[[F; 4]]; 2],
     [wall, residual]: [&[F]; 2],
-    out: &mut [[F; 4]],
-    hear: impl Fn(u32, &SampleBlock<A>, &GradientSums<A>, &mut [[F; 4]]) + Sync,
+    gradient: &mut [[F; 4]],
+    shown: impl Fn(u32, &SampleBlock<A>, &GradientSums<A>, usize) -> [A; 4] + Sync,
 ) {
     let light = WallLight::<F, A>::of(call, wall.as_chunks().0);
     let blocks = SampleBlock::<A>::all(points, normals);
-    blocks.par_iter().zip(out[..points.len()].par_chunks_mut(LANES)).for_each(|(block, out)| {
+    let goes_on = call.push.flags & BACKWARD_CONTINUE != 0;
+    blocks.par_iter().zip(gradient.par_chunks_mut(LANES)).for_each(|(block, out)| {
         let mut sums = GradientSums {
             albedo: [A::zero(); LANES],
             vector: [[A::zero(); LANES]; 3],
             depth: [A::zero(); LANES],
         };
-        light.run(OverPairs { call, how, light: &light, block, residual, sums: &mut sums });
-        hear(light.cosines, block, &sums, out);
+        light.run(OverPairs { call, exact, light: &light, block, residual, sums: &mut sums });
+        for (j, out) in out.iter_mut().enumerate() {
+            let before = if goes_on { *out } else { [F::zero(); 4] };
+            let sum = shown(light.cosines, block, &sums, j);
+            *out = std::array::from_fn(|k| before[k] + convert(sum[k]));
+        }
     });
 }
 
 /// Adds all pairs of a dispatch to the sums of a block.
 struct OverPairs<'r, 'w, F, A> {
     call: &'r Call<'r>,
-    how: Gather,
+    exact: bool,
     light: &'r WallLight<'w, F, A>,
     block: &'r SampleBlock<A>,
     residual: &'r [F],
@@ -61,14 +60,14 @@ struct OverPairs<'r, 'w, F, A> {
 impl<F: Real, A: Real> Loop for OverPairs<'_, '_, F, A> {
     #[inline(always)]
     fn run<const COSINES: u32, const TWO: bool>(self) {
-        let OverPairs { call, how, light, block: b, residual, sums } = self;
+        let OverPairs { call, exact, light, block: b, residual, sums } = self;
         let mut arms = [[[A::zero(); LANES]; 4]; 2];
         let (mut cells, mut shares) = ([0u32; LANES], [A::zero(); LANES]);
         let mut around = [[A::zero(); 2]; LANES];
         let stride = call.stride();
         for pair in call.push.first..call.push.last {
             let ends = light.ends(pair as usize);
-            let term = Term { how, numbers: &light.numbers, ends: &ends, block: b };
+            let term = Term { exact, numbers: &light.numbers, ends: &ends, block: b };
             for j in 0..LANES {
                 let first = LightArm::new(b, j, ends.points[0], &light.numbers);
                 let second = if TWO { LightArm::new(b, j, ends.points[1], &light.numbers) } else { first };
@@ -97,7 +96,7 @@ impl<F: Real, A: Real> Loop for OverPairs<'_, '_, F, A> {
 
 /// A pair's part of the sums of a block.
 struct Term<'t, A> {
-    how: Gather,
+    exact: bool,
     numbers: &'t LightNumbers<A>,
     ends: &'t Ends<A>,
     block: &'t SampleBlock<A>,
@@ -116,7 +115,7 @@ impl<A: Real> Term<'_, A> {
     ) {
         let zero = A::zero();
         let [first, second] = seen.arms;
-        let falloff = if self.how.exact { seen.falloff } else { A::one() };
+        let falloff = if self.exact { seen.falloff } else { A::one() };
         let (cosines, lit) = (seen.cosines(), r * falloff);
         let shown = if cosines > zero { lit } else { zero };
         if COSINES == PLAIN {

@@ -1,5 +1,5 @@
-use super::gather::{Gather, gather};
-use super::light::{PLAIN, convert};
+use super::gather::gather;
+use super::light::PLAIN;
 use super::shared::*;
 use super::{Call, Cells, Real, watch};
 
@@ -20,16 +20,9 @@ fn gathered<F: Real, A: Real>(
     tables: [&[F]; 2],
     gradient: &mut [[F; 4]],
 ) {
-    let goes_on = call.push.flags & BACKWARD_CONTINUE != 0;
-    let how = Gather { exact: true };
-    gather::<F, A>(call, how, samples, tables, gradient, |cosines, block, sums, out| {
-        for (j, out) in out.iter_mut().enumerate() {
-            let depth = block.albedo[j] * sums.depth[j];
-            let [x, y, z] = sums.vector.map(|part| part[j]);
-            let sum =
-                if cosines == PLAIN { [sums.albedo[j], depth, A::zero(), A::zero()] } else { [x, y, z, depth] };
-            let before = if goes_on { *out } else { [F::zero(); 4] };
-            *out = std::array::from_fn(|k| before[k] + convert(sum[k]));
-        }
+    gather::<F, A>(call, true, samples, tables, gradient, |cosines, block, sums, j| {
+        let depth = block.albedo[j] * sums.depth[j];
+        let [x, y, z] = sums.vector.map(|part| part[j]);
+        if cosines == PLAIN { [sums.albedo[j], depth, A::zero(), A::zero()] } else { [x, y, z, depth] }
     });
 }

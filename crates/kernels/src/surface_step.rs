@@ -1,6 +1,6 @@
 use rayon::prelude::*;
 
-use super::pixels::{NOWHERE, PixelField, sigma_at};
+use super::pixels::{PixelField, sigma_at};
 use super::shared::*;
 use super::surroundings::Surroundings;
 use super::trace::close;
@@ -33,10 +33,8 @@ pub fn surface_step<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     let unbias = [call.push.unbias_first, call.push.unbias_second].map(F::from32);
     let betas = BETAS.map(|b| F::of(1.0 - b));
     let averaged = sigma_at([SURFACE_SPREAD, SURFACE_ITERATIONS].map(at), call.push.step).map(|sigma| {
-        let around = Surroundings::new(&field, sigma, |column| match pixel_of[column] {
-            NOWHERE => F::of(1e6),
-            _ => height_pull[column][2],
-        });
+        // Columns without a pixel have no gradient, so that their bonds do not count.
+        let around = Surroundings::new(&field, sigma, |column| height_pull[column][2]);
         around.averages(|column| [height_pull[column][0], height_pull[column][1]])
     });
     let group = WORKGROUP as usize;

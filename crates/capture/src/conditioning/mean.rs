@@ -9,7 +9,8 @@ use crate::data::Capture;
 pub(crate) struct MeanOnce(Option<Vec<f64>>);
 
 impl MeanOnce {
-    /// That of `capture`, whose counts are those of the last call unless one of the calls below told otherwise.
+    /// The mean histogram of `capture`. Between two calls its counts change only as [`MeanOnce::changed`] and
+    /// [`MeanOnce::keep`] report.
     pub(crate) fn of(&mut self, capture: &Capture) -> &[f64] {
         self.0.get_or_insert_with(|| capture.mean_histogram())
     }

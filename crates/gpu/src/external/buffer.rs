@@ -222,14 +222,7 @@ impl Gpu {
 }
 
 impl DeviceExecutor {
-    /// Copies an external range to the start of the device buffer `to`, after all earlier submissions and the
-    /// timeline point `after`. Signals `taken` once copied. Does not block.
-    ///
-    /// # Errors
-    /// The device fails; `taken` is then never signalled.
-    ///
-    /// # Panics
-    /// `to` is smaller than the range, or not in the arena.
+    /// As [`crate::Executor::copy_external`].
     pub fn copy_external(
         &mut self,
         from: &ExternalBuffer,
@@ -250,14 +243,7 @@ impl DeviceExecutor {
         })
     }
 
-    /// Writes `content` to the start of an external range through the upload buffer `through`, after all earlier
-    /// submissions, and waits. Signals `done` once written.
-    ///
-    /// # Errors
-    /// The device fails; `done` is then not signalled.
-    ///
-    /// # Panics
-    /// `content` exceeds the range, or is not a whole number of words.
+    /// As [`crate::Executor::write_external`].
     pub fn write_external(
         &mut self,
         content: &[u8],
