@@ -23,7 +23,7 @@ demo: build
 
 # With the dependencies and the library that `make demo` built. COMMAND: how cargo builds the command, if not as for users.
 test: setup
-	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about half an hour on two cores the first time"
+	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about ten minutes on two cores the first time"
 	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml --lib
 	.ci/timed cargo build --release --locked $(COMMAND) --examples
 	.ci/timed cargo test --release --locked $(COMMAND) --package thirdbounce --package thirdbounce-command --package thirdbounce-capi --bins --test '*'
