@@ -1,8 +1,6 @@
 // Slopes of a pixel from its neighbours' depths: those of the plane that fits the neighbours best, each weighted by
 // its bond (heights.glsl), as coefficients of their depths minus the pixel's own. Bonds follow the present depths and
-// remain until the next update, so slopes are linear in the depths in between. One invocation owns one pixel. The
-// first also updates the weights of the prior, once push.iteration iterations are done, by the residual of the
-// surface.
+// remain until the next update, so slopes are linear in the depths in between. One invocation owns one pixel.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "shared.glsl"
@@ -11,9 +9,7 @@ layout(local_size_x = 64) in;
 layout(std430, set = 0, binding = 1) readonly buffer Pixels { uint pixels[]; }; // columns
 layout(std430, set = 0, binding = 3) readonly buffer Heights { vec2 heights[]; }; // depth, albedo
 layout(std430, set = 0, binding = 4) writeonly buffer Stencils { vec2 stencils[]; };
-layout(std430, set = 0, binding = 5) buffer SurfaceWeights { float surface_weights[]; };
-layout(std430, set = 0, binding = 6) readonly buffer Trace { uint trace[]; };
-layout(std430, set = 0, binding = 7) writeonly buffer BondDepths { float bond_depths[]; };
+layout(std430, set = 0, binding = 5) writeonly buffer BondDepths { float bond_depths[]; };
 
 #include "heights.glsl"
 #include "neighbours.glsl"
@@ -21,11 +17,6 @@ layout(std430, set = 0, binding = 7) writeonly buffer BondDepths { float bond_de
 void main() {
     uint pixel = group_index() * WORKGROUP + gl_LocalInvocationID.x;
     if (pixel >= push.last) return;
-    if (pixel == 0u && push.iteration > 0u) {
-        float left = uintBitsToFloat(trace[(push.iteration - 1u) * TRACE_ROW + TRACE_OBJECTIVE]);
-        surface_weights[SURFACE_BEND] = surface_weights[SURFACE_BEND_SHARE] * left;
-        surface_weights[SURFACE_JUMP] = surface_weights[SURFACE_JUMP_SHARE] * left;
-    }
     float depth = heights[pixel].x;
     float weights[8];
     float all = 1.0; // the pixel's own

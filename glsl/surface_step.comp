@@ -25,11 +25,22 @@ layout(std430, set = 0, binding = 12) writeonly buffer Trace { uint trace[]; };
 #include "faults.glsl"
 #include "finish.glsl"
 
-const float BETA_1 = 0.9; // both as in solve/surface/schedule.rs
+const float BETA_1 = 0.9;
 const float BETA_2 = 0.99;
 const float LAST_RATE = 0.02; // share of the initial rate
 const float QUIET = 1e-3;     // share of the largest gradient: smaller ones may be rounding errors and cause no full step
 const float LEAST = 1e-18;    // its square is about the smallest normal fp32 value
+
+// 1 / (1 - (1 - rest)^age), which takes the bias off a moment: 1 - a b = (1 - a) + (1 - b) - (1 - a)(1 - b), so that nothing
+// is lost near one.
+float unbias(float rest, uint age) {
+    float all = 0.0;
+    for (; age > 0u; age >>= 1u) {
+        if ((age & 1u) != 0u) all += rest - all * rest;
+        rest *= 2.0 - rest;
+    }
+    return 1.0 / all;
+}
 
 // The part of one of the pixel's lanes.
 vec2 from_around(uint pixel, float sigma) {
@@ -64,8 +75,9 @@ void make_step(uint pixel, vec2 g) {
     height_moments[pixel] = vec4(first, second);
     float rate = 0.5 * (1.0 + cos(3.14159265 * float(push.step - 1u) / iterations)) + LAST_RATE;
     vec2 largest = vec2(surface_weights[SURFACE_LARGEST], surface_weights[SURFACE_LARGEST + 1u]);
-    vec2 scale = sqrt(second * push.unbias_second);
-    vec2 step = first * push.unbias_first / max(scale, max(QUIET * largest, vec2(LEAST)));
+    uint age = push.step - uint(surface_weights[SURFACE_RESTED]);
+    vec2 scale = sqrt(second * unbias(1.0 - BETA_2, age));
+    vec2 step = first * unbias(1.0 - BETA_1, age) / max(scale, max(QUIET * largest, vec2(LEAST)));
     vec2 height = heights[pixel] - rate * vec2(surface_weights[SURFACE_DEPTH_RATE], surface_weights[SURFACE_ALBEDO_RATE]) * step;
     vec2 limits = depth_limits();
     watch(finite(height.x + height.y), FAULT_UPDATE);

@@ -34,6 +34,22 @@ impl OnDevice {
     /// # Errors
     /// As [`Arena::new`], the device fails, or it does not round to nearest.
     pub fn new(gpu: &Gpu, model: Model, plan: impl Into<Arc<Plan>>, memory: Option<u64>) -> Result<OnDevice> {
+        let mut made = OnDevice::queued(gpu, model, plan, memory)?;
+        made.queue_counts()?;
+        made.run(|_, _| ())?;
+        Ok(made)
+    }
+
+    /// As [`OnDevice::new`] without the counts; what fills the buffers is part of the first submission.
+    ///
+    /// # Errors
+    /// As [`OnDevice::new`].
+    pub(super) fn queued(
+        gpu: &Gpu,
+        model: Model,
+        plan: impl Into<Arc<Plan>>,
+        memory: Option<u64>,
+    ) -> Result<OnDevice> {
         let plan = plan.into();
         rounding::check(gpu)?;
         let arena = Arena::new(gpu, &plan.buffers, memory)?;
@@ -42,7 +58,7 @@ impl OnDevice {
         executor.add_kernels(&kernels)?;
         let (queue, lists) = (Queued::default(), Lists::default());
         let mut made = OnDevice { plan, model, executor, queue, lists, light: None };
-        made.upload()?;
+        made.queue_scan()?;
         Ok(made)
     }
 
@@ -210,9 +226,18 @@ impl Queued {
     }
 }
 
+/// The columns of maps that were copied to a buffer of the host.
+pub(super) fn columns_of(executor: &Executor, from: Buffer, grid: &Grid) -> Vec<[f32; 8]> {
+    executor.read(from, ..grid.n[0] * grid.n[1])
+}
+
 /// The maps that [`super::extract`] left in `columns_host`; without normals where the model has none.
 pub(super) fn read_maps(executor: &Executor, grid: &Grid, has_normals: bool) -> Maps {
-    let columns: Vec<[f32; 8]> = executor.read(COLUMNS_HOST, ..grid.n[0] * grid.n[1]);
+    maps_of(&columns_of(executor, COLUMNS_HOST, grid), grid, has_normals)
+}
+
+/// The maps of columns.
+pub(super) fn maps_of(columns: &[[f32; 8]], grid: &Grid, has_normals: bool) -> Maps {
     let pick = |found: bool, v: f32| if found { v } else { f32::NAN };
     let albedo: Vec<f32> = columns.iter().map(|c| c[0]).collect();
     Maps {

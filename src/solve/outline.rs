@@ -103,7 +103,11 @@ pub(super) fn of(
     }
     let last = &steps.levels[level];
     all.extend(due);
-    all.push(part(When::End, last, &Schedule::of(|s| (steps.extract)(s, last))));
+    let end = Schedule::of(|s| match steps.has_maps {
+        true => (steps.extract)(s, last),
+        false => (steps.last)(s, plan, iterations.end),
+    });
+    all.push(part(When::End, last, &end));
     all
 }
 
@@ -137,10 +141,11 @@ pub(super) fn each(
 ) -> Result<()> {
     let mut level = 0;
     take(&Schedule::of(|s| (steps.start)(s, plan)))?;
-    for i in iterations {
+    for i in iterations.clone() {
         take(&Schedule::of(|s| (steps.iteration)(s, plan, &steps.levels[level], i)))?;
         take(&Schedule::of(|s| (steps.due)(s, plan, &mut level, i + 1)))?;
     }
+    take(&Schedule::of(|s| (steps.last)(s, plan, iterations.end)))?;
     steps.levels.iter().try_for_each(|level| take(&Schedule::of(|s| (steps.extract)(s, level))))
 }
 

@@ -66,7 +66,7 @@ impl Planned {
             Some(made) => made,
             None => {
                 let outline = self.outline.clone();
-                Box::new(OnDevice::new(&self.gpu, outline, self.plan.clone(), self.memory)?)
+                Box::new(OnDevice::queued(&self.gpu, outline, self.plan.clone(), self.memory)?)
             }
         };
         let job = self.made.insert(made);

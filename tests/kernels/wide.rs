@@ -8,7 +8,7 @@ use fixtures::device::*;
 use thirdbounce::gpu::{Buffer, Command, Gpu, Schedule, Size};
 use thirdbounce::solve::closed_form::passes::{PROJECTED, gather_filtered};
 use thirdbounce::solve::closed_form::{OfProjection, hat};
-use thirdbounce::solve::surface::{self, Placed};
+use thirdbounce::solve::surface::{self, Judged, Placed};
 use thirdbounce::solve::{Accumulation, NoiseTerm, OnDevice, Tuning, paper};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, HighPass, Model, Reflectance};
@@ -140,6 +140,10 @@ fn surface_of(gpu: &Gpu, runs: &mut Runs, lanes: [u32; 2]) -> Vec<u32> {
             Schedule::of(|s| surface::iteration(s, &job.plan, job.plan.finest(), field.len(), [i, i, 12]));
         runs.run(&mut job, s);
     }
+    write(&mut job, buffer::SURFACE_ENERGIES, &[1.0f32]);
+    let judged = Judged { iterations: [0, 2], at: 2, flags: JUDGE_FIRST };
+    let s = Schedule::of(|s| surface::check(s, &job.plan, job.plan.finest(), field.len(), judged));
+    runs.run(&mut job, s);
     let maps = Schedule::of(|s| surface::extract(s, job.plan.finest(), [field.len(), 0], 0));
     runs.run(&mut job, maps);
     left(&mut job, 2, &[buffer::HEIGHTS])

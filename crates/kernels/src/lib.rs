@@ -67,7 +67,7 @@ kernels! {
     forward forward_owned forward_product gaussian initialise initialise_raw learned_activate learned_bands
     learned_convolve learned_head learned_moments learned_project learned_resize levels noise places pulse residual
     residual_rows residual_scan rim room rounding sample spot surface_bonds surface_combine surface_extract
-    surface_gather surface_points surface_pull surface_step threshold update
+    surface_gather surface_judge surface_keep surface_points surface_pull surface_step threshold update
 }
 
 /// The kernel of a module: the one of the longest name with which the module's begins.

@@ -90,7 +90,7 @@ impl<'m, F: Real> CellComparison<'m, F> {
             // To the next bin of the row, end of the row or cell of the first lane, whichever is nearest.
             let lane = begin % LANES;
             let bin = at.checked_sub(PADDING as usize);
-            let length = bin.map_or(PADDING as usize - at, |_| self.stride - at).min(LANES - lane);
+            let length = bin.map_or_else(|| PADDING as usize - at, |_| self.stride - at).min(LANES - lane);
             let length = length.min(residual.len() - begin);
             let out = &mut residual[begin..][..length];
             match bin.filter(|_| pair < self.pairs) {

@@ -8,15 +8,9 @@ use super::{Call, Cells, Real, V2};
 const LEVEL: f64 = 1e-3;
 
 /// Slopes of every pixel as coefficients of its neighbours' depths: those of the plane that fits the pixel (with a weight
-/// of one) and its neighbours best. Renews the weights of the prior by the objective that is left.
+/// of one) and its neighbours best.
 pub fn surface_bonds<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
-    bind!(b: pixels u, pixel_of u, heights v2, stencils v2, weights f, trace u, bond_depths f);
-    if call.push.iteration > 0 {
-        let left = trace[((call.push.iteration - 1) * TRACE_ROW + TRACE_OBJECTIVE) as usize];
-        for (weight, share) in [(SURFACE_BEND, SURFACE_BEND_SHARE), (SURFACE_JUMP, SURFACE_JUMP_SHARE)] {
-            weights[weight as usize] = weights[share as usize] * F::from32(f32::from_bits(left));
-        }
-    }
+    bind!(b: pixels u, pixel_of u, heights v2, stencils v2, bond_depths f);
     let count = call.push.last as usize;
     for (pixel, column) in pixels[..count].iter().enumerate() {
         bond_depths[*column as usize] = heights[pixel][0];

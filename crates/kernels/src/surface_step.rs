@@ -30,7 +30,8 @@ pub fn surface_step<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     let rates = [SURFACE_DEPTH_RATE, SURFACE_ALBEDO_RATE].map(|i| F::of(rate) * at(i));
     let least = [SURFACE_LARGEST, SURFACE_LARGEST + 1].map(|i| (F::of(QUIET) * at(i)).max(F::of(LEAST)));
     let [near, far] = field.grid.depth_limits();
-    let unbias = [call.push.unbias_first, call.push.unbias_second].map(F::from32);
+    let age = call.push.step - at(SURFACE_RESTED).wide() as u32;
+    let unbias = BETAS.map(|b| F::of(1.0 / (1.0 - f64::from(b as f32).powf(age.into()))));
     let betas = BETAS.map(|b| F::of(1.0 - b));
     let averaged = sigma_at([SURFACE_SPREAD, SURFACE_ITERATIONS].map(at), call.push.step).map(|sigma| {
         // Columns without a pixel have no gradient, so that their bonds do not count.

@@ -15,7 +15,7 @@ use thirdbounce::solve::closed_form::passes::gather_filtered;
 use thirdbounce::solve::closed_form::{OfProjection, hat};
 use thirdbounce::solve::learned::schedule::LearnedSchedule;
 use thirdbounce::solve::learned::{LearnedScan, Network};
-use thirdbounce::solve::surface::{Pixels, Placed, points_of};
+use thirdbounce::solve::surface::{Judged, Pixels, Placed, points_of};
 use thirdbounce::solve::{Accumulation, Needs, OnDevice, Plan, Tuning, paper, surface};
 use thirdbounce::transport::kernels::*;
 
@@ -70,10 +70,21 @@ pub fn prepared(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Res
             let placed = Placed { pixels: pixels.len(), most: 60.0, explained: 2.0, left: 2.0 };
             let mut weights = surface::weights(model, job.plan.finest(), placed, &fit.options, 12, 1.0);
             weights[SURFACE_SPREAD as usize] = spread;
+            for (index, value) in [
+                (SURFACE_BRIGHTEST, 1.5),
+                (SURFACE_ENERGY, 3.0),
+                (SURFACE_COMPARED, 2.5),
+                (SURFACE_PLACED, 1.0),
+                (SURFACE_BEFORE, 0.5),
+            ] {
+                weights[index as usize] = value;
+            }
             if long_steps {
                 (weights[SURFACE_DEPTH_RATE as usize], weights[SURFACE_ALBEDO_RATE as usize]) = (0.25, 16.0);
             }
             write(&mut job, buffer::SURFACE_WEIGHTS, &weights)?;
+            let energies = vec![2.0f32; job.plan.bytes_of(buffer::SURFACE_ENERGIES) as usize / 4];
+            write(&mut job, buffer::SURFACE_ENERGIES, &energies)?;
             place(&mut job, &pixels)?;
             write(&mut job, buffer::COUNTS, &[0u32; COUNTS as usize])?;
             zero_histograms(&mut job)?;
@@ -245,10 +256,29 @@ fn surface_steps(steps: &mut ComparedSteps, pixels: &Pixels) -> Result<()> {
     for i in 0..3 {
         steps.run(|s, plan| surface::iteration(s, plan, plan.finest(), count, [i, i, 12]))?;
     }
-    steps.run(|s, plan| surface::bonds(s, plan.finest(), count, 2))?;
+    judged(steps, count)?;
     let [x, y, _] = steps.job.plan.finest().grid.n;
     let of_layers = pixels.of_layers(x * y);
     (0..2).try_for_each(|layer| steps.run(|s, plan| surface::extract(s, plan.finest(), of_layers, layer)))
+}
+
+/// What a fit of `count` pixels decides on its way after three iterations: a better state, none, a rise, its end; then albedos of a
+/// known and of an unknown scale.
+fn judged(steps: &mut ComparedSteps, count: usize) -> Result<()> {
+    let of = |first: usize, flags: u32| Judged { iterations: [first, 3], at: 3, flags };
+    steps.run(|s, plan| surface::check(s, plan, plan.finest(), count, of(0, JUDGE_FIRST)))?;
+    // How far the best logarithm is lowered: a better state, a little worse one, a rise, and one that is judged already.
+    for (lower, first, flags) in [(-0.5, 0, 0), (0.02, 0, JUDGE_LAST), (50.0, 1, 0), (0.0, 3, JUDGE_LAST)] {
+        let mut weights: Vec<f32> =
+            read_words(&mut steps.job, buffer::SURFACE_WEIGHTS)?.into_iter().map(f32::from_bits).collect();
+        weights[SURFACE_BEST as usize] -= lower;
+        write(&mut steps.job, buffer::SURFACE_WEIGHTS, &weights)?;
+        steps.run(|s, plan| surface::check(s, plan, plan.finest(), count, of(first, flags)))?;
+    }
+    steps.run(|s, plan| surface::place_known(s, plan, plan.finest(), count))?;
+    [true, false].into_iter().try_for_each(|is_guess| {
+        steps.run(|s, plan| surface::place(s, plan, [plan.finest(); 2], count, 3, is_guess))
+    })
 }
 
 /// Lets the reference and the device run several iterations, each by itself, and compares what they leave.

@@ -110,6 +110,8 @@ struct RunningSolve<'r, 'w> {
     cancelled: Option<usize>,
     /// The maps of the run before, if they stay.
     maps: Option<Maps>,
+    /// What follows the last iteration is submitted.
+    is_ended: bool,
 }
 
 /// A submitted block: its iterations, and the level that all of them run at.
@@ -153,6 +155,7 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
             ahead: None,
             last: (TracePoint::before(&first_level.grid, first_level.pairs), None),
             maps: None,
+            is_ended: false,
         };
         run.start(before);
         run.reached = run.steps.levels[run.level];
@@ -190,6 +193,9 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
         self.level_before = self.level;
         if i + 1 < self.iterations {
             (self.steps.due)(change, plan, &mut self.level, i + 1);
+        } else {
+            (self.steps.last)(block, plan, i + 1);
+            self.is_ended = true;
         }
     }
 
@@ -317,6 +323,13 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
             self.device.executor.wait(flight.ticket)?;
             let seconds = self.clock.now(self.device.executor.gpu_seconds());
             self.read(&flight, seconds)?;
+        }
+        if !self.is_ended {
+            let done = self.reader.trace.last().map_or(self.first, |point| point.iteration);
+            let OnDevice { plan, executor, lists: Lists { block, .. }, .. } = &mut *self.device;
+            (self.steps.last)(block, plan, done);
+            executor.run(block)?;
+            block.clear();
         }
         let reached = self.reached;
         let maps = self.maps.take().map_or_else(|| self.maps(&reached), Ok)?;

@@ -17,6 +17,9 @@ type Due<'s> = Box<dyn Fn(&mut Schedule, &Plan, &mut usize, usize) + 's>;
 /// Adds what leaves the maps of a level in `columns_host`.
 type Extract<'s> = Box<dyn Fn(&mut Schedule, &Level) + 's>;
 
+/// Adds what follows the last iteration, after N of the whole solve.
+type Last<'s> = Box<dyn Fn(&mut Schedule, &Plan, usize) + 's>;
+
 /// A solver as its driver sees it. What it adds goes into schedules that live as long as the device's buffers, so an
 /// iteration allocates nothing.
 pub(crate) struct Steps<'s> {
@@ -28,6 +31,8 @@ pub(crate) struct Steps<'s> {
     pub iteration: Iteration<'s>,
     /// What is due after N iterations, before the next one. It may move to the next level.
     pub due: Due<'s>,
+    /// Follows the last iteration, after N of the whole solve.
+    pub last: Last<'s>,
     /// Leaves the level's maps in `columns_host`.
     pub extract: Extract<'s>,
     /// The result has the maps; else those of the run before stay.

@@ -125,6 +125,7 @@ fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
         }),
         due: Box::new(|s, plan, level, done| due(s, plan, options, level, done)),
         extract: Box::new(domain::extract),
+        last: Box::new(|_, _, _| ()),
         has_maps: true,
         passes: [super::passes::ALL, passes::ALL],
         l1_weight: Box::new(|level| options.l1 / level.grid.voxels() as f64),

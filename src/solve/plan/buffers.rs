@@ -36,7 +36,7 @@ impl Plan {
         // One more: a surface is compared twice before its first iteration.
         let rows = (self.demand.iterations.iter().sum::<usize>() + 1) * TRACE_ROW as usize;
         let mut on_host = vec![
-            (UPLOAD, self.measured_bytes() + self.scene_bytes(), Place::Upload),
+            (UPLOAD, self.measured_bytes() + self.scan_bytes(), Place::Upload),
             (buffer::TRACE, (rows * 4) as u64, Place::Readback),
             (COLUMNS_HOST, columns, Place::Readback),
         ];
@@ -100,13 +100,11 @@ impl Plan {
         (self.scene.pairs * self.scene.bins * 4) as u64
     }
 
-    /// Bytes of the scenes of all levels, which change with the counts.
-    fn scene_bytes(&self) -> u64 {
-        let of_level = if self.has_spots() { 2 } else { 1 };
-        let levels = self.levels.volume.len();
-        let scenes = (levels * of_level + self.stretches().count()) * size_of::<SceneData>();
-        let own: usize = self.blocks.iter().map(|(_, bytes)| bytes.len()).sum();
-        (scenes + own) as u64
+    /// Bytes of the scan and of the constants of all levels: one submission takes them with the counts.
+    fn scan_bytes(&self) -> u64 {
+        let batches: u64 = self.stretches().map(|b| (b.pairs * self.scene.bins * 4) as u64).sum();
+        let own: u64 = self.level_buffers().iter().map(|(_, bytes)| bytes).sum();
+        self.wall_bytes(self.finest()) + own - batches
     }
 
     fn level_buffers(&self) -> Vec<(Buffer, u64)> {

@@ -5,41 +5,33 @@ use std::time::Instant;
 
 use super::held_out::HeldOut;
 use super::model::{outline_of, take};
-use super::needs::HEIGHTS_KEPT;
-use super::schedule::{FitIteration, bonds, divide, extract, keep, render, start, turn};
-use super::weights::{Placed, weights};
+use super::schedule::{CHECK, Judged, check, divide, extract, iteration, place, place_known, render, start};
+use super::weights::Unplaced;
 use super::{Pixels, SurfaceOptions, needs, passes};
 use crate::Result;
 use crate::capture::Capture;
-use crate::gpu::{Buffer, BufferPlan, Gpu, Place, Schedule, check};
+use crate::gpu::{self, Buffer, BufferPlan, Gpu, Place, Schedule};
 use crate::maps::Maps;
 use crate::solve::drive::{Driven, Steps, Watch, drive, maps_stage, stage_values};
 use crate::solve::estimate::energy;
-use crate::solve::on_device::{OnDevice, read_maps, trace_rows};
+use crate::solve::on_device::{OnDevice, columns_of, maps_of};
 use crate::solve::outline::{self, TimedSchedule};
-use crate::solve::over_pairs::turns_of_finish;
-use crate::solve::passes::{FINISH, RESIDUAL, objective};
-use crate::solve::plan::RESIDUAL_HOST;
+use crate::solve::passes::RESIDUAL;
+use crate::solve::plan::{COLUMNS_HOST, RESIDUAL_HOST, UPLOAD};
 use crate::solve::prepared::Planned;
 use crate::solve::{Level, Plan, Problem};
 use crate::transport::Rows;
 use crate::transport::kernels::*;
 
-/// Iterations between two comparisons of the objective; bonds and prior weights are renewed with them.
-const CHECK: usize = 10;
-/// A larger logarithm of the objective is a rise: batches differ by less.
-const RISE: f64 = 0.05;
-/// Factors of the steps after a rise, and after a comparison without one. Evidence: benches/NOTES.md, "Lengths of steps".
-const SHORTER: f64 = 0.5;
-const LONGER: f64 = 1.2;
 /// A model explains the light up to this error. Beyond it, fits begin with the longest steps.
 pub(super) const MOST_ERROR: f64 = 0.04;
 
 /// Batches that are all rendered for the scale of the albedos.
 const FEW: usize = 4;
 
-/// The present state, and the best one so far.
-const KEPT: [Buffer; 2] = [buffer::HEIGHTS, HEIGHTS_KEPT];
+/// The maps of the second layer, and what a fit knows of itself, for the host.
+const BEHIND_HOST: Buffer = Buffer::named("behind_host");
+const WEIGHTS_HOST: Buffer = Buffer::named("surface_weights_host");
 
 /// A fit at one resolution, prepared for a scan.
 pub(crate) struct Fit {
@@ -54,6 +46,8 @@ pub(crate) struct Fit {
     judge: Judge,
     /// The residual of the present surface is there for the host.
     is_compared: bool,
+    /// Albedos are in units of this fit's data: those of a closed form may be thousands of times smaller.
+    is_scaled: bool,
     /// The length of its next steps as a share of the longest ones: it stays from run to run.
     pub step: f64,
 }
@@ -92,6 +86,11 @@ impl Run {
     /// A whole fit of these iterations, in a solve of `of`.
     pub fn of(iterations: usize, of: usize) -> Run {
         Run { iterations, skipped: 0, scheduled: None, of, known: None, level: None, until: None }
+    }
+
+    /// Iterations of the schedule.
+    fn all(&self) -> usize {
+        self.scheduled.unwrap_or(self.skipped + self.iterations)
     }
 
     /// The fit of a round, which leaves the end of its schedule out.
@@ -149,7 +148,14 @@ impl Fit {
             let cells = plan.cells_at(level);
             plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
         }
-        check(&plan.buffers, &gpu.memory(), memory)?;
+        let weights = u64::from(SURFACE_WEIGHTS) * 4;
+        for (buffer, bytes) in [(BEHIND_HOST, plan.bytes_of(COLUMNS_HOST)), (WEIGHTS_HOST, weights)] {
+            plan.buffers.push(BufferPlan::new(buffer, bytes, Place::Readback));
+        }
+        // A run begins with its pixels: one submission takes them with the counts.
+        let pixels = needs::uploaded(&plan);
+        plan.buffers.iter_mut().filter(|b| b.buffer == UPLOAD).for_each(|b| b.bytes += pixels);
+        gpu::check(&plan.buffers, &gpu.memory(), memory)?;
         let planned = Planned::new(gpu, outline, plan, memory);
         Ok(Fit {
             planned,
@@ -159,6 +165,7 @@ impl Fit {
             energies: vec![],
             judge,
             is_compared: false,
+            is_scaled: false,
             step: 1.0,
         })
     }
@@ -186,8 +193,8 @@ impl Fit {
         let iterations = plan.demand.iterations;
         let steps = whole(&plan, iterations[1]);
         outline::each(&plan, &steps, iterations[0]..iterations[0] + iterations[1], &mut reserve)?;
-        reserve(&Schedule::of(|s| keep(s, needs::pixels(&plan), KEPT)))?;
-        reserve(&Schedule::of(|s| compared(s, &plan, &steps.levels[0], 1, 0)))
+        let (level, pixels) = (steps.levels[0], needs::pixels(&plan));
+        reserve(&Schedule::of(|s| place(s, &plan, [&level; 2], pixels, 0, true)))
     }
 
     /// Takes the counts of a capture.
@@ -195,20 +202,23 @@ impl Fit {
     /// # Errors
     /// The device fails.
     pub fn take(&mut self, capture: &Capture) -> Result<()> {
-        self.is_compared = false;
+        (self.is_compared, self.is_scaled) = (false, false);
         let Fit { planned, rows, options, energies, .. } = self;
         let job = planned.made()?;
         take(capture, options, rows, &mut job.model);
         job.queue_counts()?;
         let batches = &job.plan.levels.batches;
         *energies = match &batches[..] {
-            [] => vec![energy(&job.model, 0..job.plan.finest().pairs)],
+            [] => vec![job.light()[1]],
             _ => batches.iter().map(|b| energy(&job.model, b.first..b.first + b.pairs)).collect(),
         };
-        job.run(|s, plan| {
+        let words: Vec<f32> = energies.iter().map(|energy| *energy as f32).collect();
+        job.add(buffer::SURFACE_ENERGIES, bytemuck::cast_slice(&words))?;
+        job.queue(|s, plan| {
             cleared(s, plan);
             divide(s, plan);
-        })
+        });
+        Ok(())
     }
 
     /// The factor of the albedos of `layers` that explains most of the counts, and the quality with it; `None` if they explain no
@@ -217,16 +227,11 @@ impl Fit {
     /// # Errors
     /// The device fails.
     pub fn seen(&mut self, layers: &[Maps]) -> Result<Option<(f64, Quality)>> {
+        let run = Run::of(0, 0);
+        let Some(placed) = self.place(layers, run, 0)? else { return Ok(None) };
         let job = self.planned.made()?;
-        let level = job.plan.levels.pixels.expect("a fit has pixels");
-        let pixels = Pixels::of(layers, needs::pixels(&job.plan));
-        (self.pixels, self.is_compared) = (pixels.len(), false);
-        let [noise, energy] = job.light();
-        let placed = match pixels.is_empty() {
-            true => None,
-            false => place(job, &level, &pixels, (level, energy), 0)?,
-        };
-        Ok(placed.map(|(placed, scale)| (scale, Quality { noise, energy, left: placed.left })))
+        job.run(|s, _| s.copy(buffer::SURFACE_WEIGHTS, WEIGHTS_HOST, u64::from(SURFACE_WEIGHTS) * 4))?;
+        Ok(Found::read(job, placed.light).map(|found| (found.scale, found.quality)))
     }
 
     /// What the present surface leaves of the pairs that judge it: of those that are fitted where none are held out.
@@ -249,110 +254,115 @@ impl Fit {
 
     /// Fits the pixels of `layers`, and replaces the layers by the result. The quality is `None` if they explain no light.
     ///
-    /// The objective, prior included, is compared every [`CHECK`] iterations. A rise restores the best state so far and halves
-    /// the steps, which grow again slowly; the best state is the result.
+    /// The objective, prior included, is compared every [`CHECK`] iterations on the device (`surface_judge`). A rise restores the
+    /// best state so far and halves the steps, which grow again slowly; the best state is the result.
     ///
     /// # Errors
     /// The device fails, or the watch cancels.
     pub fn run(
         &mut self,
         layers: &mut [Maps],
-        Run { iterations, skipped, scheduled, of, known, level: level_before, until }: Run,
+        run: Run,
         watch: &mut Watch<'_>,
         mut driven: Driven,
     ) -> Result<(Driven, Option<Quality>)> {
-        let gpu = self.planned.gpu().clone();
-        let (clock, options) = (Instant::now(), &self.options);
-        let job = self.planned.made()?;
-        let gpu_before = job.executor.gpu_seconds();
+        let (gpu, clock) = (self.planned.gpu().clone(), Instant::now());
+        let begin = driven.trace.last().map_or(0, |p| p.iteration);
+        let placed = self.place(layers, run, begin)?;
+        driven.seconds += clock.elapsed().as_secs_f64();
+        let Some(Begun { pixels: of_layers, light }) = placed else { return Ok((driven, None)) };
+        let (judge, job) = (self.judge, self.planned.made()?);
         let level = job.plan.levels.pixels.expect("a fit has pixels");
-        let pixels = Pixels::of(layers, needs::pixels(&job.plan));
-        let [count, begin] = [pixels.len(), driven.trace.last().map_or(0, |p| p.iteration)];
-        (self.pixels, self.is_compared) = (count, false);
-        let [noise, energy] = job.light();
-        let placed = placed(job, &level, &pixels, &self.energies, known, begin)?;
-        let Some(mut placed) = placed else {
-            driven.seconds += clock.elapsed().as_secs_f64();
-            driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
-            return Ok((driven, None));
-        };
-        let all = scheduled.unwrap_or(skipped + iterations);
-        let mut best = Objective { log: f64::INFINITY, left: placed.left / energy, losses: [f64::NAN; 2] };
-        placed.left = level_before.map_or(placed.left, |left| left.min(placed.left));
-        let mut factor = self.step;
-        let set_weights = |job: &mut OnDevice, placed: Placed, factor: f64| {
-            let weights = weights(&job.model, &level, placed, options, all, factor);
-            job.add(buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))
-        };
-        set_weights(job, placed, factor)?;
         // Maps on the way show pixels without a surface as they were; those at the end have their own.
         if watch.maps_every.is_some() || !watch.maps_at.is_empty() {
             job.add(buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
         }
-        job.queue(|s, _| keep(s, count, KEPT));
-        driven.seconds += clock.elapsed().as_secs_f64();
-        driven.gpu_seconds += job.executor.gpu_seconds() - gpu_before;
-        let of_layers = pixels.of_layers(layers[0].albedo.len());
-        let (mut done, mut since_rest, mut is_kept, mut restored) = (0, 0, true, false);
-        // Frames compare their end with their beginning only: each comparison allocates.
-        let check = if self.judge != Judge::None { CHECK } else { iterations };
-        while done < iterations {
-            let here = check.min(iterations - done);
-            let segment = Segment { begin: begin + done, at: skipped + done, since_rest, all, of };
-            let steps = Steps { until, ..steps(&job.plan, level, of_layers, segment) };
-            driven = drive(&gpu, job, begin + done + here, steps, watch, Some(driven))?;
-            let reached = driven.trace.last().map_or(begin, |p| p.iteration) - begin;
-            if reached == done {
-                break;
-            }
-            let [first, last] = objectives(job, &self.energies, begin + done..begin + reached);
-            if done == 0 {
-                best = Objective { left: best.left, ..first };
-            }
-            let rises = last.log.is_nan() || last.log > best.log + RISE;
-            since_rest += here;
-            if rises {
-                factor *= SHORTER;
-                (placed.left, since_rest) = (best.left * energy, 0);
-                if let Some(point) = driven.trace.last_mut() {
-                    // That of the state that is restored.
-                    [point.loss, point.data_loss] = best.losses;
-                }
-                set_weights(job, placed, factor)?;
-                put_back(job, &level, count);
-            } else if last.log <= best.log {
-                best = last;
-                if factor < 1.0 {
-                    (factor, placed.left) = ((factor * LONGER).min(1.0), best.left * energy);
-                    set_weights(job, placed, factor)?;
-                }
-                job.queue(|s, _| keep(s, count, KEPT));
-            }
-            (is_kept, restored) = (rises || last.log <= best.log, rises);
-            if reached < done + here {
-                break;
-            }
-            done = reached;
+        let Run { iterations, skipped, of, until, .. } = run;
+        let segment = Segment { begin, iterations, skipped, all: run.all(), of };
+        let steps = Steps { until, ..steps(&job.plan, level, of_layers, judge, segment) };
+        driven = drive(&gpu, job, begin + iterations, steps, watch, Some(driven))?;
+        let Some(Found { quality, factor, .. }) = Found::read(job, light) else { return Ok((driven, None)) };
+        for (layer, maps) in layers.iter_mut().enumerate() {
+            *maps = shown(job, &level, maps, layer);
         }
-        let quality = Quality { noise, energy, left: best.left * energy };
+        (self.is_compared, self.is_scaled) = (true, true);
         // Where the model leaves much, rises tell of that, not of the steps.
         self.step = if quality.model_error() <= MOST_ERROR { factor } else { 1.0 };
-        if restored || !is_kept {
-            job.queue(|s, _| keep(s, count, [KEPT[1], KEPT[0]]));
-        }
-        extract_layers(job, self.judge, &level, of_layers, layers)?;
-        self.is_compared = true;
         driven.maps = layers[0].clone();
         Ok((driven, Some(quality)))
     }
+
+    /// Queues what places the pixels of `layers` for a run that begins with iteration `begin`. Overwrites the trace from that row on,
+    /// two rows. `None` without pixels.
+    fn place(&mut self, layers: &[Maps], run: Run, begin: usize) -> Result<Option<Begun>> {
+        let Fit { planned, options, energies, step, is_scaled, .. } = self;
+        let job = planned.made()?;
+        let level = job.plan.levels.pixels.expect("a fit has pixels");
+        let pixels = Pixels::of(layers, needs::pixels(&job.plan));
+        let light = job.light();
+        (self.pixels, self.is_compared) = (pixels.len(), false);
+        if pixels.is_empty() {
+            return Ok(None);
+        }
+        // With many batches one is enough for the scale: rendering all pairs would take longer than the iterations.
+        let (compared, measured) = match &job.plan.levels.batches {
+            all if all.len() > FEW => (all[0], energies[0]),
+            _ => (level, light[1]),
+        };
+        let unplaced = Unplaced {
+            pixels: pixels.len(),
+            brightest: f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b))),
+            energies: [light[1], measured],
+            known: run.known,
+            before: run.level,
+            skipped: run.skipped,
+        };
+        let weights = unplaced.weights(&job.model, &level, options, run.all(), *step);
+        let [x, y, _] = level.grid.n;
+        let heights: Vec<[f32; 2]> = pixels.depth.iter().zip(&pixels.albedo).map(|(z, a)| [*z, *a]).collect();
+        job.add(buffer::SURFACE_WEIGHTS, bytemuck::cast_slice(&weights))?;
+        job.add(buffer::PIXELS, bytemuck::cast_slice(&pixels.columns))?;
+        job.add(buffer::PIXEL_OF, bytemuck::cast_slice(&pixels.places(x * y)))?;
+        job.add(buffer::HEIGHTS, bytemuck::cast_slice(&heights))?;
+        job.queue(|s, plan| {
+            s.stage("surface", &stage_values(&level, begin));
+            start(s, plan, &level, pixels.len(), needs::points_of(plan));
+            match run.known {
+                Some(_) => place_known(s, plan, &level, pixels.len()),
+                // Far from it the scale is a small difference of large numbers, and only a guess.
+                None => (usize::from(*is_scaled)..2)
+                    .for_each(|turn| place(s, plan, [&level, &compared], pixels.len(), begin, turn == 0)),
+            }
+        });
+        Ok(Some(Begun { pixels: pixels.of_layers(layers[0].albedo.len()), light }))
+    }
 }
 
-/// Puts the best state of `count` pixels back, and Adam at rest.
-fn put_back(job: &mut OnDevice, level: &Level, count: usize) {
-    job.queue(|s, plan| {
-        keep(s, count, [KEPT[1], KEPT[0]]);
-        start(s, plan, level, count, needs::points_of(plan));
-    });
+/// What was placed: pixels of each layer, and photon noise and energy of the counts.
+struct Begun {
+    pixels: [usize; 2],
+    light: [f64; 2],
+}
+
+/// What the kernels found in a run.
+struct Found {
+    /// Factor of the albedos that were given.
+    scale: f64,
+    /// Of the best state.
+    quality: Quality,
+    /// Length of the next steps as a share of the longest ones.
+    factor: f64,
+}
+
+impl Found {
+    /// From the block that the run left for the host; `None` if the pixels explain no light.
+    fn read(job: &OnDevice, [noise, energy]: [f64; 2]) -> Option<Found> {
+        let words: Vec<f32> = job.executor.read(WEIGHTS_HOST, ..SURFACE_WEIGHTS as usize);
+        let [scale, left, factor] =
+            [SURFACE_SCALE, SURFACE_BEST_LEFT, SURFACE_FACTOR].map(|index| f64::from(words[index as usize]));
+        let quality = Quality { noise, energy, left: left * energy };
+        (scale > 0.0).then_some(Found { scale, quality, factor })
+    }
 }
 
 /// Renders the pairs of `level` that judge a fit, and leaves the residual for the host.
@@ -361,37 +371,33 @@ fn residual(s: &mut Schedule, plan: &Plan, level: &Level, count: usize) {
     s.copy(buffer::RESIDUAL, RESIDUAL_HOST, plan.cells_at(level) as u64 * 4);
 }
 
-/// Leaves the residual of the pairs that judge the present state for the host, and the state in the layers.
-fn extract_layers(
-    job: &mut OnDevice,
-    judge: Judge,
-    level: &Level,
-    of_layers: [usize; 2],
-    layers: &mut [Maps],
-) -> Result<()> {
-    if let Some(judging) = judging(&job.plan, judge).copied() {
-        job.queue(|s, plan| residual(s, plan, &judging, of_layers.iter().sum()));
+/// Leaves for the host: the residual of the pairs that judge the present state, the state as maps of each layer, and what the fit
+/// knows of itself.
+fn result(s: &mut Schedule, plan: &Plan, judge: Judge, level: &Level, of_layers: [usize; 2]) {
+    if let Some(judging) = judging(plan, judge) {
+        residual(s, plan, judging, of_layers.iter().sum());
     }
-    for (layer, maps) in layers.iter_mut().enumerate() {
-        *maps = shown(job, level, maps, of_layers, layer)?;
+    maps_stage(s, level);
+    let layers = if of_layers[1] > 0 { 2 } else { 1 };
+    for (layer, to) in [COLUMNS_HOST, BEHIND_HOST].into_iter().enumerate().take(layers) {
+        s.fill(buffer::COLUMNS, plan.bytes_of(buffer::COLUMNS), 0);
+        extracted(s, level, of_layers, layer, to);
     }
-    Ok(())
+    s.copy(buffer::SURFACE_WEIGHTS, WEIGHTS_HOST, u64::from(SURFACE_WEIGHTS) * 4);
 }
 
-/// The maps with the present state of a layer; pixels without a surface keep what `maps` has.
-fn shown(
-    job: &mut OnDevice,
-    level: &Level,
-    maps: &Maps,
-    of_layers: [usize; 2],
-    layer: usize,
-) -> Result<Maps> {
-    job.add(buffer::COLUMNS, bytemuck::cast_slice(&columns(maps)))?;
-    job.run(|s, _| {
-        maps_stage(s, level);
-        extract(s, level, of_layers, layer);
-    })?;
-    Ok(read_maps(&job.executor, &level.grid, true))
+/// Leaves the maps with a layer for the host.
+fn extracted(s: &mut Schedule, level: &Level, of_layers: [usize; 2], layer: usize, to: Buffer) {
+    extract(s, level, of_layers, layer);
+    s.copy(buffer::COLUMNS, to, (level.grid.n[0] * level.grid.n[1]) as u64 * 32);
+}
+
+/// The maps that [`result`] left of a layer; pixels without a surface keep what `maps` has.
+fn shown(job: &OnDevice, level: &Level, maps: &Maps, layer: usize) -> Maps {
+    let mut all = columns(maps);
+    let found = columns_of(&job.executor, [COLUMNS_HOST, BEHIND_HOST][layer], &level.grid);
+    all.iter_mut().zip(found).filter(|(_, found)| found[3] > 0.0).for_each(|(column, found)| *column = found);
+    maps_of(&all, &level.grid, true)
 }
 
 /// The pairs that judge a fit: those that are held out, or some of the fitted ones where none are.
@@ -404,35 +410,6 @@ fn judging(plan: &Plan, judge: Judge) -> Option<&Level> {
     }
 }
 
-/// The objective of a state.
-#[derive(Debug, Clone, Copy)]
-struct Objective {
-    /// Logarithm of the objective over the energy, prior included.
-    log: f64,
-    /// Share of the energy that the data term is.
-    left: f64,
-    /// The objective, prior included, and the plain data loss.
-    losses: [f64; 2],
-}
-
-/// The objectives of the first of these iterations, and of the last ones, in the mean over different batches.
-fn objectives(job: &OnDevice, energies: &[f64], rows: std::ops::Range<usize>) -> [Objective; 2] {
-    let all = trace_rows(job, rows.clone());
-    let of = |(i, row): (usize, &[u32; TRACE_ROW as usize])| {
-        let [data, prior, plain] =
-            [TRACE_OBJECTIVE, TRACE_L1, TRACE_DATA].map(|at| f64::from(f32::from_bits(row[at as usize])));
-        let energy = energies[i % energies.len()].max(f64::MIN_POSITIVE);
-        [((data + prior) / energy).ln(), data / energy, data + prior, plain]
-    };
-    let each: Vec<[f64; 4]> = rows.zip(&all).map(of).collect();
-    let mean = |of: &[[f64; 4]]| {
-        let [log, left, loss, plain] =
-            [0, 1, 2, 3].map(|k| of.iter().map(|v| v[k]).sum::<f64>() / of.len() as f64);
-        Objective { log, left, losses: [loss, plain] }
-    };
-    [mean(&each[..1]), mean(&each[each.len() - each.len().min(energies.len())..])]
-}
-
 /// Sets to zero what sums begin with.
 pub(crate) fn cleared(s: &mut Schedule, plan: &Plan) {
     for cleared in [buffer::COUNTS, buffer::HISTOGRAMS] {
@@ -440,45 +417,62 @@ pub(crate) fn cleared(s: &mut Schedule, plan: &Plan) {
     }
 }
 
-/// Iterations of a fit between two comparisons of the objective.
+/// Iterations of a run.
 #[derive(Clone, Copy)]
 struct Segment {
-    /// The first one in the whole solve, from 0, and in the schedule of the fit.
+    /// Those of the whole solve before it, and its own.
     begin: usize,
-    at: usize,
-    /// Iterations since Adam was at rest.
-    since_rest: usize,
-    /// Iterations of the schedule of the fit, and of the whole solve, for progress.
+    iterations: usize,
+    /// Iterations of the schedule of the fit: those that are left out before these, and all.
+    skipped: usize,
     all: usize,
+    /// Iterations of the whole solve, for progress.
     of: usize,
 }
 
-/// The steps that the driver runs for a segment, with the given pixels in each layer. Maps on the way show the first layer.
-fn steps(
-    plan: &Plan,
-    level: Level,
-    of_layers: [usize; 2],
-    Segment { begin, at, since_rest, all, of }: Segment,
-) -> Steps<'static> {
+impl Segment {
+    /// What is judged when `done` iterations of the whole solve are done: those since the last comparison.
+    fn judged(&self, done: usize) -> Judged {
+        let own = done - self.begin;
+        let before = own.saturating_sub(1) / CHECK * CHECK;
+        let first = if before == 0 { JUDGE_FIRST } else { 0 };
+        Judged { iterations: [self.begin + before, done], at: self.skipped + own, flags: first }
+    }
+}
+
+/// The steps that the driver runs, with the given pixels in each layer. Maps on the way show the first layer.
+fn steps(plan: &Plan, level: Level, of_layers: [usize; 2], judge: Judge, segment: Segment) -> Steps<'static> {
     let count = of_layers.iter().sum();
+    let Segment { begin, iterations, skipped, all, of } = segment;
     Steps {
         levels: vec![plan.batch(0).copied().unwrap_or(level)],
-        start: Box::new(move |s, _| {
-            if since_rest > 0 {
-                bonds(s, &level, count, begin);
-            }
-        }),
+        start: Box::new(|_, _| ()),
         iteration: Box::new(move |s, plan, _, i| {
-            let done = i - begin;
-            let one = FitIteration { iteration: i, at: at + done, since_rest: since_rest + done };
-            turn(s, plan, &level, count, one, all);
-        }),
-        due: Box::new(move |s, _, _, done| {
-            if (done - begin).is_multiple_of(CHECK) {
-                bonds(s, &level, count, done);
+            let own = i - begin;
+            iteration(s, plan, &level, count, [i, skipped + own, all]);
+            if (own + 1).is_multiple_of(CHECK) && own + 1 < iterations {
+                check(s, plan, &level, count, segment.judged(i + 1));
             }
         }),
-        extract: Box::new(move |s, level| extract(s, level, of_layers, 0)),
+        due: Box::new(|_, _, _, _| ()),
+        last: Box::new(move |s, plan, done| {
+            if done > begin {
+                let judged = segment.judged(done);
+                // A run that is late ends after a comparison or between two.
+                let is_judged = (done - begin).is_multiple_of(CHECK) && done - begin < iterations;
+                let from = if is_judged { done } else { judged.iterations[0] };
+                let iterations = [from, done];
+                check(
+                    s,
+                    plan,
+                    &level,
+                    count,
+                    Judged { iterations, flags: judged.flags | JUDGE_LAST, ..judged },
+                );
+            }
+            result(s, plan, judge, &level, of_layers);
+        }),
+        extract: Box::new(move |s, level| extracted(s, level, of_layers, 0, COLUMNS_HOST)),
         has_maps: false,
         passes: [crate::solve::passes::ALL, passes::ALL],
         l1_weight: Box::new(|_| 1.0),
@@ -492,14 +486,10 @@ fn steps(
 fn whole(plan: &Plan, iterations: usize) -> Steps<'static> {
     let level = plan.levels.pixels.expect("a fit has pixels");
     let (count, begin) = (needs::pixels(plan), plan.demand.iterations[0]);
+    let segment = Segment { begin, iterations, skipped: 0, all: iterations, of: begin + iterations };
     Steps {
         start: Box::new(move |s, plan| start(s, plan, &level, count, needs::points_of(plan))),
-        ..steps(
-            plan,
-            level,
-            [count, 0],
-            Segment { begin, at: 0, since_rest: 0, all: iterations, of: begin + iterations },
-        )
+        ..steps(plan, level, [count, 0], Judge::None, segment)
     }
 }
 
@@ -517,106 +507,4 @@ fn columns(maps: &Maps) -> Vec<[f32; 8]> {
         [*a, of(*z), 0.0, found, of(n[0]), of(n[1]), of(n[2]), 0.0]
     };
     maps.albedo.iter().zip(&maps.depth).zip(&maps.normal).map(of_pixel).collect()
-}
-
-/// Places pixels for a fit, with the scale that explains most of the data unless the residual with theirs is `known`; `None` if they
-/// explain none. Overwrites the trace from row `row` on.
-fn placed(
-    job: &mut OnDevice,
-    level: &Level,
-    pixels: &Pixels,
-    energies: &[f64],
-    known: Option<f64>,
-    row: usize,
-) -> Result<Option<Placed>> {
-    let [_, energy] = job.light();
-    if pixels.is_empty() {
-        return Ok(None);
-    }
-    if let Some(left) = known {
-        return place_known(job, level, pixels, [energy, left]).map(Some);
-    }
-    // With many batches one is enough for the scale: rendering all pairs would take longer than the iterations.
-    let compared = match &job.plan.levels.batches {
-        all if all.len() > FEW => (all[0], energies[0]),
-        _ => (*level, energy),
-    };
-    Ok(place(job, level, pixels, compared, row)?.map(|(placed, _)| placed))
-}
-
-/// Queues the columns and places of pixels.
-fn add_pixels(job: &mut OnDevice, level: &Level, pixels: &Pixels) -> Result<()> {
-    let [x, y, _] = level.grid.n;
-    let places = pixels.places(x * y);
-    job.add(buffer::PIXELS, bytemuck::cast_slice(&pixels.columns))?;
-    job.add(buffer::PIXEL_OF, bytemuck::cast_slice(&places))
-}
-
-/// Queues depths, and albedos times a scale.
-fn add_heights(job: &mut OnDevice, pixels: &Pixels, scale: f64) -> Result<()> {
-    let of = |(z, a): (&f32, &f32)| [*z, (scale * f64::from(*a)) as f32];
-    let heights: Vec<[f32; 2]> = pixels.depth.iter().zip(&pixels.albedo).map(of).collect();
-    job.add(buffer::HEIGHTS, bytemuck::cast_slice(&heights))
-}
-
-fn brightest(pixels: &Pixels) -> f64 {
-    f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b)))
-}
-
-/// Places pixels whose albedos have the scale of the data, of which they leave `left`.
-fn place_known(
-    job: &mut OnDevice,
-    level: &Level,
-    pixels: &Pixels,
-    [energy, left]: [f64; 2],
-) -> Result<Placed> {
-    add_pixels(job, level, pixels)?;
-    add_heights(job, pixels, 1.0)?;
-    job.queue(|s, plan| start(s, plan, level, pixels.len(), needs::points_of(plan)));
-    Ok(Placed { pixels: pixels.len(), most: brightest(pixels), explained: energy - left, left })
-}
-
-/// Places pixels, with their albedos scaled so that they explain most of the pairs that are `compared`, whose energy is given;
-/// `None` if they explain none. Also returns the scale. Overwrites the trace from row `row` on: two rows.
-fn place(
-    job: &mut OnDevice,
-    level: &Level,
-    pixels: &Pixels,
-    (of, measured): (Level, f64),
-    row: usize,
-) -> Result<Option<(Placed, f64)>> {
-    add_pixels(job, level, pixels)?;
-    // |A v - h|² and |2 A v - h|² give, with |h|², the factor of v that leaves least.
-    add_heights(job, pixels, 1.0)?;
-    job.queue(|s, plan| {
-        s.stage("surface", &stage_values(level, row));
-        start(s, plan, level, pixels.len(), needs::points_of(plan));
-        compared(s, plan, &of, pixels.len(), row);
-    });
-    add_heights(job, pixels, 2.0)?;
-    job.run(|s, plan| {
-        s.stage("surface", &stage_values(level, row));
-        compared(s, plan, &of, pixels.len(), row + 1);
-    })?;
-    let objective =
-        |row: &[u32; TRACE_ROW as usize]| f64::from(f32::from_bits(row[TRACE_OBJECTIVE as usize]));
-    let [once, twice] = [row, row + 1].map(|row| objective(&trace_rows(job, row..row + 1)[0]));
-    let rendered = 0.5 * (measured - 2.0 * once + twice);
-    let scale = 0.5 * (rendered + measured - once) / rendered;
-    if !(scale.is_finite() && scale > 0.0) {
-        return Ok(None);
-    }
-    add_heights(job, pixels, scale)?;
-    let [_, energy] = job.light();
-    let explained = energy * scale * scale * rendered / measured;
-    let most = scale * brightest(pixels);
-    Ok(Some((Placed { pixels: pixels.len(), most, explained, left: energy - explained }, scale)))
-}
-
-/// Renders `pixels` pixels and writes the objective to row `row` of the trace.
-fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: usize) {
-    render(s, plan, level, pixels, objective(plan));
-    s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
-        .bind(buffer::SCENE, level.scene)
-        .with(Push { iteration: row as u32, ..Default::default() });
 }

@@ -52,7 +52,9 @@ pub use needs::{OfFit, SMALL_PIXEL, pixels, points_of};
 pub use options::{Begin, LEAST_FLOOR, SurfaceOptions, SurfaceSettings};
 pub use pixels::Pixels;
 pub(crate) use rounds::{Candidate, Rounds, grow};
-pub use schedule::{bonds, divide, extract, iteration, points, render, start as start_of};
+pub use schedule::{
+    Judged, bonds, check, divide, extract, iteration, place, place_known, points, render, start as start_of,
+};
 pub(crate) use start::{Start, Starts};
 pub use weights::{Placed, weights};
 

@@ -15,9 +15,6 @@ pub const SMALL_PIXEL: f64 = 2.2;
 /// that deviation.
 const BLURRED_PIXEL: f64 = 1.5;
 
-/// Depths and albedos of the best state so far.
-pub const HEIGHTS_KEPT: Buffer = Buffer::named("heights_kept");
-
 /// Bytes of every pixel of the surface, by buffer.
 const OF_PIXEL: [(Buffer, u64); 6] = [
     (buffer::PIXELS, 4),
@@ -67,7 +64,8 @@ impl Needs for OfFit<'_> {
             (buffer::BOND_DEPTHS, columns * 4),
             (buffer::HEIGHT_PULL, columns * 16),
             (buffer::SURFACE_WEIGHTS, u64::from(SURFACE_WEIGHTS) * 4),
-            (HEIGHTS_KEPT, pixels * 8),
+            (buffer::HEIGHTS_KEPT, pixels * 8),
+            (buffer::SURFACE_ENERGIES, plan.levels.batches.len().max(1) as u64 * 4),
         ];
         all.extend(OF_PIXEL.map(|(buffer, bytes)| (buffer, pixels * bytes)));
         all
@@ -98,6 +96,16 @@ fn is_small(plan: &Plan) -> bool {
 /// Points of a pixel in a plan that was made for a surface.
 pub fn points_of(plan: &Plan) -> usize {
     plan.constant(constant::POINTS).unwrap_or(1) as usize
+}
+
+/// Bytes that a run of a fit uploads: its pixels, the weights, and maps on the way.
+pub fn uploaded(plan: &Plan) -> u64 {
+    let [x, y, _] = plan.levels.maps.n;
+    let [pixels, columns] = [pixels(plan), x * y].map(|n| n as u64);
+    pixels * 12
+        + columns * (8 + 32)
+        + u64::from(SURFACE_WEIGHTS) * 4
+        + 4 * plan.levels.batches.len().max(1) as u64
 }
 
 /// The room for pixels of the second layer is this part of the maps' pixels: a surface seldom fills the maps, so there is

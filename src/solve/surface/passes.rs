@@ -41,6 +41,12 @@ passes! {
         ..Pass::of("surface_step", |_| &kernel::SURFACE_STEP)
     };
 
+    /// Finds the scale of the albedos, and compares the objective with the best one on the way.
+    SURFACE_JUDGE = Pass::of("surface_judge", |_| &kernel::SURFACE_JUDGE);
+
+    /// Scales the albedos, keeps the state, or puts the best one back.
+    SURFACE_KEEP = Pass::of("surface_keep", |_| &kernel::SURFACE_KEEP);
+
     /// Puts a layer of the surface into the maps.
     SURFACE_EXTRACT = Pass::of("surface_extract", |_| &kernel::SURFACE_EXTRACT);
 }

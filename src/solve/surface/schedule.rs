@@ -2,11 +2,9 @@
 
 use super::passes::*;
 use super::weights;
-use crate::gpu::{Buffer, Schedule};
-use crate::solve::adam::unbiased;
+use crate::gpu::Schedule;
 use crate::solve::over_pairs::{compare, forward, gather, groups, size_passes, turns_of_finish};
-use crate::solve::passes::{FORWARD, objective};
-use crate::solve::plan::COLUMNS_HOST;
+use crate::solve::passes::{FINISH, FORWARD, objective};
 use crate::solve::plan::pass::Pass;
 use crate::solve::{Level, Plan};
 use crate::transport::kernels::*;
@@ -20,8 +18,8 @@ const FAR: f32 = 1e6;
 /// Share of the iterations after which a pixel uses its own gradient only, as in `heights.glsl`.
 const NARROWED: f64 = 0.6;
 
-/// Decays of Adam's moments, as in `surface_step.comp`.
-const BETAS: [f64; 2] = [0.9, 0.99];
+/// Iterations between two comparisons of the objective; bonds and prior weights are renewed with them.
+pub(super) const CHECK: usize = 10;
 
 fn push(count: usize) -> Push {
     Push { last: count as u32, ..Default::default() }
@@ -38,16 +36,14 @@ pub fn start(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, points:
     s.set(buffer::COUNTS, COUNT_ACTIVE, (points * count) as u32);
     s.set(buffer::COUNTS, COUNT_ARRIVED, 0);
     size_passes(s, &plan.batch(0).unwrap_or(level).rendered);
-    bonds(s, level, count, 0);
+    bonds(s, level, count);
 }
 
-/// Finds the bonds of every pixel, and the weights of the prior by the residual after `done` iterations,
-/// if any are.
-pub fn bonds(s: &mut Schedule, level: &Level, count: usize, done: usize) {
-    let push = Push { iteration: done as u32, ..push(count) };
+/// Finds the bonds of every pixel.
+pub fn bonds(s: &mut Schedule, level: &Level, count: usize) {
     s.dispatch(&SURFACE_BONDS, groups(count, WORKGROUP), 16 * count as u64)
         .bind(buffer::SCENE, level.scene)
-        .with(push);
+        .with(push(count));
 }
 
 /// Computes slopes and samples of the current surface.
@@ -74,38 +70,13 @@ fn rendered(s: &mut Schedule, plan: &Plan, level: &Level, residual: &Pass) {
     compare(s, plan, level, residual, Push::default());
 }
 
-/// Iteration `i` of the whole solve (from 0), `at` of this fit, which has `all`: points, forward, weighted residual, gather,
-/// combine, pull while gradients are spread, step, for the next batch of pairs if there are batches.
-pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, times: [usize; 3]) {
-    let [iteration, at, all] = times;
-    turn(s, plan, level, count, FitIteration { iteration, at, since_rest: at }, all);
-}
-
-/// An iteration of a fit.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct FitIteration {
-    /// Its number in the whole solve, from 0.
-    pub iteration: usize,
-    /// Its place in the schedule of the fit, which sets the length of steps.
-    pub at: usize,
-    /// Iterations since Adam was at rest.
-    pub since_rest: usize,
-}
-
-/// [`iteration`] at any place of a fit's schedule.
-pub(super) fn turn(
-    s: &mut Schedule,
-    plan: &Plan,
-    level: &Level,
-    count: usize,
-    FitIteration { iteration: i, at, since_rest }: FitIteration,
-    all: usize,
-) {
+/// Iteration `i` of the whole solve (from 0), `at` of this fit's schedule, which has `all`: points, forward, weighted residual,
+/// gather, combine, pull while gradients are spread, step, for the next batch of pairs if there are batches.
+pub fn iteration(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, [i, at, all]: [usize; 3]) {
     let scene = level.scene;
     points(s, level, count);
     let push = Push { iteration: i as u32, step: at as u32 + 1, ..push(count) };
-    let batch = plan.batch(i);
-    let seen = batch.unwrap_or(level);
+    let seen = plan.batch(i).unwrap_or(level);
     rendered(s, plan, seen, objective(plan));
     gather(s, plan, seen, &SURFACE_GATHER);
     let (own, pixels, around) = (groups(count, WORKGROUP), count as u64, weights::around(level));
@@ -116,12 +87,76 @@ pub(super) fn turn(
     // The step closes the iteration.
     s.dispatch(&SURFACE_STEP, own, around * pixels + turns_of_finish(plan))
         .bind(buffer::SCENE, seen.scene)
-        .with(unbiased(push, BETAS, since_rest as u32 + 1));
+        .with(push);
 }
 
-/// Keeps depths and albedos of `count` pixels, or puts those that are kept back.
-pub(super) fn keep(s: &mut Schedule, count: usize, [from, to]: [Buffer; 2]) {
-    s.copy(from, to, count as u64 * 8);
+/// Finds the scale of the albedos of `count` pixels by two renderings of the pairs of `of`, and keeps the state. Overwrites two rows
+/// of the trace, from row `row` on. `is_guess`: it is found once more from there.
+pub fn place(
+    s: &mut Schedule,
+    plan: &Plan,
+    [level, of]: [&Level; 2],
+    count: usize,
+    row: usize,
+    is_guess: bool,
+) {
+    compared(s, plan, of, count, row);
+    act(s, level, count, KEEP_TWICE);
+    compared(s, plan, of, count, row + 1);
+    let flags = JUDGE_SCALE | if is_guess { JUDGE_GUESS } else { 0 };
+    judge(s, plan, level, Push { first: row as u32, flags, ..Default::default() });
+    act(s, level, count, 0);
+}
+
+/// Keeps the state of `count` pixels whose albedos have the scale of the data.
+pub fn place_known(s: &mut Schedule, plan: &Plan, level: &Level, count: usize) {
+    judge(s, plan, level, Push::default());
+    act(s, level, count, 0);
+}
+
+/// Iterations of a fit that are judged together.
+#[derive(Debug, Clone, Copy)]
+pub struct Judged {
+    /// The first one, and the number of those that are done after the last one, in the whole solve.
+    pub iterations: [usize; 2],
+    /// Iterations of the fit's schedule that are done after the last one.
+    pub at: usize,
+    /// [`JUDGE_FIRST`], [`JUDGE_LAST`].
+    pub flags: u32,
+}
+
+/// Compares the objective of some iterations with the best one, and keeps the state of `count` pixels, or puts the best one back.
+/// Then finds the bonds, unless these are the last ones.
+pub fn check(s: &mut Schedule, plan: &Plan, level: &Level, count: usize, of: Judged) {
+    let Judged { iterations: [first, done], at, flags } = of;
+    let push =
+        Push { iteration: done as u32, first: first as u32, step: at as u32, flags, ..Default::default() };
+    judge(s, plan, level, push);
+    act(s, level, count, 0);
+    if flags & JUDGE_LAST == 0 {
+        bonds(s, level, count);
+    }
+}
+
+fn judge(s: &mut Schedule, plan: &Plan, level: &Level, push: Push) {
+    let batches = plan.levels.batches.len().max(1);
+    s.dispatch(&SURFACE_JUDGE, [1, 1, 1], batches as u64)
+        .bind(buffer::SCENE, level.scene)
+        .with(Push { last: batches as u32, ..push });
+}
+
+fn act(s: &mut Schedule, level: &Level, count: usize, flags: u32) {
+    s.dispatch(&SURFACE_KEEP, groups(count, WORKGROUP), count as u64)
+        .bind(buffer::SCENE, level.scene)
+        .with(Push { flags, ..push(count) });
+}
+
+/// Renders `pixels` pixels and writes the objective to row `row` of the trace.
+fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: usize) {
+    render(s, plan, level, pixels, objective(plan));
+    s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
+        .bind(buffer::SCENE, level.scene)
+        .with(Push { iteration: row as u32, ..Default::default() });
 }
 
 /// Divides the measured histograms among the batches of pairs.
@@ -133,7 +168,7 @@ pub fn divide(s: &mut Schedule, plan: &Plan) {
     }
 }
 
-/// Puts the maps with a layer of the surface in them into `columns_host`. `of_layers`: how many pixels each has.
+/// Puts the maps with a layer of the surface in them into `columns`. `of_layers`: how many pixels each has.
 pub fn extract(s: &mut Schedule, level: &Level, of_layers: [usize; 2], layer: usize) {
     points(s, level, of_layers.iter().sum());
     let begin: usize = of_layers[..layer].iter().sum();
@@ -141,5 +176,4 @@ pub fn extract(s: &mut Schedule, level: &Level, of_layers: [usize; 2], layer: us
     s.dispatch(&SURFACE_EXTRACT, groups(pixels, WORKGROUP), pixels as u64)
         .bind(buffer::SCENE, level.scene)
         .with(Push { first: begin as u32, ..push(begin + pixels) });
-    s.copy(buffer::COLUMNS, COLUMNS_HOST, (level.grid.n[0] * level.grid.n[1]) as u64 * 32);
 }

@@ -36,6 +36,48 @@ pub struct Placed {
     pub left: f64,
 }
 
+/// What the kernels are to find out before a fit, or know of it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Unplaced {
+    /// The pixels, and their largest albedo, whose scale may be unknown.
+    pub pixels: usize,
+    pub brightest: f64,
+    /// Data terms of the measurement: of all pairs, and of those whose light gives the scale.
+    pub energies: [f64; 2],
+    /// What the pixels leave, if their scale is that of the data.
+    pub known: Option<f64>,
+    /// What earlier fits left, which weighs the prior at first.
+    pub before: Option<f64>,
+    /// Iterations of the schedule that are left out.
+    pub skipped: usize,
+}
+
+impl Unplaced {
+    /// The buffer `surface_weights` before `surface_judge` has found the scale: for an albedo of one that explains all light.
+    pub fn weights(
+        &self,
+        model: &Model,
+        level: &Level,
+        options: &SurfaceOptions,
+        iterations: usize,
+        factor: f64,
+    ) -> [f32; SURFACE_WEIGHTS as usize] {
+        let placed = Placed { pixels: self.pixels, most: 1.0, explained: 1.0, left: 0.0 };
+        let mut all = weights(model, level, placed, options, iterations, factor);
+        for (index, value) in [
+            (SURFACE_BRIGHTEST, self.brightest),
+            (SURFACE_ENERGY, self.energies[0]),
+            (SURFACE_COMPARED, self.energies[1]),
+            (SURFACE_PLACED, self.known.unwrap_or(0.0)),
+            (SURFACE_BEFORE, self.before.unwrap_or(f64::from(f32::MAX))),
+            (SURFACE_RESTED, self.skipped as f64),
+        ] {
+            all[index as usize] = value as f32;
+        }
+        all
+    }
+}
+
 /// The buffer `surface_weights`, for a fit of `iterations` iterations whose steps are shorter by `factor`.
 pub fn weights(
     model: &Model,
@@ -63,6 +105,11 @@ pub fn weights(
         (SURFACE_SPREAD, spread(&level.grid)),
         (SURFACE_SPARSE, sparse),
         (SURFACE_FAINT, FAINT * most),
+        (SURFACE_FACTOR, factor),
+        (SURFACE_DEPTH_LONGEST, (DEPTH_BINS * model.bin_width).min(DEPTH_PIXELS * pixel)),
+        (SURFACE_ALBEDO_LONGEST, ALBEDO * most),
+        (SURFACE_SCALE, 1.0),
+        (SURFACE_TIMES, 1.0),
     ] {
         all[index as usize] = value as f32;
     }
