@@ -28,6 +28,18 @@ pub fn fast_length(n: usize) -> usize {
     (n.max(1)..).find(is_fast).unwrap_or(n)
 }
 
+/// Two arrays of a method that are overwritten by each volume, and kept: fresh pages take as long as a transform.
+#[derive(Default)]
+pub struct SpareSpectra(pub [Vec<Complex>; 2]);
+
+/// Gives an array whose content does not matter this length.
+pub fn resize(array: &mut Vec<Complex>, length: usize) {
+    if array.len() != length {
+        array.clear();
+        array.par_extend(rayon::iter::repeat_n(Complex::default(), length));
+    }
+}
+
 /// Transforms of one length, forward or backward, not scaled.
 pub struct Line(Arc<dyn Fft<f32>>);
 

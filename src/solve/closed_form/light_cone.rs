@@ -6,7 +6,7 @@ use std::f64::consts::TAU;
 use rayon::prelude::*;
 
 use super::RegularScan;
-use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn};
+use super::fourier::{Complex, Line, Planes, Spare, fast_length, resize, transpose, turn};
 use super::resample::{Cumulative, PathPlace, linear};
 use super::sharpness::Ladder;
 use crate::capture::Capture;
@@ -78,7 +78,7 @@ impl ConeCells {
 
     /// Counts per square metre of v, times v to the power, as spectra over v: `[point * frequencies + k]`. Two points are the real and
     /// the imaginary part of one transform.
-    pub fn spectra(&self, capture: &Capture, scan: &RegularScan, power: f64) -> Vec<Complex> {
+    pub fn spectra(&self, capture: &Capture, scan: &RegularScan, power: f64, spectra: &mut Vec<Complex>) {
         let (frequencies, length) = (self.frequencies(), self.length);
         let Capture { bins, t_start, bin_width, .. } = *capture;
         let path = |edge: usize| 2.0 * (self.low + edge as f64 * self.step).sqrt();
@@ -95,7 +95,7 @@ impl ConeCells {
                 before = until;
             }
         };
-        let mut spectra = vec![Complex::default(); scan.points() * frequencies];
+        resize(spectra, scan.points() * frequencies);
         let line = Line::forward(length);
         spectra.par_chunks_mut(2 * frequencies).zip(scan.pair_of.par_chunks(2)).for_each_init(
             Default::default,
@@ -121,7 +121,6 @@ impl ConeCells {
                 });
             },
         );
-        spectra
     }
 
     /// What spectra over u are at the depths of `grid`, times `factor` of the depth: `[point * depths + depth]`. Two points are the
