@@ -149,7 +149,8 @@ fn measured(session: &mut Session, moments: &[FrameWithTruth]) -> Sums {
 fn main() {
     let sides: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
     let kernels = std::env::args().any(|a| a == "kernels");
-    let gpu = Gpu::open(&GpuOptions { timings: kernels, ..GpuOptions::default() }).expect("a Vulkan device");
+    let gpu =
+        Gpu::open(&GpuOptions { timings: kernels, ..GpuOptions::default() }).expect("the host at least");
     for side in if sides.is_empty() { vec![16, 32] } else { sides } {
         println!("\n{}: {side} x {side} points, {} pixels\n", gpu.info.name.trim(), 4 * side);
         println!(

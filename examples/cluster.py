@@ -26,10 +26,9 @@ def reconstruct(path, folder, settings, devices, threads):
     # Written last: a folder without it is not complete.
     if (Path(folder) / "report.json").is_file():
         return {**line, "status": "skipped"}
-    # Before a device is opened: workers on one machine share its cores.
-    for name in ["LP_NUM_THREADS", "RAYON_NUM_THREADS"]:
-        if threads:
-            os.environ.setdefault(name, str(threads))
+    # Before the first reconstruction: workers on one machine share its cores.
+    if threads:
+        os.environ.setdefault("RAYON_NUM_THREADS", str(threads))
     import thirdbounce as tb
 
     device = devices.get(get_worker().name)

@@ -1,8 +1,10 @@
 //! Delays of the lines of a scan, by held-out pairs: a scanner that lags, a cable per detector, a trigger that drifts.
 
+use rayon::prelude::*;
+
 use crate::Result;
 use crate::capture::{Capture, METRES_PER_PICOSECOND};
-use crate::estimation::{HeldOut, Left, Shown};
+use crate::estimation::{HeldOut, Left, Shown, add_products};
 
 /// Fewer lines have no pattern.
 const LEAST_LINES: usize = 4;
@@ -65,23 +67,22 @@ fn found(held: &HeldOut, scan: [usize; 2], lines: Lines) -> Option<(LineDelays, 
     }
     let farthest = (bins / FARTHEST[0]).min(FARTHEST[1]);
     let [rendered, measured] = held.sides();
-    // By line and lag in bins: sums of rendered values times measured ones.
-    let mut products = vec![vec![0.0; 2 * farthest + 1]; count];
-    let mut seen = vec![false; count];
-    let rows = rendered.chunks(bins).zip(measured.chunks(bins));
-    for ((rendered, measured), pair) in rows.zip(&held.pairs) {
-        let line = lines.of(*pair, scan);
-        seen[line] = true;
-        for (lag, sum) in products[line].iter_mut().enumerate() {
-            let (late, early) = (lag.saturating_sub(farthest), farthest.saturating_sub(lag));
-            let ends = bins - late.max(early);
-            let pairs = rendered[early..early + ends].iter().zip(&measured[late..late + ends]);
-            *sum += pairs.map(|(r, m)| r * m).sum::<f64>();
-        }
-    }
-    if seen.contains(&false) {
+    let mut rows: Vec<Vec<usize>> = vec![vec![]; count];
+    held.pairs.iter().enumerate().for_each(|(row, pair)| rows[lines.of(*pair, scan)].push(row));
+    if rows.iter().any(Vec::is_empty) {
         return None;
     }
+    // By line and lag in bins: sums of rendered values times measured ones.
+    let of_line = |rows: &Vec<usize>| {
+        let [mut early, mut late] = [vec![0.0; farthest + 1], vec![0.0; farthest + 1]];
+        for row in rows {
+            let [rendered, measured] = [&rendered, &measured].map(|all| &all[row * bins..(row + 1) * bins]);
+            add_products(measured, rendered, 0, &mut early);
+            add_products(rendered, measured, 0, &mut late);
+        }
+        early.into_iter().rev().chain(late.into_iter().skip(1)).collect()
+    };
+    let products: Vec<Vec<f64>> = rows.par_iter().map(of_line).collect();
     let best = |of: &Vec<f64>| {
         let at = (0..of.len()).max_by(|a, b| of[*a].total_cmp(&of[*b]).then(b.cmp(a))).unwrap_or(farthest);
         // The vertex of the parabola through the largest product and those beside it.

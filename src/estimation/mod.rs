@@ -34,6 +34,7 @@ pub use pulse::FoundPulse;
 use pulse::Shape;
 pub use request::{EstimateRequest, preset_for};
 use spread::ComparedRows;
+pub(crate) use spread::add_products;
 use trial::{Fitted, From, Trial};
 
 /// Constants of the estimates. Evidence: benches/NOTES.md.

@@ -11,6 +11,28 @@ const MOVES: i64 = 6;
 /// Bins by which rows are moved against each other.
 const REACH: usize = 96;
 
+/// Lags whose sums are made side by side, so that none waits for its own.
+const LAGS: usize = 8;
+
+/// Adds to `sums[j]` the sum of products of the values of one row and those of another that are `first + j` bins later.
+pub(crate) fn add_products(earlier: &[f64], later: &[f64], first: usize, sums: &mut [f64]) {
+    for (sums, first) in sums.chunks_mut(LAGS).zip((first..).step_by(LAGS)) {
+        let mut parts = [0.0; LAGS];
+        // All of these lags end within the row.
+        let common = (later.len() + 1).saturating_sub(first + LAGS).min(earlier.len());
+        if common > 0 {
+            for (value, later) in earlier[..common].iter().zip(later[first..].windows(LAGS)) {
+                parts.iter_mut().zip(later).for_each(|(part, later)| *part += value * later);
+            }
+        }
+        for (lag, (sum, mut part)) in (first..).zip(sums.iter_mut().zip(parts)) {
+            let rest = earlier.iter().zip(later.get(lag..).unwrap_or_default()).skip(common);
+            rest.for_each(|(value, later)| part += value * later);
+            *sum += part;
+        }
+    }
+}
+
 /// Rows of `bins` bins: rendered with ideal paths, and measured.
 pub(super) struct ComparedRows<'r> {
     pub rendered: &'r [f64],
@@ -64,17 +86,21 @@ struct Products {
 impl Products {
     fn of(rows: &ComparedRows<'_>) -> Products {
         let ComparedRows { rendered, measured, bins } = *rows;
-        let sum = |earlier: &[f64], later: &[f64], by: usize| -> f64 {
-            let dot = |(a, b): (&[f64], &[f64])| a.iter().zip(&b[by..]).map(|(a, b)| a * b).sum::<f64>();
-            if by > bins { 0.0 } else { earlier.chunks(bins).zip(later.chunks(bins)).map(dot).sum() }
+        // Lags of a part are summed side by side.
+        let of = |earlier: &[f64], later: &[f64], count: usize| -> Vec<f64> {
+            let mut sums = vec![0.0; count];
+            sums.par_chunks_mut(LAGS).enumerate().for_each(|(part, sums)| {
+                for (earlier, later) in earlier.chunks(bins).zip(later.chunks(bins)) {
+                    add_products(earlier, later, part * LAGS, sums);
+                }
+            });
+            sums
         };
-        let lags = || (0..=REACH).into_par_iter();
-        let own = lags().map(|by| sum(rendered, rendered, by)).collect();
-        let cross = (0..=2 * REACH).into_par_iter().map(|lag| match lag.checked_sub(REACH) {
-            Some(later) => sum(rendered, measured, later),
-            None => sum(measured, rendered, REACH - lag),
-        });
-        let cross = cross.collect();
+        let (own, [after, before]) = rayon::join(
+            || of(rendered, rendered, REACH + 1),
+            || [of(rendered, measured, REACH + 1), of(measured, rendered, REACH + 1)],
+        );
+        let cross = before[1..].iter().rev().chain(&after).copied().collect();
         Products { own, cross }
     }
 
@@ -130,6 +156,17 @@ mod tests {
         }
         let dark = vec![0.0; 240];
         assert!(ComparedRows { rendered: &dark, measured: &rendered, bins: 120 }.best(&pulses).is_none());
+    }
+
+    #[test]
+    fn products_of_all_lags_are_sums_by_definition() {
+        let [a, b] = [0.3, 0.7].map(|step| (0..21).map(|i| (f64::from(i) * step).sin()).collect::<Vec<_>>());
+        let mut sums = vec![0.0; 25];
+        add_products(&a, &b, 3, &mut sums);
+        for (j, sum) in sums.into_iter().enumerate() {
+            let wanted: f64 = a.iter().zip(b.iter().skip(3 + j)).map(|(a, b)| a * b).fold(0.0, |s, v| s + v);
+            assert_eq!(sum, wanted, "{j}");
+        }
     }
 
     #[test]

@@ -22,4 +22,4 @@ pub use load::{Loaded, load, reading, take, turn};
 pub use places::{PREVIEW, check_file, check_inputs, check_not_input, check_results};
 pub use report::plain;
 pub use request::{Request, usual_pipeline_cache};
-pub use run::{Outcome, run, solve};
+pub use run::{Outcome, run, run_on, solve};

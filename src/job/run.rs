@@ -63,12 +63,25 @@ pub fn run(
     loaded: &Loaded,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
+    run_on(request, loaded, || request.open(), hear)
+}
+
+/// As [`run`], on the device that `open` returns.
+///
+/// # Errors
+/// Those of [`run`] and of `open`.
+pub fn run_on(
+    request: &Request,
+    loaded: &Loaded,
+    open: impl FnOnce() -> Result<Gpu>,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Outcome> {
     let resolved = request.resolved(&loaded.capture);
     let truth = request.check(&resolved)?;
     request.check_places()?;
-    // Memory is checked before a device is opened.
+    // Memory is checked before a device is needed.
     resolved.grid(&loaded.capture)?;
-    let gpu = request.open()?;
+    let gpu = open()?;
     solve_checked(request, &resolved, loaded, &gpu, truth, hear)?.write(request)
 }
 

@@ -5,7 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::capture::Capture;
-use crate::transport::Model;
+use crate::transport::{LANES, Model};
 
 /// The weighted data term of photon noise alone. Below it a solver fits noise (discrepancy principle, Morozov 1966).
 pub fn expected_noise(model: &Model) -> f64 {
@@ -21,13 +21,14 @@ pub fn energy(model: &Model, pairs: Range<usize>) -> f64 {
         Some(filter) => {
             let roots: Vec<f64> = (0..model.bins).map(|bin| model.bin_weight(bin).sqrt()).collect();
             let filter = filter.rows_of(model.bins, model.bin_width);
-            let of_row = |row: &[f32]| {
-                let mut row: Vec<f64> = row.iter().zip(&roots).map(|(m, s)| s * f64::from(*m)).collect();
-                filter.apply(&mut row);
-                row.iter().map(|v| v * v).sum::<f64>()
+            let of_rows = |spare: &mut Vec<_>, rows: &[f32]| {
+                let value = |row: usize, bin: usize| roots[bin] * f64::from(rows[row * model.bins + bin]);
+                filter.squares(rows.len() / model.bins, value, spare)
             };
             let rows = &model.measured[pairs.start * model.bins..pairs.end * model.bins];
-            rows.par_chunks_exact(model.bins).map(of_row).sum()
+            let sums = rows.par_chunks(LANES * model.bins).map_init(Vec::new, of_rows);
+            // In the order of rows, whatever thread sums them.
+            sums.collect::<Vec<_>>().into_iter().flatten().sum()
         }
         None => weighted_sum(model, pairs.clone(), [0.0, 0.0, 1.0]),
     };

@@ -85,9 +85,9 @@ pub struct Common {
 /// Where a method does its work.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum RunsOn {
-    /// On the Vulkan device.
+    /// By kernels, on a GPU or on the host as a device.
     Device,
-    /// On the cores of the host.
+    /// In functions of the host that are no kernels.
     Host,
 }
 

@@ -125,6 +125,9 @@ impl HighPass {
     }
 }
 
+/// Rows that are filtered side by side.
+pub const LANES: usize = 8;
+
 /// A high-pass for rows of one length.
 #[derive(Debug, Clone)]
 pub struct RowFilter {
@@ -140,6 +143,37 @@ impl RowFilter {
     pub fn apply(&self, row: &mut [f64]) {
         let smoothed = self.smoothed(row);
         row.iter_mut().zip(smoothed).for_each(|(v, slow)| *v -= self.share * slow);
+    }
+
+    /// The sum of squares of each of up to [`LANES`] rows of `bins` bins once they are filtered; `of` returns the value of a row and a bin.
+    /// Side by side, rows do not wait for their recurrences; each has the bits of [`RowFilter::apply`].
+    pub fn squares(
+        &self,
+        rows: usize,
+        of: impl Fn(usize, usize) -> f64,
+        spare: &mut Vec<[f64; LANES]>,
+    ) -> [f64; LANES] {
+        let value = |bin: usize| std::array::from_fn(|row| if row < rows { of(row, bin) } else { 0.0 });
+        spare.clear();
+        let mut before = [0.0; LANES];
+        for (bin, [inverse, _]) in self.steps.iter().enumerate() {
+            let values: [f64; LANES] = value(bin);
+            before = std::array::from_fn(|row| inverse * (values[row] + self.kappa * before[row]));
+            spare.push(before);
+        }
+        for i in (1..spare.len()).rev() {
+            let (next, factor) = (spare[i], self.steps[i - 1][1]);
+            spare[i - 1].iter_mut().zip(next).for_each(|(slow, next)| *slow += factor * next);
+        }
+        let mut sums = [0.0; LANES];
+        for (bin, slow) in spare.iter().enumerate() {
+            let values: [f64; LANES] = value(bin);
+            for ((sum, value), slow) in sums.iter_mut().zip(values).zip(slow) {
+                let left = value - self.share * slow;
+                *sum += left * left;
+            }
+        }
+        sums
     }
 
     /// (1 + κ L)⁻¹ of a row, by elimination.
@@ -184,6 +218,18 @@ mod tests {
         assert!((sum - 0.9).abs() < 1e-9 && ((squares / sum).sqrt() / 7.0 - 1.0).abs() < 1e-6);
         let decay = FILTER.decay(0.01);
         assert!((slow[230] / slow[229] - decay).abs() < 1e-9, "{decay}");
+    }
+
+    #[test]
+    fn rows_side_by_side_have_the_squares_of_each() {
+        let bins = 37;
+        let of = |row: usize, bin: usize| ((row * bins + bin) as f64 * 0.7).sin();
+        let filter = FILTER.rows_of(bins, 0.01);
+        let found = filter.squares(5, of, &mut vec![]);
+        for (row, found) in found.into_iter().enumerate() {
+            let row = through(|bin| if row < 5 { of(row, bin) } else { 0.0 }, bins);
+            assert_eq!(found, row.iter().fold(0.0, |sum, v| sum + v * v));
+        }
     }
 
     #[test]

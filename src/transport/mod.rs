@@ -14,7 +14,7 @@ mod wall;
 
 pub use crate::capture::Reflectance;
 pub use grid::{BRICK_VOXELS, Grid, Volume};
-pub use high_pass::HighPass;
+pub use high_pass::{HighPass, LANES};
 pub use model::{Binning, Gradient, Model, Sampling, cells};
 pub use rows::Rows;
 pub use spot::{Rendered, Spot, SpotTaps};

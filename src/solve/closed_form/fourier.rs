@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
 use rustfft::{Fft, FftDirection, FftPlanner};
 
 /// A complex number.
@@ -27,6 +28,18 @@ pub fn fast_length(n: usize) -> usize {
     (n.max(1)..).find(is_fast).unwrap_or(n)
 }
 
+/// Two arrays of a method that are overwritten by each volume, and kept: fresh pages take as long as a transform.
+#[derive(Default)]
+pub struct SpareSpectra(pub [Vec<Complex>; 2]);
+
+/// Gives an array whose content does not matter this length.
+pub fn resize(array: &mut Vec<Complex>, length: usize) {
+    if array.len() != length {
+        array.clear();
+        array.par_extend(rayon::iter::repeat_n(Complex::default(), length));
+    }
+}
+
 /// Transforms of one length, forward or backward, not scaled.
 pub struct Line(Arc<dyn Fft<f32>>);
 
@@ -45,6 +58,12 @@ impl Line {
     pub fn run(&self, values: &mut [Complex], spare: &mut Vec<Complex>) {
         spare.resize(self.0.get_inplace_scratch_len(), Complex::default());
         self.0.process_with_scratch(values, spare);
+    }
+
+    /// Writes the transforms of the lines of `from`, which it overwrites.
+    fn run_into(&self, from: &mut [Complex], to: &mut [Complex], spare: &mut Vec<Complex>) {
+        spare.resize(self.0.get_outofplace_scratch_len(), Complex::default());
+        self.0.process_outofplace_with_scratch(from, to, spare);
     }
 }
 
@@ -77,33 +96,43 @@ impl Planes {
         let [nx, ny] = self.n;
         self.along[1].run(&mut plane[..rows * ny], &mut spare.line);
         spare.plane.resize(nx * ny, Complex::default());
-        transpose(plane, &mut spare.plane, [nx, ny]);
-        plane.copy_from_slice(&spare.plane);
-        self.along[0].run(plane, &mut spare.line);
+        transpose_rows(&plane[..rows * ny], &mut spare.plane, [nx, ny], 0);
+        self.along[0].run_into(&mut spare.plane, plane, &mut spare.line);
     }
 
     /// The plane of a spectrum, in place. Only the first `rows` x of it are needed; the others are not computed.
     pub fn plane(&self, spectrum: &mut [Complex], rows: usize, spare: &mut Spare) {
         let [nx, ny] = self.n;
         self.along[0].run(spectrum, &mut spare.line);
+        let few = rows * ny;
         spare.plane.resize(nx * ny, Complex::default());
-        transpose(spectrum, &mut spare.plane, [ny, nx]);
-        spectrum.copy_from_slice(&spare.plane);
-        self.along[1].run(&mut spectrum[..rows * ny], &mut spare.line);
+        transpose_rows(spectrum, &mut spare.plane[..few], [ny, nx], 0);
+        self.along[1].run_into(&mut spare.plane[..few], &mut spectrum[..few], &mut spare.line);
     }
 }
 
-/// Writes `from`, `[a * n[1] + b]`, as `[b * n[0] + a]`, in blocks that fit the cache.
-pub fn transpose<T: Copy>(from: &[T], to: &mut [T], [na, nb]: [usize; 2]) {
-    const BLOCK: usize = 16;
-    for first_a in (0..na).step_by(BLOCK) {
-        for first_b in (0..nb).step_by(BLOCK) {
-            for b in first_b..(first_b + BLOCK).min(nb) {
-                for a in first_a..(first_a + BLOCK).min(na) {
-                    to[b * na + a] = from[a * nb + b];
-                }
+/// Places on a side of the blocks of a transposition, which fit the cache.
+const BLOCK: usize = 16;
+
+/// Writes `from`, `[a * n[1] + b]`, as `[b * n[0] + a]`, on all threads.
+pub fn transpose<T: Copy + Default + Send + Sync>(from: &[T], to: &mut [T], n: [usize; 2]) {
+    let rows = to.par_chunks_mut((BLOCK * n[0]).max(1));
+    rows.enumerate().for_each(|(i, rows)| transpose_rows(from, rows, n, i * BLOCK));
+}
+
+/// Writes `rows` of the transposed array, the first of which is `first`. Beyond the end of `from` there is nothing.
+fn transpose_rows<T: Copy + Default>(from: &[T], rows: &mut [T], [na, nb]: [usize; 2], first: usize) {
+    let count = from.len() / nb;
+    for (part, rows) in rows.chunks_mut(BLOCK * na).enumerate() {
+        let first = first + part * BLOCK;
+        for first_a in (0..count).step_by(BLOCK) {
+            let end = (first_a + BLOCK).min(count);
+            for (b, row) in (first..).zip(rows.chunks_exact_mut(na)) {
+                let column = from[first_a * nb + b..].iter().step_by(nb);
+                row[first_a..end].iter_mut().zip(column).for_each(|(to, from)| *to = *from);
             }
         }
+        rows.chunks_exact_mut(na).for_each(|row| row[count..].fill(T::default()));
     }
 }
 

@@ -6,8 +6,8 @@ use std::f64::consts::TAU;
 use rayon::prelude::*;
 
 use super::RegularScan;
-use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn};
-use super::resample::{Cumulative, linear};
+use super::fourier::{Complex, Line, Planes, Spare, fast_length, resize, transpose, turn};
+use super::resample::{Cumulative, PathPlace, linear};
 use super::sharpness::Ladder;
 use crate::capture::Capture;
 use crate::transport::Grid;
@@ -76,34 +76,55 @@ impl ConeCells {
         all
     }
 
-    /// Counts per square metre of v, times v to the power, as spectra over v: `[point * frequencies + k]`.
-    pub fn spectra(&self, capture: &Capture, scan: &RegularScan, power: f64) -> Vec<Complex> {
-        let frequencies = self.frequencies();
-        let mut spectra = vec![Complex::default(); scan.points() * frequencies];
-        let line = Line::forward(self.length);
-        spectra.par_chunks_mut(frequencies).zip(&scan.pair_of).for_each_init(
+    /// Counts per square metre of v, times v to the power, as spectra over v: `[point * frequencies + k]`. Two points are the real and
+    /// the imaginary part of one transform.
+    pub fn spectra(&self, capture: &Capture, scan: &RegularScan, power: f64, spectra: &mut Vec<Complex>) {
+        let (frequencies, length) = (self.frequencies(), self.length);
+        let Capture { bins, t_start, bin_width, .. } = *capture;
+        let path = |edge: usize| 2.0 * (self.low + edge as f64 * self.step).sqrt();
+        let edges: Vec<PathPlace> =
+            (0..=self.count).map(|edge| PathPlace::of(path(edge), bins, t_start, bin_width)).collect();
+        let weight = |k: usize| (self.low + (k as f64 + 0.5) * self.step).powf(power);
+        let weights: Vec<f64> = (0..self.count).map(weight).collect();
+        let densities = |pair: usize, put: &mut dyn FnMut(usize, f32)| {
+            let counts = Cumulative::of(capture.histogram(pair));
+            let mut before = counts.until(edges[0]);
+            for (k, (edge, weight)) in edges[1..].iter().zip(&weights).enumerate() {
+                let until = counts.until(*edge);
+                put(k, ((until - before) / self.step * weight) as f32);
+                before = until;
+            }
+        };
+        resize(spectra, scan.points() * frequencies);
+        let line = Line::forward(length);
+        spectra.par_chunks_mut(2 * frequencies).zip(scan.pair_of.par_chunks(2)).for_each_init(
             Default::default,
-            |s, (to, pair)| {
+            |s, (to, pairs)| {
                 let (values, spare): &mut (Vec<Complex>, Vec<Complex>) = s;
                 values.clear();
-                values.resize(self.length, Complex::default());
-                let counts = Cumulative::of(capture.histogram(*pair), capture.t_start, capture.bin_width);
-                let path = |edge: usize| 2.0 * (self.low + edge as f64 * self.step).sqrt();
-                let mut before = counts.until(path(0));
-                for (k, value) in values[..self.count].iter_mut().enumerate() {
-                    let until = counts.until(path(k + 1));
-                    let v = self.low + (k as f64 + 0.5) * self.step;
-                    *value = Complex::from(((until - before) / self.step * v.powf(power)) as f32);
-                    before = until;
+                values.resize(length, Complex::default());
+                densities(pairs[0], &mut |k, value| values[k].re = value);
+                if let [_, second] = pairs {
+                    densities(*second, &mut |k, value| values[k].im = value);
                 }
                 line.run(values, spare);
-                to.copy_from_slice(&values[..frequencies]);
+                let (first, second) = to.split_at_mut(frequencies);
+                let both = |k: usize| (values[k], values[(length - k) % length].conj());
+                first.iter_mut().enumerate().for_each(|(k, to)| {
+                    let (value, mirrored) = both(k);
+                    *to = (value + mirrored) * 0.5;
+                });
+                second.iter_mut().enumerate().for_each(|(k, to)| {
+                    let (value, mirrored) = both(k);
+                    let difference = (value - mirrored) * 0.5;
+                    *to = Complex::new(difference.im, -difference.re);
+                });
             },
         );
-        spectra
     }
 
-    /// What spectra over u are at the depths of `grid`, times `factor` of the depth: `[point * depths + depth]`.
+    /// What spectra over u are at the depths of `grid`, times `factor` of the depth: `[point * depths + depth]`. Two points are the
+    /// real and the imaginary part of one transform.
     pub fn at_depths(
         &self,
         scan: &RegularScan,
@@ -111,25 +132,45 @@ impl ConeCells {
         spectra: &[Complex],
         factor: impl Fn(f64) -> f64 + Sync,
     ) -> Vec<f32> {
-        let line = Line::backward(self.length);
+        let (line, frequencies) = (Line::backward(self.length), self.frequencies());
         let deep = grid.n[2];
+        let place = |k: usize| {
+            let z = grid.origin.z + k as f64 * grid.pitch.z - scan.z;
+            (z > 0.0).then(|| ((z * z - self.low) / self.step - 0.5, factor(z) as f32))
+        };
+        let places: Vec<Option<(f64, f32)>> = (0..deep).map(place).collect();
         let mut values = vec![0.0f32; scan.points() * deep];
-        values.par_chunks_mut(deep).zip(spectra.par_chunks(self.frequencies())).for_each_init(
+        values.par_chunks_mut(2 * deep).zip(spectra.par_chunks(2 * frequencies)).for_each_init(
             Default::default,
-            |s, (to, spectrum)| {
+            |s, (to, spectra)| {
                 let (column, spare): &mut (Vec<Complex>, Vec<Complex>) = s;
+                let (first, second) = spectra.split_at(frequencies);
                 column.clear();
-                column.extend_from_slice(spectrum);
-                let above = self.length - spectrum.len();
-                column.extend(spectrum[1..=above].iter().rev().map(|v| v.conj()));
-                line.run(column, spare);
-                for (k, value) in to.iter_mut().enumerate() {
-                    let z = grid.origin.z + k as f64 * grid.pitch.z - scan.z;
-                    if z > 0.0 {
-                        let at = (z * z - self.low) / self.step - 0.5;
-                        *value = factor(z) as f32 * linear(|i| column[i].re, self.count, at);
+                column.extend_from_slice(first);
+                let above = self.length - frequencies;
+                column.extend(first[1..=above].iter().rev().map(|v| v.conj()));
+                // A column is real: of the mean and of the highest frequency, the real part.
+                let ends = [0, frequencies - 1];
+                ends.iter().for_each(|k| column[*k].im = 0.0);
+                if !second.is_empty() {
+                    let turned = |v: Complex| Complex::new(-v.im, v.re);
+                    let (low, high) = column.split_at_mut(frequencies);
+                    for (k, (to, from)) in low.iter_mut().zip(second).enumerate() {
+                        *to += if ends.contains(&k) { Complex::new(0.0, from.re) } else { turned(*from) };
                     }
+                    let mirrored = second[1..=above].iter().rev().map(|v| turned(v.conj()));
+                    high.iter_mut().zip(mirrored).for_each(|(to, from)| *to += from);
                 }
+                line.run(column, spare);
+                let (first, second) = to.split_at_mut(deep);
+                let put = |to: &mut [f32], part: fn(&Complex) -> f32| {
+                    for (value, place) in to.iter_mut().zip(&places) {
+                        let Some((at, factor)) = place else { continue };
+                        *value = factor * linear(|i| part(&column[i]), self.count, *at);
+                    }
+                };
+                put(first, |v| v.re);
+                put(second, |v| v.im);
             },
         );
         values
@@ -250,8 +291,10 @@ pub(super) mod definition {
         let of = |i: usize| {
             let (point, k) = (i / cells.count, i % cells.count);
             let histogram = capture.histogram(scan.pair_of[point]);
-            let counts = Cumulative::of(histogram, capture.t_start, capture.bin_width);
-            let until = |edge: usize| counts.until(2.0 * (cells.low + edge as f64 * cells.step).sqrt());
+            let counts = Cumulative::of(histogram);
+            let path = |edge: usize| 2.0 * (cells.low + edge as f64 * cells.step).sqrt();
+            let place = |path: f64| PathPlace::of(path, capture.bins, capture.t_start, capture.bin_width);
+            let until = |edge: usize| counts.until(place(path(edge)));
             let v = cells.low + (k as f64 + 0.5) * cells.step;
             (until(k + 1) - until(k)) / cells.step * v.powf(power)
         };

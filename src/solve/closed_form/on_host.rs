@@ -1,7 +1,9 @@
 //! Methods that run on the host: what each defines, their arrays and their volumes.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
+use super::fourier::SpareSpectra;
 use super::image::AlbedoVolume;
 use super::method::{ClosedForm, Imager};
 use super::sharpness::{even_weights, noise, weigh, with_random_signs};
@@ -27,7 +29,14 @@ pub trait HostMethod: ClosedForm<By = OnHost> {
 
     /// The volume at the voxels of `grid`. Counts are without background. A sharpness that the options leave open is the
     /// first of the ladder.
-    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume;
+    /// `spare` is its memory from one volume to the next.
+    fn volume(
+        &self,
+        capture: &Capture,
+        scan: &RegularScan,
+        grid: &Grid,
+        spare: &mut SpareSpectra,
+    ) -> AlbedoVolume;
 }
 
 /// The volume at the voxels of a grid.
@@ -45,6 +54,7 @@ pub struct OnHost {
     grid: Grid,
     plan: Arc<Plan>,
     is_start: bool,
+    spare: SpareSpectra,
 }
 
 impl<M: HostMethod> Imager<M> for OnHost {
@@ -88,7 +98,13 @@ impl<M: HostMethod> Imager<M> for OnHost {
             memory,
             |smaller| advice!["choose " {smaller} ", a larger " Stride ", a narrower " Gate " or more " Memory],
         )?;
-        Ok(OnHost { scan: options.scan(capture)?, grid, plan: Arc::new(plan), is_start })
+        Ok(OnHost {
+            scan: options.scan(capture)?,
+            grid,
+            plan: Arc::new(plan),
+            is_start,
+            spare: SpareSpectra::default(),
+        })
     }
 
     fn plan(&self) -> &Arc<Plan> {
@@ -100,21 +116,25 @@ impl<M: HostMethod> Imager<M> for OnHost {
     }
 
     fn volume(&mut self, options: &M, capture: &Capture) -> Result<(AlbedoVolume, Option<Sharpness>)> {
-        let OnHost { scan, grid, is_start, .. } = self;
+        let OnHost { scan, grid, is_start, spare, .. } = self;
         let (image, fine) = (options.image(), scan.finer(options.image().upsample));
-        let of = |capture: &Capture, with_background: bool| {
+        let of = |capture: Cow<'_, Capture>, with_background: bool| {
             let light = scan.light(capture, with_background);
             if image.upsample > 1 { upsample::finer(&light, scan, image).into_owned() } else { light }
         };
-        let light = of(capture, image.background);
+        let light = of(Cow::Borrowed(capture), image.background);
         let ladder = match options.ladder() {
             Some(ladder) if capture.integer_counts => ladder,
-            open => return Ok((options.volume(&light, &fine, grid), open.map(|ladder| ladder.sharpest()))),
+            open => {
+                let volume = options.volume(&light, &fine, grid, spare);
+                return Ok((volume, open.map(|ladder| ladder.sharpest())));
+            }
         };
-        let tossed = of(&with_random_signs(capture), false);
+        let tossed = of(Cow::Owned(with_random_signs(capture)), false);
         let (chosen, volume) = ladder.choose(|value| {
             let options = options.with_sharpness(value);
-            let [mut light, mut tossed] = [&light, &tossed].map(|counts| options.volume(counts, &fine, grid));
+            let [mut light, mut tossed] =
+                [&light, &tossed].map(|counts| options.volume(counts, &fine, grid, spare));
             if *is_start {
                 let weights = even_weights(&light.albedo, &tossed.albedo, grid.n[2]);
                 [&mut light, &mut tossed].into_iter().for_each(|v| weigh(&mut v.albedo, &weights));

@@ -1,29 +1,37 @@
 //! Histograms and columns at other places than those they are given at.
 
 /// Counts of a histogram up to any path.
-pub struct Cumulative {
-    sums: Vec<f64>,
-    start: f64,
-    width: f64,
-}
+pub struct Cumulative(Vec<f64>);
 
 impl Cumulative {
-    /// Of a histogram whose first bin begins at path `start`, with bins of this width; metres.
-    pub fn of(histogram: &[f32], start: f64, width: f64) -> Cumulative {
+    pub fn of(histogram: &[f32]) -> Cumulative {
         let mut sum = 0.0;
         let after = histogram.iter().map(|v| {
             sum += f64::from(*v);
             sum
         });
-        Cumulative { sums: std::iter::once(0.0).chain(after).collect(), start, width }
+        Cumulative(std::iter::once(0.0).chain(after).collect())
     }
 
-    /// Counts of shorter paths than this one. The counts of a bin are spread evenly over it.
-    pub fn until(&self, path: f64) -> f64 {
-        let at = ((path - self.start) / self.width).clamp(0.0, (self.sums.len() - 1) as f64);
-        let low = (at as usize).min(self.sums.len() - 2);
-        let share = at - low as f64;
-        self.sums[low] * (1.0 - share) + self.sums[low + 1] * share
+    /// Counts of paths shorter than the one at a place. The counts of a bin are spread evenly over it.
+    pub fn until(&self, PathPlace { bin, share }: PathPlace) -> f64 {
+        self.0[bin] * (1.0 - share) + self.0[bin + 1] * share
+    }
+}
+
+/// Place of a path in histograms: its bin, and the share of that before it.
+#[derive(Clone, Copy)]
+pub struct PathPlace {
+    bin: usize,
+    share: f64,
+}
+
+impl PathPlace {
+    /// In histograms of `bins` bins of this width, the first of which begins at path `start`; metres.
+    pub fn of(path: f64, bins: usize, start: f64, width: f64) -> PathPlace {
+        let at = ((path - start) / width).clamp(0.0, bins as f64);
+        let bin = (at as usize).min(bins - 1);
+        PathPlace { bin, share: at - bin as f64 }
     }
 }
 
@@ -68,8 +76,8 @@ mod tests {
 
     #[test]
     fn counts_up_to_a_path() {
-        let c = Cumulative::of(&[2.0, 4.0, 0.0], 1.0, 0.5);
-        let all = [0.0, 1.0, 1.25, 1.5, 1.75, 2.0, 2.4, 9.0].map(|t| c.until(t));
+        let c = Cumulative::of(&[2.0, 4.0, 0.0]);
+        let all = [0.0, 1.0, 1.25, 1.5, 1.75, 2.0, 2.4, 9.0].map(|t| c.until(PathPlace::of(t, 3, 1.0, 0.5)));
         assert_eq!(all, [0.0, 0.0, 1.0, 2.0, 4.0, 6.0, 6.0, 6.0]);
     }
 

@@ -1,5 +1,7 @@
 //! Scans that Fourier methods take: a regular lattice of points on a flat wall.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -126,10 +128,10 @@ impl RegularScan {
 
     /// The light of `capture`, whose scan this is: its counts less the background of each pair, if `with_background`. Places
     /// without a pair are added to it with the mean of the pairs around them.
-    pub(super) fn light(&self, capture: &Capture, with_background: bool) -> Capture {
-        let mut light = capture.clone();
+    pub(super) fn light(&self, capture: Cow<'_, Capture>, with_background: bool) -> Capture {
+        let background = Background::of(&capture, with_background);
+        let mut light = capture.into_owned();
         let bins = light.bins;
-        let background = Background::of(capture, with_background);
         if background != Background::NONE {
             light.histograms.par_chunks_exact_mut(bins).enumerate().for_each(|(pair, counts)| {
                 let below = background.of_pair(pair) as f32;
@@ -139,7 +141,8 @@ impl RegularScan {
         if self.gaps.is_empty() {
             return light;
         }
-        let (measured, places, kind) = (light.pair_count(), self.places(), capture.pair_kind());
+        let (measured, places, kind) = (light.pair_count(), self.places(), light.pair_kind());
+        let [laser, sensor] = [light.laser[0], light.sensor[0]];
         light.histograms.reserve_exact(self.gaps.len() * bins);
         // Gaps are in the order of their places.
         let missing = self.pair_of.iter().zip(places).filter(|(pair, _)| **pair >= measured);
@@ -148,8 +151,8 @@ impl RegularScan {
             around.iter().for_each(|pair| add(&mut mean, light.histogram(*pair), 1.0 / around.len() as f32));
             light.histograms.extend(mean);
             // The other side of a scan with one spot stays.
-            light.laser.push(if kind == PairKind::OneLaser { capture.laser[0] } else { place });
-            light.sensor.push(if kind == PairKind::OneSensor { capture.sensor[0] } else { place });
+            light.laser.push(if kind == PairKind::OneLaser { laser } else { place });
+            light.sensor.push(if kind == PairKind::OneSensor { sensor } else { place });
         }
         light.scan = [light.laser.len(), 1];
         // Scans that this is made of are flat: their normals say nothing.
@@ -219,7 +222,7 @@ mod tests {
         let places: Vec<[usize; 2]> = kept.iter().map(|p| [p / 3, p % 3]).collect();
         let (pair_of, gaps) = pairs_of([4, 3], &places);
         let scan = RegularScan { pair_of, gaps, ..RegularScan::with_one_spot(&whole, "it").unwrap() };
-        let light = scan.light(&capture, false);
+        let light = scan.light(Cow::Borrowed(&capture), false);
         light.check().unwrap();
         (whole, scan, light)
     }

@@ -222,7 +222,7 @@ impl BoxOfWall {
         let bands = Bands::new();
         let of_pair = |pair| {
             let [laser, sensor] = self.ends(capture, pair);
-            Pair { laser, sensor, bands: bands.of(capture.histogram(pair), self.bins(capture)) }
+            Pair::new(laser, sensor, bands.of(capture.histogram(pair), self.bins(capture)))
         };
         let pairs: Vec<Pair> = (0..capture.pair_count()).into_par_iter().map(of_pair).collect();
         project(&pairs, CHANNELS)

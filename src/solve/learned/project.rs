@@ -29,9 +29,33 @@ struct SampleLine([f32; 16]);
 
 /// A pair: laser and sensor point from the middle of the box's face, in walls, and its bands, [[`ROWS`]][band].
 pub struct Pair {
-    pub laser: DVec3,
-    pub sensor: DVec3,
-    pub bands: Vec<f32>,
+    laser: DVec3,
+    sensor: DVec3,
+    bands: Vec<f32>,
+    /// The samples of which a band is not zero.
+    lit: Range<usize>,
+}
+
+impl Pair {
+    pub fn new(laser: DVec3, sensor: DVec3, bands: Vec<f32>) -> Pair {
+        let is_lit = |sample: &[f32]| sample.iter().any(|v| *v != 0.0);
+        let mut samples = bands.chunks_exact(BANDS);
+        let first = samples.position(is_lit);
+        let last = bands.chunks_exact(BANDS).rposition(is_lit);
+        let lit = first.zip(last).map_or(0..0, |(first, last)| first..last + 1);
+        Pair { laser, sensor, bands, lit }
+    }
+
+    fn ends(&self) -> [[f32; 3]; 2] {
+        [self.laser, self.sensor].map(|p| p.as_vec3().to_array())
+    }
+
+    /// Whether it adds anything to the voxels of a tile.
+    fn reaches(&self, axes: [&[f32; TILE]; 3]) -> bool {
+        let needed = samples(self.ends(), axes);
+        // Of the last one, the sample behind it, too.
+        needed.start < self.lit.end && self.lit.start <= needed.end
+    }
 }
 
 /// The bands of all pairs at the voxels of the box, summed, each with a mean square of a ninth; in the first channels of `channels`.
@@ -92,6 +116,8 @@ impl pulp::WithSimd for Tile<'_> {
         let none = SampleLine([0.0; 16]);
         let mut sums = vec![none; TILE * TILE * TILE];
         let mut lines = vec![[none; WINDOW + APART]; TOGETHER];
+        // Most records end before the far tiles.
+        let pairs: Vec<&Pair> = pairs.iter().filter(|pair| pair.reaches([&xs, &ys, &zs])).collect();
         let (together, alone) = pairs.as_chunks::<TOGETHER>();
         for pairs in together {
             add(simd, pairs, [&xs, &ys], &zs, &mut lines, &mut sums);
@@ -107,7 +133,7 @@ impl pulp::WithSimd for Tile<'_> {
 #[inline(always)]
 fn add<S: pulp::Simd, const N: usize>(
     simd: S,
-    pairs: &[Pair; N],
+    pairs: &[&Pair; N],
     [xs, ys]: [&[f32; TILE]; 2],
     zs: &[f32; TILE],
     lines: &mut [[SampleLine; WINDOW + APART]],
@@ -118,7 +144,7 @@ fn add<S: pulp::Simd, const N: usize>(
     let mut ends = [[[0.0f32; 3]; 2]; N];
     let mut deep = [[[0.0f32; TILE]; 2]; N];
     for p in 0..N {
-        ends[p] = [pairs[p].laser, pairs[p].sensor].map(|p| [p.x as f32, p.y as f32, p.z as f32]);
+        ends[p] = pairs[p].ends();
         let needed = samples(ends[p], [xs, ys, zs]);
         firsts[p] = needed.start;
         let bands = &pairs[p].bands[BANDS * firsts[p]..];
@@ -210,12 +236,37 @@ mod tests {
     use super::*;
 
     #[test]
+    fn tiles_beyond_the_light_are_left_out_without_a_change() {
+        let mut random = Pcg64::seed_from_u64(1);
+        let lit = 40..90;
+        let pairs = |is_known: bool| -> Vec<Pair> {
+            let mut random = Pcg64::seed_from_u64(1);
+            let mut side = || random.random::<f64>() - 0.5;
+            let ends: Vec<DVec3> = (0..11).map(|_| dvec3(side(), side(), 0.0)).collect();
+            let mut bands = vec![0.0f32; ROWS * BANDS];
+            bands[lit.start * BANDS..lit.end * BANDS].fill_with(|| random.random::<f32>() - 0.5);
+            let of = |end: &DVec3| {
+                let pair = Pair::new(*end, *end, bands.clone());
+                assert_eq!(pair.lit, lit);
+                Pair { lit: if is_known { lit.clone() } else { 0..ROWS }, ..pair }
+            };
+            ends.iter().map(of).collect()
+        };
+        let [few, all] = [true, false].map(|is_known| project(&pairs(is_known), BANDS));
+        for _ in 0..200 {
+            let mut place = |n: usize| random.random_range(0..n);
+            let (band, x, y) = (place(BANDS), place(SIDE), place(SIDE));
+            assert_eq!(few.along_z(band, x, y), all.along_z(band, x, y));
+        }
+    }
+
+    #[test]
     fn voxels_have_the_bands_of_their_paths() {
         let mut random = Pcg64::seed_from_u64(0);
         let pair = |laser: DVec3, sensor: DVec3, random: &mut Pcg64| {
             let mut bands = vec![0.0f32; ROWS * BANDS];
             bands[..SAMPLES * BANDS].iter_mut().for_each(|v| *v = random.random::<f32>() - 0.5);
-            Pair { laser, sensor, bands }
+            Pair::new(laser, sensor, bands)
         };
         let (a, b) = (dvec3(0.3, -0.2, 0.02), dvec3(-0.4, 0.1, -0.01));
         let pairs = [pair(a, a, &mut random), pair(a, b, &mut random)];

@@ -77,6 +77,9 @@ impl Capture {
 
     /// Whether the laser and sensor points of every pair coincide, to a thousandth of the spacing.
     pub fn is_confocal(&self) -> bool {
+        if self.is_coaxial() {
+            return true;
+        }
         let tolerance = self.point_tolerance();
         self.laser.iter().zip(&self.sensor).all(|(l, s)| l.distance(*s) <= tolerance)
     }
@@ -84,13 +87,17 @@ impl Capture {
     /// Whether the laser and sensor points of every pair are closer than a tenth of the spacing or of a spot: methods for confocal scans
     /// take them as one.
     pub fn is_nearly_confocal(&self) -> bool {
-        // Without a search for the spacing.
-        if self.laser.iter().zip(&self.sensor).all(|(l, s)| l == s && l.is_finite()) {
+        if self.is_coaxial() {
             return true;
         }
         let spot = self.laser_spot.unwrap_or(0.0).max(self.sensor_spot.unwrap_or(0.0));
         let reach = self.point_tolerance().max(NEARLY * self.spacing().unwrap_or(0.0).max(spot));
         self.laser.iter().zip(&self.sensor).all(|(l, s)| l.distance(*s) <= reach)
+    }
+
+    /// Whether laser and sensor points are the same to the last bit, which needs no search for the spacing.
+    fn is_coaxial(&self) -> bool {
+        self.laser.iter().zip(&self.sensor).all(|(l, s)| l == s && l.is_finite())
     }
 
     /// The way from the laser to the sensor point, metres, if it is the same in every pair and short beside the scan; `None` for confocal
@@ -110,10 +117,14 @@ impl Capture {
     /// Whether the wall is a plane facing +z: all points at one z (to a ten-thousandth of the wall's width)
     /// and all normals, where known, (0, 0, 1) to a thousandth.
     pub fn is_planar(&self) -> bool {
-        let [x0, x1, y0, y1] = self.wall_extent();
-        let tolerance = 1e-4 * (x1 - x0).max(y1 - y0);
         let z = self.sensor.first().map_or(0.0, |p| p.z);
-        let flat = self.laser.iter().chain(&self.sensor).all(|p| (p.z - z).abs() <= tolerance);
+        let within =
+            |tolerance: f64| self.laser.iter().chain(&self.sensor).all(|p| (p.z - z).abs() <= tolerance);
+        // Most walls are at one z exactly, and need no search for their extent.
+        let flat = within(0.0) || {
+            let [x0, x1, y0, y1] = self.wall_extent();
+            within(1e-4 * (x1 - x0).max(y1 - y0))
+        };
         let normals = self.laser_normal.iter().chain(&self.sensor_normal).flatten();
         flat && normals.into_iter().all(|n| n.distance(DVec3::Z) <= 1e-3)
     }
@@ -151,6 +162,10 @@ impl Capture {
 
     /// Whether the scanned side is the laser's.
     pub fn laser_scans(&self) -> bool {
+        // On a tie, the sensor's side is scanned.
+        if self.is_coaxial() {
+            return false;
+        }
         let [lasers, sensors] = self.distinct();
         lasers.first.len() > sensors.first.len()
     }

@@ -7,7 +7,7 @@ use thirdbounce::{Error, Result};
 
 use super::histogram::FromTags;
 use super::progress::Meter;
-use super::settings::CaptureArgs;
+use super::settings::{self, CaptureArgs};
 use super::terminal::{json, print, say};
 use super::{interrupt, tables};
 
@@ -91,14 +91,22 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     args.check()?;
     let inputs = || std::iter::once(args.capture.capture.as_path()).chain(args.truth.as_deref());
     job::check_inputs(inputs(), &args.out)?;
-    let (loaded, request) = args.load(&args.capture.capture)?;
+    let CaptureArgs { settings, device, .. } = &args.capture;
+    let early = Request { timings: args.timings, ..settings::request(settings, device)? };
+    // A Vulkan loader takes as long as a file of counts.
+    let (loaded, gpu) = std::thread::scope(|scope| {
+        let gpu = scope.spawn(|| early.open());
+        (args.load(&args.capture.capture), gpu.join())
+    });
+    let (loaded, request) = loaded?;
+    let open = || gpu.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
     request.volume_file.iter().try_for_each(|file| job::check_not_input(file, inputs()))?;
     interrupt::stop_in_order();
     let mut meter = Meter::new(args.quiet).with_kernels(request.pipeline_cache.as_deref());
-    let outcome = job::run(&request, &loaded, &mut |progress| meter.hear(progress));
+    let outcome = job::run_on(&request, &loaded, open, &mut |progress| meter.hear(progress));
     meter.end(outcome.is_ok());
     let outcome = outcome?;
     outcome.validation.iter().for_each(|message| say(&format!("validation: {message}")));

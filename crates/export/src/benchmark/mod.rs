@@ -61,7 +61,7 @@ pub struct CaseResults {
     pub was_there: bool,
     /// Seconds that it took.
     pub seconds: f64,
-    /// Vulkan device and driver.
+    /// Device and driver.
     pub device: String,
     /// Results in the given order; changes are relative to the first.
     pub sides: Vec<SideResults>,
@@ -78,7 +78,7 @@ pub struct SideResults {
     pub spec: String,
     /// Whether another program made the maps. Its times are user-supplied.
     pub foreign: bool,
-    /// Vulkan device, or host cores.
+    /// Device, or threads of the host.
     pub runs_on: String,
     /// Reflectance model in use, where it was estimated or is compared.
     pub model: Option<String>,

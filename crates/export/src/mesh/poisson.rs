@@ -218,16 +218,29 @@ fn shifted(mut cell: [i32; 3], axis: usize, by: i32) -> [i32; 3] {
     cell
 }
 
+/// The sum of products, in parts that do not wait for each other.
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    const PARTS: usize = 8;
+    let ((a, last_a), (b, last_b)) = (a.as_chunks::<PARTS>(), b.as_chunks::<PARTS>());
+    let mut sums = [0.0; PARTS];
+    for (a, b) in a.iter().zip(b) {
+        sums.iter_mut().zip(a.iter().zip(b)).for_each(|(sum, (a, b))| *sum += a * b);
+    }
+    let last: f64 = last_a.iter().zip(last_b).map(|(a, b)| a * b).sum();
+    sums.iter().sum::<f64>() + last
+}
+
 /// Starts from zero, with a diagonal preconditioner.
 fn conjugate_gradients(apply: impl Fn(&[f64], &mut [f64]), diagonal: &[f64], right: Vec<f64>) -> Vec<f64> {
-    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-    let scaled =
-        |r: &[f64]| r.iter().zip(diagonal).map(|(r, d)| r / d.max(f64::MIN_POSITIVE)).collect::<Vec<_>>();
-    let mut x = vec![0.0; right.len()];
-    let mut product = vec![0.0; right.len()];
+    let inverse: Vec<f64> = diagonal.iter().map(|d| 1.0 / d.max(f64::MIN_POSITIVE)).collect();
+    let scale = |r: &[f64], to: &mut [f64]| {
+        to.iter_mut().zip(r.iter().zip(&inverse)).for_each(|(to, (r, inverse))| *to = r * inverse);
+    };
+    let [mut x, mut product, mut better] = [(); 3].map(|()| vec![0.0; right.len()]);
     let enough = TOLERANCE * TOLERANCE * dot(&right, &right);
     let mut rest = right;
-    let mut along = scaled(&rest);
+    scale(&rest, &mut better);
+    let mut along = better.clone();
     let mut size = dot(&rest, &along);
     for _ in 0..ITERATIONS {
         if dot(&rest, &rest) <= enough {
@@ -239,7 +252,7 @@ fn conjugate_gradients(apply: impl Fn(&[f64], &mut [f64]), diagonal: &[f64], rig
             *x += step * d;
             *r -= step * p;
         }
-        let better = scaled(&rest);
+        scale(&rest, &mut better);
         let next = dot(&rest, &better);
         let keep = next / size;
         size = next;

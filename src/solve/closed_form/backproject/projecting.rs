@@ -134,7 +134,7 @@ impl CorrectedCounts<'_> {
     ) -> CorrectedCounts<'c> {
         if let Some(scan) = scan {
             // Points between the measured ones have no background of their own: it goes first.
-            let light = scan.light(capture, with_background);
+            let light = scan.light(Cow::Borrowed(capture), with_background);
             let fine = upsample::finer(&light, scan, image).into_owned();
             CorrectedCounts { capture: Cow::Owned(fine), background: Background::NONE, scale: None }
         } else {

@@ -15,7 +15,7 @@
 use rayon::prelude::*;
 
 use super::RegularScan;
-use super::fourier::{Complex, Line, transpose};
+use super::fourier::{Complex, Line, SpareSpectra, transpose};
 use super::image::{AlbedoVolume, on_grid_signed};
 use super::light_cone::SNR;
 use super::light_cone::{ConeCells, filter_planes};
@@ -96,7 +96,13 @@ impl HostMethod for DlctOptions {
         ]
     }
 
-    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume {
+    fn volume(
+        &self,
+        capture: &Capture,
+        scan: &RegularScan,
+        grid: &Grid,
+        _: &mut SpareSpectra,
+    ) -> AlbedoVolume {
         let [x, y, z] = self.at_points(capture, scan, grid).map(|values| on_grid_signed(scan, &values, grid));
         let vector = |i: usize| [x[i], y[i], z[i]];
         let normal: Vec<[f32; 3]> = (0..z.len()).into_par_iter().map(vector).collect();
@@ -115,7 +121,8 @@ impl DlctOptions {
         let usual = usual_distances(&cells, scan);
         let size = [scan.points(), cells.frequencies()];
         // v² τ, of the integral of τ dt = τ dv / √v over a cell.
-        let spectra = cells.spectra(capture, scan, 2.5);
+        let mut spectra = vec![];
+        cells.spectra(capture, scan, 2.5, &mut spectra);
         let mut planes = vec![Complex::default(); spectra.len()];
         transpose(&spectra, &mut planes, size);
         drop(spectra);

@@ -14,7 +14,7 @@ use std::f64::consts::PI;
 use rayon::prelude::*;
 
 use super::RegularScan;
-use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
+use super::fourier::{Complex, Line, Planes, Spare, SpareSpectra, fast_length, transpose, turn, wave_number};
 use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::plane_waves;
 use super::method::ClosedForm;
@@ -108,7 +108,13 @@ impl HostMethod for FkOptions {
         vec![(WAVE, wave), (BY_COLUMN, wave), (AT_POINTS, at_points)]
     }
 
-    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume {
+    fn volume(
+        &self,
+        capture: &Capture,
+        scan: &RegularScan,
+        grid: &Grid,
+        _: &mut SpareSpectra,
+    ) -> AlbedoVolume {
         let half = HalfPaths::of(capture);
         let intensity = self.intensity(capture, scan, &half);
         let deep = grid.n[2];

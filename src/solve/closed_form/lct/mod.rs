@@ -11,7 +11,7 @@
 //! without padding.
 
 use super::RegularScan;
-use super::fourier::{Complex, Line, transpose};
+use super::fourier::{Complex, Line, SpareSpectra, resize, transpose};
 use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::SNR;
 use super::light_cone::{ConeCells, filter_planes};
@@ -78,14 +78,29 @@ impl HostMethod for LctOptions {
         vec![(SPECTRA, spectra), (BY_FREQUENCY, spectra), (AT_POINTS, at_points)]
     }
 
-    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume {
-        AlbedoVolume { albedo: on_grid(scan, &self.at_points(capture, scan, grid), grid), normal: None }
+    fn volume(
+        &self,
+        capture: &Capture,
+        scan: &RegularScan,
+        grid: &Grid,
+        spare: &mut SpareSpectra,
+    ) -> AlbedoVolume {
+        AlbedoVolume {
+            albedo: on_grid(scan, &self.at_points(capture, scan, grid, spare), grid),
+            normal: None,
+        }
     }
 }
 
 impl LctOptions {
     /// The albedo at the scan's points and the grid's depths, `[point * depths + depth]`.
-    fn at_points(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<f32> {
+    fn at_points(
+        &self,
+        capture: &Capture,
+        scan: &RegularScan,
+        grid: &Grid,
+        SpareSpectra([spectra, planes]): &mut SpareSpectra,
+    ) -> Vec<f32> {
         let cells = ConeCells::of(capture, scan);
         // v^(3/2) τ or v^(1/2) τ, of the integral of τ dt = τ dv / √v over a cell.
         let power = match self.image.reflectance {
@@ -93,13 +108,12 @@ impl LctOptions {
             _ => 2.0,
         };
         let size = [scan.points(), cells.frequencies()];
-        let mut spectra = cells.spectra(capture, scan, power);
-        let mut planes = vec![Complex::default(); spectra.len()];
-        transpose(&spectra, &mut planes, size);
-        self.invert(&cells, scan, &mut planes);
-        transpose(&planes, &mut spectra, [size[1], size[0]]);
-        drop(planes);
-        cells.at_depths(scan, grid, &spectra, |z| 2.0 * z)
+        cells.spectra(capture, scan, power, spectra);
+        resize(planes, spectra.len());
+        transpose(spectra, planes, size);
+        self.invert(&cells, scan, planes);
+        transpose(planes, spectra, [size[1], size[0]]);
+        cells.at_depths(scan, grid, spectra, |z| 2.0 * z)
     }
 
     /// Divides each frequency's plane by the spectrum of the kernel, as the Wiener filter does.
@@ -139,7 +153,7 @@ mod tests {
             let grid = random_grid(&scan);
             let columns = definition::least_squares(&capture, &scan, power, &[&|_, _| 1.0], o.snr.unwrap());
             let wanted = definition::at_depths(&capture, &scan, &grid, &columns[0], |z| 2.0 * z);
-            let off = error(&o.at_points(&capture, &scan, &grid), &wanted);
+            let off = error(&o.at_points(&capture, &scan, &grid, &mut SpareSpectra::default()), &wanted);
             assert!(off < 1e-4, "{off}");
         }
     }

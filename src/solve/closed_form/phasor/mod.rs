@@ -16,7 +16,7 @@ use std::f64::consts::TAU;
 use rayon::prelude::*;
 
 use super::RegularScan;
-use super::fourier::{Complex, Line, Planes, Spare, fast_length, transpose, turn, wave_number};
+use super::fourier::{Complex, Line, Planes, Spare, SpareSpectra, fast_length, transpose, turn, wave_number};
 use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::plane_waves;
 use super::method::ClosedForm;
@@ -155,7 +155,13 @@ impl HostMethod for PhasorOptions {
         ]
     }
 
-    fn volume(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> AlbedoVolume {
+    fn volume(
+        &self,
+        capture: &Capture,
+        scan: &RegularScan,
+        grid: &Grid,
+        _: &mut SpareSpectra,
+    ) -> AlbedoVolume {
         AlbedoVolume { albedo: on_grid(scan, &self.at_points(capture, scan, grid), grid), normal: None }
     }
 }
