@@ -134,12 +134,19 @@ impl Capture {
     /// along rows and columns, as the median over the scan. At most 1 in a sound capture. `None` if the scan is not a
     /// confocal lattice of at least 8 x 8 points on a flat wall, or has too little signal.
     fn curvature(&self) -> Option<f64> {
+        let bends = self.bends(first_light)?;
+        Some(bends[bends.len() / 2])
+    }
+
+    /// Second differences of the squared distance of the light in the bin that `light` finds, relative to those of a point, in
+    /// ascending order. `None` as for [`Capture::curvature`].
+    pub(super) fn bends(&self, light: impl Fn(&[f32]) -> Option<usize> + Sync) -> Option<Vec<f64>> {
         let [nx, ny] = self.scan;
         if self.pair_kind() != PairKind::Confocal || !self.is_planar() || nx < 8 || ny < 8 {
             return None;
         }
         let squared: Vec<Option<f64>> = self.of_rows(|h| {
-            let path = self.t_start + (first_light(h)? as f64 + 0.5) * self.bin_width;
+            let path = self.t_start + (light(h)? as f64 + 0.5) * self.bin_width;
             Some(0.25 * path * path)
         });
         let mut bends = Vec::new();
@@ -157,7 +164,7 @@ impl Capture {
             }
         }
         bends.sort_unstable_by(f64::total_cmp);
-        bends.get(bends.len() / 2).copied().filter(|_| 2 * bends.len() > nx * ny)
+        (2 * bends.len() > nx * ny).then_some(bends)
     }
 }
 

@@ -24,6 +24,35 @@ pub(super) fn one_width(name: &str) -> String {
     }
 }
 
+/// Names that say what a capture is.
+const KEYS: [&str; 13] = [
+    "H",
+    "rect_data",
+    "total_rect_data",
+    "meas",
+    "measlr",
+    "data_t",
+    "sig_in",
+    "sub_Sig",
+    "laserpoints",
+    "cameraGridPositions",
+    "laser_grid_xyz",
+    "sensor_grid_xyz",
+    "trans_data",
+];
+
+/// The struct or group, with its slash, that holds the arrays of the only capture of a file; `None` if the file itself holds one, or
+/// several do.
+pub(super) fn container(names: &[String]) -> Option<String> {
+    let keys = names.iter().filter(|name| KEYS.contains(&name.rsplit('/').next().unwrap_or(name)));
+    let mut folders: Vec<&str> = keys.map(|name| name.rfind('/').map_or("", |at| &name[..=at])).collect();
+    folders.dedup();
+    match folders[..] {
+        [folder] if !folder.is_empty() && folder != "#refs#/" => Some(folder.into()),
+        _ => None,
+    }
+}
+
 /// The arrays of a file.
 pub enum Variables {
     /// An HDF5 file, MATLAB v7.3 included.
@@ -58,6 +87,14 @@ impl Variables {
     pub fn have(&self, names: &[&str]) -> bool {
         let there = self.names();
         names.iter().all(|name| there.iter().any(|n| n == name))
+    }
+
+    /// The cell arrays of MATLAB, each with the shapes of its elements in C order.
+    pub(super) fn cells(&self) -> Vec<(String, Vec<Vec<usize>>)> {
+        match self {
+            Variables::Hdf5(file) => file.cells(),
+            Variables::Matlab5(file) => file.cells(),
+        }
     }
 
     /// The shape of an array in C order, `None` if it is missing or empty.
@@ -131,7 +168,7 @@ impl Variables {
     }
 
     /// Whether shapes are those of MATLAB reversed: in MATLAB's files, and in files named as they are.
-    pub(super) fn in_matlab_order(&self) -> bool {
+    pub fn in_matlab_order(&self) -> bool {
         match self {
             Variables::Hdf5(file) => file.in_matlab_order(),
             Variables::Matlab5(_) => true,
