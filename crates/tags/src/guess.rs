@@ -5,8 +5,8 @@ use std::path::Path;
 
 use super::order::Unwrap;
 use super::survey::MOST_CHANNELS;
-use super::{Division, Inputs, Record, Survey, TagFormat, Tags};
 use super::syncs::common_period;
+use super::{Division, Inputs, Record, Survey, TagFormat, Tags};
 use crate::error::Result;
 
 /// Intervals of a channel that are looked at.
@@ -25,7 +25,8 @@ impl Seen {
         self.count += 1;
         if self.intervals.len() < LOOKED_AT {
             let before = self.last.replace(time);
-            self.intervals.extend(before.map(|before| time.saturating_sub(before)).filter(|interval| *interval > 0));
+            self.intervals
+                .extend(before.map(|before| time.saturating_sub(before)).filter(|interval| *interval > 0));
         }
     }
 }
@@ -99,7 +100,8 @@ impl Inputs {
                 regular.push((seen.count, *channel));
             }
         }
-        let counts: BTreeMap<i32, u64> = seen.into_iter().map(|(channel, seen)| (channel, seen.count)).collect();
+        let counts: BTreeMap<i32, u64> =
+            seen.into_iter().map(|(channel, seen)| (channel, seen.count)).collect();
         let is_laser = |channel: i32| regular.iter().any(|(_, regular)| *regular == channel);
         // A channel that was named, or is that of most files, stays where no other one is more regular.
         let stays = counts.contains_key(&self.sync)

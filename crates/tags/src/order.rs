@@ -75,7 +75,8 @@ impl Unwrap {
 
     /// The range of the counter, if it begins again at this time.
     fn range(&self, stored: i64, first: i64) -> Option<i64> {
-        let units = u64::try_from(self.newest / self.unit).ok()?.checked_add(1)?.checked_next_power_of_two()?;
+        let units =
+            u64::try_from(self.newest / self.unit).ok()?.checked_add(1)?.checked_next_power_of_two()?;
         let range = i64::try_from(units).ok()?.checked_mul(self.unit)?;
         let near = (self.newest.saturating_sub(first) / self.tags.max(1)).saturating_mul(NEAR);
         let is_one = self.tags >= LEAST_TAGS

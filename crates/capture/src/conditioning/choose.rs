@@ -212,7 +212,8 @@ enum PairFault {
 }
 
 /// Values that programs store in place of missing ones.
-const FILLS: [f32; 8] = [9999.0, 99999.0, 999_999.0, 9_999_999.0, -9999.0, -99999.0, -999_999.0, -9_999_999.0];
+const FILLS: [f32; 8] =
+    [9999.0, 99999.0, 999_999.0, 9_999_999.0, -9999.0, -99999.0, -999_999.0, -9_999_999.0];
 /// A fill value is at least so many times as large as every count.
 const BEYOND: f32 = 8.0;
 /// Pairs with a fill value at least.
@@ -222,7 +223,8 @@ const LEAST_FILLED: usize = 2;
 fn fill(seen: &[HistogramFigures]) -> Option<f32> {
     let has = |fill: f32, seen: &HistogramFigures| seen.range.contains(&fill);
     FILLS.into_iter().find(|fill| {
-        let (with, without): (Vec<&HistogramFigures>, Vec<&HistogramFigures>) = seen.iter().partition(|seen| has(*fill, seen));
+        let (with, without): (Vec<&HistogramFigures>, Vec<&HistogramFigures>) =
+            seen.iter().partition(|seen| has(*fill, seen));
         let largest = without.iter().flat_map(|seen| seen.range).fold(0.0f32, |most, v| most.max(v.abs()));
         with.len() >= LEAST_FILLED && !without.is_empty() && fill.abs() > BEYOND * largest
     })
@@ -260,7 +262,12 @@ impl Measured {
             "all their bins hold one value beside pairs that vary, as a fill value of points that were never measured",
         );
         if let Some(fill) = fill(seen) {
-            tell(PairFault::Fill, &format!("bins of theirs hold {fill}, far beyond all counts: a value in place of missing ones"));
+            tell(
+                PairFault::Fill,
+                &format!(
+                    "bins of theirs hold {fill}, far beyond all counts: a value in place of missing ones"
+                ),
+            );
         }
         tell(
             PairFault::Hot,

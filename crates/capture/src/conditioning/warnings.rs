@@ -2,8 +2,9 @@
 
 use rayon::prelude::*;
 
+use crate::data::check::{NEGATIVE_PULSES, UPRIGHT, is_upside_down};
 use crate::data::histogram_figures::sum;
-use crate::data::rows::largest_of_three;
+use crate::data::rows::{largest_of_three, range_from};
 use crate::data::scan::decimals;
 use crate::data::{Capture, PairKind};
 
@@ -48,6 +49,14 @@ impl Capture {
                  of path, or time zero is later",
                 self.span(),
                 self.bin_width
+            ));
+        }
+        let upside_down = self.of_rows(|h| is_upside_down(range_from([0.0; 2], h)));
+        let upside_down = upside_down.into_iter().filter(|is| *is).count();
+        if 2 * upside_down > self.pair_count() {
+            warnings.push(format!(
+                "the signal is upside down in {upside_down} of {} histograms, {NEGATIVE_PULSES}: {UPRIGHT}",
+                self.pair_count()
             ));
         }
         let empty = self.of_rows(|h| h.iter().all(|v| *v == 0.0)).into_iter().filter(|dark| *dark).count();
@@ -134,20 +143,20 @@ impl Capture {
     /// along rows and columns, as the median over the scan. At most 1 in a sound capture. `None` if the scan is not a
     /// confocal lattice of at least 8 x 8 points on a flat wall, or has too little signal.
     fn curvature(&self) -> Option<f64> {
-        let bends = self.bends(first_light)?;
+        let bends = self.bends(|distance| distance * distance)?;
         Some(bends[bends.len() / 2])
     }
 
-    /// Second differences of the squared distance of the light in the bin that `light` finds, relative to those of a point, in
-    /// ascending order. `None` as for [`Capture::curvature`].
-    pub(super) fn bends(&self, light: impl Fn(&[f32]) -> Option<usize> + Sync) -> Option<Vec<f64>> {
+    /// Second differences of a function of the distance of the first light over twice the squared step, in ascending order: 1 for the
+    /// square of that of a point. `None` as for [`Capture::curvature`].
+    pub(super) fn bends(&self, of: impl Fn(f64) -> f64 + Sync) -> Option<Vec<f64>> {
         let [nx, ny] = self.scan;
         if self.pair_kind() != PairKind::Confocal || !self.is_planar() || nx < 8 || ny < 8 {
             return None;
         }
-        let squared: Vec<Option<f64>> = self.of_rows(|h| {
-            let path = self.t_start + (light(h)? as f64 + 0.5) * self.bin_width;
-            Some(0.25 * path * path)
+        let values: Vec<Option<f64>> = self.of_rows(|h| {
+            let path = self.t_start + (first_light(h)? as f64 + 0.5) * self.bin_width;
+            Some(of(0.5 * path))
         });
         let mut bends = Vec::new();
         for pair in 0..nx * ny {
@@ -156,7 +165,7 @@ impl Capture {
             let up = (iy + 2 * (ny / 4) < ny).then_some(ny / 4);
             for step in right.into_iter().chain(up) {
                 let [a, b, c] = [pair, pair + step, pair + 2 * step];
-                let (Some(first), Some(middle), Some(last)) = (squared[a], squared[b], squared[c]) else {
+                let (Some(first), Some(middle), Some(last)) = (values[a], values[b], values[c]) else {
                     continue;
                 };
                 let apart = self.sensor[a].distance_squared(self.sensor[b]);

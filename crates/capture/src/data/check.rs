@@ -14,6 +14,14 @@ const LEAST_RUN: usize = 128;
 /// A signal whose least value is so many times as far below zero as its largest is above is upside down: noise around a baseline is as
 /// strong above as below.
 const UPSIDE_DOWN: f32 = 4.0;
+pub(crate) const NEGATIVE_PULSES: &str = "as the voltage of a photomultiplier, whose pulses are negative";
+pub(crate) const UPRIGHT: &str =
+    "store it with the opposite sign, without its baseline: H = np.median(H) - H";
+
+/// Whether values from the least to the largest are those of negative pulses.
+pub(crate) fn is_upside_down([low, high]: [f32; 2]) -> bool {
+    -low > UPSIDE_DOWN * high.max(0.0)
+}
 
 impl Capture {
     /// Checks everything that the solvers rely on: array lengths, bin width, points, unit normals, finite counts, and
@@ -259,13 +267,10 @@ impl Capture {
             ));
         }
         let [low, high] = range;
-        if high <= 0.0 || total < 0.0 && -low > UPSIDE_DOWN * high {
+        if high <= 0.0 || total < 0.0 && is_upside_down(range) {
             return Err(Error::input(
-                format!(
-                    "the signal is upside down: values reach from {low} to {high}, as the voltage of a photomultiplier, whose pulses are \
-                     negative"
-                ),
-                "store it with the opposite sign, without its baseline: H = np.median(H) - H",
+                format!("the signal is upside down: values reach from {low} to {high}, {NEGATIVE_PULSES}"),
+                UPRIGHT,
             ));
         }
         // NaN must fail too: the sum of numbers beyond fp64.

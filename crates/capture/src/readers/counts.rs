@@ -176,7 +176,8 @@ const RESULTS: [&str; 8] = ["volume", "vol", "recon", "reconstruction", "result"
 /// Whether an array of this name is a result: one of its words is that of a result.
 pub(super) fn is_result(name: &str) -> bool {
     let name = name.rsplit('/').next().unwrap_or(name).to_lowercase();
-    name.split(['_', '-', '.', ' ']).any(|word| RESULTS.contains(&word.trim_end_matches(|c: char| c.is_ascii_digit())))
+    name.split(['_', '-', '.', ' '])
+        .any(|word| RESULTS.contains(&word.trim_end_matches(|c: char| c.is_ascii_digit())))
 }
 
 /// The error of an npz file without points. Its largest array is taken as the counts.

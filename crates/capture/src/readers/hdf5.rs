@@ -95,7 +95,11 @@ impl Hdf5 {
     /// The name of a dataset in the file.
     fn full(&self, name: &str) -> String {
         let inside = format!("{}{name}", self.group);
-        if !self.group.is_empty() && self.file.dataset_names().contains(&inside) { inside } else { name.into() }
+        if !self.group.is_empty() && self.file.dataset_names().contains(&inside) {
+            inside
+        } else {
+            name.into()
+        }
     }
 
     /// The cell arrays of MATLAB: their names, and the shapes of all elements, which a file does not keep apart.
@@ -106,8 +110,10 @@ impl Hdf5 {
         let shapes = elements.iter().filter_map(|name| self.shape(name).ok().flatten());
         let shapes: Vec<Vec<usize>> = shapes.filter(|shape| shape.iter().product::<usize>() > 1).collect();
         let is_cell = |name: &String| {
-            guarded(|| Ok(self.file.dataset(name).ok().and_then(|d| d.attr("MATLAB_class").ok()?.read_string().ok())))
-                .is_ok_and(|class| class.is_some_and(|class| class == "cell"))
+            guarded(|| {
+                Ok(self.file.dataset(name).ok().and_then(|d| d.attr("MATLAB_class").ok()?.read_string().ok()))
+            })
+            .is_ok_and(|class| class.is_some_and(|class| class == "cell"))
         };
         let mut cells: Vec<_> = rest.into_iter().filter(is_cell).map(|name| (name, shapes.clone())).collect();
         if cells.is_empty() && !elements.is_empty() {

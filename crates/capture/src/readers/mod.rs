@@ -296,6 +296,9 @@ fn read_single<'s>(
         }
         return (format.read)(file, given, notes);
     }
+    if let Some(error) = single::in_structs(&file.names()) {
+        return Err(error);
+    }
     if let Some(capture) = listed::read(file, given, notes)? {
         return Ok(ReadCapture::Whole(capture));
     }

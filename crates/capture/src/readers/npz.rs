@@ -75,7 +75,8 @@ fn read_documented(file: &Documented, notes: &mut Vec<String>) -> Result<Capture
     };
     let places = [laser.places(), sensor.places()].concat();
     // MATLAB drops axes of length 1 at the end; with up to three axes left, pairs have the points of their places.
-    let is_dropped = shape.len() > 3 && shape.len() <= places.len() && without_ones(&places) == without_ones(&shape[1..]);
+    let is_dropped =
+        shape.len() > 3 && shape.len() <= places.len() && without_ones(&places) == without_ones(&shape[1..]);
     let (scan, laser, sensor) = if shape.len() > 2 && shape[1..] == places || is_dropped {
         let (lasers, sensors) = (laser.points.len(), sensor.points.len());
         let pairs = lasers.saturating_mul(sensors);

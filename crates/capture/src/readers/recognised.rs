@@ -184,7 +184,8 @@ impl FileStart {
     /// of rising times; histograms fall, too.
     fn is_of_times(&self) -> bool {
         let rows: Vec<Vec<f64>> = self.rows().collect();
-        let column = |at: usize| rows.iter().filter_map(move |row| row.get(at).copied()).collect::<Vec<f64>>();
+        let column =
+            |at: usize| rows.iter().filter_map(move |row| row.get(at).copied()).collect::<Vec<f64>>();
         let times = column(0);
         let step = times.get(1).zip(times.first()).map_or(0.0, |(b, a)| b - a);
         let is_even = |w: &[f64]| ((w[1] - w[0]) / step - 1.0).abs() < EVEN;

@@ -34,7 +34,7 @@ pub(super) fn read<'f>(
     notes: &mut Vec<String>,
 ) -> Result<ReadCapture<'f>> {
     let mut found = Vec::new();
-    if let Some(error) = in_structs(&file.names()).or_else(|| of_colours(file)) {
+    if let Some(error) = of_colours(file) {
         return Err(error);
     }
     for name in file.names() {
@@ -139,7 +139,7 @@ fn of_a_matrix(file: &Variables) -> Result<Option<Error>> {
 }
 
 /// The error of several structs that hold known arrays.
-fn in_structs(names: &[String]) -> Option<Error> {
+pub(super) fn in_structs(names: &[String]) -> Option<Error> {
     let inside = names.iter().find(|name| {
         let last = name.rsplit('/').next().unwrap_or_default();
         name.contains('/')
@@ -171,13 +171,20 @@ fn in_cells(file: &Variables) -> Option<Error> {
     };
     let hint = match columns {
         // A column of MATLAB is a row in C order.
-        Some(true) => format!("make one matrix of it, a column per pair: H = cat(2, {name}{{:}}); save('counts.mat', 'H')"),
-        Some(false) => format!("make one matrix of it, a row per pair: H = cat(1, {name}{{:}}); save('counts.mat', 'H')"),
-        None if !is_one && shapes.iter().all(|shape| long(shape) < 2) => format!(
-            "if they are arrival times of photons, count them in bins: e = 0:32e-12:max(cellfun(@max, {name}(:))); H = cell2mat(cellfun(@(t) \
-             histcounts(t, e), {name}(:), 'UniformOutput', false)); save('counts.mat', 'H')"
+        Some(true) => format!(
+            "make one matrix of it, a column per pair: H = cat(2, {name}{{:}}); save('counts.mat', 'H')"
         ),
-        None => format!("make one array of it before it is saved: H = cat(3, {name}{{:}}) or cell2mat; save('counts.mat', 'H')"),
+        Some(false) => {
+            format!("make one matrix of it, a row per pair: H = cat(1, {name}{{:}}); save('counts.mat', 'H')")
+        }
+        None if !is_one && shapes.iter().all(|shape| long(shape) < 2) => format!(
+            "if they are arrival times of photons, count them in bins: e = 0:32e-12:max(cellfun(@(t) max([t(:); 0]), \
+             {name}(:))) + 32e-12; H = cell2mat(cellfun(@(t) histcounts(t, e), {name}(:), 'UniformOutput', false)); save('counts.mat', 'H') \
+             (32e-12 is the bin width in the unit of the times)"
+        ),
+        None => format!(
+            "make one array of it before it is saved: H = cat(3, {name}{{:}}) or cell2mat; save('counts.mat', 'H')"
+        ),
     };
     Some(Error::input(
         match cells.len() {

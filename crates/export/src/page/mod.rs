@@ -122,8 +122,9 @@ impl PageMaps {
             .collect();
         let of = |all: &[f32]| QuantisedValues::of(pixels.iter().map(|p| all[*p]));
         // The range of the values, and so their steps, is that of pixels that are shown.
-        let of_surface =
-            |all: &[f32]| QuantisedValues::of(pixels.iter().map(|p| if maps.mask[*p] { all[*p] } else { f32::NAN }));
+        let of_surface = |all: &[f32]| {
+            QuantisedValues::of(pixels.iter().map(|p| if maps.mask[*p] { all[*p] } else { f32::NAN }))
+        };
         let normal = pixels.iter().flat_map(|p| maps.normal[*p]);
         let normal: Vec<u8> = normal.map(|v| (v * 127.0).round() as i8 as u8).collect();
         let mask: Vec<u8> = pixels.iter().map(|p| maps.mask[*p].into()).collect();

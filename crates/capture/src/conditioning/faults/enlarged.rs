@@ -167,14 +167,17 @@ mod tests {
             let right = noisy();
             let value = |ix: usize, iy: usize, bin: usize| right.histograms[(ix * SIDE + iy) * BINS + bin];
             let mut enlarged = scan(|ix, iy, bin| {
-                let [a, b] = [ix / 2, ix.div_ceil(2)].map(|x| [iy / 2, iy.div_ceil(2)].map(|y| value(x, y, bin)));
+                let [a, b] =
+                    [ix / 2, ix.div_ceil(2)].map(|x| [iy / 2, iy.div_ceil(2)].map(|y| value(x, y, bin)));
                 let mean = 0.25 * (a[0] + a[1] + b[0] + b[1]);
                 if rounded && ix % 2 + iy % 2 < 2 { mean.floor() } else { mean }
             });
             enlarged.integer_counts = false;
             if rounded {
                 // Along one axis only: means of rounded means are not those of their neighbours.
-                enlarged = scan(|ix, iy, bin| (0.5 * (value(ix / 2, iy, bin) + value(ix.div_ceil(2), iy, bin))).floor());
+                enlarged = scan(|ix, iy, bin| {
+                    (0.5 * (value(ix / 2, iy, bin) + value(ix.div_ceil(2), iy, bin))).floor()
+                });
             }
             let (gone, note) = enlarged.undo_enlargement().unwrap();
             // The last line of an even number is half a step beyond.

@@ -50,7 +50,9 @@ mod tests {
         for factor in [2.0, 16.0, 100.0] {
             let mut scaled = right.clone();
             scaled.histograms.iter_mut().for_each(|count| *count *= factor);
-            assert!(scaled.undo_multiples().is_some_and(|note| note.contains(&format!("multiples of {factor},"))));
+            assert!(
+                scaled.undo_multiples().is_some_and(|note| note.contains(&format!("multiples of {factor},")))
+            );
             assert!(scaled == right);
         }
         assert_eq!(right.clone().undo_multiples(), None);

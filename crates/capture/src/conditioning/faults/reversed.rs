@@ -1,28 +1,29 @@
 //! A time axis that runs backwards, as of a counter that starts at the photon and stops at the laser pulse.
 
-use crate::conditioning::warnings::first_light;
 use crate::data::Capture;
 
-/// Share of the second differences of squared distances that are below zero where time runs backwards: first light is a minimum over
-/// the scene, which bends downwards at few places.
-const BELOW: f64 = 0.9;
-/// Second differences of first light relative to that of a point: above the first in the median as stored, time runs forwards; within
-/// the others, it does once it is turned round.
-const FORWARDS: f64 = -0.3;
-const OF_A_SCENE: std::ops::Range<f64> = 0.05..1.15;
+/// Share of the second differences of the distance of first light along rows and columns that are below zero where time runs backwards,
+/// and of those above where it runs forwards: the distance of a point is convex, and so is the least of several but where they cross.
+const CONCAVE: f64 = 0.9;
+const CONVEX: f64 = 0.75;
+/// Largest median of the second differences of squared distances, relative to those of a point; rounding adds to 1.
+const OF_A_POINT: f64 = 1.15;
 
 impl Capture {
     /// Turns the time axis round where the first light breaks the law that the last one keeps, bin 0 being the last of the record.
     pub(super) fn undo_reversal(&mut self) -> Option<String> {
-        let stored = self.bends(first_light)?;
-        let below = stored.partition_point(|bend| *bend < 0.0);
-        if (below as f64) < BELOW * stored.len() as f64 || stored[stored.len() / 2] > FORWARDS {
+        let shares = |bends: &[f64]| {
+            let [below, up_to] = [bends.partition_point(|b| *b < 0.0), bends.partition_point(|b| *b <= 0.0)];
+            [below, bends.len() - up_to].map(|count| count as f64 / bends.len() as f64)
+        };
+        if shares(&self.bends(|distance| distance)?)[0] < CONCAVE {
             return None;
         }
         let bins = self.bins;
         self.histograms.chunks_exact_mut(bins).for_each(<[f32]>::reverse);
-        let turned = self.bends(first_light).is_some_and(|bends| OF_A_SCENE.contains(&bends[bends.len() / 2]));
-        if !turned {
+        let is_convex = self.bends(|distance| distance).is_some_and(|bends| shares(&bends)[1] >= CONVEX);
+        let squares = self.bends(|distance| distance * distance);
+        if !(is_convex && squares.is_some_and(|bends| bends[bends.len() / 2] < OF_A_POINT)) {
             self.histograms.chunks_exact_mut(bins).for_each(<[f32]>::reverse);
             return None;
         }
