@@ -244,6 +244,7 @@ impl Capture {
     /// Checks the counts by what each pair's histogram holds.
     pub(crate) fn check_seen(&self, seen: impl Iterator<Item = HistogramFigures>) -> Result<()> {
         let (mut total, mut dark, mut range) = (0.0, true, [f32::INFINITY, f32::NEG_INFINITY]);
+        let (mut pairs, mut upside_down) = (0, 0);
         for (pair, seen) in seen.enumerate() {
             if let Some((bin, value)) = seen.wrong {
                 return Err(Error::input(
@@ -253,6 +254,8 @@ impl Capture {
             }
             total += seen.total;
             dark &= seen.filled == 0;
+            pairs += 1;
+            upside_down += usize::from(is_upside_down(seen.range));
             range = [range[0].min(seen.range[0]), range[1].max(seen.range[1])];
         }
         if dark {
@@ -267,9 +270,11 @@ impl Capture {
             ));
         }
         let [low, high] = range;
-        if high <= 0.0 || total < 0.0 && is_upside_down(range) {
+        if high <= 0.0 || total < 0.0 && 2 * upside_down > pairs {
             return Err(Error::input(
-                format!("the signal is upside down: values reach from {low} to {high}, {NEGATIVE_PULSES}"),
+                format!(
+                    "there is no signal: it is upside down, values reach from {low} to {high}, {NEGATIVE_PULSES}"
+                ),
                 UPRIGHT,
             ));
         }
