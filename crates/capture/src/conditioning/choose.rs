@@ -236,12 +236,28 @@ pub(crate) struct Measured {
     pub notes: Vec<String>,
 }
 
+/// The value in place of missing ones that every histogram of a scan holds beside others.
+fn fill_of_all(seen: &[HistogramFigures]) -> Option<f32> {
+    let holds =
+        |fill: f32, seen: &HistogramFigures| seen.range.contains(&fill) && seen.range[0] < seen.range[1];
+    FILLS
+        .into_iter()
+        .filter(|_| seen.len() >= CONSTANT_FROM)
+        .find(|fill| seen.iter().all(|seen| holds(*fill, seen)))
+}
+
 impl Measured {
     /// Tells by the points of `capture` and by what its histograms hold, `[pair]`; see [`Capture::without_missing`].
     ///
     /// # Errors
     /// `Kind::Input` if no pair was measured.
     pub fn of(capture: &Capture, seen: &[HistogramFigures], keep_empty: bool) -> Result<Measured> {
+        if let Some(fill) = fill_of_all(seen) {
+            return Err(Error::input(
+                format!("all {} histograms hold {fill}, a value in place of missing counts", seen.len()),
+                format!("store 0 in its place: H[H == {fill}] = 0"),
+            ));
+        }
         let faults = faults(capture, seen, keep_empty);
         let mut notes = Vec::new();
         let mut tell = |fault: PairFault, why: &str| {

@@ -10,8 +10,10 @@ use crate::data::{Capture, PairKind};
 
 /// A bin counts as signal above this share of the largest bin of its histogram.
 const SIGNAL: f32 = 0.3;
-/// Up to this share of all counts may come too early without a warning: dark counts do.
+/// Up to this share of all counts may come too early without a warning.
 const EARLY: f64 = 0.01;
+/// Standard errors by which the least of many means may be too low.
+const CHANCE: f64 = 4.0;
 /// First light that curves more than this many times as strongly as the light of a point is not due to rounding.
 const CURVED: f64 = 1.3;
 /// Share of pairs with the histogram of the pair before them that no symmetric scene reaches.
@@ -37,7 +39,7 @@ impl Capture {
             warnings.push(format!(
                 "{:.0} % of all counts come before light can travel straight from the laser point to the \
                  sensor point: time zero (t_start) or the wall's scale is wrong, the outer legs were removed \
-                 twice, or these counts are direct light or dark counts that a gate should leave out",
+                 twice, or these counts are direct light that a gate should leave out",
                 100.0 * share
             ));
         }
@@ -124,9 +126,22 @@ impl Capture {
         (x1 - x0).max(y1 - y0)
     }
 
-    /// The share of the counts that come before light can arrive.
+    /// Dark counts of a bin: the lowest mean of any sixteenth of the bins, and what chance takes off it. 0 for counts that are no
+    /// photons.
+    fn dark_counts(&self) -> f64 {
+        if !self.integer_counts {
+            return 0.0;
+        }
+        let window = (self.bins / 16).max(1);
+        let means = self.mean_histogram();
+        let least = means.windows(window).map(|w| w.iter().sum::<f64>()).fold(f64::INFINITY, f64::min);
+        let least = least / window as f64;
+        least + CHANCE * (least / (window * self.pair_count()) as f64).sqrt()
+    }
+
+    /// The share of the counts, less dark counts, that come before light can arrive.
     fn early_share(&self) -> f64 {
-        let (mut early, mut total) = (0.0, 0.0);
+        let (mut early, mut total, mut bins) = (0.0, 0.0, 0);
         let totals = self.of_rows(sum);
         for (pair, histogram) in self.histograms.chunks_exact(self.bins).enumerate() {
             let straight = self.laser[pair].distance(self.sensor[pair]);
@@ -135,6 +150,10 @@ impl Capture {
             let first = (first as usize).saturating_sub(1).min(self.bins);
             early += histogram[..first].iter().map(|v| f64::from(*v)).sum::<f64>();
             total += totals[pair];
+            bins += first;
+        }
+        if total > 0.0 && early > EARLY * total {
+            early = (early - self.dark_counts() * bins as f64).max(0.0);
         }
         if total > 0.0 { early / total } else { 0.0 }
     }
@@ -188,4 +207,39 @@ pub(super) fn first_light(histogram: &[f32]) -> Option<usize> {
     end(0)
         .or_else(|| Some(inner.map(|w| is_lit(w[0] + w[1] + w[2])).position(|lit| lit)? + 1))
         .or_else(|| end(last))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, Poisson};
+    use rand_pcg::Pcg64;
+
+    use super::*;
+
+    /// One laser point and 16 x 16 sensor points of a wall of 1 m: a pulse at this path and dark counts.
+    fn photons(path: f64, most: f64, dark: f64) -> Capture {
+        let mut random = Pcg64::seed_from_u64(2);
+        let points: Vec<DVec3> = (0..256)
+            .map(|p| DVec3::new(f64::from(p / 16) / 15.0 - 0.5, f64::from(p % 16) / 15.0 - 0.5, 0.0))
+            .collect();
+        let mut count = |bin: usize| {
+            let mean = dark + most * (-((bin as f64 * 0.01 - path) / 0.03).powi(2)).exp();
+            if mean > 0.0 { Poisson::new(mean).unwrap().sample(&mut random) as f32 } else { 0.0 }
+        };
+        let counts = (0..256 * 200).map(|i| count(i % 200)).collect();
+        let made = Capture::new([16; 2], vec![DVec3::ZERO; 256], points, 200, 0.01, counts);
+        Capture { integer_counts: true, ..made }
+    }
+
+    #[test]
+    fn dark_counts_are_no_early_light() {
+        let early =
+            |capture: Capture| capture.warnings().iter().any(|w| w.contains("before light can travel"));
+        for (most, dark) in [(1000.0, 1.0), (10.0, 0.1), (1.0, 0.5), (1.0, 0.0)] {
+            assert!(!early(photons(1.2, most, dark)), "{most} {dark}");
+            assert!(early(photons(0.2, most, dark)), "{most} {dark}");
+        }
+    }
 }

@@ -155,7 +155,8 @@ pub fn real_captures_raise_no_false_warning(data: &Path) {
         let warnings: Vec<_> = loaded.warnings.iter().filter(|w| !w.contains("counter")).collect();
         assert!(warnings.is_empty(), "{}: {warnings:?}", path.display());
         // None of these captures was enlarged, scaled or reversed.
-        let of_faults = ["multiples of", "enlarged", "runs backwards", "in place of missing ones", "upside down"];
+        let of_faults =
+            ["multiples of", "enlarged", "runs backwards", "in place of missing ones", "upside down"];
         let is_false = |note: &&String| of_faults.iter().any(|words| note.contains(words));
         let notes: Vec<_> = loaded.notes.iter().filter(is_false).collect();
         assert!(notes.is_empty(), "{}: {notes:?}", path.display());
