@@ -211,7 +211,7 @@ fn a_chunk_of_absurd_size_is_refused() {
 #[test]
 fn renders_have_whole_normals_and_enums_in_arrays() {
     let (_folder, path) = place("render.hdf5");
-    let render = |normal: i64| {
+    let render = || {
         let file = rust_hdf5::H5File::create(&path).unwrap();
         let counts: Vec<f32> = (0..5 * 6).map(|v| v as f32).collect();
         file.new_dataset::<f32>().shape([5, 2, 3]).create("H").unwrap().write_raw(&counts).unwrap();
@@ -220,7 +220,7 @@ fn renders_have_whole_normals_and_enums_in_arrays() {
         }
         let points: Vec<f64> =
             (0..6).flat_map(|p| [0.1 * f64::from(p / 3), 0.1 * f64::from(p % 3), 0.0]).collect();
-        let normals: Vec<i64> = [0, 0, normal].repeat(6);
+        let normals: Vec<i64> = [0, 0, 1].repeat(6);
         for side in ["laser", "sensor"] {
             let grid = |name: &str| format!("{side}_grid_{name}");
             let made = file.new_dataset::<f64>().shape([2, 3, 3]).create(&grid("xyz")).unwrap();
@@ -234,10 +234,8 @@ fn renders_have_whole_normals_and_enums_in_arrays() {
         file.close().unwrap();
         read(&path).unwrap()
     };
-    for normal in [1, 2] {
-        let c = render(normal);
-        assert_eq!((c.scan, c.bins, c.histogram(4)[1]), ([2, 3], 5, 10.0));
-        let all = [c.laser_normal.unwrap(), c.sensor_normal.unwrap()].concat();
-        assert!(all.iter().all(|n| *n == DVec3::Z), "{all:?}");
-    }
+    let c = render();
+    assert_eq!((c.scan, c.bins, c.histogram(4)[1]), ([2, 3], 5, 10.0));
+    let all = [c.laser_normal.unwrap(), c.sensor_normal.unwrap()].concat();
+    assert!(all.iter().all(|n| *n == DVec3::Z), "{all:?}");
 }

@@ -14,13 +14,13 @@ const LOOKED_AT: usize = 4096;
 
 /// The tags of a channel.
 #[derive(Default)]
-struct Seen {
+struct ChannelTimes {
     count: u64,
     last: Option<i64>,
     intervals: Vec<i64>,
 }
 
-impl Seen {
+impl ChannelTimes {
     fn add(&mut self, time: i64) {
         self.count += 1;
         if self.intervals.len() < LOOKED_AT {
@@ -76,7 +76,7 @@ impl Inputs {
     pub fn guessed(self, path: &Path) -> Result<Inputs> {
         let tags = Tags::open(path, &self)?;
         let is_told = matches!(tags.format, TagFormat::Picoquant(_)) || tags.is_t3();
-        let mut seen: BTreeMap<i32, Seen> = BTreeMap::new();
+        let mut seen: BTreeMap<i32, ChannelTimes> = BTreeMap::new();
         let mut unwrap = Unwrap::of_unit(match &tags.format {
             TagFormat::Text(layout) => layout.ticks(),
             _ => 1,

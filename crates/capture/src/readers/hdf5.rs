@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 
 use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error, LinkClass};
 
+use super::container::container;
 use super::counts::Counts;
 use super::glance;
-use super::variables::container;
 use crate::error::{Error, Result};
 use crate::host;
 

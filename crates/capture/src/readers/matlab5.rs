@@ -10,11 +10,11 @@ use std::path::Path;
 
 use flate2::read::ZlibDecoder;
 
+use super::container::container;
 use super::counts::Counts;
 use super::glance::{self, Glance};
 use super::numbers::{Numbers, damaged};
 use super::scatter::{ArraySelection, Scattered};
-use super::variables::container;
 use crate::error::{Error, Result};
 use crate::host;
 

@@ -3,6 +3,7 @@
 
 mod blocks;
 pub mod ccsocr;
+mod container;
 mod contents;
 mod convolutional;
 pub mod counts;
