@@ -9,6 +9,8 @@ use super::syncs::common_period;
 use super::{Division, Inputs, Record, Survey, TagFormat, Tags};
 use crate::error::Result;
 
+/// Channels with fewer than one tag for so many of another are markers.
+const MARKERS: u64 = 20;
 /// Intervals of a channel that are looked at.
 const LOOKED_AT: usize = 4096;
 
@@ -94,18 +96,21 @@ impl Inputs {
                 }
             })?;
         }
+        let busiest = seen.values().map(|seen| seen.count).max().unwrap_or(0);
         let mut regular: Vec<(u64, i32)> = vec![];
         for (channel, seen) in &mut seen {
-            if common_period(std::mem::take(&mut seen.intervals)).is_some() {
+            let intervals = std::mem::take(&mut seen.intervals);
+            // Markers of a scanner are regular, too, but few.
+            if MARKERS * seen.count >= busiest && common_period(intervals).is_some() {
                 regular.push((seen.count, *channel));
             }
         }
         let counts: BTreeMap<i32, u64> =
             seen.into_iter().map(|(channel, seen)| (channel, seen.count)).collect();
         let is_laser = |channel: i32| regular.iter().any(|(_, regular)| *regular == channel);
-        // A channel that was named, or is that of most files, stays where no other one is more regular.
-        let stays = counts.contains_key(&self.sync)
-            && (self.sync != 0 || regular.is_empty() || is_laser(self.sync) || !self.markers.is_empty());
+        // A channel that was named stays, and that of most files where no other one is regular.
+        let stays =
+            counts.contains_key(&self.sync) && (self.sync != 0 || regular.is_empty() || is_laser(self.sync));
         if counts.len() < 2 || stays {
             return Ok(self);
         }
@@ -118,7 +123,7 @@ impl Inputs {
             .map(|(_, count)| *count)
             .max()
             .unwrap_or(0);
-        let is_marker = |(channel, count): &(&i32, &u64)| **channel != sync && **count * 20 < photons;
+        let is_marker = |(channel, count): &(&i32, &u64)| **channel != sync && **count * MARKERS < photons;
         let markers = match self.markers.is_empty() {
             true => counts.iter().filter(is_marker).map(|(channel, _)| *channel).take(16).collect(),
             false => self.markers.clone(),

@@ -569,6 +569,13 @@ fn the_channel_of_the_laser_is_the_regular_one() {
         );
         assert_same(&place.follow(&shown, &scan), &wanted);
     }
+    // Markers of a scanner are regular, too.
+    let mut marked = tags(2, 0);
+    marked.extend((0..160).map(|point| (7, 400 + point * 1000 * 33_333)));
+    marked.sort_by_key(|(_, time)| *time);
+    place.put("marked.csv", csv(&marked));
+    let shown = succeed(&["info", &place.name("marked.csv")]);
+    assert!(shown.contains("--sync-channel 2 --marker-channels 7"), "{shown}");
     // Read by the number, photons are no laser: a note says so.
     let taken = thirdbounce(&[
         "histogram",
