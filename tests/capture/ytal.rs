@@ -206,3 +206,36 @@ fn a_chunk_of_absurd_size_is_refused() {
     std::fs::write(&path, bytes).unwrap();
     assert_error(read(&path), Kind::Input, &["dataset H claims", "4293918720"]);
 }
+
+/// y-tal's renders store normals as whole numbers of 64 bits, and enums as arrays of one.
+#[test]
+fn renders_have_whole_normals_and_enums_in_arrays() {
+    let (_folder, path) = place("render.hdf5");
+    let render = || {
+        let file = rust_hdf5::H5File::create(&path).unwrap();
+        let counts: Vec<f32> = (0..5 * 6).map(|v| v as f32).collect();
+        file.new_dataset::<f32>().shape([5, 2, 3]).create("H").unwrap().write_raw(&counts).unwrap();
+        for (name, value) in [("H_format", 1i64), ("laser_grid_format", 2), ("sensor_grid_format", 2)] {
+            file.new_dataset::<i64>().shape([1]).create(name).unwrap().write_raw(&[value]).unwrap();
+        }
+        let points: Vec<f64> =
+            (0..6).flat_map(|p| [0.1 * f64::from(p / 3), 0.1 * f64::from(p % 3), 0.0]).collect();
+        let normals: Vec<i64> = [0, 0, 1].repeat(6);
+        for side in ["laser", "sensor"] {
+            let grid = |name: &str| format!("{side}_grid_{name}");
+            let made = file.new_dataset::<f64>().shape([2, 3, 3]).create(&grid("xyz")).unwrap();
+            made.write_raw(&points).unwrap();
+            let made = file.new_dataset::<i64>().shape([2, 3, 3]).create(&grid("normals")).unwrap();
+            made.write_raw(&normals).unwrap();
+        }
+        for (name, value) in [("delta_t", 0.1), ("t_start", 0.0)] {
+            file.new_dataset::<f64>().scalar().create(name).unwrap().write_raw(&[value]).unwrap();
+        }
+        file.close().unwrap();
+        read(&path).unwrap()
+    };
+    let c = render();
+    assert_eq!((c.scan, c.bins, c.histogram(4)[1]), ([2, 3], 5, 10.0));
+    let all = [c.laser_normal.unwrap(), c.sensor_normal.unwrap()].concat();
+    assert!(all.iter().all(|n| *n == DVec3::Z), "{all:?}");
+}

@@ -459,6 +459,13 @@ impl Tags {
                 passed.notes.push(format!("{} laser pulses were out of order and are left out", syncs.late));
             }
             self.check_syncs(&syncs)?;
+            if !matches!(self.format, TagFormat::Picoquant(_)) && !syncs.is_regular() {
+                passed.notes.push(format!(
+                    "the tags of channel {}, read as laser pulses, are not regular, as those of a detector: check which channel is the \
+                     laser's",
+                    self.inputs.sync
+                ));
+            }
             passed.sparse = syncs.sparse();
             if let Some(period) = self.every.get() {
                 passed.notes.push(format!(
@@ -483,7 +490,10 @@ impl Tags {
         if matches!(self.format, TagFormat::Picoquant(_)) {
             return self.read(hear);
         }
-        let mut order = Order::default();
+        let mut order = Order::of_unit(match &self.format {
+            TagFormat::Text(layout) => layout.ticks(),
+            _ => 1,
+        });
         let mut passed = self.read(|record| order.push(record, &mut hear))?;
         order.end(&mut passed, &mut hear)?;
         Ok(passed)

@@ -13,12 +13,16 @@ use super::{open, unreadable};
 use crate::advice::advice;
 use crate::capture::METRES_PER_PICOSECOND;
 use crate::capture::formats::recognised::{self, Content};
+use crate::capture::formats::variables::Variables;
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
-use crate::files::array::{Array, Head};
+use crate::files::array::{Array, Head, transpose};
 use crate::host;
 
 const NAMES: [&str; 3] = ["hists", "histograms", "counts"];
+
+/// First bytes of a MATLAB v5 file.
+const MATLAB: &[u8] = b"MATLAB";
 
 /// Histograms of an instrument, one for each point.
 pub(super) struct InstrumentHistograms {
@@ -43,6 +47,7 @@ pub(super) fn read(
     notes: &mut Vec<String>,
 ) -> Result<Option<InstrumentHistograms>> {
     let table = match array(path)? {
+        None if let Some(table) = matrix(path, points)? => table,
         Some((name, array)) => {
             StoredHistograms { name, tick: None, shape: array.shape.clone(), values: array.to_f64() }
         }
@@ -88,6 +93,40 @@ fn misfit(name: &str, shape: &[usize], points: usize) -> Error {
         "store (points, t) or (rows, columns, t), in the order of the scan; readings may come before as one more axis. Columns of time \
          tags have the names channel and time_ps in a first line",
     )
+}
+
+/// The largest matrix of a MATLAB or HDF5 file that has a row or a column for each point; `None` for other files.
+fn matrix(path: &Path, points: usize) -> Result<Option<StoredHistograms>> {
+    let mut magic = vec![];
+    open(path)?.take(8).read_to_end(&mut magic).map_err(unreadable)?;
+    if Holder::of(&magic) != Some(Holder::Hdf5) && !magic.starts_with(MATLAB) {
+        return Ok(None);
+    }
+    let file = Variables::open(path)?;
+    let mut found: Option<(String, Vec<usize>)> = None;
+    for name in file.names() {
+        let Some(shape) = file.shape(&name)? else { continue };
+        let size: usize = shape.iter().fold(1, |n, d| n.saturating_mul(*d));
+        let is_larger = found.as_ref().is_none_or(|(_, other)| size > other.iter().product::<usize>());
+        let sides: Vec<usize> = shape.iter().copied().filter(|n| *n > 1).collect();
+        if is_larger && size <= MOST && sides.len() <= 2 && sides.contains(&points) {
+            found = Some((name, sides));
+        }
+    }
+    let Some((name, sides)) = found else { return Ok(None) };
+    let values = file.counts(&name)?.values;
+    // Shapes are reversed in files of MATLAB, whose rows are read as points where both sides fit.
+    let points_last = match sides[..] {
+        [a, b] if a == b => file.in_matlab_order(),
+        [_, b] => b == points,
+        _ => false,
+    };
+    let bins = values.len() / points;
+    let values: Vec<f64> = match points_last {
+        true => transpose(&values, bins, points)?.into_iter().map(f64::from).collect(),
+        false => values.into_iter().map(f64::from).collect(),
+    };
+    Ok(Some(StoredHistograms { name, tick: None, shape: vec![points, bins], values }))
 }
 
 /// The name of the array, and the array.

@@ -37,6 +37,29 @@ const LOOKED_AT: usize = 4096;
 const OFF_MULTIPLE: f64 = 0.1;
 const NEARLY_ALL: f64 = 0.95;
 
+/// Fewer intervals do not tell a laser.
+const LEAST_INTERVALS: usize = 100;
+
+/// The period of which nearly all of these intervals are multiples, as those of a laser are.
+pub(super) fn common_period(mut sorted: Vec<i64>) -> Option<f64> {
+    sorted.sort_unstable();
+    let (n, few) = (sorted.len(), sorted.len() / 100);
+    if n < LEAST_INTERVALS || sorted[few] < 1 {
+        return None;
+    }
+    let near = &sorted[..sorted.partition_point(|i| *i < sorted[few].saturating_mul(20))];
+    (1..=8).map(|parts| sorted[few] as f64 / f64::from(parts)).find_map(|period| {
+        let multiple = |interval: &&i64| {
+            let times = **interval as f64 / period;
+            (times - times.round()).abs() < OFF_MULTIPLE
+        };
+        let fit: Vec<&i64> = near.iter().filter(multiple).collect();
+        let times: f64 = fit.iter().map(|i| (**i as f64 / period).round()).sum();
+        let all = fit.iter().map(|i| **i as f64).sum::<f64>();
+        (fit.len() as f64 >= NEARLY_ALL * near.len() as f64 && times > 0.0).then(|| all / times)
+    })
+}
+
 impl Syncs {
     /// Creates the statistics of a file that holds one of every `divider` laser pulses, with `every` ticks between pulses if some are
     /// missing, and `shortest` ticks as the shortest interval of a laser.
@@ -59,20 +82,15 @@ impl Syncs {
         let mut sorted = self.intervals.clone();
         sorted.sort_unstable();
         let (n, few) = (sorted.len(), sorted.len() / 100);
-        if n < 100 || self.divider > 1 || 2 * sorted[n / 2] < 3 * sorted[few] {
+        if n < LEAST_INTERVALS || self.divider > 1 || 2 * sorted[n / 2] < 3 * sorted[few] {
             return None;
         }
-        let near = &sorted[..sorted.partition_point(|i| *i < 20 * sorted[few])];
-        (1..=8).map(|parts| sorted[few] as f64 / f64::from(parts)).find_map(|period| {
-            let multiple = |interval: &&i64| {
-                let times = **interval as f64 / period;
-                (times - times.round()).abs() < OFF_MULTIPLE
-            };
-            let fit: Vec<&i64> = near.iter().filter(multiple).collect();
-            let times: f64 = fit.iter().map(|i| (**i as f64 / period).round()).sum();
-            let all = fit.iter().map(|i| **i as f64).sum::<f64>();
-            (fit.len() as f64 >= NEARLY_ALL * near.len() as f64 && times > 0.0).then(|| all / times)
-        })
+        common_period(sorted)
+    }
+
+    /// Whether the intervals are those of a laser, as far as there are enough to tell.
+    pub(super) fn is_regular(&self) -> bool {
+        self.intervals.len() < LEAST_INTERVALS || common_period(self.intervals.clone()).is_some()
     }
 
     /// Whether the pulses are those after the photons: all photons are within a period before a pulse, and not behind one.

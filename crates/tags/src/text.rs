@@ -113,6 +113,11 @@ impl<R: Read> Read for Plain<R> {
 }
 
 impl TextColumns {
+    /// Ticks of a unit of the times.
+    pub(super) fn ticks(self) -> i64 {
+        10i64.pow(u32::try_from(self.power.clamp(0, 12)).unwrap_or(0))
+    }
+
     /// Whether the unit of times is an assumption.
     pub(super) fn is_assumed(self) -> bool {
         self.assumed

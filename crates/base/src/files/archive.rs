@@ -27,6 +27,8 @@ pub struct Npz {
     zip: ZipArchive<BufReader<File>>,
     path: PathBuf,
     bytes: u64,
+    /// The folder that holds all arrays, with its slash: empty, unless the archive was packed by hand.
+    folder: String,
 }
 
 impl Npz {
@@ -44,16 +46,26 @@ impl Npz {
         }
         let bytes = meta.map_or(0, |m| m.len());
         let zip = ZipArchive::new(BufReader::new(file)).map_err(damaged)?;
-        Ok(Npz { zip, path: path.into(), bytes })
+        let names: Vec<_> = zip.file_names().filter_map(|n| n.ok()).filter(|n| is_array(n)).collect();
+        let folder = names.first().and_then(|name| name.rfind('/').map(|at| name[..=at].to_string()));
+        let folder = folder.filter(|folder| names.iter().all(|name| name.starts_with(folder.as_str())));
+        let folder = folder.unwrap_or_default();
+        drop(names);
+        Ok(Npz { zip, path: path.into(), bytes, folder })
     }
 
-    /// Names of the arrays, sorted.
+    /// Names of the arrays, sorted; without the folder that holds all of them.
     pub fn names(&self) -> Vec<String> {
-        let names = self.zip.file_names().filter_map(|n| n.ok());
-        let mut names: Vec<String> =
-            names.filter_map(|n| n.strip_suffix(".npy").map(str::to_string)).collect();
+        let names = self.zip.file_names().filter_map(|n| n.ok()).filter(|n| is_array(n));
+        let bare = |name: &str| Some(name.strip_prefix(&self.folder)?.strip_suffix(".npy")?.to_string());
+        let mut names: Vec<String> = names.filter_map(|name| bare(&name)).collect();
         names.sort();
         names
+    }
+
+    /// The entry of an array.
+    fn entry(&self, name: &str) -> Option<usize> {
+        self.zip.index_for_name(&format!("{}{name}.npy", self.folder))
     }
 
     /// Reads an array; `None` if there is no array of this name.
@@ -73,7 +85,7 @@ impl Npz {
 
     /// Bytes of an array, unpacked and as they are in the file; `None` if there is no array of this name.
     pub fn sizes(&mut self, name: &str) -> Option<[u64; 2]> {
-        let index = self.zip.index_for_name(&format!("{name}.npy"))?;
+        let index = self.entry(name)?;
         let entry = self.zip.by_index_raw(index).ok()?;
         Some([entry.size(), entry.compressed_size()])
     }
@@ -96,12 +108,12 @@ impl Npz {
     /// # Errors
     /// `Kind::Input` if the entry is damaged, or is not an array of numbers.
     pub fn stream(&mut self, name: &str) -> Result<Option<(Head, Elements)>> {
-        let Some(index) = self.zip.index_for_name(&format!("{name}.npy")) else { return Ok(None) };
+        let Some(index) = self.entry(name) else { return Ok(None) };
         let method = self.zip.by_index_raw(index).map_err(damaged)?.compression();
         if !matches!(method, CompressionMethod::Stored | CompressionMethod::Deflated) {
             return Err(Error::input(
                 format!("array {name} is packed by {method}, which is not read"),
-                "write it again with numpy: np.savez_compressed, or unpack the archive and zip -0 its .npy files",
+                r#"pack it again with numpy: np.savez_compressed("capture.npz", **np.load("FILE"))"#,
             ));
         }
         let entry = self.zip.by_index(index).map_err(damaged)?;
@@ -131,7 +143,7 @@ impl Npz {
 
     /// Whether an array holds Python objects, such as `None` or an enum, in place of numbers.
     pub fn is_object(&mut self, name: &str) -> bool {
-        let Ok(entry) = self.zip.by_name(&format!("{name}.npy")) else { return false };
+        let Some(Ok(entry)) = self.entry(name).map(|index| self.zip.by_index(index)) else { return false };
         let mut head = vec![];
         entry.take(256).read_to_end(&mut head).is_ok() && head.windows(4).any(|word| word == b"'|O'")
     }
@@ -165,6 +177,11 @@ impl Npz {
             )),
         }
     }
+}
+
+/// Whether an entry of this name is an array. Archives of macOS hold a second entry for each file.
+fn is_array(name: &str) -> bool {
+    name.ends_with(".npy") && !name.starts_with("__MACOSX/")
 }
 
 /// Rest of an archive entry. The checksum is verified when the last byte is read.

@@ -207,7 +207,27 @@ enum PairFault {
     Histogram,
     Dead,
     Constant,
+    Fill,
     Hot,
+}
+
+/// Values that programs store in place of missing ones.
+const FILLS: [f32; 8] =
+    [9999.0, 99999.0, 999_999.0, 9_999_999.0, -9999.0, -99999.0, -999_999.0, -9_999_999.0];
+/// A fill value is at least so many times as large as every count.
+const BEYOND: f32 = 8.0;
+/// Pairs with a fill value at least.
+const LEAST_FILLED: usize = 2;
+
+/// The value in place of missing ones, if there is one: the largest of its sign in several pairs, and far beyond those of the others.
+fn fill(seen: &[HistogramFigures]) -> Option<f32> {
+    let has = |fill: f32, seen: &HistogramFigures| seen.range.contains(&fill);
+    FILLS.into_iter().find(|fill| {
+        let (with, without): (Vec<&HistogramFigures>, Vec<&HistogramFigures>) =
+            seen.iter().partition(|seen| has(*fill, seen));
+        let largest = without.iter().flat_map(|seen| seen.range).fold(0.0f32, |most, v| most.max(v.abs()));
+        with.len() >= LEAST_FILLED && !without.is_empty() && fill.abs() > BEYOND * largest
+    })
 }
 
 /// The pairs that were measured, in their order, and sentences that say why the others were not.
@@ -216,12 +236,28 @@ pub(crate) struct Measured {
     pub notes: Vec<String>,
 }
 
+/// The value in place of missing ones that every histogram of a scan holds beside others.
+fn fill_of_all(seen: &[HistogramFigures]) -> Option<f32> {
+    let holds =
+        |fill: f32, seen: &HistogramFigures| seen.range.contains(&fill) && seen.range[0] < seen.range[1];
+    FILLS
+        .into_iter()
+        .filter(|_| seen.len() >= CONSTANT_FROM)
+        .find(|fill| seen.iter().all(|seen| holds(*fill, seen)))
+}
+
 impl Measured {
     /// Tells by the points of `capture` and by what its histograms hold, `[pair]`; see [`Capture::without_missing`].
     ///
     /// # Errors
     /// `Kind::Input` if no pair was measured.
     pub fn of(capture: &Capture, seen: &[HistogramFigures], keep_empty: bool) -> Result<Measured> {
+        if let Some(fill) = fill_of_all(seen) {
+            return Err(Error::input(
+                format!("all {} histograms hold {fill}, a value in place of missing counts", seen.len()),
+                format!("store 0 in its place: H[H == {fill}] = 0"),
+            ));
+        }
         let faults = faults(capture, seen, keep_empty);
         let mut notes = Vec::new();
         let mut tell = |fault: PairFault, why: &str| {
@@ -241,6 +277,14 @@ impl Measured {
             PairFault::Constant,
             "all their bins hold one value beside pairs that vary, as a fill value of points that were never measured",
         );
+        if let Some(fill) = fill(seen) {
+            tell(
+                PairFault::Fill,
+                &format!(
+                    "bins of theirs hold {fill}, far beyond all counts: a value in place of missing ones"
+                ),
+            );
+        }
         tell(
             PairFault::Hot,
             &format!("they have more than {} times the counts of the pairs around them", hot::TIMES),
@@ -280,6 +324,11 @@ fn faults(capture: &Capture, seen: &[HistogramFigures], keep_empty: bool) -> Vec
     if capture.bins >= CONSTANT_FROM && seen.iter().any(|seen| seen.range[0] < seen.range[1]) {
         for (fault, seen) in faults.iter_mut().zip(seen).filter(|(fault, _)| fault.is_none()) {
             *fault = is_constant(seen).then_some(PairFault::Constant);
+        }
+    }
+    if let Some(fill) = fill(seen) {
+        for (fault, seen) in faults.iter_mut().zip(seen).filter(|(fault, _)| fault.is_none()) {
+            *fault = seen.range.contains(&fill).then_some(PairFault::Fill);
         }
     }
     let totals: Vec<Option<f64>> =

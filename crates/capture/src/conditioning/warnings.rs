@@ -2,15 +2,18 @@
 
 use rayon::prelude::*;
 
+use crate::data::check::{NEGATIVE_PULSES, UPRIGHT, is_upside_down};
 use crate::data::histogram_figures::sum;
-use crate::data::rows::largest_of_three;
+use crate::data::rows::{largest_of_three, range_from};
 use crate::data::scan::decimals;
 use crate::data::{Capture, PairKind};
 
 /// A bin counts as signal above this share of the largest bin of its histogram.
 const SIGNAL: f32 = 0.3;
-/// Up to this share of all counts may come too early without a warning: dark counts do.
+/// Up to this share of all counts may come too early without a warning.
 const EARLY: f64 = 0.01;
+/// Standard errors by which the least of many means may be too low.
+const CHANCE: f64 = 4.0;
 /// First light that curves more than this many times as strongly as the light of a point is not due to rounding.
 const CURVED: f64 = 1.3;
 /// Share of pairs with the histogram of the pair before them that no symmetric scene reaches.
@@ -36,7 +39,7 @@ impl Capture {
             warnings.push(format!(
                 "{:.0} % of all counts come before light can travel straight from the laser point to the \
                  sensor point: time zero (t_start) or the wall's scale is wrong, the outer legs were removed \
-                 twice, or these counts are direct light or dark counts that a gate should leave out",
+                 twice, or these counts are direct light that a gate should leave out",
                 100.0 * share
             ));
         }
@@ -48,6 +51,14 @@ impl Capture {
                  of path, or time zero is later",
                 self.span(),
                 self.bin_width
+            ));
+        }
+        let upside_down = self.of_rows(|h| is_upside_down(range_from([0.0; 2], h)));
+        let upside_down = upside_down.into_iter().filter(|is| *is).count();
+        if 2 * upside_down > self.pair_count() {
+            warnings.push(format!(
+                "the signal is upside down in {upside_down} of {} histograms, {NEGATIVE_PULSES}: {UPRIGHT}",
+                self.pair_count()
             ));
         }
         let empty = self.of_rows(|h| h.iter().all(|v| *v == 0.0)).into_iter().filter(|dark| *dark).count();
@@ -115,9 +126,22 @@ impl Capture {
         (x1 - x0).max(y1 - y0)
     }
 
-    /// The share of the counts that come before light can arrive.
+    /// Dark counts of a bin: the lowest mean of any sixteenth of the bins, and what chance takes off it. 0 for counts that are no
+    /// photons.
+    fn dark_counts(&self) -> f64 {
+        if !self.integer_counts {
+            return 0.0;
+        }
+        let window = (self.bins / 16).max(1);
+        let means = self.mean_histogram();
+        let least = means.windows(window).map(|w| w.iter().sum::<f64>()).fold(f64::INFINITY, f64::min);
+        let least = least / window as f64;
+        least + CHANCE * (least / (window * self.pair_count()) as f64).sqrt()
+    }
+
+    /// The share of the counts, less dark counts, that come before light can arrive.
     fn early_share(&self) -> f64 {
-        let (mut early, mut total) = (0.0, 0.0);
+        let (mut early, mut total, mut bins) = (0.0, 0.0, 0);
         let totals = self.of_rows(sum);
         for (pair, histogram) in self.histograms.chunks_exact(self.bins).enumerate() {
             let straight = self.laser[pair].distance(self.sensor[pair]);
@@ -126,6 +150,10 @@ impl Capture {
             let first = (first as usize).saturating_sub(1).min(self.bins);
             early += histogram[..first].iter().map(|v| f64::from(*v)).sum::<f64>();
             total += totals[pair];
+            bins += first;
+        }
+        if total > 0.0 && early > EARLY * total {
+            early = (early - self.dark_counts() * bins as f64).max(0.0);
         }
         if total > 0.0 { early / total } else { 0.0 }
     }
@@ -134,13 +162,20 @@ impl Capture {
     /// along rows and columns, as the median over the scan. At most 1 in a sound capture. `None` if the scan is not a
     /// confocal lattice of at least 8 x 8 points on a flat wall, or has too little signal.
     fn curvature(&self) -> Option<f64> {
+        let bends = self.bends(|distance| distance * distance)?;
+        Some(bends[bends.len() / 2])
+    }
+
+    /// Second differences of a function of the distance of the first light over twice the squared step, in ascending order: 1 for the
+    /// square of that of a point. `None` as for [`Capture::curvature`].
+    pub(super) fn bends(&self, of: impl Fn(f64) -> f64 + Sync) -> Option<Vec<f64>> {
         let [nx, ny] = self.scan;
         if self.pair_kind() != PairKind::Confocal || !self.is_planar() || nx < 8 || ny < 8 {
             return None;
         }
-        let squared: Vec<Option<f64>> = self.of_rows(|h| {
+        let values: Vec<Option<f64>> = self.of_rows(|h| {
             let path = self.t_start + (first_light(h)? as f64 + 0.5) * self.bin_width;
-            Some(0.25 * path * path)
+            Some(of(0.5 * path))
         });
         let mut bends = Vec::new();
         for pair in 0..nx * ny {
@@ -149,7 +184,7 @@ impl Capture {
             let up = (iy + 2 * (ny / 4) < ny).then_some(ny / 4);
             for step in right.into_iter().chain(up) {
                 let [a, b, c] = [pair, pair + step, pair + 2 * step];
-                let (Some(first), Some(middle), Some(last)) = (squared[a], squared[b], squared[c]) else {
+                let (Some(first), Some(middle), Some(last)) = (values[a], values[b], values[c]) else {
                     continue;
                 };
                 let apart = self.sensor[a].distance_squared(self.sensor[b]);
@@ -157,7 +192,7 @@ impl Capture {
             }
         }
         bends.sort_unstable_by(f64::total_cmp);
-        bends.get(bends.len() / 2).copied().filter(|_| 2 * bends.len() > nx * ny)
+        (2 * bends.len() > nx * ny).then_some(bends)
     }
 }
 
@@ -172,4 +207,39 @@ pub(super) fn first_light(histogram: &[f32]) -> Option<usize> {
     end(0)
         .or_else(|| Some(inner.map(|w| is_lit(w[0] + w[1] + w[2])).position(|lit| lit)? + 1))
         .or_else(|| end(last))
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, Poisson};
+    use rand_pcg::Pcg64;
+
+    use super::*;
+
+    /// One laser point and 16 x 16 sensor points of a wall of 1 m: a pulse at this path and dark counts.
+    fn photons(path: f64, most: f64, dark: f64) -> Capture {
+        let mut random = Pcg64::seed_from_u64(2);
+        let points: Vec<DVec3> = (0..256)
+            .map(|p| DVec3::new(f64::from(p / 16) / 15.0 - 0.5, f64::from(p % 16) / 15.0 - 0.5, 0.0))
+            .collect();
+        let mut count = |bin: usize| {
+            let mean = dark + most * (-((bin as f64 * 0.01 - path) / 0.03).powi(2)).exp();
+            if mean > 0.0 { Poisson::new(mean).unwrap().sample(&mut random) as f32 } else { 0.0 }
+        };
+        let counts = (0..256 * 200).map(|i| count(i % 200)).collect();
+        let made = Capture::new([16; 2], vec![DVec3::ZERO; 256], points, 200, 0.01, counts);
+        Capture { integer_counts: true, ..made }
+    }
+
+    #[test]
+    fn dark_counts_are_no_early_light() {
+        let early =
+            |capture: Capture| capture.warnings().iter().any(|w| w.contains("before light can travel"));
+        for (most, dark) in [(1000.0, 1.0), (10.0, 0.1), (1.0, 0.5), (1.0, 0.0)] {
+            assert!(!early(photons(1.2, most, dark)), "{most} {dark}");
+            assert!(early(photons(0.2, most, dark)), "{most} {dark}");
+        }
+    }
 }

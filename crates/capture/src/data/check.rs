@@ -11,6 +11,18 @@ use crate::error::{Error, Result};
 /// Bins that a thread adds up at least: a few lines of the cache.
 const LEAST_RUN: usize = 128;
 
+/// A signal whose least value is so many times as far below zero as its largest is above is upside down: noise around a baseline is as
+/// strong above as below.
+const UPSIDE_DOWN: f32 = 4.0;
+pub(crate) const NEGATIVE_PULSES: &str = "as the voltage of a photomultiplier, whose pulses are negative";
+pub(crate) const UPRIGHT: &str =
+    "store it with the opposite sign, without its baseline: H = np.median(H) - H";
+
+/// Whether values from the least to the largest are those of negative pulses.
+pub(crate) fn is_upside_down([low, high]: [f32; 2]) -> bool {
+    -low > UPSIDE_DOWN * high.max(0.0)
+}
+
 impl Capture {
     /// Checks everything that the solvers rely on: array lengths, bin width, points, unit normals, finite counts, and
     /// that there is any signal at all. Single counts may be negative; their sum may not.
@@ -231,7 +243,8 @@ impl Capture {
 
     /// Checks the counts by what each pair's histogram holds.
     pub(crate) fn check_seen(&self, seen: impl Iterator<Item = HistogramFigures>) -> Result<()> {
-        let (mut total, mut dark, mut highest) = (0.0, true, f32::NEG_INFINITY);
+        let (mut total, mut dark, mut range) = (0.0, true, [f32::INFINITY, f32::NEG_INFINITY]);
+        let (mut pairs, mut upside_down) = (0, 0);
         for (pair, seen) in seen.enumerate() {
             if let Some((bin, value)) = seen.wrong {
                 return Err(Error::input(
@@ -241,7 +254,9 @@ impl Capture {
             }
             total += seen.total;
             dark &= seen.filled == 0;
-            highest = highest.max(seen.range[1]);
+            pairs += 1;
+            upside_down += usize::from(is_upside_down(seen.range));
+            range = [range[0].min(seen.range[0]), range[1].max(seen.range[1])];
         }
         if dark {
             return Err(Error::input(
@@ -254,10 +269,13 @@ impl Capture {
                 "check the gate, or that the right file was given",
             ));
         }
-        if highest <= 0.0 {
+        let [low, high] = range;
+        if high <= 0.0 || total < 0.0 && 2 * upside_down > pairs {
             return Err(Error::input(
-                "there is no signal: no count is above zero, as of a digitiser of negative pulses: it is upside down",
-                "store it with the opposite sign: H = -H",
+                format!(
+                    "there is no signal: it is upside down, values reach from {low} to {high}, {NEGATIVE_PULSES}"
+                ),
+                UPRIGHT,
             ));
         }
         // NaN must fail too: the sum of numbers beyond fp64.

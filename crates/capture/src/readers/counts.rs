@@ -148,19 +148,41 @@ pub(super) fn alone_in_npy(path: &Path) -> Error {
     head.map_or_else(|e| e, |head| alone(what, r#"np.load("FILE")"#, &head.shape))
 }
 
+/// Pixels of a picture on a side at least.
+const PICTURE: usize = 16;
+
+/// The error of an array of this shape if it is a picture with colours: an axis of 3 or 4 at either end of two long ones.
+pub(super) fn picture(name: &str, shape: &[usize]) -> Option<Error> {
+    let (colours, [a, b]) = match *shape {
+        [a, b, c @ (3 | 4)] | [c @ (3 | 4), a, b] => (c, [a, b]),
+        _ => return None,
+    };
+    (a >= PICTURE && b >= PICTURE).then(|| {
+        Error::input(
+            format!("{name} has shape {shape:?}, as of a picture of {a} x {b} pixels in {colours} colours, not of histograms"),
+            "give the histograms of the scan: a picture holds none",
+        )
+    })
+}
+
+/// What is wrong with an array of three axes whose name says that it is a result.
+pub(super) fn of_a_result(name: &str, shape: &[usize]) -> String {
+    format!("{name} {shape:?} is named as a reconstructed volume, not as histograms")
+}
+
+/// Words in the names of results.
+const RESULTS: [&str; 8] = ["volume", "vol", "recon", "reconstruction", "result", "albedo", "voxels", "rho"];
+
+/// Whether an array of this name is a result: one of its words is that of a result.
+pub(super) fn is_result(name: &str) -> bool {
+    let name = name.rsplit('/').next().unwrap_or(name).to_lowercase();
+    name.split(['_', '-', '.', ' '])
+        .any(|word| RESULTS.contains(&word.trim_end_matches(|c: char| c.is_ascii_digit())))
+}
+
 /// The error of an npz file without points. Its largest array is taken as the counts.
 pub(super) fn alone_in_npz(npz: &mut Npz) -> Error {
     let names = npz.names();
-    let is_in_a_folder =
-        |name: &String| name.rsplit_once('/').is_some_and(|(_, last)| last == "H" || last.ends_with("_xyz"));
-    if let Some((folder, _)) =
-        names.iter().find(|name| is_in_a_folder(name)).and_then(|name| name.rsplit_once('/'))
-    {
-        return Error::input(
-            format!("holds its arrays in the folder {folder} of the archive"),
-            format!("pack them without it: (cd {folder} && zip -0 ../capture.npz *.npy)"),
-        );
-    }
     let has = |wanted: &[&str]| wanted.iter().all(|name| names.iter().any(|other| other == name));
     if has(&["albedo", "extent"]) || has(&["gt_depth"]) {
         return Error::input(
@@ -176,6 +198,12 @@ pub(super) fn alone_in_npz(npz: &mut Npz) -> Error {
         {
             largest = (name.clone(), head.shape);
         }
+    }
+    if is_result(&largest.0) && largest.1.len() == 3 {
+        return Error::input(
+            of_a_result(&largest.0, &largest.1),
+            "give the capture that it was made from; if it does hold histograms, store them as H with sensor_xyz, laser_xyz and delta_t",
+        );
     }
     let what = format!("holds {}, but no sensor_xyz and laser_xyz beside H and delta_t", names.join(", "));
     alone(&what, &format!(r#"np.load("FILE")["{}"]"#, largest.0), &largest.1)
@@ -224,6 +252,9 @@ np.savez("capture.npz", **{{**c, "H": H}})"#
 /// The error of counts that come alone, with the lines of Python that make a capture of them. `load`: the expression that reads
 /// them, of this shape.
 pub(super) fn alone(what: &str, load: &str, shape: &[usize]) -> Error {
+    if let Some(error) = picture("the array", shape) {
+        return error;
+    }
     let known = of_tensor("t", shape).map(|h| format!("t = {load}; H = {h}"));
     let h = known.unwrap_or_else(|| format!("H = {load}"));
     let points = match shape.len() {

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 
 use rust_hdf5::{ByteOrder, DatatypeMessage, H5Dataset, H5File, Hdf5Error, LinkClass};
 
+use super::container::container;
 use super::counts::Counts;
 use super::glance;
 use crate::error::{Error, Result};
@@ -28,6 +29,8 @@ pub struct Hdf5 {
     file: H5File,
     path: PathBuf,
     bytes: u64,
+    /// The group that holds the arrays of a capture, with its slash: empty, unless its variables are in one.
+    group: String,
 }
 
 /// An array of counts in a file.
@@ -84,7 +87,39 @@ impl Hdf5 {
     pub fn open(path: &Path) -> Result<Hdf5> {
         let bytes = std::fs::metadata(path).map_or(0, |m| m.len());
         let file = guarded(|| H5File::options().no_locking().open(path).map_err(damaged))?;
-        Ok(Hdf5 { file, path: path.to_path_buf(), bytes })
+        let whole = Hdf5 { file, path: path.to_path_buf(), bytes, group: String::new() };
+        let group = guarded(|| Ok(container(&whole.names())))?.unwrap_or_default();
+        Ok(Hdf5 { group, ..whole })
+    }
+
+    /// The name of a dataset in the file.
+    fn full(&self, name: &str) -> String {
+        let inside = format!("{}{name}", self.group);
+        if !self.group.is_empty() && self.file.dataset_names().contains(&inside) {
+            inside
+        } else {
+            name.into()
+        }
+    }
+
+    /// The cell arrays of MATLAB: their names, and the shapes of all elements, which a file does not keep apart.
+    pub(super) fn cells(&self) -> Vec<(String, Vec<Vec<usize>>)> {
+        let (elements, rest): (Vec<String>, Vec<String>) =
+            self.names().into_iter().partition(|name| name.starts_with("#refs#/"));
+        // An empty element is one number that says so.
+        let shapes = elements.iter().filter_map(|name| self.shape(name).ok().flatten());
+        let shapes: Vec<Vec<usize>> = shapes.filter(|shape| shape.iter().product::<usize>() > 1).collect();
+        let is_cell = |name: &String| {
+            guarded(|| {
+                Ok(self.file.dataset(name).ok().and_then(|d| d.attr("MATLAB_class").ok()?.read_string().ok()))
+            })
+            .is_ok_and(|class| class.is_some_and(|class| class == "cell"))
+        };
+        let mut cells: Vec<_> = rest.into_iter().filter(is_cell).map(|name| (name, shapes.clone())).collect();
+        if cells.is_empty() && !elements.is_empty() {
+            cells.push(("C".into(), shapes));
+        }
+        cells
     }
 
     /// Whether a program of MATLAB wrote the file, whose shapes it shows reversed: its text comes before HDF5, or its name ends
@@ -108,6 +143,11 @@ impl Hdf5 {
         let leaves = |name: &String| matches!(root.link_class(name), Ok(LinkClass::External { .. }));
         let mut names = self.file.dataset_names();
         names.extend(root.link_names().unwrap_or_default().into_iter().filter(leaves));
+        for name in &mut names {
+            if let Some(bare) = name.strip_prefix(&self.group).filter(|_| !self.group.is_empty()) {
+                *name = bare.into();
+            }
+        }
         names.sort();
         names
     }
@@ -122,6 +162,7 @@ impl Hdf5 {
 
     /// The dataset, `None` if it is missing or has an empty dataspace.
     fn dataset(&self, name: &str) -> Result<Option<H5Dataset>> {
+        let name = &self.full(name);
         // Asked for a group, the reader tells of a link on the way before it opens the other file. For a dataset, it opens it.
         if let Err(Hdf5Error::Unsupported(_)) = self.file.root_group().group(name) {
             return Err(elsewhere(name, "is a link to other files"));

@@ -22,6 +22,9 @@ use crate::host;
 /// Parts of the names of arrays of points.
 const LASERS: [&str; 5] = ["laser", "illum", "light", "source", "emit"];
 const SENSORS: [&str; 5] = ["camera", "sensor", "spad", "detect", "cam_"];
+/// Parts of the names of quantities that are no points.
+const QUANTITIES: [&str; 10] =
+    ["dist", "speed", "veloc", "range", "depth", "power", "angle", "time", "delay", "toa"];
 const POINTS: [&str; 7] = ["point", "pos", "xyz", "grid", "coord", "wall", "norm"];
 
 /// Whether this is a capture of 3D-RSD.
@@ -127,7 +130,7 @@ pub(super) fn read(
     for (name, shape) in shapes.iter().filter(|(name, _)| *name != array) {
         let named = [&LASERS[..], &SENSORS, &POINTS].iter().any(|parts| has(name, parts));
         let holds_points = axis_of_xyz(file, shape).is_some() && size(shape) >= 3;
-        if holds_points && (named || of_pairs(size(shape) / 3)) {
+        if holds_points && !has(name, &QUANTITIES) && (named || of_pairs(size(shape) / 3)) {
             lists.extend(List::read(file, name)?);
         }
     }

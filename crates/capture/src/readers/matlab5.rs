@@ -10,6 +10,7 @@ use std::path::Path;
 
 use flate2::read::ZlibDecoder;
 
+use super::container::container;
 use super::counts::Counts;
 use super::glance::{self, Glance};
 use super::numbers::{Numbers, damaged};
@@ -34,6 +35,7 @@ const AT_ONCE: usize = 4 << 20;
 
 const MATRIX: u32 = 14;
 const COMPRESSED: u32 = 15;
+const CELL: u8 = 1;
 const STRUCT: u8 = 2;
 const OPAQUE: u8 = 17;
 
@@ -105,7 +107,40 @@ impl Matlab5 {
             }
         }
         file.arrays.sort_by(|a, b| a.name.cmp(&b.name));
+        if let Some(container) = container(&file.names()) {
+            for array in &mut file.arrays {
+                if let Some(bare) = array.name.strip_prefix(&container) {
+                    array.name = bare.into();
+                }
+            }
+            file.arrays.sort_by(|a, b| a.name.cmp(&b.name));
+        }
         Ok(file)
+    }
+
+    /// The cell arrays, each with the shapes of its elements in C order; elements that cannot be read are left out.
+    pub(super) fn cells(&self) -> Vec<(String, Vec<Vec<usize>>)> {
+        let cells = self.arrays.iter().filter(|array| array.class == CELL && !array.shape.contains(&0));
+        cells.map(|array| (array.name.clone(), self.shapes_of(array).unwrap_or_default())).collect()
+    }
+
+    fn shapes_of(&self, array: &ArrayPlace) -> Result<Vec<Vec<usize>>> {
+        if array.deflated {
+            let whole = self.inflate(&array.at)?;
+            let at = 0..whole.len();
+            let inner = Matlab5 { blocks: vec![whole], big_endian: self.big_endian, arrays: vec![] };
+            return inner.shapes_of(&ArrayPlace { block: 0, at, deflated: false, ..array.clone() });
+        }
+        let (_, mut at) = self.header(array.block, array.at.clone())?;
+        let mut shapes = vec![];
+        while at < array.at.end && shapes.len() < MOST_ARRAYS {
+            let element = self.element(array.block, at..array.at.end)?;
+            at = element.next;
+            if !element.content.is_empty() {
+                shapes.push(self.header(array.block, element.content)?.0.shape);
+            }
+        }
+        Ok(shapes)
     }
 
     /// Names of the arrays, sorted.

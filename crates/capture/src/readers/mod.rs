@@ -3,6 +3,7 @@
 
 mod blocks;
 pub mod ccsocr;
+mod container;
 mod contents;
 mod convolutional;
 pub mod counts;
@@ -295,6 +296,9 @@ fn read_single<'s>(
             given.no_bin_width(format.name)?;
         }
         return (format.read)(file, given, notes);
+    }
+    if let Some(error) = single::in_structs(&file.names()) {
+        return Err(error);
     }
     if let Some(capture) = listed::read(file, given, notes)? {
         return Ok(ReadCapture::Whole(capture));

@@ -73,8 +73,11 @@ fn read_documented(file: &Documented, notes: &mut Vec<String>) -> Result<Capture
         check_places(side.names[0], &side.shape, scan, &shape)?;
         side.per_pair(pairs)
     };
-    let (scan, laser, sensor) = if shape.len() > 2 && shape[1..] == [laser.places(), sensor.places()].concat()
-    {
+    let places = [laser.places(), sensor.places()].concat();
+    // MATLAB drops axes of length 1 at the end; with up to three axes left, pairs have the points of their places.
+    let is_dropped =
+        shape.len() > 3 && shape.len() <= places.len() && without_ones(&places) == without_ones(&shape[1..]);
+    let (scan, laser, sensor) = if shape.len() > 2 && shape[1..] == places || is_dropped {
         let (lasers, sensors) = (laser.points.len(), sensor.points.len());
         let pairs = lasers.saturating_mul(sensors);
         ([lasers, sensors], laser.spread(pairs, |p| p / sensors)?, sensor.spread(pairs, |p| p % sensors)?)
@@ -111,6 +114,12 @@ fn read_documented(file: &Documented, notes: &mut Vec<String>) -> Result<Capture
         direct: file.number("direct")?,
         ..Capture::new(scan, laser.0, sensor.0, bins, bin_width, histograms)
     })
+}
+
+/// A shape without axes of length 1 at its end.
+fn without_ones(shape: &[usize]) -> &[usize] {
+    let end = shape.iter().rposition(|n| *n != 1).map_or(0, |at| at + 1);
+    &shape[..end]
 }
 
 /// The spot of one side: as the file stores it, or that of a field of view.

@@ -170,7 +170,9 @@ impl FileStart {
                 && ["time", "stamp", "tag"].iter().any(|word| line.contains(word))
                 && !line.contains(':')
         };
-        self.lines.iter().take(first + 1).any(names) && self.columns() > 0
+        self.lines.iter().take(first + 1).any(names)
+            && self.columns() > 0
+            && !(self.columns() > 2 && self.is_of_times())
     }
 
     /// Columns of the first line of numbers; 0 without one.
@@ -178,12 +180,25 @@ impl FileStart {
         self.rows().next().map_or(0, |row| row.len())
     }
 
-    /// Whether the first of two columns rises evenly: times of bins, not of photons, and no channel.
+    /// Whether the first column rises evenly: times of bins, not of photons, and no channel. Behind the numbers of tags comes a column
+    /// of rising times; histograms fall, too.
     fn is_of_times(&self) -> bool {
-        let times: Vec<f64> = self.rows().filter_map(|row| row.first().copied()).collect();
+        let rows: Vec<Vec<f64>> = self.rows().collect();
+        let column =
+            |at: usize| rows.iter().filter_map(move |row| row.get(at).copied()).collect::<Vec<f64>>();
+        let times = column(0);
         let step = times.get(1).zip(times.first()).map_or(0.0, |(b, a)| b - a);
         let is_even = |w: &[f64]| ((w[1] - w[0]) / step - 1.0).abs() < EVEN;
-        self.columns() == 2 && times.len() >= LEAST_TIMES && step > 0.0 && times.windows(2).all(is_even)
+        let rises = |at: usize| {
+            let values = column(at);
+            values.windows(2).all(|w| w[1] >= w[0]) && values.first() < values.last()
+        };
+        let columns = self.columns();
+        columns >= 2
+            && times.len() >= LEAST_TIMES
+            && step > 0.0
+            && times.windows(2).all(is_even)
+            && (columns == 2 || !(1..columns).any(rises))
     }
 
     /// Lines of numbers.
@@ -240,6 +255,11 @@ impl Recognised {
                 "is a text of numbers, without wall points and bin width",
                 LOAD_TEXT,
                 &[0, 0],
+            ),
+            Content::Histograms(HistogramFormat::Matrix) => Error::input(
+                format!("holds {}, one histogram a column, without the wall points of a capture", self.name),
+                "make a capture of it with the points of the scan, a line x,y,z for each column: thirdbounce histogram FILE --scan POINTS \
+                 --bin-width 32ps --zero 0ps --out capture.npz (path 0 is at the wall)",
             ),
             _ => Error::input(
                 format!("holds {}, without the wall points of a capture", self.name),

@@ -6,6 +6,7 @@
 //! from the top and columns from the left, as in the f-k migration of the ABP publication (Zhang and others) for its `tof_data`;
 //! [`crate::Turn`] mirrors and rotates it.
 
+use super::counts;
 use super::frame::{self, Axes, WallDirection};
 use super::read_options::ReadOptions;
 use super::stated;
@@ -33,7 +34,7 @@ pub(super) fn read<'f>(
     notes: &mut Vec<String>,
 ) -> Result<ReadCapture<'f>> {
     let mut found = Vec::new();
-    if let Some(error) = in_a_container(file, &file.names()) {
+    if let Some(error) = of_colours(file) {
         return Err(error);
     }
     for name in file.names() {
@@ -54,7 +55,7 @@ pub(super) fn read<'f>(
         ));
     }
     let [(name, shape)] = &found[..] else {
-        if let Some(error) = of_a_matrix(file)? {
+        if let Some(error) = of_a_matrix(file)?.or_else(|| in_cells(file)) {
             return Err(error);
         }
         let there = file.names();
@@ -65,6 +66,15 @@ pub(super) fn read<'f>(
              files, and a file with a single array of counts",
         ));
     };
+    if let Some(error) = counts::picture(name, shape) {
+        return Err(error);
+    }
+    if given.array.is_none() && counts::is_result(name) {
+        return Err(Error::input(
+            counts::of_a_result(name, shape),
+            advice!["give the capture that it was made from; if it does hold histograms, say so: " Array " " (name.clone())],
+        ));
+    }
     let given = &stated::with_bin_width(file, stated::with_wall(file, given.clone(), notes), notes);
     let what = format!("a file with the array of counts {name}{}", stated::quoted(file));
     let (wall, bin_width) = given.wall_and_bin_width(&what)?;
@@ -118,43 +128,80 @@ fn of_a_matrix(file: &Variables) -> Result<Option<Error>> {
             (Some(n), _) | (None, Some(n)) => format!("--scan {n}x{n}"),
             _ => "--scan with columns x rows, or a file with the points".into(),
         };
-        let last = name.rsplit('/').next().unwrap_or(&name).to_string();
         Error::input(
             format!("{name} is a matrix of {first} x {second}, as of pairs and bins, without the points of the scan"),
-            format!(
-                "save it as text or as an npy array [points, bins] (in MATLAB: writematrix({last}, 'counts.txt')), and make a capture of \
-                 it with `histogram`, {scan}, --wall and --bin-width"
-            ),
+            advice![
+                "make a capture of it with the points of the scan: thirdbounce histogram FILE " (scan) " --wall 1m --bin-width 32ps "
+                "--zero 0ps --out capture.npz (path 0 is at the wall; leave --zero out where the histograms begin at the laser)"
+            ],
         )
     }))
 }
 
-/// The error of known arrays inside a struct, of a cell, and of counts with colours.
-fn in_a_container(file: &Variables, names: &[String]) -> Option<Error> {
-    if names.iter().any(|name| name.starts_with("#refs#")) {
-        return Some(Error::input(
-            "holds a MATLAB cell array, whose elements are arrays of their own",
-            "make one array of it before it is saved: cat(3, C{:}) or cell2mat",
-        ));
-    }
+/// The error of several structs that hold known arrays.
+pub(super) fn in_structs(names: &[String]) -> Option<Error> {
     let inside = names.iter().find(|name| {
         let last = name.rsplit('/').next().unwrap_or_default();
         name.contains('/')
             && names.len() > 1
             && ["rect_data", "meas", "data_t", "sig_in", "H"].contains(&last)
     });
-    if let Some(name) = inside {
+    inside.map(|name| {
         let group = name.split('/').next().unwrap_or_default();
-        return Some(Error::input(
-            format!("holds {name} inside the struct {group}"),
-            format!("save the fields as variables of their own: save('capture.mat', '-struct', '{group}')"),
-        ));
-    }
-    let of_colours = |name: &String| {
-        let shape = file.shape(name).ok().flatten()?;
-        (shape.len() == 4 && (shape[0] == 3 || shape[3] == 3)).then_some((name.clone(), shape))
+        Error::input(
+            format!("holds {name} inside the struct {group}, which is not the only one"),
+            format!("save its fields as variables of their own: save('capture.mat', '-struct', '{group}')"),
+        )
+    })
+}
+
+/// Elements of a cell array that say what it holds at least.
+const CELLS: usize = 2;
+
+/// The error of cell arrays, with the way to one array.
+fn in_cells(file: &Variables) -> Option<Error> {
+    let cells = file.cells();
+    let (name, shapes) = cells.iter().max_by_key(|(_, shapes)| shapes.len())?;
+    let all = cells.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
+    let long = |shape: &Vec<usize>| shape.iter().filter(|n| **n > 1).count();
+    let is_one = shapes.windows(2).all(|w| w[0] == w[1]);
+    let columns = match shapes.first() {
+        Some(first) if shapes.len() >= CELLS && is_one && long(first) == 1 => Some(first.last() != Some(&1)),
+        _ => None,
     };
-    let (name, shape) = names.iter().find_map(of_colours)?;
+    let hint = match columns {
+        // A column of MATLAB is a row in C order.
+        Some(true) => format!(
+            "make one matrix of it, a column per pair: H = cat(2, {name}{{:}}); save('counts.mat', 'H')"
+        ),
+        Some(false) => {
+            format!("make one matrix of it, a row per pair: H = cat(1, {name}{{:}}); save('counts.mat', 'H')")
+        }
+        None if !is_one && shapes.iter().all(|shape| long(shape) < 2) => format!(
+            "if they are arrival times of photons, count them in bins: e = 0:32e-12:max(cellfun(@(t) max([t(:); 0]), \
+             {name}(:))) + 32e-12; H = cell2mat(cellfun(@(t) histcounts(t, e), {name}(:), 'UniformOutput', false)); save('counts.mat', 'H') \
+             (32e-12 is the bin width in the unit of the times)"
+        ),
+        None => format!(
+            "make one array of it before it is saved: H = cat(3, {name}{{:}}) or cell2mat; save('counts.mat', 'H')"
+        ),
+    };
+    Some(Error::input(
+        match cells.len() {
+            1 => format!("{name} is a MATLAB cell array, whose elements are arrays of their own"),
+            n => format!("{all} are {n} MATLAB cell arrays, whose elements are arrays of their own"),
+        },
+        hint,
+    ))
+}
+
+/// The error of counts with colours.
+fn of_colours(file: &Variables) -> Option<Error> {
+    let of_colours = |name: String| {
+        let shape = file.shape(&name).ok().flatten()?;
+        (shape.len() == 4 && (shape[0] == 3 || shape[3] == 3)).then_some((name, shape))
+    };
+    let (name, shape) = file.names().into_iter().find_map(of_colours)?;
     Some(Error::input(
         format!("{name} has shape {shape:?}: an axis of 3 that looks like colours"),
         "store one array of three axes: the sum over the colours, or one of them",

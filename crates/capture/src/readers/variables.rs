@@ -60,6 +60,14 @@ impl Variables {
         names.iter().all(|name| there.iter().any(|n| n == name))
     }
 
+    /// The cell arrays of MATLAB, each with the shapes of its elements in C order.
+    pub(super) fn cells(&self) -> Vec<(String, Vec<Vec<usize>>)> {
+        match self {
+            Variables::Hdf5(file) => file.cells(),
+            Variables::Matlab5(file) => file.cells(),
+        }
+    }
+
     /// The shape of an array in C order, `None` if it is missing or empty.
     ///
     /// # Errors
@@ -131,7 +139,7 @@ impl Variables {
     }
 
     /// Whether shapes are those of MATLAB reversed: in MATLAB's files, and in files named as they are.
-    pub(super) fn in_matlab_order(&self) -> bool {
+    pub fn in_matlab_order(&self) -> bool {
         match self {
             Variables::Hdf5(file) => file.in_matlab_order(),
             Variables::Matlab5(_) => true,

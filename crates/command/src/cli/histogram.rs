@@ -27,7 +27,7 @@ Examples:
 #[command(after_help = EXAMPLES)]
 pub struct HistogramArgs {
     /// Time tags: PicoQuant .ptu, Photon-HDF5, npz or HDF5 with timestamps and channels, text (channel, time); or histograms of an
-    /// instrument: .phu, text, .npy or .npz
+    /// instrument: .phu, text, .npy or .npz, or a MATLAB or HDF5 matrix of points and bins
     tags: PathBuf,
     #[command(flatten)]
     pub from: FromTags,

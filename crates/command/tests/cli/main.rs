@@ -7,6 +7,7 @@ mod calibrate;
 mod commands;
 mod examples;
 mod family;
+mod first_contact;
 mod gpu;
 mod high_pass;
 mod hostile;

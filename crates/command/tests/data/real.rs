@@ -154,6 +154,12 @@ pub fn real_captures_raise_no_false_warning(data: &Path) {
         // Counters that were full are no mistake of the file.
         let warnings: Vec<_> = loaded.warnings.iter().filter(|w| !w.contains("counter")).collect();
         assert!(warnings.is_empty(), "{}: {warnings:?}", path.display());
+        // None of these captures was enlarged, scaled or reversed.
+        let of_faults =
+            ["multiples of", "enlarged", "runs backwards", "in place of missing ones", "upside down"];
+        let is_false = |note: &&String| of_faults.iter().any(|words| note.contains(words));
+        let notes: Vec<_> = loaded.notes.iter().filter(is_false).collect();
+        assert!(notes.is_empty(), "{}: {notes:?}", path.display());
     }
     // Half the width for the whole is seen where faces are round or walls are not flat; letters are flat.
     let mut c = read(&data.join("spheres_confocal_32.npz")).unwrap();

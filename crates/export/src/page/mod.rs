@@ -121,6 +121,10 @@ impl PageMaps {
             .map(|(x, y)| x * step * maps.ny + y * step)
             .collect();
         let of = |all: &[f32]| QuantisedValues::of(pixels.iter().map(|p| all[*p]));
+        // The range of the values, and so their steps, is that of pixels that are shown.
+        let of_surface = |all: &[f32]| {
+            QuantisedValues::of(pixels.iter().map(|p| if maps.mask[*p] { all[*p] } else { f32::NAN }))
+        };
         let normal = pixels.iter().flat_map(|p| maps.normal[*p]);
         let normal: Vec<u8> = normal.map(|v| (v * 127.0).round() as i8 as u8).collect();
         let mask: Vec<u8> = pixels.iter().map(|p| maps.mask[*p].into()).collect();
@@ -129,8 +133,8 @@ impl PageMaps {
             ny,
             extent: maps.extent,
             albedo: of(&maps.albedo),
-            depth: of(&maps.depth),
-            depth_error: maps.depth_error.as_deref().map(of),
+            depth: of_surface(&maps.depth),
+            depth_error: maps.depth_error.as_deref().map(of_surface),
             normal: STANDARD.encode(normal),
             mask: STANDARD.encode(mask),
         }
@@ -215,6 +219,21 @@ mod tests {
         assert_eq!((none.low, none.high), (0.0, 0.0));
         let same = QuantisedValues::of([5.0; 2].into_iter());
         assert_eq!(STANDARD.decode(same.values).unwrap(), [0; 4]);
+    }
+
+    #[test]
+    fn the_largest_depth_and_error_are_those_of_pixels_that_are_shown() {
+        let maps = Maps {
+            depth: vec![0.5, 0.6, 40.0, 0.7],
+            depth_error: Some(vec![0.001, 0.004, 25.0, 0.002]),
+            mask: vec![true, true, false, true],
+            ..Maps::empty([2, 2], [0.0, 1.0, 0.0, 1.0])
+        };
+        let shown = PageMaps::of(&maps);
+        let error = shown.depth_error.unwrap();
+        assert_eq!((shown.depth.high, error.low, error.high), (0.7, 0.001, 0.004));
+        let words = STANDARD.decode(error.values).unwrap();
+        assert_eq!(words[2..6], [65534u16, 65535].map(u16::to_le_bytes).concat());
     }
 
     #[test]

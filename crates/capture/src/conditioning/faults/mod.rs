@@ -3,8 +3,11 @@
 
 mod counters;
 mod ends;
+mod enlarged;
 mod lines;
+mod multiples;
 mod repeated;
+mod reversed;
 mod single_bins;
 
 use super::mean::MeanOnce;
@@ -38,13 +41,18 @@ pub(super) fn undo(capture: &mut Capture, mean: &mut MeanOnce) -> Result<Found> 
         Some(Err(fault)) => found.faults.push(fault),
         None => {}
     }
+    found.notes.extend(capture.undo_multiples());
+    if let Some((gone, note)) = capture.undo_enlargement() {
+        found.dropped += gone;
+        found.notes.push(note);
+    }
     if let Some(kept) = capture.without_repeats() {
         let all = capture.pair_count();
-        found.dropped = all - kept.pairs.len();
+        let gone = all - kept.pairs.len();
+        found.dropped += gone;
         found.notes.push(format!(
-            "{} of {all} pairs are left out: their histograms are exact copies of the one before, as of a scan that stopped and \
-             was filled with its last counts",
-            found.dropped
+            "{gone} of {all} pairs are left out: their histograms are exact copies of the one before, as of a scan that stopped and \
+             was filled with its last counts"
         ));
         *capture = capture.keep(&kept.pairs, kept.scan);
     }
@@ -52,6 +60,7 @@ pub(super) fn undo(capture: &mut Capture, mean: &mut MeanOnce) -> Result<Found> 
         matches!(capture.pair_kind(), PairKind::Confocal | PairKind::OneLaser | PairKind::OneSensor);
     if is_scan {
         found.notes.extend(capture.turn_lines());
+        found.notes.extend(capture.undo_reversal());
     }
     // The mean histogram of what is right so far.
     mean.changed();

@@ -1,0 +1,64 @@
+//! Counts that are all multiples of one number: of a digitiser that stores 12 bits in 16, or of a program that scaled them.
+
+use crate::data::Capture;
+
+/// Different counts that prove a common factor.
+const LEAST_VALUES: usize = 16;
+
+impl Capture {
+    /// Divides whole counts by their common factor, so that their noise is that of photons again. Photons of so many different counts
+    /// have none.
+    pub(super) fn undo_multiples(&mut self) -> Option<String> {
+        if !self.integer_counts {
+            return None;
+        }
+        let mut factor = 0u64;
+        for count in self.histograms.iter().filter(|count| **count > 0.0) {
+            factor = gcd(factor, *count as u64);
+            if factor == 1 {
+                return None;
+            }
+        }
+        let mut values = vec![];
+        for count in self.histograms.iter().filter(|count| **count > 0.0) {
+            if values.len() < LEAST_VALUES && !values.contains(count) {
+                values.push(*count);
+            }
+        }
+        if factor < 2 || values.len() < LEAST_VALUES {
+            return None;
+        }
+        self.histograms.iter_mut().for_each(|count| *count /= factor as f32);
+        Some(format!(
+            "all counts are multiples of {factor}, as of numbers of fewer bits in the upper bits of a word or of scaled counts: they are \
+             divided by it, as photons have the noise of single counts"
+        ))
+    }
+}
+
+fn gcd(a: u64, b: u64) -> u64 {
+    if b == 0 { a } else { gcd(b, a % b) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::noisy;
+
+    #[test]
+    fn multiples_of_a_number_are_divided_by_it() {
+        let right = noisy();
+        for factor in [2.0, 16.0, 100.0] {
+            let mut scaled = right.clone();
+            scaled.histograms.iter_mut().for_each(|count| *count *= factor);
+            assert!(
+                scaled.undo_multiples().is_some_and(|note| note.contains(&format!("multiples of {factor},")))
+            );
+            assert!(scaled == right);
+        }
+        assert_eq!(right.clone().undo_multiples(), None);
+        // Few photons of two at a time prove nothing.
+        let mut few = right;
+        few.histograms.iter_mut().for_each(|count| *count = if *count > 40.0 { 2.0 } else { 0.0 });
+        assert_eq!(few.undo_multiples(), None);
+    }
+}
