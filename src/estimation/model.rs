@@ -73,8 +73,8 @@ impl FoundModel {
 /// A model is rejected if one of another falloff leaves less beyond photon noise by this share, and less by two standard errors.
 const MARGIN: f64 = 0.06;
 
-/// The order in which models are kept where the hold-out set cannot tell them apart. Among models of one falloff the objective is
-/// the same, so one that leaves less beyond chance is better by however little (benches/NOTES.md, "Models by what they leave").
+/// The order in which falloffs are kept where the hold-out set cannot tell them apart. Among models of one falloff the objective is
+/// the same, so the one that leaves less is the better one (benches/NOTES.md, "Models by what they leave").
 const FIRST: [Reflectance; 4] =
     [Reflectance::Cosine, Reflectance::Retroreflective, Reflectance::Isotropic, Reflectance::Lambertian];
 
@@ -89,17 +89,14 @@ pub(super) fn unbeaten(left: &[(Reflectance, Option<Left>)]) -> Vec<Reflectance>
     found.into_iter().filter(|(_, left)| !is_beaten(left)).map(|(model, _)| model).collect()
 }
 
-/// Of the falloffs whose models leave as little as any other, but for chance, the one that comes first; of its models the first one,
-/// unless that which leaves least does so beyond chance. `None` if no trial found a surface.
+/// Of the falloffs whose models leave as little as any other, but for chance, the one that comes first; of its models the one that
+/// leaves least. `None` if no trial found a surface.
 pub(super) fn choose(left: &[(Reflectance, Option<Left>)]) -> Option<Reflectance> {
     let unbeaten = unbeaten(left);
     let first = FIRST.into_iter().find(|model| unbeaten.contains(model))?;
-    let of = |model: Reflectance| left.iter().find(|(m, _)| *m == model).and_then(|(_, left)| left.as_ref());
-    let alike = FIRST.into_iter().filter(|model| model.falloff_power() == first.falloff_power());
-    let kept = alike.clone().find(|model| of(*model).is_some())?;
-    let better = alike.filter(|model| of(*model).zip(of(kept)).is_some_and(|(own, kept)| own.is_less(kept)));
-    let share = |model: &Reflectance| of(*model).map_or(f64::INFINITY, Left::share);
-    better.min_by(|a, b| share(a).total_cmp(&share(b))).or(Some(kept))
+    let alike = left.iter().filter(|(model, _)| model.falloff_power() == first.falloff_power());
+    let found = alike.filter_map(|(model, left)| Some((*model, left.as_ref()?.share())));
+    found.min_by(|a, b| a.1.total_cmp(&b.1)).map(|(model, _)| model)
 }
 
 #[cfg(test)]
@@ -129,12 +126,11 @@ mod tests {
     }
 
     #[test]
-    fn of_models_with_one_falloff_the_first_stays_unless_another_leaves_less_beyond_chance() {
+    fn of_models_with_one_falloff_the_one_that_leaves_least_is_chosen() {
         let of = |lambertian: Option<Left>| {
             choose(&[(Cosine, left(5.0, 0.0)), (Lambertian, lambertian), (Retroreflective, left(5.0, 2.0))])
         };
-        assert_eq!(of(left(4.99, 0.01)), Some(Lambertian), "however little the difference is");
-        assert_eq!(of(left(4.5, 4.0)), Some(Cosine), "less than two standard errors of a half");
+        assert_eq!(of(left(4.99, 4.0)), Some(Lambertian), "however little the difference is");
         assert_eq!(of(left(5.01, 0.0)), Some(Cosine));
         assert_eq!(of(None), Some(Cosine));
         // Retroreflective is beaten by the better one of the two.
