@@ -107,17 +107,22 @@ fn is_even(gains: &[f64]) -> bool {
     most < LEAST_RATIO * least
 }
 
-/// The least of some trials: its index, if it is less than no law beyond chance.
-fn best(none: Option<&Left>, laws: &[Option<Left>]) -> Option<(usize, bool)> {
+/// The law that leaves least: its index. Laws that come first are more usual and stay where the difference is chance.
+fn best(laws: &[Option<Left>]) -> Option<usize> {
     let found = laws.iter().enumerate().filter_map(|(i, left)| Some((i, left.as_ref()?)));
     let (at, least) = found.min_by(|a, b| a.1.excess().total_cmp(&b.1.excess()))?;
-    // Laws that come first are more usual.
-    let (at, least) = laws[..at]
-        .iter()
-        .enumerate()
-        .find_map(|(i, left)| left.as_ref().filter(|left| !least.is_less(left)).map(|left| (i, left)))
-        .unwrap_or((at, least));
-    Some((at, none.is_none_or(|none| least.is_less(none))))
+    let is_alike = |left: &Option<Left>| left.as_ref().is_some_and(|left| !least.is_less(left));
+    Some(laws[..at].iter().position(is_alike).unwrap_or(at))
+}
+
+/// Whether the division by these gains of the held-out pairs leaves less than none beyond chance, with the pairs weighed as in the
+/// divided counts, and as in the counts as they are: a division alone makes other pairs weigh most.
+fn is_clear(divided: &Left, none: &Left, gains: &[f64]) -> bool {
+    let weighed = |left: &Left, power: i32| Left {
+        pairs: left.pairs.iter().zip(gains).map(|(pair, gain)| pair.map(|v| v * gain.powi(power))).collect(),
+        noise: 0.0,
+    };
+    weighed(divided, 0).is_less(&weighed(none, -2)) && weighed(divided, 2).is_less(&weighed(none, 0))
 }
 
 /// Decides on the law of the devices that are `set`, else of those that the capture names. Returns what was found, and the capture that
@@ -164,18 +169,31 @@ pub fn device(
     let chosen = if is_judged {
         let mut trial = |capture: &Capture| {
             let shown = shown(request, &Estimates::default(), capture, gpu, hear)?;
-            Ok::<_, crate::Error>(shown.map(|shown| shown.held.left()))
+            Ok::<_, crate::Error>(shown.map(|shown| (shown.held.left(), shown.held.pairs)))
         };
         let none = trial(capture)?;
         let left = laws.iter().map(|(_, divided)| trial(divided)).collect::<Result<Vec<_>>>()?;
-        let figures = |left: &Option<Left>| left.as_ref().map(|left| [left.excess(), left.standard_error()]);
-        found.left.push(("none".into(), figures(&none)));
-        found.left.extend(laws.iter().zip(&left).map(|((law, _), left)| (law.name().into(), figures(left))));
-        let best = best(none.as_ref(), &left);
-        let at = best.map_or(0, |(at, _)| at);
-        found.is_doubtful =
-            is_set && none.as_ref().zip(left[at].as_ref()).is_some_and(|(none, left)| none.is_less(left));
-        best.filter(|(_, is_less)| *is_less || is_set).map(|(at, _)| at).or(is_set.then_some(0))
+        let pairs = none.as_ref().map_or(vec![], |(_, pairs)| pairs.clone());
+        let [none, left] = [vec![none], left].map(|trials| {
+            trials.into_iter().map(|trial| trial.map(|(left, _)| left)).collect::<Vec<Option<Left>>>()
+        });
+        let names = std::iter::once("none").chain(laws.iter().map(|(law, _)| law.name()));
+        let figures = |left: &Left| [left.excess(), left.standard_error()];
+        let all = none.iter().chain(&left).map(|left| left.as_ref().map(figures));
+        found.left = names.map(String::from).zip(all).collect();
+        let at = best(&left);
+        // A surface is better than none.
+        let is_better = at.is_some_and(|at| {
+            let gains = named.gains(laws[at].0).unwrap_or_default();
+            let gains: Vec<f64> = pairs.iter().map(|pair| gains[*pair]).collect();
+            let both = none[0].as_ref().zip(left[at].as_ref());
+            both.is_none_or(|(none, left)| is_clear(left, none, &gains))
+        });
+        found.is_doubtful = is_set
+            && none[0].as_ref().is_some_and(|none| {
+                at.and_then(|at| left[at].as_ref()).is_none_or(|left| none.is_less(left))
+            });
+        if is_set { Some(at.unwrap_or(0)) } else { at.filter(|_| is_better) }
     } else {
         found.untried = Some("only the solver surface compares held-out pairs".into());
         is_set.then_some(0)
@@ -196,16 +214,32 @@ mod tests {
     }
 
     #[test]
-    fn a_law_needs_to_leave_less_than_none_beyond_chance() {
-        let none = left(5.0, 0.0);
-        let of = |laws: &[Option<Left>]| best(none.as_ref(), laws);
-        assert_eq!(of(&[left(4.0, 0.1), left(4.5, 0.1)]), Some((0, true)));
-        assert_eq!(of(&[left(4.5, 0.1), left(4.0, 0.1)]), Some((1, true)));
-        assert_eq!(of(&[left(4.0, 0.1), left(3.9, 2.0)]), Some((0, true)), "the usual one, but for chance");
-        assert_eq!(of(&[left(4.0, 8.0)]), Some((0, false)), "less than two standard errors");
-        assert_eq!(of(&[left(6.0, 0.1)]), Some((0, false)));
-        assert_eq!(best(None, &[None, left(9.0, 0.1)]), Some((1, true)), "a surface is better than none");
-        assert_eq!(of(&[None]), None);
+    fn the_law_that_leaves_least_is_best_but_for_chance() {
+        assert_eq!(best(&[left(4.0, 0.1), left(4.5, 0.1)]), Some(0));
+        assert_eq!(best(&[left(4.5, 0.1), left(4.0, 0.1)]), Some(1));
+        assert_eq!(best(&[left(4.0, 0.1), left(3.9, 2.0)]), Some(0), "the usual one, but for chance");
+        assert_eq!(best(&[None, left(9.0, 0.1)]), Some(1));
+        assert_eq!(best(&[None]), None);
+    }
+
+    #[test]
+    fn a_law_needs_to_leave_less_than_none_in_both_weightings() {
+        let even = vec![1.0; 64];
+        let of = |law, gains: &[f64]| is_clear(&left(law, 0.1).unwrap(), &left(5.0, 0.1).unwrap(), gains);
+        assert!(of(4.0, &even) && !of(6.0, &even));
+        let noisy = is_clear(&left(4.0, 8.0).unwrap(), &left(5.0, 0.1).unwrap(), &even);
+        assert!(!noisy, "less than two standard errors");
+        // The surface is the same, and leaves much of the first half only: gains that make this half weigh less prove nothing.
+        let gains: Vec<f64> = (0..64).map(|i| if i < 32 { 3.0 } else { 1.0 }).collect();
+        let raw = Left {
+            pairs: (0..64).map(|i| [if i < 32 { 50.0 + f64::from(i % 2) } else { 1.0 }, 100.0]).collect(),
+            noise: 0.0,
+        };
+        let pairs =
+            raw.pairs.iter().zip(&gains).map(|(pair, gain)| pair.map(|v| v / (gain * gain))).collect();
+        let divided = Left { pairs, noise: 0.0 };
+        assert!(divided.is_less(&raw), "the shares alone say so");
+        assert!(!is_clear(&divided, &raw, &gains));
     }
 
     #[test]
