@@ -109,7 +109,7 @@ impl Capture {
     pub fn behind(&self, law: GainLaw) -> Error {
         let [laser, sensor] = self.devices;
         let device = if law == GainLaw::Detector { sensor } else { laser };
-        let place = device.map_or_else(|| "unknown".into(), |p| place(p));
+        let place = device.map_or_else(|| "unknown".into(), place);
         Error::options(
             format!("the device's position is {place}, which is not in front of every wall point"),
             "give x, y, z in metres in the frame of the wall points: the hidden scene is at z > 0, and so is the device",
