@@ -181,6 +181,11 @@ pub enum Calibrate {
     None,
     Auto,
 }
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum DevicePosition {
+    None,
+    At(DVec3),
+}
 #[derive(Debug, Clone, PartialEq)]
 pub enum ImpulseResponse {
     None,
@@ -213,6 +218,7 @@ pub struct Settings {
     pub gate: Option<Gate>,
     pub auto_gate: Option<bool>,
     pub calibrate: Option<Calibrate>,
+    pub device_at: Option<DevicePosition>,
     pub pulse: Option<ImpulseResponse>,
     pub spot: Option<[f64; 2]>,
     pub model: Option<ReflectanceSetting>,
@@ -523,6 +529,7 @@ pub struct Capture {
     pub sensor_spot: Option<f64>,
     pub cycles: Option<f64>,
     pub direct: Option<f64>,
+    pub devices: [Option<DVec3>; 2],
 }
 impl Capture {
     pub fn stride(&self, n: usize) -> Result<Capture> {}

@@ -12,7 +12,7 @@ use crate::maps::Truth;
 use crate::measure::Metrics;
 use crate::resolve::Job;
 use crate::session::{Session, SessionOptions};
-use crate::settings::{Calibrate, Settings};
+use crate::settings::{Calibrate, DevicePosition, Settings};
 use crate::simulate::{RenderOptions, Scene};
 use crate::solve::{Bins, Progress, Reconstruction, Watch};
 
@@ -82,8 +82,13 @@ pub fn session_with(
     settings.memory = options.memory.or(settings.memory);
     settings.mask_fraction = options.mask_fraction.or(settings.mask_fraction);
     let frame = settings.for_frames(frame)?;
+    let unused = (frame.devices != [None; 2] && settings.device_at.is_none()).then(|| {
+        "the capture names a device near the wall; frames of a session are used unchanged: divide them if its light weakens with distance"
+            .to_owned()
+    });
+    settings.device_at = Some(DevicePosition::None);
     let job = Job::resolve(&settings, &frame, gpu, on_progress)?;
-    let notes = job.estimates.notes().into_iter().chain(warning).collect();
+    let notes = job.estimates.notes().into_iter().chain(warning).chain(unused).collect();
     Ok((Session::of(gpu, &frame, &job, options)?, notes))
 }
 

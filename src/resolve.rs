@@ -3,6 +3,7 @@
 use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::Result;
 use crate::capture::Capture;
@@ -10,7 +11,7 @@ use crate::diagnosis;
 use crate::estimation::{self, EstimateRequest, Estimates};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
-use crate::settings::{Calibrate, ImpulseResponse, ReflectanceSetting, Settings};
+use crate::settings::{Calibrate, DevicePosition, ImpulseResponse, ReflectanceSetting, Settings};
 use crate::solve::{
     Method, Preset, Problem, Progress, Ready, Reconstruction, SolverOptions, Watch, conclude,
 };
@@ -61,12 +62,26 @@ impl<'c> Job<'c> {
         // Errors of the box come before any fit.
         request.discretisation.grid(&request.solver, capture)?;
         let has_light = capture.histograms.iter().any(|v| *v > 0.0);
+        let clock = Instant::now();
+        let device = match has_light {
+            true => estimation::device(&request, capture, settings.device_at, gpu, hear)?,
+            false => None,
+        };
+        let of_device = clock.elapsed().as_secs_f64();
+        let (device, divided) = device.map_or((None, None), |(found, divided)| (Some(found), divided));
+        let capture = match divided {
+            Some(divided) => {
+                request = EstimateRequest::new(settings, &divided);
+                Cow::Owned(divided)
+            }
+            None => Cow::Borrowed(capture),
+        };
         let mut estimates = match has_light {
-            true => estimation::estimate(&request, capture, gpu, hear)?,
+            true => estimation::estimate(&request, &capture, gpu, hear)?,
             false => Estimates::default(),
         };
         let calibrates = settings.calibrate.unwrap_or_default() == Calibrate::Auto;
-        let mut diagnosis = diagnosis::diagnose(&request, capture, &estimates, calibrates, gpu, hear)?;
+        let mut diagnosis = diagnosis::diagnose(&request, &capture, &estimates, calibrates, gpu, hear)?;
         let (solver, capture) = match diagnosis.calibrated.take() {
             Some(calibrated) => {
                 let before = estimates.seconds;
@@ -76,8 +91,17 @@ impl<'c> Job<'c> {
                 let (solver, capture) = estimates.settle(&request.solver, &request.models, &calibrated)?;
                 (solver, Cow::Owned(capture.into_owned()))
             }
-            None => estimates.settle(&request.solver, &request.models, capture)?,
+            None => {
+                let (solver, settled) = estimates.settle(&request.solver, &request.models, &capture)?;
+                let settled = match settled {
+                    Cow::Owned(settled) => Some(settled),
+                    Cow::Borrowed(_) => None,
+                };
+                (solver, settled.map_or(capture, Cow::Owned))
+            }
         };
+        estimates.seconds += of_device;
+        estimates.device = device;
         let verdict = Arc::new(diagnosis::verdict(&estimates, &diagnosis));
         let Ready { capture, grid, sum } = request.discretisation.ready(&solver, capture)?;
         Ok(Job {
@@ -101,6 +125,7 @@ impl<'c> Job<'c> {
             preset: Some(self.preset),
             model: Some(ReflectanceSetting::Known(self.solver.common().reflectance)),
             pulse: Some(ImpulseResponse::None),
+            device_at: Some(DevicePosition::None),
             method: Method::of(&self.solver),
             ..settings.clone()
         }

@@ -48,6 +48,9 @@ pub struct Arrays<'py> {
     cycles: Option<f64>,
     #[pyo3(default)]
     direct: Option<f64>,
+    /// Positions of laser and detector.
+    #[pyo3(default)]
+    devices: Option<[Option<[f64; 3]>; 2]>,
 }
 
 impl Arrays<'_> {
@@ -66,6 +69,7 @@ impl Arrays<'_> {
         }
         (made.laser_spot, made.sensor_spot) = (self.laser_spot, self.sensor_spot);
         (made.cycles, made.direct) = (self.cycles, self.direct);
+        made.devices = self.devices.unwrap_or_default().map(|device| device.map(DVec3::from_array));
         Ok(made)
     }
 }
@@ -102,6 +106,7 @@ pub fn dictionary<'py>(py: Python<'py>, capture: Capture) -> PyResult<Bound<'py,
     made.set_item("sensor_spot", capture.sensor_spot)?;
     made.set_item("cycles", capture.cycles)?;
     made.set_item("direct", capture.direct)?;
+    made.set_item("devices", capture.devices.map(|device| device.map(|at| at.to_array())))?;
     made.set_item("counts", PyArray1::from_vec(py, capture.histograms))?;
     Ok(made)
 }

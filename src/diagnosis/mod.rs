@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use crate::Result;
 use crate::capture::Capture;
-use crate::estimation::{self, EstimateRequest, Estimates, Shown};
+use crate::estimation::{self, EstimateRequest, Estimates, Left, Shown};
 use crate::gpu::Gpu;
 use crate::solve::Progress;
 use crate::{Grade, Verdict};
@@ -19,9 +19,12 @@ pub use scale::Rescaled;
 
 /// Bands of the verdict. Evidence: benches/NOTES.md, "Verdict".
 mod bands {
-    /// Least share beyond noise, less two standard errors, of results that are fair, and of poor ones. Measured scenes with light that no
-    /// surface sends leave up to a half and are right.
-    pub const LEFT: [f64; 2] = [0.25, 0.95];
+    /// Least share beyond noise, less two standard errors, of results that are fair. Measured scenes with light that no surface sends
+    /// leave up to a half and are right.
+    pub const FAIR: f64 = 0.25;
+    /// Least share beyond noise, and least standard error of the share, of poor results.
+    pub const POOR: f64 = 0.9;
+    pub const UNCERTAIN: f64 = 0.2;
     /// Least share beyond noise, less two standard errors, from which other scales are tried: proper captures leave less, but for rooms.
     pub const DOUBTED: f64 = 0.15;
     /// Expected IoU below which results are fair.
@@ -79,7 +82,7 @@ pub fn diagnose(
 ) -> Result<Diagnosis> {
     let is_doubtful = match &estimates.shown {
         Some(shown) => shown.held.left().certain() > bands::DOUBTED,
-        None => found_nothing(estimates),
+        None => estimates.finds_none,
     };
     let scale = if is_doubtful { scale::rescaled(request, capture, gpu) } else { None };
     let found = Diagnosis { scale, ..Diagnosis::default() };
@@ -97,49 +100,24 @@ pub fn diagnose(
     Ok(Diagnosis { cause: Some(cause), calibrated: calibrates.then(|| delays.undone(capture)), ..found })
 }
 
-/// Whether fits were tried and none found a surface.
-fn found_nothing(estimates: &Estimates) -> bool {
-    estimates.candidates.is_empty() && estimates.model.as_ref().is_some_and(|m| m.failed.is_some())
-}
-
 /// The verdict on estimates: before a solve, without what the maps say.
 pub fn verdict(estimates: &Estimates, diagnosis: &Diagnosis) -> Verdict {
     let mut verdict = Verdict { expected_iou: estimates.expected_iou, ..Verdict::GOOD };
     if let Some(cause) = &diagnosis.cause {
         verdict.add(if cause.undone { Grade::Fair } else { Grade::Poor }, cause.sentence());
     }
+    if let Some(doubt) = estimates.device.as_ref().and_then(|found| found.doubt()) {
+        verdict.add(Grade::Fair, doubt);
+    }
     if let Some(scale) = &diagnosis.scale {
         verdict.add(Grade::Poor, scale.sentence());
     }
     match estimates.shown.as_ref().map(|shown: &Shown| shown.held.left()) {
-        None => verdict.add(
-            Grade::Fair,
-            match found_nothing(estimates) {
-                true => "no fit found a surface that explains the counts",
-                false => "no pairs were held out to judge it",
-            },
-        ),
-        Some(left) => {
-            let (least, share) = (left.certain(), 100.0 * left.excess());
-            verdict.left = Some([left.excess(), left.standard_error()]);
-            let [fair, poor] = bands::LEFT.map(|band| least > band);
-            let grade = if poor {
-                Grade::Poor
-            } else if fair {
-                Grade::Fair
-            } else {
-                Grade::Good
-            };
-            if grade > Grade::Good {
-                verdict.add(
-                    grade,
-                    format!(
-                        "the surface leaves {share:.0} % of the light of held-out pairs beyond noise: light that is not of the scene, or a \
-                         fault without a name"
-                    ),
-                );
-            }
+        None if estimates.finds_none => {
+            verdict.add(Grade::Poor, "no fit found a surface that explains the counts");
         }
+        None => verdict.add(Grade::Fair, "no pairs were held out to judge it"),
+        Some(left) => judge(&mut verdict, &left),
     }
     if let Some(iou) = estimates.expected_iou.filter(|iou| *iou < EXPECTED_IOU) {
         verdict.add(Grade::Fair, format!("the learned start expects an IoU of only {iou:.2}"));
@@ -147,9 +125,68 @@ pub fn verdict(estimates: &Estimates, diagnosis: &Diagnosis) -> Verdict {
     verdict
 }
 
+/// Grades what a surface leaves of held-out pairs.
+fn judge(verdict: &mut Verdict, left: &Left) {
+    let (share, error) = (left.excess(), left.standard_error());
+    verdict.left = Some([share, error]);
+    let is_uncertain = error > bands::UNCERTAIN;
+    let grade = match () {
+        () if is_uncertain || share > bands::POOR => Grade::Poor,
+        () if left.certain() > bands::FAIR => Grade::Fair,
+        () => return,
+    };
+    let [share, error] = [share, error].map(|part| 100.0 * part);
+    let why = if is_uncertain {
+        format!(
+            "the share is uncertain by {error:.0} %, so held-out pairs neither confirm nor refute the surface"
+        )
+    } else {
+        "light that is not of the scene, or a fault without a name".into()
+    };
+    verdict.add(
+        grade,
+        format!("the surface leaves {share:.0} % of the light of held-out pairs beyond noise: {why}"),
+    );
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// What is left of 100 pairs of equal light: `mean`, and every other one more and less by `scatter`.
+    fn left(mean: f64, scatter: f64) -> Left {
+        let of = |i: usize| mean + if i.is_multiple_of(2) { scatter } else { -scatter };
+        Left { pairs: (0..100).map(|i| [of(i), 1.0]).collect(), noise: 0.0 }
+    }
+
+    #[test]
+    fn a_surface_that_held_out_pairs_do_not_confirm_is_poor() {
+        let graded = |mean: f64, scatter: f64| {
+            let mut verdict = Verdict::GOOD;
+            judge(&mut verdict, &left(mean, scatter));
+            (verdict.grade, verdict.reasons.concat())
+        };
+        // The standard error is a tenth of the scatter.
+        assert_eq!(graded(0.2, 0.3), (Grade::Good, String::new()));
+        let (grade, reason) = graded(0.5, 0.3);
+        assert!(grade == Grade::Fair && reason.contains("50 %"), "{reason}");
+        assert_eq!(graded(0.89, 0.3).0, Grade::Fair);
+        let (grade, reason) = graded(0.91, 0.3);
+        assert!(grade == Grade::Poor && reason.contains("91 %"), "{reason}");
+        // However small the share is: this error is larger than most shares of wrong surfaces.
+        assert_eq!(graded(0.01, 1.9).0, Grade::Good);
+        let (grade, reason) = graded(0.01, 2.1);
+        assert!(grade == Grade::Poor && reason.contains("uncertain by 21 %"), "{reason}");
+    }
+
+    #[test]
+    fn fits_without_a_surface_are_poor_and_no_fits_fair() {
+        let of =
+            |finds_none| verdict(&Estimates { finds_none, ..Estimates::default() }, &Diagnosis::default());
+        assert_eq!(of(true).grade, Grade::Poor);
+        assert!(of(true).reasons[0].contains("no fit found a surface"));
+        assert_eq!(of(false).grade, Grade::Fair);
+    }
 
     fn estimates(iou: f64) -> Estimates {
         Estimates { expected_iou: Some(iou), ..Estimates::default() }

@@ -20,6 +20,7 @@ use crate::solve::{
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Kind, Result};
 
+mod device;
 mod high_pass;
 mod model;
 mod pulse;
@@ -28,6 +29,7 @@ mod spread;
 mod trial;
 
 pub use crate::solve::surface::{HeldOut, Left};
+pub use device::{FoundDevice, device};
 pub use high_pass::{FoundHighPass, usual_high_pass};
 pub use model::{FoundModel, MODELS};
 pub use pulse::FoundPulse;
@@ -73,6 +75,9 @@ pub enum FindPulse {
 /// The estimates of a run.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Estimates {
+    /// The gain law of devices near the wall, if their positions are known.
+    #[serde(default)]
+    pub device: Option<FoundDevice>,
     /// How surfaces reflect, if it was estimated.
     #[serde(default)]
     pub model: Option<FoundModel>,
@@ -97,6 +102,9 @@ pub struct Estimates {
     /// What the surface of the chosen model shows of the pairs.
     #[serde(skip)]
     pub shown: Option<Shown>,
+    /// Whether fits were tried and none found a surface.
+    #[serde(skip)]
+    pub finds_none: bool,
     /// Layers of the surface that the fits found, and of its start, on coarse pixels.
     #[serde(skip)]
     pub(crate) begun: Option<Begun>,
@@ -125,8 +133,9 @@ impl Estimates {
             )
         });
         let high_pass = self.high_pass.iter().map(FoundHighPass::note);
-        start
-            .into_iter()
+        let device = self.device.iter().map(FoundDevice::note);
+        device
+            .chain(start)
             .chain(high_pass)
             .chain(self.model.iter().map(FoundModel::note))
             .chain(self.pulse.iter().map(FoundPulse::note))
@@ -181,7 +190,7 @@ pub fn estimate(
     let usual = request.solver.common().reflectance;
     let mut tried = vec![];
     let (mut high_pass, mut begun, mut candidates, mut expected_iou) = (None, None, vec![], None);
-    let mut shown = None;
+    let (mut shown, mut finds_none) = (None, false);
     let mut stages = EstimateSeconds::default();
     let searched = Search::new(request, capture, gpu, hear).and_then(|mut search| {
         stages.start = start.elapsed().as_secs_f64();
@@ -195,6 +204,7 @@ pub fn estimate(
         stages.model = start.elapsed().as_secs_f64() - stages.start - stages.high_pass - stages.pulse;
         tried = std::mem::take(&mut search.tried);
         candidates = std::mem::take(&mut search.candidates);
+        finds_none = search.sharp.is_empty();
         if let Some((reflectance, _)) = found.as_ref().ok().filter(|_| search.finds_start)
             && let Some(best) = search.sharp.into_iter().find(|s| s.reflectance == *reflectance)
         {
@@ -221,7 +231,19 @@ pub fn estimate(
     let seconds = start.elapsed().as_secs_f64();
     let model = finds_model.then(|| FoundModel::of(reflectance, &tried, failed.clone()));
     let pulse = pulse.map(|shape| FoundPulse::of(shape, reflectance, &tried, stages.pulse, failed));
-    Ok(Estimates { model, high_pass, pulse, expected_iou, candidates, seconds, stages, shown, begun })
+    Ok(Estimates {
+        model,
+        high_pass,
+        pulse,
+        expected_iou,
+        candidates,
+        seconds,
+        stages,
+        shown,
+        finds_none,
+        begun,
+        device: None,
+    })
 }
 
 /// What a short fit of a capture shows of its pairs.

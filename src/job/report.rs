@@ -84,6 +84,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         },
         "spots": [loaded.capture.laser_spot, loaded.capture.sensor_spot],
         "pulse_found": done.job.estimates.pulse,
+        "device_found": done.job.estimates.device,
         "model_found": done.job.estimates.model,
         "high_pass_found": done.job.estimates.high_pass,
         "sharpness_found": result.sharpness,

@@ -15,7 +15,7 @@ use crate::{Error, Result};
 
 mod text;
 
-pub use text::{Calibrate, ImpulseResponse, ReflectanceSetting, gate, memory_bytes};
+pub use text::{Calibrate, DevicePosition, ImpulseResponse, ReflectanceSetting, gate, memory_bytes};
 use text::{as_text, count, number, path_of_light, seed, word};
 
 /// Declares the fields of [`Settings`] that do not belong to a method: name, type, allowed values, and the function that reads
@@ -108,6 +108,11 @@ settings! {
         auto_gate: bool = text::flag, Range::Flag;
         /// Undo delays of the rows or columns of the scan where held-out pairs prove them: auto or none [default: auto]
         calibrate: Calibrate = word, Range::Words(&["none", "auto"]);
+        /// Position of a device near the wall, in metres: -0.5,0,0.25. The laser's light, the detector's or both fall as cos / distance²
+        /// from there, and counts are divided by that; held-out pairs choose which. none uses the counts unchanged [default: the
+        /// position that the capture names, where held-out pairs prove the law, else none]
+        #[serde(with = "as_text")]
+        device_at: DevicePosition = text::device_position, Range::Text("X,Y,Z|none");
         /// Impulse response of the instrument: the full width at half maximum of a Gaussian, as a time (60ps) or a path (18mm,
         /// metres as a plain number); the same and, behind a colon, the length over which its tail falls to 1/e; an npz file
         /// with pulse, pulse_delta_t and pulse_t_start; none for sharp paths; or auto for an estimate [default: that of the
@@ -274,7 +279,9 @@ impl Settings {
     pub fn for_frames<'c>(&self, scan: &'c Capture) -> Result<Cow<'c, Capture>> {
         let set = serde_json::to_value(self).unwrap_or_default();
         let of_captures = |row: &&Row| {
-            row.group.starts_with("Capture") && !["pulse", "spot", "calibrate"].contains(&row.key)
+            row.group.starts_with("Capture")
+                && !["pulse", "spot", "calibrate"].contains(&row.key)
+                && !(row.key == "device_at" && self.device_at == Some(DevicePosition::None))
         };
         if let Some(row) = Settings::ROWS.iter().filter(of_captures).find(|row| set.get(row.key).is_some()) {
             return Err(Error::options(
@@ -339,6 +346,7 @@ mod tests {
             ("gate", ":240cm"),
             ("pulse", "60ps:1ns"),
             ("spot", "2cm,5mm"),
+            ("device-at", "-50cm,0,0.25"),
             ("model", "lambertian"),
             ("bins", "4"),
             ("volume", "-50cm:0.5,-0.5:50cm,30cm:1.2m"),
@@ -387,6 +395,8 @@ mod tests {
             ("gate", "2x:3", "write FROM:TO"),
             ("wall", "32ps", "give a length"),
             ("spot", "20ps", "full width"),
+            ("device_at", "0,0", "x,y,z"),
+            ("device_at", "0,0,-1", "z > 0"),
             ("model", "velvet", "cosine"),
             ("rotate", "45", "90"),
             ("memory", "lots", "MiB"),

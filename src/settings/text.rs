@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use glam::DVec3;
 use serde::de::DeserializeOwned;
 
 use crate::capture::{AxisOrder, Bounce, Gate, Pulse};
@@ -89,6 +90,32 @@ pub mod as_text {
     }
 }
 
+/// Where a device near the wall is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum DevicePosition {
+    /// Not considered: counts are used unchanged.
+    None,
+    /// x, y, z in metres, in the frame of the wall points.
+    At(DVec3),
+}
+
+/// A position, or none.
+pub fn device_position(text: &str) -> Read<DevicePosition> {
+    if text.trim().eq_ignore_ascii_case("none") {
+        return Ok(DevicePosition::None);
+    }
+    let numbers: Vec<f64> = text.split(',').filter_map(|n| units::length(n.trim()).ok()).collect();
+    match numbers[..] {
+        [x, y, z] if text.split(',').count() == 3 && z > 0.0 && numbers.iter().all(|n| n.is_finite()) => {
+            Ok(DevicePosition::At(DVec3::new(x, y, z)))
+        }
+        _ => Err(
+            "give the device's position x,y,z in metres, in front of the wall (z > 0): -0.5,0,0.25, or none"
+                .into(),
+        ),
+    }
+}
+
 macro_rules! as_read {
     ($($type:ty: $read:path, $text:expr;)*) => { $(
         impl Text for $type {
@@ -106,6 +133,10 @@ macro_rules! as_read {
 
 as_read! {
     Gate: gate, |gate| gate.to_string();
+    DevicePosition: device_position, |device| match device {
+        DevicePosition::None => "none".into(),
+        DevicePosition::At(at) => format!("{},{},{}", at.x, at.y, at.z),
+    };
     Bins: bins, |bins| bins.to_string();
     Bounce: bounce, |bounce| bounce.to_string();
     AxisOrder: axes, |axes| axes.to_string();

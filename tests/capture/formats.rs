@@ -4,7 +4,7 @@ use std::io::{Cursor, Write};
 
 use fixtures::captures::{as_written, assert_error, capture, changed, place, ramp};
 use glam::DVec3;
-use thirdbounce::capture::{Capture, ReadOptions, formats, read, read_with_notes, write};
+use thirdbounce::capture::{Capture, Flip, ReadOptions, Turn, formats, read, read_with_notes, write};
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::{Array, Element};
 use thirdbounce::{Kind, Result};
@@ -87,6 +87,32 @@ fn equal_captures_give_equal_bytes() {
         std::thread::sleep(std::time::Duration::from_millis(1100));
         assert!(first == bytes(), "{ending}");
     }
+}
+
+#[test]
+fn positions_of_devices_are_kept_and_follow_the_points() {
+    let (near, far) = (DVec3::new(-0.5, 0.1, 0.25), DVec3::new(1.0, 0.0, 2.0));
+    for devices in [[Some(near); 2], [Some(near), Some(far)], [Some(near), None], [None, Some(far)]] {
+        let named = changed(&ramp(), |c| c.devices = devices);
+        assert_eq!(round_trip(&named, "named.npz").devices, devices);
+        let (_folder, path) = place("named.hdf5");
+        assert!(write(&named, &path).unwrap().concat().contains("positions of the devices"));
+    }
+    let named = changed(&ramp(), |c| c.devices = [Some(near), None]);
+    let mirrored = named.clone().turned(Turn::of(Some(Flip::X), None).unwrap());
+    assert_eq!(mirrored.devices, [Some(DVec3::new(0.5, 0.1, 0.25)), None]);
+    let mut scaled = named.clone();
+    let before = named.sensor[5].distance(named.sensor[0]);
+    scaled.set_wall(7.0).unwrap();
+    let scale = scaled.sensor[5].distance(scaled.sensor[0]) / before;
+    assert!(scale > 1.5 && scaled.devices[0].unwrap().distance(near * scale) < 1e-9);
+    let wrong = |values: &[f64]| {
+        let device = ("device_xyz", Array::from_f64(&[values.len()], values));
+        read_arrays(&[arrays(), vec![device]].concat())
+    };
+    assert_eq!(wrong(&[-0.5, 0.1, 0.25]).unwrap().devices, [Some(near); 2]);
+    assert_error(wrong(&[1.0, 2.0]), Kind::Input, &["device_xyz", "[2]", "three numbers"]);
+    assert_error(wrong(&[1.0, f64::NAN, 1.0]), Kind::Input, &["device of the laser", "x, y, z"]);
 }
 
 #[test]

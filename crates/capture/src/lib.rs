@@ -21,11 +21,11 @@ pub use conditioning::{
 #[doc(hidden)]
 pub use conditioning::{calibrate, gate, negative};
 pub use data::{
-    AxisOrder, Bounce, Capture, METRES_PER_PICOSECOND, PairKind, Product, Pulse, PulseTaps, Reflectance,
-    Summary, Way,
+    AxisOrder, Bounce, Capture, GainLaw, METRES_PER_PICOSECOND, PairKind, Product, Pulse, PulseTaps,
+    Reflectance, Summary, Way,
 };
 #[doc(hidden)]
-pub use data::{check, lattice, median, nearest, pairs, pulse, rows, scan, summary};
+pub use data::{check, gain, lattice, median, nearest, pairs, pulse, rows, scan, summary};
 #[cfg(feature = "formats")]
 #[doc(hidden)]
 pub use readers as formats;

@@ -4,7 +4,7 @@ use super::elements::{SurfaceElement, elements};
 use super::offsets::Offsets;
 use super::visibility::Surfaces;
 use super::{Pairs, Reflectance, Scene, coarse, photon_noise, pile_up};
-use crate::capture::Capture;
+use crate::capture::{Capture, GainLaw};
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -57,8 +57,8 @@ pub struct Rendering {
     pub converged: bool,
 }
 
-/// Renders the scene's scan, convolves it with the impulse response, and applies pile-up and photon noise, if
-/// configured.
+/// Renders the scene's scan, convolves it with the impulse response, and applies the gains of a laser near the wall, pile-up and photon
+/// noise, if configured.
 ///
 /// # Errors
 /// Those of [`render`], [`pile_up`] and [`photon_noise`], and a scene that sends no light to the wall.
@@ -88,6 +88,10 @@ pub fn simulate_watched(
         let capture = &mut rendering.capture;
         pulse.taps_of_bins(capture.bin_width)?.spread(&mut capture.histograms, capture.bins);
         capture.pulse = Some(pulse.clone());
+    }
+    if scene.device.is_some() {
+        rendering.capture.devices = [scene.device; 2];
+        rendering.capture.apply_gains(GainLaw::Laser)?;
     }
     let [laser, sensor] = scene.spots.map(|width| Some(width).filter(|w| *w > 0.0));
     (rendering.capture.laser_spot, rendering.capture.sensor_spot) = (laser, sensor);

@@ -46,6 +46,9 @@ pub struct Scene {
     pub pulse: Option<Pulse>,
     /// Full widths at half maximum of the Gaussian laser and sensor spots on the wall, metres; 0: points.
     pub spots: [f64; 2],
+    /// Position of a laser whose light on the wall falls as cos / distance² from there, metres, z > 0; `None`: all wall points are lit
+    /// alike.
+    pub device: Option<DVec3>,
     /// Mean number of detected photons per laser pulse for the brightest pair, if the detector records only the first
     /// of them; `None`: no dead time.
     pub pile_up: Option<f64>,
@@ -76,6 +79,7 @@ impl Scene {
             pulse: None,
             pile_up: None,
             spots: [0.0; 2],
+            device: None,
             photons: None,
             dark: Dark::Counts(0.0),
             seed: 0,

@@ -58,6 +58,8 @@ class Capture:
     """Laser pulses per pair, if the detector records only the first photon of each."""
     direct: Optional[float]
     """Path of direct light in every pair, metres, if known."""
+    devices: Optional[Tuple[Optional[Tuple[float, float, float]], Optional[Tuple[float, float, float]]]]
+    """Positions of laser and detector, metres, if known."""
     name: str
     """Short name."""
     notes: List[str]
@@ -80,6 +82,7 @@ class Capture:
         sensor_spot: Union[None, float, str] = None,
         cycles: Optional[float] = None,
         direct: Union[None, float, str] = None,
+        devices: Optional[Tuple[Any, Any]] = None,
         name: str = "arrays",
     ) -> None:
         """A capture from arrays.
@@ -90,6 +93,7 @@ class Capture:
             `laser_xyz` the scan is confocal.
         bin_width: metres of path, or text: "20ps", "6mm". So are all lengths.
         direct: path of direct light in every pair, metres, if the bins contain it.
+        devices: positions (x, y, z) of laser and detector, metres; None for an unknown one. Their light may weaken with distance.
         """
         sensor = as_points(sensor_xyz, "sensor_xyz")
         laser = None if laser_xyz is None else as_points(laser_xyz, "laser_xyz")
@@ -110,6 +114,7 @@ class Capture:
         self.laser_spot, self.sensor_spot = (None if spot is None else metres(spot, key) for key, spot in spots)
         self.cycles = cycles
         self.direct = None if direct is None else metres(direct, "direct", True)
+        self.devices = None if devices is None else as_devices(devices)
         self.name, self.notes = name, []
 
     @property
@@ -156,6 +161,7 @@ class Capture:
             "sensor_spot": self.sensor_spot,
             "cycles": self.cycles,
             "direct": self.direct,
+            "devices": None if self.devices is None else as_devices(self.devices),
         }
 
     @classmethod
@@ -175,8 +181,21 @@ class Capture:
         made.pulse = None if arrays["pulse"] is None else Pulse(*arrays["pulse"])
         made.laser_spot, made.sensor_spot = arrays["laser_spot"], arrays["sensor_spot"]
         made.cycles, made.direct = arrays["cycles"], arrays["direct"]
+        made.devices = None if not any(arrays["devices"]) else as_devices(arrays["devices"])
         made.name, made.notes = arrays["name"], notes
         return made
+
+
+def as_devices(devices: Any) -> Tuple[Any, Any]:
+    """Positions of laser and detector as tuples of three numbers, or None each."""
+    both = tuple(devices)
+    if len(both) != 2:
+        raise refuse(f"devices has {len(both)} parts", "give the positions of laser and detector, None for an unknown one")
+    laser, sensor = (None if at is None else tuple(as_array(at, np.float64, "devices").tolist()) for at in both)
+    for at in (laser, sensor):
+        if at is not None and len(at) != 3:
+            raise refuse(f"a position of devices has {len(at)} numbers", "give x, y, z in metres")
+    return (laser, sensor)
 
 
 def read(path: Path, **settings: Any) -> Capture:

@@ -121,26 +121,27 @@ impl Capture {
     /// `Kind::Input` if no pair is left.
     #[doc(hidden)]
     pub fn without_missing(self, keep_empty: bool) -> Result<(Capture, usize, Vec<String>)> {
-        self.without_missing_seen(keep_empty).map(|(capture, gone, notes, _)| (capture, gone, notes))
+        self.without_missing_seen(keep_empty).map(|(capture, gone, [notes, _], _)| (capture, gone, notes))
     }
 
-    /// As [`Capture::without_missing`], with the figures of the histograms that are left; `None` if lengths do not agree.
+    /// As [`Capture::without_missing`], with notes and faults, and the figures of the histograms that are left; `None` if lengths do not
+    /// agree.
     #[expect(clippy::type_complexity)]
     pub(super) fn without_missing_seen(
         self,
         keep_empty: bool,
-    ) -> Result<(Capture, usize, Vec<String>, Option<Vec<HistogramFigures>>)> {
+    ) -> Result<(Capture, usize, [Vec<String>; 2], Option<Vec<HistogramFigures>>)> {
         // If the lengths do not agree, the check reports it.
         let pairs = self.laser.len();
         if self.bins == 0 || self.sensor.len() != pairs || self.histograms.len() / self.bins != pairs {
-            return Ok((self, 0, vec![], None));
+            return Ok((self, 0, [vec![], vec![]], None));
         }
         let seen = self.of_rows(HistogramFigures::of);
         let measured = Measured::of(&self, &seen, keep_empty)?;
         let gone = pairs - measured.pairs.len();
         let capture = if gone == 0 { self } else { self.retain(&measured.pairs) };
         let seen = measured.pairs.iter().map(|pair| seen[*pair]).collect();
-        Ok((capture, gone, measured.notes, Some(seen)))
+        Ok((capture, gone, [measured.notes, measured.faults], Some(seen)))
     }
 
     /// The histogram of a pair; empty if the capture has no counts ([`Capture::outline`]).
@@ -234,6 +235,25 @@ fn fill(seen: &[HistogramFigures]) -> Option<f32> {
 pub(crate) struct Measured {
     pub pairs: Vec<usize>,
     pub notes: Vec<String>,
+    /// What is wrong for certain.
+    pub faults: Vec<String>,
+}
+
+/// Share of pairs without any count from which on the counts are no scan. Of fewer pairs than these, it proves nothing.
+const EMPTY: f64 = 0.8;
+const EMPTY_FROM: usize = 16;
+
+/// The fault of counts of which hardly any histogram holds one, as the columns of a reconstructed volume.
+fn mostly_empty(seen: &[HistogramFigures]) -> Option<String> {
+    let measured = seen.iter().filter(|seen| !seen.nothing).count();
+    let empty = seen.iter().filter(|seen| !seen.nothing && seen.filled == 0).count();
+    let is_so = measured >= EMPTY_FROM && empty < measured && empty as f64 >= EMPTY * measured as f64;
+    is_so.then(|| {
+        format!(
+            "{empty} of {measured} histograms hold no count: this looks like a volume, or a scan that hardly began; give the histograms \
+             of a whole scan, or keep empty pairs if they were measured and are dark"
+        )
+    })
 }
 
 /// The value in place of missing ones that every histogram of a scan holds beside others.
@@ -296,7 +316,8 @@ impl Measured {
                 "check that the file holds the histograms and wall points of the same measurement",
             ));
         }
-        Ok(Measured { pairs, notes })
+        let faults = if keep_empty { None } else { mostly_empty(seen) };
+        Ok(Measured { pairs, notes, faults: faults.into_iter().collect() })
     }
 }
 
@@ -362,4 +383,22 @@ fn unmeasured(capture: &Capture, seen: &[HistogramFigures], faults: &[Option<Pai
         beside.is_some_and(|beside| beside > enough)
     };
     dark.into_iter().filter(is_unmeasured).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn hardly_any_histogram_with_a_count_is_a_fault() {
+        let of = |lit: usize, all: usize| {
+            let figures =
+                |pair: usize| HistogramFigures::of(if pair < lit { &[0.0, 3.0] } else { &[0.0, 0.0] });
+            mostly_empty(&(0..all).map(figures).collect::<Vec<_>>())
+        };
+        assert!(
+            of(20, 100).unwrap().contains("80 of 100 histograms hold no count: this looks like a volume")
+        );
+        assert!(of(21, 100).is_none() && of(0, 100).is_none() && of(2, 15).is_none());
+    }
 }

@@ -99,7 +99,8 @@ fn rotated(mut capture: Capture, [centre, facing]: [DVec3; 2], notes: &mut Vec<S
     let across = up.cross(facing).normalize();
     let turn = DMat3::from_cols(across, facing.cross(across), facing).transpose();
     let shift = DVec3::Z * (turn * centre).z;
-    for p in capture.laser.iter_mut().chain(&mut capture.sensor) {
+    let devices = capture.devices.iter_mut().flatten();
+    for p in capture.laser.iter_mut().chain(&mut capture.sensor).chain(devices) {
         *p = turn * *p - shift;
     }
     for n in capture.laser_normal.iter_mut().chain(&mut capture.sensor_normal).flatten() {

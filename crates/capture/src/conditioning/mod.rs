@@ -109,6 +109,13 @@ impl Conditioned {
         }
     }
 
+    /// With what is wrong for certain.
+    pub(crate) fn with_faults(mut self, faults: Vec<String>) -> Conditioned {
+        self.warnings.extend(faults.iter().cloned());
+        self.faults.extend(faults);
+        self
+    }
+
     fn note(&mut self, note: impl Into<String>) {
         self.notes.push(note.into());
     }
@@ -202,7 +209,7 @@ pub fn check_units(capture: &Capture) -> Result<Option<String>> {
 /// # Errors
 /// Those of [`Capture::check`].
 pub fn measured(capture: Capture, keep_empty: bool) -> Result<Conditioned> {
-    let (capture, dropped, mut notes, seen) = capture.without_missing_seen(keep_empty)?;
+    let (capture, dropped, [mut notes, faults], seen) = capture.without_missing_seen(keep_empty)?;
     match seen {
         Some(seen) if capture.histograms.len() == seen.len() * capture.bins => {
             capture.check_scan().and_then(|()| capture.check_seen(seen.into_iter()))?
@@ -210,7 +217,7 @@ pub fn measured(capture: Capture, keep_empty: bool) -> Result<Conditioned> {
         _ => capture.check()?,
     }
     let capture = frame::roughly_facing_z(capture, &mut notes);
-    Ok(Conditioned::begin(capture, dropped, notes))
+    Ok(Conditioned::begin(capture, dropped, notes).with_faults(faults))
 }
 
 fn timed(state: &mut Conditioned, how: &Conditioning) -> Result<()> {

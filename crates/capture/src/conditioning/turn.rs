@@ -117,7 +117,8 @@ impl Capture {
             return;
         }
         let normals = self.laser_normal.iter_mut().chain(&mut self.sensor_normal).flatten();
-        for v in self.laser.iter_mut().chain(&mut self.sensor).chain(normals) {
+        let devices = self.devices.iter_mut().flatten();
+        for v in self.laser.iter_mut().chain(&mut self.sensor).chain(devices).chain(normals) {
             *v = turn.apply(*v);
         }
     }

@@ -47,6 +47,9 @@ pub struct Capture {
     /// The path of direct light, laser to wall point to sensor, in every pair, metres, where bins hold it and it is known: 0 in
     /// a capture of time tags. [`crate::auto_gate`] leaves it out however weak it is.
     pub direct: Option<f64>,
+    /// Positions of the laser and of the detector, metres, in the frame of the wall points, if known. Paths do not begin there; light may
+    /// weaken on its way from there to the wall: [`super::GainLaw`].
+    pub devices: [Option<DVec3>; 2],
 }
 
 /// A line without counts and points, of which there may be millions.
@@ -97,6 +100,7 @@ impl Capture {
             sensor_spot: None,
             cycles: None,
             direct: None,
+            devices: [None; 2],
         }
     }
 

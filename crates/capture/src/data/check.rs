@@ -129,6 +129,14 @@ impl Capture {
                 "give the number of laser pulses of a pair, or leave it out",
             ));
         }
+        for (name, device) in ["laser", "sensor"].into_iter().zip(self.devices) {
+            if let Some(at) = device.filter(|at| !at.is_finite()) {
+                return Err(Error::input(
+                    format!("the device of the {name} is at {at} m"),
+                    "give its position x, y, z in metres, or leave it out",
+                ));
+            }
+        }
         if let Some(path) = self.direct.filter(|path| !path.is_finite()) {
             return Err(Error::input(
                 format!("direct light is at {path} m of path (direct)"),

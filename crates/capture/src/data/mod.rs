@@ -2,6 +2,7 @@
 
 mod capture;
 pub mod check;
+pub mod gain;
 pub(crate) mod histogram_figures;
 pub mod lattice;
 mod layout;
@@ -16,6 +17,7 @@ pub mod scan;
 pub mod summary;
 
 pub use capture::{Capture, METRES_PER_PICOSECOND};
+pub use gain::GainLaw;
 pub use layout::{AxisOrder, Bounce};
 pub use pairs::{PairKind, Product};
 pub use pulse::{Pulse, PulseTaps, Way};

@@ -149,7 +149,8 @@ impl Capture {
             ));
         }
         let scale = size / span;
-        self.laser.iter_mut().chain(&mut self.sensor).for_each(|p| *p *= scale);
+        let devices = self.devices.iter_mut().flatten();
+        self.laser.iter_mut().chain(&mut self.sensor).chain(devices).for_each(|p| *p *= scale);
         self.laser_spot.iter_mut().chain(&mut self.sensor_spot).for_each(|width| *width *= scale);
         Ok(())
     }

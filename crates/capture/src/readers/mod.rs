@@ -327,6 +327,9 @@ pub fn write(capture: &Capture, path: &Path) -> Result<Vec<String>> {
     if capture.laser_spot.or(capture.sensor_spot).is_some() {
         notes.push("this format cannot hold the spots: write npz, or give them when the file is read".into());
     }
+    if capture.devices != [None; 2] {
+        notes.push("this format cannot hold the positions of the devices: write npz".into());
+    }
     if capture.cycles.is_some() {
         notes.push("this format cannot hold the number of laser pulses (cycles): write npz".into());
     }

@@ -7,7 +7,8 @@
 //! (leading edge of the first sample behind the path, metres; 0 if missing). Optional scalars `laser_spot` and `sensor_spot`:
 //! full widths at half maximum on the wall, metres. Optional scalar `cycles`: laser pulses of a pair, if the detector
 //! records only the first photon of each. In place of spots, `sensor_fov` and `laser_fov`, degrees across a square field of view,
-//! with `device_xyz` \[3\], where they are seen from. Optional scalar `direct`: the path of direct light in every pair, metres.
+//! with `device_xyz` \[3\], where they are seen from. `device_xyz` alone is the position of laser and detector, from where light may
+//! weaken; `laser_device_xyz` and `sensor_device_xyz` are both apart. Optional scalar `direct`: the path of direct light in every pair, metres.
 //!
 //! A list of pairs, of which each has a laser and a sensor point of its own, is `H` [T, P] with [P, 3], or [T, P, 1] with
 //! [P, 1, 3].
@@ -34,7 +35,7 @@ use crate::files::atomic;
 use crate::host;
 use crate::{Capture, Pulse};
 
-const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse, laser_spot, sensor_spot, sensor_fov, laser_fov, device_xyz, cycles, direct; other arrays are ignored";
+const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse, laser_spot, sensor_spot, sensor_fov, laser_fov, device_xyz, laser_device_xyz, sensor_device_xyz, cycles, direct; other arrays are ignored";
 
 /// Reads a capture from an npz file without checking its values; see [`super::read`].
 ///
@@ -112,6 +113,7 @@ fn read_documented(file: &Documented, notes: &mut Vec<String>) -> Result<Capture
         sensor_spot,
         cycles: file.number("cycles")?,
         direct: file.number("direct")?,
+        devices: devices(file)?,
         ..Capture::new(scan, laser.0, sensor.0, bins, bin_width, histograms)
     })
 }
@@ -131,20 +133,35 @@ fn spot(
 ) -> Result<Option<f64>> {
     let (stored, degrees) = (file.number(width)?, file.number(angle)?);
     let (None, Some(degrees)) = (stored, degrees) else { return Ok(stored) };
-    let (shape, device) = file.numbers("device_xyz")?.ok_or_else(|| {
+    let device = position(file, "device_xyz")?.ok_or_else(|| {
         file.missing("device_xyz")
             .advised("wanted: x, y, z of the device in metres, from where the field of view is seen")
     })?;
-    let [x, y, z] = device[..] else {
-        return Err(Error::input(
-            format!("device_xyz has shape {shape:?}, not x, y, z"),
-            "store it as three numbers in metres",
-        ));
-    };
-    let spot = zones::spot_of(angle, degrees, DVec3::new(x, y, z), points)?;
+    let spot = zones::spot_of(angle, degrees, device, points)?;
     notes.push(format!("{angle} of {degrees} degrees is a spot of {spot:.4} m on the wall"));
     Ok(Some(spot))
 }
+
+/// A position.
+fn position(file: &Documented, name: &str) -> Result<Option<DVec3>> {
+    let Some((shape, values)) = file.numbers(name)? else { return Ok(None) };
+    let [x, y, z] = values[..] else {
+        return Err(Error::input(
+            format!("{name} has shape {shape:?}, not x, y, z"),
+            "store it as three numbers in metres",
+        ));
+    };
+    Ok(Some(DVec3::new(x, y, z)))
+}
+
+/// The positions of laser and detector.
+fn devices(file: &Documented) -> Result<[Option<DVec3>; 2]> {
+    let both = position(file, DEVICES[0])?;
+    Ok([position(file, DEVICES[1])?.or(both), position(file, DEVICES[2])?.or(both)])
+}
+
+/// Arrays of positions: of both devices, of the laser, of the detector.
+const DEVICES: [&str; 3] = ["device_xyz", "laser_device_xyz", "sensor_device_xyz"];
 
 /// Wall points of one side as the file stores them.
 struct Points {
@@ -239,6 +256,11 @@ pub fn write(capture: &Capture, path: &Path) -> Result<()> {
         arrays.push(("pulse", Array::from_f64(&[pulse.samples.len()], &pulse.samples)));
         arrays.push(("pulse_delta_t", Array::from_f64(&[], &[pulse.width])));
         arrays.push(("pulse_t_start", Array::from_f64(&[], &[pulse.start])));
+    }
+    let [laser, sensor] = capture.devices;
+    let devices = if laser == sensor { [laser, None, None] } else { [None, laser, sensor] };
+    for (name, device) in DEVICES.into_iter().zip(devices) {
+        arrays.extend(device.map(|at| (name, Array::from_f64(&[3], &at.to_array()))));
     }
     let scalars = [
         ("laser_spot", capture.laser_spot),

@@ -127,7 +127,7 @@ impl<'f> Unread<'f> {
         kept.dropped = self.from.len() - measured.pairs.len();
         kept.notes.splice(0..0, notes);
         (kept.capture.histograms, kept.capture.integer_counts) = (read.histograms, read.whole);
-        kept.through(of_counts, how)
+        kept.with_faults(measured.faults).through(of_counts, how)
     }
 
     /// The outline of the measured pairs: a list if they are not some rows by some columns of the scan.

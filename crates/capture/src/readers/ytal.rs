@@ -124,6 +124,13 @@ pub(super) fn read(source: &Documented, notes: &mut Vec<String>) -> Result<Captu
         integer_counts: histogram_figures::whole(&h),
         ..Capture::new(scan, laser, sensor, shape[0], bin_width, histograms)
     };
+    // Empty, or one position for each point, if there is no single device.
+    let device = |name: &str| -> Result<Option<DVec3>> {
+        let is_one = source.numbers(name)?.is_some_and(|(_, values)| values.len() == 3);
+        let found = if is_one { vectors(source, name)? } else { None };
+        Ok(found.map(|(_, points)| points[0]).filter(|at| at.is_finite()))
+    };
+    let capture = Capture { devices: [device("laser_xyz")?, device("sensor_xyz")?], ..capture };
     if source.number("t_accounts_first_and_last_bounces")?.is_none_or(|flag| flag == 0.0) {
         return Ok(capture);
     }

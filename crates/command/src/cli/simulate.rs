@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, FromArgMatches, Parser};
 use glam::DVec2;
-use thirdbounce::settings::Settings;
+use thirdbounce::settings::{DevicePosition, Settings};
 use thirdbounce::simulate::{
     DEFAULT_RESOLUTION, Dark, Layout, MeshPlace, Motion, Reflectance, RenderOptions, Scene, WallShape,
 };
@@ -35,7 +35,7 @@ pub struct SimulateArgs {
     /// capture c7.npz, the truth t7.npz, and last s7.json, a description. Seeds that are there already are left alone
     #[arg(long, value_name = "A..B", value_parser = seeds, conflicts_with_all = ["scene", "fit", "moving", "truth", "truth_resolution",
         "pairs", "point", "grid", "wall_shape", "wall", "bin_width", "bins", "reflectance", "occlusion", "albedo", "pulse", "pile_up",
-        "spot", "photons", "dark", "seed", "noise"])]
+        "spot", "device_at", "photons", "dark", "seed", "noise"])]
     family: Option<Range<u64>>,
     /// Render scenes of --family coarsely: in hundredths of a second
     #[arg(long, requires = "family", conflicts_with = "scene")]
@@ -124,6 +124,10 @@ pub struct SimulateArgs {
     /// wall; one number is both. The capture then holds the spots
     #[arg(long, value_name = "M|LASER,SENSOR", allow_hyphen_values = true)]
     spot: Option<String>,
+    /// Let the laser's light on the wall fall as cos / distance² from a device at this position in metres, z > 0, as renderers with a
+    /// point light do. The capture then names the position
+    #[arg(long, value_name = "X,Y,Z", allow_hyphen_values = true)]
+    device_at: Option<String>,
     /// Draw photon counts at random, with P expected in the strongest bin
     #[arg(long, value_name = "P", value_parser = number)]
     photons: Option<f64>,
@@ -276,6 +280,10 @@ fn simulation(args: &SimulateArgs) -> Result<Simulation> {
     };
     scene.pulse = set("pulse", &args.pulse)?.pulse.map_or(Ok(None), |pulse| pulse.samples())?;
     scene.spots = set("spot", &args.spot)?.spot.unwrap_or_default();
+    scene.device = match set("device_at", &args.device_at)?.device_at {
+        Some(DevicePosition::At(at)) => Some(at),
+        _ => None,
+    };
     (scene.photons, scene.dark, scene.pile_up) = (args.photons, Dark::Counts(args.dark), args.pile_up);
     (scene.reflectance, scene.seed) = (args.reflectance, args.seed);
     (scene.layout, scene.wall_shape, scene.occlusion) = (layout(args)?, args.wall_shape, args.occlusion);

@@ -5,6 +5,7 @@ mod benchmark;
 mod browser;
 mod calibrate;
 mod commands;
+mod device_at;
 mod examples;
 mod family;
 mod first_contact;
