@@ -4,6 +4,7 @@
 //!     cargo bench --bench live                 # 16 x 16 points to 64 pixels, 32 x 32 to 128
 //!     cargo bench --bench live -- 16           # the first only
 //!     cargo bench --bench live -- 16 kernels   # and device time by kernel
+//!     cargo bench --bench live -- 16 only moving following   # rows whose names contain every word after `only`
 //!
 //! Errors are against the truth. Processor time is that of all threads, those of a software device included, so load of other
 //! programs changes it little; latency is the least and the percentiles of wall time.
@@ -146,6 +147,18 @@ fn measured(session: &mut Session, moments: &[FrameWithTruth]) -> Sums {
     sums
 }
 
+/// Words that the name of a row has to contain.
+fn words() -> impl Iterator<Item = String> {
+    std::env::args().skip_while(|a| a != "only").skip(1).filter(|a| !a.starts_with('-'))
+}
+
+/// Whether a sequence of this name has rows that are wanted.
+fn is_wanted(sequence: &str) -> bool {
+    words()
+        .filter(|w| !["fresh", "following", "high-pass"].contains(&w.as_str()))
+        .all(|w| sequence.contains(&w))
+}
+
 fn main() {
     let sides: Vec<usize> = std::env::args().filter_map(|a| a.parse().ok()).collect();
     let kernels = std::env::args().any(|a| a == "kernels");
@@ -157,20 +170,24 @@ fn main() {
             "| | warm | iterations | depth error, mm | normal error, deg | IoU | processor, ms: least / median | \
              latency, ms: least / 50 / 90 / 99 % | allocations |\n|---|---|---|---|---|---|---|---|---|"
         );
-        for sequence in SEQUENCES {
+        for sequence in SEQUENCES.into_iter().filter(|s| is_wanted(s.0)) {
             let moments = moments(side, sequence);
             for high_pass in [None, Some(0.1)] {
                 let options =
                     SurfaceOptions::default().with(|o| (o.lateral, o.high_pass) = (4 * side, high_pass));
                 let solver: SolverOptions = options.into();
+                let filtered = if high_pass.is_some() { ", high-pass" } else { "" };
                 for (how, follow) in [("fresh", None), ("following", Some(Follow::default()))] {
+                    let name = format!("{}{filtered}, {how}", sequence.0);
+                    if !words().all(|word| name.contains(&word)) {
+                        continue;
+                    }
                     let options = SessionOptions { follow, ..SessionOptions::default() };
                     let mut session =
                         Session::new(&gpu, &moments[0].capture, None, &solver, options).expect("a session");
                     let sums = measured(&mut session, &moments);
                     let times = sums.kernels.clone();
-                    let filtered = if high_pass.is_some() { ", high-pass" } else { "" };
-                    println!("{}", sums.row(&format!("{}{filtered}, {how}", sequence.0)));
+                    println!("{}", sums.row(&name));
                     let frames = (FRAMES - 1) as f64;
                     for (name, (dispatches, ms)) in times {
                         println!(

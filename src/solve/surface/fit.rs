@@ -221,6 +221,17 @@ impl Fit {
         Ok(())
     }
 
+    /// As [`Fit::seen`], of layers that were fitted to other counts of this scan: their albedos are near the scale of these.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn seen_again(&mut self, layers: &[Maps]) -> Result<Option<(f64, Quality)>> {
+        self.is_scaled = true;
+        let seen = self.seen(layers);
+        self.is_scaled = false;
+        seen
+    }
+
     /// The factor of the albedos of `layers` that explains most of the counts, and the quality with it; `None` if they explain no
     /// light.
     ///

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::solve::Level;
-use crate::transport::{HighPass, Model};
+use crate::transport::{HighPass, LANES, Model};
 
 /// Standard errors beyond which a difference is no chance.
 const BEYOND_CHANCE: f64 = 2.0;
@@ -79,6 +79,21 @@ impl HeldOut {
         rows
     }
 
+    /// Sums of squares of [`HeldOut::weighted`] by row.
+    fn squares(&self, rows: &[f64]) -> Vec<f64> {
+        let bins = self.bins();
+        let roots: Vec<f64> = (0..self.paths.len()).map(|bin| self.root(bin)).collect();
+        let Some(filter) = self.high_pass.map(|f| f.rows_of(bins, self.bin_width)) else {
+            let of = |row: &[f64]| row.iter().zip(&roots).map(|(v, root)| (v * root) * (v * root)).sum();
+            return rows.par_chunks(bins).with_min_len(LANES).map(of).collect();
+        };
+        let of_lanes = |spare: &mut Vec<[f64; LANES]>, some: &[f64]| {
+            filter.squares(some.len() / bins, |row, bin| some[row * bins + bin] * roots[bin], spare)
+        };
+        let lanes: Vec<[f64; LANES]> = rows.par_chunks(LANES * bins).map_init(Vec::new, of_lanes).collect();
+        lanes.into_iter().flatten().take(rows.len() / bins).collect()
+    }
+
     /// What is rendered, and what is measured, as the objective weighs it.
     pub fn sides(&self) -> [Vec<f64>; 2] {
         let rendered: Vec<f64> = self.rows[0].iter().zip(&self.rows[1]).map(|(d, m)| m + d).collect();
@@ -95,10 +110,11 @@ impl HeldOut {
 
     /// Squares of each pair, as the objective weighs them.
     pub fn left(&self) -> Left {
-        let rows = self.rows.each_ref().map(|rows| self.weighted(rows));
-        let of = |row: &[f64]| row.iter().map(|v| v * v).sum::<f64>();
-        let [differences, measured] = rows.each_ref().map(|rows| rows.chunks(self.bins()));
-        Left { pairs: differences.zip(measured).map(|(d, m)| [of(d), of(m)]).collect(), noise: self.noise() }
+        let [differences, measured] = self.rows.each_ref().map(|rows| self.squares(rows));
+        Left {
+            pairs: differences.into_iter().zip(measured).map(|(d, m)| [d, m]).collect(),
+            noise: self.noise(),
+        }
     }
 
     /// These squares of pairs, as the objective weighs them.

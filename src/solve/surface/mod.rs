@@ -293,7 +293,7 @@ impl PreparedSurface {
         let level = *self.fine.plan().finest();
         self.fine.step = 1.0;
         let mut driven = taken(&mut self.fine, capture, Driven::begun(last.layers[0].clone(), level))?;
-        let Some((scale, seen)) = self.fine.seen(&last.layers)? else { return Ok(None) };
+        let Some((scale, seen)) = self.fine.seen_again(&last.layers)? else { return Ok(None) };
         let change = follow.change(&last, seen.left_share());
         if change == FrameChange::Cut {
             return Ok(None);

@@ -4,6 +4,8 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use super::layers::{least_columns, split};
 use super::support::{self, put, remove, retain_regions};
 use super::{Begin, SurfaceOptions};
@@ -35,6 +37,9 @@ const NEAREST: f64 = 10.0;
 
 /// Between two maxima of a column the volume falls below this share of the lower one.
 const DIP: f32 = 0.5;
+
+/// Columns of a volume that are worth a task of their own.
+const COLUMNS_OF_WORK: usize = 128;
 
 /// Pairs of a filtered back-projection: as many as its coarse voxels need.
 const PROJECTED: usize = 1024;
@@ -269,25 +274,28 @@ fn of_method(
 fn second_maxima(first: &Maps, volume: &VolumeMap) -> Maps {
     let mut second =
         Maps { mask_fraction: first.mask_fraction, ..Maps::empty([first.nx, first.ny], first.extent) };
-    let deep = volume.grid.n[2];
-    for (pixel, column) in volume.albedo.chunks(deep).enumerate() {
-        let Some(top) = (0..deep).max_by(|a, b| column[*a].total_cmp(&column[*b])) else { continue };
+    let of_column = |column: &[f32]| -> Option<(usize, f32)> {
+        let top = (0..column.len()).max_by(|a, b| column[*a].total_cmp(&column[*b]))?;
         // The highest value so far beyond a dip, walking away from the maximum.
         let mut best: Option<(usize, f32)> = None;
-        for side in [(0..top).rev().collect::<Vec<_>>(), (top + 1..deep).collect()] {
-            let mut lowest = column[top];
-            for at in side {
-                lowest = lowest.min(column[at]);
-                if lowest < DIP * column[at] && best.is_none_or(|b| column[at] > b.1) {
-                    best = Some((at, column[at]));
-                }
+        let mut lowest = column[top];
+        let mut visit = |lowest: &mut f32, at: usize| {
+            *lowest = lowest.min(column[at]);
+            if *lowest < DIP * column[at] && best.is_none_or(|b| column[at] > b.1) {
+                best = Some((at, column[at]));
             }
-        }
-        if let Some((at, value)) = best {
-            second.albedo[pixel] = value;
-            second.depth[pixel] = (volume.grid.origin.z + at as f64 * volume.grid.pitch.z) as f32;
-            second.normal[pixel] = [0.0, 0.0, -1.0];
-        }
+        };
+        (0..top).rev().for_each(|at| visit(&mut lowest, at));
+        lowest = column[top];
+        (top + 1..column.len()).for_each(|at| visit(&mut lowest, at));
+        best
+    };
+    let columns = volume.albedo.par_chunks(volume.grid.n[2]).with_min_len(COLUMNS_OF_WORK);
+    let found: Vec<Option<(usize, f32)>> = columns.map(of_column).collect();
+    for (pixel, (at, value)) in found.into_iter().enumerate().filter_map(|(p, best)| Some((p, best?))) {
+        second.albedo[pixel] = value;
+        second.depth[pixel] = (volume.grid.origin.z + at as f64 * volume.grid.pitch.z) as f32;
+        second.normal[pixel] = [0.0, 0.0, -1.0];
     }
     second
 }

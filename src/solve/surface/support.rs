@@ -97,8 +97,10 @@ fn evidence(maps: &Maps, pixel: usize) -> f32 {
 pub fn around(maps: &Maps, pixel: usize, reach: isize) -> impl Iterator<Item = (usize, [isize; 2])> {
     let (nx, ny) = (maps.nx as isize, maps.ny as isize);
     let (x, y) = (pixel as isize / ny, pixel as isize % ny);
-    let ways = (-reach..=reach).flat_map(move |i| (-reach..=reach).map(move |j| [i, j]));
-    ways.filter(move |[i, j]| [*i, *j] != [0, 0] && (0..nx).contains(&(x + i)) && (0..ny).contains(&(y + j)))
+    let within = |at: isize, count: isize| (-reach).max(-at)..=reach.min(count - 1 - at);
+    let (rows, along) = (within(x, nx), within(y, ny));
+    rows.flat_map(move |i| along.clone().map(move |j| [i, j]))
+        .filter(|way| *way != [0, 0])
         .map(move |[i, j]| (((x + i) * ny + y + j) as usize, [i, j]))
 }
 
@@ -137,11 +139,13 @@ fn extrapolated(maps: &Maps, pixel: usize) -> Option<(f32, f32, [f32; 3])> {
 
 /// Adds a ring of pixels around those with at least [`BIRTH`] of the typical albedo. Depths stay within `range`.
 fn grow(maps: &mut Maps, typical: f32, range: [f32; 2]) {
-    let has_bright = |pixel: usize| {
-        around(maps, pixel, 1).any(|(o, _)| maps.depth[o].is_finite() && maps.albedo[o] >= BIRTH * typical)
-    };
+    let is_bright = |pixel: &usize| maps.depth[*pixel].is_finite() && maps.albedo[*pixel] >= BIRTH * typical;
+    let mut has_bright = vec![false; maps.depth.len()];
+    for pixel in (0..maps.depth.len()).filter(is_bright) {
+        around(maps, pixel, 1).for_each(|(other, _)| has_bright[other] = true);
+    }
     let born: Vec<_> = (0..maps.depth.len())
-        .filter(|p| !maps.depth[*p].is_finite() && has_bright(*p))
+        .filter(|p| !maps.depth[*p].is_finite() && has_bright[*p])
         .filter_map(|p| Some((p, extrapolated(maps, p)?)))
         .collect();
     for (pixel, (depth, albedo, normal)) in born {

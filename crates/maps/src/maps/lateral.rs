@@ -291,9 +291,11 @@ pub fn percentile(values: &[f32], p: f64) -> Option<f32> {
     if sorted.is_empty() {
         return None;
     }
-    sorted.sort_unstable_by(f32::total_cmp);
     let rank = (p / 100.0).clamp(0.0, 1.0) * (sorted.len() - 1) as f64;
-    let (low, high) = (sorted[rank.floor() as usize], sorted[rank.ceil() as usize]);
+    let (_, low, above) = sorted.select_nth_unstable_by(rank.floor() as usize, f32::total_cmp);
+    let low = *low;
+    let high = if rank.ceil() > rank { above.iter().copied().min_by(f32::total_cmp) } else { None };
+    let high = high.unwrap_or(low);
     let part = rank - rank.floor();
     Some(if part == 0.0 { low } else { (f64::from(low) * (1.0 - part) + f64::from(high) * part) as f32 })
 }

@@ -17,16 +17,25 @@ pub(super) fn smoothed([nx, ny]: [usize; 2], values: &[f64], sigma: f64) -> Vec<
     let weights: Vec<f64> =
         (-reach..=reach).map(|i| (-0.5 * (i as f64 / sigma.max(1e-9)).powi(2)).exp()).collect();
     let sum: f64 = weights.iter().sum();
-    let along = |from: &[f64], count: usize, stride: usize| -> Vec<f64> {
-        let of = |i: usize| {
-            let at = i / stride % count;
-            let mean = (-reach..=reach).zip(&weights).map(|(k, w)| {
-                let other = (at as isize + k).clamp(0, count as isize - 1) as usize;
-                w * from[i + other * stride - at * stride]
-            });
-            mean.sum::<f64>() / sum
-        };
-        (0..from.len()).map(of).collect()
-    };
-    along(&along(values, ny, 1), nx, ny)
+    let within = |at: usize, k: isize, count: usize| (at as isize + k).clamp(0, count as isize - 1) as usize;
+    // Sums of lines, tap by tap: the places of a line do not wait for each other.
+    let mut along_y = vec![0.0; values.len()];
+    let mut line = Vec::with_capacity(ny + 2 * reach as usize);
+    for (to, from) in along_y.chunks_mut(ny).zip(values.chunks(ny)) {
+        line.clear();
+        line.extend((-reach..ny as isize + reach).map(|y| from[within(0, y, ny)]));
+        for (shifted, w) in line.windows(ny).zip(&weights) {
+            to.iter_mut().zip(shifted).for_each(|(to, v)| *to += w * v);
+        }
+        to.iter_mut().for_each(|to| *to /= sum);
+    }
+    let mut all = vec![0.0; values.len()];
+    for (x, to) in all.chunks_mut(ny).enumerate() {
+        for (k, w) in (-reach..=reach).zip(&weights) {
+            let from = &along_y[within(x, k, nx) * ny..][..ny];
+            to.iter_mut().zip(from).for_each(|(to, v)| *to += w * v);
+        }
+        to.iter_mut().for_each(|to| *to /= sum);
+    }
+    all
 }
