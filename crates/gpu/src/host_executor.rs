@@ -114,17 +114,18 @@ fn awake<R: Send>(work: impl FnOnce() -> R + Send) -> R {
             KEPT_AWAKE.store(false, Release);
         });
         scope.spawn_broadcast(move |_, context| {
+            // It ends without work for a while: a thread that takes this inside a part of a kernel owes that kernel the rest.
             let mut idle = 0;
-            while Some(context.index()) != own && !is_done.load(Acquire) {
+            while Some(context.index()) != own && !is_done.load(Acquire) && idle < SPINS {
                 idle = if rayon::yield_now() == Some(rayon::Yield::Executed) { 0 } else { idle + 1 };
-                if idle < SPINS { std::hint::spin_loop() } else { std::thread::yield_now() }
+                std::hint::spin_loop();
             }
         });
         work()
     })
 }
 
-/// Turns without work after which a thread offers its processor to others.
+/// Turns without work, some hundred microseconds, after which a thread may sleep.
 const SPINS: u32 = 1 << 12;
 
 struct OnDrop<F: Fn()>(F);
