@@ -16,18 +16,18 @@ const MOST: f64 = 1e37;
 /// weights say what `surface_keep` does then.
 pub fn surface_judge<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     bind!(b: weights f, trace u, energies f);
-    let mut judge = Judge { call, weights, trace, energies };
-    if call.push.iteration == 0 { judge.place() } else { judge.compare() }
+    let mut state = FitState { call, weights, trace, energies };
+    if call.push.iteration == 0 { state.place() } else { state.compare() }
 }
 
-struct Judge<'j, F> {
+struct FitState<'j, F> {
     call: &'j Call<'j>,
     weights: &'j mut [F],
     trace: &'j mut [u32],
     energies: &'j [F],
 }
 
-impl<F: Real> Judge<'_, F> {
+impl<F: Real> FitState<'_, F> {
     fn at(&self, index: u32) -> f64 {
         self.weights[index as usize].wide()
     }

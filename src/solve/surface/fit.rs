@@ -242,7 +242,7 @@ impl Fit {
         let Some(placed) = self.place(layers, run, 0)? else { return Ok(None) };
         let job = self.planned.made()?;
         job.run(|s, _| s.copy(buffer::SURFACE_WEIGHTS, WEIGHTS_HOST, u64::from(SURFACE_WEIGHTS) * 4))?;
-        Ok(Found::read(job, placed.light).map(|found| (found.scale, found.quality)))
+        Ok(RunResult::read(job, placed.light).map(|found| (found.scale, found.quality)))
     }
 
     /// What the present surface leaves of the pairs that judge it: of those that are fitted where none are held out.
@@ -281,7 +281,7 @@ impl Fit {
         let begin = driven.trace.last().map_or(0, |p| p.iteration);
         let placed = self.place(layers, run, begin)?;
         driven.seconds += clock.elapsed().as_secs_f64();
-        let Some(Begun { pixels: of_layers, light }) = placed else { return Ok((driven, None)) };
+        let Some(PlacedPixels { pixels: of_layers, light }) = placed else { return Ok((driven, None)) };
         let (judge, job) = (self.judge, self.planned.made()?);
         let level = job.plan.levels.pixels.expect("a fit has pixels");
         // Maps on the way show pixels without a surface as they were; those at the end have their own.
@@ -292,7 +292,9 @@ impl Fit {
         let segment = Segment { begin, iterations, skipped, all: run.all(), of };
         let steps = Steps { until, ..steps(&job.plan, level, of_layers, judge, segment) };
         driven = drive(&gpu, job, begin + iterations, steps, watch, Some(driven))?;
-        let Some(Found { quality, factor, .. }) = Found::read(job, light) else { return Ok((driven, None)) };
+        let Some(RunResult { quality, factor, .. }) = RunResult::read(job, light) else {
+            return Ok((driven, None));
+        };
         for (layer, maps) in layers.iter_mut().enumerate() {
             *maps = shown(job, &level, maps, layer);
         }
@@ -305,7 +307,7 @@ impl Fit {
 
     /// Queues what places the pixels of `layers` for a run that begins with iteration `begin`. Overwrites the trace from that row on,
     /// two rows. `None` without pixels.
-    fn place(&mut self, layers: &[Maps], run: Run, begin: usize) -> Result<Option<Begun>> {
+    fn place(&mut self, layers: &[Maps], run: Run, begin: usize) -> Result<Option<PlacedPixels>> {
         let Fit { planned, options, energies, step, is_scaled, .. } = self;
         let job = planned.made()?;
         let level = job.plan.levels.pixels.expect("a fit has pixels");
@@ -345,18 +347,18 @@ impl Fit {
                     .for_each(|turn| place(s, plan, [&level, &compared], pixels.len(), begin, turn == 0)),
             }
         });
-        Ok(Some(Begun { pixels: pixels.of_layers(layers[0].albedo.len()), light }))
+        Ok(Some(PlacedPixels { pixels: pixels.of_layers(layers[0].albedo.len()), light }))
     }
 }
 
 /// What was placed: pixels of each layer, and photon noise and energy of the counts.
-struct Begun {
+struct PlacedPixels {
     pixels: [usize; 2],
     light: [f64; 2],
 }
 
 /// What the kernels found in a run.
-struct Found {
+struct RunResult {
     /// Factor of the albedos that were given.
     scale: f64,
     /// Of the best state.
@@ -365,14 +367,14 @@ struct Found {
     factor: f64,
 }
 
-impl Found {
+impl RunResult {
     /// From the block that the run left for the host; `None` if the pixels explain no light.
-    fn read(job: &OnDevice, [noise, energy]: [f64; 2]) -> Option<Found> {
+    fn read(job: &OnDevice, [noise, energy]: [f64; 2]) -> Option<RunResult> {
         let words: Vec<f32> = job.executor.read(WEIGHTS_HOST, ..SURFACE_WEIGHTS as usize);
         let [scale, left, factor] =
             [SURFACE_SCALE, SURFACE_BEST_LEFT, SURFACE_FACTOR].map(|index| f64::from(words[index as usize]));
         let quality = Quality { noise, energy, left: left * energy };
-        (scale > 0.0).then_some(Found { scale, quality, factor })
+        (scale > 0.0).then_some(RunResult { scale, quality, factor })
     }
 }
 
