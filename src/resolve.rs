@@ -67,7 +67,7 @@ impl<'c> Job<'c> {
             true => estimation::device(&request, capture, settings.device_at, gpu, hear)?,
             false => None,
         };
-        let of_device = clock.elapsed().as_secs_f64();
+        let of_device = if device.is_some() { clock.elapsed().as_secs_f64() } else { 0.0 };
         let (device, divided) = device.map_or((None, None), |(found, divided)| (Some(found), divided));
         let capture = match divided {
             Some(divided) => {

@@ -148,13 +148,7 @@ impl Fit {
             let cells = plan.cells_at(level);
             plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
         }
-        let weights = u64::from(SURFACE_WEIGHTS) * 4;
-        for (buffer, bytes) in [(BEHIND_HOST, plan.bytes_of(COLUMNS_HOST)), (WEIGHTS_HOST, weights)] {
-            plan.buffers.push(BufferPlan::new(buffer, bytes, Place::Readback));
-        }
-        // A run begins with its pixels: one submission takes them with the counts.
-        let pixels = needs::uploaded(&plan);
-        plan.buffers.iter_mut().filter(|b| b.buffer == UPLOAD).for_each(|b| b.bytes += pixels);
+        share_with_host(&mut plan);
         gpu::check(&plan.buffers, &gpu.memory(), memory)?;
         let planned = Planned::new(gpu, outline, plan, memory);
         Ok(Fit {
@@ -376,6 +370,16 @@ impl RunResult {
         let quality = Quality { noise, energy, left: left * energy };
         (scale > 0.0).then_some(RunResult { scale, quality, factor })
     }
+}
+
+/// Adds what runs exchange with the host: one submission takes the pixels with the counts.
+pub(super) fn share_with_host(plan: &mut Plan) {
+    let weights = u64::from(SURFACE_WEIGHTS) * 4;
+    for (buffer, bytes) in [(BEHIND_HOST, plan.bytes_of(COLUMNS_HOST)), (WEIGHTS_HOST, weights)] {
+        plan.buffers.push(BufferPlan::new(buffer, bytes, Place::Readback));
+    }
+    let pixels = needs::uploaded(plan);
+    plan.buffers.iter_mut().filter(|b| b.buffer == UPLOAD).for_each(|b| b.bytes += pixels);
 }
 
 /// Renders the pairs of `level` that judge a fit, and leaves the residual for the host.

@@ -130,7 +130,9 @@ impl Solver for SurfaceOptions {
         let Problem { capture, grid, .. } = *problem;
         self.takes(capture)?;
         let (outline, _) = model::outline_of(&capture.outline(), &grid, self, false);
-        Plan::new(&outline, grid, capture.resolution(), &self.needs(), abilities, false)
+        let mut plan = Plan::new(&outline, grid, capture.resolution(), &self.needs(), abilities, false)?;
+        fit::share_with_host(&mut plan);
+        Ok(plan)
     }
 
     fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {

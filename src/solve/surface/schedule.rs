@@ -3,6 +3,7 @@
 use super::passes::*;
 use super::weights;
 use crate::gpu::Schedule;
+use crate::solve::drive::stage_values;
 use crate::solve::over_pairs::{compare, forward, gather, groups, size_passes, turns_of_finish};
 use crate::solve::passes::{FINISH, FORWARD, objective};
 use crate::solve::plan::pass::Pass;
@@ -153,6 +154,7 @@ fn act(s: &mut Schedule, level: &Level, count: usize, flags: u32) {
 
 /// Renders `pixels` pixels and writes the objective to row `row` of the trace.
 fn compared(s: &mut Schedule, plan: &Plan, level: &Level, pixels: usize, row: usize) {
+    s.stage("surface", &stage_values(level, row));
     render(s, plan, level, pixels, objective(plan));
     s.dispatch(&FINISH, [1, 1, 1], turns_of_finish(plan))
         .bind(buffer::SCENE, level.scene)

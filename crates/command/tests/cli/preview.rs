@@ -124,7 +124,7 @@ fn the_rest_is_expected_to_take_as_long_as_it_does() {
     assert_eq!(last, 40);
     assert_eq!(reported.last().unwrap().2, Some(0.0));
     let all: Vec<_> = reported.iter().filter_map(|(i, at, left)| Some((*i, at + (*left)?))).collect();
-    assert!(all.iter().any(|(i, _)| *i <= 20), "the volume reports the surface, too: {reported:?}");
+    assert!(all.iter().any(|(i, _)| *i <= 30), "the volume reports the surface, too: {reported:?}");
     // A machine that others use may be several times as fast at one time as at another.
     assert!(all.iter().all(|(_, expected)| (0.1..10.0).contains(&(expected / end))), "{reported:?}");
 }
