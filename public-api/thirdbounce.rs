@@ -181,11 +181,6 @@ pub enum Calibrate {
     None,
     Auto,
 }
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub enum DevicePosition {
-    None,
-    At(DVec3),
-}
 #[derive(Debug, Clone, PartialEq)]
 pub enum ImpulseResponse {
     None,
@@ -559,6 +554,12 @@ impl Capture {
     pub fn mean_histogram(&self) -> Vec<f64> {}
     pub fn set_pulse(&mut self, pulse: Option<Pulse>) -> Result<()> {}
     pub fn pair_count(&self) -> usize {}
+}
+impl Capture {
+    pub fn gains(&self, law: GainLaw) -> Option<Vec<f64>> {}
+    pub fn without_gains(&self, law: GainLaw) -> Option<Capture> {}
+    pub fn apply_gains(&mut self, law: GainLaw) -> Result<()> {}
+    pub fn behind(&self, law: GainLaw) -> Error {}
 }
 impl Capture {
     #[cfg(feature = "formats")]
@@ -982,6 +983,7 @@ pub struct Scene {
     pub reflectance: Reflectance,
     pub pulse: Option<Pulse>,
     pub spots: [f64; 2],
+    pub device: Option<DVec3>,
     pub pile_up: Option<f64>,
     pub photons: Option<f64>,
     pub dark: Dark,
