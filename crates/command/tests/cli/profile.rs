@@ -125,7 +125,7 @@ fn the_profile_holds_every_kernel_with_its_figures() {
         assert_eq!(number(of("finish").unwrap(), "pairs"), 0.0);
         assert!(of("finish").unwrap()["pairs_per_s"].is_null());
         // The last pass of the surface closes an iteration by itself.
-        let closed = if *solver == "paper" { 16.0 } else { 2.0 };
+        let closed = if *solver == "paper" { 16.0 } else { 4.0 };
         assert_eq!(number(of("finish").unwrap(), "calls"), closed);
         assert_eq!(number(&profile["iterations"], "count"), 16.0);
     }
