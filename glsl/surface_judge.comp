@@ -99,12 +99,12 @@ void compare() {
     here /= float(rows);
     float energy = surface_weights[SURFACE_ENERGY];
     float factor = surface_weights[SURFACE_FACTOR];
-    // Also where it is no number.
+    // Also for NaN.
     if (!(here.x <= surface_weights[SURFACE_BEST] + RISE)) {
         weigh(surface_weights[SURFACE_BEST_LEFT] * energy);
         pace(SHORTER * factor);
         surface_weights[SURFACE_RESTED] = float(push.step);
-        // The row shows the state that is restored; what is no number stays for the host to find.
+        // The row shows the state that is restored. NaN stays: the host reports it.
         if (here.z < MOST) {
             trace[last_row * TRACE_ROW + TRACE_OBJECTIVE] = floatBitsToUint(surface_weights[SURFACE_BEST_LOSS]);
             trace[last_row * TRACE_ROW + TRACE_DATA] = floatBitsToUint(surface_weights[SURFACE_BEST_DATA]);

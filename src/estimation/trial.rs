@@ -139,6 +139,6 @@ impl<'c> Trial<'c> {
         let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
         let mut fit = Fit::new(&self.gpu, &problem, options, [0, 1], judge)?;
         fit.take(&self.capture)?;
-        fit.seen(layers)?.map_or(Ok(None), |_| fit.judged())
+        fit.seen(layers, false)?.map_or(Ok(None), |_| fit.judged())
     }
 }

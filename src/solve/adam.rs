@@ -1,13 +1,13 @@
 //! Adam's bias corrections, for kernels. The host computes them: near 1 a device's `pow` may lose what is left of
 //! 1 - beta^age after the subtraction.
 
+use thirdbounce_kernels::unbias;
+
 use crate::transport::kernels::Push;
 
 /// `push` with the corrections after `age` steps since the moments were zero, from 1. `betas`: decays of the two moments.
 pub(super) fn unbiased(push: Push, betas: [f64; 2], age: u32) -> Push {
-    // Kernels decay moments by the rounded value.
-    let [unbias_first, unbias_second] =
-        betas.map(|beta| (1.0 / (1.0 - f64::from(beta as f32).powf(f64::from(age)))) as f32);
+    let [unbias_first, unbias_second] = betas.map(|beta| unbias(beta, age) as f32);
     Push { unbias_first, unbias_second, ..push }
 }
 

@@ -1,6 +1,11 @@
 use super::Real;
 use super::shared::PaperData;
 
+/// The factor that takes the bias off a moment `age` steps after it was zero. Kernels decay moments by the rounded `beta`.
+pub fn unbias(beta: f64, age: u32) -> f64 {
+    1.0 / (1.0 - f64::from(beta as f32).powf(age.into()))
+}
+
 /// A step of Adam: Kingma & Ba 2015, algorithm 1.
 #[derive(Debug, Clone, Copy)]
 pub struct Adam<F> {

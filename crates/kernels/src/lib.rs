@@ -32,6 +32,7 @@ pub mod shared {
 
 use rayon::prelude::*;
 
+pub use adam::unbias;
 pub use call::{Call, Cells, Function};
 pub use grid::{BRICK_VOXELS, SceneGrid, index, voxel};
 pub use real::Real;

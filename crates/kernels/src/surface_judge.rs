@@ -136,7 +136,7 @@ impl<F: Real> FitState<'_, F> {
         let here: [f64; 4] =
             std::array::from_fn(|k| all.iter().map(|of| of[k]).sum::<f64>() / f64::from(rows));
         let factor = self.at(SURFACE_FACTOR);
-        // It may be no number.
+        // It may be NaN.
         let rises = here[0].is_nan() || here[0] > self.at(SURFACE_BEST) + RISE;
         let is_best = here[0] <= self.at(SURFACE_BEST);
         if rises {
@@ -145,7 +145,7 @@ impl<F: Real> FitState<'_, F> {
             self.put(SURFACE_RESTED, push.step.into());
             let best = [SURFACE_BEST_LOSS, SURFACE_BEST_DATA].map(|index| self.at(index));
             let row = &mut self.trace[((push.iteration - 1) * TRACE_ROW) as usize..];
-            // The row shows the state that is restored; what is no number stays for the host to find.
+            // The row shows the state that is restored. NaN stays: the host reports it.
             if here[2] < MOST {
                 for (column, value) in [(TRACE_OBJECTIVE, best[0]), (TRACE_DATA, best[1]), (TRACE_L1, 0.0)] {
                     row[column as usize] = (value as f32).to_bits();

@@ -4,7 +4,7 @@ use super::pixels::{PixelField, sigma_at};
 use super::shared::*;
 use super::surroundings::Surroundings;
 use super::trace::close;
-use super::{Call, Cells, Real, watch};
+use super::{Call, Cells, Real, unbias, watch};
 
 const BETAS: [f64; 2] = [0.9, 0.99];
 
@@ -31,7 +31,7 @@ pub fn surface_step<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     let least = [SURFACE_LARGEST, SURFACE_LARGEST + 1].map(|i| (F::of(QUIET) * at(i)).max(F::of(LEAST)));
     let [near, far] = field.grid.depth_limits();
     let age = call.push.step - at(SURFACE_RESTED).wide() as u32;
-    let unbias = BETAS.map(|b| F::of(1.0 / (1.0 - f64::from(b as f32).powf(age.into()))));
+    let unbias = BETAS.map(|b| F::of(unbias(b, age)));
     let betas = BETAS.map(|b| F::of(1.0 - b));
     let averaged = sigma_at([SURFACE_SPREAD, SURFACE_ITERATIONS].map(at), call.push.step).map(|sigma| {
         // Columns without a pixel have no gradient, so that their bonds do not count.

@@ -9,7 +9,7 @@ use super::syncs::common_period;
 use super::{Division, Inputs, Record, Survey, TagFormat, Tags};
 use crate::error::Result;
 
-/// Channels with fewer than one tag for so many of another are markers.
+/// A channel whose tags are rarer than those of another by this factor is one of markers.
 const MARKERS: u64 = 20;
 /// Intervals of a channel that are looked at.
 const LOOKED_AT: usize = 4096;
@@ -79,10 +79,7 @@ impl Inputs {
         let tags = Tags::open(path, &self)?;
         let is_told = matches!(tags.format, TagFormat::Picoquant(_)) || tags.is_t3();
         let mut seen: BTreeMap<i32, ChannelTimes> = BTreeMap::new();
-        let mut unwrap = Unwrap::of_unit(match &tags.format {
-            TagFormat::Text(layout) => layout.ticks(),
-            _ => 1,
-        });
+        let mut unwrap = Unwrap::of_unit(tags.format.ticks());
         if !is_told {
             tags.records(|record| {
                 let channel = match record {

@@ -151,6 +151,13 @@ enum TagFormat {
     Arrays(arrays::Named),
 }
 
+impl TagFormat {
+    /// Ticks of a unit of the times as they are stored.
+    fn ticks(&self) -> i64 {
+        if let TagFormat::Text(layout) = self { layout.ticks() } else { 1 }
+    }
+}
+
 /// A file of time tags.
 pub struct Tags {
     path: PathBuf,
@@ -490,10 +497,7 @@ impl Tags {
         if matches!(self.format, TagFormat::Picoquant(_)) {
             return self.read(hear);
         }
-        let mut order = Order::of_unit(match &self.format {
-            TagFormat::Text(layout) => layout.ticks(),
-            _ => 1,
-        });
+        let mut order = Order::of_unit(self.format.ticks());
         let mut passed = self.read(|record| order.push(record, &mut hear))?;
         order.end(&mut passed, &mut hear)?;
         Ok(passed)

@@ -22,7 +22,7 @@ pub(super) struct Order {
 /// Fewer tags, and a smaller range of a counter, prove nothing.
 const LEAST_TAGS: i64 = 64;
 const LEAST_RANGE: i64 = 1 << 16;
-/// A counter that begins again is so many times the usual gap of two tags from its end before, and from 0 behind.
+/// Largest distance of a counter from its end before it begins again, and from 0 after that, over the mean interval of tags.
 const NEAR: i64 = 32;
 
 /// Times of a counter that begins again at 0 once it has reached a power of two.
@@ -116,7 +116,7 @@ impl Record {
 }
 
 impl Order {
-    /// Tags whose counter has units of so many ticks.
+    /// Tags whose counter has units of `unit` ticks.
     pub(super) fn of_unit(unit: i64) -> Order {
         Order { unwrap: Unwrap::of_unit(unit), ..Order::default() }
     }

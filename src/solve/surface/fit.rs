@@ -215,28 +215,21 @@ impl Fit {
         Ok(())
     }
 
-    /// As [`Fit::seen`], of layers that were fitted to other counts of this scan: their albedos are near the scale of these.
-    ///
-    /// # Errors
-    /// The device fails.
-    pub fn seen_again(&mut self, layers: &[Maps]) -> Result<Option<(f64, Quality)>> {
-        self.is_scaled = true;
-        let seen = self.seen(layers);
-        self.is_scaled = false;
-        seen
-    }
-
     /// The factor of the albedos of `layers` that explains most of the counts, and the quality with it; `None` if they explain no
-    /// light.
+    /// light. `is_near`: the layers were fitted to other counts of this scan, so that the factor is near one.
     ///
     /// # Errors
     /// The device fails.
-    pub fn seen(&mut self, layers: &[Maps]) -> Result<Option<(f64, Quality)>> {
-        let run = Run::of(0, 0);
-        let Some(placed) = self.place(layers, run, 0)? else { return Ok(None) };
+    pub fn seen(&mut self, layers: &[Maps], is_near: bool) -> Result<Option<(f64, Quality)>> {
+        let job = self.planned.made()?;
+        let level = job.plan.levels.pixels.expect("a fit has pixels");
+        let scaled_by = ScaledBy { level, energy: job.light()[1], is_near };
+        if self.place(layers, Run::of(0, 0), 0, scaled_by)?.is_none() {
+            return Ok(None);
+        }
         let job = self.planned.made()?;
         job.run(|s, _| s.copy(buffer::SURFACE_WEIGHTS, WEIGHTS_HOST, u64::from(SURFACE_WEIGHTS) * 4))?;
-        Ok(RunResult::read(job, placed.light).map(|found| (found.scale, found.quality)))
+        Ok(RunResult::read(job).map(|found| (found.scale, found.quality)))
     }
 
     /// What the present surface leaves of the pairs that judge it: of those that are fitted where none are held out.
@@ -273,11 +266,18 @@ impl Fit {
     ) -> Result<(Driven, Option<Quality>)> {
         let (gpu, clock) = (self.planned.gpu().clone(), Instant::now());
         let begin = driven.trace.last().map_or(0, |p| p.iteration);
-        let placed = self.place(layers, run, begin)?;
-        driven.seconds += clock.elapsed().as_secs_f64();
-        let Some(PlacedPixels { pixels: of_layers, light }) = placed else { return Ok((driven, None)) };
-        let (judge, job) = (self.judge, self.planned.made()?);
+        let job = self.planned.made()?;
         let level = job.plan.levels.pixels.expect("a fit has pixels");
+        // With many batches one is enough for the scale: rendering all pairs would take longer than the iterations.
+        let (compared, energy) = match &job.plan.levels.batches {
+            all if all.len() > FEW => (all[0], self.energies[0]),
+            _ => (level, job.light()[1]),
+        };
+        let scaled_by = ScaledBy { level: compared, energy, is_near: self.is_scaled };
+        let placed = self.place(layers, run, begin, scaled_by)?;
+        driven.seconds += clock.elapsed().as_secs_f64();
+        let Some(of_layers) = placed else { return Ok((driven, None)) };
+        let (judge, job) = (self.judge, self.planned.made()?);
         // Maps on the way show pixels without a surface as they were; those at the end have their own.
         if watch.maps_every.is_some() || !watch.maps_at.is_empty() {
             job.add(buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
@@ -286,9 +286,7 @@ impl Fit {
         let segment = Segment { begin, iterations, skipped, all: run.all(), of };
         let steps = Steps { until, ..steps(&job.plan, level, of_layers, judge, segment) };
         driven = drive(&gpu, job, begin + iterations, steps, watch, Some(driven))?;
-        let Some(RunResult { quality, factor, .. }) = RunResult::read(job, light) else {
-            return Ok((driven, None));
-        };
+        let Some(RunResult { quality, factor, .. }) = RunResult::read(job) else { return Ok((driven, None)) };
         for (layer, maps) in layers.iter_mut().enumerate() {
             *maps = shown(job, &level, maps, layer);
         }
@@ -300,26 +298,26 @@ impl Fit {
     }
 
     /// Queues what places the pixels of `layers` for a run that begins with iteration `begin`. Overwrites the trace from that row on,
-    /// two rows. `None` without pixels.
-    fn place(&mut self, layers: &[Maps], run: Run, begin: usize) -> Result<Option<PlacedPixels>> {
-        let Fit { planned, options, energies, step, is_scaled, .. } = self;
+    /// two rows. How many pixels each layer has; `None` without pixels.
+    fn place(
+        &mut self,
+        layers: &[Maps],
+        run: Run,
+        begin: usize,
+        scaled_by: ScaledBy,
+    ) -> Result<Option<[usize; 2]>> {
+        let Fit { planned, options, step, .. } = self;
         let job = planned.made()?;
         let level = job.plan.levels.pixels.expect("a fit has pixels");
         let pixels = Pixels::of(layers, needs::pixels(&job.plan));
-        let light = job.light();
         (self.pixels, self.is_compared) = (pixels.len(), false);
         if pixels.is_empty() {
             return Ok(None);
         }
-        // With many batches one is enough for the scale: rendering all pairs would take longer than the iterations.
-        let (compared, measured) = match &job.plan.levels.batches {
-            all if all.len() > FEW => (all[0], energies[0]),
-            _ => (level, light[1]),
-        };
         let unplaced = Unplaced {
             pixels: pixels.len(),
             brightest: f64::from(pixels.albedo.iter().fold(0.0f32, |a, b| a.max(*b))),
-            energies: [light[1], measured],
+            energies: [job.light()[1], scaled_by.energy],
             known: run.known,
             before: run.level,
             skipped: run.skipped,
@@ -337,18 +335,22 @@ impl Fit {
             match run.known {
                 Some(_) => place_known(s, plan, &level, pixels.len()),
                 // Far from it the scale is a small difference of large numbers, and only a guess.
-                None => (usize::from(*is_scaled)..2)
-                    .for_each(|turn| place(s, plan, [&level, &compared], pixels.len(), begin, turn == 0)),
+                None => (usize::from(scaled_by.is_near)..2).for_each(|turn| {
+                    place(s, plan, [&level, &scaled_by.level], pixels.len(), begin, turn == 0);
+                }),
             }
         });
-        Ok(Some(PlacedPixels { pixels: pixels.of_layers(layers[0].albedo.len()), light }))
+        Ok(Some(pixels.of_layers(layers[0].albedo.len())))
     }
 }
 
-/// What was placed: pixels of each layer, and photon noise and energy of the counts.
-struct PlacedPixels {
-    pixels: [usize; 2],
-    light: [f64; 2],
+/// What gives the scale of albedos.
+struct ScaledBy {
+    /// Pairs whose light does, and the data term of their measurement.
+    level: Level,
+    energy: f64,
+    /// Whether the albedos are near it already.
+    is_near: bool,
 }
 
 /// What the kernels found in a run.
@@ -363,7 +365,8 @@ struct RunResult {
 
 impl RunResult {
     /// From the block that the run left for the host; `None` if the pixels explain no light.
-    fn read(job: &OnDevice, [noise, energy]: [f64; 2]) -> Option<RunResult> {
+    fn read(job: &mut OnDevice) -> Option<RunResult> {
+        let [noise, energy] = job.light();
         let words: Vec<f32> = job.executor.read(WEIGHTS_HOST, ..SURFACE_WEIGHTS as usize);
         let [scale, left, factor] =
             [SURFACE_SCALE, SURFACE_BEST_LEFT, SURFACE_FACTOR].map(|index| f64::from(words[index as usize]));

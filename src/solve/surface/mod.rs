@@ -295,7 +295,7 @@ impl PreparedSurface {
         let level = *self.fine.plan().finest();
         self.fine.step = 1.0;
         let mut driven = taken(&mut self.fine, capture, Driven::begun(last.layers[0].clone(), level))?;
-        let Some((scale, seen)) = self.fine.seen_again(&last.layers)? else { return Ok(None) };
+        let Some((scale, seen)) = self.fine.seen(&last.layers, true)? else { return Ok(None) };
         let change = follow.change(&last, seen.left_share());
         if change == FrameChange::Cut {
             return Ok(None);
@@ -454,7 +454,7 @@ impl Fits<'_> {
         }
         if quality.is_none() {
             // No fit explains light: what the closed form shows of it is all there is.
-            let seen = fine.seen(&closed_fine)?;
+            let seen = fine.seen(&closed_fine, false)?;
             (layers, is_closed) = (follow::scaled(closed_fine, seen.map_or(1.0, |seen| seen.0)), true);
             quality = seen.map(|seen| seen.1);
         }

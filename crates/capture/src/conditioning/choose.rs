@@ -215,19 +215,18 @@ enum PairFault {
 /// Values that programs store in place of missing ones.
 const FILLS: [f32; 8] =
     [9999.0, 99999.0, 999_999.0, 9_999_999.0, -9999.0, -99999.0, -999_999.0, -9_999_999.0];
-/// A fill value is at least so many times as large as every count.
+/// Least ratio of a fill value to the largest count.
 const BEYOND: f32 = 8.0;
 /// Pairs with a fill value at least.
 const LEAST_FILLED: usize = 2;
 
 /// The value in place of missing ones, if there is one: the largest of its sign in several pairs, and far beyond those of the others.
 fn fill(seen: &[HistogramFigures]) -> Option<f32> {
-    let has = |fill: f32, seen: &HistogramFigures| seen.range.contains(&fill);
     FILLS.into_iter().find(|fill| {
-        let (with, without): (Vec<&HistogramFigures>, Vec<&HistogramFigures>) =
-            seen.iter().partition(|seen| has(*fill, seen));
-        let largest = without.iter().flat_map(|seen| seen.range).fold(0.0f32, |most, v| most.max(v.abs()));
-        with.len() >= LEAST_FILLED && !without.is_empty() && fill.abs() > BEYOND * largest
+        let with = seen.iter().filter(|seen| seen.range.contains(fill)).count();
+        let without = || seen.iter().filter(|seen| !seen.range.contains(fill));
+        (LEAST_FILLED..seen.len()).contains(&with)
+            && without().flat_map(|seen| seen.range).all(|v| fill.abs() > BEYOND * v.abs())
     })
 }
 

@@ -53,8 +53,13 @@ impl Capture {
                 self.bin_width
             ));
         }
-        let upside_down = self.of_rows(|h| is_upside_down(range_from([0.0; 2], h)));
-        let upside_down = upside_down.into_iter().filter(|is| *is).count();
+        // Photon counts are not below zero.
+        let upside_down = match self.integer_counts {
+            true => 0,
+            false => {
+                self.of_rows(|h| is_upside_down(range_from([0.0; 2], h))).into_iter().filter(|is| *is).count()
+            }
+        };
         if 2 * upside_down > self.pair_count() {
             warnings.push(format!(
                 "the signal is upside down in {upside_down} of {} histograms, {NEGATIVE_PULSES}: {UPRIGHT}",

@@ -11,8 +11,8 @@ use crate::error::{Error, Result};
 /// Bins that a thread adds up at least: a few lines of the cache.
 const LEAST_RUN: usize = 128;
 
-/// A signal whose least value is so many times as far below zero as its largest is above is upside down: noise around a baseline is as
-/// strong above as below.
+/// Least ratio of the least value to the largest one, both from zero, of a signal that is upside down. Noise around a baseline has a
+/// ratio of about one.
 const UPSIDE_DOWN: f32 = 4.0;
 pub(crate) const NEGATIVE_PULSES: &str = "as the voltage of a photomultiplier, whose pulses are negative";
 pub(crate) const UPRIGHT: &str =

@@ -2,6 +2,7 @@
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
+use std::process::Output;
 
 use fixtures::captures::{changed, histogram};
 use fixtures::command::{stderr, succeed, thirdbounce};
@@ -577,21 +578,15 @@ fn the_channel_of_the_laser_is_the_regular_one() {
     let shown = succeed(&["info", &place.name("marked.csv")]);
     assert!(shown.contains("--sync-channel 2 --marker-channels 7"), "{shown}");
     // Read by the number, photons are no laser: a note says so.
-    let taken = thirdbounce(&[
-        "histogram",
-        &place.name("tags.csv"),
-        "--scan",
-        "4x4",
-        "--wall",
-        "1m",
-        "--pulses-per-point",
-        "500",
-        "--zero",
-        "0ps",
-        "--out",
-        &place.name("wrong.npz"),
-    ]);
+    let taken = histogram_of(&place, "tags.csv", "500", &["--zero", "0ps"], "wrong.npz");
     assert!(stderr(&taken).contains("not regular"), "{}", stderr(&taken));
+}
+
+/// `histogram` of tags over a scan of 4 x 4 points.
+fn histogram_of(place: &Place, tags: &str, pulses: &str, more: &[&str], out: &str) -> Output {
+    let [tags, out] = [tags, out].map(|name| place.name(name));
+    let all = ["histogram", &tags, "--scan", "4x4", "--wall", "1m", "--pulses-per-point", pulses];
+    thirdbounce(&[&all[..], more, &["--out", &out]].concat())
 }
 
 #[test]
@@ -600,23 +595,7 @@ fn counters_that_begin_again_in_tags() {
     let all = tags(0, 1);
     let run = |name: &str, more: &[&str]| {
         let out = place.name("made.npz");
-        let taken = thirdbounce(
-            &[
-                &[
-                    "histogram",
-                    &place.name(name),
-                    "--scan",
-                    "4x4",
-                    "--wall",
-                    "1m",
-                    "--pulses-per-point",
-                    "10000",
-                ],
-                more,
-                &["--out", &out],
-            ]
-            .concat(),
-        );
+        let taken = histogram_of(&place, name, "10000", more, "made.npz");
         assert!(taken.status.success(), "{name}: {}", stderr(&taken));
         (read(Path::new(&out)).unwrap(), stderr(&taken))
     };
@@ -653,17 +632,6 @@ fn counters_that_begin_again_in_tags() {
     let mut sorted = all.clone();
     sorted.sort_by_key(|(channel, time)| (*channel, *time));
     place.put("sorted.csv", csv(&sorted));
-    let taken = thirdbounce(&[
-        "histogram",
-        &place.name("sorted.csv"),
-        "--scan",
-        "4x4",
-        "--wall",
-        "1m",
-        "--pulses-per-point",
-        "10000",
-        "--out",
-        &place.name("none.npz"),
-    ]);
+    let taken = histogram_of(&place, "sorted.csv", "10000", &[], "none.npz");
     assert!(stderr(&taken).contains("not in the order of time"), "{}", stderr(&taken));
 }

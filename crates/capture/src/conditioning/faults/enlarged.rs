@@ -86,8 +86,10 @@ impl Capture {
     /// Lines without those that are the means of their neighbours, where that is every second one.
     fn middle_lines(&self, axis: usize) -> Option<Blocks> {
         let count = self.scan[axis];
-        let [_, high] = self.range();
-        let most = if self.integer_counts { ROUNDING[0] } else { ROUNDING[1] * high };
+        if count < 2 * LEAST_LINES {
+            return None;
+        }
+        let most = if self.integer_counts { ROUNDING[0] } else { ROUNDING[1] * self.range()[1] };
         let is_mean = |at: usize| {
             let mut all = self.line(axis, at).zip(self.line(axis, at - 1)).zip(self.line(axis, at + 1));
             all.all(|((of, before), after)| {
@@ -95,9 +97,6 @@ impl Capture {
                 rows.into_iter().all(|((v, a), b)| (v - 0.5 * (a + b)).abs() <= most)
             }) && self.is_lit(axis, at)
         };
-        if count < 2 * LEAST_LINES {
-            return None;
-        }
         let first = [1, 2].into_iter().find(|first| (*first..count - 1).step_by(2).all(is_mean))?;
         // Lines that all are means are those of a scene without a change along this axis.
         if (3 - first..count - 1).step_by(2).any(is_mean) {

@@ -6,8 +6,7 @@ use crate::data::Capture;
 const LEAST_VALUES: usize = 16;
 
 impl Capture {
-    /// Divides whole counts by their common factor, so that their noise is that of photons again. Photons of so many different counts
-    /// have none.
+    /// Divides whole counts by their common factor, so that their noise is that of photons again.
     pub(super) fn undo_multiples(&mut self) -> Option<String> {
         if !self.integer_counts {
             return None;
