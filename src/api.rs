@@ -40,7 +40,7 @@ pub fn reconstruct_with(
     let job = Job::resolve(settings, &capture, gpu, on_progress)?;
     let mut watch = Watch { hear: on_progress, maps_every: None, maps_at: &[] };
     let mut result = job.solve(gpu, &mut watch)?;
-    job.conclude(&mut result, &mut [], [&capture.warnings(), &[]]);
+    job.conclude(&mut result, [&capture.warnings(), &[]]);
     result.notes = job.estimates.notes();
     Ok(result)
 }

@@ -10,7 +10,6 @@ use crate::capture::Capture;
 use crate::diagnosis;
 use crate::estimation::{self, EstimateRequest, Estimates};
 use crate::gpu::Gpu;
-use crate::maps::Maps;
 use crate::settings::{Calibrate, DevicePosition, ImpulseResponse, ReflectanceSetting, Settings};
 use crate::solve::{
     Method, Preset, Problem, Progress, Ready, Reconstruction, SolverOptions, Watch, conclude,
@@ -152,15 +151,9 @@ impl<'c> Job<'c> {
         Ok(result)
     }
 
-    /// Decides on the pixels that are surface, and on the depth errors: of the result, and of the maps after earlier
-    /// iterations. Gives the verdict, with what looks wrong with the capture (`warnings`) and what is wrong for certain (`faults`).
-    pub fn conclude(
-        &self,
-        result: &mut Reconstruction,
-        snapshots: &mut [(usize, Maps)],
-        [warnings, faults]: [&[String]; 2],
-    ) {
-        conclude(&self.capture, self.mask_fraction, result, snapshots);
+    /// Decides on the pixels that are surface, and on the depth errors. Gives the verdict, with what looks wrong with the capture (`warnings`) and what is wrong for certain (`faults`).
+    pub fn conclude(&self, result: &mut Reconstruction, [warnings, faults]: [&[String]; 2]) {
+        conclude(&self.capture, self.mask_fraction, result);
         let mut verdict = with_warnings(&self.verdict, &result.warnings);
         with_capture(Arc::make_mut(&mut verdict), warnings, faults);
         result.warnings.splice(0..0, warnings.iter().cloned());

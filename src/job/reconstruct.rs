@@ -1,4 +1,4 @@
-//! A solve with figures and snapshots on the way.
+//! A solve with figures on the way.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -23,8 +23,6 @@ pub struct Finished<'c> {
     pub metrics: Option<Metrics>,
     /// Brief figures after each measured iteration, including the last.
     pub along: BTreeMap<usize, Metrics>,
-    /// The maps after the iterations that the request names.
-    pub snapshots: Vec<(usize, Maps)>,
     /// What was solved.
     pub job: Job<'c>,
 }
@@ -78,7 +76,6 @@ pub fn solve_measured<'c>(
 ) -> Result<Finished<'c>> {
     let step = request.trace_step();
     let mut failed = None;
-    let mut snapshots = Vec::new();
     let advised = |e| advice::advise(e, request, loaded, gpu);
     let mut job = Job::resolve(&request.settings, &loaded.capture, gpu, hear).map_err(advised)?;
     job.keep_volume |= request.volume_file.is_some();
@@ -87,9 +84,6 @@ pub fn solve_measured<'c>(
     let mut measure = |progress: &Progress| {
         let i = progress.point.iteration;
         if let Some(maps) = &progress.maps {
-            if request.snapshots.contains(&i) {
-                snapshots.push((i, masked(maps, &job)));
-            }
             if let Some(preview) = preview.filter(|_| previews.contains(&i)) {
                 // Preview failures are non-fatal.
                 let _ = preview.show(maps);
@@ -113,21 +107,20 @@ pub fn solve_measured<'c>(
         }
         if iterates.limited { ControlFlow::Break(()) } else { hear(progress) }
     };
-    let maps_at = [&request.snapshots[..], &previews].concat();
-    let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &maps_at };
+    let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &previews };
     let done = job.solve(gpu, &mut watch);
     let mut result = match failed {
         Some(e) => return Err(e),
         None => done.map_err(advised)?,
     };
-    job.conclude(&mut result, &mut snapshots, [&loaded.warnings, &loaded.faults]);
+    job.conclude(&mut result, [&loaded.warnings, &loaded.faults]);
     let metrics = metrics_of.map(|of| of(&result.maps, job.mask_fraction)).transpose()?;
     let mut along: BTreeMap<usize, Metrics> =
         iterates.along.iter().map(|(i, (_, metrics))| (*i, metrics.clone())).collect();
     if let (Some(last), Some(metrics)) = (result.trace.last(), &metrics) {
         along.insert(last.iteration, metrics.clone().brief());
     }
-    Ok(Finished { result, metrics, along, snapshots, job })
+    Ok(Finished { result, metrics, along, job })
 }
 
 /// The maps of an iterate as a user gets them from a run that ends with it.

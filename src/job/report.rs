@@ -109,7 +109,6 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "truth": request.truth.as_ref().map(|path| path.to_string_lossy()),
         "mask_fraction": done.job.mask_fraction,
         "trace_every": request.trace_step(),
-        "snapshots": request.snapshots,
         "accumulation_used": result.plan.division.accumulation,
         "notes": loaded.notes,
     });

@@ -1,15 +1,15 @@
 //! A whole run: settings, and the files that it reads and writes.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::places;
+use crate::Result;
 use crate::capture::Capture;
 use crate::estimation::EstimateRequest;
 use crate::export;
 use crate::gpu::{Faults, Gpu, GpuOptions};
 use crate::maps::Truth;
 use crate::settings::Settings;
-use crate::{Error, Result};
 
 /// The reconstruction of a capture, and the places of its results. The capture is given separately.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -25,8 +25,6 @@ pub struct Request {
     /// Add a point to the trace after every Nth iteration, with the figures if there is truth. 0: figures only at the
     /// end. `None`: 10 with truth, 0 without. Measuring does not count as solving.
     pub trace_every: Option<usize>,
-    /// Keep maps and pictures of these iterations, in `snapshots/000100` and so on.
-    pub snapshots: Vec<usize>,
     /// Show `preview.png` in the folder of the results while the solve runs.
     pub preview: bool,
     /// Time every kernel, and record the work of host and device.
@@ -66,35 +64,20 @@ impl Request {
     }
 
     /// Checks everything but places that can be checked before the work begins. Returns the truth, if its file is given.
-    pub fn check(&self, resolved: &EstimateRequest) -> Result<Option<Truth>> {
+    pub fn check(&self) -> Result<Option<Truth>> {
         self.settings.check()?;
-        let iterations = resolved.solver.all_iterations();
-        if let Some(beyond) = self.snapshots.iter().find(|i| !(1..=iterations).contains(*i)) {
-            return Err(Error::options(
-                format!("the snapshots include iteration {beyond}"),
-                format!("give iterations from 1 to the last, {iterations}"),
-            ));
-        }
         self.truth.as_deref().map(export::npz::read_truth).transpose()
     }
 
     /// Checks that the results can be written.
     pub fn check_places(&self) -> Result<()> {
         places::check_results(&self.out)?;
-        for iteration in &self.snapshots {
-            places::check_results(&Request::snapshot_folder(&self.out, *iteration))?;
-        }
         self.volume_file.as_deref().map_or(Ok(()), places::check_volume)
     }
 
     /// Iterations between measured points of the trace; 0 measures only the end.
     pub fn trace_step(&self) -> usize {
         self.trace_every.unwrap_or(if self.truth.is_some() { 10 } else { 0 })
-    }
-
-    /// The folder below `out` for the maps after an iteration.
-    pub fn snapshot_folder(out: &Path, iteration: usize) -> PathBuf {
-        out.join("snapshots").join(format!("{iteration:06}"))
     }
 }
 

@@ -44,7 +44,6 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// Every file that was written, the report last; none before [`Outcome::write`].
     pub files: Vec<PathBuf>,
-    snapshots: Vec<(usize, Maps)>,
     /// The capture's name.
     title: String,
     /// Deleted once results are written.
@@ -77,7 +76,7 @@ pub fn run_on(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
     let resolved = request.resolved(&loaded.capture);
-    let truth = request.check(&resolved)?;
+    let truth = request.check()?;
     request.check_places()?;
     // Memory is checked before a device is needed.
     resolved.grid(&loaded.capture)?;
@@ -97,7 +96,7 @@ pub fn solve(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
     let resolved = request.resolved(&loaded.capture);
-    let truth = request.check(&resolved)?;
+    let truth = request.check()?;
     resolved.grid(&loaded.capture)?;
     solve_checked(request, &resolved, loaded, gpu, truth, hear)
 }
@@ -136,7 +135,6 @@ fn solve_checked(
         warnings: result.warnings,
         verdict: result.verdict.map_or(Verdict::GOOD, Arc::unwrap_or_clone),
         files: vec![],
-        snapshots: done.snapshots,
         title: title(&loaded.path),
         preview,
     })
@@ -155,10 +153,6 @@ impl Outcome {
         if let (Some(file), Some(volume)) = (&request.volume_file, self.volume.take()) {
             export::volume::write(file, &export_volume(volume))?;
             self.files.push(file.clone());
-        }
-        for (iteration, maps) in &self.snapshots {
-            let folder = Request::snapshot_folder(staging.path(), *iteration);
-            staged.extend(export::write_maps(&folder, maps)?);
         }
         // The page is written before the report, with the time of all files but these two.
         let stage = |seconds| export::report::StageSeconds { name: "export".into(), seconds };

@@ -420,7 +420,7 @@ impl Worker {
             (Err(e), Some(limit)) if late && e.kind == Kind::Cancelled => return Err(too_long(limit, e)),
             (solved, _) => solved?,
         };
-        conclude(scan, *mask_fraction, &mut result, &mut []);
+        conclude(scan, *mask_fraction, &mut result);
         result.verdict = Some(with_warnings(verdict, &result.warnings));
         Ok(result)
     }

@@ -19,34 +19,21 @@ const EVERYWHERE: f64 = 0.99;
 const SLANT: f64 = 0.35;
 
 /// Sets the mask of the result's maps ([`Maps::set_mask`]), unless the method determined it and no share is given; and the
-/// expected depth error of all layers: of the result, and of `snapshots`, the maps after earlier iterations with the masks that they
-/// have. Sets the warnings. Where edges determined a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
+/// expected depth error of all layers. Sets the warnings. Where edges determined a mask, small parts with uncertain depths leave it ([`Maps::leave_out_uncertain_parts`]).
 /// `capture` is what was solved.
-pub fn conclude(
-    capture: &Capture,
-    mask_fraction: Option<f64>,
-    result: &mut Reconstruction,
-    snapshots: &mut [(usize, Maps)],
-) {
+pub fn conclude(capture: &Capture, mask_fraction: Option<f64>, result: &mut Reconstruction) {
     if mask_fraction.is_some() || !result.has_mask {
         result.maps.set_mask(mask_fraction);
     }
     let all = conditions_of(capture, result.plan.scene.reflectance);
     let last = result.trace.last().map_or(0, |p| p.iteration);
-    let after = |maps: &Maps, iteration: usize| {
-        let is_volume = iteration <= result.volume_iterations;
-        // Maps of the surface's resolution may show the volume's voxels.
-        let lateral = maps.nx.min(result.lateral);
-        let level = result.plan.levels.volume.iter().find(|l| l.grid.n[0] == lateral);
-        let pitch = level.unwrap_or(result.plan.finest()).grid.pitch;
-        Conditions { voxel: if is_volume { [pitch.x, pitch.z] } else { [0.0; 2] }, ..all }
-    };
+    let is_volume = last <= result.volume_iterations;
+    // Maps of the surface's resolution may show the volume's voxels.
+    let lateral = result.maps.nx.min(result.lateral);
+    let level = result.plan.levels.volume.iter().find(|l| l.grid.n[0] == lateral);
+    let pitch = level.unwrap_or(result.plan.finest()).grid.pitch;
+    let known = Conditions { voxel: if is_volume { [pitch.x, pitch.z] } else { [0.0; 2] }, ..all };
     let by_edges = mask_fraction.is_none() && result.plan.levels.pixels.is_some();
-    for (iteration, maps) in snapshots {
-        let known = after(maps, *iteration);
-        tell(maps, &known, by_edges);
-    }
-    let known = after(&result.maps, last);
     tell(&mut result.maps, &known, by_edges);
     let residual = result.trace.last().and_then(|p| result.residual(p.data_loss));
     result.warnings = warnings(&result.maps.mask, residual, all.noise);

@@ -6,7 +6,6 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::benchmark::{Case, WHOLE, finish};
-use thirdbounce::capture::Capture;
 use thirdbounce::export::benchmark::{self as pages, CurvePoint, SOLVE, SideResults, values_of};
 use thirdbounce::export::{self, foreign};
 use thirdbounce::files::staging;
@@ -31,7 +30,7 @@ pub struct ComparedMethod {
     pub name: String,
     /// The text that asked for it; only for the report.
     pub spec: String,
-    /// Its settings. Folder, volume file and snapshots are ignored. All methods run on the device of the first. With a
+    /// Its settings. Folder and volume file are ignored. All methods run on the device of the first. With a
     /// preview, its curve begins with that: as soon as it would be shown.
     pub request: Request,
     /// Seconds after which it is stopped at the next measured iterate, which is then its result.
@@ -114,7 +113,7 @@ pub fn compare(
     hear: &mut dyn FnMut(&MethodRun<'_>, &Progress) -> ControlFlow<()>,
 ) -> Result<pages::CaseResults> {
     let start = Instant::now();
-    let (methods, truth) = what.check(&loaded.capture)?;
+    let (methods, truth) = what.check()?;
     let wall = what.case.as_ref().map_or(f64::NAN, |case| case.wall);
     let wall = if wall.is_nan() { truth.extent[1] - truth.extent[0] } else { wall };
     let measured = |maps: &Maps, fraction: Option<f64>| match &what.case {
@@ -277,7 +276,7 @@ impl Comparison {
     ///
     /// # Errors
     /// Those of [`compare`] before anything is computed.
-    pub fn check(&self, capture: &Capture) -> Result<(Vec<ComparedMethod>, Truth)> {
+    pub fn check(&self) -> Result<(Vec<ComparedMethod>, Truth)> {
         if self.methods.is_empty() {
             return Err(Error::options(
                 "there is no method to compare",
@@ -295,11 +294,9 @@ impl Comparison {
             let folder = unused(&folder_name(&method.name), &taken, "-");
             method.request.out = self.out.join(&folder);
             taken.push(folder);
-            (method.request.volume_file, method.request.snapshots) = (None, vec![]);
-            let found = method
-                .request
-                .check(&method.request.resolved(capture))
-                .and_then(|found| method.request.check_places().map(|()| found));
+            method.request.volume_file = None;
+            let found =
+                method.request.check().and_then(|found| method.request.check_places().map(|()| found));
             let found = found.map_err(|e| e.at(format!("method {:?}", method.name)))?;
             truth = truth.or(found);
         }

@@ -335,7 +335,7 @@ impl Sides for RunningBenchmark<'_> {
         if let (Source::Scene(scene), "family") = (&case.source, case.group) {
             comparison.foreign.extend(network_alone(&loaded.capture, scene.scene.extent(), &files.capture)?);
         }
-        comparison.check(&loaded.capture)?;
+        comparison.check()?;
         mark()?;
         compare(&comparison, &loaded, &mut |turn, progress| self.turns.hear(turn, progress))
     }

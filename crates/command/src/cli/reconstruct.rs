@@ -28,9 +28,6 @@ pub struct ReconstructArgs {
     /// at the end. Measuring does not count as solving [default: 10 with --truth, else 0]
     #[arg(long, value_name = "N")]
     trace_every: Option<usize>,
-    /// Also keep maps and pictures of these iterations, in DIR/snapshots/000100 and so on
-    #[arg(long, value_name = "I,I,...", value_delimiter = ',')]
-    snapshots: Vec<usize>,
     /// Do not show preview.png in DIR while it runs (it goes when the result is there)
     #[arg(long)]
     no_preview: bool,
@@ -77,7 +74,6 @@ impl ReconstructArgs {
             timings: self.timings,
             truth: self.truth.clone(),
             trace_every: self.trace_every,
-            snapshots: self.snapshots.clone(),
             out: self.out.clone(),
             volume_file: self.volume_file.clone(),
             preview: !self.no_preview,

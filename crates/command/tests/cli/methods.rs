@@ -137,7 +137,7 @@ fn a_solver_that_is_named_is_the_only_method() {
 }
 
 #[test]
-fn a_trace_with_figures_and_snapshots() {
+fn a_trace_with_figures() {
     let (_, capture, truth) = small();
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name);
@@ -146,7 +146,7 @@ fn a_trace_with_figures_and_snapshots() {
         succeed(&[&all[..], &["--solver", "paper"], &SHORT, more].concat());
         json(&at(name).join("report.json"))
     };
-    let report = run("often", &["--truth", truth, "--trace-every", "4", "--snapshots", "6,20,30"]);
+    let report = run("often", &["--truth", truth, "--trace-every", "4"]);
     let measured: Vec<u64> = report["trace"]
         .as_array()
         .unwrap()
@@ -155,27 +155,7 @@ fn a_trace_with_figures_and_snapshots() {
         .map(|e| e["iteration"].as_u64().unwrap())
         .collect();
     assert_eq!(measured, [4, 8, 12, 16, 20, 24, 28, 30]);
-    for name in ["000006", "000020", "000030"] {
-        let files = entries(&at("often/snapshots").join(name));
-        assert_eq!(
-            files,
-            [
-                "albedo.png",
-                "depth.png",
-                "depth_error.png",
-                "maps.exr",
-                "maps.mat",
-                "maps.npz",
-                "maps.svg",
-                "mesh.ply",
-                "normal.png",
-                "points.ply"
-            ]
-        );
-    }
     let maps = |place: &str| std::fs::read(at(place).join("maps.npz")).unwrap();
-    assert!(maps("often/snapshots/000030") == maps("often"), "the last snapshot is the result");
-    assert!(maps("often/snapshots/000020") != maps("often"));
 
     // Measuring does not change the result.
     let by_default = run("default", &["--truth", truth]);
@@ -229,18 +209,6 @@ fn what_is_wrong_is_said_in_one_message_and_nothing_is_written() {
     for (arguments, code, words) in cases {
         check_failure(&[&benchmark[..], arguments].concat(), *code, words);
     }
-    let reconstruct = ["reconstruct", capture, "--out", &out, "--quiet"];
-    check_failure(
-        &[&reconstruct[..], &["--snapshots", "5,2000"]].concat(),
-        1,
-        "the snapshots include iteration 2000",
-    );
-    check_failure(
-        &[&reconstruct[..], &["--snapshots", "0"]].concat(),
-        1,
-        "the snapshots include iteration 0",
-    );
-    check_failure(&[&reconstruct[..], &["--snapshots", "x"]].concat(), 2, "--snapshots");
     assert_eq!(entries(folder.path()), Vec::<String>::new(), "something was written");
 }
 

@@ -24,14 +24,13 @@ pub fn rows(share: Share) -> Vec<Row> {
     let run = |out: &Path, volume: &str| {
         let request = Request {
             truth: Some(files().truth()),
-            snapshots: vec![3],
             volume_file: Some(out.join(volume)),
             ..Request::new(solver(), out.join("result"))
         };
         job::run(&request, &loaded, &mut |_| ControlFlow::Continue(())).map(drop)
     };
     let works: Vec<(&str, bool, Work<'_>)> = vec![
-        ("reconstruct, with snapshots and volume.npz", true, Box::new(|out| run(out, "v.npz"))),
+        ("reconstruct, volume.npz", true, Box::new(|out| run(out, "v.npz"))),
         ("reconstruct, volume.hdf5", true, Box::new(|out| run(out, "v.hdf5"))),
         (
             "simulate",

@@ -36,7 +36,7 @@ pub fn rows(share: Share) -> Vec<Row> {
             }
         }
     }
-    let mut runs = Row::new("whole runs with truth, snapshots, volume, kernel times; gates");
+    let mut runs = Row::new("whole runs with truth, volume, kernel times; gates");
     let gates = [None, Some("0.8:1.6"), Some(":1.9"), Some("1:")];
     for (g, gate) in gates.into_iter().enumerate() {
         for (s, (name, solver)) in solvers(Accumulation::Auto).into_iter().enumerate() {
@@ -52,7 +52,6 @@ pub fn rows(share: Share) -> Vec<Row> {
                     validation: true,
                     timings: true,
                     truth: Some(files().truth()),
-                    snapshots: vec![3],
                     volume_file: Some(out.path().join("volume.npz")),
                     ..Request::new(solver, out.path().join("result"))
                 };
