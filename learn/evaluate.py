@@ -41,7 +41,7 @@ def main():
         found += np.stack([np.bincount(bins.ravel(), w.ravel(), BINS) for w in (true, np.ones_like(p))], 1)
     rows = np.array(rows)
     print(f"mean     {rows[:, 0].mean():7.3f} {rows[:, 1].mean():9.3f}       {np.nanmedian(rows[:, 2]):6.2f} (median)")
-    print("calibration: the network's probability, the share of pixels with surface, their number")
+    print("reliability: the network's probability, the share of pixels with surface, their number")
     for said, (hits, count) in zip(expected, found):
         if count:
             print(f"  {said / count:.3f}  {hits / count:.3f}  {count:.0f}")

@@ -898,7 +898,7 @@ pub struct Metrics {
     pub best_fraction: Option<f64>,
     pub at_best: Option<AtBest>,
     pub within_depth_error: Option<f64>,
-    pub calibration: Vec<[f64; 2]>,
+    pub coverage: Vec<[f64; 2]>,
     pub layers: Vec<LayerMetrics>,
     pub sweep: Vec<[f64; 2]>,
 }

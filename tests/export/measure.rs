@@ -82,13 +82,13 @@ fn errors_within_the_expected_one_are_counted() {
     found.depth_error = Some(reported.clone());
     let m = metrics(&found, &real, None).unwrap();
     assert_eq!(m.within_depth_error, Some(0.5));
-    let shares: Vec<f64> = m.calibration.iter().map(|q| q[1]).collect();
+    let shares: Vec<f64> = m.coverage.iter().map(|q| q[1]).collect();
     assert_eq!(shares, [0.0, 0.0, 1.0, 1.0]);
-    assert!((m.calibration[0][0] - 0.005).abs() < 1e-6 && (m.calibration[3][0] - 0.02).abs() < 1e-6);
+    assert!((m.coverage[0][0] - 0.005).abs() < 1e-6 && (m.coverage[3][0] - 0.02).abs() < 1e-6);
     reported[15] = f32::NAN;
     found.depth_error = Some(reported);
     assert_eq!(metrics(&found, &real, None).unwrap().within_depth_error, Some(8.0 / 15.0));
-    assert!(m.clone().brief().calibration.is_empty() && m.brief().within_depth_error.is_some());
+    assert!(m.clone().brief().coverage.is_empty() && m.brief().within_depth_error.is_some());
 }
 
 #[test]

@@ -31,7 +31,7 @@ fn two_of_three_errors_are_within_the_expected_one() {
         let done = job::run(&request, &loaded, &mut |_| ControlFlow::Continue(())).unwrap();
         let m = done.report.metrics.unwrap();
         assert!(m.within_depth_error.is_some_and(|w| (0.45..0.9).contains(&w)), "{photons:?}: {m:?}");
-        let [least, .., most] = m.calibration[..] else { panic!("four quarters") };
+        let [least, .., most] = m.coverage[..] else { panic!("four quarters") };
         assert!(most[0] > 2.0 * least[0], "{m:?}");
     }
 }

@@ -19,7 +19,7 @@ pub use conditioning::{
     AutoGate, Background, Flip, Gate, Keep, Turn, auto_gate, light_gate, published_gate, recorded_gate,
 };
 #[doc(hidden)]
-pub use conditioning::{calibrate, gate, negative};
+pub use conditioning::{gate, negative};
 pub use data::{
     AxisOrder, Bounce, Capture, GainLaw, METRES_PER_PICOSECOND, PairKind, Product, Pulse, PulseTaps,
     Reflectance, Summary, Way,

@@ -6,7 +6,6 @@
 
 mod axis;
 pub mod benchmark;
-pub mod calibration;
 pub mod depth_difference;
 pub mod depth_error;
 pub mod exr;

@@ -4,7 +4,6 @@
 //! capture whose counts are still in its file, so that only the pairs and bins that are kept have to be read.
 
 pub(crate) mod background;
-pub mod calibrate;
 pub(crate) mod choose;
 mod clipped;
 mod faults;
@@ -155,7 +154,7 @@ const fn step_of_counts(
     ConditioningStep { name, counts: true, run }
 }
 
-/// The steps of a capture that is read, converted or calibrated: counts and points stay as recorded.
+/// The steps of a capture that is read or converted: counts and points stay as recorded.
 pub const AS_RECORDED: &[ConditioningStep] = &[
     step("speed", timed),
     step("turn", turned),

@@ -279,7 +279,7 @@ mod tests {
             (grid(3, 0.0), grid(3, 0.0), false),
         ] {
             let mut pairs = shuffled(&lasers, &sensors);
-            // Points as from a calibration: no two are equal bit for bit.
+            // Points as measured: no two are equal bit for bit.
             for (k, (l, s)) in pairs.iter_mut().enumerate() {
                 l.x += 1e-9 * (k % 13) as f64;
                 s.y -= 1e-9 * (k % 7) as f64;

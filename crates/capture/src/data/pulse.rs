@@ -2,7 +2,7 @@
 //!
 //! Laser pulse, detector jitter and electronics together spread every path over several bins. If the pulse is known, it
 //! is part of the model of light transport. If it is not, it appears as shape of the scene. Time zero of a pulse is
-//! where a calibration puts the path; for a Gaussian it is the centre.
+//! the path itself; for a Gaussian it is the centre.
 
 use crate::error::{Error, Result};
 

@@ -3,7 +3,6 @@
 mod advice;
 mod batch;
 mod benchmark;
-mod calibrate;
 mod compiled;
 mod convert;
 mod demo;
@@ -94,8 +93,6 @@ enum Verb {
     Histogram(Box<histogram::HistogramArgs>),
     /// Convert a capture of any known format to npz, y-tal HDF5 or Stanford MATLAB; sum or thin it on request.
     Convert(convert::ConvertArgs),
-    /// Find the shift of time zero from a capture of one small target, and write a corrected capture.
-    Calibrate(calibrate::CalibrateArgs),
     /// Show where the time of a reconstruction goes: kernels and their limits on the device, idle time, a timeline.
     Profile(Box<profile::ProfileArgs>),
     /// Print what a reconstruction would run, dispatch by dispatch: sizes, buffers read -> buffers written.
@@ -159,7 +156,6 @@ fn run() -> Result<ExitCode> {
         Verb::Evaluate(args) => evaluate::run(&args),
         Verb::Histogram(args) => histogram::run(&args),
         Verb::Convert(args) => convert::run(&args),
-        Verb::Calibrate(args) => calibrate::run(&args),
         Verb::Profile(args) => profile::run(&args),
         Verb::Schedule(args) => schedule::run(&args),
         Verb::Devices(args) => devices::run(&args),

@@ -92,7 +92,7 @@ pub fn metrics(m: &Metrics) -> String {
         _ => String::new(),
     };
     let quarter = |[depth_error, within]: &[f64; 2]| format!("{within:.2} at {}", mm(Some(*depth_error)));
-    let quarters: Vec<String> = m.calibration.iter().map(quarter).collect();
+    let quarters: Vec<String> = m.coverage.iter().map(quarter).collect();
     let reported = m.within_depth_error.map_or_else(String::new, |within| {
         let quarters = if quarters.is_empty() {
             String::new()

@@ -464,7 +464,6 @@ fn help_and_version_are_there() {
         "benchmark",
         "histogram",
         "convert",
-        "calibrate",
         "profile",
         "schedule",
         "devices",

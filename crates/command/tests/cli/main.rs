@@ -3,7 +3,6 @@
 mod batch;
 mod benchmark;
 mod browser;
-mod calibrate;
 mod commands;
 mod device_at;
 mod examples;

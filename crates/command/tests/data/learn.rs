@@ -70,5 +70,5 @@ pub fn two_steps_train_what_the_engine_reads(python: &Path) {
     let on = [&*scenes, "--out", &head, "--from", &weights, "--head", "--steps", "1"];
     learn("train.py", &[&on[..], &few[..4]].concat());
     let measured = learn("evaluate.py", &[&at("head/weights.safetensors"), &scenes]);
-    assert!(measured.contains("100001") && measured.contains("calibration"), "{measured}");
+    assert!(measured.contains("100001") && measured.contains("reliability"), "{measured}");
 }

@@ -46,7 +46,6 @@ fn main() -> ExitCode {
         real::normals_of_a_captured_wall_agree_with_its_own,
         real::real_captures_go_from_any_form_to_any,
         real::real_captures_raise_no_false_warning,
-        real::captures_of_scenes_tell_no_time_zero,
         real::trials_tell_how_captured_things_reflect,
     ]);
     let scientific = with("h5py, matplotlib, numpy, OpenEXR, scipy");
@@ -63,7 +62,12 @@ fn main() -> ExitCode {
         files_of_scipy(&python),
         scipy::files_of_scipy_are_read_or_named
     ]);
-    all.extend(trials!["needs Python with numpy", with("numpy"), recipes::printed_recipes_make_captures]);
+    all.extend(trials![
+        "needs Python with numpy",
+        with("numpy"),
+        recipes::printed_recipes_make_captures,
+        recipes::the_recipe_of_the_page_finds_time_zero
+    ]);
     all.extend(trials!["needs Python with Ray", with("ray"), batch::ray_shares_a_list]);
     all.extend(trials![
         "needs Python with the packages of learn/requirements.txt",

@@ -2,10 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use fixtures::captures::{angles, assert_error, assert_no_target, changed, place, total};
+use fixtures::captures::{angles, changed, place, total};
 use fixtures::command::succeed;
-use thirdbounce::Kind;
-use thirdbounce::capture::calibrate::time_zero;
 use thirdbounce::capture::{Capture, ReadOptions, auto_gate, read, read_given, recorded_gate, write};
 use thirdbounce::export::npz;
 use thirdbounce::job;
@@ -166,24 +164,6 @@ pub fn real_captures_raise_no_false_warning(data: &Path) {
     let [x0, x1, ..] = c.wall_extent();
     c.set_wall(0.5 * (x1 - x0)).unwrap();
     assert!(c.warnings().join("").contains("half its width"));
-}
-
-/// No scene but a single small target tells time zero.
-pub fn captures_of_scenes_tell_no_time_zero(data: &Path) {
-    for name in [
-        "z_confocal_16",
-        "z_confocal_32",
-        "z_confocal_64",
-        "spheres_confocal_32",
-        "z_bumpwall_confocal_32",
-        "statue_confocal_64",
-        "su_confocal_64",
-        "z_captured_confocal_64",
-    ] {
-        assert_no_target(&read(&data.join(format!("{name}.npz"))).unwrap(), name);
-    }
-    let apart = read(&data.join("sim_U_nonconfocal_64.npz")).unwrap();
-    assert_error(time_zero(&apart, 40), Kind::Input, &["not a confocal scan"]);
 }
 
 /// The model that trials choose, of captures that reflect in a known way.

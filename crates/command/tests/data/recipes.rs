@@ -1,9 +1,11 @@
-//! The lines of Python that errors print make captures that are read.
+//! The lines of Python that errors print make captures that are read; those of a page find time zero.
 
 use std::path::Path;
 use std::process::Command;
 
-use thirdbounce::capture::read;
+use fixtures::captures::capture;
+use glam::dvec3;
+use thirdbounce::capture::{read, write};
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::Array;
 
@@ -70,5 +72,38 @@ pub fn printed_recipes_make_captures(python: &Path) {
         ];
         std::fs::write(at("tensor.npz"), npz_bytes(&arrays).unwrap()).unwrap();
         assert_eq!(made(python, &at("tensor.npz")), wanted, "{shape:?}");
+    }
+}
+
+/// The recipe of docs/data.md finds a known shift from a square of 3 cm, 0.5 m before a wall of 1 m.
+pub fn the_recipe_of_the_page_finds_time_zero(python: &Path) {
+    let page =
+        std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/data.md")).unwrap();
+    let section = page.split("## Time zero\n").nth(1).expect("the section");
+    let recipe =
+        section.split("```python\n").nth(1).and_then(|rest| rest.split("```").next()).expect("a recipe");
+    let mut c = capture([16, 16], 400, |_, _| 0.0);
+    (c.t_start, c.bin_width) = (0.0, 0.006);
+    for p in 0..256 {
+        let wall = dvec3((p / 16) as f64 / 15.0 - 0.5, (p % 16) as f64 / 15.0 - 0.5, 0.0);
+        (c.laser[p], c.sensor[p]) = (wall, wall);
+        for k in 0..36 {
+            let at = dvec3(0.085 + 0.006 * (k / 6) as f64, 0.035 + 0.006 * (k % 6) as f64, 0.5);
+            let (to, r) = (at - wall, at.distance(wall));
+            let bin = (2.0 * r / c.bin_width) as usize;
+            c.histograms[p * c.bins + bin] += ((to.z / r).powi(2) / r.powi(4)) as f32;
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    for bins in [-23.0, 0.0, 7.25] {
+        c.t_start = bins * c.bin_width;
+        write(&c, &folder.path().join("target.npz")).unwrap();
+        let run = Command::new(python).args(["-c", recipe]).current_dir(folder.path()).output();
+        let output = run.expect("Python runs");
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let corrected = read(&folder.path().join("corrected.npz")).unwrap();
+        let off = corrected.t_start / c.bin_width;
+        assert!(off.abs() < 1.0, "{bins} bins are found with {off} off");
+        assert!(corrected.histograms == c.histograms);
     }
 }

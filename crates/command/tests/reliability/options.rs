@@ -58,7 +58,6 @@ pub fn base(verb: &str) -> Vec<String> {
             )
         }
         "convert" => format!("{capture} {{}}/c.npz"),
-        "calibrate" => format!("{capture} --out {{}}/c.npz"),
         "profile" => format!("{capture} --lateral 8 --iterations 3 --quiet"),
         "devices" => String::new(),
         "help" => "info".into(),

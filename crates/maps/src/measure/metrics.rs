@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::maps::{Layer, Maps, Truth};
 use crate::measure::paper::{Mean, Sums};
-use crate::measure::{ErrorCalibration, PaperMeasure};
+use crate::measure::{ErrorCoverage, PaperMeasure};
 
 /// Mask fractions of `sweep`.
 pub const SWEEP: [f64; 14] = [0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8];
@@ -51,14 +51,14 @@ pub struct Metrics {
     /// errors of one method cover the whole surface, those of another its bright part.
     #[serde(default)]
     pub at_best: Option<AtBest>,
-    /// Share of the hit pixels whose depth error is within the expected error: 0.68 if calibrated. `None`, and absent
+    /// Share of the hit pixels whose depth error is within the expected error: 0.68 if errors are as expected. `None`, and absent
     /// from the JSON, without expected errors.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub within_depth_error: Option<f64>,
     /// The same by quarters of the hit pixels, from most to least certain: (median expected error, share within);
     /// absent from the JSON if empty.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub calibration: Vec<[f64; 2]>,
+    #[serde(default, rename = "calibration", skip_serializing_if = "Vec::is_empty")]
+    pub coverage: Vec<[f64; 2]>,
     /// Metrics of both layers, if the truth has two; else empty and absent from the JSON.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub layers: Vec<LayerMetrics>,
@@ -100,10 +100,10 @@ pub struct LayerMetrics {
 }
 
 impl Metrics {
-    /// The metrics without sweep and calibration, for one line of a trace.
+    /// The metrics without sweep and coverage, for one line of a trace.
     pub fn brief(mut self) -> Metrics {
         self.sweep.clear();
-        self.calibration.clear();
+        self.coverage.clear();
         self
     }
 }
@@ -172,8 +172,8 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: impl Into<Option<f64>>) -> 
         best_iou: best.map(|b| b[1]),
         best_fraction: best.map(|b| b[0]),
         at_best,
-        within_depth_error: errors.calibration.within(),
-        calibration: errors.calibration.quarters(),
+        within_depth_error: errors.coverage.within(),
+        coverage: errors.coverage.quarters(),
         layers: layers(maps, truth, &pixels, within),
         sweep,
     })
@@ -263,7 +263,7 @@ struct Errors {
     whole: Sums,
     angle: Mean,
     components: Mean,
-    calibration: ErrorCalibration,
+    coverage: ErrorCoverage,
 }
 
 /// Errors over these pixels.
@@ -277,7 +277,7 @@ fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) 
         let error = f64::from(maps.depth[found]) - real;
         all.hit.add(error);
         if let Some(depth_error) = &maps.depth_error {
-            all.calibration.add(f64::from(depth_error[found]), error);
+            all.coverage.add(f64::from(depth_error[found]), error);
         }
         let (n, m) = (maps.normal[found].map(f64::from), truth.normal[at].map(f64::from));
         if let Some(degrees) = angle_between(n, m) {

@@ -1,11 +1,11 @@
 //! Metrics of reconstructions against truth.
 
-pub mod calibration;
+pub mod coverage;
 mod median;
 pub mod metrics;
 pub mod paper;
 
-pub use calibration::ErrorCalibration;
+pub use coverage::ErrorCoverage;
 pub use median::median;
 pub use metrics::{AtBest, LayerMetrics, Metrics, metrics};
 pub use paper::PaperMeasure;

@@ -1,15 +1,15 @@
-//! Calibration of expected depth errors against actual errors.
+//! Coverage of expected depth errors: the share of actual errors within them.
 
-/// Share of errors within the expected error, if calibrated.
+/// Share of errors within the expected error, of errors with a normal distribution.
 pub const WITHIN: f64 = 0.68;
 
 /// Pairs of (expected, actual) depth error in metres.
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct ErrorCalibration {
+pub struct ErrorCoverage {
     pairs: Vec<[f64; 2]>,
 }
 
-impl ErrorCalibration {
+impl ErrorCoverage {
     /// Adds a pixel, unless a value is NaN.
     pub fn add(&mut self, depth_error: f64, error: f64) {
         if depth_error.is_finite() && error.is_finite() {
@@ -17,7 +17,7 @@ impl ErrorCalibration {
         }
     }
 
-    /// Share of the pixels whose error is within the expected error; `None` without pixels. [`WITHIN`] if calibrated.
+    /// Share of the pixels whose error is within the expected error; `None` without pixels. [`WITHIN`] of errors with a normal distribution.
     pub fn within(&self) -> Option<f64> {
         within(&self.pairs)
     }
@@ -47,7 +47,7 @@ mod tests {
 
     #[test]
     fn quarters_go_from_certain_to_uncertain() {
-        let mut all = ErrorCalibration::default();
+        let mut all = ErrorCoverage::default();
         assert_eq!((all.within(), all.quarters()), (None, vec![]));
         // Every group has ten pixels; of the k-th, k + 1 errors exceed the expected error.
         for i in (0..40).rev() {
