@@ -1,16 +1,18 @@
 //! A capture to maps in one call, and sessions for frames of one scan.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use crate::Result;
 use crate::capture::{Capture, conditioning};
+use crate::estimation::Job;
 use crate::gpu::Gpu;
 #[cfg(feature = "formats")]
 use crate::maps::Maps;
 use crate::maps::Truth;
 #[cfg(feature = "formats")]
 use crate::measure::Metrics;
-use crate::resolve::Job;
+use crate::program;
 use crate::session::{Session, SessionOptions};
 use crate::settings::{Calibrate, DevicePosition, Settings};
 use crate::simulate::{RenderOptions, Scene};
@@ -37,10 +39,9 @@ pub fn reconstruct_with(
 ) -> Result<Reconstruction> {
     capture.check()?;
     let capture = settings.with_instrument(capture)?;
-    let job = Job::resolve(settings, &capture, gpu, on_progress)?;
+    let job = Job { warnings: capture.warnings(), ..Job::of(settings, Cow::Borrowed(&capture)) };
     let mut watch = Watch { hear: on_progress, maps_every: None, maps_at: &[] };
-    let mut result = job.solve(gpu, &mut watch)?;
-    job.conclude(&mut result, [&capture.warnings(), &[]]);
+    let (job, mut result) = program::solve(gpu, job, &mut watch)?;
     result.notes = job.estimates.notes();
     Ok(result)
 }
@@ -87,7 +88,7 @@ pub fn session_with(
             .to_owned()
     });
     settings.device_at = Some(DevicePosition::None);
-    let job = Job::resolve(&settings, &frame, gpu, on_progress)?;
+    let job = program::resolve(gpu, Job::of(&settings, Cow::Borrowed(&frame)), on_progress)?;
     let notes = job.estimates.notes().into_iter().chain(warning).chain(unused).collect();
     Ok((Session::of(gpu, &frame, &job, options)?, notes))
 }

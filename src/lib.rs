@@ -114,7 +114,7 @@ pub mod estimation;
 #[doc(hidden)]
 pub mod job;
 #[doc(hidden)]
-pub mod resolve;
+pub mod program;
 #[doc(hidden)]
 pub mod session;
 #[doc(hidden)]

@@ -1,12 +1,14 @@
 //! What is wrong with a capture, by the pairs that no fit takes: a cause is right if a surface explains far more of them once it is
 //! undone. And the verdict on a result, which the cause, the residual and the network's expectation decide.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 
 use crate::Result;
 use crate::capture::Capture;
-use crate::estimation::{self, EstimateRequest, Estimates, Left, Shown};
+use crate::estimation::{self, Estimates, Job, Left, Shown};
 use crate::gpu::Gpu;
+use crate::settings::Calibrate;
 use crate::solve::Progress;
 use crate::{Grade, Verdict};
 
@@ -67,27 +69,28 @@ pub struct Diagnosis {
     pub calibrated: Option<Capture>,
 }
 
-/// Tries delays of lines and other scales on a capture whose `estimates` leave much of the held-out pairs. Delays are undone if it
-/// `calibrates`.
+/// Tries delays of lines and other scales on a capture whose estimates leave much of the held-out pairs. Delays are undone if the
+/// settings do not forbid it.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
 pub fn diagnose(
-    request: &EstimateRequest,
-    capture: &Capture,
-    estimates: &Estimates,
-    calibrates: bool,
+    job: &Job<'_>,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Diagnosis> {
+    let (capture, estimates) = (&*job.capture, &job.estimates);
+    let calibrates = job.settings.calibrate.unwrap_or_default() == Calibrate::Auto;
     let is_doubtful = match &estimates.shown {
         Some(shown) => shown.held.left().certain() > bands::DOUBTED,
         None => estimates.finds_none,
     };
-    let scale = if is_doubtful { scale::rescaled(request, capture, gpu) } else { None };
+    let scale = if is_doubtful { scale::rescaled(job, gpu) } else { None };
     let found = Diagnosis { scale, ..Diagnosis::default() };
     let Some(shown) = &estimates.shown else { return Ok(found) };
-    let mut trial = |capture: &Capture| estimation::shown(request, estimates, capture, gpu, hear);
+    let mut trial = |capture: &Capture| {
+        estimation::shown(&job.with_capture(Cow::Borrowed(capture)), estimates, gpu, hear)
+    };
     let Some((delays, after)) = lines::calibrate(shown, capture, &mut trial)? else {
         return Ok(found);
     };

@@ -1,12 +1,13 @@
 //! A wall size or a bin width that is wrong by a factor. Paths of points that are too far apart, or of bins that are too narrow, meet
 //! in no surface: a light-cone transform (O'Toole and others 2018) is sharp at the true scale alone.
 
+use std::borrow::Cow;
+
 use crate::Result;
 use crate::capture::Capture;
-use crate::estimation::EstimateRequest;
+use crate::estimation::Job;
 use crate::gpu::Gpu;
 use crate::maps::Maps;
-use crate::solve::Discretisation;
 
 /// Factors of the distances between points that are tried, and what each may come from: feet, a half, a double.
 const FACTORS: [(f64, &str); 3] = [
@@ -46,10 +47,10 @@ impl Rescaled {
 
 /// The scale at which a light-cone transform of a capture is clearly sharper than at its own; `None` if there is none, or the transform
 /// does not take the capture.
-pub fn rescaled(request: &EstimateRequest, capture: &Capture, gpu: &Gpu) -> Option<Rescaled> {
-    let own = sharpness(&image(request, capture, gpu, 1.0).ok()?)?;
+pub fn rescaled(job: &Job<'_>, gpu: &Gpu) -> Option<Rescaled> {
+    let own = sharpness(&image(job, gpu, 1.0).ok()?)?;
     let tried = FACTORS.into_iter().filter_map(|(factor, what)| {
-        let there = sharpness(&image(request, capture, gpu, factor).ok()?)?;
+        let there = sharpness(&image(job, gpu, factor).ok()?)?;
         Some(Rescaled { factor, what, sharper: there / own })
     });
     tried.filter(|scale| scale.sharper >= SHARPER).max_by(|a, b| a.sharper.total_cmp(&b.sharper))
@@ -65,11 +66,11 @@ fn sharpness(maps: &Maps) -> Option<f64> {
 }
 
 /// A light-cone transform of a capture whose points lie `factor` times as far apart. A box that is set is for points as they are.
-fn image(request: &EstimateRequest, capture: &Capture, gpu: &Gpu, factor: f64) -> Result<Maps> {
-    let scaled = capture.clone().with(|c| {
+fn image(job: &Job<'_>, gpu: &Gpu, factor: f64) -> Result<Maps> {
+    let scaled = Capture::clone(&job.capture).with(|c| {
         c.laser.iter_mut().chain(&mut c.sensor).for_each(|point| *point *= factor);
     });
-    let discretisation = Discretisation { volume: None, ..request.discretisation };
-    let request = EstimateRequest { discretisation, ..request.clone() };
-    request.closed_form(request.light_cone(&scaled, PIXELS).into(), &scaled, gpu)
+    let mut job = job.with_capture(Cow::Owned(scaled));
+    job.settings.volume = None;
+    job.closed_form(job.light_cone(PIXELS).into(), gpu)
 }

@@ -1,16 +1,21 @@
 //! The gain law of devices near the wall: whether the light of laser or detector weakens with the distance to the wall point.
 //! Quick trials of the first model, with and without the division by a law, are judged on the same held-out pairs.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
+use std::time::Instant;
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::{EstimateRequest, Estimates, Left, shown};
+use super::estimate::shown;
+use super::found::Estimates;
+use super::job::Job;
 use crate::Result;
 use crate::capture::{Capture, GainLaw, gain};
 use crate::gpu::Gpu;
 use crate::settings::DevicePosition;
+use crate::solve::surface::Left;
 use crate::solve::{Progress, SolverOptions};
 
 /// What held-out pairs say of a named device.
@@ -125,18 +130,33 @@ fn is_clear(divided: &Left, none: &Left, gains: &[f64]) -> bool {
     weighed(divided, 0).is_less(&weighed(none, -2)) && weighed(divided, 2).is_less(&weighed(none, 0))
 }
 
-/// Decides on the law of the devices that are `set`, else of those that the capture names. Returns what was found, and the capture that
-/// is divided by the law. `None` if no device is known.
+/// Decides on the law of the devices that are set, else of those that the capture names, and divides the capture by it.
 ///
 /// # Errors
 /// A position that is set and not in front of the wall; the device fails, or `hear` cancels.
-pub fn device(
-    request: &EstimateRequest,
-    capture: &Capture,
-    set: Option<DevicePosition>,
+pub fn divide<'c>(
+    job: Job<'c>,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Job<'c>> {
+    let (clock, has_light) = (Instant::now(), job.capture.histograms.iter().any(|v| *v > 0.0));
+    let found = if has_light { law(&job, gpu, hear)? } else { None };
+    let Some((found, divided)) = found else { return Ok(job) };
+    let mut job = match divided {
+        Some(divided) => job.again(Cow::Owned(divided)),
+        None => job,
+    };
+    (job.estimates.device, job.estimates.seconds) = (Some(found), clock.elapsed().as_secs_f64());
+    Ok(job)
+}
+
+/// The law, and the capture that is divided by it, if it is to be. `None` if no device is known.
+fn law(
+    job: &Job<'_>,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Option<(FoundDevice, Option<Capture>)>> {
+    let (capture, set) = (&*job.capture, job.settings.device_at);
     let named = match set {
         Some(DevicePosition::None) => return Ok(None),
         Some(DevicePosition::At(at)) => capture.clone().with(|c| c.devices = [Some(at); 2]),
@@ -165,10 +185,11 @@ pub fn device(
         });
         return Ok(Some((found, None)));
     }
-    let is_judged = matches!(request.solver, SolverOptions::Surface(_));
+    let is_judged = matches!(job.solver, SolverOptions::Surface(_));
     let chosen = if is_judged {
         let mut trial = |capture: &Capture| {
-            let shown = shown(request, &Estimates::default(), capture, gpu, hear)?;
+            let tried = job.with_capture(Cow::Borrowed(capture));
+            let shown = shown(&tried, &Estimates::default(), gpu, hear)?;
             Ok::<_, crate::Error>(shown.map(|shown| (shown.held.left(), shown.held.pairs)))
         };
         let none = trial(capture)?;

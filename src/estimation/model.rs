@@ -2,7 +2,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Left, Tried};
+use super::trial::Tried;
+use crate::solve::surface::Left;
 use crate::transport::Reflectance;
 
 /// The models that trials choose among; the first stands where there are no trials.

@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::Tried;
+use super::trial::Tried;
 use crate::Result;
 use crate::capture::{METRES_PER_PICOSECOND, Pulse};
 use crate::transport::Reflectance;

@@ -4,17 +4,28 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::constants::{ITERATIONS, ROUNDS};
+use super::pulse::Shape;
 use crate::capture::{Capture, Pulse};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::solve::Problem;
 use crate::solve::drive::{Driven, Watch};
-use crate::solve::surface::{self, Candidate, Fit, HeldOut, Judge, Rounds, Run, Starts, SurfaceOptions};
+use crate::solve::surface::{
+    self, Candidate, Fit, HeldOut, Judge, Left, Rounds, Run, Starts, SurfaceOptions,
+};
 use crate::transport::{Grid, Reflectance};
 use crate::{Kind, Result};
 
+/// A hypothesis, and the residual of its fit on the hold-out set.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Tried {
+    pub reflectance: Reflectance,
+    pub pulse: Shape,
+    pub left: Option<Left>,
+}
+
 /// Fits with one model of reflectance.
-pub struct Trial<'c> {
+pub(crate) struct Trial<'c> {
     gpu: Gpu,
     /// In the bins of the fits.
     capture: Arc<Cow<'c, Capture>>,
@@ -26,7 +37,7 @@ pub struct Trial<'c> {
 
 /// What a fit begins with.
 #[derive(Debug, Clone, Copy)]
-pub enum From<'l> {
+pub(crate) enum From<'l> {
     /// The network or the closed form.
     Start,
     /// Another fit, whose support stays, for a number of iterations.
@@ -51,7 +62,7 @@ impl From<'_> {
 
 /// A fit, judged on the pairs that are held out.
 #[derive(Debug, Clone)]
-pub struct Fitted {
+pub(crate) struct Fitted {
     /// The surface, with its judgement.
     pub surface: Candidate,
     /// The pairs that are held out, with their rendering.

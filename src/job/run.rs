@@ -9,7 +9,7 @@ use super::load::Loaded;
 use super::places::{PAGE, PREVIEW};
 use super::preview::Preview;
 use super::{Request, SolverOptions, reconstruct, report};
-use crate::estimation::EstimateRequest;
+use crate::estimation::Job;
 use crate::export;
 use crate::export::page::PageHistograms;
 use crate::export::report::Report;
@@ -75,13 +75,13 @@ pub fn run_on(
     open: impl FnOnce() -> Result<Gpu>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
-    let resolved = request.resolved(&loaded.capture);
+    let job = request.job(&loaded.capture);
     let truth = request.check()?;
     request.check_places()?;
     // Memory is checked before a device is needed.
-    resolved.grid(&loaded.capture)?;
+    job.grid()?;
     let gpu = open()?;
-    solve_checked(request, &resolved, loaded, &gpu, truth, hear)?.write(request)
+    solve_checked(request, job, loaded, &gpu, truth, hear)?.write(request)
 }
 
 /// Reconstructs a capture on a device that is open. Writes nothing but the preview, if the request asks for one.
@@ -95,26 +95,26 @@ pub fn solve(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
-    let resolved = request.resolved(&loaded.capture);
+    let job = request.job(&loaded.capture);
     let truth = request.check()?;
-    resolved.grid(&loaded.capture)?;
-    solve_checked(request, &resolved, loaded, gpu, truth, hear)
+    job.grid()?;
+    solve_checked(request, job, loaded, gpu, truth, hear)
 }
 
 fn solve_checked(
     request: &Request,
-    resolved: &EstimateRequest,
+    job: Job<'_>,
     loaded: &Loaded,
     gpu: &Gpu,
     truth: Option<Truth>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
     // A closed-form method is there as soon as a preview.
-    let preview = match request.preview && !resolved.solver.is_closed_form() {
-        true => Preview::begin(&request.out, resolved, &loaded.capture, gpu, hear)?,
+    let preview = match request.preview && !job.solver.is_closed_form() {
+        true => Preview::begin(&request.out, &job, gpu, hear)?,
         false => None,
     };
-    let done = reconstruct::solve(request, loaded, gpu, truth.as_ref(), preview.as_ref(), hear)?;
+    let done = reconstruct::solve(request, job, loaded, gpu, truth.as_ref(), preview.as_ref(), hear)?;
     let mut notes: Vec<String> = done.job.notes();
     notes.extend(notes_on(&done.job.solver, &done.result));
     let mut report = report::report_of(request, loaded, gpu, &done);

@@ -17,11 +17,11 @@ use std::time::{Duration, Instant};
 
 use crate::capture::{Capture, conditioning};
 use crate::diagnosis::{self, Diagnosis};
-use crate::estimation::Estimates;
+use crate::estimation::{Estimates, Job};
 use crate::gpu::Gpu;
-use crate::resolve::Job;
+use crate::settings::Settings;
 use crate::solve::surface;
-use crate::solve::{Bins, Discretisation, Plan, Prepared, Problem, Reconstruction, SolverOptions};
+use crate::solve::{Bins, Plan, Prepared, Problem, Reconstruction, SolverOptions};
 use crate::transport::Grid;
 use crate::{Error, Result, Verdict};
 
@@ -110,8 +110,7 @@ impl Session {
         if !scan.histograms.is_empty() {
             scan.check_counts(&scan.histograms)?;
         }
-        let how =
-            Discretisation { bins: options.sum.map_or(Bins::Auto, Bins::Sum), ..Discretisation::default() };
+        let how = Settings { bins: options.sum.map(Bins::Sum), ..Settings::default() };
         let (summed, sum) = how.summed(solver, Cow::Borrowed(scan))?;
         let grid = grid.map_or_else(|| how.grid(solver, &summed), Ok)?;
         options.feed.check()?;
@@ -165,15 +164,15 @@ impl Session {
     pub fn of(gpu: &Gpu, frame: &Capture, job: &Job<'_>, options: SessionOptions) -> Result<Session> {
         let options = SessionOptions {
             sum: Some(job.sum),
-            memory: job.memory,
-            mask_fraction: job.mask_fraction,
-            with_volume: options.with_volume || job.keep_volume,
+            memory: job.settings.memory,
+            mask_fraction: job.mask_fraction(),
+            with_volume: options.with_volume || job.settings.keep_volume == Some(true),
             ..options
         };
         // The session sums the bins of each frame itself.
         let mut scan = frame.clone();
         scan.pulse.clone_from(&job.capture.pulse);
-        Session::judged(gpu, &scan, Some(job.grid), &job.solver, options, job.verdict.clone())
+        Session::judged(gpu, &scan, Some(job.grid()?), &job.solver, options, job.verdict.clone())
     }
 
     /// The device.
@@ -318,8 +317,8 @@ impl Drop for Session {
 /// # Errors
 /// The scan gives no range of depths.
 pub fn default_grid(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {
-    let ready = Discretisation::default().ready(solver, Cow::Borrowed(scan))?;
-    Ok(ready.grid)
+    let (scan, _) = Settings::default().summed(solver, Cow::Borrowed(scan))?;
+    Settings::default().grid(solver, &scan)
 }
 
 /// The solver, prepared as the options say.

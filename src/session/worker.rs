@@ -17,7 +17,7 @@ use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::gpu::external::TimelinePoint;
 use crate::maps::Maps;
-use crate::resolve::with_warnings;
+use crate::program::with_warnings;
 use crate::solve::{Prepared, Progress, Reconstruction, Watch, conclude};
 use crate::{Error, Kind, Result, Verdict, panic_message};
 

@@ -9,7 +9,6 @@ mod adam;
 mod bins;
 pub mod closed_form;
 mod conditions;
-mod discretisation;
 pub(crate) mod drive;
 mod estimate;
 mod extent;
@@ -31,7 +30,6 @@ pub mod units;
 
 pub use bins::Bins;
 pub use conditions::{conclude, conclude_iterate};
-pub use discretisation::{Discretisation, Ready};
 pub use drive::{Doing, Progress, TracePoint, Watch};
 pub(crate) use estimate::enough_pairs;
 pub use estimate::{background, expected_noise, variance_per_count, variances};

@@ -49,7 +49,7 @@ fn reconstruct_returns_the_maps_of_the_command() {
     let loaded = job::load(&path, &settings).unwrap();
     assert_eq!(capture, loaded.capture);
     let request = Request::new(settings, folder.path().join("out"));
-    assert!(request.resolved(&capture).models.len() > 1, "fits choose the model");
+    assert!(request.job(&capture).models.len() > 1, "fits choose the model");
     let of_command = job::run(&request, &loaded, &mut |_| ControlFlow::Continue(())).unwrap();
     // No depth is no number, which does not equal itself: as text.
     let want = format!("{:?}", of_command.maps);

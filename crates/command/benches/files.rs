@@ -29,7 +29,7 @@ fn main() {
     let request = Request::new(settings.clone(), "");
     let loaded = timed("read", || job::load(capture, &settings).expect("a capture"));
     timed("plan", || {
-        planned::to_plan(&request.resolved(&loaded.capture), &loaded.capture).expect("a plan");
+        planned::to_plan(&request.job(&loaded.capture)).expect("a plan");
     });
     let Some(result) = given.get(1).map(Path::new) else { return };
     let maps = npz::read_maps(&result.join("maps.npz")).expect("maps");

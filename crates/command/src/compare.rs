@@ -179,7 +179,7 @@ fn preview_of(
 ) -> Result<Option<(f64, Metrics)>> {
     let start = Instant::now();
     // The solve itself reports errors, as without a comparison.
-    let first = || preview::first_maps(&request.resolved(&loaded.capture), &loaded.capture, gpu).ok();
+    let first = || preview::first_maps(&request.job(&loaded.capture), gpu).ok();
     let Some(mut maps) = request.preview.then(first).flatten() else { return Ok(None) };
     let seconds = start.elapsed().as_secs_f64();
     let mask = request.settings.mask_fraction;
@@ -331,14 +331,22 @@ impl Comparison {
         // A time limit needs samples.
         let step = Some(method.request.trace_step()).filter(|step| *step > 0 || method.limit.is_none());
         let request = &Request { trace_every: step.or(Some(10)), ..method.request.clone() };
-        let done =
-            reconstruct::solve_measured(request, loaded, gpu, Some(measure), None, &mut iterates, hear);
+        let done = reconstruct::solve_measured(
+            request,
+            request.job(&loaded.capture),
+            loaded,
+            gpu,
+            Some(measure),
+            None,
+            &mut iterates,
+            hear,
+        );
         let Iterates { limited, mut along, last, .. } = iterates;
         Ok(match (done, last) {
             (Err(e), Some(maps)) if limited && e.kind == Kind::Cancelled => {
                 let (seconds, metrics) =
                     along.last_key_value().map(|(_, found)| found.clone()).unwrap_or_default();
-                let solver = request.resolved(&loaded.capture).solver;
+                let solver = request.job(&loaded.capture).solver;
                 let runs_on = runs_on(&solver, gpu);
                 MeasuredRun { maps, metrics, along, seconds, limited, runs_on, report: None }
             }

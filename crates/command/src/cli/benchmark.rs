@@ -297,7 +297,7 @@ impl BenchmarkArgs {
         };
         for spec in specs {
             let method = method(spec)?;
-            match method.request.resolved(&loaded.capture).solver.takes(&loaded.capture) {
+            match method.request.job(&loaded.capture).solver.takes(&loaded.capture) {
                 Err(e) if spec.is_optional => {
                     comparison.left_out.push((method.name, e.what));
                 }

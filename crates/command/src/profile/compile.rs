@@ -14,7 +14,7 @@ use thirdbounce::gpu::{Gpu, GpuOptions, Kernel};
 use thirdbounce::job::{Request, places, plain, planned};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::solve::learned::schedule::LEARNED_KERNELS;
-use thirdbounce::solve::{Accumulation, Ready, SolverOptions};
+use thirdbounce::solve::{Accumulation, SolverOptions};
 
 /// The compiled kernels of a solve.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -95,10 +95,9 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
     }
     let gpu =
         Gpu::open(&GpuOptions { statistics: true, listings: listings.is_some(), ..request.gpu_options() })?;
-    let resolved = request.resolved(capture);
-    let Ready { capture, grid, .. } = planned::to_plan(&resolved, capture)?;
-    let solver = &resolved.solver;
-    let plan = solver.plan(&resolved.problem(&capture, grid), &gpu.abilities())?;
+    let job = planned::to_plan(&request.job(capture))?;
+    let solver = &job.solver;
+    let plan = solver.plan(&job.problem()?, &gpu.abilities())?;
     let mut kernels = vec![];
     let passes = plan.passes.iter().map(|pass| (pass.kernel, (pass.code)(&plan), pass.values(&plan)));
     let is_surface = matches!(solver, SolverOptions::Surface(_));

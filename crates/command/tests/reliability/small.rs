@@ -10,7 +10,6 @@ use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
 use thirdbounce::job::{self, Loaded, SolverOptions};
 use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
-use thirdbounce::solve::Discretisation;
 use thirdbounce::solve::{
     Accumulation, NoiseTerm, PaperOptions, Preset, Problem, Progress, Reconstruction, SurfaceOptions, Watch,
 };
@@ -117,7 +116,7 @@ pub fn solve(
         if cancel.is_some_and(|at| heard > at) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    let grid = Discretisation::default().grid(solver, capture)?;
+    let grid = Settings::default().grid(solver, capture)?;
     solver.solve(gpu, &Problem::new(capture, grid).and_volume(), &mut watch)
 }
 
