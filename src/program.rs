@@ -26,7 +26,7 @@ pub fn solve<'c>(gpu: &Gpu, job: Job<'c>, watch: &mut Watch<'_>) -> Result<(Job<
         (watch.hear)(&Progress { point, maps, ..progress.clone() })
     };
     let mut heard = Watch { hear: &mut hear, maps_every: watch.maps_every, maps_at: watch.maps_at };
-    let mut result = job.solver.solve(gpu, &job.problem()?, &mut heard)?;
+    let mut result = job.solver.solve_from(gpu, &job.problem()?, job.estimates.begun.as_ref(), &mut heard)?;
     result.solve_seconds += before;
     result.trace.iter_mut().for_each(|point| point.seconds += before);
     conclude(&job.capture, job.mask_fraction(), &mut result);

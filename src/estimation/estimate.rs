@@ -11,8 +11,8 @@ use super::pulse::{FoundPulse, Shape};
 use super::search::{Search, trial_of};
 use super::trial::From;
 use crate::gpu::Gpu;
-use crate::solve::surface::{Candidate, Starts};
-use crate::solve::{Begun, Progress, SolverOptions};
+use crate::solve::surface::{Begun, Candidate, Starts};
+use crate::solve::{Progress, SolverOptions};
 use crate::{Kind, Result};
 
 /// Estimates what the job leaves open, by short fits of parts of its capture, if that has light.

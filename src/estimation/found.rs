@@ -10,7 +10,8 @@ use super::trial::{Fitted, Trial};
 use crate::Result;
 use crate::capture::Pulse;
 use crate::solve::surface::HeldOut;
-use crate::solve::{Begun, SolverOptions};
+use crate::solve::SolverOptions;
+use crate::solve::surface::Begun;
 use crate::transport::Reflectance;
 
 /// Whether the instrument's impulse response is estimated.

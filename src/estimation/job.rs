@@ -233,8 +233,8 @@ impl<'c> Job<'c> {
     /// Those of [`Job::grid`].
     pub fn problem(&self) -> Result<Problem<'_>> {
         let Settings { memory, keep_volume, .. } = self.settings;
-        let (with_volume, begin) = (keep_volume == Some(true), self.estimates.begun.as_ref());
-        Ok(Problem { memory, with_volume, begin, ..Problem::new(&self.capture, self.grid()?) })
+        let with_volume = keep_volume == Some(true);
+        Ok(Problem { memory, with_volume, ..Problem::new(&self.capture, self.grid()?) })
     }
 
     /// Settings with the estimates in their places: they need no fits.

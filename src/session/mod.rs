@@ -333,7 +333,7 @@ fn prepared(
     let problem = Problem { memory, with_volume, ..Problem::new(scan, grid) };
     match solver {
         _ if options.follow.is_none() => solver.prepare(gpu, &problem),
-        SolverOptions::Surface(o) => surface::prepare_for_frames(gpu, &problem, o, options.follow),
+        SolverOptions::Surface(o) => surface::prepare(gpu, &problem, o, options.follow, None),
         _ => Err(Error::options(
             format!("frames of the solver {} do not follow each other", solver.name()),
             "use the surface solver, or leave `follow` out",

@@ -5,6 +5,7 @@ use std::ops::Range;
 use rayon::prelude::*;
 
 use crate::capture::Capture;
+use super::option::ENOUGH_PAIRS;
 use crate::transport::{LANES, Model};
 
 /// The weighted data term of photon noise alone. Below it a solver fits noise (discrepancy principle, Morozov 1966).
@@ -62,21 +63,18 @@ pub fn variances(capture: &Capture, background: f64) -> [f64; 2] {
     }
 }
 
-/// Pairs that an exact capture needs: more change its maps little (benches/NOTES.md).
-pub const LEAST_PAIRS: usize = 4096;
-
 /// Photons that pairs need at least.
 const LEAST_PHOTONS: f64 = 32_768.0;
 
 /// Most pairs that are needed.
 pub const MOST_PAIRS: usize = 1_000_000_000;
 
-/// Pairs of a capture that are enough for a solve: [`LEAST_PAIRS`], or more where photons are few. Light of the sum S
+/// Pairs of a capture that are enough for a solve: [`ENOUGH_PAIRS`], or more where photons are few. Light of the sum S
 /// and variance V counts as S² / V photons: the number of photons with the same signal-to-noise ratio. A capture may have fewer pairs.
 pub fn enough_pairs(capture: &Capture) -> usize {
-    let Ok(some) = capture.subset(LEAST_PAIRS.min(capture.pair_count()), 0) else { return LEAST_PAIRS };
+    let Ok(some) = capture.subset(ENOUGH_PAIRS.min(capture.pair_count()), 0) else { return ENOUGH_PAIRS };
     if some.histograms.is_empty() {
-        return LEAST_PAIRS;
+        return ENOUGH_PAIRS;
     }
     let background = background(&some);
     let [per_count, empty] = variances(&some, background);
@@ -85,7 +83,7 @@ pub fn enough_pairs(capture: &Capture) -> usize {
     let photons = light * light / (per_count * light + empty * some.bins as f64);
     // Without light it is no number.
     if photons > 0.0 {
-        ((LEAST_PHOTONS / photons) as usize).clamp(LEAST_PAIRS, MOST_PAIRS)
+        ((LEAST_PHOTONS / photons) as usize).clamp(ENOUGH_PAIRS, MOST_PAIRS)
     } else {
         MOST_PAIRS
     }

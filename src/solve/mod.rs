@@ -44,15 +44,6 @@ pub use plan::{
 };
 pub use prepared::Prepared;
 pub use result::{ImageNoise, Reconstruction, Sharpness};
-pub use solver::{Begun, Common, Problem, RunsOn, Solver};
-pub use solvers::{Method, SolverOptions, method, pixel_of, reflectance};
+pub use solver::{Common, Problem, RunsOn, Solver};
+pub use solvers::{Method, SolverOptions, method, pass_of, pixel_of, reflectance};
 pub use surface::{Begin, Follow, SurfaceOptions, SurfaceSettings};
-
-/// The passes of all solvers: those that they share, then one list for each.
-pub static PASSES: &[&[&Pass]] =
-    &[passes::ALL, paper::passes::ALL, closed_form::passes::ALL, surface::passes::ALL];
-
-/// The pass that schedules call by this name. Some names stand for one pass in each solver.
-pub fn pass_of(kernel: &str) -> Option<&'static Pass> {
-    PASSES.iter().copied().flatten().copied().find(|p| p.kernel.name() == kernel)
-}

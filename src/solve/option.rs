@@ -8,8 +8,7 @@ use std::fmt;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::estimate::LEAST_PAIRS;
-use super::{Accumulation, units};
+use super::units;
 use crate::advice::advice;
 use crate::capture::Capture;
 use crate::transport::{Binning, Gradient, Reflectance, Sampling};
@@ -34,6 +33,9 @@ impl Preset {
         }
     }
 }
+
+/// Pairs that an exact capture needs: more change its maps little (benches/NOTES.md).
+pub const ENOUGH_PAIRS: usize = 4096;
 
 /// The properties of a scene that defaults depend on.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -60,7 +62,7 @@ impl SceneTraits {
         reflectance: Reflectance::Cosine,
         unit: 1.0,
         wall: 1.0,
-        pairs: LEAST_PAIRS,
+        pairs: ENOUGH_PAIRS,
     };
 
     /// No surface is nearer than this by default, metres: a tenth of the wall, where the box of the network begins.
@@ -372,7 +374,7 @@ macro_rules! words {
     )* };
 }
 
-words!(Accumulation, Binning, Gradient, Reflectance, Sampling);
+words!(Binning, Gradient, Reflectance, Sampling);
 
 /// Declares a struct of options.
 ///
@@ -507,7 +509,7 @@ macro_rules! key_of {
     };
 }
 
-pub(super) use {given_as_is, key_of, options, words};
+pub(crate) use {given_as_is, key_of, options, words};
 
 /// The options that a caller sets, each or none.
 pub trait Given: Clone + Default + PartialEq + Serialize + DeserializeOwned {

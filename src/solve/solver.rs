@@ -1,14 +1,10 @@
 //! What every method can do that turns a capture into maps, and the problem that it is given.
 
-use std::sync::Arc;
-
-use super::learned::LearnedStart;
 use super::option::Options;
 use super::{Accumulation, Plan, Prepared, Reconstruction, TimedSchedule, Watch};
 use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::{Abilities, Gpu};
-use crate::maps::Maps;
 use crate::transport::{Grid, Reflectance};
 
 /// A method, as its options.
@@ -104,38 +100,12 @@ pub struct Problem<'c> {
     pub with_volume: bool,
     /// A closed form is to initialise a surface: photon noise is alike at all depths.
     pub is_start: bool,
-    /// What a surface begins with, if that is known; pairs are then held out of its fits.
-    pub begin: Option<&'c Begun>,
-}
-
-/// A surface that earlier fits of the same capture found, on coarse pixels.
-#[derive(Debug, Clone)]
-pub struct Begun {
-    /// Its layers.
-    pub layers: Vec<Maps>,
-    /// Those of its start.
-    pub closed: Vec<Maps>,
-    /// What the network sees, if that is the start.
-    pub seen: Option<Arc<LearnedStart>>,
-    /// A light-cone transform beside it: the brightest surface of every column.
-    pub light: Option<Maps>,
-    /// The length of the last steps, as a share of the longest ones.
-    pub step: f64,
-    /// It explains so little of the light that rounds of fits would not change that.
-    pub is_far: bool,
-}
-
-impl Begun {
-    /// A start without earlier fits.
-    pub(crate) fn of(closed: Vec<Maps>, seen: Option<Arc<LearnedStart>>) -> Begun {
-        Begun { layers: closed.clone(), closed, seen, light: None, step: 1.0, is_far: false }
-    }
 }
 
 impl<'c> Problem<'c> {
     /// The maps of a capture alone, without a budget.
     pub fn new(capture: &'c Capture, grid: Grid) -> Problem<'c> {
-        Problem { capture, grid, memory: None, with_volume: false, is_start: false, begin: None }
+        Problem { capture, grid, memory: None, with_volume: false, is_start: false }
     }
 
     /// The same, and the volume.

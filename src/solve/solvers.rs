@@ -10,9 +10,10 @@ use super::closed_form::{
 };
 use super::option::{Given, OptionValue, Row, SceneTraits, default_text};
 use super::{
-    Accumulation, Common, PaperOptions, PaperSettings, Plan, Problem, Solver, SurfaceOptions,
-    SurfaceSettings, default_volume, surface,
+    Accumulation, Common, PaperOptions, PaperSettings, Pass, Plan, Problem, Reconstruction, Solver,
+    SurfaceOptions, SurfaceSettings, Watch, closed_form, default_volume, paper, passes, surface,
 };
+use super::surface::Begun;
 use crate::capture::Capture;
 use crate::gpu::{Gpu, check};
 use crate::transport::{Reflectance, Volume};
@@ -280,6 +281,27 @@ impl SolverOptions {
         }
     }
 
+    /// Solves a problem, from the surface that earlier fits of it have `begun`, if the solver has one.
+    ///
+    /// # Errors
+    /// As [`Solver::solve`].
+    pub(crate) fn solve_from(
+        &self,
+        gpu: &Gpu,
+        problem: &Problem<'_>,
+        begun: Option<&Begun>,
+        watch: &mut Watch<'_>,
+    ) -> Result<Reconstruction> {
+        match self {
+            SolverOptions::Surface(options) if begun.is_some() => {
+                self.check()?;
+                problem.capture.check()?;
+                surface::prepare(gpu, problem, options, None, begun)?.solve(problem.capture, watch)
+            }
+            _ => self.solve(gpu, problem, watch),
+        }
+    }
+
     /// The plan of a solve on a device.
     ///
     /// # Errors
@@ -304,6 +326,15 @@ impl SolverOptions {
         }
         rows.into_iter().map(|row| (row, help_of(row))).collect()
     }
+}
+
+/// The passes of all solvers: those that they share, then one list for each.
+static PASSES: &[&[&Pass]] =
+    &[passes::ALL, paper::passes::ALL, closed_form::passes::ALL, surface::passes::ALL];
+
+/// The pass that schedules call by this name. Some names stand for one pass in each solver.
+pub fn pass_of(kernel: &str) -> Option<&'static Pass> {
+    PASSES.iter().copied().flatten().copied().find(|p| p.kernel.name() == kernel)
 }
 
 /// A bin is at most this share of the pulse's standard deviation. Timing loses about a hundredth of its precision to it:

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::solve::option::words;
 use crate::advice::advice;
 use crate::gpu::{Abilities, DeviceKind};
 use crate::transport::kernels::*;
@@ -29,6 +30,8 @@ pub enum Accumulation {
     /// Every histogram belongs to one invocation, no atomics.
     Owned,
 }
+
+words!(Accumulation);
 
 impl Accumulation {
     /// Whether values are added up in fixed point.

@@ -21,7 +21,7 @@ use super::drive::{Driven, Watch};
 use super::learned::{self, LearnedStart};
 use super::result::finish;
 use super::{
-    Begun, Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap,
+    Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap,
 };
 use crate::Result;
 use crate::capture::Capture;
@@ -55,7 +55,7 @@ pub(crate) use rounds::{Candidate, Rounds, grow};
 pub use schedule::{
     Judged, bonds, check, divide, extract, iteration, place, place_known, points, render, start as start_of,
 };
-pub(crate) use start::{Start, Starts};
+pub(crate) use start::{Begun, Start, Starts};
 pub use weights::{Placed, weights};
 
 /// Rounds of the support. Evidence: benches/NOTES.md, "Support by evidence".
@@ -140,21 +140,23 @@ impl Solver for SurfaceOptions {
     }
 
     fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
-        prepare_for_frames(gpu, problem, self, None)
+        prepare(gpu, problem, self, None, None)
     }
 }
 
-/// Prepares the solver for frames of one scan, which follow each other if `follow` says how.
+/// Prepares the solver for captures of one scan. They are frames that follow each other if `follow` says how. A surface that was `begun`
+/// by earlier fits of the capture is where it begins; pairs are then held out of its fits.
 ///
 /// # Errors
 /// Options, scan or device do not allow the solve.
-pub fn prepare_for_frames(
+pub(crate) fn prepare(
     gpu: &Gpu,
     problem: &Problem<'_>,
     options: &SurfaceOptions,
     follow: Option<Follow>,
+    begun: Option<&Begun>,
 ) -> Result<Box<dyn Prepared>> {
-    let Problem { capture, grid, memory, with_volume, begin, .. } = *problem;
+    let Problem { capture, grid, memory, with_volume, .. } = *problem;
     options.check()?;
     options.takes(capture)?;
     follow.map_or(Ok(()), |follow| follow.check(options))?;
@@ -166,7 +168,7 @@ pub fn prepare_for_frames(
     let narrow = first_grid.pitch.x / (SMALL_PIXEL * scan.bin_width);
     let sum = if coarse_iterations > 0 { ((narrow - 1e-6).ceil() as usize).clamp(1, scan.bins) } else { 1 };
     let first_scan = if sum > 1 { scan.binned(sum)?.outline() } else { scan.clone() };
-    let judge = if begin.is_some() { Judge::HeldOut } else { Judge::None };
+    let judge = if begun.is_some() { Judge::HeldOut } else { Judge::None };
     let coarse = match coarse_iterations {
         0 => None,
         most => {
@@ -176,7 +178,7 @@ pub fn prepare_for_frames(
     };
     let fine = Fit::new(gpu, &problem, options, [coarse_iterations, iterations], judge)?;
     let fits = |maps: &Maps| [maps.nx, maps.ny] == [first_grid.n[0], first_grid.n[1]];
-    let begun = begin.filter(|begin| begin.layers.iter().chain(&begin.closed).all(fits));
+    let begun = begun.filter(|begun| begun.layers.iter().chain(&begun.closed).all(fits));
     let made = PreparedSurface {
         coarse,
         fine,

@@ -335,6 +335,30 @@ fn depth_of_first_returns(capture: &Capture, with_background: bool) -> Option<f6
     percentile(&all, NEAREST).map(f64::from)
 }
 
+/// A surface that earlier fits of the same capture found, on coarse pixels.
+#[derive(Debug, Clone)]
+pub struct Begun {
+    /// Its layers.
+    pub layers: Vec<Maps>,
+    /// Those of its start.
+    pub closed: Vec<Maps>,
+    /// What the network sees, if that is the start.
+    pub seen: Option<Arc<LearnedStart>>,
+    /// A light-cone transform beside it: the brightest surface of every column.
+    pub light: Option<Maps>,
+    /// The length of the last steps, as a share of the longest ones.
+    pub step: f64,
+    /// It explains so little of the light that rounds of fits would not change that.
+    pub is_far: bool,
+}
+
+impl Begun {
+    /// A start without earlier fits.
+    pub fn of(closed: Vec<Maps>, seen: Option<Arc<LearnedStart>>) -> Begun {
+        Begun { layers: closed.clone(), closed, seen, light: None, step: 1.0, is_far: false }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use glam::{DVec3, dvec3};
