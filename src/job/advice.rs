@@ -6,8 +6,8 @@ use super::load::Loaded;
 use super::{Request, planned};
 use crate::advice::{Advice, Remedy, Setting, advice};
 use crate::capture::Gate;
-use crate::estimation::Job;
 use crate::gpu::Gpu;
+use crate::judge::Job;
 use crate::{Error, Kind};
 
 /// Replaces the advice of an error: if a job needs too much memory, the advice names options that would fit.

@@ -4,8 +4,8 @@ use std::borrow::Cow;
 
 use crate::Result;
 use crate::capture::Pulse;
-use crate::estimation::{FindPulse, Job};
-use crate::solve::default_volume;
+use crate::engine::default_volume;
+use crate::judge::{FindPulse, Job};
 
 /// Whether a run finds the pulse first, whatever the trials of the model show.
 pub fn finds_pulse(job: &Job<'_>) -> bool {

@@ -8,13 +8,13 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::places::PREVIEW;
-use crate::estimation::Job;
+use crate::closed_form::FbpOptions;
+use crate::engine::{Doing, Progress, Solver, TracePoint};
 use crate::export::png;
 use crate::files::atomic::create_dir;
 use crate::gpu::Gpu;
+use crate::judge::Job;
 use crate::maps::Maps;
-use crate::solve::closed_form::FbpOptions;
-use crate::solve::{Doing, Progress, Solver, TracePoint};
 use crate::{Error, Kind, Result};
 
 /// Pixels of the transform's maps on a side, at most.

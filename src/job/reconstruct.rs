@@ -6,14 +6,13 @@ use std::ops::ControlFlow;
 use super::load::Loaded;
 use super::preview::Preview;
 use super::{Request, advice};
-use crate::estimation::Job;
+use crate::engine::{Progress, Reconstruction, TracePoint, Watch};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
+use crate::judge::Job;
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
-use crate::program;
-use crate::solve::{Progress, Reconstruction, TracePoint, Watch};
-use crate::{Kind, Result};
+use crate::{Kind, Result, solve};
 
 /// The result of a solve, and its figures.
 pub struct Finished<'c> {
@@ -47,7 +46,7 @@ pub struct Iterates {
 /// cancel. `preview` shows the volume on its way.
 ///
 /// # Errors
-/// Those of [`crate::solve::Solver::solve`] and of [`metrics()`].
+/// Those of [`crate::engine::Solver::solve`] and of [`metrics()`].
 pub fn solve<'c>(
     request: &Request,
     job: Job<'c>,
@@ -111,7 +110,7 @@ pub fn solve_measured<'c>(
     if request.volume_file.is_some() {
         job.settings.keep_volume = Some(true);
     }
-    let done = program::solve(gpu, job, &mut watch);
+    let done = solve::solve(gpu, job, &mut watch);
     let (job, result) = match failed {
         Some(e) => return Err(e),
         None => done.map_err(advised)?,
@@ -158,7 +157,7 @@ impl Finished<'_> {
     pub fn trace(&self) -> Vec<TraceEntry> {
         let result = &self.result;
         let timed = result.trace.iter().any(|p| p.gpu_seconds > 0.0);
-        let entry = |p: &crate::solve::TracePoint| TraceEntry {
+        let entry = |p: &crate::engine::TracePoint| TraceEntry {
             iteration: p.iteration,
             seconds: p.seconds,
             gpu_seconds: timed.then_some(p.gpu_seconds),

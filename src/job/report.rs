@@ -6,9 +6,11 @@ use super::Request;
 use super::load::Loaded;
 use super::reconstruct::Finished;
 use crate::capture::{Gate, Pulse};
+use crate::engine::{Level, background};
 use crate::export::report;
 use crate::gpu::Gpu;
-use crate::solve::{Level, SolverOptions, background, surface};
+use crate::methods::SolverOptions;
+use crate::surface;
 use crate::transport::Grid;
 
 /// The report, without the time of the export.

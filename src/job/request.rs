@@ -4,13 +4,12 @@ use std::borrow::Cow;
 use std::path::PathBuf;
 
 use super::places;
-use crate::Result;
 use crate::capture::Capture;
-use crate::estimation::Job;
-use crate::export;
 use crate::gpu::{Faults, Gpu, GpuOptions};
+use crate::judge::Job;
 use crate::maps::Truth;
 use crate::settings::Settings;
+use crate::{Result, export};
 
 /// The reconstruction of a capture, and the places of its results. The capture is given separately.
 #[derive(Debug, Clone, Default, PartialEq)]

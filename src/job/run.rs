@@ -8,16 +8,16 @@ use std::time::Instant;
 use super::load::Loaded;
 use super::places::{PAGE, PREVIEW};
 use super::preview::Preview;
-use super::{Request, SolverOptions, reconstruct, report};
-use crate::estimation::Job;
-use crate::export;
+use super::{Request, reconstruct, report};
+use crate::engine::{Progress, Reconstruction, VolumeMap};
 use crate::export::page::PageHistograms;
 use crate::export::report::Report;
 use crate::files::staging::Staging;
 use crate::gpu::{Gpu, KernelTime};
+use crate::judge::Job;
 use crate::maps::{Maps, Truth};
-use crate::solve::{Progress, Reconstruction, VolumeMap};
-use crate::{Result, Verdict};
+use crate::methods::SolverOptions;
+use crate::{Result, Verdict, export};
 
 /// The result of a run.
 #[derive(Debug)]
@@ -55,7 +55,7 @@ pub struct Outcome {
 ///
 /// # Errors
 /// Before anything is computed: options out of range, a truth that cannot be read, or a place that cannot be written.
-/// Later: the errors of [`crate::solve::Solver::solve`], or a file that cannot be written. No report
+/// Later: the errors of [`crate::engine::Solver::solve`], or a file that cannot be written. No report
 /// is written then.
 pub fn run(
     request: &Request,
@@ -88,7 +88,7 @@ pub fn run_on(
 ///
 /// # Errors
 /// Options out of range, a truth that cannot be read, and the errors of
-/// [`crate::solve::Solver::solve`].
+/// [`crate::engine::Solver::solve`].
 pub fn solve(
     request: &Request,
     loaded: &Loaded,

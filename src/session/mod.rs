@@ -6,7 +6,7 @@
 //! up whenever a camera or a window keeps that thread busy. So [`Session::submit`] only copies the counts, and
 //! [`Session::poll`] only looks.
 //!
-//! One frame is solved at a time; [`Feed`] says what becomes of others meanwhile. With [`crate::solve::Follow`], a frame begins with the
+//! One frame is solved at a time; [`Feed`] says what becomes of others meanwhile. With [`crate::surface::Follow`], a frame begins with the
 //! solution of the one before. A session may move between threads. Several sessions may share a device, each with
 //! buffers and a thread of its own.
 
@@ -16,14 +16,13 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::capture::{Capture, conditioning};
-use crate::diagnosis::{self, Diagnosis};
-use crate::estimation::{Estimates, Job};
+use crate::engine::{Bins, Plan, Prepared, Problem, Reconstruction};
 use crate::gpu::Gpu;
+use crate::judge::{self, Diagnosis, Estimates, Job};
+use crate::methods::SolverOptions;
 use crate::settings::Settings;
-use crate::solve::surface;
-use crate::solve::{Bins, Plan, Prepared, Problem, Reconstruction, SolverOptions};
 use crate::transport::Grid;
-use crate::{Error, Result, Verdict};
+use crate::{Error, Result, Verdict, surface};
 
 mod external;
 mod feed;
@@ -91,7 +90,7 @@ impl Session {
         solver: &SolverOptions,
         options: SessionOptions,
     ) -> Result<Session> {
-        let verdict = diagnosis::verdict(&Estimates::default(), &Diagnosis::default());
+        let verdict = judge::verdict(&Estimates::default(), &Diagnosis::default());
         Session::judged(gpu, scan, grid, solver, options, Arc::new(verdict))
     }
 

@@ -14,11 +14,12 @@ use super::feed::{Feed, KeptCounts};
 use super::latency::{Latencies, Latency};
 use super::options::{FrameId, SessionOptions, too_long};
 use crate::capture::Capture;
+use crate::engine::{Prepared, Progress, Reconstruction, Watch};
 use crate::gpu::Gpu;
 use crate::gpu::external::TimelinePoint;
+use crate::judge::conclude;
 use crate::maps::Maps;
-use crate::program::with_warnings;
-use crate::solve::{Prepared, Progress, Reconstruction, Watch, conclude};
+use crate::solve::with_warnings;
 use crate::{Error, Kind, Result, Verdict, panic_message};
 
 /// How often a frame that waits for its counts looks whether it was cancelled.

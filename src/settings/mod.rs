@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::advice::advice;
 use crate::capture::{AxisOrder, Bounce, Capture, Flip, Gate};
-use crate::solve::option::{Range, Row};
-use crate::solve::{Bins, Method, Preset, SolverOptions, default_volume, method, units};
+use crate::engine::{Bins, default_volume};
+use crate::methods::{Method, SolverOptions, method};
+use crate::options::{Preset, Range, Row, units};
 use crate::transport::{Grid, Volume};
 use crate::{Error, Result};
 
@@ -229,7 +230,7 @@ impl Settings {
 
     /// The declaration of a setting, or of an option of the method.
     fn row(&self, key: &str) -> Option<&'static Row> {
-        let options = self.method.options(&crate::solve::SceneTraits::DEFAULT);
+        let options = self.method.options(&crate::options::SceneTraits::DEFAULT);
         let mut rows = options.rows().into_iter().chain(Settings::ROWS);
         rows.find(|row| row.key == key && row.range != Range::Internal)
     }
@@ -360,7 +361,7 @@ impl Settings {
     /// The first value out of its range.
     pub fn check(&self) -> Result<()> {
         crate::maps::Maps::check_mask_fraction(self.mask_fraction)?;
-        self.method.options(&crate::solve::SceneTraits::DEFAULT).check()
+        self.method.options(&crate::options::SceneTraits::DEFAULT).check()
     }
 }
 
@@ -460,9 +461,9 @@ mod tests {
             let settings = Settings::from_texts([("solver", *name)]).unwrap();
             assert_eq!(serde_json::to_value(&settings).unwrap()["solver"], *name);
             assert_eq!(settings.method.name(), *name);
-            let options = settings.method.options(&crate::solve::SceneTraits::DEFAULT);
+            let options = settings.method.options(&crate::options::SceneTraits::DEFAULT);
             assert_eq!(
-                Settings::from(options.clone()).method.options(&crate::solve::SceneTraits::DEFAULT),
+                Settings::from(options.clone()).method.options(&crate::options::SceneTraits::DEFAULT),
                 options
             );
             let own = |key: &str| Settings::ROWS.iter().any(|row| row.key == key);

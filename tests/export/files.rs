@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use fixtures::captures::{assert_error, place, ramp};
-use thirdbounce::Kind;
 use thirdbounce::export::volume::VolumeArrays;
-use thirdbounce::export::{self, foreign, npz, picture, ply, png as pictures, report, volume};
+use thirdbounce::export::{foreign, npz, picture, ply, png as pictures, report, volume};
 use thirdbounce::files::atomic;
 use thirdbounce::maps::{Layer, Maps, Truth};
 use thirdbounce::measure::Metrics;
+use thirdbounce::{Kind, export};
 
 /// 4 x 2 pixels; everything dark except (3, 1): the corner of largest x and y; and a dimmer (0, 0).
 fn maps() -> Maps {

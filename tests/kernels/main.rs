@@ -12,8 +12,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use fixtures::device::{assert_valid, gpu, host};
+use thirdbounce::engine::Accumulation;
 use thirdbounce::gpu::Gpu;
-use thirdbounce::solve::Accumulation;
 use thirdbounce::transport::kernels::KERNELS;
 use thirdbounce_kernels::{KERNELS as HOST, kernel_of};
 use thirdbounce_verify::{Compared, How, KernelCase, cases};

@@ -6,16 +6,17 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::benchmark::{Case, WHOLE, finish};
-use thirdbounce::export::benchmark::{self as pages, CurvePoint, SOLVE, SideResults, values_of};
-use thirdbounce::export::{self, foreign};
+use thirdbounce::engine::{Progress, RunsOn};
+use thirdbounce::export::benchmark::{CurvePoint, SOLVE, SideResults, values_of};
+use thirdbounce::export::{benchmark as pages, foreign};
 use thirdbounce::files::staging;
 use thirdbounce::gpu::Gpu;
-use thirdbounce::job::reconstruct::{self, Iterates, Measure};
-use thirdbounce::job::{Loaded, Request, SolverOptions, places, preview, report};
+use thirdbounce::job::reconstruct::{Iterates, Measure};
+use thirdbounce::job::{Loaded, Request, places, preview, reconstruct, report};
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::{Metrics, PaperMeasure, median, metrics};
-use thirdbounce::solve::{Progress, RunsOn};
-use thirdbounce::{Error, Kind, Result};
+use thirdbounce::methods::SolverOptions;
+use thirdbounce::{Error, Kind, Result, export};
 
 /// Files that a comparison writes into its folder, beside a folder for each method.
 const FILES: [&str; 2] = ["pictures.png", WHOLE];

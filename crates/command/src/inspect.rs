@@ -6,11 +6,13 @@ use serde::Serialize;
 
 use thirdbounce::advice::{Advice, advice};
 use thirdbounce::capture::Summary;
+use thirdbounce::engine::{Accumulation, TimedSchedule};
 use thirdbounce::gpu::{DeviceInfo, check};
 use thirdbounce::job::report::box_of;
-use thirdbounce::job::{self, Loaded, Request, SolverOptions, planned};
-use thirdbounce::solve::{Accumulation, Preset, TimedSchedule};
-use thirdbounce::{Error, Kind, Result};
+use thirdbounce::job::{Loaded, Request, planned};
+use thirdbounce::methods::SolverOptions;
+use thirdbounce::options::Preset;
+use thirdbounce::{Error, Kind, Result, job};
 
 /// A capture, the grid of its reconstruction, and the work and memory it would take.
 #[derive(Debug, Clone, Serialize)]

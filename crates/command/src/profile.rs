@@ -22,14 +22,13 @@ use serde::{Deserialize, Serialize};
 pub use compile::device_of;
 
 use crate::json::write_json;
-use thirdbounce::export::{self, report};
+use thirdbounce::engine::{Plan, Progress};
+use thirdbounce::export::report;
 use thirdbounce::gpu::{Gpu, HostSpan, Recording};
 use thirdbounce::job::report::settings;
 use thirdbounce::job::{Loaded, Request, places, reconstruct};
-use thirdbounce::program;
-use thirdbounce::solve::{Plan, Progress};
 use thirdbounce::transport::Grid;
-use thirdbounce::{Error, Result};
+use thirdbounce::{Error, Result, export, solve};
 
 pub use kernels::{Gaps, IterationProfile, KernelProfile};
 pub use limits::DeviceLimits;
@@ -128,7 +127,7 @@ pub fn profile(
     say(&format!("measuring the limits of {}", gpu.info.name));
     let limits = limits::measure(&gpu)?;
     // The fits of estimates are no part of the profile.
-    let job = program::resolve(&gpu, job, hear)?;
+    let job = solve::resolve(&gpu, job, hear)?;
     let (estimates, pulse) = (job.estimates.clone(), job.capture.pulse.clone());
     let request = Request { settings: job.settled(), ..request };
     let with_pulse = estimates.pulse.is_some().then(|| {

@@ -35,7 +35,8 @@ use std::process::ExitCode;
 
 use arguments::Arguments;
 use run::{Build, Run};
-use thirdbounce::export::benchmark::{self as results, Page, SideResults};
+use thirdbounce::export::benchmark as results;
+use thirdbounce::export::benchmark::{Page, SideResults};
 use thirdbounce::export::npz::read_truth;
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce_command::benchmark::cases::{self, Case, Files};

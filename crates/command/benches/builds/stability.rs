@@ -6,11 +6,12 @@ use std::path::Path;
 use fixtures::device::gpu;
 use fixtures::extreme::{Case, cases as extreme, passes};
 use glam::DVec3;
-use thirdbounce::capture::{self, Capture};
+use thirdbounce::capture;
+use thirdbounce::capture::Capture;
+use thirdbounce::engine::Accumulation;
 use thirdbounce::export::benchmark::Stability;
 use thirdbounce::maps::{Maps, percentile};
 use thirdbounce::simulate::{Placement, Reflectance, RenderOptions, Scene, simulate};
-use thirdbounce::solve::Accumulation;
 use thirdbounce::transport::{Geometry, Reflectance as Model};
 
 use super::run::{Build, Run};

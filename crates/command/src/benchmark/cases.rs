@@ -10,8 +10,8 @@ use glam::{DVec2, DVec3, dvec3};
 use super::agreement::agreed;
 use super::family;
 use crate::record::ResultRecord;
+use thirdbounce::capture::Pulse;
 use thirdbounce::capture::formats::set::Set;
-use thirdbounce::capture::{self, Pulse};
 use thirdbounce::export::benchmark as pages;
 use thirdbounce::export::npz::write_truth;
 use thirdbounce::files::staging::Staging;
@@ -21,7 +21,7 @@ use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{
     Dark, Layout, Mesh, Object, Reflectance, Scene, capsule, photon_noise, rectangle, sphere, torus,
 };
-use thirdbounce::{Error, Result};
+use thirdbounce::{Error, Result, capture};
 
 /// Groups of cases.
 pub const GROUPS: [&str; 8] =

@@ -5,14 +5,15 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
+use thirdbounce::engine::Progress;
 use thirdbounce::export::benchmark as pages;
 use thirdbounce::export::npz::write_maps;
-use thirdbounce::job::{self, Loaded, Request, SolverOptions};
+use thirdbounce::job::{Loaded, Request};
+use thirdbounce::learned::LearnedStart;
 use thirdbounce::measure::PaperMeasure;
+use thirdbounce::methods::{PaperOptions, SolverOptions};
 use thirdbounce::simulate::DEFAULT_RESOLUTION;
-use thirdbounce::solve::learned::LearnedStart;
-use thirdbounce::solve::{PaperOptions, Progress};
-use thirdbounce::{Capture, Error, Maps, Result};
+use thirdbounce::{Capture, Error, Maps, Result, job};
 
 use crate::benchmark::cases::{self, Files};
 use crate::benchmark::{Benchmark, Case, GROUPS, Mark, Sides, Source, benchmark, family, found_in, truth_of};

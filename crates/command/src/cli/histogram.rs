@@ -4,10 +4,10 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 use thirdbounce::capture::Turn;
-use thirdbounce::job::{self, Loaded, Request};
+use thirdbounce::job::{Loaded, Request};
+use thirdbounce::options::units::{length, number, path, time};
 use thirdbounce::settings::Settings;
-use thirdbounce::solve::units::{length, number, path, time};
-use thirdbounce::{Error, Result};
+use thirdbounce::{Error, Result, job};
 use thirdbounce_tags::{self as tags, Asked, Division, Histograms, Inputs, PileUp, Scan, Zero};
 
 use crate::histogram::{self, Histogramming};

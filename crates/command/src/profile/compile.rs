@@ -8,13 +8,14 @@ use serde::{Deserialize, Serialize};
 
 use thirdbounce::Result;
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::Accumulation;
 use thirdbounce::export::report;
 use thirdbounce::files::atomic;
 use thirdbounce::gpu::{Gpu, GpuOptions, Kernel};
 use thirdbounce::job::{Request, places, plain, planned};
+use thirdbounce::learned::schedule::LEARNED_KERNELS;
+use thirdbounce::methods::SolverOptions;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::learned::schedule::LEARNED_KERNELS;
-use thirdbounce::solve::{Accumulation, SolverOptions};
 
 /// The compiled kernels of a solve.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

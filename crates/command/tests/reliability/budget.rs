@@ -4,14 +4,15 @@
 use std::ops::ControlFlow;
 use std::process::Command;
 
+use thirdbounce::engine::{Accumulation, Plan, Problem};
 use thirdbounce::gpu::{
     Abilities, Accumulations, Buffer, BufferPlan, DeviceKind, Faults, Limits, Memory, Place, check,
 };
-use thirdbounce::job::{self, Request};
+use thirdbounce::job::Request;
+use thirdbounce::methods::SolverOptions;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{Accumulation, Plan, Problem, SolverOptions};
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume, Wall};
-use thirdbounce::{Error, Kind, Settings};
+use thirdbounce::{Error, Kind, Settings, job};
 
 use super::ledger::{Held, Row, clear, holds};
 use super::small::{files, loaded, open, surface};

@@ -5,16 +5,17 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use thirdbounce::capture::{self, Capture};
+use thirdbounce::capture::Capture;
+use thirdbounce::engine::{Accumulation, Problem, Progress, Reconstruction, Watch};
 use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
-use thirdbounce::job::{self, Loaded, SolverOptions};
+use thirdbounce::job::Loaded;
+use thirdbounce::methods::{NoiseTerm, PaperOptions, SolverOptions};
+use thirdbounce::options::Preset;
 use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
-use thirdbounce::solve::{
-    Accumulation, NoiseTerm, PaperOptions, Preset, Problem, Progress, Reconstruction, SurfaceOptions, Watch,
-};
+use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::Reflectance;
-use thirdbounce::{Result, export};
+use thirdbounce::{Result, capture, export, job};
 
 /// Files that many cases share.
 pub struct Files {
