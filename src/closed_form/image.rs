@@ -301,7 +301,7 @@ mod tests {
             let found = maps.normal[i].map(f64::from);
             assert!((dvec3(found[0], found[1], found[2]) - wanted).length() < 1e-3, "{found:?}");
         }
-        let empty = crate::closed_form::maps(
+        let empty = super::maps(
             &grid,
             &AlbedoVolume { albedo: vec![0.0; grid.voxels()], normal: None },
             0.1,

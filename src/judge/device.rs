@@ -1,22 +1,10 @@
 //! The gain law of devices near the wall: whether the light of laser or detector weakens with the distance to the wall point.
 //! Quick trials of the first model, with and without the division by a law, are judged on the same held-out pairs.
 
-use std::borrow::Cow;
-use std::ops::ControlFlow;
-use std::time::Instant;
-
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use super::estimate::shown;
-use super::found::Estimates;
-use super::job::Job;
-use crate::Result;
 use crate::capture::{Capture, GainLaw, gain};
-use crate::engine::Progress;
-use crate::gpu::Gpu;
-use crate::methods::SolverOptions;
-use crate::settings::DevicePosition;
 use crate::surface::Left;
 
 /// What held-out pairs say of a named device.
@@ -91,7 +79,7 @@ impl FoundDevice {
 }
 
 /// The laws that differ for this capture, with their divided captures.
-fn divided(capture: &Capture) -> Vec<(GainLaw, Capture)> {
+pub(super) fn divided(capture: &Capture) -> Vec<(GainLaw, Capture)> {
     let mut seen: Vec<Vec<f64>> = vec![];
     let mut all = vec![];
     for law in GainLaw::ALL {
@@ -105,7 +93,7 @@ fn divided(capture: &Capture) -> Vec<(GainLaw, Capture)> {
 }
 
 /// Least ratio of the largest gain to the least one: a law that changes less than this changes no maps.
-const LEAST_RATIO: f64 = 1.02;
+pub(super) const LEAST_RATIO: f64 = 1.02;
 
 fn is_even(gains: &[f64]) -> bool {
     let [least, most] =
@@ -114,7 +102,7 @@ fn is_even(gains: &[f64]) -> bool {
 }
 
 /// The law that leaves least: its index. Laws that come first are more usual and stay where the difference is chance.
-fn best(laws: &[Option<Left>]) -> Option<usize> {
+pub(super) fn best(laws: &[Option<Left>]) -> Option<usize> {
     let found = laws.iter().enumerate().filter_map(|(i, left)| Some((i, left.as_ref()?)));
     let (at, least) = found.min_by(|a, b| a.1.excess().total_cmp(&b.1.excess()))?;
     let is_alike = |left: &Option<Left>| left.as_ref().is_some_and(|left| !least.is_less(left));
@@ -123,106 +111,12 @@ fn best(laws: &[Option<Left>]) -> Option<usize> {
 
 /// Whether the division by these gains of the held-out pairs leaves less than none beyond chance, with the pairs weighed as in the
 /// divided counts, and as in the counts as they are: a division alone makes other pairs weigh most.
-fn is_clear(divided: &Left, none: &Left, gains: &[f64]) -> bool {
+pub(super) fn is_clear(divided: &Left, none: &Left, gains: &[f64]) -> bool {
     let weighed = |left: &Left, power: i32| Left {
         pairs: left.pairs.iter().zip(gains).map(|(pair, gain)| pair.map(|v| v * gain.powi(power))).collect(),
         noise: 0.0,
     };
     weighed(divided, 0).is_less(&weighed(none, -2)) && weighed(divided, 2).is_less(&weighed(none, 0))
-}
-
-/// Decides on the law of the devices that are set, else of those that the capture names, and divides the capture by it.
-///
-/// # Errors
-/// A position that is set and not in front of the wall; the device fails, or `hear` cancels.
-pub fn divide<'c>(
-    job: Job<'c>,
-    gpu: &Gpu,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Job<'c>> {
-    let (clock, has_light) = (Instant::now(), job.capture.histograms.iter().any(|v| *v > 0.0));
-    let found = if has_light { law(&job, gpu, hear)? } else { None };
-    let Some((found, divided)) = found else { return Ok(job) };
-    let mut job = match divided {
-        Some(divided) => job.again(Cow::Owned(divided)),
-        None => job,
-    };
-    (job.estimates.device, job.estimates.seconds) = (Some(found), clock.elapsed().as_secs_f64());
-    Ok(job)
-}
-
-/// The law, and the capture that is divided by it, if it is to be. `None` if no device is known.
-fn law(
-    job: &Job<'_>,
-    gpu: &Gpu,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Option<(FoundDevice, Option<Capture>)>> {
-    let (capture, set) = (&*job.capture, job.settings.device_at);
-    let named = match set {
-        Some(DevicePosition::None) => return Ok(None),
-        Some(DevicePosition::At(at)) => capture.clone().with(|c| c.devices = [Some(at); 2]),
-        None if capture.devices == [None; 2] => return Ok(None),
-        None => capture.clone(),
-    };
-    let is_set = set.is_some();
-    if is_set && named.gains(GainLaw::Laser).is_none() {
-        return Err(named.behind(GainLaw::Laser));
-    }
-    let mut laws = divided(&named);
-    let mut found = FoundDevice {
-        at: named.devices.map(|at| at.map(|at| at.to_array())),
-        is_set,
-        law: None,
-        left: vec![],
-        untried: None,
-        is_doubtful: false,
-    };
-    if laws.is_empty() {
-        let is_even = GainLaw::ALL.into_iter().any(|law| named.gains(law).is_some());
-        found.untried = Some(if is_even {
-            format!("its gains differ by less than {:.0} %", 100.0 * (LEAST_RATIO - 1.0))
-        } else {
-            "it is not in front of every wall point".into()
-        });
-        return Ok(Some((found, None)));
-    }
-    let is_judged = matches!(job.solver, SolverOptions::Surface(_));
-    let chosen = if is_judged {
-        let mut trial = |capture: &Capture| {
-            let tried = job.with_capture(Cow::Borrowed(capture));
-            let shown = shown(&tried, &Estimates::default(), gpu, hear)?;
-            Ok::<_, crate::Error>(shown.map(|shown| (shown.held.left(), shown.held.pairs)))
-        };
-        let none = trial(capture)?;
-        let left = laws.iter().map(|(_, divided)| trial(divided)).collect::<Result<Vec<_>>>()?;
-        let pairs = none.as_ref().map_or(vec![], |(_, pairs)| pairs.clone());
-        let [none, left] = [vec![none], left].map(|trials| {
-            trials.into_iter().map(|trial| trial.map(|(left, _)| left)).collect::<Vec<Option<Left>>>()
-        });
-        let names = std::iter::once("none").chain(laws.iter().map(|(law, _)| law.name()));
-        let figures = |left: &Left| [left.excess(), left.standard_error()];
-        let all = none.iter().chain(&left).map(|left| left.as_ref().map(figures));
-        found.left = names.map(String::from).zip(all).collect();
-        let at = best(&left);
-        // A surface is better than none.
-        let is_better = at.is_some_and(|at| {
-            let gains = named.gains(laws[at].0).unwrap_or_default();
-            let gains: Vec<f64> = pairs.iter().map(|pair| gains[*pair]).collect();
-            let both = none[0].as_ref().zip(left[at].as_ref());
-            both.is_none_or(|(none, left)| is_clear(left, none, &gains))
-        });
-        found.is_doubtful = is_set
-            && none[0].as_ref().is_some_and(|none| {
-                at.and_then(|at| left[at].as_ref()).is_none_or(|left| none.is_less(left))
-            });
-        if is_set { Some(at.unwrap_or(0)) } else { at.filter(|_| is_better) }
-    } else {
-        found.untried = Some("only the solver surface compares held-out pairs".into());
-        is_set.then_some(0)
-    };
-    let kept = chosen.map(|at| laws.swap_remove(at));
-    found.law = kept.as_ref().map(|(law, _)| law.name().into());
-    Ok(Some((found, kept.map(|(_, divided)| divided))))
 }
 
 #[cfg(test)]

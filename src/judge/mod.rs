@@ -5,6 +5,7 @@
 mod conclude;
 mod constants;
 mod device;
+mod divide;
 mod estimate;
 mod found;
 mod high_pass;
@@ -19,7 +20,8 @@ mod trial;
 mod verdict;
 
 pub use conclude::{conclude, conclude_iterate};
-pub use device::{FoundDevice, divide};
+pub use device::FoundDevice;
+pub use divide::divide;
 pub use estimate::{estimate, shown};
 pub use found::{EstimateSeconds, Estimates, FindPulse, FoundSurface, Origin, Shown};
 pub use high_pass::{FoundHighPass, usual_high_pass};

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::trial::Tried;
+use super::pulse::Tried;
 use crate::surface::Left;
 use crate::transport::Reflectance;
 

@@ -4,10 +4,18 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::trial::Tried;
 use crate::Result;
 use crate::capture::{METRES_PER_PICOSECOND, Pulse};
+use crate::surface::Left;
 use crate::transport::Reflectance;
+
+/// A hypothesis, and the residual of its fit on the hold-out set.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Tried {
+    pub reflectance: Reflectance,
+    pub pulse: Shape,
+    pub left: Option<Left>,
+}
 
 /// The result of the search.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]

@@ -4,22 +4,13 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::constants::{ITERATIONS, ROUNDS};
-use super::pulse::Shape;
 use crate::capture::{Capture, Pulse};
 use crate::engine::{Driven, Problem, Watch};
 use crate::gpu::Gpu;
 use crate::maps::Maps;
-use crate::surface::{Candidate, Fit, HeldOut, Judge, Left, Rounds, Run, Starts, SurfaceOptions};
+use crate::surface::{Candidate, Fit, HeldOut, Judge, Rounds, Run, Starts, SurfaceOptions};
 use crate::transport::{Grid, Reflectance};
 use crate::{Kind, Result, surface};
-
-/// A hypothesis, and the residual of its fit on the hold-out set.
-#[derive(Debug, Clone, PartialEq)]
-pub(crate) struct Tried {
-    pub reflectance: Reflectance,
-    pub pulse: Shape,
-    pub left: Option<Left>,
-}
 
 /// Fits with one model of reflectance.
 pub(crate) struct Trial<'c> {

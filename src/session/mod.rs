@@ -31,13 +31,13 @@ mod options;
 mod submit;
 mod worker;
 
-use external::Exchange;
+use external::{Exchange, maps_bytes};
 pub use external::{ExternalCounts, ExternalFrame, Format};
 pub use feed::Feed;
 pub use latency::Latency;
 pub use options::{FrameId, Hear, SessionOptions};
 pub use submit::Submitter;
-use worker::{Shared, Taken, Worker};
+use worker::{Shared, Taken, Worker, host_only};
 
 /// A solved frame.
 #[derive(Debug, Clone)]
@@ -221,8 +221,17 @@ impl Session {
     /// [`crate::Kind::Options`] if the session was not made for external frames, the buffers are too small, sums are fed, or the feed
     /// refuses another frame. Nothing changes then. What is wrong with the counts shows when the frame is taken.
     pub fn submit_external(&mut self, frame: ExternalFrame) -> Result<FrameId> {
-        frame.check(self)?;
+        if !self.external {
+            return Err(host_only());
+        }
+        frame.check(&self.gpu, self.size(), self.submitter.feed(), self.external_maps_bytes())?;
         self.shared.submit_external(frame)
+    }
+
+    /// Bytes of the maps of a frame in an external buffer: see [`ExternalFrame::maps`].
+    pub fn external_maps_bytes(&self) -> u64 {
+        let [nx, ny, _] = self.plan.levels.maps.n;
+        maps_bytes(nx * ny)
     }
 
     /// Whether no frame is being solved, and none waits. A result may be there.

@@ -429,12 +429,12 @@ impl Worker {
 
 /// The buffers of a session that takes external frames; others refuse such frames when they are submitted.
 fn external_only(exchange: &mut Option<Exchange>) -> Result<&mut Exchange> {
-    exchange.as_mut().ok_or_else(|| {
-        Error::options(
-            "this session takes counts from the host only",
-            "make it with `external` in its options",
-        )
-    })
+    exchange.as_mut().ok_or_else(host_only)
+}
+
+/// The error of an external frame for another session.
+pub(super) fn host_only() -> Error {
+    Error::options("this session takes counts from the host only", "make it with `external` in its options")
 }
 
 /// The error of a frame whose solve panicked.

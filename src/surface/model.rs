@@ -92,7 +92,7 @@ pub(super) fn take(capture: &Capture, options: &SurfaceOptions, rows: &Rows, mod
 mod tests {
     use super::*;
     use crate::engine::default_volume;
-    use crate::engine::tests::counts;
+    use crate::engine::noise::tests::counts;
 
     #[test]
     fn the_model_has_the_noise_in_its_own_units() {

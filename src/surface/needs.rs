@@ -53,7 +53,7 @@ impl Needs for OfFit<'_> {
     }
 
     fn passes(&self) -> Vec<&'static Pass> {
-        passes::ALL.to_vec()
+        [crate::engine::passes::ALL, passes::ALL].concat()
     }
 
     fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {

@@ -1,7 +1,7 @@
 //! The passes that only the surface has. It is rendered and compared by those that solvers share.
 
 use crate::advice::advice;
-use crate::engine::plan::pass::passes;
+use crate::engine::plan::whole::passes;
 use crate::engine::{Fault, Pass, Voxels};
 use crate::transport::kernels::*;
 

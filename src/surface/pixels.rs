@@ -82,7 +82,7 @@ impl Pixels {
 
 #[cfg(test)]
 mod tests {
-    use crate::surface::along_curve;
+    use super::along_curve;
 
     #[test]
     fn bits_of_both_numbers_take_turns() {

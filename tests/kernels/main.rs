@@ -52,7 +52,7 @@ fn kernels_compute_what_their_reference_computes() {
 
 #[test]
 fn kernels_of_the_host_compute_what_their_reference_computes() {
-    // Its network has code of its own (`src/solve/learned/tensor.rs`), and one way to add up.
+    // Its network has code of its own (`src/learned/tensor.rs`), and one way to add up.
     let others = [
         "learned_",
         "limit_",

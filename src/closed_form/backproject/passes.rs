@@ -1,7 +1,7 @@
 //! The passes of back-projections, and their schedule.
 
 use crate::engine::over_pairs::{groups, light, pair_chunks, work_of};
-use crate::engine::plan::pass::passes;
+use crate::engine::plan::whole::passes;
 use crate::engine::{Level, Pass, Plan, Voxels};
 use crate::gpu::{Buffer, Schedule};
 use crate::transport::cells;

@@ -3,10 +3,12 @@
 use std::collections::BTreeSet;
 
 use super::level::Level;
-use crate::engine::plan::Plan;
+use super::spots::{BETWEEN, SEEN, WALL};
+use super::whole::Plan;
 use crate::gpu::{Buffer, BufferPlan, Place};
-use crate::transport::BRICK_VOXELS;
 use crate::transport::kernels::*;
+use crate::transport::{BRICK_VOXELS, SpotTaps, cells};
+use glam::DVec3;
 
 /// Data of the host for the device.
 pub const UPLOAD: Buffer = Buffer::named("upload");
@@ -69,7 +71,7 @@ impl Plan {
     fn shared_buffers(&self, columns: u64) -> Vec<(Buffer, u64)> {
         let slots = self.domain.capacity as u64;
         let [cells, rendered] = [self.scene.pairs, self.finest().rendered.count]
-            .map(|pairs| crate::transport::cells(pairs, self.scene.bins) as u64);
+            .map(|pairs| cells(pairs, self.scene.bins) as u64);
         let sets = self.most_sets();
         let losses = cells.div_ceil(u64::from(WORKGROUP * RESIDUAL_BINS));
         let losses = if self.scene.high_pass { losses.max(self.scene.pairs as u64) } else { losses };
@@ -136,5 +138,27 @@ impl Plan {
     fn wall_bytes(&self, level: &Level) -> u64 {
         let own = self.measured(level);
         (own.scanned + own.others) as u64 * self.scene.bytes_of_point()
+    }
+}
+
+impl Plan {
+    /// Whether laser or sensor see more than points.
+    pub fn has_spots(&self) -> bool {
+        self.levels.spots.is_some()
+    }
+
+    /// The buffers that spots need.
+    pub(crate) fn spot_buffers(&self) -> Vec<(Buffer, u64)> {
+        let Some(spots) = &self.levels.spots else { return vec![] };
+        let cells = |pairs: usize| 4 * cells(pairs, self.scene.bins) as u64;
+        let stages = &spots.rendered.stages;
+        let inner = stages.iter().skip(1).map(SpotTaps::terms).max();
+        let words: usize = stages.iter().chain(&spots.back).map(SpotTaps::len_of_words).sum();
+        vec![
+            (buffer::SPOT_TAPS, words as u64 * 4),
+            (WALL, (spots.rendered.wall.words(DVec3::ZERO).len() * 16) as u64),
+            (SEEN, cells(self.scene.pairs.max(spots.rendered.wall.pairs()))),
+            (BETWEEN, inner.map_or(0, cells)),
+        ]
     }
 }

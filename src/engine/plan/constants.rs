@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::tuning::{Tuning, row_run};
-use crate::engine::plan::Plan;
+use super::whole::Plan;
 use crate::gpu::Constant;
 use crate::transport::kernels::constant;
 use crate::transport::{Binning, Geometry, Gradient};

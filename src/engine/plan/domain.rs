@@ -1,7 +1,6 @@
 //! Room for active voxels.
 
-use super::level::Level;
-use super::needs::{Demand, Needs};
+use super::demand::Demand;
 
 /// Room for active voxels or points.
 #[derive(Debug, Clone, PartialEq)]
@@ -15,9 +14,8 @@ pub struct DomainCapacity {
 }
 
 impl DomainCapacity {
-    /// The domain of a volume with these levels.
-    pub(crate) fn of(levels: &[Level], needs: &dyn Needs, demand: &Demand) -> DomainCapacity {
-        let [capacity, touched_capacity] = needs.capacities(levels);
+    /// The domain with this room for active and for touched voxels.
+    pub(crate) fn of([capacity, touched_capacity]: [usize; 2], demand: &Demand) -> DomainCapacity {
         let taps = demand.smooth.map_or(vec![], |[sigma, cut]| gaussian_weights(sigma, cut));
         DomainCapacity { capacity, touched_capacity, taps }
     }

@@ -1,7 +1,7 @@
 //! The levels of a solve: from a coarse grid to the finest.
 
+use super::demand::Demand;
 use super::level::{Level, LevelPairs};
-use super::needs::Demand;
 use super::spots::Spots;
 use crate::engine::plan::spots;
 use crate::gpu::Buffer;

@@ -1,221 +1,30 @@
 //! What a solve needs of the device: levels, passes, buffers. Made before anything is allocated.
-//!
-//! A plan is independent of solvers. A solver's options say what they need ([`Needs`]), and the plan adds what every solver has.
-
-use std::collections::BTreeMap;
-
-use crate::advice::advice;
-use crate::gpu::{Abilities, Buffer, BufferPlan, Constant};
-use crate::transport::kernels::{SceneData, buffer};
-use crate::transport::{Grid, Model, Rendered, cells};
-use crate::{Error, Result};
 
 mod buffers;
 mod constants;
+mod demand;
 mod divide;
 mod domain;
 mod left_out;
 mod level;
 mod levels;
-mod needs;
-pub(crate) mod pass;
 pub mod passes;
+mod saved;
 mod scene;
+mod sets;
 mod spots;
 mod tuning;
+pub(crate) mod whole;
 
 pub use buffers::{COLUMNS_HOST, MASK_HOST, RAW_HOST, RESIDUAL_HOST, UPLOAD};
+pub use demand::Demand;
 pub use divide::WorkDivision;
 pub use domain::{DomainCapacity, gaussian_weights};
-pub use left_out::{LeftOut, mebibytes};
+pub use left_out::LeftOut;
 pub use level::{Level, LevelPairs};
 pub use levels::{AMPLE, Levels};
-pub use needs::{Demand, Needs, OneLevel};
-pub use pass::{Fault, Pass, Voxels};
+pub use saved::mebibytes;
 pub use scene::ModelSizes;
 pub use spots::{BETWEEN, SEEN, Spots};
-use tuning::LONGEST_LOOP;
 pub use tuning::{Accumulation, Tuning};
-
-/// Levels, passes and buffers of one solve. Each part is made from those above it.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Plan {
-    /// What the solver asks for.
-    pub demand: Demand,
-    /// What the plan has of the model.
-    pub scene: ModelSizes,
-    /// Grids with their pairs, from coarse to fine.
-    pub levels: Levels,
-    /// Room for active voxels.
-    pub domain: DomainCapacity,
-    /// How the work is divided.
-    pub division: WorkDivision,
-    /// Values of the constants that passes share.
-    pub constants: BTreeMap<Constant, u32>,
-    /// The solver's own uniform blocks, with their content.
-    pub blocks: Vec<(Buffer, Vec<u8>)>,
-    /// Passes in the order in which they are made.
-    pub passes: Vec<&'static Pass>,
-    /// The volume can be read back.
-    pub with_volume: bool,
-    /// Every buffer with size and place.
-    pub buffers: Vec<BufferPlan>,
-    /// What this scene does not need and what that saves, in words.
-    pub left_out: Vec<String>,
-}
-
-impl Plan {
-    /// Plans a solver for `model` on `grid`, whose lateral cells are the maps' pixels, for a device with these
-    /// abilities. With `with_volume` the volume can be read back.
-    ///
-    /// # Errors
-    /// The device does not offer the accumulation, or sizes exceed 32-bit indices.
-    pub fn new(
-        model: &Model,
-        grid: Grid,
-        scan: [usize; 2],
-        needs: &dyn Needs,
-        device: &Abilities,
-        with_volume: bool,
-    ) -> Result<Plan> {
-        let demand = needs.demand();
-        check_sizes(model, &grid)?;
-        let levels = Levels::of(model, grid, scan, &demand);
-        let domain = DomainCapacity::of(&levels.volume, needs, &demand);
-        let mut plan = Plan {
-            scene: ModelSizes::of(model, &grid, device.kind),
-            division: WorkDivision::of(model, &levels, &domain, &demand, device)?,
-            demand,
-            levels,
-            domain,
-            constants: BTreeMap::new(),
-            blocks: vec![],
-            passes: vec![],
-            with_volume,
-            buffers: vec![],
-            left_out: vec![],
-        };
-        plan.blocks = needs.blocks(&plan.levels.volume);
-        plan.constants = plan.shared_constants();
-        plan.constants.extend(needs.constants(&plan));
-        let shared = if plan.demand.renders { passes::ALL } else { &[] };
-        let all = shared.iter().copied().chain(needs.passes());
-        plan.passes = all.filter(|pass| (pass.when)(&plan)).collect();
-        plan.check_pairs(model)?;
-        plan.buffers = plan.list_buffers(needs.buffers(&plan), with_volume);
-        plan.left_out = plan.lines_of_left_out(needs);
-        Ok(plan)
-    }
-
-    /// What this scene does not need, in words.
-    fn lines_of_left_out(&self, needs: &dyn Needs) -> Vec<String> {
-        let mut left_out = LeftOut::default();
-        if self.demand.renders {
-            self.list_left_out(&mut left_out);
-        }
-        needs.left_out(self, &mut left_out);
-        left_out.lines
-    }
-
-    /// The passes with their modules and constants, for reports.
-    pub fn variants(&self) -> Vec<String> {
-        let name = |pass: &&'static Pass| {
-            let constants: Vec<_> = pass.values(self).iter().map(|(n, v)| format!("{n}={v}")).collect();
-            format!("{}: {} {}", pass.kernel, (pass.code)(self).name, constants.join(" "))
-                .trim_end()
-                .to_string()
-        };
-        self.passes.iter().map(name).collect()
-    }
-
-    /// Cells of the histograms that `level` uses, with their padding.
-    pub fn cells_at(&self, level: &Level) -> usize {
-        cells(level.pairs, self.scene.bins)
-    }
-
-    /// The measured pairs of a level.
-    pub fn measured(&self, level: &Level) -> LevelPairs {
-        let count = level.pairs;
-        let [scanned, others] = self.scene.geometry.counts(count, self.scene.scanned, self.scene.others);
-        LevelPairs { count, scanned, others, wall: level.wall, scene: level.scene }
-    }
-
-    /// The constants of a level for some pairs; `whole` are those of the model.
-    pub(crate) fn scene_of(&self, pairs: &LevelPairs, whole: SceneData) -> SceneData {
-        let [capacity, touched_capacity] =
-            [self.domain.capacity, self.domain.touched_capacity].map(|v| v as u32);
-        let [count, scanned, others] = [pairs.count, pairs.scanned, pairs.others].map(|v| v as u32);
-        SceneData { capacity, touched_capacity, pairs: count, scanned, others, ..whole }
-    }
-
-    /// The last level of the volume.
-    pub fn finest(&self) -> &Level {
-        self.levels.volume.last().expect("a plan has a level")
-    }
-
-    /// The buffer that gradients gather from.
-    pub fn residual(&self) -> Buffer {
-        match self.scene.pulse {
-            _ if self.has_spots() => SEEN,
-            0 => buffer::RESIDUAL,
-            _ => buffer::SPREAD,
-        }
-    }
-
-    /// Whether rendered values are added up in fixed point.
-    pub fn fixed_point(&self) -> bool {
-        self.division.accumulation.is_fixed()
-    }
-
-    /// Whether the forward kernel's private columns would be too narrow at `level`.
-    pub fn forward_direct(&self, level: &Level) -> bool {
-        // A path changes by no more than twice what the voxel moves.
-        let span = 16.0 * level.grid.pitch.length() / self.scene.bin_width;
-        span > f64::from(self.division.tuning.window_span)
-    }
-
-    /// The pairs that iteration `at` of the surface takes, if it does not take all.
-    pub(crate) fn batch(&self, at: usize) -> Option<&Level> {
-        let all = &self.levels.batches;
-        all.get(at % all.len().max(1))
-    }
-
-    /// Stretches of pairs that have buffers of their own: batches, and pairs that are held out.
-    pub(crate) fn stretches(&self) -> impl Iterator<Item = &Level> {
-        self.levels.batches.iter().chain(&self.levels.held_out)
-    }
-
-    /// Bytes of a buffer; 0 if the plan does not have it.
-    pub fn bytes_of(&self, buffer: Buffer) -> u64 {
-        self.buffers.iter().find(|b| b.buffer == buffer).map_or(0, |b| b.bytes)
-    }
-
-    /// Bytes by buffer name.
-    pub fn bytes(&self) -> BTreeMap<String, u64> {
-        self.buffers.iter().map(|b| (b.buffer.to_string(), b.bytes)).collect()
-    }
-}
-
-/// Checks sizes against the limits of kernels, but those of pairs ([`Plan::check_pairs`]).
-///
-/// # Errors
-/// Sizes beyond what kernels index or loop over.
-fn check_sizes(model: &Model, grid: &Grid) -> Result<()> {
-    let longest = model.rendered.iter().flat_map(Rendered::all).map(|taps| taps.longest()).max().unwrap_or(0);
-    if longest > LONGEST_LOOP {
-        return Err(Error::memory(
-            format!("a spot covers {longest} pairs: at most {LONGEST_LOOP} are supported"),
-            advice!["use a larger " Stride],
-        ));
-    }
-    // Kernels walk the depth of a column and the bins of a histogram in one loop each.
-    for (what, count, hint) in [
-        ("voxels deep", grid.n[2], &advice!["use a larger " DepthPitch " or a narrower " Gate][..]),
-        ("bins long", model.bins, &advice!["use a narrower " Gate ", or add bins up before"]),
-    ] {
-        if count > LONGEST_LOOP {
-            return Err(Error::memory(format!("{count} {what}: at most {LONGEST_LOOP} are supported"), hint));
-        }
-    }
-    Ok(())
-}
+pub use whole::{Fault, Needs, OneLevel, Pass, Plan, Voxels};

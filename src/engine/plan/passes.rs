@@ -1,9 +1,9 @@
 //! The passes that solvers share: rendering, comparing.
 
-use super::pass::{Fault, Pass, Voxels, passes};
 use super::tuning::Accumulation;
+use super::whole::Plan;
+use super::whole::{Fault, Pass, Voxels, passes};
 use crate::advice::advice;
-use crate::engine::plan::Plan;
 use crate::gpu::KernelCode;
 use crate::transport::Geometry;
 use crate::transport::kernels::*;

@@ -1,15 +1,11 @@
 //! The pairs that light is rendered for where laser and sensor see more than points.
 
-use glam::DVec3;
-
 use super::level::{Level, LevelPairs};
-use crate::engine::plan::Plan;
 use crate::gpu::Buffer;
-use crate::transport::kernels::buffer;
 use crate::transport::{Model, Rendered, SpotTaps};
 
 /// Points that cover the spots of a level's pairs.
-const WALL: Buffer = Buffer::named("rendered_wall");
+pub(crate) const WALL: Buffer = Buffer::named("rendered_wall");
 /// Constants of a level with the numbers of rendered pairs.
 const SCENE: Buffer = Buffer::named("rendered_scene");
 /// Histograms on either side of the spot: sums of rendered ones, then residuals of rendered pairs.
@@ -48,26 +44,4 @@ pub(crate) fn cover(model: &Model, levels: &mut [Level]) -> Option<Spots> {
         level.rendered = LevelPairs { count, scanned, others, wall: WALL, scene: SCENE.at(i) };
     }
     Some(Spots { back: rendered.back(), rendered })
-}
-
-impl Plan {
-    /// Whether laser or sensor see more than points.
-    pub fn has_spots(&self) -> bool {
-        self.levels.spots.is_some()
-    }
-
-    /// The buffers that spots need.
-    pub(crate) fn spot_buffers(&self) -> Vec<(Buffer, u64)> {
-        let Some(spots) = &self.levels.spots else { return vec![] };
-        let cells = |pairs: usize| 4 * crate::transport::cells(pairs, self.scene.bins) as u64;
-        let stages = &spots.rendered.stages;
-        let inner = stages.iter().skip(1).map(SpotTaps::terms).max();
-        let words: usize = stages.iter().chain(&spots.back).map(SpotTaps::len_of_words).sum();
-        vec![
-            (buffer::SPOT_TAPS, words as u64 * 4),
-            (WALL, (spots.rendered.wall.words(DVec3::ZERO).len() * 16) as u64),
-            (SEEN, cells(self.scene.pairs.max(spots.rendered.wall.pairs()))),
-            (BETWEEN, inner.map_or(0, cells)),
-        ]
-    }
 }

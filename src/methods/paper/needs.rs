@@ -96,7 +96,7 @@ impl Needs for PaperOptions {
     }
 
     fn passes(&self) -> Vec<&'static Pass> {
-        passes::ALL.to_vec()
+        [crate::engine::passes::ALL, passes::ALL].concat()
     }
 
     fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {

@@ -1,7 +1,7 @@
 //! The passes that only the paper's solver has.
 
 use crate::advice::advice;
-use crate::engine::plan::pass::passes;
+use crate::engine::plan::whole::passes;
 use crate::engine::{Fault, Pass, Voxels};
 use crate::transport::kernels::*;
 
