@@ -10,7 +10,7 @@ use thirdbounce::files::{array::Array, atomic};
 use thirdbounce::solve::learned::{self, BANDS, DEEP, SIDE};
 use thirdbounce::{Error, Kind, Result, Settings, capture, export, job};
 
-use crate::benchmark::family::{FamilyCase, kind};
+use crate::family::{FamilyCase, kind};
 use crate::json::write_json;
 
 /// How scenes are rendered and measured.

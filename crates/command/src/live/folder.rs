@@ -6,7 +6,7 @@ use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
 use super::stream::{Arrived, FrameCounts, begin as begin_thread};
-use crate::benchmark::cases::{is_capture, is_capture_file, paths_in, stem};
+use crate::found::{is_capture, is_capture_file, paths_in, stem};
 use thirdbounce::capture::formats::variables::Variables;
 use thirdbounce::capture::formats::{Opened, ReadOptions};
 use thirdbounce::capture::{self, Capture};
