@@ -11,7 +11,7 @@ setup:
 export THIRDBOUNCE_COMMIT := $(shell git rev-parse --short HEAD 2>/dev/null)
 
 # The features of the command that packages and `make test-all` have: `make build` leaves them out.
-FEATURES := --features thirdbounce-command/live,thirdbounce-command/tags
+FEATURES := --features thirdbounce-command/hdf5-filters,thirdbounce-command/live,thirdbounce-command/tags
 
 # What cargo built, here or in the folder of its variable.
 RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
@@ -20,8 +20,8 @@ build: setup
 	@[ -x $(RELEASE)/thirdbounce ] || echo "build: the first time takes about ten minutes on two cores"
 	cargo build --release --locked
 
-# Simulates a scene, reconstructs it, evaluates it against the truth and writes pictures to out/demo. Builds the command alone, with
-# the features of all packages: `make build` adds the others.
+# Simulates a scene, reconstructs it, evaluates it against the truth and writes pictures to out/demo. Builds the command alone;
+# `make build` takes it over.
 demo: setup
 	@[ -x $(RELEASE)/thirdbounce ] || echo "demo: building takes about eight minutes on two cores the first time"
 	cargo build --release --locked --bin thirdbounce

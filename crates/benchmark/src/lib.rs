@@ -9,6 +9,7 @@ pub mod compare;
 pub mod foreign;
 mod methods;
 pub mod pages;
+pub mod pinned;
 pub mod run;
 
 use std::process::ExitCode;
@@ -22,7 +23,7 @@ use arguments::BenchmarkArgs;
 /// Compare methods on captures and scenes, at several photon counts: error against run time, as one page. Skips what is done.
 #[derive(Parser)]
 #[command(name = "thirdbounce-benchmark", bin_name = "thirdbounce benchmark", version = version())]
-struct Cli {
+struct Program {
     #[command(flatten)]
     arguments: Box<BenchmarkArgs>,
     #[command(flatten)]
@@ -31,13 +32,13 @@ struct Cli {
 
 /// The command line.
 pub fn command() -> clap::Command {
-    settings::completed(Cli::command())
+    settings::completed(Program::command())
 }
 
 /// Runs the program.
 pub fn main() -> ExitCode {
-    program::run(command(), |cli: Cli| {
-        cli.host.begin()?;
-        arguments::run(&cli.arguments)
+    program::run(command(), |program: Program| {
+        program.host.begin()?;
+        arguments::run(&program.arguments)
     })
 }

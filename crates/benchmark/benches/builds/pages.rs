@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 use thirdbounce_benchmark::pages::{Page, Stability, figure, read_json, write_json};
+use thirdbounce_benchmark::pinned::Pinned;
 
 /// The stored benchmark.
 pub const STORED: &str = "benches/results/benchmark.json";
@@ -147,6 +148,10 @@ pub fn renew(file: &Path, stability: Vec<Stability>) -> Result<(), String> {
     }
     if page.stability.is_empty() {
         page.stability = read_json::<Page>(&stored).map_or(vec![], |page| page.stability);
+    }
+    // Tables that are stored already keep their build.
+    if page.pinned.is_none() {
+        page.pinned = Some(Pinned::solved().map_err(text)?);
     }
     // Folders of maps are not stored.
     page.cases.iter_mut().flat_map(|case| &mut case.sides).for_each(|side| side.folder.clear());

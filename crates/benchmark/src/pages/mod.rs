@@ -16,6 +16,8 @@ use thirdbounce::files::atomic;
 use thirdbounce::measure::Metrics;
 use thirdbounce::{Error, Result};
 
+use crate::pinned::Pinned;
+
 pub use curve::{Curve, CurvePoint, METRICS, Metric, WORST, Wins, curves, figure, hull, wins};
 pub use quantities::*;
 
@@ -33,6 +35,9 @@ pub struct Page {
     /// Stiff and extreme cases; empty unless they were run.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub stability: Vec<Stability>,
+    /// The pinned solve of the build that made the stored tables.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub pinned: Option<Pinned>,
 }
 
 /// One capture, and the results of all sides.

@@ -5,6 +5,7 @@
 mod pages;
 
 use thirdbounce_benchmark::pages::*;
+use thirdbounce_benchmark::pinned::Pinned;
 
 const NAN: f64 = f64::NAN;
 
@@ -207,6 +208,14 @@ fn a_stored_benchmark_is_read_back() {
     assert_eq!(found.cases[0].sides[0].points, page.cases[0].sides[0].points);
     assert_eq!((found.cases[0].sides[0].values[OWN], &found.cases[0].words), (0.9, &page.cases[0].words));
     assert!(found.cases[0].sides[0].values[CPU].is_nan());
+}
+
+/// Default results have not changed since the tables were made.
+#[test]
+fn the_stored_benchmark_is_of_this_build() {
+    let page: Page = read_json(&pages::root().join(pages::STORED)).expect("the stored benchmark");
+    let stored = page.pinned.expect("the pinned solve of its build");
+    Pinned::solved().and_then(|now| now.check(&stored)).unwrap_or_else(|e| panic!("{e}"));
 }
 
 /// `make bench-page` renews everything.

@@ -17,13 +17,13 @@ const PROGRAM: &str = "thirdbounce-benchmark";
 
 #[derive(clap::Args)]
 #[command(disable_help_flag = true)]
-pub struct BenchmarkArgs {
+pub struct BenchmarkWords {
     /// Captures, folders and options: `thirdbounce help benchmark`
     #[arg(value_name = "CAPTURE|DIR", trailing_var_arg = true, allow_hyphen_values = true)]
     words: Vec<OsString>,
 }
 
-pub fn run(args: &BenchmarkArgs, host: &HostArgs) -> Result<ExitCode> {
+pub fn run(args: &BenchmarkWords, host: &HostArgs) -> Result<ExitCode> {
     let memory = host.host_memory.iter().flat_map(|size| ["--host-memory".into(), size.into()]);
     let threads = host.threads.iter().flat_map(|count| ["--threads".into(), count.to_string().into()]);
     run_with(memory.chain(threads).chain(args.words.iter().cloned()))

@@ -87,7 +87,7 @@ enum Verb {
     Evaluate(evaluate::EvaluateArgs),
     /// Compare methods on captures and scenes, at several photon counts: error against run time, as one page. Skips what is
     /// done.
-    Benchmark(benchmark::BenchmarkArgs),
+    Benchmark(benchmark::BenchmarkWords),
     /// Make a capture of time tags: PicoQuant .ptu, arrays, text.
     #[cfg(feature = "tags")]
     Histogram(Box<histogram::HistogramArgs>),

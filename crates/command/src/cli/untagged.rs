@@ -10,12 +10,15 @@ use super::settings::{self, ALL, DeviceArgs, SettingsArgs};
 
 /// The option that makes captures of time tags, which is refused.
 #[derive(clap::Args)]
-pub struct FromTags {
+pub struct NoTags {
     #[arg(long, hide = true)]
     scan: Option<String>,
 }
 
-impl FromTags {
+/// In place of that of the feature.
+pub type FromTags = NoTags;
+
+impl NoTags {
     /// Reads a capture.
     ///
     /// # Errors
