@@ -1,7 +1,7 @@
 # Every target sets up what it needs first; what is there already is left alone.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: all setup build libraries demo test python-test dist instrumented sanitize soak lint api header install bench bench-page clean
+.PHONY: all setup build libraries demo test test-all python-test dist instrumented sanitize soak lint api header install bench bench-page clean
 all: build
 
 setup:
@@ -10,6 +10,9 @@ setup:
 # Shown by --version.
 export THIRDBOUNCE_COMMIT := $(shell git rev-parse --short HEAD 2>/dev/null)
 
+# The features of the command that packages and `make test-all` have: `make build` leaves them out.
+FEATURES := --features thirdbounce-command/hdf5-filters,thirdbounce-command/live,thirdbounce-command/tags
+
 # What cargo built, here or in the folder of its variable.
 RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
 
@@ -17,16 +20,22 @@ build: setup
 	@[ -x $(RELEASE)/thirdbounce ] || echo "build: the first time takes about ten minutes on two cores"
 	cargo build --release --locked
 
-# Simulates a scene, reconstructs it, evaluates it against the truth and writes pictures to out/demo.
-demo: build
+# Simulates a scene, reconstructs it, evaluates it against the truth and writes pictures to out/demo. Builds the command alone;
+# `make build` takes it over.
+demo: setup
+	@[ -x $(RELEASE)/thirdbounce ] || echo "demo: building takes about eight minutes on two cores the first time"
+	cargo build --release --locked --bin thirdbounce
 	$(RELEASE)/thirdbounce demo --out out/demo
 
-# With the dependencies and the library that `make demo` built. COMMAND: how cargo builds the command, if not as for users.
+# With the dependencies and the library that `make demo` built; `make test-all` with all features. COMMAND: how cargo builds the
+# command, if not as for users.
+test-all: COMMAND += $(FEATURES)
+test-all: test
 test: setup
 	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about ten minutes on two cores the first time"
 	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml --lib
 	.ci/timed cargo build --release --locked $(COMMAND) --examples
-	.ci/timed cargo test --release --locked $(COMMAND) --package thirdbounce --package thirdbounce-command --package thirdbounce-capi --bins --test '*'
+	.ci/timed cargo test --release --locked $(COMMAND) --package thirdbounce --package thirdbounce-command --package thirdbounce-benchmark --package thirdbounce-capi --bins --test '*'
 	.ci/timed cargo test --release --locked $(COMMAND) --doc
 
 # The Python package, from its wheel in an empty virtual environment. Where there is no Python or no network, it says so.
@@ -59,7 +68,7 @@ soak: setup
 ROOTS := src/lib.rs $(sort $(wildcard crates/*/src/lib.rs))
 lint: setup
 	cargo fmt --all --check
-	cargo clippy --release --locked --workspace --all-targets -- -D warnings
+	cargo clippy --release --locked $(FEATURES) --workspace --all-targets -- -D warnings
 	cargo clippy --release --locked --package thirdbounce --package public-api -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps
 	cargo run --locked --quiet --package public-api $(ROOTS) | diff -u public-api/thirdbounce.rs - || \
@@ -79,11 +88,11 @@ api: setup
 header:
 	cbindgen --config capi/cbindgen.toml --crate thirdbounce-capi --output include/thirdbounce.h capi
 
-# The C library, with the features of `make build`: nothing else is compiled anew.
+# Everything that `make install` installs.
 libraries: build
-	cargo build --release --locked --workspace --exclude thirdbounce-python --exclude fixtures --exclude public-api
+	cargo build --release --locked $(FEATURES) --workspace --exclude thirdbounce-python --exclude fixtures --exclude tag-fixtures --exclude public-api
 
-# Installs the command with a manual page for every verb and completions for shells, the C library, its headers, and its files
+# Installs the command and its benchmark with a manual page for every verb and completions for shells, the C library, its headers, and its files
 # for pkg-config and CMake below PREFIX. DESTDIR goes before it, for packages. With sudo, the user who
 # called it compiles: root may have no Rust.
 PREFIX ?= /usr/local
@@ -92,8 +101,8 @@ SONAME := libthirdbounce.so.$(basename $(VERSION))
 install:
 	$(if $(SUDO_USER),sudo -H -u $(SUDO_USER)) $(MAKE) libraries
 	install -d $(DESTDIR)$(PREFIX)/bin
-	install -m 755 -s $(RELEASE)/thirdbounce $(DESTDIR)$(PREFIX)/bin
-	.ci/shares $(RELEASE)/thirdbounce $(DESTDIR)$(PREFIX)/share
+	install -m 755 -s $(RELEASE)/thirdbounce $(RELEASE)/thirdbounce-benchmark $(DESTDIR)$(PREFIX)/bin
+	$(RELEASE)/shares $(DESTDIR)$(PREFIX)/share
 	install -d $(DESTDIR)$(PREFIX)/lib/pkgconfig $(DESTDIR)$(PREFIX)/lib/cmake/thirdbounce $(DESTDIR)$(PREFIX)/include
 	install -m 755 -s $(RELEASE)/libthirdbounce.so $(DESTDIR)$(PREFIX)/lib/libthirdbounce.so.$(VERSION)
 	ln -sf libthirdbounce.so.$(VERSION) $(DESTDIR)$(PREFIX)/lib/$(SONAME)

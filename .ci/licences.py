@@ -12,7 +12,7 @@ import subprocess
 import sys
 
 TARGET = "x86_64-unknown-linux-gnu"
-OURS = ["thirdbounce-capi", "thirdbounce-command", "thirdbounce-python"]
+OURS = ["thirdbounce-benchmark", "thirdbounce-capi", "thirdbounce-command", "thirdbounce-python"]
 # Files that hold licences, in this order.
 NAMES = ["licen[cs]e*", "copying*", "notice*", "unlicense*"]
 

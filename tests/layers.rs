@@ -414,7 +414,12 @@ fn linked(edges: &str, chosen: &[&str]) -> BTreeMap<String, BTreeSet<String>> {
 fn the_python_package_and_the_tests_take_over_what_the_command_built() {
     let command = linked("normal,build", &[]);
     let python = linked("normal,build", &["--package=thirdbounce-python"]);
-    let tested = ["--package=thirdbounce", "--package=thirdbounce-command", "--package=thirdbounce-capi"];
+    let tested = [
+        "--package=thirdbounce",
+        "--package=thirdbounce-command",
+        "--package=thirdbounce-benchmark",
+        "--package=thirdbounce-capi",
+    ];
     let tests = linked("normal,build,dev", &tested);
     for (other, manifest) in [(python, "python"), (tests, "tests/fixtures")] {
         let both: Vec<&String> = other.keys().filter(|package| command.contains_key(*package)).collect();

@@ -4,7 +4,7 @@
 use std::path::PathBuf;
 use std::sync::Once;
 
-use fixtures::tags::{WAYS, in_a_way};
+use tag_fixtures::tags::{WAYS, in_a_way};
 use thirdbounce::capture::formats::hdf5::is_guarded;
 use thirdbounce::capture::{ReadOptions, read_given};
 

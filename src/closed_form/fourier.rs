@@ -1,12 +1,8 @@
-//! Fourier transforms of the closed-form methods, by rustfft.
-
-use std::sync::Arc;
+//! Fourier transforms of the closed-form methods.
 
 use rayon::prelude::*;
-use rustfft::{Fft, FftDirection, FftPlanner};
 
-/// A complex number.
-pub type Complex = rustfft::num_complex::Complex32;
+pub use thirdbounce_fourier::{Complex, Line};
 
 /// The complex number of length 1 at an angle, computed in float64: angles may be many turns.
 pub fn turn(angle: f64) -> Complex {
@@ -37,33 +33,6 @@ pub fn resize(array: &mut Vec<Complex>, length: usize) {
     if array.len() != length {
         array.clear();
         array.par_extend(rayon::iter::repeat_n(Complex::default(), length));
-    }
-}
-
-/// Transforms of one length, forward or backward, not scaled.
-pub struct Line(Arc<dyn Fft<f32>>);
-
-impl Line {
-    /// Forward transforms: multiplied by exp(-iωt).
-    pub fn forward(length: usize) -> Line {
-        Line(FftPlanner::new().plan_fft(length, FftDirection::Forward))
-    }
-
-    /// Backward transforms: multiplied by exp(iωt). Forward and then backward multiplies by the length.
-    pub fn backward(length: usize) -> Line {
-        Line(FftPlanner::new().plan_fft(length, FftDirection::Inverse))
-    }
-
-    /// Transforms `values`, one line after the other, in place.
-    pub fn run(&self, values: &mut [Complex], spare: &mut Vec<Complex>) {
-        spare.resize(self.0.get_inplace_scratch_len(), Complex::default());
-        self.0.process_with_scratch(values, spare);
-    }
-
-    /// Writes the transforms of the lines of `from`, which it overwrites.
-    fn run_into(&self, from: &mut [Complex], to: &mut [Complex], spare: &mut Vec<Complex>) {
-        spare.resize(self.0.get_outofplace_scratch_len(), Complex::default());
-        self.0.process_outofplace_with_scratch(from, to, spare);
     }
 }
 

@@ -6,8 +6,7 @@ use super::scan::RegularScan;
 use crate::capture::Capture;
 use crate::transport::{Grid, Volume as Box};
 
-/// A complex number in float64.
-pub type Wide = rustfft::num_complex::Complex64;
+pub use thirdbounce_fourier::Wide;
 
 pub fn wide_turn(angle: f64) -> Wide {
     Wide::new(angle.cos(), angle.sin())

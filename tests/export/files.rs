@@ -3,12 +3,12 @@
 use std::path::Path;
 
 use fixtures::captures::{assert_error, place, ramp};
+use thirdbounce::Kind;
 use thirdbounce::export::volume::VolumeArrays;
-use thirdbounce::export::{foreign, npz, picture, ply, png as pictures, report, volume};
+use thirdbounce::export::{self, npz, picture, ply, png as pictures, report, volume};
 use thirdbounce::files::atomic;
 use thirdbounce::maps::{Layer, Maps, Truth};
 use thirdbounce::measure::Metrics;
-use thirdbounce::{Kind, export};
 
 /// 4 x 2 pixels; everything dark except (3, 1): the corner of largest x and y; and a dimmer (0, 0).
 fn maps() -> Maps {
@@ -59,9 +59,6 @@ fn maps_are_saved_as_the_file_that_the_name_says() {
         assert_eq!(export::save(&at(name), &m).unwrap(), [at(name)]);
         assert!(std::fs::read(at(name)).unwrap().starts_with(head), "{name}");
     }
-    let back = foreign::read(&at("x.mat"), [0.0; 4]).unwrap();
-    assert!(same(&back.depth, &m.depth) && same(&back.albedo, &m.albedo) && back.mask == m.mask);
-    assert!(same(back.normal.as_flattened(), m.normal.as_flattened()) && back.extent == m.extent);
     assert_error(export::save(&at("x.tiff"), &m), Kind::Options, &[".tiff", ".mat", "folder"]);
     assert!(!at("x.tiff").exists());
     assert!(export::save(&at("folder"), &m).unwrap().contains(&at("folder").join("maps.svg")));

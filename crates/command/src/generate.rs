@@ -11,7 +11,7 @@ use thirdbounce::files::atomic;
 use thirdbounce::learned::{BANDS, DEEP, SIDE};
 use thirdbounce::{Error, Kind, Result, Settings, capture, export, job, learned};
 
-use crate::benchmark::family::{FamilyCase, kind};
+use crate::family::{FamilyCase, kind};
 use crate::json::write_json;
 
 /// How scenes are rendered and measured.

@@ -4,18 +4,21 @@
 #![warn(clippy::too_many_lines)]
 
 pub mod batch;
-pub mod benchmark;
 pub mod cli;
-pub mod compare;
 pub mod demo;
 pub mod evaluate;
+pub mod family;
+pub mod found;
 pub mod generate;
+#[cfg(feature = "tags")]
 pub mod histogram;
 pub mod inspect;
+#[cfg(feature = "tags")]
 pub mod instrument;
 pub mod json;
+#[cfg(feature = "live")]
 pub mod live;
-mod overview;
+pub mod overview;
 pub mod profile;
-mod record;
+pub mod record;
 pub mod simulated;

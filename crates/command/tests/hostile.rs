@@ -4,8 +4,8 @@
 use std::path::Path;
 
 use fixtures::allocations::{Counting, peak_of};
-use fixtures::hostile::{Opened, hostile};
-use fixtures::tags::{WAYS, in_a_way};
+use tag_fixtures::hostile::{Opened, hostile};
+use tag_fixtures::tags::{WAYS, in_a_way};
 use thirdbounce::capture::read_given;
 use thirdbounce::export::npz::read_truth;
 use thirdbounce_tags::{self as tags, Asked, Division, Scan, Zero};

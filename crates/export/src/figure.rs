@@ -11,14 +11,14 @@ use super::text;
 use super::text::escaped;
 
 /// Red, green and blue.
-pub(super) type Colour = [u8; 3];
+pub type Colour = [u8; 3];
 
 /// Colours shared by all plots.
-pub(super) const INK: Colour = [40, 40, 46];
-pub(super) const GRID: Colour = [226, 226, 230];
-pub(super) const FRAME: Colour = [120, 120, 128];
+pub const INK: Colour = [40, 40, 46];
+pub const GRID: Colour = [226, 226, 230];
+pub const FRAME: Colour = [120, 120, 128];
 /// Colours of curves. The first seven are distinguishable with any colour vision (Okabe and Ito).
-pub(super) const COLOURS: [Colour; 11] = [
+pub const COLOURS: [Colour; 11] = [
     [0, 114, 178],
     [213, 94, 0],
     [0, 158, 115],
@@ -33,9 +33,9 @@ pub(super) const COLOURS: [Colour; 11] = [
 ];
 
 /// Sizes of text, in pixels per em.
-pub(super) const HEADING: f64 = 21.0;
-pub(super) const TITLE: f64 = 16.0;
-pub(super) const BODY: f64 = 14.0;
+pub const HEADING: f64 = 21.0;
+pub const TITLE: f64 = 16.0;
+pub const BODY: f64 = 14.0;
 
 /// Length of dashes and gaps.
 const DASH: f64 = 7.0;
@@ -81,39 +81,39 @@ pub struct Figure {
 
 impl Figure {
     /// A white background of this width and height.
-    pub(super) fn new(size: [f64; 2]) -> Figure {
+    pub fn new(size: [f64; 2]) -> Figure {
         Figure { size: size.map(f64::ceil), shapes: vec![] }
     }
 
-    pub(super) fn line(&mut self, points: &[[f64; 2]], width: f64, colour: Colour) {
+    pub fn line(&mut self, points: &[[f64; 2]], width: f64, colour: Colour) {
         self.shapes.push((FigureShape::Line { points: points.into(), width, dashed: false }, colour));
     }
 
-    pub(super) fn dashes(&mut self, points: &[[f64; 2]], colour: Colour) {
+    pub fn dashes(&mut self, points: &[[f64; 2]], colour: Colour) {
         self.shapes.push((FigureShape::Line { points: points.into(), width: 1.0, dashed: true }, colour));
     }
 
-    pub(super) fn disc(&mut self, at: [f64; 2], radius: f64, colour: Colour) {
+    pub fn disc(&mut self, at: [f64; 2], radius: f64, colour: Colour) {
         self.shapes.push((FigureShape::Disc { at, radius }, colour));
     }
 
-    pub(super) fn bar(&mut self, from: [f64; 2], to: [f64; 2], colour: Colour) {
+    pub fn bar(&mut self, from: [f64; 2], to: [f64; 2], colour: Colour) {
         self.shapes.push((FigureShape::Bar(from, to), colour));
     }
 
     /// A picture at left, top, width and height; `packed` is its PNG.
-    pub(super) fn image(&mut self, picture: Picture, packed: &[u8], place: [f64; 4]) {
+    pub fn image(&mut self, picture: Picture, packed: &[u8], place: [f64; 4]) {
         let packed = STANDARD.encode(packed);
         self.shapes.push((FigureShape::Image { picture, place, packed }, INK));
     }
 
     /// A line of text of `em` pixels per em that starts at x, centred at y.
-    pub(super) fn text(&mut self, words: &str, em: f64, colour: Colour, at: [f64; 2]) {
+    pub fn text(&mut self, words: &str, em: f64, colour: Colour, at: [f64; 2]) {
         self.label(words, em, colour, at, 0.0);
     }
 
     /// A line of text with the share `left` to the left of x: 0, 0.5 or 1.
-    pub(super) fn label(&mut self, words: &str, em: f64, colour: Colour, at: [f64; 2], left: f64) {
+    pub fn label(&mut self, words: &str, em: f64, colour: Colour, at: [f64; 2], left: f64) {
         self.shapes.push((FigureShape::Text { words: words.into(), at, em, left }, colour));
     }
 

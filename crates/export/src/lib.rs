@@ -4,13 +4,13 @@
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
 
-mod axis;
-pub mod benchmark;
+#[doc(hidden)]
+pub mod axis;
 pub mod depth_difference;
 pub mod depth_error;
 pub mod exr;
+#[doc(hidden)]
 pub mod figure;
-pub mod foreign;
 pub mod index;
 pub mod inspection;
 pub mod mat;
@@ -23,13 +23,14 @@ pub mod ply;
 pub mod png;
 pub mod print;
 pub mod report;
-mod text;
+#[doc(hidden)]
+pub mod text;
 pub mod volume;
 
 use std::path::{Path, PathBuf};
 
 use rayon::prelude::*;
-use thirdbounce_base::{advice, error, files};
+use thirdbounce_base::{error, files};
 use thirdbounce_capture as capture;
 use thirdbounce_maps::{maps, measure, verdict};
 

@@ -398,8 +398,12 @@ const FILTERS: [(u16, &str); 13] = [
     (32026, "Blosc2"),
 ];
 /// Those that are read, beside HDF5's own, 1 to 6.
-const READ: [u16; 5] = [32000, 32001, 32004, 32008, 32015];
-/// The compression after bitshuffle that is not read.
+const READ: [u16; 5] = [32000, 32001, 32004, BITSHUFFLE, 32015];
+/// Those of them that need the feature `hdf5-filters`.
+const FEATURED: [u16; 3] = [32001, 32004, 32015];
+const BITSHUFFLE: u16 = 32008;
+/// The compression after bitshuffle that needs the feature, and that which is not read.
+const LZ4_AFTER_BITSHUFFLE: u32 = 2;
 const ZSTD_AFTER_BITSHUFFLE: u32 = 3;
 
 /// Refuses a dataset that is packed by a filter that is not read.
@@ -410,8 +414,18 @@ fn check_filters(name: &str, dataset: &H5Dataset) -> Result<()> {
         if !(1..=6).contains(&filter.id) && !READ.contains(&filter.id) {
             return Err(unsupported(name, &format!("{known} (HDF5 filter {})", filter.id)));
         }
-        if filter.id == 32008 && filter.cd_values.get(4) == Some(&ZSTD_AFTER_BITSHUFFLE) {
+        let after = filter.cd_values.get(4).copied().filter(|_| filter.id == BITSHUFFLE);
+        if after == Some(ZSTD_AFTER_BITSHUFFLE) {
             return Err(unsupported(name, "bitshuffle with Zstandard (HDF5 filter 32008)"));
+        }
+        let is_featured = FEATURED.contains(&filter.id) || after == Some(LZ4_AFTER_BITSHUFFLE);
+        if is_featured && cfg!(not(feature = "hdf5-filters")) {
+            return Err(Error::input(
+                format!(
+                    "dataset {name} is stored with {known}, and this build lacks the feature hdf5-filters"
+                ),
+                "install a package, build with that feature, or repack the file: h5repack -f GZIP=6 IN OUT",
+            ));
         }
     }
     Ok(())

@@ -16,7 +16,7 @@ use thirdbounce::job::{Loaded, Request};
 use thirdbounce::{Error, Result, gpu};
 
 use crate::batch::{self, Batch, Caller, CaptureEnd, Listed, Status, Tally, named};
-use crate::benchmark::cases::{captures_in, is_capture};
+use crate::found::{captures_in, is_capture};
 
 use super::progress::{Phase, bar};
 use super::terminal::{print, say, say_error};

@@ -2,14 +2,11 @@
 
 use std::path::PathBuf;
 
-use thirdbounce::{Error, Result, capture, job};
-use thirdbounce_tags::{self as tags, Inputs};
-
-use crate::instrument::instrument;
+use thirdbounce::{Result, capture, job};
 
 use super::settings::{FILE, SettingsArgs};
 use super::terminal::{print, say};
-use super::{histogram, interrupt};
+use super::{interrupt, tagged};
 
 #[derive(clap::Args)]
 pub struct ConvertArgs {
@@ -35,17 +32,7 @@ pub struct ConvertArgs {
 pub fn run(args: &ConvertArgs) -> Result<()> {
     job::check_not_input(&args.to, [args.from.as_path()])?;
     let settings = args.settings.settings()?;
-    if tags::hold_tags(&args.from) {
-        let found = instrument(&args.from, Inputs::default())?;
-        return Err(Error::input(
-            format!(
-                "{}: holds time tags ({}), and a capture needs the points of the scan",
-                args.from.display(),
-                found.instrument
-            ),
-            histogram::command(&found),
-        ));
-    }
+    tagged::refuse(&args.from)?;
     let opened = capture::read_given(&args.from, &job::reading(&settings)?)?;
     opened.notes.iter().for_each(|note| say(&format!("note: {note}")));
     let mut capture = opened.capture;

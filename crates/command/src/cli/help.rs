@@ -1,8 +1,11 @@
 //! `thirdbounce help [TOPIC]`: a verb, a group of settings, or the options of a method.
 
+use std::ffi::OsString;
+
 use clap::Command;
 use thirdbounce::{Error, Result};
 
+use super::benchmark;
 use super::settings::{topic, topics};
 use super::terminal::print;
 
@@ -10,30 +13,18 @@ use super::terminal::print;
 pub struct HelpArgs {
     /// A verb, a group of settings (capture-file, capture, solver, volume, result, device), or a method for its options
     topic: Option<String>,
-    /// Print completions for a shell
-    #[arg(long, value_name = "SHELL", exclusive = true)]
-    completions: Option<clap_complete::Shell>,
-    /// Print the manual page, of a verb if one is given
-    #[arg(long)]
-    man: bool,
 }
 
 pub fn run(args: &HelpArgs) -> Result<()> {
     let mut command = super::command();
-    if let Some(shell) = args.completions {
-        let mut script = vec![];
-        clap_complete::generate(shell, &mut command, "thirdbounce", &mut script);
-        print(&String::from_utf8_lossy(&script));
-        return Ok(());
-    }
     command.build();
-    if args.man {
-        return manual(command, args.topic.as_deref());
-    }
     let Some(name) = &args.topic else {
         print(command.render_long_help().to_string().trim_end());
         return Ok(());
     };
+    if name == benchmark::NAME {
+        return benchmark::run_with([OsString::from("--help")]).map(drop);
+    }
     let found = command.find_subcommand(name).cloned().or_else(|| topic(name));
     let Some(mut found) = found else {
         return Err(Error::options(
@@ -47,32 +38,4 @@ pub fn run(args: &HelpArgs) -> Result<()> {
 
 fn verbs(command: &Command) -> String {
     command.get_subcommands().map(Command::get_name).collect::<Vec<_>>().join(", ")
-}
-
-/// Prints the manual page of the command or of a verb: thirdbounce(1), thirdbounce-batch(1).
-fn manual(command: Command, verb: Option<&str>) -> Result<()> {
-    let page = match verb {
-        None => command,
-        Some(name) => command.find_subcommand(name).cloned().ok_or_else(|| {
-            Error::options(
-                format!("there is no manual page of {name:?}"),
-                format!("give one of {}", verbs(&command)),
-            )
-        })?,
-    };
-    let mut text = vec![];
-    let name = verb.map_or_else(|| "thirdbounce".into(), |verb| format!("thirdbounce-{verb}"));
-    let rendered = clap_mangen::Man::new(page.name(name).version(super::version())).render(&mut text);
-    rendered
-        .map_err(|e| Error::output(format!("the manual page is not printed: {e}"), "report this as a bug"))?;
-    print(&String::from_utf8_lossy(&text));
-    Ok(())
-}
-
-/// The line below the options of a verb that has more settings than it shows.
-pub fn more() -> String {
-    format!(
-        "More settings, by topic: thirdbounce help {}. Time tags: thirdbounce help histogram.",
-        topics().join(", ")
-    )
 }

@@ -6,13 +6,11 @@ use std::process::ExitCode;
 use thirdbounce::capture::scan::decimals;
 use thirdbounce::job;
 use thirdbounce::{Result, export};
-use thirdbounce_tags as tags;
 
 use crate::inspect::{Inspection, inspect};
-use crate::instrument::instrument;
 
-use super::histogram::{self, FromTags};
 use super::settings::CaptureArgs;
+use super::tagged::FromTags;
 use super::terminal::{json, print, say};
 use super::{advice, interrupt, tables};
 
@@ -37,15 +35,11 @@ pub struct InfoArgs {
 /// Ends with 1 if there is a problem with the capture or the plan. Of time tags without a scan it shows what they hold.
 pub fn run(args: &InfoArgs) -> Result<ExitCode> {
     let CaptureArgs { capture, settings, device } = &args.capture;
-    if !args.tags.are_given() && tags::hold_tags(capture) {
-        let found = instrument(capture, args.tags.inputs())?;
-        print(&if args.json { json(&found)? } else { histogram::about(&found) });
+    if let Some(text) = args.tags.shown(capture, args.json)? {
+        print(&text);
         return Ok(ExitCode::SUCCESS);
     }
-    let (loaded, request) = match args.tags.are_given() {
-        true => args.tags.load(capture, settings, device)?,
-        false => args.capture.load()?,
-    };
+    let (loaded, request) = args.tags.load(capture, settings, device)?;
     let mut found = inspect(&request, &loaded)?;
     found.problems.iter_mut().for_each(|problem| *problem = advice::text(problem).into());
     if let Some(place) = &args.png {

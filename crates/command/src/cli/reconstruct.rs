@@ -5,9 +5,9 @@ use std::path::{Path, PathBuf};
 use thirdbounce::job::{Loaded, Request};
 use thirdbounce::{Error, Result, job};
 
-use super::histogram::FromTags;
 use super::progress::Meter;
 use super::settings::{self, CaptureArgs};
+use super::tagged::FromTags;
 use super::terminal::{json, print, say};
 use super::{interrupt, tables};
 

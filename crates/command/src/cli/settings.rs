@@ -219,6 +219,26 @@ pub fn topic(name: &str) -> Option<Command> {
     (!listed.is_empty()).then_some(command)
 }
 
+/// A verb whose options take negative numbers, because later checks explain better which values are allowed, with a line on the
+/// topics below if it has more settings than it shows.
+pub fn completed(verb: Command) -> Command {
+    let has_settings = verb.get_arguments().any(|arg| arg.get_id() == "model");
+    let verb = verb.mut_args(|arg| {
+        let takes = arg.get_action().takes_values() && !arg.is_positional();
+        let is_of_tags = has_settings && arg.get_help_heading() == Some("Time tags");
+        let arg = if is_of_tags { arg.hide(true) } else { arg };
+        if takes { arg.allow_negative_numbers(true) } else { arg }
+    });
+    if !has_settings {
+        return verb;
+    }
+    let before = verb.get_after_help().map_or(String::new(), |text| format!("{text}\n\n"));
+    let topics = topics().join(", ");
+    verb.after_help(format!(
+        "{before}More settings, by topic: thirdbounce help {topics}. Time tags: thirdbounce help histogram."
+    ))
+}
+
 /// The cache of kernels, and the validation layer.
 #[derive(clap::Args)]
 pub struct DeviceArgs {

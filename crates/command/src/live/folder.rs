@@ -6,14 +6,14 @@ use std::sync::mpsc::SyncSender;
 use std::time::{Duration, Instant};
 
 use super::stream::{Arrived, FrameCounts, begin as begin_thread};
-use crate::benchmark::cases::{is_capture, is_capture_file, paths_in, stem};
-use thirdbounce::capture::Capture;
+use crate::found::{is_capture, is_capture_file, paths_in, stem};
 use thirdbounce::capture::formats::variables::Variables;
 use thirdbounce::capture::formats::{Opened, ReadOptions};
+use thirdbounce::capture::{self, Capture};
 use thirdbounce::files::archive::Npz;
 use thirdbounce::files::stamp::Stamp;
 use thirdbounce::glam::DVec3;
-use thirdbounce::{Error, Result, capture};
+use thirdbounce::{Error, Result};
 
 /// Time between two looks at the folder.
 const BETWEEN: Duration = Duration::from_millis(20);

@@ -10,7 +10,7 @@ use fixtures::command::{program, stderr, stdout, succeed, thirdbounce};
 use serde_json::Value;
 use thirdbounce::export::npz;
 
-use crate::browser::{browser, image_colours, look};
+use fixtures::browser::{browser, image_colours, look};
 
 /// Options that make a run short, and its bits the same every time.
 const SHORT: [&str; 9] =

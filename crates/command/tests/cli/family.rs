@@ -3,12 +3,11 @@
 use std::path::Path;
 
 use fixtures::command::{fail, succeed};
-use fixtures::family::{FamilyCase, TRAINING};
 use thirdbounce::capture::{read, write};
 use thirdbounce::export::npz::{read_maps, read_truth};
 use thirdbounce::files::array::Array;
 use thirdbounce::measure::metrics;
-use thirdbounce_command::benchmark::{Case, Source, cases};
+use thirdbounce_command::family::{FamilyCase, TRAINING};
 
 /// An animal and a box, a hand, an animal seen by irregular pairs, a letter and a figure: seeds with .42, .74, .40 and .67.
 const SEEDS: [u64; 4] = [7, 16, 26, 40];
@@ -90,19 +89,4 @@ fn scenes_to_train_on_are_written_once() {
     assert!(succeed(&ideal).contains("1 scenes, 1 were there"));
     fail(&[&command[..], &["--photons", "10"]].concat(), 2, "--photons");
     fail(&["simulate", "letter-Z", "--coarse", "--out", &out], 2, "--coarse");
-}
-
-#[test]
-fn a_benchmark_of_random_scenes_has_each_twice() {
-    let all = cases::all(&["family", "points"], 3..4, None).expect("cases");
-    let points = all.len() - 1;
-    let all: Vec<Case> = all.into_iter().flat_map(Case::with_ideal).collect();
-    assert_eq!((all[0].name.as_str(), all[1].name.as_str()), ("family-3", "family-3-ideal"));
-    assert_eq!(all.len(), points + 2);
-    let (Source::Scene(drawn), Source::Scene(ideal)) = (&all[0].source, &all[1].source) else {
-        panic!("scenes");
-    };
-    assert_eq!(drawn.truth().expect("a truth").mask, ideal.truth().expect("a truth").mask);
-    assert_eq!(ideal.scene.photons, None);
-    assert_eq!(ideal.words, "confocal 24², 0.61 m, 1702 x 1.1 mm, exact; animal, box (partly outside)");
 }

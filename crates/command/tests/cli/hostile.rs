@@ -58,11 +58,6 @@ fn every_verb_takes_paths_that_are_no_text() {
     verb("schedule", &[&c], &short);
     let lines = stdout(&verb("batch", &[&c, &out, &odd("batch"), &by, &t], &short));
     assert!(lines.contains("\"status\":\"done\"") && lines.contains("\"summary\":true"), "{lines}");
-    verb(
-        "benchmark",
-        &[&c, &out, &odd("compared"), &by, &t],
-        &words(&["--method", "surface", "--lateral", "16", "--iterations", "4"]),
-    );
     verb("profile", &[&c, &OsString::from("--json"), &odd("profile.json")], &short);
     verb("simulate", &[&OsString::from("plane"), &out, &odd("made.npz")], &words(&["--scan", "8"]));
 }
@@ -208,7 +203,6 @@ fn numbers_of_many_digits_are_one_short_error() {
     std::fs::write(folder.path().join("points.csv"), format!("0,0,0\n0.1,{beyond},0\n")).unwrap();
     std::fs::write(folder.path().join("tags.csv"), format!("channel,time\n0,1\n1,{large}\n")).unwrap();
     let tags = "histogram tags.csv --out o.npz --pulses-per-point 1 --zero 0 --scan";
-    let compare = "benchmark z.npz --truth truth.npz --out o --foreign maps=m,hardware=h,seconds";
     for (line, code, words) in [
         (format!("reconstruct z.npz --out o --sparsity {large}"), 1, "below 3e38"),
         (format!("reconstruct z.npz --out o --sparsity {beyond}"), 1, "(400 digits)"),
@@ -219,10 +213,12 @@ fn numbers_of_many_digits_are_one_short_error() {
         (format!("simulate plane --out o.npz --wall {large}"), 1, "need"),
         (format!("simulate plane --out o.npz --photons {large}"), 1, "(300 digits)"),
         (format!("simulate plane --out o.npz --photons {beyond}"), 2, "beyond all numbers"),
-        (format!("{compare}={beyond}"), 1, "(400 digits)"),
         (format!("{tags} points.csv"), 1, "line 2"),
         (format!("{tags} 2x1 --wall 1m"), 1, "line 3"),
     ] {
+        if line.starts_with("histogram") && cfg!(not(feature = "tags")) {
+            continue;
+        }
         let mut command = Command::new(program());
         let output = command.args(line.split(' ')).current_dir(folder.path()).output().unwrap();
         let text = stderr(&output);

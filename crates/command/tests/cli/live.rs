@@ -11,7 +11,7 @@ use thirdbounce::capture;
 use thirdbounce::export::npz;
 use thirdbounce_command::live::write;
 
-use crate::browser::{browser, image_colours, look};
+use fixtures::browser::{browser, image_colours, look};
 
 /// Options that make frames quick.
 const QUICK: [&str; 4] = ["--lateral", "16", "--iterations", "30"];

@@ -1,18 +1,17 @@
 //! The built command, as people run it.
 
 mod batch;
-mod benchmark;
-mod browser;
 mod commands;
 mod device_at;
 mod examples;
 mod family;
+#[cfg(feature = "tags")]
 mod first_contact;
 mod gpu;
 mod high_pass;
 mod hostile;
+#[cfg(feature = "live")]
 mod live;
-mod methods;
 mod model;
 mod originals;
 mod page;
@@ -21,4 +20,5 @@ mod profile;
 mod pulse;
 mod scans;
 mod spot;
+mod trace;
 mod warnings;

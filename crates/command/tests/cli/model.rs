@@ -163,32 +163,3 @@ fn trials_know_the_spot() {
     let least = |r: &Value| tried(r).iter().map(|t| t.1).fold(f64::INFINITY, f64::min);
     assert!(least(&report) < 0.8 * least(&without), "{} {}", least(&report), least(&without));
 }
-
-#[test]
-fn a_comparison_names_the_models_that_were_found() {
-    let figures = Figures::new();
-    let [capture, truth] = figures.simulated("lambertian", 0.0);
-    let out = figures.path("compared");
-    let methods = "surface:model=cosine;surface:name=auto";
-    let all =
-        ["benchmark", &capture, "--truth", &truth, "--out", &out, "--method", methods, "--repeats", "1"];
-    let text = succeed(&[&all[..], &SHORT, &["--quiet"]].concat());
-    assert!(text.contains("surface:model=cosine") && text.contains("auto (lambertian)"), "{text}");
-    let page = std::fs::read_to_string(Path::new(&out).join("benchmark.html")).unwrap();
-    assert!(page.contains("<td>auto (lambertian)</td>"), "{page}");
-    let case = &json(&Path::new(&out).join("benchmark.json"))["cases"][0];
-    let name = case["name"].as_str().unwrap();
-    let report = |side: usize| {
-        let folder = case["sides"][side]["folder"].as_str().unwrap();
-        json(&Path::new(&out).join(name).join(folder).join("report.json"))
-    };
-    let ([named, auto], side) = ([report(0), report(1)], &case["sides"][1]);
-    assert_eq!(auto["settings"]["model_found"]["reflectance"], "lambertian");
-    assert!(named["settings"]["model_found"].is_null());
-    // Trials count as solving: they come before the first point of the solver, behind that of the preview.
-    let trials = auto["settings"]["trials_s"].as_f64().unwrap();
-    let [preview, first] = [0, 1].map(|i| side["points"][i][0].as_f64().unwrap());
-    assert!(side["preview"] == true && trials > 0.0 && first > trials && first > preview);
-    assert!(side["values"]["solve_s"].as_f64().unwrap() > trials);
-    assert_eq!(named["settings"]["trials_s"], 0.0);
-}

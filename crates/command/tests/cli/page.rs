@@ -2,7 +2,7 @@
 
 use fixtures::command::*;
 
-use crate::browser::{browser, image_colours, look};
+use fixtures::browser::{browser, image_colours, look};
 
 /// A program in place of the browser's opener writes down what it is to show.
 #[test]

@@ -84,10 +84,11 @@ fn what_cannot_be_ends_with_one() {
 }
 
 #[test]
+#[cfg(feature = "tags")]
 fn time_tags_are_known_to_every_verb() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name).display().to_string();
-    let writer = fixtures::tags::scanned(0x0001_0207);
+    let writer = tag_fixtures::tags::scanned(0x0001_0207);
     let (ptu, csv) = (path("scan.ptu"), path("scan.csv"));
     std::fs::write(&ptu, writer.file(4e-12, 1e-7, &[])).unwrap();
     let shown = succeed(&["info", &ptu]);
@@ -107,7 +108,7 @@ fn time_tags_are_known_to_every_verb() {
     assert_eq!((json["channels"][0][1].as_u64(), json["markers"][0][1].as_u64()), (Some(468), Some(13)));
     fail(&["convert", &ptu, &path("made.npz")], 1, "holds time tags (generic (MultiHarp, PicoHarp 330), T2)");
     // Unspecified channels are guessed: laser pulses have the most tags.
-    let tags = fixtures::tags::csv(&writer.wanted).replace("\n0,", "\n1,");
+    let tags = tag_fixtures::tags::csv(&writer.wanted).replace("\n0,", "\n1,");
     std::fs::write(&csv, tags).unwrap();
     let shown = succeed(&["info", &csv]);
     assert!(shown.contains("channel   2: 468 photons") && shown.contains("--sync-channel 1"), "{shown}");

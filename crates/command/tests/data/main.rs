@@ -11,6 +11,7 @@ mod others;
 mod real;
 mod recipes;
 mod scipy;
+#[cfg(feature = "tags")]
 mod tags;
 mod ytal;
 
@@ -75,6 +76,7 @@ fn main() -> ExitCode {
         learn::two_steps_train_what_the_engine_reads
     ]);
     all.extend(trials!["needs Python with y-tal", with("tal"), ytal::ytal_opens_ours_and_we_open_its]);
+    #[cfg(feature = "tags")]
     all.extend(trials![
         "needs Python with ptufile",
         with("ptufile, numpy"),

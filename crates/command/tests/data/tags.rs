@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::Command;
 
-use fixtures::tags::{TYPES, is_t3, varied, write};
+use tag_fixtures::tags::{TYPES, is_t3, varied, write};
 use thirdbounce_tags::{Inputs, Record, Tags};
 
 fn read_by_ptufile(python: &Path, file: &Path) -> Vec<i64> {

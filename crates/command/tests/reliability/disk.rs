@@ -5,10 +5,9 @@ use std::path::Path;
 
 use thirdbounce::engine::Accumulation;
 use thirdbounce::files::atomic::{DiskFault, inject};
-use thirdbounce::job::Request;
+use thirdbounce::job::{self, Request};
 use thirdbounce::simulate::{RenderOptions, Scene};
-use thirdbounce::{Error, Kind, Result, capture, job};
-use thirdbounce_command::compare::{ComparedMethod, Comparison, compare};
+use thirdbounce::{Error, Kind, Result, capture};
 use thirdbounce_command::profile::{self, ProfileRequest};
 use thirdbounce_command::simulated::{Simulation, simulate};
 
@@ -54,22 +53,6 @@ pub fn rows(share: Share) -> Vec<Row> {
                 ["c.npz", "c.hdf5", "c.mat"]
                     .iter()
                     .try_for_each(|name| capture::write(&loaded.capture, &out.join(name)).map(drop))
-            }),
-        ),
-        (
-            "benchmark, a case",
-            false,
-            Box::new(|out| {
-                let request = Request { truth: Some(files().truth()), ..Request::new(solver(), "") };
-                let method =
-                    ComparedMethod { name: "surface".into(), spec: "surface".into(), request, limit: None };
-                let what = Comparison {
-                    methods: vec![method],
-                    repeats: 1,
-                    out: out.into(),
-                    ..Comparison::default()
-                };
-                compare(&what, &loaded, &mut |_, _| ControlFlow::Continue(())).map(drop)
             }),
         ),
         (

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use fixtures::captures::{self, assert_error, place};
-use fixtures::tags::{arrays, csv, hdf5_of, npz_of, scanned, write};
+use tag_fixtures::tags::{arrays, csv, hdf5_of, npz_of, scanned, write};
 use thirdbounce::capture::METRES_PER_PICOSECOND;
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::Array;

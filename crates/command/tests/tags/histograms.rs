@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use fixtures::captures::{assert_error, place, total};
-use fixtures::tags::{Writer, arrays, csv, is_t3, npz_of, write};
 use glam::DVec3;
+use tag_fixtures::tags::{Writer, arrays, csv, is_t3, npz_of, write};
 use thirdbounce::capture::{Capture, Flip, Turn, read};
 use thirdbounce::files::array::Array;
 use thirdbounce::{Kind, capture};

@@ -1,7 +1,7 @@
 //! Damaged files of time tags: an error or a sound capture, never a panic.
 
 use fixtures::files::noise;
-use fixtures::tags::{WAYS, every_reader, in_a_way};
+use tag_fixtures::tags::{WAYS, every_reader, in_a_way};
 
 #[test]
 fn damaged_tags_never_panic() {

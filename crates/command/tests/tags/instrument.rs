@@ -5,9 +5,9 @@ use std::path::Path;
 
 use fixtures::captures::changed;
 use fixtures::command::{fail, succeed};
-use fixtures::tags::{Writer, write};
 use glam::DVec3;
 use serde_json::Value;
+use tag_fixtures::tags::{Writer, write};
 use thirdbounce::capture::{Pulse, read, write as write_capture};
 use thirdbounce::export::npz::write_truth;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use fixtures::captures::{assert_error, place};
 use fixtures::files::{hdf5, scalar, vector};
-use fixtures::tags::{Writer, phu, write};
+use tag_fixtures::tags::{Writer, phu, write};
 use thirdbounce::{Kind, Result};
 use thirdbounce_tags::{Asked, Division, Histograms, Inputs, PileUp, Scan, Zero, histogram};
 

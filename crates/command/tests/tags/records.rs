@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use fixtures::captures::{assert_error, place};
-use fixtures::tags::{TYPES, Writer, csv, is_t3, varied, write};
+use tag_fixtures::tags::{TYPES, Writer, csv, is_t3, varied, write};
 use thirdbounce::Kind;
 use thirdbounce_tags::{Event, Inputs, Passed, Record, Scan, Survey, Tags, hold_tags};
 

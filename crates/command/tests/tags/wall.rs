@@ -4,8 +4,8 @@ use std::path::Path;
 
 use fixtures::captures::{assert_error, place};
 use fixtures::command::{fail, succeed};
-use fixtures::tags::{Writer, write};
 use glam::DVec3;
+use tag_fixtures::tags::{Writer, write};
 use thirdbounce::Kind;
 use thirdbounce::capture::{Flip, Turn, read};
 use thirdbounce_tags::{Asked, Division, Scan, Zero, histogram};

@@ -1,0 +1,5 @@
+//! The program of `thirdbounce benchmark`; see `arguments`.
+
+fn main() -> std::process::ExitCode {
+    thirdbounce_benchmark::main()
+}
