@@ -60,6 +60,14 @@ impl Planned {
         self.made = None;
     }
 
+    /// The solve on the device, where something may be under way.
+    ///
+    /// # Panics
+    /// It is not on the device.
+    pub fn in_use(&mut self) -> &mut OnDevice {
+        self.made.as_mut().expect("it is on the device")
+    }
+
     /// The solve on the device, where nothing is under way.
     ///
     /// # Errors

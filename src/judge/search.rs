@@ -11,7 +11,7 @@ use super::job::Job;
 use super::pulse::Shape;
 use super::pulse::Tried;
 use super::spread::ComparedRows;
-use super::trial::{Fitted, From, Trial};
+use super::trial::{Fitted, From, Trial, fit_all};
 use crate::capture::{Capture, Pulse};
 use crate::engine::{Doing, Problem, Progress, TracePoint, Watch, default_volume};
 use crate::gpu::Gpu;
@@ -169,7 +169,7 @@ impl<'t> Search<'t> {
         let mut reported = |p: &Progress| hear(&pace.of(p));
         let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
         let pulse = shape.centred()?.or(known.clone());
-        let fitted = trial.fit(pulse.as_ref(), from, *step, &mut watch)?;
+        let fitted = fit_all(&[trial], pulse.as_ref(), from, *step, &mut watch)?.pop().flatten();
         pace.pass(from.iterations());
         *step = fitted.as_ref().map_or(*step, |fitted| fitted.surface.step);
         Ok(fitted)
@@ -177,12 +177,23 @@ impl<'t> Search<'t> {
 
     /// Fits every model with sharp paths.
     fn fit_sharp(&mut self) -> Result<()> {
-        let models: Vec<Reflectance> = self.trials.iter().map(Trial::reflectance).collect();
-        for reflectance in models {
-            let best = self.candidate(reflectance)?;
-            let left = best.as_ref().and_then(|(fitted, _)| fitted.surface.left.clone());
+        let clock = Instant::now();
+        let Search { trials, hear, known, pace, step, .. } = self;
+        let mut reported = |p: &Progress| hear(&pace.of(p));
+        let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
+        let all: Vec<&Trial<'_>> = trials.iter().collect();
+        let fitted = fit_all(&all, known.as_ref(), From::Start, *step, &mut watch)?;
+        let models: Vec<Reflectance> = trials.iter().map(Trial::reflectance).collect();
+        self.pace.pass(models.len() * From::Start.iterations());
+        let seconds = clock.elapsed().as_secs_f64() / models.len() as f64;
+        let start = if self.starts.seen.is_some() { Origin::Learned } else { Origin::Closed };
+        for (reflectance, fitted) in models.into_iter().zip(fitted) {
+            let left = fitted.as_ref().and_then(|fitted| fitted.surface.left.clone());
             self.tried.push(Tried { reflectance, pulse: Shape::SHARP, left });
-            let Some((fitted, candidate)) = best else { continue };
+            let Some(fitted) = fitted else { continue };
+            self.step = fitted.surface.step;
+            self.candidates.push(FoundSurface::of(reflectance, start, &fitted, seconds));
+            let candidate = self.candidates.len() - 1;
             let clock = Instant::now();
             let suggested = match self.find_pulse {
                 FindPulse::Never => None,
@@ -192,15 +203,6 @@ impl<'t> Search<'t> {
             self.sharp.push(Sharp { reflectance, fitted, candidate, suggested });
         }
         Ok(())
-    }
-
-    /// A sharp fit of a model, and its number among the candidates.
-    fn candidate(&mut self, model: Reflectance) -> Result<Option<(Fitted, usize)>> {
-        let clock = Instant::now();
-        let Some(fitted) = self.fit(model, Shape::SHARP, From::Start)? else { return Ok(None) };
-        let start = if self.starts.seen.is_some() { Origin::Learned } else { Origin::Closed };
-        self.candidates.push(FoundSurface::of(model, start, &fitted, clock.elapsed().as_secs_f64()));
-        Ok(Some((fitted, self.candidates.len() - 1)))
     }
 
     /// The sharp fit of a model, if it found a surface.

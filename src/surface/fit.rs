@@ -11,15 +11,14 @@ use super::schedule::{CHECK, Judged, check, divide, extract, iteration, place, p
 use super::weights::Unplaced;
 use crate::Result;
 use crate::capture::Capture;
-use crate::engine::Planned;
 use crate::engine::noise::energy;
 use crate::engine::passes::RESIDUAL;
-use crate::engine::{COLUMNS_HOST, RESIDUAL_HOST, UPLOAD};
-use crate::engine::{Driven, Steps, Watch, drive, maps_stage, stage_values};
-use crate::engine::{Level, Plan, Problem};
-use crate::engine::{OnDevice, columns_of, maps_of};
-use crate::engine::{TimedSchedule, outline};
-use crate::gpu::{self, Buffer, BufferPlan, Gpu, Place, Schedule};
+use crate::engine::{
+    COLUMNS_HOST, Driven, Level, OnDevice, Plan, Planned, Problem, RESIDUAL_HOST, Steps, TimedSchedule,
+    TracePoint, UPLOAD, Watch, columns_of, drive, maps_of, maps_stage, outline, read_whole, stage_values,
+    submit_whole,
+};
+use crate::gpu::{self, Buffer, BufferPlan, Gpu, Place, Schedule, Ticket};
 use crate::maps::Maps;
 use crate::surface::{needs, passes};
 use crate::transport::Rows;
@@ -52,6 +51,8 @@ pub(crate) struct Fit {
     is_scaled: bool,
     /// The length of its next steps as a share of the longest ones: it stays from run to run.
     pub step: f64,
+    /// A run that the device was given ([`Fit::begin`]), with the pixels of each layer.
+    flight: Option<(Ticket, Segment, [usize; 2])>,
 }
 
 /// How long a fit runs.
@@ -163,6 +164,7 @@ impl Fit {
             is_compared: false,
             is_scaled: false,
             step: 1.0,
+            flight: None,
         })
     }
 
@@ -268,35 +270,83 @@ impl Fit {
     ) -> Result<(Driven, Option<Quality>)> {
         let (gpu, clock) = (self.planned.gpu().clone(), Instant::now());
         let begin = driven.trace.last().map_or(0, |p| p.iteration);
-        let job = self.planned.made()?;
-        let level = job.plan.levels.pixels.expect("a fit has pixels");
-        // With many batches one is enough for the scale: rendering all pairs would take longer than the iterations.
-        let (compared, energy) = match &job.plan.levels.batches {
-            all if all.len() > FEW => (all[0], self.energies[0]),
-            _ => (level, job.light()[1]),
-        };
-        let scaled_by = ScaledBy { level: compared, energy, is_near: self.is_scaled };
+        let scaled_by = self.scaled_by()?;
         let placed = self.place(layers, run, begin, scaled_by)?;
         driven.seconds += clock.elapsed().as_secs_f64();
         let Some(of_layers) = placed else { return Ok((driven, None)) };
         let (judge, job) = (self.judge, self.planned.made()?);
+        let level = job.plan.levels.pixels.expect("a fit has pixels");
         // Maps on the way show pixels without a surface as they were; those at the end have their own.
         if watch.maps_every.is_some() || !watch.maps_at.is_empty() {
             job.add(buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
         }
-        let Run { iterations, skipped, of, until, .. } = run;
-        let segment = Segment { begin, iterations, skipped, all: run.all(), of };
-        let steps = Steps { until, ..steps(&job.plan, level, of_layers, judge, segment) };
-        driven = drive(&gpu, job, begin + iterations, steps, watch, Some(driven))?;
-        let Some(RunResult { quality, factor, .. }) = RunResult::read(job) else { return Ok((driven, None)) };
+        let segment = Segment::of(run, begin);
+        let steps = Steps { until: run.until, ..steps(&job.plan, level, of_layers, judge, segment) };
+        driven = drive(&gpu, job, begin + run.iterations, steps, watch, Some(driven))?;
+        let quality = self.result(layers)?;
+        if quality.is_some() {
+            driven.maps = layers[0].clone();
+        }
+        Ok((driven, quality))
+    }
+
+    /// Gives the device a whole run of the pixels of `layers`, that begins with iteration `begin`; [`Fit::end`] takes its result.
+    /// Meanwhile other fits may begin.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn begin(&mut self, layers: &[Maps], run: Run, begin: usize) -> Result<()> {
+        let scaled_by = self.scaled_by()?;
+        self.flight = None;
+        let Some(of_layers) = self.place(layers, run, begin, scaled_by)? else { return Ok(()) };
+        let (judge, job) = (self.judge, self.planned.made()?);
+        let level = job.plan.levels.pixels.expect("a fit has pixels");
+        let segment = Segment::of(run, begin);
+        let steps = steps(&job.plan, level, of_layers, judge, segment);
+        let ticket = submit_whole(job, &steps, begin..begin + run.iterations)?;
+        self.flight = Some((ticket, segment, of_layers));
+        Ok(())
+    }
+
+    /// Waits for what [`Fit::begin`] gave the device, and replaces the layers by the result: the last point of the trace, and the
+    /// quality. `None` if they explain no light.
+    ///
+    /// # Errors
+    /// The device fails, or a loss is not finite.
+    pub fn end(&mut self, layers: &mut [Maps]) -> Result<Option<(TracePoint, Quality)>> {
+        let Some((ticket, segment, of_layers)) = self.flight.take() else { return Ok(None) };
+        let (judge, job) = (self.judge, self.planned.in_use());
+        let level = job.plan.levels.pixels.expect("a fit has pixels");
+        let steps = steps(&job.plan, level, of_layers, judge, segment);
+        let point = read_whole(job, &steps, ticket, segment.begin..segment.begin + segment.iterations)?;
+        Ok(self.result(layers)?.map(|quality| (point, quality)))
+    }
+
+    /// Replaces the layers by what a run left for the host, and gives its quality. `None` if they explain no light.
+    fn result(&mut self, layers: &mut [Maps]) -> Result<Option<Quality>> {
+        let job = self.planned.made()?;
+        let level = job.plan.levels.pixels.expect("a fit has pixels");
+        let Some(RunResult { quality, factor, .. }) = RunResult::read(job) else { return Ok(None) };
         for (layer, maps) in layers.iter_mut().enumerate() {
             *maps = shown(job, &level, maps, layer);
         }
         (self.is_compared, self.is_scaled) = (true, true);
         // Where the model leaves much, rises tell of that, not of the steps.
         self.step = if quality.model_error() <= MOST_ERROR { factor } else { 1.0 };
-        driven.maps = layers[0].clone();
-        Ok((driven, Some(quality)))
+        Ok(Some(quality))
+    }
+
+    /// What gives a run the scale of its albedos. With many batches one is enough: rendering all pairs would take longer than the
+    /// iterations.
+    fn scaled_by(&mut self) -> Result<ScaledBy> {
+        let Fit { planned, energies, is_scaled, .. } = self;
+        let job = planned.made()?;
+        let level = job.plan.levels.pixels.expect("a fit has pixels");
+        let (level, energy) = match &job.plan.levels.batches {
+            all if all.len() > FEW => (all[0], energies[0]),
+            _ => (level, job.light()[1]),
+        };
+        Ok(ScaledBy { level, energy, is_near: *is_scaled })
     }
 
     /// Queues what places the pixels of `layers` for a run that begins with iteration `begin`. Overwrites the trace from that row on,
@@ -453,6 +503,11 @@ struct Segment {
 }
 
 impl Segment {
+    fn of(run: Run, begin: usize) -> Segment {
+        let Run { iterations, skipped, of, .. } = run;
+        Segment { begin, iterations, skipped, all: run.all(), of }
+    }
+
     /// What is judged when `done` iterations of the whole solve are done: those since the last comparison.
     fn judged(&self, done: usize) -> Judged {
         let own = done - self.begin;

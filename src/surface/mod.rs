@@ -51,7 +51,8 @@ pub use held_out::{HeldOut, Left};
 pub use needs::{OfFit, SMALL_PIXEL, pixels, points_of};
 pub use options::{Begin, LEAST_FLOOR, SurfaceOptions, SurfaceSettings};
 pub use pixels::Pixels;
-pub(crate) use rounds::{Candidate, Rounds, grow};
+use rounds::grow;
+pub(crate) use rounds::{Candidate, Growth, Rounds};
 pub use schedule::{
     Judged, bonds, check, divide, extract, iteration, place, place_known, points, render, start as start_of,
 };

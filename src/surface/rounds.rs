@@ -78,58 +78,107 @@ impl Candidate {
     }
 }
 
+/// Rounds under way.
+pub(crate) struct Growth {
+    how: Rounds,
+    /// Depths that surfaces may have, metres.
+    range: [f32; 2],
+    /// The support of the next round, with what the last one found.
+    pub layers: Vec<Maps>,
+    round: usize,
+    /// What the last round left.
+    left: Option<f64>,
+    best: Option<Candidate>,
+    /// Rounds since the best one.
+    worse: usize,
+    is_over: bool,
+}
+
+/// Pixels with a surface.
+fn lit(layers: &[Maps]) -> Vec<bool> {
+    layers.iter().flat_map(|l| &l.depth).map(|z| z.is_finite()).collect()
+}
+
+impl Growth {
+    /// Rounds of `fit` that begin with `layers`.
+    pub fn new(fit: &Fit, how: Rounds, layers: Vec<Maps>) -> Growth {
+        let range = fit.depth_range();
+        Growth { how, range, layers, round: 0, left: None, best: None, worse: 0, is_over: false }
+    }
+
+    /// The next round, if there is one: `run` gives its fit by its number from 0, or nothing if the time is over.
+    pub fn next(&self, run: &dyn Fn(usize) -> Option<Run>) -> Option<Run> {
+        let how = (!self.is_over && self.round < self.how.number).then(|| run(self.round)).flatten()?;
+        // New pixels disturb the surface: what it left before weighs its prior.
+        Some(Run { level: self.left, ..how })
+    }
+
+    /// Judges a round that ended with this quality, and lets the support follow the evidence.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn judge(&mut self, fit: &mut Fit, quality: Option<Quality>) -> Result<()> {
+        self.round += 1;
+        self.left = quality.map(|q| q.left);
+        let Some(quality) = quality else {
+            self.is_over = true;
+            return Ok(());
+        };
+        let this = Candidate::of(fit, self.layers.clone(), quality)?;
+        match &self.best {
+            Some(best) if this.cost() >= best.cost() => self.worse += 1,
+            _ => (self.best, self.worse) = (Some(this), 0),
+        }
+        let layers = &mut self.layers;
+        let Some(typical) = support::typical_albedo(layers).filter(|_| self.worse < PATIENCE) else {
+            self.is_over = true;
+            return Ok(());
+        };
+        let old = lit(layers);
+        let flatness = support::flatness(layers, typical);
+        support::follow(layers, [typical, flatness], Some((self.range, self.how.rings)));
+        let new = lit(layers);
+        let changed = old.iter().zip(&new).filter(|(a, b)| a != b).count() as f64;
+        let all = new.iter().filter(|l| **l).count() as f64;
+        self.is_over = changed <= STABLE * all || all == 0.0;
+        Ok(())
+    }
+
+    /// Leaves the support of the best round, and gives that; without a round that explains light, the layers stay as they are.
+    pub fn settle(&mut self) -> Option<Candidate> {
+        let best = self.best.take()?;
+        let mut layers = best.layers.clone();
+        if let Some(typical) = support::typical_albedo(&layers) {
+            let flatness = support::flatness(&layers, typical);
+            support::follow(&mut layers, [typical, flatness], None);
+        }
+        if !lit(&layers).contains(&true) {
+            layers = best.layers.clone();
+        }
+        self.layers = layers;
+        Some(best)
+    }
+}
+
 /// Fits `layers` in rounds, and replaces them by the support of the best one; returns that. `None` if they explain no light.
-/// `run` gives the fit of a round by its number from 0, or nothing if the time is over.
 ///
 /// # Errors
 /// The device fails, or the watch cancels.
 pub(crate) fn grow(
     fit: &mut Fit,
-    Rounds { number, rings }: Rounds,
+    how: Rounds,
     layers: &mut Vec<Maps>,
     run: &dyn Fn(usize) -> Option<Run>,
     watch: &mut Watch<'_>,
     mut driven: Driven,
 ) -> Result<(Driven, Option<Candidate>)> {
-    let range = fit.depth_range();
-    let lit = |layers: &[Maps]| -> Vec<bool> {
-        layers.iter().flat_map(|l| &l.depth).map(|z| z.is_finite()).collect()
-    };
-    let mut last = None;
-    let (mut best, mut worse): (Option<Candidate>, usize) = (None, 0);
-    for round in 0..number {
-        let Some(how) = run(round) else { break };
-        // New pixels disturb the surface: what it left before weighs its prior.
-        let how = Run { level: last, ..how };
-        let (next, quality) = fit.run(layers, how, watch, driven)?;
-        last = quality.map(|q| q.left);
+    let mut growth = Growth::new(fit, how, std::mem::take(layers));
+    while let Some(how) = growth.next(run) {
+        let (next, quality) = fit.run(&mut growth.layers, how, watch, driven)?;
         driven = next;
-        let Some(quality) = quality else { break };
-        let this = Candidate::of(fit, layers.clone(), quality)?;
-        match &best {
-            Some(best) if this.cost() >= best.cost() => worse += 1,
-            _ => (best, worse) = (Some(this), 0),
-        }
-        let Some(typical) = support::typical_albedo(layers).filter(|_| worse < PATIENCE) else { break };
-        let old = lit(layers);
-        let flatness = support::flatness(layers, typical);
-        support::follow(layers, [typical, flatness], Some((range, rings)));
-        let new = lit(layers);
-        let changed = old.iter().zip(&new).filter(|(a, b)| a != b).count() as f64;
-        let all = new.iter().filter(|l| **l).count() as f64;
-        if changed <= STABLE * all || all == 0.0 {
-            break;
-        }
+        growth.judge(fit, quality)?;
     }
-    if let Some(best) = &best {
-        *layers = best.layers.clone();
-        if let Some(typical) = support::typical_albedo(layers) {
-            let flatness = support::flatness(layers, typical);
-            support::follow(layers, [typical, flatness], None);
-        }
-        if !lit(layers).contains(&true) {
-            *layers = best.layers.clone();
-        }
-    }
+    let best = growth.settle();
+    *layers = growth.layers;
     Ok((driven, best))
 }

@@ -374,7 +374,7 @@ impl Gpu {
         self.allocated.load(Relaxed)
     }
 
-    /// Submissions so far, and waits of the host for them.
+    /// Submissions so far, and waits of the host for those that were not done.
     pub fn traffic(&self) -> [u64; 2] {
         [0, 1].map(|at| self.traffic[at].load(Relaxed))
     }

@@ -17,12 +17,14 @@ mod clock;
 mod reader;
 mod steps;
 mod watch;
+mod whole;
 
 use ahead::Ahead;
 use clock::Clock;
 use reader::Reader;
 pub(crate) use steps::Steps;
 pub use watch::{Doing, Progress, TracePoint, Watch};
+pub(crate) use whole::{read_whole, submit_whole};
 
 /// The result of driving a solver.
 pub(crate) struct Driven {
@@ -353,6 +355,6 @@ pub(crate) fn stage_values(level: &Level, iteration: usize) -> [(&'static str, u
 /// quick, and the device never waits for the host. The executor divides a block that takes longer. A run that must end in
 /// time has blocks of a few iterations.
 fn block_length(gpu: &Gpu, pairs_per_iteration: usize, must_end: bool) -> usize {
-    let most = if must_end { 4.0 } else { 50.0 };
+    let most = if must_end { 4.0 } else { 64.0 };
     (0.2 * gpu.expected_rate() / pairs_per_iteration.max(1) as f64).clamp(1.0, most) as usize
 }
