@@ -18,7 +18,7 @@ mod solver;
 pub(crate) use adam::unbiased;
 pub use bins::Bins;
 pub use drive::{Doing, Progress, TracePoint, Watch};
-pub(crate) use drive::{Driven, Steps, drive, maps_stage, read_whole, stage_values, submit_whole};
+pub(crate) use drive::{Driven, Iterate, drive, maps_stage, read_whole, stage_values, submit_whole};
 pub use extent::default_volume;
 pub(crate) use noise::enough_pairs;
 pub use noise::{background, expected_noise, variance_per_count, variances};

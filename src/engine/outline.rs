@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::plan::Plan;
 use crate::Result;
-use crate::engine::drive::Steps;
+use crate::engine::drive::Iterate;
 use crate::engine::plan::Level;
 use crate::gpu::{Buffer, BufferPlan, Command, KernelCode, Schedule, Size, View, barriers};
 use crate::transport::kernels::buffer;
@@ -60,7 +60,7 @@ pub struct Step {
 pub(crate) fn of(
     what: &'static str,
     plan: &Plan,
-    steps: &Steps<'_>,
+    steps: &dyn Iterate,
     iterations: Range<usize>,
 ) -> Vec<TimedSchedule> {
     let part = |when, level: &Level, schedule: &Schedule| TimedSchedule {
@@ -72,12 +72,12 @@ pub(crate) fn of(
         steps: steps_of(plan, schedule),
     };
     let mut level = 0;
-    let start = Schedule::of(|s| (steps.start)(s, plan));
-    let mut all = vec![part(When::Start, &steps.levels[0], &start)];
+    let start = Schedule::of(|s| steps.start(s, plan));
+    let mut all = vec![part(When::Start, &steps.levels()[0], &start)];
     let mut due: Vec<TimedSchedule> = vec![];
     for i in iterations.clone() {
-        let here = steps.levels[level];
-        let run = Schedule::of(|s| (steps.iteration)(s, plan, &here, i));
+        let here = steps.levels()[level];
+        let run = Schedule::of(|s| steps.iteration(s, plan, &here, i));
         let one = part(When::Iterations(i + 1, i + 1), &here, &run);
         match all.last_mut() {
             Some(TimedSchedule { when: When::Iterations(_, last), lateral, pairs, steps, .. })
@@ -90,11 +90,11 @@ pub(crate) fn of(
         if i + 1 == iterations.end {
             break;
         }
-        let change = Schedule::of(|s| (steps.due)(s, plan, &mut level, i + 1));
+        let change = Schedule::of(|s| steps.due(s, plan, &mut level, i + 1));
         if change.commands.is_empty() {
             continue;
         }
-        let one = part(When::After(vec![i + 1]), &steps.levels[level], &change);
+        let one = part(When::After(vec![i + 1]), &steps.levels()[level], &change);
         let same =
             |p: &&mut TimedSchedule| (p.lateral, p.pairs, &p.steps) == (one.lateral, one.pairs, &one.steps);
         match due.iter_mut().find(same) {
@@ -102,11 +102,11 @@ pub(crate) fn of(
             _ => due.push(one),
         }
     }
-    let last = &steps.levels[level];
+    let last = &steps.levels()[level];
     all.extend(due);
-    let end = Schedule::of(|s| match steps.has_maps {
-        true => (steps.extract)(s, last),
-        false => (steps.last)(s, plan, iterations.end),
+    let end = Schedule::of(|s| match steps.has_maps() {
+        true => steps.extract(s, last),
+        false => steps.last(s, plan, iterations.end),
     });
     all.push(part(When::End, last, &end));
     all
@@ -136,18 +136,18 @@ pub(crate) fn of_start(
 /// Those of `take`.
 pub(crate) fn each(
     plan: &Plan,
-    steps: &Steps<'_>,
+    steps: &dyn Iterate,
     iterations: Range<usize>,
     take: &mut dyn FnMut(&Schedule) -> Result<()>,
 ) -> Result<()> {
     let mut level = 0;
-    take(&Schedule::of(|s| (steps.start)(s, plan)))?;
+    take(&Schedule::of(|s| steps.start(s, plan)))?;
     for i in iterations.clone() {
-        take(&Schedule::of(|s| (steps.iteration)(s, plan, &steps.levels[level], i)))?;
-        take(&Schedule::of(|s| (steps.due)(s, plan, &mut level, i + 1)))?;
+        take(&Schedule::of(|s| steps.iteration(s, plan, &steps.levels()[level], i)))?;
+        take(&Schedule::of(|s| steps.due(s, plan, &mut level, i + 1)))?;
     }
-    take(&Schedule::of(|s| (steps.last)(s, plan, iterations.end)))?;
-    steps.levels.iter().try_for_each(|level| take(&Schedule::of(|s| (steps.extract)(s, level))))
+    take(&Schedule::of(|s| steps.last(s, plan, iterations.end)))?;
+    steps.levels().iter().try_for_each(|level| take(&Schedule::of(|s| steps.extract(s, level))))
 }
 
 /// The commands of a schedule. Neighbours that differ only in their sizes are one step.

@@ -1,5 +1,6 @@
 //! Fits of a surface with a given support, at one resolution.
 
+use std::ops::Range;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -14,9 +15,9 @@ use crate::capture::Capture;
 use crate::engine::noise::energy;
 use crate::engine::passes::RESIDUAL;
 use crate::engine::{
-    COLUMNS_HOST, Driven, Level, OnDevice, Plan, Planned, Problem, RESIDUAL_HOST, Steps, TimedSchedule,
-    TracePoint, UPLOAD, Watch, columns_of, drive, maps_of, maps_stage, outline, read_whole, stage_values,
-    submit_whole,
+    COLUMNS_HOST, Driven, Iterate, Level, OnDevice, Pass, Plan, Planned, Problem, RESIDUAL_HOST,
+    TimedSchedule, TracePoint, UPLOAD, Watch, columns_of, drive, maps_of, maps_stage, outline, read_whole,
+    stage_values, submit_whole,
 };
 use crate::gpu::{self, Buffer, BufferPlan, Gpu, Place, Schedule, Ticket};
 use crate::maps::Maps;
@@ -51,8 +52,8 @@ pub(crate) struct Fit {
     is_scaled: bool,
     /// The length of its next steps as a share of the longest ones: it stays from run to run.
     pub step: f64,
-    /// A run that the device was given ([`Fit::begin`]), with the pixels of each layer.
-    flight: Option<(Ticket, Segment, [usize; 2])>,
+    /// A run that the device was given ([`Fit::begin`]).
+    flight: Option<(Ticket, Span)>,
 }
 
 /// How long a fit runs.
@@ -189,9 +190,9 @@ impl Fit {
         reserve(&Schedule::of(|s| cleared(s, &plan)))?;
         reserve(&Schedule::of(|s| divide(s, &plan)))?;
         let iterations = plan.demand.iterations;
-        let steps = whole(&plan, iterations[1]);
-        outline::each(&plan, &steps, iterations[0]..iterations[0] + iterations[1], &mut reserve)?;
-        let (level, pixels) = (steps.levels[0], needs::pixels(&plan));
+        let whole = Span::whole(&plan, iterations[1]);
+        outline::each(&plan, &whole, whole.iterations(), &mut reserve)?;
+        let (level, pixels) = (whole.pairs, needs::pixels(&plan));
         reserve(&Schedule::of(|s| place(s, &plan, [&level; 2], pixels, 0, true)))
     }
 
@@ -275,14 +276,12 @@ impl Fit {
         driven.seconds += clock.elapsed().as_secs_f64();
         let Some(of_layers) = placed else { return Ok((driven, None)) };
         let (judge, job) = (self.judge, self.planned.made()?);
-        let level = job.plan.levels.pixels.expect("a fit has pixels");
         // Maps on the way show pixels without a surface as they were; those at the end have their own.
         if watch.maps_every.is_some() || !watch.maps_at.is_empty() {
             job.add(buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
         }
-        let segment = Segment::of(run, begin);
-        let steps = Steps { until: run.until, ..steps(&job.plan, level, of_layers, judge, segment) };
-        driven = drive(&gpu, job, begin + run.iterations, steps, watch, Some(driven))?;
+        let span = Span::of(&job.plan, run, begin, of_layers, judge);
+        driven = drive(&gpu, job, begin + run.iterations, &span, watch, Some(driven))?;
         let quality = self.result(layers)?;
         if quality.is_some() {
             driven.maps = layers[0].clone();
@@ -300,11 +299,8 @@ impl Fit {
         self.flight = None;
         let Some(of_layers) = self.place(layers, run, begin, scaled_by)? else { return Ok(()) };
         let (judge, job) = (self.judge, self.planned.made()?);
-        let level = job.plan.levels.pixels.expect("a fit has pixels");
-        let segment = Segment::of(run, begin);
-        let steps = steps(&job.plan, level, of_layers, judge, segment);
-        let ticket = submit_whole(job, &steps, begin..begin + run.iterations)?;
-        self.flight = Some((ticket, segment, of_layers));
+        let span = Span::of(&job.plan, run, begin, of_layers, judge);
+        self.flight = Some((submit_whole(job, &span, span.iterations())?, span));
         Ok(())
     }
 
@@ -314,11 +310,8 @@ impl Fit {
     /// # Errors
     /// The device fails, or a loss is not finite.
     pub fn end(&mut self, layers: &mut [Maps]) -> Result<Option<(TracePoint, Quality)>> {
-        let Some((ticket, segment, of_layers)) = self.flight.take() else { return Ok(None) };
-        let (judge, job) = (self.judge, self.planned.in_use());
-        let level = job.plan.levels.pixels.expect("a fit has pixels");
-        let steps = steps(&job.plan, level, of_layers, judge, segment);
-        let point = read_whole(job, &steps, ticket, segment.begin..segment.begin + segment.iterations)?;
+        let Some((ticket, span)) = self.flight.take() else { return Ok(None) };
+        let point = read_whole(self.planned.in_use(), &span, ticket, span.iterations())?;
         Ok(self.result(layers)?.map(|quality| (point, quality)))
     }
 
@@ -489,23 +482,42 @@ pub(crate) fn cleared(s: &mut Schedule, plan: &Plan) {
     }
 }
 
-/// Iterations of a run.
+/// A run of iterations of given pixels as the driver sees it. Maps on the way show the first layer.
 #[derive(Clone, Copy)]
-struct Segment {
-    /// Those of the whole solve before it, and its own.
+struct Span {
+    run: Run,
+    /// Iterations of the whole solve before it.
     begin: usize,
-    iterations: usize,
-    /// Iterations of the schedule of the fit: those that are left out before these, and all.
-    skipped: usize,
-    all: usize,
-    /// Iterations of the whole solve, for progress.
-    of: usize,
+    level: Level,
+    /// The pairs of an iteration.
+    pairs: Level,
+    /// Pixels of each layer.
+    of_layers: [usize; 2],
+    judge: Judge,
+    /// It begins with what places its pixels.
+    is_whole: bool,
 }
 
-impl Segment {
-    fn of(run: Run, begin: usize) -> Segment {
-        let Run { iterations, skipped, of, .. } = run;
-        Segment { begin, iterations, skipped, all: run.all(), of }
+impl Span {
+    fn of(plan: &Plan, run: Run, begin: usize, of_layers: [usize; 2], judge: Judge) -> Span {
+        let level = plan.levels.pixels.expect("a fit has pixels");
+        let pairs = plan.batch(0).copied().unwrap_or(level);
+        Span { run, begin, level, pairs, of_layers, judge, is_whole: false }
+    }
+
+    /// A fit of all pixels that there is room for.
+    fn whole(plan: &Plan, iterations: usize) -> Span {
+        let begin = plan.demand.iterations[0];
+        let run = Run::of(iterations, begin + iterations);
+        Span { is_whole: true, ..Span::of(plan, run, begin, [needs::pixels(plan), 0], Judge::None) }
+    }
+
+    fn iterations(&self) -> Range<usize> {
+        self.begin..self.begin + self.run.iterations
+    }
+
+    fn count(&self) -> usize {
+        self.of_layers.iter().sum()
     }
 
     /// What is judged when `done` iterations of the whole solve are done: those since the last comparison.
@@ -513,67 +525,67 @@ impl Segment {
         let own = done - self.begin;
         let before = own.saturating_sub(1) / CHECK * CHECK;
         let first = if before == 0 { JUDGE_FIRST } else { 0 };
-        Judged { iterations: [self.begin + before, done], at: self.skipped + own, flags: first }
+        Judged { iterations: [self.begin + before, done], at: self.run.skipped + own, flags: first }
     }
 }
 
-/// The steps that the driver runs, with the given pixels in each layer. Maps on the way show the first layer.
-fn steps(plan: &Plan, level: Level, of_layers: [usize; 2], judge: Judge, segment: Segment) -> Steps<'static> {
-    let count = of_layers.iter().sum();
-    let Segment { begin, iterations, skipped, all, of } = segment;
-    Steps {
-        levels: vec![plan.batch(0).copied().unwrap_or(level)],
-        start: Box::new(|_, _| ()),
-        iteration: Box::new(move |s, plan, _, i| {
-            let own = i - begin;
-            iteration(s, plan, &level, count, [i, skipped + own, all]);
-            if (own + 1).is_multiple_of(CHECK) && own + 1 < iterations {
-                check(s, plan, &level, count, segment.judged(i + 1));
-            }
-        }),
-        due: Box::new(|_, _, _, _| ()),
-        last: Box::new(move |s, plan, done| {
-            if done > begin {
-                let judged = segment.judged(done);
-                // A run that is late ends after a comparison or between two.
-                let is_judged = (done - begin).is_multiple_of(CHECK) && done - begin < iterations;
-                let from = if is_judged { done } else { judged.iterations[0] };
-                let iterations = [from, done];
-                check(
-                    s,
-                    plan,
-                    &level,
-                    count,
-                    Judged { iterations, flags: judged.flags | JUDGE_LAST, ..judged },
-                );
-            }
-            result(s, plan, judge, &level, of_layers);
-        }),
-        extract: Box::new(move |s, level| extracted(s, level, of_layers, 0, COLUMNS_HOST)),
-        has_maps: false,
-        passes: [crate::engine::passes::ALL, passes::ALL],
-        l1_weight: Box::new(|_| 1.0),
-        of,
-        shrinks: false,
-        until: None,
+impl Iterate for Span {
+    fn levels(&self) -> &[Level] {
+        std::slice::from_ref(&self.pairs)
     }
-}
 
-/// The steps of a fit of all pixels that there is room for.
-fn whole(plan: &Plan, iterations: usize) -> Steps<'static> {
-    let level = plan.levels.pixels.expect("a fit has pixels");
-    let (count, begin) = (needs::pixels(plan), plan.demand.iterations[0]);
-    let segment = Segment { begin, iterations, skipped: 0, all: iterations, of: begin + iterations };
-    Steps {
-        start: Box::new(move |s, plan| start(s, plan, &level, count, needs::points_of(plan))),
-        ..steps(plan, level, [count, 0], Judge::None, segment)
+    fn start(&self, s: &mut Schedule, plan: &Plan) {
+        if self.is_whole {
+            start(s, plan, &self.level, self.count(), needs::points_of(plan));
+        }
+    }
+
+    fn iteration(&self, s: &mut Schedule, plan: &Plan, _: &Level, i: usize) {
+        let own = i - self.begin;
+        iteration(s, plan, &self.level, self.count(), [i, self.run.skipped + own, self.run.all()]);
+        if (own + 1).is_multiple_of(CHECK) && own + 1 < self.run.iterations {
+            check(s, plan, &self.level, self.count(), self.judged(i + 1));
+        }
+    }
+
+    fn last(&self, s: &mut Schedule, plan: &Plan, done: usize) {
+        let Span { begin, run, .. } = *self;
+        if done > begin {
+            let judged = self.judged(done);
+            // A run that is late ends after a comparison or between two.
+            let is_judged = (done - begin).is_multiple_of(CHECK) && done - begin < run.iterations;
+            let from = if is_judged { done } else { judged.iterations[0] };
+            let judged = Judged { iterations: [from, done], flags: judged.flags | JUDGE_LAST, ..judged };
+            check(s, plan, &self.level, self.count(), judged);
+        }
+        result(s, plan, self.judge, &self.level, self.of_layers);
+    }
+
+    fn extract(&self, s: &mut Schedule, level: &Level) {
+        extracted(s, level, self.of_layers, 0, COLUMNS_HOST);
+    }
+
+    fn has_maps(&self) -> bool {
+        false
+    }
+
+    fn passes(&self) -> &'static [&'static Pass] {
+        passes::ALL
+    }
+
+    fn of(&self) -> usize {
+        self.run.of
+    }
+
+    fn until(&self) -> Option<Instant> {
+        self.run.until
     }
 }
 
 /// The schedules of a fit of all pixels that there is room for.
 pub(super) fn outline(plan: &Plan) -> Vec<TimedSchedule> {
     let [begin, iterations] = plan.demand.iterations;
-    outline::of("surface", plan, &whole(plan, iterations), begin..begin + iterations)
+    outline::of("surface", plan, &Span::whole(plan, iterations), begin..begin + iterations)
 }
 
 /// The maps in the layout of the device.

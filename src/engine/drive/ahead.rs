@@ -1,6 +1,6 @@
 //! How long the rest of a solve takes.
 
-use super::steps::Steps;
+use super::iterate::Iterate;
 use super::watch::TracePoint;
 use crate::engine::plan::Plan;
 use crate::gpu::Schedule;
@@ -34,7 +34,7 @@ pub(crate) struct Ahead {
 impl Ahead {
     /// What is ahead of a run from iteration `first` at `level` up to `end`. `unused` receives schedules that were not run.
     pub fn new(
-        steps: &Steps<'_>,
+        steps: &dyn Iterate,
         plan: &Plan,
         [first, mut level, end]: [usize; 3],
         unused: &mut Schedule,
@@ -43,13 +43,13 @@ impl Ahead {
         for i in first..end {
             if i > first {
                 // Only the level that it leads to counts here.
-                (steps.due)(unused, plan, &mut level, i);
+                steps.due(unused, plan, &mut level, i);
                 unused.clear();
             }
-            let here = &steps.levels[level];
+            let here = &steps.levels()[level];
             iterations.push((here.grid.n[0], here.pairs, 1.0));
         }
-        let levels = iterations.chunk_by_mut(|a, b| a.0 == b.0).filter(|_| steps.shrinks);
+        let levels = iterations.chunk_by_mut(|a, b| a.0 == b.0).filter(|_| steps.shrinks());
         for level in levels {
             let all = level.len() as f64;
             level.iter_mut().enumerate().for_each(|(i, of)| of.2 = kept(i as f64 / all) / KEPT);

@@ -7,6 +7,7 @@ use std::time::Instant;
 
 use super::on_device::{Lists, OnDevice, read_maps};
 use crate::engine::plan::Level;
+use crate::engine::plan::passes;
 use crate::gpu::{Gpu, Schedule, Ticket};
 use crate::maps::Maps;
 use crate::transport::kernels::buffer;
@@ -14,15 +15,15 @@ use crate::{Error, Kind, Result};
 
 mod ahead;
 mod clock;
+mod iterate;
 mod reader;
-mod steps;
 mod watch;
 mod whole;
 
 use ahead::Ahead;
 use clock::Clock;
+pub(crate) use iterate::Iterate;
 use reader::Reader;
-pub(crate) use steps::Steps;
 pub use watch::{Doing, Progress, TracePoint, Watch};
 pub(crate) use whole::{read_whole, submit_whole};
 
@@ -58,7 +59,7 @@ pub(crate) fn drive(
     gpu: &Gpu,
     device: &mut OnDevice,
     iterations: usize,
-    steps: Steps<'_>,
+    steps: &dyn Iterate,
     watch: &mut Watch<'_>,
     before: Option<Driven>,
 ) -> Result<Driven> {
@@ -85,7 +86,7 @@ pub(crate) fn drive(
 struct RunningSolve<'r, 'w> {
     gpu: &'r Gpu,
     device: &'r mut OnDevice,
-    steps: Steps<'r>,
+    steps: &'r dyn Iterate,
     watch: &'r mut Watch<'w>,
     iterations: usize,
     clock: Clock,
@@ -127,11 +128,11 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
     fn begin(
         gpu: &'r Gpu,
         device: &'r mut OnDevice,
-        steps: Steps<'r>,
+        steps: &'r dyn Iterate,
         watch: &'r mut Watch<'w>,
         before: Option<Driven>,
     ) -> Result<RunningSolve<'r, 'w>> {
-        let first_level = steps.levels[0];
+        let first_level = steps.levels()[0];
         // A run that failed may have left something.
         device.lists.block.clear();
         device.lists.change.clear();
@@ -160,7 +161,7 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
             is_ended: false,
         };
         run.start(before);
-        run.reached = run.steps.levels[run.level];
+        run.reached = run.steps.levels()[run.level];
         (run.first_level, run.level_before) = (run.level, run.level);
         Ok(run)
     }
@@ -168,7 +169,7 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
     /// Begins with the start schedule, after `before` if it is given.
     fn start(&mut self, before: Option<Driven>) {
         if let Some(Driven { trace, maps, pairs, seconds, gpu_seconds, .. }) = before {
-            self.maps = Some(maps).filter(|_| !self.steps.has_maps);
+            self.maps = Some(maps).filter(|_| !self.steps.has_maps());
             if let Some(last) = trace.last() {
                 (self.first, self.active, self.last.0) = (last.iteration, last.active, *last);
             }
@@ -178,25 +179,25 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
         }
         let OnDevice { plan, queue, lists: Lists { block, .. }, .. } = &mut *self.device;
         queue.move_into(block);
-        block.stage("start", &stage_values(&self.steps.levels[self.level], self.first));
-        (self.steps.start)(block, plan);
+        block.stage("start", &stage_values(&self.steps.levels()[self.level], self.first));
+        self.steps.start(block, plan);
     }
 
     /// Adds iteration `i` to the block, and finds what is due after it.
     fn add(&mut self, i: usize) {
-        let here = self.steps.levels[self.level];
+        let here = self.steps.levels()[self.level];
         let OnDevice { plan, lists: Lists { block, change, .. }, .. } = &mut *self.device;
         if !change.commands.is_empty() {
             block.stage("domain", &stage_values(&here, i));
             block.append(change);
         }
         block.stage("iteration", &stage_values(&here, i));
-        (self.steps.iteration)(block, plan, &here, i);
+        self.steps.iteration(block, plan, &here, i);
         self.level_before = self.level;
         if i + 1 < self.iterations {
-            (self.steps.due)(change, plan, &mut self.level, i + 1);
+            self.steps.due(change, plan, &mut self.level, i + 1);
         } else {
-            (self.steps.last)(block, plan, i + 1);
+            self.steps.last(block, plan, i + 1);
             self.is_ended = true;
         }
     }
@@ -209,18 +210,18 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
     /// Whether the block ends after `done` iterations. A change of the level ends it, so that all its rows belong to
     /// one level.
     fn block_ends(&self, done: usize) -> bool {
-        let pairs = self.active * self.steps.levels[self.level_before].pairs;
+        let pairs = self.active * self.steps.levels()[self.level_before].pairs;
         done == self.iterations
             || self.is_measured(done)
             || !self.device.lists.change.commands.is_empty()
-            || done - self.block_from >= block_length(self.gpu, pairs, self.steps.until.is_some())
+            || done - self.block_from >= block_length(self.gpu, pairs, self.steps.until().is_some())
     }
 
     /// Submits the block, which ends after `done` iterations, and reads the blocks before it. Returns whether the run
     /// is late.
     fn submit(&mut self, done: usize) -> Result<bool> {
         let Some(ticket) = self.submit_block()? else { return Ok(true) };
-        self.reached = self.steps.levels[self.level_before];
+        self.reached = self.steps.levels()[self.level_before];
         self.flights.push_back(SubmittedBlock { ticket, rows: self.block_from..done, level: self.reached });
         self.block_from = done;
         let measured = self.is_measured(done);
@@ -259,12 +260,12 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
             (watch.hear)(&Progress {
                 doing: Doing::Solve,
                 point,
-                iterations: steps.of,
+                iterations: steps.of(),
                 remaining,
                 maps: None,
             })
         };
-        let hear = steps.shrinks.then_some(&mut hear as _);
+        let hear = steps.shrinks().then_some(&mut hear as _);
         let submitted = self.device.lists.submit(&mut self.device.executor, hear)?;
         if submitted.is_none() {
             self.cancelled = Some(self.last.0.iteration);
@@ -284,22 +285,22 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
         // What is ahead is found when the first block is done: before it, the device would wait.
         let OnDevice { plan, lists: Lists { unused, .. }, .. } = &mut *self.device;
         let run = [self.first, self.first_level, self.iterations];
-        let ahead = self.ahead.get_or_insert_with(|| Ahead::new(&self.steps, plan, run, unused));
+        let ahead = self.ahead.get_or_insert_with(|| Ahead::new(self.steps, plan, run, unused));
         let remaining = ahead.seconds(&point, self.reader.pairs);
         self.last = (point, remaining);
-        let progress = Progress { doing: Doing::Solve, point, iterations: self.steps.of, remaining, maps };
+        let progress = Progress { doing: Doing::Solve, point, iterations: self.steps.of(), remaining, maps };
         let reported = progress.point.iteration;
         if (self.watch.hear)(&progress).is_break() {
             self.cancelled = Some(reported);
             return Ok(false);
         }
-        let at_end = Some(&flight.level) == self.steps.levels.last();
-        Ok(at_end && self.steps.until.is_some_and(|until| Instant::now() >= until))
+        let at_end = Some(&flight.level) == self.steps.levels().last();
+        Ok(at_end && self.steps.until().is_some_and(|until| Instant::now() >= until))
     }
 
     fn read(&mut self, flight: &SubmittedBlock, seconds: [f64; 2]) -> Result<TracePoint> {
-        let l1_weight = (self.steps.l1_weight)(&flight.level);
-        let passes = &self.steps.passes;
+        let l1_weight = self.steps.l1_weight(&flight.level);
+        let passes = &[passes::ALL, self.steps.passes()];
         // Blocks in flight write other rows.
         let OnDevice { executor, lists: Lists { rows, .. }, .. } = &mut *self.device;
         executor.read_behind(flight.ticket, buffer::TRACE, flight.rows.clone(), rows);
@@ -310,7 +311,7 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
     fn maps(&mut self, level: &Level) -> Result<Maps> {
         self.device.run(|s, _| {
             maps_stage(s, level);
-            (self.steps.extract)(s, level);
+            self.steps.extract(s, level);
         })?;
         // A surface has the normals of its depths even where light does not depend on them.
         let plan = &self.device.plan;
@@ -329,7 +330,7 @@ impl<'r, 'w> RunningSolve<'r, 'w> {
         if !self.is_ended {
             let done = self.reader.trace.last().map_or(self.first, |point| point.iteration);
             let OnDevice { plan, executor, lists: Lists { block, .. }, .. } = &mut *self.device;
-            (self.steps.last)(block, plan, done);
+            self.steps.last(block, plan, done);
             executor.run(block)?;
             block.clear();
         }

@@ -6,9 +6,9 @@ use crate::Result;
 use crate::capture::{Background, Capture};
 use crate::engine::OnDevice;
 use crate::engine::{Common, Needs, Plan, Problem, RunsOn, Solver};
+use crate::engine::{Iterate, Level, Pass, Watch, drive};
 use crate::engine::{Planned, Prepared};
 use crate::engine::{Reconstruction, finish};
-use crate::engine::{Steps, Watch, drive};
 use crate::engine::{TimedSchedule, outline};
 use crate::gpu::{Abilities, Gpu, Schedule, check};
 use crate::transport::{Grid, Model, Rows};
@@ -69,7 +69,7 @@ impl Solver for PaperOptions {
     }
 
     fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
-        outline::of("volume", plan, &steps(plan, self), 0..self.iterations)
+        outline::of("volume", plan, &Volume::of(plan, self), 0..self.iterations)
     }
 
     fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
@@ -99,7 +99,7 @@ impl Prepared for PreparedPaper {
         let PreparedPaper { planned, options, .. } = self;
         let OnDevice { plan, executor, .. } = planned.made()?;
         let mut reserve = |schedule: &Schedule| executor.reserve(schedule);
-        outline::each(plan, &steps(plan, options), 0..options.iterations, &mut reserve)
+        outline::each(plan, &Volume::of(plan, options), 0..options.iterations, &mut reserve)
     }
 
     fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
@@ -109,29 +109,62 @@ impl Prepared for PreparedPaper {
         job.model.take(rows, capture, &Background::NONE);
         job.queue_counts()?;
         let plan = job.plan.clone();
-        let steps = steps(&plan, options);
-        let driven = drive(&gpu, job, options.iterations, steps, watch, None)?;
+        let driven = drive(&gpu, job, options.iterations, &Volume::of(&plan, options), watch, None)?;
         finish(job, driven, with_volume.then_some(albedo_of))
     }
 }
 
-/// The steps that the driver runs.
-fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
-    Steps {
-        levels: plan.levels.volume.clone(),
-        start: Box::new(|s, plan| initialise(s, plan, &plan.levels.volume[0])),
-        iteration: Box::new(|s, plan, level, i| {
-            iteration(s, plan, level, i as u32, (i % options.restart_every) as u32 + 1)
-        }),
-        due: Box::new(|s, plan, level, done| due(s, plan, options, level, done)),
-        extract: Box::new(domain::extract),
-        last: Box::new(|_, _, _| ()),
-        has_maps: true,
-        passes: [crate::engine::passes::ALL, passes::ALL],
-        l1_weight: Box::new(|level| options.l1 / level.grid.voxels() as f64),
-        of: options.iterations,
-        shrinks: true,
-        until: None,
+/// The volume as the driver sees it.
+struct Volume<'o> {
+    levels: Vec<Level>,
+    options: &'o PaperOptions,
+}
+
+impl Volume<'_> {
+    fn of<'o>(plan: &Plan, options: &'o PaperOptions) -> Volume<'o> {
+        Volume { levels: plan.levels.volume.clone(), options }
+    }
+}
+
+impl Iterate for Volume<'_> {
+    fn levels(&self) -> &[Level] {
+        &self.levels
+    }
+
+    fn start(&self, s: &mut Schedule, plan: &Plan) {
+        initialise(s, plan, &plan.levels.volume[0]);
+    }
+
+    fn iteration(&self, s: &mut Schedule, plan: &Plan, level: &Level, i: usize) {
+        iteration(s, plan, level, i as u32, (i % self.options.restart_every) as u32 + 1);
+    }
+
+    fn due(&self, s: &mut Schedule, plan: &Plan, level: &mut usize, done: usize) {
+        due(s, plan, self.options, level, done);
+    }
+
+    fn extract(&self, s: &mut Schedule, level: &Level) {
+        domain::extract(s, level);
+    }
+
+    fn has_maps(&self) -> bool {
+        true
+    }
+
+    fn passes(&self) -> &'static [&'static Pass] {
+        passes::ALL
+    }
+
+    fn l1_weight(&self, level: &Level) -> f64 {
+        self.options.l1 / level.grid.voxels() as f64
+    }
+
+    fn of(&self) -> usize {
+        self.options.iterations
+    }
+
+    fn shrinks(&self) -> bool {
+        true
     }
 }
 
