@@ -7,8 +7,9 @@
 mod scene;
 
 use scene::{ACCUMULATIONS, gpu, job, median, spent};
+use thirdbounce::engine::{Accumulation, Tuning};
 use thirdbounce::gpu::Schedule;
-use thirdbounce::solve::{Accumulation, Tuning, paper};
+use thirdbounce::methods::paper;
 
 /// Iterations of which the median is reported.
 const SAMPLES: u32 = 15;

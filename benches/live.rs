@@ -13,12 +13,14 @@ use std::time::Instant;
 
 use fixtures::allocations::{Counting, allocated_by};
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::Reconstruction;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::maps::Truth;
 use thirdbounce::measure::{Metrics, metrics};
+use thirdbounce::methods::SolverOptions;
 use thirdbounce::session::{Session, SessionOptions};
 use thirdbounce::simulate::{Motion, RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Follow, Reconstruction, SolverOptions, SurfaceOptions};
+use thirdbounce::surface::{Follow, SurfaceOptions};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;

@@ -10,10 +10,11 @@ mod scene;
 use std::time::Instant;
 
 use scene::{gpu, job, median, spent};
+use thirdbounce::engine::Accumulation;
 use thirdbounce::gpu::{DeviceKind, Schedule};
+use thirdbounce::learned::LearnedStart;
+use thirdbounce::methods::paper;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::learned::LearnedStart;
-use thirdbounce::solve::{Accumulation, paper};
 
 const SIDES: [usize; 6] = [8, 16, 32, 64, 128, 256];
 const ACTIVE: [usize; 5] = [10_000, 30_000, 100_000, 300_000, 1_000_000];

@@ -3,7 +3,8 @@
 //!     cargo run --release --example from_arrays
 
 use glam::{DVec3, dvec3};
-use thirdbounce::{Capture, Gpu, GpuOptions, Result, Settings, SurfaceSettings, reconstruct};
+use thirdbounce::surface::SurfaceSettings;
+use thirdbounce::{Capture, Gpu, GpuOptions, Result, Settings, reconstruct};
 
 const SIDE: usize = 16;
 const BINS: usize = 200;

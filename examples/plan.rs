@@ -5,8 +5,10 @@
 
 use std::path::Path;
 
+use thirdbounce::engine::{Problem, When};
 use thirdbounce::gpu::{Gpu, GpuOptions};
-use thirdbounce::solve::{Problem, SceneTraits, SolverOptions, When};
+use thirdbounce::methods::SolverOptions;
+use thirdbounce::options::SceneTraits;
 use thirdbounce::transport::Grid;
 use thirdbounce::{Result, capture};
 

@@ -4,7 +4,8 @@
 
 use std::ops::ControlFlow;
 
-use thirdbounce::{Doing, Gpu, GpuOptions, Progress, Result, Settings, read, reconstruct_with, write};
+use thirdbounce::engine::{Doing, Progress};
+use thirdbounce::{Gpu, GpuOptions, Result, Settings, read, reconstruct_with, write};
 
 fn main() -> Result<()> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

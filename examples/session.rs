@@ -5,7 +5,8 @@
 use std::time::Instant;
 
 use glam::{DVec3, dvec3};
-use thirdbounce::{Capture, Gpu, GpuOptions, Result, SessionOptions, Settings, SurfaceSettings, session};
+use thirdbounce::surface::SurfaceSettings;
+use thirdbounce::{Capture, Gpu, GpuOptions, Result, SessionOptions, Settings, session};
 
 const SIDE: usize = 16;
 const BINS: usize = 200;

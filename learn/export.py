@@ -1,6 +1,6 @@
 """Writes the averaged weights of a checkpoint as the engine reads them, and prints what the network says of one input.
 
-`export.py CHECKPOINT.pt WEIGHTS.safetensors`. As `src/solve/learned/weights.safetensors` they are part of the next build. The numbers are the
+`export.py CHECKPOINT.pt WEIGHTS.safetensors`. As `src/learned/weights.safetensors` they are part of the next build. The numbers are the
 expected ones of `tests/solvers/learned.rs`, which compares the engine with them."""
 
 import argparse

@@ -1,11 +1,11 @@
-"""The network of the learned start, as `src/solve/learned/network.rs` computes it, and its file of weights."""
+"""The network of the learned start, as `src/learned/network.rs` computes it, and its file of weights."""
 
 import torch
 import torch.nn as nn
 import torch.nn.functional as F
 from safetensors.torch import load_file, save_file
 
-# Voxels of the box along x and y, and along z; bands; kinds of pairs; the box's near end in walls. As `src/solve/learned/sizes.rs`.
+# Voxels of the box along x and y, and along z; bands; kinds of pairs; the box's near end in walls. As `src/learned/sizes.rs`.
 SIDE, DEEP, BANDS, KINDS, NEAR = 64, 96, 5, 3, 0.1
 
 

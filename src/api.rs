@@ -1,20 +1,20 @@
 //! A capture to maps in one call, and sessions for frames of one scan.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 
-use crate::Result;
 use crate::capture::{Capture, conditioning};
+use crate::engine::{Bins, Progress, Reconstruction, Watch};
 use crate::gpu::Gpu;
+use crate::judge::Job;
 #[cfg(feature = "formats")]
-use crate::maps::Maps;
-use crate::maps::Truth;
+use crate::maps::{Maps, Truth};
 #[cfg(feature = "formats")]
 use crate::measure::Metrics;
-use crate::resolve::Job;
 use crate::session::{Session, SessionOptions};
 use crate::settings::{Calibrate, DevicePosition, Settings};
 use crate::simulate::{RenderOptions, Scene};
-use crate::solve::{Bins, Progress, Reconstruction, Watch};
+use crate::{Result, solve};
 
 /// Reconstructs a capture that [`read`] or [`prepare`] has made ready.
 ///
@@ -37,10 +37,9 @@ pub fn reconstruct_with(
 ) -> Result<Reconstruction> {
     capture.check()?;
     let capture = settings.with_instrument(capture)?;
-    let job = Job::resolve(settings, &capture, gpu, on_progress)?;
+    let job = Job { warnings: capture.warnings(), ..Job::of(settings, Cow::Borrowed(&capture)) };
     let mut watch = Watch { hear: on_progress, maps_every: None, maps_at: &[] };
-    let mut result = job.solve(gpu, &mut watch)?;
-    job.conclude(&mut result, [&capture.warnings(), &[]]);
+    let (job, mut result) = solve::solve(gpu, job, &mut watch)?;
     result.notes = job.estimates.notes();
     Ok(result)
 }
@@ -87,7 +86,7 @@ pub fn session_with(
             .to_owned()
     });
     settings.device_at = Some(DevicePosition::None);
-    let job = Job::resolve(&settings, &frame, gpu, on_progress)?;
+    let job = solve::resolve(gpu, Job::of(&settings, Cow::Borrowed(&frame)), on_progress)?;
     let notes = job.estimates.notes().into_iter().chain(warning).chain(unused).collect();
     Ok((Session::of(gpu, &frame, &job, options)?, notes))
 }
@@ -154,7 +153,8 @@ pub fn reconstruct_file(
     folder: impl AsRef<std::path::Path>,
     on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Written> {
-    use crate::job::{self, Request};
+    use crate::job;
+    use crate::job::Request;
     let truth = truth.map(std::path::Path::to_path_buf);
     let request = Request { truth, ..Request::new(settings.clone(), folder.as_ref()) };
     job::check_results(&request.out)?;

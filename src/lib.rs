@@ -107,20 +107,28 @@
 
 mod api;
 #[doc(hidden)]
-pub mod diagnosis;
+pub mod closed_form;
 #[doc(hidden)]
-pub mod estimation;
+pub mod engine;
 #[cfg(feature = "formats")]
 #[doc(hidden)]
 pub mod job;
 #[doc(hidden)]
-pub mod resolve;
+pub mod judge;
+#[doc(hidden)]
+pub mod learned;
+#[doc(hidden)]
+pub mod methods;
+#[doc(hidden)]
+pub mod options;
 #[doc(hidden)]
 pub mod session;
 #[doc(hidden)]
 pub mod settings;
 #[doc(hidden)]
 pub mod solve;
+#[doc(hidden)]
+pub mod surface;
 #[doc(hidden)]
 pub mod transport;
 
@@ -144,18 +152,18 @@ pub use thirdbounce_simulate as simulate;
 #[cfg(feature = "formats")]
 pub use api::{Written, evaluate, prepare, read, read_truth, reconstruct_file, write};
 pub use api::{reconstruct, reconstruct_with, render, session, session_with};
+pub use closed_form::{
+    BpSettings, DlctSettings, FbpSettings, FkSettings, LctSettings, PhasorBpSettings, PhasorSettings,
+};
+pub use engine::{Bins, Doing, Progress, Reconstruction, TracePoint, VolumeMap};
+pub use methods::{Method, PaperSettings};
+pub use options::Preset;
 pub use session::{
     Canceller, ExternalCounts, ExternalFrame, Feed, Format, Frame, FrameId, Hear, Latency, Session,
     SessionOptions, Submitter,
 };
 pub use settings::{Calibrate, ImpulseResponse, ReflectanceSetting, Settings};
-pub use solve::closed_form::{
-    BpSettings, DlctSettings, FbpSettings, FkSettings, LctSettings, PhasorBpSettings, PhasorSettings,
-};
-pub use solve::{
-    Bins, Doing, Follow, Method, PaperSettings, Preset, Progress, Reconstruction, SurfaceSettings,
-    TracePoint, VolumeMap,
-};
+pub use surface::{Follow, SurfaceSettings};
 pub use transport::{Grid, Volume};
 
 pub use {ash, glam};

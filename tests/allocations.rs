@@ -7,8 +7,9 @@ use fixtures::captures::changed;
 use glam::dvec3;
 use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::gpu::{Gpu, GpuOptions};
+use thirdbounce::methods::{PaperOptions, SolverOptions};
 use thirdbounce::session::{Session, SessionOptions};
-use thirdbounce::solve::{Begin, Follow, PaperOptions, SolverOptions, SurfaceOptions};
+use thirdbounce::surface::{Begin, Follow, SurfaceOptions};
 
 #[global_allocator]
 static ALLOCATOR: Counting = Counting;

@@ -3,8 +3,10 @@
 
 use glam::dvec3;
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::{Accumulation, OnDevice, Plan, Tuning};
 use thirdbounce::gpu::{Gpu, GpuOptions, KernelTime};
-use thirdbounce::solve::{Accumulation, OnDevice, PaperOptions, Plan, Preset, Tuning};
+use thirdbounce::methods::PaperOptions;
+use thirdbounce::options::Preset;
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume};
 
 pub const ACCUMULATIONS: [Accumulation; 3] = [Accumulation::Owned, Accumulation::Float, Accumulation::Fixed];

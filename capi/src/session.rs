@@ -5,8 +5,8 @@ use std::ops::ControlFlow;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;
 
+use engine::engine::Progress;
 use engine::session::{Canceller, Frame, FrameId, Session, SessionOptions, Submitter};
-use engine::solve::Progress;
 use engine::{Error, Settings};
 
 use crate::error::{TbStatus, free_handle, guarded, no_handle};

@@ -5,8 +5,9 @@ use std::mem::offset_of;
 use std::ops::ControlFlow;
 use std::time::Duration;
 
+use engine::engine::Progress;
 use engine::session::{Feed, FrameId, Hear, SessionOptions};
-use engine::solve::{Follow, Progress};
+use engine::surface::Follow;
 use engine::{Bins, Error, Result, Settings};
 
 use crate::sized::Versioned;

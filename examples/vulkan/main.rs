@@ -11,9 +11,10 @@ use std::time::Instant;
 use ash::vk;
 use glam::{DVec3, dvec3};
 use program::{Program, VERSION};
+use thirdbounce::surface::SurfaceSettings;
 use thirdbounce::{
     Capture, ExternalBuffer, ExternalCounts, ExternalFrame, Format, Gpu, SessionOptions, Settings,
-    SurfaceSettings, TimelinePoint, Vulkan,
+    TimelinePoint, Vulkan,
 };
 
 /// Points of the scan, and pixels of the maps, along x and along y.

@@ -4,7 +4,7 @@ use std::any::Any;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use engine::advice::{Look, Remedy};
-use engine::solve::SolverOptions;
+use engine::methods::SolverOptions;
 use engine::{Error as EngineError, Kind, panic_message};
 use pyo3::create_exception;
 use pyo3::exceptions::PyException;

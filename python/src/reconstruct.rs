@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use engine::engine::VolumeMap;
 use engine::job::{self, Request};
-use engine::solve::VolumeMap;
 use engine::{Error, Kind};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::prelude::*;
@@ -76,6 +76,6 @@ pub fn set_volume(made: &Bound<'_, PyDict>, volume: Option<VolumeMap>) -> PyResu
 /// The metres of a length, or of a path if it `is_path`, with a unit.
 #[pyfunction]
 pub fn metres(py: Python<'_>, name: &str, text: &str, is_path: bool) -> PyResult<f64> {
-    let read = if is_path { engine::solve::units::path } else { engine::solve::units::length };
+    let read = if is_path { engine::options::units::path } else { engine::options::units::length };
     guarded(py, None, || read(text).map_err(|hint| Error::options(format!("{name} is {text:?}"), hint)))
 }

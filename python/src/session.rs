@@ -4,21 +4,21 @@ use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
+use engine::engine::{Progress, VolumeMap};
 use engine::maps::Maps;
 use engine::session::{self as engine_session, Canceller, Feed, Frame, Hear, SessionOptions, Submitter};
-use engine::solve::{Follow, Progress, VolumeMap};
+use engine::surface::Follow;
 use engine::{Error, Result};
 use numpy::PyReadonlyArray1;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 use crate::capture::{Arrays, flat};
-use crate::devices;
 use crate::error::guarded;
-use crate::maps;
 use crate::reconstruct::set_volume;
 use crate::settings::{self, Texts};
 use crate::tell::{Raised, Teller, heard};
+use crate::{devices, maps};
 
 /// How often a thread that waits looks for signals.
 const LOOK: Duration = Duration::from_millis(20);

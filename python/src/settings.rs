@@ -1,7 +1,7 @@
 //! Settings as keyword arguments.
 
-use engine::solve::SolverOptions;
-use engine::solve::option::SceneTraits;
+use engine::methods::SolverOptions;
+use engine::options::rows::SceneTraits;
 use engine::{Result, Settings};
 use pyo3::prelude::*;
 

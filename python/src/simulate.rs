@@ -1,8 +1,8 @@
 //! Captures of known scenes.
 
 use engine::capture::Pulse;
+use engine::methods::reflectance;
 use engine::simulate::{self as engine_simulate, Dark, Layout, RenderOptions, Scene};
-use engine::solve::reflectance;
 use engine::{Error, Result};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;

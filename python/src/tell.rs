@@ -6,7 +6,7 @@ use std::sync::mpsc::sync_channel;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use engine::solve::{Doing, Progress};
+use engine::engine::{Doing, Progress};
 use engine::{Error, Result};
 use pyo3::prelude::*;
 

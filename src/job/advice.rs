@@ -1,12 +1,13 @@
 //! Finds options that make a job fit into memory. Each is tried on a plan of its own.
 
+use std::borrow::Cow;
+
 use super::load::Loaded;
 use super::{Request, planned};
 use crate::advice::{Advice, Remedy, Setting, advice};
-use crate::capture::{Capture, Gate};
-use crate::estimation::EstimateRequest;
+use crate::capture::Gate;
 use crate::gpu::Gpu;
-use crate::solve::Ready;
+use crate::judge::Job;
 use crate::{Error, Kind};
 
 /// Replaces the advice of an error: if a job needs too much memory, the advice names options that would fit.
@@ -33,20 +34,20 @@ pub fn advise(error: Error, request: &Request, loaded: &Loaded, gpu: &Gpu) -> Er
 /// Settings with values. Each of them alone makes the job fit, by the least change that was tried. They are tried on the
 /// capture as it was loaded, because a large file takes long to read.
 fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Setting, String)> {
-    let fits = |request: &EstimateRequest, capture: &Capture| fits_on(request, capture, gpu);
+    let fits = |job: &Job<'_>| fits_on(job, gpu);
     let capture = &loaded.capture;
     let stride = request.settings.stride.unwrap_or(1);
-    let request = &request.resolved(capture);
-    let lateral = request.solver.common().lateral;
+    let job = &request.job(capture);
+    let lateral = job.solver.common().lateral;
     let smaller = (1..10).map(|k| lateral >> k).take_while(|n| *n >= 4);
     let smaller = smaller
-        .map(|n| EstimateRequest { solver: request.solver.with_lateral(n), ..request.clone() })
-        .find(|request| fits(request, capture))
-        .map(|request| (Setting::Lateral, request.solver.common().lateral.to_string()));
+        .map(|n| job.with_solver(job.solver.with_lateral(n)))
+        .find(fits)
+        .map(|job| (Setting::Lateral, job.solver.common().lateral.to_string()));
     let thinner = [2, 3, 4, 6, 8, 12, 16].into_iter().find(|times| {
-        capture
-            .stride(*times)
-            .is_ok_and(|thin| thin.pair_count() < capture.pair_count() && fits(request, &thin))
+        capture.stride(*times).is_ok_and(|thin| {
+            thin.pair_count() < capture.pair_count() && fits(&job.with_capture(Cow::Owned(thin)))
+        })
     });
     let thinner = thinner.map(|times| (Setting::Stride, stride.saturating_mul(times).to_string()));
     // Gates that begin with the signal, so that some of it stays.
@@ -55,12 +56,12 @@ fn suggestions(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Vec<(Setting, S
     let narrower = [1.0, 0.75, 0.5, 0.35, 0.25, 0.18, 0.125].into_iter().find_map(|share| {
         let text = format!("{from:.3}:{:.3}", from + share * span);
         let gated = Gate::parse(&text).and_then(|gate| capture.gated(gate));
-        gated.is_ok_and(|gated| fits(request, &gated)).then_some((Setting::Gate, text))
+        gated.is_ok_and(|gated| fits(&job.with_capture(Cow::Owned(gated)))).then_some((Setting::Gate, text))
     });
     [smaller, thinner, narrower].into_iter().flatten().collect()
 }
 
-fn fits_on(request: &EstimateRequest, capture: &Capture, gpu: &Gpu) -> bool {
-    let Ok(Ready { capture, grid, .. }) = planned::at_most(request, capture) else { return false };
-    request.solver.plan_within(gpu, &request.problem(&capture, grid)).is_ok()
+fn fits_on(job: &Job<'_>, gpu: &Gpu) -> bool {
+    let fits = |job: Job<'_>| job.solver.plan_within(gpu, &job.problem()?);
+    planned::at_most(job).and_then(fits).is_ok()
 }

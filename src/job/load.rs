@@ -3,11 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::Result;
-use crate::capture::conditioning::{self, Conditioning};
-use crate::capture::{self, Capture, Gate, Summary};
+use crate::capture::conditioning::Conditioning;
+use crate::capture::{Capture, Gate, Summary, conditioning};
+use crate::methods::Method;
+use crate::options::Preset;
 use crate::settings::Settings;
-use crate::solve::{Method, Preset};
+use crate::{Result, capture};
 
 /// A capture that is ready to be reconstructed.
 #[derive(Debug, Clone, PartialEq)]

@@ -12,9 +12,10 @@ pub mod report;
 mod request;
 mod run;
 
-pub use crate::estimation::{MODELS, preset_for};
+pub use crate::engine::Bins;
+pub use crate::judge::{MODELS, preset_for};
+pub use crate::methods::{SolverOptions, method};
 pub use crate::settings::memory_bytes;
-pub use crate::solve::{Bins, SolverOptions, method};
 
 pub use advice::advise;
 pub use evaluate::evaluate_maps;

@@ -3,40 +3,46 @@
 use std::borrow::Cow;
 
 use crate::Result;
-use crate::capture::{Capture, Pulse};
-use crate::estimation::{EstimateRequest, FindPulse};
-use crate::solve::Ready;
+use crate::capture::Pulse;
+use crate::engine::default_volume;
+use crate::judge::{FindPulse, Job};
 
 /// Whether a run finds the pulse first, whatever the trials of the model show.
-pub fn finds_pulse(request: &EstimateRequest, capture: &Capture) -> bool {
-    request.find_pulse(capture) == FindPulse::Always
+pub fn finds_pulse(job: &Job<'_>) -> bool {
+    job.find_pulse() == FindPulse::Always
 }
 
-/// What to plan for: the capture without its counts, which a plan does not need and which may be large. A pulse that is
-/// still to be found gets any width: all widths take the same memory.
+/// What to plan for: the job without its counts, which a plan does not need and which may be large, in the bins of the solver. A pulse
+/// that is still to be found gets any width: all widths take the same memory.
 ///
 /// # Errors
-/// A bin width that makes no pulse, and those of [`EstimateRequest::ready`].
-pub fn to_plan(request: &EstimateRequest, capture: &Capture) -> Result<Ready<'static>> {
-    planned(request, capture, finds_pulse(request, capture))
+/// A bin width that makes no pulse, and those of [`Job::summed`].
+pub fn to_plan(job: &Job<'_>) -> Result<Job<'static>> {
+    planned(job, finds_pulse(job))
 }
 
 /// What needs the most memory, whatever trials find; see [`to_plan`].
 ///
 /// # Errors
 /// Those of [`to_plan`].
-pub fn at_most(request: &EstimateRequest, capture: &Capture) -> Result<Ready<'static>> {
-    planned(request, capture, request.find_pulse(capture) != FindPulse::Never)
+pub fn at_most(job: &Job<'_>) -> Result<Job<'static>> {
+    planned(job, job.find_pulse() != FindPulse::Never)
 }
 
-fn planned(request: &EstimateRequest, capture: &Capture, with_pulse: bool) -> Result<Ready<'static>> {
+fn planned(job: &Job<'_>, with_pulse: bool) -> Result<Job<'static>> {
+    let capture = &*job.capture;
     let pulse = match with_pulse {
         true => Some(Pulse::gaussian(4.0 * capture.bin_width)?),
         false => capture.pulse.clone(),
     };
-    let sum =
-        request.discretisation.sum(&request.solver, &capture.outline().with(|c| c.pulse = pulse.clone()));
+    let sum = job.settings.sum(&job.solver, &capture.outline().with(|c| c.pulse = pulse.clone()));
     let summed = if sum == 1 { Cow::Borrowed(capture) } else { Cow::Owned(capture.binned(sum)?) };
-    let grid = request.grid(&summed)?;
-    Ok(Ready { capture: Cow::Owned(summed.outline().with(|c| c.pulse = pulse)), grid, sum })
+    // The box ends where the light does.
+    let volume = match job.settings.volume {
+        Some(volume) => volume,
+        None => default_volume(&summed, job.solver.common().min_depth)?,
+    };
+    let mut planned = job.with_capture(Cow::Owned(summed.outline().with(|c| c.pulse = pulse)));
+    (planned.settings.volume, planned.sum) = (Some(volume), sum);
+    Ok(planned)
 }

@@ -1,20 +1,20 @@
 //! `preview.png`: what there is to see while a solve runs. It shows the light-cone transform first, or the back-projection where
 //! the capture breaks an assumption of the transform; then maps on the way. It goes when the result is there.
 
+use std::borrow::Cow;
 use std::fs;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::places::PREVIEW;
-use crate::capture::Capture;
-use crate::estimation::EstimateRequest;
+use crate::closed_form::FbpOptions;
+use crate::engine::{Doing, Progress, Solver, TracePoint};
 use crate::export::png;
 use crate::files::atomic::create_dir;
 use crate::gpu::Gpu;
+use crate::judge::Job;
 use crate::maps::Maps;
-use crate::solve::closed_form::FbpOptions;
-use crate::solve::{Doing, Progress, Solver, TracePoint};
 use crate::{Error, Kind, Result};
 
 /// Pixels of the transform's maps on a side, at most.
@@ -44,15 +44,14 @@ impl Preview {
     /// `hear` cancels.
     pub fn begin(
         folder: &Path,
-        request: &EstimateRequest,
-        capture: &Capture,
+        job: &Job<'_>,
         gpu: &Gpu,
         hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Option<Preview>> {
         let start = Instant::now();
         let folder_made = (!folder.exists()).then(|| folder.to_owned());
         let mut preview = Preview { file: folder.join(PREVIEW), folder: folder_made, seconds: 0.0 };
-        let Ok(maps) = first_maps(request, capture, gpu) else { return Ok(None) };
+        let Ok(maps) = first_maps(job, gpu) else { return Ok(None) };
         if create_dir(folder).and_then(|()| preview.show(&maps)).is_err() {
             return Ok(None);
         }
@@ -68,7 +67,7 @@ impl Preview {
             loss: f64::NAN,
             data_loss: f64::NAN,
         };
-        let iterations = request.solver.all_iterations();
+        let iterations = job.solver.all_iterations();
         let progress =
             Progress { doing: Doing::Preview, point, iterations, remaining: None, maps: Some(maps) };
         match hear(&progress) {
@@ -97,19 +96,19 @@ impl Drop for Preview {
 ///
 /// # Errors
 /// The device fails, or no grid fits.
-pub fn first_maps(request: &EstimateRequest, capture: &Capture, gpu: &Gpu) -> Result<Maps> {
-    let common = request.solver.common();
+pub fn first_maps(job: &Job<'_>, gpu: &Gpu) -> Result<Maps> {
+    let (capture, common) = (&*job.capture, job.solver.common());
     // The light-cone transform is sharper than a back-projection, and sooner there.
-    let transform = request.light_cone(capture, TRANSFORMED);
+    let transform = job.light_cone(TRANSFORMED);
     if transform.takes(capture).is_ok()
-        && let Ok(maps) = request.closed_form(transform.into(), capture, gpu)
+        && let Ok(maps) = job.closed_form(transform.into(), gpu)
     {
         return Ok(maps);
     }
-    let projection = FbpOptions::defaults_for(&request.traits(capture)).with(|o| {
+    let projection = FbpOptions::defaults_for(&job.traits()).with(|o| {
         o.lateral = common.lateral.min(PROJECTED);
         o.image.min_depth = common.min_depth;
     });
     let few = (capture.pair_count() > PAIRS).then(|| capture.subset(PAIRS, 0)).transpose()?;
-    request.closed_form(projection.into(), few.as_ref().unwrap_or(capture), gpu)
+    job.with_capture(few.map_or(Cow::Borrowed(capture), Cow::Owned)).closed_form(projection.into(), gpu)
 }

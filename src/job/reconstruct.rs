@@ -1,19 +1,18 @@
 //! A solve with figures on the way.
 
-use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use super::load::Loaded;
 use super::preview::Preview;
-use super::{Request, SolverOptions, advice};
+use super::{Request, advice};
+use crate::engine::{Progress, Reconstruction, TracePoint, Watch};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
+use crate::judge::Job;
 use crate::maps::{Maps, Truth};
 use crate::measure::{Metrics, metrics};
-use crate::resolve::Job;
-use crate::solve::{Progress, Ready, Reconstruction, Watch, conclude_iterate};
-use crate::{Kind, Result};
+use crate::{Kind, Result, solve};
 
 /// The result of a solve, and its figures.
 pub struct Finished<'c> {
@@ -47,10 +46,11 @@ pub struct Iterates {
 /// cancel. `preview` shows the volume on its way.
 ///
 /// # Errors
-/// Those of [`crate::solve::Solver::solve`] and of [`metrics()`].
+/// Those of [`crate::engine::Solver::solve`] and of [`metrics()`].
 pub fn solve<'c>(
     request: &Request,
-    loaded: &'c Loaded,
+    job: Job<'c>,
+    loaded: &Loaded,
     gpu: &Gpu,
     truth: Option<&Truth>,
     preview: Option<&Preview>,
@@ -58,7 +58,7 @@ pub fn solve<'c>(
 ) -> Result<Finished<'c>> {
     let by_truth = truth.map(|truth| move |maps: &Maps, fraction| metrics(maps, truth, fraction));
     let measure = by_truth.as_ref().map(|measure| measure as Measure<'_>);
-    solve_measured(request, loaded, gpu, measure, preview, &mut Iterates::default(), hear)
+    solve_measured(request, job, loaded, gpu, measure, preview, &mut Iterates::default(), hear)
 }
 
 /// [`solve`] with what was measured on the way.
@@ -67,7 +67,8 @@ pub fn solve<'c>(
 /// Those of [`solve`].
 pub fn solve_measured<'c>(
     request: &Request,
-    loaded: &'c Loaded,
+    job: Job<'c>,
+    loaded: &Loaded,
     gpu: &Gpu,
     metrics_of: Option<Measure<'_>>,
     preview: Option<&Preview>,
@@ -77,12 +78,11 @@ pub fn solve_measured<'c>(
     let step = request.trace_step();
     let mut failed = None;
     let advised = |e| advice::advise(e, request, loaded, gpu);
-    let mut job = Job::resolve(&request.settings, &loaded.capture, gpu, hear).map_err(advised)?;
-    job.keep_volume |= request.volume_file.is_some();
+    let fraction = job.mask_fraction();
     let volume = job.solver.common().iterations[0];
     let previews = if preview.is_some() { vec![volume / 4, volume] } else { vec![] };
     let mut measure = |progress: &Progress| {
-        let i = progress.point.iteration;
+        let TracePoint { iteration: i, seconds, .. } = progress.point;
         if let Some(maps) = &progress.maps {
             if let Some(preview) = preview.filter(|_| previews.contains(&i)) {
                 // Preview failures are non-fatal.
@@ -90,9 +90,7 @@ pub fn solve_measured<'c>(
             }
             let due = step > 0 && i.is_multiple_of(step);
             if let Some(metrics_of) = metrics_of.filter(|_| due) {
-                let maps = as_result(maps, &job);
-                let seconds = job.estimates.seconds + progress.point.seconds;
-                match metrics_of(&maps, job.mask_fraction) {
+                match metrics_of(maps, fraction) {
                     Ok(found) => drop(iterates.along.insert(i, (seconds, found.brief()))),
                     Err(e) => {
                         failed = Some(e);
@@ -100,7 +98,7 @@ pub fn solve_measured<'c>(
                     }
                 }
                 if let Some(limit) = iterates.limit {
-                    iterates.last = Some(maps);
+                    iterates.last = Some(maps.clone());
                     iterates.limited = seconds >= limit;
                 }
             }
@@ -108,13 +106,16 @@ pub fn solve_measured<'c>(
         if iterates.limited { ControlFlow::Break(()) } else { hear(progress) }
     };
     let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &previews };
-    let done = job.solve(gpu, &mut watch);
-    let mut result = match failed {
+    let mut job = Job { warnings: loaded.warnings.clone(), faults: loaded.faults.clone(), ..job };
+    if request.volume_file.is_some() {
+        job.settings.keep_volume = Some(true);
+    }
+    let done = solve::solve(gpu, job, &mut watch);
+    let (job, result) = match failed {
         Some(e) => return Err(e),
         None => done.map_err(advised)?,
     };
-    job.conclude(&mut result, [&loaded.warnings, &loaded.faults]);
-    let metrics = metrics_of.map(|of| of(&result.maps, job.mask_fraction)).transpose()?;
+    let metrics = metrics_of.map(|of| of(&result.maps, fraction)).transpose()?;
     let mut along: BTreeMap<usize, Metrics> =
         iterates.along.iter().map(|(i, (_, metrics))| (*i, metrics.clone())).collect();
     if let (Some(last), Some(metrics)) = (result.trace.last(), &metrics) {
@@ -123,32 +124,13 @@ pub fn solve_measured<'c>(
     Ok(Finished { result, metrics, along, job })
 }
 
-/// The maps of an iterate as a user gets them from a run that ends with it.
-fn as_result(maps: &Maps, job: &Job<'_>) -> Maps {
-    let mut maps = if job.mask_fraction.is_some() { masked(maps, job) } else { maps.clone() };
-    if job.mask_fraction.is_none() && job.solver.name() == SolverOptions::DEFAULT {
-        conclude_iterate(&job.capture, job.solver.common().reflectance, &mut maps);
-    }
-    maps
-}
-
-/// The maps with the mask of the settings, or of the method.
-fn masked(maps: &Maps, job: &Job<'_>) -> Maps {
-    let mut maps = maps.clone();
-    if job.mask_fraction.is_some() || !job.solver.is_closed_form() {
-        maps.set_mask(job.mask_fraction);
-    }
-    maps
-}
-
 /// Begins a solve and cancels it. Drivers that compile at the first dispatch do so here, before any time is measured. A
 /// job that does not fit fails here, before hours of work.
 pub fn warm_up(request: &Request, loaded: &Loaded, gpu: &Gpu) -> Result<()> {
-    let resolved = request.resolved(&loaded.capture);
-    let Ready { capture, grid, .. } = resolved.ready(Cow::Borrowed(&loaded.capture))?;
+    let job = request.job(&loaded.capture).summed()?;
     let mut stop = |_: &Progress| ControlFlow::Break(());
     let mut watch = Watch { hear: &mut stop, maps_every: None, maps_at: &[1] };
-    match resolved.solver.solve(gpu, &resolved.problem(&capture, grid), &mut watch) {
+    match job.solver.solve(gpu, &job.problem()?, &mut watch) {
         Err(e) if e.kind != Kind::Cancelled => Err(advice::advise(e, request, loaded, gpu)),
         _ => Ok(()),
     }
@@ -175,7 +157,7 @@ impl Finished<'_> {
     pub fn trace(&self) -> Vec<TraceEntry> {
         let result = &self.result;
         let timed = result.trace.iter().any(|p| p.gpu_seconds > 0.0);
-        let entry = |p: &crate::solve::TracePoint| TraceEntry {
+        let entry = |p: &crate::engine::TracePoint| TraceEntry {
             iteration: p.iteration,
             seconds: p.seconds,
             gpu_seconds: timed.then_some(p.gpu_seconds),

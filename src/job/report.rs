@@ -6,9 +6,11 @@ use super::Request;
 use super::load::Loaded;
 use super::reconstruct::Finished;
 use crate::capture::{Gate, Pulse};
+use crate::engine::{Level, background};
 use crate::export::report;
 use crate::gpu::Gpu;
-use crate::solve::{Level, SolverOptions, background, surface};
+use crate::methods::SolverOptions;
+use crate::surface;
 use crate::transport::Grid;
 
 /// The report, without the time of the export.
@@ -67,7 +69,7 @@ pub fn stages(loaded: &Loaded, done: &Finished, preview: Option<f64>) -> Vec<rep
 
 /// All settings as they were resolved. They suffice to repeat the run.
 pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
-    let (result, grid) = (&done.result, &done.job.grid);
+    let (result, grid) = (&done.result, &done.result.plan.levels.maps);
     let mut all = json!({
         "solver": done.job.solver.name(),
         "model": result.plan.scene.reflectance,
@@ -107,7 +109,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         "device": request.settings.device,
         "memory": request.settings.memory,
         "truth": request.truth.as_ref().map(|path| path.to_string_lossy()),
-        "mask_fraction": done.job.mask_fraction,
+        "mask_fraction": done.job.mask_fraction(),
         "trace_every": request.trace_step(),
         "accumulation_used": result.plan.division.accumulation,
         "notes": loaded.notes,

@@ -1,15 +1,15 @@
 //! A whole run: settings, and the files that it reads and writes.
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 
 use super::places;
-use crate::Result;
 use crate::capture::Capture;
-use crate::estimation::EstimateRequest;
-use crate::export;
 use crate::gpu::{Faults, Gpu, GpuOptions};
+use crate::judge::Job;
 use crate::maps::Truth;
 use crate::settings::Settings;
+use crate::{Result, export};
 
 /// The reconstruction of a capture, and the places of its results. The capture is given separately.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -44,8 +44,8 @@ impl Request {
     }
 
     /// The solver with its options for a capture, before estimates.
-    pub fn resolved(&self, capture: &Capture) -> EstimateRequest {
-        EstimateRequest::new(&self.settings, capture)
+    pub fn job<'c>(&self, capture: &'c Capture) -> Job<'c> {
+        Job::of(&self.settings, Cow::Borrowed(capture))
     }
 
     pub fn open(&self) -> Result<Gpu> {

@@ -8,16 +8,16 @@ use std::time::Instant;
 use super::load::Loaded;
 use super::places::{PAGE, PREVIEW};
 use super::preview::Preview;
-use super::{Request, SolverOptions, reconstruct, report};
-use crate::estimation::EstimateRequest;
-use crate::export;
+use super::{Request, reconstruct, report};
+use crate::engine::{Progress, Reconstruction, VolumeMap};
 use crate::export::page::PageHistograms;
 use crate::export::report::Report;
 use crate::files::staging::Staging;
 use crate::gpu::{Gpu, KernelTime};
+use crate::judge::Job;
 use crate::maps::{Maps, Truth};
-use crate::solve::{Progress, Reconstruction, VolumeMap};
-use crate::{Result, Verdict};
+use crate::methods::SolverOptions;
+use crate::{Result, Verdict, export};
 
 /// The result of a run.
 #[derive(Debug)]
@@ -55,7 +55,7 @@ pub struct Outcome {
 ///
 /// # Errors
 /// Before anything is computed: options out of range, a truth that cannot be read, or a place that cannot be written.
-/// Later: the errors of [`crate::solve::Solver::solve`], or a file that cannot be written. No report
+/// Later: the errors of [`crate::engine::Solver::solve`], or a file that cannot be written. No report
 /// is written then.
 pub fn run(
     request: &Request,
@@ -75,46 +75,46 @@ pub fn run_on(
     open: impl FnOnce() -> Result<Gpu>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
-    let resolved = request.resolved(&loaded.capture);
+    let job = request.job(&loaded.capture);
     let truth = request.check()?;
     request.check_places()?;
     // Memory is checked before a device is needed.
-    resolved.grid(&loaded.capture)?;
+    job.grid()?;
     let gpu = open()?;
-    solve_checked(request, &resolved, loaded, &gpu, truth, hear)?.write(request)
+    solve_checked(request, job, loaded, &gpu, truth, hear)?.write(request)
 }
 
 /// Reconstructs a capture on a device that is open. Writes nothing but the preview, if the request asks for one.
 ///
 /// # Errors
 /// Options out of range, a truth that cannot be read, and the errors of
-/// [`crate::solve::Solver::solve`].
+/// [`crate::engine::Solver::solve`].
 pub fn solve(
     request: &Request,
     loaded: &Loaded,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
-    let resolved = request.resolved(&loaded.capture);
+    let job = request.job(&loaded.capture);
     let truth = request.check()?;
-    resolved.grid(&loaded.capture)?;
-    solve_checked(request, &resolved, loaded, gpu, truth, hear)
+    job.grid()?;
+    solve_checked(request, job, loaded, gpu, truth, hear)
 }
 
 fn solve_checked(
     request: &Request,
-    resolved: &EstimateRequest,
+    job: Job<'_>,
     loaded: &Loaded,
     gpu: &Gpu,
     truth: Option<Truth>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Outcome> {
     // A closed-form method is there as soon as a preview.
-    let preview = match request.preview && !resolved.solver.is_closed_form() {
-        true => Preview::begin(&request.out, resolved, &loaded.capture, gpu, hear)?,
+    let preview = match request.preview && !job.solver.is_closed_form() {
+        true => Preview::begin(&request.out, &job, gpu, hear)?,
         false => None,
     };
-    let done = reconstruct::solve(request, loaded, gpu, truth.as_ref(), preview.as_ref(), hear)?;
+    let done = reconstruct::solve(request, job, loaded, gpu, truth.as_ref(), preview.as_ref(), hear)?;
     let mut notes: Vec<String> = done.job.notes();
     notes.extend(notes_on(&done.job.solver, &done.result));
     let mut report = report::report_of(request, loaded, gpu, &done);

@@ -2,7 +2,6 @@
 //!
 //! The counts are copied into a readback buffer before the solve, so every solver takes them as it takes counts of the host.
 
-use super::Session;
 use crate::gpu::external::{ExternalBuffer, TimelinePoint};
 use crate::gpu::{Arena, Buffer, BufferPlan, Executor, Gpu, Place};
 use crate::maps::Maps;
@@ -120,16 +119,8 @@ impl Exchange {
 }
 
 /// Bytes of the maps in an external buffer, by number of pixels.
-fn maps_bytes(pixels: usize) -> u64 {
+pub(super) fn maps_bytes(pixels: usize) -> u64 {
     (pixels * OF_PIXEL * 4) as u64
-}
-
-impl Session {
-    /// Bytes of the maps of a frame in an external buffer: see [`ExternalFrame::maps`].
-    pub fn external_maps_bytes(&self) -> u64 {
-        let [nx, ny, _] = self.plan().levels.maps.n;
-        maps_bytes(nx * ny)
-    }
 }
 
 impl ExternalCounts {
@@ -143,23 +134,24 @@ impl ExternalCounts {
 }
 
 impl ExternalFrame {
+    /// Checks it for a session on this device, with frames of pairs and bins, with these bytes of maps.
+    ///
     /// # Errors
     /// The session or the buffers do not allow it.
-    pub(super) fn check(&self, session: &Session) -> Result<()> {
+    pub(super) fn check(
+        &self,
+        gpu: &Gpu,
+        [pairs, bins]: [usize; 2],
+        feed: Feed,
+        wanted_maps: u64,
+    ) -> Result<()> {
         let refused = |what: String, hint: &str| Err(Error::options(what, hint.to_string()));
-        if !session.external {
-            return refused(
-                "this session takes counts from the host only".into(),
-                "make it with `external` in its options",
-            );
-        }
-        if matches!(session.submitter.feed(), Feed::Sum { .. }) {
+        if matches!(feed, Feed::Sum { .. }) {
             return refused(
                 "frames in external buffers cannot be summed".into(),
                 "add them up in the caller's own pass, or feed single frames",
             );
         }
-        let [pairs, bins] = session.submitter.size();
         let wanted = self.counts.format.bytes_of(pairs * bins);
         if self.counts.counts.bytes() != wanted {
             return refused(
@@ -170,17 +162,16 @@ impl ExternalFrame {
                 "lend pairs x bins counts in the format that was named, bin by bin within a pair",
             );
         }
-        let wanted = session.external_maps_bytes();
-        if let Some(maps) = self.maps.as_ref().filter(|maps| maps.bytes() < wanted) {
+        if let Some(maps) = self.maps.as_ref().filter(|maps| maps.bytes() < wanted_maps) {
             return refused(
-                format!("{} bytes for maps, which are {wanted} bytes", maps.bytes()),
+                format!("{} bytes for maps, which are {wanted_maps} bytes", maps.bytes()),
                 "lend a buffer of `external_maps_bytes`",
             );
         }
         if [Some(&self.counts.counts), self.maps.as_ref()]
             .into_iter()
             .flatten()
-            .any(|external| !external.is_on(session.gpu()))
+            .any(|external| !external.is_on(gpu))
         {
             return refused(
                 "a buffer was imported on another device than the session's".into(),

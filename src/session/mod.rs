@@ -6,7 +6,7 @@
 //! up whenever a camera or a window keeps that thread busy. So [`Session::submit`] only copies the counts, and
 //! [`Session::poll`] only looks.
 //!
-//! One frame is solved at a time; [`Feed`] says what becomes of others meanwhile. With [`crate::solve::Follow`], a frame begins with the
+//! One frame is solved at a time; [`Feed`] says what becomes of others meanwhile. With [`crate::surface::Follow`], a frame begins with the
 //! solution of the one before. A session may move between threads. Several sessions may share a device, each with
 //! buffers and a thread of its own.
 
@@ -16,14 +16,13 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::capture::{Capture, conditioning};
-use crate::diagnosis::{self, Diagnosis};
-use crate::estimation::Estimates;
+use crate::engine::{Bins, Plan, Prepared, Problem, Reconstruction};
 use crate::gpu::Gpu;
-use crate::resolve::Job;
-use crate::solve::surface;
-use crate::solve::{Bins, Discretisation, Plan, Prepared, Problem, Reconstruction, SolverOptions};
+use crate::judge::{self, Diagnosis, Estimates, Job};
+use crate::methods::SolverOptions;
+use crate::settings::Settings;
 use crate::transport::Grid;
-use crate::{Error, Result, Verdict};
+use crate::{Error, Result, Verdict, surface};
 
 mod external;
 mod feed;
@@ -32,13 +31,13 @@ mod options;
 mod submit;
 mod worker;
 
-use external::Exchange;
+use external::{Exchange, maps_bytes};
 pub use external::{ExternalCounts, ExternalFrame, Format};
 pub use feed::Feed;
 pub use latency::Latency;
 pub use options::{FrameId, Hear, SessionOptions};
 pub use submit::Submitter;
-use worker::{Shared, Taken, Worker};
+use worker::{Shared, Taken, Worker, host_only};
 
 /// A solved frame.
 #[derive(Debug, Clone)]
@@ -91,7 +90,7 @@ impl Session {
         solver: &SolverOptions,
         options: SessionOptions,
     ) -> Result<Session> {
-        let verdict = diagnosis::verdict(&Estimates::default(), &Diagnosis::default());
+        let verdict = judge::verdict(&Estimates::default(), &Diagnosis::default());
         Session::judged(gpu, scan, grid, solver, options, Arc::new(verdict))
     }
 
@@ -110,8 +109,7 @@ impl Session {
         if !scan.histograms.is_empty() {
             scan.check_counts(&scan.histograms)?;
         }
-        let how =
-            Discretisation { bins: options.sum.map_or(Bins::Auto, Bins::Sum), ..Discretisation::default() };
+        let how = Settings { bins: options.sum.map(Bins::Sum), ..Settings::default() };
         let (summed, sum) = how.summed(solver, Cow::Borrowed(scan))?;
         let grid = grid.map_or_else(|| how.grid(solver, &summed), Ok)?;
         options.feed.check()?;
@@ -165,15 +163,15 @@ impl Session {
     pub fn of(gpu: &Gpu, frame: &Capture, job: &Job<'_>, options: SessionOptions) -> Result<Session> {
         let options = SessionOptions {
             sum: Some(job.sum),
-            memory: job.memory,
-            mask_fraction: job.mask_fraction,
-            with_volume: options.with_volume || job.keep_volume,
+            memory: job.settings.memory,
+            mask_fraction: job.mask_fraction(),
+            with_volume: options.with_volume || job.settings.keep_volume == Some(true),
             ..options
         };
         // The session sums the bins of each frame itself.
         let mut scan = frame.clone();
         scan.pulse.clone_from(&job.capture.pulse);
-        Session::judged(gpu, &scan, Some(job.grid), &job.solver, options, job.verdict.clone())
+        Session::judged(gpu, &scan, Some(job.grid()?), &job.solver, options, job.verdict.clone())
     }
 
     /// The device.
@@ -223,8 +221,17 @@ impl Session {
     /// [`crate::Kind::Options`] if the session was not made for external frames, the buffers are too small, sums are fed, or the feed
     /// refuses another frame. Nothing changes then. What is wrong with the counts shows when the frame is taken.
     pub fn submit_external(&mut self, frame: ExternalFrame) -> Result<FrameId> {
-        frame.check(self)?;
+        if !self.external {
+            return Err(host_only());
+        }
+        frame.check(&self.gpu, self.size(), self.submitter.feed(), self.external_maps_bytes())?;
         self.shared.submit_external(frame)
+    }
+
+    /// Bytes of the maps of a frame in an external buffer: see [`ExternalFrame::maps`].
+    pub fn external_maps_bytes(&self) -> u64 {
+        let [nx, ny, _] = self.plan.levels.maps.n;
+        maps_bytes(nx * ny)
     }
 
     /// Whether no frame is being solved, and none waits. A result may be there.
@@ -318,8 +325,8 @@ impl Drop for Session {
 /// # Errors
 /// The scan gives no range of depths.
 pub fn default_grid(scan: &Capture, solver: &SolverOptions) -> Result<Grid> {
-    let ready = Discretisation::default().ready(solver, Cow::Borrowed(scan))?;
-    Ok(ready.grid)
+    let (scan, _) = Settings::default().summed(solver, Cow::Borrowed(scan))?;
+    Settings::default().grid(solver, &scan)
 }
 
 /// The solver, prepared as the options say.
@@ -334,7 +341,7 @@ fn prepared(
     let problem = Problem { memory, with_volume, ..Problem::new(scan, grid) };
     match solver {
         _ if options.follow.is_none() => solver.prepare(gpu, &problem),
-        SolverOptions::Surface(o) => surface::prepare_for_frames(gpu, &problem, o, options.follow),
+        SolverOptions::Surface(o) => surface::prepare(gpu, &problem, o, options.follow, None),
         _ => Err(Error::options(
             format!("frames of the solver {} do not follow each other", solver.name()),
             "use the surface solver, or leave `follow` out",

@@ -4,8 +4,8 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use super::feed::Feed;
-use crate::solve::Progress;
-use crate::solve::surface::Follow;
+use crate::engine::Progress;
+use crate::surface::Follow;
 use crate::{Error, Kind};
 
 /// Number of a frame, from 1, in the order of submission.
@@ -19,11 +19,11 @@ pub type Hear = Box<dyn FnMut(FrameId, &Progress) -> ControlFlow<()> + Send>;
 #[derive(Default)]
 pub struct SessionOptions {
     /// How many neighbouring bins are one for the solver; `None`: as many as the command takes
-    /// ([`crate::solve::SolverOptions::usual_sum`]).
+    /// ([`crate::methods::SolverOptions::usual_sum`]).
     pub sum: Option<usize>,
     /// Most device memory to use, in bytes.
     pub memory: Option<u64>,
-    /// A pixel is surface above this share of the brightest albedo; `None`: as [`crate::solve::SolverOptions::usual_mask`] says.
+    /// A pixel is surface above this share of the brightest albedo; `None`: as [`crate::methods::SolverOptions::usual_mask`] says.
     pub mask_fraction: Option<f64>,
     /// Read the volume of every frame back.
     pub with_volume: bool,

@@ -14,11 +14,12 @@ use super::feed::{Feed, KeptCounts};
 use super::latency::{Latencies, Latency};
 use super::options::{FrameId, SessionOptions, too_long};
 use crate::capture::Capture;
+use crate::engine::{Prepared, Progress, Reconstruction, Watch};
 use crate::gpu::Gpu;
 use crate::gpu::external::TimelinePoint;
+use crate::judge::conclude;
 use crate::maps::Maps;
-use crate::resolve::with_warnings;
-use crate::solve::{Prepared, Progress, Reconstruction, Watch, conclude};
+use crate::solve::with_warnings;
 use crate::{Error, Kind, Result, Verdict, panic_message};
 
 /// How often a frame that waits for its counts looks whether it was cancelled.
@@ -428,12 +429,12 @@ impl Worker {
 
 /// The buffers of a session that takes external frames; others refuse such frames when they are submitted.
 fn external_only(exchange: &mut Option<Exchange>) -> Result<&mut Exchange> {
-    exchange.as_mut().ok_or_else(|| {
-        Error::options(
-            "this session takes counts from the host only",
-            "make it with `external` in its options",
-        )
-    })
+    exchange.as_mut().ok_or_else(host_only)
+}
+
+/// The error of an external frame for another session.
+pub(super) fn host_only() -> Error {
+    Error::options("this session takes counts from the host only", "make it with `external` in its options")
 }
 
 /// The error of a frame whose solve panicked.

@@ -8,9 +8,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::advice::advice;
 use crate::capture::{AxisOrder, Bounce, Capture, Flip, Gate};
-use crate::solve::option::{Range, Row};
-use crate::solve::{Bins, Discretisation, Method, Preset, SolverOptions, method, units};
-use crate::transport::Volume;
+use crate::engine::{Bins, default_volume};
+use crate::methods::{Method, SolverOptions, method};
+use crate::options::{Preset, Range, Row, units};
+use crate::transport::{Grid, Volume};
 use crate::{Error, Result};
 
 mod text;
@@ -229,7 +230,7 @@ impl Settings {
 
     /// The declaration of a setting, or of an option of the method.
     fn row(&self, key: &str) -> Option<&'static Row> {
-        let options = self.method.options(&crate::solve::SceneTraits::DEFAULT);
+        let options = self.method.options(&crate::options::SceneTraits::DEFAULT);
         let mut rows = options.rows().into_iter().chain(Settings::ROWS);
         rows.find(|row| row.key == key && row.range != Range::Internal)
     }
@@ -300,13 +301,58 @@ impl Settings {
         self.seed.unwrap_or(0)
     }
 
-    /// Bins, depth of voxels and box.
-    pub fn discretisation(&self) -> Discretisation {
-        Discretisation {
-            bins: self.bins.unwrap_or_default(),
-            depth_pitch: self.depth_pitch,
-            volume: self.volume,
+    /// Sums the bins of a capture, whose pulse is known if it ever will be, and says how many are one for the solver.
+    ///
+    /// # Errors
+    /// More than the capture has.
+    pub fn summed<'c>(
+        &self,
+        solver: &SolverOptions,
+        capture: Cow<'c, Capture>,
+    ) -> Result<(Cow<'c, Capture>, usize)> {
+        let sum = self.sum(solver, &capture);
+        Ok((if sum == 1 { capture } else { Cow::Owned(capture.binned(sum)?) }, sum))
+    }
+
+    /// How many bins of a capture are one for the solver. The counts do not matter.
+    pub fn sum(&self, solver: &SolverOptions, capture: &Capture) -> usize {
+        match self.bins.unwrap_or_default() {
+            Bins::Native => 1,
+            Bins::Sum(n) => n,
+            Bins::Auto => solver.usual_sum(capture, self.volume),
         }
+    }
+
+    /// The grid for a capture whose bins are those of the solver: of the box that is set, else of [`default_volume`]. Voxels are as deep
+    /// as is set, else [`SolverOptions::usual_depth_pitch`], and a bin where native bins are asked for.
+    ///
+    /// # Errors
+    /// A scan without aperture, a box without voxels, a box nearer than the least depth, or more voxels than can be counted.
+    pub fn grid(&self, solver: &SolverOptions, capture: &Capture) -> Result<Grid> {
+        capture.check_aperture()?;
+        let least = solver.common().min_depth;
+        let volume = self.volume.map_or_else(|| default_volume(capture, least), Ok)?;
+        let usual = || match self.bins {
+            Some(Bins::Native) => capture.bin_width,
+            _ => solver.usual_depth_pitch(capture, self.volume),
+        };
+        let pitch = self.depth_pitch.unwrap_or_else(usual);
+        let grid = Grid::new(volume, solver.common().lateral, pitch)?;
+        if volume.max.z <= least {
+            return Err(Error::options(
+                format!("the volume ends at a depth of {} m", volume.max.z),
+                format!(
+                    "give a deeper volume: nothing nearer than the least depth, {least} m, is reconstructed"
+                ),
+            ));
+        }
+        if grid.origin.z > volume.max.z {
+            return Err(Error::options(
+                format!("no voxel of {pitch} m depth fits from {:.4} to {:.4} m", volume.min.z, volume.max.z),
+                "give a smaller depth pitch or a deeper volume",
+            ));
+        }
+        Ok(grid)
     }
 
     /// Checks the values of all fields. The ranges do not depend on the capture.
@@ -315,7 +361,7 @@ impl Settings {
     /// The first value out of its range.
     pub fn check(&self) -> Result<()> {
         crate::maps::Maps::check_mask_fraction(self.mask_fraction)?;
-        self.method.options(&crate::solve::SceneTraits::DEFAULT).check()
+        self.method.options(&crate::options::SceneTraits::DEFAULT).check()
     }
 }
 
@@ -415,9 +461,9 @@ mod tests {
             let settings = Settings::from_texts([("solver", *name)]).unwrap();
             assert_eq!(serde_json::to_value(&settings).unwrap()["solver"], *name);
             assert_eq!(settings.method.name(), *name);
-            let options = settings.method.options(&crate::solve::SceneTraits::DEFAULT);
+            let options = settings.method.options(&crate::options::SceneTraits::DEFAULT);
             assert_eq!(
-                Settings::from(options.clone()).method.options(&crate::solve::SceneTraits::DEFAULT),
+                Settings::from(options.clone()).method.options(&crate::options::SceneTraits::DEFAULT),
                 options
             );
             let own = |key: &str| Settings::ROWS.iter().any(|row| row.key == key);

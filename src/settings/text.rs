@@ -6,7 +6,9 @@ use glam::DVec3;
 use serde::de::DeserializeOwned;
 
 use crate::capture::{AxisOrder, Bounce, Gate, Pulse};
-use crate::solve::{Bins, reflectance, units};
+use crate::engine::Bins;
+use crate::methods::reflectance;
+use crate::options::units;
 use crate::transport::{Reflectance, Volume};
 use crate::{Error, Result};
 

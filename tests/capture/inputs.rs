@@ -12,9 +12,9 @@ use thirdbounce::capture::{
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::Array;
 use thirdbounce::job::load;
+use thirdbounce::methods::SolverOptions;
+use thirdbounce::options::SceneTraits;
 use thirdbounce::settings::Settings;
-use thirdbounce::solve::SolverOptions;
-use thirdbounce::solve::option::SceneTraits;
 use thirdbounce::{Kind, Result};
 
 /// Photons of a small thing 0.6 m behind a wall of 1 m, in bins of 2 cm.

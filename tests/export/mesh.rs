@@ -8,11 +8,12 @@ use std::ops::ControlFlow;
 use fixtures::captures::place;
 use glam::{DVec3, Vec3, dvec3, vec3};
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::{Problem, Watch, default_volume};
 use thirdbounce::export::{mesh, ply, png};
-use thirdbounce::job::SolverOptions;
 use thirdbounce::maps::{Layer, Maps};
+use thirdbounce::methods::SolverOptions;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Problem, SurfaceOptions, Watch, default_volume};
+use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::Grid;
 
 struct Mesh {

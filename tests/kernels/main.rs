@@ -12,8 +12,8 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use fixtures::device::{assert_valid, gpu, host};
+use thirdbounce::engine::Accumulation;
 use thirdbounce::gpu::Gpu;
-use thirdbounce::solve::Accumulation;
 use thirdbounce::transport::kernels::KERNELS;
 use thirdbounce_kernels::{KERNELS as HOST, kernel_of};
 use thirdbounce_verify::{Compared, How, KernelCase, cases};
@@ -52,7 +52,7 @@ fn kernels_compute_what_their_reference_computes() {
 
 #[test]
 fn kernels_of_the_host_compute_what_their_reference_computes() {
-    // Its network has code of its own (`src/solve/learned/tensor.rs`), and one way to add up.
+    // Its network has code of its own (`src/learned/tensor.rs`), and one way to add up.
     let others = [
         "learned_",
         "limit_",

@@ -2,8 +2,10 @@
 
 use fixtures::device::*;
 use glam::DVec3;
+use thirdbounce::engine::plan::passes;
+use thirdbounce::engine::{OnDevice, Pass};
 use thirdbounce::gpu::Schedule;
-use thirdbounce::solve::{OnDevice, Pass, paper, passes};
+use thirdbounce::methods::paper;
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Binning, Model};
 use thirdbounce_kernels::Cells;

@@ -2,9 +2,10 @@
 
 use fixtures::device::*;
 use glam::dvec3;
+use thirdbounce::engine::passes::RESIDUAL;
+use thirdbounce::engine::{Accumulation, Plan};
 use thirdbounce::gpu::{Abilities, DeviceKind, Limits, Schedule};
-use thirdbounce::solve::passes::RESIDUAL;
-use thirdbounce::solve::{Accumulation, Plan, surface};
+use thirdbounce::surface;
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, Model, Reflectance, Wall};
 use thirdbounce_verify::place;

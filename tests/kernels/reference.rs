@@ -1,7 +1,7 @@
 //! The reference of kernels against the model, and properties of their mathematics.
 
 use fixtures::device::*;
-use thirdbounce::solve::gaussian_weights;
+use thirdbounce::engine::gaussian_weights;
 use thirdbounce::transport::kernels::{COUNT_ACTIVE, COUNTS, Push, constant};
 use thirdbounce::transport::{Binning, Model, Reflectance};
 use thirdbounce_kernels::Cells;

@@ -5,11 +5,13 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use fixtures::device::*;
+use thirdbounce::closed_form::passes::{PROJECTED, gather_filtered};
+use thirdbounce::closed_form::{OfProjection, hat};
+use thirdbounce::engine::{Accumulation, OnDevice, Tuning};
 use thirdbounce::gpu::{Buffer, Command, Gpu, Schedule, Size};
-use thirdbounce::solve::closed_form::passes::{PROJECTED, gather_filtered};
-use thirdbounce::solve::closed_form::{OfProjection, hat};
-use thirdbounce::solve::surface::{self, Judged, Placed};
-use thirdbounce::solve::{Accumulation, NoiseTerm, OnDevice, Tuning, paper};
+use thirdbounce::methods::{NoiseTerm, paper};
+use thirdbounce::surface;
+use thirdbounce::surface::{Judged, Placed};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Geometry, HighPass, Model, Reflectance};
 use thirdbounce_verify::place;

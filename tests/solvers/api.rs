@@ -6,12 +6,12 @@ use std::path::Path;
 use fixtures::captures::{assert_error, changed};
 use fixtures::device::*;
 use glam::dvec3;
-use thirdbounce::job::{self, Request};
+use thirdbounce::job::Request;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
+use thirdbounce::surface::SurfaceSettings;
 use thirdbounce::{
-    Capture, Gpu, Kind, Reflectance, ReflectanceSetting, Result, Session, SessionOptions, Settings,
-    SurfaceSettings, Volume, evaluate, read, read_truth, reconstruct, reconstruct_file, reconstruct_with,
-    session, write,
+    Capture, Gpu, Kind, Reflectance, ReflectanceSetting, Result, Session, SessionOptions, Settings, Volume,
+    evaluate, job, read, read_truth, reconstruct, reconstruct_file, reconstruct_with, session, write,
 };
 
 /// A small solve of the same bits in every run.
@@ -49,7 +49,7 @@ fn reconstruct_returns_the_maps_of_the_command() {
     let loaded = job::load(&path, &settings).unwrap();
     assert_eq!(capture, loaded.capture);
     let request = Request::new(settings, folder.path().join("out"));
-    assert!(request.resolved(&capture).models.len() > 1, "fits choose the model");
+    assert!(request.job(&capture).models.len() > 1, "fits choose the model");
     let of_command = job::run(&request, &loaded, &mut |_| ControlFlow::Continue(())).unwrap();
     // No depth is no number, which does not equal itself: as text.
     let want = format!("{:?}", of_command.maps);
@@ -156,7 +156,7 @@ fn a_program_simulates_reconstructs_and_measures() {
     thirdbounce::capture::write(&capture, &file).unwrap();
     thirdbounce::export::npz::write_truth(&of_truth, &truth).unwrap();
     let out = folder.path().join("out");
-    let go_on = &mut |_: &thirdbounce::Progress| ControlFlow::Continue(());
+    let go_on = &mut |_: &thirdbounce::engine::Progress| ControlFlow::Continue(());
     let done = reconstruct_file(&gpu, &file, &small(), Some(&of_truth), &out, go_on).unwrap();
     for name in ["report.html", "report.json", "maps.npz"] {
         assert!(done.files.contains(&out.join(name)), "{name}: {:?}", done.files);

@@ -7,12 +7,12 @@ use fixtures::device::*;
 use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::{Problem, Reconstruction, Sharpness, Watch};
 use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::Maps;
+use thirdbounce::methods::{Method, SolverOptions};
+use thirdbounce::options::{Preset, SceneTraits};
 use thirdbounce::simulate::{Dark, photon_noise};
-use thirdbounce::solve::{
-    Method, Preset, Problem, Reconstruction, SceneTraits, Sharpness, SolverOptions, Watch,
-};
 use thirdbounce::transport::{Grid, Volume};
 
 /// Points of the scan along x and y, and the wall's side.

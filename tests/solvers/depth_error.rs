@@ -2,11 +2,11 @@
 
 use std::ops::ControlFlow;
 
-use thirdbounce::job::{self, Request};
+use thirdbounce::job::Request;
 use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{RenderOptions, Scene};
-use thirdbounce::solve::SurfaceOptions;
-use thirdbounce::{export, render};
+use thirdbounce::surface::SurfaceOptions;
+use thirdbounce::{export, job, render};
 
 /// Two of three errors are within the expected depth error, of photons and of exact histograms. The uncertain half of the pixels
 /// is off by more than the certain one.

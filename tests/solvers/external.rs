@@ -7,12 +7,13 @@ use std::time::Duration;
 use fixtures::caller::{Blocks, Caller, moment};
 use fixtures::captures::{assert_error, changed};
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::{Accumulation, Reconstruction};
 use thirdbounce::gpu::external::Imported;
 use thirdbounce::gpu::{Gpu, GpuOptions};
+use thirdbounce::methods::{PaperOptions, SolverOptions};
+use thirdbounce::options::{Preset, SceneTraits};
 use thirdbounce::session::{ExternalCounts, ExternalFrame, Format, Session, SessionOptions};
-use thirdbounce::solve::{
-    Accumulation, Follow, PaperOptions, Preset, Reconstruction, SceneTraits, SolverOptions,
-};
+use thirdbounce::surface::Follow;
 use thirdbounce::{Kind, Result};
 
 use crate::session::{bits, frames, scan, surface};

@@ -3,14 +3,14 @@
 use std::ops::ControlFlow;
 
 use fixtures::device::*;
+use thirdbounce::engine::{Accumulation, Problem, Reconstruction, default_volume};
 use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::{Layer, Maps};
 use thirdbounce::measure::metrics;
+use thirdbounce::methods::SolverOptions;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::surface::layers::{merge, split};
-use thirdbounce::solve::{
-    Accumulation, Problem, Reconstruction, SolverOptions, SurfaceOptions, default_volume,
-};
+use thirdbounce::surface::SurfaceOptions;
+use thirdbounce::surface::layers::{merge, split};
 use thirdbounce::transport::Grid;
 
 const SIDE: usize = 12;

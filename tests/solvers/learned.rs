@@ -4,11 +4,12 @@ use fixtures::device::*;
 use glam::dvec3;
 use thirdbounce::Kind;
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::{Problem, Solver, default_volume};
 use thirdbounce::gpu::{Command, Place};
+use thirdbounce::learned::schedule::LearnedSchedule;
+use thirdbounce::learned::{LearnedStart, Network, logits, logits_on};
 use thirdbounce::maps::Maps;
-use thirdbounce::solve::learned::schedule::LearnedSchedule;
-use thirdbounce::solve::learned::{LearnedStart, Network, logits, logits_on};
-use thirdbounce::solve::{Begin, Problem, Solver, SurfaceOptions, default_volume};
+use thirdbounce::surface::{Begin, SurfaceOptions};
 use thirdbounce::transport::{Grid, Reflectance};
 
 /// Bands of a tilted plate and some haze, [band][x][y][z].
@@ -184,8 +185,8 @@ fn the_network_is_not_asked_for_what_it_has_never_seen() {
     });
     let grid = Grid::new(default_volume(&few, 0.1).unwrap(), 16, few.bin_width).unwrap();
     let solve = |options: &SurfaceOptions| {
-        let mut hear = |_: &thirdbounce::solve::Progress| std::ops::ControlFlow::Continue(());
-        let mut watch = thirdbounce::solve::Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+        let mut hear = |_: &thirdbounce::engine::Progress| std::ops::ControlFlow::Continue(());
+        let mut watch = thirdbounce::engine::Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
         options.solve(&gpu, &Problem::new(&few, grid), &mut watch)
     };
     let error = solve(&options).unwrap_err();

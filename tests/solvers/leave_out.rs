@@ -6,11 +6,11 @@ use std::ops::ControlFlow;
 use fixtures::device::*;
 use glam::{DVec3, dvec3};
 use thirdbounce::capture::{Capture, Gate};
+use thirdbounce::engine::{Accumulation, Plan, Problem, Reconstruction, Solver, default_volume};
 use thirdbounce::gpu::Gpu;
-use thirdbounce::solve::{
-    Accumulation, Begin, PaperOptions, Plan, Preset, Problem, Reconstruction, Solver, SolverOptions,
-    SurfaceOptions, default_volume,
-};
+use thirdbounce::methods::{PaperOptions, SolverOptions};
+use thirdbounce::options::Preset;
+use thirdbounce::surface::{Begin, SurfaceOptions};
 use thirdbounce::transport::{Geometry, Grid, Reflectance, Sampling};
 
 /// A capture of a few pairs of that kind off a flat or a curved wall. Its hidden scene is two points, rendered by hand.

@@ -9,12 +9,15 @@ use fixtures::device::*;
 use glam::dvec3;
 use thirdbounce::Kind;
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::Reconstruction;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::Truth;
 use thirdbounce::measure::metrics;
+use thirdbounce::methods::{PaperOptions, SolverOptions};
+use thirdbounce::options::Preset;
 use thirdbounce::session::{Feed, Session, SessionOptions};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Follow, PaperOptions, Preset, Reconstruction, SolverOptions, SurfaceOptions};
+use thirdbounce::surface::{Follow, SurfaceOptions};
 
 /// A letter of 16 x 16 points, 32 pixels.
 fn options() -> SurfaceOptions {
@@ -126,7 +129,7 @@ fn a_scene_cut_begins_cold_and_gives_the_bits_of_a_frame_of_its_own() {
     let (other, _) = seen(&far);
     let repeatable = |follow| {
         let solver: SolverOptions =
-            options().with(|o| o.accumulation = thirdbounce::solve::Accumulation::Repeatable).into();
+            options().with(|o| o.accumulation = thirdbounce::engine::Accumulation::Repeatable).into();
         let options = SessionOptions { follow, ..SessionOptions::default() };
         Session::new(&gpu, &one, None, &solver, options).unwrap()
     };
@@ -188,7 +191,7 @@ fn results_do_not_depend_on_when_frames_come() {
     let gpu = host();
     let sequence = [0.0, 0.012, 0.012, 0.03].map(|x| seen(&letter(x)).0);
     let solver: SolverOptions =
-        options().with(|o| o.accumulation = thirdbounce::solve::Accumulation::Repeatable).into();
+        options().with(|o| o.accumulation = thirdbounce::engine::Accumulation::Repeatable).into();
     let maps = |pause: Duration| -> Vec<String> {
         let options = SessionOptions { follow: Some(Follow::default()), ..SessionOptions::default() };
         let mut session = Session::new(&gpu, &sequence[0], None, &solver, options).unwrap();

@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 
 use fixtures::device::unwatched;
+use thirdbounce::engine::{Plan, Problem, Reconstruction, Solver, TimedSchedule, When, default_volume};
 use thirdbounce::gpu::{Gpu, GpuOptions};
+use thirdbounce::methods::{PaperOptions, SolverOptions};
+use thirdbounce::options::Preset;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{
-    PaperOptions, Plan, Preset, Problem, Reconstruction, Solver, SolverOptions, SurfaceOptions,
-    TimedSchedule, When, default_volume,
-};
+use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::Grid;
 
 /// How often the commands of all parts run.

@@ -5,14 +5,12 @@ use std::ops::ControlFlow;
 use fixtures::device::*;
 use thirdbounce::Kind;
 use thirdbounce::advice::Setting;
+use thirdbounce::engine::{Accumulation, Plan, Problem, Reconstruction, Solver, default_volume};
 use thirdbounce::gpu::{Buffer, Gpu, Schedule};
 use thirdbounce::measure::metrics;
+use thirdbounce::methods::{Decay, NoiseTerm, PaperOptions, paper};
+use thirdbounce::options::Preset;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::paper;
-use thirdbounce::solve::{
-    Accumulation, Decay, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, Solver,
-    default_volume,
-};
 use thirdbounce::transport::kernels::buffer;
 use thirdbounce::transport::{Binning, Gradient, Grid, Sampling};
 
@@ -247,7 +245,7 @@ fn a_caller_can_break_off() {
     let (_, capture) = letter(8);
     let o = small(100);
     let mut heard = 0;
-    let mut hear = |_: &thirdbounce::solve::Progress| {
+    let mut hear = |_: &thirdbounce::engine::Progress| {
         heard += 1;
         ControlFlow::Break(())
     };

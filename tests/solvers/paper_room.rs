@@ -4,11 +4,11 @@
 use std::ops::ControlFlow;
 
 use fixtures::device::*;
+use thirdbounce::engine::{Accumulation, Plan, Problem, Reconstruction, Solver, default_volume};
 use thirdbounce::gpu::Gpu;
+use thirdbounce::methods::{NoiseTerm, PaperOptions};
+use thirdbounce::options::Preset;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{
-    Accumulation, NoiseTerm, PaperOptions, Plan, Preset, Problem, Reconstruction, Solver, default_volume,
-};
 use thirdbounce::transport::{Grid, Sampling, Volume};
 
 fn solve(gpu: &Gpu, o: &PaperOptions) -> Reconstruction {
@@ -46,7 +46,7 @@ fn room_that_is_enough_changes_nothing() {
         assert!(part.plan.domain.touched_capacity < storage && part.device_bytes < all.device_bytes);
         assert!(!all.full && !part.full);
         let reported = |r: &Reconstruction| -> Vec<_> {
-            let point = |p: &thirdbounce::solve::TracePoint| (p.iteration, p.active, p.loss.to_bits());
+            let point = |p: &thirdbounce::engine::TracePoint| (p.iteration, p.active, p.loss.to_bits());
             r.trace.iter().map(point).collect()
         };
         let last = |r: &Reconstruction| *reported(r).last().unwrap();

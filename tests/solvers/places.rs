@@ -3,8 +3,9 @@
 
 use fixtures::device::*;
 use glam::{DVec3, dvec3};
+use thirdbounce::engine::{Accumulation, OnDevice};
 use thirdbounce::gpu::{Gpu, Schedule};
-use thirdbounce::solve::{Accumulation, OnDevice, paper};
+use thirdbounce::methods::paper;
 use thirdbounce::transport::kernels::{Push, buffer, constant};
 use thirdbounce::transport::{Binning, Geometry, Gradient, Model, Wall};
 use thirdbounce_verify::{Sample, rendered};

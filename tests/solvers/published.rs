@@ -6,9 +6,10 @@ use std::ops::ControlFlow;
 
 use fixtures::device::*;
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::{Problem, Solver, Watch, default_volume, gaussian_weights};
+use thirdbounce::methods::PaperOptions;
+use thirdbounce::options::Preset;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::Solver;
-use thirdbounce::solve::{PaperOptions, Preset, Problem, Watch, default_volume, gaussian_weights};
 use thirdbounce::transport::Grid;
 
 /// Side of the wall, metres.

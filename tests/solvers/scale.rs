@@ -5,13 +5,14 @@ use std::ops::ControlFlow;
 use fixtures::captures::{changed, scaled};
 use fixtures::device::*;
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::{Accumulation, Problem, Watch};
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::metrics;
+use thirdbounce::methods::{PaperOptions, SolverOptions};
+use thirdbounce::options::SceneTraits;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{
-    Accumulation, PaperOptions, Problem, SceneTraits, SolverOptions, SurfaceOptions, Watch,
-};
+use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::Grid;
 use thirdbounce::{Grade, Kind, Settings, reconstruct};
 

@@ -10,15 +10,15 @@ use fixtures::device::*;
 use glam::{DVec3, dvec3};
 use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, Pulse};
+use thirdbounce::engine::{Accumulation, Bins, Problem, Progress, Reconstruction};
 use thirdbounce::gpu::{Gpu, GpuOptions, Point};
-use thirdbounce::job::{Bins, Request};
+use thirdbounce::job::Request;
+use thirdbounce::methods::{PaperOptions, SolverOptions};
+use thirdbounce::options::{Preset, SceneTraits};
 use thirdbounce::session::{Session, SessionOptions, default_grid};
 use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{
-    Accumulation, Begin, PaperOptions, Preset, Problem, Progress, Reconstruction, SceneTraits, SolverOptions,
-    SurfaceOptions,
-};
+use thirdbounce::surface::{Begin, SurfaceOptions};
 use thirdbounce::transport::Reflectance;
 
 /// A scan of `side` × `side` confocal points on a 1 m wall, with bins of this width and without counts.

@@ -7,14 +7,14 @@ use fixtures::device::*;
 use glam::dvec2;
 use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, Pulse};
+use thirdbounce::engine::{Accumulation, Problem, Reconstruction, default_volume};
 use thirdbounce::gpu::Gpu;
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::{Metrics, metrics};
+use thirdbounce::methods::SolverOptions;
+use thirdbounce::options::SceneTraits;
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
-use thirdbounce::solve::surface::{Begin, Pixels};
-use thirdbounce::solve::{
-    Accumulation, Problem, Reconstruction, SceneTraits, SolverOptions, SurfaceOptions, default_volume,
-};
+use thirdbounce::surface::{Begin, Pixels, SurfaceOptions};
 use thirdbounce::transport::{Grid, Reflectance};
 
 fn maps(albedo: Vec<f32>, depth: Vec<f32>) -> Maps {

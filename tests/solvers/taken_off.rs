@@ -8,14 +8,14 @@ use fixtures::device::*;
 use rand::{RngExt, SeedableRng};
 use rand_distr::{Distribution, Poisson};
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::{Accumulation, Problem, Reconstruction, Watch, background, variances};
 use thirdbounce::gpu::Gpu;
-use thirdbounce::job::preset_for;
+use thirdbounce::judge::preset_for;
 use thirdbounce::maps::Truth;
 use thirdbounce::measure::{Metrics, metrics};
+use thirdbounce::methods::SolverOptions;
+use thirdbounce::options::{Preset, SceneTraits};
 use thirdbounce::simulate::{Dark, RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{
-    Accumulation, Preset, Problem, Reconstruction, SceneTraits, SolverOptions, Watch, background, variances,
-};
 use thirdbounce::transport::Grid;
 
 const LATERAL: usize = 32;

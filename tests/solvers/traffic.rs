@@ -1,6 +1,6 @@
 //! Submissions to the device, and waits of the host for them: what a solve costs beside its kernels.
 
-use thirdbounce::gpu::{Gpu, GpuOptions};
+use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::{Session, Settings, reconstruct, session};
 
@@ -19,7 +19,9 @@ fn frame_of(session: &mut Session, counts: &[f32]) {
 
 #[test]
 fn a_solve_submits_rarely_and_waits_rarely() {
-    let gpu = Gpu::open(&GpuOptions::vulkan()).expect("a device");
+    // Blocks of iterations as a GPU gets them: on lavapipe they are short.
+    let faults = Faults { discrete: true, ..Faults::default() };
+    let gpu = Gpu::open(&GpuOptions { faults, ..GpuOptions::vulkan() }).expect("a device");
     let scene = Scene { scan: 16, bin_width: 0.02, photons: Some(1000.0), ..Scene::named("figure").unwrap() };
     let capture = simulate(&scene, &RenderOptions::default()).unwrap().capture;
     let settings = Settings::from_texts([("lateral", "64")]).unwrap();
@@ -28,8 +30,9 @@ fn a_solve_submits_rarely_and_waits_rarely() {
     let (mut frames, _) = session(&gpu, &capture, &settings, Default::default()).unwrap();
     frame_of(&mut frames, &capture.histograms);
     let frame = traffic(&gpu, || frame_of(&mut frames, &capture.histograms));
-    // Counted: 40 and 11 to 17. Blocks are shorter where lavapipe is slow, as on a loaded processor.
-    for (what, counted, most) in [("cold", cold, 60), ("warm", warm, 60), ("a session's frame", frame, 26)] {
-        assert!(counted.iter().all(|n| (1..=most).contains(n)), "{what}: {counted:?}");
+    // Counted: 23 and 15, 21 and 13, 13 and 13.
+    let cases = [("cold", cold, [26, 17]), ("warm", warm, [24, 15]), ("a session's frame", frame, [15, 15])];
+    for (what, counted, most) in cases {
+        assert!((0..2).all(|i| (1..=most[i]).contains(&counted[i])), "{what}: {counted:?}");
     }
 }

@@ -51,9 +51,10 @@ pub fn agreed(file: &Path, settings: &Settings) -> Result<Truth> {
         let mut settings = settings.clone();
         settings.set("solver", name)?;
         let request = Request::new(settings, "");
-        if request.resolved(&loaded.capture).solver.takes(&loaded.capture).is_ok() {
+        let job = request.job(&loaded.capture);
+        if job.solver.takes(&loaded.capture).is_ok() {
             let mut on = |_: &_| ControlFlow::Continue(());
-            let done = reconstruct::solve(&request, &loaded, &request.open()?, None, None, &mut on)?;
+            let done = reconstruct::solve(&request, job, &loaded, &request.open()?, None, None, &mut on)?;
             all.push(done.result.maps);
         }
     }

@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
+use thirdbounce::engine::Progress;
 use thirdbounce::export::npz::write_maps;
 use thirdbounce::job::{self, Loaded, Request, SolverOptions};
+use thirdbounce::learned::LearnedStart;
 use thirdbounce::measure::PaperMeasure;
+use thirdbounce::methods::PaperOptions;
 use thirdbounce::simulate::DEFAULT_RESOLUTION;
-use thirdbounce::solve::learned::LearnedStart;
-use thirdbounce::solve::{PaperOptions, Progress};
 use thirdbounce::{Capture, Error, Maps, Result};
 
 use thirdbounce_command::cli::progress::Meter;
@@ -296,7 +297,7 @@ impl BenchmarkArgs {
         };
         for spec in specs {
             let method = method(spec)?;
-            match method.request.resolved(&loaded.capture).solver.takes(&loaded.capture) {
+            match method.request.job(&loaded.capture).solver.takes(&loaded.capture) {
                 Err(e) if spec.is_optional => {
                     comparison.left_out.push((method.name, e.what));
                 }

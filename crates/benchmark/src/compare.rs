@@ -9,6 +9,7 @@ use crate::cases::Case;
 use crate::foreign;
 use crate::pages::{self, CurvePoint, SOLVE, SideResults, values_of};
 use crate::run::{WHOLE, finish};
+use thirdbounce::engine::{Progress, RunsOn};
 use thirdbounce::export;
 use thirdbounce::files::staging;
 use thirdbounce::gpu::Gpu;
@@ -16,7 +17,6 @@ use thirdbounce::job::reconstruct::{self, Iterates, Measure};
 use thirdbounce::job::{Loaded, Request, SolverOptions, places, preview, report};
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::{Metrics, PaperMeasure, median, metrics};
-use thirdbounce::solve::{Progress, RunsOn};
 use thirdbounce::{Error, Kind, Result};
 
 /// Files that a comparison writes into its folder, beside a folder for each method.
@@ -181,7 +181,7 @@ fn preview_of(
 ) -> Result<Option<(f64, Metrics)>> {
     let start = Instant::now();
     // The solve itself reports errors, as without a comparison.
-    let first = || preview::first_maps(&request.resolved(&loaded.capture), &loaded.capture, gpu).ok();
+    let first = || preview::first_maps(&request.job(&loaded.capture), gpu).ok();
     let Some(mut maps) = request.preview.then(first).flatten() else { return Ok(None) };
     let seconds = start.elapsed().as_secs_f64();
     let mask = request.settings.mask_fraction;
@@ -333,14 +333,22 @@ impl Comparison {
         // A time limit needs samples.
         let step = Some(method.request.trace_step()).filter(|step| *step > 0 || method.limit.is_none());
         let request = &Request { trace_every: step.or(Some(10)), ..method.request.clone() };
-        let done =
-            reconstruct::solve_measured(request, loaded, gpu, Some(measure), None, &mut iterates, hear);
+        let done = reconstruct::solve_measured(
+            request,
+            request.job(&loaded.capture),
+            loaded,
+            gpu,
+            Some(measure),
+            None,
+            &mut iterates,
+            hear,
+        );
         let Iterates { limited, mut along, last, .. } = iterates;
         Ok(match (done, last) {
             (Err(e), Some(maps)) if limited && e.kind == Kind::Cancelled => {
                 let (seconds, metrics) =
                     along.last_key_value().map(|(_, found)| found.clone()).unwrap_or_default();
-                let solver = request.resolved(&loaded.capture).solver;
+                let solver = request.job(&loaded.capture).solver;
                 let runs_on = runs_on(&solver, gpu);
                 MeasuredRun { maps, metrics, along, seconds, limited, runs_on, report: None }
             }

@@ -47,7 +47,7 @@ pub fn parse(text: &str, base: &SettingsArgs<ALL>) -> Result<Spec> {
         "write solver:key=value,key=value with the options of `thirdbounce reconstruct --help` as keys";
     let wrong = |what: String| Error::options(format!("method {text:?}: {what}"), hint);
     let (solver, settings) = text.split_once(':').unwrap_or((text, ""));
-    thirdbounce::job::method(solver.trim()).map_err(|e| e.at(format!("method {text:?}")))?;
+    thirdbounce::methods::method(solver.trim()).map_err(|e| e.at(format!("method {text:?}")))?;
     let mut arguments = vec![format!("--solver={}", solver.trim())];
     let mut name = None;
     for setting in settings.split(',').map(str::trim).filter(|s| !s.is_empty()) {

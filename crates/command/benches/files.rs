@@ -9,11 +9,12 @@
 use std::path::Path;
 use std::time::Instant;
 
-use thirdbounce::export::page::{self, PageHistograms};
-use thirdbounce::export::{self, depth_error, exr, mat, mesh, npz, ply, png, print, report};
+use thirdbounce::export::page::PageHistograms;
+use thirdbounce::export::{depth_error, exr, mat, mesh, npz, page, ply, png, print, report};
 use thirdbounce::files::staging::Staging;
-use thirdbounce::job::{self, Request, planned};
+use thirdbounce::job::{Request, planned};
 use thirdbounce::settings::Settings;
+use thirdbounce::{export, job};
 
 const TIMES: usize = 7;
 
@@ -29,7 +30,7 @@ fn main() {
     let request = Request::new(settings.clone(), "");
     let loaded = timed("read", || job::load(capture, &settings).expect("a capture"));
     timed("plan", || {
-        planned::to_plan(&request.resolved(&loaded.capture), &loaded.capture).expect("a plan");
+        planned::to_plan(&request.job(&loaded.capture)).expect("a plan");
     });
     let Some(result) = given.get(1).map(Path::new) else { return };
     let maps = npz::read_maps(&result.join("maps.npz")).expect("maps");

@@ -13,16 +13,17 @@ use serde::Serialize;
 use serde_json::{Value, json};
 
 use crate::record::{ResultRecord, check_place};
-use thirdbounce::export::index::{self, IndexRow};
-use thirdbounce::export::npz;
-use thirdbounce::export::report::{self, Report};
-use thirdbounce::files::atomic::{self, is_full};
+use thirdbounce::engine::Progress;
+use thirdbounce::export::index::IndexRow;
+use thirdbounce::export::report::Report;
+use thirdbounce::export::{index, npz, report};
+use thirdbounce::files::atomic;
+use thirdbounce::files::atomic::is_full;
 use thirdbounce::files::staging::Staging;
 use thirdbounce::gpu::{Gpu, GpuOptions};
-use thirdbounce::job::{self, Loaded, Request, places};
+use thirdbounce::job::{Loaded, Request, places};
 use thirdbounce::maps::Maps;
-use thirdbounce::solve::Progress;
-use thirdbounce::{Error, Kind, Result, panic_message};
+use thirdbounce::{Error, Kind, Result, job, panic_message};
 
 /// The file of a result that is written last.
 const LAST: &str = "report.json";

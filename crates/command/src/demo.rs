@@ -5,13 +5,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::overview;
-use thirdbounce::Result;
-use thirdbounce::capture;
-use thirdbounce::export;
+use thirdbounce::engine::Progress;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::job::{Outcome, Request, load, places, run};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Progress, SurfaceOptions};
+use thirdbounce::surface::SurfaceOptions;
+use thirdbounce::{Result, capture, export};
 
 /// The result of the demo.
 #[derive(Debug)]

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use thirdbounce::Result;
-use thirdbounce::export::{self, report};
+use thirdbounce::export::report;
 use thirdbounce::job::evaluate_maps;
 use thirdbounce::measure::Metrics;
+use thirdbounce::{Result, export};
 
 /// The result of an evaluation.
 #[derive(Debug, Clone, PartialEq)]

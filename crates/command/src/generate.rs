@@ -6,9 +6,10 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering::Relaxed};
 
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use thirdbounce::files::{array::Array, atomic};
-use thirdbounce::solve::learned::{self, BANDS, DEEP, SIDE};
-use thirdbounce::{Error, Kind, Result, Settings, capture, export, job};
+use thirdbounce::files::array::Array;
+use thirdbounce::files::atomic;
+use thirdbounce::learned::{BANDS, DEEP, SIDE};
+use thirdbounce::{Error, Kind, Result, Settings, capture, export, job, learned};
 
 use crate::family::{FamilyCase, kind};
 use crate::json::write_json;

@@ -3,11 +3,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use thirdbounce::capture;
-use thirdbounce::export;
-use thirdbounce::job::{self, Loaded, places};
+use thirdbounce::job::{Loaded, places};
 use thirdbounce::settings::Settings;
-use thirdbounce::{Error, Result};
+use thirdbounce::{Error, Result, capture, export, job};
 use thirdbounce_tags::{self as tags, Asked, Histograms, Scan};
 
 /// What to make of which file.

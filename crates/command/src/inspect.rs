@@ -6,13 +6,13 @@ use serde::Serialize;
 
 use thirdbounce::advice::{Advice, advice};
 use thirdbounce::capture::Summary;
+use thirdbounce::engine::{Accumulation, TimedSchedule};
 use thirdbounce::gpu::{DeviceInfo, check};
 use thirdbounce::job::report::box_of;
-use thirdbounce::job::{self, Loaded, Request, SolverOptions, planned};
-use thirdbounce::resolve::{preset_note, summed_note};
-use thirdbounce::solve::Ready;
-use thirdbounce::solve::{Accumulation, Preset, TimedSchedule};
-use thirdbounce::{Error, Kind, Result};
+use thirdbounce::job::{Loaded, Request, planned};
+use thirdbounce::methods::SolverOptions;
+use thirdbounce::options::Preset;
+use thirdbounce::{Error, Kind, Result, job};
 
 /// A capture, the grid of its reconstruction, and the work and memory it would take.
 #[derive(Debug, Clone, Serialize)]
@@ -71,26 +71,27 @@ pub struct PlanSummary {
 pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
     request.settings.check()?;
     let capture = &loaded.capture;
-    let resolved = request.resolved(capture);
-    let Ready { capture: planned, grid, sum } = planned::to_plan(&resolved, capture)?;
+    let job = request.job(capture);
+    let planned = planned::to_plan(&job)?;
+    let grid = planned.grid()?;
     let mut problems = Vec::new();
     let gpu = request.open()?;
     let mut notes = loaded.notes.clone();
-    notes.extend(resolved.why.map(|why| preset_note(resolved.preset, why)));
-    notes.extend(summed_note(sum, planned.bin_width));
-    if resolved.models.len() > 1 {
+    notes.extend(planned.preset_note());
+    notes.extend(planned.summed_note());
+    if job.models.len() > 1 {
         notes.push(
             "how surfaces reflect is not known: a run tries models first (name the model to skip this)"
                 .into(),
         );
     }
-    if planned::finds_pulse(&resolved, capture) {
+    if planned::finds_pulse(&job) {
         notes.push(
             "the instrument's pulse is not known: a run finds its width first (give the pulse, or none, to skip this)"
                 .into(),
         );
     }
-    let plan = match resolved.solver.plan(&resolved.problem(&planned, grid), &gpu.abilities()) {
+    let plan = match planned.solver.plan(&planned.problem()?, &gpu.abilities()) {
         Ok(plan) => Some(plan),
         Err(Error { kind: Kind::Input, what, .. }) => {
             problems.push(what.into());
@@ -99,7 +100,7 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         Err(e) => return Err(e),
     };
     if let Some(plan) = &plan
-        && let Err(e) = check(&plan.buffers, &gpu.memory(), resolved.memory)
+        && let Err(e) = check(&plan.buffers, &gpu.memory(), job.settings.memory)
     {
         problems.push(problem(job::advise(e, request, loaded, &gpu)));
     }
@@ -108,8 +109,8 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
         capture: loaded.summary(),
         notes,
         warnings: loaded.warnings.clone(),
-        preset: resolved.preset,
-        options: resolved.solver,
+        preset: job.preset,
+        options: planned.solver,
         grid: grid.n,
         voxel: grid.pitch.to_array(),
         volume: box_of(&grid),
@@ -135,11 +136,10 @@ pub fn inspect(request: &Request, loaded: &Loaded) -> Result<Inspection> {
 pub fn schedule(request: &Request, loaded: &Loaded) -> Result<Vec<TimedSchedule>> {
     request.settings.check()?;
     let gpu = request.open()?;
-    let resolved = request.resolved(&loaded.capture);
-    let Ready { capture: planned, grid, .. } = planned::to_plan(&resolved, &loaded.capture)?;
-    let plan = resolved.solver.plan_within(&gpu, &resolved.problem(&planned, grid));
+    let planned = planned::to_plan(&request.job(&loaded.capture))?;
+    let plan = planned.solver.plan_within(&gpu, &planned.problem()?);
     let plan = plan.map_err(|e| job::advise(e, request, loaded, &gpu))?;
-    Ok(resolved.solver.outline(&plan))
+    Ok(planned.solver.outline(&plan))
 }
 
 /// An error with its advice.

@@ -22,14 +22,13 @@ use serde::{Deserialize, Serialize};
 pub use compile::device_of;
 
 use crate::json::write_json;
-use thirdbounce::export::{self, report};
+use thirdbounce::engine::{Plan, Progress};
+use thirdbounce::export::report;
 use thirdbounce::gpu::{Gpu, HostSpan, Recording};
 use thirdbounce::job::report::settings;
 use thirdbounce::job::{Loaded, Request, places, reconstruct};
-use thirdbounce::resolve::Job;
-use thirdbounce::solve::{Plan, Progress};
 use thirdbounce::transport::Grid;
-use thirdbounce::{Error, Result};
+use thirdbounce::{Error, Result, export, solve};
 
 pub use kernels::{Gaps, IterationProfile, KernelProfile};
 pub use limits::DeviceLimits;
@@ -121,15 +120,16 @@ pub fn profile(
         places::check_file(file)?;
     }
     what.out.as_deref().map(places::check_results).transpose()?;
-    request.resolved(&loaded.capture).grid(&loaded.capture)?;
+    let job = request.job(&loaded.capture);
+    job.grid()?;
     let gpu = request.open()?;
     check_clock(&gpu)?;
     say(&format!("measuring the limits of {}", gpu.info.name));
     let limits = limits::measure(&gpu)?;
     // The fits of estimates are no part of the profile.
-    let job = Job::resolve(&request.settings, &loaded.capture, &gpu, hear)?;
+    let job = solve::resolve(&gpu, job, hear)?;
     let (estimates, pulse) = (job.estimates.clone(), job.capture.pulse.clone());
-    let request = Request { settings: job.settings(&request.settings), ..request };
+    let request = Request { settings: job.settled(), ..request };
     let with_pulse = estimates.pulse.is_some().then(|| {
         let capture = loaded.capture.clone().with(|c| c.pulse = pulse);
         Loaded { capture, ..loaded.clone() }
@@ -140,7 +140,8 @@ pub fn profile(
 
     say("solving, with a time stamp after every command");
     let began = gpu.now();
-    let mut done = reconstruct::solve(&request, loaded, &gpu, None, None, hear)?;
+    let mut done =
+        reconstruct::solve(&request, request.job(&loaded.capture), loaded, &gpu, None, None, hear)?;
     done.job.estimates = estimates;
     let result = &done.result;
     let start = Instant::now();

@@ -3,11 +3,10 @@
 use std::path::PathBuf;
 use std::time::Instant;
 
-use thirdbounce::capture::{self, Summary};
-use thirdbounce::export;
+use thirdbounce::capture::Summary;
 use thirdbounce::job::places;
-use thirdbounce::simulate::{self, RenderOptions, RenderProgress, Scene};
-use thirdbounce::{Error, Result};
+use thirdbounce::simulate::{RenderOptions, RenderProgress, Scene};
+use thirdbounce::{Error, Result, capture, export, simulate};
 
 /// What to simulate, and the files to write.
 #[derive(Debug, Clone, PartialEq)]

@@ -343,7 +343,7 @@ impl Gpu {
 
     /// Expected loop turns per second of this kind of device.
     pub fn expected_rate(&self) -> f64 {
-        rate_of(self.info.kind)
+        rate_of(if self.faults().discrete { DeviceKind::Discrete } else { self.info.kind })
     }
 
     /// Whether the driver guarantees round-to-nearest in kernels.
@@ -374,7 +374,7 @@ impl Gpu {
         self.allocated.load(Relaxed)
     }
 
-    /// Submissions so far, and waits of the host for them.
+    /// Submissions so far, and waits of the host for those that were not done.
     pub fn traffic(&self) -> [u64; 2] {
         [0, 1].map(|at| self.traffic[at].load(Relaxed))
     }

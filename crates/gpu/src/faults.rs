@@ -45,6 +45,8 @@ pub struct Faults {
     /// Every buffer is followed by a canary, bound with it and checked when an executor is dropped:
     /// [`super::Gpu::take_guarded`]. Doubles the memory, outside the budget.
     pub guard: bool,
+    /// Work is divided as on a discrete GPU, however slow the device is.
+    pub discrete: bool,
 }
 
 impl Faults {

@@ -5,8 +5,8 @@ use glam::dvec3;
 use super::scenes::*;
 use super::{CaseSizes, CaseSolver, Doubled, How, KernelCase, Paths};
 use thirdbounce::capture::PulseTaps;
-use thirdbounce::solve::Accumulation::{Fixed, Float, Owned};
-use thirdbounce::solve::{Decay, NoiseTerm, PaperOptions};
+use thirdbounce::engine::Accumulation::{Fixed, Float, Owned};
+use thirdbounce::methods::{Decay, NoiseTerm, PaperOptions};
 use thirdbounce::transport::{Binning, Geometry, Gradient, Grid, HighPass, Model, Reflectance, Sampling};
 
 /// A case of a solver, on one accumulation path.

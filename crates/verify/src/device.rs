@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use thirdbounce::Result;
+use thirdbounce::engine::{Level, Needs, OnDevice, Plan, Tuning, UPLOAD};
 use thirdbounce::gpu::{Buffer, BufferPlan, Command, Constant, Gpu, Kernel, KernelCode, Place, Schedule};
-use thirdbounce::solve::learned::schedule::LEARNED_KERNELS;
-use thirdbounce::solve::{Level, Needs, OnDevice, Plan, Tuning, UPLOAD};
+use thirdbounce::learned::schedule::LEARNED_KERNELS;
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Grid, Model};
 use thirdbounce_kernels::Cells;

@@ -5,8 +5,8 @@ use std::collections::btree_map::Entry;
 
 use super::device::{code_of, decode, read_words};
 use thirdbounce::Result;
+use thirdbounce::engine::OnDevice;
 use thirdbounce::gpu::{Binding, Buffer, Command, KernelCode, Schedule, View};
-use thirdbounce::solve::OnDevice;
 use thirdbounce_kernels::{Call, Cells, kernel_of};
 
 /// The buffers of a plan in float64, as they were on the device when they were first used.

@@ -23,8 +23,9 @@ pub use physics::{Raw, Sample, Way, instrument, rendered};
 pub use solvers::place;
 
 use thirdbounce::Result;
+use thirdbounce::engine::Accumulation;
 use thirdbounce::gpu::{Abilities, Buffer, DeviceKind, Gpu};
-use thirdbounce::solve::{Accumulation, PaperOptions};
+use thirdbounce::methods::PaperOptions;
 use thirdbounce::transport::{Grid, Model};
 
 /// A row of the table.

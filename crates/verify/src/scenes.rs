@@ -3,11 +3,11 @@
 use glam::{DVec3, dvec3};
 
 use thirdbounce::capture::PulseTaps;
+use thirdbounce::engine::{Demand, LeftOut, Level, Needs, Pass, Plan};
 use thirdbounce::gpu::{Buffer, Constant};
-use thirdbounce::solve::surface::{OfFit, Pixels};
-use thirdbounce::solve::{
-    Demand, LeftOut, Level, Needs, NoiseTerm, PaperOptions, Pass, Plan, Preset, SurfaceOptions,
-};
+use thirdbounce::methods::{NoiseTerm, PaperOptions};
+use thirdbounce::options::Preset;
+use thirdbounce::surface::{OfFit, Pixels, SurfaceOptions};
 use thirdbounce::transport::{Binning, Geometry, Grid, Model, Reflectance, Rendered, Spot, Wall};
 
 /// Repeatable numbers for tests: PCG-XSH-RR (O'Neill 2014).

@@ -5,10 +5,11 @@ use super::scenes::{Random, both};
 use super::solvers::{measure, prepared, scatter};
 use super::steps::ComparedSteps;
 use super::{CaseSolver, Compared, Host, KernelCase};
-use thirdbounce::Result;
+use thirdbounce::engine::{Accumulation, OnDevice};
 use thirdbounce::gpu::{Buffer, Gpu, Schedule};
-use thirdbounce::solve::{Accumulation, OnDevice, paper, surface};
+use thirdbounce::methods::paper;
 use thirdbounce::transport::kernels::*;
+use thirdbounce::{Result, surface};
 use thirdbounce_kernels::Cells;
 
 /// What varies, and where its gradient is found.

@@ -9,15 +9,16 @@ use super::scenes::{FitNeeds, Random, both, options};
 use super::steps::{ComparedSteps, compare};
 use super::{CaseSolver, Compared, Doubled, Host, KernelCase};
 use crate::{Sample, Way, instrument, rendered};
-use thirdbounce::Result;
+use thirdbounce::closed_form::passes::gather_filtered;
+use thirdbounce::closed_form::{OfProjection, hat};
+use thirdbounce::engine::{Accumulation, Needs, OnDevice, Plan, Tuning};
 use thirdbounce::gpu::{Buffer, Gpu, Schedule};
-use thirdbounce::solve::closed_form::passes::gather_filtered;
-use thirdbounce::solve::closed_form::{OfProjection, hat};
-use thirdbounce::solve::learned::schedule::LearnedSchedule;
-use thirdbounce::solve::learned::{LearnedScan, Network};
-use thirdbounce::solve::surface::{Judged, Pixels, Placed, points_of};
-use thirdbounce::solve::{Accumulation, Needs, OnDevice, Plan, Tuning, paper, surface};
+use thirdbounce::learned::schedule::LearnedSchedule;
+use thirdbounce::learned::{LearnedScan, Network};
+use thirdbounce::methods::paper;
+use thirdbounce::surface::{Judged, Pixels, Placed, points_of};
 use thirdbounce::transport::kernels::*;
+use thirdbounce::{Result, surface};
 
 /// Runs the schedules of a case, and compares every dispatch.
 pub fn steps(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Result<Vec<Compared>> {

@@ -7,9 +7,9 @@ use fixtures::device::gpu;
 use fixtures::extreme::{Case, cases as extreme, passes};
 use glam::DVec3;
 use thirdbounce::capture::{self, Capture};
+use thirdbounce::engine::Accumulation;
 use thirdbounce::maps::{Maps, percentile};
 use thirdbounce::simulate::{Placement, Reflectance, RenderOptions, Scene, simulate};
-use thirdbounce::solve::Accumulation;
 use thirdbounce::transport::{Geometry, Reflectance as Model};
 use thirdbounce_benchmark::pages::Stability;
 

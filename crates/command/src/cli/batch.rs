@@ -11,8 +11,8 @@ use clap::parser::ValueSource;
 use clap::{ArgAction, ArgMatches, Args as _, Command, FromArgMatches};
 use indicatif::ProgressBar;
 use serde_json::json;
+use thirdbounce::engine::Progress;
 use thirdbounce::job::{Loaded, Request};
-use thirdbounce::solve::Progress;
 use thirdbounce::{Error, Result, gpu};
 
 use crate::batch::{self, Batch, Caller, CaptureEnd, Listed, Status, Tally, named};

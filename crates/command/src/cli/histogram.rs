@@ -2,8 +2,8 @@
 
 use std::path::PathBuf;
 
+use thirdbounce::options::units::{length, path};
 use thirdbounce::settings::Settings;
-use thirdbounce::solve::units::{length, path};
 use thirdbounce::{Result, job};
 use thirdbounce_tags::Histograms;
 

@@ -12,11 +12,12 @@ use serde_json::{Value, json};
 
 use crate::live::{self, Figures, FrameFolder, FrameSource, LivePage, LiveTotals, News, Shows, read_frame};
 use thirdbounce::capture::formats::ReadOptions;
+use thirdbounce::engine::Reconstruction;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::maps::Maps;
+use thirdbounce::options::units::{length, milliseconds};
 use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
-use thirdbounce::solve::units::{length, milliseconds};
-use thirdbounce::solve::{Follow, Reconstruction};
+use thirdbounce::surface::Follow;
 use thirdbounce::{Capture, Error, Result, export, job};
 
 use super::settings::{FILE, METHOD, SettingsArgs};

@@ -7,10 +7,10 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use thirdbounce::engine::{Doing, Progress};
 use thirdbounce::gpu::kernels_are_kept;
 use thirdbounce::job::PREVIEW;
 use thirdbounce::simulate::RenderProgress;
-use thirdbounce::solve::{Doing, Progress};
 
 use super::interrupt;
 use super::tables::{number, seconds};
@@ -215,7 +215,7 @@ impl RenderingProgress {
 
 #[cfg(test)]
 mod tests {
-    use thirdbounce::solve::TracePoint;
+    use thirdbounce::engine::TracePoint;
 
     use super::*;
 

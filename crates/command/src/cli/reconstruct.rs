@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
-use thirdbounce::job::{self, Loaded, Request};
-use thirdbounce::{Error, Result};
+use thirdbounce::job::{Loaded, Request};
+use thirdbounce::{Error, Result, job};
 
 use super::progress::Meter;
 use super::settings::{self, CaptureArgs};

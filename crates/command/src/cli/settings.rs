@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Arg, ArgAction, ArgMatches, Args as _, Command, FromArgMatches};
 use serde::de::DeserializeOwned;
-use thirdbounce::job::{self, Loaded, Request, SolverOptions};
+use thirdbounce::job::{Loaded, Request};
+use thirdbounce::methods::{Method, SolverOptions};
+use thirdbounce::options::{OptionValue, Range, Row, SceneTraits};
 use thirdbounce::settings::Settings;
-use thirdbounce::solve::Method;
-use thirdbounce::solve::option::{OptionValue, Range, Row, SceneTraits};
-use thirdbounce::{Error, Result};
+use thirdbounce::{Error, Result, job};
 
 /// Parses one of the words that stand for values of `T` in files.
 pub fn word<T: DeserializeOwned + Clone + Send + Sync + 'static>(
@@ -295,7 +295,7 @@ pub fn request(given: &SettingsArgs<ALL>, device: &DeviceArgs) -> Result<Request
 
 /// Reads a number of an option of one verb.
 pub fn number(text: &str) -> std::result::Result<f64, String> {
-    thirdbounce::solve::units::number(text)
+    thirdbounce::options::units::number(text)
 }
 
 #[cfg(test)]

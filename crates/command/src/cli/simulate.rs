@@ -7,11 +7,11 @@ use std::process::ExitCode;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{CommandFactory, FromArgMatches, Parser};
 use glam::DVec2;
+use thirdbounce::options::units::{length, number, path};
 use thirdbounce::settings::{DevicePosition, Settings};
 use thirdbounce::simulate::{
     DEFAULT_RESOLUTION, Dark, Layout, MeshPlace, Motion, Reflectance, RenderOptions, Scene, WallShape,
 };
-use thirdbounce::solve::units::{length, number, path};
 use thirdbounce::{Error, Result};
 
 use crate::generate::{self, Generation, GenerationOptions};

@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::DVec3;
 use thirdbounce::capture::Turn;
 use thirdbounce::job::{self, Loaded, Request};
-use thirdbounce::solve::units::{length, number, time};
+use thirdbounce::options::units::{length, number, time};
 use thirdbounce::{Error, Result};
 use thirdbounce_tags::{self as tags, Asked, Division, Inputs, PileUp, Scan, Zero};
 

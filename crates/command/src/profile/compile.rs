@@ -8,13 +8,14 @@ use serde::{Deserialize, Serialize};
 
 use thirdbounce::Result;
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::Accumulation;
 use thirdbounce::export::report;
 use thirdbounce::files::atomic;
 use thirdbounce::gpu::{Gpu, GpuOptions, Kernel};
 use thirdbounce::job::{Request, places, plain, planned};
+use thirdbounce::learned::schedule::LEARNED_KERNELS;
+use thirdbounce::methods::SolverOptions;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::learned::schedule::LEARNED_KERNELS;
-use thirdbounce::solve::{Accumulation, Ready, SolverOptions};
 
 /// The compiled kernels of a solve.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -95,10 +96,9 @@ pub fn compile(request: &Request, capture: &Capture, listings: Option<&Path>) ->
     }
     let gpu =
         Gpu::open(&GpuOptions { statistics: true, listings: listings.is_some(), ..request.gpu_options() })?;
-    let resolved = request.resolved(capture);
-    let Ready { capture, grid, .. } = planned::to_plan(&resolved, capture)?;
-    let solver = &resolved.solver;
-    let plan = solver.plan(&resolved.problem(&capture, grid), &gpu.abilities())?;
+    let job = planned::to_plan(&request.job(capture))?;
+    let solver = &job.solver;
+    let plan = solver.plan(&job.problem()?, &gpu.abilities())?;
     let mut kernels = vec![];
     let passes = plan.passes.iter().map(|pass| (pass.kernel, (pass.code)(&plan), pass.values(&plan)));
     let is_surface = matches!(solver, SolverOptions::Surface(_));

@@ -6,8 +6,9 @@ use serde::{Deserialize, Serialize};
 
 use super::limits::DeviceLimits;
 use super::work::{Limit, Work};
+use thirdbounce::engine::{TracePoint, Voxels};
 use thirdbounce::gpu::{Ran, Recording};
-use thirdbounce::solve::{TracePoint, Voxels, pass_of};
+use thirdbounce::methods::pass_of;
 
 /// Statistics above this are in other units than their names say: no kernel has 2³² registers or bytes of memory.
 const MOST_PLAUSIBLE: f64 = 4_294_967_296.0;

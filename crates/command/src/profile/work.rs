@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 use serde::{Deserialize, Serialize};
 
 use super::limits::DeviceLimits;
+use thirdbounce::engine::{Accumulation, Pass, Plan};
 use thirdbounce::gpu::Buffer;
-use thirdbounce::solve::surface::passes::SURFACE_GATHER;
-use thirdbounce::solve::{Accumulation, Pass, Plan};
+use thirdbounce::surface::passes::SURFACE_GATHER;
 use thirdbounce::transport::{Binning, Geometry, Gradient, Reflectance};
 
 /// A limit that may bind a kernel.

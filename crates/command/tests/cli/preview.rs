@@ -6,11 +6,13 @@ use fixtures::captures::{changed, place};
 use fixtures::command::{stderr, thirdbounce};
 use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, write};
+use thirdbounce::engine::Doing;
 use thirdbounce::job::{Loaded, PREVIEW, Request, load, run};
 use thirdbounce::measure::metrics;
+use thirdbounce::methods::{PaperOptions, SolverOptions};
 use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Doing, PaperOptions, SolverOptions, SurfaceOptions};
+use thirdbounce::surface::SurfaceOptions;
 
 /// A letter at 16 x 16 points, bins of 1 cm.
 fn scene() -> Scene {

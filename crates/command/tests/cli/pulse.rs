@@ -8,16 +8,17 @@ use fixtures::captures::changed;
 use fixtures::command::{fail, succeed};
 use fixtures::device::gpu;
 use serde_json::Value;
-use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, Gate, Pulse, read, write};
+use thirdbounce::engine::{Doing, Problem, Watch, default_volume};
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::Array;
 use thirdbounce::job::{Request, load, run};
 use thirdbounce::measure::metrics;
+use thirdbounce::methods::SolverOptions;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Doing, Problem, SolverOptions, SurfaceOptions, Watch, default_volume};
+use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::{Grid, Volume};
-use thirdbounce::{ImpulseResponse, Settings};
+use thirdbounce::{ImpulseResponse, Kind, Settings};
 
 const FWHM: f64 = 0.04;
 
@@ -70,7 +71,7 @@ fn a_known_pulse_makes_depths_and_normals_better() {
     }));
     let solve = |capture: &Capture| {
         let grid = Grid::new(default_volume(capture, 0.2).unwrap(), 32, capture.bin_width).unwrap();
-        let mut hear = |_: &thirdbounce::solve::Progress| ControlFlow::Continue(());
+        let mut hear = |_: &thirdbounce::engine::Progress| ControlFlow::Continue(());
         let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
         let done = options.solve(&gpu, &Problem::new(capture, grid), &mut watch).unwrap();
         let best = metrics(&done.maps, &truth, 0.3).unwrap().at_best.unwrap();

@@ -6,11 +6,13 @@ use fixtures::captures::changed;
 use fixtures::command::{fail, succeed};
 use fixtures::device::gpu;
 use thirdbounce::capture::{Capture, read, write};
+use thirdbounce::engine::{Problem, Progress, Watch, default_volume};
 use thirdbounce::job::load;
 use thirdbounce::measure::metrics;
+use thirdbounce::methods::SolverOptions;
 use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, simulate, truth};
-use thirdbounce::solve::{Problem, Progress, SolverOptions, SurfaceOptions, Watch, default_volume};
+use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::Grid;
 
 /// Two steps of a scan of 16 x 16 points.

@@ -9,10 +9,12 @@ use fixtures::command::succeed;
 use fixtures::device::{assert_valid, gpu};
 use serde_json::Value;
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::Solver;
+use thirdbounce::engine::{Problem, Progress, Reconstruction, Watch, default_volume};
 use thirdbounce::gpu::Gpu;
+use thirdbounce::methods::PaperOptions;
+use thirdbounce::options::Preset;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::Solver;
-use thirdbounce::solve::{PaperOptions, Preset, Problem, Progress, Reconstruction, Watch, default_volume};
 use thirdbounce::transport::Grid;
 
 /// A small capture and its truth, simulated once: (folder, capture, truth).

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::process::Command;
 
 use fixtures::command::succeed;
-use thirdbounce::solve::learned::logits;
+use thirdbounce::learned::logits;
 
 /// Bands as `learn/export.py` makes them.
 fn bands() -> Vec<f32> {

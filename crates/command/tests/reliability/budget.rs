@@ -4,14 +4,15 @@
 use std::ops::ControlFlow;
 use std::process::Command;
 
+use thirdbounce::engine::{Accumulation, Plan, Problem};
 use thirdbounce::gpu::{
     Abilities, Accumulations, Buffer, BufferPlan, DeviceKind, Faults, Limits, Memory, Place, check,
 };
-use thirdbounce::job::{self, Request};
+use thirdbounce::job::Request;
+use thirdbounce::methods::SolverOptions;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::{Accumulation, Discretisation, Plan, Problem, SolverOptions};
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume, Wall};
-use thirdbounce::{Error, Kind};
+use thirdbounce::{Error, Kind, Settings, job};
 
 use super::ledger::{Held, Row, clear, holds};
 use super::small::{files, loaded, open, surface};
@@ -35,8 +36,7 @@ fn honoured() -> Row {
             });
             let options = SolverOptions::from(options);
             let case = || -> Held {
-                let grid =
-                    Discretisation::default().grid(&options, &loaded.capture).map_err(|e| e.to_string())?;
+                let grid = Settings::default().grid(&options, &loaded.capture).map_err(|e| e.to_string())?;
                 let plan = options.plan(&Problem::new(&loaded.capture, grid), &gpu.abilities());
                 let plan = plan.map_err(|e| e.to_string())?;
                 match thirdbounce::gpu::Arena::new(&gpu, &plan.buffers, Some(mebibytes << 20)) {

@@ -3,9 +3,10 @@
 use std::thread;
 
 use thirdbounce::capture::{Capture, Pulse};
+use thirdbounce::engine::Accumulation;
 use thirdbounce::gpu::Faults;
-use thirdbounce::job::SolverOptions;
-use thirdbounce::solve::{Accumulation, Begin, NoiseTerm};
+use thirdbounce::methods::{NoiseTerm, SolverOptions};
+use thirdbounce::surface::Begin;
 
 use super::Share;
 use super::ledger::{Held, Row, holds};

@@ -3,10 +3,10 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
+use thirdbounce::engine::Accumulation;
 use thirdbounce::files::atomic::{DiskFault, inject};
 use thirdbounce::job::{self, Request};
 use thirdbounce::simulate::{RenderOptions, Scene};
-use thirdbounce::solve::Accumulation;
 use thirdbounce::{Error, Kind, Result, capture};
 use thirdbounce_command::profile::{self, ProfileRequest};
 use thirdbounce_command::simulated::{Simulation, simulate};

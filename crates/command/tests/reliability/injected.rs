@@ -1,7 +1,7 @@
 //! Every device call that may fail fails in turn.
 
+use thirdbounce::engine::Accumulation;
 use thirdbounce::gpu::{Faults, Point};
-use thirdbounce::solve::Accumulation;
 use thirdbounce::{Kind, job};
 
 use super::Share;
@@ -74,7 +74,7 @@ fn whole_runs(share: Share) -> Row {
     let (_, solver) = solvers(Accumulation::Repeatable)[1].clone();
     let request = job::Request { truth: Some(files().truth()), ..job::Request::new(solver, out.path()) };
     let loaded = loaded();
-    let mut hear = |_: &thirdbounce::solve::Progress| std::ops::ControlFlow::Continue(());
+    let mut hear = |_: &thirdbounce::engine::Progress| std::ops::ControlFlow::Continue(());
     job::run(&request, &loaded, &mut hear).expect("a run without faults");
     let before = tree(out.path());
     for (i, (point, number)) in Point::ALL.into_iter().flat_map(|p| (0..14).map(move |n| (p, n))).enumerate()

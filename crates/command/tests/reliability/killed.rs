@@ -6,8 +6,8 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use thirdbounce::Kind;
+use thirdbounce::engine::Accumulation;
 use thirdbounce::gpu::Faults;
-use thirdbounce::solve::Accumulation;
 
 use super::ledger::{Held, Row, clear, holds};
 use super::small::{files, leftovers, loaded, open, solve, solvers};

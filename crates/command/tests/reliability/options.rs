@@ -72,7 +72,7 @@ fn result() -> PathBuf {
     let out = files().folder().join("result");
     MADE.get_or_init(|| {
         let request = thirdbounce::job::Request::new(
-            super::small::surface(thirdbounce::solve::Accumulation::Auto),
+            super::small::surface(thirdbounce::engine::Accumulation::Auto),
             &out,
         );
         let done = thirdbounce::job::run(&request, &super::small::loaded(), &mut |_| {

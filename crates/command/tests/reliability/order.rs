@@ -1,7 +1,8 @@
 //! Two things that may differ between runs change no result: the first content of memory and the order of workgroups.
 
+use thirdbounce::engine::{Accumulation, Reconstruction};
 use thirdbounce::gpu::Faults;
-use thirdbounce::solve::{Accumulation, Reconstruction, SolverOptions};
+use thirdbounce::methods::SolverOptions;
 
 use super::Share;
 use super::ledger::{Held, Row, holds};

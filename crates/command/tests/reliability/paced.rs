@@ -2,16 +2,16 @@
 
 use std::collections::BTreeSet;
 
-use thirdbounce::Kind;
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::{Accumulation, Plan, Reconstruction};
 use thirdbounce::gpu::{
     Abilities, Accumulations, Arena, Buffer, BufferPlan, Command, DeviceKind, Faults, Gpu, GpuOptions,
     Limits, Place, Point, Schedule,
 };
-use thirdbounce::job::SolverOptions;
-use thirdbounce::solve::surface::{self, OfFit};
-use thirdbounce::solve::{Accumulation, Plan, Reconstruction, SurfaceOptions, paper};
+use thirdbounce::methods::{SolverOptions, paper};
+use thirdbounce::surface::{OfFit, SurfaceOptions};
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
+use thirdbounce::{Kind, surface};
 
 use super::small::{kinds, loaded, solve, solvers, surface as small_surface};
 

@@ -5,17 +5,17 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use thirdbounce::capture::{self, Capture};
+use thirdbounce::capture::Capture;
+use thirdbounce::engine::{Accumulation, Problem, Progress, Reconstruction, Watch};
 use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
-use thirdbounce::job::{self, Loaded, SolverOptions};
+use thirdbounce::job::Loaded;
+use thirdbounce::methods::{NoiseTerm, PaperOptions, SolverOptions};
+use thirdbounce::options::Preset;
 use thirdbounce::settings::Settings;
 use thirdbounce::simulate::{Layout, RenderOptions, Scene, WallShape, simulate, truth};
-use thirdbounce::solve::Discretisation;
-use thirdbounce::solve::{
-    Accumulation, NoiseTerm, PaperOptions, Preset, Problem, Progress, Reconstruction, SurfaceOptions, Watch,
-};
+use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::Reflectance;
-use thirdbounce::{Result, export};
+use thirdbounce::{Result, capture, export, job};
 
 /// Files that many cases share.
 pub struct Files {
@@ -117,7 +117,7 @@ pub fn solve(
         if cancel.is_some_and(|at| heard > at) { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     };
     let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-    let grid = Discretisation::default().grid(solver, capture)?;
+    let grid = Settings::default().grid(solver, capture)?;
     solver.solve(gpu, &Problem::new(capture, grid).and_volume(), &mut watch)
 }
 

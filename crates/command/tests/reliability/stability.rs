@@ -2,8 +2,8 @@
 
 use fixtures::device::{accumulations, assert_valid, gpu};
 use fixtures::extreme::{Case, cases, passes};
+use thirdbounce::engine::Accumulation;
 use thirdbounce::gpu::Gpu;
-use thirdbounce::solve::Accumulation;
 use thirdbounce::transport::{Geometry, Reflectance};
 
 /// Relative to the largest value, and to the largest of each histogram.

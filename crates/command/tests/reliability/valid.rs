@@ -2,10 +2,11 @@
 
 use std::ops::ControlFlow;
 
+use thirdbounce::engine::Accumulation;
 use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
-use thirdbounce::job::{self, Request};
+use thirdbounce::job;
+use thirdbounce::job::Request;
 use thirdbounce::settings::Settings;
-use thirdbounce::solve::Accumulation;
 use thirdbounce_command::profile::{self, ProfileRequest, check};
 
 use super::Share;

@@ -8,18 +8,17 @@ use fixtures::device::{
     FitNeeds, Perform, assert_valid, field, gpu, model, oblong, options, state, unwatched, write, write_mask,
     write_raw,
 };
-use thirdbounce::Kind;
 use thirdbounce::advice::Setting;
 use thirdbounce::capture::Capture;
+use thirdbounce::engine::{Accumulation, Problem, Reconstruction, Solver, default_volume};
 use thirdbounce::gpu::{Gpu, Schedule};
+use thirdbounce::methods::{PaperOptions, SolverOptions, paper};
+use thirdbounce::options::Preset;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
-use thirdbounce::solve::surface::{self, Placed};
-use thirdbounce::solve::{
-    Accumulation, PaperOptions, Preset, Problem, Reconstruction, Solver, SolverOptions, SurfaceOptions,
-    default_volume, paper,
-};
+use thirdbounce::surface::{Placed, SurfaceOptions};
 use thirdbounce::transport::Grid;
 use thirdbounce::transport::kernels::*;
+use thirdbounce::{Kind, surface};
 use thirdbounce_verify::place;
 
 /// The lowest bit: the first kernel in schedule order that found a fault.

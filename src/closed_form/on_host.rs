@@ -1,0 +1,194 @@
+//! Methods that run on the host: what each defines, their arrays and their volumes.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use super::fourier::SpareSpectra;
+use super::image::AlbedoVolume;
+use super::method::{ClosedForm, Imager};
+use super::scan::RegularScan;
+use super::sharpness::{even_weights, noise, weigh, with_random_signs};
+use crate::advice::{Advice, Remedy, advice};
+use crate::capture::Capture;
+use crate::closed_form::upsample;
+use crate::engine::{OneLevel, Plan, Problem, Reconstruction, RunsOn, Sharpness};
+use crate::gpu::{Abilities, Buffer, BufferPlan, Gpu, Place};
+use crate::transport::{Grid, Model};
+use crate::{Error, Result};
+
+/// A method that runs on the host.
+pub trait HostMethod: ClosedForm<By = OnHost> {
+    /// The scan of a capture.
+    ///
+    /// # Errors
+    /// `Kind::Input`: the capture breaks an assumption of the method.
+    fn scan(&self, capture: &Capture) -> Result<RegularScan>;
+
+    /// Names and bytes of the arrays that it holds at the same time, at most.
+    fn arrays(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<(Buffer, u64)>;
+
+    /// The volume at the voxels of `grid`. Counts are without background. A sharpness that the options leave open is the
+    /// first of the ladder.
+    /// `spare` is its memory from one volume to the next.
+    fn volume(
+        &self,
+        capture: &Capture,
+        scan: &RegularScan,
+        grid: &Grid,
+        spare: &mut SpareSpectra,
+    ) -> AlbedoVolume;
+}
+
+/// The volume at the voxels of a grid.
+pub(super) const VOLUME: Buffer = Buffer::named("volume");
+/// The measured histograms, less their background.
+pub(super) const COUNTS: Buffer = Buffer::named("counts");
+/// The same with points between the measured ones.
+const FINER: Buffer = Buffer::named("finer_counts");
+/// Counts with a sign for every photon, and their volume.
+const TOSSED: Buffer = Buffer::named("tossed_counts_and_volume");
+
+/// A host method for captures of one scan.
+pub struct OnHost {
+    scan: RegularScan,
+    grid: Grid,
+    plan: Arc<Plan>,
+    is_start: bool,
+    spare: SpareSpectra,
+}
+
+impl<M: HostMethod> Imager<M> for OnHost {
+    const RUNS_ON: RunsOn = RunsOn::Host;
+
+    fn pixels_per_voxel(_lateral: usize) -> usize {
+        1
+    }
+
+    fn check(options: &M, capture: Option<&Capture>) -> Result<()> {
+        capture.map_or(Ok(()), |capture| options.scan(capture).map(|_| ()))
+    }
+
+    /// No level but the grid and no pass: its arrays.
+    fn plan_for(options: &M, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
+        let Problem { capture, grid, .. } = *problem;
+        let scan = options.scan(capture)?;
+        let (model, _) = Model::outline(&capture.outline(), options.image().reflectance, 1.0, false);
+        let plan = Plan::new(
+            &model,
+            grid,
+            capture.resolution(),
+            &OneLevel { pixels_per_voxel: 1 },
+            abilities,
+            false,
+        )?;
+        let on_host = |(buffer, bytes)| BufferPlan::new(buffer, bytes, Place::Readback);
+        Ok(Plan {
+            buffers: arrays(options, capture, &scan, &grid).into_iter().map(on_host).collect(),
+            ..plan
+        })
+    }
+
+    fn new(options: &M, gpu: &Gpu, problem: &Problem<'_>) -> Result<OnHost> {
+        let Problem { capture, grid, memory, is_start, .. } = *problem;
+        let plan = <OnHost as Imager<M>>::plan_for(options, problem, &gpu.abilities())?;
+        let asked: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
+        check_host_memory(
+            asked,
+            gpu,
+            memory,
+            |smaller| advice!["choose " {smaller} ", a larger " Stride ", a narrower " Gate " or more " Memory],
+        )?;
+        Ok(OnHost {
+            scan: options.scan(capture)?,
+            grid,
+            plan: Arc::new(plan),
+            is_start,
+            spare: SpareSpectra::default(),
+        })
+    }
+
+    fn plan(&self) -> &Arc<Plan> {
+        &self.plan
+    }
+
+    fn step(&self, _capture: &Capture) -> f64 {
+        self.scan.step[0].min(self.scan.step[1])
+    }
+
+    fn volume(&mut self, options: &M, capture: &Capture) -> Result<(AlbedoVolume, Option<Sharpness>)> {
+        let OnHost { scan, grid, is_start, spare, .. } = self;
+        let (image, fine) = (options.image(), scan.finer(options.image().upsample));
+        let of = |capture: Cow<'_, Capture>, with_background: bool| {
+            let light = scan.light(capture, with_background);
+            if image.upsample > 1 { upsample::finer(&light, scan, image).into_owned() } else { light }
+        };
+        let light = of(Cow::Borrowed(capture), image.background);
+        let ladder = match options.ladder() {
+            Some(ladder) if capture.integer_counts => ladder,
+            open => {
+                let volume = options.volume(&light, &fine, grid, spare);
+                return Ok((volume, open.map(|ladder| ladder.sharpest())));
+            }
+        };
+        let tossed = of(Cow::Owned(with_random_signs(capture)), false);
+        let (chosen, volume) = ladder.choose(|value| {
+            let options = options.with_sharpness(value);
+            let [mut light, mut tossed] =
+                [&light, &tossed].map(|counts| options.volume(counts, &fine, grid, spare));
+            if *is_start {
+                let weights = even_weights(&light.albedo, &tossed.albedo, grid.n[2]);
+                [&mut light, &mut tossed].into_iter().for_each(|v| weigh(&mut v.albedo, &weights));
+            }
+            let noise = noise(&light.albedo, &tossed.albedo, grid.n[2], M::MASK_SHARE);
+            Ok((noise, light))
+        })?;
+        Ok((volume, Some(chosen)))
+    }
+
+    fn conclude(&mut self, done: &mut Reconstruction) -> Result<()> {
+        done.filled = self.scan.gaps.len();
+        Ok(())
+    }
+}
+
+/// All arrays of a host method, with those of the counts and of the choice of sharpness.
+fn arrays<M: HostMethod>(
+    options: &M,
+    capture: &Capture,
+    scan: &RegularScan,
+    grid: &Grid,
+) -> Vec<(Buffer, u64)> {
+    let bytes = |capture: &Capture| 4 * (capture.pair_count() * capture.bins) as u64;
+    let volume = 4 * grid.voxels() as u64;
+    let fine = upsample::finer(&capture.outline(), scan, options.image()).into_owned();
+    let ladder = options.ladder().filter(|_| capture.integer_counts);
+    let finest = scan.finer(options.image().upsample);
+    // What is open is the sharpest. The softest needs more of some arrays, and less of others.
+    let mut own = options.arrays(&fine, &finest, grid);
+    if let Some(ladder) = ladder {
+        let soft = options.with_sharpness(ladder.softest()).arrays(&fine, &finest, grid);
+        own.iter_mut().zip(soft).for_each(|((_, most), (_, bytes))| *most = bytes.max(*most));
+    }
+    let between = (options.image().upsample > 1).then(|| (FINER, bytes(&fine)));
+    let tossed = ladder.map(|_| (TOSSED, bytes(&fine) + volume));
+    [(COUNTS, bytes(capture)), (VOLUME, volume)].into_iter().chain(between).chain(tossed).chain(own).collect()
+}
+
+/// Refuses arrays of `asked` bytes that do not fit the budget or the host's memory. `fix` says what to do, with the smaller
+/// job that would fit.
+pub fn check_host_memory<A: Into<Advice>>(
+    asked: u64,
+    gpu: &Gpu,
+    memory: Option<u64>,
+    hint: impl FnOnce(Remedy) -> A,
+) -> Result<()> {
+    let available = memory.unwrap_or(u64::MAX).min(gpu.memory().free[1]);
+    if asked <= available {
+        return Ok(());
+    }
+    let smaller = Remedy::SmallerJob { asked: Some(asked), available: Some(available) };
+    Err(Error::memory(
+        format!("the arrays take {} MiB, and there are {} MiB", asked >> 20, available >> 20),
+        hint(smaller),
+    ))
+}

@@ -1,0 +1,129 @@
+//! Short fits of parts of a capture.
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use super::constants::FAR;
+use super::found::{EstimateSeconds, Estimates, FindPulse, Shown};
+use super::job::Job;
+use super::model::FoundModel;
+use super::pulse::{FoundPulse, Shape};
+use super::search::{Search, trial_of};
+use super::trial::From;
+use crate::engine::Progress;
+use crate::gpu::Gpu;
+use crate::methods::SolverOptions;
+use crate::surface::{Begun, Candidate, Starts};
+use crate::{Kind, Result};
+
+/// Estimates what the job leaves open, by short fits of parts of its capture, if that has light.
+///
+/// # Errors
+/// The device fails or has too little memory, or `hear` cancels ([`Kind::Cancelled`]). If a fit fails otherwise, the usual model
+/// and sharp paths stay, and the solve itself reports the cause.
+pub fn estimate<'c>(
+    mut job: Job<'c>,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Job<'c>> {
+    if job.capture.histograms.iter().any(|v| *v > 0.0) {
+        let Estimates { device, seconds, .. } = std::mem::take(&mut job.estimates);
+        let found = found(&job, gpu, hear)?;
+        job.estimates = Estimates { device, seconds: seconds + found.seconds, ..found };
+    }
+    Ok(job)
+}
+
+fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>) -> Result<Estimates> {
+    let _span = gpu.span("trials");
+    let start = Instant::now();
+    let finds_model = job.models.len() > 1;
+    let find_pulse = job.find_pulse();
+    let finds_high_pass = job.finds_high_pass();
+    // The solve begins with the surface of the fits where its support may leave that of the start.
+    let finds_start = matches!(&job.solver, SolverOptions::Surface(options) if options.grow);
+    if !finds_model && find_pulse == FindPulse::Never && !finds_high_pass && !finds_start {
+        return Ok(Estimates::default());
+    }
+    let usual = job.solver.common().reflectance;
+    let mut tried = vec![];
+    let (mut high_pass, mut begun, mut candidates, mut expected_iou) = (None, None, vec![], None);
+    let (mut shown, mut finds_none) = (None, false);
+    let mut stages = EstimateSeconds::default();
+    let searched = Search::new(job, gpu, hear).and_then(|mut search| {
+        stages.start = start.elapsed().as_secs_f64();
+        expected_iou = search.starts.seen.as_ref().map(|seen| seen.expected_iou());
+        if finds_high_pass {
+            high_pass = Some(search.find_high_pass(&job.capture)?);
+        }
+        stages.high_pass = start.elapsed().as_secs_f64() - stages.start;
+        let found = search.run(usual, finds_model);
+        stages.pulse = search.pulse_seconds;
+        stages.model = start.elapsed().as_secs_f64() - stages.start - stages.high_pass - stages.pulse;
+        tried = std::mem::take(&mut search.tried);
+        candidates = std::mem::take(&mut search.candidates);
+        finds_none = search.sharp.is_empty();
+        if let Some((reflectance, _)) = found.as_ref().ok().filter(|_| search.finds_start)
+            && let Some(best) = search.sharp.into_iter().find(|s| s.reflectance == *reflectance)
+        {
+            candidates[best.candidate].kept = true;
+            let is_far = !best.fitted.surface.is_coherent(FAR);
+            shown = Some(Shown::of(trial_of(&search.trials, *reflectance), best.fitted.clone())?);
+            let Candidate { layers, step, .. } = best.fitted.surface;
+            let Starts { layers: closed, light, seen } = Starts::clone(&search.starts);
+            begun = Some(Begun { layers, closed, is_far: is_far && seen.is_some(), seen, light, step });
+        } else if search.finds_start && search.starts.seen.is_some() {
+            // No trial found a surface: what the network sees may still explain light at full resolution.
+            let Starts { layers, light, seen } = Starts::clone(&search.starts);
+            begun = Some(Begun { light, is_far: true, ..Begun::of(layers, seen) });
+        }
+        found
+    });
+    let ((reflectance, pulse), failed) = match searched {
+        Ok(answer) => (answer, None),
+        Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => return Err(e),
+        // A fit needs less than the solve.
+        Err(e) if e.kind == Kind::Memory => return Err(e),
+        Err(e) => ((usual, (find_pulse == FindPulse::Always).then_some(Shape::SHARP)), Some(e.what)),
+    };
+    let seconds = start.elapsed().as_secs_f64();
+    let model = finds_model.then(|| FoundModel::of(reflectance, &tried, failed.clone()));
+    let pulse = pulse.map(|shape| FoundPulse::of(shape, reflectance, &tried, stages.pulse, failed));
+    Ok(Estimates {
+        model,
+        high_pass,
+        pulse,
+        expected_iou,
+        candidates,
+        seconds,
+        stages,
+        shown,
+        finds_none,
+        begun,
+        device: None,
+    })
+}
+
+/// What a short fit of the job's capture shows, with sharp paths, by the model and the high-pass that were `found` for another version
+/// of it. `None` if it finds no surface.
+///
+/// # Errors
+/// The device fails, or `hear` cancels.
+pub fn shown(
+    job: &Job<'_>,
+    found: &Estimates,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Option<Shown>> {
+    let (solver, _) = found.settle(&job.solver, &job.models)?;
+    let job = Job { models: vec![], find_pulse: FindPulse::Never, ..job.with_solver(solver) };
+    let searched = Search::new(&job, gpu, hear).and_then(|mut search| {
+        let model = search.trials[0].reflectance();
+        let fitted = search.fit(model, Shape::SHARP, From::Start)?;
+        fitted.map(|fitted| Shown::of(&search.trials[0], fitted)).transpose()
+    });
+    match searched {
+        Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => Err(e),
+        searched => Ok(searched.unwrap_or(None)),
+    }
+}

@@ -1,0 +1,290 @@
+//! A capture, and what the settings make of it.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+
+use super::conclude::conclude_iterate;
+use super::constants::LEAST_FOR_PULSE;
+use super::found::{Estimates, FindPulse};
+use super::model::possible_models;
+use crate::capture::Capture;
+use crate::closed_form::LctOptions;
+use crate::engine::{Accumulation, Problem, Progress, Watch, enough_pairs};
+use crate::gpu::Gpu;
+use crate::maps::Maps;
+use crate::methods::{Method, SolverOptions, pixel_of};
+use crate::options::{Preset, SceneTraits};
+use crate::settings::{DevicePosition, ImpulseResponse, ReflectanceSetting, Settings};
+use crate::transport::{Grid, Reflectance};
+use crate::{Result, Verdict};
+
+/// A capture with everything that its reconstruction needs: what is set, else defaults, else what short fits found.
+#[derive(Debug, Clone)]
+pub struct Job<'c> {
+    /// The capture: as it was measured, and in the bins of the solver, with its impulse response, once that is known.
+    pub capture: Cow<'c, Capture>,
+    /// The settings that it comes from.
+    pub settings: Settings,
+    /// The preset in force.
+    pub preset: Preset,
+    /// The reason for the preset, if it is not set.
+    pub why: Option<&'static str>,
+    /// The solver with its options, for the usual model or the one that was found.
+    pub solver: SolverOptions,
+    /// The options for each model of reflectance, the usual one first; empty if the model is known.
+    pub models: Vec<SolverOptions>,
+    /// Whether to estimate the impulse response, if the capture holds none.
+    pub find_pulse: FindPulse,
+    /// Number of bins of the measurement that are one of `capture`.
+    pub sum: usize,
+    /// Estimates, with their evidence.
+    pub estimates: Estimates,
+    /// The verdict by estimates and held-out pairs, without what the maps say.
+    pub verdict: Arc<Verdict>,
+    /// What looks wrong with the capture, and what is wrong for certain, as sentences.
+    pub warnings: Vec<String>,
+    pub faults: Vec<String>,
+}
+
+impl<'c> Job<'c> {
+    /// The defaults for a capture under `settings`.
+    pub fn of(settings: &Settings, capture: Cow<'c, Capture>) -> Job<'c> {
+        let preset = settings.preset.unwrap_or_else(|| preset_for(&capture));
+        let why = settings.preset.is_none().then_some(match preset {
+            _ if capture.integer_counts => "the counts are whole numbers",
+            Preset::Captured => "some counts are negative",
+            Preset::Synthetic => "the counts are not whole numbers",
+        });
+        let scene = SceneTraits { preset, pairs: enough_pairs(&capture), ..SceneTraits::of(&capture) };
+        let of_model = |reflectance| {
+            let options = settings.method.options(&SceneTraits { reflectance, ..scene });
+            let mut options = options.with_reflectance(reflectance);
+            if let SolverOptions::Paper(paper) = &mut options {
+                paper.seed = settings.seed();
+            }
+            match settings.deterministic {
+                Some(true) => options.with_accumulation(Accumulation::Repeatable),
+                _ => options,
+            }
+        };
+        let estimates = matches!(settings.method, Method::Surface(_));
+        let known = match settings.model {
+            Some(ReflectanceSetting::Known(reflectance)) => Some(reflectance),
+            // The method of the paper has the paper's model, and closed-form methods use the reflectance as given.
+            None if !estimates => Some(Reflectance::Cosine),
+            _ => None,
+        };
+        let models = match known {
+            Some(_) => vec![],
+            None => possible_models(capture.is_nearly_confocal()).map(of_model).collect(),
+        };
+        let find_pulse = match (&settings.pulse, preset) {
+            (Some(ImpulseResponse::Auto), _) => FindPulse::Always,
+            (Some(_), _) => FindPulse::Never,
+            (None, Preset::Captured) if estimates => FindPulse::Always,
+            (None, Preset::Synthetic) if estimates => FindPulse::IfItShows,
+            (None, _) => FindPulse::Never,
+        };
+        Job {
+            settings: settings.clone(),
+            preset,
+            why,
+            solver: of_model(known.unwrap_or(Reflectance::Cosine)),
+            models,
+            find_pulse,
+            capture,
+            sum: 1,
+            estimates: Estimates::default(),
+            verdict: Arc::new(Verdict::GOOD),
+            warnings: vec![],
+            faults: vec![],
+        }
+    }
+
+    /// Checks the settings and the box.
+    ///
+    /// # Errors
+    /// The first value out of its range, and those of [`Settings::grid`].
+    pub fn check(&self) -> Result<()> {
+        self.settings.check()?;
+        self.grid().map(drop)
+    }
+
+    /// The same options, before estimates, for another version of the capture.
+    pub fn with_capture<'d>(&self, capture: Cow<'d, Capture>) -> Job<'d> {
+        let Job { settings, preset, why, solver, models, find_pulse, .. } = self;
+        Job {
+            capture,
+            settings: settings.clone(),
+            preset: *preset,
+            why: *why,
+            solver: solver.clone(),
+            models: models.clone(),
+            find_pulse: *find_pulse,
+            sum: 1,
+            estimates: Estimates::default(),
+            verdict: Arc::new(Verdict::GOOD),
+            warnings: vec![],
+            faults: vec![],
+        }
+    }
+
+    /// The job of a corrected capture, which knows what was found in the other one.
+    pub fn again(self, capture: Cow<'c, Capture>) -> Job<'c> {
+        let Estimates { device, seconds, .. } = self.estimates;
+        let estimates = Estimates { device, seconds, ..Estimates::default() };
+        let Job { warnings, faults, .. } = self;
+        Job { estimates, warnings, faults, ..Job::of(&self.settings, capture) }
+    }
+
+    /// The job with the estimated model, high-pass and impulse response.
+    ///
+    /// # Errors
+    /// A width that makes no impulse response. This does not happen with an estimated width.
+    pub fn settle(mut self) -> Result<Job<'c>> {
+        let (solver, pulse) = self.estimates.settle(&self.solver, &self.models)?;
+        self.solver = solver;
+        if let Some(pulse) = pulse {
+            self.capture.to_mut().pulse = Some(pulse);
+        }
+        Ok(self)
+    }
+
+    /// The same job with another solver.
+    pub fn with_solver(&self, solver: SolverOptions) -> Job<'_> {
+        Job { solver, ..self.with_capture(Cow::Borrowed(&self.capture)) }
+    }
+
+    /// What the defaults of a closed form depend on.
+    pub fn traits(&self) -> SceneTraits {
+        let reflectance = self.solver.common().reflectance;
+        SceneTraits { preset: self.preset, reflectance, ..SceneTraits::of(&self.capture) }
+    }
+
+    /// A light-cone transform of at most `most` lateral pixels.
+    pub fn light_cone(&self, most: usize) -> LctOptions {
+        let common = self.solver.common();
+        LctOptions::defaults_for(&self.traits()).with(|o| {
+            o.lateral = common.lateral.min(most);
+            o.image.min_depth = common.min_depth;
+        })
+    }
+
+    /// The maps of a closed-form method, with voxels that are cubes.
+    ///
+    /// # Errors
+    /// As its solve.
+    pub fn closed_form(&self, solver: SolverOptions, gpu: &Gpu) -> Result<Maps> {
+        let pitch = pixel_of(&self.capture, self.settings.volume, solver.common().lateral);
+        let mut job = self.with_solver(solver);
+        job.settings.depth_pitch = Some(pitch);
+        let job = job.summed()?;
+        let mut hear = |_: &Progress| ControlFlow::Continue(());
+        let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+        let problem = Problem { memory: self.settings.memory, ..Problem::new(&job.capture, job.grid()?) };
+        Ok(job.solver.solve(gpu, &problem, &mut watch)?.maps)
+    }
+
+    /// The job with the capture in the bins of the solver.
+    ///
+    /// # Errors
+    /// Those of [`Settings::summed`].
+    pub fn summed(mut self) -> Result<Job<'c>> {
+        (self.capture, self.sum) = self.settings.summed(&self.solver, self.capture)?;
+        Ok(self)
+    }
+
+    /// The grid for the capture, whose bins are those of the solver; its lateral cells are the pixels of the maps.
+    ///
+    /// # Errors
+    /// Those of [`Settings::grid`].
+    pub fn grid(&self) -> Result<Grid> {
+        self.settings.grid(&self.solver, &self.capture)
+    }
+
+    /// A pixel is surface above this share of the brightest albedo; `None`: the mask of the method.
+    pub fn mask_fraction(&self) -> Option<f64> {
+        self.settings.mask_fraction.or(self.solver.usual_mask())
+    }
+
+    /// Whether to estimate the high-pass of the objective.
+    pub fn finds_high_pass(&self) -> bool {
+        matches!(&self.solver, SolverOptions::Surface(options) if options.high_pass.is_none())
+    }
+
+    /// Whether to estimate the impulse response of the capture: it holds none, and only fits of several models can show one.
+    pub fn find_pulse(&self) -> FindPulse {
+        match (self.find_pulse, &self.capture.pulse) {
+            (_, Some(_)) => FindPulse::Never,
+            (FindPulse::IfItShows, None)
+                if self.models.len() < 2 || self.capture.pair_count() < 2 * LEAST_FOR_PULSE =>
+            {
+                FindPulse::Never
+            }
+            (asked, None) => asked,
+        }
+    }
+
+    /// The problem that the solver takes.
+    ///
+    /// # Errors
+    /// Those of [`Job::grid`].
+    pub fn problem(&self) -> Result<Problem<'_>> {
+        let Settings { memory, keep_volume, .. } = self.settings;
+        let with_volume = keep_volume == Some(true);
+        Ok(Problem { memory, with_volume, ..Problem::new(&self.capture, self.grid()?) })
+    }
+
+    /// Settings with the estimates in their places: they need no fits.
+    pub fn settled(&self) -> Settings {
+        Settings {
+            preset: Some(self.preset),
+            model: Some(ReflectanceSetting::Known(self.solver.common().reflectance)),
+            pulse: Some(ImpulseResponse::None),
+            device_at: Some(DevicePosition::None),
+            method: Method::of(&self.solver),
+            ..self.settings.clone()
+        }
+    }
+
+    /// The maps of an iterate as a user gets them from a run that ends with it.
+    pub fn as_result(&self, maps: &Maps) -> Maps {
+        let mut maps = maps.clone();
+        let (fraction, solver) = (self.mask_fraction(), &self.solver);
+        if fraction.is_some() {
+            maps.set_mask(fraction);
+        } else if solver.name() == SolverOptions::DEFAULT {
+            conclude_iterate(&self.capture, solver.common().reflectance, &mut maps);
+        }
+        maps
+    }
+
+    /// The estimates, and the bins that are summed, as sentences.
+    pub fn notes(&self) -> Vec<String> {
+        let preset = self.preset_note();
+        preset.into_iter().chain(self.estimates.notes()).chain(self.summed_note()).collect()
+    }
+
+    /// The note on a preset that is not set.
+    pub fn preset_note(&self) -> Option<String> {
+        self.why.map(|why| format!("{why}: the preset {} is used", self.preset.name()))
+    }
+
+    /// The note on bins that were summed.
+    pub fn summed_note(&self) -> Option<String> {
+        let Job { sum, capture, .. } = self;
+        (*sum > 1).then(|| {
+            format!(
+                "{sum} bins are summed into one of {:.3} mm, as pixels and impulse response blur more",
+                1e3 * capture.bin_width
+            )
+        })
+    }
+}
+
+/// The published set of parameters that fits the capture: if all counts are whole numbers, or some are negative, a
+/// detector made them.
+pub fn preset_for(capture: &Capture) -> Preset {
+    if capture.is_measured() { Preset::Captured } else { Preset::Synthetic }
+}

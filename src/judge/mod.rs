@@ -1,0 +1,33 @@
+//! What held-out pairs decide: what the settings leave open (the high-pass of the objective, how surfaces reflect, the instrument's
+//! impulse response), what is wrong with the capture, and the verdict. Short surface fits of 64 lateral pixels compare the hypotheses on
+//! pairs that they have not seen, in the domain that the solve minimises. Indistinguishable hypotheses are ranked by a fixed order.
+
+mod conclude;
+mod constants;
+mod device;
+mod divide;
+mod estimate;
+mod found;
+mod high_pass;
+mod job;
+mod lines;
+mod model;
+mod pulse;
+mod scale;
+mod search;
+mod spread;
+mod trial;
+mod verdict;
+
+pub use conclude::{conclude, conclude_iterate};
+pub use device::FoundDevice;
+pub use divide::divide;
+pub use estimate::{estimate, shown};
+pub use found::{EstimateSeconds, Estimates, FindPulse, FoundSurface, Origin, Shown};
+pub use high_pass::{FoundHighPass, usual_high_pass};
+pub use job::{Job, preset_for};
+pub use lines::LineDelays;
+pub use model::{FoundModel, MODELS};
+pub use pulse::FoundPulse;
+pub use scale::Rescaled;
+pub use verdict::{Cause, Diagnosis, EXPECTED_IOU, diagnose, verdict};

@@ -1,0 +1,391 @@
+//! The search over hypotheses: short fits of each, judged on the same held-out pairs.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::found::{FindPulse, FoundSurface, Origin};
+use super::high_pass::{FoundHighPass, usual_high_pass};
+use super::job::Job;
+use super::pulse::Shape;
+use super::pulse::Tried;
+use super::spread::ComparedRows;
+use super::trial::{Fitted, From, Trial, fit_all};
+use crate::capture::{Capture, Pulse};
+use crate::engine::{Doing, Problem, Progress, TracePoint, Watch, default_volume};
+use crate::gpu::Gpu;
+use crate::judge::constants::*;
+use crate::judge::{model, pulse};
+use crate::methods::SolverOptions;
+use crate::options::SceneTraits;
+use crate::settings::Settings;
+use crate::surface::{Candidate, HeldOut, Left, Starts, SurfaceOptions};
+use crate::transport::{Reflectance, Volume};
+use crate::{Error, Result};
+
+/// The sharp fit of a model, and the impulse response that its residual suggests, with the residual then.
+pub(crate) struct Sharp {
+    pub reflectance: Reflectance,
+    pub fitted: Fitted,
+    /// Its number among the candidates.
+    pub candidate: usize,
+    suggested: Option<(Shape, Left)>,
+}
+
+/// Progress of all fits together: iterations that are done, and how many the fits will take as far as that is known.
+pub(crate) struct FitProgress {
+    begun: Instant,
+    done: usize,
+    expected: usize,
+}
+
+impl FitProgress {
+    /// The fits that choose an impulse response.
+    const OF_PULSE: usize = ITERATIONS[1] + pulse::SHARES.len() * OF_PULSE;
+
+    /// The progress of a fit as that of all.
+    fn of(&self, progress: &Progress) -> Progress {
+        let done = self.done + progress.point.iteration;
+        let expected = self.expected.max(self.done + progress.iterations);
+        let seconds = self.begun.elapsed().as_secs_f64();
+        let remaining = (done > 0).then(|| seconds * (expected - done.min(expected)) as f64 / done as f64);
+        let point = TracePoint { iteration: done, seconds, ..progress.point };
+        Progress { doing: Doing::Trial, point, iterations: expected, remaining, maps: None }
+    }
+
+    /// A fit of these iterations is done, or is not needed.
+    fn pass(&mut self, iterations: usize) {
+        self.done += iterations;
+    }
+
+    /// Other fits than those that were expected are ahead.
+    fn expect(&mut self, ahead: usize) {
+        self.expected = self.done + ahead;
+    }
+}
+
+/// The fits of a capture.
+pub(crate) struct Search<'t> {
+    /// One for each model, the usual one first.
+    pub trials: Vec<Trial<'t>>,
+    pub starts: Arc<Starts>,
+    /// The sharp fit of each model, and the impulse response that its residual suggests.
+    pub sharp: Vec<Sharp>,
+    /// Metres of path.
+    bin_width: f64,
+    /// The narrowest impulse response that the solve, whose bins may be narrower, models: in bins of the fits.
+    narrowest: f64,
+    /// The length of the longest suggestion, metres.
+    longest: f64,
+    /// The impulse response of the capture, if it has one.
+    known: Option<Pulse>,
+    find_pulse: FindPulse,
+    hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    pace: FitProgress,
+    pub tried: Vec<Tried>,
+    pub candidates: Vec<FoundSurface>,
+    /// Seconds spent on the impulse response.
+    pub pulse_seconds: f64,
+    /// Whether the support may leave that of the start.
+    pub finds_start: bool,
+    /// The length of the last steps, as a share of the longest ones.
+    step: f64,
+}
+
+impl<'t> Search<'t> {
+    pub fn new(
+        job: &'t Job<'_>,
+        gpu: &'t Gpu,
+        hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    ) -> Result<Search<'t>> {
+        let capture = &*job.capture;
+        let all = if job.models.is_empty() { std::slice::from_ref(&job.solver) } else { &job.models };
+        if capture.pair_count() / 2 < LEAST_PAIRS {
+            return Err(Error::input(
+                format!("estimates need {} pairs, the capture has {}", 2 * LEAST_PAIRS, capture.pair_count()),
+                "name the model and the impulse response if known",
+            ));
+        }
+        let options = quick(&all[0]);
+        let of_all = || default_volume(capture, options.min_depth);
+        let volume: Volume = job.settings.volume.map_or_else(of_all, Ok)?;
+        let of_trial = Settings { volume: Some(volume), bins: job.settings.bins, ..Settings::default() };
+        let solver = options.clone().into();
+        let (whole, _) = of_trial.summed(&solver, Cow::Borrowed(capture))?;
+        let grid = of_trial.grid(&solver, &whole)?;
+        let finds_start = all[0].as_surface().grow;
+        let [high_pass, models] = [usize::from(job.finds_high_pass()), all.len()];
+        let pulse = match job.find_pulse() {
+            FindPulse::Never => 0,
+            FindPulse::IfItShows => ITERATIONS[1],
+            FindPulse::Always => FitProgress::OF_PULSE,
+        };
+        let expected = (high_pass + models) * From::Start.iterations() + pulse;
+        let pace = FitProgress { begun: Instant::now(), done: 0, expected };
+        let mut watch_hear = |p: &Progress| hear(&pace.of(&Progress { iterations: 0, ..p.clone() }));
+        let mut watch = Watch { hear: &mut watch_hear, maps_every: None, maps_at: &[] };
+        let problem = Problem { memory: job.settings.memory, ..Problem::new(&whole, grid) };
+        let starts = Arc::new(Starts::of(gpu, [capture, &whole], &problem, &options, &mut watch)?);
+        let whole = Arc::new(whole);
+        let of_solve = job.settings.sum(&job.solver, &capture.outline()) as f64 * capture.bin_width;
+        let trial = |options: &SolverOptions| {
+            Trial::new(gpu, whole.clone(), grid, quick(options), starts.clone(), job.settings.memory)
+        };
+        Ok(Search {
+            trials: all.iter().map(trial).collect(),
+            starts,
+            sharp: vec![],
+            bin_width: whole.bin_width,
+            narrowest: pulse::NARROWEST * of_solve / whole.bin_width,
+            longest: pulse::longest(whole.bin_width, SceneTraits::of(capture).wall),
+            known: capture.pulse.clone(),
+            find_pulse: job.find_pulse(),
+            hear,
+            pace,
+            tried: vec![],
+            candidates: vec![],
+            pulse_seconds: 0.0,
+            finds_start,
+            step: 1.0,
+        })
+    }
+
+    /// Estimates the high-pass by a fit of the first model. All later fits have it, and are judged by it.
+    pub fn find_high_pass(&mut self, capture: &Capture) -> Result<FoundHighPass> {
+        let length = usual_high_pass(capture);
+        let first = self.trials[0].reflectance();
+        let fitted = self.fit(first, Shape::SHARP, From::Start)?;
+        let bands = fitted.map_or([f64::NAN; 2], |fitted| fitted.held.bands(length));
+        let found = FoundHighPass::of(length, bands);
+        self.trials.iter_mut().for_each(|trial| trial.set_high_pass([found.length, found.floor]));
+        Ok(found)
+    }
+
+    /// Fits a hypothesis. `None` if no surface is found.
+    pub fn fit(&mut self, reflectance: Reflectance, shape: Shape, from: From<'_>) -> Result<Option<Fitted>> {
+        let Search { trials, hear, known, pace, step, .. } = self;
+        let trial = trial_of(trials, reflectance);
+        let mut reported = |p: &Progress| hear(&pace.of(p));
+        let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
+        let pulse = shape.centred()?.or(known.clone());
+        let fitted = fit_all(&[trial], pulse.as_ref(), from, *step, &mut watch)?.pop().flatten();
+        pace.pass(from.iterations());
+        *step = fitted.as_ref().map_or(*step, |fitted| fitted.surface.step);
+        Ok(fitted)
+    }
+
+    /// Fits every model with sharp paths.
+    fn fit_sharp(&mut self) -> Result<()> {
+        let clock = Instant::now();
+        let Search { trials, hear, known, pace, step, .. } = self;
+        let mut reported = |p: &Progress| hear(&pace.of(p));
+        let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
+        let all: Vec<&Trial<'_>> = trials.iter().collect();
+        let fitted = fit_all(&all, known.as_ref(), From::Start, *step, &mut watch)?;
+        let models: Vec<Reflectance> = trials.iter().map(Trial::reflectance).collect();
+        self.pace.pass(models.len() * From::Start.iterations());
+        let seconds = clock.elapsed().as_secs_f64() / models.len() as f64;
+        let start = if self.starts.seen.is_some() { Origin::Learned } else { Origin::Closed };
+        for (reflectance, fitted) in models.into_iter().zip(fitted) {
+            let left = fitted.as_ref().and_then(|fitted| fitted.surface.left.clone());
+            self.tried.push(Tried { reflectance, pulse: Shape::SHARP, left });
+            let Some(fitted) = fitted else { continue };
+            self.step = fitted.surface.step;
+            self.candidates.push(FoundSurface::of(reflectance, start, &fitted, seconds));
+            let candidate = self.candidates.len() - 1;
+            let clock = Instant::now();
+            let suggested = match self.find_pulse {
+                FindPulse::Never => None,
+                _ => self.suggested(&fitted.held, &Shape::all(self.bin_width, self.longest))?,
+            };
+            self.pulse_seconds += clock.elapsed().as_secs_f64();
+            self.sharp.push(Sharp { reflectance, fitted, candidate, suggested });
+        }
+        Ok(())
+    }
+
+    /// The sharp fit of a model, if it found a surface.
+    fn sharp(&self, reflectance: Reflectance) -> Option<&Sharp> {
+        self.sharp.iter().find(|s| s.reflectance == reflectance)
+    }
+
+    /// Of these impulse responses, the one that an ideal rendering of the hold-out set suggests, and the residual with it.
+    fn suggested(&self, ideal: &HeldOut, shapes: &[Shape]) -> Result<Option<(Shape, Left)>> {
+        let pulses = shapes.iter().filter_map(|shape| shape.centred().transpose());
+        let taps = pulses.map(|p| p.and_then(|p| p.taps(self.bin_width))).collect::<Result<Vec<_>>>()?;
+        let [rendered, measured] = ideal.sides();
+        let rows = ComparedRows { rendered: &rendered, measured: &measured, bins: ideal.bins() };
+        Ok(rows.best(&taps).map(|(at, pairs)| (shapes[at], ideal.left_with(pairs))))
+    }
+
+    /// The same length without a tail, metres.
+    fn suggested_length(&self, ideal: &HeldOut) -> Result<Option<f64>> {
+        let plain = Shape::plain(self.bin_width, self.longest);
+        Ok(self.suggested(ideal, &plain)?.map(|(shape, _)| shape.length()))
+    }
+
+    /// The residual of a hypothesis with an impulse response, whose fit continues the sharp one.
+    fn left(&mut self, reflectance: Reflectance, pulse: Shape) -> Result<Option<Left>> {
+        let of = (reflectance, pulse);
+        if let Some(same) = self.tried.iter().find(|t| (t.reflectance, t.pulse) == of) {
+            return Ok(same.left.clone());
+        }
+        let left = self.spread(reflectance, pulse, OF_PULSE)?.and_then(|surface| surface.left);
+        self.tried.push(Tried { reflectance, pulse, left: left.clone() });
+        Ok(left)
+    }
+
+    /// Continues the sharp fit of a model with an impulse response, for a number of iterations.
+    fn spread(
+        &mut self,
+        reflectance: Reflectance,
+        pulse: Shape,
+        iterations: usize,
+    ) -> Result<Option<Candidate>> {
+        let Some(sharp) = self.sharp(reflectance) else { return Ok(None) };
+        let from = sharp.fitted.surface.layers.clone();
+        Ok(self.fit(reflectance, pulse, From::Fit(&from, iterations))?.map(|fitted| fitted.surface))
+    }
+
+    /// Models are compared with the impulse responses that their sharp fits suggest. The best of them finds its own.
+    pub fn run(&mut self, usual: Reflectance, finds_model: bool) -> Result<(Reflectance, Option<Shape>)> {
+        self.fit_sharp()?;
+        let models: Vec<Reflectance> =
+            if finds_model { self.trials.iter().map(Trial::reflectance).collect() } else { vec![usual] };
+        // With the suggested impulse response, and as the choice needs it.
+        let (mut spread, mut residuals) = (vec![], vec![]);
+        for model in &models {
+            let Some(Sharp { fitted, suggested, .. }) = self.sharp(*model) else {
+                residuals.push((*model, None));
+                continue;
+            };
+            let left = fitted.surface.left.as_ref().expect("trials are judged");
+            let less = suggested.as_ref().map(|s| &s.1).filter(|less| less.share() < left.share());
+            spread.push((*model, Some(less.unwrap_or(left).clone())));
+            let always = self.find_pulse == FindPulse::Always;
+            residuals.push((*model, Some(less.filter(|_| always).unwrap_or(left).clone())));
+        }
+        let no_surface =
+            || Error::input("no fit found a surface", "name the model and the impulse response if known");
+        let model = model::choose(&residuals).ok_or_else(no_surface)?;
+        let clock = Instant::now();
+        let found = self.find_pulse(model, &spread);
+        self.pulse_seconds += clock.elapsed().as_secs_f64();
+        found
+    }
+
+    /// The impulse response with the best model, if one is to be found. Models that are not beaten, by what their sharp fits suggest,
+    /// are compared again with it.
+    fn find_pulse(
+        &mut self,
+        mut model: Reflectance,
+        spread: &[(Reflectance, Option<Left>)],
+    ) -> Result<(Reflectance, Option<Shape>)> {
+        let finds_pulse = match self.find_pulse {
+            FindPulse::Never => false,
+            FindPulse::IfItShows => self.shows_pulse(model)?,
+            FindPulse::Always => true,
+        };
+        if !finds_pulse {
+            return Ok((model, None));
+        }
+        self.pace.expect(FitProgress::OF_PULSE);
+        let mut pulse = self.best_pulse(model)?;
+        let rivals: Vec<Reflectance> =
+            model::unbeaten(spread).into_iter().filter(|rival| *rival != model).collect();
+        if pulse != Shape::SHARP && !rivals.is_empty() {
+            self.pace.expect(rivals.len() * OF_PULSE);
+            let mut again = vec![(model, self.left(model, pulse)?)];
+            for rival in rivals {
+                again.push((rival, self.left(rival, pulse)?));
+            }
+            let other = model::choose(&again).unwrap_or(model);
+            if other != model {
+                model = other;
+                self.pace.expect(FitProgress::OF_PULSE);
+                pulse = self.best_pulse(model)?;
+            }
+        }
+        Ok((model, Some(pulse)))
+    }
+
+    /// Whether this model's residual shows an impulse response. Without normals every curved surface seems to have one.
+    fn shows_pulse(&mut self, reflectance: Reflectance) -> Result<bool> {
+        if !reflectance.has_normals() {
+            return Ok(false);
+        }
+        let wide = Shape::of(pulse::FIRST * self.bin_width, 0.0);
+        let sharp = self.sharp(reflectance).and_then(|sharp| sharp.fitted.surface.left.clone());
+        let wide = self.left(reflectance, wide)?;
+        let Some((sharp, wide)) = sharp.zip(wide).filter(|(sharp, wide)| wide.is_less(sharp)) else {
+            return Ok(false);
+        };
+        // As many more iterations with sharp paths may do the same.
+        let longer = self.spread(reflectance, Shape::SHARP, OF_PULSE)?.and_then(|surface| surface.left);
+        Ok(wide.is_less(&longer.unwrap_or(sharp)))
+    }
+
+    /// The impulse response with this model. Convolutions of an ideal rendering suggest its length; a surface fitted with that corrects
+    /// it, as a sharp one has moved to compensate. Fits of the corrected length with several tails end the search: the best one must
+    /// leave less than the sharp fit.
+    fn best_pulse(&mut self, reflectance: Reflectance) -> Result<Shape> {
+        let Some(Sharp { fitted, .. }) = self.sharp(reflectance) else {
+            return Err(Error::input("a fit found no surface", "give the instrument's impulse response"));
+        };
+        let sharp = fitted.surface.left.clone().expect("trials are judged");
+        let Some(first) = self.suggested_length(&fitted.held)? else { return Ok(Shape::SHARP) };
+        let surface = self.spread(reflectance, Shape::of(first, 0.0), ITERATIONS[1])?;
+        let is_less = |surface: &Candidate| surface.left.as_ref().is_some_and(|l| l.share() < sharp.share());
+        let Some(surface) = surface.filter(is_less) else { return Ok(Shape::SHARP) };
+        let ideal = trial_of(&self.trials, reflectance).ideal(&surface.layers)?;
+        let Some(second) = ideal.map(|ideal| self.suggested_length(&ideal)).transpose()?.flatten() else {
+            return Ok(Shape::SHARP);
+        };
+        let length = pulse::settled(first, second);
+        // A length that the solve's bins cannot show, or a residual that falls up to the longest.
+        if length < self.narrowest * self.bin_width || !pulse::is_below(length, self.longest) {
+            return Ok(Shape::SHARP);
+        }
+        let mut each: Vec<Option<Left>> = vec![];
+        for share in pulse::SHARES {
+            each.push(self.left(reflectance, Shape::of(length, share))?);
+            // Longer tails are worse than one that is worse than none.
+            if let [Some(plain), Some(tailed)] = &each[..]
+                && tailed.share() >= plain.share()
+            {
+                break;
+            }
+        }
+        // A shape without a surface is no better one.
+        let shares =
+            std::array::from_fn(|i| each.get(i).and_then(Option::as_ref).map_or(f64::INFINITY, Left::share));
+        let least = each.iter().flatten().min_by(|a, b| a.share().total_cmp(&b.share()));
+        let is_tailed =
+            each[0].as_ref().is_none_or(|plain| least.is_some_and(|least| is_worth(least, plain)));
+        let share = if is_tailed { pulse::best_share(shares) } else { 0.0 };
+        let is_pulse = least.is_some_and(|least| is_worth(least, &sharp));
+        Ok(if is_pulse { Shape::of(length, share) } else { Shape::SHARP })
+    }
+}
+
+/// Whether a residual is smaller than another one beyond chance, and by enough to be worth a longer model.
+fn is_worth(left: &Left, than: &Left) -> bool {
+    left.share() < (1.0 - pulse::WORTH) * than.share() && left.is_less(than)
+}
+
+pub(crate) fn trial_of<'s, 't>(trials: &'s [Trial<'t>], reflectance: Reflectance) -> &'s Trial<'t> {
+    trials.iter().find(|t| t.reflectance() == reflectance).expect("a trial for every model")
+}
+
+/// The options of a fit.
+fn quick(options: &SolverOptions) -> SurfaceOptions {
+    options.as_surface().with(|o| {
+        o.lateral = o.lateral.min(LATERAL);
+        o.iterations = ITERATIONS[1];
+        o.grow = false;
+        o.points = None;
+        o.sparsity = 0.0;
+        o.pairs = PAIRS;
+    })
+}

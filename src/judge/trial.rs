@@ -1,0 +1,228 @@
+//! Short fits of a surface, judged on pairs that they do not take.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+
+use super::constants::{ITERATIONS, ROUNDS};
+use crate::capture::{Capture, Pulse};
+use crate::engine::{Doing, Problem, Progress, TracePoint, Watch};
+use crate::gpu::{DeviceKind, Gpu, check};
+use crate::maps::Maps;
+use crate::surface::{Candidate, Fit, Growth, HeldOut, Judge, Quality, Rounds, Run, Starts, SurfaceOptions};
+use crate::transport::{Grid, Reflectance};
+use crate::{Error, Kind, Result};
+
+/// Fits with one model of reflectance.
+pub(crate) struct Trial<'c> {
+    gpu: Gpu,
+    /// In the bins of the fits.
+    capture: Arc<Cow<'c, Capture>>,
+    grid: Grid,
+    options: SurfaceOptions,
+    starts: Arc<Starts>,
+    memory: Option<u64>,
+}
+
+/// What a fit begins with.
+#[derive(Debug, Clone, Copy)]
+pub(crate) enum From<'l> {
+    /// The network or the closed form.
+    Start,
+    /// Another fit, whose support stays, for a number of iterations.
+    Fit(&'l [Maps], usize),
+}
+
+impl From<'_> {
+    /// Rounds of the support, and iterations of the fit after these.
+    fn parts(&self) -> [usize; 2] {
+        match self {
+            From::Fit(_, iterations) => [0, *iterations],
+            _ => [ROUNDS, ITERATIONS[1]],
+        }
+    }
+
+    /// Iterations of the fit at most.
+    pub fn iterations(&self) -> usize {
+        let [rounds, last] = self.parts();
+        rounds * ITERATIONS[0] + last
+    }
+}
+
+/// A fit, judged on the pairs that are held out.
+#[derive(Debug, Clone)]
+pub(crate) struct Fitted {
+    /// The surface, with its judgement.
+    pub surface: Candidate,
+    /// The pairs that are held out, with their rendering.
+    pub held: HeldOut,
+}
+
+/// A fit under way.
+struct UnderWay {
+    fit: Fit,
+    growth: Growth,
+    /// Iterations of the fit after the rounds, until it is begun.
+    last: Option<usize>,
+    /// Iterations of all, and those that are done.
+    all: usize,
+    done: usize,
+    /// The run that the device has.
+    run: Option<Run>,
+    /// Of the fit after the rounds.
+    quality: Option<Quality>,
+}
+
+impl UnderWay {
+    /// Gives the device the next round, or the fit after the rounds. Whether there was one.
+    fn begin(&mut self) -> Result<bool> {
+        let round = |_: usize| Some(Run::of(ITERATIONS[0], self.all).of_round());
+        self.run = self.growth.next(&round);
+        if self.run.is_none()
+            && let Some(last) = self.last.take()
+        {
+            self.growth.settle();
+            self.run = Some(Run::of(last, self.all));
+        }
+        self.run.map_or(Ok(()), |run| self.fit.begin(&self.growth.layers, run, self.done))?;
+        Ok(self.run.is_some())
+    }
+
+    /// Takes the result of the run that the device has.
+    fn end(&mut self) -> Result<Option<TracePoint>> {
+        let Some(run) = self.run.take() else { return Ok(None) };
+        let (point, quality) = self.fit.end(&mut self.growth.layers)?.unzip();
+        self.done += run.iterations;
+        match self.last {
+            Some(_) => self.growth.judge(&mut self.fit, quality)?,
+            None => self.quality = quality,
+        }
+        Ok(point)
+    }
+
+    /// The surface. `None` if none is found, or nothing judges it.
+    fn fitted(mut self) -> Result<Option<Fitted>> {
+        let Some((quality, held)) = self.quality.zip(self.fit.judged()?) else { return Ok(None) };
+        let (layers, step) = (self.growth.layers, self.fit.step);
+        let surface = Candidate { layers, step, quality, left: Some(held.left()) };
+        Ok(Some(Fitted { surface, held }))
+    }
+}
+
+/// Fits a surface with this impulse response by each trial; steps begin with this length. `None` where no surface is found, or nothing
+/// judges it. Fits go on side by side where a device has the memory: the host then waits for all of them at once.
+///
+/// # Errors
+/// The device fails, the watch cancels, or the impulse response has no taps.
+pub(crate) fn fit_all(
+    trials: &[&Trial<'_>],
+    pulse: Option<&Pulse>,
+    from: From<'_>,
+    step: f64,
+    watch: &mut Watch<'_>,
+) -> Result<Vec<Option<Fitted>>> {
+    let Some(Trial { gpu, memory, .. }) = trials.first() else { return Ok(vec![]) };
+    let mut fits = trials.iter().map(|trial| trial.planned(pulse, from)).collect::<Result<Vec<_>>>()?;
+    let buffers: Vec<_> = fits.iter().flat_map(|fit| fit.plan().buffers.clone()).collect();
+    let is_together = gpu.info.kind != DeviceKind::Host && check(&buffers, &gpu.memory(), *memory).is_ok();
+    let (mut fitted, mut before, all) = (vec![], 0, trials.len() * from.iterations());
+    let number = if is_together { trials.len() } else { 1 };
+    for trials in trials.chunks(number) {
+        let begun = trials.iter().zip(fits.drain(..number.min(trials.len())));
+        let mut some = begun.map(|(trial, fit)| trial.begun(fit, from, step)).collect::<Result<Vec<_>>>()?;
+        loop {
+            let begun = some.iter_mut().map(UnderWay::begin).collect::<Result<Vec<bool>>>()?;
+            if !begun.contains(&true) {
+                break;
+            }
+            // What began last is done last.
+            for at in (0..some.len()).rev() {
+                let Some(point) = some[at].end()? else { continue };
+                let iteration = before + some.iter().map(|fit| fit.done).sum::<usize>();
+                let point = TracePoint { iteration, ..point };
+                let progress =
+                    Progress { doing: Doing::Trial, point, iterations: all, remaining: None, maps: None };
+                if (watch.hear)(&progress).is_break() {
+                    let what = format!("cancelled by the caller after {iteration} iterations");
+                    return Err(Error::new(Kind::Cancelled, what, "run it again"));
+                }
+            }
+        }
+        before += trials.len() * from.iterations();
+        for fit in some {
+            fitted.push(fit.fitted()?);
+        }
+    }
+    Ok(fitted)
+}
+
+impl<'c> Trial<'c> {
+    /// Prepares fits.
+    pub fn new(
+        gpu: &Gpu,
+        capture: Arc<Cow<'c, Capture>>,
+        grid: Grid,
+        options: SurfaceOptions,
+        starts: Arc<Starts>,
+        memory: Option<u64>,
+    ) -> Trial<'c> {
+        Trial { gpu: gpu.clone(), capture, grid, options, starts, memory }
+    }
+
+    /// The model of reflectance.
+    pub fn reflectance(&self) -> Reflectance {
+        self.options.reflectance
+    }
+
+    /// Gives the fits, and what judges them, a high-pass of this length (metres of path) and floor.
+    pub fn set_high_pass(&mut self, [length, floor]: [f64; 2]) {
+        (self.options.high_pass, self.options.high_pass_floor) = (Some(length), floor);
+    }
+
+    /// A fit with this impulse response, planned.
+    fn planned(&self, pulse: Option<&Pulse>, from: From<'_>) -> Result<Fit> {
+        let outline = self.capture.outline().with(|c| c.pulse = pulse.cloned());
+        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
+        Fit::new(&self.gpu, &problem, &self.options, [0, from.iterations()], Judge::HeldOut)
+    }
+
+    /// A planned fit with the counts, whose steps begin with this length.
+    fn begun(&self, mut fit: Fit, from: From<'_>, step: f64) -> Result<UnderWay> {
+        let ([rounds, last], all) = (from.parts(), from.iterations());
+        fit.take(&self.capture)?;
+        fit.step = step;
+        let layers = match from {
+            From::Start => self.starts.layers.clone(),
+            From::Fit(layers, _) => layers.to_vec(),
+        };
+        let growth = Growth::new(&fit, Rounds { number: rounds, rings: 1 }, layers);
+        Ok(UnderWay { fit, growth, last: Some(last), all, done: 0, run: None, quality: None })
+    }
+
+    /// All pairs, with the rendering of these layers; `None` if they explain no light, or all pairs do not fit.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn all(&self, layers: &[Maps]) -> Result<Option<HeldOut>> {
+        let options = self.options.clone().with(|o| o.pairs = self.capture.pair_count());
+        match self.rendered(layers, &options, Judge::All) {
+            Err(e) if e.kind == Kind::Memory => Ok(None),
+            rendered => rendered,
+        }
+    }
+
+    /// The pairs that are held out, with the rendering of these layers by sharp paths; `None` if they explain no light.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn ideal(&self, layers: &[Maps]) -> Result<Option<HeldOut>> {
+        self.rendered(layers, &self.options, Judge::HeldOut)
+    }
+
+    fn rendered(&self, layers: &[Maps], options: &SurfaceOptions, judge: Judge) -> Result<Option<HeldOut>> {
+        let outline = self.capture.outline();
+        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
+        let mut fit = Fit::new(&self.gpu, &problem, options, [0, 1], judge)?;
+        fit.take(&self.capture)?;
+        fit.seen(layers, false)?.map_or(Ok(None), |_| fit.judged())
+    }
+}

@@ -1,0 +1,211 @@
+//! What is wrong with a capture, by the pairs that no fit takes: a cause is right if a surface explains far more of them once it is
+//! undone. And the verdict on a result, which the cause, the residual and the network's expectation decide.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+
+use super::found::{Estimates, Shown};
+use super::job::Job;
+use super::scale::{self, Rescaled};
+use super::{estimate, lines};
+use crate::capture::Capture;
+use crate::engine::Progress;
+use crate::gpu::Gpu;
+use crate::settings::Calibrate;
+use crate::surface::Left;
+use crate::{Grade, Result, Verdict};
+
+pub use bands::EXPECTED_IOU;
+
+/// Bands of the verdict. Evidence: benches/NOTES.md, "Verdict".
+mod bands {
+    /// Least share beyond noise, less two standard errors, of results that are fair. Measured scenes with light that no surface sends
+    /// leave up to a half and are right.
+    pub const FAIR: f64 = 0.25;
+    /// Least share beyond noise, and least standard error of the share, of poor results.
+    pub const POOR: f64 = 0.9;
+    pub const UNCERTAIN: f64 = 0.2;
+    /// Least share beyond noise, less two standard errors, from which other scales are tried: proper captures leave less, but for rooms.
+    pub const DOUBTED: f64 = 0.15;
+    /// Expected IoU below which results are fair.
+    pub const EXPECTED_IOU: f64 = 0.4;
+}
+
+/// What is wrong with a capture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cause {
+    /// What it is.
+    pub what: String,
+    /// The option or edit that undoes it.
+    pub hint: String,
+    /// Shares of held-out pairs beyond noise, as the capture is and once the cause is undone.
+    pub left: [f64; 2],
+    /// Whether it is undone.
+    pub undone: bool,
+}
+
+impl Cause {
+    /// The cause as a sentence.
+    pub fn sentence(&self) -> String {
+        let [before, after] = self.left.map(|share| 100.0 * share);
+        let done = if self.undone { "undone here; " } else { "" };
+        format!(
+            "{} (of held-out pairs {before:.0} % is left beyond noise, {after:.0} % once it is undone): {done}{}",
+            self.what, self.hint
+        )
+    }
+}
+
+/// What was found in a capture.
+#[derive(Debug, Clone, Default)]
+pub struct Diagnosis {
+    /// The cause that held-out pairs prove.
+    pub cause: Option<Cause>,
+    /// The scale at which closed forms are sharper.
+    pub scale: Option<Rescaled>,
+    /// The capture without the delays of its lines.
+    pub calibrated: Option<Capture>,
+}
+
+/// Tries delays of lines and other scales on a capture whose estimates leave much of the held-out pairs. Delays are undone if the
+/// settings do not forbid it.
+///
+/// # Errors
+/// The device fails, or `hear` cancels.
+pub fn diagnose(
+    job: &Job<'_>,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Diagnosis> {
+    let (capture, estimates) = (&*job.capture, &job.estimates);
+    let calibrates = job.settings.calibrate.unwrap_or_default() == Calibrate::Auto;
+    let is_doubtful = match &estimates.shown {
+        Some(shown) => shown.held.left().certain() > bands::DOUBTED,
+        None => estimates.finds_none,
+    };
+    let scale = if is_doubtful { scale::rescaled(job, gpu) } else { None };
+    let found = Diagnosis { scale, ..Diagnosis::default() };
+    let Some(shown) = &estimates.shown else { return Ok(found) };
+    let mut trial =
+        |capture: &Capture| estimate::shown(&job.with_capture(Cow::Borrowed(capture)), estimates, gpu, hear);
+    let Some((delays, after)) = lines::calibrate(shown, capture, &mut trial)? else {
+        return Ok(found);
+    };
+    let cause = Cause {
+        what: delays.what(),
+        hint: "measure the delay of each line, or correct the times before they are binned".into(),
+        left: [shown.held.left().excess(), after.excess()],
+        undone: calibrates,
+    };
+    Ok(Diagnosis { cause: Some(cause), calibrated: calibrates.then(|| delays.undone(capture)), ..found })
+}
+
+/// The verdict on estimates: before a solve, without what the maps say.
+pub fn verdict(estimates: &Estimates, diagnosis: &Diagnosis) -> Verdict {
+    let mut verdict = Verdict { expected_iou: estimates.expected_iou, ..Verdict::GOOD };
+    if let Some(cause) = &diagnosis.cause {
+        verdict.add(if cause.undone { Grade::Fair } else { Grade::Poor }, cause.sentence());
+    }
+    if let Some(doubt) = estimates.device.as_ref().and_then(|found| found.doubt()) {
+        verdict.add(Grade::Fair, doubt);
+    }
+    if let Some(scale) = &diagnosis.scale {
+        verdict.add(Grade::Poor, scale.sentence());
+    }
+    match estimates.shown.as_ref().map(|shown: &Shown| shown.held.left()) {
+        None if estimates.finds_none => {
+            verdict.add(Grade::Poor, "no fit found a surface that explains the counts");
+        }
+        None => verdict.add(Grade::Fair, "no pairs were held out to judge it"),
+        Some(left) => judge(&mut verdict, &left),
+    }
+    if let Some(iou) = estimates.expected_iou.filter(|iou| *iou < EXPECTED_IOU) {
+        verdict.add(Grade::Fair, format!("the learned start expects an IoU of only {iou:.2}"));
+    }
+    verdict
+}
+
+/// Grades what a surface leaves of held-out pairs.
+fn judge(verdict: &mut Verdict, left: &Left) {
+    let (share, error) = (left.excess(), left.standard_error());
+    verdict.left = Some([share, error]);
+    let is_uncertain = error > bands::UNCERTAIN;
+    let grade = match () {
+        () if is_uncertain || share > bands::POOR => Grade::Poor,
+        () if left.certain() > bands::FAIR => Grade::Fair,
+        () => return,
+    };
+    let [share, error] = [share, error].map(|part| 100.0 * part);
+    let why = if is_uncertain {
+        format!(
+            "the share is uncertain by {error:.0} %, so held-out pairs neither confirm nor refute the surface"
+        )
+    } else {
+        "light that is not of the scene, or a fault without a name".into()
+    };
+    verdict.add(
+        grade,
+        format!("the surface leaves {share:.0} % of the light of held-out pairs beyond noise: {why}"),
+    );
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is left of 100 pairs of equal light: `mean`, and every other one more and less by `scatter`.
+    fn left(mean: f64, scatter: f64) -> Left {
+        let of = |i: usize| mean + if i.is_multiple_of(2) { scatter } else { -scatter };
+        Left { pairs: (0..100).map(|i| [of(i), 1.0]).collect(), noise: 0.0 }
+    }
+
+    #[test]
+    fn a_surface_that_held_out_pairs_do_not_confirm_is_poor() {
+        let graded = |mean: f64, scatter: f64| {
+            let mut verdict = Verdict::GOOD;
+            judge(&mut verdict, &left(mean, scatter));
+            (verdict.grade, verdict.reasons.concat())
+        };
+        // The standard error is a tenth of the scatter.
+        assert_eq!(graded(0.2, 0.3), (Grade::Good, String::new()));
+        let (grade, reason) = graded(0.5, 0.3);
+        assert!(grade == Grade::Fair && reason.contains("50 %"), "{reason}");
+        assert_eq!(graded(0.89, 0.3).0, Grade::Fair);
+        let (grade, reason) = graded(0.91, 0.3);
+        assert!(grade == Grade::Poor && reason.contains("91 %"), "{reason}");
+        // However small the share is: this error is larger than most shares of wrong surfaces.
+        assert_eq!(graded(0.01, 1.9).0, Grade::Good);
+        let (grade, reason) = graded(0.01, 2.1);
+        assert!(grade == Grade::Poor && reason.contains("uncertain by 21 %"), "{reason}");
+    }
+
+    #[test]
+    fn fits_without_a_surface_are_poor_and_no_fits_fair() {
+        let of =
+            |finds_none| verdict(&Estimates { finds_none, ..Estimates::default() }, &Diagnosis::default());
+        assert_eq!(of(true).grade, Grade::Poor);
+        assert!(of(true).reasons[0].contains("no fit found a surface"));
+        assert_eq!(of(false).grade, Grade::Fair);
+    }
+
+    fn estimates(iou: f64) -> Estimates {
+        Estimates { expected_iou: Some(iou), ..Estimates::default() }
+    }
+
+    #[test]
+    fn causes_and_doubts_lower_the_grade() {
+        let of = |cause: Option<Cause>, iou: f64| {
+            verdict(&estimates(iou), &Diagnosis { cause, ..Diagnosis::default() })
+        };
+        let cause = |undone| Cause { what: "feet".into(), hint: "scale".into(), left: [0.9, 0.02], undone };
+        let poor = of(Some(cause(false)), 0.8);
+        assert_eq!(poor.grade, Grade::Poor);
+        assert!(
+            poor.to_string().starts_with("poor: feet (of held-out pairs 90 %")
+                && poor.to_string().contains("scale")
+        );
+        assert_eq!(of(Some(cause(true)), 0.8).grade, Grade::Fair);
+        let doubt = of(None, 0.2);
+        assert!(doubt.grade == Grade::Fair && doubt.reasons.iter().any(|r| r.contains("IoU of only 0.20")));
+    }
+}

@@ -1,0 +1,141 @@
+//! The solver of "Domain Reduction Strategy for Non-Line-of-Sight Imaging" (ECCV 2024).
+
+use std::sync::Arc;
+
+use crate::Result;
+use crate::capture::{Background, Capture};
+use crate::engine::OnDevice;
+use crate::engine::{Common, Needs, Plan, Problem, RunsOn, Solver};
+use crate::engine::{Planned, Prepared};
+use crate::engine::{Reconstruction, finish};
+use crate::engine::{Steps, Watch, drive};
+use crate::engine::{TimedSchedule, outline};
+use crate::gpu::{Abilities, Gpu, Schedule, check};
+use crate::transport::{Grid, Model, Rows};
+
+mod domain;
+mod needs;
+mod options;
+pub mod passes;
+mod schedule;
+
+pub use domain::{compact, extract};
+pub use options::{
+    Decay, Domain, DomainSettings, Noise, NoiseSettings, NoiseTerm, PaperOptions, PaperSettings,
+};
+pub use schedule::{double, due, initialise, iteration, reduce, restart};
+
+/// The model that `options` make of a capture for `grid`.
+pub fn model(capture: &Capture, grid: &Grid, options: &PaperOptions) -> Model {
+    let (mut model, rows) = outline_of(capture, grid, options);
+    if !capture.histograms.is_empty() {
+        model.take(&rows, capture, &Background::NONE);
+    }
+    model
+}
+
+/// The same without measured values, and the rows that they are taken by.
+fn outline_of(capture: &Capture, grid: &Grid, options: &PaperOptions) -> (Model, Rows) {
+    let (model, mut rows) = Model::outline(capture, options.reflectance, options.peak, options.general);
+    let mut model = Model { min_depth: options.domain.min_depth, binning: options.binning, ..model };
+    if !options.general {
+        rows.crop(model.trim(grid));
+    }
+    (model, rows)
+}
+
+impl Solver for PaperOptions {
+    fn common(&self) -> Common {
+        Common {
+            lateral: self.lateral,
+            iterations: self.demand().iterations,
+            reflectance: self.reflectance,
+            accumulation: self.accumulation,
+            min_depth: self.domain.min_depth,
+            pixels_per_voxel: self.demand().pixels_per_voxel,
+            runs_on: RunsOn::Device,
+        }
+    }
+
+    fn check(&self) -> Result<()> {
+        PaperOptions::check(self)
+    }
+
+    fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
+        // The counts are as large as all the rest, and a plan is the same without them.
+        let Problem { capture, grid, with_volume, .. } = *problem;
+        let (outline, _) = outline_of(&capture.outline(), &grid, self);
+        Plan::new(&outline, grid, capture.resolution(), self, abilities, with_volume)
+    }
+
+    fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
+        outline::of("volume", plan, &steps(plan, self), 0..self.iterations)
+    }
+
+    fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
+        PaperOptions::check(self)?;
+        let Problem { capture, grid, memory, with_volume, .. } = *problem;
+        let (outline, rows) = outline_of(capture, &grid, self);
+        let plan = Plan::new(&outline, grid, capture.resolution(), self, &gpu.abilities(), with_volume)?;
+        check(&plan.buffers, &gpu.memory(), memory)?;
+        let planned = Planned::new(gpu, outline, plan, memory);
+        Ok(Box::new(PreparedPaper { planned, rows, options: self.clone(), with_volume }))
+    }
+}
+
+struct PreparedPaper {
+    planned: Planned,
+    rows: Rows,
+    options: PaperOptions,
+    with_volume: bool,
+}
+
+impl Prepared for PreparedPaper {
+    fn plan(&self) -> &Arc<Plan> {
+        self.planned.plan()
+    }
+
+    fn allocate(&mut self) -> Result<()> {
+        let PreparedPaper { planned, options, .. } = self;
+        let OnDevice { plan, executor, .. } = planned.made()?;
+        let mut reserve = |schedule: &Schedule| executor.reserve(schedule);
+        outline::each(plan, &steps(plan, options), 0..options.iterations, &mut reserve)
+    }
+
+    fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
+        let PreparedPaper { planned, rows, options, with_volume } = self;
+        let gpu = planned.gpu().clone();
+        let job = planned.made()?;
+        job.model.take(rows, capture, &Background::NONE);
+        job.queue_counts()?;
+        let plan = job.plan.clone();
+        let steps = steps(&plan, options);
+        let driven = drive(&gpu, job, options.iterations, steps, watch, None)?;
+        finish(job, driven, with_volume.then_some(albedo_of))
+    }
+}
+
+/// The steps that the driver runs.
+fn steps<'o>(plan: &Plan, options: &'o PaperOptions) -> Steps<'o> {
+    Steps {
+        levels: plan.levels.volume.clone(),
+        start: Box::new(|s, plan| initialise(s, plan, &plan.levels.volume[0])),
+        iteration: Box::new(|s, plan, level, i| {
+            iteration(s, plan, level, i as u32, (i % options.restart_every) as u32 + 1)
+        }),
+        due: Box::new(|s, plan, level, done| due(s, plan, options, level, done)),
+        extract: Box::new(domain::extract),
+        last: Box::new(|_, _, _| ()),
+        has_maps: true,
+        passes: [crate::engine::passes::ALL, passes::ALL],
+        l1_weight: Box::new(|level| options.l1 / level.grid.voxels() as f64),
+        of: options.iterations,
+        shrinks: true,
+        until: None,
+    }
+}
+
+/// Albedo of a voxel from its raw variables: ELU.
+fn albedo_of([a, ..]: [f32; 4]) -> f32 {
+    if a > 0.0 { a } else { a.exp_m1() }
+}
