@@ -18,7 +18,7 @@ RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
 
 build: setup
 	@[ -x $(RELEASE)/thirdbounce ] || echo "build: the first time takes about ten minutes on two cores"
-	cargo build --release --locked
+	cargo build --release --locked --bins
 
 # Simulates a scene, reconstructs it, evaluates it against the truth and writes pictures to out/demo. Builds the command alone;
 # `make build` takes it over.
@@ -27,16 +27,16 @@ demo: setup
 	cargo build --release --locked --bin thirdbounce
 	$(RELEASE)/thirdbounce demo --out out/demo
 
-# With the dependencies and the library that `make demo` built; `make test-all` with all features. COMMAND: how cargo builds the
-# command, if not as for users.
-test-all: COMMAND += $(FEATURES)
+# With the dependencies and the library that `make demo` built; `make test-all` with all features and what writes manual pages. COMMAND:
+# how cargo builds the command, if not as for users.
+test-all: ALL := $(FEATURES)
 test-all: test
 test: setup
 	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about ten minutes on two cores the first time"
-	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml --lib
-	.ci/timed cargo build --release --locked $(COMMAND) --examples
-	.ci/timed cargo test --release --locked $(COMMAND) --package thirdbounce --package thirdbounce-command --package thirdbounce-benchmark --package thirdbounce-capi --bins --test '*'
-	.ci/timed cargo test --release --locked $(COMMAND) --doc
+	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml $(ALL) --lib
+	.ci/timed cargo build --release --locked $(COMMAND) $(ALL) --examples
+	.ci/timed cargo test --release --locked $(COMMAND) $(ALL) $(if $(ALL),--package shares) --package thirdbounce --package thirdbounce-command --package thirdbounce-benchmark --package thirdbounce-capi --bins --test '*'
+	.ci/timed cargo test --release --locked $(COMMAND) $(ALL) --doc
 
 # The Python package, from its wheel in an empty virtual environment. Where there is no Python or no network, it says so.
 python-test: setup
@@ -57,7 +57,7 @@ sanitize: setup
 
 # The long tests: long runs, every injected fault, whole solves of every kind. Those of reliability write benches/results/reliability.tsv.
 soak: setup
-	cargo test --release --locked --test reliability --test solvers --test cli -- --ignored
+	cargo test --release --locked $(FEATURES) --test reliability --test solvers --test cli --test benchmark -- --ignored
 
 # The public interface is listed in public-api/thirdbounce.rs, so that a change of it shows in the change itself. What goes
 # from the list or changes in it breaks who depends on it: raise the version's second number. cargo-semver-checks and

@@ -44,7 +44,7 @@ def texts(package):
 
 
 def main():
-    command = ["cargo", "metadata", "--locked", "--format-version", "1", "--filter-platform", TARGET]
+    command = ["cargo", "metadata", "--locked", "--all-features", "--format-version", "1", "--filter-platform", TARGET]
     metadata = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)
     packages = linked(metadata)
     without = [p["name"] for p in packages if not p["license"] and not p["license_file"]]

@@ -42,3 +42,11 @@ pub fn main() -> ExitCode {
         arguments::run(&program.arguments)
     })
 }
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn the_options_hold_together() {
+        super::command().debug_assert();
+    }
+}

@@ -35,6 +35,11 @@ pub struct Arguments {
 }
 
 impl Arguments {
+    /// Whether builds run; else pages are renewed only.
+    pub fn runs(&self) -> bool {
+        self.stability || !self.groups.is_empty()
+    }
+
     /// # Errors
     /// A word that is not known, or a value that is missing or wrong.
     pub fn read(temporary: &Path) -> Result<Arguments, String> {
@@ -77,9 +82,6 @@ impl Arguments {
                 }
             }
         }
-        if all.program.as_os_str().is_empty() {
-            all.program = built()?;
-        }
         if all.reuse && all.keep == temporary {
             return Err("--reuse needs the folder of --keep".into());
         }
@@ -87,6 +89,9 @@ impl Arguments {
             groups.is_empty() && !all.stability && all.pages.is_none() || groups.iter().any(|g| g == "all");
         let is_wanted = |group: &&str| is_all && USUAL.contains(group) || groups.iter().any(|g| g == group);
         all.groups = GROUPS.into_iter().filter(is_wanted).collect();
+        if all.runs() && all.program.as_os_str().is_empty() {
+            all.program = built()?;
+        }
         Ok(all)
     }
 }

@@ -60,7 +60,7 @@ fn main() -> ExitCode {
 
 fn compare(arguments: &Arguments, temporary: &Path) -> Result<(), String> {
     let data = std::env::var_os("THIRDBOUNCE_DATA").map(PathBuf::from);
-    let programs = arguments.against.iter().chain([&arguments.program]);
+    let programs = arguments.against.iter().chain([&arguments.program]).filter(|_| arguments.runs());
     let builds: Result<Vec<Build>, String> = programs.map(|p| Build::of(p, &arguments.keep)).collect();
     let builds = builds?;
     for (name, build) in ["a", "b"].iter().zip(&builds) {

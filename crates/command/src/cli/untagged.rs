@@ -29,17 +29,27 @@ impl NoTags {
         settings: &SettingsArgs<ALL>,
         device: &DeviceArgs,
     ) -> Result<(Loaded, Request)> {
-        match self.scan {
-            Some(_) => Err(refused("tags", "time tags")),
-            None => settings::load(path, settings, device),
+        if self.scan.is_some() {
+            return Err(refused("tags", "time tags"));
         }
+        refuse(path)?;
+        settings::load(path, settings, device)
     }
 
+    /// Nothing: what is no capture is refused by [`NoTags::load`].
     pub fn shown(&self, _: &Path, _: bool) -> Result<Option<String>> {
         Ok(None)
     }
 }
 
-pub fn refuse(_: &Path) -> Result<()> {
-    Ok(())
+/// Refuses files that are time tags by their name.
+///
+/// # Errors
+/// The name ends as those of PicoQuant.
+pub fn refuse(path: &Path) -> Result<()> {
+    let ending = path.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_lowercase());
+    match ending.as_str() {
+        "ptu" | "phu" => Err(refused("tags", "time tags").at(path.display())),
+        _ => Ok(()),
+    }
 }

@@ -480,6 +480,7 @@ fn help_and_version_are_there() {
     }
     if !tags {
         fail(&["histogram", "--help"], 1, "its feature tags is off");
+        fail(&["info", "scan.ptu"], 1, "scan.ptu: this build has no time tags");
         fail(&["reconstruct", "scan.ptu", "--scan", "8x8", "--out", "out"], 1, "its feature tags is off");
     }
     // A reader that stops early, as head does, is no error.

@@ -20,5 +20,7 @@ mod profile;
 mod pulse;
 mod scans;
 mod spot;
+#[cfg(feature = "tags")]
+mod tags;
 mod trace;
 mod warnings;
