@@ -15,8 +15,8 @@ pub struct HelpArgs {
     topic: Option<String>,
 }
 
-pub fn run(args: &HelpArgs) -> Result<()> {
-    let mut command = super::command();
+/// Prints the help of `command`, of its verbs and topics.
+pub fn run(args: &HelpArgs, mut command: Command) -> Result<()> {
     command.build();
     let Some(name) = &args.topic else {
         print(command.render_long_help().to_string().trim_end());

@@ -133,7 +133,7 @@ fn run(cli: Cli) -> Result<ExitCode> {
         Verb::Profile(args) => profile::run(&args),
         Verb::Schedule(args) => schedule::run(&args),
         Verb::Devices(args) => devices::run(&args),
-        Verb::Help(args) => help::run(&args),
+        Verb::Help(args) => help::run(&args, command()),
     }?;
     Ok(ExitCode::SUCCESS)
 }
