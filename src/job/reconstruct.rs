@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use super::load::Loaded;
 use super::preview::Preview;
 use super::{Request, advice};
-use crate::engine::{Progress, Reconstruction, TracePoint, Watch};
+use crate::engine::{Doing, Progress, Reconstruction, TracePoint, Watch};
 use crate::export::report::TraceEntry;
 use crate::gpu::Gpu;
 use crate::judge::Job;
@@ -36,6 +36,8 @@ pub struct Iterates {
     pub limit: Option<f64>,
     /// Whether it was.
     pub limited: bool,
+    /// Seconds and brief metrics of what a surface begins with, if it is told.
+    pub first: Option<(f64, Metrics)>,
     /// Seconds and brief metrics by iteration.
     pub along: BTreeMap<usize, (f64, Metrics)>,
     /// The last maps, if there is a limit.
@@ -49,8 +51,7 @@ pub struct Iterates {
 /// Those of [`crate::engine::Solver::solve`] and of [`metrics()`].
 pub fn solve<'c>(
     request: &Request,
-    job: Job<'c>,
-    loaded: &Loaded,
+    (job, loaded): (Job<'c>, &Loaded),
     gpu: &Gpu,
     truth: Option<&Truth>,
     preview: Option<&Preview>,
@@ -58,7 +59,7 @@ pub fn solve<'c>(
 ) -> Result<Finished<'c>> {
     let by_truth = truth.map(|truth| move |maps: &Maps, fraction| metrics(maps, truth, fraction));
     let measure = by_truth.as_ref().map(|measure| measure as Measure<'_>);
-    solve_measured(request, job, loaded, gpu, measure, preview, &mut Iterates::default(), hear)
+    solve_measured(request, (job, loaded), gpu, measure, preview, &mut Iterates::default(), hear)
 }
 
 /// [`solve`] with what was measured on the way.
@@ -67,8 +68,7 @@ pub fn solve<'c>(
 /// Those of [`solve`].
 pub fn solve_measured<'c>(
     request: &Request,
-    job: Job<'c>,
-    loaded: &Loaded,
+    (job, loaded): (Job<'c>, &Loaded),
     gpu: &Gpu,
     metrics_of: Option<Measure<'_>>,
     preview: Option<&Preview>,
@@ -83,24 +83,25 @@ pub fn solve_measured<'c>(
     let previews = if preview.is_some() { vec![volume / 4, volume] } else { vec![] };
     let mut measure = |progress: &Progress| {
         let TracePoint { iteration: i, seconds, .. } = progress.point;
-        if let Some(maps) = &progress.maps {
-            if let Some(preview) = preview.filter(|_| previews.contains(&i)) {
-                // Preview failures are non-fatal.
-                let _ = preview.show(maps);
+        let Some(maps) = &progress.maps else { return hear(progress) };
+        let is_first = progress.doing == Doing::Preview;
+        if let Some(preview) = preview.filter(|_| is_first || previews.contains(&i)) {
+            // Preview failures are non-fatal.
+            let _ = preview.show(maps);
+        }
+        let due = step > 0 && i.is_multiple_of(step);
+        if let Some(metrics_of) = metrics_of.filter(|_| is_first || due) {
+            match metrics_of(maps, fraction) {
+                Ok(found) if is_first => iterates.first = Some((seconds, found.brief())),
+                Ok(found) => drop(iterates.along.insert(i, (seconds, found.brief()))),
+                Err(e) => {
+                    failed = Some(e);
+                    return ControlFlow::Break(());
+                }
             }
-            let due = step > 0 && i.is_multiple_of(step);
-            if let Some(metrics_of) = metrics_of.filter(|_| due) {
-                match metrics_of(maps, fraction) {
-                    Ok(found) => drop(iterates.along.insert(i, (seconds, found.brief()))),
-                    Err(e) => {
-                        failed = Some(e);
-                        return ControlFlow::Break(());
-                    }
-                }
-                if let Some(limit) = iterates.limit {
-                    iterates.last = Some(maps.clone());
-                    iterates.limited = seconds >= limit;
-                }
+            if let Some(limit) = iterates.limit {
+                iterates.last = Some(maps.clone());
+                iterates.limited = seconds >= limit;
             }
         }
         if iterates.limited { ControlFlow::Break(()) } else { hear(progress) }

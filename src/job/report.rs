@@ -49,13 +49,12 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
 }
 
 /// Stages of a run in their order, with their seconds; those that did not run are left out.
-pub fn stages(loaded: &Loaded, done: &Finished, preview: Option<f64>) -> Vec<report::StageSeconds> {
+pub fn stages(loaded: &Loaded, done: &Finished) -> Vec<report::StageSeconds> {
     let of = done.job.estimates.stages;
     let solve = done.result.solve_seconds - done.job.estimates.seconds;
     let [start, rounds, fit] = done.result.stages.unwrap_or([0.0, 0.0, solve]);
     let all = [
         ("read", loaded.seconds),
-        ("preview", preview.unwrap_or(0.0)),
         ("start", of.start + start),
         ("high-pass", of.high_pass),
         ("model", of.model),

@@ -111,17 +111,17 @@ fn solve_checked(
 ) -> Result<Outcome> {
     // A closed-form method is there as soon as a preview.
     let preview = match request.preview && !job.solver.is_closed_form() {
-        true => Preview::begin(&request.out, &job, gpu, hear)?,
+        true => Some(Preview::new(&request.out)),
         false => None,
     };
-    let done = reconstruct::solve(request, job, loaded, gpu, truth.as_ref(), preview.as_ref(), hear)?;
+    let done = reconstruct::solve(request, (job, loaded), gpu, truth.as_ref(), preview.as_ref(), hear)?;
     let mut notes: Vec<String> = done.job.notes();
     notes.extend(notes_on(&done.job.solver, &done.result));
     let mut report = report::report_of(request, loaded, gpu, &done);
     // Copies the notes into the report.
     report.settings["notes"] = loaded.notes.iter().chain(&notes).cloned().collect();
-    report.totals.preview_s = preview.as_ref().map(|p| p.seconds);
-    report.totals.stages = report::stages(loaded, &done, report.totals.preview_s);
+    report.totals.preview_s = preview.as_ref().and_then(Preview::seconds);
+    report.totals.stages = report::stages(loaded, &done);
     let result = done.result;
     Ok(Outcome {
         report,

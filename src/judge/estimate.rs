@@ -52,6 +52,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
     let mut stages = EstimateSeconds::default();
     let searched = Search::new(job, gpu, hear).and_then(|mut search| {
         stages.start = start.elapsed().as_secs_f64();
+        search.tell_start()?;
         expected_iou = search.starts.seen.as_ref().map(|seen| seen.expected_iou());
         if finds_high_pass {
             high_pass = Some(search.find_high_pass(&job.capture)?);

@@ -22,7 +22,7 @@ use crate::options::SceneTraits;
 use crate::settings::Settings;
 use crate::surface::{Candidate, HeldOut, Left, Starts, SurfaceOptions};
 use crate::transport::{Reflectance, Volume};
-use crate::{Error, Result};
+use crate::{Error, Kind, Result};
 
 /// The sharp fit of a model, and the impulse response that its residual suggests, with the residual then.
 pub(crate) struct Sharp {
@@ -149,6 +149,25 @@ impl<'t> Search<'t> {
             finds_start,
             step: 1.0,
         })
+    }
+
+    /// Tells what the fits begin with.
+    ///
+    /// # Errors
+    /// `hear` cancels.
+    pub fn tell_start(&mut self) -> Result<()> {
+        let mut maps = self.starts.layers[0].clone();
+        maps.mask = maps.depth.iter().map(|z| z.is_finite()).collect();
+        let point = TracePoint::first(maps.nx, self.pace.begun.elapsed().as_secs_f64());
+        let iterations = self.pace.expected;
+        let progress =
+            Progress { doing: Doing::Preview, point, iterations, remaining: None, maps: Some(maps) };
+        match (self.hear)(&progress) {
+            ControlFlow::Continue(()) => Ok(()),
+            ControlFlow::Break(()) => {
+                Err(Error::new(Kind::Cancelled, "cancelled by the caller before the fits", "run it again"))
+            }
+        }
     }
 
     /// Estimates the high-pass by a fit of the first model. All later fits have it, and are judged by it.

@@ -53,7 +53,7 @@ pub(crate) struct Fit {
     /// The length of its next steps as a share of the longest ones: it stays from run to run.
     pub step: f64,
     /// A run that the device was given ([`Fit::begin`]).
-    flight: Option<(Ticket, Span)>,
+    flight: Option<(Ticket, PlacedRun)>,
 }
 
 /// How long a fit runs.
@@ -190,7 +190,7 @@ impl Fit {
         reserve(&Schedule::of(|s| cleared(s, &plan)))?;
         reserve(&Schedule::of(|s| divide(s, &plan)))?;
         let iterations = plan.demand.iterations;
-        let whole = Span::whole(&plan, iterations[1]);
+        let whole = PlacedRun::whole(&plan, iterations[1]);
         outline::each(&plan, &whole, whole.iterations(), &mut reserve)?;
         let (level, pixels) = (whole.pairs, needs::pixels(&plan));
         reserve(&Schedule::of(|s| place(s, &plan, [&level; 2], pixels, 0, true)))
@@ -280,8 +280,8 @@ impl Fit {
         if watch.maps_every.is_some() || !watch.maps_at.is_empty() {
             job.add(buffer::COLUMNS, bytemuck::cast_slice(&columns(&layers[0])))?;
         }
-        let span = Span::of(&job.plan, run, begin, of_layers, judge);
-        driven = drive(&gpu, job, begin + run.iterations, &span, watch, Some(driven))?;
+        let of_run = PlacedRun::of(&job.plan, run, begin, of_layers, judge);
+        driven = drive(&gpu, job, begin + run.iterations, &of_run, watch, Some(driven))?;
         let quality = self.result(layers)?;
         if quality.is_some() {
             driven.maps = layers[0].clone();
@@ -299,8 +299,8 @@ impl Fit {
         self.flight = None;
         let Some(of_layers) = self.place(layers, run, begin, scaled_by)? else { return Ok(()) };
         let (judge, job) = (self.judge, self.planned.made()?);
-        let span = Span::of(&job.plan, run, begin, of_layers, judge);
-        self.flight = Some((submit_whole(job, &span, span.iterations())?, span));
+        let of_run = PlacedRun::of(&job.plan, run, begin, of_layers, judge);
+        self.flight = Some((submit_whole(job, &of_run, of_run.iterations())?, of_run));
         Ok(())
     }
 
@@ -310,8 +310,8 @@ impl Fit {
     /// # Errors
     /// The device fails, or a loss is not finite.
     pub fn end(&mut self, layers: &mut [Maps]) -> Result<Option<(TracePoint, Quality)>> {
-        let Some((ticket, span)) = self.flight.take() else { return Ok(None) };
-        let point = read_whole(self.planned.in_use(), &span, ticket, span.iterations())?;
+        let Some((ticket, of_run)) = self.flight.take() else { return Ok(None) };
+        let point = read_whole(self.planned.in_use(), &of_run, ticket, of_run.iterations())?;
         Ok(self.result(layers)?.map(|quality| (point, quality)))
     }
 
@@ -484,7 +484,7 @@ pub(crate) fn cleared(s: &mut Schedule, plan: &Plan) {
 
 /// A run of iterations of given pixels as the driver sees it. Maps on the way show the first layer.
 #[derive(Clone, Copy)]
-struct Span {
+struct PlacedRun {
     run: Run,
     /// Iterations of the whole solve before it.
     begin: usize,
@@ -498,18 +498,21 @@ struct Span {
     is_whole: bool,
 }
 
-impl Span {
-    fn of(plan: &Plan, run: Run, begin: usize, of_layers: [usize; 2], judge: Judge) -> Span {
+impl PlacedRun {
+    fn of(plan: &Plan, run: Run, begin: usize, of_layers: [usize; 2], judge: Judge) -> PlacedRun {
         let level = plan.levels.pixels.expect("a fit has pixels");
         let pairs = plan.batch(0).copied().unwrap_or(level);
-        Span { run, begin, level, pairs, of_layers, judge, is_whole: false }
+        PlacedRun { run, begin, level, pairs, of_layers, judge, is_whole: false }
     }
 
     /// A fit of all pixels that there is room for.
-    fn whole(plan: &Plan, iterations: usize) -> Span {
+    fn whole(plan: &Plan, iterations: usize) -> PlacedRun {
         let begin = plan.demand.iterations[0];
         let run = Run::of(iterations, begin + iterations);
-        Span { is_whole: true, ..Span::of(plan, run, begin, [needs::pixels(plan), 0], Judge::None) }
+        PlacedRun {
+            is_whole: true,
+            ..PlacedRun::of(plan, run, begin, [needs::pixels(plan), 0], Judge::None)
+        }
     }
 
     fn iterations(&self) -> Range<usize> {
@@ -529,7 +532,7 @@ impl Span {
     }
 }
 
-impl Iterate for Span {
+impl Iterate for PlacedRun {
     fn levels(&self) -> &[Level] {
         std::slice::from_ref(&self.pairs)
     }
@@ -549,7 +552,7 @@ impl Iterate for Span {
     }
 
     fn last(&self, s: &mut Schedule, plan: &Plan, done: usize) {
-        let Span { begin, run, .. } = *self;
+        let PlacedRun { begin, run, .. } = *self;
         if done > begin {
             let judged = self.judged(done);
             // A run that is late ends after a comparison or between two.
@@ -585,7 +588,7 @@ impl Iterate for Span {
 /// The schedules of a fit of all pixels that there is room for.
 pub(super) fn outline(plan: &Plan) -> Vec<TimedSchedule> {
     let [begin, iterations] = plan.demand.iterations;
-    outline::of("surface", plan, &Span::whole(plan, iterations), begin..begin + iterations)
+    outline::of("surface", plan, &PlacedRun::whole(plan, iterations), begin..begin + iterations)
 }
 
 /// The maps in the layout of the device.

@@ -54,7 +54,7 @@ pub fn agreed(file: &Path, settings: &Settings) -> Result<Truth> {
         let job = request.job(&loaded.capture);
         if job.solver.takes(&loaded.capture).is_ok() {
             let mut on = |_: &_| ControlFlow::Continue(());
-            let done = reconstruct::solve(&request, job, &loaded, &request.open()?, None, None, &mut on)?;
+            let done = reconstruct::solve(&request, (job, &loaded), &request.open()?, None, None, &mut on)?;
             all.push(done.result.maps);
         }
     }

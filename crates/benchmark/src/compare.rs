@@ -14,7 +14,7 @@ use thirdbounce::export;
 use thirdbounce::files::staging;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::job::reconstruct::{self, Iterates, Measure};
-use thirdbounce::job::{Loaded, Request, SolverOptions, places, preview, report};
+use thirdbounce::job::{Loaded, Request, SolverOptions, places, report};
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::{Metrics, PaperMeasure, median, metrics};
 use thirdbounce::{Error, Kind, Result};
@@ -101,6 +101,8 @@ struct MeasuredRun {
     limited: bool,
     runs_on: String,
     report: Option<export::report::Report>,
+    /// Seconds until what the surface begins with, and its figures, if the curve begins with that.
+    preview: Option<(f64, Metrics)>,
 }
 
 /// Runs every method `repeats` times, in turns and after a short warm-up. Writes `pictures.png`, each method's maps and report in
@@ -140,9 +142,8 @@ pub fn compare(
         let method = &methods[at];
         let turn = MethodRun { number, turns, name: &method.name };
         let mut hear = |progress: &Progress| hear(&turn, progress);
-        let shown = preview_of(&method.request, loaded, &gpu, measure)?;
         let done = what.run(method, loaded, &gpu, measure, &mut hear);
-        runs[at].add(done.map_err(|e| e.at(format!("method {:?}", method.name)))?, shown);
+        runs[at].add(done.map_err(|e| e.at(format!("method {:?}", method.name)))?);
     }
     // An older one does not describe the files that are written from here on.
     staging::remove(&what.out.join(WHOLE))?;
@@ -169,49 +170,23 @@ pub fn compare(
     finish(&what.out, case, sides, &truth)
 }
 
-/// The preview of `request`, if it asks for one and there is one: the seconds until it is shown, and its metrics.
-///
-/// # Errors
-/// Those of `measure`.
-fn preview_of(
-    request: &Request,
-    loaded: &Loaded,
-    gpu: &Gpu,
-    measure: Measure<'_>,
-) -> Result<Option<(f64, Metrics)>> {
-    let start = Instant::now();
-    // The solve itself reports errors, as without a comparison.
-    let first = || preview::first_maps(&request.job(&loaded.capture), gpu).ok();
-    let Some(mut maps) = request.preview.then(first).flatten() else { return Ok(None) };
-    let seconds = start.elapsed().as_secs_f64();
-    let mask = request.settings.mask_fraction;
-    if mask.is_some() {
-        maps.set_mask(mask);
-    }
-    Ok(Some((seconds, measure(&maps, mask)?.brief())))
-}
-
-/// The runs of one method. A preview's time is part of them.
+/// The runs of one method.
 #[derive(Default)]
 struct Runs {
     first: Option<MeasuredRun>,
-    preview: Option<Metrics>,
     /// Seconds of every run at each measured iteration; 0: of the preview.
     at: BTreeMap<usize, Vec<f64>>,
     totals: Vec<f64>,
 }
 
 impl Runs {
-    fn add(&mut self, done: MeasuredRun, preview: Option<(f64, Metrics)>) {
-        let before = preview.as_ref().map_or(0.0, |(seconds, _)| *seconds);
-        preview.iter().for_each(|(seconds, _)| self.at.entry(0).or_default().push(*seconds));
+    fn add(&mut self, done: MeasuredRun) {
+        done.preview.iter().for_each(|(seconds, _)| self.at.entry(0).or_default().push(*seconds));
         for (iteration, (seconds, _)) in &done.along {
-            self.at.entry(*iteration).or_default().push(before + seconds);
+            self.at.entry(*iteration).or_default().push(*seconds);
         }
-        self.totals.push(before + done.seconds);
-        if self.first.is_none() {
-            (self.preview, self.first) = (preview.map(|(_, metrics)| metrics), Some(done));
-        }
+        self.totals.push(done.seconds);
+        self.first.get_or_insert(done);
     }
 
     /// The results of the first run, with medians of the times of all that reached a point.
@@ -220,7 +195,7 @@ impl Runs {
             let seconds = self.at.get(iteration).and_then(|all| median(all)).unwrap_or(f64::NAN);
             CurvePoint::new(seconds, &values_of(metrics, wall))
         };
-        let shown = self.preview.iter().map(|metrics| point(&0, metrics));
+        let shown = first.preview.iter().map(|(_, metrics)| point(&0, metrics));
         let points = shown.chain(first.along.iter().map(|(iteration, (_, m))| point(iteration, m)));
         let mut values = values_of(&first.metrics, wall);
         values[SOLVE] = median(&self.totals).unwrap_or(f64::NAN);
@@ -235,7 +210,7 @@ impl Runs {
             limited: first.limited,
             repeats_s: self.totals.clone(),
             values,
-            preview: self.preview.is_some(),
+            preview: first.preview.is_some(),
             points: thinned(points.collect()),
             ..SideResults::default()
         }
@@ -335,22 +310,22 @@ impl Comparison {
         let request = &Request { trace_every: step.or(Some(10)), ..method.request.clone() };
         let done = reconstruct::solve_measured(
             request,
-            request.job(&loaded.capture),
-            loaded,
+            (request.job(&loaded.capture), loaded),
             gpu,
             Some(measure),
             None,
             &mut iterates,
             hear,
         );
-        let Iterates { limited, mut along, last, .. } = iterates;
+        let Iterates { limited, mut along, last, first, .. } = iterates;
+        let preview = first.filter(|_| request.preview);
         Ok(match (done, last) {
             (Err(e), Some(maps)) if limited && e.kind == Kind::Cancelled => {
                 let (seconds, metrics) =
                     along.last_key_value().map(|(_, found)| found.clone()).unwrap_or_default();
                 let solver = request.job(&loaded.capture).solver;
                 let runs_on = runs_on(&solver, gpu);
-                MeasuredRun { maps, metrics, along, seconds, limited, runs_on, report: None }
+                MeasuredRun { maps, metrics, along, seconds, limited, runs_on, report: None, preview }
             }
             (done, _) => {
                 let mut done = done?;
@@ -373,6 +348,7 @@ impl Comparison {
                     limited: false,
                     runs_on,
                     report,
+                    preview,
                 }
             }
         })

@@ -141,7 +141,7 @@ pub fn profile(
     say("solving, with a time stamp after every command");
     let began = gpu.now();
     let mut done =
-        reconstruct::solve(&request, request.job(&loaded.capture), loaded, &gpu, None, None, hear)?;
+        reconstruct::solve(&request, (request.job(&loaded.capture), loaded), &gpu, None, None, hear)?;
     done.job.estimates = estimates;
     let result = &done.result;
     let start = Instant::now();

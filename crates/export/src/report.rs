@@ -104,7 +104,7 @@ pub struct Totals {
     pub solve_s: f64,
     /// Seconds of writing results.
     pub export_s: f64,
-    /// Seconds until the preview, not included in other fields; `None` without one.
+    /// Seconds of the solve until the preview; `None` without one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub preview_s: Option<f64>,
     /// Seconds of the stages of the run, in their order.

@@ -23,7 +23,7 @@ pub struct Progress {
 /// What a solve is doing.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Doing {
-    /// A first picture is there, of the maps that come with it. Nothing is solved yet.
+    /// What a surface begins with is there: the maps that come with it. Nothing is fitted yet.
     Preview,
     /// A quick solve before the one that was asked for.
     Trial,
@@ -68,14 +68,19 @@ pub struct TracePoint {
 impl TracePoint {
     /// Before the first iteration on a grid.
     pub(crate) fn before(grid: &Grid, pairs: usize) -> TracePoint {
+        TracePoint { pairs, active: grid.voxels(), active_ratio: 1.0, ..TracePoint::first(grid.n[0], 0.0) }
+    }
+
+    /// Before anything is fitted, for maps of so many lateral pixels.
+    pub(crate) fn first(lateral: usize, seconds: f64) -> TracePoint {
         TracePoint {
             iteration: 0,
-            seconds: 0.0,
+            seconds,
             gpu_seconds: 0.0,
-            lateral: grid.n[0],
-            pairs,
-            active: grid.voxels(),
-            active_ratio: 1.0,
+            lateral,
+            pairs: 0,
+            active: 0,
+            active_ratio: 0.0,
             loss: f64::NAN,
             data_loss: f64::NAN,
         }

@@ -69,7 +69,7 @@ impl Solver for PaperOptions {
     }
 
     fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
-        outline::of("volume", plan, &Volume::of(plan, self), 0..self.iterations)
+        outline::of("volume", plan, &PaperIterations::of(plan, self), 0..self.iterations)
     }
 
     fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
@@ -99,7 +99,7 @@ impl Prepared for PreparedPaper {
         let PreparedPaper { planned, options, .. } = self;
         let OnDevice { plan, executor, .. } = planned.made()?;
         let mut reserve = |schedule: &Schedule| executor.reserve(schedule);
-        outline::each(plan, &Volume::of(plan, options), 0..options.iterations, &mut reserve)
+        outline::each(plan, &PaperIterations::of(plan, options), 0..options.iterations, &mut reserve)
     }
 
     fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
@@ -109,24 +109,24 @@ impl Prepared for PreparedPaper {
         job.model.take(rows, capture, &Background::NONE);
         job.queue_counts()?;
         let plan = job.plan.clone();
-        let driven = drive(&gpu, job, options.iterations, &Volume::of(&plan, options), watch, None)?;
+        let driven = drive(&gpu, job, options.iterations, &PaperIterations::of(&plan, options), watch, None)?;
         finish(job, driven, with_volume.then_some(albedo_of))
     }
 }
 
 /// The volume as the driver sees it.
-struct Volume<'o> {
+struct PaperIterations<'o> {
     levels: Vec<Level>,
     options: &'o PaperOptions,
 }
 
-impl Volume<'_> {
-    fn of<'o>(plan: &Plan, options: &'o PaperOptions) -> Volume<'o> {
-        Volume { levels: plan.levels.volume.clone(), options }
+impl PaperIterations<'_> {
+    fn of<'o>(plan: &Plan, options: &'o PaperOptions) -> PaperIterations<'o> {
+        PaperIterations { levels: plan.levels.volume.clone(), options }
     }
 }
 
-impl Iterate for Volume<'_> {
+impl Iterate for PaperIterations<'_> {
     fn levels(&self) -> &[Level] {
         &self.levels
     }
