@@ -43,6 +43,8 @@ pub struct Job<'c> {
     pub memory: Option<u64>,
     /// Whether the volume is returned.
     pub keep_volume: bool,
+    /// Whether what is known of every pixel is returned.
+    pub keep_layers: bool,
 }
 
 impl<'c> Job<'c> {
@@ -116,6 +118,7 @@ impl<'c> Job<'c> {
             verdict,
             memory: settings.memory,
             keep_volume: settings.keep_volume == Some(true),
+            keep_layers: false,
         })
     }
 
@@ -136,6 +139,7 @@ impl<'c> Job<'c> {
         Problem {
             memory: self.memory,
             with_volume: self.keep_volume,
+            with_layers: self.keep_layers,
             begin: self.estimates.begun.as_ref(),
             ..Problem::new(&self.capture, self.grid)
         }

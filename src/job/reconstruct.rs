@@ -82,6 +82,7 @@ pub fn solve_measured<'c>(
     let advised = |e| advice::advise(e, request, loaded, gpu);
     let mut job = Job::resolve(&request.settings, &loaded.capture, gpu, hear).map_err(advised)?;
     job.keep_volume |= request.volume_file.is_some();
+    job.keep_layers = request.layers_file.is_some();
     let volume = job.solver.common().iterations[0];
     let previews = if preview.is_some() { vec![volume / 4, volume] } else { vec![] };
     let mut measure = |progress: &Progress| {

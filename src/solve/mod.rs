@@ -45,7 +45,7 @@ pub use plan::{
     UPLOAD, Voxels, gaussian_weights, passes,
 };
 pub use prepared::Prepared;
-pub use result::{ImageNoise, Reconstruction, Sharpness};
+pub use result::{Evidence, ImageNoise, Reconstruction, Sharpness};
 pub use solver::{Begun, Common, Problem, RunsOn, Solver};
 pub use solvers::{Method, SolverOptions, method, pixel_of, reflectance};
 pub use surface::{Begin, Follow, SurfaceOptions, SurfaceSettings};

@@ -102,6 +102,8 @@ pub struct Problem<'c> {
     pub memory: Option<u64>,
     /// The volume is read back.
     pub with_volume: bool,
+    /// What is known of every pixel is returned.
+    pub with_layers: bool,
     /// A closed form is to initialise a surface: photon noise is alike at all depths.
     pub is_start: bool,
     /// What a surface begins with, if that is known; pairs are then held out of its fits.
@@ -135,7 +137,15 @@ impl Begun {
 impl<'c> Problem<'c> {
     /// The maps of a capture alone, without a budget.
     pub fn new(capture: &'c Capture, grid: Grid) -> Problem<'c> {
-        Problem { capture, grid, memory: None, with_volume: false, is_start: false, begin: None }
+        Problem {
+            capture,
+            grid,
+            memory: None,
+            with_volume: false,
+            with_layers: false,
+            is_start: false,
+            begin: None,
+        }
     }
 
     /// The same, and the volume.
