@@ -192,6 +192,7 @@ impl<M: ClosedForm> Prepared for OneStep<M> {
             pairs: (plan.scene.pairs * grid.voxels()) as u64,
             solve_seconds: point.seconds,
             stages: None,
+            evidence: None,
             trace: vec![point],
             device_bytes: plan.buffers.iter().map(|b| b.bytes).sum(),
             full: false,

@@ -32,5 +32,5 @@ pub use plan::{
 pub(crate) use prepared::Planned;
 pub use prepared::Prepared;
 pub(crate) use result::finish;
-pub use result::{ImageNoise, Reconstruction, Sharpness};
+pub use result::{Evidence, ImageNoise, Reconstruction, Sharpness};
 pub use solver::{Common, Problem, RunsOn, Solver};

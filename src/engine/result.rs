@@ -37,6 +37,19 @@ pub struct ImageNoise {
     pub floor: f64,
 }
 
+/// What is known of every pixel after a fit: channels for a network that learns (`learn/README.md`), and what they refer to.
+#[derive(Debug, Clone)]
+pub struct Evidence {
+    /// [channel][x][y].
+    pub channels: Vec<Vec<f32>>,
+    /// Depth of every pixel: of the fit, else of the start; walls from the wall's mean depth.
+    pub depth: Vec<f32>,
+    /// The mask of the maps by the rules of the support.
+    pub mask: Vec<bool>,
+    /// Mean depth of the wall, and its width, metres.
+    pub wall: [f64; 2],
+}
+
 /// What a solve yields.
 #[derive(Debug, Clone)]
 #[non_exhaustive]
@@ -90,6 +103,9 @@ pub struct Reconstruction {
     /// How sharp a closed-form method made its image, where its options left that open.
     #[doc(hidden)]
     pub sharpness: Option<Sharpness>,
+    /// What is known of every pixel, if it was asked for.
+    #[doc(hidden)]
+    pub evidence: Option<Arc<Evidence>>,
     /// Per kernel, if the device was opened with timings.
     #[doc(hidden)]
     pub kernels: Vec<(&'static str, KernelTime)>,
@@ -143,6 +159,7 @@ pub(crate) fn finish(
         is_warm: false,
         filled: 0,
         sharpness: None,
+        evidence: None,
         lateral: driven.level.grid.n[0],
         volume_iterations: done,
         kernels: job.executor.take_times().into_iter().collect(),

@@ -20,6 +20,8 @@ pub struct Request {
     pub out: PathBuf,
     /// File for the volume, .npz or .hdf5.
     pub volume_file: Option<PathBuf>,
+    /// File for what is known of every pixel, .npz, for training (`learn/README.md`).
+    pub layers_file: Option<PathBuf>,
     /// Truth to measure the result against.
     pub truth: Option<PathBuf>,
     /// Add a point to the trace after every Nth iteration, with the figures if there is truth. 0: figures only at the

@@ -9,15 +9,18 @@ use super::load::Loaded;
 use super::places::{PAGE, PREVIEW};
 use super::preview::Preview;
 use super::{Request, reconstruct, report};
-use crate::engine::{Progress, Reconstruction, VolumeMap};
+use crate::engine::{Evidence, Progress, Reconstruction, VolumeMap};
 use crate::export::page::PageHistograms;
 use crate::export::report::Report;
+use crate::files::archive::npz_bytes;
+use crate::files::array::Array;
+use crate::files::atomic;
 use crate::files::staging::Staging;
 use crate::gpu::{Gpu, KernelTime};
 use crate::judge::Job;
 use crate::maps::{Maps, Truth};
 use crate::methods::SolverOptions;
-use crate::{Result, Verdict, export};
+use crate::{Error, Result, Verdict, export};
 
 /// The result of a run.
 #[derive(Debug)]
@@ -44,6 +47,8 @@ pub struct Outcome {
     pub verdict: Verdict,
     /// Every file that was written, the report last; none before [`Outcome::write`].
     pub files: Vec<PathBuf>,
+    /// What is known of every pixel, if the request names a file for it.
+    evidence: Option<Arc<Evidence>>,
     /// The capture's name.
     title: String,
     /// Deleted once results are written.
@@ -135,6 +140,7 @@ fn solve_checked(
         warnings: result.warnings,
         verdict: result.verdict.map_or(Verdict::GOOD, Arc::unwrap_or_clone),
         files: vec![],
+        evidence: result.evidence,
         title: title(&loaded.path),
         preview,
     })
@@ -152,6 +158,10 @@ impl Outcome {
         let mut staged = export::write_maps(staging.path(), &self.maps)?;
         if let (Some(file), Some(volume)) = (&request.volume_file, self.volume.take()) {
             export::volume::write(file, &export_volume(volume))?;
+            self.files.push(file.clone());
+        }
+        if let Some(file) = &request.layers_file {
+            write_layers(file, self.evidence.as_deref(), &self.maps)?;
             self.files.push(file.clone());
         }
         // The page is written before the report, with the time of all files but these two.
@@ -172,6 +182,26 @@ impl Outcome {
         let _ = std::fs::remove_file(request.out.join(PREVIEW));
         Ok(self)
     }
+}
+
+/// Writes what is known of every pixel, the depths that it is known at, and where they lie (`learn/README.md`).
+fn write_layers(file: &Path, evidence: Option<&Evidence>, maps: &Maps) -> Result<()> {
+    let Some(evidence) = evidence else {
+        return Err(Error::input(
+            "the result has no layers: it began without the network, or shows nothing",
+            "leave out --layers, or reconstruct at least 7 x 7 points with the default solver",
+        ));
+    };
+    let shape = [maps.nx, maps.ny];
+    let channels: Vec<f32> = evidence.channels.iter().flatten().copied().collect();
+    let arrays = [
+        ("channels", Array::from_f16(&[evidence.channels.len(), maps.nx, maps.ny], &channels)),
+        ("depth", Array::from_f32(&shape, &evidence.depth)),
+        ("mask", Array::from_bool(&shape, &evidence.mask)),
+        ("wall", Array::from_f64(&[2], &evidence.wall)),
+        ("extent", Array::from_f64(&[4], &maps.extent)),
+    ];
+    atomic::write(file, &npz_bytes(&arrays)?)
 }
 
 /// The name of a capture's file.

@@ -18,16 +18,18 @@ mod bands;
 mod device;
 mod network;
 mod project;
+mod rows;
 pub mod schedule;
 mod sizes;
 mod tensor;
 
-use bands::Bands;
+pub(super) use bands::Bands;
 use device::answer_on;
 pub use device::{LearnedScan, logits_on};
 use network::Answer;
 pub use network::Network;
 use project::{Pair, project};
+pub(super) use rows::BandRows;
 use sizes::*;
 pub use sizes::{BANDS, DEEP, NEAR, SIDE};
 use tensor::Tensor;
@@ -140,7 +142,7 @@ impl LearnedStart {
     }
 
     /// Probability of surface, and its depth, at a lateral position.
-    fn at(&self, position: [f64; 2]) -> Option<(f32, f32)> {
+    pub(super) fn at(&self, position: [f64; 2]) -> Option<(f32, f32)> {
         let [x, y]: [f64; 2] = std::array::from_fn(|k| (position[k] - self.corner[k]) / self.wall);
         if ![x, y].iter().all(|u| (0.0..1.0).contains(u)) {
             return None;
@@ -194,13 +196,13 @@ pub fn input(capture: &Capture) -> Result<Vec<f32>> {
 }
 
 /// Where the network's box lies: the middle of its face, and the width of the wall, metres.
-struct BoxOfWall {
-    centre: DVec3,
-    wall: f64,
+pub(super) struct BoxOfWall {
+    pub centre: DVec3,
+    pub wall: f64,
 }
 
 impl BoxOfWall {
-    fn of(capture: &Capture) -> BoxOfWall {
+    pub fn of(capture: &Capture) -> BoxOfWall {
         let [x0, x1, y0, y1] = capture.wall_extent();
         let points = || capture.laser.iter().chain(&capture.sensor);
         let base = points().map(|p| p.z).sum::<f64>() / points().count() as f64;
@@ -208,7 +210,7 @@ impl BoxOfWall {
     }
 
     /// Laser and sensor point of a pair, in walls from the middle of the face.
-    fn ends(&self, capture: &Capture, pair: usize) -> [DVec3; 2] {
+    pub fn ends(&self, capture: &Capture, pair: usize) -> [DVec3; 2] {
         [capture.laser[pair], capture.sensor[pair]].map(|p| (p - self.centre) / self.wall)
     }
 

@@ -46,6 +46,8 @@ pub(crate) struct Fit {
     energies: Vec<f64>,
     /// Which pairs judge it.
     judge: Judge,
+    /// There is room for the residual of all pairs on the host.
+    with_layers: bool,
     /// The residual of the present surface is there for the host.
     is_compared: bool,
     /// Albedos are in units of this fit's data: those of a closed form may be thousands of times smaller.
@@ -144,12 +146,14 @@ impl Fit {
         judge: Judge,
     ) -> Result<Fit> {
         let holds_out = judge == Judge::HeldOut;
-        let Problem { capture, grid, memory, .. } = *problem;
+        let Problem { capture, grid, memory, with_layers, .. } = *problem;
         let (outline, rows) = outline_of(capture, &grid, options, holds_out);
         let asked = needs::OfFit { options, iterations };
         let mut plan = Plan::new(&outline, grid, capture.resolution(), &asked, &gpu.abilities(), false)?;
-        if let Some(level) = judging(&plan, judge) {
-            let cells = plan.cells_at(level);
+        let of_layers = plan.levels.pixels.as_ref().filter(|_| with_layers);
+        if let Some(cells) =
+            judging(&plan, judge).into_iter().chain(of_layers).map(|l| plan.cells_at(l)).max()
+        {
             plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
         }
         share_with_host(&mut plan);
@@ -162,6 +166,7 @@ impl Fit {
             pixels: 0,
             energies: vec![],
             judge,
+            with_layers,
             is_compared: false,
             is_scaled: false,
             step: 1.0,
@@ -253,6 +258,40 @@ impl Fit {
         let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..job.plan.cells_at(&level));
         let pairs = &self.rows.pairs()[level.first..level.first + level.pairs];
         Ok(Some(HeldOut::of(&job.model, &level, pairs, &residual)))
+    }
+
+    /// What the present surface leaves of at most some of the pairs that it was fitted to; `None` if it has no pixels, or the problem
+    /// does not ask for layers.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn residuals(&mut self, most: usize) -> Result<Option<Residuals>> {
+        let count = self.pixels;
+        self.is_compared = false;
+        let job = self.planned.made()?;
+        let Some(level) = job.plan.levels.pixels.filter(|_| count > 0 && self.with_layers) else {
+            return Ok(None);
+        };
+        job.run(|s, plan| residual(s, plan, &level, count))?;
+        let residual: Vec<f32> = job.executor.read(RESIDUAL_HOST, ..job.plan.cells_at(&level));
+        let model = &job.model;
+        let (scene, bins) = (model.scene_of(&level.grid, level.pairs), model.bins);
+        let unit = 1.0 / (2.0 * f64::from(scene.loss_scale) * f64::from(scene.render_scale));
+        let factor = |weight: f64| if weight > 0.0 { (unit / weight) as f32 } else { 0.0 };
+        let factors: Vec<f32> = (0..bins).map(|bin| factor(model.bin_weight(bin))).collect();
+        let pairs = level.pairs.min(most);
+        let rows = model.bins_of(&residual);
+        Ok(Some(Residuals {
+            pairs: self.rows.pairs()[level.first..level.first + pairs].to_vec(),
+            bins,
+            differences: rows[..pairs * bins]
+                .iter()
+                .zip(factors.iter().cycle())
+                .map(|(v, f)| v * f)
+                .collect(),
+            measured: model.measured[level.first * bins..][..pairs * bins].to_vec(),
+            path: [model.t_start, model.bin_width],
+        }))
     }
 
     /// Fits the pixels of `layers`, and replaces the layers by the result. The quality is `None` if they explain no light.
@@ -389,6 +428,18 @@ impl Fit {
     }
 }
 
+/// What a surface leaves of pairs.
+pub(crate) struct Residuals {
+    /// The pair of the capture for each row.
+    pub pairs: Vec<usize>,
+    pub bins: usize,
+    /// What is rendered less what is measured, and what is measured, `[pair * bins + bin]`.
+    pub differences: Vec<f32>,
+    pub measured: Vec<f32>,
+    /// Path at which the first bin begins, and width of a bin, metres.
+    pub path: [f64; 2],
+}
+
 /// What gives the scale of albedos.
 struct ScaledBy {
     /// Pairs whose light does, and the data term of their measurement.
@@ -509,10 +560,7 @@ impl PlacedRun {
     fn whole(plan: &Plan, iterations: usize) -> PlacedRun {
         let begin = plan.demand.iterations[0];
         let run = Run::of(iterations, begin + iterations);
-        PlacedRun {
-            is_whole: true,
-            ..PlacedRun::of(plan, run, begin, [needs::pixels(plan), 0], Judge::None)
-        }
+        PlacedRun { is_whole: true, ..PlacedRun::of(plan, run, begin, [needs::pixels(plan), 0], Judge::None) }
     }
 
     fn iterations(&self) -> Range<usize> {

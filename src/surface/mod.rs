@@ -21,7 +21,7 @@ use crate::Result;
 use crate::capture::Capture;
 use crate::engine::finish;
 use crate::engine::{
-    Common, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap,
+    Common, Evidence, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap,
 };
 use crate::engine::{Driven, Watch};
 use crate::gpu::{Abilities, Gpu};
@@ -29,6 +29,7 @@ use crate::learned::{self, LearnedStart};
 use crate::maps::{Layer, Maps};
 use crate::transport::Grid;
 
+mod evidence;
 pub(crate) mod fit;
 mod follow;
 mod held_out;
@@ -44,6 +45,7 @@ pub(crate) mod start;
 pub(crate) mod support;
 mod weights;
 
+use evidence::Known;
 pub(crate) use fit::{Fit, Judge, Quality, Run};
 pub use follow::Follow;
 use follow::{FrameChange, PreviousFrame};
@@ -157,7 +159,7 @@ pub(crate) fn prepare(
     follow: Option<Follow>,
     begun: Option<&Begun>,
 ) -> Result<Box<dyn Prepared>> {
-    let Problem { capture, grid, memory, with_volume, .. } = *problem;
+    let Problem { capture, grid, memory, with_volume, with_layers, .. } = *problem;
     options.check()?;
     options.takes(capture)?;
     follow.map_or(Ok(()), |follow| follow.check(options))?;
@@ -187,6 +189,7 @@ pub(crate) fn prepare(
         grid,
         memory,
         with_volume,
+        with_layers,
         first_scan: first_scan.clone(),
         first_grid,
         sum,
@@ -210,6 +213,7 @@ struct PreparedSurface {
     grid: Grid,
     memory: Option<u64>,
     with_volume: bool,
+    with_layers: bool,
     /// The grid of the first fit.
     first_grid: Grid,
     /// How many bins are one for the closed form and the first fit, and the capture in these bins, without its counts.
@@ -280,7 +284,15 @@ impl PreparedSurface {
         };
         let of = self.options.most_iterations().iter().sum();
         let (seen, light) = (begun.seen.clone(), begun.light.clone());
-        let fits = Fits { options: &self.options, of, blends: self.blends, seen, light, until };
+        let fits = Fits {
+            options: &self.options,
+            of,
+            blends: self.blends,
+            seen,
+            light,
+            until,
+            with_layers: self.with_layers,
+        };
         let driven = Driven { seconds, ..Driven::begun(begun.closed[0].clone(), *self.fine.plan().finest()) };
         fits.cold(self.coarse.as_mut(), &mut self.fine, captures, begun, watch, driven)
     }
@@ -325,7 +337,15 @@ impl PreparedSurface {
             wanted = follow::after_rounds(wanted, self.coarse.is_some());
         }
         let of = rounds * each + wanted;
-        let fits = Fits { options: &self.options, of, blends: self.blends, seen: None, light: None, until };
+        let fits = Fits {
+            options: &self.options,
+            of,
+            blends: self.blends,
+            seen: None,
+            light: None,
+            until,
+            with_layers: false,
+        };
         let plan = [rounds, each, wanted];
         let last = PreviousFrame { layers, left, closed, is_whole };
         fits.warm(&mut self.fine, last, seen, plan, watch, driven).map(Some)
@@ -365,12 +385,21 @@ impl Prepared for PreparedSurface {
             self.coarse.iter_mut().for_each(|fit| fit.planned.release());
         }
         let volume = self.with_volume.then(|| as_volume(&done.driven.maps, &self.grid));
+        let evidence = done.evidence.map(Arc::new);
         self.last = self.follow.map(|_| done.last);
         let job = self.fine.planned.made()?;
         let solved = finish(job, done.driven, None)?;
         let [begin, fit] = done.begun;
         let stages = Some([begin, fit - begin, solved.solve_seconds - fit]);
-        Ok(Reconstruction { volume, volume_iterations: 0, has_mask: true, is_warm, stages, ..solved })
+        Ok(Reconstruction {
+            volume,
+            volume_iterations: 0,
+            has_mask: true,
+            is_warm,
+            stages,
+            evidence,
+            ..solved
+        })
     }
 }
 
@@ -386,6 +415,8 @@ struct Fits<'o> {
     of: usize,
     /// Fits end at this time.
     until: Option<Instant>,
+    /// What is known of every pixel is returned.
+    with_layers: bool,
 }
 
 /// What the fits leave.
@@ -395,6 +426,8 @@ struct FitResult {
     begun: [f64; 2],
     /// What the next frame may begin with.
     last: PreviousFrame,
+    /// What is known of every pixel, if it is asked for.
+    evidence: Option<Evidence>,
 }
 
 impl Fits<'_> {
@@ -463,11 +496,21 @@ impl Fits<'_> {
         }
         let closed = is_closed.then_some(closed);
         driven.maps = self.shown(&layers, closed.as_deref(), quality);
+        let evidence = match (&self.seen, quality) {
+            (Some(seen), Some(quality)) if self.with_layers => {
+                let light = self.light.as_ref();
+                let known =
+                    Known { capture, layers: &layers, maps: &driven.maps, seen, light, quality, is_closed };
+                known.evidence(fine)?
+            }
+            _ => None,
+        };
         let left = quality.map_or(1.0, |q| q.left_share());
         Ok(FitResult {
             driven,
             begun,
             last: PreviousFrame { layers, left, closed, is_whole: !self.is_late() },
+            evidence,
         })
     }
 
@@ -536,6 +579,7 @@ impl Fits<'_> {
             driven,
             begun,
             last: PreviousFrame { layers, left, closed, is_whole: !self.is_late() },
+            evidence: None,
         })
     }
 

@@ -90,6 +90,11 @@ fn compare_with_pytorch(logits: impl Fn(usize) -> [Vec<f32>; 2]) {
 
 /// A square plate that faces the wall, of points, in a confocal scan; all lengths times `unit`.
 fn plate(points: usize, unit: f64, side: f64) -> Capture {
+    plate_of(points, unit, side, |_| 1.0)
+}
+
+/// A plate whose albedo depends on x, from -1/2 to 1/2.
+fn plate_of(points: usize, unit: f64, side: f64, albedo: impl Fn(f64) -> f64) -> Capture {
     let at = |i: usize, n: usize| ((i as f64 + 0.5) / n as f64 - 0.5) * unit;
     let wall: Vec<_> =
         (0..points * points).map(|i| dvec3(at(i / points, points), at(i % points, points), 0.0)).collect();
@@ -99,7 +104,8 @@ fn plate(points: usize, unit: f64, side: f64) -> Capture {
         for i in 0..40 * 40 {
             let x = dvec3(side * at(i / 40, 40), side * at(i % 40, 40), 0.6 * unit);
             let r = l.distance(x);
-            row[(2.0 * r / width) as usize] += (x.z.powi(4) / r.powi(8) * unit.powi(4)) as f32;
+            let bright = albedo(at(i / 40, 40) / unit);
+            row[(2.0 * r / width) as usize] += (bright * x.z.powi(4) / r.powi(8) * unit.powi(4)) as f32;
         }
     }
     let mut capture = Capture::new([points, points], wall.clone(), wall, bins, width, counts);
@@ -172,6 +178,42 @@ fn kernels_need_little_memory_and_what_does_not_fit_is_an_error() {
     // Upon this the host is asked.
     let error = LearnedStart::on_device(&gpu(), &plate(16, 1.0, 0.4), Some(1 << 20)).unwrap_err();
     assert_eq!(error.kind, Kind::Memory, "{error}");
+}
+
+/// A fit of two iterations, which begins with one albedo for all pixels, leaves light of the bright half and shows too much of the
+/// dim one.
+#[test]
+fn light_that_a_fit_leaves_is_projected_onto_its_surface() {
+    let gpu = gpu();
+    let capture = plate_of(16, 1.0, 0.4, |x| if x > 0.0 { 2.0 } else { 1.0 });
+    let options = SurfaceOptions::default().with(|o| {
+        (o.lateral, o.iterations, o.grow) = (64, 2, false);
+        (o.reflectance, o.begin) = (Reflectance::Cosine, Begin::Learned);
+    });
+    let solve = |with_layers: bool| {
+        let mut hear = |_: &thirdbounce::engine::Progress| std::ops::ControlFlow::Continue(());
+        let mut watch = thirdbounce::engine::Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
+        let problem = Problem { with_layers, ..Problem::new(&capture, grid(&capture)) };
+        options.solve(&gpu, &problem, &mut watch).unwrap()
+    };
+    let (without, solved) = (solve(false), solve(true));
+    assert!(without.evidence.is_none());
+    let known = solved.evidence.expect("layers");
+    assert_eq!(known.channels.len(), 49);
+    assert!(known.channels.iter().all(|of| of.len() == 64 * 64 && of.iter().all(|v| v.abs() <= 8.0)));
+    // The mean of a channel over the inner part of each half.
+    let mean = |channel: usize, is_bright: bool| {
+        let pixels = (0..64 * 64).filter(|p| {
+            let [x, y] = solved.maps.centre(p / 64, p % 64);
+            (x > 0.0) == is_bright && (0.05..0.15).contains(&x.abs()) && y.abs() < 0.15
+        });
+        let values: Vec<f32> = pixels.map(|p| known.channels[channel][p]).collect();
+        values.iter().sum::<f32>() / values.len() as f32
+    };
+    let [bright, dim] = [true, false].map(|is_bright| mean(18, is_bright));
+    assert!(bright > 1.0 && dim < 0.0, "left of the bright half {bright}, of the dim one {dim}");
+    let [bright, dim] = [true, false].map(|is_bright| mean(17, is_bright));
+    assert!(bright > dim && dim > 0.5, "measured of the bright half {bright}, of the dim one {dim}");
 }
 
 #[test]

@@ -46,6 +46,9 @@ pub struct ReconstructArgs {
     /// Write the volume to this file, .npz or .hdf5
     #[arg(long, value_name = "FILE")]
     pub volume_file: Option<PathBuf>,
+    /// Write what is known of every pixel to this file, .npz, for training (learn/README.md)
+    #[arg(long, value_name = "FILE", hide = true)]
+    pub layers: Option<PathBuf>,
     #[command(flatten)]
     tags: FromTags,
 }
@@ -76,6 +79,7 @@ impl ReconstructArgs {
             trace_every: self.trace_every,
             out: self.out.clone(),
             volume_file: self.volume_file.clone(),
+            layers_file: self.layers.clone(),
             preview: !self.no_preview,
             ..request
         };
