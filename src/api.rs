@@ -8,7 +8,8 @@ use crate::engine::{Bins, Progress, Reconstruction, Watch};
 use crate::gpu::Gpu;
 use crate::judge::Job;
 #[cfg(feature = "formats")]
-use crate::maps::{Maps, Truth};
+use crate::maps::Maps;
+use crate::maps::Truth;
 #[cfg(feature = "formats")]
 use crate::measure::Metrics;
 use crate::session::{Session, SessionOptions};
