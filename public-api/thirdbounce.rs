@@ -64,6 +64,139 @@ pub fn session_with(
     options: SessionOptions,
     on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<(Session, Vec<String>)> {}
+pub struct BpSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+}
+pub struct DlctSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+    pub snr: Option<f64>,
+}
+pub struct FbpSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+    pub filter: Option<Filter>,
+    pub filter_width: Option<f64>,
+}
+pub struct FkSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+}
+pub struct LctSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+    pub snr: Option<f64>,
+}
+pub struct PhasorBpSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+    pub wavelength: Option<f64>,
+    pub cycles: Option<f64>,
+}
+pub struct PhasorSettings {
+    pub image: ImageSettings,
+    pub lateral: Option<usize>,
+    pub wavelength: Option<f64>,
+    pub cycles: Option<f64>,
+}
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Bins {
+    Auto,
+    Native,
+    Sum(usize),
+}
+impl fmt::Display for Bins {}
+impl FromStr for Bins {
+    type Err = Error;
+}
+impl Serialize for Bins {}
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Doing {
+    Preview,
+    Trial,
+    Solve,
+}
+#[derive(Debug, Clone)]
+pub struct Progress {
+    pub doing: Doing,
+    pub point: TracePoint,
+    pub iterations: usize,
+    pub remaining: Option<f64>,
+    pub maps: Option<Maps>,
+}
+#[derive(Debug, Clone)]
+#[non_exhaustive]
+#[private_fields]
+pub struct Reconstruction {
+    pub maps: Maps,
+    pub volume: Option<VolumeMap>,
+    pub notes: Vec<String>,
+    pub warnings: Vec<String>,
+    pub verdict: Option<Arc<Verdict>>,
+    pub trace: Vec<TracePoint>,
+    pub solve_seconds: f64,
+    pub is_warm: bool,
+}
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct TracePoint {
+    pub iteration: usize,
+    pub seconds: f64,
+    pub gpu_seconds: f64,
+    pub lateral: usize,
+    pub pairs: usize,
+    pub active: usize,
+    pub active_ratio: f64,
+    pub loss: f64,
+    pub data_loss: f64,
+}
+#[derive(Debug, Clone, PartialEq)]
+pub struct VolumeMap {
+    pub grid: Grid,
+    pub albedo: Vec<f32>,
+}
+pub enum Method {
+    Paper(PaperSettings),
+    Surface(SurfaceSettings),
+    Lct(LctSettings),
+    Dlct(DlctSettings),
+    Fk(FkSettings),
+    Phasor(PhasorSettings),
+    PhasorBp(PhasorBpSettings),
+    Fbp(FbpSettings),
+    Bp(BpSettings),
+}
+impl Default for Method {}
+pub struct PaperSettings {
+    pub domain: DomainSettings,
+    pub noise: NoiseSettings,
+    pub lateral: Option<usize>,
+    pub iterations: Option<usize>,
+    pub seed: Option<u32>,
+    pub accumulation: Option<Accumulation>,
+    pub general: Option<bool>,
+    pub reflectance: Option<Reflectance>,
+    pub learning_rate: Option<f64>,
+    pub learning_rate_decay: Option<Decay>,
+    pub beta1: Option<f64>,
+    pub beta2: Option<f64>,
+    pub epsilon: Option<f64>,
+    pub restart_every: Option<usize>,
+    pub l1: Option<f64>,
+    pub peak: Option<f64>,
+    pub initial_albedo: Option<f64>,
+    pub sampling: Option<Sampling>,
+    pub binning: Option<Binning>,
+    pub gradient: Option<Gradient>,
+}
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
+pub enum Preset {
+    Synthetic,
+    Captured,
+}
+impl Preset {
+    pub fn name(self) -> &'static str {}
+}
 #[derive(Clone)]
 #[private_fields]
 pub struct Canceller();
@@ -123,9 +256,6 @@ pub struct Latency {
 #[private_fields]
 pub struct Session {}
 impl Session {
-    pub fn external_maps_bytes(&self) -> u64 {}
-}
-impl Session {
     pub fn gpu(&self) -> &Gpu {}
     pub fn size(&self) -> [usize; 2] {}
     pub fn submit(&mut self, histograms: &[f32]) -> Result<FrameId> {}
@@ -135,6 +265,7 @@ impl Session {
         measured: &[bool],
     ) -> Result<FrameId> {}
     pub fn submit_external(&mut self, frame: ExternalFrame) -> Result<FrameId> {}
+    pub fn external_maps_bytes(&self) -> u64 {}
     pub fn is_idle(&self) -> bool {}
     pub fn latency(&self) -> Latency {}
     pub fn poll(&mut self) -> Result<Option<&Frame>> {}
@@ -240,63 +371,9 @@ impl Settings {
     pub fn with_instrument<'c>(&self, capture: &'c Capture) -> Result<Cow<'c, Capture>> {}
     pub fn for_frames<'c>(&self, scan: &'c Capture) -> Result<Cow<'c, Capture>> {}
     pub fn seed(&self) -> u32 {}
-    pub fn discretisation(&self) -> Discretisation {}
     pub fn check(&self) -> Result<()> {}
 }
 impl<T: Into<SolverOptions>> From<T> for Settings {}
-pub struct BpSettings {
-    pub image: ImageSettings,
-    pub lateral: Option<usize>,
-}
-pub struct DlctSettings {
-    pub image: ImageSettings,
-    pub lateral: Option<usize>,
-    pub snr: Option<f64>,
-}
-pub struct FbpSettings {
-    pub image: ImageSettings,
-    pub lateral: Option<usize>,
-    pub filter: Option<Filter>,
-    pub filter_width: Option<f64>,
-}
-pub struct FkSettings {
-    pub image: ImageSettings,
-    pub lateral: Option<usize>,
-}
-pub struct LctSettings {
-    pub image: ImageSettings,
-    pub lateral: Option<usize>,
-    pub snr: Option<f64>,
-}
-pub struct PhasorBpSettings {
-    pub image: ImageSettings,
-    pub lateral: Option<usize>,
-    pub wavelength: Option<f64>,
-    pub cycles: Option<f64>,
-}
-pub struct PhasorSettings {
-    pub image: ImageSettings,
-    pub lateral: Option<usize>,
-    pub wavelength: Option<f64>,
-    pub cycles: Option<f64>,
-}
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub enum Bins {
-    Auto,
-    Native,
-    Sum(usize),
-}
-impl fmt::Display for Bins {}
-impl FromStr for Bins {
-    type Err = Error;
-}
-impl Serialize for Bins {}
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Doing {
-    Preview,
-    Trial,
-    Solve,
-}
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Follow {
     pub iterations: Option<usize>,
@@ -304,69 +381,6 @@ pub struct Follow {
     pub budget: Option<Duration>,
 }
 impl Default for Follow {}
-pub enum Method {
-    Paper(PaperSettings),
-    Surface(SurfaceSettings),
-    Lct(LctSettings),
-    Dlct(DlctSettings),
-    Fk(FkSettings),
-    Phasor(PhasorSettings),
-    PhasorBp(PhasorBpSettings),
-    Fbp(FbpSettings),
-    Bp(BpSettings),
-}
-impl Default for Method {}
-pub struct PaperSettings {
-    pub domain: DomainSettings,
-    pub noise: NoiseSettings,
-    pub lateral: Option<usize>,
-    pub iterations: Option<usize>,
-    pub seed: Option<u32>,
-    pub accumulation: Option<Accumulation>,
-    pub general: Option<bool>,
-    pub reflectance: Option<Reflectance>,
-    pub learning_rate: Option<f64>,
-    pub learning_rate_decay: Option<Decay>,
-    pub beta1: Option<f64>,
-    pub beta2: Option<f64>,
-    pub epsilon: Option<f64>,
-    pub restart_every: Option<usize>,
-    pub l1: Option<f64>,
-    pub peak: Option<f64>,
-    pub initial_albedo: Option<f64>,
-    pub sampling: Option<Sampling>,
-    pub binning: Option<Binning>,
-    pub gradient: Option<Gradient>,
-}
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Preset {
-    Synthetic,
-    Captured,
-}
-impl Preset {
-    pub fn name(self) -> &'static str {}
-}
-#[derive(Debug, Clone)]
-pub struct Progress {
-    pub doing: Doing,
-    pub point: TracePoint,
-    pub iterations: usize,
-    pub remaining: Option<f64>,
-    pub maps: Option<Maps>,
-}
-#[derive(Debug, Clone)]
-#[non_exhaustive]
-#[private_fields]
-pub struct Reconstruction {
-    pub maps: Maps,
-    pub volume: Option<VolumeMap>,
-    pub notes: Vec<String>,
-    pub warnings: Vec<String>,
-    pub verdict: Option<Arc<Verdict>>,
-    pub trace: Vec<TracePoint>,
-    pub solve_seconds: f64,
-    pub is_warm: bool,
-}
 pub struct SurfaceSettings {
     pub lateral: Option<usize>,
     pub iterations: Option<usize>,
@@ -382,23 +396,6 @@ pub struct SurfaceSettings {
     pub high_pass_floor: Option<f64>,
     pub sparsity: Option<f64>,
     pub background: Option<bool>,
-}
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct TracePoint {
-    pub iteration: usize,
-    pub seconds: f64,
-    pub gpu_seconds: f64,
-    pub lateral: usize,
-    pub pairs: usize,
-    pub active: usize,
-    pub active_ratio: f64,
-    pub loss: f64,
-    pub data_loss: f64,
-}
-#[derive(Debug, Clone, PartialEq)]
-pub struct VolumeMap {
-    pub grid: Grid,
-    pub albedo: Vec<f32>,
 }
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Grid {

@@ -1,4 +1,4 @@
-//! What any solver runs on: a [`Plan`] is made before anything is allocated, [`OnDevice`] holds its buffers, and [`drive`] submits
+//! What any solver runs on: a [`Plan`] is made before anything is allocated, [`OnDevice`] holds its buffers, and the driver submits
 //! schedules and reads the trace of finished blocks. Knows no solver.
 
 mod adam;

@@ -40,7 +40,7 @@ pub struct ImageNoise {
 /// What is known of every pixel after a fit: channels for a network that learns (`learn/README.md`), and what they refer to.
 #[derive(Debug, Clone)]
 pub struct Evidence {
-    /// [channel][x][y].
+    /// `[channel][x][y]`.
     pub channels: Vec<Vec<f32>>,
     /// Depth of every pixel: of the fit, else of the start; walls from the wall's mean depth.
     pub depth: Vec<f32>,

@@ -62,10 +62,10 @@ pub fn solve<'c>(
     solve_measured(request, (job, loaded), gpu, measure, preview, &mut Iterates::default(), hear)
 }
 
-/// [`solve`] with what was measured on the way.
+/// [`solve()`] with what was measured on the way.
 ///
 /// # Errors
-/// Those of [`solve`].
+/// Those of [`solve()`].
 pub fn solve_measured<'c>(
     request: &Request,
     (job, loaded): (Job<'c>, &Loaded),

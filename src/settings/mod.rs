@@ -305,6 +305,7 @@ impl Settings {
     ///
     /// # Errors
     /// More than the capture has.
+    #[doc(hidden)]
     pub fn summed<'c>(
         &self,
         solver: &SolverOptions,
@@ -315,6 +316,7 @@ impl Settings {
     }
 
     /// How many bins of a capture are one for the solver. The counts do not matter.
+    #[doc(hidden)]
     pub fn sum(&self, solver: &SolverOptions, capture: &Capture) -> usize {
         match self.bins.unwrap_or_default() {
             Bins::Native => 1,
@@ -328,6 +330,7 @@ impl Settings {
     ///
     /// # Errors
     /// A scan without aperture, a box without voxels, a box nearer than the least depth, or more voxels than can be counted.
+    #[doc(hidden)]
     pub fn grid(&self, solver: &SolverOptions, capture: &Capture) -> Result<Grid> {
         capture.check_aperture()?;
         let least = solver.common().min_depth;
