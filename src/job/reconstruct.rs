@@ -104,7 +104,12 @@ pub fn solve_measured<'c>(
                 iterates.limited = seconds >= limit;
             }
         }
-        if iterates.limited { ControlFlow::Break(()) } else { hear(progress) }
+        match () {
+            () if iterates.limited => ControlFlow::Break(()),
+            // Nobody is shown it.
+            () if is_first && preview.is_none() => ControlFlow::Continue(()),
+            () => hear(progress),
+        }
     };
     let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &previews };
     let mut job = Job { warnings: loaded.warnings.clone(), faults: loaded.faults.clone(), ..job };
