@@ -27,8 +27,15 @@ mod tests {
     use super::*;
 
     /// Settings of `histogram` alone.
-    const OF_TAGS: &[Setting] =
-        &[Setting::LineShift, Setting::LineTime, Setting::SyncAfter, Setting::SyncDivider, Setting::TagUnit];
+    const OF_TAGS: &[Setting] = &[
+        Setting::LineShift,
+        Setting::LineTime,
+        Setting::Records,
+        Setting::SyncAfter,
+        Setting::SyncDivider,
+        Setting::TagUnit,
+        Setting::Zero,
+    ];
 
     #[test]
     fn every_setting_has_its_flag() {
