@@ -27,10 +27,10 @@ demo: setup
 	cargo build --release --locked --bin thirdbounce
 	$(RELEASE)/thirdbounce demo --out out/demo
 
-# With the dependencies and the library that `make demo` built; `make test-all` with all features and what writes manual pages. COMMAND:
-# how cargo builds the command, if not as for users.
-test-all: ALL := $(FEATURES)
+# With the dependencies and the library that `make demo` built, and all features, which some tests need. COMMAND: how cargo builds the
+# command, if not as for users.
 test-all: test
+test: ALL := $(FEATURES)
 test: setup
 	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about ten minutes on two cores the first time"
 	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml $(ALL) --lib
