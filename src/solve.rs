@@ -6,9 +6,7 @@ use std::sync::Arc;
 
 use crate::engine::{Progress, Reconstruction, TracePoint, Watch};
 use crate::gpu::Gpu;
-use crate::judge::Job;
-use crate::judge::conclude;
-use crate::judge::{self, EXPECTED_IOU};
+use crate::judge::{self, EXPECTED_IOU, Job, conclude};
 use crate::{Grade, Result, Verdict};
 
 /// Reconstructs the capture of a job. Returns the job with all that was found beside the result. The watch hears of trials and of the

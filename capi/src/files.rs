@@ -9,8 +9,7 @@ use engine::{Error, Result, Settings};
 use crate::error::{TbStatus, guarded, no_handle};
 use crate::scan::TbCapture;
 use crate::session::TbSession;
-use crate::sized;
-use crate::{settings, text};
+use crate::{settings, sized, text};
 
 /// Reads a capture of any format and prepares it as `thirdbounce reconstruct` does. `options` are those of the capture as
 /// "name=value name=value", with names of the command line ("wall=2m stride=2"); NULL: none. Any thread.

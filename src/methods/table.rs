@@ -17,11 +17,9 @@ use crate::gpu::{Gpu, check};
 use crate::methods::paper;
 use crate::methods::paper::{PaperOptions, PaperSettings};
 use crate::options::{Given, OptionValue, Row, SceneTraits, default_text};
-use crate::surface::Begun;
-use crate::surface::{SurfaceOptions, SurfaceSettings};
+use crate::surface::{Begun, SurfaceOptions, SurfaceSettings};
 use crate::transport::{Reflectance, Volume};
-use crate::{Error, Result};
-use crate::{closed_form, surface};
+use crate::{Error, Result, closed_form, surface};
 
 /// Declares the methods: one line for each.
 macro_rules! solvers {

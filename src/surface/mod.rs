@@ -19,11 +19,10 @@ use std::time::Instant;
 
 use crate::Result;
 use crate::capture::Capture;
-use crate::engine::finish;
 use crate::engine::{
-    Common, Evidence, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule, VolumeMap,
+    Common, Driven, Evidence, Plan, Prepared, Problem, Reconstruction, RunsOn, Solver, TimedSchedule,
+    VolumeMap, Watch, finish,
 };
-use crate::engine::{Driven, Watch};
 use crate::gpu::{Abilities, Gpu};
 use crate::learned::{self, LearnedStart};
 use crate::maps::{Layer, Maps};

@@ -1,9 +1,7 @@
 //! What a fit of a surface needs of a plan.
 
 use super::options::SurfaceOptions;
-use crate::engine::Pass;
-use crate::engine::Plan;
-use crate::engine::{Demand, LeftOut, Level, Needs};
+use crate::engine::{Demand, LeftOut, Level, Needs, Pass, Plan};
 use crate::gpu::{Buffer, Constant};
 use crate::surface::passes;
 use crate::transport::kernels::{SURFACE_WEIGHTS, WORKGROUP, buffer, constant};

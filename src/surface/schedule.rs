@@ -1,11 +1,8 @@
 //! The surface as schedules.
 
-use crate::engine::Pass;
 use crate::engine::over_pairs::{compare, forward, gather, groups, size_passes, turns_of_finish};
-use crate::engine::passes::objective;
-use crate::engine::passes::{FINISH, FORWARD};
-use crate::engine::stage_values;
-use crate::engine::{Level, Plan};
+use crate::engine::passes::{FINISH, FORWARD, objective};
+use crate::engine::{Level, Pass, Plan, stage_values};
 use crate::gpu::Schedule;
 use crate::surface::passes::*;
 use crate::surface::weights;

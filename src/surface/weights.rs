@@ -1,8 +1,7 @@
 //! The weights of the surface's objective, and the lengths of its first steps.
 
 use super::options::SurfaceOptions;
-use crate::engine::AMPLE;
-use crate::engine::Level;
+use crate::engine::{AMPLE, Level};
 use crate::transport::kernels::*;
 use crate::transport::{Grid, Model};
 

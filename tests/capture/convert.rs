@@ -2,9 +2,8 @@
 
 use fixtures::captures::{assert_error, capture, place, ramp, total};
 use glam::{DVec3, dvec3};
-use thirdbounce::Kind;
 use thirdbounce::capture::{Capture, ReadOptions, read_given, write};
-use thirdbounce::export;
+use thirdbounce::{Kind, export};
 
 /// A confocal scan of a 1 m wall that sees one point.
 fn one_point(n: usize, hidden: DVec3) -> Capture {

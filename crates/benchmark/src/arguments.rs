@@ -23,9 +23,8 @@ use thirdbounce_command::family::FamilyCase;
 
 use crate::cases::{self, Case, Files, GROUPS, Source, found_in, truth_of};
 use crate::compare::{ComparedMethod, Comparison, Foreign, ForeignResult, MethodRun, compare};
-use crate::methods;
-use crate::pages;
 use crate::run::{Benchmark, Mark, Sides, benchmark};
+use crate::{methods, pages};
 
 /// Exit code after Ctrl-C, as for the other verbs.
 const STOPPED: u8 = 130;

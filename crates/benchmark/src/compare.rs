@@ -10,14 +10,13 @@ use crate::foreign;
 use crate::pages::{self, CurvePoint, SOLVE, SideResults, values_of};
 use crate::run::{WHOLE, finish};
 use thirdbounce::engine::{Progress, RunsOn};
-use thirdbounce::export;
 use thirdbounce::files::staging;
 use thirdbounce::gpu::Gpu;
 use thirdbounce::job::reconstruct::{self, Iterates, Measure};
 use thirdbounce::job::{Loaded, Request, SolverOptions, places, report};
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::measure::{Metrics, PaperMeasure, median, metrics};
-use thirdbounce::{Error, Kind, Result};
+use thirdbounce::{Error, Kind, Result, export};
 
 /// Files that a comparison writes into its folder, beside a folder for each method.
 const FILES: [&str; 2] = ["pictures.png", WHOLE];

@@ -8,9 +8,7 @@ use std::time::Duration;
 use ash::{ext, khr, vk};
 
 use super::budget::Kinds;
-use super::driver_report;
 use super::faults::{Faults, InjectedFaults, Point};
-use super::host_device as host;
 use super::instance::{DeviceInfo, DeviceKind, Instance};
 use super::kept::Cache;
 use super::limits::{Abilities, Accumulations, Limits, Reported};
@@ -21,6 +19,7 @@ use super::pace::{dispatch_of, rate_of};
 use super::pipelines::Pipelines;
 use super::place::BlockSource;
 use super::recording::{OpenSpan, Recorder, Recording};
+use super::{driver_report, host_device as host};
 use crate::advice::{Remedy, advice};
 use crate::{Error, Result};
 

@@ -7,8 +7,7 @@ use rayon::prelude::*;
 
 use super::collect::PointCounts;
 use super::division::{Course, Rounds};
-use super::lines;
-use super::{Division, Inputs, Scan, Survey, Tags, Zero, shape, stored, zero};
+use super::{Division, Inputs, Scan, Survey, Tags, Zero, lines, shape, stored, zero};
 use crate::advice::advice;
 use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, conditioning};
 use crate::error::{Error, Result};

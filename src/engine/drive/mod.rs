@@ -6,8 +6,7 @@ use std::ops::Range;
 use std::time::Instant;
 
 use super::on_device::{Lists, OnDevice, read_maps};
-use crate::engine::plan::Level;
-use crate::engine::plan::passes;
+use crate::engine::plan::{Level, passes};
 use crate::gpu::{Gpu, Schedule, Ticket};
 use crate::maps::Maps;
 use crate::transport::kernels::buffer;

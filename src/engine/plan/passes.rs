@@ -1,8 +1,7 @@
 //! The passes that solvers share: rendering, comparing.
 
 use super::tuning::Accumulation;
-use super::whole::Plan;
-use super::whole::{Fault, Pass, Voxels, passes};
+use super::whole::{Fault, Pass, Plan, Voxels, passes};
 use crate::advice::advice;
 use crate::gpu::KernelCode;
 use crate::transport::Geometry;

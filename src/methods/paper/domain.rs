@@ -5,9 +5,8 @@
 //! beside the new ones until state has been moved.
 
 use super::needs::{block_of, volumes};
-use crate::engine::COLUMNS_HOST;
 use crate::engine::over_pairs::groups;
-use crate::engine::{Level, Plan};
+use crate::engine::{COLUMNS_HOST, Level, Plan};
 use crate::gpu::Schedule;
 use crate::methods::paper::passes::*;
 use crate::transport::BRICK_VOXELS;

@@ -4,12 +4,10 @@ use std::sync::Arc;
 
 use crate::Result;
 use crate::capture::{Background, Capture};
-use crate::engine::OnDevice;
-use crate::engine::{Common, Needs, Plan, Problem, RunsOn, Solver};
-use crate::engine::{Iterate, Level, Pass, Watch, drive};
-use crate::engine::{Planned, Prepared};
-use crate::engine::{Reconstruction, finish};
-use crate::engine::{TimedSchedule, outline};
+use crate::engine::{
+    Common, Iterate, Level, Needs, OnDevice, Pass, Plan, Planned, Prepared, Problem, Reconstruction, RunsOn,
+    Solver, TimedSchedule, Watch, drive, finish, outline,
+};
 use crate::gpu::{Abilities, Gpu, Schedule, check};
 use crate::transport::{Grid, Model, Rows};
 

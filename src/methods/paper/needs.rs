@@ -1,9 +1,7 @@
 //! What the paper's solver needs of a plan.
 
 use super::options::{Decay, NoiseTerm, PaperOptions};
-use crate::engine::Pass;
-use crate::engine::Plan;
-use crate::engine::{Demand, LeftOut, Level, Needs, mebibytes};
+use crate::engine::{Demand, LeftOut, Level, Needs, Pass, Plan, mebibytes};
 use crate::gpu::{Buffer, Constant};
 use crate::methods::paper::passes;
 use crate::transport::kernels::{LEVELS, PaperData, WORKGROUP, buffer, constant};

@@ -2,13 +2,11 @@
 
 use super::needs::{block_of, volumes};
 use super::options::PaperOptions;
-use crate::engine::Pass;
 use crate::engine::over_pairs::{
     compare, forward, gather, groups, over_active, over_touched, turns_of_finish,
 };
 use crate::engine::plan::passes::*;
-use crate::engine::unbiased;
-use crate::engine::{Level, Plan};
+use crate::engine::{Level, Pass, Plan, unbiased};
 use crate::gpu::{Buffer, Command, Kernel, Schedule};
 use crate::methods::paper::domain;
 use crate::methods::paper::passes::*;

@@ -17,9 +17,8 @@ use super::counts::Counts;
 use super::frame;
 use super::read_options::ReadOptions;
 use super::set::Set;
-use crate::Capture;
 use crate::error::{Error, Result};
-use crate::host;
+use crate::{Capture, host};
 
 const PICOSECONDS: f64 = 32.0;
 

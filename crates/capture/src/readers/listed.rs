@@ -12,12 +12,10 @@ use glam::DVec3;
 use super::points::{per_pair, squeezed, unit};
 use super::read_options::ReadOptions;
 use super::variables::Variables;
-use crate::Capture;
-use crate::METRES_PER_PICOSECOND;
 use crate::data::histogram_figures;
 use crate::error::{Error, Result};
 use crate::files::array::transpose;
-use crate::host;
+use crate::{Capture, METRES_PER_PICOSECOND, host};
 
 /// Parts of the names of arrays of points.
 const LASERS: [&str; 5] = ["laser", "illum", "light", "source", "emit"];

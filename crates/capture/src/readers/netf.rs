@@ -14,10 +14,8 @@ use glam::DVec3;
 use super::points::per_pair;
 use super::variables::Variables;
 use super::{frame, znlos};
-use crate::Capture;
-use crate::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
-use crate::host;
+use crate::{Capture, METRES_PER_PICOSECOND, host};
 
 /// A bin width below this is in seconds: no bin is so short in metres, and none is so long in seconds.
 const LONGEST_SECONDS: f64 = 1e-6;

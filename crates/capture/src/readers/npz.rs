@@ -32,8 +32,7 @@ use crate::error::{Error, Result};
 use crate::files::archive::{Npz, npz_bytes};
 use crate::files::array::{Array, transpose};
 use crate::files::atomic;
-use crate::host;
-use crate::{Capture, Pulse};
+use crate::{Capture, Pulse, host};
 
 const WANTED: &str = "H, sensor_xyz, laser_xyz, delta_t, and optionally t_start, sensor_normal, laser_normal, pulse, laser_spot, sensor_spot, sensor_fov, laser_fov, device_xyz, laser_device_xyz, sensor_device_xyz, cycles, direct; other arrays are ignored";
 

@@ -19,12 +19,10 @@ use super::frame::{Axes, WallDirection};
 use super::points::{per_pair, unit};
 use super::unread::Unread;
 use super::variables::Variables;
-use crate::Capture;
-use crate::METRES_PER_PICOSECOND;
 use crate::conditioning::legs;
 use crate::error::{Error, Result};
 use crate::files::array::transpose;
-use crate::host;
+use crate::{Capture, METRES_PER_PICOSECOND, host};
 
 /// Rows from the top, columns from the right.
 const AXES: Axes = Axes { d1: WallDirection::Down, d2: WallDirection::Left };

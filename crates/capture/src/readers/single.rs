@@ -6,17 +6,14 @@
 //! from the top and columns from the left, as in the f-k migration of the ABP publication (Zhang and others) for its `tof_data`;
 //! [`crate::Turn`] mirrors and rotates it.
 
-use super::counts;
 use super::frame::{self, Axes, WallDirection};
 use super::read_options::ReadOptions;
-use super::stated;
 use super::unread::{ReadCapture, Unread};
 use super::variables::Variables;
-use crate::AxisOrder;
-use crate::Capture;
+use super::{counts, stated};
 use crate::advice::advice;
 use crate::error::{Error, Result};
-use crate::host;
+use crate::{AxisOrder, Capture, host};
 
 /// Rows from the top, columns from the left.
 const AXES: Axes = Axes { d1: WallDirection::Down, d2: WallDirection::Right };

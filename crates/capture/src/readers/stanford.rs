@@ -18,11 +18,9 @@ use super::scatter::Shifts;
 use super::set::Set;
 use super::unread::{ReadCapture, Unread};
 use super::{single, stated};
-use crate::METRES_PER_PICOSECOND;
 use crate::error::{Error, Result};
 use crate::files::atomic;
-use crate::host;
-use crate::{Capture, PairKind};
+use crate::{Capture, METRES_PER_PICOSECOND, PairKind, host};
 
 const PICOSECONDS: f64 = 32.0;
 const WALL: f64 = 2.0;

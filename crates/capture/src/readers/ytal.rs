@@ -28,13 +28,12 @@ use super::documented::Documented;
 use super::exhaustive;
 use super::points::{check_places, compact, per_pair, squeezed, triples, unit};
 use super::variables::Variables;
-use crate::Capture;
 use crate::conditioning::legs;
 use crate::data::histogram_figures;
 use crate::error::{Error, Result};
 use crate::files::array::transpose;
 use crate::files::atomic;
-use crate::host;
+use crate::{Capture, host};
 
 /// The array that shows y-tal's content.
 pub(super) const SENSOR_POINTS: &str = "sensor_grid_xyz";

@@ -19,11 +19,9 @@ use super::frame;
 use super::points::unit;
 use super::read_options::ReadOptions;
 use super::variables::Variables;
-use crate::Bounce;
-use crate::Capture;
 use crate::conditioning::legs;
 use crate::error::{Error, Result};
-use crate::host;
+use crate::{Bounce, Capture, host};
 
 /// Reads a capture without checking its values; see [`super::read`].
 ///

@@ -4,8 +4,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use thirdbounce::capture::scan::decimals;
-use thirdbounce::job;
-use thirdbounce::{Result, export};
+use thirdbounce::{Result, export, job};
 
 use crate::inspect::{Inspection, inspect};
 

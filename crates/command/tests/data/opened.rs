@@ -5,8 +5,7 @@ use std::process::Command;
 
 use fixtures::captures::capture;
 use thirdbounce::capture::write;
-use thirdbounce::export;
-use thirdbounce::export::volume;
+use thirdbounce::export::{self, volume};
 use thirdbounce::maps::Maps;
 
 /// A dome over a floor that lies far behind, and nothing at its edge; written into `result`.

@@ -4,8 +4,7 @@ use std::ops::ControlFlow;
 
 use thirdbounce::engine::Accumulation;
 use thirdbounce::gpu::{Faults, Gpu, GpuOptions};
-use thirdbounce::job;
-use thirdbounce::job::Request;
+use thirdbounce::job::{self, Request};
 use thirdbounce::settings::Settings;
 use thirdbounce_command::profile::{self, ProfileRequest, check};
 
