@@ -1,41 +1,16 @@
 //! Error against run time: methods side by side.
 
 use std::path::Path;
-use std::sync::OnceLock;
 
 use fixtures::command::{succeed, thirdbounce};
+use fixtures::letter::{SHORT, figures, json, small};
 use serde_json::Value;
-
-/// A small capture and its truth, simulated once: (folder, capture, truth).
-fn small() -> &'static (tempfile::TempDir, String, String) {
-    static SMALL: OnceLock<(tempfile::TempDir, String, String)> = OnceLock::new();
-    SMALL.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let [capture, truth] = ["z.npz", "truth.npz"].map(|n| folder.path().join(n).display().to_string());
-        let scene = ["simulate", "letter-Z", "--scan", "8", "--bin-width", "0.02", "--noise", "0.05"];
-        let files = ["--truth-resolution", "32", "--out", &capture, "--truth", &truth];
-        succeed(&[&scene[..], &files].concat());
-        (folder, capture, truth)
-    })
-}
-
-/// Options that make a run short.
-const SHORT: [&str; 9] =
-    ["--lateral", "16", "--iterations", "30", "--double-every", "15", "--reduce-every", "10", "--quiet"];
-
-fn json(path: &Path) -> Value {
-    serde_json::from_slice(&std::fs::read(path).expect("the file is there")).expect("it is JSON")
-}
 
 fn entries(folder: &Path) -> Vec<String> {
     let name = |e: std::io::Result<std::fs::DirEntry>| e.unwrap().file_name().to_string_lossy().into_owned();
     let mut names: Vec<String> = std::fs::read_dir(folder).unwrap().map(name).collect();
     names.sort();
     names
-}
-
-fn figures(trace: &Value, key: &str) -> Vec<f64> {
-    trace.as_array().unwrap().iter().filter_map(|e| e[key].as_f64()).collect()
 }
 
 /// Names and iterations of all methods of the case z.

@@ -1,13 +1,11 @@
 //! Traces with figures, and a clock that ignores measuring.
 
 use std::ops::ControlFlow;
-use std::path::Path;
-use std::sync::OnceLock;
 use std::time::{Duration, Instant};
 
 use fixtures::command::succeed;
 use fixtures::device::{assert_valid, gpu};
-use serde_json::Value;
+use fixtures::letter::{SHORT, figures, json, small};
 use thirdbounce::capture::Capture;
 use thirdbounce::engine::{Problem, Progress, Reconstruction, Solver, Watch, default_volume};
 use thirdbounce::gpu::Gpu;
@@ -15,31 +13,6 @@ use thirdbounce::methods::PaperOptions;
 use thirdbounce::options::Preset;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::transport::Grid;
-
-/// A small capture and its truth, simulated once: (folder, capture, truth).
-fn small() -> &'static (tempfile::TempDir, String, String) {
-    static SMALL: OnceLock<(tempfile::TempDir, String, String)> = OnceLock::new();
-    SMALL.get_or_init(|| {
-        let folder = tempfile::tempdir().expect("a temporary folder");
-        let [capture, truth] = ["z.npz", "truth.npz"].map(|n| folder.path().join(n).display().to_string());
-        let scene = ["simulate", "letter-Z", "--scan", "8", "--bin-width", "0.02", "--noise", "0.05"];
-        let files = ["--truth-resolution", "32", "--out", &capture, "--truth", &truth];
-        succeed(&[&scene[..], &files].concat());
-        (folder, capture, truth)
-    })
-}
-
-/// Options that make a run short.
-const SHORT: [&str; 9] =
-    ["--lateral", "16", "--iterations", "30", "--double-every", "15", "--reduce-every", "10", "--quiet"];
-
-fn json(path: &Path) -> Value {
-    serde_json::from_slice(&std::fs::read(path).expect("the file is there")).expect("it is JSON")
-}
-
-fn figures(trace: &Value, key: &str) -> Vec<f64> {
-    trace.as_array().unwrap().iter().filter_map(|e| e[key].as_f64()).collect()
-}
 
 #[test]
 fn a_trace_with_figures() {
