@@ -1,7 +1,7 @@
 # Every target sets up what it needs first; what is there already is left alone.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: all setup build libraries demo test test-all python-test dist instrumented sanitize soak lint api header install bench bench-page clean
+.PHONY: all setup build libraries demo test python-test dist instrumented sanitize soak lint api header install bench bench-page clean
 all: build
 
 setup:
@@ -10,7 +10,7 @@ setup:
 # Shown by --version.
 export THIRDBOUNCE_COMMIT := $(shell git rev-parse --short HEAD 2>/dev/null)
 
-# The features of the command that packages and `make test-all` have: `make build` leaves them out.
+# The features of the command that packages and tests have: `make build` leaves them out.
 FEATURES := --features thirdbounce-command/hdf5-filters,thirdbounce-command/live,thirdbounce-command/tags
 
 # What cargo built, here or in the folder of its variable.
@@ -29,14 +29,12 @@ demo: setup
 
 # With the dependencies and the library that `make demo` built, and all features, which some tests need. COMMAND: how cargo builds the
 # command, if not as for users.
-test-all: test
-test: ALL := $(FEATURES)
 test: setup
 	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about ten minutes on two cores the first time"
-	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml $(ALL) --lib
-	.ci/timed cargo build --release --locked $(COMMAND) $(ALL) --examples
-	.ci/timed cargo test --release --locked $(COMMAND) $(ALL) $(if $(ALL),--package shares) --package thirdbounce --package thirdbounce-command --package thirdbounce-benchmark --package thirdbounce-capi --bins --test '*'
-	.ci/timed cargo test --release --locked $(COMMAND) $(ALL) --doc
+	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml $(FEATURES) --lib
+	.ci/timed cargo build --release --locked $(COMMAND) $(FEATURES) --examples
+	.ci/timed cargo test --release --locked $(COMMAND) $(FEATURES) --package shares --package thirdbounce --package thirdbounce-command --package thirdbounce-benchmark --package thirdbounce-capi --bins --test '*'
+	.ci/timed cargo test --release --locked $(COMMAND) $(FEATURES) --doc
 
 # The Python package, from its wheel in an empty virtual environment. Where there is no Python or no network, it says so.
 python-test: setup
