@@ -1,5 +1,5 @@
 //! What any solver runs on: a [`Plan`] is made before anything is allocated, [`OnDevice`] holds its buffers, and the driver submits
-//! schedules and reads the trace of finished blocks. Knows no solver.
+//! schedules and reads the trace of finished blocks. It does not depend on any solver.
 
 mod adam;
 mod bins;

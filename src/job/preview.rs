@@ -1,5 +1,5 @@
-//! `preview.png`: what there is to see while a solve runs. It shows what the surface begins with, then maps on the way. It goes when the
-//! result is there.
+//! `preview.png`: a picture of the solve while it runs: the start of the surface, then maps on the way. It is deleted when the result is
+//! written.
 
 use std::cell::Cell;
 use std::fs;

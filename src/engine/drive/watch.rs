@@ -71,7 +71,7 @@ impl TracePoint {
         TracePoint { pairs, active: grid.voxels(), active_ratio: 1.0, ..TracePoint::first(grid.n[0], 0.0) }
     }
 
-    /// Before anything is fitted, for maps of so many lateral pixels.
+    /// The point before the first fit, for maps with this number of lateral pixels.
     pub(crate) fn first(lateral: usize, seconds: f64) -> TracePoint {
         TracePoint {
             iteration: 0,

@@ -36,7 +36,7 @@ impl NoTags {
         settings::load(path, settings, device)
     }
 
-    /// Nothing: what is no capture is refused by [`NoTags::load`].
+    /// Always `None`: [`NoTags::load`] refuses files of time tags.
     pub fn shown(&self, _: &Path, _: bool) -> Result<Option<String>> {
         Ok(None)
     }
