@@ -9,8 +9,8 @@ use crate::gpu::Gpu;
 use crate::judge::{self, EXPECTED_IOU, Job, conclude};
 use crate::{Grade, Result, Verdict};
 
-/// Reconstructs the capture of a job. Returns the job with all that was found beside the result. The watch hears of trials and of the
-/// solve; the maps that it gets on the way are as those of a run that ends there.
+/// Reconstructs the capture of a job. Returns the job with its estimates, and the result. The watch is called during the trials and the
+/// solve; maps on the way have the mask and depth errors of a run that ends there.
 ///
 /// # Errors
 /// Settings out of range, or that the capture does not allow; memory or device do not allow the solve; the watch cancels
@@ -19,10 +19,10 @@ pub fn solve<'c>(gpu: &Gpu, job: Job<'c>, watch: &mut Watch<'_>) -> Result<(Job<
     let job = resolve(gpu, job, watch.hear)?;
     let before = job.estimates.seconds;
     let mut hear = |progress: &Progress| {
-        let Progress { point, maps, .. } = progress;
+        let Progress { doing, point, iterations, remaining, maps } = progress;
         let point = TracePoint { seconds: point.seconds + before, ..*point };
         let maps = maps.as_ref().map(|maps| job.as_result(maps));
-        (watch.hear)(&Progress { point, maps, ..progress.clone() })
+        (watch.hear)(&Progress { doing: *doing, point, iterations: *iterations, remaining: *remaining, maps })
     };
     let mut heard = Watch { hear: &mut hear, maps_every: watch.maps_every, maps_at: watch.maps_at };
     let mut result = job.solver.solve_from(gpu, &job.problem()?, job.estimates.begun.as_ref(), &mut heard)?;

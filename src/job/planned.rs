@@ -4,7 +4,6 @@ use std::borrow::Cow;
 
 use crate::Result;
 use crate::capture::Pulse;
-use crate::engine::default_volume;
 use crate::judge::{FindPulse, Job};
 
 /// Whether a run finds the pulse first, whatever the trials of the model show.
@@ -38,10 +37,7 @@ fn planned(job: &Job<'_>, with_pulse: bool) -> Result<Job<'static>> {
     let sum = job.settings.sum(&job.solver, &capture.outline().with(|c| c.pulse = pulse.clone()));
     let summed = if sum == 1 { Cow::Borrowed(capture) } else { Cow::Owned(capture.binned(sum)?) };
     // The box ends where the light does.
-    let volume = match job.settings.volume {
-        Some(volume) => volume,
-        None => default_volume(&summed, job.solver.common().min_depth)?,
-    };
+    let volume = job.settings.volume.map_or_else(|| job.solver.default_volume(&summed), Ok)?;
     let mut planned = job.with_capture(Cow::Owned(summed.outline().with(|c| c.pulse = pulse)));
     (planned.settings.volume, planned.sum) = (Some(volume), sum);
     Ok(planned)

@@ -36,7 +36,7 @@ pub struct Iterates {
     pub limit: Option<f64>,
     /// Whether it was.
     pub limited: bool,
-    /// Seconds and brief metrics of what a surface begins with, if it is told.
+    /// Seconds until the start of a surface, and its brief metrics; `None` for methods without one.
     pub first: Option<(f64, Metrics)>,
     /// Seconds and brief metrics by iteration.
     pub along: BTreeMap<usize, (f64, Metrics)>,
@@ -99,14 +99,14 @@ pub fn solve_measured<'c>(
                     return ControlFlow::Break(());
                 }
             }
-            if let Some(limit) = iterates.limit {
+            if let Some(limit) = iterates.limit.filter(|_| !is_first) {
                 iterates.last = Some(maps.clone());
                 iterates.limited = seconds >= limit;
             }
         }
         match () {
             () if iterates.limited => ControlFlow::Break(()),
-            // Nobody is shown it.
+            // Without a preview, callers get no progress before the trials.
             () if is_first && preview.is_none() => ControlFlow::Continue(()),
             () => hear(progress),
         }

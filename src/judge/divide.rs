@@ -26,8 +26,8 @@ pub fn divide<'c>(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Job<'c>> {
-    let (clock, has_light) = (Instant::now(), job.capture.histograms.iter().any(|v| *v > 0.0));
-    let found = if has_light { law(&job, gpu, hear)? } else { None };
+    let clock = Instant::now();
+    let found = if job.has_light() { law(&job, gpu, hear)? } else { None };
     let Some((found, divided)) = found else { return Ok(job) };
     let mut job = match divided {
         Some(divided) => job.again(Cow::Owned(divided)),

@@ -26,7 +26,7 @@ pub fn estimate<'c>(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Job<'c>> {
-    if job.capture.histograms.iter().any(|v| *v > 0.0) {
+    if job.has_light() {
         let Estimates { device, seconds, .. } = std::mem::take(&mut job.estimates);
         let found = found(&job, gpu, hear)?;
         job.estimates = Estimates { device, seconds: seconds + found.seconds, ..found };

@@ -88,14 +88,26 @@ impl<'c> Job<'c> {
             (None, Preset::Synthetic) if estimates => FindPulse::IfItShows,
             (None, _) => FindPulse::Never,
         };
+        let solver = of_model(known.unwrap_or(Reflectance::Cosine));
+        Job::before_estimates(capture, settings.clone(), (preset, why), solver, models, find_pulse)
+    }
+
+    fn before_estimates(
+        capture: Cow<'c, Capture>,
+        settings: Settings,
+        (preset, why): (Preset, Option<&'static str>),
+        solver: SolverOptions,
+        models: Vec<SolverOptions>,
+        find_pulse: FindPulse,
+    ) -> Job<'c> {
         Job {
-            settings: settings.clone(),
+            capture,
+            settings,
             preset,
             why,
-            solver: of_model(known.unwrap_or(Reflectance::Cosine)),
+            solver,
             models,
             find_pulse,
-            capture,
             sum: 1,
             estimates: Estimates::default(),
             verdict: Arc::new(Verdict::GOOD),
@@ -116,22 +128,9 @@ impl<'c> Job<'c> {
 
     /// The same options, before estimates, for another version of the capture.
     pub fn with_capture<'d>(&self, capture: Cow<'d, Capture>) -> Job<'d> {
-        let Job { settings, preset, why, solver, models, find_pulse, .. } = self;
-        Job {
-            capture,
-            settings: settings.clone(),
-            preset: *preset,
-            why: *why,
-            solver: solver.clone(),
-            models: models.clone(),
-            find_pulse: *find_pulse,
-            sum: 1,
-            estimates: Estimates::default(),
-            verdict: Arc::new(Verdict::GOOD),
-            warnings: vec![],
-            faults: vec![],
-            keeps_layers: false,
-        }
+        let (settings, why) = (self.settings.clone(), (self.preset, self.why));
+        let (solver, models) = (self.solver.clone(), self.models.clone());
+        Job::before_estimates(capture, settings, why, solver, models, self.find_pulse)
     }
 
     /// The job of a corrected capture, which knows what was found in the other one.
@@ -182,12 +181,11 @@ impl<'c> Job<'c> {
     pub fn closed_form(&self, solver: SolverOptions, gpu: &Gpu) -> Result<Maps> {
         let pitch = pixel_of(&self.capture, self.settings.volume, solver.common().lateral);
         let mut job = self.with_solver(solver);
-        job.settings.depth_pitch = Some(pitch);
+        (job.settings.depth_pitch, job.settings.keep_volume) = (Some(pitch), None);
         let job = job.summed()?;
         let mut hear = |_: &Progress| ControlFlow::Continue(());
         let mut watch = Watch { hear: &mut hear, maps_every: None, maps_at: &[] };
-        let problem = Problem { memory: self.settings.memory, ..Problem::new(&job.capture, job.grid()?) };
-        Ok(job.solver.solve(gpu, &problem, &mut watch)?.maps)
+        Ok(job.solver.solve(gpu, &job.problem()?, &mut watch)?.maps)
     }
 
     /// The job with the capture in the bins of the solver.
@@ -210,6 +208,11 @@ impl<'c> Job<'c> {
     /// A pixel is surface above this share of the brightest albedo; `None`: the mask of the method.
     pub fn mask_fraction(&self) -> Option<f64> {
         self.settings.mask_fraction.or(self.solver.usual_mask())
+    }
+
+    /// Whether the capture has light.
+    pub fn has_light(&self) -> bool {
+        self.capture.histograms.iter().any(|v| *v > 0.0)
     }
 
     /// Whether to estimate the high-pass of the objective.

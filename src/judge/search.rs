@@ -12,7 +12,7 @@ use super::pulse::{Shape, Tried};
 use super::spread::ComparedRows;
 use super::trial::{Fitted, From, Trial, fit_all};
 use crate::capture::{Capture, Pulse};
-use crate::engine::{Doing, Problem, Progress, TracePoint, Watch, default_volume};
+use crate::engine::{Doing, Problem, Progress, TracePoint, Watch};
 use crate::gpu::Gpu;
 use crate::judge::constants::*;
 use crate::judge::{model, pulse};
@@ -20,7 +20,7 @@ use crate::methods::SolverOptions;
 use crate::options::SceneTraits;
 use crate::settings::Settings;
 use crate::surface::{Candidate, HeldOut, Left, Starts, SurfaceOptions};
-use crate::transport::{Reflectance, Volume};
+use crate::transport::Reflectance;
 use crate::{Error, Kind, Result};
 
 /// The sharp fit of a model, and the impulse response that its residual suggests, with the residual then.
@@ -107,10 +107,9 @@ impl<'t> Search<'t> {
             ));
         }
         let options = quick(&all[0]);
-        let of_all = || default_volume(capture, options.min_depth);
-        let volume: Volume = job.settings.volume.map_or_else(of_all, Ok)?;
+        let solver: SolverOptions = options.clone().into();
+        let volume = job.settings.volume.map_or_else(|| solver.default_volume(capture), Ok)?;
         let of_trial = Settings { volume: Some(volume), bins: job.settings.bins, ..Settings::default() };
-        let solver = options.clone().into();
         let (whole, _) = of_trial.summed(&solver, Cow::Borrowed(capture))?;
         let grid = of_trial.grid(&solver, &whole)?;
         let finds_start = all[0].as_surface().grow;
@@ -150,7 +149,7 @@ impl<'t> Search<'t> {
         })
     }
 
-    /// Tells what the fits begin with.
+    /// Gives `hear` the maps that the fits begin with.
     ///
     /// # Errors
     /// `hear` cancels.

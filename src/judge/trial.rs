@@ -127,7 +127,7 @@ pub(crate) fn fit_all(
     let (mut fitted, mut before, all) = (vec![], 0, trials.len() * from.iterations());
     let number = if is_together { trials.len() } else { 1 };
     for trials in trials.chunks(number) {
-        let begun = trials.iter().zip(fits.drain(..number.min(trials.len())));
+        let begun = trials.iter().zip(fits.drain(..trials.len()));
         let mut some = begun.map(|(trial, fit)| trial.begun(fit, from, step)).collect::<Result<Vec<_>>>()?;
         loop {
             let begun = some.iter_mut().map(UnderWay::begin).collect::<Result<Vec<bool>>>()?;

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::advice::advice;
 use crate::capture::{AxisOrder, Bounce, Capture, Flip, Gate};
-use crate::engine::{Bins, default_volume};
+use crate::engine::Bins;
 use crate::methods::{Method, SolverOptions, method};
 use crate::options::{Preset, Range, Row, units};
 use crate::transport::{Grid, Volume};
@@ -325,7 +325,8 @@ impl Settings {
         }
     }
 
-    /// The grid for a capture whose bins are those of the solver: of the box that is set, else of [`default_volume`]. Voxels are as deep
+    /// The grid for a capture whose bins are those of the solver: of the box that is set, else of
+    /// [`SolverOptions::default_volume`]. Voxels are as deep
     /// as is set, else [`SolverOptions::usual_depth_pitch`], and a bin where native bins are asked for.
     ///
     /// # Errors
@@ -334,7 +335,7 @@ impl Settings {
     pub fn grid(&self, solver: &SolverOptions, capture: &Capture) -> Result<Grid> {
         capture.check_aperture()?;
         let least = solver.common().min_depth;
-        let volume = self.volume.map_or_else(|| default_volume(capture, least), Ok)?;
+        let volume = self.volume.map_or_else(|| solver.default_volume(capture), Ok)?;
         let usual = || match self.bins {
             Some(Bins::Native) => capture.bin_width,
             _ => solver.usual_depth_pitch(capture, self.volume),
