@@ -3,9 +3,9 @@
 
 use glam::dvec3;
 use thirdbounce::capture::Capture;
-use thirdbounce::engine::{Accumulation, OnDevice, Plan, Tuning};
+use thirdbounce::engine::{Accumulation, OnDevice, Tuning};
 use thirdbounce::gpu::{Gpu, GpuOptions, KernelTime};
-use thirdbounce::methods::PaperOptions;
+use thirdbounce::methods::{PaperOptions, paper};
 use thirdbounce::options::Preset;
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume};
 
@@ -54,7 +54,7 @@ pub fn job(
     let model = Model::new(&capture(side), Reflectance::Cosine, 10.0, false);
     // The scan is as fine as the grid: one level.
     let grid = grid(active);
-    let mut plan = Plan::new(&model, grid, [grid.n[0]; 2], &options, &gpu.abilities(), false)?;
+    let mut plan = paper::plan(&model, grid, [grid.n[0]; 2], &options, &gpu.abilities(), false)?;
     plan.tune(tune);
     OnDevice::new(gpu, model, plan, None)
 }

@@ -4,14 +4,15 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::image::AlbedoVolume;
+use super::backproject::{Projecting, Projection, pixels_per_voxel, to_refine};
+use super::on_host::{HostMethod, OnHost};
 use super::options::ImageOptions;
 use super::sharpness::Ladder;
 use crate::capture::Capture;
-use crate::closed_form::image;
+use crate::closed_form::{image, upsample};
 use crate::engine::{
-    Accumulation, Common, Doing, Plan, Prepared, Problem, Progress, Reconstruction, RunsOn, Sharpness,
-    Solver, TimedSchedule, TracePoint, VolumeMap, Watch,
+    Accumulation, Common, Doing, Plan, Prepared, Problem, Progress, Reconstruction, RunsOn, Solver,
+    TimedSchedule, TracePoint, VolumeMap, Watch,
 };
 use crate::gpu::{Abilities, Gpu};
 use crate::maps::Maps;
@@ -27,8 +28,8 @@ pub trait ClosedForm: Options + Clone + Send + Sync + 'static {
     /// Its share of [`image::level_over_haze`], fitted on simulated scenes (benches/NOTES.md).
     const MASK_SHARE: f64;
 
-    /// What makes its volumes.
-    type By: Imager<Self>;
+    /// Where its volumes are made, and what of that is its own.
+    const BY: By<Self>;
 
     /// Lateral pixels of the maps, and what the options of all closed-form methods have.
     fn shared(&self) -> (usize, &ImageOptions);
@@ -61,72 +62,46 @@ pub trait ClosedForm: Options + Clone + Send + Sync + 'static {
     }
 }
 
-/// Makes the volumes of captures of one scan.
-pub trait Imager<M>: Send + Sized {
-    /// Where it works.
-    const RUNS_ON: RunsOn;
-
-    /// Pixels of maps with `lateral` pixels that a voxel is wide.
-    fn pixels_per_voxel(lateral: usize) -> usize;
-
-    /// As [`Solver::takes`], and the options.
-    fn check(options: &M, capture: Option<&Capture>) -> Result<()>;
-
-    /// As [`Solver::plan`].
-    fn plan_for(options: &M, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan>;
-
-    /// As [`Solver::outline`].
-    fn outline(_plan: &Plan) -> Vec<TimedSchedule> {
-        vec![]
-    }
-
-    /// As [`Solver::prepare`].
-    fn new(options: &M, gpu: &Gpu, problem: &Problem<'_>) -> Result<Self>;
-
-    /// As [`Prepared::plan`].
-    fn plan(&self) -> &Arc<Plan>;
-
-    /// As [`Prepared::allocate`].
-    fn allocate(&mut self) -> Result<()> {
-        Ok(())
-    }
-
-    /// Makes what the capture needs, before the time begins.
-    fn make(&mut self, _capture: &Capture) -> Result<()> {
-        Ok(())
-    }
-
-    /// The distance of scan points, metres.
-    fn step(&self, capture: &Capture) -> f64;
-
-    /// The volume of a capture, and how sharp it is.
-    fn volume(&mut self, options: &M, capture: &Capture) -> Result<(AlbedoVolume, Option<Sharpness>)>;
-
-    /// Adds what it alone knows.
-    fn conclude(&mut self, done: &mut Reconstruction) -> Result<()>;
+/// Where a method works, and what it does there.
+pub enum By<M> {
+    /// On the host.
+    Host(HostMethod<M>),
+    /// By back-projections on the device.
+    Device(Projection<M>),
 }
 
 impl<M: ClosedForm> Solver for M {
     fn common(&self) -> Common {
         let (lateral, image) = self.shared();
+        let (pixels_per_voxel, runs_on) = match M::BY {
+            By::Host(_) => (1, RunsOn::Host),
+            By::Device(_) => (pixels_per_voxel(lateral), RunsOn::Device),
+        };
         Common {
             lateral,
             iterations: [1, 0],
             reflectance: image.reflectance,
             accumulation: Accumulation::Auto,
             min_depth: image.min_depth,
-            pixels_per_voxel: M::By::pixels_per_voxel(lateral),
-            runs_on: M::By::RUNS_ON,
+            pixels_per_voxel,
+            runs_on,
         }
     }
 
     fn check(&self) -> Result<()> {
         self.check_ranges()?;
-        M::By::check(self, None)
+        match M::BY {
+            By::Host(_) => Ok(()),
+            By::Device(_) => upsample::check_sum(self.image(), M::NAME),
+        }
     }
 
     fn takes(&self, capture: &Capture) -> Result<()> {
-        M::By::check(self, Some(capture))
+        match M::BY {
+            By::Host(method) => (method.scan)(self, capture).map(|_| ()),
+            By::Device(_) => upsample::check_sum(self.image(), M::NAME)
+                .and_then(|()| to_refine(capture, self.image()).map(|_| ())),
+        }
     }
 
     fn detail(&self) -> Option<f64> {
@@ -134,49 +109,79 @@ impl<M: ClosedForm> Solver for M {
     }
 
     fn plan(&self, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
-        M::By::plan_for(self, problem, abilities)
+        match M::BY {
+            By::Host(method) => OnHost::plan_for(self, &method, problem, abilities),
+            By::Device(_) => Projecting::plan_for(self.image(), problem, abilities),
+        }
     }
 
     fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
-        M::By::outline(plan)
+        match M::BY {
+            By::Host(_) => vec![],
+            By::Device(_) => Projecting::outline(plan),
+        }
     }
 
     fn prepare(&self, gpu: &Gpu, problem: &Problem<'_>) -> Result<Box<dyn Prepared>> {
         self.check()?;
-        let by = M::By::new(self, gpu, problem)?;
+        let by = match M::BY {
+            By::Host(method) => Imager::Host(Box::new(OnHost::new(self, &method, gpu, problem)?), method),
+            By::Device(method) => Imager::Device(Box::new(Projecting::new(self, gpu, problem)?), method),
+        };
         let Problem { grid, with_volume, .. } = *problem;
         Ok(Box::new(OneStep { options: self.clone(), by, grid, with_volume }))
     }
 }
 
+/// What makes the volumes of captures of one scan.
+enum Imager<M> {
+    Host(Box<OnHost>, HostMethod<M>),
+    Device(Box<Projecting>, Projection<M>),
+}
+
 /// A method that is prepared for a scan.
 struct OneStep<M: ClosedForm> {
     options: M,
-    by: M::By,
+    by: Imager<M>,
     grid: Grid,
     with_volume: bool,
 }
 
 impl<M: ClosedForm> Prepared for OneStep<M> {
     fn plan(&self) -> &Arc<Plan> {
-        self.by.plan()
+        match &self.by {
+            Imager::Host(host, _) => &host.plan,
+            Imager::Device(projecting, _) => projecting.plan(),
+        }
     }
 
     fn allocate(&mut self) -> Result<()> {
-        self.by.allocate()
+        match &mut self.by {
+            Imager::Host(..) => Ok(()),
+            Imager::Device(projecting, _) => projecting.allocate(),
+        }
     }
 
     fn solve(&mut self, capture: &Capture, watch: &mut Watch<'_>) -> Result<Reconstruction> {
         let OneStep { options, by, grid, with_volume } = self;
-        by.make(capture)?;
-        let plan = by.plan().clone();
+        // Kernels and buffers are made before the time begins.
+        let (plan, step) = match by {
+            Imager::Host(host, _) => (host.plan.clone(), host.step()),
+            Imager::Device(projecting, _) => {
+                projecting.make(capture)?;
+                (projecting.plan().clone(), projecting.step(capture))
+            }
+        };
         let mut point = TracePoint::before(grid, plan.scene.pairs);
         tell(watch, &point, None)?;
         let start = Instant::now();
-        let (volume, sharpness) = by.volume(options, capture)?;
+        let (volume, sharpness) = match by {
+            Imager::Host(host, method) => host.volume(options, method, capture)?,
+            Imager::Device(projecting, method) => projecting.volume(options, method, capture)?,
+        };
         // What noise alone would show is no surface.
         let floor = sharpness.and_then(|chosen| chosen.noise).map_or(0.0, |noise| noise.floor);
-        let maps = image::maps(grid, &volume, by.step(capture), |albedo| {
+        let maps = image::maps(grid, &volume, step, |albedo| {
             image::share_of_white(image::level_over_haze(albedo, M::MASK_SHARE)?.max(floor), albedo)
         });
         point.seconds = start.elapsed().as_secs_f64();
@@ -205,7 +210,10 @@ impl<M: ClosedForm> Prepared for OneStep<M> {
             kernels: vec![],
             plan,
         };
-        by.conclude(&mut done)?;
+        match &mut self.by {
+            Imager::Host(host, _) => done.filled = host.filled(),
+            Imager::Device(projecting, _) => projecting.conclude(&mut done)?,
+        }
         Ok(done)
     }
 }

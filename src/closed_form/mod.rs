@@ -22,8 +22,8 @@ mod sharpness;
 mod upsample;
 
 pub use backproject::{
-    BpOptions, BpSettings, FbpOptions, FbpSettings, Filter, OfProjection, PhasorBpOptions, PhasorBpSettings,
-    hat, passes,
+    BpOptions, BpSettings, FbpOptions, FbpSettings, Filter, PhasorBpOptions, PhasorBpSettings, hat, passes,
+    plan_of as plan_of_projection,
 };
 pub use dlct::{DlctOptions, DlctSettings};
 pub use fk::{FkOptions, FkSettings};

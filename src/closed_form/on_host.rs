@@ -5,38 +5,29 @@ use std::sync::Arc;
 
 use super::fourier::SpareSpectra;
 use super::image::AlbedoVolume;
-use super::method::{ClosedForm, Imager};
+use super::method::ClosedForm;
 use super::scan::RegularScan;
 use super::sharpness::{even_weights, noise, weigh, with_random_signs};
 use crate::advice::{Advice, Remedy, advice};
 use crate::capture::Capture;
 use crate::closed_form::upsample;
-use crate::engine::{OneLevel, Plan, Problem, Reconstruction, RunsOn, Sharpness};
+use crate::engine::{Demand, Plan, Problem, Sharpness};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Gpu, Place};
 use crate::transport::{Grid, Model};
 use crate::{Error, Result};
 
-/// A method that runs on the host.
-pub trait HostMethod: ClosedForm<By = OnHost> {
-    /// The scan of a capture.
-    ///
-    /// # Errors
-    /// `Kind::Input`: the capture breaks an assumption of the method.
-    fn scan(&self, capture: &Capture) -> Result<RegularScan>;
+/// Names and bytes of arrays.
+pub type Arrays = Vec<(Buffer, u64)>;
 
-    /// Names and bytes of the arrays that it holds at the same time, at most.
-    fn arrays(&self, capture: &Capture, scan: &RegularScan, grid: &Grid) -> Vec<(Buffer, u64)>;
-
-    /// The volume at the voxels of `grid`. Counts are without background. A sharpness that the options leave open is the
-    /// first of the ladder.
-    /// `spare` is its memory from one volume to the next.
-    fn volume(
-        &self,
-        capture: &Capture,
-        scan: &RegularScan,
-        grid: &Grid,
-        spare: &mut SpareSpectra,
-    ) -> AlbedoVolume;
+/// What a method that runs on the host has of its own.
+pub struct HostMethod<M> {
+    /// The scan of a capture; `Kind::Input`: the capture breaks an assumption of the method.
+    pub scan: fn(&M, &Capture) -> Result<RegularScan>,
+    /// The arrays that it holds at the same time, at most.
+    pub arrays: fn(&M, &Capture, &RegularScan, &Grid) -> Arrays,
+    /// The volume at the voxels of a grid. Counts are without background. A sharpness that the options leave open is the
+    /// first of the ladder. The last argument is its memory from one volume to the next.
+    pub volume: fn(&M, &Capture, &RegularScan, &Grid, &mut SpareSpectra) -> AlbedoVolume,
 }
 
 /// The volume at the voxels of a grid.
@@ -52,45 +43,40 @@ const TOSSED: Buffer = Buffer::named("tossed_counts_and_volume");
 pub struct OnHost {
     scan: RegularScan,
     grid: Grid,
-    plan: Arc<Plan>,
+    pub(super) plan: Arc<Plan>,
     is_start: bool,
     spare: SpareSpectra,
 }
 
-impl<M: HostMethod> Imager<M> for OnHost {
-    const RUNS_ON: RunsOn = RunsOn::Host;
-
-    fn pixels_per_voxel(_lateral: usize) -> usize {
-        1
-    }
-
-    fn check(options: &M, capture: Option<&Capture>) -> Result<()> {
-        capture.map_or(Ok(()), |capture| options.scan(capture).map(|_| ()))
-    }
-
+impl OnHost {
     /// No level but the grid and no pass: its arrays.
-    fn plan_for(options: &M, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
+    pub fn plan_for<M: ClosedForm>(
+        options: &M,
+        method: &HostMethod<M>,
+        problem: &Problem<'_>,
+        abilities: &Abilities,
+    ) -> Result<Plan> {
         let Problem { capture, grid, .. } = *problem;
-        let scan = options.scan(capture)?;
+        let scan = (method.scan)(options, capture)?;
         let (model, _) = Model::outline(&capture.outline(), options.image().reflectance, 1.0, false);
-        let plan = Plan::new(
-            &model,
-            grid,
-            capture.resolution(),
-            &OneLevel { pixels_per_voxel: 1 },
-            abilities,
-            false,
-        )?;
+        let demand = Demand::of_one_step(1);
+        let plan = Plan::open(&model, grid, capture.resolution(), demand, |_| [1; 2], abilities)?;
         let on_host = |(buffer, bytes)| BufferPlan::new(buffer, bytes, Place::Readback);
         Ok(Plan {
-            buffers: arrays(options, capture, &scan, &grid).into_iter().map(on_host).collect(),
-            ..plan
+            buffers: arrays(options, method, capture, &scan, &grid).into_iter().map(on_host).collect(),
+            ..plan.finish(&model, vec![], false)?
         })
     }
 
-    fn new(options: &M, gpu: &Gpu, problem: &Problem<'_>) -> Result<OnHost> {
+    /// As [`crate::engine::Solver::prepare`].
+    pub fn new<M: ClosedForm>(
+        options: &M,
+        method: &HostMethod<M>,
+        gpu: &Gpu,
+        problem: &Problem<'_>,
+    ) -> Result<OnHost> {
         let Problem { capture, grid, memory, is_start, .. } = *problem;
-        let plan = <OnHost as Imager<M>>::plan_for(options, problem, &gpu.abilities())?;
+        let plan = OnHost::plan_for(options, method, problem, &gpu.abilities())?;
         let asked: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
         check_host_memory(
             asked,
@@ -99,7 +85,7 @@ impl<M: HostMethod> Imager<M> for OnHost {
             |smaller| advice!["choose " {smaller} ", a larger " Stride ", a narrower " Gate " or more " Memory],
         )?;
         Ok(OnHost {
-            scan: options.scan(capture)?,
+            scan: (method.scan)(options, capture)?,
             grid,
             plan: Arc::new(plan),
             is_start,
@@ -107,15 +93,23 @@ impl<M: HostMethod> Imager<M> for OnHost {
         })
     }
 
-    fn plan(&self) -> &Arc<Plan> {
-        &self.plan
-    }
-
-    fn step(&self, _capture: &Capture) -> f64 {
+    /// The distance of scan points, metres.
+    pub fn step(&self) -> f64 {
         self.scan.step[0].min(self.scan.step[1])
     }
 
-    fn volume(&mut self, options: &M, capture: &Capture) -> Result<(AlbedoVolume, Option<Sharpness>)> {
+    /// Points of the scan that were filled in.
+    pub fn filled(&self) -> usize {
+        self.scan.gaps.len()
+    }
+
+    /// The volume of a capture, and how sharp it is.
+    pub fn volume<M: ClosedForm>(
+        &mut self,
+        options: &M,
+        method: &HostMethod<M>,
+        capture: &Capture,
+    ) -> Result<(AlbedoVolume, Option<Sharpness>)> {
         let OnHost { scan, grid, is_start, spare, .. } = self;
         let (image, fine) = (options.image(), scan.finer(options.image().upsample));
         let of = |capture: Cow<'_, Capture>, with_background: bool| {
@@ -126,7 +120,7 @@ impl<M: HostMethod> Imager<M> for OnHost {
         let ladder = match options.ladder() {
             Some(ladder) if capture.integer_counts => ladder,
             open => {
-                let volume = options.volume(&light, &fine, grid, spare);
+                let volume = (method.volume)(options, &light, &fine, grid, spare);
                 return Ok((volume, open.map(|ladder| ladder.sharpest())));
             }
         };
@@ -134,7 +128,7 @@ impl<M: HostMethod> Imager<M> for OnHost {
         let (chosen, volume) = ladder.choose(|value| {
             let options = options.with_sharpness(value);
             let [mut light, mut tossed] =
-                [&light, &tossed].map(|counts| options.volume(counts, &fine, grid, spare));
+                [&light, &tossed].map(|counts| (method.volume)(&options, counts, &fine, grid, spare));
             if *is_start {
                 let weights = even_weights(&light.albedo, &tossed.albedo, grid.n[2]);
                 [&mut light, &mut tossed].into_iter().for_each(|v| weigh(&mut v.albedo, &weights));
@@ -144,16 +138,12 @@ impl<M: HostMethod> Imager<M> for OnHost {
         })?;
         Ok((volume, Some(chosen)))
     }
-
-    fn conclude(&mut self, done: &mut Reconstruction) -> Result<()> {
-        done.filled = self.scan.gaps.len();
-        Ok(())
-    }
 }
 
 /// All arrays of a host method, with those of the counts and of the choice of sharpness.
-fn arrays<M: HostMethod>(
+fn arrays<M: ClosedForm>(
     options: &M,
+    method: &HostMethod<M>,
     capture: &Capture,
     scan: &RegularScan,
     grid: &Grid,
@@ -164,9 +154,9 @@ fn arrays<M: HostMethod>(
     let ladder = options.ladder().filter(|_| capture.integer_counts);
     let finest = scan.finer(options.image().upsample);
     // What is open is the sharpest. The softest needs more of some arrays, and less of others.
-    let mut own = options.arrays(&fine, &finest, grid);
+    let mut own = (method.arrays)(options, &fine, &finest, grid);
     if let Some(ladder) = ladder {
-        let soft = options.with_sharpness(ladder.softest()).arrays(&fine, &finest, grid);
+        let soft = (method.arrays)(&options.with_sharpness(ladder.softest()), &fine, &finest, grid);
         own.iter_mut().zip(soft).for_each(|((_, most), (_, bytes))| *most = bytes.max(*most));
     }
     let between = (options.image().upsample > 1).then(|| (FINER, bytes(&fine)));

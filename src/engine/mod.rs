@@ -26,8 +26,8 @@ pub use on_device::{OnDevice, VolumeMap};
 pub(crate) use on_device::{columns_of, maps_of};
 pub use outline::{Step, TimedSchedule, When};
 pub use plan::{
-    AMPLE, Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Needs, OneLevel, Pass, Plan, RAW_HOST,
-    RESIDUAL_HOST, Tuning, UPLOAD, Voxels, gaussian_weights, mebibytes, passes,
+    AMPLE, Accumulation, COLUMNS_HOST, Demand, Fault, LeftOut, Level, Pass, Plan, RAW_HOST, RESIDUAL_HOST,
+    Tuning, UPLOAD, Voxels, gaussian_weights, mebibytes, passes,
 };
 pub(crate) use prepared::Planned;
 pub use prepared::Prepared;

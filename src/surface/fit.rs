@@ -148,8 +148,8 @@ impl Fit {
         let holds_out = judge == Judge::HeldOut;
         let Problem { capture, grid, memory, with_layers, .. } = *problem;
         let (outline, rows) = outline_of(capture, &grid, options, holds_out);
-        let asked = needs::OfFit { options, iterations };
-        let mut plan = Plan::new(&outline, grid, capture.resolution(), &asked, &gpu.abilities(), false)?;
+        let scan = capture.resolution();
+        let mut plan = needs::plan(&outline, grid, scan, options, iterations, 0, &gpu.abilities())?;
         let of_layers = plan.levels.pixels.as_ref().filter(|_| with_layers);
         if let Some(cells) =
             judging(&plan, judge).into_iter().chain(of_layers).map(|l| plan.cells_at(l)).max()

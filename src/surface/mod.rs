@@ -49,7 +49,7 @@ pub(crate) use fit::{Fit, Judge, Quality, Run};
 pub use follow::Follow;
 use follow::{FrameChange, PreviousFrame};
 pub use held_out::{HeldOut, Left};
-pub use needs::{OfFit, SMALL_PIXEL, pixels, points_of};
+pub use needs::{SMALL_PIXEL, pixels, plan, points_of};
 pub use options::{Begin, LEAST_FLOOR, SurfaceOptions, SurfaceSettings};
 pub use pixels::Pixels;
 use rounds::grow;
@@ -81,11 +81,6 @@ impl SurfaceOptions {
             factor *= 2;
         }
         factor
-    }
-
-    /// What the last fit needs.
-    fn needs(&self) -> OfFit<'_> {
-        OfFit { options: self, iterations: self.most_iterations() }
     }
 
     /// Iterations at most: on coarse pixels, and at the resolution of the maps.
@@ -132,7 +127,8 @@ impl Solver for SurfaceOptions {
         let Problem { capture, grid, .. } = *problem;
         self.takes(capture)?;
         let (outline, _) = model::outline_of(&capture.outline(), &grid, self, false);
-        let mut plan = Plan::new(&outline, grid, capture.resolution(), &self.needs(), abilities, false)?;
+        let iterations = self.most_iterations();
+        let mut plan = plan(&outline, grid, capture.resolution(), self, iterations, 0, abilities)?;
         fit::share_with_host(&mut plan);
         Ok(plan)
     }

@@ -1,10 +1,12 @@
 //! What a fit of a surface needs of a plan.
 
 use super::options::SurfaceOptions;
-use crate::engine::{Demand, LeftOut, Level, Needs, Pass, Plan};
-use crate::gpu::{Buffer, Constant};
+use crate::Result;
+use crate::engine::{Demand, LeftOut, Level, Plan};
+use crate::gpu::{Abilities, Buffer};
 use crate::surface::passes;
 use crate::transport::kernels::{SURFACE_WEIGHTS, WORKGROUP, buffer, constant};
+use crate::transport::{Grid, Model};
 
 /// A pixel no wider than this many bins of path is rendered as one point: paths over it differ by about as many bins
 /// (benches/NOTES.md).
@@ -24,61 +26,66 @@ const OF_PIXEL: [(Buffer, u64); 6] = [
     (buffer::HEIGHT_MOMENTS, 16),
 ];
 
-/// A fit of at most `iterations[1]` iterations, after `iterations[0]` of other fits.
-pub struct OfFit<'o> {
-    /// The options of the solver.
-    pub options: &'o SurfaceOptions,
-    /// Iterations of other fits, and the most of this one.
-    pub iterations: [usize; 2],
+/// The plan of a fit of at most `iterations[1]` iterations, after `iterations[0]` of other fits. It has room for `least` samples at
+/// least.
+///
+/// # Errors
+/// As [`Plan::open`] and [`Plan::finish`].
+pub fn plan(
+    model: &Model,
+    grid: Grid,
+    scan: [usize; 2],
+    options: &SurfaceOptions,
+    iterations: [usize; 2],
+    least: usize,
+    device: &Abilities,
+) -> Result<Plan> {
+    let SurfaceOptions { accumulation, general, .. } = *options;
+    let demand = Demand { accumulation, general, iterations, ..Demand::default() };
+    // Points of all pixels of both layers.
+    let room = |levels: &[Level]| {
+        let pixels = levels.last().map_or(0, |l| l.grid.n[0] * l.grid.n[1]);
+        [((pixels + pixels / BEHIND) * options.points.unwrap_or(4)).max(least); 2]
+    };
+    let mut plan = Plan::open(model, grid, scan, demand, room, device)?;
+    let points = points_per_pixel(options, &plan) as u32;
+    // A workgroup of `surface_combine` leaves one partial sum of its pixels' points.
+    let constants =
+        [(constant::WEIGHTED, 1), (constant::POINTS, points), (constant::SUMMED, points * WORKGROUP)];
+    plan.constants.extend(constants);
+    plan.add_passes(crate::engine::passes::ALL);
+    plan.add_passes(passes::ALL);
+    let own = buffers(&plan);
+    let mut plan = plan.finish(model, own, false)?;
+    plan.leave_out(left_out);
+    Ok(plan)
 }
 
-impl Needs for OfFit<'_> {
-    fn demand(&self) -> Demand {
-        let SurfaceOptions { accumulation, general, .. } = *self.options;
-        Demand { accumulation, general, iterations: self.iterations, ..Demand::default() }
-    }
+/// Its device buffers with their bytes.
+fn buffers(plan: &Plan) -> Vec<(Buffer, u64)> {
+    let pixels = pixels(plan) as u64;
+    // Of two layers.
+    let columns = 2 * (plan.levels.maps.n[0] * plan.levels.maps.n[1]) as u64;
+    let mut all = vec![
+        (buffer::PIXEL_OF, columns * 4),
+        (buffer::BOND_DEPTHS, columns * 4),
+        (buffer::HEIGHT_PULL, columns * 16),
+        (buffer::SURFACE_WEIGHTS, u64::from(SURFACE_WEIGHTS) * 4),
+        (buffer::HEIGHTS_KEPT, pixels * 8),
+        (buffer::SURFACE_ENERGIES, plan.levels.batches.len().max(1) as u64 * 4),
+    ];
+    all.extend(OF_PIXEL.map(|(buffer, bytes)| (buffer, pixels * bytes)));
+    all
+}
 
-    /// Points of all pixels of both layers.
-    fn capacities(&self, levels: &[Level]) -> [usize; 2] {
-        let pixels = levels.last().map_or(0, |l| l.grid.n[0] * l.grid.n[1]);
-        [(pixels + pixels / BEHIND) * self.options.points.unwrap_or(4); 2]
-    }
-
-    fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)> {
-        let points = points_per_pixel(self.options, plan) as u32;
-        // A workgroup of `surface_combine` leaves one partial sum of its pixels' points.
-        vec![(constant::WEIGHTED, 1), (constant::POINTS, points), (constant::SUMMED, points * WORKGROUP)]
-    }
-
-    fn passes(&self) -> Vec<&'static Pass> {
-        [crate::engine::passes::ALL, passes::ALL].concat()
-    }
-
-    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
-        let pixels = pixels(plan) as u64;
-        // Of two layers.
-        let columns = 2 * (plan.levels.maps.n[0] * plan.levels.maps.n[1]) as u64;
-        let mut all = vec![
-            (buffer::PIXEL_OF, columns * 4),
-            (buffer::BOND_DEPTHS, columns * 4),
-            (buffer::HEIGHT_PULL, columns * 16),
-            (buffer::SURFACE_WEIGHTS, u64::from(SURFACE_WEIGHTS) * 4),
-            (buffer::HEIGHTS_KEPT, pixels * 8),
-            (buffer::SURFACE_ENERGIES, plan.levels.batches.len().max(1) as u64 * 4),
-        ];
-        all.extend(OF_PIXEL.map(|(buffer, bytes)| (buffer, pixels * bytes)));
-        all
-    }
-
-    fn left_out(&self, plan: &Plan, out: &mut LeftOut) {
-        if points_of(plan) == 1 {
-            let why = if is_small(plan) {
-                "bins of path or the impulse response are wider than it"
-            } else {
-                "one was requested"
-            };
-            out.add(format!("three of a surface pixel's four points: {why}"), "three of four of its pairs");
-        }
+fn left_out(plan: &Plan, out: &mut LeftOut) {
+    if points_of(plan) == 1 {
+        let why = if is_small(plan) {
+            "bins of path or the impulse response are wider than it"
+        } else {
+            "one was requested"
+        };
+        out.add(format!("three of a surface pixel's four points: {why}"), "three of four of its pairs");
     }
 }
 

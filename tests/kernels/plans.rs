@@ -2,8 +2,8 @@
 
 use fixtures::device::*;
 use glam::dvec3;
+use thirdbounce::engine::Accumulation;
 use thirdbounce::engine::passes::RESIDUAL;
-use thirdbounce::engine::{Accumulation, Plan};
 use thirdbounce::gpu::{Abilities, DeviceKind, Limits, Schedule};
 use thirdbounce::surface;
 use thirdbounce::transport::kernels::*;
@@ -19,7 +19,7 @@ fn columns_fit_into_the_shared_memory_that_every_device_has() {
     card.limits = Limits { shared_memory: 16_384, workgroup_invocations: 128, ..card.limits };
     let tuning = |model: &Model, accumulation, card: &Abilities| {
         let o = FitNeeds::of(&grid, 1).with(|o| o.accumulation = accumulation);
-        Plan::new(model, grid, [5, 5], &o, card, false).expect("it fits").division.tuning
+        o.plan(model, grid, [5, 5], card).expect("it fits").division.tuning
     };
     let of = |model| tuning(model, Accumulation::Fixed, &card);
     assert_eq!([of(&base).window, of(&product).window], [64, 28]);
@@ -45,7 +45,7 @@ fn a_gpus_distances_are_polished_where_its_root_is_too_rough() {
         let (model, grid) = (model(5, bins, 9), grid());
         for (kind, asks) in [(DeviceKind::Discrete, polished), (DeviceKind::Cpu, false)] {
             let device = Abilities { kind, ..gpu.abilities() };
-            let plan = Plan::new(&model, grid, [5, 5], &FitNeeds::of(&grid, 4), &device, false).unwrap();
+            let plan = FitNeeds::of(&grid, 4).plan(&model, grid, [5, 5], &device).unwrap();
             assert_eq!((plan.scene.polished, plan.scene.fine), (asks, fine), "{bins} bins, {kind}");
             assert_eq!(plan.constant(constant::POLISHED), Some(u32::from(asks)));
         }

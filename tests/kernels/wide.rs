@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use fixtures::device::*;
+use thirdbounce::closed_form::hat;
 use thirdbounce::closed_form::passes::{PROJECTED, gather_filtered};
-use thirdbounce::closed_form::{OfProjection, hat};
 use thirdbounce::engine::{Accumulation, OnDevice, Tuning};
 use thirdbounce::gpu::{Buffer, Command, Gpu, Schedule, Size};
 use thirdbounce::methods::{NoiseTerm, paper};
@@ -100,7 +100,7 @@ fn paper_solve(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
 
 fn projection(gpu: &Gpu, runs: &mut Runs) -> Vec<u32> {
     let (model, grid) = (model(5, 110, 32), grid());
-    let mut job = job(gpu, &model, &grid, &OfProjection { pixels_per_voxel: 1 });
+    let mut job = job(gpu, &model, &grid, Needs::Projection);
     write(&mut job, buffer::HAT_TAPS, &hat(2.0, model.bins));
     let s = Schedule::of(|s| gather_filtered(s, &job.plan, job.plan.finest(), 8));
     runs.run(&mut job, s);

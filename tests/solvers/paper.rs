@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use fixtures::device::*;
 use thirdbounce::Kind;
 use thirdbounce::advice::Setting;
-use thirdbounce::engine::{Accumulation, Plan, Problem, Reconstruction, Solver, default_volume};
+use thirdbounce::engine::{Accumulation, Problem, Reconstruction, Solver, default_volume};
 use thirdbounce::gpu::{Buffer, Gpu, Schedule};
 use thirdbounce::measure::metrics;
 use thirdbounce::methods::{Decay, NoiseTerm, PaperOptions, paper};
@@ -98,7 +98,7 @@ fn the_order_of_events_is_the_papers() {
     let (_, capture) = letter(8);
     let o = small(1000);
     let model = paper::model(&capture, &grid(&capture, &o), &o);
-    let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
+    let plan = paper::plan(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
     let laterals: Vec<usize> = plan.levels.volume.iter().map(|l| l.grid.n[0]).collect();
     assert_eq!(laterals, [8, 16, 32], "from the scan's resolution, doubling");
     let mut level = 0;
@@ -127,7 +127,7 @@ fn the_order_of_events_is_the_papers() {
         o.domain.coarse_to_fine = false;
         o.domain.reduce = false;
     });
-    let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
+    let plan = paper::plan(&model, grid(&capture, &o), capture.scan, &o, &gpu.abilities(), false).unwrap();
     assert_eq!(plan.levels.volume.len(), 1);
     assert!(Schedule::of(|s| paper::due(s, &plan, &o, &mut 0, 50)).commands.is_empty());
 }
@@ -273,7 +273,7 @@ fn what_cannot_run_is_refused_in_words() {
     assert!(error.kind == Kind::Memory && error.hint.names(Setting::Memory), "{error}");
     let deep = Grid { n: [8, 8, 40_000], ..grid(&capture, &o) };
     let model = paper::model(&capture, &deep, &o);
-    let error = Plan::new(&model, deep, capture.scan, &o, &gpu.abilities(), false).unwrap_err();
+    let error = paper::plan(&model, deep, capture.scan, &o, &gpu.abilities(), false).unwrap_err();
     assert!(error.what.contains("40000 voxels deep"), "{error}");
     // Few workgroups make long chunks, but none too long. Where they are too few for the pairs, these are refused.
     let mut few = gpu.abilities();
@@ -281,10 +281,10 @@ fn what_cannot_run_is_refused_in_words() {
     let fixed = o.clone().with(|o| o.accumulation = Accumulation::Fixed);
     let (_, many) = letter(16);
     let g = grid(&many, &o);
-    let error = Plan::new(&paper::model(&many, &g, &o), g, many.scan, &fixed, &few, false).unwrap_err();
+    let error = paper::plan(&paper::model(&many, &g, &o), g, many.scan, &fixed, &few, false).unwrap_err();
     assert!(error.what.contains("256 pairs are more"), "{error}");
     few.limits.groups = [8, 3, 1];
-    let plan = Plan::new(&model, grid(&capture, &o), capture.scan, &fixed, &few, false).unwrap();
+    let plan = paper::plan(&model, grid(&capture, &o), capture.scan, &fixed, &few, false).unwrap();
     assert!(3 * plan.division.tuning.chunk as usize >= plan.finest().grid.storage());
     let error = refused(&capture, &small(40).with(|o| o.learning_rate = 1e30), None);
     assert!(error.what.contains("loss"), "{error}");

@@ -4,9 +4,9 @@
 use std::ops::ControlFlow;
 
 use fixtures::device::*;
-use thirdbounce::engine::{Accumulation, Plan, Problem, Reconstruction, Solver, default_volume};
+use thirdbounce::engine::{Accumulation, Problem, Reconstruction, Solver, default_volume};
 use thirdbounce::gpu::Gpu;
-use thirdbounce::methods::{NoiseTerm, PaperOptions};
+use thirdbounce::methods::{NoiseTerm, PaperOptions, paper};
 use thirdbounce::options::Preset;
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::transport::{Grid, Sampling, Volume};
@@ -90,7 +90,7 @@ fn the_papers_scene_takes_less_than_150_megabytes() {
         let (model, o) = (model(32, 512, 40), PaperOptions::preset(preset));
         assert_eq!(o.noise.term != NoiseTerm::Off, has_noise);
         // With the volume that is read back at the end.
-        let plan = Plan::new(&model, grid, [32, 32], &o, &gpu.abilities(), true).unwrap();
+        let plan = paper::plan(&model, grid, [32, 32], &o, &gpu.abilities(), true).unwrap();
         let bytes: u64 = plan.buffers.iter().map(|b| b.bytes).sum();
         assert!(bytes < 150_000_000, "{preset:?}: {bytes}");
         let [first, last] = [plan.levels.volume[0].grid.storage(), plan.finest().grid.storage()];
@@ -103,7 +103,7 @@ fn the_papers_scene_takes_less_than_150_megabytes() {
         assert!(plan.left_out.iter().any(|l| l.contains("inactive voxels")), "{:?}", plan.left_out);
         // Without a reduction before the doubling there is room for everything.
         for whole in [o.clone().with(|o| o.domain.reduce = false), o.with(|o| o.domain.reduce_every = 30)] {
-            let plan = Plan::new(&model, grid, [32, 32], &whole, &gpu.abilities(), false).unwrap();
+            let plan = paper::plan(&model, grid, [32, 32], &whole, &gpu.abilities(), false).unwrap();
             assert_eq!([plan.domain.capacity, plan.domain.touched_capacity], [last; 2]);
         }
     }

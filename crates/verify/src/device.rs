@@ -3,29 +3,73 @@
 use std::sync::Arc;
 
 use thirdbounce::Result;
-use thirdbounce::engine::{Level, Needs, OnDevice, Plan, Tuning, UPLOAD};
-use thirdbounce::gpu::{Buffer, BufferPlan, Command, Constant, Gpu, Kernel, KernelCode, Place, Schedule};
+use thirdbounce::closed_form::plan_of_projection;
+use thirdbounce::engine::{Level, OnDevice, Plan, Tuning, UPLOAD};
+use thirdbounce::gpu::{
+    Abilities, Buffer, BufferPlan, Command, Constant, Gpu, Kernel, KernelCode, Place, Schedule,
+};
 use thirdbounce::learned::schedule::LEARNED_KERNELS;
+use thirdbounce::methods::{PaperOptions, paper};
 use thirdbounce::transport::kernels::*;
 use thirdbounce::transport::{Grid, Model};
 use thirdbounce_kernels::Cells;
 
+use crate::scenes::FitNeeds;
+
 /// The buffer through which the host reads others.
 const BACK: Buffer = Buffer::named("back");
 
+/// What a job runs.
+#[derive(Clone, Copy)]
+pub enum Needs<'n> {
+    /// The paper's solver.
+    Paper(&'n PaperOptions),
+    /// A fit of a surface.
+    Fit(&'n FitNeeds),
+    /// A back-projection on a grid whose cells are the maps' pixels.
+    Projection,
+}
+
+impl<'n> From<&'n PaperOptions> for Needs<'n> {
+    fn from(options: &'n PaperOptions) -> Needs<'n> {
+        Needs::Paper(options)
+    }
+}
+
+impl<'n> From<&'n FitNeeds> for Needs<'n> {
+    fn from(fit: &'n FitNeeds) -> Needs<'n> {
+        Needs::Fit(fit)
+    }
+}
+
+impl Needs<'_> {
+    fn plan(self, model: &Model, grid: Grid, device: &Abilities) -> Result<Plan> {
+        // Levels follow the resolution of the grid instead of that of the scan.
+        let all = [1, model.pairs()];
+        match self {
+            Needs::Paper(options) => {
+                let scan = if options.domain.coarse_to_fine { [1, grid.n[0] / 2] } else { all };
+                paper::plan(model, grid, scan, options, device, false)
+            }
+            Needs::Fit(fit) => fit.plan(model, grid, all, device),
+            Needs::Projection => plan_of_projection(model, grid, all, 1, device),
+        }
+    }
+}
+
 /// A job whose device buffers are filled with NaN bits, except for the content that [`OnDevice::upload`] writes. Kernels
-/// are made when a schedule runs them. `levels`: two levels of resolution instead of those that follow from the scan.
+/// are made when a schedule runs them.
 ///
 /// # Errors
-/// As [`Plan::new`] and [`OnDevice::new`].
-pub fn job(
+/// As [`Plan::open`] and [`OnDevice::new`].
+pub fn job<'n>(
     gpu: &Gpu,
     model: &Model,
     grid: &Grid,
-    needs: &dyn Needs,
+    needs: impl Into<Needs<'n>>,
     tune: impl FnOnce(&mut Tuning),
 ) -> Result<OnDevice> {
-    job_with(gpu, model, grid, needs, &[], tune)
+    job_with(gpu, model, grid, needs.into(), &[], tune)
 }
 
 /// As [`job`], with more buffers.
@@ -36,16 +80,14 @@ pub(crate) fn job_with(
     gpu: &Gpu,
     model: &Model,
     grid: &Grid,
-    needs: &dyn Needs,
+    needs: Needs<'_>,
     more: &[BufferPlan],
     tune: impl FnOnce(&mut Tuning),
 ) -> Result<OnDevice> {
-    // Levels follow the resolution of the grid instead of that of the scan.
-    let scan = if needs.demand().coarse_to_fine { [1, grid.n[0] / 2] } else { [1, model.pairs()] };
     // Passes over pairs are divided as the kernels need it, not by what the device gets at once: sums keep their order.
     let mut device = gpu.abilities();
     device.limits.work = u64::MAX;
-    let mut plan = Plan::new(model, *grid, scan, needs, &device, false)?;
+    let mut plan = needs.plan(model, *grid, &device)?;
     plan.tune(tune);
     // Room for partial sums of smaller groups than the plan's own.
     for b in plan.buffers.iter_mut().filter(|b| b.buffer.to_string().ends_with("_partials") && b.bytes > 0) {

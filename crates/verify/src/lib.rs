@@ -17,7 +17,7 @@ mod solvers;
 mod steps;
 
 pub use cases::cases;
-pub use device::{job, perform, read_words, write, zero_histograms};
+pub use device::{Needs, job, perform, read_words, write, zero_histograms};
 pub use host::Host;
 pub use physics::{Raw, Sample, Way, instrument, rendered};
 pub use solvers::place;

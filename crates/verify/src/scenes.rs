@@ -3,12 +3,13 @@
 use glam::{DVec3, dvec3};
 
 use thirdbounce::capture::PulseTaps;
-use thirdbounce::engine::{Demand, LeftOut, Level, Needs, Pass, Plan};
-use thirdbounce::gpu::{Buffer, Constant};
+use thirdbounce::engine::Plan;
+use thirdbounce::gpu::Abilities;
 use thirdbounce::methods::{NoiseTerm, PaperOptions};
 use thirdbounce::options::Preset;
-use thirdbounce::surface::{OfFit, Pixels, SurfaceOptions};
+use thirdbounce::surface::{Pixels, SurfaceOptions};
 use thirdbounce::transport::{Binning, Geometry, Grid, Model, Reflectance, Rendered, Spot, Wall};
+use thirdbounce::{Result, surface};
 
 /// Repeatable numbers for tests: PCG-XSH-RR (O'Neill 2014).
 pub struct Random(u64);
@@ -186,35 +187,12 @@ impl FitNeeds {
         self
     }
 
-    fn needs(&self) -> OfFit<'_> {
-        OfFit { options: &self.options, iterations: [0, self.iterations] }
-    }
-}
-
-impl Needs for FitNeeds {
-    fn demand(&self) -> Demand {
-        self.needs().demand()
-    }
-
-    fn capacities(&self, levels: &[Level]) -> [usize; 2] {
-        let voxels = levels.last().map_or(0, |l| l.grid.storage());
-        self.needs().capacities(levels).map(|points| points.max(voxels))
-    }
-
-    fn constants(&self, plan: &Plan) -> Vec<(Constant, u32)> {
-        self.needs().constants(plan)
-    }
-
-    fn passes(&self) -> Vec<&'static Pass> {
-        self.needs().passes()
-    }
-
-    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
-        self.needs().buffers(plan)
-    }
-
-    fn left_out(&self, plan: &Plan, out: &mut LeftOut) {
-        self.needs().left_out(plan, out);
+    /// Its plan.
+    ///
+    /// # Errors
+    /// As [`surface::plan`].
+    pub fn plan(&self, model: &Model, grid: Grid, scan: [usize; 2], device: &Abilities) -> Result<Plan> {
+        surface::plan(model, grid, scan, &self.options, [0, self.iterations], grid.storage(), device)
     }
 }
 

@@ -4,14 +4,14 @@ use std::sync::Arc;
 
 use glam::dvec3;
 
-use super::device::{job, job_with, perform, read_words, write, zero_histograms};
+use super::device::{Needs, job, job_with, perform, read_words, write, zero_histograms};
 use super::scenes::{FitNeeds, Random, both, options};
 use super::steps::{ComparedSteps, compare};
 use super::{CaseSolver, Compared, Doubled, Host, KernelCase};
 use crate::{Sample, Way, instrument, rendered};
+use thirdbounce::closed_form::hat;
 use thirdbounce::closed_form::passes::gather_filtered;
-use thirdbounce::closed_form::{OfProjection, hat};
-use thirdbounce::engine::{Accumulation, Needs, OnDevice, Plan, Tuning};
+use thirdbounce::engine::{Accumulation, OnDevice, Plan, Tuning};
 use thirdbounce::gpu::{Buffer, Gpu, Schedule};
 use thirdbounce::learned::schedule::LearnedSchedule;
 use thirdbounce::learned::{LearnedScan, Network};
@@ -46,7 +46,7 @@ pub fn steps(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Result
 /// The job of a case, with its first state in the buffers.
 pub fn prepared(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Result<OnDevice> {
     let (model, grid) = (&case.model, &case.grid);
-    let make = |needs: &dyn Needs| -> Result<OnDevice> {
+    let make = |needs: Needs<'_>| -> Result<OnDevice> {
         let mut job = job(gpu, model, grid, needs, |t| tune(case, t))?;
         if case.sizes.polished {
             Arc::make_mut(&mut job.plan).constants.insert(constant::POLISHED, 1);
@@ -54,7 +54,7 @@ pub fn prepared(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Res
         Ok(job)
     };
     match case.solver {
-        CaseSolver::Paper { change, doubled, .. } => make(&options(model, grid).with(|o| {
+        CaseSolver::Paper { change, doubled, .. } => make(Needs::Paper(&options(model, grid).with(|o| {
             change(o);
             o.accumulation = accumulation;
             o.domain.coarse_to_fine = !matches!(doubled, Doubled::No | Doubled::HalfRim);
@@ -62,11 +62,11 @@ pub fn prepared(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Res
             if let Doubled::Brightest(share) = doubled {
                 o.domain.room = Some(share);
             }
-        })),
+        }))),
         CaseSolver::Surface { points, spread, long_steps } => {
             let fit =
                 FitNeeds::of(grid, points).with(|o| (o.accumulation, o.sparsity) = (accumulation, 0.05));
-            let mut job = make(&fit)?;
+            let mut job = make(Needs::Fit(&fit))?;
             let pixels = both(grid, 61);
             let placed = Placed { pixels: pixels.len(), most: 60.0, explained: 2.0, left: 2.0 };
             let mut weights = surface::weights(model, job.plan.finest(), placed, &fit.options, 12, 1.0);
@@ -92,7 +92,7 @@ pub fn prepared(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Res
             Ok(job)
         }
         CaseSolver::Projection { sigma, odd } => {
-            let mut job = make(&OfProjection { pixels_per_voxel: 1 })?;
+            let mut job = make(Needs::Projection)?;
             let mut taps = hat(sigma, model.bins);
             taps[0] *= if odd { -1.0 } else { 1.0 };
             write(&mut job, buffer::HAT_TAPS, &taps)?;
@@ -100,13 +100,12 @@ pub fn prepared(case: &KernelCase, gpu: &Gpu, accumulation: Accumulation) -> Res
         }
         CaseSolver::Learned => {
             let (made, content) = learned();
-            let needs = OfProjection { pixels_per_voxel: 1 };
-            let mut job = job_with(gpu, model, grid, &needs, &made.buffers, |_| {})?;
+            let mut job = job_with(gpu, model, grid, Needs::Projection, &made.buffers, |_| {})?;
             write(&mut job, buffer::LEARNED_WEIGHTS, &made.weights)?;
             content.iter().try_for_each(|(to, values)| write(&mut job, *to, values))?;
             Ok(job)
         }
-        CaseSolver::Rounding => make(&OfProjection { pixels_per_voxel: 1 }),
+        CaseSolver::Rounding => make(Needs::Projection),
     }
 }
 

@@ -11,19 +11,18 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::method::ClosedForm;
+use super::method::{By, ClosedForm};
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
 use crate::options::{options, words};
 use crate::transport::Grid;
 pub use hat::hat;
-pub use projecting::{OfProjection, Projecting};
+pub use projecting::plan_of;
+pub(super) use projecting::{Projecting, Projection, pixels_per_voxel, to_refine};
 
 mod hat;
 pub mod passes;
 mod projecting;
-
-use projecting::Projection;
 
 /// What is filtered, and how.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
@@ -106,14 +105,14 @@ impl ClosedForm for BpOptions {
     const NAME: &'static str = "bp";
     const MASK_SHARE: f64 = 1.0;
 
-    type By = Projecting;
+    const BY: By<Self> = By::Device(Projection { filters: Self::filters, join: Self::join });
 
     fn shared(&self) -> (usize, &ImageOptions) {
         (self.lateral, &self.image)
     }
 }
 
-impl Projection for BpOptions {
+impl BpOptions {
     fn filters(&self, _bins: usize, _bin: f64, _step: f64) -> Vec<Vec<f32>> {
         vec![vec![0.0, 1.0]]
     }
@@ -127,7 +126,7 @@ impl ClosedForm for FbpOptions {
     const NAME: &'static str = "fbp";
     const MASK_SHARE: f64 = 0.66;
 
-    type By = Projecting;
+    const BY: By<Self> = By::Device(Projection { filters: Self::filters, join: Self::join });
 
     fn shared(&self) -> (usize, &ImageOptions) {
         (self.lateral, &self.image)
@@ -144,7 +143,7 @@ impl ClosedForm for FbpOptions {
     }
 }
 
-impl Projection for FbpOptions {
+impl FbpOptions {
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
         match self.filter {
             Filter::Path => vec![hat(self.width() * step / bin, bins)],
@@ -173,7 +172,7 @@ impl ClosedForm for PhasorBpOptions {
     const NAME: &'static str = "phasor-bp";
     const MASK_SHARE: f64 = 0.70;
 
-    type By = Projecting;
+    const BY: By<Self> = By::Device(Projection { filters: Self::filters, join: Self::join });
 
     fn shared(&self) -> (usize, &ImageOptions) {
         (self.lateral, &self.image)
@@ -184,7 +183,7 @@ impl ClosedForm for PhasorBpOptions {
     }
 }
 
-impl Projection for PhasorBpOptions {
+impl PhasorBpOptions {
     fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>> {
         let wavelength = self.wavelength.unwrap_or(BP_WAVELENGTHS.values[0]);
         super::phasor::pulse(wavelength * step / bin, self.cycles, bins).into()

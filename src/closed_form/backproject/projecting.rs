@@ -11,33 +11,34 @@ use super::passes::{BACKPROJECT, FILTER, PROJECTED, gather_filtered};
 use crate::advice::advice;
 use crate::capture::{Background, Capture};
 use crate::closed_form::image::{AlbedoVolume, on_grid};
-use crate::closed_form::method::{ClosedForm, Imager};
+use crate::closed_form::method::ClosedForm;
 use crate::closed_form::on_host::check_host_memory;
 use crate::closed_form::options::ImageOptions;
 use crate::closed_form::scan::RegularScan;
 use crate::closed_form::sharpness::{Ladder, even_weights, noise, weigh, with_random_signs};
 use crate::closed_form::upsample;
 use crate::engine::{
-    Demand, Needs, OnDevice, OneLevel, Pass, Plan, Planned, Problem, RAW_HOST, Reconstruction, RunsOn,
-    Sharpness, TimedSchedule, outline,
+    Demand, OnDevice, Plan, Planned, Problem, RAW_HOST, Reconstruction, Sharpness, TimedSchedule, outline,
 };
-use crate::gpu::{Abilities, Buffer, BufferPlan, Constant, Gpu, Place, Schedule};
+use crate::gpu::{Abilities, BufferPlan, Gpu, Place, Schedule};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Grid, Model, Rows};
 use crate::{Error, Result};
 
-/// A method that back-projects on the device.
-pub trait Projection: ClosedForm<By = Projecting> {
-    /// The filters, one for each projection: words of `filter.comp`. `bin` and `step` are the width of a bin and the
-    /// distance of scan points, metres.
-    fn filters(&self, bins: usize, bin: f64, step: f64) -> Vec<Vec<f32>>;
+/// Numbers of each filter or projection.
+pub type Numbers = Vec<Vec<f32>>;
 
-    /// What it makes of the projections, `[(x * n[1] + y) * n[2] + z]` each.
-    fn join(&self, projected: Vec<Vec<f32>>, grid: &Grid, step: f64) -> Vec<f32>;
+/// What a method that back-projects on the device has of its own.
+pub struct Projection<M> {
+    /// The filters, one for each projection: words of `filter.comp`. Given: bins, the width of a bin and the distance of scan points,
+    /// metres.
+    pub filters: fn(&M, usize, f64, f64) -> Numbers,
+    /// What it makes of the projections, `[(x * n[1] + y) * n[2] + z]` each, on a grid, with that distance.
+    pub join: fn(&M, Numbers, &Grid, f64) -> Vec<f32>,
 }
 
 /// Pixels that a voxel is wide in maps of `lateral` pixels. Voxels finer than the scan would only cost time.
-fn pixels_per_voxel(lateral: usize) -> usize {
+pub fn pixels_per_voxel(lateral: usize) -> usize {
     1 + usize::from(lateral.is_multiple_of(2) && lateral / 2 >= FEWEST)
 }
 
@@ -47,38 +48,11 @@ const FEWEST: usize = 64;
 /// Columns along each side that tell the noise.
 const COLUMNS: usize = 16;
 
-/// What a back-projection needs of a plan: the two passes, and a number per voxel.
-pub struct OfProjection {
-    /// Pixels of the maps side by side in a voxel.
-    pub pixels_per_voxel: usize,
-}
-
-impl Needs for OfProjection {
-    fn demand(&self) -> Demand {
-        OneLevel { pixels_per_voxel: self.pixels_per_voxel }.demand()
-    }
-
-    fn constants(&self, _plan: &Plan) -> Vec<(Constant, u32)> {
-        vec![(constant::WEIGHTED, 1)]
-    }
-
-    fn passes(&self) -> Vec<&'static Pass> {
-        vec![&FILTER, &BACKPROJECT]
-    }
-
-    fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {
-        vec![
-            (buffer::HAT_TAPS, plan.scene.bins as u64 * 4 + 4),
-            (PROJECTED, plan.finest().grid.storage() as u64 * 4),
-        ]
-    }
-}
-
 /// The scan that the options ask to make finer, if they do.
 ///
 /// # Errors
 /// The scan cannot be made finer: it is not regular, the wall is not flat, or the points would be empty.
-fn to_refine(capture: &Capture, image: &ImageOptions) -> Result<Option<RegularScan>> {
+pub fn to_refine(capture: &Capture, image: &ImageOptions) -> Result<Option<RegularScan>> {
     if image.upsample == 1 {
         return Ok(None);
     }
@@ -108,9 +82,30 @@ fn outline_of(capture: &Capture, grid: &Grid, image: &ImageOptions) -> (Model, R
     (model, rows)
 }
 
+/// The plan of a back-projection: its two passes, and a number per voxel.
+///
+/// # Errors
+/// As [`Plan::open`] and [`Plan::finish`].
+pub fn plan_of(
+    model: &Model,
+    grid: Grid,
+    scan: [usize; 2],
+    pixels_per_voxel: usize,
+    device: &Abilities,
+) -> Result<Plan> {
+    let demand = Demand::of_one_step(pixels_per_voxel);
+    let mut plan = Plan::open(model, grid, scan, demand, |_| [1; 2], device)?;
+    plan.constants.insert(constant::WEIGHTED, 1);
+    plan.add_passes(&[&FILTER, &BACKPROJECT]);
+    let own = vec![
+        (buffer::HAT_TAPS, plan.scene.bins as u64 * 4 + 4),
+        (PROJECTED, plan.finest().grid.storage() as u64 * 4),
+    ];
+    plan.finish(model, own, false)
+}
+
 fn plan(model: &Model, capture: &Capture, grid: Grid, abilities: &Abilities) -> Result<Plan> {
-    let needs = OfProjection { pixels_per_voxel: pixels_per_voxel(grid.n[0]) };
-    let mut plan = Plan::new(model, grid, capture.resolution(), &needs, abilities, false)?;
+    let mut plan = plan_of(model, grid, capture.resolution(), pixels_per_voxel(grid.n[0]), abilities)?;
     let voxels = plan.finest().grid.storage() as u64;
     plan.buffers.push(BufferPlan::new(RAW_HOST, voxels * 4, Place::Readback));
     Ok(plan)
@@ -184,10 +179,16 @@ impl Projector {
     }
 
     /// What the method makes of the counts that the device has, at the voxels of the grid that comes with it.
-    fn image<M: Projection>(&mut self, options: &M, bin_width: f64, step: f64) -> Result<(Grid, Vec<f32>)> {
+    fn image<M>(
+        &mut self,
+        options: &M,
+        method: &Projection<M>,
+        bin_width: f64,
+        step: f64,
+    ) -> Result<(Grid, Vec<f32>)> {
         let (grid, bins) = (self.0.plan().finest().grid, self.0.plan().scene.bins);
-        let projected = self.projections(&options.filters(bins, bin_width, step))?;
-        Ok((grid, options.join(projected, &grid, step)))
+        let projected = self.projections(&(method.filters)(options, bins, bin_width, step))?;
+        Ok((grid, (method.join)(options, projected, &grid, step)))
     }
 }
 
@@ -205,9 +206,10 @@ pub struct Projecting {
 
 impl Projecting {
     /// Chooses the sharpness by the noise of a few columns, if the options leave it open; and the weights of depths, if there are.
-    fn sharpness<M: Projection>(
+    fn sharpness<M: ClosedForm>(
         &mut self,
         options: &M,
+        method: &Projection<M>,
         capture: &Capture,
         light: &CorrectedCounts<'_>,
         step: f64,
@@ -221,9 +223,9 @@ impl Projecting {
         let (chosen, weights) = ladder.choose(|value| {
             let options = options.with_sharpness(value);
             dark.scale = Some(columns.take(&self.rows, light)?);
-            let (grid, mut light) = columns.image(&options, capture.bin_width, step)?;
+            let (grid, mut light) = columns.image(&options, method, capture.bin_width, step)?;
             columns.take(&self.rows, &dark)?;
-            let (_, mut dark) = columns.image(&options, capture.bin_width, step)?;
+            let (_, mut dark) = columns.image(&options, method, capture.bin_width, step)?;
             let weights = self.is_start.then(|| even_weights(&light, &dark, grid.n[2]));
             if let Some(weights) = &weights {
                 [&mut light, &mut dark].into_iter().for_each(|volume| weigh(volume, weights));
@@ -243,31 +245,23 @@ fn columns_of(grid: &Grid) -> Grid {
     Grid { n, origin: corner + 0.5 * pitch, pitch }
 }
 
-impl<M: Projection> Imager<M> for Projecting {
-    const RUNS_ON: RunsOn = RunsOn::Device;
-
-    fn pixels_per_voxel(lateral: usize) -> usize {
-        pixels_per_voxel(lateral)
-    }
-
-    fn check(options: &M, capture: Option<&Capture>) -> Result<()> {
-        upsample::check_sum(options.image(), M::NAME)?;
-        capture.map_or(Ok(()), |capture| to_refine(capture, options.image()).map(|_| ()))
-    }
-
-    fn plan_for(options: &M, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
+impl Projecting {
+    /// As [`crate::engine::Solver::plan`].
+    pub fn plan_for(image: &ImageOptions, problem: &Problem<'_>, abilities: &Abilities) -> Result<Plan> {
         let Problem { capture, grid, .. } = *problem;
-        let scan = to_refine(capture, options.image())?;
-        let fine = pairs_on(scan.as_ref(), capture, options.image());
-        plan(&outline_of(&fine, &grid, options.image()).0, &fine, grid, abilities)
+        let scan = to_refine(capture, image)?;
+        let fine = pairs_on(scan.as_ref(), capture, image);
+        plan(&outline_of(&fine, &grid, image).0, &fine, grid, abilities)
     }
 
-    fn outline(plan: &Plan) -> Vec<TimedSchedule> {
+    /// As [`crate::engine::Solver::outline`].
+    pub fn outline(plan: &Plan) -> Vec<TimedSchedule> {
         let schedule = Schedule::of(|s| gather_filtered(s, plan, plan.finest(), plan.scene.bins));
         outline::of_start("volume", plan, plan.finest(), &schedule)
     }
 
-    fn new(options: &M, gpu: &Gpu, problem: &Problem<'_>) -> Result<Projecting> {
+    /// As [`crate::engine::Solver::prepare`].
+    pub fn new<M: ClosedForm>(options: &M, gpu: &Gpu, problem: &Problem<'_>) -> Result<Projecting> {
         let Problem { capture, grid, memory, is_start, .. } = *problem;
         let scan = to_refine(capture, options.image())?;
         let fine = pairs_on(scan.as_ref(), capture, options.image());
@@ -288,11 +282,13 @@ impl<M: Projection> Imager<M> for Projecting {
         Ok(Projecting { all, columns, rows, scan, grid, is_start })
     }
 
-    fn plan(&self) -> &Arc<Plan> {
+    /// Levels, passes and buffers.
+    pub fn plan(&self) -> &Arc<Plan> {
         self.all.0.plan()
     }
 
-    fn allocate(&mut self) -> Result<()> {
+    /// As [`crate::engine::Prepared::allocate`].
+    pub fn allocate(&mut self) -> Result<()> {
         for projector in self.columns.as_mut().map(|(_, columns)| columns).into_iter().chain([&mut self.all])
         {
             let job = projector.made()?;
@@ -303,28 +299,36 @@ impl<M: Projection> Imager<M> for Projecting {
         Ok(())
     }
 
-    fn make(&mut self, capture: &Capture) -> Result<()> {
+    /// Makes what the capture needs.
+    pub fn make(&mut self, capture: &Capture) -> Result<()> {
         if let Some((_, columns)) = self.columns.as_mut().filter(|_| capture.integer_counts) {
             columns.made()?;
         }
         self.all.made().map(|_| ())
     }
 
-    fn step(&self, capture: &Capture) -> f64 {
+    /// The distance of scan points, metres.
+    pub fn step(&self, capture: &Capture) -> f64 {
         capture.spacing().unwrap_or(self.grid.pitch.x)
     }
 
-    fn volume(&mut self, options: &M, capture: &Capture) -> Result<(AlbedoVolume, Option<Sharpness>)> {
-        let step = Imager::<M>::step(self, capture);
+    /// The volume of a capture, and how sharp it is.
+    pub fn volume<M: ClosedForm>(
+        &mut self,
+        options: &M,
+        method: &Projection<M>,
+        capture: &Capture,
+    ) -> Result<(AlbedoVolume, Option<Sharpness>)> {
+        let step = self.step(capture);
         let image = options.image();
         let light = CorrectedCounts::of(capture, self.scan.as_ref(), image, image.background);
-        let (sharpness, weights) = self.sharpness(options, capture, &light, step)?;
+        let (sharpness, weights) = self.sharpness(options, method, capture, &light, step)?;
         self.all.take(&self.rows, &light)?;
         let options = match sharpness {
             Some(chosen) => options.with_sharpness(chosen.value),
             None => options.clone(),
         };
-        let (grid, mut albedo) = self.all.image(&options, capture.bin_width, step)?;
+        let (grid, mut albedo) = self.all.image(&options, method, capture.bin_width, step)?;
         if let Some(weights) = weights {
             weigh(&mut albedo, &weights);
         }
@@ -332,7 +336,8 @@ impl<M: Projection> Imager<M> for Projecting {
         Ok((AlbedoVolume { albedo: on_grid(&lattice, &albedo, &self.grid), normal: None }, sharpness))
     }
 
-    fn conclude(&mut self, done: &mut Reconstruction) -> Result<()> {
+    /// Adds what it alone knows.
+    pub fn conclude(&mut self, done: &mut Reconstruction) -> Result<()> {
         done.filled = self.scan.as_ref().map_or(0, |scan| scan.gaps.len());
         let executor = &mut self.all.made()?.executor;
         done.device_bytes = executor.bytes();

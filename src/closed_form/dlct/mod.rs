@@ -17,8 +17,8 @@ use rayon::prelude::*;
 use super::fourier::{Complex, Line, SpareSpectra, transpose};
 use super::image::{AlbedoVolume, on_grid_signed};
 use super::light_cone::{ConeCells, SNR, filter_planes};
-use super::method::ClosedForm;
-use super::on_host::{HostMethod, OnHost};
+use super::method::{By, ClosedForm};
+use super::on_host::HostMethod;
 use super::options::{ImageOptions, ImageSettings};
 use super::scan::RegularScan;
 use super::sharpness::Ladder;
@@ -60,7 +60,8 @@ impl ClosedForm for DlctOptions {
     const NAME: &'static str = "dlct";
     const MASK_SHARE: f64 = 0.70;
 
-    type By = OnHost;
+    const BY: By<Self> =
+        By::Host(HostMethod { scan: Self::scan, arrays: Self::arrays, volume: Self::volume });
 
     fn shared(&self) -> (usize, &ImageOptions) {
         (self.lateral, &self.image)
@@ -71,7 +72,7 @@ impl ClosedForm for DlctOptions {
     }
 }
 
-impl HostMethod for DlctOptions {
+impl DlctOptions {
     fn scan(&self, capture: &Capture) -> Result<RegularScan> {
         if self.image.reflectance == Reflectance::Retroreflective {
             return Err(Error::input(

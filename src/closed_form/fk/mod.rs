@@ -16,8 +16,8 @@ use rayon::prelude::*;
 use super::fourier::{Complex, Line, Planes, Spare, SpareSpectra, fast_length, transpose, turn, wave_number};
 use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::plane_waves;
-use super::method::ClosedForm;
-use super::on_host::{HostMethod, OnHost};
+use super::method::{By, ClosedForm};
+use super::on_host::HostMethod;
 use super::options::{ImageOptions, ImageSettings};
 use super::resample::linear;
 use super::scan::RegularScan;
@@ -88,14 +88,15 @@ impl ClosedForm for FkOptions {
     const NAME: &'static str = "fk";
     const MASK_SHARE: f64 = 0.64;
 
-    type By = OnHost;
+    const BY: By<Self> =
+        By::Host(HostMethod { scan: Self::scan, arrays: Self::arrays, volume: Self::volume });
 
     fn shared(&self) -> (usize, &ImageOptions) {
         (self.lateral, &self.image)
     }
 }
 
-impl HostMethod for FkOptions {
+impl FkOptions {
     fn scan(&self, capture: &Capture) -> Result<RegularScan> {
         RegularScan::confocal(capture, "f-k migration")
     }

@@ -13,8 +13,8 @@
 use super::fourier::{Complex, Line, SpareSpectra, resize, transpose};
 use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::{ConeCells, SNR, filter_planes};
-use super::method::ClosedForm;
-use super::on_host::{HostMethod, OnHost};
+use super::method::{By, ClosedForm};
+use super::on_host::HostMethod;
 use super::options::{ImageOptions, ImageSettings};
 use super::scan::RegularScan;
 use super::sharpness::Ladder;
@@ -55,7 +55,8 @@ impl ClosedForm for LctOptions {
     const NAME: &'static str = "lct";
     const MASK_SHARE: f64 = 0.66;
 
-    type By = OnHost;
+    const BY: By<Self> =
+        By::Host(HostMethod { scan: Self::scan, arrays: Self::arrays, volume: Self::volume });
 
     fn shared(&self) -> (usize, &ImageOptions) {
         (self.lateral, &self.image)
@@ -66,7 +67,7 @@ impl ClosedForm for LctOptions {
     }
 }
 
-impl HostMethod for LctOptions {
+impl LctOptions {
     fn scan(&self, capture: &Capture) -> Result<RegularScan> {
         RegularScan::confocal(capture, "the light-cone transform")
     }

@@ -18,8 +18,8 @@ use rayon::prelude::*;
 use super::fourier::{Complex, Line, Planes, Spare, SpareSpectra, fast_length, transpose, turn, wave_number};
 use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::plane_waves;
-use super::method::ClosedForm;
-use super::on_host::{HostMethod, OnHost};
+use super::method::{By, ClosedForm};
+use super::on_host::HostMethod;
 use super::options::{ImageOptions, ImageSettings};
 use super::scan::RegularScan;
 use super::sharpness::Ladder;
@@ -126,7 +126,8 @@ impl ClosedForm for PhasorOptions {
     const NAME: &'static str = "phasor";
     const MASK_SHARE: f64 = 0.50;
 
-    type By = OnHost;
+    const BY: By<Self> =
+        By::Host(HostMethod { scan: Self::scan, arrays: Self::arrays, volume: Self::volume });
 
     fn shared(&self) -> (usize, &ImageOptions) {
         (self.lateral, &self.image)
@@ -137,7 +138,7 @@ impl ClosedForm for PhasorOptions {
     }
 }
 
-impl HostMethod for PhasorOptions {
+impl PhasorOptions {
     fn scan(&self, capture: &Capture) -> Result<RegularScan> {
         RegularScan::with_one_spot(capture, "the phasor field")
     }

@@ -30,6 +30,13 @@ pub struct Demand {
     pub betas: [f64; 2],
 }
 
+impl Demand {
+    /// What a method without iterations asks: one level, and nothing is rendered.
+    pub fn of_one_step(pixels_per_voxel: usize) -> Demand {
+        Demand { renders: false, pixels_per_voxel, ..Demand::default() }
+    }
+}
+
 /// One level and exact gradients.
 impl Default for Demand {
     fn default() -> Demand {

@@ -27,4 +27,4 @@ pub use saved::mebibytes;
 pub use scene::ModelSizes;
 pub use spots::{BETWEEN, SEEN, Spots};
 pub use tuning::{Accumulation, Tuning};
-pub use whole::{Fault, Needs, OneLevel, Pass, Plan, Voxels};
+pub use whole::{Fault, Pass, Plan, Voxels};

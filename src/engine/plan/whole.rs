@@ -1,6 +1,6 @@
 //! What a solve needs of the device: levels, passes, buffers. Made before anything is allocated.
 //!
-//! A plan is independent of solvers. A solver's options say what they need ([`Needs`]), and the plan adds what every solver has.
+//! A plan is independent of solvers. A solver opens one with what it asks for ([`Demand`]), adds what is its own, and finishes it.
 //! A pass is one declared row: what schedules, plans, faults, reports, the profiler and the tests know of it. Every solver's folder
 //! declares its passes with [`passes!`] in a file `passes.rs`; those that solvers share stand in [`super::passes`]. What a pass reads and
 //! writes is not written down: `build.rs` reads it from the compiled module ([`Pass::reads`], [`Pass::writes`]).
@@ -51,23 +51,23 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Plans a solver for `model` on `grid`, whose lateral cells are the maps' pixels, for a device with these
-    /// abilities. With `with_volume` the volume can be read back.
+    /// Opens a plan of `model` on `grid`, whose lateral cells are the maps' pixels, for a device with these abilities. `room`: voxels
+    /// that may be active at once, and touched at once, over the levels of the volume. The solver adds its constants and blocks, then
+    /// its passes ([`Plan::add_passes`]), and finishes the plan ([`Plan::finish`]).
     ///
     /// # Errors
     /// The device does not offer the accumulation, or sizes exceed 32-bit indices.
-    pub fn new(
+    pub fn open(
         model: &Model,
         grid: Grid,
         scan: [usize; 2],
-        needs: &dyn Needs,
+        demand: Demand,
+        room: impl FnOnce(&[Level]) -> [usize; 2],
         device: &Abilities,
-        with_volume: bool,
     ) -> Result<Plan> {
-        let demand = needs.demand();
         check_sizes(model, &grid)?;
         let levels = Levels::of(model, grid, scan, &demand);
-        let domain = DomainCapacity::of(needs.capacities(&levels.volume), &demand);
+        let domain = DomainCapacity::of(room(&levels.volume), &demand);
         let mut plan = Plan {
             scene: ModelSizes::of(model, &grid, device.kind),
             division: WorkDivision::of(model, &levels, &domain, &demand, device)?,
@@ -77,28 +77,40 @@ impl Plan {
             constants: BTreeMap::new(),
             blocks: vec![],
             passes: vec![],
-            with_volume,
+            with_volume: false,
             buffers: vec![],
             left_out: vec![],
         };
-        plan.blocks = needs.blocks(&plan.levels.volume);
         plan.constants = plan.shared_constants();
-        plan.constants.extend(needs.constants(&plan));
-        plan.passes = needs.passes().into_iter().filter(|pass| (pass.when)(&plan)).collect();
-        plan.check_pairs(model)?;
-        plan.buffers = plan.list_buffers(needs.buffers(&plan), with_volume);
-        plan.left_out = plan.lines_of_left_out(needs);
         Ok(plan)
     }
 
-    /// What this scene does not need, in words.
-    fn lines_of_left_out(&self, needs: &dyn Needs) -> Vec<String> {
-        let mut left_out = LeftOut::default();
+    /// Adds those of the passes that the plan needs ([`Pass::when`]).
+    pub fn add_passes(&mut self, passes: &[&'static Pass]) {
+        let needed: Vec<_> = passes.iter().copied().filter(|pass| (pass.when)(self)).collect();
+        self.passes.extend(needed);
+    }
+
+    /// Finishes the plan of a solver with its `own` device buffers and their bytes; those that all solvers have are added. With
+    /// `with_volume` the volume can be read back.
+    ///
+    /// # Errors
+    /// Sizes exceed 32-bit indices.
+    pub fn finish(mut self, model: &Model, own: Vec<(Buffer, u64)>, with_volume: bool) -> Result<Plan> {
+        self.check_pairs(model)?;
+        self.with_volume = with_volume;
+        self.buffers = self.list_buffers(own, with_volume);
         if self.demand.renders {
-            self.list_left_out(&mut left_out);
+            self.leave_out(Plan::list_left_out);
         }
-        needs.left_out(self, &mut left_out);
-        left_out.lines
+        Ok(self)
+    }
+
+    /// Lists what this scene does not need.
+    pub fn leave_out(&mut self, list: impl FnOnce(&Plan, &mut LeftOut)) {
+        let mut out = LeftOut { lines: std::mem::take(&mut self.left_out) };
+        list(self, &mut out);
+        self.left_out = out.lines;
     }
 
     /// The passes with their modules and constants, for reports.
@@ -202,52 +214,6 @@ fn check_sizes(model: &Model, grid: &Grid) -> Result<()> {
         }
     }
     Ok(())
-}
-
-/// What a solver needs of a plan. Its options implement this.
-pub trait Needs {
-    /// The plain part.
-    fn demand(&self) -> Demand;
-
-    /// Voxels that may be active at once, and touched at once, over these levels.
-    fn capacities(&self, _levels: &[Level]) -> [usize; 2] {
-        [1; 2]
-    }
-
-    /// Values of the constants that its passes share.
-    fn constants(&self, _plan: &Plan) -> Vec<(Constant, u32)> {
-        vec![]
-    }
-
-    /// The content of its own uniform blocks over these levels: numbers that the scene does not have.
-    fn blocks(&self, _levels: &[Level]) -> Vec<(Buffer, Vec<u8>)> {
-        vec![]
-    }
-
-    /// Its passes, those that solvers share among them. The plan leaves out those that it does not need ([`Pass::when`]).
-    fn passes(&self) -> Vec<&'static Pass> {
-        vec![]
-    }
-
-    /// Its device buffers with their bytes. The plan adds those that all solvers have.
-    fn buffers(&self, _plan: &Plan) -> Vec<(Buffer, u64)> {
-        vec![]
-    }
-
-    /// Lists what it does not need, and what that saves.
-    fn left_out(&self, _plan: &Plan, _out: &mut LeftOut) {}
-}
-
-/// What a method without iterations asks: one level, and nothing is rendered.
-pub struct OneLevel {
-    /// As [`Demand::pixels_per_voxel`].
-    pub pixels_per_voxel: usize,
-}
-
-impl Needs for OneLevel {
-    fn demand(&self) -> Demand {
-        Demand { renders: false, pixels_per_voxel: self.pixels_per_voxel, ..Demand::default() }
-    }
 }
 
 /// A pass, declared as one row.

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use crate::Result;
 use crate::capture::{Background, Capture};
 use crate::engine::{
-    Common, Iterate, Level, Needs, OnDevice, Pass, Plan, Planned, Prepared, Problem, Reconstruction, RunsOn,
-    Solver, TimedSchedule, Watch, drive, finish, outline,
+    Common, Iterate, Level, OnDevice, Pass, Plan, Planned, Prepared, Problem, Reconstruction, RunsOn, Solver,
+    TimedSchedule, Watch, drive, finish, outline,
 };
 use crate::gpu::{Abilities, Gpu, Schedule, check};
 use crate::transport::{Grid, Model, Rows};
@@ -18,6 +18,7 @@ pub mod passes;
 mod schedule;
 
 pub use domain::{compact, extract};
+pub use needs::plan;
 pub use options::{
     Decay, Domain, DomainSettings, Noise, NoiseSettings, NoiseTerm, PaperOptions, PaperSettings,
 };
@@ -63,7 +64,7 @@ impl Solver for PaperOptions {
         // The counts are as large as all the rest, and a plan is the same without them.
         let Problem { capture, grid, with_volume, .. } = *problem;
         let (outline, _) = outline_of(&capture.outline(), &grid, self);
-        Plan::new(&outline, grid, capture.resolution(), self, abilities, with_volume)
+        plan(&outline, grid, capture.resolution(), self, abilities, with_volume)
     }
 
     fn outline(&self, plan: &Plan) -> Vec<TimedSchedule> {
@@ -74,7 +75,7 @@ impl Solver for PaperOptions {
         PaperOptions::check(self)?;
         let Problem { capture, grid, memory, with_volume, .. } = *problem;
         let (outline, rows) = outline_of(capture, &grid, self);
-        let plan = Plan::new(&outline, grid, capture.resolution(), self, &gpu.abilities(), with_volume)?;
+        let plan = plan(&outline, grid, capture.resolution(), self, &gpu.abilities(), with_volume)?;
         check(&plan.buffers, &gpu.memory(), memory)?;
         let planned = Planned::new(gpu, outline, plan, memory);
         Ok(Box::new(PreparedPaper { planned, rows, options: self.clone(), with_volume }))

@@ -1,11 +1,12 @@
 //! What the paper's solver needs of a plan.
 
 use super::options::{Decay, NoiseTerm, PaperOptions};
-use crate::engine::{Demand, LeftOut, Level, Needs, Pass, Plan, mebibytes};
-use crate::gpu::{Buffer, Constant};
+use crate::Result;
+use crate::engine::{Demand, LeftOut, Level, Plan, mebibytes};
+use crate::gpu::{Abilities, Buffer, Constant};
 use crate::methods::paper::passes;
 use crate::transport::kernels::{LEVELS, PaperData, WORKGROUP, buffer, constant};
-use crate::transport::{BRICK_VOXELS, Grid, Sampling};
+use crate::transport::{BRICK_VOXELS, Grid, Model, Sampling};
 
 /// Numbers per voxel while the domain changes.
 const SMOOTH: [Buffer; 2] = [Buffer::named("smooth"), Buffer::named("smooth_spare")];
@@ -39,8 +40,32 @@ pub(super) fn block_of(plan: &Plan, level: &Level) -> Buffer {
     buffer::PAPER.at(at as u16)
 }
 
-impl Needs for PaperOptions {
-    fn demand(&self) -> Demand {
+/// The plan of the solver. With `with_volume` the volume can be read back.
+///
+/// # Errors
+/// As [`Plan::open`] and [`Plan::finish`].
+pub fn plan(
+    model: &Model,
+    grid: Grid,
+    scan: [usize; 2],
+    options: &PaperOptions,
+    device: &Abilities,
+    with_volume: bool,
+) -> Result<Plan> {
+    let mut plan = Plan::open(model, grid, scan, options.demand(), |levels| options.room(levels), device)?;
+    plan.blocks = options.blocks(&plan.levels.volume);
+    plan.constants.extend(options.constants());
+    plan.add_passes(crate::engine::passes::ALL);
+    plan.add_passes(passes::ALL);
+    let own = options.buffers(&plan);
+    let mut plan = plan.finish(model, own, with_volume)?;
+    plan.leave_out(|plan, out| options.left_out(plan, out));
+    Ok(plan)
+}
+
+impl PaperOptions {
+    /// What it asks of a plan.
+    pub fn demand(&self) -> Demand {
         Demand {
             accumulation: self.accumulation,
             general: self.general,
@@ -56,9 +81,10 @@ impl Needs for PaperOptions {
         }
     }
 
-    /// A share of the last grid, and all of the first, where the solver begins. A reduction by a wide Gaussian leaves
-    /// up to a tenth of a grid before the last. If there are more voxels, the brightest stay.
-    fn capacities(&self, levels: &[Level]) -> [usize; 2] {
+    /// Voxels that may be active at once, and touched at once: a share of the last grid, and all of the first, where the solver
+    /// begins. A reduction by a wide Gaussian leaves up to a tenth of a grid before the last. If there are more voxels, the brightest
+    /// stay.
+    fn room(&self, levels: &[Level]) -> [usize; 2] {
         const SMALL: usize = 1 << 18;
         let [first, last] = [levels.first(), levels.last()].map(|l| l.map_or(0, |l| l.grid.storage()));
         let reduces = self.domain.reduce && self.domain.double_every.is_multiple_of(self.domain.reduce_every);
@@ -71,13 +97,13 @@ impl Needs for PaperOptions {
         [active, if self.sampling == Sampling::Continuous { with_rim(active, last) } else { active }]
     }
 
-    fn constants(&self, _: &Plan) -> Vec<(Constant, u32)> {
+    fn constants(&self) -> [(Constant, u32); 5] {
         let term = match self.noise.term {
             NoiseTerm::Off => 0,
             NoiseTerm::Bin => 1,
             NoiseTerm::Histogram => 2,
         };
-        vec![
+        [
             (constant::CONTINUOUS, u32::from(self.sampling == Sampling::Continuous)),
             (constant::NOISE, term),
             (constant::PER_HISTOGRAM, u32::from(self.noise.term == NoiseTerm::Histogram)),
@@ -91,10 +117,6 @@ impl Needs for PaperOptions {
             (buffer::PAPER.at(i), bytemuck::bytes_of(&self.block(&level.grid)).to_vec())
         };
         (0..).zip(levels).map(of).collect()
-    }
-
-    fn passes(&self) -> Vec<&'static Pass> {
-        [crate::engine::passes::ALL, passes::ALL].concat()
     }
 
     fn buffers(&self, plan: &Plan) -> Vec<(Buffer, u64)> {

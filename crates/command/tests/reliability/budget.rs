@@ -9,7 +9,7 @@ use thirdbounce::gpu::{
     Abilities, Accumulations, Buffer, BufferPlan, DeviceKind, Faults, Limits, Memory, Place, check,
 };
 use thirdbounce::job::Request;
-use thirdbounce::methods::SolverOptions;
+use thirdbounce::methods::{SolverOptions, paper};
 use thirdbounce::simulate::{RenderOptions, Scene, simulate};
 use thirdbounce::transport::{Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Error, Kind, Settings, job};
@@ -177,7 +177,7 @@ fn claimed() -> Row {
     for (pairs, bins, lateral, layers, [planned, usual, least]) in cases {
         let plan = || -> Result<Plan, Error> {
             let grid = grid(lateral, layers * 0.001)?;
-            Plan::new(&model(pairs, bins), grid, [lateral, lateral], &options, &abilities(USUAL), false)
+            paper::plan(&model(pairs, bins), grid, [lateral, lateral], &options, &abilities(USUAL), false)
         };
         let allowed = |range: u64| {
             plan().and_then(|p| check(&p.buffers, &Memory::of_card(range, [u64::MAX / 2; 2]), None))

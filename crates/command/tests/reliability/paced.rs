@@ -9,7 +9,7 @@ use thirdbounce::gpu::{
     Limits, Place, Point, Schedule,
 };
 use thirdbounce::methods::{SolverOptions, paper};
-use thirdbounce::surface::{OfFit, SurfaceOptions};
+use thirdbounce::surface::SurfaceOptions;
 use thirdbounce::transport::{Geometry, Grid, Model, Reflectance, Volume, Wall};
 use thirdbounce::{Kind, surface};
 
@@ -62,8 +62,7 @@ fn grid() -> Grid {
 /// The plan of a surface on the pixels of that grid.
 fn surface_plan(model: &Model, scan: [usize; 2]) -> Plan {
     let options: SurfaceOptions = small_surface(Accumulation::Auto);
-    let needs = OfFit { options: &options, iterations: [0, 12] };
-    Plan::new(model, grid(), scan, &needs, &card(), false).expect("a plan")
+    surface::plan(model, grid(), scan, &options, [0, 12], 0, &card()).expect("a plan")
 }
 
 /// Turns of a kernel's dispatches in a schedule: the most of one, all, and how many there are.
@@ -80,7 +79,7 @@ fn a_dense_start_of_a_large_scan_is_many_dispatches() {
             o.domain.coarse_to_fine = false;
             o.domain.reduce = false;
         });
-        let plan = Plan::new(&model, grid(), [256, 256], &options, &card(), false).expect("a plan");
+        let plan = paper::plan(&model, grid(), [256, 256], &options, &card(), false).expect("a plan");
         let level = plan.finest();
         let all = (level.grid.storage() * model.pairs()) as u64;
         assert!(all > 200 * MOST, "{all}");
