@@ -16,6 +16,7 @@ use crate::{Kind, Result};
 
 mod bands;
 mod device;
+mod graph;
 mod network;
 mod project;
 mod rows;
@@ -254,7 +255,7 @@ fn answer(network: &Network<'_>, mut input: Tensor, kind: usize) -> Answer {
         }
         Some(of) => row.fill(if of == kind { 1.0 } else { 0.0 }),
     });
-    network.answer(&input)
+    network.answer(input)
 }
 
 /// As [`answer`], of bands [band][x][y][z], by a file of weights or by those of the program.

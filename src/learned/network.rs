@@ -1,10 +1,10 @@
-//! The network: a U-Net over the volume (Ronneberger, Fischer, Brox 2015; Çiçek et al. 2016), which gives depths, and a few layers
-//! over its features at these depths, which give the mask.
+//! The trained weights, and the network on the host.
 
 use half::f16;
 use rayon::prelude::*;
 use safetensors::SafeTensors;
 
+use super::graph::{Cells, Layers, Then, answer};
 use super::sizes::{DEEP, SIDE};
 use super::tensor::{Tensor, Weights, silu};
 
@@ -53,90 +53,83 @@ impl Network<'_> {
         self.halves(name).map(|all| all.into_iter().map(|bits| f16::from_bits(bits).to_f32()).collect())
     }
 
-    /// The convolution of some inputs, and sums of its values and their squares by channel.
-    fn convolved(
-        &self,
-        name: &str,
-        inputs: &[&Tensor],
-        reach: [usize; 3],
-        spare: &mut SpareTensors,
-    ) -> (Tensor, Vec<[f64; 2]>) {
-        let [weights, bias] = self.layer(name);
-        let mut to = spare.take(bias.len(), inputs[0].n);
-        let sums = to.convolve(inputs, &Weights { weights: &weights, bias: &bias, reach });
-        (to, sums)
-    }
-
-    /// A convolution over 3 x 3 x 3 cells, normalised and activated; `with` is added in between.
-    fn layered(
-        &self,
-        [name, norm]: [String; 2],
-        inputs: &[&Tensor],
-        with: Option<&Tensor>,
-        spare: &mut SpareTensors,
-    ) -> Tensor {
-        let (mut to, sums) = self.convolved(&name, inputs, [1; 3], spare);
-        let [weight, bias] = self.layer(&norm);
-        to.activate(&sums, GROUPS, [&weight, &bias], with);
-        to
-    }
-
-    /// Two convolutions, around which the input is added (He et al. 2016).
-    fn block(&self, name: &str, inputs: &[&Tensor], spare: &mut SpareTensors) -> Tensor {
-        let of = |part: &str| format!("{name}.{part}");
-        let first = self.layered([of("a"), of("na")], inputs, None, spare);
-        let names = [of("b"), of("nb")];
-        let second = match inputs {
-            [same] if same.channels == first.channels => self.layered(names, &[&first], Some(same), spare),
-            _ => {
-                let (skip, _) = self.convolved(&of("skip"), inputs, [0; 3], spare);
-                let second = self.layered(names, &[&first], Some(&skip), spare);
-                spare.give(skip);
-                second
-            }
-        };
-        spare.give(first);
-        second
-    }
-
-    /// A block at half as many cells along each axis.
-    fn down(&self, names: [&str; 2], fine: &Tensor, spare: &mut SpareTensors) -> Tensor {
-        let [weights, bias] = self.layer(names[0]);
-        let mut coarse = spare.take(bias.len(), fine.n.map(|n| n / 2));
-        coarse.halve(fine, &weights, &bias);
-        let made = self.block(names[1], &[&coarse], spare);
-        spare.give(coarse);
-        made
-    }
-
-    /// A block at twice as many cells along each axis, of these and those that were kept.
-    fn up(&self, names: [&str; 2], coarse: Tensor, kept: Tensor, spare: &mut SpareTensors) -> Tensor {
-        let [weights, bias] = self.layer(names[0]);
-        let mut fine = spare.take(bias.len(), kept.n);
-        fine.double(&coarse, &weights, &bias);
-        let made = self.block(names[1], &[&fine, &kept], spare);
-        [coarse, fine, kept].into_iter().for_each(|of| spare.give(of));
-        made
-    }
-
     /// The answer for bands, kind of scan and depth in the channels of `input`.
-    pub fn answer(&self, input: &Tensor) -> Answer {
-        let spare = &mut SpareTensors::default();
-        let (first, _) = self.convolved("inp", &[input], [1; 3], spare);
-        let x0 = self.block("e0", &[&first], spare);
-        spare.give(first);
-        let x1 = self.down(["d1", "e1"], &x0, spare);
-        let x2 = self.down(["d2", "e2"], &x1, spare);
-        let x3 = self.down(["d3", "e3"], &x2, spare);
-        let y = self.up(["u2", "f2"], x3, x2, spare);
-        let y = self.up(["u1", "f1"], y, x1, spare);
-        let y = self.up(["u0", "f0"], y, x0, spare);
-        let (logits, _) = self.convolved("depth", &[&y], [0; 3], spare);
-        Answer { depth: rows(&logits, 0), mask: self.mask(&y, &logits) }
+    pub fn answer(&self, input: Tensor) -> Answer {
+        let mut host = OnHost { network: self, spare: SpareTensors::default() };
+        let [logits, four] = answer(&mut host, Channels::of(input)).map(|channels| channels.tensor);
+        // Four channels are the four pixels of a column.
+        let pixel = |i: usize| {
+            let [x, y] = [i / (2 * SIDE), i % (2 * SIDE)];
+            four.along_z(x % 2 * 2 + y % 2, x / 2, 0)[y / 2]
+        };
+        Answer { depth: rows(&logits, 0), mask: (0..4 * SIDE * SIDE).map(pixel).collect() }
+    }
+}
+
+/// The network on the host.
+struct OnHost<'n> {
+    network: &'n Network<'n>,
+    spare: SpareTensors,
+}
+
+/// Channels of a volume, with sums of their values and of the squares where a convolution left them.
+struct Channels {
+    tensor: Tensor,
+    sums: Vec<[f64; 2]>,
+}
+
+impl Channels {
+    fn of(tensor: Tensor) -> Channels {
+        Channels { tensor, sums: vec![] }
+    }
+}
+
+impl OnHost<'_> {
+    fn over(&mut self, name: &str, inputs: &[&Channels], reach: [usize; 3]) -> Channels {
+        let [weights, bias] = self.network.layer(name);
+        let inputs: Vec<&Tensor> = inputs.iter().map(|of| &of.tensor).collect();
+        let mut tensor = self.spare.take(bias.len(), inputs[0].n);
+        let sums = tensor.convolve(&inputs, &Weights { weights: &weights, bias: &bias, reach });
+        Channels { tensor, sums }
+    }
+}
+
+impl Layers for OnHost<'_> {
+    type Volume = Channels;
+
+    fn channels(of: &Channels) -> usize {
+        of.tensor.channels
     }
 
-    /// The mask's logits from features: their means over the depths' distribution and their maxima.
-    fn mask(&self, features: &Tensor, logits: &Tensor) -> Vec<f32> {
+    fn outputs(&self, name: &str) -> usize {
+        self.network.outputs(name)
+    }
+
+    fn convolved(&mut self, name: &str, inputs: &[&Channels], over: Cells) -> Channels {
+        self.over(name, inputs, [usize::from(over == Cells::Near); 3])
+    }
+
+    fn activate(&mut self, name: &str, of: &mut Channels, with: Option<&Channels>) {
+        let [weight, bias] = self.network.layer(name);
+        of.tensor.activate(&of.sums, GROUPS, [&weight, &bias], with.map(|with| &with.tensor));
+    }
+
+    fn halved(&mut self, name: &str, fine: &Channels) -> Channels {
+        let [weights, bias] = self.network.layer(name);
+        let mut coarse = self.spare.take(bias.len(), fine.tensor.n.map(|n| n / 2));
+        coarse.halve(&fine.tensor, &weights, &bias);
+        Channels::of(coarse)
+    }
+
+    fn doubled(&mut self, name: &str, coarse: &Channels) -> Channels {
+        let [weights, bias] = self.network.layer(name);
+        let mut fine = self.spare.take(bias.len(), coarse.tensor.n.map(|n| 2 * n));
+        fine.double(&coarse.tensor, &weights, &bias);
+        Channels::of(fine)
+    }
+
+    fn columns(&mut self, features: &Channels, logits: &Channels) -> Channels {
+        let (features, logits) = (&features.tensor, &logits.tensor);
         let count = features.channels;
         // [x][y][channel].
         let columns: Vec<Vec<f32>> = (0..SIDE)
@@ -163,24 +156,25 @@ impl Network<'_> {
         seen.fill(|channel, x, _, row| {
             row.iter_mut().zip(columns[x].chunks(2 * count + 2)).for_each(|(to, of)| *to = of[channel]);
         });
-        let spare = &mut SpareTensors::default();
-        let mut layer = |name: &str, input: &Tensor| {
-            let (mut made, _) = self.convolved(name, &[input], [1, 0, 1], spare);
-            made.fill(|_, _, _, row| row.iter_mut().for_each(|v| *v = silu(*v)));
-            made
-        };
-        let mut f = layer("m0", &seen);
-        for name in ["m1", "m2"] {
-            let more = layer(name, &f);
-            f.fill(|c, x, y, row| row.iter_mut().zip(more.along_z(c, x, y)).for_each(|(v, m)| *v += m));
-        }
-        // Four channels are the four pixels of a column.
-        let (four, _) = self.convolved("m3", &[&f], [1, 0, 1], spare);
-        let pixel = |i: usize| {
-            let [x, y] = [i / (2 * SIDE), i % (2 * SIDE)];
-            four.along_z(x % 2 * 2 + y % 2, x / 2, 0)[y / 2]
-        };
-        (0..4 * SIDE * SIDE).map(pixel).collect()
+        Channels::of(seen)
+    }
+
+    fn plane(&mut self, name: &str, input: &Channels, then: Then) -> Channels {
+        let mut made = self.over(name, &[input], [1, 0, 1]);
+        made.tensor.fill(|c, x, y, row| match then {
+            Then::Activated => row.iter_mut().for_each(|v| *v = silu(*v)),
+            Then::Added => {
+                row.iter_mut()
+                    .zip(input.tensor.along_z(c, x, y))
+                    .for_each(|(v, before)| *v = before + silu(*v));
+            }
+            Then::Last => {}
+        });
+        made
+    }
+
+    fn free(&mut self, of: Channels) {
+        self.spare.give(of.tensor);
     }
 }
 

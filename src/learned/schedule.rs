@@ -1,5 +1,6 @@
 //! The learned start as a schedule of a device: bands, back-projection, network and what columns say, in one submission.
 
+use super::graph::{Cells, Layers, Then, answer};
 use super::network::{GROUPS, Network};
 use super::sizes::{BANDS, CHANNELS, SAMPLES};
 use crate::gpu::{Buffer, BufferPlan, Constant, Kernel, KernelCode, Place, Schedule};
@@ -136,8 +137,7 @@ impl LearnedSchedule {
         let push = LearnedPush { more: kind as u32, outputs: CHANNELS as u32, ..projected.push() };
         w.elementwise(&INPUT, push, [projected, projected, input]);
         w.give(projected);
-        let (features, logits) = w.network(input);
-        w.mask(features, logits);
+        let [logits, _] = answer(&mut w, input);
         let place = |buffer: Buffer, words: usize, place| BufferPlan::new(buffer, 4 * words as u64, place);
         let [pairs, bins] = pairs.unwrap_or_default();
         let mut buffers = vec![
@@ -262,11 +262,11 @@ impl Writing<'_> {
     }
 
     /// A convolution of the channels of one or two volumes into `to`, or into a free arena.
-    fn convolved(
+    fn convolution(
         &mut self,
         kernel: &LearnedKernel,
         name: &str,
-        inputs: &[FeatureVolume],
+        inputs: &[&FeatureVolume],
         to: Option<Buffer>,
     ) -> FeatureVolume {
         let first = inputs[0];
@@ -309,44 +309,6 @@ impl Writing<'_> {
         self.run(kernel, groups, to.channels * to.cells(), push, &binds);
     }
 
-    /// Normalises and activates channels in place, with others added in between.
-    fn activate(&mut self, name: &str, of: FeatureVolume, with: Option<FeatureVolume>) {
-        let [weights, _] = self.plain(name);
-        self.scales = self.scales.max(of.channels);
-        let each = of.channels / GROUPS;
-        let push = LearnedPush {
-            inputs: of.groups() as u32,
-            more: of.channels as u32,
-            outputs: each as u32,
-            weights: weights as u32,
-            ..of.push()
-        };
-        self.run(&NORMALISE, [GROUPS, 1], of.channels * of.groups(), push, &[]);
-        let kernel = if with.is_some() { &ADD } else { &ACTIVATE };
-        self.elementwise(
-            kernel,
-            LearnedPush { outputs: of.channels as u32, ..of.push() },
-            [of, with.unwrap_or(of), of],
-        );
-    }
-
-    fn block(&mut self, name: &str, inputs: &[FeatureVolume]) -> FeatureVolume {
-        let of = |part: &str| format!("{name}.{part}");
-        let first = self.convolved(&VOLUME, &of("a"), inputs, None);
-        self.activate(&of("na"), first, None);
-        let is_kept = inputs.len() == 1 && self.network.outputs(&of("b")) == inputs[0].channels;
-        let skip = if is_kept { inputs[0] } else { self.convolved(&POINT, &of("skip"), inputs, None) };
-        // What later layers read is given again by them.
-        if !is_kept {
-            self.give(inputs[0]);
-        }
-        let second = self.convolved(&VOLUME, &of("b"), &[first], None);
-        self.activate(&of("nb"), second, Some(skip));
-        self.give(first);
-        self.give(skip);
-        second
-    }
-
     fn resized(&mut self, kernel: &LearnedKernel, name: &str, from: FeatureVolume) -> FeatureVolume {
         let [weights, outputs] = self.plain(name);
         let is_halved = std::ptr::eq(kernel, &HALVE);
@@ -364,33 +326,50 @@ impl Writing<'_> {
         self.run(kernel, [coarse.cells().div_ceil(GROUP), outputs], turns, push, &binds);
         to
     }
+}
 
-    /// The features of all voxels, and the logits of depths, from the channels of the input.
-    fn network(&mut self, input: FeatureVolume) -> (FeatureVolume, FeatureVolume) {
-        let mut last = self.convolved(&VOLUME, "inp", &[input], None);
-        self.give(input);
-        last = self.block("e0", &[last]);
-        let mut kept = vec![last];
-        for (down, block) in [("d1", "e1"), ("d2", "e2"), ("d3", "e3")] {
-            last = self.resized(&HALVE, down, last);
-            last = self.block(block, &[last]);
-            kept.push(last);
-        }
-        kept.pop();
-        for (up, block) in [("u2", "f2"), ("u1", "f1"), ("u0", "f0")] {
-            let from = last;
-            last = self.resized(&DOUBLE, up, from);
-            self.give(from);
-            let fine = kept.pop().expect("as many levels up as down");
-            last = self.block(block, &[last, fine]);
-            self.give(fine);
-        }
-        let logits = self.convolved(&POINT, "depth", &[last], None);
-        (last, logits)
+impl Layers for Writing<'_> {
+    type Volume = FeatureVolume;
+
+    fn channels(of: &FeatureVolume) -> usize {
+        of.channels
     }
 
-    /// Depths, and the mask's logits from what columns say.
-    fn mask(&mut self, features: FeatureVolume, logits: FeatureVolume) {
+    fn outputs(&self, name: &str) -> usize {
+        self.network.outputs(name)
+    }
+
+    fn convolved(&mut self, name: &str, inputs: &[&FeatureVolume], over: Cells) -> FeatureVolume {
+        let kernel = if over == Cells::Near { &VOLUME } else { &POINT };
+        self.convolution(kernel, name, inputs, None)
+    }
+
+    fn activate(&mut self, name: &str, of: &mut FeatureVolume, with: Option<&FeatureVolume>) {
+        let [weights, _] = self.plain(name);
+        self.scales = self.scales.max(of.channels);
+        let each = of.channels / GROUPS;
+        let push = LearnedPush {
+            inputs: of.groups() as u32,
+            more: of.channels as u32,
+            outputs: each as u32,
+            weights: weights as u32,
+            ..of.push()
+        };
+        self.run(&NORMALISE, [GROUPS, 1], of.channels * of.groups(), push, &[]);
+        let kernel = if with.is_some() { &ADD } else { &ACTIVATE };
+        let push = LearnedPush { outputs: of.channels as u32, ..of.push() };
+        self.elementwise(kernel, push, [*of, *with.unwrap_or(of), *of]);
+    }
+
+    fn halved(&mut self, name: &str, fine: &FeatureVolume) -> FeatureVolume {
+        self.resized(&HALVE, name, *fine)
+    }
+
+    fn doubled(&mut self, name: &str, coarse: &FeatureVolume) -> FeatureVolume {
+        self.resized(&DOUBLE, name, *coarse)
+    }
+
+    fn columns(&mut self, features: &FeatureVolume, logits: &FeatureVolume) -> FeatureVolume {
         let [x, y, z] = features.n;
         let seen = self.take(2 * features.channels + 2, [1, x, y]);
         let binds = [
@@ -399,10 +378,19 @@ impl Writing<'_> {
             (buffer::LEARNED_OUT, seen.arena),
         ];
         self.run(&HEAD, [x * y, 1], x * y * z * features.channels, features.push(), &binds);
-        let mut last = self.convolved(&PLANE, "m0", &[seen], None);
-        for name in ["m1", "m2"] {
-            last = self.convolved(&PLANE_ADD, name, &[last], None);
-        }
-        self.convolved(&PLANE_LAST, "m3", &[last], Some(LEARNED_MASK));
+        seen
+    }
+
+    fn plane(&mut self, name: &str, input: &FeatureVolume, then: Then) -> FeatureVolume {
+        let (kernel, to) = match then {
+            Then::Activated => (&PLANE, None),
+            Then::Added => (&PLANE_ADD, None),
+            Then::Last => (&PLANE_LAST, Some(LEARNED_MASK)),
+        };
+        self.convolution(kernel, name, &[input], to)
+    }
+
+    fn free(&mut self, of: FeatureVolume) {
+        self.give(of);
     }
 }
