@@ -10,8 +10,10 @@ setup:
 # Shown by --version.
 export THIRDBOUNCE_COMMIT := $(shell git rev-parse --short HEAD 2>/dev/null)
 
-# The features of the command that packages and tests have: `make build` leaves them out.
-FEATURES := --features thirdbounce-command/hdf5-filters,thirdbounce-command/live,thirdbounce-command/tags
+# Features of the command that `make build` leaves out: those that tests have, and those of packages. The filters of HDF5 reach down to
+# the crate that reads captures: with them, all that `make demo` built would be built again.
+FEATURES := --features thirdbounce-command/live,thirdbounce-command/tags
+PACKAGED := $(FEATURES),thirdbounce-command/hdf5-filters
 
 # What cargo built, here or in the folder of its variable.
 RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
@@ -27,8 +29,7 @@ demo: setup
 	cargo build --release --locked --bin thirdbounce
 	$(RELEASE)/thirdbounce demo --out out/demo
 
-# With the dependencies and the library that `make demo` built, and all features, which some tests need. COMMAND: how cargo builds the
-# command, if not as for users.
+# With the dependencies and the library that `make demo` built. COMMAND: how cargo builds the command, if not as for users.
 test: setup
 	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about ten minutes on two cores the first time"
 	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml $(FEATURES) --lib
@@ -55,7 +56,7 @@ sanitize: setup
 
 # The long tests: long runs, every injected fault, whole solves of every kind. Those of reliability write benches/results/reliability.tsv.
 soak: setup
-	cargo test --release --locked $(FEATURES) --test reliability --test solvers --test cli --test benchmark -- --ignored
+	cargo test --release --locked $(PACKAGED) --test reliability --test solvers --test cli --test benchmark -- --ignored
 
 # The public interface is listed in public-api/thirdbounce.rs, so that a change of it shows in the change itself. What goes
 # from the list or changes in it breaks who depends on it: raise the version's second number. cargo-semver-checks and
@@ -66,7 +67,7 @@ soak: setup
 ROOTS := src/lib.rs $(sort $(wildcard crates/*/src/lib.rs))
 lint: setup
 	cargo fmt --all --check
-	cargo clippy --release --locked $(FEATURES) --workspace --all-targets -- -D warnings
+	cargo clippy --release --locked $(PACKAGED) --workspace --all-targets -- -D warnings
 	cargo clippy --release --locked --package thirdbounce --package public-api -- -D warnings
 	RUSTDOCFLAGS="-D warnings" cargo doc --release --locked --no-deps
 	cargo run --locked --quiet --package public-api $(ROOTS) | diff -u public-api/thirdbounce.rs - || \
@@ -88,7 +89,7 @@ header:
 
 # Everything that `make install` installs.
 libraries: build
-	cargo build --release --locked $(FEATURES) --workspace --exclude thirdbounce-python --exclude fixtures --exclude tag-fixtures --exclude public-api
+	cargo build --release --locked $(PACKAGED) --workspace --exclude thirdbounce-python --exclude fixtures --exclude tag-fixtures --exclude public-api
 
 # Installs the command and its benchmark with a manual page for every verb and completions for shells, the C library, its headers, and its files
 # for pkg-config and CMake below PREFIX. DESTDIR goes before it, for packages. With sudo, the user who

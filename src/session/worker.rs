@@ -17,9 +17,8 @@ use crate::capture::Capture;
 use crate::engine::{Prepared, Progress, Reconstruction, Watch};
 use crate::gpu::Gpu;
 use crate::gpu::external::TimelinePoint;
-use crate::judge::conclude;
+use crate::judge::{conclude, with_maps};
 use crate::maps::Maps;
-use crate::solve::with_warnings;
 use crate::{Error, Kind, Result, Verdict, panic_message};
 
 /// How often a frame that waits for its counts looks whether it was cancelled.
@@ -422,7 +421,7 @@ impl Worker {
             (solved, _) => solved?,
         };
         conclude(scan, *mask_fraction, &mut result);
-        result.verdict = Some(with_warnings(verdict, &result.warnings));
+        result.verdict = Some(with_maps(verdict, &result.warnings));
         Ok(result)
     }
 }
