@@ -25,6 +25,7 @@ pub struct MapArrays<'py> {
     mask: PyReadonlyArray1<'py, bool>,
     mask_fraction: Option<f64>,
     depth_error: Option<PyReadonlyArray1<'py, f32>>,
+    probability: Option<PyReadonlyArray1<'py, f32>>,
     behind: Option<LayerArrays<'py>>,
 }
 
@@ -67,6 +68,7 @@ impl MapArrays<'_> {
             mask: flat(&self.mask)?.to_vec(),
             mask_fraction: self.mask_fraction,
             depth_error: values(&self.depth_error)?,
+            probability: values(&self.probability)?,
             behind: self.behind.as_ref().map(behind).transpose()?,
         })
     }
@@ -78,6 +80,8 @@ pub fn dictionary<'py>(py: Python<'py>, maps: Maps) -> PyResult<Bound<'py, PyDic
     let made = layer(py, shape, [maps.albedo, maps.depth], maps.normal, maps.mask, maps.depth_error)?;
     made.set_item("extent", maps.extent)?;
     made.set_item("mask_fraction", maps.mask_fraction)?;
+    let plane = |values: Vec<f32>| PyArray1::from_vec(py, values).reshape(shape);
+    made.set_item("probability", maps.probability.map(plane).transpose()?)?;
     let behind = maps.behind.map(|b| layer(py, shape, [b.albedo, b.depth], b.normal, b.mask, b.depth_error));
     made.set_item("behind", behind.transpose()?)?;
     Ok(made)
@@ -89,7 +93,19 @@ pub fn truth<'py>(py: Python<'py>, truth: Truth) -> PyResult<Bound<'py, PyDict>>
     let Truth { nx, ny, extent, depth, normal, mask, behind } = truth;
     dictionary(
         py,
-        Maps { nx, ny, extent, albedo, depth, normal, mask, mask_fraction: None, depth_error: None, behind },
+        Maps {
+            nx,
+            ny,
+            extent,
+            albedo,
+            depth,
+            normal,
+            mask,
+            mask_fraction: None,
+            depth_error: None,
+            probability: None,
+            behind,
+        },
     )
 }
 

@@ -148,6 +148,7 @@ pub fn maps(
         mask: Maps::mask_of(&albedo, fraction),
         mask_fraction: Some(fraction),
         depth_error: None,
+        probability: None,
         behind: None,
         albedo,
     };

@@ -253,6 +253,7 @@ pub(crate) fn maps_of(columns: &[[f32; 8]], grid: &Grid, has_normals: bool) -> M
         mask: Maps::mask_of(&albedo, Maps::MASK_FRACTION),
         mask_fraction: Some(Maps::MASK_FRACTION),
         depth_error: None,
+        probability: None,
         behind: None,
         albedo,
     }

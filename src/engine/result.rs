@@ -37,7 +37,8 @@ pub struct ImageNoise {
     pub floor: f64,
 }
 
-/// What is known of every pixel after a fit: channels for a network that learns (`learn/README.md`), and what they refer to.
+/// What is known of every pixel after a fit: the channels of the network that has the last word (`learn/README.md`), what they refer to,
+/// and what it says.
 #[derive(Debug, Clone)]
 pub struct Evidence {
     /// `[channel][x][y]`.
@@ -46,6 +47,8 @@ pub struct Evidence {
     pub depth: Vec<f32>,
     /// The mask of the maps by the rules of the support.
     pub mask: Vec<bool>,
+    /// The share of the union of the mask and the true surface that both have, as the network expects.
+    pub expected_iou: f64,
     /// Mean depth of the wall, and its width, metres.
     pub wall: [f64; 2],
 }
@@ -103,7 +106,7 @@ pub struct Reconstruction {
     /// How sharp a closed-form method made its image, where its options left that open.
     #[doc(hidden)]
     pub sharpness: Option<Sharpness>,
-    /// What is known of every pixel, if it was asked for.
+    /// What is known of every pixel, where a network had the last word.
     #[doc(hidden)]
     pub evidence: Option<Arc<Evidence>>,
     /// Per kernel, if the device was opened with timings.

@@ -103,8 +103,6 @@ pub struct Problem<'c> {
     pub memory: Option<u64>,
     /// The volume is read back.
     pub with_volume: bool,
-    /// What is known of every pixel is returned.
-    pub with_layers: bool,
     /// A closed form is to initialise a surface: photon noise is alike at all depths.
     pub is_start: bool,
 }
@@ -112,7 +110,7 @@ pub struct Problem<'c> {
 impl<'c> Problem<'c> {
     /// The maps of a capture alone, without a budget.
     pub fn new(capture: &'c Capture, grid: Grid) -> Problem<'c> {
-        Problem { capture, grid, memory: None, with_volume: false, with_layers: false, is_start: false }
+        Problem { capture, grid, memory: None, with_volume: false, is_start: false }
     }
 
     /// The same, and the volume.

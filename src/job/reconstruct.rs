@@ -113,7 +113,6 @@ pub fn solve_measured<'c>(
     };
     let mut watch = Watch { hear: &mut measure, maps_every: (step > 0).then_some(step), maps_at: &previews };
     let mut job = Job { warnings: loaded.warnings.clone(), faults: loaded.faults.clone(), ..job };
-    job.keeps_layers = request.layers_file.is_some();
     if request.volume_file.is_some() {
         job.settings.keep_volume = Some(true);
     }

@@ -188,8 +188,8 @@ impl Outcome {
 fn write_layers(file: &Path, evidence: Option<&Evidence>, maps: &Maps) -> Result<()> {
     let Some(evidence) = evidence else {
         return Err(Error::input(
-            "the result has no layers: it began without the network, or shows nothing",
-            "leave out --layers, or reconstruct at least 7 x 7 points with the default solver",
+            "the result has no layers: it began without the network, shows nothing, or has not 128 x 128 pixels",
+            "leave out --layers, or reconstruct at least 7 x 7 points with the default solver and pixels",
         ));
     };
     let shape = [maps.nx, maps.ny];

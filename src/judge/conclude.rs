@@ -77,8 +77,12 @@ fn warnings(mask: &[bool], residual: Option<f64>, noise: f64) -> Vec<String> {
 
 /// Sets the expected depth error. If the mask is `by_edges`, small parts with uncertain depths leave it.
 fn tell(maps: &mut Maps, known: &Conditions, by_edges: bool) {
+    // What a network says of mask and errors of the first layer stays.
+    let said = maps.probability.as_ref().and_then(|_| maps.depth_error.take());
     maps.set_depth_error(known);
-    if by_edges && maps.leave_out_uncertain_parts() {
+    if said.is_some() {
+        maps.depth_error = said;
+    } else if by_edges && maps.leave_out_uncertain_parts() {
         // The brightness of the mask counts.
         maps.set_depth_error(known);
     }

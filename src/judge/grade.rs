@@ -9,7 +9,16 @@ use crate::{Grade, Verdict};
 
 /// Gives a result its verdict, and its warnings those of the capture. Where the result is poor, its warnings have the first reason, too.
 pub fn grade(job: &Job<'_>, result: &mut Reconstruction) {
-    let mut verdict = with_maps(&job.verdict, &result.warnings);
+    let mut verdict = job.verdict.clone();
+    // The last word counts, not the first one.
+    if let Some(iou) = result.evidence.as_ref().map(|evidence| evidence.expected_iou) {
+        let verdict = Arc::make_mut(&mut verdict);
+        let before = verdict.expected_iou.replace(iou);
+        if iou < EXPECTED_IOU && before.is_none_or(|before| before >= EXPECTED_IOU) {
+            verdict.add(Grade::Fair, format!("the network that concludes expects an IoU of only {iou:.2}"));
+        }
+    }
+    let mut verdict = with_maps(&verdict, &result.warnings);
     add_capture(Arc::make_mut(&mut verdict), &job.warnings, &job.faults);
     result.warnings.splice(0..0, job.warnings.iter().cloned());
     let first = verdict.reasons.first().filter(|_| verdict.grade == Grade::Poor);

@@ -45,8 +45,6 @@ pub struct Job<'c> {
     /// What looks wrong with the capture, and what is wrong for certain, as sentences.
     pub warnings: Vec<String>,
     pub faults: Vec<String>,
-    /// What is known of every pixel is returned.
-    pub keeps_layers: bool,
 }
 
 impl<'c> Job<'c> {
@@ -113,7 +111,6 @@ impl<'c> Job<'c> {
             verdict: Arc::new(Verdict::GOOD),
             warnings: vec![],
             faults: vec![],
-            keeps_layers: false,
         }
     }
 
@@ -137,8 +134,8 @@ impl<'c> Job<'c> {
     pub fn again(self, capture: Cow<'c, Capture>) -> Job<'c> {
         let Estimates { device, seconds, .. } = self.estimates;
         let estimates = Estimates { device, seconds, ..Estimates::default() };
-        let Job { warnings, faults, keeps_layers, .. } = self;
-        Job { estimates, warnings, faults, keeps_layers, ..Job::of(&self.settings, capture) }
+        let Job { warnings, faults, .. } = self;
+        Job { estimates, warnings, faults, ..Job::of(&self.settings, capture) }
     }
 
     /// The job with the estimated model, high-pass and impulse response.
@@ -240,12 +237,7 @@ impl<'c> Job<'c> {
     pub fn problem(&self) -> Result<Problem<'_>> {
         let Settings { memory, keep_volume, .. } = self.settings;
         let with_volume = keep_volume == Some(true);
-        Ok(Problem {
-            memory,
-            with_volume,
-            with_layers: self.keeps_layers,
-            ..Problem::new(&self.capture, self.grid()?)
-        })
+        Ok(Problem { memory, with_volume, ..Problem::new(&self.capture, self.grid()?) })
     }
 
     /// Settings with the estimates in their places: they need no fits.

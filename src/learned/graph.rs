@@ -77,7 +77,12 @@ pub fn answer<L: Layers>(l: &mut L, input: L::Volume) -> [L::Volume; 2] {
 }
 
 /// Two convolutions of the channels of `first` and `more`, around which the input is added (He et al. 2016). `first` is read no more.
-fn block<L: Layers>(l: &mut L, name: &str, first: L::Volume, more: Option<&L::Volume>) -> L::Volume {
+pub(super) fn block<L: Layers>(
+    l: &mut L,
+    name: &str,
+    first: L::Volume,
+    more: Option<&L::Volume>,
+) -> L::Volume {
     let of = |part: &str| format!("{name}.{part}");
     let both = [Some(&first), more];
     let inputs: Vec<_> = both.into_iter().flatten().collect();

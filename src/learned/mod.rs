@@ -15,6 +15,7 @@ use crate::transport::Grid;
 use crate::{Kind, Result};
 
 mod bands;
+mod conclusion;
 mod device;
 mod graph;
 mod network;
@@ -25,6 +26,7 @@ mod sizes;
 mod tensor;
 
 pub(super) use bands::Bands;
+pub use conclusion::{Conclusion, PIXELS};
 use device::answer_on;
 pub use device::{LearnedScan, logits_on};
 use network::Answer;

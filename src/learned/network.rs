@@ -55,7 +55,7 @@ impl Network<'_> {
 
     /// The answer for bands, kind of scan and depth in the channels of `input`.
     pub fn answer(&self, input: Tensor) -> Answer {
-        let mut host = OnHost { network: self, spare: SpareTensors::default() };
+        let mut host = OnHost { network: self, spare: SpareTensors::default(), reach: [1; 3] };
         let [logits, four] = answer(&mut host, Channels::of(input)).map(|channels| channels.tensor);
         // Four channels are the four pixels of a column.
         let pixel = |i: usize| {
@@ -66,26 +66,34 @@ impl Network<'_> {
     }
 }
 
-/// The network on the host.
-struct OnHost<'n> {
+/// A network on the host.
+pub(super) struct OnHost<'n> {
     network: &'n Network<'n>,
-    spare: SpareTensors,
+    pub spare: SpareTensors,
+    /// Neighbours along each axis that a wide convolution sees.
+    reach: [usize; 3],
 }
 
 /// Channels of a volume, with sums of their values and of the squares where a convolution left them.
-struct Channels {
-    tensor: Tensor,
+pub(super) struct Channels {
+    pub tensor: Tensor,
     sums: Vec<[f64; 2]>,
 }
 
 impl Channels {
-    fn of(tensor: Tensor) -> Channels {
+    pub fn of(tensor: Tensor) -> Channels {
         Channels { tensor, sums: vec![] }
     }
 }
 
 impl OnHost<'_> {
-    fn over(&mut self, name: &str, inputs: &[&Channels], reach: [usize; 3]) -> Channels {
+    /// A network over planes: along y lies one cell.
+    pub fn over_planes<'n>(network: &'n Network<'n>) -> OnHost<'n> {
+        OnHost { network, spare: SpareTensors::default(), reach: [1, 0, 1] }
+    }
+
+    /// The convolution of the channels of some inputs.
+    pub fn over(&mut self, name: &str, inputs: &[&Channels], reach: [usize; 3]) -> Channels {
         let [weights, bias] = self.network.layer(name);
         let inputs: Vec<&Tensor> = inputs.iter().map(|of| &of.tensor).collect();
         let mut tensor = self.spare.take(bias.len(), inputs[0].n);
@@ -106,7 +114,7 @@ impl Layers for OnHost<'_> {
     }
 
     fn convolved(&mut self, name: &str, inputs: &[&Channels], over: Cells) -> Channels {
-        self.over(name, inputs, [usize::from(over == Cells::Near); 3])
+        self.over(name, inputs, if over == Cells::Near { self.reach } else { [0; 3] })
     }
 
     fn activate(&mut self, name: &str, of: &mut Channels, with: Option<&Channels>) {
@@ -180,11 +188,11 @@ impl Layers for OnHost<'_> {
 
 /// Tensors that are read no more, to be written anew: fresh memory takes as long as a pass over it.
 #[derive(Default)]
-struct SpareTensors(Vec<Tensor>);
+pub(super) struct SpareTensors(Vec<Tensor>);
 
 impl SpareTensors {
     /// A tensor of any values with a rim of zeros.
-    fn take(&mut self, channels: usize, n: [usize; 3]) -> Tensor {
+    pub fn take(&mut self, channels: usize, n: [usize; 3]) -> Tensor {
         let at = self.0.iter().position(|of| (of.channels, of.n) == (channels, n));
         at.map_or_else(|| Tensor::zeros(channels, n), |i| self.0.swap_remove(i))
     }

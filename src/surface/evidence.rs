@@ -1,4 +1,5 @@
-//! What is known of every pixel after a fit, as channels for a network that learns which pixels are surface (`learn/README.md`).
+//! What is known of every pixel after a fit, as channels for the network that has the last word (`learn/README.md`), and what follows
+//! from that.
 //!
 //! Light that a fit leaves is the best witness of what it lacks: where surface is missing, light is left; where there is too much of
 //! it, light is missing. So the measurement and its residual are back-projected onto the fitted depth, in the bands of the start.
@@ -6,15 +7,17 @@
 use rayon::prelude::*;
 
 use super::fit::{Fit, Quality, Residuals};
+use super::options::{Begin, SurfaceOptions};
 use super::support;
 use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::engine::Evidence;
-use crate::learned::{BANDS, BandRows, Bands, BoxOfWall, LearnedStart, SIDE, kind};
+use crate::learned::{BANDS, BandRows, Bands, BoxOfWall, Conclusion, LearnedStart, PIXELS, SIDE, kind};
 use crate::maps::Maps;
+use crate::transport::Grid;
 
 /// Pairs that are back-projected, at most.
-const PAIRS: usize = 1024;
+const PAIRS: usize = 256;
 /// Pixels from this probability on are looked at, and those around them within this reach; so are those of the fit.
 const POSSIBLE: f32 = 0.01;
 const AROUND: isize = 2;
@@ -22,6 +25,14 @@ const AROUND: isize = 2;
 const TOGETHER: usize = 64;
 /// Where no depth is known, channels have this one, walls.
 const NO_DEPTH: f32 = 0.0;
+
+/// Two of three errors of a Laplace law are below this multiple of its scale.
+const BOUND: f32 = 1.139;
+
+/// Whether the network has the last word on what these options fit on a grid: on maps as it was trained on.
+pub(super) fn concludes(options: &SurfaceOptions, grid: &Grid) -> bool {
+    matches!(options.begin, Begin::Auto | Begin::Learned) && [grid.n[0], grid.n[1]] == [PIXELS; 2]
+}
 
 /// A fit, and what it began with.
 pub(super) struct Known<'k> {
@@ -103,6 +114,7 @@ impl Known<'_> {
         add(&|p| ((depth[p] - five[p]) * side).clamp(-4.0, 4.0));
         add(&|p| ((three[p] - nine[p]) * side).clamp(-4.0, 4.0));
         add(&|p| flag(near[p]));
+        add(&|p| flag(maps.mask[p]));
         // Of the measurement and of the residual, which are zero where nothing was looked at.
         let mut of_pixel = vec![[0.0f32; 2 * BANDS]; count];
         looked.iter().zip(&bands).for_each(|(p, values)| of_pixel[*p] = *values);
@@ -120,7 +132,8 @@ impl Known<'_> {
         let numbers = self.numbers(width, f64::from(support::flatness(layers, typical)), shares);
         numbers.into_iter().for_each(|v| channels.push(vec![v as f32; count]));
         channels.par_iter_mut().for_each(|of| of.iter_mut().for_each(|v| *v = v.clamp(-8.0, 8.0)));
-        Ok(Some(Evidence { channels, depth, mask: maps.mask.clone(), wall: [base, width] }))
+        let mask = maps.mask.clone();
+        Ok(Some(Evidence { channels, depth, mask, expected_iou: 0.0, wall: [base, width] }))
     }
 
     /// What is the same for all pixels, for a wall of this width; `shares`: root mean square of the residual's bands over those of the
@@ -144,6 +157,31 @@ impl Known<'_> {
         let kinds = (0..3).map(|of| f64::from(u8::from(of == kind)));
         kinds.chain(of_capture).chain(shares.map(|share| 0.5 * ten(f64::from(share)) + 0.5)).collect()
     }
+}
+
+/// Gives maps what the network says of them: mask, probability, and errors of depths. Surface that the fit has not found gets the depth
+/// of the start, and the typical albedo.
+pub(super) fn conclude(evidence: Evidence, maps: &mut Maps) -> Evidence {
+    let [base, width] = evidence.wall;
+    let voxel = width / SIDE as f64;
+    let typical = support::typical_albedo(std::slice::from_ref(maps)).unwrap_or(1.0);
+    let said = Conclusion::of(None, &evidence.channels);
+    let (mask, expected_iou) = said.mask(&evidence.mask);
+    let mut errors = vec![f32::NAN; maps.depth.len()];
+    for pixel in 0..maps.depth.len() {
+        let is_surface = mask[pixel] && evidence.depth[pixel] > NO_DEPTH;
+        maps.mask[pixel] = is_surface;
+        if is_surface && !maps.depth[pixel].is_finite() {
+            (maps.albedo[pixel], maps.normal[pixel]) = (typical, [0.0, 0.0, -1.0]);
+            maps.depth[pixel] = (base + f64::from(evidence.depth[pixel]) * width) as f32;
+        }
+        if maps.depth[pixel].is_finite() {
+            errors[pixel] = BOUND * (f64::from(said.scale[pixel]) * voxel) as f32;
+        }
+    }
+    maps.probability = Some(said.probability());
+    maps.depth_error = Some(errors);
+    Evidence { expected_iou, ..evidence }
 }
 
 fn logit(p: f32) -> f32 {

@@ -21,7 +21,7 @@ use crate::engine::{
 };
 use crate::gpu::{self, Buffer, BufferPlan, Gpu, Place, Schedule, Ticket};
 use crate::maps::Maps;
-use crate::surface::{needs, passes};
+use crate::surface::{evidence, needs, passes};
 use crate::transport::Rows;
 use crate::transport::kernels::*;
 
@@ -47,7 +47,7 @@ pub(crate) struct Fit {
     /// Which pairs judge it.
     judge: Judge,
     /// There is room for the residual of all pairs on the host.
-    with_layers: bool,
+    with_residuals: bool,
     /// The residual of the present surface is there for the host.
     is_compared: bool,
     /// Albedos are in units of this fit's data: those of a closed form may be thousands of times smaller.
@@ -146,14 +146,13 @@ impl Fit {
         judge: Judge,
     ) -> Result<Fit> {
         let holds_out = judge == Judge::HeldOut;
-        let Problem { capture, grid, memory, with_layers, .. } = *problem;
+        let Problem { capture, grid, memory, .. } = *problem;
         let (outline, rows) = outline_of(capture, &grid, options, holds_out);
         let scan = capture.resolution();
         let mut plan = needs::plan(&outline, grid, scan, options, iterations, 0, &gpu.abilities())?;
-        let of_layers = plan.levels.pixels.as_ref().filter(|_| with_layers);
-        if let Some(cells) =
-            judging(&plan, judge).into_iter().chain(of_layers).map(|l| plan.cells_at(l)).max()
-        {
+        let with_residuals = evidence::concludes(options, &grid);
+        let of_all = plan.levels.pixels.as_ref().filter(|_| with_residuals);
+        if let Some(cells) = judging(&plan, judge).into_iter().chain(of_all).map(|l| plan.cells_at(l)).max() {
             plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));
         }
         share_with_host(&mut plan);
@@ -166,7 +165,7 @@ impl Fit {
             pixels: 0,
             energies: vec![],
             judge,
-            with_layers,
+            with_residuals,
             is_compared: false,
             is_scaled: false,
             step: 1.0,
@@ -260,8 +259,8 @@ impl Fit {
         Ok(Some(HeldOut::of(&job.model, &level, pairs, &residual)))
     }
 
-    /// What the present surface leaves of at most some of the pairs that it was fitted to; `None` if it has no pixels, or the problem
-    /// does not ask for layers.
+    /// What the present surface leaves of at most some of the pairs that it was fitted to; `None` if it has no pixels, or there is no
+    /// room for it.
     ///
     /// # Errors
     /// The device fails.
@@ -269,7 +268,7 @@ impl Fit {
         let count = self.pixels;
         self.is_compared = false;
         let job = self.planned.made()?;
-        let Some(level) = job.plan.levels.pixels.filter(|_| count > 0 && self.with_layers) else {
+        let Some(level) = job.plan.levels.pixels.filter(|_| count > 0 && self.with_residuals) else {
             return Ok(None);
         };
         job.run(|s, plan| residual(s, plan, &level, count))?;

@@ -44,7 +44,7 @@ pub(crate) mod start;
 pub(crate) mod support;
 mod weights;
 
-use evidence::Known;
+use evidence::{Known, conclude};
 pub(crate) use fit::{Fit, Judge, Quality, Run};
 pub use follow::Follow;
 use follow::{FrameChange, PreviousFrame};
@@ -154,7 +154,7 @@ pub(crate) fn prepare(
     follow: Option<Follow>,
     begun: Option<&Begun>,
 ) -> Result<Box<dyn Prepared>> {
-    let Problem { capture, grid, memory, with_volume, with_layers, .. } = *problem;
+    let Problem { capture, grid, memory, with_volume, .. } = *problem;
     options.check()?;
     options.takes(capture)?;
     follow.map_or(Ok(()), |follow| follow.check(options))?;
@@ -184,7 +184,6 @@ pub(crate) fn prepare(
         grid,
         memory,
         with_volume,
-        with_layers,
         first_scan: first_scan.clone(),
         first_grid,
         sum,
@@ -208,7 +207,6 @@ struct PreparedSurface {
     grid: Grid,
     memory: Option<u64>,
     with_volume: bool,
-    with_layers: bool,
     /// The grid of the first fit.
     first_grid: Grid,
     /// How many bins are one for the closed form and the first fit, and the capture in these bins, without its counts.
@@ -279,15 +277,7 @@ impl PreparedSurface {
         };
         let of = self.options.most_iterations().iter().sum();
         let (seen, light) = (begun.seen.clone(), begun.light.clone());
-        let fits = Fits {
-            options: &self.options,
-            of,
-            blends: self.blends,
-            seen,
-            light,
-            until,
-            with_layers: self.with_layers,
-        };
+        let fits = Fits { options: &self.options, of, blends: self.blends, seen, light, until };
         let driven = Driven { seconds, ..Driven::begun(begun.closed[0].clone(), *self.fine.plan().finest()) };
         fits.cold(self.coarse.as_mut(), &mut self.fine, captures, begun, watch, driven)
     }
@@ -332,15 +322,7 @@ impl PreparedSurface {
             wanted = follow::after_rounds(wanted, self.coarse.is_some());
         }
         let of = rounds * each + wanted;
-        let fits = Fits {
-            options: &self.options,
-            of,
-            blends: self.blends,
-            seen: None,
-            light: None,
-            until,
-            with_layers: false,
-        };
+        let fits = Fits { options: &self.options, of, blends: self.blends, seen: None, light: None, until };
         let plan = [rounds, each, wanted];
         let last = PreviousFrame { layers, left, closed, is_whole };
         fits.warm(&mut self.fine, last, seen, plan, watch, driven).map(Some)
@@ -410,8 +392,6 @@ struct Fits<'o> {
     of: usize,
     /// Fits end at this time.
     until: Option<Instant>,
-    /// What is known of every pixel is returned.
-    with_layers: bool,
 }
 
 /// What the fits leave.
@@ -421,7 +401,7 @@ struct FitResult {
     begun: [f64; 2],
     /// What the next frame may begin with.
     last: PreviousFrame,
-    /// What is known of every pixel, if it is asked for.
+    /// What is known of every pixel, where the network has the last word.
     evidence: Option<Evidence>,
 }
 
@@ -491,15 +471,18 @@ impl Fits<'_> {
         }
         let closed = is_closed.then_some(closed);
         driven.maps = self.shown(&layers, closed.as_deref(), quality);
+        let clock = Instant::now();
         let evidence = match (&self.seen, quality) {
-            (Some(seen), Some(quality)) if self.with_layers => {
+            (Some(seen), Some(quality)) => {
                 let light = self.light.as_ref();
                 let known =
                     Known { capture, layers: &layers, maps: &driven.maps, seen, light, quality, is_closed };
-                known.evidence(fine)?
+                let evidence = known.evidence(fine)?;
+                evidence.map(|evidence| conclude(evidence, &mut driven.maps))
             }
             _ => None,
         };
+        driven.seconds += clock.elapsed().as_secs_f64();
         let left = quality.map_or(1.0, |q| q.left_share());
         Ok(FitResult {
             driven,

@@ -89,6 +89,7 @@ impl ForeignMaps {
             albedo,
             normal: normal.unwrap_or_else(|| vec![[f32::NAN; 3]; depth.len()]),
             depth_error: None,
+            probability: None,
             behind: None,
             depth,
         };

@@ -160,6 +160,7 @@ fn as_maps(truth: &Truth) -> Maps {
         mask: truth.mask.clone(),
         mask_fraction: None,
         depth_error: None,
+        probability: None,
         behind: None,
     }
 }

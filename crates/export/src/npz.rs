@@ -14,13 +14,16 @@ const TRUTH: &str = "gt_depth [nx, ny], gt_normal [nx, ny, 3], gt_mask [nx, ny] 
 /// Keys of the expected depth error of the first layer, and of both layers.
 const DEPTH_ERROR: [&str; 2] = ["depth_error", "layers_depth_error"];
 
+/// Key of the probability of surface.
+const PROBABILITY: &str = "probability";
+
 /// Keys of albedo, depth, normal and mask of both layers. Truth has no albedos.
 const MAPS_LAYERS: [&str; 4] = ["layers_albedo", "layers_depth", "layers_normal", "layers_mask"];
 const TRUTH_LAYERS: [&str; 4] = ["", "gt_layers_depth", "gt_layers_normal", "gt_layers_mask"];
 
 /// Writes `albedo`, `depth` [nx, ny] and `normal` [nx, ny, 3] as float32 (NaN = no surface), `mask` [nx, ny] as bool,
 /// `extent` (xmin, xmax, ymin, ymax) as float64, the scalar `mask_fraction` as float64 if given, and `depth_error`
-/// [nx, ny] as float32 if known. With a second layer, `layers_albedo`, `layers_depth`, `layers_mask`,
+/// and `probability` [nx, ny] as float32 if known. With a second layer, `layers_albedo`, `layers_depth`, `layers_mask`,
 /// `layers_depth_error` [2, nx, ny] and `layers_normal` [2, nx, ny, 3] have both.
 ///
 /// # Errors
@@ -55,6 +58,9 @@ pub(super) fn arrays(maps: &Maps) -> Result<Vec<(&'static str, Array)>> {
             arrays.push((DEPTH_ERROR[1], Array::from_f32(&[2, maps.nx, maps.ny], &both)));
         }
     }
+    if let Some(probability) = &maps.probability {
+        arrays.push((PROBABILITY, Array::from_f32(&shape, probability)));
+    }
     if let Some(behind) = &maps.behind {
         let albedo = [&maps.albedo[..], &behind.albedo].concat();
         arrays.push(("layers_albedo", Array::from_f32(&[2, maps.nx, maps.ny], &albedo)));
@@ -88,6 +94,10 @@ pub fn read_maps(path: &Path) -> Result<Maps> {
             mask_fraction: fraction,
             depth_error: match npz.get(DEPTH_ERROR[0])? {
                 Some(_) => Some(plane(&mut npz, DEPTH_ERROR[0], MAPS)?.1),
+                None => None,
+            },
+            probability: match npz.get(PROBABILITY)? {
+                Some(_) => Some(plane(&mut npz, PROBABILITY, MAPS)?.1),
                 None => None,
             },
             behind: second(&mut npz, MAPS_LAYERS, shape)?,

@@ -51,6 +51,8 @@ class Maps:
     """The second layer; None if no pixel has two surfaces."""
     mask_fraction: Optional[float] = None
     """Mask threshold as a share of the brightest albedo; None: the method's own mask."""
+    probability: Optional[np.ndarray] = None
+    """(nx, ny) float32: probability of surface, where a network concludes; else None."""
     report: Optional[Dict[str, Any]] = None
     """Content of report.json: settings, plan, trace, times; None for truth and frames."""
     notes: List[str] = dataclasses.field(default_factory=list)
@@ -175,6 +177,7 @@ class Maps:
         made["shape"] = self.shape
         made["extent"] = tuple(map(float, self.extent))
         made["mask_fraction"] = self.mask_fraction
+        made["probability"] = None if self.probability is None else np.ascontiguousarray(self.probability, np.float32).reshape(-1)
         made["behind"] = None if self.behind is None else flat(self.behind)
         return made
 

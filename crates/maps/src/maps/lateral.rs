@@ -24,6 +24,8 @@ pub struct Maps {
     /// Expected depth error in metres: two of three pixels with a given value have a smaller error
     /// ([`Maps::set_depth_error`]). NaN without surface. `None` if unknown.
     pub depth_error: Option<Vec<f32>>,
+    /// Probability of surface, where a network had the last word on the mask.
+    pub probability: Option<Vec<f32>>,
     /// Surfaces behind the first ones; `None` if no pixel has two.
     pub behind: Option<Layer>,
 }
@@ -95,6 +97,7 @@ impl Maps {
             mask: vec![false; count],
             mask_fraction: None,
             depth_error: None,
+            probability: None,
             behind: None,
         }
     }
@@ -188,6 +191,7 @@ impl Maps {
             ("mask", self.mask.len()),
         ];
         lengths.extend(self.depth_error.iter().map(|c| ("depth_error", c.len())));
+        lengths.extend(self.probability.iter().map(|c| ("probability", c.len())));
         lengths.extend(self.behind.iter().flat_map(Layer::lengths));
         check_grid([self.nx, self.ny], self.extent, &lengths)
     }
@@ -218,6 +222,7 @@ impl Maps {
             normal: vec![],
             mask: vec![],
             depth_error: None,
+            probability: None,
             behind: None,
             ..*self
         };
