@@ -12,6 +12,7 @@ mod lct;
 mod light_cone;
 mod method;
 mod on_host;
+mod one_step;
 mod options;
 mod phasor;
 #[cfg(test)]

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::fourier::SpareSpectra;
 use super::image::AlbedoVolume;
-use super::method::ClosedForm;
+use super::method::{ClosedForm, HostMethod};
 use super::scan::RegularScan;
 use super::sharpness::{even_weights, noise, weigh, with_random_signs};
 use crate::advice::{Advice, Remedy, advice};
@@ -15,20 +15,6 @@ use crate::engine::{Demand, Plan, Problem, Sharpness};
 use crate::gpu::{Abilities, Buffer, BufferPlan, Gpu, Place};
 use crate::transport::{Grid, Model};
 use crate::{Error, Result};
-
-/// Names and bytes of arrays.
-pub type Arrays = Vec<(Buffer, u64)>;
-
-/// What a method that runs on the host has of its own.
-pub struct HostMethod<M> {
-    /// The scan of a capture; `Kind::Input`: the capture breaks an assumption of the method.
-    pub scan: fn(&M, &Capture) -> Result<RegularScan>,
-    /// The arrays that it holds at the same time, at most.
-    pub arrays: fn(&M, &Capture, &RegularScan, &Grid) -> Arrays,
-    /// The volume at the voxels of a grid. Counts are without background. A sharpness that the options leave open is the
-    /// first of the ladder. The last argument is its memory from one volume to the next.
-    pub volume: fn(&M, &Capture, &RegularScan, &Grid, &mut SpareSpectra) -> AlbedoVolume,
-}
 
 /// The volume at the voxels of a grid.
 pub(super) const VOLUME: Buffer = Buffer::named("volume");

@@ -3,7 +3,7 @@
 //! learned iterations do (Adler, Öktem: *Learned Primal-Dual Reconstruction*, IEEE Transactions on Medical Imaging 2018).
 
 use super::graph::{Layers, block};
-use super::network::{Channels, Network, OnHost};
+use super::network::{Channels, HostLayers, Network};
 use super::tensor::Tensor;
 
 /// Trained weights (`learn/README.md`).
@@ -38,7 +38,7 @@ impl Conclusion {
         let mut input = Tensor::zeros(channels.len(), [PIXELS, 1, PIXELS]);
         input.fill(|channel, x, _, row| row.copy_from_slice(&channels[channel][x * PIXELS..][..PIXELS]));
         let network = Network::of(weights.unwrap_or(FILE));
-        let answer = answer(&mut OnHost::over_planes(&network), Channels::of(input));
+        let answer = answer(&mut HostLayers::over_planes(&network), Channels::of(input));
         let plane = |channel: usize| -> Vec<f32> {
             (0..PIXELS).flat_map(|x| answer.tensor.along_z(channel, x, 0)).copied().collect()
         };
@@ -78,7 +78,7 @@ fn sigmoid(logit: f32) -> f32 {
 }
 
 /// Logit of surface, what a depth lacks (unused), and the logarithm of its Laplace scale.
-fn answer(l: &mut OnHost<'_>, input: Channels) -> Channels {
+fn answer(l: &mut HostLayers<'_>, input: Channels) -> Channels {
     let first = l.over("stem", &[&input], [0; 3]);
     let x0 = block(l, "e0", first, None);
     let x1 = down(l, "e1", &x0);
@@ -91,7 +91,7 @@ fn answer(l: &mut OnHost<'_>, input: Channels) -> Channels {
 }
 
 /// A block at half as many pixels along each axis, of means of four.
-fn down(l: &mut OnHost<'_>, name: &str, fine: &Channels) -> Channels {
+fn down(l: &mut HostLayers<'_>, name: &str, fine: &Channels) -> Channels {
     let fine = &fine.tensor;
     let mut coarse = l.spare.take(fine.channels, [fine.n[0] / 2, 1, fine.n[2] / 2]);
     coarse.fill(|channel, x, _, row| {
@@ -103,7 +103,7 @@ fn down(l: &mut OnHost<'_>, name: &str, fine: &Channels) -> Channels {
 }
 
 /// A block at twice as many pixels along each axis, of repeated ones and those that were kept.
-fn up(l: &mut OnHost<'_>, name: &str, coarse: Channels, kept: Channels) -> Channels {
+fn up(l: &mut HostLayers<'_>, name: &str, coarse: Channels, kept: Channels) -> Channels {
     let mut fine = l.spare.take(coarse.tensor.channels, kept.tensor.n);
     fine.fill(|channel, x, _, row| {
         let from = coarse.tensor.along_z(channel, x / 2, 0);

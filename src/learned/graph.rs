@@ -14,7 +14,7 @@ pub trait Layers {
     fn outputs(&self, name: &str) -> usize;
 
     /// A convolution of the channels of all inputs, one after another: over 3 x 3 x 3 cells, or over one.
-    fn convolved(&mut self, name: &str, inputs: &[&Self::Volume], over: Cells) -> Self::Volume;
+    fn convolved(&mut self, name: &str, inputs: &[&Self::Volume], over: Footprint) -> Self::Volume;
 
     /// Normalises a convolution by groups of channels and activates it; `with` is added in between.
     fn activate(&mut self, name: &str, of: &mut Self::Volume, with: Option<&Self::Volume>);
@@ -38,7 +38,7 @@ pub trait Layers {
 
 /// The cells that a convolution is over.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Cells {
+pub enum Footprint {
     /// 3 x 3 x 3.
     Near,
     /// One.
@@ -58,7 +58,7 @@ pub enum Then {
 
 /// Logits of the depths of every column, and those of surface: four channels are the four pixels of a column.
 pub fn answer<L: Layers>(l: &mut L, input: L::Volume) -> [L::Volume; 2] {
-    let first = l.convolved("inp", &[&input], Cells::Near);
+    let first = l.convolved("inp", &[&input], Footprint::Near);
     l.free(input);
     let x0 = block(l, "e0", first, None);
     let x1 = down(l, ["d1", "e1"], &x0);
@@ -67,7 +67,7 @@ pub fn answer<L: Layers>(l: &mut L, input: L::Volume) -> [L::Volume; 2] {
     let y = up(l, ["u2", "f2"], x3, x2);
     let y = up(l, ["u1", "f1"], y, x1);
     let features = up(l, ["u0", "f0"], y, x0);
-    let logits = l.convolved("depth", &[&features], Cells::One);
+    let logits = l.convolved("depth", &[&features], Footprint::One);
     let columns = l.columns(&features, &logits);
     let mut plane = l.plane("m0", &columns, Then::Activated);
     for name in ["m1", "m2"] {
@@ -86,16 +86,16 @@ pub(super) fn block<L: Layers>(
     let of = |part: &str| format!("{name}.{part}");
     let both = [Some(&first), more];
     let inputs: Vec<_> = both.into_iter().flatten().collect();
-    let mut a = l.convolved(&of("a"), &inputs, Cells::Near);
+    let mut a = l.convolved(&of("a"), &inputs, Footprint::Near);
     l.activate(&of("na"), &mut a, None);
     let skip = if more.is_none() && l.outputs(&of("b")) == L::channels(&first) {
         first
     } else {
-        let skip = l.convolved(&of("skip"), &inputs, Cells::One);
+        let skip = l.convolved(&of("skip"), &inputs, Footprint::One);
         l.free(first);
         skip
     };
-    let mut b = l.convolved(&of("b"), &[&a], Cells::Near);
+    let mut b = l.convolved(&of("b"), &[&a], Footprint::Near);
     l.activate(&of("nb"), &mut b, Some(&skip));
     l.free(a);
     l.free(skip);

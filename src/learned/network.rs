@@ -4,7 +4,7 @@ use half::f16;
 use rayon::prelude::*;
 use safetensors::SafeTensors;
 
-use super::graph::{Cells, Layers, Then, answer};
+use super::graph::{Footprint, Layers, Then, answer};
 use super::sizes::{DEEP, SIDE};
 use super::tensor::{Tensor, Weights, silu};
 
@@ -55,7 +55,7 @@ impl Network<'_> {
 
     /// The answer for bands, kind of scan and depth in the channels of `input`.
     pub fn answer(&self, input: Tensor) -> Answer {
-        let mut host = OnHost { network: self, spare: SpareTensors::default(), reach: [1; 3] };
+        let mut host = HostLayers { network: self, spare: SpareTensors::default(), reach: [1; 3] };
         let [logits, four] = answer(&mut host, Channels::of(input)).map(|channels| channels.tensor);
         // Four channels are the four pixels of a column.
         let pixel = |i: usize| {
@@ -67,7 +67,7 @@ impl Network<'_> {
 }
 
 /// A network on the host.
-pub(super) struct OnHost<'n> {
+pub(super) struct HostLayers<'n> {
     network: &'n Network<'n>,
     pub spare: SpareTensors,
     /// Neighbours along each axis that a wide convolution sees.
@@ -86,10 +86,10 @@ impl Channels {
     }
 }
 
-impl OnHost<'_> {
+impl HostLayers<'_> {
     /// A network over planes: along y lies one cell.
-    pub fn over_planes<'n>(network: &'n Network<'n>) -> OnHost<'n> {
-        OnHost { network, spare: SpareTensors::default(), reach: [1, 0, 1] }
+    pub fn over_planes<'n>(network: &'n Network<'n>) -> HostLayers<'n> {
+        HostLayers { network, spare: SpareTensors::default(), reach: [1, 0, 1] }
     }
 
     /// The convolution of the channels of some inputs.
@@ -102,7 +102,7 @@ impl OnHost<'_> {
     }
 }
 
-impl Layers for OnHost<'_> {
+impl Layers for HostLayers<'_> {
     type Volume = Channels;
 
     fn channels(of: &Channels) -> usize {
@@ -113,8 +113,8 @@ impl Layers for OnHost<'_> {
         self.network.outputs(name)
     }
 
-    fn convolved(&mut self, name: &str, inputs: &[&Channels], over: Cells) -> Channels {
-        self.over(name, inputs, if over == Cells::Near { self.reach } else { [0; 3] })
+    fn convolved(&mut self, name: &str, inputs: &[&Channels], over: Footprint) -> Channels {
+        self.over(name, inputs, if over == Footprint::Near { self.reach } else { [0; 3] })
     }
 
     fn activate(&mut self, name: &str, of: &mut Channels, with: Option<&Channels>) {

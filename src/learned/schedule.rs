@@ -1,6 +1,6 @@
 //! The learned start as a schedule of a device: bands, back-projection, network and what columns say, in one submission.
 
-use super::graph::{Cells, Layers, Then, answer};
+use super::graph::{Footprint, Layers, Then, answer};
 use super::network::{GROUPS, Network};
 use super::sizes::{BANDS, CHANNELS, SAMPLES};
 use crate::gpu::{Buffer, BufferPlan, Constant, Kernel, KernelCode, Place, Schedule};
@@ -339,8 +339,8 @@ impl Layers for Writing<'_> {
         self.network.outputs(name)
     }
 
-    fn convolved(&mut self, name: &str, inputs: &[&FeatureVolume], over: Cells) -> FeatureVolume {
-        let kernel = if over == Cells::Near { &VOLUME } else { &POINT };
+    fn convolved(&mut self, name: &str, inputs: &[&FeatureVolume], over: Footprint) -> FeatureVolume {
+        let kernel = if over == Footprint::Near { &VOLUME } else { &POINT };
         self.convolution(kernel, name, inputs, None)
     }
 

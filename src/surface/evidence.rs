@@ -7,14 +7,12 @@
 use rayon::prelude::*;
 
 use super::fit::{Fit, Quality, Residuals};
-use super::options::{Begin, SurfaceOptions};
 use super::support;
 use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::engine::Evidence;
-use crate::learned::{BANDS, BandRows, Bands, BoxOfWall, Conclusion, LearnedStart, PIXELS, SIDE, kind};
+use crate::learned::{BANDS, BandRows, Bands, BoxOfWall, Conclusion, LearnedStart, SIDE, kind};
 use crate::maps::Maps;
-use crate::transport::Grid;
 
 /// Pairs that are back-projected, at most.
 const PAIRS: usize = 256;
@@ -28,11 +26,6 @@ const NO_DEPTH: f32 = 0.0;
 
 /// Two of three errors of a Laplace law are below this multiple of its scale.
 const BOUND: f32 = 1.139;
-
-/// Whether the network has the last word on what these options fit on a grid: on maps as it was trained on.
-pub(super) fn concludes(options: &SurfaceOptions, grid: &Grid) -> bool {
-    matches!(options.begin, Begin::Auto | Begin::Learned) && [grid.n[0], grid.n[1]] == [PIXELS; 2]
-}
 
 /// A fit, and what it began with.
 pub(super) struct Known<'k> {

@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 use crate::Result;
 use crate::engine::Accumulation;
 use crate::engine::noise::MOST_PAIRS;
+use crate::learned::PIXELS;
 use crate::options::{Options, options, words};
-use crate::transport::{HighPass, Reflectance};
+use crate::transport::{Grid, HighPass, Reflectance};
 
 /// The least floor of a high-pass. With none, the amount of slowly changing light would be undetermined.
 pub const LEAST_FLOOR: f64 = 0.1;
@@ -85,6 +86,11 @@ impl SurfaceOptions {
     pub fn filter(&self) -> Option<HighPass> {
         let HighPass { length, floor } = HighPass { length: self.high_pass?, floor: self.high_pass_floor };
         (length > 0.0 && floor < 1.0).then_some(HighPass { length, floor })
+    }
+
+    /// Whether the network has the last word on a fit on this grid: on maps as it was trained on.
+    pub(super) fn concludes(&self, grid: &Grid) -> bool {
+        matches!(self.begin, Begin::Auto | Begin::Learned) && [grid.n[0], grid.n[1]] == [PIXELS; 2]
     }
 
     /// Checks the options.

@@ -11,14 +11,14 @@
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-use super::method::{By, ClosedForm};
+use super::method::{By, ClosedForm, Projection};
 use super::options::{ImageOptions, ImageSettings};
 use super::sharpness::Ladder;
 use crate::options::{options, words};
 use crate::transport::Grid;
 pub use hat::hat;
 pub use projecting::plan_of;
-pub(super) use projecting::{Projecting, Projection, pixels_per_voxel, to_refine};
+pub(super) use projecting::{Projecting, pixels_per_voxel, to_refine};
 
 mod hat;
 pub mod passes;

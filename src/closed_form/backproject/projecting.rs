@@ -11,7 +11,7 @@ use super::passes::{BACKPROJECT, FILTER, PROJECTED, gather_filtered};
 use crate::advice::advice;
 use crate::capture::{Background, Capture};
 use crate::closed_form::image::{AlbedoVolume, on_grid};
-use crate::closed_form::method::ClosedForm;
+use crate::closed_form::method::{ClosedForm, Projection};
 use crate::closed_form::on_host::check_host_memory;
 use crate::closed_form::options::ImageOptions;
 use crate::closed_form::scan::RegularScan;
@@ -24,18 +24,6 @@ use crate::gpu::{Abilities, BufferPlan, Gpu, Place, Schedule};
 use crate::transport::kernels::{buffer, constant};
 use crate::transport::{Binning, Grid, Model, Rows};
 use crate::{Error, Result};
-
-/// Numbers of each filter or projection.
-pub type Numbers = Vec<Vec<f32>>;
-
-/// What a method that back-projects on the device has of its own.
-pub struct Projection<M> {
-    /// The filters, one for each projection: words of `filter.comp`. Given: bins, the width of a bin and the distance of scan points,
-    /// metres.
-    pub filters: fn(&M, usize, f64, f64) -> Numbers,
-    /// What it makes of the projections, `[(x * n[1] + y) * n[2] + z]` each, on a grid, with that distance.
-    pub join: fn(&M, Numbers, &Grid, f64) -> Vec<f32>,
-}
 
 /// Pixels that a voxel is wide in maps of `lateral` pixels. Voxels finer than the scan would only cost time.
 pub fn pixels_per_voxel(lateral: usize) -> usize {

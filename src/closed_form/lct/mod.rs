@@ -13,8 +13,7 @@
 use super::fourier::{Complex, Line, SpareSpectra, resize, transpose};
 use super::image::{AlbedoVolume, on_grid};
 use super::light_cone::{ConeCells, SNR, filter_planes};
-use super::method::{By, ClosedForm};
-use super::on_host::HostMethod;
+use super::method::{By, ClosedForm, HostMethod};
 use super::options::{ImageOptions, ImageSettings};
 use super::scan::RegularScan;
 use super::sharpness::Ladder;
