@@ -45,6 +45,7 @@ pub fn resolve<'c>(
 ) -> Result<Job<'c>> {
     // Errors of the box come before any fit.
     job.check()?;
+    let job = judge::subtract(job, gpu, hear)?; // the light of the empty room
     let job = judge::divide(job, gpu, hear)?; // by the gain law of a device near the wall
     let mut job = judge::estimate(job, gpu, hear)?; // what the network sees, high-pass, reflectance, impulse response
     let mut found = judge::diagnose(&job, gpu, hear)?; // delays of lines, doubts about the scale
