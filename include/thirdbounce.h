@@ -186,6 +186,9 @@ typedef struct tb_scan {
     const float *counts;
     // A capture of `tb_read` in place of all fields above; NULL: none. `tb_capture_scan` sets it.
     const struct tb_capture *capture;
+    // Counts of the same scan without the object, as `counts`, copied: their light is subtracted from every frame, with a gain of its own,
+    // where held-out pairs of `counts` prove it. NULL: none. Needs `counts`.
+    const float *empty;
 } tb_scan;
 
 // Progress of a frame.

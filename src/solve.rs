@@ -47,6 +47,7 @@ pub fn resolve<'c>(
 ) -> Result<Job<'c>> {
     // A volume that the capture does not allow is an error before any fit.
     job.check()?;
+    let job = judge::subtract(job, gpu, hear)?; // the light of the empty room, if there is a capture of it
     let job = judge::divide(job, gpu, hear)?; // the counts, by the gain of laser and detector near the wall, if that is known
     let mut job = judge::estimate(job, gpu, hear)?; // what the network sees, high-pass, reflectance, impulse response
     let mut found = judge::diagnose(&job, gpu, hear)?; // delays of scan lines, doubts about the scale

@@ -48,6 +48,9 @@ pub struct TbScan {
     pub counts: *const f32,
     /// A capture of `tb_read` in place of all fields above; NULL: none. `tb_capture_scan` sets it.
     pub capture: *const TbCapture,
+    /// Counts of the same scan without the object, as `counts`, copied: their light is subtracted from every frame, with a gain of its own,
+    /// where held-out pairs of `counts` prove it. NULL: none. Needs `counts`.
+    pub empty: *const f32,
 }
 
 // SAFETY: `repr(C)`, begins with its size; zero is valid for all fields.
@@ -76,13 +79,14 @@ impl TbScan {
             sensor_spot_fwhm: capture.sensor_spot.unwrap_or(0.0),
             counts: capture.histograms.as_ptr(),
             capture: from,
+            empty: capture.empty.as_ref().map_or(std::ptr::null(), |empty| empty.as_ptr()),
         }
     }
 
     /// The scan as a capture, with its counts.
     ///
     /// # Safety
-    /// `capture` is NULL or valid. The arrays are NULL or have three values per pair, `counts` one value per bin and pair.
+    /// `capture` is NULL or valid. The arrays are NULL or have three values per pair, `counts` and `empty` one value per bin and pair.
     pub unsafe fn capture<'c>(&self) -> Result<Cow<'c, Capture>> {
         // SAFETY: guaranteed by the caller.
         match unsafe { self.capture.as_ref() } {
@@ -135,6 +139,12 @@ impl TbScan {
         capture.pulse = (self.pulse_fwhm != 0.0).then(|| Pulse::gaussian(self.pulse_fwhm)).transpose()?;
         let spot = |width: f64| (width != 0.0).then_some(width);
         (capture.laser_spot, capture.sensor_spot) = (spot(self.laser_spot_fwhm), spot(self.sensor_spot_fwhm));
+        if let (false, Some(count)) = (self.empty.is_null(), count) {
+            let mut room = capture.outline();
+            // SAFETY: as above.
+            room.histograms = unsafe { std::slice::from_raw_parts(self.empty, count) }.to_vec();
+            capture.set_empty(&room)?;
+        }
         Ok(capture)
     }
 }

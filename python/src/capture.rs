@@ -51,6 +51,9 @@ pub struct Arrays<'py> {
     /// Positions of laser and detector.
     #[pyo3(default)]
     devices: Option<[Option<[f64; 3]>; 2]>,
+    /// As `counts`, without the object.
+    #[pyo3(default)]
+    empty: Option<PyReadonlyArray1<'py, f32>>,
 }
 
 impl Arrays<'_> {
@@ -70,6 +73,11 @@ impl Arrays<'_> {
         (made.laser_spot, made.sensor_spot) = (self.laser_spot, self.sensor_spot);
         (made.cycles, made.direct) = (self.cycles, self.direct);
         made.devices = self.devices.unwrap_or_default().map(|device| device.map(DVec3::from_array));
+        if let Some(empty) = &self.empty {
+            let mut room = made.outline();
+            room.histograms = flat(empty)?.to_vec();
+            made.set_empty(&room)?;
+        }
         Ok(made)
     }
 }
@@ -107,6 +115,7 @@ pub fn dictionary<'py>(py: Python<'py>, capture: Capture) -> PyResult<Bound<'py,
     made.set_item("cycles", capture.cycles)?;
     made.set_item("direct", capture.direct)?;
     made.set_item("devices", capture.devices.map(|device| device.map(|at| at.to_array())))?;
+    made.set_item("empty", capture.empty.map(|empty| PyArray1::from_vec(py, empty)))?;
     made.set_item("counts", PyArray1::from_vec(py, capture.histograms))?;
     Ok(made)
 }

@@ -53,6 +53,9 @@ pub fn background(capture: &Capture) -> f64 {
 /// Variance of a bin per count of its light, and variance of a bin without light in counts squared. `background` is in
 /// counts per bin.
 pub fn variances(capture: &Capture, background: f64) -> [f64; 2] {
+    if let Some(noise) = capture.noise {
+        return noise;
+    }
     match capture.negatives() {
         // The background is gone, its noise is still there.
         Some(found) if found.variance > 0.0 => [variance_above(capture, found.variance), found.variance],

@@ -49,6 +49,13 @@ impl Loaded {
 /// Those of [`capture::read_kept`]; a wall size that does not fit the capture; units that cannot be.
 pub fn load(path: &Path, settings: &Settings) -> Result<Loaded> {
     let start = Instant::now();
+    if settings.empty.is_some() {
+        let opened = capture::read_given(path, &as_recorded(settings)?)?;
+        let mut loaded = take(opened.capture, settings).map_err(|e| placed(e, path))?;
+        (loaded.path, loaded.seconds) = (path.into(), start.elapsed().as_secs_f64());
+        loaded.notes.splice(0..0, opened.notes);
+        return Ok(loaded);
+    }
     let done = capture::formats::read_prepared(path, &reading(settings)?, &conditioning_of(settings)?);
     Ok(loaded(path, start, done.map_err(|e| placed(e, path))?))
 }
@@ -91,6 +98,12 @@ pub fn reading(settings: &Settings) -> Result<capture::ReadOptions> {
         .with_turn(turn(settings)?))
 }
 
+/// As [`reading`], with all pairs as the file has them: for two files that are prepared together.
+fn as_recorded(settings: &Settings) -> Result<capture::ReadOptions> {
+    let all = Settings { speed: None, flip: None, rotate: None, keep_empty: Some(true), ..settings.clone() };
+    reading(&all)
+}
+
 /// How the scan is mirrored and rotated.
 ///
 /// # Errors
@@ -106,7 +119,14 @@ pub fn turn(settings: &Settings) -> Result<capture::Turn> {
 /// Those of [`conditioning::prepare`].
 pub fn take(capture: Capture, settings: &Settings) -> Result<Loaded> {
     let start = Instant::now();
-    Ok(loaded(Path::new(""), start, conditioning::prepare(capture, &conditioning_of(settings)?)?))
+    let (mut capture, mut notes) = (capture, vec![]);
+    if let Some(file) = &settings.empty {
+        let room = capture::read_given(file, &as_recorded(settings)?)?.capture;
+        notes = capture.set_empty(&room).map_err(|e| placed(e, file))?;
+    }
+    let mut done = loaded(Path::new(""), start, conditioning::prepare(capture, &conditioning_of(settings)?)?);
+    done.notes.splice(0..0, notes);
+    Ok(done)
 }
 
 fn loaded(path: &Path, start: Instant, done: conditioning::Conditioned) -> Loaded {

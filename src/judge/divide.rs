@@ -33,7 +33,8 @@ pub fn divide<'c>(
         Some(divided) => job.again(Cow::Owned(divided)),
         None => job,
     };
-    (job.estimates.device, job.estimates.seconds) = (Some(found), clock.elapsed().as_secs_f64());
+    job.estimates.device = Some(found);
+    job.estimates.seconds += clock.elapsed().as_secs_f64();
     Ok(job)
 }
 

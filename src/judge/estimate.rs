@@ -27,9 +27,9 @@ pub fn estimate<'c>(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Job<'c>> {
     if job.has_light() {
-        let Estimates { device, seconds, .. } = std::mem::take(&mut job.estimates);
+        let Estimates { device, empty, seconds, .. } = std::mem::take(&mut job.estimates);
         let found = found(&job, gpu, hear)?;
-        job.estimates = Estimates { device, seconds: seconds + found.seconds, ..found };
+        job.estimates = Estimates { device, empty, seconds: seconds + found.seconds, ..found };
     }
     Ok(job)
 }
@@ -102,6 +102,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
         finds_none,
         begun,
         device: None,
+        empty: None,
     })
 }
 

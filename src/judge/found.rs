@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use super::device::FoundDevice;
+use super::empty::FoundEmpty;
 use super::high_pass::FoundHighPass;
 use super::model::FoundModel;
 use super::pulse::FoundPulse;
@@ -30,6 +31,9 @@ pub struct Estimates {
     /// The gain law of devices near the wall, if their positions are known.
     #[serde(default)]
     pub device: Option<FoundDevice>,
+    /// The subtraction of the empty room, if there is a capture of it.
+    #[serde(default)]
+    pub empty: Option<FoundEmpty>,
     /// How surfaces reflect, if it was estimated.
     #[serde(default)]
     pub model: Option<FoundModel>,
@@ -86,7 +90,9 @@ impl Estimates {
         });
         let high_pass = self.high_pass.iter().map(FoundHighPass::note);
         let device = self.device.iter().map(FoundDevice::note);
-        device
+        let empty = self.empty.iter().map(FoundEmpty::note);
+        empty
+            .chain(device)
             .chain(start)
             .chain(high_pass)
             .chain(self.model.iter().map(FoundModel::note))

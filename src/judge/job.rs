@@ -132,8 +132,8 @@ impl<'c> Job<'c> {
 
     /// The job of a corrected capture, which knows what was found in the other one.
     pub fn again(self, capture: Cow<'c, Capture>) -> Job<'c> {
-        let Estimates { device, seconds, .. } = self.estimates;
-        let estimates = Estimates { device, seconds, ..Estimates::default() };
+        let Estimates { device, empty, seconds, .. } = self.estimates;
+        let estimates = Estimates { device, empty, seconds, ..Estimates::default() };
         let Job { warnings, faults, .. } = self;
         Job { estimates, warnings, faults, ..Job::of(&self.settings, capture) }
     }

@@ -115,6 +115,7 @@ impl Session {
         options.feed.check()?;
         let mut prepared = prepared(gpu, &summed, grid, solver, &options)?;
         prepared.allocate()?;
+        let room = scan.empty.clone();
         let (plan, scan) = (prepared.plan().clone(), scan.outline());
         let summed = (sum > 1).then(|| summed.outline());
         let [nx, ny, _] = plan.levels.maps.n;
@@ -131,6 +132,7 @@ impl Session {
             prepared,
             scan: scan.clone(),
             summed,
+            room,
             exchange,
             mask_fraction,
             verdict,
@@ -171,6 +173,9 @@ impl Session {
         // The session sums the bins of each frame itself.
         let mut scan = frame.clone();
         scan.pulse.clone_from(&job.capture.pulse);
+        if !job.estimates.empty.as_ref().is_some_and(|found| found.is_used) {
+            scan.empty = None;
+        }
         Session::judged(gpu, &scan, Some(job.grid()?), &job.solver, options, job.verdict.clone())
     }
 

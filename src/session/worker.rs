@@ -14,7 +14,7 @@ use super::feed::{Feed, KeptCounts};
 use super::latency::{Latencies, Latency};
 use super::options::{FrameId, SessionOptions, too_long};
 use crate::capture::Capture;
-use crate::engine::{Prepared, Progress, Reconstruction, Watch};
+use crate::engine::{Prepared, Progress, Reconstruction, Watch, variance_per_count};
 use crate::gpu::Gpu;
 use crate::gpu::external::TimelinePoint;
 use crate::judge::{conclude, with_maps};
@@ -318,6 +318,8 @@ pub(super) struct Worker {
     pub scan: Capture,
     /// The same in the wider bins that the solver takes, if it does.
     pub summed: Option<Capture>,
+    /// Counts of the empty room, which are subtracted from every frame with a gain of its own.
+    pub room: Option<Vec<f32>>,
     /// Copies frames from and to buffers of the caller, if the session takes such.
     pub exchange: Option<Exchange>,
     /// See [`conclude`].
@@ -397,14 +399,20 @@ impl Worker {
     }
 
     fn solve(&mut self, id: FrameId) -> Result<Reconstruction> {
-        let Worker { shared, prepared, scan, summed, mask_fraction, verdict, options, .. } = self;
+        let Worker { shared, prepared, scan, summed, room, mask_fraction, verdict, options, .. } = self;
         let begun = Instant::now();
+        let emptied = room.as_ref().and_then(|room| {
+            let whole = scan.clone().with(|c| c.empty = Some(room.clone()));
+            let per_count = [&whole, &whole.emptied()].map(variance_per_count);
+            whole.room_gain(per_count).map(|gain| whole.without_room(&gain, per_count))
+        });
+        let scan = emptied.as_ref().unwrap_or(scan);
         let scan = match summed {
             Some(summed) => {
                 summed.take_sums(scan);
                 &*summed
             }
-            None => &*scan,
+            None => scan,
         };
         let mut late = false;
         let mut hear = |progress: &Progress| {

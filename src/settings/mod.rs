@@ -104,6 +104,9 @@ settings! {
         /// Use only these paths; one end may be left out: 0.8:2.4 or 80cm:240cm or 2.7ns:8ns, 0.8:, :2.4
         #[serde(with = "as_text")]
         gate: Gate = text::gate, Range::Text("FROM:TO");
+        /// A capture of the same scan without the object: its light is subtracted, with a gain that may drift, where held-out pairs prove
+        /// it. In Rust and Python a capture may hold these counts itself
+        empty: PathBuf = text::file, Range::Text("FILE");
         /// Find a gate where none is set: direct light is left out, and of captured histograms the bins behind nearly all light;
         /// for paper, the half of the bins with the most counts is kept
         auto_gate: bool = text::flag, Range::Flag;

@@ -23,6 +23,8 @@ pub struct HeldOut {
     variances: Vec<f64>,
     bin_width: f64,
     high_pass: Option<HighPass>,
+    /// Counts per unit of the values.
+    counts_per_unit: f64,
     /// Power of the path in the weights of the objective.
     power: i32,
 }
@@ -51,6 +53,7 @@ impl HeldOut {
             variances: lit().map(|b| floor + per_value * (sums[b] / level.pairs as f64)).collect(),
             bin_width: model.bin_width,
             high_pass: model.high_pass,
+            counts_per_unit: model.counts_per_unit,
             power: model.falloff_power(),
         }
     }
@@ -115,6 +118,12 @@ impl HeldOut {
             pairs: differences.into_iter().zip(measured).map(|(d, m)| [d, m]).collect(),
             noise: self.noise(),
         }
+    }
+
+    /// Squared differences of each pair in counts, as the objective weighs them: of versions of a capture that differ by light.
+    pub fn squared_counts(&self) -> Vec<f64> {
+        let unit = self.counts_per_unit * self.counts_per_unit;
+        self.squares(&self.rows[0]).into_iter().map(|d| d * unit).collect()
     }
 
     /// These squares of pairs, as the objective weighs them.

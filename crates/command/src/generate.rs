@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 use thirdbounce::files::array::Array;
 use thirdbounce::files::atomic;
 use thirdbounce::learned::{BANDS, DEEP, SIDE};
+use thirdbounce::simulate::EmptyRoom;
 use thirdbounce::{Error, Kind, Result, Settings, capture, export, job, learned};
 
 use crate::family::{FamilyCase, kind};
@@ -23,6 +24,9 @@ pub struct GenerationOptions {
     pub ideal: bool,
     /// Scan points per side; `None`: as the family has them.
     pub scan: Option<usize>,
+    /// Also measure the room without the things, with this share, power and ripple of [`EmptyRoom`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub empty: Option<[f64; 3]>,
 }
 
 /// Scenes to make.
@@ -36,6 +40,8 @@ pub struct Generation {
     pub inputs: bool,
     /// The folder.
     pub out: PathBuf,
+    /// The folder of empty rooms.
+    pub empty_out: Option<PathBuf>,
 }
 
 /// What became of the seeds.
@@ -113,13 +119,18 @@ fn scene(what: &Generation, seed: u64) -> Result<bool> {
     if is_whole && said.is_some_and(|said| said.options == what.options) {
         return Ok(false);
     }
-    let GenerationOptions { coarse, ideal, scan } = what.options;
+    let GenerationOptions { coarse, ideal, scan, empty } = what.options;
     let case = FamilyCase::of(seed);
     let case = scan.map_or(case.clone(), |scan| case.scanned(scan));
     let case = if ideal { case.ideal() } else { case };
     let case = if coarse { case.coarse() } else { case };
     let (truth, measured) = (case.truth()?, case.capture()?);
     measured.check()?;
+    let how = empty.map(|[share, power, ripple]| EmptyRoom { share, power, ripple });
+    let room = how.map(|how| case.empty(&how)).transpose()?.flatten();
+    if let Some((folder, room)) = what.empty_out.as_ref().zip(room) {
+        capture::write(&room, &folder.join(format!("e{seed}.npz")))?;
+    }
     export::npz::write_truth(&truth_file, &truth)?;
     capture::write(&measured, &capture_file)?;
     // As a reconstruction sees it: without dead pairs and what else is taken off first.

@@ -22,3 +22,4 @@ pub mod overview;
 pub mod profile;
 pub mod record;
 pub mod simulated;
+pub mod virtual_wall;

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use thirdbounce::capture::Summary;
 use thirdbounce::job::places;
-use thirdbounce::simulate::{RenderOptions, RenderProgress, Scene};
+use thirdbounce::simulate::{EmptyRoom, RenderOptions, RenderProgress, Scene};
 use thirdbounce::{Error, Result, capture, export, simulate};
 
 /// What to simulate, and the files to write.
@@ -21,6 +21,8 @@ pub struct Simulation {
     pub out: PathBuf,
     /// The truth's file, and its pixels per side.
     pub truth: Option<(PathBuf, usize)>,
+    /// The file of the empty room, and how it is measured.
+    pub empty: Option<(PathBuf, EmptyRoom)>,
 }
 
 /// The result of a simulation.
@@ -52,12 +54,21 @@ pub fn simulate(
     hear: &(dyn Fn(RenderProgress) + Sync),
     before_writing: &mut dyn FnMut(),
 ) -> Result<Simulated> {
-    places::check_file(&what.out)?;
-    let ending = what.out.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
-    if !matches!(ending.as_str(), "npz" | "hdf5" | "h5") {
+    let empty_out = what.empty.as_ref().map(|(file, _)| file);
+    for out in std::iter::once(&what.out).chain(empty_out) {
+        places::check_file(out)?;
+        let ending = out.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
+        if !matches!(ending.as_str(), "npz" | "hdf5" | "h5") {
+            return Err(Error::options(
+                format!("{}: no capture format has this ending", out.display()),
+                "let the file's name end in .npz, or in .hdf5 for y-tal",
+            ));
+        }
+    }
+    if empty_out == Some(&what.out) {
         return Err(Error::options(
-            format!("{}: no capture format has this ending", what.out.display()),
-            "let the file's name end in .npz, or in .hdf5 for y-tal",
+            "the capture and that of the empty room go to the same file",
+            "give two files",
         ));
     }
     if let Some((file, _)) = &what.truth {
@@ -67,16 +78,29 @@ pub fn simulate(
         }
     }
     let start = Instant::now();
-    let truth = what.truth.as_ref().map(|(_, n)| simulate::truth(&what.scene, *n)).transpose()?;
-    let mut rendering = simulate::simulate_watched(&what.scene, &what.render, hear)?;
+    // Beside an empty room, the object is what there is to find.
+    let shown = if what.empty.is_some() { &what.scene.without_room() } else { &what.scene };
+    let truth = what.truth.as_ref().map(|(_, n)| simulate::truth(shown, *n)).transpose()?;
+    let (mut rendering, mut room) = match &what.empty {
+        Some((_, how)) => {
+            let (rendering, room) = simulate::simulate_empty(&what.scene, how, &what.render, hear)?;
+            (rendering, Some(room))
+        }
+        None => (simulate::simulate_watched(&what.scene, &what.render, hear)?, None),
+    };
     if what.hide_pulse {
         rendering.capture.pulse = None;
+        room.iter_mut().for_each(|room| room.pulse = None);
     }
     rendering.capture.check()?;
     let seconds = start.elapsed().as_secs_f64();
     before_writing();
     let mut files = vec![what.out.clone()];
     let notes = capture::write(&rendering.capture, &what.out)?;
+    if let Some((file, room)) = empty_out.zip(room) {
+        capture::write(&room, file)?;
+        files.push(file.clone());
+    }
     if let (Some((file, _)), Some(truth)) = (&what.truth, &truth) {
         export::npz::write_truth(file, truth)?;
         files.push(file.clone());

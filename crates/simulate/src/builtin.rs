@@ -133,6 +133,8 @@ fn beyond() -> Scene {
     let floor = rectangle(dvec3(0.0, -0.53, 1.2), DVec3::Z * 0.6, DVec3::X * 1.3);
     let mut scene = Scene::new("beyond", objects([before, arm, vec![plate]].concat()));
     scene.objects.push(Object { mesh: floor, albedo: 0.5 });
+    // Plate and floor.
+    scene.room = 2;
     scene
 }
 

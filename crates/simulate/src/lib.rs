@@ -23,6 +23,7 @@
 mod builtin;
 mod coarse;
 mod elements;
+mod empty;
 mod figure;
 mod letters;
 mod mesh;
@@ -45,17 +46,19 @@ use thirdbounce_capture as capture;
 use thirdbounce_maps::maps;
 
 pub use capture::Reflectance;
+pub use empty::EmptyRoom;
 pub use figure::figure;
 pub use letters::letter;
 pub use mesh::{Mesh, MeshPlace, Placement};
 #[cfg(feature = "formats")]
 pub use mesh_file::load_mesh;
 pub use moving::Motion;
-pub use noise::{Dark, photon_noise};
+pub use noise::{Dark, Exposure, photon_noise};
 pub use pairs::{Layout, Pairs};
 pub use pile_up::pile_up;
 pub use render::{
-    RenderOptions, RenderProgress, Rendering, render, render_pairs, simulate, simulate_watched,
+    RenderOptions, RenderProgress, Rendering, render, render_pairs, simulate, simulate_empty,
+    simulate_watched,
 };
 pub use scene::{Object, Scene};
 pub use shapes::{capsule, ellipsoid, rectangle, sphere, torus};

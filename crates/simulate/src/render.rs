@@ -3,7 +3,7 @@
 use super::elements::{SurfaceElement, elements};
 use super::offsets::Offsets;
 use super::visibility::Surfaces;
-use super::{Pairs, Reflectance, Scene, coarse, photon_noise, pile_up};
+use super::{Dark, EmptyRoom, Exposure, Pairs, Reflectance, Scene, coarse, photon_noise, pile_up};
 use crate::capture::{Capture, GainLaw};
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
@@ -75,6 +75,60 @@ pub fn simulate_watched(
     options: &RenderOptions,
     hear: &(dyn Fn(RenderProgress) + Sync),
 ) -> Result<Rendering> {
+    let mut rendering = lit(scene, options, hear)?;
+    if let Some(photons) = scene.photons {
+        rendering.capture = photon_noise(&rendering.capture, photons, scene.dark, scene.pile_up, scene.seed)?;
+    } else if let Some(mean) = scene.pile_up {
+        pile_up(&mut rendering.capture, mean)?;
+    }
+    Ok(rendering)
+}
+
+/// As [`simulate_watched`], and the capture of the room alone ([`Scene::emptied`]), with the exposure of the scene and noise of its own.
+///
+/// # Errors
+/// Those of [`simulate`]; a scene without room and dark counts; pile-up without photons; `how` out of range.
+pub fn simulate_empty(
+    scene: &Scene,
+    how: &EmptyRoom,
+    options: &RenderOptions,
+    hear: &(dyn Fn(RenderProgress) + Sync),
+) -> Result<(Rendering, Capture)> {
+    how.check()?;
+    let mut rendering = lit(scene, options, hear)?;
+    let exposure =
+        scene.photons.map(|photons| Exposure::of(&rendering.capture, photons, scene.dark, scene.pile_up));
+    let exposure = exposure.transpose()?;
+    if scene.pile_up.is_some() && exposure.is_none() {
+        return Err(Error::options(
+            "pile-up of an empty room needs counts",
+            "set the photons expected in the strongest bin too",
+        ));
+    }
+    let mut room = rendering.capture.clone();
+    match scene.room.min(scene.objects.len()) {
+        0 if scene.dark == Dark::Counts(0.0) => {
+            return Err(Error::options(
+                format!("{} has no room: nothing is left of it without the object", scene.name),
+                "give the scene a room, or dark counts",
+            ));
+        }
+        0 => room.histograms.fill(0.0),
+        _ => room = lit(&scene.emptied(), options, hear)?.capture,
+    }
+    how.change(&mut room);
+    if let Some(exposure) = exposure {
+        room = exposure.times(how.share).draw(&room, scene.seed ^ EMPTY);
+        rendering.capture = exposure.draw(&rendering.capture, scene.seed);
+    }
+    Ok((rendering, room))
+}
+
+/// Makes the photon noise of the empty room independent of the scene's.
+const EMPTY: u64 = 0x0065_6d70_7479;
+
+/// The light of a scene as the instrument sees it, without noise of photons.
+fn lit(scene: &Scene, options: &RenderOptions, hear: &(dyn Fn(RenderProgress) + Sync)) -> Result<Rendering> {
     scene.check()?;
     let mut rendering = render_watched(scene, &scene.pairs(), options, hear)?;
     if rendering.capture.histograms.iter().all(|v| *v == 0.0) {
@@ -95,11 +149,6 @@ pub fn simulate_watched(
     }
     let [laser, sensor] = scene.spots.map(|width| Some(width).filter(|w| *w > 0.0));
     (rendering.capture.laser_spot, rendering.capture.sensor_spot) = (laser, sensor);
-    if let Some(photons) = scene.photons {
-        rendering.capture = photon_noise(&rendering.capture, photons, scene.dark, scene.pile_up, scene.seed)?;
-    } else if let Some(mean) = scene.pile_up {
-        pile_up(&mut rendering.capture, mean)?;
-    }
     Ok(rendering)
 }
 

@@ -24,6 +24,8 @@ pub struct Scene {
     pub name: String,
     /// Hidden objects at z > 0, in metres.
     pub objects: Vec<Object>,
+    /// Number of the last objects that are the room, which an empty capture shows.
+    pub room: usize,
     /// Side of the square wall in metres: it covers ±wall/2 in x and y at z = 0.
     pub wall: f64,
     /// Shape of the wall.
@@ -67,6 +69,7 @@ impl Scene {
         Scene {
             name: name.into(),
             objects,
+            room: 0,
             wall: 1.0,
             wall_shape: WallShape::Flat,
             scan: 32,

@@ -60,6 +60,8 @@ class Capture:
     """Path of direct light in every pair, metres, if known."""
     devices: Optional[Tuple[Optional[Tuple[float, float, float]], Optional[Tuple[float, float, float]]]]
     """Positions of laser and detector, metres, if known."""
+    empty: Optional[np.ndarray]
+    """(X, Y, T) float32: counts of the same scan without the object, if they were measured: their light is subtracted where held-out pairs prove it."""
     name: str
     """Short name."""
     notes: List[str]
@@ -83,6 +85,7 @@ class Capture:
         cycles: Optional[float] = None,
         direct: Union[None, float, str] = None,
         devices: Optional[Tuple[Any, Any]] = None,
+        empty: Any = None,
         name: str = "arrays",
     ) -> None:
         """A capture from arrays.
@@ -94,6 +97,7 @@ class Capture:
         bin_width: metres of path, or text: "20ps", "6mm". So are all lengths.
         direct: path of direct light in every pair, metres, if the bins contain it.
         devices: positions (x, y, z) of laser and detector, metres; None for an unknown one. Their light may weaken with distance.
+        empty: counts as `H`, of the same scan without the object. Sessions subtract them from every frame.
         """
         sensor = as_points(sensor_xyz, "sensor_xyz")
         laser = None if laser_xyz is None else as_points(laser_xyz, "laser_xyz")
@@ -115,6 +119,7 @@ class Capture:
         self.cycles = cycles
         self.direct = None if direct is None else metres(direct, "direct", True)
         self.devices = None if devices is None else as_devices(devices)
+        self.empty = None if empty is None else as_counts(empty, scan, bins_axis)
         self.name, self.notes = name, []
 
     @property
@@ -162,6 +167,7 @@ class Capture:
             "cycles": self.cycles,
             "direct": self.direct,
             "devices": None if self.devices is None else as_devices(self.devices),
+            "empty": None if self.empty is None else as_counts(self.empty, scan, -1).reshape(-1),
         }
 
     @classmethod
@@ -182,6 +188,7 @@ class Capture:
         made.laser_spot, made.sensor_spot = arrays["laser_spot"], arrays["sensor_spot"]
         made.cycles, made.direct = arrays["cycles"], arrays["direct"]
         made.devices = None if not any(arrays["devices"]) else as_devices(arrays["devices"])
+        made.empty = None if arrays["empty"] is None else arrays["empty"].reshape(made.H.shape)
         made.name, made.notes = arrays["name"], notes
         return made
 

@@ -167,6 +167,9 @@ impl Capture {
             laser_normal: self.laser_normal.as_deref().map(pick),
             sensor_normal: self.sensor_normal.as_deref().map(pick),
             histograms: kept.iter().flat_map(|&p| self.histogram(p)).copied().collect(),
+            empty: self.empty.as_ref().map(|counts| {
+                kept.iter().flat_map(|&p| &counts[p * self.bins..(p + 1) * self.bins]).copied().collect()
+            }),
             pulse: self.pulse.clone(),
             ..*self
         }

@@ -82,9 +82,12 @@ impl Capture {
     /// `Kind::Options` if the gate is empty, not a number, or touches no bin.
     pub fn gated(&self, gate: Gate) -> Result<Capture> {
         let Range { start, end } = self.bins_of(gate)?;
-        let histograms = self.histograms.chunks_exact(self.bins).flat_map(|h| &h[start..end]);
-        let histograms = histograms.copied().collect();
-        let gated = self.with_bins(end - start, self.bin_width, self.edge(start), histograms);
+        let cropped = |counts: &[f32]| -> Vec<f32> {
+            counts.chunks_exact(self.bins).flat_map(|h| &h[start..end]).copied().collect()
+        };
+        let histograms = cropped(&self.histograms);
+        let mut gated = self.with_bins(end - start, self.bin_width, self.edge(start), histograms);
+        gated.empty = self.empty.as_deref().map(cropped);
         // Pile-up comes from all earlier counts.
         Ok(Capture { cycles: self.cycles.filter(|_| start == 0), ..gated })
     }
@@ -95,13 +98,16 @@ impl Capture {
     /// Those of [`Capture::gated`].
     pub fn set_gate(&mut self, gate: Gate) -> Result<()> {
         let Range { start, end } = self.bins_of(gate)?;
-        let (kept, rows) = (end - start, self.histograms.len() / self.bins);
-        for row in 0..rows {
-            let from = row * self.bins;
-            self.histograms.copy_within(from + start..from + end, row * kept);
+        let (kept, bins) = (end - start, self.bins);
+        for counts in std::iter::once(&mut self.histograms).chain(&mut self.empty) {
+            let rows = counts.len() / bins;
+            for row in 0..rows {
+                let from = row * bins;
+                counts.copy_within(from + start..from + end, row * kept);
+            }
+            counts.truncate(rows * kept);
+            counts.shrink_to_fit();
         }
-        self.histograms.truncate(rows * kept);
-        self.histograms.shrink_to_fit();
         self.cycles = self.cycles.filter(|_| start == 0);
         (self.t_start, self.bins) = (self.edge(start), kept);
         Ok(())

@@ -6,6 +6,7 @@
 pub(crate) mod background;
 pub(crate) mod choose;
 mod clipped;
+pub(crate) mod empty;
 mod faults;
 pub(crate) mod frame;
 pub mod gate;
@@ -13,6 +14,7 @@ mod hot;
 mod keep;
 #[cfg(feature = "formats")]
 pub mod legs;
+mod low_rank;
 mod mean;
 pub mod negative;
 mod normals;
@@ -24,6 +26,7 @@ mod units;
 mod warnings;
 
 pub use background::Background;
+pub use empty::RoomGain;
 pub use gate::{AutoGate, Gate, auto_gate, light_gate, published_gate};
 pub use keep::Keep;
 pub use recorded::recorded_gate;
@@ -295,7 +298,21 @@ fn gated(state: &mut Conditioned, how: &Conditioning) -> Result<()> {
 }
 
 fn faults_found(state: &mut Conditioned, _: &Conditioning) -> Result<()> {
-    let faults::Found { notes, faults, dropped } = faults::undo(&mut state.capture, &mut state.mean)?;
+    let room = state.capture.empty.is_some().then(|| state.capture.emptied());
+    let faults::Found { notes, faults, dropped, has_moved } =
+        faults::undo(&mut state.capture, &mut state.mean)?;
+    // One instrument makes the same fault in both.
+    if let Some(mut room) = room.filter(|_| has_moved) {
+        let of_room = faults::undo(&mut room, &mut MeanOnce::default())?;
+        let is_alike = room.bins == state.capture.bins && room.laser == state.capture.laser;
+        if !(of_room.has_moved && is_alike) {
+            return Err(Error::input(
+                format!("the empty capture does not have the faults of the capture: {}", notes.join("; ")),
+                "export both alike, or leave the empty capture out",
+            ));
+        }
+        state.capture.empty = Some(room.histograms);
+    }
     state.notes.extend(notes);
     state.warnings.extend(faults.iter().cloned());
     state.faults.extend(faults);

@@ -20,14 +20,22 @@ impl Capture {
             ));
         }
         let bins = self.bins.div_ceil(n);
-        let mut histograms = vec![0.0; self.histograms.len() / self.bins * bins];
-        sum_rows(&mut histograms, bins, &self.histograms, self.bins, n);
-        Ok(self.with_bins(bins, self.bin_width * n as f64, self.t_start, histograms))
+        let sums = |counts: &[f32]| {
+            let mut sums = vec![0.0; counts.len() / self.bins * bins];
+            sum_rows(&mut sums, bins, counts, self.bins, n);
+            sums
+        };
+        let mut binned =
+            self.with_bins(bins, self.bin_width * n as f64, self.t_start, sums(&self.histograms));
+        binned.empty = self.empty.as_deref().map(sums);
+        binned.noise = self.noise.map(|[per_count, floor]| [per_count, floor * n as f64]);
+        Ok(binned)
     }
 
     /// Takes the counts of `narrow`, of which this is a [`Capture::binned`] one. Nothing is allocated if it had counts before.
     pub fn take_sums(&mut self, narrow: &Capture) {
         let n = (self.bin_width / narrow.bin_width).round() as usize;
+        self.noise = narrow.noise.map(|[per_count, floor]| [per_count, floor * n as f64]);
         self.histograms.resize(self.pair_count() * self.bins, 0.0);
         sum_rows(&mut self.histograms, self.bins, &narrow.histograms, narrow.bins, n);
     }
@@ -70,20 +78,25 @@ impl Capture {
         let facing = |normals: &[DVec3]| -> Vec<DVec3> {
             middle(normals).into_iter().map(|m| m.try_normalize().unwrap_or(DVec3::Z)).collect()
         };
-        let mut histograms = vec![0.0f32; to_x * to_y * self.bins];
-        for (at, to) in histograms.chunks_exact_mut(self.bins).enumerate() {
-            for pair in block(at) {
-                let from = &self.histograms[pair * self.bins..(pair + 1) * self.bins];
-                to.iter_mut().zip(from).for_each(|(sum, count)| *sum += count);
+        let sums = |counts: &[f32]| {
+            let mut sums = vec![0.0f32; to_x * to_y * self.bins];
+            for (at, to) in sums.chunks_exact_mut(self.bins).enumerate() {
+                for pair in block(at) {
+                    let from = &counts[pair * self.bins..(pair + 1) * self.bins];
+                    to.iter_mut().zip(from).for_each(|(sum, count)| *sum += count);
+                }
             }
-        }
+            sums
+        };
         Ok(Capture {
             scan: [to_x, to_y],
             laser: middle(&self.laser),
             sensor: middle(&self.sensor),
             laser_normal: self.laser_normal.as_deref().map(facing),
             sensor_normal: self.sensor_normal.as_deref().map(facing),
-            histograms,
+            histograms: sums(&self.histograms),
+            empty: self.empty.as_deref().map(sums),
+            noise: self.noise.map(|[per_count, floor]| [per_count, floor * (n * n) as f64]),
             name: self.name.clone(),
             pulse: self.pulse.clone(),
             cycles: self.cycles.map(|cycles| cycles * (n * n) as f64),

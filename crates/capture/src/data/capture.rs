@@ -34,6 +34,11 @@ pub struct Capture {
     pub t_start: f64,
     /// Counts, `[pair * bins + bin]`, P * T of them. Negative ones are counts less a background.
     pub histograms: Vec<f32>,
+    /// Counts of the same pairs and bins without the object, `[pair * bins + bin]`, if they were measured ([`Capture::set_empty`]).
+    pub empty: Option<Vec<f32>>,
+    /// Variance of a bin per count of its light, and variance of a bin without light in counts squared, where both are known; else
+    /// they are estimated.
+    pub noise: Option<[f64; 2]>,
     /// Whether all counts are whole numbers and none is negative: photon counts. They remain so when pile-up is taken out.
     pub integer_counts: bool,
     /// The instrument's pulse, if known.
@@ -94,6 +99,8 @@ impl Capture {
             bin_width,
             t_start: 0.0,
             histograms,
+            empty: None,
+            noise: None,
             integer_counts: false,
             pulse: None,
             laser_spot: None,
@@ -117,7 +124,7 @@ impl Capture {
         self.with_bins(self.bins, self.bin_width, self.t_start, vec![])
     }
 
-    /// The same pairs with other bins; `histograms` holds `bins` counts for each pair.
+    /// The same pairs with other bins; `histograms` holds `bins` counts for each pair. Without counts of the empty room.
     pub(crate) fn with_bins(
         &self,
         bins: usize,
@@ -130,6 +137,7 @@ impl Capture {
             bin_width,
             t_start,
             histograms,
+            empty: None,
             name: self.name.clone(),
             laser: self.laser.clone(),
             sensor: self.sensor.clone(),

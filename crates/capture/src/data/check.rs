@@ -31,6 +31,12 @@ impl Capture {
     /// `Kind::Input`, naming the first wrong field with its pair, bin and value.
     pub fn check(&self) -> Result<()> {
         self.check_scan()?;
+        if let Some(empty) = self.empty.as_ref().filter(|empty| empty.len() != self.histograms.len()) {
+            return Err(Error::input(
+                format!("{} counts of the empty room for {} counts", empty.len(), self.histograms.len()),
+                "give the empty room the pairs and bins of the capture",
+            ));
+        }
         self.check_counts(&self.histograms)
     }
 

@@ -4,13 +4,16 @@ use std::path::PathBuf;
 
 use thirdbounce::{Result, capture, job};
 
+use crate::virtual_wall::{Rendered, VirtualWall};
+
 use super::settings::{FILE, SettingsArgs};
 use super::terminal::{print, say};
 use super::{interrupt, tagged};
 
 #[derive(clap::Args)]
 pub struct ConvertArgs {
-    /// Capture to read: a file of any known format, or the folder of a capture with several files
+    /// Capture to read: a file of any known format, or the folder of a capture with several files; with --as-confocal the folder of a
+    /// result
     #[arg(value_name = "IN")]
     from: PathBuf,
     /// Capture to write: .npz, .hdf5 for y-tal, or .mat for meas and tofgrid as in Stanford's f-k captures
@@ -25,13 +28,39 @@ pub struct ConvertArgs {
     /// Sum the histograms of every N x N neighbouring scan points
     #[arg(long, value_name = "N", conflicts_with = "stride")]
     sum: Option<usize>,
+    /// Render the surface of the result IN, with its reflectance and impulse response, onto a confocal scan of these columns x rows
+    /// (128x128), of the wall of the maps or of --wall, for programs that know no other scans. Measured pairs at the same points are
+    /// kept
+    #[arg(long, value_name = "NXxNY", conflicts_with_all = ["bin", "stride", "sum"])]
+    as_confocal: Option<String>,
     #[command(flatten)]
     settings: SettingsArgs<FILE>,
+}
+
+/// Writes the surface of a result as a confocal capture.
+fn confocal(args: &ConvertArgs, wall: VirtualWall) -> Result<()> {
+    job::places::check_file(&args.to)?;
+    let Rendered { capture, share, left, kept, source } = wall.of(&args.from)?;
+    interrupt::stop_in_order();
+    let notes = capture::write(&capture, &args.to)?;
+    notes.iter().for_each(|note| say(&format!("note: {note}")));
+    print(&format!(
+        "{}\nsurface   {:.1} % of the light of {}, {left:.3} of its squares left; {kept} of {} pairs are measured\nwrote     {}",
+        capture.summary(),
+        100.0 * share,
+        source.display(),
+        capture.pair_count(),
+        args.to.display()
+    ));
+    Ok(())
 }
 
 pub fn run(args: &ConvertArgs) -> Result<()> {
     job::check_not_input(&args.to, [args.from.as_path()])?;
     let settings = args.settings.settings()?;
+    if let Some(text) = &args.as_confocal {
+        return confocal(args, VirtualWall { scan: VirtualWall::scan(text)?, wall: settings.wall });
+    }
     tagged::refuse(&args.from)?;
     let opened = capture::read_given(&args.from, &job::reading(&settings)?)?;
     opened.notes.iter().for_each(|note| say(&format!("note: {note}")));

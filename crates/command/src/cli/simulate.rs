@@ -10,7 +10,8 @@ use glam::DVec2;
 use thirdbounce::options::units::{length, number, path};
 use thirdbounce::settings::{DevicePosition, Settings};
 use thirdbounce::simulate::{
-    DEFAULT_RESOLUTION, Dark, Layout, MeshPlace, Motion, Reflectance, RenderOptions, Scene, WallShape,
+    DEFAULT_RESOLUTION, Dark, EmptyRoom, Layout, MeshPlace, Motion, Reflectance, RenderOptions, Scene,
+    WallShape,
 };
 use thirdbounce::{Error, Result};
 
@@ -50,6 +51,20 @@ pub struct SimulateArgs {
     /// centred at z = 0.8 m [default: a mesh keeps its metres, and its place if it is in front of the wall, z > 0]
     #[arg(long, value_name = "SIZE", value_parser = length)]
     fit: Option<f64>,
+    /// Also measure the room without the object, with noise of its own, and write its capture to this file, .npz or .hdf5, for
+    /// --empty of a reconstruction. With --family a folder, which gets e7.npz of seed 7, if that scene has a room or ambient light
+    #[arg(long, value_name = "EMPTY", conflicts_with = "moving")]
+    empty_out: Option<PathBuf>,
+    /// Photons of the empty room, as a share of those that its light has in the capture
+    #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = number, requires = "empty_out")]
+    empty_share: f64,
+    /// How the light differs while the empty room is measured: POWER, by how much the laser is stronger, and RIPPLE, the amplitude of
+    /// a gain that changes smoothly over the wall: 0.03,0.05
+    #[arg(long, value_name = "POWER,RIPPLE", allow_hyphen_values = true, requires = "empty_out")]
+    empty_drift: Option<String>,
+    /// A mesh or a built-in scene that is the room of SCENE: the capture shows both, that of --empty-out the room alone
+    #[arg(long, value_name = "ROOM", conflicts_with_all = ["family", "moving"])]
+    room: Option<String>,
     /// Let the scene move on a circle, and write N frames to the folder CAPTURE: frame-0000.npz and so on, with
     /// --truth their truths to the folder TRUTH.npz
     #[arg(long, value_name = "N")]
@@ -181,6 +196,21 @@ fn layout(args: &SimulateArgs) -> Result<Layout> {
     })
 }
 
+/// How the empty room is measured.
+fn empty_room(args: &SimulateArgs) -> Result<EmptyRoom> {
+    let numbers = args.empty_drift.as_deref().map(|text| {
+        let numbers: Vec<Option<f64>> = text.split(',').map(|n| number(n).ok()).collect();
+        match numbers[..] {
+            [Some(power), Some(ripple)] => Ok([power, ripple]),
+            _ => Err(Error::options(format!("--empty-drift is {text:?}"), "give POWER,RIPPLE: 0.03,0.05")),
+        }
+    });
+    let [power, ripple] = numbers.unwrap_or(Ok([0.0; 2]))?;
+    let how = EmptyRoom { share: args.empty_share, power, ripple };
+    how.check()?;
+    Ok(how)
+}
+
 fn scan_of(args: &SimulateArgs) -> usize {
     args.scan.unwrap_or(32)
 }
@@ -230,7 +260,7 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     let mut words: Vec<String> = lines.flat_map(str::split_whitespace).map(String::from).collect();
     let is_own = |word: &String| {
-        ["--out", "--truth", "--moving", "--appear", "--vanish", "--family"]
+        ["--out", "--truth", "--empty-out", "--moving", "--appear", "--vanish", "--family"]
             .iter()
             .any(|own| word.starts_with(own))
     };
@@ -270,6 +300,11 @@ fn simulation(args: &SimulateArgs) -> Result<Simulation> {
     if let Some(size) = args.fit {
         scene = scene.fitted(size)?;
     }
+    if let Some(room) = &args.room {
+        let room = Scene::named(room)?.objects;
+        scene.room += room.len();
+        scene.objects.extend(room);
+    }
     args.albedo.into_iter().for_each(|albedo| scene.set_albedo(albedo));
     (scene.scan, scene.wall) = (scan_of(args), args.wall);
     (scene.bin_width, scene.bins) = (args.bin_width, args.bins);
@@ -293,16 +328,20 @@ fn simulation(args: &SimulateArgs) -> Result<Simulation> {
         render: RenderOptions { noise: args.noise, seed: args.seed, ..RenderOptions::default() },
         out: args.out.clone(),
         truth: args.truth.clone().map(|file| (file, args.truth_resolution)),
+        empty: args.empty_out.clone().map(|file| Ok::<_, Error>((file, empty_room(args)?))).transpose()?,
     })
 }
 
 /// Writes scenes of the random family.
 fn family(args: &SimulateArgs, seeds: Range<u64>) -> Result<ExitCode> {
+    let empty = args.empty_out.as_ref().map(|_| empty_room(args)).transpose()?;
+    let empty = empty.map(|EmptyRoom { share, power, ripple }| [share, power, ripple]);
     let generation = Generation {
-        options: GenerationOptions { coarse: args.coarse, ideal: args.ideal, scan: args.scan },
+        options: GenerationOptions { coarse: args.coarse, ideal: args.ideal, scan: args.scan, empty },
         seeds,
         inputs: args.inputs,
         out: args.out.clone(),
+        empty_out: args.empty_out.clone(),
     };
     let bar = progress::bar(args.quiet, "{bar:16} {wide_msg} {elapsed}");
     interrupt::stop_in_order();

@@ -116,6 +116,7 @@ pub fn metrics(m: &Metrics) -> String {
     format!(
         "surface   IoU {}, completeness {} {}\n\
          depth     MAE {}, RMSE {} over {} pixels\n\
+         missing   over the true mask: depth MAE {} with the far limit where nothing is found, {} with the depth of the nearest pixel\n\
          normals   {}, mean absolute error of components {}\n\
          paper     all pixels, 0 where nothing is: depth MAE {} m, RMSE {} m; normals MAE {}, RMSE {}\n\
          {best}{reported}{layers}",
@@ -125,6 +126,8 @@ pub fn metrics(m: &Metrics) -> String {
         mm(m.depth_mae),
         mm(m.depth_rmse),
         m.hit_pixels,
+        mm(m.depth_mae_far),
+        mm(m.depth_mae_nearest),
         degrees(m.normal_error_deg),
         share(m.normal_mae),
         four(m.paper.depth_mae),

@@ -10,10 +10,10 @@ use dice::{Dice, one_at};
 use glam::{DVec2, DVec3, dvec2, dvec3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
-use thirdbounce::Result;
 use thirdbounce::capture::{Capture, Pulse};
 use thirdbounce::maps::{Maps, Truth};
 use thirdbounce::simulate::*;
+use thirdbounce::{Kind, Result};
 
 /// Most values of a capture: with more, a reconstruction by the defaults takes longer than some 15 s on two CPU cores.
 const MOST_VALUES: f64 = 1e6;
@@ -78,6 +78,9 @@ const TO_TRAIN: Ranges = Ranges {
 /// Samples of a coarse rendering, and points per side of the wall that shadows are traced to.
 const COARSE_SAMPLES: usize = 2048;
 const COARSE_NODES: usize = 6;
+
+/// Makes the photon noise of the empty room independent of the capture's.
+const EMPTY: u64 = 0x0065_6d70_7479;
 
 /// A capture to come, with its truth.
 #[derive(Debug, Clone)]
@@ -210,24 +213,75 @@ impl FamilyCase {
     /// # Errors
     /// Those of [`simulate`].
     pub fn capture(&self) -> Result<Capture> {
-        let exact = Scene { photons: None, pile_up: None, dark: Dark::Counts(0.0), ..self.scene.clone() };
-        let mut capture = simulate(&exact, &self.render)?.capture;
-        let mut dice = Dice(Pcg64::seed_from_u64(self.scene.seed ^ 0x0061_6d62_6965_6e74));
+        let (lit, _) = self.lit()?;
+        Ok(self.recorded(match self.exposure(&lit)? {
+            Some(exposure) => exposure.draw(&lit, self.scene.seed),
+            None => lit,
+        }))
+    }
+
+    /// Measures the room without the things, with the exposure of the capture and noise of its own. `None` without room and ambient
+    /// light.
+    ///
+    /// # Errors
+    /// Those of [`simulate`].
+    pub fn empty(&self, how: &EmptyRoom) -> Result<Option<Capture>> {
+        let (lit, strongest) = self.lit()?;
+        let mut room = lit.clone();
+        room.histograms.fill(0.0);
+        let objects = self.scene.objects[self.parts..].to_vec();
+        if !objects.is_empty() {
+            match simulate(&Scene { objects, ..self.exact() }, &self.render) {
+                Ok(rendering) => room.histograms = rendering.capture.histograms,
+                // No light of the room is within the bins.
+                Err(e) if e.kind == Kind::Input => {}
+                Err(e) => return Err(e),
+            }
+        }
+        self.add_ambient(&mut room, strongest);
+        if room.histograms.iter().all(|value| *value == 0.0) {
+            return Ok(None);
+        }
+        how.change(&mut room);
+        Ok(Some(self.recorded(match self.exposure(&lit)? {
+            Some(exposure) => exposure.times(how.share).draw(&room, self.scene.seed ^ EMPTY),
+            None => room,
+        })))
+    }
+
+    fn exact(&self) -> Scene {
+        Scene { photons: None, pile_up: None, dark: Dark::Counts(0.0), ..self.scene.clone() }
+    }
+
+    /// The light of the scene without noise, and its strongest value without ambient light.
+    fn lit(&self) -> Result<(Capture, f64)> {
+        let mut capture = simulate(&self.exact(), &self.render)?.capture;
         let strongest = f64::from(capture.histograms.iter().copied().fold(0.0, f32::max));
-        // A lamp at one side of the wall, and points of the wall that are darker than others.
+        self.add_ambient(&mut capture, strongest);
+        Ok((capture, strongest))
+    }
+
+    /// Adds the light of a lamp at one side of the wall, and of points of the wall that are darker than others.
+    fn add_ambient(&self, capture: &mut Capture, strongest: f64) {
+        let mut dice = Dice(Pcg64::seed_from_u64(self.scene.seed ^ 0x0061_6d62_6965_6e74));
         let (lamp, bins) = (DVec2::from_angle(dice.of(0.0, TAU)) * dice.of(0.0, 0.8), capture.bins);
         for (pair, histogram) in capture.histograms.chunks_exact_mut(bins).enumerate() {
             let at = capture.sensor[pair].truncate() / (0.5 * self.scene.wall);
             let light = self.ambient * strongest * (1.0 + 0.7 * lamp.dot(at)) * dice.log(0.5, 1.7);
             histogram.iter_mut().for_each(|value| *value += light as f32);
         }
-        if let Some(photons) = self.scene.photons {
-            let Scene { dark, pile_up, seed, .. } = self.scene;
-            capture = photon_noise(&capture, photons, dark, pile_up, seed)?;
-        }
+    }
+
+    fn exposure(&self, lit: &Capture) -> Result<Option<Exposure>> {
+        let Scene { photons, dark, pile_up, .. } = self.scene;
+        photons.map(|photons| Exposure::of(lit, photons, dark, pile_up)).transpose()
+    }
+
+    /// The capture as its file has it.
+    fn recorded(&self, mut capture: Capture) -> Capture {
         capture.pulse = capture.pulse.filter(|_| !self.hide_pulse);
         capture.cycles = capture.cycles.filter(|_| !self.hide_cycles);
-        Ok(capture)
+        capture
     }
 
     /// The true maps of its things.

@@ -3,6 +3,7 @@
 mod batch;
 mod commands;
 mod device_at;
+mod empty;
 mod examples;
 mod family;
 #[cfg(feature = "tags")]

@@ -39,7 +39,14 @@ pub fn rows(share: Share) -> Vec<Row> {
                 let render = RenderOptions { noise: 0.5, ..RenderOptions::default() };
                 let truth = Some((out.join("truth.npz"), 8));
                 simulate(
-                    &Simulation { scene, hide_pulse: false, render, out: out.join("c.npz"), truth },
+                    &Simulation {
+                        scene,
+                        hide_pulse: false,
+                        render,
+                        out: out.join("c.npz"),
+                        truth,
+                        empty: None,
+                    },
                     &|_| {},
                     &mut || {},
                 )

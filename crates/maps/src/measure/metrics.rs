@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::maps::{Layer, Maps, Truth};
 use crate::measure::paper::{Mean, Sums};
-use crate::measure::{ErrorCoverage, PaperMeasure};
+use crate::measure::{ErrorCoverage, PaperMeasure, missing};
 
 /// Mask fractions of `sweep`.
 pub const SWEEP: [f64; 14] = [0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2, 0.25, 0.3, 0.4, 0.5, 0.6, 0.8];
@@ -36,6 +36,12 @@ pub struct Metrics {
     pub depth_mae_whole: Option<f64>,
     /// Root mean square error of depth over the whole mask; missing pixels have depth 0.
     pub depth_rmse_whole: Option<f64>,
+    /// Mean absolute error of depth over the whole mask; missing pixels have the largest true depth, the far limit.
+    #[serde(default)]
+    pub depth_mae_far: Option<f64>,
+    /// Mean absolute error of depth over the whole mask; missing pixels have the depth of the nearest predicted pixel.
+    #[serde(default)]
+    pub depth_mae_nearest: Option<f64>,
     /// Mean angle between true and estimated normals over the hit pixels with a normal.
     pub normal_error_deg: Option<f64>,
     /// Mean absolute error of the normals' components, over the same pixels.
@@ -144,6 +150,7 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: impl Into<Option<f64>>) -> 
     let best = best.and_then(|fraction| overlap(above(fraction)).iou().map(|iou| [fraction, iou]));
 
     let errors = errors(maps, truth, &pixels, within);
+    let [far, nearest] = filled(maps, truth, &pixels, within);
     let at_best = best.map(|[fraction, _]| {
         let errors = self::errors(maps, truth, &pixels, above(fraction));
         let overlap = overlap(above(fraction));
@@ -166,6 +173,8 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: impl Into<Option<f64>>) -> 
         depth_rmse: errors.hit.square.get().map(f64::sqrt),
         depth_mae_whole: errors.whole.absolute.get(),
         depth_rmse_whole: errors.whole.square.get().map(f64::sqrt),
+        depth_mae_far: far,
+        depth_mae_nearest: nearest,
         normal_error_deg: errors.angle.get(),
         normal_mae: errors.components.get(),
         paper: PaperMeasure::of(picture(maps, truth, &pixels, within)),
@@ -286,6 +295,22 @@ fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) 
         }
     }
     all
+}
+
+/// Mean absolute errors of depth over the true mask, with the largest true depth and that of the nearest predicted pixel where none is
+/// predicted.
+fn filled(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) -> [Option<f64>; 2] {
+    let found: Vec<Option<f64>> =
+        pixels.iter().map(|p| predicted(maps, *p, within).map(|p| f64::from(maps.depth[p]))).collect();
+    let real = || (0..found.len()).filter(|at| truth.mask[*at]).map(|at| (at, f64::from(truth.depth[at])));
+    let far = real().map(|(_, depth)| depth).fold(0.0, f64::max);
+    let nearest = missing::nearest(&found, [truth.nx, truth.ny]);
+    let mean = |missing: &dyn Fn(usize) -> f64| {
+        let errors = real().map(|(at, depth)| (found[at].unwrap_or_else(|| missing(at)) - depth).abs());
+        let count = real().count();
+        (count > 0).then(|| errors.sum::<f64>() / count as f64)
+    };
+    [mean(&|_| far), nearest.and_then(|nearest| mean(&|at| nearest[at]))]
 }
 
 /// Depth and normal of every pixel of the picture, estimated and true; (0, [0, 0, 0]) without surface.

@@ -3,6 +3,7 @@
 pub mod coverage;
 mod median;
 pub mod metrics;
+mod missing;
 pub mod paper;
 
 pub use coverage::ErrorCoverage;

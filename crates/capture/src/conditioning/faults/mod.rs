@@ -27,6 +27,8 @@ pub(super) struct Found {
     pub faults: Vec<String>,
     /// Pairs that were left out.
     pub dropped: usize,
+    /// Whether counts changed or moved to other bins or pairs, but for single bins.
+    pub has_moved: bool,
 }
 
 /// Finds the faults of a capture in the order in which they hide each other: wrong numbers, wrong pairs, wrong bins.
@@ -46,6 +48,7 @@ pub(super) fn undo(capture: &mut Capture, mean: &mut MeanOnce) -> Result<Found> 
         found.dropped += gone;
         found.notes.push(note);
     }
+    found.has_moved = !found.notes.is_empty();
     if let Some(kept) = capture.without_repeats() {
         let all = capture.pair_count();
         let gone = all - kept.pairs.len();
@@ -59,8 +62,9 @@ pub(super) fn undo(capture: &mut Capture, mean: &mut MeanOnce) -> Result<Found> 
     let is_scan =
         matches!(capture.pair_kind(), PairKind::Confocal | PairKind::OneLaser | PairKind::OneSensor);
     if is_scan {
-        found.notes.extend(capture.turn_lines());
-        found.notes.extend(capture.undo_reversal());
+        let moved: Vec<String> = capture.turn_lines().into_iter().chain(capture.undo_reversal()).collect();
+        found.has_moved |= !moved.is_empty();
+        found.notes.extend(moved);
     }
     // The mean histogram of what is right so far.
     mean.changed();
@@ -72,6 +76,7 @@ pub(super) fn undo(capture: &mut Capture, mean: &mut MeanOnce) -> Result<Found> 
     if overflown.is_some() {
         mean.keep(0..capture.bins);
     }
+    found.has_moved |= rolled.is_some() || overflown.is_some();
     let mended = if is_scan { capture.mend_single_bins() } else { None };
     if mended.is_some() {
         mean.changed();

@@ -1,0 +1,185 @@
+//! Subtracts the light of the empty room, if held-out pairs do not speak against it: quick trials of the first model, with and without
+//! it, are judged on the same held-out pairs.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use serde::{Deserialize, Serialize};
+
+use super::estimate::shown;
+use super::found::Estimates;
+use super::job::Job;
+use crate::Result;
+use crate::capture::{Capture, RoomGain};
+use crate::engine::{Progress, variance_per_count};
+use crate::gpu::Gpu;
+use crate::methods::SolverOptions;
+
+/// What held-out pairs say of the empty capture.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct FoundEmpty {
+    /// Least, mean and largest gain over the pairs; null if none fits.
+    pub gain: Option<[f64; 3]>,
+    /// Share of the capture's counts that is the room's.
+    pub share: f64,
+    /// Squares of counts that trials leave of held-out pairs, without and with the subtraction, in units of the former, and the standard
+    /// error of the difference; null without two trials.
+    pub left: Option<[f64; 3]>,
+    /// Whether it is subtracted.
+    pub is_used: bool,
+    /// Why nothing was tried, if so.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub untried: Option<String>,
+}
+
+/// Standard errors by which the subtraction has to leave more, to be left out.
+const BEYOND_CHANCE: f64 = 2.0;
+
+impl FoundEmpty {
+    /// The result as a sentence.
+    pub fn note(&self) -> String {
+        let tried = match (&self.untried, self.left) {
+            (Some(why), _) => why.clone(),
+            (None, Some([_, with, error])) => {
+                format!(
+                    "it leaves {with:.3} \u{b1} {error:.3} times the squares of held-out pairs that are left without it"
+                )
+            }
+            (None, None) => "a trial without it finds no surface".into(),
+        };
+        match (self.is_used, self.gain) {
+            (true, Some([least, mean, most])) => format!(
+                "the empty capture is subtracted with the gain {mean:.3} ({least:.3} to {most:.3} over the pairs): {:.1} % of the counts \
+                 ({tried})",
+                100.0 * self.share
+            ),
+            _ => format!(
+                "the empty capture is not used: {tried} (measure the empty room for longer, at the same place and with the same exposure)"
+            ),
+        }
+    }
+}
+
+/// Decides on the subtraction of the empty room that the capture holds.
+///
+/// # Errors
+/// The device fails, or `hear` cancels.
+pub fn subtract<'c>(
+    mut job: Job<'c>,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Job<'c>> {
+    let clock = Instant::now();
+    if job.capture.empty.is_none() || !job.has_light() {
+        return Ok(job);
+    }
+    let per_count = [&*job.capture, &job.capture.emptied()].map(variance_per_count);
+    let gain = job.capture.room_gain(per_count);
+    let without = job.capture.outline().with(|c| c.histograms = job.capture.histograms.clone());
+    let with = gain.as_ref().map(|gain| job.capture.without_room(gain, per_count));
+    // Shadows are negative; the capture is what it was.
+    job.settings.preset = Some(job.preset);
+    let (found, kept) = decided(&job, gain, [Some(without), with], gpu, hear)?;
+    let why = job.why;
+    let mut job = job.again(Cow::Owned(kept));
+    job.why = why;
+    job.estimates.empty = Some(found);
+    job.estimates.seconds += clock.elapsed().as_secs_f64();
+    Ok(job)
+}
+
+/// The finding, and the capture that it keeps.
+fn decided(
+    job: &Job<'_>,
+    gain: Option<RoomGain>,
+    [without, with]: [Option<Capture>; 2],
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<(FoundEmpty, Capture)> {
+    let mut found = FoundEmpty {
+        gain: gain.as_ref().map(range),
+        share: gain.as_ref().map_or(0.0, |gain| gain.share),
+        left: None,
+        is_used: false,
+        untried: None,
+    };
+    let without = without.unwrap_or_else(|| job.capture.clone().into_owned());
+    let Some(with) = with else {
+        found.untried = Some("no gain makes its light a part of the capture's".into());
+        return Ok((found, without));
+    };
+    if !matches!(job.solver, SolverOptions::Surface(_)) {
+        found.untried = Some("only the solver surface compares held-out pairs".into());
+        found.is_used = true;
+        return Ok((found, with));
+    }
+    let mut trial = |capture: &Capture| {
+        let tried = job.with_capture(Cow::Borrowed(capture));
+        let shown = shown(&tried, &Estimates::default(), gpu, hear)?;
+        Ok::<_, crate::Error>(shown.map(|shown| (shown.held.squared_counts(), shown.held.pairs)))
+    };
+    let squares = [trial(&without)?, trial(&with)?];
+    found.is_used = match &squares {
+        [Some((none, pairs)), Some((some, of_some))] if pairs == of_some => {
+            let left = compared(none, some);
+            found.left = Some(left);
+            left[1] - left[0] <= BEYOND_CHANCE * left[2]
+        }
+        // What is left of the room without the object shows no surface.
+        [Some(_), None] => false,
+        _ => true,
+    };
+    let kept = if found.is_used { with } else { without };
+    Ok((found, kept))
+}
+
+/// Least, mean and largest gain.
+fn range(gain: &RoomGain) -> [f64; 3] {
+    let all = || gain.of_pair.iter().copied();
+    [
+        all().fold(f64::INFINITY, f64::min),
+        all().sum::<f64>() / gain.of_pair.len().max(1) as f64,
+        all().fold(0.0, f64::max),
+    ]
+}
+
+/// Both sums in units of the first, and the standard error of their difference by the scatter of pairs.
+fn compared(none: &[f64], some: &[f64]) -> [f64; 3] {
+    let count = none.len().max(2) as f64;
+    let sum: f64 = none.iter().sum::<f64>().max(f64::MIN_POSITIVE);
+    let differences = || none.iter().zip(some).map(|(none, some)| some - none);
+    let mean = differences().sum::<f64>() / count;
+    let variance = differences().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    [1.0, some.iter().sum::<f64>() / sum, (variance * count).sqrt() / sum]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn squares_are_compared_pair_by_pair() {
+        let none: Vec<f64> = (0..64).map(|i| 10.0 + f64::from(i % 3)).collect();
+        let some: Vec<f64> = none.iter().enumerate().map(|(i, v)| v - 1.0 + (i % 2) as f64).collect();
+        let [one, left, error] = compared(&none, &some);
+        assert_eq!(one, 1.0);
+        // Half of the pairs leave 1 of 11 less: differences have the deviation ½.
+        assert!((left - (1.0 - 0.5 / 11.0)).abs() < 1e-2, "{left}");
+        assert!((error - 0.5 * 8.0 / (64.0 * 11.0)).abs() < 1e-3, "{error}");
+    }
+
+    #[test]
+    fn the_note_says_what_was_done_and_why() {
+        let found = FoundEmpty {
+            gain: Some([0.95, 0.97, 0.99]),
+            share: 0.4,
+            left: Some([1.0, 0.5, 0.02]),
+            is_used: true,
+            untried: None,
+        };
+        assert!(found.note().contains("subtracted with the gain 0.970 (0.950 to 0.990"), "{}", found.note());
+        let unused = FoundEmpty { is_used: false, left: Some([1.0, 1.5, 0.02]), ..found };
+        assert!(unused.note().contains("not used: it leaves 1.500"), "{}", unused.note());
+    }
+}
