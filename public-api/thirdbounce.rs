@@ -342,6 +342,7 @@ pub struct Settings {
     pub stride: Option<usize>,
     pub subset: Option<usize>,
     pub gate: Option<Gate>,
+    pub empty: Option<PathBuf>,
     pub auto_gate: Option<bool>,
     pub calibrate: Option<Calibrate>,
     pub device_at: Option<DevicePosition>,
@@ -515,6 +516,8 @@ pub struct Capture {
     pub bin_width: f64,
     pub t_start: f64,
     pub histograms: Vec<f32>,
+    pub empty: Option<Vec<f32>>,
+    pub noise: Option<[f64; 2]>,
     pub integer_counts: bool,
     pub pulse: Option<Pulse>,
     pub laser_spot: Option<f64>,
@@ -527,6 +530,9 @@ impl Capture {
     pub fn stride(&self, n: usize) -> Result<Capture> {}
     pub fn subset(&self, count: usize, seed: u64) -> Result<Capture> {}
     pub fn histogram(&self, pair: usize) -> &[f32] {}
+}
+impl Capture {
+    pub fn set_empty(&mut self, room: &Capture) -> Result<Vec<String>> {}
 }
 impl Capture {
     pub fn warnings(&self) -> Vec<String> {}
@@ -888,6 +894,8 @@ pub struct Metrics {
     pub depth_rmse: Option<f64>,
     pub depth_mae_whole: Option<f64>,
     pub depth_rmse_whole: Option<f64>,
+    pub depth_mae_far: Option<f64>,
+    pub depth_mae_nearest: Option<f64>,
     pub normal_error_deg: Option<f64>,
     pub normal_mae: Option<f64>,
     pub paper: PaperMeasure,
@@ -969,6 +977,7 @@ impl Default for RenderOptions {}
 pub struct Scene {
     pub name: String,
     pub objects: Vec<Object>,
+    pub room: usize,
     pub wall: f64,
     pub wall_shape: WallShape,
     pub scan: usize,
@@ -991,6 +1000,10 @@ impl Scene {
     pub fn fitted(mut self, size: f64) -> Result<Scene> {}
     pub fn size(&self) -> Option<DVec3> {}
     pub fn known() -> &'static [(&'static str, &'static str)] {}
+}
+impl Scene {
+    pub fn emptied(&self) -> Scene {}
+    pub fn without_room(&self) -> Scene {}
 }
 impl Scene {
     pub fn sequence(&self, motion: &Motion) -> Result<Vec<Scene>> {}

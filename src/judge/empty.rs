@@ -33,8 +33,8 @@ pub struct FoundEmpty {
     pub untried: Option<String>,
 }
 
-/// Standard errors by which the subtraction has to leave more, to be left out.
-const BEYOND_CHANCE: f64 = 2.0;
+/// The subtraction is left out if it leaves more by this share: chance alone, of few photons, may hide harm.
+const HARMS: f64 = 0.01;
 
 impl FoundEmpty {
     /// The result as a sentence.
@@ -124,7 +124,7 @@ fn decided(
         [Some((none, pairs)), Some((some, of_some))] if pairs == of_some => {
             let left = compared(none, some);
             found.left = Some(left);
-            left[1] - left[0] <= BEYOND_CHANCE * left[2]
+            left[1] <= 1.0 + HARMS
         }
         // What is left of the room without the object shows no surface.
         [Some(_), None] => false,

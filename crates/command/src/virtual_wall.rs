@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::{DVec3, dvec3};
 use serde_json::Value;
 use thirdbounce::capture::{Capture, Pulse, Reflectance};
-use thirdbounce::engine::{background, variance_per_count};
+use thirdbounce::engine::{background, variance_per_count, variances};
 use thirdbounce::export::report::{self, Report};
 use thirdbounce::judge::{FoundEmpty, FoundPulse};
 use thirdbounce::maps::Maps;
@@ -34,13 +34,11 @@ pub struct VirtualWall {
 
 /// A rendered scan.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Rendered {
+pub struct ConfocalScan {
     /// The capture.
     pub capture: Capture,
-    /// Light of the surface as a share of the measured light, background apart.
+    /// Share of the squares of the measured light, beyond photon noise, that is the surface's.
     pub share: f64,
-    /// Share of the squares of the measured light that the surface leaves.
-    pub left: f64,
     /// Pairs that are measured ones.
     pub kept: usize,
     /// The capture of the result.
@@ -67,12 +65,12 @@ impl VirtualWall {
     /// # Errors
     /// `Kind::Input`: no result in the folder, one without surface, or a capture that is not where it was or not what it was;
     /// `Kind::Memory`: more values than a capture can have.
-    pub fn of(&self, folder: &Path) -> Result<Rendered> {
+    pub fn of(&self, folder: &Path) -> Result<ConfocalScan> {
         let report = report::read(&folder.join("report.json"))?;
         let maps = export::npz::read_maps(&folder.join("maps.npz"))?;
         let (source, measured) = measured(&report, folder)?;
         let pulse = pulse(&report, &measured)?;
-        let surface = Surface { maps: &maps, reflectance: reflectance(&report)?, pulse };
+        let surface = TiledSurface { maps: &maps, reflectance: reflectance(&report)?, pulse };
         let objects = surface.objects();
         if objects.is_empty() {
             return Err(Error::input(
@@ -96,7 +94,7 @@ impl VirtualWall {
         capture.pulse = surface.pulse;
         let kept = keep_measured(&mut capture, &measured, self.pitch(maps.extent));
         capture.check()?;
-        Ok(Rendered { capture, share: fit.share, left: fit.left, kept, source })
+        Ok(ConfocalScan { capture, share: fit.share, kept, source })
     }
 
     fn sides(&self, extent: [f64; 4]) -> [f64; 2] {
@@ -131,7 +129,7 @@ impl VirtualWall {
     }
 }
 
-/// The capture of a result, in the bins of its solver, without background and empty room.
+/// The capture of a result, in the bins of its solver, without empty room and background.
 fn measured(report: &Report, folder: &Path) -> Result<(PathBuf, Capture)> {
     let text = |key: &str| report.settings.get(key).and_then(Value::as_str).map(PathBuf::from);
     let number = |key: &str| report.settings.get(key).and_then(Value::as_u64).map(|n| n as usize);
@@ -169,8 +167,10 @@ fn measured(report: &Report, folder: &Path) -> Result<(PathBuf, Capture)> {
     }
     let sum = number("bins_summed").unwrap_or(1).clamp(1, capture.bins);
     let mut capture = capture.binned(sum)?;
-    let level = background(&capture) as f32;
-    capture.histograms.iter_mut().for_each(|v| *v -= level);
+    let level = background(&capture);
+    let [per_count, floor] = variances(&capture, level);
+    capture.noise = Some([per_count, floor]);
+    capture.histograms.iter_mut().for_each(|v| *v -= level as f32);
     Ok((source, capture))
 }
 
@@ -201,20 +201,19 @@ fn bins(objects: &[Object], pairs: &Pairs, width: f64, pulse: Option<&Pulse>) ->
 }
 
 /// A surface with all that its light depends on.
-struct Surface<'m> {
+struct TiledSurface<'m> {
     maps: &'m Maps,
     reflectance: Reflectance,
     pulse: Option<Pulse>,
 }
 
 /// The scale of rendered light to counts, and how much of the counts it is.
-struct Scale {
+struct LightScale {
     scale: f64,
     share: f64,
-    left: f64,
 }
 
-impl Surface<'_> {
+impl TiledSurface<'_> {
     /// A tile in each pixel of the mask, in both layers, by the albedo. A pixel has the area of its cell, however steep it is.
     fn objects(&self) -> Vec<Object> {
         let maps = self.maps;
@@ -283,7 +282,7 @@ impl Surface<'_> {
     }
 
     /// The scale that leaves least of the measured light.
-    fn scale(&self, objects: &[Object], measured: &Capture) -> Result<Scale> {
+    fn scale(&self, objects: &[Object], measured: &Capture) -> Result<LightScale> {
         let some = measured.subset(PAIRS.min(measured.pair_count()), 0)?;
         let pairs = Pairs {
             scan: some.scan,
@@ -304,8 +303,10 @@ impl Surface<'_> {
                 "give a result whose verdict is not poor",
             ));
         }
-        let share = scale * sum(|[r, _]| r) / sum(|[_, m]| m);
-        Ok(Scale { scale, share, left: 1.0 - scale * cross / energy })
+        let [per_count, floor] = variances(&some, 0.0);
+        let noise: f64 = both().map(|[_, m]| per_count * m.max(0.0) + floor).sum();
+        let left = (energy - scale * cross - noise).max(0.0);
+        Ok(LightScale { scale, share: 1.0 - left / (energy - noise).max(f64::MIN_POSITIVE) })
     }
 }
 
@@ -371,10 +372,10 @@ mod tests {
     fn a_surface_of_one_laser_gives_the_light_of_a_confocal_scan() {
         let (one, maps) = scene(Layout::OneLaser { point: glam::DVec2::ZERO });
         let measured = simulate(&one, &RenderOptions::default()).unwrap().capture;
-        let surface = Surface { maps: &maps, reflectance: Reflectance::Cosine, pulse: None };
+        let surface = TiledSurface { maps: &maps, reflectance: Reflectance::Cosine, pulse: None };
         let objects = surface.objects();
         let fit = surface.scale(&objects, &measured).unwrap();
-        assert!((fit.share - 1.0).abs() < 0.05 && fit.left < 0.03, "{} {}", fit.share, fit.left);
+        assert!(fit.share > 0.97, "{}", fit.share);
         let wall = VirtualWall { scan: [16, 16], wall: None };
         let pairs = wall.pairs(maps.extent);
         let (confocal, _) = scene(Layout::Confocal);

@@ -64,8 +64,8 @@ impl Capture {
     /// empty room. `None` without an empty room, or if no gain fits.
     pub fn room_gain(&self, per_count: [f64; 2]) -> Option<RoomGain> {
         let empty = self.empty.as_ref()?;
-        let basis = Basis::of(self);
-        let blocks = Blocks::of(self, empty, &basis, per_count);
+        let basis = GainBasis::of(self);
+        let blocks = CountBlocks::of(self, empty, &basis, per_count);
         let coefficients = blocks.fit()?;
         let of_pair: Vec<f64> =
             (0..self.pair_count()).map(|pair| basis.at(pair, &coefficients).max(0.0)).collect();
@@ -220,15 +220,15 @@ impl Capture {
 }
 
 /// Polynomials in the wall points, for each pair.
-struct Basis {
+struct GainBasis {
     /// `[pair][term]`; the first is 1.
     terms: Vec<Vec<f64>>,
     /// The coordinates that vary, from 0 to 1, `[pair][coordinate]`.
     places: Vec<Vec<f64>>,
 }
 
-impl Basis {
-    fn of(capture: &Capture) -> Basis {
+impl GainBasis {
+    fn of(capture: &Capture) -> GainBasis {
         let pairs = capture.pair_count();
         let (mut terms, mut places) = (vec![vec![1.0]; pairs], vec![vec![]; pairs]); // bounded: the pairs
         let is_confocal = capture.laser == capture.sensor;
@@ -249,7 +249,7 @@ impl Basis {
                 places[pair].extend(axes.iter().map(place));
             }
         }
-        Basis { terms, places }
+        GainBasis { terms, places }
     }
 
     fn at(&self, pair: usize, coefficients: &[f64]) -> f64 {
@@ -258,7 +258,7 @@ impl Basis {
 }
 
 /// Counts of capture and empty room, summed over cells of the wall and windows of time.
-struct Blocks {
+struct CountBlocks {
     /// Mean of the basis over the pairs of each cell.
     terms: Vec<Vec<f64>>,
     /// Cell, counts of the capture, and counts of the empty room.
@@ -267,8 +267,8 @@ struct Blocks {
     per_count: [f64; 2],
 }
 
-impl Blocks {
-    fn of(capture: &Capture, empty: &[f32], basis: &Basis, per_count: [f64; 2]) -> Blocks {
+impl CountBlocks {
+    fn of(capture: &Capture, empty: &[f32], basis: &GainBasis, per_count: [f64; 2]) -> CountBlocks {
         let varies = basis.places.first().map_or(0, Vec::len);
         let photons = empty.iter().map(|v| f64::from(*v)).sum::<f64>() / per_count[1].max(f64::MIN_POSITIVE);
         let most = (photons / MEAN_COUNTS).max(WINDOWS[0]);
@@ -300,7 +300,7 @@ impl Blocks {
         let lit = |(at, [count, room]): (usize, [f64; 2])| {
             (room > LEAST_COUNTS * per_count[1]).then_some((at / windows, count, room))
         };
-        Blocks { terms, counts: sums.into_iter().enumerate().filter_map(lit).collect(), per_count }
+        CountBlocks { terms, counts: sums.into_iter().enumerate().filter_map(lit).collect(), per_count }
     }
 
     /// Coefficients of the gain by reweighted least squares from the densest ratio of both counts. Light of the object lies above, and
@@ -421,7 +421,7 @@ mod tests {
 
     /// A room that fades, and a gain of 3 % less power that changes by 5 % over the wall.
     fn room(pair: usize, bin: usize) -> f64 {
-        if bin < 20 { 0.0 } else { (60.0 + 20.0 * wall()[pair].y) * (-(bin as f64 - 20.0) / 25.0).exp() }
+        if bin < 20 { 0.0 } else { (240.0 + 80.0 * wall()[pair].y) * (-(bin as f64 - 20.0) / 25.0).exp() }
     }
 
     fn gain(at: DVec3) -> f64 {
@@ -430,7 +430,7 @@ mod tests {
 
     fn object(pair: usize, bin: usize) -> f64 {
         let path = 40.0 + 20.0 * wall()[pair].x;
-        80.0 * (-((bin as f64 - path) / 4.0).powi(2)).exp()
+        320.0 * (-((bin as f64 - path) / 4.0).powi(2)).exp()
     }
 
     fn both() -> Capture {
@@ -472,7 +472,7 @@ mod tests {
                 .sum::<f64>()
                 / (4 * SIDE * SIDE) as f64
         };
-        assert!(mean(&capture, 1.0) < -1.0 && mean(&capture, 0.97).abs() < 0.5);
+        assert!(mean(&capture, 1.0) < -4.0 && mean(&capture, 0.97).abs() < 2.0);
     }
 
     #[test]
@@ -498,7 +498,7 @@ mod tests {
     fn saturated_bins_of_either_are_named() {
         let mut capture = both();
         let mut room = capture.emptied();
-        room.histograms.iter_mut().for_each(|v| *v = v.min(30.0));
+        room.histograms.iter_mut().for_each(|v| *v = v.min(120.0));
         let notes = capture.set_empty(&room).unwrap();
         assert!(
             notes.len() == 1 && notes[0].starts_with("the empty capture is saturated in bins 20 to "),

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use thirdbounce::{Result, capture, job};
 
-use crate::virtual_wall::{Rendered, VirtualWall};
+use crate::virtual_wall::{ConfocalScan, VirtualWall};
 
 use super::settings::{FILE, SettingsArgs};
 use super::terminal::{print, say};
@@ -40,12 +40,12 @@ pub struct ConvertArgs {
 /// Writes the surface of a result as a confocal capture.
 fn confocal(args: &ConvertArgs, wall: VirtualWall) -> Result<()> {
     job::places::check_file(&args.to)?;
-    let Rendered { capture, share, left, kept, source } = wall.of(&args.from)?;
+    let ConfocalScan { capture, share, kept, source } = wall.of(&args.from)?;
     interrupt::stop_in_order();
     let notes = capture::write(&capture, &args.to)?;
     notes.iter().for_each(|note| say(&format!("note: {note}")));
     print(&format!(
-        "{}\nsurface   {:.1} % of the light of {}, {left:.3} of its squares left; {kept} of {} pairs are measured\nwrote     {}",
+        "{}\nsurface   explains {:.1} % of the light of {} (squares beyond noise); {kept} of {} pairs are measured\nwrote     {}",
         capture.summary(),
         100.0 * share,
         source.display(),

@@ -34,9 +34,10 @@ fn the_empty_room_is_subtracted_with_its_gain_and_other_captures_are_refused() {
     let found = &emptied["settings"]["empty_found"];
     assert!(drawn["settings"]["empty_found"].is_null() && found["is_used"] == true, "{found}");
     let gain = found["gain"][1].as_f64().unwrap();
-    assert!((gain - 0.97).abs() < 0.015, "{gain}");
-    assert!(found["left"][1].as_f64().unwrap() < 0.7, "{found}");
-    assert!(iou(&emptied) > iou(&drawn) + 0.03, "{} {}", iou(&emptied), iou(&drawn));
+    // The figure shades a part of the floor.
+    assert!((0.85..0.99).contains(&gain), "{gain}");
+    assert!(found["left"][1].as_f64().unwrap() < 0.5, "{found}");
+    assert!(iou(&emptied) > iou(&drawn) + 0.15, "{} {}", iou(&emptied), iou(&drawn));
     let notes = emptied["settings"]["notes"].to_string();
     assert!(notes.contains("the empty capture is subtracted"), "{notes}");
 
