@@ -47,9 +47,13 @@ pub fn resolve<'c>(
     job.check()?;
     let job = judge::divide(job, gpu, hear)?; // by the gain law of a device near the wall
     let mut job = judge::estimate(job, gpu, hear)?; // what the network sees, high-pass, reflectance, impulse response
-    let mut found = judge::diagnose(&job, gpu, hear)?; // delays of lines, doubts about the scale
+    let mut found = judge::diagnose(&job, gpu, hear)?; // delays of lines, laws of few numbers, doubts about the scale
     if let Some(calibrated) = found.calibrated.take() {
         job = judge::estimate(job.again(Cow::Owned(calibrated)), gpu, hear)?;
+        let second = judge::diagnose(&job, gpu, hear)?;
+        if let Some(calibrated) = found.add(second) {
+            job = judge::estimate(job.again(Cow::Owned(calibrated)), gpu, hear)?;
+        }
     }
     job.verdict = Arc::new(judge::verdict(&job.estimates, &found));
     job.settle()?.summed()
