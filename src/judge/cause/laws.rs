@@ -446,7 +446,7 @@ mod tests {
         // Delays of whole bins, and gains.
         let mut late = proper.clone();
         for (pair, row) in late.histograms.chunks_exact_mut(120).enumerate() {
-            row.rotate_right(if pair % 16 < 8 { 2 } else { 4 });
+            row.rotate_right((2.0 + 2.0 * (pair % 16) as f64 / 15.0).round() as usize);
         }
         let lean = law("lean");
         let undone = lean.undone(&late, &setting, &[0.0, 0.01, 0.03]);
