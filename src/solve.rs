@@ -50,9 +50,13 @@ pub fn resolve<'c>(
     let job = judge::subtract(job, gpu, hear)?; // the light of the empty room, if there is a capture of it
     let job = judge::divide(job, gpu, hear)?; // the counts, by the gain of laser and detector near the wall, if that is known
     let mut job = judge::estimate(job, gpu, hear)?; // what the network sees, high-pass, reflectance, impulse response
-    let mut found = judge::diagnose(&job, gpu, hear)?; // delays of scan lines, doubts about the scale
+    let mut found = judge::diagnose(&job, gpu, hear)?; // delays of scan lines, laws of few numbers, doubts about the scale
     if let Some(calibrated) = found.calibrated.take() {
         job = judge::estimate(job.again(Cow::Owned(calibrated)), gpu, hear)?;
+        let second = judge::diagnose(&job, gpu, hear)?;
+        if let Some(calibrated) = found.add(second) {
+            job = judge::estimate(job.again(Cow::Owned(calibrated)), gpu, hear)?;
+        }
     }
     job.verdict = Arc::new(judge::verdict(&job.estimates, &found));
     job.settle()?.summed()

@@ -77,7 +77,7 @@ fn law(
     let chosen = if is_judged {
         let mut trial = |capture: &Capture| {
             let tried = job.with_capture(Cow::Borrowed(capture));
-            let shown = shown(&tried, &Estimates::default(), gpu, hear)?;
+            let shown = shown(&tried, &Estimates::default(), false, gpu, hear)?;
             Ok::<_, crate::Error>(shown.map(|shown| (shown.held.left(), shown.held.pairs)))
         };
         let none = trial(capture)?;

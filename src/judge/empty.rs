@@ -116,7 +116,7 @@ fn decided(
     }
     let mut trial = |capture: &Capture| {
         let tried = job.with_capture(Cow::Borrowed(capture));
-        let shown = shown(&tried, &Estimates::default(), gpu, hear)?;
+        let shown = shown(&tried, &Estimates::default(), false, gpu, hear)?;
         Ok::<_, crate::Error>(shown.map(|shown| (shown.held.squared_counts(), shown.held.pairs)))
     };
     let squares = [trial(&without)?, trial(&with)?];

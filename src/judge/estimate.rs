@@ -8,11 +8,12 @@ use super::found::{EstimateSeconds, Estimates, FindPulse, Shown};
 use super::job::Job;
 use super::model::FoundModel;
 use super::pulse::{FoundPulse, Shape};
-use super::search::{Search, trial_of};
+use super::search::Search;
 use super::trial::From;
 use crate::engine::Progress;
 use crate::gpu::Gpu;
 use crate::methods::SolverOptions;
+use crate::settings::Calibrate;
 use crate::surface::{Begun, Candidate, Starts};
 use crate::{Kind, Result};
 
@@ -65,11 +66,13 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
         candidates = std::mem::take(&mut search.candidates);
         finds_none = search.sharp.is_empty();
         if let Some((reflectance, _)) = found.as_ref().ok().filter(|_| search.finds_start)
-            && let Some(best) = search.sharp.into_iter().find(|s| s.reflectance == *reflectance)
+            && let Some(best) =
+                std::mem::take(&mut search.sharp).into_iter().find(|s| s.reflectance == *reflectance)
         {
             candidates[best.candidate].kept = true;
             let is_far = !best.fitted.surface.is_coherent(FAR);
-            shown = Some(Shown::of(trial_of(&search.trials, *reflectance), best.fitted.clone())?);
+            let asks = [false, job.settings.calibrate.unwrap_or_default() == Calibrate::Auto];
+            shown = Some(Shown::of(&mut search, *reflectance, best.fitted.clone(), asks)?);
             let Candidate { layers, step, .. } = best.fitted.surface;
             let Starts { layers: closed, light, seen } = Starts::clone(&search.starts);
             begun = Some(Begun { layers, closed, is_far: is_far && seen.is_some(), seen, light, step });
@@ -106,14 +109,15 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
     })
 }
 
-/// What a short fit of the job's capture shows, with sharp paths, by the model and the high-pass that were `found` for another version
-/// of it. `None` if it finds no surface.
+/// What a short fit of the job's capture shows, also of gains if it `asks`, with sharp paths, by the model and the high-pass that were
+/// `found` for another version of it. `None` if it finds no surface.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
 pub fn shown(
     job: &Job<'_>,
     found: &Estimates,
+    asks: bool,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Option<Shown>> {
@@ -122,7 +126,7 @@ pub fn shown(
     let searched = Search::new(&job, gpu, hear).and_then(|mut search| {
         let model = search.trials[0].reflectance();
         let fitted = search.fit(model, Shape::SHARP, From::Start)?;
-        fitted.map(|fitted| Shown::of(&search.trials[0], fitted)).transpose()
+        fitted.map(|fitted| Shown::of(&mut search, model, fitted, [asks, false])).transpose()
     });
     match searched {
         Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => Err(e),

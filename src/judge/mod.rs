@@ -2,6 +2,7 @@
 //! impulse response), what is wrong with the capture, and the verdict. Short surface fits of 64 lateral pixels compare the hypotheses on
 //! pairs that they have not seen, in the domain that the solve minimises. Indistinguishable hypotheses are ranked by a fixed order.
 
+mod cause;
 mod conclude;
 mod constants;
 mod device;

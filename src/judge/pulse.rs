@@ -75,7 +75,7 @@ fn lengths(to_an_octave: f64, longest: f64) -> impl Iterator<Item = f64> {
 
 /// A pulse of a trial: a Gaussian, convolved with an exponential.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Shape {
+pub(crate) struct Shape {
     /// Full width at half maximum of the Gaussian, metres of path; 0 for sharp paths.
     pub fwhm: f64,
     /// Length over which the exponential falls to 1/e, metres of path; 0 for none.

@@ -16,6 +16,7 @@ use crate::engine::{Doing, Problem, Progress, TracePoint, Watch};
 use crate::gpu::Gpu;
 use crate::judge::constants::*;
 use crate::judge::{model, pulse};
+use crate::maps::Maps;
 use crate::methods::SolverOptions;
 use crate::options::SceneTraits;
 use crate::settings::Settings;
@@ -189,6 +190,24 @@ impl<'t> Search<'t> {
         let fitted = fit_all(&[trial], pulse.as_ref(), from, *step, &mut watch)?.pop().flatten();
         pace.pass(from.iterations());
         *step = fitted.as_ref().map_or(*step, |fitted| fitted.surface.step);
+        Ok(fitted)
+    }
+
+    /// Continues a surface with other versions of the capture, whose steps begin with this length.
+    pub fn fit_variants(
+        &mut self,
+        trials: &[Trial<'_>],
+        layers: &[Maps],
+        iterations: usize,
+        step: f64,
+    ) -> Result<Vec<Option<Fitted>>> {
+        let Search { hear, known, pace, .. } = self;
+        pace.expect(trials.len() * iterations);
+        let mut reported = |p: &Progress| hear(&pace.of(p));
+        let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
+        let all: Vec<&Trial<'_>> = trials.iter().collect();
+        let fitted = fit_all(&all, known.as_ref(), From::Fit(layers, iterations), step, &mut watch)?;
+        pace.pass(trials.len() * iterations);
         Ok(fitted)
     }
 

@@ -13,6 +13,7 @@ use crate::transport::{Grid, Reflectance};
 use crate::{Error, Kind, Result};
 
 /// Fits with one model of reflectance.
+#[derive(Clone)]
 pub(crate) struct Trial<'c> {
     gpu: Gpu,
     /// In the bins of the fits.
@@ -216,6 +217,28 @@ impl<'c> Trial<'c> {
     /// The device fails.
     pub fn ideal(&self, layers: &[Maps]) -> Result<Option<HeldOut>> {
         self.rendered(layers, &self.options, Judge::HeldOut)
+    }
+
+    /// The capture, in the bins of the fits.
+    pub fn capture(&self) -> &Capture {
+        &self.capture
+    }
+
+    /// The same fits of another version of the capture.
+    pub fn with_capture(&self, capture: Capture) -> Trial<'c> {
+        Trial { capture: Arc::new(Cow::Owned(capture)), ..self.clone() }
+    }
+
+    /// The pairs that are held out, with the rendering of each version of a surface by sharp paths. Albedos have the scale of the fits.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn renderings(&self, versions: &[Vec<Maps>]) -> Result<Vec<Option<HeldOut>>> {
+        let outline = self.capture.outline();
+        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
+        let mut fit = Fit::new(&self.gpu, &problem, &self.options, [0, 1], Judge::HeldOut)?;
+        fit.take(&self.capture)?;
+        versions.iter().map(|layers| fit.rendered(layers)).collect()
     }
 
     fn rendered(&self, layers: &[Maps], options: &SurfaceOptions, judge: Judge) -> Result<Option<HeldOut>> {

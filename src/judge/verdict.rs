@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 use super::found::{Estimates, Shown};
 use super::job::Job;
 use super::scale::{self, Rescaled};
-use super::{estimate, lines};
+use super::{cause, estimate, lines};
 use crate::capture::Capture;
 use crate::engine::Progress;
 use crate::gpu::Gpu;
@@ -59,12 +59,24 @@ impl Cause {
 /// What was found in a capture.
 #[derive(Debug, Clone, Default)]
 pub struct Diagnosis {
-    /// The cause that held-out pairs prove.
-    pub cause: Option<Cause>,
+    /// The causes that held-out pairs prove.
+    pub causes: Vec<Cause>,
+    /// Causes between which held-out pairs do not decide.
+    pub rivals: Vec<Cause>,
     /// The scale at which closed forms are sharper.
     pub scale: Option<Rescaled>,
-    /// The capture without the delays of its lines.
+    /// The capture without its causes.
     pub calibrated: Option<Capture>,
+}
+
+impl Diagnosis {
+    /// Adds what was found once a first cause was undone. The capture without the second one, too, if there is one that is undone.
+    pub fn add(&mut self, second: Diagnosis) -> Option<Capture> {
+        self.causes.extend(second.causes);
+        self.rivals.extend(second.rivals);
+        self.scale = second.scale;
+        second.calibrated
+    }
 }
 
 /// Tries delays of lines and other scales on a capture whose estimates leave much of the held-out pairs. Delays are undone if the
@@ -86,10 +98,11 @@ pub fn diagnose(
     let scale = if is_doubtful { scale::rescaled(job, gpu) } else { None };
     let found = Diagnosis { scale, ..Diagnosis::default() };
     let Some(shown) = &estimates.shown else { return Ok(found) };
-    let mut trial =
-        |capture: &Capture| estimate::shown(&job.with_capture(Cow::Borrowed(capture)), estimates, gpu, hear);
+    let mut trial = |capture: &Capture| {
+        estimate::shown(&job.with_capture(Cow::Borrowed(capture)), estimates, false, gpu, hear)
+    };
     let Some((delays, after)) = lines::calibrate(shown, capture, &mut trial)? else {
-        return Ok(found);
+        return with_laws(found, job, gpu, hear);
     };
     let cause = Cause {
         what: delays.what(),
@@ -97,14 +110,41 @@ pub fn diagnose(
         left: [shown.held.left().excess(), after.excess()],
         undone: calibrates,
     };
-    Ok(Diagnosis { cause: Some(cause), calibrated: calibrates.then(|| delays.undone(capture)), ..found })
+    Ok(Diagnosis { causes: vec![cause], calibrated: calibrates.then(|| delays.undone(capture)), ..found })
+}
+
+/// Adds the law of few numbers that held-out pairs confirm, or those between which they do not decide.
+fn with_laws(
+    found: Diagnosis,
+    job: &Job<'_>,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Diagnosis> {
+    let mut confirmed = cause::confirmed(job, gpu, hear)?;
+    let calibrated = confirmed.first_mut().and_then(|best| best.undone.take());
+    let undone = calibrated.is_some();
+    let causes = confirmed.into_iter().map(|of| {
+        let [after, before] = of.left;
+        Cause { what: of.what, hint: of.hint.into(), left: [before, after], undone }
+    });
+    let causes: Vec<Cause> = causes.collect();
+    if undone {
+        return Ok(Diagnosis { causes, calibrated, ..found });
+    }
+    Ok(Diagnosis { rivals: causes, ..found })
 }
 
 /// The verdict on estimates: before a solve, without what the maps say.
 pub fn verdict(estimates: &Estimates, diagnosis: &Diagnosis) -> Verdict {
     let mut verdict = Verdict { expected_iou: estimates.expected_iou, ..Verdict::GOOD };
-    if let Some(cause) = &diagnosis.cause {
+    for cause in &diagnosis.causes {
         verdict.add(if cause.undone { Grade::Fair } else { Grade::Poor }, cause.sentence());
+    }
+    for rival in &diagnosis.rivals {
+        verdict.add(
+            Grade::Fair,
+            format!("one of {} possible causes: {}", diagnosis.rivals.len(), rival.sentence()),
+        );
     }
     if let Some(doubt) = estimates.device.as_ref().and_then(|found| found.doubt()) {
         verdict.add(Grade::Fair, doubt);
@@ -195,7 +235,8 @@ mod tests {
     #[test]
     fn causes_and_doubts_lower_the_grade() {
         let of = |cause: Option<Cause>, iou: f64| {
-            verdict(&estimates(iou), &Diagnosis { cause, ..Diagnosis::default() })
+            let causes = cause.into_iter().collect();
+            verdict(&estimates(iou), &Diagnosis { causes, ..Diagnosis::default() })
         };
         let cause = |undone| Cause { what: "feet".into(), hint: "scale".into(), left: [0.9, 0.02], undone };
         let poor = of(Some(cause(false)), 0.8);

@@ -110,7 +110,8 @@ settings! {
         /// Find a gate where none is set: direct light is left out, and of captured histograms the bins behind nearly all light;
         /// for paper, the half of the bins with the most counts is kept
         auto_gate: bool = text::flag, Range::Flag;
-        /// Undo delays of the rows or columns of the scan where held-out pairs prove them: auto or none [default: auto]
+        /// Undo what held-out pairs prove of the instrument: delays of the rows or columns of the scan, and laws of few numbers (time
+        /// zero, a wall that leans, its scale, shear, a device near it, a step of power). none names delays of lines only [default: auto]
         calibrate: Calibrate = word, Range::Words(&["none", "auto"]);
         /// Position of a device near the wall, in metres: -0.5,0,0.25. The laser's light, the detector's or both fall as cos / distance²
         /// from there, and counts are divided by that; held-out pairs choose which. none uses the counts unchanged [default: the

@@ -241,6 +241,16 @@ impl Fit {
         Ok(RunResult::read(job).map(|found| (found.scale, found.quality)))
     }
 
+    /// What layers whose albedos have the scale of the counts leave of the pairs that judge a fit.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn rendered(&mut self, layers: &[Maps]) -> Result<Option<HeldOut>> {
+        let scaled_by = self.scaled_by()?;
+        let run = Run { known: Some(0.0), ..Run::of(0, 0) };
+        self.place(layers, run, 0, scaled_by)?.map_or(Ok(None), |_| self.judged())
+    }
+
     /// What the present surface leaves of the pairs that judge it: of those that are fitted where none are held out.
     ///
     /// # Errors

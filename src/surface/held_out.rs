@@ -193,11 +193,23 @@ impl Left {
     /// Whether this is less than what another trial leaves of the same pairs, beyond chance: the mean difference over
     /// pairs is more than two of its standard errors.
     pub fn is_less(&self, other: &Left) -> bool {
+        let [mean, error] = self.below(other);
+        mean > BEYOND_CHANCE * error
+    }
+
+    /// By how many standard errors of the difference this is less than what another trial leaves of the same pairs.
+    pub fn errors_below(&self, other: &Left) -> f64 {
+        let [mean, error] = self.below(other);
+        mean / error.max(f64::MIN_POSITIVE)
+    }
+
+    /// The mean difference of another trial of the same pairs and this one, and its standard error.
+    fn below(&self, other: &Left) -> [f64; 2] {
         let differences = || self.beyond_noise().zip(other.beyond_noise()).map(|(own, other)| other - own);
         let count = self.pairs.len().max(2) as f64;
         let mean = differences().sum::<f64>() / count;
         let variance = differences().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
-        mean > BEYOND_CHANCE * (variance / count).sqrt()
+        [mean, (variance / count).sqrt()]
     }
 }
 

@@ -79,18 +79,23 @@ impl Capture {
 
     /// The capture with its counts divided by the gains of a law; `None` as for [`Capture::gains`]. Its devices are left out.
     pub fn without_gains(&self, law: GainLaw) -> Option<Capture> {
-        let mut gains = self.gains(law)?;
+        let gains = self.gains(law)?;
+        let mut divided = self.clone();
+        divided.devices = [None; 2];
+        divided.divide(gains);
+        Some(divided)
+    }
+
+    /// Divides the counts of each pair by its gain, with the common factor that keeps the size of photon noise.
+    pub fn divide(&mut self, mut gains: Vec<f64>) {
         let totals = self.of_rows(|h| h.iter().map(|v| f64::from(*v)).sum::<f64>().max(0.0));
         let sum = |power: i32| totals.iter().zip(&gains).map(|(n, gain)| n / gain.powi(power)).sum::<f64>();
         let [once, twice] = [1, 2].map(sum);
         let common = if once > 0.0 { twice / once } else { 1.0 };
         gains.iter_mut().for_each(|gain| *gain *= common);
-        let mut divided = self.clone();
-        divided.devices = [None; 2];
-        let rows = divided.histograms.par_chunks_mut(self.bins.max(1));
+        let rows = self.histograms.par_chunks_mut(self.bins.max(1));
         rows.zip(&gains)
             .for_each(|(row, gain)| row.iter_mut().for_each(|v| *v = (f64::from(*v) / gain) as f32));
-        Some(divided)
     }
 
     /// Multiplies the counts by the gains of a law.

@@ -1,0 +1,486 @@
+//! What an instrument may do to all pairs at once, as laws of few numbers. A row of [`LAWS`] is all that there is of a law.
+//!
+//! What no capture can tell: a common gain (the albedo), a turn of the points in the wall's plane, and one scale of points, paths and
+//! scene together, so that a wall of another size and bins of another width are one law.
+
+use glam::{DVec2, DVec3};
+
+use crate::capture::{Capture, METRES_PER_PICOSECOND};
+
+/// Ways in which points may lie elsewhere: farther apart, sheared, farther out with the square of their distance from the middle.
+pub const MOVES: usize = 3;
+
+/// What a law does to the held-out pairs.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Effect {
+    /// Logarithms of factors of the counts; empty: 0.
+    pub logs: Vec<f64>,
+    /// Metres of path by which counts are late; empty: 0.
+    pub delays: Vec<f64>,
+    /// Where the points lie truly, as [`moved`] moves them.
+    pub moved: [f64; MOVES],
+}
+
+/// Moves points in the plane of the wall, about their middle.
+fn moved(points: &mut [DVec3], by: &[f64; MOVES]) {
+    let frame = Frame::of(points);
+    let [scale, shear, radial] = *by;
+    for point in points {
+        let p = frame.centred(*point);
+        let out = 1.0 + scale + radial * p.length_squared();
+        let q = DVec2::new(p.x * out + shear * p.y, p.y * out);
+        (point.x, point.y) = (frame.middle.x + frame.half * q.x, frame.middle.y + frame.half * q.y);
+    }
+}
+
+/// Moves the points of both sides about one middle.
+fn move_points(capture: &mut Capture, by: &[f64; MOVES]) {
+    let count = capture.laser.len();
+    let mut all = [&capture.laser[..], &capture.sensor].concat();
+    moved(&mut all, by);
+    capture.sensor = all.split_off(count);
+    capture.laser = all;
+}
+
+/// The middle of points, and half the longer side of the rectangle around them.
+#[derive(Debug, Clone, Copy)]
+pub struct Frame {
+    pub middle: DVec2,
+    pub half: f64,
+}
+
+impl Frame {
+    fn of(points: &[DVec3]) -> Frame {
+        let infinity = DVec3::splat(f64::INFINITY);
+        let (low, high) = points.iter().fold((infinity, -infinity), |(l, h), p| (l.min(*p), h.max(*p)));
+        let [middle, side] = [0.5 * (low + high), high - low];
+        Frame { middle: middle.truncate(), half: (0.5 * side.x.max(side.y)).max(f64::MIN_POSITIVE) }
+    }
+
+    fn centred(&self, point: DVec3) -> DVec2 {
+        (point.truncate() - self.middle) / self.half
+    }
+}
+
+/// What laws need to know of a capture.
+#[derive(Debug, Clone)]
+pub struct Setting {
+    pub laser: Vec<DVec3>,
+    pub sensor: Vec<DVec3>,
+    pub scan: [usize; 2],
+    /// Logarithms of the light of each pair over its mean.
+    pub logarithms: Vec<f64>,
+    pub frame: Frame,
+    pub is_confocal: bool,
+}
+
+impl Setting {
+    pub fn of(capture: &Capture) -> Setting {
+        let light = capture.of_rows(|row| row.iter().map(|v| f64::from(*v)).sum::<f64>());
+        let mean = light.iter().sum::<f64>() / light.len().max(1) as f64;
+        let logarithm = |v: &f64| (v / mean).max(1e-3).ln();
+        let all = [&capture.laser[..], &capture.sensor].concat();
+        Setting {
+            laser: capture.laser.clone(),
+            sensor: capture.sensor.clone(),
+            scan: capture.scan,
+            logarithms: light.iter().map(logarithm).collect(),
+            frame: Frame::of(&all),
+            is_confocal: capture.is_nearly_confocal(),
+        }
+    }
+
+    pub fn middle_of(&self, pair: usize) -> DVec2 {
+        self.frame.centred(0.5 * (self.laser[pair] + self.sensor[pair]))
+    }
+
+    /// The position of a device by its numbers: x and y in halves of the wall, and the logarithm of z in those.
+    fn device(&self, n: &[f64]) -> DVec3 {
+        let Frame { middle, half } = self.frame;
+        (middle + half * DVec2::new(n[0], n[1])).extend(half * n[2].exp())
+    }
+}
+
+impl std::fmt::Debug for Law {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+/// What a law changes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Kind {
+    Gain,
+    Delay,
+    Place,
+}
+
+/// Gain, and delay in metres, of a pair by the numbers of a law.
+type OfPair = fn(&Setting, &[f64], usize) -> [f64; 2];
+
+/// A law.
+pub struct Law {
+    /// A short name, as in the report.
+    pub name: &'static str,
+    /// What is wrong, with its numbers in words.
+    pub what: fn(&Setting, &[f64]) -> String,
+    /// The option or edit that mends it.
+    pub hint: &'static str,
+    /// Numbers to begin with.
+    pub starts: fn(&Setting) -> Vec<Vec<f64>>,
+    /// First steps of the numbers, and how far each may be from 0.
+    pub steps: &'static [[f64; 2]],
+    /// What it changes.
+    pub kind: Kind,
+    /// The effect on a pair: gain, and delay in metres.
+    pub of_pair: Option<OfPair>,
+    /// Where the points are.
+    pub of_points: fn(&[f64]) -> [f64; MOVES],
+    /// Whether the capture can show it.
+    pub applies: fn(&Setting) -> bool,
+}
+
+const STAY: fn(&[f64]) -> [f64; MOVES] = |_| [0.0; MOVES];
+const ALWAYS: fn(&Setting) -> bool = |_| true;
+
+/// All laws.
+pub const LAWS: &[Law] = &[
+    Law {
+        name: "time zero",
+        what: |_, n| format!("all counts are {} than path 0 says, as of a wrong time zero", later(n[0])),
+        hint: "correct the path of the first bin",
+        starts: |_| vec![vec![-0.1], vec![0.1]],
+        steps: &[[0.03, 0.6]],
+        kind: Kind::Delay,
+        of_pair: Some(|_, n, _| [1.0, n[0]]),
+        of_points: STAY,
+        applies: ALWAYS,
+    },
+    Law {
+        name: "lean",
+        what: |s, n| {
+            let length = (n[0].powi(2) + n[1].powi(2)).sqrt();
+            format!(
+                "counts are later by {:.1} cm of path from one end of the wall to the other, most along ({:.2}, {:.2}), and {} in the \
+                 middle, as of a wall that leans",
+                200.0 * length,
+                n[0] / length,
+                n[1] / length,
+                later(n[2])
+            )
+            .replace("-0.00", "0.00")
+                + if s.is_confocal { "" } else { ", or of legs that were not taken out" }
+        },
+        hint: "give the points with their z, or take the legs of the device out of every pair",
+        starts: |_| {
+            [-0.07, 0.07].into_iter().flat_map(|n| [vec![n, 0.0, 0.07], vec![0.0, n, 0.07]]).collect()
+        },
+        steps: &[[0.03, 0.3], [0.03, 0.3], [0.03, 0.3]],
+        kind: Kind::Delay,
+        of_pair: Some(|s, n, pair| [1.0, DVec2::new(n[0], n[1]).dot(s.middle_of(pair)) + n[2]]),
+        of_points: STAY,
+        applies: ALWAYS,
+    },
+    Law {
+        name: "walk",
+        what: |_, n| {
+            format!("pairs with e times as much light are {}, as of a detector's time walk", later(n[0]))
+        },
+        hint: "correct times by the strength of the pulses before they are binned",
+        starts: |_| vec![vec![-0.02], vec![0.02]],
+        steps: &[[0.01, 0.2]],
+        kind: Kind::Delay,
+        of_pair: Some(|s, n, pair| [1.0, n[0] * s.logarithms[pair]]),
+        of_points: STAY,
+        applies: ALWAYS,
+    },
+    Law {
+        name: "scale",
+        what: |_, n| {
+            format!(
+                "the wall is {:.3} times as large as given, or bins are {:.3} times as wide: no capture tells which",
+                1.0 + n[0],
+                1.0 / (1.0 + n[0])
+            )
+        },
+        hint: "give the wall's size, or the bin width",
+        starts: |_| vec![],
+        steps: &[[0.02, 0.5]],
+        kind: Kind::Place,
+        of_pair: None,
+        of_points: |n| [n[0], 0.0, 0.0],
+        applies: ALWAYS,
+    },
+    Law {
+        name: "shear",
+        what: |_, n| format!("the points are sheared: x lies off by {:.3} of y", n[0]),
+        hint: "give the points as measured on the wall",
+        starts: |_| vec![vec![-0.15], vec![0.15]],
+        steps: &[[0.05, 0.6]],
+        kind: Kind::Place,
+        of_pair: None,
+        of_points: |n| [0.0, n[0], 0.0],
+        applies: ALWAYS,
+    },
+    Law {
+        name: "radial",
+        what: |_, n| {
+            format!(
+                "points half a wall from the middle lie {:.3} times as far out as given, with the square of the distance, as of mirrors",
+                1.0 + n[0]
+            )
+        },
+        hint: "give the points as measured on the wall",
+        starts: |_| vec![vec![-0.12], vec![0.12]],
+        steps: &[[0.04, 0.4]],
+        kind: Kind::Place,
+        of_pair: None,
+        of_points: |n| [0.0, 0.0, n[0]],
+        applies: ALWAYS,
+    },
+    Law {
+        name: "laser",
+        what: |s, n| {
+            format!("the laser's light on the wall weakens as from a device at {}", place(s.device(n)))
+        },
+        hint: "give device_at if it is known",
+        starts: positions,
+        steps: DEVICE,
+        kind: Kind::Gain,
+        of_pair: Some(|s, n, pair| [fall(s.device(n), s.laser[pair]), 0.0]),
+        of_points: STAY,
+        applies: ALWAYS,
+    },
+    Law {
+        name: "detector",
+        what: |s, n| {
+            format!("the detector's light from the wall weakens as to a device at {}", place(s.device(n)))
+        },
+        hint: "give device_at if it is known",
+        starts: positions,
+        steps: DEVICE,
+        kind: Kind::Gain,
+        of_pair: Some(|s, n, pair| [fall(s.device(n), s.sensor[pair]), 0.0]),
+        of_points: STAY,
+        applies: |s| !s.is_confocal,
+    },
+    Law {
+        name: "both",
+        what: |s, n| {
+            format!("the light of laser and detector weakens as from a device at {}", place(s.device(n)))
+        },
+        hint: "give device_at if it is known",
+        starts: positions,
+        steps: DEVICE,
+        kind: Kind::Gain,
+        of_pair: Some(|s, n, pair| {
+            let device = s.device(n);
+            [fall(device, s.laser[pair]) * fall(device, s.sensor[pair]), 0.0]
+        }),
+        of_points: STAY,
+        applies: ALWAYS,
+    },
+    Law {
+        name: "rows",
+        what: |s, n| stepped("rows", s.scan[1], n),
+        hint: "divide the counts by the power of each row",
+        starts: |s| steps_of(s.scan[1]),
+        steps: &[[0.0, 1.0], [0.2, 2.0]],
+        kind: Kind::Gain,
+        of_pair: Some(|s, n, pair| [step(s.scan[1], pair % s.scan[1], n), 0.0]),
+        of_points: STAY,
+        applies: |s| s.scan[1] >= 8 && s.scan[0] >= 4,
+    },
+    Law {
+        name: "columns",
+        what: |s, n| stepped("columns", s.scan[0], n),
+        hint: "divide the counts by the power of each column",
+        starts: |s| steps_of(s.scan[0]),
+        steps: &[[0.0, 1.0], [0.2, 2.0]],
+        kind: Kind::Gain,
+        of_pair: Some(|s, n, pair| [step(s.scan[0], pair / s.scan[1], n), 0.0]),
+        of_points: STAY,
+        applies: |s| s.scan[0] >= 8 && s.scan[1] >= 4,
+    },
+];
+
+const DEVICE: &[[f64; 2]] = &[[0.3, 8.0], [0.3, 8.0], [0.3, 2.5]];
+
+/// Positions of a device to begin with.
+fn positions(_: &Setting) -> Vec<Vec<f64>> {
+    const OFF: [[f64; 2]; 9] = [
+        [0.0, 0.0],
+        [1.0, 0.0],
+        [-1.0, 0.0],
+        [0.0, 1.0],
+        [0.0, -1.0],
+        [1.0, 1.0],
+        [-1.0, 1.0],
+        [1.0, -1.0],
+        [-1.0, -1.0],
+    ];
+    let of = |z: f64| OFF.map(|[x, y]| vec![x * z.max(1.0), y * z.max(1.0), z.ln()]);
+    [0.5f64, 1.0, 2.0, 4.0].into_iter().flat_map(of).collect()
+}
+
+/// cos / distance² over metres², of a device in front of a wall at z = 0.
+fn fall(device: DVec3, point: DVec3) -> f64 {
+    let towards = device - point;
+    (towards.z / towards.length().powi(3)).max(1e-9)
+}
+
+/// Steps of the power before every line, as shares of the lines.
+fn steps_of(lines: usize) -> Vec<Vec<f64>> {
+    let inner = (lines / 8).max(2)..=lines - (lines / 8).max(2);
+    let each = inner.step_by((lines / 32).max(1)).map(|line| line as f64 / lines as f64);
+    each.flat_map(|line| [-0.2, 0.2].map(|step| vec![line, step])).collect()
+}
+
+fn step(lines: usize, line: usize, n: &[f64]) -> f64 {
+    if line as f64 + 0.5 > n[0] * lines as f64 { n[1].exp() } else { 1.0 }
+}
+
+fn stepped(what: &str, lines: usize, n: &[f64]) -> String {
+    format!(
+        "from line {:.0} of the {what} on, counts are {:.2} times as high, as of a laser whose power changed",
+        n[0] * lines as f64,
+        n[1].exp()
+    )
+}
+
+fn later(metres: f64) -> String {
+    let side = if metres > 0.0 { "later" } else { "earlier" };
+    format!(
+        "{:.1} cm of path ({:.0} ps) {side}",
+        100.0 * metres.abs(),
+        (metres / METRES_PER_PICOSECOND).abs()
+    )
+}
+
+fn place(p: DVec3) -> String {
+    format!("({:.2}, {:.2}, {:.2}) m", p.x, p.y, p.z)
+}
+
+impl Law {
+    /// The effect on these pairs.
+    pub fn effect(&self, setting: &Setting, numbers: &[f64], pairs: &[usize]) -> Effect {
+        let mut effect = Effect { logs: vec![], delays: vec![], moved: (self.of_points)(numbers) };
+        let Some(of_pair) = self.of_pair else { return effect };
+        let each: Vec<[f64; 2]> = pairs.iter().map(|pair| of_pair(setting, numbers, *pair)).collect();
+        // A common gain is the albedo's.
+        let mean = each.iter().map(|of| of[0].ln()).sum::<f64>() / each.len().max(1) as f64;
+        effect.logs = each.iter().map(|of| of[0].ln() - mean).collect();
+        effect.delays = each.iter().map(|of| of[1]).collect();
+        effect
+    }
+
+    /// The capture without it. Counts are divided so that photon noise keeps its size, late ones moved by whole bins unless all are
+    /// equally late.
+    pub fn undone(&self, capture: &Capture, setting: &Setting, numbers: &[f64]) -> Capture {
+        let pairs: Vec<usize> = (0..capture.pair_count()).collect();
+        let Effect { logs, delays, moved: by } = self.effect(setting, numbers, &pairs);
+        let mut undone = capture.clone();
+        if by != [0.0; MOVES] {
+            move_points(&mut undone, &by);
+        }
+        if logs.iter().any(|log| *log != 0.0) {
+            undone.divide(logs.into_iter().map(f64::exp).collect());
+        }
+        let first = delays.first().copied().unwrap_or(0.0);
+        if delays.iter().all(|delay| *delay == first) {
+            undone.t_start -= first;
+        } else {
+            let bins = capture.bins;
+            for (pair, row) in undone.histograms.chunks_exact_mut(bins).enumerate() {
+                let late =
+                    (delays[pair] / capture.bin_width).round().clamp(-(bins as f64), bins as f64) as isize;
+                let from = row.to_vec();
+                let at = |bin: usize| bin.saturating_add_signed(late).min(bins - 1);
+                row.iter_mut().enumerate().for_each(|(bin, v)| *v = from[at(bin)]);
+            }
+        }
+        undone
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::dvec3;
+
+    use super::*;
+
+    /// 16 x 16 confocal pairs of a wall of 2 m with a peak in bin 60 of 120, of 1 cm each.
+    fn capture() -> Capture {
+        let at = |i: usize| 2.0 * (i as f64 + 0.5) / 16.0 - 1.0;
+        let points: Vec<DVec3> = (0..256).map(|pair| dvec3(at(pair / 16), at(pair % 16), 0.0)).collect();
+        let mut counts = vec![0.0; 256 * 120];
+        counts.iter_mut().skip(60).step_by(120).for_each(|v| *v = 100.0);
+        Capture::new([16, 16], points.clone(), points, 120, 0.01, counts)
+    }
+
+    fn law(name: &str) -> &'static Law {
+        LAWS.iter().find(|law| law.name == name).expect(name)
+    }
+
+    #[test]
+    fn laws_have_names_of_their_own_and_starts_within_reach() {
+        let setting = Setting::of(&capture());
+        for law in LAWS {
+            assert_eq!(LAWS.iter().filter(|other| other.name == law.name).count(), 1, "{law:?}");
+            for start in (law.starts)(&setting) {
+                assert_eq!(start.len(), law.steps.len(), "{law:?}");
+                assert!(
+                    start.iter().zip(law.steps).all(|(n, [_, far])| n.abs() <= *far),
+                    "{law:?}: {start:?}"
+                );
+                assert!(!(law.what)(&setting, &start).contains("NaN"), "{law:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn what_a_law_does_is_undone() {
+        let proper = capture();
+        let setting = Setting::of(&proper);
+        let pairs: Vec<usize> = (0..256).collect();
+        // Delays of whole bins, and gains.
+        let mut late = proper.clone();
+        for (pair, row) in late.histograms.chunks_exact_mut(120).enumerate() {
+            row.rotate_right((2.0 + 2.0 * (pair % 16) as f64 / 15.0).round() as usize);
+        }
+        let lean = law("lean");
+        let undone = lean.undone(&late, &setting, &[0.0, 0.01, 0.03]);
+        assert_eq!(undone.histograms, proper.histograms);
+        assert!((law("time zero").undone(&proper, &setting, &[0.13]).t_start + 0.13).abs() < 1e-12);
+        for name in ["laser", "both", "rows"] {
+            let (of, numbers) = (law(name), (law(name).starts)(&setting).swap_remove(1));
+            let logs = of.effect(&setting, &numbers, &pairs).logs;
+            let mut weighted = proper.clone();
+            for (row, log) in weighted.histograms.chunks_exact_mut(120).zip(&logs) {
+                row.iter_mut().for_each(|v| *v *= log.exp() as f32);
+            }
+            let undone = of.undone(&weighted, &setting, &numbers);
+            let factor = undone.histograms[60] / 100.0;
+            assert!(
+                undone.histograms.iter().skip(60).step_by(120).all(|v| (v / factor - 100.0).abs() < 1e-3)
+            );
+            assert!(logs.iter().any(|log| log.abs() > 0.05), "{name}");
+        }
+    }
+
+    #[test]
+    fn points_are_moved_about_their_middle() {
+        let mut capture = capture();
+        capture.laser.iter_mut().chain(&mut capture.sensor).for_each(|p| p.x += 3.0);
+        let setting = Setting::of(&capture);
+        let wider = law("scale").undone(&capture, &setting, &[0.1]);
+        let sheared = law("shear").undone(&capture, &setting, &[0.2]);
+        let (at, half) = (capture.laser[0] - dvec3(3.0, 0.0, 0.0), 15.0 / 16.0);
+        assert!(wider.laser[0].distance(1.1 * at + dvec3(3.0, 0.0, 0.0)) < 1e-12);
+        assert!(sheared.sensor[0].distance(at + dvec3(3.0 + 0.2 * at.y, 0.0, 0.0)) < 1e-12);
+        let farther = law("radial").undone(&capture, &setting, &[0.1]);
+        let edge = capture.laser[8] - dvec3(3.0, 0.0, 0.0);
+        let out = 1.0 + 0.1 * (edge / half).truncate().length_squared();
+        assert!(farther.laser[8].distance(out * edge + dvec3(3.0, 0.0, 0.0)) < 1e-12);
+    }
+}

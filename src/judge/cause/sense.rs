@@ -1,0 +1,167 @@
+//! What a surface shows of the gains of held-out pairs: sums of products of its rendering, of those of smooth changes of the surface, and
+//! of what is measured. They tell what gains by any law leave, with the surface that suits them, without further renderings.
+
+use crate::Result;
+use crate::judge::trial::Trial;
+use crate::maps::Maps;
+use crate::surface::HeldOut;
+
+/// Smooth changes of a surface, which hide gains: albedos, and depths, by polynomials of the place.
+const OF_ALBEDOS: usize = 6;
+const MODES: usize = OF_ALBEDOS + 7;
+/// Columns of the surface, of which the first one is its rendering, and that of what is measured.
+const OF_SURFACE: usize = MODES + 1;
+const MEASURED: usize = OF_SURFACE;
+const COLUMNS: usize = OF_SURFACE + 1;
+
+/// Steps of the changes: of albedos as a share, of depths in bins.
+const STEPS: [f64; 2] = [0.2, 0.5];
+
+type Products = [[f64; COLUMNS]; COLUMNS];
+
+/// Sums of products of rows of the held-out pairs, as the objective weighs them.
+#[derive(Debug, Clone)]
+pub struct Sense {
+    /// The pair of the capture for each row.
+    pub pairs: Vec<usize>,
+    products: Vec<Products>,
+    /// Photon noise in the squares of all pairs.
+    noise: f64,
+}
+
+impl Sense {
+    /// Of the layers of a trial; `None` if they show no light.
+    ///
+    /// # Errors
+    /// The device fails.
+    pub fn of(trial: &Trial<'_>, layers: &[Maps]) -> Result<Option<Sense>> {
+        let as_is = std::iter::once(layers.to_vec());
+        let versions: Vec<Vec<Maps>> =
+            as_is.chain((0..MODES).map(|mode| changed(layers, mode, trial.capture().bin_width))).collect();
+        let Some(all) = trial.renderings(&versions)?.into_iter().collect::<Option<Vec<HeldOut>>>() else {
+            return Ok(None);
+        };
+        let held = &all[0];
+        let [rendered, measured] = held.sides();
+        let changes = all[1..].iter().map(|of| {
+            let [changed, _] = of.sides();
+            changed.iter().zip(&rendered).map(|(c, r)| c - r).collect::<Vec<f64>>()
+        });
+        let mut columns: Vec<Vec<f64>> = changes.collect();
+        columns.insert(0, rendered);
+        columns.push(measured);
+        let bins = held.bins();
+        let of_pair = |pair: usize| {
+            let row = |column: usize| &columns[column][pair * bins..(pair + 1) * bins];
+            let product = |a: usize, b: usize| row(a).iter().zip(row(b)).map(|(a, b)| a * b).sum::<f64>();
+            let half: [[f64; COLUMNS]; COLUMNS] =
+                std::array::from_fn(|a| std::array::from_fn(|b| if b <= a { product(a, b) } else { 0.0 }));
+            std::array::from_fn(|a| std::array::from_fn(|b| half[a.max(b)][a.min(b)]))
+        };
+        let products = (0..held.pairs.len()).map(of_pair).collect();
+        Ok(Some(Sense { noise: held.left().noise, pairs: held.pairs.clone(), products }))
+    }
+
+    /// Squares of each pair that are left with gains of these logarithms (none: empty), with the surface that suits them.
+    pub fn left(&self, logs: &[f64]) -> Vec<f64> {
+        let gain = |pair: usize| logs.get(pair).map_or(1.0, |log| log.exp());
+        let mut sums = [[0.0; OF_SURFACE]; OF_SURFACE];
+        let mut sides = [0.0; OF_SURFACE];
+        for (pair, products) in self.products.iter().enumerate() {
+            let gain = gain(pair);
+            for a in 0..OF_SURFACE {
+                sides[a] += gain * products[a][MEASURED];
+                (0..=a).for_each(|b| sums[a][b] += gain * gain * products[a][b]);
+            }
+        }
+        let factors = solved(sums, sides);
+        let of_pair = |(pair, products): (usize, &Products)| {
+            let gain = gain(pair);
+            let of = |a: usize| factors.iter().enumerate().map(|(b, f)| f * products[a][b]).sum::<f64>();
+            let [cross, own] = factors.iter().enumerate().fold([0.0; 2], |[cross, own], (a, factor)| {
+                [cross + factor * products[a][MEASURED], own + factor * of(a)]
+            });
+            products[MEASURED][MEASURED] - 2.0 * gain * cross + gain * gain * own
+        };
+        self.products.iter().enumerate().map(of_pair).collect()
+    }
+
+    /// Of these squares, those beyond photon noise.
+    pub fn beyond_noise(&self, squares: f64) -> f64 {
+        let measured: f64 = self.products.iter().map(|products| products[MEASURED][MEASURED]).sum();
+        (squares - self.noise).max(1e-3 * (measured - self.noise))
+    }
+}
+
+/// Layers changed by a mode.
+fn changed(layers: &[Maps], mode: usize, bin_width: f64) -> Vec<Maps> {
+    let mut changed = layers.to_vec();
+    let finite = || layers.iter().flat_map(|maps| maps.depth.iter()).filter(|z| z.is_finite());
+    let middle = finite().map(|z| f64::from(*z)).sum::<f64>() / finite().count().max(1) as f64;
+    for maps in &mut changed {
+        let [x0, x1, y0, y1] = maps.extent;
+        for pixel in 0..maps.depth.len() {
+            let z = f64::from(maps.depth[pixel]);
+            if !z.is_finite() {
+                continue;
+            }
+            let [ix, iy] = [pixel / maps.ny, pixel % maps.ny];
+            let u = 2.0 * (ix as f64 + 0.5) / maps.nx as f64 - 1.0;
+            let v = 2.0 * (iy as f64 + 0.5) / maps.ny as f64 - 1.0;
+            let w = 4.0 * (z - middle) / (x1 - x0 + y1 - y0);
+            let basis = [u, v, u * u, u * v, v * v, w, 1.0];
+            if mode < OF_ALBEDOS {
+                maps.albedo[pixel] *= (1.0 + STEPS[0] * basis[mode]).max(0.0) as f32;
+            } else {
+                maps.depth[pixel] += (STEPS[1] * bin_width * basis[mode - OF_ALBEDOS]) as f32;
+            }
+        }
+    }
+    changed
+}
+
+/// The solution of symmetric equations, of which the lower half is given, by Cholesky; unknowns that nothing determines are 0.
+fn solved(mut sums: [[f64; OF_SURFACE]; OF_SURFACE], sides: [f64; OF_SURFACE]) -> [f64; OF_SURFACE] {
+    const LEAST: f64 = 1e-9;
+    let mut known = [true; OF_SURFACE];
+    for i in 0..OF_SURFACE {
+        let all = sums[i][i];
+        for j in 0..=i {
+            let before: f64 = (0..j).filter(|k| known[*k]).map(|k| sums[i][k] * sums[j][k]).sum();
+            let rest = sums[i][j] - before;
+            if i == j {
+                known[i] = rest > LEAST * all;
+                sums[i][i] = if known[i] { rest.sqrt() } else { 1.0 };
+            } else {
+                sums[i][j] = if known[j] { rest / sums[j][j] } else { 0.0 };
+            }
+        }
+    }
+    let mut x = [0.0; OF_SURFACE];
+    for i in (0..OF_SURFACE).filter(|i| known[*i]) {
+        x[i] = (sides[i] - (0..i).map(|k| sums[i][k] * x[k]).sum::<f64>()) / sums[i][i];
+    }
+    for i in (0..OF_SURFACE).rev().filter(|i| known[*i]) {
+        x[i] = (x[i] - (i + 1..OF_SURFACE).map(|k| sums[k][i] * x[k]).sum::<f64>()) / sums[i][i];
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equations_are_solved_and_what_nothing_determines_is_0() {
+        let at = |i: usize, j: usize| if i == j { 2.0 + i as f64 } else { 1.0 / (1.0 + (i + j) as f64) };
+        let mut sums: [[f64; OF_SURFACE]; OF_SURFACE] =
+            std::array::from_fn(|i| std::array::from_fn(|j| at(i, j)));
+        // Nothing is known of the fourth one.
+        (0..OF_SURFACE).for_each(|i| (sums[i][3], sums[3][i]) = (0.0, 0.0));
+        let want: [f64; OF_SURFACE] = std::array::from_fn(|i| if i == 3 { 0.0 } else { i as f64 - 4.0 });
+        let sides = std::array::from_fn(|i| (0..OF_SURFACE).map(|j| sums[i][j] * want[j]).sum());
+        for (found, want) in solved(sums, sides).into_iter().zip(want) {
+            assert!((found - want).abs() < 1e-9, "{found} {want}");
+        }
+    }
+}
