@@ -561,6 +561,7 @@ impl Capture {
 impl Capture {
     pub fn gains(&self, law: GainLaw) -> Option<Vec<f64>> {}
     pub fn without_gains(&self, law: GainLaw) -> Option<Capture> {}
+    pub fn divide(&mut self, mut gains: Vec<f64>) {}
     pub fn apply_gains(&mut self, law: GainLaw) -> Result<()> {}
     pub fn behind(&self, law: GainLaw) -> Error {}
 }
@@ -840,6 +841,7 @@ pub struct Maps {
     pub mask: Vec<bool>,
     pub mask_fraction: Option<f64>,
     pub depth_error: Option<Vec<f32>>,
+    pub probability: Option<Vec<f32>>,
     pub behind: Option<Layer>,
 }
 impl Maps {
