@@ -2,13 +2,13 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::cause::{Sense, Suspects, suspected};
 use super::device::FoundDevice;
-use super::empty::FoundEmpty;
 use super::high_pass::FoundHighPass;
 use super::model::FoundModel;
 use super::pulse::FoundPulse;
-use super::search::{Search, trial_of};
+use super::room::FoundEmpty;
+use super::sense::Sense;
+use super::suspects::Suspects;
 use super::trial::Fitted;
 use crate::Result;
 use crate::capture::Pulse;
@@ -132,34 +132,6 @@ pub struct Shown {
     pub(crate) sense: Option<Sense>,
     /// The causes that it suggests.
     pub(crate) suspects: Suspects,
-}
-
-/// Share that is certainly left beyond noise, from which the residual of all pairs may show a cause.
-const DOUBTFUL: f64 = 0.08;
-/// The same, from which changes of the instrument are fitted.
-const SUSPICIOUS: f64 = 0.03;
-
-impl Shown {
-    /// Of a fit of a search. What it shows of gains, and of all causes, only if it `asks`.
-    pub(crate) fn of(
-        search: &mut Search<'_>,
-        reflectance: Reflectance,
-        fitted: Fitted,
-        asks: [bool; 2],
-    ) -> Result<Shown> {
-        let certain = fitted.held.left().certain();
-        let trial = trial_of(&search.trials, reflectance);
-        let all = if certain > DOUBTFUL { trial.all(&fitted.surface.layers)? } else { None };
-        let is_suspicious = certain > SUSPICIOUS;
-        let [gains, all_causes] = asks;
-        let sense = if gains { Sense::of(trial, &fitted.surface.layers)? } else { None };
-        let suspects = if all_causes && is_suspicious {
-            suspected(search, reflectance, &fitted)?
-        } else {
-            Suspects::default()
-        };
-        Ok(Shown { held: fitted.held, all, sense, suspects })
-    }
 }
 
 /// A surface that short fits found, judged on the pairs that are held out.

@@ -226,14 +226,19 @@ fn a_second_layer_comes_and_goes() {
 #[test]
 fn frames_of_wide_spots_leave_nothing_behind() {
     let gpu = host();
-    let scan = changed(&scan(12, 0.03), |c| (c.laser_spot, c.sensor_spot) = (Some(0.08), Some(0.08)));
-    let solver = surface(|_| ());
-    let [a, b] = frames(&scan);
-    let [of_a, of_b] = [&a, &b].map(|counts| solved(&mut session(&gpu, &scan, &solver), counts));
-    let mut session = session(&gpu, &scan, &solver);
-    assert!(session.plan().levels.spots.is_some());
-    for (counts, want) in [(&a, &of_a), (&b, &of_b), (&a, &of_a)] {
-        assert!(solved(&mut session, counts) == *want);
+    // Through the wide ones, fewer pairs are rendered than are measured.
+    for (spot, are_fewer) in [(0.08, false), (0.5, true)] {
+        let scan = changed(&scan(12, 0.03), |c| (c.laser_spot, c.sensor_spot) = (Some(spot), Some(spot)));
+        let solver = surface(|_| ());
+        let [a, b] = frames(&scan);
+        let [of_a, of_b] = [&a, &b].map(|counts| solved(&mut session(&gpu, &scan, &solver), counts));
+        let mut session = session(&gpu, &scan, &solver);
+        let plan = session.plan();
+        assert!(plan.levels.spots.is_some());
+        assert_eq!(plan.finest().rendered.count < plan.scene.pairs, are_fewer);
+        for (counts, want) in [(&a, &of_a), (&b, &of_b), (&a, &of_a)] {
+            assert!(solved(&mut session, counts) == *want);
+        }
     }
 }
 

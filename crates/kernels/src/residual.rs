@@ -17,18 +17,15 @@ pub fn residual<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
     let spread = call.is("SEEN").then_some(&*spread);
     let clears = !call.is("SPOT");
     let cells = call.cells();
-    let partials = loss_partials.par_iter_mut();
-    let tiles = residual[..cells].par_chunks_mut(TILE).zip(histograms[..cells].par_chunks_mut(TILE)).zip(partials);
-    let faults = tiles.enumerate().map(|(tile, ((residual, histograms), partial))| {
+    let tiles = residual[..cells].par_chunks_mut(TILE).zip(loss_partials.par_iter_mut()).enumerate();
+    let run = |tile: usize, residual: &mut [F], partial: &mut [F; 2], histograms: &mut [F]| {
         let accumulated = spread.map_or(&*histograms, |spread| &spread[tile * TILE..][..residual.len()]);
         let mut sums = [[F::zero(); LANES]; 3];
         pulp::Arch::new().dispatch(
             #[inline(always)]
             || comparison.tile(tile * TILE, accumulated, residual, &mut sums),
         );
-        if clears {
-            histograms.fill(F::zero());
-        }
+        histograms.fill(F::zero());
         let [weighted, plain, magnitude] = sums;
         *partial = [weighted.into_iter().sum(), plain.into_iter().sum()];
         let fault = |lane: usize| match magnitude[lane].is_finite() {
@@ -37,8 +34,15 @@ pub fn residual<F: Real>(call: &Call<'_>, b: &mut [Cells<F>]) {
             true => 0,
         };
         (0..LANES).fold(0, |faults, lane| faults | fault(lane))
-    });
-    counts[COUNT_FAULTS as usize] |= faults.reduce(|| 0, |a, b| a | b);
+    };
+    let all = |a: u32, b: u32| a | b;
+    counts[COUNT_FAULTS as usize] |= if clears {
+        let tiles = tiles.zip(histograms[..cells].par_chunks_mut(TILE));
+        tiles.map(|((tile, (residual, partial)), histograms)| run(tile, residual, partial, histograms)).reduce(|| 0, all)
+    } else {
+        // Through spots other pairs are rendered than measured ones: their histograms may be fewer.
+        tiles.map(|(tile, (residual, partial))| run(tile, residual, partial, &mut [])).reduce(|| 0, all)
+    };
 }
 
 /// How cells are compared.

@@ -19,7 +19,7 @@ const SWEEPS: usize = 12;
 /// vectors hold light than are looked for.
 pub fn low_rank(counts: &[f32], bins: usize, per_count: f64) -> Option<(Vec<f32>, f64)> {
     let rows = counts.len() / bins.max(1);
-    if rows <= RANK || bins <= RANK || counts.len() > MOST || !(per_count > 0.0) {
+    if rows <= RANK || bins <= RANK || counts.len() > MOST || per_count.is_nan() || per_count <= 0.0 {
         return None;
     }
     let mean = counts.iter().map(|v| f64::from(*v)).sum::<f64>() / counts.len() as f64;

@@ -23,7 +23,7 @@ pub struct Effect {
 
 /// Moves points in the plane of the wall, about their middle.
 fn moved(points: &mut [DVec3], by: &[f64; MOVES]) {
-    let frame = Frame::of(points);
+    let frame = WallFrame::of(points);
     let [scale, shear, radial] = *by;
     for point in points {
         let p = frame.centred(*point);
@@ -44,17 +44,17 @@ fn move_points(capture: &mut Capture, by: &[f64; MOVES]) {
 
 /// The middle of points, and half the longer side of the rectangle around them.
 #[derive(Debug, Clone, Copy)]
-pub struct Frame {
+pub struct WallFrame {
     pub middle: DVec2,
     pub half: f64,
 }
 
-impl Frame {
-    fn of(points: &[DVec3]) -> Frame {
+impl WallFrame {
+    fn of(points: &[DVec3]) -> WallFrame {
         let infinity = DVec3::splat(f64::INFINITY);
         let (low, high) = points.iter().fold((infinity, -infinity), |(l, h), p| (l.min(*p), h.max(*p)));
         let [middle, side] = [0.5 * (low + high), high - low];
-        Frame { middle: middle.truncate(), half: (0.5 * side.x.max(side.y)).max(f64::MIN_POSITIVE) }
+        WallFrame { middle: middle.truncate(), half: (0.5 * side.x.max(side.y)).max(f64::MIN_POSITIVE) }
     }
 
     fn centred(&self, point: DVec3) -> DVec2 {
@@ -64,28 +64,28 @@ impl Frame {
 
 /// What laws need to know of a capture.
 #[derive(Debug, Clone)]
-pub struct Setting {
+pub struct ScanOfLaws {
     pub laser: Vec<DVec3>,
     pub sensor: Vec<DVec3>,
     pub scan: [usize; 2],
     /// Logarithms of the light of each pair over its mean.
     pub logarithms: Vec<f64>,
-    pub frame: Frame,
+    pub frame: WallFrame,
     pub is_confocal: bool,
 }
 
-impl Setting {
-    pub fn of(capture: &Capture) -> Setting {
+impl ScanOfLaws {
+    pub fn of(capture: &Capture) -> ScanOfLaws {
         let light = capture.of_rows(|row| row.iter().map(|v| f64::from(*v)).sum::<f64>());
         let mean = light.iter().sum::<f64>() / light.len().max(1) as f64;
         let logarithm = |v: &f64| (v / mean).max(1e-3).ln();
         let all = [&capture.laser[..], &capture.sensor].concat();
-        Setting {
+        ScanOfLaws {
             laser: capture.laser.clone(),
             sensor: capture.sensor.clone(),
             scan: capture.scan,
             logarithms: light.iter().map(logarithm).collect(),
-            frame: Frame::of(&all),
+            frame: WallFrame::of(&all),
             is_confocal: capture.is_nearly_confocal(),
         }
     }
@@ -96,7 +96,7 @@ impl Setting {
 
     /// The position of a device by its numbers: x and y in halves of the wall, and the logarithm of z in those.
     fn device(&self, n: &[f64]) -> DVec3 {
-        let Frame { middle, half } = self.frame;
+        let WallFrame { middle, half } = self.frame;
         (middle + half * DVec2::new(n[0], n[1])).extend(half * n[2].exp())
     }
 }
@@ -109,39 +109,39 @@ impl std::fmt::Debug for Law {
 
 /// What a law changes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Kind {
+pub enum Changes {
     Gain,
     Delay,
     Place,
 }
 
 /// Gain, and delay in metres, of a pair by the numbers of a law.
-type OfPair = fn(&Setting, &[f64], usize) -> [f64; 2];
+type OfPair = fn(&ScanOfLaws, &[f64], usize) -> [f64; 2];
 
 /// A law.
 pub struct Law {
     /// A short name, as in the report.
     pub name: &'static str,
     /// What is wrong, with its numbers in words.
-    pub what: fn(&Setting, &[f64]) -> String,
+    pub what: fn(&ScanOfLaws, &[f64]) -> String,
     /// The option or edit that mends it.
     pub hint: &'static str,
     /// Numbers to begin with.
-    pub starts: fn(&Setting) -> Vec<Vec<f64>>,
+    pub starts: fn(&ScanOfLaws) -> Vec<Vec<f64>>,
     /// First steps of the numbers, and how far each may be from 0.
     pub steps: &'static [[f64; 2]],
     /// What it changes.
-    pub kind: Kind,
+    pub kind: Changes,
     /// The effect on a pair: gain, and delay in metres.
     pub of_pair: Option<OfPair>,
     /// Where the points are.
     pub of_points: fn(&[f64]) -> [f64; MOVES],
     /// Whether the capture can show it.
-    pub applies: fn(&Setting) -> bool,
+    pub applies: fn(&ScanOfLaws) -> bool,
 }
 
 const STAY: fn(&[f64]) -> [f64; MOVES] = |_| [0.0; MOVES];
-const ALWAYS: fn(&Setting) -> bool = |_| true;
+const ALWAYS: fn(&ScanOfLaws) -> bool = |_| true;
 
 /// All laws.
 pub const LAWS: &[Law] = &[
@@ -151,7 +151,7 @@ pub const LAWS: &[Law] = &[
         hint: "correct the path of the first bin",
         starts: |_| vec![vec![-0.1], vec![0.1]],
         steps: &[[0.03, 0.6]],
-        kind: Kind::Delay,
+        kind: Changes::Delay,
         of_pair: Some(|_, n, _| [1.0, n[0]]),
         of_points: STAY,
         applies: ALWAYS,
@@ -176,7 +176,7 @@ pub const LAWS: &[Law] = &[
             [-0.07, 0.07].into_iter().flat_map(|n| [vec![n, 0.0, 0.07], vec![0.0, n, 0.07]]).collect()
         },
         steps: &[[0.03, 0.3], [0.03, 0.3], [0.03, 0.3]],
-        kind: Kind::Delay,
+        kind: Changes::Delay,
         of_pair: Some(|s, n, pair| [1.0, DVec2::new(n[0], n[1]).dot(s.middle_of(pair)) + n[2]]),
         of_points: STAY,
         applies: ALWAYS,
@@ -189,7 +189,7 @@ pub const LAWS: &[Law] = &[
         hint: "correct times by the strength of the pulses before they are binned",
         starts: |_| vec![vec![-0.02], vec![0.02]],
         steps: &[[0.01, 0.2]],
-        kind: Kind::Delay,
+        kind: Changes::Delay,
         of_pair: Some(|s, n, pair| [1.0, n[0] * s.logarithms[pair]]),
         of_points: STAY,
         applies: ALWAYS,
@@ -206,7 +206,7 @@ pub const LAWS: &[Law] = &[
         hint: "give the wall's size, or the bin width",
         starts: |_| vec![],
         steps: &[[0.02, 0.5]],
-        kind: Kind::Place,
+        kind: Changes::Place,
         of_pair: None,
         of_points: |n| [n[0], 0.0, 0.0],
         applies: ALWAYS,
@@ -217,7 +217,7 @@ pub const LAWS: &[Law] = &[
         hint: "give the points as measured on the wall",
         starts: |_| vec![vec![-0.15], vec![0.15]],
         steps: &[[0.05, 0.6]],
-        kind: Kind::Place,
+        kind: Changes::Place,
         of_pair: None,
         of_points: |n| [0.0, n[0], 0.0],
         applies: ALWAYS,
@@ -233,7 +233,7 @@ pub const LAWS: &[Law] = &[
         hint: "give the points as measured on the wall",
         starts: |_| vec![vec![-0.12], vec![0.12]],
         steps: &[[0.04, 0.4]],
-        kind: Kind::Place,
+        kind: Changes::Place,
         of_pair: None,
         of_points: |n| [0.0, 0.0, n[0]],
         applies: ALWAYS,
@@ -246,7 +246,7 @@ pub const LAWS: &[Law] = &[
         hint: "give device_at if it is known",
         starts: positions,
         steps: DEVICE,
-        kind: Kind::Gain,
+        kind: Changes::Gain,
         of_pair: Some(|s, n, pair| [fall(s.device(n), s.laser[pair]), 0.0]),
         of_points: STAY,
         applies: ALWAYS,
@@ -259,7 +259,7 @@ pub const LAWS: &[Law] = &[
         hint: "give device_at if it is known",
         starts: positions,
         steps: DEVICE,
-        kind: Kind::Gain,
+        kind: Changes::Gain,
         of_pair: Some(|s, n, pair| [fall(s.device(n), s.sensor[pair]), 0.0]),
         of_points: STAY,
         applies: |s| !s.is_confocal,
@@ -272,7 +272,7 @@ pub const LAWS: &[Law] = &[
         hint: "give device_at if it is known",
         starts: positions,
         steps: DEVICE,
-        kind: Kind::Gain,
+        kind: Changes::Gain,
         of_pair: Some(|s, n, pair| {
             let device = s.device(n);
             [fall(device, s.laser[pair]) * fall(device, s.sensor[pair]), 0.0]
@@ -286,7 +286,7 @@ pub const LAWS: &[Law] = &[
         hint: "divide the counts by the power of each row",
         starts: |s| steps_of(s.scan[1]),
         steps: &[[0.0, 1.0], [0.2, 2.0]],
-        kind: Kind::Gain,
+        kind: Changes::Gain,
         of_pair: Some(|s, n, pair| [step(s.scan[1], pair % s.scan[1], n), 0.0]),
         of_points: STAY,
         applies: |s| s.scan[1] >= 8 && s.scan[0] >= 4,
@@ -297,7 +297,7 @@ pub const LAWS: &[Law] = &[
         hint: "divide the counts by the power of each column",
         starts: |s| steps_of(s.scan[0]),
         steps: &[[0.0, 1.0], [0.2, 2.0]],
-        kind: Kind::Gain,
+        kind: Changes::Gain,
         of_pair: Some(|s, n, pair| [step(s.scan[0], pair / s.scan[1], n), 0.0]),
         of_points: STAY,
         applies: |s| s.scan[0] >= 8 && s.scan[1] >= 4,
@@ -307,7 +307,7 @@ pub const LAWS: &[Law] = &[
 const DEVICE: &[[f64; 2]] = &[[0.3, 8.0], [0.3, 8.0], [0.3, 2.5]];
 
 /// Positions of a device to begin with.
-fn positions(_: &Setting) -> Vec<Vec<f64>> {
+fn positions(_: &ScanOfLaws) -> Vec<Vec<f64>> {
     const OFF: [[f64; 2]; 9] = [
         [0.0, 0.0],
         [1.0, 0.0],
@@ -363,7 +363,7 @@ fn place(p: DVec3) -> String {
 
 impl Law {
     /// The effect on these pairs.
-    pub fn effect(&self, setting: &Setting, numbers: &[f64], pairs: &[usize]) -> Effect {
+    pub fn effect(&self, setting: &ScanOfLaws, numbers: &[f64], pairs: &[usize]) -> Effect {
         let mut effect = Effect { logs: vec![], delays: vec![], moved: (self.of_points)(numbers) };
         let Some(of_pair) = self.of_pair else { return effect };
         let each: Vec<[f64; 2]> = pairs.iter().map(|pair| of_pair(setting, numbers, *pair)).collect();
@@ -376,7 +376,7 @@ impl Law {
 
     /// The capture without it. Counts are divided so that photon noise keeps its size, late ones moved by whole bins unless all are
     /// equally late.
-    pub fn undone(&self, capture: &Capture, setting: &Setting, numbers: &[f64]) -> Capture {
+    pub fn undone(&self, capture: &Capture, setting: &ScanOfLaws, numbers: &[f64]) -> Capture {
         let pairs: Vec<usize> = (0..capture.pair_count()).collect();
         let Effect { logs, delays, moved: by } = self.effect(setting, numbers, &pairs);
         let mut undone = capture.clone();
@@ -424,7 +424,7 @@ mod tests {
 
     #[test]
     fn laws_have_names_of_their_own_and_starts_within_reach() {
-        let setting = Setting::of(&capture());
+        let setting = ScanOfLaws::of(&capture());
         for law in LAWS {
             assert_eq!(LAWS.iter().filter(|other| other.name == law.name).count(), 1, "{law:?}");
             for start in (law.starts)(&setting) {
@@ -441,7 +441,7 @@ mod tests {
     #[test]
     fn what_a_law_does_is_undone() {
         let proper = capture();
-        let setting = Setting::of(&proper);
+        let setting = ScanOfLaws::of(&proper);
         let pairs: Vec<usize> = (0..256).collect();
         // Delays of whole bins, and gains.
         let mut late = proper.clone();
@@ -472,7 +472,7 @@ mod tests {
     fn points_are_moved_about_their_middle() {
         let mut capture = capture();
         capture.laser.iter_mut().chain(&mut capture.sensor).for_each(|p| p.x += 3.0);
-        let setting = Setting::of(&capture);
+        let setting = ScanOfLaws::of(&capture);
         let wider = law("scale").undone(&capture, &setting, &[0.1]);
         let sheared = law("shear").undone(&capture, &setting, &[0.2]);
         let (at, half) = (capture.laser[0] - dvec3(3.0, 0.0, 0.0), 15.0 / 16.0);

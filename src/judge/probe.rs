@@ -1,7 +1,9 @@
 //! Fits that go on from a surface with a small change of the instrument: what a few hundredths of a second say of causes.
 
-use super::laws::{Kind, LAWS, Law, Setting};
-use super::{Guess, Sense, both, suggested};
+use super::found::Shown;
+use super::laws::{Changes, LAWS, ScanOfLaws};
+use super::sense::Sense;
+use super::suspects::{Suspects, both, suggested};
 use crate::Result;
 use crate::judge::search::{Search, trial_of};
 use crate::judge::trial::Fitted;
@@ -15,24 +17,15 @@ const ITERATIONS: usize = 20;
 const LESS: f64 = 0.02;
 const BEYOND: f64 = 1.5;
 
-/// What changes of the instrument suggest.
-#[derive(Debug, Clone, Default)]
-pub struct Suspects {
-    /// Gains that suit what the surface shows.
-    pub gains: Option<Guess>,
-    /// The law of the scale with the step that leaves less: nearly every wrong delay or place changes the scale, too.
-    pub scale: Option<(&'static Law, f64)>,
-}
-
 /// What a surface suggests.
 ///
 /// # Errors
 /// The device fails, or the caller cancels.
-pub fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted) -> Result<Suspects> {
+fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted) -> Result<Suspects> {
     let layers = &fitted.surface.layers;
     let trial = trial_of(&search.trials, reflectance).clone();
-    let setting = Setting::of(trial.capture());
-    let scale = LAWS.iter().find(|law| law.kind == Kind::Place).expect("a law of places");
+    let setting = ScanOfLaws::of(trial.capture());
+    let scale = LAWS.iter().find(|law| law.kind == Changes::Place).expect("a law of places");
     let step = scale.steps[0][0];
     let gains = Sense::of(&trial, layers)?.and_then(|sense| suggested(&sense, &setting));
     let without = |step: f64| trial.with_capture(scale.undone(trial.capture(), &setting, &[step]));
@@ -54,4 +47,33 @@ pub fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fit
     let sides = [(step, judged[0]), (-step, judged[1])];
     let side = sides.into_iter().filter(|(_, of)| is_less(of)).min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
     Ok(Suspects { gains, scale: side.map(|(step, _)| (scale, step)) })
+}
+
+/// Share that is certainly left beyond noise, from which the residual of all pairs may show a cause.
+const DOUBTFUL: f64 = 0.08;
+/// The same, from which changes of the instrument are fitted.
+const SUSPICIOUS: f64 = 0.03;
+
+/// What a fit of a search shows; of gains, and of all causes, only if it `asks`.
+///
+/// # Errors
+/// The device fails, or the caller cancels.
+pub fn shown_of(
+    search: &mut Search<'_>,
+    reflectance: Reflectance,
+    fitted: Fitted,
+    asks: [bool; 2],
+) -> Result<Shown> {
+    let certain = fitted.held.left().certain();
+    let trial = trial_of(&search.trials, reflectance);
+    let all = if certain > DOUBTFUL { trial.all(&fitted.surface.layers)? } else { None };
+    let is_suspicious = certain > SUSPICIOUS;
+    let [gains, all_causes] = asks;
+    let sense = if gains { Sense::of(trial, &fitted.surface.layers)? } else { None };
+    let suspects = if all_causes && is_suspicious {
+        suspected(search, reflectance, &fitted)?
+    } else {
+        Suspects::default()
+    };
+    Ok(Shown { held: fitted.held, all, sense, suspects })
 }
