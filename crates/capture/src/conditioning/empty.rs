@@ -495,6 +495,16 @@ mod tests {
     }
 
     #[test]
+    fn an_empty_capture_without_a_count_is_refused() {
+        let (mut capture, before) = (both(), both());
+        let mut room = capture.emptied();
+        room.histograms.fill(0.0);
+        let error = capture.set_empty(&room).unwrap_err();
+        assert!(error.what.contains("the empty capture has no count"), "{error}");
+        assert!(capture == before, "a refused one changes nothing");
+    }
+
+    #[test]
     fn saturated_bins_of_either_are_named() {
         let mut capture = both();
         let mut room = capture.emptied();
