@@ -226,16 +226,17 @@ fn a_second_layer_comes_and_goes() {
 #[test]
 fn frames_of_wide_spots_leave_nothing_behind() {
     let gpu = host();
-    // Through the wide ones, fewer pairs are rendered than are measured.
-    for (spot, are_fewer) in [(0.08, false), (0.5, true)] {
-        let scan = changed(&scan(12, 0.03), |c| (c.laser_spot, c.sensor_spot) = (Some(spot), Some(spot)));
+    // Through the wide ones of wide bins, fewer pairs are rendered than are measured.
+    for (side, bin, spot, are_fewer) in [(12, 0.03, 0.08, false), (32, 0.3, 0.3, true)] {
+        let scan = changed(&scan(side, bin), |c| (c.laser_spot, c.sensor_spot) = (Some(spot), Some(spot)));
         let solver = surface(|_| ());
         let [a, b] = frames(&scan);
         let [of_a, of_b] = [&a, &b].map(|counts| solved(&mut session(&gpu, &scan, &solver), counts));
         let mut session = session(&gpu, &scan, &solver);
         let plan = session.plan();
         assert!(plan.levels.spots.is_some());
-        assert_eq!(plan.finest().rendered.count < plan.scene.pairs, are_fewer);
+        let [rendered, measured] = [plan.finest().rendered.count, plan.scene.pairs];
+        assert_eq!(rendered < measured, are_fewer, "{rendered} {measured}");
         for (counts, want) in [(&a, &of_a), (&b, &of_b), (&a, &of_a)] {
             assert!(solved(&mut session, counts) == *want);
         }
