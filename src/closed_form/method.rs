@@ -16,7 +16,7 @@ pub trait ClosedForm: Options + Clone + Send + Sync + 'static {
     /// Its name on the command line.
     const NAME: &'static str;
 
-    /// Its share of [`image::level_over_haze`], fitted on simulated scenes (benches/NOTES.md).
+    /// Its share of [`super::image::level_over_haze`], fitted on simulated scenes (benches/NOTES.md).
     const MASK_SHARE: f64;
 
     /// Where its volumes are made, and what of that is its own.
@@ -30,7 +30,7 @@ pub trait ClosedForm: Options + Clone + Send + Sync + 'static {
         self.shared().1
     }
 
-    /// As [`Solver::detail`].
+    /// As [`crate::engine::Solver::detail`].
     fn finest_detail(&self) -> Option<f64> {
         None
     }
