@@ -9,8 +9,8 @@ use crate::engine::{Progress, Reconstruction, TracePoint, Watch};
 use crate::gpu::Gpu;
 use crate::judge::{self, Job, conclude, grade};
 
-/// Reconstructs the capture of a job. Returns the job with what short fits found, and the result. The watch hears of the short fits and
-/// of the solve; maps on the way have the mask and the depth errors of a run that ends there.
+/// Reconstructs the capture of a job. Returns the job with its estimates, and the result. The watch is called during the short fits and
+/// the solve; intermediate maps have the mask and the depth errors of a run that ends there.
 ///
 /// # Errors
 /// Settings out of range, or that the capture does not allow; memory or device do not allow the solve; the watch cancels

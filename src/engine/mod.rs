@@ -12,6 +12,7 @@ pub(crate) mod over_pairs;
 pub mod plan;
 pub(crate) mod prepared;
 mod result;
+mod room;
 mod rounding;
 mod solver;
 
@@ -33,4 +34,5 @@ pub(crate) use prepared::Planned;
 pub use prepared::Prepared;
 pub(crate) use result::finish;
 pub use result::{Evidence, ImageNoise, Reconstruction, Sharpness};
+pub use room::{room_light, without_room};
 pub use solver::{Common, Problem, RunsOn, Solver};

@@ -11,7 +11,8 @@ use super::device::is_clear;
 use super::estimate;
 use super::found::{Estimates, Shown};
 use super::job::Job;
-use super::laws::{Changes, LAWS, Law, ScanOfLaws};
+use super::laws::{Changes, LAWS, Law, LawScan};
+use super::probe::Ask;
 use super::suspects::{Suggestion, Suspects, both, suited};
 use crate::Result;
 use crate::capture::Capture;
@@ -39,7 +40,7 @@ mod bands {
     pub const CLEAR: [f64; 2] = [0.8, 4.0];
     /// The same of gains, whose pairs weigh unequally, with the pairs weighed both ways.
     pub const CLEAR_GAINS: [f64; 2] = [0.7, 2.0];
-    /// Causes are told apart if one leaves this many times as much: fits of one capture scatter by more than pairs do.
+    /// Two causes are distinguished if one leaves this many times as much as the other: fits of one capture scatter by more than pairs do.
     pub const RIVAL: f64 = 1.3;
     /// Least share by which points are moved.
     pub const LEAST_SCALE: f64 = 0.02;
@@ -47,7 +48,7 @@ mod bands {
 
 /// A cause that a fit judged.
 #[derive(Clone)]
-pub struct Tested {
+pub struct TriedCause {
     pub law: &'static Law,
     pub numbers: Vec<f64>,
     /// Of the pairs that both hold out: what is left without the cause, and as the capture is.
@@ -55,9 +56,9 @@ pub struct Tested {
 }
 
 /// Fits that judge causes of a capture.
-struct Tests<'j> {
+struct CauseTrials<'j> {
     job: &'j Job<'j>,
-    setting: ScanOfLaws,
+    scan: LawScan,
     estimates: &'j Estimates,
     shown: &'j Shown,
     gpu: &'j Gpu,
@@ -66,35 +67,40 @@ struct Tests<'j> {
     tried: Vec<(f64, f64)>,
 }
 
-impl Tests<'_> {
+impl CauseTrials<'_> {
     /// What a fit leaves once a cause is undone, and what it shows.
-    fn trial(&mut self, law: &'static Law, numbers: &[f64]) -> Result<Option<(Tested, Shown)>> {
-        let Tests { job, setting, estimates, shown, gpu, hear, .. } = self;
-        let undone = law.undone(&job.capture, setting, numbers);
+    fn trial(&mut self, law: &'static Law, numbers: &[f64]) -> Result<Option<(TriedCause, Shown)>> {
+        let CauseTrials { job, scan, estimates, shown, gpu, hear, .. } = self;
+        let undone = law.undone(&job.capture, scan, numbers);
         let tried = job.with_capture(Cow::Borrowed(&undone));
-        let asks = law.kind == Changes::Gain;
-        let Some(after) = estimate::shown(&tried, estimates, asks, gpu, *hear)? else { return Ok(None) };
-        let judged = Tested { law, numbers: numbers.to_vec(), left: both(&after.held, &shown.held) };
+        let ask = if law.kind == Changes::Gain { Ask::Gains } else { Ask::Nothing };
+        let Some(after) = estimate::shown(&tried, estimates, ask, gpu, *hear)? else { return Ok(None) };
+        let judged = TriedCause { law, numbers: numbers.to_vec(), left: both(&after.held, &shown.held) };
         Ok(Some((judged, after)))
     }
 
     /// Gains that suit what a surface shows, refined by what fits without them show.
-    fn gains(&mut self, mut guess: Suggestion) -> Result<Option<Tested>> {
-        let mut best: Option<Tested> = None;
+    fn gains(&mut self, mut suggestion: Suggestion) -> Result<Option<TriedCause>> {
+        let mut best: Option<TriedCause> = None;
         for _ in 0..bands::ROUNDS {
-            let Some((judged, shown)) = self.trial(guess.law, &guess.numbers)? else { break };
+            let Some((judged, shown)) = self.trial(suggestion.law, &suggestion.numbers)? else { break };
             let most = best.as_ref().map_or(bands::FIRST * self.before(), |best| bands::LESS * best.excess());
             if judged.excess() > most {
                 break;
             }
             best = Some(judged);
             let Some(sense) = shown.sense else { break };
-            let Some(next) = suited(&sense, &self.setting, guess.law, Some(&guess.numbers)) else { break };
+            let Some(next) = suited(&sense, &self.scan, suggestion.law, Some(&suggestion.numbers)) else {
+                break;
+            };
             // The surface hides a part of what is left, so that steps are too short.
-            let steps =
-                guess.numbers.iter().zip(&next.numbers).map(|(from, to)| from + bands::LONGER * (to - from));
+            let steps = suggestion
+                .numbers
+                .iter()
+                .zip(&next.numbers)
+                .map(|(from, to)| from + bands::LONGER * (to - from));
             let within = |(n, [_, far]): (f64, &[f64; 2])| n.clamp(-far, *far);
-            guess.numbers = steps.zip(guess.law.steps).map(within).collect();
+            suggestion.numbers = steps.zip(suggestion.law.steps).map(within).collect();
         }
         Ok(best)
     }
@@ -109,11 +115,11 @@ impl Tests<'_> {
         law: &'static Law,
         number: usize,
         step: f64,
-        best: Option<Tested>,
-    ) -> Result<Option<Tested>> {
+        best: Option<TriedCause>,
+    ) -> Result<Option<TriedCause>> {
         let numbers = best.as_ref().map_or_else(|| vec![0.0; law.steps.len()], |best| best.numbers.clone());
         let mut best = best;
-        let mut tried = vec![(numbers[number], best.as_ref().map_or(self.before(), Tested::excess))];
+        let mut tried = vec![(numbers[number], best.as_ref().map_or(self.before(), TriedCause::excess))];
         let mut at = numbers[number] + step;
         for _ in 0..bands::ROUNDS {
             let far = law.steps[number][1];
@@ -124,7 +130,7 @@ impl Tests<'_> {
             }
             let Some((judged, _)) = self.trial(law, &there)? else { break };
             tried.push((there[number], judged.excess()));
-            if judged.excess() < best.as_ref().map_or(self.before(), Tested::excess) {
+            if judged.excess() < best.as_ref().map_or(self.before(), TriedCause::excess) {
                 best = Some(judged);
             }
             at = next_along(&mut tried, step);
@@ -134,7 +140,12 @@ impl Tests<'_> {
     }
 
     /// A number at the vertex of the parabola through all that was tried near the best value: fits scatter.
-    fn settled(&mut self, law: &'static Law, number: usize, best: Option<Tested>) -> Result<Option<Tested>> {
+    fn settled(
+        &mut self,
+        law: &'static Law,
+        number: usize,
+        best: Option<TriedCause>,
+    ) -> Result<Option<TriedCause>> {
         let tried = std::mem::take(&mut self.tried);
         let Some(best) = best else { return Ok(None) };
         let Some(vertex) = vertex(&tried, best.numbers[number], best.excess()) else { return Ok(Some(best)) };
@@ -145,7 +156,7 @@ impl Tests<'_> {
     }
 
     /// The scale, and where that leaves less, the other laws of delays and places.
-    fn places(&mut self, scale: &'static Law, step: f64) -> Result<Vec<Tested>> {
+    fn places(&mut self, scale: &'static Law, step: f64) -> Result<Vec<TriedCause>> {
         let first = self.along(scale, 0, step, None)?;
         let Some(first) = self.settled(scale, 0, first)? else { return Ok(vec![]) };
         let is_suspect = first.is_less(bands::SUSPECT) && first.numbers[0].abs() >= bands::LEAST_SCALE;
@@ -153,13 +164,13 @@ impl Tests<'_> {
         if !is_suspect {
             return Ok(all);
         }
-        let setting = self.setting.clone();
+        let scan = self.scan.clone();
         let others = LAWS.iter().filter(|law| law.kind != Changes::Gain && law.name != scale.name);
-        for law in others.filter(|law| (law.applies)(&setting)) {
-            let mut best: Option<Tested> = None;
-            for start in (law.starts)(&setting) {
+        for law in others.filter(|law| (law.applies)(&scan)) {
+            let mut best: Option<TriedCause> = None;
+            for start in (law.starts)(&scan) {
                 let Some((judged, _)) = self.trial(law, &start)? else { continue };
-                if judged.excess() < best.as_ref().map_or(self.before(), Tested::excess) {
+                if judged.excess() < best.as_ref().map_or(self.before(), TriedCause::excess) {
                     best = Some(judged);
                 }
             }
@@ -225,7 +236,7 @@ fn vertex(tried: &[(f64, f64)], best: f64, least: f64) -> Option<f64> {
     (c > 0.0).then(|| best + (-0.5 * far * b / c).clamp(low, high))
 }
 
-impl Tested {
+impl TriedCause {
     /// What is left without the cause.
     pub fn excess(&self) -> f64 {
         self.left[0].excess()
@@ -255,19 +266,19 @@ pub fn confirmed(
     let Some(shown) = &estimates.shown else { return Ok(vec![]) };
     let Suspects { gains, scale } = shown.suspects.clone();
     let keeps_gains = job.settings.device_at == Some(DevicePosition::None);
-    let mut judge =
-        Tests { job, setting: ScanOfLaws::of(capture), estimates, shown, gpu, hear, tried: vec![] };
+    let mut trials =
+        CauseTrials { job, scan: LawScan::of(capture), estimates, shown, gpu, hear, tried: vec![] };
     let mut all = vec![];
-    if let Some(guess) = gains.filter(|_| !keeps_gains) {
-        all.extend(judge.gains(guess)?);
+    if let Some(suggestion) = gains.filter(|_| !keeps_gains) {
+        all.extend(trials.gains(suggestion)?);
     }
     if let Some((law, step)) = scale {
-        all.extend(judge.places(law, step)?);
+        all.extend(trials.places(law, step)?);
     }
-    let setting = judge.setting.clone();
-    let is_confirmed = |judged: &Tested| {
+    let scan = trials.scan.clone();
+    let is_confirmed = |judged: &TriedCause| {
         if judged.law.kind == Changes::Gain {
-            let logs = judged.law.effect(&setting, &judged.numbers, &shown.held.pairs).logs;
+            let logs = judged.law.effect(&scan, &judged.numbers, &shown.held.pairs).logs;
             let gains: Vec<f64> = logs.iter().map(|log| log.exp()).collect();
             return judged.is_less(bands::CLEAR_GAINS) && is_clear(&judged.left[0], &judged.left[1], &gains);
         }
@@ -279,19 +290,19 @@ pub fn confirmed(
     // Where the opposite leaves less, too, fits from anywhere else do: the surface was a poor one, the instrument is proper.
     if let Some(best) = all.first().filter(|best| best.law.kind != Changes::Gain) {
         let opposite: Vec<f64> = best.numbers.iter().map(|n| -n).collect();
-        let trial = judge.trial(best.law, &opposite)?;
+        let trial = trials.trial(best.law, &opposite)?;
         if trial.is_some_and(|(judged, _)| judged.excess() < bands::FIRST * judged.left[1].excess()) {
             all.clear();
         }
     }
     let is_alone = all.get(1).is_none_or(|next| next.excess() > bands::RIVAL * all[0].excess());
-    let confirmed = |judged: Tested| Confirmed {
-        what: (judged.law.what)(&setting, &judged.numbers),
+    let confirmed = |judged: TriedCause| Confirmed {
+        what: (judged.law.what)(&scan, &judged.numbers),
         hint: judged.law.hint,
-        undone: is_alone.then(|| judged.law.undone(capture, &setting, &judged.numbers)),
+        undone: is_alone.then(|| judged.law.undone(capture, &scan, &judged.numbers)),
         left: judged.left.each_ref().map(Left::excess),
     };
-    let least = all.first().map_or(0.0, Tested::excess);
+    let least = all.first().map_or(0.0, TriedCause::excess);
     all.retain(|judged| judged.excess() <= bands::RIVAL * least);
     Ok(all.into_iter().map(confirmed).collect())
 }

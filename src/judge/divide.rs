@@ -9,6 +9,7 @@ use super::device::{FoundDevice, LEAST_RATIO, best, divided, is_clear};
 use super::estimate::shown;
 use super::found::Estimates;
 use super::job::Job;
+use super::probe::Ask;
 use crate::Result;
 use crate::capture::{Capture, GainLaw};
 use crate::engine::Progress;
@@ -77,7 +78,7 @@ fn law(
     let chosen = if is_judged {
         let mut trial = |capture: &Capture| {
             let tried = job.with_capture(Cow::Borrowed(capture));
-            let shown = shown(&tried, &Estimates::default(), false, gpu, hear)?;
+            let shown = shown(&tried, &Estimates::default(), Ask::Nothing, gpu, hear)?;
             Ok::<_, crate::Error>(shown.map(|shown| (shown.held.left(), shown.held.pairs)))
         };
         let none = trial(capture)?;

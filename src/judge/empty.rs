@@ -8,12 +8,14 @@ use std::time::Instant;
 use super::estimate::shown;
 use super::found::Estimates;
 use super::job::Job;
+use super::probe::Ask;
 use super::room::FoundEmpty;
 use crate::Result;
 use crate::capture::{Capture, RoomGain};
-use crate::engine::{Progress, variance_per_count};
+use crate::engine::{Progress, room_light, without_room};
 use crate::gpu::Gpu;
 use crate::methods::SolverOptions;
+use crate::surface::mean_and_error;
 
 /// The subtraction is left out if it leaves more by this share: chance alone, of few photons, may hide harm.
 const HARMS: f64 = 0.01;
@@ -28,16 +30,15 @@ pub fn subtract<'c>(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Job<'c>> {
     let clock = Instant::now();
-    if job.capture.empty.is_none() || !job.has_light() {
+    if !job.has_light() {
         return Ok(job);
     }
-    let per_count = [&*job.capture, &job.capture.emptied()].map(variance_per_count);
-    let gain = job.capture.room_gain(per_count);
+    let Some(light) = room_light(&job.capture) else { return Ok(job) };
     let without = job.capture.outline().with(|c| c.histograms = job.capture.histograms.clone());
-    let with = gain.as_ref().map(|gain| job.capture.without_room(gain, per_count));
+    let with = without_room(&job.capture, &light);
     // Shadows are negative; the capture is what it was.
     job.settings.preset = Some(job.preset);
-    let (found, kept) = decided(&job, gain, [Some(without), with], gpu, hear)?;
+    let (found, kept) = decided(&job, without, with, gpu, hear)?;
     let why = job.why;
     let mut job = job.again(Cow::Owned(kept));
     job.why = why;
@@ -49,20 +50,19 @@ pub fn subtract<'c>(
 /// The finding, and the capture that it keeps.
 fn decided(
     job: &Job<'_>,
-    gain: Option<RoomGain>,
-    [without, with]: [Option<Capture>; 2],
+    without: Capture,
+    with: Option<(RoomGain, Capture)>,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<(FoundEmpty, Capture)> {
     let mut found = FoundEmpty {
-        gain: gain.as_ref().map(range),
-        share: gain.as_ref().map_or(0.0, |gain| gain.share),
+        gain: with.as_ref().map(|(gain, _)| range(gain)),
+        share: with.as_ref().map_or(0.0, |(gain, _)| gain.share),
         left: None,
         is_used: false,
         untried: None,
     };
-    let without = without.unwrap_or_else(|| job.capture.clone().into_owned());
-    let Some(with) = with else {
+    let Some((_, with)) = with else {
         found.untried = Some("no gain makes its light a part of the capture's".into());
         return Ok((found, without));
     };
@@ -73,7 +73,7 @@ fn decided(
     }
     let mut trial = |capture: &Capture| {
         let tried = job.with_capture(Cow::Borrowed(capture));
-        let shown = shown(&tried, &Estimates::default(), false, gpu, hear)?;
+        let shown = shown(&tried, &Estimates::default(), Ask::Nothing, gpu, hear)?;
         Ok::<_, crate::Error>(shown.map(|shown| (shown.held.squared_counts(), shown.held.pairs)))
     };
     let squares = [trial(&without)?, trial(&with)?];
@@ -103,12 +103,9 @@ fn range(gain: &RoomGain) -> [f64; 3] {
 
 /// Both sums in units of the first, and the standard error of their difference by the scatter of pairs.
 fn compared(none: &[f64], some: &[f64]) -> [f64; 3] {
-    let count = none.len().max(2) as f64;
     let sum: f64 = none.iter().sum::<f64>().max(f64::MIN_POSITIVE);
-    let differences = || none.iter().zip(some).map(|(none, some)| some - none);
-    let mean = differences().sum::<f64>() / count;
-    let variance = differences().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
-    [1.0, some.iter().sum::<f64>() / sum, (variance * count).sqrt() / sum]
+    let [_, error] = mean_and_error(none.iter().zip(some).map(|(none, some)| some - none));
+    [1.0, some.iter().sum::<f64>() / sum, error * none.len() as f64 / sum]
 }
 
 #[cfg(test)]

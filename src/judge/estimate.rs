@@ -7,7 +7,7 @@ use super::constants::FAR;
 use super::found::{EstimateSeconds, Estimates, FindPulse, Shown};
 use super::job::Job;
 use super::model::FoundModel;
-use super::probe::shown_of;
+use super::probe::{Ask, shown_of};
 use super::pulse::{FoundPulse, Shape};
 use super::search::Search;
 use super::trial::From;
@@ -72,8 +72,11 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
         {
             candidates[best.candidate].kept = true;
             let is_far = !best.fitted.surface.is_coherent(FAR);
-            let asks = [false, job.settings.calibrate.unwrap_or_default() == Calibrate::Auto];
-            shown = Some(shown_of(&mut search, *reflectance, best.fitted.clone(), asks)?);
+            let ask = match job.settings.calibrate.unwrap_or_default() {
+                Calibrate::Auto => Ask::Causes,
+                Calibrate::None => Ask::Nothing,
+            };
+            shown = Some(shown_of(&mut search, *reflectance, best.fitted.clone(), ask)?);
             let Candidate { layers, step, .. } = best.fitted.surface;
             let Starts { layers: closed, light, seen } = Starts::clone(&search.starts);
             begun = Some(Begun { layers, closed, is_far: is_far && seen.is_some(), seen, light, step });
@@ -110,15 +113,15 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
     })
 }
 
-/// What a short fit of the job's capture shows, also of gains if it `asks`, with sharp paths, by the model and the high-pass that were
-/// `found` for another version of it. `None` if it finds no surface.
+/// What a short fit of the job's capture shows, with sharp paths, by the model and the high-pass that were `found` for another version
+/// of it. `None` if it finds no surface.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
 pub fn shown(
     job: &Job<'_>,
     found: &Estimates,
-    asks: bool,
+    ask: Ask,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Option<Shown>> {
@@ -127,7 +130,7 @@ pub fn shown(
     let searched = Search::new(&job, gpu, hear).and_then(|mut search| {
         let model = search.trials[0].reflectance();
         let fitted = search.fit(model, Shape::SHARP, From::Start)?;
-        fitted.map(|fitted| shown_of(&mut search, model, fitted, [asks, false])).transpose()
+        fitted.map(|fitted| shown_of(&mut search, model, fitted, ask)).transpose()
     });
     match searched {
         Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => Err(e),

@@ -5,7 +5,7 @@
 
 use glam::{DVec2, DVec3};
 
-use crate::capture::{Capture, METRES_PER_PICOSECOND};
+use crate::capture::{Capture, METRES_PER_PICOSECOND, gain};
 
 /// Ways in which points may lie elsewhere: farther apart, sheared, farther out with the square of their distance from the middle.
 pub const MOVES: usize = 3;
@@ -64,7 +64,7 @@ impl WallFrame {
 
 /// What laws need to know of a capture.
 #[derive(Debug, Clone)]
-pub struct ScanOfLaws {
+pub struct LawScan {
     pub laser: Vec<DVec3>,
     pub sensor: Vec<DVec3>,
     pub scan: [usize; 2],
@@ -74,13 +74,13 @@ pub struct ScanOfLaws {
     pub is_confocal: bool,
 }
 
-impl ScanOfLaws {
-    pub fn of(capture: &Capture) -> ScanOfLaws {
+impl LawScan {
+    pub fn of(capture: &Capture) -> LawScan {
         let light = capture.of_rows(|row| row.iter().map(|v| f64::from(*v)).sum::<f64>());
         let mean = light.iter().sum::<f64>() / light.len().max(1) as f64;
         let logarithm = |v: &f64| (v / mean).max(1e-3).ln();
         let all = [&capture.laser[..], &capture.sensor].concat();
-        ScanOfLaws {
+        LawScan {
             laser: capture.laser.clone(),
             sensor: capture.sensor.clone(),
             scan: capture.scan,
@@ -116,18 +116,18 @@ pub enum Changes {
 }
 
 /// Gain, and delay in metres, of a pair by the numbers of a law.
-type OfPair = fn(&ScanOfLaws, &[f64], usize) -> [f64; 2];
+type OfPair = fn(&LawScan, &[f64], usize) -> [f64; 2];
 
 /// A law.
 pub struct Law {
     /// A short name, as in the report.
     pub name: &'static str,
     /// What is wrong, with its numbers in words.
-    pub what: fn(&ScanOfLaws, &[f64]) -> String,
+    pub what: fn(&LawScan, &[f64]) -> String,
     /// The option or edit that mends it.
     pub hint: &'static str,
     /// Numbers to begin with.
-    pub starts: fn(&ScanOfLaws) -> Vec<Vec<f64>>,
+    pub starts: fn(&LawScan) -> Vec<Vec<f64>>,
     /// First steps of the numbers, and how far each may be from 0.
     pub steps: &'static [[f64; 2]],
     /// What it changes.
@@ -137,11 +137,31 @@ pub struct Law {
     /// Where the points are.
     pub of_points: fn(&[f64]) -> [f64; MOVES],
     /// Whether the capture can show it.
-    pub applies: fn(&ScanOfLaws) -> bool,
+    pub applies: fn(&LawScan) -> bool,
 }
 
-const STAY: fn(&[f64]) -> [f64; MOVES] = |_| [0.0; MOVES];
-const ALWAYS: fn(&ScanOfLaws) -> bool = |_| true;
+/// What laws of delays have in common.
+const OF_DELAYS: Law = Law {
+    name: "",
+    what: |_, _| String::new(),
+    hint: "",
+    starts: |_| vec![],
+    steps: &[],
+    kind: Changes::Delay,
+    of_pair: None,
+    of_points: |_| [0.0; MOVES],
+    applies: |_| true,
+};
+const OF_PLACES: Law =
+    Law { kind: Changes::Place, hint: "give the points as measured on the wall", ..OF_DELAYS };
+const OF_GAINS: Law = Law { kind: Changes::Gain, ..OF_DELAYS };
+const OF_DEVICES: Law = Law {
+    hint: "give device_at if it is known",
+    starts: positions,
+    steps: &[[0.3, 8.0], [0.3, 8.0], [0.3, 2.5]],
+    ..OF_GAINS
+};
+const OF_LINES: Law = Law { steps: &[[0.0, 1.0], [0.2, 2.0]], ..OF_GAINS };
 
 /// All laws.
 pub const LAWS: &[Law] = &[
@@ -151,10 +171,8 @@ pub const LAWS: &[Law] = &[
         hint: "correct the path of the first bin",
         starts: |_| vec![vec![-0.1], vec![0.1]],
         steps: &[[0.03, 0.6]],
-        kind: Changes::Delay,
         of_pair: Some(|_, n, _| [1.0, n[0]]),
-        of_points: STAY,
-        applies: ALWAYS,
+        ..OF_DELAYS
     },
     Law {
         name: "lean",
@@ -176,10 +194,8 @@ pub const LAWS: &[Law] = &[
             [-0.07, 0.07].into_iter().flat_map(|n| [vec![n, 0.0, 0.07], vec![0.0, n, 0.07]]).collect()
         },
         steps: &[[0.03, 0.3], [0.03, 0.3], [0.03, 0.3]],
-        kind: Changes::Delay,
         of_pair: Some(|s, n, pair| [1.0, DVec2::new(n[0], n[1]).dot(s.middle_of(pair)) + n[2]]),
-        of_points: STAY,
-        applies: ALWAYS,
+        ..OF_DELAYS
     },
     Law {
         name: "walk",
@@ -189,10 +205,8 @@ pub const LAWS: &[Law] = &[
         hint: "correct times by the strength of the pulses before they are binned",
         starts: |_| vec![vec![-0.02], vec![0.02]],
         steps: &[[0.01, 0.2]],
-        kind: Changes::Delay,
         of_pair: Some(|s, n, pair| [1.0, n[0] * s.logarithms[pair]]),
-        of_points: STAY,
-        applies: ALWAYS,
+        ..OF_DELAYS
     },
     Law {
         name: "scale",
@@ -206,21 +220,16 @@ pub const LAWS: &[Law] = &[
         hint: "give the wall's size, or the bin width",
         starts: |_| vec![],
         steps: &[[0.02, 0.5]],
-        kind: Changes::Place,
-        of_pair: None,
         of_points: |n| [n[0], 0.0, 0.0],
-        applies: ALWAYS,
+        ..OF_PLACES
     },
     Law {
         name: "shear",
         what: |_, n| format!("the points are sheared: x lies off by {:.3} of y", n[0]),
-        hint: "give the points as measured on the wall",
         starts: |_| vec![vec![-0.15], vec![0.15]],
         steps: &[[0.05, 0.6]],
-        kind: Changes::Place,
-        of_pair: None,
         of_points: |n| [0.0, n[0], 0.0],
-        applies: ALWAYS,
+        ..OF_PLACES
     },
     Law {
         name: "radial",
@@ -230,84 +239,61 @@ pub const LAWS: &[Law] = &[
                 1.0 + n[0]
             )
         },
-        hint: "give the points as measured on the wall",
         starts: |_| vec![vec![-0.12], vec![0.12]],
         steps: &[[0.04, 0.4]],
-        kind: Changes::Place,
-        of_pair: None,
         of_points: |n| [0.0, 0.0, n[0]],
-        applies: ALWAYS,
+        ..OF_PLACES
     },
     Law {
         name: "laser",
         what: |s, n| {
             format!("the laser's light on the wall weakens as from a device at {}", place(s.device(n)))
         },
-        hint: "give device_at if it is known",
-        starts: positions,
-        steps: DEVICE,
-        kind: Changes::Gain,
         of_pair: Some(|s, n, pair| [fall(s.device(n), s.laser[pair]), 0.0]),
-        of_points: STAY,
-        applies: ALWAYS,
+        ..OF_DEVICES
     },
     Law {
         name: "detector",
         what: |s, n| {
             format!("the detector's light from the wall weakens as to a device at {}", place(s.device(n)))
         },
-        hint: "give device_at if it is known",
-        starts: positions,
-        steps: DEVICE,
-        kind: Changes::Gain,
         of_pair: Some(|s, n, pair| [fall(s.device(n), s.sensor[pair]), 0.0]),
-        of_points: STAY,
         applies: |s| !s.is_confocal,
+        ..OF_DEVICES
     },
     Law {
         name: "both",
         what: |s, n| {
             format!("the light of laser and detector weakens as from a device at {}", place(s.device(n)))
         },
-        hint: "give device_at if it is known",
-        starts: positions,
-        steps: DEVICE,
-        kind: Changes::Gain,
         of_pair: Some(|s, n, pair| {
             let device = s.device(n);
             [fall(device, s.laser[pair]) * fall(device, s.sensor[pair]), 0.0]
         }),
-        of_points: STAY,
-        applies: ALWAYS,
+        ..OF_DEVICES
     },
     Law {
         name: "rows",
         what: |s, n| stepped("rows", s.scan[1], n),
         hint: "divide the counts by the power of each row",
         starts: |s| steps_of(s.scan[1]),
-        steps: &[[0.0, 1.0], [0.2, 2.0]],
-        kind: Changes::Gain,
         of_pair: Some(|s, n, pair| [step(s.scan[1], pair % s.scan[1], n), 0.0]),
-        of_points: STAY,
         applies: |s| s.scan[1] >= 8 && s.scan[0] >= 4,
+        ..OF_LINES
     },
     Law {
         name: "columns",
         what: |s, n| stepped("columns", s.scan[0], n),
         hint: "divide the counts by the power of each column",
         starts: |s| steps_of(s.scan[0]),
-        steps: &[[0.0, 1.0], [0.2, 2.0]],
-        kind: Changes::Gain,
         of_pair: Some(|s, n, pair| [step(s.scan[0], pair / s.scan[1], n), 0.0]),
-        of_points: STAY,
         applies: |s| s.scan[0] >= 8 && s.scan[1] >= 4,
+        ..OF_LINES
     },
 ];
 
-const DEVICE: &[[f64; 2]] = &[[0.3, 8.0], [0.3, 8.0], [0.3, 2.5]];
-
 /// Positions of a device to begin with.
-fn positions(_: &ScanOfLaws) -> Vec<Vec<f64>> {
+fn positions(_: &LawScan) -> Vec<Vec<f64>> {
     const OFF: [[f64; 2]; 9] = [
         [0.0, 0.0],
         [1.0, 0.0],
@@ -325,8 +311,7 @@ fn positions(_: &ScanOfLaws) -> Vec<Vec<f64>> {
 
 /// cos / distance² over metres², of a device in front of a wall at z = 0.
 fn fall(device: DVec3, point: DVec3) -> f64 {
-    let towards = device - point;
-    (towards.z / towards.length().powi(3)).max(1e-9)
+    gain::falloff(device, point, DVec3::Z).max(1e-9)
 }
 
 /// Steps of the power before every line, as shares of the lines.
@@ -363,7 +348,7 @@ fn place(p: DVec3) -> String {
 
 impl Law {
     /// The effect on these pairs.
-    pub fn effect(&self, setting: &ScanOfLaws, numbers: &[f64], pairs: &[usize]) -> Effect {
+    pub fn effect(&self, setting: &LawScan, numbers: &[f64], pairs: &[usize]) -> Effect {
         let mut effect = Effect { logs: vec![], delays: vec![], moved: (self.of_points)(numbers) };
         let Some(of_pair) = self.of_pair else { return effect };
         let each: Vec<[f64; 2]> = pairs.iter().map(|pair| of_pair(setting, numbers, *pair)).collect();
@@ -376,7 +361,7 @@ impl Law {
 
     /// The capture without it. Counts are divided so that photon noise keeps its size, late ones moved by whole bins unless all are
     /// equally late.
-    pub fn undone(&self, capture: &Capture, setting: &ScanOfLaws, numbers: &[f64]) -> Capture {
+    pub fn undone(&self, capture: &Capture, setting: &LawScan, numbers: &[f64]) -> Capture {
         let pairs: Vec<usize> = (0..capture.pair_count()).collect();
         let Effect { logs, delays, moved: by } = self.effect(setting, numbers, &pairs);
         let mut undone = capture.clone();
@@ -424,7 +409,7 @@ mod tests {
 
     #[test]
     fn laws_have_names_of_their_own_and_starts_within_reach() {
-        let setting = ScanOfLaws::of(&capture());
+        let setting = LawScan::of(&capture());
         for law in LAWS {
             assert_eq!(LAWS.iter().filter(|other| other.name == law.name).count(), 1, "{law:?}");
             for start in (law.starts)(&setting) {
@@ -441,7 +426,7 @@ mod tests {
     #[test]
     fn what_a_law_does_is_undone() {
         let proper = capture();
-        let setting = ScanOfLaws::of(&proper);
+        let setting = LawScan::of(&proper);
         let pairs: Vec<usize> = (0..256).collect();
         // Delays of whole bins, and gains.
         let mut late = proper.clone();
@@ -472,7 +457,7 @@ mod tests {
     fn points_are_moved_about_their_middle() {
         let mut capture = capture();
         capture.laser.iter_mut().chain(&mut capture.sensor).for_each(|p| p.x += 3.0);
-        let setting = ScanOfLaws::of(&capture);
+        let setting = LawScan::of(&capture);
         let wider = law("scale").undone(&capture, &setting, &[0.1]);
         let sheared = law("shear").undone(&capture, &setting, &[0.2]);
         let (at, half) = (capture.laser[0] - dvec3(3.0, 0.0, 0.0), 15.0 / 16.0);

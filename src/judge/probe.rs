@@ -1,7 +1,7 @@
 //! Fits that go on from a surface with a small change of the instrument: what a few hundredths of a second say of causes.
 
 use super::found::Shown;
-use super::laws::{Changes, LAWS, ScanOfLaws};
+use super::laws::{Changes, LAWS, LawScan};
 use super::sense::Sense;
 use super::suspects::{Suspects, both, suggested};
 use crate::Result;
@@ -24,11 +24,11 @@ const BEYOND: f64 = 1.5;
 fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted) -> Result<Suspects> {
     let layers = &fitted.surface.layers;
     let trial = trial_of(&search.trials, reflectance).clone();
-    let setting = ScanOfLaws::of(trial.capture());
+    let scan = LawScan::of(trial.capture());
     let scale = LAWS.iter().find(|law| law.kind == Changes::Place).expect("a law of places");
     let step = scale.steps[0][0];
-    let gains = Sense::of(&trial, layers)?.and_then(|sense| suggested(&sense, &setting));
-    let without = |step: f64| trial.with_capture(scale.undone(trial.capture(), &setting, &[step]));
+    let gains = Sense::of(&trial, layers)?.and_then(|sense| suggested(&sense, &scan));
+    let without = |step: f64| trial.with_capture(scale.undone(trial.capture(), &scan, &[step]));
     let trials = [trial.clone(), without(step), without(-step)];
     let fits = search.fit_variants(&trials, layers, ITERATIONS, fitted.surface.step)?;
     let mut fits = fits.into_iter().map(|fitted| fitted.map(|fitted| fitted.held));
@@ -54,7 +54,18 @@ const DOUBTFUL: f64 = 0.08;
 /// The same, from which changes of the instrument are fitted.
 const SUSPICIOUS: f64 = 0.03;
 
-/// What a fit of a search shows; of gains, and of all causes, only if it `asks`.
+/// What a fit is asked beside its pairs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Ask {
+    /// Nothing.
+    Nothing,
+    /// What it shows of gains.
+    Gains,
+    /// Which causes it suggests.
+    Causes,
+}
+
+/// What a fit of a search shows.
 ///
 /// # Errors
 /// The device fails, or the caller cancels.
@@ -62,18 +73,15 @@ pub fn shown_of(
     search: &mut Search<'_>,
     reflectance: Reflectance,
     fitted: Fitted,
-    asks: [bool; 2],
+    ask: Ask,
 ) -> Result<Shown> {
     let certain = fitted.held.left().certain();
     let trial = trial_of(&search.trials, reflectance);
     let all = if certain > DOUBTFUL { trial.all(&fitted.surface.layers)? } else { None };
-    let is_suspicious = certain > SUSPICIOUS;
-    let [gains, all_causes] = asks;
-    let sense = if gains { Sense::of(trial, &fitted.surface.layers)? } else { None };
-    let suspects = if all_causes && is_suspicious {
-        suspected(search, reflectance, &fitted)?
-    } else {
-        Suspects::default()
+    let sense = if ask == Ask::Gains { Sense::of(trial, &fitted.surface.layers)? } else { None };
+    let suspects = match ask {
+        Ask::Causes if certain > SUSPICIOUS => suspected(search, reflectance, &fitted)?,
+        _ => Suspects::default(),
     };
     Ok(Shown { held: fitted.held, all, sense, suspects })
 }

@@ -1,6 +1,8 @@
 //! What a surface shows of the gains of held-out pairs: sums of products of its rendering, of those of smooth changes of the surface, and
 //! of what is measured. They tell what gains by any law leave, with the surface that suits them, without further renderings.
 
+use thirdbounce_base::equations::solve_symmetric;
+
 use crate::Result;
 use crate::judge::trial::Trial;
 use crate::maps::Maps;
@@ -16,6 +18,9 @@ const COLUMNS: usize = OF_SURFACE + 1;
 
 /// Steps of the changes: of albedos as a share, of depths in bins.
 const STEPS: [f64; 2] = [0.2, 0.5];
+
+/// Share of the square of a change below which nothing determines it beside the others.
+const LEAST: f64 = 1e-9;
 
 type Products = [[f64; COLUMNS]; COLUMNS];
 
@@ -74,11 +79,11 @@ impl Sense {
                 (0..=a).for_each(|b| sums[a][b] += gain * gain * products[a][b]);
             }
         }
-        let factors = solved(sums, sides);
+        solve_symmetric(&mut sums, &mut sides, LEAST);
         let of_pair = |(pair, products): (usize, &Products)| {
             let gain = gain(pair);
-            let of = |a: usize| factors.iter().enumerate().map(|(b, f)| f * products[a][b]).sum::<f64>();
-            let [cross, own] = factors.iter().enumerate().fold([0.0; 2], |[cross, own], (a, factor)| {
+            let of = |a: usize| sides.iter().enumerate().map(|(b, f)| f * products[a][b]).sum::<f64>();
+            let [cross, own] = sides.iter().enumerate().fold([0.0; 2], |[cross, own], (a, factor)| {
                 [cross + factor * products[a][MEASURED], own + factor * of(a)]
             });
             products[MEASURED][MEASURED] - 2.0 * gain * cross + gain * gain * own
@@ -118,50 +123,4 @@ fn changed(layers: &[Maps], mode: usize, bin_width: f64) -> Vec<Maps> {
         }
     }
     changed
-}
-
-/// The solution of symmetric equations, of which the lower half is given, by Cholesky; unknowns that nothing determines are 0.
-fn solved(mut sums: [[f64; OF_SURFACE]; OF_SURFACE], sides: [f64; OF_SURFACE]) -> [f64; OF_SURFACE] {
-    const LEAST: f64 = 1e-9;
-    let mut known = [true; OF_SURFACE];
-    for i in 0..OF_SURFACE {
-        let all = sums[i][i];
-        for j in 0..=i {
-            let before: f64 = (0..j).filter(|k| known[*k]).map(|k| sums[i][k] * sums[j][k]).sum();
-            let rest = sums[i][j] - before;
-            if i == j {
-                known[i] = rest > LEAST * all;
-                sums[i][i] = if known[i] { rest.sqrt() } else { 1.0 };
-            } else {
-                sums[i][j] = if known[j] { rest / sums[j][j] } else { 0.0 };
-            }
-        }
-    }
-    let mut x = [0.0; OF_SURFACE];
-    for i in (0..OF_SURFACE).filter(|i| known[*i]) {
-        x[i] = (sides[i] - (0..i).map(|k| sums[i][k] * x[k]).sum::<f64>()) / sums[i][i];
-    }
-    for i in (0..OF_SURFACE).rev().filter(|i| known[*i]) {
-        x[i] = (x[i] - (i + 1..OF_SURFACE).map(|k| sums[k][i] * x[k]).sum::<f64>()) / sums[i][i];
-    }
-    x
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn equations_are_solved_and_what_nothing_determines_is_0() {
-        let at = |i: usize, j: usize| if i == j { 2.0 + i as f64 } else { 1.0 / (1.0 + (i + j) as f64) };
-        let mut sums: [[f64; OF_SURFACE]; OF_SURFACE] =
-            std::array::from_fn(|i| std::array::from_fn(|j| at(i, j)));
-        // Nothing is known of the fourth one.
-        (0..OF_SURFACE).for_each(|i| (sums[i][3], sums[3][i]) = (0.0, 0.0));
-        let want: [f64; OF_SURFACE] = std::array::from_fn(|i| if i == 3 { 0.0 } else { i as f64 - 4.0 });
-        let sides = std::array::from_fn(|i| (0..OF_SURFACE).map(|j| sums[i][j] * want[j]).sum());
-        for (found, want) in solved(sums, sides).into_iter().zip(want) {
-            assert!((found - want).abs() < 1e-9, "{found} {want}");
-        }
-    }
 }

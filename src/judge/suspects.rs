@@ -1,8 +1,8 @@
 //! What changes of the instrument a surface suggests: laws with numbers, before any fit judges them.
 
-use super::laws::{Changes, LAWS, Law, ScanOfLaws};
+use super::laws::{Changes, LAWS, Law, LawScan};
 use super::sense::Sense;
-use crate::surface::{HeldOut, Left};
+use crate::surface::{HeldOut, Left, mean_and_error};
 
 /// A law of gains is tried if its numbers are predicted to explain this share of what is left beyond noise, by these standard errors.
 /// Evidence: benches/NOTES.md, "Causes".
@@ -28,19 +28,14 @@ pub struct Suggestion {
 }
 
 /// Of a law of gains, the numbers that suit what a surface shows best, beyond `base`, which is undone in it.
-pub fn suited(
-    sense: &Sense,
-    setting: &ScanOfLaws,
-    law: &'static Law,
-    base: Option<&[f64]>,
-) -> Option<Suggestion> {
-    let logs = |numbers: &[f64]| law.effect(setting, numbers, &sense.pairs).logs;
+pub fn suited(sense: &Sense, scan: &LawScan, law: &'static Law, base: Option<&[f64]>) -> Option<Suggestion> {
+    let logs = |numbers: &[f64]| law.effect(scan, numbers, &sense.pairs).logs;
     let undone = base.map_or_else(|| vec![0.0; sense.pairs.len()], logs);
     let beyond = |numbers: &[f64]| -> Vec<f64> {
         logs(numbers).iter().zip(&undone).map(|(log, undone)| log - undone).collect()
     };
     let cost = |numbers: &[f64]| sense.left(&beyond(numbers)).iter().sum::<f64>();
-    let mut starts = (law.starts)(setting);
+    let mut starts = (law.starts)(scan);
     if let Some(base) = base {
         // A number without a step stays what it is at a start.
         starts.iter_mut().for_each(|start| {
@@ -53,11 +48,8 @@ pub fn suited(
     let (least, numbers) = descended(&cost, begin, law.steps);
     let (none, after) = (sense.left(&[]), sense.left(&beyond(&numbers)));
     let squares: f64 = none.iter().sum();
-    let differences: Vec<f64> = none.iter().zip(after).map(|(before, after)| before - after).collect();
-    let count = differences.len() as f64;
-    let mean = differences.iter().sum::<f64>() / count;
-    let variance = differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0).max(1.0);
-    let errors = mean / (variance / count).sqrt().max(f64::MIN_POSITIVE);
+    let [mean, error] = mean_and_error(none.iter().zip(&after).map(|(before, after)| before - after));
+    let errors = mean / error.max(f64::MIN_POSITIVE);
     Some(Suggestion { law, numbers, predicted: [(squares - least) / sense.beyond_noise(squares), errors] })
 }
 
@@ -131,11 +123,12 @@ pub fn both(one: &HeldOut, other: &HeldOut) -> [Left; 2] {
 }
 
 /// The law of gains that suits what a surface shows best, if that is worth a fit.
-pub fn suggested(sense: &Sense, setting: &ScanOfLaws) -> Option<Suggestion> {
-    let each = LAWS.iter().filter(|law| law.kind == Changes::Gain && (law.applies)(setting));
-    let guesses: Vec<Suggestion> = each.filter_map(|law| suited(sense, setting, law, None)).collect();
-    let is_worth = |guess: &Suggestion| guess.predicted[0] > WORTH && guess.predicted[1] > BEYOND;
-    guesses.into_iter().filter(is_worth).max_by(|a, b| a.predicted[0].total_cmp(&b.predicted[0]))
+pub fn suggested(sense: &Sense, scan: &LawScan) -> Option<Suggestion> {
+    let each = LAWS.iter().filter(|law| law.kind == Changes::Gain && (law.applies)(scan));
+    let suggestions: Vec<Suggestion> = each.filter_map(|law| suited(sense, scan, law, None)).collect();
+    let is_worth =
+        |suggestion: &Suggestion| suggestion.predicted[0] > WORTH && suggestion.predicted[1] > BEYOND;
+    suggestions.into_iter().filter(is_worth).max_by(|a, b| a.predicted[0].total_cmp(&b.predicted[0]))
 }
 
 #[cfg(test)]

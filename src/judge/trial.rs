@@ -234,18 +234,21 @@ impl<'c> Trial<'c> {
     /// # Errors
     /// The device fails.
     pub fn renderings(&self, versions: &[Vec<Maps>]) -> Result<Vec<Option<HeldOut>>> {
-        let outline = self.capture.outline();
-        let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
-        let mut fit = Fit::new(&self.gpu, &problem, &self.options, [0, 1], Judge::HeldOut)?;
-        fit.take(&self.capture)?;
+        let mut fit = self.judging(&self.options, Judge::HeldOut)?;
         versions.iter().map(|layers| fit.rendered(layers)).collect()
     }
 
-    fn rendered(&self, layers: &[Maps], options: &SurfaceOptions, judge: Judge) -> Result<Option<HeldOut>> {
+    /// A fit with the counts that only judges.
+    fn judging(&self, options: &SurfaceOptions, judge: Judge) -> Result<Fit> {
         let outline = self.capture.outline();
         let problem = Problem { memory: self.memory, ..Problem::new(&outline, self.grid) };
         let mut fit = Fit::new(&self.gpu, &problem, options, [0, 1], judge)?;
         fit.take(&self.capture)?;
+        Ok(fit)
+    }
+
+    fn rendered(&self, layers: &[Maps], options: &SurfaceOptions, judge: Judge) -> Result<Option<HeldOut>> {
+        let mut fit = self.judging(options, judge)?;
         fit.seen(layers, false)?.map_or(Ok(None), |_| fit.judged())
     }
 }

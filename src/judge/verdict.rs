@@ -6,6 +6,7 @@ use std::ops::ControlFlow;
 
 use super::found::{Estimates, Shown};
 use super::job::Job;
+use super::probe::Ask;
 use super::scale::{self, Rescaled};
 use super::{cause, estimate, lines};
 use crate::capture::Capture;
@@ -99,7 +100,7 @@ pub fn diagnose(
     let found = Diagnosis { scale, ..Diagnosis::default() };
     let Some(shown) = &estimates.shown else { return Ok(found) };
     let mut trial = |capture: &Capture| {
-        estimate::shown(&job.with_capture(Cow::Borrowed(capture)), estimates, false, gpu, hear)
+        estimate::shown(&job.with_capture(Cow::Borrowed(capture)), estimates, Ask::Nothing, gpu, hear)
     };
     let Some((delays, after)) = lines::calibrate(shown, capture, &mut trial)? else {
         return with_laws(found, job, gpu, hear);

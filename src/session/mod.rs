@@ -16,7 +16,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::capture::{Capture, conditioning};
-use crate::engine::{Bins, Plan, Prepared, Problem, Reconstruction};
+use crate::engine::{Bins, Plan, Prepared, Problem, Reconstruction, room_light};
 use crate::gpu::Gpu;
 use crate::judge::{self, Diagnosis, Estimates, Job};
 use crate::methods::SolverOptions;
@@ -115,7 +115,7 @@ impl Session {
         options.feed.check()?;
         let mut prepared = prepared(gpu, &summed, grid, solver, &options)?;
         prepared.allocate()?;
-        let room = scan.empty.clone();
+        let (room, empty) = (room_light(scan), scan.empty.clone());
         let (plan, scan) = (prepared.plan().clone(), scan.outline());
         let summed = (sum > 1).then(|| summed.outline());
         let [nx, ny, _] = plan.levels.maps.n;
@@ -130,7 +130,7 @@ impl Session {
             gpu: gpu.clone(),
             shared: shared.clone(),
             prepared,
-            scan: scan.clone(),
+            scan: scan.clone().with(|c| c.empty = empty),
             summed,
             room,
             exchange,

@@ -13,8 +13,8 @@ use super::external::Exchange;
 use super::feed::{Feed, KeptCounts};
 use super::latency::{Latencies, Latency};
 use super::options::{FrameId, SessionOptions, too_long};
-use crate::capture::Capture;
-use crate::engine::{Prepared, Progress, Reconstruction, Watch, variance_per_count};
+use crate::capture::{Capture, RoomLight};
+use crate::engine::{Prepared, Progress, Reconstruction, Watch, without_room};
 use crate::gpu::Gpu;
 use crate::gpu::external::TimelinePoint;
 use crate::judge::{conclude, with_maps};
@@ -318,8 +318,8 @@ pub(super) struct Worker {
     pub scan: Capture,
     /// The same in the wider bins that the solver takes, if it does.
     pub summed: Option<Capture>,
-    /// Counts of the empty room, which are subtracted from every frame with a gain of its own.
-    pub room: Option<Vec<f32>>,
+    /// Of the empty room that the scan holds, which is subtracted from every frame with a gain of its own.
+    pub room: Option<RoomLight>,
     /// Copies frames from and to buffers of the caller, if the session takes such.
     pub exchange: Option<Exchange>,
     /// See [`conclude`].
@@ -401,12 +401,8 @@ impl Worker {
     fn solve(&mut self, id: FrameId) -> Result<Reconstruction> {
         let Worker { shared, prepared, scan, summed, room, mask_fraction, verdict, options, .. } = self;
         let begun = Instant::now();
-        let emptied = room.as_ref().and_then(|room| {
-            let whole = scan.clone().with(|c| c.empty = Some(room.clone()));
-            let per_count = [&whole, &whole.emptied()].map(variance_per_count);
-            whole.room_gain(per_count).map(|gain| whole.without_room(&gain, per_count))
-        });
-        let scan = emptied.as_ref().unwrap_or(scan);
+        let emptied = room.as_ref().and_then(|light| without_room(scan, light));
+        let scan = emptied.as_ref().map_or(&*scan, |(_, left)| left);
         let scan = match summed {
             Some(summed) => {
                 summed.take_sums(scan);

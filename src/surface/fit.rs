@@ -150,7 +150,7 @@ impl Fit {
         let (outline, rows) = outline_of(capture, &grid, options, holds_out);
         let scan = capture.resolution();
         let mut plan = needs::plan(&outline, grid, scan, options, iterations, 0, &gpu.abilities())?;
-        let with_residuals = options.concludes(&grid);
+        let with_residuals = options.concludes(&grid, holds_out);
         let of_all = plan.levels.pixels.as_ref().filter(|_| with_residuals);
         if let Some(cells) = judging(&plan, judge).into_iter().chain(of_all).map(|l| plan.cells_at(l)).max() {
             plan.buffers.push(BufferPlan::new(RESIDUAL_HOST, cells as u64 * 4, Place::Readback));

@@ -166,7 +166,7 @@ impl Left {
     }
 
     /// What is left beyond noise by pair.
-    fn beyond_noise(&self) -> impl Iterator<Item = f64> {
+    fn beyond_noise(&self) -> impl Iterator<Item = f64> + Clone {
         let signal = self.signal();
         let noise = self.noise / self.pairs.len().max(1) as f64;
         self.pairs.iter().map(move |p| (p[0] - noise) / signal)
@@ -205,12 +205,16 @@ impl Left {
 
     /// The mean difference of another trial of the same pairs and this one, and its standard error.
     fn below(&self, other: &Left) -> [f64; 2] {
-        let differences = || self.beyond_noise().zip(other.beyond_noise()).map(|(own, other)| other - own);
-        let count = self.pairs.len().max(2) as f64;
-        let mean = differences().sum::<f64>() / count;
-        let variance = differences().map(|d| (d - mean).powi(2)).sum::<f64>() / (count - 1.0);
-        [mean, (variance / count).sqrt()]
+        mean_and_error(self.beyond_noise().zip(other.beyond_noise()).map(|(own, other)| other - own))
     }
+}
+
+/// The mean of values of pairs, of two at least, and its standard error by their scatter.
+pub fn mean_and_error(values: impl Iterator<Item = f64> + Clone) -> [f64; 2] {
+    let count = values.clone().count().max(2) as f64;
+    let mean = values.clone().sum::<f64>() / count;
+    let variance = values.map(|v| (v - mean).powi(2)).sum::<f64>() / (count - 1.0);
+    [mean, (variance / count).sqrt()]
 }
 
 #[cfg(test)]

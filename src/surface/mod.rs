@@ -48,6 +48,7 @@ use evidence::{Known, conclude};
 pub(crate) use fit::{Fit, Judge, Quality, Run};
 pub use follow::Follow;
 use follow::{FrameChange, PreviousFrame};
+pub(crate) use held_out::mean_and_error;
 pub use held_out::{HeldOut, Left};
 pub use needs::{SMALL_PIXEL, pixels, plan, points_of};
 pub use options::{Begin, LEAST_FLOOR, SurfaceOptions, SurfaceSettings};

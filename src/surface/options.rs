@@ -88,9 +88,11 @@ impl SurfaceOptions {
         (length > 0.0 && floor < 1.0).then_some(HighPass { length, floor })
     }
 
-    /// Whether the network has the last word on a fit on this grid: on maps as it was trained on.
-    pub(super) fn concludes(&self, grid: &Grid) -> bool {
-        matches!(self.begin, Begin::Auto | Begin::Learned) && [grid.n[0], grid.n[1]] == [PIXELS; 2]
+    /// Whether the network may have the last word on a fit on this grid: on maps as it was trained on, which began with what the first
+    /// network sees. Without trials (`is_tried`) they do only where that is asked for.
+    pub(super) fn concludes(&self, grid: &Grid, is_tried: bool) -> bool {
+        let is_seen = self.begin == Begin::Learned || self.begin == Begin::Auto && is_tried;
+        is_seen && [grid.n[0], grid.n[1]] == [PIXELS; 2]
     }
 
     /// Checks the options.

@@ -1,4 +1,4 @@
-//! Foundation of all crates of thirdbounce: the [`Error`] type with its [`advice`], memory of the [`host`].
+//! Foundation of all crates of thirdbounce: the [`Error`] type with its [`advice`], memory of the [`host`], linear equations.
 //!
 //! Feature `formats` adds [`files`] (atomic writes).
 
@@ -6,6 +6,8 @@
 #![warn(clippy::too_many_lines)]
 
 pub mod advice;
+#[doc(hidden)]
+pub mod equations;
 pub mod error;
 #[cfg(feature = "formats")]
 pub mod files;

@@ -16,7 +16,7 @@ pub mod data;
 pub mod readers;
 
 pub use conditioning::{
-    AutoGate, Background, Flip, Gate, Keep, RoomGain, Turn, auto_gate, light_gate, published_gate,
+    AutoGate, Background, Flip, Gate, Keep, RoomGain, RoomLight, Turn, auto_gate, light_gate, published_gate,
     recorded_gate,
 };
 #[doc(hidden)]

@@ -124,10 +124,10 @@ fn scene(what: &Generation, seed: u64) -> Result<bool> {
     let case = scan.map_or(case.clone(), |scan| case.scanned(scan));
     let case = if ideal { case.ideal() } else { case };
     let case = if coarse { case.coarse() } else { case };
-    let (truth, measured) = (case.truth()?, case.capture()?);
-    measured.check()?;
     let how = empty.map(|[share, power, ripple]| EmptyRoom { share, power, ripple });
-    let room = how.map(|how| case.empty(&how)).transpose()?.flatten();
+    let truth = case.truth()?;
+    let (measured, room) = case.captures(how.as_ref())?;
+    measured.check()?;
     if let Some((folder, room)) = what.empty_out.as_ref().zip(room) {
         capture::write(&room, &folder.join(format!("e{seed}.npz")))?;
     }

@@ -78,7 +78,7 @@ pub fn simulate(
         }
     }
     let start = Instant::now();
-    // Beside an empty room, the object is what there is to find.
+    // With an empty room the truth is the objects alone: the light of the room is subtracted.
     let shown = if what.empty.is_some() { &what.scene.without_room() } else { &what.scene };
     let truth = what.truth.as_ref().map(|(_, n)| simulate::truth(shown, *n)).transpose()?;
     let (mut rendering, mut room) = match &what.empty {

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::{DVec3, dvec3};
 use serde_json::Value;
 use thirdbounce::capture::{Capture, Pulse, Reflectance};
-use thirdbounce::engine::{background, variance_per_count, variances};
+use thirdbounce::engine::{background, room_light, variances, without_room};
 use thirdbounce::export::report::{self, Report};
 use thirdbounce::judge::{FoundEmpty, FoundPulse};
 use thirdbounce::maps::Maps;
@@ -160,10 +160,8 @@ fn measured(report: &Report, folder: &Path) -> Result<(PathBuf, Capture)> {
     let found = report.settings.get("empty_found").cloned().unwrap_or_default();
     let is_emptied = serde_json::from_value::<FoundEmpty>(found).is_ok_and(|found| found.is_used);
     if is_emptied {
-        let per_count = [&capture, &capture.emptied()].map(variance_per_count);
-        if let Some(gain) = capture.room_gain(per_count) {
-            capture = capture.without_room(&gain, per_count);
-        }
+        let left = room_light(&capture).and_then(|light| without_room(&capture, &light));
+        capture = left.map_or(capture, |(_, left)| left);
     }
     let sum = number("bins_summed").unwrap_or(1).clamp(1, capture.bins);
     let mut capture = capture.binned(sum)?;

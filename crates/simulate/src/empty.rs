@@ -1,8 +1,11 @@
 //! The empty room: what a scan measures without the things.
 
-use super::Scene;
+use super::{Exposure, Scene};
 use crate::capture::Capture;
 use crate::{Error, Result};
+
+/// Makes the photon noise of the empty room independent of the scene's.
+const EMPTY: u64 = 0x0065_6d70_7479;
 
 /// How the measurement of the empty room differs from that of the scene.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -42,8 +45,17 @@ impl EmptyRoom {
         Ok(())
     }
 
-    /// Changes the light of the room by power and ripple.
-    pub fn change(&self, room: &mut Capture) {
+    /// What is measured of the light of a room, in an exposure of the scene's: with its own power, ripple and noise.
+    #[must_use]
+    pub fn measured(&self, mut room: Capture, exposure: Option<Exposure>, seed: u64) -> Capture {
+        self.change(&mut room);
+        match exposure {
+            Some(exposure) => exposure.times(self.share).draw(&room, seed ^ EMPTY),
+            None => room,
+        }
+    }
+
+    fn change(&self, room: &mut Capture) {
         let half = room.sensor.iter().map(|p| p.truncate().abs().max_element()).fold(1e-9, f64::max);
         let bins = room.bins;
         for (pair, histogram) in room.histograms.chunks_exact_mut(bins).enumerate() {

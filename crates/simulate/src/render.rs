@@ -116,16 +116,12 @@ pub fn simulate_empty(
         0 => room.histograms.fill(0.0),
         _ => room = lit(&scene.emptied(), options, hear)?.capture,
     }
-    how.change(&mut room);
+    room = how.measured(room, exposure, scene.seed);
     if let Some(exposure) = exposure {
-        room = exposure.times(how.share).draw(&room, scene.seed ^ EMPTY);
         rendering.capture = exposure.draw(&rendering.capture, scene.seed);
     }
     Ok((rendering, room))
 }
-
-/// Makes the photon noise of the empty room independent of the scene's.
-const EMPTY: u64 = 0x0065_6d70_7479;
 
 /// The light of a scene as the instrument sees it, without noise of photons.
 fn lit(scene: &Scene, options: &RenderOptions, hear: &(dyn Fn(RenderProgress) + Sync)) -> Result<Rendering> {

@@ -6,6 +6,7 @@
 
 use glam::DVec3;
 use rayon::prelude::*;
+use thirdbounce_base::equations::solve_symmetric;
 
 use super::choose::scan_of;
 use super::low_rank::low_rank;
@@ -51,6 +52,16 @@ pub struct RoomGain {
     pub share: f64,
 }
 
+/// What of an empty room serves all captures of its scan.
+#[derive(Debug, Clone)]
+pub struct RoomLight {
+    basis: GainBasis,
+    /// The counts with less noise, and the share of it that remains ([`low_rank`]); `None`: as they are.
+    smooth: Option<(Vec<f32>, f64)>,
+    /// Variance of a bin per count.
+    per_count: f64,
+}
+
 #[doc(hidden)]
 impl Capture {
     /// The capture of the empty room: its counts in the place of the capture's.
@@ -60,13 +71,18 @@ impl Capture {
         room
     }
 
-    /// The gain by which the empty room is part of the capture. `per_count`: variance of a bin per count, of the capture and of the
-    /// empty room. `None` without an empty room, or if no gain fits.
-    pub fn room_gain(&self, per_count: [f64; 2]) -> Option<RoomGain> {
-        let empty = self.empty.as_ref()?;
-        let basis = GainBasis::of(self);
-        let blocks = CountBlocks::of(self, empty, &basis, per_count);
-        let coefficients = blocks.fit()?;
+    /// What of the empty room serves all captures of the scan; `per_count`: variance of a bin of the room per count. `None` without an
+    /// empty room.
+    pub fn room_light(&self, per_count: f64) -> Option<RoomLight> {
+        let smooth = low_rank(self.empty.as_ref()?, self.bins, per_count);
+        Some(RoomLight { basis: GainBasis::of(self), smooth, per_count })
+    }
+
+    /// The gain by which the empty room is part of the capture. `per_count`: variance of a bin of the capture per count. `None` without an
+    /// empty room, or if no gain fits.
+    pub fn room_gain(&self, light: &RoomLight, per_count: f64) -> Option<RoomGain> {
+        let (empty, basis) = (self.empty.as_ref()?, &light.basis);
+        let coefficients = CountBlocks::of(self, empty, basis, [per_count, light.per_count]).fit()?;
         let of_pair: Vec<f64> =
             (0..self.pair_count()).map(|pair| basis.at(pair, &coefficients).max(0.0)).collect();
         let rows = empty.chunks_exact(self.bins).zip(&of_pair);
@@ -75,29 +91,28 @@ impl Capture {
         Some(RoomGain { of_pair, share: if all > 0.0 { room / all } else { 0.0 } })
     }
 
-    /// The capture less the empty room, whose noise is reduced first ([`low_rank`]). `per_count`: variance of a bin per count, of the
-    /// capture and of the empty room; the noise of both is that of a bin without light ([`Capture::noise`]), in the mean over all.
-    pub fn without_room(&self, gain: &RoomGain, per_count: [f64; 2]) -> Capture {
+    /// The capture less the empty room with little of its noise. `per_count` as for [`Capture::room_gain`]; the noise of both is that of a
+    /// bin without light ([`Capture::noise`]), in the mean over all.
+    pub fn without_room(&self, light: &RoomLight, gain: &RoomGain, per_count: f64) -> Capture {
         let mut left = self.outline();
         let Some(empty) = &self.empty else { return self.clone() };
         left.histograms = self.histograms.clone();
-        let smooth = low_rank(empty, self.bins, per_count[1]);
-        let (room, noise) = smooth.as_ref().map_or((empty, 1.0), |(room, noise)| (room, *noise));
+        let (room, noise) = light.smooth.as_ref().map_or((empty, 1.0), |(room, noise)| (room, *noise));
         let rows = left.histograms.par_chunks_mut(self.bins.max(1)).zip(room.par_chunks(self.bins.max(1)));
         let variances: Vec<f64> = rows
             .zip(&gain.of_pair)
             .map(|((row, room), gain)| {
                 let mut sum = 0.0;
                 for (count, room) in row.iter_mut().zip(room) {
-                    let light = gain * f64::from(*room);
-                    sum += per_count[0] * light + noise * per_count[1] * gain * light;
-                    *count = (f64::from(*count) - light) as f32;
+                    let light_of_room = gain * f64::from(*room);
+                    sum += per_count * light_of_room + noise * light.per_count * gain * light_of_room;
+                    *count = (f64::from(*count) - light_of_room) as f32;
                 }
                 sum
             })
             .collect();
         let floor = variances.iter().sum::<f64>() / self.histograms.len().max(1) as f64;
-        (left.noise, left.integer_counts) = (Some([per_count[0], floor]), false);
+        (left.noise, left.integer_counts) = (Some([per_count, floor]), false);
         left
     }
 }
@@ -220,6 +235,7 @@ impl Capture {
 }
 
 /// Polynomials in the wall points, for each pair.
+#[derive(Debug, Clone)]
 struct GainBasis {
     /// `[pair][term]`; the first is 1.
     terms: Vec<Vec<f64>>,
@@ -332,7 +348,10 @@ impl CountBlocks {
                     (0..count).for_each(|j| matrix[i][j] += weight * terms[i] * terms[j] * e * e);
                 }
             }
-            coefficients = solved(matrix, right)?;
+            if !solve_symmetric(&mut matrix, &mut right, 0.0) || right.iter().any(|v| !v.is_finite()) {
+                return None;
+            }
+            coefficients = right;
         }
         Some(coefficients)
     }
@@ -367,27 +386,6 @@ impl CountBlocks {
         }
         best.1
     }
-}
-
-/// The solution of a symmetric positive system by Cholesky's method; `None` if it is singular.
-fn solved(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Option<Vec<f64>> {
-    let n = b.len();
-    for i in 0..n {
-        for j in 0..=i {
-            let sum = a[i][j] - (0..j).map(|k| a[i][k] * a[j][k]).sum::<f64>();
-            if i == j && (sum.is_nan() || sum <= 0.0) {
-                return None;
-            }
-            a[i][j] = if i == j { sum.sqrt() } else { sum / a[j][j] };
-        }
-    }
-    for i in 0..n {
-        b[i] = (b[i] - (0..i).map(|k| a[i][k] * b[k]).sum::<f64>()) / a[i][i];
-    }
-    for i in (0..n).rev() {
-        b[i] = (b[i] - (i + 1..n).map(|k| a[k][i] * b[k]).sum::<f64>()) / a[i][i];
-    }
-    b.iter().all(|v| v.is_finite()).then_some(b)
 }
 
 #[cfg(test)]
@@ -444,12 +442,13 @@ mod tests {
     #[test]
     fn the_gain_is_that_of_the_room_beside_the_light_of_an_object() {
         let capture = both();
-        let found = capture.room_gain([1.0; 2]).unwrap();
+        let light = capture.room_light(1.0).unwrap();
+        let found = capture.room_gain(&light, 1.0).unwrap();
         let off =
             found.of_pair.iter().zip(wall()).map(|(found, at)| (found / gain(at) - 1.0).powi(2)).sum::<f64>();
         let off = (off / (SIDE * SIDE) as f64).sqrt();
         assert!(off < 0.01, "{off}");
-        let left = capture.without_room(&found, [1.0; 2]);
+        let left = capture.without_room(&light, &found, 1.0);
         // What is left is the object, with the noise that it says.
         let [per_count, floor] = left.noise.unwrap();
         let squares = |i: usize| {

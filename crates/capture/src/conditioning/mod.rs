@@ -26,7 +26,7 @@ mod units;
 mod warnings;
 
 pub use background::Background;
-pub use empty::RoomGain;
+pub use empty::{RoomGain, RoomLight};
 pub use gate::{AutoGate, Gate, auto_gate, light_gate, published_gate};
 pub use keep::Keep;
 pub use recorded::recorded_gate;

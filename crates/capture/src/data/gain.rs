@@ -54,6 +54,12 @@ impl GainLaw {
     }
 }
 
+/// cos / metres² of a device at a wall point with this normal.
+pub fn falloff(device: DVec3, point: DVec3, normal: DVec3) -> f64 {
+    let towards = device - point;
+    towards.dot(normal) / towards.length().powi(3)
+}
+
 impl Capture {
     /// The gain of each pair by a law of its devices, cos / metres². `None` if a device of the law is not known, or does not lie in front
     /// of every wall point.
@@ -69,9 +75,8 @@ impl Capture {
         {
             let device = device?;
             for (pair, gain) in gains.iter_mut().enumerate() {
-                let towards = device - points[pair];
                 let normal = normals.as_ref().map_or(DVec3::Z, |normals| normals[pair]);
-                *gain *= towards.dot(normal) / towards.length().powi(3);
+                *gain *= falloff(device, points[pair], normal);
             }
         }
         gains.iter().all(|gain| gain.is_finite() && *gain > 0.0).then_some(gains)

@@ -79,9 +79,6 @@ const TO_TRAIN: Ranges = Ranges {
 const COARSE_SAMPLES: usize = 2048;
 const COARSE_NODES: usize = 6;
 
-/// Makes the photon noise of the empty room independent of the capture's.
-const EMPTY: u64 = 0x0065_6d70_7479;
-
 /// A capture to come, with its truth.
 #[derive(Debug, Clone)]
 pub struct FamilyCase {
@@ -213,20 +210,31 @@ impl FamilyCase {
     /// # Errors
     /// Those of [`simulate`].
     pub fn capture(&self) -> Result<Capture> {
-        let (lit, _) = self.lit()?;
-        Ok(self.recorded(match self.exposure(&lit)? {
-            Some(exposure) => exposure.draw(&lit, self.scene.seed),
-            None => lit,
-        }))
+        Ok(self.captures(None)?.0)
     }
 
-    /// Measures the room without the things, with the exposure of the capture and noise of its own. `None` without room and ambient
-    /// light.
+    /// As [`FamilyCase::capture`], and the room without the things, with the exposure of the capture and noise of its own, if it is to be
+    /// measured; `None` without room and ambient light.
     ///
     /// # Errors
     /// Those of [`simulate`].
-    pub fn empty(&self, how: &EmptyRoom) -> Result<Option<Capture>> {
+    pub fn captures(&self, empty: Option<&EmptyRoom>) -> Result<(Capture, Option<Capture>)> {
         let (lit, strongest) = self.lit()?;
+        let Scene { photons, dark, pile_up, seed, .. } = self.scene;
+        let exposure = photons.map(|photons| Exposure::of(&lit, photons, dark, pile_up)).transpose()?;
+        let room = match empty {
+            Some(how) => self.light_of_room(&lit, strongest)?.map(|room| how.measured(room, exposure, seed)),
+            None => None,
+        };
+        let capture = match exposure {
+            Some(exposure) => exposure.draw(&lit, seed),
+            None => lit,
+        };
+        Ok((self.recorded(capture), room.map(|room| self.recorded(room))))
+    }
+
+    /// The light without the things, beside that of the scene; `None` if there is none.
+    fn light_of_room(&self, lit: &Capture, strongest: f64) -> Result<Option<Capture>> {
         let mut room = lit.clone();
         room.histograms.fill(0.0);
         let objects = self.scene.objects[self.parts..].to_vec();
@@ -239,14 +247,7 @@ impl FamilyCase {
             }
         }
         self.add_ambient(&mut room, strongest);
-        if room.histograms.iter().all(|value| *value == 0.0) {
-            return Ok(None);
-        }
-        how.change(&mut room);
-        Ok(Some(self.recorded(match self.exposure(&lit)? {
-            Some(exposure) => exposure.times(how.share).draw(&room, self.scene.seed ^ EMPTY),
-            None => room,
-        })))
+        Ok(Some(room).filter(|room| room.histograms.iter().any(|value| *value != 0.0)))
     }
 
     fn exact(&self) -> Scene {
@@ -270,11 +271,6 @@ impl FamilyCase {
             let light = self.ambient * strongest * (1.0 + 0.7 * lamp.dot(at)) * dice.log(0.5, 1.7);
             histogram.iter_mut().for_each(|value| *value += light as f32);
         }
-    }
-
-    fn exposure(&self, lit: &Capture) -> Result<Option<Exposure>> {
-        let Scene { photons, dark, pile_up, .. } = self.scene;
-        photons.map(|photons| Exposure::of(lit, photons, dark, pile_up)).transpose()
     }
 
     /// The capture as its file has it.
