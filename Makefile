@@ -19,13 +19,13 @@ PACKAGED := $(FEATURES),thirdbounce-command/hdf5-filters
 RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
 
 build: setup
-	@[ -x $(RELEASE)/thirdbounce ] || echo "build: the first time takes about ten minutes on two cores"
+	@[ -x $(RELEASE)/thirdbounce ] || echo "build: the first time takes about four minutes on two cores"
 	cargo build --release --locked --bins
 
 # Simulates a scene, reconstructs it, evaluates it against the truth and writes pictures to out/demo. Builds the command alone;
 # `make build` takes it over.
 demo: setup
-	@[ -x $(RELEASE)/thirdbounce ] || echo "demo: building takes about eight minutes on two cores the first time"
+	@[ -x $(RELEASE)/thirdbounce ] || echo "demo: building takes about three minutes on two cores the first time"
 	cargo build --release --locked --bin thirdbounce
 	$(RELEASE)/thirdbounce demo --out out/demo
 
