@@ -1,7 +1,7 @@
 # Every target sets up what it needs first; what is there already is left alone.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: all setup build libraries demo test python-test dist instrumented sanitize soak lint api header install bench bench-page clean
+.PHONY: all setup build library libraries demo test python-test dist instrumented sanitize soak lint api header install bench bench-page clean
 all: build
 
 setup:
@@ -86,6 +86,12 @@ api: setup
 # Writes the C header anew. Needs `cargo install cbindgen`.
 header:
 	cbindgen --config capi/cbindgen.toml --crate thirdbounce-capi --output include/thirdbounce.h capi
+
+# The C library, for programs that are linked in the clone.
+library: setup
+	@[ -f $(RELEASE)/libthirdbounce.so ] || echo "library: the first time takes about eight minutes on two cores"
+	cargo build --release --locked --package thirdbounce-capi
+	ln -sf libthirdbounce.so $(RELEASE)/$(SONAME)
 
 # Everything that `make install` installs.
 libraries: build
