@@ -54,9 +54,9 @@ instrumented: setup
 sanitize: setup
 	cargo test --release --locked --package thirdbounce-capi -- --ignored
 
-# The long tests: long runs, every injected fault, whole solves of every kind. Those of reliability write benches/results/reliability.tsv.
+# The long tests: long runs, every injected fault, whole solves of every kind, kernels at each vector width of lavapipe. Those of reliability write benches/results/reliability.tsv.
 soak: setup
-	cargo test --release --locked $(PACKAGED) --test reliability --test solvers --test cli --test benchmark -- --ignored
+	cargo test --release --locked $(PACKAGED) --test reliability --test kernels --test solvers --test cli --test benchmark -- --ignored
 
 # The public interface is listed in public-api/thirdbounce.rs, so that a change of it shows in the change itself. What goes
 # from the list or changes in it breaks who depends on it: raise the version's second number. cargo-semver-checks and
