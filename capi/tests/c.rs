@@ -212,7 +212,9 @@ fn three_commands_lead_from_a_clone_to_maps() {
     let link = |to: PathBuf, name: &str| {
         std::os::unix::fs::symlink(to, clone.path().join(name)).expect("a link");
     };
-    ["include", "examples"].map(|name| link(root().join(name).canonicalize().expect("a folder"), name));
+    for name in ["include", "examples"] {
+        link(root().join(name).canonicalize().expect("a folder"), name);
+    }
     std::fs::create_dir_all(clone.path().join("target/release")).expect("a folder");
     link(library().join("libthirdbounce.so"), "target/release/libthirdbounce.so");
     let (_, truth) = letter(clone.path());

@@ -73,7 +73,7 @@ const LOOPS: &[(&str, usize, &str)] = &[
     ("learned_project.comp", 4, "1.05 * learned::MOST_PAIRS"),
     ("learned_resize.comp", 1, "channels of a fixed network"),
     ("levels.comp", 3, "LEVELS / lanes each"),
-    ("limit_copy.comp", 1, "64: the turns of a probe"),
+    ("limit_copy.comp", 1, "elements / 2^18: 65,535 at 2^34 elements"),
     ("limit_fma.comp", 1, "1024: the turns of a probe"),
     ("limit_scattered_atomic.comp", 1, "64: the turns of a probe"),
     ("noise.comp", 1, "bins / 64: LONGEST_LOOP"),
