@@ -89,7 +89,7 @@ header:
 
 # The C library, for programs that are linked in the clone.
 library: setup
-	@[ -f $(RELEASE)/libthirdbounce.so ] || echo "library: the first time takes about eight minutes on two cores"
+	@[ -f $(RELEASE)/libthirdbounce.so ] || echo "library: the first time takes minutes"
 	cargo build --release --locked --package thirdbounce-capi
 	ln -sf libthirdbounce.so $(RELEASE)/$(SONAME)
 
