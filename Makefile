@@ -1,7 +1,7 @@
 # Every target sets up what it needs first; what is there already is left alone.
 export PATH := $(HOME)/.cargo/bin:$(PATH)
 
-.PHONY: all setup build libraries demo test python-test dist instrumented sanitize soak lint api header install bench bench-page clean
+.PHONY: all setup build library libraries demo test python-test dist instrumented sanitize soak lint api header install bench bench-page clean
 all: build
 
 setup:
@@ -54,9 +54,9 @@ instrumented: setup
 sanitize: setup
 	cargo test --release --locked --package thirdbounce-capi -- --ignored
 
-# The long tests: long runs, every injected fault, whole solves of every kind. Those of reliability write benches/results/reliability.tsv.
+# The long tests: long runs, every injected fault, whole solves of every kind, kernels at each vector width of lavapipe. Those of reliability write benches/results/reliability.tsv.
 soak: setup
-	cargo test --release --locked $(PACKAGED) --test reliability --test solvers --test cli --test benchmark -- --ignored
+	cargo test --release --locked $(PACKAGED) --test reliability --test kernels --test solvers --test cli --test benchmark -- --ignored
 
 # The public interface is listed in public-api/thirdbounce.rs, so that a change of it shows in the change itself. What goes
 # from the list or changes in it breaks who depends on it: raise the version's second number. cargo-semver-checks and
@@ -86,6 +86,12 @@ api: setup
 # Writes the C header anew. Needs `cargo install cbindgen`.
 header:
 	cbindgen --config capi/cbindgen.toml --crate thirdbounce-capi --output include/thirdbounce.h capi
+
+# The C library, for programs that are linked in the clone.
+library: setup
+	@[ -f $(RELEASE)/libthirdbounce.so ] || echo "library: the first time takes minutes"
+	cargo build --release --locked --package thirdbounce-capi
+	ln -sf libthirdbounce.so $(RELEASE)/$(SONAME)
 
 # Everything that `make install` installs.
 libraries: build

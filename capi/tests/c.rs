@@ -177,22 +177,60 @@ fn a_c_program_captures() {
     captures(&[], &[]);
 }
 
-#[test]
-fn a_c_program_goes_from_a_file_to_maps() {
-    let folder = tempfile::tempdir().expect("a folder");
-    let file = folder.path().join("capture.npz");
+/// A small capture of a letter as `capture.npz` in a folder, and its truth.
+fn letter(folder: &Path) -> (PathBuf, engine::Truth) {
+    let file = folder.join("capture.npz");
     let scene =
         engine::Scene { scan: 12, bin_width: 0.02, ..engine::Scene::named("letter:T").expect("a scene") };
     let options = engine::RenderOptions { noise: 0.05, ..engine::RenderOptions::default() };
     let (capture, truth) = engine::render(&scene, &options, 16).expect("a capture");
     engine::capture::write(&capture, &file).expect("a file");
+    (file, truth)
+}
+
+fn is_the_letter(folder: &Path, text: &str, truth: &engine::Truth) {
+    assert!(text.contains(" pixels of surface in result") && !text.contains("\n0 pixels"), "{text}");
+    let maps = engine::export::npz::read_maps(&folder.join("result/maps.npz")).expect("maps");
+    let metrics = engine::evaluate(&maps, truth, None).expect("figures");
+    assert!(metrics.iou > Some(0.4) && metrics.depth_mae < Some(0.05), "{metrics:?}");
+    assert!(folder.join("result/maps.mat").exists());
+}
+
+#[test]
+fn a_c_program_goes_from_a_file_to_maps() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (file, truth) = letter(folder.path());
     let arguments = [file.to_str().expect("a path"), "result"];
     let (folder, text) = example_with("c/file.c", &[], &[], &arguments);
-    assert!(text.contains(" pixels of surface in result") && !text.contains("\n0 pixels"), "{text}");
-    let maps = engine::export::npz::read_maps(&folder.path().join("result/maps.npz")).expect("maps");
-    let metrics = engine::evaluate(&maps, &truth, None).expect("figures");
-    assert!(metrics.iou > Some(0.4) && metrics.depth_mae < Some(0.05), "{metrics:?}");
-    assert!(folder.path().join("result/maps.mat").exists());
+    is_the_letter(folder.path(), &text, &truth);
+}
+
+/// The commands of the page, in a folder with the parts of a clone. `make library` only links: the library is there.
+#[test]
+fn three_commands_lead_from_a_clone_to_maps() {
+    let clone = tempfile::tempdir().expect("a folder");
+    let link = |to: PathBuf, name: &str| {
+        std::os::unix::fs::symlink(to, clone.path().join(name)).expect("a link");
+    };
+    for name in ["include", "examples"] {
+        link(root().join(name).canonicalize().expect("a folder"), name);
+    }
+    std::fs::create_dir_all(clone.path().join("target/release")).expect("a folder");
+    link(library().join("libthirdbounce.so"), "target/release/libthirdbounce.so");
+    let (_, truth) = letter(clone.path());
+    let page = std::fs::read_to_string(root().join("docs/rust-c-vulkan.md")).expect("the page");
+    let lines = page.lines().map(str::trim_start).skip_while(|line| !line.starts_with("make library"));
+    let commands: Vec<&str> = lines.take_while(|line| !line.is_empty()).collect();
+    assert_eq!(commands.len(), 3, "{commands:?}");
+    let made = run(Command::new("make")
+        .args(["--dry-run", "--no-print-directory", "library"])
+        .env_remove("CARGO_TARGET_DIR")
+        .current_dir(root()));
+    assert!(made.contains("cargo build --release --locked --package thirdbounce-capi\n"), "{made}");
+    let links = made.lines().find(|line| line.starts_with("ln ")).expect("a link of the soname");
+    let script = [links, commands[1], commands[2]].join(" && ");
+    let text = run(Command::new("sh").args(["-c", &script]).current_dir(clone.path()));
+    is_the_letter(clone.path(), &text, &truth);
 }
 
 #[test]

@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
+#include <mutex>
 #include <thirdbounce.hpp>
 #include <thread>
 
@@ -48,10 +49,16 @@ int main() {
     static std::atomic<int> reports{0}, falls{0};
     tb_settings settings{};
     settings.size = sizeof settings, settings.lateral = 16;
-    tb_progress newest{};
+    // Written by the session's thread, read by this one.
+    struct Newest {
+        std::mutex lock;
+        tb_progress progress{};
+    } newest;
     settings.user_data = &newest;
     settings.progress = [](void *user, const tb_progress *progress) -> int32_t {
-        tb_progress &last = *static_cast<tb_progress *>(user);
+        Newest &own = *static_cast<Newest *>(user);
+        const std::lock_guard<std::mutex> guard(own.lock);
+        tb_progress &last = own.progress;
         falls += (progress->frame == last.frame && progress->fraction < last.fraction) || progress->fraction > 1.0;
         last = *progress;
         reports++;
@@ -97,7 +104,10 @@ int main() {
         good &= !frame.mask[i] || frame.depth_error[i] > 0.0f;
     }
     std::printf("frame %d: %zu pixels of surface\n", int(frame.id), lit);
-    good &= falls == 0 && newest.frame == frame.id && newest.fraction > 0.0;
+    {
+        const std::lock_guard<std::mutex> guard{newest.lock};
+        good &= falls == 0 && newest.progress.frame == frame.id && newest.progress.fraction > 0.0;
+    }
     set_log({});
     good &= errors == 8 && refused([&] { session.submit(nullptr, 3); }) == TB_ERROR_OPTIONS && errors == 8;
     std::puts(good && lit > 0 ? "as it should be" : "not as it should be");

@@ -5,6 +5,7 @@ mod place;
 mod plans;
 mod reference;
 mod wide;
+mod widths;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Deref;
@@ -76,6 +77,7 @@ fn kernels_of_the_host_compute_what_their_reference_computes() {
 fn compare<G: Deref<Target = Gpu>>(open: impl Fn() -> G + Sync, wanted: impl Fn(&str) -> bool) {
     let word = std::env::var("THIRDBOUNCE_CASES").unwrap_or_default();
     let all: Vec<KernelCase> = cases().into_iter().filter(|case| case.name.contains(&word)).collect();
+    println!("device {}", open().info.name);
     let (mut wrong, mut seen, mut worst) = (vec![], BTreeSet::new(), BTreeMap::<_, f64>::new());
     let mut fixed: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
     for (i, (name, path, compared)) in run(&all, open) {

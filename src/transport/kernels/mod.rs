@@ -7,4 +7,6 @@ pub use thirdbounce_kernels::shared::*;
 include!(concat!(env!("OUT_DIR"), "/kernels.rs"));
 
 #[cfg(test)]
+mod operations;
+#[cfg(test)]
 mod tests;

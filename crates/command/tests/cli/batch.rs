@@ -414,15 +414,37 @@ fn list(folder: &Path) -> PathBuf {
 fn a_slurm_array_shares_a_list() {
     let folder = tempfile::tempdir().unwrap();
     let (list, out) = (list(folder.path()), folder.path().join("out"));
-    for part in ["1", "2"] {
-        let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/slurm.sh");
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/../../examples/slurm.sh");
+    let task = |part: &str| {
         let mut command = Command::new(script);
         command.arg(&list).arg(&out).args(SHORT).env("THIRDBOUNCE", program());
         command.env("SLURM_ARRAY_TASK_ID", part).env("SLURM_ARRAY_TASK_MAX", "2");
-        let output = command.output().expect("the script runs");
-        assert!(output.status.success(), "{}", stderr(&output));
-        let log = std::fs::read_to_string(out.join(format!("part-{part}-of-2.jsonl"))).unwrap();
-        assert!(log.lines().last().unwrap().contains("\"failed\":0"), "{log}");
+        command
+    };
+    let log =
+        |part: &str| std::fs::read_to_string(out.join(format!("part-{part}-of-2.jsonl"))).unwrap_or_default();
+    // The first task has two captures, and is killed once it has reported one.
+    let mut killed = task("1").stderr(Stdio::null()).spawn().unwrap();
+    let begun = std::time::Instant::now();
+    while !log("1").ends_with('\n') {
+        assert!(begun.elapsed().as_secs() < 60, "the task reports nothing");
+        std::thread::sleep(std::time::Duration::from_millis(1));
     }
-    assert_eq!(results(&out.join("maps")).len(), 3);
+    killed.kill().unwrap();
+    killed.wait().unwrap();
+    let first: Value = serde_json::from_str(log("1").lines().next().unwrap()).unwrap();
+    assert_eq!(first["status"], "done");
+    // Both run side by side, as in an array.
+    let mut tasks = ["1", "2"].map(|part| task(part).stderr(Stdio::null()).spawn().unwrap());
+    assert!(tasks.iter_mut().all(|task| task.wait().unwrap().success()));
+    for part in ["1", "2"] {
+        assert!(log(part).lines().last().unwrap().contains("\"failed\":0"), "{}", log(part));
+    }
+    let again = log("1").lines().map(|line| serde_json::from_str(line).unwrap()).collect::<Vec<Value>>();
+    let of_first = again.iter().find(|line| line["capture"] == first["capture"]).unwrap();
+    assert_eq!(of_first["status"], "skipped");
+    // Bits of a batch that nothing interrupts, and no hidden folder.
+    let whole = folder.path().join("whole");
+    assert_eq!(batch(&[list.to_str().unwrap()], &whole, &[]).counts(), [3, 3, 0, 0]);
+    assert!(results(&out.join("maps")) == results(&whole));
 }

@@ -129,6 +129,42 @@ fn a_result_has_a_page_that_a_browser_shows() {
         shown("resolutions").contains("change of resolution, at which the loss rises"),
         "the loss is explained"
     );
+    // The histogram follows a drag over the wall, arrow keys and the slider, and no script fails.
+    let dragged = folder.path().join("dragged.html");
+    let drag = "<script>addEventListener('load', () => setTimeout(() => { \
+                 const say = name => document.body.append(`[${name}: ${light.innerText}${state()}]`), box = wall.getBoundingClientRect(); \
+                 function state() { return ` ${slider.value} ${slider.getAttribute('aria-valuetext')} ${common.checked}`; } \
+                 const point = (kind, u, v) => wall.dispatchEvent(new PointerEvent(kind, { pointerId: 1, clientX: box.left + u * box.width, clientY: box.top + v * box.height })); \
+                 let pressed = false; wall.setPointerCapture = () => { pressed = true; }, wall.hasPointerCapture = () => pressed; \
+                 slider.value = 1, slider.dispatchEvent(new Event('input')), say('first'); \
+                 point('pointermove', .5, .5), say('hovered'), point('pointerdown', .2, .2), say('pressed'), point('pointermove', .7, .7), say('moved'); \
+                 wall.dispatchEvent(new KeyboardEvent('keydown', { key: 'ArrowUp' })), say('up'); \
+                 slider.value = 144, slider.dispatchEvent(new Event('input')), common.click(), say('last'); }, 500));</script></html>";
+    let caught = "<main><script>addEventListener('error', event => document.body.append(`[failed: ${event.message}]`));</script>";
+    std::fs::write(&dragged, text.replace("<main>", caught).replace("</html>", drag)).unwrap();
+    let address_of_drag = format!("file://{}", dragged.display());
+    let dom = stdout(&look(browser, &address_of_drag, "900,900", folder.path(), &["--dump-dom"]));
+    let said = |name: &str| {
+        let from = dom.rfind(&format!("[{name}: ")).unwrap_or_else(|| panic!("{name}: {dom}"));
+        dom[from..].split_once(']').unwrap().0.to_owned()
+    };
+    let pair = |name: &str| said(name).split(' ').nth(2).unwrap().parse::<usize>().unwrap() - 1;
+    assert_eq!([pair("first"), pair("hovered"), pair("last")], [0, 0, 143], "without a press nothing moves");
+    // Indices run along +y first; the wall is shown with +x to the left and +y up.
+    let [press, moved, up] = ["pressed", "moved", "up"].map(pair);
+    assert!(press / 12 > moved / 12 && press % 12 > moved % 12 && up == moved + 1, "{press} {moved} {up}");
+    assert!(
+        said("moved").contains(&format!(" {} pair {} of 144, wall point x ", moved + 1, moved + 1)),
+        "{}",
+        said("moved")
+    );
+    assert!(
+        said("last").ends_with("true") && said("last").contains("bins of 30 mm, 100 ps"),
+        "{}",
+        said("last")
+    );
+    // Once in the script above.
+    assert_eq!(dom.matches("[failed: ").count(), 1, "a script failed: {}", said("failed"));
     // Both kinds of files for papers are saved by buttons.
     let pressed = folder.path().join("pressed.html");
     let press = "<script>HTMLAnchorElement.prototype.click = function () { document.body.append(`[${this.download}:${this.href.slice(0, 14)}]`); }; \

@@ -212,6 +212,7 @@ function choose(i) {
 // Light.
 const arm = (points, p, at) => Math.hypot(points[3 * p] - at[0], points[3 * p + 1] - at[1], points[3 * p + 2] - at[2]);
 const path = (p, at) => arm(laser, p, at) + arm(sensor, p, at);
+const moving = laser_scans ? laser : sensor;
 
 // Histogram of a pair rendered from the maps by the resolved reflectance model, without a scale.
 const kept = new Map();
@@ -254,23 +255,34 @@ const fit = (() => {
   return own > 0 ? Math.max(both / own, 0) : 0;
 })();
 
-plot(element("histogram"), width => Math.max(240, .5 * width), (context, width, height) => {
-  const found = measured(pair), light = rendered(pair).map(v => fit * v), most = Math.max(...found, ...light, 1e-30);
-  const box = [58, 8, width - 8, height - BOTTOM], [left, top, right, bottom] = box, end = t_start + bins * bin_width;
+const LIGHT_SPEED = .299792458, common = element("common"), slider = element("slider");
+const paintHistogram = plot(element("histogram"), width => Math.max(270, .52 * width), (context, width, height) => {
+  const found = measured(pair), light = rendered(pair).map(v => fit * v);
+  const most = Math.max(...common.checked ? [data.light.counts.high] : [...found, ...light], 1e-30);
+  const box = [58, 36, width - 8, height - BOTTOM], [left, top, right, bottom] = box, end = t_start + bins * bin_width;
   const x = t => left + (t - t_start) / (end - t_start) * (right - left), y = v => bottom - (bottom - top - 6) * v / most;
+  context.save(), context.beginPath(), context.rect(left, top, right - left, bottom - top), context.clip();
   context.fillStyle = theme("bar");
   found.forEach((v, bin) => context.fillRect(x(t_start + bin * bin_width), y(v), Math.max(1, (right - left) / bins - .3), bottom - y(v)));
   context.strokeStyle = theme("line"), context.lineWidth = 1.5;
   context.beginPath(), light.forEach((v, bin) => context.lineTo(x(t_start + (bin + .5) * bin_width), y(v))), context.stroke();
   if (chosen >= 0 && isSurface(chosen)) context.fillStyle = theme("mark"), context.fillRect(x(path(pair, place(chosen))) - 1, top, 2, bottom - top);
+  context.restore();
   axes(context, box, ticks(t_start, end, width / 70), x, "path length, m", ticks(0, most, 5), y, "counts per bin");
+  // The same axis as time of flight, above.
+  context.textAlign = "center", context.textBaseline = "bottom";
+  ticks(t_start / LIGHT_SPEED, end / LIGHT_SPEED, width / 70).forEach(ns => { const at = x(ns * LIGHT_SPEED); context.fillRect(at - .5, top - 4, 1, 4), context.fillText(short(ns), at, top - 5); });
+  context.fillText("time of flight, ns", (left + right) / 2, top - 19);
   const points = [laser, sensor].map(p => [0, 1, 2].map(c => p[3 * pair + c].toFixed(3)).join(", "));
-  element("light").innerText = `Pair ${pair + 1} of ${pairs} shown; laser point (${points[0]}) m, sensor point (${points[1]}) m.`;
-  element("histogram").setAttribute("aria-label", `Histogram of pair ${pair + 1} over path lengths of ${metres(t_start)} to ${metres(end)}, at most ${most.toPrecision(3)} counts in a bin`);
+  element("light").innerText = `Pair ${pair + 1} of ${pairs} shown; laser point (${points[0]}) m, sensor point (${points[1]}) m; bins of ${millimetres(bin_width)}, ${short(1000 * bin_width / LIGHT_SPEED)} ps.`;
+  element("histogram").setAttribute("aria-label", `Histogram of pair ${pair + 1} over path lengths of ${metres(t_start)} to ${metres(end)}, at most ${Math.max(...found).toPrecision(3)} counts in a bin`);
+  slider.value = pair + 1, slider.setAttribute("aria-valuetext", `pair ${pair + 1} of ${pairs}, wall point x ${metres(moving[3 * pair])}, y ${metres(moving[3 * pair + 1])}`);
 });
+slider.max = pairs, slider.disabled = pairs < 2;
+slider.oninput = () => select(slider.value - 1), common.onchange = paintHistogram;
 
 // The wall.
-const wall = element("wall"), moving = laser_scans ? laser : sensor;
+const wall = element("wall");
 const span = [0, 1].map(c => { const all = Array.from({ length: pairs }, (_, p) => moving[3 * p + c]); return [all.reduce((a, b) => Math.min(a, b)), all.reduce((a, b) => Math.max(a, b))]; });
 const reach = Math.max(span[0][1] - span[0][0], span[1][1] - span[1][0]) || 1, dot = reach / Math.max(1, Math.sqrt(pairs) - 1) || reach;
 // Width and height of a tile: the spacing of a lattice, of which rows or columns may be left out, or that of a square scan.
@@ -283,7 +295,7 @@ const edges = span.map(([low, high]) => { const mid = (low + high) / 2, half = (
 const wallBox = width => [LEFT, TOP, width - RIGHT, TOP + width - LEFT - RIGHT];
 pair = nearest(span.map(([low, high]) => (low + high) / 2));
 wall.setAttribute("aria-label", `Total counts of ${pairs} wall points, at most ${short(most)}. Arrow keys select a pair.`);
-plot(wall, width => wallBox(width)[3] + BOTTOM, (context, width) => {
+const paintWall = plot(wall, width => wallBox(width)[3] + BOTTOM, (context, width) => {
   const box = wallBox(width), [left, top, right, bottom] = box, unit = (right - left) / (edges[0][1] - edges[0][0]);
   const x = v => left + (edges[0][1] - v) * unit, y = v => top + (edges[1][1] - v) * unit, [wide, high] = tile.map(v => Math.max(2, v * unit));
   context.fillStyle = theme("none"), context.fillRect(left, top, right - left, bottom - top);
@@ -297,12 +309,15 @@ plot(wall, width => wallBox(width)[3] + BOTTOM, (context, width) => {
   ring(context, x(moving[3 * pair]), y(moving[3 * pair + 1]));
 });
 function select(p) {
-  if (p >= 0) pair = p, plots.forEach(paint => paint()), mark();
+  if (p >= 0 && p !== pair) pair = p, paintWall(), paintHistogram(), mark();
 }
-wall.onclick = event => {
+const under = event => {
   const around = wall.getBoundingClientRect(), [left, top, right] = wallBox(wall.clientWidth), unit = (edges[0][1] - edges[0][0]) / (right - left);
-  select(nearest([edges[0][1] - (event.clientX - around.left - left) * unit, edges[1][1] - (event.clientY - around.top - top) * unit]));
+  return nearest([edges[0][1] - (event.clientX - around.left - left) * unit, edges[1][1] - (event.clientY - around.top - top) * unit]);
 };
+wall.style.touchAction = "none";
+wall.onpointerdown = event => { wall.setPointerCapture(event.pointerId), select(under(event)); };
+wall.onpointermove = event => { if (wall.hasPointerCapture(event.pointerId)) select(under(event)); };
 wall.onkeydown = event => {
   const step = arrow(event), from = [moving[3 * pair], moving[3 * pair + 1]];
   if (step) select(nearest(from, p => {
