@@ -90,11 +90,8 @@ const LOW: f64 = 150.0;
 /// Points of an ellipse.
 const ROUND: usize = 60;
 /// Coordinates of the views, along and up, with titles and labels.
-const VIEWS: [([usize; 2], &str, &str); 3] = [
-    ([0, 1], "from the wall: y over x (m)", "x (m)"),
-    ([0, 2], "from above: z over x (m)", "x (m)"),
-    ([2, 1], "from the side: y over z (m)", "z (m)"),
-];
+const VIEWS: [([usize; 2], &str, &str); 3] =
+    [([0, 1], "y over x (m)", "x (m)"), ([0, 2], "z over x (m)", "x (m)"), ([2, 1], "y over z (m)", "z (m)")];
 
 /// The figure. `volume`: lowest and highest corner of the box, `wall`: wall points.
 pub fn figure(title: &str, rows: &[TrackRow], volume: [[f64; 3]; 2], wall: &[[f64; 3]]) -> Figure {

@@ -170,8 +170,8 @@ fn add(
     products[background][background] += outside[0] / dark;
     products[residual][background] += outside[1] / dark;
     products[residual][residual] += outside[2] / dark;
-    for i in 0..count {
-        (0..i).for_each(|j| products[j][i] = products[i][j]);
+    for (i, j) in (0..count).flat_map(|i| (0..i).map(move |j| (i, j))) {
+        products[j][i] = products[i][j];
     }
     for (at, blob) in guess.blobs.iter().enumerate().filter(|_| has_errors) {
         for (column, error) in [(3 * at, LIGHT_ERROR), (3 * at + 1, 2.0 * PATH_ERROR * blob.extent.exp())] {

@@ -75,8 +75,9 @@ pub struct Finding {
 const PROVED: f64 = 5.0;
 /// A further blob explains at least this share of what the first one did: less is light that a blob does not describe.
 const FAINT: f64 = 0.05;
-/// A position is not measured along a direction where its standard deviation is more than this share of that of the box.
-const UNMEASURED: f64 = 0.5;
+/// A position is not measured along a direction where its standard deviation is more than this share of that of the box, or of the
+/// distance: a hemisphere has 0.58.
+const UNMEASURED: f64 = 0.4;
 /// Iterations of each start.
 const SHORT: usize = 8;
 /// Least depth of the box, in units of length.
@@ -205,7 +206,7 @@ fn position(
     let toward = way.normalize_or(DVec3::Z);
     let (variance, axis) = axes(covariance)[0];
     let of_box = (volume[1] - volume[0]) / 12f64.sqrt();
-    let is_measured = variance.sqrt() < UNMEASURED * (axis * of_box).length();
+    let is_measured = variance.sqrt() < UNMEASURED * (axis * of_box).length().min(way.length());
     // Shape and what a blob does not describe are the same in the next frame.
     let shape =
         Expected { extent: [blob.extent, KNOWN], roundness: [blob.roundness, KNOWN], ..known.clone() };

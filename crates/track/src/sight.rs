@@ -169,7 +169,7 @@ impl Sight {
         let [low, high] = [-REACH, REACH].map(|reach| place(ray.path + reach * deviation).floor());
         // Bins whose light taps bring into the histogram.
         let (low, high) = (low.max(-after), high.min(self.bins as f64 - 1.0 + before));
-        if !(low <= high) {
+        if low > high || !(low.is_finite() && high.is_finite()) {
             return [0, 0];
         }
         spare.clear();

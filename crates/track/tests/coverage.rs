@@ -24,7 +24,7 @@ fn scene(seed: u64, thing: Thing, scan: usize, bin_width: f64, photons: f64) -> 
     let at = DVec3::new(within(-0.4, 0.4), within(-0.4, 0.4), within(0.5, 1.2));
     let radius = within(0.04, 0.12);
     let objects = match thing {
-        Thing::Small if seed % 2 == 0 => vec![sphere(at, radius)],
+        Thing::Small if seed.is_multiple_of(2) => vec![sphere(at, radius)],
         Thing::Small => vec![rectangle(at, DVec3::Y * radius, DVec3::X * radius)],
         Thing::Figure => {
             let figure = Scene::named("figure").unwrap().fitted(0.6).unwrap();
