@@ -253,7 +253,7 @@ impl TriedCause {
     }
 }
 
-/// The cause that held-out pairs confirm, and those that leave about as little.
+/// The cause that held-out pairs confirm, and those that leave about as little: pairs do not tell these from it.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
@@ -288,18 +288,18 @@ pub fn confirmed(
     all.retain(is_confirmed);
     all.sort_by(|a, b| a.excess().total_cmp(&b.excess()));
     // Where the opposite leaves less, too, fits from anywhere else do: the surface was a poor one, the instrument is proper.
-    if let Some(best) = all.first().filter(|best| best.law.kind != Changes::Gain) {
+    let has_opposite = |best: &&TriedCause| !matches!(best.law.kind, Changes::Gain | Changes::Layout);
+    if let Some(best) = all.first().filter(has_opposite) {
         let opposite: Vec<f64> = best.numbers.iter().map(|n| -n).collect();
         let trial = trials.trial(best.law, &opposite)?;
         if trial.is_some_and(|(judged, _)| judged.excess() < bands::FIRST * judged.left[1].excess()) {
             all.clear();
         }
     }
-    let is_alone = all.get(1).is_none_or(|next| next.excess() > bands::RIVAL * all[0].excess());
     let confirmed = |judged: TriedCause| Confirmed {
         what: (judged.law.what)(&scan, &judged.numbers),
         hint: judged.law.hint,
-        undone: is_alone.then(|| judged.law.undone(capture, &scan, &judged.numbers)),
+        undone: judged.law.undone(capture, &scan, &judged.numbers),
         left: judged.left.each_ref().map(Left::excess),
     };
     let least = all.first().map_or(0.0, TriedCause::excess);
@@ -311,8 +311,8 @@ pub fn confirmed(
 pub struct Confirmed {
     pub what: String,
     pub hint: &'static str,
-    /// The capture without it, if no other cause leaves about as little.
-    pub undone: Option<Capture>,
+    /// The capture without it.
+    pub undone: Capture,
     /// What is left without the cause, and as the capture is.
     pub left: [f64; 2],
 }

@@ -7,9 +7,6 @@ use glam::{DVec2, DVec3};
 
 use crate::capture::{Capture, METRES_PER_PICOSECOND, gain};
 
-/// Ways in which points may lie elsewhere: farther apart, sheared, farther out with the square of their distance from the middle.
-pub const MOVES: usize = 3;
-
 /// What a law does to the held-out pairs.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Effect {
@@ -17,29 +14,6 @@ pub struct Effect {
     pub logs: Vec<f64>,
     /// Metres of path by which counts are late; empty: 0.
     pub delays: Vec<f64>,
-    /// Where the points lie truly, as [`moved`] moves them.
-    pub moved: [f64; MOVES],
-}
-
-/// Moves points in the plane of the wall, about their middle.
-fn moved(points: &mut [DVec3], by: &[f64; MOVES]) {
-    let frame = WallFrame::of(points);
-    let [scale, shear, radial] = *by;
-    for point in points {
-        let p = frame.centred(*point);
-        let out = 1.0 + scale + radial * p.length_squared();
-        let q = DVec2::new(p.x * out + shear * p.y, p.y * out);
-        (point.x, point.y) = (frame.middle.x + frame.half * q.x, frame.middle.y + frame.half * q.y);
-    }
-}
-
-/// Moves the points of both sides about one middle.
-fn move_points(capture: &mut Capture, by: &[f64; MOVES]) {
-    let count = capture.laser.len();
-    let mut all = [&capture.laser[..], &capture.sensor].concat();
-    moved(&mut all, by);
-    capture.sensor = all.split_off(count);
-    capture.laser = all;
 }
 
 /// The middle of points, and half the longer side of the rectangle around them.
@@ -59,6 +33,10 @@ impl WallFrame {
 
     fn centred(&self, point: DVec3) -> DVec2 {
         (point.truncate() - self.middle) / self.half
+    }
+
+    fn metres(&self, centred: DVec2) -> DVec2 {
+        self.middle + self.half * centred
     }
 }
 
@@ -96,8 +74,7 @@ impl LawScan {
 
     /// The position of a device by its numbers: x and y in halves of the wall, and the logarithm of z in those.
     fn device(&self, n: &[f64]) -> DVec3 {
-        let WallFrame { middle, half } = self.frame;
-        (middle + half * DVec2::new(n[0], n[1])).extend(half * n[2].exp())
+        self.frame.metres(DVec2::new(n[0], n[1])).extend(self.frame.half * n[2].exp())
     }
 }
 
@@ -113,10 +90,22 @@ pub enum Changes {
     Gain,
     Delay,
     Place,
+    /// Which points belong together: its numbers are no change of something.
+    Layout,
+}
+
+/// Points of the wall.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Of {
+    Laser,
+    Sensor,
 }
 
 /// Gain, and delay in metres, of a pair by the numbers of a law.
 type OfPair = fn(&LawScan, &[f64], usize) -> [f64; 2];
+
+/// Where a point of the wall lies truly, in halves of the wall from its middle, by the numbers of a law.
+type OfPoint = fn(&[f64], DVec2, Of) -> DVec2;
 
 /// A law.
 pub struct Law {
@@ -134,8 +123,8 @@ pub struct Law {
     pub kind: Changes,
     /// The effect on a pair: gain, and delay in metres.
     pub of_pair: Option<OfPair>,
-    /// Where the points are.
-    pub of_points: fn(&[f64]) -> [f64; MOVES],
+    /// Where points are.
+    pub of_point: Option<OfPoint>,
     /// Whether the capture can show it.
     pub applies: fn(&LawScan) -> bool,
 }
@@ -149,7 +138,7 @@ const OF_DELAYS: Law = Law {
     steps: &[],
     kind: Changes::Delay,
     of_pair: None,
-    of_points: |_| [0.0; MOVES],
+    of_point: None,
     applies: |_| true,
 };
 const OF_PLACES: Law =
@@ -169,8 +158,8 @@ pub const LAWS: &[Law] = &[
         name: "time zero",
         what: |_, n| format!("all counts are {} than path 0 says, as of a wrong time zero", later(n[0])),
         hint: "correct the path of the first bin",
-        starts: |_| vec![vec![-0.1], vec![0.1]],
-        steps: &[[0.03, 0.6]],
+        starts: |_| vec![vec![-0.1], vec![0.1], vec![-0.5], vec![0.5]],
+        steps: &[[0.03, 1.5]],
         of_pair: Some(|_, n, _| [1.0, n[0]]),
         ..OF_DELAYS
     },
@@ -220,7 +209,7 @@ pub const LAWS: &[Law] = &[
         hint: "give the wall's size, or the bin width",
         starts: |_| vec![],
         steps: &[[0.02, 0.5]],
-        of_points: |n| [n[0], 0.0, 0.0],
+        of_point: Some(|n, p, _| (1.0 + n[0]) * p),
         ..OF_PLACES
     },
     Law {
@@ -228,7 +217,7 @@ pub const LAWS: &[Law] = &[
         what: |_, n| format!("the points are sheared: x lies off by {:.3} of y", n[0]),
         starts: |_| vec![vec![-0.15], vec![0.15]],
         steps: &[[0.05, 0.6]],
-        of_points: |n| [0.0, n[0], 0.0],
+        of_point: Some(|n, p, _| p + DVec2::new(n[0] * p.y, 0.0)),
         ..OF_PLACES
     },
     Law {
@@ -241,7 +230,25 @@ pub const LAWS: &[Law] = &[
         },
         starts: |_| vec![vec![-0.12], vec![0.12]],
         steps: &[[0.04, 0.4]],
-        of_points: |n| [0.0, 0.0, n[0]],
+        of_point: Some(|n, p, _| (1.0 + n[0] * p.length_squared()) * p),
+        ..OF_PLACES
+    },
+    Law {
+        name: "one laser",
+        what: |s, n| {
+            let DVec2 { x, y } = s.frame.metres(DVec2::new(n[0], n[1]));
+            format!(
+                "the laser stayed at about ({x:.2}, {y:.2}) m for all pairs, though the capture says that it lights the sensor's point"
+            )
+        },
+        hint: "give the laser points as they were",
+        starts: |_| {
+            [[0.0; 2], [0.5, 0.5], [-0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]].map(|at| at.to_vec()).to_vec()
+        },
+        steps: &[[0.2, 2.0], [0.2, 2.0]],
+        kind: Changes::Layout,
+        of_point: Some(|n, p, of| if of == Of::Laser { DVec2::new(n[0], n[1]) } else { p }),
+        applies: |s| s.is_confocal,
         ..OF_PLACES
     },
     Law {
@@ -349,7 +356,7 @@ fn place(p: DVec3) -> String {
 impl Law {
     /// The effect on these pairs.
     pub fn effect(&self, setting: &LawScan, numbers: &[f64], pairs: &[usize]) -> Effect {
-        let mut effect = Effect { logs: vec![], delays: vec![], moved: (self.of_points)(numbers) };
+        let mut effect = Effect { logs: vec![], delays: vec![] };
         let Some(of_pair) = self.of_pair else { return effect };
         let each: Vec<[f64; 2]> = pairs.iter().map(|pair| of_pair(setting, numbers, *pair)).collect();
         // A common gain is the albedo's.
@@ -363,10 +370,15 @@ impl Law {
     /// equally late.
     pub fn undone(&self, capture: &Capture, setting: &LawScan, numbers: &[f64]) -> Capture {
         let pairs: Vec<usize> = (0..capture.pair_count()).collect();
-        let Effect { logs, delays, moved: by } = self.effect(setting, numbers, &pairs);
+        let Effect { logs, delays } = self.effect(setting, numbers, &pairs);
         let mut undone = capture.clone();
-        if by != [0.0; MOVES] {
-            move_points(&mut undone, &by);
+        if let Some(of_point) = self.of_point {
+            let moved = |point: &mut DVec3, of: Of| {
+                let there = setting.frame.metres(of_point(numbers, setting.frame.centred(*point), of));
+                *point = there.extend(point.z);
+            };
+            undone.laser.iter_mut().for_each(|point| moved(point, Of::Laser));
+            undone.sensor.iter_mut().for_each(|point| moved(point, Of::Sensor));
         }
         if logs.iter().any(|log| *log != 0.0) {
             undone.divide(logs.into_iter().map(f64::exp).collect());

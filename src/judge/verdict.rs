@@ -62,7 +62,7 @@ impl Cause {
 pub struct Diagnosis {
     /// The causes that held-out pairs prove.
     pub causes: Vec<Cause>,
-    /// Causes between which held-out pairs do not decide.
+    /// Others that leave about as little as the last of these.
     pub rivals: Vec<Cause>,
     /// The scale at which closed forms are sharper.
     pub scale: Option<Rescaled>,
@@ -114,25 +114,21 @@ pub fn diagnose(
     Ok(Diagnosis { causes: vec![cause], calibrated: calibrates.then(|| delays.undone(capture)), ..found })
 }
 
-/// Adds the law of few numbers that held-out pairs confirm, or those between which they do not decide.
+/// Adds the law of few numbers that held-out pairs confirm, which is undone, and those between which and it they do not decide.
 fn with_laws(
     found: Diagnosis,
     job: &Job<'_>,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Diagnosis> {
-    let mut confirmed = cause::confirmed(job, gpu, hear)?;
-    let calibrated = confirmed.first_mut().and_then(|best| best.undone.take());
-    let undone = calibrated.is_some();
-    let causes = confirmed.into_iter().map(|of| {
+    let mut confirmed = cause::confirmed(job, gpu, hear)?.into_iter();
+    let cause = |of: &cause::Confirmed, undone: bool| {
         let [after, before] = of.left;
-        Cause { what: of.what, hint: of.hint.into(), left: [before, after], undone }
-    });
-    let causes: Vec<Cause> = causes.collect();
-    if undone {
-        return Ok(Diagnosis { causes, calibrated, ..found });
-    }
-    Ok(Diagnosis { rivals: causes, ..found })
+        Cause { what: of.what.clone(), hint: of.hint.into(), left: [before, after], undone }
+    };
+    let Some(best) = confirmed.next() else { return Ok(found) };
+    let rivals = confirmed.map(|of| cause(&of, false)).collect();
+    Ok(Diagnosis { causes: vec![cause(&best, true)], rivals, calibrated: Some(best.undone), ..found })
 }
 
 /// The verdict on estimates: before a solve, without what the maps say.
@@ -142,10 +138,7 @@ pub fn verdict(estimates: &Estimates, diagnosis: &Diagnosis) -> Verdict {
         verdict.add(if cause.undone { Grade::Fair } else { Grade::Poor }, cause.sentence());
     }
     for rival in &diagnosis.rivals {
-        verdict.add(
-            Grade::Fair,
-            format!("one of {} possible causes: {}", diagnosis.rivals.len(), rival.sentence()),
-        );
+        verdict.add(Grade::Fair, format!("or, as pairs do not decide: {}", rival.sentence()));
     }
     if let Some(doubt) = estimates.device.as_ref().and_then(|found| found.doubt()) {
         verdict.add(Grade::Fair, doubt);

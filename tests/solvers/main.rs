@@ -5,6 +5,7 @@ mod closed_form;
 mod depth_error;
 mod devices;
 mod external;
+mod instrument;
 mod layers;
 mod learned;
 mod leave_out;
