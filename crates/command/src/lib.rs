@@ -22,4 +22,5 @@ pub mod overview;
 pub mod profile;
 pub mod record;
 pub mod simulated;
+pub mod track;
 pub mod virtual_wall;

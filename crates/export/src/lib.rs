@@ -25,6 +25,7 @@ pub mod print;
 pub mod report;
 #[doc(hidden)]
 pub mod text;
+pub mod track;
 pub mod volume;
 
 use std::path::{Path, PathBuf};

@@ -31,6 +31,7 @@ mod tagged;
 #[path = "untagged.rs"]
 mod tagged;
 pub mod terminal;
+mod track;
 
 use std::process::ExitCode;
 
@@ -83,6 +84,8 @@ enum Verb {
     /// Reconstruct frames as they come: needs a build with the feature live.
     #[cfg(not(feature = "live"))]
     Live(off::OffArgs),
+    /// Positions of one to three objects with their errors, from few histograms, and their tracks over frames.
+    Track(Box<track::TrackArgs>),
     /// Measure an earlier result against truth.
     Evaluate(evaluate::EvaluateArgs),
     /// Compare methods on captures and scenes, at several photon counts: error against run time, as one page. Skips what is
@@ -124,6 +127,7 @@ fn run(cli: Cli) -> Result<ExitCode> {
         Verb::Demo(args) => demo::run(&args),
         Verb::Info(args) => return info::run(&args),
         Verb::Reconstruct(args) => reconstruct::run(&args),
+        Verb::Track(args) => track::run(&args),
         Verb::Evaluate(args) => evaluate::run(&args),
         #[cfg(feature = "tags")]
         Verb::Histogram(args) => histogram::run(&args),

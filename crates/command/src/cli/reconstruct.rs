@@ -14,6 +14,9 @@ use super::{interrupt, tables};
 /// Endings of files in the folder of a result.
 const FILES: [&str; 8] = ["npz", "mat", "exr", "svg", "png", "ply", "html", "json"];
 
+/// Up to so many pairs, a position with its error says more than maps.
+const FEW_PAIRS: usize = 49;
+
 #[derive(clap::Args)]
 pub struct ReconstructArgs {
     #[command(flatten)]
@@ -112,6 +115,12 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     outcome.validation.iter().for_each(|message| say(&format!("validation: {message}")));
     if !args.quiet {
         outcome.notes.iter().for_each(|note| say(&format!("note: {note}")));
+    }
+    let pairs = loaded.capture.pair_count();
+    if !args.quiet && pairs <= FEW_PAIRS {
+        say(&format!(
+            "note: {pairs} pairs make no picture: `thirdbounce track` says where an object is, with the error"
+        ));
     }
     if !args.quiet {
         outcome.warnings.iter().for_each(|warning| say(&format!("warning: {warning}")));

@@ -24,6 +24,13 @@ pub const FILE: u8 = 0;
 pub const METHOD: u8 = 1;
 /// All settings.
 pub const ALL: u8 = 2;
+/// Those of a capture, and what positions need of the others.
+pub const POSITIONS: u8 = 3;
+
+/// Settings of other groups than those of captures that positions need.
+const OF_POSITIONS: [&str; 2] = ["model", "volume"];
+/// Settings of captures that only held-out pairs decide on.
+const OF_PICTURES: [&str; 2] = ["calibrate", "device_at"];
 
 /// The settings that the help of a verb shows; `thirdbounce help TOPIC` shows the others.
 const SHOWN: [&str; 14] = [
@@ -120,9 +127,13 @@ fn rows(part: u8) -> Vec<(&'static Row, String)> {
     let is_in = |row: &Row| match part {
         FILE => row.group == "Capture file",
         METHOD => !is_own(row.key) || row.group == "Solver",
+        POSITIONS => {
+            let is_of_capture = row.group.starts_with("Capture") && !OF_PICTURES.contains(&row.key);
+            is_of_capture || OF_POSITIONS.contains(&row.key)
+        }
         _ => true,
     };
-    let solver = (part != FILE).then(|| (&SOLVER, SOLVER.text()));
+    let solver = [METHOD, ALL].contains(&part).then(|| (&SOLVER, SOLVER.text()));
     solver.into_iter().chain(Settings::all_rows().into_iter().filter(|(row, _)| is_in(row))).collect()
 }
 
@@ -158,7 +169,8 @@ fn argument(row: &'static Row, text: &str) -> Arg {
 impl<const PART: u8> clap::Args for SettingsArgs<PART> {
     fn augment_args(command: Command) -> Command {
         rows(PART).into_iter().fold(command, |command, (row, text)| {
-            let is_shown = PART == FILE || row.key == "solver" || SHOWN.contains(&row.key);
+            let is_shown =
+                [FILE, POSITIONS].contains(&PART) || row.key == "solver" || SHOWN.contains(&row.key);
             let arg = argument(row, &text).hide(!is_shown).allow_hyphen_values(row.range != Range::Flag);
             command.arg(if row.key == "accumulation" { arg.conflicts_with("deterministic") } else { arg })
         })

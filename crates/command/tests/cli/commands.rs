@@ -457,6 +457,7 @@ fn help_and_version_are_there() {
         "reconstruct",
         "batch",
         "simulate",
+        "track",
         "evaluate",
         "convert",
         "profile",

@@ -24,4 +24,5 @@ mod spot;
 #[cfg(feature = "tags")]
 mod tags;
 mod trace;
+mod track;
 mod warnings;

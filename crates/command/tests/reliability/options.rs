@@ -43,6 +43,7 @@ pub fn base(verb: &str) -> Vec<String> {
         "live" => {
             format!("- --capture {capture} --model cosine --lateral 8 --iterations 3 --frames 1 --quiet")
         }
+        "track" => format!("{capture} --out {{}}/t --blobs 1 --model cosine --quiet"),
         "evaluate" => format!("{result} --truth {truth} --no-pictures"),
         "benchmark" => {
             format!(
