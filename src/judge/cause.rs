@@ -37,7 +37,7 @@ mod bands {
     pub const ALIKE: f64 = 1.05;
     /// Factor by which, and standard errors beyond which, less is left: for other laws to be tried, and to be undone.
     pub const SUSPECT: [f64; 2] = [0.9, 3.0];
-    pub const CLEAR: [f64; 2] = [0.8, 4.0];
+    pub const CLEAR: [f64; 2] = [0.6, 4.0];
     /// The same of gains, whose pairs weigh unequally, with the pairs weighed both ways.
     pub const CLEAR_GAINS: [f64; 2] = [0.7, 2.0];
     /// Two causes are distinguished if one leaves this many times as much as the other: fits of one capture scatter by more than pairs do.

@@ -158,8 +158,8 @@ pub const LAWS: &[Law] = &[
         name: "time zero",
         what: |_, n| format!("all counts are {} than path 0 says, as of a wrong time zero", later(n[0])),
         hint: "correct the path of the first bin",
-        starts: |_| vec![vec![-0.1], vec![0.1], vec![-0.5], vec![0.5]],
-        steps: &[[0.03, 1.5]],
+        starts: |_| vec![vec![-0.1], vec![0.1]],
+        steps: &[[0.03, 0.6]],
         of_pair: Some(|_, n, _| [1.0, n[0]]),
         ..OF_DELAYS
     },
