@@ -119,7 +119,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
     let pairs = loaded.capture.pair_count();
     if !args.quiet && pairs <= FEW_PAIRS {
         say(&format!(
-            "note: {pairs} pairs make no picture: `thirdbounce track` says where an object is, with the error"
+            "hint: {pairs} pairs make no picture: `thirdbounce track` says where an object is, with the error"
         ));
     }
     if !args.quiet {
