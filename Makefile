@@ -34,7 +34,7 @@ test: setup
 	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about ten minutes on two cores the first time"
 	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml $(FEATURES) --lib
 	.ci/timed cargo build --release --locked $(COMMAND) $(FEATURES) --examples
-	.ci/timed cargo test --release --locked $(COMMAND) $(FEATURES) --package shares --package thirdbounce --package thirdbounce-command --package thirdbounce-benchmark --package thirdbounce-capi --bins --test '*'
+	.ci/timed cargo test --release --locked $(COMMAND) $(FEATURES) --package shares --package thirdbounce --package thirdbounce-track --package thirdbounce-command --package thirdbounce-benchmark --package thirdbounce-capi --bins --test '*'
 	.ci/timed cargo test --release --locked $(COMMAND) $(FEATURES) --doc
 
 # The Python package, from its wheel in an empty virtual environment. Where there is no Python or no network, it says so.

@@ -253,7 +253,7 @@ impl TriedCause {
     }
 }
 
-/// The cause that held-out pairs confirm, and those that leave about as little: pairs do not tell these from it.
+/// The causes that held-out pairs confirm and between which they do not decide; `None` if there is none.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
@@ -261,9 +261,9 @@ pub fn confirmed(
     job: &Job<'_>,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Vec<Confirmed>> {
+) -> Result<Option<Confirmed>> {
     let (capture, estimates) = (&*job.capture, &job.estimates);
-    let Some(shown) = &estimates.shown else { return Ok(vec![]) };
+    let Some(shown) = &estimates.shown else { return Ok(None) };
     let Suspects { gains, scale } = shown.suspects.clone();
     let keeps_gains = job.settings.device_at == Some(DevicePosition::None);
     let mut trials =
@@ -296,25 +296,48 @@ pub fn confirmed(
             all.clear();
         }
     }
-    let confirmed = |judged: TriedCause| Confirmed {
-        what: (judged.law.what)(&scan, &judged.numbers),
-        hint: judged.law.hint,
-        undone: judged.law.undone(capture, &scan, &judged.numbers),
-        left: judged.left.each_ref().map(Left::excess),
-    };
-    let least = all.first().map_or(0.0, TriedCause::excess);
+    let Some(best) = all.first() else { return Ok(None) };
+    let (least, undone) = (best.excess(), best.law.undone(capture, &scan, &best.numbers));
     all.retain(|judged| judged.excess() <= bands::RIVAL * least);
-    Ok(all.into_iter().map(confirmed).collect())
+    let cause = |(rank, judged): (usize, TriedCause)| {
+        let [after, before] = judged.left.each_ref().map(Left::excess);
+        let what = (judged.law.what)(&scan, &judged.numbers);
+        Cause { what, hint: judged.law.hint.into(), left: [before, after], undone: rank == 0 }
+    };
+    Ok(Some(Confirmed { causes: all.into_iter().enumerate().map(cause).collect(), undone }))
 }
 
-/// A cause that held-out pairs confirm.
-pub struct Confirmed {
+/// What is wrong with a capture.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Cause {
+    /// What it is.
     pub what: String,
-    pub hint: &'static str,
-    /// The capture without it.
-    pub undone: Capture,
-    /// What is left without the cause, and as the capture is.
+    /// The option or edit that undoes it.
+    pub hint: String,
+    /// Shares of held-out pairs beyond noise, as the capture is and once the cause is undone.
     pub left: [f64; 2],
+    /// Whether it is undone.
+    pub undone: bool,
+}
+
+impl Cause {
+    /// The cause as a sentence.
+    pub fn sentence(&self) -> String {
+        let [before, after] = self.left.map(|share| 100.0 * share);
+        let done = if self.undone { "undone here; " } else { "" };
+        format!(
+            "{} (of held-out pairs {before:.0} % is left beyond noise, {after:.0} % once it is undone): {done}{}",
+            self.what, self.hint
+        )
+    }
+}
+
+/// Causes between which held-out pairs do not decide.
+pub struct Confirmed {
+    /// The best one, which is undone, then the others.
+    pub causes: Vec<Cause>,
+    /// The capture without the best one.
+    pub undone: Capture,
 }
 
 #[cfg(test)]

@@ -27,6 +27,7 @@ mod suspects;
 mod trial;
 mod verdict;
 
+pub use cause::Cause;
 pub use conclude::{conclude, conclude_iterate};
 pub use device::FoundDevice;
 pub use divide::divide;
@@ -41,4 +42,4 @@ pub use model::{FoundModel, MODELS};
 pub use pulse::FoundPulse;
 pub use room::FoundEmpty;
 pub use scale::Rescaled;
-pub use verdict::{Cause, Diagnosis, EXPECTED_IOU, diagnose, verdict};
+pub use verdict::{Diagnosis, EXPECTED_IOU, diagnose, verdict};

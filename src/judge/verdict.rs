@@ -4,11 +4,12 @@
 use std::borrow::Cow;
 use std::ops::ControlFlow;
 
+use super::cause::{self, Cause, Confirmed};
 use super::found::{Estimates, Shown};
 use super::job::Job;
 use super::probe::Ask;
 use super::scale::{self, Rescaled};
-use super::{cause, estimate, lines};
+use super::{estimate, lines};
 use crate::capture::Capture;
 use crate::engine::Progress;
 use crate::gpu::Gpu;
@@ -30,31 +31,6 @@ mod bands {
     pub const DOUBTED: f64 = 0.15;
     /// Expected IoU below which results are fair.
     pub const EXPECTED_IOU: f64 = 0.4;
-}
-
-/// What is wrong with a capture.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Cause {
-    /// What it is.
-    pub what: String,
-    /// The option or edit that undoes it.
-    pub hint: String,
-    /// Shares of held-out pairs beyond noise, as the capture is and once the cause is undone.
-    pub left: [f64; 2],
-    /// Whether it is undone.
-    pub undone: bool,
-}
-
-impl Cause {
-    /// The cause as a sentence.
-    pub fn sentence(&self) -> String {
-        let [before, after] = self.left.map(|share| 100.0 * share);
-        let done = if self.undone { "undone here; " } else { "" };
-        format!(
-            "{} (of held-out pairs {before:.0} % is left beyond noise, {after:.0} % once it is undone): {done}{}",
-            self.what, self.hint
-        )
-    }
 }
 
 /// What was found in a capture.
@@ -121,14 +97,9 @@ fn with_laws(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Diagnosis> {
-    let mut confirmed = cause::confirmed(job, gpu, hear)?.into_iter();
-    let cause = |of: &cause::Confirmed, undone: bool| {
-        let [after, before] = of.left;
-        Cause { what: of.what.clone(), hint: of.hint.into(), left: [before, after], undone }
-    };
-    let Some(best) = confirmed.next() else { return Ok(found) };
-    let rivals = confirmed.map(|of| cause(&of, false)).collect();
-    Ok(Diagnosis { causes: vec![cause(&best, true)], rivals, calibrated: Some(best.undone), ..found })
+    let Some(Confirmed { mut causes, undone }) = cause::confirmed(job, gpu, hear)? else { return Ok(found) };
+    let rivals = causes.split_off(1);
+    Ok(Diagnosis { causes, rivals, calibrated: Some(undone), ..found })
 }
 
 /// The verdict on estimates: before a solve, without what the maps say.

@@ -9,6 +9,7 @@ use fixtures::device::*;
 use glam::{DVec3, dvec2, dvec3};
 use rand::SeedableRng;
 use rand_distr::{Binomial, Distribution};
+use rand_pcg::Pcg64;
 use thirdbounce::capture::Capture;
 use thirdbounce::maps::Truth;
 use thirdbounce::measure::metrics;
@@ -61,27 +62,29 @@ fn placed(c: &Capture, of: fn([f64; 2]) -> [f64; 2]) -> Capture {
     })
 }
 
+/// A share of a count: of whole counts each photon by chance.
+fn part(count: f32, share: f64, is_whole: bool, random: &mut Pcg64) -> f32 {
+    match is_whole {
+        true => Binomial::new(count as u64, share).unwrap().sample(random) as f32,
+        false => count * share as f32,
+    }
+}
+
 /// Counts times a gain of every pair, at most 1: photons are lost by chance.
 fn weighed(c: &Capture, seed: u64, gain: impl Fn(usize) -> f64) -> Capture {
     let gains: Vec<f64> = (0..c.pair_count()).map(gain).collect();
     let most = gains.iter().fold(0.0f64, |a, b| a.max(*b));
-    let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+    let mut random = Pcg64::seed_from_u64(seed);
     changed(c, |c| {
-        let (bins, whole) = (c.bins, c.integer_counts);
-        for (row, gain) in c.histograms.chunks_exact_mut(bins).zip(&gains) {
-            for v in row {
-                *v = match whole {
-                    true => Binomial::new(*v as u64, gain / most).unwrap().sample(&mut random) as f32,
-                    false => (f64::from(*v) * gain / most) as f32,
-                };
-            }
+        for (row, gain) in c.histograms.chunks_exact_mut(c.bins).zip(&gains) {
+            row.iter_mut().for_each(|v| *v = part(*v, gain / most, c.integer_counts, &mut random));
         }
     })
 }
 
 /// Counts late by metres of path of every pair, to whole bins: a photon takes one of the two bins by chance.
 fn delayed(c: &Capture, seed: u64, delay: impl Fn(usize) -> f64) -> Capture {
-    let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
+    let mut random = Pcg64::seed_from_u64(seed);
     changed(c, |c| {
         let bins = c.bins;
         for (pair, row) in c.histograms.chunks_exact_mut(bins).enumerate() {
@@ -92,10 +95,7 @@ fn delayed(c: &Capture, seed: u64, delay: impl Fn(usize) -> f64) -> Capture {
                 let at = bin as f64 + by;
                 let low = at.floor();
                 let share = at - low;
-                let up = match c.integer_counts {
-                    true => Binomial::new(v as u64, share).unwrap().sample(&mut random) as f32,
-                    false => v * share as f32,
-                };
+                let up = part(v, share, c.integer_counts, &mut random);
                 for (to, v) in [(low, v - up), (low + 1.0, up)] {
                     if (0.0..bins as f64).contains(&to) {
                         row[to as usize] += v;
@@ -109,25 +109,29 @@ fn delayed(c: &Capture, seed: u64, delay: impl Fn(usize) -> f64) -> Capture {
 /// Histograms with echoes: shares of the light that come later by some metres.
 fn echoed(c: &Capture, seed: u64, echoes: &[(f64, f64)]) -> Capture {
     let all: f64 = 1.0 + echoes.iter().map(|(share, _)| share).sum::<f64>();
-    let mut rest = weighed(c, seed, |_| 1.0);
-    rest.histograms.fill(0.0);
-    let part = |share: f64, seed: u64| {
-        let mut one = c.clone();
-        let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
-        one.histograms.iter_mut().for_each(|v| {
-            *v = match c.integer_counts {
-                true => Binomial::new(*v as u64, share / all).unwrap().sample(&mut random) as f32,
-                false => *v * (share / all) as f32,
-            };
+    let mut sum = changed(c, |c| c.histograms.fill(0.0));
+    for (k, (share, later)) in [(1.0, 0.0)].into_iter().chain(echoes.iter().copied()).enumerate() {
+        let mut random = Pcg64::seed_from_u64(seed + k as u64);
+        let one = changed(c, |c| {
+            c.histograms.iter_mut().for_each(|v| *v = part(*v, share / all, c.integer_counts, &mut random));
         });
-        one
-    };
-    let each = [(1.0, 0.0)].into_iter().chain(echoes.iter().copied()).enumerate();
-    for (k, (share, later)) in each {
-        let one = delayed(&part(share, seed + k as u64), seed + 50, |_| later);
-        rest.histograms.iter_mut().zip(one.histograms).for_each(|(v, w)| *v += w);
+        let late = delayed(&one, seed + 50, |_| later);
+        sum.histograms.iter_mut().zip(late.histograms).for_each(|(v, w)| *v += w);
     }
-    rest
+    sum
+}
+
+/// Points as if the wall had this size, per cent of the true one.
+fn wall<const PERCENT: u32>(c: &Capture, _: u64) -> Capture {
+    placed(c, |p| p.map(|v| f64::from(PERCENT) / 100.0 * v))
+}
+
+const fn wrong_wall(
+    name: &'static str,
+    of: fn(u64) -> (Scene, RenderOptions),
+    done: fn(&Capture, u64) -> Capture,
+) -> Fault {
+    Fault { name, of, done, words: &["wall is", "wall's size"] }
 }
 
 fn falls(device: DVec3) -> impl Fn(DVec3) -> f64 {
@@ -194,30 +198,10 @@ const FAULTS: &[Fault] = &[
         done: |c, _| changed(c, |c| c.bin_width *= 1.1),
         words: &["bins are", "bin width"],
     },
-    Fault {
-        name: "wall x 0.9",
-        of: figure,
-        done: |c, _| placed(c, |p| p.map(|v| 0.9 * v)),
-        words: &["wall is", "wall's size"],
-    },
-    Fault {
-        name: "wall x 1.1",
-        of: figure,
-        done: |c, _| placed(c, |p| p.map(|v| 1.1 * v)),
-        words: &["wall is", "wall's size"],
-    },
-    Fault {
-        name: "wall x 1.25",
-        of: figure,
-        done: |c, _| placed(c, |p| p.map(|v| 1.25 * v)),
-        words: &["wall is", "wall's size"],
-    },
-    Fault {
-        name: "wall x 1.1, sphere",
-        of: sphere,
-        done: |c, _| placed(c, |p| p.map(|v| 1.1 * v)),
-        words: &["wall is", "wall's size"],
-    },
+    wrong_wall("wall x 0.9", figure, wall::<90>),
+    wrong_wall("wall x 1.1", figure, wall::<110>),
+    wrong_wall("wall x 1.25", figure, wall::<125>),
+    wrong_wall("wall x 1.1, sphere", sphere, wall::<110>),
     Fault {
         name: "lean of 20 cm",
         of: figure,

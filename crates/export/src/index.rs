@@ -6,7 +6,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use super::text::escaped;
+use super::text::{escaped, quoted};
 use crate::error::Result;
 use crate::files::atomic;
 
@@ -158,10 +158,6 @@ fn line(row: &IndexRow, columns: &[&IndexColumn]) -> String {
 }
 
 fn csv(rows: &[IndexRow]) -> String {
-    let quoted = |text: &str| match text.contains([',', '"', '\n', '\r']) {
-        true => format!("\"{}\"", text.replace('"', "\"\"")),
-        false => text.into(),
-    };
     let mut out = format!("name,capture,status,{},warnings,error\n", KEYS.join(","));
     for row in rows {
         let figure = |key: &&str| match &row.figures[*key] {

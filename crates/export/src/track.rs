@@ -3,7 +3,7 @@
 
 use super::axis::{Axis, Panel, plain, rounded};
 use super::figure::{BODY, COLOURS, Colour, FRAME, Figure, HEADING, INK};
-use super::text::escaped;
+use super::text::{escaped, quoted};
 
 /// A position in a frame. Lengths are metres.
 #[derive(Debug, Clone, PartialEq)]
@@ -60,8 +60,6 @@ velocity_z_m_s,distance_m,sigma_distance_m,light,sigma_log_light,extent_m,sigma_
 pub fn csv(rows: &[TrackRow]) -> String {
     let mut out = format!("{COLUMNS}\n");
     for row in rows {
-        let name = row.frame.replace('"', "\"\"");
-        let quoted = if name.contains([',', '"', '\n', '\r']) { format!("\"{name}\"") } else { name };
         let numbers = row
             .at
             .iter()
@@ -76,7 +74,13 @@ pub fn csv(rows: &[TrackRow]) -> String {
             .map(|v| format!("{v:.6e}"))
             .collect::<Vec<_>>();
         let direction = row.unmeasured.map_or(",,".into(), |d| d.map(|v| format!("{v:.4}")).join(","));
-        out += &format!("{quoted},{:.6},{},{},{direction}\n", row.time, row.track, numbers.join(","));
+        out += &format!(
+            "{},{:.6},{},{},{direction}\n",
+            quoted(&row.frame),
+            row.time,
+            row.track,
+            numbers.join(",")
+        );
     }
     out
 }
@@ -161,7 +165,7 @@ fn over_time(figure: &mut Figure, rows: &[TrackRow], k: usize, place: [f64; 4]) 
     }
 }
 
-/// Points of an ellipse of so many standard deviations in the plane of two coordinates.
+/// Points of the ellipse of `scale` standard deviations in the plane of two coordinates.
 fn ellipse(row: &TrackRow, [a, b]: [usize; 2], scale: f64) -> Vec<[f64; 2]> {
     // The root of the covariance by Cholesky's method.
     let first = row.of(a, a).max(0.0).sqrt();

@@ -60,7 +60,7 @@ pub struct FittedBlobs {
     pub guess: Blobs,
     /// −2 times the logarithm of the likelihood, and of what was known.
     pub objective: f64,
-    /// What the counts tell, and with what was known.
+    /// Information of the counts, and with the prior.
     counted: Rows,
     matrix: Rows,
     /// Information of the roundness that errors do not have.
@@ -73,8 +73,8 @@ pub struct FittedBlobs {
 impl FittedBlobs {
     /// At a guess.
     pub fn at(sight: &Sight, guess: Blobs, known: &Expected, has_errors: bool) -> FittedBlobs {
-        let told = information(sight, &guess, has_errors);
-        let Information { mut matrix, mut score, squares, log_variance, expected } = told;
+        let Information { mut matrix, mut score, squares, log_variance, expected } =
+            information(sight, &guess, has_errors);
         let counted = matrix.clone();
         let prior = known.add(&guess, &mut matrix, &mut score);
         let deviation = known.roundness[1];
@@ -98,7 +98,7 @@ impl FittedBlobs {
         if free >= 1.0 { (self.squares / free).max(1.0) } else { 1.0 }
     }
 
-    /// The covariance of all numbers: counts tell less by the excess of the residuals.
+    /// The covariance of all numbers: the information of the counts is divided by the excess of the residuals.
     pub fn covariance(&self) -> Option<Rows> {
         let less = 1.0 - self.excess().recip();
         let mut matrix = self.matrix.clone();
@@ -110,7 +110,7 @@ impl FittedBlobs {
             .iter_mut()
             .flatten()
             .zip(self.counted.iter().flatten())
-            .for_each(|(sum, told)| *sum -= less * told);
+            .for_each(|(sum, counted)| *sum -= less * counted);
         inverse(&matrix)
     }
 }
@@ -122,7 +122,7 @@ const STILL: f64 = 1e-2;
 /// The objective also has the variances, whose derivatives steps do not know: it may rise by this.
 const RISE: f64 = 0.2;
 
-/// Fits all numbers from a guess on, in at most so many iterations.
+/// Fits all numbers, beginning with a guess; `iterations`: the most.
 pub fn fit(sight: &Sight, guess: Blobs, known: &Expected, iterations: usize) -> FittedBlobs {
     let mut best = FittedBlobs::at(sight, guess, known, true);
     let mut damping = DAMPING[0];

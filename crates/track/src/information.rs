@@ -1,4 +1,4 @@
-//! Equations of a step: what the counts tell of the numbers of blobs and of the background.
+//! Normal equations of a step: Fisher information and score of the numbers of blobs and of the background.
 //!
 //! The residual of a pair has the variance of its counts, and that of what a blob does not describe: a factor of its light and a shift
 //! of its path, independent from pair to pair, and errors of its profile, independent from bin to bin. Light and path are directions in
@@ -35,7 +35,7 @@ impl Blobs {
     }
 }
 
-/// What the counts tell.
+/// Information of the counts.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Information {
     /// Fisher information of all numbers.
@@ -83,7 +83,7 @@ struct PairSums {
     products: Rows,
 }
 
-/// What the counts tell at a guess. `has_errors`: with what a blob does not describe.
+/// Information of the counts at a guess. `has_errors`: with the model errors of a blob.
 pub fn information(sight: &Sight, guess: &Blobs, has_errors: bool) -> Information {
     let of_task = |first: usize| {
         let mut bench = PairSums::default();
@@ -107,7 +107,7 @@ pub fn information(sight: &Sight, guess: &Blobs, has_errors: bool) -> Informatio
     sum
 }
 
-/// Adds what one pair tells.
+/// Adds the information of one pair.
 fn add(
     sight: &Sight,
     pair: usize,
@@ -285,20 +285,20 @@ mod tests {
             })
             .collect();
         let mean = means(&sight, &guess);
-        let told = information(&sight, &guess, false);
+        let found = information(&sight, &guess, false);
         let weights: Vec<f64> = mean.iter().map(|m| 1.0 / sight.variance(*m)[0]).collect();
         for i in 0..numbers {
             let score: f64 =
                 (0..mean.len()).map(|k| slopes[i][k] * weights[k] * (sight.counts[k] - mean[k])).sum();
-            let size = told.matrix[i][i].sqrt() * told.squares.sqrt();
-            assert!((told.score[i] - score).abs() < 1e-5 * size, "score {i}: {} {score}", told.score[i]);
+            let size = found.matrix[i][i].sqrt() * found.squares.sqrt();
+            assert!((found.score[i] - score).abs() < 1e-5 * size, "score {i}: {} {score}", found.score[i]);
             for j in 0..numbers {
                 let product: f64 = (0..mean.len()).map(|k| slopes[i][k] * weights[k] * slopes[j][k]).sum();
-                let size = (told.matrix[i][i] * told.matrix[j][j]).sqrt();
+                let size = (found.matrix[i][i] * found.matrix[j][j]).sqrt();
                 assert!(
-                    (told.matrix[i][j] - product).abs() < 1e-5 * size,
+                    (found.matrix[i][j] - product).abs() < 1e-5 * size,
                     "{i} {j}: {} {product}",
-                    told.matrix[i][j]
+                    found.matrix[i][j]
                 );
             }
         }
@@ -308,7 +308,7 @@ mod tests {
     fn errors_of_the_model_are_those_of_the_full_covariance_of_a_pair() {
         let (sight, mut guess) = (sight(), guess());
         guess.blobs.truncate(1);
-        let told = information(&sight, &guess, true);
+        let found = information(&sight, &guess, true);
         // The same by dense matrices.
         let (mut squares, mut log) = (0.0, 0.0);
         let radius = guess.blobs[0].extent.exp();
@@ -336,7 +336,7 @@ mod tests {
             squares += rest.iter().zip(&solved).map(|(a, b)| a * b).sum::<f64>();
             log += (0..sight.bins).map(|i| 2.0 * factor[i][i].ln()).sum::<f64>();
         }
-        assert!((told.squares / squares - 1.0).abs() < 1e-9, "{} {squares}", told.squares);
-        assert!((told.log_variance / log - 1.0).abs() < 1e-9, "{} {log}", told.log_variance);
+        assert!((found.squares / squares - 1.0).abs() < 1e-9, "{} {squares}", found.squares);
+        assert!((found.log_variance / log - 1.0).abs() < 1e-9, "{} {log}", found.log_variance);
     }
 }

@@ -177,7 +177,7 @@ fn with_another(
     found.objective.is_finite().then_some(found)
 }
 
-/// Whether some pair tells each two blobs apart: nearer than their radii, they are the profile of one object.
+/// Whether each two blobs are resolved by a pair: paths that differ by less than their radii are the profile of one object.
 fn are_apart(sight: &Sight, blobs: &[Blob]) -> bool {
     let path =
         |pair: usize, blob: &Blob| blob.at.distance(sight.laser[pair]) + blob.at.distance(sight.sensor[pair]);

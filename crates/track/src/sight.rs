@@ -9,7 +9,7 @@ use crate::error::Result;
 
 /// Standard deviation of a Gaussian of full width at half maximum 1.
 const DEVIATION: f64 = 0.424_660_900_144_009_5;
-/// Bins are rendered up to so many standard deviations from a path.
+/// Half the width of a rendered path, standard deviations.
 const REACH: f64 = 5.0;
 
 /// Counts of pairs, and what blobs send to them.

@@ -8,7 +8,7 @@ use crate::constants::{EXTENT, NODES, ROUNDNESS, STARTS};
 use crate::information::Blobs;
 use crate::sight::Sight;
 
-/// Nodes nearer than so many steps to a better one are no start of their own.
+/// Least distance between starts, steps of the grid.
 const APART: f64 = 2.5;
 /// Deviation of the filter from its node, in steps of the grid.
 const WIDTH: f64 = 0.6;
@@ -62,7 +62,7 @@ pub fn starts(sight: &Sight, guess: &Blobs, [low, high]: [DVec3; 2]) -> Vec<Blob
     found
 }
 
-/// Filters the residual by a Gaussian of so many bins and the impulse response.
+/// Filters the residual by a Gaussian of standard deviation `width`, bins, and the impulse response.
 fn filtered(sight: &Sight, guess: &Blobs, width: f64) -> FilteredPaths {
     let [response, delay] = sight.response();
     let deviation = (width * width + response * response + 0.1).sqrt();

@@ -189,7 +189,7 @@ mod tests {
             let mut noise = || DVec3::new(normal(), normal(), normal()) * deviation;
             let mut positions: Vec<Position> =
                 (0..2).map(|object| seen(truth(object, frame) + noise(), deviation)).collect();
-            // The order says nothing, and an outlier is nobody's.
+            // Association does not depend on the order, and rejects an outlier.
             positions.reverse();
             if frame == 20 {
                 positions[0].at += DVec3::new(0.0, 0.0, 0.6);

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::KERNELS;
+use super::tests::words;
 
 /// Instructions of GLSL.std.450 in which drivers were found wrong.
 const INSTRUCTIONS: &[(u32, &str)] = &[
@@ -117,11 +118,7 @@ fn operations(words: &[u32]) -> BTreeSet<&'static str> {
 fn operations_that_drivers_compute_differently_have_a_safe_range() {
     let found: BTreeSet<_> = KERNELS
         .iter()
-        .flat_map(|code| {
-            let words: Vec<u32> =
-                code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
-            operations(&words).into_iter().map(|operation| (code.name, operation))
-        })
+        .flat_map(|code| operations(&words(code)).into_iter().map(|operation| (code.name, operation)))
         .collect();
     let listed: BTreeSet<_> = USES.iter().map(|(module, operation, _)| (*module, *operation)).collect();
     assert_eq!(found, listed, "a use needs a row with its range, a row a use");

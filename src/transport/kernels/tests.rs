@@ -6,6 +6,11 @@ use crate::gpu::{
     Overrun, Place, Point, Schedule, View, to_nearest,
 };
 
+/// The words of a module.
+pub fn words(code: &KernelCode) -> Vec<u32> {
+    code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect()
+}
+
 /// GLSL's own clamp may let NaN pass, and its bits would become an address.
 #[test]
 fn a_place_is_clamped_to_its_row_whatever_the_path() {
@@ -13,8 +18,7 @@ fn a_place_is_clamped_to_its_row_whatever_the_path() {
     const N_CLAMP: u32 = 81;
     let finds = ["forward", "backward", "backproject", "surface_gather", "places"];
     for code in KERNELS.iter().filter(|k| finds.iter().any(|name| k.name.starts_with(name))) {
-        let words: Vec<u32> =
-            code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let words = words(code);
         let mut at = 5;
         let mut clamps = 0;
         while at < words.len() {
@@ -31,8 +35,7 @@ fn every_workgroup_has_a_size_that_every_device_takes() {
     const EXECUTION_MODE: u32 = 16;
     const LOCAL_SIZE: u32 = 17;
     for code in KERNELS {
-        let words: Vec<u32> =
-            code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let words = words(code);
         let mut at = 5;
         let mut sizes = vec![];
         while at < words.len() {
@@ -52,8 +55,7 @@ fn every_module_declares_rounding_once_and_keeps_the_rest() {
     const CAN_ROUND_TO_NEAREST: u32 = 4467;
     const ROUND_TO_NEAREST: u32 = 4462;
     for code in KERNELS {
-        let words: Vec<u32> =
-            code.spirv.chunks_exact(4).map(|b| u32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        let words = words(code);
         let with = to_nearest(&words);
         assert_eq!(with.len(), words.len() + 6, "{}: one entry point", code.name);
         assert_eq!(with[5..7], [2 << 16 | CAPABILITY, CAN_ROUND_TO_NEAREST]);

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use thirdbounce::job::{Loaded, Request};
+use thirdbounce::learned::LEAST_PAIRS;
 use thirdbounce::{Error, Result, job};
 
 use super::progress::Meter;
@@ -13,9 +14,6 @@ use super::{interrupt, tables};
 
 /// Endings of files in the folder of a result.
 const FILES: [&str; 8] = ["npz", "mat", "exr", "svg", "png", "ply", "html", "json"];
-
-/// Up to so many pairs, a position with its error says more than maps.
-const FEW_PAIRS: usize = 49;
 
 #[derive(clap::Args)]
 pub struct ReconstructArgs {
@@ -117,7 +115,7 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         outcome.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
     let pairs = loaded.capture.pair_count();
-    if !args.quiet && pairs <= FEW_PAIRS {
+    if !args.quiet && pairs <= LEAST_PAIRS {
         say(&format!(
             "hint: {pairs} pairs make no picture: `thirdbounce track` says where an object is, with the error"
         ));
