@@ -23,6 +23,8 @@ pub struct Simulation {
     pub truth: Option<(PathBuf, usize)>,
     /// The file of the empty room, and how it is measured.
     pub empty: Option<(PathBuf, EmptyRoom)>,
+    /// Whether the truth is the things alone: the light of the room is to be subtracted.
+    pub is_truth_of_things: bool,
 }
 
 /// The result of a simulation.
@@ -78,8 +80,7 @@ pub fn simulate(
         }
     }
     let start = Instant::now();
-    // With an empty room the truth is the objects alone: the light of the room is subtracted.
-    let shown = if what.empty.is_some() { &what.scene.without_room() } else { &what.scene };
+    let shown = if what.is_truth_of_things { &what.scene.without_room() } else { &what.scene };
     let truth = what.truth.as_ref().map(|(_, n)| simulate::truth(shown, *n)).transpose()?;
     let (mut rendering, mut room) = match &what.empty {
         Some((_, how)) => {

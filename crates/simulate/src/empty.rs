@@ -67,15 +67,18 @@ impl EmptyRoom {
 }
 
 impl Scene {
+    /// Number of the things; the objects behind them are the room.
+    pub(super) fn things(&self) -> usize {
+        self.objects.len().saturating_sub(self.room)
+    }
+
     /// The scene without its things: the last [`Scene::room`] objects.
     pub fn emptied(&self) -> Scene {
-        let things = self.objects.len().saturating_sub(self.room);
-        Scene { objects: self.objects[things..].to_vec(), ..self.clone() }
+        Scene { objects: self.objects[self.things()..].to_vec(), ..self.clone() }
     }
 
     /// The things without their room.
     pub fn without_room(&self) -> Scene {
-        let things = self.objects.len().saturating_sub(self.room);
-        Scene { objects: self.objects[..things].to_vec(), room: 0, ..self.clone() }
+        Scene { objects: self.objects[..self.things()].to_vec(), room: 0, ..self.clone() }
     }
 }

@@ -21,11 +21,11 @@ const MOST: usize = 10_000;
 pub struct Motion {
     /// Number of frames.
     pub frames: usize,
-    /// Distance that all objects move along a circle from one frame to the next, metres.
+    /// Distance that the things move along a circle from one frame to the next, metres; the room rests.
     pub step: f64,
-    /// The last object is absent from earlier frames than this one, from 0.
+    /// The last thing is absent from earlier frames than this one, from 0.
     pub appears: Option<usize>,
-    /// The last object is absent from this frame, from 0, and from later ones.
+    /// The last thing is absent from this frame, from 0, and from later ones.
     pub vanishes: Option<usize>,
 }
 
@@ -46,10 +46,18 @@ impl Scene {
                 format!("give at most {MOST}: the scene comes round again"),
             ));
         }
-        if (appears.is_some() || vanishes.is_some()) && self.objects.len() < 2 {
+        let comes_or_goes = appears.is_some() || vanishes.is_some();
+        if comes_or_goes && self.objects.len() < 2 {
             return Err(Error::options(
                 format!("the only object of the scene {} is to appear or to vanish", self.name),
                 "choose a scene of several objects: spheres, plates or letters:AB",
+            ));
+        }
+        let things = self.things();
+        if comes_or_goes && things == 0 {
+            return Err(Error::options(
+                format!("all of the scene {} is its room, which neither appears nor vanishes", self.name),
+                "choose a scene with an object",
             ));
         }
         let radius = RADIUS * self.wall;
@@ -65,16 +73,17 @@ impl Scene {
             // Noise differs from frame to frame.
             scene.seed = scene.seed.wrapping_add(frame as u64);
             if appears.is_some_and(|first| frame < first) || vanishes.is_some_and(|first| frame >= first) {
-                scene.objects.pop();
+                scene.objects.remove(things - 1);
             }
         }
         Ok(all)
     }
 
-    /// The scene with all objects moved.
+    /// The scene with all things moved.
     fn moved(&self, by: DVec3) -> Scene {
-        let object = |o: &Object| Object { mesh: o.mesh.clone().translated(by), ..o.clone() };
-        Scene { objects: self.objects.iter().map(object).collect(), ..self.clone() }
+        let (things, room) = self.objects.split_at(self.things());
+        let moved = things.iter().map(|o| Object { mesh: o.mesh.clone().translated(by), ..o.clone() });
+        Scene { objects: moved.chain(room.iter().cloned()).collect(), ..self.clone() }
     }
 }
 
@@ -95,6 +104,12 @@ mod tests {
         assert_eq!(frames.iter().map(|s| s.objects.len()).collect::<Vec<_>>(), [1, 2, 2, 1, 1]);
         assert!(frames.iter().all(|s| s.bins == frames[0].bins && s.bins.is_some()));
         assert_ne!(frames[0].seed, frames[1].seed);
+        // A room rests, and the figure before it is what comes and goes.
+        let room = Scene { scan: 4, ..Scene::named("beyond").unwrap() };
+        let frames = room.sequence(&motion).unwrap();
+        let last = |s: &Scene| s.objects.last().unwrap().mesh.bounds().unwrap();
+        assert!(frames.iter().all(|s| last(s) == last(&room) && s.room == 2));
+        assert!(low(&frames[0]) != low(&frames[1]) && frames[0].objects.len() + 1 == frames[1].objects.len());
         let one = Scene::named("sphere").unwrap();
         for wrong in [Motion { step: f64::NAN, ..motion }, Motion { frames: usize::MAX, ..motion }] {
             assert!(scene.sequence(&wrong).is_err(), "{wrong:?}");

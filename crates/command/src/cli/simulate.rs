@@ -52,8 +52,9 @@ pub struct SimulateArgs {
     #[arg(long, value_name = "SIZE", value_parser = length)]
     fit: Option<f64>,
     /// Also measure the room without the object, with noise of its own, and write its capture to this file, .npz or .hdf5, for
-    /// --empty of a reconstruction. With --family a folder, which gets e7.npz of seed 7, if that scene has a room or ambient light
-    #[arg(long, value_name = "EMPTY", conflicts_with = "moving")]
+    /// --empty of a reconstruction; the truth is then the object alone. With --family a folder, which gets e7.npz of seed 7, if that scene
+    /// has a room or ambient light
+    #[arg(long, value_name = "EMPTY")]
     empty_out: Option<PathBuf>,
     /// Photons of the empty room, as a share of those that its light has in the capture
     #[arg(long, value_name = "S", default_value_t = 1.0, value_parser = number, requires = "empty_out")]
@@ -63,9 +64,9 @@ pub struct SimulateArgs {
     #[arg(long, value_name = "POWER,RIPPLE", allow_hyphen_values = true, requires = "empty_out")]
     empty_drift: Option<String>,
     /// A mesh or a built-in scene that is the room of SCENE: the capture shows both, that of --empty-out the room alone
-    #[arg(long, value_name = "ROOM", conflicts_with_all = ["family", "moving"])]
+    #[arg(long, value_name = "ROOM", conflicts_with = "family")]
     room: Option<String>,
-    /// Let the scene move on a circle, and write N frames to the folder CAPTURE: frame-0000.npz and so on, with
+    /// Let the scene move on a circle, except its room, and write N frames to the folder CAPTURE: frame-0000.npz and so on, with
     /// --truth their truths to the folder TRUTH.npz
     #[arg(long, value_name = "N")]
     moving: Option<usize>,
@@ -329,6 +330,7 @@ fn simulation(args: &SimulateArgs) -> Result<Simulation> {
         out: args.out.clone(),
         truth: args.truth.clone().map(|file| (file, args.truth_resolution)),
         empty: args.empty_out.clone().map(|file| Ok::<_, Error>((file, empty_room(args)?))).transpose()?,
+        is_truth_of_things: args.empty_out.is_some(),
     })
 }
 
@@ -378,7 +380,9 @@ fn moving(args: &SimulateArgs, all: &Simulation, frames: usize) -> Result<()> {
     for (i, scene) in all.scene.sequence(&motion)?.into_iter().enumerate() {
         let name = format!("frame-{i:04}.npz");
         let truth = all.truth.as_ref().map(|(folder, pixels)| (folder.join(&name), *pixels));
-        let frame = Simulation { scene, out: all.out.join(&name), truth, ..all.clone() };
+        // The room rests: the first frame measures it.
+        let empty = all.empty.clone().filter(|_| i == 0);
+        let frame = Simulation { scene, out: all.out.join(&name), truth, empty, ..all.clone() };
         let meter = RenderingProgress::new(args.quiet, &format!("frame {} of {frames}: ", i + 1));
         let done = simulated::simulate(&frame, &|progress| meter.hear(progress), &mut || {});
         meter.end();

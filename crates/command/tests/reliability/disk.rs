@@ -46,6 +46,7 @@ pub fn rows(share: Share) -> Vec<Row> {
                         out: out.join("c.npz"),
                         truth,
                         empty: None,
+                        is_truth_of_things: false,
                     },
                     &|_| {},
                     &mut || {},
