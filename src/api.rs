@@ -71,6 +71,7 @@ pub fn session_with(
     on_progress: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<(Session, Vec<String>)> {
     frame.check_scan()?;
+    options.check_moving(frame)?;
     if !frame.histograms.is_empty() {
         frame.check_counts(&frame.histograms)?;
     }

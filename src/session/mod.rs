@@ -27,6 +27,7 @@ use crate::{Error, Result, Verdict, surface};
 mod external;
 mod feed;
 mod latency;
+mod moving;
 mod options;
 mod submit;
 mod worker;
@@ -35,9 +36,11 @@ use external::{Exchange, maps_bytes};
 pub use external::{ExternalCounts, ExternalFrame, Format};
 pub use feed::Feed;
 pub use latency::Latency;
+pub use moving::MOVING_FRAMES;
 pub use options::{FrameId, Hear, SessionOptions};
 pub use submit::Submitter;
-use worker::{Shared, Taken, Worker, host_only};
+use moving::RunningRoom;
+use worker::{Shared, Solved, Taken, Worker, host_only};
 
 /// A solved frame.
 #[derive(Debug, Clone)]
@@ -46,6 +49,9 @@ pub struct Frame {
     pub id: FrameId,
     /// Its maps, and how they were found.
     pub result: Reconstruction,
+    /// Its counts less those of the empty room, or of what rests ([`SessionOptions::moving`]), with their noise; `None` where nothing was
+    /// subtracted.
+    pub left: Option<Arc<Capture>>,
 }
 
 /// A solver with everything that it needs to solve frames of one scan.
@@ -113,9 +119,11 @@ impl Session {
         let (summed, sum) = how.summed(solver, Cow::Borrowed(scan))?;
         let grid = grid.map_or_else(|| how.grid(solver, &summed), Ok)?;
         options.feed.check()?;
+        options.check_moving(scan)?;
         let mut prepared = prepared(gpu, &summed, grid, solver, &options)?;
         prepared.allocate()?;
         let (room, empty) = (room_light(scan), scan.empty.clone());
+        let running = options.moving.map(|frames| RunningRoom::new(scan, frames)).transpose()?;
         let (plan, scan) = (prepared.plan().clone(), scan.outline());
         let summed = (sum > 1).then(|| summed.outline());
         let [nx, ny, _] = plan.levels.maps.n;
@@ -133,6 +141,7 @@ impl Session {
             scan: scan.clone().with(|c| c.empty = empty),
             summed,
             room,
+            running,
             exchange,
             mask_fraction,
             verdict,
@@ -279,7 +288,8 @@ impl Session {
         match self.shared.taken(end) {
             Taken::Done(id, result) => {
                 self.taken = Some(id);
-                self.last = Some(Frame { id, result: *result? });
+                let Solved { result, left } = *result?;
+                self.last = Some(Frame { id, result, left });
                 Ok(self.last.as_ref())
             }
             Taken::NotYet | Taken::Nothing => Ok(None),

@@ -4,9 +4,10 @@ use std::ops::ControlFlow;
 use std::time::Duration;
 
 use super::feed::Feed;
+use crate::capture::Capture;
 use crate::engine::Progress;
 use crate::surface::Follow;
-use crate::{Error, Kind};
+use crate::{Error, Kind, Result};
 
 /// Number of a frame, from 1, in the order of submission.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -37,8 +38,19 @@ pub struct SessionOptions {
     pub feed: Feed,
     /// Begin a frame with the solution of the one before, and keep to a time for each frame. For the surface solver.
     pub follow: Option<Follow>,
+    /// Show what moves: counts that rest in so many of the last frames that were solved are subtracted as those of an empty room, with a
+    /// gain of each frame ([`crate::session::MOVING_FRAMES`] is usual). The first five frames are solved as they were measured,
+    /// with a warning.
+    pub moving: Option<usize>,
     /// Frames may be in buffers of the caller ([`super::Session::submit_external`]).
     pub external: bool,
+}
+
+impl SessionOptions {
+    /// Checks the background of what moves for frames of this scan.
+    pub(crate) fn check_moving(&self, scan: &Capture) -> Result<()> {
+        super::moving::check(self.moving, scan)
+    }
 }
 
 /// The error of a frame that was stopped by its time limit, after what `cancelled` says.

@@ -12,6 +12,7 @@ use super::ExternalFrame;
 use super::external::Exchange;
 use super::feed::{Feed, KeptCounts};
 use super::latency::{Latencies, Latency};
+use super::moving::RunningRoom;
 use super::options::{FrameId, SessionOptions, too_long};
 use crate::capture::{Capture, RoomLight};
 use crate::engine::{Prepared, Progress, Reconstruction, Watch, without_room};
@@ -24,10 +25,16 @@ use crate::{Error, Kind, Result, Verdict, panic_message};
 /// How often a frame that waits for its counts looks whether it was cancelled.
 const LOOK: Duration = Duration::from_millis(20);
 
+/// A solved frame: see [`super::Frame`].
+pub(super) struct Solved {
+    pub result: Reconstruction,
+    pub left: Option<Arc<Capture>>,
+}
+
 /// What there is of the newest frame.
 pub(super) enum Taken {
     /// Its result.
-    Done(FrameId, Result<Box<Reconstruction>>),
+    Done(FrameId, Result<Box<Solved>>),
     /// It is being solved, or waits.
     NotYet,
     /// Nothing: the last result was taken, or there was no frame yet.
@@ -59,7 +66,7 @@ struct State {
     /// The frame that the thread solves, and when it was submitted.
     solving: Option<(FrameId, Instant)>,
     /// The result of a frame, until it is taken.
-    done: Option<(FrameId, Result<Box<Reconstruction>>)>,
+    done: Option<(FrameId, Result<Box<Solved>>)>,
     /// The last frame's number.
     newest: FrameId,
     latencies: Latencies,
@@ -254,7 +261,7 @@ impl Shared {
     }
 
     /// Leaves the result of a frame.
-    fn leave(&self, id: FrameId, result: Result<Reconstruction>, broken: Option<Error>) {
+    fn leave(&self, id: FrameId, result: Result<Solved>, broken: Option<Error>) {
         let mut state = self.state();
         if let Some((_, since)) = state.solving.take().filter(|_| result.is_ok()) {
             state.latencies.add(since, Instant::now());
@@ -320,6 +327,8 @@ pub(super) struct Worker {
     pub summed: Option<Capture>,
     /// Of the empty room that the scan holds, which is subtracted from every frame with a gain of its own.
     pub room: Option<RoomLight>,
+    /// What rests in the frames, in its place ([`SessionOptions::moving`]).
+    pub running: Option<RunningRoom>,
     /// Copies frames from and to buffers of the caller, if the session takes such.
     pub exchange: Option<Exchange>,
     /// See [`conclude`].
@@ -352,12 +361,12 @@ impl Worker {
     }
 
     /// Solves a frame in a caller's buffer, and gives its maps back.
-    fn solve_external(&mut self, id: FrameId, external: &mut ExternalFrame) -> Result<Reconstruction> {
+    fn solve_external(&mut self, id: FrameId, external: &mut ExternalFrame) -> Result<Solved> {
         let solved = self
             .wait_for(id, external.counts.after)
             .and_then(|()| self.take(external))
             .and_then(|()| self.solve(id))
-            .and_then(|result| self.give(external, &result.maps).map(|()| result));
+            .and_then(|solved| self.give(external, &solved.result.maps).map(|()| solved));
         if solved.is_err() {
             external.release(&self.gpu);
         }
@@ -398,11 +407,16 @@ impl Worker {
         Ok(())
     }
 
-    fn solve(&mut self, id: FrameId) -> Result<Reconstruction> {
-        let Worker { shared, prepared, scan, summed, room, mask_fraction, verdict, options, .. } = self;
+    fn solve(&mut self, id: FrameId) -> Result<Solved> {
+        let Worker { shared, prepared, scan, summed, room, running, mask_fraction, verdict, options, .. } = self;
         let begun = Instant::now();
-        let emptied = room.as_ref().and_then(|light| without_room(scan, light));
-        let scan = emptied.as_ref().map_or(&*scan, |(_, left)| left);
+        let lacks = running.as_ref().and_then(RunningRoom::lacks);
+        let left = match running {
+            Some(running) => running.subtract(scan),
+            None => room.as_ref().and_then(|light| without_room(scan, light)).map(|(_, left)| left),
+        };
+        let left = left.map(Arc::new);
+        let scan = left.as_deref().unwrap_or(scan);
         let scan = match summed {
             Some(summed) => {
                 summed.take_sums(scan);
@@ -426,7 +440,12 @@ impl Worker {
         };
         conclude(scan, *mask_fraction, &mut result);
         result.verdict = Some(with_maps(verdict, &result.warnings));
-        Ok(result)
+        if let Some([known, least]) = lacks {
+            result.warnings.push(format!(
+                "what rests is not known yet, and nothing is subtracted: {known} of the first {least} frames came before this one"
+            ));
+        }
+        Ok(Solved { result, left })
     }
 }
 

@@ -62,6 +62,14 @@ pub struct RoomLight {
     per_count: f64,
 }
 
+impl RoomLight {
+    /// Takes the variance of a bin of the empty room per count.
+    #[doc(hidden)]
+    pub fn set_variance(&mut self, per_count: f64) {
+        self.per_count = per_count.max(f64::MIN_POSITIVE);
+    }
+}
+
 #[doc(hidden)]
 impl Capture {
     /// The capture of the empty room: its counts in the place of the capture's.
@@ -76,6 +84,12 @@ impl Capture {
     pub fn room_light(&self, per_count: f64) -> Option<RoomLight> {
         let smooth = low_rank(self.empty.as_ref()?, self.bins, per_count);
         Some(RoomLight { basis: GainBasis::of(self), smooth, per_count })
+    }
+
+    /// As [`Capture::room_light`] of an empty room that is the mean of many frames: its counts are used as they are. The scan has no counts
+    /// of it yet.
+    pub fn room_light_of_mean(&self) -> RoomLight {
+        RoomLight { basis: GainBasis::of(self), smooth: None, per_count: f64::MIN_POSITIVE }
     }
 
     /// The gain by which the empty room is part of the capture. `per_count`: variance of a bin of the capture per count. `None` without an

@@ -1,0 +1,257 @@
+//! The room as what rests in the frames of a session: a running background in the place of a capture of the empty room.
+//!
+//! Of the last frames, the counts of [`WINDOW`] neighbouring bins of a pair have a median. Frames whose counts are near it show the room
+//! there, and their mean is the background. The mean of such frames has half the variance of a median, and no bias where a bin has less than
+//! a count: there, the median of single bins is 0. The background is of the frames before the one that is subtracted from. It is renewed
+//! for an eighth of the pairs with each frame.
+
+use rayon::prelude::*;
+
+use crate::capture::{Capture, RoomLight};
+use crate::engine::{variance_per_count, without_room};
+use crate::{Error, Result, host};
+
+/// Frames of the background by default: three seconds of ten frames a second.
+pub const MOVING_FRAMES: usize = 31;
+/// Frames from which on there is a background: the median of fewer is that of the object, too.
+pub(super) const LEAST_FRAMES: usize = 5;
+/// Most frames: a minute of many.
+const MOST_FRAMES: usize = 1000;
+/// Neighbouring bins whose counts are one number for the median.
+const WINDOW: usize = 4;
+/// Frames belong to the background up to this many standard deviations of photons and of a laser's power, as a share, from the median.
+const NEAR: f64 = 2.5;
+const POWER: f64 = 0.02;
+/// Frames in which all pairs are renewed once, at most; fewer while there are few frames.
+const ROUND: usize = 8;
+
+/// Frames of the background that a session may be asked for.
+///
+/// # Errors
+/// A number out of range, or counts of an empty room beside it.
+pub(super) fn check(frames: Option<usize>, scan: &Capture) -> Result<()> {
+    let Some(frames) = frames else { return Ok(()) };
+    if !(LEAST_FRAMES..=MOST_FRAMES).contains(&frames) {
+        return Err(Error::options(
+            format!("the background of what moves is that of {frames} frames"),
+            format!("give {LEAST_FRAMES} to {MOST_FRAMES} frames"),
+        ));
+    }
+    if scan.empty.is_some() {
+        return Err(Error::options(
+            "a capture of the empty room and a background of the frames are both to be subtracted",
+            "give one of them",
+        ));
+    }
+    Ok(())
+}
+
+/// What rests in the last frames.
+pub(super) struct RunningRoom {
+    pairs: usize,
+    bins: usize,
+    /// The last frames, `[frame][pair * bins + bin]`, and their sums over windows, `[frame][pair * windows + window]`.
+    frames: Vec<Vec<f32>>,
+    windows: Vec<Vec<f32>>,
+    /// The place of the next frame, and frames that came.
+    next: usize,
+    came: usize,
+    most: usize,
+    light: RoomLight,
+    /// Sum over windows of the frames that are in their mean, by pair.
+    used: Vec<f64>,
+    /// Variance of a bin per count in the last frames.
+    per_count: f64,
+}
+
+impl RunningRoom {
+    /// For frames of this scan.
+    ///
+    /// # Errors
+    /// The memory of the host does not hold the frames.
+    pub fn new(scan: &Capture, most: usize) -> Result<RunningRoom> {
+        let (pairs, bins) = (scan.pair_count(), scan.bins);
+        let rows = |length: usize| {
+            (0..most).map(|_| host::room("frames of the background", length)).collect::<Result<Vec<_>>>()
+        };
+        host::ask("frames of the background", host::bytes(pairs * (bins + bins.div_ceil(WINDOW)), 4 * most))?;
+        Ok(RunningRoom {
+            pairs,
+            bins,
+            frames: rows(pairs * bins)?,
+            windows: rows(pairs * bins.div_ceil(WINDOW))?,
+            next: 0,
+            came: 0,
+            most,
+            light: scan.room_light_of_mean(),
+            used: vec![0.0; pairs],
+            per_count: 1.0,
+        })
+    }
+
+    /// Frames that are known, and those from which on there is a background, where there is none yet.
+    pub fn lacks(&self) -> Option<[usize; 2]> {
+        (self.came < LEAST_FRAMES).then_some([self.came, LEAST_FRAMES])
+    }
+
+    /// What is left of a frame without the room, in which `frame.empty` is the background; then the frame is one of those that make the next
+    /// background. `None`: there is no background yet, or none of its light is in the frame.
+    pub fn subtract(&mut self, frame: &mut Capture) -> Option<Capture> {
+        let left = match self.lacks() {
+            Some(_) => None,
+            None => {
+                let windows = self.bins.div_ceil(WINDOW) * self.pairs;
+                let used = self.used.iter().sum::<f64>() / windows.max(1) as f64;
+                self.light.set_variance(self.per_count / used.max(1.0));
+                without_room(frame, &self.light)
+            }
+        };
+        self.add(frame);
+        left.map(|(_, left)| left)
+    }
+
+    /// Takes a frame, and renews the background of some pairs.
+    fn add(&mut self, frame: &mut Capture) {
+        self.per_count = variance_per_count(frame).max(f64::MIN_POSITIVE);
+        let (counts, sums) = (&mut self.frames[self.next], &mut self.windows[self.next]);
+        counts.clear();
+        counts.extend_from_slice(&frame.histograms);
+        sums.clear();
+        for row in counts.chunks_exact(self.bins) {
+            sums.extend(row.chunks(WINDOW).map(|bins| bins.iter().sum::<f32>()));
+        }
+        self.next = (self.next + 1) % self.most;
+        self.came += 1;
+        let known = self.came.min(self.most);
+        if self.came < LEAST_FRAMES {
+            return;
+        }
+        let first = self.came == LEAST_FRAMES;
+        let round = if first { 1 } else { (known / 4).clamp(1, ROUND) };
+        let room = frame.empty.get_or_insert_with(|| vec![0.0; frame.histograms.len()]);
+        let (bins, per_count, phase) = (self.bins, self.per_count, self.came % round);
+        let (frames, windows) = (&self.frames[..known], &self.windows[..known]);
+        room.par_chunks_exact_mut(bins).zip(&mut self.used).enumerate().for_each(|(pair, (row, used))| {
+            if pair % round == phase {
+                *used = rested(frames, windows, pair, per_count, row);
+            }
+        });
+    }
+}
+
+/// Writes the counts of a pair that rest, and returns the sum over windows of the frames in their means.
+fn rested(
+    frames: &[Vec<f32>],
+    windows: &[Vec<f32>],
+    pair: usize,
+    per_count: f64,
+    row: &mut [f32],
+) -> f64 {
+    let (bins, count) = (row.len(), row.len().div_ceil(WINDOW));
+    let mut used = 0.0;
+    let mut sorted = Vec::with_capacity(frames.len());
+    for (window, room) in row.chunks_mut(WINDOW).enumerate() {
+        let sum = |frame: &Vec<f32>| frame[pair * count + window];
+        sorted.clear();
+        sorted.extend(windows.iter().map(sum));
+        let middle = f64::from(median(&mut sorted));
+        let deviation = (per_count * middle.max(per_count) + (POWER * middle).powi(2)).sqrt();
+        room.fill(0.0);
+        let mut near = 0.0f32;
+        for (frame, sums) in frames.iter().zip(windows) {
+            if (f64::from(sum(sums)) - middle).abs() <= NEAR * deviation {
+                let from = pair * bins + window * WINDOW;
+                room.iter_mut().zip(&frame[from..]).for_each(|(sum, count)| *sum += count);
+                near += 1.0;
+            }
+        }
+        // The median itself is near.
+        room.iter_mut().for_each(|sum| *sum /= near.max(1.0));
+        used += f64::from(near);
+    }
+    used
+}
+
+/// The upper median, which is one of the values.
+fn median(values: &mut [f32]) -> f32 {
+    let half = values.len() / 2;
+    *values.select_nth_unstable_by(half, f32::total_cmp).1
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DVec3;
+    use rand::SeedableRng;
+    use rand_distr::{Distribution, Poisson};
+    use rand_pcg::Pcg64;
+
+    use super::*;
+
+    const PAIRS: usize = 36;
+    const BINS: usize = 80;
+
+    fn scan() -> Capture {
+        let points: Vec<DVec3> =
+            (0..PAIRS).map(|i| DVec3::new((i / 6) as f64 / 6.0, (i % 6) as f64 / 6.0, 0.0)).collect();
+        Capture::new([6, 6], points.clone(), points, BINS, 0.02, vec![])
+    }
+
+    fn room(pair: usize, bin: usize, level: f64) -> f64 {
+        level * (0.1 + (-(bin as f64 - 40.0 - pair as f64 / 6.0).powi(2) / 50.0).exp())
+    }
+
+    /// Light of an object that is in every bin for a third of 30 frames.
+    fn object(bin: usize, frame: usize, level: f64) -> f64 {
+        let place = 5.0 + 2.4 * (frame % 30) as f64;
+        2.0 * level * (-((bin as f64 - place) / 8.0).powi(2)).exp()
+    }
+
+    fn errors(level: f64, frames: usize) -> [f64; 2] {
+        let mut random = Pcg64::seed_from_u64(11);
+        let mut running = RunningRoom::new(&scan(), MOVING_FRAMES).unwrap();
+        let mut frame = scan();
+        frame.integer_counts = true;
+        let mut mean = vec![0.0; PAIRS * BINS];
+        for number in 0..frames {
+            let draw = |i: usize| {
+                let light = room(i / BINS, i % BINS, level) + object(i % BINS, number, level);
+                Poisson::new(light).map_or(0.0, |counts| counts.sample(&mut random)) as f32
+            };
+            frame.histograms = (0..PAIRS * BINS).map(draw).collect();
+            mean.iter_mut().zip(&frame.histograms).for_each(|(sum, v)| *sum += f64::from(*v) / frames as f64);
+            let left = running.subtract(&mut frame);
+            assert_eq!(left.is_some(), number >= LEAST_FRAMES, "{number}");
+        }
+        let room = |i: usize| room(i / BINS, i % BINS, level);
+        let square = |values: &dyn Fn(usize) -> f64| {
+            let sum: f64 = (0..PAIRS * BINS).map(|i| (values(i) - room(i)).powi(2)).sum();
+            (sum / (PAIRS * BINS) as f64).sqrt() / level
+        };
+        let known = frame.empty.unwrap();
+        [square(&|i| f64::from(known[i])), square(&|i| mean[i])]
+    }
+
+    #[test]
+    fn what_rests_is_the_room_whatever_moves_before_it() {
+        let [bright, mean] = errors(200.0, 60);
+        assert!(bright < 0.04 && mean > 10.0 * bright, "{bright} {mean}");
+        let [faint, mean] = errors(0.5, 60);
+        assert!(faint < 0.75 * mean, "{faint} {mean}");
+    }
+
+    #[test]
+    fn the_room_follows_what_changes_for_good() {
+        let mut running = RunningRoom::new(&scan(), LEAST_FRAMES).unwrap();
+        let mut frame = scan();
+        for (level, frames) in [(100.0, 5), (50.0, 5)] {
+            for _ in 0..frames {
+                frame.histograms = vec![level; PAIRS * BINS];
+                running.subtract(&mut frame);
+            }
+            assert!(frame.empty.as_ref().unwrap().iter().all(|v| *v == level), "{level}");
+        }
+        assert!(check(Some(4), &scan()).is_err() && check(Some(5), &scan()).is_ok());
+        let with_room = scan().with(|c| c.empty = Some(vec![1.0; PAIRS * BINS]));
+        assert!(check(Some(31), &with_room).is_err() && check(None, &with_room).is_ok());
+    }
+}
