@@ -248,6 +248,9 @@ typedef struct tb_settings {
     size_t queue_length;
     // Factor of the sum before the next frame is added, 0 to 1, with TB_FRAMES_SUM.
     double sum_decay;
+    // Show what moves: what rests in so many of the last solved frames, 5 to 1000 (31 is usual), is subtracted as an empty room; 0: nothing
+    // is. The first five frames are solved as they are, with a warning.
+    size_t moving_frames;
 } tb_settings;
 
 // A solved frame. All arrays belong to the session and remain valid until the next `tb_session_wait` that returns a

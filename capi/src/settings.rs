@@ -92,6 +92,9 @@ pub struct TbSettings {
     pub queue_length: usize,
     /// Factor of the sum before the next frame is added, 0 to 1, with TB_FRAMES_SUM.
     pub sum_decay: f64,
+    /// Show what moves: what rests in so many of the last solved frames, 5 to 1000 (31 is usual), is subtracted as an empty room; 0: nothing
+    /// is. The first five frames are solved as they are, with a warning.
+    pub moving_frames: usize,
 }
 
 // SAFETY: `repr(C)`, begins with its size; zero is valid for all fields.
@@ -191,6 +194,7 @@ impl TbSettings {
             hear: unsafe { self.hear() },
             follow: (self.warm_start != 0).then(|| Follow { budget, ..Follow::default() }),
             external: self.external_frames != 0,
+            moving: (self.moving_frames > 0).then_some(self.moving_frames),
             feed: self.feed()?,
             ..SessionOptions::default()
         })

@@ -89,8 +89,9 @@ impl Session {
 #[pymethods]
 impl Session {
     /// Compiles and allocates everything for frames of the scan that `arrays` describes. `follow`: frames follow each other, with the
-    /// seconds of each, if they are limited.
+    /// seconds of each, if they are limited. `moving`: frames of the background of what moves.
     #[new]
+    #[allow(clippy::too_many_arguments)]
     fn new(
         py: Python<'_>,
         arrays: Arrays<'_>,
@@ -99,6 +100,7 @@ impl Session {
         progress: Option<Py<PyAny>>,
         feed: Option<FeedGiven>,
         follow: Option<(Option<f64>,)>,
+        moving: Option<usize>,
     ) -> PyResult<Session> {
         let feed = guarded(py, None, || feed.map_or(Ok(Feed::One), |given| given.feed()))?;
         let scan = guarded(py, None, || arrays.capture())?;
@@ -118,8 +120,14 @@ impl Session {
             let teller = Arc::new(teller);
             let of_session = teller.clone();
             let hear: Hear = Box::new(move |id, p: &Progress| of_session.hear_frame(id.0, p));
-            let options =
-                SessionOptions { time_limit, hear: Some(hear), feed, follow, ..SessionOptions::default() };
+            let options = SessionOptions {
+                time_limit,
+                hear: Some(hear),
+                feed,
+                follow,
+                moving,
+                ..SessionOptions::default()
+            };
             let made = engine::session_with(&gpu, &scan, &settings, options, &mut |p| teller.hear(p));
             made.map(|(session, _)| session)
         })?;

@@ -172,3 +172,16 @@ def test_frames_follow_each_other(capture):
 def test_frames_keep_their_volume(capture):
     with tb.Session(capture, solver="lct", lateral=16, keep_volume=True) as frames:
         assert frames.solve(capture.H).volume.shape[:2] == (16, 16)
+
+
+def test_what_rests_is_subtracted_after_five_frames(capture):
+    with session(capture, moving=True, **QUICK) as frames:
+        results = [frames.solve(capture.H * (1 + 0.01 * (k % 3))) for k in range(7)]
+    known = ["what rests is not known yet" not in " ".join(maps.warnings) for maps in results]
+    assert known == [False] * 5 + [True] * 2
+    # Nothing moves: what is left is a small share of what was there.
+    assert np.nansum(results[-1].albedo) < 0.3 * np.nansum(results[0].albedo)
+    with pytest.raises(tb.OptionsError, match="4 frames"):
+        session(capture, moving=4, **QUICK)
+    with pytest.raises(tb.OptionsError, match="whole number"):
+        session(capture, moving="many", **QUICK)

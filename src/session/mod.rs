@@ -60,6 +60,8 @@ pub struct Session {
     plan: Arc<Plan>,
     /// See [`SessionOptions::external`].
     external: bool,
+    /// See [`Session::subtracts`].
+    subtracts: bool,
     submitter: Submitter,
     shared: Arc<Shared>,
     thread: Option<JoinHandle<()>>,
@@ -132,7 +134,7 @@ impl Session {
             .then(|| Exchange::new(gpu, [scan.pair_count() * scan.bins, nx * ny], options.memory));
         let (exchange, external) = (exchange.transpose()?, options.external);
         let shared = Arc::new(Shared::new(scan.pair_count(), scan.bins, options.feed));
-        let feed = options.feed;
+        let (feed, subtracts) = (options.feed, room.is_some() || running.is_some());
         let mask_fraction = options.mask_fraction.or(solver.usual_mask());
         let worker = Worker {
             gpu: gpu.clone(),
@@ -158,6 +160,7 @@ impl Session {
             gpu: gpu.clone(),
             plan,
             external,
+            subtracts,
             submitter,
             shared,
             thread: Some(thread),
@@ -246,6 +249,11 @@ impl Session {
     pub fn external_maps_bytes(&self) -> u64 {
         let [nx, ny, _] = self.plan.levels.maps.n;
         maps_bytes(nx * ny)
+    }
+
+    /// Whether counts of the empty room, or of what rests ([`SessionOptions::moving`]), are subtracted from frames.
+    pub fn subtracts(&self) -> bool {
+        self.subtracts
     }
 
     /// Whether no frame is being solved, and none waits. A result may be there.

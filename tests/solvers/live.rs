@@ -344,3 +344,42 @@ fn what_cannot_follow_is_refused() {
     let sum = Feed::Sum { decay: 2.0 };
     assert_error(make(options().into(), Follow::default(), sum), Kind::Options, &["decay"]);
 }
+
+/// A letter that moves before a plate that rests: the frames before the background is known are those of a plain session, later ones show the
+/// letter alone.
+#[test]
+fn what_moves_is_shown_without_what_rests() {
+    let gpu = host();
+    let room = thirdbounce::simulate::rectangle(dvec3(0.1, -0.1, 0.95), dvec3(0.0, 0.3, 0.0), dvec3(0.3, 0.0, 0.0));
+    let both = |x: f64| {
+        let mut scene = letter(x);
+        scene.objects.push(thirdbounce::simulate::Object { mesh: room.clone(), albedo: 1.0 });
+        seen(&scene).0
+    };
+    // The letter is aside for half of the frames.
+    let places: Vec<f64> = (0..8).map(|frame| if frame % 2 == 0 { -0.3 } else { 0.05 * f64::from(frame) }).collect();
+    let frames: Vec<Capture> = places.iter().map(|x| both(*x)).collect();
+    let (_, truth) = seen(&letter(places[7]));
+    let mut moving = session(&gpu, &frames[0], SessionOptions { moving: Some(31), ..SessionOptions::default() });
+    let mut plain = session(&gpu, &frames[0], SessionOptions::default());
+    assert!(moving.subtracts() && !plain.subtracts());
+    for (number, frame) in frames.iter().enumerate() {
+        let done = solved(&mut moving, &frame.histograms);
+        let warns = done.warnings.iter().any(|warning| warning.contains("what rests is not known yet"));
+        assert_eq!([warns, moving.last().unwrap().left.is_none()], [number < 5; 2], "{number}");
+        if number == 0 {
+            assert!(done.maps == solved(&mut plain, &frame.histograms).maps);
+        }
+    }
+    let with = quality(&moving.last().unwrap().result, &truth);
+    let without = quality(&solved(&mut plain, &frames[7].histograms), &truth);
+    assert!(with[1] > without[1] + 0.2, "{with:?} {without:?}");
+    // Frames that are all alike leave nothing, and the session lives on.
+    for _ in 0..7 {
+        let done = solved(&mut moving, &frames[0].histograms);
+        assert!(done.maps.albedo.iter().all(|v| v.is_finite()));
+    }
+    let options = SessionOptions { moving: Some(4), ..SessionOptions::default() };
+    let error = Session::new(&gpu, &frames[0], None, &self::options().into(), options).map(drop);
+    assert_error(error, Kind::Options, &["4 frames", "5 to 1000"]);
+}

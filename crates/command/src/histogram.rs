@@ -3,10 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use thirdbounce::files::staging::Staging;
 use thirdbounce::job::{Loaded, places};
 use thirdbounce::settings::Settings;
 use thirdbounce::{Error, Result, capture, export, job};
-use thirdbounce_tags::{self as tags, Asked, Histograms, Scan};
+use thirdbounce_tags::{self as tags, Asked, Histograms, Readings, Scan};
 
 /// What to make of which file.
 #[derive(Debug, Clone, PartialEq)]
@@ -17,7 +18,7 @@ pub struct Histogramming {
     pub scan: Scan,
     /// How tags become histograms.
     pub asked: Asked,
-    /// The capture to write: .npz, .hdf5 or .mat.
+    /// The capture to write: .npz, .hdf5 or .mat; the folder of those of each reading.
     pub out: PathBuf,
     /// A picture of the mean histogram, and of the direct peaks and counts over the scan, and of the wall's depth if it is that of its
     /// own returns.
@@ -30,8 +31,13 @@ pub struct Histogramming {
 /// # Errors
 /// Those of [`tags::histogram()`], and a file that cannot be written.
 pub fn histogram(what: &Histogramming, before_writing: &mut dyn FnMut()) -> Result<(Histograms, f64)> {
-    places::check_file(&what.out)?;
-    capture::formats::check_ending(&what.out)?;
+    let each = what.asked.readings == Readings::Each;
+    if each {
+        places::check_results(&what.out)?;
+    } else {
+        places::check_file(&what.out)?;
+        capture::formats::check_ending(&what.out)?;
+    }
     what.picture.as_deref().map(places::check_file).transpose()?;
     if what.picture.as_ref() == Some(&what.out) {
         return Err(Error::options("capture and picture go to the same file", "give two files"));
@@ -43,11 +49,27 @@ pub fn histogram(what: &Histogramming, before_writing: &mut dyn FnMut()) -> Resu
     let mut made = tags::histogram(&what.tags, &what.scan, &what.asked)?;
     let seconds = start.elapsed().as_secs_f64();
     before_writing();
-    made.notes.extend(capture::write(&made.capture, &what.out)?);
+    if each {
+        write_each(&made, &what.out)?;
+    } else {
+        made.notes.extend(capture::write(&made.capture, &what.out)?);
+    }
     if let Some(picture) = &what.picture {
         export::inspection::write_with_direct(picture, &made.capture, made.direct.as_deref(), made.shaped)?;
     }
     Ok((made, seconds))
+}
+
+/// Writes the captures of all readings into a folder; none if one cannot be written.
+fn write_each(made: &Histograms, out: &Path) -> Result<()> {
+    let staging = Staging::new(out)?;
+    let mut files = vec![];
+    for (number, reading) in made.readings.iter().enumerate() {
+        let file = staging.path().join(format!("reading-{number:04}.npz"));
+        capture::write(reading, &file)?;
+        files.push(file);
+    }
+    staging.commit(&files).map(drop)
 }
 
 /// Makes a capture of the time tags or histograms of an instrument in a file, and prepares it as [`job::load`] does. `scan` and

@@ -121,7 +121,7 @@ fn check(what: &Tracking) -> Result<()> {
 }
 
 /// The reflectance by which light falls with the distance.
-fn law(settings: &Settings) -> Reflectance {
+pub(crate) fn law(settings: &Settings) -> Reflectance {
     match settings.model {
         Some(ReflectanceSetting::Known(law)) => law,
         _ => Reflectance::Cosine,
@@ -129,7 +129,7 @@ fn law(settings: &Settings) -> Reflectance {
 }
 
 /// Variances of a bin per count, and without light.
-fn noise(capture: &Capture) -> [f64; 2] {
+pub(crate) fn noise(capture: &Capture) -> [f64; 2] {
     if capture.integer_counts { [1.0, 0.0] } else { variances(capture, background(capture)) }
 }
 
@@ -160,7 +160,7 @@ fn six(matrix: DMat3) -> [f64; 6] {
 }
 
 /// The row of an object that has a position in the frame.
-fn row(name: &str, time: f64, state: &TrackState, found: &Finding) -> Option<TrackRow> {
+pub(crate) fn row(name: &str, time: f64, state: &TrackState, found: &Finding) -> Option<TrackRow> {
     let position: &Position = &found.positions[state.position?];
     let filtered = [0, 1, 2].map(|k| state.covariance.col(k)[k].max(0.0).sqrt());
     Some(TrackRow {

@@ -88,7 +88,17 @@ impl PointCounts {
         ticks: usize,
         last: Option<f64>,
     ) -> Result<PointCounts> {
-        let InstrumentHistograms { tick, bins, counts: all, .. } = stored;
+        PointCounts::of_counts(stored, &stored.counts, ticks, last)
+    }
+
+    /// The same of other counts of its points and bins.
+    pub(super) fn of_counts(
+        stored: &InstrumentHistograms,
+        all: &[u32],
+        ticks: usize,
+        last: Option<f64>,
+    ) -> Result<PointCounts> {
+        let InstrumentHistograms { tick, bins, .. } = stored;
         let used = last.map_or(*bins, |last| ((last / tick).ceil().max(1.0) as usize).min(*bins));
         let cells = used.div_ceil(ticks);
         let mut counts = room(all.len() / bins, cells, u64::MAX)?;

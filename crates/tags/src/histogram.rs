@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 use super::collect::PointCounts;
 use super::division::{Course, Rounds};
-use super::{Division, Inputs, Scan, Survey, Tags, Zero, lines, shape, stored, zero};
+use super::{Division, Inputs, Readings, Scan, Survey, Tags, Zero, lines, shape, stored, zero};
 use crate::advice::advice;
 use crate::capture::{Capture, METRES_PER_PICOSECOND, Turn, conditioning};
 use crate::error::{Error, Result};
@@ -62,6 +62,8 @@ pub struct Asked {
     /// Where laser and sensor stand, metres, in the coordinates of the scan: wall points then move along the laser's beam to where
     /// their own returns come from. `None` leaves them where they are given.
     pub seen_from: Option<[DVec3; 2]>,
+    /// Which readings of an instrument's own histograms are used.
+    pub readings: Readings,
 }
 
 /// A capture from time tags, and how it came about.
@@ -70,6 +72,8 @@ pub struct Asked {
 pub struct Histograms {
     /// The capture; its name is the file's stem.
     pub capture: Capture,
+    /// Captures of each reading, with the points and the path 0 of `capture`, if they are asked for.
+    pub readings: Vec<Capture>,
     /// What wrote the file.
     pub instrument: String,
     /// What the file holds; `None` for histograms of the instrument.
@@ -106,20 +110,24 @@ pub fn histogram(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> 
 fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     check(scan, asked)?;
     let mut notes = vec![];
-    let stored = stored::read(path, scan.points(), asked.bin_width, &mut notes)?;
-    let mut is_stored = false;
-    let (cells, ticks, instrument, survey, share) = if let Some(stored) = stored {
+    let stored = stored::read(path, scan.points(), asked.bin_width, asked.readings, &mut notes)?;
+    let (cells, ticks, instrument, survey, share) = if let Some(stored) = &stored {
         let (fine, ticks) = widths(asked.bin_width, stored.tick, &mut notes)?;
-        is_stored = true;
         if asked.division.is_some() {
             return Err(Error::options(
                 "the file holds histograms: the instrument has divided the photons",
                 "leave out which photons belong to which point",
             ));
         }
-        let cells = PointCounts::of_stored(&stored, fine as usize, asked.until)?;
+        let cells = PointCounts::of_stored(stored, fine as usize, asked.until)?;
         (cells, [fine, ticks], format!("histograms: {}", stored.name), None, 1.0)
     } else {
+        if asked.readings != Readings::Sum {
+            return Err(Error::options(
+                "readings were asked for, but the file holds time tags",
+                "leave this out: it is for histograms of an instrument",
+            ));
+        }
         let tags = Tags::open(path, &asked.inputs)?;
         let (fine, ticks) = widths(asked.bin_width, tags.tick, &mut notes)?;
         let survey = Survey::of(&tags)?;
@@ -137,11 +145,18 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
         ));
     }
     let (zeros, direct) = zeros(&cells, scan, asked, &mut notes)?;
-    if is_stored && direct {
+    if stored.is_some() && direct {
         zero::check_scene(&cells, &zeros)?;
     }
     let (outline, pair_of) = outline(scan, asked, &zeros, cells.width, &mut notes)?;
     notes.extend(asked.turn.note());
+    let mut readings = vec![];
+    for counts in stored.iter().flat_map(|stored| &stored.readings) {
+        let Some(stored) = &stored else { continue };
+        let cells = PointCounts::of_counts(stored, counts, ticks[0] as usize, asked.until)?;
+        let capture = bins(&cells, per_bin, &zeros, &pair_of, outline.clone())?;
+        readings.push(capture.with(|c| c.direct = direct.then_some(0.0)));
+    }
     let mut capture = bins(&cells, per_bin, &zeros, &pair_of, outline)?;
     capture.name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
     let pulses = cells.pulses.as_ref().and_then(|all| Some([*all.iter().min()?, *all.iter().max()?]));
@@ -157,7 +172,11 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     let measured: Vec<bool> = capture.histograms.chunks_exact(capture.bins).map(|h| !h[0].is_nan()).collect();
     // The order of the points is that of the scan, and dark points stay.
     let measured_pairs = conditioning::measured(capture, true)?;
-    let (capture, dropped) = (measured_pairs.capture, measured_pairs.dropped);
+    let (mut capture, dropped) = (measured_pairs.capture, measured_pairs.dropped);
+    let mut readings = readings
+        .into_iter()
+        .map(|reading| conditioning::measured(reading, true).map(|measured| measured.capture))
+        .collect::<Result<Vec<_>>>()?;
     notes.extend(measured_pairs.notes);
     if let Some(all) = direct.as_mut().filter(|all| all.len() != capture.pair_count()) {
         let mut kept = measured.iter();
@@ -165,7 +184,15 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     }
     let photons = capture.histograms.iter().map(|n| f64::from(*n)).sum::<f64>() as u64;
     let left_out = total - photons.min(total) + cells.outside + cells.late;
-    Ok(Histograms { capture, instrument, survey, direct, photons, left_out, pulses, shaped, dropped, notes })
+    let unit = stored.as_ref().map_or(1.0, |stored| stored.unit);
+    if unit != 1.0 {
+        // Fractions are no photon counts: their noise is estimated.
+        for capture in readings.iter_mut().chain([&mut capture]) {
+            capture.histograms.iter_mut().for_each(|v| *v = (f64::from(*v) * unit) as f32);
+            capture.integer_counts = false;
+        }
+    }
+    Ok(Histograms { capture, readings, instrument, survey, direct, photons, left_out, pulses, shaped, dropped, notes })
 }
 
 /// The pairs of a capture without counts, and the pair of each point: where the scan says, or where their own returns come from.

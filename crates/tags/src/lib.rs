@@ -27,11 +27,13 @@ mod syncs;
 mod tables;
 mod text;
 mod zero;
+mod zone_logs;
 
 pub use arrange::Scan;
 pub use division::Division;
 pub use guess::Guess;
 pub use histogram::{Asked, Histograms, PileUp, histogram};
+pub use stored::Readings;
 pub use survey::{Channel, Survey};
 pub use zero::Zero;
 

@@ -31,8 +31,24 @@ pub(super) struct InstrumentHistograms {
     pub(super) tick: f64,
     /// Bins of a point.
     pub(super) bins: usize,
-    /// `[point * bins + bin]`.
+    /// Sums over all readings, or those of one, `[point * bins + bin]`.
     pub(super) counts: Vec<u32>,
+    /// The same of each reading, if they are asked for.
+    pub(super) readings: Vec<Vec<u32>>,
+    /// What a count of 1 stands for: 1, less for fractions.
+    pub(super) unit: f64,
+}
+
+/// Which readings of a file are used.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub enum Readings {
+    /// All, added up.
+    #[default]
+    Sum,
+    /// One of them, from 0.
+    One(usize),
+    /// Each for itself, beside their sum.
+    Each,
 }
 
 /// The histograms of these points; `None` if the file holds no such array. `bin_width` is a path, metres. Notes say what was assumed.
@@ -44,19 +60,26 @@ pub(super) fn read(
     path: &Path,
     points: usize,
     bin_width: Option<f64>,
+    which: Readings,
     notes: &mut Vec<String>,
 ) -> Result<Option<InstrumentHistograms>> {
     let table = match array(path)? {
         None if let Some(table) = matrix(path, points)? => table,
         Some((name, array)) => {
-            StoredHistograms { name, tick: None, shape: array.shape.clone(), values: array.to_f64() }
+            StoredHistograms {
+                name,
+                tick: None,
+                shape: array.shape.clone(),
+                values: array.to_f64(),
+                unit: 1.0,
+            }
         }
         None => match recognised::of(path)?.map(|known| known.content) {
             Some(Content::Histograms(format)) => tables::read(path, format, points, notes)?,
             _ => return Ok(None),
         },
     };
-    let StoredHistograms { name, tick, shape, values } = table;
+    let StoredHistograms { name, tick, shape, values, unit } = table;
     let tick = tick.or(bin_width.map(|width| width / (1e12 * METRES_PER_PICOSECOND))).ok_or_else(|| {
         Error::options(
             format!("{name} does not say how wide its bins are"),
@@ -73,18 +96,37 @@ pub(super) fn read(
     if !fits || points == 0 {
         return Err(misfit(&name, &shape, points));
     }
-    let mut counts = host::filled(&name, points.saturating_mul(bins), 0u32)?;
-    for (at, value) in values.into_iter().enumerate() {
+    let size = points.saturating_mul(bins);
+    let number = values.len() / size.max(1);
+    if let Readings::One(reading) = which
+        && reading >= number
+    {
+        return Err(Error::options(
+            format!("reading {reading} was asked for, but {name} has {number} readings"),
+            format!("give a number from 0 to {}", number.saturating_sub(1)),
+        ));
+    }
+    if number > 1 && which == Readings::Sum {
+        notes.push(format!("the {number} readings of {name} are added up"));
+    }
+    let is_used = |at: usize| !matches!(which, Readings::One(reading) if at / size != reading);
+    let mut counts = host::filled(&name, size, 0u32)?;
+    let mut readings = vec![];
+    if which == Readings::Each {
+        readings = (0..number).map(|_| host::room(&name, size)).collect::<Result<Vec<Vec<u32>>>>()?;
+    }
+    for (at, value) in values.into_iter().enumerate().filter(|(at, _)| is_used(*at)) {
         if !(value >= 0.0 && value.fract() == 0.0 && value <= f64::from(u32::MAX)) {
             return Err(Error::input(
                 format!("{name} holds {value}, which is no count"),
                 "store counts; for normalised histograms write a capture with hists and pt_cloud (docs/data.md)",
             ));
         }
-        let sum = &mut counts[at % (points * bins)];
+        let sum = &mut counts[at % size];
         *sum = sum.saturating_add(value as u32);
+        readings.get_mut(at / size).into_iter().for_each(|counts| counts.push(value as u32));
     }
-    Ok(Some(InstrumentHistograms { name, tick, bins, counts }))
+    Ok(Some(InstrumentHistograms { name, tick, bins, counts, readings, unit }))
 }
 
 fn misfit(name: &str, shape: &[usize], points: usize) -> Error {
@@ -126,7 +168,7 @@ fn matrix(path: &Path, points: usize) -> Result<Option<StoredHistograms>> {
         true => transpose(&values, bins, points)?.into_iter().map(f64::from).collect(),
         false => values.into_iter().map(f64::from).collect(),
     };
-    Ok(Some(StoredHistograms { name, tick: None, shape: vec![points, bins], values }))
+    Ok(Some(StoredHistograms { name, tick: None, shape: vec![points, bins], values, unit: 1.0 }))
 }
 
 /// The name of the array, and the array.

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::header::{self, Header};
 use super::text::{Plain, real};
-use super::{open, unreadable};
+use super::{open, unreadable, zone_logs};
 use crate::capture::formats::recognised::HistogramFormat;
 use crate::error::{Error, Result};
 use crate::host;
@@ -17,12 +17,14 @@ pub(super) struct StoredHistograms {
     pub(super) tick: Option<f64>,
     pub(super) shape: Vec<usize>,
     pub(super) values: Vec<f64>,
+    /// What a value of 1 stands for: 1 for counts, less for fractions.
+    pub(super) unit: f64,
 }
 
 /// Most bins of all histograms together, and the longest npy file.
 pub(super) const MOST: usize = 1 << 30;
 /// Longest text, bytes.
-const LONGEST: u64 = 1 << 30;
+pub(super) const LONGEST: u64 = 1 << 30;
 /// Channels of a measurement of a TMF8820, the first is the reference; bytes of a count.
 const ZONES: usize = 10;
 const BYTES: usize = 3;
@@ -36,6 +38,9 @@ pub(super) fn read(
 ) -> Result<StoredHistograms> {
     if format == HistogramFormat::Phu {
         return phu(path);
+    }
+    if format == HistogramFormat::Tmf8829 {
+        return zone_logs::tmf8829(path, notes);
     }
     let mut text = vec![];
     Plain::new(open(path)?)?.take(LONGEST).read_to_end(&mut text).map_err(unreadable)?;
@@ -71,6 +76,7 @@ pub(super) fn read(
             columns("the table of the LabVIEW file", rows, width.filter(|width| *width > 0.0), from, step)
         }
         HistogramFormat::Zones => zones(&lines, notes),
+        HistogramFormat::Cnh => zone_logs::cnh(&lines, notes),
         _ => {
             let rows = rows(&lines);
             let wide = rows.first().map_or(0, Vec::len);
@@ -92,7 +98,7 @@ pub(super) fn read(
                 notes.push("the table has as many rows as columns: a row is read as a point".into());
             }
             let shape = vec![rows.len(), wide];
-            Ok(StoredHistograms { name: "the table".into(), tick: None, shape, values: rows.concat() })
+            Ok(StoredHistograms { name: "the table".into(), tick: None, shape, values: rows.concat(), unit: 1.0 })
         }
     }
 }
@@ -125,7 +131,7 @@ fn columns(
     for point in 0..points {
         values.extend(rows.iter().map(|row| row[from + point * step]));
     }
-    Ok(StoredHistograms { name: name.into(), tick, shape: vec![points, rows.len()], values })
+    Ok(StoredHistograms { name: name.into(), tick, shape: vec![points, rows.len()], values, unit: 1.0 })
 }
 
 /// `#Raw,` lines: fields, a zone, and the counts of its bins. A TMF8820 sends the bytes of ten channels one after the other, the lowest
@@ -158,6 +164,7 @@ fn zones(lines: &[&str], notes: &mut Vec<String>) -> Result<StoredHistograms> {
         tick: None,
         shape: vec![sums.len(), bins],
         values: sums.concat(),
+        unit: 1.0,
     })
 }
 
@@ -203,5 +210,6 @@ fn phu(path: &Path) -> Result<StoredHistograms> {
         tick: Some(tick),
         shape: vec![curves, bins as usize],
         values,
+        unit: 1.0,
     })
 }

@@ -56,6 +56,11 @@ impl Tracker {
         Tracker { frame_time, acceleration, tracks: vec![], begun: 0 }
     }
 
+    /// Takes the seconds from the last frame to the next.
+    pub fn set_frame_time(&mut self, seconds: f64) {
+        self.frame_time = seconds;
+    }
+
     /// Where objects are expected in the next frame, metres.
     pub fn expected(&self) -> Vec<DVec3> {
         self.tracks.iter().map(|track| track.at + track.velocity * self.frame_time).collect()

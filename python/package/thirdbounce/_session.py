@@ -15,6 +15,10 @@ from ._maps import Maps
 from ._solve import OnProgress, _on_progress
 
 
+_MOVING_FRAMES = 31
+"""Frames of the background with `moving=True`, as in `thirdbounce live --moving`."""
+
+
 class Latency(NamedTuple):
     """Latency of the last frames (at most 256) from submission to result, seconds, including queueing."""
 
@@ -61,6 +65,7 @@ class Session:
         feed: Union[str, float] = "one",
         follow: bool = False,
         budget: Optional[float] = None,
+        moving: Union[bool, int] = False,
         **settings: Any,
     ) -> None:
         """Prepares a solver for frames of a scan.
@@ -74,11 +79,17 @@ class Session:
             number from 0 to 1 sums them, multiplying the sum by it before each.
         follow: start each frame from the surface of the one before (solver "surface"), as `thirdbounce live` does.
         budget: time for a frame, seconds; needs `follow`.
+        moving: show what moves: what rests in so many of the last solved frames (True: 31) is subtracted as an empty room. The first five
+            frames are solved as they are, with a warning.
         on_progress: called with a `Progress` by the session's thread; the frame stops if it returns False.
         settings: as for `reconstruct`.
         """
         if budget is not None and not follow:
             raise refuse("budget was given without follow", "give follow=True, or time_limit, which cancels late frames")
+        if moving is True:
+            frames: Optional[int] = _MOVING_FRAMES
+        else:
+            frames = None if moving is False else count(moving, "moving")
         if isinstance(sensor_xyz, (str, os.PathLike)):
             sensor_xyz = read(sensor_xyz)
         if isinstance(sensor_xyz, Capture):
@@ -88,7 +99,7 @@ class Session:
         if arrays.get("photon_counts") is None or photon_counts:
             arrays["photon_counts"] = photon_counts
         self._scan = tuple(arrays["scan"])
-        self._native = _native.Session(arrays, texts(settings), time_limit, _on_progress(on_progress), feed, (budget,) if follow else None)
+        self._native = _native.Session(arrays, texts(settings), time_limit, _on_progress(on_progress), feed, (budget,) if follow else None, frames)
 
     def submit(self, H: Any, *, bins_axis: int = -1, measured: Any = None) -> int:
         """Submits a frame without waiting, and returns its number. Any thread, also during a wait of another one.

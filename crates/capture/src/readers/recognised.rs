@@ -28,6 +28,10 @@ pub enum HistogramFormat {
     LabView,
     /// Text of a TMF8820 or TMF8828: `#Raw,` lines.
     Zones,
+    /// JSON of a TMF8829, also packed with gzip.
+    Tmf8829,
+    /// Compact normalised histograms of a VL53L8CH: a table, or printed aggregates.
+    Cnh,
     /// A table of numbers.
     Matrix,
 }
@@ -60,6 +64,12 @@ const PICTURES: [&[u8]; 6] =
 const LEAST_TIMES: usize = 16;
 const EVEN: f64 = 0.01;
 
+/// Names in the log of a TMF8829.
+const LOG_WORDS: [&str; 3] = ["\"result_set\"", "\"mp_histo", "\"bin_shift\""];
+
+/// First bytes of what gzip packed.
+pub const GZIP: [u8; 2] = [0x1f, 0x8b];
+
 /// Bytes that are looked at.
 const LOOKED_AT: u64 = 1 << 15;
 const CONVERT: &str =
@@ -77,7 +87,7 @@ const fn row(
     Recognised { name, content, is, instead }
 }
 
-const ROWS: [Recognised; 17] = [
+const ROWS: [Recognised; 19] = [
     row(
         "a pointer of Git LFS in place of the file",
         Content::Other,
@@ -127,6 +137,18 @@ const ROWS: [Recognised; 17] = [
         |h| h.has("#raw,"),
         "",
     ),
+    row(
+        "a log of a TMF8829",
+        Content::Histograms(HistogramFormat::Tmf8829),
+        |h| h.has("{") && LOG_WORDS.iter().any(|word| h.holds(word)),
+        "",
+    ),
+    row(
+        "histograms of a VL53L8CH",
+        Content::Histograms(HistogramFormat::Cnh),
+        |h| h.holds("cnh__hist_bin_") || h.lines.iter().any(|line| line.starts_with("aggregate ") && line.contains("bins:")),
+        "",
+    ),
     row("time tags as text", Content::Tags, FileStart::names_tags, ""),
     row(
         "a table of times and counts",
@@ -160,6 +182,10 @@ const ROWS: [Recognised; 17] = [
 impl FileStart {
     fn has(&self, start: &str) -> bool {
         self.lines.iter().any(|line| line.starts_with(start))
+    }
+
+    fn holds(&self, word: &str) -> bool {
+        self.lines.iter().any(|line| line.contains(word))
     }
 
     /// Whether a line names a column of channels and one of times.
@@ -222,6 +248,14 @@ pub fn of(path: &Path) -> Result<Option<Recognised>> {
     File::open(path)
         .and_then(|file| file.take(LOOKED_AT).read_to_end(&mut bytes))
         .map_err(|e| Error::input(format!("cannot be read: {e}"), "check the path and the disk"))?;
+    if bytes.starts_with(&GZIP) {
+        // What is damaged, or cut here, is read as far as it goes. Nothing else is read packed.
+        let mut inner = vec![];
+        let _ = flate2::read::GzDecoder::new(&bytes[..]).take(LOOKED_AT).read_to_end(&mut inner);
+        if LOG_WORDS.iter().any(|word| String::from_utf8_lossy(&inner).to_lowercase().contains(word)) {
+            bytes = inner;
+        }
+    }
     // Text of 8 or 16 bits, with or without a byte-order mark.
     let plain: Vec<u8> = bytes
         .iter()

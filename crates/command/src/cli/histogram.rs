@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use thirdbounce::options::units::{length, path};
 use thirdbounce::settings::Settings;
 use thirdbounce::{Result, job};
-use thirdbounce_tags::Histograms;
+use thirdbounce_tags::{Histograms, Readings};
 
 use crate::histogram::{self, Histogramming};
 
@@ -23,13 +23,17 @@ Examples:
 #[command(after_help = EXAMPLES)]
 pub struct HistogramArgs {
     /// Time tags: PicoQuant .ptu, Photon-HDF5, npz or HDF5 with timestamps and channels, text (channel, time); or histograms of an
-    /// instrument: .phu, text, .npy or .npz, or a MATLAB or HDF5 matrix of points and bins
+    /// instrument: .phu, text, .npy or .npz, a log of a TMF8829 or VL53L8CH, or a MATLAB or HDF5 matrix of points and bins
     tags: PathBuf,
     #[command(flatten)]
     pub from: FromTags,
-    /// Capture to write: .npz, .hdf5 for y-tal, or .mat
+    /// Capture to write: .npz, .hdf5 for y-tal, or .mat. With --each-reading a folder
     #[arg(long, value_name = "CAPTURE")]
     out: PathBuf,
+    /// Write a capture of every reading of an instrument's own histograms to the folder --out, reading-0000.npz and so on: frames for track
+    /// and live. All have the path 0 of their sum
+    #[arg(long, conflicts_with_all = ["reading", "png"])]
+    each_reading: bool,
     /// Draw the mean histogram, and maps of the scan with the direct peaks and the sums of counts, into this file
     #[arg(long, value_name = "FILE")]
     png: Option<PathBuf>,
@@ -55,10 +59,14 @@ pub fn run(args: &HistogramArgs) -> Result<()> {
     let mut turn = Settings { rotate: args.rotate, ..Settings::default() };
     args.flip.iter().try_for_each(|text| turn.set("flip", text))?;
     let turn = job::turn(&turn)?;
+    let mut asked = args.from.asked(args.bin_width, turn)?;
+    if args.each_reading {
+        asked.readings = Readings::Each;
+    }
     let what = Histogramming {
         tags: args.tags.clone(),
         scan: args.from.scan(args.wall)?,
-        asked: args.from.asked(args.bin_width, turn)?,
+        asked,
         out: args.out.clone(),
         picture: args.png.clone(),
     };
@@ -67,6 +75,10 @@ pub fn run(args: &HistogramArgs) -> Result<()> {
         made.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
     print(&text(&made, seconds));
+    if args.each_reading {
+        print(&format!("wrote     {}: {} captures", args.out.display(), made.readings.len()));
+        return Ok(());
+    }
     let files = std::iter::once(&args.out).chain(&args.png).map(|f| f.display().to_string());
     print(&format!("wrote     {}", files.collect::<Vec<_>>().join("\n          ")));
     Ok(())

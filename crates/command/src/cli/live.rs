@@ -10,13 +10,17 @@ use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use serde_json::{Value, json};
 
-use crate::live::{self, Figures, FrameFolder, FrameSource, LivePage, LiveTotals, News, Shows, read_frame};
+use crate::live::{
+    self, Figures, Following, FrameFolder, FrameSource, LivePage, LiveTotals, Moved, News, Shows, read_frame,
+};
+use crate::track::law;
 use thirdbounce::capture::formats::ReadOptions;
 use thirdbounce::engine::Reconstruction;
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::maps::Maps;
 use thirdbounce::options::units::{length, milliseconds};
-use thirdbounce::session::{Feed, Frame, Latency, SessionOptions};
+use thirdbounce::export::track::{TrackRow, csv};
+use thirdbounce::session::{Feed, Frame, Latency, MOVING_FRAMES, SessionOptions};
 use thirdbounce::surface::Follow;
 use thirdbounce::{Capture, Error, Result, export, job};
 
@@ -40,9 +44,17 @@ pub struct LiveArgs {
     /// Depths of the first and last colour on the page: 50cm:1.5m [default: those of the reconstructed box]
     #[arg(long, value_name = "NEAR:FAR", requires = "page", value_parser = depths)]
     page_depths: Option<[f64; 2]>,
-    /// Time between frames. The page is stale after three without a result [default: the median of the last frames]
-    #[arg(long, value_name = "TIME", requires = "page", value_parser = milliseconds)]
+    /// Time between frames. The page is stale after three without a result, and the time of what moves is that of its frame [default: the
+    /// median of the last frames; when a frame arrives]
+    #[arg(long, value_name = "TIME", value_parser = milliseconds)]
     interval: Option<f64>,
+    /// A capture of the same scan without what is looked for: its light is subtracted from every frame, with a gain of that frame
+    #[arg(long, value_name = "FILE", conflicts_with = "moving")]
+    empty: Option<PathBuf>,
+    /// Show what moves: what rests in the last N solved frames is subtracted as an empty room. From the first five frames nothing is
+    /// subtracted [default without N: 31]
+    #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = MOVING)]
+    moving: Option<usize>,
     /// What becomes of frames that come while one is solved: newest keeps the newest, every solves all, sum:D adds all up
     /// and multiplies the sum by D before each
     #[arg(long, value_name = "newest|every|sum:D", default_value = "newest")]
@@ -54,7 +66,8 @@ pub struct LiveArgs {
     #[arg(long, conflicts_with = "budget")]
     cold: bool,
     /// Folder for results: a line of JSON in frames.jsonl for every frame, its maps in frames/NAME.npz, and at the end all
-    /// files of the last frame. Lines and maps are written as frames are solved
+    /// files of the last frame; with --empty or --moving track.csv, a row for every object in every frame. All are written as frames are
+    /// solved
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
     /// Keep the maps of every Nth solved frame; 0: of the last one only
@@ -78,13 +91,19 @@ pub struct LiveArgs {
     file: SettingsArgs<FILE>,
 }
 
+/// As text for the command line.
+const MOVING: &str = "31";
+const _: () = assert!(MOVING_FRAMES == 31);
+
 pub fn run(args: &LiveArgs) -> Result<ExitCode> {
     let settings = args.settings.settings()?;
     let (feed, interval) = (feed(&args.feed)?, seconds("interval", args.interval)?);
-    let options = SessionOptions { feed, follow: follow(args)?, ..SessionOptions::default() };
+    let options =
+        SessionOptions { feed, follow: follow(args)?, moving: args.moving, ..SessionOptions::default() };
     interrupt::stop_in_order();
     let reading = job::reading(&args.file.settings()?)?;
-    let opened = read_frame(&args.capture, &reading)?;
+    let mut opened = read_frame(&args.capture, &reading)?;
+    let of_room = args.empty.as_ref().map(|file| set_empty(&mut opened.capture, file, &reading)).transpose()?;
     let (source, scan) = (source(args, &opened.capture, reading)?, opened.capture);
     let mut kept = args.out.as_deref().map(|out| RunFiles::open(out, args.keep)).transpose()?;
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
@@ -94,7 +113,7 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
     let (session, notes) =
         thirdbounce::session_with(&gpu, &scan, &settings, options, &mut |_| interrupt::asked())?;
     if !args.quiet {
-        opened.notes.iter().chain(&notes).for_each(|note| say(&format!("note: {note}")));
+        opened.notes.iter().chain(of_room.iter().flatten()).chain(&notes).for_each(|note| say(&format!("note: {note}")));
     }
     let (mut drift, mut warned, mut unwritten) = (Drift::default(), false, None);
     let mut keep = |record: &mut dyn FnMut(&mut RunFiles) -> Result<()>| match kept.as_mut().map(record) {
@@ -104,20 +123,21 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
         }
         _ => interrupt::asked(),
     };
-    let done = live::run(session, &source, page.as_ref(), &mut |news| match news {
-        News::Solved(name, frame, latency, warning) => {
+    let following = Following { law: law(&settings), interval };
+    let done = live::run(session, &source, page.as_ref(), following, &mut |news| match news {
+        News::Solved(name, frame, latency, warning, moved) => {
             // Once for all frames of which it is true.
             if let Some(warning) = warning.filter(|_| !warned) {
                 say(&format!("warning: {name}: {warning}"));
             }
             warned = warning.is_some();
             if !args.quiet {
-                print(&line(name, frame, &latency));
+                print(&line(name, frame, &latency, moved));
                 if drift.shows(&frame.result) {
                     say(DRIFTED);
                 }
             }
-            keep(&mut |kept| kept.solved(name, frame, &latency, warning))?;
+            keep(&mut |kept| kept.solved(name, frame, &latency, warning, moved))?;
             match args.frames {
                 Some(most) if latency.frames >= most => ControlFlow::Break(()),
                 _ => ControlFlow::Continue(()),
@@ -156,6 +176,19 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
     Ok(ExitCode::from(u8::from(done.failed > 0)))
 }
 
+/// Gives the scan the counts of the empty room. Returns notes.
+fn set_empty(scan: &mut Capture, file: &Path, reading: &ReadOptions) -> Result<Vec<String>> {
+    let pairs = scan.pair_count();
+    let notes = scan.set_empty(&read_frame(file, reading)?.capture).map_err(|e| e.at(file.display()))?;
+    if scan.pair_count() < pairs {
+        return Err(Error::input(
+            format!("{}: holds {} of the {pairs} pairs of --capture", file.display(), scan.pair_count()),
+            "measure the empty room with all points of the frames, or leave these points out of both",
+        ));
+    }
+    Ok(notes)
+}
+
 /// Says where the page is, and how another machine reaches it.
 fn introduce(address: SocketAddr, quiet: bool) {
     print(&format!("page      http://{address}/"));
@@ -176,6 +209,8 @@ struct RunFiles {
     out: PathBuf,
     every: u64,
     lines: File,
+    /// The table of what moves, from the first frame on of which the room is subtracted.
+    table: Option<File>,
     /// Maps of the last solved frame.
     last: Option<Maps>,
 }
@@ -188,11 +223,34 @@ impl RunFiles {
         let opened = std::fs::create_dir_all(out.join("frames"));
         let opened = opened.and_then(|()| File::options().create(true).append(true).open(&path));
         let lines = opened.map_err(|e| unwritten(&path, &e))?;
-        Ok(RunFiles { out: out.into(), every, lines, last: None })
+        Ok(RunFiles { out: out.into(), every, lines, table: None, last: None })
+    }
+
+    /// Adds what moves in a frame to the table, which earlier runs may have begun.
+    fn add(&mut self, moved: &Moved) -> Result<()> {
+        let path = self.out.join("track.csv");
+        let failed = |e: std::io::Error| unwritten(&path, &e);
+        let text = csv(&moved.rows);
+        if self.table.is_none() {
+            let mut file = File::options().create(true).append(true).open(&path).map_err(failed)?;
+            if file.metadata().map_err(failed)?.len() == 0 {
+                file.write_all(text.split_inclusive('\n').next().unwrap_or_default().as_bytes()).map_err(failed)?;
+            }
+            self.table = Some(file);
+        }
+        let rows = text.split_once('\n').map_or("", |(_, rows)| rows);
+        self.table.as_mut().map_or(Ok(()), |file| file.write_all(rows.as_bytes())).map_err(failed)
     }
 
     /// Writes the line of a frame, after its maps.
-    fn solved(&mut self, name: &str, frame: &Frame, latency: &Latency, warning: Option<&str>) -> Result<()> {
+    fn solved(
+        &mut self,
+        name: &str,
+        frame: &Frame,
+        latency: &Latency,
+        warning: Option<&str>,
+        moved: Option<&Moved>,
+    ) -> Result<()> {
         let mut file = Value::Null;
         if self.every > 0 && (latency.frames - 1).is_multiple_of(self.every) {
             // A name that comes again, in another stream or run, replaces nothing.
@@ -203,11 +261,16 @@ impl RunFiles {
             file = path.strip_prefix(&self.out).unwrap_or(&path).to_string_lossy().into();
         }
         self.last = Some(frame.result.maps.clone());
+        moved.map_or(Ok(()), |moved| self.add(moved))?;
         let mut line = json!({"frame": name, "status": "solved", "maps": file});
         let warnings: Vec<&str> =
             warning.into_iter().chain(frame.result.warnings.iter().map(String::as_str)).collect();
         let times = json!({"latency_ms": 1e3 * latency.last.as_secs_f64(), "warnings": warnings});
-        for part in [json!(Figures::of(frame)), times] {
+        let moving = moved.map_or_else(|| json!({}), |moved| {
+            let failed = moved.failed.as_ref().map(|error| &error.what);
+            json!({"objects": moved.rows.len(), "positions_failed": failed, "positions_ms": moved.took_ms})
+        });
+        for part in [json!(Figures::of(frame)), times, moving] {
             line.as_object_mut()
                 .into_iter()
                 .for_each(|line| line.extend(part.as_object().cloned().unwrap_or_default()));
@@ -302,18 +365,29 @@ impl Drift {
     }
 }
 
-fn line(name: &str, frame: &Frame, latency: &Latency) -> String {
+fn line(name: &str, frame: &Frame, latency: &Latency, moved: Option<&Moved>) -> String {
     let figures = Figures::of(frame);
     let residual = figures.residual.map_or_else(String::new, |r| format!(", residual {r:.3}"));
     let verdict = figures.verdict.map_or_else(String::new, |verdict| format!(", {verdict}"));
+    let moving = moved.map_or_else(String::new, |moved| match moved.rows.len() {
+        0 => ", nothing moves".into(),
+        _ => moved.rows.iter().map(|row| format!(", object {} at {}", row.track, place(row))).collect(),
+    });
     format!(
-        "{name:<12} {} {:>3} iterations, {:>6.0} ms from its counts, {:.1} frames/s, {} pixels of surface{residual}{verdict}",
+        "{name:<12} {} {:>3} iterations, {:>6.0} ms from its counts, {:.1} frames/s, {} pixels of surface{residual}{verdict}{moving}",
         if figures.warm { "warm" } else { "cold" },
         figures.iterations,
         1e3 * latency.last.as_secs_f64(),
         latency.frames_per_second,
         figures.pixels,
     )
+}
+
+/// x, y, z with their standard deviations.
+fn place(row: &TrackRow) -> String {
+    let sigma = row.deviations();
+    let of = |k: usize| format!("{:.3} ± {:.3}", row.at[k], sigma[k]);
+    format!("({}, {}, {}) m", of(0), of(1), of(2))
 }
 
 /// Every frame that was seen is in one of the numbers.

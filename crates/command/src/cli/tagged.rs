@@ -7,7 +7,7 @@ use thirdbounce::capture::Turn;
 use thirdbounce::job::{self, Loaded, Request};
 use thirdbounce::options::units::{length, number, time};
 use thirdbounce::{Error, Result};
-use thirdbounce_tags::{self as tags, Asked, Division, Inputs, PileUp, Scan, Zero};
+use thirdbounce_tags::{self as tags, Asked, Division, Inputs, PileUp, Readings, Scan, Zero};
 
 use crate::histogram;
 use crate::instrument::{Instrument, instrument};
@@ -95,6 +95,10 @@ pub struct FromTags {
     /// Leave out photons later than this after their laser pulse, such as 40ns
     #[arg(long, value_name = "TIME", value_parser = time, help_heading = "Time tags")]
     until: Option<f64>,
+    /// Use this reading of an instrument's own histograms, from 0, such as a frame of the log of a TMF8829 or VL53L8CH [default: all,
+    /// added up]
+    #[arg(long, value_name = "N", help_heading = "Time tags")]
+    reading: Option<usize>,
     /// Whether pile-up is taken out when the capture is read; auto: if no laser pulse gave two photons
     #[arg(long, value_name = "auto|on|off", default_value = "auto", value_parser = ["auto", "on", "off"],
         help_heading = "Time tags")]
@@ -193,6 +197,7 @@ impl FromTags {
             pile_up,
             turn,
             seen_from: self.seen_from()?,
+            readings: self.reading.map_or(Readings::Sum, Readings::One),
         })
     }
 

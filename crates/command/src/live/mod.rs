@@ -7,16 +7,21 @@ use std::collections::VecDeque;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::mpsc::{RecvTimeoutError, sync_channel};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
+use thirdbounce::capture::Reflectance;
+use thirdbounce::glam::DVec3;
 use thirdbounce::session::{Frame, FrameId, Latency, Session};
 use thirdbounce::{Error, Kind, Result};
 
 mod folder;
+mod motion;
 mod page;
 mod stream;
 
 pub use folder::{FrameFolder, read_frame};
+pub use motion::Moved;
+use motion::Motion;
 pub use page::{Figures, LivePage, LiveTotals, Shows};
 use stream::Arrived;
 pub use stream::{CountFormat, FrameCounts, FrameHeader, HEADER, MAGIC, VERSION, read, write};
@@ -32,8 +37,8 @@ pub enum FrameSource {
 
 /// Reports of [`run`]. A frame's name is that of its file without the ending, or `frame-` and its number in the stream.
 pub enum News<'n> {
-    /// A frame is solved, with what differs from the scan.
-    Solved(&'n str, &'n Frame, Latency, Option<&'n str>),
+    /// A frame is solved, with what differs from the scan, and with what moves, where the room was subtracted.
+    Solved(&'n str, &'n Frame, Latency, Option<&'n str>, Option<&'n Moved>),
     /// A newer frame replaced this one, or was added to it, before it was solved.
     Dropped(&'n str),
     /// A frame, if it has a name, or the stream failed; later frames may not.
@@ -44,11 +49,20 @@ pub enum News<'n> {
     Idle,
 }
 
+/// How what moves is followed, in sessions that subtract the room.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Following {
+    /// The reflectance by which light falls with the distance.
+    pub law: Reflectance,
+    /// Time from frame to frame; `None`: by the clock, when frames arrive.
+    pub interval: Option<Duration>,
+}
+
 /// How long to wait for something new before looking at everything again.
 const MOMENT: Duration = Duration::from_millis(5);
 
 /// Solves frames in a session as they come, until the source ends or `hear` breaks; then the frames
-/// that wait are solved. `page` shows the newest result, and what failed.
+/// that wait are solved. `page` shows the newest result, and what failed. What moves is followed as `following` says.
 ///
 /// # Errors
 /// A source that cannot be opened. After a lost device, its error.
@@ -56,6 +70,7 @@ pub fn run(
     mut session: Session,
     source: &FrameSource,
     page: Option<&LivePage>,
+    following: Following,
     hear: &mut dyn FnMut(News<'_>) -> ControlFlow<()>,
 ) -> Result<LiveTotals> {
     // Frames wait in the session, by its rule, not here.
@@ -64,7 +79,11 @@ pub fn run(
         FrameSource::Folder(frames) => folder::begin((**frames).clone(), give)?,
         FrameSource::Stdin => stream::begin_stdin(session.size(), give)?,
     }
-    let depths = session.plan().finest().grid.depth_range();
+    let grid = &session.plan().finest().grid;
+    let (depths, [x0, x1, y0, y1]) = (grid.depth_range(), grid.extent());
+    let volume = [DVec3::new(x0, y0, depths[0]), DVec3::new(x1, y1, depths[1])];
+    let mut motion = Motion::new(following.law, volume);
+    let (begun, subtracts) = (Instant::now(), session.subtracts());
     page.into_iter().for_each(|page| page.begin(depths));
     let mut totals = LiveTotals { latency: session.latency(), ..LiveTotals::default() };
     // Frames that were submitted and have no result.
@@ -82,7 +101,13 @@ pub fn run(
                 submitted => {
                     totals.arrived += 1;
                     match submitted {
-                        Ok(id) => waiting.push_back((id, FrameLabel { name, warning })),
+                        Ok(id) => {
+                            let time = following.interval.map_or_else(
+                                || begun.elapsed().as_secs_f64(),
+                                |interval| (id.0 - 1) as f64 * interval.as_secs_f64(),
+                            );
+                            waiting.push_back((id, FrameLabel { name, warning, time }));
+                        }
                         Err(error) => failed.push((Some(name), error)),
                     }
                 }
@@ -116,10 +141,20 @@ pub fn run(
         }
         match solved {
             Ok(Some(frame)) => {
-                let FrameLabel { name, warning } = label.unwrap_or_default();
+                let FrameLabel { name, warning, time } = label.unwrap_or_default();
                 totals.solved += 1;
-                page.into_iter().for_each(|page| page.show(&name, frame.clone()));
-                heard = hear(News::Solved(&name, &frame, totals.latency, warning.as_deref()));
+                let moved = motion.take(&name, time, &frame);
+                if let Some(page) = page {
+                    let shown = subtracts.then(|| motion.shown(&frame.result.maps, moved.as_ref()));
+                    page.show(&name, frame.clone(), shown);
+                }
+                heard = hear(News::Solved(
+                    &name,
+                    &frame,
+                    totals.latency,
+                    warning.as_deref(),
+                    moved.as_ref(),
+                ));
             }
             Ok(None) if ended && failed.is_empty() && session.is_idle() => break,
             Ok(None) => heard = if heard.is_break() { heard } else { hear(News::Idle) },
@@ -147,6 +182,8 @@ pub fn run(
 struct FrameLabel {
     name: String,
     warning: Option<String>,
+    /// Seconds from the first frame.
+    time: f64,
 }
 
 fn submit(session: &mut Session, counts: &FrameCounts) -> Result<FrameId> {

@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 
 use serde::Serialize;
 
+use super::motion::MotionShown;
 use thirdbounce::export::picture::Picture;
 use thirdbounce::export::png;
 use thirdbounce::maps::Maps;
@@ -88,6 +89,8 @@ struct PageState {
     depths: [f64; 2],
     begun: Instant,
     newest: Option<(String, Arc<Frame>)>,
+    /// What moves, where the room is subtracted.
+    motion: Option<MotionShown>,
     /// Times of the last results.
     results: VecDeque<Instant>,
     totals: LiveTotals,
@@ -110,6 +113,7 @@ struct PageStatus {
     depths: [f64; 2],
     last_error: Option<Failure>,
     frame: Option<Newest>,
+    motion: Option<MotionShown>,
 }
 
 #[derive(Serialize)]
@@ -190,6 +194,7 @@ impl LivePage {
             depths: [0.0, 1.0],
             begun: Instant::now(),
             newest: None,
+            motion: None,
             results: VecDeque::new(),
             totals: LiveTotals::default(),
             failure: None,
@@ -229,10 +234,10 @@ impl LivePage {
         (state.depths, state.begun) = (depths, Instant::now());
     }
 
-    /// Shows a frame from now on.
-    pub(super) fn show(&self, name: &str, frame: Arc<Frame>) {
+    /// Shows a frame from now on, and what moves in it.
+    pub(super) fn show(&self, name: &str, frame: Arc<Frame>, motion: Option<MotionShown>) {
         let mut state = locked(&self.state);
-        state.newest = Some((name.into(), frame));
+        (state.newest, state.motion) = (Some((name.into(), frame)), motion);
         state.results.push_back(Instant::now());
         if state.results.len() > LAST {
             state.results.pop_front();
@@ -377,6 +382,7 @@ impl PageState {
             depths: self.shows.depths.unwrap_or(self.depths),
             last_error: self.failure.as_ref().map(failure),
             frame: self.newest.as_ref().map(newest),
+            motion: self.motion.clone(),
         }
     }
 }

@@ -14,6 +14,8 @@ mod hostile;
 #[cfg(feature = "live")]
 mod live;
 mod model;
+#[cfg(feature = "live")]
+mod moving;
 mod originals;
 mod page;
 mod preview;

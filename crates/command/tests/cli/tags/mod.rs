@@ -7,3 +7,4 @@ mod instrument;
 mod recipes;
 mod records;
 mod wall;
+mod zone_logs;
