@@ -110,7 +110,7 @@ fn moments(
 ) -> Vec<FrameWithTruth> {
     let scene = Scene { scan: side, photons: Some(300.0), ..Scene::named(name).unwrap() };
     let at = |changes: bool| changes.then_some(CHANGE);
-    let motion = Motion { frames: FRAMES, step, appears: at(appears), vanishes: at(vanishes) };
+    let motion = Motion { frames: FRAMES, step, circle: None, appears: at(appears), vanishes: at(vanishes) };
     let moment = |scene: &Scene| FrameWithTruth {
         capture: simulate(scene, &RenderOptions { noise: 0.03, ..Default::default() }).unwrap().capture,
         truth: truth(scene, 128).unwrap(),

@@ -37,9 +37,9 @@ pub use external::{ExternalCounts, ExternalFrame, Format};
 pub use feed::Feed;
 pub use latency::Latency;
 pub use moving::MOVING_FRAMES;
+use moving::RunningRoom;
 pub use options::{FrameId, Hear, SessionOptions};
 pub use submit::Submitter;
-use moving::RunningRoom;
 use worker::{Shared, Solved, Taken, Worker, host_only};
 
 /// A solved frame.

@@ -140,13 +140,7 @@ impl RunningRoom {
 }
 
 /// Writes the counts of a pair that rest, and returns the sum over windows of the frames in their means.
-fn rested(
-    frames: &[Vec<f32>],
-    windows: &[Vec<f32>],
-    pair: usize,
-    per_count: f64,
-    row: &mut [f32],
-) -> f64 {
+fn rested(frames: &[Vec<f32>], windows: &[Vec<f32>], pair: usize, per_count: f64, row: &mut [f32]) -> f64 {
     let (bins, count) = (row.len(), row.len().div_ceil(WINDOW));
     let mut used = 0.0;
     let mut sorted = Vec::with_capacity(frames.len());
@@ -237,6 +231,36 @@ mod tests {
         assert!(bright < 0.04 && mean > 10.0 * bright, "{bright} {mean}");
         let [faint, mean] = errors(0.5, 60);
         assert!(faint < 0.75 * mean, "{faint} {mean}");
+    }
+
+    /// Prints the milliseconds of a frame.
+    #[test]
+    #[ignore = "measures time"]
+    fn cost() {
+        for (side, bins) in [(16, 352), (32, 512)] {
+            let at =
+                |i: usize| DVec3::new((i / side) as f64 / side as f64, (i % side) as f64 / side as f64, 0.0);
+            let points: Vec<DVec3> = (0..side * side).map(at).collect();
+            let mut frame = Capture::new([side, side], points.clone(), points, bins, 0.01, vec![]);
+            frame.integer_counts = true;
+            frame.histograms = (0..side * side * bins).map(|i| (i * 7 % 11) as f32).collect();
+            let mut running = RunningRoom::new(&frame, MOVING_FRAMES).unwrap();
+            let mut times = vec![];
+            for _ in 0..60 {
+                let before = std::time::Instant::now();
+                running.subtract(&mut frame);
+                times.push(1e3 * before.elapsed().as_secs_f64());
+            }
+            let mut of = |from: usize, to: usize| {
+                times[from..to].sort_by(f64::total_cmp);
+                times[(from + to) / 2]
+            };
+            println!(
+                "{side} x {side} points, {bins} bins: {:.1} ms, among the first 31 frames {:.1} ms",
+                of(40, 60),
+                of(5, 31)
+            );
+        }
     }
 
     #[test]

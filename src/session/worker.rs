@@ -408,7 +408,8 @@ impl Worker {
     }
 
     fn solve(&mut self, id: FrameId) -> Result<Solved> {
-        let Worker { shared, prepared, scan, summed, room, running, mask_fraction, verdict, options, .. } = self;
+        let Worker { shared, prepared, scan, summed, room, running, mask_fraction, verdict, options, .. } =
+            self;
         let begun = Instant::now();
         let lacks = running.as_ref().and_then(RunningRoom::lacks);
         let left = match running {

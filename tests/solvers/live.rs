@@ -350,17 +350,20 @@ fn what_cannot_follow_is_refused() {
 #[test]
 fn what_moves_is_shown_without_what_rests() {
     let gpu = host();
-    let room = thirdbounce::simulate::rectangle(dvec3(0.1, -0.1, 0.95), dvec3(0.0, 0.3, 0.0), dvec3(0.3, 0.0, 0.0));
+    let room =
+        thirdbounce::simulate::rectangle(dvec3(0.1, -0.1, 0.95), dvec3(0.0, 0.3, 0.0), dvec3(0.3, 0.0, 0.0));
     let both = |x: f64| {
         let mut scene = letter(x);
         scene.objects.push(thirdbounce::simulate::Object { mesh: room.clone(), albedo: 1.0 });
         seen(&scene).0
     };
     // The letter is aside for half of the frames.
-    let places: Vec<f64> = (0..8).map(|frame| if frame % 2 == 0 { -0.3 } else { 0.05 * f64::from(frame) }).collect();
+    let places: Vec<f64> =
+        (0..8).map(|frame| if frame % 2 == 0 { -0.3 } else { 0.05 * f64::from(frame) }).collect();
     let frames: Vec<Capture> = places.iter().map(|x| both(*x)).collect();
     let (_, truth) = seen(&letter(places[7]));
-    let mut moving = session(&gpu, &frames[0], SessionOptions { moving: Some(31), ..SessionOptions::default() });
+    let mut moving =
+        session(&gpu, &frames[0], SessionOptions { moving: Some(31), ..SessionOptions::default() });
     let mut plain = session(&gpu, &frames[0], SessionOptions::default());
     assert!(moving.subtracts() && !plain.subtracts());
     for (number, frame) in frames.iter().enumerate() {

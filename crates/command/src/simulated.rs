@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use thirdbounce::capture::Summary;
 use thirdbounce::job::places;
-use thirdbounce::simulate::{EmptyRoom, RenderOptions, RenderProgress, Scene};
+use thirdbounce::simulate::{EmptyRoom, Exposure, RenderOptions, RenderProgress, Scene};
 use thirdbounce::{Error, Result, capture, export, simulate};
 
 /// What to simulate, and the files to write.
@@ -25,6 +25,8 @@ pub struct Simulation {
     pub empty: Option<(PathBuf, EmptyRoom)>,
     /// Whether the truth is the things alone: the light of the room is to be subtracted.
     pub is_truth_of_things: bool,
+    /// The exposure, with photons; `None`: that by which the strongest bin expects them.
+    pub exposure: Option<Exposure>,
 }
 
 /// The result of a simulation.
@@ -38,6 +40,8 @@ pub struct Simulated {
     pub converged: bool,
     /// Samples of every pair.
     pub samples: usize,
+    /// The exposure, with photons.
+    pub exposure: Option<Exposure>,
     /// Seconds that it took.
     pub seconds: f64,
     /// Every file that was written.
@@ -87,7 +91,7 @@ pub fn simulate(
             let (rendering, room) = simulate::simulate_empty(&what.scene, how, &what.render, hear)?;
             (rendering, Some(room))
         }
-        None => (simulate::simulate_watched(&what.scene, &what.render, hear)?, None),
+        None => (simulate::simulate_exposed(&what.scene, what.exposure, &what.render, hear)?, None),
     };
     if what.hide_pulse {
         rendering.capture.pulse = None;
@@ -111,6 +115,7 @@ pub fn simulate(
         noise: rendering.noise,
         converged: rendering.converged,
         samples: rendering.samples,
+        exposure: rendering.exposure,
         seconds,
         files,
         notes,

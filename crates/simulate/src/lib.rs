@@ -58,7 +58,7 @@ pub use pairs::{Layout, Pairs};
 pub use pile_up::pile_up;
 pub use render::{
     RenderOptions, RenderProgress, Rendering, render, render_pairs, simulate, simulate_empty,
-    simulate_watched,
+    simulate_exposed, simulate_watched,
 };
 pub use scene::{Object, Scene};
 pub use shapes::{capsule, ellipsoid, rectangle, sphere, torus};

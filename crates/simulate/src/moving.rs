@@ -23,6 +23,8 @@ pub struct Motion {
     pub frames: usize,
     /// Distance that the things move along a circle from one frame to the next, metres; the room rests.
     pub step: f64,
+    /// Radius of the circle, metres; `None`: 0.12 of the wall's side.
+    pub circle: Option<f64>,
     /// The last thing is absent from earlier frames than this one, from 0.
     pub appears: Option<usize>,
     /// The last thing is absent from this frame, from 0, and from later ones.
@@ -36,7 +38,7 @@ impl Scene {
     /// The step is no length, there are more than 10,000 frames, the last object is the only one and is absent, or
     /// [`Scene::check`] refuses a scene.
     pub fn sequence(&self, motion: &Motion) -> Result<Vec<Scene>> {
-        let Motion { frames, step, appears, vanishes } = *motion;
+        let Motion { frames, step, circle, appears, vanishes } = *motion;
         if !(step.is_finite() && step >= 0.0) {
             return Err(Error::options(format!("{step} m from frame to frame"), "give a length in metres"));
         }
@@ -60,7 +62,13 @@ impl Scene {
                 "choose a scene with an object",
             ));
         }
-        let radius = RADIUS * self.wall;
+        let radius = circle.unwrap_or(RADIUS * self.wall);
+        if !(radius.is_finite() && radius > 0.0) {
+            return Err(Error::options(
+                format!("the radius of the circle is {radius} m"),
+                "give a length above 0",
+            ));
+        }
         let at = |frame: usize| {
             let angle = (step / radius * frame as f64) % TAU;
             radius * dvec3(angle.cos(), angle.sin(), LEAN * angle.sin())
@@ -94,7 +102,7 @@ mod tests {
     #[test]
     fn objects_move_by_their_step_and_the_last_one_comes_and_goes() {
         let scene = Scene { scan: 4, ..Scene::named("spheres").unwrap() };
-        let motion = Motion { frames: 5, step: 0.02, appears: Some(1), vanishes: Some(3) };
+        let motion = Motion { frames: 5, step: 0.02, circle: None, appears: Some(1), vanishes: Some(3) };
         let frames = scene.sequence(&motion).unwrap();
         let low = |s: &Scene| s.objects[0].mesh.bounds().unwrap().0;
         for two in frames.windows(2) {
@@ -111,7 +119,14 @@ mod tests {
         assert!(frames.iter().all(|s| last(s) == last(&room) && s.room == 2));
         assert!(low(&frames[0]) != low(&frames[1]) && frames[0].objects.len() + 1 == frames[1].objects.len());
         let one = Scene::named("sphere").unwrap();
-        for wrong in [Motion { step: f64::NAN, ..motion }, Motion { frames: usize::MAX, ..motion }] {
+        let wide = Motion { circle: Some(0.5), ..motion };
+        let turned = scene.sequence(&wide).unwrap();
+        assert!((low(&turned[0]) - low(&scene)).distance(dvec3(0.5, 0.0, 0.0)) < 1e-9);
+        for wrong in [
+            Motion { circle: Some(0.0), ..motion },
+            Motion { step: f64::NAN, ..motion },
+            Motion { frames: usize::MAX, ..motion },
+        ] {
             assert!(scene.sequence(&wrong).is_err(), "{wrong:?}");
         }
         assert!(

@@ -3,7 +3,7 @@
 use super::elements::{SurfaceElement, elements};
 use super::offsets::Offsets;
 use super::visibility::Surfaces;
-use super::{Dark, EmptyRoom, Exposure, Pairs, Reflectance, Scene, coarse, photon_noise, pile_up};
+use super::{Dark, EmptyRoom, Exposure, Pairs, Reflectance, Scene, coarse, pile_up};
 use crate::capture::{Capture, GainLaw};
 use crate::{Error, Result};
 use glam::{DVec2, DVec3};
@@ -53,6 +53,8 @@ pub struct Rendering {
     pub noise: f64,
     /// Surface samples used, both halves together.
     pub samples: usize,
+    /// The exposure that drew the counts, if they are photons.
+    pub exposure: Option<Exposure>,
     /// True if `noise` is within the target, false if `max_samples` was reached first.
     pub converged: bool,
 }
@@ -75,9 +77,25 @@ pub fn simulate_watched(
     options: &RenderOptions,
     hear: &(dyn Fn(RenderProgress) + Sync),
 ) -> Result<Rendering> {
+    simulate_exposed(scene, None, options, hear)
+}
+
+/// As [`simulate_watched`], in this exposure, as of another scene of the same instrument; `None`: that of [`Scene::photons`].
+///
+/// # Errors
+/// Those of [`simulate`].
+pub fn simulate_exposed(
+    scene: &Scene,
+    exposure: Option<Exposure>,
+    options: &RenderOptions,
+    hear: &(dyn Fn(RenderProgress) + Sync),
+) -> Result<Rendering> {
     let mut rendering = lit(scene, options, hear)?;
     if let Some(photons) = scene.photons {
-        rendering.capture = photon_noise(&rendering.capture, photons, scene.dark, scene.pile_up, scene.seed)?;
+        let own = || Exposure::of(&rendering.capture, photons, scene.dark, scene.pile_up);
+        let exposure = exposure.map_or_else(own, Ok)?;
+        rendering.capture = exposure.draw(&rendering.capture, scene.seed);
+        rendering.exposure = Some(exposure);
     } else if let Some(mean) = scene.pile_up {
         pile_up(&mut rendering.capture, mean)?;
     }
@@ -119,6 +137,7 @@ pub fn simulate_empty(
     room = how.measured(room, exposure, scene.seed);
     if let Some(exposure) = exposure {
         rendering.capture = exposure.draw(&rendering.capture, scene.seed);
+        rendering.exposure = Some(exposure);
     }
     Ok((rendering, room))
 }
@@ -234,7 +253,7 @@ fn render_watched(
             continue;
         }
         let capture = capture(scene, pairs, histograms);
-        return Ok(Rendering { capture, noise, samples, converged: good });
+        return Ok(Rendering { capture, noise, samples, exposure: None, converged: good });
     }
 }
 
@@ -257,7 +276,7 @@ fn rendered_coarsely(
     let elements = elements(scene, options.max_samples.div_ceil(2), half_seed(options.seed, 1));
     let histograms = coarse::histograms(scene, pairs, &elements, nodes, scene.bin_count());
     let capture = capture(scene, pairs, histograms);
-    Ok(Rendering { capture, noise: f64::NAN, samples: elements.len(), converged: true })
+    Ok(Rendering { capture, noise: f64::NAN, samples: elements.len(), exposure: None, converged: true })
 }
 
 fn capture(scene: &Scene, pairs: &Pairs, histograms: Vec<f32>) -> Capture {

@@ -192,7 +192,19 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
             capture.integer_counts = false;
         }
     }
-    Ok(Histograms { capture, readings, instrument, survey, direct, photons, left_out, pulses, shaped, dropped, notes })
+    Ok(Histograms {
+        capture,
+        readings,
+        instrument,
+        survey,
+        direct,
+        photons,
+        left_out,
+        pulses,
+        shaped,
+        dropped,
+        notes,
+    })
 }
 
 /// The pairs of a capture without counts, and the pair of each point: where the scan says, or where their own returns come from.

@@ -65,15 +65,13 @@ pub(super) fn read(
 ) -> Result<Option<InstrumentHistograms>> {
     let table = match array(path)? {
         None if let Some(table) = matrix(path, points)? => table,
-        Some((name, array)) => {
-            StoredHistograms {
-                name,
-                tick: None,
-                shape: array.shape.clone(),
-                values: array.to_f64(),
-                unit: 1.0,
-            }
-        }
+        Some((name, array)) => StoredHistograms {
+            name,
+            tick: None,
+            shape: array.shape.clone(),
+            values: array.to_f64(),
+            unit: 1.0,
+        },
         None => match recognised::of(path)?.map(|known| known.content) {
             Some(Content::Histograms(format)) => tables::read(path, format, points, notes)?,
             _ => return Ok(None),

@@ -98,7 +98,13 @@ pub(super) fn read(
                 notes.push("the table has as many rows as columns: a row is read as a point".into());
             }
             let shape = vec![rows.len(), wide];
-            Ok(StoredHistograms { name: "the table".into(), tick: None, shape, values: rows.concat(), unit: 1.0 })
+            Ok(StoredHistograms {
+                name: "the table".into(),
+                tick: None,
+                shape,
+                values: rows.concat(),
+                unit: 1.0,
+            })
         }
     }
 }

@@ -17,10 +17,10 @@ use flate2::read::GzDecoder;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
+use super::open;
 use super::tables::{LONGEST, MOST, StoredHistograms};
-use super::{open, unreadable};
-use crate::error::{Error, Result};
 use crate::capture::formats::recognised::GZIP;
+use crate::error::{Error, Result};
 
 /// Seconds of a bin of a TMF8829 before bins are joined.
 const TICK: f64 = 200e-12;
@@ -99,11 +99,14 @@ pub(super) fn tmf8829(path: &Path, notes: &mut Vec<String>) -> Result<StoredHist
     }
     let is_long = readings.iter().all(|reading| reading.mp_histo.is_empty());
     let histograms = |reading: Reading| if is_long { reading.accurate } else { reading.mp_histo };
-    let all: Vec<Vec<Vec<Bins>>> = readings.into_iter().map(histograms).filter(|rows| !rows.is_empty()).collect();
+    let all: Vec<Vec<Vec<Bins>>> =
+        readings.into_iter().map(histograms).filter(|rows| !rows.is_empty()).collect();
     let Some(first) = all.first() else {
         let (what, hint) = match are_halves {
             true => ("holds single frames, halves of a reading", "log combined results (dumpMeasurement)"),
-            false => ("has no histograms", "set `histograms` to 1 in the sensor's configuration, and log again"),
+            false => {
+                ("has no histograms", "set `histograms` to 1 in the sensor's configuration, and log again")
+            }
         };
         return Err(Error::input(format!("the log of a TMF8829 {what}"), hint));
     };
@@ -111,7 +114,9 @@ pub(super) fn tmf8829(path: &Path, notes: &mut Vec<String>) -> Result<StoredHist
     let length = first.first().and_then(|row| row.first()).map_or(0, |zone| zone.bin.len());
     let is_same = |reading: &Vec<Vec<Bins>>| {
         reading.len() == rows
-            && reading.iter().all(|row| row.len() == columns && row.iter().all(|zone| zone.bin.len() == length))
+            && reading
+                .iter()
+                .all(|row| row.len() == columns && row.iter().all(|zone| zone.bin.len() == length))
     };
     if let Some(other) = all.iter().position(|reading| !is_same(reading)) {
         return Err(Error::input(
@@ -122,7 +127,10 @@ pub(super) fn tmf8829(path: &Path, notes: &mut Vec<String>) -> Result<StoredHist
         ));
     }
     let shift = shift.unwrap_or_else(|| {
-        notes.push("the log has no configuration: bins are taken as four of 200 ps; give the bin width for others".into());
+        notes.push(
+            "the log has no configuration: bins are taken as four of 200 ps; give the bin width for others"
+                .into(),
+        );
         2
     });
     if shift > MOST_SHIFT {
@@ -195,7 +203,9 @@ const STEPS: f64 = (1u32 << 20) as f64;
 fn table(lines: &[&str]) -> Result<(usize, usize, Vec<f64>)> {
     let head = lines.first().copied().unwrap_or_default();
     let separator = [';', '\t'].into_iter().find(|s| head.contains(*s)).unwrap_or(',');
-    let cells = |line: &str| line.split(separator).map(|c| c.trim().trim_matches('"').to_lowercase()).collect::<Vec<_>>();
+    let cells = |line: &str| {
+        line.split(separator).map(|c| c.trim().trim_matches('"').to_lowercase()).collect::<Vec<_>>()
+    };
     let place = |name: &String| -> Option<[usize; 2]> {
         let (bin, zone) = name.strip_prefix(COLUMN)?.split_once("_a")?;
         Some([zone.parse().ok()?, bin.parse().ok()?])
@@ -252,7 +262,8 @@ fn printed(lines: &[&str]) -> Result<(usize, usize, Vec<f64>)> {
     if zones > 0 && zones <= MOST_ZONES {
         for first in (0..all.len()).filter(|at| all[*at].0 == 0) {
             let reading = all.get(first..first + zones).unwrap_or_default();
-            let is_whole = |(at, (zone, values)): (usize, &(usize, Vec<f64>))| *zone == at && values.len() == bins;
+            let is_whole =
+                |(at, (zone, values)): (usize, &(usize, Vec<f64>))| *zone == at && values.len() == bins;
             if !reading.is_empty() && reading.iter().enumerate().all(is_whole) {
                 reading.iter().for_each(|(_, bins)| values.extend(bins));
             }
@@ -277,8 +288,13 @@ mod tests {
         let text = "time,cnh__hist_bin_0_a0,cnh__hist_bin_1_a0,cnh__hist_bin_0_a1,cnh__hist_bin_1_a1\n1,0.5,2.5,3.5,-0.5\n2,1,2,3,4";
         let lines: Vec<&str> = text.lines().collect();
         let read = cnh(&lines, &mut notes).unwrap();
-        let back = |read: &StoredHistograms| read.values.iter().map(|v| (v * read.unit * 2.0).round() / 2.0).collect::<Vec<_>>();
-        assert_eq!((read.shape.clone(), back(&read)), (vec![2, 2, 2], vec![1.0, 3.0, 4.0, 0.0, 1.5, 2.5, 3.5, 4.5]));
+        let back = |read: &StoredHistograms| {
+            read.values.iter().map(|v| (v * read.unit * 2.0).round() / 2.0).collect::<Vec<_>>()
+        };
+        assert_eq!(
+            (read.shape.clone(), back(&read)),
+            (vec![2, 2, 2], vec![1.0, 3.0, 4.0, 0.0, 1.5, 2.5, 3.5, 4.5])
+        );
         assert!(notes[0].contains("lifted by 0.5"), "{notes:?}");
         let text = "Zone 0: No target\nAggregate 1, Ambient: 1.0, Bins: 7.0, 7.0, \nAggregate 0, Ambient: 2.0, Bins: 1.0, 2.0, \n\
                     Aggregate 1, Ambient: 1.0, Bins: 3.0, 4.0, \nAggregate 0, Ambient: 2.0, Bins: 9.0, ";
@@ -286,7 +302,10 @@ mod tests {
         assert_eq!((read.shape, read.values, read.unit), (vec![1, 2, 2], vec![1.0, 2.0, 3.0, 4.0], 1.0));
         for (text, why) in [
             ("cnh__hist_bin_0_a0,cnh__hist_bin_1_a1\n1,2", "2 columns of 2 zones and 2 bins"),
-            ("cnh__hist_bin_0_a0,cnh__hist_bin_1_a0\n1", "row 1 of the table has no number in column cnh__hist_bin_1_a0"),
+            (
+                "cnh__hist_bin_0_a0,cnh__hist_bin_1_a0\n1",
+                "row 1 of the table has no number in column cnh__hist_bin_1_a0",
+            ),
             ("cnh__hist_bin_0_a0", "no row below"),
             ("Aggregate 1, Ambient: 1.0, Bins: 7.0", "no reading of a VL53L8CH is whole"),
         ] {

@@ -146,7 +146,10 @@ const ROWS: [Recognised; 19] = [
     row(
         "histograms of a VL53L8CH",
         Content::Histograms(HistogramFormat::Cnh),
-        |h| h.holds("cnh__hist_bin_") || h.lines.iter().any(|line| line.starts_with("aggregate ") && line.contains("bins:")),
+        |h| {
+            h.holds("cnh__hist_bin_")
+                || h.lines.iter().any(|line| line.starts_with("aggregate ") && line.contains("bins:"))
+        },
         "",
     ),
     row("time tags as text", Content::Tags, FileStart::names_tags, ""),

@@ -16,10 +16,10 @@ use crate::live::{
 use crate::track::law;
 use thirdbounce::capture::formats::ReadOptions;
 use thirdbounce::engine::Reconstruction;
+use thirdbounce::export::track::{TrackRow, csv};
 use thirdbounce::gpu::{Gpu, GpuOptions};
 use thirdbounce::maps::Maps;
 use thirdbounce::options::units::{length, milliseconds};
-use thirdbounce::export::track::{TrackRow, csv};
 use thirdbounce::session::{Feed, Frame, Latency, MOVING_FRAMES, SessionOptions};
 use thirdbounce::surface::Follow;
 use thirdbounce::{Capture, Error, Result, export, job};
@@ -103,7 +103,8 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
     interrupt::stop_in_order();
     let reading = job::reading(&args.file.settings()?)?;
     let mut opened = read_frame(&args.capture, &reading)?;
-    let of_room = args.empty.as_ref().map(|file| set_empty(&mut opened.capture, file, &reading)).transpose()?;
+    let of_room =
+        args.empty.as_ref().map(|file| set_empty(&mut opened.capture, file, &reading)).transpose()?;
     let (source, scan) = (source(args, &opened.capture, reading)?, opened.capture);
     let mut kept = args.out.as_deref().map(|out| RunFiles::open(out, args.keep)).transpose()?;
     let gpu = Gpu::open(&GpuOptions { device: args.device.clone(), ..GpuOptions::default() })?;
@@ -113,7 +114,12 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
     let (session, notes) =
         thirdbounce::session_with(&gpu, &scan, &settings, options, &mut |_| interrupt::asked())?;
     if !args.quiet {
-        opened.notes.iter().chain(of_room.iter().flatten()).chain(&notes).for_each(|note| say(&format!("note: {note}")));
+        opened
+            .notes
+            .iter()
+            .chain(of_room.iter().flatten())
+            .chain(&notes)
+            .for_each(|note| say(&format!("note: {note}")));
     }
     let (mut drift, mut warned, mut unwritten) = (Drift::default(), false, None);
     let mut keep = |record: &mut dyn FnMut(&mut RunFiles) -> Result<()>| match kept.as_mut().map(record) {
@@ -234,7 +240,8 @@ impl RunFiles {
         if self.table.is_none() {
             let mut file = File::options().create(true).append(true).open(&path).map_err(failed)?;
             if file.metadata().map_err(failed)?.len() == 0 {
-                file.write_all(text.split_inclusive('\n').next().unwrap_or_default().as_bytes()).map_err(failed)?;
+                file.write_all(text.split_inclusive('\n').next().unwrap_or_default().as_bytes())
+                    .map_err(failed)?;
             }
             self.table = Some(file);
         }

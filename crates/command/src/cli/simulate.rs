@@ -73,6 +73,9 @@ pub struct SimulateArgs {
     /// Distance that the scene moves from frame to frame: 1cm, metres as a plain number; 0: it rests
     #[arg(long, value_name = "M", default_value_t = 0.01, value_parser = length, requires = "moving")]
     step: f64,
+    /// Radius of the circle [default: 0.12 of the wall's side]
+    #[arg(long, value_name = "M", value_parser = length, requires = "moving")]
+    circle: Option<f64>,
     /// First frame, from 0, in which the last object of the scene is there
     #[arg(long, value_name = "N", requires = "moving")]
     appear: Option<usize>,
@@ -261,7 +264,7 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     let mut words: Vec<String> = lines.flat_map(str::split_whitespace).map(String::from).collect();
     let is_own = |word: &String| {
-        ["--out", "--truth", "--empty-out", "--moving", "--appear", "--vanish", "--family"]
+        ["--out", "--truth", "--empty-out", "--moving", "--circle", "--appear", "--vanish", "--family"]
             .iter()
             .any(|own| word.starts_with(own))
     };
@@ -331,6 +334,7 @@ fn simulation(args: &SimulateArgs) -> Result<Simulation> {
         truth: args.truth.clone().map(|file| (file, args.truth_resolution)),
         empty: args.empty_out.clone().map(|file| Ok::<_, Error>((file, empty_room(args)?))).transpose()?,
         is_truth_of_things: args.empty_out.is_some(),
+        exposure: None,
     })
 }
 
@@ -376,17 +380,20 @@ fn family(args: &SimulateArgs, seeds: Range<u64>) -> Result<ExitCode> {
 
 /// Writes the frames of a sequence.
 fn moving(args: &SimulateArgs, all: &Simulation, frames: usize) -> Result<()> {
-    let motion = Motion { frames, step: args.step, appears: args.appear, vanishes: args.vanish };
+    let motion =
+        Motion { frames, step: args.step, circle: args.circle, appears: args.appear, vanishes: args.vanish };
+    let mut exposure = None;
     for (i, scene) in all.scene.sequence(&motion)?.into_iter().enumerate() {
         let name = format!("frame-{i:04}.npz");
         let truth = all.truth.as_ref().map(|(folder, pixels)| (folder.join(&name), *pixels));
         // The room rests: the first frame measures it.
         let empty = all.empty.clone().filter(|_| i == 0);
-        let frame = Simulation { scene, out: all.out.join(&name), truth, empty, ..all.clone() };
+        let frame = Simulation { scene, out: all.out.join(&name), truth, empty, exposure, ..all.clone() };
         let meter = RenderingProgress::new(args.quiet, &format!("frame {} of {frames}: ", i + 1));
         let done = simulated::simulate(&frame, &|progress| meter.hear(progress), &mut || {});
         meter.end();
-        done?;
+        // All frames are measured as long as the first one.
+        exposure = done?.exposure;
         if !args.quiet {
             print(&format!("wrote     {}", frame.out.display()));
         }

@@ -20,8 +20,8 @@ mod page;
 mod stream;
 
 pub use folder::{FrameFolder, read_frame};
-pub use motion::Moved;
 use motion::Motion;
+pub use motion::Moved;
 pub use page::{Figures, LivePage, LiveTotals, Shows};
 use stream::Arrived;
 pub use stream::{CountFormat, FrameCounts, FrameHeader, HEADER, MAGIC, VERSION, read, write};
@@ -148,13 +148,7 @@ pub fn run(
                     let shown = subtracts.then(|| motion.shown(&frame.result.maps, moved.as_ref()));
                     page.show(&name, frame.clone(), shown);
                 }
-                heard = hear(News::Solved(
-                    &name,
-                    &frame,
-                    totals.latency,
-                    warning.as_deref(),
-                    moved.as_ref(),
-                ));
+                heard = hear(News::Solved(&name, &frame, totals.latency, warning.as_deref(), moved.as_ref()));
             }
             Ok(None) if ended && failed.is_empty() && session.is_idle() => break,
             Ok(None) => heard = if heard.is_break() { heard } else { hear(News::Idle) },

@@ -16,9 +16,14 @@ use thirdbounce_track::{LocateOptions, Sight, Tracker, locate};
 
 use crate::track::{noise, row};
 
-/// Pairs and bins that positions are found from, at most: a position of one object has errors of centimetres by its shape.
-const MOST_PAIRS: usize = 64;
-const MOST_BINS: usize = 128;
+/// Pairs that positions are found from, at most, and at least after pairs are summed; bins at most: a position has errors of centimetres by
+/// the shape of its object.
+const MOST_PAIRS: usize = 256;
+const LEAST_PAIRS: usize = 64;
+const MOST_BINS: usize = 64;
+/// Width of a Gaussian spot (FWHM) over that of the square of summed points whose variance it has: 2 √(2 ln 2) / √12, and √2 times this
+/// where laser and sensor move together, as the spots of both are independent.
+const OF_SQUARE: f64 = 0.679_783_1;
 /// Deviation of a coordinate of the acceleration of objects, metres per second squared: that of `thirdbounce track`.
 const ACCELERATION: f64 = 1.0;
 /// Least seconds between frames for the filter.
@@ -130,16 +135,32 @@ fn few(capture: &Capture) -> Result<Capture> {
     if capture.pair_count() <= MOST_PAIRS {
         return narrow(capture);
     }
-    let sums = (2..=nx.min(ny)).find(|n| nx % n == 0 && ny % n == 0 && nx * ny / (n * n) <= MOST_PAIRS);
-    if let Some(summed) = sums.and_then(|n| capture.summed(n).ok()) {
+    let fits = |n: usize| (LEAST_PAIRS..=MOST_PAIRS).contains(&(nx * ny / (n * n)));
+    let sums = (2..=nx.min(ny)).find(|n| nx % n == 0 && ny % n == 0 && fits(*n));
+    if let Some((n, mut summed)) = sums.and_then(|n| Some((n, capture.summed(n).ok()?))) {
+        widen(&mut summed, capture, n);
         return narrow(&summed);
     }
     let every = capture.pair_count().div_ceil(MOST_PAIRS);
     let kept: Vec<usize> = (0..capture.pair_count()).step_by(every).collect();
-    let counts = kept.iter().flat_map(|pair| capture.histogram(*pair)).copied().collect();
-    let mut chosen = capture.keep(&kept, [kept.len(), 1]);
-    chosen.histograms = counts;
+    let chosen = capture.keep(&kept, [kept.len(), 1]);
     narrow(&chosen)
+}
+
+/// Gives the sums of n x n points the spots that these make.
+fn widen(summed: &mut Capture, of: &Capture, n: usize) {
+    let pitch = |points: &[DVec3]| {
+        let steps = [of.scan[1], 1].map(|step| points.get(step).map_or(0.0, |p| p.distance(points[0])));
+        steps[0].max(steps[1])
+    };
+    let both = of.laser == of.sensor;
+    let width = |points: &[DVec3], own: Option<f64>| {
+        let together = if both { 2f64.sqrt() } else { 1.0 };
+        let made = OF_SQUARE * together * n as f64 * pitch(points);
+        Some(made.hypot(own.unwrap_or(0.0))).filter(|width| *width > 0.0)
+    };
+    summed.laser_spot = width(&of.laser, of.laser_spot);
+    summed.sensor_spot = width(&of.sensor, of.sensor_spot);
 }
 
 /// Edges between the mask and what is outside, joined along lines.
@@ -196,13 +217,17 @@ mod tests {
 
     #[test]
     fn positions_come_from_few_pairs_and_bins() {
-        let points: Vec<DVec3> = (0..400).map(|i| DVec3::new((i / 20) as f64, (i % 20) as f64, 0.0)).collect();
+        let points: Vec<DVec3> =
+            (0..400).map(|i| DVec3::new((i / 20) as f64, (i % 20) as f64, 0.0)).collect();
         let all = Capture::new([20, 20], points.clone(), points, 300, 0.01, vec![1.0; 400 * 300]);
         let less = few(&all).unwrap();
-        assert_eq!((less.scan, less.bins), ([5, 5], 100));
+        assert_eq!((less.scan, less.bins), ([10, 10], 60));
+        // Two points a metre apart: a standard deviation of 2 / √12 m of both together, √2 of it for each.
+        let spots = [less.laser_spot, less.sensor_spot].map(|spot| spot.unwrap() / 2.354_820_045);
+        assert!(spots.iter().all(|spot| (spot - 2.0 / 6f64.sqrt()).abs() < 1e-6), "{spots:?}");
         assert_eq!(less.histograms.iter().sum::<f32>(), 400.0 * 300.0, "every count is kept");
         let list = all.keep(&(0..397).collect::<Vec<_>>(), [397, 1]);
         let less = few(&Capture { histograms: vec![1.0; 397 * 300], ..list }).unwrap();
-        assert!(less.pair_count() <= MOST_PAIRS && less.histograms.len() == less.pair_count() * 100);
+        assert!(less.pair_count() <= MOST_PAIRS && less.histograms.len() == less.pair_count() * 60);
     }
 }

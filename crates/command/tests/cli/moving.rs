@@ -72,7 +72,17 @@ fn errors(table: &Path, from: usize) -> (f64, usize, usize) {
 }
 
 const LIVE: [&str; 11] = [
-    "--feed", "every", "--interval", "100ms", "--lateral", "16", "--iterations", "20", "--model", "cosine", "--frames",
+    "--feed",
+    "every",
+    "--interval",
+    "100ms",
+    "--lateral",
+    "16",
+    "--iterations",
+    "20",
+    "--model",
+    "cosine",
+    "--frames",
 ];
 
 #[test]
@@ -82,9 +92,10 @@ fn what_moves_has_positions_that_the_room_hides() {
     frames(folder.path(), "200", "81021");
     let scan = at("frames/frame-0000.npz");
     let count = FRAMES.to_string();
+    let source = at("frames");
     let live = |more: &[&str], out: &str| {
-        let all = [&["live", &at("frames"), "--capture", &scan][..], &LIVE, &[&count, "--out", &at(out)], more];
-        thirdbounce(&all.concat())
+        let (begin, out) = (["live", &source, "--capture", &scan], at(out));
+        thirdbounce(&[&begin[..], &LIVE, &[&count, "--out", &out], more].concat())
     };
     let output = live(&["--moving", "12"], "moving");
     assert!(output.status.success(), "{}", stderr(&output));
@@ -103,7 +114,9 @@ fn what_moves_has_positions_that_the_room_hides() {
     assert!(found == FRAMES - from && near >= found - 2, "{found} {near} {moving}");
     // Without it, the plates are the brightest object.
     let tracked = |more: &[&str], out: &str| {
-        let args = ["track", &at("frames"), "--blobs", "1", "--frame-time", "100ms", "--quiet", "--out", &at(out)];
+        let folder_out = at(out);
+        let args =
+            ["track", &source, "--blobs", "1", "--frame-time", "100ms", "--quiet", "--out", &folder_out];
         succeed(&[&args[..], more].concat());
         errors(&folder.path().join(out).join("track.csv"), from)
     };
@@ -125,7 +138,7 @@ fn what_moves_has_positions_that_the_room_hides() {
     assert_eq!(head("empty/track.csv"), head("emptied/track.csv"));
 
     let refused = |more: &[&str], code: i32, why: &str| {
-        fail(&[&["live", &at("frames"), "--capture", &scan][..], more].concat(), code, why);
+        fail(&[&["live", &source, "--capture", &scan][..], more].concat(), code, why);
     };
     refused(&["--moving", "4"], 1, "give 5 to 1000 frames");
     refused(&["--moving", "--empty", &at("empty.npz")], 2, "--moving");
@@ -155,7 +168,8 @@ fn a_browser_shows_the_outline_and_the_track() {
     let last = format!("frame-{:04} ", FRAMES - 1);
     let is_solved = lines.any(|line| line.starts_with(&last));
     std::thread::sleep(std::time::Duration::from_millis(300));
-    let picture = std::env::var("THIRDBOUNCE_SCREENSHOT").map(|name| format!("--screenshot={name}-moving.png"));
+    let picture =
+        std::env::var("THIRDBOUNCE_SCREENSHOT").map(|name| format!("--screenshot={name}-moving.png"));
     if let Ok(picture) = &picture {
         look(browser, &address, "1400,1500", folder.path(), &[picture]);
     }
@@ -163,7 +177,14 @@ fn a_browser_shows_the_outline_and_the_track() {
     let _ = child.kill();
     let _ = child.wait();
     assert!(is_solved, "all frames are solved");
-    for words in ["Outline of what moves; centres", "<th>x (m)</th>", " ± ", "<ellipse ", "stroke-width=\"1.5\"", "z (m)</text>"] {
+    for words in [
+        "Outline of what moves; centres",
+        "<th>x (m)</th>",
+        " ± ",
+        "<ellipse ",
+        "stroke-width=\"1.5\"",
+        "z (m)</text>",
+    ] {
         assert!(text.contains(words), "{words}: {text}");
     }
     assert!(text.matches("<circle ").count() > 3 * 10, "positions over time are drawn: {text}");

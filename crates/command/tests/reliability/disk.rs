@@ -47,6 +47,7 @@ pub fn rows(share: Share) -> Vec<Row> {
                         truth,
                         empty: None,
                         is_truth_of_things: false,
+                        exposure: None,
                     },
                     &|_| {},
                     &mut || {},

@@ -27,10 +27,9 @@ fn count(reading: usize, row: usize, column: usize, bin: usize) -> u32 {
 }
 
 fn reading(number: usize, sides: [usize; 2]) -> Value {
-    let zone = |row: usize, column: usize| {
-        json!({"bin": (0..BINS).map(|bin| count(number, row, column, bin)).collect::<Vec<_>>()})
-    };
-    let rows: Vec<Value> = (0..sides[0]).map(|row| (0..sides[1]).map(|column| zone(row, column)).collect()).collect();
+    let zone = |row: usize, column: usize| json!({"bin": (0..BINS).map(|bin| count(number, row, column, bin)).collect::<Vec<_>>()});
+    let rows: Vec<Value> =
+        (0..sides[0]).map(|row| (0..sides[1]).map(|column| zone(row, column)).collect()).collect();
     let reference = json!({"bin": vec![7; BINS]});
     json!({"info": {"frame_number": number}, "ref_histo": vec![reference; 8], "mp_histo": rows})
 }
@@ -67,7 +66,11 @@ fn a_log_of_a_tmf8829_is_a_sum_a_reading_or_frames() {
     // Plain, packed, and as the values that a running logger appends.
     let parts = log();
     let mut appended = format!("{}\n{}\n", json!({"time": "now"}), parts["configuration"]);
-    parts["Result_Set"].as_array().unwrap().iter().for_each(|one| appended += &format!("{}\n", json!({"Result_Set": one})));
+    parts["Result_Set"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .for_each(|one| appended += &format!("{}\n", json!({"Result_Set": one})));
     let files = [
         place(folder.path(), "log.json", text.as_bytes()),
         place(folder.path(), "log.json.gz", &packed(&text)),
@@ -92,8 +95,13 @@ fn a_log_of_a_tmf8829_is_a_sum_a_reading_or_frames() {
         assert_eq!(strongest(sum, 0, 5), 600.0);
         // Columns along x, rows along y.
         assert_eq!(strongest(&made.readings[0], 16 * 3 + 2, 5), 100.0 + 2.0 + 6.0);
-        assert!(made.notes.iter().any(|note| note.contains("3 readings of 16 x 16 zones, 54 bins; its reference")));
-        let one = histogram(file, &scan(), &Asked { readings: Readings::One(2), ..Asked::default() }).unwrap();
+        assert!(
+            made.notes
+                .iter()
+                .any(|note| note.contains("3 readings of 16 x 16 zones, 54 bins; its reference"))
+        );
+        let one =
+            histogram(file, &scan(), &Asked { readings: Readings::One(2), ..Asked::default() }).unwrap();
         assert_eq!(one.capture.histograms, made.readings[2].histograms);
     }
 
@@ -101,7 +109,10 @@ fn a_log_of_a_tmf8829_is_a_sum_a_reading_or_frames() {
     let at = |name: &str| folder.path().join(name).display().to_string();
     let args = ["histogram", &at("log.json.gz"), "--scan", "16x16", "--wall", "1.2m"];
     let output = thirdbounce(&[&args[..], &["--out", &at("sum.npz")]].concat());
-    assert!(output.status.success() && stderr(&output).contains("the 3 readings of the log are added up"), "{output:?}");
+    assert!(
+        output.status.success() && stderr(&output).contains("the 3 readings of the log are added up"),
+        "{output:?}"
+    );
     succeed(&[&args[..], &["--reading", "1", "--out", &at("one.npz")]].concat());
     assert_eq!(strongest(&read(Path::new(&at("one.npz"))).unwrap(), 0, 5), 200.0);
     let text = succeed(&[&args[..], &["--each-reading", "--out", &at("frames")]].concat());
@@ -110,7 +121,11 @@ fn a_log_of_a_tmf8829_is_a_sum_a_reading_or_frames() {
     let table = std::fs::read_to_string(at("track/track.csv")).unwrap();
     assert_eq!(table.lines().count(), 1 + READINGS, "{table}");
     fail(&[&args[..], &["--reading", "3", "--out", &at("x.npz")]].concat(), 1, "has 3 readings");
-    fail(&["reconstruct", &at("log.json"), "--out", &at("x")], 1, "a log of a TMF8829, without the wall points");
+    fail(
+        &["reconstruct", &at("log.json"), "--out", &at("x")],
+        1,
+        "a log of a TMF8829, without the wall points",
+    );
     assert!(!Path::new(&at("x.npz")).exists() && !Path::new(&at("x")).exists());
 }
 
@@ -127,7 +142,10 @@ fn a_damaged_log_is_one_error() {
     let cases: [(Vec<u8>, &str); 7] = [
         (text.as_bytes()[..text.len() / 2].to_vec(), "damaged or ends early"),
         (packed(&text)[..9000].to_vec(), "damaged or ends early"),
-        (changed(&|all| all["Result_Set"][1] = reading(1, [8, 16])).into_bytes(), "reading 1 of the log has other zones"),
+        (
+            changed(&|all| all["Result_Set"][1] = reading(1, [8, 16])).into_bytes(),
+            "reading 1 of the log has other zones",
+        ),
         (changed(&|all| all["Result_Set"] = json!([{"results": []}])).into_bytes(), "has no histograms"),
         (changed(&|all| all["configuration"]["bin_shift"] = json!(40)).into_bytes(), "joins bins by 2^40"),
         (
@@ -142,7 +160,10 @@ fn a_damaged_log_is_one_error() {
             .into_bytes(),
             "all zones of a row of the log have the same histogram",
         ),
-        (json!({"configuration": {"bin_shift": 2}, "frames": [{}]}).to_string().into_bytes(), "halves of a reading"),
+        (
+            json!({"configuration": {"bin_shift": 2}, "frames": [{}]}).to_string().into_bytes(),
+            "halves of a reading",
+        ),
     ];
     for (bytes, why) in cases {
         let path = place(folder.path(), "log.json", &bytes);
@@ -163,7 +184,8 @@ fn histograms_of_a_vl53l8ch_are_read_as_table_and_as_text() {
         9 => 20.5 + zone as f64 + reading as f64,
         _ => 0.5 - (bin % 3) as f64,
     };
-    let names: Vec<String> = (0..64).flat_map(|zone| (0..24).map(move |bin| format!("cnh__hist_bin_{bin}_a{zone}"))).collect();
+    let names: Vec<String> =
+        (0..64).flat_map(|zone| (0..24).map(move |bin| format!("cnh__hist_bin_{bin}_a{zone}"))).collect();
     let mut table = format!("frame,{}\n", names.join(","));
     let mut text = String::from("Sensor and CNH configured, ranging started\n");
     for reading in 0..2 {
@@ -199,5 +221,20 @@ fn histograms_of_a_vl53l8ch_are_read_as_table_and_as_text() {
     // Of two readings, lifted by 1.5 each, in the zone of column 2 and row 1.
     let object = table.histogram(2 * 8 + 1)[zero + 5..zero + 8].iter().copied().fold(0.0, f32::max);
     assert!((object - (2.0 * (20.5 + 10.0 + 1.5) + 1.0)).abs() < 0.01, "{object}");
-    fail(&["histogram", &at("serial.txt"), "--scan", "4x4", "--wall", "1m", "--bin-width", "1ns", "--out", &at("x.npz")], 1, "does not fit 16 points");
+    fail(
+        &[
+            "histogram",
+            &at("serial.txt"),
+            "--scan",
+            "4x4",
+            "--wall",
+            "1m",
+            "--bin-width",
+            "1ns",
+            "--out",
+            &at("x.npz"),
+        ],
+        1,
+        "does not fit 16 points",
+    );
 }
