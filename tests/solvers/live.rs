@@ -371,7 +371,8 @@ fn what_moves_is_shown_without_what_rests() {
         let warns = done.warnings.iter().any(|warning| warning.contains("what rests is not known yet"));
         assert_eq!([warns, moving.last().unwrap().left.is_none()], [number < 5; 2], "{number}");
         if number == 0 {
-            assert!(done.maps == solved(&mut plain, &frame.histograms).maps);
+            let same = solved(&mut plain, &frame.histograms);
+            assert!(format!("{:?}", done.maps) == format!("{:?}", same.maps));
         }
     }
     let with = quality(&moving.last().unwrap().result, &truth);

@@ -9,10 +9,10 @@ use std::path::Path;
 
 use super::arrays::Holder;
 use super::tables::{self, MOST, StoredHistograms};
-use super::{open, unreadable};
+use super::{open, unreadable, zone_logs};
 use crate::advice::advice;
 use crate::capture::METRES_PER_PICOSECOND;
-use crate::capture::formats::recognised::{self, Content};
+use crate::capture::formats::recognised::{self, Content, HistogramFormat};
 use crate::capture::formats::variables::Variables;
 use crate::error::{Error, Result};
 use crate::files::archive::Npz;
@@ -73,6 +73,8 @@ pub(super) fn read(
             unit: 1.0,
         },
         None => match recognised::of(path)?.map(|known| known.content) {
+            Some(Content::Histograms(HistogramFormat::Tmf8829)) => zone_logs::tmf8829(path, notes)?,
+            Some(Content::Histograms(HistogramFormat::Cnh)) => zone_logs::vl53l8ch(path, notes)?,
             Some(Content::Histograms(format)) => tables::read(path, format, points, notes)?,
             _ => return Ok(None),
         },

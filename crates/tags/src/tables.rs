@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::header::{self, Header};
 use super::text::{Plain, real};
-use super::{open, unreadable, zone_logs};
+use super::{open, unreadable};
 use crate::capture::formats::recognised::HistogramFormat;
 use crate::error::{Error, Result};
 use crate::host;
@@ -38,9 +38,6 @@ pub(super) fn read(
 ) -> Result<StoredHistograms> {
     if format == HistogramFormat::Phu {
         return phu(path);
-    }
-    if format == HistogramFormat::Tmf8829 {
-        return zone_logs::tmf8829(path, notes);
     }
     let mut text = vec![];
     Plain::new(open(path)?)?.take(LONGEST).read_to_end(&mut text).map_err(unreadable)?;
@@ -76,7 +73,6 @@ pub(super) fn read(
             columns("the table of the LabVIEW file", rows, width.filter(|width| *width > 0.0), from, step)
         }
         HistogramFormat::Zones => zones(&lines, notes),
-        HistogramFormat::Cnh => zone_logs::cnh(&lines, notes),
         _ => {
             let rows = rows(&lines);
             let wide = rows.first().map_or(0, Vec::len);

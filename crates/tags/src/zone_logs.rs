@@ -17,8 +17,9 @@ use flate2::read::GzDecoder;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use super::open;
 use super::tables::{LONGEST, MOST, StoredHistograms};
+use super::text::Plain;
+use super::{open, unreadable};
 use crate::capture::formats::recognised::GZIP;
 use crate::error::{Error, Result};
 
@@ -61,14 +62,14 @@ struct Configuration {
 #[derive(Deserialize, Default)]
 #[serde(default)]
 struct Reading {
-    mp_histo: Vec<Vec<Bins>>,
+    mp_histo: Vec<Vec<ZoneBins>>,
     /// Of the high accuracy range, where there are two.
     #[serde(rename = "mp_histo_HA")]
-    accurate: Vec<Vec<Bins>>,
+    accurate: Vec<Vec<ZoneBins>>,
 }
 
 #[derive(Deserialize)]
-struct Bins {
+struct ZoneBins {
     bin: Vec<u32>,
 }
 
@@ -99,7 +100,7 @@ pub(super) fn tmf8829(path: &Path, notes: &mut Vec<String>) -> Result<StoredHist
     }
     let is_long = readings.iter().all(|reading| reading.mp_histo.is_empty());
     let histograms = |reading: Reading| if is_long { reading.accurate } else { reading.mp_histo };
-    let all: Vec<Vec<Vec<Bins>>> =
+    let all: Vec<Vec<Vec<ZoneBins>>> =
         readings.into_iter().map(histograms).filter(|rows| !rows.is_empty()).collect();
     let Some(first) = all.first() else {
         let (what, hint) = match are_halves {
@@ -112,7 +113,7 @@ pub(super) fn tmf8829(path: &Path, notes: &mut Vec<String>) -> Result<StoredHist
     };
     let (rows, columns) = (first.len(), first.first().map_or(0, Vec::len));
     let length = first.first().and_then(|row| row.first()).map_or(0, |zone| zone.bin.len());
-    let is_same = |reading: &Vec<Vec<Bins>>| {
+    let is_same = |reading: &Vec<Vec<ZoneBins>>| {
         reading.len() == rows
             && reading
                 .iter()
@@ -140,7 +141,7 @@ pub(super) fn tmf8829(path: &Path, notes: &mut Vec<String>) -> Result<StoredHist
         ));
     }
     let bins = used.map_or(length, |used| used >> shift).clamp(usize::from(length > 0), length);
-    let repeats = |row: &Vec<Bins>| row.len() > 1 && row.iter().all(|zone| zone.bin == row[0].bin);
+    let repeats = |row: &Vec<ZoneBins>| row.len() > 1 && row.iter().all(|zone| zone.bin == row[0].bin);
     if all.iter().all(|reading| reading.iter().all(repeats)) {
         return Err(Error::input(
             "all zones of a row of the log have the same histogram: the program that wrote it repeats one",
@@ -168,7 +169,14 @@ pub(super) fn tmf8829(path: &Path, notes: &mut Vec<String>) -> Result<StoredHist
 }
 
 /// Reads compact normalised histograms of a VL53L8CH: a table with columns of their bins, or printed aggregates.
-pub(super) fn cnh(lines: &[&str], notes: &mut Vec<String>) -> Result<StoredHistograms> {
+pub(super) fn vl53l8ch(path: &Path, notes: &mut Vec<String>) -> Result<StoredHistograms> {
+    let mut text = vec![];
+    Plain::new(open(path)?)?.take(LONGEST).read_to_end(&mut text).map_err(unreadable)?;
+    let text = String::from_utf8_lossy(&text);
+    cnh(&text.lines().map(str::trim).filter(|line| !line.is_empty()).collect::<Vec<_>>(), notes)
+}
+
+fn cnh(lines: &[&str], notes: &mut Vec<String>) -> Result<StoredHistograms> {
     let is_table = |line: &&str| line.to_lowercase().contains(COLUMN);
     let (zones, bins, mut values) = match lines.iter().position(|line| is_table(line)) {
         Some(head) => table(&lines[head..])?,

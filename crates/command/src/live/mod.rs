@@ -20,7 +20,7 @@ mod page;
 mod stream;
 
 pub use folder::{FrameFolder, read_frame};
-use motion::Motion;
+use motion::MotionTrack;
 pub use motion::Moved;
 pub use page::{Figures, LivePage, LiveTotals, Shows};
 use stream::Arrived;
@@ -82,7 +82,7 @@ pub fn run(
     let grid = &session.plan().finest().grid;
     let (depths, [x0, x1, y0, y1]) = (grid.depth_range(), grid.extent());
     let volume = [DVec3::new(x0, y0, depths[0]), DVec3::new(x1, y1, depths[1])];
-    let mut motion = Motion::new(following.law, volume);
+    let mut motion = MotionTrack::new(following.law, volume);
     let (begun, subtracts) = (Instant::now(), session.subtracts());
     page.into_iter().for_each(|page| page.begin(depths));
     let mut totals = LiveTotals { latency: session.latency(), ..LiveTotals::default() };

@@ -28,16 +28,19 @@ const OF_SQUARE: f64 = 0.679_783_1;
 const ACCELERATION: f64 = 1.0;
 /// Least seconds between frames for the filter.
 const LEAST_STEP: f64 = 1e-3;
+/// Least share of the light's evidence that an object has: an object shades the room behind it, and what is then subtracted too much or too
+/// little there is proved as an object, too. Evidence: docs/batch-and-live.md.
+const LEAST_SHARE: f64 = 0.25;
 /// Rows that a page shows, at most.
 const SHOWN: usize = 600;
 
 /// Follows what moves from frame to frame.
-pub(super) struct Motion {
+pub(super) struct MotionTrack {
     law: Reflectance,
     options: LocateOptions,
     tracker: Tracker,
     last: Option<f64>,
-    shown: VecDeque<Row>,
+    shown: VecDeque<ShownRow>,
 }
 
 /// What a frame shows.
@@ -53,7 +56,7 @@ pub struct Moved {
 
 /// A row on the page. Lengths are metres.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub(super) struct Row {
+pub(super) struct ShownRow {
     time: f64,
     track: usize,
     at: [f64; 3],
@@ -66,20 +69,26 @@ pub(super) struct MotionShown {
     /// Whether the room is subtracted from the newest frame.
     is_known: bool,
     /// Rows of the newest frame.
-    rows: Vec<Row>,
+    rows: Vec<ShownRow>,
     /// Rows of the last frames, the newest last.
-    track: Vec<Row>,
+    track: Vec<ShownRow>,
     /// Edges of the mask of the newest frame, metres: x and y of one end, x and y of the other. None without a row.
     outline: Vec<[f64; 4]>,
     /// Part of the wall that the maps show, metres: x from, to, y from, to.
     extent: [f64; 4],
 }
 
-impl Motion {
+impl MotionTrack {
     /// `volume`: the box that holds the objects.
-    pub fn new(law: Reflectance, volume: [DVec3; 2]) -> Motion {
+    pub fn new(law: Reflectance, volume: [DVec3; 2]) -> MotionTrack {
         let options = LocateOptions { volume: Some(volume), ..LocateOptions::default() };
-        Motion { law, options, tracker: Tracker::new(1.0, ACCELERATION), last: None, shown: VecDeque::new() }
+        MotionTrack {
+            law,
+            options,
+            tracker: Tracker::new(1.0, ACCELERATION),
+            last: None,
+            shown: VecDeque::new(),
+        }
     }
 
     /// Takes a frame that was taken `time` seconds after the first one. `None`: nothing was subtracted from it.
@@ -94,13 +103,14 @@ impl Motion {
         });
         let mut moved = Moved::default();
         match found {
-            Ok(found) => {
+            Ok(mut found) => {
+                found.positions.retain(|position| position.share >= LEAST_SHARE);
                 let states = self.tracker.step(&found.positions);
                 moved.rows = states.iter().filter_map(|state| row(name, time, state, &found)).collect();
             }
             Err(error) => moved.failed = Some(error),
         }
-        self.shown.extend(moved.rows.iter().map(Row::of));
+        self.shown.extend(moved.rows.iter().map(ShownRow::of));
         while self.shown.len() > SHOWN {
             self.shown.pop_front();
         }
@@ -110,7 +120,8 @@ impl Motion {
 
     /// What the page shows of a frame.
     pub fn shown(&self, maps: &Maps, moved: Option<&Moved>) -> MotionShown {
-        let rows: Vec<Row> = moved.iter().flat_map(|moved| moved.rows.iter().map(Row::of)).collect();
+        let rows: Vec<ShownRow> =
+            moved.iter().flat_map(|moved| moved.rows.iter().map(ShownRow::of)).collect();
         let outline = if rows.is_empty() { vec![] } else { edges(maps) };
         MotionShown {
             is_known: moved.is_some(),
@@ -122,9 +133,9 @@ impl Motion {
     }
 }
 
-impl Row {
-    fn of(row: &TrackRow) -> Row {
-        Row { time: row.time, track: row.track, at: row.at, sigma: row.deviations() }
+impl ShownRow {
+    fn of(row: &TrackRow) -> ShownRow {
+        ShownRow { time: row.time, track: row.track, at: row.at, sigma: row.deviations() }
     }
 }
 
