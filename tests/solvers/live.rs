@@ -345,23 +345,25 @@ fn what_cannot_follow_is_refused() {
     assert_error(make(options().into(), Follow::default(), sum), Kind::Options, &["decay"]);
 }
 
-/// A letter that moves before a plate that rests: the frames before the background is known are those of a plain session, later ones show the
-/// letter alone.
+/// A small plate that moves before one that rests: the frames before the background is known are those of a plain session, later ones show
+/// the small one alone.
 #[test]
 fn what_moves_is_shown_without_what_rests() {
     let gpu = host();
-    let room =
-        thirdbounce::simulate::rectangle(dvec3(0.1, -0.1, 0.95), dvec3(0.0, 0.3, 0.0), dvec3(0.3, 0.0, 0.0));
+    let plate = |x: f64, z: f64, half: f64| {
+        let mesh =
+            thirdbounce::simulate::rectangle(dvec3(x, 0.0, z), dvec3(0.0, half, 0.0), dvec3(half, 0.0, 0.0));
+        thirdbounce::simulate::Object { mesh, albedo: 1.0 }
+    };
+    let places: Vec<f64> = (0..8).map(|frame| -0.4 + 0.1 * f64::from(frame)).collect();
+    let scene = |x: f64| Scene { objects: vec![plate(x, 0.5, 0.08)], ..letter(0.0) };
     let both = |x: f64| {
-        let mut scene = letter(x);
-        scene.objects.push(thirdbounce::simulate::Object { mesh: room.clone(), albedo: 1.0 });
+        let mut scene = scene(x);
+        scene.objects.push(plate(0.1, 0.95, 0.3));
         seen(&scene).0
     };
-    // The letter is aside for half of the frames.
-    let places: Vec<f64> =
-        (0..8).map(|frame| if frame % 2 == 0 { -0.3 } else { 0.05 * f64::from(frame) }).collect();
     let frames: Vec<Capture> = places.iter().map(|x| both(*x)).collect();
-    let (_, truth) = seen(&letter(places[7]));
+    let (_, truth) = seen(&scene(places[7]));
     let mut moving =
         session(&gpu, &frames[0], SessionOptions { moving: Some(31), ..SessionOptions::default() });
     let mut plain = session(&gpu, &frames[0], SessionOptions::default());

@@ -97,7 +97,7 @@ fn what_moves_has_positions_that_the_room_hides() {
         let (begin, out) = (["live", &source, "--capture", &scan], at(out));
         thirdbounce(&[&begin[..], &LIVE, &[&count, "--out", &out], more].concat())
     };
-    let output = live(&["--moving", "12"], "moving");
+    let output = live(&["--moving"], "moving");
     assert!(output.status.success(), "{}", stderr(&output));
     let text = stdout(&output);
     assert!(text.contains("object 0 at ("), "{text}");
@@ -108,10 +108,10 @@ fn what_moves_has_positions_that_the_room_hides() {
         assert_eq!(warns, number < 5, "{line}");
         assert_eq!(line["objects"].is_number(), number >= 5, "{line}");
     }
-    // The ball is half a circle away from where it began: the background of the first frames has forgotten it.
-    let from = 12;
+    // The ball was at few places twice: what rests is known.
+    let from = 13;
     let (moving, found, near) = errors(&folder.path().join("moving/track.csv"), from);
-    assert!(found == FRAMES - from && near >= found - 2, "{found} {near} {moving}");
+    assert!(found == FRAMES - from && near >= found - 3, "{found} {near} {moving}");
     // Without it, the plates are the brightest object.
     let tracked = |more: &[&str], out: &str| {
         let folder_out = at(out);
@@ -123,7 +123,7 @@ fn what_moves_has_positions_that_the_room_hides() {
     let (with_room, ..) = tracked(&[], "room");
     let (emptied, _, near) = tracked(&["--empty", &at("empty.npz")], "emptied");
     assert!(with_room > 0.2 && moving < 0.3 * with_room, "{moving} {with_room}");
-    assert!(emptied < 0.06 && near >= FRAMES - from - 2, "{emptied} {near}");
+    assert!(emptied < 0.06 && near >= FRAMES - from - 3, "{emptied} {near}");
     let report = std::fs::read_to_string(folder.path().join("emptied/track.json")).unwrap();
     assert!(report.contains("the empty capture is subtracted with a mean gain of "), "{report}");
 
