@@ -239,6 +239,7 @@ impl Format {
 pub struct Frame {
     pub id: FrameId,
     pub result: Reconstruction,
+    pub left: Option<Arc<Capture>>,
 }
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct FrameId(pub u64);
@@ -266,6 +267,7 @@ impl Session {
     ) -> Result<FrameId> {}
     pub fn submit_external(&mut self, frame: ExternalFrame) -> Result<FrameId> {}
     pub fn external_maps_bytes(&self) -> u64 {}
+    pub fn subtracts(&self) -> bool {}
     pub fn is_idle(&self) -> bool {}
     pub fn latency(&self) -> Latency {}
     pub fn poll(&mut self) -> Result<Option<&Frame>> {}
@@ -288,6 +290,7 @@ pub struct SessionOptions {
     pub maps_every: Option<usize>,
     pub feed: Feed,
     pub follow: Option<Follow>,
+    pub moving: Option<usize>,
     pub external: bool,
 }
 #[derive(Clone)]
