@@ -52,10 +52,10 @@ fn place(frame: usize) -> [f64; 3] {
     [radius * angle.cos(), radius * angle.sin(), 0.7 + 0.4 * radius * angle.sin()]
 }
 
-/// Root mean square error of the first object's positions, metres, frames with one, and those within three standard deviations.
+/// Median error of the first object's positions, metres, frames with one, and those within three standard deviations.
 fn errors(table: &Path, from: usize) -> (f64, usize, usize) {
     let text = std::fs::read_to_string(table).unwrap();
-    let (mut squares, mut near, mut seen) = (0.0, 0, vec![]);
+    let (mut all, mut near, mut seen) = (vec![], 0, vec![]);
     for line in text.lines().skip(1) {
         let cells: Vec<&str> = line.split(',').collect();
         let frame: usize = cells[0].trim_start_matches("frame-").parse().unwrap();
@@ -65,10 +65,11 @@ fn errors(table: &Path, from: usize) -> (f64, usize, usize) {
         seen.push(frame);
         let number = |k: usize| cells[k].parse::<f64>().unwrap();
         let off: Vec<f64> = (0..3).map(|k| number(3 + k) - place(frame)[k]).collect();
-        squares += off.iter().map(|v| v * v).sum::<f64>();
+        all.push(off.iter().map(|v| v * v).sum::<f64>().sqrt());
         near += usize::from((0..3).all(|k| off[k].abs() < 3.0 * number(6 + k)));
     }
-    ((squares / seen.len().max(1) as f64).sqrt(), seen.len(), near)
+    all.sort_by(f64::total_cmp);
+    (all[all.len() / 2], seen.len(), near)
 }
 
 const LIVE: [&str; 11] = [
