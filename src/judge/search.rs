@@ -428,6 +428,15 @@ impl<'t> Search<'t> {
             ideal = trial_of(&self.trials, reflectance).ideal(&layers)?;
             best = Some((response, fitted));
         }
+        // The support of the sharp fit holds echoes: a fit from the start may do without them.
+        if let Some((response, fitted)) = &mut best {
+            self.pace.expect(From::Start.iterations());
+            let pulse = response.samples(self.bin_width).pulse();
+            let anew = self.fit_with(reflectance, Some(pulse), From::Start)?;
+            if let Some(anew) = anew.filter(|anew| anew.held.left().excess() < fitted.held.left().excess()) {
+                *fitted = anew;
+            }
+        }
         Ok(best)
     }
 
