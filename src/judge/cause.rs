@@ -298,8 +298,9 @@ pub fn judged(
         all.extend(trials.places(law, step)?);
     }
     let scan = trials.scan.clone();
-    let is_far =
-        |judged: &TriedCause| judged.law.kind != Changes::Place || judged.numbers[0].abs() >= bands::LEAST_SCALE;
+    let is_far = |judged: &TriedCause| {
+        judged.law.kind != Changes::Place || judged.numbers[0].abs() >= bands::LEAST_SCALE
+    };
     let is_confirmed = |judged: &TriedCause| {
         if judged.law.kind == Changes::Gain {
             let logs = judged.law.effect(&scan, &judged.numbers, &shown.held.pairs).logs;
@@ -323,7 +324,9 @@ pub fn judged(
         let least = doubtful.first().map_or(0.0, TriedCause::excess);
         let near = doubtful.iter().filter(|judged| !is_poor_fit && judged.excess() <= bands::RIVAL * least);
         let doubts = near.map(|judged| judged_doubt(judged, &scan));
-        return Ok(Judged::Doubts(doubts.chain(gains.iter().map(|gains| suggested_doubt(gains, &scan))).collect()));
+        return Ok(Judged::Doubts(
+            doubts.chain(gains.iter().map(|gains| suggested_doubt(gains, &scan))).collect(),
+        ));
     };
     let (least, undone) = (best.excess(), best.law.undone(capture, &scan, &best.numbers));
     all.retain(|judged| judged.excess() <= bands::RIVAL * least);

@@ -52,7 +52,7 @@ fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted)
 /// Share that is certainly left beyond noise, from which the residual of all pairs may show a cause.
 const DOUBTFUL: f64 = 0.08;
 /// The same, from which changes of the instrument are fitted.
-const SUSPICIOUS: f64 = 0.025;
+const SUSPICIOUS: f64 = 0.03;
 
 /// What a fit is asked beside its pairs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -68,6 +68,10 @@ impl Samples {
     }
 }
 
+/// Least height over that of the largest peak of another one: of a first suggestion, as surfaces explain echoes, and of a response that is
+/// taken. A response of one peak is left to shapes.
+pub const ECHO: [f64; 2] = [0.1, 0.2];
+
 /// A response on bins: the share `weights[i]` of a path's light falls `i - REACH[0]` bins behind it.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Response(Vec<f64>);
@@ -93,6 +97,17 @@ impl Response {
     pub fn at_peak(&self, bin_width: f64) -> Samples {
         let samples = self.samples(bin_width);
         Samples { start: samples.start - self.peak() * bin_width, ..samples }
+    }
+
+    /// Whether another peak has this height over that of the largest one, with less than half of its own between both. What is behind the
+    /// reach gathers in the samples at its ends.
+    pub fn has_echo(&self, least: f64) -> bool {
+        let most = (1..COUNT - 1).max_by(|a, b| self.0[*a].total_cmp(&self.0[*b])).unwrap_or(1);
+        (1..COUNT - 1).any(|at| {
+            let between = &self.0[at.min(most)..=at.max(most)];
+            let valley = between.iter().fold(f64::INFINITY, |a, b| a.min(*b));
+            self.0[at] >= least * self.0[most] && valley < 0.5 * self.0[at]
+        })
     }
 
     /// Bins of the largest peak behind the path, by the parabola through it and the samples beside it.
@@ -297,7 +312,8 @@ mod tests {
     /// 64 rows of three lines, their measurement by a response of these lags and shares, and noise.
     fn rows(truth: &[(i64, f64)], noise: f64) -> Rows {
         let sharp = |pair: usize, bin: i64| -> f64 {
-            let lines = [(25 + pair as i64 % 13, 1.0), (37 + pair as i64 % 7, 0.5), (55 - pair as i64 % 11, 0.8)];
+            let lines =
+                [(25 + pair as i64 % 13, 1.0), (37 + pair as i64 % 7, 0.5), (55 - pair as i64 % 11, 0.8)];
             lines.iter().filter(|line| line.0 == bin).map(|line| line.1).sum()
         };
         let all = |of: &dyn Fn(usize, i64) -> f64| -> Vec<f64> {
@@ -381,12 +397,28 @@ mod tests {
         assert!((response.peak() - 3.0).abs() < 1e-9);
         let samples = response.at_peak(0.01);
         let peaks = samples.peaks();
-        assert!(peaks.len() == 2 && peaks[0][0].abs() < 1e-9 && (peaks[1][0] - 0.07).abs() < 1e-9, "{peaks:?}");
+        assert!(
+            peaks.len() == 2 && peaks[0][0].abs() < 1e-9 && (peaks[1][0] - 0.07).abs() < 1e-9,
+            "{peaks:?}"
+        );
         let taps = response.samples(0.01).pulse().taps(0.01).unwrap();
         for (at, weight) in taps.weights.iter().enumerate() {
             let truth = weights[at + REACH[0] as usize - taps.before] / 1.4;
             assert!((weight - truth).abs() < 0.02, "{at}: {weight} {truth}");
         }
+    }
+
+    #[test]
+    fn an_echo_is_a_peak_of_its_own_within_the_reach() {
+        let has_echo = |of: &[(usize, f64)]| {
+            let mut weights = vec![0.0; COUNT];
+            of.iter().for_each(|(at, weight)| weights[*at] = *weight);
+            Response(weights).has_echo(ECHO[1])
+        };
+        assert!(has_echo(&[(12, 1.0), (17, 0.3)]) && has_echo(&[(2, 0.3), (12, 1.0)]));
+        assert!(!has_echo(&[(12, 1.0), (17, 0.15)]), "a low one");
+        assert!(!has_echo(&[(12, 1.0), (13, 0.7), (14, 0.5), (15, 0.35), (16, 0.25)]), "a tail");
+        assert!(!has_echo(&[(12, 1.0), (COUNT - 1, 0.4)]), "behind the reach");
     }
 
     #[test]

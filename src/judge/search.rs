@@ -386,9 +386,12 @@ impl<'t> Search<'t> {
         if !is_left || !response::is_worth(held, &Shape::all(self.bin_width, self.longest))? {
             return Ok(None);
         }
+        if !response::suggested(held).is_some_and(|response| response.has_echo(response::ECHO[0])) {
+            return Ok(None);
+        }
         let Some(by_shape) = self.left(reflectance, shape)? else { return Ok(None) };
         let Some(found) = self.fit_samples(reflectance)? else { return Ok(None) };
-        if !response::is_taken(&found.1.held.left(), &by_shape) {
+        if !found.0.has_echo(response::ECHO[1]) || !response::is_taken(&found.1.held.left(), &by_shape) {
             return Ok(None);
         }
         // What other models leave with a response of their own.

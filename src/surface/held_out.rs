@@ -131,8 +131,11 @@ impl HeldOut {
         let between: Vec<f64> = self.rows[0].iter().zip(&other.rows[0]).map(|(a, b)| a - b).collect();
         let variances = |bin: usize| self.variances[bin] * self.root(bin).powi(2);
         let weighted = self.weighted(&between);
-        let squares: f64 =
-            weighted.chunks(bins).flat_map(|row| row.iter().enumerate()).map(|(b, d)| d * d * variances(b)).sum();
+        let squares: f64 = weighted
+            .chunks(bins)
+            .flat_map(|row| row.iter().enumerate())
+            .map(|(b, d)| d * d * variances(b))
+            .sum();
         2.0 * squares.sqrt() / self.left().signal()
     }
 
