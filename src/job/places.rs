@@ -14,7 +14,7 @@ pub const PREVIEW: &str = "preview.png";
 pub const PAGE: &str = "report.html";
 
 /// Files that a run writes into its folder, the preview among them.
-const RESULTS: [&str; 13] = [
+const RESULTS: [&str; 14] = [
     "maps.npz",
     "maps.mat",
     "maps.svg",
@@ -23,6 +23,7 @@ const RESULTS: [&str; 13] = [
     "depth.png",
     "normal.png",
     "depth_error.png",
+    "probability.png",
     "points.ply",
     "mesh.ply",
     "report.json",

@@ -89,12 +89,14 @@ fn depth_error_is_written_where_it_is_known() {
     npz::write_maps(&path, &m).unwrap();
     assert_eq!(npz::read_maps(&path).unwrap().depth_error, None, "as in files of before");
     export::write_maps(folder.path(), &m).unwrap();
-    assert!(!folder.path().join("depth_error.png").exists());
+    let pictures = ["depth_error.png", "probability.png"].map(|name| folder.path().join(name));
+    assert!(pictures.iter().all(|path| !path.exists()));
 
     m.depth_error = Some((0..8).map(|p| if p == 7 { 0.004 } else { f32::NAN }).collect());
     m.behind.as_mut().unwrap().depth_error = Some(vec![0.25; 8]);
+    m.probability = Some((0..8).map(|p| p as f32 / 8.0).collect());
     let written = export::write_maps(folder.path(), &m).unwrap();
-    assert!(written.contains(&folder.path().join("depth_error.png")));
+    assert!(pictures.iter().all(|path| written.contains(path)));
     let back = npz::read_maps(&path).unwrap();
     assert!(same(&back.depth_error.unwrap(), m.depth_error.as_ref().unwrap()));
     assert_eq!(back.behind.unwrap().depth_error, Some(vec![0.25; 8]));
@@ -107,7 +109,8 @@ fn depth_error_is_written_where_it_is_known() {
         let channel = channels.iter().find(|c| c.name.to_string() == name).expect(name);
         channel.sample_data.levels_as_slice()[0].value_by_flat_index(0).to_f32()
     };
-    assert_eq!([corner("depth_error.Z"), corner("behind.depth_error.Z")], [0.004, 0.25]);
+    let corners = ["depth_error.Z", "behind.depth_error.Z", "probability.Y"].map(corner);
+    assert_eq!(corners, [0.004, 0.25, 0.875]);
     m.depth_error.as_mut().unwrap().pop();
     assert_error(npz::write_maps(&path, &m), Kind::Input, &["depth_error", "7 values"]);
 }

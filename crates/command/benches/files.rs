@@ -10,7 +10,7 @@ use std::path::Path;
 use std::time::Instant;
 
 use thirdbounce::export::page::PageHistograms;
-use thirdbounce::export::{depth_error, exr, mat, mesh, npz, page, ply, png, print, report};
+use thirdbounce::export::{depth_error, exr, mat, mesh, npz, page, ply, png, print, probability, report};
 use thirdbounce::files::staging::Staging;
 use thirdbounce::job::{Request, planned};
 use thirdbounce::settings::Settings;
@@ -37,7 +37,7 @@ fn main() {
     let report = report::read(&result.join("report.json")).expect("a report");
     let light = PageHistograms::of(&loaded.capture);
     let out = tempfile::tempdir_in(result).expect("a folder");
-    let writers: [(&str, Writer); 10] = [
+    let writers: [(&str, Writer); 11] = [
         ("maps.npz", npz::write_maps),
         ("maps.mat", mat::write),
         ("maps.exr", exr::write),
@@ -46,6 +46,7 @@ fn main() {
         ("depth.png", png::write_depth),
         ("normal.png", png::write_normal),
         ("depth_error.png", depth_error::write),
+        ("probability.png", probability::write),
         ("points.ply", ply::write),
         ("mesh.ply", mesh::write),
     ];

@@ -42,11 +42,20 @@ fn picture(maps: &Maps) -> Picture {
         Some((least, most)) if most > least => (f64::from(c) / least).ln() / (most / least).ln(),
         _ => 0.0,
     };
-    let map =
-        Picture::of_maps(maps, enlargement(maps), |p| of(maps, p).map_or(BACKGROUND, |c| shade(share(c))));
+    let labels = ends
+        .map(|(least, most)| [most, (least * most).sqrt(), least].map(|m| format!("{} mm", millimetres(m))));
+    with_bar(maps, |p| of(maps, p).map(share), labels)
+}
+
+/// Shares of pixels in colour, with a colour bar that has these labels from one (yellow) to zero (purple).
+pub(super) fn with_bar(
+    maps: &Maps,
+    share: impl Fn(usize) -> Option<f64>,
+    labels: Option<[String; 3]>,
+) -> Picture {
+    let map = Picture::of_maps(maps, enlargement(maps), |p| share(p).map_or(BACKGROUND, shade));
     let map = png::with_axes(&map, maps);
-    let Some((least, most)) = ends else { return map };
-    let labels = [most, (least * most).sqrt(), least].map(|m| format!("{} mm", millimetres(m)));
+    let Some(labels) = labels else { return map };
     let height = map.height.max(SIDE / 4);
     let mut picture = Picture::new(map.width + 2 * MARGIN + Picture::bar_width(&labels), height);
     picture.paste(&map, 0, 0);

@@ -2,7 +2,7 @@
 //!
 //! One part with named layers in the convention of viewers and compositing programs (`layer.channel`): `albedo.Y`,
 //! `depth.Z`, `normal.X`, `normal.Y`, `normal.Z`, `mask.Y` (1 = surface, else 0), and the albedo again as the plain channel
-//! `Y` for viewers without layers. The expected depth error, if known, is `depth_error.Z`. A second layer, if any, is
+//! `Y` for viewers without layers. The expected depth error, if known, is `depth_error.Z`, the probability of surface `probability.Y`. A second layer, if any, is
 //! `behind.albedo.Y`, `behind.depth.Z`, `behind.normal.X` to `Z`, `behind.mask.Y` and `behind.depth_error.Z`. 32-bit floats,
 //! NaN = no depth. The top row
 //! is the largest y, the left column the largest x, as seen from the wall. The attribute `extent` (box2f) is the
@@ -47,6 +47,7 @@ pub(super) fn bytes(maps: &Maps) -> Result<Vec<u8>> {
     .into_iter()
     .collect();
     channels.extend(maps.depth_error.iter().map(|values| channel("depth_error.Z", &|p| values[p])));
+    channels.extend(maps.probability.iter().map(|values| channel("probability.Y", &|p| values[p])));
     if let Some(behind) = &maps.behind {
         channels
             .extend(behind.depth_error.iter().map(|values| channel("behind.depth_error.Z", &|p| values[p])));

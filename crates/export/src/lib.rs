@@ -22,6 +22,7 @@ pub mod plot;
 pub mod ply;
 pub mod png;
 pub mod print;
+pub mod probability;
 pub mod report;
 #[doc(hidden)]
 pub mod text;
@@ -43,13 +44,13 @@ use crate::maps::Maps;
 type Pack = fn(&Maps) -> Result<Vec<u8>>;
 
 /// Writes the maps in every format into `folder` (created if missing): `maps.npz`, `maps.mat`, `maps.exr`, `maps.svg`,
-/// `albedo.png`, `depth.png`, `normal.png`, `points.ply`, `mesh.ply`, and `depth_error.png` if the expected depth error is
-/// known. Returns the paths.
+/// `albedo.png`, `depth.png`, `normal.png`, `points.ply`, `mesh.ply`, and `depth_error.png` and `probability.png` if the
+/// expected depth error and the probability of surface are known. Returns the paths.
 ///
 /// # Errors
 /// `Kind::Input` if the maps' sizes do not agree, `Kind::Output` if a file cannot be written.
 pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {
-    const FILES: [(&str, Pack); 9] = [
+    const FILES: [(&str, Pack); 10] = [
         ("maps.npz", npz::bytes),
         ("maps.mat", mat::bytes),
         ("maps.exr", exr::bytes),
@@ -58,10 +59,15 @@ pub fn write_maps(folder: &Path, maps: &Maps) -> Result<Vec<PathBuf>> {
         ("depth.png", png::depth_bytes),
         ("normal.png", png::normal_bytes),
         ("depth_error.png", depth_error::bytes),
+        ("probability.png", probability::bytes),
         ("points.ply", ply::bytes),
     ];
     maps.check()?;
-    let is_there = |name: &str| name != "depth_error.png" || maps.depth_error.is_some();
+    let is_there = |name: &str| match name {
+        "depth_error.png" => maps.depth_error.is_some(),
+        "probability.png" => maps.probability.is_some(),
+        _ => true,
+    };
     let files: Vec<(&str, Pack)> = FILES.into_iter().filter(|(name, _)| is_there(name)).collect();
     // The mesh takes as long as all others. Only packing is parallel: files are written in their order.
     let (mesh, mut packed) = rayon::join(

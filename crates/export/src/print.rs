@@ -7,7 +7,7 @@ use super::axis::{Axis, plain};
 use super::depth_difference::{millimetres, shade};
 use super::figure::{BODY, Colour, FRAME, Figure, INK, TITLE};
 use super::picture::{Picture, colour, enlargement, normal_colour};
-use super::{depth_error, png};
+use super::{depth_error, png, probability};
 use crate::error::Result;
 use crate::maps::Maps;
 
@@ -133,7 +133,7 @@ fn picture(maps: &Maps, view: &PrintedMap<'_>, factor: usize) -> Picture {
     Picture::of_maps(maps, factor, |p| (view.colour)(p).unwrap_or(WHITE))
 }
 
-/// Albedo, depth, normals and, if it is known, the expected depth error.
+/// Albedo, depth, normals and, if they are known, the expected depth error and the probability of surface.
 fn views(maps: &Maps) -> Vec<PrintedMap<'_>> {
     let grey = |share: f64| [(255.0 * share.clamp(0.0, 1.0)).round() as u8; 3];
     let white = f64::from(Maps::white(&maps.albedo)).max(f64::MIN_POSITIVE);
@@ -170,6 +170,14 @@ fn views(maps: &Maps) -> Vec<PrintedMap<'_>> {
             title: "Expected depth error",
             colour: Box::new(move |p| depth_error::of(maps, p).map(|error| shade(share(f64::from(error))))),
             bar: (most > least).then(|| (shade as _, labels.into())),
+        });
+    }
+    if maps.probability.is_some() {
+        let labels = [0.0, 0.5, 1.0].map(|p| (p, plain(p)));
+        all.push(PrintedMap {
+            title: "Probability",
+            colour: Box::new(|p| probability::of(maps, p).map(shade)),
+            bar: Some((shade as _, labels.into())),
         });
     }
     all

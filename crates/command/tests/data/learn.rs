@@ -72,3 +72,24 @@ pub fn two_steps_train_what_the_engine_reads(python: &Path) {
     let measured = learn("evaluate.py", &[&at("head/weights.safetensors"), &scenes]);
     assert!(measured.contains("100001") && measured.contains("reliability"), "{measured}");
 }
+
+pub fn weights_are_ranked_by_the_light_that_they_leave(python: &Path) {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    let (capture, page, none) = (at("capture.npz"), at("rank.html"), at("none.npz"));
+    succeed(&["simulate", "figure", "--scan", "8", "--bin-width", "0.02", "--out", &capture]);
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../learn/rank.py");
+    let program = env!("CARGO_BIN_EXE_thirdbounce");
+    let (old, new) = (format!("old={program}"), format!("new={program}"));
+    let small = ["--option=--lateral=32", "--option=--deterministic"];
+    let arguments = [&[&*old, &new, &capture, &none, "--page", &page], &small[..]].concat();
+    let said = Command::new(python).arg("-B").arg(&script).args(arguments).output().expect("Python");
+    let (text, errors) = (String::from_utf8_lossy(&said.stdout), String::from_utf8_lossy(&said.stderr));
+    assert!(said.status.success(), "{errors}");
+    assert!(
+        text.contains("new leaves 1.000 times as much as old") && text.contains("of 1 captures"),
+        "{text}"
+    );
+    let page = std::fs::read_to_string(page).expect("a page");
+    assert!(page.matches("<img ").count() >= 4 && page.contains("cannot be read"), "{}", page.len());
+}

@@ -75,6 +75,7 @@ fn main() -> ExitCode {
         with("torch, numpy, safetensors"),
         learn::two_steps_train_what_the_engine_reads
     ]);
+    all.extend(trials!["needs Python", with("json"), learn::weights_are_ranked_by_the_light_that_they_leave]);
     all.extend(trials!["needs Python with y-tal", with("tal"), ytal::ytal_opens_ours_and_we_open_its]);
     #[cfg(feature = "tags")]
     all.extend(trials![

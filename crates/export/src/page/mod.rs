@@ -107,6 +107,7 @@ struct PageMaps {
     albedo: QuantisedValues,
     depth: QuantisedValues,
     depth_error: Option<QuantisedValues>,
+    probability: Option<QuantisedValues>,
     /// x, y, z times 127.
     normal: String,
     mask: String,
@@ -135,6 +136,7 @@ impl PageMaps {
             albedo: of(&maps.albedo),
             depth: of_surface(&maps.depth),
             depth_error: maps.depth_error.as_deref().map(of_surface),
+            probability: maps.probability.as_deref().map(of),
             normal: STANDARD.encode(normal),
             mask: STANDARD.encode(mask),
         }

@@ -13,6 +13,7 @@ function numbers({ low, high, values }) {
 const { report } = data, { nx, ny, extent } = data.maps;
 const albedo = numbers(data.maps.albedo), depth = numbers(data.maps.depth);
 const depth_error = data.maps.depth_error && numbers(data.maps.depth_error);
+const probability = data.maps.probability && numbers(data.maps.probability);
 const normal = Float32Array.from(new Int8Array(bytes(data.maps.normal)), v => v / 127);
 const mask = new Uint8Array(bytes(data.maps.mask));
 const counts = numbers(data.light.counts);
@@ -126,6 +127,9 @@ if (depth_error) {
     bar: (c, box) => colourBar(c, box, viridis, marks.map(v => 1000 * v), v => share(logs, Math.log(v / 1000)), "mm") });
 }
 
+if (probability) maps.push({ name: "Probability of surface", alt: "Map of the probability of surface, 0 to 1", colour: i => viridis(probability[i]),
+  bar: (c, box) => colourBar(c, box, viridis, [0, .25, .5, .75, 1], v => v, "") });
+
 // Legend of the normals: their colours on the hemisphere that faces the wall.
 function compass(context, [, top, right]) {
   const radius = 22, x0 = right + 34, y0 = top + radius + 14;
@@ -205,6 +209,7 @@ function choose(i) {
   chosen = i, plots.forEach(paint => paint()), mark();
   const [x, y] = place(i), angle = Math.acos(Math.min(1, -normal[3 * i + 2])) * 180 / Math.PI;
   element("readout").innerText = `x ${metres(x)}, y ${metres(y)}, pixel ${Math.floor(i / ny)}, ${i % ny}: albedo ${short(albedo[i])}`
+    + (probability ? `, probability of surface ${probability[i].toFixed(2)}` : "")
     + (isSurface(i) ? `, depth ${depth[i].toFixed(4)} m` + (depth_error ? ` ± ${millimetres(depth_error[i])}` : "")
       + `\nnormal ${[0, 1, 2].map(c => normal[3 * i + c].toFixed(2)).join(", ")}, ${angle.toFixed(0)}° from the wall's` : ", no surface");
 }
