@@ -36,10 +36,12 @@ mod bands {
     pub const NEAR: f64 = 2.0;
     pub const ALIKE: f64 = 1.05;
     /// Factor by which, and standard errors beyond which, less is left: for other laws to be tried, and to be undone.
-    pub const SUSPECT: [f64; 2] = [0.9, 3.0];
+    pub const SUSPECT: [f64; 2] = [0.93, 2.0];
     pub const CLEAR: [f64; 2] = [0.6, 4.0];
     /// The same of gains, whose pairs weigh unequally, with the pairs weighed both ways.
     pub const CLEAR_GAINS: [f64; 2] = [0.7, 2.0];
+    /// The same, for a cause to be named as a doubt: the pixels of the fits leave something of sharp captures whatever is undone.
+    pub const DOUBT: [f64; 2] = [0.75, 4.0];
     /// Two causes are distinguished if one leaves this many times as much as the other: fits of one capture scatter by more than pairs do.
     pub const RIVAL: f64 = 1.3;
     /// Least share by which points are moved.
@@ -107,6 +109,17 @@ impl CauseTrials<'_> {
 
     fn before(&self) -> f64 {
         self.shown.held.left().excess()
+    }
+
+    /// Whether the opposite of a cause leaves less, too: then fits from anywhere else do, so that the surface was a poor one and the
+    /// instrument is proper.
+    fn leaves_less_both_ways(&mut self, best: &TriedCause) -> Result<bool> {
+        if matches!(best.law.kind, Changes::Gain | Changes::Layout) {
+            return Ok(false);
+        }
+        let opposite: Vec<f64> = best.numbers.iter().map(|n| -n).collect();
+        let trial = self.trial(best.law, &opposite)?;
+        Ok(trial.is_some_and(|(judged, _)| judged.excess() < bands::FIRST * judged.left[1].excess()))
     }
 
     /// Searches along a number of a law, from `best`, for what leaves least.
@@ -253,50 +266,68 @@ impl TriedCause {
     }
 }
 
-/// The causes that held-out pairs confirm and between which they do not decide; `None` if there is none.
+/// What held-out pairs say of causes.
+pub enum Judged {
+    /// Causes between which they do not decide, of which the first one is undone.
+    Confirmed(Confirmed),
+    /// Sentences of what they suggest, and do not confirm; none if nothing is wrong.
+    Doubts(Vec<String>),
+}
+
+/// The causes that held-out pairs confirm or suggest.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
-pub fn confirmed(
+pub fn judged(
     job: &Job<'_>,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Option<Confirmed>> {
+) -> Result<Judged> {
     let (capture, estimates) = (&*job.capture, &job.estimates);
-    let Some(shown) = &estimates.shown else { return Ok(None) };
+    let Some(shown) = &estimates.shown else { return Ok(Judged::Doubts(vec![])) };
     let Suspects { gains, scale } = shown.suspects.clone();
     let keeps_gains = job.settings.device_at == Some(DevicePosition::None);
     let mut trials =
         CauseTrials { job, scan: LawScan::of(capture), estimates, shown, gpu, hear, tried: vec![] };
     let mut all = vec![];
-    if let Some(suggestion) = gains.filter(|_| !keeps_gains) {
-        all.extend(trials.gains(suggestion)?);
+    let gains = gains.filter(|_| !keeps_gains);
+    if let Some(suggestion) = &gains {
+        all.extend(trials.gains(suggestion.clone())?);
     }
     if let Some((law, step)) = scale {
         all.extend(trials.places(law, step)?);
     }
     let scan = trials.scan.clone();
+    let is_far = |judged: &TriedCause| {
+        judged.law.kind != Changes::Place || judged.numbers[0].abs() >= bands::LEAST_SCALE
+    };
     let is_confirmed = |judged: &TriedCause| {
         if judged.law.kind == Changes::Gain {
             let logs = judged.law.effect(&scan, &judged.numbers, &shown.held.pairs).logs;
             let gains: Vec<f64> = logs.iter().map(|log| log.exp()).collect();
             return judged.is_less(bands::CLEAR_GAINS) && is_clear(&judged.left[0], &judged.left[1], &gains);
         }
-        let is_far = judged.law.kind != Changes::Place || judged.numbers[0].abs() >= bands::LEAST_SCALE;
-        is_far && judged.is_less(bands::CLEAR)
+        is_far(judged) && judged.is_less(bands::CLEAR)
     };
-    all.retain(is_confirmed);
     all.sort_by(|a, b| a.excess().total_cmp(&b.excess()));
-    // Where the opposite leaves less, too, fits from anywhere else do: the surface was a poor one, the instrument is proper.
-    let has_opposite = |best: &&TriedCause| !matches!(best.law.kind, Changes::Gain | Changes::Layout);
-    if let Some(best) = all.first().filter(has_opposite) {
-        let opposite: Vec<f64> = best.numbers.iter().map(|n| -n).collect();
-        let trial = trials.trial(best.law, &opposite)?;
-        if trial.is_some_and(|(judged, _)| judged.excess() < bands::FIRST * judged.left[1].excess()) {
-            all.clear();
-        }
+    let is_doubtful = |judged: &&TriedCause| {
+        judged.law.kind != Changes::Gain && is_far(judged) && judged.is_less(bands::DOUBT)
+    };
+    let doubtful: Vec<TriedCause> = all.iter().filter(is_doubtful).cloned().collect();
+    all.retain(is_confirmed);
+    let first = all.first().or(doubtful.first()).cloned();
+    let is_poor_fit = first.map_or(Ok(false), |best| trials.leaves_less_both_ways(&best))?;
+    if is_poor_fit {
+        all.clear();
     }
-    let Some(best) = all.first() else { return Ok(None) };
+    let Some(best) = all.first() else {
+        let least = doubtful.first().map_or(0.0, TriedCause::excess);
+        let near = doubtful.iter().filter(|judged| !is_poor_fit && judged.excess() <= bands::RIVAL * least);
+        let doubts = near.map(|judged| judged_doubt(judged, &scan));
+        return Ok(Judged::Doubts(
+            doubts.chain(gains.iter().map(|gains| suggested_doubt(gains, &scan))).collect(),
+        ));
+    };
     let (least, undone) = (best.excess(), best.law.undone(capture, &scan, &best.numbers));
     all.retain(|judged| judged.excess() <= bands::RIVAL * least);
     let cause = |(rank, judged): (usize, TriedCause)| {
@@ -304,7 +335,30 @@ pub fn confirmed(
         let what = (judged.law.what)(&scan, &judged.numbers);
         Cause { what, hint: judged.law.hint.into(), left: [before, after], undone: rank == 0 }
     };
-    Ok(Some(Confirmed { causes: all.into_iter().enumerate().map(cause).collect(), undone }))
+    Ok(Judged::Confirmed(Confirmed { causes: all.into_iter().enumerate().map(cause).collect(), undone }))
+}
+
+/// The law of gains that the surface suggests, as a sentence: what no fit confirms. Far pairs may have too few photons for a fit without
+/// the law, and a surface that was fitted with it hides a part.
+fn suggested_doubt(Suggestion { law, numbers, predicted }: &Suggestion, scan: &LawScan) -> String {
+    format!(
+        "perhaps {}: that would explain {:.0} % of what the surface leaves of held-out pairs beyond noise, but no fit without it confirms \
+         it: {}",
+        (law.what)(scan, numbers),
+        100.0 * predicted[0],
+        law.hint
+    )
+}
+
+/// A law that leaves less, but not by enough to undo it, as a sentence.
+fn judged_doubt(judged: &TriedCause, scan: &LawScan) -> String {
+    let [after, before] = judged.left.each_ref().map(|left| 100.0 * left.excess());
+    format!(
+        "perhaps {} (of held-out pairs {before:.1} % is left beyond noise, {after:.1} % without it, which is too little a difference to undo \
+         it): {}",
+        (judged.law.what)(scan, &judged.numbers),
+        judged.law.hint
+    )
 }
 
 /// What is wrong with a capture.

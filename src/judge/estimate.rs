@@ -51,6 +51,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
     let mut tried = vec![];
     let (mut high_pass, mut begun, mut candidates, mut expected_iou) = (None, None, vec![], None);
     let (mut shown, mut finds_none) = (None, false);
+    let mut samples = None;
     let mut stages = EstimateSeconds::default();
     let searched = Search::new(job, gpu, hear).and_then(|mut search| {
         stages.start = start.elapsed().as_secs_f64();
@@ -63,6 +64,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
         let found = search.run(usual, finds_model);
         stages.pulse = search.pulse_seconds;
         stages.model = start.elapsed().as_secs_f64() - stages.start - stages.high_pass - stages.pulse;
+        samples = search.samples.take();
         tried = std::mem::take(&mut search.tried);
         candidates = std::mem::take(&mut search.candidates);
         finds_none = search.sharp.is_empty();
@@ -73,8 +75,9 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
             candidates[best.candidate].kept = true;
             let is_far = !best.fitted.surface.is_coherent(FAR);
             let ask = match job.settings.calibrate.unwrap_or_default() {
-                Calibrate::Auto => Ask::Causes,
-                Calibrate::None => Ask::Nothing,
+                // What suggests causes renders sharp paths.
+                Calibrate::Auto if samples.is_none() => Ask::Causes,
+                _ => Ask::Nothing,
             };
             shown = Some(shown_of(&mut search, *reflectance, best.fitted.clone(), ask)?);
             let Candidate { layers, step, .. } = best.fitted.surface;
@@ -96,7 +99,13 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
     };
     let seconds = start.elapsed().as_secs_f64();
     let model = finds_model.then(|| FoundModel::of(reflectance, &tried, failed.clone()));
-    let pulse = pulse.map(|shape| FoundPulse::of(shape, reflectance, &tried, stages.pulse, failed));
+    let pulse = pulse.map(|shape| {
+        let found = FoundPulse::of(shape, reflectance, &tried, stages.pulse, failed);
+        match samples {
+            Some(samples) => found.with(samples),
+            None => found,
+        }
+    });
     Ok(Estimates {
         model,
         high_pass,

@@ -74,6 +74,10 @@ impl FoundModel {
 /// A model is rejected if one of another falloff leaves less beyond photon noise by this share, and less by two standard errors.
 const MARGIN: f64 = 0.06;
 
+/// Lambertian is taken in place of cosine beyond these standard errors of the difference that photon noise of the held-out pairs alone
+/// makes; that of the fitted pairs makes as much. Evidence: benches/NOTES.md, "Masks and models at few photons".
+pub const BY_CHANCE: f64 = 4.0;
+
 /// The order in which falloffs are kept where the hold-out set cannot tell them apart. Among models of one falloff the objective is
 /// the same, so the one that leaves less is the better one (benches/NOTES.md, "Models by what they leave").
 const FIRST: [Reflectance; 4] =

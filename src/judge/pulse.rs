@@ -4,6 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::response::Samples;
 use crate::Result;
 use crate::capture::{METRES_PER_PICOSECOND, Pulse};
 use crate::surface::Left;
@@ -25,6 +26,9 @@ pub struct FoundPulse {
     /// Length over which its tail falls to 1/e, metres of path; 0: none.
     #[serde(default)]
     pub tail: f64,
+    /// Its samples, if no such shape is right.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub samples: Option<Samples>,
     /// What was tried: width and tail, metres, and the share of other pairs' squares that was left.
     pub trials: Vec<[f64; 3]>,
     /// Seconds that the trials took.
@@ -140,7 +144,14 @@ impl FoundPulse {
     ) -> FoundPulse {
         let of_model = || tried.iter().filter(|t| t.reflectance == reflectance);
         let of_trial = |t: &Tried| Some([t.pulse.fwhm, t.pulse.tail, t.left.as_ref()?.share()]);
-        FoundPulse { fwhm, tail, trials: of_model().filter_map(of_trial).collect(), seconds, failed }
+        let trials = of_model().filter_map(of_trial).collect();
+        FoundPulse { fwhm, tail, samples: None, trials, seconds, failed }
+    }
+
+    /// The same with samples in place of its shape.
+    pub(super) fn with(self, samples: Samples) -> FoundPulse {
+        let fwhm = samples.pulse().fwhm();
+        FoundPulse { fwhm, tail: 0.0, samples: Some(samples), ..self }
     }
 
     /// The pulse; `None` if paths are sharp.
@@ -148,7 +159,10 @@ impl FoundPulse {
     /// # Errors
     /// The width makes no pulse. This does not happen with a width that was found.
     pub fn pulse(&self) -> Result<Option<Pulse>> {
-        Shape { fwhm: self.fwhm, tail: self.tail }.pulse()
+        match &self.samples {
+            Some(samples) => Ok(Some(samples.pulse())),
+            None => Shape { fwhm: self.fwhm, tail: self.tail }.pulse(),
+        }
     }
 
     /// The result as a sentence.
@@ -159,6 +173,16 @@ impl FoundPulse {
             );
         }
         let how = format!("of {} shapes tried in {:.1} s,", self.trials.len(), self.seconds);
+        if let Some(samples) = &self.samples {
+            let peak = |[at, height]: &[f64; 2]| format!("{height:.2} at {:.0} mm", 1e3 * at);
+            let peaks: Vec<String> = samples.peaks().iter().map(peak).collect();
+            return format!(
+                "the instrument's pulse: {how} none explains the data as {} samples do, whose peaks over the largest one are {} of path \
+                 (measure the impulse response, and give it as a file)",
+                samples.samples.len(),
+                peaks.join(", ")
+            );
+        }
         if self.fwhm == 0.0 {
             return format!("the instrument's pulse: {how} none explains the data better than sharp paths");
         }

@@ -9,13 +9,14 @@ use super::found::{FindPulse, FoundSurface, Origin};
 use super::high_pass::{FoundHighPass, usual_high_pass};
 use super::job::Job;
 use super::pulse::{Shape, Tried};
+use super::response::{Response, Samples};
 use super::spread::ComparedRows;
 use super::trial::{Fitted, From, Trial, fit_all};
 use crate::capture::{Capture, Pulse};
 use crate::engine::{Doing, Problem, Progress, TracePoint, Watch};
 use crate::gpu::Gpu;
 use crate::judge::constants::*;
-use crate::judge::{model, pulse};
+use crate::judge::{model, pulse, response};
 use crate::maps::Maps;
 use crate::methods::SolverOptions;
 use crate::options::SceneTraits;
@@ -85,6 +86,8 @@ pub(crate) struct Search<'t> {
     pace: FitProgress,
     pub tried: Vec<Tried>,
     pub candidates: Vec<FoundSurface>,
+    /// The impulse response by samples, if no shape is right.
+    pub samples: Option<Samples>,
     /// Seconds spent on the impulse response.
     pub pulse_seconds: f64,
     /// Whether the support may leave that of the start.
@@ -144,6 +147,7 @@ impl<'t> Search<'t> {
             pace,
             tried: vec![],
             candidates: vec![],
+            samples: None,
             pulse_seconds: 0.0,
             finds_start,
             step: 1.0,
@@ -182,11 +186,21 @@ impl<'t> Search<'t> {
 
     /// Fits a hypothesis. `None` if no surface is found.
     pub fn fit(&mut self, reflectance: Reflectance, shape: Shape, from: From<'_>) -> Result<Option<Fitted>> {
-        let Search { trials, hear, known, pace, step, .. } = self;
+        let pulse = shape.centred()?.or(self.known.clone());
+        self.fit_with(reflectance, pulse, from)
+    }
+
+    /// Fits a hypothesis with this impulse response. `None` if no surface is found.
+    fn fit_with(
+        &mut self,
+        reflectance: Reflectance,
+        pulse: Option<Pulse>,
+        from: From<'_>,
+    ) -> Result<Option<Fitted>> {
+        let Search { trials, hear, pace, step, .. } = self;
         let trial = trial_of(trials, reflectance);
         let mut reported = |p: &Progress| hear(&pace.of(p));
         let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
-        let pulse = shape.centred()?.or(known.clone());
         let fitted = fit_all(&[trial], pulse.as_ref(), from, *step, &mut watch)?.pop().flatten();
         pace.pass(from.iterations());
         *step = fitted.as_ref().map_or(*step, |fitted| fitted.surface.step);
@@ -304,7 +318,7 @@ impl<'t> Search<'t> {
         }
         let no_surface =
             || Error::input("no fit found a surface", "name the model and the impulse response if known");
-        let model = model::choose(&residuals).ok_or_else(no_surface)?;
+        let model = self.chosen(&residuals).ok_or_else(no_surface)?;
         let clock = Instant::now();
         let found = self.find_pulse(model, &spread);
         self.pulse_seconds += clock.elapsed().as_secs_f64();
@@ -336,14 +350,97 @@ impl<'t> Search<'t> {
             for rival in rivals {
                 again.push((rival, self.left(rival, pulse)?));
             }
-            let other = model::choose(&again).unwrap_or(model);
+            let other = self.chosen(&again).unwrap_or(model);
             if other != model {
                 model = other;
                 self.pace.expect(FitProgress::OF_PULSE);
                 pulse = self.best_pulse(model)?;
             }
         }
+        if let Some(by_samples) = self.find_samples(model, pulse)? {
+            model = by_samples;
+        }
         Ok((model, Some(pulse)))
+    }
+
+    /// The model that these residuals choose. Cosine stays in place of Lambertian where photon noise alone makes such differences, with
+    /// sharp paths and in these residuals.
+    fn chosen(&self, residuals: &[(Reflectance, Option<Left>)]) -> Option<Reflectance> {
+        let chosen = model::choose(residuals)?;
+        let [cosine, lambertian] = [Reflectance::Cosine, Reflectance::Lambertian]
+            .map(|of| Some((self.sharp(of)?, residuals.iter().find(|(model, _)| *model == of)?.1.as_ref()?)));
+        let is_chance = cosine.zip(lambertian).is_some_and(|((sharp, left), (other, less))| {
+            let [sharp, other] = [sharp, other].map(|of| &of.fitted.held);
+            let most = model::BY_CHANCE * sharp.chance(other);
+            sharp.left().excess() - other.left().excess() < most && left.excess() - less.excess() < most
+        });
+        Some(if chosen == Reflectance::Lambertian && is_chance { Reflectance::Cosine } else { chosen })
+    }
+
+    /// The impulse response by samples, if surfaces of it leave clearly less than those of the best shape: the model that then leaves
+    /// least, whose surface is that of the search from here on.
+    fn find_samples(&mut self, reflectance: Reflectance, shape: Shape) -> Result<Option<Reflectance>> {
+        let Some(sharp) = self.sharp(reflectance) else { return Ok(None) };
+        let held = &sharp.fitted.held;
+        let is_left = held.left().certain() > response::LEFT;
+        if !is_left || !response::is_worth(held, &Shape::all(self.bin_width, self.longest))? {
+            return Ok(None);
+        }
+        if !response::suggested(held).is_some_and(|response| response.has_echo(response::ECHO[0])) {
+            return Ok(None);
+        }
+        let Some(by_shape) = self.left(reflectance, shape)? else { return Ok(None) };
+        let Some(found) = self.fit_samples(reflectance)? else { return Ok(None) };
+        if !found.0.has_echo(response::ECHO[1]) || !response::is_taken(&found.1.held.left(), &by_shape) {
+            return Ok(None);
+        }
+        // What other models leave with a response of their own.
+        let mut all = vec![(reflectance, found)];
+        let others = self.sharp.iter().map(|sharp| sharp.reflectance).filter(|other| *other != reflectance);
+        for other in others.collect::<Vec<_>>() {
+            all.extend(self.fit_samples(other)?.map(|found| (other, found)));
+        }
+        let left: Vec<_> = all.iter().map(|(model, found)| (*model, Some(found.1.held.left()))).collect();
+        let model = self.chosen(&left).unwrap_or(reflectance);
+        let (_, (response, fitted)) = all.into_iter().find(|(of, _)| *of == model).expect("one of them");
+        self.samples = Some(response.at_peak(self.bin_width));
+        self.known = Some(response.samples(self.bin_width).pulse());
+        let sharp = self.sharp.iter_mut().find(|sharp| sharp.reflectance == model).expect("a sharp fit");
+        sharp.fitted = fitted;
+        Ok(Some(model))
+    }
+
+    /// Fits a surface and the samples of a response by turns, from the sharp fit of a model, until no less is left.
+    fn fit_samples(&mut self, reflectance: Reflectance) -> Result<Option<(Response, Fitted)>> {
+        let Some(sharp) = self.sharp(reflectance) else { return Ok(None) };
+        let mut layers = sharp.fitted.surface.layers.clone();
+        let mut ideal = Some(sharp.fitted.held.clone());
+        let mut best: Option<(Response, Fitted)> = None;
+        for _ in 0..response::ROUNDS {
+            let Some(response) = ideal.as_ref().and_then(response::suggested) else { break };
+            self.pace.expect(OF_PULSE);
+            let pulse = response.samples(self.bin_width).pulse();
+            let Some(fitted) = self.fit_with(reflectance, Some(pulse), From::Fit(&layers, OF_PULSE))? else {
+                break;
+            };
+            let excess = |fitted: &Fitted| fitted.held.left().excess();
+            if best.as_ref().is_some_and(|(_, best)| excess(&fitted) > response::LESS * excess(best)) {
+                break;
+            }
+            layers = fitted.surface.layers.clone();
+            ideal = trial_of(&self.trials, reflectance).ideal(&layers)?;
+            best = Some((response, fitted));
+        }
+        // The support of the sharp fit holds echoes: a fit from the start may do without them.
+        if let Some((response, fitted)) = &mut best {
+            self.pace.expect(From::Start.iterations());
+            let pulse = response.samples(self.bin_width).pulse();
+            let anew = self.fit_with(reflectance, Some(pulse), From::Start)?;
+            if let Some(anew) = anew.filter(|anew| anew.held.left().excess() < fitted.held.left().excess()) {
+                *fitted = anew;
+            }
+        }
+        Ok(best)
     }
 
     /// Whether this model's residual shows an impulse response. Without normals every curved surface seems to have one.

@@ -24,7 +24,7 @@ pub struct Suggestion {
     pub law: &'static Law,
     pub numbers: Vec<f64>,
     /// Share of what is left that it is predicted to explain, and by how many standard errors.
-    predicted: [f64; 2],
+    pub predicted: [f64; 2],
 }
 
 /// Of a law of gains, the numbers that suit what a surface shows best, beyond `base`, which is undone in it.

@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 use std::ops::ControlFlow;
 
-use super::cause::{self, Cause, Confirmed};
+use super::cause::{self, Cause, Confirmed, Judged};
 use super::found::{Estimates, Shown};
 use super::job::Job;
 use super::probe::Ask;
@@ -42,6 +42,8 @@ pub struct Diagnosis {
     pub rivals: Vec<Cause>,
     /// The scale at which closed forms are sharper.
     pub scale: Option<Rescaled>,
+    /// Causes that held-out pairs suggest and do not confirm, as sentences.
+    pub doubts: Vec<String>,
     /// The capture without its causes.
     pub calibrated: Option<Capture>,
 }
@@ -52,6 +54,7 @@ impl Diagnosis {
         self.causes.extend(second.causes);
         self.rivals.extend(second.rivals);
         self.scale = second.scale;
+        self.doubts.extend(second.doubts);
         second.calibrated
     }
 }
@@ -97,7 +100,10 @@ fn with_laws(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Diagnosis> {
-    let Some(Confirmed { mut causes, undone }) = cause::confirmed(job, gpu, hear)? else { return Ok(found) };
+    let (mut causes, undone) = match cause::judged(job, gpu, hear)? {
+        Judged::Confirmed(Confirmed { causes, undone }) => (causes, undone),
+        Judged::Doubts(doubts) => return Ok(Diagnosis { doubts, ..found }),
+    };
     let rivals = causes.split_off(1);
     Ok(Diagnosis { causes, rivals, calibrated: Some(undone), ..found })
 }
@@ -110,6 +116,9 @@ pub fn verdict(estimates: &Estimates, diagnosis: &Diagnosis) -> Verdict {
     }
     for rival in &diagnosis.rivals {
         verdict.add(Grade::Fair, format!("or, as pairs do not decide: {}", rival.sentence()));
+    }
+    for doubt in &diagnosis.doubts {
+        verdict.add(Grade::Fair, doubt);
     }
     if let Some(doubt) = estimates.device.as_ref().and_then(|found| found.doubt()) {
         verdict.add(Grade::Fair, doubt);

@@ -4,7 +4,7 @@ use std::ops::{Deref, DerefMut};
 
 use serde::{Deserialize, Serialize};
 
-use crate::capture::Capture;
+use crate::capture::{Capture, Pulse};
 use crate::closed_form::{
     BpOptions, BpSettings, ClosedForm, DlctOptions, DlctSettings, FbpOptions, FbpSettings, FkOptions,
     FkSettings, LctOptions, LctSettings, PhasorBpOptions, PhasorBpSettings, PhasorOptions, PhasorSettings,
@@ -258,7 +258,7 @@ impl SolverOptions {
         if self.pixels_per_voxel().is_none() {
             return 1;
         }
-        let pulse = capture.pulse.as_ref().map_or(0.0, |p| p.moments()[1]);
+        let pulse = capture.pulse.as_ref().map_or(0.0, Pulse::deviation);
         let pixel = pixel_of(capture, volume, self.common().lateral);
         let of_pixel = pixel / (surface::SMALL_PIXEL * capture.bin_width);
         let of_pulse = OF_PULSE * pulse / capture.bin_width;

@@ -103,6 +103,42 @@ impl HeldOut {
         [&rendered, &self.rows[1]].map(|rows| self.weighted(rows))
     }
 
+    /// What is rendered of every `step`th pair, late by each of these lags in bins, and what is measured, as the objective weighs it.
+    pub fn late(&self, lags: std::ops::RangeInclusive<i64>, step: usize) -> (Vec<Vec<f64>>, Vec<f64>) {
+        let bins = self.bins();
+        let of = |rows: &[f64]| rows.chunks(bins).step_by(step).flatten().copied().collect::<Vec<f64>>();
+        let [differences, measured] = self.rows.each_ref().map(|rows| of(rows));
+        let rendered: Vec<f64> = differences.iter().zip(&measured).map(|(d, m)| m + d).collect();
+        let moved = |lag: i64| {
+            let mut rows = vec![0.0; rendered.len()];
+            let by = (lag.unsigned_abs() as usize).min(bins);
+            for (to, from) in rows.chunks_mut(bins).zip(rendered.chunks(bins)) {
+                match lag {
+                    0.. => to[by..].copy_from_slice(&from[..bins - by]),
+                    _ => to[..bins - by].copy_from_slice(&from[by..]),
+                }
+            }
+            self.weighted(&rows)
+        };
+        let late: Vec<i64> = lags.collect();
+        (late.into_par_iter().map(moved).collect(), self.weighted(&measured))
+    }
+
+    /// Standard error that photon noise alone gives the difference of what this surface and another one leave, as a share of the
+    /// signal.
+    pub fn chance(&self, other: &HeldOut) -> f64 {
+        let bins = self.bins();
+        let between: Vec<f64> = self.rows[0].iter().zip(&other.rows[0]).map(|(a, b)| a - b).collect();
+        let variances = |bin: usize| self.variances[bin] * self.root(bin).powi(2);
+        let weighted = self.weighted(&between);
+        let squares: f64 = weighted
+            .chunks(bins)
+            .flat_map(|row| row.iter().enumerate())
+            .map(|(b, d)| d * d * variances(b))
+            .sum();
+        2.0 * squares.sqrt() / self.left().signal()
+    }
+
     /// Weighted squared differences of all pairs that photon noise alone makes.
     fn noise(&self) -> f64 {
         let bins = self.paths.len();

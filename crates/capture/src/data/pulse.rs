@@ -144,9 +144,16 @@ impl Pulse {
         self.start + self.samples.len() as f64 * self.width
     }
 
-    /// Full width at half maximum of a Gaussian with this standard deviation, metres.
+    /// Full width at half maximum of a Gaussian with the standard deviation of the response, metres.
     pub fn fwhm(&self) -> f64 {
-        (8.0 * std::f64::consts::LN_2).sqrt() * self.moments()[1]
+        (8.0 * std::f64::consts::LN_2).sqrt() * self.deviation()
+    }
+
+    /// Standard deviation of what bins must resolve, metres: of a response with echoes, that of the Gaussian with its square integral.
+    pub fn deviation(&self) -> f64 {
+        let sum: f64 = self.samples.iter().sum();
+        let squares: f64 = self.samples.iter().map(|s| s * s).sum::<f64>() / (sum * sum * self.width);
+        resolved(self.moments()[1], squares)
     }
 
     /// Mean and standard deviation, metres.
@@ -221,8 +228,18 @@ impl Pulse {
     }
 }
 
+/// Below this share of the standard deviation, the Gaussian with the square integral of a response is that of a peak among others. A
+/// Gaussian with a tail of any length has .56 and more.
+const OF_PEAKS: f64 = 0.5;
+
+/// The standard deviation of a response, or where that is the distance of its peaks, that of the Gaussian with its square integral.
+fn resolved(deviation: f64, squares: f64) -> f64 {
+    let of_peak = 1.0 / (2.0 * std::f64::consts::PI.sqrt() * squares);
+    if of_peak < OF_PEAKS * deviation { of_peak } else { deviation }
+}
+
 impl PulseTaps {
-    /// Standard deviation, bins.
+    /// Standard deviation of what bins must resolve, bins ([`Pulse::deviation`]).
     pub fn deviation(&self) -> f64 {
         let moment = |power| -> f64 {
             self.weights
@@ -231,7 +248,8 @@ impl PulseTaps {
                 .map(|(i, w)| w * (i as f64 - self.before as f64).powi(power))
                 .sum()
         };
-        (moment(2) - moment(1).powi(2)).max(0.0).sqrt()
+        let squares: f64 = self.weights.iter().map(|w| w * w).sum();
+        resolved((moment(2) - moment(1).powi(2)).max(0.0).sqrt(), squares)
     }
 
     /// Taps that change nothing: a single one of weight 1.

@@ -44,6 +44,7 @@ pub(super) fn undo(capture: &mut Capture, mean: &mut MeanOnce) -> Result<Found> 
         None => {}
     }
     found.notes.extend(capture.undo_multiples());
+    found.notes.extend(capture.undo_unit());
     if let Some((gone, note)) = capture.undo_enlargement() {
         found.dropped += gone;
         found.notes.push(note);

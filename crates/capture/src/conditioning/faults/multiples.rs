@@ -35,6 +35,44 @@ impl Capture {
     }
 }
 
+/// Largest multiple of the unit, and how far from a whole one a value may be: the rounding of f32 at that multiple.
+const MOST: f32 = 4096.0;
+const OFF: f32 = 1e-3;
+
+impl Capture {
+    /// Divides values that are all multiples of their smallest one by it: photons that a program scaled, as to a mean or a largest value
+    /// of one. Values of a rendering are none.
+    pub(super) fn undo_unit(&mut self) -> Option<String> {
+        let lit = || self.histograms.iter().copied().filter(|v| *v != 0.0);
+        if self.integer_counts || self.noise.is_some() {
+            return None;
+        }
+        let unit = lit().fold(f32::INFINITY, f32::min);
+        if !(unit > 0.0 && unit.is_finite()) {
+            return None;
+        }
+        let is_multiple = |v: f32| v / unit <= MOST && (v / unit - (v / unit).round()).abs() <= OFF;
+        if !lit().all(is_multiple) {
+            return None;
+        }
+        let mut found = vec![];
+        for multiple in lit().map(|v| (v / unit).round()) {
+            if found.len() < LEAST_VALUES && !found.contains(&multiple) {
+                found.push(multiple);
+            }
+        }
+        if found.len() < LEAST_VALUES {
+            return None;
+        }
+        self.histograms.iter_mut().for_each(|v| *v = (*v / unit).round());
+        self.integer_counts = true;
+        Some(format!(
+            "all values are multiples of {unit:.4e}, as of scaled photon counts: they are divided by it, as photons have the noise of \
+             single counts"
+        ))
+    }
+}
+
 fn gcd(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
@@ -59,5 +97,23 @@ mod tests {
         let mut few = right;
         few.histograms.iter_mut().for_each(|count| *count = if *count > 40.0 { 2.0 } else { 0.0 });
         assert_eq!(few.undo_multiples(), None);
+    }
+
+    #[test]
+    fn scaled_photons_are_counts_again() {
+        let right = noisy();
+        assert_eq!(right.clone().undo_unit(), None, "whole already");
+        for factor in [0.01f32, 1.0 / 87.0, 3.3e-7] {
+            let mut scaled = right.clone();
+            scaled.histograms.iter_mut().for_each(|count| *count *= factor);
+            scaled.integer_counts = false;
+            let mut exact = scaled.clone();
+            assert!(scaled.undo_unit().is_some_and(|note| note.contains("scaled photon counts")));
+            assert!(scaled == right);
+            // A hundredth of a photon off.
+            let most = exact.histograms.iter().fold(0.0f32, |a, b| a.max(*b));
+            *exact.histograms.iter_mut().find(|v| **v == most).unwrap() += 0.01 * factor;
+            assert_eq!(exact.undo_unit(), None);
+        }
     }
 }
