@@ -75,6 +75,8 @@ pub(crate) struct Search<'t> {
     pub sharp: Vec<Sharp>,
     /// Metres of path.
     bin_width: f64,
+    /// Whether its values are counts of photons.
+    is_counted: bool,
     /// The narrowest impulse response that the solve, whose bins may be narrower, models: in bins of the fits.
     narrowest: f64,
     /// The length of the longest suggestion, metres.
@@ -139,6 +141,7 @@ impl<'t> Search<'t> {
             starts,
             sharp: vec![],
             bin_width: whole.bin_width,
+            is_counted: whole.integer_counts,
             narrowest: pulse::NARROWEST * of_solve / whole.bin_width,
             longest: pulse::longest(whole.bin_width, SceneTraits::of(capture).wall),
             known: capture.pulse.clone(),
@@ -374,7 +377,12 @@ impl<'t> Search<'t> {
             let most = model::BY_CHANCE * sharp.chance(other);
             sharp.left().excess() - other.left().excess() < most && left.excess() - less.excess() < most
         });
-        Some(if chosen == Reflectance::Lambertian && is_chance { Reflectance::Cosine } else { chosen })
+        // Other noise has no law that tells chance.
+        Some(if self.is_counted && chosen == Reflectance::Lambertian && is_chance {
+            Reflectance::Cosine
+        } else {
+            chosen
+        })
     }
 
     /// The impulse response by samples, if surfaces of it leave clearly less than those of the best shape: the model that then leaves
