@@ -617,6 +617,7 @@ impl Pulse {
     pub fn check(&self) -> Result<()> {}
     pub fn end(&self) -> f64 {}
     pub fn fwhm(&self) -> f64 {}
+    pub fn deviation(&self) -> f64 {}
 }
 impl Pulse {
     pub fn read(path: &Path) -> Result<Pulse> {}
