@@ -107,12 +107,26 @@ pub fn histogram(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> 
     })
 }
 
-fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
-    check(scan, asked)?;
-    let mut notes = vec![];
-    let stored = stored::read(path, scan.points(), asked.bin_width, asked.readings, &mut notes)?;
-    let (cells, ticks, instrument, survey, share) = if let Some(stored) = &stored {
-        let (fine, ticks) = widths(asked.bin_width, stored.tick, &mut notes)?;
+/// Photons of the points in fine bins, and where they are from.
+struct Counted {
+    cells: PointCounts,
+    /// Ticks of a fine bin and of a bin.
+    ticks: [i64; 2],
+    instrument: String,
+    survey: Option<Survey>,
+    /// See [`second_share`].
+    share: f64,
+}
+
+fn counted(
+    path: &Path,
+    stored: Option<&stored::InstrumentHistograms>,
+    scan: &Scan,
+    asked: &Asked,
+    notes: &mut Vec<String>,
+) -> Result<Counted> {
+    if let Some(stored) = stored {
+        let (fine, ticks) = widths(asked.bin_width, stored.tick, notes)?;
         if asked.division.is_some() {
             return Err(Error::options(
                 "the file holds histograms: the instrument has divided the photons",
@@ -120,22 +134,30 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
             ));
         }
         let cells = PointCounts::of_stored(stored, fine as usize, asked.until)?;
-        (cells, [fine, ticks], format!("histograms: {}", stored.name), None, 1.0)
-    } else {
-        if asked.readings != Readings::Sum {
-            return Err(Error::options(
-                "readings were asked for, but the file holds time tags",
-                "leave this out: it is for histograms of an instrument",
-            ));
-        }
-        let tags = Tags::open(path, &asked.inputs)?;
-        let (fine, ticks) = widths(asked.bin_width, tags.tick, &mut notes)?;
-        let survey = Survey::of(&tags)?;
-        notes.extend(survey.passed.notes.iter().cloned());
-        let cells = of_tags(&tags, &survey, scan, asked, fine, &mut notes)?;
-        let share = second_share(&survey, asked.channel)?;
-        (cells, [fine, ticks], tags.instrument, Some(survey), share)
-    };
+        let instrument = format!("histograms: {}", stored.name);
+        return Ok(Counted { cells, ticks: [fine, ticks], instrument, survey: None, share: 1.0 });
+    }
+    if asked.readings != Readings::Sum {
+        return Err(Error::options(
+            "readings were asked for, but the file holds time tags",
+            "leave this out: it is for histograms of an instrument",
+        ));
+    }
+    let tags = Tags::open(path, &asked.inputs)?;
+    let (fine, ticks) = widths(asked.bin_width, tags.tick, notes)?;
+    let survey = Survey::of(&tags)?;
+    notes.extend(survey.passed.notes.iter().cloned());
+    let cells = of_tags(&tags, &survey, scan, asked, fine, notes)?;
+    let share = second_share(&survey, asked.channel)?;
+    Ok(Counted { cells, ticks: [fine, ticks], instrument: tags.instrument, survey: Some(survey), share })
+}
+
+fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
+    check(scan, asked)?;
+    let mut notes = vec![];
+    let stored = stored::read(path, scan.points(), asked.bin_width, asked.readings, &mut notes)?;
+    let Counted { cells, ticks, instrument, survey, share } =
+        counted(path, stored.as_ref(), scan, asked, &mut notes)?;
     let per_bin = (ticks[1] / ticks[0]) as usize;
     let total = cells.total();
     if total == 0 {

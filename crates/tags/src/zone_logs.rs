@@ -73,14 +73,23 @@ struct ZoneBins {
     bin: Vec<u32>,
 }
 
-/// Reads the log of a TMF8829.
-pub(super) fn tmf8829(path: &Path, notes: &mut Vec<String>) -> Result<StoredHistograms> {
+/// What the parts of a log of a TMF8829 hold.
+#[derive(Default)]
+struct Log {
+    readings: Vec<Reading>,
+    shift: Option<u32>,
+    used: Option<usize>,
+    /// Whether there are single frames, which are halves of a reading.
+    are_halves: bool,
+}
+
+fn log(path: &Path) -> Result<Log> {
     let mut head = [0; 2];
     let is_packed = open(path)?.read_exact(&mut head).is_ok() && head == GZIP;
     let file = BufReader::new(open(path)?);
     let text: Box<dyn Read> =
         if is_packed { Box::new(BufReader::new(GzDecoder::new(file))) } else { Box::new(file) };
-    let (mut readings, mut shift, mut used, mut are_halves) = (vec![], None, None, false);
+    let mut log = Log::default();
     for part in serde_json::Deserializer::from_reader(text.take(LONGEST)).into_iter::<Part>() {
         let part = part.map_err(|e| {
             Error::input(
@@ -89,15 +98,21 @@ pub(super) fn tmf8829(path: &Path, notes: &mut Vec<String>) -> Result<StoredHist
             )
         })?;
         let configuration = part.configuration.unwrap_or_default();
-        shift = shift.or(configuration.bin_shift).or(part.bin_shift);
-        used = used.or(configuration.histogram_bins).or(part.histogram_bins);
-        are_halves |= part.frames.is_some() || part.frame.is_some();
+        log.shift = log.shift.or(configuration.bin_shift).or(part.bin_shift);
+        log.used = log.used.or(configuration.histogram_bins).or(part.histogram_bins);
+        log.are_halves |= part.frames.is_some() || part.frame.is_some();
         match part.results {
-            Some(Results::Many(all)) => readings.extend(all),
-            Some(Results::One(one)) => readings.push(*one),
+            Some(Results::Many(all)) => log.readings.extend(all),
+            Some(Results::One(one)) => log.readings.push(*one),
             None => {}
         }
     }
+    Ok(log)
+}
+
+/// Reads the log of a TMF8829.
+pub(super) fn tmf8829(path: &Path, notes: &mut Vec<String>) -> Result<StoredHistograms> {
+    let Log { readings, shift, used, are_halves } = log(path)?;
     let is_long = readings.iter().all(|reading| reading.mp_histo.is_empty());
     let histograms = |reading: Reading| if is_long { reading.accurate } else { reading.mp_histo };
     let all: Vec<Vec<Vec<ZoneBins>>> =
@@ -178,7 +193,7 @@ pub(super) fn vl53l8ch(path: &Path, notes: &mut Vec<String>) -> Result<StoredHis
 
 fn cnh(lines: &[&str], notes: &mut Vec<String>) -> Result<StoredHistograms> {
     let is_table = |line: &&str| line.to_lowercase().contains(COLUMN);
-    let (zones, bins, mut values) = match lines.iter().position(|line| is_table(line)) {
+    let (zones, bins, mut values) = match lines.iter().position(is_table) {
         Some(head) => table(&lines[head..])?,
         None => printed(lines)?,
     };
