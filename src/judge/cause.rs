@@ -267,9 +267,9 @@ impl TriedCause {
 }
 
 /// What held-out pairs say of causes.
-pub enum Judged {
+pub enum JudgedCauses {
     /// Causes between which they do not decide, of which the first one is undone.
-    Confirmed(Confirmed),
+    Confirmed(Box<Confirmed>),
     /// Sentences of what they suggest, and do not confirm; none if nothing is wrong.
     Doubts(Vec<String>),
 }
@@ -282,9 +282,9 @@ pub fn judged(
     job: &Job<'_>,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Judged> {
+) -> Result<JudgedCauses> {
     let (capture, estimates) = (&*job.capture, &job.estimates);
-    let Some(shown) = &estimates.shown else { return Ok(Judged::Doubts(vec![])) };
+    let Some(shown) = &estimates.shown else { return Ok(JudgedCauses::Doubts(vec![])) };
     let Suspects { gains, scale } = shown.suspects.clone();
     let keeps_gains = job.settings.device_at == Some(DevicePosition::None);
     let mut trials =
@@ -324,7 +324,7 @@ pub fn judged(
         let least = doubtful.first().map_or(0.0, TriedCause::excess);
         let near = doubtful.iter().filter(|judged| !is_poor_fit && judged.excess() <= bands::RIVAL * least);
         let doubts = near.map(|judged| judged_doubt(judged, &scan));
-        return Ok(Judged::Doubts(
+        return Ok(JudgedCauses::Doubts(
             doubts.chain(gains.iter().map(|gains| suggested_doubt(gains, &scan))).collect(),
         ));
     };
@@ -335,7 +335,8 @@ pub fn judged(
         let what = (judged.law.what)(&scan, &judged.numbers);
         Cause { what, hint: judged.law.hint.into(), left: [before, after], undone: rank == 0 }
     };
-    Ok(Judged::Confirmed(Confirmed { causes: all.into_iter().enumerate().map(cause).collect(), undone }))
+    let causes = all.into_iter().enumerate().map(cause).collect();
+    Ok(JudgedCauses::Confirmed(Box::new(Confirmed { causes, undone })))
 }
 
 /// The law of gains that the surface suggests, as a sentence: what no fit confirms. Far pairs may have too few photons for a fit without

@@ -4,7 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::response::Samples;
+use super::samples::ResponseSamples;
 use crate::Result;
 use crate::capture::{METRES_PER_PICOSECOND, Pulse};
 use crate::surface::Left;
@@ -28,7 +28,7 @@ pub struct FoundPulse {
     pub tail: f64,
     /// Its samples, if no such shape is right.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub samples: Option<Samples>,
+    pub samples: Option<ResponseSamples>,
     /// What was tried: width and tail, metres, and the share of other pairs' squares that was left.
     pub trials: Vec<[f64; 3]>,
     /// Seconds that the trials took.
@@ -149,7 +149,7 @@ impl FoundPulse {
     }
 
     /// The same with samples in place of its shape.
-    pub(super) fn with(self, samples: Samples) -> FoundPulse {
+    pub(super) fn with(self, samples: ResponseSamples) -> FoundPulse {
         let fwhm = samples.pulse().fwhm();
         FoundPulse { fwhm, tail: 0.0, samples: Some(samples), ..self }
     }

@@ -5,11 +5,10 @@
 //! What no capture can tell: the delay of the whole response, which is time zero, and its strength, which is the albedo. The largest
 //! peak is put at the path, and the samples sum to one.
 
-use serde::{Deserialize, Serialize};
-
 use super::pulse::Shape;
+use super::samples::ResponseSamples;
 use crate::Result;
-use crate::capture::{Pulse, PulseTaps};
+use crate::capture::PulseTaps;
 use crate::surface::{HeldOut, Left, mean_and_error};
 
 /// Samples before and behind the path, bins.
@@ -38,36 +37,6 @@ const MOVES: i64 = 6;
 /// What linear binning and bins add to the second moment of a response, squared bins ([`Pulse::taps`]).
 const OF_BINS: f64 = 1.0 / 6.0;
 
-/// An impulse response by samples.
-#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Samples {
-    /// Samples; their sum is one.
-    pub samples: Vec<f64>,
-    /// Width of a sample, metres of path.
-    pub width: f64,
-    /// Leading edge of the first sample, metres behind the path.
-    pub start: f64,
-}
-
-impl Samples {
-    /// The impulse response.
-    pub fn pulse(&self) -> Pulse {
-        Pulse::new(self.samples.clone(), self.width, self.start)
-    }
-
-    /// Peaks of at least a tenth of the largest one: metres behind the path, and height over that of the largest one.
-    pub fn peaks(&self) -> Vec<[f64; 2]> {
-        let most = self.samples.iter().fold(0.0f64, |a, b| a.max(*b));
-        let at = |i: Option<usize>| i.and_then(|i| self.samples.get(i)).copied().unwrap_or(0.0);
-        let is_peak = |i: &usize| {
-            let own = self.samples[*i];
-            own >= 0.1 * most && own > at(i.checked_sub(1)) && own >= at(Some(i + 1))
-        };
-        let of = |i: usize| [self.start + (i as f64 + 0.5) * self.width, self.samples[i] / most];
-        (0..self.samples.len()).filter(is_peak).map(of).collect()
-    }
-}
-
 /// Least height over that of the largest peak of another one: of a first suggestion, as surfaces explain echoes, and of a response that is
 /// taken. A response of one peak is left to shapes.
 pub const ECHO: [f64; 2] = [0.1, 0.2];
@@ -78,7 +47,7 @@ pub struct Response(Vec<f64>);
 
 impl Response {
     /// The response as samples of this width, with its paths where the surface has them.
-    pub fn samples(&self, bin_width: f64) -> Samples {
+    pub fn samples(&self, bin_width: f64) -> ResponseSamples {
         let at = |i: Option<usize>| i.and_then(|i| self.0.get(i)).copied().unwrap_or(0.0);
         // Taps take off what bins add: it is added here.
         let blurred = |i: usize| {
@@ -86,7 +55,7 @@ impl Response {
             self.0[i] + 0.5 * OF_BINS * second
         };
         let sum: f64 = self.0.iter().sum();
-        Samples {
+        ResponseSamples {
             samples: (0..COUNT).map(|i| (blurred(i) / sum).max(0.0)).collect(),
             width: bin_width,
             start: -(REACH[0] as f64 + 0.5) * bin_width,
@@ -94,9 +63,9 @@ impl Response {
     }
 
     /// The same, with the largest peak at the path.
-    pub fn at_peak(&self, bin_width: f64) -> Samples {
+    pub fn at_peak(&self, bin_width: f64) -> ResponseSamples {
         let samples = self.samples(bin_width);
-        Samples { start: samples.start - self.peak() * bin_width, ..samples }
+        ResponseSamples { start: samples.start - self.peak() * bin_width, ..samples }
     }
 
     /// Whether another peak has this height over that of the largest one, with less than half of its own between both. What is behind the
@@ -154,7 +123,7 @@ impl Equations {
     /// Non-negative samples of the least squares with the prior, one after the other until none changes.
     fn solved(&self) -> Vec<f64> {
         let prior = SMOOTH * (0..COUNT).map(|i| self.at(i, i)).sum::<f64>() / COUNT as f64;
-        // Rows of DᵀD of second differences.
+        // LateRows of DᵀD of second differences.
         let bend = |i: usize, j: usize| -> f64 {
             let of = |k: usize, i: usize| match i.wrapping_sub(k) {
                 0 | 2 => 1.0,
@@ -194,7 +163,7 @@ impl Equations {
 
 /// The response that a rendering with sharp paths suggests. `None` if nothing is rendered.
 pub fn suggested(ideal: &HeldOut) -> Option<Response> {
-    Rows::of(ideal).suggested()
+    LateRows::of(ideal).suggested()
 }
 
 /// Whether surfaces with a response leave clearly less than those with the best shape: by this factor, and these standard errors.
@@ -207,7 +176,7 @@ pub fn is_taken(left: &Left, by_shape: &Left) -> bool {
 /// # Errors
 /// A shape makes no impulse response.
 pub fn is_worth(ideal: &HeldOut, shapes: &[Shape]) -> Result<bool> {
-    let rows = Rows::of(ideal);
+    let rows = LateRows::of(ideal);
     let mut taps = vec![PulseTaps::identity()];
     for shape in shapes {
         taps.extend(shape.centred()?.map(|pulse| pulse.taps(ideal.bin_width())).transpose()?);
@@ -218,9 +187,9 @@ pub fn is_worth(ideal: &HeldOut, shapes: &[Shape]) -> Result<bool> {
     Ok(beyond(&free) < WORTH[0] * beyond(&shaped) && mean > WORTH[1] * error)
 }
 
-/// Rows of held-out pairs: renderings that are late by each lag, `[lag][pair * bins + bin]`, and measured ones, as the objective weighs
+/// LateRows of held-out pairs: renderings that are late by each lag, `[lag][pair * bins + bin]`, and measured ones, as the objective weighs
 /// them.
-struct Rows {
+struct LateRows {
     late: Vec<Vec<f64>>,
     measured: Vec<f64>,
     bins: usize,
@@ -228,13 +197,13 @@ struct Rows {
     share: f64,
 }
 
-impl Rows {
-    fn of(ideal: &HeldOut) -> Rows {
+impl LateRows {
+    fn of(ideal: &HeldOut) -> LateRows {
         let step = ideal.pairs.len().div_ceil(PAIRS).max(1);
         let (late, measured) = ideal.late(-REACH[0]..=REACH[1], step);
         let bins = ideal.bins();
         let share = (measured.len() / bins) as f64 / ideal.pairs.len().max(1) as f64;
-        Rows { late, measured, bins, share }
+        LateRows { late, measured, bins, share }
     }
 
     fn pairs(&self) -> usize {
@@ -310,7 +279,7 @@ mod tests {
     const BINS: usize = 90;
 
     /// 64 rows of three lines, their measurement by a response of these lags and shares, and noise.
-    fn rows(truth: &[(i64, f64)], noise: f64) -> Rows {
+    fn rows(truth: &[(i64, f64)], noise: f64) -> LateRows {
         let sharp = |pair: usize, bin: i64| -> f64 {
             let lines =
                 [(25 + pair as i64 % 13, 1.0), (37 + pair as i64 % 7, 0.5), (55 - pair as i64 % 11, 0.8)];
@@ -325,7 +294,7 @@ mod tests {
             all(&|pair, bin| truth.iter().map(|(lag, share)| share * sharp(pair, bin - lag)).sum());
         measured.iter_mut().for_each(|v| *v += normal.sample(&mut random));
         let late = (-REACH[0]..=REACH[1]).map(|lag| all(&|pair, bin| sharp(pair, bin - lag))).collect();
-        Rows { late, measured, bins: BINS, share: 1.0 }
+        LateRows { late, measured, bins: BINS, share: 1.0 }
     }
 
     const ECHOES: [(i64, f64); 4] = [(0, 0.5), (1, 0.3), (5, 0.15), (-10, 0.05)];

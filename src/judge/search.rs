@@ -9,7 +9,8 @@ use super::found::{FindPulse, FoundSurface, Origin};
 use super::high_pass::{FoundHighPass, usual_high_pass};
 use super::job::Job;
 use super::pulse::{Shape, Tried};
-use super::response::{Response, Samples};
+use super::response::Response;
+use super::samples::ResponseSamples;
 use super::spread::ComparedRows;
 use super::trial::{Fitted, From, Trial, fit_all};
 use crate::capture::{Capture, Pulse};
@@ -89,7 +90,7 @@ pub(crate) struct Search<'t> {
     pub tried: Vec<Tried>,
     pub candidates: Vec<FoundSurface>,
     /// The impulse response by samples, if no shape is right.
-    pub samples: Option<Samples>,
+    pub samples: Option<ResponseSamples>,
     /// Seconds spent on the impulse response.
     pub pulse_seconds: f64,
     /// Whether the support may leave that of the start.

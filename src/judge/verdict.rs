@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 use std::ops::ControlFlow;
 
-use super::cause::{self, Cause, Confirmed, Judged};
+use super::cause::{self, Cause, JudgedCauses};
 use super::found::{Estimates, Shown};
 use super::job::Job;
 use super::probe::Ask;
@@ -101,8 +101,8 @@ fn with_laws(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Diagnosis> {
     let (mut causes, undone) = match cause::judged(job, gpu, hear)? {
-        Judged::Confirmed(Confirmed { causes, undone }) => (causes, undone),
-        Judged::Doubts(doubts) => return Ok(Diagnosis { doubts, ..found }),
+        JudgedCauses::Confirmed(found) => (found.causes, found.undone),
+        JudgedCauses::Doubts(doubts) => return Ok(Diagnosis { doubts, ..found }),
     };
     let rivals = causes.split_off(1);
     Ok(Diagnosis { causes, rivals, calibrated: Some(undone), ..found })

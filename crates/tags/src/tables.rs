@@ -11,6 +11,7 @@ use crate::error::{Error, Result};
 use crate::host;
 
 /// Histograms of points as a file has them.
+#[derive(Debug)]
 pub(super) struct StoredHistograms {
     pub(super) name: String,
     /// Seconds of a bin, if the file says.

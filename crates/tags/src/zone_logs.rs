@@ -75,7 +75,7 @@ struct ZoneBins {
 
 /// What the parts of a log of a TMF8829 hold.
 #[derive(Default)]
-struct Log {
+struct SensorLog {
     readings: Vec<Reading>,
     shift: Option<u32>,
     used: Option<usize>,
@@ -83,13 +83,13 @@ struct Log {
     are_halves: bool,
 }
 
-fn log(path: &Path) -> Result<Log> {
+fn log(path: &Path) -> Result<SensorLog> {
     let mut head = [0; 2];
     let is_packed = open(path)?.read_exact(&mut head).is_ok() && head == GZIP;
     let file = BufReader::new(open(path)?);
     let text: Box<dyn Read> =
         if is_packed { Box::new(BufReader::new(GzDecoder::new(file))) } else { Box::new(file) };
-    let mut log = Log::default();
+    let mut log = SensorLog::default();
     for part in serde_json::Deserializer::from_reader(text.take(LONGEST)).into_iter::<Part>() {
         let part = part.map_err(|e| {
             Error::input(
@@ -112,7 +112,7 @@ fn log(path: &Path) -> Result<Log> {
 
 /// Reads the log of a TMF8829.
 pub(super) fn tmf8829(path: &Path, notes: &mut Vec<String>) -> Result<StoredHistograms> {
-    let Log { readings, shift, used, are_halves } = log(path)?;
+    let SensorLog { readings, shift, used, are_halves } = log(path)?;
     let is_long = readings.iter().all(|reading| reading.mp_histo.is_empty());
     let histograms = |reading: Reading| if is_long { reading.accurate } else { reading.mp_histo };
     let all: Vec<Vec<Vec<ZoneBins>>> =
