@@ -114,12 +114,8 @@ pub fn run(args: &LiveArgs) -> Result<ExitCode> {
     let (session, notes) =
         thirdbounce::session_with(&gpu, &scan, &settings, options, &mut |_| interrupt::asked())?;
     if !args.quiet {
-        opened
-            .notes
-            .iter()
-            .chain(of_room.iter().flatten())
-            .chain(&notes)
-            .for_each(|note| say(&format!("note: {note}")));
+        let all = opened.notes.iter().chain(of_room.iter().flatten()).chain(&notes);
+        all.for_each(|note| say(&format!("note: {note}")));
     }
     let (mut drift, mut warned, mut unwritten) = (Drift::default(), false, None);
     let mut keep = |record: &mut dyn FnMut(&mut RunFiles) -> Result<()>| match kept.as_mut().map(record) {

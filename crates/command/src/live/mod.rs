@@ -12,6 +12,7 @@ use std::time::{Duration, Instant};
 use thirdbounce::capture::Reflectance;
 use thirdbounce::glam::DVec3;
 use thirdbounce::session::{Frame, FrameId, Latency, Session};
+use thirdbounce::transport::Grid;
 use thirdbounce::{Error, Kind, Result};
 
 mod folder;
@@ -58,6 +59,16 @@ pub struct Following {
     pub interval: Option<Duration>,
 }
 
+impl Following {
+    /// Seconds from the first frame of a session that began then.
+    fn time(&self, id: FrameId, begun: Instant) -> f64 {
+        match self.interval {
+            Some(interval) => (id.0 - 1) as f64 * interval.as_secs_f64(),
+            None => begun.elapsed().as_secs_f64(),
+        }
+    }
+}
+
 /// How long to wait for something new before looking at everything again.
 const MOMENT: Duration = Duration::from_millis(5);
 
@@ -79,12 +90,10 @@ pub fn run(
         FrameSource::Folder(frames) => folder::begin((**frames).clone(), give)?,
         FrameSource::Stdin => stream::begin_stdin(session.size(), give)?,
     }
-    let grid = &session.plan().finest().grid;
-    let (depths, [x0, x1, y0, y1]) = (grid.depth_range(), grid.extent());
-    let volume = [DVec3::new(x0, y0, depths[0]), DVec3::new(x1, y1, depths[1])];
-    let mut motion = MotionTrack::new(following.law, volume);
+    let grid = session.plan().finest().grid;
+    let mut motion = MotionTrack::new(following.law, box_of(&grid));
     let (begun, subtracts) = (Instant::now(), session.subtracts());
-    page.into_iter().for_each(|page| page.begin(depths));
+    page.into_iter().for_each(|page| page.begin(grid.depth_range()));
     let mut totals = LiveTotals { latency: session.latency(), ..LiveTotals::default() };
     // Frames that were submitted and have no result.
     let mut waiting: VecDeque<(FrameId, FrameLabel)> = VecDeque::new();
@@ -102,10 +111,7 @@ pub fn run(
                     totals.arrived += 1;
                     match submitted {
                         Ok(id) => {
-                            let time = following.interval.map_or_else(
-                                || begun.elapsed().as_secs_f64(),
-                                |interval| (id.0 - 1) as f64 * interval.as_secs_f64(),
-                            );
+                            let time = following.time(id, begun);
                             waiting.push_back((id, FrameLabel { name, warning, time }));
                         }
                         Err(error) => failed.push((Some(name), error)),
@@ -131,14 +137,10 @@ pub fn run(
         let patience = if ended || held.is_some() { 10 * MOMENT } else { Duration::ZERO };
         let solved = session.wait_for(patience).map(|frame| frame.map(|frame| Arc::new(frame.clone())));
         totals.latency = session.latency();
-        let mut label = None;
-        if !matches!(solved, Ok(None)) {
-            while waiting.front().is_some_and(|(id, _)| Some(*id) <= session.taken()) {
-                let before = label.replace(waiting.pop_front().map(|(_, label)| label).unwrap_or_default());
-                totals.replaced += u64::from(before.is_some());
-                heard = before.map_or(heard, |before| hear(News::Dropped(&before.name)));
-            }
-        }
+        let mut done = if matches!(solved, Ok(None)) { vec![] } else { done(&mut waiting, session.taken()) };
+        let label = done.pop();
+        totals.replaced += done.len() as u64;
+        done.iter().for_each(|before| heard = hear(News::Dropped(&before.name)));
         match solved {
             Ok(Some(frame)) => {
                 let FrameLabel { name, warning, time } = label.unwrap_or_default();
@@ -156,12 +158,10 @@ pub fn run(
             Err(error) if error.kind == Kind::Device => broken = Some(error),
             Err(error) => failed.push((label.map(|label| label.name), error)),
         }
+        totals.failed += failed.len() as u64;
         for (name, error) in &failed {
-            totals.failed += 1;
-            page.into_iter().for_each(|page| page.fail(name.as_deref(), error));
-            if hear(News::Failed(name.as_deref(), error)).is_break() {
-                heard = ControlFlow::Break(());
-            }
+            let told = tell(name.as_deref(), error, page, hear);
+            heard = if told.is_break() { told } else { heard };
         }
         page.into_iter().for_each(|page| page.count(&totals));
         if heard.is_break() {
@@ -169,6 +169,29 @@ pub fn run(
         }
     }
     broken.map_or(Ok(totals), Err)
+}
+
+/// The box of the maps, metres.
+fn box_of(grid: &Grid) -> [DVec3; 2] {
+    let ([near, far], [x0, x1, y0, y1]) = (grid.depth_range(), grid.extent());
+    [DVec3::new(x0, y0, near), DVec3::new(x1, y1, far)]
+}
+
+/// Takes the frames up to that of the last result: its label is the last one.
+fn done(waiting: &mut VecDeque<(FrameId, FrameLabel)>, taken: Option<FrameId>) -> Vec<FrameLabel> {
+    let count = waiting.iter().take_while(|(id, _)| Some(*id) <= taken).count();
+    waiting.drain(..count).map(|(_, label)| label).collect()
+}
+
+/// Says that a frame, or the stream, failed.
+fn tell(
+    name: Option<&str>,
+    error: &Error,
+    page: Option<&LivePage>,
+    hear: &mut dyn FnMut(News<'_>) -> ControlFlow<()>,
+) -> ControlFlow<()> {
+    page.into_iter().for_each(|page| page.fail(name, error));
+    hear(News::Failed(name, error))
 }
 
 /// Name of a frame, and what differs from the scan.
