@@ -23,7 +23,7 @@ const LEAST_PAIRS: usize = 64;
 const MOST_BINS: usize = 64;
 /// Width of a Gaussian spot (FWHM) over that of the square of summed points whose variance it has: 2 √(2 ln 2) / √12, and √2 times this
 /// where laser and sensor move together, as the spots of both are independent.
-const OF_SQUARE: f64 = 0.679_783_1;
+const OF_SQUARE: f64 = 0.679_777_993;
 /// Deviation of a coordinate of the acceleration of objects, metres per second squared: that of `thirdbounce track`.
 const ACCELERATION: f64 = 1.0;
 /// Least seconds between frames for the filter.
