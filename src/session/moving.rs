@@ -6,10 +6,11 @@
 //! for an eighth of the pairs with each frame.
 
 use rayon::prelude::*;
+use thirdbounce_base::host;
 
 use crate::capture::{Capture, RoomLight};
 use crate::engine::{variance_per_count, without_room};
-use crate::{Error, Result, host};
+use crate::{Error, Result};
 
 /// Frames of the background by default: three seconds of ten frames a second.
 pub const MOVING_FRAMES: usize = 31;
