@@ -92,8 +92,8 @@ pub struct TbSettings {
     pub queue_length: usize,
     /// Factor of the sum before the next frame is added, 0 to 1, with TB_FRAMES_SUM.
     pub sum_decay: f64,
-    /// Show what moves: what rests in so many of the last solved frames, 5 to 1000 (31 is usual), is subtracted as an empty room; 0: nothing
-    /// is. The first five frames are solved as they are, with a warning.
+    /// Number of solved frames, 5 to 1000 (31 is usual), whose static light is subtracted as an empty room, so that moving objects are
+    /// left; 0: nothing is subtracted. The first five frames are solved as measured, with a warning.
     pub moving_frames: usize,
 }
 

@@ -160,7 +160,7 @@ pub fn maps(
 }
 
 /// The place of the maximum of the parabola through three values, the middle one the largest: in steps from the middle.
-fn peak_between([low, middle, high]: [f64; 3]) -> f64 {
+pub(crate) fn peak_between([low, middle, high]: [f64; 3]) -> f64 {
     let bend = low - 2.0 * middle + high;
     if bend < 0.0 { (0.5 * (low - high) / bend).clamp(-0.5, 0.5) } else { 0.0 }
 }

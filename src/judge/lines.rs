@@ -6,6 +6,7 @@ use super::found::Shown;
 use super::spread::add_products;
 use crate::Result;
 use crate::capture::{Capture, METRES_PER_PICOSECOND};
+use crate::closed_form::image::peak_between;
 use crate::surface::{HeldOut, Left};
 
 /// Fewer lines have no pattern.
@@ -87,13 +88,8 @@ fn found(held: &HeldOut, scan: [usize; 2], lines: Lines) -> Option<(LineDelays, 
     let products: Vec<Vec<f64>> = rows.par_iter().map(of_line).collect();
     let best = |of: &Vec<f64>| {
         let at = (0..of.len()).max_by(|a, b| of[*a].total_cmp(&of[*b]).then(b.cmp(a))).unwrap_or(farthest);
-        // The vertex of the parabola through the largest product and those beside it.
-        let part = match (at.checked_sub(1).map(|i| of[i]), of.get(at + 1)) {
-            (Some(before), Some(behind)) if before + behind < 2.0 * of[at] => {
-                0.5 * (before - behind) / (before - 2.0 * of[at] + behind)
-            }
-            _ => 0.0,
-        };
+        let beside = at.checked_sub(1).map(|i| of[i]).zip(of.get(at + 1));
+        let part = beside.map_or(0.0, |(before, behind)| peak_between([before, of[at], *behind]));
         (at as f64 - farthest as f64 + part, of[at] - of[farthest])
     };
     let each: Vec<(f64, f64)> = products.iter().map(best).collect();

@@ -9,6 +9,7 @@ use super::pulse::Shape;
 use super::samples::ResponseSamples;
 use crate::Result;
 use crate::capture::PulseTaps;
+use crate::closed_form::image::peak_between;
 use crate::surface::{HeldOut, Left, mean_and_error};
 
 /// Samples before and behind the path, bins.
@@ -79,13 +80,11 @@ impl Response {
         })
     }
 
-    /// Bins of the largest peak behind the path, by the parabola through it and the samples beside it.
+    /// Bins of the largest peak behind the path.
     fn peak(&self) -> f64 {
         let most = (0..COUNT).max_by(|a, b| self.0[*a].total_cmp(&self.0[*b])).unwrap_or(0);
         let at = |i: Option<usize>| i.and_then(|i| self.0.get(i)).copied().unwrap_or(0.0);
-        let [before, own, behind] = [at(most.checked_sub(1)), self.0[most], at(Some(most + 1))];
-        let bend = before - 2.0 * own + behind;
-        let part = if bend < 0.0 { 0.5 * (before - behind) / bend } else { 0.0 };
+        let part = peak_between([at(most.checked_sub(1)), self.0[most], at(Some(most + 1))]);
         most as f64 - REACH[0] as f64 + part
     }
 }
@@ -123,7 +122,7 @@ impl Equations {
     /// Non-negative samples of the least squares with the prior, one after the other until none changes.
     fn solved(&self) -> Vec<f64> {
         let prior = SMOOTH * (0..COUNT).map(|i| self.at(i, i)).sum::<f64>() / COUNT as f64;
-        // LateRows of DᵀD of second differences.
+        // Rows of DᵀD of second differences.
         let bend = |i: usize, j: usize| -> f64 {
             let of = |k: usize, i: usize| match i.wrapping_sub(k) {
                 0 | 2 => 1.0,
@@ -171,12 +170,16 @@ pub fn is_taken(left: &Left, by_shape: &Left) -> bool {
     left.excess() < TAKEN[0] * by_shape.excess() && left.errors_below(by_shape) > TAKEN[1]
 }
 
-/// Whether a response explains clearly more of pairs that it does not see than the best of these shapes does of those that it sees.
+/// Whether a response with an echo explains clearly more of pairs that it does not see than the best of these shapes does of those that it
+/// sees.
 ///
 /// # Errors
 /// A shape makes no impulse response.
 pub fn is_worth(ideal: &HeldOut, shapes: &[Shape]) -> Result<bool> {
     let rows = LateRows::of(ideal);
+    if !rows.suggested().is_some_and(|response| response.has_echo(ECHO[0])) {
+        return Ok(false);
+    }
     let mut taps = vec![PulseTaps::identity()];
     for shape in shapes {
         taps.extend(shape.centred()?.map(|pulse| pulse.taps(ideal.bin_width())).transpose()?);
@@ -187,8 +190,7 @@ pub fn is_worth(ideal: &HeldOut, shapes: &[Shape]) -> Result<bool> {
     Ok(beyond(&free) < WORTH[0] * beyond(&shaped) && mean > WORTH[1] * error)
 }
 
-/// LateRows of held-out pairs: renderings that are late by each lag, `[lag][pair * bins + bin]`, and measured ones, as the objective weighs
-/// them.
+/// Held-out pairs: renderings that are late by each lag, `[lag][pair * bins + bin]`, and measured ones, as the objective weighs them.
 struct LateRows {
     late: Vec<Vec<f64>>,
     measured: Vec<f64>,

@@ -378,7 +378,7 @@ impl<'t> Search<'t> {
             let most = model::BY_CHANCE * sharp.chance(other);
             sharp.left().excess() - other.left().excess() < most && left.excess() - less.excess() < most
         });
-        // Other noise has no law that tells chance.
+        // The variance of other values is an estimate.
         Some(if self.is_counted && chosen == Reflectance::Lambertian && is_chance {
             Reflectance::Cosine
         } else {
@@ -393,9 +393,6 @@ impl<'t> Search<'t> {
         let held = &sharp.fitted.held;
         let is_left = held.left().certain() > response::LEFT;
         if !is_left || !response::is_worth(held, &Shape::all(self.bin_width, self.longest))? {
-            return Ok(None);
-        }
-        if !response::suggested(held).is_some_and(|response| response.has_echo(response::ECHO[0])) {
             return Ok(None);
         }
         let Some(by_shape) = self.left(reflectance, shape)? else { return Ok(None) };

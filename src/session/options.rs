@@ -38,9 +38,8 @@ pub struct SessionOptions {
     pub feed: Feed,
     /// Begin a frame with the solution of the one before, and keep to a time for each frame. For the surface solver.
     pub follow: Option<Follow>,
-    /// Show what moves: counts that rest in so many of the last frames that were solved are subtracted as those of an empty room, with a
-    /// gain of each frame ([`crate::session::MOVING_FRAMES`] is usual). The first five frames are solved as they were measured,
-    /// with a warning.
+    /// Number of solved frames whose static light is subtracted as an empty room, with a gain for each frame, so that moving objects are
+    /// left ([`crate::session::MOVING_FRAMES`] is usual). The first five frames are solved as measured, with a warning.
     pub moving: Option<usize>,
     /// Frames may be in buffers of the caller ([`super::Session::submit_external`]).
     pub external: bool,

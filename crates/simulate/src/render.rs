@@ -63,7 +63,7 @@ pub struct Rendering {
 /// noise, if configured.
 ///
 /// # Errors
-/// Those of [`render`], [`pile_up`] and `photon_noise`, and a scene that sends no light to the wall.
+/// Those of [`render`], [`pile_up`] and [`photon_noise`](super::photon_noise), and a scene that sends no light to the wall.
 pub fn simulate(scene: &Scene, options: &RenderOptions) -> Result<Rendering> {
     simulate_watched(scene, options, &|_| {})
 }

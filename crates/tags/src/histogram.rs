@@ -173,11 +173,13 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     let (outline, pair_of) = outline(scan, asked, &zeros, cells.width, &mut notes)?;
     notes.extend(asked.turn.note());
     let mut readings = vec![];
-    for counts in stored.iter().flat_map(|stored| &stored.readings) {
-        let Some(stored) = &stored else { continue };
-        let cells = PointCounts::of_counts(stored, counts, ticks[0] as usize, asked.until)?;
-        let capture = bins(&cells, per_bin, &zeros, &pair_of, outline.clone())?;
-        readings.push(capture.with(|c| c.direct = direct.then_some(0.0)));
+    if let Some(stored) = &stored {
+        for counts in &stored.readings {
+            let cells = PointCounts::of_counts(stored, counts, ticks[0] as usize, asked.until)?;
+            let capture = bins(&cells, per_bin, &zeros, &pair_of, outline.clone())?;
+            let reading = conditioning::measured(capture.with(|c| c.direct = direct.then_some(0.0)), true)?;
+            readings.push(reading.capture);
+        }
     }
     let mut capture = bins(&cells, per_bin, &zeros, &pair_of, outline)?;
     capture.name = path.file_stem().map_or_else(String::new, |s| s.to_string_lossy().into_owned());
@@ -195,10 +197,6 @@ fn made(path: &Path, scan: &Scan, asked: &Asked) -> Result<Histograms> {
     // The order of the points is that of the scan, and dark points stay.
     let measured_pairs = conditioning::measured(capture, true)?;
     let (mut capture, dropped) = (measured_pairs.capture, measured_pairs.dropped);
-    let mut readings = readings
-        .into_iter()
-        .map(|reading| conditioning::measured(reading, true).map(|measured| measured.capture))
-        .collect::<Result<Vec<_>>>()?;
     notes.extend(measured_pairs.notes);
     if let Some(all) = direct.as_mut().filter(|all| all.len() != capture.pair_count()) {
         let mut kept = measured.iter();

@@ -79,8 +79,8 @@ class Session:
             number from 0 to 1 sums them, multiplying the sum by it before each.
         follow: start each frame from the surface of the one before (solver "surface"), as `thirdbounce live` does.
         budget: time for a frame, seconds; needs `follow`.
-        moving: show what moves: what rests in so many of the last solved frames (True: 31) is subtracted as an empty room. The first five
-            frames are solved as they are, with a warning.
+        moving: number of solved frames (True: 31) whose static light is subtracted as an empty room, so that moving objects are left. The
+            first five frames are solved as measured, with a warning.
         on_progress: called with a `Progress` by the session's thread; the frame stops if it returns False.
         settings: as for `reconstruct`.
         """

@@ -51,8 +51,8 @@ pub struct LiveArgs {
     /// A capture of the same scan without what is looked for: its light is subtracted from every frame, with a gain of that frame
     #[arg(long, value_name = "FILE", conflicts_with = "moving")]
     empty: Option<PathBuf>,
-    /// Show what moves: what rests in the last N solved frames is subtracted as an empty room. From the first five frames nothing is
-    /// subtracted [default without N: 31]
+    /// Subtract the static light of the last N solved frames as an empty room, so that moving objects are left. Nothing is subtracted from
+    /// the first five frames [default without N: 31]
     #[arg(long, value_name = "N", num_args = 0..=1, default_missing_value = MOVING)]
     moving: Option<usize>,
     /// What becomes of frames that come while one is solved: newest keeps the newest, every solves all, sum:D adds all up

@@ -4,6 +4,7 @@
 //! make no picture. They cost a small share of a frame: counts are summed over neighbouring pairs and bins first.
 
 use std::collections::VecDeque;
+use std::f64::consts::LN_2;
 
 use serde::Serialize;
 use thirdbounce::capture::{Capture, Reflectance};
@@ -21,9 +22,6 @@ use crate::track::{noise, row};
 const MOST_PAIRS: usize = 256;
 const LEAST_PAIRS: usize = 64;
 const MOST_BINS: usize = 64;
-/// Width of a Gaussian spot (FWHM) over that of the square of summed points whose variance it has: 2 √(2 ln 2) / √12, and √2 times this
-/// where laser and sensor move together, as the spots of both are independent.
-const OF_SQUARE: f64 = 0.679_777_993;
 /// Deviation of a coordinate of the acceleration of objects, metres per second squared: that of `thirdbounce track`.
 const ACCELERATION: f64 = 1.0;
 /// Least seconds between frames for the filter.
@@ -158,7 +156,8 @@ fn few(capture: &Capture) -> Result<Capture> {
     narrow(&chosen)
 }
 
-/// Gives the sums of n x n points the spots that these make.
+/// Gives the sums of n x n points the spots that these make. A Gaussian (FWHM) with the variance of a square has √(2/3 ln 2) times its
+/// width, and √2 times this where laser and sensor move together, as the spots of both are independent.
 fn widen(summed: &mut Capture, of: &Capture, n: usize) {
     let pitch = |points: &[DVec3]| {
         let steps = [of.scan[1], 1].map(|step| points.get(step).map_or(0.0, |p| p.distance(points[0])));
@@ -166,8 +165,8 @@ fn widen(summed: &mut Capture, of: &Capture, n: usize) {
     };
     let both = of.laser == of.sensor;
     let width = |points: &[DVec3], own: Option<f64>| {
-        let together = if both { 2f64.sqrt() } else { 1.0 };
-        let made = OF_SQUARE * together * n as f64 * pitch(points);
+        let variances = if both { 2.0 } else { 1.0 };
+        let made = (variances * 2.0 / 3.0 * LN_2).sqrt() * n as f64 * pitch(points);
         Some(made.hypot(own.unwrap_or(0.0))).filter(|width| *width > 0.0)
     };
     summed.laser_spot = width(&of.laser, of.laser_spot);

@@ -18,13 +18,8 @@ impl Capture {
                 return None;
             }
         }
-        let mut values = vec![];
-        for count in self.histograms.iter().filter(|count| **count > 0.0) {
-            if values.len() < LEAST_VALUES && !values.contains(count) {
-                values.push(*count);
-            }
-        }
-        if factor < 2 || values.len() < LEAST_VALUES {
+        let lit = self.histograms.iter().copied().filter(|count| *count > 0.0);
+        if factor < 2 || !are_many(lit) {
             return None;
         }
         self.histograms.iter_mut().for_each(|count| *count /= factor as f32);
@@ -55,13 +50,7 @@ impl Capture {
         if !lit().all(is_multiple) {
             return None;
         }
-        let mut found = vec![];
-        for multiple in lit().map(|v| (v / unit).round()) {
-            if found.len() < LEAST_VALUES && !found.contains(&multiple) {
-                found.push(multiple);
-            }
-        }
-        if found.len() < LEAST_VALUES {
+        if !are_many(lit().map(|v| (v / unit).round())) {
             return None;
         }
         self.histograms.iter_mut().for_each(|v| *v = (*v / unit).round());
@@ -71,6 +60,20 @@ impl Capture {
              single counts"
         ))
     }
+}
+
+/// Whether there are as many different values as prove a common factor.
+fn are_many(values: impl Iterator<Item = f32>) -> bool {
+    let mut found = vec![];
+    for value in values {
+        if !found.contains(&value) {
+            found.push(value);
+        }
+        if found.len() == LEAST_VALUES {
+            return true;
+        }
+    }
+    false
 }
 
 fn gcd(a: u64, b: u64) -> u64 {
