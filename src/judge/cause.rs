@@ -260,6 +260,16 @@ impl TriedCause {
         self.left[0].errors_below(&self.left[1])
     }
 
+    /// Whether points are moved by more than fits scatter by.
+    fn is_far(&self) -> bool {
+        self.law.kind != Changes::Place || self.numbers[0].abs() >= bands::LEAST_SCALE
+    }
+
+    /// Whether it is named where nothing is undone. Gains are named by what suggests them.
+    fn is_doubtful(&self) -> bool {
+        self.law.kind != Changes::Gain && self.is_far() && self.is_less(bands::DOUBT)
+    }
+
     /// Whether less is left by this factor, and by these standard errors.
     fn is_less(&self, [factor, errors]: [f64; 2]) -> bool {
         self.excess() < factor * self.left[1].excess() && self.errors() > errors
@@ -298,22 +308,16 @@ pub fn judged(
         all.extend(trials.places(law, step)?);
     }
     let scan = trials.scan.clone();
-    let is_far = |judged: &TriedCause| {
-        judged.law.kind != Changes::Place || judged.numbers[0].abs() >= bands::LEAST_SCALE
-    };
     let is_confirmed = |judged: &TriedCause| {
         if judged.law.kind == Changes::Gain {
             let logs = judged.law.effect(&scan, &judged.numbers, &shown.held.pairs).logs;
             let gains: Vec<f64> = logs.iter().map(|log| log.exp()).collect();
             return judged.is_less(bands::CLEAR_GAINS) && is_clear(&judged.left[0], &judged.left[1], &gains);
         }
-        is_far(judged) && judged.is_less(bands::CLEAR)
+        judged.is_far() && judged.is_less(bands::CLEAR)
     };
     all.sort_by(|a, b| a.excess().total_cmp(&b.excess()));
-    let is_doubtful = |judged: &&TriedCause| {
-        judged.law.kind != Changes::Gain && is_far(judged) && judged.is_less(bands::DOUBT)
-    };
-    let doubtful: Vec<TriedCause> = all.iter().filter(is_doubtful).cloned().collect();
+    let doubtful: Vec<TriedCause> = all.iter().filter(|judged| judged.is_doubtful()).cloned().collect();
     all.retain(is_confirmed);
     let first = all.first().or(doubtful.first()).cloned();
     let is_poor_fit = first.map_or(Ok(false), |best| trials.leaves_less_both_ways(&best))?;
@@ -398,6 +402,47 @@ pub struct Confirmed {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// A law that was tried with this number, without which 64 pairs leave `after` of 100 each, give or take 1, and with it 10.
+    fn tried(name: &str, number: f64, after: f64) -> TriedCause {
+        let law = LAWS.iter().find(|law| law.name == name).expect("a law");
+        let left = |mean: f64, scatter: f64| Left {
+            pairs: (0..64).map(|i| [mean + scatter * [1.0, -1.0][i % 2], 100.0]).collect(),
+            noise: 0.0,
+        };
+        TriedCause { law, numbers: vec![number; law.steps.len()], left: [left(after, 1.0), left(10.0, 0.0)] }
+    }
+
+    #[test]
+    fn what_leaves_clearly_less_is_a_doubt_and_what_leaves_much_less_a_cause() {
+        let place = LAWS.iter().find(|law| law.kind == Changes::Place).expect("a law").name;
+        let of = |after: f64| {
+            let judged = tried("time zero", 0.1, after);
+            (judged.is_doubtful(), judged.is_less(bands::CLEAR))
+        };
+        assert_eq!([8.0, 7.4, 5.9].map(of), [(false, false), (true, false), (true, true)]);
+        assert!(tried(place, 0.05, 5.0).is_doubtful() && !tried(place, 0.01, 5.0).is_doubtful());
+        assert!(!tried("walk", 0.1, 9.9).is_doubtful());
+        let gain = LAWS.iter().find(|law| law.kind == Changes::Gain).expect("a law").name;
+        assert!(!tried(gain, 0.1, 5.0).is_doubtful(), "gains are named by what suggests them");
+    }
+
+    #[test]
+    fn doubts_name_the_law_its_numbers_and_what_mends_it() {
+        let scan =
+            LawScan::of(&Capture::new([1, 1], vec![DVec3::ZERO], vec![DVec3::ZERO], 2, 0.01, vec![1.0; 2]));
+        let judged = tried("time zero", 0.1, 7.0);
+        let doubt = judged_doubt(&judged, &scan);
+        assert!(
+            doubt.starts_with("perhaps all counts are 10.0 cm of path")
+                && doubt.contains("10.0 % is left beyond noise, 7.0 % without it")
+                && doubt.ends_with(judged.law.hint),
+            "{doubt}"
+        );
+        let suggestion = Suggestion { law: judged.law, numbers: vec![0.1], predicted: [0.3, 5.0] };
+        let doubt = suggested_doubt(&suggestion, &scan);
+        assert!(doubt.starts_with("perhaps all counts") && doubt.contains("explain 30 %"), "{doubt}");
+    }
 
     #[test]
     fn a_parabola_finds_the_least() {

@@ -51,7 +51,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
     let mut tried = vec![];
     let (mut high_pass, mut begun, mut candidates, mut expected_iou) = (None, None, vec![], None);
     let (mut shown, mut finds_none) = (None, false);
-    let mut samples = None;
+    let (mut samples, mut is_by_chance) = (None, false);
     let mut stages = EstimateSeconds::default();
     let searched = Search::new(job, gpu, hear).and_then(|mut search| {
         stages.start = start.elapsed().as_secs_f64();
@@ -64,7 +64,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
         let found = search.run(usual, finds_model);
         stages.pulse = search.pulse_seconds;
         stages.model = start.elapsed().as_secs_f64() - stages.start - stages.high_pass - stages.pulse;
-        samples = search.samples.take();
+        (samples, is_by_chance) = (search.samples.take(), search.is_by_chance);
         tried = std::mem::take(&mut search.tried);
         candidates = std::mem::take(&mut search.candidates);
         finds_none = search.sharp.is_empty();
@@ -98,7 +98,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
         Err(e) => ((usual, (find_pulse == FindPulse::Always).then_some(Shape::SHARP)), Some(e.what)),
     };
     let seconds = start.elapsed().as_secs_f64();
-    let model = finds_model.then(|| FoundModel::of(reflectance, &tried, failed.clone()));
+    let model = finds_model.then(|| FoundModel::of(reflectance, &tried, is_by_chance, failed.clone()));
     let pulse = pulse.map(|shape| {
         let found = FoundPulse::of(shape, reflectance, &tried, stages.pulse, failed);
         match samples {

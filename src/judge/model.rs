@@ -24,16 +24,24 @@ pub struct FoundModel {
     /// The trials that began alike: the model, the width of its pulse in metres (0: sharp paths, or the known pulse), and
     /// the share of other pairs' squares that its surface leaves.
     pub trials: Vec<(Reflectance, f64, Option<f64>)>,
+    /// Whether cosine stays because photon noise alone makes what Lambertian leaves less.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub is_by_chance: bool,
     /// Why the trials failed, if they did.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub failed: Option<String>,
 }
 
 impl FoundModel {
-    pub(super) fn of(reflectance: Reflectance, tried: &[Tried], failed: Option<String>) -> FoundModel {
+    pub(super) fn of(
+        reflectance: Reflectance,
+        tried: &[Tried],
+        is_by_chance: bool,
+        failed: Option<String>,
+    ) -> FoundModel {
         let trials =
             tried.iter().map(|t| (t.reflectance, t.pulse.fwhm, t.left.as_ref().map(Left::share))).collect();
-        FoundModel { reflectance, trials, failed }
+        FoundModel { reflectance, trials, is_by_chance, failed }
     }
 
     /// The result as a sentence.
@@ -56,13 +64,16 @@ impl FoundModel {
         let reported: Vec<String> =
             each.iter().map(|(m, left)| format!("{} {:.2} %", m.name(), 100.0 * left)).collect();
         let least = each.iter().min_by(|a, b| a.1.total_cmp(&b.1));
-        let why = least.filter(|(model, _)| *model != self.reflectance).map_or_else(String::new, |(model, _)| {
-            format!(
-                "; {} leaves less, but by less than two standard errors or {:.0} % of what is beyond noise, so {name} is kept",
-                model.name(),
-                100.0 * MARGIN
-            )
-        });
+        let why =
+            least.filter(|(model, _)| *model != self.reflectance).map_or_else(String::new, |(model, _)| {
+                let bound = match self.is_by_chance {
+                    true => format!("{BY_CHANCE:.0} standard errors that photon noise makes"),
+                    false => {
+                        format!("two standard errors or {:.0} % of what is beyond noise", 100.0 * MARGIN)
+                    }
+                };
+                format!("; {} leaves less, but by less than {bound}, so {name} is kept", model.name())
+            });
         format!(
             "the model of reflectance: {name}, by trials; of pairs that it has not seen, each leaves: {}{why} (name a \
              model to skip the trials)",
@@ -157,7 +168,7 @@ mod tests {
             (Retroreflective, 0.0, None),
             (Lambertian, 0.02, Some(0.03)),
         ];
-        let found = FoundModel { reflectance: Lambertian, trials, failed: None };
+        let found = FoundModel { reflectance: Lambertian, trials, is_by_chance: false, failed: None };
         let note = found.note();
         assert!(
             note.contains("lambertian, by trials") && note.contains("cosine 5.00 %, lambertian 3.00 %"),
@@ -166,6 +177,8 @@ mod tests {
         assert!(!note.contains("retroreflective") && !note.contains("is kept"), "{note}");
         let simple = FoundModel { reflectance: Cosine, ..found.clone() }.note();
         assert!(simple.contains("lambertian leaves less, but by less than two standard errors"), "{simple}");
+        let by_chance = FoundModel { reflectance: Cosine, is_by_chance: true, ..found.clone() }.note();
+        assert!(by_chance.contains("less than 4 standard errors that photon noise makes"), "{by_chance}");
         let failed = FoundModel { failed: Some("no surface".into()), ..found };
         assert!(
             failed.note().contains("is not known") && failed.note().contains("no surface"),

@@ -89,6 +89,8 @@ pub(crate) struct Search<'t> {
     pace: FitProgress,
     pub tried: Vec<Tried>,
     pub candidates: Vec<FoundSurface>,
+    /// Whether cosine stays because photon noise alone makes what Lambertian leaves less.
+    pub is_by_chance: bool,
     /// The impulse response by samples, if no shape is right.
     pub samples: Option<ResponseSamples>,
     /// Seconds spent on the impulse response.
@@ -151,6 +153,7 @@ impl<'t> Search<'t> {
             pace,
             tried: vec![],
             candidates: vec![],
+            is_by_chance: false,
             samples: None,
             pulse_seconds: 0.0,
             finds_start,
@@ -369,7 +372,7 @@ impl<'t> Search<'t> {
 
     /// The model that these residuals choose. Cosine stays in place of Lambertian where photon noise alone makes such differences, with
     /// sharp paths and in these residuals.
-    fn chosen(&self, residuals: &[(Reflectance, Option<Left>)]) -> Option<Reflectance> {
+    fn chosen(&mut self, residuals: &[(Reflectance, Option<Left>)]) -> Option<Reflectance> {
         let chosen = model::choose(residuals)?;
         let [cosine, lambertian] = [Reflectance::Cosine, Reflectance::Lambertian]
             .map(|of| Some((self.sharp(of)?, residuals.iter().find(|(model, _)| *model == of)?.1.as_ref()?)));
@@ -379,11 +382,8 @@ impl<'t> Search<'t> {
             sharp.left().excess() - other.left().excess() < most && left.excess() - less.excess() < most
         });
         // The variance of other values is an estimate.
-        Some(if self.is_counted && chosen == Reflectance::Lambertian && is_chance {
-            Reflectance::Cosine
-        } else {
-            chosen
-        })
+        self.is_by_chance = self.is_counted && chosen == Reflectance::Lambertian && is_chance;
+        Some(if self.is_by_chance { Reflectance::Cosine } else { chosen })
     }
 
     /// The impulse response by samples, if surfaces of it leave clearly less than those of the best shape: the model that then leaves

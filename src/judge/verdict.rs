@@ -220,6 +220,9 @@ mod tests {
                 && poor.to_string().contains("scale")
         );
         assert_eq!(of(Some(cause(true)), 0.8).grade, Grade::Fair);
+        let doubts = vec!["perhaps the laser walks".to_owned()];
+        let doubted = verdict(&estimates(0.8), &Diagnosis { doubts, ..Diagnosis::default() });
+        assert!(doubted.grade == Grade::Fair && doubted.reasons[0].contains("perhaps"), "{doubted}");
         let doubt = of(None, 0.2);
         assert!(doubt.grade == Grade::Fair && doubt.reasons.iter().any(|r| r.contains("IoU of only 0.20")));
     }
