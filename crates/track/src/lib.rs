@@ -8,7 +8,11 @@
 #![warn(clippy::too_many_lines)]
 
 mod blob;
+mod calibrate;
+mod calibrated;
+mod calibration;
 mod constants;
+mod edge;
 mod fit;
 mod information;
 mod locate;
@@ -19,6 +23,8 @@ mod tracker;
 mod unmeasured;
 
 pub use blob::{Blob, BlobShape};
+pub use calibration::{CalibratedPair, Calibration};
+pub use edge::Edge;
 pub use locate::{Finding, LocateOptions, Position, locate};
 pub use sight::Sight;
 pub use tracker::{TrackState, Tracker};

@@ -1,0 +1,312 @@
+//! Pairs that known positions of one object calibrate: wall points, delays, amounts of light, the room, the noise of every bin; and the
+//! position of that object in further captures, by quadrature over the box.
+//!
+//! Counts of a pair at a position: room + level + light · 1 / (r_l r_s)^falloff · (cos_l cos_s)^cosine, as a Gaussian around the path
+//! r_l + r_s + delay. The cosines are those between wall normal and ray. The level is free in every histogram.
+
+use glam::DVec3;
+use serde::{Deserialize, Serialize};
+
+use crate::calibrate::fitted;
+use crate::capture::Capture;
+use crate::constants::{DEVIATION_PRIOR, DIRECT, LEAST_CALIBRATION, POWER_PRIORS, ROUNDS};
+use crate::error::{Error, Result};
+
+/// A calibrated pair.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct CalibratedPair {
+    /// Laser point and sensor point, metres.
+    #[serde(with = "vectors")]
+    pub points: [DVec3; 2],
+    /// Wall normals there.
+    #[serde(with = "vectors")]
+    pub(crate) normals: [DVec3; 2],
+    /// What a path is longer than the distances, metres.
+    pub delay: f64,
+    /// Logarithm of the counts of the object at a distance of 1 m in front of the point.
+    pub light: f64,
+    /// Counts without the object: `[bin]`.
+    pub room: Vec<f64>,
+    /// One over the variance, 0 in bins of direct light: `[bin]`.
+    pub weights: Vec<f64>,
+}
+
+/// What positions of an object say of the pairs of a scan.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+pub struct Calibration {
+    /// The pairs.
+    pub pairs: Vec<CalibratedPair>,
+    /// Power of the distances and of the cosines.
+    pub powers: [f64; 2],
+    /// Standard deviation of the paths of light, metres.
+    pub deviation: f64,
+    /// Path at the start of the first bin, width of a bin, metres.
+    pub(crate) bins: [f64; 2],
+    /// Lowest and highest corner of the positions, metres.
+    #[serde(with = "vectors")]
+    pub volume: [DVec3; 2],
+}
+
+/// Two vectors as numbers.
+mod vectors {
+    use glam::DVec3;
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<S: Serializer>(vectors: &[DVec3; 2], to: S) -> Result<S::Ok, S::Error> {
+        vectors.map(|vector| vector.to_array()).serialize(to)
+    }
+
+    pub fn deserialize<'d, D: Deserializer<'d>>(from: D) -> Result<[DVec3; 2], D::Error> {
+        Ok(<[[f64; 3]; 2]>::deserialize(from)?.map(DVec3::from_array))
+    }
+}
+
+/// Median absolute deviation of a standard normal.
+const MEDIAN_DEVIATION: f64 = 0.6745;
+/// Half the width of the light, standard deviations.
+const REACH: f64 = 5.0;
+
+/// Counts of all positions: `[position][pair * bins + bin]`.
+pub(crate) struct Measured<'a> {
+    pub counts: Vec<&'a [f32]>,
+    pub at: &'a [DVec3],
+    pub bins: usize,
+}
+
+impl CalibratedPair {
+    /// Amount of light and path of an object; logarithm.
+    fn ray(&self, at: DVec3, [falloff, cosine]: [f64; 2]) -> [f64; 2] {
+        let (mut light, mut path) = (self.light, self.delay);
+        for (point, normal) in self.points.iter().zip(self.normals) {
+            let way = at - *point;
+            let distance = way.length().max(1e-6);
+            path += distance;
+            light += cosine * (normal.dot(way) / distance).max(1e-3).ln() - falloff * distance.ln();
+        }
+        [light, path]
+    }
+
+    /// Subtracts the level of a histogram.
+    pub(crate) fn leveled(&self, values: &mut [f64]) {
+        let [sum, all] = values.iter().zip(&self.weights).fold([0.0; 2], |[s, a], (v, w)| [s + v * w, a + w]);
+        let level = if all > 0.0 { sum / all } else { 0.0 };
+        values.iter_mut().for_each(|v| *v -= level);
+    }
+}
+
+impl Calibration {
+    /// By captures of one scan with an object at these places, metres. `has_direct`: bins up to the direct light are left out, and that
+    /// light gives the first guess of the delays.
+    ///
+    /// # Errors
+    /// Fewer than 20 positions; captures of different scans; a pair without bins behind its direct light; a fit that finds nothing.
+    pub fn of(captures: &[Capture], at: &[DVec3], has_direct: bool) -> Result<Calibration> {
+        let first = captures.first().filter(|_| captures.len() == at.len() && at.len() >= LEAST_CALIBRATION);
+        let Some(first) = first else {
+            return Err(Error::input(
+                format!("{} captures and {} positions make no calibration", captures.len(), at.len()),
+                format!("give one position per capture, {LEAST_CALIBRATION} or more"),
+            ));
+        };
+        for capture in captures {
+            check_scan(capture, first.pair_count(), first.bins, [first.t_start, first.bin_width])?;
+        }
+        let bins = first.bins;
+        let counts = captures.iter().map(|capture| &capture.histograms[..]).collect();
+        let measured = Measured { counts, at, bins };
+        let mut start = Calibration::start(first, &measured, has_direct)?;
+        start.weigh(&measured);
+        let (mut found, mut steps) = (start.clone(), None);
+        for _ in 0..ROUNDS {
+            (found, steps) = fitted(&start, steps, &measured);
+            found.weigh(&measured);
+            for (pair, now) in start.pairs.iter_mut().zip(&found.pairs) {
+                (pair.weights, pair.room) = (now.weights.clone(), now.room.clone());
+            }
+        }
+        let is_lit = |pair: &CalibratedPair| pair.delay.is_finite() && pair.light.is_finite();
+        if !found.pairs.iter().all(is_lit) {
+            return Err(Error::input(
+                "the light of the captures does not follow the positions",
+                "check that captures and positions have one order and one frame of coordinates",
+            ));
+        }
+        Ok(found)
+    }
+
+    /// Whether all pairs have the same number of bins and all numbers are finite.
+    pub fn is_sound(&self) -> bool {
+        let bins = self.pairs.first().map_or(0, |pair| pair.room.len());
+        let finite = |values: &[f64]| values.iter().all(|v| v.is_finite());
+        let is_sound = |pair: &CalibratedPair| {
+            pair.room.len() == bins
+                && pair.weights.len() == bins
+                && pair.points.iter().chain(&pair.normals).all(|v| v.is_finite())
+                && finite(&[pair.delay, pair.light])
+                && finite(&pair.room)
+                && finite(&pair.weights)
+        };
+        bins > 0
+            && self.pairs.iter().all(is_sound)
+            && finite(&self.powers)
+            && self.deviation > 0.0
+            && self.bins[1] > 0.0
+    }
+
+    /// Points as given, bins behind the direct light, no object.
+    fn start(capture: &Capture, measured: &Measured, has_direct: bool) -> Result<Calibration> {
+        let bins = measured.bins;
+        let unit = [capture.t_start, capture.bin_width];
+        let normals = |given: &Option<Vec<DVec3>>, pair: usize| given.as_ref().map_or(DVec3::Z, |all| all[pair]);
+        let pair = |pair: usize| {
+            let median_of = |bin: usize| {
+                median(measured.counts.iter().map(|c| f64::from(c[pair * bins + bin])).collect())
+            };
+            let room: Vec<f64> = (0..bins).map(median_of).collect();
+            let (from, delay) = if has_direct { behind_direct(&room, unit) } else { (0, 0.0) };
+            if from + 4 > bins {
+                return Err(Error::input(
+                    format!("pair {pair} has no bins behind its direct light"),
+                    "give --gate, the paths of the object's light",
+                ));
+            }
+            Ok(CalibratedPair {
+                points: [capture.laser[pair], capture.sensor[pair]],
+                normals: [normals(&capture.laser_normal, pair), normals(&capture.sensor_normal, pair)],
+                delay,
+                light: f64::NEG_INFINITY,
+                weights: (0..bins).map(|bin| if bin < from { 0.0 } else { 1.0 }).collect(),
+                room,
+            })
+        };
+        let (low, high) = measured.at.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+        Ok(Calibration {
+            pairs: (0..capture.pair_count()).map(pair).collect::<Result<_>>()?,
+            powers: POWER_PRIORS.map(|prior| prior[0]),
+            deviation: DEVIATION_PRIOR[0] * capture.bin_width,
+            bins: unit,
+            volume: [low, high],
+        })
+    }
+
+    /// Counts of the object in a pair, added to `into`, times `share`.
+    pub(crate) fn render(&self, pair: &CalibratedPair, at: DVec3, into: &mut [f64]) {
+        let [light, path] = pair.ray(at, self.powers);
+        let [start, width] = self.bins;
+        let place = |path: f64| (path - start) / width;
+        let low = place(path - REACH * self.deviation).floor().max(0.0);
+        let high = place(path + REACH * self.deviation).ceil().min(into.len() as f64);
+        if low >= high || light == f64::NEG_INFINITY {
+            return;
+        }
+        let edge = |bin: usize| {
+            let z = (start + bin as f64 * width - path) / self.deviation;
+            0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
+        };
+        let light = light.min(80.0).exp();
+        let mut last = edge(low as usize);
+        for bin in low as usize..high as usize {
+            let next = edge(bin + 1);
+            into[bin] += light * (next - last);
+            last = next;
+        }
+    }
+
+    /// Counts of the object at every position, without level: `[position * bins + bin]`.
+    pub(crate) fn templates(&self, pair: &CalibratedPair, measured: &Measured) -> Vec<f64> {
+        let mut all = vec![0.0; measured.at.len() * measured.bins];
+        for (at, into) in measured.at.iter().zip(all.chunks_exact_mut(measured.bins)) {
+            self.render(pair, *at, into);
+            pair.leveled(into);
+        }
+        all
+    }
+
+    /// Residuals of a pair beside the room, without level: `[position * bins + bin]`.
+    pub(crate) fn residuals(&self, which: usize, measured: &Measured) -> Vec<f64> {
+        let (pair, bins) = (&self.pairs[which], measured.bins);
+        let mut left = self.templates(pair, measured);
+        for (counts, row) in measured.counts.iter().zip(left.chunks_exact_mut(bins)) {
+            let mut own: Vec<f64> = counts[which * bins..(which + 1) * bins].iter().map(|c| f64::from(*c)).collect();
+            pair.leveled(&mut own);
+            row.iter_mut().zip(&own).for_each(|(left, own)| *left = own - *left);
+        }
+        for bin in 0..bins {
+            let middle = median(left.iter().skip(bin).step_by(bins).copied().collect());
+            left.iter_mut().skip(bin).step_by(bins).for_each(|v| *v -= middle);
+        }
+        left
+    }
+
+    /// Sets rooms and weights by what the object leaves.
+    fn weigh(&mut self, measured: &Measured) {
+        let bins = measured.bins;
+        for which in 0..self.pairs.len() {
+            // Weights depend on levels, and levels on weights.
+            for _ in 0..3 {
+                let left = self.residuals(which, measured);
+                let spread = |bin: usize| {
+                    let sizes = left.iter().skip(bin).step_by(bins).map(|v| v.abs());
+                    median(sizes.collect()) / MEDIAN_DEVIATION
+                };
+                let mut variances: Vec<f64> = (0..bins).map(|bin| spread(bin).powi(2)).collect();
+                let used = |v: &(&f64, &f64)| *v.1 > 0.0;
+                let weights = &self.pairs[which].weights;
+                let usual = median(variances.iter().zip(weights).filter(used).map(|v| *v.0).collect());
+                // A bin without any light, such as one that is always 0, is no exact bin.
+                variances.iter_mut().for_each(|v| *v = v.max(0.1 * usual).max(f64::MIN_POSITIVE));
+                let next = weights.iter().zip(&variances).map(|(w, v)| if *w > 0.0 { v.recip() } else { 0.0 });
+                self.pairs[which].weights = next.collect();
+            }
+            let pair = &self.pairs[which];
+            let mut rest: Vec<Vec<f64>> = vec![Vec::with_capacity(measured.at.len()); bins];
+            for (counts, at) in measured.counts.iter().zip(measured.at) {
+                let mut lit = vec![0.0; bins];
+                self.render(pair, *at, &mut lit);
+                (0..bins).for_each(|bin| rest[bin].push(f64::from(counts[which * bins + bin]) - lit[bin]));
+            }
+            self.pairs[which].room = rest.into_iter().map(median).collect();
+        }
+    }
+}
+
+/// The median of values, 0 of none.
+pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+    if values.is_empty() {
+        return 0.0;
+    }
+    let middle = values.len() / 2;
+    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+}
+
+/// The first bin behind direct light, and its mean path.
+fn behind_direct(room: &[f64], [start, width]: [f64; 2]) -> (usize, f64) {
+    let floor = median(room.to_vec());
+    let lit: Vec<f64> = room.iter().map(|v| (v - floor).max(0.0)).collect();
+    let most = lit.iter().fold(0.0, |most: f64, v| most.max(*v));
+    let Some(last) = lit.iter().rposition(|v| *v > DIRECT * most && most > 0.0) else { return (0, 0.0) };
+    // Only the last run of lit bins: light of the optics comes before that of the wall.
+    let first = lit[..=last].iter().rposition(|v| *v <= DIRECT * most).map_or(0, |dark| dark + 1);
+    let sums = (first..=last).fold([0.0; 2], |[s, p], bin| [s + lit[bin], p + lit[bin] * (bin as f64 + 0.5)]);
+    (last + 2, start + width * sums[1] / sums[0])
+}
+
+pub(crate) fn check_scan(capture: &Capture, pairs: usize, bins: usize, unit: [f64; 2]) -> Result<()> {
+    let is_same = capture.pair_count() == pairs
+        && capture.bins == bins
+        && capture.t_start == unit[0]
+        && capture.bin_width == unit[1];
+    is_same.then_some(()).ok_or_else(|| {
+        Error::input(
+            format!(
+                "{}: {} pairs of {} bins from {} m on, where the calibration has {pairs} of {bins} from {} m on",
+                capture.name,
+                capture.pair_count(),
+                capture.bins,
+                capture.t_start,
+                unit[0]
+            ),
+            "give captures of one scan, and the same options as for the calibration",
+        )
+    })
+}
