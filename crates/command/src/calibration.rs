@@ -50,9 +50,11 @@ pub fn calibrate(
 
 /// Positions, a line each.
 fn read_positions(path: &Path) -> Result<Vec<DVec3>> {
-    let wrong = |what: String| Error::input(format!("{}: {what}", path.display()), "give lines x,y,z in metres");
+    let wrong =
+        |what: String| Error::input(format!("{}: {what}", path.display()), "give lines x,y,z in metres");
     let text = std::fs::read_to_string(path).map_err(|e| wrong(e.to_string()))?;
-    let lines = text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
+    let lines =
+        text.lines().enumerate().filter(|(_, line)| !line.trim().is_empty() && !line.starts_with('#'));
     lines
         .map(|(at, line)| {
             let numbers: Option<Vec<f64>> = line.split(',').map(|n| n.trim().parse().ok()).collect();

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use crate::calibration;
 use serde_json::{Value, json};
 use thirdbounce::capture::{Capture, Reflectance};
 use thirdbounce::engine::{background, room_light, variances, without_room};
@@ -12,7 +13,6 @@ use thirdbounce::files::staging::Staging;
 use thirdbounce::glam::{DMat3, DVec3};
 use thirdbounce::settings::{ReflectanceSetting, Settings};
 use thirdbounce::{Error, Result, job};
-use crate::calibration;
 use thirdbounce_track::{Edge, Finding, LocateOptions, Position, Sight, TrackState, Tracker, locate};
 
 /// Names of the files of a result; the report is the last that appears.
@@ -88,8 +88,7 @@ pub fn track(what: &Tracking, hear: &mut dyn FnMut(usize) -> Result<()>) -> Resu
                 locate(&sight, &what.options, &tracker.expected())
             }
         };
-        let found = found
-            .map_err(|e| if what.frames.len() > 1 { e.at(path.display()) } else { e })?;
+        let found = found.map_err(|e| if what.frames.len() > 1 { e.at(path.display()) } else { e })?;
         let states = tracker.step(&found.positions);
         seconds += clock.elapsed().as_secs_f64();
         let time = number as f64 * what.frame_time;
@@ -130,7 +129,9 @@ fn check(what: &Tracking) -> Result<()> {
             return Err(Error::options(format!("{name} is {value}"), "give a number above 0"));
         }
     }
-    if what.calibration.is_some() && (what.settings.empty.is_some() || what.options.blobs.is_some_and(|n| n > 1)) {
+    if what.calibration.is_some()
+        && (what.settings.empty.is_some() || what.options.blobs.is_some_and(|n| n > 1))
+    {
         return Err(Error::options(
             "a calibration holds the empty room and one object",
             "leave out --empty, and --blobs 2 or 3",

@@ -16,6 +16,8 @@ const OF_ALL: usize = 5;
 const ROBUST: f64 = 2.0;
 /// Step of the differences that stand for derivatives.
 const SMALL: f64 = 1e-4;
+/// Standard deviations beyond which a count is none in the first guess.
+const FAR_OFF: f64 = 5.0;
 /// A fit ends where the cost changes by less than this share.
 const STILL: f64 = 1e-6;
 
@@ -49,21 +51,38 @@ impl Calibration {
         }
     }
 
-    /// Sets the light of pairs that have none by linear least squares.
-    fn lit(&mut self, measured: &Measured) {
-        for which in 0..self.pairs.len() {
-            self.pairs[which].light = f64::NEG_INFINITY;
-            let left = self.residuals(which, measured);
-            self.pairs[which].light = 0.0;
-            let shape = centred(self.templates(&self.pairs[which], measured), measured.bins);
-            let weights = self.pairs[which].weights.iter().cycle();
-            let [of_left, of_shape] = left
-                .iter()
-                .zip(&shape)
-                .zip(weights)
-                .fold([0.0; 2], |[a, b], ((left, shape), w)| [a + w * left * shape, b + w * shape * shape]);
-            self.pairs[which].light = (of_left / of_shape).max(1e-3 * of_shape.sqrt().recip()).ln();
-        }
+    /// Light by linear least squares of each pair at the best of these further delays, and that delay; nearly none where it would be
+    /// negative.
+    fn guessed(&self, measured: &Measured, delays: &[f64]) -> Vec<[f64; 2]> {
+        let of_pair = |which: usize| {
+            let mut own = self.clone();
+            own.pairs[which].light = f64::NEG_INFINITY;
+            let left = own.residuals(which, measured);
+            let mut best = (0.0, [0.0, f64::NEG_INFINITY]);
+            for delay in delays {
+                let pair = CalibratedPair {
+                    light: 0.0,
+                    delay: self.pairs[which].delay + delay,
+                    ..own.pairs[which].clone()
+                };
+                let shape = centred(self.templates(&pair, measured), measured.bins);
+                let weights = pair.weights.iter().cycle().filter(|w| w.is_finite());
+                let mut sums = [0.0; 2];
+                for ((left, shape), weight) in left.iter().zip(&shape).zip(weights) {
+                    // Single counts that are far off are no light.
+                    let most = FAR_OFF / weight.max(f64::MIN_POSITIVE).sqrt();
+                    sums[0] += weight * left.clamp(-most, most) * shape;
+                    sums[1] += weight * shape * shape;
+                }
+                let light = (sums[0] / sums[1]).max(1e-3 / sums[1].sqrt());
+                let drop = light * (2.0 * sums[0] - light * sums[1]);
+                if drop > best.0 || best.1[1] == f64::NEG_INFINITY {
+                    best = (drop, [*delay, light.ln()]);
+                }
+            }
+            best.1
+        };
+        (0..self.pairs.len()).into_par_iter().map(of_pair).collect()
     }
 }
 
@@ -80,7 +99,7 @@ fn centred(mut values: Vec<f64>, bins: usize) -> Vec<f64> {
 /// Standard deviations of all numbers before the positions.
 fn priors(pairs: usize) -> Vec<f64> {
     let own = [PLACE_PRIOR, PLACE_PRIOR, PLACE_PRIOR, f64::INFINITY];
-    let all = [DEVIATION_PRIOR[1], POWER_PRIORS[0][1], POWER_PRIORS[1][1], PLACE_PRIOR, PLACE_PRIOR];
+    let all = [DEVIATION_PRIOR[2], POWER_PRIORS[0][1], POWER_PRIORS[1][1], PLACE_PRIOR, PLACE_PRIOR];
     own.into_iter().cycle().take(OF_PAIR * pairs).chain(all).collect()
 }
 
@@ -91,15 +110,15 @@ pub fn fitted(
     measured: &Measured,
 ) -> (Calibration, Option<Vec<f64>>) {
     let mut start = start.clone();
-    start.lit(measured);
+    start.pairs.iter_mut().for_each(|pair| pair.light = 0.0);
     let numbers = OF_PAIR * start.pairs.len() + OF_ALL;
-    let mut steps = before.unwrap_or_else(|| vec![0.0; numbers]);
-    // The light is that of the present points.
-    let mut now = start.moved(&steps);
-    now.lit(measured);
-    for (at, (pair, origin)) in now.pairs.iter().zip(&start.pairs).enumerate() {
-        steps[OF_PAIR * at + 3] = pair.light - origin.light;
-    }
+    let mut steps = before.unwrap_or_else(|| {
+        let step = (0.5 * start.deviation).max(PLACE_PRIOR / 40.0);
+        let count = (2.0 * PLACE_PRIOR / step) as i32;
+        let delays: Vec<f64> = (-count..=count).map(|at| f64::from(at) * step).collect();
+        let guessed = start.guessed(measured, &delays);
+        guessed.iter().flat_map(|[delay, light]| [0.0, 0.0, *delay, *light]).chain([0.0; OF_ALL]).collect()
+    });
     let mut best = equations(&start, &steps, measured);
     let mut damping = DAMPING[0];
     for _ in 0..ITERATIONS {
@@ -144,7 +163,8 @@ fn equations(start: &Calibration, steps: &[f64], measured: &Measured) -> Equatio
             })
             .collect();
         let weights = &now.pairs[which].weights;
-        let mut sum = Equations { matrix: vec![vec![0.0; numbers]; numbers], score: vec![0.0; numbers], cost: 0.0 };
+        let mut sum =
+            Equations { matrix: vec![vec![0.0; numbers]; numbers], score: vec![0.0; numbers], cost: 0.0 };
         for (at, left) in left.iter().enumerate() {
             let weight = weights[at % bins];
             let grown = (1.0 + left * left * weight / (ROBUST * ROBUST)).sqrt();
@@ -163,7 +183,8 @@ fn equations(start: &Calibration, steps: &[f64], measured: &Measured) -> Equatio
         sum
     };
     let parts: Vec<Equations> = (0..start.pairs.len()).into_par_iter().map(of_pair).collect();
-    let mut sum = Equations { matrix: vec![vec![0.0; numbers]; numbers], score: vec![0.0; numbers], cost: 0.0 };
+    let mut sum =
+        Equations { matrix: vec![vec![0.0; numbers]; numbers], score: vec![0.0; numbers], cost: 0.0 };
     for part in parts {
         sum.matrix.iter_mut().flatten().zip(part.matrix.iter().flatten()).for_each(|(a, b)| *a += b);
         sum.score.iter_mut().zip(&part.score).for_each(|(a, b)| *a += b);

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::calibration::{Calibration, check_scan};
 use crate::capture::Capture;
-use crate::constants::{CALIBRATED_LIGHT, NODES};
+use crate::constants::CALIBRATED_LIGHT;
 use crate::error::{Error, Result};
 use crate::locate::{Finding, Position, needed, unmeasured};
 use crate::symmetric::square;
@@ -16,6 +16,22 @@ const LEAST_LIGHT: f64 = 0.02;
 const CHANCE: f64 = 2.0;
 /// Logarithms of the likelihood this far below the largest one are none.
 const NEGLIGIBLE: f64 = 30.0;
+
+/// Steps along the longest side of a box.
+const STEPS: f64 = 20.0;
+/// Quadratures, each within the box that the one before leaves, while that is this much smaller along an axis; and how far it reaches, in
+/// standard deviations.
+const FINER: usize = 4;
+const LESS: f64 = 0.6;
+const FAR: f64 = 4.0;
+
+/// What a quadrature finds.
+struct Within {
+    position: Position,
+    /// Drop of χ² over the excess.
+    drop: f64,
+    excess: f64,
+}
 
 /// A place of the box.
 struct Node {
@@ -51,7 +67,29 @@ impl Calibration {
                 "give three ranges of metres, each from small to large",
             ));
         }
-        let (nodes, squares, used) = self.nodes(capture, [low, high]);
+        let mut corners = [low, high];
+        for _ in 0..FINER {
+            let found = self.within(capture, corners)?;
+            // As far as the position may be, and two steps more.
+            let reach =
+                FAR * found.position.deviations() + 2.0 * (corners[1] - corners[0]).max_element() / STEPS;
+            let next = [(found.position.at - reach).max(low), (found.position.at + reach).min(high)];
+            if (next[1] - next[0]).cmpgt(LESS * (corners[1] - corners[0])).all() {
+                break;
+            }
+            corners = next;
+        }
+        let Within { position, drop, excess } = self.within(capture, corners)?;
+        let (drops, needed) = (vec![drop], needed(self.pairs.len(), capture.bins));
+        let off = (position.at - self.middle()).length();
+        let position = Position { unmeasured: unmeasured(position.covariance, size, off), ..position };
+        let positions = if certain || drop >= needed { vec![position] } else { vec![] };
+        Ok(Finding { positions, background: 0.0, excess, drops, needed, volume: [low, high] })
+    }
+
+    /// The position within a box.
+    fn within(&self, capture: &Capture, corners: [DVec3; 2]) -> Result<Within> {
+        let (nodes, squares, used) = self.nodes(capture, corners);
         let best = nodes.iter().max_by(|a, b| a.light()[1].total_cmp(&b.light()[1]));
         let Some(best) = best.filter(|best| best.squares > 0.0) else {
             return Err(Error::options("no light of the box reaches the bins", "give another --volume"));
@@ -61,10 +99,11 @@ impl Calibration {
         // Residuals by chance are no excess.
         let free = (used - 4.0).max(1.0);
         let excess = ((squares - drop) / free / (1.0 + CHANCE * (2.0 / free).sqrt())).max(1.0);
-        let (drops, needed) = (vec![drop / excess], needed(self.pairs.len(), capture.bins));
-        let is_there = certain || drops[0] >= needed;
-        let positions = if is_there { vec![self.position(&nodes, excess, size)] } else { vec![] };
-        Ok(Finding { positions, background: 0.0, excess, drops, needed, volume: [low, high] })
+        Ok(Within {
+            position: self.position(&nodes, excess, corners[1] - corners[0]),
+            drop: drop / excess,
+            excess,
+        })
     }
 
     /// All places of the box; squares of the counts beside the room, and how many there are.
@@ -73,7 +112,8 @@ impl Calibration {
         let rest: Vec<Vec<f64>> = (self.pairs.iter().enumerate())
             .map(|(which, pair)| {
                 let counts = &capture.histograms[which * bins..(which + 1) * bins];
-                let mut rest: Vec<f64> = counts.iter().zip(&pair.room).map(|(c, r)| f64::from(*c) - r).collect();
+                let mut rest: Vec<f64> =
+                    counts.iter().zip(&pair.room).map(|(c, r)| f64::from(*c) - r).collect();
                 pair.leveled(&mut rest);
                 rest
             })
@@ -86,7 +126,8 @@ impl Calibration {
             }
             used -= 1.0;
         }
-        let counts = ((high - low) / ((high - low).max_element() / NODES)).ceil().max(DVec3::ONE).as_usizevec3();
+        let counts =
+            ((high - low) / ((high - low).max_element() / STEPS)).ceil().max(DVec3::ONE).as_usizevec3();
         let pitch = (high - low) / counts.as_dvec3();
         let node = |index: usize| {
             let place = [index % counts.x, index / counts.x % counts.y, index / counts.x / counts.y];
@@ -130,7 +171,7 @@ impl Calibration {
         let deviation = |[a, b]: [f64; 2]| (b / sum - (a / sum).powi(2)).max(0.0).sqrt();
         let at = mean / sum;
         // A position between two places.
-        let pitch = size.max_element() / NODES;
+        let pitch = size.max_element() / STEPS;
         let covariance = moment * (1.0 / sum) - square(at) + DMat3::IDENTITY * (pitch * pitch / 12.0);
         Position {
             at,
@@ -140,7 +181,7 @@ impl Calibration {
             light: [light[0] / sum, deviation(light) / (light[0] / sum)],
             extent: [0.0, 0.0],
             share: 1.0,
-            unmeasured: unmeasured(covariance, size, (at - middle).length()),
+            unmeasured: None,
         }
     }
 

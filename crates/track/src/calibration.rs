@@ -157,7 +157,8 @@ impl Calibration {
     fn start(capture: &Capture, measured: &Measured, has_direct: bool) -> Result<Calibration> {
         let bins = measured.bins;
         let unit = [capture.t_start, capture.bin_width];
-        let normals = |given: &Option<Vec<DVec3>>, pair: usize| given.as_ref().map_or(DVec3::Z, |all| all[pair]);
+        let normals =
+            |given: &Option<Vec<DVec3>>, pair: usize| given.as_ref().map_or(DVec3::Z, |all| all[pair]);
         let pair = |pair: usize| {
             let median_of = |bin: usize| {
                 median(measured.counts.iter().map(|c| f64::from(c[pair * bins + bin])).collect())
@@ -179,11 +180,14 @@ impl Calibration {
                 room,
             })
         };
-        let (low, high) = measured.at.iter().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
+        let (low, high) = measured
+            .at
+            .iter()
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(l, h), p| (l.min(*p), h.max(*p)));
         Ok(Calibration {
             pairs: (0..capture.pair_count()).map(pair).collect::<Result<_>>()?,
             powers: POWER_PRIORS.map(|prior| prior[0]),
-            deviation: DEVIATION_PRIOR[0] * capture.bin_width,
+            deviation: (DEVIATION_PRIOR[0] * capture.bin_width).hypot(DEVIATION_PRIOR[1]),
             bins: unit,
             volume: [low, high],
         })
@@ -227,7 +231,8 @@ impl Calibration {
         let (pair, bins) = (&self.pairs[which], measured.bins);
         let mut left = self.templates(pair, measured);
         for (counts, row) in measured.counts.iter().zip(left.chunks_exact_mut(bins)) {
-            let mut own: Vec<f64> = counts[which * bins..(which + 1) * bins].iter().map(|c| f64::from(*c)).collect();
+            let mut own: Vec<f64> =
+                counts[which * bins..(which + 1) * bins].iter().map(|c| f64::from(*c)).collect();
             pair.leveled(&mut own);
             row.iter_mut().zip(&own).for_each(|(left, own)| *left = own - *left);
         }
@@ -250,12 +255,14 @@ impl Calibration {
                     median(sizes.collect()) / MEDIAN_DEVIATION
                 };
                 let mut variances: Vec<f64> = (0..bins).map(|bin| spread(bin).powi(2)).collect();
-                let used = |v: &(&f64, &f64)| *v.1 > 0.0;
+                let used = |v: &(&f64, &f64)| *v.0 > 0.0 && *v.1 > 0.0;
                 let weights = &self.pairs[which].weights;
                 let usual = median(variances.iter().zip(weights).filter(used).map(|v| *v.0).collect());
                 // A bin without any light, such as one that is always 0, is no exact bin.
-                variances.iter_mut().for_each(|v| *v = v.max(0.1 * usual).max(f64::MIN_POSITIVE));
-                let next = weights.iter().zip(&variances).map(|(w, v)| if *w > 0.0 { v.recip() } else { 0.0 });
+                let least = if usual > 0.0 { 0.1 * usual } else { 1.0 };
+                variances.iter_mut().for_each(|v| *v = v.max(least));
+                let next =
+                    weights.iter().zip(&variances).map(|(w, v)| if *w > 0.0 { v.recip() } else { 0.0 });
                 self.pairs[which].weights = next.collect();
             }
             let pair = &self.pairs[which];
@@ -299,11 +306,13 @@ pub(crate) fn check_scan(capture: &Capture, pairs: usize, bins: usize, unit: [f6
     is_same.then_some(()).ok_or_else(|| {
         Error::input(
             format!(
-                "{}: {} pairs of {} bins from {} m on, where the calibration has {pairs} of {bins} from {} m on",
+                "{}: {} pairs of {} bins of {} m from {} m on; the calibration has {pairs} of {bins} of {} m from {} m on",
                 capture.name,
                 capture.pair_count(),
                 capture.bins,
+                capture.bin_width,
                 capture.t_start,
+                unit[1],
                 unit[0]
             ),
             "give captures of one scan, and the same options as for the calibration",

@@ -31,10 +31,10 @@ pub const LEAST_CALIBRATION: usize = 20;
 pub const ROUNDS: usize = 3;
 /// Bins of direct light have more than this share of its strongest bin.
 pub const DIRECT: f64 = 0.01;
-/// Standard deviation of wall points and delays, metres; mean and standard deviation of the deviation of paths in bins (the second of its
-/// logarithm), and of the powers of distances and cosines.
+/// Standard deviation of wall points and delays, metres; deviation of paths, in bins and in metres, and the standard deviation of its
+/// logarithm; mean and standard deviation of the powers of distances and cosines.
 pub const PLACE_PRIOR: f64 = 0.3;
-pub const DEVIATION_PRIOR: [f64; 2] = [0.75, 0.3];
+pub const DEVIATION_PRIOR: [f64; 3] = [0.75, 0.1, 0.5];
 pub const POWER_PRIORS: [[f64; 2]; 2] = [[1.6, 0.4], [1.0, 1.0]];
 /// Standard deviation of the light of a calibrated object, as a share: it turns.
 pub const CALIBRATED_LIGHT: f64 = 0.3;

@@ -140,7 +140,8 @@ fn add(
     let (products, columns) = (&mut bench.products, &mut bench.columns);
     let counts = &sight.counts[pair * sight.bins..(pair + 1) * sight.bins];
     let [dark, of_dark] = sight.variance(guess.background);
-    let of_blob = |rendered: &[Vec<[f64; 3]>], bin: usize| rendered.iter().map(|bins| bins[bin][0]).sum::<f64>();
+    let of_blob =
+        |rendered: &[Vec<[f64; 3]>], bin: usize| rendered.iter().map(|bins| bins[bin][0]).sum::<f64>();
     let strongest = |rendered: &[Vec<[f64; 3]>]| {
         (window[0]..window[1]).fold(0.0, |most: f64, bin| most.max(of_blob(rendered, bin)))
     };
@@ -230,7 +231,8 @@ fn chain(guess: &Blobs, parts: usize, rays: &[Ray], products: &Rows, sum: &mut I
             for (b, of_b) in all.iter().enumerate().take((blob_of(a) + 1) * parts) {
                 let columns = [combined(3 * b), combined(3 * b + 1), combined(3 * b + 2)];
                 for (j, other) in of_b.iter().enumerate() {
-                    sum.matrix[row][NUMBERS * blob_of(b) + j] += (0..3).map(|k| other[k] * columns[k]).sum::<f64>();
+                    sum.matrix[row][NUMBERS * blob_of(b) + j] +=
+                        (0..3).map(|k| other[k] * columns[k]).sum::<f64>();
                 }
             }
         }

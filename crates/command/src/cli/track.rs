@@ -135,8 +135,12 @@ fn frames(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
 fn edge(text: &str) -> std::result::Result<Edge, String> {
     let numbers: Option<Vec<f64>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     match numbers.as_deref() {
-        Some(&[x, y, degrees]) if [x, y, degrees].iter().all(|v| v.is_finite()) => Ok(Edge::new([x, y], degrees)),
-        _ => Err("give x and y of its foot in metres and the direction of the wall in degrees: 0,0,180".into()),
+        Some(&[x, y, degrees]) if [x, y, degrees].iter().all(|v| v.is_finite()) => {
+            Ok(Edge::new([x, y], degrees))
+        }
+        _ => {
+            Err("give x and y of its foot in metres and the direction of the wall in degrees: 0,0,180".into())
+        }
     }
 }
 

@@ -21,8 +21,7 @@ fn run(script: &str, args: &[&Path]) {
 
 /// Position and standard deviations of the only object of each frame.
 fn positions(folder: &Path) -> Vec<[[f64; 3]; 2]> {
-    let report: Value =
-        serde_json::from_slice(&std::fs::read(folder.join("track.json")).unwrap()).unwrap();
+    let report: Value = serde_json::from_slice(&std::fs::read(folder.join("track.json")).unwrap()).unwrap();
     let three = |value: &Value| [0, 1, 2].map(|k| value[k].as_f64().unwrap());
     let of_frame = |frame: &Value| {
         let blob = &frame["blobs"][0];
@@ -51,7 +50,15 @@ pub fn calibrated_zones_have_the_errors_that_they_say(data: &Path) {
         let [train, test] = ["train", "test"].map(|part| at("zones").join(part));
         let truth = |part: &Path| part.with_extension("csv");
         let (out, calibration) = (at("calibration"), at("calibration/calibration.json"));
-        succeed(&["track", text(&train), "--calibrate", text(&truth(&train)), "--out", text(&out), "--quiet"]);
+        succeed(&[
+            "track",
+            text(&train),
+            "--calibrate",
+            text(&truth(&train)),
+            "--out",
+            text(&out),
+            "--quiet",
+        ]);
         succeed(&[
             "track",
             text(&test),
@@ -64,7 +71,8 @@ pub fn calibrated_zones_have_the_errors_that_they_say(data: &Path) {
             "--quiet",
         ]);
         let lines = std::fs::read_to_string(truth(&test)).unwrap();
-        let truths = lines.lines().map(|l| l.split(',').map(|n| n.parse::<f64>().unwrap()).collect::<Vec<_>>());
+        let truths =
+            lines.lines().map(|l| l.split(',').map(|n| n.parse::<f64>().unwrap()).collect::<Vec<_>>());
         let (mut squares, mut within) = ([0.0; 3], [0.0; 2]);
         for (truth, [at, sigma]) in truths.zip(positions(&at("track"))) {
             for k in 0..3 {
