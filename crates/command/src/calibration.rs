@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use serde_json::json;
+use thirdbounce::capture::Capture;
 use thirdbounce::glam::DVec3;
 use thirdbounce::settings::Settings;
 use thirdbounce::{Error, Result, files::atomic, job};
@@ -10,6 +11,19 @@ use thirdbounce_track::Calibration;
 
 /// Name of the file of a calibration.
 pub const FILE: &str = "calibration.json";
+
+/// Positions that check a calibration, at most.
+const CHECKED: usize = 60;
+
+/// A calibration with its file.
+pub struct Calibrated {
+    /// What was found.
+    pub calibration: Calibration,
+    /// Root mean square of a coordinate of its own positions as it finds them, and of always their middle, metres.
+    pub errors: [f64; 2],
+    /// The file that was written.
+    pub file: PathBuf,
+}
 
 /// Calibrates the pairs of captures of one scan by the positions of an object, a line `x,y,z` in metres per capture; writes
 /// [`FILE`] into a folder. `hear` gets the number of captures that are read.
@@ -22,7 +36,7 @@ pub fn calibrate(
     settings: &Settings,
     out: &Path,
     hear: &mut dyn FnMut(usize) -> Result<()>,
-) -> Result<(Calibration, PathBuf)> {
+) -> Result<Calibrated> {
     let file = out.join(FILE);
     job::check_not_input(&file, frames.iter().map(PathBuf::as_path).chain([positions]))?;
     let at = read_positions(positions)?;
@@ -38,14 +52,34 @@ pub fn calibrate(
         hear(number + 1)?;
     }
     let found = Calibration::of(&captures, &at, settings.gate.is_none())?;
-    let report = json!({ "version": env!("CARGO_PKG_VERSION"), "positions": at.len(), "calibration": found });
+    let errors = errors(&found, &captures, &at)?;
+    let report = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        "positions": at.len(),
+        "error_m": errors[0],
+        "error_of_middle_m": errors[1],
+        "calibration": found,
+    });
     let text = serde_json::to_string_pretty(&report).map_err(|e| {
         Error::output(format!("cannot be written as JSON: {e}"), "please report this as a bug")
     })?;
     std::fs::create_dir_all(out)
         .map_err(|e| Error::output(format!("{}: {e}", out.display()), "give a folder that can be written"))?;
     atomic::write(&file, (text + "\n").as_bytes())?;
-    Ok((found, file))
+    Ok(Calibrated { calibration: found, errors, file })
+}
+
+/// Errors of some positions as the calibration finds them, and of their middle.
+fn errors(found: &Calibration, captures: &[Capture], at: &[DVec3]) -> Result<[f64; 2]> {
+    let middle = at.iter().sum::<DVec3>() / at.len() as f64;
+    let (mut squares, mut count) = ([0.0; 2], 0.0);
+    for (capture, at) in captures.iter().zip(at).step_by(at.len().div_ceil(CHECKED)) {
+        let positions = found.locate(capture, None, true)?.positions;
+        let off = [positions[0].at, middle].map(|place| place.distance_squared(*at));
+        squares = [squares[0] + off[0], squares[1] + off[1]];
+        count += 3.0;
+    }
+    Ok(squares.map(|sum| (sum / count).sqrt()))
 }
 
 /// Positions, a line each.

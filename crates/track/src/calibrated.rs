@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::calibration::{Calibration, check_scan};
 use crate::capture::Capture;
-use crate::constants::CALIBRATED_LIGHT;
+use crate::constants::{CALIBRATED_LIGHT, PROFILE_ERROR};
 use crate::error::{Error, Result};
 use crate::locate::{Finding, Position, needed, unmeasured};
 use crate::symmetric::square;
@@ -39,6 +39,9 @@ struct Node {
     /// Squares of the object's counts, and their products with the measured ones, in variances.
     squares: f64,
     product: f64,
+    /// What errors of the profile change: −2 times the logarithm of the likelihood, and the squares in it.
+    misfit: f64,
+    excused: f64,
 }
 
 impl Node {
@@ -47,7 +50,8 @@ impl Node {
         let sure = CALIBRATED_LIGHT.powi(-2);
         let light = ((self.product + sure) / (self.squares + sure)).max(LEAST_LIGHT);
         let off = light - 1.0;
-        [light, light * self.product - 0.5 * (light * light * self.squares + sure * off * off)]
+        let squares = light * light * self.squares + sure * off * off + self.misfit;
+        [light, light * self.product - 0.5 * squares]
     }
 }
 
@@ -98,7 +102,7 @@ impl Calibration {
         let drop = light * (2.0 * best.product - light * best.squares);
         // Residuals by chance are no excess.
         let free = (used - 4.0).max(1.0);
-        let excess = ((squares - drop) / free / (1.0 + CHANCE * (2.0 / free).sqrt())).max(1.0);
+        let excess = ((squares - best.excused - drop) / free / (1.0 + CHANCE * (2.0 / free).sqrt())).max(1.0);
         Ok(Within {
             position: self.position(&nodes, excess, corners[1] - corners[0]),
             drop: drop / excess,
@@ -132,17 +136,26 @@ impl Calibration {
         let node = |index: usize| {
             let place = [index % counts.x, index / counts.x % counts.y, index / counts.x / counts.y];
             let at = low + pitch * (DVec3::from_array(place.map(|i| i as f64)) + 0.5);
-            let mut node = Node { at, squares: 0.0, product: 0.0 };
-            let mut lit = vec![0.0; bins];
+            let mut node = Node { at, squares: 0.0, product: 0.0, misfit: 0.0, excused: 0.0 };
+            let (mut lit, mut weights) = (vec![0.0; bins], vec![0.0; bins]);
             for (pair, rest) in self.pairs.iter().zip(&rest) {
                 lit.fill(0.0);
                 self.render(pair, at, &mut lit);
+                let error = (PROFILE_ERROR * lit.iter().fold(0.0, |most: f64, v| most.max(*v))).powi(2);
+                for (((weight, sure), lit), rest) in weights.iter_mut().zip(&pair.weights).zip(&lit).zip(rest)
+                {
+                    let grown = if *lit > 0.0 { 1.0 + error * sure } else { 1.0 };
+                    *weight = sure / grown;
+                    node.excused += (sure - *weight) * rest * rest;
+                    node.misfit += grown.ln();
+                }
                 pair.leveled(&mut lit);
-                for ((weight, rest), lit) in pair.weights.iter().zip(rest).zip(&lit) {
+                for ((weight, rest), lit) in weights.iter().zip(rest).zip(&lit) {
                     node.squares += weight * lit * lit;
                     node.product += weight * lit * rest;
                 }
             }
+            node.misfit -= node.excused;
             node
         };
         ((0..counts.element_product()).into_par_iter().map(node).collect(), squares, used)

@@ -61,8 +61,10 @@ mod vectors {
     }
 }
 
-/// Median absolute deviation of a standard normal.
-const MEDIAN_DEVIATION: f64 = 0.6745;
+/// A share of the residuals of a bin that is within this many standard deviations: what few positions light counts, single bad counts do
+/// not.
+const SHARE: f64 = 0.9;
+const SHARE_DEVIATION: f64 = 1.6449;
 /// Half the width of the light, standard deviations.
 const REACH: f64 = 5.0;
 
@@ -252,17 +254,19 @@ impl Calibration {
                 let left = self.residuals(which, measured);
                 let spread = |bin: usize| {
                     let sizes = left.iter().skip(bin).step_by(bins).map(|v| v.abs());
-                    median(sizes.collect()) / MEDIAN_DEVIATION
+                    quantile(sizes.collect(), SHARE) / SHARE_DEVIATION
                 };
                 let mut variances: Vec<f64> = (0..bins).map(|bin| spread(bin).powi(2)).collect();
-                let used = |v: &(&f64, &f64)| *v.0 > 0.0 && *v.1 > 0.0;
-                let weights = &self.pairs[which].weights;
-                let usual = median(variances.iter().zip(weights).filter(used).map(|v| *v.0).collect());
+                let used: Vec<f64> = (variances.iter().zip(&self.pairs[which].weights))
+                    .filter(|(_, weight)| **weight > 0.0)
+                    .map(|(variance, _)| *variance)
+                    .collect();
+                let most = used.iter().fold(0.0, |most: f64, v| most.max(*v));
                 // A bin without any light, such as one that is always 0, is no exact bin.
-                let least = if usual > 0.0 { 0.1 * usual } else { 1.0 };
+                let least = if most > 0.0 { (0.1 * median(used)).max(0.01 * most) } else { 1.0 };
                 variances.iter_mut().for_each(|v| *v = v.max(least));
-                let next =
-                    weights.iter().zip(&variances).map(|(w, v)| if *w > 0.0 { v.recip() } else { 0.0 });
+                let weights = self.pairs[which].weights.iter().zip(&variances);
+                let next = weights.map(|(w, v)| if *w > 0.0 { v.recip() } else { 0.0 });
                 self.pairs[which].weights = next.collect();
             }
             let pair = &self.pairs[which];
@@ -278,12 +282,17 @@ impl Calibration {
 }
 
 /// The median of values, 0 of none.
-pub(crate) fn median(mut values: Vec<f64>) -> f64 {
+pub(crate) fn median(values: Vec<f64>) -> f64 {
+    quantile(values, 0.5)
+}
+
+/// The value that this share of values is below, 0 of none.
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     if values.is_empty() {
         return 0.0;
     }
-    let middle = values.len() / 2;
-    *values.select_nth_unstable_by(middle, f64::total_cmp).1
+    let at = ((share * values.len() as f64) as usize).min(values.len() - 1);
+    *values.select_nth_unstable_by(at, f64::total_cmp).1
 }
 
 /// The first bin behind direct light, and its mean path.

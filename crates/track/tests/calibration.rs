@@ -11,7 +11,7 @@ const WIDTH: f64 = 0.4;
 const DEVIATION: f64 = 0.3;
 /// Powers of distances and cosines.
 const POWERS: [f64; 2] = [1.2, 2.5];
-const NOISE: f64 = 2.0;
+const NOISE: f64 = 12.0;
 
 /// Wall points as they are, and as they are given; delays; amounts of light.
 const PAIRS: [([f64; 2], [f64; 2], f64, f64); 4] = [
@@ -82,7 +82,7 @@ fn known_positions_calibrate_pairs_and_further_ones_lie_within_their_errors() {
     }
     let error = (squares / 300.0).sqrt();
     let shares = within.map(|w| w / 300.0);
-    assert!(error < 0.12, "{error}");
+    assert!(error < 0.16, "{error}");
     assert!((0.58..0.80).contains(&shares[0]) && shares[1] > 0.9, "{shares:?}");
 }
 

@@ -74,10 +74,19 @@ pub fn run(args: &TrackArgs) -> Result<()> {
     };
     if let Some(positions) = &args.calibrate {
         interrupt::stop_in_order();
-        let (found, file) = calibrate(&frames(&args.frames)?, positions, &settings, &args.out, &mut hear)?;
+        let found = calibrate(&frames(&args.frames)?, positions, &settings, &args.out, &mut hear)?;
+        let [error, of_middle] = found.errors;
+        if error > USELESS * of_middle {
+            say(
+                "note: the calibration finds its own positions no better than their middle: check that captures and positions have one order",
+            );
+        }
         if !args.quiet {
-            calibrated(&found).iter().for_each(|line| print(line));
-            print(&format!("wrote     {}", file.display()));
+            calibrated(&found.calibration).iter().for_each(|line| print(line));
+            print(&format!(
+                "error     {error:.3} m a coordinate of its own positions; of always their middle {of_middle:.3} m"
+            ));
+            print(&format!("wrote     {}", found.file.display()));
         }
         return Ok(());
     }
@@ -130,6 +139,9 @@ fn frames(given: &[PathBuf]) -> Result<Vec<PathBuf>> {
     }
     Ok(all)
 }
+
+/// A calibration is noted that finds positions with more than this share of the error of their middle.
+const USELESS: f64 = 0.95;
 
 /// An edge of a text.
 fn edge(text: &str) -> std::result::Result<Edge, String> {

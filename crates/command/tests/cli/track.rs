@@ -128,7 +128,7 @@ fn known_positions_make_a_calibration_by_which_others_are_found() {
     let gate = ["--gate", "0:3"];
     let said =
         succeed(&[&["track"], &known[..], &gate, &["--calibrate", &at("known.csv"), "--out", &out]].concat());
-    assert!(said.contains("pair 3") && said.contains("calibration.json"), "{said}");
+    assert!(said.contains("pair 3") && said.contains("error     0.0"), "{said}");
     let found = ["--calibration", &file, "--blobs", "1", "--quiet"];
     succeed(&[&["track"], &others[..], &gate, &found, &["--out", &at("found")]].concat());
     let report = report(&at("found"));
