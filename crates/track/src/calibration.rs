@@ -211,9 +211,9 @@ impl Calibration {
         };
         let light = light.min(80.0).exp();
         let mut last = edge(low as usize);
-        for bin in low as usize..high as usize {
-            let next = edge(bin + 1);
-            into[bin] += light * (next - last);
+        for (at, value) in into[low as usize..high as usize].iter_mut().enumerate() {
+            let next = edge(low as usize + at + 1);
+            *value += light * (next - last);
             last = next;
         }
     }
