@@ -29,12 +29,13 @@ demo: setup
 	cargo build --release --locked --bin thirdbounce
 	$(RELEASE)/thirdbounce demo --out out/demo
 
+TESTED = $(COMMAND) $(FEATURES) $(addprefix --package ,shares thirdbounce thirdbounce-track thirdbounce-command thirdbounce-benchmark thirdbounce-capi)
 # With the dependencies and the library that `make demo` built. COMMAND: how cargo builds the command, if not as for users.
 test: setup
 	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about ten minutes on two cores the first time"
 	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml $(FEATURES) --lib
 	.ci/timed cargo build --release --locked $(COMMAND) $(FEATURES) --examples
-	.ci/timed cargo test --release --locked $(COMMAND) $(FEATURES) --package shares --package thirdbounce --package thirdbounce-track --package thirdbounce-command --package thirdbounce-benchmark --package thirdbounce-capi --bins --test '*'
+	THIRDBOUNCE_TESTED='$(TESTED)' .ci/timed cargo test --release --locked $(TESTED) --bins --test '*'
 	.ci/timed cargo test --release --locked $(COMMAND) $(FEATURES) --doc
 
 # The Python package, from its wheel in an empty virtual environment. Where there is no Python or no network, it says so.

@@ -11,8 +11,8 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("..")
 }
 
-/// Folder with the library. A test cannot depend on a C library, so it is built here once, with the features of
-/// thirdbounce's tests, of which most is then compiled.
+/// Folder with the library. A test cannot depend on a C library, so it is built here once, of what the tests of this run have built:
+/// other features or packages would compile most of it again. `make test` says in THIRDBOUNCE_TESTED what it builds.
 fn library() -> PathBuf {
     static BUILT: Once = Once::new();
     let test = std::env::current_exe().expect("a test has a path");
@@ -21,7 +21,8 @@ fn library() -> PathBuf {
         let mut build = Command::new(env!("CARGO"));
         // With `--test`, dependencies have the features that they have in tests.
         build.args(["build", "--locked", "--quiet", "--lib", "--test", "c"]);
-        build.args(["-p", "thirdbounce", "-p", "thirdbounce-capi"]);
+        let tested = std::env::var("THIRDBOUNCE_TESTED");
+        build.args(tested.as_deref().unwrap_or("-p thirdbounce -p thirdbounce-capi").split_whitespace());
         if folder.ends_with("release") {
             build.arg("--release");
         }
