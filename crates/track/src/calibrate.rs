@@ -4,8 +4,12 @@ use glam::DVec3;
 use rayon::prelude::*;
 use thirdbounce_base::equations::solve_symmetric;
 
-use crate::calibration::{CalibratedPair, Calibration, Measured};
-use crate::constants::{DAMPING, DEVIATION_PRIOR, ITERATIONS, PLACE_PRIOR, POWER_PRIORS};
+use crate::calibration::{CalibratedPair, Calibration, KnownPositions, check_scan};
+use crate::capture::Capture;
+use crate::constants::{
+    DAMPING, DEVIATION_PRIOR, ITERATIONS, LEAST_CALIBRATION, PLACE_PRIOR, POWER_PRIORS, ROUNDS,
+};
+use crate::error::{Error, Result};
 use crate::symmetric::Rows;
 
 /// Numbers of a pair: shift of its sensor point along x and y, delay, logarithm of the light. A confocal laser point moves along.
@@ -22,13 +26,52 @@ const FAR_OFF: f64 = 5.0;
 const STILL: f64 = 1e-6;
 
 /// Normal equations of a step.
-struct Equations {
+struct CalibrationStep {
     matrix: Rows,
     score: Vec<f64>,
     cost: f64,
 }
 
 impl Calibration {
+    /// By captures of one scan with an object at these places, metres. `has_direct`: bins up to the direct light are left out, and that
+    /// light gives the first guess of the delays.
+    ///
+    /// # Errors
+    /// Fewer than 20 positions; captures of different scans; a pair without bins behind its direct light; a fit that finds nothing.
+    pub fn of(captures: &[Capture], at: &[DVec3], has_direct: bool) -> Result<Calibration> {
+        let first = captures.first().filter(|_| captures.len() == at.len() && at.len() >= LEAST_CALIBRATION);
+        let Some(first) = first else {
+            return Err(Error::input(
+                format!("{} captures and {} positions make no calibration", captures.len(), at.len()),
+                format!("give one position per capture, {LEAST_CALIBRATION} or more"),
+            ));
+        };
+        for capture in captures {
+            check_scan(capture, first.pair_count(), first.bins, [first.t_start, first.bin_width])?;
+        }
+        let bins = first.bins;
+        let counts = captures.iter().map(|capture| &capture.histograms[..]).collect();
+        let measured = KnownPositions { counts, at, bins };
+        let mut start = Calibration::start(first, &measured, has_direct)?;
+        start.weigh(&measured);
+        let (mut found, mut steps) = (start.clone(), None);
+        for _ in 0..ROUNDS {
+            (found, steps) = fitted(&start, steps, &measured);
+            found.weigh(&measured);
+            for (pair, now) in start.pairs.iter_mut().zip(&found.pairs) {
+                (pair.weights, pair.room) = (now.weights.clone(), now.room.clone());
+            }
+        }
+        let is_lit = |pair: &CalibratedPair| pair.delay.is_finite() && pair.light.is_finite();
+        if !found.pairs.iter().all(is_lit) {
+            return Err(Error::input(
+                "the light of the captures does not follow the positions",
+                "check that captures and positions have one order and one frame of coordinates",
+            ));
+        }
+        Ok(found)
+    }
+
     /// This one after steps of all numbers.
     fn moved(&self, steps: &[f64]) -> Calibration {
         let (own, all) = steps.split_at(OF_PAIR * self.pairs.len());
@@ -53,7 +96,7 @@ impl Calibration {
 
     /// Light by linear least squares of each pair at the best of these further delays, and that delay; nearly none where it would be
     /// negative.
-    fn guessed(&self, measured: &Measured, delays: &[f64]) -> Vec<[f64; 2]> {
+    fn guessed(&self, measured: &KnownPositions, delays: &[f64]) -> Vec<[f64; 2]> {
         let of_pair = |which: usize| {
             let mut own = self.clone();
             own.pairs[which].light = f64::NEG_INFINITY;
@@ -107,7 +150,7 @@ fn priors(pairs: usize) -> Vec<f64> {
 pub fn fitted(
     start: &Calibration,
     before: Option<Vec<f64>>,
-    measured: &Measured,
+    measured: &KnownPositions,
 ) -> (Calibration, Option<Vec<f64>>) {
     let mut start = start.clone();
     start.pairs.iter_mut().for_each(|pair| pair.light = 0.0);
@@ -144,7 +187,7 @@ pub fn fitted(
     (start.moved(&steps), Some(steps))
 }
 
-fn equations(start: &Calibration, steps: &[f64], measured: &Measured) -> Equations {
+fn equations(start: &Calibration, steps: &[f64], measured: &KnownPositions) -> CalibrationStep {
     let now = start.moved(steps);
     let (numbers, bins) = (steps.len(), measured.bins);
     let all = OF_PAIR * start.pairs.len();
@@ -163,8 +206,11 @@ fn equations(start: &Calibration, steps: &[f64], measured: &Measured) -> Equatio
             })
             .collect();
         let weights = &now.pairs[which].weights;
-        let mut sum =
-            Equations { matrix: vec![vec![0.0; numbers]; numbers], score: vec![0.0; numbers], cost: 0.0 };
+        let mut sum = CalibrationStep {
+            matrix: vec![vec![0.0; numbers]; numbers],
+            score: vec![0.0; numbers],
+            cost: 0.0,
+        };
         for (at, left) in left.iter().enumerate() {
             let weight = weights[at % bins];
             let grown = (1.0 + left * left * weight / (ROBUST * ROBUST)).sqrt();
@@ -182,9 +228,9 @@ fn equations(start: &Calibration, steps: &[f64], measured: &Measured) -> Equatio
         }
         sum
     };
-    let parts: Vec<Equations> = (0..start.pairs.len()).into_par_iter().map(of_pair).collect();
+    let parts: Vec<CalibrationStep> = (0..start.pairs.len()).into_par_iter().map(of_pair).collect();
     let mut sum =
-        Equations { matrix: vec![vec![0.0; numbers]; numbers], score: vec![0.0; numbers], cost: 0.0 };
+        CalibrationStep { matrix: vec![vec![0.0; numbers]; numbers], score: vec![0.0; numbers], cost: 0.0 };
     for part in parts {
         sum.matrix.iter_mut().flatten().zip(part.matrix.iter().flatten()).for_each(|(a, b)| *a += b);
         sum.score.iter_mut().zip(&part.score).for_each(|(a, b)| *a += b);

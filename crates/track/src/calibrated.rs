@@ -26,7 +26,7 @@ const LESS: f64 = 0.6;
 const FAR: f64 = 4.0;
 
 /// What a quadrature finds.
-struct Within {
+struct BoxPosition {
     position: Position,
     /// Drop of χ² over the excess.
     drop: f64,
@@ -83,7 +83,7 @@ impl Calibration {
             }
             corners = next;
         }
-        let Within { position, drop, excess } = self.within(capture, corners)?;
+        let BoxPosition { position, drop, excess } = self.within(capture, corners)?;
         let (drops, needed) = (vec![drop], needed(self.pairs.len(), capture.bins));
         let off = (position.at - self.middle()).length();
         let position = Position { unmeasured: unmeasured(position.covariance, size, off), ..position };
@@ -92,7 +92,7 @@ impl Calibration {
     }
 
     /// The position within a box.
-    fn within(&self, capture: &Capture, corners: [DVec3; 2]) -> Result<Within> {
+    fn within(&self, capture: &Capture, corners: [DVec3; 2]) -> Result<BoxPosition> {
         let (nodes, squares, used) = self.nodes(capture, corners);
         let best = nodes.iter().max_by(|a, b| a.light()[1].total_cmp(&b.light()[1]));
         let Some(best) = best.filter(|best| best.squares > 0.0) else {
@@ -103,7 +103,7 @@ impl Calibration {
         // Residuals by chance are no excess.
         let free = (used - 4.0).max(1.0);
         let excess = ((squares - best.excused - drop) / free / (1.0 + CHANCE * (2.0 / free).sqrt())).max(1.0);
-        Ok(Within {
+        Ok(BoxPosition {
             position: self.position(&nodes, excess, corners[1] - corners[0]),
             drop: drop / excess,
             excess,

@@ -7,9 +7,8 @@
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
-use crate::calibrate::fitted;
 use crate::capture::Capture;
-use crate::constants::{DEVIATION_PRIOR, DIRECT, LEAST_CALIBRATION, POWER_PRIORS, ROUNDS};
+use crate::constants::{DEVIATION_PRIOR, DIRECT, POWER_PRIORS};
 use crate::error::{Error, Result};
 
 /// A calibrated pair.
@@ -69,7 +68,7 @@ const SHARE_DEVIATION: f64 = 1.6449;
 const REACH: f64 = 5.0;
 
 /// Counts of all positions: `[position][pair * bins + bin]`.
-pub(crate) struct Measured<'a> {
+pub(crate) struct KnownPositions<'a> {
     pub counts: Vec<&'a [f32]>,
     pub at: &'a [DVec3],
     pub bins: usize,
@@ -97,45 +96,6 @@ impl CalibratedPair {
 }
 
 impl Calibration {
-    /// By captures of one scan with an object at these places, metres. `has_direct`: bins up to the direct light are left out, and that
-    /// light gives the first guess of the delays.
-    ///
-    /// # Errors
-    /// Fewer than 20 positions; captures of different scans; a pair without bins behind its direct light; a fit that finds nothing.
-    pub fn of(captures: &[Capture], at: &[DVec3], has_direct: bool) -> Result<Calibration> {
-        let first = captures.first().filter(|_| captures.len() == at.len() && at.len() >= LEAST_CALIBRATION);
-        let Some(first) = first else {
-            return Err(Error::input(
-                format!("{} captures and {} positions make no calibration", captures.len(), at.len()),
-                format!("give one position per capture, {LEAST_CALIBRATION} or more"),
-            ));
-        };
-        for capture in captures {
-            check_scan(capture, first.pair_count(), first.bins, [first.t_start, first.bin_width])?;
-        }
-        let bins = first.bins;
-        let counts = captures.iter().map(|capture| &capture.histograms[..]).collect();
-        let measured = Measured { counts, at, bins };
-        let mut start = Calibration::start(first, &measured, has_direct)?;
-        start.weigh(&measured);
-        let (mut found, mut steps) = (start.clone(), None);
-        for _ in 0..ROUNDS {
-            (found, steps) = fitted(&start, steps, &measured);
-            found.weigh(&measured);
-            for (pair, now) in start.pairs.iter_mut().zip(&found.pairs) {
-                (pair.weights, pair.room) = (now.weights.clone(), now.room.clone());
-            }
-        }
-        let is_lit = |pair: &CalibratedPair| pair.delay.is_finite() && pair.light.is_finite();
-        if !found.pairs.iter().all(is_lit) {
-            return Err(Error::input(
-                "the light of the captures does not follow the positions",
-                "check that captures and positions have one order and one frame of coordinates",
-            ));
-        }
-        Ok(found)
-    }
-
     /// Whether all pairs have the same number of bins and all numbers are finite.
     pub fn is_sound(&self) -> bool {
         let bins = self.pairs.first().map_or(0, |pair| pair.room.len());
@@ -156,7 +116,11 @@ impl Calibration {
     }
 
     /// Points as given, bins behind the direct light, no object.
-    fn start(capture: &Capture, measured: &Measured, has_direct: bool) -> Result<Calibration> {
+    pub(crate) fn start(
+        capture: &Capture,
+        measured: &KnownPositions,
+        has_direct: bool,
+    ) -> Result<Calibration> {
         let bins = measured.bins;
         let unit = [capture.t_start, capture.bin_width];
         let normals =
@@ -219,7 +183,7 @@ impl Calibration {
     }
 
     /// Counts of the object at every position, without level: `[position * bins + bin]`.
-    pub(crate) fn templates(&self, pair: &CalibratedPair, measured: &Measured) -> Vec<f64> {
+    pub(crate) fn templates(&self, pair: &CalibratedPair, measured: &KnownPositions) -> Vec<f64> {
         let mut all = vec![0.0; measured.at.len() * measured.bins];
         for (at, into) in measured.at.iter().zip(all.chunks_exact_mut(measured.bins)) {
             self.render(pair, *at, into);
@@ -229,7 +193,7 @@ impl Calibration {
     }
 
     /// Residuals of a pair beside the room, without level: `[position * bins + bin]`.
-    pub(crate) fn residuals(&self, which: usize, measured: &Measured) -> Vec<f64> {
+    pub(crate) fn residuals(&self, which: usize, measured: &KnownPositions) -> Vec<f64> {
         let (pair, bins) = (&self.pairs[which], measured.bins);
         let mut left = self.templates(pair, measured);
         for (counts, row) in measured.counts.iter().zip(left.chunks_exact_mut(bins)) {
@@ -246,7 +210,7 @@ impl Calibration {
     }
 
     /// Sets rooms and weights by what the object leaves.
-    fn weigh(&mut self, measured: &Measured) {
+    pub(crate) fn weigh(&mut self, measured: &KnownPositions) {
         let bins = measured.bins;
         for which in 0..self.pairs.len() {
             // Weights depend on levels, and levels on weights.

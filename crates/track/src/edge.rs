@@ -20,7 +20,7 @@ pub struct Edge {
 
 /// What passes an edge: logarithm of the share, and its derivatives by the position and by the logarithm of the radius of an object.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
-pub(crate) struct Passed {
+pub(crate) struct PassedLight {
     pub light: f64,
     pub by_at: DVec3,
     pub by_extent: f64,
@@ -33,7 +33,7 @@ impl Edge {
     }
 
     /// The light between a point of the surface, seen with this variance of its spot, squared metres, and an object of this radius.
-    pub(crate) fn passed(&self, point: DVec3, spot: f64, at: DVec3, radius: f64) -> Passed {
+    pub(crate) fn passed(&self, point: DVec3, spot: f64, at: DVec3, radius: f64) -> PassedLight {
         let across = self.open.perp();
         let frame = |p: DVec3| {
             let way = p.truncate() - self.corner;
@@ -41,7 +41,7 @@ impl Edge {
         };
         let ([along_point, behind], [along, before]) = (frame(point), frame(at));
         if behind * before >= 0.0 {
-            return Passed::default();
+            return PassedLight::default();
         }
         // Where the ray meets the plane of the wall, as a share of its way, and how far beside the wall.
         let share = behind / (behind - before);
@@ -55,7 +55,7 @@ impl Edge {
         let share_by_before = share / (behind - before);
         let soft_by_share = (wide * share - spot * (1.0 - share)) / soft;
         let by_before = ((along - along_point) - reach * soft_by_share) * share_by_before;
-        Passed {
+        PassedLight {
             light: passed.ln(),
             by_at: (slope * (share * self.open + by_before * across)).extend(0.0),
             by_extent: -slope * reach * wide * share * share / soft,

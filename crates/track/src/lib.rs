@@ -2,7 +2,8 @@
 //! constant-velocity filter joins their positions over frames. Lengths are metres, paths are metres of light.
 //!
 //! [`Sight`] is a capture with the light that blobs are expected to send ([`Blob`]); [`locate`] finds how many there are and where,
-//! with a covariance that includes what a blob does not describe; [`Tracker`] follows them.
+//! with a covariance that includes what a blob does not describe; [`Calibration`] does so for pairs that known positions calibrate;
+//! [`Tracker`] follows them.
 
 #![deny(missing_docs)]
 #![warn(clippy::too_many_lines)]
