@@ -4,6 +4,7 @@
 #![warn(clippy::too_many_lines)]
 
 pub mod batch;
+pub mod calibration;
 pub mod cli;
 pub mod demo;
 pub mod evaluate;

@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+use crate::calibration;
 use serde_json::{Value, json};
 use thirdbounce::capture::{Capture, Reflectance};
 use thirdbounce::engine::{background, room_light, variances, without_room};
@@ -12,7 +13,7 @@ use thirdbounce::files::staging::Staging;
 use thirdbounce::glam::{DMat3, DVec3};
 use thirdbounce::settings::{ReflectanceSetting, Settings};
 use thirdbounce::{Error, Result, job};
-use thirdbounce_track::{Finding, LocateOptions, Position, Sight, TrackState, Tracker, locate};
+use thirdbounce_track::{Edge, Finding, LocateOptions, Position, Sight, TrackState, Tracker, locate};
 
 /// Names of the files of a result; the report is the last that appears.
 pub const FILES: [&str; 4] = ["track.csv", "track.svg", "track.html", "track.json"];
@@ -26,6 +27,10 @@ pub struct Tracking {
     pub settings: Settings,
     /// What is looked for; the box comes from the settings.
     pub options: LocateOptions,
+    /// A calibration of the pairs by known positions.
+    pub calibration: Option<PathBuf>,
+    /// An edge that hides a part of the scene.
+    pub edge: Option<Edge>,
     /// Seconds from frame to frame.
     pub frame_time: f64,
     /// Standard deviation of a coordinate of the acceleration, metres per second squared.
@@ -54,6 +59,7 @@ pub struct Tracked {
 /// written then.
 pub fn track(what: &Tracking, hear: &mut dyn FnMut(usize) -> Result<()>) -> Result<Tracked> {
     check(what)?;
+    let calibration = what.calibration.as_deref().map(calibration::read).transpose()?;
     let mut tracker = Tracker::new(what.frame_time, what.acceleration);
     let (mut rows, mut notes, mut reports) = (vec![], vec![], vec![]);
     let (mut seconds, mut first, mut volume) = (0.0, None::<Capture>, None);
@@ -73,9 +79,16 @@ pub fn track(what: &Tracking, hear: &mut dyn FnMut(usize) -> Result<()>) -> Resu
         }
         let capture = emptied(loaded.capture, number == 0, &mut notes);
         let clock = Instant::now();
-        let sight = Sight::of(&capture, law(&what.settings), noise(&capture))?;
-        let found = locate(&sight, &what.options, &tracker.expected())
-            .map_err(|e| if what.frames.len() > 1 { e.at(path.display()) } else { e })?;
+        let found = match &calibration {
+            Some(calibration) => {
+                calibration.locate(&capture, what.options.volume, what.options.blobs.is_some())
+            }
+            None => {
+                let sight = Sight::of(&capture, law(&what.settings), noise(&capture))?.past(what.edge);
+                locate(&sight, &what.options, &tracker.expected())
+            }
+        };
+        let found = found.map_err(|e| if what.frames.len() > 1 { e.at(path.display()) } else { e })?;
         let states = tracker.step(&found.positions);
         seconds += clock.elapsed().as_secs_f64();
         let time = number as f64 * what.frame_time;
@@ -116,7 +129,18 @@ fn check(what: &Tracking) -> Result<()> {
             return Err(Error::options(format!("{name} is {value}"), "give a number above 0"));
         }
     }
-    let inputs = || what.frames.iter().map(PathBuf::as_path).chain(what.settings.empty.as_deref());
+    if what.calibration.is_some()
+        && (what.settings.empty.is_some() || what.options.blobs.is_some_and(|n| n > 1))
+    {
+        return Err(Error::options(
+            "a calibration holds the empty room and one object",
+            "leave out --empty, and --blobs 2 or 3",
+        ));
+    }
+    let inputs = || {
+        let beside = what.settings.empty.iter().chain(&what.calibration);
+        what.frames.iter().chain(beside).map(PathBuf::as_path)
+    };
     FILES.iter().try_for_each(|name| job::check_not_input(&what.out.join(name), inputs()))
 }
 

@@ -42,6 +42,8 @@ pub enum BlobShape {
     Ball,
     /// Flat: the centre is where the light comes from.
     Flat,
+    /// Upright on the scanned surface, such as a floor: light comes from all heights up to twice that of the centre.
+    Upright,
 }
 
 impl BlobShape {
@@ -50,7 +52,7 @@ impl BlobShape {
         match self {
             BlobShape::Any => ROUNDNESS,
             BlobShape::Ball => [1.0, KNOWN],
-            BlobShape::Flat => [0.0, KNOWN],
+            BlobShape::Flat | BlobShape::Upright => [0.0, KNOWN],
         }
     }
 }

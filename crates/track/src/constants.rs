@@ -5,6 +5,11 @@
 pub const BEHIND: f64 = 2.0 / 3.0;
 pub const SPREAD: f64 = 0.2357;
 
+/// Standard deviation of a disc across, in radii.
+pub const ACROSS: f64 = 0.5;
+/// Heights of an upright object that are rendered.
+pub const HEIGHTS: usize = 6;
+
 /// Prior of the extent: median, in units of length of the wall, and standard deviation of its logarithm.
 pub const EXTENT: [f64; 2] = [0.07, 0.8];
 /// Prior of the roundness, from 0 (the centre is where the light comes from) to 1 (a ball): mean and standard deviation, if the shape
@@ -20,6 +25,19 @@ pub const PATH_ERROR: f64 = 0.05;
 pub const PROFILE_ERROR: f64 = 0.1;
 /// Standard deviation of the centre from the centre of light, in squared extents over the distance: near parts send more light.
 pub const CENTRE_ERROR: f64 = 1.0;
+
+/// Calibration: fewest positions, and rounds of fit and weights.
+pub const LEAST_CALIBRATION: usize = 20;
+pub const ROUNDS: usize = 3;
+/// Bins of direct light have more than this share of its strongest bin.
+pub const DIRECT: f64 = 0.01;
+/// Standard deviation of wall points and delays, metres; deviation of paths, in bins and in metres, and the standard deviation of its
+/// logarithm; mean and standard deviation of the powers of distances and cosines.
+pub const PLACE_PRIOR: f64 = 0.3;
+pub const DEVIATION_PRIOR: [f64; 3] = [0.75, 0.1, 0.5];
+pub const POWER_PRIORS: [[f64; 2]; 2] = [[1.6, 0.4], [1.0, 1.0]];
+/// Standard deviation of the light of a calibrated object, as a share: it turns.
+pub const CALIBRATED_LIGHT: f64 = 0.3;
 
 /// Least variance of a bin, in those of a count.
 pub const LEAST_COUNT: f64 = 0.3;

@@ -116,11 +116,12 @@ fn add(
     bench: &mut PairSums,
     sum: &mut Information,
 ) {
-    let blobs = guess.blobs.len();
-    // Per blob: counts, derivatives by path and variance; then the background, and the residual.
-    let (background, residual) = (3 * blobs, 3 * blobs + 1);
+    let parts = sight.parts;
+    let rays: Vec<Ray> = guess.blobs.iter().flat_map(|blob| sight.rays(pair, blob)).collect();
+    // Per ray: counts, derivatives by path and variance; then the background, and the residual.
+    let (background, residual) = (3 * rays.len(), 3 * rays.len() + 1);
     let count = residual + 1;
-    bench.rendered.resize(blobs, vec![]);
+    bench.rendered.resize(rays.len(), vec![]);
     bench.products.resize(count, vec![]);
     bench.products.iter_mut().for_each(|row| {
         row.clear();
@@ -128,7 +129,6 @@ fn add(
     });
     bench.columns.resize(count, 0.0);
     let mut window = [sight.bins, 0];
-    let rays: Vec<Ray> = guess.blobs.iter().map(|blob| sight.ray(pair, blob)).collect();
     for (ray, into) in rays.iter().zip(&mut bench.rendered) {
         into.clear();
         into.resize(sight.bins, [0.0; 3]);
@@ -140,8 +140,12 @@ fn add(
     let (products, columns) = (&mut bench.products, &mut bench.columns);
     let counts = &sight.counts[pair * sight.bins..(pair + 1) * sight.bins];
     let [dark, of_dark] = sight.variance(guess.background);
-    let peak: f64 =
-        bench.rendered.iter().map(|bins| bins.iter().fold(0.0, |most: f64, b| most.max(b[0]))).sum();
+    let of_blob =
+        |rendered: &[Vec<[f64; 3]>], bin: usize| rendered.iter().map(|bins| bins[bin][0]).sum::<f64>();
+    let strongest = |rendered: &[Vec<[f64; 3]>]| {
+        (window[0]..window[1]).fold(0.0, |most: f64, bin| most.max(of_blob(rendered, bin)))
+    };
+    let peak: f64 = bench.rendered.chunks(parts).map(strongest).sum();
     let misshapen = if has_errors { (PROFILE_ERROR * peak).powi(2) } else { 0.0 };
     let (mut outside, mut log) = ([0.0; 3], 0.0);
     for (bin, count_of_bin) in counts.iter().enumerate() {
@@ -174,10 +178,13 @@ fn add(
         products[j][i] = products[i][j];
     }
     for (at, blob) in guess.blobs.iter().enumerate().filter(|_| has_errors) {
-        for (column, error) in [(3 * at, LIGHT_ERROR), (3 * at + 1, 2.0 * PATH_ERROR * blob.extent.exp())] {
+        for (first, error) in [(0, LIGHT_ERROR), (1, 2.0 * PATH_ERROR * blob.extent.exp())] {
             let variance = error * error;
-            let along = products[column].clone();
-            let grown = 1.0 + variance * along[column];
+            // One error of all rays of a blob.
+            let of_blob = || (at * parts..(at + 1) * parts).map(|ray| 3 * ray + first);
+            let along: Vec<f64> =
+                (0..count).map(|row| of_blob().map(|column| products[column][row]).sum()).collect();
+            let grown = 1.0 + variance * of_blob().map(|column| along[column]).sum::<f64>();
             log += grown.ln();
             let share = variance / grown;
             for (row, a) in products.iter_mut().zip(&along) {
@@ -187,7 +194,7 @@ fn add(
     }
     sum.squares += products[residual][residual];
     sum.log_variance += log;
-    chain(guess, &rays, products, sum);
+    chain(guess, parts, &rays, products, sum);
 }
 
 /// Derivatives of a column of sums by the numbers of a blob: weights of counts, of the derivatives by path and by variance.
@@ -201,28 +208,31 @@ fn weights(blob: &Blob, ray: &Ray) -> [[f64; 3]; NUMBERS] {
         along(1),
         along(2),
         [1.0, 0.0, 0.0],
-        [0.0, shift * blob.roundness, 2.0 * (2.0 * SPREAD * radius).powi(2)],
+        [ray.by_extent, shift * blob.roundness, 2.0 * (2.0 * SPREAD * radius).powi(2)],
         [0.0, shift, 0.0],
     ]
 }
 
 /// Adds the sums of a pair to those of all numbers.
-fn chain(guess: &Blobs, rays: &[Ray], products: &Rows, sum: &mut Information) {
+fn chain(guess: &Blobs, parts: usize, rays: &[Ray], products: &Rows, sum: &mut Information) {
     let blobs = guess.blobs.len();
-    let (background, residual) = (3 * blobs, 3 * blobs + 1);
-    let all: Vec<_> = guess.blobs.iter().zip(rays).map(|(blob, ray)| weights(blob, ray)).collect();
+    let (background, residual) = (3 * rays.len(), 3 * rays.len() + 1);
+    let blob_of = |ray: usize| ray / parts;
+    let all: Vec<_> =
+        rays.iter().enumerate().map(|(at, ray)| weights(&guess.blobs[blob_of(at)], ray)).collect();
     let last = NUMBERS * blobs;
     for (a, of_a) in all.iter().enumerate() {
         for (i, weight) in of_a.iter().enumerate() {
-            let row = NUMBERS * a + i;
+            let row = NUMBERS * blob_of(a) + i;
             let combined =
                 |column: usize| (0..3).map(|k| weight[k] * products[3 * a + k][column]).sum::<f64>();
             sum.score[row] += combined(residual);
             sum.matrix[last][row] += combined(background);
-            for (b, of_b) in all.iter().enumerate().take(a + 1) {
+            for (b, of_b) in all.iter().enumerate().take((blob_of(a) + 1) * parts) {
                 let columns = [combined(3 * b), combined(3 * b + 1), combined(3 * b + 2)];
                 for (j, other) in of_b.iter().enumerate() {
-                    sum.matrix[row][NUMBERS * b + j] += (0..3).map(|k| other[k] * columns[k]).sum::<f64>();
+                    sum.matrix[row][NUMBERS * blob_of(b) + j] +=
+                        (0..3).map(|k| other[k] * columns[k]).sum::<f64>();
                 }
             }
         }
@@ -237,6 +247,7 @@ mod tests {
 
     use super::*;
     use crate::capture::{Capture, Pulse, Reflectance};
+    use crate::edge::Edge;
 
     fn sight() -> Sight {
         let points = |shift: f64| {
@@ -262,7 +273,7 @@ mod tests {
         let of_pair = |pair: usize| {
             let mut rendered = vec![[0.0; 3]; sight.bins];
             for blob in &guess.blobs {
-                sight.render(&sight.ray(pair, blob), &mut vec![], &mut rendered);
+                sight.rays(pair, blob).for_each(|ray| _ = sight.render(&ray, &mut vec![], &mut rendered));
             }
             rendered.into_iter().map(|r| r[0] + guess.background).collect::<Vec<_>>()
         };
@@ -271,7 +282,16 @@ mod tests {
 
     #[test]
     fn derivatives_are_finite_differences() {
-        let (sight, guess) = (sight(), guess());
+        check_derivatives(&sight());
+    }
+
+    #[test]
+    fn derivatives_of_upright_objects_behind_an_edge_are_finite_differences() {
+        check_derivatives(&sight().past(Some(Edge::new([-0.05, 0.12], -170.0))).upright());
+    }
+
+    fn check_derivatives(sight: &Sight) {
+        let guess = guess();
         let numbers = guess.numbers();
         let small = 1e-5;
         let slopes: Vec<Vec<f64>> = (0..numbers)
@@ -279,13 +299,13 @@ mod tests {
                 let side = |sign: f64| {
                     let mut step = vec![0.0; numbers];
                     step[number] = sign * small;
-                    means(&sight, &guess.stepped(&step, false))
+                    means(sight, &guess.stepped(&step, false))
                 };
                 side(1.0).iter().zip(side(-1.0)).map(|(a, b)| (a - b) / (2.0 * small)).collect()
             })
             .collect();
-        let mean = means(&sight, &guess);
-        let found = information(&sight, &guess, false);
+        let mean = means(sight, &guess);
+        let found = information(sight, &guess, false);
         let weights: Vec<f64> = mean.iter().map(|m| 1.0 / sight.variance(*m)[0]).collect();
         for i in 0..numbers {
             let score: f64 =
@@ -306,15 +326,22 @@ mod tests {
 
     #[test]
     fn errors_of_the_model_are_those_of_the_full_covariance_of_a_pair() {
-        let (sight, mut guess) = (sight(), guess());
+        check_errors(&sight());
+        check_errors(&sight().upright());
+    }
+
+    fn check_errors(sight: &Sight) {
+        let mut guess = guess();
         guess.blobs.truncate(1);
-        let found = information(&sight, &guess, true);
+        let found = information(sight, &guess, true);
         // The same by dense matrices.
         let (mut squares, mut log) = (0.0, 0.0);
         let radius = guess.blobs[0].extent.exp();
         for pair in 0..sight.pairs() {
             let mut rendered = vec![[0.0; 3]; sight.bins];
-            sight.render(&sight.ray(pair, &guess.blobs[0]), &mut vec![], &mut rendered);
+            sight
+                .rays(pair, &guess.blobs[0])
+                .for_each(|ray| _ = sight.render(&ray, &mut vec![], &mut rendered));
             let mean = |bin: usize| rendered[bin][0] + guess.background;
             let peak = rendered.iter().fold(0.0, |most: f64, b| most.max(b[0]));
             let is_lit = |bin: usize| rendered[bin][0] > 0.0;

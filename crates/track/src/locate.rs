@@ -20,7 +20,7 @@ pub struct LocateOptions {
     /// What is known of their shape.
     pub shape: BlobShape,
     /// Lowest and highest corner of the box that holds them, metres; `None`: in front of the scanned part of the wall and half its side
-    /// around, as deep as the paths reach.
+    /// around, as deep as the paths reach; of upright objects as far around as the paths reach, and half as high.
     pub volume: Option<[DVec3; 2]>,
 }
 
@@ -91,12 +91,14 @@ pub fn locate(sight: &Sight, options: &LocateOptions, before: &[DVec3]) -> Resul
     if options.blobs.is_some_and(|n| !(1..=MOST_BLOBS).contains(&n)) {
         return Err(Error::options("the number of blobs is out of range", "give 1, 2 or 3"));
     }
+    let upright = (options.shape == BlobShape::Upright).then(|| sight.upright());
+    let sight = upright.as_ref().unwrap_or(sight);
     let volume = options.volume.unwrap_or_else(|| volume_of(sight));
     check(sight, volume)?;
     let known = |blobs: usize| Expected::within(volume, blobs, options.shape, sight.unit);
     let dark = Blobs { blobs: vec![], background: sight.background };
     let mut best = fit(sight, dark, &known(0), ITERATIONS);
-    let needed = PROVED * ((sight.pairs() * sight.bins) as f64).ln();
+    let needed = needed(sight.pairs(), sight.bins);
     let mut drops = vec![];
     for blobs in 1..=options.blobs.unwrap_or(MOST_BLOBS) {
         let known = known(blobs);
@@ -121,11 +123,26 @@ pub fn locate(sight: &Sight, options: &LocateOptions, before: &[DVec3]) -> Resul
     Ok(Finding { positions, background: best.guess.background, excess: best.excess(), drops, needed, volume })
 }
 
+/// The least drop of χ² that proves a blob.
+pub(crate) fn needed(pairs: usize, bins: usize) -> f64 {
+    PROVED * ((pairs * bins) as f64).ln()
+}
+
+/// The direction along which a position is not measured, in a box of this size at this distance.
+pub(crate) fn unmeasured(covariance: DMat3, size: DVec3, distance: f64) -> Option<DVec3> {
+    let (variance, axis) = axes(covariance)[0];
+    let of_box = size / 12f64.sqrt();
+    let is_measured = variance.sqrt() < UNMEASURED * (axis * of_box).length().min(distance);
+    (!is_measured).then_some(axis)
+}
+
 /// The box without options.
 fn volume_of(sight: &Sight) -> [DVec3; 2] {
     let [x0, x1, y0, y1] = sight.wall;
-    let around = 0.5 * (x1 - x0).max(y1 - y0);
     let deep = (0.5 * sight.end()).max(2.0 * LEAST_DEPTH * sight.unit);
+    // Upright objects are beside the surface, not in front of it.
+    let (around, deep) =
+        if sight.parts > 1 { (deep, 0.5 * deep) } else { (0.5 * (x1 - x0).max(y1 - y0), deep) };
     [
         DVec3::new(x0 - around, y0 - around, LEAST_DEPTH * sight.unit),
         DVec3::new(x1 + around, y1 + around, deep),
@@ -204,9 +221,6 @@ fn position(
     let off = (CENTRE_ERROR * (2.0 * blob.extent).exp() / way.length().max(1e-6 * sight.unit)).powi(2);
     let (linear, covariance) = (linear + DMat3::IDENTITY * off, covariance + DMat3::IDENTITY * off);
     let toward = way.normalize_or(DVec3::Z);
-    let (variance, axis) = axes(covariance)[0];
-    let of_box = (volume[1] - volume[0]) / 12f64.sqrt();
-    let is_measured = variance.sqrt() < UNMEASURED * (axis * of_box).length().min(way.length());
     // Shape and what a blob does not describe are the same in the next frame.
     let shape =
         Expected { extent: [blob.extent, KNOWN], roundness: [blob.roundness, KNOWN], ..known.clone() };
@@ -219,7 +233,7 @@ fn position(
         light: [blob.light.exp(), all[first + 3][first + 3].sqrt()],
         extent: [blob.extent.exp(), all[first + 4][first + 4].sqrt()],
         share: 1.0,
-        unmeasured: (!is_measured).then_some(axis),
+        unmeasured: unmeasured(covariance, volume[1] - volume[0], way.length()),
     })
 }
 

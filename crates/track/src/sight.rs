@@ -4,7 +4,8 @@ use glam::DVec3;
 
 use crate::blob::Blob;
 use crate::capture::{Capture, PulseTaps, Reflectance};
-use crate::constants::{BEHIND, LEAST_COUNT, SPREAD};
+use crate::constants::{BEHIND, HEIGHTS, LEAST_COUNT, SPREAD};
+use crate::edge::Edge;
 use crate::error::Result;
 
 /// Standard deviation of a Gaussian of full width at half maximum 1.
@@ -38,6 +39,9 @@ pub struct Sight {
     pub(crate) wall: [f64; 4],
     /// Counts of a bin without light.
     pub(crate) background: f64,
+    /// Rays of a blob in a pair: 1, or the heights of an upright object.
+    pub(crate) parts: usize,
+    edge: Option<Edge>,
 }
 
 /// The light of a blob in a pair, and derivatives by its position.
@@ -51,8 +55,9 @@ pub(crate) struct Ray {
     pub light: f64,
     pub by_path: DVec3,
     pub by_variance: DVec3,
-    /// Of the logarithm of the light.
+    /// Of the logarithm of the light; and by that of the extent.
     pub by_light: DVec3,
+    pub by_extent: f64,
 }
 
 impl Sight {
@@ -87,7 +92,37 @@ impl Sight {
             unit: capture.unit(),
             wall: capture.wall_extent(),
             background: capture.background().level,
+            parts: 1,
+            edge: None,
         })
+    }
+
+    /// The same scan past an edge.
+    #[must_use]
+    pub fn past(self, edge: Option<Edge>) -> Sight {
+        Sight { edge, ..self }
+    }
+
+    /// The same scan of upright objects.
+    pub(crate) fn upright(&self) -> Sight {
+        Sight { parts: HEIGHTS, ..self.clone() }
+    }
+
+    /// Share of the light between both points of a pair and a place that passes the edge.
+    pub(crate) fn passed(&self, pair: usize, at: DVec3, radius: f64) -> f64 {
+        let Some(edge) = self.edge else { return 1.0 };
+        let sides = [(self.laser[pair], self.spots[0]), (self.sensor[pair], self.spots[1])];
+        sides.iter().map(|(point, spot)| edge.passed(*point, *spot, at, radius).light).sum::<f64>().exp()
+    }
+
+    /// The height of a part, from 0 to twice the centre's, as a share of that.
+    pub(crate) fn lift(&self, part: usize) -> f64 {
+        if self.parts > 1 { (2 * part + 1) as f64 / self.parts as f64 } else { 1.0 }
+    }
+
+    /// The rays of a blob in a pair.
+    pub(crate) fn rays<'a>(&'a self, pair: usize, blob: &'a Blob) -> impl Iterator<Item = Ray> + 'a {
+        (0..self.parts).map(move |part| self.ray(pair, blob, part))
     }
 
     /// Number of pairs.
@@ -122,8 +157,11 @@ impl Sight {
         [variance, noise / variance]
     }
 
-    /// The light of a blob in a pair.
-    pub(crate) fn ray(&self, pair: usize, blob: &Blob) -> Ray {
+    /// The light of a part of a blob in a pair.
+    fn ray(&self, pair: usize, blob: &Blob, part: usize) -> Ray {
+        let is_upright = self.parts > 1;
+        let lift = self.lift(part);
+        let at = blob.at * DVec3::new(1.0, 1.0, lift);
         let sides = [
             (self.laser[pair], self.laser_normal[pair], self.spots[0]),
             (self.sensor[pair], self.sensor_normal[pair], self.spots[1]),
@@ -132,14 +170,15 @@ impl Sight {
         let mut ray = Ray {
             path: -2.0 * BEHIND * blob.roundness * radius,
             variance: (2.0 * SPREAD * radius).powi(2) + (0.05 * self.width).powi(2),
-            light: blob.light,
+            light: blob.light - (self.parts as f64).ln(),
             by_path: DVec3::ZERO,
             by_variance: DVec3::ZERO,
             by_light: DVec3::ZERO,
+            by_extent: 0.0,
         };
         let power = f64::from(self.law.falloff_power()) / 2.0;
         for (point, normal, spot) in sides {
-            let way = blob.at - point;
+            let way = at - point;
             let distance = way.length().max(1e-6 * self.unit);
             let (toward, cosine) = (way / distance, normal.dot(way) / distance);
             ray.path += distance;
@@ -155,6 +194,21 @@ impl Sight {
                 ray.light += lit.ln();
                 ray.by_light += turned / lit;
             }
+            if is_upright && self.law.has_normals() {
+                // The cosine of a face that turns toward the point.
+                let level = (1.0 - cosine * cosine).max(1e-6);
+                ray.light += 0.5 * level.ln();
+                ray.by_light -= cosine / level * turned;
+            }
+            if let Some(edge) = self.edge {
+                let passed = edge.passed(point, spot, at, radius);
+                ray.light += passed.light;
+                ray.by_light += passed.by_at;
+                ray.by_extent += passed.by_extent;
+            }
+        }
+        for derivative in [&mut ray.by_path, &mut ray.by_variance, &mut ray.by_light] {
+            derivative.z *= lift;
         }
         ray.light = ray.light.min(80.0).exp();
         ray

@@ -80,7 +80,7 @@ fn filtered(sight: &Sight, guess: &Blobs, width: f64) -> FilteredPaths {
         let mut rendered = vec![[0.0; 3]; bins];
         let mut spare = vec![];
         for blob in &guess.blobs {
-            sight.render(&sight.ray(pair, blob), &mut spare, &mut rendered);
+            sight.rays(pair, blob).for_each(|ray| _ = sight.render(&ray, &mut spare, &mut rendered));
         }
         let rest: Vec<f64> =
             counts.iter().zip(&rendered).map(|(count, r)| count - guess.background - r[0]).collect();
@@ -115,15 +115,24 @@ fn filtered(sight: &Sight, guess: &Blobs, width: f64) -> FilteredPaths {
 fn score(sight: &Sight, rows: &FilteredPaths, at: DVec3) -> [f64; 2] {
     let (mut light, mut weight) = (0.0, 0.0);
     for (row, pair) in rows.pairs.iter().enumerate() {
-        let ways = [at.distance(sight.laser[*pair]), at.distance(sight.sensor[*pair])];
-        let bin = (ways[0] + ways[1] - sight.start) / sight.width;
-        if !(0.0..sight.bins as f64).contains(&bin) {
-            continue;
+        let (mut before, mut in_bin) = (usize::MAX, 0.0);
+        for part in 0..sight.parts {
+            let at = at * DVec3::new(1.0, 1.0, sight.lift(part));
+            let ways = [at.distance(sight.laser[*pair]), at.distance(sight.sensor[*pair])];
+            let bin = (ways[0] + ways[1] - sight.start) / sight.width;
+            if !(0.0..sight.bins as f64).contains(&bin) {
+                continue;
+            }
+            let passed = sight.passed(*pair, at, EXTENT[0] * sight.unit);
+            let fall = (sight.unit * sight.unit / (ways[0] * ways[1]).max(1e-9)).powi(2) * passed;
+            let here = row * sight.bins + bin as usize;
+            light += fall * rows.light[here];
+            // The light of parts in one bin adds up before it is squared.
+            in_bin = if here == before { in_bin + fall } else { fall };
+            let others = in_bin - fall;
+            weight += (in_bin * in_bin - others * others) * rows.weight[here];
+            before = here;
         }
-        let fall = (sight.unit * sight.unit / (ways[0] * ways[1]).max(1e-9)).powi(2);
-        let here = row * sight.bins + bin as usize;
-        light += fall * rows.light[here];
-        weight += fall * fall * rows.weight[here];
     }
     if light > 0.0 && weight > 0.0 { [light * light / weight, light / weight] } else { [0.0; 2] }
 }

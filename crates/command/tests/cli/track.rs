@@ -88,6 +88,60 @@ fn positions_have_the_error_that_they_say() {
 }
 
 #[test]
+fn known_positions_make_a_calibration_by_which_others_are_found() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).display().to_string();
+    // A ball on a tilted circle; every second frame calibrates.
+    let simulate =
+        ["simulate", "sphere", "--fit", "0.2", "--moving", "48", "--step", "0.04", "--circle", "0.3"];
+    let more = [
+        "--scan",
+        "2",
+        "--bin-width",
+        "0.05",
+        "--bins",
+        "60",
+        "--photons",
+        "300",
+        "--dark",
+        "10",
+        "--quiet",
+        "--out",
+    ];
+    let frames = at("frames");
+    succeed(&[&simulate[..], &more, &[&frames]].concat());
+    let mut frames: Vec<String> =
+        std::fs::read_dir(at("frames")).unwrap().map(|f| f.unwrap().path().display().to_string()).collect();
+    frames.retain(|name| name.ends_with(".npz") && !name.contains("truth"));
+    frames.sort();
+    assert_eq!(frames.len(), 48);
+    let known: Vec<&str> = frames.iter().step_by(2).map(String::as_str).collect();
+    let others: Vec<&str> = frames.iter().skip(1).step_by(2).map(String::as_str).collect();
+    let place = |frame: usize| {
+        let (sine, cosine) = (0.04 / 0.3 * frame as f64).sin_cos();
+        [0.3 * cosine, 0.3 * sine, 0.7 + 0.4 * 0.3 * sine]
+    };
+    let line = |[x, y, z]: [f64; 3]| format!("{x},{y},{z}\n");
+    let lines: String = (0..48).step_by(2).map(|frame| line(place(frame))).collect();
+    std::fs::write(at("known.csv"), lines).unwrap();
+    let (out, file) = (at("calibration"), at("calibration/calibration.json"));
+    let gate = ["--gate", "0:3"];
+    let said =
+        succeed(&[&["track"], &known[..], &gate, &["--calibrate", &at("known.csv"), "--out", &out]].concat());
+    assert!(said.contains("pair 3") && said.contains("error     0.0"), "{said}");
+    let found = ["--calibration", &file, "--blobs", "1", "--quiet"];
+    succeed(&[&["track"], &others[..], &gate, &found, &["--out", &at("found")]].concat());
+    let report = report(&at("found"));
+    let frames = report["frames"].as_array().unwrap();
+    let error = |k: usize| {
+        let (found, truth) = (numbers(&frames[k]["blobs"][0]["position_m"]), place(2 * k + 1));
+        (0..3).map(|axis| (found[axis] - truth[axis]).abs()).fold(0.0, f64::max)
+    };
+    let errors: Vec<f64> = (0..24).map(error).collect();
+    assert!(errors.iter().all(|error| *error < 0.05), "{errors:?}");
+}
+
+#[test]
 fn what_cannot_be_tracked_is_one_error_and_writes_nothing() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).display().to_string();
@@ -108,7 +162,15 @@ fn what_cannot_be_tracked_is_one_error_and_writes_nothing() {
     }
     std::fs::create_dir(at("nothing")).unwrap();
     let (two, three, none, empty) = (at("two.npz"), at("three.npz"), at("none.npz"), at("nothing"));
-    let cases: [(&[&str], &str); 6] = [
+    let (one, letters) = (at("one.csv"), at("letters.csv"));
+    std::fs::write(&one, "# x, y, z\n0.1,0.2,0.7\n").unwrap();
+    std::fs::write(&letters, "0.1,0.2\n").unwrap();
+    let cases: [(&[&str], &str); 11] = [
+        (&[&two, "--calibrate", &one], "1 captures and 1 positions make no calibration"),
+        (&[&two, &two, "--calibrate", &one], "1 positions of 2 captures"),
+        (&[&two, "--calibrate", &letters], "line 1 is \"0.1,0.2\""),
+        (&[&two, "--calibration", &one], "one.csv"),
+        (&[&two, "--calibration", &one, "--blobs", "2"], "a calibration holds the empty room and one object"),
         (&[&two, &three], "its points differ from those of"),
         (&[&none], "none.npz"),
         (&[&empty], "holds no capture"),
@@ -121,4 +183,7 @@ fn what_cannot_be_tracked_is_one_error_and_writes_nothing() {
         assert!(!Path::new(&at("x")).exists(), "{args:?}");
     }
     fail(&["track", &two, "--blobs", "4", "--out", &at("x")], 2, "possible values");
+    fail(&["track", &two, "--edge", "0,1", "--out", &at("x")], 2, "direction of the wall");
+    let both = ["track", &two, "--calibration", &one, "--shape", "ball", "--out", &at("x")];
+    fail(&both, 2, "cannot be used with");
 }

@@ -8,6 +8,7 @@ mod learn;
 mod native;
 mod opened;
 mod others;
+mod positions;
 mod real;
 mod recipes;
 mod scipy;
@@ -48,6 +49,12 @@ fn main() -> ExitCode {
         real::real_captures_go_from_any_form_to_any,
         real::real_captures_raise_no_false_warning,
         real::trials_tell_how_captured_things_reflect,
+    ]);
+    all.extend(trials![
+        "needs THIRDBOUNCE_DATA, and Python with numpy and scipy",
+        data.clone().filter(|_| has(&python, "numpy, scipy.io")),
+        positions::calibrated_zones_have_the_errors_that_they_say,
+        positions::upright_facets_behind_an_edge_are_where_they_stand,
     ]);
     let scientific = with("h5py, matplotlib, numpy, OpenEXR, scipy");
     all.extend(trials!["needs Python packages", scientific, opened::python_opens_everything]);
