@@ -15,7 +15,7 @@ use thirdbounce::maps::Truth;
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{Dark, Layout, RenderOptions, Scene, simulate, truth};
 use thirdbounce::transport::Reflectance;
-use thirdbounce::{Gpu, Grade, Settings, Verdict, reconstruct};
+use thirdbounce::{Gpu, Grade, Settings, Verdict, prepare, reconstruct};
 
 /// Pixels of the maps.
 const LATERAL: usize = 64;
@@ -310,11 +310,12 @@ const FAULTS: &[Fault] = &[
     },
 ];
 
-/// IoU and verdict of a capture by the default.
+/// IoU and verdict of a capture by the default, as that of a file: with its automatic gate.
 fn solved(gpu: &Gpu, capture: &Capture, truth: &Truth) -> (f64, Verdict) {
     let lateral = LATERAL.to_string();
     let settings = Settings::from_texts([("lateral", &*lateral), ("deterministic", "true")]).unwrap();
-    match reconstruct(gpu, capture, &settings) {
+    let prepared = prepare(capture.clone(), &settings);
+    match prepared.and_then(|capture| reconstruct(gpu, &capture, &settings)) {
         Ok(result) => {
             let iou = metrics(&result.maps, truth, 0.3).ok().and_then(|m| m.iou).unwrap_or(0.0);
             (iou, result.verdict.map_or(Verdict::GOOD, |v| (*v).clone()))
