@@ -29,6 +29,7 @@ mod feed;
 mod latency;
 mod moving;
 mod options;
+mod resting;
 mod submit;
 mod worker;
 

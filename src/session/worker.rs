@@ -12,10 +12,10 @@ use super::ExternalFrame;
 use super::external::Exchange;
 use super::feed::{Feed, KeptCounts};
 use super::latency::{Latencies, Latency};
-use super::moving::RunningRoom;
+use super::moving::{RunningRoom, Subtracted, subtract};
 use super::options::{FrameId, SessionOptions, too_long};
 use crate::capture::{Capture, RoomLight};
-use crate::engine::{Prepared, Progress, Reconstruction, Watch, without_room};
+use crate::engine::{Prepared, Progress, Reconstruction, Watch};
 use crate::gpu::Gpu;
 use crate::gpu::external::TimelinePoint;
 use crate::judge::{conclude, with_maps};
@@ -411,12 +411,15 @@ impl Worker {
         let Worker { shared, prepared, scan, summed, room, running, mask_fraction, verdict, options, .. } =
             self;
         let begun = Instant::now();
-        let lacks = running.as_ref().and_then(RunningRoom::lacks);
-        let left = match running {
-            Some(running) => running.subtract(scan),
-            None => room.as_ref().and_then(|light| without_room(scan, light)).map(|(_, left)| left),
+        let subtracted = match running {
+            Some(running) => Some(running.subtract(scan)),
+            None => room.as_ref().map(|light| subtract(scan, light)),
         };
-        let left = left.map(Arc::new);
+        let (left, is_noise, whole) = match subtracted {
+            Some(Subtracted::Left(left, is_noise)) => (Some(Arc::new(left)), is_noise, None),
+            Some(Subtracted::None(why)) => (None, false, Some(why)),
+            None => (None, false, None),
+        };
         let scan = left.as_deref().unwrap_or(scan);
         let scan = match summed {
             Some(summed) => {
@@ -440,12 +443,13 @@ impl Worker {
             (solved, _) => solved?,
         };
         conclude(scan, *mask_fraction, &mut result);
-        result.verdict = Some(with_maps(verdict, &result.warnings));
-        if let Some([known, least]) = lacks {
-            result.warnings.push(format!(
-                "what rests is not known yet, and nothing is subtracted: {known} of the first {least} frames came before this one"
-            ));
+        if is_noise {
+            result.maps = Maps::empty([result.maps.nx, result.maps.ny], result.maps.extent);
+            result.warnings =
+                vec!["nothing moves: what is left of the frame is noise, and the maps are empty".into()];
         }
+        result.verdict = Some(with_maps(verdict, &result.warnings));
+        result.warnings.extend(whole);
         Ok(Solved { result, left })
     }
 }

@@ -345,10 +345,19 @@ fn what_cannot_follow_is_refused() {
     assert_error(make(options().into(), Follow::default(), sum), Kind::Options, &["decay"]);
 }
 
-/// A small plate that moves before one that rests: the frames before the background is known are those of a plain session, of later ones the
-/// background is subtracted.
 #[test]
 fn what_rests_is_subtracted_once_it_is_known() {
+    subtracts_what_rests(Some(1000.0));
+}
+
+#[test]
+fn what_rests_is_subtracted_from_values_without_noise() {
+    subtracts_what_rests(None);
+}
+
+/// A small plate that moves before one that rests: the frames before the background is known are those of a plain session, of later ones the
+/// background is subtracted.
+fn subtracts_what_rests(photons: Option<f64>) {
     let gpu = host();
     let plate = |x: f64, z: f64, half: f64| {
         let mesh =
@@ -360,7 +369,7 @@ fn what_rests_is_subtracted_once_it_is_known() {
     // All frames are measured as long as the first one.
     let mut exposure = None;
     let mut both = |number: usize| {
-        let mut scene = Scene { photons: Some(1000.0), seed: number as u64, ..scene(places[number]) };
+        let mut scene = Scene { photons, seed: number as u64, ..scene(places[number]) };
         scene.objects.push(plate(0.1, 0.95, 0.3));
         let render = RenderOptions { noise: 0.02, ..Default::default() };
         let made = thirdbounce::simulate::simulate_exposed(&scene, exposure, &render, &|_| {}).unwrap();
@@ -376,6 +385,11 @@ fn what_rests_is_subtracted_once_it_is_known() {
         let done = solved(&mut moving, &frame.histograms);
         let warns = done.warnings.iter().any(|warning| warning.contains("what rests is not known yet"));
         assert_eq!([warns, moving.last().unwrap().left.is_none()], [number < 5; 2], "{number}");
+        if let Some(left) = &moving.last().unwrap().left {
+            let sum = |counts: &[f32]| counts.iter().map(|v| f64::from(*v)).sum::<f64>();
+            let share = sum(&left.histograms) / sum(&frame.histograms);
+            assert!((0.05..0.6).contains(&share), "{photons:?}, {number}: {share}");
+        }
         if number == 0 {
             let same = solved(&mut plain, &frame.histograms);
             assert!(format!("{:?}", done.maps) == format!("{:?}", same.maps));

@@ -50,6 +50,8 @@ pub struct RoomGain {
     pub of_pair: Vec<f64>,
     /// Share of the capture's counts that is the room's.
     pub share: f64,
+    /// How far the squares of what is left are above those of noise, in standard deviations of these.
+    pub evidence: f64,
 }
 
 /// What of an empty room serves all captures of its scan.
@@ -96,13 +98,15 @@ impl Capture {
     /// empty room, or if no gain fits.
     pub fn room_gain(&self, light: &RoomLight, per_count: f64) -> Option<RoomGain> {
         let (empty, basis) = (self.empty.as_ref()?, &light.basis);
-        let coefficients = CountBlocks::of(self, empty, basis, [per_count, light.per_count]).fit()?;
+        let blocks = CountBlocks::of(self, empty, basis, [per_count, light.per_count]);
+        let coefficients = blocks.fit()?;
         let of_pair: Vec<f64> =
             (0..self.pair_count()).map(|pair| basis.at(pair, &coefficients).max(0.0)).collect();
         let rows = empty.chunks_exact(self.bins).zip(&of_pair);
         let room: f64 = rows.map(|(row, gain)| gain * row.iter().map(|v| f64::from(*v)).sum::<f64>()).sum();
         let all: f64 = self.histograms.iter().map(|v| f64::from(*v)).sum();
-        Some(RoomGain { of_pair, share: if all > 0.0 { room / all } else { 0.0 } })
+        let share = if all > 0.0 { room / all } else { 0.0 };
+        Some(RoomGain { of_pair, share, evidence: blocks.evidence(&coefficients) })
     }
 
     /// The capture less the empty room with little of its noise. `per_count` as for [`Capture::room_gain`]; the noise of both is that of a
@@ -293,6 +297,8 @@ struct CountBlocks {
     terms: Vec<Vec<f64>>,
     /// Cell, counts of the capture, and counts of the empty room.
     counts: Vec<(usize, f64, f64)>,
+    /// The same with too few counts of the empty room for a gain.
+    dark: Vec<(usize, f64, f64)>,
     /// Variance per count of both.
     per_count: [f64; 2],
 }
@@ -327,10 +333,9 @@ impl CountBlocks {
         for (terms, pairs) in terms.iter_mut().zip(&pairs) {
             terms.iter_mut().for_each(|term| *term /= (*pairs).max(1) as f64);
         }
-        let lit = |(at, [count, room]): (usize, [f64; 2])| {
-            (room > LEAST_COUNTS * per_count[1]).then_some((at / windows, count, room))
-        };
-        CountBlocks { terms, counts: sums.into_iter().enumerate().filter_map(lit).collect(), per_count }
+        let blocks = sums.into_iter().enumerate().map(|(at, [count, room])| (at / windows, count, room));
+        let (counts, dark) = blocks.partition(|(_, _, room)| *room > LEAST_COUNTS * per_count[1]);
+        CountBlocks { terms, counts, dark, per_count }
     }
 
     /// Coefficients of the gain by reweighted least squares from the densest ratio of both counts. Light of the object lies above, and
@@ -370,6 +375,24 @@ impl CountBlocks {
         Some(coefficients)
     }
 
+    /// How far the squares of what a gain leaves are above those of noise, in standard deviations of these.
+    fn evidence(&self, coefficients: &[f64]) -> f64 {
+        let [own, empty] = self.per_count;
+        let (mut above, mut variance) = (0.0, 0.0);
+        for (cell, n, e) in self.counts.iter().chain(&self.dark) {
+            let gain: f64 =
+                self.terms[*cell].iter().zip(coefficients).map(|(t, c)| t * c).sum::<f64>().max(0.0);
+            // A block of the empty room may have a count more.
+            let (room, scaled) = (gain * (e + empty), gain * gain * (e + empty));
+            let expected = own * room + empty * scaled + (SMOOTH * room).powi(2);
+            let weight = self.variance(room, scaled).recip();
+            above += weight * ((n - gain * e).powi(2) - expected);
+            // That of a squared Poisson number.
+            variance += weight * weight * (2.0 * expected * expected + own.powi(3) * room);
+        }
+        above / variance.sqrt().max(f64::MIN_POSITIVE)
+    }
+
     /// The variance of a block's difference, with that of photons and of a smooth gain.
     fn variance(&self, room: f64, scaled: f64) -> f64 {
         let [own, empty] = self.per_count;
@@ -377,13 +400,16 @@ impl CountBlocks {
         (photons + (SMOOTH * room).powi(2)).max(f64::MIN_POSITIVE)
     }
 
-    /// The ratio of counts with the most information beside it.
+    /// The ratio of counts with the most information beside it: what a block says of a gain, not what it says of its own ratio, which
+    /// grows without limit as that falls to zero.
     fn densest(&self) -> Option<f64> {
+        let all = |of: fn(&(usize, f64, f64)) -> f64| self.counts.iter().map(of).sum::<f64>();
+        let usual = all(|(_, n, _)| *n) / all(|(_, _, e)| *e);
         let mut ratios: Vec<[f64; 2]> = self
             .counts
             .iter()
             .filter(|(_, n, _)| *n > 0.0)
-            .map(|(_, n, e)| [n / e, e * e / self.variance(*n, (n / e).powi(2) * e)])
+            .map(|(_, n, e)| [n / e, e * e / self.variance(usual * e, usual * usual * e)])
             .collect();
         ratios.sort_unstable_by(|a, b| a[0].total_cmp(&b[0]));
         let (mut to, mut weight, mut best) = (0, 0.0, (0.0, None));
