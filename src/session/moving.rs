@@ -4,6 +4,8 @@
 //! is the background. The background is of the frames before the one that is subtracted from. It is renewed for an eighth of the pairs with
 //! each frame.
 
+use std::sync::Arc;
+
 use rayon::prelude::*;
 use thirdbounce_base::host;
 
@@ -54,13 +56,13 @@ pub(super) enum Subtracted {
     /// All of it, for this reason.
     None(String),
     /// What is left without the room, and whether that is noise alone.
-    Left(Capture, bool),
+    Left(Arc<Capture>, bool),
 }
 
 /// Subtracts the room that a frame holds.
 pub(super) fn subtract(frame: &Capture, light: &RoomLight) -> Subtracted {
     match without_room(frame, light) {
-        Some((gain, left)) => Subtracted::Left(left, gain.evidence < EVIDENT),
+        Some((gain, left)) => Subtracted::Left(Arc::new(left), gain.evidence < EVIDENT),
         None => Subtracted::None(
             "no gain makes what rests a part of this frame, and nothing is subtracted".into(),
         ),

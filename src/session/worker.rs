@@ -416,7 +416,7 @@ impl Worker {
             None => room.as_ref().map(|light| subtract(scan, light)),
         };
         let (left, is_noise, whole) = match subtracted {
-            Some(Subtracted::Left(left, is_noise)) => (Some(Arc::new(left)), is_noise, None),
+            Some(Subtracted::Left(left, is_noise)) => (Some(left), is_noise, None),
             Some(Subtracted::None(why)) => (None, false, Some(why)),
             None => (None, false, None),
         };
