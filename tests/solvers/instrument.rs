@@ -402,10 +402,10 @@ fn a_laser_that_stays_is_found() {
 
 /// Writes benches/results/instrument.tsv. `THIRDBOUNCE_SEED`: of the noise.
 #[test]
-#[ignore = "three minutes: make soak"]
+#[ignore = "ten minutes: make soak"]
 fn faults_of_the_instrument_are_undone_or_named() {
     let gpu = host();
-    let seed = std::env::var("THIRDBOUNCE_SEED").map_or(7100, |seed| seed.parse().expect("a number"));
+    let seed = std::env::var("THIRDBOUNCE_SEED").map_or(7311, |seed| seed.parse().expect("a number"));
     let rows: Vec<Row> = FAULTS.iter().map(|fault| Row::of(&gpu, fault, seed)).collect();
     let mut table =
         "fault\tIoU of the proper capture\tIoU\ttimes the seconds\tverdict\tnamed\theld\tfirst reason\n"
@@ -417,5 +417,5 @@ fn faults_of_the_instrument_are_undone_or_named() {
     let path = concat!(env!("CARGO_MANIFEST_DIR"), "/benches/results/instrument.tsv");
     std::fs::write(path, table).unwrap();
     let held = rows.iter().filter(|row| row.holds()).count();
-    assert!(held >= 12, "{held} of {}", rows.len());
+    assert!(held >= 17, "{held} of {}", rows.len());
 }
