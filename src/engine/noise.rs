@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use rayon::prelude::*;
+use thirdbounce_base::quantile::quantile;
 
 use crate::capture::Capture;
 use crate::options::ENOUGH_PAIRS;
@@ -101,12 +102,6 @@ const QUARTILE: f64 = 0.1015;
 fn bend(w: &[f32]) -> [f64; 2] {
     let [a, b, c] = [w[0], w[1], w[2]].map(f64::from);
     [(b - 0.5 * (a + c)).powi(2), 0.25 * a + b + 0.25 * c]
-}
-
-/// The value that a share of `values` is below, which it reorders; 0 without any.
-fn quantile(values: &mut [f64], share: f64) -> f64 {
-    let place = (values.len() as f64 * share) as usize;
-    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(place, f64::total_cmp).1 }
 }
 
 /// Variance of a bin over its mean count; 1 for photons. Estimated from second differences along time. The median over

@@ -36,7 +36,7 @@ impl std::ops::AddAssign for Resting {
     }
 }
 
-/// What there is of a window.
+/// The counts of a window in all frames.
 #[derive(Debug, Clone, Copy, Default)]
 struct Window {
     /// Means of the cluster, and of all frames.

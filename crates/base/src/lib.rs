@@ -12,5 +12,7 @@ pub mod error;
 #[cfg(feature = "formats")]
 pub mod files;
 pub mod host;
+#[doc(hidden)]
+pub mod quantile;
 
 pub use error::{Error, Kind, Result, panic_message};

@@ -72,8 +72,8 @@ impl Calibration {
             ));
         }
         let mut corners = [low, high];
+        let mut found = self.within(capture, corners)?;
         for _ in 0..FINER {
-            let found = self.within(capture, corners)?;
             // As far as the position may be, and two steps more.
             let reach =
                 FAR * found.position.deviations() + 2.0 * (corners[1] - corners[0]).max_element() / STEPS;
@@ -82,8 +82,9 @@ impl Calibration {
                 break;
             }
             corners = next;
+            found = self.within(capture, corners)?;
         }
-        let BoxPosition { position, drop, excess } = self.within(capture, corners)?;
+        let BoxPosition { position, drop, excess } = found;
         let (drops, needed) = (vec![drop], needed(self.pairs.len(), capture.bins));
         let off = (position.at - self.middle()).length();
         let position = Position { unmeasured: unmeasured(position.covariance, size, off), ..position };

@@ -6,10 +6,12 @@
 
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
+use thirdbounce_base::quantile::quantile;
 
 use crate::capture::Capture;
 use crate::constants::{DEVIATION_PRIOR, DIRECT, POWER_PRIORS};
 use crate::error::{Error, Result};
+use crate::normal;
 
 /// A calibrated pair.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -159,7 +161,7 @@ impl Calibration {
         })
     }
 
-    /// Counts of the object in a pair, added to `into`, times `share`.
+    /// Counts of the object in a pair, added to `into`.
     pub(crate) fn render(&self, pair: &CalibratedPair, at: DVec3, into: &mut [f64]) {
         let [light, path] = pair.ray(at, self.powers);
         let [start, width] = self.bins;
@@ -171,7 +173,7 @@ impl Calibration {
         }
         let edge = |bin: usize| {
             let z = (start + bin as f64 * width - path) / self.deviation;
-            0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2)
+            normal::share_below(z)
         };
         let light = light.min(80.0).exp();
         let mut last = edge(low as usize);
@@ -218,7 +220,7 @@ impl Calibration {
                 let left = self.residuals(which, measured);
                 let spread = |bin: usize| {
                     let sizes = left.iter().skip(bin).step_by(bins).map(|v| v.abs());
-                    quantile(sizes.collect(), SHARE) / SHARE_DEVIATION
+                    quantile(&mut sizes.collect::<Vec<_>>(), SHARE) / SHARE_DEVIATION
                 };
                 let mut variances: Vec<f64> = (0..bins).map(|bin| spread(bin).powi(2)).collect();
                 let used: Vec<f64> = (variances.iter().zip(&self.pairs[which].weights))
@@ -246,17 +248,8 @@ impl Calibration {
 }
 
 /// The median of values, 0 of none.
-pub(crate) fn median(values: Vec<f64>) -> f64 {
-    quantile(values, 0.5)
-}
-
-/// The value that this share of values is below, 0 of none.
-fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
-    if values.is_empty() {
-        return 0.0;
-    }
-    let at = ((share * values.len() as f64) as usize).min(values.len() - 1);
-    *values.select_nth_unstable_by(at, f64::total_cmp).1
+fn median(mut values: Vec<f64>) -> f64 {
+    quantile(&mut values, 0.5)
 }
 
 /// The first bin behind direct light, and its mean path.

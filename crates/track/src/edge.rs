@@ -3,6 +3,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::constants::ACROSS;
+use crate::normal;
 
 /// Share of the light that passes where nothing does, so that its logarithm is finite.
 const LEAST: f64 = 1e-6;
@@ -49,9 +50,8 @@ impl Edge {
         let wide = (ACROSS * radius).powi(2);
         let soft = (wide * share * share + spot * (1.0 - share).powi(2) + SHARP * SHARP).sqrt();
         let reach = beside / soft;
-        let density = (-0.5 * reach * reach).exp() * 0.398_942_280_401_432_7;
-        let passed = LEAST + 0.5 * libm::erfc(-reach * std::f64::consts::FRAC_1_SQRT_2);
-        let slope = density / passed / soft;
+        let passed = LEAST + normal::share_below(reach);
+        let slope = normal::density(reach) / passed / soft;
         let share_by_before = share / (behind - before);
         let soft_by_share = (wide * share - spot * (1.0 - share)) / soft;
         let by_before = ((along - along_point) - reach * soft_by_share) * share_by_before;

@@ -17,6 +17,7 @@ mod edge;
 mod fit;
 mod information;
 mod locate;
+mod normal;
 mod sight;
 mod start;
 mod symmetric;

@@ -7,6 +7,7 @@ use crate::capture::{Capture, PulseTaps, Reflectance};
 use crate::constants::{BEHIND, HEIGHTS, LEAST_COUNT, SPREAD};
 use crate::edge::Edge;
 use crate::error::Result;
+use crate::normal;
 
 /// Standard deviation of a Gaussian of full width at half maximum 1.
 const DEVIATION: f64 = 0.424_660_900_144_009_5;
@@ -229,8 +230,8 @@ impl Sight {
         spare.clear();
         let edge = |bin: f64| {
             let z = (self.start + bin * self.width - ray.path) / deviation;
-            let density = (-0.5 * z * z).exp() * 0.398_942_280_401_432_7;
-            [0.5 * libm::erfc(-z * std::f64::consts::FRAC_1_SQRT_2), density, z * density]
+            let density = normal::density(z);
+            [normal::share_below(z), density, z * density]
         };
         let mut last = edge(low);
         let [by_path, by_variance] = [-ray.light / deviation, -0.5 * ray.light / ray.variance];

@@ -287,8 +287,13 @@ impl GainBasis {
     }
 
     fn at(&self, pair: usize, coefficients: &[f64]) -> f64 {
-        self.terms[pair].iter().zip(coefficients).map(|(term, c)| term * c).sum()
+        sum_of(&self.terms[pair], coefficients)
     }
+}
+
+/// The gain by terms and their coefficients.
+fn sum_of(terms: &[f64], coefficients: &[f64]) -> f64 {
+    terms.iter().zip(coefficients).map(|(term, c)| term * c).sum()
 }
 
 /// Counts of capture and empty room, summed over cells of the wall and windows of time.
@@ -354,7 +359,7 @@ impl CountBlocks {
             (1..count).for_each(|i| matrix[i][i] = drift);
             for (cell, n, e) in &self.counts {
                 let terms = &self.terms[*cell];
-                let gain: f64 = terms.iter().zip(&coefficients).map(|(t, c)| t * c).sum();
+                let gain = sum_of(terms, &coefficients);
                 let room = gain.max(0.0) * e;
                 let variance = self.variance(room, gain * gain * e);
                 let off = (n - gain * e) / variance.sqrt();
@@ -380,8 +385,7 @@ impl CountBlocks {
         let [own, empty] = self.per_count;
         let (mut above, mut variance) = (0.0, 0.0);
         for (cell, n, e) in self.counts.iter().chain(&self.dark) {
-            let gain: f64 =
-                self.terms[*cell].iter().zip(coefficients).map(|(t, c)| t * c).sum::<f64>().max(0.0);
+            let gain = sum_of(&self.terms[*cell], coefficients).max(0.0);
             // A block of the empty room may have a count more.
             let (room, scaled) = (gain * (e + empty), gain * gain * (e + empty));
             let expected = own * room + empty * scaled + (SMOOTH * room).powi(2);

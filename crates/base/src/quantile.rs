@@ -1,0 +1,19 @@
+//! Quantiles of values in any order.
+
+/// The value that this share of `values` is below, which it reorders; 0 without any.
+pub fn quantile(values: &mut [f64], share: f64) -> f64 {
+    let at = ((share * values.len() as f64) as usize).min(values.len().saturating_sub(1));
+    if values.is_empty() { 0.0 } else { *values.select_nth_unstable_by(at, f64::total_cmp).1 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::quantile;
+
+    #[test]
+    fn a_share_of_the_values_is_below() {
+        let of = |share| quantile(&mut [4.0, 1.0, 3.0, 2.0, 0.0], share);
+        assert_eq!([0.0, 0.2, 0.5, 0.9, 1.0].map(of), [0.0, 1.0, 2.0, 4.0, 4.0]);
+        assert_eq!(quantile(&mut [], 0.5), 0.0);
+    }
+}
