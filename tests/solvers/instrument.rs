@@ -312,8 +312,14 @@ const FAULTS: &[Fault] = &[
 
 /// IoU and verdict of a capture by the default, as that of a file: with its automatic gate.
 fn solved(gpu: &Gpu, capture: &Capture, truth: &Truth) -> (f64, Verdict) {
+    solved_with(gpu, capture, truth, "auto")
+}
+
+/// The same with this value of `calibrate`.
+fn solved_with(gpu: &Gpu, capture: &Capture, truth: &Truth, calibrate: &str) -> (f64, Verdict) {
     let lateral = LATERAL.to_string();
-    let settings = Settings::from_texts([("lateral", &*lateral), ("deterministic", "true")]).unwrap();
+    let texts = [("lateral", &*lateral), ("deterministic", "true"), ("calibrate", calibrate)];
+    let settings = Settings::from_texts(texts).unwrap();
     let prepared = prepare(capture.clone(), &settings);
     match prepared.and_then(|capture| reconstruct(gpu, &capture, &settings)) {
         Ok(result) => {
@@ -397,7 +403,9 @@ fn a_laser_that_stays_is_found() {
         "{fair}"
     );
     assert!(!good.reasons.iter().any(|reason| reason.contains("undone")), "{good}");
-    assert!(after > before - ALIKE, "{before} {after}");
+    // Places that leave as little lie tens of centimetres apart: which one is found, the last bits decide.
+    let (untouched, _) = solved_with(&gpu, &as_confocal, &truth, "none");
+    assert!(untouched < before - 4.0 * ALIKE && after > untouched + 3.0 * ALIKE, "{before} {untouched} {after}");
 }
 
 /// Writes benches/results/instrument.tsv. `THIRDBOUNCE_SEED`: of the noise.
