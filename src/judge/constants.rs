@@ -17,3 +17,11 @@ pub const OF_PULSE: usize = 30;
 /// Rounds are left out where a trial's model error exceeds this multiple of that up to which the support follows the evidence:
 /// light of a room or of another instrument draws surface where there is none.
 pub const FAR: f64 = 0.75;
+/// Fits begin with the union of the network and a light-cone transform, too, where this share is certainly left beyond noise, and at most
+/// this: more is the light of a room, which haze explains.
+pub const UNION_LEFT: [f64; 2] = [0.03, 0.25];
+/// What the union leaves at most, of what is left without it, and standard errors of the difference at least. Below the last share, the
+/// network missed surface: what the fit shows counts as seen.
+pub const UNION_LESS: f64 = 0.85;
+pub const UNION_ERRORS: f64 = 3.0;
+pub const UNION_SHOWN: f64 = 0.6;

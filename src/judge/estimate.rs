@@ -50,7 +50,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
     let usual = job.solver.common().reflectance;
     let mut tried = vec![];
     let (mut high_pass, mut begun, mut candidates, mut expected_iou) = (None, None, vec![], None);
-    let (mut shown, mut finds_none) = (None, false);
+    let (mut shown, mut finds_none, mut is_union) = (None, false, false);
     let (mut samples, mut is_by_chance) = (None, false);
     let mut stages = EstimateSeconds::default();
     let searched = Search::new(job, gpu, hear).and_then(|mut search| {
@@ -67,7 +67,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
         (samples, is_by_chance) = (search.samples.take(), search.is_by_chance);
         tried = std::mem::take(&mut search.tried);
         candidates = std::mem::take(&mut search.candidates);
-        finds_none = search.sharp.is_empty();
+        (finds_none, is_union) = (search.sharp.is_empty(), search.is_union);
         if let Some((reflectance, _)) = found.as_ref().ok().filter(|_| search.finds_start)
             && let Some(best) =
                 std::mem::take(&mut search.sharp).into_iter().find(|s| s.reflectance == *reflectance)
@@ -81,11 +81,11 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
             };
             shown = Some(shown_of(&mut search, *reflectance, best.fitted.clone(), ask)?);
             let Candidate { layers, step, .. } = best.fitted.surface;
-            let Starts { layers: closed, light, seen } = Starts::clone(&search.starts);
+            let Starts { layers: closed, light, seen, .. } = Starts::clone(&search.starts);
             begun = Some(Begun { layers, closed, is_far: is_far && seen.is_some(), seen, light, step });
         } else if search.finds_start && search.starts.seen.is_some() {
             // No trial found a surface: what the network sees may still explain light at full resolution.
-            let Starts { layers, light, seen } = Starts::clone(&search.starts);
+            let Starts { layers, light, seen, .. } = Starts::clone(&search.starts);
             begun = Some(Begun { light, is_far: true, ..Begun::of(layers, seen) });
         }
         found
@@ -116,6 +116,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
         stages,
         shown,
         finds_none,
+        is_union,
         begun,
         device: None,
         empty: None,
@@ -137,6 +138,9 @@ pub fn shown(
     let (solver, _) = found.settle(&job.solver, &job.models)?;
     let job = Job { models: vec![], find_pulse: FindPulse::Never, ..job.with_solver(solver) };
     let searched = Search::new(&job, gpu, hear).and_then(|mut search| {
+        if found.is_union {
+            search.begin_with_union();
+        }
         let model = search.trials[0].reflectance();
         let fitted = search.fit(model, Shape::SHARP, From::Start)?;
         fitted.map(|fitted| shown_of(&mut search, model, fitted, ask)).transpose()

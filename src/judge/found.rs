@@ -63,6 +63,9 @@ pub struct Estimates {
     /// Whether fits were tried and none found a surface.
     #[serde(skip)]
     pub finds_none: bool,
+    /// Whether the fits begin with what the network and a light-cone transform show together.
+    #[serde(skip)]
+    pub is_union: bool,
     /// Layers of the surface that the fits found, and of its start, on coarse pixels.
     #[serde(skip)]
     pub(crate) begun: Option<Begun>,
@@ -86,8 +89,9 @@ impl Estimates {
     pub fn notes(&self) -> Vec<String> {
         let start = self.expected_iou.map(|iou| {
             format!(
-                "the surface begins with what the network sees; it expects an IoU of {iou:.2} (begin with lct or fbp for a \
-                 closed form)"
+                "the surface begins with what the network sees{}; it expects an IoU of {iou:.2} (begin with lct or fbp for a \
+                 closed form)",
+                if self.is_union { " and what a light-cone transform shows beside it" } else { "" }
             )
         });
         let high_pass = self.high_pass.iter().map(FoundHighPass::note);
@@ -159,6 +163,8 @@ pub enum Origin {
     Learned,
     /// The closed form.
     Closed,
+    /// The network and, where it sees nothing, a light-cone transform.
+    Union,
 }
 
 impl FoundSurface {

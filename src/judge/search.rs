@@ -97,6 +97,8 @@ pub(crate) struct Search<'t> {
     pub pulse_seconds: f64,
     /// Whether the support may leave that of the start.
     pub finds_start: bool,
+    /// Whether fits begin with what the network and a light-cone transform show together.
+    pub is_union: bool,
     /// The length of the last steps, as a share of the longest ones.
     step: f64,
 }
@@ -157,6 +159,7 @@ impl<'t> Search<'t> {
             samples: None,
             pulse_seconds: 0.0,
             finds_start,
+            is_union: false,
             step: 1.0,
         })
     }
@@ -234,22 +237,29 @@ impl<'t> Search<'t> {
 
     /// Fits every model with sharp paths.
     fn fit_sharp(&mut self) -> Result<()> {
+        let models: Vec<Reflectance> = self.trials.iter().map(Trial::reflectance).collect();
+        let origin = if self.starts.seen.is_some() { Origin::Learned } else { Origin::Closed };
+        self.sharp = self.fit_models(&models, From::Start, origin)?;
+        self.find_union()
+    }
+
+    /// Fits these models with sharp paths, side by side.
+    fn fit_models(&mut self, models: &[Reflectance], from: From<'_>, origin: Origin) -> Result<Vec<Sharp>> {
         let clock = Instant::now();
         let Search { trials, hear, known, pace, step, .. } = self;
         let mut reported = |p: &Progress| hear(&pace.of(p));
         let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
-        let all: Vec<&Trial<'_>> = trials.iter().collect();
-        let fitted = fit_all(&all, known.as_ref(), From::Start, *step, &mut watch)?;
-        let models: Vec<Reflectance> = trials.iter().map(Trial::reflectance).collect();
-        self.pace.pass(models.len() * From::Start.iterations());
-        let seconds = clock.elapsed().as_secs_f64() / models.len() as f64;
-        let start = if self.starts.seen.is_some() { Origin::Learned } else { Origin::Closed };
-        for (reflectance, fitted) in models.into_iter().zip(fitted) {
+        let all: Vec<&Trial<'_>> = models.iter().map(|of| trial_of(trials, *of)).collect();
+        let fitted = fit_all(&all, known.as_ref(), from, *step, &mut watch)?;
+        self.pace.pass(models.len() * from.iterations());
+        let seconds = clock.elapsed().as_secs_f64() / models.len().max(1) as f64;
+        let mut sharp = vec![];
+        for (reflectance, fitted) in models.iter().copied().zip(fitted) {
             let left = fitted.as_ref().and_then(|fitted| fitted.surface.left.clone());
             self.tried.push(Tried { reflectance, pulse: Shape::SHARP, left });
             let Some(fitted) = fitted else { continue };
             self.step = fitted.surface.step;
-            self.candidates.push(FoundSurface::of(reflectance, start, &fitted, seconds));
+            self.candidates.push(FoundSurface::of(reflectance, origin, &fitted, seconds));
             let candidate = self.candidates.len() - 1;
             let clock = Instant::now();
             let suggested = match self.find_pulse {
@@ -257,9 +267,50 @@ impl<'t> Search<'t> {
                 _ => self.suggested(&fitted.held, &Shape::all(self.bin_width, self.longest))?,
             };
             self.pulse_seconds += clock.elapsed().as_secs_f64();
-            self.sharp.push(Sharp { reflectance, fitted, candidate, suggested });
+            sharp.push(Sharp { reflectance, fitted, candidate, suggested });
         }
+        Ok(sharp)
+    }
+
+    /// Fits from what the network and a light-cone transform show together, where fits from the network's surface leave much, and keeps
+    /// them if they leave clearly less: the network misses dark print and large faces.
+    fn find_union(&mut self) -> Result<()> {
+        let [least, most] = UNION_LEFT;
+        let Some(left) = least_left(&self.sharp) else { return Ok(()) };
+        let is_tried = left.certain() > least && left.excess() < most;
+        let Some(layers) = self.starts.union().filter(|_| is_tried) else { return Ok(()) };
+        let models: Vec<Reflectance> = self.trials.iter().map(Trial::reflectance).collect();
+        let from = From::Layers(&layers);
+        self.pace.expect(models.len() * from.iterations());
+        let before = self.tried.len();
+        let found = self.fit_models(&models, from, Origin::Union)?;
+        let less = least_left(&found).filter(|less| less.errors_below(&left) > UNION_ERRORS);
+        let share = less.map_or(1.0, |less| less.excess() / left.excess());
+        if share > UNION_LESS {
+            self.tried.truncate(before);
+            return Ok(());
+        }
+        // What was tried with sharp paths is what these fits say.
+        self.tried.drain(..before);
+        let excess = |sharp: &&Sharp| sharp.fitted.held.left().excess();
+        let best = found.iter().min_by(|a, b| excess(a).total_cmp(&excess(b)));
+        let shown = best.filter(|_| share < UNION_SHOWN).map(|best| best.fitted.surface.layers[0].clone());
+        self.begin_with(layers, shown.as_ref());
+        self.sharp = found;
+        self.is_union = true;
         Ok(())
+    }
+
+    /// Fits begin with the union, if there is one, as those did that it was found by.
+    pub fn begin_with_union(&mut self) {
+        if let Some(layers) = self.starts.union() {
+            self.begin_with(layers, None);
+        }
+    }
+
+    fn begin_with(&mut self, layers: Vec<Maps>, shown: Option<&Maps>) {
+        self.starts = Arc::new(self.starts.with_union(layers, shown));
+        self.trials.iter_mut().for_each(|trial| trial.set_starts(&self.starts));
     }
 
     /// The sharp fit of a model, if it found a surface.
@@ -511,6 +562,11 @@ impl<'t> Search<'t> {
 /// Whether a residual is smaller than another one beyond chance, and by enough to be worth a longer model.
 fn is_worth(left: &Left, than: &Left) -> bool {
     left.share() < (1.0 - pulse::WORTH) * than.share() && left.is_less(than)
+}
+
+/// What the fit of these leaves that leaves least.
+fn least_left(sharp: &[Sharp]) -> Option<Left> {
+    sharp.iter().map(|sharp| sharp.fitted.held.left()).min_by(|a, b| a.excess().total_cmp(&b.excess()))
 }
 
 pub(crate) fn trial_of<'s, 't>(trials: &'s [Trial<'t>], reflectance: Reflectance) -> &'s Trial<'t> {

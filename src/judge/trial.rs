@@ -29,6 +29,8 @@ pub(crate) struct Trial<'c> {
 pub(crate) enum From<'l> {
     /// The network or the closed form.
     Start,
+    /// Layers in place of these, in the same way.
+    Layers(&'l [Maps]),
     /// Another fit, whose support stays, for a number of iterations.
     Fit(&'l [Maps], usize),
 }
@@ -174,6 +176,11 @@ impl<'c> Trial<'c> {
         self.options.reflectance
     }
 
+    /// Later fits begin with these.
+    pub fn set_starts(&mut self, starts: &Arc<Starts>) {
+        self.starts = starts.clone();
+    }
+
     /// Gives the fits, and what judges them, a high-pass of this length (metres of path) and floor.
     pub fn set_high_pass(&mut self, [length, floor]: [f64; 2]) {
         (self.options.high_pass, self.options.high_pass_floor) = (Some(length), floor);
@@ -193,7 +200,7 @@ impl<'c> Trial<'c> {
         fit.step = step;
         let layers = match from {
             From::Start => self.starts.layers.clone(),
-            From::Fit(layers, _) => layers.to_vec(),
+            From::Layers(layers) | From::Fit(layers, _) => layers.to_vec(),
         };
         let growth = Growth::new(&fit, Rounds { number: rounds, rings: 1 }, layers);
         Ok(UnderWay { fit, growth, last: Some(last), all, done: 0, run: None, quality: None })

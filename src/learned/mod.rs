@@ -45,6 +45,9 @@ pub const LEAST_PAIRS: usize = 49;
 pub const SURE: f32 = 0.3;
 pub const POSSIBLE: f32 = 0.2;
 
+/// Probability of a surface that the network does not see, but held-out pairs show.
+const SHOWN: f32 = 0.8;
+
 /// Voxels on each side of the most probable one that give its depth.
 const AROUND: usize = 2;
 
@@ -135,6 +138,32 @@ impl LearnedStart {
             maps.mask[pixel] = true;
         }
         maps
+    }
+
+    /// This, with the surface of `fitted` where the network is not sure of one: what held-out pairs showed.
+    pub fn joined(&self, fitted: &Maps) -> LearnedStart {
+        let mut joined = self.clone();
+        let of = |x: usize, y: usize, n: usize| {
+            let at = [x, y].map(|i| (i as f64 + 0.5) / n as f64 * self.wall);
+            let pixel = fitted.pixel_at(self.corner[0] + at[0], self.corner[1] + at[1])?;
+            Some(fitted.depth[pixel]).filter(|z| z.is_finite())
+        };
+        for x in 0..2 * SIDE {
+            for y in 0..2 * SIDE {
+                let pixel = x * 2 * SIDE + y;
+                if self.mask[pixel] <= SURE && of(x, y, 2 * SIDE).is_some() {
+                    joined.mask[pixel] = SHOWN;
+                }
+            }
+        }
+        for column in 0..SIDE * SIDE {
+            let [x, y] = [column / SIDE, column % SIDE];
+            let is_sure = |i: usize| self.mask[(2 * x + i / 2) * 2 * SIDE + 2 * y + i % 2] > SURE;
+            if let Some(depth) = of(x, y, SIDE).filter(|_| !(0..4).any(is_sure)) {
+                joined.depth[column] = depth;
+            }
+        }
+        joined
     }
 
     /// Probability of surface at the pixels of maps; 0 beside the box.

@@ -45,6 +45,9 @@ const COLUMNS_OF_WORK: usize = 128;
 /// Pairs of a filtered back-projection: as many as its coarse voxels need.
 const PROJECTED: usize = 1024;
 
+/// Share of its albedo that surface begins with which a light-cone transform alone shows.
+const DOUBTED: f32 = 0.5;
+
 /// Expected IoU below which the network is not trusted.
 const TRUSTED: f64 = 0.3;
 
@@ -57,9 +60,34 @@ pub(crate) struct Starts {
     pub light: Option<Maps>,
     /// What the network sees, if that is the start.
     pub seen: Option<Arc<LearnedStart>>,
+    /// The layer of a light-cone transform, if the network's is the first one.
+    pub closed: Option<Maps>,
 }
 
 impl Starts {
+    /// The layers, with what a light-cone transform shows where the network is not sure; `None`: it shows hardly more.
+    pub fn union(&self) -> Option<Vec<Maps>> {
+        let mut layers = self.layers.clone();
+        let (first, closed) = (layers.first_mut()?, self.closed.as_ref()?);
+        let more = |p: &usize| !first.depth[*p].is_finite() && closed.depth[*p].is_finite();
+        let pixels: Vec<usize> = (0..first.depth.len()).filter(more).collect();
+        if (pixels.len() as f64) < least_columns(first.nx) {
+            return None;
+        }
+        for pixel in pixels {
+            put(first, Some(closed), pixel);
+            first.albedo[pixel] *= DOUBTED;
+        }
+        Some(layers)
+    }
+
+    /// The same with these layers, and with what a fit from them showed as seen by the network.
+    pub fn with_union(&self, layers: Vec<Maps>, shown: Option<&Maps>) -> Starts {
+        let joined =
+            |seen: &Arc<LearnedStart>| shown.map_or_else(|| seen.clone(), |maps| Arc::new(seen.joined(maps)));
+        Starts { layers, light: self.light.clone(), seen: self.seen.as_ref().map(joined), closed: None }
+    }
+
     /// The start of fits of a capture, given in its own bins and in those of `problem`: the network, with what a light-cone transform
     /// shows beside it, or a closed form where the network sees nothing.
     ///
@@ -76,20 +104,28 @@ impl Starts {
         let mut closed = || {
             Ok::<_, Error>(match Start::new(gpu, problem, options)? {
                 Some(mut start) => start.layers(summed, options.iterations, watch)?,
-                None => {
-                    Starts { layers: vec![plane(summed, grid, options.background)], light: None, seen: None }
-                }
+                None => Starts {
+                    layers: vec![plane(summed, grid, options.background)],
+                    light: None,
+                    seen: None,
+                    closed: None,
+                },
             })
         };
         let Some(seen) = seen(gpu, options, capture, grid, problem.memory)? else { return closed() };
-        let mut starts =
-            Starts { layers: vec![seen.maps(grid, learned::SURE)], light: None, seen: Some(seen) };
+        let mut starts = Starts {
+            layers: vec![seen.maps(grid, learned::SURE)],
+            light: None,
+            seen: Some(seen),
+            closed: None,
+        };
         // A light-cone transform, which costs little, errs in other ways, and the network sees one surface where it may show two.
         if options.begin != Begin::Learned && is_light_cone(options, summed) {
             let light_cone = closed()?;
             let other = other_surface(&starts.layers[0], &light_cone.layers, least_columns(grid.n[0]));
             starts.layers.extend(other);
             starts.light = light_cone.light;
+            starts.closed = light_cone.layers.into_iter().next();
         }
         Ok(starts)
     }
@@ -268,7 +304,12 @@ fn of_method(
         retain_regions(maps, |maps, region| region.iter().any(|p| most * maps.albedo[*p] > noise));
     }
     let layers = second.and_then(|second| split(&first, &second, least_columns(first.nx)));
-    Ok(Starts { layers: layers.map_or_else(|| vec![first], Vec::from), light: Some(light), seen: None })
+    Ok(Starts {
+        layers: layers.map_or_else(|| vec![first], Vec::from),
+        light: Some(light),
+        seen: None,
+        closed: None,
+    })
 }
 
 /// The second maximum of each column of a volume: the largest value beyond the dips on both sides of the first maximum.

@@ -405,7 +405,10 @@ fn a_laser_that_stays_is_found() {
     assert!(!good.reasons.iter().any(|reason| reason.contains("undone")), "{good}");
     // Places that leave as little lie tens of centimetres apart: which one is found, the last bits decide.
     let (untouched, _) = solved_with(&gpu, &as_confocal, &truth, "none");
-    assert!(untouched < before - 4.0 * ALIKE && after > untouched + 3.0 * ALIKE, "{before} {untouched} {after}");
+    assert!(
+        untouched < before - 4.0 * ALIKE && after > untouched + 3.0 * ALIKE,
+        "{before} {untouched} {after}"
+    );
 }
 
 /// Writes benches/results/instrument.tsv. `THIRDBOUNCE_SEED`: of the noise.
