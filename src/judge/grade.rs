@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::job::Job;
-use super::verdict::EXPECTED_IOU;
+use super::verdict::{EXPECTED_IOU, OF_RESULT};
 use crate::engine::Reconstruction;
 use crate::{Grade, Verdict};
 
@@ -14,8 +14,9 @@ pub fn grade(job: &Job<'_>, result: &mut Reconstruction) {
     if let Some(iou) = result.evidence.as_ref().map(|evidence| evidence.expected_iou) {
         let verdict = Arc::make_mut(&mut verdict);
         let before = verdict.expected_iou.replace(iou);
-        if iou < EXPECTED_IOU && before.is_none_or(|before| before >= EXPECTED_IOU) {
-            verdict.add(Grade::Fair, format!("the network that concludes expects an IoU of only {iou:.2}"));
+        if iou < OF_RESULT && before.is_none_or(|before| before >= EXPECTED_IOU) {
+            verdict
+                .add(Grade::Fair, format!("the result's IoU with the truth is expected to be only {iou:.2}"));
         }
     }
     let mut verdict = with_maps(&verdict, &result.warnings);

@@ -17,7 +17,7 @@ use crate::settings::Calibrate;
 use crate::surface::Left;
 use crate::{Grade, Result, Verdict};
 
-pub use bands::EXPECTED_IOU;
+pub use bands::{EXPECTED_IOU, OF_RESULT};
 
 /// Bands of the verdict. Evidence: benches/NOTES.md, "Verdict".
 mod bands {
@@ -29,8 +29,9 @@ mod bands {
     pub const UNCERTAIN: f64 = 0.2;
     /// Least share beyond noise, less two standard errors, from which other scales are tried: proper captures leave less, but for rooms.
     pub const DOUBTED: f64 = 0.15;
-    /// Expected IoU below which results are fair.
+    /// Expected IoU below which results are fair: of the start, and of the result.
     pub const EXPECTED_IOU: f64 = 0.4;
+    pub const OF_RESULT: f64 = 0.45;
 }
 
 /// What was found in a capture.

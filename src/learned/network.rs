@@ -49,7 +49,8 @@ impl Network<'_> {
         self.halves(name)[1].len()
     }
 
-    fn layer(&self, name: &str) -> [Vec<f32>; 2] {
+    /// Weights and biases of a layer.
+    pub(super) fn layer(&self, name: &str) -> [Vec<f32>; 2] {
         self.halves(name).map(|all| all.into_iter().map(|bits| f16::from_bits(bits).to_f32()).collect())
     }
 

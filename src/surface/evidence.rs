@@ -11,7 +11,7 @@ use super::support;
 use crate::Result;
 use crate::capture::{Capture, Pulse};
 use crate::engine::Evidence;
-use crate::learned::{BANDS, BandRows, Bands, BoxOfWall, Conclusion, LearnedStart, SIDE, kind};
+use crate::learned::{self, BANDS, BandRows, Bands, BoxOfWall, Conclusion, LearnedStart, SIDE, kind};
 use crate::maps::Maps;
 
 /// Pairs that are back-projected, at most.
@@ -159,7 +159,8 @@ pub(super) fn conclude(evidence: Evidence, maps: &mut Maps) -> Evidence {
     let voxel = width / SIDE as f64;
     let typical = support::typical_albedo(std::slice::from_ref(maps)).unwrap_or(1.0);
     let said = Conclusion::of(None, &evidence.channels);
-    let (mask, expected_iou) = said.mask(&evidence.mask);
+    let (mask, alone) = said.mask(&evidence.mask);
+    let expected_iou = learned::expected_iou(&evidence.channels, &mask, alone, &said.scale);
     let mut errors = vec![f32::NAN; maps.depth.len()];
     for pixel in 0..maps.depth.len() {
         let is_surface = mask[pixel] && evidence.depth[pixel] > NO_DEPTH;
