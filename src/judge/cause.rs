@@ -114,7 +114,7 @@ impl CauseTrials<'_> {
     /// Whether the opposite of a cause leaves less, too: then fits from anywhere else do, so that the surface was a poor one and the
     /// instrument is proper.
     fn leaves_less_both_ways(&mut self, best: &TriedCause) -> Result<bool> {
-        if matches!(best.law.kind, Changes::Gain | Changes::Layout) {
+        if !best.law.has_opposite {
             return Ok(false);
         }
         let opposite: Vec<f64> = best.numbers.iter().map(|n| -n).collect();
@@ -168,17 +168,30 @@ impl CauseTrials<'_> {
         Ok(Some(if judged.excess() < bands::ALIKE * best.excess() { judged } else { best }))
     }
 
-    /// The scale, and where that leaves less, the other laws of delays and places.
-    fn places(&mut self, scale: &'static Law, step: f64) -> Result<Vec<TriedCause>> {
-        let first = self.along(scale, 0, step, None)?;
-        let Some(first) = self.settled(scale, 0, first)? else { return Ok(vec![]) };
-        let is_suspect = first.is_less(bands::SUSPECT) && first.numbers[0].abs() >= bands::LEAST_SCALE;
-        let mut all = vec![first.clone()];
+    /// The scale, and where that leaves less, or a keystone seems to, the other laws of delays and places.
+    fn places(
+        &mut self,
+        scale: Option<(&'static Law, f64)>,
+        keystone: Option<(&'static Law, Vec<f64>)>,
+    ) -> Result<Vec<TriedCause>> {
+        let mut first = None;
+        if let Some((law, step)) = scale {
+            first = self.along(law, 0, step, None)?;
+            first = self.settled(law, 0, first)?;
+        }
+        let is_wrong =
+            |of: &TriedCause| of.is_less(bands::SUSPECT) && of.numbers[0].abs() >= bands::LEAST_SCALE;
+        let mut all: Vec<TriedCause> = first.iter().cloned().collect();
+        let mut is_suspect = first.as_ref().is_some_and(is_wrong);
+        if let Some((law, numbers)) = keystone.filter(|_| !is_suspect) {
+            let judged = self.trial(law, &numbers)?;
+            is_suspect = judged.is_some_and(|(judged, _)| judged.is_less(bands::SUSPECT));
+        }
         if !is_suspect {
             return Ok(all);
         }
         let scan = self.scan.clone();
-        let others = LAWS.iter().filter(|law| law.kind != Changes::Gain && law.name != scale.name);
+        let others = LAWS.iter().filter(|law| law.kind != Changes::Gain && law.name != "scale");
         for law in others.filter(|law| (law.applies)(&scan)) {
             let mut best: Option<TriedCause> = None;
             for start in (law.starts)(&scan) {
@@ -192,8 +205,8 @@ impl CauseTrials<'_> {
         all.sort_by(|a, b| a.excess().total_cmp(&b.excess()));
         all.truncate(bands::TRIED);
         // The scale stays a rival of whatever leaves less.
-        all.retain(|found| found.law.name != scale.name);
-        let mut refined = vec![first];
+        all.retain(|found| found.law.name != "scale");
+        let mut refined: Vec<TriedCause> = first.into_iter().collect();
         for found in all {
             let mut best = Some(found.clone());
             for (number, [step, _]) in found.law.steps.iter().enumerate() {
@@ -262,7 +275,7 @@ impl TriedCause {
 
     /// Whether points are moved by more than fits scatter by.
     fn is_far(&self) -> bool {
-        self.law.kind != Changes::Place || self.numbers[0].abs() >= bands::LEAST_SCALE
+        self.law.kind != Changes::Place || self.numbers.iter().any(|n| n.abs() >= bands::LEAST_SCALE)
     }
 
     /// Whether it is named where nothing is undone. Gains are named by what suggests them.
@@ -295,7 +308,7 @@ pub fn judged(
 ) -> Result<JudgedCauses> {
     let (capture, estimates) = (&*job.capture, &job.estimates);
     let Some(shown) = &estimates.shown else { return Ok(JudgedCauses::Doubts(vec![])) };
-    let Suspects { gains, scale } = shown.suspects.clone();
+    let Suspects { gains, scale, keystone } = shown.suspects.clone();
     let keeps_gains = job.settings.device_at == Some(DevicePosition::None);
     let mut trials =
         CauseTrials { job, scan: LawScan::of(capture), estimates, shown, gpu, hear, tried: vec![] };
@@ -304,8 +317,8 @@ pub fn judged(
     if let Some(suggestion) = &gains {
         all.extend(trials.gains(suggestion.clone())?);
     }
-    if let Some((law, step)) = scale {
-        all.extend(trials.places(law, step)?);
+    if scale.is_some() || keystone.is_some() {
+        all.extend(trials.places(scale, keystone)?);
     }
     let scan = trials.scan.clone();
     let is_confirmed = |judged: &TriedCause| {

@@ -125,6 +125,8 @@ pub struct Law {
     pub of_pair: Option<OfPair>,
     /// Where points are.
     pub of_point: Option<OfPoint>,
+    /// Whether numbers of the other sign are the opposite change.
+    pub has_opposite: bool,
     /// Whether the capture can show it.
     pub applies: fn(&LawScan) -> bool,
 }
@@ -139,11 +141,12 @@ const OF_DELAYS: Law = Law {
     kind: Changes::Delay,
     of_pair: None,
     of_point: None,
+    has_opposite: true,
     applies: |_| true,
 };
 const OF_PLACES: Law =
     Law { kind: Changes::Place, hint: "give the points as measured on the wall", ..OF_DELAYS };
-const OF_GAINS: Law = Law { kind: Changes::Gain, ..OF_DELAYS };
+const OF_GAINS: Law = Law { kind: Changes::Gain, has_opposite: false, ..OF_DELAYS };
 const OF_DEVICES: Law = Law {
     hint: "give device_at if it is known",
     starts: positions,
@@ -184,6 +187,27 @@ pub const LAWS: &[Law] = &[
         },
         steps: &[[0.03, 0.3], [0.03, 0.3], [0.03, 0.3]],
         of_pair: Some(|s, n, pair| [1.0, DVec2::new(n[0], n[1]).dot(s.middle_of(pair)) + n[2]]),
+        ..OF_DELAYS
+    },
+    Law {
+        name: "legs",
+        what: |s, n| {
+            format!(
+                "counts are later the farther the point on the wall is from {}, as of a device there whose legs were taken out as one \
+                 constant",
+                place(s.device(n))
+            )
+        },
+        hint: "take the legs of the device out of every pair",
+        starts: |_| [1.0f64, 2.0, 4.0].map(|z| vec![0.0, 0.0, z.ln()]).to_vec(),
+        steps: &[[0.4, 8.0], [0.4, 8.0], [0.4, 2.5]],
+        of_pair: Some(|s, n, pair| {
+            let device = s.device(n);
+            let middle = device.distance(s.frame.middle.extend(0.0));
+            let leg = |point: DVec3| device.distance(point) - middle;
+            [1.0, leg(s.laser[pair]) + leg(s.sensor[pair])]
+        }),
+        has_opposite: false,
         ..OF_DELAYS
     },
     Law {
@@ -234,6 +258,23 @@ pub const LAWS: &[Law] = &[
         ..OF_PLACES
     },
     Law {
+        name: "keystone",
+        what: |_, n| {
+            format!(
+                "the points form a keystone: from one end of the wall to the other, x is stretched from {:.2} to {:.2} along y, y from {:.2} \
+                 to {:.2} along x",
+                1.0 - n[0],
+                1.0 + n[0],
+                1.0 - n[1],
+                1.0 + n[1]
+            )
+        },
+        starts: |_| [-0.12, 0.12].into_iter().flat_map(|n| [vec![n, 0.0], vec![0.0, n]]).collect(),
+        steps: &[[0.05, 0.5]; 2],
+        of_point: Some(|n, p, _| p + p.x * p.y * DVec2::new(n[0], n[1])),
+        ..OF_PLACES
+    },
+    Law {
         name: "one laser",
         what: |s, n| {
             let DVec2 { x, y } = s.frame.metres(DVec2::new(n[0], n[1]));
@@ -247,6 +288,7 @@ pub const LAWS: &[Law] = &[
         },
         steps: &[[0.2, 2.0], [0.2, 2.0]],
         kind: Changes::Layout,
+        has_opposite: false,
         of_point: Some(|n, p, of| if of == Of::Laser { DVec2::new(n[0], n[1]) } else { p }),
         applies: |s| s.is_confocal,
         ..OF_PLACES

@@ -1,12 +1,12 @@
 //! Fits that go on from a surface with a small change of the instrument: what a few hundredths of a second say of causes.
 
 use super::found::Shown;
-use super::laws::{Changes, LAWS, LawScan};
+use super::laws::{LAWS, LawScan};
 use super::sense::Sense;
 use super::suspects::{Suspects, both, suggested};
 use crate::Result;
 use crate::judge::search::{Search, trial_of};
-use crate::judge::trial::Fitted;
+use crate::judge::trial::{Fitted, Trial};
 use crate::surface::Left;
 use crate::transport::Reflectance;
 
@@ -16,6 +16,9 @@ const ITERATIONS: usize = 20;
 /// A change of the scale must leave less by this share, and by these standard errors.
 const LESS: f64 = 0.02;
 const BEYOND: f64 = 1.5;
+/// What a step of the keystone leaves at most, of what is left without it, for a fit to try this many times as much.
+const KEYSTONE: f64 = 0.97;
+const LONGER: f64 = 2.4;
 
 /// What a surface suggests.
 ///
@@ -25,11 +28,16 @@ fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted)
     let layers = &fitted.surface.layers;
     let trial = trial_of(&search.trials, reflectance).clone();
     let scan = LawScan::of(trial.capture());
-    let scale = LAWS.iter().find(|law| law.kind == Changes::Place).expect("a law of places");
-    let step = scale.steps[0][0];
+    let named = |name: &str| LAWS.iter().find(|law| law.name == name).expect("a law");
+    let [scale, keystone] = ["scale", "keystone"].map(named);
     let gains = Sense::of(&trial, layers)?.and_then(|sense| suggested(&sense, &scan));
-    let without = |step: f64| trial.with_capture(scale.undone(trial.capture(), &scan, &[step]));
-    let trials = [trial.clone(), without(step), without(-step)];
+    let [step, slant] = [scale, keystone].map(|law| law.steps[0][0]);
+    let slants = [[slant, 0.0], [-slant, 0.0], [0.0, slant], [0.0, -slant]];
+    let scales = [step, -step].map(|step| (scale, vec![step]));
+    let changes = scales.into_iter().chain(slants.map(|numbers| (keystone, numbers.to_vec())));
+    let changed =
+        changes.map(|(law, numbers)| trial.with_capture(law.undone(trial.capture(), &scan, &numbers)));
+    let trials: Vec<Trial<'_>> = std::iter::once(trial.clone()).chain(changed).collect();
     let fits = search.fit_variants(&trials, layers, ITERATIONS, fitted.surface.step)?;
     let mut fits = fits.into_iter().map(|fitted| fitted.map(|fitted| fitted.held));
     let Some(base) = fits.next().flatten() else { return Ok(Suspects::default()) };
@@ -46,7 +54,10 @@ fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted)
     let is_less = |of: &[f64; 2]| of[0] < 1.0 - LESS && of[1] > BEYOND;
     let sides = [(step, judged[0]), (-step, judged[1])];
     let side = sides.into_iter().filter(|(_, of)| is_less(of)).min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
-    Ok(Suspects { gains, scale: side.map(|(step, _)| (scale, step)) })
+    let slants = slants.into_iter().zip(&judged[2..]).filter(|(_, of)| of[0] < KEYSTONE);
+    let slanted = slants.min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
+    let keystone = slanted.map(|(numbers, _)| (keystone, numbers.map(|n| LONGER * n).to_vec()));
+    Ok(Suspects { gains, scale: side.map(|(step, _)| (scale, step)), keystone })
 }
 
 /// Share that is certainly left beyond noise, from which the residual of all pairs may show a cause.
