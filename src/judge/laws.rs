@@ -491,6 +491,14 @@ mod tests {
         let undone = lean.undone(&late, &setting, &[0.0, 0.01, 0.03]);
         assert_eq!(undone.histograms, proper.histograms);
         assert!((law("time zero").undone(&proper, &setting, &[0.13]).t_start + 0.13).abs() < 1e-12);
+        // Legs of a device in front of the middle: its own point is the one that is not late.
+        let late = law("legs").effect(&setting, &[0.0, 0.0, 0.0], &pairs).delays;
+        let corner = 2.0 * 0.9375 * (3.0f64.sqrt() - 1.0);
+        assert!(
+            (late[0] - corner).abs() < 1e-9 && late.iter().all(|delay| *delay >= 0.0),
+            "{} {corner}",
+            late[0]
+        );
         for name in ["laser", "both", "rows"] {
             let (of, numbers) = (law(name), (law(name).starts)(&setting).swap_remove(1));
             let logs = of.effect(&setting, &numbers, &pairs).logs;

@@ -426,6 +426,25 @@ mod tests {
     }
 
     #[test]
+    fn the_union_has_the_surface_of_both() {
+        let of = |lit: &dyn Fn(usize) -> bool, depth: f32| {
+            let mut maps = Maps::empty([16, 16], [-0.5, 0.5, -0.5, 0.5]);
+            for pixel in (0..256).filter(|p| lit(*p)) {
+                (maps.albedo[pixel], maps.depth[pixel], maps.normal[pixel]) = (1.0, depth, [0.0, 0.0, -1.0]);
+            }
+            maps
+        };
+        let seen = of(&|p| p < 100, 0.5);
+        let starts =
+            |closed| Starts { layers: vec![seen.clone()], light: None, seen: None, closed: Some(closed) };
+        let both = starts(of(&|p| p < 200, 0.7)).union().unwrap().swap_remove(0);
+        let at = |p: usize| (both.albedo[p], both.depth[p]);
+        assert_eq!([at(99), at(100)], [(1.0, 0.5), (DOUBTED, 0.7)]);
+        assert!(both.depth[200].is_nan());
+        assert!(starts(of(&|p| p < 100, 0.7)).union().is_none(), "the same pixels");
+    }
+
+    #[test]
     fn a_plane_lies_where_the_first_light_comes_from() {
         let volume = Volume { min: dvec3(-0.5, -0.5, 0.3), max: dvec3(0.5, 0.5, 1.0) };
         let grid = Grid::new(volume, 8, 0.05).unwrap();

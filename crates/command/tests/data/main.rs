@@ -49,6 +49,7 @@ fn main() -> ExitCode {
         real::real_captures_go_from_any_form_to_any,
         real::real_captures_raise_no_false_warning,
         real::trials_tell_how_captured_things_reflect,
+        real::the_exit_sign_is_whole,
     ]);
     all.extend(trials![
         "needs THIRDBOUNCE_DATA, and Python with numpy and scipy",
