@@ -200,7 +200,8 @@ pub const LAWS: &[Law] = &[
         },
         hint: "take the legs of the device out of every pair",
         starts: |_| [1.0f64, 2.0, 4.0].map(|z| vec![0.0, 0.0, z.ln()]).to_vec(),
-        steps: &[[0.4, 8.0], [0.4, 8.0], [0.4, 2.5]],
+        // The legs of a far device are like another scale.
+        steps: &[[0.4, 3.0], [0.4, 3.0], [0.4, 1.4]],
         of_pair: Some(|s, n, pair| {
             let device = s.device(n);
             let middle = device.distance(s.frame.middle.extend(0.0));

@@ -172,7 +172,7 @@ const FAULTS: &[Fault] = &[
         name: "keystone",
         of: figure,
         done: |c, _| placed(c, |[x, y]| [x / (1.0 + 0.2 * y), y]),
-        words: &["sheared", "mirrors", "lean", "wall is"],
+        words: &["keystone"],
     },
     Fault {
         name: "shear",
@@ -416,7 +416,7 @@ fn a_laser_that_stays_is_found() {
 #[ignore = "ten minutes: make soak"]
 fn faults_of_the_instrument_are_undone_or_named() {
     let gpu = host();
-    let seed = std::env::var("THIRDBOUNCE_SEED").map_or(7311, |seed| seed.parse().expect("a number"));
+    let seed = std::env::var("THIRDBOUNCE_SEED").map_or(7402, |seed| seed.parse().expect("a number"));
     let rows: Vec<Row> = FAULTS.iter().map(|fault| Row::of(&gpu, fault, seed)).collect();
     let mut table =
         "fault\tIoU of the proper capture\tIoU\ttimes the seconds\tverdict\tnamed\theld\tfirst reason\n"
