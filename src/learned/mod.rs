@@ -318,3 +318,23 @@ fn index(logits: &[f32]) -> f32 {
     });
     sum / all
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_fits_show_is_seen_where_the_network_is_not_sure() {
+        let n = 2 * SIDE;
+        let mask = (0..n * n).map(|p| if p / n < n / 2 { 0.9 } else { 0.1 }).collect();
+        let seen = LearnedStart { mask, depth: vec![0.5; SIDE * SIDE], corner: [-0.5; 2], wall: 1.0 };
+        // A fit at y < 0.
+        let mut fitted = Maps::empty([8, 8], [-0.5, 0.5, -0.5, 0.5]);
+        (0..64).filter(|p| p % 8 < 4).for_each(|p| fitted.depth[p] = 0.7);
+        let joined = seen.joined(&fitted);
+        let at = |x: f64, y: f64| joined.at([x, y]).unwrap();
+        assert_eq!(at(-0.25, -0.25), (0.9, 0.5), "the network's own");
+        assert_eq!(at(0.25, -0.25), (SHOWN, 0.7));
+        assert_eq!(at(0.25, 0.25), (0.1, 0.5), "neither");
+    }
+}
