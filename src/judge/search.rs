@@ -275,26 +275,28 @@ impl<'t> Search<'t> {
     /// Fits from what the network and a light-cone transform show together, where fits from the network's surface leave much, and keeps
     /// them if they leave clearly less: the network misses dark print and large faces.
     fn find_union(&mut self) -> Result<()> {
-        let [least, most] = UNION_LEFT;
-        let Some(left) = least_left(&self.sharp) else { return Ok(()) };
-        let is_tried = left.certain() > least && left.excess() < most;
-        let Some(layers) = self.starts.union().filter(|_| is_tried) else { return Ok(()) };
+        let Some((_, left)) = least_left(&self.sharp) else { return Ok(()) };
+        let [certain, most] = UNION_LEFT;
+        let is_tried = left.certain() > certain && left.excess() < most;
+        if !is_tried {
+            return Ok(());
+        }
+        let Some(layers) = self.starts.union() else { return Ok(()) };
         let models: Vec<Reflectance> = self.trials.iter().map(Trial::reflectance).collect();
         let from = From::Layers(&layers);
         self.pace.expect(models.len() * from.iterations());
         let before = self.tried.len();
         let found = self.fit_models(&models, from, Origin::Union)?;
-        let less = least_left(&found).filter(|less| less.errors_below(&left) > UNION_ERRORS);
-        let share = less.map_or(1.0, |less| less.excess() / left.excess());
+        let best = least_left(&found).filter(|(_, less)| less.errors_below(&left) > UNION_ERRORS);
+        let share = best.as_ref().map_or(1.0, |(_, less)| less.excess() / left.excess());
         if share > UNION_LESS {
             self.tried.truncate(before);
             return Ok(());
         }
         // What was tried with sharp paths is what these fits say.
         self.tried.drain(..before);
-        let excess = |sharp: &&Sharp| sharp.fitted.held.left().excess();
-        let best = found.iter().min_by(|a, b| excess(a).total_cmp(&excess(b)));
-        let shown = best.filter(|_| share < UNION_SHOWN).map(|best| best.fitted.surface.layers[0].clone());
+        let shown =
+            best.filter(|_| share < UNION_SHOWN).map(|(best, _)| best.fitted.surface.layers[0].clone());
         self.begin_with(layers, shown.as_ref());
         self.sharp = found;
         self.is_union = true;
@@ -564,9 +566,10 @@ fn is_worth(left: &Left, than: &Left) -> bool {
     left.share() < (1.0 - pulse::WORTH) * than.share() && left.is_less(than)
 }
 
-/// What the fit of these leaves that leaves least.
-fn least_left(sharp: &[Sharp]) -> Option<Left> {
-    sharp.iter().map(|sharp| sharp.fitted.held.left()).min_by(|a, b| a.excess().total_cmp(&b.excess()))
+/// The fit of these that leaves least, and what it leaves.
+fn least_left(sharp: &[Sharp]) -> Option<(&Sharp, Left)> {
+    let each = sharp.iter().map(|sharp| (sharp, sharp.fitted.held.left()));
+    each.min_by(|a, b| a.1.excess().total_cmp(&b.1.excess()))
 }
 
 pub(crate) fn trial_of<'s, 't>(trials: &'s [Trial<'t>], reflectance: Reflectance) -> &'s Trial<'t> {
