@@ -11,9 +11,9 @@ use super::device::is_clear;
 use super::estimate;
 use super::found::{Estimates, Shown};
 use super::job::Job;
-use super::laws::{Changes, LAWS, Law, LawScan};
+use super::laws::{Changes, LAWS, Law, LawScan, named};
 use super::probe::Ask;
-use super::suspects::{Suggestion, Suspects, both, suited};
+use super::suspects::{Begin, Suggestion, Suspects, both, suited};
 use crate::Result;
 use crate::capture::Capture;
 use crate::engine::Progress;
@@ -27,6 +27,8 @@ mod bands {
     pub const TRIED: usize = 2;
     /// Fits of a law at most.
     pub const ROUNDS: usize = 7;
+    /// Passes over the numbers of a law at most.
+    pub const PASSES: usize = 2;
     /// Factor of the steps of gains.
     pub const LONGER: f64 = 1.4;
     /// Fits end where the first one, or a later one, leaves less by a smaller factor.
@@ -38,12 +40,16 @@ mod bands {
     /// Factor by which, and standard errors beyond which, less is left: for other laws to be tried, and to be undone.
     pub const SUSPECT: [f64; 2] = [0.93, 2.0];
     pub const CLEAR: [f64; 2] = [0.6, 4.0];
+    /// The same, for nothing else to be tried.
+    pub const ALONE: [f64; 2] = [0.45, 4.0];
     /// The same of gains, whose pairs weigh unequally, with the pairs weighed both ways.
     pub const CLEAR_GAINS: [f64; 2] = [0.7, 2.0];
     /// The same, for a cause to be named as a doubt: the pixels of the fits leave something of sharp captures whatever is undone.
     pub const DOUBT: [f64; 2] = [0.75, 4.0];
     /// Two causes are distinguished if one leaves this many times as much as the other: fits of one capture scatter by more than pairs do.
     pub const RIVAL: f64 = 1.3;
+    /// Sides of a wall that are off by factors which differ by less are off by one.
+    pub const ALIKE_SIDES: f64 = 0.05;
     /// Least share by which points are moved.
     pub const LEAST_SCALE: f64 = 0.02;
 }
@@ -168,11 +174,23 @@ impl CauseTrials<'_> {
         Ok(Some(if judged.excess() < bands::ALIKE * best.excess() { judged } else { best }))
     }
 
-    /// The scale, and where that leaves less, or a keystone seems to, the other laws of delays and places.
+    /// Whether the surface is a poor one: fits from anywhere else leave less, whatever is changed either way.
+    fn is_poor_fit(&mut self) -> Result<bool> {
+        let law = named("shear");
+        for numbers in (law.starts)(&self.scan) {
+            let trial = self.trial(law, &numbers)?;
+            if !trial.is_some_and(|(judged, _)| judged.excess() < bands::FIRST * self.before()) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+
+    /// The scale, and where that leaves less, or these `found` do, the other laws of delays and places.
     fn places(
         &mut self,
         scale: Option<(&'static Law, f64)>,
-        keystone: Option<(&'static Law, Vec<f64>)>,
+        found: &[TriedCause],
     ) -> Result<Vec<TriedCause>> {
         let mut first = None;
         if let Some((law, step)) = scale {
@@ -182,42 +200,81 @@ impl CauseTrials<'_> {
         let is_wrong =
             |of: &TriedCause| of.is_less(bands::SUSPECT) && of.numbers[0].abs() >= bands::LEAST_SCALE;
         let mut all: Vec<TriedCause> = first.iter().cloned().collect();
-        let mut is_suspect = first.as_ref().is_some_and(is_wrong);
-        if let Some((law, numbers)) = keystone.filter(|_| !is_suspect) {
-            let judged = self.trial(law, &numbers)?;
-            is_suspect = judged.is_some_and(|(judged, _)| judged.is_less(bands::SUSPECT));
-        }
-        if !is_suspect {
+        if found.is_empty() && !first.as_ref().is_some_and(is_wrong) {
             return Ok(all);
         }
         let scan = self.scan.clone();
-        let others = LAWS.iter().filter(|law| law.kind != Changes::Gain && law.name != "scale");
-        for law in others.filter(|law| (law.applies)(&scan)) {
-            let mut best: Option<TriedCause> = None;
-            for start in (law.starts)(&scan) {
-                let Some((judged, _)) = self.trial(law, &start)? else { continue };
-                if judged.excess() < best.as_ref().map_or(self.before(), TriedCause::excess) {
-                    best = Some(judged);
-                }
-            }
+        let is_tried =
+            |law: &Law| law.name == "scale" || found.iter().any(|found| found.law.name == law.name);
+        let is_other = |law: &&Law| !matches!(law.kind, Changes::Gain | Changes::Scene) && !is_tried(law);
+        for law in LAWS.iter().filter(is_other).filter(|law| (law.applies)(&scan)) {
+            let best = self.begun(law, (law.starts)(&scan))?;
             all.extend(best);
         }
         all.sort_by(|a, b| a.excess().total_cmp(&b.excess()));
-        all.truncate(bands::TRIED);
-        // The scale stays a rival of whatever leaves less.
-        all.retain(|found| found.law.name != "scale");
+        // Scale and time zero of a compact scene are alike: both stay rivals of whatever leaves less.
+        let mut best = all.into_iter().enumerate();
+        let kept = best.by_ref().filter(|(rank, of)| *rank < bands::TRIED || of.law.name == "time zero");
+        let others: Vec<TriedCause> = kept.map(|(_, of)| of).filter(|of| of.law.name != "scale").collect();
         let mut refined: Vec<TriedCause> = first.into_iter().collect();
-        for found in all {
-            let mut best = Some(found.clone());
-            for (number, [step, _]) in found.law.steps.iter().enumerate() {
-                for side in [*step, -step] {
-                    best = self.along(found.law, number, side, best)?;
-                }
-                best = self.settled(found.law, number, best)?;
-            }
-            refined.extend(best);
+        for found in others {
+            refined.push(self.refined(found)?);
         }
+        // Both sides of the wall by one factor are the scale.
+        refined.retain(|found| !found.is_scale());
         Ok(refined)
+    }
+
+    /// The numbers of a law near these that leave least, one after the other, and again while that leaves less.
+    fn refined(&mut self, found: TriedCause) -> Result<TriedCause> {
+        let law = found.law;
+        let stepped = || (0..law.steps.len()).filter(|number| law.steps[*number][0] > 0.0);
+        let mut best = found;
+        for _ in 0..bands::PASSES {
+            let before = best.excess();
+            for number in stepped() {
+                let mut there = Some(best.clone());
+                for side in [law.steps[number][0], -law.steps[number][0]] {
+                    there = self.along(law, number, side, there)?;
+                }
+                best = self.settled(law, number, there)?.unwrap_or(best);
+            }
+            if stepped().count() < 3 || best.excess() > bands::FIRST * before {
+                break;
+            }
+        }
+        Ok(best)
+    }
+
+    /// Of these laws, each with numbers to begin with, what leaves less by its best numbers; alone what leaves so much less that nothing
+    /// else is to be tried.
+    fn suggested(&mut self, each: Vec<Begin>) -> Result<Vec<TriedCause>> {
+        let mut all = vec![];
+        for Begin { law, starts } in each {
+            let Some(begin) = self.begun(law, starts)?.filter(|begin| begin.is_less(bands::SUSPECT)) else {
+                continue;
+            };
+            if !self.leaves_less_both_ways(&begin)? {
+                let found = self.refined(begin)?;
+                if found.stands_alone() {
+                    return Ok(vec![found]);
+                }
+                all.push(found);
+            }
+        }
+        Ok(all)
+    }
+
+    /// What leaves least of these numbers of a law.
+    fn begun(&mut self, law: &'static Law, starts: Vec<Vec<f64>>) -> Result<Option<TriedCause>> {
+        let mut best: Option<TriedCause> = None;
+        for start in starts {
+            let Some((judged, _)) = self.trial(law, &start)? else { continue };
+            if judged.excess() < best.as_ref().map_or(self.before(), TriedCause::excess) {
+                best = Some(judged);
+            }
+        }
+        Ok(best)
     }
 }
 
@@ -273,6 +330,16 @@ impl TriedCause {
         self.left[0].errors_below(&self.left[1])
     }
 
+    /// Whether both sides of the wall are off by one factor, as far as fits tell.
+    fn is_scale(&self) -> bool {
+        self.law.name == "sides" && (self.numbers[0] - self.numbers[1]).abs() < bands::ALIKE_SIDES
+    }
+
+    /// Whether nothing else is to be tried: the scale is like other laws.
+    fn stands_alone(&self) -> bool {
+        !self.is_scale() && self.is_less(bands::ALONE)
+    }
+
     /// Whether points are moved by more than fits scatter by.
     fn is_far(&self) -> bool {
         self.law.kind != Changes::Place || self.numbers.iter().any(|n| n.abs() >= bands::LEAST_SCALE)
@@ -297,18 +364,19 @@ pub enum JudgedCauses {
     Doubts(Vec<String>),
 }
 
-/// The causes that held-out pairs confirm or suggest.
+/// The causes that held-out pairs confirm or suggest. `record`: metres of path by which a later record makes images sharper.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
 pub fn judged(
     job: &Job<'_>,
+    record: Option<f64>,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<JudgedCauses> {
     let (capture, estimates) = (&*job.capture, &job.estimates);
     let Some(shown) = &estimates.shown else { return Ok(JudgedCauses::Doubts(vec![])) };
-    let Suspects { gains, scale, keystone } = shown.suspects.clone();
+    let Suspects { gains, scale, place, moved } = shown.suspects.clone();
     let keeps_gains = job.settings.device_at == Some(DevicePosition::None);
     let mut trials =
         CauseTrials { job, scan: LawScan::of(capture), estimates, shown, gpu, hear, tried: vec![] };
@@ -317,9 +385,16 @@ pub fn judged(
     if let Some(suggestion) = &gains {
         all.extend(trials.gains(suggestion.clone())?);
     }
-    if scale.is_some() || keystone.is_some() {
-        all.extend(trials.places(scale, keystone)?);
+    let (mut scale, mut place) = (scale, place);
+    if (scale.is_some() || place.is_some()) && trials.is_poor_fit()? {
+        (scale, place) = (None, None);
     }
+    let record = record.map(|later| Begin { law: named("record"), starts: vec![vec![-later]] });
+    let found = trials.suggested(record.into_iter().chain(place).chain(moved).collect())?;
+    if !found.iter().any(TriedCause::stands_alone) && (scale.is_some() || !found.is_empty()) {
+        all.extend(trials.places(scale, &found)?);
+    }
+    all.extend(found.into_iter().filter(|found| !found.is_scale()));
     let scan = trials.scan.clone();
     let is_confirmed = |judged: &TriedCause| {
         if judged.law.kind == Changes::Gain {
@@ -418,7 +493,7 @@ mod tests {
 
     /// A law that was tried with this number, without which 64 pairs leave `after` of 100 each, give or take 1, and with it 10.
     fn tried(name: &str, number: f64, after: f64) -> TriedCause {
-        let law = LAWS.iter().find(|law| law.name == name).expect("a law");
+        let law = named(name);
         let left = |mean: f64, scatter: f64| Left {
             pairs: (0..64).map(|i| [mean + scatter * [1.0, -1.0][i % 2], 100.0]).collect(),
             noise: 0.0,

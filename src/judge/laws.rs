@@ -3,6 +3,8 @@
 //! What no capture can tell: a common gain (the albedo), a turn of the points in the wall's plane, and one scale of points, paths and
 //! scene together, so that a wall of another size and bins of another width are one law.
 
+use std::sync::Arc;
+
 use glam::{DVec2, DVec3};
 
 use crate::capture::{Capture, METRES_PER_PICOSECOND, gain};
@@ -24,7 +26,7 @@ pub struct WallFrame {
 }
 
 impl WallFrame {
-    fn of(points: &[DVec3]) -> WallFrame {
+    pub fn of(points: &[DVec3]) -> WallFrame {
         let infinity = DVec3::splat(f64::INFINITY);
         let (low, high) = points.iter().fold((infinity, -infinity), |(l, h), p| (l.min(*p), h.max(*p)));
         let [middle, side] = [0.5 * (low + high), high - low];
@@ -92,6 +94,8 @@ pub enum Changes {
     Place,
     /// Which points belong together: its numbers are no change of something.
     Layout,
+    /// The scene, while it is scanned.
+    Scene,
 }
 
 /// Points of the wall.
@@ -146,6 +150,13 @@ const OF_DELAYS: Law = Law {
 };
 const OF_PLACES: Law =
     Law { kind: Changes::Place, hint: "give the points as measured on the wall", ..OF_DELAYS };
+/// Where the scene lies once it has moved, and where on the wall it has, in halves of the wall. Maps show it where it was before.
+const OF_MOTIONS: Law = Law {
+    hint: "keep the scene still, or reconstruct a part of the lines",
+    steps: &[[0.05, 2.0], [0.05, 2.0], [0.05, 2.0], [0.15, 0.9]],
+    kind: Changes::Scene,
+    ..OF_DELAYS
+};
 const OF_GAINS: Law = Law { kind: Changes::Gain, has_opposite: false, ..OF_DELAYS };
 const OF_DEVICES: Law = Law {
     hint: "give device_at if it is known",
@@ -163,6 +174,20 @@ pub const LAWS: &[Law] = &[
         hint: "correct the path of the first bin",
         starts: |_| vec![vec![-0.1], vec![0.1]],
         steps: &[[0.03, 0.6]],
+        of_pair: Some(|_, n, _| [1.0, n[0]]),
+        ..OF_DELAYS
+    },
+    Law {
+        name: "record",
+        what: |_, n| {
+            format!(
+                "all counts are {} than path 0 says, as of a record that is rolled or begins elsewhere",
+                later(n[0])
+            )
+        },
+        hint: "give the path of the first bin, and roll the bins back",
+        starts: |_| vec![],
+        steps: &[[0.06, 8.0]],
         of_pair: Some(|_, n, _| [1.0, n[0]]),
         ..OF_DELAYS
     },
@@ -238,8 +263,27 @@ pub const LAWS: &[Law] = &[
         ..OF_PLACES
     },
     Law {
+        name: "sides",
+        what: |_, n| {
+            format!(
+                "the wall is {:.3} times as wide along x, and {:.3} times along y, as given",
+                1.0 + n[0],
+                1.0 + n[1]
+            )
+        },
+        starts: |_| [-0.1, 0.1].into_iter().flat_map(|n| [vec![n, 0.0], vec![0.0, n]]).collect(),
+        steps: &[[0.04, 0.5]; 2],
+        of_point: Some(|n, p, _| p * DVec2::new(1.0 + n[0], 1.0 + n[1])),
+        ..OF_PLACES
+    },
+    Law {
         name: "shear",
-        what: |_, n| format!("the points are sheared: x lies off by {:.3} of y", n[0]),
+        what: |_, n| {
+            format!(
+                "the points are sheared: x lies off by {:.3} of y, or the scene moved so during the scan",
+                n[0]
+            )
+        },
         starts: |_| vec![vec![-0.15], vec![0.15]],
         steps: &[[0.05, 0.6]],
         of_point: Some(|n, p, _| p + DVec2::new(n[0] * p.y, 0.0)),
@@ -274,6 +318,20 @@ pub const LAWS: &[Law] = &[
         steps: &[[0.05, 0.5]; 2],
         of_point: Some(|n, p, _| p + p.x * p.y * DVec2::new(n[0], n[1])),
         ..OF_PLACES
+    },
+    Law {
+        name: "moved along x",
+        what: |s, n| moved(s, n, "x", s.frame.metres(DVec2::splat(n[3])).x),
+        of_point: Some(|n, p, _| p - has_moved(n, p.x) * DVec2::new(n[0], n[1])),
+        of_pair: Some(|s, n, pair| [1.0, 2.0 * s.frame.half * n[2] * has_moved(n, s.middle_of(pair).x)]),
+        ..OF_MOTIONS
+    },
+    Law {
+        name: "moved along y",
+        what: |s, n| moved(s, n, "y", s.frame.metres(DVec2::splat(n[3])).y),
+        of_point: Some(|n, p, _| p - has_moved(n, p.y) * DVec2::new(n[0], n[1])),
+        of_pair: Some(|s, n, pair| [1.0, 2.0 * s.frame.half * n[2] * has_moved(n, s.middle_of(pair).y)]),
+        ..OF_MOTIONS
     },
     Law {
         name: "one laser",
@@ -342,6 +400,11 @@ pub const LAWS: &[Law] = &[
     },
 ];
 
+/// The law of this name.
+pub fn named(name: &str) -> &'static Law {
+    LAWS.iter().find(|law| law.name == name).expect("a law")
+}
+
 /// Positions of a device to begin with.
 fn positions(_: &LawScan) -> Vec<Vec<f64>> {
     const OFF: [[f64; 2]; 9] = [
@@ -383,6 +446,19 @@ fn stepped(what: &str, lines: usize, n: &[f64]) -> String {
     )
 }
 
+/// Whether the scene has moved where a coordinate is `at`.
+fn has_moved(n: &[f64], at: f64) -> f64 {
+    f64::from(u8::from(at > n[3]))
+}
+
+fn moved(s: &LawScan, n: &[f64], axis: &str, at: f64) -> String {
+    let [x, y, z] = [n[0], n[1], n[2]].map(|n| 100.0 * s.frame.half * n);
+    format!(
+        "the scene moved during the scan: points of the wall where {axis} is above {at:.2} m see it ({x:.1}, {y:.1}, {z:.1}) cm from where \
+         the others do"
+    )
+}
+
 fn later(metres: f64) -> String {
     let side = if metres > 0.0 { "later" } else { "earlier" };
     format!(
@@ -416,6 +492,7 @@ impl Law {
         let Effect { logs, delays } = self.effect(setting, numbers, &pairs);
         let mut undone = capture.clone();
         if let Some(of_point) = self.of_point {
+            undone.given.get_or_insert_with(|| Arc::new([capture.laser.clone(), capture.sensor.clone()]));
             let moved = |point: &mut DVec3, of: Of| {
                 let there = setting.frame.metres(of_point(numbers, setting.frame.centred(*point), of));
                 *point = there.extend(point.z);
@@ -458,10 +535,6 @@ mod tests {
         Capture::new([16, 16], points.clone(), points, 120, 0.01, counts)
     }
 
-    fn law(name: &str) -> &'static Law {
-        LAWS.iter().find(|law| law.name == name).expect(name)
-    }
-
     #[test]
     fn laws_have_names_of_their_own_and_starts_within_reach() {
         let setting = LawScan::of(&capture());
@@ -488,12 +561,12 @@ mod tests {
         for (pair, row) in late.histograms.chunks_exact_mut(120).enumerate() {
             row.rotate_right((2.0 + 2.0 * (pair % 16) as f64 / 15.0).round() as usize);
         }
-        let lean = law("lean");
+        let lean = named("lean");
         let undone = lean.undone(&late, &setting, &[0.0, 0.01, 0.03]);
         assert_eq!(undone.histograms, proper.histograms);
-        assert!((law("time zero").undone(&proper, &setting, &[0.13]).t_start + 0.13).abs() < 1e-12);
+        assert!((named("time zero").undone(&proper, &setting, &[0.13]).t_start + 0.13).abs() < 1e-12);
         // Legs of a device in front of the middle: its own point is the one that is not late.
-        let late = law("legs").effect(&setting, &[0.0, 0.0, 0.0], &pairs).delays;
+        let late = named("legs").effect(&setting, &[0.0, 0.0, 0.0], &pairs).delays;
         let corner = 2.0 * 0.9375 * (3.0f64.sqrt() - 1.0);
         assert!(
             (late[0] - corner).abs() < 1e-9 && late.iter().all(|delay| *delay >= 0.0),
@@ -501,7 +574,7 @@ mod tests {
             late[0]
         );
         for name in ["laser", "both", "rows"] {
-            let (of, numbers) = (law(name), (law(name).starts)(&setting).swap_remove(1));
+            let (of, numbers) = (named(name), (named(name).starts)(&setting).swap_remove(1));
             let logs = of.effect(&setting, &numbers, &pairs).logs;
             let mut weighted = proper.clone();
             for (row, log) in weighted.histograms.chunks_exact_mut(120).zip(&logs) {
@@ -516,17 +589,38 @@ mod tests {
         }
     }
 
+    /// A scene that moved sees moved points, and later counts by twice its way along z, from there on.
+    #[test]
+    fn a_motion_is_undone_behind_its_place() {
+        let capture = capture();
+        let setting = LawScan::of(&capture);
+        let half = setting.frame.half;
+        for (name, is_behind) in [("moved along x", DVec3::X), ("moved along y", DVec3::Y)] {
+            let undone = named(name).undone(&capture, &setting, &[0.2, -0.1, 0.02 / half, 0.0]);
+            for pair in 0..256 {
+                let moved = capture.laser[pair].dot(is_behind) > 0.0;
+                let by = if moved { dvec3(-0.2 * half, 0.1 * half, 0.0) } else { DVec3::ZERO };
+                assert!(undone.laser[pair].distance(capture.laser[pair] + by) < 1e-12, "{name} {pair}");
+                let peak = 60 - if moved { 4 } else { 0 };
+                assert_eq!(undone.histogram(pair)[peak], 100.0, "{name} {pair}");
+            }
+        }
+    }
+
     #[test]
     fn points_are_moved_about_their_middle() {
         let mut capture = capture();
         capture.laser.iter_mut().chain(&mut capture.sensor).for_each(|p| p.x += 3.0);
         let setting = LawScan::of(&capture);
-        let wider = law("scale").undone(&capture, &setting, &[0.1]);
-        let sheared = law("shear").undone(&capture, &setting, &[0.2]);
+        let wider = named("scale").undone(&capture, &setting, &[0.1]);
+        let sheared = named("shear").undone(&capture, &setting, &[0.2]);
         let (at, half) = (capture.laser[0] - dvec3(3.0, 0.0, 0.0), 15.0 / 16.0);
         assert!(wider.laser[0].distance(1.1 * at + dvec3(3.0, 0.0, 0.0)) < 1e-12);
         assert!(sheared.sensor[0].distance(at + dvec3(3.0 + 0.2 * at.y, 0.0, 0.0)) < 1e-12);
-        let farther = law("radial").undone(&capture, &setting, &[0.1]);
+        assert_eq!(sheared.given.as_deref(), Some(&[capture.laser.clone(), capture.sensor.clone()]));
+        let sides = named("sides").undone(&capture, &setting, &[0.1, -0.2]);
+        assert!(sides.laser[0].distance(dvec3(1.1 * at.x + 3.0, 0.8 * at.y, 0.0)) < 1e-12);
+        let farther = named("radial").undone(&capture, &setting, &[0.1]);
         let edge = capture.laser[8] - dvec3(3.0, 0.0, 0.0);
         let out = 1.0 + 0.1 * (edge / half).truncate().length_squared();
         assert!(farther.laser[8].distance(out * edge + dvec3(3.0, 0.0, 0.0)) < 1e-12);

@@ -38,14 +38,14 @@ pub enum Lines {
 }
 
 impl Lines {
-    fn of(self, pair: usize, [_, ny]: [usize; 2]) -> usize {
+    pub fn of(self, pair: usize, [_, ny]: [usize; 2]) -> usize {
         match self {
             Lines::Columns => pair / ny,
             Lines::Rows => pair % ny,
         }
     }
 
-    fn count(self, [nx, ny]: [usize; 2]) -> usize {
+    pub fn count(self, [nx, ny]: [usize; 2]) -> usize {
         match self {
             Lines::Columns => nx,
             Lines::Rows => ny,

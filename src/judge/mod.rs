@@ -16,6 +16,7 @@ mod job;
 mod laws;
 mod lines;
 mod model;
+mod moved;
 mod probe;
 mod pulse;
 mod response;

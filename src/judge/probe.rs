@@ -1,9 +1,10 @@
 //! Fits that go on from a surface with a small change of the instrument: what a few hundredths of a second say of causes.
 
 use super::found::Shown;
-use super::laws::{LAWS, LawScan};
+use super::laws::{Law, LawScan, named};
+use super::moved;
 use super::sense::Sense;
-use super::suspects::{Suspects, both, suggested};
+use super::suspects::{Begin, Suspects, both, suggested};
 use crate::Result;
 use crate::judge::search::{Search, trial_of};
 use crate::judge::trial::{Fitted, Trial};
@@ -13,12 +14,19 @@ use crate::transport::Reflectance;
 /// Iterations of a fit with a change.
 const ITERATIONS: usize = 20;
 
-/// A change of the scale must leave less by this share, and by these standard errors.
+/// A step must leave less by this share, and by these standard errors.
 const LESS: f64 = 0.02;
 const BEYOND: f64 = 1.5;
-/// What a step of the keystone leaves at most, of what is left without it, for a fit to try this many times as much.
-const KEYSTONE: f64 = 0.97;
+/// The laws of places of which steps are tried: the scale, and those that change no scale, of which a fit then tries this many steps.
+const STEPPED: [&str; 4] = ["scale", "keystone", "shear", "sides"];
 const LONGER: f64 = 2.4;
+
+/// The first steps of a law's numbers, each way.
+fn steps_of(law: &'static Law) -> Vec<(&'static Law, Vec<f64>)> {
+    let count = law.steps.len();
+    let along = |at: usize, by: f64| (law, (0..count).map(|i| if i == at { by } else { 0.0 }).collect());
+    (0..count).flat_map(|at| [law.steps[at][0], -law.steps[at][0]].map(|by| along(at, by))).collect()
+}
 
 /// What a surface suggests.
 ///
@@ -28,36 +36,41 @@ fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted)
     let layers = &fitted.surface.layers;
     let trial = trial_of(&search.trials, reflectance).clone();
     let scan = LawScan::of(trial.capture());
-    let named = |name: &str| LAWS.iter().find(|law| law.name == name).expect("a law");
-    let [scale, keystone] = ["scale", "keystone"].map(named);
     let gains = Sense::of(&trial, layers)?.and_then(|sense| suggested(&sense, &scan));
-    let [step, slant] = [scale, keystone].map(|law| law.steps[0][0]);
-    let slants = [[slant, 0.0], [-slant, 0.0], [0.0, slant], [0.0, -slant]];
-    let scales = [step, -step].map(|step| (scale, vec![step]));
-    let changes = scales.into_iter().chain(slants.map(|numbers| (keystone, numbers.to_vec())));
+    let changes: Vec<(&'static Law, Vec<f64>)> =
+        STEPPED.into_iter().flat_map(|name| steps_of(named(name))).collect();
     let changed =
-        changes.map(|(law, numbers)| trial.with_capture(law.undone(trial.capture(), &scan, &numbers)));
+        changes.iter().map(|(law, numbers)| trial.with_capture(law.undone(trial.capture(), &scan, numbers)));
     let trials: Vec<Trial<'_>> = std::iter::once(trial.clone()).chain(changed).collect();
     let fits = search.fit_variants(&trials, layers, ITERATIONS, fitted.surface.step)?;
     let mut fits = fits.into_iter().map(|fitted| fitted.map(|fitted| fitted.held));
     let Some(base) = fits.next().flatten() else { return Ok(Suspects::default()) };
-    // What is left over what is left without the change, and by how many standard errors it is less.
-    let judged: Vec<[f64; 2]> = fits
-        .map(|held| {
-            held.map_or([1.0, 0.0], |held| {
-                let left = both(&held, &base);
-                let [after, before] = left.each_ref().map(Left::excess);
-                [after / before, left[0].errors_below(&left[1])]
-            })
-        })
-        .collect();
-    let is_less = |of: &[f64; 2]| of[0] < 1.0 - LESS && of[1] > BEYOND;
-    let sides = [(step, judged[0]), (-step, judged[1])];
-    let side = sides.into_iter().filter(|(_, of)| is_less(of)).min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
-    let slants = slants.into_iter().zip(&judged[2..]).filter(|(_, of)| of[0] < KEYSTONE);
-    let slanted = slants.min_by(|a, b| a.1[0].total_cmp(&b.1[0]));
-    let keystone = slanted.map(|(numbers, _)| (keystone, numbers.map(|n| LONGER * n).to_vec()));
-    Ok(Suspects { gains, scale: side.map(|(step, _)| (scale, step)), keystone })
+    // What is left over what is left without the change, where that is less by these standard errors.
+    let judged = changes.into_iter().zip(fits).filter_map(|(change, held)| {
+        let left = both(&held?, &base);
+        let [after, before] = left.each_ref().map(Left::excess);
+        (left[0].errors_below(&left[1]) > BEYOND).then_some((change, after / before))
+    });
+    let (scales, others): (Vec<_>, Vec<_>) =
+        judged.filter(|(_, share)| *share < 1.0 - LESS).partition(|((law, _), _)| law.name == STEPPED[0]);
+    // Steps of both sides the same way are the scale.
+    let sides = |sign: f64| {
+        others
+            .iter()
+            .filter(|((law, n), _)| law.name == "sides" && n.iter().sum::<f64>() * sign > 0.0)
+            .count()
+    };
+    let is_scale = sides(1.0) == 2 || sides(-1.0) == 2;
+    let [scale, place] = [scales, others].map(|all| all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)));
+    // The one whose step leaves less is tried first.
+    let is_first = |share: f64| scale.as_ref().is_none_or(|(_, of_scale)| share < *of_scale && !is_scale);
+    let place = place
+        .filter(|(_, share)| is_first(*share))
+        .map(|((law, numbers), _)| Begin { law, starts: vec![numbers.iter().map(|n| LONGER * n).collect()] });
+    let scale = scale.map(|((law, numbers), _)| (law, numbers[0]));
+    let is_moved = gains.is_none() && base.left().certain() > DOUBTFUL;
+    let moved = if is_moved { moved::suggested(&trial, fitted, search.hear)? } else { None };
+    Ok(Suspects { gains, scale, place, moved })
 }
 
 /// Share that is certainly left beyond noise, from which the residual of all pairs may show a cause.
@@ -95,4 +108,17 @@ pub fn shown_of(
         _ => Suspects::default(),
     };
     Ok(Shown { held: fitted.held, all, sense, suspects })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn steps_go_both_ways_along_every_number() {
+        let steps: Vec<Vec<f64>> =
+            steps_of(named("keystone")).into_iter().map(|(_, numbers)| numbers).collect();
+        assert_eq!(steps, [[0.05, 0.0], [-0.05, 0.0], [0.0, 0.05], [0.0, -0.05]]);
+        assert!(STEPPED.iter().all(|name| !steps_of(named(name)).is_empty()));
+    }
 }

@@ -8,6 +8,7 @@ use crate::Result;
 use crate::capture::Capture;
 use crate::gpu::Gpu;
 use crate::maps::Maps;
+use crate::options::SceneTraits;
 
 /// Factors of the distances between points that are tried, and what each may come from: feet, a half, a double.
 const FACTORS: [(f64, &str); 3] = [
@@ -18,6 +19,10 @@ const FACTORS: [(f64, &str); 3] = [
 
 /// Another scale is right if its image is this many times as sharp. Evidence: benches/NOTES.md, "Verdict".
 const SHARPER: f64 = 2.5;
+
+/// Later or earlier records that are tried, in widths of the wall: how many each way, and the step.
+const RECORDS: usize = 5;
+const STEP: f64 = 0.3;
 
 /// Pixels of the images on a side.
 const PIXELS: usize = 64;
@@ -48,12 +53,23 @@ impl Rescaled {
 /// The scale at which a light-cone transform of a capture is clearly sharper than at its own; `None` if there is none, or the transform
 /// does not take the capture.
 pub fn rescaled(job: &Job<'_>, gpu: &Gpu) -> Option<Rescaled> {
-    let own = sharpness(&image(job, gpu, 1.0).ok()?)?;
+    let own = sharpness(&image(job, gpu, 1.0, 0.0).ok()?)?;
     let tried = FACTORS.into_iter().filter_map(|(factor, what)| {
-        let there = sharpness(&image(job, gpu, factor).ok()?)?;
+        let there = sharpness(&image(job, gpu, factor, 0.0).ok()?)?;
         Some(Rescaled { factor, what, sharper: there / own })
     });
     tried.filter(|scale| scale.sharper >= SHARPER).max_by(|a, b| a.sharper.total_cmp(&b.sharper))
+}
+
+/// Metres of path by which a record that begins later or earlier makes a light-cone transform clearly sharper, and most of all. `None` if
+/// none does: other times are like other scales, so that a fit has to judge it.
+pub fn restarted(job: &Job<'_>, gpu: &Gpu) -> Option<f64> {
+    let step = STEP * SceneTraits::of(&job.capture).wall;
+    let own = sharpness(&image(job, gpu, 1.0, 0.0).ok()?)?;
+    let each = (1..=RECORDS).flat_map(|number| [number as f64, -(number as f64)]).map(|number| number * step);
+    let tried = each.filter_map(|later| Some((later, sharpness(&image(job, gpu, 1.0, later).ok()?)? / own)));
+    let best = tried.max_by(|a, b| a.1.total_cmp(&b.1));
+    best.filter(|(_, sharper)| *sharper >= SHARPER).map(|(later, _)| later)
 }
 
 /// How few pixels hold the light: mean fourth power of the albedo over the square of its mean square.
@@ -65,9 +81,11 @@ fn sharpness(maps: &Maps) -> Option<f64> {
     (squares > 0.0).then(|| maps.albedo.len() as f64 * fourths / (squares * squares))
 }
 
-/// A light-cone transform of a capture whose points lie `factor` times as far apart. A box that is set is for points as they are.
-fn image(job: &Job<'_>, gpu: &Gpu, factor: f64) -> Result<Maps> {
+/// A light-cone transform of a capture whose points lie `factor` times as far apart, and whose record begins `later`. A box that is set is
+/// for the capture as it is.
+fn image(job: &Job<'_>, gpu: &Gpu, factor: f64, later: f64) -> Result<Maps> {
     let scaled = Capture::clone(&job.capture).with(|c| {
+        c.t_start += later;
         c.laser.iter_mut().chain(&mut c.sensor).for_each(|point| *point *= factor);
     });
     let mut job = job.with_capture(Cow::Owned(scaled));

@@ -85,7 +85,7 @@ pub(crate) struct Search<'t> {
     /// The impulse response of the capture, if it has one.
     known: Option<Pulse>,
     find_pulse: FindPulse,
-    hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    pub hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
     pace: FitProgress,
     pub tried: Vec<Tried>,
     pub candidates: Vec<FoundSurface>,

@@ -16,8 +16,17 @@ pub struct Suspects {
     pub gains: Option<Suggestion>,
     /// The law of the scale with the step that leaves less: nearly every wrong delay or place changes the scale, too.
     pub scale: Option<(&'static Law, f64)>,
-    /// The law of the keystone with what a fit is to try, if a step that way leaves less: it changes no scale.
-    pub keystone: Option<(&'static Law, Vec<f64>)>,
+    /// A law of places that changes no scale, if a step that way leaves less.
+    pub place: Option<Begin>,
+    /// A motion of the scene between the ends of the scan.
+    pub moved: Option<Begin>,
+}
+
+/// A law with numbers for fits to begin with.
+#[derive(Debug, Clone)]
+pub struct Begin {
+    pub law: &'static Law,
+    pub starts: Vec<Vec<f64>>,
 }
 
 /// A law with its numbers.

@@ -34,6 +34,10 @@ mod bands {
     pub const OF_RESULT: f64 = 0.45;
 }
 
+/// Surfaces that were found together with echoes have lost up to a fifth of their IoU (benches/NOTES.md, "Causes").
+const ECHOES: &str = "the instrument's impulse response has echoes, which were found with the surface, and take some of it: measure the \
+                      impulse response, and give it";
+
 /// What was found in a capture.
 #[derive(Debug, Clone, Default)]
 pub struct Diagnosis {
@@ -83,7 +87,8 @@ pub fn diagnose(
         estimate::shown(&job.with_capture(Cow::Borrowed(capture)), estimates, Ask::Nothing, gpu, hear)
     };
     let Some((delays, after)) = lines::calibrate(shown, capture, &mut trial)? else {
-        return with_laws(found, job, gpu, hear);
+        let record = if is_doubtful { scale::restarted(job, gpu) } else { None };
+        return with_laws(found, job, record, gpu, hear);
     };
     let cause = Cause {
         what: delays.what(),
@@ -94,14 +99,16 @@ pub fn diagnose(
     Ok(Diagnosis { causes: vec![cause], calibrated: calibrates.then(|| delays.undone(capture)), ..found })
 }
 
-/// Adds the law of few numbers that held-out pairs confirm, which is undone, and those between which and it they do not decide.
+/// Adds the law of few numbers that held-out pairs confirm, which is undone, and those between which and it they do not decide. `record`:
+/// metres of path by which a later record makes images sharper.
 fn with_laws(
     found: Diagnosis,
     job: &Job<'_>,
+    record: Option<f64>,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Diagnosis> {
-    let (mut causes, undone) = match cause::judged(job, gpu, hear)? {
+    let (mut causes, undone) = match cause::judged(job, record, gpu, hear)? {
         JudgedCauses::Confirmed(found) => (found.causes, found.undone),
         JudgedCauses::Doubts(doubts) => return Ok(Diagnosis { doubts, ..found }),
     };
@@ -123,6 +130,9 @@ pub fn verdict(estimates: &Estimates, diagnosis: &Diagnosis) -> Verdict {
     }
     if let Some(doubt) = estimates.device.as_ref().and_then(|found| found.doubt()) {
         verdict.add(Grade::Fair, doubt);
+    }
+    if estimates.pulse.as_ref().is_some_and(|pulse| pulse.samples.is_some()) {
+        verdict.add(Grade::Fair, ECHOES);
     }
     if let Some(scale) = &diagnosis.scale {
         verdict.add(Grade::Poor, scale.sentence());
@@ -166,7 +176,10 @@ fn judge(verdict: &mut Verdict, left: &Left) {
 
 #[cfg(test)]
 mod tests {
+    use super::super::pulse::{FoundPulse, Shape};
+    use super::super::samples::ResponseSamples;
     use super::*;
+    use crate::transport::Reflectance;
 
     /// What is left of 100 pairs of equal light: `mean`, and every other one more and less by `scatter`.
     fn left(mean: f64, scatter: f64) -> Left {
@@ -224,6 +237,13 @@ mod tests {
         let doubts = vec!["perhaps the laser walks".to_owned()];
         let doubted = verdict(&estimates(0.8), &Diagnosis { doubts, ..Diagnosis::default() });
         assert!(doubted.grade == Grade::Fair && doubted.reasons[0].contains("perhaps"), "{doubted}");
+        let samples = ResponseSamples { samples: vec![0.5, 0.0, 0.5], width: 0.01, start: 0.0 };
+        let pulse = FoundPulse {
+            samples: Some(samples),
+            ..FoundPulse::of(Shape::SHARP, Reflectance::Cosine, &[], 0.0, None)
+        };
+        let echoed = verdict(&Estimates { pulse: Some(pulse), ..estimates(0.8) }, &Diagnosis::default());
+        assert!(echoed.grade == Grade::Fair && echoed.reasons[0].contains("echoes"), "{echoed}");
         let doubt = of(None, 0.2);
         assert!(doubt.grade == Grade::Fair && doubt.reasons.iter().any(|r| r.contains("IoU of only 0.20")));
     }

@@ -47,6 +47,8 @@ pub struct Model {
     pub wall: Wall,
     /// The pairs that light is rendered for where laser or sensor see more than points; `None`: the wall's own.
     pub rendered: Option<Rendered>,
+    /// The wall as the points were given, where a correction moved them: pairs keep their order.
+    pub given: Option<Wall>,
     /// True if the first n pairs are spread over the wall for every n ([`Model::spread`]).
     pub is_spread: bool,
     /// Pairs of the capture that are not used.
@@ -131,6 +133,15 @@ impl Model {
         let model = Model {
             elements: wall.pairs() * capture.bins,
             rendered: spot.map(|spot| Rendered::of(&wall, spot)),
+            given: capture.given.as_deref().map(|[laser, sensor]| {
+                let [laser, sensor] = [laser, sensor].map(Clone::clone);
+                Wall::of(
+                    &capture.outline().with(|c| (c.laser, c.sensor) = (laser, sensor)),
+                    reflectance,
+                    general,
+                )
+                .0
+            }),
             wall,
             is_spread: false,
             unused: 0,

@@ -103,6 +103,12 @@ impl Wall {
         }
     }
 
+    /// Whether pairs are made of as many points in the same way.
+    fn is_like(&self, other: &Wall) -> bool {
+        let parts = |wall: &Wall| (wall.geometry, wall.scanned.len(), wall.others.len());
+        parts(self) == parts(other)
+    }
+
     /// The order ([`spread_order`]) of the scanned and of the other points, and the pair that moves to each place.
     fn spread(&self) -> ([Vec<usize>; 2], Vec<usize>) {
         let (s, o) = (&self.scanned, &self.others);
@@ -129,7 +135,13 @@ impl Model {
     /// Reorders the pairs so that the first n are spread over the wall, for every n. In place, as histograms are large.
     /// Returns the pair that moved to each place.
     pub fn spread(&mut self) -> Vec<usize> {
-        let (sides, pairs) = self.wall.spread();
+        let (sides, pairs) = self
+            .given
+            .take()
+            .filter(|given| given.is_like(&self.wall))
+            .as_ref()
+            .unwrap_or(&self.wall)
+            .spread();
         let pick = |points: &[DVec3], order: &[usize]| order.iter().map(|i| points[*i]).collect::<Vec<_>>();
         self.wall = self.wall.picked([&|points| pick(points, &sides[0]), &|points| pick(points, &sides[1])]);
         if !self.measured.is_empty() {
@@ -319,6 +331,27 @@ mod tests {
             format!("{:?} {:?} {:?} {:?} {values:?}", point(s), point(o), normal(s), normal(o))
         };
         (0..wall.pairs()).map(row).collect()
+    }
+
+    /// Sheared points have another order of their own.
+    #[test]
+    fn moved_points_keep_the_order_of_those_that_were_given() {
+        let given = lattice(16, 16, 0.0);
+        let sheared: Vec<DVec3> = given.iter().map(|p| dvec3(p.x + 0.3 * p.y, p.y, 0.0)).collect();
+        let of = |points: &[DVec3], given: Option<&[DVec3]>| {
+            let capture = Capture::new([16, 16], points.to_vec(), points.to_vec(), 2, 0.01, vec![1.0; 512]);
+            let capture =
+                capture.with(|c| c.given = given.map(|g| std::sync::Arc::new([g.to_vec(), g.to_vec()])));
+            let mut model = Model::new(&capture, Reflectance::Cosine, 1.0, false);
+            let order = model.spread();
+            assert_eq!(model.wall.scanned[3], points[order[3]], "points go with their pairs");
+            order
+        };
+        let order = of(&given, None);
+        assert_eq!(of(&sheared, Some(&given)), order);
+        assert_ne!(of(&sheared, None), order);
+        // Other points than those of the pairs say nothing.
+        assert_eq!(of(&sheared, Some(&given[..9])), of(&sheared, None));
     }
 
     #[test]

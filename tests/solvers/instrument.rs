@@ -10,7 +10,7 @@ use glam::{DVec3, dvec2, dvec3};
 use rand::SeedableRng;
 use rand_distr::{Binomial, Distribution};
 use rand_pcg::Pcg64;
-use thirdbounce::capture::Capture;
+use thirdbounce::capture::{Capture, read, write};
 use thirdbounce::maps::Truth;
 use thirdbounce::measure::metrics;
 use thirdbounce::simulate::{Dark, Layout, RenderOptions, Scene, simulate, truth};
@@ -143,6 +143,17 @@ fn line(c: &Capture, pair: usize) -> [usize; 2] {
     [pair / c.scan[1], pair % c.scan[1]]
 }
 
+/// The figure's capture, whose second half of the columns sees it `by` metres away.
+fn half_moved(c: &Capture, seed: u64, by: DVec3) -> Capture {
+    let (mut scene, options) = figure(seed);
+    scene.objects.iter_mut().for_each(|object| object.mesh = object.mesh.clone().translated(by));
+    let there = simulate(&Scene { bins: Some(c.bins), ..scene }, &options).unwrap().capture;
+    changed(c, |to| {
+        let from = c.pair_count() / 2 * c.bins;
+        to.histograms[from..].copy_from_slice(&there.histograms[from..]);
+    })
+}
+
 const FAULTS: &[Fault] = &[
     Fault {
         name: "device at (-0.5, 0, 0.25)",
@@ -184,7 +195,7 @@ const FAULTS: &[Fault] = &[
         name: "narrow",
         of: figure,
         done: |c, _| placed(c, |[x, y]| [0.85 * x, y]),
-        words: &["wall is", "narrow"],
+        words: &["wide along x"],
     },
     Fault {
         name: "bins x 0.9",
@@ -283,6 +294,18 @@ const FAULTS: &[Fault] = &[
         words: &["power"],
     },
     Fault {
+        name: "moved by 8 cm",
+        of: figure,
+        done: |c, s| half_moved(c, s, dvec3(0.05, -0.05, 0.04)),
+        words: &["moved"],
+    },
+    Fault {
+        name: "moved by 20 cm",
+        of: figure,
+        done: |c, s| half_moved(c, s, dvec3(-0.2, 0.02, 0.02)),
+        words: &["moved"],
+    },
+    Fault {
         name: "rows copied",
         of: figure,
         done: |c, _| {
@@ -310,7 +333,7 @@ const FAULTS: &[Fault] = &[
     },
 ];
 
-/// IoU and verdict of a capture by the default, as that of a file: with its automatic gate.
+/// IoU and verdict of a capture by the default, as a file: with what readers repair, and with its automatic gate.
 fn solved(gpu: &Gpu, capture: &Capture, truth: &Truth) -> (f64, Verdict) {
     solved_with(gpu, capture, truth, "auto")
 }
@@ -320,7 +343,10 @@ fn solved_with(gpu: &Gpu, capture: &Capture, truth: &Truth, calibrate: &str) -> 
     let lateral = LATERAL.to_string();
     let texts = [("lateral", &*lateral), ("deterministic", "true"), ("calibrate", calibrate)];
     let settings = Settings::from_texts(texts).unwrap();
-    let prepared = prepare(capture.clone(), &settings);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("capture.npz");
+    write(capture, &file).unwrap();
+    let prepared = read(&file).and_then(|capture| prepare(capture, &settings));
     match prepared.and_then(|capture| reconstruct(gpu, &capture, &settings)) {
         Ok(result) => {
             let iou = metrics(&result.maps, truth, 0.3).ok().and_then(|m| m.iou).unwrap_or(0.0);

@@ -41,6 +41,7 @@ pub fn model(n: usize, bins: usize, seed: u64) -> Model {
     let measured: Vec<f32> = (0..n * n * bins).map(|_| random.uniform(0.0, 10.0) as f32).collect();
     let bin_width = 2.4 / bins as f64;
     Model {
+        given: None,
         centre: DVec3::ZERO,
         elements: n * n * bins,
         wall: Wall::confocal(points),

@@ -171,6 +171,7 @@ impl Capture {
                 kept.iter().flat_map(|&p| &counts[p * self.bins..(p + 1) * self.bins]).copied().collect()
             }),
             pulse: self.pulse.clone(),
+            given: None,
             ..*self
         }
     }

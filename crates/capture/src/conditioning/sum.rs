@@ -100,6 +100,7 @@ impl Capture {
             name: self.name.clone(),
             pulse: self.pulse.clone(),
             cycles: self.cycles.map(|cycles| cycles * (n * n) as f64),
+            given: None,
             ..*self
         })
     }

@@ -1,5 +1,7 @@
 //! A capture: pairs, bins and counts.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use super::pulse::Pulse;
@@ -52,6 +54,9 @@ pub struct Capture {
     /// The path of direct light, laser to wall point to sensor, in every pair, metres, where bins hold it and it is known: 0 in
     /// a capture of time tags. [`crate::auto_gate`] leaves it out however weak it is.
     pub direct: Option<f64>,
+    /// Laser and sensor points as they were given, where a correction moved them. Solvers hold out the same pairs with both.
+    #[doc(hidden)]
+    pub given: Option<Arc<[Vec<DVec3>; 2]>>,
     /// Positions of the laser and of the detector, metres, in the frame of the wall points, if known. Paths do not begin there; light may
     /// weaken on its way from there to the wall: [`super::GainLaw`].
     pub devices: [Option<DVec3>; 2],
@@ -107,6 +112,7 @@ impl Capture {
             sensor_spot: None,
             cycles: None,
             direct: None,
+            given: None,
             devices: [None; 2],
         }
     }
@@ -144,6 +150,7 @@ impl Capture {
             laser_normal: self.laser_normal.clone(),
             sensor_normal: self.sensor_normal.clone(),
             pulse: self.pulse.clone(),
+            given: self.given.clone(),
             ..*self
         }
     }

@@ -1,0 +1,145 @@
+//! A scene that moved once while it was scanned: if it moves all the time, points seem to be sheared, or a wall to lean. Fits of the first
+//! and of the last third of the lines of a scan, each from the start, explain their own pairs far better than one surface of all does, and
+//! lie apart by about how far it moved.
+
+use std::ops::ControlFlow;
+
+use glam::DVec3;
+
+use super::laws::{WallFrame, named};
+use super::lines::Lines;
+use super::suspects::Begin;
+use super::trial::{Fitted, From, Trial, fit_all};
+use crate::Result;
+use crate::engine::{Progress, Watch};
+use crate::maps::Maps;
+
+/// Of these parts of the lines, the first and the last one are fitted.
+const PARTS: usize = 3;
+/// Iterations of fits that go on.
+const ITERATIONS: usize = 20;
+/// Lines of a part at least.
+const LEAST: usize = 4;
+/// They leave these shares at most of what the ends of the other lines leave, by fits that go on from the surface of all, and by those from
+/// the start: where all fits of few pairs explain these better, nothing moved. And standard errors by which one of them leaves less.
+const LESS: [f64; 2] = [0.9, 0.75];
+const BEYOND: f64 = 4.0;
+/// The laws of motions between columns, and between rows. Each end of a scan sees most of what is near it, which seems to be a motion along
+/// that: these parts of it are tried.
+const ALONG: [&str; 2] = ["moved along x", "moved along y"];
+const PARTS_ALONG: [f64; 3] = [0.0, 0.5, 1.0];
+/// Both parts begin with one start, and keep something of it: the scene moved farther, by this factor.
+const FARTHER: f64 = 1.4;
+
+/// A motion of the scene between the ends of a scan, with numbers to begin with, if fits of the ends suggest one. `hear` hears of fits.
+///
+/// # Errors
+/// The device fails, or `hear` cancels.
+pub fn suggested(
+    trial: &Trial<'_>,
+    fitted: &Fitted,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Option<Begin>> {
+    let layers = &fitted.surface.layers;
+    let mut ends_by = |from: From<'_>| -> Result<Option<(usize, Ends)>> {
+        let columns = ends(trial, fitted, Lines::Columns, from, hear)?;
+        let rows = ends(trial, fitted, Lines::Rows, from, hear)?;
+        let Some(each) = columns.zip(rows).map(|(columns, rows)| [columns, rows]) else { return Ok(None) };
+        let along = usize::from(each[1].share < each[0].share);
+        let share = each[along].share / each[1 - along].share;
+        Ok(Some((along, Ends { share, ..each[along] })))
+    };
+    // Short fits rule most captures out.
+    if ends_by(From::Fit(layers, ITERATIONS))?.is_none_or(|(_, ends)| ends.share > LESS[0]) {
+        return Ok(None);
+    }
+    let Some((along, moved)) = ends_by(From::Start)? else { return Ok(None) };
+    if moved.errors < BEYOND || moved.share > LESS[1] {
+        return Ok(None);
+    }
+    let law = named(ALONG[along]);
+    let half = WallFrame::of(&[&trial.capture().laser[..], &trial.capture().sensor].concat()).half;
+    let apart = FARTHER * moved.apart / half;
+    let starts = PARTS_ALONG.map(|part| {
+        let mut start = apart.to_array();
+        start[along] *= part;
+        vec![start[0], start[1], start[2], 0.0]
+    });
+    Ok(Some(Begin { law, starts: starts.to_vec() }))
+}
+
+/// Fits of the first and the last lines of a scan.
+#[derive(Debug, Clone, Copy)]
+struct Ends {
+    /// What both leave of what the surface of all leaves of their pairs.
+    share: f64,
+    /// Standard errors by which one of them leaves less, at most.
+    errors: f64,
+    /// How far the last one lies from the first one, metres.
+    apart: DVec3,
+}
+
+/// `None` where one of them finds nothing, or there are too few lines.
+fn ends(
+    trial: &Trial<'_>,
+    fitted: &Fitted,
+    lines: Lines,
+    from: From<'_>,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Option<Ends>> {
+    let capture = trial.capture();
+    let count = lines.count(capture.scan);
+    if count < LEAST * PARTS || capture.pair_count() < LEAST * PARTS * count {
+        return Ok(None);
+    }
+    let ends = [0, PARTS - 1].map(|part| {
+        let is_kept = |pair: &usize| lines.of(*pair, capture.scan) * PARTS / count == part;
+        let kept: Vec<usize> = (0..capture.pair_count()).filter(is_kept).collect();
+        let across = kept.len() / (capture.pair_count() / count);
+        let scan = match lines {
+            Lines::Columns => [across, capture.scan[1]],
+            Lines::Rows => [capture.scan[0], across],
+        };
+        trial.with_capture(capture.keep(&kept, scan))
+    });
+    let mut watch = Watch { hear, maps_every: None, maps_at: &[] };
+    let (layers, step) = (&fitted.surface.layers, fitted.surface.step);
+    let (mut sums, mut errors, mut centres) = ([0.0; 2], f64::NEG_INFINITY, vec![]);
+    for end in &ends {
+        let own = fit_all(&[end], capture.pulse.as_ref(), from, step, &mut watch)?.pop().flatten();
+        let Some((own, all)) = own.zip(end.ideal(layers)?) else { return Ok(None) };
+        let [left, before] = [own.held.left(), all.left()];
+        sums = [sums[0] + left.excess(), sums[1] + before.excess()];
+        errors = errors.max(left.errors_below(&before));
+        centres.push(centre(&own.surface.layers));
+    }
+    Ok(Some(Ends { share: sums[0] / sums[1], errors, apart: centres[1] - centres[0] }))
+}
+
+/// The centre of surfaces, weighed by their albedos, metres.
+fn centre(layers: &[Maps]) -> DVec3 {
+    let (mut sum, mut weights) = (DVec3::ZERO, f64::MIN_POSITIVE);
+    for maps in layers {
+        for pixel in (0..maps.depth.len()).filter(|pixel| maps.depth[*pixel].is_finite()) {
+            let [x, y] = maps.centre(pixel / maps.ny, pixel % maps.ny);
+            let weight = f64::from(maps.albedo[pixel].max(0.0));
+            sum += weight * DVec3::new(x, y, f64::from(maps.depth[pixel]));
+            weights += weight;
+        }
+    }
+    sum / weights
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_centre_weighs_albedos_and_leaves_out_what_has_no_surface() {
+        let mut maps = Maps::empty([2, 2], [0.0, 2.0, 0.0, 2.0]);
+        maps.depth = vec![1.0, f32::NAN, f32::NAN, 2.0];
+        maps.albedo = vec![1.0, 9.0, 9.0, 3.0];
+        let all = centre(&[maps]);
+        assert!(all.distance(DVec3::new(1.25, 1.25, 1.75)) < 1e-12, "{all}");
+    }
+}
