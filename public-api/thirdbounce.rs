@@ -508,6 +508,7 @@ impl Bounce {
 impl fmt::Display for Bounce {}
 #[derive(Clone, PartialEq)]
 #[non_exhaustive]
+#[private_fields]
 pub struct Capture {
     pub name: String,
     pub scan: [usize; 2],

@@ -13,7 +13,7 @@ use super::found::{Estimates, Shown};
 use super::job::Job;
 use super::laws::{Changes, LAWS, Law, LawScan, named};
 use super::probe::Ask;
-use super::suspects::{Begin, Suggestion, Suspects, both, suited};
+use super::suspects::{Suggested, Suggestion, Suspects, both, suited};
 use crate::Result;
 use crate::capture::Capture;
 use crate::engine::Progress;
@@ -248,9 +248,9 @@ impl CauseTrials<'_> {
 
     /// Of these laws, each with numbers to begin with, what leaves less by its best numbers; alone what leaves so much less that nothing
     /// else is to be tried.
-    fn suggested(&mut self, each: Vec<Begin>) -> Result<Vec<TriedCause>> {
+    fn suggested(&mut self, each: Vec<Suggested>) -> Result<Vec<TriedCause>> {
         let mut all = vec![];
-        for Begin { law, starts } in each {
+        for Suggested { law, starts } in each {
             let Some(begin) = self.begun(law, starts)?.filter(|begin| begin.is_less(bands::SUSPECT)) else {
                 continue;
             };
@@ -389,7 +389,7 @@ pub fn judged(
     if (scale.is_some() || place.is_some()) && trials.is_poor_fit()? {
         (scale, place) = (None, None);
     }
-    let record = record.map(|later| Begin { law: named("record"), starts: vec![vec![-later]] });
+    let record = record.map(|later| Suggested { law: named("record"), starts: vec![vec![-later]] });
     let found = trials.suggested(record.into_iter().chain(place).chain(moved).collect())?;
     if !found.iter().any(TriedCause::stands_alone) && (scale.is_some() || !found.is_empty()) {
         all.extend(trials.places(scale, &found)?);

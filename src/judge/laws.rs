@@ -26,7 +26,7 @@ pub struct WallFrame {
 }
 
 impl WallFrame {
-    pub fn of(points: &[DVec3]) -> WallFrame {
+    fn of(points: &[DVec3]) -> WallFrame {
         let infinity = DVec3::splat(f64::INFINITY);
         let (low, high) = points.iter().fold((infinity, -infinity), |(l, h), p| (l.min(*p), h.max(*p)));
         let [middle, side] = [0.5 * (low + high), high - low];
@@ -155,6 +155,8 @@ const OF_MOTIONS: Law = Law {
     hint: "keep the scene still, or reconstruct a part of the lines",
     steps: &[[0.05, 2.0], [0.05, 2.0], [0.05, 2.0], [0.15, 0.9]],
     kind: Changes::Scene,
+    // Elsewhere pairs that see the scene before and behind it share points.
+    applies: |s| s.is_confocal,
     ..OF_DELAYS
 };
 const OF_GAINS: Law = Law { kind: Changes::Gain, has_opposite: false, ..OF_DELAYS };

@@ -6,9 +6,9 @@ use std::ops::ControlFlow;
 
 use glam::DVec3;
 
-use super::laws::{WallFrame, named};
+use super::laws::{LawScan, named};
 use super::lines::Lines;
-use super::suspects::Begin;
+use super::suspects::Suggested;
 use super::trial::{Fitted, From, Trial, fit_all};
 use crate::Result;
 use crate::engine::{Progress, Watch};
@@ -39,15 +39,19 @@ pub fn suggested(
     trial: &Trial<'_>,
     fitted: &Fitted,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Option<Begin>> {
+) -> Result<Option<Suggested>> {
+    let scan = LawScan::of(trial.capture());
+    if !ALONG.into_iter().all(|name| (named(name).applies)(&scan)) {
+        return Ok(None);
+    }
     let layers = &fitted.surface.layers;
-    let mut ends_by = |from: From<'_>| -> Result<Option<(usize, Ends)>> {
+    let mut ends_by = |from: From<'_>| -> Result<Option<(usize, EndFits)>> {
         let columns = ends(trial, fitted, Lines::Columns, from, hear)?;
         let rows = ends(trial, fitted, Lines::Rows, from, hear)?;
         let Some(each) = columns.zip(rows).map(|(columns, rows)| [columns, rows]) else { return Ok(None) };
         let along = usize::from(each[1].share < each[0].share);
         let share = each[along].share / each[1 - along].share;
-        Ok(Some((along, Ends { share, ..each[along] })))
+        Ok(Some((along, EndFits { share, ..each[along] })))
     };
     // Short fits rule most captures out.
     if ends_by(From::Fit(layers, ITERATIONS))?.is_none_or(|(_, ends)| ends.share > LESS[0]) {
@@ -58,19 +62,18 @@ pub fn suggested(
         return Ok(None);
     }
     let law = named(ALONG[along]);
-    let half = WallFrame::of(&[&trial.capture().laser[..], &trial.capture().sensor].concat()).half;
-    let apart = FARTHER * moved.apart / half;
+    let apart = FARTHER * moved.apart / scan.frame.half;
     let starts = PARTS_ALONG.map(|part| {
         let mut start = apart.to_array();
         start[along] *= part;
         vec![start[0], start[1], start[2], 0.0]
     });
-    Ok(Some(Begin { law, starts: starts.to_vec() }))
+    Ok(Some(Suggested { law, starts: starts.to_vec() }))
 }
 
 /// Fits of the first and the last lines of a scan.
 #[derive(Debug, Clone, Copy)]
-struct Ends {
+struct EndFits {
     /// What both leave of what the surface of all leaves of their pairs.
     share: f64,
     /// Standard errors by which one of them leaves less, at most.
@@ -86,7 +89,7 @@ fn ends(
     lines: Lines,
     from: From<'_>,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Option<Ends>> {
+) -> Result<Option<EndFits>> {
     let capture = trial.capture();
     let count = lines.count(capture.scan);
     if count < LEAST * PARTS || capture.pair_count() < LEAST * PARTS * count {
@@ -113,7 +116,7 @@ fn ends(
         errors = errors.max(left.errors_below(&before));
         centres.push(centre(&own.surface.layers));
     }
-    Ok(Some(Ends { share: sums[0] / sums[1], errors, apart: centres[1] - centres[0] }))
+    Ok(Some(EndFits { share: sums[0] / sums[1], errors, apart: centres[1] - centres[0] }))
 }
 
 /// The centre of surfaces, weighed by their albedos, metres.

@@ -4,7 +4,7 @@ use super::found::Shown;
 use super::laws::{Law, LawScan, named};
 use super::moved;
 use super::sense::Sense;
-use super::suspects::{Begin, Suspects, both, suggested};
+use super::suspects::{Suggested, Suspects, both, suggested};
 use crate::Result;
 use crate::judge::search::{Search, trial_of};
 use crate::judge::trial::{Fitted, Trial};
@@ -64,9 +64,10 @@ fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted)
     let [scale, place] = [scales, others].map(|all| all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)));
     // The one whose step leaves less is tried first.
     let is_first = |share: f64| scale.as_ref().is_none_or(|(_, of_scale)| share < *of_scale && !is_scale);
-    let place = place
-        .filter(|(_, share)| is_first(*share))
-        .map(|((law, numbers), _)| Begin { law, starts: vec![numbers.iter().map(|n| LONGER * n).collect()] });
+    let place = place.filter(|(_, share)| is_first(*share)).map(|((law, numbers), _)| Suggested {
+        law,
+        starts: vec![numbers.iter().map(|n| LONGER * n).collect()],
+    });
     let scale = scale.map(|((law, numbers), _)| (law, numbers[0]));
     let is_moved = gains.is_none() && base.left().certain() > DOUBTFUL;
     let moved = if is_moved { moved::suggested(&trial, fitted, search.hear)? } else { None };

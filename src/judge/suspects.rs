@@ -17,14 +17,14 @@ pub struct Suspects {
     /// The law of the scale with the step that leaves less: nearly every wrong delay or place changes the scale, too.
     pub scale: Option<(&'static Law, f64)>,
     /// A law of places that changes no scale, if a step that way leaves less.
-    pub place: Option<Begin>,
+    pub place: Option<Suggested>,
     /// A motion of the scene between the ends of the scan.
-    pub moved: Option<Begin>,
+    pub moved: Option<Suggested>,
 }
 
 /// A law with numbers for fits to begin with.
 #[derive(Debug, Clone)]
-pub struct Begin {
+pub struct Suggested {
     pub law: &'static Law,
     pub starts: Vec<Vec<f64>>,
 }

@@ -87,7 +87,7 @@ pub fn diagnose(
         estimate::shown(&job.with_capture(Cow::Borrowed(capture)), estimates, Ask::Nothing, gpu, hear)
     };
     let Some((delays, after)) = lines::calibrate(shown, capture, &mut trial)? else {
-        let record = if is_doubtful { scale::restarted(job, gpu) } else { None };
+        let record = if calibrates && is_doubtful { scale::restarted(job, gpu) } else { None };
         return with_laws(found, job, record, gpu, hear);
     };
     let cause = Cause {
