@@ -70,8 +70,6 @@ mod rounds_of {
     /// Iterations of a round, and of the schedule that it begins: its steps stay long.
     pub const ITERATIONS: usize = 15;
     pub const SCHEDULED: usize = 45;
-    /// What noise adds to the share of the typical evidence above which a pixel of a closed form's support is surface.
-    pub const MASK: f32 = 0.2;
 }
 
 impl SurfaceOptions {
@@ -189,7 +187,7 @@ pub(crate) fn prepare(
         first_grid,
         sum,
         method: None,
-        blends: start::is_light_cone(options, &first_scan),
+        is_light_cone: start::is_light_cone(options, &first_scan),
         begun: begun.cloned(),
         keeps: false,
         follow,
@@ -216,7 +214,7 @@ struct PreparedSurface {
     /// The closed form, while everything stays allocated.
     method: Option<Start>,
     /// The light-cone transform initialises the surface.
-    blends: bool,
+    is_light_cone: bool,
     /// What earlier fits of the capture found.
     begun: Option<Begun>,
     /// Everything stays allocated.
@@ -278,7 +276,7 @@ impl PreparedSurface {
         };
         let of = self.options.most_iterations().iter().sum();
         let (seen, light) = (begun.seen.clone(), begun.light.clone());
-        let fits = Fits { options: &self.options, of, blends: self.blends, seen, light, until };
+        let fits = Fits { options: &self.options, of, is_light_cone: self.is_light_cone, seen, light, until };
         let driven = Driven { seconds, ..Driven::begun(begun.closed[0].clone(), *self.fine.plan().finest()) };
         fits.cold(self.coarse.as_mut(), &mut self.fine, captures, begun, watch, driven)
     }
@@ -323,7 +321,14 @@ impl PreparedSurface {
             wanted = follow::after_rounds(wanted, self.coarse.is_some());
         }
         let of = rounds * each + wanted;
-        let fits = Fits { options: &self.options, of, blends: self.blends, seen: None, light: None, until };
+        let fits = Fits {
+            options: &self.options,
+            of,
+            is_light_cone: self.is_light_cone,
+            seen: None,
+            light: None,
+            until,
+        };
         let plan = [rounds, each, wanted];
         let last = PreviousFrame { layers, left, closed, is_whole };
         fits.warm(&mut self.fine, last, seen, plan, watch, driven).map(Some)
@@ -385,7 +390,7 @@ impl Prepared for PreparedSurface {
 struct Fits<'o> {
     options: &'o SurfaceOptions,
     /// The closed form is the light-cone transform. A back-projection has too much haze to tell where a surface ends.
-    blends: bool,
+    is_light_cone: bool,
     /// What the network sees, if that is the start, and the light-cone transform beside it.
     seen: Option<Arc<LearnedStart>>,
     light: Option<Maps>,
@@ -451,7 +456,7 @@ impl Fits<'_> {
         }
         let begun = [begin, driven.seconds];
         // A back-projection has too much haze to be trusted with a support.
-        let is_trusted = !self.options.grow || self.seen.is_some() || self.blends;
+        let is_trusted = !self.options.grow || self.seen.is_some() || self.is_light_cone;
         let mut is_closed = !is_open && is_trusted;
         if is_closed {
             (layers, fine.step) = (closed_fine.clone(), 1.0);
@@ -471,7 +476,7 @@ impl Fits<'_> {
             quality = seen.map(|seen| seen.1);
         }
         let closed = is_closed.then_some(closed);
-        driven.maps = self.shown(&layers, closed.as_deref(), quality);
+        driven.maps = self.shown(&layers, closed.is_some(), quality);
         let clock = Instant::now();
         let evidence = match (&self.seen, quality) {
             (Some(seen), Some(quality)) => {
@@ -493,22 +498,11 @@ impl Fits<'_> {
         })
     }
 
-    /// The maps of fitted layers. `closed`: the layers of the closed form, if their support is that of the surface.
-    fn shown(&self, layers: &[Maps], closed: Option<&[Maps]>, quality: Option<Quality>) -> Maps {
-        let mut shown = layers.to_vec();
-        let others = match &self.seen {
-            Some(_) => self.light.as_slice(),
-            None => closed.unwrap_or_default(),
-        };
-        let blends = closed.is_some() && self.options.grow && self.blends && shown.len() == others.len();
-        if blends {
-            for (fitted, first) in shown.iter_mut().zip(others) {
-                support::blend(fitted, &first.finer(fitted.nx / first.nx));
-            }
-        }
-        let mut maps = concluded(shown, quality, closed.is_some());
-        if let Some(seen) = self.seen.as_ref().filter(|_| closed.is_some() && quality.is_some()) {
-            maps.mask = support::weighed(&maps, &seen.probabilities(&maps), 1 + usize::from(blends));
+    /// The maps of fitted layers. `is_closed`: their support is that of the start.
+    fn shown(&self, layers: &[Maps], is_closed: bool, quality: Option<Quality>) -> Maps {
+        let mut maps = concluded(layers.to_vec(), quality);
+        if let Some(seen) = self.seen.as_ref().filter(|_| is_closed && quality.is_some()) {
+            maps.mask = support::weighed(&maps, &seen.probabilities(&maps));
         }
         // No fit explains light: what the network sees is all there is.
         if let Some(seen) = self.seen.as_ref().filter(|_| !maps.mask.contains(&true)) {
@@ -552,7 +546,7 @@ impl Fits<'_> {
             let run = Run { known: quality.map(|q| q.left), ..run };
             (driven, quality) = fine.run(&mut layers, run, watch, driven)?;
         }
-        driven.maps = self.shown(&layers, closed.as_deref(), quality);
+        driven.maps = self.shown(&layers, closed.is_some(), quality);
         let left = follow::reference(quality.map_or(1.0, |q| q.left_share()), reference);
         Ok(FitResult {
             driven,
@@ -598,17 +592,15 @@ fn taken(fit: &mut Fit, capture: &Capture, driven: Driven) -> Result<Driven> {
     Ok(Driven { seconds: driven.seconds + clock.elapsed().as_secs_f64(), ..driven })
 }
 
-/// The maps of fitted layers, with their mask. Layers without a quality explain no light: nothing stays of them. `is_closed`: the
-/// support is that of a closed form, whose haze photon noise amplifies.
-fn concluded(mut layers: Vec<Maps>, quality: Option<Quality>, is_closed: bool) -> Maps {
+/// The maps of fitted layers, with their mask. Layers without a quality explain no light: nothing stays of them.
+fn concluded(mut layers: Vec<Maps>, quality: Option<Quality>) -> Maps {
     if quality.is_none() {
         layers
             .iter_mut()
             .for_each(|maps| (0..maps.depth.len()).for_each(|pixel| support::remove(maps, pixel)));
     }
     let typical = support::typical_albedo(&layers).unwrap_or(0.0);
-    let noise = quality.filter(|_| is_closed).map_or(0.0, |q| q.noise_share()) as f32;
-    let threshold = (support::share(support::flatness(&layers, typical)) + rounds_of::MASK * noise) * typical;
+    let threshold = support::share(support::flatness(&layers, typical)) * typical;
     let mut maps = match <[Maps; 2]>::try_from(layers) {
         Ok(both) => layers::merge(&both, layers::least_columns(both[0].nx)),
         Err(mut one) => one.swap_remove(0),
