@@ -187,7 +187,7 @@ pub(crate) fn prepare(
         first_grid,
         sum,
         method: None,
-        is_light_cone: start::is_light_cone(options, &first_scan),
+        blends: start::is_light_cone(options, &first_scan),
         begun: begun.cloned(),
         keeps: false,
         follow,
@@ -214,7 +214,7 @@ struct PreparedSurface {
     /// The closed form, while everything stays allocated.
     method: Option<Start>,
     /// The light-cone transform initialises the surface.
-    is_light_cone: bool,
+    blends: bool,
     /// What earlier fits of the capture found.
     begun: Option<Begun>,
     /// Everything stays allocated.
@@ -276,7 +276,7 @@ impl PreparedSurface {
         };
         let of = self.options.most_iterations().iter().sum();
         let (seen, light) = (begun.seen.clone(), begun.light.clone());
-        let fits = Fits { options: &self.options, of, is_light_cone: self.is_light_cone, seen, light, until };
+        let fits = Fits { options: &self.options, of, blends: self.blends, seen, light, until };
         let driven = Driven { seconds, ..Driven::begun(begun.closed[0].clone(), *self.fine.plan().finest()) };
         fits.cold(self.coarse.as_mut(), &mut self.fine, captures, begun, watch, driven)
     }
@@ -321,14 +321,7 @@ impl PreparedSurface {
             wanted = follow::after_rounds(wanted, self.coarse.is_some());
         }
         let of = rounds * each + wanted;
-        let fits = Fits {
-            options: &self.options,
-            of,
-            is_light_cone: self.is_light_cone,
-            seen: None,
-            light: None,
-            until,
-        };
+        let fits = Fits { options: &self.options, of, blends: self.blends, seen: None, light: None, until };
         let plan = [rounds, each, wanted];
         let last = PreviousFrame { layers, left, closed, is_whole };
         fits.warm(&mut self.fine, last, seen, plan, watch, driven).map(Some)
@@ -390,7 +383,7 @@ impl Prepared for PreparedSurface {
 struct Fits<'o> {
     options: &'o SurfaceOptions,
     /// The closed form is the light-cone transform. A back-projection has too much haze to tell where a surface ends.
-    is_light_cone: bool,
+    blends: bool,
     /// What the network sees, if that is the start, and the light-cone transform beside it.
     seen: Option<Arc<LearnedStart>>,
     light: Option<Maps>,
@@ -456,7 +449,7 @@ impl Fits<'_> {
         }
         let begun = [begin, driven.seconds];
         // A back-projection has too much haze to be trusted with a support.
-        let is_trusted = !self.options.grow || self.seen.is_some() || self.is_light_cone;
+        let is_trusted = !self.options.grow || self.seen.is_some() || self.blends;
         let mut is_closed = !is_open && is_trusted;
         if is_closed {
             (layers, fine.step) = (closed_fine.clone(), 1.0);
@@ -476,7 +469,7 @@ impl Fits<'_> {
             quality = seen.map(|seen| seen.1);
         }
         let closed = is_closed.then_some(closed);
-        driven.maps = self.shown(&layers, closed.is_some(), quality);
+        driven.maps = self.shown(&layers, closed.as_deref(), quality);
         let clock = Instant::now();
         let evidence = match (&self.seen, quality) {
             (Some(seen), Some(quality)) => {
@@ -498,11 +491,22 @@ impl Fits<'_> {
         })
     }
 
-    /// The maps of fitted layers. `is_closed`: their support is that of the start.
-    fn shown(&self, layers: &[Maps], is_closed: bool, quality: Option<Quality>) -> Maps {
-        let mut maps = concluded(layers.to_vec(), quality);
-        if let Some(seen) = self.seen.as_ref().filter(|_| is_closed && quality.is_some()) {
-            maps.mask = support::weighed(&maps, &seen.probabilities(&maps));
+    /// The maps of fitted layers. `closed`: the layers of the closed form, if their support is that of the surface.
+    fn shown(&self, layers: &[Maps], closed: Option<&[Maps]>, quality: Option<Quality>) -> Maps {
+        let mut shown = layers.to_vec();
+        let others = match &self.seen {
+            Some(_) => self.light.as_slice(),
+            None => closed.unwrap_or_default(),
+        };
+        let blends = closed.is_some() && self.options.grow && self.blends && shown.len() == others.len();
+        if blends {
+            for (fitted, first) in shown.iter_mut().zip(others) {
+                support::blend(fitted, &first.finer(fitted.nx / first.nx));
+            }
+        }
+        let mut maps = concluded(shown, quality);
+        if let Some(seen) = self.seen.as_ref().filter(|_| closed.is_some() && quality.is_some()) {
+            maps.mask = support::weighed(&maps, &seen.probabilities(&maps), 1 + usize::from(blends));
         }
         // No fit explains light: what the network sees is all there is.
         if let Some(seen) = self.seen.as_ref().filter(|_| !maps.mask.contains(&true)) {
@@ -546,7 +550,7 @@ impl Fits<'_> {
             let run = Run { known: quality.map(|q| q.left), ..run };
             (driven, quality) = fine.run(&mut layers, run, watch, driven)?;
         }
-        driven.maps = self.shown(&layers, closed.is_some(), quality);
+        driven.maps = self.shown(&layers, closed.as_deref(), quality);
         let left = follow::reference(quality.map_or(1.0, |q| q.left_share()), reference);
         Ok(FitResult {
             driven,

@@ -28,8 +28,10 @@ mod constants {
     pub const AT_EDGE: [f32; 2] = [0.3, 0.7];
     /// Mean cosines at edges of surfaces that bend away, and of plates.
     pub const FACING: [f32; 2] = [0.8, 0.95];
-    /// Albedos are clamped to this multiple of the typical one, also before they are smoothed.
+    /// Albedos are clamped to this multiple of the typical one.
     pub const BRIGHTEST: f32 = 1.25;
+    /// Smoothing clips albedos at this multiple of the typical one.
+    pub const CLIPPED: f32 = 3.0;
     /// Width of the smoothing Gaussian as a share of the maps' width.
     pub const SMOOTH: f64 = 1.0 / 80.0;
     /// Smallest island as a share of the maps' pixels.
@@ -68,7 +70,7 @@ pub fn smoothed(maps: &Maps, typical: f32) -> Vec<f32> {
     let clipped: Vec<f32> = (0..maps.albedo.len())
         .into_par_iter()
         .with_min_len(ROW_OF_WORK)
-        .map(|i| if maps.depth[i].is_finite() { evidence(maps, i).min(BRIGHTEST * typical) } else { 0.0 })
+        .map(|i| if maps.depth[i].is_finite() { evidence(maps, i).min(CLIPPED * typical) } else { 0.0 })
         .collect();
     let along = |from: &[f32], count: usize, stride: usize| -> Vec<f32> {
         let of = |i: usize| {
@@ -279,6 +281,19 @@ pub fn regions<N: Iterator<Item = usize>>(
     all
 }
 
+/// Replaces albedos by their geometric mean with those of the closed form, which errs in other ways: where the model error is
+/// large, surface is where both have light.
+pub fn blend(maps: &mut Maps, first: &Maps) {
+    let Some((own, other)) =
+        typical_albedo(std::slice::from_ref(maps)).zip(typical_albedo(std::slice::from_ref(first)))
+    else {
+        return;
+    };
+    for (albedo, first) in maps.albedo.iter_mut().zip(&first.albedo) {
+        *albedo = (*albedo * first.max(0.0) * own / other).sqrt();
+    }
+}
+
 /// Pixels that have a surface in fitted layers, too, take it over; the others have the typical albedo of these.
 pub fn take_over(maps: &mut Maps, fitted: &[Maps]) {
     let typical = typical_albedo(fitted).unwrap_or(1.0);
@@ -294,8 +309,9 @@ pub fn take_over(maps: &mut Maps, fitted: &[Maps]) {
 }
 
 /// The mask of a surface by the probabilities of its pixels, changed by their evidence: smoothed albedo against the typical one of
-/// the same object, so that the brightest object does not decide on others.
-pub fn weighed(maps: &Maps, probability: &[f32]) -> Vec<bool> {
+/// the same object, so that the brightest object does not decide on others. `albedos`: how many independent albedos the maps' one is
+/// the mean of; their evidence adds up.
+pub fn weighed(maps: &Maps, probability: &[f32], albedos: usize) -> Vec<bool> {
     let mut mask = vec![false; maps.depth.len()];
     for object in objects(maps) {
         let mut alone = Maps::empty([maps.nx, maps.ny], maps.extent);
@@ -307,7 +323,7 @@ pub fn weighed(maps: &Maps, probability: &[f32]) -> Vec<bool> {
         for pixel in object {
             let p = probability[pixel].clamp(1e-4, 1.0 - 1e-4);
             let evidence = (smooth[pixel] / least).max(1e-4).ln();
-            mask[pixel] = (p / (1.0 - p)).ln() + evidence > 0.0;
+            mask[pixel] = (p / (1.0 - p)).ln() + albedos as f32 * evidence > 0.0;
         }
     }
     mask
