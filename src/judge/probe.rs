@@ -70,7 +70,7 @@ fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted)
     });
     let scale = scale.map(|((law, numbers), _)| (law, numbers[0]));
     let is_moved = gains.is_none() && base.left().certain() > DOUBTFUL;
-    let moved = if is_moved { moved::suggested(&trial, fitted, search.hear)? } else { None };
+    let moved = if is_moved { moved::suggested(&trial, fitted, &mut search.beside())? } else { None };
     Ok(Suspects { gains, scale, place, moved })
 }
 

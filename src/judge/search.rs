@@ -85,7 +85,7 @@ pub(crate) struct Search<'t> {
     /// The impulse response of the capture, if it has one.
     known: Option<Pulse>,
     find_pulse: FindPulse,
-    pub hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
     pace: FitProgress,
     pub tried: Vec<Tried>,
     pub candidates: Vec<FoundSurface>,
@@ -215,6 +215,15 @@ impl<'t> Search<'t> {
         pace.pass(from.iterations());
         *step = fitted.as_ref().map_or(*step, |fitted| fitted.surface.step);
         Ok(fitted)
+    }
+
+    /// Hears of fits beside those that are counted: progress stays where it is.
+    pub fn beside(&mut self) -> impl FnMut(&Progress) -> ControlFlow<()> {
+        let Search { hear, pace, .. } = self;
+        |p: &Progress| {
+            let point = TracePoint { iteration: 0, ..p.point };
+            hear(&pace.of(&Progress { point, iterations: 0, ..p.clone() }))
+        }
     }
 
     /// Continues a surface with other versions of the capture, whose steps begin with this length.
