@@ -73,6 +73,8 @@ struct CauseTrials<'j> {
     hear: &'j mut dyn FnMut(&Progress) -> ControlFlow<()>,
     /// Values of a number that were tried, and what each left.
     tried: Vec<(f64, f64)>,
+    /// All trials so far: searches come back to the same numbers.
+    judged: Vec<TriedCause>,
 }
 
 impl CauseTrials<'_> {
@@ -85,6 +87,16 @@ impl CauseTrials<'_> {
         let Some(after) = estimate::shown(&tried, estimates, ask, gpu, *hear)? else { return Ok(None) };
         let judged = TriedCause { law, numbers: numbers.to_vec(), left: both(&after.held, &shown.held) };
         Ok(Some((judged, after)))
+    }
+
+    /// What a fit leaves once a cause is undone; the earlier result if these numbers were tried before.
+    fn judged(&mut self, law: &'static Law, numbers: &[f64]) -> Result<Option<TriedCause>> {
+        if let Some(same) = self.judged.iter().find(|of| of.law.name == law.name && of.numbers == numbers) {
+            return Ok(Some(same.clone()));
+        }
+        let judged = self.trial(law, numbers)?.map(|(judged, _)| judged);
+        self.judged.extend(judged.clone());
+        Ok(judged)
     }
 
     /// Gains that suit what a surface shows, refined by what fits without them show.
@@ -124,8 +136,8 @@ impl CauseTrials<'_> {
             return Ok(false);
         }
         let opposite: Vec<f64> = best.numbers.iter().map(|n| -n).collect();
-        let trial = self.trial(best.law, &opposite)?;
-        Ok(trial.is_some_and(|(judged, _)| judged.excess() < bands::FIRST * judged.left[1].excess()))
+        let trial = self.judged(best.law, &opposite)?;
+        Ok(trial.is_some_and(|judged| judged.excess() < bands::FIRST * judged.left[1].excess()))
     }
 
     /// Searches along a number of a law, from `best`, for what leaves least.
@@ -147,7 +159,7 @@ impl CauseTrials<'_> {
             if tried.iter().any(|(t, _)| (t - there[number]).abs() < 0.2 * step.abs()) {
                 break;
             }
-            let Some((judged, _)) = self.trial(law, &there)? else { break };
+            let Some(judged) = self.judged(law, &there)? else { break };
             tried.push((there[number], judged.excess()));
             if judged.excess() < best.as_ref().map_or(self.before(), TriedCause::excess) {
                 best = Some(judged);
@@ -170,7 +182,7 @@ impl CauseTrials<'_> {
         let Some(vertex) = vertex(&tried, best.numbers[number], best.excess()) else { return Ok(Some(best)) };
         let mut numbers = best.numbers.clone();
         numbers[number] = vertex;
-        let Some((judged, _)) = self.trial(law, &numbers)? else { return Ok(Some(best)) };
+        let Some(judged) = self.judged(law, &numbers)? else { return Ok(Some(best)) };
         Ok(Some(if judged.excess() < bands::ALIKE * best.excess() { judged } else { best }))
     }
 
@@ -178,8 +190,8 @@ impl CauseTrials<'_> {
     fn is_poor_fit(&mut self) -> Result<bool> {
         let law = named("shear");
         for numbers in (law.starts)(&self.scan) {
-            let trial = self.trial(law, &numbers)?;
-            if !trial.is_some_and(|(judged, _)| judged.excess() < bands::FIRST * self.before()) {
+            let trial = self.judged(law, &numbers)?;
+            if !trial.is_some_and(|judged| judged.excess() < bands::FIRST * self.before()) {
                 return Ok(false);
             }
         }
@@ -213,8 +225,10 @@ impl CauseTrials<'_> {
         }
         all.sort_by(|a, b| a.excess().total_cmp(&b.excess()));
         // Scale and time zero of a compact scene are alike: both stay rivals of whatever leaves less.
-        let mut best = all.into_iter().enumerate();
-        let kept = best.by_ref().filter(|(rank, of)| *rank < bands::TRIED || of.law.name == "time zero");
+        let kept = all
+            .into_iter()
+            .enumerate()
+            .filter(|(rank, of)| *rank < bands::TRIED || of.law.name == "time zero");
         let others: Vec<TriedCause> = kept.map(|(_, of)| of).filter(|of| of.law.name != "scale").collect();
         let mut refined: Vec<TriedCause> = first.into_iter().collect();
         for found in others {
@@ -269,7 +283,7 @@ impl CauseTrials<'_> {
     fn begun(&mut self, law: &'static Law, starts: Vec<Vec<f64>>) -> Result<Option<TriedCause>> {
         let mut best: Option<TriedCause> = None;
         for start in starts {
-            let Some((judged, _)) = self.trial(law, &start)? else { continue };
+            let Some(judged) = self.judged(law, &start)? else { continue };
             if judged.excess() < best.as_ref().map_or(self.before(), TriedCause::excess) {
                 best = Some(judged);
             }
@@ -378,8 +392,16 @@ pub fn judged(
     let Some(shown) = &estimates.shown else { return Ok(JudgedCauses::Doubts(vec![])) };
     let Suspects { gains, scale, place, moved } = shown.suspects.clone();
     let keeps_gains = job.settings.device_at == Some(DevicePosition::None);
-    let mut trials =
-        CauseTrials { job, scan: LawScan::of(capture), estimates, shown, gpu, hear, tried: vec![] };
+    let mut trials = CauseTrials {
+        job,
+        scan: LawScan::of(capture),
+        estimates,
+        shown,
+        gpu,
+        hear,
+        tried: vec![],
+        judged: vec![],
+    };
     let mut all = vec![];
     let gains = gains.filter(|_| !keeps_gains);
     if let Some(suggestion) = &gains {

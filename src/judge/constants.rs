@@ -12,6 +12,8 @@ pub const LATERAL: usize = 64;
 pub const ROUNDS: usize = 3;
 /// Iterations of a round, and of the fit after the rounds or with another impulse response.
 pub const ITERATIONS: [usize; 2] = [15, 20];
+/// Iterations of a fit that continues a surface with a change of the instrument.
+pub const OF_CHANGE: usize = 20;
 /// Iterations of fits whose impulse responses are compared: tails differ less than widths do.
 pub const OF_PULSE: usize = 30;
 /// Rounds are left out where a trial's model error exceeds this multiple of that up to which the support follows the evidence:

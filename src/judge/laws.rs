@@ -188,7 +188,6 @@ pub const LAWS: &[Law] = &[
             )
         },
         hint: "give the path of the first bin, and roll the bins back",
-        starts: |_| vec![],
         steps: &[[0.06, 8.0]],
         of_pair: Some(|_, n, _| [1.0, n[0]]),
         ..OF_DELAYS
@@ -448,7 +447,7 @@ fn stepped(what: &str, lines: usize, n: &[f64]) -> String {
     )
 }
 
-/// Whether the scene has moved where a coordinate is `at`.
+/// 1 where a coordinate `at` is behind the place of the motion, else 0.
 fn has_moved(n: &[f64], at: f64) -> f64 {
     f64::from(u8::from(at > n[3]))
 }

@@ -2,22 +2,19 @@
 //! and of the last third of the lines of a scan, each from the start, explain their own pairs far better than one surface of all does, and
 //! lie apart by about how far it moved.
 
-use std::ops::ControlFlow;
-
 use glam::DVec3;
 
+use super::constants::OF_CHANGE;
 use super::laws::{LawScan, named};
 use super::lines::Lines;
+use super::search::Search;
 use super::suspects::Suggested;
-use super::trial::{Fitted, From, Trial, fit_all};
+use super::trial::{Fitted, From, Trial};
 use crate::Result;
-use crate::engine::{Progress, Watch};
 use crate::maps::Maps;
 
 /// Of these parts of the lines, the first and the last one are fitted.
 const PARTS: usize = 3;
-/// Iterations of fits that go on.
-const ITERATIONS: usize = 20;
 /// Lines of a part at least.
 const LEAST: usize = 4;
 /// They leave these shares at most of what the ends of the other lines leave, by fits that go on from the surface of all, and by those from
@@ -31,44 +28,37 @@ const PARTS_ALONG: [f64; 3] = [0.0, 0.5, 1.0];
 /// Both parts begin with one start, and keep something of it: the scene moved farther, by this factor.
 const FARTHER: f64 = 1.4;
 
-/// A motion of the scene between the ends of a scan, with numbers to begin with, if fits of the ends suggest one. `hear` hears of fits.
+/// Starting numbers of a motion of the scene between the ends of a scan; `None` unless fits of the ends suggest one.
 ///
 /// # Errors
-/// The device fails, or `hear` cancels.
-pub fn suggested(
-    trial: &Trial<'_>,
-    fitted: &Fitted,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Option<Suggested>> {
+/// The device fails, or the caller cancels.
+pub fn suggested(search: &mut Search<'_>, trial: &Trial<'_>, fitted: &Fitted) -> Result<Option<Suggested>> {
     let scan = LawScan::of(trial.capture());
     if !ALONG.into_iter().all(|name| (named(name).applies)(&scan)) {
         return Ok(None);
     }
     let layers = &fitted.surface.layers;
-    let mut ends_by = |from: From<'_>| -> Result<Option<(usize, EndFits)>> {
-        let columns = ends(trial, fitted, Lines::Columns, from, hear)?;
-        let rows = ends(trial, fitted, Lines::Rows, from, hear)?;
-        let Some(each) = columns.zip(rows).map(|(columns, rows)| [columns, rows]) else { return Ok(None) };
-        let along = usize::from(each[1].share < each[0].share);
-        let share = each[along].share / each[1 - along].share;
-        Ok(Some((along, EndFits { share, ..each[along] })))
-    };
     // Short fits rule most captures out.
-    if ends_by(From::Fit(layers, ITERATIONS))?.is_none_or(|(_, ends)| ends.share > LESS[0]) {
-        return Ok(None);
+    let mut last = None;
+    for (from, most) in [From::Fit(layers, OF_CHANGE), From::Start].into_iter().zip(LESS) {
+        let columns = ends(search, trial, fitted, Lines::Columns, from)?;
+        let rows = ends(search, trial, fitted, Lines::Rows, from)?;
+        let Some((columns, rows)) = columns.zip(rows) else { return Ok(None) };
+        let each = [columns, rows];
+        let along = usize::from(rows.share < columns.share);
+        if each[along].share > most * each[1 - along].share {
+            return Ok(None);
+        }
+        last = Some((along, each[along]));
     }
-    let Some((along, moved)) = ends_by(From::Start)? else { return Ok(None) };
-    if moved.errors < BEYOND || moved.share > LESS[1] {
-        return Ok(None);
-    }
-    let law = named(ALONG[along]);
+    let Some((along, moved)) = last.filter(|(_, moved)| moved.errors >= BEYOND) else { return Ok(None) };
     let apart = FARTHER * moved.apart / scan.frame.half;
     let starts = PARTS_ALONG.map(|part| {
         let mut start = apart.to_array();
         start[along] *= part;
         vec![start[0], start[1], start[2], 0.0]
     });
-    Ok(Some(Suggested { law, starts: starts.to_vec() }))
+    Ok(Some(Suggested { law: named(ALONG[along]), starts: starts.to_vec() }))
 }
 
 /// Fits of the first and the last lines of a scan.
@@ -84,11 +74,11 @@ struct EndFits {
 
 /// `None` where one of them finds nothing, or there are too few lines.
 fn ends(
+    search: &mut Search<'_>,
     trial: &Trial<'_>,
     fitted: &Fitted,
     lines: Lines,
     from: From<'_>,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Option<EndFits>> {
     let capture = trial.capture();
     let count = lines.count(capture.scan);
@@ -105,11 +95,10 @@ fn ends(
         };
         trial.with_capture(capture.keep(&kept, scan))
     });
-    let mut watch = Watch { hear, maps_every: None, maps_at: &[] };
-    let (layers, step) = (&fitted.surface.layers, fitted.surface.step);
+    let layers = &fitted.surface.layers;
     let (mut sums, mut errors, mut centres) = ([0.0; 2], f64::NEG_INFINITY, vec![]);
-    for end in &ends {
-        let own = fit_all(&[end], capture.pulse.as_ref(), from, step, &mut watch)?.pop().flatten();
+    let fits = search.fit_variants(&ends, from, fitted.surface.step)?;
+    for (end, own) in ends.iter().zip(fits) {
         let Some((own, all)) = own.zip(end.ideal(layers)?) else { return Ok(None) };
         let [left, before] = [own.held.left(), all.left()];
         sums = [sums[0] + left.excess(), sums[1] + before.excess()];

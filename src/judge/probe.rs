@@ -1,5 +1,6 @@
 //! Fits that go on from a surface with a small change of the instrument: what a few hundredths of a second say of causes.
 
+use super::constants::OF_CHANGE;
 use super::found::Shown;
 use super::laws::{Law, LawScan, named};
 use super::moved;
@@ -7,12 +8,9 @@ use super::sense::Sense;
 use super::suspects::{Suggested, Suspects, both, suggested};
 use crate::Result;
 use crate::judge::search::{Search, trial_of};
-use crate::judge::trial::{Fitted, Trial};
+use crate::judge::trial::{Fitted, From, Trial};
 use crate::surface::Left;
 use crate::transport::Reflectance;
-
-/// Iterations of a fit with a change.
-const ITERATIONS: usize = 20;
 
 /// A step must leave less by this share, and by these standard errors.
 const LESS: f64 = 0.02;
@@ -42,7 +40,7 @@ fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted)
     let changed =
         changes.iter().map(|(law, numbers)| trial.with_capture(law.undone(trial.capture(), &scan, numbers)));
     let trials: Vec<Trial<'_>> = std::iter::once(trial.clone()).chain(changed).collect();
-    let fits = search.fit_variants(&trials, layers, ITERATIONS, fitted.surface.step)?;
+    let fits = search.fit_variants(&trials, From::Fit(layers, OF_CHANGE), fitted.surface.step)?;
     let mut fits = fits.into_iter().map(|fitted| fitted.map(|fitted| fitted.held));
     let Some(base) = fits.next().flatten() else { return Ok(Suspects::default()) };
     // What is left over what is left without the change, where that is less by these standard errors.
@@ -70,7 +68,7 @@ fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted)
     });
     let scale = scale.map(|((law, numbers), _)| (law, numbers[0]));
     let is_moved = gains.is_none() && base.left().certain() > DOUBTFUL;
-    let moved = if is_moved { moved::suggested(&trial, fitted, &mut search.beside())? } else { None };
+    let moved = if is_moved { moved::suggested(search, &trial, fitted)? } else { None };
     Ok(Suspects { gains, scale, place, moved })
 }
 

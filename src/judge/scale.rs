@@ -50,26 +50,30 @@ impl Rescaled {
     }
 }
 
-/// The scale at which a light-cone transform of a capture is clearly sharper than at its own; `None` if there is none, or the transform
-/// does not take the capture.
-pub fn rescaled(job: &Job<'_>, gpu: &Gpu) -> Option<Rescaled> {
-    let own = sharpness(&image(job, gpu, 1.0, 0.0).ok()?)?;
-    let tried = FACTORS.into_iter().filter_map(|(factor, what)| {
-        let there = sharpness(&image(job, gpu, factor, 0.0).ok()?)?;
-        Some(Rescaled { factor, what, sharper: there / own })
-    });
-    tried.filter(|scale| scale.sharper >= SHARPER).max_by(|a, b| a.sharper.total_cmp(&b.sharper))
+/// Sharpness of the light-cone transform of a capture; `None` if the transform does not take it.
+pub fn sharpness_of(job: &Job<'_>, gpu: &Gpu) -> Option<f64> {
+    sharpness(&image(job, gpu, 1.0, 0.0).ok()?)
 }
 
-/// Metres of path by which a record that begins later or earlier makes a light-cone transform clearly sharper, and most of all. `None` if
-/// none does: other times are like other scales, so that a fit has to judge it.
-pub fn restarted(job: &Job<'_>, gpu: &Gpu) -> Option<f64> {
+/// Scale at which the light-cone transform is clearly sharper than `own`; `None` if there is none.
+pub fn rescaled(job: &Job<'_>, gpu: &Gpu, own: f64) -> Option<Rescaled> {
+    let images = FACTORS.map(|of| (of, image(job, gpu, of.0, 0.0)));
+    let ((factor, what), sharper) = sharpest(images, own)?;
+    Some(Rescaled { factor, what, sharper })
+}
+
+/// Shift of the record, metres of path, at which the light-cone transform is clearly sharper than `own`; `None` if there is none. A shift
+/// resembles a scale, so a fit has to confirm it.
+pub fn restarted(job: &Job<'_>, gpu: &Gpu, own: f64) -> Option<f64> {
     let step = STEP * SceneTraits::of(&job.capture).wall;
-    let own = sharpness(&image(job, gpu, 1.0, 0.0).ok()?)?;
-    let each = (1..=RECORDS).flat_map(|number| [number as f64, -(number as f64)]).map(|number| number * step);
-    let tried = each.filter_map(|later| Some((later, sharpness(&image(job, gpu, 1.0, later).ok()?)? / own)));
-    let best = tried.max_by(|a, b| a.1.total_cmp(&b.1));
-    best.filter(|(_, sharper)| *sharper >= SHARPER).map(|(later, _)| later)
+    let shifts = (1..=RECORDS).flat_map(|number| [1.0, -1.0].map(|side| side * number as f64 * step));
+    sharpest(shifts.map(|later| (later, image(job, gpu, 1.0, later))), own).map(|(later, _)| later)
+}
+
+/// The change with the sharpest image, and the ratio of its sharpness to `own`, if that is at least [`SHARPER`].
+fn sharpest<T>(images: impl IntoIterator<Item = (T, Result<Maps>)>, own: f64) -> Option<(T, f64)> {
+    let ratios = images.into_iter().filter_map(|(of, image)| Some((of, sharpness(&image.ok()?)? / own)));
+    ratios.filter(|(_, sharper)| *sharper >= SHARPER).max_by(|a, b| a.1.total_cmp(&b.1))
 }
 
 /// How few pixels hold the light: mean fourth power of the albedo over the square of its mean square.

@@ -217,30 +217,21 @@ impl<'t> Search<'t> {
         Ok(fitted)
     }
 
-    /// Hears of fits beside those that are counted: progress stays where it is.
-    pub fn beside(&mut self) -> impl FnMut(&Progress) -> ControlFlow<()> {
-        let Search { hear, pace, .. } = self;
-        |p: &Progress| {
-            let point = TracePoint { iteration: 0, ..p.point };
-            hear(&pace.of(&Progress { point, iterations: 0, ..p.clone() }))
-        }
-    }
-
-    /// Continues a surface with other versions of the capture, whose steps begin with this length.
+    /// Fits other versions of the capture; steps begin with this length.
     pub fn fit_variants(
         &mut self,
         trials: &[Trial<'_>],
-        layers: &[Maps],
-        iterations: usize,
+        from: From<'_>,
         step: f64,
     ) -> Result<Vec<Option<Fitted>>> {
         let Search { hear, known, pace, .. } = self;
-        pace.expect(trials.len() * iterations);
+        let iterations = trials.len() * from.iterations();
+        pace.expect(iterations);
         let mut reported = |p: &Progress| hear(&pace.of(p));
         let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
         let all: Vec<&Trial<'_>> = trials.iter().collect();
-        let fitted = fit_all(&all, known.as_ref(), From::Fit(layers, iterations), step, &mut watch)?;
-        pace.pass(trials.len() * iterations);
+        let fitted = fit_all(&all, known.as_ref(), from, step, &mut watch)?;
+        pace.pass(iterations);
         Ok(fitted)
     }
 

@@ -34,9 +34,8 @@ mod bands {
     pub const OF_RESULT: f64 = 0.45;
 }
 
-/// Surfaces that were found together with echoes have lost up to a fifth of their IoU (benches/NOTES.md, "Causes").
-const ECHOES: &str = "the instrument's impulse response has echoes, which were found with the surface, and take some of it: measure the \
-                      impulse response, and give it";
+/// Estimated echoes reduce the IoU by up to .18 (benches/NOTES.md, "Causes").
+const ECHOES: &str = "the estimated impulse response has echoes, which reduces the accuracy of the surface: measure the impulse response and set it";
 
 /// What was found in a capture.
 #[derive(Debug, Clone, Default)]
@@ -80,14 +79,15 @@ pub fn diagnose(
         Some(shown) => shown.held.left().certain() > bands::DOUBTED,
         None => estimates.finds_none,
     };
-    let scale = if is_doubtful { scale::rescaled(job, gpu) } else { None };
+    let sharpness = if is_doubtful { scale::sharpness_of(job, gpu) } else { None };
+    let scale = sharpness.and_then(|own| scale::rescaled(job, gpu, own));
     let found = Diagnosis { scale, ..Diagnosis::default() };
     let Some(shown) = &estimates.shown else { return Ok(found) };
     let mut trial = |capture: &Capture| {
         estimate::shown(&job.with_capture(Cow::Borrowed(capture)), estimates, Ask::Nothing, gpu, hear)
     };
     let Some((delays, after)) = lines::calibrate(shown, capture, &mut trial)? else {
-        let record = if calibrates && is_doubtful { scale::restarted(job, gpu) } else { None };
+        let record = sharpness.filter(|_| calibrates).and_then(|own| scale::restarted(job, gpu, own));
         return with_laws(found, job, record, gpu, hear);
     };
     let cause = Cause {
