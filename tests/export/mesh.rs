@@ -140,6 +140,24 @@ fn a_ball_is_one_smooth_sheet() {
 }
 
 #[test]
+fn rounding_of_positions_turns_no_triangle() {
+    // Ten kilometres aside, where float32 positions stand 1 mm apart: steep narrow triangles are turned by rounding.
+    let (n, radius, middle) = (50, 0.3, dvec3(1e4, 1e4, 0.8));
+    let mut maps = empty(n, [middle.x - 0.4, middle.x + 0.4, middle.y - 0.4, middle.y + 0.4]);
+    for p in 0..n * n {
+        let [x, y] = maps.centre(p / n, p % n);
+        let aside = (x - middle.x).hypot(y - middle.y);
+        if aside < radius {
+            let z = middle.z - (radius * radius - aside * aside).sqrt();
+            (maps.albedo[p], maps.depth[p]) = (0.5, z as f32);
+            maps.normal[p] = ((dvec3(x, y, z) - middle) / radius).as_vec3().to_array();
+        }
+    }
+    maps.set_mask(0.3);
+    assert!(mesh(&maps).triangles.len() > 1000);
+}
+
+#[test]
 fn a_jump_is_not_bridged_and_nothing_gives_an_empty_file() {
     let mut maps = empty(24, [0.0, 0.24, 0.0, 0.24]);
     for p in 0..24 * 24 {

@@ -83,7 +83,8 @@ fn surface(maps: &Maps) -> (Vec<Vertex>, Vec<[usize; 3]>) {
     let albedos: Vec<Option<f32>> =
         whole.vertices.iter().map(|(at, _)| seen(&layers, &samples, pitch, *at)).collect();
     let kept = |t: &[usize; 3]| {
-        let [a, b, c] = t.map(|v| whole.vertices[v].0);
+        // As the file has them: rounding may turn a narrow triangle.
+        let [a, b, c] = t.map(|v| whole.vertices[v].0.as_vec3());
         t.iter().all(|v| albedos[*v].is_some()) && (b - a).cross(c - a).z < 0.0
     };
     let mut number = vec![None; whole.vertices.len()];
