@@ -6,7 +6,7 @@ use std::ops::ControlFlow;
 use crate::capture::{Capture, conditioning};
 use crate::engine::{Bins, Progress, Reconstruction, Watch};
 use crate::gpu::Gpu;
-use crate::judge::Job;
+use crate::judge::{Job, calibrated_scan};
 #[cfg(feature = "formats")]
 use crate::maps::Maps;
 use crate::maps::Truth;
@@ -78,6 +78,7 @@ pub fn session_with(
     let warning = conditioning::check_units(frame)?;
     let mut settings = settings.clone();
     settings.bins = options.sum.map(Bins::Sum).or(settings.bins);
+    let frame = &*calibrated_scan(settings.calibrate.as_ref(), frame)?;
     // Frames are used unchanged.
     settings.calibrate = Some(Calibrate::None);
     settings.memory = options.memory.or(settings.memory);

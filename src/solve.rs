@@ -1,6 +1,5 @@
 //! From a capture to maps: the one path of library, command, sessions and benchmark.
 
-use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
@@ -48,14 +47,15 @@ pub fn resolve<'c>(
     // A volume that the capture does not allow is an error before any fit.
     job.check()?;
     let job = judge::subtract(job, gpu, hear)?; // the light of the empty room, if there is a capture of it
+    let job = judge::calibrate(job, gpu, hear)?; // what a file says of the instrument
     let job = judge::divide(job, gpu, hear)?; // the counts, by the gain of laser and detector near the wall, if that is known
     let mut job = judge::estimate(job, gpu, hear)?; // what the network sees, high-pass, reflectance, impulse response
     let mut found = judge::diagnose(&job, gpu, hear)?; // delays of scan lines, laws of few numbers, doubts about the scale
-    if let Some(calibrated) = found.calibrated.take() {
-        job = judge::estimate(job.again(Cow::Owned(calibrated)), gpu, hear)?;
+    if let Some(undone) = found.undone.take() {
+        job = judge::estimate(job.without(undone), gpu, hear)?;
         let second = judge::diagnose(&job, gpu, hear)?;
-        if let Some(calibrated) = found.add(second) {
-            job = judge::estimate(job.again(Cow::Owned(calibrated)), gpu, hear)?;
+        if let Some(undone) = found.add(second) {
+            job = judge::estimate(job.without(undone), gpu, hear)?;
         }
     }
     job.verdict = Arc::new(judge::verdict(&job.estimates, &found));

@@ -10,6 +10,7 @@ use crate::engine::{Level, background};
 use crate::export::report;
 use crate::gpu::Gpu;
 use crate::methods::SolverOptions;
+use crate::settings::CALIBRATION;
 use crate::surface;
 use crate::transport::Grid;
 
@@ -119,6 +120,7 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         (&mut all, serde_json::to_value(&done.job.solver))
     {
         all.extend(options);
+        all.insert(CALIBRATION.into(), json!(done.job.estimates.calibration));
         // A setting that the solver chose.
         if let Some(chosen) = result.sharpness {
             all.insert(chosen.setting.into(), chosen.value.into());

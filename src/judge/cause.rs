@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 
 use glam::{DMat3, DVec3};
 
+use super::calibrate::{Undone, of_law};
 use super::device::is_clear;
 use super::estimate;
 use super::found::{Estimates, Shown};
@@ -15,7 +16,6 @@ use super::laws::{Changes, LAWS, Law, LawScan, named};
 use super::probe::Ask;
 use super::suspects::{Suggested, Suggestion, Suspects, both, suited};
 use crate::Result;
-use crate::capture::Capture;
 use crate::engine::Progress;
 use crate::gpu::Gpu;
 use crate::settings::DevicePosition;
@@ -442,7 +442,11 @@ pub fn judged(
             doubts.chain(gains.iter().map(|gains| suggested_doubt(gains, &scan))).collect(),
         ));
     };
-    let (least, undone) = (best.excess(), best.law.undone(capture, &scan, &best.numbers));
+    let least = best.excess();
+    let undone = Undone {
+        capture: best.law.undone(capture, &scan, &best.numbers),
+        correction: of_law(best.law, &best.numbers, scan.frame),
+    };
     all.retain(|judged| judged.excess() <= bands::RIVAL * least);
     let cause = |(rank, judged): (usize, TriedCause)| {
         let [after, before] = judged.left.each_ref().map(Left::excess);
@@ -506,12 +510,13 @@ pub struct Confirmed {
     /// The best one, which is undone, then the others.
     pub causes: Vec<Cause>,
     /// The capture without the best one.
-    pub undone: Capture,
+    pub undone: Undone,
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::capture::Capture;
 
     /// A law that was tried with this number, without which 64 pairs leave `after` of 100 each, give or take 1, and with it 10.
     fn tried(name: &str, number: f64, after: f64) -> TriedCause {

@@ -14,7 +14,6 @@ use super::trial::From;
 use crate::engine::Progress;
 use crate::gpu::Gpu;
 use crate::methods::SolverOptions;
-use crate::settings::Calibrate;
 use crate::surface::{Begun, Candidate, Starts};
 use crate::{Kind, Result};
 
@@ -29,9 +28,9 @@ pub fn estimate<'c>(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Job<'c>> {
     if job.has_light() {
-        let Estimates { device, empty, seconds, .. } = std::mem::take(&mut job.estimates);
+        let Estimates { calibration, device, empty, seconds, .. } = std::mem::take(&mut job.estimates);
         let found = found(&job, gpu, hear)?;
-        job.estimates = Estimates { device, empty, seconds: seconds + found.seconds, ..found };
+        job.estimates = Estimates { calibration, device, empty, seconds: seconds + found.seconds, ..found };
     }
     Ok(job)
 }
@@ -74,11 +73,8 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
         {
             candidates[best.candidate].kept = true;
             let is_far = !best.fitted.surface.is_coherent(FAR);
-            let ask = match job.settings.calibrate.unwrap_or_default() {
-                // What suggests causes renders sharp paths.
-                Calibrate::Auto if samples.is_none() => Ask::Causes,
-                _ => Ask::Nothing,
-            };
+            // What suggests causes renders sharp paths.
+            let ask = if job.calibrates() && samples.is_none() { Ask::Causes } else { Ask::Nothing };
             shown = Some(shown_of(&mut search, *reflectance, best.fitted.clone(), ask)?);
             let Candidate { layers, step, .. } = best.fitted.surface;
             let Starts { layers: closed, light, seen, .. } = Starts::clone(&search.starts);
@@ -118,6 +114,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
         finds_none,
         is_union,
         begun,
+        calibration: None,
         device: None,
         empty: None,
     })

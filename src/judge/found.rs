@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::calibrate::FoundCalibration;
 use super::device::FoundDevice;
 use super::high_pass::FoundHighPass;
 use super::model::FoundModel;
@@ -30,6 +31,9 @@ pub enum FindPulse {
 /// The estimates of a run.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Estimates {
+    /// What was undone of the instrument, and a calibration that was given.
+    #[serde(default)]
+    pub calibration: Option<FoundCalibration>,
     /// The gain law of devices near the wall, if their positions are known.
     #[serde(default)]
     pub device: Option<FoundDevice>,
@@ -97,7 +101,9 @@ impl Estimates {
         let high_pass = self.high_pass.iter().map(FoundHighPass::note);
         let device = self.device.iter().map(FoundDevice::note);
         let empty = self.empty.iter().map(FoundEmpty::note);
+        let calibration = self.calibration.iter().filter_map(FoundCalibration::note);
         empty
+            .chain(calibration)
             .chain(device)
             .chain(start)
             .chain(high_pass)

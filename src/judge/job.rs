@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
+use super::calibrate::Undone;
 use super::conclude::conclude_iterate;
 use super::constants::LEAST_FOR_PULSE;
 use super::found::{Estimates, FindPulse};
@@ -15,7 +16,7 @@ use crate::gpu::Gpu;
 use crate::maps::Maps;
 use crate::methods::{Method, SolverOptions, pixel_of};
 use crate::options::{Preset, SceneTraits};
-use crate::settings::{DevicePosition, ImpulseResponse, ReflectanceSetting, Settings};
+use crate::settings::{Calibrate, DevicePosition, ImpulseResponse, ReflectanceSetting, Settings};
 use crate::transport::{Grid, Reflectance};
 use crate::{Result, Verdict};
 
@@ -132,10 +133,17 @@ impl<'c> Job<'c> {
 
     /// The job of a corrected capture, which knows what was found in the other one.
     pub fn again(self, capture: Cow<'c, Capture>) -> Job<'c> {
-        let Estimates { device, empty, seconds, .. } = self.estimates;
-        let estimates = Estimates { device, empty, seconds, ..Estimates::default() };
+        let Estimates { calibration, device, empty, seconds, .. } = self.estimates;
+        let estimates = Estimates { calibration, device, empty, seconds, ..Estimates::default() };
         let Job { warnings, faults, .. } = self;
         Job { estimates, warnings, faults, ..Job::of(&self.settings, capture) }
+    }
+
+    /// The job of the capture without a cause.
+    pub fn without(self, undone: Undone) -> Job<'c> {
+        let mut job = self.again(Cow::Owned(undone.capture));
+        job.estimates.calibration.get_or_insert_default().corrections.push(undone.correction);
+        job
     }
 
     /// The job with the estimated model, high-pass and impulse response.
@@ -210,6 +218,11 @@ impl<'c> Job<'c> {
     /// Whether the capture has light.
     pub fn has_light(&self) -> bool {
         self.capture.histograms.iter().any(|v| *v > 0.0)
+    }
+
+    /// Whether what held-out pairs prove of the instrument is undone.
+    pub fn calibrates(&self) -> bool {
+        self.settings.calibrate != Some(Calibrate::None)
     }
 
     /// Whether to estimate the high-pass of the objective.

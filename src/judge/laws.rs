@@ -131,6 +131,8 @@ pub struct Law {
     pub of_point: Option<OfPoint>,
     /// Whether numbers of the other sign are the opposite change.
     pub has_opposite: bool,
+    /// Whether it is the rig's, and so the next capture's, too.
+    pub is_of_rig: bool,
     /// Whether the capture can show it.
     pub applies: fn(&LawScan) -> bool,
 }
@@ -146,6 +148,7 @@ const OF_DELAYS: Law = Law {
     of_pair: None,
     of_point: None,
     has_opposite: true,
+    is_of_rig: true,
     applies: |_| true,
 };
 const OF_PLACES: Law =
@@ -155,6 +158,7 @@ const OF_MOTIONS: Law = Law {
     hint: "keep the scene still, or reconstruct a part of the lines",
     steps: &[[0.05, 2.0], [0.05, 2.0], [0.05, 2.0], [0.15, 0.9]],
     kind: Changes::Scene,
+    is_of_rig: false,
     // Elsewhere pairs that see the scene before and behind it share points.
     applies: |s| s.is_confocal,
     ..OF_DELAYS
@@ -166,7 +170,7 @@ const OF_DEVICES: Law = Law {
     steps: &[[0.3, 8.0], [0.3, 8.0], [0.3, 2.5]],
     ..OF_GAINS
 };
-const OF_LINES: Law = Law { steps: &[[0.0, 1.0], [0.2, 2.0]], ..OF_GAINS };
+const OF_LINES: Law = Law { steps: &[[0.0, 1.0], [0.2, 2.0]], is_of_rig: false, ..OF_GAINS };
 
 /// All laws.
 pub const LAWS: &[Law] = &[
@@ -474,6 +478,11 @@ fn place(p: DVec3) -> String {
 }
 
 impl Law {
+    /// Whether all counts are equally late.
+    pub fn delays_all(&self) -> bool {
+        ["time zero", "record"].contains(&self.name)
+    }
+
     /// The effect on these pairs.
     pub fn effect(&self, setting: &LawScan, numbers: &[f64], pairs: &[usize]) -> Effect {
         let mut effect = Effect { logs: vec![], delays: vec![] };

@@ -53,6 +53,15 @@ impl Lines {
     }
 }
 
+impl std::fmt::Display for Lines {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Lines::Columns => "columns",
+            Lines::Rows => "rows",
+        })
+    }
+}
+
 /// Delays of the lines of a scan.
 #[derive(Debug, Clone, PartialEq)]
 pub struct LineDelays {
@@ -151,10 +160,8 @@ impl LineDelays {
 
     /// The pattern as a sentence.
     pub fn what(&self) -> String {
-        let (lines, axis) = match self.lines {
-            Lines::Columns => ("columns", "x"),
-            Lines::Rows => ("rows", "y"),
-        };
+        let lines = self.lines;
+        let axis = if lines == Lines::Columns { "x" } else { "y" };
         let picoseconds = |metres: f64| metres / METRES_PER_PICOSECOND;
         let (count, mean) = (self.delays.len(), self.mean(|_| true));
         let left = |model: &dyn Fn(usize) -> f64| -> f64 {

@@ -2,6 +2,7 @@
 //! impulse response), what is wrong with the capture, and the verdict. Short surface fits of 64 lateral pixels compare the hypotheses on
 //! pairs that they have not seen, in the domain that the solve minimises. Indistinguishable hypotheses are ranked by a fixed order.
 
+mod calibrate;
 mod cause;
 mod conclude;
 mod constants;
@@ -30,6 +31,7 @@ mod suspects;
 mod trial;
 mod verdict;
 
+pub use calibrate::{FoundCalibration, calibrate, calibrated_scan};
 pub use cause::Cause;
 pub use conclude::{conclude, conclude_iterate};
 pub use device::FoundDevice;

@@ -4,6 +4,7 @@
 use std::borrow::Cow;
 use std::ops::ControlFlow;
 
+use super::calibrate::{Undone, of_lines};
 use super::cause::{self, Cause, JudgedCauses};
 use super::found::{Estimates, Shown};
 use super::job::Job;
@@ -13,7 +14,6 @@ use super::{estimate, lines};
 use crate::capture::Capture;
 use crate::engine::Progress;
 use crate::gpu::Gpu;
-use crate::settings::Calibrate;
 use crate::surface::Left;
 use crate::{Grade, Result, Verdict};
 
@@ -48,18 +48,18 @@ pub struct Diagnosis {
     pub scale: Option<Rescaled>,
     /// Causes that held-out pairs suggest and do not confirm, as sentences.
     pub doubts: Vec<String>,
-    /// The capture without its causes.
-    pub calibrated: Option<Capture>,
+    /// The capture without the first of these.
+    pub undone: Option<Undone>,
 }
 
 impl Diagnosis {
     /// Adds what was found once a first cause was undone. The capture without the second one, too, if there is one that is undone.
-    pub fn add(&mut self, second: Diagnosis) -> Option<Capture> {
+    pub fn add(&mut self, second: Diagnosis) -> Option<Undone> {
         self.causes.extend(second.causes);
         self.rivals.extend(second.rivals);
         self.scale = second.scale;
         self.doubts.extend(second.doubts);
-        second.calibrated
+        second.undone
     }
 }
 
@@ -74,7 +74,7 @@ pub fn diagnose(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Diagnosis> {
     let (capture, estimates) = (&*job.capture, &job.estimates);
-    let calibrates = job.settings.calibrate.unwrap_or_default() == Calibrate::Auto;
+    let calibrates = job.calibrates();
     let is_doubtful = match &estimates.shown {
         Some(shown) => shown.held.left().certain() > bands::DOUBTED,
         None => estimates.finds_none,
@@ -96,7 +96,8 @@ pub fn diagnose(
         left: [shown.held.left().excess(), after.excess()],
         undone: calibrates,
     };
-    Ok(Diagnosis { causes: vec![cause], calibrated: calibrates.then(|| delays.undone(capture)), ..found })
+    let undone = || Undone { capture: delays.undone(capture), correction: of_lines(&delays, capture) };
+    Ok(Diagnosis { causes: vec![cause], undone: calibrates.then(undone), ..found })
 }
 
 /// Adds the law of few numbers that held-out pairs confirm, which is undone, and those between which and it they do not decide. `record`:
@@ -113,7 +114,7 @@ fn with_laws(
         JudgedCauses::Doubts(doubts) => return Ok(Diagnosis { doubts, ..found }),
     };
     let rivals = causes.split_off(1);
-    Ok(Diagnosis { causes, rivals, calibrated: Some(undone), ..found })
+    Ok(Diagnosis { causes, rivals, undone: Some(undone), ..found })
 }
 
 /// The verdict on estimates: before a solve, without what the maps say.
@@ -128,7 +129,9 @@ pub fn verdict(estimates: &Estimates, diagnosis: &Diagnosis) -> Verdict {
     for doubt in &diagnosis.doubts {
         verdict.add(Grade::Fair, doubt);
     }
-    if let Some(doubt) = estimates.device.as_ref().and_then(|found| found.doubt()) {
+    let device = estimates.device.as_ref().and_then(|found| found.doubt());
+    let calibration = estimates.calibration.as_ref().and_then(|found| found.doubt());
+    for doubt in device.into_iter().chain(calibration) {
         verdict.add(Grade::Fair, doubt);
     }
     if estimates.pulse.as_ref().is_some_and(|pulse| pulse.samples.is_some()) {

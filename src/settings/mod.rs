@@ -2,7 +2,7 @@
 //! not set has its default or is estimated.
 
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use serde::{Deserialize, Serialize};
 
@@ -14,8 +14,10 @@ use crate::options::{Preset, Range, Row, units};
 use crate::transport::{Grid, Volume};
 use crate::{Error, Result};
 
+mod calibration;
 mod text;
 
+pub use calibration::{Correction, KEY as CALIBRATION};
 pub use text::{Calibrate, DevicePosition, ImpulseResponse, ReflectanceSetting, gate, memory_bytes};
 use text::{as_text, count, number, path_of_light, seed, word};
 
@@ -111,8 +113,10 @@ settings! {
         /// for paper, the half of the bins with the most counts is kept
         auto_gate: bool = text::flag, Range::Flag;
         /// Undo what held-out pairs prove of the instrument: delays of the rows or columns of the scan, and laws of few numbers (time
-        /// zero, a wall that leans, its scale, shear, a device near it, a step of power). none names delays of lines only [default: auto]
-        calibrate: Calibrate = word, Range::Words(&["none", "auto"]);
+        /// zero, a wall that leans, its scale, shear, a device near it, a step of power). none names delays of lines only; the report.json
+        /// of an earlier capture of the rig undoes first what was undone there [default: auto]
+        #[serde(with = "as_text")]
+        calibrate: Calibrate = text::calibrate, Range::Text("none|auto|FILE");
         /// Position of a device near the wall, in metres: -0.5,0,0.25. The laser's light, the detector's or both fall as cos / distance²
         /// from there, and counts are divided by that; held-out pairs choose which. none uses the counts unchanged [default: the
         /// position that the capture names, where held-out pairs prove the law, else none]
@@ -255,6 +259,22 @@ impl Settings {
     pub fn with(mut self, change: impl FnOnce(&mut Settings)) -> Settings {
         change(&mut self);
         self
+    }
+
+    /// The files that are read beside the capture.
+    pub fn files(&self) -> impl Iterator<Item = &Path> {
+        let pulse = match &self.pulse {
+            Some(ImpulseResponse::File(path)) => Some(path),
+            _ => None,
+        };
+        let calibration = match &self.calibrate {
+            Some(Calibrate::File(path)) => Some(path),
+            _ => None,
+        };
+        [self.tof.as_ref(), self.empty.as_ref(), pulse, calibration]
+            .into_iter()
+            .flatten()
+            .map(PathBuf::as_path)
     }
 
     /// A capture with the impulse response and the spots that are set. It is copied only if it has others.

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use glam::DVec3;
 use serde::de::DeserializeOwned;
 
+use super::calibration::Correction;
 use crate::capture::{AxisOrder, Bounce, Gate, Pulse};
 use crate::engine::Bins;
 use crate::methods::reflectance;
@@ -139,6 +140,11 @@ as_read! {
         DevicePosition::None => "none".into(),
         DevicePosition::At(at) => format!("{},{},{}", at.x, at.y, at.z),
     };
+    Calibrate: calibrate, |calibrate| match calibrate {
+        Calibrate::None => "none".into(),
+        Calibrate::Auto => "auto".into(),
+        Calibrate::File(path) => path.to_string_lossy().into_owned(),
+    };
     Bins: bins, |bins| bins.to_string();
     Bounce: bounce, |bounce| bounce.to_string();
     AxisOrder: axes, |axes| axes.to_string();
@@ -203,15 +209,40 @@ pub fn flag(text: &str) -> Read<bool> {
     text.trim().parse().map_err(|_| "give true or false".into())
 }
 
-/// Whether delays of the lines of a scan are undone.
-#[derive(Debug, Clone, Copy, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "lowercase")]
+/// Whether what held-out pairs prove of the instrument is undone.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum Calibrate {
-    /// They are named only.
+    /// Delays of lines are named only.
     None,
-    /// They are undone where held-out pairs prove them.
+    /// It is undone.
     #[default]
     Auto,
+    /// What this file holds is undone first: the report of an earlier capture of the rig.
+    File(PathBuf),
+}
+
+impl Calibrate {
+    /// The corrections of the file; none without a file.
+    ///
+    /// # Errors
+    /// A file that cannot be read, or that holds no calibration.
+    pub fn corrections(&self) -> Result<Vec<Correction>> {
+        match self {
+            Calibrate::File(path) => super::calibration::corrections(path),
+            _ => Ok(vec![]),
+        }
+    }
+}
+
+/// Whether to calibrate, or by which file.
+pub fn calibrate(text: &str) -> Read<Calibrate> {
+    let calibrate = match text.trim() {
+        "none" => Calibrate::None,
+        "auto" => Calibrate::Auto,
+        file => Calibrate::File(file.into()),
+    };
+    calibrate.corrections().map_err(|e| format!("give none, auto or a file: {}; {}", e.what, e.hint))?;
+    Ok(calibrate)
 }
 
 /// A word that serde knows.

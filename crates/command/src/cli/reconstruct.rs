@@ -90,10 +90,12 @@ impl ReconstructArgs {
 
 pub fn run(args: &ReconstructArgs) -> Result<()> {
     args.check()?;
-    let inputs = || std::iter::once(args.capture.capture.as_path()).chain(args.truth.as_deref());
-    job::check_inputs(inputs(), &args.out)?;
     let CaptureArgs { settings, device, .. } = &args.capture;
     let early = Request { timings: args.timings, ..settings::request(settings, device)? };
+    let beside = early.settings.clone();
+    let inputs =
+        || std::iter::once(args.capture.capture.as_path()).chain(args.truth.as_deref()).chain(beside.files());
+    job::check_inputs(inputs(), &args.out)?;
     // A Vulkan loader takes as long as a file of counts.
     let (loaded, gpu) = std::thread::scope(|scope| {
         let gpu = scope.spawn(|| early.open());

@@ -21,6 +21,7 @@ mod page;
 mod preview;
 mod profile;
 mod pulse;
+mod rig;
 mod scans;
 mod spot;
 #[cfg(feature = "tags")]

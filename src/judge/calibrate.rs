@@ -1,0 +1,283 @@
+//! The calibration that is given: undone before anything else, and judged by held-out pairs.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use glam::DVec2;
+use serde::{Deserialize, Serialize};
+
+use super::estimate::shown;
+use super::found::Estimates;
+use super::job::Job;
+use super::laws::{Changes, LAWS, Law, LawScan, WallFrame};
+use super::lines::{LineDelays, Lines};
+use super::probe::Ask;
+use super::suspects::both;
+use crate::capture::Capture;
+use crate::engine::Progress;
+use crate::gpu::Gpu;
+use crate::methods::SolverOptions;
+use crate::settings::{Calibrate, Correction};
+use crate::{Error, Result};
+
+/// What was undone of the instrument.
+#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
+pub struct FoundCalibration {
+    /// Every correction in its order: those of the file, then what was found.
+    pub corrections: Vec<Correction>,
+    /// The file, if one is given.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub file: Option<PathBuf>,
+    /// How many of the corrections it holds.
+    pub given: usize,
+    /// Laws of the file that were left out: of its own capture alone, or of another kind of scan.
+    pub left_out: Vec<String>,
+    /// Shares of held-out pairs beyond noise without and with the corrections of the file, each with its standard error, if fits judged
+    /// them.
+    pub left: Option<[[f64; 2]; 2]>,
+    /// Whether held-out pairs speak against the file beyond chance: then it is left out.
+    pub is_doubtful: bool,
+    /// What the corrections of the file are, in words.
+    #[serde(skip)]
+    what: Vec<String>,
+}
+
+/// A capture without a cause, and the correction.
+#[derive(Debug, Clone)]
+pub struct Undone {
+    pub capture: Capture,
+    pub correction: Correction,
+}
+
+/// A law with these numbers.
+pub fn of_law(law: &Law, numbers: &[f64], frame: WallFrame) -> Correction {
+    let WallFrame { middle, half } = frame;
+    Correction { law: law.name.into(), numbers: numbers.to_vec(), middle: middle.to_array(), half }
+}
+
+/// Delays of the lines of a capture.
+pub fn of_lines(delays: &LineDelays, capture: &Capture) -> Correction {
+    let WallFrame { middle, half } = LawScan::of(capture).frame;
+    let law = format!("delays of {}", delays.lines);
+    Correction { law, numbers: delays.delays.clone(), middle: middle.to_array(), half }
+}
+
+/// A correction as this build knows it.
+enum Known {
+    Law(&'static Law),
+    Lines(Lines),
+}
+
+impl Known {
+    fn of(correction: &Correction) -> Option<Known> {
+        let lines = [Lines::Columns, Lines::Rows].into_iter();
+        let law =
+            LAWS.iter().find(|law| law.name == correction.law && law.steps.len() == correction.numbers.len());
+        law.map(Known::Law).or(lines.map(Known::Lines).find(
+            |known| matches!(known, Known::Lines(lines) if correction.law == format!("delays of {lines}")),
+        ))
+    }
+}
+
+/// A capture without a correction, and what that is in words. `None` if the correction is of its own capture alone, or of another kind
+/// of scan.
+fn undone(of: &Correction, capture: &Capture, file: &Path) -> Result<Option<(Capture, String)>> {
+    let wrong = |what: String| {
+        Error::input(
+            format!("{}: {what}", file.display()),
+            "give the report.json of a capture of the same rig",
+        )
+    };
+    match Known::of(of) {
+        None => {
+            let count = of.numbers.len();
+            Err(wrong(format!("no law {:?} of {count} numbers is known", of.law)))
+        }
+        Some(Known::Lines(lines)) => {
+            let (has, wants) = (lines.count(capture.scan), of.numbers.len());
+            if has != wants {
+                return Err(wrong(format!(
+                    "it has delays of {wants} {lines}, the capture has {has} {lines}"
+                )));
+            }
+            let delays = LineDelays { lines, delays: of.numbers.clone() };
+            Ok(Some((delays.undone(capture), delays.what())))
+        }
+        Some(Known::Law(law)) => {
+            let frame = WallFrame { middle: DVec2::from_array(of.middle), half: of.half };
+            let scan = LawScan { frame, ..LawScan::of(capture) };
+            if !law.is_of_rig || !(law.applies)(&scan) {
+                return Ok(None);
+            }
+            Ok(Some((law.undone(capture, &scan, &of.numbers), (law.what)(&scan, &of.numbers))))
+        }
+    }
+}
+
+/// The capture without the corrections of the file that is set, and these. `None` without a file.
+fn given(setting: Option<&Calibrate>, capture: &Capture) -> Result<Option<(Capture, FoundCalibration)>> {
+    let Some(set @ Calibrate::File(file)) = setting else { return Ok(None) };
+    let mut found = FoundCalibration { file: Some(file.clone()), ..FoundCalibration::default() };
+    let mut capture = capture.clone();
+    for correction in set.corrections()? {
+        match undone(&correction, &capture, file)? {
+            Some((without, what)) => {
+                capture = without;
+                found.corrections.push(correction);
+                found.what.push(what);
+            }
+            None => found.left_out.push(correction.law),
+        }
+    }
+    found.given = found.corrections.len();
+    Ok(Some((capture, found)))
+}
+
+/// Undoes what the file that is set holds, and has held-out pairs judge it.
+///
+/// # Errors
+/// A file that cannot be read, or that does not suit the scan; the device fails, or `hear` cancels.
+pub fn calibrate<'c>(
+    job: Job<'c>,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Job<'c>> {
+    let clock = Instant::now();
+    let Some((capture, mut found)) = given(job.settings.calibrate.as_ref(), &job.capture)? else {
+        return Ok(job);
+    };
+    if matches!(job.solver, SolverOptions::Surface(_)) && job.has_light() && found.given > 0 {
+        let mut trial = |capture: &Capture| {
+            let tried = job.with_capture(Cow::Borrowed(capture));
+            let shown = shown(&tried, &Estimates::default(), Ask::Nothing, gpu, hear)?;
+            Ok::<_, Error>(shown.map(|shown| shown.held))
+        };
+        let [without, with] = [trial(&job.capture)?, trial(&capture)?];
+        if let Some([without, with]) = without.as_ref().zip(with.as_ref()).map(|(a, b)| both(a, b)) {
+            found.left = Some([&without, &with].map(|left| [left.excess(), left.standard_error()]));
+            found.is_doubtful = without.is_less(&with);
+        }
+        found.is_doubtful |= without.is_some() && with.is_none();
+    }
+    if found.is_doubtful {
+        (found.corrections, found.given) = (vec![], 0);
+    }
+    let mut job = if found.given > 0 { job.again(Cow::Owned(capture)) } else { job };
+    job.estimates.seconds += clock.elapsed().as_secs_f64();
+    job.estimates.calibration = Some(found);
+    Ok(job)
+}
+
+/// The scan of a session without what the file that is set holds of its points and its time zero.
+///
+/// # Errors
+/// A file that cannot be read, that does not suit the scan, or whose corrections change the counts of frames.
+pub fn calibrated_scan<'c>(setting: Option<&Calibrate>, scan: &'c Capture) -> Result<Cow<'c, Capture>> {
+    let Some(set @ Calibrate::File(file)) = setting else { return Ok(Cow::Borrowed(scan)) };
+    let changes_counts = |of: &Correction| match Known::of(of) {
+        Some(Known::Law(law)) => law.is_of_rig && law.kind != Changes::Place && !law.delays_all(),
+        Some(Known::Lines(_)) => true,
+        None => false,
+    };
+    if let Some(of) = set.corrections()?.into_iter().find(changes_counts) {
+        return Err(Error::options(
+            format!(
+                "{}: {:?} changes counts, and frames of a session are used unchanged",
+                file.display(),
+                of.law
+            ),
+            "correct each frame, and set calibrate to none",
+        ));
+    }
+    let calibrated = given(setting, scan)?;
+    Ok(calibrated.map_or(Cow::Borrowed(scan), |(capture, _)| Cow::Owned(capture)))
+}
+
+impl FoundCalibration {
+    /// What was undone by the file, as a sentence; `None` without a file, or if it is left out.
+    pub fn note(&self) -> Option<String> {
+        let file = self.file.as_ref().filter(|_| !self.is_doubtful)?.display();
+        let out = match &self.left_out[..] {
+            [] => String::new(),
+            all => format!(
+                "; left out, as it is of that capture alone or of another kind of scan: {}",
+                all.join(", ")
+            ),
+        };
+        if self.what.is_empty() {
+            return Some(format!("the calibration {file} undoes nothing{out}"));
+        }
+        let shares = self.shares().map_or_else(String::new, |shares| format!(" ({shares})"));
+        Some(format!("undone by the calibration {file}: {}{shares}{out}", self.what.join("; ")))
+    }
+
+    fn shares(&self) -> Option<String> {
+        let [without, with] = self.left?.map(|[share, _]| 100.0 * share);
+        Some(format!("of held-out pairs {without:.1} % is left beyond noise without it, {with:.1} % with it"))
+    }
+
+    /// What speaks against the file, where it is left out.
+    pub fn doubt(&self) -> Option<String> {
+        let file = self.file.as_ref().filter(|_| self.is_doubtful)?.display();
+        let shares = self.shares().unwrap_or_else(|| "with it, no fit finds a surface".into());
+        Some(format!(
+            "held-out pairs contradict the calibration {file}, which is left out: {shares}: is it of this rig?"
+        ))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, dvec3};
+
+    use super::*;
+
+    /// 8 x 8 confocal pairs of a wall of 2 m, a count in every bin of its number.
+    fn capture() -> Capture {
+        let at = |i: usize| 2.0 * (i as f64 + 0.5) / 8.0 - 1.0;
+        let points: Vec<DVec3> = (0..64).map(|pair| dvec3(at(pair / 8), at(pair % 8), 0.0)).collect();
+        let counts = (0..64 * 40).map(|at| (at % 40) as f32).collect();
+        Capture::new([8, 8], points.clone(), points, 40, 0.01, counts)
+    }
+
+    fn correction(law: &str, numbers: &[f64]) -> Correction {
+        Correction { law: law.into(), numbers: numbers.to_vec(), middle: [0.5, 0.0], half: 2.0 }
+    }
+
+    #[test]
+    fn a_correction_is_about_the_wall_on_which_it_was_found() {
+        let capture = capture();
+        let file = Path::new("rig.json");
+        let (wider, what) = undone(&correction("scale", &[0.1]), &capture, file).unwrap().unwrap();
+        let given = capture.laser[0];
+        assert!(wider.laser[0].distance(dvec3(0.5 + 1.1 * (given.x - 0.5), 1.1 * given.y, 0.0)) < 1e-12);
+        assert!(what.contains("1.100 times"), "{what}");
+        // What is of one capture alone is left out.
+        assert!(undone(&correction("moved along x", &[0.1; 4]), &capture, file).unwrap().is_none());
+        assert!(undone(&correction("rows", &[0.5, 0.1]), &capture, file).unwrap().is_none());
+        let lines = of_lines(&LineDelays { lines: Lines::Rows, delays: vec![0.02; 8] }, &capture);
+        let (early, _) = undone(&lines, &capture, file).unwrap().unwrap();
+        assert_eq!(early.histogram(3)[..4], [2.0, 3.0, 4.0, 5.0]);
+        for (of, what) in [
+            (correction("shear", &[0.1; 2]), "no law \"shear\" of 2 numbers"),
+            (correction("delays of rows", &[0.1; 9]), "delays of 9 rows, the capture has 8 rows"),
+        ] {
+            let error = undone(&of, &capture, file).unwrap_err();
+            assert!(error.what.contains(what) && error.what.starts_with("rig.json: "), "{error}");
+        }
+    }
+
+    #[test]
+    fn what_is_undone_is_a_correction_that_undoes_the_same() {
+        let capture = capture();
+        let scan = LawScan::of(&capture);
+        for law in LAWS.iter().filter(|law| law.is_of_rig && (law.applies)(&scan)) {
+            let numbers: Vec<f64> = law.steps.iter().map(|[step, _]| 0.5 * step).collect();
+            let correction = of_law(law, &numbers, scan.frame);
+            let (again, _) = undone(&correction, &capture, Path::new("rig.json")).unwrap().unwrap();
+            assert_eq!(again, law.undone(&capture, &scan, &numbers), "{law:?}");
+        }
+    }
+}
