@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::estimate::shown;
 use super::found::Estimates;
 use super::job::Job;
-use super::laws::{Changes, LAWS, Law, LawScan, WallFrame};
+use super::laws::{LAWS, Law, LawScan, WallFrame};
 use super::lines::{LineDelays, Lines};
 use super::probe::Ask;
 use super::suspects::both;
@@ -177,7 +177,7 @@ pub fn calibrate<'c>(
 pub fn calibrated_scan<'c>(setting: Option<&Calibrate>, scan: &'c Capture) -> Result<Cow<'c, Capture>> {
     let Some(set @ Calibrate::File(file)) = setting else { return Ok(Cow::Borrowed(scan)) };
     let changes_counts = |of: &Correction| match Known::of(of) {
-        Some(Known::Law(law)) => law.is_of_rig && law.kind != Changes::Place && !law.delays_all(),
+        Some(Known::Law(law)) => law.is_of_rig && law.of_pair.is_some() && !law.delays_all(),
         Some(Known::Lines(_)) => true,
         None => false,
     };

@@ -42,7 +42,7 @@ mod bands {
     pub const CLEAR: [f64; 2] = [0.6, 4.0];
     /// The same, for nothing else to be tried.
     pub const ALONE: [f64; 2] = [0.45, 4.0];
-    /// The same of gains, whose pairs weigh unequally, with the pairs weighed both ways.
+    /// The same of gains, whose pairs weigh unequally, with the pairs weighed midway between both counts.
     pub const CLEAR_GAINS: [f64; 2] = [0.7, 2.0];
     /// The same, for a cause to be named as a doubt: the pixels of the fits leave something of sharp captures whatever is undone.
     pub const DOUBT: [f64; 2] = [0.75, 4.0];

@@ -109,14 +109,16 @@ pub(super) fn best(laws: &[Option<Left>]) -> Option<usize> {
     Some(laws[..at].iter().position(is_alike).unwrap_or(at))
 }
 
-/// Whether the division by these gains of the held-out pairs leaves less than none beyond chance, with the pairs weighed as in the
-/// divided counts, and as in the counts as they are: a division alone makes other pairs weigh most.
+/// Whether the division by these gains of the held-out pairs leaves less than none beyond chance, where pairs weigh between the divided
+/// counts and the counts as they are, and less at all in each of these: a division alone makes other pairs weigh most, and of the counts
+/// as they are, few pairs beside a device have most light.
 pub(super) fn is_clear(divided: &Left, none: &Left, gains: &[f64]) -> bool {
     let weighed = |left: &Left, power: i32| Left {
         pairs: left.pairs.iter().zip(gains).map(|(pair, gain)| pair.map(|v| v * gain.powi(power))).collect(),
         noise: 0.0,
     };
-    weighed(divided, 0).is_less(&weighed(none, -2)) && weighed(divided, 2).is_less(&weighed(none, 0))
+    let errors = |power: i32| weighed(divided, power).errors_below(&weighed(none, power - 2));
+    errors(0) > 0.0 && weighed(divided, 1).is_less(&weighed(none, -1)) && errors(2) > 0.0
 }
 
 #[cfg(test)]
@@ -143,6 +145,13 @@ mod tests {
         let even = vec![1.0; 64];
         let of = |law, gains: &[f64]| is_clear(&left(law, 0.1).unwrap(), &left(5.0, 0.1).unwrap(), gains);
         assert!(of(4.0, &even) && !of(6.0, &even));
+        // Of the counts as they are, two pairs have most light: their mean proves nothing, whatever less is left.
+        let gains: Vec<f64> = (0..64).map(|i| if i < 2 { 30.0 } else { 1.0 }).collect();
+        let near = |share: f64| Left {
+            pairs: gains.iter().map(|gain| [share * 100.0 * gain * gain, 100.0 * gain * gain]).collect(),
+            noise: 0.0,
+        };
+        assert!(is_clear(&left(4.0, 0.1).unwrap(), &near(0.4), &gains));
         let noisy = is_clear(&left(4.0, 8.0).unwrap(), &left(5.0, 0.1).unwrap(), &even);
         assert!(!noisy, "less than two standard errors");
         // The surface is the same, and leaves much of the first half only: gains that make this half weigh less prove nothing.

@@ -103,6 +103,32 @@ fn a_session_keeps_its_box() {
     assert!(grid.depth_range()[0] > 0.2 && grid.depth_range()[1] < 1.0, "{grid:?}");
 }
 
+/// Points are the scan's, counts the frames': a session takes the former from a calibration.
+#[test]
+fn a_session_takes_the_points_of_a_calibration() {
+    let gpu = host();
+    let folder = tempfile::tempdir().unwrap();
+    let capture = read(simulated(folder.path()), &Settings::default()).unwrap();
+    let calibrated = |law: &str| {
+        let file = folder.path().join("rig.json");
+        let text = format!(
+            r#"{{"corrections": [{{"law": "{law}", "numbers": [0.1], "middle": [0, 0], "half": 1}}]}}"#
+        );
+        std::fs::write(&file, text).unwrap();
+        let settings = small().with(|s| s.set("calibrate", file.to_str().unwrap()).unwrap());
+        session_of(&gpu, &capture, &settings, SessionOptions::default())
+    };
+    let moved = changed(&capture, |c| c.laser.iter_mut().chain(&mut c.sensor).for_each(|p| *p *= 1.1));
+    let own = session_of(&gpu, &moved, &small(), SessionOptions::default());
+    let [of_file, own] = [calibrated("scale"), own].map(|session| {
+        let mut session = session.unwrap();
+        session.submit(&capture.histograms).unwrap();
+        session.wait().unwrap().result.maps.extent
+    });
+    assert!(of_file.iter().zip(own).all(|(a, b)| (a - b).abs() < 1e-9), "{of_file:?} {own:?}");
+    assert_error(calibrated("walk").map(drop), Kind::Options, &["\"walk\" changes counts"]);
+}
+
 #[test]
 fn settings_out_of_range_are_refused() {
     let gpu = host();

@@ -2,6 +2,7 @@
 //! or the verdict falls.
 
 use std::fmt::Write as _;
+use std::ops::ControlFlow;
 use std::time::Instant;
 
 use fixtures::captures::changed;
@@ -340,7 +341,7 @@ fn solved(gpu: &Gpu, capture: &Capture, truth: &Truth) -> (f64, Verdict) {
     solved_with(gpu, capture, truth, "auto")
 }
 
-/// The same with this value of `calibrate`.
+/// The same with this value of `calibrate`: none, auto or a file.
 fn solved_with(gpu: &Gpu, capture: &Capture, truth: &Truth, calibrate: &str) -> (f64, Verdict) {
     let lateral = LATERAL.to_string();
     let texts = [("lateral", &*lateral), ("deterministic", "true"), ("calibrate", calibrate)];
@@ -476,4 +477,64 @@ fn faults_of_the_instrument_are_undone_or_named() {
     std::fs::write(path, table).unwrap();
     let held = rows.iter().filter(|row| row.holds()).count();
     assert!(held >= 24, "{held} of {}", rows.len());
+}
+
+/// Writes benches/results/rig.tsv: what is undone of the capture of one scene, for captures of others by the same rig. `THIRDBOUNCE_SEED`:
+/// of the noise.
+#[test]
+#[ignore = "ten minutes: make soak"]
+fn what_is_undone_of_one_capture_serves_the_next() {
+    let gpu = host();
+    let seed: u64 = std::env::var("THIRDBOUNCE_SEED").map_or(9310, |seed| seed.parse().expect("a number"));
+    let folder = tempfile::tempdir().unwrap();
+    let out = folder.path().join("first");
+    let settings = Settings::from_texts([("lateral", "64"), ("deterministic", "true")]).unwrap();
+    let mut table =
+        "fault\tcorrections\tscene\tIoU of the proper capture\tIoU\tIoU with the calibration\n".to_owned();
+    let (mut rows, mut sums) = (0.0, [0.0; 3]);
+    for fault in FAULTS {
+        let (scene, options) = (fault.of)(seed);
+        let file = folder.path().join("first.npz");
+        write(&(fault.done)(&simulate(&scene, &options).unwrap().capture, seed), &file).unwrap();
+        let go_on = &mut |_: &thirdbounce::engine::Progress| ControlFlow::Continue(());
+        if thirdbounce::reconstruct_file(&gpu, &file, &settings, None, &out, go_on).is_err() {
+            continue;
+        }
+        let report = std::fs::read(out.join("report.json")).unwrap();
+        let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
+        let corrections = report["settings"]["calibration_found"]["corrections"].as_array().cloned();
+        let laws: Vec<String> = corrections.iter().flatten().map(|of| of["law"].to_string()).collect();
+        if laws.is_empty() {
+            continue;
+        }
+        for (at, name) in ["sphere", "letter-R", "torus"].into_iter().enumerate() {
+            let scene = Scene {
+                seed: seed + 1 + at as u64,
+                ..Scene { objects: Scene::named(name).unwrap().objects, ..figure(0).0 }
+            };
+            let proper = simulate(&scene, &RenderOptions::default()).unwrap().capture;
+            let truth = truth(&scene, 128).unwrap();
+            let faulty = (fault.done)(&proper, seed + 9);
+            let calibration = out.join("report.json").display().to_string();
+            let iou = [(&proper, "auto"), (&faulty, "auto"), (&faulty, &*calibration)]
+                .map(|(capture, calibrate)| solved_with(&gpu, capture, &truth, calibrate).0);
+            let line = format!(
+                "{}\t{}\t{name}\t{:.3}\t{:.3}\t{:.3}",
+                fault.name,
+                laws.join(" "),
+                iou[0],
+                iou[1],
+                iou[2]
+            );
+            println!("{line}");
+            writeln!(table, "{line}").unwrap();
+            sums.iter_mut().zip(iou).for_each(|(sum, iou)| *sum += iou);
+            rows += 1.0;
+        }
+    }
+    let [proper, auto, with] = sums.map(|sum| sum / rows);
+    println!("{rows} captures: proper {proper:.3}, with the fault {auto:.3}, with the calibration {with:.3}");
+    writeln!(table, "mean\t\t\t{proper:.3}\t{auto:.3}\t{with:.3}").unwrap();
+    std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/benches/results/rig.tsv"), table).unwrap();
+    assert!(with > auto + 0.05 && with > proper - 0.08, "{proper} {auto} {with}");
 }
