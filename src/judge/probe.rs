@@ -15,8 +15,10 @@ use crate::transport::Reflectance;
 /// A step must leave less by this share, and by these standard errors.
 const LESS: f64 = 0.02;
 const BEYOND: f64 = 1.5;
-/// The laws of places of which steps are tried: the scale, and those that change no scale, of which a fit then tries this many steps.
-const STEPPED: [&str; 4] = ["scale", "keystone", "shear", "sides"];
+/// The laws of places of which steps are tried: the scale, and others, each with how many steps of the scale its step is as long as,
+/// of which a fit then tries [`LONGER`] steps.
+const STEPPED: [(&str, i32); 5] = [("scale", 1), ("keystone", 1), ("shear", 1), ("sides", 1), (RADIAL, 2)];
+const RADIAL: &str = "radial";
 const LONGER: f64 = 2.4;
 
 /// The first steps of a law's numbers, each way.
@@ -25,6 +27,9 @@ fn steps_of(law: &'static Law) -> Vec<(&'static Law, Vec<f64>)> {
     let along = |at: usize, by: f64| (law, (0..count).map(|i| if i == at { by } else { 0.0 }).collect());
     (0..count).flat_map(|at| [law.steps[at][0], -law.steps[at][0]].map(|by| along(at, by))).collect()
 }
+
+/// A change by numbers of a law, and what it leaves over what is left without it.
+type Judged = ((&'static Law, Vec<f64>), f64);
 
 /// What a surface suggests.
 ///
@@ -36,7 +41,7 @@ fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted)
     let scan = LawScan::of(trial.capture());
     let gains = Sense::of(&trial, layers)?.and_then(|sense| suggested(&sense, &scan));
     let changes: Vec<(&'static Law, Vec<f64>)> =
-        STEPPED.into_iter().flat_map(|name| steps_of(named(name))).collect();
+        STEPPED.into_iter().flat_map(|(name, _)| steps_of(named(name))).collect();
     let changed =
         changes.iter().map(|(law, numbers)| trial.with_capture(law.undone(trial.capture(), &scan, numbers)));
     let trials: Vec<Trial<'_>> = std::iter::once(trial.clone()).chain(changed).collect();
@@ -49,8 +54,8 @@ fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted)
         let [after, before] = left.each_ref().map(Left::excess);
         (left[0].errors_below(&left[1]) > BEYOND).then_some((change, after / before))
     });
-    let (scales, others): (Vec<_>, Vec<_>) =
-        judged.filter(|(_, share)| *share < 1.0 - LESS).partition(|((law, _), _)| law.name == STEPPED[0]);
+    let (scales, others): (Vec<Judged>, Vec<Judged>) =
+        judged.filter(|(_, share)| *share < 1.0 - LESS).partition(|((law, _), _)| law.name == STEPPED[0].0);
     // Steps of both sides the same way are the scale.
     let sides = |sign: f64| {
         others
@@ -59,10 +64,16 @@ fn suspected(search: &mut Search<'_>, reflectance: Reflectance, fitted: &Fitted)
             .count()
     };
     let is_scale = sides(1.0) == 2 || sides(-1.0) == 2;
-    let [scale, place] = [scales, others].map(|all| all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1)));
-    // The one whose step leaves less is tried first.
-    let is_first = |share: f64| scale.as_ref().is_none_or(|(_, of_scale)| share < *of_scale && !is_scale);
-    let place = place.filter(|(_, share)| is_first(*share)).map(|((law, numbers), _)| Suggested {
+    let least = |all: Vec<Judged>| all.into_iter().min_by(|a, b| a.1.total_cmp(&b.1));
+    let scale = least(scales);
+    // Others are tried first that leave less than the scale by steps as long. What is radial is like a scale of both sides.
+    let of_scale = scale.as_ref().map_or(f64::INFINITY, |(_, share)| *share);
+    let is_first = |(law, _): &(&Law, Vec<f64>), share: f64| {
+        let steps = STEPPED.iter().find(|(name, _)| *name == law.name).map_or(1, |(_, steps)| *steps);
+        share < of_scale.powi(steps) && (scale.is_none() || !is_scale || law.name == RADIAL)
+    };
+    let first = others.into_iter().filter(|(change, share)| is_first(change, *share)).collect();
+    let place = least(first).map(|((law, numbers), _)| Suggested {
         law,
         starts: vec![numbers.iter().map(|n| LONGER * n).collect()],
     });
@@ -118,6 +129,6 @@ mod tests {
         let steps: Vec<Vec<f64>> =
             steps_of(named("keystone")).into_iter().map(|(_, numbers)| numbers).collect();
         assert_eq!(steps, [[0.05, 0.0], [-0.05, 0.0], [0.0, 0.05], [0.0, -0.05]]);
-        assert!(STEPPED.iter().all(|name| !steps_of(named(name)).is_empty()));
+        assert!(STEPPED.iter().all(|(name, _)| !steps_of(named(name)).is_empty()));
     }
 }

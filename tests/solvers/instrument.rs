@@ -504,7 +504,10 @@ fn what_is_undone_of_one_capture_serves_the_next() {
         let report: serde_json::Value = serde_json::from_slice(&report).unwrap();
         let corrections = report["settings"]["calibration_found"]["corrections"].as_array().cloned();
         let laws: Vec<String> = corrections.iter().flatten().map(|of| of["law"].to_string()).collect();
-        if laws.is_empty() {
+        // Motions and steps of power are not the rig's.
+        let of_capture =
+            |law: &String| ["moved", "rows", "columns"].iter().any(|of| law.starts_with(&format!("\"{of}")));
+        if laws.iter().all(of_capture) {
             continue;
         }
         for (at, name) in ["sphere", "letter-R", "torus"].into_iter().enumerate() {
