@@ -19,7 +19,8 @@ use crate::Result;
 use crate::engine::Progress;
 use crate::gpu::Gpu;
 use crate::settings::DevicePosition;
-use crate::surface::Left;
+use crate::surface::{HeldOut, Left};
+use crate::transport::Reflectance;
 
 /// Constants of the causes. Evidence: benches/NOTES.md, "Causes".
 mod bands {
@@ -67,8 +68,12 @@ pub struct TriedCause {
 struct CauseTrials<'j> {
     job: &'j Job<'j>,
     scan: LawScan,
-    estimates: &'j Estimates,
-    shown: &'j Shown,
+    /// What fits take for the capture as it is.
+    estimates: Cow<'j, Estimates>,
+    /// The held-out pairs with a surface of the capture as it is.
+    base: HeldOut,
+    /// Whether fits have more pixels, as that of `base` has.
+    is_fine: bool,
     gpu: &'j Gpu,
     hear: &'j mut dyn FnMut(&Progress) -> ControlFlow<()>,
     /// Values of a number that were tried, and what each left.
@@ -80,12 +85,16 @@ struct CauseTrials<'j> {
 impl CauseTrials<'_> {
     /// What a fit leaves once a cause is undone, and what it shows.
     fn trial(&mut self, law: &'static Law, numbers: &[f64]) -> Result<Option<(TriedCause, Shown)>> {
-        let CauseTrials { job, scan, estimates, shown, gpu, hear, .. } = self;
+        let CauseTrials { job, scan, estimates, base, is_fine, gpu, hear, .. } = self;
         let undone = law.undone(&job.capture, scan, numbers);
         let tried = job.with_capture(Cow::Borrowed(&undone));
-        let ask = if law.kind == Changes::Gain { Ask::Gains } else { Ask::Nothing };
+        let ask = match law.kind {
+            _ if *is_fine => Ask::Fine,
+            Changes::Gain => Ask::Gains,
+            _ => Ask::Nothing,
+        };
         let Some(after) = estimate::shown(&tried, estimates, ask, gpu, *hear)? else { return Ok(None) };
-        let judged = TriedCause { law, numbers: numbers.to_vec(), left: both(&after.held, &shown.held) };
+        let judged = TriedCause { law, numbers: numbers.to_vec(), left: both(&after.held, base) };
         Ok(Some((judged, after)))
     }
 
@@ -126,7 +135,17 @@ impl CauseTrials<'_> {
     }
 
     fn before(&self) -> f64 {
-        self.shown.held.left().excess()
+        self.base.left().excess()
+    }
+
+    /// Later fits have more pixels, by which the model and the high-pass are estimated again, if the capture as it is has a surface by these.
+    fn refine(&mut self) -> Result<()> {
+        let estimates = estimate::finely(self.job, self.gpu, self.hear)?;
+        if let Some(shown) = &estimates.shown {
+            (self.base, self.is_fine, self.judged) = (shown.held.clone(), true, vec![]);
+            self.estimates = Cow::Owned(estimates);
+        }
+        Ok(())
     }
 
     /// Whether the opposite of a cause leaves less, too: then fits from anywhere else do, so that the surface was a poor one and the
@@ -230,9 +249,14 @@ impl CauseTrials<'_> {
             .enumerate()
             .filter(|(rank, of)| *rank < bands::TRIED || of.law.name == "time zero");
         let others: Vec<TriedCause> = kept.map(|(_, of)| of).filter(|of| of.law.name != "scale").collect();
-        let mut refined: Vec<TriedCause> = first.into_iter().collect();
-        for found in others {
+        self.refine()?;
+        let mut refined = vec![];
+        for found in first.into_iter().chain(others) {
             refined.push(self.refined(found)?);
+        }
+        let least = refined.iter().map(TriedCause::excess).fold(f64::INFINITY, f64::min);
+        for found in refined.iter_mut().filter(|found| found.excess() < bands::NEAR * least) {
+            *found = self.with_other_models(found.clone())?;
         }
         // Both sides of the wall by one factor are the scale.
         refined.retain(|found| !found.is_scale());
@@ -243,7 +267,7 @@ impl CauseTrials<'_> {
     fn refined(&mut self, found: TriedCause) -> Result<TriedCause> {
         let law = found.law;
         let stepped = || (0..law.steps.len()).filter(|number| law.steps[*number][0] > 0.0);
-        let mut best = found;
+        let mut best = self.judged(law, &found.numbers)?.unwrap_or(found);
         for _ in 0..bands::PASSES {
             let before = best.excess();
             for number in stepped() {
@@ -257,6 +281,29 @@ impl CauseTrials<'_> {
                 break;
             }
         }
+        Ok(best)
+    }
+
+    /// A cause by the model of reflectance that leaves least with it: the fits without it may have chosen another one.
+    fn with_other_models(&mut self, found: TriedCause) -> Result<TriedCause> {
+        let mut best = found;
+        let usual = self.estimates.clone();
+        let models: Vec<Reflectance> =
+            self.job.models.iter().map(|model| model.common().reflectance).collect();
+        for reflectance in models {
+            let Some(model) = self.estimates.to_mut().model.as_mut().filter(|m| m.reflectance != reflectance)
+            else {
+                continue;
+            };
+            model.reflectance = reflectance;
+            self.judged.clear();
+            let judged = self.judged(best.law, &best.numbers)?;
+            if let Some(judged) = judged.filter(|judged| judged.excess() < bands::LESS * best.excess()) {
+                best = self.refined(judged)?;
+            }
+        }
+        self.judged.clear();
+        self.estimates = usual;
         Ok(best)
     }
 
@@ -395,8 +442,9 @@ pub fn judged(
     let mut trials = CauseTrials {
         job,
         scan: LawScan::of(capture),
-        estimates,
-        shown,
+        estimates: Cow::Borrowed(estimates),
+        base: shown.held.clone(),
+        is_fine: false,
         gpu,
         hear,
         tried: vec![],
@@ -416,7 +464,9 @@ pub fn judged(
     if !found.iter().any(TriedCause::stands_alone) && (scale.is_some() || !found.is_empty()) {
         all.extend(trials.places(scale, &found)?);
     }
-    all.extend(found.into_iter().filter(|found| !found.is_scale()));
+    for found in found.into_iter().filter(|found| !found.is_scale()) {
+        all.push(trials.judged(found.law, &found.numbers)?.unwrap_or(found));
+    }
     let scan = trials.scan.clone();
     let is_confirmed = |judged: &TriedCause| {
         if judged.law.kind == Changes::Gain {

@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use super::constants::FAR;
+use super::constants::{FAR, FINE, LATERAL};
 use super::found::{EstimateSeconds, Estimates, FindPulse, Shown};
 use super::job::Job;
 use super::model::FoundModel;
@@ -29,13 +29,33 @@ pub fn estimate<'c>(
 ) -> Result<Job<'c>> {
     if job.has_light() {
         let Estimates { calibration, device, empty, seconds, .. } = std::mem::take(&mut job.estimates);
-        let found = found(&job, gpu, hear)?;
+        let pixels = job.solver.common().lateral.min(LATERAL);
+        let ask = if job.calibrates() { Ask::Causes } else { Ask::Nothing };
+        let found = found(&job, pixels, ask, gpu, hear)?;
         job.estimates = Estimates { calibration, device, empty, seconds: seconds + found.seconds, ..found };
     }
     Ok(job)
 }
 
-fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>) -> Result<Estimates> {
+/// The estimates by fits of more pixels, without what causes they suggest.
+///
+/// # Errors
+/// As [`estimate`].
+pub fn finely(
+    job: &Job<'_>,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Estimates> {
+    found(job, FINE, Ask::Nothing, gpu, hear)
+}
+
+fn found(
+    job: &Job<'_>,
+    pixels: usize,
+    ask: Ask,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Estimates> {
     let _span = gpu.span("trials");
     let start = Instant::now();
     let finds_model = job.models.len() > 1;
@@ -52,7 +72,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
     let (mut shown, mut finds_none, mut is_union) = (None, false, false);
     let (mut samples, mut is_by_chance) = (None, false);
     let mut stages = EstimateSeconds::default();
-    let searched = Search::new(job, gpu, hear).and_then(|mut search| {
+    let searched = Search::new(job, pixels, gpu, hear).and_then(|mut search| {
         stages.start = start.elapsed().as_secs_f64();
         search.tell_start()?;
         expected_iou = search.starts.seen.as_ref().map(|seen| seen.expected_iou());
@@ -74,7 +94,7 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
             candidates[best.candidate].kept = true;
             let is_far = !best.fitted.surface.is_coherent(FAR);
             // What suggests causes renders sharp paths.
-            let ask = if job.calibrates() && samples.is_none() { Ask::Causes } else { Ask::Nothing };
+            let ask = if samples.is_none() { ask } else { Ask::Nothing };
             shown = Some(shown_of(&mut search, *reflectance, best.fitted.clone(), ask)?);
             let Candidate { layers, step, .. } = best.fitted.surface;
             let Starts { layers: closed, light, seen, .. } = Starts::clone(&search.starts);
@@ -134,7 +154,8 @@ pub fn shown(
 ) -> Result<Option<Shown>> {
     let (solver, _) = found.settle(&job.solver, &job.models)?;
     let job = Job { models: vec![], find_pulse: FindPulse::Never, ..job.with_solver(solver) };
-    let searched = Search::new(&job, gpu, hear).and_then(|mut search| {
+    let pixels = if ask == Ask::Fine { FINE } else { job.solver.common().lateral.min(LATERAL) };
+    let searched = Search::new(&job, pixels, gpu, hear).and_then(|mut search| {
         if found.is_union {
             search.begin_with_union();
         }

@@ -93,6 +93,8 @@ const SUSPICIOUS: f64 = 0.03;
 pub enum Ask {
     /// Nothing.
     Nothing,
+    /// Nothing, but by a fit of more pixels.
+    Fine,
     /// What it shows of gains.
     Gains,
     /// Which causes it suggests.

@@ -106,6 +106,7 @@ pub(crate) struct Search<'t> {
 impl<'t> Search<'t> {
     pub fn new(
         job: &'t Job<'_>,
+        pixels: usize,
         gpu: &'t Gpu,
         hear: &'t mut dyn FnMut(&Progress) -> ControlFlow<()>,
     ) -> Result<Search<'t>> {
@@ -117,7 +118,7 @@ impl<'t> Search<'t> {
                 "name the model and the impulse response if known",
             ));
         }
-        let options = quick(&all[0]);
+        let options = quick(&all[0], pixels);
         let solver: SolverOptions = options.clone().into();
         let volume = job.settings.volume.map_or_else(|| solver.default_volume(capture), Ok)?;
         let of_trial = Settings { volume: Some(volume), bins: job.settings.bins, ..Settings::default() };
@@ -139,7 +140,7 @@ impl<'t> Search<'t> {
         let whole = Arc::new(whole);
         let of_solve = job.settings.sum(&job.solver, &capture.outline()) as f64 * capture.bin_width;
         let trial = |options: &SolverOptions| {
-            Trial::new(gpu, whole.clone(), grid, quick(options), starts.clone(), job.settings.memory)
+            Trial::new(gpu, whole.clone(), grid, quick(options, pixels), starts.clone(), job.settings.memory)
         };
         Ok(Search {
             trials: all.iter().map(trial).collect(),
@@ -576,10 +577,10 @@ pub(crate) fn trial_of<'s, 't>(trials: &'s [Trial<'t>], reflectance: Reflectance
     trials.iter().find(|t| t.reflectance() == reflectance).expect("a trial for every model")
 }
 
-/// The options of a fit.
-fn quick(options: &SolverOptions) -> SurfaceOptions {
+/// The options of a fit of so many pixels on a side.
+fn quick(options: &SolverOptions, pixels: usize) -> SurfaceOptions {
     options.as_surface().with(|o| {
-        o.lateral = o.lateral.min(LATERAL);
+        o.lateral = pixels;
         o.iterations = ITERATIONS[1];
         o.grow = false;
         o.points = None;
