@@ -301,19 +301,14 @@ impl Submitter {
     pub fn submit(&self, histograms: &[f32]) -> Result<FrameId> {}
     pub fn submit_part(&self, histograms: &[f32], measured: &[bool]) -> Result<FrameId> {}
 }
-#[derive(
-    Debug,
-    Clone,
-    Copy,
-    Default,
-    PartialEq,
-    Eq,
-    serde::Serialize,
-    serde::Deserialize
-)]
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub enum Calibrate {
     None,
     Auto,
+    File(PathBuf),
+}
+impl Calibrate {
+    pub fn corrections(&self) -> Result<Vec<Correction>> {}
 }
 #[derive(Debug, Clone, PartialEq)]
 pub enum ImpulseResponse {
@@ -372,6 +367,7 @@ impl Settings {
     pub fn has(&self, key: &str) -> bool {}
     pub fn all_rows() -> Vec<(&'static Row, String)> {}
     pub fn with(mut self, change: impl FnOnce(&mut Settings)) -> Settings {}
+    pub fn files(&self) -> impl Iterator<Item = &Path> {}
     pub fn with_instrument<'c>(&self, capture: &'c Capture) -> Result<Cow<'c, Capture>> {}
     pub fn for_frames<'c>(&self, scan: &'c Capture) -> Result<Cow<'c, Capture>> {}
     pub fn seed(&self) -> u32 {}
