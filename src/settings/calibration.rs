@@ -70,7 +70,7 @@ mod tests {
         };
         let one = r#"{"corrections": [{"law": "shear", "numbers": [0.2], "middle": [0, 0.1], "half": 1}]}"#;
         let shear = Correction { law: "shear".into(), numbers: vec![0.2], middle: [0.0, 0.1], half: 1.0 };
-        assert_eq!(read(one).unwrap(), [shear.clone()]);
+        assert_eq!(read(one).unwrap(), std::slice::from_ref(&shear));
         assert_eq!(read(&format!(r#"{{"settings": {{"calibration_found": {one}}}}}"#)).unwrap(), [shear]);
         assert_eq!(read(r#"{"settings": {"calibration_found": null}}"#).unwrap(), []);
         for (text, what) in [
