@@ -2,12 +2,12 @@
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use glam::DVec2;
-use serde::{Deserialize, Serialize};
 
+use super::calibration::FoundCalibration;
 use super::estimate::shown;
 use super::found::Estimates;
 use super::job::Job;
@@ -22,61 +22,19 @@ use crate::methods::SolverOptions;
 use crate::settings::{Calibrate, Correction};
 use crate::{Error, Result};
 
-/// What was undone of the instrument.
-#[derive(Debug, Clone, Default, PartialEq, Serialize, Deserialize)]
-pub struct FoundCalibration {
-    /// Every correction in its order: those of the file, then what was found.
-    pub corrections: Vec<Correction>,
-    /// The file, if one is given.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub file: Option<PathBuf>,
-    /// How many of the corrections it holds.
-    pub given: usize,
-    /// Laws of the file that were left out: of its own capture alone, or of another kind of scan.
-    pub left_out: Vec<String>,
-    /// Shares of held-out pairs beyond noise without and with the corrections of the file, each with its standard error, if fits judged
-    /// them.
-    pub left: Option<[[f64; 2]; 2]>,
-    /// Whether held-out pairs speak against the file beyond chance: then it is left out.
-    pub is_doubtful: bool,
-    /// What the corrections of the file are, in words.
-    #[serde(skip)]
-    what: Vec<String>,
-}
-
-/// A capture without a cause, and the correction.
-#[derive(Debug, Clone)]
-pub struct Undone {
-    pub capture: Capture,
-    pub correction: Correction,
-}
-
-/// A law with these numbers.
-pub fn of_law(law: &Law, numbers: &[f64], frame: WallFrame) -> Correction {
-    let WallFrame { middle, half } = frame;
-    Correction { law: law.name.into(), numbers: numbers.to_vec(), middle: middle.to_array(), half }
-}
-
-/// Delays of the lines of a capture.
-pub fn of_lines(delays: &LineDelays, capture: &Capture) -> Correction {
-    let WallFrame { middle, half } = LawScan::of(capture).frame;
-    let law = format!("delays of {}", delays.lines);
-    Correction { law, numbers: delays.delays.clone(), middle: middle.to_array(), half }
-}
-
 /// A correction as this build knows it.
-enum Known {
+enum KnownCorrection {
     Law(&'static Law),
     Lines(Lines),
 }
 
-impl Known {
-    fn of(correction: &Correction) -> Option<Known> {
+impl KnownCorrection {
+    fn of(correction: &Correction) -> Option<KnownCorrection> {
         let lines = [Lines::Columns, Lines::Rows].into_iter();
         let law =
             LAWS.iter().find(|law| law.name == correction.law && law.steps.len() == correction.numbers.len());
-        law.map(Known::Law).or(lines.map(Known::Lines).find(
-            |known| matches!(known, Known::Lines(lines) if correction.law == format!("delays of {lines}")),
+        law.map(KnownCorrection::Law).or(lines.map(KnownCorrection::Lines).find(
+            |known| matches!(known, KnownCorrection::Lines(lines) if correction.law == format!("delays of {lines}")),
         ))
     }
 }
@@ -90,12 +48,12 @@ fn undone(of: &Correction, capture: &Capture, file: &Path) -> Result<Option<(Cap
             "give the report.json of a capture of the same rig",
         )
     };
-    match Known::of(of) {
+    match KnownCorrection::of(of) {
         None => {
             let count = of.numbers.len();
             Err(wrong(format!("no law {:?} of {count} numbers is known", of.law)))
         }
-        Some(Known::Lines(lines)) => {
+        Some(KnownCorrection::Lines(lines)) => {
             let (has, wants) = (lines.count(capture.scan), of.numbers.len());
             if has != wants {
                 return Err(wrong(format!(
@@ -105,7 +63,7 @@ fn undone(of: &Correction, capture: &Capture, file: &Path) -> Result<Option<(Cap
             let delays = LineDelays { lines, delays: of.numbers.clone() };
             Ok(Some((delays.undone(capture), delays.what())))
         }
-        Some(Known::Law(law)) => {
+        Some(KnownCorrection::Law(law)) => {
             let frame = WallFrame { middle: DVec2::from_array(of.middle), half: of.half };
             let scan = LawScan { frame, ..LawScan::of(capture) };
             if !law.is_of_rig || !(law.applies)(&scan) {
@@ -176,9 +134,9 @@ pub fn calibrate<'c>(
 /// A file that cannot be read, that does not suit the scan, or whose corrections change the counts of frames.
 pub fn calibrated_scan<'c>(setting: Option<&Calibrate>, scan: &'c Capture) -> Result<Cow<'c, Capture>> {
     let Some(set @ Calibrate::File(file)) = setting else { return Ok(Cow::Borrowed(scan)) };
-    let changes_counts = |of: &Correction| match Known::of(of) {
-        Some(Known::Law(law)) => law.is_of_rig && law.of_pair.is_some() && !law.delays_all(),
-        Some(Known::Lines(_)) => true,
+    let changes_counts = |of: &Correction| match KnownCorrection::of(of) {
+        Some(KnownCorrection::Law(law)) => law.is_of_rig && law.of_pair.is_some() && !law.delays_all(),
+        Some(KnownCorrection::Lines(_)) => true,
         None => false,
     };
     if let Some(of) = set.corrections()?.into_iter().find(changes_counts) {
@@ -193,39 +151,6 @@ pub fn calibrated_scan<'c>(setting: Option<&Calibrate>, scan: &'c Capture) -> Re
     }
     let calibrated = given(setting, scan)?;
     Ok(calibrated.map_or(Cow::Borrowed(scan), |(capture, _)| Cow::Owned(capture)))
-}
-
-impl FoundCalibration {
-    /// What was undone by the file, as a sentence; `None` without a file, or if it is left out.
-    pub fn note(&self) -> Option<String> {
-        let file = self.file.as_ref().filter(|_| !self.is_doubtful)?.display();
-        let out = match &self.left_out[..] {
-            [] => String::new(),
-            all => format!(
-                "; left out, as it is of that capture alone or of another kind of scan: {}",
-                all.join(", ")
-            ),
-        };
-        if self.what.is_empty() {
-            return Some(format!("the calibration {file} undoes nothing{out}"));
-        }
-        let shares = self.shares().map_or_else(String::new, |shares| format!(" ({shares})"));
-        Some(format!("undone by the calibration {file}: {}{shares}{out}", self.what.join("; ")))
-    }
-
-    fn shares(&self) -> Option<String> {
-        let [without, with] = self.left?.map(|[share, _]| 100.0 * share);
-        Some(format!("of held-out pairs {without:.1} % is left beyond noise without it, {with:.1} % with it"))
-    }
-
-    /// What speaks against the file, where it is left out.
-    pub fn doubt(&self) -> Option<String> {
-        let file = self.file.as_ref().filter(|_| self.is_doubtful)?.display();
-        let shares = self.shares().unwrap_or_else(|| "with it, no fit finds a surface".into());
-        Some(format!(
-            "held-out pairs contradict the calibration {file}, which is left out: {shares}: is it of this rig?"
-        ))
-    }
 }
 
 #[cfg(test)]
@@ -257,7 +182,7 @@ mod tests {
         // What is of one capture alone is left out.
         assert!(undone(&correction("moved along x", &[0.1; 4]), &capture, file).unwrap().is_none());
         assert!(undone(&correction("rows", &[0.5, 0.1]), &capture, file).unwrap().is_none());
-        let lines = of_lines(&LineDelays { lines: Lines::Rows, delays: vec![0.02; 8] }, &capture);
+        let lines = LineDelays { lines: Lines::Rows, delays: vec![0.02; 8] }.correction(&capture);
         let (early, _) = undone(&lines, &capture, file).unwrap().unwrap();
         assert_eq!(early.histogram(3)[..4], [2.0, 3.0, 4.0, 5.0]);
         for (of, what) in [
@@ -275,7 +200,7 @@ mod tests {
         let scan = LawScan::of(&capture);
         for law in LAWS.iter().filter(|law| law.is_of_rig && (law.applies)(&scan)) {
             let numbers: Vec<f64> = law.steps.iter().map(|[step, _]| 0.5 * step).collect();
-            let correction = of_law(law, &numbers, scan.frame);
+            let correction = law.correction(&numbers, scan.frame);
             let (again, _) = undone(&correction, &capture, Path::new("rig.json")).unwrap().unwrap();
             assert_eq!(again, law.undone(&capture, &scan, &numbers), "{law:?}");
         }

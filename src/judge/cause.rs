@@ -7,7 +7,7 @@ use std::ops::ControlFlow;
 
 use glam::{DMat3, DVec3};
 
-use super::calibrate::{Undone, of_law};
+use super::calibration::Undone;
 use super::device::is_clear;
 use super::estimate;
 use super::found::{Estimates, Shown};
@@ -495,7 +495,7 @@ pub fn judged(
     let least = best.excess();
     let undone = Undone {
         capture: best.law.undone(capture, &scan, &best.numbers),
-        correction: of_law(best.law, &best.numbers, scan.frame),
+        correction: best.law.correction(&best.numbers, scan.frame),
     };
     all.retain(|judged| judged.excess() <= bands::RIVAL * least);
     let cause = |(rank, judged): (usize, TriedCause)| {

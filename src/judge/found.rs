@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::calibrate::FoundCalibration;
+use super::calibration::FoundCalibration;
 use super::device::FoundDevice;
 use super::high_pass::FoundHighPass;
 use super::model::FoundModel;

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use super::calibrate::Undone;
+use super::calibration::Undone;
 use super::conclude::conclude_iterate;
 use super::constants::LEAST_FOR_PULSE;
 use super::found::{Estimates, FindPulse};

@@ -8,6 +8,7 @@ use std::sync::Arc;
 use glam::{DVec2, DVec3};
 
 use crate::capture::{Capture, METRES_PER_PICOSECOND, gain};
+use crate::settings::Correction;
 
 /// What a law does to the held-out pairs.
 #[derive(Debug, Clone, PartialEq)]
@@ -478,6 +479,12 @@ fn place(p: DVec3) -> String {
 }
 
 impl Law {
+    /// The law with these numbers, about this wall.
+    pub fn correction(&self, numbers: &[f64], frame: WallFrame) -> Correction {
+        let WallFrame { middle, half } = frame;
+        Correction { law: self.name.into(), numbers: numbers.to_vec(), middle: middle.to_array(), half }
+    }
+
     /// Whether all counts are equally late.
     pub fn delays_all(&self) -> bool {
         ["time zero", "record"].contains(&self.name)

@@ -3,10 +3,12 @@
 use rayon::prelude::*;
 
 use super::found::Shown;
+use super::laws::{LawScan, WallFrame};
 use super::spread::add_products;
 use crate::Result;
 use crate::capture::{Capture, METRES_PER_PICOSECOND};
 use crate::closed_form::image::peak_between;
+use crate::settings::Correction;
 use crate::surface::{HeldOut, Left};
 
 /// Fewer lines have no pattern.
@@ -144,6 +146,13 @@ pub(super) fn calibrate(
 }
 
 impl LineDelays {
+    /// The delays, about the wall of a capture.
+    pub fn correction(&self, capture: &Capture) -> Correction {
+        let WallFrame { middle, half } = LawScan::of(capture).frame;
+        let law = format!("delays of {}", self.lines);
+        Correction { law, numbers: self.delays.clone(), middle: middle.to_array(), half }
+    }
+
     /// The capture without the delays, by whole bins; the end of a histogram that comes from outside holds its last count.
     pub fn undone(&self, capture: &Capture) -> Capture {
         let bins = capture.bins;

@@ -3,6 +3,7 @@
 //! pairs that they have not seen, in the domain that the solve minimises. Indistinguishable hypotheses are ranked by a fixed order.
 
 mod calibrate;
+mod calibration;
 mod cause;
 mod conclude;
 mod constants;
@@ -31,7 +32,8 @@ mod suspects;
 mod trial;
 mod verdict;
 
-pub use calibrate::{FoundCalibration, calibrate, calibrated_scan};
+pub use calibrate::{calibrate, calibrated_scan};
+pub use calibration::FoundCalibration;
 pub use cause::Cause;
 pub use conclude::{conclude, conclude_iterate};
 pub use device::FoundDevice;

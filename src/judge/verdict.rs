@@ -4,7 +4,7 @@
 use std::borrow::Cow;
 use std::ops::ControlFlow;
 
-use super::calibrate::{Undone, of_lines};
+use super::calibration::Undone;
 use super::cause::{self, Cause, JudgedCauses};
 use super::found::{Estimates, Shown};
 use super::job::Job;
@@ -96,7 +96,7 @@ pub fn diagnose(
         left: [shown.held.left().excess(), after.excess()],
         undone: calibrates,
     };
-    let undone = || Undone { capture: delays.undone(capture), correction: of_lines(&delays, capture) };
+    let undone = || Undone { capture: delays.undone(capture), correction: delays.correction(capture) };
     Ok(Diagnosis { causes: vec![cause], undone: calibrates.then(undone), ..found })
 }
 
