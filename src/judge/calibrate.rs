@@ -8,12 +8,10 @@ use std::time::Instant;
 use glam::DVec2;
 
 use super::calibration::FoundCalibration;
-use super::estimate::shown;
-use super::found::Estimates;
+use super::estimate::held;
 use super::job::Job;
 use super::laws::{LAWS, Law, LawScan, WallFrame};
 use super::lines::{LineDelays, Lines};
-use super::probe::Ask;
 use super::suspects::both;
 use crate::capture::Capture;
 use crate::engine::Progress;
@@ -74,12 +72,15 @@ fn undone(of: &Correction, capture: &Capture, file: &Path) -> Result<Option<(Cap
     }
 }
 
-/// The capture without the corrections of the file that is set, and these. `None` without a file.
-fn given(setting: Option<&Calibrate>, capture: &Capture) -> Result<Option<(Capture, FoundCalibration)>> {
-    let Some(set @ Calibrate::File(file)) = setting else { return Ok(None) };
-    let mut found = FoundCalibration { file: Some(file.clone()), ..FoundCalibration::default() };
+/// The capture without the corrections of a file, and these.
+fn given(
+    file: &Path,
+    corrections: Vec<Correction>,
+    capture: &Capture,
+) -> Result<(Capture, FoundCalibration)> {
+    let mut found = FoundCalibration { file: Some(file.into()), ..FoundCalibration::default() };
     let mut capture = capture.clone();
-    for correction in set.corrections()? {
+    for correction in corrections {
         match undone(&correction, &capture, file)? {
             Some((without, what)) => {
                 capture = without;
@@ -90,7 +91,7 @@ fn given(setting: Option<&Calibrate>, capture: &Capture) -> Result<Option<(Captu
         }
     }
     found.given = found.corrections.len();
-    Ok(Some((capture, found)))
+    Ok((capture, found))
 }
 
 /// Undoes what the file that is set holds, and has held-out pairs judge it.
@@ -103,16 +104,10 @@ pub fn calibrate<'c>(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Job<'c>> {
     let clock = Instant::now();
-    let Some((capture, mut found)) = given(job.settings.calibrate.as_ref(), &job.capture)? else {
-        return Ok(job);
-    };
+    let Some(set @ Calibrate::File(file)) = &job.settings.calibrate else { return Ok(job) };
+    let (capture, mut found) = given(file, set.corrections()?, &job.capture)?;
     if matches!(job.solver, SolverOptions::Surface(_)) && job.has_light() && found.given > 0 {
-        let mut trial = |capture: &Capture| {
-            let tried = job.with_capture(Cow::Borrowed(capture));
-            let shown = shown(&tried, &Estimates::default(), Ask::Nothing, gpu, hear)?;
-            Ok::<_, Error>(shown.map(|shown| shown.held))
-        };
-        let [without, with] = [trial(&job.capture)?, trial(&capture)?];
+        let [without, with] = [held(&job, &job.capture, gpu, hear)?, held(&job, &capture, gpu, hear)?];
         if let Some([without, with]) = without.as_ref().zip(with.as_ref()).map(|(a, b)| both(a, b)) {
             found.left = Some([&without, &with].map(|left| [left.excess(), left.standard_error()]));
             found.is_doubtful = without.is_less(&with);
@@ -139,7 +134,8 @@ pub fn calibrated_scan<'c>(setting: Option<&Calibrate>, scan: &'c Capture) -> Re
         Some(KnownCorrection::Lines(_)) => true,
         None => false,
     };
-    if let Some(of) = set.corrections()?.into_iter().find(changes_counts) {
+    let corrections = set.corrections()?;
+    if let Some(of) = corrections.iter().find(|of| changes_counts(of)) {
         return Err(Error::options(
             format!(
                 "{}: {:?} changes counts, and frames of a session are used unchanged",
@@ -149,8 +145,7 @@ pub fn calibrated_scan<'c>(setting: Option<&Calibrate>, scan: &'c Capture) -> Re
             "correct each frame, and set calibrate to none",
         ));
     }
-    let calibrated = given(setting, scan)?;
-    Ok(calibrated.map_or(Cow::Borrowed(scan), |(capture, _)| Cow::Owned(capture)))
+    given(file, corrections, scan).map(|(capture, _)| Cow::Owned(capture))
 }
 
 #[cfg(test)]

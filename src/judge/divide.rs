@@ -6,10 +6,8 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::device::{FoundDevice, LEAST_RATIO, best, divided, is_clear};
-use super::estimate::shown;
-use super::found::Estimates;
+use super::estimate::held;
 use super::job::Job;
-use super::probe::Ask;
 use crate::Result;
 use crate::capture::{Capture, GainLaw};
 use crate::engine::Progress;
@@ -77,9 +75,8 @@ fn law(
     let is_judged = matches!(job.solver, SolverOptions::Surface(_));
     let chosen = if is_judged {
         let mut trial = |capture: &Capture| {
-            let tried = job.with_capture(Cow::Borrowed(capture));
-            let shown = shown(&tried, &Estimates::default(), Ask::Nothing, gpu, hear)?;
-            Ok::<_, crate::Error>(shown.map(|shown| (shown.held.left(), shown.held.pairs)))
+            let held = held(job, capture, gpu, hear)?;
+            Ok::<_, crate::Error>(held.map(|held| (held.left(), held.pairs)))
         };
         let none = trial(capture)?;
         let left = laws.iter().map(|(_, divided)| trial(divided)).collect::<Result<Vec<_>>>()?;

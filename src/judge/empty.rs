@@ -5,10 +5,8 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-use super::estimate::shown;
-use super::found::Estimates;
+use super::estimate::held;
 use super::job::Job;
-use super::probe::Ask;
 use super::room::FoundEmpty;
 use crate::Result;
 use crate::capture::{Capture, RoomGain};
@@ -72,9 +70,8 @@ fn decided(
         return Ok((found, with));
     }
     let mut trial = |capture: &Capture| {
-        let tried = job.with_capture(Cow::Borrowed(capture));
-        let shown = shown(&tried, &Estimates::default(), Ask::Nothing, gpu, hear)?;
-        Ok::<_, crate::Error>(shown.map(|shown| (shown.held.squared_counts(), shown.held.pairs)))
+        let held = held(job, capture, gpu, hear)?;
+        Ok::<_, crate::Error>(held.map(|held| (held.squared_counts(), held.pairs)))
     };
     let squares = [trial(&without)?, trial(&with)?];
     found.is_used = match &squares {

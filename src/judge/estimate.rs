@@ -1,5 +1,6 @@
 //! Short fits of parts of a capture.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -11,10 +12,11 @@ use super::probe::{Ask, shown_of};
 use super::pulse::{FoundPulse, Shape};
 use super::search::Search;
 use super::trial::From;
+use crate::capture::Capture;
 use crate::engine::Progress;
 use crate::gpu::Gpu;
 use crate::methods::SolverOptions;
-use crate::surface::{Begun, Candidate, Starts};
+use crate::surface::{Begun, Candidate, HeldOut, Starts};
 use crate::{Kind, Result};
 
 /// Estimates what the job leaves open, by short fits of parts of its capture, if that has light.
@@ -29,9 +31,8 @@ pub fn estimate<'c>(
 ) -> Result<Job<'c>> {
     if job.has_light() {
         let Estimates { calibration, device, empty, seconds, .. } = std::mem::take(&mut job.estimates);
-        let pixels = job.solver.common().lateral.min(LATERAL);
         let ask = if job.calibrates() { Ask::Causes } else { Ask::Nothing };
-        let found = found(&job, pixels, ask, gpu, hear)?;
+        let found = found(&job, ask, gpu, hear)?;
         job.estimates = Estimates { calibration, device, empty, seconds: seconds + found.seconds, ..found };
     }
     Ok(job)
@@ -46,12 +47,11 @@ pub fn finely(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Estimates> {
-    found(job, FINE, Ask::Nothing, gpu, hear)
+    found(job, Ask::Fine, gpu, hear)
 }
 
 fn found(
     job: &Job<'_>,
-    pixels: usize,
     ask: Ask,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
@@ -72,7 +72,7 @@ fn found(
     let (mut shown, mut finds_none, mut is_union) = (None, false, false);
     let (mut samples, mut is_by_chance) = (None, false);
     let mut stages = EstimateSeconds::default();
-    let searched = Search::new(job, pixels, gpu, hear).and_then(|mut search| {
+    let searched = Search::new(job, pixels_of(job, ask), gpu, hear).and_then(|mut search| {
         stages.start = start.elapsed().as_secs_f64();
         search.tell_start()?;
         expected_iou = search.starts.seen.as_ref().map(|seen| seen.expected_iou());
@@ -140,6 +140,25 @@ fn found(
     })
 }
 
+/// Lateral pixels of a fit.
+fn pixels_of(job: &Job<'_>, ask: Ask) -> usize {
+    if ask == Ask::Fine { FINE } else { job.solver.common().lateral.min(LATERAL) }
+}
+
+/// The held-out pairs of a short fit of another version of the job's capture, by the usual model. `None` if it finds no surface.
+///
+/// # Errors
+/// The device fails, or the caller cancels.
+pub fn held(
+    job: &Job<'_>,
+    capture: &Capture,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Option<HeldOut>> {
+    let tried = job.with_capture(Cow::Borrowed(capture));
+    Ok(shown(&tried, &Estimates::default(), Ask::Nothing, gpu, hear)?.map(|shown| shown.held))
+}
+
 /// What a short fit of the job's capture shows, with sharp paths, by the model and the high-pass that were `found` for another version
 /// of it. `None` if it finds no surface.
 ///
@@ -154,8 +173,7 @@ pub fn shown(
 ) -> Result<Option<Shown>> {
     let (solver, _) = found.settle(&job.solver, &job.models)?;
     let job = Job { models: vec![], find_pulse: FindPulse::Never, ..job.with_solver(solver) };
-    let pixels = if ask == Ask::Fine { FINE } else { job.solver.common().lateral.min(LATERAL) };
-    let searched = Search::new(&job, pixels, gpu, hear).and_then(|mut search| {
+    let searched = Search::new(&job, pixels_of(&job, ask), gpu, hear).and_then(|mut search| {
         if found.is_union {
             search.begin_with_union();
         }

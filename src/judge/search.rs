@@ -577,7 +577,7 @@ pub(crate) fn trial_of<'s, 't>(trials: &'s [Trial<'t>], reflectance: Reflectance
     trials.iter().find(|t| t.reflectance() == reflectance).expect("a trial for every model")
 }
 
-/// The options of a fit of so many pixels on a side.
+/// Options of a short fit with this number of lateral pixels.
 fn quick(options: &SolverOptions, pixels: usize) -> SurfaceOptions {
     options.as_surface().with(|o| {
         o.lateral = pixels;
