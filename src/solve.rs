@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 use std::sync::Arc;
+use std::time::Instant;
 
 use crate::Result;
 use crate::engine::{Progress, Reconstruction, TracePoint, Watch};
@@ -15,21 +16,27 @@ use crate::judge::{self, Job, conclude, grade};
 /// Settings out of range, or that the capture does not allow; memory or device do not allow the solve; the watch cancels
 /// ([`crate::Kind::Cancelled`]); a loss is not finite.
 pub fn solve<'c>(gpu: &Gpu, job: Job<'c>, watch: &mut Watch<'_>) -> Result<(Job<'c>, Reconstruction)> {
+    let clock = Instant::now();
     let job = resolve(gpu, job, watch.hear)?;
     // Times count from the first short fit.
-    let spent = job.estimates.seconds;
+    let spent = clock.elapsed().as_secs_f64();
     let mut hear = |progress: &Progress| {
         let Progress { doing, point, iterations, remaining, maps } = progress;
         let point = TracePoint { seconds: point.seconds + spent, ..*point };
         let maps = maps.as_ref().map(|maps| job.as_result(maps));
         (watch.hear)(&Progress { doing: *doing, point, iterations: *iterations, remaining: *remaining, maps })
     };
+    // Maps on the way take time that is not the solve's.
+    let is_undisturbed = watch.maps_every.is_none() && watch.maps_at.is_empty();
     let mut heard = Watch { hear: &mut hear, maps_every: watch.maps_every, maps_at: watch.maps_at };
     let mut result = job.solver.solve_from(gpu, &job.problem()?, job.estimates.begun.as_ref(), &mut heard)?;
     result.solve_seconds += spent;
     result.trace.iter_mut().for_each(|point| point.seconds += spent);
     conclude(&job.capture, job.mask_fraction(), &mut result); // mask, depth errors, what looks wrong with the maps
     grade(&job, &mut result); // the verdict
+    if is_undisturbed {
+        result.solve_seconds = clock.elapsed().as_secs_f64();
+    }
     Ok((job, result))
 }
 
@@ -46,18 +53,9 @@ pub fn resolve<'c>(
 ) -> Result<Job<'c>> {
     // A volume that the capture does not allow is an error before any fit.
     job.check()?;
-    let job = judge::subtract(job, gpu, hear)?; // the light of the empty room, if there is a capture of it
-    let job = judge::calibrate(job, gpu, hear)?; // what a file says of the instrument
-    let job = judge::divide(job, gpu, hear)?; // the counts, by the gain of laser and detector near the wall, if that is known
-    let mut job = judge::estimate(job, gpu, hear)?; // what the network sees, high-pass, reflectance, impulse response
-    let mut found = judge::diagnose(&job, gpu, hear)?; // delays of scan lines, laws of few numbers, doubts about the scale
-    if let Some(undone) = found.undone.take() {
-        job = judge::estimate(job.without(undone), gpu, hear)?;
-        let second = judge::diagnose(&job, gpu, hear)?;
-        if let Some(undone) = found.add(second) {
-            job = judge::estimate(job.without(undone), gpu, hear)?;
-        }
-    }
-    job.verdict = Arc::new(judge::verdict(&job.estimates, &found));
+    let job = judge::given(job, gpu, hear)?; // undone: the empty room, a calibration, the gain of a device near the wall
+    let job = judge::estimate(job, gpu, hear)?; // what the network sees, high-pass, reflectance, impulse response
+    let mut job = judge::corrected(job, gpu, hear)?; // undone: what a search finds and held-out pairs confirm
+    job.verdict = Arc::new(judge::verdict(&job.estimates));
     job.settle()?.summed()
 }

@@ -62,7 +62,7 @@ impl LastReport {
         let p = &progress.point;
         let doing = match progress.doing {
             Doing::Preview => "preview",
-            Doing::Trial => "trial",
+            Doing::Trial | Doing::Search => "trial",
             Doing::Solve => "solve",
         };
         if doing != self.doing {

@@ -9,6 +9,7 @@ use crate::capture::{Gate, Pulse};
 use crate::engine::{Level, background};
 use crate::export::report;
 use crate::gpu::Gpu;
+use crate::judge::{Estimates, Finding, Source};
 use crate::methods::SolverOptions;
 use crate::settings::CALIBRATION;
 use crate::surface;
@@ -52,24 +53,29 @@ pub fn report_of(request: &Request, loaded: &Loaded, gpu: &Gpu, done: &Finished)
 /// Stages of a run in their order, with their seconds; those that did not run are left out.
 pub fn stages(loaded: &Loaded, done: &Finished) -> Vec<report::StageSeconds> {
     let of = done.job.estimates.stages;
-    let solve = done.result.solve_seconds - done.job.estimates.seconds;
-    let [start, rounds, fit] = done.result.stages.unwrap_or([0.0, 0.0, solve]);
+    let whole = done.result.solve_seconds;
+    let estimated = of.search + of.start + of.high_pass + of.model + of.pulse;
+    let [start, rounds, fit] = done.result.stages.unwrap_or([0.0, 0.0, whole - estimated]);
     let all = [
         ("read", loaded.seconds),
+        ("corrections", of.search),
         ("start", of.start + start),
         ("high-pass", of.high_pass),
         ("model", of.model),
         ("impulse response", of.pulse),
         ("rounds", rounds),
         ("fit", fit),
+        // Plans, buffers, mask and verdict.
+        ("rest", whole - estimated - start - rounds - fit),
     ];
-    let ran = all.into_iter().filter(|(_, seconds)| *seconds > 0.0);
+    let ran = all.into_iter().filter(|(_, seconds)| *seconds > 1e-6);
     ran.map(|(name, seconds)| report::StageSeconds { name: name.into(), seconds }).collect()
 }
 
 /// All settings as they were resolved. They suffice to repeat the run.
 pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
     let (result, grid) = (&done.result, &done.result.plan.levels.maps);
+    let found = |source| done.job.estimates.finding(source);
     let mut all = json!({
         "solver": done.job.solver.name(),
         "model": result.plan.scene.reflectance,
@@ -87,8 +93,8 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         },
         "spots": [loaded.capture.laser_spot, loaded.capture.sensor_spot],
         "pulse_found": done.job.estimates.pulse,
-        "device_found": done.job.estimates.device,
-        "empty_found": done.job.estimates.empty,
+        "device_found": found(Source::Set).or(found(Source::Named)),
+        "empty_found": found(Source::Empty),
         "model_found": done.job.estimates.model,
         "high_pass_found": done.job.estimates.high_pass,
         "sharpness_found": result.sharpness,
@@ -120,13 +126,31 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         (&mut all, serde_json::to_value(&done.job.solver))
     {
         all.extend(options);
-        all.insert(CALIBRATION.into(), json!(done.job.estimates.calibration));
+        all.insert(CALIBRATION.into(), calibration_of(&done.job.estimates));
         // A setting that the solver chose.
         if let Some(chosen) = result.sharpness {
             all.insert(chosen.setting.into(), chosen.value.into());
         }
     }
     all
+}
+
+/// Every correction in its order, those of a file first, with what was found; null for a proper capture without a file.
+fn calibration_of(estimates: &Estimates) -> Value {
+    let of = |source| estimates.findings.iter().filter(move |found| found.source == source);
+    let corrections = |source| of(source).flat_map(|found: &Finding| &found.corrections);
+    let (file, given) = (of(Source::File).next(), corrections(Source::File).count());
+    let all: Vec<_> = corrections(Source::File).chain(corrections(Source::Searched)).collect();
+    match (&all[..], file) {
+        ([], None) => Value::Null,
+        _ => json!({
+            "corrections": all,
+            "file": file.and_then(|found| found.file.as_ref()),
+            "given": given,
+            "left_out": file.map_or(&[][..], |found| &found.left_out),
+            "findings": estimates.findings,
+        }),
+    }
 }
 
 /// Counts per bin of every histogram that the solver took off as background; `None` if it takes none off.

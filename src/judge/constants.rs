@@ -6,10 +6,8 @@ pub const LEAST_PAIRS: usize = 16;
 pub const LEAST_FOR_PULSE: usize = 64;
 /// Pairs that a fit takes at least.
 pub const PAIRS: usize = 512;
-/// Lateral pixels of a fit, and of one that refines what is wrong with all points or times: fewer leave more of a sharp capture than
-/// causes differ by.
+/// Lateral pixels of a fit.
 pub const LATERAL: usize = 64;
-pub const FINE: usize = 128;
 /// Rounds of the support of a fit from the start.
 pub const ROUNDS: usize = 3;
 /// Iterations of a round, and of the fit after the rounds or with another impulse response.

@@ -2,22 +2,24 @@
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
 
-use super::constants::{FAR, FINE, LATERAL};
-use super::found::{EstimateSeconds, Estimates, FindPulse, Shown};
+use super::constants::{FAR, LATERAL, LEAST_PAIRS};
+use super::estimates::{AtHand, EstimateSeconds, Estimates, FindPulse};
 use super::job::Job;
 use super::model::FoundModel;
-use super::probe::{Ask, shown_of};
+use super::physics::{Physics, quick};
 use super::pulse::{FoundPulse, Shape};
-use super::search::Search;
 use super::trial::From;
 use crate::capture::Capture;
-use crate::engine::Progress;
+use crate::engine::{Problem, Progress, Watch};
 use crate::gpu::Gpu;
 use crate::methods::SolverOptions;
-use crate::surface::{Begun, Candidate, HeldOut, Starts};
-use crate::{Kind, Result};
+use crate::settings::Settings;
+use crate::surface::{Begun, Candidate, HeldOut, Starts, SurfaceOptions};
+use crate::transport::Grid;
+use crate::{Error, Kind, Result};
 
 /// Estimates what the job leaves open, by short fits of parts of its capture, if that has light.
 ///
@@ -30,29 +32,16 @@ pub fn estimate<'c>(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Job<'c>> {
     if job.has_light() {
-        let Estimates { calibration, device, empty, seconds, .. } = std::mem::take(&mut job.estimates);
-        let ask = if job.calibrates() { Ask::Causes } else { Ask::Nothing };
-        let found = found(&job, ask, gpu, hear)?;
-        job.estimates = Estimates { calibration, device, empty, seconds: seconds + found.seconds, ..found };
+        let Estimates { findings, seconds, .. } = std::mem::take(&mut job.estimates);
+        let found = found(&job, gpu, hear)?;
+        let stages = EstimateSeconds { search: seconds, ..found.stages };
+        job.estimates = Estimates { findings, seconds: seconds + found.seconds, stages, ..found };
     }
     Ok(job)
 }
 
-/// The estimates by fits of more pixels, without what causes they suggest.
-///
-/// # Errors
-/// As [`estimate`].
-pub fn finely(
-    job: &Job<'_>,
-    gpu: &Gpu,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Estimates> {
-    found(job, Ask::Fine, gpu, hear)
-}
-
 fn found(
     job: &Job<'_>,
-    ask: Ask,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Estimates> {
@@ -69,10 +58,10 @@ fn found(
     let usual = job.solver.common().reflectance;
     let mut tried = vec![];
     let (mut high_pass, mut begun, mut candidates, mut expected_iou) = (None, None, vec![], None);
-    let (mut shown, mut finds_none, mut is_union) = (None, false, false);
+    let (mut at_hand, mut finds_none, mut is_union) = (None, false, false);
     let (mut samples, mut is_by_chance) = (None, false);
     let mut stages = EstimateSeconds::default();
-    let searched = Search::new(job, pixels_of(job, ask), gpu, hear).and_then(|mut search| {
+    let searched = Physics::new(job, gpu, hear).and_then(|mut search| {
         stages.start = start.elapsed().as_secs_f64();
         search.tell_start()?;
         expected_iou = search.starts.seen.as_ref().map(|seen| seen.expected_iou());
@@ -87,15 +76,16 @@ fn found(
         tried = std::mem::take(&mut search.tried);
         candidates = std::mem::take(&mut search.candidates);
         (finds_none, is_union) = (search.sharp.is_empty(), search.is_union);
-        if let Some((reflectance, _)) = found.as_ref().ok().filter(|_| search.finds_start)
+        if let Some((reflectance, shape)) = found.as_ref().ok().filter(|_| search.finds_start)
             && let Some(best) =
                 std::mem::take(&mut search.sharp).into_iter().find(|s| s.reflectance == *reflectance)
         {
             candidates[best.candidate].kept = true;
             let is_far = !best.fitted.surface.is_coherent(FAR);
-            // What suggests causes renders sharp paths.
-            let ask = if samples.is_none() { ask } else { Ask::Nothing };
-            shown = Some(shown_of(&mut search, *reflectance, best.fitted.clone(), ask)?);
+            let shape = shape.filter(|_| samples.is_none());
+            let spread = shape.and_then(|shape| search.spread_by(*reflectance, shape));
+            let held = spread.unwrap_or_else(|| best.fitted.held.clone());
+            at_hand = Some(AtHand { held, starts: search.starts.clone() });
             let Candidate { layers, step, .. } = best.fitted.surface;
             let Starts { layers: closed, light, seen, .. } = Starts::clone(&search.starts);
             begun = Some(Begun { layers, closed, is_far: is_far && seen.is_some(), seen, light, step });
@@ -130,22 +120,55 @@ fn found(
         candidates,
         seconds,
         stages,
-        shown,
+        at_hand,
         finds_none,
         is_union,
         begun,
-        calibration: None,
-        device: None,
-        empty: None,
+        findings: vec![],
     })
 }
 
-/// Lateral pixels of a fit.
-fn pixels_of(job: &Job<'_>, ask: Ask) -> usize {
-    if ask == Ask::Fine { FINE } else { job.solver.common().lateral.min(LATERAL) }
+/// The capture in the bins of short fits, their grid, and their options.
+///
+/// # Errors
+/// Too few pairs, or a box that the capture does not allow.
+pub fn for_fits<'c>(
+    job: &Job<'_>,
+    capture: &'c Capture,
+    solver: &SolverOptions,
+) -> Result<(Cow<'c, Capture>, Grid, SurfaceOptions)> {
+    if capture.pair_count() / 2 < LEAST_PAIRS {
+        return Err(Error::input(
+            format!("estimates need {} pairs, the capture has {}", 2 * LEAST_PAIRS, capture.pair_count()),
+            "name the model and the impulse response if known",
+        ));
+    }
+    let options = quick(solver, job.solver.common().lateral.min(LATERAL));
+    let solver: SolverOptions = options.clone().into();
+    let volume = job.settings.volume.map_or_else(|| solver.default_volume(capture), Ok)?;
+    let of_trial = Settings { volume: Some(volume), bins: job.settings.bins, ..Settings::default() };
+    let (whole, _) = of_trial.summed(&solver, Cow::Borrowed(capture))?;
+    let grid = of_trial.grid(&solver, &whole)?;
+    Ok((whole, grid, options))
 }
 
-/// The held-out pairs of a short fit of another version of the job's capture, by the usual model. `None` if it finds no surface.
+/// What fits of the job's capture begin with.
+///
+/// # Errors
+/// As [`for_fits`]; the device fails, or `hear` cancels.
+pub fn starts_of(
+    job: &Job<'_>,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Arc<Starts>> {
+    let (whole, grid, options) = for_fits(job, &job.capture, &job.solver)?;
+    let problem = Problem { memory: job.settings.memory, ..Problem::new(&whole, grid) };
+    let mut watch = Watch { hear, maps_every: None, maps_at: &[] };
+    Ok(Arc::new(Starts::of(gpu, [&job.capture, &whole], &problem, &options, &mut watch)?))
+}
+
+/// The held-out pairs of a short fit of another version of the job's capture, with sharp paths, by the usual model. `None` if it finds no
+/// surface.
 ///
 /// # Errors
 /// The device fails, or the caller cancels.
@@ -155,31 +178,11 @@ pub fn held(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Option<HeldOut>> {
-    let tried = job.with_capture(Cow::Borrowed(capture));
-    Ok(shown(&tried, &Estimates::default(), Ask::Nothing, gpu, hear)?.map(|shown| shown.held))
-}
-
-/// What a short fit of the job's capture shows, with sharp paths, by the model and the high-pass that were `found` for another version
-/// of it. `None` if it finds no surface.
-///
-/// # Errors
-/// The device fails, or `hear` cancels.
-pub fn shown(
-    job: &Job<'_>,
-    found: &Estimates,
-    ask: Ask,
-    gpu: &Gpu,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Option<Shown>> {
-    let (solver, _) = found.settle(&job.solver, &job.models)?;
-    let job = Job { models: vec![], find_pulse: FindPulse::Never, ..job.with_solver(solver) };
-    let searched = Search::new(&job, pixels_of(&job, ask), gpu, hear).and_then(|mut search| {
-        if found.is_union {
-            search.begin_with_union();
-        }
+    let job = job.with_capture(Cow::Borrowed(capture));
+    let job = Job { models: vec![], find_pulse: FindPulse::Never, ..job };
+    let searched = Physics::new(&job, gpu, hear).and_then(|mut search| {
         let model = search.trials[0].reflectance();
-        let fitted = search.fit(model, Shape::SHARP, From::Start)?;
-        fitted.map(|fitted| shown_of(&mut search, model, fitted, ask)).transpose()
+        Ok(search.fit(model, Shape::SHARP, From::Start)?.map(|fitted| fitted.held))
     });
     match searched {
         Err(e) if matches!(e.kind, Kind::Device | Kind::Cancelled) => Err(e),

@@ -4,10 +4,9 @@ use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
-use super::calibration::Undone;
 use super::conclude::conclude_iterate;
 use super::constants::LEAST_FOR_PULSE;
-use super::found::{Estimates, FindPulse};
+use super::estimates::{Estimates, FindPulse};
 use super::model::possible_models;
 use crate::capture::Capture;
 use crate::closed_form::LctOptions;
@@ -133,17 +132,10 @@ impl<'c> Job<'c> {
 
     /// The job of a corrected capture, which knows what was found in the other one.
     pub fn again(self, capture: Cow<'c, Capture>) -> Job<'c> {
-        let Estimates { calibration, device, empty, seconds, .. } = self.estimates;
-        let estimates = Estimates { calibration, device, empty, seconds, ..Estimates::default() };
+        let Estimates { findings, seconds, .. } = self.estimates;
+        let estimates = Estimates { findings, seconds, ..Estimates::default() };
         let Job { warnings, faults, .. } = self;
         Job { estimates, warnings, faults, ..Job::of(&self.settings, capture) }
-    }
-
-    /// The job of the capture without a cause.
-    pub fn without(self, undone: Undone) -> Job<'c> {
-        let mut job = self.again(Cow::Owned(undone.capture));
-        job.estimates.calibration.get_or_insert_default().corrections.push(undone.correction);
-        job
     }
 
     /// The job with the estimated model, high-pass and impulse response.

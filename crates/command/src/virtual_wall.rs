@@ -7,7 +7,7 @@ use serde_json::Value;
 use thirdbounce::capture::{Capture, Pulse, Reflectance};
 use thirdbounce::engine::{background, room_light, variances, without_room};
 use thirdbounce::export::report::{self, Report};
-use thirdbounce::judge::{FoundEmpty, FoundPulse};
+use thirdbounce::judge::FoundPulse;
 use thirdbounce::maps::Maps;
 use thirdbounce::simulate::{Mesh, Object, Pairs, RenderOptions, Scene, render_pairs};
 use thirdbounce::{Error, Kind, Result, Settings, export, job};
@@ -158,7 +158,7 @@ fn measured(report: &Report, folder: &Path) -> Result<(PathBuf, Capture)> {
         ));
     }
     let found = report.settings.get("empty_found").cloned().unwrap_or_default();
-    let is_emptied = serde_json::from_value::<FoundEmpty>(found).is_ok_and(|found| found.is_used);
+    let is_emptied = found["is_used"] == true;
     if is_emptied {
         let left = room_light(&capture).and_then(|light| without_room(&capture, &light));
         capture = left.map_or(capture, |(_, left)| left);

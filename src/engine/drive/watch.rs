@@ -27,6 +27,8 @@ pub enum Doing {
     Preview,
     /// A quick solve before the one that was asked for.
     Trial,
+    /// A search for faults of the instrument: iterations are fits.
+    Search,
     /// The solve itself.
     Solve,
 }

@@ -25,8 +25,7 @@ pub struct DemoArgs {
 
 pub fn run(args: &DemoArgs) -> Result<()> {
     interrupt::stop_in_order();
-    let cache = thirdbounce::job::usual_pipeline_cache();
-    let mut meter = Meter::new(args.quiet).with_kernels(cache.as_deref());
+    let mut meter = Meter::new(args.quiet);
     let mut tell = |line: &str| {
         if !args.quiet {
             say(line);

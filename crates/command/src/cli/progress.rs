@@ -59,6 +59,9 @@ impl Phase {
         match progress.doing {
             Doing::Preview => format!("preview: {PREVIEW} shows a first picture after {:.1} s", p.seconds),
             Doing::Trial => format!("estimates: {:.0} %{left}", (100.0 * self.share).floor()),
+            Doing::Search => {
+                format!("faults of the instrument: fit {} (--calibrate none leaves this search out)", p.iteration)
+            }
             Doing::Solve if is_closed_form(progress) => "closed form".into(),
             Doing::Solve if p.iteration == 0 => {
                 format!("solve: first iteration of {}, {:.1} s", progress.iterations, p.seconds)
@@ -100,9 +103,9 @@ impl Meter {
         Meter { bar, quiet, said: None, shown: Phase::default(), phase: None }
     }
 
-    /// The meter of a run whose kernels are kept in this folder.
-    pub fn with_kernels(self, cache: Option<&Path>) -> Meter {
-        let compiles = cache.is_some_and(|folder| !kernels_are_kept(folder));
+    /// The meter of a run whose kernels are kept in this folder; the host compiles none.
+    pub fn with_kernels(self, cache: Option<&Path>, is_host: bool) -> Meter {
+        let compiles = !is_host && cache.is_some_and(|folder| !kernels_are_kept(folder));
         Meter { shown: Phase { compiles, ..self.shown }, ..self }
     }
 
@@ -148,6 +151,7 @@ impl Meter {
         match doing {
             Doing::Preview => {}
             Doing::Trial => self.note(&format!("estimates done in {took}")),
+            Doing::Search => self.note(&format!("faults of the instrument: searched for {took}")),
             Doing::Solve if of <= 1 => self.note(&format!("closed form done in {took}")),
             Doing::Solve if done < of => self.note(&format!(
                 "solve done in {took}: converged at {done} of {of} iterations (the support is stable, or pairs held out improve no more)"

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use thirdbounce::gpu::DeviceKind;
 use thirdbounce::job::{Loaded, Request};
 use thirdbounce::learned::LEAST_PAIRS;
 use thirdbounce::{Error, Result, job};
@@ -102,13 +103,14 @@ pub fn run(args: &ReconstructArgs) -> Result<()> {
         (args.load(&args.capture.capture), gpu.join())
     });
     let (loaded, request) = loaded?;
-    let open = || gpu.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     if !args.quiet {
         loaded.notes.iter().for_each(|note| say(&format!("note: {note}")));
     }
     request.volume_file.iter().try_for_each(|file| job::check_not_input(file, inputs()))?;
     interrupt::stop_in_order();
-    let mut meter = Meter::new(args.quiet).with_kernels(request.pipeline_cache.as_deref());
+    let is_host = matches!(&gpu, Ok(Ok(gpu)) if gpu.info.kind == DeviceKind::Host);
+    let mut meter = Meter::new(args.quiet).with_kernels(request.pipeline_cache.as_deref(), is_host);
+    let open = || gpu.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
     let outcome = job::run_on(&request, &loaded, open, &mut |progress| meter.hear(progress));
     meter.end(outcome.is_ok());
     let outcome = outcome?;

@@ -1,20 +1,18 @@
 //! What short fits found: estimates, with their evidence.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
-use super::calibration::FoundCalibration;
-use super::device::FoundDevice;
+use super::finding::{Finding, Source};
 use super::high_pass::FoundHighPass;
 use super::model::FoundModel;
 use super::pulse::FoundPulse;
-use super::room::FoundEmpty;
-use super::sense::Sense;
-use super::suspects::Suspects;
 use super::trial::Fitted;
 use crate::Result;
 use crate::capture::Pulse;
 use crate::methods::SolverOptions;
-use crate::surface::{Begun, HeldOut};
+use crate::surface::{Begun, HeldOut, Left, Starts};
 use crate::transport::Reflectance;
 
 /// Whether the instrument's impulse response is estimated.
@@ -31,15 +29,9 @@ pub enum FindPulse {
 /// The estimates of a run.
 #[derive(Debug, Clone, Default, Serialize, Deserialize)]
 pub struct Estimates {
-    /// What was undone of the instrument, and a calibration that was given.
+    /// What was found wrong with the capture, in its order.
     #[serde(default)]
-    pub calibration: Option<FoundCalibration>,
-    /// The gain law of devices near the wall, if their positions are known.
-    #[serde(default)]
-    pub device: Option<FoundDevice>,
-    /// The subtraction of the empty room, if there is a capture of it.
-    #[serde(default)]
-    pub empty: Option<FoundEmpty>,
+    pub findings: Vec<Finding>,
     /// How surfaces reflect, if it was estimated.
     #[serde(default)]
     pub model: Option<FoundModel>,
@@ -61,9 +53,9 @@ pub struct Estimates {
     /// The same by what was estimated.
     #[serde(skip)]
     pub stages: EstimateSeconds,
-    /// What the surface of the chosen model shows of the pairs.
+    /// The surface by the chosen model and impulse response.
     #[serde(skip)]
-    pub shown: Option<Shown>,
+    pub(crate) at_hand: Option<AtHand>,
     /// Whether fits were tried and none found a surface.
     #[serde(skip)]
     pub finds_none: bool,
@@ -78,6 +70,8 @@ pub struct Estimates {
 /// Seconds of estimates.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub struct EstimateSeconds {
+    /// What was tried of the instrument, with the estimates before the last ones.
+    pub search: f64,
     /// The network or the closed form that fits begin with.
     pub start: f64,
     /// The high-pass.
@@ -99,17 +93,34 @@ impl Estimates {
             )
         });
         let high_pass = self.high_pass.iter().map(FoundHighPass::note);
-        let device = self.device.iter().map(FoundDevice::note);
-        let empty = self.empty.iter().map(FoundEmpty::note);
-        let calibration = self.calibration.iter().filter_map(FoundCalibration::note);
-        empty
-            .chain(calibration)
-            .chain(device)
+        let given = self.findings.iter().filter_map(Finding::note);
+        given
             .chain(start)
             .chain(high_pass)
             .chain(self.model.iter().map(FoundModel::note))
             .chain(self.pulse.iter().map(FoundPulse::note))
             .collect()
+    }
+
+    /// The finding of this source, the first one.
+    pub fn finding(&self, source: Source) -> Option<&Finding> {
+        self.findings.iter().find(|finding| finding.source == source)
+    }
+
+    /// Adds seconds of a search.
+    pub(super) fn add_search(&mut self, seconds: f64) {
+        self.seconds += seconds;
+        self.stages.search += seconds;
+    }
+
+    /// Whether the impulse response is estimated by samples.
+    pub fn has_samples(&self) -> bool {
+        self.pulse.as_ref().is_some_and(|pulse| pulse.samples.is_some())
+    }
+
+    /// What the surface by the chosen physics leaves of held-out pairs.
+    pub fn left(&self) -> Option<Left> {
+        self.at_hand.as_ref().map(|at_hand| at_hand.held.left())
     }
 
     /// The solver with its options for the estimated model and high-pass, and the estimated impulse response, if there is one.
@@ -131,17 +142,13 @@ impl Estimates {
     }
 }
 
-/// What a short fit of a capture shows of its pairs.
+/// A surface of the estimates, by the model and the impulse response that they chose.
 #[derive(Debug, Clone)]
-pub struct Shown {
+pub(crate) struct AtHand {
     /// The pairs that it does not take.
     pub held: HeldOut,
-    /// All pairs, if much of those that are held out is left.
-    pub all: Option<HeldOut>,
-    /// What it shows of gains.
-    pub(crate) sense: Option<Sense>,
-    /// The causes that it suggests.
-    pub(crate) suspects: Suspects,
+    /// What fits begin with.
+    pub starts: Arc<Starts>,
 }
 
 /// A surface that short fits found, judged on the pairs that are held out.

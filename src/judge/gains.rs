@@ -1,12 +1,24 @@
-//! What a surface shows of the gains of held-out pairs: sums of products of its rendering, of those of smooth changes of the surface, and
-//! of what is measured. They tell what gains by any law leave, with the surface that suits them, without further renderings.
+//! Gains of held-out pairs by one surface: sums of products of its rendering, of those of smooth changes of the surface, and of what is
+//! measured. They give what gains by any law leave, with the surface that suits them, without further renderings.
 
 use thirdbounce_base::equations::solve_symmetric;
 
+use super::correction::{LAWS, Law, LawScan, Proposed};
+use super::propose::Proposal;
+use super::search::{Tried, minimised};
 use crate::Result;
-use crate::judge::trial::Trial;
+use crate::judge::trial::{Fitted, Trial};
 use crate::maps::Maps;
-use crate::surface::HeldOut;
+use crate::surface::{HeldOut, mean_and_error};
+
+/// Gains are proposed if they are predicted to explain this share of what is left beyond noise, by these standard errors. Evidence:
+/// benches/NOTES.md, "Causes".
+const WORTH: [f64; 2] = [0.15, 3.0];
+/// Evaluations of sums for the numbers of a law, and the difference at which they end.
+const EVALUATIONS: usize = 160;
+const ALIKE: f64 = 1e-7;
+/// Factor of further steps: the surface hides a part of the gains.
+const LONGER: f64 = 1.4;
 
 /// Smooth changes of a surface, which hide gains: albedos, and depths, by polynomials of the place.
 const OF_ALBEDOS: usize = 6;
@@ -26,9 +38,9 @@ type Products = [[f64; COLUMNS]; COLUMNS];
 
 /// Sums of products of rows of the held-out pairs, as the objective weighs them.
 #[derive(Debug, Clone)]
-pub struct Sense {
+struct Sense {
     /// The pair of the capture for each row.
-    pub pairs: Vec<usize>,
+    pairs: Vec<usize>,
     products: Vec<Products>,
     /// Photon noise in the squares of all pairs.
     noise: f64,
@@ -39,7 +51,7 @@ impl Sense {
     ///
     /// # Errors
     /// The device fails.
-    pub fn of(trial: &Trial<'_>, layers: &[Maps]) -> Result<Option<Sense>> {
+    fn of(trial: &Trial<'_>, layers: &[Maps]) -> Result<Option<Sense>> {
         let as_is = std::iter::once(layers.to_vec());
         let versions: Vec<Vec<Maps>> =
             as_is.chain((0..MODES).map(|mode| changed(layers, mode, trial.capture().bin_width))).collect();
@@ -68,7 +80,7 @@ impl Sense {
     }
 
     /// Squares of each pair that are left with gains of these logarithms (none: empty), with the surface that suits them.
-    pub fn left(&self, logs: &[f64]) -> Vec<f64> {
+    fn left(&self, logs: &[f64]) -> Vec<f64> {
         let gain = |pair: usize| logs.get(pair).map_or(1.0, |log| log.exp());
         let mut sums = [[0.0; OF_SURFACE]; OF_SURFACE];
         let mut sides = [0.0; OF_SURFACE];
@@ -92,7 +104,7 @@ impl Sense {
     }
 
     /// Of these squares, those beyond photon noise.
-    pub fn beyond_noise(&self, squares: f64) -> f64 {
+    fn beyond_noise(&self, squares: f64) -> f64 {
         let measured: f64 = self.products.iter().map(|products| products[MEASURED][MEASURED]).sum();
         (squares - self.noise).max(1e-3 * (measured - self.noise))
     }
@@ -123,4 +135,64 @@ fn changed(layers: &[Maps], mode: usize, bin_width: f64) -> Vec<Maps> {
         }
     }
     changed
+}
+
+/// Numbers of a law of gains.
+struct Suited {
+    law: &'static Law,
+    numbers: Vec<f64>,
+    /// Share of what is left that they are predicted to explain, and by how many standard errors.
+    explains: [f64; 2],
+}
+
+/// Of a law of gains, the numbers that suit what a surface shows best, beyond `base`, which is undone in it.
+fn suited(sense: &Sense, scan: &LawScan, law: &'static Law, base: Option<&[f64]>) -> Result<Option<Suited>> {
+    let logs = |numbers: &[f64]| law.effect(scan, numbers, &sense.pairs).logs;
+    let undone = base.map_or_else(|| vec![0.0; sense.pairs.len()], logs);
+    let beyond = |numbers: &[f64]| -> Vec<f64> {
+        logs(numbers).iter().zip(&undone).map(|(log, undone)| log - undone).collect()
+    };
+    let mut cost = |numbers: &[f64]| Ok(sense.left(&beyond(numbers)).iter().sum::<f64>());
+    let mut starts = (law.starts)(scan);
+    if let Some(base) = base {
+        // A number without a step stays what it is at a start.
+        starts.iter_mut().for_each(|start| {
+            let stepped = start.iter_mut().zip(law.steps).zip(base).filter(|((_, step), _)| step[0] > 0.0);
+            stepped.for_each(|((n, _), base)| *n = *base);
+        });
+        starts.push(base.to_vec());
+    }
+    let begun = starts.into_iter().map(|start| Ok((cost(&start)?, start))).collect::<Result<Vec<_>>>()?;
+    let Some(begin) = begun.into_iter().min_by(|a, b| a.0.total_cmp(&b.0)) else { return Ok(None) };
+    let (least, numbers) = minimised(&mut cost, begin, law.steps, EVALUATIONS, ALIKE)?;
+    let (none, after) = (sense.left(&[]), sense.left(&beyond(&numbers)));
+    let squares: f64 = none.iter().sum();
+    let [mean, error] = mean_and_error(none.iter().zip(&after).map(|(before, after)| before - after));
+    let errors = mean / error.max(f64::MIN_POSITIVE);
+    Ok(Some(Suited { law, numbers, explains: [(squares - least) / sense.beyond_noise(squares), errors] }))
+}
+
+/// The law of gains that suits a surface best, if that is worth a fit.
+///
+/// # Errors
+/// The device fails.
+pub fn proposed(trial: &Trial<'_>, base: &Fitted, scan: &LawScan) -> Result<Option<Proposal>> {
+    let Some(sense) = Sense::of(trial, &base.surface.layers)? else { return Ok(None) };
+    let laws = LAWS.iter().filter(|law| law.proposed == Proposed::ByProducts && (law.applies)(scan));
+    let each = laws.map(|law| suited(&sense, scan, law, None)).collect::<Result<Vec<_>>>()?;
+    let worth = each.into_iter().flatten().filter(|of| of.explains[0] > WORTH[0] && of.explains[1] > WORTH[1]);
+    let best = worth.max_by(|a, b| a.explains[0].total_cmp(&b.explains[0]));
+    Ok(best.map(|Suited { law, numbers, .. }| Proposal { law, starts: vec![numbers] }))
+}
+
+/// Numbers beyond those of a trial, by what its surface shows of `undone`, the capture without them; `None` without light.
+///
+/// # Errors
+/// The device fails.
+pub fn next(undone: &Trial<'_>, tried: &Tried, scan: &LawScan) -> Result<Option<Vec<f64>>> {
+    let Tried { law, numbers, fitted, .. } = tried;
+    let Some(sense) = Sense::of(undone, &fitted.surface.layers)? else { return Ok(None) };
+    let Some(next) = suited(&sense, scan, law, Some(numbers))? else { return Ok(None) };
+    let steps = numbers.iter().zip(&next.numbers).map(|(from, to)| from + LONGER * (to - from));
+    Ok(Some(steps.zip(law.steps).map(|(n, [_, far])| n.clamp(-far, *far)).collect()))
 }

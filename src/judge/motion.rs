@@ -5,11 +5,10 @@
 use glam::DVec3;
 
 use super::constants::OF_CHANGE;
-use super::laws::{LawScan, named};
-use super::lines::Lines;
-use super::search::Search;
-use super::suspects::Suggested;
-use super::trial::{Fitted, From, Trial};
+use super::correction::named;
+use super::propose::Proposal;
+use super::search::Trials;
+use super::trial::From;
 use crate::Result;
 use crate::maps::Maps;
 
@@ -32,18 +31,15 @@ const FARTHER: f64 = 1.4;
 ///
 /// # Errors
 /// The device fails, or the caller cancels.
-pub fn suggested(search: &mut Search<'_>, trial: &Trial<'_>, fitted: &Fitted) -> Result<Option<Suggested>> {
-    let scan = LawScan::of(trial.capture());
-    if !ALONG.into_iter().all(|name| (named(name).applies)(&scan)) {
+pub fn proposed(trials: &mut Trials<'_>) -> Result<Option<Proposal>> {
+    if !ALONG.into_iter().all(|name| (named(name).applies)(&trials.scan)) {
         return Ok(None);
     }
-    let layers = &fitted.surface.layers;
+    let layers = trials.base.surface.layers.clone();
     // Short fits rule most captures out.
     let mut last = None;
-    for (from, most) in [From::Fit(layers, OF_CHANGE), From::Start].into_iter().zip(LESS) {
-        let columns = ends(search, trial, fitted, Lines::Columns, from)?;
-        let rows = ends(search, trial, fitted, Lines::Rows, from)?;
-        let Some((columns, rows)) = columns.zip(rows) else { return Ok(None) };
+    for (from, most) in [From::Fit(&layers, OF_CHANGE), From::Start].into_iter().zip(LESS) {
+        let [Some(columns), Some(rows)] = [ends(trials, 0, from)?, ends(trials, 1, from)?] else { return Ok(None) };
         let each = [columns, rows];
         let along = usize::from(rows.share < columns.share);
         if each[along].share > most * each[1 - along].share {
@@ -52,13 +48,13 @@ pub fn suggested(search: &mut Search<'_>, trial: &Trial<'_>, fitted: &Fitted) ->
         last = Some((along, each[along]));
     }
     let Some((along, moved)) = last.filter(|(_, moved)| moved.errors >= BEYOND) else { return Ok(None) };
-    let apart = FARTHER * moved.apart / scan.frame.half;
+    let apart = FARTHER * moved.apart / trials.scan.frame.half;
     let starts = PARTS_ALONG.map(|part| {
         let mut start = apart.to_array();
         start[along] *= part;
         vec![start[0], start[1], start[2], 0.0]
     });
-    Ok(Some(Suggested { law: named(ALONG[along]), starts: starts.to_vec() }))
+    Ok(Some(Proposal { law: named(ALONG[along]), starts: starts.to_vec() }))
 }
 
 /// Fits of the first and the last lines of a scan.
@@ -72,34 +68,27 @@ struct EndFits {
     apart: DVec3,
 }
 
-/// `None` where one of them finds nothing, or there are too few lines.
-fn ends(
-    search: &mut Search<'_>,
-    trial: &Trial<'_>,
-    fitted: &Fitted,
-    lines: Lines,
-    from: From<'_>,
-) -> Result<Option<EndFits>> {
+/// `None` where one of them finds nothing, or there are too few lines along this axis.
+fn ends(trials: &mut Trials<'_>, axis: usize, from: From<'_>) -> Result<Option<EndFits>> {
+    let trial = trials.trial.clone();
     let capture = trial.capture();
-    let count = lines.count(capture.scan);
+    let count = capture.scan[axis];
     if count < LEAST * PARTS || capture.pair_count() < LEAST * PARTS * count {
         return Ok(None);
     }
     let ends = [0, PARTS - 1].map(|part| {
-        let is_kept = |pair: &usize| lines.of(*pair, capture.scan) * PARTS / count == part;
+        let line = |pair: usize| if axis == 0 { pair / capture.scan[1] } else { pair % capture.scan[1] };
+        let is_kept = |pair: &usize| line(*pair) * PARTS / count == part;
         let kept: Vec<usize> = (0..capture.pair_count()).filter(is_kept).collect();
-        let across = kept.len() / (capture.pair_count() / count);
-        let scan = match lines {
-            Lines::Columns => [across, capture.scan[1]],
-            Lines::Rows => [capture.scan[0], across],
-        };
+        let mut scan = capture.scan;
+        scan[axis] = kept.len() / (capture.pair_count() / count);
         trial.with_capture(capture.keep(&kept, scan))
     });
-    let layers = &fitted.surface.layers;
     let (mut sums, mut errors, mut centres) = ([0.0; 2], f64::NEG_INFINITY, vec![]);
-    let fits = search.fit_variants(&ends, from, fitted.surface.step)?;
+    let (layers, step) = (trials.base.surface.layers.clone(), trials.base.surface.step);
+    let fits = trials.fits(&ends, from, step)?;
     for (end, own) in ends.iter().zip(fits) {
-        let Some((own, all)) = own.zip(end.ideal(layers)?) else { return Ok(None) };
+        let Some((own, all)) = own.zip(end.ideal(&layers)?) else { return Ok(None) };
         let [left, before] = [own.held.left(), all.left()];
         sums = [sums[0] + left.excess(), sums[1] + before.excess()];
         errors = errors.max(left.errors_below(&before));

@@ -1,14 +1,15 @@
-//! What an instrument may do to all pairs at once, as laws of few numbers. A row of [`LAWS`] is all that there is of a law.
+//! What an instrument may do to all pairs at once, as laws with numbers. A row of [`LAWS`] is all that there is of a law: how it is
+//! proposed, its steps, its words, its effect. A [`Correction`] is a law with its numbers on a wall.
 //!
-//! What no capture can tell: a common gain (the albedo), a turn of the points in the wall's plane, and one scale of points, paths and
-//! scene together, so that a wall of another size and bins of another width are one law.
+//! Not observable: a common gain (the albedo), a turn of the points in the wall's plane, and one scale of points, paths and scene
+//! together, so that a wall of another size and bins of another width are one law.
 
 use std::sync::Arc;
 
 use glam::{DVec2, DVec3};
 
 use crate::capture::{Capture, METRES_PER_PICOSECOND, gain};
-use crate::settings::Correction;
+use crate::settings;
 
 /// What a law does to the held-out pairs.
 #[derive(Debug, Clone, PartialEq)]
@@ -27,7 +28,7 @@ pub struct WallFrame {
 }
 
 impl WallFrame {
-    fn of(points: &[DVec3]) -> WallFrame {
+    pub fn of(points: &[DVec3]) -> WallFrame {
         let infinity = DVec3::splat(f64::INFINITY);
         let (low, high) = points.iter().fold((infinity, -infinity), |(l, h), p| (l.min(*p), h.max(*p)));
         let [middle, side] = [0.5 * (low + high), high - low];
@@ -87,16 +88,21 @@ impl std::fmt::Debug for Law {
     }
 }
 
-/// What a law changes.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Changes {
-    Gain,
-    Delay,
-    Place,
-    /// Which points belong together: its numbers are no change of something.
-    Layout,
-    /// The scene, while it is scanned.
-    Scene,
+/// How numbers of a law are proposed from a surface.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Proposed {
+    /// By products of rendered and measured light of each pair: gains.
+    ByProducts,
+    /// By correlation of rendered and measured light of each line.
+    ByLines,
+    /// By fits that continue the surface with a step each way; steps of one have this many times the effect of a step of the scale.
+    BySteps(i32),
+    /// By fits from its starts, where a step of the scale leaves less: nearly every wrong delay or place changes the scale, too.
+    AsScale,
+    /// By the sharpness of light-cone transforms.
+    BySharpness,
+    /// By fits of the first and the last lines.
+    ByEnds,
 }
 
 /// Points of the wall.
@@ -118,21 +124,26 @@ pub struct Law {
     pub name: &'static str,
     /// What is wrong, with its numbers in words.
     pub what: fn(&LawScan, &[f64]) -> String,
-    /// The option or edit that mends it.
+    /// The option or edit that corrects it.
     pub hint: &'static str,
+    pub proposed: Proposed,
     /// Numbers to begin with.
     pub starts: fn(&LawScan) -> Vec<Vec<f64>>,
-    /// First steps of the numbers, and how far each may be from 0.
+    /// First steps of the numbers, and how far each may be from 0. Empty: a number for each line.
     pub steps: &'static [[f64; 2]],
-    /// What it changes.
-    pub kind: Changes,
+    /// Least size of a number that fits tell from 0, where points are moved.
+    pub least: f64,
     /// The effect on a pair: gain, and delay in metres.
     pub of_pair: Option<OfPair>,
     /// Where points are.
     pub of_point: Option<OfPoint>,
+    /// Whether these numbers are those of another law.
+    pub is_other: fn(&[f64]) -> bool,
+    /// Whether other laws resemble it with these numbers, which are then tried, too.
+    pub has_rivals: fn(&[f64]) -> bool,
     /// Whether numbers of the other sign are the opposite change.
     pub has_opposite: bool,
-    /// Whether it is the rig's, and so the next capture's, too.
+    /// Whether it is a property of the rig, and so of the next capture, too.
     pub is_of_rig: bool,
     /// Whether the capture can show it.
     pub applies: fn(&LawScan) -> bool,
@@ -143,35 +154,45 @@ const OF_DELAYS: Law = Law {
     name: "",
     what: |_, _| String::new(),
     hint: "",
+    proposed: Proposed::AsScale,
     starts: |_| vec![],
     steps: &[],
-    kind: Changes::Delay,
+    least: 0.0,
     of_pair: None,
     of_point: None,
+    is_other: |_| false,
+    has_rivals: |_| false,
     has_opposite: true,
     is_of_rig: true,
     applies: |_| true,
 };
-const OF_PLACES: Law =
-    Law { kind: Changes::Place, hint: "give the points as measured on the wall", ..OF_DELAYS };
+const OF_PLACES: Law = Law { least: 0.02, hint: "give the points as measured on the wall", ..OF_DELAYS };
 /// Where the scene lies once it has moved, and where on the wall it has, in halves of the wall. Maps show it where it was before.
 const OF_MOTIONS: Law = Law {
     hint: "keep the scene still, or reconstruct a part of the lines",
     steps: &[[0.05, 2.0], [0.05, 2.0], [0.05, 2.0], [0.15, 0.9]],
-    kind: Changes::Scene,
+    proposed: Proposed::ByEnds,
     is_of_rig: false,
     // Elsewhere pairs that see the scene before and behind it share points.
     applies: |s| s.is_confocal,
     ..OF_DELAYS
 };
-const OF_GAINS: Law = Law { kind: Changes::Gain, has_opposite: false, ..OF_DELAYS };
+const OF_GAINS: Law = Law { proposed: Proposed::ByProducts, has_opposite: false, ..OF_DELAYS };
 const OF_DEVICES: Law = Law {
     hint: "give device_at if it is known",
     starts: positions,
     steps: &[[0.3, 8.0], [0.3, 8.0], [0.3, 2.5]],
     ..OF_GAINS
 };
-const OF_LINES: Law = Law { steps: &[[0.0, 1.0], [0.2, 2.0]], is_of_rig: false, ..OF_GAINS };
+/// The line from which on counts are higher, as a share of the lines, and the logarithm of the step.
+const OF_POWERS: Law = Law { steps: &[[0.0, 1.0], [0.2, 2.0]], is_of_rig: false, ..OF_GAINS };
+/// Delays of every line.
+const OF_LINES: Law = Law {
+    proposed: Proposed::ByLines,
+    hint: "measure the delay of each line, or correct the times before they are binned",
+    has_opposite: false,
+    ..OF_DELAYS
+};
 
 /// All laws.
 pub const LAWS: &[Law] = &[
@@ -195,6 +216,7 @@ pub const LAWS: &[Law] = &[
         hint: "give the path of the first bin, and roll the bins back",
         steps: &[[0.06, 8.0]],
         of_pair: Some(|_, n, _| [1.0, n[0]]),
+        proposed: Proposed::BySharpness,
         ..OF_DELAYS
     },
     Law {
@@ -263,8 +285,10 @@ pub const LAWS: &[Law] = &[
             )
         },
         hint: "give the wall's size, or the bin width",
-        starts: |_| vec![],
-        steps: &[[0.02, 0.5]],
+        proposed: Proposed::BySteps(1),
+        // Nothing else changes a capture by as much as feet or half a wall do.
+        has_rivals: |n| n[0].abs() < 0.4,
+        steps: &[[0.02, 1.2]],
         of_point: Some(|n, p, _| (1.0 + n[0]) * p),
         ..OF_PLACES
     },
@@ -277,7 +301,9 @@ pub const LAWS: &[Law] = &[
                 1.0 + n[1]
             )
         },
-        starts: |_| [-0.1, 0.1].into_iter().flat_map(|n| [vec![n, 0.0], vec![0.0, n]]).collect(),
+        // Both sides by one factor are the scale.
+        is_other: |n| (n[0] - n[1]).abs() < 0.05,
+        proposed: Proposed::BySteps(1),
         steps: &[[0.04, 0.5]; 2],
         of_point: Some(|n, p, _| p * DVec2::new(1.0 + n[0], 1.0 + n[1])),
         ..OF_PLACES
@@ -290,7 +316,7 @@ pub const LAWS: &[Law] = &[
                 n[0]
             )
         },
-        starts: |_| vec![vec![-0.15], vec![0.15]],
+        proposed: Proposed::BySteps(1),
         steps: &[[0.05, 0.6]],
         of_point: Some(|n, p, _| p + DVec2::new(n[0] * p.y, 0.0)),
         ..OF_PLACES
@@ -303,7 +329,7 @@ pub const LAWS: &[Law] = &[
                 1.0 + n[0]
             )
         },
-        starts: |_| vec![vec![-0.12], vec![0.12]],
+        proposed: Proposed::BySteps(2),
         steps: &[[0.04, 0.4]],
         of_point: Some(|n, p, _| (1.0 + n[0] * p.length_squared()) * p),
         ..OF_PLACES
@@ -320,7 +346,7 @@ pub const LAWS: &[Law] = &[
                 1.0 + n[1]
             )
         },
-        starts: |_| [-0.12, 0.12].into_iter().flat_map(|n| [vec![n, 0.0], vec![0.0, n]]).collect(),
+        proposed: Proposed::BySteps(1),
         steps: &[[0.05, 0.5]; 2],
         of_point: Some(|n, p, _| p + p.x * p.y * DVec2::new(n[0], n[1])),
         ..OF_PLACES
@@ -352,8 +378,8 @@ pub const LAWS: &[Law] = &[
             [[0.0; 2], [0.5, 0.5], [-0.5, 0.5], [0.5, -0.5], [-0.5, -0.5]].map(|at| at.to_vec()).to_vec()
         },
         steps: &[[0.2, 2.0], [0.2, 2.0]],
-        kind: Changes::Layout,
         has_opposite: false,
+        least: 0.0,
         of_point: Some(|n, p, of| if of == Of::Laser { DVec2::new(n[0], n[1]) } else { p }),
         applies: |s| s.is_confocal,
         ..OF_PLACES
@@ -393,7 +419,7 @@ pub const LAWS: &[Law] = &[
         starts: |s| steps_of(s.scan[1]),
         of_pair: Some(|s, n, pair| [step(s.scan[1], pair % s.scan[1], n), 0.0]),
         applies: |s| s.scan[1] >= 8 && s.scan[0] >= 4,
-        ..OF_LINES
+        ..OF_POWERS
     },
     Law {
         name: "columns",
@@ -402,6 +428,20 @@ pub const LAWS: &[Law] = &[
         starts: |s| steps_of(s.scan[0]),
         of_pair: Some(|s, n, pair| [step(s.scan[0], pair / s.scan[1], n), 0.0]),
         applies: |s| s.scan[0] >= 8 && s.scan[1] >= 4,
+        ..OF_POWERS
+    },
+    Law {
+        name: "delays of columns",
+        what: |_, n| pattern("columns", "x", n),
+        of_pair: Some(|s, n, pair| [1.0, n[pair / s.scan[1]]]),
+        applies: |s| s.scan[0] >= 4 && s.scan[1] > 1,
+        ..OF_LINES
+    },
+    Law {
+        name: "delays of rows",
+        what: |_, n| pattern("rows", "y", n),
+        of_pair: Some(|s, n, pair| [1.0, n[pair % s.scan[1]]]),
+        applies: |s| s.scan[1] >= 4 && s.scan[0] > 1,
         ..OF_LINES
     },
 ];
@@ -478,16 +518,77 @@ fn place(p: DVec3) -> String {
     format!("({:.2}, {:.2}, {:.2}) m", p.x, p.y, p.z)
 }
 
-impl Law {
-    /// The law with these numbers, about this wall.
-    pub fn correction(&self, numbers: &[f64], frame: WallFrame) -> Correction {
-        let WallFrame { middle, half } = frame;
-        Correction { law: self.name.into(), numbers: numbers.to_vec(), middle: middle.to_array(), half }
+/// Delays of lines as a sentence.
+fn pattern(lines: &str, axis: &str, delays: &[f64]) -> String {
+        let picoseconds = |metres: f64| metres / METRES_PER_PICOSECOND;
+        let count = delays.len();
+    let mean_of = |of: &dyn Fn(usize) -> bool| {
+        let chosen = || delays.iter().enumerate().filter(|(line, _)| of(*line));
+        chosen().map(|(_, delay)| delay).sum::<f64>() / chosen().count().max(1) as f64
+    };
+    let mean = mean_of(&|_| true);
+        let left = |model: &dyn Fn(usize) -> f64| -> f64 {
+            delays.iter().enumerate().map(|(line, d)| (d - model(line)).powi(2)).sum()
+        };
+        let all = left(&|_| mean);
+        let [even, odd] = [0, 1].map(|parity| mean_of(&|line| line % 2 == parity));
+        let alternating = left(&|line| if line % 2 == 0 { even } else { odd });
+        let step = (2..count - 1)
+            .map(|at| (at, [mean_of(&|line| line < at), mean_of(&|line| line >= at)]))
+            .map(|(at, sides)| (at, sides[1] - sides[0], left(&|line| sides[usize::from(line >= at)])))
+            .min_by(|a, b| a.2.total_cmp(&b.2));
+        let middle = 0.5 * (count as f64 - 1.0);
+        let centred = |line: usize| line as f64 - middle;
+        let squares: f64 = (0..count).map(|line| centred(line).powi(2)).sum();
+        let slope = delays.iter().enumerate().map(|(line, d)| centred(line) * d).sum::<f64>() / squares;
+        let trend = left(&|line| mean + slope * centred(line));
+        /// A pattern that leaves more than this share of the squares is another one.
+        const MOST: f64 = 0.3;
+        if alternating < MOST * all {
+            return format!(
+                "every second one of the {lines} is late by {:.0} ps, as of a scanner that lags behind on its way back",
+                picoseconds(odd - even).abs()
+            );
+        }
+        match step {
+            Some((at, height, rest)) if rest < MOST * all && rest < trend => format!(
+                "from line {at} of the {lines} on, counts are {:.0} ps {} than before, as of a time zero that jumped",
+                picoseconds(height).abs(),
+                if height > 0.0 { "later" } else { "earlier" }
+            ),
+            _ if trend < MOST * all => format!(
+                "counts are later by {:.1} ps with each line along {axis}, as of a skew or drift of time zero",
+                picoseconds(slope)
+            ),
+            _ => {
+                let rms = (delays.iter().map(|d| d * d).sum::<f64>() / count as f64).sqrt();
+                format!(
+                    "the {lines} have delays of their own, of {:.0} ps (root mean square)",
+                    picoseconds(rms)
+                )
+            }
+        }
     }
 
-    /// Whether all counts are equally late.
-    pub fn delays_all(&self) -> bool {
-        ["time zero", "record"].contains(&self.name)
+impl Law {
+    /// Numbers of the law for this scan: those of lines are as many as the lines.
+    pub fn count(&self, scan: [usize; 2]) -> usize {
+        match (self.proposed, self.name) {
+            (Proposed::ByLines, "delays of rows") => scan[1],
+            (Proposed::ByLines, _) => scan[0],
+            _ => self.steps.len(),
+        }
+    }
+
+    /// Whether the counts of a capture change, beyond its time zero.
+    pub fn changes_counts(&self) -> bool {
+        self.of_pair.is_some() && !["time zero", "record"].contains(&self.name)
+    }
+
+    /// Factors of the counts of all pairs.
+    pub fn gains(&self, setting: &LawScan, numbers: &[f64]) -> Vec<f64> {
+        let pairs: Vec<usize> = (0..setting.laser.len()).collect();
+        self.effect(setting, numbers, &pairs).logs.into_iter().map(f64::exp).collect()
     }
 
     /// The effect on these pairs.
@@ -534,6 +635,55 @@ impl Law {
             }
         }
         undone
+    }
+}
+
+/// A law with its numbers, about the wall on which they were found.
+#[derive(Debug, Clone)]
+pub struct Correction {
+    pub law: &'static Law,
+    pub numbers: Vec<f64>,
+    pub frame: WallFrame,
+}
+
+impl Correction {
+    /// A correction of a file for a capture; `None` if the law is of its own capture alone, or of another kind of scan.
+    ///
+    /// # Errors
+    /// No such law, or a number of lines that is not the capture's, as text.
+    pub fn stored(of: &settings::Correction, capture: &Capture) -> Result<Option<Correction>, String> {
+        let (given, scan) = (of.numbers.len(), capture.scan);
+        let law = LAWS.iter().find(|law| law.name == of.law);
+        let Some(law) = law.filter(|law| law.proposed == Proposed::ByLines || law.steps.len() == given) else {
+            return Err(format!("no law {:?} of {given} numbers is known", of.law));
+        };
+        if law.count(scan) != given {
+            return Err(format!("it has {given} {}, the capture has {}", law.name, law.count(scan)));
+        }
+        let frame = WallFrame { middle: DVec2::from_array(of.middle), half: of.half };
+        let correction = Correction { law, numbers: of.numbers.clone(), frame };
+        Ok((law.is_of_rig && (law.applies)(&correction.scan(capture))).then_some(correction))
+    }
+
+    /// The correction as a file has it.
+    pub fn as_stored(&self) -> settings::Correction {
+        let WallFrame { middle, half } = self.frame;
+        let (law, numbers) = (self.law.name.into(), self.numbers.clone());
+        settings::Correction { law, numbers, middle: middle.to_array(), half }
+    }
+
+    fn scan(&self, capture: &Capture) -> LawScan {
+        LawScan { frame: self.frame, ..LawScan::of(capture) }
+    }
+
+    /// The capture without it.
+    pub fn undone(&self, capture: &Capture) -> Capture {
+        self.law.undone(capture, &self.scan(capture), &self.numbers)
+    }
+
+    /// What is wrong with a capture, as a sentence.
+    pub fn what(&self, capture: &Capture) -> String {
+        (self.law.what)(&self.scan(capture), &self.numbers)
     }
 }
 

@@ -1,0 +1,312 @@
+//! What settings and files say of the instrument: the light of the empty room, a calibration, the position of a device. Each is undone
+//! first, unless held-out pairs contradict it.
+
+use std::borrow::Cow;
+use std::ops::ControlFlow;
+use std::path::Path;
+use std::time::Instant;
+
+use super::correction::Correction;
+use super::decide::{Gate, both, both_in_counts};
+use super::estimate::held;
+use super::finding::{Finding, Source};
+use super::job::Job;
+use crate::capture::{Capture, GainLaw, gain};
+use crate::engine::{Progress, room_light, without_room};
+use crate::gpu::Gpu;
+use crate::methods::SolverOptions;
+use crate::settings::{self, Calibrate, DevicePosition};
+use crate::surface::{HeldOut, Left};
+use crate::{Error, Result};
+
+/// Least ratio of the largest gain to the least one: a law that changes less than this changes no maps.
+const LEAST_RATIO: f64 = 1.02;
+
+/// A correction that is given: what is kept without it, and the versions of the capture with it, the usual one first.
+struct Offer {
+    finding: Finding,
+    without: Capture,
+    versions: Vec<Version>,
+}
+
+struct Version {
+    name: String,
+    what: String,
+    capture: Capture,
+    /// By which the counts of each pair are divided.
+    gains: Option<Vec<f64>>,
+}
+
+/// Undoes what is given of the instrument.
+///
+/// # Errors
+/// A file that cannot be read, or that does not suit the scan; a position that is set and not in front of the wall; the device
+/// fails, or `hear` cancels.
+pub fn given<'c>(
+    mut job: Job<'c>,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Job<'c>> {
+    let clock = Instant::now();
+    for offered in [empty_room, calibration, device] {
+        if let Some(offer) = offered(&job)?.filter(|_| job.has_light()) {
+            job = tried(job, offer, gpu, hear)?;
+        }
+    }
+    job.estimates.seconds += clock.elapsed().as_secs_f64();
+    Ok(job)
+}
+
+/// The job with the version that held-out pairs prefer, or without any.
+fn tried<'c>(
+    mut job: Job<'c>,
+    offer: Offer,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Job<'c>> {
+    let Offer { mut finding, without, mut versions } = offer;
+    let is_room = finding.source == Source::Empty;
+    if is_room {
+        // Shadows are negative; the capture is what it was.
+        job.settings.preset = Some(job.preset);
+    }
+    let is_judged = matches!(job.solver, SolverOptions::Surface(_));
+    let is_asked = finding.source != Source::Named;
+    let mut chosen = (!versions.is_empty() && is_asked).then_some(0);
+    if is_judged && !versions.is_empty() {
+        let none = held(&job, &without, gpu, hear)?;
+        let fits = versions.iter().map(|v| held(&job, &v.capture, gpu, hear)).collect::<Result<Vec<_>>>()?;
+        let figures = |held: &Option<HeldOut>| held.as_ref().map(|held| figures_of(&held.left()));
+        finding.left = vec![("none".into(), figures(&none))];
+        finding.left.extend(versions.iter().zip(&fits).map(|(v, fit)| (v.name.clone(), figures(fit))));
+        let gate = Gate::of(finding.source);
+        let passes = |at: usize| match (&fits[at], &none) {
+            (Some(after), Some(before)) if is_room => both_in_counts(after, before).is_none_or(|both| gate.passes(&both)),
+            (Some(after), Some(before)) => gate.passes(&both(after, before, versions[at].gains.as_deref())),
+            // A surface is better than none.
+            (after, before) => after.is_some() || before.is_none() && is_asked,
+        };
+        let lefts: Vec<Option<Left>> = fits.iter().map(|fit| fit.as_ref().map(HeldOut::left)).collect();
+        chosen = best(&lefts).or(chosen).filter(|at| passes(*at));
+    }
+    let kept = chosen.map(|at| versions.swap_remove(at));
+    finding.is_used = kept.is_some();
+    let capture = match kept {
+        Some(version) => {
+            finding.what = version.what;
+            finding.law = finding.at.map(|_| version.name);
+            Some(version.capture)
+        }
+        None => is_room.then_some(without),
+    };
+    if !finding.is_used && finding.source == Source::File {
+        finding.corrections.clear();
+    }
+    let why = job.why;
+    let mut job = match capture {
+        Some(capture) => job.again(Cow::Owned(capture)),
+        None => job,
+    };
+    job.why = why;
+    job.estimates.findings.push(finding);
+    Ok(job)
+}
+
+/// Share of held-out pairs that is left beyond noise, and its standard error.
+pub fn figures_of(left: &Left) -> [f64; 2] {
+    [left.excess(), left.standard_error()]
+}
+
+/// The version that leaves least: its index. Those that come first are more usual and stay where the difference is chance.
+fn best(versions: &[Option<Left>]) -> Option<usize> {
+    let found = versions.iter().enumerate().filter_map(|(i, left)| Some((i, left.as_ref()?)));
+    let (at, least) = found.min_by(|a, b| a.1.excess().total_cmp(&b.1.excess()))?;
+    let is_alike = |left: &Option<Left>| left.as_ref().is_some_and(|left| !least.is_less(left));
+    Some(versions[..at].iter().position(is_alike).unwrap_or(at))
+}
+
+/// The subtraction of the empty room that the capture holds.
+fn empty_room(job: &Job<'_>) -> Result<Option<Offer>> {
+    let Some(light) = job.has_light().then(|| room_light(&job.capture)).flatten() else { return Ok(None) };
+    let without = job.capture.outline().with(|c| c.histograms = job.capture.histograms.clone());
+    let what = "the empty capture";
+    let mut finding = Finding::new(
+        Source::Empty,
+        format!("{what}: no gain makes its light a part of the capture's"),
+        "it has to show the same place with the same exposure, without the object, and for long enough",
+    );
+    let versions = without_room(&job.capture, &light).map(|(gain, capture)| {
+        let all = || gain.of_pair.iter().copied();
+        let mean = all().sum::<f64>() / gain.of_pair.len().max(1) as f64;
+        finding.what = format!("{what} leaves more of the light of held-out pairs than is left without it");
+        let what = format!(
+            "{what} is subtracted with the gain {mean:.3} ({:.3} to {:.3} over the pairs): {:.1} % of the counts",
+            all().fold(f64::INFINITY, f64::min),
+            all().fold(0.0, f64::max),
+            100.0 * gain.share
+        );
+        Version { name: "subtracted".into(), what, capture, gains: None }
+    });
+    Ok(Some(Offer { finding, without, versions: versions.into_iter().collect() }))
+}
+
+/// The corrections of the file that is set.
+fn calibration(job: &Job<'_>) -> Result<Option<Offer>> {
+    let Some(set @ Calibrate::File(file)) = &job.settings.calibrate else { return Ok(None) };
+    let (capture, finding) = undone(file, set.corrections()?, &job.capture)?;
+    let what = finding.what.clone();
+    let version = Version { name: "calibrated".into(), what, capture, gains: None };
+    let versions = if finding.corrections.is_empty() { vec![] } else { vec![version] };
+    Ok(Some(Offer { finding, without: Capture::clone(&job.capture), versions }))
+}
+
+/// The capture without the corrections of a file.
+fn undone(file: &Path, corrections: Vec<settings::Correction>, capture: &Capture) -> Result<(Capture, Finding)> {
+    let name = file.display();
+    const HINT: &str = "give the report.json of a capture of the same rig";
+    let what = format!("the calibration {name} has nothing to undo");
+    let mut finding = Finding::new(Source::File, what, HINT);
+    finding.file = Some(file.into());
+    let (mut capture, mut what) = (capture.clone(), vec![]);
+    for stored in corrections {
+        let known = Correction::stored(&stored, &capture);
+        match known.map_err(|what| Error::input(format!("{name}: {what}"), HINT))? {
+            Some(correction) => {
+                what.push(correction.what(&capture));
+                capture = correction.undone(&capture);
+                finding.corrections.push(stored);
+            }
+            None => finding.left_out.push(stored.law),
+        }
+    }
+    if !what.is_empty() {
+        finding.what = format!("undone by the calibration {name}: {}", what.join("; "));
+    }
+    Ok((capture, finding))
+}
+
+/// The scan of a session without what the file that is set holds of its points and its time zero.
+///
+/// # Errors
+/// A file that cannot be read, that does not suit the scan, or whose corrections change the counts of frames.
+pub fn calibrated_scan<'c>(setting: Option<&Calibrate>, scan: &'c Capture) -> Result<Cow<'c, Capture>> {
+    let Some(set @ Calibrate::File(file)) = setting else { return Ok(Cow::Borrowed(scan)) };
+    let corrections = set.corrections()?;
+    for stored in &corrections {
+        if let Ok(Some(correction)) = Correction::stored(stored, scan)
+            && correction.law.changes_counts()
+        {
+            let (name, law) = (file.display(), &stored.law);
+            return Err(Error::options(
+                format!("{name}: {law:?} changes counts, and frames of a session are used unchanged"),
+                "correct each frame, and set calibrate to none",
+            ));
+        }
+    }
+    undone(file, corrections, scan).map(|(capture, _)| Cow::Owned(capture))
+}
+
+/// The laws of the devices that are set, else of those that the capture names.
+fn device(job: &Job<'_>) -> Result<Option<Offer>> {
+    let (capture, set) = (&*job.capture, job.settings.device_at);
+    let named = match set {
+        Some(DevicePosition::None) => return Ok(None),
+        Some(DevicePosition::At(at)) => capture.clone().with(|c| c.devices = [Some(at); 2]),
+        None if capture.devices == [None; 2] => return Ok(None),
+        None => capture.clone(),
+    };
+    if set.is_some() && named.gains(GainLaw::Laser).is_none() {
+        return Err(named.behind(GainLaw::Laser));
+    }
+    let place = match named.devices {
+        [Some(laser), Some(sensor)] if laser != sensor => {
+            format!("{} (laser) and {} (detector)", gain::place(laser), gain::place(sensor))
+        }
+        [Some(at), _] | [None, Some(at)] => gain::place(at),
+        [None, None] => "unknown".into(),
+    };
+    let mut versions: Vec<Version> = vec![];
+    for law in GainLaw::ALL {
+        let gains = named.gains(law).filter(|gains| !is_even(gains));
+        let Some(gains) = gains.filter(|gains| versions.iter().all(|v| v.gains.as_ref() != Some(gains))) else {
+            continue;
+        };
+        let what = format!(
+            "{} weakens by cos / distance\u{b2} as from a device at {place}: the counts are divided by it",
+            law.light()
+        );
+        let version = |capture| Version { name: law.name().into(), what, capture, gains: Some(gains) };
+        versions.extend(named.without_gains(law).map(version));
+    }
+    let why = match versions.is_empty() {
+        false => "",
+        true if GainLaw::ALL.into_iter().any(|law| named.gains(law).is_some()) => ", whose gains are even",
+        true => ", which is not in front of every wall point",
+    };
+    let mut finding = Finding::new(
+        if set.is_some() { Source::Set } else { Source::Named },
+        format!("a device at {place}{why}: the counts are not divided by cos / distance\u{b2} from there"),
+        "check the position, or set it to none",
+    );
+    finding.at = Some(named.devices.map(|at| at.map(|at| at.to_array())));
+    Ok(Some(Offer { finding, without: Capture::clone(capture), versions }))
+}
+
+fn is_even(gains: &[f64]) -> bool {
+    let least = gains.iter().copied().fold(f64::INFINITY, f64::min);
+    gains.iter().copied().fold(0.0, f64::max) < LEAST_RATIO * least
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DVec3, dvec3};
+
+    use super::*;
+
+    /// 8 x 8 confocal pairs of a wall of 2 m, a count in every bin of its number.
+    fn capture() -> Capture {
+        let at = |i: usize| 2.0 * (i as f64 + 0.5) / 8.0 - 1.0;
+        let points: Vec<DVec3> = (0..64).map(|pair| dvec3(at(pair / 8), at(pair % 8), 0.0)).collect();
+        let counts = (0..64 * 40).map(|at| (at % 40) as f32).collect();
+        Capture::new([8, 8], points.clone(), points, 40, 0.01, counts)
+    }
+
+    fn correction(law: &str, numbers: &[f64]) -> settings::Correction {
+        settings::Correction { law: law.into(), numbers: numbers.to_vec(), middle: [0.5, 0.0], half: 2.0 }
+    }
+
+    #[test]
+    fn corrections_of_a_file_are_about_its_wall() {
+        let capture = capture();
+        let undone = |of: settings::Correction| undone(Path::new("rig.json"), vec![of], &capture);
+        let (wider, finding) = undone(correction("scale", &[0.1])).unwrap();
+        let given = capture.laser[0];
+        assert!(wider.laser[0].distance(dvec3(0.5 + 1.1 * (given.x - 0.5), 1.1 * given.y, 0.0)) < 1e-12);
+        assert!(finding.what.contains("1.100 times"), "{}", finding.what);
+        for (law, numbers) in [("moved along x", vec![0.1; 4]), ("rows", vec![0.5, 0.1])] {
+            assert_eq!(undone(correction(law, &numbers)).unwrap().1.left_out, [law]);
+        }
+        let (early, _) = undone(correction("delays of rows", &[0.02; 8])).unwrap();
+        assert_eq!(early.histogram(3)[..4], [2.0, 3.0, 4.0, 5.0]);
+        for (of, what) in [
+            (correction("shear", &[0.1; 2]), "no law \"shear\" of 2 numbers"),
+            (correction("delays of rows", &[0.1; 9]), "it has 9 delays of rows, the capture has 8"),
+        ] {
+            let error = undone(of).unwrap_err();
+            assert!(error.what.contains(what) && error.what.starts_with("rig.json: "), "{error}");
+        }
+    }
+
+    #[test]
+    fn the_version_that_leaves_least_is_best_but_for_chance() {
+        let left = |mean: f64, scatter: f64| {
+            let of = |i: usize| [mean + scatter * if i.is_multiple_of(2) { 1.0 } else { -1.0 }, 100.0];
+            Some(Left { pairs: (0..64).map(of).collect(), noise: 0.0 })
+        };
+        assert_eq!(best(&[left(4.0, 0.1), left(4.5, 0.1)]), Some(0));
+        assert_eq!(best(&[left(4.5, 0.1), left(4.0, 0.1)]), Some(1));
+        assert_eq!(best(&[left(4.0, 0.1), left(3.9, 2.0)]), Some(0), "the usual one, but for chance");
+        assert_eq!(best(&[None, left(9.0, 0.1)]), Some(1));
+        assert_eq!(best(&[None]), None);
+    }
+}
