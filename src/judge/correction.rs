@@ -520,55 +520,52 @@ fn place(p: DVec3) -> String {
 
 /// Delays of lines as a sentence.
 fn pattern(lines: &str, axis: &str, delays: &[f64]) -> String {
-        let picoseconds = |metres: f64| metres / METRES_PER_PICOSECOND;
-        let count = delays.len();
+    let picoseconds = |metres: f64| metres / METRES_PER_PICOSECOND;
+    let count = delays.len();
     let mean_of = |of: &dyn Fn(usize) -> bool| {
         let chosen = || delays.iter().enumerate().filter(|(line, _)| of(*line));
         chosen().map(|(_, delay)| delay).sum::<f64>() / chosen().count().max(1) as f64
     };
     let mean = mean_of(&|_| true);
-        let left = |model: &dyn Fn(usize) -> f64| -> f64 {
-            delays.iter().enumerate().map(|(line, d)| (d - model(line)).powi(2)).sum()
-        };
-        let all = left(&|_| mean);
-        let [even, odd] = [0, 1].map(|parity| mean_of(&|line| line % 2 == parity));
-        let alternating = left(&|line| if line % 2 == 0 { even } else { odd });
-        let step = (2..count - 1)
-            .map(|at| (at, [mean_of(&|line| line < at), mean_of(&|line| line >= at)]))
-            .map(|(at, sides)| (at, sides[1] - sides[0], left(&|line| sides[usize::from(line >= at)])))
-            .min_by(|a, b| a.2.total_cmp(&b.2));
-        let middle = 0.5 * (count as f64 - 1.0);
-        let centred = |line: usize| line as f64 - middle;
-        let squares: f64 = (0..count).map(|line| centred(line).powi(2)).sum();
-        let slope = delays.iter().enumerate().map(|(line, d)| centred(line) * d).sum::<f64>() / squares;
-        let trend = left(&|line| mean + slope * centred(line));
-        /// A pattern that leaves more than this share of the squares is another one.
-        const MOST: f64 = 0.3;
-        if alternating < MOST * all {
-            return format!(
-                "every second one of the {lines} is late by {:.0} ps, as of a scanner that lags behind on its way back",
-                picoseconds(odd - even).abs()
-            );
-        }
-        match step {
-            Some((at, height, rest)) if rest < MOST * all && rest < trend => format!(
-                "from line {at} of the {lines} on, counts are {:.0} ps {} than before, as of a time zero that jumped",
-                picoseconds(height).abs(),
-                if height > 0.0 { "later" } else { "earlier" }
-            ),
-            _ if trend < MOST * all => format!(
-                "counts are later by {:.1} ps with each line along {axis}, as of a skew or drift of time zero",
-                picoseconds(slope)
-            ),
-            _ => {
-                let rms = (delays.iter().map(|d| d * d).sum::<f64>() / count as f64).sqrt();
-                format!(
-                    "the {lines} have delays of their own, of {:.0} ps (root mean square)",
-                    picoseconds(rms)
-                )
-            }
+    let left = |model: &dyn Fn(usize) -> f64| -> f64 {
+        delays.iter().enumerate().map(|(line, d)| (d - model(line)).powi(2)).sum()
+    };
+    let all = left(&|_| mean);
+    let [even, odd] = [0, 1].map(|parity| mean_of(&|line| line % 2 == parity));
+    let alternating = left(&|line| if line % 2 == 0 { even } else { odd });
+    let step = (2..count - 1)
+        .map(|at| (at, [mean_of(&|line| line < at), mean_of(&|line| line >= at)]))
+        .map(|(at, sides)| (at, sides[1] - sides[0], left(&|line| sides[usize::from(line >= at)])))
+        .min_by(|a, b| a.2.total_cmp(&b.2));
+    let middle = 0.5 * (count as f64 - 1.0);
+    let centred = |line: usize| line as f64 - middle;
+    let squares: f64 = (0..count).map(|line| centred(line).powi(2)).sum();
+    let slope = delays.iter().enumerate().map(|(line, d)| centred(line) * d).sum::<f64>() / squares;
+    let trend = left(&|line| mean + slope * centred(line));
+    /// A pattern that leaves more than this share of the squares is another one.
+    const MOST: f64 = 0.3;
+    if alternating < MOST * all {
+        return format!(
+            "every second one of the {lines} is late by {:.0} ps, as of a scanner that lags behind on its way back",
+            picoseconds(odd - even).abs()
+        );
+    }
+    match step {
+        Some((at, height, rest)) if rest < MOST * all && rest < trend => format!(
+            "from line {at} of the {lines} on, counts are {:.0} ps {} than before, as of a time zero that jumped",
+            picoseconds(height).abs(),
+            if height > 0.0 { "later" } else { "earlier" }
+        ),
+        _ if trend < MOST * all => format!(
+            "counts are later by {:.1} ps with each line along {axis}, as of a skew or drift of time zero",
+            picoseconds(slope)
+        ),
+        _ => {
+            let rms = (delays.iter().map(|d| d * d).sum::<f64>() / count as f64).sqrt();
+            format!("the {lines} have delays of their own, of {:.0} ps (root mean square)", picoseconds(rms))
         }
     }
+}
 
 impl Law {
     /// Numbers of the law for this scan: those of lines are as many as the lines.
@@ -654,7 +651,8 @@ impl Correction {
     pub fn stored(of: &settings::Correction, capture: &Capture) -> Result<Option<Correction>, String> {
         let (given, scan) = (of.numbers.len(), capture.scan);
         let law = LAWS.iter().find(|law| law.name == of.law);
-        let Some(law) = law.filter(|law| law.proposed == Proposed::ByLines || law.steps.len() == given) else {
+        let Some(law) = law.filter(|law| law.proposed == Proposed::ByLines || law.steps.len() == given)
+        else {
             return Err(format!("no law {:?} of {given} numbers is known", of.law));
         };
         if law.count(scan) != given {
@@ -791,5 +789,58 @@ mod tests {
         let edge = capture.laser[8] - dvec3(3.0, 0.0, 0.0);
         let out = 1.0 + 0.1 * (edge / half).truncate().length_squared();
         assert!(farther.laser[8].distance(out * edge + dvec3(3.0, 0.0, 0.0)) < 1e-12);
+    }
+
+    #[test]
+    fn delays_of_lines_are_undone_and_patterns_have_names() {
+        let picosecond = METRES_PER_PICOSECOND;
+        let mut capture = Capture::new(
+            [16, 2],
+            vec![DVec3::ZERO; 32],
+            vec![DVec3::ZERO; 32],
+            50,
+            32.0 * picosecond,
+            vec![0.0; 32 * 50],
+        );
+        let proper =
+            capture.clone().with(|c| c.histograms.iter_mut().skip(20).step_by(50).for_each(|v| *v = 9.0));
+        let late = |line: usize| [0, 3, 1, 0, 2][line % 5];
+        for pair in 0..32 {
+            capture.histograms[pair * 50 + 20 + late(pair / 2)] = 9.0;
+        }
+        let frame = LawScan::of(&capture).frame;
+        let of = |delay: &dyn Fn(usize) -> f64| {
+            let numbers = (0..16).map(|line| picosecond * delay(line)).collect();
+            Correction { law: named("delays of columns"), numbers, frame }
+        };
+        assert_eq!(of(&|line| 32.0 * late(line) as f64).undone(&capture), proper);
+        let names = |delay: &dyn Fn(usize) -> f64, words: &str| {
+            let what = of(delay).what(&capture);
+            assert!(what.contains(words), "{what}");
+        };
+        names(&|line| 100.0 * (line % 2) as f64, "every second one of the columns is late by 100 ps");
+        names(
+            &|line| if line < 9 { 0.0 } else { 60.0 },
+            "from line 9 of the columns on, counts are 60 ps later",
+        );
+        names(&|line| 7.0 * line as f64, "later by 7.0 ps with each line along x");
+        names(&|line| 50.0 * late(line * 7) as f64, "delays of their own");
+    }
+
+    #[test]
+    fn a_stored_correction_undoes_the_same() {
+        let capture = capture();
+        let scan = LawScan::of(&capture);
+        for law in LAWS.iter().filter(|law| law.is_of_rig && (law.applies)(&scan)) {
+            let numbers: Vec<f64> = match law.proposed {
+                Proposed::ByLines => {
+                    (0..law.count(capture.scan)).map(|line| 0.01 * (line % 3) as f64).collect()
+                }
+                _ => law.steps.iter().map(|[step, _]| 0.5 * step).collect(),
+            };
+            let correction = Correction { law, numbers: numbers.clone(), frame: scan.frame };
+            let again = Correction::stored(&correction.as_stored(), &capture).unwrap().unwrap();
+            assert_eq!(again.undone(&capture), law.undone(&capture, &scan, &numbers), "{law:?}");
+        }
     }
 }

@@ -58,8 +58,9 @@ pub fn both(after: &HeldOut, before: &HeldOut, gains: Option<&[f64]>) -> [Left; 
 pub fn both_in_counts(after: &HeldOut, before: &HeldOut) -> Option<[Left; 2]> {
     (after.pairs == before.pairs).then(|| {
         let unit = before.squared_counts().iter().sum::<f64>() / before.pairs.len().max(1) as f64;
-        let of = |held: &HeldOut| {
-            Left { pairs: held.squared_counts().into_iter().map(|square| [square, unit]).collect(), noise: 0.0 }
+        let of = |held: &HeldOut| Left {
+            pairs: held.squared_counts().into_iter().map(|square| [square, unit]).collect(),
+            noise: 0.0,
         };
         [of(after), of(before)]
     })

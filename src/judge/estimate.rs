@@ -40,11 +40,7 @@ pub fn estimate<'c>(
     Ok(job)
 }
 
-fn found(
-    job: &Job<'_>,
-    gpu: &Gpu,
-    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Estimates> {
+fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>) -> Result<Estimates> {
     let _span = gpu.span("trials");
     let start = Instant::now();
     let finds_model = job.models.len() > 1;

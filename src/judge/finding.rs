@@ -85,7 +85,10 @@ impl Finding {
         let Finding { what, hint, .. } = self;
         let out = match &self.left_out[..] {
             [] => String::new(),
-            all => format!("; left out, as it is of that capture alone or of another kind of scan: {}", all.join(", ")),
+            all => format!(
+                "; left out, as it is of that capture alone or of another kind of scan: {}",
+                all.join(", ")
+            ),
         };
         (self.source != Source::Searched).then(|| match self.is_used {
             true => format!("{what} ({}){out}", self.shares()),
@@ -98,12 +101,14 @@ impl Finding {
         let Finding { what, hint, .. } = self;
         match (self.source, self.is_used) {
             (Source::Searched, true) => Some(format!("{what} ({}): undone here; {hint}", self.shares())),
-            (Source::Searched, false) => {
-                Some(format!("perhaps {what} ({}, too little a difference to undo it): {hint}", self.shares()))
-            }
-            (Source::Set | Source::File, false) => {
-                Some(format!("held-out pairs contradict it, so it is not used: {what} ({}): {hint}", self.shares()))
-            }
+            (Source::Searched, false) => Some(format!(
+                "perhaps {what} ({}, too little a difference to undo it): {hint}",
+                self.shares()
+            )),
+            (Source::Set | Source::File, false) => Some(format!(
+                "held-out pairs contradict it, so it is not used: {what} ({}): {hint}",
+                self.shares()
+            )),
             _ => None,
         }
     }
@@ -119,11 +124,15 @@ mod tests {
         found.left = vec![("none".into(), Some([0.3, 0.01])), ("shear".into(), None)];
         assert_eq!(found.note(), None);
         let doubt = found.doubt().unwrap();
-        assert!(doubt.starts_with("perhaps points are sheared") && doubt.ends_with(": give the points"), "{doubt}");
+        assert!(
+            doubt.starts_with("perhaps points are sheared") && doubt.ends_with(": give the points"),
+            "{doubt}"
+        );
         assert!(doubt.contains("none 30.0 %, shear no surface"), "{doubt}");
         found.is_used = true;
         assert!(found.doubt().unwrap().contains("undone here"));
-        let given = Finding { source: Source::Set, is_used: false, left_out: vec!["record".into()], ..found.clone() };
+        let given =
+            Finding { source: Source::Set, is_used: false, left_out: vec!["record".into()], ..found.clone() };
         assert!(given.doubt().unwrap().contains("contradict"));
         assert!(given.note().unwrap().starts_with("not used") && given.note().unwrap().ends_with("record"));
         assert_eq!(Finding { is_used: true, ..given }.doubt(), None);

@@ -180,7 +180,8 @@ pub fn proposed(trial: &Trial<'_>, base: &Fitted, scan: &LawScan) -> Result<Opti
     let Some(sense) = Sense::of(trial, &base.surface.layers)? else { return Ok(None) };
     let laws = LAWS.iter().filter(|law| law.proposed == Proposed::ByProducts && (law.applies)(scan));
     let each = laws.map(|law| suited(&sense, scan, law, None)).collect::<Result<Vec<_>>>()?;
-    let worth = each.into_iter().flatten().filter(|of| of.explains[0] > WORTH[0] && of.explains[1] > WORTH[1]);
+    let worth =
+        each.into_iter().flatten().filter(|of| of.explains[0] > WORTH[0] && of.explains[1] > WORTH[1]);
     let best = worth.max_by(|a, b| a.explains[0].total_cmp(&b.explains[0]));
     Ok(best.map(|Suited { law, numbers, .. }| Proposal { law, starts: vec![numbers] }))
 }

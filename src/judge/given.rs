@@ -81,7 +81,9 @@ fn tried<'c>(
         finding.left.extend(versions.iter().zip(&fits).map(|(v, fit)| (v.name.clone(), figures(fit))));
         let gate = Gate::of(finding.source);
         let passes = |at: usize| match (&fits[at], &none) {
-            (Some(after), Some(before)) if is_room => both_in_counts(after, before).is_none_or(|both| gate.passes(&both)),
+            (Some(after), Some(before)) if is_room => {
+                both_in_counts(after, before).is_none_or(|both| gate.passes(&both))
+            }
             (Some(after), Some(before)) => gate.passes(&both(after, before, versions[at].gains.as_deref())),
             // A surface is better than none.
             (after, before) => after.is_some() || before.is_none() && is_asked,
@@ -161,7 +163,11 @@ fn calibration(job: &Job<'_>) -> Result<Option<Offer>> {
 }
 
 /// The capture without the corrections of a file.
-fn undone(file: &Path, corrections: Vec<settings::Correction>, capture: &Capture) -> Result<(Capture, Finding)> {
+fn undone(
+    file: &Path,
+    corrections: Vec<settings::Correction>,
+    capture: &Capture,
+) -> Result<(Capture, Finding)> {
     let name = file.display();
     const HINT: &str = "give the report.json of a capture of the same rig";
     let what = format!("the calibration {name} has nothing to undo");
@@ -228,7 +234,8 @@ fn device(job: &Job<'_>) -> Result<Option<Offer>> {
     let mut versions: Vec<Version> = vec![];
     for law in GainLaw::ALL {
         let gains = named.gains(law).filter(|gains| !is_even(gains));
-        let Some(gains) = gains.filter(|gains| versions.iter().all(|v| v.gains.as_ref() != Some(gains))) else {
+        let Some(gains) = gains.filter(|gains| versions.iter().all(|v| v.gains.as_ref() != Some(gains)))
+        else {
             continue;
         };
         let what = format!(

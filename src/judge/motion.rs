@@ -39,7 +39,9 @@ pub fn proposed(trials: &mut Trials<'_>) -> Result<Option<Proposal>> {
     // Short fits rule most captures out.
     let mut last = None;
     for (from, most) in [From::Fit(&layers, OF_CHANGE), From::Start].into_iter().zip(LESS) {
-        let [Some(columns), Some(rows)] = [ends(trials, 0, from)?, ends(trials, 1, from)?] else { return Ok(None) };
+        let [Some(columns), Some(rows)] = [ends(trials, 0, from)?, ends(trials, 1, from)?] else {
+            return Ok(None);
+        };
         let each = [columns, rows];
         let along = usize::from(rows.share < columns.share);
         if each[along].share > most * each[1 - along].share {

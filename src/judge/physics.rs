@@ -129,7 +129,14 @@ impl<'t> Physics<'t> {
         let whole = Arc::new(whole);
         let of_solve = job.settings.sum(&job.solver, &capture.outline()) as f64 * capture.bin_width;
         let trial = |model: &SolverOptions| {
-            Trial::new(gpu, whole.clone(), grid, quick(model, options.lateral), starts.clone(), job.settings.memory)
+            Trial::new(
+                gpu,
+                whole.clone(),
+                grid,
+                quick(model, options.lateral),
+                starts.clone(),
+                job.settings.memory,
+            )
         };
         Ok(Physics {
             trials: all.iter().map(trial).collect(),
@@ -500,7 +507,8 @@ impl<'t> Physics<'t> {
         };
         let sharp = fitted.surface.left.clone().expect("trials are judged");
         let Some(first) = self.suggested_length(&fitted.held)? else { return Ok(Shape::SHARP) };
-        let surface = self.spread(reflectance, Shape::of(first, 0.0), ITERATIONS[1])?.map(|fitted| fitted.surface);
+        let surface =
+            self.spread(reflectance, Shape::of(first, 0.0), ITERATIONS[1])?.map(|fitted| fitted.surface);
         let is_less = |surface: &Candidate| surface.left.as_ref().is_some_and(|l| l.share() < sharp.share());
         let Some(surface) = surface.filter(is_less) else { return Ok(Shape::SHARP) };
         let ideal = trial_of(&self.trials, reflectance).ideal(&surface.layers)?;

@@ -8,7 +8,7 @@ use super::constants::OF_CHANGE;
 use super::correction::{LAWS, Law, Proposed, named};
 use super::decide::both;
 use super::job::Job;
-use super::search::{Tried, Trials};
+use super::search::{Trials, Tried};
 use super::spread::add_products;
 use super::trial::{From, Trial};
 use super::{gains, motion};
@@ -28,6 +28,8 @@ mod bounds {
     pub const LONGER: f64 = 2.4;
     /// Laws that resemble a scale and are minimised: those whose starts leave least, by at most this factor.
     pub const AS_SCALE: (usize, f64) = (1, 0.93);
+    /// Share of what is left below which a scale explains most of it.
+    pub const EXPLAINED: f64 = 0.6;
     /// Longest delay of a line, as a share of the bins, and in bins of the fits; share of what is left that delays must explain.
     pub const FARTHEST: [usize; 2] = [8, 24];
     pub const WORTH: f64 = 0.2;
@@ -83,8 +85,12 @@ fn lines(trials: &Trials<'_>) -> Result<Option<Proposal>> {
     let left = all.left();
     let excess: f64 = left.pairs.iter().map(|p| p[0]).sum::<f64>() - left.noise;
     let of = |law: &'static Law| Some((law, correlated(law, &all, trials.scan.scan)?));
-    let each = LAWS.iter().filter(|law| law.proposed == Proposed::ByLines && (law.applies)(&trials.scan)).filter_map(of);
-    let best = each.max_by(|a, b| a.1.1.total_cmp(&b.1.1)).filter(|(_, (_, gain))| *gain > bounds::WORTH * excess);
+    let each = LAWS
+        .iter()
+        .filter(|law| law.proposed == Proposed::ByLines && (law.applies)(&trials.scan))
+        .filter_map(of);
+    let best =
+        each.max_by(|a, b| a.1.1.total_cmp(&b.1.1)).filter(|(_, (_, gain))| *gain > bounds::WORTH * excess);
     Ok(best.map(|(law, (delays, _))| Proposal { law, starts: vec![delays] }))
 }
 
@@ -102,7 +108,9 @@ pub fn delays(undone: &Trial<'_>, tried: &Tried, scan: [usize; 2]) -> Result<Opt
 fn correlated(law: &Law, held: &HeldOut, scan: [usize; 2]) -> Option<(Vec<f64>, f64)> {
     let (bins, count) = (held.bins(), law.count(scan));
     let farthest = (bins / bounds::FARTHEST[0]).min(bounds::FARTHEST[1]);
-    let line = |pair: usize| if count == scan[0] && law.name.ends_with("columns") { pair / scan[1] } else { pair % scan[1] };
+    let line = |pair: usize| {
+        if count == scan[0] && law.name.ends_with("columns") { pair / scan[1] } else { pair % scan[1] }
+    };
     let [rendered, measured] = held.sides();
     let mut rows: Vec<Vec<usize>> = vec![vec![]; count];
     held.pairs.iter().enumerate().for_each(|(row, pair)| rows[line(*pair)].push(row));
@@ -148,7 +156,8 @@ pub fn by_steps(trials: &mut Trials<'_>, _: &[Tried]) -> Result<Vec<Proposal>> {
         }
     }
     let trial = trials.trial.clone();
-    let changed = changes.iter().map(|(law, _, n)| trial.with_capture(law.undone(trial.capture(), &trials.scan, n)));
+    let changed =
+        changes.iter().map(|(law, _, n)| trial.with_capture(law.undone(trial.capture(), &trials.scan, n)));
     let versions: Vec<Trial<'_>> = std::iter::once(trial.clone()).chain(changed).collect();
     let (layers, step) = (trials.base.surface.layers.clone(), trials.base.surface.step);
     let fits = trials.fits(&versions, From::Fit(&layers, OF_CHANGE), step)?;
@@ -190,7 +199,13 @@ pub fn as_scale(trials: &mut Trials<'_>, found: &[Tried]) -> Result<Vec<Proposal
     let (most, factor) = bounds::AS_SCALE;
     let mut begun: Vec<Tried> = vec![];
     let scan = trials.scan.clone();
+    let least = found.iter().map(Tried::excess).fold(f64::INFINITY, f64::min);
+    let is_explained = least < bounds::EXPLAINED * trials.before();
     for law in LAWS.iter().filter(|law| law.proposed == Proposed::AsScale && (law.applies)(&scan)) {
+        // Which points belong together changes far more than a scale does.
+        if law.of_point.is_some() && is_explained {
+            continue;
+        }
         let mut best: Option<Tried> = None;
         for start in (law.starts)(&scan) {
             let tried = trials.judged(law, &start)?;
@@ -209,13 +224,18 @@ fn sharper(job: &Job<'_>, gpu: &Gpu) -> Vec<Proposal> {
     let Some(own) = sharpness(job, gpu, 1.0, 0.0) else { return vec![] };
     let (number, step) = bounds::RECORDS;
     let step = step * SceneTraits::of(&job.capture).wall;
-    let scales = bounds::SCALES.map(|factor| (named("scale"), factor - 1.0, sharpness(job, gpu, factor, 0.0)));
+    let scales =
+        bounds::SCALES.map(|factor| (named("scale"), factor - 1.0, sharpness(job, gpu, factor, 0.0)));
     let later = (1..=number).flat_map(|at| [1.0, -1.0].map(|side| side * at as f64 * step));
     let records = later.map(|later| (named("record"), -later, sharpness(job, gpu, 1.0, later)));
     let all: Vec<_> = scales.into_iter().chain(records).collect();
     let of_law = |law: &'static Law| {
-        let of = all.iter().filter(|(of, ..)| of.name == law.name).filter_map(|(_, n, sharp)| Some((*n, (*sharp)?)));
-        let (number, _) = of.filter(|(_, sharp)| *sharp >= bounds::SHARPER * own).max_by(|a, b| a.1.total_cmp(&b.1))?;
+        let of = all
+            .iter()
+            .filter(|(of, ..)| of.name == law.name)
+            .filter_map(|(_, n, sharp)| Some((*n, (*sharp)?)));
+        let (number, _) =
+            of.filter(|(_, sharp)| *sharp >= bounds::SHARPER * own).max_by(|a, b| a.1.total_cmp(&b.1))?;
         Some(Proposal { law, starts: vec![vec![number]] })
     };
     ["scale", "record"].into_iter().filter_map(|name| of_law(named(name))).collect()

@@ -10,11 +10,11 @@ use super::correction::{Correction, Law, LawScan, Proposed};
 use super::decide::{Gate, both};
 use super::estimate::{self, for_fits};
 use super::finding::{Finding, Source};
+use super::gains;
 use super::given::figures_of;
 use super::job::Job;
 use super::propose::{self, Proposal};
 use super::trial::{Fitted, From, Trial, fit_all};
-use super::gains;
 use crate::Result;
 use crate::capture::Pulse;
 use crate::engine::{Doing, Progress, TracePoint, Watch};
@@ -32,8 +32,8 @@ mod bounds {
     pub const USUAL: usize = 80;
     /// Corrections with which the network looks again.
     pub const FINALISTS: usize = 2;
-    /// Fits of a law at most: with one number, and for each further one.
-    pub const FITS: [usize; 2] = [9, 5];
+    /// Fits of a law at most, with one number and for each further one: by the first look of the network, and by its second one.
+    pub const FITS: [[usize; 2]; 2] = [[7, 4], [9, 5]];
     /// Fits of a simplex end where its corners differ by this share: fits of one capture scatter by as much.
     pub const ALIKE: f64 = 0.03;
     /// Rivals leave at most this many times as much as the best one: fits of one capture scatter by more than pairs do.
@@ -67,7 +67,10 @@ impl Tried {
         let is_far = law.least == 0.0 || self.numbers.iter().any(|n| n.abs() >= law.least);
         let is_inside = self.numbers.iter().zip(law.steps).all(|(n, [_, far])| n.abs() < 0.98 * far);
         // A number at its bound is no minimum.
-        is_far && (is_inside || law.steps[0][0] == 0.0) && !(law.is_other)(&self.numbers) && gate.passes(&self.left)
+        is_far
+            && (is_inside || law.steps[0][0] == 0.0)
+            && !(law.is_other)(&self.numbers)
+            && gate.passes(&self.left)
     }
 }
 
@@ -105,7 +108,7 @@ impl<'j> Trials<'j> {
         let trial = Trial::new(gpu, Arc::new(whole), grid, options, starts, job.settings.memory);
         let mut quiet = |_: &Progress| ControlFlow::Continue(());
         let mut watch = Watch { hear: &mut quiet, maps_every: None, maps_at: &[] };
-        let base = fit_all(&[&trial], pulse.as_ref(), From::Start, 1.0, &mut watch)?.pop().flatten();
+        let base = fit_all(&[&trial], pulse.as_ref(), From::Brief, 1.0, &mut watch)?.pop().flatten();
         Ok(base.map(|base| Trials { job, trial, pulse, scan, base, gpu, hear, judged: vec![], done: 0 }))
     }
 
@@ -116,7 +119,13 @@ impl<'j> Trials<'j> {
         *done += trials.len();
         let mut reported = |progress: &Progress| {
             let point = TracePoint { iteration, ..progress.point };
-            let progress = Progress { doing: Doing::Search, point, iterations: bounds::USUAL.max(iteration), remaining: None, maps: None };
+            let progress = Progress {
+                doing: Doing::Search,
+                point,
+                iterations: bounds::USUAL.max(iteration),
+                remaining: None,
+                maps: None,
+            };
             hear(&progress)
         };
         let mut watch = Watch { hear: &mut reported, maps_every: None, maps_at: &[] };
@@ -139,7 +148,7 @@ impl<'j> Trials<'j> {
             return Ok(Some(same.clone()));
         }
         let undone = self.trial.with_capture(law.undone(self.trial.capture(), &self.scan, numbers));
-        let Some(fitted) = self.fits(&[undone], From::Start, 1.0)?.pop().flatten() else { return Ok(None) };
+        let Some(fitted) = self.fits(&[undone], From::Brief, 1.0)?.pop().flatten() else { return Ok(None) };
         let gains = (law.proposed == Proposed::ByProducts).then(|| law.gains(&self.scan, numbers));
         let left = both(&fitted.held, &self.base.held, gains.as_deref());
         let tried = Tried { law, numbers: numbers.to_vec(), left, fitted };
@@ -147,8 +156,8 @@ impl<'j> Trials<'j> {
         Ok(Some(tried))
     }
 
-    /// The numbers of a law that leave least, from a proposal, with steps of this share of the law's.
-    fn minimised(&mut self, Proposal { law, starts }: Proposal, share: f64) -> Result<Option<Tried>> {
+    /// The numbers of a law that leave least, from a proposal, by the `look`th look of the network, which halves the steps.
+    fn minimised(&mut self, Proposal { law, starts }: Proposal, look: usize) -> Result<Option<Tried>> {
         match law.proposed {
             Proposed::ByLines | Proposed::ByProducts => return self.stepped(law, starts),
             _ => {}
@@ -159,10 +168,12 @@ impl<'j> Trials<'j> {
             begin = tried.into_iter().chain(begin).min_by(|a, b| a.excess().total_cmp(&b.excess()));
         }
         let Some(begin) = begin.filter(|begin| begin.excess() < self.before()) else { return Ok(None) };
-        let [first, each] = bounds::FITS;
+        let [first, each] = bounds::FITS[look];
+        let share = 0.5f64.powi(look as i32);
         let fits = first + each * (law.steps.len() - 1);
         let steps: Vec<[f64; 2]> = law.steps.iter().map(|[step, far]| [share * step, *far]).collect();
-        let mut cost = |numbers: &[f64]| Ok(self.judged(law, numbers)?.map_or(f64::INFINITY, |tried| tried.excess()));
+        let mut cost =
+            |numbers: &[f64]| Ok(self.judged(law, numbers)?.map_or(f64::INFINITY, |tried| tried.excess()));
         let (_, numbers) =
             minimised(&mut cost, (begin.excess(), begin.numbers), &steps, fits, bounds::ALIKE)?;
         self.judged(law, &numbers)
@@ -176,7 +187,8 @@ impl<'j> Trials<'j> {
             if tried.excess() > bounds::LESS * best.as_ref().map_or(self.before(), Tried::excess) {
                 break;
             }
-            let undone = self.trial.with_capture(law.undone(self.trial.capture(), &self.scan, &tried.numbers));
+            let undone =
+                self.trial.with_capture(law.undone(self.trial.capture(), &self.scan, &tried.numbers));
             next = match law.proposed {
                 Proposed::ByLines => propose::delays(&undone, &tried, self.scan.scan)?,
                 _ => gains::next(&undone, &tried, &self.scan)?,
@@ -193,7 +205,7 @@ impl<'j> Trials<'j> {
         let starts = estimate::starts_of(&undone, self.gpu, self.hear)?;
         self.trial.set_starts(&starts);
         self.judged.clear();
-        self.minimised(Proposal { law, starts: vec![numbers.clone()] }, 0.5)
+        self.minimised(Proposal { law, starts: vec![numbers.clone()] }, 1)
     }
 
     /// Whether the opposite leaves less, too.
@@ -250,7 +262,11 @@ pub fn corrected<'c>(
 }
 
 /// The correction that leaves least, if it is at least doubtful that the capture is right without it.
-fn searched(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>) -> Result<Option<Tried>> {
+fn searched(
+    job: &Job<'_>,
+    gpu: &Gpu,
+    hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Option<Tried>> {
     let Some(at_hand) = job.estimates.at_hand.as_ref().filter(|_| job.calibrates()) else { return Ok(None) };
     if at_hand.held.left().certain() <= bounds::SUSPICIOUS || job.estimates.has_samples() {
         return Ok(None);
@@ -262,10 +278,13 @@ fn searched(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> Control
     let mut found: Vec<Tried> = vec![];
     for proposals in [propose::closed_form, propose::by_steps, propose::as_scale] {
         for proposal in proposals(&mut trials, &found)? {
-            found.extend(trials.minimised(proposal, 1.0)?.filter(|tried| tried.passes(Gate::DOUBT)));
+            found.extend(trials.minimised(proposal, 0)?.filter(|tried| tried.passes(Gate::DOUBT)));
         }
         found.sort_by(|a, b| a.excess().total_cmp(&b.excess()));
-        if found.first().is_some_and(|best| !(best.law.has_rivals)(&best.numbers) && best.passes(Gate::SEARCHED)) {
+        if found
+            .first()
+            .is_some_and(|best| !(best.law.has_rivals)(&best.numbers) && best.passes(Gate::SEARCHED))
+        {
             break;
         }
     }
@@ -361,7 +380,10 @@ mod tests {
         };
         let begin = (cost(&[0.0, 0.0]).unwrap(), vec![0.0; 2]);
         let (least, found) = minimised(&mut cost, begin.clone(), &[[0.1, 1.0]; 2], 160, 1e-7).unwrap();
-        assert!(least < 1.0 + 1e-4 && (found[0] - 0.3).abs() < 1e-2 && (found[1] + 0.05).abs() < 1e-2, "{found:?}");
+        assert!(
+            least < 1.0 + 1e-4 && (found[0] - 0.3).abs() < 1e-2 && (found[1] + 0.05).abs() < 1e-2,
+            "{found:?}"
+        );
         let (_, found) = minimised(&mut cost, begin.clone(), &[[0.1, 0.2]; 2], 160, 1e-7).unwrap();
         assert!(found[0] <= 0.2, "{found:?}");
         count = 0;

@@ -29,6 +29,8 @@ pub(crate) struct Trial<'c> {
 pub(crate) enum From<'l> {
     /// The network or the closed form.
     Start,
+    /// The same with one round of the support.
+    Brief,
     /// Layers in place of these, in the same way.
     Layers(&'l [Maps]),
     /// Another fit, whose support stays, for a number of iterations.
@@ -40,6 +42,7 @@ impl From<'_> {
     fn parts(&self) -> [usize; 2] {
         match self {
             From::Fit(_, iterations) => [0, *iterations],
+            From::Brief => [1, ITERATIONS[1]],
             _ => [ROUNDS, ITERATIONS[1]],
         }
     }
@@ -199,7 +202,7 @@ impl<'c> Trial<'c> {
         fit.take(&self.capture)?;
         fit.step = step;
         let layers = match from {
-            From::Start => self.starts.layers.clone(),
+            From::Start | From::Brief => self.starts.layers.clone(),
             From::Layers(layers) | From::Fit(layers, _) => layers.to_vec(),
         };
         let growth = Growth::new(&fit, Rounds { number: rounds, rings: 1 }, layers);

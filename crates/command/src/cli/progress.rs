@@ -60,7 +60,10 @@ impl Phase {
             Doing::Preview => format!("preview: {PREVIEW} shows a first picture after {:.1} s", p.seconds),
             Doing::Trial => format!("estimates: {:.0} %{left}", (100.0 * self.share).floor()),
             Doing::Search => {
-                format!("faults of the instrument: fit {} (--calibrate none leaves this search out)", p.iteration)
+                format!(
+                    "faults of the instrument: fit {} (--calibrate none leaves this search out)",
+                    p.iteration
+                )
             }
             Doing::Solve if is_closed_form(progress) => "closed form".into(),
             Doing::Solve if p.iteration == 0 => {

@@ -36,13 +36,17 @@ fn the_light_of_a_near_device_is_divided_only_where_it_is_there() {
     assert!(unused["settings"]["device_found"].is_null());
     assert!(iou(&named) > iou(&unused) + 0.1, "{} {}", iou(&named), iou(&unused));
 
-    // A position that a proper capture names proves nothing; one that is set divides, with a warning.
+    // A position that held-out pairs contradict is not used, and the verdict says so.
     let (proper, _) = solve("proper.npz", &[], "proper");
     assert!(proper["settings"]["device_found"].is_null());
     let (forced, _) = solve("proper.npz", &["--device-at=-0.5,0,0.25"], "forced");
-    assert!(law(&forced).is_some());
+    assert_eq!((law(&forced), &forced["settings"]["device_found"]["is_used"]), (None, &serde_json::json!(false)));
     let reasons = forced["verdict"]["reasons"].to_string();
-    assert!(forced["verdict"]["grade"] != "good" && reasons.contains("contradict the device"), "{reasons}");
+    assert!(
+        forced["verdict"]["grade"] == "fair" && reasons.contains("contradict it") && reasons.contains("device at"),
+        "{reasons}"
+    );
+    assert_eq!(iou(&forced), iou(&proper));
 
     fail(&["reconstruct", &at("proper.npz"), "--out", &at("x"), "--device-at=0,0,-1"], 1, "z > 0");
 }
