@@ -1,11 +1,12 @@
 """Trains the network: `train.py SCENES[:SHARE]... --out FOLDER --minutes N`, and goes on where it was. Writes FOLDER/weights.safetensors.
 
-It can be stopped and continued for ever: the rate stays, and the weights that are written are means over the last thousand steps."""
+It can be stopped (Ctrl-C) and continued for ever: the rate stays, and the weights that are written are means over the last thousand steps."""
 
 import argparse
 import collections
 import pathlib
 import random
+import signal
 import time
 from concurrent.futures import ThreadPoolExecutor
 
@@ -89,7 +90,7 @@ class Supply:
         self.given, self.used, self.looked = given, collections.Counter(used), -LOOK
         parts = [folder.rsplit(":", 1) if ":" in folder else (folder, 1) for folder in given.scenes]
         self.folders, self.shares = [folder for folder, _ in parts], [float(share) for _, share in parts]
-        self.found = []
+        self.found, self.fresh = [], 0
 
     def look(self):
         """Scenes of every folder that are there now."""
@@ -98,8 +99,12 @@ class Supply:
             if not any(map(len, self.found)):
                 Scenes(self.folders)
 
+    def uses(self):
+        """How often the scenes that are there were used."""
+        return {name: self.used[name] for name in (str(path) for data in self.found for path in data.found)}
+
     def names(self, count):
-        """What to see next. A scene is removed after its last use, but for the last ones of a folder."""
+        """What to see next, and whether it is removed then: not the last scenes of a folder."""
         self.look()
         some = [i for i, data in enumerate(self.found) if len(data)]
         chosen = []
@@ -107,19 +112,21 @@ class Supply:
             data = self.found[folder].found
             least = min(self.used[str(path)] for path in data)
             path = random.choice([path for path in data if self.used[str(path)] == least])
+            self.fresh += self.used[str(path)] == 0
             self.used[str(path)] += 1
-            chosen.append(path)
-            if self.given.uses and self.used[str(path)] >= self.given.uses and len(data) > 4 * self.given.batch:
+            leaves = self.given.uses and self.used[str(path)] >= self.given.uses and len(data) > 4 * self.given.batch
+            if leaves:
                 data.remove(path)
+            chosen.append((path, leaves))
         return chosen
 
     def batch(self, paths, crop):
         """Scenes, turned at random; or a quarter of the box of each."""
         scenes = []
-        for path in paths:
+        for path, leaves in paths:
             at = [random.randrange(0, network.SIDE // 2 + 1, 2) for _ in range(2)] if crop else None
             scenes.append(Scenes.read(path, at))
-            if self.given.uses and self.used[str(path)] >= self.given.uses:
+            if leaves:
                 remove(path)
         return [torch.stack([torch.as_tensor(scene[i]) for scene in scenes]) for i in range(4)]
 
@@ -134,10 +141,11 @@ class Supply:
 
 
 def begun(given, device):
-    """The network with the averaged weights, its optimiser, what is known of the training, and the uses of scenes."""
+    """The network, its optimiser, averaged weights, what is known of the training, and the uses of scenes. Of the training: steps, scenes that
+    were seen (a quarter of a box is a quarter), how many they are, and hours."""
     checkpoint = given.out / "checkpoint.pt"
     kept = torch.load(checkpoint, map_location=device) if checkpoint.exists() else None
-    about = {"step": 0, "seen": 0, "hours": 0.0}
+    about = {"step": 0, "seen": 0.0, "scenes": 0, "hours": 0.0}
     if given.start and not kept:
         net, said = network.load(given.start), network.said(given.start)
         about = {name: type(value)(said.get(name, value)) for name, value in about.items()}
@@ -164,18 +172,25 @@ def main():
         torch.set_num_threads(given.threads)
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     net, optimiser, mean, about, used = begun(given, device)
-    supply, checkpoint = Supply(given, used), given.out / "checkpoint.pt"
+    supply = Supply(given, used)
     given.out.mkdir(parents=True, exist_ok=True)
     parameters, operations = network.cost(type(net)(net.widths))
     print(f"{parameters} parameters, {operations / 1e9:.2f} GFLOP, from step {about['step']}, on {device}", flush=True)
+    asked = []
+    for by in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(by, lambda *_: asked.append(True))
+    spent, before = time.process_time(), about["seen"]
     first, begin, losses, hours = about["step"], time.monotonic(), [], about["hours"]
     for seen, kind, mask, depth in supply.batches():
-        is_last = about["step"] >= given.steps or time.monotonic() - begin > 60 * given.minutes
+        is_last = asked or about["step"] >= given.steps or time.monotonic() - begin > 60 * given.minutes
         if is_last or about["step"] % given.every == 0 and about["step"] > first:
             about["hours"] = hours + (time.monotonic() - begin) / 3600
-            write(given, net, optimiser, mean, about, dict(supply.used))
+            about["scenes"], supply.fresh = about["scenes"] + supply.fresh, 0
+            write(given, net, optimiser, mean, about, supply.uses())
+            each = (time.process_time() - spent) / max(about["seen"] - before, 1e-9)
             of = f", own IoU {measured(net, mean, given.unseen):.3f}" if given.unseen else ""
-            print(f"step {about['step']}: {about['seen']} scenes, loss {np.mean(losses[-given.every:] or 0):.4f}{of}, {60 * about['hours']:.0f} min", flush=True)
+            print(f"step {about['step']}: {about['seen']:.0f} scene-steps, {about['scenes']} scenes, loss {np.mean(losses[-given.every:] or 0):.4f}{of}, {60 * about['hours']:.0f} min, {each:.2f} CPU s a scene-step", flush=True)
+            spent, before = time.process_time(), about["seen"]
         if is_last:
             break
         # The moments of the optimiser are new after a change of machines: the rate rises each time.
@@ -188,7 +203,8 @@ def main():
         loss.backward()
         torch.nn.utils.clip_grad_norm_(net.parameters(), CLIP)
         optimiser.step()
-        about["step"], about["seen"] = about["step"] + 1, about["seen"] + len(mask)
+        about["step"] += 1
+        about["seen"] += len(mask) * mask[0].numel() / (2 * network.SIDE) ** 2
         losses.append(loss.item())
         share = min(DECAY, 1 - 10 / (about["step"] + 10))
         for name, values in net.state_dict().items():

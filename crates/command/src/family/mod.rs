@@ -471,7 +471,7 @@ fn conditions(case: &FamilyCase) -> String {
     }
     match s.dark {
         Dark::Fraction(dark) if dark > 0.0 => words += &format!(", dark {dark:.4}"),
-        Dark::Counts(dark) if dark > 0.0 => words += &format!(" over {dark:.1}"),
+        Dark::Counts(dark) if dark > 0.0 => words += &format!(", {dark:.1} dark a bin"),
         _ => {}
     }
     if let Some(mean) = s.pile_up {
