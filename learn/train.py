@@ -33,7 +33,7 @@ def arguments():
     parser.add_argument("--minutes", type=float, default=float("inf"), help="stop after these")
     parser.add_argument("--steps", type=int, default=1 << 40, help="stop after these, of all runs together")
     parser.add_argument("--batch", type=int, default=8)
-    parser.add_argument("--rate", type=float, default=1e-3)
+    parser.add_argument("--rate", type=float, default=2e-3)
     parser.add_argument("--crop", type=float, default=0, help="share of batches that see a quarter of the box, for a quarter of the time")
     parser.add_argument("--uses", type=int, help="remove scenes that were used this often")
     parser.add_argument("--unseen", nargs="+", default=[], help="folders of scenes to measure with at every checkpoint")
