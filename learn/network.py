@@ -3,6 +3,7 @@
 import torch
 import torch.nn as nn
 import torch.nn.functional as F
+from safetensors import safe_open
 from safetensors.torch import load_file, save_file
 
 # Voxels of the box along x and y, and along z; bands; kinds of pairs; the box's near end in walls. As `src/learned/sizes.rs`.
@@ -25,6 +26,7 @@ class Network(nn.Module):
 
     def __init__(self, widths=(8, 16, 32, 64), mask=32):
         super().__init__()
+        self.widths = tuple(widths)
         self.inp = nn.Conv3d(BANDS + KINDS + 1, widths[0], 3, padding=1)
         for i, width in enumerate(widths):
             self.add_module(f"e{i}", Block(width, width))
@@ -64,17 +66,92 @@ class Network(nn.Module):
         return depth, self.head(features)
 
 
+class Once(nn.Module):
+    """Half a block: one convolution beside what comes in."""
+
+    def __init__(self, width):
+        super().__init__()
+        self.a, self.na = nn.Conv3d(width, width, 3, padding=1), nn.GroupNorm(4, width)
+
+    def forward(self, x):
+        return F.silu(self.na(self.a(x)) + x)
+
+
+class Half(nn.Module):
+    """As [`Network`], with voxels of 2 x 2 x 2 as channels of one: no layer works on all voxels. 3.8 GFLOP instead of 14.5."""
+
+    def __init__(self, widths=(16, 32, 64), mask=48):
+        super().__init__()
+        self.widths = tuple(widths)
+        self.inp = nn.Conv3d(8 * BANDS + KINDS + 1, widths[0], 1)
+        for i, width in enumerate(widths):
+            self.add_module(f"e{i}", Block(width, width))
+        for i, (fine, coarse) in enumerate(zip(widths, widths[1:])):
+            self.add_module(f"d{i + 1}", nn.Conv3d(fine, coarse, 2, 2))
+            self.add_module(f"u{i}", nn.ConvTranspose3d(coarse, fine, 2, 2))
+            self.add_module(f"f{i}", Once(fine))
+        self.depth = nn.Conv3d(widths[0], 8, 1)
+        self.m0 = nn.Conv2d(5 * widths[0] + 8, mask, 3, padding=1)
+        self.m1, self.m2 = (nn.Conv2d(mask, mask, 3, padding=1) for _ in range(2))
+        self.m3 = nn.Conv2d(mask, 16, 3, padding=1)
+
+    def forward(self, bands, kind):
+        n, _, x, y, z = bands.shape
+        voxels = bands.view(n, BANDS, x // 2, 2, y // 2, 2, z // 2, 2).permute(0, 1, 3, 5, 7, 2, 4, 6).flatten(1, 4)
+        box = voxels.shape[2:]
+        of = F.one_hot(kind, KINDS).to(bands.dtype)[:, :, None, None, None].expand(-1, -1, *box)
+        deep = torch.linspace(-1, 1, box[2], device=bands.device, dtype=bands.dtype).expand(n, 1, *box)
+        seen = torch.cat([voxels, of, deep], 1).contiguous(memory_format=torch.channels_last_3d)
+        x0 = self.e0(self.inp(seen))
+        x1 = self.e1(self.d1(x0))
+        y1 = self.f1(self.u1(self.e2(self.d2(x1))) + x1)
+        y0 = self.f0(self.u0(y1) + x0)
+        # [scene, x, y, z of a voxel's halves, x, y, z].
+        depth = self.depth(y0).float().unflatten(1, (2, 2, 2))
+        columns = torch.logsumexp(depth, 3).flatten(1, 2)
+        mean = torch.einsum("nfxyz,ncxyz->ncfxy", y0.float(), columns.softmax(-1)).flatten(1, 2)
+        f = torch.cat([mean, y0.amax(-1).float(), columns.amax(-1), torch.logsumexp(columns, -1)], 1)
+        f = F.silu(self.m0(f))
+        f = f + F.silu(self.m1(f))
+        f = f + F.silu(self.m2(f))
+        return depth.permute(0, 4, 1, 5, 2, 6, 3).reshape(n, x, y, z), F.pixel_shuffle(self.m3(f), 4)[:, 0].float()
+
+
 def load(path):
     """The network of a file of weights, whose shapes give its widths."""
     kept = {name: values.float() for name, values in load_file(path).items()}
-    net = Network([len(kept[f"e{i}.a.bias"]) for i in range(4)], len(kept["m1.bias"]))
+    levels = [f"e{i}.a.bias" for i in range(4)]
+    of = Network if levels[3] in kept else Half
+    net = of([len(kept[name]) for name in levels if name in kept], len(kept["m1.bias"]))
     net.load_state_dict(kept)
     return net
 
 
-def save(state, path):
-    """Writes weights in half precision, as the engine reads them."""
-    save_file({name: values.detach().cpu().half().contiguous() for name, values in state.items()}, path)
+def save(state, path, about=None):
+    """Writes weights in half precision, as the engine reads them, and words about them."""
+    halves = {name: values.detach().cpu().half().contiguous() for name, values in state.items()}
+    save_file(halves, path, {name: str(value) for name, value in (about or {}).items()})
+
+
+def said(path):
+    """The words in a file of weights."""
+    with safe_open(path, "pt") as file:
+        return file.metadata() or {}
+
+
+def cost(net):
+    """Parameters, and floating-point operations of one answer: two of each product."""
+    count = [0]
+
+    def layer(of, given, answer):
+        per = of.weight[0].numel() if not isinstance(of, nn.ConvTranspose3d) else of.weight.shape[0]
+        count[0] += 2 * answer.numel() * per
+
+    hooks = [m.register_forward_hook(layer) for m in net.modules() if isinstance(m, (nn.Conv2d, nn.Conv3d, nn.ConvTranspose3d))]
+    with torch.no_grad():
+        net(torch.zeros(1, BANDS, SIDE, SIDE, DEEP), torch.zeros(1, dtype=torch.long))
+    [hook.remove() for hook in hooks]
+    return sum(p.numel() for p in net.parameters()), count[0]
 
 
 def most_probable(depth):

@@ -1,35 +1,48 @@
-"""Trains the network: `train.py SCENES... --out FOLDER`. Resumes from FOLDER/checkpoint.pt if it exists. Writes FOLDER/weights.safetensors."""
+"""Trains the network: `train.py SCENES[:SHARE]... --out FOLDER --minutes N`, and goes on where it was. Writes FOLDER/weights.safetensors.
+
+It can be stopped (Ctrl-C) and continued for ever: the rate stays, and the weights that are written are means over the last thousand steps."""
 
 import argparse
-import math
+import collections
 import pathlib
+import random
+import signal
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import torch
 import torch.nn.functional as F
 
 import network
-from scenes import Scenes
+from evaluate import measured
+from scenes import Scenes, remove
 
-WARM, CLIP, DECAY = 100, 1.0, 0.999  # steps of a rising rate; largest norm of a gradient; averaging of weights
+# Steps of a rising rate; largest norm of a gradient; averaging of weights; seconds between looks for new scenes; batches read ahead.
+WARM, CLIP, DECAY, LOOK, AHEAD = 100, 1.0, 0.999, 20, 2
+START = pathlib.Path(__file__).with_name("start.safetensors")
 
 
 def arguments():
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("scenes", nargs="+", help="folders of scenes to train on")
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scenes", nargs="+", help="folders of scenes to train on, each with its share of them all (1): drawn:3. New scenes are found")
     parser.add_argument("--out", required=True, type=pathlib.Path)
-    parser.add_argument("--steps", type=int, default=5000)
-    parser.add_argument("--batch", type=int, default=16)
-    parser.add_argument("--rate", type=float, default=2e-3, help="largest learning rate; 6e-4 to go on from trained weights")
-    parser.add_argument("--from", dest="start", help="weights.safetensors to begin with")
-    parser.add_argument("--head", action="store_true", help="train the layers of the mask alone; needs --from")
-    parser.add_argument("--every", type=int, default=200, help="steps between checkpoints")
-    parser.add_argument("--widths", type=int, nargs=4, default=(8, 16, 32, 64))
-    parser.add_argument("--workers", type=int, default=2, help="processes that read scenes")
+    parser.add_argument("--resume", action="store_true", help=f"begin with {START.name} of this folder where OUT has no checkpoint")
+    parser.add_argument("--from", dest="start", type=pathlib.Path, help="weights.safetensors to begin with")
+    parser.add_argument("--full", action="store_true", help="train the network of the engine, which works on all voxels")
+    parser.add_argument("--minutes", type=float, default=float("inf"), help="stop after these")
+    parser.add_argument("--steps", type=int, default=1 << 40, help="stop after these, of all runs together")
+    parser.add_argument("--batch", type=int, default=8)
+    parser.add_argument("--rate", type=float, default=2e-3)
+    parser.add_argument("--crop", type=float, default=0, help="share of batches that see a quarter of the box, for a quarter of the time")
+    parser.add_argument("--uses", type=int, help="remove scenes that were used this often")
+    parser.add_argument("--unseen", nargs="+", default=[], help="folders of scenes to measure with at every checkpoint")
+    parser.add_argument("--every", type=int, default=100, help="steps between checkpoints")
+    parser.add_argument("--widths", type=int, nargs="+")
+    parser.add_argument("--threads", type=int, help="of the processor")
     given = parser.parse_args()
-    if given.head and not given.start:
-        parser.error("--head needs --from")
+    if given.resume and START.exists():
+        given.start = given.start or START
     return given
 
 
@@ -70,89 +83,142 @@ def mirrored(volume, *maps):
     return volume, *maps
 
 
-class Features(torch.utils.data.Dataset):
-    """The scenes as the head sees them, computed once."""
+class Supply:
+    """Scenes of folders by their shares, those first that were used least."""
 
-    def __init__(self, scenes, net, device, folder):
-        self.scenes = scenes
-        folder.mkdir(parents=True, exist_ok=True)
-        self.files = [folder / f"{scenes.seed(i)}.npy" for i in range(len(scenes))]
-        for i, file in enumerate(self.files):
-            if not file.exists():
-                bands, kind, *_ = scenes[i]
-                with torch.no_grad():
-                    seen, _ = net.features(bands[None].float().to(device), torch.tensor([kind], device=device))
-                np.save(file, seen[0].half().cpu().numpy())
+    def __init__(self, given, used):
+        self.given, self.used, self.looked = given, collections.Counter(used), -LOOK
+        parts = [folder.rsplit(":", 1) if ":" in folder else (folder, 1) for folder in given.scenes]
+        self.folders, self.shares = [folder for folder, _ in parts], [float(share) for _, share in parts]
+        self.found, self.fresh = [], 0
 
-    def __len__(self):
-        return len(self.files)
+    def look(self):
+        """Scenes of every folder that are there now."""
+        if time.monotonic() - self.looked > LOOK:
+            self.found, self.looked = [Scenes([folder], few=True) for folder in self.folders], time.monotonic()
+            if not any(map(len, self.found)):
+                Scenes(self.folders)
 
-    def __getitem__(self, i):
-        kind, mask, depth = self.scenes.truth(i)
-        return torch.from_numpy(np.load(self.files[i])), kind, torch.from_numpy(mask), torch.from_numpy(depth)
+    def uses(self):
+        """How often the scenes that are there were used."""
+        return {name: self.used[name] for name in (str(path) for data in self.found for path in data.found)}
+
+    def names(self, count):
+        """What to see next, and whether it is removed then: not the last scenes of a folder."""
+        self.look()
+        some = [i for i, data in enumerate(self.found) if len(data)]
+        chosen = []
+        for folder in random.choices(some, [self.shares[i] for i in some], k=count):
+            data = self.found[folder].found
+            least = min(self.used[str(path)] for path in data)
+            path = random.choice([path for path in data if self.used[str(path)] == least])
+            self.fresh += self.used[str(path)] == 0
+            self.used[str(path)] += 1
+            leaves = self.given.uses and self.used[str(path)] >= self.given.uses and len(data) > 4 * self.given.batch
+            if leaves:
+                data.remove(path)
+            chosen.append((path, leaves))
+        return chosen
+
+    def batch(self, paths, crop):
+        """Scenes, turned at random; or a quarter of the box of each."""
+        scenes = []
+        for path, leaves in paths:
+            at = [random.randrange(0, network.SIDE // 2 + 1, 2) for _ in range(2)] if crop else None
+            scenes.append(Scenes.read(path, at))
+            if leaves:
+                remove(path)
+        return [torch.stack([torch.as_tensor(scene[i]) for scene in scenes]) for i in range(4)]
+
+    def batches(self):
+        """Endless batches, read ahead."""
+        with ThreadPoolExecutor(1) as pool:
+            waiting = collections.deque()
+            while True:
+                while len(waiting) < AHEAD:
+                    waiting.append(pool.submit(self.batch, self.names(self.given.batch), random.random() < self.given.crop))
+                yield waiting.popleft().result()
 
 
-def batches(data, given, step):
-    """Endless batches in a new order each time round, from the one that follows this many steps."""
-    per = max(1, len(data) // given.batch)
-    for around in range(step // per, 1 << 30):
-        order = torch.randperm(len(data), generator=torch.Generator().manual_seed(around)).tolist()
-        order = order[(step % per) * given.batch if around == step // per else 0 : per * given.batch]
-        yield from torch.utils.data.DataLoader(data, given.batch, sampler=order, num_workers=given.workers)
-
-
-def main():
-    given = arguments()
-    torch.manual_seed(0)
-    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-    net = network.load(given.start) if given.start else network.Network(given.widths)
+def begun(given, device):
+    """The network, its optimiser, averaged weights, what is known of the training, and the uses of scenes. Of the training: steps, scenes that
+    were seen (a quarter of a box is a quarter), how many they are, and hours."""
+    checkpoint = given.out / "checkpoint.pt"
+    kept = torch.load(checkpoint, map_location=device) if checkpoint.exists() else None
+    about = {"step": 0, "seen": 0.0, "scenes": 0, "hours": 0.0}
+    if given.start and not kept:
+        net, said = network.load(given.start), network.said(given.start)
+        about = {name: type(value)(said.get(name, value)) for name, value in about.items()}
+    else:
+        of = network.Network if given.full else network.Half
+        net = of(given.widths) if given.widths else of()
+    if kept:
+        net.load_state_dict(kept["net"])
+        about = kept["about"]
     net = net.to(device)
     # Half the time of a step on CPUs.
     for p in net.parameters():
         p.data = p.data.contiguous(memory_format=torch.channels_last_3d) if p.dim() == 5 else p.data
-    data = Scenes(given.scenes)
-    if given.head:
-        data = Features(data, net, device, given.out / "features")
-    learned = [p for name, p in net.named_parameters() if not given.head or name[:2] in ("m0", "m1", "m2", "m3")]
-    optimiser = torch.optim.AdamW(learned, lr=given.rate, weight_decay=1e-2, betas=(0.9, 0.98))
-    mean = {name: values.detach().clone() for name, values in net.state_dict().items()}
-    checkpoint, step = given.out / "checkpoint.pt", 0
-    if checkpoint.exists():
-        kept = torch.load(checkpoint, map_location=device)
-        net.load_state_dict(kept["net"])
+    optimiser = torch.optim.AdamW(net.parameters(), lr=given.rate, weight_decay=1e-2, betas=(0.9, 0.98))
+    if kept:
         optimiser.load_state_dict(kept["optimiser"])
-        mean, step = kept["mean"], kept["step"]
-    print(f"{len(data)} scenes, {sum(p.numel() for p in learned)} parameters, from step {step}, on {device}", flush=True)
+    mean = kept["mean"] if kept else {name: values.detach().clone() for name, values in net.state_dict().items()}
+    return net, optimiser, mean, about, kept["used"] if kept else {}
+
+
+def main():
+    given = arguments()
+    if given.threads:
+        torch.set_num_threads(given.threads)
+    device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+    net, optimiser, mean, about, used = begun(given, device)
+    supply = Supply(given, used)
     given.out.mkdir(parents=True, exist_ok=True)
-    begin, losses = time.time(), []
-    for seen, kind, mask, depth in batches(data, given, step):
-        if step >= given.steps:
+    parameters, operations = network.cost(type(net)(net.widths))
+    print(f"{parameters} parameters, {operations / 1e9:.2f} GFLOP, from step {about['step']}, on {device}", flush=True)
+    asked = []
+    for by in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(by, lambda *_: asked.append(True))
+    spent, before = time.process_time(), about["seen"]
+    first, begin, losses, hours = about["step"], time.monotonic(), [], about["hours"]
+    for seen, kind, mask, depth in supply.batches():
+        is_last = asked or about["step"] >= given.steps or time.monotonic() - begin > 60 * given.minutes
+        if is_last or about["step"] % given.every == 0 and about["step"] > first:
+            about["hours"] = hours + (time.monotonic() - begin) / 3600
+            about["scenes"], supply.fresh = about["scenes"] + supply.fresh, 0
+            write(given, net, optimiser, mean, about, supply.uses())
+            each = (time.process_time() - spent) / max(about["seen"] - before, 1e-9)
+            of = f", own IoU {measured(net, mean, given.unseen):.3f}" if given.unseen else ""
+            print(f"step {about['step']}: {about['seen']:.0f} scene-steps, {about['scenes']} scenes, loss {np.mean(losses[-given.every:] or 0):.4f}{of}, {60 * about['hours']:.0f} min, {each:.2f} CPU s a scene-step", flush=True)
+            spent, before = time.process_time(), about["seen"]
+        if is_last:
             break
-        rate = given.rate * min(1, (step + 1) / WARM) * (0.5 + 0.5 * math.cos(math.pi * step / given.steps))
-        optimiser.param_groups[0]["lr"] = rate
+        # The moments of the optimiser are new after a change of machines: the rate rises each time.
+        optimiser.param_groups[0]["lr"] = given.rate * min(1, (about["step"] - first + 1) / WARM)
         seen, mask, depth = mirrored(seen.to(device).float(), mask.to(device), depth.to(device))
         with torch.autocast(device.type, torch.bfloat16, enabled=halves(device)):
-            if given.head:
-                loss = mask_loss(net.head(seen), mask)
-            else:
-                seen = seen.contiguous(memory_format=torch.channels_last_3d)
-                of_depth, of_mask = net(seen, kind.to(device))
-                loss = mask_loss(of_mask, mask) + 0.15 * depth_loss(of_depth, mask, depth)
+            of_depth, of_mask = net(seen.contiguous(memory_format=torch.channels_last_3d), kind.to(device))
+        loss = mask_loss(of_mask, mask) + 0.15 * depth_loss(of_depth, mask, depth)
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
-        torch.nn.utils.clip_grad_norm_(learned, CLIP)
+        torch.nn.utils.clip_grad_norm_(net.parameters(), CLIP)
         optimiser.step()
-        step += 1
+        about["step"] += 1
+        about["seen"] += len(mask) * mask[0].numel() / (2 * network.SIDE) ** 2
         losses.append(loss.item())
-        share = max(0.0, min(DECAY, 1 - 10 / (step + 1))) if step > 20 else 0.0
+        share = min(DECAY, 1 - 10 / (about["step"] + 10))
         for name, values in net.state_dict().items():
             mean[name].lerp_(values, 1 - share)
-        if step % given.every == 0 or step == given.steps:
-            print(f"step {step}: loss {np.mean(losses[-given.every:]):.4f}, {time.time() - begin:.0f} s", flush=True)
-            kept = {"net": net.state_dict(), "optimiser": optimiser.state_dict(), "mean": mean, "step": step}
-            torch.save(kept, checkpoint.with_suffix(".new"))
-            checkpoint.with_suffix(".new").replace(checkpoint)
-            network.save(mean, given.out / "weights.safetensors")
+
+
+def write(given, net, optimiser, mean, about, used):
+    """Writes the checkpoint and the averaged weights, each at once."""
+    kept = {"net": net.state_dict(), "optimiser": optimiser.state_dict(), "mean": mean, "about": about, "used": used}
+    checkpoint, weights = given.out / "checkpoint.pt", given.out / "weights.safetensors"
+    torch.save(kept, checkpoint.with_suffix(".new"))
+    network.save(mean, weights.with_suffix(".new"), about)
+    for file in (checkpoint, weights):
+        file.with_suffix(".new").replace(file)
 
 
 if __name__ == "__main__":

@@ -20,6 +20,9 @@ use crate::json::write_json;
 pub struct GenerationOptions {
     /// Coarsely, as [`FamilyCase::coarse`].
     pub coarse: bool,
+    /// The scenes of [`FamilyCase::measured`].
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub measured: bool,
     /// Exactly and without room, as [`FamilyCase::ideal`].
     pub ideal: bool,
     /// Scan points per side; `None`: as the family has them.
@@ -119,8 +122,8 @@ fn scene(what: &Generation, seed: u64) -> Result<bool> {
     if is_whole && said.is_some_and(|said| said.options == what.options) {
         return Ok(false);
     }
-    let GenerationOptions { coarse, ideal, scan, empty } = what.options;
-    let case = FamilyCase::of(seed);
+    let GenerationOptions { coarse, measured, ideal, scan, empty } = what.options;
+    let case = if measured { FamilyCase::measured(seed) } else { FamilyCase::of(seed) };
     let case = scan.map_or(case.clone(), |scan| case.scanned(scan));
     let case = if ideal { case.ideal() } else { case };
     let case = if coarse { case.coarse() } else { case };

@@ -27,25 +27,31 @@ use super::{interrupt, tables};
 #[command(after_help = scenes())]
 pub struct SimulateArgs {
     /// A built-in scene (listed below), or the path of a .obj or .ply mesh
-    #[arg(required_unless_present = "family")]
+    #[arg(required_unless_present_any = ["family", "measured"])]
     scene: Option<String>,
     /// Capture to write: .npz, or .hdf5 for y-tal. With --family a folder
     #[arg(long, value_name = "CAPTURE")]
     out: PathBuf,
     /// Random scenes of the seeds from A to B - 1, each measured in a random way, for training. Of seed 7, the folder gets the
     /// capture c7.npz, the truth t7.npz, and last s7.json, a description. Seeds that are there already are left alone
-    #[arg(long, value_name = "A..B", value_parser = seeds, conflicts_with_all = ["scene", "fit", "moving", "truth", "truth_resolution",
+    #[arg(long, value_name = "A..B", group = "seeds", value_parser = seeds, conflicts_with_all = ["scene", "fit", "moving", "truth", "truth_resolution",
         "pairs", "point", "grid", "wall_shape", "wall", "bin_width", "bins", "reflectance", "occlusion", "albedo", "pulse", "pile_up",
         "spot", "device_at", "photons", "dark", "seed", "noise"])]
     family: Option<Range<u64>>,
-    /// Render scenes of --family coarsely: in hundredths of a second
-    #[arg(long, requires = "family", conflicts_with = "scene")]
+    /// As --family, but letters, plates, figures and the like in the light of published captures: their counts, background, scan, bins and
+    /// impulse response, with gains of points, masked points, and photons that bins miss
+    #[arg(long, value_name = "A..B", group = "seeds", value_parser = seeds, conflicts_with_all = ["scene", "fit", "moving", "truth",
+        "truth_resolution", "pairs", "point", "grid", "wall_shape", "wall", "bin_width", "bins", "reflectance", "occlusion", "albedo",
+        "pulse", "pile_up", "spot", "device_at", "photons", "dark", "seed", "noise"])]
+    measured: Option<Range<u64>>,
+    /// Render scenes of --family or --measured coarsely: in hundredths of a second
+    #[arg(long, requires = "seeds", conflicts_with = "scene")]
     coarse: bool,
-    /// Measure scenes of --family exactly, and without room: no noise, no impulse response, no other light
-    #[arg(long, requires = "family", conflicts_with = "scene")]
+    /// Measure scenes of --family or --measured exactly, and without room: no noise, no impulse response, no other light
+    #[arg(long, requires = "seeds", conflicts_with = "scene")]
     ideal: bool,
-    /// Also write what the learned start sees of scenes of --family: i7.npy, float16 [5][64][64][96]
-    #[arg(long, requires = "family", conflicts_with = "scene")]
+    /// Also write what the learned start sees of scenes of --family or --measured: i7.npy, float16 [5][64][64][96]
+    #[arg(long, requires = "seeds", conflicts_with = "scene")]
     inputs: bool,
     /// Scale the scene about its centre so that its largest side is this long. A mesh is turned so that its +z side faces the wall, and
     /// centred at z = 0.8 m [default: a mesh keeps its metres, and its place if it is in front of the wall, z > 0]
@@ -64,7 +70,7 @@ pub struct SimulateArgs {
     #[arg(long, value_name = "POWER,RIPPLE", allow_hyphen_values = true, requires = "empty_out")]
     empty_drift: Option<String>,
     /// A mesh or a built-in scene that is the room of SCENE: the capture shows both, that of --empty-out the room alone
-    #[arg(long, value_name = "ROOM", conflicts_with = "family")]
+    #[arg(long, value_name = "ROOM", conflicts_with = "seeds")]
     room: Option<String>,
     /// Let the scene move on a circle, except its room, and write N frames to the folder CAPTURE: frame-0000.npz and so on, with
     /// --truth their truths to the folder TRUTH.npz
@@ -82,13 +88,13 @@ pub struct SimulateArgs {
     /// First frame, from 0, in which the last object of the scene is gone
     #[arg(long, value_name = "N", requires = "moving")]
     vanish: Option<usize>,
-    /// Also write true depth, normals and mask, to this file
+    /// Also write true depth, normals, albedo and mask, to this file
     #[arg(long, value_name = "TRUTH.npz")]
     truth: Option<PathBuf>,
     /// Pixels per side of the truth
     #[arg(long, value_name = "N", default_value_t = DEFAULT_RESOLUTION)]
     truth_resolution: usize,
-    /// Scan points per side [default: 32; of --family random]
+    /// Scan points per side [default: 32; of --family and --measured random]
     #[arg(long, value_name = "N")]
     scan: Option<usize>,
     /// How laser and sensor points are paired. confocal: both at every scan point; one-laser, one-sensor: one of them
@@ -233,7 +239,7 @@ fn scenes() -> String {
 }
 
 pub fn run(args: &SimulateArgs) -> Result<ExitCode> {
-    if let Some(seeds) = &args.family {
+    if let Some(seeds) = args.family.as_ref().or(args.measured.as_ref()) {
         return family(args, seeds.clone());
     }
     let simulation = simulation(args)?;
@@ -264,9 +270,19 @@ pub fn scene_of(file: &Path) -> Result<Simulation> {
     let lines = text.lines().map(|line| line.split('#').next().unwrap_or_default());
     let mut words: Vec<String> = lines.flat_map(str::split_whitespace).map(String::from).collect();
     let is_own = |word: &String| {
-        ["--out", "--truth", "--empty-out", "--moving", "--circle", "--appear", "--vanish", "--family"]
-            .iter()
-            .any(|own| word.starts_with(own))
+        [
+            "--out",
+            "--truth",
+            "--empty-out",
+            "--moving",
+            "--circle",
+            "--appear",
+            "--vanish",
+            "--family",
+            "--measured",
+        ]
+        .iter()
+        .any(|own| word.starts_with(own))
     };
     if let Some(word) = words.iter().find(|word| is_own(word)) {
         return Err(at(Error::input(
@@ -343,7 +359,13 @@ fn family(args: &SimulateArgs, seeds: Range<u64>) -> Result<ExitCode> {
     let empty = args.empty_out.as_ref().map(|_| empty_room(args)).transpose()?;
     let empty = empty.map(|EmptyRoom { share, power, ripple }| [share, power, ripple]);
     let generation = Generation {
-        options: GenerationOptions { coarse: args.coarse, ideal: args.ideal, scan: args.scan, empty },
+        options: GenerationOptions {
+            coarse: args.coarse,
+            measured: args.measured.is_some(),
+            ideal: args.ideal,
+            scan: args.scan,
+            empty,
+        },
         seeds,
         inputs: args.inputs,
         out: args.out.clone(),

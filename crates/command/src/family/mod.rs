@@ -2,12 +2,14 @@
 //! they cannot be tuned to.
 
 mod dice;
+mod measured;
 mod things;
 
 use std::f64::consts::TAU;
 
 use dice::{Dice, one_at};
 use glam::{DVec2, DVec3, dvec2, dvec3};
+pub use measured::Losses;
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 use thirdbounce::capture::{Capture, Pulse};
@@ -95,6 +97,8 @@ pub struct FamilyCase {
     pub hide_pulse: bool,
     /// Leave the number of laser pulses out of the file, if there is pile-up.
     pub hide_cycles: bool,
+    /// What the instrument loses of the light.
+    pub losses: Losses,
     /// How it is rendered.
     pub render: RenderOptions,
     /// What it is, in a few words.
@@ -119,6 +123,7 @@ impl FamilyCase {
             ambient: 0.0,
             hide_pulse: false,
             hide_cycles: false,
+            losses: Losses::default(),
             render,
             words,
         }
@@ -159,7 +164,9 @@ impl FamilyCase {
         let [hide_pulse, hide_cycles] = [0.6, 0.5].map(|share| dice.so_often(share));
         let back = back.map(|z| z * scene.wall);
         let render = RenderOptions { noise: 0.02, max_samples: 1 << 17, seed: scene.seed, coarse: None };
-        let mut case = FamilyCase { scene, parts, back, ambient, hide_pulse, hide_cycles, render, words };
+        let losses = Losses::default();
+        let mut case =
+            FamilyCase { scene, parts, back, ambient, hide_pulse, hide_cycles, losses, render, words };
         case.words = format!("{}; {}", conditions(&case), case.words);
         case
     }
@@ -177,7 +184,7 @@ impl FamilyCase {
     /// The same things alone, without room, measured exactly: no noise, no light of the room, no impulse response.
     pub fn ideal(mut self) -> FamilyCase {
         self.scene.objects.truncate(self.parts);
-        (self.back, self.ambient) = (None, 0.0);
+        (self.back, self.ambient, self.losses) = (None, 0.0, Losses::default());
         let Scene { photons, dark, pile_up, pulse, .. } = &mut self.scene;
         (*photons, *dark, *pile_up, *pulse) = (None, Dark::Counts(0.0), None, None);
         self.described()
@@ -226,10 +233,11 @@ impl FamilyCase {
             Some(how) => self.light_of_room(&lit, strongest)?.map(|room| how.measured(room, exposure, seed)),
             None => None,
         };
-        let capture = match exposure {
+        let mut capture = match exposure {
             Some(exposure) => exposure.draw(&lit, seed),
             None => lit,
         };
+        self.losses.take(&mut capture, seed);
         Ok((self.recorded(capture), room.map(|room| self.recorded(room))))
     }
 
@@ -259,6 +267,7 @@ impl FamilyCase {
         let mut capture = simulate(&self.exact(), &self.render)?.capture;
         let strongest = f64::from(capture.histograms.iter().copied().fold(0.0, f32::max));
         self.add_ambient(&mut capture, strongest);
+        self.losses.weaken(&mut capture, self.scene.seed);
         Ok((capture, strongest))
     }
 
@@ -460,13 +469,13 @@ fn conditions(case: &FamilyCase) -> String {
     if case.ambient > 0.0 {
         words += &format!(", ambient {:.4}", case.ambient);
     }
-    if let Dark::Fraction(dark) = s.dark
-        && dark > 0.0
-    {
-        words += &format!(", dark {dark:.4}");
+    match s.dark {
+        Dark::Fraction(dark) if dark > 0.0 => words += &format!(", dark {dark:.4}"),
+        Dark::Counts(dark) if dark > 0.0 => words += &format!(", {dark:.1} dark a bin"),
+        _ => {}
     }
     if let Some(mean) = s.pile_up {
         words += &format!(", pile-up {mean:.2}{}", hidden(case.hide_cycles));
     }
-    words
+    words + &case.losses.words()
 }

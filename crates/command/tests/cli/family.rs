@@ -60,6 +60,29 @@ fn scenes_to_measure_with_never_change() {
 }
 
 #[test]
+fn measured_scenes_are_written_as_those_of_the_family() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let out = folder.path().display().to_string();
+    let command = ["simulate", "--measured", "5..7", "--scan", "8", "--coarse", "--inputs", "--out", &out];
+    assert!(succeed(&command).contains("2 scenes, 0 were there, 0 left out"));
+    assert!(succeed(&command).contains("0 scenes, 2 were there, 0 left out"));
+    let case = FamilyCase::measured(5).scanned(8).coarse();
+    let file = |name: &str| folder.path().join(format!("{name}5.npz"));
+    let (capture, truth) = (read(&file("c")).expect("a capture"), read_truth(&file("t")).expect("a truth"));
+    assert!(capture.integer_counts && capture.pulse.is_none());
+    let exact = case.truth().expect("a truth");
+    assert!(truth.mask == exact.mask && truth.albedo.expect("albedo").iter().any(|albedo| *albedo > 0.0));
+    let said = std::fs::read_to_string(folder.path().join("s5.json")).expect("a description");
+    assert!(said.contains(&case.words) && folder.path().join("i5.npy").exists(), "{said}");
+    // Scenes of the same seeds of the family are others.
+    assert!(
+        succeed(&[&["simulate", "--family", "5..7"], &command[3..]].concat())
+            .contains("2 scenes, 0 were there")
+    );
+    fail(&["simulate", "--measured", "5..7", "--family", "5..7", "--out", &out], 2, "--family");
+}
+
+#[test]
 fn scenes_to_train_on_are_written_once() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().display().to_string();

@@ -40,7 +40,7 @@ pub fn two_steps_train_what_the_engine_reads(python: &Path) {
         assert!(said.status.success(), "{}: {errors}", script.display());
         String::from_utf8(said.stdout).expect("text")
     };
-    let few = ["--batch", "1", "--workers", "0", "--widths", "4", "4", "8", "8"];
+    let few = ["--batch", "1", "--full", "--widths", "4", "4", "8", "8"];
     let train = |more: &[&str]| learn("train.py", &[&[&*scenes, "--out", &out], &few[..], more].concat());
     assert!(train(&["--steps", "1"]).contains("from step 0"));
     assert!(train(&["--steps", "2"]).contains("from step 1"));
@@ -65,11 +65,15 @@ pub fn two_steps_train_what_the_engine_reads(python: &Path) {
             assert!((found - column[3]).abs() < 2e-3, "depth at {column:?}: {found}");
         }
     }
-    // The layers of the mask alone: what the volume's layers are stays.
-    let head = at("head");
-    let on = [&*scenes, "--out", &head, "--from", &weights, "--head", "--steps", "1"];
-    learn("train.py", &[&on[..], &few[..4]].concat());
-    let measured = learn("evaluate.py", &[&at("head/weights.safetensors"), &scenes]);
+    // At half resolution, on quarters of the box, then on weights that a file has; scenes that were used twice leave, but for the last ones.
+    let (half, more, shared) = (at("half"), at("more"), format!("{scenes}:2"));
+    let few = ["--batch", "1", "--uses", "2", "--widths", "4", "4", "8"];
+    learn("train.py", &[&[&*shared, "--out", &half, "--crop", "1", "--steps", "2"], &few[..]].concat());
+    let weights = at("half/weights.safetensors");
+    let on = [&*scenes, "--out", &more, "--from", &weights, "--steps", "3", "--unseen", &scenes];
+    let said = learn("train.py", &[&on[..], &few[..]].concat());
+    assert!(said.contains("from step 2") && said.contains("step 3: ") && said.contains("own IoU"), "{said}");
+    let measured = learn("evaluate.py", &[&at("more/weights.safetensors"), &scenes]);
     assert!(measured.contains("100001") && measured.contains("reliability"), "{measured}");
 }
 
