@@ -862,6 +862,7 @@ pub struct Truth {
     pub depth: Vec<f32>,
     pub normal: Vec<[f32; 3]>,
     pub mask: Vec<bool>,
+    pub albedo: Option<Vec<f32>>,
     pub behind: Option<Layer>,
 }
 impl Truth {

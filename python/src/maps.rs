@@ -87,10 +87,11 @@ pub fn dictionary<'py>(py: Python<'py>, maps: Maps) -> PyResult<Bound<'py, PyDic
     Ok(made)
 }
 
-/// Truth as a dictionary of the same form: its albedo is 1 where there is surface.
+/// Truth as a dictionary of the same form: its albedo is 1 where there is surface, unless it is known.
 pub fn truth<'py>(py: Python<'py>, truth: Truth) -> PyResult<Bound<'py, PyDict>> {
-    let albedo = truth.mask.iter().map(|m| f32::from(u8::from(*m))).collect();
-    let Truth { nx, ny, extent, depth, normal, mask, behind } = truth;
+    let Truth { nx, ny, extent, depth, normal, mask, albedo, behind } = truth;
+    let of = |pixel: usize| albedo.as_ref().map_or(1.0, |albedo| albedo[pixel]);
+    let albedo = mask.iter().enumerate().map(|(pixel, m)| if *m { of(pixel) } else { 0.0 }).collect();
     dictionary(
         py,
         Maps {
@@ -176,7 +177,7 @@ pub fn evaluate(
     guarded(py, None, || {
         let (mut maps, truth) = (arrays.maps()?, truth.maps()?);
         let Maps { nx, ny, extent, depth, normal, mask, behind, .. } = truth;
-        let truth = Truth { nx, ny, extent, depth, normal, mask, behind };
+        let truth = Truth { nx, ny, extent, depth, normal, mask, albedo: None, behind };
         packed(serde_json::to_string(&engine::job::evaluate_maps(&mut maps, &truth, mask_fraction)?))
     })
 }

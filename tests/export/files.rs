@@ -126,11 +126,13 @@ fn truth_comes_back() {
         depth: m.depth,
         normal: m.normal,
         mask: m.mask,
+        albedo: Some(m.albedo),
         behind: None,
     };
     npz::write_truth(&path, &truth).unwrap();
     let back = npz::read_truth(&path).unwrap();
     assert!(same(&back.depth, &truth.depth) && back.mask == truth.mask && back.extent == truth.extent);
+    assert!(back.albedo == truth.albedo && truth.albedo.is_some());
     assert!(same(back.normal.as_flattened(), truth.normal.as_flattened()));
 }
 
@@ -171,7 +173,7 @@ fn both_layers_come_back() {
     assert_eq!(npz::read_maps(&path).unwrap().behind, None);
 
     let Maps { nx, ny, extent, depth, normal, mask, behind, .. } = m.clone();
-    let truth = Truth { nx, ny, extent, depth, normal, mask, behind };
+    let truth = Truth { nx, ny, extent, depth, normal, mask, albedo: None, behind };
     npz::write_truth(&path, &truth).unwrap();
     let back = npz::read_truth(&path).unwrap().behind.unwrap();
     assert!(same_layer(&back, m.behind.as_ref().unwrap()));

@@ -24,7 +24,16 @@ fn maps(n: usize, inside: impl Fn(usize, usize) -> bool, depth: f32) -> Maps {
 
 fn truth(n: usize, inside: impl Fn(usize, usize) -> bool, depth: f32) -> Truth {
     let m = maps(n, inside, depth);
-    Truth { nx: n, ny: n, extent: m.extent, depth: m.depth, normal: m.normal, mask: m.mask, behind: None }
+    Truth {
+        nx: n,
+        ny: n,
+        extent: m.extent,
+        depth: m.depth,
+        normal: m.normal,
+        mask: m.mask,
+        albedo: None,
+        behind: None,
+    }
 }
 
 fn close(value: Option<f64>, wanted: f64) {

@@ -106,6 +106,20 @@ fn truth_of_a_sphere_is_analytic() {
 }
 
 #[test]
+fn truth_has_the_albedo_of_what_is_seen_first() {
+    // A dark plate before a bright one.
+    let mut scene = Scene::named("plates").unwrap();
+    (scene.objects[0].albedo, scene.objects[1].albedo) = (0.25, 0.75);
+    let t = truth(&scene, 64).unwrap();
+    let albedo = t.albedo.unwrap();
+    for (pixel, is_seen) in t.mask.iter().enumerate() {
+        let expected = if t.depth[pixel] < 0.6 { 0.25 } else { 0.75 };
+        assert!(if *is_seen { albedo[pixel] == expected } else { albedo[pixel].is_nan() }, "{pixel}");
+    }
+    assert!(albedo.contains(&0.25) && albedo.contains(&0.75));
+}
+
+#[test]
 fn shapes_are_closed_and_face_outwards() {
     let volume = |m: &Mesh| -> f64 { m.triangles.iter().map(|t| t[0].dot(t[1].cross(t[2])) / 6.0).sum() };
     let at = dvec3(0.3, -0.2, 0.9);

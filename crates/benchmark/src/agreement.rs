@@ -36,6 +36,7 @@ fn consensus(all: &[Maps]) -> Option<Truth> {
         mask: albedo.iter().zip(&depth).map(|(a, depth)| *a > threshold && depth.is_finite()).collect(),
         normal: vec![[f32::NAN; 3]; depth.len()],
         depth,
+        albedo: None,
         behind: None,
     })
 }

@@ -108,7 +108,7 @@ pub fn read_maps(path: &Path) -> Result<Maps> {
 }
 
 /// Writes truth: `gt_depth` [nx, ny] and `gt_normal` [nx, ny, 3] as float32 (NaN = miss), `gt_mask` as bool,
-/// `gt_extent` as float64. With a second layer, `gt_layers_depth`, `gt_layers_mask` [2, nx, ny] and
+/// `gt_extent` as float64, and `gt_albedo` [nx, ny] as float32 (NaN = miss) where it is known. With a second layer, `gt_layers_depth`, `gt_layers_mask` [2, nx, ny] and
 /// `gt_layers_normal` [2, nx, ny, 3] have both.
 ///
 /// # Errors
@@ -122,6 +122,9 @@ pub fn write_truth(path: &Path, truth: &Truth) -> Result<()> {
         ("gt_mask", Array::from_bool(&shape, &truth.mask)),
         ("gt_extent", Array::from_f64(&[4], &truth.extent)),
     ];
+    if let Some(albedo) = &truth.albedo {
+        arrays.push(("gt_albedo", Array::from_f32(&shape, albedo)));
+    }
     if let Some(behind) = &truth.behind {
         let first = [&truth.depth[..], truth.normal.as_flattened()];
         arrays.extend(layers(TRUTH_LAYERS, shape, first, &truth.mask, behind));
@@ -145,9 +148,13 @@ pub fn read_truth(path: &Path) -> Result<Truth> {
             Some(normal) => vectors(&normal, "gt_normal")?,
             None => vec![[f32::NAN; 3]; depth.len()],
         };
+        let albedo = match npz.get("gt_albedo")? {
+            Some(_) => Some(plane(&mut npz, "gt_albedo", TRUTH)?.1),
+            None => None,
+        };
         let extent = extent(&mut npz, "gt_extent", TRUTH)?;
         let behind = second(&mut npz, TRUTH_LAYERS, shape)?;
-        let truth = Truth { nx: shape[0], ny: shape[1], extent, depth, normal, mask, behind };
+        let truth = Truth { nx: shape[0], ny: shape[1], extent, depth, normal, mask, albedo, behind };
         truth.check().map(|()| truth)
     };
     read().map_err(|e| e.at(path.display()))

@@ -2,7 +2,7 @@
 //!
 //! A [`Scene`] has objects (triangle mesh and albedo) and a square relay wall, flat at z = 0 or curved. Laser and
 //! sensor scan the wall in a [`Layout`]. [`simulate`] renders the light transport by area sampling with true visibility
-//! and adds photon noise if the scene has any; [`truth`] gives depth, normals and mask seen from the wall.
+//! and adds photon noise if the scene has any; [`truth`] gives depth, normals, albedo and mask seen from the wall.
 //!
 //! ```
 //! use thirdbounce_simulate::{RenderOptions, Scene, simulate, truth};

@@ -14,7 +14,7 @@ pub const DEFAULT_RESOLUTION: usize = 128;
 /// body.
 const APART: f64 = 0.1;
 
-/// True depth, normals and mask over the wall's extent at n × n pixels: the first hit along +z from each pixel's
+/// True depth, normals, albedo and mask over the wall's extent at n × n pixels: the first hit along +z from each pixel's
 /// centre on the wall. Normals are unit vectors toward the wall, smooth where the mesh is. The second layer is the
 /// next surface facing the wall at least a tenth of the wall's side farther.
 ///
@@ -30,24 +30,36 @@ pub fn truth(scene: &Scene, n: usize) -> Result<Truth> {
     }
     let surfaces = Surfaces::new(scene);
     let at = |i: usize| ((i as f64 + 0.5) / n as f64 - 0.5) * scene.wall;
-    let pixels: Vec<[Option<(f64, DVec3)>; 2]> = (0..n * n)
+    let pixels: Vec<[Option<Point>; 2]> = (0..n * n)
         .into_par_iter()
         .map(|k| {
             let from = DVec3::new(at(k / n), at(k % n), 0.0);
             let first = hit(scene, &surfaces, from).and_then(|hit| refine(scene, from, &hit));
-            [first, first.and_then(|(z, _)| behind(scene, &surfaces, from, z))]
+            [first, first.and_then(|p| behind(scene, &surfaces, from, p.depth))]
         })
         .collect();
     let layer = |l: usize| Layer {
         albedo: pixels.iter().map(|p| if p[l].is_some() { 1.0 } else { 0.0 }).collect(),
-        depth: pixels.iter().map(|p| p[l].map_or(f32::NAN, |(z, _)| z as f32)).collect(),
-        normal: pixels.iter().map(|p| p[l].map_or([f32::NAN; 3], |(_, n)| n.as_vec3().to_array())).collect(),
+        depth: pixels.iter().map(|p| p[l].map_or(f32::NAN, |p| p.depth as f32)).collect(),
+        normal: pixels
+            .iter()
+            .map(|p| p[l].map_or([f32::NAN; 3], |p| p.normal.as_vec3().to_array()))
+            .collect(),
         mask: pixels.iter().map(|p| p[l].is_some()).collect(),
         depth_error: None,
     };
     let (Layer { depth, normal, mask, .. }, second) = (layer(0), layer(1));
+    let albedo = pixels.iter().map(|p| p[0].map_or(f32::NAN, |p| p.albedo as f32)).collect();
     let behind = second.mask.contains(&true).then_some(second);
-    Ok(Truth { nx: n, ny: n, extent: scene.extent(), depth, normal, mask, behind })
+    Ok(Truth { nx: n, ny: n, extent: scene.extent(), depth, normal, mask, albedo: Some(albedo), behind })
+}
+
+/// A point of a surface.
+#[derive(Clone, Copy)]
+struct Point {
+    depth: f64,
+    normal: DVec3,
+    albedo: f64,
 }
 
 /// The first hit along +z.
@@ -57,23 +69,23 @@ fn hit(scene: &Scene, surfaces: &Surfaces, from: DVec3) -> Option<Hit> {
     surfaces.first_hit(from, DVec3::Z).or_else(|| surfaces.first_hit(from + beside, DVec3::Z))
 }
 
-/// Depth and normal of the next surface that faces the wall, behind the depth `first` on the ray along +z.
-fn behind(scene: &Scene, surfaces: &Surfaces, from: DVec3, first: f64) -> Option<(f64, DVec3)> {
+/// The next surface that faces the wall, behind the depth `first` on the ray along +z.
+fn behind(scene: &Scene, surfaces: &Surfaces, from: DVec3, first: f64) -> Option<Point> {
     let mut start = first + APART * scene.wall;
     loop {
         let from = from.with_z(start);
         let next = hit(scene, surfaces, from)?;
         let faces = |n: &[DVec3; 3]| n.iter().sum::<DVec3>().z < 0.0;
         if faces(&scene.objects[next.object].mesh.normals[next.triangle]) {
-            return refine(scene, from, &next).map(|(z, n)| (start + z, n));
+            return refine(scene, from, &next).map(|p| Point { depth: start + p.depth, ..p });
         }
         // Back of an object: continue beyond it.
         start += next.distance + 1e-6 * scene.wall;
     }
 }
 
-/// Distance along +z from `from`, and normal, of a hit in double precision.
-fn refine(scene: &Scene, from: DVec3, hit: &Hit) -> Option<(f64, DVec3)> {
+/// The point of a hit in double precision, its depth from `from`.
+fn refine(scene: &Scene, from: DVec3, hit: &Hit) -> Option<Point> {
     let mesh = &scene.objects[hit.object].mesh;
     let ([a, b, c], [na, nb, nc]) = (mesh.triangles[hit.triangle], mesh.normals[hit.triangle]);
     let plane = (b - a).cross(c - a);
@@ -89,7 +101,7 @@ fn refine(scene: &Scene, from: DVec3, hit: &Hit) -> Option<(f64, DVec3)> {
     let normal = (na * u + nb * v + nc * (1.0 - u - v)).try_normalize().unwrap_or(plane.normalize());
     // Toward the wall, for either winding.
     let normal = if plane.z > 0.0 { -normal } else { normal };
-    Some((depth, towards_wall(normal)))
+    Some(Point { depth, normal: towards_wall(normal), albedo: scene.objects[hit.object].albedo })
 }
 
 /// A smooth normal at a silhouette may point slightly away from the wall; its z component is then zero.

@@ -82,7 +82,7 @@ pub struct SimulateArgs {
     /// First frame, from 0, in which the last object of the scene is gone
     #[arg(long, value_name = "N", requires = "moving")]
     vanish: Option<usize>,
-    /// Also write true depth, normals and mask, to this file
+    /// Also write true depth, normals, albedo and mask, to this file
     #[arg(long, value_name = "TRUTH.npz")]
     truth: Option<PathBuf>,
     /// Pixels per side of the truth

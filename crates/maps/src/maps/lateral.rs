@@ -60,6 +60,8 @@ pub struct Truth {
     pub normal: Vec<[f32; 3]>,
     /// True where there is surface.
     pub mask: Vec<bool>,
+    /// Albedo at that point; NaN = miss. `None` where it is not known, as of truth that no simulator made.
+    pub albedo: Option<Vec<f32>>,
     /// The next surface behind the first hit; `None` where no pixel has one.
     pub behind: Option<Layer>,
 }
@@ -278,6 +280,7 @@ impl Truth {
             ("gt_normal", self.normal.len()),
             ("gt_mask", self.mask.len()),
         ];
+        lengths.extend(self.albedo.iter().map(|albedo| ("gt_albedo", albedo.len())));
         lengths.extend(self.behind.iter().flat_map(Layer::lengths));
         check_grid([self.nx, self.ny], self.extent, &lengths)
     }
