@@ -10,19 +10,22 @@ import numpy as np
 import torch
 from safetensors.torch import load_file, save_file
 
-from conclusion import SCALES, SURFACE, Conclusion, Scenes, iou, promised
+from conclusion import SCALES, Conclusion, Scenes, best_share, iou
 
-# Channels of a pixel, the first one of the bands, most standard deviations (src/learned/expectation.rs).
-OF_PIXEL, OF_BANDS, FAR = 33, 18, 4
+# Channels of a pixel, the first one of the bands, weight of the rules' mask, least probability, most standard deviations
+# (src/learned/expectation.rs, src/learned/conclusion.rs).
+OF_PIXEL, OF_BANDS, RULES, LEAST, FAR = 33, 18, 1.7, 0.3, 4
 
 
-def numbers(net, x):
+def numbers(net, x, rules):
     """What the regression sees of a scene, and the mask."""
     with torch.no_grad():
         logit, _, scale = net(x[None])[0].float()
-    x, p, scale = x.numpy(), logit.sigmoid().numpy(), scale.clamp(*SCALES).numpy()
-    mask, alone = p >= SURFACE, promised(p)
+    x, logit, scale, rules = x.numpy(), logit.numpy(), scale.clamp(*SCALES).numpy(), rules.numpy()
+    p, both = (1 / (1 + np.exp(-of)) for of in (logit, logit + np.where(rules, RULES, -RULES)))
+    mask = both >= max(best_share(both)[0], LEAST)
     count = max(1, mask.sum())
+    alone = p[mask].sum() / (count + p[~mask].sum())
     mean = lambda of: (of * mask).sum((-2, -1)) / count
     roots = np.sqrt(mean(x[OF_BANDS:OF_PIXEL] ** 2))
     rest = [np.log(max(alone, 0.01) / (1.01 - alone)), mask.mean(), mean(scale), mean(abs(scale))]
@@ -31,11 +34,11 @@ def numbers(net, x):
 
 def seen(net, folders):
     rows, true, alone = [], [], []
-    for x, mask, _, _ in Scenes(folders):
-        of, own, said = numbers(net, x)
+    for x, mask, _, rules in Scenes(folders):
+        of, own, promised = numbers(net, x, rules)
         rows.append(of)
         true.append(iou(own, mask.numpy()))
-        alone.append(said)
+        alone.append(promised)
     return np.array(rows), np.array(true), np.array(alone)
 
 

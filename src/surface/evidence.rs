@@ -159,7 +159,7 @@ pub(super) fn conclude(evidence: Evidence, maps: &mut Maps) -> Evidence {
     let voxel = width / SIDE as f64;
     let typical = support::typical_albedo(std::slice::from_ref(maps)).unwrap_or(1.0);
     let said = Conclusion::of(None, &evidence.channels);
-    let (mask, alone) = said.mask();
+    let (mask, alone) = said.mask(&evidence.mask);
     let expected_iou = learned::expected_iou(&evidence.channels, &mask, alone, &said.scale);
     let mut errors = vec![f32::NAN; maps.depth.len()];
     for pixel in 0..maps.depth.len() {

@@ -37,27 +37,16 @@ pub(super) fn settle(fit: &mut Fit, layer: &Maps, maps: &mut Maps) -> Result<()>
     let side = maps.nx.max(maps.ny) as f64;
     let windows = || WIDTHS.iter().map(|width| Some(width * side)).chain([None]);
     for part in parts.iter().take(PARTS) {
-        let begin = [layer.clone(), maps.clone()];
-        for takes in [[true, true], [false, true]] {
-            let from = if takes[0] { begin.clone() } else { [layer.clone(), maps.clone()] };
+        for of_depths in [true, false] {
+            let from = [layer.clone(), maps.clone()];
             for window in windows() {
-                // A plane may have several tones.
-                let of_albedo = if takes[0] { window.or(windows().flatten().last()) } else { window };
+                // Where the mask is too wide the true edge is one of albedo, which stays sharp.
+                let of_albedo = if of_depths { Some(WIDTHS[0] * side) } else { window };
                 let smooth =
-                    from.each_ref().map(|of| smoothed(of, part, takes[0].then_some(window), of_albedo));
+                    from.each_ref().map(|of| smoothed(of, part, of_depths.then_some(window), of_albedo));
                 let Some(this) = left(fit, &smooth[0])? else { break };
                 let errors = this.errors_below(&best);
-                if std::env::var("TB_SHOW").is_ok() {
-                    eprintln!(
-                        "part {} {takes:?} {window:?}: excess {:.5} best {:.5} errors {errors:.2}",
-                        part.len(),
-                        this.excess(),
-                        best.excess()
-                    );
-                }
-                let tol: f64 = std::env::var("TB_TOL").map_or(0.0, |t| t.parse().unwrap());
-                let most: f64 = std::env::var("TB_ERR").map_or(ERRORS, |t| t.parse().unwrap());
-                if errors < -most && this.excess() > best.excess() * (1.0 + tol) {
+                if errors < -ERRORS {
                     break;
                 }
                 [layer, *maps] = smooth;
