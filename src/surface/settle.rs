@@ -40,8 +40,8 @@ pub(super) fn settle(fit: &mut Fit, layer: &Maps, maps: &mut Maps) -> Result<()>
         for of_depths in [true, false] {
             let from = [layer.clone(), maps.clone()];
             for window in windows() {
-                // Where the mask is too wide the true edge is one of albedo, which stays sharp.
-                let of_albedo = if of_depths { Some(WIDTHS[0] * side) } else { window };
+                // A plane may have several tones.
+                let of_albedo = if of_depths { window.or(windows().flatten().last()) } else { window };
                 let smooth =
                     from.each_ref().map(|of| smoothed(of, part, of_depths.then_some(window), of_albedo));
                 let Some(this) = left(fit, &smooth[0])? else { break };
