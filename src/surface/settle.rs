@@ -173,8 +173,8 @@ mod tests {
     fn planes_within_windows_keep_a_plane_up_to_its_edges_and_take_dimples_away() {
         let (flat, part) = plate(0.0);
         let (rough, _) = plate(0.01);
-        // The variance that is added makes slopes at edges of a narrow window a little less steep.
-        for (window, kept, most) in [(Some(1.0), 2e-3, 6e-3), (Some(4.0), 1e-3, 2e-3), (None, 1e-3, 1e-3)] {
+        // The added variance makes slopes at edges a little less steep; bright dimples weigh more by a fifth of their depth, 2 mm.
+        for (window, kept, most) in [(Some(1.0), 2e-3, 6e-3), (Some(4.0), 1e-3, 3e-3), (None, 1e-3, 3e-3)] {
             assert!(off(&smoothed(&flat, &part, Some(window), window), &flat, &part) < kept, "{window:?}");
             let smooth = smoothed(&rough, &part, Some(window), window);
             assert!(off(&smooth, &flat, &part) < most, "{window:?} {}", off(&smooth, &flat, &part));
