@@ -902,6 +902,8 @@ pub struct Metrics {
     pub depth_mae_nearest: Option<f64>,
     pub normal_error_deg: Option<f64>,
     pub normal_mae: Option<f64>,
+    pub albedo_spread: Option<f64>,
+    pub albedo_ratio_error: Option<f64>,
     pub paper: PaperMeasure,
     pub best_iou: Option<f64>,
     pub best_fraction: Option<f64>,

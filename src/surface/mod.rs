@@ -40,6 +40,7 @@ pub mod passes;
 mod pixels;
 mod rounds;
 mod schedule;
+mod settle;
 pub(crate) mod start;
 pub(crate) mod support;
 mod weights;
@@ -477,7 +478,11 @@ impl Fits<'_> {
                 let known =
                     Known { capture, layers: &layers, maps: &driven.maps, seen, light, quality, is_closed };
                 let evidence = known.evidence(fine)?;
-                evidence.map(|evidence| conclude(evidence, &mut driven.maps))
+                let evidence = evidence.map(|evidence| conclude(evidence, &mut driven.maps));
+                if let ([layer], Some(_)) = (&layers[..], &evidence) {
+                    settle::settle(fine, layer, &mut driven.maps)?;
+                }
+                evidence
             }
             _ => None,
         };

@@ -102,7 +102,8 @@ pub fn around(maps: &Maps, pixel: usize, reach: isize) -> impl Iterator<Item = (
         .map(move |[i, j]| (((x + i) * ny + y + j) as usize, [i, j]))
 }
 
-fn pixel_pitch(maps: &Maps) -> [f32; 2] {
+/// Width and height of a pixel, metres.
+pub fn pixel_pitch(maps: &Maps) -> [f32; 2] {
     let [x0, x1, y0, y1] = maps.extent;
     [((x1 - x0) / maps.nx as f64) as f32, ((y1 - y0) / maps.ny as f64) as f32]
 }
@@ -240,6 +241,13 @@ fn objects(maps: &Maps) -> Vec<Vec<usize>> {
         |pixel| around(maps, pixel, 1).map(|(other, _)| other),
         |pixel, other, _| (maps.depth[other] - maps.depth[pixel]).abs() < edge,
     )
+}
+
+/// Connected pixels of the mask, as [`objects`].
+pub fn objects_of(maps: &Maps) -> Vec<Vec<usize>> {
+    let mut masked = maps.clone();
+    (0..maps.mask.len()).filter(|p| !maps.mask[*p]).for_each(|p| masked.depth[p] = f32::NAN);
+    objects(&masked)
 }
 
 /// Steps in depth between neighbouring pixels of a region are below this.

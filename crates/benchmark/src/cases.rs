@@ -357,7 +357,34 @@ fn standard() -> Result<Vec<Case>> {
         of("10-photons", lit(scanned("figure", 32)?, 10.0, DARK)),
         Case::of_scene("standard", "three-before-wall", before_wall(things, 1.2)),
         of("letter-R", scanned("letter-R", 32)?),
+        // Counts, background, bins and impulse response of two published captures: a matt letter, and a statue.
+        hidden_pulse(of(
+            "letter-S-as-measured",
+            Scene {
+                scan: 64,
+                bin_width: 0.0135,
+                pulse: Some(Pulse::gaussian(0.08)?.with_tail(0.04)?),
+                ..lit(Scene::named("letter-S")?, 30.0, 5.0)
+            },
+        )),
+        hidden_pulse(of(
+            "figure-as-measured",
+            Scene {
+                scan: 64,
+                bin_width: 0.005,
+                pulse: Some(Pulse::gaussian(0.01)?),
+                ..lit(Scene::named("figure")?, 9.0, 1.1)
+            },
+        )),
     ])
+}
+
+/// The case without its impulse response in the file.
+fn hidden_pulse(mut case: Case) -> Case {
+    if let Source::Scene(scene) = &mut case.source {
+        scene.hide_pulse = true;
+    }
+    case
 }
 
 /// A scene under conditions that every group has rows for.
@@ -365,10 +392,8 @@ fn conditions(group: &'static str, name: &str, scene: &Scene) -> Result<Vec<Case
     let of = |what: &str, scene| matt(group, format!("{name}-{what}"), scene);
     let low = scene.objects.iter().filter_map(|o| o.mesh.bounds()).map(|b| b.0.y).fold(f64::MAX, f64::min);
     let floor = rectangle(dvec3(0.0, low - 0.02, 0.9), DVec3::Z * 0.6, DVec3::X * 0.8);
-    let mut pulsed = of("hidden-pulse", Scene { pulse: Some(Pulse::gaussian(0.03)?), ..scene.clone() });
-    if let Source::Scene(scene) = &mut pulsed.source {
-        scene.hide_pulse = true;
-    }
+    let pulsed =
+        hidden_pulse(of("hidden-pulse", Scene { pulse: Some(Pulse::gaussian(0.03)?), ..scene.clone() }));
     Ok(vec![
         of("one-laser", one_laser(scene.clone())),
         of("irregular", irregular(scene.clone())),

@@ -220,7 +220,16 @@ fn scenes_of_its_own_need_no_folder() {
     let fast = ["--methods", "fbp;bp", "--lateral", "32", "--trace-every", "0", "--out", &out];
     succeed(&[&["benchmark"], &fast[..]].concat());
     let html = page(&folder.path().join("page"));
-    let cases = ["figure-32x32", "figure-8x8", "one-laser", "10-photons", "three-before-wall", "letter-R"];
+    let cases = [
+        "figure-32x32",
+        "figure-8x8",
+        "one-laser",
+        "10-photons",
+        "three-before-wall",
+        "letter-R",
+        "letter-S-as-measured",
+        "figure-as-measured",
+    ];
     assert!(cases.iter().all(|case| html.contains(&format!("<h2>{case}</h2>"))), "{html}");
     let scene = folder.path().join("mine.scene");
     std::fs::write(&scene, "family 3").unwrap();

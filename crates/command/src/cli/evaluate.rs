@@ -1,4 +1,4 @@
-//! `thirdbounce evaluate DIR --truth TRUTH`.
+//! `thirdbounce evaluate DIR [--truth TRUTH]`.
 
 use std::path::PathBuf;
 
@@ -14,9 +14,9 @@ use super::terminal::{json, print};
 pub struct EvaluateArgs {
     /// Folder that reconstruct wrote, or a maps.npz file
     dir: PathBuf,
-    /// True maps: npz with gt_depth, gt_normal, gt_mask, gt_extent
+    /// True maps: npz with gt_depth, gt_normal, gt_mask, gt_extent [default: what can be said without truth]
     #[arg(long, value_name = "FILE")]
-    truth: PathBuf,
+    truth: Option<PathBuf>,
     /// A pixel is surface above this share of the brightest albedo [default: that of the reconstruction]
     #[arg(long, value_name = "X", value_parser = number)]
     mask_fraction: Option<f64>,
@@ -29,12 +29,16 @@ pub struct EvaluateArgs {
 }
 
 pub fn run(args: &EvaluateArgs) -> Result<()> {
-    let found = evaluate(&args.dir, &args.truth, args.mask_fraction, !args.no_pictures)?;
+    let found = evaluate(&args.dir, args.truth.as_deref(), args.mask_fraction, !args.no_pictures)?;
     if args.json {
-        print(&json(&found.metrics)?);
+        let text = found.metrics.as_ref().map_or_else(|| json(&found.parts), json)?;
+        print(&text);
         return Ok(());
     }
-    print(&tables::metrics(&found.metrics));
+    if let Some(metrics) = &found.metrics {
+        print(&tables::metrics(metrics));
+    }
+    print(&tables::parts(&found.parts));
     if let Some(solve) = found.solve_s {
         print(&format!("time      solved in {}", tables::seconds(solve)));
     }

@@ -2,6 +2,7 @@
 
 use thirdbounce::export::report::Report;
 use thirdbounce::gpu::KernelTime;
+use thirdbounce::maps::Part;
 use thirdbounce::measure::{LayerMetrics, Metrics};
 
 /// A device by name and kind; the host by name, vectors and threads.
@@ -112,13 +113,18 @@ pub fn metrics(m: &Metrics) -> String {
             degrees(l.normal_error_deg)
         )
     };
+    let albedo = m.albedo_spread.map_or_else(String::new, |spread| {
+        let ratio =
+            m.albedo_ratio_error.map_or_else(String::new, |e| format!(", ratio of two tones off by {e:.3}"));
+        format!("albedo    spread {spread:.3} where the true one is the same{ratio}\n")
+    });
     let layers: String = ["first", "behind"].into_iter().zip(&m.layers).map(layer).collect();
     format!(
         "surface   IoU {}, completeness {} {}\n\
          depth     MAE {}, RMSE {} over {} pixels\n\
          missing   over the true mask: depth MAE {} with the far limit where nothing is found, {} with the depth of the nearest pixel\n\
          normals   {}, mean absolute error of components {}\n\
-         paper     all pixels, 0 where nothing is: depth MAE {} m, RMSE {} m; normals MAE {}, RMSE {}\n\
+         {albedo}paper     all pixels, 0 where nothing is: depth MAE {} m, RMSE {} m; normals MAE {}, RMSE {}\n\
          {best}{reported}{layers}",
         share(m.iou),
         share(m.completeness),
@@ -135,6 +141,26 @@ pub fn metrics(m: &Metrics) -> String {
         four(m.paper.normal_mae),
         four(m.paper.normal_rmse),
     )
+}
+
+/// Largest parts that are listed.
+const PARTS: usize = 5;
+
+/// What the largest parts of a mask look like.
+pub fn parts(parts: &[Part]) -> String {
+    let of = |p: &Part| {
+        format!(
+            "part      {} pixels, {:.2} mm off a plane, albedo spread {:.3}\n",
+            p.pixels,
+            1000.0 * p.off_plane,
+            p.albedo_spread
+        )
+    };
+    let listed: String = parts.iter().take(PARTS).map(of).collect();
+    match parts.len() {
+        n if n > PARTS => format!("{listed}parts     {n} in all\n"),
+        _ => listed,
+    }
 }
 
 /// Time per kernel, the longest first.

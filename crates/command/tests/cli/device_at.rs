@@ -40,10 +40,15 @@ fn the_light_of_a_near_device_is_divided_only_where_it_is_there() {
     let (proper, _) = solve("proper.npz", &[], "proper");
     assert!(proper["settings"]["device_found"].is_null());
     let (forced, _) = solve("proper.npz", &["--device-at=-0.5,0,0.25"], "forced");
-    assert_eq!((law(&forced), &forced["settings"]["device_found"]["is_used"]), (None, &serde_json::json!(false)));
+    assert_eq!(
+        (law(&forced), &forced["settings"]["device_found"]["is_used"]),
+        (None, &serde_json::json!(false))
+    );
     let reasons = forced["verdict"]["reasons"].to_string();
     assert!(
-        forced["verdict"]["grade"] == "fair" && reasons.contains("contradict it") && reasons.contains("device at"),
+        forced["verdict"]["grade"] == "fair"
+            && reasons.contains("contradict it")
+            && reasons.contains("device at"),
         "{reasons}"
     );
     assert_eq!(iou(&forced), iou(&proper));

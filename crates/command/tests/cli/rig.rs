@@ -50,7 +50,9 @@ fn what_is_undone_of_one_capture_is_undone_of_the_next() {
     let (other, ..) = solve("sphere", "sphere", &["--calibrate", &file]);
     let reasons = other["verdict"]["reasons"].to_string();
     assert!(
-        reasons.contains("contradict it") && reasons.contains("undone by the calibration") && other["verdict"]["grade"] == "fair",
+        reasons.contains("contradict it")
+            && reasons.contains("undone by the calibration")
+            && other["verdict"]["grade"] == "fair",
         "{reasons}"
     );
     assert_eq!((iou(&other), &found(&other)["corrections"]), (iou(&proper), &json!([])));

@@ -4,6 +4,8 @@
 //! parts of a surface, so no threshold separates them, but their depths are rough and steep, and hence their expected
 //! error is large. Figures: benches/NOTES.md.
 
+use serde::Serialize;
+
 use super::lateral::{Maps, percentile};
 
 /// A part is removed if its expected depth error exceeds this share of its width.
@@ -33,6 +35,56 @@ impl Maps {
             }
         }
         changed
+    }
+}
+
+/// A connected part of a mask: what can be said of it without truth.
+#[doc(hidden)]
+#[derive(Debug, Clone, Copy, PartialEq, Serialize)]
+pub struct Part {
+    /// Its pixels.
+    pub pixels: usize,
+    /// How far depths are off the plane that fits best, root mean square, metres.
+    pub off_plane: f64,
+    /// Standard deviation over mean of its albedos.
+    pub albedo_spread: f64,
+}
+
+#[doc(hidden)]
+impl Maps {
+    /// The connected parts of the mask, the largest first.
+    pub fn parts(&self) -> Vec<Part> {
+        let mut all = parts_of([self.nx, self.ny], &self.mask);
+        all.sort_by_key(|part| std::cmp::Reverse(part.len()));
+        all.iter().map(|part| self.part(part)).collect()
+    }
+
+    fn part(&self, pixels: &[usize]) -> Part {
+        let count = pixels.len() as f64;
+        let mean = |of: &dyn Fn(usize) -> f64| pixels.iter().map(|p| of(*p)).sum::<f64>() / count;
+        let place = |p: usize| {
+            let [x, y] = self.centre(p / self.ny, p % self.ny);
+            [x, y, f64::from(self.depth[p])]
+        };
+        let middle = [0, 1, 2].map(|k| mean(&|p| place(p)[k]));
+        let product = |a: usize, b: usize| mean(&|p| (place(p)[a] - middle[a]) * (place(p)[b] - middle[b]));
+        let [xx, xy, yy, xz, yz, zz] =
+            [(0, 0), (0, 1), (1, 1), (0, 2), (1, 2), (2, 2)].map(|(a, b)| product(a, b));
+        // What the regression of z on x and y explains; along a line only that line does.
+        let determinant = xx * yy - xy * xy;
+        let explained = if determinant > 1e-9 * xx * yy {
+            (yy * xz * xz - 2.0 * xy * xz * yz + xx * yz * yz) / determinant
+        } else {
+            let along = xx + yy;
+            if along > 0.0 { (xz * xz + yz * yz) / along } else { 0.0 }
+        };
+        let albedo = mean(&|p| f64::from(self.albedo[p]));
+        let variance = mean(&|p| (f64::from(self.albedo[p]) - albedo).powi(2));
+        Part {
+            pixels: pixels.len(),
+            off_plane: (zz - explained).max(0.0).sqrt(),
+            albedo_spread: if albedo > 0.0 { variance.sqrt() / albedo } else { 0.0 },
+        }
     }
 }
 
@@ -149,5 +201,33 @@ mod tests {
         assert!(both.leave_out_uncertain_parts());
         assert_eq!(left(&both, &both.mask, PICTURE), "ABCDE");
         assert_eq!(left(&both, &both.behind.as_ref().unwrap().mask, PICTURE), "A");
+    }
+
+    #[test]
+    fn a_part_says_how_far_it_is_off_its_plane() {
+        let picture = [
+            "aaaa........",
+            "aaaa........",
+            "aaaa........",
+            "aaaa........",
+            "............",
+            "........bbb.",
+            "............",
+            "............",
+        ];
+        let mut maps = maps(picture, |_| 0.0);
+        maps.mask =
+            maps.albedo.iter().enumerate().map(|(i, _)| picture[i % 8].as_bytes()[i / 8] != b'.').collect();
+        for i in 0..96 {
+            let (x, y) = (i / 8, i % 8);
+            // A tilted plane with a ripple that no plane explains, and a tilted line.
+            let ripple = if (x + y) % 2 == 0 { 0.01 } else { -0.01 };
+            maps.depth[i] = 1.0 + 0.02 * x as f32 - 0.03 * y as f32 + if y < 5 { ripple } else { 0.0 };
+            maps.albedo[i] = if y < 5 && x % 2 == 0 { 3.0 } else { 1.0 };
+        }
+        let [large, line] = maps.parts()[..] else { panic!("two parts") };
+        assert_eq!([large.pixels, line.pixels], [16, 3]);
+        assert!((large.off_plane - 0.01).abs() < 1e-6 && line.off_plane < 1e-6, "{large:?} {line:?}");
+        assert!((large.albedo_spread - 0.5).abs() < 1e-9 && line.albedo_spread == 0.0);
     }
 }

@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::maps::{Layer, Maps, Truth};
+use crate::measure::albedo::Albedos;
 use crate::measure::paper::{Mean, Sums};
 use crate::measure::{ErrorCoverage, PaperMeasure, missing};
 
@@ -46,6 +47,13 @@ pub struct Metrics {
     pub normal_error_deg: Option<f64>,
     /// Mean absolute error of the normals' components, over the same pixels.
     pub normal_mae: Option<f64>,
+    /// Standard deviation over mean of albedos where the true one is the same, over the hit pixels. `None`, and absent from the JSON,
+    /// where true albedos are not known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub albedo_spread: Option<f64>,
+    /// By which share the ratio of the albedos of the two commonest tones is off; absent from the JSON with one tone.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub albedo_ratio_error: Option<f64>,
     /// The measure that fits the paper's table best.
     #[serde(default)]
     pub paper: PaperMeasure,
@@ -177,6 +185,8 @@ pub fn metrics(maps: &Maps, truth: &Truth, fraction: impl Into<Option<f64>>) -> 
         depth_mae_nearest: nearest,
         normal_error_deg: errors.angle.get(),
         normal_mae: errors.components.get(),
+        albedo_spread: errors.albedos.spread(),
+        albedo_ratio_error: errors.albedos.ratio_error(),
         paper: PaperMeasure::of(picture(maps, truth, &pixels, within)),
         best_iou: best.map(|b| b[1]),
         best_fraction: best.map(|b| b[0]),
@@ -213,7 +223,7 @@ fn best_fraction(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], white: f6
 /// Metrics of each layer, if the truth has two. `pixels` maps the truth's pixels to the maps'.
 fn layers(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) -> Vec<LayerMetrics> {
     let Some(Layer { depth, normal, mask, .. }) = truth.behind.clone() else { return vec![] };
-    let second = Truth { depth, normal, mask, behind: None, ..truth.clone() };
+    let second = Truth { depth, normal, mask, albedo: None, behind: None, ..truth.clone() };
     let of_layer = |(layer, truth): (usize, &Truth)| {
         let found = maps.layer(layer);
         let mut overlap = Overlap::default();
@@ -272,6 +282,7 @@ struct Errors {
     whole: Sums,
     angle: Mean,
     components: Mean,
+    albedos: Albedos,
     coverage: ErrorCoverage,
 }
 
@@ -285,6 +296,9 @@ fn errors(maps: &Maps, truth: &Truth, pixels: &[Option<usize>], within: Within) 
         let Some(found) = found else { continue };
         let error = f64::from(maps.depth[found]) - real;
         all.hit.add(error);
+        if let Some(albedo) = &truth.albedo {
+            all.albedos.add(maps.albedo[found], albedo[at]);
+        }
         if let Some(depth_error) = &maps.depth_error {
             all.coverage.add(f64::from(depth_error[found]), error);
         }

@@ -1,5 +1,6 @@
 //! Metrics of reconstructions against truth.
 
+mod albedo;
 pub mod coverage;
 mod median;
 pub mod metrics;
