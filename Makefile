@@ -30,13 +30,15 @@ demo: setup
 	$(RELEASE)/thirdbounce demo --out out/demo
 
 TESTED = $(COMMAND) $(FEATURES) $(addprefix --package ,shares thirdbounce thirdbounce-track thirdbounce-command thirdbounce-benchmark thirdbounce-capi)
-# With the dependencies and the library that `make demo` built. COMMAND: how cargo builds the command, if not as for users.
+# One failing program does not end it: the others run, and what failed is listed last. With the dependencies and the library that `make demo` built. COMMAND: how cargo builds the command, if not as for users.
 test: setup
 	@[ -d $(RELEASE)/examples ] || echo "test: building and running all tests takes about ten minutes on two cores the first time"
-	.ci/timed cargo test --release --locked --config .ci/unoptimised.toml $(FEATURES) --lib
-	.ci/timed cargo build --release --locked $(COMMAND) $(FEATURES) --examples
-	THIRDBOUNCE_TESTED='$(TESTED)' .ci/timed cargo test --release --locked $(TESTED) --bins --test '*'
-	.ci/timed cargo test --release --locked $(COMMAND) $(FEATURES) --doc
+	@failed=; run() { .ci/timed cargo "$$@" || failed="$$failed\n  cargo $$*"; }; export THIRDBOUNCE_TESTED='$(TESTED)'; \
+	run test --release --locked --no-fail-fast --config .ci/unoptimised.toml $(FEATURES) --lib; \
+	run build --release --locked $(COMMAND) $(FEATURES) --examples; \
+	run test --release --locked --no-fail-fast $(TESTED) --bins --test '*'; \
+	run test --release --locked --no-fail-fast $(COMMAND) $(FEATURES) --doc; \
+	[ -z "$$failed" ] || { printf "failed:$$failed\n"; exit 1; }
 
 # The Python package, from its wheel in an empty virtual environment. Where there is no Python or no network, it says so.
 python-test: setup
@@ -57,7 +59,7 @@ sanitize: setup
 
 # The long tests: long runs, every injected fault, whole solves of every kind, kernels at each vector width of lavapipe. Those of reliability write benches/results/reliability.tsv.
 soak: setup
-	cargo test --release --locked $(PACKAGED) --test reliability --test kernels --test solvers --test cli --test benchmark -- --ignored
+	cargo test --release --locked $(PACKAGED) --test reliability --test kernels --test solvers --test files --test cli --test benchmark -- --ignored
 
 # The public interface is listed in public-api/thirdbounce.rs, so that a change of it shows in the change itself. What goes
 # from the list or changes in it breaks who depends on it: raise the version's second number. cargo-semver-checks and

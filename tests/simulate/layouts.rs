@@ -131,6 +131,7 @@ fn without_occlusion_the_sum_is_that_of_the_parts() {
 }
 
 #[test]
+#[ignore = "needs THIRDBOUNCE_DATA: make soak"]
 fn the_bump_agrees_with_an_independent_renderer() {
     let Some(data) = std::env::var_os("THIRDBOUNCE_DATA") else {
         println!("skipped: THIRDBOUNCE_DATA names no folder of captures");

@@ -305,6 +305,7 @@ fn photon_noise_counts_dark_counts_before_pile_up() {
 /// Against a path tracer's rendering of the same spheres, if THIRDBOUNCE_DATA names the folder with it. Its own noise
 /// is 1-3 % per bin.
 #[test]
+#[ignore = "needs THIRDBOUNCE_DATA: make soak"]
 fn spheres_match_an_independent_renderer() {
     let Some(folder) = std::env::var_os("THIRDBOUNCE_DATA") else {
         println!("skipped: THIRDBOUNCE_DATA names no folder of captures");

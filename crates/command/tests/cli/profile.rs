@@ -264,6 +264,7 @@ fn kernels_compile_without_a_device_to_run_them() {
 
 /// Mesa's driver for AMD compiles for a GPU that is not there, where it is installed.
 #[test]
+#[ignore = "needs Mesa's driver for AMD: make soak"]
 fn a_driver_without_a_device_tells_of_its_kernels_and_closes() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let [file, listings] = ["k.json", "isa"].map(|name| folder.path().join(name).display().to_string());
@@ -298,7 +299,7 @@ fn a_driver_without_a_device_tells_of_its_kernels_and_closes() {
 /// The file of compiled kernels: written by the first run, read by the second, and replaced where it is of another driver. With
 /// Mesa's driver for AMD, where it is installed: lavapipe keeps no kernels.
 #[test]
-#[ignore = "long: make soak"]
+#[ignore = "long, needs Mesa's driver for AMD: make soak"]
 fn kernels_are_kept_between_runs() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let [file, cache] = ["k.json", "cache"].map(|name| folder.path().join(name));
