@@ -20,7 +20,7 @@ use thirdbounce::export::{index, npz, report};
 use thirdbounce::files::atomic;
 use thirdbounce::files::atomic::is_full;
 use thirdbounce::files::staging::Staging;
-use thirdbounce::gpu::{Gpu, GpuOptions};
+use thirdbounce::gpu::{DeviceKind, Gpu, GpuOptions};
 use thirdbounce::job::{Loaded, Request, places};
 use thirdbounce::maps::Maps;
 use thirdbounce::{Error, Kind, Result, job, panic_message};
@@ -29,6 +29,9 @@ use thirdbounce::{Error, Kind, Result, job, panic_message};
 const LAST: &str = "report.json";
 /// Notes and warnings on a capture and its result.
 const LOG: &str = "log.txt";
+/// Memory of a job: at least, and as a multiple of its file.
+const LEAST_MEMORY: u64 = 1 << 29;
+const TIMES_FILE: u64 = 16;
 /// Least time between two indices of a batch that runs.
 const BETWEEN: Duration = Duration::from_secs(10);
 
@@ -84,8 +87,8 @@ pub struct Batch {
     pub options: Vec<String>,
     /// The device of all threads.
     pub device: GpuOptions,
-    /// Threads.
-    pub jobs: usize,
+    /// Captures at once; `None`: on the host as many as there are threads and memory for, else one.
+    pub jobs: Option<usize>,
 }
 
 /// What happened to a capture.
@@ -176,11 +179,26 @@ pub fn batch(what: &Batch, caller: &dyn Caller, report: &mut dyn FnMut(&CaptureE
     let mut rows = IndexRows::default();
     let (next, full) = (AtomicUsize::new(0), AtomicBool::new(false));
     let (send, ends) = channel();
+    let threads = rayon::current_num_threads();
+    let is_host = first.as_ref().is_some_and(|gpu| gpu.info.kind == DeviceKind::Host);
+    let usual = || if is_host { threads.min(room_for(&captures)) } else { 1 };
+    let jobs = what.jobs.unwrap_or_else(usual).clamp(1, captures.len().max(1));
+    // Each job has its share of the threads: a solve of few points does not fill many.
+    let pool = || {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads((threads / jobs).max(1)).build();
+        pool.map_err(|e| Error::memory(format!("threads cannot be started: {e}"), "run fewer jobs"))
+    };
+    let pools = (jobs > 1).then(|| (0..jobs).map(|_| pool()).collect::<Result<Vec<_>>>()).transpose()?;
+    if is_host && jobs > 1 {
+        // A host counts the threads of the pool in which it is opened.
+        first = None;
+    }
     std::thread::scope(|scope| {
-        for _ in 0..what.jobs.clamp(1, captures.len().max(1)) {
+        for job in 0..jobs {
             let (send, mut gpu) = (send.clone(), first.take());
             let (captures, next, full) = (&captures, &next, &full);
-            scope.spawn(move || {
+            let pool = pools.as_ref().map(|pools| &pools[job]);
+            let mut work = move || {
                 let stopped = || full.load(Relaxed) || caller.may_continue().is_break();
                 while !stopped() {
                     let Some(capture) = captures.get(next.fetch_add(1, Relaxed)) else { return };
@@ -194,6 +212,10 @@ pub fn batch(what: &Batch, caller: &dyn Caller, report: &mut dyn FnMut(&CaptureE
                     // The receiver lives as long as the threads.
                     let _ = send.send(end);
                 }
+            };
+            scope.spawn(move || match pool {
+                Some(pool) => pool.install(work),
+                None => work(),
             });
         }
         drop(send);
@@ -221,6 +243,13 @@ pub fn batch(what: &Batch, caller: &dyn Caller, report: &mut dyn FnMut(&CaptureE
         Err(error) if !is_full(&error) => Err(error),
         _ => Ok(tally),
     }
+}
+
+/// Captures for which there is memory at once, by the largest file.
+fn room_for(captures: &[&Listed]) -> usize {
+    let bytes = |capture: &&Listed| std::fs::metadata(&capture.path).map_or(0, |file| file.len());
+    let each = LEAST_MEMORY + TIMES_FILE * captures.iter().map(bytes).max().unwrap_or(0);
+    (thirdbounce::host::free() / each) as usize
 }
 
 /// Rows of the index by name: those of captures that ended, and of results that are there.
@@ -355,6 +384,8 @@ impl Batch {
 fn figures(report: &Report, maps: &Maps) -> Value {
     let (last, metrics) = (report.trace.last(), report.metrics.as_ref());
     json!({
+        "verdict": report.verdict.as_ref().map(|verdict| verdict.grade),
+        "reasons": report.verdict.as_ref().map(|verdict| verdict.reasons.join("; ")),
         "solver": report.settings["solver"],
         "model": report.settings["model"],
         "iterations": last.map_or(0, |p| p.iteration),

@@ -45,7 +45,9 @@ const COLUMNS: [IndexColumn; 9] = [
 ];
 
 /// Figures of the CSV file, in SI units.
-const KEYS: [&str; 11] = [
+const KEYS: [&str; 13] = [
+    "verdict",
+    "reasons",
     "solver",
     "model",
     "iterations",
@@ -86,9 +88,9 @@ fn html(rows: &[IndexRow], settings: &str) -> String {
     let summary = format!("{}. {}", parts.collect::<Vec<_>>().join(", "), escaped(settings));
     let mut heads = String::new();
     let titles = columns.iter().map(|c| headed(c.0, c.3));
-    let words = ["Capture", "Status"].map(String::from).into_iter();
+    let words = ["Capture", "Status", "Verdict"].map(String::from).into_iter();
     for (at, title) in words.chain(titles).chain(["Warnings and errors".into()]).enumerate() {
-        let kind = if (2..2 + columns.len()).contains(&at) { "number" } else { "text" };
+        let kind = if (3..3 + columns.len()).contains(&at) { "number" } else { "text" };
         let _ = write!(heads, "<th scope=\"col\" data-kind=\"{kind}\"><button>{title}</button>");
     }
     let rows: String = rows.iter().map(|row| line(row, &columns)).collect();
@@ -126,6 +128,9 @@ fn line(row: &IndexRow, columns: &[&IndexColumn]) -> String {
         "<tr><td class=\"name\" data-value=\"{name}\">{title}<td class=\"{0}\" data-label=\"Status\" data-value=\"{0}\">{0}",
         row.status
     );
+    let text = |key: &str| escaped(row.figures[key].as_str().unwrap_or_default());
+    let (grade, reasons) = (text("verdict"), text("reasons"));
+    out += &format!("<td data-label=\"Verdict\" data-value=\"{grade}\">{grade}<small>{reasons}</small>");
     for IndexColumn(title, key, factor, unit) in columns {
         let _ = match row.figures[*key].as_f64() {
             Some(value) => {
@@ -191,7 +196,7 @@ mod tests {
         };
         let done = IndexRow {
             status: "done",
-            figures: serde_json::json!({"depth": 0.61234, "iou": null}),
+            figures: serde_json::json!({"verdict": "fair", "reasons": "a <b>", "depth": 0.61234, "iou": null}),
             error: None,
             ..row.clone()
         };
@@ -200,12 +205,15 @@ mod tests {
         assert_eq!(page.matches("<script>").count(), 1);
         assert!(page.contains("2 captures, 1 done, 1 failed. settings HEADS"), "{page}");
         assert!(page.contains("x/&lt;b&gt;&quot;ROWS,1&quot;.npz") && page.contains(">0.612"), "{page}");
+        assert!(page.contains(">fair<small>a &lt;b&gt;</small>"), "{page}");
         assert!(page.contains("Depth, median, m") && !page.contains("IoU"), "no truth, no column");
         assert!(!page.contains("://"), "nothing is fetched");
         let text = csv(&rows);
         let lines: Vec<&str> = text.lines().collect();
         assert!(
-            lines[1].starts_with("a,\"x/<b>\"\"ROWS,1\"\".npz\",failed,,") && lines[2].contains(",0.61234,"),
+            lines[1].starts_with("a,\"x/<b>\"\"ROWS,1\"\".npz\",failed,,")
+                && lines[2].contains(",done,fair,a <b>,")
+                && lines[2].contains(",0.61234,"),
             "{text}"
         );
         assert!(lines[1].ends_with(",\"<script>, SUMMARY\""), "{text}");

@@ -45,9 +45,10 @@ pub struct BatchArgs {
 
 #[derive(clap::Args)]
 struct Own {
-    /// Captures that are reconstructed at once, each in a thread of its own
-    #[arg(long, value_name = "N", default_value_t = 1)]
-    jobs: usize,
+    /// Captures that are reconstructed at once, each with its share of the threads [default: on the host one per thread, as far as
+    /// there is memory; on a GPU 1]
+    #[arg(long, value_name = "N")]
+    jobs: Option<usize>,
     /// Reconstruct every Nth capture of the list, beginning with the Kth: for the tasks of a Slurm array or of GNU parallel
     #[arg(long, visible_alias = "shard", value_name = "K/N")]
     part: Option<String>,
@@ -114,8 +115,8 @@ pub fn run(args: &BatchArgs) -> Result<ExitCode> {
             "leave it out, or reconstruct this capture by itself",
         );
     }
-    if !(1..=MOST_JOBS).contains(&args.own.jobs) {
-        return wrong(format!("--jobs is {}", args.own.jobs), "give 1 to 256");
+    if let Some(jobs) = args.own.jobs.filter(|jobs| !(1..=MOST_JOBS).contains(jobs)) {
+        return wrong(format!("--jobs is {jobs}"), "give 1 to 256");
     }
     let shard = args.own.part.as_deref().unwrap_or("1/1");
     let parts = shard.split_once('/').and_then(|(part, of)| Some((part.parse().ok()?, of.parse().ok()?)));
