@@ -10,7 +10,7 @@ setup:
 # Shown by --version.
 export THIRDBOUNCE_COMMIT := $(shell git rev-parse --short HEAD 2>/dev/null)
 
-# Features of the command that `make build` leaves out: those that tests have, and those of packages. The filters of HDF5 reach down to
+# Features of the command that `make demo` leaves out: those that `make build` and tests have, and those of packages. The filters of HDF5 reach down to
 # the crate that reads captures: with them, all that `make demo` built would be built again.
 FEATURES := --features thirdbounce-command/live,thirdbounce-command/tags
 PACKAGED := $(FEATURES),thirdbounce-command/hdf5-filters
@@ -20,7 +20,7 @@ RELEASE := $(or $(CARGO_TARGET_DIR),target)/release
 
 build: setup
 	@[ -x $(RELEASE)/thirdbounce ] || echo "build: the first time takes about four minutes on two cores"
-	cargo build --release --locked --bins
+	cargo build --release --locked $(FEATURES) --bins
 
 # Simulates a scene, reconstructs it, evaluates it against the truth and writes pictures to out/demo. Builds the command alone;
 # `make build` takes it over.

@@ -655,6 +655,7 @@ pub struct Summary {
     pub confocal: bool,
     pub planar: bool,
     pub wall_extent_m: [f64; 4],
+    pub wall_points_m: f64,
     pub wall_depth_m: [f64; 2],
     pub signal_bins: Option<[usize; 2]>,
     pub peak: f64,

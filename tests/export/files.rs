@@ -338,14 +338,14 @@ fn ply_holds_the_masked_points() {
     let header = std::str::from_utf8(&bytes[..end]).unwrap();
     assert!(header.starts_with("ply\nformat binary_little_endian 1.0\n"));
     assert!(header.contains("element vertex 2\n") && header.contains("property uint8 blue\n"));
-    assert_eq!(bytes.len() - end, 2 * (7 * 4 + 3));
-    let point: Vec<f32> = bytes[end + 31..]
+    assert_eq!(bytes.len() - end, 2 * (8 * 4 + 3));
+    let point: Vec<f32> = bytes[end + 35..]
         .chunks_exact(4)
-        .take(7)
+        .take(8)
         .map(|c| f32::from_le_bytes(c.try_into().unwrap()))
         .collect();
     // The centre of pixel (3, 1): x 0.5 to 1, y 0.5 to 1.
-    assert_eq!(point, [0.75, 0.75, 1.5, 0.0, 0.6, -0.8, 2.0]);
+    assert_eq!(point, [0.75, 0.75, 1.5, 0.0, 0.6, -0.8, 2.0, 2.0]);
     assert_eq!(bytes[bytes.len() - 1], 255);
 }
 

@@ -131,7 +131,10 @@ impl VirtualWall {
 
 /// The capture of a result, in the bins of its solver, without empty room and background.
 fn measured(report: &Report, folder: &Path) -> Result<(PathBuf, Capture)> {
-    let text = |key: &str| report.settings.get(key).and_then(Value::as_str).map(PathBuf::from);
+    let text = |key: &str| {
+        let named = PathBuf::from(report.settings.get(key).and_then(Value::as_str)?);
+        Some(found_from(folder, &named).unwrap_or(named))
+    };
     let number = |key: &str| report.settings.get(key).and_then(Value::as_u64).map(|n| n as usize);
     let source = text("capture").filter(|path| path.exists()).ok_or_else(|| {
         let named = text("capture").unwrap_or_default();
@@ -170,6 +173,13 @@ fn measured(report: &Report, folder: &Path) -> Result<(PathBuf, Capture)> {
     capture.noise = Some([per_count, floor]);
     capture.histograms.iter_mut().for_each(|v| *v -= level as f32);
     Ok((source, capture))
+}
+
+/// A file of a report, whose path may be relative to the folder in which the run was: this one, or one above the result.
+fn found_from(folder: &Path, named: &Path) -> Option<PathBuf> {
+    let above = std::fs::canonicalize(folder).ok()?;
+    let there = above.ancestors().map(|folder| folder.join(named)).find(|path| path.exists());
+    if named.exists() { Some(named.into()) } else { there }
 }
 
 /// The impulse response of the result: that which it found, else that of its capture.

@@ -33,7 +33,7 @@ const FARTHEST: f64 = 1e8;
 /// A vertex: position in metres, outward unit normal, albedo.
 type Vertex = (DVec3, DVec3, f32);
 
-/// Writes vertices (`x y z nx ny nz albedo` as float32 and the albedo as grey `red green blue`, as [`super::ply`]
+/// Writes vertices (`x y z nx ny nz albedo scalar_albedo` as float32 and the albedo as grey `red green blue`, as [`super::ply`]
 /// does) and triangles, counter-clockwise as seen from the wall. Coordinates are metres in the capture's frame.
 /// Without surface the file has no triangles.
 ///
@@ -51,14 +51,16 @@ pub(super) fn bytes(maps: &Maps) -> Result<Vec<u8>> {
         "ply\nformat binary_little_endian 1.0\ncomment thirdbounce, metres\nelement vertex {}\n{}{}\
          element face {}\nproperty list uint8 int32 vertex_indices\nend_header\n",
         vertices.len(),
-        ["x", "y", "z", "nx", "ny", "nz", "albedo"].map(|n| format!("property float32 {n}\n")).concat(),
+        ["x", "y", "z", "nx", "ny", "nz", "albedo", "scalar_albedo"]
+            .map(|n| format!("property float32 {n}\n"))
+            .concat(),
         ["red", "green", "blue"].map(|n| format!("property uint8 {n}\n")).concat(),
         triangles.len()
     )
     .into_bytes();
     for (at, normal, albedo) in vertices {
         let values = at.to_array().into_iter().chain(normal.to_array()).map(|v| v as f32);
-        values.chain([albedo]).for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
+        values.chain([albedo; 2]).for_each(|v| bytes.extend_from_slice(&v.to_le_bytes()));
         bytes.extend_from_slice(&[(255.0 * (albedo / white).clamp(0.0, 1.0)).round() as u8; 3]);
     }
     for triangle in triangles {

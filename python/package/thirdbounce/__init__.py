@@ -10,6 +10,11 @@ z > 0, y is up. The first index of arrays is along +x, the second along +y.
 """
 
 import atexit
+import os
+
+# A scheduler of a cluster sets the threads of each of its workers; the native part reads this name at its first use.
+if "OMP_NUM_THREADS" in os.environ:
+    os.environ.setdefault("RAYON_NUM_THREADS", os.environ["OMP_NUM_THREADS"].split(",")[0])
 
 from . import _native
 from ._capture import Capture, Pulse, read

@@ -141,7 +141,7 @@ impl Capture {
                 "give the distance in metres between the outermost scan points",
             ));
         }
-        let span = Lattice::of(&self.sides()[0]).range.iter().map(|[a, b]| b - a).fold(0.0, f64::max);
+        let span = self.outermost();
         if span <= 0.0 {
             return Err(Error::options(
                 "a wall size was given, but the capture has a single scan point",
@@ -153,6 +153,11 @@ impl Capture {
         self.laser.iter_mut().chain(&mut self.sensor).chain(devices).for_each(|p| *p *= scale);
         self.laser_spot.iter_mut().chain(&mut self.sensor_spot).for_each(|width| *width *= scale);
         Ok(())
+    }
+
+    /// Distance of the outermost scanned points along the longer side, metres.
+    pub(crate) fn outermost(&self) -> f64 {
+        Lattice::of(&self.sides()[0]).range.iter().map(|[a, b]| b - a).fold(0.0, f64::max)
     }
 
     /// The points of the scanned side (sensor or laser), pair by pair. It is the side with more distinct points, the

@@ -43,6 +43,8 @@ pub struct Summary {
     pub planar: bool,
     /// (xmin, xmax, ymin, ymax) of the scanned part of the wall in metres, outer cell edges.
     pub wall_extent_m: [f64; 4],
+    /// Distance of the outermost scan points along the longer side in metres: what a wall size scales.
+    pub wall_points_m: f64,
     /// Least and largest z of the wall points in metres.
     pub wall_depth_m: [f64; 2],
     /// First and last bin with signal in any pair, `None` without signal.
@@ -105,6 +107,7 @@ impl Summary {
             confocal: pair_kind == PairKind::Confocal,
             planar: capture.is_planar(),
             wall_extent_m: capture.wall_extent(),
+            wall_points_m: capture.outermost(),
             wall_depth_m: [low, high],
             signal_bins: (lit > 0).then_some([first, last]),
             peak: f64::from(peak),
@@ -154,6 +157,11 @@ impl std::fmt::Display for Summary {
             (false, _) => format!("curved or tilted, z {low:.d$} to {high:.d$} m"),
         };
         writeln!(f, "wall      x {x0:.d$} to {x1:.d$} m, y {y0:.d$} to {y1:.d$} m, {wall}")?;
+        writeln!(
+            f,
+            "          outermost points {:.d$} m apart (the size that --wall sets)",
+            self.wall_points_m
+        )?;
         let normals = match (self.laser_normals, self.sensor_normals) {
             _ if self.normals_estimated => "estimated from neighbouring points",
             (true, true) => "known",

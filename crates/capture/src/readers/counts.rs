@@ -256,7 +256,10 @@ pub(super) fn alone(what: &str, load: &str, shape: &[usize]) -> Error {
         return error;
     }
     let known = of_tensor("t", shape).map(|h| format!("t = {load}; H = {h}"));
-    let h = known.unwrap_or_else(|| format!("H = {load}"));
+    // The longest of three axes is that of the bins.
+    let is_last = matches!(*shape, [x, y, t] if t > x.max(y));
+    let plain = || if is_last { format!("H = np.moveaxis({load}, -1, 0)") } else { format!("H = {load}") };
+    let h = known.unwrap_or_else(plain);
     let points = match shape.len() {
         0..=2 => {
             r#"p = np.loadtxt("POINTS", delimiter=",")  # H is [T, P]: a line x,y,z for each of P, metres

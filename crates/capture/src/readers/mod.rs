@@ -231,8 +231,8 @@ const FORMATS: [FileFormat; 10] = [
         // A file that holds `H` alone is a single array of anybody.
         is: |file| file.have(&["H"]) && file.names().len() > 1,
         name: "a file with the arrays of the npz form",
-        has_bin_width: true,
-        read: |file, _, notes| npz::read_variables(file, notes).map(ReadCapture::Whole),
+        has_bin_width: false,
+        read: |file, given, notes| npz::read_variables(file, given, notes).map(ReadCapture::Whole),
     },
     FileFormat {
         is: |file| file.have(&["data_t"]),

@@ -49,22 +49,26 @@ pub fn read(path: &Path, given: &ReadOptions, notes: &mut Vec<String>) -> Result
     if !names.iter().any(|name| name.ends_with("_xyz") && !name.contains('/')) {
         return Err(counts::alone_in_npz(&mut npz));
     }
-    given.no_bin_width("an npz file")?;
     if names.iter().any(|name| name == ytal::SENSOR_POINTS) {
+        given.no_bin_width("a y-tal capture")?;
         return ytal::read(&Documented::of_npz(npz, ytal::WANTED), notes);
     }
-    read_documented(&Documented::of_npz(npz, WANTED), notes)
+    read_documented(&Documented::of_npz(npz, WANTED), given, notes)
 }
 
 /// Reads a capture from an HDF5 or MATLAB file with the arrays of the npz form, without checking its values.
 ///
 /// # Errors
 /// `Kind::Input` for a missing array or shapes that do not agree.
-pub(super) fn read_variables(file: &Variables, notes: &mut Vec<String>) -> Result<Capture> {
-    read_documented(&Documented::of_file(file, &["laser_xyz", "sensor_xyz"], WANTED)?, notes)
+pub(super) fn read_variables(
+    file: &Variables,
+    given: &ReadOptions,
+    notes: &mut Vec<String>,
+) -> Result<Capture> {
+    read_documented(&Documented::of_file(file, &["laser_xyz", "sensor_xyz"], WANTED)?, given, notes)
 }
 
-fn read_documented(file: &Documented, notes: &mut Vec<String>) -> Result<Capture> {
+fn read_documented(file: &Documented, given: &ReadOptions, notes: &mut Vec<String>) -> Result<Capture> {
     let shape = file.counts_shape("H")?;
     let laser = Points::read(file, "laser_xyz", "laser_normal")?;
     let sensor = Points::read(file, "sensor_xyz", "sensor_normal")?;
@@ -96,7 +100,13 @@ fn read_documented(file: &Documented, notes: &mut Vec<String>) -> Result<Capture
         ));
     };
     let pairs = scan[0] * scan[1];
-    let bin_width = file.number("delta_t")?.ok_or_else(|| file.missing("delta_t"))?;
+    let bin_width = match file.number("delta_t")? {
+        Some(width) => {
+            given.no_bin_width("the file")?;
+            width
+        }
+        None => given.bin_width("a file without delta_t", None, notes)?,
+    };
     let t_start = file.number("t_start")?.unwrap_or(0.0);
     let laser_spot = spot(file, ["laser_spot", "laser_fov"], &laser.0, notes)?;
     let sensor_spot = spot(file, ["sensor_spot", "sensor_fov"], &sensor.0, notes)?;

@@ -136,6 +136,10 @@ impl ReadOptions {
                 format!("the bin width is {width:e} m of path"),
                 advice!["if these are seconds, write the unit: " BinWidth " " (format!("{}ps", 1e12 * width))],
             )),
+            (Some(width), _) if (LONGEST..f64::MAX).contains(&width) => Err(Error::options(
+                format!("the bin width is {width} m of path"),
+                advice!["if these are picoseconds, write the unit: " BinWidth " " (format!("{width}ps"))],
+            )),
             (Some(width), _) if width.is_finite() && width > 0.0 => Ok(width),
             (Some(width), _) => Err(bad_length("the bin width", width)),
             (None, Some(ps)) => {
@@ -184,6 +188,8 @@ impl ReadOptions {
 
 /// No bin is shorter, metres: a thousandth of a wavelength of light.
 const SHORTEST: f64 = 1e-9;
+/// No bin is as long, metres: scenes are about a metre from their wall.
+const LONGEST: f64 = 1.0;
 
 fn bad_length(option: &str, value: f64) -> Error {
     Error::options(format!("{option} is {value}"), "give a length in metres above zero")

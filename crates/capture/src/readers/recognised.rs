@@ -166,7 +166,7 @@ const ROWS: [Recognised; 19] = [
         "Becker & Hickl time tags (.spc)",
         Content::Other,
         |h| h.ending == "spc",
-        "convert it to Photon-HDF5, as phconvert does",
+        "read it with tttrlib and store its macro times, channels and markers as arrays of an npz (phconvert 0.10 leaves markers out)",
     ),
     row(
         "Swabian time tags (.ttbin), whose format is not public",

@@ -158,7 +158,15 @@ const CELLS: usize = 2;
 /// The error of cell arrays, with the way to one array.
 fn in_cells(file: &Variables) -> Option<Error> {
     let cells = file.cells();
-    let (name, shapes) = cells.iter().max_by_key(|(_, shapes)| shapes.len())?;
+    // Cells of up to three numbers are coordinates.
+    let is_point = |shapes: &[Vec<usize>]| shapes.iter().all(|shape| shape.iter().product::<usize>() <= 3);
+    let (name, shapes) = cells.iter().max_by_key(|(_, shapes)| (!is_point(shapes), shapes.len()))?;
+    if is_point(shapes) && !shapes.is_empty() {
+        return Some(Error::input(
+            format!("{name} is a MATLAB cell array of coordinates, and the file holds no counts"),
+            "store the counts as one array, and the points as a matrix of x, y, z in metres",
+        ));
+    }
     let all = cells.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(", ");
     let long = |shape: &Vec<usize>| shape.iter().filter(|n| **n > 1).count();
     let is_one = shapes.windows(2).all(|w| w[0] == w[1]);

@@ -14,7 +14,7 @@ pub struct HostArgs {
     /// Most memory of the host to hold: a number in MiB, or with K, M or G after it [default: all that is free]
     #[arg(long, value_name = "SIZE", global = true, display_order = 1000, help_heading = "Host")]
     pub host_memory: Option<String>,
-    /// Threads of the host: its kernels where it is the device, readers, writers [default: one per processor]
+    /// Threads of the host: its kernels where it is the device, readers, writers [default: OMP_NUM_THREADS, else one per processor of the control group]
     #[arg(long, value_name = "N", global = true, display_order = 1001, help_heading = "Host")]
     #[arg(value_parser = clap::value_parser!(u16).range(1..=MOST_THREADS))]
     pub threads: Option<u16>,
@@ -31,7 +31,9 @@ impl HostArgs {
     /// Threads that cannot be started, a memory that is no size.
     pub fn begin(&self) -> Result<()> {
         interrupt::listen()?;
-        if let Some(threads) = self.threads {
+        let of_environment = || std::env::var("OMP_NUM_THREADS").ok()?.split(',').next()?.trim().parse().ok();
+        // Schedulers of clusters set it for each of their workers.
+        if let Some(threads) = self.threads.or_else(|| of_environment().filter(|threads| *threads > 0)) {
             rayon::ThreadPoolBuilder::new().num_threads(threads.into()).build_global().map_err(|e| {
                 Error::options(
                     format!("{threads} threads cannot be started: {e}"),
