@@ -159,7 +159,7 @@ impl std::fmt::Display for Summary {
         writeln!(f, "wall      x {x0:.d$} to {x1:.d$} m, y {y0:.d$} to {y1:.d$} m, {wall}")?;
         writeln!(
             f,
-            "          outermost points {:.d$} m apart (the size that --wall sets)",
+            "          outermost points {:.d$} m apart, which a wall size that is set means",
             self.wall_points_m
         )?;
         let normals = match (self.laser_normals, self.sensor_normals) {
