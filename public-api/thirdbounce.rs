@@ -115,6 +115,7 @@ impl Serialize for Bins {}
 pub enum Doing {
     Preview,
     Trial,
+    Search,
     Solve,
 }
 #[derive(Debug, Clone)]

@@ -23,11 +23,15 @@ use crate::surface::{Left, Starts};
 
 /// Constants of the search. Evidence: benches/NOTES.md, "Causes" and "Search".
 mod bounds {
+    use crate::judge::decide::Gate;
+
     /// Corrections of one capture at most.
     pub const CORRECTIONS: usize = 2;
     /// Share that is certainly left of held-out pairs, with the estimated impulse response, from which anything is tried: proper captures
     /// of simulated light leave less.
     pub const SUSPICIOUS: f64 = 0.03;
+    /// What brief fits must reach for a law to be fitted whole.
+    pub const PROMISING: Gate = Gate { factor: 0.85, errors: 2.0 };
     /// Fits of a search, as its progress expects them.
     pub const USUAL: usize = 80;
     /// Corrections with which the network looks again.
@@ -84,6 +88,8 @@ pub struct Trials<'j> {
     pub base: Fitted,
     gpu: &'j Gpu,
     hear: &'j mut dyn FnMut(&Progress) -> ControlFlow<()>,
+    /// Fits are brief until the network looks again.
+    from: From<'static>,
     /// All trials so far: a minimiser comes back to the same numbers.
     judged: Vec<Tried>,
     /// Fits so far.
@@ -109,7 +115,18 @@ impl<'j> Trials<'j> {
         let mut quiet = |_: &Progress| ControlFlow::Continue(());
         let mut watch = Watch { hear: &mut quiet, maps_every: None, maps_at: &[] };
         let base = fit_all(&[&trial], pulse.as_ref(), From::Brief, 1.0, &mut watch)?.pop().flatten();
-        Ok(base.map(|base| Trials { job, trial, pulse, scan, base, gpu, hear, judged: vec![], done: 0 }))
+        Ok(base.map(|base| Trials {
+            job,
+            trial,
+            pulse,
+            scan,
+            base,
+            gpu,
+            hear,
+            from: From::Brief,
+            judged: vec![],
+            done: 0,
+        }))
     }
 
     /// Fits of other versions of the capture.
@@ -148,7 +165,7 @@ impl<'j> Trials<'j> {
             return Ok(Some(same.clone()));
         }
         let undone = self.trial.with_capture(law.undone(self.trial.capture(), &self.scan, numbers));
-        let Some(fitted) = self.fits(&[undone], From::Brief, 1.0)?.pop().flatten() else { return Ok(None) };
+        let Some(fitted) = self.fits(&[undone], self.from, 1.0)?.pop().flatten() else { return Ok(None) };
         let gains = (law.proposed == Proposed::ByProducts).then(|| law.gains(&self.scan, numbers));
         let left = both(&fitted.held, &self.base.held, gains.as_deref());
         let tried = Tried { law, numbers: numbers.to_vec(), left, fitted };
@@ -196,6 +213,15 @@ impl<'j> Trials<'j> {
             best = Some(tried);
         }
         Ok(best)
+    }
+
+    /// From here on fits are whole, that of the capture as it is, too. Whether that has a surface.
+    fn fit_whole(&mut self) -> Result<bool> {
+        (self.from, self.judged) = (From::Start, vec![]);
+        let base = self.fits(&[self.trial.clone()], From::Start, 1.0)?.pop().flatten();
+        let is_found = base.is_some();
+        self.base = base.unwrap_or_else(|| self.base.clone());
+        Ok(is_found)
     }
 
     /// The correction by trials that begin with what the network sees once it is undone, with its numbers refined.
@@ -278,7 +304,7 @@ fn searched(
     let mut found: Vec<Tried> = vec![];
     for proposals in [propose::closed_form, propose::by_steps, propose::as_scale] {
         for proposal in proposals(&mut trials, &found)? {
-            found.extend(trials.minimised(proposal, 0)?.filter(|tried| tried.passes(Gate::DOUBT)));
+            found.extend(trials.minimised(proposal, 0)?.filter(|tried| tried.passes(bounds::PROMISING)));
         }
         found.sort_by(|a, b| a.excess().total_cmp(&b.excess()));
         if found
@@ -290,6 +316,9 @@ fn searched(
     }
     let Some(first) = found.first() else { return Ok(None) };
     if trials.leaves_less_both_ways(&first.clone())? {
+        return Ok(None);
+    }
+    if !trials.fit_whole()? {
         return Ok(None);
     }
     let mut finalists = vec![];

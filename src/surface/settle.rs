@@ -156,7 +156,7 @@ mod tests {
         let part: Vec<usize> =
             (0..N * N).filter(|p| (8..24).contains(&(p / N)) && (6..20).contains(&(p % N))).collect();
         for &p in &part {
-            let odd = if (p / N + p % N) % 2 == 0 { 1.0 } else { -1.0 };
+            let odd = if (p / N + p % N).is_multiple_of(2) { 1.0 } else { -1.0 };
             let [x, y] = maps.centre(p / N, p % N);
             maps.depth[p] = 0.8 + 0.5 * x as f32 - 0.2 * y as f32 + deep * odd;
             maps.albedo[p] = 1.0 + 0.2 * odd;
