@@ -218,7 +218,8 @@ impl<'j> Trials<'j> {
     /// From here on fits are whole, that of the capture as it is, too. Whether that has a surface.
     fn fit_whole(&mut self) -> Result<bool> {
         (self.from, self.judged) = (From::Start, vec![]);
-        let base = self.fits(&[self.trial.clone()], From::Start, 1.0)?.pop().flatten();
+        let trial = self.trial.clone();
+        let base = self.fits(std::slice::from_ref(&trial), From::Start, 1.0)?.pop().flatten();
         let is_found = base.is_some();
         self.base = base.unwrap_or_else(|| self.base.clone());
         Ok(is_found)
