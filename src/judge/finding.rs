@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::settings::Correction;
 
-/// Where a correction comes from, which decides how much held-out pairs must say for it ([`super::decide::Gate`]).
+/// Where a correction comes from, which decides how much held-out pairs must say for it (`Gate`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Source {

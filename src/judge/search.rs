@@ -243,7 +243,7 @@ impl<'j> Trials<'j> {
     }
 }
 
-/// Corrects a capture by what a search finds and held-out pairs confirm, by estimates anew; up to [`bounds::CORRECTIONS`] times.
+/// Corrects a capture by what a search finds and held-out pairs confirm, by estimates anew; twice at most.
 ///
 /// # Errors
 /// The device fails, or `hear` cancels.
