@@ -9,7 +9,7 @@ use crate::capture::{Gate, Pulse};
 use crate::engine::{Level, background};
 use crate::export::report;
 use crate::gpu::Gpu;
-use crate::judge::{Estimates, Finding, Source};
+use crate::judge::{CaptureFinding, Estimates, FindingSource};
 use crate::methods::SolverOptions;
 use crate::settings::CALIBRATION;
 use crate::surface;
@@ -93,8 +93,8 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
         },
         "spots": [loaded.capture.laser_spot, loaded.capture.sensor_spot],
         "pulse_found": done.job.estimates.pulse,
-        "device_found": found(Source::Set).or(found(Source::Named)),
-        "empty_found": found(Source::Empty),
+        "device_found": found(FindingSource::Set).or(found(FindingSource::Named)),
+        "empty_found": found(FindingSource::Empty),
         "model_found": done.job.estimates.model,
         "high_pass_found": done.job.estimates.high_pass,
         "sharpness_found": result.sharpness,
@@ -138,9 +138,9 @@ pub fn settings(request: &Request, loaded: &Loaded, done: &Finished) -> Value {
 /// Every correction in its order, those of a file first, with what was found; null for a proper capture without a file.
 fn calibration_of(estimates: &Estimates) -> Value {
     let of = |source| estimates.findings.iter().filter(move |found| found.source == source);
-    let corrections = |source| of(source).flat_map(|found: &Finding| &found.corrections);
-    let (file, given) = (of(Source::File).next(), corrections(Source::File).count());
-    let all: Vec<_> = corrections(Source::File).chain(corrections(Source::Searched)).collect();
+    let corrections = |source| of(source).flat_map(|found: &CaptureFinding| &found.corrections);
+    let (file, given) = (of(FindingSource::File).next(), corrections(FindingSource::File).count());
+    let all: Vec<_> = corrections(FindingSource::File).chain(corrections(FindingSource::Searched)).collect();
     match (&all[..], file) {
         ([], None) => Value::Null,
         _ => json!({

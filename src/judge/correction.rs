@@ -1,5 +1,5 @@
 //! What an instrument may do to all pairs at once, as laws with numbers. A row of [`LAWS`] is all that there is of a law: how it is
-//! proposed, its steps, its words, its effect. A [`Correction`] is a law with its numbers on a wall.
+//! proposed, its steps, its words, its effect. A [`LawCorrection`] is a law with its numbers on a wall.
 //!
 //! Not observable: a common gain (the albedo), a turn of the points in the wall's plane, and one scale of points, paths and scene
 //! together, so that a wall of another size and bins of another width are one law.
@@ -637,18 +637,18 @@ impl Law {
 
 /// A law with its numbers, about the wall on which they were found.
 #[derive(Debug, Clone)]
-pub struct Correction {
+pub struct LawCorrection {
     pub law: &'static Law,
     pub numbers: Vec<f64>,
     pub frame: WallFrame,
 }
 
-impl Correction {
+impl LawCorrection {
     /// A correction of a file for a capture; `None` if the law is of its own capture alone, or of another kind of scan.
     ///
     /// # Errors
     /// No such law, or a number of lines that is not the capture's, as text.
-    pub fn stored(of: &settings::Correction, capture: &Capture) -> Result<Option<Correction>, String> {
+    pub fn stored(of: &settings::Correction, capture: &Capture) -> Result<Option<LawCorrection>, String> {
         let (given, scan) = (of.numbers.len(), capture.scan);
         let law = LAWS.iter().find(|law| law.name == of.law);
         let Some(law) = law.filter(|law| law.proposed == Proposed::ByLines || law.steps.len() == given)
@@ -659,7 +659,7 @@ impl Correction {
             return Err(format!("it has {given} {}, the capture has {}", law.name, law.count(scan)));
         }
         let frame = WallFrame { middle: DVec2::from_array(of.middle), half: of.half };
-        let correction = Correction { law, numbers: of.numbers.clone(), frame };
+        let correction = LawCorrection { law, numbers: of.numbers.clone(), frame };
         Ok((law.is_of_rig && (law.applies)(&correction.scan(capture))).then_some(correction))
     }
 
@@ -811,7 +811,7 @@ mod tests {
         let frame = LawScan::of(&capture).frame;
         let of = |delay: &dyn Fn(usize) -> f64| {
             let numbers = (0..16).map(|line| picosecond * delay(line)).collect();
-            Correction { law: named("delays of columns"), numbers, frame }
+            LawCorrection { law: named("delays of columns"), numbers, frame }
         };
         assert_eq!(of(&|line| 32.0 * late(line) as f64).undone(&capture), proper);
         let names = |delay: &dyn Fn(usize) -> f64, words: &str| {
@@ -838,8 +838,8 @@ mod tests {
                 }
                 _ => law.steps.iter().map(|[step, _]| 0.5 * step).collect(),
             };
-            let correction = Correction { law, numbers: numbers.clone(), frame: scan.frame };
-            let again = Correction::stored(&correction.as_stored(), &capture).unwrap().unwrap();
+            let correction = LawCorrection { law, numbers: numbers.clone(), frame: scan.frame };
+            let again = LawCorrection::stored(&correction.as_stored(), &capture).unwrap().unwrap();
             assert_eq!(again.undone(&capture), law.undone(&capture, &scan, &numbers), "{law:?}");
         }
     }

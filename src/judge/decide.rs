@@ -1,32 +1,32 @@
 //! One question decides about every correction of a capture: do held-out pairs prefer the capture once it is undone?
 
-use super::finding::Source;
+use super::finding::FindingSource;
 use crate::surface::{HeldOut, Left};
 
 /// What undoing a correction must reach: at most this share of what is left without it, and less by more than these standard errors.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Gate {
+pub struct EvidenceGate {
     pub factor: f64,
     pub errors: f64,
 }
 
-impl Gate {
+impl EvidenceGate {
     /// What the settings give stays unless held-out pairs contradict it.
-    pub const GIVEN: Gate = Gate { factor: 1.01, errors: -2.0 };
+    pub const GIVEN: EvidenceGate = EvidenceGate { factor: 1.01, errors: -2.0 };
     /// What the capture's file names is undone if that leaves less, beyond chance.
-    pub const NAMED: Gate = Gate { factor: 1.0, errors: 2.0 };
+    pub const NAMED: EvidenceGate = EvidenceGate { factor: 1.0, errors: 2.0 };
     /// What a search found is undone only if a surface leaves far less: of 130 proper captures one has a correction that leaves .8, none one
     /// that leaves .6 (benches/NOTES.md, "Causes").
-    pub const SEARCHED: Gate = Gate { factor: 0.6, errors: 4.0 };
+    pub const SEARCHED: EvidenceGate = EvidenceGate { factor: 0.6, errors: 4.0 };
     /// A doubt of the verdict: fits leave something of sharp captures whatever is undone.
-    pub const DOUBT: Gate = Gate { factor: 0.75, errors: 4.0 };
+    pub const DOUBT: EvidenceGate = EvidenceGate { factor: 0.75, errors: 4.0 };
 
     /// The gate of a source.
-    pub fn of(source: Source) -> Gate {
+    pub fn of(source: FindingSource) -> EvidenceGate {
         match source {
-            Source::Empty | Source::File | Source::Set => Gate::GIVEN,
-            Source::Named => Gate::NAMED,
-            Source::Searched => Gate::SEARCHED,
+            FindingSource::Empty | FindingSource::File | FindingSource::Set => EvidenceGate::GIVEN,
+            FindingSource::Named => EvidenceGate::NAMED,
+            FindingSource::Searched => EvidenceGate::SEARCHED,
         }
     }
 
@@ -78,14 +78,18 @@ mod tests {
 
     #[test]
     fn gates_are_stricter_the_less_is_known() {
-        let gates = [Source::File, Source::Named, Source::Searched].map(Gate::of);
+        let gates =
+            [FindingSource::File, FindingSource::Named, FindingSource::Searched].map(EvidenceGate::of);
         let passed = |after: f64, scatter: f64| {
             let both = [left(after, scatter), left(10.0, 0.0)];
-            gates.iter().chain([&Gate::DOUBT]).filter(|gate| gate.passes(&both)).count()
+            gates.iter().chain([&EvidenceGate::DOUBT]).filter(|gate| gate.passes(&both)).count()
         };
         // Given; named; a doubt; searched. Less by a factor is not enough where the difference is chance.
         assert_eq!([10.2, 10.05, 9.0, 7.0, 5.0].map(|after| passed(after, 0.1)), [0, 0, 2, 3, 4]);
         assert_eq!([9.99, 5.0].map(|after| passed(after, 30.0)), [1, 1]);
-        assert!(Gate::GIVEN.passes(&[left(10.05, 3.0), left(10.0, 0.0)]), "chance contradicts nothing");
+        assert!(
+            EvidenceGate::GIVEN.passes(&[left(10.05, 3.0), left(10.0, 0.0)]),
+            "chance contradicts nothing"
+        );
     }
 }

@@ -5,21 +5,19 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::constants::{FAR, LATERAL, LEAST_PAIRS};
+use super::constants::FAR;
 use super::estimates::{AtHand, EstimateSeconds, Estimates, FindPulse};
 use super::job::Job;
 use super::model::FoundModel;
-use super::physics::{Physics, quick};
+use super::physics::Physics;
 use super::pulse::{FoundPulse, Shape};
-use super::trial::From;
+use super::trial::{From, for_fits};
 use crate::capture::Capture;
 use crate::engine::{Problem, Progress, Watch};
 use crate::gpu::Gpu;
 use crate::methods::SolverOptions;
-use crate::settings::Settings;
-use crate::surface::{Begun, Candidate, HeldOut, Starts, SurfaceOptions};
-use crate::transport::Grid;
-use crate::{Error, Kind, Result};
+use crate::surface::{Begun, Candidate, HeldOut, Starts};
+use crate::{Kind, Result};
 
 /// Estimates what the job leaves open, by short fits of parts of its capture, if that has light.
 ///
@@ -122,30 +120,6 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
         begun,
         findings: vec![],
     })
-}
-
-/// The capture in the bins of short fits, their grid, and their options.
-///
-/// # Errors
-/// Too few pairs, or a box that the capture does not allow.
-pub fn for_fits<'c>(
-    job: &Job<'_>,
-    capture: &'c Capture,
-    solver: &SolverOptions,
-) -> Result<(Cow<'c, Capture>, Grid, SurfaceOptions)> {
-    if capture.pair_count() / 2 < LEAST_PAIRS {
-        return Err(Error::input(
-            format!("estimates need {} pairs, the capture has {}", 2 * LEAST_PAIRS, capture.pair_count()),
-            "name the model and the impulse response if known",
-        ));
-    }
-    let options = quick(solver, job.solver.common().lateral.min(LATERAL));
-    let solver: SolverOptions = options.clone().into();
-    let volume = job.settings.volume.map_or_else(|| solver.default_volume(capture), Ok)?;
-    let of_trial = Settings { volume: Some(volume), bins: job.settings.bins, ..Settings::default() };
-    let (whole, _) = of_trial.summed(&solver, Cow::Borrowed(capture))?;
-    let grid = of_trial.grid(&solver, &whole)?;
-    Ok((whole, grid, options))
 }
 
 /// What fits of the job's capture begin with.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::finding::{Finding, Source};
+use super::finding::{CaptureFinding, FindingSource};
 use super::high_pass::FoundHighPass;
 use super::model::FoundModel;
 use super::pulse::FoundPulse;
@@ -31,7 +31,7 @@ pub enum FindPulse {
 pub struct Estimates {
     /// What was found wrong with the capture, in its order.
     #[serde(default)]
-    pub findings: Vec<Finding>,
+    pub findings: Vec<CaptureFinding>,
     /// How surfaces reflect, if it was estimated.
     #[serde(default)]
     pub model: Option<FoundModel>,
@@ -93,7 +93,7 @@ impl Estimates {
             )
         });
         let high_pass = self.high_pass.iter().map(FoundHighPass::note);
-        let given = self.findings.iter().filter_map(Finding::note);
+        let given = self.findings.iter().filter_map(CaptureFinding::note);
         given
             .chain(start)
             .chain(high_pass)
@@ -103,7 +103,7 @@ impl Estimates {
     }
 
     /// The finding of this source, the first one.
-    pub fn finding(&self, source: Source) -> Option<&Finding> {
+    pub fn finding(&self, source: FindingSource) -> Option<&CaptureFinding> {
         self.findings.iter().find(|finding| finding.source == source)
     }
 

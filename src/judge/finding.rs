@@ -6,10 +6,10 @@ use serde::{Deserialize, Serialize};
 
 use crate::settings::Correction;
 
-/// Where a correction comes from, which decides how much held-out pairs must say for it (`Gate`).
+/// Where a correction comes from, which decides how much held-out pairs must say for it (`EvidenceGate`).
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Source {
+pub enum FindingSource {
     /// A capture of the empty room.
     Empty,
     /// A calibration file.
@@ -24,8 +24,8 @@ pub enum Source {
 
 /// Something that is wrong with a capture, or may be.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Finding {
-    pub source: Source,
+pub struct CaptureFinding {
+    pub source: FindingSource,
     /// What it is, in words.
     pub what: String,
     /// The option or edit that corrects it; empty: none is needed.
@@ -52,9 +52,9 @@ pub struct Finding {
     pub is_used: bool,
 }
 
-impl Finding {
-    pub fn new(source: Source, what: String, hint: &str) -> Finding {
-        Finding {
+impl CaptureFinding {
+    pub fn new(source: FindingSource, what: String, hint: &str) -> CaptureFinding {
+        CaptureFinding {
             source,
             what,
             hint: hint.into(),
@@ -82,7 +82,7 @@ impl Finding {
 
     /// What was done, as a sentence of a run's notes; `None` for what a search found, which the verdict names.
     pub fn note(&self) -> Option<String> {
-        let Finding { what, hint, .. } = self;
+        let CaptureFinding { what, hint, .. } = self;
         let out = match &self.left_out[..] {
             [] => String::new(),
             all => format!(
@@ -90,7 +90,7 @@ impl Finding {
                 all.join(", ")
             ),
         };
-        (self.source != Source::Searched).then(|| match self.is_used {
+        (self.source != FindingSource::Searched).then(|| match self.is_used {
             true => format!("{what} ({}){out}", self.shares()),
             false => format!("not used: {what} ({}; {hint}){out}", self.shares()),
         })
@@ -98,14 +98,16 @@ impl Finding {
 
     /// What it means for a result, as a sentence; `None` where nothing is doubtful.
     pub fn doubt(&self) -> Option<String> {
-        let Finding { what, hint, .. } = self;
+        let CaptureFinding { what, hint, .. } = self;
         match (self.source, self.is_used) {
-            (Source::Searched, true) => Some(format!("{what} ({}): undone here; {hint}", self.shares())),
-            (Source::Searched, false) => Some(format!(
+            (FindingSource::Searched, true) => {
+                Some(format!("{what} ({}): undone here; {hint}", self.shares()))
+            }
+            (FindingSource::Searched, false) => Some(format!(
                 "perhaps {what} ({}, too little a difference to undo it): {hint}",
                 self.shares()
             )),
-            (Source::Set | Source::File, false) => Some(format!(
+            (FindingSource::Set | FindingSource::File, false) => Some(format!(
                 "held-out pairs contradict it, so it is not used: {what} ({}): {hint}",
                 self.shares()
             )),
@@ -120,7 +122,8 @@ mod tests {
 
     #[test]
     fn a_finding_names_what_was_done_and_why() {
-        let mut found = Finding::new(Source::Searched, "points are sheared".into(), "give the points");
+        let mut found =
+            CaptureFinding::new(FindingSource::Searched, "points are sheared".into(), "give the points");
         found.left = vec![("none".into(), Some([0.3, 0.01])), ("shear".into(), None)];
         assert_eq!(found.note(), None);
         let doubt = found.doubt().unwrap();
@@ -131,12 +134,16 @@ mod tests {
         assert!(doubt.contains("none 30.0 %, shear no surface"), "{doubt}");
         found.is_used = true;
         assert!(found.doubt().unwrap().contains("undone here"));
-        let given =
-            Finding { source: Source::Set, is_used: false, left_out: vec!["record".into()], ..found.clone() };
+        let given = CaptureFinding {
+            source: FindingSource::Set,
+            is_used: false,
+            left_out: vec!["record".into()],
+            ..found.clone()
+        };
         assert!(given.doubt().unwrap().contains("contradict"));
         assert!(given.note().unwrap().starts_with("not used") && given.note().unwrap().ends_with("record"));
-        assert_eq!(Finding { is_used: true, ..given }.doubt(), None);
+        assert_eq!(CaptureFinding { is_used: true, ..given }.doubt(), None);
         let text = serde_json::to_string(&found).unwrap();
-        assert_eq!(serde_json::from_str::<Finding>(&text).unwrap(), found);
+        assert_eq!(serde_json::from_str::<CaptureFinding>(&text).unwrap(), found);
     }
 }

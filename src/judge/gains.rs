@@ -4,10 +4,9 @@
 use thirdbounce_base::equations::solve_symmetric;
 
 use super::correction::{LAWS, Law, LawScan, Proposed};
-use super::propose::Proposal;
-use super::search::{Tried, minimised};
+use super::trial::{Fitted, Trial};
+use super::trials::{Proposal, TriedLaw, minimised};
 use crate::Result;
-use crate::judge::trial::{Fitted, Trial};
 use crate::maps::Maps;
 use crate::surface::{HeldOut, mean_and_error};
 
@@ -138,7 +137,7 @@ fn changed(layers: &[Maps], mode: usize, bin_width: f64) -> Vec<Maps> {
 }
 
 /// Numbers of a law of gains.
-struct Suited {
+struct SuitedGains {
     law: &'static Law,
     numbers: Vec<f64>,
     /// Share of what is left that they are predicted to explain, and by how many standard errors.
@@ -146,7 +145,12 @@ struct Suited {
 }
 
 /// Of a law of gains, the numbers that suit what a surface shows best, beyond `base`, which is undone in it.
-fn suited(sense: &Sense, scan: &LawScan, law: &'static Law, base: Option<&[f64]>) -> Result<Option<Suited>> {
+fn suited(
+    sense: &Sense,
+    scan: &LawScan,
+    law: &'static Law,
+    base: Option<&[f64]>,
+) -> Result<Option<SuitedGains>> {
     let logs = |numbers: &[f64]| law.effect(scan, numbers, &sense.pairs).logs;
     let undone = base.map_or_else(|| vec![0.0; sense.pairs.len()], logs);
     let beyond = |numbers: &[f64]| -> Vec<f64> {
@@ -169,7 +173,11 @@ fn suited(sense: &Sense, scan: &LawScan, law: &'static Law, base: Option<&[f64]>
     let squares: f64 = none.iter().sum();
     let [mean, error] = mean_and_error(none.iter().zip(&after).map(|(before, after)| before - after));
     let errors = mean / error.max(f64::MIN_POSITIVE);
-    Ok(Some(Suited { law, numbers, explains: [(squares - least) / sense.beyond_noise(squares), errors] }))
+    Ok(Some(SuitedGains {
+        law,
+        numbers,
+        explains: [(squares - least) / sense.beyond_noise(squares), errors],
+    }))
 }
 
 /// The law of gains that suits a surface best, if that is worth a fit.
@@ -183,15 +191,15 @@ pub fn proposed(trial: &Trial<'_>, base: &Fitted, scan: &LawScan) -> Result<Opti
     let worth =
         each.into_iter().flatten().filter(|of| of.explains[0] > WORTH[0] && of.explains[1] > WORTH[1]);
     let best = worth.max_by(|a, b| a.explains[0].total_cmp(&b.explains[0]));
-    Ok(best.map(|Suited { law, numbers, .. }| Proposal { law, starts: vec![numbers] }))
+    Ok(best.map(|SuitedGains { law, numbers, .. }| Proposal { law, starts: vec![numbers] }))
 }
 
 /// Numbers beyond those of a trial, by what its surface shows of `undone`, the capture without them; `None` without light.
 ///
 /// # Errors
 /// The device fails.
-pub fn next(undone: &Trial<'_>, tried: &Tried, scan: &LawScan) -> Result<Option<Vec<f64>>> {
-    let Tried { law, numbers, fitted, .. } = tried;
+pub fn next(undone: &Trial<'_>, tried: &TriedLaw, scan: &LawScan) -> Result<Option<Vec<f64>>> {
+    let TriedLaw { law, numbers, fitted, .. } = tried;
     let Some(sense) = Sense::of(undone, &fitted.surface.layers)? else { return Ok(None) };
     let Some(next) = suited(&sense, scan, law, Some(numbers))? else { return Ok(None) };
     let steps = numbers.iter().zip(&next.numbers).map(|(from, to)| from + LONGER * (to - from));

@@ -6,10 +6,10 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Instant;
 
-use super::correction::Correction;
-use super::decide::{Gate, both, both_in_counts};
+use super::correction::LawCorrection;
+use super::decide::{EvidenceGate, both, both_in_counts};
 use super::estimate::held;
-use super::finding::{Finding, Source};
+use super::finding::{CaptureFinding, FindingSource};
 use super::job::Job;
 use crate::capture::{Capture, GainLaw, gain};
 use crate::engine::{Progress, room_light, without_room};
@@ -24,7 +24,7 @@ const LEAST_RATIO: f64 = 1.02;
 
 /// A correction that is given: what is kept without it, and the versions of the capture with it, the usual one first.
 struct Offer {
-    finding: Finding,
+    finding: CaptureFinding,
     without: Capture,
     versions: Vec<Version>,
 }
@@ -65,13 +65,13 @@ fn tried<'c>(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Job<'c>> {
     let Offer { mut finding, without, mut versions } = offer;
-    let is_room = finding.source == Source::Empty;
+    let is_room = finding.source == FindingSource::Empty;
     if is_room {
         // Shadows are negative; the capture is what it was.
         job.settings.preset = Some(job.preset);
     }
     let is_judged = matches!(job.solver, SolverOptions::Surface(_));
-    let is_asked = finding.source != Source::Named;
+    let is_asked = finding.source != FindingSource::Named;
     let mut chosen = (!versions.is_empty() && is_asked).then_some(0);
     if is_judged && !versions.is_empty() {
         let none = held(&job, &without, gpu, hear)?;
@@ -79,7 +79,7 @@ fn tried<'c>(
         let figures = |held: &Option<HeldOut>| held.as_ref().map(|held| figures_of(&held.left()));
         finding.left = vec![("none".into(), figures(&none))];
         finding.left.extend(versions.iter().zip(&fits).map(|(v, fit)| (v.name.clone(), figures(fit))));
-        let gate = Gate::of(finding.source);
+        let gate = EvidenceGate::of(finding.source);
         let passes = |at: usize| match (&fits[at], &none) {
             (Some(after), Some(before)) if is_room => {
                 both_in_counts(after, before).is_none_or(|both| gate.passes(&both))
@@ -101,7 +101,7 @@ fn tried<'c>(
         }
         None => is_room.then_some(without),
     };
-    if !finding.is_used && finding.source == Source::File {
+    if !finding.is_used && finding.source == FindingSource::File {
         finding.corrections.clear();
     }
     let why = job.why;
@@ -132,8 +132,8 @@ fn empty_room(job: &Job<'_>) -> Result<Option<Offer>> {
     let Some(light) = job.has_light().then(|| room_light(&job.capture)).flatten() else { return Ok(None) };
     let without = job.capture.outline().with(|c| c.histograms = job.capture.histograms.clone());
     let what = "the empty capture";
-    let mut finding = Finding::new(
-        Source::Empty,
+    let mut finding = CaptureFinding::new(
+        FindingSource::Empty,
         format!("{what}: no gain makes its light a part of the capture's"),
         "it has to show the same place with the same exposure, without the object, and for long enough",
     );
@@ -167,15 +167,15 @@ fn undone(
     file: &Path,
     corrections: Vec<settings::Correction>,
     capture: &Capture,
-) -> Result<(Capture, Finding)> {
+) -> Result<(Capture, CaptureFinding)> {
     let name = file.display();
     const HINT: &str = "give the report.json of a capture of the same rig";
     let what = format!("the calibration {name} has nothing to undo");
-    let mut finding = Finding::new(Source::File, what, HINT);
+    let mut finding = CaptureFinding::new(FindingSource::File, what, HINT);
     finding.file = Some(file.into());
     let (mut capture, mut what) = (capture.clone(), vec![]);
     for stored in corrections {
-        let known = Correction::stored(&stored, &capture);
+        let known = LawCorrection::stored(&stored, &capture);
         match known.map_err(|what| Error::input(format!("{name}: {what}"), HINT))? {
             Some(correction) => {
                 what.push(correction.what(&capture));
@@ -199,7 +199,7 @@ pub fn calibrated_scan<'c>(setting: Option<&Calibrate>, scan: &'c Capture) -> Re
     let Some(set @ Calibrate::File(file)) = setting else { return Ok(Cow::Borrowed(scan)) };
     let corrections = set.corrections()?;
     for stored in &corrections {
-        if let Ok(Some(correction)) = Correction::stored(stored, scan)
+        if let Ok(Some(correction)) = LawCorrection::stored(stored, scan)
             && correction.law.changes_counts()
         {
             let (name, law) = (file.display(), &stored.law);
@@ -250,8 +250,8 @@ fn device(job: &Job<'_>) -> Result<Option<Offer>> {
         true if GainLaw::ALL.into_iter().any(|law| named.gains(law).is_some()) => ", whose gains are even",
         true => ", which is not in front of every wall point",
     };
-    let mut finding = Finding::new(
-        if set.is_some() { Source::Set } else { Source::Named },
+    let mut finding = CaptureFinding::new(
+        if set.is_some() { FindingSource::Set } else { FindingSource::Named },
         format!("a device at {place}{why}: the counts are not divided by cos / distance\u{b2} from there"),
         "check the position, or set it to none",
     );
@@ -293,7 +293,8 @@ mod tests {
         for (law, numbers) in [("moved along x", vec![0.1; 4]), ("rows", vec![0.5, 0.1])] {
             assert_eq!(undone(correction(law, &numbers)).unwrap().1.left_out, [law]);
         }
-        let (early, _) = undone(correction("delays of rows", &[0.02; 8])).unwrap();
+        let late = [0.0, 0.02, 0.0, 0.02, 0.0, 0.02, 0.0, 0.02];
+        let (early, _) = undone(correction("delays of rows", &late)).unwrap();
         assert_eq!(early.histogram(3)[..4], [2.0, 3.0, 4.0, 5.0]);
         for (of, what) in [
             (correction("shear", &[0.1; 2]), "no law \"shear\" of 2 numbers"),

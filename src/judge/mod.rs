@@ -24,12 +24,13 @@ mod samples;
 mod search;
 mod spread;
 mod trial;
+mod trials;
 mod verdict;
 
 pub use conclude::{conclude, conclude_iterate};
 pub use estimate::estimate;
 pub use estimates::{EstimateSeconds, Estimates, FindPulse, FoundSurface, Origin};
-pub use finding::{Finding, Source};
+pub use finding::{CaptureFinding, FindingSource};
 pub use given::{calibrated_scan, given};
 pub use grade::{grade, with_maps};
 pub use high_pass::{FoundHighPass, usual_high_pass};

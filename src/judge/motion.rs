@@ -6,9 +6,8 @@ use glam::DVec3;
 
 use super::constants::OF_CHANGE;
 use super::correction::named;
-use super::propose::Proposal;
-use super::search::Trials;
 use super::trial::From;
+use super::trials::{Proposal, Trials};
 use crate::Result;
 use crate::maps::Maps;
 

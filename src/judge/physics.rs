@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::estimate::for_fits;
 use super::estimates::{FindPulse, FoundSurface, Origin};
 use super::high_pass::{FoundHighPass, usual_high_pass};
 use super::job::Job;
@@ -12,7 +11,7 @@ use super::pulse::{Shape, Tried};
 use super::response::Response;
 use super::samples::ResponseSamples;
 use super::spread::ComparedRows;
-use super::trial::{Fitted, From, Trial, fit_all};
+use super::trial::{Fitted, From, Trial, fit_all, for_fits, quick};
 use crate::capture::{Capture, Pulse};
 use crate::engine::{Doing, Problem, Progress, TracePoint, Watch};
 use crate::gpu::Gpu;
@@ -21,7 +20,7 @@ use crate::judge::{model, pulse, response};
 use crate::maps::Maps;
 use crate::methods::SolverOptions;
 use crate::options::SceneTraits;
-use crate::surface::{Candidate, HeldOut, Left, Starts, SurfaceOptions};
+use crate::surface::{Candidate, HeldOut, Left, Starts};
 use crate::transport::Reflectance;
 use crate::{Error, Kind, Result};
 
@@ -555,16 +554,4 @@ fn least_left(sharp: &[Sharp]) -> Option<(&Sharp, Left)> {
 
 pub(crate) fn trial_of<'s, 't>(trials: &'s [Trial<'t>], reflectance: Reflectance) -> &'s Trial<'t> {
     trials.iter().find(|t| t.reflectance() == reflectance).expect("a trial for every model")
-}
-
-/// Options of a short fit with this number of lateral pixels.
-pub(super) fn quick(options: &SolverOptions, pixels: usize) -> SurfaceOptions {
-    options.as_surface().with(|o| {
-        o.lateral = pixels;
-        o.iterations = ITERATIONS[1];
-        o.grow = false;
-        o.points = None;
-        o.sparsity = 0.0;
-        o.pairs = PAIRS;
-    })
 }

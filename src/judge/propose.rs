@@ -8,9 +8,9 @@ use super::constants::OF_CHANGE;
 use super::correction::{LAWS, Law, Proposed, named};
 use super::decide::both;
 use super::job::Job;
-use super::search::{Trials, Tried};
 use super::spread::add_products;
 use super::trial::{From, Trial};
+use super::trials::{Proposal, Trials, TriedLaw};
 use super::{gains, motion};
 use crate::Result;
 use crate::capture::Capture;
@@ -33,8 +33,6 @@ mod bounds {
     /// Longest delay of a line, as a share of the bins, and in bins of the fits; share of what is left that delays must explain.
     pub const FARTHEST: [usize; 2] = [8, 24];
     pub const WORTH: f64 = 0.2;
-    /// Expected IoU of the start from which no image is sharper.
-    pub const SEEN: f64 = 0.75;
     /// Another scale or record is proposed if its image is this many times as sharp.
     pub const SHARPER: f64 = 2.5;
     /// Scales: feet, paths one way, half of a wall. Records: how many each way, and their step in walls.
@@ -44,18 +42,11 @@ mod bounds {
     pub const PIXELS: usize = 64;
 }
 
-/// A law with numbers for fits to begin with.
-#[derive(Debug, Clone)]
-pub struct Proposal {
-    pub law: &'static Law,
-    pub starts: Vec<Vec<f64>>,
-}
-
 /// What sums over bins, images and fits of the ends of a scan propose.
 ///
 /// # Errors
 /// The device fails, or the caller cancels.
-pub fn closed_form(trials: &mut Trials<'_>, _: &[Tried]) -> Result<Vec<Proposal>> {
+pub fn closed_form(trials: &mut Trials<'_>, _: &[TriedLaw]) -> Result<Vec<Proposal>> {
     let certain = trials.base.held.left().certain();
     let [doubtful, very] = bounds::DOUBTFUL;
     if certain > doubtful
@@ -71,9 +62,7 @@ pub fn closed_form(trials: &mut Trials<'_>, _: &[Tried]) -> Result<Vec<Proposal>
     if all.is_empty() && certain > doubtful {
         all.extend(motion::proposed(trials)?);
     }
-    // What the network sees clearly is sharp.
-    let is_seen = job.estimates.expected_iou.is_some_and(|iou| iou > bounds::SEEN);
-    if certain > very && !is_seen {
+    if certain > very {
         all.extend(sharper(job, gpu));
     }
     Ok(all)
@@ -98,7 +87,7 @@ fn lines(trials: &Trials<'_>) -> Result<Option<Proposal>> {
 ///
 /// # Errors
 /// The device fails.
-pub fn delays(undone: &Trial<'_>, tried: &Tried, scan: [usize; 2]) -> Result<Option<Vec<f64>>> {
+pub fn delays(undone: &Trial<'_>, tried: &TriedLaw, scan: [usize; 2]) -> Result<Option<Vec<f64>>> {
     let all = undone.all(&tried.fitted.surface.layers)?;
     let more = all.and_then(|all| correlated(tried.law, &all, scan));
     Ok(more.map(|(more, _)| tried.numbers.iter().zip(more).map(|(delay, more)| delay + more).collect()))
@@ -146,7 +135,7 @@ fn correlated(law: &Law, held: &HeldOut, scan: [usize; 2]) -> Option<(Vec<f64>, 
 ///
 /// # Errors
 /// The device fails, or the caller cancels.
-pub fn by_steps(trials: &mut Trials<'_>, _: &[Tried]) -> Result<Vec<Proposal>> {
+pub fn by_steps(trials: &mut Trials<'_>, _: &[TriedLaw]) -> Result<Vec<Proposal>> {
     let mut changes: Vec<(&'static Law, i32, Vec<f64>)> = vec![];
     for law in LAWS {
         let Proposed::BySteps(steps) = law.proposed else { continue };
@@ -192,21 +181,21 @@ pub fn by_steps(trials: &mut Trials<'_>, _: &[Tried]) -> Result<Vec<Proposal>> {
 ///
 /// # Errors
 /// The device fails, or the caller cancels.
-pub fn as_scale(trials: &mut Trials<'_>, found: &[Tried]) -> Result<Vec<Proposal>> {
+pub fn as_scale(trials: &mut Trials<'_>, found: &[TriedLaw]) -> Result<Vec<Proposal>> {
     if !found.iter().any(|tried| (tried.law.has_rivals)(&tried.numbers)) {
         return Ok(vec![]);
     }
     let (most, factor) = bounds::AS_SCALE;
-    let mut begun: Vec<Tried> = vec![];
+    let mut begun: Vec<TriedLaw> = vec![];
     let scan = trials.scan.clone();
-    let least = found.iter().map(Tried::excess).fold(f64::INFINITY, f64::min);
+    let least = found.iter().map(TriedLaw::excess).fold(f64::INFINITY, f64::min);
     let is_explained = least < bounds::EXPLAINED * trials.before();
     for law in LAWS.iter().filter(|law| law.proposed == Proposed::AsScale && (law.applies)(&scan)) {
         // Which points belong together changes far more than a scale does.
         if law.of_point.is_some() && is_explained {
             continue;
         }
-        let mut best: Option<Tried> = None;
+        let mut best: Option<TriedLaw> = None;
         for start in (law.starts)(&scan) {
             let tried = trials.judged(law, &start)?;
             best = tried.into_iter().chain(best).min_by(|a, b| a.excess().total_cmp(&b.excess()));

@@ -3,14 +3,53 @@
 use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::constants::{ITERATIONS, ROUNDS};
+use super::constants::{ITERATIONS, LATERAL, LEAST_PAIRS, PAIRS, ROUNDS};
+use super::job::Job;
 use crate::capture::{Capture, Pulse};
 use crate::engine::{Doing, Problem, Progress, TracePoint, Watch};
 use crate::gpu::{DeviceKind, Gpu, check};
 use crate::maps::Maps;
+use crate::methods::SolverOptions;
+use crate::settings::Settings;
 use crate::surface::{Candidate, Fit, Growth, HeldOut, Judge, Quality, Rounds, Run, Starts, SurfaceOptions};
 use crate::transport::{Grid, Reflectance};
 use crate::{Error, Kind, Result};
+
+/// Options of a short fit with this number of lateral pixels.
+pub(super) fn quick(options: &SolverOptions, pixels: usize) -> SurfaceOptions {
+    options.as_surface().with(|o| {
+        o.lateral = pixels;
+        o.iterations = ITERATIONS[1];
+        o.grow = false;
+        o.points = None;
+        o.sparsity = 0.0;
+        o.pairs = PAIRS;
+    })
+}
+
+/// The capture in the bins of short fits, their grid, and their options.
+///
+/// # Errors
+/// Too few pairs, or a box that the capture does not allow.
+pub fn for_fits<'c>(
+    job: &Job<'_>,
+    capture: &'c Capture,
+    solver: &SolverOptions,
+) -> Result<(Cow<'c, Capture>, Grid, SurfaceOptions)> {
+    if capture.pair_count() / 2 < LEAST_PAIRS {
+        return Err(Error::input(
+            format!("estimates need {} pairs, the capture has {}", 2 * LEAST_PAIRS, capture.pair_count()),
+            "name the model and the impulse response if known",
+        ));
+    }
+    let options = quick(solver, job.solver.common().lateral.min(LATERAL));
+    let solver: SolverOptions = options.clone().into();
+    let volume = job.settings.volume.map_or_else(|| solver.default_volume(capture), Ok)?;
+    let of_trial = Settings { volume: Some(volume), bins: job.settings.bins, ..Settings::default() };
+    let (whole, _) = of_trial.summed(&solver, Cow::Borrowed(capture))?;
+    let grid = of_trial.grid(&solver, &whole)?;
+    Ok((whole, grid, options))
+}
 
 /// Fits with one model of reflectance.
 #[derive(Clone)]

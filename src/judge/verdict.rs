@@ -1,7 +1,7 @@
 //! The verdict on a result, by what was found wrong with the capture, what a surface leaves of held-out pairs, and the IoU that is expected.
 
 use super::estimates::Estimates;
-use super::finding::Finding;
+use super::finding::CaptureFinding;
 use crate::surface::Left;
 use crate::{Grade, Verdict};
 
@@ -26,7 +26,7 @@ const ECHOES: &str = "the estimated impulse response has echoes, which reduces t
 /// The verdict on estimates: before a solve, without what the maps say.
 pub fn verdict(estimates: &Estimates) -> Verdict {
     let mut verdict = Verdict { expected_iou: estimates.expected_iou, ..Verdict::GOOD };
-    for doubt in estimates.findings.iter().filter_map(Finding::doubt) {
+    for doubt in estimates.findings.iter().filter_map(CaptureFinding::doubt) {
         verdict.add(Grade::Fair, doubt);
     }
     if estimates.has_samples() {
@@ -71,7 +71,7 @@ fn judge(verdict: &mut Verdict, left: &Left) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::finding::Source;
+    use super::super::finding::FindingSource;
     use super::super::pulse::{FoundPulse, Shape};
     use super::super::samples::ResponseSamples;
     use super::*;
@@ -117,20 +117,27 @@ mod tests {
 
     #[test]
     fn findings_and_doubts_lower_the_grade() {
-        let of = |finding: Option<Finding>, iou: f64| {
+        let of = |finding: Option<CaptureFinding>, iou: f64| {
             verdict(&Estimates { findings: finding.into_iter().collect(), ..estimates(iou) })
         };
-        let found = |source, is_used| Finding { is_used, ..Finding::new(source, "feet".into(), "scale") };
+        let found = |source, is_used| CaptureFinding {
+            is_used,
+            ..CaptureFinding::new(source, "feet".into(), "scale")
+        };
         let without = of(None, 0.8).reasons.len();
         for (finding, words) in [
-            (found(Source::Searched, true), "undone here"),
-            (found(Source::Searched, false), "perhaps feet"),
-            (found(Source::File, false), "contradict"),
+            (found(FindingSource::Searched, true), "undone here"),
+            (found(FindingSource::Searched, false), "perhaps feet"),
+            (found(FindingSource::File, false), "contradict"),
         ] {
             let graded = of(Some(finding), 0.8);
             assert!(graded.grade == Grade::Fair && graded.reasons[0].contains(words), "{graded}");
         }
-        for finding in [found(Source::Set, true), found(Source::Named, false), found(Source::Empty, false)] {
+        for finding in [
+            found(FindingSource::Set, true),
+            found(FindingSource::Named, false),
+            found(FindingSource::Empty, false),
+        ] {
             assert_eq!(of(Some(finding), 0.8).reasons.len(), without);
         }
         let samples = ResponseSamples { samples: vec![0.5, 0.0, 0.5], width: 0.01, start: 0.0 };

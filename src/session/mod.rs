@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use crate::capture::{Capture, conditioning};
 use crate::engine::{Bins, Plan, Prepared, Problem, Reconstruction, room_light};
 use crate::gpu::Gpu;
-use crate::judge::{self, Estimates, Job, Source};
+use crate::judge::{self, Estimates, FindingSource, Job};
 use crate::methods::SolverOptions;
 use crate::settings::Settings;
 use crate::transport::Grid;
@@ -186,7 +186,7 @@ impl Session {
         // The session sums the bins of each frame itself.
         let mut scan = frame.clone();
         scan.pulse.clone_from(&job.capture.pulse);
-        if !job.estimates.finding(Source::Empty).is_some_and(|found| found.is_used) {
+        if !job.estimates.finding(FindingSource::Empty).is_some_and(|found| found.is_used) {
             scan.empty = None;
         }
         Session::judged(gpu, &scan, Some(job.grid()?), &job.solver, options, job.verdict.clone())

@@ -4,7 +4,9 @@ use std::io::{Cursor, Write};
 
 use fixtures::captures::{as_written, assert_error, capture, changed, place, ramp};
 use glam::DVec3;
-use thirdbounce::capture::{Capture, Flip, ReadOptions, Turn, formats, read, read_with_notes, write};
+use thirdbounce::capture::{
+    Capture, Flip, ReadOptions, Turn, formats, read, read_given, read_with_notes, write,
+};
 use thirdbounce::files::archive::npz_bytes;
 use thirdbounce::files::array::{Array, Element};
 use thirdbounce::{Kind, Result};
@@ -255,7 +257,7 @@ fn npy_headers() {
 #[test]
 fn wrong_npz_captures() {
     let without = |name| arrays().into_iter().filter(|a| a.0 != name).collect::<Vec<_>>();
-    for name in ["H", "sensor_xyz", "laser_xyz", "delta_t"] {
+    for name in ["H", "sensor_xyz", "laser_xyz"] {
         assert_error(
             read_arrays(&without(name)),
             Kind::Input,
@@ -263,6 +265,12 @@ fn wrong_npz_captures() {
         );
     }
     assert_eq!(read_arrays(&without("t_start")).unwrap().t_start, 0.0);
+    // The bin width may be given in place of the file's.
+    let (_folder, path) = place("bare.npz");
+    std::fs::write(&path, npz_bytes(&without("delta_t")).unwrap()).unwrap();
+    assert_error(read(&path), Kind::Options, &["without delta_t", "bin_width"]);
+    let given = ReadOptions::default().with_bin_width(0.01);
+    assert_eq!(read_given(&path, &given).unwrap().capture.bin_width, 0.01);
     read_arrays(&with("notes", Array::from_f64(&[2], &[1.0, 2.0]))).unwrap();
     let wrong =
         |name, array, words: &[&str]| assert_error(read_arrays(&with(name, array)), Kind::Input, words);

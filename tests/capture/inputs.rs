@@ -622,7 +622,7 @@ fn walls_units_and_totals_are_told() {
     assert!(load(&path, &wrong).is_err());
     // A bin width beside the file's own, and a pulse without its unit.
     let given = ReadOptions::default().with_bin_width(3.0);
-    assert_error(read_given(&path, &given), Kind::Options, &["an npz file holds its own bin width"]);
+    assert_error(read_given(&path, &given), Kind::Options, &["the file holds its own bin width"]);
     let mut settings = Settings::default();
     assert_error(settings.set("pulse", "60"), Kind::Options, &["for picoseconds give 60ps"]);
     // Histograms that were divided by their totals.

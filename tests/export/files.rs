@@ -184,7 +184,7 @@ fn both_layers_come_back() {
     ply::write(&cloud, &m).unwrap();
     let bytes = std::fs::read(&cloud).unwrap();
     assert!(String::from_utf8_lossy(&bytes).contains("element vertex 3\n"));
-    let depth = f32::from_le_bytes(bytes[bytes.len() - 31 + 8..bytes.len() - 31 + 12].try_into().unwrap());
+    let depth = f32::from_le_bytes(bytes[bytes.len() - 35 + 8..bytes.len() - 35 + 12].try_into().unwrap());
     assert_eq!(depth, 2.5);
     let mut cut = m.clone();
     cut.behind.as_mut().unwrap().depth.pop();

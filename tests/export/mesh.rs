@@ -261,7 +261,7 @@ fn a_letter_of_a_mesh_file_is_read_in_pictures_points_and_mesh() {
     let bytes = std::fs::read(&file).unwrap();
     let end = bytes.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     let float = |b: &[u8]| f32::from_le_bytes([b[0], b[1], b[2], b[3]]);
-    let points = bytes[end..].chunks_exact(31).map(|p| vec3(float(p), float(&p[4..]), float(&p[8..])));
+    let points = bytes[end..].chunks_exact(35).map(|p| vec3(float(p), float(&p[4..]), float(&p[8..])));
     is_letter(&points.collect::<Vec<_>>(), "points");
 }
 

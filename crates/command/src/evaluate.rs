@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use thirdbounce::export::report;
 use thirdbounce::job::evaluate_maps;
-use thirdbounce::maps::Part;
+use thirdbounce::maps::MaskPart;
 use thirdbounce::measure::Metrics;
 use thirdbounce::{Result, export};
 
@@ -14,7 +14,7 @@ pub struct Evaluation {
     /// Figures against truth, if there is one.
     pub metrics: Option<Metrics>,
     /// Connected parts of the mask, the largest first.
-    pub parts: Vec<Part>,
+    pub parts: Vec<MaskPart>,
     /// Solve seconds of the run, if it left a report.
     pub solve_s: Option<f64>,
     /// The picture of the depth errors, if one was drawn.

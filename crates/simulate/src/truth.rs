@@ -30,7 +30,7 @@ pub fn truth(scene: &Scene, n: usize) -> Result<Truth> {
     }
     let surfaces = Surfaces::new(scene);
     let at = |i: usize| ((i as f64 + 0.5) / n as f64 - 0.5) * scene.wall;
-    let pixels: Vec<[Option<Point>; 2]> = (0..n * n)
+    let pixels: Vec<[Option<SeenPoint>; 2]> = (0..n * n)
         .into_par_iter()
         .map(|k| {
             let from = DVec3::new(at(k / n), at(k % n), 0.0);
@@ -56,7 +56,7 @@ pub fn truth(scene: &Scene, n: usize) -> Result<Truth> {
 
 /// A point of a surface.
 #[derive(Clone, Copy)]
-struct Point {
+struct SeenPoint {
     depth: f64,
     normal: DVec3,
     albedo: f64,
@@ -70,14 +70,14 @@ fn hit(scene: &Scene, surfaces: &Surfaces, from: DVec3) -> Option<Hit> {
 }
 
 /// The next surface that faces the wall, behind the depth `first` on the ray along +z.
-fn behind(scene: &Scene, surfaces: &Surfaces, from: DVec3, first: f64) -> Option<Point> {
+fn behind(scene: &Scene, surfaces: &Surfaces, from: DVec3, first: f64) -> Option<SeenPoint> {
     let mut start = first + APART * scene.wall;
     loop {
         let from = from.with_z(start);
         let next = hit(scene, surfaces, from)?;
         let faces = |n: &[DVec3; 3]| n.iter().sum::<DVec3>().z < 0.0;
         if faces(&scene.objects[next.object].mesh.normals[next.triangle]) {
-            return refine(scene, from, &next).map(|p| Point { depth: start + p.depth, ..p });
+            return refine(scene, from, &next).map(|p| SeenPoint { depth: start + p.depth, ..p });
         }
         // Back of an object: continue beyond it.
         start += next.distance + 1e-6 * scene.wall;
@@ -85,7 +85,7 @@ fn behind(scene: &Scene, surfaces: &Surfaces, from: DVec3, first: f64) -> Option
 }
 
 /// The point of a hit in double precision, its depth from `from`.
-fn refine(scene: &Scene, from: DVec3, hit: &Hit) -> Option<Point> {
+fn refine(scene: &Scene, from: DVec3, hit: &Hit) -> Option<SeenPoint> {
     let mesh = &scene.objects[hit.object].mesh;
     let ([a, b, c], [na, nb, nc]) = (mesh.triangles[hit.triangle], mesh.normals[hit.triangle]);
     let plane = (b - a).cross(c - a);
@@ -101,7 +101,7 @@ fn refine(scene: &Scene, from: DVec3, hit: &Hit) -> Option<Point> {
     let normal = (na * u + nb * v + nc * (1.0 - u - v)).try_normalize().unwrap_or(plane.normalize());
     // Toward the wall, for either winding.
     let normal = if plane.z > 0.0 { -normal } else { normal };
-    Some(Point { depth, normal: towards_wall(normal), albedo: scene.objects[hit.object].albedo })
+    Some(SeenPoint { depth, normal: towards_wall(normal), albedo: scene.objects[hit.object].albedo })
 }
 
 /// A smooth normal at a silhouette may point slightly away from the wall; its z component is then zero.

@@ -2,7 +2,7 @@
 
 use thirdbounce::export::report::Report;
 use thirdbounce::gpu::KernelTime;
-use thirdbounce::maps::Part;
+use thirdbounce::maps::MaskPart;
 use thirdbounce::measure::{LayerMetrics, Metrics};
 
 /// A device by name and kind; the host by name, vectors and threads.
@@ -147,8 +147,8 @@ pub fn metrics(m: &Metrics) -> String {
 const PARTS: usize = 5;
 
 /// What the largest parts of a mask look like.
-pub fn parts(parts: &[Part]) -> String {
-    let of = |p: &Part| {
+pub fn parts(parts: &[MaskPart]) -> String {
+    let of = |p: &MaskPart| {
         format!(
             "part      {} pixels, {:.2} mm off a plane, albedo spread {:.3}\n",
             p.pixels,

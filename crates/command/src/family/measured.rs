@@ -11,7 +11,7 @@ use super::dice::Dice;
 use super::{FamilyCase, Ranges, TO_TRAIN, TRAINING, conditions, seen, things};
 
 /// How a published capture was measured. Lengths are in walls.
-struct Light {
+struct MeasuredLight {
     /// Counts of the largest bin of the median pair less background, and background of a bin.
     peak: f64,
     dark: f64,
@@ -21,12 +21,12 @@ struct Light {
     pulse: f64,
 }
 
-const fn light(peak: f64, dark: f64, scan: usize, bin: f64, pulse: f64) -> Light {
-    Light { peak, dark, scan, bin, pulse }
+const fn light(peak: f64, dark: f64, scan: usize, bin: f64, pulse: f64) -> MeasuredLight {
+    MeasuredLight { peak, dark, scan, bin, pulse }
 }
 
 /// Twelve published confocal captures, as read off their files.
-const MEASURED: [Light; 12] = [
+const MEASURED: [MeasuredLight; 12] = [
     // Letters T X; digits 2019; a toy.
     light(43.0, 4.6, 51, 0.019, 0.03),
     light(42.0, 4.7, 51, 0.019, 0.03),
@@ -133,7 +133,8 @@ impl FamilyCase {
             true => to_train(&mut dice),
             false => as_drawn(&mut dice),
         };
-        let Light { peak, dark, scan, bin, pulse } = &MEASURED[dice.of(0.0, MEASURED.len() as f64) as usize];
+        let MeasuredLight { peak, dark, scan, bin, pulse } =
+            &MEASURED[dice.of(0.0, MEASURED.len() as f64) as usize];
         let parts = objects.len();
         let mut scene = Scene::new(format!("measured-{seed}"), objects);
         let more =

@@ -10,4 +10,4 @@ mod smooth;
 
 pub use depth_error::Conditions;
 pub use lateral::{Layer, Maps, Truth, percentile};
-pub use parts::Part;
+pub use parts::MaskPart;

@@ -41,7 +41,7 @@ impl Maps {
 /// A connected part of a mask: what can be said of it without truth.
 #[doc(hidden)]
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Part {
+pub struct MaskPart {
     /// Its pixels.
     pub pixels: usize,
     /// How far depths are off the plane that fits best, root mean square, metres.
@@ -53,13 +53,13 @@ pub struct Part {
 #[doc(hidden)]
 impl Maps {
     /// The connected parts of the mask, the largest first.
-    pub fn parts(&self) -> Vec<Part> {
+    pub fn parts(&self) -> Vec<MaskPart> {
         let mut all = parts_of([self.nx, self.ny], &self.mask);
         all.sort_by_key(|part| std::cmp::Reverse(part.len()));
         all.iter().map(|part| self.part(part)).collect()
     }
 
-    fn part(&self, pixels: &[usize]) -> Part {
+    fn part(&self, pixels: &[usize]) -> MaskPart {
         let count = pixels.len() as f64;
         let mean = |of: &dyn Fn(usize) -> f64| pixels.iter().map(|p| of(*p)).sum::<f64>() / count;
         let place = |p: usize| {
@@ -80,7 +80,7 @@ impl Maps {
         };
         let albedo = mean(&|p| f64::from(self.albedo[p]));
         let variance = mean(&|p| (f64::from(self.albedo[p]) - albedo).powi(2));
-        Part {
+        MaskPart {
             pixels: pixels.len(),
             off_plane: (zz - explained).max(0.0).sqrt(),
             albedo_spread: if albedo > 0.0 { variance.sqrt() / albedo } else { 0.0 },
