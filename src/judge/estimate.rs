@@ -131,7 +131,8 @@ pub fn starts_of(
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Arc<Starts>> {
-    let (whole, grid, options) = for_fits(job, &job.capture, &job.solver)?;
+    let (whole, grid, options) =
+        for_fits(&job.settings, job.solver.common().lateral, &job.capture, &job.solver)?;
     let problem = Problem { memory: job.settings.memory, ..Problem::new(&whole, grid) };
     let mut watch = Watch { hear, maps_every: None, maps_at: &[] };
     Ok(Arc::new(Starts::of(gpu, [&job.capture, &whole], &problem, &options, &mut watch)?))

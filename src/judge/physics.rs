@@ -111,7 +111,7 @@ impl<'t> Physics<'t> {
     ) -> Result<Physics<'t>> {
         let capture = &*job.capture;
         let all = if job.models.is_empty() { std::slice::from_ref(&job.solver) } else { &job.models };
-        let (whole, grid, options) = for_fits(job, capture, &all[0])?;
+        let (whole, grid, options) = for_fits(&job.settings, job.solver.common().lateral, capture, &all[0])?;
         let finds_start = all[0].as_surface().grow;
         let [high_pass, models] = [usize::from(job.finds_high_pass()), all.len()];
         let pulse = match job.find_pulse() {

@@ -4,7 +4,6 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::constants::{ITERATIONS, LATERAL, LEAST_PAIRS, PAIRS, ROUNDS};
-use super::job::Job;
 use crate::capture::{Capture, Pulse};
 use crate::engine::{Doing, Problem, Progress, TracePoint, Watch};
 use crate::gpu::{DeviceKind, Gpu, check};
@@ -32,7 +31,8 @@ pub(super) fn quick(options: &SolverOptions, pixels: usize) -> SurfaceOptions {
 /// # Errors
 /// Too few pairs, or a box that the capture does not allow.
 pub fn for_fits<'c>(
-    job: &Job<'_>,
+    settings: &Settings,
+    lateral: usize,
     capture: &'c Capture,
     solver: &SolverOptions,
 ) -> Result<(Cow<'c, Capture>, Grid, SurfaceOptions)> {
@@ -42,10 +42,10 @@ pub fn for_fits<'c>(
             "name the model and the impulse response if known",
         ));
     }
-    let options = quick(solver, job.solver.common().lateral.min(LATERAL));
+    let options = quick(solver, lateral.min(LATERAL));
     let solver: SolverOptions = options.clone().into();
-    let volume = job.settings.volume.map_or_else(|| solver.default_volume(capture), Ok)?;
-    let of_trial = Settings { volume: Some(volume), bins: job.settings.bins, ..Settings::default() };
+    let volume = settings.volume.map_or_else(|| solver.default_volume(capture), Ok)?;
+    let of_trial = Settings { volume: Some(volume), bins: settings.bins, ..Settings::default() };
     let (whole, _) = of_trial.summed(&solver, Cow::Borrowed(capture))?;
     let grid = of_trial.grid(&solver, &whole)?;
     Ok((whole, grid, options))

@@ -79,7 +79,8 @@ impl<'j> Trials<'j> {
     ) -> Result<Option<Trials<'j>>> {
         let (solver, pulse) = job.estimates.settle(&job.solver, &job.models)?;
         let pulse = pulse.or(job.capture.pulse.clone());
-        let (mut whole, grid, options) = for_fits(job, &job.capture, &solver)?;
+        let (mut whole, grid, options) =
+            for_fits(&job.settings, job.solver.common().lateral, &job.capture, &solver)?;
         if pulse.is_some() {
             whole.to_mut().pulse.clone_from(&pulse);
         }
