@@ -36,6 +36,9 @@ pub struct CaptureFinding {
     /// Positions of laser and detector, metres, if they are given.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub at: Option<[Option<[f64; 3]>; 2]>,
+    /// Least, mean and largest gain of the empty room.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub gain: Option<[f64; 3]>,
     /// The file.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub file: Option<PathBuf>,
@@ -60,6 +63,7 @@ impl CaptureFinding {
             hint: hint.into(),
             law: None,
             at: None,
+            gain: None,
             file: None,
             corrections: vec![],
             left_out: vec![],

@@ -141,10 +141,11 @@ fn empty_room(job: &Job<'_>) -> Result<Option<Offer>> {
         let all = || gain.of_pair.iter().copied();
         let mean = all().sum::<f64>() / gain.of_pair.len().max(1) as f64;
         finding.what = format!("{what} leaves more of the light of held-out pairs than is left without it");
+        let least = all().fold(f64::INFINITY, f64::min);
+        let most = all().fold(0.0, f64::max);
+        finding.gain = Some([least, mean, most]);
         let what = format!(
-            "{what} is subtracted with the gain {mean:.3} ({:.3} to {:.3} over the pairs): {:.1} % of the counts",
-            all().fold(f64::INFINITY, f64::min),
-            all().fold(0.0, f64::max),
+            "{what} is subtracted with the gain {mean:.3} ({least:.3} to {most:.3} over the pairs): {:.1} % of the counts",
             100.0 * gain.share
         );
         Version { name: "subtracted".into(), what, capture, gains: None }

@@ -317,7 +317,8 @@ fn a_full_disk_ends_the_batch() {
     let volume = folder.path().join("v.npz");
     std::os::unix::fs::symlink("/dev/full", &volume).unwrap();
     let out = folder.path().join("out");
-    let said = batch(&["a/*.npz", "b/one.npz"], &out, &["--volume-file", volume.to_str().unwrap()]);
+    let said =
+        batch(&["a/*.npz", "b/one.npz"], &out, &["--jobs", "1", "--volume-file", volume.to_str().unwrap()]);
     assert_eq!((said.code, said.summary["stopped"].as_bool()), (Some(1), Some(true)), "{}", said.errors);
     assert_eq!(said.counts(), [3, 0, 0, 1]);
     assert!(said.errors.contains("the disk is full") && said.errors.contains("2 left"), "{}", said.errors);
