@@ -51,9 +51,9 @@ pub fn given<'c>(
     for offered in [empty_room, calibration, device] {
         if let Some(offer) = offered(&job)?.filter(|_| job.has_light()) {
             job = tried(job, offer, gpu, hear)?;
+            job.estimates.seconds = clock.elapsed().as_secs_f64();
         }
     }
-    job.estimates.seconds += clock.elapsed().as_secs_f64();
     Ok(job)
 }
 

@@ -126,6 +126,9 @@ pub fn corrected<'c>(
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Job<'c>> {
     for _ in 0..bounds::CORRECTIONS {
+        if job.estimates.at_hand.is_none() {
+            break;
+        }
         let clock = Instant::now();
         let found = searched(&job, gpu, hear)?;
         let seconds = clock.elapsed().as_secs_f64();
