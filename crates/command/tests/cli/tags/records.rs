@@ -207,7 +207,7 @@ fn damaged_files_are_refused_and_never_panic() {
         ("old.pt3", "PicoHarp 300\0", "(.pt3 or .pt2), which is not read"),
         ("old.ht3", "HydraHarp\0", "(.ht3 or .ht2), which is not read"),
         ("a.sdt", "\u{1}", "Becker & Hickl histograms"),
-        ("a.spc", "\u{1}", "Photon-HDF5"),
+        ("a.spc", "\u{1}", "tttrlib"),
         ("a.ttbin", "\u{1}", "getTimestamps"),
         ("a.bin", "\u{1}", "a raw dump"),
         ("missing.ptu", "-", "no such file"),
