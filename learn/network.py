@@ -95,6 +95,12 @@ class Half(nn.Module):
         self.m1, self.m2 = (nn.Conv2d(mask, mask, 3, padding=1) for _ in range(2))
         self.m3 = nn.Conv2d(mask, 16, 3, padding=1)
 
+    def begin_as(self, full):
+        """Takes over the layers of a trained [`Network`] at half resolution and below, which have the same shapes."""
+        of = {"e0": "e1", "e1": "e2", "e2": "e3", "d1": "d2", "d2": "d3", "u1": "u2", "u0": "u1"}
+        for own, other in of.items():
+            getattr(self, own).load_state_dict(getattr(full, other).state_dict())
+
     def forward(self, bands, kind):
         n, _, x, y, z = bands.shape
         voxels = bands.view(n, BANDS, x // 2, 2, y // 2, 2, z // 2, 2).permute(0, 1, 3, 5, 7, 2, 4, 6).flatten(1, 4)

@@ -44,7 +44,7 @@ def file(path, kind, ending):
 
 def remove(path):
     """Removes a scene."""
-    for of in (path, file(path, "i", "npy"), file(path, "t", "npz"), file(path, "c", "npz")):
+    for of in (path, file(path, "i", "npy"), file(path, "t", "npz"), file(path, "c", "npz"), file(path, "a", "npz")):
         of.unlink(missing_ok=True)
 
 

@@ -16,10 +16,12 @@ import torch.nn.functional as F
 
 import network
 from evaluate import measured
-from scenes import Scenes, remove
+from scenes import Scenes, file, remove
 
 # Steps of a rising rate; largest norm of a gradient; averaging of weights; seconds between looks for new scenes; batches read ahead.
 WARM, CLIP, DECAY, LOOK, AHEAD = 100, 1.0, 0.999, 20, 2
+# Weights of a teacher's mask and depths.
+TAUGHT = 1.0, 0.3
 START = pathlib.Path(__file__).with_name("start.safetensors")
 
 
@@ -29,6 +31,7 @@ def arguments():
     parser.add_argument("--out", required=True, type=pathlib.Path)
     parser.add_argument("--resume", action="store_true", help=f"begin with {START.name} of this folder where OUT has no checkpoint")
     parser.add_argument("--from", dest="start", type=pathlib.Path, help="weights.safetensors to begin with")
+    parser.add_argument("--teacher", type=pathlib.Path, help="weights of a network at full resolution, whose answers are learned as well as the truth; layers of the same shape begin as its")
     parser.add_argument("--full", action="store_true", help="train the network of the engine, which works on all voxels")
     parser.add_argument("--minutes", type=float, default=float("inf"), help="stop after these")
     parser.add_argument("--steps", type=int, default=1 << 40, help="stop after these, of all runs together")
@@ -41,6 +44,8 @@ def arguments():
     parser.add_argument("--widths", type=int, nargs="+")
     parser.add_argument("--threads", type=int, help="of the processor")
     given = parser.parse_args()
+    if given.teacher and given.crop:
+        parser.error("a teacher's answers are of the whole box: --crop 0")
     if given.resume and START.exists():
         given.start = given.start or START
     return given
@@ -73,6 +78,35 @@ def depth_loss(logits, mask, depth):
     return (entropy * on).sum() / on.sum().clamp(min=1)
 
 
+class Teacher:
+    """Answers of a trained network, kept beside each scene in half precision: logits of depths and of the mask (Hinton et al. 2015)."""
+
+    def __init__(self, path):
+        self.net = network.load(path).eval()
+
+    def answers(self, path, bands, kind):
+        kept = file(path, "a", "npz")
+        try:
+            answer = np.load(kept)
+            return answer["depth"], answer["mask"]
+        except OSError:
+            with torch.no_grad(), torch.autocast("cpu", torch.bfloat16, enabled=halves(torch.device("cpu"))):
+                seen = bands[None].float().contiguous(memory_format=torch.channels_last_3d)
+                depth, mask = (of[0].half().numpy() for of in self.net(seen, torch.tensor([kind])))
+            np.savez(kept, depth=depth, mask=mask)
+            return depth, mask
+
+
+def taught_loss(of_depth, of_mask, depth, mask):
+    """Cross-entropies with a teacher's probabilities; of depth, where it sees surface. Less the teacher's own entropies."""
+    p = mask.float().sigmoid()
+    own = F.binary_cross_entropy_with_logits(mask.float(), p)
+    surface = F.max_pool2d(p[:, None], 2)[:, 0]
+    q = depth.float().log_softmax(-1)
+    lacks = (q.exp() * (q - of_depth.log_softmax(-1))).sum(-1)
+    return F.binary_cross_entropy_with_logits(of_mask, p) - own, (lacks * surface).sum() / surface.sum().clamp(min=1)
+
+
 def mirrored(volume, *maps):
     """Flips and transposes along x and y, at random: axes 2 and 3 of a volume, 1 and 2 of maps."""
     for axis in (0, 1):
@@ -87,6 +121,7 @@ class Supply:
     """Scenes of folders by their shares, those first that were used least."""
 
     def __init__(self, given, used):
+        self.teacher = Teacher(given.teacher) if given.teacher else None
         self.given, self.used, self.looked = given, collections.Counter(used), -LOOK
         parts = [folder.rsplit(":", 1) if ":" in folder else (folder, 1) for folder in given.scenes]
         self.folders, self.shares = [folder for folder, _ in parts], [float(share) for _, share in parts]
@@ -125,10 +160,11 @@ class Supply:
         scenes = []
         for path, leaves in paths:
             at = [random.randrange(0, network.SIDE // 2 + 1, 2) for _ in range(2)] if crop else None
-            scenes.append(Scenes.read(path, at))
+            scene = Scenes.read(path, at)
+            scenes.append(scene + (self.teacher.answers(path, *scene[:2]) if self.teacher else ()))
             if leaves:
                 remove(path)
-        return [torch.stack([torch.as_tensor(scene[i]) for scene in scenes]) for i in range(4)]
+        return [torch.stack([torch.as_tensor(scene[i]) for scene in scenes]) for i in range(len(scenes[0]))]
 
     def batches(self):
         """Endless batches, read ahead."""
@@ -152,6 +188,8 @@ def begun(given, device):
     else:
         of = network.Network if given.full else network.Half
         net = of(given.widths) if given.widths else of()
+        if given.teacher:
+            net.begin_as(network.load(given.teacher))
     if kept:
         net.load_state_dict(kept["net"])
         about = kept["about"]
@@ -181,7 +219,7 @@ def main():
         signal.signal(by, lambda *_: asked.append(True))
     spent, before = time.process_time(), about["seen"]
     first, begin, losses, hours = about["step"], time.monotonic(), [], about["hours"]
-    for seen, kind, mask, depth in supply.batches():
+    for seen, kind, mask, depth, *taught in supply.batches():
         is_last = asked or about["step"] >= given.steps or time.monotonic() - begin > 60 * given.minutes
         if is_last or about["step"] % given.every == 0 and about["step"] > first:
             about["hours"] = hours + (time.monotonic() - begin) / 3600
@@ -195,10 +233,13 @@ def main():
             break
         # The moments of the optimiser are new after a change of machines: the rate rises each time.
         optimiser.param_groups[0]["lr"] = given.rate * min(1, (about["step"] - first + 1) / WARM)
-        seen, mask, depth = mirrored(seen.to(device).float(), mask.to(device), depth.to(device))
+        seen, mask, depth, *taught = mirrored(seen.to(device).float(), *(of.to(device) for of in (mask, depth, *taught)))
         with torch.autocast(device.type, torch.bfloat16, enabled=halves(device)):
             of_depth, of_mask = net(seen.contiguous(memory_format=torch.channels_last_3d), kind.to(device))
         loss = mask_loss(of_mask, mask) + 0.15 * depth_loss(of_depth, mask, depth)
+        if taught:
+            lacks = taught_loss(of_depth, of_mask, *taught)
+            loss = loss + TAUGHT[0] * lacks[0] + TAUGHT[1] * lacks[1]
         optimiser.zero_grad(set_to_none=True)
         loss.backward()
         torch.nn.utils.clip_grad_norm_(net.parameters(), CLIP)

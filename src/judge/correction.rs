@@ -131,6 +131,8 @@ pub struct Law {
     pub starts: fn(&LawScan) -> Vec<Vec<f64>>,
     /// First steps of the numbers, and how far each may be from 0. Empty: a number for each line.
     pub steps: &'static [[f64; 2]],
+    /// By what first steps are multiplied at these numbers.
+    pub unit: fn(&[f64]) -> f64,
     /// Least size of a number that fits tell from 0, where points are moved.
     pub least: f64,
     /// The effect on a pair: gain, and delay in metres.
@@ -157,6 +159,7 @@ const OF_DELAYS: Law = Law {
     proposed: Proposed::AsScale,
     starts: |_| vec![],
     steps: &[],
+    unit: |_| 1.0,
     least: 0.0,
     of_pair: None,
     of_point: None,
@@ -289,6 +292,7 @@ pub const LAWS: &[Law] = &[
         // Nothing else changes a capture by as much as feet or half a wall do.
         has_rivals: |n| n[0].abs() < 0.4,
         steps: &[[0.02, 1.2]],
+        unit: |n| 1.0 + n[0],
         of_point: Some(|n, p, _| (1.0 + n[0]) * p),
         ..OF_PLACES
     },

@@ -11,7 +11,7 @@ use super::job::Job;
 use super::model::FoundModel;
 use super::physics::Physics;
 use super::pulse::{FoundPulse, Shape};
-use super::trial::{From, for_fits};
+use super::trial::{FitBegin, From, for_fits};
 use crate::capture::Capture;
 use crate::engine::{Problem, Progress, Watch};
 use crate::gpu::Gpu;
@@ -126,16 +126,17 @@ fn found(job: &Job<'_>, gpu: &Gpu, hear: &mut dyn FnMut(&Progress) -> ControlFlo
 ///
 /// # Errors
 /// As [`for_fits`]; the device fails, or `hear` cancels.
-pub fn starts_of(
+pub fn begin_of(
     job: &Job<'_>,
     gpu: &Gpu,
     hear: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<Arc<Starts>> {
+) -> Result<FitBegin> {
     let (whole, grid, options) =
         for_fits(&job.settings, job.solver.common().lateral, &job.capture, &job.solver)?;
     let problem = Problem { memory: job.settings.memory, ..Problem::new(&whole, grid) };
     let mut watch = Watch { hear, maps_every: None, maps_at: &[] };
-    Ok(Arc::new(Starts::of(gpu, [&job.capture, &whole], &problem, &options, &mut watch)?))
+    let starts = Arc::new(Starts::of(gpu, [&job.capture, &whole], &problem, &options, &mut watch)?);
+    Ok(FitBegin { grid, starts })
 }
 
 /// The held-out pairs of a short fit of another version of the job's capture, with sharp paths, by the usual model. `None` if it finds no

@@ -191,7 +191,7 @@ pub fn proposed(trial: &Trial<'_>, base: &Fitted, scan: &LawScan) -> Result<Opti
     let worth =
         each.into_iter().flatten().filter(|of| of.explains[0] > WORTH[0] && of.explains[1] > WORTH[1]);
     let best = worth.max_by(|a, b| a.explains[0].total_cmp(&b.explains[0]));
-    Ok(best.map(|SuitedGains { law, numbers, .. }| Proposal { law, starts: vec![numbers] }))
+    Ok(best.map(|SuitedGains { law, numbers, .. }| Proposal { law, starts: vec![numbers], is_far: false }))
 }
 
 /// Numbers beyond those of a trial, by what its surface shows of `undone`, the capture without them; `None` without light.

@@ -42,6 +42,9 @@ pub fn proposed(trials: &mut Trials<'_>) -> Result<Option<Proposal>> {
             return Ok(None);
         };
         let each = [columns, rows];
+        if std::env::var("TB_DBG").is_ok() {
+            eprintln!("DBG motion {each:?}");
+        }
         let along = usize::from(rows.share < columns.share);
         if each[along].share > most * each[1 - along].share {
             return Ok(None);
@@ -55,7 +58,7 @@ pub fn proposed(trials: &mut Trials<'_>) -> Result<Option<Proposal>> {
         start[along] *= part;
         vec![start[0], start[1], start[2], 0.0]
     });
-    Ok(Some(Proposal { law: named(ALONG[along]), starts: starts.to_vec() }))
+    Ok(Some(Proposal { law: named(ALONG[along]), starts: starts.to_vec(), is_far: true }))
 }
 
 /// Fits of the first and the last lines of a scan.

@@ -28,8 +28,6 @@ mod bounds {
     pub const LONGER: f64 = 2.4;
     /// Laws that resemble a scale and are minimised: those whose starts leave least, by at most this factor.
     pub const AS_SCALE: (usize, f64) = (1, 0.93);
-    /// Share of what is left below which a scale explains most of it.
-    pub const EXPLAINED: f64 = 0.6;
     /// Longest delay of a line, as a share of the bins, and in bins of the fits; share of what is left that delays must explain.
     pub const FARTHEST: [usize; 2] = [8, 24];
     pub const WORTH: f64 = 0.2;
@@ -80,7 +78,7 @@ fn lines(trials: &Trials<'_>) -> Result<Option<Proposal>> {
         .filter_map(of);
     let best =
         each.max_by(|a, b| a.1.1.total_cmp(&b.1.1)).filter(|(_, (_, gain))| *gain > bounds::WORTH * excess);
-    Ok(best.map(|(law, (delays, _))| Proposal { law, starts: vec![delays] }))
+    Ok(best.map(|(law, (delays, _))| Proposal { law, starts: vec![delays], is_far: false }))
 }
 
 /// Delays of lines beyond those that are undone in a trial, with these.
@@ -168,7 +166,7 @@ pub fn by_steps(trials: &mut Trials<'_>, _: &[TriedLaw]) -> Result<Vec<Proposal>
     for (_, law, numbers) in less {
         let start: Vec<f64> = numbers.iter().map(|n| bounds::LONGER * n).collect();
         if all.iter().all(|of| of.law.name != law.name) {
-            all.push(Proposal { law, starts: vec![start] });
+            all.push(Proposal { law, starts: vec![start], is_far: false });
         }
     }
     // A scale that leaves less by its step stays, whatever leaves less by theirs; of the others the first one.
@@ -188,23 +186,19 @@ pub fn as_scale(trials: &mut Trials<'_>, found: &[TriedLaw]) -> Result<Vec<Propo
     let (most, factor) = bounds::AS_SCALE;
     let mut begun: Vec<TriedLaw> = vec![];
     let scan = trials.scan.clone();
-    let least = found.iter().map(TriedLaw::excess).fold(f64::INFINITY, f64::min);
-    let is_explained = least < bounds::EXPLAINED * trials.before();
     for law in LAWS.iter().filter(|law| law.proposed == Proposed::AsScale && (law.applies)(&scan)) {
-        // Which points belong together changes far more than a scale does.
-        if law.of_point.is_some() && is_explained {
-            continue;
-        }
-        let mut best: Option<TriedLaw> = None;
-        for start in (law.starts)(&scan) {
-            let tried = trials.judged(law, &start)?;
-            best = tried.into_iter().chain(best).min_by(|a, b| a.excess().total_cmp(&b.excess()));
-        }
+        let is_far = law.of_point.is_some();
+        let best = trials.begun(&Proposal { law, starts: (law.starts)(&scan), is_far })?;
         begun.extend(best.filter(|best| best.excess() < factor * trials.before()));
     }
     begun.sort_by(|a, b| a.excess().total_cmp(&b.excess()));
     begun.truncate(most);
-    Ok(begun.into_iter().map(|tried| Proposal { law: tried.law, starts: vec![tried.numbers] }).collect())
+    let proposal = |TriedLaw { law, numbers, .. }| Proposal {
+        law,
+        starts: vec![numbers],
+        is_far: law.of_point.is_some(),
+    };
+    Ok(begun.into_iter().map(proposal).collect())
 }
 
 /// Scale and record at which a light-cone transform (O'Toole and others 2018) is far sharper: paths of points that are too far apart, or of
@@ -225,7 +219,7 @@ fn sharper(job: &Job<'_>, gpu: &Gpu) -> Vec<Proposal> {
             .filter_map(|(_, n, sharp)| Some((*n, (*sharp)?)));
         let (number, _) =
             of.filter(|(_, sharp)| *sharp >= bounds::SHARPER * own).max_by(|a, b| a.1.total_cmp(&b.1))?;
-        Some(Proposal { law, starts: vec![vec![number]] })
+        Some(Proposal { law, starts: vec![vec![number]], is_far: true })
     };
     ["scale", "record"].into_iter().filter_map(|name| of_law(named(name))).collect()
 }

@@ -47,31 +47,29 @@ mod bounds {
 
 impl<'j> Trials<'j> {
     /// The numbers of a law that leave least, from a proposal, by the `look`th look of the network, which halves the steps.
-    fn minimised(&mut self, Proposal { law, starts }: Proposal, look: usize) -> Result<Option<TriedLaw>> {
-        match law.proposed {
-            Proposed::ByLines | Proposed::ByProducts => return self.stepped(law, starts),
-            _ => {}
+    fn minimised(&mut self, proposal: &Proposal, look: usize) -> Result<Option<TriedLaw>> {
+        let law = proposal.law;
+        if matches!(law.proposed, Proposed::ByLines | Proposed::ByProducts) {
+            return self.stepped(law, &proposal.starts);
         }
-        let mut begin: Option<TriedLaw> = None;
-        for start in starts {
-            let tried = self.judged(law, &start)?;
-            begin = tried.into_iter().chain(begin).min_by(|a, b| a.excess().total_cmp(&b.excess()));
-        }
-        let Some(begin) = begin.filter(|begin| begin.excess() < self.before()) else { return Ok(None) };
+        let begin = self.begun(proposal)?.filter(|begin| begin.excess() < self.before());
+        let Some(begin) = begin else { return Ok(None) };
         let [first, each] = bounds::FITS[look];
-        let share = 0.5f64.powi(look as i32);
+        let share = 0.5f64.powi(look as i32) * (law.unit)(&begin.numbers);
         let fits = first + each * (law.steps.len() - 1);
         let steps: Vec<[f64; 2]> = law.steps.iter().map(|[step, far]| [share * step, *far]).collect();
-        let mut cost =
-            |numbers: &[f64]| Ok(self.judged(law, numbers)?.map_or(f64::INFINITY, |tried| tried.excess()));
-        let (_, numbers) =
-            minimised(&mut cost, (begin.excess(), begin.numbers), &steps, fits, bounds::ALIKE)?;
-        self.judged(law, &numbers)
+        let least = (begin.excess(), begin.numbers.clone());
+        self.beginning_with(&begin.begun, |trials| {
+            let mut cost =
+                |n: &[f64]| Ok(trials.judged(law, n)?.map_or(f64::INFINITY, |tried| tried.excess()));
+            let (_, numbers) = minimised(&mut cost, least, &steps, fits, bounds::ALIKE)?;
+            trials.judged(law, &numbers)
+        })
     }
 
     /// The same by closed-form steps from what is left once earlier ones are undone.
-    fn stepped(&mut self, law: &'static Law, starts: Vec<Vec<f64>>) -> Result<Option<TriedLaw>> {
-        let (mut best, mut next): (Option<TriedLaw>, _) = (None, starts.into_iter().next());
+    fn stepped(&mut self, law: &'static Law, starts: &[Vec<f64>]) -> Result<Option<TriedLaw>> {
+        let (mut best, mut next): (Option<TriedLaw>, _) = (None, starts.first().cloned());
         for _ in 0..bounds::ROUNDS {
             let Some(tried) = next.map_or(Ok(None), |numbers| self.judged(law, &numbers))? else { break };
             if tried.excess() > bounds::LESS * best.as_ref().map_or(self.before(), TriedLaw::excess) {
@@ -96,16 +94,6 @@ impl<'j> Trials<'j> {
         let is_found = base.is_some();
         self.base = base.unwrap_or_else(|| self.base.clone());
         Ok(is_found)
-    }
-
-    /// The correction by trials that begin with what the network sees once it is undone, with its numbers refined.
-    fn looked_at_again(&mut self, found: &TriedLaw) -> Result<Option<TriedLaw>> {
-        let TriedLaw { law, numbers, .. } = found;
-        let undone = self.job.with_capture(Cow::Owned(law.undone(&self.job.capture, &self.scan, numbers)));
-        let starts = estimate::starts_of(&undone, self.gpu, self.hear)?;
-        self.trial.set_starts(&starts);
-        self.tried.clear();
-        self.minimised(Proposal { law, starts: vec![numbers.clone()] }, 1)
     }
 
     /// Whether the opposite leaves less, too.
@@ -180,9 +168,16 @@ fn searched(
         return Ok(None);
     }
     let mut found: Vec<TriedLaw> = vec![];
+    if std::env::var("TB_DBG").is_ok() {
+        eprintln!(
+            "DBG searched {:?} brief {:?}",
+            at_hand.held.left().certain(),
+            trials.base.held.left().certain()
+        );
+    }
     for proposals in [propose::closed_form, propose::by_steps, propose::as_scale] {
         for proposal in proposals(&mut trials, &found)? {
-            found.extend(trials.minimised(proposal, 0)?.filter(|tried| tried.passes(bounds::PROMISING)));
+            found.extend(trials.minimised(&proposal, 0)?.filter(|tried| tried.passes(bounds::PROMISING)));
         }
         found.sort_by(|a, b| a.excess().total_cmp(&b.excess()));
         if found
@@ -202,7 +197,9 @@ fn searched(
     let mut finalists = vec![];
     let near = bounds::RIVAL * first.excess();
     for of in found.iter().take(bounds::FINALISTS).filter(|of| of.excess() <= near) {
-        finalists.extend(trials.looked_at_again(of)?);
+        // What the network sees once it is undone.
+        let proposal = Proposal { law: of.law, starts: vec![of.numbers.clone()], is_far: true };
+        finalists.extend(trials.minimised(&proposal, 1)?);
     }
     finalists.retain(|tried| tried.passes(EvidenceGate::DOUBT));
     Ok(finalists.into_iter().min_by(|a, b| a.excess().total_cmp(&b.excess())))

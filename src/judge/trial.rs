@@ -63,6 +63,13 @@ pub(crate) struct Trial<'c> {
     memory: Option<u64>,
 }
 
+/// The grid of a fit, and what the network or the closed form sees in it.
+#[derive(Clone)]
+pub(crate) struct FitBegin {
+    pub grid: Grid,
+    pub starts: Arc<Starts>,
+}
+
 /// What a fit begins with.
 #[derive(Debug, Clone, Copy)]
 pub(crate) enum From<'l> {
@@ -221,6 +228,15 @@ impl<'c> Trial<'c> {
     /// Later fits begin with these.
     pub fn set_starts(&mut self, starts: &Arc<Starts>) {
         self.starts = starts.clone();
+    }
+
+    pub fn begun_with(&self) -> FitBegin {
+        FitBegin { grid: self.grid, starts: self.starts.clone() }
+    }
+
+    /// Later fits begin so.
+    pub fn begin_with(&mut self, FitBegin { grid, starts }: &FitBegin) {
+        (self.grid, self.starts) = (*grid, starts.clone());
     }
 
     /// Gives the fits, and what judges them, a high-pass of this length (metres of path) and floor.

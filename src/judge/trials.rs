@@ -1,12 +1,14 @@
 //! Fits that judge laws with their numbers, and the one minimiser of numbers.
 
+use std::borrow::Cow;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 
 use super::correction::{Law, LawScan, Proposed};
 use super::decide::{EvidenceGate, both};
+use super::estimate;
 use super::job::Job;
-use super::trial::{Fitted, From, Trial, fit_all, for_fits};
+use super::trial::{FitBegin, Fitted, From, Trial, fit_all, for_fits};
 use crate::Result;
 use crate::capture::Pulse;
 use crate::engine::{Doing, Progress, TracePoint, Watch};
@@ -21,6 +23,8 @@ const USUAL: usize = 80;
 pub struct Proposal {
     pub law: &'static Law,
     pub starts: Vec<Vec<f64>>,
+    /// Whether it changes the picture by more than fits follow: the network looks at the capture without it first.
+    pub is_far: bool,
 }
 
 /// A law with numbers that a fit judged.
@@ -31,6 +35,8 @@ pub struct TriedLaw {
     /// Of the pairs that both hold out: what is left once it is undone, and as the capture is.
     pub left: [Left; 2],
     pub fitted: Fitted,
+    /// What the fit began with.
+    pub begun: FitBegin,
 }
 
 impl TriedLaw {
@@ -142,9 +148,46 @@ impl<'j> Trials<'j> {
         let Some(fitted) = self.fits(&[undone], self.from, 1.0)?.pop().flatten() else { return Ok(None) };
         let gains = (law.proposed == Proposed::ByProducts).then(|| law.gains(&self.scan, numbers));
         let left = both(&fitted.held, &self.base.held, gains.as_deref());
-        let tried = TriedLaw { law, numbers: numbers.to_vec(), left, fitted };
+        let tried = TriedLaw { law, numbers: numbers.to_vec(), left, fitted, begun: self.trial.begun_with() };
+        if std::env::var("TB_DBG").is_ok() {
+            eprintln!(
+                "DBG {} {:?} left {:.4} certain {:.4} of {:.4}",
+                law.name,
+                numbers,
+                tried.left[0].excess() / tried.left[1].excess(),
+                tried.left[0].certain(),
+                tried.left[1].certain()
+            );
+        }
         self.tried.push(tried.clone());
         Ok(Some(tried))
+    }
+
+    /// The start of a proposal that leaves least.
+    pub fn begun(&mut self, Proposal { law, starts, is_far }: &Proposal) -> Result<Option<TriedLaw>> {
+        let mut best: Option<TriedLaw> = None;
+        for start in starts {
+            let tried = if *is_far { self.looked_at(law, start)? } else { self.judged(law, start)? };
+            best = best.into_iter().chain(tried).min_by(|a, b| a.excess().total_cmp(&b.excess()));
+        }
+        Ok(best)
+    }
+
+    /// The same as [`Self::judged`] by a fit that begins with what the network sees once these numbers are undone.
+    fn looked_at(&mut self, law: &'static Law, numbers: &[f64]) -> Result<Option<TriedLaw>> {
+        let undone = self.job.with_capture(Cow::Owned(law.undone(&self.job.capture, &self.scan, numbers)));
+        let begin = estimate::begin_of(&undone, self.gpu, self.hear)?;
+        self.tried.retain(|of| of.law.name != law.name || of.numbers != numbers);
+        self.beginning_with(&begin, |trials| trials.judged(law, numbers))
+    }
+
+    /// What this does with fits that begin so.
+    pub fn beginning_with<T>(&mut self, begin: &FitBegin, does: impl FnOnce(&mut Self) -> T) -> T {
+        let own = self.trial.begun_with();
+        self.trial.begin_with(begin);
+        let done = does(self);
+        self.trial.begin_with(&own);
+        done
     }
 }
 

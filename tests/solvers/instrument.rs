@@ -414,7 +414,6 @@ impl Row {
 
 /// A fault of the table on 16 x 16 points: its cause is named and undone.
 #[test]
-#[ignore = "the search does not propose it at present: benches/NOTES.md, Search"]
 fn a_laser_that_stays_is_found() {
     let gpu = host();
     let scene = Scene {
@@ -443,7 +442,6 @@ fn a_laser_that_stays_is_found() {
 
 /// Faults of the table on fewer points: each is named, and far better once it is undone.
 #[test]
-#[ignore = "the search does not find it at present: benches/NOTES.md, Search"]
 fn a_scene_that_moved_and_a_record_that_is_rolled_are_found() {
     let gpu = host();
     let proper = simulate(&Scene { scan: 24, ..figure(9).0 }, &RenderOptions::default()).unwrap().capture;
@@ -461,12 +459,17 @@ fn a_scene_that_moved_and_a_record_that_is_rolled_are_found() {
     }
 }
 
-/// Writes benches/results/instrument.tsv. `THIRDBOUNCE_SEED`: of the noise.
+/// Writes benches/results/instrument.tsv. `THIRDBOUNCE_SEED`: of the noise; `THIRDBOUNCE_FAULT`: words of the faults to show alone.
 #[test]
 #[ignore = "five to ten minutes: make soak"]
 fn faults_of_the_instrument_are_undone_or_named() {
     let gpu = host();
     let seed = std::env::var("THIRDBOUNCE_SEED").map_or(7781, |seed| seed.parse().expect("a number"));
+    if let Ok(words) = std::env::var("THIRDBOUNCE_FAULT") {
+        let is_asked = |fault: &&Fault| words.split(',').any(|word| fault.name.contains(word));
+        FAULTS.iter().filter(is_asked).for_each(|fault| println!("{}", Row::of(&gpu, fault, seed).line()));
+        return;
+    }
     let rows: Vec<Row> = FAULTS.iter().map(|fault| Row::of(&gpu, fault, seed)).collect();
     let mut table =
         "fault\tIoU of the proper capture\tIoU\ttimes the seconds\tverdict\tnamed\theld\tfirst reason\n"

@@ -126,7 +126,6 @@ fn the_least_depth_follows_walls_that_are_not_of_metres() {
 
 /// Half or twice the wall, and points in feet, are undone and named with the factor; the right wall has no such reason.
 #[test]
-#[ignore = "the search does not find it at present: benches/NOTES.md, Search"]
 fn a_wall_of_the_wrong_size_is_undone() {
     let gpu = Gpu::open(&GpuOptions::default()).expect("a device");
     let scene = Scene { scan: 16, bin_width: 0.01, photons: Some(1000.0), ..Scene::named("figure").unwrap() };
