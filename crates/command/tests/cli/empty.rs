@@ -41,6 +41,8 @@ fn the_empty_room_is_subtracted_with_its_gain_and_other_captures_are_refused() {
         (&"none".into(), &"subtracted".into()),
         "{found}"
     );
+    let left = |of: usize| found["left"][of][1][0].as_f64().unwrap();
+    assert!(left(1) < 0.5 * left(0), "{found}");
     assert!(iou(&emptied) > iou(&drawn) + 0.15, "{} {}", iou(&emptied), iou(&drawn));
     let notes = emptied["settings"]["notes"].to_string();
     assert!(notes.contains("the empty capture is subtracted"), "{notes}");
