@@ -42,7 +42,6 @@ pub fn proposed(trials: &mut Trials<'_>) -> Result<Option<Proposal>> {
             return Ok(None);
         };
         let each = [columns, rows];
-        if std::env::var("TB_DBG").is_ok() {
             eprintln!("DBG motion {each:?}");
         }
         let along = usize::from(rows.share < columns.share);

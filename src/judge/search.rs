@@ -168,7 +168,6 @@ fn searched(
         return Ok(None);
     }
     let mut found: Vec<TriedLaw> = vec![];
-    if std::env::var("TB_DBG").is_ok() {
         eprintln!(
             "DBG searched {:?} brief {:?}",
             at_hand.held.left().certain(),
