@@ -42,8 +42,6 @@ pub fn proposed(trials: &mut Trials<'_>) -> Result<Option<Proposal>> {
             return Ok(None);
         };
         let each = [columns, rows];
-            eprintln!("DBG motion {each:?}");
-        }
         let along = usize::from(rows.share < columns.share);
         if each[along].share > most * each[1 - along].share {
             return Ok(None);

@@ -168,12 +168,6 @@ fn searched(
         return Ok(None);
     }
     let mut found: Vec<TriedLaw> = vec![];
-        eprintln!(
-            "DBG searched {:?} brief {:?}",
-            at_hand.held.left().certain(),
-            trials.base.held.left().certain()
-        );
-    }
     for proposals in [propose::closed_form, propose::by_steps, propose::as_scale] {
         for proposal in proposals(&mut trials, &found)? {
             found.extend(trials.minimised(&proposal, 0)?.filter(|tried| tried.passes(bounds::PROMISING)));

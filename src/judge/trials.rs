@@ -149,15 +149,6 @@ impl<'j> Trials<'j> {
         let gains = (law.proposed == Proposed::ByProducts).then(|| law.gains(&self.scan, numbers));
         let left = both(&fitted.held, &self.base.held, gains.as_deref());
         let tried = TriedLaw { law, numbers: numbers.to_vec(), left, fitted, begun: self.trial.begun_with() };
-            eprintln!(
-                "DBG {} {:?} left {:.4} certain {:.4} of {:.4}",
-                law.name,
-                numbers,
-                tried.left[0].excess() / tried.left[1].excess(),
-                tried.left[0].certain(),
-                tried.left[1].certain()
-            );
-        }
         self.tried.push(tried.clone());
         Ok(Some(tried))
     }
